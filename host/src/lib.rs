@@ -1,0 +1,6 @@
+//! From encoder counts to a trusted equation of motion, and to the physical effect that the model is missing.
+
+pub mod error;
+pub mod record;
+pub mod rig;
+pub mod warning;

@@ -1,0 +1,272 @@
+//! Rig files (TOML): what is measured, how it is driven, what is known beforehand.
+//!
+//! Every key is checked: an unknown key, a zero rate or a channel that measures nothing is an error with its line.
+//! `[plant]` is kept as text and read only by `simulate` and `demo` ([`plant`]): an identification cannot peek at the truth.
+
+pub mod plant;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{BadInput, Result};
+
+/// Standard gravity used where a rig file gives none, m/s².
+pub const GRAVITY: f64 = 9.81;
+
+/// Physical quantities that `[known]` may hold, with their units.
+pub const KNOWN: &[(&str, &str)] = &[
+    ("m1", "kg"),
+    ("e1", "m"),
+    ("m1e1", "kg m"),
+    ("l1", "m"),
+    ("m2", "kg"),
+    ("e2", "m"),
+    ("J_o1", "kg m²"),
+    ("J_o2", "kg m²"),
+    ("a", "m"),
+    ("g", "m/s²"),
+];
+
+/// Direction of the base's motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Direction {
+    /// y = a cos(τ − ψ), upward.
+    Vertical,
+    /// x_b = a sin τ, toward positive angle.
+    Horizontal,
+}
+
+/// Harmonic motion of the base.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Drive {
+    /// Direction.
+    pub direction: Direction,
+    /// Frequency f_e, Hz.
+    pub frequency_hz: f64,
+    /// Amplitude, m, where it is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub amplitude_m: Option<f64>,
+}
+
+/// One measured column.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Channel {
+    /// Name of the column.
+    pub name: String,
+    /// What the column measures, in the model's terms (`theta1`, `theta2`, `phi1`, `phi2`).
+    pub measures: String,
+    /// Unit of the column.
+    pub unit: String,
+    /// Counts a turn, for unit `count`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub counts_per_turn: Option<u32>,
+}
+
+impl Channel {
+    /// Factor from the column's unit to SI (rad, m, V, N); for counts 2π/N. A count c also stands for the middle of
+    /// [c, c+1), see [`crate::record::Column::angle`].
+    pub fn scale(&self) -> f64 {
+        match self.unit.as_str() {
+            "count" => core::f64::consts::TAU / f64::from(self.counts_per_turn.unwrap_or(1)),
+            "deg" => core::f64::consts::PI / 180.0,
+            "mm" => 1e-3,
+            "um" => 1e-6,
+            "mV" => 1e-3,
+            "mN" => 1e-3,
+            "kN" => 1e3,
+            _ => 1.0,
+        }
+    }
+}
+
+/// Units that a channel may have.
+pub const UNITS: &[&str] =
+    &["count", "rad", "deg", "m", "mm", "um", "V", "mV", "N", "mN", "kN", "A", "m/s", "m/s2", "1"];
+
+/// The nominal model's effects, `ID@PLACE` each.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Nominal {
+    effects: Vec<String>,
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RigFile {
+    name: String,
+    model: String,
+    sample_rate_hz: f64,
+    #[serde(default)]
+    drive: Option<Drive>,
+    channel: Vec<Channel>,
+    #[serde(default)]
+    known: BTreeMap<String, f64>,
+    #[serde(default)]
+    nominal: Option<Nominal>,
+    #[serde(default)]
+    plant: Option<toml::Table>,
+}
+
+/// A rig: what a rig file says, checked.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Rig {
+    /// Name for people.
+    pub name: String,
+    /// Model id or path to a model file.
+    pub model: String,
+    /// Sampling rate, Hz.
+    pub sample_rate_hz: f64,
+    /// Base motion; none for a free system.
+    pub drive: Option<Drive>,
+    /// Measured columns.
+    pub channel: Vec<Channel>,
+    /// Known physical quantities, SI; `g` is always there.
+    pub known: BTreeMap<String, f64>,
+    /// Effects of the nominal model, `ID@PLACE`.
+    pub nominal: Option<Vec<String>>,
+    /// The file's text, stored with every record.
+    #[serde(skip)]
+    pub text: String,
+    /// Where it was read from.
+    #[serde(skip)]
+    pub path: PathBuf,
+}
+
+impl Rig {
+    /// Reads and checks a rig file.
+    ///
+    /// # Errors
+    /// Names the file, the line or key, the value found and the one expected.
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let text = std::fs::read_to_string(path)
+            .map_err(|e| BadInput::io(path, &e).remedy("Name a rig file that exists; shipped ones are in rigs/"))?;
+        Self::parse(&text, path)
+    }
+
+    /// Parses and checks the text of a rig file; `path` is used for messages and for relative model paths.
+    ///
+    /// # Errors
+    /// As [`Rig::read`].
+    pub fn parse(text: &str, path: &Path) -> Result<Self> {
+        let file: RigFile = toml::from_str(text).map_err(|e| {
+            let place = e.span().map_or_else(
+                || "rig file".to_owned(),
+                |span| {
+                    let before = &text[..span.start.min(text.len())];
+                    let line = before.matches('\n').count() + 1;
+                    let column = before.len() - before.rfind('\n').map_or(0, |i| i + 1) + 1;
+                    format!("line {line}, column {column}")
+                },
+            );
+            let message = e.message().replace('\n', " ");
+            BadInput::new(message.trim().to_owned(), "")
+                .in_file(path)
+                .at(place)
+                .remedy("Correct this key; the keys of a rig file are listed in docs/rig-file.md")
+        })?;
+        let bad = |place: &str, found: String, expected: &str| {
+            Err(BadInput::new(found, expected).in_file(path).at(place).remedy("Correct the rig file"))
+        };
+        if !(file.sample_rate_hz.is_finite() && file.sample_rate_hz > 0.0 && file.sample_rate_hz <= 1e7) {
+            return bad("sample_rate_hz", file.sample_rate_hz.to_string(), "a rate in Hz above 0 (at most 1e7)");
+        }
+        if let Some(drive) = &file.drive {
+            let f = drive.frequency_hz;
+            if !(f.is_finite() && f > 0.0) {
+                return bad(
+                    "drive.frequency_hz",
+                    f.to_string(),
+                    "a frequency in Hz above 0 (leave [drive] out for a free system)",
+                );
+            }
+            if f > file.sample_rate_hz / 10.0 {
+                return bad(
+                    "drive.frequency_hz",
+                    f.to_string(),
+                    &format!("at most a tenth of the sampling rate, {} Hz", file.sample_rate_hz / 10.0),
+                );
+            }
+            if let Some(a) = drive.amplitude_m
+                && !(a.is_finite() && a >= 0.0)
+            {
+                return bad("drive.amplitude_m", a.to_string(), "an amplitude in metres, 0 or more");
+            }
+        }
+        if file.channel.is_empty() {
+            return bad("channel", "no [[channel]]".to_owned(), "one [[channel]] for each measured column");
+        }
+        for (i, c) in file.channel.iter().enumerate() {
+            let place = |key: &str| format!("channel {} (\"{}\"), {key}", i + 1, c.name);
+            if c.name.is_empty() {
+                return bad(&place("name"), "an empty name".to_owned(), "the column's name");
+            }
+            if file.channel[..i].iter().any(|o| o.name == c.name) {
+                return bad(&place("name"), format!("\"{}\" a second time", c.name), "a column named once");
+            }
+            if file.channel[..i].iter().any(|o| o.measures == c.measures) {
+                return bad(
+                    &place("measures"),
+                    format!("\"{}\" a second time", c.measures),
+                    "a quantity measured once",
+                );
+            }
+            if !UNITS.contains(&c.unit.as_str()) {
+                return bad(&place("unit"), format!("\"{}\"", c.unit), &format!("one of {}", UNITS.join(", ")));
+            }
+            match (c.unit.as_str(), c.counts_per_turn) {
+                ("count", None) => {
+                    return bad(
+                        &place("counts_per_turn"),
+                        "nothing".to_owned(),
+                        "the encoder's counts a turn (unit is \"count\")",
+                    );
+                }
+                (_, Some(0)) => {
+                    return bad(&place("counts_per_turn"), "0".to_owned(), "the encoder's counts a turn, 1 or more");
+                }
+                (unit, Some(n)) if unit != "count" => {
+                    return bad(&place("counts_per_turn"), n.to_string(), &format!("no such key with unit \"{unit}\""));
+                }
+                _ => {}
+            }
+        }
+        for (key, value) in &file.known {
+            let Some((_, unit)) = KNOWN.iter().find(|(name, _)| name == key) else {
+                let names: Vec<&str> = KNOWN.iter().map(|k| k.0).collect();
+                return bad(
+                    &format!("known.{key}"),
+                    "an unknown quantity".to_owned(),
+                    &format!("one of {}", names.join(", ")),
+                );
+            };
+            if !(value.is_finite() && *value > 0.0) {
+                return bad(&format!("known.{key}"), value.to_string(), &format!("a value above 0 in {unit}"));
+            }
+        }
+        let mut known = file.known;
+        known.entry("g".to_owned()).or_insert(GRAVITY);
+        let _ = &file.plant;
+        Ok(Self {
+            name: file.name,
+            model: file.model,
+            sample_rate_hz: file.sample_rate_hz,
+            drive: file.drive,
+            channel: file.channel,
+            known,
+            nominal: file.nominal.map(|n| n.effects),
+            text: text.to_owned(),
+            path: path.to_path_buf(),
+        })
+    }
+
+    /// Angular frequency Ω = 2π f_e of the drive, or 1 rad/s for a free system.
+    pub fn omega(&self) -> f64 {
+        self.drive.map_or(1.0, |d| core::f64::consts::TAU * d.frequency_hz)
+    }
+}

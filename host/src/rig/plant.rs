@@ -1,0 +1,120 @@
+//! `[plant]` of a rig file: the truth of a simulated rig. Read by `simulate` and `demo` alone.
+
+use serde::Deserialize;
+
+use super::Rig;
+use crate::error::{BadInput, Result};
+
+/// Parameters of the simulated double pendulum, SI. `e1` and `m1` enter as their product and in J_o1 only.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Plant {
+    /// Mass of arm 1, kg.
+    pub m1: f64,
+    /// Joint 1 to the centroid of arm 1, m.
+    pub e1: f64,
+    /// Joint 1 to joint 2, m.
+    pub l1: f64,
+    /// Mass of arm 2, kg.
+    pub m2: f64,
+    /// Joint 2 to the centroid of arm 2, m.
+    pub e2: f64,
+    /// Moment of inertia J_o1 = J_c1 + m1 e1² + m2 l1², kg m².
+    #[serde(rename = "J_o1")]
+    pub j_o1: f64,
+    /// Moment of inertia J_o2 = J_c2 + m2 e2², kg m².
+    #[serde(rename = "J_o2")]
+    pub j_o2: f64,
+    /// Coulomb friction torque of joint 1, N m.
+    #[serde(default)]
+    pub tau_c1: f64,
+    /// Viscous friction of joint 2, N m s.
+    #[serde(default)]
+    pub c_r2: f64,
+    /// Gravity, m/s².
+    #[serde(default = "gravity")]
+    pub g: f64,
+    /// Amplitude of the base, m.
+    #[serde(default)]
+    pub amplitude_m: f64,
+    /// Phase ψ of the base: y = a cos(τ − ψ), rad.
+    #[serde(default)]
+    pub phase_rad: f64,
+    /// φ1, φ2 (rad), φ̇1, φ̇2 (rad/s) at the start.
+    #[serde(default)]
+    pub initial: [f64; 4],
+    /// Time simulated before recording starts, s.
+    #[serde(default)]
+    pub settle_s: f64,
+}
+
+fn gravity() -> f64 {
+    super::GRAVITY
+}
+
+impl Plant {
+    /// Reads `[plant]` from a rig's text.
+    ///
+    /// # Errors
+    /// Names the key, the value found and the one expected.
+    pub fn of(rig: &Rig) -> Result<Self> {
+        #[derive(Deserialize)]
+        struct File {
+            plant: Option<toml::Value>,
+        }
+        let bad = |found: String, expected: &str| BadInput::new(found, expected).in_file(&rig.path).at("[plant]");
+        let file: File = toml::from_str(&rig.text).map_err(|e| bad(e.message().to_owned(), "a rig file"))?;
+        let value = file.plant.ok_or_else(|| {
+            bad("no [plant]".to_owned(), "the simulated rig's parameters")
+                .remedy("Add a [plant] table, or use rigs/chaotic.toml")
+        })?;
+        let plant: Self = value.try_into().map_err(|e: toml::de::Error| {
+            bad(e.message().replace('\n', " "), "").remedy("Correct [plant]; its keys are listed in docs/rig-file.md")
+        })?;
+        for (key, value) in
+            [("m1", plant.m1), ("l1", plant.l1), ("m2", plant.m2), ("J_o1", plant.j_o1), ("J_o2", plant.j_o2)]
+        {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(BadInput::new(value.to_string(), "a value above 0")
+                    .in_file(&rig.path)
+                    .at(format!("plant.{key}")));
+            }
+        }
+        for (key, value) in [
+            ("e1", plant.e1),
+            ("e2", plant.e2),
+            ("tau_c1", plant.tau_c1),
+            ("c_r2", plant.c_r2),
+            ("amplitude_m", plant.amplitude_m),
+            ("settle_s", plant.settle_s),
+            ("g", plant.g),
+        ] {
+            if !(value.is_finite() && value >= 0.0) {
+                return Err(BadInput::new(value.to_string(), "a value of 0 or more")
+                    .in_file(&rig.path)
+                    .at(format!("plant.{key}")));
+            }
+        }
+        let h = plant.m2 * plant.e2 * plant.l1;
+        if h * h >= plant.j_o1 * plant.j_o2 {
+            return Err(BadInput::new(
+                format!("J_o1·J_o2 = {:e}", plant.j_o1 * plant.j_o2),
+                format!("more than (m2 e2 l1)² = {:e}", h * h),
+            )
+            .in_file(&rig.path)
+            .at("[plant]")
+            .remedy("These masses and moments of inertia cannot belong to two rigid arms"));
+        }
+        if plant.initial.iter().any(|x| !x.is_finite()) || !plant.phase_rad.is_finite() {
+            return Err(BadInput::new("a value that is not finite", "finite numbers")
+                .in_file(&rig.path)
+                .at("plant.initial or plant.phase_rad"));
+        }
+        if plant.settle_s > 3600.0 {
+            return Err(BadInput::new(plant.settle_s.to_string(), "at most 3600 s")
+                .in_file(&rig.path)
+                .at("plant.settle_s"));
+        }
+        Ok(plant)
+    }
+}

@@ -1,0 +1,283 @@
+//! The messages between device and host, one table of them.
+//!
+//! Every frame on the wire is `COBS(postcard(Envelope) ‖ CRC-32) ‖ 0x00`, see [`crate::codec`]. Integers are
+//! postcard varints (zigzag where signed). All fields are integers: nothing on the wire depends on a rounding mode.
+//!
+//! | id | message | direction | when |
+//! |---|---|---|---|
+//! | 0 | [`Hello`] | device → host | at boot, on request, and after a settings change |
+//! | 1 | [`SampleBlock`] | device → host | every [`BLOCK_LEN`] ticks; earlier where the drive's settings change or a tick is missed |
+//! | 2 | [`Status`] | device → host | once a second |
+//! | 3 | [`Ack`] | device → host | for every command frame that decodes |
+//! | 4 | [`Log`] | device → host | rarely |
+//! | 0 | [`Command`] | host → device | |
+//!
+//! Adding a message or a field: append it at the end of its enum or struct, add it to [`SCHEMA`], raise
+//! [`PROTOCOL_VERSION`]. [`SCHEMA_HASH`] is sent in [`Hello`], so that a host never misreads an unknown layout.
+
+use heapless::{String, Vec};
+use serde::{Deserialize, Serialize};
+
+/// Version of the wire protocol; raised at every change of the layout.
+pub const PROTOCOL_VERSION: u16 = 1;
+/// Samples in a full block. Ten samples a frame keep the worst case well under the rate of a 115 200 baud link.
+pub const BLOCK_LEN: usize = 10;
+/// Number of encoders.
+pub const CHANNELS: usize = 2;
+/// Longest text in a [`Log`] or [`Hello`] field, bytes.
+pub const TEXT_LEN: usize = 48;
+
+/// The layout in words: what [`SCHEMA_HASH`] is computed from.
+pub const SCHEMA: &str = concat!(
+    "whirl 1;envelope{sequence:u16,message};",
+    "device[hello{protocol:u16,schema:u32,boot_id:u32,tick:u32,firmware:str,board:str,sample_rate_millihertz:u32,",
+    "counts_per_turn:[u32;2],block_len:u8,limits{amplitude_micrometre:u32,frequency_millihertz:u32,ramp_micrometre_per_s:u32},",
+    "host_timeout_ms:u32}|samples{first_tick:u32,phase:u32,phase_increment:u32,amplitude_nanometre:u32,first:[i32;2],deltas:[[i16;2]]}|",
+    "status{tick:u32,overruns:u32,dropped_samples:u32,dropped_frames:u32,bad_frames:u32,rejected_commands:u32,",
+    "samples_sent:u32,shaker:enum[disarmed,armed,ramping,running,stopping,faulted],stop_cause:enum[none,command,host_silent,limit,fault],",
+    "amplitude_nanometre:u32,frequency_millihertz:u32,latency_max_us:u32,rms_angle_mrad:[u32;2],turns_per_minute_milli:[i32;2]}|",
+    "ack{command_sequence:u16,result:enum[done,out_of_range{limit:u32},wrong_state,unsupported]}|log{tick:u32,level:u8,text:str}];",
+    "host[command{hello|keep_alive|arm|disarm|start{amplitude_micrometre:u32,frequency_millihertz:u32}|stop|",
+    "set_ramp{micrometre_per_s:u32}|set_host_timeout{ms:u32}|zero_counts|status}]"
+);
+
+/// FNV-1a hash of [`SCHEMA`]: two sides with the same value lay messages out alike.
+pub const SCHEMA_HASH: u32 = fnv1a(SCHEMA.as_bytes());
+
+const fn fnv1a(bytes: &[u8]) -> u32 {
+    let mut hash: u32 = 0x811c_9dc5;
+    let mut i = 0;
+    while i < bytes.len() {
+        hash = (hash ^ bytes[i] as u32).wrapping_mul(0x0100_0193);
+        i += 1;
+    }
+    hash
+}
+
+/// A message with the sender's frame number (wrapping), by which the receiver counts lost frames.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Envelope<M> {
+    /// Frame number of this sender, wrapping at 2¹⁶.
+    pub sequence: u16,
+    /// The message.
+    pub message: M,
+}
+
+/// Everything that a device sends.
+// A block is much larger than a log line; boxing is not possible without an allocator and the queue holds mostly blocks.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum DeviceMessage {
+    /// Who the device is and how it is set.
+    Hello(Hello),
+    /// Encoder counts.
+    Samples(SampleBlock),
+    /// Counters and the shaker's state.
+    Status(Status),
+    /// Answer to a command.
+    Ack(Ack),
+    /// A line for people.
+    Log(Log),
+}
+
+/// Everything that a host sends.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum HostMessage {
+    /// A command, answered by an [`Ack`] that carries its envelope's sequence number.
+    Command(Command),
+}
+
+/// Identity and settings of a device.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Hello {
+    /// [`PROTOCOL_VERSION`] of the firmware.
+    pub protocol: u16,
+    /// [`SCHEMA_HASH`] of the firmware.
+    pub schema: u32,
+    /// Changes at every boot, so that a restart is told from a gap.
+    pub boot_id: u32,
+    /// Sampling tick at which this was sent.
+    pub tick: u32,
+    /// Firmware name and version.
+    pub firmware: String<TEXT_LEN>,
+    /// Board name.
+    pub board: String<TEXT_LEN>,
+    /// Sampling rate in mHz (500 000 at 500 Hz).
+    pub sample_rate_millihertz: u32,
+    /// Counts a turn of each encoder after decoding.
+    pub counts_per_turn: [u32; CHANNELS],
+    /// Samples in a full block.
+    pub block_len: u8,
+    /// What the shaker may do.
+    pub limits: ShakerLimits,
+    /// The shaker stops when the host has been silent for this long, ms.
+    pub host_timeout_ms: u32,
+}
+
+/// Limits of the shaker, kept by the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ShakerLimits {
+    /// Greatest amplitude of the base, µm.
+    pub amplitude_micrometre: u32,
+    /// Greatest frequency, mHz.
+    pub frequency_millihertz: u32,
+    /// Greatest rate at which the amplitude may change, µm/s.
+    pub ramp_micrometre_per_s: u32,
+}
+
+/// Consecutive samples of both encoders. Sample i was taken at tick `first_tick + i`, when the drive's phase was
+/// `phase + i·phase_increment` (turns · 2⁻³², wrapping).
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SampleBlock {
+    /// Tick of the first sample, wrapping at 2³².
+    pub first_tick: u32,
+    /// Phase of the drive at the first sample, in turns · 2⁻³².
+    pub phase: u32,
+    /// Advance of the phase in one tick, in turns · 2⁻³² (0 where the shaker rests).
+    pub phase_increment: u32,
+    /// Commanded amplitude of the base at the first sample, nm.
+    pub amplitude_nanometre: u32,
+    /// Counts of the first sample (multi-turn).
+    pub first: [i32; CHANNELS],
+    /// Differences from sample to sample.
+    pub deltas: Vec<[i16; CHANNELS], { BLOCK_LEN - 1 }>,
+}
+
+/// State of the shaker.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ShakerState {
+    /// Silent; a start is refused.
+    #[default]
+    Disarmed,
+    /// Silent; a start is accepted.
+    Armed,
+    /// Moving, amplitude on its way to the one commanded.
+    Ramping,
+    /// Moving at the commanded amplitude.
+    Running,
+    /// Amplitude on its way to zero.
+    Stopping,
+    /// Silent after a fault; disarm to clear.
+    Faulted,
+}
+
+/// Why the shaker last stopped.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum StopCause {
+    /// It has not run since boot.
+    #[default]
+    None,
+    /// Commanded.
+    Command,
+    /// No command came within the host's time-out.
+    HostSilent,
+    /// A limit was about to be exceeded.
+    Limit,
+    /// The output failed.
+    Fault,
+}
+
+/// Counters since boot (wrapping) and the shaker's state.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Status {
+    /// Sampling tick.
+    pub tick: u32,
+    /// Ticks missed by the sampler.
+    pub overruns: u32,
+    /// Samples dropped because the block queue was full.
+    pub dropped_samples: u32,
+    /// Other frames dropped because their queue was full.
+    pub dropped_frames: u32,
+    /// Received frames that failed their checksum or did not decode.
+    pub bad_frames: u32,
+    /// Commands refused.
+    pub rejected_commands: u32,
+    /// Samples handed to the link.
+    pub samples_sent: u32,
+    /// State of the shaker.
+    pub shaker: ShakerState,
+    /// Why it last stopped.
+    pub stop_cause: StopCause,
+    /// Present amplitude, nm.
+    pub amplitude_nanometre: u32,
+    /// Commanded frequency, mHz.
+    pub frequency_millihertz: u32,
+    /// Greatest delay from tick to sample since the last status, µs.
+    pub latency_max_us: u32,
+    /// Preview: rms of each wrapped angle over the last second, mrad (reduced precision; never used for results).
+    pub rms_angle_mrad: [u32; CHANNELS],
+    /// Preview: mean turning rate over the last second, 10⁻³ turns a minute.
+    pub turns_per_minute_milli: [i32; CHANNELS],
+}
+
+/// A command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Command {
+    /// Send a [`Hello`].
+    Hello,
+    /// The host is alive (every valid command says so too).
+    KeepAlive,
+    /// Allow the shaker to be started.
+    Arm,
+    /// Stop and forbid starting; clears a fault.
+    Disarm,
+    /// Ramp to an amplitude at a frequency. While running: ramp to the new amplitude; the frequency must be the same.
+    Start {
+        /// Amplitude of the base, µm.
+        amplitude_micrometre: u32,
+        /// Frequency, mHz.
+        frequency_millihertz: u32,
+    },
+    /// Ramp down to rest.
+    Stop,
+    /// Rate of amplitude changes, µm/s; refused while the shaker moves.
+    SetRamp {
+        /// µm/s.
+        micrometre_per_s: u32,
+    },
+    /// Time without a command after which the shaker stops, ms; refused while it moves.
+    SetHostTimeout {
+        /// ms.
+        ms: u32,
+    },
+    /// Take the present position of both encoders as zero; refused while the shaker moves.
+    ZeroCounts,
+    /// Send a [`Status`] now.
+    Status,
+}
+
+/// Answer to a command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Ack {
+    /// Sequence number of the envelope that carried the command.
+    pub command_sequence: u16,
+    /// What became of it.
+    pub result: CommandResult,
+}
+
+/// What became of a command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum CommandResult {
+    /// Carried out.
+    Done,
+    /// A value is beyond its limit; nothing changed.
+    OutOfRange {
+        /// The limit, in the command's unit.
+        limit: u32,
+    },
+    /// Not in this state of the shaker; nothing changed.
+    WrongState,
+    /// Not known to this firmware.
+    Unsupported,
+}
+
+/// A line for people.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Log {
+    /// Sampling tick.
+    pub tick: u32,
+    /// 0 error, 1 warning, 2 information.
+    pub level: u8,
+    /// Text.
+    pub text: String<TEXT_LEN>,
+}

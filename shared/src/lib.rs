@@ -1,0 +1,4 @@
+//! What the firmware and the host must agree on, and nothing else.
+#![no_std]
+
+pub mod frame;
