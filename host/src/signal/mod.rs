@@ -1,0 +1,5 @@
+//! From counts to smooth angles and velocities: low-pass, differentiation, noise, spectrum.
+
+pub mod angles;
+pub mod low_pass;
+pub mod noise;
