@@ -4,6 +4,7 @@
 //! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
 
 pub mod identifiability;
+pub mod noise_bias;
 pub mod physical_parameters;
 pub mod regression;
 pub mod windows;
@@ -17,13 +18,13 @@ use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::{DAMPINGS, DEFAULT_DAMPINGS, Damping, weak_model};
 use crate::record::Record;
 use crate::rig::{Direction, Rig};
-use crate::signal::angles::{AngleSegment, Phase, double_pendulum_angles};
+use crate::signal::angles::{AngleSegment, double_pendulum_angles};
 use crate::signal::low_pass::Kernel;
 use crate::signal::noise;
 use crate::warning::Warning;
 
 use regression::Unsolvable;
-use windows::Windows;
+use windows::{Kernels, Windows};
 
 /// Methods of identification: name, what it does.
 pub const METHODS: &[(&str, &str)] =
@@ -78,8 +79,12 @@ pub struct Details {
     pub pass_hz: f64,
     /// Start of its stop band, Hz.
     pub stop_hz: f64,
-    /// Standard deviation of the sensors' noise on φ1 and φ2, rad.
+    /// Pass band of the low-pass for signs of velocities, Hz.
+    pub sign_pass_hz: f64,
+    /// Standard deviation of each sensor's noise, rad.
     pub noise_rad: [f64; 2],
+    /// Bias by that noise, taken off each coefficient (in the order of `correlation_names`).
+    pub noise_bias: Vec<f64>,
     /// Condition number of each equation (columns scaled).
     pub condition: Vec<f64>,
     /// Correlation of residuals between windows that do not overlap (a periodic record: near 1).
@@ -200,10 +205,12 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
         }
     }
     keep_steady_drive(records, &mut segments, rig, &mut warnings)?;
+    let sensors: Vec<[Vec<f64>; 2]> = segments.iter().map(AngleSegment::sensors).collect();
     let noises: [Option<noise::Noise>; 2] =
-        core::array::from_fn(|i| noise::estimate(segments.iter().map(|s| &s.phi[i][..]), step_s));
-    let (windows, kernel) = geometry(rig, settings, &noises, step_s)?;
-    let needed = windows::samples_needed(&windows, &kernel, step_s);
+        core::array::from_fn(|i| noise::estimate(sensors.iter().map(|s| &s[i][..]), step_s));
+    drop(sensors);
+    let (windows, kernels) = geometry(rig, settings, &noises, step_s)?;
+    let needed = windows::samples_needed(&windows, &kernels, step_s);
     let longest = segments.iter().map(AngleSegment::len).max().unwrap_or(0);
     if longest < needed {
         let mut error = BadInput::new(
@@ -221,9 +228,9 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
         return Err(error);
     }
     let model = weak_model(rig.omega(), rig.drive.is_some(), &dampings);
-    let rows = windows::rows(&segments, &model, &kernel, &windows);
+    let rows = windows::rows(&segments, &model, &kernels, &windows);
     let terms: Vec<usize> = model.equations.iter().map(|e| e.terms.len()).collect();
-    let solution = regression::solve(&rows, &terms, windows.frequencies).map_err(|e| {
+    let mut solution = regression::solve(&rows, &terms, windows.frequencies).map_err(|e| {
         let error = match e {
             Unsolvable::Dependent { equation, column } => BadInput::new(
                 format!("nothing in the record that determines {}", model.equations[equation].terms[column].name),
@@ -239,6 +246,11 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             None => error,
         }
     })?;
+    let sigma = noises.map(|n| n.map_or(0.0, |n| n.sigma));
+    let bias = noise_bias::estimate(&segments, &model, &kernels, &windows, &solution.weights, sigma);
+    if let Some(bias) = &bias {
+        solution.coefficients.iter_mut().zip(bias).for_each(|(c, d)| *c -= d);
+    }
     if solution.repeating {
         warnings.push(Warning::new(
             "periodic-record",
@@ -306,9 +318,11 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             window_s: length_s,
             windows: rows.len(),
             max_frequency_hz: windows.frequencies as f64 / length_s,
-            pass_hz: kernel.pass_hz,
-            stop_hz: kernel.stop_hz,
-            noise_rad: noises.map(|n| n.map_or(0.0, |n| n.sigma)),
+            pass_hz: kernels.full.pass_hz,
+            stop_hz: kernels.full.stop_hz,
+            sign_pass_hz: kernels.clear.pass_hz,
+            noise_rad: sigma,
+            noise_bias: bias.map_or_else(Vec::new, |b| b.iter().flat_map(|v| v.iter().copied()).collect()),
             condition: solution.condition.clone(),
             repetition: solution.repetition,
             jackknife_blocks: solution.blocks,
@@ -331,7 +345,7 @@ fn geometry(
     settings: &Settings,
     noises: &[Option<noise::Noise>; 2],
     step_s: f64,
-) -> Result<(Windows, Kernel)> {
+) -> Result<(Windows, Kernels)> {
     let rate = rig.sample_rate_hz;
     let check = |option: &str, value: Option<f64>, low: f64, high: f64| match value {
         Some(v) if !(v >= low && v <= high) => {
@@ -352,7 +366,10 @@ fn geometry(
     let default_pass = (1.15 * greatest(|n| n.signal_end_hz)).clamp(least, 0.25 * rate);
     let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);
     let stop = (1.5 * pass).max(pass + 2.5 * top).min(0.45 * rate);
-    Ok((Windows { length_s, hop_s, frequencies }, Kernel::design(step_s, pass, stop)))
+    let clear = greatest(|n| n.clear_end_hz).clamp(least.min(pass), pass);
+    let kernels =
+        Kernels { full: Kernel::design(step_s, pass, stop), clear: Kernel::design(step_s, clear, clear + stop - pass) };
+    Ok((Windows { length_s, hop_s, frequencies }, kernels))
 }
 
 /// Cuts segments to the stretches over which the device's drive ran steadily.
@@ -385,16 +402,7 @@ fn keep_steady_drive(
         let mut start = 0;
         for run in amplitude.chunk_by(|a, b| a == b) {
             if run[0] == target {
-                let range = start..start + run.len();
-                steady.push(AngleSegment {
-                    start_s: segment.start_s + start as f64 * segment.step_s,
-                    step_s: segment.step_s,
-                    phi: [segment.phi[0][range.clone()].to_vec(), segment.phi[1][range.clone()].to_vec()],
-                    phase: match &segment.phase {
-                        Phase::Device(p) => Phase::Device(p[range].to_vec()),
-                        Phase::Clock(w) => Phase::Clock(*w),
-                    },
-                });
+                steady.push(segment.part(start, start + run.len()));
             } else {
                 dropped += run.len();
             }

@@ -45,6 +45,8 @@ pub struct Solution {
     pub repeating: bool,
     /// Blocks of the jackknife (0: too few windows, rows taken as independent).
     pub blocks: usize,
+    /// Weight of each frequency, equation by equation.
+    pub weights: Vec<Vec<f64>>,
 }
 
 /// Why there is no solution.
@@ -212,7 +214,37 @@ pub fn solve(windows: &[WindowRows], terms: &[usize], frequencies: usize) -> Res
         covariance += &single * repetition;
     }
     let blocks = if g >= FEWEST_BLOCKS { g } else { 0 };
-    Ok(Solution { coefficients, covariance, condition, error, residual_rms, repetition, repeating, blocks })
+    Ok(Solution {
+        coefficients,
+        covariance,
+        condition,
+        error,
+        residual_rms,
+        repetition,
+        repeating,
+        blocks,
+        weights: weights_of,
+    })
+}
+
+/// Coefficients of all equations for given weights, without a covariance.
+///
+/// # Errors
+/// As [`solve`].
+pub fn solve_weighted(
+    windows: &[WindowRows],
+    terms: &[usize],
+    weights: &[Vec<f64>],
+) -> Result<Vec<DVector<f64>>, Unsolvable> {
+    terms
+        .iter()
+        .enumerate()
+        .map(|(e, &p)| {
+            let mut normal = Normal::zeros(p);
+            windows.iter().for_each(|w| normal.add(&w.equations[e], &weights[e]));
+            normal.complete().solve().map(|s| s.0).map_err(|column| Unsolvable::Dependent { equation: e, column })
+        })
+        .collect()
 }
 
 /// Rms residual at each frequency, pooled with its two neighbours on either side so that few windows suffice.

@@ -74,8 +74,8 @@ fn smooth_length(target: f64) -> usize {
 }
 
 /// Samples that one window needs at this sampling step, the kernel's reach on either side included.
-pub fn samples_needed(windows: &Windows, kernel: &Kernel, step_s: f64) -> usize {
-    smooth_length(windows.length_s / step_s) + 2 * kernel.reach()
+pub fn samples_needed(windows: &Windows, kernels: &Kernels, step_s: f64) -> usize {
+    smooth_length(windows.length_s / step_s) + 2 * kernels.reach()
 }
 
 struct Place {
@@ -84,11 +84,27 @@ struct Place {
     index: usize,
 }
 
+/// The low-passes of the weak form.
+#[derive(Clone, Debug)]
+pub struct Kernels {
+    /// Everything up to where the signal sinks into the noise.
+    pub full: Kernel,
+    /// Only what stands clear of the noise, for signs of velocities.
+    pub clear: Kernel,
+}
+
+impl Kernels {
+    /// Samples needed on either side of a window.
+    pub fn reach(&self) -> usize {
+        self.full.reach().max(self.clear.reach())
+    }
+}
+
 /// Rows of every window of every segment, in order of time; the same on any number of threads.
-pub fn rows(segments: &[AngleSegment], model: &WeakModel, kernel: &Kernel, windows: &Windows) -> Vec<WindowRows> {
+pub fn rows(segments: &[AngleSegment], model: &WeakModel, kernels: &Kernels, windows: &Windows) -> Vec<WindowRows> {
     let Some(step_s) = segments.first().map(|s| s.step_s) else { return Vec::new() };
     let length = smooth_length(windows.length_s / step_s);
-    let reach = kernel.reach();
+    let reach = kernels.reach();
     let mut places = Vec::new();
     for (segment, s) in segments.iter().enumerate() {
         for index in 0.. {
@@ -108,7 +124,7 @@ pub fn rows(segments: &[AngleSegment], model: &WeakModel, kernel: &Kernel, windo
         .flat_map_iter(|group| {
             let segment = &segments[group[0].segment];
             let (first, last) = (group[0].start, group[group.len() - 1].start + length);
-            let series = evaluate(segment, model, kernel, first, last);
+            let series = evaluate(segment, model, kernels, first, last);
             let mut input = fft.make_input_vec();
             let mut output = fft.make_output_vec();
             let mut scratch = fft.make_scratch_vec();
@@ -142,19 +158,22 @@ pub fn rows(segments: &[AngleSegment], model: &WeakModel, kernel: &Kernel, windo
         .collect()
 }
 
-impl AngleSegment {
-    fn time(&self, i: usize) -> f64 {
-        self.start_s + i as f64 * self.step_s
-    }
+/// Change of a sampled quantity over one step around sample k.
+fn step_at(x: &[f64], k: usize) -> f64 {
+    let (before, after) = (k.saturating_sub(1), (k + 1).min(x.len() - 1));
+    if after > before { (x[after] - x[before]) / (after - before) as f64 } else { 0.0 }
 }
 
 /// Every series of the model at samples first … last of a segment.
-fn evaluate(segment: &AngleSegment, model: &WeakModel, kernel: &Kernel, first: usize, last: usize) -> Vec<Vec<f64>> {
-    let reach = kernel.reach();
+fn evaluate(segment: &AngleSegment, model: &WeakModel, kernels: &Kernels, first: usize, last: usize) -> Vec<Vec<f64>> {
     let mut phi = [vec![], vec![]];
     let mut rate = [vec![], vec![]];
+    let mut clear = [vec![], vec![]];
+    let mut unused = vec![];
     for i in 0..2 {
-        kernel.apply(&segment.phi[i][first - reach..last + reach], &mut phi[i], &mut rate[i]);
+        let around = |reach: usize| &segment.phi[i][first - reach..last + reach];
+        kernels.full.apply(around(kernels.full.reach()), &mut phi[i], &mut rate[i]);
+        kernels.clear.apply(around(kernels.clear.reach()), &mut unused, &mut clear[i]);
     }
     let mut series = vec![vec![0.0; last - first]; model.series.len()];
     let driven = !matches!(segment.phase, Phase::Clock(0.0));
@@ -166,6 +185,8 @@ fn evaluate(segment: &AngleSegment, model: &WeakModel, kernel: &Kernel, first: u
             raw: [segment.phi[0][first + k], segment.phi[1][first + k]],
             phi: [phi[0][k], phi[1][k]],
             rate: [rate[0][k], rate[1][k]],
+            clear_rate: [clear[0][k], clear[1][k]],
+            clear_step: [step_at(&clear[0], k), step_at(&clear[1], k)],
             sin: [sin1, sin2],
             cos: [cos1, cos2],
             sin_tau,
@@ -249,6 +270,8 @@ mod tests {
             step_s: step,
             phi: [(0..3000).map(|i| x(i as f64 * step)).collect(), vec![0.0; 3000]],
             phase: Phase::Clock(0.0),
+            relative: false,
+            count_rad: [None; 2],
         };
         let mut model = WeakModel::default();
         let second = model.part(|s| s.raw[0], Order::Second, 1.0);
@@ -263,7 +286,8 @@ mod tests {
         });
         let kernel = Kernel::design(step, 60.0, 90.0);
         let windows = Windows { length_s: 4.0, hop_s: 2.0, frequencies: 12 };
-        let out = rows(&[segment], &model, &kernel, &windows);
+        let kernels = Kernels { full: kernel.clone(), clear: kernel.clone() };
+        let out = rows(&[segment], &model, &kernels, &windows);
         assert_eq!(out.len(), 1);
         for row in 0..row_count(12) {
             let m = frequency_of_row(row);

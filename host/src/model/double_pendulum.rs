@@ -7,12 +7,12 @@
 //! φ2″ + B21 (φ1″ cos Δ + φ1′² sin Δ) + B22 sin φ2 + (B23 cos τ + B24 sin τ) sin φ2 + C2 (φ2′ − φ1′) = 0
 //!
 //! The weak form leaves first derivatives only, since
-//! φ2″ cos Δ − φ2′² sin Δ = (φ2′ cos Δ)′ − φ1′ φ2′ sin Δ and φ1″ cos Δ + φ1′² sin Δ = (φ1′ cos Δ)′ − φ1′ φ2′ sin Δ.
+//! φ2″ cos Δ − φ2′² sin Δ = (φ2′ cos Δ)′ − φ1′ φ2′ sin Δ and φ1″ cos Δ + φ1′² sin Δ = (φ1′ cos Δ)′ + φ1′ φ2′ sin Δ.
 //!
 //! The dampings are those of the rig's nominal effects. Beside the seed's C11 (Coulomb, joint 1) and C12, C2 (viscous,
 //! joint 2): C13 = c_r1/(J_o1 Ω) viscous friction of joint 1, and C14, C4 = τ_c2/(J_oi Ω²) Coulomb friction of joint 2.
 
-use super::weak::{Equation, Order, Sample, Term, WeakModel};
+use super::weak::{Equation, Order, Sample, Term, WeakModel, mean_sign};
 
 /// A damping of the nominal model: where it acts and which coefficients it adds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,17 +35,6 @@ pub const DAMPINGS: &[Damping] = &[
 
 /// The double pendulum's default nominal dampings (contract: `[nominal]`).
 pub const DEFAULT_DAMPINGS: &[&str] = &["coulomb-friction@joint1", "viscous-friction@joint2"];
-
-/// sign x with sign 0 = 0.
-fn sign(x: f64) -> f64 {
-    if x > 0.0 {
-        1.0
-    } else if x < 0.0 {
-        -1.0
-    } else {
-        0.0
-    }
-}
 
 fn phi1(s: &Sample) -> f64 {
     s.raw[0]
@@ -81,10 +70,10 @@ fn sin2_sin_tau(s: &Sample) -> f64 {
     s.sin[1] * s.sin_tau
 }
 fn sign_joint1(s: &Sample) -> f64 {
-    sign(s.rate[0])
+    mean_sign(s.clear_rate[0], s.clear_step[0])
 }
 fn sign_joint2(s: &Sample) -> f64 {
-    sign(s.rate[1] - s.rate[0])
+    mean_sign(s.clear_rate[1] - s.clear_rate[0], s.clear_step[1] - s.clear_step[0])
 }
 
 /// The weak model at angular frequency `omega` (rad/s; 1 for a free system, `driven` false then).
@@ -97,7 +86,7 @@ pub fn weak_model(omega: f64, driven: bool, dampings: &[&Damping]) -> WeakModel 
         let target = vec![m.part(angles[i], Order::Second, -second)];
         // The coupling of an equation carries the other arm's momentum.
         let momentum = m.part([momentum2 as super::weak::Series, momentum1][i], Order::First, second);
-        let product = m.part(coupling, Order::Value, -second);
+        let product = m.part(coupling, Order::Value, [-second, second][i]);
         let n = i + 1;
         let mut terms = vec![
             Term { name: format!("B{n}1"), unit: "1", parts: vec![momentum, product] },

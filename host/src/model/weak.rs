@@ -14,6 +14,12 @@ pub struct Sample {
     pub phi: [f64; 2],
     /// φ̇1, φ̇2, rad/s.
     pub rate: [f64; 2],
+    /// φ̇1, φ̇2 smoothed to the band in which the signal stands clear of noise: for laws that jump where a velocity
+    /// changes sign. A noisy sign is wrong whenever the velocity is small for a while, which weakens the column and makes its
+    /// coefficient too large (by 0.7 % for C11 at 1024 counts and 8 f_e).
+    pub clear_rate: [f64; 2],
+    /// Change of `clear_rate` over one sampling step, rad/s: where within a step a velocity changes sign.
+    pub clear_step: [f64; 2],
     /// sin φ1, sin φ2.
     pub sin: [f64; 2],
     /// cos φ1, cos φ2.
@@ -35,6 +41,21 @@ impl Sample {
     /// cos Δ, Δ = φ2 − φ1.
     pub fn cos_delta(&self) -> f64 {
         self.cos[1] * self.cos[0] + self.sin[1] * self.sin[0]
+    }
+}
+
+/// Mean of sign v over one sampling step around a sample at which the velocity is `v` and changes by `step` a step:
+/// clamp(2v/|step|, −1, 1). Sums over samples then follow the instant of reversal to second order, where the plain sign is off by up to half a
+/// step. sign 0 = 0.
+pub fn mean_sign(v: f64, step: f64) -> f64 {
+    if 2.0 * v.abs() < step.abs() {
+        2.0 * v / step.abs()
+    } else if v > 0.0 {
+        1.0
+    } else if v < 0.0 {
+        -1.0
+    } else {
+        0.0
     }
 }
 

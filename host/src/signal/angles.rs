@@ -21,6 +21,10 @@ pub struct AngleSegment {
     pub phi: [Vec<f64>; 2],
     /// Phase of the drive.
     pub phase: Phase,
+    /// Whether the second sensor measures arm 2 relative to arm 1, so that the first one's noise is in φ2 as well.
+    pub relative: bool,
+    /// Size of one count of each sensor, rad; `None` for a sensor that does not count.
+    pub count_rad: [Option<f64>; 2],
 }
 
 /// Where the phase of the drive comes from.
@@ -43,11 +47,41 @@ impl AngleSegment {
         self.len() == 0
     }
 
+    /// What the two sensors measured: φ1, and φ2 or φ2 − φ1.
+    pub fn sensors(&self) -> [Vec<f64>; 2] {
+        let second = if self.relative {
+            self.phi[1].iter().zip(&self.phi[0]).map(|(b, a)| b - a).collect()
+        } else {
+            self.phi[1].clone()
+        };
+        [self.phi[0].clone(), second]
+    }
+
+    /// Time of sample i, s.
+    pub fn time(&self, i: usize) -> f64 {
+        self.start_s + i as f64 * self.step_s
+    }
+
+    /// The samples first … last as a segment of their own.
+    pub fn part(&self, first: usize, last: usize) -> Self {
+        Self {
+            start_s: self.time(first),
+            step_s: self.step_s,
+            phi: [self.phi[0][first..last].to_vec(), self.phi[1][first..last].to_vec()],
+            phase: match &self.phase {
+                Phase::Device(p) => Phase::Device(p[first..last].to_vec()),
+                Phase::Clock(w) => Phase::Clock(*w),
+            },
+            relative: self.relative,
+            count_rad: self.count_rad,
+        }
+    }
+
     /// τ of the drive at sample i, rad.
     pub fn tau(&self, i: usize) -> f64 {
         match &self.phase {
             Phase::Device(turns) => f64::from(turns[i]) * (TAU / 4_294_967_296.0),
-            Phase::Clock(omega) => omega * (self.start_s + i as f64 * self.step_s),
+            Phase::Clock(omega) => omega * self.time(i),
         }
     }
 }
@@ -68,6 +102,10 @@ pub fn double_pendulum_angles(record: &Record, rig: &Rig) -> Result<Vec<AngleSeg
     let (first, _) = find(["theta1", "phi1"])?;
     let (second, second_name) = find(["theta2", "phi2"])?;
     let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
+    let count_rad = [first, second].map(|i| {
+        let c = &record.channels[i];
+        (c.unit == "count").then(|| c.scale())
+    });
     let mut out = Vec::with_capacity(record.segments.len());
     for segment in &record.segments {
         let phi1 = segment.columns[first].angle(&record.channels[first]);
@@ -79,7 +117,14 @@ pub fn double_pendulum_angles(record: &Record, rig: &Rig) -> Result<Vec<AngleSeg
             (Some(phase), Some(_)) => Phase::Device(phase.clone()),
             _ => Phase::Clock(omega),
         };
-        out.push(AngleSegment { start_s: segment.start_s, step_s: segment.step_s, phi: [phi1, phi2], phase });
+        out.push(AngleSegment {
+            start_s: segment.start_s,
+            step_s: segment.step_s,
+            phi: [phi1, phi2],
+            phase,
+            relative: second_name == "theta2",
+            count_rad,
+        });
     }
     Ok(out)
 }

@@ -14,12 +14,16 @@ pub struct Noise {
     pub sigma: f64,
     /// Highest frequency at which the signal stands above the noise, Hz.
     pub signal_end_hz: f64,
+    /// Highest frequency at which its density is a hundred times the noise's, Hz.
+    pub clear_end_hz: f64,
     /// Frequency below which lie 99 % of the acceleration's power (of the part above the noise), Hz.
     pub acceleration_99_hz: f64,
 }
 
 /// Ratio of signal to noise density at which the signal is taken to end.
 const ABOVE: f64 = 3.0;
+/// Ratio up to which the sign of a velocity is beyond doubt most of the time.
+const CLEAR: f64 = 100.0;
 
 /// Estimates noise and the end of the signal from unbroken stretches of one angle, sampled at `step_s`.
 /// `None` where no stretch has 64 samples.
@@ -73,10 +77,13 @@ pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: 
     let floor = top[top.len() / 2];
     let bin_hz = 1.0 / (size as f64 * step_s);
     let reach = 4;
-    let last = (1 + reach..size / 2 - reach)
-        .rev()
-        .find(|&k| angle[k - reach..=k + reach].iter().sum::<f64>() / (2 * reach + 1) as f64 > ABOVE * floor)
-        .unwrap_or(1);
+    let end = |ratio: f64| {
+        (1 + reach..size / 2 - reach)
+            .rev()
+            .find(|&k| angle[k - reach..=k + reach].iter().sum::<f64>() / (2 * reach + 1) as f64 > ratio * floor)
+            .unwrap_or(1)
+    };
+    let (last, clear) = (end(ABOVE), end(CLEAR));
     // The acceleration's power is that of the second difference, up to a factor, where the signal is.
     let whole: f64 = density[1..=last].iter().sum();
     let mut sum = 0.0;
@@ -86,7 +93,12 @@ pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: 
             sum >= 0.99 * whole
         })
         .unwrap_or(last);
-    Some(Noise { sigma: floor.sqrt(), signal_end_hz: last as f64 * bin_hz, acceleration_99_hz: busy as f64 * bin_hz })
+    Some(Noise {
+        sigma: floor.sqrt(),
+        signal_end_hz: last as f64 * bin_hz,
+        clear_end_hz: clear as f64 * bin_hz,
+        acceleration_99_hz: busy as f64 * bin_hz,
+    })
 }
 
 #[cfg(test)]
