@@ -180,7 +180,8 @@ fn split(rows: &Rows<'_>, step: f64, losses: &mut Losses) -> Vec<Range<usize>> {
 /// The record's rate, Hz; an error where the rig file says another.
 fn check_rate(rows: &Rows<'_>, step: f64) -> Result<f64> {
     let (rate, nominal) = (1.0 / step, rows.rig.sample_rate_hz);
-    if rows.t.len() > 1 && !((rate / nominal - 1.0).abs() <= RATE_TOLERANCE) {
+    let near = (rate / nominal - 1.0).abs() <= RATE_TOLERANCE;
+    if rows.t.len() > 1 && !near {
         return Err(BadInput::new(
             format!("rows {step:.9} s apart ({rate:.6} Hz)"),
             format!("{nominal} Hz (sample_rate_hz of {}) within 0.5 %", rows.rig.path.display()),
