@@ -218,9 +218,7 @@ impl Plant {
             let first = EVENTS
                 .into_iter()
                 .filter(|&event| stretch.active(event))
-                .filter_map(|event| {
-                    Some((stretch.event_in(event, &self.integrator, t, &self.state, &step)?, event))
-                })
+                .filter_map(|event| Some((stretch.event_in(event, &self.integrator, t, &self.state, &step)?, event)))
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             match first {
                 None => {
@@ -228,8 +226,7 @@ impl Plant {
                     t = if step.h >= left { duration } else { t + step.h };
                 }
                 Some((h, event)) => {
-                    self.state =
-                        self.integrator.inside(|t, y| stretch.rate(t, y), t, &self.state, &step.start_rate, h);
+                    self.state = self.integrator.inside(|t, y| stretch.rate(t, y), t, &self.state, &step.start_rate, h);
                     t += h;
                     self.pass(event, base, t);
                     events += 1;
