@@ -148,7 +148,7 @@ impl Encoder {
     /// The counter starts within half a turn of zero and so that count 0 begins at θ = 0, as on a board that has found the
     /// index mark.
     pub fn new(counts_per_turn: u32, angle: f64) -> Self {
-        let (decoding, lines) = if counts_per_turn % 4 == 0 && counts_per_turn > 1024 {
+        let (decoding, lines) = if counts_per_turn.is_multiple_of(4) && counts_per_turn > 1024 {
             (Decoding::X4, counts_per_turn / 4)
         } else {
             (Decoding::X1, counts_per_turn)
