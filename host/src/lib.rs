@@ -6,4 +6,6 @@ pub mod model;
 pub mod record;
 pub mod rig;
 pub mod signal;
+#[cfg(feature = "sim")]
+pub mod simulate;
 pub mod warning;

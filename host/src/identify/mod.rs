@@ -272,7 +272,8 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
     let groups = identifiability::groups_not_separable(&names, &values, covariance);
     let mut parameters = ordered_parameters(&names, &units, &values, covariance);
     let mut ties_misfit = None;
-    if let Some(fit) = physical_parameters::fit(&names, &values, covariance, &rig.known, rig.omega()) {
+    if let Some(fit) = physical_parameters::fit(&names, &values, covariance, &solution.metric, &rig.known, rig.omega())
+    {
         ties_misfit = Some((fit.misfit, fit.freedom));
         parameters.extend(fit.parameters.iter().map(|p| Parameter {
             name: p.name.to_owned(),

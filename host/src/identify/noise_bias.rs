@@ -2,7 +2,7 @@
 //!
 //! Noise in the regressors shrinks a coefficient by the ratio of noise to signal in its column, and jumping laws (Coulomb
 //! friction) react to it in their own way. The bias is a property of motion and sensor, so it is measured by measuring a known motion again:
-//! the smoothed record θ̂ is taken as the truth, the sensors are applied to it R times, and
+//! the record θ̂, smoothed to the band in which it stands clear of noise, is taken as the truth, the sensors are applied to it R times, and
 //!
 //! δ = (1/R) Σ_r λ(sensor_r(θ̂)) − λ(θ̂),   corrected λ − δ
 //!
@@ -58,7 +58,7 @@ pub fn estimate(
 fn smoothed_stretches(segments: &[AngleSegment], kernels: &Kernels, windows: &Windows) -> Vec<AngleSegment> {
     let Some(step) = segments.first().map(|s| s.step_s) else { return Vec::new() };
     // The smoothing takes its reach on either side once more.
-    let reach = kernels.full.reach();
+    let reach = kernels.clear.reach();
     let one = samples_needed(windows, kernels, step) + 2 * reach;
     let hop = windows.hop_s / step;
     let long = one + ((STRETCH - 1) as f64 * hop).ceil() as usize;
@@ -79,7 +79,7 @@ fn smoothed_stretches(segments: &[AngleSegment], kernels: &Kernels, windows: &Wi
             let mut out = segments[i].part(first + reach, last - reach);
             for c in 0..2 {
                 let mut smooth = Vec::new();
-                kernels.full.apply(&segments[i].phi[c][first..last], &mut smooth, &mut unused);
+                kernels.clear.apply(&segments[i].phi[c][first..last], &mut smooth, &mut unused);
                 out.phi[c] = smooth;
             }
             out

@@ -3,9 +3,10 @@
 //! The coefficients b of (3.4) are functions b(p) of the physical parameters p (section 1.2):
 //! B_i1 = H/J_oi, B_i2 = g S_i/(J_oi Ω²), B_i3 = −(a S_i/J_oi) cos ψ, B_i4 = −(a S_i/J_oi) sin ψ, C11 = τ_c1/(J_o1 Ω²),
 //! C12 = c_r2/(J_o1 Ω), C2 = c_r2/(J_o2 Ω), with H = m2 e2 l1, S1 = m1e1 + m2 l1, S2 = m2 e2. There are more coefficients than
-//! parameters: the ties (3.23) are used by taking the p nearest to the identified b in the metric of their covariance Σ,
-//! min (b − b(p))ᵀ Σ⁻¹ (b − b(p)), by Gauss–Newton; its covariance is (Jᵀ Σ⁻¹ J)⁻¹. Σ comes from few windows, so its
-//! correlations are shrunk by a tenth towards zero before inversion, and the parameters' covariance is the sandwich with the unshrunk Σ.
+//! parameters: the ties (3.23) are used by taking the p nearest to the identified b in a metric W,
+//! min (b − b(p))ᵀ W⁻¹ (b − b(p)), by Gauss–Newton. W is the covariance for independent residuals, which does not scatter; the
+//! parameters' covariance is the sandwich G Σ Gᵀ, G = (Jᵀ W⁻¹ J)⁻¹ Jᵀ W⁻¹, with the jackknife's Σ. (With the jackknife's Σ as metric, estimated from some thirty blocks,
+//! intervals were found a third too short.)
 //!
 //! Directions of p that no coefficient and no known quantity fixes are found by the Jacobian's singular values;
 //! parameters that have a part in one are not reported.
@@ -84,12 +85,13 @@ fn coefficient(name: &str, p: &[f64], omega: f64) -> Option<f64> {
     })
 }
 
-/// Fits the physical parameters; `names`, `values`, `covariance` are the identified coefficients'.
+/// Fits the physical parameters; `names`, `values`, `covariance`, `metric` are the identified coefficients'.
 /// Nothing is returned where no quantity that carries a mass is known, since equations of motion have no scale of their own.
 pub fn fit(
     names: &[String],
     values: &DVector<f64>,
     covariance: &DMatrix<f64>,
+    metric: &DMatrix<f64>,
     known: &BTreeMap<String, f64>,
     omega: f64,
 ) -> Option<PhysicalFit> {
@@ -127,18 +129,16 @@ pub fn fit(
     // A known amplitude enters as one more observation, as precise as the best-known ratio needs.
     let extra = usize::from(amplitude.is_some() && has("B13"));
     let rows = used.len() + extra;
-    let mut sigma = DMatrix::zeros(rows, rows);
-    for (r, &i) in used.iter().enumerate() {
-        for (c, &j) in used.iter().enumerate() {
-            sigma[(r, c)] = covariance[(i, j)];
-        }
-    }
-    if let (1, Some(a)) = (extra, amplitude) {
-        sigma[(rows - 1, rows - 1)] = (1e-6 * a).powi(2);
-    }
-    let shrunk = DMatrix::from_fn(rows, rows, |r, c| sigma[(r, c)] * if r == c { 1.0 } else { 0.9 });
+    let select = |m: &DMatrix<f64>| {
+        DMatrix::from_fn(rows, rows, |r, c| match (used.get(r), used.get(c), amplitude) {
+            (Some(&i), Some(&j), _) => m[(i, j)],
+            (None, None, Some(a)) => (1e-6 * a).powi(2),
+            _ => 0.0,
+        })
+    };
+    let sigma = select(covariance);
     // Whitened: rows of the problem divided by the Cholesky factor of the metric.
-    let factor = shrunk.cholesky()?.l();
+    let factor = select(metric).cholesky()?.l();
     let observe = |p: &[f64]| -> DVector<f64> {
         let mut b: Vec<f64> = used.iter().map(|&i| coefficient(&names[i], p, omega).unwrap_or(0.0)).collect();
         if extra == 1 {
@@ -355,7 +355,7 @@ mod tests {
     fn exact_coefficients_give_back_the_parameters() {
         let (names, values, covariance, omega) = setup();
         let k = known(&[("m2", 0.04), ("e2", 0.0267), ("l1", 0.0635), ("g", 9.81)]);
-        let fit = fit(&names, &values, &covariance, &k, omega).unwrap();
+        let fit = fit(&names, &values, &covariance, &covariance, &k, omega).unwrap();
         let get = |n: &str| fit.parameters.iter().find(|p| p.name == n).unwrap();
         for (name, truth) in
             [("J_o1", 5.99e-4), ("J_o2", 4.033e-5), ("m1e1", 1.73e-3), ("tau_c1", 6e-4), ("c_r2", 6.1e-5)]
@@ -372,7 +372,7 @@ mod tests {
     #[test]
     fn what_is_not_fixed_is_said_to_be_open() {
         let (names, values, covariance, omega) = setup();
-        let fit = fit(&names, &values, &covariance, &known(&[("m2", 0.04), ("g", 9.81)]), omega).unwrap();
+        let fit = fit(&names, &values, &covariance, &covariance, &known(&[("m2", 0.04), ("g", 9.81)]), omega).unwrap();
         // l1 follows from B21/B22 alone; e2 only ever appears with the moments of inertia.
         let l1 = fit.parameters.iter().find(|p| p.name == "l1").unwrap();
         assert!((l1.value - 0.0635).abs() < 1e-6);
@@ -382,6 +382,8 @@ mod tests {
     #[test]
     fn without_a_mass_there_is_no_scale() {
         let (names, values, covariance, omega) = setup();
-        assert!(fit(&names, &values, &covariance, &known(&[("l1", 0.0635), ("g", 9.81)]), omega).is_none());
+        assert!(
+            fit(&names, &values, &covariance, &covariance, &known(&[("l1", 0.0635), ("g", 9.81)]), omega).is_none()
+        );
     }
 }

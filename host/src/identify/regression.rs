@@ -33,6 +33,9 @@ pub struct Solution {
     pub coefficients: Vec<DVector<f64>>,
     /// Joint covariance over the concatenated coefficients.
     pub covariance: DMatrix<f64>,
+    /// Covariance that independent residuals with the weights' variances would give: less true than `covariance` but free of its
+    /// scatter, so the better metric for combining coefficients.
+    pub metric: DMatrix<f64>,
     /// Weighted, column-scaled condition number of each equation's normal matrix (square root of the ratio of eigenvalues).
     pub condition: Vec<f64>,
     /// ε = ‖e‖∞/‖q̂‖∞ of each equation.
@@ -217,6 +220,7 @@ pub fn solve(windows: &[WindowRows], terms: &[usize], frequencies: usize) -> Res
     Ok(Solution {
         coefficients,
         covariance,
+        metric: &single / n as f64,
         condition,
         error,
         residual_rms,
