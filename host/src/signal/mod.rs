@@ -1,0 +1,3 @@
+//! Signal processing of evenly spaced samples.
+
+pub mod spectrum;
