@@ -3,3 +3,4 @@
 pub mod angles;
 pub mod low_pass;
 pub mod noise;
+pub mod spectrum;

@@ -1,0 +1,262 @@
+//! What a record holds, before anything is identified from it: rates, losses, ranges, noise, spectra, the drive's line,
+//! whether it repeats. Everything comes from the displacements alone.
+//!
+//! Embedding, Lyapunov exponents and the like are `phase_space`'s.
+
+pub mod coordinate;
+pub mod drive_check;
+pub mod motion;
+pub mod periodicity;
+pub mod plots;
+pub mod summary;
+
+use serde::Serialize;
+
+use crate::error::{BadInput, Result};
+use crate::record::Record;
+use crate::rig::Rig;
+use crate::warning::Warning;
+use coordinate::Coordinate;
+use drive_check::DriveCheck;
+use periodicity::{Kind, Periodicity};
+use plots::Plots;
+use summary::RecordSummary;
+
+/// Choices of an inspection.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct InspectSettings {
+    /// Window that one unbroken stretch must hold, drive periods (driven systems). Default 20.
+    pub window_periods: f64,
+    /// The same for free systems, s. Default 4.
+    pub window_free_s: f64,
+    /// Tolerance of the search for a period, fraction of the span. Default 0.02.
+    pub period_tolerance: f64,
+    /// Length of the beginning that plots show sample by sample, drive periods. Default 20.
+    pub start_periods: f64,
+    /// The same for free systems, s. Default 8.
+    pub start_free_s: f64,
+}
+
+impl Default for InspectSettings {
+    fn default() -> Self {
+        Self {
+            window_periods: 20.0,
+            window_free_s: 4.0,
+            period_tolerance: 0.02,
+            start_periods: 20.0,
+            start_free_s: 8.0,
+        }
+    }
+}
+
+impl InspectSettings {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// Names the field, its value and what it may be.
+    pub fn validate(&self) -> Result<()> {
+        for (name, value, least, most) in [
+            ("window_periods", self.window_periods, 1.0, 1e6),
+            ("window_free_s", self.window_free_s, 1e-6, 1e6),
+            ("period_tolerance", self.period_tolerance, 1e-6, 0.5),
+            ("start_periods", self.start_periods, 1.0, 1e6),
+            ("start_free_s", self.start_free_s, 1e-6, 1e6),
+        ] {
+            if !(value >= least && value <= most) {
+                return Err(BadInput::new(value.to_string(), format!("a value from {least} to {most}")).at(name));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Result of [`inspect`].
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Inspection {
+    /// Rates, lengths, losses, timing.
+    pub record: RecordSummary,
+    /// Measured coordinates in the channels' order, then derived absolute angles.
+    pub coordinates: Vec<Coordinate>,
+    /// The rig file's drive against the record; none for a free system.
+    pub drive: Option<DriveCheck>,
+    /// Whether the record repeats.
+    pub periodicity: Periodicity,
+    /// What was noticed, the reader's warnings first.
+    pub warnings: Vec<Warning>,
+    /// Points for figures, in the coordinates' order.
+    pub plots: Vec<Plots>,
+}
+
+/// Inspects a record.
+///
+/// # Errors
+/// A record whose longest unbroken stretch is shorter than one window (20 drive periods, or 4 s when free), whose columns
+/// do not fit its channels, or that holds numbers that are not finite.
+pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result<Inspection> {
+    settings.validate()?;
+    let rate = record.sample_rate_hz;
+    check(record)?;
+    let drive_hz = rig.drive.map(|d| d.frequency_hz);
+    let (longest, longest_len) =
+        record.segments.iter().map(|s| s.len()).enumerate().max_by_key(|(i, n)| (*n, usize::MAX - i)).unwrap_or((0, 0));
+    let (window_s, window_name) = match drive_hz {
+        Some(f) => (settings.window_periods / f, format!("{} drive periods of {} s", settings.window_periods, 1.0 / f)),
+        None => (settings.window_free_s, "one window of a free system".to_owned()),
+    };
+    let needed = (window_s * rate).round();
+    if (longest_len as f64) < needed {
+        let place = if record.segments.len() > 1 { "longest unbroken stretch" } else { "length" };
+        return Err(BadInput::new(
+            format!("{longest_len} samples ({:.3} s at {rate} Hz)", longest_len as f64 / rate),
+            format!("at least {needed:.0} samples ({window_s:.3} s: {window_name})"),
+        )
+        .in_file(&record.path)
+        .at(place)
+        .remedy("Record longer without a break, or check the rig file's sample_rate_hz and drive.frequency_hz"));
+    }
+
+    let motions = motion::motions(record);
+    let coordinates: Vec<Coordinate> = motions
+        .iter()
+        .enumerate()
+        .map(|(i, m)| coordinate::describe(m, record.channels.get(i).map(|c| c.name.as_str()), rate, drive_hz))
+        .collect();
+    let drive = drive_hz.map(|f| {
+        let series: Vec<(Vec<f64>, bool)> =
+            motions.iter().flat_map(|m| drive_check::observables(m, longest, rate)).collect();
+        drive_check::check(record, &series, rate, f)
+    });
+    let periodicity =
+        periodicity::periodicity(&motions, longest, drive_hz.map(|f| rate / f), rate, settings.period_tolerance);
+    let start_s = drive_hz.map_or(settings.start_free_s, |f| settings.start_periods / f);
+    let plots = motions.iter().zip(&coordinates).map(|(m, c)| plots::plots(record, m, c, drive_hz, start_s)).collect();
+    let summary = summary::summarise(record, rig);
+    let mut warnings = record.warnings.clone();
+    warnings.extend(notices(&summary, &coordinates, drive.as_ref(), &periodicity));
+    Ok(Inspection { record: summary, coordinates, drive, periodicity, warnings, plots })
+}
+
+/// A record built by a program rather than by a reader may be inconsistent: told, not trusted.
+fn check(record: &Record) -> Result<()> {
+    let bad = |place: String, found: String, expected: &str| {
+        Err(BadInput::new(found, expected).in_file(&record.path).at(place))
+    };
+    let rate = record.sample_rate_hz;
+    if !(rate.is_finite() && rate > 0.0) {
+        return bad("sampling rate".to_owned(), format!("{rate} Hz"), "a rate above 0");
+    }
+    for (s, segment) in record.segments.iter().enumerate() {
+        if segment.columns.len() != record.channels.len() {
+            let expected = format!("{} (one for each channel)", record.channels.len());
+            return bad(format!("segment {}", s + 1), format!("{} columns", segment.columns.len()), &expected);
+        }
+        if !(segment.start_s.is_finite() && segment.step_s > 0.0) {
+            let found = format!("start {} s, step {} s", segment.start_s, segment.step_s);
+            return bad(format!("segment {}", s + 1), found, "a finite start and a step above 0");
+        }
+        for (column, channel) in segment.columns.iter().zip(&record.channels) {
+            let place = || format!("segment {}, column {}", s + 1, channel.name);
+            if column.len() != segment.len() {
+                return bad(place(), format!("{} samples", column.len()), &format!("{}", segment.len()));
+            }
+            if let crate::record::Column::Values(v) = column
+                && let Some(i) = v.iter().position(|v| !v.is_finite())
+            {
+                return bad(format!("{}, sample {i}", place()), v[i].to_string(), "a finite number");
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Warnings that follow from the results.
+fn notices(
+    summary: &RecordSummary,
+    coordinates: &[Coordinate],
+    drive: Option<&DriveCheck>,
+    periodicity: &Periodicity,
+) -> Vec<Warning> {
+    let mut out = Vec::new();
+    if summary.rate_deviation.abs() > 1e-3 {
+        out.push(Warning::new(
+            "rate-differs",
+            format!(
+                "the record is sampled at {:.6} Hz, the rig file says {:.6} Hz",
+                summary.sample_rate_hz, summary.stated_rate_hz
+            ),
+            "Correct sample_rate_hz in the rig file",
+        ));
+    }
+    if let Some(d) = drive {
+        match (d.agrees, d.phase_hz, d.other_hz) {
+            (Some(false), Some(phase), _) => out.push(Warning::new(
+                "drive-frequency",
+                format!("the device's phase turns at {phase:.5} Hz, the rig file says {:.5} Hz", d.stated_hz),
+                "Correct drive.frequency_hz in the rig file",
+            )),
+            (Some(false), None, Some(other)) => out.push(Warning::new(
+                "drive-frequency",
+                format!("no line at the drive's {:.4} Hz; the record's clearest line is at {other:.4} Hz", d.stated_hz),
+                "Check drive.frequency_hz and sample_rate_hz in the rig file",
+            )),
+            (None, ..) if periodicity.kind != Kind::AtRest => out.push(Warning::new(
+                "drive-not-seen",
+                format!("no clear line at the drive's {:.4} Hz, nor elsewhere", d.stated_hz),
+                "Check that the shaker ran; record longer to see a weak line",
+            )),
+            _ => {}
+        }
+    }
+    let locked = |k: Option<usize>| match k {
+        Some(1) => "every drive period".to_owned(),
+        k => format!("every {} drive periods", k.unwrap_or(0)),
+    };
+    match periodicity.kind {
+        Kind::Periodic => out.push(Warning::new(
+            "locked",
+            format!("the record repeats {}: it holds one orbit", locked(periodicity.period)),
+            "Change the drive's amplitude or frequency until the motion is chaotic, or record transients",
+        )),
+        Kind::LocksLater => out.push(Warning::new(
+            "locks-later",
+            format!(
+                "the record repeats {} from {:.1} s after the start of its longest stretch",
+                locked(periodicity.period),
+                periodicity.locked_after_s.unwrap_or(0.0)
+            ),
+            "Use the part before, or change the drive until the motion stays chaotic",
+        )),
+        Kind::AtRest => out.push(Warning::new(
+            "at-rest",
+            "nothing moves by more than a few quantisation steps",
+            "Check encoders, wiring and shaker",
+        )),
+        Kind::ChaoticOrTransient | Kind::Free => {}
+    }
+    for c in coordinates.iter().filter(|c| c.channel.is_some()) {
+        if c.step > 0.0 && c.noise > 2.0 * c.quantisation_noise {
+            out.push(Warning::new(
+                "noisy-channel",
+                format!(
+                    "{}: noise {:.2e} {} is {:.1} times that of its quantisation",
+                    c.name,
+                    c.noise,
+                    c.unit,
+                    c.noise / c.quantisation_noise
+                ),
+                "Check shielding, the decoder's filter and the coupling of the encoder",
+            ));
+        }
+        if periodicity.kind != Kind::AtRest && c.greatest - c.least <= 6.0 * c.step {
+            out.push(Warning::new(
+                "still-channel",
+                format!("{} does not move", c.name),
+                "Check that its encoder is connected and that the rig file names the right column",
+            ));
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests;

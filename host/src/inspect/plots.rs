@@ -1,0 +1,116 @@
+//! The points that a report draws of a record: histories, portraits, Poincaré sections. Single precision is enough here.
+
+use serde::Serialize;
+use std::f64::consts::TAU;
+
+use super::coordinate::Coordinate;
+use super::motion::{Motion, Space, wrap};
+use crate::record::Record;
+use crate::report::figures::decimate;
+
+/// Most points of one plotted series.
+const MOST: usize = 2000;
+
+/// A series over time. A gap is a pair of `null`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct History {
+    /// Time, s.
+    pub time_s: Vec<f32>,
+    /// Value: rad (unwrapped or wrapped, as the field says) or the coordinate's unit.
+    pub value: Vec<f32>,
+}
+
+/// What is drawn of one coordinate.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Plots {
+    /// The coordinate's name.
+    pub name: String,
+    /// The whole record, unwrapped, least and greatest of each step of time kept.
+    pub whole: History,
+    /// Its beginning, wrapped to [−π, π), every sample up to 2000.
+    pub start: History,
+    /// Portrait: value (wrapped).
+    pub portrait_x: Vec<f32>,
+    /// Portrait: velocity, unit/s.
+    pub portrait_v: Vec<f32>,
+    /// Poincaré section at τ mod 2π = 0: value (wrapped).
+    pub section_x: Vec<f32>,
+    /// Poincaré section: velocity, unit/s.
+    pub section_v: Vec<f32>,
+}
+
+/// Samples (fractional) of a segment at which the drive's phase passes zero.
+fn section_samples(record: &Record, segment: usize, drive_hz: f64) -> Vec<f64> {
+    let s = &record.segments[segment];
+    if let Some(phase) = &s.phase {
+        // The device's own phase, turns · 2⁻³²: it passes zero where it wraps.
+        return phase
+            .windows(2)
+            .enumerate()
+            .filter(|(_, w)| w[1] < w[0] && w[0] - w[1] > 1 << 31)
+            .map(|(i, w)| {
+                let (before, after) = ((u32::MAX - w[0]) as f64 + 1.0, f64::from(w[1]));
+                i as f64 + before / (before + after)
+            })
+            .collect();
+    }
+    let turns = |i: usize| s.time(i) * drive_hz;
+    let (first, last) = (turns(0).ceil() as i64, turns(s.len().saturating_sub(1)).floor() as i64);
+    // A record's start is far from 2⁵³ turns, and there is at most one passage for each ten samples (rig files say so).
+    (first..=last.min(first + s.len() as i64)).map(|k| (k as f64 / drive_hz - s.start_s) / s.step_s).collect()
+}
+
+/// Collects what is drawn of one coordinate. `start_s`: length of the beginning that is drawn sample by sample.
+pub fn plots(record: &Record, motion: &Motion, coordinate: &Coordinate, drive_hz: Option<f64>, start_s: f64) -> Plots {
+    let mut out = Plots { name: motion.name.clone(), ..Plots::default() };
+    let bent = |x: f64| if motion.space == Space::S1 { wrap(x) } else { x };
+    let total: usize = motion.stretches.iter().map(Vec::len).sum();
+    let m = coordinate.slope_half_width;
+    let velocities = motion.velocities(record.sample_rate_hz, m);
+    let stride = total.div_ceil(4 * MOST).max(1);
+    for (s, x) in motion.stretches.iter().enumerate() {
+        let Some(segment) = record.segments.get(s).filter(|_| !x.is_empty()) else { continue };
+        if s > 0 {
+            out.whole.time_s.push(f32::NAN);
+            out.whole.value.push(f32::NAN);
+        }
+        let share = (MOST * x.len() / total.max(1)).max(4);
+        for i in decimate::extremes(x, share) {
+            out.whole.time_s.push(segment.time(i) as f32);
+            out.whole.value.push(x[i] as f32);
+        }
+        let v = &velocities[s];
+        for i in (0..v.len()).step_by(stride) {
+            out.portrait_x.push(bent(x[i + m]) as f32);
+            out.portrait_v.push(v[i] as f32);
+        }
+        for at in drive_hz.map(|f| section_samples(record, s, f)).unwrap_or_default() {
+            let at = at - m as f64;
+            let i = at.floor();
+            if i < 0.0 || i as usize + 1 >= v.len() || out.section_x.len() >= 2 * MOST {
+                continue;
+            }
+            let (i, u) = (i as usize, at - i);
+            let (a, b) = (x[i + m], x[i + m + 1]);
+            out.section_x.push(bent(a + u * (b - a)) as f32);
+            out.section_v.push((v[i] + u * (v[i + 1] - v[i])) as f32);
+        }
+    }
+    if let (Some(x), Some(segment)) = (motion.stretches.first(), record.segments.first()) {
+        let n = ((start_s * record.sample_rate_hz).ceil() as usize + 1).min(x.len());
+        let stride = n.div_ceil(MOST).max(1);
+        let mut before = f64::NAN;
+        for i in (0..n).step_by(stride) {
+            // A turn past ±π: the pen is lifted.
+            let turn = (bent(x[i]) - before).abs() > 0.5 * TAU && motion.space == Space::S1;
+            if turn {
+                out.start.time_s.push(f32::NAN);
+                out.start.value.push(f32::NAN);
+            }
+            before = bent(x[i]);
+            out.start.time_s.push(segment.time(i) as f32);
+            out.start.value.push(before as f32);
+        }
+    }
+    out
+}

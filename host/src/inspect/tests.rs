@@ -1,0 +1,188 @@
+//! Inspection of a driven double pendulum integrated here (Runge and Kutta, fourth order), apart from every other model.
+
+use std::f64::consts::TAU;
+use std::path::{Path, PathBuf};
+
+use super::*;
+use crate::record::{Column, Losses, Segment};
+
+/// Counts of the rig of `rigs/chaotic.toml` at a drive amplitude, viscous joints, 500 Hz.
+pub fn counts(seconds: f64, amplitude: f64, drive_hz: f64) -> [Vec<i32>; 2] {
+    let (j1, j2, h, s1, s2) =
+        (5.99e-4, 4.033e-5, 0.040 * 0.0267 * 0.0635, 0.1362 * 0.0127 + 0.040 * 0.0635, 0.040 * 0.0267);
+    let w = TAU * drive_hz;
+    let rates = |t: f64, x: [f64; 4]| {
+        let pull = 9.81 - amplitude * w * w * (w * t).cos();
+        let (s, c) = (x[1] - x[0]).sin_cos();
+        let joint = 6.145e-5 * (x[3] - x[2]);
+        let b1 = h * x[3] * x[3] * s - s1 * pull * x[0].sin() - 2e-4 * x[2] + joint;
+        let b2 = -h * x[2] * x[2] * s - s2 * pull * x[1].sin() - joint;
+        let (m, det) = (h * c, j1 * j2 - h * h * c * c);
+        [x[2], x[3], (j2 * b1 - m * b2) / det, (j1 * b2 - m * b1) / det]
+    };
+    let dt = 0.001;
+    let mut x = [0.3, 2.0, 0.0, 0.0];
+    let mut out = [Vec::new(), Vec::new()];
+    let settle = 10.0;
+    let steps = ((seconds + settle) / dt).round() as usize;
+    for n in 0..steps {
+        let t = n as f64 * dt - settle;
+        if n.is_multiple_of(2) && t >= -1e-9 {
+            for (column, angle) in out.iter_mut().zip([x[0], x[1] - x[0]]) {
+                column.push((angle / TAU * 4096.0).floor() as i32);
+            }
+        }
+        let at = |k: [f64; 4], f: f64| std::array::from_fn(|i| x[i] + f * dt * k[i]);
+        let k1 = rates(t, x);
+        let k2 = rates(t + 0.5 * dt, at(k1, 0.5));
+        let k3 = rates(t + 0.5 * dt, at(k2, 0.5));
+        let k4 = rates(t + dt, at(k3, 1.0));
+        x = std::array::from_fn(|i| x[i] + dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+    }
+    out
+}
+
+fn rig(drive_hz: f64) -> Rig {
+    let text = include_str!("../../../rigs/chaotic.toml")
+        .replace("frequency_hz = 5.0", &format!("frequency_hz = {drive_hz:?}"));
+    Rig::parse(&text, Path::new("rig.toml")).unwrap()
+}
+
+fn record(rig: &Rig, columns: [Vec<i32>; 2]) -> Record {
+    let received = columns[0].len() as u64;
+    Record {
+        path: PathBuf::from("folder/made.csv"),
+        sample_rate_hz: 500.0,
+        channels: rig.channel.clone(),
+        segments: vec![Segment {
+            first_tick: 0,
+            start_s: 0.0,
+            step_s: 0.002,
+            columns: columns.into_iter().map(Column::Counts).collect(),
+            phase: None,
+            amplitude_nm: None,
+        }],
+        losses: Losses { received, ..Losses::default() },
+        warnings: Vec::new(),
+        metadata: None,
+    }
+}
+
+/// The record with samples `from..to` taken out.
+fn with_gap(mut record: Record, from: usize, to: usize) -> Record {
+    let whole = record.segments.remove(0);
+    let cut = |a: usize, b: usize| Segment {
+        first_tick: a as i64,
+        start_s: whole.time(a),
+        columns: whole
+            .columns
+            .iter()
+            .map(|c| match c {
+                Column::Counts(c) => Column::Counts(c[a..b].to_vec()),
+                Column::Values(v) => Column::Values(v[a..b].to_vec()),
+            })
+            .collect(),
+        ..whole.clone()
+    };
+    record.segments = vec![cut(0, from), cut(to, whole.len())];
+    record.losses.received -= (to - from) as u64;
+    record.losses.lost_on_link += (to - from) as u64;
+    record.losses.gaps = 1;
+    record
+}
+
+#[test]
+fn a_chaotic_record_is_described() {
+    let rig = rig(5.0);
+    let record = with_gap(record(&rig, counts(60.0, 0.015_525, 5.0)), 20_000, 20_137);
+    let found = inspect(&record, &rig, &InspectSettings::default()).unwrap();
+    assert_eq!(found.coordinates.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["theta1", "theta2", "phi2"]);
+    assert_eq!(found.periodicity.kind, Kind::ChaoticOrTransient);
+    assert_eq!((found.record.segments, found.record.lost, found.record.gaps[0].samples), (2, 137, 137));
+    assert!((found.record.gaps[0].length_s - 138.0 * 0.002).abs() < 1e-9);
+    let drive = found.drive.as_ref().unwrap();
+    assert_eq!(drive.agrees, Some(true), "{drive:?}");
+    assert!((drive.line_hz.unwrap() - 5.0).abs() < 0.01);
+    for c in &found.coordinates[..2] {
+        assert!((c.noise / c.quantisation_noise - 1.0).abs() < 0.3, "{}: {} {}", c.name, c.noise, c.quantisation_noise);
+        assert!(c.rms_speed > 1.0 && c.spectrum.as_ref().unwrap().averages >= 8);
+    }
+    let json = serde_json::to_string(&found).unwrap();
+    assert!(json.len() < 1_000_000 && !json.contains("[plant]"), "{}", json.len());
+}
+
+#[test]
+fn a_wrong_drive_frequency_is_noticed() {
+    let rig = rig(5.3);
+    let found = inspect(&record(&rig, counts(60.0, 0.015_525, 5.0)), &rig, &InspectSettings::default()).unwrap();
+    let drive = found.drive.unwrap();
+    assert_eq!(drive.agrees, Some(false), "{drive:?}");
+    assert!(found.warnings.iter().any(|w| w.kind == "drive-frequency"));
+}
+
+#[test]
+fn a_locked_record_and_one_at_rest_are_noticed() {
+    let rig = rig(5.0);
+    let found = inspect(&record(&rig, counts(60.0, 0.0115, 5.0)), &rig, &InspectSettings::default()).unwrap();
+    assert_eq!(found.periodicity.kind, Kind::Periodic, "{:?}", found.periodicity);
+    assert!(found.warnings.iter().any(|w| w.kind == "locked"));
+    let still = [vec![100; 30_000], vec![-7; 30_000]];
+    let found = inspect(&record(&rig, still), &rig, &InspectSettings::default()).unwrap();
+    assert_eq!(found.periodicity.kind, Kind::AtRest);
+    assert!(found.coordinates[0].spectrum.is_none());
+    assert!(found.warnings.iter().any(|w| w.kind == "at-rest"));
+}
+
+#[test]
+fn too_short_a_record_names_both_lengths() {
+    let rig = rig(5.0);
+    let short = record(&rig, [vec![0; 1999], vec![0; 1999]]);
+    let error = inspect(&short, &rig, &InspectSettings::default()).unwrap_err().to_string();
+    assert!(error.contains("made.csv") && error.contains("1999 samples") && error.contains("2000 samples"), "{error}");
+    let gapped = with_gap(record(&rig, [vec![0; 3500], vec![0; 3500]]), 1500, 1600);
+    let error = inspect(&gapped, &rig, &InspectSettings::default()).unwrap_err().to_string();
+    assert!(error.contains("longest unbroken stretch: found 1900 samples"), "{error}");
+    let mut none = record(&rig, [vec![], vec![]]);
+    none.segments.clear();
+    assert!(inspect(&none, &rig, &InspectSettings::default()).is_err());
+    let bad = InspectSettings { period_tolerance: f64::NAN, ..InspectSettings::default() };
+    assert!(inspect(&short, &rig, &bad).unwrap_err().to_string().contains("period_tolerance"));
+}
+
+#[test]
+fn an_inconsistent_record_is_refused() {
+    let rig = rig(5.0);
+    let mut uneven = record(&rig, [vec![0; 3000], vec![0; 2999]]);
+    assert!(inspect(&uneven, &rig, &InspectSettings::default()).unwrap_err().to_string().contains("count2"));
+    uneven.segments[0].columns = vec![Column::Values(vec![f64::NAN; 3000]), Column::Counts(vec![0; 3000])];
+    assert!(inspect(&uneven, &rig, &InspectSettings::default()).unwrap_err().to_string().contains("count1"));
+}
+
+#[test]
+fn the_devices_phase_gives_the_drive_outright() {
+    let rig = rig(5.0);
+    let mut r = record(&rig, counts(10.0, 0.015_525, 5.0));
+    let step = (5.0 / 500.0 * 2f64.powi(32)).round() as u32;
+    r.segments[0].phase = Some((0..r.segments[0].len() as u32).map(|i| i.wrapping_mul(step)).collect());
+    let found = inspect(&r, &rig, &InspectSettings::default()).unwrap();
+    assert!((found.drive.unwrap().phase_hz.unwrap() - 5.0).abs() < 1e-6);
+    assert_eq!(found.record.phase_jitter, Some(0.0));
+    // One passage of the section each period but those within a slope's width of the ends.
+    assert!((48..=50).contains(&found.plots[0].section_x.len()), "{}", found.plots[0].section_x.len());
+}
+
+#[test]
+fn a_report_of_an_inspection_is_small_complete_and_the_same_every_time() {
+    let rig = rig(5.0);
+    let found = inspect(&record(&rig, counts(40.0, 0.015_525, 5.0)), &rig, &InspectSettings::default()).unwrap();
+    let mut results = crate::report::Results::new();
+    results.add(found);
+    let page = crate::report::Report::of("double pendulum", "made.csv", &results).render().unwrap();
+    for id in ["record", "losses", "histories", "portraits", "spectra"] {
+        assert!(page.contains(&format!("<section id=\"{id}\">")), "{id}");
+    }
+    assert!(page.len() < 1_500_000, "{}", page.len());
+    assert_eq!(page.matches("<svg ").count(), 4);
+    assert!(!page.contains("NaN"));
+    assert_eq!(page, crate::report::Report::of("double pendulum", "made.csv", &results).render().unwrap());
+}

@@ -1,0 +1,392 @@
+//! Lays panels out and draws them: frame, grid, ticks, labels, marks, one legend above.
+//!
+//! Units are half CSS pixels at full width (a drawing 900 px wide has 1800 units), so that whole-number coordinates, which
+//! are all that the back end writes, are still smooth.
+
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use super::axis::{Axis, Fixed};
+use super::{compact, palette};
+use crate::report::format;
+
+/// Units a CSS pixel at full width.
+const U: f64 = 2.0;
+/// Font size of ticks and labels, CSS pixels.
+const FONT: f64 = 12.5;
+
+/// How a series is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// A line; points that are not finite break it.
+    Line,
+    /// A thin line, for dense histories.
+    Thin,
+    /// Small dots.
+    Dots,
+    /// Larger dots.
+    BigDots,
+    /// Larger dots with an interval `low` … `high` each.
+    Intervals,
+    /// Bars from the axis.
+    Bars,
+}
+
+/// One series of a panel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    /// Name in the legend; none where empty.
+    pub name: String,
+    /// How it is drawn.
+    pub shape: Shape,
+    /// Index into the palette; its place in the panel where none.
+    pub colour: Option<usize>,
+    /// Horizontal values.
+    pub x: Vec<f64>,
+    /// Vertical values, as many.
+    pub y: Vec<f64>,
+    /// Lower ends of intervals (`Shape::Intervals`).
+    pub low: Vec<f64>,
+    /// Upper ends.
+    pub high: Vec<f64>,
+}
+
+impl Series {
+    /// A series without intervals.
+    pub fn new(name: impl Into<String>, shape: Shape, x: Vec<f64>, y: Vec<f64>) -> Self {
+        Self { name: name.into(), shape, colour: None, x, y, low: Vec::new(), high: Vec::new() }
+    }
+
+    /// The same in a colour of the palette.
+    pub fn colour(mut self, index: usize) -> Self {
+        self.colour = Some(index);
+        self
+    }
+}
+
+/// A reference line across a panel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rule {
+    /// Vertical at x, otherwise horizontal at y.
+    pub vertical: bool,
+    /// Where.
+    pub at: f64,
+    /// Short text at its upper (or right) end.
+    pub label: String,
+}
+
+/// One pair of axes with what is in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Panel {
+    /// Short title above it; may be empty.
+    pub title: String,
+    /// Horizontal axis.
+    pub x: Axis,
+    /// Vertical axis.
+    pub y: Axis,
+    /// Series.
+    pub series: Vec<Series>,
+    /// Reference lines.
+    pub rules: Vec<Rule>,
+    /// Leaves tick texts and label of the horizontal axis to the panel below.
+    pub shares_x: bool,
+}
+
+impl Panel {
+    /// A panel without series.
+    pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
+        Self { title: title.into(), x, y, series: Vec::new(), rules: Vec::new(), shares_x: false }
+    }
+}
+
+/// How panels are arranged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Layout {
+    /// Panels side by side.
+    pub columns: usize,
+    /// Full width, CSS pixels.
+    pub width: f64,
+    /// Height of a panel's frame, CSS pixels.
+    pub height: f64,
+}
+
+impl Default for Layout {
+    fn default() -> Self {
+        Self { columns: 1, width: 900.0, height: 220.0 }
+    }
+}
+
+/// Width of a text, CSS pixels, by an average letter.
+fn text_width(text: &str, size: f64) -> f64 {
+    super::plain(text).chars().map(|c| if ".,:;il|'· ".contains(c) { 0.3 } else { 0.57 }).sum::<f64>() * size
+}
+
+struct Pen<'a, 'b>(&'b DrawingArea<SVGBackend<'a>, plotters::coord::Shift>);
+
+impl Pen<'_, '_> {
+    fn px(x: f64, y: f64) -> (i32, i32) {
+        ((x * U).round() as i32, (y * U).round() as i32)
+    }
+
+    fn line(&self, from: (f64, f64), to: (f64, f64), colour: &RGBColor, width: u32) {
+        let style = colour.stroke_width(width);
+        // Writing into memory cannot fail; the same holds below.
+        let _ = self.0.draw(&PathElement::new(vec![Self::px(from.0, from.1), Self::px(to.0, to.1)], style));
+    }
+
+    fn dot(&self, at: (f64, f64), radius: u32, colour: &RGBColor) {
+        let _ = self.0.draw(&Circle::new(Self::px(at.0, at.1), radius, colour.filled()));
+    }
+
+    fn text(
+        &self,
+        text: &str,
+        at: (f64, f64),
+        anchor: (HPos, VPos),
+        size: f64,
+        colour: &RGBColor,
+        bold: bool,
+        up: bool,
+    ) {
+        // The back end divides sizes by 1.24.
+        let style = if bold { FontStyle::Bold } else { FontStyle::Normal };
+        let mut font = FontDesc::new(FontFamily::SansSerif, size * U * 1.24, style);
+        if up {
+            font = font.transform(FontTransform::Rotate270);
+        }
+        let style = TextStyle::from(font).color(colour).pos(Pos::new(anchor.0, anchor.1));
+        let _ = self.0.draw(&Text::new(text.to_owned(), Self::px(at.0, at.1), style));
+    }
+}
+
+/// Draws the panels, row by row. `alternative`: text for readers that cannot show the drawing.
+pub fn draw(layout: &Layout, panels: &[Panel], alternative: &str) -> String {
+    let columns = layout.columns.clamp(1, 8);
+    let cell = layout.width / columns as f64;
+    let axes: Vec<(Fixed, Fixed)> = panels
+        .iter()
+        .map(|p| {
+            let values =
+                |pick: fn(&Series) -> [&[f64]; 3]| p.series.iter().flat_map(move |s| pick(s).into_iter().flatten());
+            let x = p.x.fix(values(|s| [&s.x, &[], &[]]), cell - 90.0, 62.0);
+            let bars = p.series.iter().any(|s| s.shape == Shape::Bars);
+            let zero = if bars { &[0.0][..] } else { &[] };
+            let y = p.y.fix(values(|s| [&s.y, &s.low, &s.high]).chain(zero), layout.height, 36.0);
+            (x, y)
+        })
+        .collect();
+    // Panels of a column share the margin that the widest tick text among them needs.
+    let lefts: Vec<f64> = (0..columns)
+        .map(|c| {
+            let texts = axes.iter().skip(c).step_by(columns).flat_map(|a| &a.1.ticks);
+            texts.map(|t| text_width(&t.1, FONT)).fold(14.0, f64::max) + 34.0
+        })
+        .collect();
+    let legend = legend_rows(panels, layout.width);
+    let mut y = 6.0 + 22.0 * legend.len() as f64;
+    let mut tops = Vec::new();
+    let rows: Vec<&[Panel]> = panels.chunks(columns).collect();
+    for row in &rows {
+        let titled = row.iter().any(|p| !p.title.is_empty());
+        let powered = axes.iter().skip(tops.len() * columns).take(columns).any(|a| a.1.power != 0);
+        let top = y + if titled || powered { 22.0 } else { 8.0 };
+        tops.push(top);
+        y = top + layout.height + if row.iter().all(|p| p.shares_x) { 8.0 } else { 46.0 };
+    }
+    let mut svg = String::new();
+    {
+        let size = ((layout.width * U) as u32, ((y + 2.0) * U) as u32);
+        let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
+        let pen = Pen(&root);
+        for (r, row) in legend.iter().enumerate() {
+            draw_legend(&pen, row, 6.0 + 22.0 * r as f64 + 8.0);
+        }
+        for (i, (panel, (x, y))) in panels.iter().zip(&axes).enumerate() {
+            let left = (i % columns) as f64 * cell + lefts[i % columns];
+            let frame = (left, tops[i / columns], (cell - lefts[i % columns] - 14.0).max(20.0), layout.height);
+            draw_axes(&pen, panel, x, y, frame);
+            draw_marks(&root, panel, x, y, frame);
+        }
+        let _ = root.present();
+    }
+    compact::compact(&svg, alternative)
+}
+
+/// Legend entries, each name once, broken into rows that fit.
+fn legend_rows(panels: &[Panel], width: f64) -> Vec<Vec<(f64, String, RGBColor, Shape)>> {
+    let mut rows: Vec<Vec<(f64, String, RGBColor, Shape)>> = Vec::new();
+    let mut seen: Vec<&str> = Vec::new();
+    let mut x = 0.0;
+    for panel in panels {
+        for (i, s) in panel.series.iter().enumerate() {
+            if s.name.is_empty() || seen.contains(&s.name.as_str()) {
+                continue;
+            }
+            seen.push(&s.name);
+            let needed = 34.0 + text_width(&s.name, FONT) + 22.0;
+            if rows.is_empty() || x + needed > width {
+                rows.push(Vec::new());
+                x = 48.0;
+            }
+            if let Some(row) = rows.last_mut() {
+                row.push((x, s.name.clone(), palette::series(s.colour.unwrap_or(i)), s.shape));
+            }
+            x += needed;
+        }
+    }
+    rows
+}
+
+fn draw_legend(pen: &Pen, row: &[(f64, String, RGBColor, Shape)], y: f64) {
+    for (x, name, colour, shape) in row {
+        match shape {
+            Shape::Line | Shape::Thin => pen.line((*x, y), (x + 24.0, y), colour, 5),
+            Shape::Bars => pen.line((x + 8.0, y), (x + 20.0, y), colour, 20),
+            Shape::Intervals => {
+                pen.line((*x + 16.0, y - 8.0), (x + 16.0, y + 8.0), colour, 3);
+                pen.dot((x + 16.0, y), 7, colour);
+            }
+            Shape::Dots | Shape::BigDots => pen.dot((x + 16.0, y), 7, colour),
+        }
+        pen.text(name, (x + 31.0, y), (HPos::Left, VPos::Center), FONT, &palette::INK, false, false);
+    }
+}
+
+/// Frame, grid, ticks, labels and rules. `frame`: left, top, width, height.
+fn draw_axes(pen: &Pen, panel: &Panel, x: &Fixed, y: &Fixed, frame: (f64, f64, f64, f64)) {
+    let (left, top, width, height) = frame;
+    let at_x = |v: f64| left + width * (v - x.low) / (x.high - x.low);
+    let at_y = |v: f64| top + height * (1.0 - (v - y.low) / (y.high - y.low));
+    let bottom = top + height;
+    let ink = &palette::INK;
+    for (v, text) in &x.ticks {
+        pen.line((at_x(*v), top), (at_x(*v), bottom), &palette::GRID, 2);
+        pen.line((at_x(*v), bottom), (at_x(*v), bottom + 4.0), ink, 2);
+        if !panel.shares_x {
+            pen.text(text, (at_x(*v), bottom + 8.0), (HPos::Center, VPos::Top), FONT, ink, false, false);
+        }
+    }
+    for (v, text) in &y.ticks {
+        pen.line((left, at_y(*v)), (left + width, at_y(*v)), &palette::GRID, 2);
+        pen.line((left - 4.0, at_y(*v)), (left, at_y(*v)), ink, 2);
+        pen.text(text, (left - 8.0, at_y(*v)), (HPos::Right, VPos::Center), FONT, ink, false, false);
+    }
+    for rule in &panel.rules {
+        if rule.vertical {
+            let v = x.place(rule.at);
+            if v.is_finite() {
+                pen.line((at_x(v), top), (at_x(v), bottom), &palette::SOFT, 2);
+                let place = (at_x(v) + 3.0, top + 3.0);
+                pen.text(&rule.label, place, (HPos::Left, VPos::Top), FONT - 1.5, &palette::SOFT, false, false);
+            }
+        } else {
+            let v = y.place(rule.at);
+            if v.is_finite() {
+                pen.line((left, at_y(v)), (left + width, at_y(v)), &palette::SOFT, 2);
+                let place = (left + width - 4.0, at_y(v) - 2.0);
+                pen.text(&rule.label, place, (HPos::Right, VPos::Bottom), FONT - 1.5, &palette::SOFT, false, false);
+            }
+        }
+    }
+    for (from, to) in [
+        ((left, top), (left + width, top)),
+        ((left, bottom), (left + width, bottom)),
+        ((left, top), (left, bottom)),
+        ((left + width, top), (left + width, bottom)),
+    ] {
+        pen.line(from, to, ink, 2);
+    }
+    let power = |p: i32| if p == 0 { String::new() } else { format!("×{}", format::power_of_ten(p)) };
+    if !panel.shares_x {
+        let centre = (left + width / 2.0, bottom + 26.0);
+        let factor = if x.power == 0 { String::new() } else { format!("  ({})", power(x.power)) };
+        let label = format!("{}{factor}", panel.x.label);
+        pen.text(&label, centre, (HPos::Center, VPos::Top), FONT, ink, false, false);
+    }
+    let widest = y.ticks.iter().map(|t| text_width(&t.1, FONT)).fold(14.0, f64::max);
+    let place = (left - widest - 16.0, top + height / 2.0);
+    pen.text(&panel.y.label, place, (HPos::Center, VPos::Bottom), FONT, ink, false, true);
+    if y.power != 0 {
+        pen.text(&power(y.power), (left, top - 6.0), (HPos::Left, VPos::Bottom), FONT - 0.5, ink, false, false);
+    }
+    if !panel.title.is_empty() {
+        let shift = if y.power == 0 { 0.0 } else { 52.0 };
+        pen.text(&panel.title, (left + shift, top - 6.0), (HPos::Left, VPos::Bottom), FONT + 0.5, ink, true, false);
+    }
+}
+
+/// The series, in the frame's own coordinates.
+fn draw_marks(
+    root: &DrawingArea<SVGBackend, plotters::coord::Shift>,
+    panel: &Panel,
+    x: &Fixed,
+    y: &Fixed,
+    frame: (f64, f64, f64, f64),
+) {
+    let size = |v: f64| (v * U).round() as u32;
+    let area = root.clone().shrink((size(frame.0), size(frame.1)), (size(frame.2), size(frame.3)));
+    let Ok(mut chart) = ChartBuilder::on(&area).build_cartesian_2d(x.low..x.high, y.low..y.high) else { return };
+    for (i, s) in panel.series.iter().enumerate() {
+        let colour = palette::series(s.colour.unwrap_or(i));
+        let points: Vec<(f64, f64)> = s.x.iter().zip(&s.y).map(|(a, b)| (x.place(*a), y.place(*b))).collect();
+        let finite = || points.iter().copied().filter(|(a, b)| a.is_finite() && b.is_finite());
+        match s.shape {
+            Shape::Line | Shape::Thin => {
+                let width = if s.shape == Shape::Line { 3 } else { 2 };
+                for part in points.split(|(a, b)| !(a.is_finite() && b.is_finite())).filter(|p| p.len() > 1) {
+                    let _ = chart.draw_series(LineSeries::new(part.iter().copied(), colour.stroke_width(width)));
+                }
+            }
+            Shape::Dots | Shape::BigDots | Shape::Intervals => {
+                let ends = s.x.iter().zip(s.low.iter().zip(&s.high));
+                for (at, (low, high)) in ends.filter(|_| s.shape == Shape::Intervals) {
+                    let inside = |v: f64| v.clamp(y.low.min(y.high), y.high);
+                    let line = [*low, *high].map(|v| (x.place(*at), inside(v)));
+                    if line.iter().all(|(a, b)| a.is_finite() && b.is_finite()) {
+                        let _ = chart.draw_series(LineSeries::new(line, colour.stroke_width(4)));
+                    }
+                }
+                let radius = if s.shape == Shape::Dots { 2 } else { 5 };
+                let _ = chart.draw_series(finite().map(|p| Circle::new(p, radius, colour.filled())));
+            }
+            Shape::Bars => {
+                let base = if y.low <= 0.0 && y.scale != super::axis::Scale::Log { 0.0 } else { y.low };
+                let half = 0.35 * s.x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(1.0, f64::min);
+                let _ = chart.draw_series(
+                    finite().map(|(a, b)| Rectangle::new([(a - half, base), (a + half, b)], colour.filled())),
+                );
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_shape_draws_inside_its_frame() {
+        let x: Vec<f64> = (0..200).map(f64::from).collect();
+        let y: Vec<f64> = x.iter().map(|x| (0.1 * x).sin() * 1e9).collect();
+        for shape in [Shape::Line, Shape::Thin, Shape::Dots, Shape::BigDots, Shape::Intervals, Shape::Bars] {
+            let mut series = Series::new("s", shape, x.clone(), y.clone());
+            series.low = y.iter().map(|y| y - 1e8).collect();
+            series.high = y.iter().map(|y| y + 1e8).collect();
+            let mut panel = Panel::new("title", Axis::linear("x / s"), Axis::linear("y / N").range(-5e8, 5e8));
+            panel.series.push(series);
+            panel.rules.push(Rule { vertical: true, at: 20.0, label: "f_{e}".into() });
+            let svg = draw(&Layout::default(), &[panel.clone(), panel], "alt");
+            assert!(svg.starts_with("<svg ") && svg.trim_end().ends_with("</svg>"));
+            assert!(svg.contains("#0072B2") && svg.contains("×10⁸"), "{shape:?}");
+            assert!(!svg.contains("NaN") && !svg.contains("inf"));
+        }
+    }
+
+    #[test]
+    fn bytes_are_the_same_every_time_and_empty_panels_do_not_fail() {
+        let panels = [Panel::new("", Axis::log("x"), Axis::angle("y"))];
+        let svg = draw(&Layout { columns: 0, width: 300.0, height: 50.0 }, &panels, "");
+        assert_eq!(svg, draw(&Layout { columns: 0, width: 300.0, height: 50.0 }, &panels, ""));
+        assert!(draw(&Layout::default(), &[], "").contains("</svg>"));
+    }
+}

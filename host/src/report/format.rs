@@ -1,0 +1,299 @@
+//! Numbers and names for people: digits that the uncertainty warrants, SI units, Greek letters and subscripts.
+
+use std::fmt::Write as _;
+
+/// Width of a 95 % interval in standard errors.
+pub const Z95: f64 = 1.96;
+
+/// Superscript of a power of ten.
+fn superscript(exponent: i32) -> String {
+    exponent
+        .to_string()
+        .chars()
+        .map(|c| match c {
+            '-' => '⁻',
+            '1' => '¹',
+            '2' => '²',
+            '3' => '³',
+            '4' => '⁴',
+            '5' => '⁵',
+            '6' => '⁶',
+            '7' => '⁷',
+            '8' => '⁸',
+            '9' => '⁹',
+            _ => '⁰',
+        })
+        .collect()
+}
+
+/// A power of ten: `10⁻⁶`.
+pub fn power_of_ten(exponent: i32) -> String {
+    format!("10{}", superscript(exponent))
+}
+
+/// A number with as few digits as tell it apart from others at ten digits: `0.01`, `20`, `1.5`.
+pub fn shortest(x: f64) -> String {
+    let rounded: f64 = format!("{x:.9e}").parse().unwrap_or(x);
+    if rounded < 0.0 { format!("−{}", -rounded) } else { rounded.to_string() }
+}
+
+/// A number with `decimals` digits after the point and a true minus sign; "−0.00" becomes "0.00".
+pub fn fixed(x: f64, decimals: usize) -> String {
+    if !x.is_finite() {
+        return if x.is_nan() { "–".to_owned() } else { if x > 0.0 { "∞" } else { "−∞" }.to_owned() };
+    }
+    let text = format!("{:.*}", decimals, x.abs());
+    let zero = text.chars().all(|c| matches!(c, '0' | '.'));
+    if x < 0.0 && !zero { format!("−{text}") } else { text }
+}
+
+/// Decimal exponent of |x| after rounding to `digits` significant digits.
+fn exponent(x: f64, digits: usize) -> i32 {
+    let text = format!("{:.*e}", digits.max(1) - 1, x.abs());
+    text.split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0)
+}
+
+/// A number with so many significant digits; below 1e-3 and from 1e6 on with a power of ten.
+pub fn significant(x: f64, digits: usize) -> String {
+    if x == 0.0 || !x.is_finite() {
+        return fixed(x, 0);
+    }
+    let e = exponent(x, digits);
+    let digits = digits.max(1) as i32;
+    if (-3..6).contains(&e) {
+        fixed(x, (digits - 1 - e).max(0) as usize)
+    } else {
+        format!("{}·10{}", fixed(x / 10f64.powi(e), (digits - 1) as usize), superscript(e))
+    }
+}
+
+/// Decimal place (power of ten of the last digit) that an uncertainty warrants, and the uncertainty rounded to it: two
+/// digits where it starts below 3.55, one from there on, two again from 9.5 (the Particle Data Group's rule).
+fn last_place(uncertainty: f64) -> i32 {
+    let e = uncertainty.log10().floor() as i32;
+    let lead = uncertainty / 10f64.powi(e);
+    if lead < 3.55 { e - 1 } else { e }
+}
+
+/// `value ± uncertainty`, both to the digits that the uncertainty warrants: `0.11312 ± 0.00004`, `(5.990 ± 0.003)·10⁻⁴`.
+/// Without a usable uncertainty the value has five digits.
+pub fn plus_minus(value: f64, uncertainty: f64) -> String {
+    if !(uncertainty.is_finite() && uncertainty > 0.0 && value.is_finite()) {
+        return significant(value, 5);
+    }
+    let place = last_place(uncertainty);
+    let top = exponent(value.abs().max(uncertainty), 2);
+    if !(-3..=5).contains(&top) || place > 0 {
+        let scale = 10f64.powi(top);
+        let decimals = (top - place).max(0) as usize;
+        let (v, u) = (fixed(value / scale, decimals), fixed(uncertainty / scale, decimals));
+        return format!("({v} ± {u})·10{}", superscript(top));
+    }
+    let decimals = (-place).max(0) as usize;
+    format!("{} ± {}", fixed(value, decimals), fixed(uncertainty, decimals))
+}
+
+/// A value alone to the digits that its uncertainty warrants (for a true value beside an estimate).
+pub fn to_digits_of(value: f64, uncertainty: f64) -> String {
+    if !(uncertainty.is_finite() && uncertainty > 0.0 && value.is_finite()) {
+        return significant(value, 5);
+    }
+    let place = last_place(uncertainty);
+    let top = if value == 0.0 { place } else { exponent(value, 2) };
+    if !(-3..=5).contains(&top) || place > 0 {
+        return significant(value, (top - place + 1).clamp(1, 15) as usize);
+    }
+    fixed(value, (-place).max(0) as usize)
+}
+
+/// A whole number with thin spaces between groups of three: `1 800 000`.
+pub fn count(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (i, c) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) && digits.len() > 4 {
+            out.push('\u{202f}');
+        }
+        out.push(c);
+    }
+    out
+}
+
+/// A length of time: `120.0 s`, `12 min 5 s`, `1 h 0 min 3 s`; below a second in ms or µs.
+pub fn duration(seconds: f64) -> String {
+    let s = seconds.abs();
+    if !s.is_finite() {
+        return fixed(seconds, 0);
+    }
+    if s == 0.0 {
+        "0 s".to_owned()
+    } else if s < 1e-3 {
+        format!("{} µs", significant(seconds * 1e6, 3))
+    } else if s < 1.0 {
+        format!("{} ms", significant(seconds * 1e3, 3))
+    } else if s < 600.0 {
+        format!("{} s", significant(seconds, if s < 100.0 { 3 } else { 4 }))
+    } else {
+        let whole = s.round() as u64;
+        let (h, m, r) = (whole / 3600, whole / 60 % 60, whole % 60);
+        let hours = if h > 0 { format!("{h} h ") } else { String::new() };
+        format!("{}{hours}{m} min {r} s", if seconds < 0.0 { "−" } else { "" })
+    }
+}
+
+/// A value with its SI unit and a prefix that keeps it between 1 and 1000, for units that take one (m, s, Hz, N, V, A,
+/// rad, N m); others are written as they are.
+pub fn quantity(value: f64, unit: &str, digits: usize) -> String {
+    let takes = ["m", "s", "Hz", "N", "V", "A", "rad", "N m"].contains(&unit);
+    if !takes || value == 0.0 || !value.is_finite() || (0.1..1000.0).contains(&value.abs()) {
+        return if unit.is_empty() || unit == "1" {
+            significant(value, digits)
+        } else {
+            format!("{} {unit}", significant(value, digits))
+        };
+    }
+    let e3 = (exponent(value, digits).div_euclid(3)).clamp(-4, 3);
+    let prefix = ["p", "n", "µ", "m", "", "k", "M", "G"][(e3 + 4) as usize];
+    format!("{} {prefix}{unit}", significant(value / 10f64.powi(3 * e3), digits))
+}
+
+/// Share as a percentage.
+pub fn percent(share: f64, digits: usize) -> String {
+    format!("{} %", significant(100.0 * share, digits))
+}
+
+/// A symbol with its subscript: `theta1` → (θ, 1), `B11` → (B, 11), `J_o1` → (J, o1), `m1e1` → (m, 1), (e, 1).
+fn parts(name: &str) -> Vec<(String, String)> {
+    const GREEK: &[(&str, &str)] = &[
+        ("theta", "θ"),
+        ("phi", "φ"),
+        ("tau", "τ"),
+        ("omega", "ω"),
+        ("psi", "ψ"),
+        ("epsilon", "ε"),
+        ("mu", "μ"),
+        ("alpha", "α"),
+        ("beta", "β"),
+        ("delta", "δ"),
+        ("xi", "ξ"),
+    ];
+    let (head, tail) = name.split_once('_').unwrap_or((name, ""));
+    let letters: String = head.chars().take_while(|c| c.is_alphabetic()).collect();
+    let digits = &head[letters.len()..];
+    let base = |l: &str| GREEK.iter().find(|g| g.0 == l).map_or(l.to_owned(), |g| g.1.to_owned());
+    let known = GREEK.iter().any(|g| g.0 == letters) || letters.chars().count() == 1;
+    if !known || letters.is_empty() {
+        return vec![(name.to_owned(), String::new())];
+    }
+    if digits.chars().all(|c| c.is_ascii_digit()) {
+        let comma = if digits.is_empty() || tail.is_empty() { "" } else { "," };
+        return vec![(base(&letters), format!("{digits}{comma}{tail}"))];
+    }
+    // Products such as m1e1: each letter takes the digits that follow it.
+    let mut out: Vec<(String, String)> = Vec::new();
+    for c in head.chars() {
+        match out.last_mut() {
+            Some(last) if c.is_ascii_digit() => last.1.push(c),
+            _ if c.is_alphabetic() => out.push((c.to_string(), String::new())),
+            _ => return vec![(name.to_owned(), String::new())],
+        }
+    }
+    if out.iter().any(|p| p.1.is_empty()) { vec![(name.to_owned(), String::new())] } else { out }
+}
+
+/// A symbol in HTML, escaped: `<i>J</i><sub>o1</sub>`.
+pub fn symbol_html(name: &str) -> String {
+    parts(name).iter().fold(String::new(), |mut out, (base, sub)| {
+        let single = base.chars().count() == 1;
+        let (open, close) = if single { ("<i>", "</i>") } else { ("", "") };
+        let _ = write!(out, "{open}{}{close}", super::html::escape(base));
+        if !sub.is_empty() {
+            let _ = write!(out, "<sub>{}</sub>", super::html::escape(sub));
+        }
+        out
+    })
+}
+
+/// A symbol for a figure's text, where `_{…}` is set as a subscript: `θ_{1}`.
+pub fn symbol_svg(name: &str) -> String {
+    parts(name).iter().fold(String::new(), |mut out, (base, sub)| {
+        out.push_str(base);
+        if !sub.is_empty() {
+            let _ = write!(out, "_{{{sub}}}");
+        }
+        out
+    })
+}
+
+/// A symbol in plain Unicode for a terminal: `θ₁`, `B₁₁`; where a subscript letter has no character, as it was given.
+pub fn symbol_plain(name: &str) -> String {
+    let lower = |c: char| {
+        let digits = ['₀', '₁', '₂', '₃', '₄', '₅', '₆', '₇', '₈', '₉'];
+        match c {
+            '0'..='9' => Some(digits[c as usize - '0' as usize]),
+            'a' => Some('ₐ'),
+            'e' => Some('ₑ'),
+            'o' => Some('ₒ'),
+            'r' => Some('ᵣ'),
+            'x' => Some('ₓ'),
+            _ => None,
+        }
+    };
+    let mut out = String::new();
+    for (base, sub) in parts(name) {
+        let Some(sub) = sub.chars().map(lower).collect::<Option<String>>() else { return name.to_owned() };
+        out.push_str(&base);
+        out.push_str(&sub);
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn digits_follow_the_uncertainty() {
+        assert_eq!(plus_minus(0.113_123_456, 0.000_042), "0.11312 ± 0.00004");
+        assert_eq!(plus_minus(1.6816, 0.0123), "1.682 ± 0.012");
+        assert_eq!(plus_minus(5.99e-4, 3.1e-6), "(5.990 ± 0.031)·10⁻⁴");
+        assert_eq!(plus_minus(-0.0004, 0.0021), "−0.0004 ± 0.0021");
+        assert_eq!(plus_minus(172.71, 0.98), "172.7 ± 1.0");
+        assert_eq!(plus_minus(123_456.0, 700.0), "(1.235 ± 0.007)·10⁵");
+        assert_eq!(plus_minus(0.25, 0.0), "0.25000");
+        assert_eq!(to_digits_of(0.1131, 0.000_042), "0.11310");
+        assert_eq!(to_digits_of(5.99e-4, 3.1e-6), "5.990·10⁻⁴");
+    }
+
+    #[test]
+    fn plain_numbers() {
+        assert_eq!(significant(0.000_123_4, 3), "1.23·10⁻⁴");
+        assert_eq!(significant(-12.3456, 3), "−12.3");
+        assert_eq!(significant(0.099_99, 2), "0.10");
+        assert_eq!(significant(1_234_567.0, 3), "1.23·10⁶");
+        assert_eq!(significant(0.0, 3), "0");
+        assert_eq!(fixed(-0.001, 2), "0.00");
+        assert_eq!(count(1_800_000), "1\u{202f}800\u{202f}000");
+        assert_eq!(count(1024), "1024");
+        assert_eq!(duration(120.0), "120.0 s");
+        assert_eq!(duration(3603.2), "1 h 0 min 3 s");
+        assert_eq!(duration(0.002), "2.00 ms");
+        assert_eq!(quantity(4.43e-4, "rad", 2), "443 µrad");
+        assert_eq!(quantity(0.015_525, "m", 4), "15.53 mm");
+        assert_eq!(quantity(500.0, "Hz", 3), "500 Hz");
+    }
+
+    #[test]
+    fn symbols_in_three_scripts() {
+        assert_eq!(symbol_plain("theta1"), "θ₁");
+        assert_eq!(symbol_plain("B11"), "B₁₁");
+        assert_eq!(symbol_plain("J_o1"), "Jₒ₁");
+        assert_eq!(symbol_plain("tau_c1"), "tau_c1");
+        assert_eq!(symbol_plain("m1e1"), "m₁e₁");
+        assert_eq!(symbol_html("J_o1"), "<i>J</i><sub>o1</sub>");
+        assert_eq!(symbol_html("a<b"), "a&lt;b");
+        assert_eq!(symbol_svg("phi2"), "φ_{2}");
+        assert_eq!(symbol_svg("position"), "position");
+        assert_eq!(symbol_html("n_cos"), "<i>n</i><sub>cos</sub>");
+    }
+}

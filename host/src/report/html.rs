@@ -1,0 +1,126 @@
+//! Pieces of HTML. Whatever comes from a file goes through [`escape`]; [`Html`] marks what has.
+
+use std::fmt;
+
+/// HTML that may be written as it is.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Html(pub(crate) String);
+
+impl fmt::Display for Html {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+/// Escapes the five characters that HTML gives a meaning to, and drops control characters that no document may hold.
+pub fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            '\n' | '\t' => out.push(c),
+            c if c.is_control() => out.push('\u{fffd}'),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// How a column of a table is set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Align {
+    /// Text.
+    Left,
+    /// Numbers.
+    Right,
+}
+
+impl Html {
+    /// Nothing yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Escaped text.
+    pub fn text(text: &str) -> Self {
+        Self(escape(text))
+    }
+
+    /// A parameter's symbol, see [`super::format::symbol_html`].
+    pub fn symbol(name: &str) -> Self {
+        Self(super::format::symbol_html(name))
+    }
+
+    /// Appends another piece.
+    pub fn push(&mut self, other: &Self) -> &mut Self {
+        self.0.push_str(&other.0);
+        self
+    }
+
+    /// Appends a paragraph of plain text.
+    pub fn paragraph(&mut self, text: &str) -> &mut Self {
+        self.0.push_str(&format!("<p>{}</p>\n", escape(text)));
+        self
+    }
+
+    /// Appends a heading inside a section.
+    pub fn heading(&mut self, text: &str) -> &mut Self {
+        self.0.push_str(&format!("<h3>{}</h3>\n", escape(text)));
+        self
+    }
+
+    /// Appends a figure with caption and numbers.
+    pub fn figure(&mut self, figure: &super::figures::Figure) -> &mut Self {
+        self.0.push_str(&figure.html());
+        self
+    }
+
+    /// Appends a table. `columns`: heading and alignment; rows of ready pieces, a short row ends with empty cells.
+    pub fn table(&mut self, columns: &[(Html, Align)], rows: &[Vec<Html>]) -> &mut Self {
+        let class = |a: Align| if a == Align::Right { " class=n" } else { "" };
+        self.0.push_str("<div class=scroll><table><thead><tr>");
+        for (heading, align) in columns {
+            self.0.push_str(&format!("<th{}>{heading}</th>", class(*align)));
+        }
+        self.0.push_str("</tr></thead><tbody>\n");
+        for row in rows {
+            self.0.push_str("<tr>");
+            for (i, (_, align)) in columns.iter().enumerate() {
+                let empty = Html::new();
+                self.0.push_str(&format!("<td{}>{}</td>", class(*align), row.get(i).unwrap_or(&empty)));
+            }
+            self.0.push_str("</tr>\n");
+        }
+        self.0.push_str("</tbody></table></div>\n");
+        self
+    }
+
+    /// Appends a list of name and value pairs, set in columns.
+    pub fn facts(&mut self, facts: &[(&str, String)]) -> &mut Self {
+        self.0.push_str("<dl class=facts>");
+        for (name, value) in facts {
+            self.0.push_str(&format!("<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value)));
+        }
+        self.0.push_str("</dl>\n");
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_from_a_file_becomes_markup() {
+        let nasty = "<script>alert('x')</script>&\"\u{1}";
+        assert_eq!(escape(nasty), "&lt;script&gt;alert(&#39;x&#39;)&lt;/script&gt;&amp;&quot;\u{fffd}");
+        let mut h = Html::new();
+        h.paragraph(nasty).heading(nasty).facts(&[(nasty, nasty.to_owned())]);
+        h.table(&[(Html::text(nasty), Align::Left)], &[vec![Html::symbol(nasty)], vec![]]);
+        assert!(!h.0.contains("<script"));
+    }
+}

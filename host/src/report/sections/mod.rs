@@ -1,0 +1,24 @@
+//! Sections of a report: one file each, one line in [`SECTIONS`], printed in this order.
+
+pub mod histories;
+pub mod losses;
+pub mod parameters;
+pub mod portraits;
+pub mod record;
+pub mod residuals;
+pub mod spectra;
+pub mod warnings;
+
+use super::SectionKind;
+
+/// Every section, in the order of a report.
+pub static SECTIONS: &[SectionKind] = &[
+    parameters::SECTION,
+    residuals::SECTION,
+    warnings::SECTION,
+    record::SECTION,
+    losses::SECTION,
+    histories::SECTION,
+    portraits::SECTION,
+    spectra::SECTION,
+];

@@ -1,0 +1,40 @@
+//! What was noticed, and what to do about it.
+
+use serde::Serialize;
+
+use crate::inspect::Inspection;
+use crate::report::html::{Html, escape};
+use crate::report::{Results, SectionKind};
+use crate::warning::Warning;
+
+/// Warnings of an analysis other than the inspection.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Warnings {
+    /// The warnings.
+    pub warnings: Vec<Warning>,
+}
+
+/// Registration.
+pub const SECTION: SectionKind = SectionKind { id: "warnings", title: "Warnings", render };
+
+fn render(results: &Results) -> Option<Html> {
+    let of_records =
+        results.all::<Inspection>().flat_map(|i| i.warnings.iter().map(move |w| (Some(&i.record.file), w)));
+    let others = results.all::<Warnings>().flat_map(|w| w.warnings.iter().map(|w| (None, w)));
+    let mut seen: Vec<&Warning> = Vec::new();
+    let mut body = Html::new();
+    let several = results.all::<Inspection>().count() > 1;
+    for (file, warning) in of_records.chain(others) {
+        if seen.contains(&warning) {
+            continue;
+        }
+        seen.push(warning);
+        let place = file.filter(|_| several).map_or(String::new(), |f| format!("{}: ", escape(f)));
+        body.0.push_str(&format!(
+            "<div class=warning><b>{place}{}</b>{}</div>\n",
+            escape(&warning.message),
+            escape(&warning.advice)
+        ));
+    }
+    (!seen.is_empty()).then_some(body)
+}
