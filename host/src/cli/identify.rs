@@ -7,7 +7,8 @@ use clap::{Args, ValueEnum};
 use super::output::{Output, print_warnings};
 use super::{Answer, Records};
 use crate::error::Result;
-use crate::identify::{ERROR_BOUND, Identification, Settings, identify};
+use crate::identify::{ERROR_BOUND, Identification, Settings, identify, presentation};
+use crate::inspect::{InspectSettings, inspect};
 use crate::report::format::plus_minus;
 use crate::report::{Report, Results};
 
@@ -82,11 +83,11 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     if let Some(path) = &arguments.out.report {
         let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
         let mut results = Results::new();
+        results.add(presentation::table(&result, "", &|_| None)).add(presentation::residuals(&result));
         // A report of an identification also shows what was identified from.
         for record in &records {
-            results.add(crate::inspect::inspect(record, &rig, &crate::inspect::InspectSettings::default())?);
+            results.add(inspect(record, &rig, &InspectSettings::default())?);
         }
-        results.add(result.clone());
         Report::of(format!("Identification: {}", rig.name), names.join(", "), &results).write(path)?;
     }
     if !result.within_bound() {

@@ -6,6 +6,7 @@
 pub mod identifiability;
 pub mod noise_bias;
 pub mod physical_parameters;
+pub mod presentation;
 pub mod regression;
 pub mod windows;
 
