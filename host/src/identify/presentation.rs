@@ -22,7 +22,11 @@ pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Opt
         }
     )];
     let errors: Vec<String> = result.identification_error.iter().map(|e| format!("{:.2} %", 100.0 * e)).collect();
-    notes.push(format!("Identification error ε = ‖e‖∞/‖q̂‖∞ of each equation: {} (bound {:.0} %).", errors.join(", "), 100.0 * ERROR_BOUND));
+    notes.push(format!(
+        "Identification error ε = ‖e‖∞/‖q̂‖∞ of each equation: {} (bound {:.0} %).",
+        errors.join(", "),
+        100.0 * ERROR_BOUND
+    ));
     if let Some((misfit, freedom)) = d.ties_misfit {
         notes.push(format!(
             "Physical parameters obey the ties B11/B21 = J_o2/J_o1 = C12/C2 and B12/B15 = B22/B25; the coefficients depart from them by {misfit:.1} \

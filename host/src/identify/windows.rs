@@ -10,6 +10,7 @@
 //! record repeat and can be recognised as repeating.
 
 use core::f64::consts::TAU;
+use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 use realfft::RealFftPlanner;
@@ -17,7 +18,7 @@ use realfft::num_complex::Complex64;
 
 use crate::model::weak::{Order, Part, Sample, WeakModel};
 use crate::signal::angles::{AngleSegment, Phase};
-use crate::signal::low_pass::Kernel;
+use crate::signal::low_pass::{FastConvolution, Kernel, Output, is_smooth};
 
 /// Coefficients of sin⁴(πu) in e^{−2πiku}, k = −2 … 2.
 const SIN4: [f64; 5] = [1.0 / 16.0, -0.25, 0.375, -0.25, 1.0 / 16.0];
@@ -58,14 +59,6 @@ pub const fn frequency_of_row(row: usize) -> usize {
 
 /// The even number nearest to `target` that is a product of 2, 3 and 5, for fast transforms (the window's length is free).
 fn smooth_length(target: f64) -> usize {
-    let is_smooth = |mut n: usize| {
-        for p in [2, 3, 5] {
-            while n.is_multiple_of(p) {
-                n /= p;
-            }
-        }
-        n == 1
-    };
     let centre = (target.round() as usize).max(16);
     (0..centre)
         .flat_map(|d| [centre - d, centre + d])
@@ -119,12 +112,23 @@ pub fn rows(segments: &[AngleSegment], model: &WeakModel, kernels: &Kernels, win
     const GROUP: usize = 8;
     let groups: Vec<&[Place]> = places.chunk_by(|a, b| a.segment == b.segment).flat_map(|c| c.chunks(GROUP)).collect();
     let fft = RealFftPlanner::<f64>::new().plan_fft_forward(length);
+    // Groups of one length, nearly all, share their convolution.
+    let span = |group: &[Place]| group[group.len() - 1].start + length - group[0].start + 2 * reach;
+    let mut convolutions: BTreeMap<usize, FastConvolution> = BTreeMap::new();
+    for group in &groups {
+        convolutions.entry(span(group)).or_insert_with_key(|&n| {
+            FastConvolution::new(
+                n,
+                &[(&kernels.full, Output::Smooth), (&kernels.full, Output::Slope), (&kernels.clear, Output::Slope)],
+            )
+        });
+    }
     groups
         .par_iter()
         .flat_map_iter(|group| {
             let segment = &segments[group[0].segment];
             let (first, last) = (group[0].start, group[group.len() - 1].start + length);
-            let series = evaluate(segment, model, kernels, first, last);
+            let series = evaluate(segment, model, kernels, &convolutions[&span(group)], first, last);
             let mut input = fft.make_input_vec();
             let mut output = fft.make_output_vec();
             let mut scratch = fft.make_scratch_vec();
@@ -165,16 +169,19 @@ fn step_at(x: &[f64], k: usize) -> f64 {
 }
 
 /// Every series of the model at samples first … last of a segment.
-fn evaluate(segment: &AngleSegment, model: &WeakModel, kernels: &Kernels, first: usize, last: usize) -> Vec<Vec<f64>> {
-    let mut phi = [vec![], vec![]];
-    let mut rate = [vec![], vec![]];
-    let mut clear = [vec![], vec![]];
-    let mut unused = vec![];
-    for i in 0..2 {
-        let around = |reach: usize| &segment.phi[i][first - reach..last + reach];
-        kernels.full.apply(around(kernels.full.reach()), &mut phi[i], &mut rate[i]);
-        kernels.clear.apply(around(kernels.clear.reach()), &mut unused, &mut clear[i]);
-    }
+fn evaluate(
+    segment: &AngleSegment,
+    model: &WeakModel,
+    kernels: &Kernels,
+    convolution: &FastConvolution,
+    first: usize,
+    last: usize,
+) -> Vec<Vec<f64>> {
+    let reach = kernels.reach();
+    let input = [0, 1].map(|i: usize| &segment.phi[i][first - reach..last + reach]);
+    let outputs = convolution.apply(input);
+    let [phi, rate, clear] =
+        [0, 1, 2].map(|k: usize| [0, 1].map(|i: usize| &outputs[k][i][reach..reach + last - first]));
     let mut series = vec![vec![0.0; last - first]; model.series.len()];
     let driven = !matches!(segment.phase, Phase::Clock(0.0));
     for k in 0..last - first {
@@ -186,7 +193,7 @@ fn evaluate(segment: &AngleSegment, model: &WeakModel, kernels: &Kernels, first:
             phi: [phi[0][k], phi[1][k]],
             rate: [rate[0][k], rate[1][k]],
             clear_rate: [clear[0][k], clear[1][k]],
-            clear_step: [step_at(&clear[0], k), step_at(&clear[1], k)],
+            clear_step: [step_at(clear[0], k), step_at(clear[1], k)],
             sin: [sin1, sin2],
             cos: [cos1, cos2],
             sin_tau,
