@@ -1,5 +1,7 @@
 //! The whole application against a host that decodes what comes out.
 
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
 use std::vec::Vec;
 
 use super::*;
@@ -349,4 +351,21 @@ fn the_two_halves_on_split_queues_send_the_same_bytes() {
         }
     }
     assert_eq!(host.bytes, rig.host.bytes);
+}
+
+#[test]
+fn noise_on_the_link_moves_nothing() {
+    let mut rig = rig();
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let mut noise = [0; 64];
+    for _ in 0..5_000 {
+        random.fill_bytes(&mut noise);
+        rig.app.receive(&noise);
+        rig.sample(0);
+        rig.transmit();
+    }
+    assert_eq!(rig.acks(), []);
+    assert!(rig.app.status().bad_frames > 1_000);
+    assert_eq!(rig.app.output_mut(), &Recorder { writes: std::vec![0], ..Recorder::default() });
+    assert_eq!(rig.samples(), rig.truth);
 }
