@@ -7,6 +7,7 @@
 //! | [`shaker`] | the base's motion between ticks |
 //! | [`encoder`] | quadrature edges and decoder |
 //! | [`simulate`] | samples straight from the plant |
+//! | [`virtual_rig`] | the firmware and the plant in lock-step |
 //!
 //! Nothing here is shared with the host's analysis: the plant is written from the Lagrangian, with its own integrator.
 //! Everything is deterministic; transcendental functions come from `libm` by name, so that a seed gives the same counts
@@ -19,6 +20,7 @@ pub mod integrator;
 pub mod plant;
 pub mod shaker;
 pub mod simulate;
+pub mod virtual_rig;
 
 pub use bench::SecondEncoder;
 pub use error::SimulationError;
@@ -26,3 +28,4 @@ pub use plant::Parameters;
 pub use plant::effects::Effect;
 pub use shaker::Direction;
 pub use simulate::{DriveSettings, Sample, Simulation, SimulationSettings};
+pub use virtual_rig::{RigSettings, VirtualRig};
