@@ -8,6 +8,7 @@
 //! | [`encoder`] | quadrature edges and decoder |
 //! | [`simulate`] | samples straight from the plant |
 //! | [`virtual_rig`] | the firmware and the plant in lock-step |
+//! | [`faults`] | a link that damages what it carries, and knows what it did |
 //!
 //! Nothing here is shared with the host's analysis: the plant is written from the Lagrangian, with its own integrator.
 //! Everything is deterministic; transcendental functions come from `libm` by name, so that a seed gives the same counts
@@ -16,6 +17,7 @@
 mod bench;
 pub mod encoder;
 pub mod error;
+pub mod faults;
 pub mod integrator;
 pub mod plant;
 pub mod shaker;
@@ -24,6 +26,7 @@ pub mod virtual_rig;
 
 pub use bench::SecondEncoder;
 pub use error::SimulationError;
+pub use faults::{FaultReport, FaultSettings, FaultyLink};
 pub use plant::Parameters;
 pub use plant::effects::Effect;
 pub use shaker::Direction;
