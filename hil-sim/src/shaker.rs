@@ -111,11 +111,9 @@ impl BaseMotion {
         let theta = self.phase + self.omega * t;
         let [c0, c1, c2] = self.amplitude;
         let c = c0 + t * (c1 + t * c2);
-        let along: f64 =
-            self.terms[..self.used].iter().map(|m| c * m.share * libm::cos(m.order * theta - m.lag)).sum();
+        let along: f64 = self.terms[..self.used].iter().map(|m| c * m.share * libm::cos(m.order * theta - m.lag)).sum();
         let (sin, cos) = libm::sincos(theta);
-        let across =
-            if self.omega == 0.0 { 0.0 } else { self.across[0] * cos + self.across[1] * sin };
+        let across = if self.omega == 0.0 { 0.0 } else { self.across[0] * cos + self.across[1] * sin };
         if self.horizontal { [along, across] } else { [across, along] }
     }
 
@@ -147,11 +145,8 @@ impl Shaker {
         let [now, next] = command.amplitude_nanometre.map(|nm| f64::from(nm) * 1e-9);
         let rate = (next - now) / tick_s;
         // Drift: a factor 1 + ε t/T from the record's start on.
-        let growth = if time_s >= 0.0 && self.record_s > 0.0 {
-            self.additions.amplitude_drift / self.record_s
-        } else {
-            0.0
-        };
+        let growth =
+            if time_s >= 0.0 && self.record_s > 0.0 { self.additions.amplitude_drift / self.record_s } else { 0.0 };
         let factor = 1.0 + growth * time_s.max(0.0);
         motion.amplitude = [now * factor, rate * factor + now * growth, rate * growth];
         let lag = match self.direction {

@@ -245,3 +245,6 @@ impl<M: DeserializeOwned, const N: usize> Decoder<M, N> {
         self.since_zero = 0;
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -5,10 +5,10 @@
 //! acceleration is zero and f follows. Gravity and base enter through the apparent gravity γ = g − (ẍ_b, ÿ_b): a mass
 //! moment S at angle φ has the torque S γ·(cos φ, sin φ).
 
+use super::State;
 use super::contact::{Dry, Mode};
 use super::laws::{Additions, JointLaw};
 use super::parameters::{ParameterError, Parameters};
-use super::State;
 
 /// Parameters and effects, ready for evaluation.
 #[derive(Clone, Debug)]

@@ -39,8 +39,7 @@ impl JointLaw {
 
     /// Angles inside (−π, π) at which the torque has a corner, ascending.
     pub(super) fn corners(&self) -> Vec<f64> {
-        let mut corners: Vec<f64> =
-            self.backlash.iter().flat_map(|&(b, _)| [-b, b]).filter(|b| b.abs() < PI).collect();
+        let mut corners: Vec<f64> = self.backlash.iter().flat_map(|&(b, _)| [-b, b]).filter(|b| b.abs() < PI).collect();
         corners.sort_by(f64::total_cmp);
         corners.dedup();
         corners

@@ -14,11 +14,13 @@
 use super::contact::{self, Dry, Mode, stick_margin, velocities};
 use super::dynamics::Mechanics;
 use super::{Plant, State};
-use crate::integrator::{IntegrationError, Integrator, MAX_STEPS, Step};
+use crate::integrator::{IntegrationError, Integrator, Step};
 use crate::shaker::BaseMotion;
 
 /// Most events in one interval. A rattling joint has tens in a second.
 const MAX_EVENTS: u32 = 1000;
+/// Mean step below which the plant counts as too stiff, s. It bounds the work for a second of the rig.
+const SHORTEST_MEAN_STEP: f64 = 4e-6;
 /// An event function counts as negative below this, rad or rad/s. Rounding at an event leaves less.
 const NEGATIVE: f64 = -1e-12;
 
@@ -159,7 +161,7 @@ fn cubic_extremes(start: f64, end: f64, slopes: [f64; 2]) -> [Option<(f64, f64)>
         return [None, None];
     }
     let q = -(c + discriminant.sqrt().copysign(c));
-    [b / q, q / (3.0 * d)].map(|s| (s > 0.0 && s < 1.0).then(|| (s, start + s * (b + s * (c + s * d)))))
+    [b / q, q / (3.0 * d)].map(|s| (s > 0.0 && s < 1.0).then_some((s, start + s * (b + s * (c + s * d)))))
 }
 
 /// A zero between a place where f is not negative and one where it is: the place, on the negative side.
@@ -202,12 +204,17 @@ fn root(f: impl Fn(f64) -> f64, low: (f64, f64), high: (f64, f64)) -> f64 {
 impl Plant {
     /// Moves the pendulum through `duration` seconds of the base's motion, which starts at the motion's own time 0.
     ///
+    /// The result depends on the state alone, not on how the pendulum came there.
+    ///
     /// # Errors
     /// A state that is no longer finite, a system too stiff, friction that chatters. The state is then as far as it came.
     pub fn advance(&mut self, base: &BaseMotion, duration: f64) -> Result<(), IntegrationError> {
+        self.integrator.restart();
         let mut t = 0.0;
         let mut events = 0;
-        for _ in 0..MAX_STEPS {
+        // `as` saturates, so that an absurd duration ends all the same.
+        let most_steps = 200 + (duration / SHORTEST_MEAN_STEP) as u64;
+        for _ in 0..most_steps {
             let left = duration - t;
             if left <= 0.0 {
                 return Ok(());
@@ -218,9 +225,7 @@ impl Plant {
             let first = EVENTS
                 .into_iter()
                 .filter(|&event| stretch.active(event))
-                .filter_map(|event| {
-                    Some((stretch.event_in(event, &self.integrator, t, &self.state, &step)?, event))
-                })
+                .filter_map(|event| Some((stretch.event_in(event, &self.integrator, t, &self.state, &step)?, event)))
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             match first {
                 None => {
@@ -228,8 +233,7 @@ impl Plant {
                     t = if step.h >= left { duration } else { t + step.h };
                 }
                 Some((h, event)) => {
-                    self.state =
-                        self.integrator.inside(|t, y| stretch.rate(t, y), t, &self.state, &step.start_rate, h);
+                    self.state = self.integrator.inside(|t, y| stretch.rate(t, y), t, &self.state, &step.start_rate, h);
                     t += h;
                     self.pass(event, base, t);
                     events += 1;

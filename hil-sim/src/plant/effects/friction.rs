@@ -74,10 +74,8 @@ pub(super) const ASYMMETRIC: EffectInfo = EffectInfo {
     parameters: &[],
     equation: "-delta for v > 0, 0 for v < 0: Coulomb's level is greater by delta in the positive direction",
     range: Range::ANY,
-    apply: |a, place, value, _| {
-        // A negative value is written as more friction in the negative direction would be found: less in the positive.
-        a.joints[place.index()].level[0] += value;
-    },
+    // A negative value takes from the other levels; the plant refuses a sum below zero.
+    apply: |a, place, value, _| a.joints[place.index()].level[0] += value,
 };
 
 pub(super) const AMPLITUDE_DEPENDENT: EffectInfo = EffectInfo {

@@ -41,16 +41,8 @@ pub enum Place {
 
 impl Place {
     /// All places.
-    pub const ALL: [Self; 8] = [
-        Self::Joint1,
-        Self::Joint2,
-        Self::Arm1,
-        Self::Arm2,
-        Self::Encoder1,
-        Self::Encoder2,
-        Self::Drive,
-        Self::Frame,
-    ];
+    pub const ALL: [Self; 8] =
+        [Self::Joint1, Self::Joint2, Self::Arm1, Self::Arm2, Self::Encoder1, Self::Encoder2, Self::Drive, Self::Frame];
 
     /// The name used after the `@`.
     pub fn name(self) -> &'static str {

@@ -65,10 +65,8 @@ impl Effect {
         let mut parts = values.split(',');
         let number = |name: &str, text: &str, range: &super::Range, unit: &str| {
             let wanted = format!("{} {unit}", range.describe());
-            let value: f64 = text
-                .trim()
-                .parse()
-                .map_err(|_| EffectError::new(name, &quoted(text.trim()), wanted.trim_end()))?;
+            let value: f64 =
+                text.trim().parse().map_err(|_| EffectError::new(name, &quoted(text.trim()), wanted.trim_end()))?;
             if !range.contains(value) {
                 return Err(EffectError::new(name, &value.to_string(), wanted.trim_end()));
             }
