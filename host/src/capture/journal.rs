@@ -30,6 +30,8 @@ pub struct Terms {
     pub seconds: Option<f64>,
     /// Record only from the moment on at which the drive runs so: amplitude µm, frequency mHz.
     pub from_drive: Option<(u32, u32)>,
+    /// Record only when that long has gone by since then (or since the first sample), s of device time.
+    pub settle_s: f64,
     /// Samples before a hello are not recorded.
     pub hello_first: bool,
 }
@@ -106,8 +108,8 @@ pub(super) fn header(start: &[u8], path: &Path) -> Result<Option<(Terms, usize)>
     };
     let end = rest.iter().position(|&b| b == 0).ok_or_else(|| bad("no end of the first line".to_owned()))?;
     let terms: Terms = serde_json::from_slice(&rest[..end]).map_err(|e| bad(e.to_string()))?;
-    if terms.seconds.is_some_and(|s| !(s.is_finite() && s > 0.0)) {
-        return Err(bad("seconds that are not above 0".to_owned()));
+    if terms.seconds.is_some_and(|s| !(s.is_finite() && s > 0.0)) || !(0.0..=1e7).contains(&terms.settle_s) {
+        return Err(bad("times that cannot be".to_owned()));
     }
     Ok(Some((terms, MAGIC.len() + end + 1)))
 }

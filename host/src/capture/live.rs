@@ -69,13 +69,12 @@ pub(super) fn run(
 ) -> Result<CaptureOutcome> {
     let terms = Terms {
         source: settings.from.clone(),
-        started_at: Some(
-            jiff::Timestamp::now().round(jiff::Unit::Second).unwrap_or_else(|_| jiff::Timestamp::now()).to_string(),
-        ),
+        started_at: (!source.is_simulated()).then(date),
         seconds: settings.seconds,
         from_drive: target
             .filter(|_| settings.wait_for_drive)
             .map(|t| (t.amplitude_micrometre, t.frequency_millihertz)),
+        settle_s: settings.settle_s.unwrap_or_else(|| source.settle_s()),
         hello_first: true,
     };
     let mut recorder = Recorder::new(rig, &settings.output, terms.clone())?;
@@ -111,14 +110,22 @@ pub(super) fn run(
     session.finish(recorder, result)
 }
 
+/// Now, RFC 3339, to the second.
+fn date() -> String {
+    let now = jiff::Timestamp::now();
+    now.round(jiff::Unit::Second).unwrap_or(now).to_string()
+}
+
 impl Session<'_> {
     /// Records until the end, the stop flag or a fault.
     fn capture(&mut self, recorder: &mut Recorder<'_>, progress: &mut dyn FnMut(&Progress)) -> Result<()> {
-        let begun = Instant::now();
-        let (mut told, mut asked, mut reached) = (begun, None::<Instant>, None::<Instant>);
+        let begun = self.source.now();
+        // People's time.
+        let mut told = Instant::now();
+        let (mut asked, mut reached) = (None::<Instant>, None::<Instant>);
         loop {
             self.turn(recorder)?;
-            let now = Instant::now();
+            let now = self.source.now();
             if recorder.ended() || self.settings.stop.load(Ordering::Relaxed) {
                 return Ok(());
             }
@@ -148,8 +155,8 @@ impl Session<'_> {
             if self.hello.is_some() && down.as_secs_f64() > self.settings.reconnect_s + SILENCE.as_secs_f64() {
                 return Err(self.lost_for_good(down));
             }
-            if now.duration_since(told) > Duration::from_millis(200) {
-                told = now;
+            if told.elapsed() > Duration::from_millis(200) {
+                told = Instant::now();
                 progress(&self.progress(recorder));
             }
         }
@@ -157,7 +164,7 @@ impl Session<'_> {
 
     /// Sends what is to be sent, reads once and takes what came.
     fn turn(&mut self, recorder: &mut Recorder<'_>) -> Result<()> {
-        let now = Instant::now();
+        let now = self.source.now();
         if self.link.is_none() {
             return self.reopen(recorder, now);
         }
@@ -206,7 +213,7 @@ impl Session<'_> {
     }
 
     fn event(&mut self, event: Event) -> Result<()> {
-        let now = Instant::now();
+        let now = self.source.now();
         let envelope = match event {
             Event::Bad(e) => {
                 self.heard.bad += 1;
@@ -263,7 +270,7 @@ impl Session<'_> {
     fn reopen(&mut self, recorder: &mut Recorder<'_>, now: Instant) -> Result<()> {
         if now < self.retry.0 {
             // Short, so that Ctrl-C is heard.
-            std::thread::sleep(Duration::from_millis(10).min(self.retry.0 - now));
+            self.source.pause(Duration::from_millis(10).min(self.retry.0 - now));
             return Ok(());
         }
         self.retry = (now + self.retry.1, (self.retry.1 * 2).min(Duration::from_secs(2)));
@@ -290,9 +297,9 @@ impl Session<'_> {
         if !self.drive.active() || self.link.is_none() {
             return;
         }
-        let begun = Instant::now();
+        let begun = self.source.now();
         self.drive.stop(&mut self.commands, begun);
-        while !self.drive.off() && self.link.is_some() && begun.elapsed() < STOPPING {
+        while !self.drive.off() && self.link.is_some() && self.source.now().duration_since(begun) < STOPPING {
             // The record is over; only answers are of interest, and a fault here has nobody to be told to who does not
             // know of it: the device's watchdog stops the shaker.
             let journal = self.journal.take();
@@ -308,7 +315,7 @@ impl Session<'_> {
     fn turn_after_end(&mut self, recorder: &mut Recorder<'_>) -> Result<()> {
         recorder.close();
         self.turn(recorder)?;
-        self.drive.poll(&mut self.commands, Instant::now())
+        self.drive.poll(&mut self.commands, self.source.now())
     }
 
     fn progress(&self, recorder: &Recorder<'_>) -> Progress {
@@ -333,7 +340,7 @@ impl Session<'_> {
 
     /// The error for a wire on which no device was heard.
     fn no_device(&self, begun: Instant) -> BadInput {
-        let s = begun.elapsed().as_secs_f64();
+        let s = self.source.now().duration_since(begun).as_secs_f64();
         let h = &self.heard;
         let error = |found: String, remedy: &str| {
             BadInput::new(found, "a device's hello").in_file(&self.settings.from).at("handshake").remedy(remedy)

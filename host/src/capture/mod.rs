@@ -23,7 +23,7 @@ mod recorder;
 mod replay;
 mod rtt;
 mod serial;
-mod sim;
+pub mod sim;
 pub mod source;
 mod tcp;
 
@@ -61,6 +61,9 @@ pub struct CaptureSettings {
     pub drive: bool,
     /// Record from the moment on at which the shaker runs at its amplitude, not from the first sample. Default true.
     pub wait_for_drive: bool,
+    /// Device time for which the running drive (or, without one, the rig) is left to itself before recording, s; before that
+    /// of the source (`sim` takes it from `[plant]`, others have none).
+    pub settle_s: Option<f64>,
     /// Keep the journal after a clean end. Default false.
     pub keep_frames: bool,
     /// Set from elsewhere (Ctrl-C) to end the capture in order.
@@ -79,6 +82,7 @@ impl CaptureSettings {
             amplitude_m: None,
             drive: true,
             wait_for_drive: true,
+            settle_s: None,
             keep_frames: false,
             stop: Arc::default(),
         }
@@ -95,7 +99,11 @@ impl CaptureSettings {
         if let Some(s) = self.seconds.filter(|s| !(s.is_finite() && *s > 0.0 && *s <= 1e8)) {
             return bad("--seconds", s, "a time in seconds above 0");
         }
-        for (option, s) in [("--reconnect-s", self.reconnect_s), ("--handshake-s", self.handshake_s)] {
+        for (option, s) in [
+            ("--reconnect-s", self.reconnect_s),
+            ("--handshake-s", self.handshake_s),
+            ("--settle-s", self.settle_s.unwrap_or(0.0)),
+        ] {
             if !(0.0..=1e7).contains(&s) {
                 return bad(option, s, "a time in seconds, 0 or more");
             }
@@ -147,11 +155,25 @@ pub struct CaptureOutcome {
 pub fn run(settings: &CaptureSettings, rig: &Rig, progress: &mut dyn FnMut(&Progress)) -> Result<CaptureOutcome> {
     settings.validate()?;
     let mut source = source::parse(&settings.from, rig)?;
+    run_from(settings, rig, &mut *source, progress)
+}
+
+/// As [`run`], from a source that is there already; `settings.from` is its name.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_from(
+    settings: &CaptureSettings,
+    rig: &Rig,
+    source: &mut dyn source::Source,
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<CaptureOutcome> {
+    settings.validate()?;
     if source.is_replay() {
-        return replay::run(settings, rig, &mut *source, progress);
+        return replay::run(settings, rig, source, progress);
     }
     let target = target(settings, rig)?;
-    live::run(settings, rig, &mut *source, target, progress)
+    live::run(settings, rig, source, target, progress)
 }
 
 /// What the shaker is to do; none where the rig has no drive or its amplitude is not known.
@@ -229,3 +251,6 @@ fn outcome(settings: &CaptureSettings, finished: Finished, seconds: Option<f64>)
 #[cfg(test)]
 #[path = "tests.rs"]
 mod tests;
+
+#[cfg(all(test, feature = "sim"))]
+mod sim_tests;

@@ -36,6 +36,10 @@ pub(super) struct Recorder<'a> {
     accounting: Accounting,
     hello: Option<Hello>,
     recording: bool,
+    /// Device's tick at which recording begins, once it is known.
+    begin_at: Option<u32>,
+    /// Ticks to wait before that.
+    settle: u32,
     /// Samples to record.
     limit: Option<i64>,
     writer: Option<RecordWriter>,
@@ -62,11 +66,15 @@ impl<'a> Recorder<'a> {
             .at("channel")
             .remedy("The first [[channel]] is encoder 1, the second encoder 2"));
         }
+        // Terms bound it to 1e7 s, rates are at most some kilohertz; it saturates beyond 49 days.
+        let settle = (terms.settle_s * rig.sample_rate_hz).round() as u32;
         let limit = terms.seconds.map(|s| ((s * rig.sample_rate_hz).round() as i64).max(1));
         Ok(Self {
             rig,
             output: output.to_path_buf(),
             recording: false,
+            begin_at: None,
+            settle,
             terms,
             decoder: Decoder::new(),
             accounting: Accounting::default(),
@@ -134,7 +142,7 @@ impl<'a> Recorder<'a> {
             && status.amplitude_nanometre == amplitude.saturating_mul(1000)
             && status.frequency_millihertz == frequency
         {
-            self.recording = true;
+            self.begin_at.get_or_insert_with(|| status.tick.wrapping_add(self.settle));
         }
         // The last word on overruns comes with the status behind the last sample.
         if self.reached_end() {
@@ -143,10 +151,15 @@ impl<'a> Recorder<'a> {
     }
 
     fn block(&mut self, block: &SampleBlock) -> Result<()> {
-        if self.terms.from_drive.is_none() && (self.hello.is_some() || !self.terms.hello_first) {
-            self.recording = true;
+        if self.terms.hello_first && self.hello.is_none() {
+            return Ok(());
         }
-        if !self.recording || (self.terms.hello_first && self.hello.is_none()) {
+        if self.terms.from_drive.is_none() {
+            self.begin_at.get_or_insert_with(|| block.first_tick.wrapping_add(self.settle));
+        }
+        // In wrapping arithmetic: not before that tick.
+        self.recording |= self.begin_at.is_some_and(|at| block.first_tick.wrapping_sub(at).cast_signed() >= 0);
+        if !self.recording {
             return Ok(());
         }
         if self.accounting.block(block.clone(), &mut self.taken) == Verdict::AskHello {

@@ -1,6 +1,7 @@
 //! Where a capture's bytes come from: one file a source and one line in [`SOURCES`].
 
 use std::io;
+use std::time::{Duration, Instant};
 
 use super::{file, rtt, serial, sim, tcp};
 use crate::error::{BadInput, Result};
@@ -33,6 +34,26 @@ pub trait Source: Send {
     /// Where its bytes were recorded before: nothing is sent, its end is the end, and no journal is kept.
     fn is_replay(&self) -> bool {
         false
+    }
+
+    /// The time by which the device lives; a simulated one brings its own, so that a run is the same at every repeat.
+    fn now(&self) -> Instant {
+        Instant::now()
+    }
+
+    /// Lets time go by.
+    fn pause(&mut self, time: Duration) {
+        std::thread::sleep(time);
+    }
+
+    /// Whether it is simulated: its record then carries no date.
+    fn is_simulated(&self) -> bool {
+        false
+    }
+
+    /// Time for which the drive (or, without one, the rig) is left to itself before recording, s.
+    fn settle_s(&self) -> f64 {
+        0.0
     }
 
     /// What to do where it cannot be opened.

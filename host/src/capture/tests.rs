@@ -253,7 +253,7 @@ fn raw_bytes_and_damaged_journals_are_read_as_far_as_they_go() {
 
 #[test]
 fn settings_are_checked() {
-    let mut s = CaptureSettings::new("sim", "x.parquet");
+    let mut s = CaptureSettings::new("tcp:x:1", "x.parquet");
     assert!(s.validate().is_ok());
     s.seconds = Some(0.0);
     assert!(s.validate().unwrap_err().to_string().contains("--seconds"));
