@@ -204,9 +204,12 @@ fn root(f: impl Fn(f64) -> f64, low: (f64, f64), high: (f64, f64)) -> f64 {
 impl Plant {
     /// Moves the pendulum through `duration` seconds of the base's motion, which starts at the motion's own time 0.
     ///
+    /// The result depends on the state alone, not on how the pendulum came there.
+    ///
     /// # Errors
     /// A state that is no longer finite, a system too stiff, friction that chatters. The state is then as far as it came.
     pub fn advance(&mut self, base: &BaseMotion, duration: f64) -> Result<(), IntegrationError> {
+        self.integrator.restart();
         let mut t = 0.0;
         let mut events = 0;
         // `as` saturates, so that an absurd duration ends all the same.

@@ -24,7 +24,7 @@ fn ticks_phase_and_amplitude_are_the_device_s() {
     assert_eq!(samples[299].phase, 42_949_673_u32.wrapping_mul(799));
     let quiet = free(&[], [0.3, 2.0, 0.0, 0.0]);
     assert!(quiet.iter().all(|s| s.phase == 0 && s.amplitude_nanometre == 0));
-    assert_eq!(quiet[0].counts, [(0.3f64 / 6.283_185_307_179_586 * 4096.0) as i32, 1108]);
+    assert_eq!(quiet[0].counts, [(0.3 / std::f64::consts::TAU * 4096.0) as i32, 1108]);
 }
 
 #[test]

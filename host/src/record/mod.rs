@@ -142,6 +142,8 @@ pub struct Losses {
     pub nan_rows: u64,
     /// Samples that arrived more than once (kept once).
     pub duplicates: u64,
+    /// Samples that arrived out of order (kept, in their place).
+    pub late: u64,
     /// Frames refused by the checksum or the decoder.
     pub bad_frames: u64,
     /// Gaps in time.
