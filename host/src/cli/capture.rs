@@ -8,8 +8,9 @@ use clap::Args;
 
 use super::Answer;
 use super::output::{Output, print_warnings};
-use crate::capture::progress::on_terminal;
-use crate::capture::{CaptureOutcome, CaptureSettings, run as capture};
+#[cfg(feature = "sim")]
+use crate::capture::sim::Simulated;
+use crate::capture::{CaptureOutcome, CaptureSettings, Progress, run as capture};
 use crate::error::{BadInput, Result};
 use crate::report::format::{count, duration};
 use crate::rig::Rig;
@@ -17,7 +18,7 @@ use crate::rig::Rig;
 /// Arguments of `capture`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// Source: serial:/dev/ttyACM0[@BAUD], tcp:HOST:PORT, rtt[:CHIP], sim, file:FRAMES.
+    /// Source: serial:/dev/ttyACM0[@BAUD], tcp:HOST:PORT, rtt[:CHIP], sim[:SEED], file:FRAMES.
     #[arg(long, value_name = "SOURCE")]
     from: String,
     /// Rig file.
@@ -47,9 +48,6 @@ pub struct Arguments {
     /// Keep the journal of raw frames (REC.frames) after a clean end.
     #[arg(long)]
     keep_frames: bool,
-    /// Seed of a simulated rig (source sim).
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    seed: u64,
     /// Effect to put into a simulated rig (source sim).
     #[arg(long = "effect", value_name = "ID@PLACE=VALUE[,name=value]")]
     effects: Vec<String>,
@@ -86,6 +84,43 @@ pub fn human(outcome: &CaptureOutcome) -> String {
     text
 }
 
+/// Captures from a simulated rig with effects put into it; the seed is that of `sim:SEED`, 1 without one.
+///
+/// # Errors
+/// Another source; effects that are not to be had; what a capture reports.
+#[cfg(feature = "sim")]
+pub fn from_simulated(
+    settings: &CaptureSettings,
+    rig: &Rig,
+    effects: &[String],
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<CaptureOutcome> {
+    let bad = || {
+        BadInput::new(format!("--from {} with --effect", settings.from), "--from sim or sim:SEED")
+            .at("--effect")
+            .remedy("Effects can be put into a simulated rig only")
+    };
+    let mut parts = settings.from.splitn(2, ':');
+    if parts.next() != Some("sim") {
+        return Err(bad());
+    }
+    let seed = parts.next().map(|s| s.parse::<u64>().map_err(|_| bad())).transpose()?;
+    let effects = crate::simulate::effects(effects)?;
+    let mut source = Simulated::new(rig, &effects, seed, settings.seconds)?;
+    crate::capture::run_from(settings, rig, &mut source, progress)
+}
+
+/// Says that this build has no simulator.
+#[cfg(not(feature = "sim"))]
+pub fn from_simulated(
+    _: &CaptureSettings,
+    _: &Rig,
+    _: &[String],
+    _: &mut dyn FnMut(&Progress),
+) -> Result<CaptureOutcome> {
+    Err(BadInput::new("a build without the feature `sim`", "one with it").remedy("Build with `cargo build --release`"))
+}
+
 /// Captures.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let rig = Rig::read(&arguments.rig)?;
@@ -106,12 +141,15 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         drive: !arguments.no_drive,
         wait_for_drive: !arguments.from_first_sample,
         keep_frames: arguments.keep_frames,
-        seed: arguments.seed,
-        effects: arguments.effects.clone(),
         stop,
         ..CaptureSettings::new(arguments.from.clone(), arguments.output.clone())
     };
-    let outcome = capture(&settings, &rig, &mut *on_terminal())?;
+    let mut progress = super::progress::of_capture();
+    let outcome = if arguments.effects.is_empty() {
+        capture(&settings, &rig, &mut *progress)?
+    } else {
+        from_simulated(&settings, &rig, &arguments.effects, &mut *progress)?
+    };
     print_warnings(&outcome.warnings);
     arguments.out.write_json(&outcome)?;
     arguments.out.say(&human(&outcome));

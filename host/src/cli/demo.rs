@@ -9,8 +9,7 @@ use clap::Args;
 
 use super::Answer;
 use super::output::Output;
-use crate::capture::progress::on_terminal;
-use crate::capture::{CaptureSettings, run as capture};
+use crate::capture::CaptureSettings;
 use crate::error::{BadInput, Result};
 use crate::identify::{Settings, identify, presentation};
 use crate::inspect::{InspectSettings, inspect};
@@ -53,11 +52,10 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     out.say(&format!("capture: {SECONDS} s of the simulated rig, through the firmware's logic and the wire format\n"));
     let settings = CaptureSettings {
         seconds: Some(SECONDS),
-        seed: arguments.seed,
-        effects: vec![HIDDEN.to_owned()],
-        ..CaptureSettings::new("sim", record_path.clone())
+        ..CaptureSettings::new(format!("sim:{}", arguments.seed), record_path.clone())
     };
-    let captured = capture(&settings, &rig, &mut *on_terminal())?;
+    let hidden = [HIDDEN.to_owned()];
+    let captured = super::capture::from_simulated(&settings, &rig, &hidden, &mut *super::progress::of_capture())?;
     out.say(&super::capture::human(&captured));
     let record = Record::read(&record_path, &rig, &ReadOptions::default())?;
     let inspection = inspect(&record, &rig, &InspectSettings::default())?;
@@ -73,14 +71,15 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         .add(presentation::table(&identified, "", &|_| None))
         .add(presentation::residuals(&identified))
         .add(inspection.clone())
-        .add(Truth {
-            table: presentation::table(&identified, "", &truth),
-            hidden: vec![HIDDEN.to_owned()],
-        });
+        .add(Truth { table: presentation::table(&identified, "", &truth), hidden: hidden.to_vec() });
     let report = folder.join("report.html");
-    let mut page = Report::of("whirl demo", "a simulated double pendulum on a shaker, from encoder edges to parameters", &results);
+    let mut page =
+        Report::of("whirl demo", "a simulated double pendulum on a shaker, from encoder edges to parameters", &results);
     page.fact("Rig", &rig.name)
-        .fact("Record", format!("{} s, {} samples, {} missing", SECONDS, captured.losses.received, captured.losses.lost()))
+        .fact(
+            "Record",
+            format!("{} s, {} samples, {} missing", SECONDS, captured.losses.received, captured.losses.lost()),
+        )
         .fact("Firmware", &captured.firmware);
     page.write(&report)?;
     out.write_json(&serde_json::json!({ "capture": captured, "inspect": inspection, "identify": identified }))?;

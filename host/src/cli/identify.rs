@@ -60,7 +60,12 @@ pub fn human(result: &Identification) -> String {
         let _ = writeln!(text, "  {:<7} {} {unit}", p.name, plus_minus(p.value, 1.96 * p.std_error));
     }
     let errors: Vec<String> = result.identification_error.iter().map(|e| format!("{:.2} %", 100.0 * e)).collect();
-    let _ = writeln!(text, "identification error {} (bound {:.0} %); ± is 1.96 standard errors", errors.join(", "), 100.0 * ERROR_BOUND);
+    let _ = writeln!(
+        text,
+        "identification error {} (bound {:.0} %); ± is 1.96 standard errors",
+        errors.join(", "),
+        100.0 * ERROR_BOUND
+    );
     for group in &result.groups_not_separable {
         let _ = writeln!(text, "not told apart or not determined by this record: {}", group.join(", "));
     }

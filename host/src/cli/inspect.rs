@@ -9,9 +9,9 @@ use super::output::{Output, print_warnings};
 use super::{Answer, Records};
 use crate::error::Result;
 use crate::inspect::{InspectSettings, Inspection, inspect};
-use crate::report::format::{duration, significant};
 use crate::record::Record;
 use crate::record::formats::ReadOptions;
+use crate::report::format::{duration, significant};
 use crate::report::{Report, Results};
 use crate::rig::Rig;
 
@@ -57,7 +57,13 @@ pub fn human(i: &Inspection) -> String {
                 .lines
                 .iter()
                 .take(4)
-                .map(|l| format!("{} Hz{}", significant(l.frequency_hz, 4), l.name.as_ref().map_or_else(String::new, |n| format!(" ({n})"))))
+                .map(|l| {
+                    format!(
+                        "{} Hz{}",
+                        significant(l.frequency_hz, 4),
+                        l.name.as_ref().map_or_else(String::new, |n| format!(" ({n})"))
+                    )
+                })
                 .collect();
             if !lines.is_empty() {
                 let _ = writeln!(text, "          lines of the {}: {}", s.of, lines.join(", "));

@@ -39,7 +39,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
                 out.say(&format!("{id:<18} {about}\n"));
             }
         }
-        What::Boards => out.say("virtual-rig        the firmware in lock-step with the simulated rig (`whirl capture --from sim`)\n"),
+        What::Boards => out
+            .say("virtual-rig        the firmware in lock-step with the simulated rig (`whirl capture --from sim`)\n"),
         What::Effects => effects(&out),
     }
     Ok(Answer::Positive)
@@ -49,10 +50,19 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
 fn effects(out: &super::output::Output) {
     for e in whirl_hil_sim::plant::effects::LIST {
         let places: Vec<&str> = e.places.iter().map(|p| p.name()).collect();
-        let parameters: Vec<String> =
-            e.parameters.iter().map(|p| format!("{} [{}]", p.name, if p.unit.is_empty() { "1" } else { p.unit })).collect();
+        let parameters: Vec<String> = e
+            .parameters
+            .iter()
+            .map(|p| format!("{} [{}]", p.name, if p.unit.is_empty() { "1" } else { p.unit }))
+            .collect();
         let with = if parameters.is_empty() { String::new() } else { format!("; with {}", parameters.join(", ")) };
-        out.say(&format!("{:<28} {:<18} @{:<30} {}{with}\n", e.id, format!("[{}]", e.unit), places.join("|"), e.equation));
+        out.say(&format!(
+            "{:<28} {:<18} @{:<30} {}{with}\n",
+            e.id,
+            format!("[{}]", e.unit),
+            places.join("|"),
+            e.equation
+        ));
     }
 }
 

@@ -32,7 +32,10 @@ impl Output {
         text.push('\n');
         if is_standard_output(path) {
             let mut out = std::io::stdout().lock();
-            return out.write_all(text.as_bytes()).and_then(|()| out.flush()).map_err(|e| BadInput::io("standard output", &e));
+            return out
+                .write_all(text.as_bytes())
+                .and_then(|()| out.flush())
+                .map_err(|e| BadInput::io("standard output", &e));
         }
         write_file(path, text.as_bytes())
     }
@@ -55,12 +58,14 @@ fn is_standard_output(path: &Path) -> bool {
 /// # Errors
 /// A folder that does not exist, a full disk, missing rights.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    let fail = |e: std::io::Error| BadInput::io(path, &e).remedy("Name a file in a folder that exists and can be written to");
+    let fail =
+        |e: std::io::Error| BadInput::io(path, &e).remedy("Name a file in a folder that exists and can be written to");
     // A device or pipe is written to as it is.
     if path.exists() && !path.is_file() {
         return std::fs::write(path, bytes).map_err(fail);
     }
-    let mut name = path.file_name().ok_or_else(|| BadInput::new("no file name", "a file to write").in_file(path))?.to_os_string();
+    let mut name =
+        path.file_name().ok_or_else(|| BadInput::new("no file name", "a file to write").in_file(path))?.to_os_string();
     name.push(format!(".{}.part", std::process::id()));
     let part = path.with_file_name(name);
     std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path)).map_err(|e| {

@@ -12,6 +12,11 @@ pub fn set_quiet(quiet: bool) {
     QUIET.store(quiet, Ordering::Relaxed);
 }
 
+/// What a capture tells of its progress: shown on a terminal, unless quiet is wanted.
+pub fn of_capture() -> Box<dyn FnMut(&crate::capture::Progress)> {
+    if QUIET.load(Ordering::Relaxed) { Box::new(|_| {}) } else { crate::capture::progress::on_terminal() }
+}
+
 /// A bar over `length` steps that says what is being done; hidden where no terminal is there.
 pub fn bar(what: &'static str, length: u64) -> ProgressBar {
     let bar = if QUIET.load(Ordering::Relaxed) || !std::io::stderr().is_terminal() {

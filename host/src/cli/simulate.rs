@@ -44,14 +44,26 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         &super::progress::bar("simulating", 0),
     )?;
     arguments.out.write_json(&summary)?;
-    arguments.out.say(&format!("{} samples ({} s) in {}\n", summary.samples, summary.seconds, arguments.output.display()));
+    arguments.out.say(&format!(
+        "{} samples ({} s) in {}\n",
+        summary.samples,
+        summary.seconds,
+        arguments.output.display()
+    ));
     Ok(Answer::Positive)
 }
 
 /// Says that this build has no simulator.
 #[cfg(not(feature = "sim"))]
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let _ = (Rig::read(&arguments.rig)?, &arguments.effects, arguments.seconds, arguments.seed, &arguments.output, &arguments.out);
+    let _ = (
+        Rig::read(&arguments.rig)?,
+        &arguments.effects,
+        arguments.seconds,
+        arguments.seed,
+        &arguments.output,
+        &arguments.out,
+    );
     Err(crate::error::BadInput::new("a build without the feature `sim`", "one with it")
         .remedy("Build with `cargo build --release` (feature sim is on by default)"))
 }

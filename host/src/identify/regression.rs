@@ -117,7 +117,7 @@ impl Normal {
         let scaled = DMatrix::from_fn(p, p, |i, j| self.matrix[(i, j)] * scale[i] * scale[j]);
         let eigen = SymmetricEigen::new(scaled);
         let (least, greatest) = (eigen.eigenvalues.min(), eigen.eigenvalues.max());
-        if !(least > 1e-13 * greatest) {
+        if least.is_nan() || least <= 1e-13 * greatest {
             let k = eigen.eigenvalues.imin();
             return Err(eigen.eigenvectors.column(k).iamax());
         }
