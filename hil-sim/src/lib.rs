@@ -9,6 +9,7 @@
 //! | [`simulate`] | samples straight from the plant |
 //! | [`virtual_rig`] | the firmware and the plant in lock-step |
 //! | [`faults`] | a link that damages what it carries, and knows what it did |
+//! | [`transport`] | ways to the virtual rig: in process, TCP, pseudo-terminal |
 //!
 //! Nothing here is shared with the host's analysis: the plant is written from the Lagrangian, with its own integrator.
 //! Everything is deterministic; transcendental functions come from `libm` by name, so that a seed gives the same counts
@@ -22,6 +23,7 @@ pub mod integrator;
 pub mod plant;
 pub mod shaker;
 pub mod simulate;
+pub mod transport;
 pub mod virtual_rig;
 
 pub use bench::SecondEncoder;

@@ -151,6 +151,30 @@ fn missed_ticks_are_counted_and_skipped() {
 }
 
 #[test]
+fn the_phase_keeps_up_with_missed_ticks() {
+    let mut bench = bench();
+    bench.request(Command::Arm);
+    bench.request(START);
+    bench.tick(0); // the run begins with tick 1
+    bench.ticks(4);
+    bench.tick(6);
+    assert_eq!(bench.sampler.drive().phase, 10 * 42_949_673);
+    let block = bench.blocks().pop().unwrap();
+    assert_eq!((block.first_tick, sample_count(&block)), (1, 4));
+}
+
+#[test]
+fn another_start_while_ramping_begins_a_block() {
+    let mut bench = bench();
+    bench.request(Command::Arm);
+    bench.request(START);
+    bench.ticks(5);
+    bench.request(Command::Start { amplitude_micrometre: 2_000, frequency_millihertz: 5_000 });
+    bench.ticks(11);
+    assert_eq!(spans(&bench.blocks()), [(0, 1), (1, 5), (6, 10)]);
+}
+
+#[test]
 fn a_full_block_queue_is_counted_in_samples() {
     // A queue of three slots holds two blocks.
     let mut bench: Bench<3> = Bench::new();

@@ -213,6 +213,28 @@ fn disarming_while_moving_ramps_down_first() {
 }
 
 #[test]
+fn silence_while_stopping_disarms() {
+    let mut shaker = shaker();
+    done(&mut shaker, Command::SetRamp { micrometre_per_s: 100 });
+    done(&mut shaker, Command::Arm);
+    done(&mut shaker, START);
+    run(&mut shaker, 5_000);
+    done(&mut shaker, Command::Stop);
+    alone(&mut shaker, 5_001);
+    assert_eq!((shaker.state(), shaker.stop_cause()), (ShakerState::Disarmed, StopCause::Command));
+}
+
+#[test]
+fn every_run_begins_at_phase_zero() {
+    let mut shaker = running();
+    done(&mut shaker, Command::Stop);
+    run(&mut shaker, 300);
+    assert_ne!(shaker.drive().phase, 0);
+    done(&mut shaker, START);
+    assert_eq!((shaker.drive().phase, shaker.drive().phase_increment), (0, 42_949_673));
+}
+
+#[test]
 fn a_failing_output_faults_and_disarm_clears() {
     let mut shaker = running();
     shaker.output.fail_write = true;
