@@ -38,6 +38,8 @@ pub mod shaker;
 mod block_builder;
 mod console;
 mod stream;
+#[cfg(test)]
+mod testing;
 
 pub use app::App;
 pub use output::ShakerOutput;

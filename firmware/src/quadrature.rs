@@ -58,16 +58,16 @@ impl<C: QuadratureCounter> Encoder<C> {
 mod tests {
     use super::*;
 
-    struct Script(std::vec::IntoIter<u16>);
+    struct Script<'a>(core::slice::Iter<'a, u16>);
 
-    impl QuadratureCounter for Script {
+    impl QuadratureCounter for Script<'_> {
         fn count(&mut self) -> u16 {
-            self.0.next().unwrap_or(0)
+            self.0.next().copied().unwrap_or(0)
         }
     }
 
     fn positions(readings: &[u16]) -> std::vec::Vec<i32> {
-        let mut encoder = Encoder::new(Script(readings.to_vec().into_iter()));
+        let mut encoder = Encoder::new(Script(readings.iter()));
         readings
             .iter()
             .map(|_| {
@@ -86,7 +86,7 @@ mod tests {
 
     #[test]
     fn zero_is_taken_at_the_last_reading() {
-        let mut encoder = Encoder::new(Script(std::vec![500, 510].into_iter()));
+        let mut encoder = Encoder::new(Script([500, 510].iter()));
         let first = encoder.latch();
         assert_eq!(encoder.extend(first), 500);
         encoder.zero();

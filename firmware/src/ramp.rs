@@ -92,6 +92,20 @@ mod tests {
         assert!(ramp.arrived());
     }
 
+    #[test]
+    fn each_ramp_begins_its_own_line() {
+        // 0.6 nm a tick: one nanometre in two ticks, also after what was left over of the last ramp.
+        let mut ramp = Ramp::new(3, 5_000_000);
+        for target in [100, 200, 300, 0] {
+            ramp.go_to(target);
+            let before = ramp.amplitude();
+            ramp.step();
+            assert_eq!(ramp.amplitude(), before);
+            ramp.step();
+            assert_eq!(ramp.amplitude().abs_diff(before), 1);
+        }
+    }
+
     proptest! {
         #[test]
         fn never_faster_than_the_set_rate(

@@ -55,6 +55,8 @@ pub struct Shaker<O> {
     host_timeout_ms: u32,
     silent_ticks: u32,
     notice: Option<Notice>,
+    /// A fault whose output has not taken its zero yet.
+    silence_due: bool,
 }
 
 impl<O: ShakerOutput> Shaker<O> {
@@ -75,6 +77,7 @@ impl<O: ShakerOutput> Shaker<O> {
             host_timeout_ms: settings.host_timeout_ms,
             silent_ticks: 0,
             notice: None,
+            silence_due: false,
         };
         if !shaker.silence() {
             shaker.fault(StopCause::Fault);
@@ -140,6 +143,9 @@ impl<O: ShakerOutput> Shaker<O> {
 
     /// Writes the displacement of this tick, then advances phase, ramp and watchdog.
     pub fn tick(&mut self) {
+        if self.silence_due {
+            self.silence_due = !self.silence();
+        }
         if self.moving() {
             self.write();
         }
@@ -312,6 +318,7 @@ impl<O: ShakerOutput> Shaker<O> {
 
     fn disarm(&mut self) {
         if self.silence() {
+            self.silence_due = false;
             self.state = ShakerState::Disarmed;
         } else {
             self.fault(StopCause::Fault);
@@ -324,8 +331,8 @@ impl<O: ShakerOutput> Shaker<O> {
         self.cause = cause;
         self.state = ShakerState::Faulted;
         self.notice = Some(if cause == StopCause::Limit { Notice::LimitExceeded } else { Notice::OutputFailed });
-        // It may well fail again; there is nothing more that can be done.
-        self.silence();
+        // It may well fail again: tried anew at every tick until it works.
+        self.silence_due = !self.silence();
     }
 }
 

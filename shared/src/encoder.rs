@@ -250,6 +250,12 @@ mod tests {
     }
 
     #[test]
+    fn counts_within_a_turn() {
+        assert_eq!([2047, 2048, -2048, -2049, 4096].map(|c| scale(4096).wrapped(c)), [2047, -2048, -2048, 2047, 0]);
+        assert_eq!([2, 3, -2, -3, 5].map(|c| scale(5).wrapped(c)), [2, -2, -2, 2, 0]);
+    }
+
+    #[test]
     fn counts_that_are_none() {
         assert_eq!(scale(4096).count(f64::NAN), None);
         assert_eq!(scale(4096).count(f64::INFINITY), None);
@@ -317,7 +323,8 @@ mod tests {
         fn wrapped_differs_by_whole_turns(count in any::<i64>(), n in any::<u32>().prop_filter("zero", |&n| n > 0)) {
             let wrapped = scale(n).wrapped(count);
             prop_assert!((wrapped - count % i64::from(n)) % i64::from(n) == 0);
-            prop_assert!(2 * wrapped >= -i64::from(n) && 2 * wrapped <= i64::from(n));
+            let half = i64::from(n / 2);
+            prop_assert!((-half..i64::from(n) - half).contains(&wrapped));
             prop_assert!((-PI..PI).contains(&scale(n).wrapped_radians(count)));
         }
 

@@ -153,6 +153,8 @@ mod tests {
         assert_eq!(events(&[100, 36]).0[1], SequenceEvent::Restart);
         assert_eq!(events(&[100, 37]).0[1], SequenceEvent::Late);
         assert_eq!(events(&[100, 37]).1.lost, 0);
+        // A late frame from before the first was never counted as lost.
+        assert_eq!(events(&[10, 13, 8]).1, SequenceCounters { received: 3, lost: 2, late: 1, ..Default::default() });
     }
 
     #[test]

@@ -115,7 +115,6 @@ impl TickTracker {
         if core::mem::take(&mut self.restarted) {
             let missing = u64::from(first_tick);
             self.counters.missing += missing;
-            self.gaps.clear();
             return self.begin(first_tick, expected.saturating_add(missing), len, TickEvent::Restart(missing));
         }
         let ahead = first_tick.wrapping_sub(device) as i32;

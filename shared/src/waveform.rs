@@ -61,7 +61,7 @@ pub fn cos_sin<T: Real>(phase: u32) -> (T, T) {
 
 /// The base's displacement a cos τ in nm, upward positive (for a vertical drive); saturates at ±(2³¹ − 1) nm.
 ///
-/// Single precision and integers only, for a processor without a double-precision unit.
+/// The phase, the amplitude and the product are integers; only the cosine is `libm`'s in single precision.
 #[must_use]
 pub fn displacement(amplitude_nanometre: u32, phase: u32) -> i32 {
     let (cos, _) = cos_sin::<f32>(phase);

@@ -2,26 +2,23 @@
 
 use core::f64::consts::TAU;
 
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::{Rng, SeedableRng};
+use std::vec::Vec;
+
 use super::*;
 
 const TURNS64: f64 = 18_446_744_073_709_551_616.0;
 
-/// A broadband signal without structure, in [−1, 1).
-fn noise(n: u64, channel: u64) -> f64 {
-    let mut z = (n * 7 + channel).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 11) as f64 / 4_503_599_627_370_496.0 - 1.0
+/// Two broadband signals without structure, in [−1, 1).
+fn noise(length: u32) -> Vec<[f64; 2]> {
+    let mut random = ChaCha8Rng::seed_from_u64(u64::from(length));
+    let mut number = || (random.next_u64() >> 11) as f64 / 4_503_599_627_370_496.0 - 1.0;
+    (0..length).map(|_| [number(), number()]).collect()
 }
 
 /// Σ w x e^{−ijφ} term by term, with the phase from the rational frequency in 128-bit integers.
-fn direct(
-    x: impl Fn(u64) -> f64,
-    (f, rate, k): (u32, u32, u32),
-    length: u32,
-    harmonic: u32,
-    window: Window,
-) -> ([f64; 2], f64) {
+fn direct(x: &[f64], (f, rate, k): (u32, u32, u32), length: u32, harmonic: u32, window: Window) -> ([f64; 2], f64) {
     let (mut sum, mut size) = ([0.0; 2], 0.0);
     for n in 0..u64::from(length) {
         let period = u128::from(rate) * u128::from(k);
@@ -31,7 +28,7 @@ fn direct(
             Window::Rectangular => 1.0,
             Window::SinFourth => libm::pow(libm::sin(core::f64::consts::PI * n as f64 / f64::from(length)), 4.0),
         };
-        let value = weight * x(n);
+        let value = weight * x[n as usize];
         sum[0] += value * libm::cos(angle);
         sum[1] -= value * libm::sin(angle);
         size += value.abs();
@@ -44,17 +41,18 @@ fn worst_error<T: Real + Into<f64>>(frequency: (u32, u32, u32), length: u32, win
     let (f, rate, k) = frequency;
     let settings = HarmonicSettings::of_frequency(f, rate, k, length, window).unwrap();
     let mut bank: HarmonicBank<T, 2, M> = HarmonicBank::new(settings);
-    for n in 0..u64::from(length) {
-        let done = bank.push([0, 1].map(|c| T::from_f64(noise(n, c))));
-        assert_eq!(done, n + 1 == u64::from(length));
+    let signals = noise(length);
+    for (n, signal) in signals.iter().enumerate() {
+        let done = bank.push(signal.map(T::from_f64));
+        assert_eq!(done, n + 1 == signals.len());
     }
     let mut worst = 0.0_f64;
     for channel in 0..2 {
+        // Single-precision banks are compared on the values that they were given.
+        let x: Vec<f64> = signals.iter().map(|signal| T::from_f64(signal[channel]).into()).collect();
         for harmonic in 0..=M as u32 {
-            // Single-precision banks are compared on the values that they were given.
-            let x = |n| -> f64 { T::from_f64(noise(n, channel)).into() };
-            let (want, size) = direct(x, frequency, length, harmonic, window);
-            let got = bank.sum(channel as usize, harmonic as usize).unwrap();
+            let (want, size) = direct(&x, frequency, length, harmonic, window);
+            let got = bank.sum(channel, harmonic as usize).unwrap();
             for part in 0..2 {
                 worst = worst.max((got[part].into() - want[part]).abs() / size);
             }
@@ -159,8 +157,9 @@ fn windows_are_restarted_where_the_last_one_ended() {
     let settings = HarmonicSettings::of_frequency(5_200, 500_000, 3, 500, Window::SinFourth).unwrap();
     let mut bank: HarmonicBank<f64, 1, 6> = HarmonicBank::new(settings);
     let mut fresh = bank.clone();
-    for n in 0..500 {
-        bank.push([noise(n, 0)]);
+    let signal = noise(1_000);
+    for x in &signal[..500] {
+        bank.push([x[0]]);
     }
     // A complete bank takes nothing more.
     let before = bank.sum(0, 3);
@@ -172,8 +171,8 @@ fn windows_are_restarted_where_the_last_one_ended() {
     bank.restart(phase);
     fresh.restart(phase);
     assert_eq!(bank.ticks(), 0);
-    for n in 500..1_000 {
-        assert_eq!(bank.push([noise(n, 0)]), fresh.push([noise(n, 0)]));
+    for x in &signal[500..] {
+        assert_eq!(bank.push([x[0]]), fresh.push([x[0]]));
     }
     for j in 0..=6 {
         assert_eq!(bank.sum(0, j), fresh.sum(0, j));

@@ -27,7 +27,7 @@ impl Source {
 
     /// Below `end`, which is not zero.
     pub fn below(&mut self, end: usize) -> usize {
-        (u64::from(self.u32()) * end as u64 >> 32) as usize
+        ((u64::from(self.u32()) * end as u64) >> 32) as usize
     }
 
     /// A number of any length: short varints are as likely as long ones.
