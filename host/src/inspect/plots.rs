@@ -29,7 +29,7 @@ pub struct Plots {
     pub whole: History,
     /// Its beginning, wrapped to [−π, π), every sample up to 2000.
     pub start: History,
-    /// Portrait: value (wrapped).
+    /// Portrait: value (wrapped), `null` between stretches and where an angle passes ±π.
     pub portrait_x: Vec<f32>,
     /// Portrait: velocity, unit/s.
     pub portrait_v: Vec<f32>,
@@ -67,7 +67,7 @@ pub fn plots(record: &Record, motion: &Motion, coordinate: &Coordinate, drive_hz
     let total: usize = motion.stretches.iter().map(Vec::len).sum();
     let m = coordinate.slope_half_width;
     let velocities = motion.velocities(record.sample_rate_hz, m);
-    let stride = total.div_ceil(4 * MOST).max(1);
+    let stride = total.div_ceil(2 * MOST).max(1);
     for (s, x) in motion.stretches.iter().enumerate() {
         let Some(segment) = record.segments.get(s).filter(|_| !x.is_empty()) else { continue };
         if s > 0 {
@@ -80,8 +80,16 @@ pub fn plots(record: &Record, motion: &Motion, coordinate: &Coordinate, drive_hz
             out.whole.value.push(x[i] as f32);
         }
         let v = &velocities[s];
+        let mut before = f64::NAN;
         for i in (0..v.len()).step_by(stride) {
-            out.portrait_x.push(bent(x[i + m]) as f32);
+            let here = bent(x[i + m]);
+            // A new stretch, or a turn past ±π: the pen is lifted.
+            if !((here - before).abs() < 0.5 * TAU || motion.space == Space::R && !before.is_nan()) {
+                out.portrait_x.push(f32::NAN);
+                out.portrait_v.push(f32::NAN);
+            }
+            before = here;
+            out.portrait_x.push(here as f32);
             out.portrait_v.push(v[i] as f32);
         }
         for at in drive_hz.map(|f| section_samples(record, s, f)).unwrap_or_default() {

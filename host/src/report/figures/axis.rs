@@ -116,11 +116,17 @@ impl Fixed {
     }
 }
 
-/// Ticks at 1, 2 or 5 times a power of ten, at most about `most`, and the power of ten taken out.
+/// Ticks at 1, 2 or 5 times a power of ten, at most about `most` (three where these fit in), and the power of ten taken
+/// out.
 fn linear_ticks(low: f64, high: f64, most: f64) -> (Vec<(f64, String)>, i32) {
-    let rough = (high - low) / most;
-    let e = rough.log10().floor();
-    let step = [1.0, 2.0, 5.0, 10.0].iter().map(|m| m * 10f64.powf(e)).find(|s| *s >= 0.999 * rough).unwrap_or(rough);
+    let steps = |rough: f64| {
+        let e = 10f64.powf(rough.log10().floor());
+        [1.0, 2.0, 5.0, 10.0].map(|m| m * e).into_iter().find(|s| *s >= 0.999 * rough).unwrap_or(rough)
+    };
+    let mut step = steps((high - low) / most);
+    if (high / step).floor() - (low / step).ceil() < 2.0 {
+        step = steps((high - low) / (1.6 * most));
+    }
     let size = low.abs().max(high.abs());
     let power = if !(2e-3..1e5).contains(&size) { size.log10().floor() as i32 } else { 0 };
     let scale = 10f64.powi(power);
