@@ -9,6 +9,7 @@ pub mod motion;
 pub mod periodicity;
 pub mod plots;
 pub mod summary;
+pub mod text;
 
 use serde::Serialize;
 

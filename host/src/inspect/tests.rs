@@ -107,6 +107,12 @@ fn a_chaotic_record_is_described() {
         assert!((c.noise / c.quantisation_noise - 1.0).abs() < 0.3, "{}: {} {}", c.name, c.noise, c.quantisation_noise);
         assert!(c.rms_speed > 1.0 && c.spectrum.as_ref().unwrap().averages >= 8);
     }
+    let text = text::text(&found);
+    assert!(
+        text.contains("29\u{202f}863 samples at 500 Hz") && text.contains("lost       137: 137 on the link"),
+        "{text}"
+    );
+    assert!(text.contains("5 Hz stated, ") && text.lines().count() == 7, "{text}");
     let json = serde_json::to_string(&found).unwrap();
     assert!(json.len() < 1_000_000 && !json.contains("[plant]"), "{}", json.len());
 }

@@ -339,7 +339,13 @@ fn draw_marks(
         match s.shape {
             Shape::Line | Shape::Thin => {
                 let width = if s.shape == Shape::Line { 3 } else { 2 };
-                for part in points.split(|(a, b)| !(a.is_finite() && b.is_finite())).filter(|p| p.len() > 1) {
+                for part in points.split(|(a, b)| !(a.is_finite() && b.is_finite())) {
+                    if let [alone] = part {
+                        let _ = chart.draw_series([Circle::new(*alone, 2, colour.filled())]);
+                    }
+                    if part.len() < 2 {
+                        continue;
+                    }
                     let _ = chart.draw_series(LineSeries::new(part.iter().copied(), colour.stroke_width(width)));
                 }
             }

@@ -2,9 +2,8 @@
 
 use crate::inspect::Inspection;
 use crate::inspect::coordinate::Coordinate;
-use crate::inspect::motion::Space;
-use crate::inspect::periodicity::Kind;
-use crate::report::format::{count, duration, fixed, quantity, shortest, significant, to_digits_of};
+use crate::inspect::text::{drive, motion, range};
+use crate::report::format::{count, duration, fixed, quantity, shortest, significant};
 use crate::report::html::{Align, Html};
 use crate::report::{Results, SectionKind};
 
@@ -38,15 +37,7 @@ fn one(body: &mut Html, inspection: &Inspection) {
         facts.push(("jitter of the drive's phase", format!("{} samples", significant(jitter, 2))));
     }
     facts.push(("motion", motion(inspection)));
-    if let Some(d) = &inspection.drive {
-        let found = d.phase_hz.or(d.line_hz).or(d.other_hz);
-        let stated = shortest(d.stated_hz);
-        let digits = |f| to_digits_of(f, if d.phase_hz.is_some() { 1e-5 } else { d.resolution_hz });
-        let seen = match (d.agrees, found) {
-            (Some(true), Some(f)) => format!("{stated} Hz stated, {} Hz in the record", digits(f)),
-            (Some(false), Some(f)) => format!("{stated} Hz stated, but {} Hz in the record", digits(f)),
-            _ => format!("{stated} Hz stated, no clear line in the record"),
-        };
+    if let Some(seen) = drive(inspection) {
         facts.push(("drive", seen));
     }
     if let Some(o) = &r.origin {
@@ -61,29 +52,8 @@ fn one(body: &mut Html, inspection: &Inspection) {
     table(body, &inspection.coordinates);
 }
 
-/// One line on the kind of motion.
-pub fn motion(inspection: &Inspection) -> String {
-    let p = &inspection.periodicity;
-    match (p.kind, p.period) {
-        (Kind::AtRest, _) => "at rest".to_owned(),
-        (Kind::Free, _) => "free, no drive".to_owned(),
-        (Kind::Periodic, Some(1)) => "repeats every drive period".to_owned(),
-        (Kind::Periodic, k) => format!("repeats every {} drive periods", k.unwrap_or(0)),
-        (Kind::LocksLater, _) => format!("locks after {}", duration(p.locked_after_s.unwrap_or(0.0))),
-        (Kind::ChaoticOrTransient, _) => "chaotic or transient".to_owned(),
-    }
-}
-
 /// One column for each coordinate.
 fn table(body: &mut Html, coordinates: &[Coordinate]) {
-    let turn = std::f64::consts::TAU;
-    let range = |c: &Coordinate| {
-        if c.space == Space::S1 && c.greatest - c.least > 20.0 {
-            format!("{} … {} turns", significant(c.least / turn, 3), significant(c.greatest / turn, 3))
-        } else {
-            format!("{} … {} {}", significant(c.least, 4), significant(c.greatest, 4), c.unit)
-        }
-    };
     let column = |c: &Coordinate| c.channel.clone().unwrap_or_else(|| "derived".to_owned());
     type Cell<'a> = (&'a str, &'a dyn Fn(&Coordinate) -> Option<String>);
     let cells: [Cell; 11] = [

@@ -75,6 +75,7 @@ fn panel(i: usize, c: &Coordinate, s: &Spectrum, top: f64, drive: Option<f64>, s
 }
 
 fn line_table(body: &mut Html, moving: &[(usize, &Coordinate, &Spectrum)], driven: bool) {
+    let named = driven && moving.iter().any(|(_, _, s)| s.lines.iter().take(6).any(|l| l.name.is_some()));
     let mut rows = Vec::new();
     for (_, c, s) in moving {
         for l in s.lines.iter().take(6) {
@@ -86,7 +87,7 @@ fn line_table(body: &mut Html, moving: &[(usize, &Coordinate, &Spectrum)], drive
                 Html::text(&format!("{} {unit}", significant(l.amplitude, 3))),
                 Html::text(&format!("{} dB", fixed(10.0 * l.prominence.log10(), 1))),
             ];
-            if driven {
+            if named {
                 row.push(Html(name.replace("f_e", "<i>f</i><sub>e</sub>")));
             }
             rows.push(row);
@@ -103,7 +104,7 @@ fn line_table(body: &mut Html, moving: &[(usize, &Coordinate, &Spectrum)], drive
         head("amplitude", Align::Right),
         head("above surroundings", Align::Right),
     ];
-    if driven {
+    if named {
         heads.push(head("of the drive", Align::Left));
     }
     body.table(&heads, &rows);
