@@ -97,8 +97,14 @@ fn piece_length(longest: usize, samples_per_period: Option<f64>) -> usize {
     spectrum::fast_length(wanted.clamp(8, longest.max(8)))
 }
 
-/// Describes one coordinate.
-pub fn describe(motion: &Motion, channel: Option<&str>, rate_hz: f64, drive_hz: Option<f64>) -> Coordinate {
+/// Describes one coordinate. `denominator`: lines are named by fractions of the drive's frequency up to this denominator.
+pub fn describe(
+    motion: &Motion,
+    channel: Option<&str>,
+    rate_hz: f64,
+    drive_hz: Option<f64>,
+    denominator: u32,
+) -> Coordinate {
     let angle = motion.space == Space::S1;
     let all = || motion.stretches.iter().flatten();
     let count = all().count().max(1) as f64;
@@ -109,7 +115,7 @@ pub fn describe(motion: &Motion, channel: Option<&str>, rate_hz: f64, drive_hz: 
     let piece = piece_length(longest, drive_hz.map(|f| rate_hz / f));
     let parts: Vec<&[f64]> = series.iter().map(Vec::as_slice).collect();
     let density = if greatest > least { spectrum::welch(&parts, rate_hz, piece).ok() } else { None };
-    let spectrum = density.map(|d| summarise(d, motion, noise, rate_hz, drive_hz));
+    let spectrum = density.map(|d| summarise(d, motion, noise, rate_hz, drive_hz, denominator));
     let band = spectrum.as_ref().map_or(rate_hz / 20.0, |s| s.band_hz);
     let m = ((0.1 * rate_hz / band).round() as usize).clamp(2, 50);
     let velocities = motion.velocities(rate_hz, m);
@@ -141,7 +147,14 @@ pub fn describe(motion: &Motion, channel: Option<&str>, rate_hz: f64, drive_hz: 
 }
 
 /// Corrects the density for the increments' response, names its lines, finds the band that holds the motion.
-fn summarise(mut d: Density, motion: &Motion, noise: f64, rate_hz: f64, drive_hz: Option<f64>) -> Spectrum {
+fn summarise(
+    mut d: Density,
+    motion: &Motion,
+    noise: f64,
+    rate_hz: f64,
+    drive_hz: Option<f64>,
+    denominator: u32,
+) -> Spectrum {
     for m in 0..d.density.len() {
         d.density[m] /= motion.response(d.frequency(m), rate_hz).powi(2);
     }
@@ -162,7 +175,7 @@ fn summarise(mut d: Density, motion: &Motion, noise: f64, rate_hz: f64, drive_hz
             frequency_hz: l.frequency_hz,
             amplitude: l.amplitude,
             prominence: l.prominence,
-            name: drive_hz.and_then(|f| drive_check::name(l.frequency_hz, f, 0.35 * d.bin_hz)),
+            name: drive_hz.and_then(|f| drive_check::name(l.frequency_hz, f, 0.35 * d.bin_hz, denominator)),
         })
         .collect();
     let (frequency_hz, density) = thin(&d);
@@ -218,7 +231,7 @@ mod tests {
                 TAU * f * t + 0.2 * (TAU * 2.5 * t).sin()
             })
             .collect();
-        let c = describe(&motion(x), Some("count1"), rate, Some(f));
+        let c = describe(&motion(x), Some("count1"), rate, Some(f), 4);
         assert!((c.turns_per_period.unwrap() - 1.0).abs() < 1e-3);
         assert!((c.beyond_90.unwrap() - 0.5).abs() < 0.03);
         let want = ((TAU * f).powi(2) + 0.5 * (0.2 * TAU * 2.5).powi(2)).sqrt();
@@ -233,14 +246,14 @@ mod tests {
     fn a_fast_line_is_not_shrunk_by_the_increments() {
         let rate = 100.0;
         let x = (0..5000).map(|i| 0.01 * (TAU * 40.0 * f64::from(i) / rate).sin()).collect();
-        let c = describe(&motion(x), None, rate, None);
+        let c = describe(&motion(x), None, rate, None, 4);
         let line = &c.spectrum.unwrap().lines[0];
         assert!((line.amplitude / (0.01 * TAU * 40.0) - 1.0).abs() < 1e-2, "{line:?}");
     }
 
     #[test]
     fn what_does_not_move_has_no_spectrum() {
-        let c = describe(&motion(vec![0.5; 3000]), None, 100.0, Some(5.0));
+        let c = describe(&motion(vec![0.5; 3000]), None, 100.0, Some(5.0), 4);
         assert!(c.spectrum.is_none() && c.rms_speed == 0.0 && c.noise == 0.0);
     }
 }

@@ -9,6 +9,7 @@ pub mod motion;
 pub mod periodicity;
 pub mod plots;
 pub mod summary;
+pub mod text;
 
 use serde::Serialize;
 
@@ -116,18 +117,23 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     }
 
     let motions = motion::motions(record);
+    let periodicity =
+        periodicity::periodicity(&motions, longest, drive_hz.map(|f| rate / f), rate, settings.period_tolerance);
+    // A chaotic spectrum has bumps near every fraction; a locked one has lines at those of its period.
+    let denominator = periodicity.period.map_or(4, |k| k.max(4) as u32);
     let coordinates: Vec<Coordinate> = motions
         .iter()
         .enumerate()
-        .map(|(i, m)| coordinate::describe(m, record.channels.get(i).map(|c| c.name.as_str()), rate, drive_hz))
+        .map(|(i, m)| {
+            let channel = record.channels.get(i).map(|c| c.name.as_str());
+            coordinate::describe(m, channel, rate, drive_hz, denominator)
+        })
         .collect();
-    let drive = drive_hz.map(|f| {
-        let series: Vec<(Vec<f64>, bool)> =
-            motions.iter().flat_map(|m| drive_check::observables(m, longest, rate)).collect();
-        drive_check::check(record, &series, rate, f)
+    let drive = rig.drive.map(|d| {
+        let series: Vec<Vec<f64>> =
+            motions.iter().flat_map(|m| drive_check::observables(m, longest, rate, d.direction)).collect();
+        drive_check::check(record, &series, rate, d.frequency_hz)
     });
-    let periodicity =
-        periodicity::periodicity(&motions, longest, drive_hz.map(|f| rate / f), rate, settings.period_tolerance);
     let start_s = drive_hz.map_or(settings.start_free_s, |f| settings.start_periods / f);
     let plots = motions.iter().zip(&coordinates).map(|(m, c)| plots::plots(record, m, c, drive_hz, start_s)).collect();
     let summary = summary::summarise(record, rig);

@@ -106,6 +106,9 @@ pub fn periodicity(
     let mut best = Periodicity { kind: Kind::ChaoticOrTransient, best: 1, ..none };
     for k in 1..=LONGEST {
         let lag = k as f64 * period;
+        if lag.is_nan() || lag >= n as f64 {
+            break;
+        }
         let first = lag.ceil() as usize + 2;
         // Ten repeats at least: fewer than that any slow motion could give.
         if first + (10.0 * period) as usize > n {

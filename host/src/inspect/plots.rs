@@ -29,7 +29,7 @@ pub struct Plots {
     pub whole: History,
     /// Its beginning, wrapped to [−π, π), every sample up to 2000.
     pub start: History,
-    /// Portrait: value (wrapped).
+    /// Portrait: value (wrapped), `null` between stretches and where an angle passes ±π.
     pub portrait_x: Vec<f32>,
     /// Portrait: velocity, unit/s.
     pub portrait_v: Vec<f32>,
@@ -57,7 +57,30 @@ fn section_samples(record: &Record, segment: usize, drive_hz: f64) -> Vec<f64> {
     let turns = |i: usize| s.time(i) * drive_hz;
     let (first, last) = (turns(0).ceil() as i64, turns(s.len().saturating_sub(1)).floor() as i64);
     // A record's start is far from 2⁵³ turns, and there is at most one passage for each ten samples (rig files say so).
-    (first..=last.min(first + s.len() as i64)).map(|k| (k as f64 / drive_hz - s.start_s) / s.step_s).collect()
+    (first..=last.min(first.saturating_add(s.len() as i64)))
+        .map(|k| (k as f64 / drive_hz - s.start_s) / s.step_s)
+        .collect()
+}
+
+/// The whole record: least and greatest of each stretch of time, the pen lifted between segments.
+fn whole(record: &Record, motion: &Motion) -> History {
+    let all: Vec<f64> = motion.stretches.iter().flatten().copied().collect();
+    let places: Vec<(usize, usize)> =
+        motion.stretches.iter().enumerate().flat_map(|(s, x)| (0..x.len()).map(move |i| (s, i))).collect();
+    let mut out = History::default();
+    let mut before = None;
+    for k in decimate::extremes(&all, MOST) {
+        let (s, i) = places[k];
+        let Some(segment) = record.segments.get(s) else { continue };
+        if before.is_some_and(|b| b != s) {
+            out.time_s.push(f32::NAN);
+            out.value.push(f32::NAN);
+        }
+        before = Some(s);
+        out.time_s.push(segment.time(i) as f32);
+        out.value.push(all[k] as f32);
+    }
+    out
 }
 
 /// Collects what is drawn of one coordinate. `start_s`: length of the beginning that is drawn sample by sample.
@@ -67,21 +90,25 @@ pub fn plots(record: &Record, motion: &Motion, coordinate: &Coordinate, drive_hz
     let total: usize = motion.stretches.iter().map(Vec::len).sum();
     let m = coordinate.slope_half_width;
     let velocities = motion.velocities(record.sample_rate_hz, m);
-    let stride = total.div_ceil(4 * MOST).max(1);
-    for (s, x) in motion.stretches.iter().enumerate() {
-        let Some(segment) = record.segments.get(s).filter(|_| !x.is_empty()) else { continue };
-        if s > 0 {
-            out.whole.time_s.push(f32::NAN);
-            out.whole.value.push(f32::NAN);
-        }
-        let share = (MOST * x.len() / total.max(1)).max(4);
-        for i in decimate::extremes(x, share) {
-            out.whole.time_s.push(segment.time(i) as f32);
-            out.whole.value.push(x[i] as f32);
-        }
+    let stride = total.div_ceil(2 * MOST).max(1);
+    out.whole = whole(record, motion);
+    let mut taken = 0usize;
+    let stretches = motion.stretches.iter().enumerate();
+    for (s, x) in stretches.filter(|(s, x)| !x.is_empty() && *s < record.segments.len()) {
         let v = &velocities[s];
-        for i in (0..v.len()).step_by(stride) {
-            out.portrait_x.push(bent(x[i + m]) as f32);
+        let mut before = f64::NAN;
+        // One count over all stretches, so that many short ones stay few points.
+        let start = taken.div_ceil(stride) * stride - taken;
+        taken += v.len();
+        for i in (start..v.len()).step_by(stride) {
+            let here = bent(x[i + m]);
+            // A new stretch, or a turn past ±π: the pen is lifted.
+            if !((here - before).abs() < 0.5 * TAU || motion.space == Space::R && !before.is_nan()) {
+                out.portrait_x.push(f32::NAN);
+                out.portrait_v.push(f32::NAN);
+            }
+            before = here;
+            out.portrait_x.push(here as f32);
             out.portrait_v.push(v[i] as f32);
         }
         for at in drive_hz.map(|f| section_samples(record, s, f)).unwrap_or_default() {
@@ -113,4 +140,44 @@ pub fn plots(record: &Record, motion: &Motion, coordinate: &Coordinate, drive_hz
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::coordinate::describe;
+    use super::*;
+    use crate::record::{Column, Losses, Segment};
+
+    #[test]
+    fn thousands_of_short_segments_stay_few_points() {
+        let channel = crate::rig::Channel {
+            name: "x".into(),
+            measures: "theta1".into(),
+            unit: "rad".into(),
+            counts_per_turn: None,
+        };
+        let segment = |k: i64| Segment {
+            first_tick: 20 * k,
+            start_s: 0.02 * k as f64,
+            step_s: 0.001,
+            columns: vec![Column::Values((0..19).map(|i| (0.01 * (20 * k + i) as f64).sin()).collect())],
+            phase: None,
+            amplitude_nm: None,
+        };
+        let record = Record {
+            path: "x.csv".into(),
+            sample_rate_hz: 1000.0,
+            channels: vec![channel],
+            segments: (0..20_000).map(segment).collect(),
+            losses: Losses::default(),
+            warnings: Vec::new(),
+            metadata: None,
+        };
+        let motion = &super::super::motion::motions(&record)[0];
+        let c = describe(motion, None, 1000.0, Some(5.0), 4);
+        let p = plots(&record, motion, &c, Some(5.0), 4.0);
+        assert!(p.whole.time_s.len() <= 2 * MOST + 4, "{}", p.whole.time_s.len());
+        assert!((2 * MOST - 10..=4 * MOST + 4).contains(&p.portrait_x.len()), "{}", p.portrait_x.len());
+        assert!(p.section_x.len() <= 2 * MOST);
+    }
 }

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use super::*;
 use crate::record::{Column, Losses, Segment};
 
-/// Counts of the rig of `rigs/chaotic.toml` at a drive amplitude, viscous joints, 500 Hz.
-pub fn counts(seconds: f64, amplitude: f64, drive_hz: f64) -> [Vec<i32>; 2] {
+/// Counts of the rig of `rigs/chaotic.toml` at a drive amplitude, viscous joints (`friction` that of joint 1, N m s), 500 Hz.
+pub fn counts(seconds: f64, amplitude: f64, drive_hz: f64, friction: f64) -> [Vec<i32>; 2] {
     let (j1, j2, h, s1, s2) =
         (5.99e-4, 4.033e-5, 0.040 * 0.0267 * 0.0635, 0.1362 * 0.0127 + 0.040 * 0.0635, 0.040 * 0.0267);
     let w = TAU * drive_hz;
@@ -15,7 +15,7 @@ pub fn counts(seconds: f64, amplitude: f64, drive_hz: f64) -> [Vec<i32>; 2] {
         let pull = 9.81 - amplitude * w * w * (w * t).cos();
         let (s, c) = (x[1] - x[0]).sin_cos();
         let joint = 6.145e-5 * (x[3] - x[2]);
-        let b1 = h * x[3] * x[3] * s - s1 * pull * x[0].sin() - 2e-4 * x[2] + joint;
+        let b1 = h * x[3] * x[3] * s - s1 * pull * x[0].sin() - friction * x[2] + joint;
         let b2 = -h * x[2] * x[2] * s - s2 * pull * x[1].sin() - joint;
         let (m, det) = (h * c, j1 * j2 - h * h * c * c);
         [x[2], x[3], (j2 * b1 - m * b2) / det, (j1 * b2 - m * b1) / det]
@@ -23,7 +23,7 @@ pub fn counts(seconds: f64, amplitude: f64, drive_hz: f64) -> [Vec<i32>; 2] {
     let dt = 0.001;
     let mut x = [0.3, 2.0, 0.0, 0.0];
     let mut out = [Vec::new(), Vec::new()];
-    let settle = 10.0;
+    let settle = 25.0;
     let steps = ((seconds + settle) / dt).round() as usize;
     for n in 0..steps {
         let t = n as f64 * dt - settle;
@@ -95,7 +95,7 @@ fn with_gap(mut record: Record, from: usize, to: usize) -> Record {
 #[test]
 fn a_chaotic_record_is_described() {
     let rig = rig(5.0);
-    let record = with_gap(record(&rig, counts(60.0, 0.015_525, 5.0)), 20_000, 20_137);
+    let record = with_gap(record(&rig, counts(60.0, 0.015_525, 5.0, 2e-4)), 20_000, 20_137);
     let found = inspect(&record, &rig, &InspectSettings::default()).unwrap();
     assert_eq!(found.coordinates.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["theta1", "theta2", "phi2"]);
     assert_eq!(found.periodicity.kind, Kind::ChaoticOrTransient);
@@ -108,25 +108,38 @@ fn a_chaotic_record_is_described() {
         assert!((c.noise / c.quantisation_noise - 1.0).abs() < 0.3, "{}: {} {}", c.name, c.noise, c.quantisation_noise);
         assert!(c.rms_speed > 1.0 && c.spectrum.as_ref().unwrap().averages >= 8);
     }
+    let text = text::text(&found);
+    assert!(
+        text.contains("29\u{202f}863 samples at 500 Hz") && text.contains("lost       137: 137 on the link"),
+        "{text}"
+    );
+    assert!(text.contains("5 Hz stated, ") && text.lines().count() == 7, "{text}");
     let json = serde_json::to_string(&found).unwrap();
     assert!(json.len() < 1_000_000 && !json.contains("[plant]"), "{}", json.len());
 }
 
 #[test]
 fn a_wrong_drive_frequency_is_noticed() {
-    let rig = rig(5.3);
-    let found = inspect(&record(&rig, counts(60.0, 0.015_525, 5.0)), &rig, &InspectSettings::default()).unwrap();
-    let drive = found.drive.unwrap();
-    assert_eq!(drive.agrees, Some(false), "{drive:?}");
-    assert!(found.warnings.iter().any(|w| w.kind == "drive-frequency"));
+    let columns = counts(120.0, 0.015_525, 5.0, 2e-4);
+    for (stated, right) in [(5.0, true), (5.3, false), (4.98, false)] {
+        let rig = rig(stated);
+        let found = inspect(&record(&rig, columns.clone()), &rig, &InspectSettings::default()).unwrap();
+        let drive = found.drive.unwrap();
+        assert_eq!(drive.agrees, Some(right), "{drive:?}");
+        assert!((drive.line_hz.or(drive.other_hz).unwrap() - 5.0).abs() < 0.003, "{drive:?}");
+        assert_eq!(found.warnings.iter().any(|w| w.kind == "drive-frequency"), !right);
+    }
 }
 
 #[test]
 fn a_locked_record_and_one_at_rest_are_noticed() {
     let rig = rig(5.0);
-    let found = inspect(&record(&rig, counts(60.0, 0.0115, 5.0)), &rig, &InspectSettings::default()).unwrap();
-    assert_eq!(found.periodicity.kind, Kind::Periodic, "{:?}", found.periodicity);
-    assert!(found.warnings.iter().any(|w| w.kind == "locked"));
+    for (friction, period) in [(3e-3, 1), (1e-3, 2)] {
+        let locked = record(&rig, counts(20.0, 0.0115, 5.0, friction));
+        let found = inspect(&locked, &rig, &InspectSettings::default()).unwrap();
+        assert_eq!((found.periodicity.kind, found.periodicity.period), (Kind::Periodic, Some(period)));
+        assert!(found.warnings.iter().any(|w| w.kind == "locked"));
+    }
     let still = [vec![100; 30_000], vec![-7; 30_000]];
     let found = inspect(&record(&rig, still), &rig, &InspectSettings::default()).unwrap();
     assert_eq!(found.periodicity.kind, Kind::AtRest);
@@ -162,7 +175,7 @@ fn an_inconsistent_record_is_refused() {
 #[test]
 fn the_devices_phase_gives_the_drive_outright() {
     let rig = rig(5.0);
-    let mut r = record(&rig, counts(10.0, 0.015_525, 5.0));
+    let mut r = record(&rig, counts(10.0, 0.015_525, 5.0, 2e-4));
     let step = (5.0 / 500.0 * 2f64.powi(32)).round() as u32;
     r.segments[0].phase = Some((0..r.segments[0].len() as u32).map(|i| i.wrapping_mul(step)).collect());
     let found = inspect(&r, &rig, &InspectSettings::default()).unwrap();
@@ -175,7 +188,7 @@ fn the_devices_phase_gives_the_drive_outright() {
 #[test]
 fn a_report_of_an_inspection_is_small_complete_and_the_same_every_time() {
     let rig = rig(5.0);
-    let found = inspect(&record(&rig, counts(40.0, 0.015_525, 5.0)), &rig, &InspectSettings::default()).unwrap();
+    let found = inspect(&record(&rig, counts(40.0, 0.015_525, 5.0, 2e-4)), &rig, &InspectSettings::default()).unwrap();
     let mut results = crate::report::Results::new();
     results.add(found);
     let page = crate::report::Report::of("double pendulum", "made.csv", &results).render().unwrap();

@@ -85,11 +85,11 @@ pub fn plus_minus(value: f64, uncertainty: f64) -> String {
     let top = exponent(value.abs().max(uncertainty), 2);
     if !(-3..=5).contains(&top) || place > 0 {
         let scale = 10f64.powi(top);
-        let decimals = (top - place).max(0) as usize;
+        let decimals = (top - place).clamp(0, 15) as usize;
         let (v, u) = (fixed(value / scale, decimals), fixed(uncertainty / scale, decimals));
         return format!("({v} ± {u})·10{}", superscript(top));
     }
-    let decimals = (-place).max(0) as usize;
+    let decimals = (-place).clamp(0, 18) as usize;
     format!("{} ± {}", fixed(value, decimals), fixed(uncertainty, decimals))
 }
 
@@ -103,7 +103,7 @@ pub fn to_digits_of(value: f64, uncertainty: f64) -> String {
     if !(-3..=5).contains(&top) || place > 0 {
         return significant(value, (top - place + 1).clamp(1, 15) as usize);
     }
-    fixed(value, (-place).max(0) as usize)
+    fixed(value, (-place).clamp(0, 18) as usize)
 }
 
 /// A whole number with thin spaces between groups of three: `1 800 000`.
@@ -261,6 +261,7 @@ mod tests {
         assert_eq!(plus_minus(172.71, 0.98), "172.7 ± 1.0");
         assert_eq!(plus_minus(123_456.0, 700.0), "(1.235 ± 0.007)·10⁵");
         assert_eq!(plus_minus(0.25, 0.0), "0.25000");
+        assert!(plus_minus(1.0, 1e-300).len() < 60 && plus_minus(1e300, 1e-300).len() < 60);
         assert_eq!(to_digits_of(0.1131, 0.000_042), "0.11310");
         assert_eq!(to_digits_of(5.99e-4, 3.1e-6), "5.990·10⁻⁴");
     }

@@ -116,11 +116,17 @@ impl Fixed {
     }
 }
 
-/// Ticks at 1, 2 or 5 times a power of ten, at most about `most`, and the power of ten taken out.
+/// Ticks at 1, 2 or 5 times a power of ten, at most about `most` (three where these fit in), and the power of ten taken
+/// out.
 fn linear_ticks(low: f64, high: f64, most: f64) -> (Vec<(f64, String)>, i32) {
-    let rough = (high - low) / most;
-    let e = rough.log10().floor();
-    let step = [1.0, 2.0, 5.0, 10.0].iter().map(|m| m * 10f64.powf(e)).find(|s| *s >= 0.999 * rough).unwrap_or(rough);
+    let steps = |rough: f64| {
+        let e = 10f64.powf(rough.log10().floor());
+        [1.0, 2.0, 5.0, 10.0].map(|m| m * e).into_iter().find(|s| *s >= 0.999 * rough).unwrap_or(rough)
+    };
+    let mut step = steps((high - low) / most);
+    if (high / step).floor() - (low / step).ceil() < 2.0 {
+        step = steps((high - low) / (1.6 * most));
+    }
     let size = low.abs().max(high.abs());
     let power = if !(2e-3..1e5).contains(&size) { size.log10().floor() as i32 } else { 0 };
     let scale = 10f64.powi(power);
@@ -155,7 +161,10 @@ fn log_ticks(low: f64, high: f64, most: f64) -> Vec<(f64, String)> {
     }
     let every = (decades / most).ceil().max(1.0) as i32;
     let (from, to) = (low.ceil() as i32, high.floor() as i32);
-    (from..=to).filter(|e| e.rem_euclid(every) == 0).map(|e| (f64::from(e), text(10f64.powi(e)))).collect()
+    // One way of writing for all of an axis.
+    let plain = from >= -2 && to <= 3;
+    let decade = |e: i32| if plain { text(10f64.powi(e)) } else { format::power_of_ten(e) };
+    (from..=to).filter(|e| e.rem_euclid(every) == 0).map(|e| (f64::from(e), decade(e))).collect()
 }
 
 /// Ticks at multiples of π/4, π/2, π, … .
@@ -193,7 +202,7 @@ mod tests {
         assert_eq!(texts(&Axis::linear("t / s"), &[0.0, 120.0], 700.0), ["0", "20", "40", "60", "80", "100", "120"]);
         assert_eq!(texts(&Axis::linear("x"), &[-0.31, 0.29], 300.0), ["−0.2", "0.0", "0.2"]);
         assert_eq!(texts(&Axis::angle("θ"), &[], 300.0), ["−π", "−π/2", "0", "π/2", "π"]);
-        assert_eq!(texts(&Axis::log("P"), &[1e-6, 100.0], 400.0), ["10⁻⁶", "10⁻⁴", "0.01", "1", "100"]);
+        assert_eq!(texts(&Axis::log("P"), &[1e-6, 100.0], 400.0), ["10⁻⁶", "10⁻⁴", "10⁻²", "10⁰", "10²"]);
         let fixed = Axis::linear("r").fix([-3e-5, 4e-5].iter(), 300.0, 70.0);
         assert_eq!(fixed.power, -5);
         assert!(fixed.ticks.iter().any(|t| t.1 == "2"), "{fixed:?}");

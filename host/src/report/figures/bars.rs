@@ -39,11 +39,20 @@ pub fn intervals(caption: &str, label: &str, reference: f64, bars: &[Bar]) -> Fi
     Figure::draw(caption, &Layout { height: 240.0, ..Layout::default() }, &[panel])
 }
 
-/// Bars from zero (or along a log axis).
+/// Bars from zero.
 pub fn bars(caption: &str, axis: Axis, bars: &[Bar]) -> Figure {
+    named(caption, axis, Shape::Bars, bars)
+}
+
+/// Dots, for a log axis, which has no zero to draw bars from.
+pub fn dots(caption: &str, axis: Axis, bars: &[Bar]) -> Figure {
+    named(caption, axis, Shape::Intervals, bars)
+}
+
+fn named(caption: &str, axis: Axis, shape: Shape, bars: &[Bar]) -> Figure {
     let mut panel = Panel::new("", names(bars), axis);
     let x = (0..bars.len()).map(|i| i as f64).collect();
-    panel.series.push(Series::new("", Shape::Bars, x, bars.iter().map(|b| b.value).collect()));
+    panel.series.push(Series::new("", shape, x, bars.iter().map(|b| b.value).collect()));
     Figure::draw(caption, &Layout { height: 220.0, ..Layout::default() }, &[panel])
 }
 
@@ -59,6 +68,7 @@ mod tests {
         ];
         let figure = intervals("found over true", "found / true", 1.0, &some);
         assert!(figure.svg.contains("B<tspan") && figure.csv.lines().nth(2) == Some("1,0.9,0.7,1.1"), "{}", figure.csv);
-        assert!(bars("b", Axis::log("relative error / %"), &some).svg.contains("<rect"));
+        assert!(bars("b", Axis::linear("energy / %"), &some).svg.contains("<rect"));
+        assert!(dots("d", Axis::log("relative error / %"), &some).svg.contains("M"));
     }
 }

@@ -24,7 +24,7 @@ pub enum Shape {
     Thin,
     /// Small dots.
     Dots,
-    /// Larger dots.
+    /// Larger dots (smaller again where there are more than 300).
     BigDots,
     /// Larger dots with an interval `low` … `high` each.
     Intervals,
@@ -171,7 +171,7 @@ pub fn draw(layout: &Layout, panels: &[Panel], alternative: &str) -> String {
             let x = p.x.fix(values(|s| [&s.x, &[], &[]]), cell - 90.0, 62.0);
             let bars = p.series.iter().any(|s| s.shape == Shape::Bars);
             let zero = if bars { &[0.0][..] } else { &[] };
-            let y = p.y.fix(values(|s| [&s.y, &s.low, &s.high]).chain(zero), layout.height, 36.0);
+            let y = p.y.fix(values(|s| [&s.y, &s.low, &s.high]).chain(zero), layout.height, 27.0);
             (x, y)
         })
         .collect();
@@ -191,7 +191,13 @@ pub fn draw(layout: &Layout, panels: &[Panel], alternative: &str) -> String {
         let powered = axes.iter().skip(tops.len() * columns).take(columns).any(|a| a.1.power != 0);
         let top = y + if titled || powered { 22.0 } else { 8.0 };
         tops.push(top);
-        y = top + layout.height + if row.iter().all(|p| p.shares_x) { 8.0 } else { 46.0 };
+        y = top
+            + layout.height
+            + match row {
+                row if row.iter().all(|p| p.shares_x) => 8.0,
+                row if row.iter().all(|p| p.x.label.is_empty()) => 28.0,
+                _ => 46.0,
+            };
     }
     let mut svg = String::new();
     {
@@ -333,7 +339,13 @@ fn draw_marks(
         match s.shape {
             Shape::Line | Shape::Thin => {
                 let width = if s.shape == Shape::Line { 3 } else { 2 };
-                for part in points.split(|(a, b)| !(a.is_finite() && b.is_finite())).filter(|p| p.len() > 1) {
+                for part in points.split(|(a, b)| !(a.is_finite() && b.is_finite())) {
+                    if let [alone] = part {
+                        let _ = chart.draw_series([Circle::new(*alone, 2, colour.filled())]);
+                    }
+                    if part.len() < 2 {
+                        continue;
+                    }
                     let _ = chart.draw_series(LineSeries::new(part.iter().copied(), colour.stroke_width(width)));
                 }
             }
@@ -346,7 +358,12 @@ fn draw_marks(
                         let _ = chart.draw_series(LineSeries::new(line, colour.stroke_width(4)));
                     }
                 }
-                let radius = if s.shape == Shape::Dots { 2 } else { 5 };
+                let radius = match s.shape {
+                    Shape::Dots => 2,
+                    Shape::BigDots if points.len() > 300 => 3,
+                    Shape::BigDots => 5,
+                    _ => 7,
+                };
                 let _ = chart.draw_series(finite().map(|p| Circle::new(p, radius, colour.filled())));
             }
             Shape::Bars => {

@@ -1,15 +1,19 @@
-//! Scatter: phase portraits, Poincaré sections.
+//! Scatter and orbits: phase portraits, Poincaré sections.
 
 use super::Figure;
-use super::canvas::{Layout, Panel, Series};
+use super::canvas::{Layout, Panel, Series, Shape};
 use super::decimate;
 
 /// Most points of one series.
 pub const MOST: usize = 4000;
 
-/// Draws panels of dots side by side, `columns` in a row; long series are thinned to every k-th point.
+/// Draws panels side by side, `columns` in a row; long series of dots are thinned to every k-th point (lines are not: give
+/// them points enough to be smooth, and no more).
 pub fn scatter(caption: &str, columns: usize, height: f64, panels: &[Panel]) -> Figure {
     let thin = |s: &Series| {
+        if matches!(s.shape, Shape::Line | Shape::Thin) {
+            return s.clone();
+        }
         let pick = |v: &[f64]| decimate::stride(v.len(), MOST).map(|i| v[i]).collect::<Vec<f64>>();
         Series { x: pick(&s.x), y: pick(&s.y), low: pick(&s.low), high: pick(&s.high), ..s.clone() }
     };
@@ -21,7 +25,6 @@ pub fn scatter(caption: &str, columns: usize, height: f64, panels: &[Panel]) -> 
 #[cfg(test)]
 mod tests {
     use super::super::axis::Axis;
-    use super::super::canvas::Shape;
     use super::*;
 
     #[test]

@@ -40,6 +40,9 @@ fn panels(inspection: &Inspection, pick: fn(&Plots) -> &History, wrapped: bool) 
     let ends = inspection.plots.iter().flat_map(|p| &pick(p).time_s).filter(|t| t.is_finite());
     let (low, high) =
         ends.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(f64::from(*t)), h.max(f64::from(*t))));
+    // To the next hundredth, so that 119.998 s ends at a tick.
+    let grain = 10f64.powf((high - low).max(1e-9).log10().floor() - 2.0);
+    let high = if high > low { (high / grain).ceil() * grain } else { high };
     let dense = inspection.plots.iter().any(|p| pick(p).time_s.len() > 1500);
     inspection
         .plots

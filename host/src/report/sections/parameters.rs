@@ -123,8 +123,10 @@ pub(super) fn one(body: &mut Html, table: &ParameterTable) {
             })
             .collect();
         if !bars.is_empty() {
-            let axis = Axis::log("half width of the 95 % interval / %");
-            body.figure(&bars::bars("How well each parameter is known: the lower, the better.", axis, &bars));
+            let ends = bars.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), b| (l.min(b.value), h.max(b.value)));
+            let decade = |x: f64, up: f64| 10f64.powf((x.log10() + up).floor());
+            let axis = Axis::log("half width of 95 % interval / %").range(decade(ends.0, 0.0), decade(ends.1, 1.0));
+            body.figure(&bars::dots("How well each parameter is known: the lower, the better.", axis, &bars));
         }
     }
 }

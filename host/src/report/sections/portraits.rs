@@ -23,7 +23,8 @@ fn render(results: &Results) -> Option<Html> {
             .iter()
             .zip(&inspection.coordinates)
             .filter(|(p, _)| !p.portrait_x.is_empty())
-            .map(|(p, c)| {
+            .enumerate()
+            .map(|(i, (p, c))| {
                 let symbol = symbol_svg(&c.name);
                 let turns = c.greatest > std::f64::consts::PI || c.least < -std::f64::consts::PI;
                 let x = match c.space {
@@ -32,8 +33,18 @@ fn render(results: &Results) -> Option<Html> {
                 };
                 let y = Axis::linear(format!("d{symbol}/dt / ({}/s)", c.unit));
                 let mut panel = Panel::new("", x, y);
+                // Chaos drawn as a line is a blot; a free motion drawn as dots is no orbit.
+                let shape = if inspection.drive.is_some() { Shape::Dots } else { Shape::Thin };
                 let orbit = wide(&p.portrait_x);
-                panel.series.push(Series::new("orbit", Shape::Dots, orbit, wide(&p.portrait_v)).colour(5));
+                panel.series.push(
+                    Series::new(
+                        if inspection.drive.is_some() { "orbit" } else { "" },
+                        shape,
+                        orbit,
+                        wide(&p.portrait_v),
+                    )
+                    .colour(if inspection.drive.is_some() { 5 } else { i }),
+                );
                 if !p.section_x.is_empty() {
                     driven = true;
                     let section =

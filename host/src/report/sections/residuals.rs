@@ -76,7 +76,7 @@ fn render(results: &Results) -> Option<Html> {
                 head("", Align::Left),
                 head("used", Align::Right),
                 head("dropped", Align::Right),
-                head("ε = ‖e‖∞ / ‖q̂‖∞", Align::Right),
+                (Html("ε = ‖<i>e</i>‖<sub>∞</sub> / ‖<i>q̂</i>‖<sub>∞</sub>".to_owned()), Align::Right),
             ],
             &rows,
         );

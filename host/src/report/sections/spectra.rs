@@ -5,7 +5,7 @@ use crate::inspect::coordinate::{Coordinate, Spectrum};
 use crate::report::figures::axis::Axis;
 use crate::report::figures::canvas::{Panel, Rule, Series, Shape};
 use crate::report::figures::lines::lines;
-use crate::report::format::{significant, symbol_svg};
+use crate::report::format::{fixed, significant, symbol_svg, to_digits_of};
 use crate::report::html::{Align, Html};
 use crate::report::{Results, SectionKind};
 
@@ -43,7 +43,7 @@ fn render(results: &Results) -> Option<Html> {
             150.0,
             &panels,
         ));
-        line_table(&mut body, &moving);
+        line_table(&mut body, &moving, drive.is_some());
     }
     (body != Html::new()).then_some(body)
 }
@@ -74,19 +74,23 @@ fn panel(i: usize, c: &Coordinate, s: &Spectrum, top: f64, drive: Option<f64>, s
     panel
 }
 
-fn line_table(body: &mut Html, moving: &[(usize, &Coordinate, &Spectrum)]) {
+fn line_table(body: &mut Html, moving: &[(usize, &Coordinate, &Spectrum)], driven: bool) {
+    let named = driven && moving.iter().any(|(_, _, s)| s.lines.iter().take(6).any(|l| l.name.is_some()));
     let mut rows = Vec::new();
     for (_, c, s) in moving {
         for l in s.lines.iter().take(6) {
             let unit = if s.of == "velocity" { format!("{}/s", c.unit) } else { c.unit.clone() };
-            let name = l.name.as_deref().unwrap_or("");
-            rows.push(vec![
+            let name = crate::report::html::escape(l.name.as_deref().unwrap_or(""));
+            let mut row = vec![
                 Html::symbol(&c.name),
-                Html::text(&format!("{} Hz", significant(l.frequency_hz, 5))),
-                Html(crate::report::html::escape(name).replace("f_e", "<i>f</i><sub>e</sub>")),
+                Html::text(&format!("{} Hz", to_digits_of(l.frequency_hz, 0.1 * s.bin_hz))),
                 Html::text(&format!("{} {unit}", significant(l.amplitude, 3))),
-                Html::text(&format!("{} dB", significant(10.0 * l.prominence.log10(), 3))),
-            ]);
+                Html::text(&format!("{} dB", fixed(10.0 * l.prominence.log10(), 1))),
+            ];
+            if named {
+                row.push(Html(name.replace("f_e", "<i>f</i><sub>e</sub>")));
+            }
+            rows.push(row);
         }
     }
     if rows.is_empty() {
@@ -94,14 +98,14 @@ fn line_table(body: &mut Html, moving: &[(usize, &Coordinate, &Spectrum)]) {
         return;
     }
     let head = |t: &str, a| (Html::text(t), a);
-    body.table(
-        &[
-            head("", Align::Left),
-            head("line", Align::Right),
-            head("of the drive", Align::Left),
-            head("amplitude", Align::Right),
-            head("above surroundings", Align::Right),
-        ],
-        &rows,
-    );
+    let mut heads = vec![
+        head("", Align::Left),
+        head("line", Align::Right),
+        head("amplitude", Align::Right),
+        head("above surroundings", Align::Right),
+    ];
+    if named {
+        heads.push(head("of the drive", Align::Left));
+    }
+    body.table(&heads, &rows);
 }

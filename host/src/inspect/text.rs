@@ -1,0 +1,104 @@
+//! An inspection in a few lines of plain text, for a terminal.
+
+use std::fmt::Write as _;
+
+use super::Inspection;
+use super::coordinate::Coordinate;
+use super::motion::Space;
+use super::periodicity::Kind;
+use crate::report::format::{count, duration, fixed, quantity, shortest, significant, symbol_plain, to_digits_of};
+
+/// One line on the kind of motion.
+pub fn motion(inspection: &Inspection) -> String {
+    let p = &inspection.periodicity;
+    match (p.kind, p.period) {
+        (Kind::AtRest, _) => "at rest".to_owned(),
+        (Kind::Free, _) => "free, no drive".to_owned(),
+        (Kind::Periodic, Some(1)) => "repeats every drive period".to_owned(),
+        (Kind::Periodic, k) => format!("repeats every {} drive periods", k.unwrap_or(0)),
+        (Kind::LocksLater, _) => format!("locks after {}", duration(p.locked_after_s.unwrap_or(0.0))),
+        (Kind::ChaoticOrTransient, _) => "chaotic or transient".to_owned(),
+    }
+}
+
+/// One line on the drive: stated and found; none for a free system.
+pub fn drive(inspection: &Inspection) -> Option<String> {
+    let d = inspection.drive.as_ref()?;
+    let stated = shortest(d.stated_hz);
+    let digits = |f| to_digits_of(f, if d.phase_hz.is_some() { 1e-5 } else { d.resolution_hz });
+    Some(match (d.agrees, d.phase_hz.or(d.line_hz).or(d.other_hz)) {
+        (Some(true), Some(f)) => format!("{stated} Hz stated, {} Hz in the record", digits(f)),
+        (Some(false), Some(f)) => format!("{stated} Hz stated, but {} Hz in the record", digits(f)),
+        _ => format!("{stated} Hz stated, no clear line in the record"),
+    })
+}
+
+/// Range of a coordinate; in turns where it whirls.
+pub fn range(c: &Coordinate) -> String {
+    let turn = std::f64::consts::TAU;
+    if c.space == Space::S1 && c.greatest - c.least > 20.0 {
+        format!("{} … {} turns", significant(c.least / turn, 3), significant(c.greatest / turn, 3))
+    } else {
+        format!("{} … {} {}", significant(c.least, 4), significant(c.greatest, 4), c.unit)
+    }
+}
+
+/// The inspection in a few lines: record, losses, drive, motion, one line for each coordinate. Ends with a line break;
+/// warnings are left to standard error.
+pub fn text(inspection: &Inspection) -> String {
+    let r = &inspection.record;
+    let mut out = String::new();
+    let mut line = |name: &str, value: String| {
+        let _ = writeln!(out, "{name:<10} {value}");
+    };
+    let stretches = match r.segments {
+        1 => "unbroken".to_owned(),
+        n => format!("{n} stretches, longest {}", duration(r.longest_segment as f64 / r.sample_rate_hz)),
+    };
+    line(
+        "record",
+        format!(
+            "{}: {} samples at {} Hz, {}, {stretches}",
+            r.file,
+            count(r.samples),
+            shortest(r.sample_rate_hz),
+            duration(r.duration_s)
+        ),
+    );
+    let l = &r.losses;
+    let causes: Vec<String> = [
+        ("on the link", l.lost_on_link),
+        ("damaged", l.damaged),
+        ("overruns", l.overruns),
+        ("dropped by the device", l.dropped_by_device),
+        ("NaN", l.nan_rows),
+    ]
+    .iter()
+    .filter(|(_, n)| *n > 0)
+    .map(|(what, n)| format!("{} {what}", count(*n)))
+    .collect();
+    line("lost", if causes.is_empty() { count(r.lost) } else { format!("{}: {}", count(r.lost), causes.join(", ")) });
+    if let Some(seen) = drive(inspection) {
+        line("drive", seen);
+    }
+    line("motion", motion(inspection));
+    for c in &inspection.coordinates {
+        let mut parts = vec![range(c), format!("rms {} {}/s", significant(c.rms_speed, 3), c.unit)];
+        if let Some(b) = c.beyond_90 {
+            parts.push(format!("{} % beyond ±90°", fixed(100.0 * b, 1)));
+        }
+        if let Some(t) = c.turns_per_period {
+            parts.push(format!("{} turns a drive period", fixed(t, 3)));
+        }
+        parts.push(format!("noise {}", quantity(c.noise, &c.unit, 2)));
+        if c.step > 0.0 {
+            parts.push(format!("q/√12 {}", quantity(c.quantisation_noise, &c.unit, 2)));
+        }
+        if let Some(l) = c.spectrum.as_ref().and_then(|s| s.lines.first()) {
+            let name = l.name.as_ref().map_or(String::new(), |n| format!(" ({n})"));
+            parts.push(format!("strongest at {} Hz{name}", significant(l.frequency_hz, 3)));
+        }
+        line(&symbol_plain(&c.name), parts.join(", "));
+    }
+    out
+}
