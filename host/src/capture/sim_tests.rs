@@ -175,18 +175,18 @@ fn faulty_capture(seconds: f64, faults: FaultSettings, seed: u64) -> (CaptureOut
 }
 
 #[test]
-fn each_sample_of_an_hour_with_every_fault_is_accounted_for() {
-    let (done, report) = faulty_capture(3600.0, FaultSettings { unplug: 1e-3, ..FaultSettings::EVERYTHING }, 9);
+fn each_sample_of_ten_minutes_with_every_fault_is_accounted_for() {
+    let (done, report) = faulty_capture(600.0, FaultSettings { unplug: 1e-3, ..FaultSettings::EVERYTHING }, 9);
     let l = &done.losses;
-    // The hour's last samples may be among the missing.
-    assert!((1_799_000..=1_800_000).contains(&(l.received + l.lost())), "{l:?}");
-    assert!(l.lost_on_link > 10_000 && l.damaged > 1000 && l.duplicates > 1000 && l.late > 1000, "{l:?}");
-    assert!(done.reconnections > 10 && report.unplugged > 50, "{done:?}");
+    // The last samples may be among the missing.
+    assert!((298_000..=300_000).contains(&(l.received + l.lost())), "{l:?}");
+    assert!(l.lost_on_link > 5000 && l.damaged > 500 && l.duplicates > 200 && l.late > 200, "{l:?}");
+    assert!(done.reconnections > 2 && report.unplugged > 10, "{done:?}");
 }
 
 #[test]
 fn every_sample_behind_a_faulty_link_is_accounted_for() {
-    for seed in 1..4 {
+    for seed in 1..3 {
         let (done, report) = faulty_capture(20.0, FaultSettings { unplug: 1e-3, ..FaultSettings::EVERYTHING }, seed);
         assert!(done.losses.lost() > 50 && report.samples.damaged > 0, "{:?}", done.losses);
     }
@@ -200,10 +200,10 @@ fn a_rig_without_plant_is_refused() {
     assert!(e.contains("[plant]"), "{e}");
 }
 
-/// Captures 40 s through a line of the system while its plug is pulled twice and the sampler misses ticks.
+/// Captures 80 s through a line of the system while its plug is pulled twice and the sampler misses ticks.
 fn unplugged_capture(from: &str, server: Server, dir: &tempfile::TempDir, rig: &Rig) {
     let mut settings = CaptureSettings::new(from, dir.path().join("r.parquet"));
-    settings.seconds = Some(40.0);
+    settings.seconds = Some(80.0);
     settings.reconnect_s = 20.0;
     settings.keep_frames = true;
     settings.amplitude_m = Some(0.015_525);
@@ -211,7 +211,7 @@ fn unplugged_capture(from: &str, server: Server, dir: &tempfile::TempDir, rig: &
         scope.spawn(|| {
             // When the recording has come so far, by its journal.
             let journal = journal::path_of(&settings.output);
-            for at in [40_000, 90_000] {
+            for at in [30_000, 70_000] {
                 while std::fs::metadata(&journal).map_or(0, |m| m.len()) < at {
                     std::thread::sleep(Duration::from_millis(1));
                 }
@@ -226,7 +226,7 @@ fn unplugged_capture(from: &str, server: Server, dir: &tempfile::TempDir, rig: &
     });
     let l = &done.losses;
     assert!(done.complete && done.reconnections >= 2, "{done:?}");
-    assert_eq!(l.received + l.lost(), 20_000);
+    assert_eq!(l.received + l.lost(), 40_000);
     assert!(l.lost_on_link + l.damaged >= 1400 && l.overruns == 26 && l.restarts == 0, "{l:?}");
     let r = Record::read(&done.record, rig, &ReadOptions::default()).unwrap();
     assert_eq!((&r.losses, r.segments.len() as u64), (l, l.gaps + 1));

@@ -92,20 +92,42 @@ fn read_source(source: &Arc<Source>, path: &Path, rig: &Rig, options: &ReadOptio
         }
     }
     if let Some(reason) = broken {
-        let error = BadInput::new(format!("a truncated or damaged Parquet file ({reason}); {}", rows.last_whole()), "a whole one")
-            .in_file(path)
-            .at(if structure.truncated.is_some() { "end of file".to_owned() } else { format!("after row {}", rows.t.len()) })
-            .remedy(if rows.t.is_empty() {
-                "Nothing in it can be recovered; a capture's REC.frames beside it can be read with `whirl capture --from file:REC.frames`"
-            } else {
-                "Copy the file again, or read it up to the last whole row with --recover"
-            });
+        let error = BadInput::new(
+            format!("a truncated or damaged Parquet file ({reason}); {}", rows.last_whole()),
+            "a whole one",
+        )
+        .in_file(path)
+        .at(if structure.truncated.is_some() {
+            "end of file".to_owned()
+        } else {
+            format!("after row {}", rows.t.len())
+        })
+        .remedy(remedy(path, rows.t.is_empty()));
         if !options.recover || rows.t.is_empty() {
             return Err(error);
         }
         warnings.push(Warning::new("recovered", error.found.clone(), "What follows the last whole row is lost"));
     }
     segments::assemble(rows, structure.metadata, structure.losses, warnings)
+}
+
+/// What to do about a truncated record: a journal beside it (see [`crate::capture::journal`]) has all of it.
+fn remedy(path: &Path, nothing_whole: bool) -> String {
+    let journal = crate::capture::journal::path_of(path);
+    let rest = if nothing_whole {
+        "Copy the file again"
+    } else {
+        "Copy the file again, or read it up to the last whole row with --recover"
+    };
+    if journal.exists() {
+        format!(
+            "`whirl capture --from file:{} --rig RIG.toml -o {}` makes it again, whole. {rest}",
+            journal.display(),
+            path.display()
+        )
+    } else {
+        rest.to_owned()
+    }
 }
 
 /// Why a row group could not be read.
