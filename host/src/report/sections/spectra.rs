@@ -29,7 +29,7 @@ fn render(results: &Results) -> Option<Html> {
         let drive = inspection.record.drive_hz;
         // What holds the motion, and four harmonics of the drive; the same for all, so that they compare.
         let band = moving.iter().map(|m| m.2.band_hz).fold(0.0, f64::max);
-        let top = (1.3 * band).max(drive.map_or(0.0, |f| 4.2 * f)).min(0.5 * inspection.record.sample_rate_hz);
+        let top = (2.0 * band).max(drive.map_or(0.0, |f| 4.2 * f)).min(0.5 * inspection.record.sample_rate_hz);
         let panels: Vec<Panel> =
             moving.iter().enumerate().map(|(n, (i, c, s))| panel(*i, c, s, top, drive, n + 1 < moving.len())).collect();
         body.figure(&lines(
