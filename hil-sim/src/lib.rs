@@ -1,1 +1,36 @@
-//! stub
+//! The rig without the rig: the independent truth against which identification is judged.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`plant`] | the driven double pendulum in physical units, dry friction with true sticking, the named effects |
+//! | [`integrator`] | Dormand–Prince 8(5,3) with adaptive steps |
+//! | [`shaker`] | the base's motion between ticks |
+//! | [`encoder`] | quadrature edges and decoder |
+//! | [`simulate`] | samples straight from the plant |
+//! | [`virtual_rig`] | the firmware and the plant in lock-step |
+//! | [`faults`] | a link that damages what it carries, and knows what it did |
+//! | [`transport`] | ways to the virtual rig: in process, TCP, pseudo-terminal |
+//!
+//! Nothing here is shared with the host's analysis: the plant is written from the Lagrangian, with its own integrator.
+//! Everything is deterministic; transcendental functions come from `libm` by name, so that a seed gives the same counts
+//! on every machine.
+
+mod bench;
+pub mod encoder;
+pub mod error;
+pub mod faults;
+pub mod integrator;
+pub mod plant;
+pub mod shaker;
+pub mod simulate;
+pub mod transport;
+pub mod virtual_rig;
+
+pub use bench::SecondEncoder;
+pub use error::SimulationError;
+pub use faults::{FaultReport, FaultSettings, FaultyLink};
+pub use plant::Parameters;
+pub use plant::effects::Effect;
+pub use shaker::Direction;
+pub use simulate::{DriveSettings, Sample, Simulation, SimulationSettings};
+pub use virtual_rig::{RigSettings, VirtualRig};

@@ -1,9 +1,15 @@
 //! From encoder counts to a trusted equation of motion, and to the physical effect that the model is missing.
 
+pub mod capture;
+pub mod cli;
 pub mod error;
+pub mod identify;
 pub mod inspect;
+pub mod model;
 pub mod record;
 pub mod report;
 pub mod rig;
 pub mod signal;
+#[cfg(feature = "sim")]
+pub mod simulate;
 pub mod warning;

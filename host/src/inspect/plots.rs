@@ -167,6 +167,7 @@ mod tests {
             first_tick: 20 * k,
             start_s: 0.02 * k as f64,
             step_s: 0.001,
+            jitter_s: 0.0,
             columns: vec![Column::Values((0..19).map(|i| (0.01 * (20 * k + i) as f64).sin()).collect())],
             phase: None,
             amplitude_nm: None,

@@ -58,6 +58,7 @@ fn record(rig: &Rig, columns: [Vec<i32>; 2]) -> Record {
             first_tick: 0,
             start_s: 0.0,
             step_s: 0.002,
+            jitter_s: 0.0,
             columns: columns.into_iter().map(Column::Counts).collect(),
             phase: None,
             amplitude_nm: None,

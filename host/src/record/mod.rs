@@ -3,12 +3,32 @@
 //! A gap in `t` (or in the device's ticks), or a NaN in any channel, ends a segment; nothing is interpolated over.
 //! Counts stay integers until [`Column::angle`] turns them into radians: a count c stands for the middle of
 //! [c, c+1), θ = (c + ½)·2π/N.
+//!
+//! [`Record::read`] takes every format in [`formats::FORMATS`]; [`writer::RecordWriter`] writes whirl's own.
 
-use std::path::PathBuf;
+mod csv;
+mod csv_write;
+pub mod formats;
+mod lines;
+mod parquet;
+mod parquet_cells;
+mod parquet_recovery;
+mod parquet_source;
+mod parquet_write;
+mod rows;
+mod segments;
+mod time_fit;
+mod unwrap;
+pub mod writer;
 
-use serde::Serialize;
+use std::path::{Path, PathBuf};
 
-use crate::rig::Channel;
+use serde::{Deserialize, Serialize};
+
+pub use self::formats::ReadOptions;
+pub use self::writer::RecordWriter;
+use crate::error::Result;
+use crate::rig::{Channel, Rig};
 use crate::warning::Warning;
 
 /// A measured record.
@@ -39,6 +59,8 @@ pub struct Segment {
     pub start_s: f64,
     /// Spacing, s.
     pub step_s: f64,
+    /// Rms deviation of the rows' `t` from `start_s + i·step_s`, s: what rounding and jitter of the clock leave.
+    pub jitter_s: f64,
     /// One column for each channel of the record, all of equal length.
     pub columns: Vec<Column>,
     /// The drive's phase at each sample, turns · 2⁻³², where the device recorded it.
@@ -91,6 +113,11 @@ impl Segment {
         self.len() == 0
     }
 
+    /// Samples · step, s.
+    pub fn duration_s(&self) -> f64 {
+        self.len() as f64 * self.step_s
+    }
+
     /// Time of sample i, s.
     pub fn time(&self, i: usize) -> f64 {
         self.start_s + i as f64 * self.step_s
@@ -98,7 +125,8 @@ impl Segment {
 }
 
 /// Samples that did not arrive, by cause. `received + lost() = ` ticks from first to last.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Losses {
     /// Samples in the record.
     pub received: u64,
@@ -114,6 +142,8 @@ pub struct Losses {
     pub nan_rows: u64,
     /// Samples that arrived more than once (kept once).
     pub duplicates: u64,
+    /// Samples that arrived out of order (kept, in their place).
+    pub late: u64,
     /// Frames refused by the checksum or the decoder.
     pub bad_frames: u64,
     /// Gaps in time.
@@ -125,12 +155,15 @@ pub struct Losses {
 impl Losses {
     /// All missing samples.
     pub fn lost(&self) -> u64 {
-        self.lost_on_link + self.damaged + self.overruns + self.dropped_by_device + self.nan_rows
+        [self.lost_on_link, self.damaged, self.overruns, self.dropped_by_device, self.nan_rows]
+            .into_iter()
+            .fold(0, u64::saturating_add)
     }
 }
 
 /// What whirl's own records carry beside the samples.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Metadata {
     /// Text of the rig file at capture.
     pub rig: String,
@@ -144,12 +177,40 @@ pub struct Metadata {
     pub source: String,
     /// Version of whirl that wrote it.
     pub written_by: String,
+    /// Sampling rate of the device's clock, Hz (0: not known).
+    pub sample_rate_hz: f64,
 }
 
 impl Record {
+    /// Reads a record in any of [`formats::FORMATS`], told apart by content and extension.
+    ///
+    /// # Errors
+    /// Names the file, the row or column, the value found, the one expected, and the remedy.
+    pub fn read(path: impl AsRef<Path>, rig: &Rig, options: &ReadOptions) -> Result<Self> {
+        formats::read(path.as_ref(), rig, options)
+    }
+
     /// Samples over all segments.
     pub fn samples(&self) -> usize {
         self.segments.iter().map(Segment::len).sum()
+    }
+
+    /// Length of the longest unbroken stretch, samples.
+    pub fn longest_segment(&self) -> usize {
+        self.segments.iter().map(Segment::len).max().unwrap_or(0)
+    }
+
+    /// Duration of the longest unbroken stretch (samples · step), s.
+    pub fn longest_segment_s(&self) -> f64 {
+        self.segments.iter().map(Segment::duration_s).fold(0.0, f64::max)
+    }
+
+    /// Time from the first sample to one step past the last, gaps included, s.
+    pub fn duration_s(&self) -> f64 {
+        match (self.segments.first(), self.segments.last()) {
+            (Some(first), Some(last)) => last.start_s + last.duration_s() - first.start_s,
+            _ => 0.0,
+        }
     }
 
     /// Index of the channel that measures a quantity.

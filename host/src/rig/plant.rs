@@ -53,6 +53,42 @@ fn gravity() -> f64 {
 }
 
 impl Plant {
+    /// True value of a parameter that an identification names (coefficients of (3.4) at angular frequency `omega`, and physical
+    /// parameters); `None` for a name that the plant does not have. Only for the truth beside an answer that is already there.
+    pub fn truth(&self, name: &str, omega: f64) -> Option<f64> {
+        let p = self;
+        let (h, s1, s2) = (p.m2 * p.e2 * p.l1, p.m1 * p.e1 + p.m2 * p.l1, p.m2 * p.e2);
+        let (cos, sin) = (p.phase_rad.cos(), p.phase_rad.sin());
+        let second = omega * omega;
+        Some(match name {
+            "B11" => h / p.j_o1,
+            "B12" => p.g * s1 / (p.j_o1 * second),
+            "B13" => -p.amplitude_m * s1 / p.j_o1 * cos,
+            "B14" => -p.amplitude_m * s1 / p.j_o1 * sin,
+            "B15" => p.amplitude_m * s1 / p.j_o1,
+            "B21" => h / p.j_o2,
+            "B22" => p.g * s2 / (p.j_o2 * second),
+            "B23" => -p.amplitude_m * s2 / p.j_o2 * cos,
+            "B24" => -p.amplitude_m * s2 / p.j_o2 * sin,
+            "B25" => p.amplitude_m * s2 / p.j_o2,
+            "C11" => p.tau_c1 / (p.j_o1 * second),
+            "C12" => p.c_r2 / (p.j_o1 * omega),
+            "C2" => p.c_r2 / (p.j_o2 * omega),
+            "J_o1" => p.j_o1,
+            "J_o2" => p.j_o2,
+            "m1e1" => p.m1 * p.e1,
+            "l1" => p.l1,
+            "m2" => p.m2,
+            "e2" => p.e2,
+            "g" => p.g,
+            "a" => p.amplitude_m,
+            "psi" => p.phase_rad,
+            "tau_c1" => p.tau_c1,
+            "c_r2" => p.c_r2,
+            _ => return None,
+        })
+    }
+
     /// Reads `[plant]` from a rig's text.
     ///
     /// # Errors

@@ -1,3 +1,6 @@
-//! Signal processing of evenly spaced samples.
+//! From counts to smooth angles and velocities: low-pass, differentiation, noise, spectrum.
 
+pub mod angles;
+pub mod low_pass;
+pub mod noise;
 pub mod spectrum;

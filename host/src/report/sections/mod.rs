@@ -7,6 +7,7 @@ pub mod portraits;
 pub mod record;
 pub mod residuals;
 pub mod spectra;
+pub mod truth;
 pub mod warnings;
 
 use super::SectionKind;
@@ -21,4 +22,5 @@ pub static SECTIONS: &[SectionKind] = &[
     histories::SECTION,
     portraits::SECTION,
     spectra::SECTION,
+    truth::SECTION,
 ];

@@ -48,7 +48,7 @@ fn render(results: &Results) -> Option<Html> {
     (body != Html::new()).then_some(body)
 }
 
-fn one(body: &mut Html, table: &ParameterTable) {
+pub(super) fn one(body: &mut Html, table: &ParameterTable) {
     let truth = table.parameters.iter().any(|p| p.truth.is_some());
     let head = |t: &str, a| (Html::text(t), a);
     let mut heads = vec![head("", Align::Left), head("value ± 95 %", Align::Right), head("unit", Align::Left)];

@@ -1,0 +1,104 @@
+//! Both halves as one, for a single thread: host tests, simulators, the emulated board.
+
+use heapless::spsc::Queue;
+use whirl_shared::frame::{SampleBlock, Status};
+
+use crate::event::{Event, Request};
+use crate::link::Link;
+use crate::output::ShakerOutput;
+use crate::quadrature::QuadratureCounter;
+use crate::sampler::Sampler;
+use crate::settings::{Settings, SettingsError};
+use crate::shaker::Drive;
+
+/// Slots of the block queue that boards use (one less is usable): 1.2 s of samples at 500 Hz.
+pub const BLOCKS: usize = 64;
+/// Slots of the event queue that boards use.
+pub const EVENTS: usize = 32;
+/// Slots of the request queue that boards use.
+pub const REQUESTS: usize = 16;
+
+/// The whole application. The const parameters are the queues' slots, of which one each stays empty.
+#[derive(Debug)]
+pub struct App<C1, C2, O, const B: usize = BLOCKS, const E: usize = EVENTS, const R: usize = REQUESTS> {
+    sampler: Sampler<C1, C2, O>,
+    link: Link,
+    blocks: Queue<SampleBlock, B>,
+    events: Queue<Event, E>,
+    requests: Queue<Request, R>,
+}
+
+impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> App<C1, C2, O> {
+    /// With the boards' queues; tick 0, shaker disarmed, a hello waiting to be sent.
+    ///
+    /// # Errors
+    /// A setting that is not possible.
+    pub fn new(settings: Settings, counter1: C1, counter2: C2, output: O) -> Result<Self, SettingsError> {
+        Self::with_queues(settings, counter1, counter2, output)
+    }
+}
+
+impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput, const B: usize, const E: usize, const R: usize>
+    App<C1, C2, O, B, E, R>
+{
+    /// As [`App::new`], with queues of other lengths.
+    ///
+    /// # Errors
+    /// A setting that is not possible.
+    pub fn with_queues(settings: Settings, counter1: C1, counter2: C2, output: O) -> Result<Self, SettingsError> {
+        Ok(Self {
+            sampler: Sampler::new(&settings, counter1, counter2, output)?,
+            link: Link::new(&settings)?,
+            blocks: Queue::new(),
+            events: Queue::new(),
+            requests: Queue::new(),
+        })
+    }
+
+    /// One sampling tick; see [`Sampler::tick`].
+    pub fn tick(&mut self, missed: u32, latency_us: u32) {
+        self.sampler.tick(missed, latency_us, &mut self.blocks, &mut self.events, &mut self.requests);
+    }
+
+    /// Bytes from the host. Commands in them are carried out at the end of the next tick.
+    pub fn receive(&mut self, bytes: &[u8]) {
+        self.link.receive(bytes, &mut self.requests);
+    }
+
+    /// The next frame, if there is one, written to `out`; its length. `out` must hold
+    /// [`whirl_shared::codec::MAX_FRAME`] bytes; with less, nothing is taken and `None` returned.
+    pub fn poll_transmit(&mut self, out: &mut [u8]) -> Option<usize> {
+        self.link.poll_transmit(out, &mut self.blocks, &mut self.events)
+    }
+
+    /// The drive at the last tick: the phase, increment and amplitude that its sample carries and from which its
+    /// displacement was computed, with the state that the shaker is in now. Until the next tick the base follows
+    /// `amplitude · cos(phase + u · phase_increment)`, u from 0 to 1.
+    pub fn drive(&self) -> Drive {
+        self.sampler.drive()
+    }
+
+    /// The present status.
+    pub fn status(&self) -> Status {
+        self.link.status(self.sampler.snapshot())
+    }
+
+    /// Both counters, for simulators.
+    pub fn counters_mut(&mut self) -> (&mut C1, &mut C2) {
+        let (counter1, counter2, _) = self.sampler.parts_mut();
+        (counter1, counter2)
+    }
+
+    /// The shaker's output, for simulators.
+    pub fn output_mut(&mut self) -> &mut O {
+        self.sampler.parts_mut().2
+    }
+
+    /// Both counters and the output, for simulators.
+    pub fn parts_mut(&mut self) -> (&mut C1, &mut C2, &mut O) {
+        self.sampler.parts_mut()
+    }
+}
+
+#[cfg(test)]
+mod tests;

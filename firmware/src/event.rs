@@ -1,0 +1,91 @@
+//! What the two halves tell each other.
+
+use whirl_shared::frame::{Ack, CHANNELS, Command, Status};
+
+use crate::preview::Turning;
+
+/// A command on its way to the interrupt half.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Request {
+    /// Sequence number of the frame that brought it.
+    pub sequence: u16,
+    /// The command.
+    pub command: Command,
+}
+
+/// Something that the interrupt half reports besides samples.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// A hello is to be sent.
+    Hello {
+        /// Present tick.
+        tick: u32,
+        /// Host time-out in force, ms.
+        host_timeout_ms: u32,
+    },
+    /// A status is to be sent.
+    Status(Snapshot),
+    /// A command was carried out or refused.
+    Ack(Ack),
+    /// A line for people.
+    Log {
+        /// Present tick.
+        tick: u32,
+        /// What happened.
+        notice: Notice,
+    },
+}
+
+/// The interrupt half's share of a status.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Snapshot {
+    /// Its counters and the shaker; the fields of the thread half are zero.
+    pub status: Status,
+    /// The last whole second of both encoders.
+    pub turning: [Turning; CHANNELS],
+}
+
+/// What is worth a line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub enum Notice {
+    /// The host fell silent; the shaker stops.
+    HostSilent,
+    /// The shaker's output failed; the shaker is cut off.
+    OutputFailed,
+    /// A limit was about to be exceeded; the shaker is cut off.
+    LimitExceeded,
+}
+
+impl Notice {
+    /// 0 error, 1 warning, 2 information.
+    #[must_use]
+    pub const fn level(self) -> u8 {
+        match self {
+            Self::HostSilent => 1,
+            Self::OutputFailed | Self::LimitExceeded => 0,
+        }
+    }
+
+    /// In words, at most [`whirl_shared::frame::TEXT_LEN`] bytes.
+    #[must_use]
+    pub const fn text(self) -> &'static str {
+        match self {
+            Self::HostSilent => "host silent: shaker stops and disarms",
+            Self::OutputFailed => "shaker output failed: cut off",
+            Self::LimitExceeded => "shaker limit about to be exceeded: cut off",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_notice_fits_into_a_log_line() {
+        for notice in [Notice::HostSilent, Notice::OutputFailed, Notice::LimitExceeded] {
+            assert!(!notice.text().is_empty() && notice.text().len() <= whirl_shared::frame::TEXT_LEN);
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! The thread half: bytes from the host to requests, events and blocks to frames.
+//!
+//! At boot the first frame is a hello. Other messages go before blocks, but never two in a row while blocks wait, so
+//! that a flood of commands cannot starve the samples.
+
+use heapless::{Deque, String};
+use whirl_shared::encoder::CountScale;
+use whirl_shared::frame::{
+    Ack, BLOCK_LEN, CHANNELS, CommandResult, DeviceMessage, Hello, Log, PROTOCOL_VERSION, SCHEMA_HASH, SampleBlock,
+    Status,
+};
+
+use crate::console::Console;
+use crate::event::{Event, Request, Snapshot};
+use crate::queue::{Sink, Source};
+use crate::settings::{Settings, SettingsError};
+use crate::stream::Stream;
+
+/// Name and version in [`Hello`].
+pub const FIRMWARE: &str = concat!("whirl-firmware ", env!("CARGO_PKG_VERSION"));
+
+/// Answers of this half that wait for the link.
+const OWN_EVENTS: usize = 8;
+
+/// The thread half.
+#[derive(Debug)]
+pub struct Link {
+    settings: Settings,
+    scales: [CountScale; CHANNELS],
+    console: Console,
+    stream: Stream,
+    own: Deque<Event, OWN_EVENTS>,
+    block_next: bool,
+    dropped: u32,
+    rejected: u32,
+}
+
+impl Link {
+    /// With a hello waiting to be sent.
+    ///
+    /// # Errors
+    /// A setting that is not possible.
+    pub fn new(settings: &Settings) -> Result<Self, SettingsError> {
+        settings.validate()?;
+        let [Some(scale1), Some(scale2)] = settings.counts_per_turn.map(CountScale::new) else {
+            return Err(SettingsError { field: "counts_per_turn", found: 0, min: 1, max: u32::MAX });
+        };
+        let mut link = Self {
+            settings: settings.clone(),
+            scales: [scale1, scale2],
+            console: Console::new(),
+            stream: Stream::new(),
+            own: Deque::new(),
+            block_next: false,
+            dropped: 0,
+            rejected: 0,
+        };
+        link.put_own(Event::Hello { tick: 0, host_timeout_ms: settings.host_timeout_ms });
+        Ok(link)
+    }
+
+    /// Takes bytes from the host and passes on the commands in them. A command that finds the queue full is refused as
+    /// [`CommandResult::WrongState`]: nothing changed.
+    pub fn receive(&mut self, bytes: &[u8], requests: &mut impl Sink<Request>) {
+        for &byte in bytes {
+            let Some(request) = self.console.push(byte) else { continue };
+            if let Err(request) = requests.put(request) {
+                self.rejected = self.rejected.wrapping_add(1);
+                let ack = Ack { command_sequence: request.sequence, result: CommandResult::WrongState };
+                self.put_own(Event::Ack(ack));
+            }
+        }
+    }
+
+    /// The next frame, if there is one, written to `out`; its length.
+    ///
+    /// `out` must hold [`whirl_shared::codec::MAX_FRAME`] bytes; with less, nothing is taken and `None` returned.
+    pub fn poll_transmit(
+        &mut self,
+        out: &mut [u8],
+        blocks: &mut impl Source<SampleBlock>,
+        events: &mut impl Source<Event>,
+    ) -> Option<usize> {
+        if !Stream::fits(out) {
+            return None;
+        }
+        let block = if self.block_next { blocks.take() } else { None };
+        let message = match block {
+            Some(block) => DeviceMessage::Samples(block),
+            None => match self.own.pop_front().or_else(|| events.take()) {
+                Some(event) => self.message(event),
+                None => DeviceMessage::Samples(blocks.take()?),
+            },
+        };
+        self.block_next = !matches!(message, DeviceMessage::Samples(_));
+        self.stream.encode(message, out)
+    }
+
+    /// A status with this half's counters put in.
+    pub fn status(&self, snapshot: Snapshot) -> Status {
+        let Snapshot { status, turning } = snapshot;
+        let rate = self.settings.sample_rate_millihertz;
+        Status {
+            dropped_frames: status.dropped_frames.wrapping_add(self.dropped),
+            bad_frames: self.console.bad_frames(),
+            rejected_commands: status.rejected_commands.wrapping_add(self.rejected),
+            samples_sent: self.stream.samples_sent(),
+            rms_angle_mrad: [0, 1].map(|i| turning[i].rms_mrad(self.scales[i])),
+            turns_per_minute_milli: [0, 1].map(|i| turning[i].turns_per_minute_milli(self.scales[i], rate)),
+            ..status
+        }
+    }
+
+    fn put_own(&mut self, event: Event) {
+        if self.own.push_back(event).is_err() {
+            self.dropped = self.dropped.wrapping_add(1);
+        }
+    }
+
+    fn message(&self, event: Event) -> DeviceMessage {
+        match event {
+            Event::Hello { tick, host_timeout_ms } => DeviceMessage::Hello(self.hello(tick, host_timeout_ms)),
+            Event::Status(snapshot) => DeviceMessage::Status(self.status(snapshot)),
+            Event::Ack(ack) => DeviceMessage::Ack(ack),
+            Event::Log { tick, notice } => {
+                DeviceMessage::Log(Log { tick, level: notice.level(), text: text(notice.text()) })
+            }
+        }
+    }
+
+    fn hello(&self, tick: u32, host_timeout_ms: u32) -> Hello {
+        let settings = &self.settings;
+        Hello {
+            protocol: PROTOCOL_VERSION,
+            schema: SCHEMA_HASH,
+            boot_id: settings.boot_id,
+            tick,
+            firmware: text(FIRMWARE),
+            board: text(settings.board),
+            sample_rate_millihertz: settings.sample_rate_millihertz,
+            counts_per_turn: settings.counts_per_turn,
+            block_len: BLOCK_LEN as u8,
+            limits: settings.limits,
+            host_timeout_ms,
+        }
+    }
+}
+
+/// As much of a text as fits.
+fn text<const N: usize>(whole: &str) -> String<N> {
+    let mut text = String::new();
+    for character in whole.chars() {
+        if text.push(character).is_err() {
+            break;
+        }
+    }
+    text
+}

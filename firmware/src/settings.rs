@@ -1,0 +1,128 @@
+//! What a board tells the application at boot, with its checks.
+
+use core::fmt;
+
+use whirl_shared::frame::{CHANNELS, ShakerLimits, TEXT_LEN};
+
+/// Least host time-out that is accepted, ms.
+pub const HOST_TIMEOUT_MIN_MS: u32 = 100;
+/// Greatest host time-out that is accepted, ms.
+pub const HOST_TIMEOUT_MAX_MS: u32 = 60_000;
+/// Least and greatest sampling rate, mHz.
+pub const SAMPLE_RATE_MILLIHERTZ: [u32; 2] = [1_000, 100_000_000];
+/// Greatest counts a turn: keeps a second's sum of squares within 64 bits.
+pub const COUNTS_PER_TURN_MAX: u32 = 1 << 20;
+/// Greatest amplitude that fits into 32 bits of nm, µm.
+pub const AMPLITUDE_MAX_MICROMETRE: u32 = 2_147_483;
+
+/// Settings of the application.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Board name, at most [`TEXT_LEN`] bytes.
+    pub board: &'static str,
+    /// Changes at every boot.
+    pub boot_id: u32,
+    /// Sampling rate, mHz.
+    pub sample_rate_millihertz: u32,
+    /// Counts a turn of each encoder after decoding.
+    pub counts_per_turn: [u32; CHANNELS],
+    /// Greatest amplitude, frequency and ramp rate of the shaker; the ramp rate is also the one in force at boot.
+    pub limits: ShakerLimits,
+    /// Greatest acceleration a(2πf)² of the base, mm/s²: amplitude and frequency limits together allow more than
+    /// a shaker can do.
+    pub acceleration_limit_millimetre_per_s2: u32,
+    /// The shaker stops when no valid command has come for this long, ms.
+    pub host_timeout_ms: u32,
+}
+
+impl Default for Settings {
+    /// 500 Hz, 4096 counts a turn, 20 mm, 20 Hz, 20 mm/s, 40 m/s², 2 s.
+    fn default() -> Self {
+        Self {
+            board: "unnamed",
+            boot_id: 0,
+            sample_rate_millihertz: 500_000,
+            counts_per_turn: [4096; CHANNELS],
+            limits: ShakerLimits {
+                amplitude_micrometre: 20_000,
+                frequency_millihertz: 20_000,
+                ramp_micrometre_per_s: 20_000,
+            },
+            acceleration_limit_millimetre_per_s2: 40_000,
+            host_timeout_ms: 2_000,
+        }
+    }
+}
+
+/// A setting that is not possible.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
+pub struct SettingsError {
+    /// The field.
+    pub field: &'static str,
+    /// Its value (a text's length).
+    pub found: u32,
+    /// Least value.
+    pub min: u32,
+    /// Greatest value.
+    pub max: u32,
+}
+
+impl fmt::Display for SettingsError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "setting {}: found {}, expected {} to {}", self.field, self.found, self.min, self.max)
+    }
+}
+
+impl core::error::Error for SettingsError {}
+
+fn check(field: &'static str, found: u32, min: u32, max: u32) -> Result<(), SettingsError> {
+    if (min..=max).contains(&found) { Ok(()) } else { Err(SettingsError { field, found, min, max }) }
+}
+
+impl Settings {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// The first field whose value is not possible, with the values that are.
+    pub fn validate(&self) -> Result<(), SettingsError> {
+        let rate = self.sample_rate_millihertz;
+        let limits = &self.limits;
+        let board_len = u32::try_from(self.board.len()).unwrap_or(u32::MAX);
+        check("board (length)", board_len, 1, TEXT_LEN as u32)?;
+        check("sample_rate_millihertz", rate, SAMPLE_RATE_MILLIHERTZ[0], SAMPLE_RATE_MILLIHERTZ[1])?;
+        check("counts_per_turn[0]", self.counts_per_turn[0], 1, COUNTS_PER_TURN_MAX)?;
+        check("counts_per_turn[1]", self.counts_per_turn[1], 1, COUNTS_PER_TURN_MAX)?;
+        check("limits.amplitude_micrometre", limits.amplitude_micrometre, 0, AMPLITUDE_MAX_MICROMETRE)?;
+        // At least five samples a period, so that the steps of the output are a waveform.
+        check("limits.frequency_millihertz", limits.frequency_millihertz, 1, rate / 5)?;
+        check("limits.ramp_micrometre_per_s", limits.ramp_micrometre_per_s, 1, AMPLITUDE_MAX_MICROMETRE)?;
+        check("acceleration_limit_millimetre_per_s2", self.acceleration_limit_millimetre_per_s2, 1, u32::MAX)?;
+        check("host_timeout_ms", self.host_timeout_ms, HOST_TIMEOUT_MIN_MS, HOST_TIMEOUT_MAX_MS)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::string::ToString;
+
+    #[test]
+    fn the_default_is_valid() {
+        assert_eq!(Settings::default().validate(), Ok(()));
+    }
+
+    #[test]
+    fn an_error_names_field_value_and_range() {
+        let settings = Settings { counts_per_turn: [4096, 0], ..Settings::default() };
+        assert_eq!(
+            settings.validate().unwrap_err().to_string(),
+            "setting counts_per_turn[1]: found 0, expected 1 to 1048576"
+        );
+        let mut settings = Settings::default();
+        settings.limits.frequency_millihertz = 200_000;
+        assert_eq!(settings.validate().unwrap_err().field, "limits.frequency_millihertz");
+        let settings = Settings { host_timeout_ms: 0, ..Settings::default() };
+        assert_eq!(settings.validate().unwrap_err().field, "host_timeout_ms");
+    }
+}

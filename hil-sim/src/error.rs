@@ -1,0 +1,24 @@
+//! Errors of the simulated rig.
+
+use crate::integrator::IntegrationError;
+use crate::plant::ParameterError;
+use crate::plant::effects::EffectError;
+
+/// Why a simulation could not be set up or go on.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SimulationError {
+    /// A parameter or a setting that cannot be.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
+    /// An effect that cannot be, or not on this rig.
+    #[error(transparent)]
+    Effect(#[from] EffectError),
+    /// The plant could not be integrated further.
+    #[error("the simulated rig failed at {time_s} s: {error}")]
+    Integration {
+        /// Time of the record, s.
+        time_s: f64,
+        /// What failed.
+        error: IntegrationError,
+    },
+}

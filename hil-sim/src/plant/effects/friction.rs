@@ -1,0 +1,89 @@
+//! Friction in a joint and drag of an arm.
+//!
+//! Dry friction (everything with sign v) also holds: at v = 0 the joint sticks as long as the torque needed is within
+//! the sum of the levels. Stribeck's, load-dependent and asymmetric friction come on top of the Coulomb level, which may
+//! be zero.
+
+use super::{ARMS, EffectInfo, JOINTS, ParameterInfo, Range};
+
+pub(super) const VISCOUS: EffectInfo = EffectInfo {
+    id: "viscous-friction",
+    places: JOINTS,
+    unit: "N m s",
+    parameters: &[],
+    equation: "-c v",
+    range: Range::NOT_NEGATIVE,
+    apply: |a, place, value, _| a.joints[place.index()].viscous += value,
+};
+
+pub(super) const COULOMB: EffectInfo = EffectInfo {
+    id: "coulomb-friction",
+    places: JOINTS,
+    unit: "N m",
+    parameters: &[],
+    equation: "-tau sign v",
+    range: Range::NOT_NEGATIVE,
+    apply: |a, place, value, _| {
+        for level in &mut a.joints[place.index()].level {
+            *level += value;
+        }
+    },
+};
+
+pub(super) const STRIBECK: EffectInfo = EffectInfo {
+    id: "stribeck-friction",
+    places: JOINTS,
+    unit: "N m",
+    parameters: &[ParameterInfo {
+        name: "v_s",
+        unit: "rad/s",
+        default: 1.0,
+        meaning: "velocity at which the excess over Coulomb's level has fallen to 1/e",
+        range: Range { least: 0.0, greatest: 1e4, above: true, whole: false },
+    }],
+    equation: "-tau_s exp(-(v/v_s)^2) sign v",
+    range: Range::NOT_NEGATIVE,
+    apply: |a, place, value, p| a.joints[place.index()].stribeck.push((value, p[0])),
+};
+
+pub(super) const LOAD_DEPENDENT: EffectInfo = EffectInfo {
+    id: "load-dependent-friction",
+    places: JOINTS,
+    unit: "m",
+    parameters: &[],
+    // The load is the joint's whole force across its axis, from the motion itself; the unit is that of μ times radius.
+    equation: "-mu |F| sign v, F the force across the joint's axis (N)",
+    range: Range::between(0.0, 0.01),
+    apply: |a, place, value, _| a.joints[place.index()].per_load += value,
+};
+
+pub(super) const QUADRATIC_DRAG: EffectInfo = EffectInfo {
+    id: "quadratic-drag",
+    places: ARMS,
+    unit: "N m s^2",
+    parameters: &[],
+    equation: "-k w |w|, w the arm's absolute angular velocity, in that arm's equation only",
+    range: Range::NOT_NEGATIVE,
+    apply: |a, place, value, _| a.drag[place.index()] += value,
+};
+
+pub(super) const ASYMMETRIC: EffectInfo = EffectInfo {
+    id: "asymmetric-friction",
+    places: JOINTS,
+    unit: "N m",
+    parameters: &[],
+    equation: "-delta for v > 0, 0 for v < 0: Coulomb's level is greater by delta in the positive direction",
+    range: Range::ANY,
+    // A negative value takes from the other levels; the plant refuses a sum below zero.
+    apply: |a, place, value, _| a.joints[place.index()].level[0] += value,
+};
+
+pub(super) const AMPLITUDE_DEPENDENT: EffectInfo = EffectInfo {
+    id: "amplitude-dependent-damping",
+    places: JOINTS,
+    unit: "N m s/rad^2",
+    parameters: &[],
+    equation: "-c x^2 v",
+    range: Range::NOT_NEGATIVE,
+    apply: |a, place, value, _| a.joints[place.index()].amplitude_damping += value,
+};

@@ -1,0 +1,70 @@
+//! Torques that depend on a joint's angle. x is wrapped to [−π, π): where a torque is not periodic it jumps at ±π, and
+//! the integration ends a step there.
+
+use super::{EffectInfo, JOINTS, PSI, ParameterInfo, Range};
+
+pub(super) const TORSION_SPRING: EffectInfo = EffectInfo {
+    id: "torsion-spring",
+    places: JOINTS,
+    unit: "N m/rad",
+    parameters: &[],
+    equation: "-k x",
+    range: Range::ANY,
+    apply: |a, place, value, _| a.joints[place.index()].stiffness[0] += value,
+};
+
+pub(super) const QUADRATIC: EffectInfo = EffectInfo {
+    id: "quadratic-stiffness",
+    places: JOINTS,
+    unit: "N m/rad^2",
+    parameters: &[],
+    equation: "-k x^2",
+    range: Range::ANY,
+    apply: |a, place, value, _| a.joints[place.index()].stiffness[1] += value,
+};
+
+pub(super) const CUBIC: EffectInfo = EffectInfo {
+    id: "cubic-stiffness",
+    places: JOINTS,
+    unit: "N m/rad^3",
+    parameters: &[],
+    equation: "-k x^3",
+    range: Range::ANY,
+    apply: |a, place, value, _| a.joints[place.index()].stiffness[2] += value,
+};
+
+/// Play between two springs: no torque inside the dead zone.
+pub(super) const BACKLASH: EffectInfo = EffectInfo {
+    id: "backlash",
+    places: JOINTS,
+    unit: "rad",
+    parameters: &[ParameterInfo {
+        name: "k",
+        unit: "N m/rad",
+        default: 0.01,
+        meaning: "stiffness at the ends of the play",
+        range: Range::NOT_NEGATIVE,
+    }],
+    equation: "-k (x - b) for x > b, -k (x + b) for x < -b, 0 between: a dead zone of half width b",
+    range: Range::between(0.0, core::f64::consts::PI),
+    apply: |a, place, value, p| a.joints[place.index()].backlash.push((value, p[0])),
+};
+
+pub(super) const COGGING: EffectInfo = EffectInfo {
+    id: "cogging",
+    places: JOINTS,
+    unit: "N m",
+    parameters: &[
+        ParameterInfo {
+            name: "n",
+            unit: "",
+            default: 6.0,
+            meaning: "order: periods in a turn",
+            range: Range { least: 1.0, greatest: 60.0, above: false, whole: true },
+        },
+        PSI,
+    ],
+    equation: "-A sin(n x + psi)",
+    range: Range::ANY,
+    apply: |a, place, value, p| a.joints[place.index()].cogging.push((value, p[0], p[1])),
+};

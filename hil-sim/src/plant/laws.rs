@@ -1,0 +1,132 @@
+//! What effects compile to: torques in a joint, additions to the arms, the base's motion and the encoders.
+
+use core::f64::consts::PI;
+
+/// Torque in one joint, as a function of its angle x (wrapped to [−π, π)) and its relative velocity v:
+/// `constant − viscous v − quadratic_damping x² v − k1 x − k2 x² − k3 x³ − backlash(x) − Σ A sin(n x + ψ) + dry`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct JointLaw {
+    /// Constant torque, N m.
+    pub constant: f64,
+    /// Viscous friction, N m s.
+    pub viscous: f64,
+    /// Damping that grows with the squared angle, N m s/rad².
+    pub amplitude_damping: f64,
+    /// Stiffnesses of first, second and third order, N m/rad, N m/rad², N m/rad³.
+    pub stiffness: [f64; 3],
+    /// Play: half width of the dead zone (rad) and stiffness beyond it (N m/rad).
+    pub backlash: Vec<(f64, f64)>,
+    /// Cogging: amplitude (N m), order, phase (rad).
+    pub cogging: Vec<(f64, f64, f64)>,
+    /// Constant levels of dry friction for v > 0 and for v < 0, N m.
+    pub level: [f64; 2],
+    /// Stribeck's part of the dry friction: level at v = 0 (N m) and velocity v_s (rad/s).
+    pub stribeck: Vec<(f64, f64)>,
+    /// Dry friction per newton of radial force, m.
+    pub per_load: f64,
+}
+
+impl JointLaw {
+    /// Whether the torque depends on the wrapped angle other than periodically, so that it has a corner at ±π.
+    pub(super) fn wraps(&self) -> bool {
+        self.amplitude_damping != 0.0 || self.stiffness != [0.0; 3] || !self.backlash.is_empty()
+    }
+
+    /// Whether there is dry friction.
+    pub(super) fn is_dry(&self) -> bool {
+        self.level != [0.0; 2] || !self.stribeck.is_empty() || self.per_load != 0.0
+    }
+
+    /// Angles inside (−π, π) at which the torque has a corner, ascending.
+    pub(super) fn corners(&self) -> Vec<f64> {
+        let mut corners: Vec<f64> = self.backlash.iter().flat_map(|&(b, _)| [-b, b]).filter(|b| b.abs() < PI).collect();
+        corners.sort_by(f64::total_cmp);
+        corners.dedup();
+        corners
+    }
+
+    /// Torque without dry friction. `middle` is any angle of the smooth stretch that x is in: beyond its ends the law
+    /// is continued smoothly, so that a step may overshoot a corner before the corner is located.
+    pub(super) fn smooth(&self, x: f64, middle: f64, v: f64) -> f64 {
+        let [k1, k2, k3] = self.stiffness;
+        let mut torque = self.constant - (self.viscous + self.amplitude_damping * x * x) * v;
+        torque -= x * (k1 + x * (k2 + x * k3));
+        for &(b, k) in &self.backlash {
+            if middle > b {
+                torque -= k * (x - b);
+            } else if middle < -b {
+                torque -= k * (x + b);
+            }
+        }
+        for &(amplitude, order, phase) in &self.cogging {
+            torque -= amplitude * libm::sin(order * x + phase);
+        }
+        torque
+    }
+
+    /// Level of the dry friction that opposes motion in the direction `sign` (±1) at velocity v under a radial force.
+    pub(super) fn dry_level(&self, sign: f64, v: f64, load: f64) -> f64 {
+        let mut level = self.level[usize::from(sign < 0.0)] + self.per_load * load;
+        for &(at_rest, v_s) in &self.stribeck {
+            let ratio = v / v_s;
+            level += at_rest * libm::exp(-ratio * ratio);
+        }
+        level
+    }
+}
+
+/// What the base does beside its fundamental.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DriveAdditions {
+    /// Harmonics along the drive: order, amplitude ratio, phase β in `r a cos(n τ − β)`.
+    pub harmonics: Vec<(f64, f64, f64)>,
+    /// Motion across the drive, A cos τ + B sin τ, m.
+    pub across: [f64; 2],
+    /// Which direction `across` must be, if any effect names one: `true` horizontal.
+    pub across_is_horizontal: Option<bool>,
+    /// Relative growth of the amplitude over the record.
+    pub amplitude_drift: f64,
+    /// True frequency minus recorded frequency, Hz.
+    pub frequency_offset_hz: f64,
+}
+
+/// What an encoder makes of its angle, in the order in which effects were given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SensorLaw {
+    /// θ + b.
+    Offset(f64),
+    /// (1 + s) θ, of the unwrapped angle.
+    Scale(f64),
+    /// θ + e sin(θ + ψ).
+    Eccentricity(f64, f64),
+}
+
+impl SensorLaw {
+    /// The angle shown, of the true one, rad.
+    pub fn shown(&self, angle: f64) -> f64 {
+        match *self {
+            Self::Offset(b) => angle + b,
+            Self::Scale(s) => (1.0 + s) * angle,
+            Self::Eccentricity(e, phase) => angle + e * libm::sin(angle + phase),
+        }
+    }
+}
+
+/// The sum of all effects.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Additions {
+    /// Torques in joints 1 and 2.
+    pub joints: [JointLaw; 2],
+    /// Quadratic drag of each arm, N m s².
+    pub drag: [f64; 2],
+    /// Angle of each arm's centroid off its line, rad.
+    pub imbalance: [f64; 2],
+    /// Angle at which the arms would hang, rad.
+    pub tilt: f64,
+    /// The base.
+    pub drive: DriveAdditions,
+    /// The encoders.
+    pub sensors: [Vec<SensorLaw>; 2],
+    /// Delay of encoder 2 behind encoder 1, s.
+    pub delay_s: f64,
+}

@@ -1,0 +1,293 @@
+//! Integration over an interval, ended and restarted at every event.
+//!
+//! Between events the system is smooth and the eighth-order steps of [`crate::integrator`] apply. Events are zeros of
+//! * s v of a slipping joint with dry friction (then it sticks or reverses),
+//! * the margin of the torque that holds a sticking joint (then it breaks loose),
+//! * the distance of a joint's angle to a corner of its torque (play, or ±π where the torque is not periodic),
+//! * s φ̇ of an arm with quadratic drag (the second derivative jumps).
+//!
+//! A step is accepted whole if none of these became negative in it. Whether one dips below zero and returns within the step
+//! is seen on the cubic through its values and slopes at both ends and then checked on the true solution. A zero is
+//! found by bracketed secants whose every trial is a full Runge–Kutta step from the step's start, so that the state at
+//! the event has the order of the method.
+
+use super::contact::{self, Dry, Mode, stick_margin, velocities};
+use super::dynamics::Mechanics;
+use super::{Plant, State};
+use crate::integrator::{IntegrationError, Integrator, Step};
+use crate::shaker::BaseMotion;
+
+/// Most events in one interval. A rattling joint has tens in a second.
+const MAX_EVENTS: u32 = 1000;
+/// Mean step below which the plant counts as too stiff, s. It bounds the work for a second of the rig.
+const SHORTEST_MEAN_STEP: f64 = 4e-6;
+/// An event function counts as negative below this, rad or rad/s. Rounding at an event leaves less.
+const NEGATIVE: f64 = -1e-12;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Event {
+    Dry(usize),
+    Lower(usize),
+    Upper(usize),
+    Drag(usize),
+}
+
+const EVENTS: [Event; 8] = [
+    Event::Dry(0),
+    Event::Dry(1),
+    Event::Lower(0),
+    Event::Upper(0),
+    Event::Lower(1),
+    Event::Upper(1),
+    Event::Drag(0),
+    Event::Drag(1),
+];
+
+/// One smooth stretch of the motion: what the event functions and the derivative depend on.
+struct Stretch<'a> {
+    mechanics: &'a Mechanics,
+    mode: &'a Mode,
+    base: &'a BaseMotion,
+}
+
+impl Stretch<'_> {
+    fn rate(&self, t: f64, y: &State) -> State {
+        let forces = self.mechanics.forces(self.base.acceleration(t), y, self.mode);
+        [y[2], y[3], forces.alpha[0], forces.alpha[1]]
+    }
+
+    fn active(&self, event: Event) -> bool {
+        match event {
+            Event::Dry(i) => self.mode.dry[i].is_some(),
+            Event::Lower(i) | Event::Upper(i) => self.mechanics.joints[i].wraps(),
+            Event::Drag(i) => self.mechanics.drag[i] != 0.0,
+        }
+    }
+
+    fn is_stick(&self, event: Event) -> bool {
+        matches!(event, Event::Dry(i) if self.mode.dry[i] == Some(Dry::Stick))
+    }
+
+    /// The event function of a state: positive inside the stretch. Sticking: margin as a share of the level.
+    fn distance(&self, event: Event, t: f64, y: &State) -> f64 {
+        match event {
+            Event::Dry(i) => match self.mode.dry[i] {
+                Some(Dry::Slip(sign)) => sign * velocities(y)[i],
+                Some(Dry::Stick) => {
+                    let forces = self.mechanics.forces(self.base.acceleration(t), y, self.mode);
+                    stick_margin(self.mechanics, i, &forces) / (forces.dry[i].abs() + f64::MIN_POSITIVE)
+                }
+                None => f64::INFINITY,
+            },
+            _ => self.linear(event, y),
+        }
+    }
+
+    /// The event functions that are linear in the state, and, applied to the state's rate, their slopes.
+    fn linear(&self, event: Event, y: &State) -> f64 {
+        let x = |i: usize| contact::angles(y)[i] - self.mode.turn[i];
+        match event {
+            Event::Lower(i) => x(i) - self.mode.stretch[i][0],
+            Event::Upper(i) => self.mode.stretch[i][1] - x(i),
+            Event::Drag(i) => self.mode.drag_sign[i] * y[2 + i],
+            Event::Dry(_) => self.distance(event, 0.0, y),
+        }
+    }
+
+    fn slope(&self, event: Event, rate: &State) -> f64 {
+        match event {
+            Event::Lower(i) => contact::angles(rate)[i],
+            Event::Upper(i) => -contact::angles(rate)[i],
+            _ => self.linear(event, rate),
+        }
+    }
+
+    /// The earliest zero of an event function within a step, as a time from the step's start.
+    fn event_in(&self, event: Event, integrator: &Integrator<4>, t: f64, y: &State, step: &Step<4>) -> Option<f64> {
+        let at = |h: f64| {
+            let state = integrator.inside(|t, y| self.rate(t, y), t, y, &step.start_rate, h);
+            self.distance(event, t + h, &state)
+        };
+        let (start, end) = (self.distance(event, t, y), self.distance(event, t + step.h, &step.end));
+        if self.is_stick(event) {
+            // The margin is no function of the velocity alone: look at it a few times in the step.
+            let mut low = (0.0, start);
+            for share in [0.25, 0.5, 0.75] {
+                let h = share * step.h;
+                let value = at(h);
+                if value < NEGATIVE {
+                    return Some(root(at, low, (h, value)));
+                }
+                low = (h, value);
+            }
+            return (end < NEGATIVE).then(|| root(at, low, (step.h, end)));
+        }
+        let end_rate = self.rate(t + step.h, &step.end);
+        let slopes = [self.slope(event, &step.start_rate) * step.h, self.slope(event, &end_rate) * step.h];
+        let extremes = cubic_extremes(start, end, slopes);
+        if end < NEGATIVE {
+            // Just after an event the function starts at zero: bracket from its maximum, if it has one.
+            let low = extremes
+                .iter()
+                .flatten()
+                .map(|&(share, _)| (share * step.h, at(share * step.h)))
+                .find(|&(_, value)| value > 0.0)
+                .filter(|_| start <= -NEGATIVE)
+                .unwrap_or((0.0, start));
+            return Some(root(at, low, (step.h, end)));
+        }
+        let doubt = 1e-2 * (slopes[0].abs() + slopes[1].abs());
+        for &(share, value) in extremes.iter().flatten() {
+            if value < doubt && value < start.min(end) {
+                let h = share * step.h;
+                let value = at(h);
+                if value < NEGATIVE {
+                    return Some(root(at, (0.0, start), (h, value)));
+                }
+            }
+        }
+        None
+    }
+}
+
+/// Extremes inside (0, 1) of the cubic through the values and slopes at 0 and 1: place and value.
+fn cubic_extremes(start: f64, end: f64, slopes: [f64; 2]) -> [Option<(f64, f64)>; 2] {
+    let (b, rise) = (slopes[0], end - start);
+    let c = 3.0 * rise - 2.0 * slopes[0] - slopes[1];
+    let d = slopes[0] + slopes[1] - 2.0 * rise;
+    // b + 2 c s + 3 d s² = 0, in the form that survives d → 0.
+    let discriminant = c * c - 3.0 * b * d;
+    if discriminant < 0.0 {
+        return [None, None];
+    }
+    let q = -(c + discriminant.sqrt().copysign(c));
+    [b / q, q / (3.0 * d)].map(|s| (s > 0.0 && s < 1.0).then_some((s, start + s * (b + s * (c + s * d)))))
+}
+
+/// A zero between a place where f is not negative and one where it is: the place, on the negative side.
+fn root(f: impl Fn(f64) -> f64, low: (f64, f64), high: (f64, f64)) -> f64 {
+    let (mut low, mut high) = (low, high);
+    // Value at `high` as f gave it; `high.1` is halved by the rule below.
+    let mut remaining = high.1;
+    let mut last_side = 0;
+    for i in 0..80 {
+        let width = high.0 - low.0;
+        if width <= 1e-17 || remaining > -1e-15 {
+            break;
+        }
+        // Illinois' rule; every third trial halves, so that the bracket shrinks whatever f does.
+        let secant = low.0 + width * low.1 / (low.1 - high.1);
+        let middle = low.0 + 0.5 * width;
+        let trial = if i % 3 == 2 || !(secant > low.0 && secant < high.0) { middle } else { secant };
+        if trial <= low.0 || trial >= high.0 {
+            break;
+        }
+        let value = f(trial);
+        if value < 0.0 {
+            high = (trial, value);
+            remaining = value;
+            if last_side == -1 {
+                low.1 *= 0.5;
+            }
+            last_side = -1;
+        } else {
+            low = (trial, value);
+            if last_side == 1 {
+                high.1 *= 0.5;
+            }
+            last_side = 1;
+        }
+    }
+    high.0
+}
+
+impl Plant {
+    /// Moves the pendulum through `duration` seconds of the base's motion, which starts at the motion's own time 0.
+    ///
+    /// The result depends on the state alone, not on how the pendulum came there.
+    ///
+    /// # Errors
+    /// A state that is no longer finite, a system too stiff, friction that chatters. The state is then as far as it came.
+    pub fn advance(&mut self, base: &BaseMotion, duration: f64) -> Result<(), IntegrationError> {
+        self.integrator.restart();
+        let mut t = 0.0;
+        let mut events = 0;
+        // `as` saturates, so that an absurd duration ends all the same.
+        let most_steps = 200 + (duration / SHORTEST_MEAN_STEP) as u64;
+        for _ in 0..most_steps {
+            let left = duration - t;
+            if left <= 0.0 {
+                return Ok(());
+            }
+            events += self.overdue(base, t)?;
+            let stretch = Stretch { mechanics: &self.mechanics, mode: &self.mode, base };
+            let step = self.integrator.step(|t, y| stretch.rate(t, y), t, &self.state, left)?;
+            let first = EVENTS
+                .into_iter()
+                .filter(|&event| stretch.active(event))
+                .filter_map(|event| Some((stretch.event_in(event, &self.integrator, t, &self.state, &step)?, event)))
+                .min_by(|a, b| a.0.total_cmp(&b.0));
+            match first {
+                None => {
+                    self.state = step.end;
+                    t = if step.h >= left { duration } else { t + step.h };
+                }
+                Some((h, event)) => {
+                    self.state = self.integrator.inside(|t, y| stretch.rate(t, y), t, &self.state, &step.start_rate, h);
+                    t += h;
+                    self.pass(event, base, t);
+                    events += 1;
+                }
+            }
+            if events > MAX_EVENTS {
+                return Err(IntegrationError::Chatter { events });
+            }
+        }
+        Err(IntegrationError::TooStiff { seconds: t })
+    }
+
+    /// Events that are due before a step, after the base's motion has changed at once. Returns how many there were.
+    fn overdue(&mut self, base: &BaseMotion, t: f64) -> Result<u32, IntegrationError> {
+        for count in 0..MAX_EVENTS {
+            let stretch = Stretch { mechanics: &self.mechanics, mode: &self.mode, base };
+            let due = EVENTS
+                .into_iter()
+                .find(|&event| stretch.active(event) && stretch.distance(event, t, &self.state) < NEGATIVE);
+            match due {
+                None => return Ok(count),
+                Some(event) => self.pass(event, base, t),
+            }
+        }
+        Err(IntegrationError::Chatter { events: MAX_EVENTS })
+    }
+
+    /// Changes the mode at an event.
+    fn pass(&mut self, event: Event, base: &BaseMotion, t: f64) {
+        match event {
+            Event::Dry(i) => {
+                let mut released = None;
+                if self.mode.dry[i] == Some(Dry::Stick) {
+                    released = Some(i);
+                } else if i == 0 {
+                    self.state[2] = 0.0;
+                } else {
+                    self.state[3] = self.state[2];
+                }
+                if self.mode.dry[1] == Some(Dry::Stick) {
+                    // Both arms were moving as one; keep their velocities equal to the last digit.
+                    self.state[3] = self.state[2];
+                }
+                let acceleration = base.acceleration(t);
+                contact::settle(&self.mechanics, acceleration, &self.state, &mut self.mode, released);
+            }
+            Event::Lower(i) => self.mode.next_stretch(&self.mechanics, i, false),
+            Event::Upper(i) => self.mode.next_stretch(&self.mechanics, i, true),
+            Event::Drag(i) => self.mode.drag_sign[i] = -self.mode.drag_sign[i],
+        }
+    }
+
+    /// Lets joints that rest decide whether they stick.
+    pub(super) fn settle_contacts(&mut self, base: &BaseMotion) {
+        contact::settle(&self.mechanics, base.acceleration(0.0), &self.state, &mut self.mode, None);
+    }
+}

@@ -1,0 +1,264 @@
+//! The base's motion between two ticks: an ideal reconstruction of what the device commands.
+//!
+//! Along the drive, with θ the device's phase and ψ the shaker's lag,
+//! `d(t) = a(t) [cos(θ − ψ) + Σ r cos(n θ − β)]`, and across it `A cos θ + B sin θ` (while the phase advances). The drive
+//! is vertical (y_b = d, upward) or horizontal (x_b = a sin(θ − ψ), toward positive angle, that is ψ + π/2 in the place
+//! of ψ). The phase advances evenly from tick to tick; the amplitude follows a straight line between ticks, and its
+//! corners, which are impulses of the base's velocity of at most the ramp's rate (mm/s), are left out of the
+//! acceleration. Phases in rad, displacements in m, times in s from the tick.
+
+use core::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use crate::plant::DriveAdditions;
+
+/// Direction of the base's motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Direction {
+    /// y_b = a cos(τ − ψ), upward.
+    #[default]
+    Vertical,
+    /// x_b = a sin(τ − ψ), toward positive angle.
+    Horizontal,
+}
+
+/// What a shaker makes of the device's commands.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Shaker {
+    /// Direction.
+    pub direction: Direction,
+    /// Lag ψ of the base behind the device's phase, rad.
+    pub psi: f64,
+    /// Harmonics, motion across, drift and frequency offset.
+    pub additions: DriveAdditions,
+    /// Length of the record to which an amplitude drift refers, s.
+    pub record_s: f64,
+}
+
+/// What the device commands from one tick to the next.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Command {
+    /// Phase at the tick, turns · 2⁻³².
+    pub phase: u32,
+    /// Advance of the phase in one tick, turns · 2⁻³².
+    pub phase_increment: u32,
+    /// Amplitude at this tick and at the next one, nm.
+    pub amplitude_nanometre: [u32; 2],
+}
+
+/// Most terms of the motion along the drive; more are refused when effects are read.
+pub(crate) const MAX_TERMS: usize = 8;
+
+/// c(t) cos(n θ(t) − β) with c linear in time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Term {
+    order: f64,
+    lag: f64,
+    share: f64,
+}
+
+/// The base's motion over one tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BaseMotion {
+    horizontal: bool,
+    phase: f64,
+    omega: f64,
+    /// Amplitude, its rate, and half its second derivative: m, m/s, m/s².
+    amplitude: [f64; 3],
+    terms: [Term; MAX_TERMS],
+    used: usize,
+    across: [f64; 2],
+}
+
+impl BaseMotion {
+    /// A base at rest.
+    pub const REST: Self = Self {
+        horizontal: false,
+        phase: 0.0,
+        omega: 0.0,
+        amplitude: [0.0; 3],
+        terms: [Term { order: 0.0, lag: 0.0, share: 0.0 }; MAX_TERMS],
+        used: 0,
+        across: [0.0; 2],
+    };
+
+    /// Acceleration (ẍ_b, ÿ_b) at t seconds after the tick, m/s².
+    pub fn acceleration(&self, t: f64) -> [f64; 2] {
+        if self.omega == 0.0 {
+            return [0.0; 2];
+        }
+        let theta = self.phase + self.omega * t;
+        let [c0, c1, c2] = self.amplitude;
+        let c = c0 + t * (c1 + t * c2);
+        let rate = c1 + 2.0 * c2 * t;
+        let mut along = 0.0;
+        if c != 0.0 || rate != 0.0 {
+            for term in &self.terms[..self.used] {
+                let omega = term.order * self.omega;
+                let (sin, cos) = libm::sincos(term.order * theta - term.lag);
+                along += term.share * ((2.0 * c2 - c * omega * omega) * cos - 2.0 * rate * omega * sin);
+            }
+        }
+        let mut across = 0.0;
+        if self.across != [0.0; 2] {
+            let (sin, cos) = libm::sincos(theta);
+            across = -self.omega * self.omega * (self.across[0] * cos + self.across[1] * sin);
+        }
+        if self.horizontal { [along, across] } else { [across, along] }
+    }
+
+    /// Displacement (x_b, y_b) at t seconds after the tick, m.
+    pub fn displacement(&self, t: f64) -> [f64; 2] {
+        let theta = self.phase + self.omega * t;
+        let [c0, c1, c2] = self.amplitude;
+        let c = c0 + t * (c1 + t * c2);
+        let along: f64 = self.terms[..self.used].iter().map(|m| c * m.share * libm::cos(m.order * theta - m.lag)).sum();
+        let (sin, cos) = libm::sincos(theta);
+        let across = if self.omega == 0.0 { 0.0 } else { self.across[0] * cos + self.across[1] * sin };
+        if self.horizontal { [along, across] } else { [across, along] }
+    }
+
+    /// The same motion, seen from `seconds` later.
+    pub fn later(&self, seconds: f64) -> Self {
+        let [c0, c1, c2] = self.amplitude;
+        let mut later = *self;
+        later.phase += self.omega * seconds;
+        later.amplitude = [c0 + seconds * (c1 + seconds * c2), c1 + 2.0 * c2 * seconds, c2];
+        later
+    }
+}
+
+impl Shaker {
+    /// The base's motion from the tick at `time_s` of the record to the next one, `tick_s` later.
+    pub fn motion(&self, command: Command, time_s: f64, tick_s: f64) -> BaseMotion {
+        let mut motion = BaseMotion::REST;
+        motion.horizontal = self.direction == Direction::Horizontal;
+        let offset = self.additions.frequency_offset_hz;
+        if command.phase_increment != 0 {
+            let turns = f64::from(command.phase_increment) / 4_294_967_296.0;
+            motion.omega = TAU * (turns / tick_s + offset);
+        }
+        motion.phase = TAU * (f64::from(command.phase) / 4_294_967_296.0);
+        if offset != 0.0 {
+            let turns = offset * time_s;
+            motion.phase += TAU * (turns - turns.floor());
+        }
+        let [now, next] = command.amplitude_nanometre.map(|nm| f64::from(nm) * 1e-9);
+        let rate = (next - now) / tick_s;
+        // Drift: a factor 1 + ε t/T from the record's start on.
+        let growth =
+            if time_s >= 0.0 && self.record_s > 0.0 { self.additions.amplitude_drift / self.record_s } else { 0.0 };
+        let factor = 1.0 + growth * time_s.max(0.0);
+        motion.amplitude = [now * factor, rate * factor + now * growth, rate * growth];
+        let lag = match self.direction {
+            Direction::Vertical => self.psi,
+            Direction::Horizontal => self.psi + FRAC_PI_2,
+        };
+        motion.terms[0] = Term { order: 1.0, lag, share: 1.0 };
+        motion.used = 1;
+        for &(order, share, phase) in self.additions.harmonics.iter().take(MAX_TERMS - 1) {
+            motion.terms[motion.used] = Term { order, lag: phase, share };
+            motion.used += 1;
+        }
+        motion.across = self.additions.across;
+        motion
+    }
+}
+
+/// Advance of the phase in one tick for a frequency, turns · 2⁻³², rounded to the nearest as the device does it.
+/// `None` unless 0 < f < rate/2.
+pub fn phase_increment(frequency_hz: f64, sample_rate_hz: f64) -> Option<u32> {
+    let turns = frequency_hz / sample_rate_hz;
+    let increment = (turns * 4_294_967_296.0).round();
+    (turns > 0.0 && turns < 0.5 && (1.0..2_147_483_648.0).contains(&increment)).then_some(increment as u32)
+}
+
+/// The angle in [−π, π) of a phase in turns · 2⁻³².
+pub fn phase_radians(phase: u32) -> f64 {
+    let angle = TAU * (f64::from(phase) / 4_294_967_296.0);
+    if angle >= PI { angle - TAU } else { angle }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn command() -> Command {
+        let phase_increment = phase_increment(5.0, 500.0).unwrap();
+        Command { phase: 123_456_789, phase_increment, amplitude_nanometre: [10_000_000, 10_050_000] }
+    }
+
+    /// Second difference of the displacement.
+    fn differenced(motion: &BaseMotion, t: f64) -> [f64; 2] {
+        let h = 1e-4;
+        let [a, b, c] = [t - h, t, t + h].map(|t| motion.displacement(t));
+        [0, 1].map(|i| (a[i] - 2.0 * b[i] + c[i]) / (h * h))
+    }
+
+    #[test]
+    fn acceleration_is_the_second_derivative_of_the_displacement() {
+        for direction in [Direction::Vertical, Direction::Horizontal] {
+            let additions = DriveAdditions {
+                harmonics: vec![(2.0, 0.1, 0.4), (3.0, 0.05, -1.0)],
+                across: [1e-3, -2e-3],
+                amplitude_drift: 0.3,
+                frequency_offset_hz: 0.2,
+                ..DriveAdditions::default()
+            };
+            let shaker = Shaker { direction, psi: 0.7, additions, record_s: 10.0 };
+            let motion = shaker.motion(command(), 3.0, 0.002);
+            for t in [0.0, 0.001, 0.002] {
+                let (exact, numeric) = (motion.acceleration(t), differenced(&motion, t));
+                for i in 0..2 {
+                    assert!((exact[i] - numeric[i]).abs() < 1e-4 * (1.0 + exact[i].abs()), "{exact:?} {numeric:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn one_tick_joins_the_next_without_a_jump() {
+        let additions = DriveAdditions {
+            harmonics: vec![(2.0, 0.1, 0.4)],
+            amplitude_drift: 0.2,
+            frequency_offset_hz: -0.3,
+            ..DriveAdditions::default()
+        };
+        let shaker = Shaker { psi: -0.3, additions, record_s: 7.0, ..Shaker::default() };
+        let now = command();
+        let next = Command {
+            phase: now.phase.wrapping_add(now.phase_increment),
+            amplitude_nanometre: [now.amplitude_nanometre[1], 10_200_000],
+            ..now
+        };
+        let end = shaker.motion(now, 1.0, 0.002).displacement(0.002);
+        let start = shaker.motion(next, 1.002, 0.002).displacement(0.0);
+        assert!((end[1] - start[1]).abs() < 1e-14, "{end:?} {start:?}");
+        let later = shaker.motion(now, 1.0, 0.002).later(0.0007);
+        let direct = shaker.motion(now, 1.0, 0.002);
+        assert!((later.acceleration(0.001)[1] - direct.acceleration(0.0017)[1]).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_vertical_drive_is_a_cos_upward_and_a_horizontal_one_a_sin() {
+        let quiet = Command { phase: 0, amplitude_nanometre: [10_000_000; 2], ..command() };
+        let vertical = Shaker { psi: 0.0, ..Shaker::default() }.motion(quiet, 0.0, 0.002);
+        let horizontal = Shaker { direction: Direction::Horizontal, ..Shaker::default() }.motion(quiet, 0.0, 0.002);
+        let t: f64 = 0.0015;
+        let angle = vertical.omega * t;
+        assert!((vertical.displacement(t)[1] - 0.01 * angle.cos()).abs() < 1e-15);
+        assert_eq!(vertical.displacement(t)[0], 0.0);
+        assert!((horizontal.displacement(t)[0] - 0.01 * angle.sin()).abs() < 1e-15);
+        assert_eq!(horizontal.displacement(t)[1], 0.0);
+    }
+
+    #[test]
+    fn frequencies_are_quantised_to_turns_of_two_to_the_32() {
+        assert_eq!(phase_increment(5.0, 500.0), Some(42_949_673));
+        assert_eq!(phase_increment(0.0, 500.0), None);
+        assert_eq!(phase_increment(250.0, 500.0), None);
+        assert_eq!(phase_increment(f64::NAN, 500.0), None);
+        assert_eq!(phase_increment(1e-12, 500.0), None);
+        assert!((phase_radians(1 << 30) - FRAC_PI_2).abs() < 1e-15);
+        assert!((phase_radians(3 << 30) + FRAC_PI_2).abs() < 1e-15);
+    }
+}

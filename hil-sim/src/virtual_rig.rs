@@ -1,0 +1,281 @@
+//! The firmware and the plant in lock-step, one tick at a time.
+//!
+//! In every tick the firmware reads the counters as they stand, and commands the drive; then the plant moves on to the next
+//! tick under that drive, and the encoders turn with it, edge by edge. Nothing depends on wall time: a run is the same at
+//! every repeat.
+//!
+//! The base follows `a(t) cos(phase)` between ticks with the firmware's phase and increment; the amplitude goes along a
+//! straight line from the previous tick's value to this tick's (one tick behind the device while it ramps, equal to it
+//! when it runs). Times of drifting effects count from power-on.
+//!
+//! Output is held up to [`RigSettings::output_limit`] bytes. Beyond that the firmware's link is not emptied, its queue
+//! fills, and the firmware counts what it drops: what a slow link does to a real device.
+
+use std::collections::VecDeque;
+
+use whirl_firmware::settings::SettingsError;
+use whirl_firmware::{App, Settings, ShakerOutput};
+use whirl_shared::codec::MAX_FRAME;
+use whirl_shared::frame::Status;
+
+use crate::bench::{Bench, BenchSettings, SecondEncoder};
+use crate::encoder::Encoder;
+use crate::error::SimulationError;
+use crate::plant::effects::{Effect, EffectError};
+use crate::plant::{ParameterError, Parameters, Plant, State, TOLERANCE};
+use crate::shaker::{Command, Direction};
+use crate::simulate::{DriveSettings, additions, perturbed};
+
+/// Settings of a virtual rig.
+#[derive(Clone, Debug)]
+pub struct RigSettings {
+    /// The nominal rig.
+    pub parameters: Parameters,
+    /// Direction of the shaker.
+    pub direction: Direction,
+    /// Lag ψ of the base behind the device's phase, rad.
+    pub psi: f64,
+    /// What encoder 2 is fixed to.
+    pub second: SecondEncoder,
+    /// φ1, φ2 (rad), φ̇1, φ̇2 (rad/s) at power-on.
+    pub initial: State,
+    /// Perturbs `initial` ([`perturbed`]); `None` leaves it as it is.
+    pub seed: Option<u64>,
+    /// Effects beside the nominal model.
+    pub effects: Vec<Effect>,
+    /// What an amplitude drift refers to, s.
+    pub record_s: f64,
+    /// Tolerance of the integration, rad and rad/s.
+    pub tolerance: f64,
+    /// The device's own settings: sampling rate, counts a turn, limits of the shaker, host time-out.
+    pub device: Settings,
+    /// Most bytes held for [`VirtualRig::take_output`].
+    pub output_limit: usize,
+}
+
+impl Default for RigSettings {
+    /// The printed rig, vertical, 500 Hz, 4096 counts, unperturbed; 64 kB of output (15 s).
+    fn default() -> Self {
+        Self {
+            parameters: Parameters::PRINTED,
+            direction: Direction::Vertical,
+            psi: 0.0,
+            second: SecondEncoder::Relative,
+            initial: [0.3, 2.0, 0.0, 0.0],
+            seed: None,
+            effects: Vec::new(),
+            record_s: 120.0,
+            tolerance: TOLERANCE,
+            device: Settings { board: "virtual rig", boot_id: 1, ..Settings::default() },
+            output_limit: 65_536,
+        }
+    }
+}
+
+/// The shaker's power stage: remembers, and fails on request.
+#[derive(Clone, Debug, Default)]
+struct PowerStage {
+    broken: bool,
+}
+
+impl ShakerOutput for PowerStage {
+    type Error = ();
+
+    fn write(&mut self, _: i32) -> Result<(), Self::Error> {
+        if self.broken { Err(()) } else { Ok(()) }
+    }
+}
+
+/// Firmware and plant.
+#[derive(Debug)]
+pub struct VirtualRig {
+    app: App<Encoder, Encoder, PowerStage>,
+    device: Settings,
+    bench: Bench,
+    command: Command,
+    tick_s: f64,
+    ticks: u64,
+    /// Ticks that the sampler will still miss, and those that it has missed since it last ran.
+    to_miss: u32,
+    missed: u32,
+    latency_us: u32,
+    output: VecDeque<u8>,
+    output_limit: usize,
+}
+
+fn setting_error(error: SettingsError) -> ParameterError {
+    ParameterError::new(error.field, f64::from(error.found), &format!("{} to {}", error.min, error.max))
+}
+
+impl VirtualRig {
+    /// A rig that has just been switched on: shaker disarmed, a hello waiting to be sent.
+    ///
+    /// # Errors
+    /// A parameter, setting or effect that cannot be. A negative channel delay is refused: a device cannot show its first
+    /// encoder before it is sampled ([`crate::Simulation`] can).
+    pub fn new(settings: &RigSettings) -> Result<Self, SimulationError> {
+        let rate = f64::from(settings.device.sample_rate_millihertz) / 1e3;
+        settings.device.validate().map_err(setting_error)?;
+        // The firmware's drive is not known yet; its direction decides what may act across it.
+        let drive =
+            DriveSettings { direction: settings.direction, frequency_hz: 0.0, amplitude_m: 0.0, psi: settings.psi };
+        let additions = additions(&settings.effects, Some(&drive))?;
+        if additions.delay_s < 0.0 {
+            let found = additions.delay_s.to_string();
+            return Err(EffectError::new("channel-delay", &found, "0 or more on a rig that runs firmware").into());
+        }
+        let initial = settings.seed.map_or(settings.initial, |seed| perturbed(settings.initial, seed));
+        let bench = Bench::new(&BenchSettings {
+            parameters: settings.parameters,
+            additions,
+            direction: settings.direction,
+            psi: settings.psi,
+            record_s: settings.record_s,
+            initial,
+            tick_s: 1.0 / rate,
+            tolerance: settings.tolerance,
+            second: settings.second,
+        })?;
+        let app = Self::boot(&settings.device, &bench)?;
+        Ok(Self {
+            app,
+            device: settings.device.clone(),
+            bench,
+            command: Command::default(),
+            tick_s: 1.0 / rate,
+            ticks: 0,
+            to_miss: 0,
+            missed: 0,
+            latency_us: 0,
+            output: VecDeque::new(),
+            output_limit: settings.output_limit,
+        })
+    }
+
+    fn boot(device: &Settings, bench: &Bench) -> Result<App<Encoder, Encoder, PowerStage>, ParameterError> {
+        let shown = bench.shown();
+        let [first, second] = [0, 1].map(|i| Encoder::new(device.counts_per_turn[i], shown[i]));
+        App::new(device.clone(), first, second, PowerStage::default()).map_err(setting_error)
+    }
+
+    /// One tick: the firmware samples, then the plant moves on to the next tick.
+    ///
+    /// # Errors
+    /// A plant that cannot be integrated further.
+    pub fn step(&mut self) -> Result<(), SimulationError> {
+        let previous = self.command.amplitude_nanometre[1];
+        if self.to_miss > 0 {
+            self.to_miss -= 1;
+            self.missed = self.missed.saturating_add(1);
+            // The output goes on by itself, as a waveform timer does.
+            self.command.phase = self.command.phase.wrapping_add(self.command.phase_increment);
+            self.command.amplitude_nanometre = [previous; 2];
+        } else {
+            self.app.tick(std::mem::take(&mut self.missed), self.latency_us);
+            let drive = self.app.drive();
+            self.command = Command {
+                phase: drive.phase,
+                phase_increment: drive.phase_increment,
+                amplitude_nanometre: [previous, drive.amplitude_nanometre],
+            };
+        }
+        self.collect();
+        self.bench.advance(self.command, self.ticks as f64 * self.tick_s)?;
+        self.ticks += 1;
+        let [first, second] = self.bench.shown();
+        let (counter1, counter2) = self.app.counters_mut();
+        counter1.turn_to(first);
+        counter2.turn_to(second);
+        Ok(())
+    }
+
+    /// Empties the firmware's link as far as there is room.
+    fn collect(&mut self) {
+        let mut frame = [0; MAX_FRAME];
+        while self.output.len() + MAX_FRAME <= self.output_limit {
+            match self.app.poll_transmit(&mut frame) {
+                Some(length) => self.output.extend(&frame[..length]),
+                None => return,
+            }
+        }
+    }
+
+    /// What the device has sent since the last call: whole frames.
+    pub fn take_output(&mut self) -> Vec<u8> {
+        let taken = self.output.drain(..).collect();
+        self.collect();
+        taken
+    }
+
+    /// Bytes that wait for [`Self::take_output`].
+    pub fn output_len(&self) -> usize {
+        self.output.len()
+    }
+
+    /// Bytes from the host; commands in them act from the next tick on.
+    pub fn give_input(&mut self, bytes: &[u8]) {
+        self.app.receive(bytes);
+    }
+
+    /// The sampler misses the next `ticks` ticks: the rig moves, the firmware does not run, and finds out afterwards.
+    pub fn miss_ticks(&mut self, ticks: u32) {
+        self.to_miss = self.to_miss.saturating_add(ticks);
+    }
+
+    /// Delay from tick to sample that the firmware is told, µs. (The counters are read at the tick all the same.)
+    pub fn set_latency(&mut self, microseconds: u32) {
+        self.latency_us = microseconds;
+    }
+
+    /// The shaker's power stage fails, or is repaired.
+    pub fn break_shaker(&mut self, broken: bool) {
+        self.app.output_mut().broken = broken;
+    }
+
+    /// The device restarts: tick 0, another boot id, shaker off, counters found again by their index marks. The base stops
+    /// where it is, the arms go on. What was queued in the firmware is gone; what it had sent is not.
+    ///
+    /// # Errors
+    /// None that [`Self::new`] has not excluded.
+    pub fn restart(&mut self) -> Result<(), SimulationError> {
+        self.device.boot_id = self.device.boot_id.wrapping_add(1);
+        self.app = Self::boot(&self.device, &self.bench)?;
+        self.command = Command::default();
+        self.missed = 0;
+        self.to_miss = 0;
+        Ok(())
+    }
+
+    /// Ticks since power-on.
+    pub fn ticks(&self) -> u64 {
+        self.ticks
+    }
+
+    /// Length of a tick, s.
+    pub fn tick_s(&self) -> f64 {
+        self.tick_s
+    }
+
+    /// The firmware's counters and the shaker's state.
+    pub fn status(&self) -> Status {
+        self.app.status()
+    }
+
+    /// The drive over the last tick.
+    pub fn command(&self) -> Command {
+        self.command
+    }
+
+    /// The plant, for truths such as its state.
+    pub fn plant(&self) -> &Plant {
+        self.bench.plant()
+    }
+
+    /// The device's settings (the boot id as it is now).
+    pub fn device(&self) -> &Settings {
+        &self.device
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,129 @@
+//! Tests of the account: every sample is in one class, and the classes are right.
+
+use heapless::Vec as Fixed;
+use rand::{Rng, SeedableRng};
+
+use super::*;
+
+fn block(first_tick: u32, n: usize) -> SampleBlock {
+    let mut deltas = Fixed::new();
+    for i in 1..n {
+        deltas.push([i as i16, -1]).unwrap();
+    }
+    SampleBlock {
+        first_tick,
+        phase: first_tick.wrapping_mul(7),
+        phase_increment: 7,
+        amplitude_nanometre: 5,
+        first: [first_tick as i32, 100],
+        deltas,
+    }
+}
+
+fn status(overruns: u32, dropped_samples: u32) -> Status {
+    Status { overruns, dropped_samples, ..Status::default() }
+}
+
+fn ticks(out: &[Taken]) -> Vec<i64> {
+    out.iter().map(|s| s.tick).collect()
+}
+
+#[test]
+fn samples_are_rebuilt_from_differences() {
+    let (mut a, mut out) = (Accounting::default(), vec![]);
+    a.block(block(40, 4), &mut out);
+    a.finish(&mut out);
+    assert_eq!(out.iter().map(|s| s.counts).collect::<Vec<_>>(), [[40, 100], [41, 99], [43, 98], [46, 97]]);
+    assert_eq!(out.iter().map(|s| s.phase).collect::<Vec<_>>(), [280, 287, 294, 301]);
+    assert_eq!(a.losses(), Losses { received: 4, ..Losses::default() });
+}
+
+#[test]
+fn late_and_repeated_blocks_take_their_place_once() {
+    let (mut a, mut out) = (Accounting::default(), vec![]);
+    for k in [0u32, 1, 3, 2, 2, 4, 3, 5] {
+        a.block(block(k * 10, 10), &mut out);
+    }
+    a.finish(&mut out);
+    assert_eq!(ticks(&out), (0..60).collect::<Vec<_>>());
+    let l = a.losses();
+    assert_eq!((l.received, l.late, l.duplicates, l.lost(), l.gaps), (60, 10, 20, 0, 0));
+}
+
+#[test]
+fn causes_are_told_apart_and_add_up() {
+    let (mut a, mut out) = (Accounting::default(), vec![]);
+    a.status(&status(1000, 500));
+    a.block(block(0, 10), &mut out);
+    // 10 samples damaged: one refused frame.
+    a.bad_frame();
+    a.block(block(20, 10), &mut out);
+    // 30 dropped by the device, 3 overruns, 20 lost without a trace.
+    a.status(&status(1003, 530));
+    a.block(block(60, 10), &mut out);
+    a.block(block(73, 10), &mut out);
+    a.block(block(103, 10), &mut out);
+    a.finish(&mut out);
+    let l = a.losses();
+    let missing = 103 + 10 - 50;
+    assert_eq!((l.received, l.lost(), l.gaps), (50, missing, 4));
+    assert_eq!((l.overruns, l.dropped_by_device, l.damaged, l.lost_on_link), (3, 30, 10, 20));
+}
+
+#[test]
+fn a_restart_begins_a_new_stretch() {
+    let (mut a, mut out) = (Accounting::default(), vec![]);
+    a.hello(1, 0);
+    a.status(&status(7, 0));
+    a.block(block(500, 10), &mut out);
+    a.hello(2, 0);
+    // Counters of the new boot: 2 overruns since its start.
+    a.status(&status(2, 0));
+    a.block(block(0, 10), &mut out);
+    a.block(block(12, 10), &mut out);
+    a.finish(&mut out);
+    let l = a.losses();
+    assert_eq!((l.restarts, l.received, l.overruns, l.lost()), (1, 30, 2, 3));
+    assert_eq!(ticks(&out)[9..11], [509, 511]);
+    assert_eq!(ticks(&out).last(), Some(&532));
+}
+
+#[test]
+fn any_mess_adds_up() {
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+    for round in 0..300u32 {
+        let (mut a, mut out) = (Accounting::default(), vec![]);
+        // Near the wrap of the device's ticks.
+        let base = u32::MAX - round * 5;
+        let mut blocks: Vec<u32> = (0..200).map(|k| base.wrapping_add(k * 10)).collect();
+        for _ in 0..40 {
+            let i = rng.next_u32() as usize % (blocks.len() - 3);
+            match rng.next_u32() % 3 {
+                0 => drop(blocks.remove(i)),
+                1 => blocks.swap(i, i + 1 + rng.next_u32() as usize % 2),
+                _ => blocks.insert(i + 2, blocks[i]),
+            }
+        }
+        let (mut overruns, mut dropped) = (0, 0);
+        a.status(&status(0, 0));
+        for &first in &blocks {
+            match rng.next_u32() % 20 {
+                0 => a.bad_frame(),
+                1 => {
+                    overruns += rng.next_u32() % 4;
+                    dropped += rng.next_u32() % 30;
+                    a.status(&status(overruns, dropped));
+                }
+                _ => {}
+            }
+            a.block(block(first, 10), &mut out);
+        }
+        a.finish(&mut out);
+        let l = a.losses();
+        let t = ticks(&out);
+        assert!(t.windows(2).all(|w| w[0] < w[1]));
+        assert_eq!(l.received, t.len() as u64);
+        let span = t[t.len() - 1].abs_diff(t[0]) + 1;
+        assert_eq!(l.received + l.lost(), span, "{l:?}");
+    }
+}

@@ -1,0 +1,240 @@
+//! The shaker during a capture: arm, start, wait until it runs, keep it alive, stop and disarm at the end.
+//!
+//! The device stops by itself when the host is silent, so that a host that died leaves a shaker at rest; where the link was only
+//! lost for a while, the drive is started again and a warning says so.
+
+use std::time::{Duration, Instant};
+
+use whirl_shared::frame::{Command, CommandResult, Hello, ShakerState, Status, StopCause};
+
+use super::commands::{Commands, Outcome};
+use crate::error::{BadInput, Result};
+use crate::warning::Warning;
+
+/// How long the shaker may take to come to rest before a new start, and over its ramp.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// What is asked of the shaker.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Target {
+    /// Amplitude of the base, µm.
+    pub(super) amplitude_micrometre: u32,
+    /// Frequency, mHz.
+    pub(super) frequency_millihertz: u32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    /// Nothing commanded yet.
+    Idle,
+    /// Coming to rest before it is armed.
+    Clearing,
+    Arming,
+    Starting,
+    /// Started; not known to run yet.
+    Ramping,
+    Running,
+    Stopping,
+    Disarming,
+    /// Told to rest; not known to be at rest yet.
+    Resting,
+    /// At rest, or given up.
+    Off,
+}
+
+/// The shaker's operator.
+#[derive(Debug)]
+pub(super) struct Drive {
+    target: Option<Target>,
+    step: Step,
+    since: Instant,
+    asked_status: Instant,
+    limits: String,
+    pub(super) warnings: Vec<Warning>,
+}
+
+impl Drive {
+    pub(super) fn new(target: Option<Target>, now: Instant) -> Self {
+        Self { target, step: Step::Idle, since: now, asked_status: now, limits: String::new(), warnings: Vec::new() }
+    }
+
+    fn go(&mut self, step: Step, now: Instant) {
+        self.step = step;
+        self.since = now;
+    }
+
+    /// Starts the drive (once the device has said hello).
+    pub(super) fn start(&mut self, hello: &Hello, commands: &mut Commands, now: Instant) {
+        let l = hello.limits;
+        self.limits = format!(
+            "the device allows {} µm, {} mHz and the acceleration that both together give",
+            l.amplitude_micrometre, l.frequency_millihertz
+        );
+        if self.target.is_some() && self.step == Step::Idle {
+            commands.ask(Command::Arm, now);
+            self.go(Step::Arming, now);
+        }
+    }
+
+    /// The link is there again: patience begins anew.
+    pub(super) fn reconnected(&mut self, now: Instant) {
+        self.since = now;
+    }
+
+    /// Whether the shaker may be moving on this program's command.
+    pub(super) fn active(&self) -> bool {
+        !matches!(self.step, Step::Idle | Step::Off)
+    }
+
+    /// Whether [`Drive::stop`] has come to its end.
+    pub(super) fn off(&self) -> bool {
+        matches!(self.step, Step::Idle | Step::Off)
+    }
+
+    /// Whether the drive is on its way to the target, for the progress line.
+    pub(super) fn starting(&self) -> bool {
+        matches!(self.step, Step::Clearing | Step::Arming | Step::Starting | Step::Ramping)
+    }
+
+    /// Ramps down and disarms.
+    pub(super) fn stop(&mut self, commands: &mut Commands, now: Instant) {
+        if self.active() {
+            commands.ask(Command::Stop, now);
+            self.go(Step::Stopping, now);
+        }
+    }
+
+    /// Takes what became of a command.
+    ///
+    /// # Errors
+    /// The device refuses the drive, or does not answer.
+    pub(super) fn outcome(&mut self, outcome: Outcome, commands: &mut Commands, now: Instant) -> Result<()> {
+        match (outcome, self.step) {
+            (Outcome::Waiting, _) => {}
+            (Outcome::Answered(Command::Arm, CommandResult::Done), Step::Arming) => {
+                if let Some(t) = self.target {
+                    let (amplitude_micrometre, frequency_millihertz) = (t.amplitude_micrometre, t.frequency_millihertz);
+                    commands.ask(Command::Start { amplitude_micrometre, frequency_millihertz }, now);
+                    self.go(Step::Starting, now);
+                }
+            }
+            // It moves, or has a fault: bring it to rest, then arm anew.
+            (Outcome::Answered(Command::Arm, CommandResult::WrongState), Step::Arming) => {
+                commands.ask(Command::Disarm, now);
+                self.go(Step::Clearing, now);
+            }
+            (Outcome::Answered(Command::Start { .. }, CommandResult::Done), Step::Starting) => {
+                commands.send(Command::Status);
+                self.asked_status = now;
+                self.go(Step::Ramping, now);
+            }
+            (Outcome::Answered(Command::Start { .. }, CommandResult::OutOfRange { limit }), Step::Starting) => {
+                let t = self.target.map_or_else(String::new, |t| {
+                    format!("{} µm at {} mHz", t.amplitude_micrometre, t.frequency_millihertz)
+                });
+                return Err(BadInput::new(t, format!("within the shaker's limits (here {limit}); {}", self.limits))
+                    .at("drive")
+                    .remedy(
+                        "Set drive.amplitude_m and drive.frequency_hz of the rig file, or --amplitude-m, within them",
+                    ));
+            }
+            (Outcome::Answered(Command::Stop, _) | Outcome::Silent(Command::Stop), Step::Stopping) => {
+                commands.ask(Command::Disarm, now);
+                self.go(Step::Disarming, now);
+            }
+            (Outcome::Answered(Command::Disarm, _), Step::Disarming) => {
+                commands.send(Command::Status);
+                self.asked_status = now;
+                self.go(Step::Resting, now);
+            }
+            (Outcome::Silent(Command::Disarm), Step::Disarming) => self.go(Step::Off, now),
+            (Outcome::Answered(Command::Disarm, CommandResult::Done), Step::Clearing) => {}
+            (Outcome::Answered(command, result), Step::Arming | Step::Starting | Step::Clearing) => {
+                return Err(BadInput::new(
+                    format!("{result:?} in answer to {command:?}"),
+                    "a shaker that can be started",
+                )
+                .at("drive")
+                .remedy("Look at the shaker's amplifier and the device's log; `--no-drive` records without it"));
+            }
+            (Outcome::Silent(command), Step::Arming | Step::Starting | Step::Clearing) => {
+                return Err(BadInput::new(format!("no answer to {command:?}"), "an acknowledgement")
+                    .at("drive")
+                    .remedy(
+                        "The device sends but does not hear: look at the line from host to device, and its baud rate",
+                    ));
+            }
+            (Outcome::Answered(..) | Outcome::Silent(_), _) => {}
+        }
+        Ok(())
+    }
+
+    /// Takes a status of the device.
+    ///
+    /// # Errors
+    /// The shaker has a fault.
+    pub(super) fn status(&mut self, status: &Status, commands: &mut Commands, now: Instant) -> Result<()> {
+        let Some(target) = self.target else { return Ok(()) };
+        match (self.step, status.shaker) {
+            (Step::Resting, ShakerState::Disarmed | ShakerState::Faulted) => self.go(Step::Off, now),
+            (Step::Clearing, ShakerState::Disarmed | ShakerState::Armed) if !commands.busy() => {
+                commands.ask(Command::Arm, now);
+                self.go(Step::Arming, now);
+            }
+            (Step::Ramping, ShakerState::Running)
+                if status.amplitude_nanometre == target.amplitude_micrometre.saturating_mul(1000) =>
+            {
+                self.go(Step::Running, now);
+            }
+            (Step::Ramping | Step::Running, ShakerState::Faulted) => {
+                return Err(BadInput::new(format!("a shaker with a fault ({:?})", status.stop_cause), "one that runs")
+                    .at("drive")
+                    .remedy("Look at the shaker's amplifier and the device's log"));
+            }
+            // A status may be older than the start: the device has restarted only if it stays so.
+            (Step::Ramping, ShakerState::Disarmed) if now.duration_since(self.since) > Duration::from_secs(1) => {
+                commands.ask(Command::Arm, now);
+                self.go(Step::Arming, now);
+            }
+            (Step::Running, ShakerState::Disarmed | ShakerState::Armed | ShakerState::Stopping) => {
+                let cause = match status.stop_cause {
+                    StopCause::HostSilent => "it had not heard from the host",
+                    StopCause::None => "the device has restarted",
+                    _ => "it was commanded to",
+                };
+                self.warnings.push(Warning::new(
+                    "drive-stopped",
+                    format!("the shaker stopped at the device's tick {}: {cause}; it is started again", status.tick),
+                    "The record holds the amplitude at each sample; identify uses stretches with a steady drive",
+                ));
+                commands.ask(Command::Arm, now);
+                self.go(Step::Arming, now);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// What time demands.
+    ///
+    /// # Errors
+    /// The shaker does not come to run.
+    pub(super) fn poll(&mut self, commands: &mut Commands, now: Instant) -> Result<()> {
+        if !matches!(self.step, Step::Clearing | Step::Ramping | Step::Resting) {
+            return Ok(());
+        }
+        if self.step != Step::Resting && now.duration_since(self.since) > PATIENCE {
+            return Err(BadInput::new(
+                format!("a shaker that does not run {} s after its start", PATIENCE.as_secs()),
+                "the commanded amplitude",
+            )
+            .at("drive")
+            .remedy("Look at the device's ramp rate and log; `--no-drive` records without it"));
+        }
+        if now.duration_since(self.asked_status) > Duration::from_millis(100) {
+            commands.send(Command::Status);
+            self.asked_status = now;
+        }
+        Ok(())
+    }
+}

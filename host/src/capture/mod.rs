@@ -1,0 +1,256 @@
+//! From a device's bytes to a record in which every sample is accounted for.
+//!
+//! ```text
+//! source ─ bytes ─▶ journal (REC.frames)
+//!             └───▶ decoder ─▶ accounting ─▶ record (REC)
+//!                      └─────▶ session: hello, drive, keep-alives, reconnection ─▶ commands to the device
+//! ```
+//!
+//! - A link that drops is tried again, with growing pauses, for `reconnect_s`; the device's clock goes on, the gap is marked and
+//!   counted. A device that restarts begins a new segment.
+//! - Where the rig has `[drive]` and its amplitude is known, the shaker is armed and started, recording begins when it runs, and
+//!   it is stopped at the end, after an error and on Ctrl-C. The device's own watchdog covers the rest.
+//! - The record is a function of the journal, see [`journal`]. Memory is flat.
+
+mod accounting;
+mod commands;
+mod drive;
+mod file;
+pub mod journal;
+mod live;
+pub mod progress;
+mod recorder;
+mod replay;
+mod rtt;
+mod serial;
+pub mod sim;
+pub mod source;
+mod tcp;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use serde::Serialize;
+
+use self::drive::Target;
+use self::recorder::Finished;
+use crate::error::{BadInput, Result};
+use crate::record::Losses;
+use crate::rig::Rig;
+use crate::warning::Warning;
+
+pub use self::progress::Progress;
+
+/// How a capture is made.
+#[derive(Clone, Debug)]
+pub struct CaptureSettings {
+    /// Source, in one of the forms of [`source::SOURCES`].
+    pub from: String,
+    /// The record; an existing one is replaced.
+    pub output: PathBuf,
+    /// Device time to record from the first sample on, s; none: until `stop`, or the end of a file.
+    pub seconds: Option<f64>,
+    /// How long a lost link is tried again, s. Default 60.
+    pub reconnect_s: f64,
+    /// How long the device may take to answer at the start, s. Default 5.
+    pub handshake_s: f64,
+    /// Amplitude of the base, m; before that of the rig file.
+    pub amplitude_m: Option<f64>,
+    /// Start the shaker where the rig has a drive. Default true.
+    pub drive: bool,
+    /// Record from the moment on at which the shaker runs at its amplitude, not from the first sample. Default true.
+    pub wait_for_drive: bool,
+    /// Device time for which the running drive (or, without one, the rig) is left to itself before recording, s; before that
+    /// of the source (`sim` takes it from `[plant]`, others have none).
+    pub settle_s: Option<f64>,
+    /// Keep the journal after a clean end. Default false.
+    pub keep_frames: bool,
+    /// Set from elsewhere (Ctrl-C) to end the capture in order.
+    pub stop: Arc<AtomicBool>,
+}
+
+impl CaptureSettings {
+    /// The defaults, for a source and a record.
+    pub fn new(from: impl Into<String>, output: impl Into<PathBuf>) -> Self {
+        Self {
+            from: from.into(),
+            output: output.into(),
+            seconds: None,
+            reconnect_s: 60.0,
+            handshake_s: 5.0,
+            amplitude_m: None,
+            drive: true,
+            wait_for_drive: true,
+            settle_s: None,
+            keep_frames: false,
+            stop: Arc::default(),
+        }
+    }
+
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// Names the option, the value found and the one expected.
+    pub fn validate(&self) -> Result<()> {
+        let bad = |option: &str, found: f64, expected: &str| {
+            Err(BadInput::new(found.to_string(), expected).at(option).remedy("Correct the option"))
+        };
+        if let Some(s) = self.seconds.filter(|s| !(s.is_finite() && *s > 0.0 && *s <= 1e8)) {
+            return bad("--seconds", s, "a time in seconds above 0");
+        }
+        for (option, s) in [
+            ("--reconnect-s", self.reconnect_s),
+            ("--handshake-s", self.handshake_s),
+            ("--settle-s", self.settle_s.unwrap_or(0.0)),
+        ] {
+            if !(0.0..=1e7).contains(&s) {
+                return bad(option, s, "a time in seconds, 0 or more");
+            }
+        }
+        if let Some(a) = self.amplitude_m.filter(|a| !(0.0..=2.0).contains(a)) {
+            return bad("--amplitude-m", a, "an amplitude in metres, 0 to 2");
+        }
+        Ok(())
+    }
+}
+
+/// What a capture gave.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct CaptureOutcome {
+    /// The record.
+    pub record: PathBuf,
+    /// The journal, where it was kept.
+    pub frames: Option<PathBuf>,
+    /// Samples in the record and those missing, by cause.
+    pub losses: Losses,
+    /// Tick of the first sample.
+    pub first_tick: i64,
+    /// Tick of the last sample.
+    pub last_tick: i64,
+    /// Device time from the first sample to one step past the last, s.
+    pub duration_s: f64,
+    /// Sampling rate, Hz.
+    pub sample_rate_hz: f64,
+    /// Firmware name and version.
+    pub firmware: String,
+    /// Board.
+    pub board: String,
+    /// Bytes that came from the device.
+    pub bytes: u64,
+    /// Times that the link was lost and found again.
+    pub reconnections: u64,
+    /// Whether `seconds` was reached (true where none was asked for).
+    pub complete: bool,
+    /// Things noticed.
+    pub warnings: Vec<Warning>,
+}
+
+/// Captures a record.
+///
+/// # Errors
+/// Settings, source or rig file that cannot be; a device that is silent, speaks another protocol or has other encoders than the
+/// rig file says; a wire with noise; a link that is lost for longer than `reconnect_s`; a full disk. What was captured until then
+/// is a readable record, and the message says so.
+pub fn run(settings: &CaptureSettings, rig: &Rig, progress: &mut dyn FnMut(&Progress)) -> Result<CaptureOutcome> {
+    settings.validate()?;
+    let mut source = source::parse(&settings.from, rig)?;
+    run_from(settings, rig, &mut *source, progress)
+}
+
+/// As [`run`], from a source that is there already; `settings.from` is its name.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_from(
+    settings: &CaptureSettings,
+    rig: &Rig,
+    source: &mut dyn source::Source,
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<CaptureOutcome> {
+    settings.validate()?;
+    if source.is_replay() {
+        return replay::run(settings, rig, source, progress);
+    }
+    let target = target(settings, rig)?;
+    live::run(settings, rig, source, target, progress)
+}
+
+/// What the shaker is to do; none where the rig has no drive or its amplitude is not known.
+fn target(settings: &CaptureSettings, rig: &Rig) -> Result<Option<Target>> {
+    let Some(drive) = rig.drive.filter(|_| settings.drive) else {
+        return match settings.amplitude_m.filter(|_| settings.drive) {
+            Some(a) => Err(BadInput::new(format!("--amplitude-m {a}"), "a rig with [drive]")
+                .in_file(&rig.path)
+                .at("drive")
+                .remedy("Add [drive] with direction and frequency_hz to the rig file")),
+            None => Ok(None),
+        };
+    };
+    let amplitude = settings.amplitude_m.or(drive.amplitude_m);
+    let amplitude = match (amplitude, settings.from.split(':').next()) {
+        (None, Some("sim")) => Some(crate::rig::plant::Plant::of(rig)?.amplitude_m),
+        (amplitude, _) => amplitude,
+    };
+    let Some(amplitude) = amplitude else { return Ok(None) };
+    let millihertz = drive.frequency_hz * 1e3;
+    if (millihertz - millihertz.round()).abs() > 1e-6 || !(1.0..=4e9).contains(&millihertz) {
+        return Err(BadInput::new(
+            drive.frequency_hz.to_string(),
+            "a frequency in steps of 0.001 Hz, which the device takes",
+        )
+        .in_file(&rig.path)
+        .at("drive.frequency_hz")
+        .remedy(format!("Set {:.3}", drive.frequency_hz)));
+    }
+    if !(0.0..=2.0).contains(&amplitude) {
+        return Err(BadInput::new(amplitude.to_string(), "an amplitude in metres, 0 to 2")
+            .in_file(&rig.path)
+            .at("drive.amplitude_m")
+            .remedy("Give it in metres"));
+    }
+    // Both are within 32 bits, see above.
+    Ok(Some(Target {
+        amplitude_micrometre: (amplitude * 1e6).round() as u32,
+        frequency_millihertz: millihertz.round() as u32,
+    }))
+}
+
+/// The outcome of a finished recording; none where it has no sample.
+fn outcome(settings: &CaptureSettings, finished: Finished, seconds: Option<f64>) -> Option<CaptureOutcome> {
+    let (first_tick, last_tick) = (finished.first_tick?, finished.last_tick?);
+    let sample_rate_hz = finished.metadata.sample_rate_hz;
+    let duration_s = last_tick.abs_diff(first_tick).saturating_add(1) as f64 / sample_rate_hz;
+    let mut warnings = finished.warnings;
+    // Half a sample short of it is all of it.
+    let complete = seconds.is_none_or(|s| duration_s + 0.5 / sample_rate_hz >= s);
+    if let (false, Some(s)) = (complete, seconds) {
+        warnings.push(Warning::new(
+            "short",
+            format!("{duration_s:.3} s of {s} s are in the record"),
+            "Capture again, or use what there is",
+        ));
+    }
+    Some(CaptureOutcome {
+        record: settings.output.clone(),
+        frames: None,
+        losses: finished.losses,
+        first_tick,
+        last_tick,
+        duration_s,
+        sample_rate_hz,
+        firmware: finished.metadata.firmware,
+        board: finished.metadata.board,
+        bytes: 0,
+        reconnections: 0,
+        complete,
+        warnings,
+    })
+}
+
+#[cfg(test)]
+#[path = "tests.rs"]
+mod tests;
+
+#[cfg(all(test, feature = "sim"))]
+mod sim_tests;

@@ -1,0 +1,44 @@
+//! How far a capture is.
+
+use std::io::IsTerminal;
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// State of a capture, told several times a second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// What is being done.
+    pub state: &'static str,
+    /// Samples that came.
+    pub samples: u64,
+    /// Samples missing.
+    pub lost: u64,
+    /// Device time recorded, s.
+    pub device_s: f64,
+    /// Device time asked for, s.
+    pub target_s: Option<f64>,
+}
+
+/// A progress bar on standard error where that is a terminal; otherwise nothing.
+pub fn on_terminal() -> Box<dyn FnMut(&Progress)> {
+    if !std::io::stderr().is_terminal() {
+        return Box::new(|_| {});
+    }
+    let bar = ProgressBar::new(0);
+    let template = |text| ProgressStyle::with_template(text).unwrap_or_else(|_| ProgressStyle::default_bar());
+    let (bounded, endless) = (template("{bar:30} {pos}/{len} s  {msg}"), template("{spinner} {pos} s  {msg}"));
+    bar.set_style(endless);
+    bar.enable_steady_tick(Duration::from_millis(200));
+    let mut has_length = false;
+    Box::new(move |p| {
+        if let (Some(target), false) = (p.target_s, has_length) {
+            bar.set_style(bounded.clone());
+            // Settings bound it to 1e8 s.
+            bar.set_length(target.ceil() as u64);
+            has_length = true;
+        }
+        bar.set_position(p.device_s as u64);
+        bar.set_message(format!("{}: {} samples, {} lost", p.state, p.samples, p.lost));
+    })
+}

@@ -1,0 +1,330 @@
+//! Bytes of the wire into a record. What comes out depends on the bytes, the terms and the rig file alone, never on clocks, so
+//! that a journal gives the same record as the capture that wrote it.
+
+use std::path::{Path, PathBuf};
+
+use whirl_shared::codec::{Decoder, FrameError};
+use whirl_shared::frame::{
+    CHANNELS, DeviceMessage, Envelope, Hello, PROTOCOL_VERSION, SCHEMA_HASH, SampleBlock, ShakerState, Status,
+};
+
+use super::accounting::{Accounting, Taken, Verdict};
+use super::journal::Terms;
+use crate::error::{BadInput, Result};
+use crate::record::writer::Sample;
+use crate::record::{Losses, Metadata, RecordWriter};
+use crate::rig::Rig;
+use crate::warning::Warning;
+
+/// Greatest relative difference of the device's sampling rate from the rig file's.
+const RATE_TOLERANCE: f64 = 1e-4;
+
+/// What came out of one byte.
+pub(super) enum Event {
+    /// A message of the device.
+    Message(Box<Envelope<DeviceMessage>>),
+    /// A frame that was refused.
+    Bad(FrameError),
+}
+
+/// Decodes, accounts, writes.
+pub(super) struct Recorder<'a> {
+    rig: &'a Rig,
+    output: PathBuf,
+    terms: Terms,
+    decoder: Decoder<DeviceMessage>,
+    accounting: Accounting,
+    hello: Option<Hello>,
+    recording: bool,
+    /// Device's tick at which recording begins, once it is known.
+    begin_at: Option<u32>,
+    /// Ticks to wait before that.
+    settle: u32,
+    /// Samples to record.
+    limit: Option<i64>,
+    writer: Option<RecordWriter>,
+    taken: Vec<Taken>,
+    last_tick: Option<i64>,
+    ended: bool,
+    /// A hello should be asked for.
+    pub(super) ask_hello: bool,
+    warnings: Vec<Warning>,
+}
+
+impl<'a> Recorder<'a> {
+    /// Checks that the rig can be recorded.
+    ///
+    /// # Errors
+    /// More channels than the device has encoders, or a channel that is not counts.
+    pub(super) fn new(rig: &'a Rig, output: &Path, terms: Terms) -> Result<Self> {
+        if rig.channel.len() > CHANNELS {
+            return Err(BadInput::new(
+                format!("{} channels", rig.channel.len()),
+                format!("at most {CHANNELS} encoders"),
+            )
+            .in_file(&rig.path)
+            .at("channel")
+            .remedy("The first [[channel]] is encoder 1, the second encoder 2"));
+        }
+        // Terms bound it to 1e7 s, rates are at most some kilohertz; it saturates beyond 49 days.
+        let settle = (terms.settle_s * rig.sample_rate_hz).round() as u32;
+        let limit = terms.seconds.map(|s| ((s * rig.sample_rate_hz).round() as i64).max(1));
+        Ok(Self {
+            rig,
+            output: output.to_path_buf(),
+            recording: false,
+            begin_at: None,
+            settle,
+            terms,
+            decoder: Decoder::new(),
+            accounting: Accounting::default(),
+            hello: None,
+            limit,
+            writer: None,
+            taken: Vec::new(),
+            last_tick: None,
+            ended: false,
+            ask_hello: false,
+            warnings: Vec::new(),
+        })
+    }
+
+    /// Takes one byte of the wire.
+    ///
+    /// # Errors
+    /// A device of another protocol, encoder or rate; a full disk.
+    pub(super) fn push(&mut self, byte: u8) -> Result<Option<Event>> {
+        let event = match self.decoder.push(byte) {
+            None => return Ok(None),
+            Some(Ok(envelope)) => Event::Message(Box::new(envelope)),
+            Some(Err(e)) => Event::Bad(e),
+        };
+        if !self.ended {
+            self.take(&event)?;
+        }
+        Ok(Some(event))
+    }
+
+    fn take(&mut self, event: &Event) -> Result<()> {
+        match event {
+            Event::Bad(_) if self.recording => self.accounting.bad_frame(),
+            Event::Bad(_) => {}
+            Event::Message(envelope) => match &envelope.message {
+                DeviceMessage::Hello(hello) => self.hello(hello)?,
+                DeviceMessage::Samples(block) => self.block(block)?,
+                DeviceMessage::Status(status) => self.status(status),
+                DeviceMessage::Ack(_) | DeviceMessage::Log(_) => {}
+            },
+        }
+        Ok(())
+    }
+
+    fn hello(&mut self, hello: &Hello) -> Result<()> {
+        check_hello(hello, self.rig)?;
+        if self.accounting.hello(hello.boot_id, hello.tick) && self.recording {
+            self.warnings.push(Warning::new(
+                "device-restarted",
+                format!(
+                    "the device has restarted behind tick {} of the record: its counts and ticks began anew",
+                    self.accounting.newest().unwrap_or(0)
+                ),
+                "A new segment begins there; look after the device's power supply and its log",
+            ));
+        }
+        self.hello.get_or_insert_with(|| hello.clone());
+        Ok(())
+    }
+
+    fn status(&mut self, status: &Status) {
+        self.accounting.status(status);
+        if let Some((amplitude, frequency)) = self.terms.from_drive
+            && status.shaker == ShakerState::Running
+            && status.amplitude_nanometre == amplitude.saturating_mul(1000)
+            && status.frequency_millihertz == frequency
+        {
+            self.begin_at.get_or_insert_with(|| status.tick.wrapping_add(self.settle));
+        }
+        // The last word on overruns comes with the status behind the last sample.
+        if self.reached_end() {
+            self.ended = true;
+        }
+    }
+
+    fn block(&mut self, block: &SampleBlock) -> Result<()> {
+        if self.terms.hello_first && self.hello.is_none() {
+            return Ok(());
+        }
+        if self.terms.from_drive.is_none() {
+            self.begin_at.get_or_insert_with(|| block.first_tick.wrapping_add(self.settle));
+        }
+        // In wrapping arithmetic: not before that tick.
+        self.recording |= self.begin_at.is_some_and(|at| block.first_tick.wrapping_sub(at).cast_signed() >= 0);
+        if !self.recording {
+            return Ok(());
+        }
+        if self.accounting.block(block.clone(), &mut self.taken) == Verdict::AskHello {
+            self.ask_hello = true;
+        }
+        self.write()
+    }
+
+    /// Writes what the accounting let go.
+    fn write(&mut self) -> Result<()> {
+        if self.writer.is_none() && !self.taken.is_empty() {
+            self.writer = Some(RecordWriter::create(&self.output, &self.metadata(), self.rig)?);
+        }
+        let end = self.end_tick();
+        if let Some(writer) = &mut self.writer {
+            let channels = self.rig.channel.len();
+            for s in self.taken.drain(..).filter(|s| end.is_none_or(|end| s.tick < end)) {
+                let counts = &s.counts[..channels];
+                writer.push(&Sample { tick: s.tick, counts, phase: s.phase, amplitude_nm: s.amplitude_nm })?;
+                self.last_tick = Some(s.tick);
+            }
+        }
+        Ok(())
+    }
+
+    fn metadata(&self) -> Metadata {
+        let of_hello = |f: fn(&Hello) -> &str| self.hello.as_ref().map(|h| f(h).to_owned()).unwrap_or_default();
+        Metadata {
+            rig: self.rig.text.clone(),
+            firmware: of_hello(|h| h.firmware.as_str()),
+            board: of_hello(|h| h.board.as_str()),
+            started_at: self.terms.started_at.clone(),
+            source: self.terms.source.clone(),
+            written_by: concat!("whirl ", env!("CARGO_PKG_VERSION")).to_owned(),
+            sample_rate_hz: self
+                .hello
+                .as_ref()
+                .map_or(self.rig.sample_rate_hz, |h| f64::from(h.sample_rate_millihertz) / 1000.0),
+        }
+    }
+
+    fn end_tick(&self) -> Option<i64> {
+        Some(self.accounting.first_tick()?.saturating_add(self.limit?))
+    }
+
+    /// Whether the last sample to be recorded has come (or is known to be lost).
+    pub(super) fn reached_end(&self) -> bool {
+        self.end_tick().zip(self.accounting.newest()).is_some_and(|(end, newest)| newest >= end)
+    }
+
+    /// Whether the recording is complete: the status behind the last sample has come too.
+    pub(super) fn ended(&self) -> bool {
+        self.ended
+    }
+
+    /// Nothing more is recorded.
+    pub(super) fn close(&mut self) {
+        self.ended = true;
+    }
+
+    /// Whether a sample is in the record or on its way.
+    pub(super) fn has_samples(&self) -> bool {
+        self.accounting.first_tick().is_some()
+    }
+
+    /// Losses until now.
+    pub(super) fn losses(&self) -> Losses {
+        self.accounting.losses()
+    }
+
+    /// Ticks from the first sample to behind the newest.
+    pub(super) fn ticks(&self) -> u64 {
+        let span = self.accounting.newest().zip(self.accounting.first_tick());
+        span.map_or(0, |(newest, first)| newest.saturating_sub(first).unsigned_abs())
+    }
+
+    /// Writes what is held back and ends the record.
+    ///
+    /// # Errors
+    /// A full disk.
+    pub(super) fn finish(mut self) -> Result<Finished> {
+        self.accounting.finish(&mut self.taken);
+        self.write()?;
+        let mut losses = self.accounting.losses();
+        let metadata = self.metadata();
+        if let Some(writer) = self.writer.take() {
+            // Blocks reach past the last tick to be recorded.
+            losses.received = writer.rows();
+            writer.finish(&losses)?;
+        }
+        if self.accounting.too_late > 0 {
+            self.warnings.push(Warning::new(
+                "too-late",
+                format!(
+                    "{} samples came when their place had been passed: they count as lost",
+                    self.accounting.too_late
+                ),
+                "The link holds data back for longer than 0.6 s and reorders it: use another one",
+            ));
+        }
+        if losses.lost() > 0 {
+            self.warnings.push(Warning::new(
+                "samples-lost",
+                format!(
+                    "{} samples are missing in {} gaps: {} lost on the link, {} damaged, {} overrun, {} dropped by the device",
+                    losses.lost(),
+                    losses.gaps,
+                    losses.lost_on_link,
+                    losses.damaged,
+                    losses.overruns,
+                    losses.dropped_by_device
+                ),
+                "Each gap ends a segment; see to cable and baud rate (lost, damaged) or to the firmware's load (overrun, dropped)",
+            ));
+        }
+        Ok(Finished {
+            metadata,
+            losses,
+            first_tick: self.accounting.first_tick(),
+            last_tick: self.last_tick,
+            warnings: self.warnings,
+        })
+    }
+}
+
+/// What a finished recording was.
+pub(super) struct Finished {
+    pub(super) metadata: Metadata,
+    pub(super) losses: Losses,
+    pub(super) first_tick: Option<i64>,
+    pub(super) last_tick: Option<i64>,
+    pub(super) warnings: Vec<Warning>,
+}
+
+/// Checks that this program and this rig file fit the device.
+fn check_hello(hello: &Hello, rig: &Rig) -> Result<()> {
+    let firmware = format!("firmware {} on {}", hello.firmware, hello.board);
+    if hello.protocol != PROTOCOL_VERSION || hello.schema != SCHEMA_HASH {
+        return Err(BadInput::new(
+            format!("protocol {}, schema {:08x} ({firmware})", hello.protocol, hello.schema),
+            format!("protocol {PROTOCOL_VERSION}, schema {SCHEMA_HASH:08x} (whirl {})", env!("CARGO_PKG_VERSION")),
+        )
+        .at("the device's hello")
+        .remedy("Flash the firmware that belongs to this whirl: `whirl flash`"));
+    }
+    for (i, (c, &n)) in rig.channel.iter().zip(&hello.counts_per_turn).enumerate() {
+        if c.counts_per_turn != Some(n) {
+            return Err(BadInput::new(
+                format!("counts_per_turn = {}", c.counts_per_turn.map_or("none".to_owned(), |n| n.to_string())),
+                format!("{n} as the device says of encoder {} ({firmware})", i + 1),
+            )
+            .in_file(&rig.path)
+            .at(format!("channel \"{}\"", c.name))
+            .remedy("Correct the rig file (unit = \"count\"), or set the firmware's counts a turn"));
+        }
+    }
+    let rate = f64::from(hello.sample_rate_millihertz) / 1000.0;
+    if (rate / rig.sample_rate_hz - 1.0).abs() > RATE_TOLERANCE || rate <= 0.0 {
+        return Err(BadInput::new(
+            format!("sample_rate_hz = {}", rig.sample_rate_hz),
+            format!("{rate} as the device says ({firmware})"),
+        )
+        .in_file(&rig.path)
+        .at("sample_rate_hz")
+        .remedy("Correct the rig file"));
+    }
+    Ok(())
+}

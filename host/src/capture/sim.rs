@@ -1,0 +1,191 @@
+//! `sim`: the rig of `[plant]`, simulated, with the firmware's own logic in lock-step, over an in-process pipe.
+//!
+//! Time is the device's: each read moves the rig on until it has sent something, and the session's clock with it. A capture from
+//! `sim` is therefore the same, byte for byte, at every repeat and on any machine.
+
+use super::source::{SourceKind, bad};
+
+#[cfg(not(feature = "sim"))]
+pub(super) const KIND: SourceKind = SourceKind {
+    id: "sim",
+    form: "sim",
+    about: "the simulated rig of [plant] (needs a build with --features sim)",
+    parse: |_, _| Err(bad("sim", "a whirl built with --features sim").remedy("Build it with `cargo build --release`")),
+};
+
+#[cfg(feature = "sim")]
+pub(super) const KIND: SourceKind = SourceKind {
+    id: "sim",
+    form: "sim[:SEED]",
+    about: "the simulated rig of [plant]",
+    parse: |argument, rig| {
+        let seed = match argument.map(str::parse::<u64>) {
+            None => None,
+            Some(Ok(seed)) => Some(seed),
+            Some(Err(_)) => {
+                return Err(bad(argument.unwrap_or_default(), "a seed, a whole number").remedy("Such as sim:7, or sim"));
+            }
+        };
+        Ok(Box::new(Simulated::new(rig, &[], seed, None)?))
+    },
+};
+
+#[cfg(feature = "sim")]
+pub use with_rig::Simulated;
+
+#[cfg(feature = "sim")]
+mod with_rig {
+    use std::collections::VecDeque;
+    use std::io::{self, Read};
+    use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+    use std::time::{Duration, Instant};
+
+    use whirl_hil_sim::{Direction, Effect, Parameters, RigSettings, SecondEncoder, VirtualRig};
+
+    use super::super::source::{Link, Source};
+    use crate::error::{BadInput, Result};
+    use crate::rig::plant::Plant;
+    use crate::rig::{Direction as RigDirection, Rig};
+
+    /// Ticks of one read at most without a byte: the rig sends blocks far more often.
+    const PATIENCE_TICKS: u32 = 5000;
+
+    /// The simulated rig as a source.
+    pub struct Simulated {
+        rig: Arc<Mutex<VirtualRig>>,
+        start: Instant,
+        settle_s: f64,
+    }
+
+    impl Simulated {
+        /// The rig of `[plant]` with effects, perturbed by a seed. `record_s` is what an amplitude drift refers to (120 s where
+        /// none is given).
+        ///
+        /// # Errors
+        /// A rig file without `[plant]`; parameters, channels or effects that cannot be simulated.
+        pub fn new(rig: &Rig, effects: &[Effect], seed: Option<u64>, record_s: Option<f64>) -> Result<Self> {
+            let plant = Plant::of(rig)?;
+            let refused =
+                |found: String, expected: &str| BadInput::new(found, expected).in_file(&rig.path).at("[plant]");
+            let second = match rig.channel.get(1).map(|c| c.measures.as_str()) {
+                None | Some("theta2") => SecondEncoder::Relative,
+                Some("phi2") => SecondEncoder::Absolute,
+                Some(other) => return Err(refused(format!("encoder 2 on {other}"), "theta2 or phi2")),
+            };
+            if let Some(first) = rig.channel.first().filter(|c| !matches!(c.measures.as_str(), "theta1" | "phi1")) {
+                return Err(refused(format!("encoder 1 on {}", first.measures), "theta1 or phi1"));
+            }
+            let mut settings = RigSettings {
+                parameters: Parameters {
+                    m1: plant.m1,
+                    e1: plant.e1,
+                    l1: plant.l1,
+                    m2: plant.m2,
+                    e2: plant.e2,
+                    j_o1: plant.j_o1,
+                    j_o2: plant.j_o2,
+                    tau_c1: plant.tau_c1,
+                    c_r2: plant.c_r2,
+                    g: plant.g,
+                },
+                direction: match rig.drive.map(|d| d.direction) {
+                    Some(RigDirection::Horizontal) => Direction::Horizontal,
+                    Some(RigDirection::Vertical) | None => Direction::Vertical,
+                },
+                psi: plant.phase_rad,
+                second,
+                initial: plant.initial,
+                seed,
+                effects: effects.to_vec(),
+                record_s: record_s.unwrap_or(120.0),
+                ..RigSettings::default()
+            };
+            // Rates are at most 1e7 Hz; the device says no to what it cannot do.
+            settings.device.sample_rate_millihertz = (rig.sample_rate_hz * 1e3).round() as u32;
+            for (n, channel) in settings.device.counts_per_turn.iter_mut().zip(&rig.channel) {
+                *n = channel.counts_per_turn.unwrap_or(*n);
+            }
+            // A simulated shaker may do what no real one can.
+            settings.device.limits.amplitude_micrometre = 200_000;
+            settings.device.limits.frequency_millihertz = settings.device.sample_rate_millihertz / 5;
+            settings.device.acceleration_limit_millimetre_per_s2 = 2_000_000;
+            let virtual_rig = VirtualRig::new(&settings).map_err(|e| {
+                refused(e.to_string(), "a rig that can be simulated").remedy("Correct [plant], or the effect")
+            })?;
+            Ok(Self { rig: Arc::new(Mutex::new(virtual_rig)), start: Instant::now(), settle_s: plant.settle_s })
+        }
+    }
+
+    fn lock(rig: &Mutex<VirtualRig>) -> MutexGuard<'_, VirtualRig> {
+        // A panic while it was held leaves a rig that goes on from where it was.
+        rig.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn failed(e: &whirl_hil_sim::SimulationError) -> io::Error {
+        io::Error::other(e.to_string())
+    }
+
+    impl Source for Simulated {
+        fn open(&mut self) -> io::Result<Box<dyn Link>> {
+            Ok(Box::new(Pipe { rig: self.rig.clone(), rest: VecDeque::new() }))
+        }
+
+        fn now(&self) -> Instant {
+            let rig = lock(&self.rig);
+            self.start + Duration::from_secs_f64(rig.ticks() as f64 * rig.tick_s())
+        }
+
+        fn pause(&mut self, time: Duration) {
+            let mut rig = lock(&self.rig);
+            let ticks = (time.as_secs_f64() / rig.tick_s()).ceil().max(1.0) as u64;
+            for _ in 0..ticks {
+                // The next read reports what is wrong.
+                if rig.step().is_err() {
+                    return;
+                }
+            }
+        }
+
+        fn is_simulated(&self) -> bool {
+            true
+        }
+
+        fn settle_s(&self) -> f64 {
+            self.settle_s
+        }
+
+        fn remedy(&self) -> String {
+            "Correct [plant] of the rig file".to_owned()
+        }
+    }
+
+    /// One end of the in-process pipe; `rest` is what a read had no room for.
+    struct Pipe {
+        rig: Arc<Mutex<VirtualRig>>,
+        rest: VecDeque<u8>,
+    }
+
+    impl Link for Pipe {
+        fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+            if self.rest.is_empty() {
+                let mut rig = lock(&self.rig);
+                for _ in 0..PATIENCE_TICKS {
+                    if rig.output_len() > 0 {
+                        break;
+                    }
+                    rig.step().map_err(|e| failed(&e))?;
+                }
+                self.rest = rig.take_output().into();
+            }
+            match self.rest.read(buffer)? {
+                0 => Err(io::ErrorKind::TimedOut.into()),
+                n => Ok(n),
+            }
+        }
+
+        fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
+            lock(&self.rig).give_input(bytes);
+            Ok(())
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! `whirl capture`: a record from a rig, surviving unplugging, accounting for every sample.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use clap::Args;
+
+use super::Answer;
+use super::output::{Output, print_warnings};
+#[cfg(feature = "sim")]
+use crate::capture::sim::Simulated;
+use crate::capture::{CaptureOutcome, CaptureSettings, Progress, run as capture};
+use crate::error::{BadInput, Result};
+use crate::report::format::{count, duration};
+use crate::rig::Rig;
+
+/// Arguments of `capture`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Source: serial:/dev/ttyACM0[@BAUD], tcp:HOST:PORT, rtt[:CHIP], sim[:SEED], file:FRAMES.
+    #[arg(long, value_name = "SOURCE")]
+    from: String,
+    /// Rig file.
+    #[arg(long, value_name = "RIG.toml")]
+    rig: PathBuf,
+    /// Record: Parquet, or CSV by extension.
+    #[arg(short, long, value_name = "REC")]
+    output: PathBuf,
+    /// Device time to record, s [default: until Ctrl-C, or the end of a file].
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Amplitude of the base, m [default: the rig file's].
+    #[arg(long, value_name = "M")]
+    amplitude_m: Option<f64>,
+    /// Leave the shaker alone.
+    #[arg(long)]
+    no_drive: bool,
+    /// Record from the first sample on, also while the shaker starts.
+    #[arg(long)]
+    from_first_sample: bool,
+    /// How long a lost link is tried again, s.
+    #[arg(long, value_name = "S", default_value_t = 60.0)]
+    reconnect_s: f64,
+    /// How long the device may take to answer at the start, s.
+    #[arg(long, value_name = "S", default_value_t = 5.0)]
+    handshake_s: f64,
+    /// Keep the journal of raw frames (REC.frames) after a clean end.
+    #[arg(long)]
+    keep_frames: bool,
+    /// Effect to put into a simulated rig (source sim).
+    #[arg(long = "effect", value_name = "ID@PLACE=VALUE[,name=value]")]
+    effects: Vec<String>,
+    /// Exit with status 1 where samples are missing.
+    #[arg(long)]
+    strict: bool,
+    #[command(flatten)]
+    out: Output,
+}
+
+/// The answer for people.
+pub fn human(outcome: &CaptureOutcome) -> String {
+    let l = &outcome.losses;
+    let mut text = format!(
+        "{}: {} samples over {} at {} Hz from {} on {}\n",
+        outcome.record.display(),
+        count(l.received),
+        duration(outcome.duration_s),
+        outcome.sample_rate_hz,
+        outcome.firmware,
+        outcome.board
+    );
+    text.push_str(&format!(
+        "missing {}: {} lost on the link, {} damaged, {} overruns, {} dropped by the device; {} repeated, {} gaps, {} restarts\n",
+        count(l.lost()),
+        count(l.lost_on_link),
+        count(l.damaged),
+        count(l.overruns),
+        count(l.dropped_by_device),
+        count(l.duplicates),
+        l.gaps,
+        l.restarts
+    ));
+    text
+}
+
+/// Captures from a simulated rig with effects put into it; the seed is that of `sim:SEED`, 1 without one.
+///
+/// # Errors
+/// Another source; effects that are not to be had; what a capture reports.
+#[cfg(feature = "sim")]
+pub fn from_simulated(
+    settings: &CaptureSettings,
+    rig: &Rig,
+    effects: &[String],
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<CaptureOutcome> {
+    let bad = || {
+        BadInput::new(format!("--from {} with --effect", settings.from), "--from sim or sim:SEED")
+            .at("--effect")
+            .remedy("Effects can be put into a simulated rig only")
+    };
+    let mut parts = settings.from.splitn(2, ':');
+    if parts.next() != Some("sim") {
+        return Err(bad());
+    }
+    let seed = parts.next().map(|s| s.parse::<u64>().map_err(|_| bad())).transpose()?;
+    let effects = crate::simulate::effects(effects)?;
+    let mut source = Simulated::new(rig, &effects, seed, settings.seconds)?;
+    crate::capture::run_from(settings, rig, &mut source, progress)
+}
+
+/// Says that this build has no simulator.
+#[cfg(not(feature = "sim"))]
+pub fn from_simulated(
+    _: &CaptureSettings,
+    _: &Rig,
+    _: &[String],
+    _: &mut dyn FnMut(&Progress),
+) -> Result<CaptureOutcome> {
+    Err(BadInput::new("a build without the feature `sim`", "one with it").remedy("Build with `cargo build --release`"))
+}
+
+/// Captures.
+pub fn run(arguments: &Arguments) -> Result<Answer> {
+    let rig = Rig::read(&arguments.rig)?;
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    // The second Ctrl-C ends the program at once: the journal stays.
+    ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    })
+    .map_err(|e| BadInput::new(e.to_string(), "to be told of Ctrl-C"))?;
+    let settings = CaptureSettings {
+        seconds: arguments.seconds,
+        reconnect_s: arguments.reconnect_s,
+        handshake_s: arguments.handshake_s,
+        amplitude_m: arguments.amplitude_m,
+        drive: !arguments.no_drive,
+        wait_for_drive: !arguments.from_first_sample,
+        keep_frames: arguments.keep_frames,
+        stop,
+        ..CaptureSettings::new(arguments.from.clone(), arguments.output.clone())
+    };
+    let mut progress = super::progress::of_capture();
+    let outcome = if arguments.effects.is_empty() {
+        capture(&settings, &rig, &mut *progress)?
+    } else {
+        from_simulated(&settings, &rig, &arguments.effects, &mut *progress)?
+    };
+    print_warnings(&outcome.warnings);
+    arguments.out.write_json(&outcome)?;
+    arguments.out.say(&human(&outcome));
+    if let Some(path) = &arguments.out.report {
+        super::inspect::report_of(&outcome.record, &rig, path)?;
+    }
+    if arguments.strict && outcome.losses.lost() > 0 {
+        eprintln!("whirl: {} samples are missing (--strict)", outcome.losses.lost());
+        return Ok(Answer::Negative);
+    }
+    Ok(Answer::Positive)
+}

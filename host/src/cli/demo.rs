@@ -1,0 +1,88 @@
+//! `whirl demo`: the whole line with nothing plugged in, from a simulated rig through the firmware's logic to one report.
+//!
+//! The rig hides an effect that the identified model does not have. Its truth is read once, after every answer is there, for the report's
+//! last table.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::Answer;
+use super::output::Output;
+use crate::capture::CaptureSettings;
+use crate::error::{BadInput, Result};
+use crate::identify::{Settings, identify, presentation};
+use crate::inspect::{InspectSettings, inspect};
+use crate::record::Record;
+use crate::record::formats::ReadOptions;
+use crate::report::sections::truth::Truth;
+use crate::report::{Report, Results};
+use crate::rig::Rig;
+use crate::rig::plant::Plant;
+
+/// The simulated rig.
+const RIG: &str = include_str!("../../../rigs/chaotic.toml");
+/// The effect that the simulated rig hides.
+const HIDDEN: &str = "quadratic-drag@arm2=2e-7";
+/// Length of the record, s.
+const SECONDS: f64 = 120.0;
+
+/// Arguments of `demo`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Folder for the report and the record.
+    #[arg(short, long, value_name = "DIR", default_value = "whirl-demo")]
+    output: PathBuf,
+    /// Seed of the simulated rig.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Machine-readable results.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// Runs the line.
+pub fn run(arguments: &Arguments) -> Result<Answer> {
+    let out = Output { json: arguments.json.clone(), report: None };
+    let folder = &arguments.output;
+    std::fs::create_dir_all(folder)
+        .map_err(|e| BadInput::io(folder, &e).at("-o").remedy("Name a folder that can be written to"))?;
+    let rig = Rig::parse(RIG, Path::new("rigs/chaotic.toml"))?;
+    let record_path = folder.join("record.parquet");
+    out.say(&format!("capture: {SECONDS} s of the simulated rig, through the firmware's logic and the wire format\n"));
+    let settings = CaptureSettings {
+        seconds: Some(SECONDS),
+        ..CaptureSettings::new(format!("sim:{}", arguments.seed), record_path.clone())
+    };
+    let hidden = [HIDDEN.to_owned()];
+    let captured = super::capture::from_simulated(&settings, &rig, &hidden, &mut *super::progress::of_capture())?;
+    out.say(&super::capture::human(&captured));
+    let record = Record::read(&record_path, &rig, &ReadOptions::default())?;
+    let inspection = inspect(&record, &rig, &InspectSettings::default())?;
+    out.say(&format!("\ninspect\n{}", super::inspect::human(&inspection)));
+    let identified = identify(&[record], &rig, &Settings::default())?;
+    out.say(&format!("\nidentify\n{}", super::identify::human(&identified)));
+
+    // Every answer is there: now the truth may be read, for the last table.
+    let plant = Plant::of(&rig)?;
+    let truth = |name: &str| plant.truth(name, rig.omega());
+    let mut results = Results::new();
+    results
+        .add(presentation::table(&identified, "", &|_| None))
+        .add(presentation::residuals(&identified))
+        .add(inspection.clone())
+        .add(Truth { table: presentation::table(&identified, "", &truth), hidden: hidden.to_vec() });
+    let report = folder.join("report.html");
+    let mut page =
+        Report::of("whirl demo", "a simulated double pendulum on a shaker, from encoder edges to parameters", &results);
+    page.fact("Rig", &rig.name)
+        .fact(
+            "Record",
+            format!("{} s, {} samples, {} missing", SECONDS, captured.losses.received, captured.losses.lost()),
+        )
+        .fact("Firmware", &captured.firmware);
+    page.write(&report)?;
+    out.write_json(&serde_json::json!({ "capture": captured, "inspect": inspection, "identify": identified }))?;
+    out.say(&format!("\nreport: {}\n", report.display()));
+    Ok(Answer::Positive)
+}

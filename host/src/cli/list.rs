@@ -1,0 +1,74 @@
+//! `whirl list`: what can be chosen, one line each with unit and equation.
+
+use clap::{Args, ValueEnum};
+
+use super::Answer;
+use crate::error::Result;
+
+/// What to list.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum What {
+    /// Models of rigs.
+    Models,
+    /// Physical effects.
+    Effects,
+    /// Boards with firmware.
+    Boards,
+    /// Methods of identification.
+    Methods,
+}
+
+/// Arguments of `list`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// What to list.
+    what: What,
+}
+
+/// Prints the list.
+pub fn run(arguments: &Arguments) -> Result<Answer> {
+    let out = super::output::Output::default();
+    match arguments.what {
+        What::Models => {
+            for (id, about) in crate::model::MODELS {
+                out.say(&format!("{id:<18} {about}\n"));
+            }
+        }
+        What::Methods => {
+            for (id, about) in crate::identify::METHODS {
+                out.say(&format!("{id:<18} {about}\n"));
+            }
+        }
+        What::Boards => out
+            .say("virtual-rig        the firmware in lock-step with the simulated rig (`whirl capture --from sim`)\n"),
+        What::Effects => effects(&out),
+    }
+    Ok(Answer::Positive)
+}
+
+#[cfg(feature = "sim")]
+fn effects(out: &super::output::Output) {
+    for e in whirl_hil_sim::plant::effects::LIST {
+        let places: Vec<&str> = e.places.iter().map(|p| p.name()).collect();
+        let parameters: Vec<String> = e
+            .parameters
+            .iter()
+            .map(|p| format!("{} [{}]", p.name, if p.unit.is_empty() { "1" } else { p.unit }))
+            .collect();
+        let with = if parameters.is_empty() { String::new() } else { format!("; with {}", parameters.join(", ")) };
+        out.say(&format!(
+            "{:<28} {:<18} @{:<30} {}{with}\n",
+            e.id,
+            format!("[{}]", e.unit),
+            places.join("|"),
+            e.equation
+        ));
+    }
+}
+
+#[cfg(not(feature = "sim"))]
+fn effects(out: &super::output::Output) {
+    for d in crate::model::double_pendulum::DAMPINGS {
+        out.say(&format!("{}\n", d.id));
+    }
+}

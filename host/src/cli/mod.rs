@@ -1,0 +1,140 @@
+//! Commands: one file each, each with its arguments and `run()`; one line each in [`Command`].
+//!
+//! Exit status: 0 done; 1 done and the answer is negative; 2 bad input or usage, with one message on standard error.
+
+mod capture;
+mod completions;
+mod demo;
+mod identify;
+mod inspect;
+mod list;
+pub mod output;
+pub mod progress;
+mod simulate;
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::error::{BadInput, Result};
+use crate::record::Record;
+use crate::record::formats::ReadOptions;
+use crate::rig::Rig;
+
+/// From encoder counts to a trusted equation of motion, and to the physical effect that the model is missing.
+#[derive(Debug, Parser)]
+#[command(name = "whirl", version, about, max_term_width = 110, propagate_version = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// Threads to use (0: one for each core). Results do not depend on it.
+    #[arg(long, global = true, default_value_t = 0, value_name = "N")]
+    threads: usize,
+    /// No progress bars.
+    #[arg(long, global = true)]
+    quiet: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// The whole line with nothing plugged in: simulated rig, firmware logic, frames, capture, identification, one report.
+    Demo(demo::Arguments),
+    /// A record of a simulated rig, with effects put in if asked.
+    Simulate(simulate::Arguments),
+    /// Records from a rig, surviving unplugging, accounting for every sample.
+    Capture(capture::Arguments),
+    /// Rates, losses, spectra, phase portraits, periodicity of a record.
+    Inspect(inspect::Arguments),
+    /// Parameters with standard errors.
+    Identify(identify::Arguments),
+    /// What can be chosen: models, effects, boards, methods.
+    List(list::Arguments),
+    /// Completions for a shell.
+    Completions(completions::Arguments),
+}
+
+/// Whether a command's answer is positive (exit status 0) or negative (1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Answer {
+    /// Done.
+    Positive,
+    /// Done, and the answer is negative.
+    Negative,
+}
+
+/// Records and the rig that they belong to: what most commands begin with.
+#[derive(Clone, Debug, Args)]
+struct Records {
+    /// Records: whirl's Parquet, or CSV (also gzipped) with a header row and a column t in seconds.
+    #[arg(required = true, value_name = "REC")]
+    records: Vec<PathBuf>,
+    /// Rig file.
+    #[arg(long, value_name = "RIG.toml")]
+    rig: PathBuf,
+    /// Read a truncated file up to its last whole row.
+    #[arg(long)]
+    recover: bool,
+    /// Exit with status 1 where samples are missing.
+    #[arg(long)]
+    strict: bool,
+}
+
+impl Records {
+    /// Reads the rig file and the records; warnings go to standard error.
+    fn read(&self) -> Result<(Rig, Vec<Record>)> {
+        let rig = Rig::read(&self.rig)?;
+        let options = ReadOptions { recover: self.recover };
+        let records: Vec<Record> =
+            self.records.iter().map(|path| Record::read(path, &rig, &options)).collect::<Result<_>>()?;
+        Ok((rig, records))
+    }
+
+    /// The answer for complete records, or the negative one under `--strict` where samples are missing.
+    fn answer(&self, records: &[Record]) -> Answer {
+        let lost: u64 = records.iter().map(|r| r.losses.lost()).sum();
+        if self.strict && lost > 0 {
+            eprintln!("whirl: {lost} samples are missing (--strict)");
+            return Answer::Negative;
+        }
+        Answer::Positive
+    }
+}
+
+/// Parses, runs, reports.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    progress::set_quiet(cli.quiet);
+    match run(cli) {
+        Ok(Answer::Positive) => ExitCode::SUCCESS,
+        Ok(Answer::Negative) => ExitCode::from(1),
+        Err(error) => {
+            // Whatever was printed so far comes first.
+            let _ = std::io::stdout().flush();
+            eprintln!("whirl: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(cli: Cli) -> Result<Answer> {
+    if cli.threads > 1024 {
+        return Err(BadInput::new(cli.threads.to_string(), "at most 1024").at("--threads"));
+    }
+    if cli.threads > 0 {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(cli.threads)
+            .build_global()
+            .map_err(|e| BadInput::new(e.to_string(), "threads to work with").at("--threads"))?;
+    }
+    match cli.command {
+        Command::Demo(a) => demo::run(&a),
+        Command::Simulate(a) => simulate::run(&a),
+        Command::Capture(a) => capture::run(&a),
+        Command::Inspect(a) => inspect::run(&a),
+        Command::Identify(a) => identify::run(&a),
+        Command::List(a) => list::run(&a),
+        Command::Completions(a) => completions::run(&a),
+    }
+}

@@ -1,0 +1,69 @@
+//! `whirl simulate`: a record of a simulated rig, with effects put in if asked.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::Answer;
+use super::output::Output;
+use crate::error::Result;
+use crate::rig::Rig;
+
+/// Arguments of `simulate`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Rig file with a [plant].
+    #[arg(long, value_name = "RIG.toml")]
+    rig: PathBuf,
+    /// Effect to put in (may be given several times); `whirl list effects` shows them.
+    #[arg(long = "effect", value_name = "ID@PLACE=VALUE[,name=value]")]
+    effects: Vec<String>,
+    /// Length of the record, s.
+    #[arg(long, value_name = "S")]
+    seconds: f64,
+    /// Seed of the initial state.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Record: Parquet, or CSV by extension (.csv, .csv.gz).
+    #[arg(short, long, value_name = "REC")]
+    output: PathBuf,
+    #[command(flatten)]
+    out: Output,
+}
+
+/// Simulates and writes.
+#[cfg(feature = "sim")]
+pub fn run(arguments: &Arguments) -> Result<Answer> {
+    let rig = Rig::read(&arguments.rig)?;
+    let summary = crate::simulate::record(
+        &rig,
+        &arguments.effects,
+        arguments.seconds,
+        arguments.seed,
+        &arguments.output,
+        &super::progress::bar("simulating", 0),
+    )?;
+    arguments.out.write_json(&summary)?;
+    arguments.out.say(&format!(
+        "{} samples ({} s) in {}\n",
+        summary.samples,
+        summary.seconds,
+        arguments.output.display()
+    ));
+    Ok(Answer::Positive)
+}
+
+/// Says that this build has no simulator.
+#[cfg(not(feature = "sim"))]
+pub fn run(arguments: &Arguments) -> Result<Answer> {
+    let _ = (
+        Rig::read(&arguments.rig)?,
+        &arguments.effects,
+        arguments.seconds,
+        arguments.seed,
+        &arguments.output,
+        &arguments.out,
+    );
+    Err(crate::error::BadInput::new("a build without the feature `sim`", "one with it")
+        .remedy("Build with `cargo build --release` (feature sim is on by default)"))
+}

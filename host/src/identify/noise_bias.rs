@@ -1,0 +1,118 @@
+//! The bias that sensor noise puts into least squares, measured by simulation and taken off.
+//!
+//! Noise in the regressors shrinks a coefficient by the ratio of noise to signal in its column, and jumping laws (Coulomb
+//! friction) react to it in their own way. The bias is a property of motion and sensor, so it is measured by measuring a known motion again:
+//! the record θ̂, smoothed to the band in which it stands clear of noise, is taken as the truth, the sensors are applied to it R times, and
+//!
+//! δ = (1/R) Σ_r λ(sensor_r(θ̂)) − λ(θ̂),   corrected λ − δ
+//!
+//! (a parametric bootstrap estimate of bias, Efron and Tibshirani 1993, ch. 10). An encoder counts θ̂ on a grid shifted by r/R of a
+//! count: over the shifts the quantisation errors cancel to first order (their mean is the sawtooth of a count R times
+//! finer), and what is left is the bias. This keeps what no independent noise has: at a reversal the count stands still. Other sensors get
+//! white noise of the size found in the spectrum, in pairs of opposite sign, whose first order cancels too.
+//!
+//! The bias does not depend on the record's length: it is measured on at most 64 windows spread over the record, so that a
+//! long record costs no more. The noise is seeded: the same record gives the same bytes.
+
+use nalgebra::DVector;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::regression::solve_weighted;
+use super::windows::{Kernels, Windows, rows, samples_needed};
+use crate::model::weak::WeakModel;
+use crate::signal::angles::AngleSegment;
+
+/// Most windows on which the bias is measured.
+const MOST_WINDOWS: usize = 64;
+/// Windows taken together, so that they share their smoothed samples.
+const STRETCH: usize = 8;
+/// Shifts of the two encoders' grids, in counts: each encoder gets every quarter, in another order.
+const SHIFTS: [[f64; 2]; 4] = [[0.125, 0.375], [0.375, 0.875], [0.625, 0.125], [0.875, 0.625]];
+
+/// δ of all coefficients, equation by equation. `sigma` is the standard deviation of each sensor's noise, rad (used where it does not count).
+/// `None` where it cannot be measured (too few windows to solve for the coefficients).
+pub fn estimate(
+    segments: &[AngleSegment],
+    model: &WeakModel,
+    kernels: &Kernels,
+    windows: &Windows,
+    weights: &[Vec<f64>],
+    sigma: [f64; 2],
+) -> Option<Vec<DVector<f64>>> {
+    let truth = smoothed_stretches(segments, kernels, windows);
+    let terms: Vec<usize> = model.equations.iter().map(|e| e.terms.len()).collect();
+    let solve =
+        |segments: &[AngleSegment]| solve_weighted(&rows(segments, model, kernels, windows), &terms, weights).ok();
+    let plain = solve(&truth)?;
+    let mut mean: Vec<DVector<f64>> = plain.iter().map(|c| -c.clone()).collect();
+    for r in 0..SHIFTS.len() {
+        let measured: Vec<AngleSegment> =
+            truth.iter().enumerate().map(|(i, s)| measure(s, r, sigma, i as u64)).collect();
+        mean.iter_mut().zip(solve(&measured)?).for_each(|(m, c)| *m += c / SHIFTS.len() as f64);
+    }
+    Some(mean)
+}
+
+/// Smoothed stretches of a few windows each, spread evenly over the record.
+fn smoothed_stretches(segments: &[AngleSegment], kernels: &Kernels, windows: &Windows) -> Vec<AngleSegment> {
+    let Some(step) = segments.first().map(|s| s.step_s) else { return Vec::new() };
+    // The smoothing takes its reach on either side once more.
+    let reach = kernels.clear.reach();
+    let one = samples_needed(windows, kernels, step) + 2 * reach;
+    let hop = windows.hop_s / step;
+    let long = one + ((STRETCH - 1) as f64 * hop).ceil() as usize;
+    let stride = (STRETCH as f64 * hop).round() as usize;
+    let mut all: Vec<(usize, usize, usize)> = Vec::new();
+    for (i, s) in segments.iter().enumerate() {
+        let mut first = 0;
+        while first + one <= s.len() {
+            all.push((i, first, (first + long).min(s.len())));
+            first += stride.max(1);
+        }
+    }
+    let count = all.len().min(MOST_WINDOWS / STRETCH);
+    let mut unused = Vec::new();
+    (0..count)
+        .map(|k| all[k * all.len() / count])
+        .map(|(i, first, last)| {
+            let mut out = segments[i].part(first + reach, last - reach);
+            for c in 0..2 {
+                let mut smooth = Vec::new();
+                kernels.clear.apply(&segments[i].phi[c][first..last], &mut smooth, &mut unused);
+                out.phi[c] = smooth;
+            }
+            out
+        })
+        .collect()
+}
+
+/// The segment as its sensors would measure it in repeat `r`.
+fn measure(truth: &AngleSegment, r: usize, sigma: [f64; 2], stream: u64) -> AngleSegment {
+    let mut out = truth.clone();
+    let mut sensors = truth.sensors();
+    for (c, sensor) in sensors.iter_mut().enumerate() {
+        if let Some(count) = truth.count_rad[c] {
+            let shift = SHIFTS[r][c] * count;
+            for x in sensor.iter_mut() {
+                *x = (((*x + shift) / count).floor() + 0.5) * count - shift;
+            }
+        } else {
+            let mut rng = ChaCha8Rng::seed_from_u64(0x5eed + (r / 2) as u64);
+            rng.set_stream(2 * stream + c as u64);
+            // Uniform with variance σ²: half width σ√3; every other repeat has the opposite sign.
+            let width = 2.0 * 3f64.sqrt() * sigma[c] * if r.is_multiple_of(2) { 1.0 } else { -1.0 };
+            for x in sensor.iter_mut() {
+                *x += width * (rng.random::<f64>() - 0.5);
+            }
+        }
+    }
+    let [first, second] = sensors;
+    if truth.relative {
+        out.phi[1] = second.iter().zip(&first).map(|(b, a)| a + b).collect();
+    } else {
+        out.phi[1] = second;
+    }
+    out.phi[0] = first;
+    out
+}

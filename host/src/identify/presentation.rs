@@ -1,0 +1,77 @@
+//! An identification as report sections print it.
+
+use super::{ERROR_BOUND, Identification};
+use crate::report::sections::parameters::{Parameter, ParameterTable};
+use crate::report::sections::residuals::{EquationResiduals, ResidualSet};
+
+/// The parameter table; `truth` gives a parameter's true value where a simulation knows it.
+pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Option<f64>) -> ParameterTable {
+    let d = &result.details;
+    let mut notes = vec![format!(
+        "Weak form over {} windows of {:.3} s with test frequencies up to {:.2} Hz; angles smoothed up to {:.1} Hz (signs of velocities: \
+         {:.1} Hz). Standard errors: {}; ± is 1.96 of them.",
+        d.windows,
+        d.window_s,
+        d.max_frequency_hz,
+        d.pass_hz,
+        d.sign_pass_hz,
+        if d.jackknife_blocks > 0 {
+            format!("jackknife over {} blocks of consecutive windows", d.jackknife_blocks)
+        } else {
+            "independent rows assumed, since there are too few windows for a jackknife".to_owned()
+        }
+    )];
+    let errors: Vec<String> = result.identification_error.iter().map(|e| format!("{:.2} %", 100.0 * e)).collect();
+    notes.push(format!(
+        "Identification error ε = ‖e‖∞/‖q̂‖∞ of each equation: {} (bound {:.0} %).",
+        errors.join(", "),
+        100.0 * ERROR_BOUND
+    ));
+    if let Some((misfit, freedom)) = d.ties_misfit {
+        notes.push(format!(
+            "Physical parameters obey the ties B11/B21 = J_o2/J_o1 = C12/C2 and B12/B15 = B22/B25; the coefficients depart from them by {misfit:.1} \
+             squared standard deviations (about {freedom} are expected)."
+        ));
+    }
+    for group in &result.groups_not_separable {
+        notes.push(format!("Not told apart, or not determined, by this record: {}.", group.join(", ")));
+    }
+    ParameterTable {
+        heading: heading.to_owned(),
+        parameters: result
+            .parameters
+            .iter()
+            .map(|p| Parameter {
+                name: p.name.clone(),
+                value: p.value,
+                std_error: p.std_error,
+                unit: p.unit.clone(),
+                truth: truth(&p.name),
+            })
+            .collect(),
+        notes,
+    }
+}
+
+/// Residuals against predictions, as in figure 3.14.
+pub fn residuals(result: &Identification) -> ResidualSet {
+    ResidualSet {
+        heading: String::new(),
+        dots: "sub-harmonics of a window".to_owned(),
+        equations: result
+            .residuals
+            .iter()
+            .enumerate()
+            .map(|(i, r)| EquationResiduals {
+                title: format!("equation {}", i + 1),
+                symbol: format!("q_{{{}}}", i + 1),
+                unit: "s".to_owned(),
+                predicted: r.dots.iter().map(|d| d.1).collect(),
+                // The dots hold measured minus predicted; the figure shows A λ − q.
+                residual: r.dots.iter().map(|d| -d.2).collect(),
+                used: Vec::new(),
+                error: result.identification_error[i],
+            })
+            .collect(),
+    }
+}

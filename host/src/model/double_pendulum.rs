@@ -1,0 +1,124 @@
+//! The double pendulum with vertically driven or resting base, in the non-dimensional form (3.4).
+//!
+//! With τ = Ω t (Ω = 1 rad/s for a free system), φ1, φ2 absolute, Δ = φ2 − φ1:
+//!
+//! φ1″ + B11 (φ2″ cos Δ − φ2′² sin Δ) + B12 sin φ1 + (B13 cos τ + B14 sin τ) sin φ1 + C11 sign φ1′ − C12 (φ2′ − φ1′) = 0
+//!
+//! φ2″ + B21 (φ1″ cos Δ + φ1′² sin Δ) + B22 sin φ2 + (B23 cos τ + B24 sin τ) sin φ2 + C2 (φ2′ − φ1′) = 0
+//!
+//! The weak form leaves first derivatives only, since
+//! φ2″ cos Δ − φ2′² sin Δ = (φ2′ cos Δ)′ − φ1′ φ2′ sin Δ and φ1″ cos Δ + φ1′² sin Δ = (φ1′ cos Δ)′ + φ1′ φ2′ sin Δ.
+//!
+//! The dampings are those of the rig's nominal effects. Beside the seed's C11 (Coulomb, joint 1) and C12, C2 (viscous,
+//! joint 2): C13 = c_r1/(J_o1 Ω) viscous friction of joint 1, and C14, C4 = τ_c2/(J_oi Ω²) Coulomb friction of joint 2.
+
+use super::weak::{Equation, Order, Sample, Term, WeakModel, mean_sign};
+
+/// A damping of the nominal model: where it acts and which coefficients it adds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Damping {
+    /// `ID@PLACE` in rig files.
+    pub id: &'static str,
+    /// Names of its coefficients in the first and second equation.
+    pub names: [Option<&'static str>; 2],
+    /// Whether the coefficient is divided by Ω (viscous) or by Ω² (Coulomb).
+    viscous: bool,
+}
+
+/// The dampings that a nominal model may have.
+pub const DAMPINGS: &[Damping] = &[
+    Damping { id: "coulomb-friction@joint1", names: [Some("C11"), None], viscous: false },
+    Damping { id: "viscous-friction@joint2", names: [Some("C12"), Some("C2")], viscous: true },
+    Damping { id: "viscous-friction@joint1", names: [Some("C13"), None], viscous: true },
+    Damping { id: "coulomb-friction@joint2", names: [Some("C14"), Some("C4")], viscous: false },
+];
+
+/// The double pendulum's default nominal dampings (contract: `[nominal]`).
+pub const DEFAULT_DAMPINGS: &[&str] = &["coulomb-friction@joint1", "viscous-friction@joint2"];
+
+fn phi1(s: &Sample) -> f64 {
+    s.raw[0]
+}
+fn phi2(s: &Sample) -> f64 {
+    s.raw[1]
+}
+fn momentum1(s: &Sample) -> f64 {
+    s.rate[0] * s.cos_delta()
+}
+fn momentum2(s: &Sample) -> f64 {
+    s.rate[1] * s.cos_delta()
+}
+fn coupling(s: &Sample) -> f64 {
+    s.rate[0] * s.rate[1] * s.sin_delta()
+}
+fn sin1(s: &Sample) -> f64 {
+    s.sin[0]
+}
+fn sin2(s: &Sample) -> f64 {
+    s.sin[1]
+}
+fn sin1_cos_tau(s: &Sample) -> f64 {
+    s.sin[0] * s.cos_tau
+}
+fn sin1_sin_tau(s: &Sample) -> f64 {
+    s.sin[0] * s.sin_tau
+}
+fn sin2_cos_tau(s: &Sample) -> f64 {
+    s.sin[1] * s.cos_tau
+}
+fn sin2_sin_tau(s: &Sample) -> f64 {
+    s.sin[1] * s.sin_tau
+}
+fn sign_joint1(s: &Sample) -> f64 {
+    mean_sign(s.clear_rate[0], s.clear_step[0])
+}
+fn sign_joint2(s: &Sample) -> f64 {
+    mean_sign(s.clear_rate[1] - s.clear_rate[0], s.clear_step[1] - s.clear_step[0])
+}
+
+/// The weak model at angular frequency `omega` (rad/s; 1 for a free system, `driven` false then).
+pub fn weak_model(omega: f64, driven: bool, dampings: &[&Damping]) -> WeakModel {
+    let mut m = WeakModel { name: "double-pendulum".to_owned(), ..WeakModel::default() };
+    let unit = |driven_free: [&'static str; 2]| if driven { driven_free[0] } else { driven_free[1] };
+    let (second, first) = (1.0 / (omega * omega), 1.0 / omega);
+    let angles = [phi1 as super::weak::Series, phi2];
+    for i in 0..2 {
+        let target = vec![m.part(angles[i], Order::Second, -second)];
+        // The coupling of an equation carries the other arm's momentum.
+        let momentum = m.part([momentum2 as super::weak::Series, momentum1][i], Order::First, second);
+        let product = m.part(coupling, Order::Value, [-second, second][i]);
+        let n = i + 1;
+        let mut terms = vec![
+            Term { name: format!("B{n}1"), unit: "1", parts: vec![momentum, product] },
+            Term {
+                name: format!("B{n}2"),
+                unit: unit(["1", "s⁻²"]),
+                parts: vec![m.part([sin1 as super::weak::Series, sin2][i], Order::Value, 1.0)],
+            },
+        ];
+        if driven {
+            let cos = m.part([sin1_cos_tau as super::weak::Series, sin2_cos_tau][i], Order::Value, 1.0);
+            let sin = m.part([sin1_sin_tau as super::weak::Series, sin2_sin_tau][i], Order::Value, 1.0);
+            terms.push(Term { name: format!("B{n}3"), unit: "1", parts: vec![cos] });
+            terms.push(Term { name: format!("B{n}4"), unit: "1", parts: vec![sin] });
+        }
+        for damping in dampings {
+            let Some(name) = damping.names[i] else { continue };
+            let joint2 = damping.id.ends_with("joint2");
+            // A torque in joint 2 acts on both arms with opposite signs.
+            let direction = if joint2 && i == 0 { -1.0 } else { 1.0 };
+            let parts = match (damping.viscous, joint2) {
+                (true, true) => {
+                    vec![m.part(phi2, Order::First, direction * first), m.part(phi1, Order::First, -direction * first)]
+                }
+                (true, false) => vec![m.part(phi1, Order::First, direction * first)],
+                (false, true) => vec![m.part(sign_joint2, Order::Value, direction)],
+                (false, false) => vec![m.part(sign_joint1, Order::Value, direction)],
+            };
+            let unit = unit(["1", if damping.viscous { "s⁻¹" } else { "s⁻²" }]);
+            terms.push(Term { name: name.to_owned(), unit, parts });
+        }
+        m.equations.push(Equation { terms, target });
+    }
+    m
+}

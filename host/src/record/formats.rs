@@ -1,0 +1,94 @@
+//! The formats that a record is read from: one file and one line in [`FORMATS`] each.
+//!
+//! The content decides before the extension does: a gzip or Parquet file is known by its first bytes whatever its name.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::Record;
+use crate::error::{BadInput, Result};
+use crate::rig::Rig;
+
+/// How a record is read.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ReadOptions {
+    /// Read a truncated or torn file up to its last whole row, with a warning, instead of refusing it.
+    pub recover: bool,
+}
+
+/// A file format for records.
+pub struct Format {
+    /// Short name.
+    pub id: &'static str,
+    /// What it is, for lists.
+    pub about: &'static str,
+    /// Extensions, without the first dot.
+    pub extensions: &'static [&'static str],
+    /// Whether a file with these first bytes (up to 512) is of this format, whatever its name.
+    pub is: fn(&[u8]) -> bool,
+    /// Reads it.
+    pub read: fn(&Path, &Rig, &ReadOptions) -> Result<Record>,
+}
+
+/// Every format, in the order in which contents are tried.
+pub static FORMATS: &[Format] = &[super::parquet::FORMAT, super::csv::GZIP, super::csv::FORMAT];
+
+/// Reads a record in whichever format it is.
+///
+/// # Errors
+/// A file that cannot be opened, is empty or is of no known format, and what the format's reader reports.
+pub fn read(path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
+    let io = |e: std::io::Error| BadInput::io(path, &e).remedy("Name a record that exists and can be read");
+    let metadata = std::fs::metadata(path).map_err(io)?;
+    if metadata.is_dir() {
+        return Err(BadInput::new("a folder", "a record").in_file(path).remedy("Name the file inside of it"));
+    }
+    let mut head = Vec::with_capacity(512);
+    File::open(path).map_err(io)?.take(512).read_to_end(&mut head).map_err(io)?;
+    if head.is_empty() {
+        return Err(BadInput::new("an empty file (0 bytes)", "a record")
+            .in_file(path)
+            .at("start of file")
+            .remedy("Record again, or copy the file again"));
+    }
+    let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let by_extension = |f: &&Format| f.extensions.iter().any(|e| name.ends_with(&format!(".{e}")));
+    let by_content = FORMATS.iter().find(|f| (f.is)(&head));
+    match (by_content, FORMATS.iter().find(by_extension)) {
+        (Some(format), _) => (format.read)(path, rig, options),
+        (None, Some(format)) => Err(BadInput::new(
+            format!("a file that begins with {}", bytes_for_people(&head)),
+            format!("{} (as its name says)", format.about),
+        )
+        .in_file(path)
+        .at("start of file")
+        .remedy("The file is damaged or of another format: copy or export it again")),
+        (None, None) => {
+            let list: Vec<&str> = FORMATS.iter().map(|f| f.about).collect();
+            Err(BadInput::new(
+                format!("a file that begins with {}", bytes_for_people(&head)),
+                format!("one of: {}", list.join("; ")),
+            )
+            .in_file(path)
+            .at("start of file")
+            .remedy("Export the record as CSV with a header row and a column t in seconds"))
+        }
+    }
+}
+
+/// The first bytes of a file, printable.
+fn bytes_for_people(head: &[u8]) -> String {
+    let hex: Vec<String> = head.iter().take(4).map(|b| format!("{b:02x}")).collect();
+    format!("the bytes {}", hex.join(" "))
+}
+
+/// A value from a file as it is shown in a message: at most 40 characters, control characters escaped.
+pub(super) fn shown(cell: &[u8]) -> String {
+    let text = String::from_utf8_lossy(&cell[..cell.len().min(160)]);
+    let mut out: String = text.chars().take(40).flat_map(char::escape_debug).collect();
+    if text.chars().count() > 40 || cell.len() > 160 {
+        out.push('…');
+    }
+    format!("\"{out}\"")
+}

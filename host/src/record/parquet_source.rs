@@ -1,0 +1,154 @@
+//! A Parquet file as the parquet crate reads it, with every size that the file claims checked before memory is taken for it.
+//!
+//! The crate trusts three claims of a page header: its compressed length, its length once decompressed and the number of values of
+//! a dictionary; a damaged byte there would make it reserve gigabytes. Headers are therefore looked at here first (thrift
+//! compact protocol, the fields in the order in which every writer puts them).
+
+use std::fs::File;
+use std::io::{Cursor, Read, Seek, SeekFrom};
+
+use bytes::Bytes;
+use parquet::errors::{ParquetError, Result};
+use parquet::file::reader::{ChunkReader, Length};
+
+/// Longest page once decompressed, bytes (writers aim at 1 MiB).
+const PAGE_LIMIT: i64 = 1 << 28;
+/// Longest page header read, bytes.
+const HEADER_LIMIT: u64 = 4096;
+
+/// The file and its length.
+pub(super) struct Source {
+    file: File,
+    len: u64,
+}
+
+impl Source {
+    pub(super) fn new(file: File) -> std::io::Result<Self> {
+        let len = file.metadata()?.len();
+        Ok(Self { file, len })
+    }
+
+    pub(super) fn file(&self) -> &File {
+        &self.file
+    }
+}
+
+impl Length for Source {
+    fn len(&self) -> u64 {
+        self.len
+    }
+}
+
+impl ChunkReader for Source {
+    type T = Cursor<Vec<u8>>;
+
+    /// The crate reads page headers through this, and nothing else.
+    fn get_read(&self, start: u64) -> Result<Self::T> {
+        let mut header = Vec::new();
+        let mut file = &self.file;
+        file.seek(SeekFrom::Start(start))?;
+        file.take(HEADER_LIMIT).read_to_end(&mut header)?;
+        check_header(&header)?;
+        Ok(Cursor::new(header))
+    }
+
+    fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes> {
+        if start.checked_add(length as u64).is_none_or(|end| end > self.len) {
+            return Err(ParquetError::EOF(format!(
+                "{length} bytes from byte {start} wanted, and the file has {}",
+                self.len
+            )));
+        }
+        let mut bytes = vec![0; length];
+        let mut file = &self.file;
+        file.seek(SeekFrom::Start(start))?;
+        file.read_exact(&mut bytes)?;
+        Ok(bytes.into())
+    }
+}
+
+/// Checks the sizes in a page header: fields 1 to 3 (type, decompressed and compressed size), and field 7.1 of a dictionary page.
+fn check_header(header: &[u8]) -> Result<()> {
+    let bad = |what: &str| Err(ParquetError::General(format!("page header: {what}")));
+    let mut at = 0;
+    let mut sizes = [0i64; 3];
+    for size in &mut sizes {
+        // 0x15: next field, 32-bit integer.
+        if header.get(at) != Some(&0x15) {
+            return bad("not as the format defines it");
+        }
+        at += 1;
+        *size = match zigzag(header, &mut at) {
+            Some(v) => v,
+            None => return bad("a number that does not end"),
+        };
+    }
+    let [kind, decompressed, compressed] = sizes;
+    if !(0..=PAGE_LIMIT).contains(&decompressed) || !(0..=PAGE_LIMIT).contains(&compressed) {
+        return bad(&format!(
+            "a page of {decompressed} bytes ({compressed} compressed), at most {PAGE_LIMIT} are read"
+        ));
+    }
+    if kind == 2 {
+        // Dictionary page: an optional checksum (field 4), then field 7, a struct whose first field is the number of values.
+        let mut field = 3;
+        if header.get(at) == Some(&0x15) {
+            at += 1;
+            field = 4;
+            if zigzag(header, &mut at).is_none() {
+                return bad("a checksum that does not end");
+            }
+        }
+        if header.get(at) != Some(&(((7 - field) << 4) | 0x0c)) || header.get(at + 1) != Some(&0x15) {
+            return bad("a dictionary page that is not as the format defines it");
+        }
+        at += 2;
+        // The narrowest type that is read takes 4 bytes a value.
+        if zigzag(header, &mut at).is_none_or(|n| n < 0 || n > decompressed / 4) {
+            return bad("a dictionary with more values than bytes");
+        }
+    }
+    Ok(())
+}
+
+/// A zigzag varint of at most 32 bits; `at` moves past it.
+fn zigzag(bytes: &[u8], at: &mut usize) -> Option<i64> {
+    let mut value = 0u64;
+    for shift in [0, 7, 14, 21, 28] {
+        let byte = *bytes.get(*at)?;
+        *at += 1;
+        value |= u64::from(byte & 0x7f) << shift;
+        if byte & 0x80 == 0 {
+            // Below 2³⁵: both halves fit.
+            return Some((value >> 1).cast_signed() ^ -((value & 1).cast_signed()));
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn claims_of_gigabytes_are_refused() {
+        // Data page, 200 bytes decompressed, 100 compressed.
+        assert!(check_header(&[0x15, 0, 0x15, 0x90, 0x03, 0x15, 0xc8, 0x01, 0x2c]).is_ok());
+        // 2 GiB decompressed.
+        assert!(check_header(&[0x15, 0, 0x15, 0xfe, 0xff, 0xff, 0xff, 0x0f, 0x15, 0x10]).is_err());
+        // A dictionary of 2³⁰ values in 16 bytes.
+        assert!(check_header(&[0x15, 4, 0x15, 32, 0x15, 32, 0x4c, 0x15, 0x80, 0x80, 0x80, 0x80, 0x08]).is_err());
+        assert!(check_header(&[0x15, 4, 0x15, 32, 0x15, 32, 0x4c, 0x15, 8]).is_ok());
+        assert!(check_header(&[]).is_err());
+    }
+
+    #[test]
+    fn zigzag_follows_the_format() {
+        for (bytes, value) in [(vec![0u8], 0), (vec![1], -1), (vec![2], 1), (vec![0x80, 0x01], 64)] {
+            let mut at = 0;
+            assert_eq!(zigzag(&bytes, &mut at), Some(value));
+            assert_eq!(at, bytes.len());
+        }
+        assert_eq!(zigzag(&[0xff; 8], &mut 0), None);
+    }
+}

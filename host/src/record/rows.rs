@@ -1,0 +1,249 @@
+//! Rows as they stand in a file, checked cell by cell, before they are cut into segments.
+//!
+//! Every reader hands its cells to [`Rows`], so that a NaN, an infinite value, a count beyond its type or a time that runs
+//! backwards is told in the same words whatever the format.
+
+use std::path::Path;
+
+use super::Column;
+use crate::error::{BadInput, Result};
+use crate::rig::{Channel, Rig};
+
+/// Most rows that are read from one file: a bound on memory, 4.6 days at 500 Hz.
+pub(super) const ROW_LIMIT: usize = 200_000_000;
+
+/// A checked cell of a channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Cell {
+    /// An encoder count.
+    Count(i32),
+    /// A value in the channel's unit.
+    Value(f64),
+    /// Nothing, or not a number: the row is a gap.
+    Missing,
+}
+
+/// What the device itself recorded beside the counts.
+#[derive(Clone, Debug, Default)]
+pub(super) struct DeviceColumns {
+    pub(super) tick: Vec<i64>,
+    pub(super) phase: Vec<u32>,
+    pub(super) amplitude_nm: Vec<u32>,
+}
+
+/// Rows in file order.
+pub(super) struct Rows<'a> {
+    pub(super) path: &'a Path,
+    pub(super) rig: &'a Rig,
+    /// "line" or "row": what `place` counts.
+    pub(super) word: &'static str,
+    pub(super) t: Vec<f64>,
+    /// One for each channel of the rig; a missing cell is 0 or NaN.
+    pub(super) columns: Vec<Column>,
+    /// Rows with a missing cell, for each channel, increasing.
+    pub(super) missing: Vec<Vec<usize>>,
+    /// Place and channel of the first missing cell.
+    pub(super) first_missing: Option<(u64, usize)>,
+    /// Ticks, phases and amplitudes of a record of whirl's own.
+    pub(super) device: Option<DeviceColumns>,
+    /// First timestamp of a column of timestamps, from which they count.
+    pub(super) time_origin: Option<i64>,
+    last_place: u64,
+}
+
+impl<'a> Rows<'a> {
+    pub(super) fn new(path: &'a Path, rig: &'a Rig, word: &'static str, own: bool) -> Self {
+        let column = |c: &Channel| if c.unit == "count" { Column::Counts(vec![]) } else { Column::Values(vec![]) };
+        Self {
+            path,
+            rig,
+            word,
+            t: vec![],
+            columns: rig.channel.iter().map(column).collect(),
+            missing: vec![vec![]; rig.channel.len()],
+            first_missing: None,
+            device: own.then(DeviceColumns::default),
+            time_origin: None,
+            last_place: 0,
+        }
+    }
+
+    /// An error in this file.
+    pub(super) fn bad(&self, place: u64, column: &str, found: String, expected: &str) -> BadInput {
+        BadInput::new(found, expected).in_file(self.path).at(format!("{} {place}, column {column}", self.word))
+    }
+
+    /// The last whole row, for messages.
+    pub(super) fn last_whole(&self) -> String {
+        match self.t.last() {
+            Some(t) => format!("the last whole row is {} {} (t = {t} s)", self.word, self.last_place),
+            None => "no row is whole".to_owned(),
+        }
+    }
+
+    /// Drops all rows from row `n` on, whole or not.
+    pub(super) fn truncate(&mut self, n: usize) {
+        self.t.truncate(n);
+        for column in &mut self.columns {
+            match column {
+                Column::Counts(c) => c.truncate(n),
+                Column::Values(v) => v.truncate(n),
+            }
+        }
+        for missing in &mut self.missing {
+            missing.retain(|&row| row < n);
+        }
+        if self.first_missing.is_some_and(|(place, _)| place > n as u64) {
+            self.first_missing = None;
+        }
+        if let Some(d) = &mut self.device {
+            d.tick.truncate(n);
+            d.phase.truncate(n);
+            d.amplitude_nm.truncate(n);
+        }
+        self.last_place = n as u64;
+    }
+
+    /// Checks a time against the one before it.
+    pub(super) fn check_time(&self, place: u64, t: f64) -> Result<()> {
+        if t.is_nan() {
+            return Err(self
+                .bad(place, "t", "NaN".to_owned(), "a time in seconds")
+                .remedy("A time cannot be missing: leave the row out (that is a gap) or mend it"));
+        }
+        if t.is_infinite() {
+            return Err(self.bad(place, "t", t.to_string(), "a finite time in seconds").remedy("Mend this row"));
+        }
+        if let Some(&before) = self.t.last()
+            && t <= before
+        {
+            let found = if t == before { format!("{t} a second time") } else { format!("{t} after {before}") };
+            return Err(self
+                .bad(place, "t", found, "a time later than the row before")
+                .remedy("Sort the rows by t, or split the file where its clock was set back"));
+        }
+        if self.t.len() >= ROW_LIMIT {
+            return Err(self
+                .bad(place, "t", format!("more than {ROW_LIMIT} rows"), "a record that fits into memory")
+                .remedy("Split the file"));
+        }
+        Ok(())
+    }
+
+    /// Takes a time that has been checked.
+    pub(super) fn push_time(&mut self, place: u64, t: f64) {
+        self.t.push(t);
+        self.last_place = place;
+    }
+
+    /// Checks a number for channel `channel`.
+    pub(super) fn check_number(&self, place: u64, channel: usize, value: f64) -> Result<Cell> {
+        let c = &self.rig.channel[channel];
+        if value.is_nan() {
+            return Ok(Cell::Missing);
+        }
+        if value.is_infinite() {
+            return Err(self
+                .bad(place, &c.name, value.to_string(), &format!("a finite value in {}", c.unit))
+                .remedy("Mend the cell, or leave it empty (that is a gap)"));
+        }
+        match self.columns[channel] {
+            Column::Values(_) => Ok(Cell::Value(value)),
+            Column::Counts(_) if value.fract() != 0.0 => Err(self
+                .bad(place, &c.name, value.to_string(), "a whole number of counts")
+                .remedy("If the column holds an angle, set the channel's unit to \"rad\" or \"deg\" in the rig file")),
+            Column::Counts(_) if value < f64::from(i32::MIN) || value > f64::from(i32::MAX) => {
+                Err(self.beyond(place, channel, value.to_string()))
+            }
+            // In range and whole: the cast is exact.
+            Column::Counts(_) => Ok(Cell::Count(value as i32)),
+        }
+    }
+
+    /// Checks a whole number for channel `channel`.
+    pub(super) fn check_integer(&self, place: u64, channel: usize, value: i64) -> Result<Cell> {
+        match self.columns[channel] {
+            Column::Values(_) => Ok(Cell::Value(value as f64)),
+            Column::Counts(_) => match i32::try_from(value) {
+                Ok(count) => Ok(Cell::Count(count)),
+                Err(_) => Err(self.beyond(place, channel, value.to_string())),
+            },
+        }
+    }
+
+    /// The error for a count beyond its type.
+    pub(super) fn beyond(&self, place: u64, channel: usize, found: String) -> BadInput {
+        let name = &self.rig.channel[channel].name;
+        self.bad(place, name, found, "a count within 32 bits, −2147483648 to 2147483647")
+            .remedy("Mend the cell; a counter that overflowed must be unwrapped before it is recorded")
+    }
+
+    /// Takes a checked cell.
+    pub(super) fn push_cell(&mut self, place: u64, channel: usize, cell: Cell) {
+        let row = self.columns[channel].len();
+        if cell == Cell::Missing {
+            self.missing[channel].push(row);
+            if self.first_missing.is_none_or(|(first, _)| place < first) {
+                self.first_missing = Some((place, channel));
+            }
+        }
+        match (&mut self.columns[channel], cell) {
+            (Column::Counts(c), Cell::Count(v)) => c.push(v),
+            (Column::Counts(c), _) => c.push(0),
+            (Column::Values(c), Cell::Value(v)) => c.push(v),
+            (Column::Values(c), _) => c.push(f64::NAN),
+        }
+    }
+}
+
+/// The error for a column that a file does not have: lists those it has, and the closest as the remedy.
+pub(super) fn missing_column(path: &Path, wanted: &str, header: &[String]) -> BadInput {
+    let list: Vec<String> = header.iter().take(40).map(|h| super::formats::shown(h.as_bytes())).collect();
+    let more = if header.len() > 40 { format!(" and {} more", header.len() - 40) } else { String::new() };
+    let close = header
+        .iter()
+        .take(1000)
+        .map(|h| (distance(&h.to_lowercase(), &wanted.to_lowercase()), h))
+        .min()
+        .filter(|(d, h)| *d <= wanted.len().div_ceil(2).max(1) && !h.is_empty());
+    let remedy = match (wanted, close) {
+        ("t", Some((_, h))) => format!("Rename the column {h} to t if it holds the time in seconds"),
+        ("t", None) => "Add a column t with the time in seconds".to_owned(),
+        (_, Some((_, h))) => format!("Did you mean {h}? Set it as the channel's name in the rig file"),
+        (_, None) => "Set the channel's name in the rig file to one of these columns".to_owned(),
+    };
+    BadInput::new(format!("the columns {}{more}", list.join(", ")), format!("a column {wanted}"))
+        .in_file(path)
+        .at("header")
+        .remedy(remedy)
+}
+
+/// Levenshtein distance of two short names (longer ones are cut to 64 characters).
+fn distance(a: &str, b: &str) -> usize {
+    let (a, b): (Vec<char>, Vec<char>) = (a.chars().take(64).collect(), b.chars().take(64).collect());
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.iter().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, y) in b.iter().enumerate() {
+            let next = (diagonal + usize::from(x != y)).min(row[j] + 1).min(row[j + 1] + 1);
+            diagonal = row[j + 1];
+            row[j + 1] = next;
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_closest_column_is_proposed() {
+        let header = ["t".to_owned(), "cuont1".to_owned(), "speed".to_owned()];
+        let e = missing_column(Path::new("x.csv"), "count1", &header).to_string();
+        assert!(e.contains("\"t\", \"cuont1\", \"speed\"") && e.contains("Did you mean cuont1?"), "{e}");
+        assert_eq!(distance("kitten", "sitting"), 3);
+        assert_eq!(distance("", "abc"), 3);
+    }
+}

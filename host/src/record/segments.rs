@@ -1,0 +1,222 @@
+//! Rows into segments: gaps found and counted, clocks fitted, wrapped angles made continuous.
+//!
+//! A gap is a difference of more than 1.5 steps between neighbours (or ticks that do not follow each other in a record of whirl's
+//! own), or a row with a missing cell. Lost rows of a gap Δt: round(Δt/step) − 1.
+
+use std::ops::Range;
+
+use super::rows::Rows;
+use super::{Column, Losses, Metadata, Record, Segment, time_fit, unwrap};
+use crate::error::{BadInput, Result};
+use crate::warning::Warning;
+
+/// Greatest relative difference between the record's sampling rate and the rig file's.
+const RATE_TOLERANCE: f64 = 0.005;
+/// Rms deviation of `t` from an even clock, in steps, from which a warning is given.
+const JITTER_WARNING: f64 = 0.05;
+
+/// Builds the record. `metadata` and `losses` are those that a record of whirl's own carries.
+pub(super) fn assemble(
+    mut rows: Rows<'_>,
+    metadata: Option<Metadata>,
+    stored_losses: Option<Losses>,
+    mut warnings: Vec<Warning>,
+) -> Result<Record> {
+    let rig = rows.rig;
+    let nominal = 1.0 / rig.sample_rate_hz;
+    if rows.t.is_empty() {
+        return Err(BadInput::new("no row", "at least one row below the header")
+            .in_file(rows.path)
+            .at("after the header")
+            .remedy("Record again, or export the data with the header"));
+    }
+    let rough = time_fit::rough_step(&rows.t, nominal).unwrap_or(nominal);
+    let mut losses = Losses::default();
+    let ranges = split(&rows, rough, &mut losses);
+    if let Some((place, channel)) = rows.first_missing {
+        warnings.push(Warning::new(
+            "nan-is-gap",
+            format!(
+                "{} of {} rows have no value in some channel, the first at {} {place} in {}: each is a gap",
+                losses.nan_rows,
+                rows.t.len(),
+                rows.word,
+                rig.channel[channel].name
+            ),
+            "Nothing is interpolated; find out why the sensor was silent there",
+        ));
+    }
+    if ranges.is_empty() {
+        return Err(BadInput::new("no row with a value in every channel", "samples of all channels of the rig file")
+            .in_file(rows.path)
+            .at(format!("columns {}", rig.channel.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ")))
+            .remedy("Leave the empty channel out of the rig file, or export the record again"));
+    }
+    let sums: Vec<time_fit::Sums> = ranges.iter().map(|r| time_fit::sums(&rows.t[r.clone()])).collect();
+    let step = time_fit::pooled_step(&sums).unwrap_or(rough);
+    let rate = check_rate(&rows, step)?;
+
+    let device = rows.device.take();
+    // A record of whirl's own knows its clock; all others are fitted.
+    let own_step =
+        metadata.as_ref().map(|m| m.sample_rate_hz).filter(|r| *r > 0.0 && device.is_some()).map(|r| 1.0 / r);
+    let mut segments = Vec::with_capacity(ranges.len());
+    let moduli: Vec<Option<f64>> = if metadata.is_some() {
+        vec![None; rig.channel.len()]
+    } else {
+        rows.columns.iter().zip(&rig.channel).map(|(c, ch)| unwrap::modulus(c, ch, &ranges)).collect()
+    };
+    let mut wraps = vec![0u64; rig.channel.len()];
+    for (range, sums) in ranges.iter().zip(&sums) {
+        let t = &rows.t[range.clone()];
+        let clock = match own_step {
+            Some(step_s) => time_fit::Clock { start_s: t[0], step_s, jitter_s: 0.0 },
+            None => time_fit::clock(t, sums, step),
+        };
+        let mut columns = Vec::with_capacity(rows.columns.len());
+        for (k, column) in rows.columns.iter().enumerate() {
+            columns.push(cut(column, range, moduli[k], &mut wraps[k]).map_err(|i| {
+                rows.beyond((range.start + i + 1) as u64, k, "a count that leaves 32 bits when unwrapped".to_owned())
+            })?);
+        }
+        segments.push(Segment {
+            first_tick: match &device {
+                Some(d) => d.tick[range.start],
+                // Saturates for absurdly long gaps.
+                None => ((t[0] - rows.t[0]) / step).round() as i64,
+            },
+            start_s: clock.start_s,
+            step_s: clock.step_s,
+            jitter_s: clock.jitter_s,
+            columns,
+            phase: device.as_ref().map(|d| d.phase[range.clone()].to_vec()),
+            amplitude_nm: device.as_ref().map(|d| d.amplitude_nm[range.clone()].to_vec()),
+        });
+    }
+    for (k, modulus) in moduli.iter().enumerate() {
+        if let Some(m) = modulus
+            && wraps[k] > 0
+        {
+            let c = &rig.channel[k];
+            warnings.push(Warning::new(
+                "unwrapped",
+                format!("{} is recorded modulo {m} {}: {} jumps were undone", c.name, c.unit, wraps[k]),
+                "Right as long as no arm turns by half of that within one sample",
+            ));
+        }
+    }
+    losses.received = segments.iter().map(|s| s.len() as u64).sum();
+    if losses.gaps > 0 {
+        warnings.push(Warning::new(
+            "gaps",
+            format!("{} gaps in t with {} rows missing; {} segments", losses.gaps, losses.lost_on_link, segments.len()),
+            "Segments are used one by one; nothing is interpolated",
+        ));
+    }
+    let worst = segments.iter().map(|s| s.jitter_s / s.step_s).fold(0.0, f64::max);
+    if worst > JITTER_WARNING {
+        warnings.push(Warning::new(
+            "jitter",
+            format!("t deviates from an even clock by {:.1} % of a step (rms)", 100.0 * worst),
+            "Print t with more digits; if the samples themselves were taken unevenly, results suffer",
+        ));
+    }
+    if let Some(stored) = stored_losses {
+        let nan_rows = losses.nan_rows;
+        losses = Losses { received: losses.received, nan_rows, ..stored };
+    }
+    Ok(Record {
+        path: rows.path.to_path_buf(),
+        sample_rate_hz: rate,
+        channels: rig.channel.clone(),
+        segments,
+        losses,
+        warnings,
+        metadata,
+    })
+}
+
+/// Ranges of rows without gap, losses counted.
+fn split(rows: &Rows<'_>, step: f64, losses: &mut Losses) -> Vec<Range<usize>> {
+    let mut holes: Vec<usize> = rows.missing.iter().flatten().copied().collect();
+    holes.sort_unstable();
+    holes.dedup();
+    losses.nan_rows = holes.len() as u64;
+    let ticks = rows.device.as_ref().map(|d| &d.tick);
+    let mut ranges = Vec::new();
+    let (mut from, mut hole) = (0, holes.iter().copied().peekable());
+    for i in 0..rows.t.len() {
+        if i > 0 {
+            let lost = match ticks {
+                // Ticks have been checked to increase.
+                Some(tick) => tick[i].abs_diff(tick[i - 1]).saturating_sub(1),
+                None => {
+                    let gap = rows.t[i] - rows.t[i - 1];
+                    if gap > 1.5 * step { ((gap / step).round() - 1.0).max(1.0) as u64 } else { 0 }
+                }
+            };
+            if lost > 0 {
+                losses.gaps += 1;
+                losses.lost_on_link = losses.lost_on_link.saturating_add(lost);
+                if from < i {
+                    ranges.push(from..i);
+                }
+                from = i;
+            }
+        }
+        if hole.next_if_eq(&i).is_some() {
+            if from < i {
+                ranges.push(from..i);
+            }
+            from = i + 1;
+        }
+    }
+    if from < rows.t.len() {
+        ranges.push(from..rows.t.len());
+    }
+    ranges
+}
+
+/// The record's rate, Hz; an error where the rig file says another.
+fn check_rate(rows: &Rows<'_>, step: f64) -> Result<f64> {
+    let (rate, nominal) = (1.0 / step, rows.rig.sample_rate_hz);
+    let near = (rate / nominal - 1.0).abs() <= RATE_TOLERANCE;
+    if rows.t.len() > 1 && !near {
+        return Err(BadInput::new(
+            format!("rows {step:.9} s apart ({rate:.6} Hz)"),
+            format!("{nominal} Hz (sample_rate_hz of {}) within 0.5 %", rows.rig.path.display()),
+        )
+        .in_file(rows.path)
+        .at("column t")
+        .remedy(format!(
+            "Set sample_rate_hz = {rate:.6} in the rig file if that is the record's rate; t must be in seconds"
+        )));
+    }
+    Ok(rate)
+}
+
+/// One segment's part of a column, unwrapped; the error is the index within the segment.
+fn cut(
+    column: &Column,
+    range: &Range<usize>,
+    modulus: Option<f64>,
+    wraps: &mut u64,
+) -> core::result::Result<Column, usize> {
+    Ok(match column {
+        Column::Values(v) => {
+            let mut v = v[range.clone()].to_vec();
+            if let Some(turn) = modulus {
+                *wraps += unwrap::unwrap_values(&mut v, turn);
+            }
+            Column::Values(v)
+        }
+        Column::Counts(c) => {
+            let mut c = c[range.clone()].to_vec();
+            if let Some(m) = modulus {
+                // A modulus of counts is a whole number below 2³².
+                *wraps += unwrap::unwrap_counts(&mut c, m as i64)?;
+            }
+            Column::Counts(c)
+        }
+    })
+}

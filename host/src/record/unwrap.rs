@@ -1,0 +1,124 @@
+//! Angles and counts that were recorded modulo a turn (or modulo a 16-bit counter), made continuous within a segment.
+//!
+//! - Unit `rad` and `deg`: where neighbours differ by more than half a turn, whole turns are added so that they do not.
+//! - Unit `count`: the modulus M is the smallest of counts_per_turn and 2¹⁶ for which the whole column lies within M counts and
+//!   some neighbours differ by more than M/2. Without such an M the counts are taken as multi-turn, as they stand.
+//!
+//! Both rules are right as long as no arm turns half a modulus in one sample. Segments are unwrapped on their own: how many
+//! turns were made within a gap is not known.
+
+use std::ops::Range;
+
+use super::Column;
+use crate::rig::Channel;
+
+/// Modulus of a wrapped channel in its own unit, or none where nothing wraps.
+pub(super) fn modulus(column: &Column, channel: &Channel, segments: &[Range<usize>]) -> Option<f64> {
+    match column {
+        Column::Values(v) => {
+            let turn = match channel.unit.as_str() {
+                "rad" => core::f64::consts::TAU,
+                "deg" => 360.0,
+                _ => return None,
+            };
+            let jumps = |r: &Range<usize>| v[r.clone()].windows(2).any(|w| (w[1] - w[0]).abs() > turn / 2.0);
+            segments.iter().any(jumps).then_some(turn)
+        }
+        Column::Counts(c) => {
+            let (mut low, mut high, mut jump) = (i64::MAX, i64::MIN, 0i64);
+            for r in segments {
+                for &v in &c[r.clone()] {
+                    low = low.min(v.into());
+                    high = high.max(v.into());
+                }
+                for w in c[r.clone()].windows(2) {
+                    jump = jump.max((i64::from(w[1]) - i64::from(w[0])).abs());
+                }
+            }
+            let mut moduli = [i64::from(channel.counts_per_turn.unwrap_or(0)), 1 << 16];
+            moduli.sort_unstable();
+            moduli.into_iter().find(|&m| m > 1 && high - low < m && 2 * jump > m).map(|m| m as f64)
+        }
+    }
+}
+
+/// Makes values continuous in place; returns the number of wraps undone.
+pub(super) fn unwrap_values(values: &mut [f64], turn: f64) -> u64 {
+    let (mut turns, mut wraps) = (0.0, 0);
+    for i in 1..values.len() {
+        // The one before already carries its turns.
+        let difference = values[i] + turns * turn - values[i - 1];
+        if difference.abs() > turn / 2.0 {
+            turns -= (difference / turn).round();
+            wraps += 1;
+        }
+        values[i] += turns * turn;
+    }
+    wraps
+}
+
+/// Makes counts continuous in place; returns the number of wraps undone, or the index at which a count leaves 32 bits.
+pub(super) fn unwrap_counts(counts: &mut [i32], modulus: i64) -> Result<u64, usize> {
+    let (mut offset, mut wraps) = (0i64, 0);
+    let mut before = match counts.first() {
+        Some(&c) => i64::from(c),
+        None => return Ok(0),
+    };
+    for (i, count) in counts.iter_mut().enumerate() {
+        let raw = i64::from(*count);
+        let step = raw - before;
+        if 2 * step.abs() > modulus {
+            offset -= if step > 0 { modulus } else { -modulus };
+            wraps += 1;
+        }
+        before = raw;
+        *count = i32::try_from(raw + offset).map_err(|_| i)?;
+    }
+    Ok(wraps)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn channel(unit: &str, n: Option<u32>) -> Channel {
+        Channel { name: "c".into(), measures: "theta1".into(), unit: unit.into(), counts_per_turn: n }
+    }
+
+    #[test]
+    fn wrapped_radians_come_back() {
+        let truth: Vec<f64> = (0..4000).map(|i| 30.0 * (i as f64 * 0.003).sin() + i as f64 * 0.01).collect();
+        let mut wrapped: Vec<f64> = truth.iter().map(|a| a.sin().atan2(a.cos())).collect();
+        let turn =
+            modulus(&Column::Values(wrapped.clone()), &channel("rad", None), std::slice::from_ref(&(0..4000))).unwrap();
+        assert!(unwrap_values(&mut wrapped, turn) > 5);
+        let worst = wrapped.iter().zip(&truth).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(worst < 1e-9, "{worst}");
+    }
+
+    #[test]
+    fn counts_wrap_at_a_turn_or_at_sixteen_bits() {
+        let truth: Vec<i32> = (0..9000).map(|i| (70_000.0 * (f64::from(i) * 0.002).sin()) as i32).collect();
+        for (m, low) in [(4096, 0), (65_536, -32_768)] {
+            let mut wrapped: Vec<i32> = truth.iter().map(|c| (c - low).rem_euclid(m) + low).collect();
+            let found = modulus(
+                &Column::Counts(wrapped.clone()),
+                &channel("count", Some(4096)),
+                std::slice::from_ref(&(0..9000)),
+            );
+            assert_eq!(found, Some(f64::from(m)));
+            assert!(unwrap_counts(&mut wrapped, m.into()).unwrap() > 3);
+            assert_eq!(wrapped, truth);
+        }
+        assert_eq!(
+            modulus(&Column::Counts(truth), &channel("count", Some(4096)), std::slice::from_ref(&(0..9000))),
+            None
+        );
+    }
+
+    #[test]
+    fn unwrapping_beyond_the_type_is_told() {
+        let mut counts: Vec<i32> = (0..200_000).map(|i| [0, 22_000, 44_000][i % 3]).collect();
+        assert!(unwrap_counts(&mut counts, 65_536).is_err());
+    }
+}

@@ -1,0 +1,106 @@
+//! Writes whirl's own records as samples come: Parquet, or CSV by the file's extension. Memory is bounded.
+
+use std::path::{Path, PathBuf};
+
+use super::csv_write::CsvWriter;
+use super::parquet_write::ParquetWriter;
+use super::{Losses, Metadata};
+use crate::error::{BadInput, Result};
+use crate::rig::Rig;
+
+/// One sample of whirl's own records.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sample<'a> {
+    /// Device's tick, made continuous in 64 bits; t = tick / sampling rate.
+    pub tick: i64,
+    /// Multi-turn counts, one for each channel of the rig file.
+    pub counts: &'a [i32],
+    /// The drive's phase, turns · 2⁻³².
+    pub phase: u32,
+    /// Commanded amplitude of the base, nm.
+    pub amplitude_nm: u32,
+}
+
+/// Writes a record sample by sample.
+pub struct RecordWriter {
+    path: PathBuf,
+    channels: usize,
+    last_tick: Option<i64>,
+    rows: u64,
+    inner: Inner,
+}
+
+enum Inner {
+    Parquet(Box<ParquetWriter>),
+    Csv(Box<CsvWriter>),
+}
+
+impl RecordWriter {
+    /// Opens `path` (an existing file is replaced) for a record of the rig's channels, which must be counts. The clock is
+    /// `metadata.sample_rate_hz`, or the rig's where that is 0. `.csv` and `.csv.gz` give CSV, everything else Parquet.
+    ///
+    /// # Errors
+    /// A file that cannot be written; a channel whose unit is not `count`.
+    pub fn create(path: impl AsRef<Path>, metadata: &Metadata, rig: &Rig) -> Result<Self> {
+        let path = path.as_ref();
+        if let Some(c) = rig.channel.iter().find(|c| c.unit != "count") {
+            return Err(BadInput::new(
+                format!("unit \"{}\"", c.unit),
+                "unit \"count\": whirl's own records hold raw counts",
+            )
+            .in_file(&rig.path)
+            .at(format!("channel \"{}\"", c.name))
+            .remedy("Give the channel unit = \"count\" and counts_per_turn"));
+        }
+        let mut metadata = metadata.clone();
+        if !(metadata.sample_rate_hz.is_finite() && metadata.sample_rate_hz > 0.0) {
+            metadata.sample_rate_hz = rig.sample_rate_hz;
+        }
+        let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let inner = if name.ends_with(".csv") || name.ends_with(".csv.gz") {
+            Inner::Csv(Box::new(CsvWriter::create(path, &metadata, rig)?))
+        } else {
+            Inner::Parquet(Box::new(ParquetWriter::create(path, &metadata, rig)?))
+        };
+        Ok(Self { path: path.to_path_buf(), channels: rig.channel.len(), last_tick: None, rows: 0, inner })
+    }
+
+    /// Appends a sample.
+    ///
+    /// # Errors
+    /// A full disk; a tick that is not later than the one before; a wrong number of counts.
+    pub fn push(&mut self, sample: &Sample<'_>) -> Result<()> {
+        if sample.counts.len() != self.channels {
+            return Err(BadInput::new(format!("{} counts", sample.counts.len()), format!("{}", self.channels))
+                .in_file(&self.path)
+                .at(format!("tick {}", sample.tick)));
+        }
+        if let Some(last) = self.last_tick
+            && sample.tick <= last
+        {
+            return Err(BadInput::new(format!("tick {} after {last}", sample.tick), "a later tick").in_file(&self.path));
+        }
+        self.last_tick = Some(sample.tick);
+        self.rows += 1;
+        match &mut self.inner {
+            Inner::Parquet(w) => w.push(sample),
+            Inner::Csv(w) => w.push(sample),
+        }
+    }
+
+    /// Samples taken so far.
+    pub fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    /// Ends the record: what was lost, and the metadata as known at the end, go into it (CSV has no room for them).
+    ///
+    /// # Errors
+    /// A full disk.
+    pub fn finish(self, losses: &Losses) -> Result<()> {
+        match self.inner {
+            Inner::Parquet(w) => w.finish(losses),
+            Inner::Csv(w) => w.finish(),
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! The sensors' noise and the frequency above which a record holds nothing else.
+//!
+//! The power spectral density of the angle is estimated from its second difference (which whirling leaves stationary),
+//! S_φ(f) = S_ΔΔφ(f) / |2 sin(π f Δt)|⁴, averaged over Hann windows with half overlap (Welch, 1967). Noise of encoders
+//! is close to white, so that its level is the median of S_φ over the top of the band; the signal ends where S_φ,
+//! averaged over a few bins, last exceeds that level by a factor.
+
+use realfft::RealFftPlanner;
+
+/// What the spectrum says about noise and signal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Noise {
+    /// Standard deviation of white noise on each sample, rad.
+    pub sigma: f64,
+    /// Highest frequency at which the signal stands above the noise, Hz.
+    pub signal_end_hz: f64,
+    /// Highest frequency at which its density is a hundred times the noise's, Hz.
+    pub clear_end_hz: f64,
+    /// Frequency below which lie 99 % of the acceleration's power (of the part above the noise), Hz.
+    pub acceleration_99_hz: f64,
+}
+
+/// Ratio of signal to noise density at which the signal is taken to end.
+const ABOVE: f64 = 3.0;
+/// Ratio up to which the sign of a velocity is beyond doubt most of the time.
+const CLEAR: f64 = 100.0;
+
+/// Estimates noise and the end of the signal from unbroken stretches of one angle, sampled at `step_s`.
+/// `None` where no stretch has 64 samples.
+pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: f64) -> Option<Noise> {
+    let longest = stretches.clone().map(<[f64]>::len).max().unwrap_or(0);
+    if longest < 64 {
+        return None;
+    }
+    let size = 2048.min(1 << (longest - 2).ilog2());
+    let mut planner = RealFftPlanner::<f64>::new();
+    let fft = planner.plan_fft_forward(size);
+    let window: Vec<f64> =
+        (0..size).map(|i| 0.5 - 0.5 * (core::f64::consts::TAU * i as f64 / size as f64).cos()).collect();
+    let power: f64 = window.iter().map(|w| w * w).sum();
+    let (mut input, mut output) = (fft.make_input_vec(), fft.make_output_vec());
+    let mut density = vec![0.0; size / 2 + 1];
+    let mut count = 0.0;
+    // A few hundred windows settle the level; more of a long record add nothing.
+    let total: usize = stretches.clone().map(<[f64]>::len).sum();
+    let stride = (size / 2).max(total / 400);
+    for x in stretches {
+        let mut start = 0;
+        while start + size + 2 <= x.len() {
+            for i in 0..size {
+                let k = start + i;
+                input[i] = (x[k] - 2.0 * x[k + 1] + x[k + 2]) * window[i];
+            }
+            if fft.process(&mut input, &mut output).is_ok() {
+                for (d, z) in density.iter_mut().zip(&output) {
+                    *d += z.norm_sqr() / power;
+                }
+                count += 1.0;
+            }
+            start += stride;
+        }
+    }
+    if count == 0.0 {
+        return None;
+    }
+    // Variance per bin of white noise of unit variance is 1 here, so that `angle` is a noise variance bin by bin.
+    let angle: Vec<f64> = density
+        .iter()
+        .enumerate()
+        .map(|(k, d)| {
+            let shape = (2.0 * (core::f64::consts::PI * k as f64 / size as f64).sin()).powi(4);
+            if k == 0 { f64::INFINITY } else { d / count / shape }
+        })
+        .collect();
+    let mut top: Vec<f64> = angle[size * 3 / 10..size * 19 / 40].to_vec();
+    top.sort_by(f64::total_cmp);
+    let floor = top[top.len() / 2];
+    let bin_hz = 1.0 / (size as f64 * step_s);
+    let reach = 4;
+    let end = |ratio: f64| {
+        (1 + reach..size / 2 - reach)
+            .rev()
+            .find(|&k| angle[k - reach..=k + reach].iter().sum::<f64>() / (2 * reach + 1) as f64 > ratio * floor)
+            .unwrap_or(1)
+    };
+    let (last, clear) = (end(ABOVE), end(CLEAR));
+    // The acceleration's power is that of the second difference, up to a factor, where the signal is.
+    let whole: f64 = density[1..=last].iter().sum();
+    let mut sum = 0.0;
+    let busy = (1..=last)
+        .find(|&k| {
+            sum += density[k];
+            sum >= 0.99 * whole
+        })
+        .unwrap_or(last);
+    Some(Noise {
+        sigma: floor.sqrt(),
+        signal_end_hz: last as f64 * bin_hz,
+        clear_end_hz: clear as f64 * bin_hz,
+        acceleration_99_hz: busy as f64 * bin_hz,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+
+    #[test]
+    fn finds_the_level_of_white_noise_and_the_end_of_a_tone() {
+        let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+        let step = 2e-3;
+        let x: Vec<f64> = (0..40_000)
+            .map(|i| {
+                let t = i as f64 * step;
+                30.0 * t + (core::f64::consts::TAU * 23.0 * t).sin() + 0.01 * (rng.random::<f64>() - 0.5)
+            })
+            .collect();
+        let noise = estimate(std::iter::once(&x[..]), step).unwrap();
+        let expected = 0.01 / 12f64.sqrt();
+        assert!((noise.sigma / expected - 1.0).abs() < 0.05, "{} {expected}", noise.sigma);
+        assert!((noise.signal_end_hz - 23.0).abs() < 3.0, "{}", noise.signal_end_hz);
+    }
+
+    #[test]
+    fn quantisation_is_noise_of_a_step_over_root_twelve() {
+        let step = 2e-3;
+        let q = 1.0 / 4096.0;
+        let x: Vec<f64> = (0..60_000)
+            .map(|i| {
+                let t = i as f64 * step;
+                let v = 5.0 * (6.1 * t).sin() + 3.0 * (17.3 * t).cos();
+                (v / q).floor() * q + 0.5 * q
+            })
+            .collect();
+        let noise = estimate(std::iter::once(&x[..]), step).unwrap();
+        assert!((noise.sigma / (q / 12f64.sqrt()) - 1.0).abs() < 0.2, "{}", noise.sigma);
+    }
+
+    #[test]
+    fn a_short_record_gives_no_estimate() {
+        assert!(estimate(std::iter::once(&[0.0; 10][..]), 2e-3).is_none());
+    }
+}

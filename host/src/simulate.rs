@@ -1,0 +1,184 @@
+//! Records of a simulated rig, straight from hil-sim's plant. The only room, with `capture`'s source `sim` and the demo, that sees
+//! a rig file's `[plant]`.
+
+use std::path::Path;
+
+use indicatif::ProgressBar;
+use serde::Serialize;
+use whirl_hil_sim::{
+    Direction as SimDirection, DriveSettings, Effect, Parameters, SecondEncoder, Simulation, SimulationSettings,
+};
+
+use crate::error::{BadInput, Result};
+use crate::record::writer::{RecordWriter, Sample};
+use crate::record::{Losses, Metadata};
+use crate::rig::plant::Plant;
+use crate::rig::{Direction, Rig};
+
+/// Longest simulated record, s (a day).
+const LONGEST_S: f64 = 86_400.0;
+
+/// What was simulated.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Summary {
+    /// Samples.
+    pub samples: u64,
+    /// Length, s.
+    pub seconds: f64,
+    /// Seed.
+    pub seed: u64,
+    /// Effects put in.
+    pub effects: Vec<String>,
+}
+
+/// The nominal rig of a `[plant]`.
+pub fn parameters(plant: &Plant) -> Parameters {
+    Parameters {
+        m1: plant.m1,
+        e1: plant.e1,
+        l1: plant.l1,
+        m2: plant.m2,
+        e2: plant.e2,
+        j_o1: plant.j_o1,
+        j_o2: plant.j_o2,
+        tau_c1: plant.tau_c1,
+        c_r2: plant.c_r2,
+        g: plant.g,
+    }
+}
+
+/// Effects from their texts.
+///
+/// # Errors
+/// Names the part of the text at fault.
+pub fn effects(texts: &[String]) -> Result<Vec<Effect>> {
+    texts
+        .iter()
+        .map(|t| {
+            Effect::parse(t).map_err(|e| {
+                BadInput::new(e.to_string(), "")
+                    .at(format!("--effect {t}"))
+                    .remedy("`whirl list effects` shows them with their units")
+            })
+        })
+        .collect()
+}
+
+/// Counts a turn of both encoders, and what encoder 2 is fixed to.
+///
+/// # Errors
+/// A rig whose channels are not two encoders in counts.
+pub fn encoders(rig: &Rig) -> Result<([u32; 2], SecondEncoder)> {
+    let bad = |found: String, expected: &str| {
+        BadInput::new(found, expected)
+            .in_file(&rig.path)
+            .at("channel")
+            .remedy("A simulated rig has two encoders that count")
+    };
+    let [first, second] = &rig.channel[..] else {
+        return Err(bad(format!("{} channels", rig.channel.len()), "two: theta1 (or phi1), then theta2 (or phi2)"));
+    };
+    if !["theta1", "phi1"].contains(&first.measures.as_str()) {
+        return Err(bad(format!("\"{}\" first", first.measures), "theta1 or phi1"));
+    }
+    let fixed_to = match second.measures.as_str() {
+        "theta2" => SecondEncoder::Relative,
+        "phi2" => SecondEncoder::Absolute,
+        other => return Err(bad(format!("\"{other}\" second"), "theta2 or phi2")),
+    };
+    match (first.counts_per_turn, second.counts_per_turn) {
+        (Some(a), Some(b)) => Ok(([a, b], fixed_to)),
+        _ => Err(bad("a unit other than \"count\"".to_owned(), "unit = \"count\" for both")),
+    }
+}
+
+/// Settings of the direct simulation of a rig.
+///
+/// # Errors
+/// A rig without `[plant]`, of another model, or with values out of range.
+pub fn settings(rig: &Rig, effect_texts: &[String], seconds: f64, seed: u64) -> Result<SimulationSettings> {
+    if rig.model != "double-pendulum" {
+        return Err(BadInput::new(format!("\"{}\"", rig.model), "\"double-pendulum\"").in_file(&rig.path).at("model"));
+    }
+    if !(seconds > 0.0 && seconds <= LONGEST_S) {
+        return Err(BadInput::new(seconds.to_string(), format!("seconds above 0, at most {LONGEST_S}")).at("--seconds"));
+    }
+    let plant = Plant::of(rig)?;
+    let (counts_per_turn, second) = encoders(rig)?;
+    Ok(SimulationSettings {
+        parameters: parameters(&plant),
+        drive: rig.drive.map(|d| DriveSettings {
+            direction: match d.direction {
+                Direction::Vertical => SimDirection::Vertical,
+                Direction::Horizontal => SimDirection::Horizontal,
+            },
+            frequency_hz: d.frequency_hz,
+            amplitude_m: plant.amplitude_m,
+            psi: plant.phase_rad,
+        }),
+        counts_per_turn,
+        second,
+        sample_rate_hz: rig.sample_rate_hz,
+        initial: plant.initial,
+        settle_s: plant.settle_s,
+        record_s: seconds,
+        effects: effects(effect_texts)?,
+        seed: Some(seed),
+        ..SimulationSettings::default()
+    })
+}
+
+/// Simulates `seconds` of a rig and writes the record.
+///
+/// # Errors
+/// As [`settings`]; a plant that cannot be integrated; a file that cannot be written.
+pub fn record(
+    rig: &Rig,
+    effect_texts: &[String],
+    seconds: f64,
+    seed: u64,
+    output: &Path,
+    progress: &ProgressBar,
+) -> Result<Summary> {
+    let settings = settings(rig, effect_texts, seconds, seed)?;
+    let fail = |e: whirl_hil_sim::SimulationError| {
+        BadInput::new(e.to_string(), "")
+            .in_file(&rig.path)
+            .at("[plant]")
+            .remedy("Correct the plant or the effects put into it")
+    };
+    let mut simulation = Simulation::new(&settings).map_err(fail)?;
+    let metadata = Metadata {
+        rig: rig.text.clone(),
+        firmware: format!("whirl-hil-sim {}", env!("CARGO_PKG_VERSION")),
+        board: "none (simulated plant)".to_owned(),
+        started_at: None,
+        source: "simulate".to_owned(),
+        written_by: format!("whirl {}", env!("CARGO_PKG_VERSION")),
+        sample_rate_hz: rig.sample_rate_hz,
+    };
+    // At least one sample, at most a day of them: no overflow.
+    let samples = ((seconds * rig.sample_rate_hz).round() as u64).max(1);
+    let mut writer = RecordWriter::create(output, &metadata, rig)?;
+    progress.set_length(samples);
+    for i in 0..samples {
+        let s = simulation.next_sample().map_err(fail)?;
+        writer.push(&Sample {
+            tick: s.tick,
+            counts: &s.counts,
+            phase: s.phase,
+            amplitude_nm: s.amplitude_nanometre,
+        })?;
+        if i.is_multiple_of(1000) {
+            progress.set_position(i);
+        }
+    }
+    writer.finish(&Losses { received: samples, ..Losses::default() })?;
+    progress.finish_and_clear();
+    Ok(Summary {
+        samples,
+        seconds: samples as f64 / rig.sample_rate_hz,
+        seed,
+        effects: settings.effects.iter().map(ToString::to_string).collect(),
+    })
+}

@@ -1,0 +1,203 @@
+//! Greatest lengths, the wire's budget, and the decoder case by case.
+
+use heapless::{String, Vec};
+use std::vec::Vec as StdVec;
+
+use super::*;
+use crate::frame::*;
+
+fn text<const N: usize>() -> String<N> {
+    let mut text = String::new();
+    while text.push('x').is_ok() {}
+    text
+}
+
+/// The longest message of each kind: every varint at its full length.
+fn longest() -> [DeviceMessage; 5] {
+    let mut deltas = Vec::new();
+    while deltas.push([i16::MIN; CHANNELS]).is_ok() {}
+    let all = u32::MAX;
+    [
+        DeviceMessage::Hello(Hello {
+            protocol: u16::MAX,
+            schema: all,
+            boot_id: all,
+            tick: all,
+            firmware: text(),
+            board: text(),
+            sample_rate_millihertz: all,
+            counts_per_turn: [all; CHANNELS],
+            block_len: u8::MAX,
+            limits: ShakerLimits { amplitude_micrometre: all, frequency_millihertz: all, ramp_micrometre_per_s: all },
+            host_timeout_ms: all,
+        }),
+        DeviceMessage::Samples(SampleBlock {
+            first_tick: all,
+            phase: all,
+            phase_increment: all,
+            amplitude_nanometre: all,
+            first: [i32::MIN; CHANNELS],
+            deltas,
+        }),
+        DeviceMessage::Status(Status {
+            tick: all,
+            overruns: all,
+            dropped_samples: all,
+            dropped_frames: all,
+            bad_frames: all,
+            rejected_commands: all,
+            samples_sent: all,
+            shaker: ShakerState::Faulted,
+            stop_cause: StopCause::Fault,
+            amplitude_nanometre: all,
+            frequency_millihertz: all,
+            latency_max_us: all,
+            rms_angle_mrad: [all; CHANNELS],
+            turns_per_minute_milli: [i32::MIN; CHANNELS],
+        }),
+        DeviceMessage::Ack(Ack { command_sequence: u16::MAX, result: CommandResult::OutOfRange { limit: all } }),
+        DeviceMessage::Log(Log { tick: all, level: u8::MAX, text: text() }),
+    ]
+}
+
+fn frame<M: Serialize>(message: M) -> StdVec<u8> {
+    let mut out = [0; MAX_FRAME];
+    let length = encode(&Envelope { sequence: u16::MAX, message }, &mut out).unwrap();
+    out[..length].to_vec()
+}
+
+fn worst_lengths() -> [usize; 5] {
+    longest().map(|message| frame(message).len())
+}
+
+#[test]
+fn the_longest_messages_have_the_stated_lengths() {
+    let [hello, samples, status, ack, log] = worst_lengths();
+    assert_eq!([hello, samples, status, log], [HELLO, SAMPLES, STATUS, LOG].map(frame_len));
+    assert_eq!(MAX_FRAME, hello.max(samples).max(status).max(ack).max(log));
+    assert_eq!(MAX_SAMPLES_FRAME, samples);
+    let start = Command::Start { amplitude_micrometre: u32::MAX, frequency_millihertz: u32::MAX };
+    assert!(frame(HostMessage::Command(start)).len() <= MAX_FRAME);
+    // COBS' second overhead byte begins with the 254th byte.
+    assert_eq!([frame_len(249), frame_len(250)], [249 + 4 + 2, 250 + 4 + 3]);
+}
+
+#[test]
+fn the_wire_is_at_most_seventy_percent_full_at_115200_baud() {
+    let [_, samples, status, ack, _] = worst_lengths();
+    // Full blocks at 500 Hz, a status a second, ten commands a second with their answers.
+    let steady = 500usize.div_ceil(BLOCK_LEN) * samples + status + 10 * ack;
+    // Each command may end a block early, and so may the ramp that it begins, when it ends.
+    let bytes_per_second = steady + 20 * samples;
+    // 8N1: ten bits a byte.
+    let occupancy = (bytes_per_second * 10) as f64 / 115_200.0;
+    assert!(occupancy <= 0.70, "{bytes_per_second} bytes a second: {:.1} %", 100.0 * occupancy);
+}
+
+#[test]
+fn the_checksum_is_the_catalogued_one() {
+    assert_eq!(CRC.checksum(b"123456789"), 0xcbf4_3926);
+}
+
+#[test]
+fn a_frame_byte_by_byte() {
+    // Envelope 7, message 0 (command), command 1 (keep alive); CRC of 07 00 01; COBS.
+    let crc = CRC.checksum(&[7, 0, 1]).to_le_bytes();
+    assert!(!crc.contains(&0));
+    let mut want = std::vec![2, 7, 6, 1];
+    want.extend(crc);
+    want.push(0);
+    let mut out = [0; 16];
+    let envelope = Envelope { sequence: 7, message: HostMessage::Command(Command::KeepAlive) };
+    let length = encode(&envelope, &mut out).unwrap();
+    assert_eq!(out[..length], want);
+    for short in 0..length {
+        assert_eq!(encode(&envelope, &mut out[..short]), Err(EncodeError::BufferTooSmall));
+    }
+}
+
+fn decode(bytes: &[u8]) -> (StdVec<Result<Envelope<HostMessage>, FrameError>>, DecoderCounters) {
+    let mut decoder: Decoder<HostMessage> = Decoder::new();
+    let results = bytes.iter().filter_map(|&byte| decoder.push(byte)).collect();
+    (results, decoder.counters())
+}
+
+fn checked(payload: &[u8]) -> StdVec<u8> {
+    let mut bytes = payload.to_vec();
+    bytes.extend(CRC.checksum(payload).to_le_bytes());
+    let mut frame = std::vec![0; cobs::max_encoding_length(bytes.len()) + 1];
+    let length = cobs::encode(&bytes, &mut frame);
+    frame.truncate(length + 1);
+    frame
+}
+
+#[test]
+fn each_error_is_told_and_counted() {
+    let good = frame(HostMessage::Command(Command::Arm));
+    let mut stream = StdVec::new();
+    stream.extend([0, 0, 0]);
+    stream.extend(&good);
+    let mut flipped = good.clone();
+    flipped[2] ^= 0x40;
+    stream.extend(&flipped); // framing or checksum
+    stream.extend([5, 1, 0]); // COBS promises more than there is
+    stream.extend([3, 1, 2, 0]); // too short for a checksum
+    stream.extend(checked(&[7, 0, 99])); // no such command
+    stream.extend(checked(&[7, 0, 1, 0])); // bytes left over
+    stream.extend([9; MAX_FRAME]);
+    stream.push(0); // no zero in time
+    stream.extend(&good);
+    let (results, counters) = decode(&stream);
+    let errors: StdVec<_> = results.iter().map(|r| r.as_ref().err().copied()).collect();
+    use FrameError::{BadChecksum, BadCobs, Malformed, Oversize};
+    let want = [
+        None,
+        Some(BadChecksum),
+        Some(BadCobs),
+        Some(BadChecksum),
+        Some(Malformed),
+        Some(Malformed),
+        Some(Oversize),
+        None,
+    ];
+    assert_eq!(errors, want);
+    assert_eq!((counters.frames, counters.bad_frames()), (2, 6));
+    assert_eq!([counters.bad_checksum, counters.bad_cobs, counters.malformed, counters.oversize], [2, 1, 2, 1]);
+    let good_bytes = 3 + 2 * good.len() as u64;
+    assert_eq!(counters.bytes_discarded, stream.len() as u64 - good_bytes);
+}
+
+#[test]
+fn the_longest_frame_that_is_accepted() {
+    let mut decoder: Decoder<HostMessage, 10> = Decoder::new();
+    let mut lengths = StdVec::new();
+    for length in [9, 10, 11] {
+        let result = (0..length - 1).map(|_| 1).chain([0]).find_map(|byte| decoder.push(byte));
+        lengths.push(result.unwrap().unwrap_err());
+    }
+    // Eight or nine bytes and a zero fit; ten and a zero do not.
+    assert_eq!(lengths, [FrameError::BadChecksum, FrameError::BadChecksum, FrameError::Oversize]);
+}
+
+#[test]
+fn a_decoder_without_room_is_harmless() {
+    let mut none: Decoder<HostMessage, 0> = Decoder::new();
+    let mut one: Decoder<HostMessage, 1> = Decoder::new();
+    for byte in [1, 2, 0, 0, 3, 0] {
+        none.push(byte);
+        one.push(byte);
+    }
+    assert_eq!((none.counters().oversize, one.counters().oversize), (2, 2));
+}
+
+#[test]
+fn an_abandoned_frame_is_accounted_for() {
+    let good = frame(HostMessage::Command(Command::Arm));
+    let mut decoder: Decoder<HostMessage> = Decoder::new();
+    for &byte in &good[..4] {
+        decoder.push(byte);
+    }
+    decoder.abandon();
+    assert_eq!((decoder.counters().bytes_discarded, decoder.pending_bytes()), (4, 0));
+    assert!(good.iter().filter_map(|&byte| decoder.push(byte)).all(|result| result.is_ok()));
+}

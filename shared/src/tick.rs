@@ -1,0 +1,345 @@
+//! The device's 32-bit sampling ticks as one line of 64-bit ticks that never runs backwards.
+//!
+//! A block of samples is placed by the difference between its first tick and the one expected, modulo 2³², in
+//! [−2³¹, 2³¹): zero continues, a positive one is a gap of so many samples, a negative one is late or repeated. After a
+//! restart of the device (another boot id) its ticks begin at 0 again; they are put directly behind the last one known,
+//! which is the shortest the outage can have been: its true length is known to no clock of the device.
+//!
+//! Limits: gaps of 2³¹ ticks or more (49 days at 500 Hz) are ambiguous. Blocks more than [`LATE_LIMIT`] ticks behind are
+//! not placed: the device has probably restarted without its hello having come, and should be asked for one. The last
+//! [`GAPS`] gaps are remembered; what comes late for an older one counts as repeated.
+
+use heapless::Deque;
+
+/// How far behind a block may come, ticks (35 minutes at 500 Hz).
+pub const LATE_LIMIT: u32 = 1 << 20;
+/// Gaps into which late blocks can still be put.
+pub const GAPS: usize = 16;
+
+/// What a block is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TickEvent {
+    /// The first block.
+    First,
+    /// It follows the last one.
+    Contiguous,
+    /// This many samples are missing before it.
+    Gap(u64),
+    /// It was missing until now.
+    Late,
+    /// All of it came before.
+    Duplicate,
+    /// So many of its samples came before; the rest continues.
+    Overlap(u32),
+    /// The device began anew; at least this many samples are missing before it.
+    Restart(u64),
+    /// Too far behind to be placed; nothing was counted.
+    Unplaced,
+}
+
+/// A block on the line of ticks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Placed {
+    /// What it is.
+    pub event: TickEvent,
+    /// Tick of its first sample; `None` where it cannot be placed.
+    pub start: Option<u64>,
+}
+
+/// Samples since the tracker was made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TickCounters {
+    /// Samples that came, each counted once.
+    pub received: u64,
+    /// Samples that did not come (yet).
+    pub missing: u64,
+    /// Samples that came again.
+    pub duplicate: u64,
+    /// Samples that came late.
+    pub late: u64,
+    /// Restarts of the device.
+    pub restarts: u64,
+    /// Samples of blocks that could not be placed.
+    pub unplaced: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Span {
+    start: u64,
+    end: u64,
+}
+
+/// Places the sample blocks of one device.
+#[derive(Clone, Debug, Default)]
+pub struct TickTracker {
+    boot_id: Option<u32>,
+    /// The device's and the extended tick that should come next.
+    expected: Option<(u32, u64)>,
+    /// Extended tick of the first sample of this boot that came.
+    origin: u64,
+    restarted: bool,
+    gaps: Deque<Span, GAPS>,
+    counters: TickCounters,
+}
+
+impl TickTracker {
+    /// A tracker that takes the first block's tick as it is.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Takes boot id and tick of a hello; whether the device has restarted since the last block or hello.
+    ///
+    /// Where blocks came before the first hello, a hello whose tick lies before theirs is from another boot.
+    pub fn hello(&mut self, boot_id: u32, tick: u32) -> bool {
+        let restarted = match (self.boot_id.replace(boot_id), self.expected) {
+            (Some(before), _) => before != boot_id,
+            (None, Some((expected, _))) => (tick.wrapping_sub(expected) as i32) < 0,
+            (None, None) => false,
+        };
+        if restarted {
+            self.counters.restarts += 1;
+            self.restarted = true;
+        }
+        restarted
+    }
+
+    /// Takes the first tick and the number of samples of a block.
+    pub fn block(&mut self, first_tick: u32, samples: u32) -> Placed {
+        let len = u64::from(samples);
+        let Some((device, expected)) = self.expected else {
+            self.restarted = false;
+            return self.begin(first_tick, u64::from(first_tick), len, TickEvent::First);
+        };
+        if core::mem::take(&mut self.restarted) {
+            let missing = u64::from(first_tick);
+            self.counters.missing += missing;
+            return self.begin(first_tick, expected.saturating_add(missing), len, TickEvent::Restart(missing));
+        }
+        let ahead = first_tick.wrapping_sub(device) as i32;
+        if ahead >= 0 {
+            let missing = u64::from(ahead.unsigned_abs());
+            let start = expected.saturating_add(missing);
+            let event = if missing == 0 { TickEvent::Contiguous } else { TickEvent::Gap(missing) };
+            if missing > 0 {
+                self.counters.missing += missing;
+                self.remember(Span { start: expected, end: start });
+            }
+            return self.extend(first_tick, start, len, event);
+        }
+        let behind = ahead.unsigned_abs();
+        let start = expected.checked_sub(u64::from(behind)).filter(|&start| start >= self.origin);
+        let (Some(start), true) = (start, behind <= LATE_LIMIT) else {
+            self.counters.unplaced += len;
+            return Placed { event: TickEvent::Unplaced, start: None };
+        };
+        self.place_behind(first_tick, Span { start, end: start.saturating_add(len) }, expected)
+    }
+
+    fn place_behind(&mut self, first_tick: u32, block: Span, expected: u64) -> Placed {
+        let len = block.end - block.start;
+        if block.end > expected {
+            // Lossless: the repeated part is shorter than the block.
+            let repeated = (expected - block.start) as u32;
+            self.counters.duplicate += u64::from(repeated);
+            self.counters.received += len - u64::from(repeated);
+            self.expected = Some((first_tick.wrapping_add(len as u32), block.end));
+            return Placed { event: TickEvent::Overlap(repeated), start: Some(block.start) };
+        }
+        let event = if self.fill(block) {
+            self.counters.late += len;
+            self.counters.received += len;
+            self.counters.missing = self.counters.missing.saturating_sub(len);
+            TickEvent::Late
+        } else {
+            self.counters.duplicate += len;
+            TickEvent::Duplicate
+        };
+        Placed { event, start: Some(block.start) }
+    }
+
+    fn begin(&mut self, first_tick: u32, start: u64, len: u64, event: TickEvent) -> Placed {
+        self.origin = start;
+        self.extend(first_tick, start, len, event)
+    }
+
+    fn extend(&mut self, first_tick: u32, start: u64, len: u64, event: TickEvent) -> Placed {
+        self.counters.received += len;
+        self.expected = Some((first_tick.wrapping_add(len as u32), start.saturating_add(len)));
+        Placed { event, start: Some(start) }
+    }
+
+    fn remember(&mut self, gap: Span) {
+        if self.gaps.is_full() {
+            self.gaps.pop_front();
+        }
+        // There is room now.
+        let _ = self.gaps.push_back(gap);
+    }
+
+    /// Takes a block out of the gap in which it lies; whether there is one.
+    fn fill(&mut self, block: Span) -> bool {
+        let Some(gap) = self.gaps.iter_mut().find(|gap| gap.start <= block.start && block.end <= gap.end) else {
+            return false;
+        };
+        let rest = Span { start: block.end, end: gap.end };
+        gap.end = block.start;
+        if rest.start < rest.end {
+            self.remember(rest);
+        }
+        true
+    }
+
+    /// Extended tick that should come next; `None` before the first block.
+    #[must_use]
+    pub fn expected(&self) -> Option<u64> {
+        self.expected.map(|(_, extended)| extended)
+    }
+
+    /// What was seen until now.
+    #[must_use]
+    pub fn counters(&self) -> TickCounters {
+        self.counters
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::collections::BTreeSet;
+    use std::vec::Vec;
+
+    #[test]
+    fn runs_over_the_wrap_of_the_device_tick() {
+        let mut tracker = TickTracker::new();
+        assert_eq!(tracker.block(u32::MAX - 4, 10), Placed { event: TickEvent::First, start: Some(0xffff_fffb) });
+        assert_eq!(tracker.block(5, 10), Placed { event: TickEvent::Contiguous, start: Some(0x1_0000_0005) });
+        assert_eq!(tracker.block(25, 10), Placed { event: TickEvent::Gap(10), start: Some(0x1_0000_0019) });
+        assert_eq!(tracker.block(15, 10), Placed { event: TickEvent::Late, start: Some(0x1_0000_000f) });
+        assert_eq!(tracker.block(15, 10), Placed { event: TickEvent::Duplicate, start: Some(0x1_0000_000f) });
+        assert_eq!(tracker.block(u32::MAX - 4, 10).event, TickEvent::Duplicate);
+        assert_eq!(tracker.block(30, 10), Placed { event: TickEvent::Overlap(5), start: Some(0x1_0000_001e) });
+        let want = TickCounters { received: 45, missing: 0, duplicate: 25, late: 10, restarts: 0, unplaced: 0 };
+        assert_eq!(tracker.counters(), want);
+        assert_eq!(tracker.expected(), Some(0x1_0000_0028));
+    }
+
+    #[test]
+    fn several_wraps() {
+        let mut tracker = TickTracker::new();
+        let step = 1_u32 << 30;
+        for i in 0..20_u32 {
+            let placed = tracker.block(step.wrapping_mul(i), 10);
+            assert_eq!(placed.start, Some(u64::from(i) << 30));
+        }
+    }
+
+    #[test]
+    fn a_restart_goes_on_behind_the_last_tick() {
+        let mut tracker = TickTracker::new();
+        assert!(!tracker.hello(7, 0));
+        tracker.block(100, 10);
+        assert!(!tracker.hello(7, 110));
+        assert!(tracker.hello(8, 0));
+        assert_eq!(tracker.block(30, 10), Placed { event: TickEvent::Restart(30), start: Some(140) });
+        assert_eq!(tracker.block(40, 10), Placed { event: TickEvent::Contiguous, start: Some(150) });
+        // What the old boot's ticks would be is behind this one's first.
+        assert_eq!(tracker.block(20, 10).event, TickEvent::Unplaced);
+        assert_eq!(tracker.counters().restarts, 1);
+        assert_eq!(tracker.counters().missing, 30);
+    }
+
+    #[test]
+    fn a_restart_without_its_hello_is_not_placed_until_a_hello_comes() {
+        let mut tracker = TickTracker::new();
+        tracker.hello(1, 0);
+        tracker.block(5_000_000, 10);
+        assert_eq!(tracker.block(10, 10), Placed { event: TickEvent::Unplaced, start: None });
+        assert!(tracker.hello(2, 30));
+        assert_eq!(tracker.block(20, 10).event, TickEvent::Restart(20));
+        assert_eq!(tracker.counters().unplaced, 10);
+    }
+
+    #[test]
+    fn blocks_before_the_first_hello() {
+        let mut tracker = TickTracker::new();
+        tracker.block(50, 10);
+        assert!(!tracker.hello(3, 75));
+        let mut tracker = TickTracker::new();
+        tracker.block(50, 10);
+        assert!(tracker.hello(3, 0));
+    }
+
+    #[test]
+    fn distances_that_are_ambiguous() {
+        let after = |ahead: u32| {
+            let mut tracker = TickTracker::new();
+            tracker.block(0, 10);
+            tracker.block(10_u32.wrapping_add(ahead), 10).event
+        };
+        assert_eq!(after((1 << 31) - 1), TickEvent::Gap((1 << 31) - 1));
+        assert_eq!(after(1 << 31), TickEvent::Unplaced);
+    }
+
+    proptest! {
+        /// Blocks lost, repeated and swapped, against a set that remembers every tick.
+        #[test]
+        fn counts_agree_with_a_full_memory(
+            start in any::<u32>(), faults in proptest::collection::vec((0u8..12, 1u32..11), 1..300),
+        ) {
+            let mut sent: Vec<(u64, u32)> = Vec::new();
+            let mut tick = u64::from(start);
+            for (fault, len) in faults {
+                match fault {
+                    0 => {}
+                    1 => {
+                        let before = sent.last().copied();
+                        sent.extend(before);
+                        sent.push((tick, len));
+                    }
+                    2 => {
+                        sent.push((tick + u64::from(len), len));
+                        sent.push((tick, len));
+                        tick += u64::from(len);
+                    }
+                    _ => sent.push((tick, len)),
+                }
+                tick += u64::from(len);
+            }
+            let first = sent.first().map_or(0, |block| block.0);
+            sent.retain(|block| block.0 >= first);
+            let mut tracker = TickTracker::new();
+            let (mut ticks, mut total) = (BTreeSet::new(), 0);
+            for &(start, len) in &sent {
+                let placed = tracker.block(start as u32, len);
+                prop_assert_eq!(placed.start, Some(start));
+                ticks.extend(start..start + u64::from(len));
+                total += u64::from(len);
+            }
+            let counters = tracker.counters();
+            let span = ticks.last().map_or(0, |last| last + 1 - first);
+            prop_assert_eq!(counters.received, ticks.len() as u64);
+            prop_assert_eq!(counters.duplicate, total - ticks.len() as u64);
+            prop_assert_eq!(counters.missing, span - ticks.len() as u64);
+        }
+
+        #[test]
+        fn anything_is_accounted_for(
+            blocks in proptest::collection::vec((any::<u32>(), 1u32..11, any::<Option<u8>>()), 0..1_000),
+        ) {
+            let mut tracker = TickTracker::new();
+            let mut total = 0;
+            for (tick, len, boot) in blocks {
+                if let Some(boot) = boot {
+                    tracker.hello(u32::from(boot) % 3, tick);
+                }
+                tracker.block(tick, len);
+                total += u64::from(len);
+            }
+            let counters = tracker.counters();
+            prop_assert_eq!(counters.received + counters.duplicate + counters.unplaced, total);
+        }
+    }
+}
