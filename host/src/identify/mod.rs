@@ -154,7 +154,7 @@ impl Identification {
 }
 
 /// The nominal dampings of a rig.
-fn dampings(rig: &Rig) -> Result<Vec<&'static Damping>> {
+pub fn dampings(rig: &Rig) -> Result<Vec<&'static Damping>> {
     let names: Vec<&str> = match &rig.nominal {
         Some(list) => list.iter().map(String::as_str).collect(),
         None => DEFAULT_DAMPINGS.to_vec(),
@@ -178,12 +178,32 @@ fn dampings(rig: &Rig) -> Result<Vec<&'static Damping>> {
     Ok(out)
 }
 
-/// Identifies the double pendulum from one or several records of the same rig by the weak form.
+/// Windows and low-passes of an analysis.
+#[derive(Clone, Debug)]
+pub struct Geometry {
+    /// Test functions.
+    pub windows: Windows,
+    /// Low-passes.
+    pub kernels: Kernels,
+}
+
+/// A record made ready for the weak form.
+pub struct Prepared {
+    /// Angles over unbroken stretches of steady drive.
+    pub segments: Vec<AngleSegment>,
+    /// Standard deviation of each sensor's noise, rad.
+    pub sigma: [f64; 2],
+    /// Windows and low-passes.
+    pub geometry: Geometry,
+    /// Things noticed.
+    pub warnings: Vec<Warning>,
+}
+
+/// Angles, noise, windows and low-passes of one or several records of a double pendulum.
 ///
 /// # Errors
-/// A model that is not the double pendulum, missing channels, settings out of range, records shorter than one window, or
-/// a record in which a coefficient's column vanishes (an arm at rest).
-pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Identification> {
+/// As [`identify`].
+pub fn prepare(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Prepared> {
     if rig.model != "double-pendulum" {
         return Err(BadInput::new(format!("\"{}\"", rig.model), "\"double-pendulum\"")
             .in_file(&rig.path)
@@ -197,7 +217,6 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             .remedy("The double pendulum's model has a vertically driven base"));
     }
     let step_s = 1.0 / rig.sample_rate_hz;
-    let dampings = dampings(rig)?;
     let mut warnings: Vec<Warning> = records.iter().flat_map(|r| r.warnings.clone()).collect();
     let mut segments = Vec::new();
     for record in records {
@@ -228,6 +247,19 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
         }
         return Err(error);
     }
+    let sigma = noises.map(|n| n.map_or(0.0, |n| n.sigma));
+    Ok(Prepared { segments, sigma, geometry: Geometry { windows, kernels }, warnings })
+}
+
+/// Identifies the double pendulum from one or several records of the same rig by the weak form.
+///
+/// # Errors
+/// A model that is not the double pendulum, missing channels, settings out of range, records shorter than one window, or
+/// a record in which a coefficient's column vanishes (an arm at rest).
+pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Identification> {
+    let dampings = dampings(rig)?;
+    let Prepared { segments, sigma, geometry: Geometry { windows, kernels }, mut warnings } =
+        prepare(records, rig, settings)?;
     let model = weak_model(rig.omega(), rig.drive.is_some(), &dampings);
     let rows = windows::rows(&segments, &model, &kernels, &windows);
     let terms: Vec<usize> = model.equations.iter().map(|e| e.terms.len()).collect();
@@ -247,7 +279,6 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             None => error,
         }
     })?;
-    let sigma = noises.map(|n| n.map_or(0.0, |n| n.sigma));
     let bias = noise_bias::estimate(&segments, &model, &kernels, &windows, &solution.weights, sigma);
     if let Some(bias) = &bias {
         let mut rest = bias.value.iter();

@@ -23,6 +23,8 @@ use super::windows::{Kernels, WindowRows, Windows, rows, samples_needed};
 use crate::model::weak::WeakModel;
 use crate::signal::angles::AngleSegment;
 
+/// Number of repeats with independent-looking errors.
+pub(crate) const REPEATS: usize = SHIFTS.len();
 /// Most windows on which the bias is measured.
 const MOST_WINDOWS: usize = 64;
 /// Windows taken together, so that they share their smoothed samples.
@@ -88,7 +90,7 @@ pub fn estimate(
 }
 
 /// Smoothed stretches of a few windows each, spread evenly over the record.
-fn smoothed_stretches(segments: &[AngleSegment], kernels: &Kernels, windows: &Windows) -> Vec<AngleSegment> {
+pub(crate) fn smoothed_stretches(segments: &[AngleSegment], kernels: &Kernels, windows: &Windows) -> Vec<AngleSegment> {
     let Some(step) = segments.first().map(|s| s.step_s) else { return Vec::new() };
     // The smoothing takes its reach on either side once more.
     let reach = kernels.clear.reach();
@@ -121,7 +123,7 @@ fn smoothed_stretches(segments: &[AngleSegment], kernels: &Kernels, windows: &Wi
 }
 
 /// The segment as its sensors would measure it in repeat `r`.
-fn measure(truth: &AngleSegment, r: usize, sigma: [f64; 2], stream: u64) -> AngleSegment {
+pub(crate) fn measure(truth: &AngleSegment, r: usize, sigma: [f64; 2], stream: u64) -> AngleSegment {
     let mut out = truth.clone();
     let mut sensors = truth.sensors();
     for (c, sensor) in sensors.iter_mut().enumerate() {

@@ -168,6 +168,32 @@ fn step_at(x: &[f64], k: usize) -> f64 {
     if after > before { (x[after] - x[before]) / (after - before) as f64 } else { 0.0 }
 }
 
+/// Every series of a model over all samples that the low-passes reach, segment after segment.
+pub(crate) fn evaluate_all(segments: &[AngleSegment], model: &WeakModel, kernels: &Kernels) -> Vec<Vec<f64>> {
+    let reach = kernels.reach();
+    // Long segments in fixed pieces, so that transforms stay short.
+    const PIECE: usize = 20_000;
+    let pieces: Vec<(&AngleSegment, usize, usize)> = segments
+        .iter()
+        .filter(|s| s.len() > 2 * reach)
+        .flat_map(|s| {
+            let last = s.len() - reach;
+            (reach..last).step_by(PIECE).map(move |a| (s, a, (a + PIECE).min(last)))
+        })
+        .collect();
+    let parts: Vec<Vec<Vec<f64>>> = pieces
+        .par_iter()
+        .map(|&(segment, first, last)| {
+            let convolution = FastConvolution::new(
+                last - first + 2 * reach,
+                &[(&kernels.full, Output::Smooth), (&kernels.full, Output::Slope), (&kernels.clear, Output::Slope)],
+            );
+            evaluate(segment, model, kernels, &convolution, first, last)
+        })
+        .collect();
+    (0..model.series.len()).map(|k| parts.iter().flat_map(|p| p[k].iter().copied()).collect()).collect()
+}
+
 /// Every series of the model at samples first … last of a segment.
 fn evaluate(
     segment: &AngleSegment,
@@ -194,6 +220,7 @@ fn evaluate(
             rate: [rate[0][k], rate[1][k]],
             clear_rate: [clear[0][k], clear[1][k]],
             clear_step: [step_at(clear[0], k), step_at(clear[1], k)],
+            accel: [step_at(rate[0], k) / segment.step_s, step_at(rate[1], k) / segment.step_s],
             sin: [sin1, sin2],
             cos: [cos1, cos2],
             sin_tau,

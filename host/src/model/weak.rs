@@ -22,6 +22,8 @@ pub struct Sample {
     pub clear_rate: [f64; 2],
     /// Change of `clear_rate` over one sampling step, rad/s: where within a step a velocity changes sign.
     pub clear_step: [f64; 2],
+    /// φ̈1, φ̈2, rad/s², by differences of the smoothed rates (for laws that depend on loads, weakly).
+    pub accel: [f64; 2],
     /// sin φ1, sin φ2.
     pub sin: [f64; 2],
     /// cos φ1, cos φ2.

@@ -1,0 +1,14 @@
+//! A hardening or softening spring on the wrapped angle, −k x³ (Duffing 1918).
+
+use super::{Effect, JOINTS, joint_effect};
+
+/// Registration.
+pub const EFFECT: Effect = Effect {
+    id: "cubic-stiffness",
+    places: JOINTS,
+    unit: "N m/rad³",
+    equation: "−k x³",
+    signature: "residual that grows with the cube of the joint's angle",
+    confirm: "measure static torques at large angles, or the frequency against amplitude",
+    variants: |c, place| joint_effect(c, place, |j| j.x * j.x * j.x),
+};

@@ -1,0 +1,53 @@
+//! An explanation in words.
+
+use std::fmt::Write;
+
+use super::{Explanation, Verdict};
+use crate::report::format::{plus_minus, significant};
+
+/// The answer for people.
+pub fn human(e: &Explanation) -> String {
+    let mut out = String::new();
+    let verdict = match e.verdict {
+        Verdict::NothingMissing => "nothing is missing",
+        Verdict::Explained => "explained",
+        Verdict::Unexplained => "unexplained: something is missing that has no name in the list",
+        Verdict::NotDecidable => "not decidable from this record",
+    };
+    let _ = writeln!(out, "{verdict}: {}", e.reason);
+    for f in &e.effects {
+        let parameters: Vec<String> =
+            f.parameters.iter().map(|(k, v)| format!(", {k} = {}", significant(*v, 3))).collect();
+        let _ = writeln!(
+            out,
+            "  {}@{} = {} {}{}   ({})",
+            f.id,
+            f.at,
+            plus_minus(f.value, 1.96 * f.std_error),
+            f.unit,
+            parameters.concat(),
+            f.equation
+        );
+        if !f.indistinguishable_from.is_empty() {
+            let _ = writeln!(out, "    not told apart from {}", f.indistinguishable_from.join(", "));
+        }
+        let _ = writeln!(out, "    to confirm: {}", f.confirm);
+    }
+    let _ = writeln!(out, "gap over {} s, in noise floors:", significant(e.gap.horizon_s, 3));
+    for s in &e.gap.steps {
+        let _ = writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("nominal model"), significant(s.value, 3));
+    }
+    for w in e.r#where.iter().take(if e.verdict == Verdict::Unexplained { 5 } else { 0 }) {
+        let _ = writeln!(
+            out,
+            "  equation {} departs by {} at {} {} … {} (noise: ± {})",
+            w.equation,
+            significant(w.value, 2),
+            w.against,
+            significant(w.from, 3),
+            significant(w.to, 3),
+            significant(w.band, 2)
+        );
+    }
+    out
+}

@@ -1,0 +1,259 @@
+//! Where simulation and measurement disagree: the residual of each equation of motion against angle, velocity, drive phase and time.
+//!
+//! The residual r_i = J_oi (φ̈_i + …) is a torque (divided by J_oi where no mass is known), evaluated with smoothed angles, rates and accelerations.
+//! Its mean in each of 24 bins of a coordinate is compared with the band (95 %) that the sensors' noise alone gives: the smoothed record is
+//! measured again by the same sensors, and the residual's change is noise; of n samples in a bin n · 2 B Δt are independent, B the low-pass's band.
+
+use core::f64::consts::{PI, TAU};
+
+use nalgebra::DVector;
+use serde::Serialize;
+
+use super::State;
+use super::design::{self, Design, base_terms};
+use super::effects::{Action, Variant, wrapped};
+use super::ranking;
+use crate::identify::Geometry;
+use crate::identify::noise_bias::{REPEATS, measure, smoothed_stretches};
+use crate::identify::windows::evaluate_all;
+use crate::model::weak::{Order, Sample, Series, WeakModel};
+use crate::signal::angles::AngleSegment;
+
+/// Bins of a map.
+const BINS: usize = 24;
+/// A bin counts as disagreeing from this many bands on.
+const CLEARLY: f64 = 1.6;
+
+/// A stretch of a coordinate in which an equation's residual exceeds what noise gives.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Where {
+    /// Equation, 1 or 2.
+    pub equation: usize,
+    /// Coordinate.
+    pub against: String,
+    /// From.
+    pub from: f64,
+    /// To.
+    pub to: f64,
+    /// Mean residual there, N m (or rad/s² where no mass is known).
+    pub value: f64,
+    /// Band (95 %) of the sensors' noise alone.
+    pub band: f64,
+}
+
+/// The residual of an equation against a coordinate.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Map {
+    /// Equation, 1 or 2.
+    pub equation: usize,
+    /// Coordinate.
+    pub against: String,
+    /// Unit of the coordinate.
+    pub against_unit: &'static str,
+    /// Unit of the residual.
+    pub unit: String,
+    /// Centre, mean residual, band of each bin that holds samples.
+    pub bins: Vec<[f64; 3]>,
+}
+
+/// Coordinates: name, unit, function of a sample.
+fn coordinates(driven: bool) -> Vec<(&'static str, &'static str, Series)> {
+    let mut out: Vec<(&'static str, &'static str, Series)> = vec![
+        ("angle of joint1", "rad", std::sync::Arc::new(|s: &Sample| wrapped(s.phi[0]))),
+        ("angle of joint2", "rad", std::sync::Arc::new(|s: &Sample| wrapped(s.phi[1] - s.phi[0]))),
+        ("velocity of joint1", "rad/s", std::sync::Arc::new(|s: &Sample| s.rate[0])),
+        ("velocity of joint2", "rad/s", std::sync::Arc::new(|s: &Sample| s.rate[1] - s.rate[0])),
+    ];
+    if driven {
+        out.push(("drive phase", "rad", std::sync::Arc::new(|s: &Sample| s.sin_tau.atan2(s.cos_tau))));
+    }
+    out.push(("time", "s", std::sync::Arc::new(|s: &Sample| s.time)));
+    out
+}
+
+/// The model's variants with given coefficients.
+fn model_with<'a>(state: &'a State, x: &DVector<f64>) -> (Vec<(&'a Variant, Vec<f64>)>, Vec<f64>) {
+    let n = 2 * base_terms(state.context.driven);
+    let mut at = n;
+    let model = state
+        .chosen
+        .iter()
+        .map(|k| {
+            let strengths = k.strengths.iter().enumerate().map(|(i, _)| x[at + i]).collect();
+            at += k.strengths.len();
+            (&k.candidate.variant, strengths)
+        })
+        .collect();
+    (model, x.rows(0, n).iter().copied().collect())
+}
+
+/// Ratio of the rows' residual power to what the sensors' noise alone gives, averaged over equations and frequencies.
+pub(super) fn power(
+    state: &State,
+    design: &Design,
+    own: &[usize],
+    x: &DVector<f64>,
+    geometry: &Geometry,
+    sigma: [f64; 2],
+) -> f64 {
+    let (model, base) = model_with(state, x);
+    let truth = smoothed_stretches(&state.segments, &geometry.kernels, &geometry.windows);
+    let clean = design::residual(&state.context, &truth, geometry, &model, &base);
+    let mut noise = [vec![0.0; design.frequencies + 1], vec![0.0; design.frequencies + 1]];
+    let mut count = noise.clone();
+    for r in 0..REPEATS {
+        let measured: Vec<AngleSegment> =
+            truth.iter().enumerate().map(|(i, s)| measure(s, r, sigma, i as u64)).collect();
+        let noisy = design::residual(&state.context, &measured, geometry, &model, &base);
+        for (a, b) in clean.iter().zip(&noisy) {
+            for (row, (a, b)) in a.iter().zip(b).enumerate() {
+                let (e, m) = design.place_of_row(row);
+                noise[e][m] += (b - a) * (b - a);
+                count[e][m] += 1.0;
+            }
+        }
+    }
+    let found = ranking::mean_squares(design, own, x);
+    let mut sum = 0.0;
+    let mut n = 0.0;
+    for e in 0..2 {
+        for m in 0..=design.frequencies {
+            if noise[e][m] > 0.0 {
+                sum += found[e][m] * count[e][m] / noise[e][m];
+                n += 1.0;
+            }
+        }
+    }
+    if n > 0.0 { sum / n } else { f64::INFINITY }
+}
+
+/// Series of both residuals and of all coordinates.
+fn series(state: &State, x: &DVector<f64>) -> WeakModel {
+    let (model, base) = model_with(state, x);
+    let n = base.len() / 2;
+    let square = state.context.omega * state.context.omega;
+    let mut out = WeakModel::default();
+    for i in 0..2 {
+        let forces: Vec<(Series, f64)> = model
+            .iter()
+            .flat_map(|(v, k)| match &v.action {
+                Action::Force(f) => f.iter().zip(k).filter_map(|(pair, k)| pair[i].clone().map(|f| (f, *k))).collect(),
+                Action::Sensor(_) => Vec::new(),
+            })
+            .collect();
+        let b: Vec<f64> = (0..4).map(|k| if k < n { base[i * n + k] } else { 0.0 }).collect();
+        let scale = state.context.known.get(["J_o1", "J_o2"][i]).copied().unwrap_or(1.0);
+        let residual = move |s: &Sample| {
+            let j = 1 - i;
+            let turn = if i == 0 { -1.0 } else { 1.0 };
+            let coupling = s.accel[j] * s.cos_delta() + turn * s.rate[j] * s.rate[j] * s.sin_delta();
+            let left: f64 = s.sin[i] * (b[1] + b[2] * s.cos_tau + b[3] * s.sin_tau)
+                + forces.iter().map(|(f, k)| k * f(s)).sum::<f64>();
+            scale * (s.accel[i] + b[0] * coupling + square * left)
+        };
+        let _ = out.part(&format!("r{i}"), residual, Order::Value, 1.0);
+    }
+    for (name, _, f) in coordinates(state.context.driven) {
+        let _ = out.part(name, move |s| f(s), Order::Value, 1.0);
+    }
+    out
+}
+
+/// Maps of both equations against all coordinates, and the places where they clearly disagree, largest first.
+pub(super) fn maps(state: &State, x: &DVector<f64>, geometry: &Geometry, sigma: [f64; 2]) -> (Vec<Map>, Vec<Where>) {
+    let weak = series(state, x);
+    let names = coordinates(state.context.driven);
+    let values = evaluate_all(&state.segments, &weak, &geometry.kernels);
+    let truth = smoothed_stretches(&state.segments, &geometry.kernels, &geometry.windows);
+    let clean = evaluate_all(&truth, &weak, &geometry.kernels);
+    let mut noise = [Vec::new(), Vec::new()];
+    for r in 0..REPEATS {
+        let measured: Vec<AngleSegment> =
+            truth.iter().enumerate().map(|(i, s)| measure(s, r, sigma, i as u64)).collect();
+        let noisy = evaluate_all(&measured, &weak, &geometry.kernels);
+        for (e, noise) in noise.iter_mut().enumerate() {
+            noise.push(noisy[e].iter().zip(&clean[e]).map(|(a, b)| a - b).collect::<Vec<f64>>());
+        }
+    }
+    let step = state.segments.first().map_or(1.0, |s| s.step_s);
+    let independent = (2.0 * geometry.kernels.full.pass_hz * step).min(1.0);
+    let mut maps = Vec::new();
+    let mut places = Vec::new();
+    for e in 0..2 {
+        let unit = if state.context.known.contains_key(["J_o1", "J_o2"][e]) { "N m" } else { "rad/s²" };
+        for (c, (name, against_unit, _)) in names.iter().enumerate() {
+            let at = &values[2 + c];
+            let (low, high) = match *name {
+                "angle of joint1" | "angle of joint2" | "drive phase" => (-PI, PI),
+                _ => at.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x))),
+            };
+            if high <= low {
+                continue;
+            }
+            let bin = |x: f64| (((x - low) / (high - low) * BINS as f64) as usize).min(BINS - 1);
+            let mut sums = [(0.0, 0.0); BINS];
+            for (x, r) in at.iter().zip(&values[e]) {
+                let s = &mut sums[bin(*x)];
+                (s.0, s.1) = (s.0 + r, s.1 + 1.0);
+            }
+            let mut power = [(0.0, 0.0); BINS];
+            let mut overall = (0.0, 0.0);
+            for repeat in &noise[e] {
+                for (x, r) in clean[2 + c].iter().zip(repeat) {
+                    let p = &mut power[if *x >= low && *x <= high { bin(*x) } else { continue }];
+                    (p.0, p.1) = (p.0 + r * r, p.1 + 1.0);
+                    overall = (overall.0 + r * r, overall.1 + 1.0);
+                }
+            }
+            let mut bins = Vec::new();
+            for b in 0..BINS {
+                let (sum, n) = sums[b];
+                // A bin with few samples says little.
+                if n * independent < 8.0 {
+                    continue;
+                }
+                let (p, m) = if power[b].1 >= 200.0 { power[b] } else { overall };
+                let band = 1.96 * (p / f64::max(m, 1.0) / (n * independent)).sqrt();
+                let width = (high - low) / BINS as f64;
+                let from = low + b as f64 * width;
+                bins.push([from + 0.5 * width, sum / n, band]);
+                if (sum / n).abs() > CLEARLY * band {
+                    places.push(Where {
+                        equation: e + 1,
+                        against: (*name).to_owned(),
+                        from,
+                        to: from + width,
+                        value: sum / n,
+                        band,
+                    });
+                }
+            }
+            maps.push(Map { equation: e + 1, against: (*name).to_owned(), against_unit, unit: unit.to_owned(), bins });
+        }
+    }
+    (maps, merge(places))
+}
+
+/// Neighbouring bins of one sign become one place; the twelve clearest are kept.
+fn merge(places: Vec<Where>) -> Vec<Where> {
+    let mut out: Vec<Where> = Vec::new();
+    for p in places {
+        match out.last_mut() {
+            Some(last)
+                if last.equation == p.equation
+                    && last.against == p.against
+                    && (last.to - p.from).abs() < 1e-9 * TAU.max(p.from.abs())
+                    && last.value.signum() == p.value.signum() =>
+            {
+                last.to = p.to;
+                if p.value.abs() / p.band > last.value.abs() / last.band {
+                    (last.value, last.band) = (p.value, p.band);
+                }
+            }
+            _ => out.push(p),
+        }
+    }
+    out.sort_by(|a, b| (b.value.abs() / b.band).total_cmp(&(a.value.abs() / a.band)));
+    out.truncate(12);
+    out
+}
