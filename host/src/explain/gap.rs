@@ -22,6 +22,8 @@ pub struct Model<'a> {
 
 /// Steps a sample.
 const STEPS: usize = 4;
+/// Time over which a first guess of the state is good enough for the fit to converge, s.
+const SHORT_S: f64 = 0.1;
 
 impl Model<'_> {
     /// φ̈1, φ̈2 at a sample's state.
@@ -137,7 +139,8 @@ pub fn gap(c: &Context, model: &Model<'_>, segments: &[AngleSegment], stretches:
     (squares / f64::max(freedom, 1.0)).sqrt()
 }
 
-/// Sum of squared residuals over σ after fitting the initial state.
+/// Sum of squared residuals over σ after fitting the initial state: over a short part of the window first, then over twice as much each time, so that
+/// the fit stays in its basin where small changes grow along the window.
 fn fit_window(
     c: &Context,
     model: &Model<'_>,
@@ -146,6 +149,47 @@ fn fit_window(
     count: usize,
     sigma: [f64; 2],
 ) -> f64 {
+    let mut part = count;
+    while part as f64 * segment.step_s > SHORT_S && part >= 32 {
+        part /= 2;
+    }
+    let mut x = guess(segment, first, part);
+    loop {
+        let cost;
+        (x, cost) = fit_state(c, model, segment, first, part, sigma, x);
+        if part == count {
+            return cost;
+        }
+        part = (2 * part).min(count);
+    }
+}
+
+/// Initial state from the first few samples.
+fn guess(segment: &AngleSegment, first: usize, count: usize) -> SVector<f64, 4> {
+    let slope = |k: usize| {
+        // Slope at the start from a short parabola: differences over 5 and 10 samples.
+        let near = 5.min(count.saturating_sub(1));
+        let at = |i: usize| segment.phi[k][first + i];
+        let far = (2 * near).min(count.saturating_sub(1));
+        if near > 0 && far == 2 * near {
+            (4.0 * at(near) - 3.0 * at(0) - at(far)) / (2.0 * near as f64 * segment.step_s)
+        } else {
+            (at(far) - at(0)) / (far.max(1) as f64 * segment.step_s)
+        }
+    };
+    SVector::<f64, 4>::new(segment.phi[0][first], segment.phi[1][first], slope(0), slope(1))
+}
+
+/// Initial state fitted to `count` samples by Gauss–Newton with damping, and the sum of squares left.
+fn fit_state(
+    c: &Context,
+    model: &Model<'_>,
+    segment: &AngleSegment,
+    first: usize,
+    count: usize,
+    sigma: [f64; 2],
+    start: SVector<f64, 4>,
+) -> (SVector<f64, 4>, f64) {
     let measured: Vec<[f64; 2]> = (first..first + count)
         .map(|i| [segment.phi[0][i], segment.phi[1][i] - if segment.relative { segment.phi[0][i] } else { 0.0 }])
         .collect();
@@ -157,18 +201,7 @@ fn fit_window(
             .flat_map(|(p, m)| [(p[0] - m[0]) / sigma[0], (p[1] - m[1]) / sigma[1]])
             .collect()
     };
-    let slope = |k: usize| {
-        // Slope at the start from a short parabola: differences over 5 and 10 samples.
-        let near = 5.min(count - 1);
-        let at = |i: usize| segment.phi[k][first + i];
-        let far = (2 * near).min(count - 1);
-        if far == 2 * near {
-            (4.0 * at(near) - 3.0 * at(0) - at(far)) / (2.0 * near as f64 * segment.step_s)
-        } else {
-            (at(far) - at(0)) / (far.max(1) as f64 * segment.step_s)
-        }
-    };
-    let mut x = SVector::<f64, 4>::new(segment.phi[0][first], segment.phi[1][first], slope(0), slope(1));
+    let mut x = start;
     let mut r = residuals(&x);
     let mut cost: f64 = r.iter().map(|v| v * v).sum();
     let mut damping = 1e-6;
@@ -209,7 +242,7 @@ fn fit_window(
             break;
         }
     }
-    cost
+    (x, cost)
 }
 
 impl<'a> Model<'a> {
