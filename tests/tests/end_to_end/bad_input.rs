@@ -114,7 +114,8 @@ fn truncated_files_and_their_recovery() {
             assert!(samples > rows / 2 && samples < rows, "{record}: {samples} of {rows}");
         }
     }
-    std::fs::write(at.join("stub.parquet"), &whole[..100]).unwrap();
+    // Cut within the first row group.
+    std::fs::write(at.join("stub.parquet"), &whole[..1000]).unwrap();
     refused(at, "identify stub.parquet --rig rig.toml --recover", &["stub.parquet", "no row is whole", ".frames"]);
 }
 
@@ -179,6 +180,6 @@ fn wires_sources_and_options() {
     refused(at, "simulate --rig rig.toml --seconds 0 -o s.csv", &["--seconds", "found 0"]);
     refused(at, "simulate --rig rig.toml --seconds 1 --effect foo@joint1=1 -o s.csv", &["foo", "whirl list effects"]);
     refused(at, "simulate --rig rig.toml --seconds 1 -o no/folder/s.csv", &["no/folder/s.csv", "folder"]);
-    refused(at, "identify good.csv --rig rig.toml --window-s -3", &["-3"]);
+    refused(at, "identify good.csv --rig rig.toml --window-s 0", &["--window-s", "found 0"]);
     assert!(!at.join("r.parquet").exists() && !at.join("s.csv").exists());
 }

@@ -20,7 +20,6 @@ fn the_demo_ends_with_one_report_that_puts_the_truth_beside_the_answer() {
     }
     // The truth stands behind everything else, with the hidden effect.
     let truth = page.find("quadratic-drag@arm2").expect("the hidden effect is told");
-    assert!(page[..truth].contains("B11") && page[truth..].contains("B11"));
     assert!(page[truth..].contains("C12"));
     let out = json(&folder.path().join("out.json"));
     let parameters = out["identify"]["parameters"].as_array().unwrap();
