@@ -86,6 +86,13 @@ impl Mode {
         self.middle[joint] = 0.5 * (low + high);
     }
 
+    /// Takes whole turns out of a joint's angle.
+    pub(super) fn take_turns(&mut self, mechanics: &Mechanics, joint: usize, turns: i64) {
+        if turns != 0 {
+            self.place(mechanics, joint, self.turns[joint].saturating_sub(turns), self.index[joint]);
+        }
+    }
+
     /// Moves a joint to the next smooth stretch.
     pub(super) fn next_stretch(&mut self, mechanics: &Mechanics, joint: usize, up: bool) {
         let last = mechanics.corners[joint].len();

@@ -39,13 +39,15 @@ use dynamics::Mechanics;
 pub type State = [f64; 4];
 
 /// Default tolerance of the integration, rad and rad/s.
-pub const TOLERANCE: f64 = 1e-10;
+pub const TOLERANCE: f64 = 1e-11;
 
 /// A double pendulum in motion.
 #[derive(Clone, Debug)]
 pub struct Plant {
     mechanics: Mechanics,
+    /// Angles without the whole turns in `turns`, so that their resolution does not fall with the turns.
     state: State,
+    turns: [i64; 2],
     mode: Mode,
     integrator: Integrator<4>,
 }
@@ -75,6 +77,7 @@ impl Plant {
             mode: Mode::at(&mechanics, &state),
             mechanics,
             state,
+            turns: [0; 2],
             integrator: Integrator::new(Tolerance {
                 absolute: [tolerance; 4],
                 relative: [0.0, 0.0, tolerance, tolerance],
@@ -84,14 +87,21 @@ impl Plant {
         Ok(plant)
     }
 
-    /// The present state.
+    /// The present state, unwrapped. At many turns the sum rounds; [`Self::within_turn`] is exact.
     pub fn state(&self) -> State {
+        let turned = |i: usize| self.state[i] + self.turns[i] as f64 * core::f64::consts::TAU;
+        [turned(0), turned(1), self.state[2], self.state[3]]
+    }
+
+    /// The present state with whole turns left out of both angles (which are then within ±2π).
+    pub fn within_turn(&self) -> State {
         self.state
     }
 
     /// Moves the pendulum to another state (a perturbation, a release).
     pub fn set_state(&mut self, state: State) {
         self.state = state;
+        self.turns = [0; 2];
         self.mode = Mode::at(&self.mechanics, &state);
         self.settle_contacts(&crate::shaker::BaseMotion::REST);
     }

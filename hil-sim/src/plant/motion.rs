@@ -11,6 +11,8 @@
 //! found by bracketed secants whose every trial is a full Runge–Kutta step from the step's start, so that the state at
 //! the event has the order of the method.
 
+use core::f64::consts::TAU;
+
 use super::contact::{self, Dry, Mode, stick_margin, velocities};
 use super::dynamics::Mechanics;
 use super::{Plant, State};
@@ -110,11 +112,13 @@ impl Stretch<'_> {
         };
         let (start, end) = (self.distance(event, t, y), self.distance(event, t + step.h, &step.end));
         if self.is_stick(event) {
-            // The margin is no function of the velocity alone: look at it a few times in the step.
+            // The margin is no function of the velocity alone: look at it a few times in the step, and closely where it is
+            // small. While both joints stick the state does not change, and while one does it changes slowly.
             let mut low = (0.0, start);
             for share in [0.25, 0.5, 0.75] {
                 let h = share * step.h;
-                let value = at(h);
+                let rough = self.distance(event, t + h, &mix(y, &step.end, share));
+                let value = if rough < 0.1 { at(h) } else { rough };
                 if value < NEGATIVE {
                     return Some(root(at, low, (h, value)));
                 }
@@ -148,6 +152,11 @@ impl Stretch<'_> {
         }
         None
     }
+}
+
+/// The state a share of the way along a straight line.
+fn mix(from: &State, to: &State, share: f64) -> State {
+    [0, 1, 2, 3].map(|i| from[i] + share * (to[i] - from[i]))
 }
 
 /// Extremes inside (0, 1) of the cubic through the values and slopes at 0 and 1: place and value.
@@ -210,6 +219,12 @@ impl Plant {
     /// A state that is no longer finite, a system too stiff, friction that chatters. The state is then as far as it came.
     pub fn advance(&mut self, base: &BaseMotion, duration: f64) -> Result<(), IntegrationError> {
         self.integrator.restart();
+        // A free pendulum decays without end; below this arithmetic gets slow, and nothing is lost.
+        for value in &mut self.state {
+            if value.abs() < 1e-200 {
+                *value = 0.0;
+            }
+        }
         let mut t = 0.0;
         let mut events = 0;
         // `as` saturates, so that an absurd duration ends all the same.
@@ -219,6 +234,7 @@ impl Plant {
             if left <= 0.0 {
                 return Ok(());
             }
+            self.take_turns();
             events += self.overdue(base, t)?;
             let stretch = Stretch { mechanics: &self.mechanics, mode: &self.mode, base };
             let step = self.integrator.step(|t, y| stretch.rate(t, y), t, &self.state, left)?;
@@ -244,6 +260,21 @@ impl Plant {
             }
         }
         Err(IntegrationError::TooStiff { seconds: t })
+    }
+
+    /// Takes whole turns out of angles beyond ±2π, lest their resolution fall below that of the events.
+    fn take_turns(&mut self) {
+        let mut taken = [0_i64; 2];
+        for i in 0..2 {
+            if self.state[i].abs() > TAU {
+                // Beyond 2⁶³ turns the cast saturates; an angle of that size has no digits left.
+                taken[i] = libm::round(self.state[i] / TAU) as i64;
+                self.state[i] -= taken[i] as f64 * TAU;
+                self.turns[i] = self.turns[i].saturating_add(taken[i]);
+            }
+        }
+        self.mode.take_turns(&self.mechanics, 0, taken[0]);
+        self.mode.take_turns(&self.mechanics, 1, taken[1].saturating_sub(taken[0]));
     }
 
     /// Events that are due before a step, after the base's motion has changed at once. Returns how many there were.

@@ -63,7 +63,7 @@ fn counts_are_those_of_the_direct_simulation() {
         host.run(1_000);
         assert_eq!(host.rig.status().shaker, ShakerState::Running);
         // The state at the tick that is sampled next, and the phase that it will carry.
-        let (state, last) = (host.rig.plant().state(), host.rig.command());
+        let (state, last) = (host.rig.plant().within_turn(), host.rig.command());
         let first = host.rig.status().tick;
         let mut direct = Simulation::new(&SimulationSettings {
             initial: state,

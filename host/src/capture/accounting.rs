@@ -48,6 +48,8 @@ pub(super) struct Accounting {
     shift: i64,
     next: Option<i64>,
     first: Option<i64>,
+    /// Ticks to account for from the first on.
+    limit: Option<i64>,
     losses: Losses,
     missing: u64,
     damaged: u64,
@@ -69,6 +71,16 @@ pub(super) enum Verdict {
 }
 
 impl Accounting {
+    /// An account of at most `limit` ticks.
+    pub(super) fn new(limit: Option<i64>) -> Self {
+        Self { limit, ..Self::default() }
+    }
+
+    /// Tick behind the last one to account for.
+    pub(super) fn end(&self) -> Option<i64> {
+        Some(self.first?.saturating_add(self.limit?))
+    }
+
     /// A frame was refused.
     pub(super) fn bad_frame(&mut self) {
         self.losses.bad_frames += 1;
@@ -141,6 +153,11 @@ impl Accounting {
     fn drain(&mut self, keep: usize, out: &mut Vec<Taken>) {
         while self.held.len() > keep {
             let Some((start, held)) = self.held.pop_first() else { return };
+            let end = self.end().unwrap_or(i64::MAX);
+            // Neither such samples nor a gap before them belong to the record.
+            if start >= end {
+                continue;
+            }
             if let Some(next) = self.next
                 && start > next
             {
@@ -151,6 +168,9 @@ impl Accounting {
             }
             let before = out.len();
             samples(&held.block, start - held.skip as i64, held.skip, out);
+            // At most the samples of one block are beyond.
+            let beyond = (start + (out.len() - before) as i64).saturating_sub(end).max(0) as usize;
+            out.truncate(out.len() - beyond);
             self.losses.received += (out.len() - before) as u64;
             self.next = Some(start + (out.len() - before) as i64);
         }

@@ -127,3 +127,19 @@ fn any_mess_adds_up() {
         assert_eq!(l.received + l.lost(), span, "{l:?}");
     }
 }
+
+#[test]
+fn a_gap_across_the_end_is_not_of_the_record() {
+    let (mut a, mut out) = (Accounting::new(Some(25)), vec![]);
+    for first in [100, 110, 150] {
+        a.block(block(first, 10), &mut out);
+    }
+    a.finish(&mut out);
+    assert_eq!((out.len(), a.losses().lost(), a.losses().gaps), (20, 0, 0));
+    let (mut a, mut out) = (Accounting::new(Some(25)), vec![]);
+    for first in [100, 120, 150] {
+        a.block(block(first, 10), &mut out);
+    }
+    a.finish(&mut out);
+    assert_eq!((ticks(&out).last(), a.losses().received, a.losses().lost()), (Some(&124), 15, 10));
+}

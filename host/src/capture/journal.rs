@@ -37,7 +37,7 @@ pub struct Terms {
 }
 
 /// The journal beside a record.
-pub(super) fn path_of(record: &Path) -> PathBuf {
+pub fn path_of(record: &Path) -> PathBuf {
     let mut name = record.as_os_str().to_owned();
     name.push(".frames");
     name.into()

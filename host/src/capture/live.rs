@@ -10,6 +10,7 @@ use whirl_shared::frame::{Command, DeviceMessage, Hello};
 use super::commands::Commands;
 use super::drive::{Drive, Target};
 use super::journal::{Journal, Terms, path_of};
+use super::no_device::{Heard, Wire};
 use super::recorder::{Event, Recorder};
 use super::source::{Link, Source};
 use super::{CaptureOutcome, CaptureSettings, Progress, outcome};
@@ -25,15 +26,6 @@ const LAST_STATUS: Duration = Duration::from_millis(2500);
 const STOPPING: Duration = Duration::from_secs(5);
 /// Time between keep-alives; also a quarter of the device's time-out, by its own clock.
 const KEEP_ALIVE: Duration = Duration::from_millis(250);
-
-/// Bytes and frames since the link was last good.
-#[derive(Default)]
-struct Heard {
-    bytes: u64,
-    bad: u64,
-    /// Frames with a right checksum that are no message of this version.
-    foreign: u64,
-}
 
 struct Session<'a> {
     settings: &'a CaptureSettings,
@@ -136,7 +128,7 @@ impl Session<'_> {
                     recorder.ask_hello = false;
                 }
                 if self.hello.is_none() && now.duration_since(begun).as_secs_f64() > self.settings.handshake_s {
-                    return Err(self.no_device(begun));
+                    return Err(self.wire().no_hello(now.duration_since(begun).as_secs_f64()));
                 }
             }
             if recorder.reached_end() {
@@ -153,7 +145,7 @@ impl Session<'_> {
             }
             let down = now.duration_since(self.last_good);
             if self.hello.is_some() && down.as_secs_f64() > self.settings.reconnect_s + SILENCE.as_secs_f64() {
-                return Err(self.lost_for_good(down));
+                return Err(self.wire().lost(down, self.settings.reconnect_s));
             }
             if told.elapsed() > Duration::from_millis(200) {
                 told = Instant::now();
@@ -338,54 +330,15 @@ impl Session<'_> {
         }
     }
 
-    /// The error for a wire on which no device was heard.
-    fn no_device(&self, begun: Instant) -> BadInput {
-        let s = self.source.now().duration_since(begun).as_secs_f64();
-        let h = &self.heard;
-        let error = |found: String, remedy: &str| {
-            BadInput::new(found, "a device's hello").in_file(&self.settings.from).at("handshake").remedy(remedy)
-        };
-        if self.link.is_none() {
-            return error(format!("no connection after {s:.1} s ({})", self.lost_because), &self.source.remedy());
+    fn wire(&self) -> Wire<'_> {
+        Wire {
+            from: &self.settings.from,
+            open: self.link.is_some(),
+            bytes: self.bytes,
+            heard: self.heard,
+            lost_because: &self.lost_because,
+            remedy: self.source.remedy(),
         }
-        if self.bytes == 0 {
-            return error(
-                format!("no byte in {s:.1} s"),
-                "See that the device has power and runs whirl's firmware, and that this is its port",
-            );
-        }
-        if h.bad == 0 && h.bytes < self.bytes {
-            return error(
-                format!("good frames but no hello in {s:.1} s"),
-                "The device sends but does not hear: look at the line from host to device",
-            );
-        }
-        if h.foreign > 0 && h.foreign * 2 > h.bad {
-            return error(
-                format!("{} frames of another protocol version in {s:.1} s", h.foreign),
-                "Flash the firmware that belongs to this whirl: `whirl flash`",
-            );
-        }
-        error(
-            format!("noise: {} bytes in {s:.1} s, {} damaged frames and no good one", self.bytes, h.bad),
-            "See to the baud rate (serial:PORT@BAUD), the port, and that the device runs whirl's firmware",
-        )
-    }
-
-    fn lost_for_good(&self, down: Duration) -> BadInput {
-        let found = if self.link.is_some() && self.heard.bytes > 0 {
-            format!(
-                "a link lost for {:.1} s (noise: {} bytes, {} damaged frames)",
-                down.as_secs_f64(),
-                self.heard.bytes,
-                self.heard.bad
-            )
-        } else {
-            format!("a link lost for {:.1} s ({})", down.as_secs_f64(), self.lost_because)
-        };
-        BadInput::new(found, format!("the device back within {} s (--reconnect-s)", self.settings.reconnect_s))
-            .in_file(&self.settings.from)
-            .remedy(self.source.remedy())
     }
 
     /// Ends record and journal.

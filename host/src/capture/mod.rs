@@ -18,6 +18,7 @@ mod drive;
 mod file;
 pub mod journal;
 mod live;
+mod no_device;
 pub mod progress;
 mod recorder;
 mod replay;

@@ -40,8 +40,6 @@ pub(super) struct Recorder<'a> {
     begin_at: Option<u32>,
     /// Ticks to wait before that.
     settle: u32,
-    /// Samples to record.
-    limit: Option<i64>,
     writer: Option<RecordWriter>,
     taken: Vec<Taken>,
     last_tick: Option<i64>,
@@ -66,6 +64,12 @@ impl<'a> Recorder<'a> {
             .at("channel")
             .remedy("The first [[channel]] is encoder 1, the second encoder 2"));
         }
+        if let Some(c) = rig.channel.iter().find(|c| c.unit != "count") {
+            return Err(BadInput::new(format!("unit \"{}\"", c.unit), "unit \"count\": a device sends encoder counts")
+                .in_file(&rig.path)
+                .at(format!("channel \"{}\"", c.name))
+                .remedy("Give the channel unit = \"count\" and counts_per_turn"));
+        }
         // Terms bound it to 1e7 s, rates are at most some kilohertz; it saturates beyond 49 days.
         let settle = (terms.settle_s * rig.sample_rate_hz).round() as u32;
         let limit = terms.seconds.map(|s| ((s * rig.sample_rate_hz).round() as i64).max(1));
@@ -77,9 +81,8 @@ impl<'a> Recorder<'a> {
             settle,
             terms,
             decoder: Decoder::new(),
-            accounting: Accounting::default(),
+            accounting: Accounting::new(limit),
             hello: None,
-            limit,
             writer: None,
             taken: Vec::new(),
             last_tick: None,
@@ -173,10 +176,9 @@ impl<'a> Recorder<'a> {
         if self.writer.is_none() && !self.taken.is_empty() {
             self.writer = Some(RecordWriter::create(&self.output, &self.metadata(), self.rig)?);
         }
-        let end = self.end_tick();
         if let Some(writer) = &mut self.writer {
             let channels = self.rig.channel.len();
-            for s in self.taken.drain(..).filter(|s| end.is_none_or(|end| s.tick < end)) {
+            for s in self.taken.drain(..) {
                 let counts = &s.counts[..channels];
                 writer.push(&Sample { tick: s.tick, counts, phase: s.phase, amplitude_nm: s.amplitude_nm })?;
                 self.last_tick = Some(s.tick);
@@ -201,13 +203,9 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    fn end_tick(&self) -> Option<i64> {
-        Some(self.accounting.first_tick()?.saturating_add(self.limit?))
-    }
-
     /// Whether the last sample to be recorded has come (or is known to be lost).
     pub(super) fn reached_end(&self) -> bool {
-        self.end_tick().zip(self.accounting.newest()).is_some_and(|(end, newest)| newest >= end)
+        self.accounting.end().zip(self.accounting.newest()).is_some_and(|(end, newest)| newest >= end)
     }
 
     /// Whether the recording is complete: the status behind the last sample has come too.
@@ -243,11 +241,9 @@ impl<'a> Recorder<'a> {
     pub(super) fn finish(mut self) -> Result<Finished> {
         self.accounting.finish(&mut self.taken);
         self.write()?;
-        let mut losses = self.accounting.losses();
+        let losses = self.accounting.losses();
         let metadata = self.metadata();
         if let Some(writer) = self.writer.take() {
-            // Blocks reach past the last tick to be recorded.
-            losses.received = writer.rows();
             writer.finish(&losses)?;
         }
         if self.accounting.too_late > 0 {
@@ -328,3 +324,7 @@ fn check_hello(hello: &Hello, rig: &Rig) -> Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+#[path = "recorder_tests.rs"]
+mod tests;

@@ -64,6 +64,26 @@ mod with_rig {
         /// # Errors
         /// A rig file without `[plant]`; parameters, channels or effects that cannot be simulated.
         pub fn new(rig: &Rig, effects: &[Effect], seed: Option<u64>, record_s: Option<f64>) -> Result<Self> {
+            let settle_s = Plant::of(rig)?.settle_s;
+            let virtual_rig = VirtualRig::new(&Self::settings(rig, effects, seed, record_s)?).map_err(|e| {
+                BadInput::new(e.to_string(), "a rig that can be simulated")
+                    .in_file(&rig.path)
+                    .at("[plant]")
+                    .remedy("Correct [plant], or the effect")
+            })?;
+            Ok(Self { rig: Arc::new(Mutex::new(virtual_rig)), start: Instant::now(), settle_s })
+        }
+
+        /// The virtual rig's settings for a rig file, for [`Simulated::new`] and for servers of a simulated rig.
+        ///
+        /// # Errors
+        /// As [`Simulated::new`].
+        pub fn settings(
+            rig: &Rig,
+            effects: &[Effect],
+            seed: Option<u64>,
+            record_s: Option<f64>,
+        ) -> Result<RigSettings> {
             let plant = Plant::of(rig)?;
             let refused =
                 |found: String, expected: &str| BadInput::new(found, expected).in_file(&rig.path).at("[plant]");
@@ -109,10 +129,7 @@ mod with_rig {
             settings.device.limits.amplitude_micrometre = 200_000;
             settings.device.limits.frequency_millihertz = settings.device.sample_rate_millihertz / 5;
             settings.device.acceleration_limit_millimetre_per_s2 = 2_000_000;
-            let virtual_rig = VirtualRig::new(&settings).map_err(|e| {
-                refused(e.to_string(), "a rig that can be simulated").remedy("Correct [plant], or the effect")
-            })?;
-            Ok(Self { rig: Arc::new(Mutex::new(virtual_rig)), start: Instant::now(), settle_s: plant.settle_s })
+            Ok(settings)
         }
     }
 

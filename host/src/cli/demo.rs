@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     out.say(&super::capture::human(&captured));
     let record = Record::read(&record_path, &rig, &ReadOptions::default())?;
     let inspection = inspect(&record, &rig, &InspectSettings::default())?;
-    out.say(&format!("\ninspect\n{}", super::inspect::human(&inspection)));
+    out.say(&format!("\ninspect\n{}", crate::inspect::text::text(&inspection)));
     let identified = identify(&[record], &rig, &Settings::default())?;
     out.say(&format!("\nidentify\n{}", super::identify::human(&identified)));
 

@@ -1,6 +1,5 @@
 //! `whirl inspect`: rates, losses, spectra, phase portraits, periodicity of a record.
 
-use std::fmt::Write;
 use std::path::Path;
 
 use clap::Args;
@@ -11,7 +10,6 @@ use crate::error::Result;
 use crate::inspect::{InspectSettings, Inspection, inspect};
 use crate::record::Record;
 use crate::record::formats::ReadOptions;
-use crate::report::format::{duration, significant};
 use crate::report::{Report, Results};
 use crate::rig::Rig;
 
@@ -22,56 +20,6 @@ pub struct Arguments {
     records: Records,
     #[command(flatten)]
     out: Output,
-}
-
-/// The answer for people.
-pub fn human(i: &Inspection) -> String {
-    let mut text = String::new();
-    let r = &i.record;
-    let _ = writeln!(
-        text,
-        "{}: {} samples at {} Hz over {}, {} lost, {} unbroken stretch{}",
-        r.file,
-        r.samples,
-        significant(r.sample_rate_hz, 6),
-        duration(r.duration_s),
-        r.lost,
-        r.segments,
-        if r.segments == 1 { "" } else { "es" }
-    );
-    for c in &i.coordinates {
-        let turns = c.turns_per_period.or(c.turns);
-        let what = if c.turns_per_period.is_some() { "turns a drive period" } else { "turns in all" };
-        let _ = writeln!(
-            text,
-            "  {:<7} rms speed {} {}/s, noise {} {}{}",
-            c.name,
-            significant(c.rms_speed, 3),
-            c.unit,
-            significant(c.noise, 2),
-            c.unit,
-            turns.map_or_else(String::new, |t| format!(", {} {what}", significant(t, 3)))
-        );
-        if let Some(s) = &c.spectrum {
-            let lines: Vec<String> = s
-                .lines
-                .iter()
-                .take(4)
-                .map(|l| {
-                    format!(
-                        "{} Hz{}",
-                        significant(l.frequency_hz, 4),
-                        l.name.as_ref().map_or_else(String::new, |n| format!(" ({n})"))
-                    )
-                })
-                .collect();
-            if !lines.is_empty() {
-                let _ = writeln!(text, "          lines of the {}: {}", s.of, lines.join(", "));
-            }
-        }
-    }
-    let _ = writeln!(text, "{}", i.periodicity.sentence());
-    text
 }
 
 /// Writes the inspection report of one record.
@@ -94,7 +42,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let mut text = String::new();
     for i in &inspections {
         print_warnings(&i.warnings);
-        text.push_str(&human(i));
+        text.push_str(&crate::inspect::text::text(i));
         results.add(i.clone());
     }
     // One record, one object; several, a list of them.

@@ -250,7 +250,9 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
     let sigma = noises.map(|n| n.map_or(0.0, |n| n.sigma));
     let bias = noise_bias::estimate(&segments, &model, &kernels, &windows, &solution.weights, sigma);
     if let Some(bias) = &bias {
-        solution.coefficients.iter_mut().zip(bias).for_each(|(c, d)| *c -= d);
+        let mut rest = bias.value.iter();
+        solution.coefficients.iter_mut().flat_map(DVector::iter_mut).zip(&mut rest).for_each(|(c, d)| *c -= d);
+        solution.covariance += &bias.covariance;
     }
     if solution.repeating {
         warnings.push(Warning::new(
@@ -324,7 +326,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             stop_hz: kernels.full.stop_hz,
             sign_pass_hz: kernels.clear.pass_hz,
             noise_rad: sigma,
-            noise_bias: bias.map_or_else(Vec::new, |b| b.iter().flat_map(|v| v.iter().copied()).collect()),
+            noise_bias: bias.map_or_else(Vec::new, |b| b.value.iter().copied().collect()),
             condition: solution.condition.clone(),
             repetition: solution.repetition,
             jackknife_blocks: solution.blocks,

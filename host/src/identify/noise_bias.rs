@@ -14,12 +14,12 @@
 //! The bias does not depend on the record's length: it is measured on at most 64 windows spread over the record, so that a
 //! long record costs no more. The noise is seeded: the same record gives the same bytes.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::regression::solve_weighted;
-use super::windows::{Kernels, Windows, rows, samples_needed};
+use super::windows::{Kernels, WindowRows, Windows, rows, samples_needed};
 use crate::model::weak::WeakModel;
 use crate::signal::angles::AngleSegment;
 
@@ -30,7 +30,16 @@ const STRETCH: usize = 8;
 /// Shifts of the two encoders' grids, in counts: each encoder gets every quarter, in another order.
 const SHIFTS: [[f64; 2]; 4] = [[0.125, 0.375], [0.375, 0.875], [0.625, 0.125], [0.875, 0.625]];
 
-/// δ of all coefficients, equation by equation. `sigma` is the standard deviation of each sensor's noise, rad (used where it does not count).
+/// The bias of all coefficients, concatenated over the equations.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bias {
+    /// What to take off: δ, shrunk by 1 − var δ/δ² (to 0 where δ is not larger than its scatter).
+    pub value: DVector<f64>,
+    /// Covariance of δ, from leaving out one stretch at a time: it belongs to what is known of the coefficients.
+    pub covariance: DMatrix<f64>,
+}
+
+/// Measures the bias. `sigma` is the standard deviation of each sensor's noise, rad (used where it does not count).
 /// `None` where it cannot be measured (too few windows to solve for the coefficients).
 pub fn estimate(
     segments: &[AngleSegment],
@@ -39,19 +48,43 @@ pub fn estimate(
     windows: &Windows,
     weights: &[Vec<f64>],
     sigma: [f64; 2],
-) -> Option<Vec<DVector<f64>>> {
+) -> Option<Bias> {
     let truth = smoothed_stretches(segments, kernels, windows);
     let terms: Vec<usize> = model.equations.iter().map(|e| e.terms.len()).collect();
-    let solve =
-        |segments: &[AngleSegment]| solve_weighted(&rows(segments, model, kernels, windows), &terms, weights).ok();
-    let plain = solve(&truth)?;
-    let mut mean: Vec<DVector<f64>> = plain.iter().map(|c| -c.clone()).collect();
-    for r in 0..SHIFTS.len() {
-        let measured: Vec<AngleSegment> =
-            truth.iter().enumerate().map(|(i, s)| measure(s, r, sigma, i as u64)).collect();
-        mean.iter_mut().zip(solve(&measured)?).for_each(|(m, c)| *m += c / SHIFTS.len() as f64);
+    let plain = rows(&truth, model, kernels, windows);
+    let repeats: Vec<Vec<WindowRows>> = (0..SHIFTS.len())
+        .map(|r| {
+            let measured: Vec<AngleSegment> =
+                truth.iter().enumerate().map(|(i, s)| measure(s, r, sigma, i as u64)).collect();
+            rows(&measured, model, kernels, windows)
+        })
+        .collect();
+    // δ from all stretches but one (or from all).
+    let delta = |without: Option<usize>| {
+        let solve = |rows: &[WindowRows]| {
+            let kept = rows.iter().filter(|w| Some(w.run) != without);
+            let solved = solve_weighted(kept, &terms, weights).ok()?;
+            Some(DVector::from_iterator(terms.iter().sum(), solved.iter().flat_map(|c| c.iter().copied())))
+        };
+        let mut mean = -solve(&plain)?;
+        for rows in &repeats {
+            mean += solve(rows)? / repeats.len() as f64;
+        }
+        Some(mean)
+    };
+    let all = delta(None)?;
+    let n = truth.len();
+    let mut covariance = DMatrix::zeros(all.len(), all.len());
+    if n > 1 {
+        for change in (0..n).filter_map(|g| delta(Some(g))).map(|d| d - &all) {
+            covariance += &change * change.transpose() * ((n - 1) as f64 / n as f64);
+        }
     }
-    Some(mean)
+    let value = DVector::from_fn(all.len(), |i, _| {
+        let square = all[i] * all[i];
+        if square > 0.0 { all[i] * (1.0 - covariance[(i, i)] / square).max(0.0) } else { 0.0 }
+    });
+    Some(Bias { value, covariance })
 }
 
 /// Smoothed stretches of a few windows each, spread evenly over the record.

@@ -235,8 +235,8 @@ pub fn solve(windows: &[WindowRows], terms: &[usize], frequencies: usize) -> Res
 ///
 /// # Errors
 /// As [`solve`].
-pub fn solve_weighted(
-    windows: &[WindowRows],
+pub fn solve_weighted<'a>(
+    windows: impl Iterator<Item = &'a WindowRows> + Clone,
     terms: &[usize],
     weights: &[Vec<f64>],
 ) -> Result<Vec<DVector<f64>>, Unsolvable> {
@@ -245,7 +245,7 @@ pub fn solve_weighted(
         .enumerate()
         .map(|(e, &p)| {
             let mut normal = Normal::zeros(p);
-            windows.iter().for_each(|w| normal.add(&w.equations[e], &weights[e]));
+            windows.clone().for_each(|w| normal.add(&w.equations[e], &weights[e]));
             normal.complete().solve().map(|s| s.0).map_err(|column| Unsolvable::Dependent { equation: e, column })
         })
         .collect()

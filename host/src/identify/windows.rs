@@ -281,9 +281,9 @@ mod tests {
             count_rad: [None; 2],
         };
         let mut model = WeakModel::default();
-        let second = model.part(|s| s.raw[0], Order::Second, 1.0);
-        let first = model.part(|s| s.raw[0], Order::First, 1.0);
-        let value = model.part(|s| s.rate[0], Order::Value, 1.0);
+        let second = model.part("x", |s| s.raw[0], Order::Second, 1.0);
+        let first = model.part("x", |s| s.raw[0], Order::First, 1.0);
+        let value = model.part("rate", |s| s.rate[0], Order::Value, 1.0);
         model.equations.push(Equation {
             terms: vec![
                 Term { name: "a".into(), unit: "1", parts: vec![first] },

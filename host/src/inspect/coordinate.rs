@@ -38,7 +38,7 @@ pub struct Spectrum {
     pub piece: usize,
     /// Pieces averaged.
     pub averages: usize,
-    /// Frequency below which 99.9 % of the power lies that exceeds the sensor's noise, Hz.
+    /// Frequency below which 99 % of the power lies that exceeds the sensor's noise, Hz.
     pub band_hz: f64,
     /// Strongest lines, strongest first.
     pub lines: Vec<NamedLine>,
@@ -167,7 +167,7 @@ fn summarise(
     let mut sum = 0.0;
     let band = above.iter().position(|p| {
         sum += p;
-        sum >= 0.999 * total
+        sum >= 0.99 * total
     });
     let lines = spectrum::lines(&d, 12)
         .into_iter()

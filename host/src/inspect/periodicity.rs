@@ -46,27 +46,6 @@ pub struct Periodicity {
     pub locked_after_s: Option<f64>,
 }
 
-impl Periodicity {
-    /// The verdict in a sentence.
-    pub fn sentence(&self) -> String {
-        let share = format!("{:.0} % of the samples", 100.0 * self.repeats);
-        match (self.kind, self.period, self.locked_after_s) {
-            (Kind::AtRest, ..) => "nothing moves".to_owned(),
-            (Kind::Periodic, Some(k), _) => {
-                format!("locked: repeats after {k} drive period{} ({share})", if k == 1 { "" } else { "s" })
-            }
-            (Kind::LocksLater, Some(k), Some(t)) => {
-                format!("locks after {t:.1} s: then repeats after {k} drive period{}", if k == 1 { "" } else { "s" })
-            }
-            (Kind::Free, ..) => "free motion".to_owned(),
-            _ => format!(
-                "does not repeat within {LONGEST} drive periods (at best {share}, after {}): chaotic or transient",
-                self.best
-            ),
-        }
-    }
-}
-
 /// Looks for a period in the longest stretch (index `stretch` of each motion).
 ///
 /// `tolerance` is a fraction of the span; it is raised to four quantisation steps where these are coarser.

@@ -78,27 +78,24 @@ fn sign_joint2(s: &Sample) -> f64 {
 
 /// The weak model at angular frequency `omega` (rad/s; 1 for a free system, `driven` false then).
 pub fn weak_model(omega: f64, driven: bool, dampings: &[&Damping]) -> WeakModel {
-    let mut m = WeakModel { name: "double-pendulum".to_owned(), ..WeakModel::default() };
+    let mut m = WeakModel::default();
+    m.name = "double-pendulum".to_owned();
     let unit = |driven_free: [&'static str; 2]| if driven { driven_free[0] } else { driven_free[1] };
     let (second, first) = (1.0 / (omega * omega), 1.0 / omega);
-    let angles = [phi1 as super::weak::Series, phi2];
     for i in 0..2 {
-        let target = vec![m.part(angles[i], Order::Second, -second)];
+        let target = vec![m.part(["phi1", "phi2"][i], [phi1, phi2][i], Order::Second, -second)];
         // The coupling of an equation carries the other arm's momentum.
-        let momentum = m.part([momentum2 as super::weak::Series, momentum1][i], Order::First, second);
-        let product = m.part(coupling, Order::Value, [-second, second][i]);
+        let momentum = m.part(["momentum2", "momentum1"][i], [momentum2, momentum1][i], Order::First, second);
+        let product = m.part("coupling", coupling, Order::Value, [-second, second][i]);
         let n = i + 1;
+        let gravity = m.part(["sin1", "sin2"][i], [sin1, sin2][i], Order::Value, 1.0);
         let mut terms = vec![
             Term { name: format!("B{n}1"), unit: "1", parts: vec![momentum, product] },
-            Term {
-                name: format!("B{n}2"),
-                unit: unit(["1", "s⁻²"]),
-                parts: vec![m.part([sin1 as super::weak::Series, sin2][i], Order::Value, 1.0)],
-            },
+            Term { name: format!("B{n}2"), unit: unit(["1", "s⁻²"]), parts: vec![gravity] },
         ];
         if driven {
-            let cos = m.part([sin1_cos_tau as super::weak::Series, sin2_cos_tau][i], Order::Value, 1.0);
-            let sin = m.part([sin1_sin_tau as super::weak::Series, sin2_sin_tau][i], Order::Value, 1.0);
+            let cos = m.part(["sin1 cos", "sin2 cos"][i], [sin1_cos_tau, sin2_cos_tau][i], Order::Value, 1.0);
+            let sin = m.part(["sin1 sin", "sin2 sin"][i], [sin1_sin_tau, sin2_sin_tau][i], Order::Value, 1.0);
             terms.push(Term { name: format!("B{n}3"), unit: "1", parts: vec![cos] });
             terms.push(Term { name: format!("B{n}4"), unit: "1", parts: vec![sin] });
         }
@@ -108,12 +105,13 @@ pub fn weak_model(omega: f64, driven: bool, dampings: &[&Damping]) -> WeakModel 
             // A torque in joint 2 acts on both arms with opposite signs.
             let direction = if joint2 && i == 0 { -1.0 } else { 1.0 };
             let parts = match (damping.viscous, joint2) {
-                (true, true) => {
-                    vec![m.part(phi2, Order::First, direction * first), m.part(phi1, Order::First, -direction * first)]
-                }
-                (true, false) => vec![m.part(phi1, Order::First, direction * first)],
-                (false, true) => vec![m.part(sign_joint2, Order::Value, direction)],
-                (false, false) => vec![m.part(sign_joint1, Order::Value, direction)],
+                (true, true) => vec![
+                    m.part("phi2", phi2, Order::First, direction * first),
+                    m.part("phi1", phi1, Order::First, -direction * first),
+                ],
+                (true, false) => vec![m.part("phi1", phi1, Order::First, direction * first)],
+                (false, true) => vec![m.part("sign joint2", sign_joint2, Order::Value, direction)],
+                (false, false) => vec![m.part("sign joint1", sign_joint1, Order::Value, direction)],
             };
             let unit = unit(["1", if damping.viscous { "s⁻¹" } else { "s⁻²" }]);
             terms.push(Term { name: name.to_owned(), unit, parts });

@@ -5,6 +5,8 @@
 //! total derivatives, X = Σ_k c_k dᵖs_k/dtᵖ, of series s_k that angles and velocities give; integrating by parts,
 //! ∫ w dᵖs/dtᵖ = (−1)ᵖ ∫ w⁽ᵖ⁾ s. A [`Part`] is one such c, p and s.
 
+use std::sync::Arc;
+
 /// Everything that a series may depend on at one instant. Angles are absolute, rad; rates rad/s.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sample {
@@ -60,7 +62,7 @@ pub fn mean_sign(v: f64, step: f64) -> f64 {
 }
 
 /// A quantity evaluated at every sample.
-pub type Series = fn(&Sample) -> f64;
+pub type Series = Arc<dyn Fn(&Sample) -> f64 + Send + Sync>;
 
 /// How many time derivatives of the series the term contains; they are moved to the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -105,28 +107,32 @@ pub struct Equation {
 }
 
 /// A system of equations over shared series.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Default)]
 pub struct WeakModel {
     /// Name for results.
     pub name: String,
     /// The series, each evaluated once a sample.
     pub series: Vec<Series>,
+    /// Names of the series: one name, one series.
+    keys: Vec<String>,
     /// The equations.
     pub equations: Vec<Equation>,
 }
 
 impl WeakModel {
-    /// Adds a series (once: the same function keeps its index) and returns its index.
-    pub fn series_index(&mut self, series: Series) -> usize {
-        if let Some(i) = self.series.iter().position(|s| std::ptr::fn_addr_eq(*s, series)) {
-            return i;
-        }
-        self.series.push(series);
-        self.series.len() - 1
-    }
-
-    /// factor · dᵖ/dtᵖ of a series, which is added if it is new.
-    pub fn part(&mut self, series: Series, order: Order, factor: f64) -> Part {
-        Part { series: self.series_index(series), order, factor }
+    /// factor · dᵖ/dtᵖ of a series, which is added if its key is new.
+    pub fn part(
+        &mut self,
+        key: &str,
+        series: impl Fn(&Sample) -> f64 + Send + Sync + 'static,
+        order: Order,
+        factor: f64,
+    ) -> Part {
+        let index = self.keys.iter().position(|k| k == key).unwrap_or_else(|| {
+            self.series.push(Arc::new(series));
+            self.keys.push(key.to_owned());
+            self.series.len() - 1
+        });
+        Part { series: index, order, factor }
     }
 }

@@ -302,7 +302,7 @@ fn mutated_bytes_never_panic() {
     let plain = rows(60).into_bytes();
     let zipped = gzip(&plain);
     let (mut good, mut bad) = (0, 0);
-    for round in 0..4000 {
+    for round in 0..2000 {
         let mut bytes = if round % 2 == 0 { plain.clone() } else { zipped.clone() };
         for _ in 0..1 + rng.next_u32() % 4 {
             let i = rng.next_u32() as usize % bytes.len();
@@ -319,6 +319,6 @@ fn mutated_bytes_never_panic() {
             Err(e) => bad += usize::from(!e.to_string().is_empty()),
         }
     }
-    assert_eq!(good + bad, 4000);
-    assert!(good > 100 && bad > 1000, "{good} {bad}");
+    assert_eq!(good + bad, 2000);
+    assert!(good > 100 && bad > 500, "{good} {bad}");
 }

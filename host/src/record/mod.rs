@@ -15,6 +15,7 @@ mod parquet_cells;
 mod parquet_recovery;
 mod parquet_source;
 mod parquet_write;
+mod quiet;
 mod rows;
 mod segments;
 mod time_fit;

@@ -181,7 +181,7 @@ fn mutated_bytes_never_panic_nor_lie() {
     let other = std::fs::read(&path).unwrap();
     let truth: Vec<i32> = (0..2600).map(|i| sample(i).0[0]).collect();
     let (mut good, mut bad) = (0, 0);
-    for round in 0..3000 {
+    for round in 0..1500 {
         let mut bytes = if round % 2 == 0 { own.clone() } else { other.clone() };
         // Footers are short and hold all structure: half of the damage goes there.
         let tail = rng.next_u32() % 2 == 0;
@@ -216,5 +216,5 @@ fn mutated_bytes_never_panic_nor_lie() {
             Err(e) => bad += usize::from(!e.to_string().is_empty()),
         }
     }
-    assert!(good > 100 && bad > 1000, "{good} {bad}");
+    assert!(good > 100 && bad > 500, "{good} {bad}");
 }

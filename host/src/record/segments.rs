@@ -60,6 +60,7 @@ pub(super) fn assemble(
     // A record of whirl's own knows its clock; all others are fitted.
     let own_step =
         metadata.as_ref().map(|m| m.sample_rate_hz).filter(|r| *r > 0.0 && device.is_some()).map(|r| 1.0 / r);
+    let rate = own_step.map_or(rate, |step| 1.0 / step);
     let mut segments = Vec::with_capacity(ranges.len());
     let moduli: Vec<Option<f64>> = if metadata.is_some() {
         vec![None; rig.channel.len()]

@@ -86,3 +86,20 @@ fn no_friction_level_makes_it_chatter_or_hang() {
         }
     }
 }
+
+#[test]
+fn corners_are_found_after_a_hundred_thousand_turns() {
+    let far = 1e5 * core::f64::consts::TAU;
+    let effects = ["torsion-spring@joint1=1e-3", "backlash@joint2=0.5,k=2e-3", "coulomb-friction@joint2=1e-5"];
+    let mut plant = plant(&Parameters::PRINTED, &effects, [far + 0.3, 2.0 - 3.0 * far, 30.0, -40.0]);
+    let mut drive = Drive::new(0.0155);
+    for _ in 0..2_000 {
+        plant.advance(&drive.next(), TICK).unwrap();
+    }
+    let (state, within) = (plant.state(), plant.within_turn());
+    assert!((state[0] - far).abs() < 1e4 && (state[1] + 3.0 * far).abs() < 1e4, "{state:?}");
+    assert!(within[0].abs() < 10.0 && within[1].abs() < 10.0, "{within:?}");
+    for i in 0..2 {
+        assert!((state[i].sin() - within[i].sin()).abs() < 1e-8);
+    }
+}

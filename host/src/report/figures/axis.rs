@@ -102,7 +102,10 @@ impl Axis {
             (None, Scale::Log) => (log_ticks(low, high, most), 0),
             (None, Scale::Angle) => (angle_ticks(low, high, most), 0),
         };
-        let ticks = ticks.into_iter().filter(|(x, _)| (low..=high).contains(x)).collect();
+        // A record that starts at 1e-17 s has its tick at 0 all the same.
+        let slack = 1e-6 * (high - low);
+        let ticks = ticks.into_iter().filter(|(x, _)| (low - slack..=high + slack).contains(x));
+        let ticks = ticks.map(|(x, text)| (x.clamp(low, high), text)).collect();
         Fixed { scale: self.scale, low, high, ticks, power }
     }
 }
@@ -131,7 +134,8 @@ fn linear_ticks(low: f64, high: f64, most: f64) -> (Vec<(f64, String)>, i32) {
     let power = if !(2e-3..1e5).contains(&size) { size.log10().floor() as i32 } else { 0 };
     let scale = 10f64.powi(power);
     let decimals = (-((step / scale).log10() + 1e-9).floor()).clamp(0.0, 12.0) as usize;
-    let (first, last) = ((low / step).ceil(), (high / step).floor());
+    // Ends that miss a tick by rounding alone still have it.
+    let (first, last) = ((low / step - 1e-6).ceil(), (high / step + 1e-6).floor());
     let count = (last - first).clamp(0.0, 100.0) as usize;
     let ticks = (0..=count)
         .map(|i| {
@@ -203,6 +207,7 @@ mod tests {
         assert_eq!(texts(&Axis::linear("x"), &[-0.31, 0.29], 300.0), ["−0.2", "0.0", "0.2"]);
         assert_eq!(texts(&Axis::angle("θ"), &[], 300.0), ["−π", "−π/2", "0", "π/2", "π"]);
         assert_eq!(texts(&Axis::log("P"), &[1e-6, 100.0], 400.0), ["10⁻⁶", "10⁻⁴", "10⁻²", "10⁰", "10²"]);
+        assert_eq!(texts(&Axis::linear("t / s").range(1e-16, 54.0), &[], 400.0)[0], "0");
         let fixed = Axis::linear("r").fix([-3e-5, 4e-5].iter(), 300.0, 70.0);
         assert_eq!(fixed.power, -5);
         assert!(fixed.ticks.iter().any(|t| t.1 == "2"), "{fixed:?}");

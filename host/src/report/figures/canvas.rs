@@ -6,7 +6,8 @@
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-use super::axis::{Axis, Fixed};
+use super::axis::Fixed;
+pub use super::panel::{Layout, Panel, Rule, Series, Shape};
 use super::{compact, palette};
 use crate::report::format;
 
@@ -15,110 +16,15 @@ const U: f64 = 2.0;
 /// Font size of ticks and labels, CSS pixels.
 const FONT: f64 = 12.5;
 
-/// How a series is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Shape {
-    /// A line; points that are not finite break it.
-    Line,
-    /// A thin line, for dense histories.
-    Thin,
-    /// Small dots.
-    Dots,
-    /// Larger dots (smaller again where there are more than 300).
-    BigDots,
-    /// Larger dots with an interval `low` … `high` each.
-    Intervals,
-    /// Bars from the axis.
-    Bars,
-}
-
-/// One series of a panel.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Series {
-    /// Name in the legend; none where empty.
-    pub name: String,
-    /// How it is drawn.
-    pub shape: Shape,
-    /// Index into the palette; its place in the panel where none.
-    pub colour: Option<usize>,
-    /// Horizontal values.
-    pub x: Vec<f64>,
-    /// Vertical values, as many.
-    pub y: Vec<f64>,
-    /// Lower ends of intervals (`Shape::Intervals`).
-    pub low: Vec<f64>,
-    /// Upper ends.
-    pub high: Vec<f64>,
-}
-
-impl Series {
-    /// A series without intervals.
-    pub fn new(name: impl Into<String>, shape: Shape, x: Vec<f64>, y: Vec<f64>) -> Self {
-        Self { name: name.into(), shape, colour: None, x, y, low: Vec::new(), high: Vec::new() }
-    }
-
-    /// The same in a colour of the palette.
-    pub fn colour(mut self, index: usize) -> Self {
-        self.colour = Some(index);
-        self
-    }
-}
-
-/// A reference line across a panel.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Rule {
-    /// Vertical at x, otherwise horizontal at y.
-    pub vertical: bool,
-    /// Where.
-    pub at: f64,
-    /// Short text at its upper (or right) end.
-    pub label: String,
-}
-
-/// One pair of axes with what is in it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Panel {
-    /// Short title above it; may be empty.
-    pub title: String,
-    /// Horizontal axis.
-    pub x: Axis,
-    /// Vertical axis.
-    pub y: Axis,
-    /// Series.
-    pub series: Vec<Series>,
-    /// Reference lines.
-    pub rules: Vec<Rule>,
-    /// Leaves tick texts and label of the horizontal axis to the panel below.
-    pub shares_x: bool,
-}
-
-impl Panel {
-    /// A panel without series.
-    pub fn new(title: impl Into<String>, x: Axis, y: Axis) -> Self {
-        Self { title: title.into(), x, y, series: Vec::new(), rules: Vec::new(), shares_x: false }
-    }
-}
-
-/// How panels are arranged.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Layout {
-    /// Panels side by side.
-    pub columns: usize,
-    /// Full width, CSS pixels.
-    pub width: f64,
-    /// Height of a panel's frame, CSS pixels.
-    pub height: f64,
-}
-
-impl Default for Layout {
-    fn default() -> Self {
-        Self { columns: 1, width: 900.0, height: 220.0 }
-    }
-}
-
-/// Width of a text, CSS pixels, by an average letter.
+/// Width of a text, CSS pixels, by the letters of a wide face (narrower ones leave a little room).
 fn text_width(text: &str, size: f64) -> f64 {
-    super::plain(text).chars().map(|c| if ".,:;il|'· ".contains(c) { 0.3 } else { 0.57 }).sum::<f64>() * size
+    let em = |c: char| match c {
+        '.' | ',' | ':' | ';' | 'i' | 'l' | '|' | '\'' | '·' | ' ' => 0.34,
+        '−' | '×' | 'm' | 'w' => 0.86,
+        '⁻' | '⁰'..='⁹' | '¹' | '²' | '³' => 0.45,
+        _ => 0.64,
+    };
+    super::plain(text).chars().map(em).sum::<f64>() * size
 }
 
 struct Pen<'a, 'b>(&'b DrawingArea<SVGBackend<'a>, plotters::coord::Shift>);
@@ -277,12 +183,19 @@ fn draw_axes(pen: &Pen, panel: &Panel, x: &Fixed, y: &Fixed, frame: (f64, f64, f
         pen.line((left - 4.0, at_y(*v)), (left, at_y(*v)), ink, 2);
         pen.text(text, (left - 8.0, at_y(*v)), (HPos::Right, VPos::Center), FONT, ink, false, false);
     }
+    let mut label_end = f64::NEG_INFINITY;
     for rule in &panel.rules {
         if rule.vertical {
             let v = x.place(rule.at);
             if v.is_finite() {
                 pen.line((at_x(v), top), (at_x(v), bottom), &palette::SOFT, 2);
                 let place = (at_x(v) + 3.0, top + 3.0);
+                // A label that would run into the one before it is left out.
+                let end = place.0 + text_width(&rule.label, FONT - 1.5);
+                if place.0 < label_end || end > left + width {
+                    continue;
+                }
+                label_end = end;
                 pen.text(&rule.label, place, (HPos::Left, VPos::Top), FONT - 1.5, &palette::SOFT, false, false);
             }
         } else {
@@ -379,6 +292,7 @@ fn draw_marks(
 
 #[cfg(test)]
 mod tests {
+    use super::super::axis::Axis;
     use super::*;
 
     #[test]

@@ -11,6 +11,7 @@ pub mod compact;
 pub mod decimate;
 pub mod lines;
 pub mod palette;
+pub mod panel;
 pub mod residuals;
 pub mod response;
 pub mod scatter;

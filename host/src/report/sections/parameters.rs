@@ -69,7 +69,7 @@ pub(super) fn one(body: &mut Html, table: &ParameterTable) {
             let mut row = vec![
                 Html::symbol(&p.name),
                 text(plus_minus(p.value, half)),
-                Html::text(unit),
+                Html::text(&unit.replace(' ', "\u{a0}")),
                 text(if relative.is_finite() && half > 0.0 {
                     format!("± {} %", significant(100.0 * relative, 2))
                 } else {

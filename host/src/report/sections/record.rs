@@ -67,7 +67,7 @@ fn table(body: &mut Html, coordinates: &[Coordinate]) {
         ("quantisation step q", &|c| (c.step > 0.0).then(|| quantity(c.step, &c.unit, 3))),
         ("q/√12", &|c| (c.step > 0.0).then(|| quantity(c.quantisation_noise, &c.unit, 3))),
         ("noise, estimated (white)", &|c| Some(quantity(c.noise, &c.unit, 3))),
-        ("99.9 % of the power below", &|c| c.spectrum.as_ref().map(|s| quantity(s.band_hz, "Hz", 3))),
+        ("99 % of the power below", &|c| c.spectrum.as_ref().map(|s| quantity(s.band_hz, "Hz", 3))),
     ];
     let mut heads = vec![(Html::new(), Align::Left)];
     heads.extend(coordinates.iter().map(|c| (Html::symbol(&c.name), Align::Right)));

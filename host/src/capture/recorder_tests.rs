@@ -1,0 +1,93 @@
+//! The recorder under whatever a device may say.
+
+use rand::{Rng, SeedableRng};
+use whirl_shared::codec::{MAX_FRAME, encode};
+use whirl_shared::frame::BLOCK_LEN;
+
+use super::*;
+
+const RIG: &str = "name = \"x\"\nmodel = \"double-pendulum\"\nsample_rate_hz = 500.0\n\
+    [[channel]]\nname = \"a\"\nmeasures = \"theta1\"\nunit = \"count\"\ncounts_per_turn = 4096\n";
+
+fn message(rng: &mut rand_chacha::ChaCha8Rng, hello: &Hello) -> DeviceMessage {
+    // Ticks near each other, near the wrap, and anywhere.
+    let tick = match rng.next_u32() % 4 {
+        0 => rng.next_u32(),
+        1 => u32::MAX - rng.next_u32() % 100,
+        _ => rng.next_u32() % 5000,
+    };
+    match rng.next_u32() % 8 {
+        0 => DeviceMessage::Hello(Hello { boot_id: rng.next_u32() % 3, tick, ..hello.clone() }),
+        1 => DeviceMessage::Status(Status {
+            tick,
+            overruns: rng.next_u32(),
+            dropped_samples: rng.next_u32(),
+            shaker: ShakerState::Running,
+            amplitude_nanometre: 1_000_000,
+            frequency_millihertz: 5000,
+            ..Status::default()
+        }),
+        _ => {
+            let n = rng.next_u32() as usize % BLOCK_LEN;
+            DeviceMessage::Samples(SampleBlock {
+                first_tick: tick,
+                phase: rng.next_u32(),
+                phase_increment: rng.next_u32(),
+                amplitude_nanometre: rng.next_u32(),
+                first: [rng.next_u32().cast_signed(), i32::MAX],
+                deltas: (0..n).map(|_| [rng.next_u32() as i16, i16::MAX]).collect(),
+            })
+        }
+    }
+}
+
+#[test]
+fn whatever_a_device_says_adds_up_without_panic() {
+    let dir = tempfile::tempdir().unwrap();
+    let rig = Rig::parse(RIG, Path::new("rig.toml")).unwrap();
+    let hello = Hello {
+        protocol: PROTOCOL_VERSION,
+        schema: SCHEMA_HASH,
+        boot_id: 0,
+        tick: 0,
+        firmware: "x".try_into().unwrap(),
+        board: "y".try_into().unwrap(),
+        sample_rate_millihertz: 500_000,
+        counts_per_turn: [4096, 1],
+        block_len: 10,
+        limits: whirl_shared::frame::ShakerLimits {
+            amplitude_micrometre: 1,
+            frequency_millihertz: 1,
+            ramp_micrometre_per_s: 1,
+        },
+        host_timeout_ms: 1,
+    };
+    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(8);
+    let mut with_samples = 0;
+    for round in 0..200 {
+        let terms = Terms {
+            seconds: (round % 3 == 0).then_some(20.0),
+            from_drive: (round % 2 == 0).then_some((1000, 5000)),
+            hello_first: round % 5 == 0,
+            ..Terms::default()
+        };
+        let mut recorder = Recorder::new(&rig, &dir.path().join("r.csv"), terms).unwrap();
+        for sequence in 0..300 {
+            let envelope = Envelope { sequence, message: message(&mut rng, &hello) };
+            let mut frame = [0; MAX_FRAME];
+            let n = encode(&envelope, &mut frame).unwrap();
+            if rng.next_u32() % 10 == 0 {
+                frame[rng.next_u32() as usize % n] = rng.next_u32() as u8;
+            }
+            for &byte in &frame[..n] {
+                recorder.push(byte).unwrap();
+            }
+        }
+        let done = recorder.finish().unwrap();
+        if let (Some(first), Some(last)) = (done.first_tick, done.last_tick) {
+            with_samples += 1;
+            assert_eq!(done.losses.received + done.losses.lost(), last.abs_diff(first) + 1);
+        }
+    }
+    assert!(with_samples > 50, "{with_samples}");
+}
