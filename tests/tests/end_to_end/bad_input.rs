@@ -116,7 +116,7 @@ fn truncated_files_and_their_recovery() {
     }
     // Cut within the first row group.
     std::fs::write(at.join("stub.parquet"), &whole[..1000]).unwrap();
-    refused(at, "identify stub.parquet --rig rig.toml --recover", &["stub.parquet", "no row is whole", ".frames"]);
+    refused(at, "identify stub.parquet --rig rig.toml --recover", &["stub.parquet", "no row is whole", "again"]);
 }
 
 #[test]

@@ -46,7 +46,7 @@ fn a_serial_port_that_is_unplugged_leaves_one_marked_gap_and_the_clock_goes_on()
         .current_dir(folder.path())
         .arg("capture")
         .args(["--from", &format!("serial:{}", port.display())])
-        .args("--rig rig.toml --amplitude-m 0.0155 --seconds 4 -o r.parquet --json out.json".split(' '))
+        .args("--rig rig.toml --amplitude-m 0.0155 --seconds 5 -o r.parquet --json out.json".split(' '))
         .stdout(std::process::Stdio::piped())
         .stderr(std::process::Stdio::piped())
         .spawn()
@@ -54,7 +54,7 @@ fn a_serial_port_that_is_unplugged_leaves_one_marked_gap_and_the_clock_goes_on()
     // Once the drive runs (a ramp of 0.8 s) and some of it is recorded.
     let journal = folder.path().join("r.parquet.frames");
     let start = std::time::Instant::now();
-    while std::fs::metadata(&journal).map_or(0, |m| m.len()) < 12_000 {
+    while std::fs::metadata(&journal).map_or(0, |m| m.len()) < 9_000 {
         assert!(start.elapsed().as_secs() < 60, "nothing is captured");
         std::thread::sleep(std::time::Duration::from_millis(10));
     }
@@ -64,7 +64,7 @@ fn a_serial_port_that_is_unplugged_leaves_one_marked_gap_and_the_clock_goes_on()
     server.stop().unwrap();
     assert!(longest >= 300, "the plug was out for 400 ticks, the gap is {longest}");
     assert!(out["reconnections"].as_u64().unwrap() >= 1, "{out}");
-    assert!(out["duration_s"].as_f64().unwrap() >= 4.0 && out["complete"] == true, "{out}");
+    assert!(out["duration_s"].as_f64().unwrap() >= 5.0 && out["complete"] == true, "{out}");
     // The device's clock and phase go on through the gap: 5 Hz at 500 Hz, 2³²/100 a tick.
     let (first, last) = (&record.segments[0], &record.segments[record.segments.len() - 1]);
     let ticks = (last.first_tick - first.first_tick) as u64;
