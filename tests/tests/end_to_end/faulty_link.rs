@@ -3,7 +3,7 @@
 use whirl_tests::accuracy::chaotic_rig;
 use whirl_tests::faulty::capture;
 
-/// Simulated time, s; `--example faulty_hour` runs an hour.
+/// Simulated time, s; `--example accounted_hour` runs an hour.
 const SECONDS: f64 = 600.0;
 
 #[test]

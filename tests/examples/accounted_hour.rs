@@ -1,5 +1,5 @@
 //! One simulated hour (or as many seconds as are asked for) through every kind of link fault, every sample accounted for.
-//! `cargo run --release -p whirl-tests --example faulty_hour [SECONDS] [SEED]`
+//! `cargo run --release -p whirl-tests --example accounted_hour [SECONDS] [SEED]`
 
 use whirl_tests::accuracy::chaotic_rig;
 use whirl_tests::faulty::capture;
