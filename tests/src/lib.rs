@@ -1,1 +1,17 @@
-//! stub
+//! End-to-end tests over the whole line, from encoder edges to the report: what the tests in `tests/` and the longer
+//! runs in `examples/` share.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`accuracy`] | simulated records of the chaotic rig, identified, beside the truth |
+//! | [`faulty`] | a capture through every kind of link fault, held against the link's own account |
+
+pub mod accuracy;
+pub mod faulty;
+
+use std::path::PathBuf;
+
+/// A file or folder of the repository.
+pub fn repository(path: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
+}

@@ -44,12 +44,14 @@ pub struct DriveCheck {
     pub agrees: Option<bool>,
 }
 
-/// The drive's frequency from the device's phase: slope between first and last sample of the longest segment.
+/// The drive's frequency from the device's phase: its mean advance over the longest segment, but for ticks in which the shaker
+/// rested and the phase stood still.
 fn phase_frequency(record: &Record) -> Option<f64> {
     let segment = record.segments.iter().filter(|s| s.phase.is_some()).max_by_key(|s| s.len())?;
     let phase = segment.phase.as_ref().filter(|p| p.len() >= 2)?;
-    let turns: f64 = phase.windows(2).map(|w| f64::from(w[1].wrapping_sub(w[0]) as i32) / 2f64.powi(32)).sum();
-    Some(turns / ((phase.len() - 1) as f64 * segment.step_s))
+    let advances = phase.windows(2).map(|w| f64::from(w[1].wrapping_sub(w[0]).cast_signed())).filter(|a| *a != 0.0);
+    let (turns, steps) = advances.fold((0.0, 0u32), |(turns, steps), a| (turns + a / 2f64.powi(32), steps + 1));
+    Some(turns / (f64::from(steps.max(1)) * segment.step_s))
 }
 
 /// What is looked at of one coordinate's stretch, see the head of this file. Numbers that are no angles: x² or x.

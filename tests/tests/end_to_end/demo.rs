@@ -1,0 +1,30 @@
+//! The whole line with nothing plugged in.
+
+use super::program::{done, json};
+
+#[test]
+fn the_demo_ends_with_one_report_that_puts_the_truth_beside_the_answer() {
+    let folder = tempfile::tempdir().unwrap();
+    done(folder.path(), "demo -o out --json out.json");
+    let pages: Vec<_> = std::fs::read_dir(folder.path().join("out"))
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .filter(|p| p.extension().is_some_and(|x| x == "html" || x == "htm"))
+        .collect();
+    assert_eq!(pages, [folder.path().join("out/report.html")]);
+    let page = std::fs::read_to_string(&pages[0]).unwrap();
+    assert!(page.len() < 5_000_000 && page.contains("<svg"), "{} bytes", page.len());
+    // Self-contained: nothing is fetched from anywhere.
+    for fetched in ["<script src", "<link ", "<img ", "@import", "url(http"] {
+        assert!(!page.contains(fetched), "{fetched}");
+    }
+    assert!(page.matches("<sub>22</sub></td>").count() >= 2, "identified, and beside the truth");
+    // The truth stands behind everything else, with the hidden effect.
+    let truth = page.find("quadratic-drag@arm2").expect("the hidden effect is told");
+    assert!(page[truth..].contains("found − true"));
+    let out = json(&folder.path().join("out.json"));
+    let parameters = out["identify"]["parameters"].as_array().unwrap();
+    let b22 = parameters.iter().find(|p| p["name"] == "B22").unwrap()["value"].as_f64().unwrap();
+    assert!((b22 / 0.26317 - 1.0).abs() < 0.002, "{b22}");
+    assert_eq!(out["capture"]["losses"]["received"], 60_000);
+}

@@ -1,0 +1,21 @@
+//! Every sample behind a faulty link is accounted for.
+
+use whirl_tests::accuracy::chaotic_rig;
+use whirl_tests::faulty::capture;
+
+/// Simulated time, s; `--example accounted_hour` runs an hour.
+const SECONDS: f64 = 600.0;
+
+#[test]
+fn every_sample_of_a_long_capture_through_every_fault_is_accounted_for() {
+    let account = capture(&chaotic_rig(5.0), SECONDS, 7);
+    let l = &account.outcome.losses;
+    assert_eq!(l.received + l.lost_on_link + l.damaged + l.overruns + l.dropped_by_device, account.ticks, "{l:?}");
+    assert!(account.ticks as f64 >= SECONDS * 500.0, "{}", account.ticks);
+    assert_eq!(account.disagreements, 0, "against the injector's own account, tick by tick");
+    // Each kind of fault was there.
+    let drawn = &account.injected;
+    assert!(drawn.drawn_frames.iter().chain(&drawn.drawn_bytes).all(|n| *n > 0) && drawn.unplugged > 0, "{drawn:?}");
+    assert!(l.lost_on_link > 0 && l.damaged > 0 && l.gaps > 0 && l.duplicates > 0, "{l:?}");
+    assert_eq!((l.restarts, l.overruns, l.dropped_by_device), (0, 0, 0));
+}

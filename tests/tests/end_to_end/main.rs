@@ -1,0 +1,12 @@
+//! End-to-end tests: the program and the library over the whole line, one file a subject.
+
+mod accuracy;
+mod bad_input;
+mod demo;
+mod determinism;
+mod faulty_link;
+mod interface;
+mod interrupted;
+mod measured;
+mod program;
+mod unplugged;
