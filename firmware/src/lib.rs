@@ -26,6 +26,7 @@ extern crate std;
 pub mod app;
 pub mod event;
 pub mod link;
+pub mod lock_step;
 pub mod output;
 pub mod preview;
 pub mod quadrature;
