@@ -12,6 +12,7 @@ use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::event::{Event, Request};
 use whirl_firmware::link::Link;
 use whirl_firmware::lock_step::{self, Order};
+use whirl_firmware::pacing::Pacer;
 use whirl_firmware::sampler::Sampler;
 use whirl_firmware::settings::{HOST_TIMEOUT_MAX_MS, Settings};
 use whirl_shared::codec::MAX_FRAME;
@@ -32,13 +33,8 @@ struct Interrupt {
     events: Producer<'static, Event>,
     requests: Consumer<'static, Request>,
     host: Producer<'static, u8>,
-    period: u32,
+    pacer: Pacer,
     tick: u32,
-    /// The free clock at the last tick's due time, and the deviation of ticks from their period.
-    due: Option<u32>,
-    early: u32,
-    late: u32,
-    latency: u32,
 }
 
 static INTERRUPT: Mutex<RefCell<Option<Interrupt>>> = Mutex::new(RefCell::new(None));
@@ -58,15 +54,8 @@ pub unsafe extern "C" fn tick() {
 
 impl Interrupt {
     fn tick(&mut self) {
-        let latency = machine::since_tick(self.period);
-        let due = machine::clock().wrapping_sub(latency);
-        // Before the first tick nothing can have been missed.
-        let elapsed = self.due.replace(due).map_or(self.period, |last| due.wrapping_sub(last));
-        let passed = ((elapsed + self.period / 2) / self.period).max(1);
-        self.early = self.early.max((passed * self.period).saturating_sub(elapsed));
-        self.late = self.late.max(elapsed.saturating_sub(passed * self.period));
-        self.latency = self.latency.max(latency);
-        let missed = passed - 1;
+        let latency = machine::since_tick(self.pacer.period());
+        let missed = self.pacer.interrupt(machine::clock(), latency);
         self.tick = self.tick.wrapping_add(missed);
 
         let drive = self.sampler.drive();
@@ -82,7 +71,7 @@ impl Interrupt {
         self.sampler.tick(missed, latency_us, &mut self.blocks, &mut self.events, &mut self.requests);
         self.tick = self.tick.wrapping_add(1);
         let blocked = BLOCKED.load(Relaxed);
-        BLOCKED.store(blocked.saturating_sub(passed), Relaxed);
+        BLOCKED.store(blocked.saturating_sub(missed + 1), Relaxed);
         for &byte in &self.plant.host {
             // A test that sends more than the thread takes finds its commands unanswered.
             let _ = self.host.enqueue(byte);
@@ -101,7 +90,7 @@ impl Interrupt {
             Order::Panic => panic!("ordered to"),
             Order::Stall(ticks) => {
                 let start = machine::clock();
-                let clocks = u32::from(ticks) * self.period;
+                let clocks = u32::from(ticks) * self.pacer.period();
                 while machine::clock().wrapping_sub(start) < clocks {}
             }
             Order::BreakOutput => plant::break_output(),
@@ -111,15 +100,14 @@ impl Interrupt {
 
     /// The account of a run, for people and tests.
     fn tell(&self) {
+        let [early, late] = self.pacer.deviation();
         // The console is the emulator's own; it does not fail.
         let _ = writeln!(
             semihosting::Console,
-            "ticks {}\nperiod {} clocks, early {} late {}\nlatency {} clocks\nstack {} bytes\nstatics {} bytes",
+            "ticks {}\nperiod {} clocks, early {early} late {late}\nlatency {} clocks\nstack {} bytes\nstatics {} bytes",
             self.tick,
-            self.period,
-            self.early,
-            self.late,
-            self.latency,
+            self.pacer.period(),
+            self.pacer.latency(),
             stack::used(),
             stack::statics(),
         );
@@ -182,12 +170,8 @@ fn start() -> Option<Thread> {
         events: events_in,
         requests: requests_out,
         host: host_in,
-        period,
+        pacer: Pacer::new(period),
         tick: 0,
-        due: None,
-        early: 0,
-        late: 0,
-        latency: 0,
     };
     cortex_m::interrupt::free(|section| INTERRUPT.borrow(section).replace(Some(interrupt)));
     machine::start_uart();
