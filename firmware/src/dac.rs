@@ -48,7 +48,11 @@ impl<D: Converter, E: OutputPin> DacShaker<D, E> {
 
     /// The displacement at the highest code is `full_scale_nanometre`; zero counts as 1 nm.
     pub const fn new(converter: D, enable: E, full_scale_nanometre: u32) -> Self {
-        Self { converter, enable, full_scale_nanometre: if full_scale_nanometre == 0 { 1 } else { full_scale_nanometre } }
+        Self {
+            converter,
+            enable,
+            full_scale_nanometre: if full_scale_nanometre == 0 { 1 } else { full_scale_nanometre },
+        }
     }
 }
 

@@ -12,7 +12,7 @@ use embassy_stm32::mode::Async;
 use embassy_stm32::pac;
 use embassy_stm32::peripherals::{IWDG, TIM6};
 use embassy_stm32::timer::low_level::Timer as TickTimer;
-use embassy_stm32::usart::{Uart, UartTx, RingBufferedUartRx};
+use embassy_stm32::usart::{RingBufferedUartRx, Uart, UartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_time::Timer;
 use heapless::spsc::{Consumer, Producer, Queue};

@@ -19,6 +19,7 @@ pub struct EmulatedPlant {
     /// Ticks that the plant has moved on.
     ticks: u64,
     command: Command,
+    amplifier_on: bool,
 }
 
 impl EmulatedPlant {
@@ -30,7 +31,14 @@ impl EmulatedPlant {
         let bench = bench_of(settings)?;
         let shown = bench.shown();
         let encoders = [0, 1].map(|i| Encoder::new(settings.device.counts_per_turn[i], shown[i]));
-        Ok(Self { bench, encoders, tick_s: tick_s(&settings.device), ticks: 0, command: Command::default() })
+        Ok(Self {
+            bench,
+            encoders,
+            tick_s: tick_s(&settings.device),
+            ticks: 0,
+            command: Command::default(),
+            amplifier_on: false,
+        })
     }
 
     /// Moves on to the request's tick, under the drive of the tick before it; ticks that the board has missed go by under
@@ -43,12 +51,14 @@ impl EmulatedPlant {
         if u64::from(request.tick) < self.ticks {
             return Err(refused("it went back in time"));
         }
-        if !request.amplifier_on && request.amplitude_nanometre != 0 {
+        let amplitude = request.amplitude_nanometre;
+        // At the tick at which it is cut off it still tells of the amplitude that it had.
+        if !request.amplifier_on && !self.amplifier_on && amplitude != 0 {
             return Err(refused("it tells of an amplitude with the shaker's amplifier off"));
         }
-        let moving = request.phase_increment != 0 && request.amplitude_nanometre != 0;
-        let expected = waveform::displacement(request.amplitude_nanometre, request.phase);
-        if moving && request.displacement_nanometre != expected {
+        self.amplifier_on = request.amplifier_on;
+        let moving = request.amplifier_on && request.phase_increment != 0;
+        if moving && request.displacement_nanometre != waveform::displacement(amplitude, request.phase) {
             return Err(refused("what stands at the shaker's output is not what its phase and amplitude say"));
         }
         let previous = self.command.amplitude_nanometre[1];
