@@ -5,6 +5,7 @@
 mod capture;
 mod completions;
 mod demo;
+mod flash;
 mod identify;
 mod inspect;
 mod list;
@@ -49,6 +50,8 @@ enum Command {
     Inspect(inspect::Arguments),
     /// Parameters with standard errors.
     Identify(identify::Arguments),
+    /// Builds a board's firmware and flashes it through a debug probe.
+    Flash(flash::Arguments),
     /// What can be chosen: models, effects, boards, methods.
     List(list::Arguments),
     /// Completions for a shell.
@@ -134,6 +137,7 @@ fn run(cli: Cli) -> Result<Answer> {
         Command::Capture(a) => capture::run(&a),
         Command::Inspect(a) => inspect::run(&a),
         Command::Identify(a) => identify::run(&a),
+        Command::Flash(a) => flash::run(&a),
         Command::List(a) => list::run(&a),
         Command::Completions(a) => completions::run(&a),
     }
