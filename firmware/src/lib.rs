@@ -24,9 +24,12 @@
 extern crate std;
 
 pub mod app;
+pub mod dac;
 pub mod event;
 pub mod link;
+pub mod lock_step;
 pub mod output;
+pub mod pacing;
 pub mod preview;
 pub mod quadrature;
 pub mod queue;

@@ -3,11 +3,13 @@
 //! At boot the first frame is a hello. Other messages go before blocks, but never two in a row while blocks wait, so
 //! that a flood of commands cannot starve the samples.
 
+use core::fmt::Write;
+
 use heapless::{Deque, String};
 use whirl_shared::encoder::CountScale;
 use whirl_shared::frame::{
     Ack, BLOCK_LEN, CHANNELS, CommandResult, DeviceMessage, Hello, Log, PROTOCOL_VERSION, SCHEMA_HASH, SampleBlock,
-    Status,
+    Status, TEXT_LEN,
 };
 
 use crate::console::Console;
@@ -135,7 +137,7 @@ impl Link {
             schema: SCHEMA_HASH,
             boot_id: settings.boot_id,
             tick,
-            firmware: text(FIRMWARE),
+            firmware: firmware(settings.build),
             board: text(settings.board),
             sample_rate_millihertz: settings.sample_rate_millihertz,
             counts_per_turn: settings.counts_per_turn,
@@ -144,6 +146,16 @@ impl Link {
             host_timeout_ms,
         }
     }
+}
+
+/// Name, version and build: `whirl-firmware 0.1.0 (1a2b3c4d)`.
+fn firmware(build: &str) -> String<TEXT_LEN> {
+    let mut whole = text(FIRMWARE);
+    if !build.is_empty() {
+        // It fits: the settings' check keeps it short.
+        let _ = write!(whole, " ({build})");
+    }
+    whole
 }
 
 /// As much of a text as fits.

@@ -4,6 +4,8 @@ use core::fmt;
 
 use whirl_shared::frame::{CHANNELS, ShakerLimits, TEXT_LEN};
 
+/// Longest build id, bytes: name, version and build share one text of the hello.
+pub const BUILD_LEN: usize = 16;
 /// Least host time-out that is accepted, ms.
 pub const HOST_TIMEOUT_MIN_MS: u32 = 100;
 /// Greatest host time-out that is accepted, ms.
@@ -20,6 +22,8 @@ pub const AMPLITUDE_MAX_MICROMETRE: u32 = 2_147_483;
 pub struct Settings {
     /// Board name, at most [`TEXT_LEN`] bytes.
     pub board: &'static str,
+    /// Id of the image's sources, told after the firmware's version; at most [`BUILD_LEN`] bytes, empty where there is none.
+    pub build: &'static str,
     /// Changes at every boot.
     pub boot_id: u32,
     /// Sampling rate, mHz.
@@ -40,6 +44,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             board: "unnamed",
+            build: "",
             boot_id: 0,
             sample_rate_millihertz: 500_000,
             counts_per_turn: [4096; CHANNELS],
@@ -90,6 +95,7 @@ impl Settings {
         let limits = &self.limits;
         let board_len = u32::try_from(self.board.len()).unwrap_or(u32::MAX);
         check("board (length)", board_len, 1, TEXT_LEN as u32)?;
+        check("build (length)", u32::try_from(self.build.len()).unwrap_or(u32::MAX), 0, BUILD_LEN as u32)?;
         check("sample_rate_millihertz", rate, SAMPLE_RATE_MILLIHERTZ[0], SAMPLE_RATE_MILLIHERTZ[1])?;
         check("counts_per_turn[0]", self.counts_per_turn[0], 1, COUNTS_PER_TURN_MAX)?;
         check("counts_per_turn[1]", self.counts_per_turn[1], 1, COUNTS_PER_TURN_MAX)?;

@@ -21,4 +21,12 @@ pub enum SimulationError {
         /// What failed.
         error: IntegrationError,
     },
+    /// An emulated board asked for something that cannot be.
+    #[error("the emulated board failed at tick {tick}: {problem}")]
+    Board {
+        /// The tick.
+        tick: u32,
+        /// What was wrong.
+        problem: String,
+    },
 }

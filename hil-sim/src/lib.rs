@@ -8,6 +8,7 @@
 //! | [`encoder`] | quadrature edges and decoder |
 //! | [`simulate`] | samples straight from the plant |
 //! | [`virtual_rig`] | the firmware and the plant in lock-step |
+//! | [`emulated`] | the firmware's image on an emulated board, and the plant in lock-step |
 //! | [`faults`] | a link that damages what it carries, and knows what it did |
 //! | [`transport`] | ways to the virtual rig: in process, TCP, pseudo-terminal |
 //!
@@ -16,6 +17,8 @@
 //! on every machine.
 
 mod bench;
+#[cfg(unix)]
+pub mod emulated;
 pub mod encoder;
 pub mod error;
 pub mod faults;

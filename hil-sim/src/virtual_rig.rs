@@ -107,6 +107,35 @@ fn setting_error(error: SettingsError) -> ParameterError {
     ParameterError::new(error.field, f64::from(error.found), &format!("{} to {}", error.min, error.max))
 }
 
+/// Length of a tick, s.
+pub(crate) fn tick_s(device: &Settings) -> f64 {
+    1.0 / (f64::from(device.sample_rate_millihertz) / 1e3)
+}
+
+/// Plant, shaker and encoders of a rig at power-on.
+pub(crate) fn bench_of(settings: &RigSettings) -> Result<Bench, SimulationError> {
+    settings.device.validate().map_err(setting_error)?;
+    // The firmware's drive is not known yet; its direction decides what may act across it.
+    let drive = DriveSettings { direction: settings.direction, frequency_hz: 0.0, amplitude_m: 0.0, psi: settings.psi };
+    let additions = additions(&settings.effects, Some(&drive))?;
+    if additions.delay_s < 0.0 {
+        let found = additions.delay_s.to_string();
+        return Err(EffectError::new("channel-delay", &found, "0 or more on a rig that runs firmware").into());
+    }
+    let initial = settings.seed.map_or(settings.initial, |seed| perturbed(settings.initial, seed));
+    Bench::new(&BenchSettings {
+        parameters: settings.parameters,
+        additions,
+        direction: settings.direction,
+        psi: settings.psi,
+        record_s: settings.record_s,
+        initial,
+        tick_s: tick_s(&settings.device),
+        tolerance: settings.tolerance,
+        second: settings.second,
+    })
+}
+
 impl VirtualRig {
     /// A rig that has just been switched on: shaker disarmed, a hello waiting to be sent.
     ///
@@ -114,35 +143,14 @@ impl VirtualRig {
     /// A parameter, setting or effect that cannot be. A negative channel delay is refused: a device cannot show its first
     /// encoder before it is sampled ([`crate::Simulation`] can).
     pub fn new(settings: &RigSettings) -> Result<Self, SimulationError> {
-        let rate = f64::from(settings.device.sample_rate_millihertz) / 1e3;
-        settings.device.validate().map_err(setting_error)?;
-        // The firmware's drive is not known yet; its direction decides what may act across it.
-        let drive =
-            DriveSettings { direction: settings.direction, frequency_hz: 0.0, amplitude_m: 0.0, psi: settings.psi };
-        let additions = additions(&settings.effects, Some(&drive))?;
-        if additions.delay_s < 0.0 {
-            let found = additions.delay_s.to_string();
-            return Err(EffectError::new("channel-delay", &found, "0 or more on a rig that runs firmware").into());
-        }
-        let initial = settings.seed.map_or(settings.initial, |seed| perturbed(settings.initial, seed));
-        let bench = Bench::new(&BenchSettings {
-            parameters: settings.parameters,
-            additions,
-            direction: settings.direction,
-            psi: settings.psi,
-            record_s: settings.record_s,
-            initial,
-            tick_s: 1.0 / rate,
-            tolerance: settings.tolerance,
-            second: settings.second,
-        })?;
+        let bench = bench_of(settings)?;
         let app = Self::boot(&settings.device, &bench)?;
         Ok(Self {
             app,
             device: settings.device.clone(),
             bench,
             command: Command::default(),
-            tick_s: 1.0 / rate,
+            tick_s: tick_s(&settings.device),
             ticks: 0,
             to_miss: 0,
             missed: 0,

@@ -1,5 +1,6 @@
 //! From encoder counts to a trusted equation of motion, and to the physical effect that the model is missing.
 
+pub mod boards;
 pub mod capture;
 pub mod cli;
 pub mod error;

@@ -155,6 +155,18 @@ fn the_first_frame_is_a_hello_that_tells_everything() {
 }
 
 #[test]
+fn the_hello_tells_the_build() {
+    let settings = Settings { build: "0123456789abcdef", ..Settings::default() };
+    let mut rig = rig();
+    rig.app = App::new(settings, Counter(0), Counter(0), Recorder::default()).unwrap();
+    rig.transmit();
+    let Some(DeviceMessage::Hello(hello)) = rig.messages().next() else { panic!("no hello") };
+    assert_eq!(hello.firmware.as_str(), std::format!("{} (0123456789abcdef)", crate::link::FIRMWARE));
+    let long = Settings { build: "0123456789abcdefg", ..Settings::default() };
+    assert_eq!(long.validate().unwrap_err().field, "build (length)");
+}
+
+#[test]
 fn damaged_out_of_range_and_misplaced_commands_change_nothing() {
     let mut rig = rig();
     let mut quiet = self::rig();

@@ -121,7 +121,10 @@ mod tests {
             ("tcp:localhost", "HOST:PORT"),
             ("tcp:localhost:99999", "HOST:PORT"),
             ("file", "file:FRAMES"),
+            #[cfg(not(feature = "probe"))]
             ("rtt", "--features probe"),
+            #[cfg(feature = "probe")]
+            ("rtt:a chip", "STM32F446RETx"),
         ] {
             let e = parse(from, &rig).err().map(|e| e.to_string()).unwrap_or_default();
             assert!(e.contains(part) && e.contains("--from"), "{from}: {e}");

@@ -39,8 +39,11 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
                 out.say(&format!("{id:<18} {about}\n"));
             }
         }
-        What::Boards => out
-            .say("virtual-rig        the firmware in lock-step with the simulated rig (`whirl capture --from sim`)\n"),
+        What::Boards => {
+            for board in crate::boards::BOARDS {
+                out.say(&format!("{:<18} {}\n", board.id, board.about));
+            }
+        }
         What::Effects => effects(&out),
     }
     Ok(Answer::Positive)

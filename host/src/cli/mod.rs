@@ -6,6 +6,7 @@ mod capture;
 mod completions;
 mod demo;
 mod explain;
+mod flash;
 mod identify;
 mod inspect;
 mod list;
@@ -52,6 +53,8 @@ enum Command {
     Identify(identify::Arguments),
     /// Where simulation and measurement disagree, which effect is missing, the gap before and after.
     Explain(explain::Arguments),
+    /// Builds a board's firmware and flashes it through a debug probe.
+    Flash(flash::Arguments),
     /// What can be chosen: models, effects, boards, methods.
     List(list::Arguments),
     /// Completions for a shell.
@@ -138,6 +141,7 @@ fn run(cli: Cli) -> Result<Answer> {
         Command::Inspect(a) => inspect::run(&a),
         Command::Identify(a) => identify::run(&a),
         Command::Explain(a) => explain::run(&a),
+        Command::Flash(a) => flash::run(&a),
         Command::List(a) => list::run(&a),
         Command::Completions(a) => completions::run(&a),
     }

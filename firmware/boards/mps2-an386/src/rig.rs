@@ -1,0 +1,195 @@
+//! Interrupt and thread, as on a real board.
+
+use core::cell::RefCell;
+use core::fmt::Write;
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+
+use cortex_m::interrupt::Mutex;
+use cortex_m::peripheral::NVIC;
+use heapless::spsc::{Consumer, Producer, Queue};
+use static_cell::StaticCell;
+use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
+use whirl_firmware::event::{Event, Request};
+use whirl_firmware::link::Link;
+use whirl_firmware::lock_step::{self, Order};
+use whirl_firmware::pacing::Pacer;
+use whirl_firmware::sampler::Sampler;
+use whirl_firmware::settings::{HOST_TIMEOUT_MAX_MS, Settings};
+use whirl_shared::codec::MAX_FRAME;
+use whirl_shared::frame::SampleBlock;
+
+use crate::machine::{self, CLOCK_HZ, Timer0};
+use crate::plant::{self, Counter, Output, Plant};
+use crate::{semihosting, stack};
+
+/// Bytes of the host that wait for the thread.
+const HOST_QUEUE: usize = 512;
+
+/// What the interrupt owns.
+struct Interrupt {
+    sampler: Sampler<Counter, Counter, Output>,
+    plant: Plant,
+    blocks: Producer<'static, SampleBlock>,
+    events: Producer<'static, Event>,
+    requests: Consumer<'static, Request>,
+    host: Producer<'static, u8>,
+    pacer: Pacer,
+    tick: u32,
+}
+
+static INTERRUPT: Mutex<RefCell<Option<Interrupt>>> = Mutex::new(RefCell::new(None));
+static EXIT: AtomicBool = AtomicBool::new(false);
+/// Ticks for which the link takes nothing.
+static BLOCKED: AtomicU32 = AtomicU32::new(0);
+
+/// TIMER0's interrupt: one sampling tick.
+pub unsafe extern "C" fn tick() {
+    machine::clear_tick();
+    cortex_m::interrupt::free(|section| {
+        if let Some(interrupt) = INTERRUPT.borrow(section).borrow_mut().as_mut() {
+            interrupt.tick();
+        }
+    });
+}
+
+impl Interrupt {
+    fn tick(&mut self) {
+        let latency = machine::since_tick(self.pacer.period());
+        let missed = self.pacer.interrupt(machine::clock(), latency);
+        self.tick = self.tick.wrapping_add(missed);
+
+        let drive = self.sampler.drive();
+        let request = lock_step::Request {
+            tick: self.tick,
+            phase: drive.phase,
+            phase_increment: drive.phase_increment,
+            amplitude_nanometre: drive.amplitude_nanometre,
+            ..lock_step::Request::default()
+        };
+        let Some(reply) = self.plant.exchange(request) else { panic!("the plant has gone") };
+        let latency_us = latency / (CLOCK_HZ / 1_000_000);
+        self.sampler.tick(missed, latency_us, &mut self.blocks, &mut self.events, &mut self.requests);
+        self.tick = self.tick.wrapping_add(1);
+        let blocked = BLOCKED.load(Relaxed);
+        BLOCKED.store(blocked.saturating_sub(missed + 1), Relaxed);
+        for &byte in &self.plant.host {
+            // A test that sends more than the thread takes finds its commands unanswered.
+            let _ = self.host.enqueue(byte);
+        }
+        self.obey(reply.order);
+    }
+
+    fn obey(&mut self, order: Order) {
+        match order {
+            Order::None => {}
+            Order::Exit => {
+                self.tell();
+                EXIT.store(true, Relaxed);
+                NVIC::mask(Timer0);
+            }
+            Order::Panic => panic!("ordered to"),
+            Order::Stall(ticks) => {
+                let start = machine::clock();
+                let clocks = u32::from(ticks) * self.pacer.period();
+                while machine::clock().wrapping_sub(start) < clocks {}
+            }
+            Order::BreakOutput => plant::break_output(),
+            Order::BlockLink(ticks) => BLOCKED.store(u32::from(ticks), Relaxed),
+        }
+    }
+
+    /// The account of a run, for people and tests.
+    fn tell(&self) {
+        let [early, late] = self.pacer.deviation();
+        // The console is the emulator's own; it does not fail.
+        let _ = writeln!(
+            semihosting::Console,
+            "ticks {}\nperiod {} clocks, early {early} late {late}\nlatency {} clocks\nstack {} bytes\nstatics {} bytes",
+            self.tick,
+            self.pacer.period(),
+            self.pacer.latency(),
+            stack::used(),
+            stack::statics(),
+        );
+    }
+}
+
+/// What the thread owns.
+struct Thread {
+    link: Link,
+    blocks: Consumer<'static, SampleBlock>,
+    events: Consumer<'static, Event>,
+    requests: Producer<'static, Request>,
+    host: Consumer<'static, u8>,
+}
+
+impl Thread {
+    /// Sends what waits, takes what has come.
+    fn turn(&mut self) {
+        let mut frame = [0; MAX_FRAME];
+        while BLOCKED.load(Relaxed) == 0 {
+            let Some(length) = self.link.poll_transmit(&mut frame, &mut self.blocks, &mut self.events) else { break };
+            for &byte in &frame[..length] {
+                while !machine::send(byte) {}
+            }
+        }
+        while let Some(byte) = self.host.dequeue().or_else(machine::receive) {
+            self.link.receive(&[byte], &mut self.requests);
+        }
+    }
+}
+
+/// The board's settings. The host may be as silent as it is allowed to be: it lives by another clock.
+fn settings() -> Settings {
+    Settings {
+        board: "mps2-an386",
+        build: env!("WHIRL_BUILD_ID"),
+        boot_id: 1,
+        host_timeout_ms: HOST_TIMEOUT_MAX_MS,
+        ..Settings::default()
+    }
+}
+
+fn start() -> Option<Thread> {
+    static QUEUE_BLOCKS: StaticCell<Queue<SampleBlock, BLOCKS>> = StaticCell::new();
+    static QUEUE_EVENTS: StaticCell<Queue<Event, EVENTS>> = StaticCell::new();
+    static QUEUE_REQUESTS: StaticCell<Queue<Request, REQUESTS>> = StaticCell::new();
+    static QUEUE_HOST: StaticCell<Queue<u8, HOST_QUEUE>> = StaticCell::new();
+    let (blocks_in, blocks) = QUEUE_BLOCKS.init(Queue::new()).split();
+    let (events_in, events) = QUEUE_EVENTS.init(Queue::new()).split();
+    let (requests, requests_out) = QUEUE_REQUESTS.init(Queue::new()).split();
+    let (host_in, host) = QUEUE_HOST.init(Queue::new()).split();
+    let settings = settings();
+    let sampler = Sampler::new(&settings, Counter(0), Counter(1), Output).ok()?;
+    let link = Link::new(&settings).ok()?;
+    let period = (u64::from(CLOCK_HZ) * 1_000 / u64::from(settings.sample_rate_millihertz)) as u32;
+    let interrupt = Interrupt {
+        sampler,
+        plant: Plant::open()?,
+        blocks: blocks_in,
+        events: events_in,
+        requests: requests_out,
+        host: host_in,
+        pacer: Pacer::new(period),
+        tick: 0,
+    };
+    cortex_m::interrupt::free(|section| INTERRUPT.borrow(section).replace(Some(interrupt)));
+    machine::start_uart();
+    machine::start_clock();
+    machine::start_tick(period);
+    // SAFETY: the interrupt's handler and all that it uses are there, and no critical section of ours is open.
+    unsafe { NVIC::unmask(Timer0) };
+    Some(Thread { link, blocks, events, requests, host })
+}
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    stack::paint();
+    let Some(mut thread) = start() else { panic!("no plant: the pipes to_plant and from_plant cannot be opened") };
+    while !EXIT.load(Relaxed) {
+        thread.turn();
+        cortex_m::asm::nop();
+    }
+    thread.turn();
+    semihosting::exit(true)
+}

@@ -1,0 +1,172 @@
+//! The wire between an emulated board and the simulated plant at its other end.
+//!
+//! Once a tick, first thing in the sampling interrupt, the board sends a [`Request`] and waits for the [`Reply`]: the plant
+//! moves up to this tick under the drive of the last one, and shows its encoders. A board that waits has no time that
+//! passes (QEMU stops its clock), so that board and plant are in lock-step and a run is the same at every repeat.
+//!
+//! All numbers are little-endian. A reply may carry bytes as if they had come from the host, which the board takes between
+//! this tick and the next, and an [`Order`] by which a test makes the board fail.
+
+/// Length of a request on the wire, bytes.
+pub const REQUEST_LEN: usize = 24;
+/// Length of a reply without the host's bytes.
+pub const REPLY_LEN: usize = 8;
+/// Most bytes of the host in one reply.
+pub const HOST_BYTES: usize = 255;
+
+/// Name of the pipe from board to plant.
+pub const TO_PLANT: &str = "to_plant";
+/// Name of the pipe from plant to board.
+pub const FROM_PLANT: &str = "from_plant";
+
+/// Board → plant.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Request {
+    /// The tick that is being sampled.
+    pub tick: u32,
+    /// Phase of the drive at the tick before, turns · 2⁻³².
+    pub phase: u32,
+    /// Its advance in a tick.
+    pub phase_increment: u32,
+    /// Amplitude at the tick before, nm.
+    pub amplitude_nanometre: u32,
+    /// What stands at the shaker's output, nm.
+    pub displacement_nanometre: i32,
+    /// Whether the shaker's amplifier is on.
+    pub amplifier_on: bool,
+    /// Whether the board has panicked: its last words.
+    pub panicked: bool,
+}
+
+impl Request {
+    /// On the wire.
+    #[must_use]
+    pub fn to_bytes(self) -> [u8; REQUEST_LEN] {
+        let words = [
+            self.tick,
+            self.phase,
+            self.phase_increment,
+            self.amplitude_nanometre,
+            self.displacement_nanometre.cast_unsigned(),
+            u32::from(self.amplifier_on) | u32::from(self.panicked) << 1,
+        ];
+        let mut bytes = [0; REQUEST_LEN];
+        for (place, word) in bytes.chunks_exact_mut(4).zip(words) {
+            place.copy_from_slice(&word.to_le_bytes());
+        }
+        bytes
+    }
+
+    /// From the wire.
+    #[must_use]
+    pub fn from_bytes(bytes: &[u8; REQUEST_LEN]) -> Self {
+        let word = |i: usize| {
+            let i = 4 * i;
+            u32::from_le_bytes([bytes[i], bytes[i + 1], bytes[i + 2], bytes[i + 3]])
+        };
+        Self {
+            tick: word(0),
+            phase: word(1),
+            phase_increment: word(2),
+            amplitude_nanometre: word(3),
+            displacement_nanometre: word(4).cast_signed(),
+            amplifier_on: word(5) & 1 != 0,
+            panicked: word(5) & 2 != 0,
+        }
+    }
+}
+
+/// What a test makes the board do after this tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Order {
+    /// Nothing.
+    #[default]
+    None,
+    /// Send what waits, and end.
+    Exit,
+    /// Panic.
+    Panic,
+    /// Keep interrupts off for so many ticks.
+    Stall(u16),
+    /// The shaker's output fails from now on.
+    BreakOutput,
+    /// The link takes nothing for so many ticks.
+    BlockLink(u16),
+}
+
+/// Plant → board.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Reply {
+    /// Both 16-bit counters at this tick.
+    pub counts: [u16; 2],
+    /// What to do after it.
+    pub order: Order,
+    /// Bytes of the host that follow.
+    pub host_bytes: u8,
+}
+
+impl Reply {
+    /// On the wire.
+    #[must_use]
+    pub fn to_bytes(self) -> [u8; REPLY_LEN] {
+        let (order, argument) = match self.order {
+            Order::None => (0, 0),
+            Order::Exit => (1, 0),
+            Order::Panic => (2, 0),
+            Order::Stall(ticks) => (3, ticks),
+            Order::BreakOutput => (4, 0),
+            Order::BlockLink(ticks) => (5, ticks),
+        };
+        let [a, b] = self.counts.map(u16::to_le_bytes);
+        let c = argument.to_le_bytes();
+        [a[0], a[1], b[0], b[1], order, self.host_bytes, c[0], c[1]]
+    }
+
+    /// From the wire; `None` where the order is none of the known ones.
+    #[must_use]
+    pub fn from_bytes(bytes: &[u8; REPLY_LEN]) -> Option<Self> {
+        let pair = |i: usize| u16::from_le_bytes([bytes[i], bytes[i + 1]]);
+        let order = match bytes[4] {
+            0 => Order::None,
+            1 => Order::Exit,
+            2 => Order::Panic,
+            3 => Order::Stall(pair(6)),
+            4 => Order::BreakOutput,
+            5 => Order::BlockLink(pair(6)),
+            _ => return None,
+        };
+        Some(Self { counts: [pair(0), pair(2)], order, host_bytes: bytes[5] })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn requests_survive_the_wire() {
+        for (amplifier_on, panicked) in [(false, false), (true, false), (false, true), (true, true)] {
+            let request = Request {
+                tick: 0xfedc_ba98,
+                phase: 1,
+                phase_increment: u32::MAX,
+                amplitude_nanometre: 15_525_000,
+                displacement_nanometre: -7,
+                amplifier_on,
+                panicked,
+            };
+            assert_eq!(Request::from_bytes(&request.to_bytes()), request);
+        }
+    }
+
+    #[test]
+    fn replies_survive_the_wire_and_unknown_orders_are_none() {
+        for order in
+            [Order::None, Order::Exit, Order::Panic, Order::Stall(513), Order::BreakOutput, Order::BlockLink(u16::MAX)]
+        {
+            let reply = Reply { counts: [0xfffe, 3], order, host_bytes: 255 };
+            assert_eq!(Reply::from_bytes(&reply.to_bytes()), Some(reply));
+        }
+        assert_eq!(Reply::from_bytes(&[0, 0, 0, 0, 6, 0, 0, 0]), None);
+    }
+}

@@ -1,0 +1,138 @@
+//! The plant at the other end of an emulated board's pipes: one [`Request`] in, both counters out.
+
+use whirl_firmware::QuadratureCounter;
+use whirl_firmware::lock_step::Request;
+use whirl_shared::waveform;
+
+use crate::bench::Bench;
+use crate::encoder::Encoder;
+use crate::error::SimulationError;
+use crate::shaker::Command;
+use crate::virtual_rig::{RigSettings, bench_of, tick_s};
+
+/// Plant and encoders, moved by the board's requests.
+#[derive(Debug)]
+pub struct EmulatedPlant {
+    bench: Bench,
+    encoders: [Encoder; 2],
+    tick_s: f64,
+    /// Ticks that the plant has moved on.
+    ticks: u64,
+    command: Command,
+    amplifier_on: bool,
+}
+
+impl EmulatedPlant {
+    /// A plant at power-on. Of the device's settings those of the image count; here are only its rate and its encoders.
+    ///
+    /// # Errors
+    /// As [`crate::VirtualRig::new`].
+    pub fn new(settings: &RigSettings) -> Result<Self, SimulationError> {
+        let bench = bench_of(settings)?;
+        let shown = bench.shown();
+        let encoders = [0, 1].map(|i| Encoder::new(settings.device.counts_per_turn[i], shown[i]));
+        Ok(Self {
+            bench,
+            encoders,
+            tick_s: tick_s(&settings.device),
+            ticks: 0,
+            command: Command::default(),
+            amplifier_on: false,
+        })
+    }
+
+    /// Moves on to the request's tick, under the drive of the tick before it; ticks that the board has missed go by under
+    /// the phase that runs on. Both counters as they then stand.
+    ///
+    /// # Errors
+    /// A request that contradicts itself or the one before; a plant that cannot be integrated further.
+    pub fn exchange(&mut self, request: &Request) -> Result<[u16; 2], SimulationError> {
+        let refused = |problem: &str| SimulationError::Board { tick: request.tick, problem: problem.to_owned() };
+        if u64::from(request.tick) < self.ticks {
+            return Err(refused("it went back in time"));
+        }
+        let amplitude = request.amplitude_nanometre;
+        // At the tick at which it is cut off it still tells of the amplitude that it had.
+        if !request.amplifier_on && !self.amplifier_on && amplitude != 0 {
+            return Err(refused("it tells of an amplitude with the shaker's amplifier off"));
+        }
+        self.amplifier_on = request.amplifier_on;
+        let moving = request.amplifier_on && request.phase_increment != 0;
+        if moving && request.displacement_nanometre != waveform::displacement(amplitude, request.phase) {
+            return Err(refused("what stands at the shaker's output is not what its phase and amplitude say"));
+        }
+        let previous = self.command.amplitude_nanometre[1];
+        self.command = Command {
+            phase: request.phase,
+            phase_increment: request.phase_increment,
+            amplitude_nanometre: [previous, request.amplitude_nanometre],
+        };
+        while self.ticks < u64::from(request.tick) {
+            self.bench.advance(self.command, self.ticks as f64 * self.tick_s)?;
+            self.ticks += 1;
+            // A board that misses ticks leaves a waveform that goes on by itself.
+            self.command.phase = self.command.phase.wrapping_add(self.command.phase_increment);
+            self.command.amplitude_nanometre[0] = self.command.amplitude_nanometre[1];
+        }
+        for (encoder, angle) in self.encoders.iter_mut().zip(self.bench.shown()) {
+            encoder.turn_to(angle);
+        }
+        let [first, second] = &mut self.encoders;
+        Ok([first.count(), second.count()])
+    }
+
+    /// Ticks that the plant has moved on.
+    pub fn ticks(&self) -> u64 {
+        self.ticks
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::VirtualRig;
+
+    #[test]
+    fn it_moves_as_the_virtual_rig_s_plant_does() {
+        let settings = RigSettings::default();
+        let mut rig = VirtualRig::new(&settings).unwrap();
+        let mut plant = EmulatedPlant::new(&settings).unwrap();
+        for tick in 0..500 {
+            let counts = plant.exchange(&Request { tick, ..Request::default() }).unwrap();
+            rig.step().unwrap();
+            let streamed = rig.status().tick;
+            assert_eq!(streamed, tick + 1);
+            if tick == 499 {
+                // The rig's plant is one tick ahead.
+                assert_eq!(plant.ticks(), 499);
+                assert_ne!(counts, [0, 0]);
+            }
+        }
+        plant.exchange(&Request { tick: 500, ..Request::default() }).unwrap();
+        assert_eq!(plant.bench.plant().state(), rig.plant().state());
+    }
+
+    #[test]
+    fn a_board_that_contradicts_itself_is_refused() {
+        let mut plant = EmulatedPlant::new(&RigSettings::default()).unwrap();
+        plant.exchange(&Request { tick: 5, ..Request::default() }).unwrap();
+        for (request, part) in [
+            (Request { tick: 3, ..Request::default() }, "back in time"),
+            (Request { tick: 6, amplitude_nanometre: 1, ..Request::default() }, "amplifier off"),
+            (
+                Request {
+                    tick: 6,
+                    amplitude_nanometre: 9_000,
+                    phase_increment: 1,
+                    amplifier_on: true,
+                    displacement_nanometre: 7,
+                    ..Request::default()
+                },
+                "shaker's output",
+            ),
+        ] {
+            let error = plant.exchange(&request).unwrap_err().to_string();
+            assert!(error.contains(part), "{error}");
+        }
+    }
+}

@@ -1,0 +1,54 @@
+//! Boards that have firmware: one line each in [`BOARDS`].
+
+/// A board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Board {
+    /// What it is called on the command line and calls itself in its hello.
+    pub id: &'static str,
+    /// The package of its firmware; its image has the same name.
+    pub package: &'static str,
+    /// The chip, as debug probes know it; none where there is nothing to be flashed.
+    pub chip: Option<&'static str>,
+    /// What it is.
+    pub about: &'static str,
+}
+
+/// Every board.
+pub static BOARDS: &[Board] = &[
+    Board {
+        id: "nucleo-g474re",
+        package: "whirl-board-nucleo-g474re",
+        chip: Some("STM32G474RETx"),
+        about: "ST NUCLEO-G474RE, Cortex-M4F at 170 MHz: `whirl flash --board nucleo-g474re`, docs/boards.md",
+    },
+    Board {
+        id: "nucleo-f446re",
+        package: "whirl-board-nucleo-f446re",
+        chip: Some("STM32F446RETx"),
+        about: "ST NUCLEO-F446RE, Cortex-M4F at 180 MHz: `whirl flash --board nucleo-f446re`, docs/boards.md",
+    },
+    Board {
+        id: "mps2-an386",
+        package: "whirl-board-mps2-an386",
+        chip: None,
+        about: "Cortex-M4F emulated by QEMU, against the simulated rig (docs/boards.md)",
+    },
+    Board {
+        id: "virtual-rig",
+        package: "whirl-firmware",
+        chip: None,
+        about: "the firmware in lock-step with the simulated rig (`whirl capture --from sim`)",
+    },
+];
+
+/// The board of that name.
+#[must_use]
+pub fn of(id: &str) -> Option<&'static Board> {
+    BOARDS.iter().find(|board| board.id == id)
+}
+
+/// Names of the boards that can be flashed, for messages.
+#[must_use]
+pub fn flashable() -> String {
+    BOARDS.iter().filter(|board| board.chip.is_some()).map(|board| board.id).collect::<Vec<_>>().join(", ")
+}

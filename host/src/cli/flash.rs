@@ -1,0 +1,176 @@
+//! `whirl flash`: builds a board's firmware and flashes it through a debug probe.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::Answer;
+use crate::boards;
+use crate::error::{BadInput, Result};
+
+/// Arguments of `flash`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Board: see `whirl list boards`.
+    #[arg(long, value_name = "BOARD")]
+    board: String,
+    /// Image to flash [default: it is built from the repository in which this is called].
+    #[arg(long, value_name = "ELF")]
+    image: Option<PathBuf>,
+}
+
+/// Builds and flashes.
+pub fn run(arguments: &Arguments) -> Result<Answer> {
+    let Some(board) = boards::of(&arguments.board) else {
+        return Err(BadInput::new(format!("\"{}\"", arguments.board), format!("one of {}", boards::flashable()))
+            .at("--board")
+            .remedy("`whirl list boards` tells what they are"));
+    };
+    let Some(chip) = board.chip else {
+        return Err(BadInput::new(
+            format!("{}, which has no flash", board.id),
+            format!("one of {}", boards::flashable()),
+        )
+        .at("--board")
+        .remedy("It is run, not flashed: see docs/boards.md"));
+    };
+    flash(board, chip, arguments)
+}
+
+#[cfg(not(feature = "probe"))]
+fn flash(_: &boards::Board, _: &str, _: &Arguments) -> Result<Answer> {
+    Err(BadInput::new("a whirl without a debug probe's library", "a whirl built with --features probe").remedy(
+        "Build it with `cargo build --release --features probe`, or flash the image with a tool of the board's maker",
+    ))
+}
+
+#[cfg(feature = "probe")]
+use with_probe::flash;
+
+#[cfg(feature = "probe")]
+mod with_probe {
+    use std::path::{Path, PathBuf};
+    use std::process::Command;
+
+    use probe_rs::flashing::{ElfLoader, ElfOptions, download_file};
+    use probe_rs::{Session, SessionConfig};
+
+    use super::Arguments;
+    use crate::boards::Board;
+    use crate::cli::Answer;
+    use crate::error::{BadInput, Result};
+
+    const TARGET: &str = "thumbv7em-none-eabihf";
+
+    pub(super) fn flash(board: &Board, chip: &str, arguments: &Arguments) -> Result<Answer> {
+        let image = match &arguments.image {
+            Some(image) => image.clone(),
+            None => build(board)?,
+        };
+        if !image.is_file() {
+            return Err(BadInput::new("no such file", "an image, ELF").in_file(&image).at("--image"));
+        }
+        let failed = |what: &str, error: &dyn std::fmt::Display, remedy: &str| {
+            BadInput::new(error.to_string(), what).at(format!("--board {}", board.id)).remedy(remedy)
+        };
+        let mut session = Session::auto_attach(chip, SessionConfig::default()).map_err(|e| {
+            failed(
+                "a board on a debug probe",
+                &e,
+                "Plug the board in by its ST-LINK's USB; see docs/boards.md for permissions",
+            )
+        })?;
+        download_file(&mut session, &image, ElfLoader(ElfOptions::default())).map_err(|e| {
+            failed("an image that can be flashed", &e, "Try again; the shaker is silent while the board is flashed")
+        })?;
+        session
+            .core(0)
+            .and_then(|mut core| core.reset())
+            .map_err(|e| failed("a board that restarts", &e, "Press its reset button"))?;
+        crate::cli::output::Output::default().say(&format!("{} runs {}\n", board.id, image.display()));
+        Ok(Answer::Positive)
+    }
+
+    /// Builds the firmware in the repository that the present folder belongs to.
+    fn build(board: &Board) -> Result<PathBuf> {
+        let here = std::env::current_dir().map_err(|e| BadInput::new(e.to_string(), "a folder to work in"))?;
+        let Some(root) = here.ancestors().find(|folder| folder.join("firmware/boards").is_dir()) else {
+            return Err(BadInput::new("no firmware/boards in this folder or above it", "whirl's repository")
+                .in_file(&here)
+                .remedy("Call it there, or give an image with --image"));
+        };
+        let cargo = |message: String| {
+            BadInput::new(message, format!("a build of {}", board.package))
+                .remedy(format!("`rustup target add {TARGET}`, then look at the compiler's messages"))
+        };
+        let output = Command::new("cargo")
+            .args(["build", "--release", "--target", TARGET, "--package", board.package])
+            .args(["--message-format", "json-render-diagnostics"])
+            .current_dir(root)
+            .stderr(std::process::Stdio::inherit())
+            .output()
+            .map_err(|e| cargo(format!("cargo could not be started: {e}")))?;
+        if !output.status.success() {
+            return Err(cargo(format!("cargo ended with {}", output.status)));
+        }
+        executable(&String::from_utf8_lossy(&output.stdout), board.package)
+            .ok_or_else(|| cargo("no image named by cargo".to_owned()))
+    }
+
+    /// The image among cargo's messages.
+    fn executable(messages: &str, package: &str) -> Option<PathBuf> {
+        messages
+            .lines()
+            .filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok())
+            .filter_map(|message| Some(PathBuf::from(message.get("executable")?.as_str()?)))
+            .find(|path| path.file_name() == Path::new(package).file_name())
+    }
+
+    #[cfg(test)]
+    mod tests {
+        use super::*;
+
+        #[test]
+        fn the_image_is_the_one_that_cargo_names() {
+            let messages = "{\"reason\":\"x\"}\nno json\n{\"executable\":null}\n{\"executable\":\"/t/other\"}\n\
+                {\"executable\":\"/t/whirl-board-nucleo-g474re\"}\n";
+            assert_eq!(
+                executable(messages, "whirl-board-nucleo-g474re"),
+                Some(PathBuf::from("/t/whirl-board-nucleo-g474re"))
+            );
+            assert_eq!(executable("", "x"), None);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(board: &str) -> String {
+        let image = Some(PathBuf::from("/nowhere/image"));
+        run(&Arguments { board: board.to_owned(), image }).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn boards_that_are_not_there_or_cannot_be_flashed_are_refused() {
+        let unknown = refused("nucleo-g474");
+        assert!(unknown.contains("nucleo-g474re") && unknown.contains("--board"), "{unknown}");
+        assert!(refused("mps2-an386").contains("not flashed"));
+        assert!(refused("virtual-rig").contains("not flashed"));
+    }
+
+    #[cfg(not(feature = "probe"))]
+    #[test]
+    fn without_the_probe_s_library_it_says_so() {
+        let message = refused("nucleo-f446re");
+        assert!(message.contains("--features probe"), "{message}");
+    }
+
+    #[cfg(feature = "probe")]
+    #[test]
+    fn an_image_that_is_not_there_is_named() {
+        let message = refused("nucleo-f446re");
+        assert!(message.contains("/nowhere/image"), "{message}");
+    }
+}
