@@ -11,6 +11,7 @@ use super::Answer;
 use super::output::Output;
 use crate::capture::CaptureSettings;
 use crate::error::{BadInput, Result};
+use crate::explain::{Settings as ExplainSettings, explain};
 use crate::identify::{Settings, identify, presentation};
 use crate::inspect::{InspectSettings, inspect};
 use crate::record::Record;
@@ -60,8 +61,12 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let record = Record::read(&record_path, &rig, &ReadOptions::default())?;
     let inspection = inspect(&record, &rig, &InspectSettings::default())?;
     out.say(&format!("\ninspect\n{}", crate::inspect::text::text(&inspection)));
-    let identified = identify(&[record], &rig, &Settings::default())?;
+    let records = [record];
+    let identified = identify(&records, &rig, &Settings::default())?;
     out.say(&format!("\nidentify\n{}", super::identify::human(&identified)));
+
+    let explained = explain(&records, &rig, &ExplainSettings::default())?;
+    out.say(&format!("\nexplain\n{}", crate::explain::presentation::human(&explained)));
 
     // Every answer is there: now the truth may be read, for the last table.
     let plant = Plant::of(&rig)?;
@@ -70,11 +75,15 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     results
         .add(presentation::table(&identified, "", &|_| None))
         .add(presentation::residuals(&identified))
+        .add(explained.clone())
         .add(inspection.clone())
         .add(Truth { table: presentation::table(&identified, "", &truth), hidden: hidden.to_vec() });
     let report = folder.join("report.html");
-    let mut page =
-        Report::of("whirl demo", "a simulated double pendulum on a shaker, from encoder edges to parameters", &results);
+    let mut page = Report::of(
+        "whirl demo",
+        "a simulated double pendulum on a shaker, from encoder edges to the effect that the model is missing",
+        &results,
+    );
     page.fact("Rig", &rig.name)
         .fact(
             "Record",
@@ -82,7 +91,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         )
         .fact("Firmware", &captured.firmware);
     page.write(&report)?;
-    out.write_json(&serde_json::json!({ "capture": captured, "inspect": inspection, "identify": identified }))?;
+    out.write_json(&serde_json::json!({ "capture": captured, "inspect": inspection, "identify": identified, "explain": explained }))?;
     out.say(&format!("\nreport: {}\n", report.display()));
     Ok(Answer::Positive)
 }

@@ -103,6 +103,7 @@ pub fn build(
         .iter()
         .flat_map(|v| match &v.action {
             Action::Force(f) => f.clone(),
+            Action::Runaway(f) => vec![f.clone()],
             // A place is kept for the sensors' columns.
             Action::Sensor(s) => vec![[None, None]; s.len()],
         })

@@ -71,6 +71,13 @@ impl Model<'_> {
             Phase::Clock(w) => w,
             Phase::Device(_) => c.omega,
         };
+        let runaway: f64 = self
+            .effects
+            .iter()
+            .filter(|(v, _)| matches!(v.action, Action::Runaway(_)))
+            .map(|(_, k)| core::f64::consts::TAU * k[0])
+            .sum();
+        let omega = omega + runaway;
         let mut accel = [0.0; 2];
         let mut rate_of = |x: &SVector<f64, 4>, tau: f64, time: f64| {
             let (sin1, cos1) = x[0].sin_cos();
@@ -95,7 +102,8 @@ impl Model<'_> {
         };
         let mut out = Vec::with_capacity(count);
         for i in 0..count {
-            let (tau, time) = (segment.tau(first + i), segment.time(first + i));
+            let time = segment.time(first + i);
+            let tau = segment.tau(first + i) + runaway * (time - c.span_s[0]);
             let shown = [x[0], if segment.relative { x[1] - x[0] } else { x[1] }];
             let rates = [x[2], if segment.relative { x[3] - x[2] } else { x[3] }];
             let mut angles = shown;
@@ -254,13 +262,13 @@ impl<'a> Model<'a> {
             .chosen
             .iter()
             .map(|k| {
-                let force = matches!(k.candidate.variant.action, Action::Force(_));
+                let applied = k.candidate.variant.action.is_applied();
                 let strengths = k
                     .strengths
                     .iter()
                     .map(|s| {
                         at += 1;
-                        x[at - 1] + if force { 0.0 } else { *s }
+                        x[at - 1] + if applied { *s } else { 0.0 }
                     })
                     .collect();
                 (&k.candidate.variant, strengths)

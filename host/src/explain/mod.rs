@@ -229,17 +229,17 @@ impl State {
         }
     }
 
-    /// Takes coefficients over: B terms, then strengths. Sensor effects are increments on what is already taken off.
+    /// Takes coefficients over: B terms, then strengths; those of effects that are applied to the data are increments.
     fn take(&mut self, x: &DVector<f64>, raw: &[AngleSegment]) {
         let n = 2 * base_terms(self.context.driven);
         self.base = x.rows(0, n).iter().copied().collect();
         let mut at = n;
         let mut sensors = false;
         for k in &mut self.chosen {
-            let force = matches!(k.candidate.variant.action, Action::Force(_));
-            sensors |= !force;
+            let applied = k.candidate.variant.action.is_applied();
+            sensors |= applied;
             for s in &mut k.strengths {
-                *s = x[at] + if force { 0.0 } else { *s };
+                *s = x[at] + if applied { *s } else { 0.0 };
                 at += 1;
             }
         }
@@ -250,9 +250,17 @@ impl State {
         if sensors {
             self.segments = raw.to_vec();
             for k in &self.chosen {
-                if let Action::Sensor(laws) = &k.candidate.variant.action {
-                    for (law, s) in laws.iter().zip(&k.strengths) {
-                        self.segments = self.segments.iter().map(|g| design::correct(g, law, *s)).collect();
+                match &k.candidate.variant.action {
+                    Action::Force(_) => {}
+                    Action::Sensor(laws) => {
+                        for (law, s) in laws.iter().zip(&k.strengths) {
+                            self.segments = self.segments.iter().map(|g| design::correct(g, law, *s)).collect();
+                        }
+                    }
+                    Action::Runaway(_) => {
+                        let rate = core::f64::consts::TAU * k.strengths[0];
+                        let from = self.context.span_s[0];
+                        self.segments.iter_mut().for_each(|g| g.runaway = (from, rate));
                     }
                 }
             }
@@ -646,8 +654,9 @@ fn finish(
     let mut effect = found.iter_mut();
     for (index, k) in state.chosen.iter().enumerate() {
         let d = k.strengths.len();
-        let force = matches!(k.candidate.variant.action, Action::Force(_));
-        let strengths: Vec<f64> = (0..d).map(|i| fit.all[at + i] + if force { 0.0 } else { k.strengths[i] }).collect();
+        let applied = k.candidate.variant.action.is_applied();
+        let strengths: Vec<f64> =
+            (0..d).map(|i| fit.all[at + i] + if applied { k.strengths[i] } else { 0.0 }).collect();
         let covariance = fit.covariance.view((at, at), (d, d)).into_owned();
         let (value, std_error, parameters, unit) = compose(&state.context, &k.candidate, &strengths, &covariance);
         if index >= state.nominal

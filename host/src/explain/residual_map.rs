@@ -138,7 +138,7 @@ fn series(state: &State, x: &DVector<f64>) -> WeakModel {
             .iter()
             .flat_map(|(v, k)| match &v.action {
                 Action::Force(f) => f.iter().zip(k).filter_map(|(pair, k)| pair[i].clone().map(|f| (f, *k))).collect(),
-                Action::Sensor(_) => Vec::new(),
+                Action::Sensor(_) | Action::Runaway(_) => Vec::new(),
             })
             .collect();
         let b: Vec<f64> = (0..4).map(|k| if k < n { base[i * n + k] } else { 0.0 }).collect();

@@ -305,6 +305,7 @@ mod tests {
             phi: [(0..3000).map(|i| x(i as f64 * step)).collect(), vec![0.0; 3000]],
             phase: Phase::Clock(0.0),
             relative: false,
+            runaway: (0.0, 0.0),
             count_rad: [None; 2],
         };
         let mut model = WeakModel::default();

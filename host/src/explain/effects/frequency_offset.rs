@@ -3,7 +3,7 @@
 
 use core::f64::consts::TAU;
 
-use super::{Compose, DRIVE, Effect, both, plain};
+use super::{Action, Compose, DRIVE, Effect, Scale, Variant, both};
 
 /// Registration.
 pub const EFFECT: Effect = Effect {
@@ -19,6 +19,7 @@ pub const EFFECT: Effect = Effect {
         }
         let (b, [start, _]) = (c.b, c.span_s);
         let column = both(move |i, s| TAU * (s.time - start) * s.sin[i] * (b[i][3] * s.cos_tau - b[i][2] * s.sin_tau));
-        plain(vec![column], Compose::Single)
+        let action = Action::Runaway(column);
+        vec![Variant { shape: Vec::new(), action, compose: Compose::Single, scale: Scale::Plain(1.0) }]
     },
 };

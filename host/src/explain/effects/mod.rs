@@ -190,6 +190,9 @@ pub enum Action {
     Force(Vec<[Option<Series>; 2]>),
     /// Additions to the angles that the sensors show.
     Sensor(Vec<SensorLaw>),
+    /// A drive that runs away from its recorded phase by 2π times the strength (Hz), with the change of both left-hand sides
+    /// to first order.
+    Runaway([Option<Series>; 2]),
 }
 
 impl Action {
@@ -198,7 +201,13 @@ impl Action {
         match self {
             Self::Force(f) => f.len(),
             Self::Sensor(s) => s.len(),
+            Self::Runaway(_) => 1,
         }
+    }
+
+    /// Whether strengths are applied to the data and found as increments, since the columns hold to first order only.
+    pub fn is_applied(&self) -> bool {
+        !matches!(self, Self::Force(_))
     }
 
     /// Whether there is none.

@@ -1,5 +1,6 @@
 //! Sections of a report: one file each, one line in [`SECTIONS`], printed in this order.
 
+pub mod explanation;
 pub mod histories;
 pub mod losses;
 pub mod parameters;
@@ -16,6 +17,7 @@ use super::SectionKind;
 pub static SECTIONS: &[SectionKind] = &[
     parameters::SECTION,
     residuals::SECTION,
+    explanation::SECTION,
     warnings::SECTION,
     record::SECTION,
     losses::SECTION,

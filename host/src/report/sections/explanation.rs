@@ -1,0 +1,140 @@
+//! An explanation: verdict, effects, the gap before and after, what each candidate explains, where the disagreement sits.
+
+use crate::explain::residual_map::Map;
+use crate::explain::{Explanation, Found, Verdict};
+use crate::report::figures::Figure;
+use crate::report::figures::axis::Axis;
+use crate::report::figures::bars::{self, Bar};
+use crate::report::figures::panel::{Layout, Panel, Rule, Series, Shape};
+use crate::report::format::{Z95, percent, plus_minus, significant};
+use crate::report::html::{Align, Html};
+use crate::report::{Results, SectionKind};
+
+/// Registration.
+pub const SECTION: SectionKind = SectionKind { id: "explanation", title: "What the model is missing", render };
+
+fn render(results: &Results) -> Option<Html> {
+    let mut body = Html::new();
+    for e in results.all::<Explanation>() {
+        one(&mut body, e);
+    }
+    (body != Html::new()).then_some(body)
+}
+
+fn verdict(e: &Explanation) -> &'static str {
+    match e.verdict {
+        Verdict::NothingMissing => "Nothing is missing",
+        Verdict::Explained => "Explained",
+        Verdict::Unexplained => "Unexplained: something is missing that has no name in the list",
+        Verdict::NotDecidable => "Not decidable from this record",
+    }
+}
+
+fn one(body: &mut Html, e: &Explanation) {
+    body.paragraph(&format!("{}: {}.", verdict(e), e.reason));
+    if !e.effects.is_empty() {
+        effects(body, &e.effects);
+    }
+    let bar = |name: &str, value: f64| Bar { name: name.to_owned(), value, low: value, high: value };
+    let steps: Vec<Bar> =
+        e.gap.steps.iter().map(|s| bar(s.added.as_deref().unwrap_or("nominal model"), s.value)).collect();
+    if !steps.is_empty() {
+        body.figure(&bars::bars(
+            &format!(
+                "The gap before and after each step: predicted minus measured angle over {} s on blocks that were not fitted, in units of what the \
+                 sensors' noise alone leaves (1).",
+                significant(e.gap.horizon_s, 3)
+            ),
+            Axis::linear("gap / noise floors"),
+            &steps,
+        ));
+    }
+    if !e.gap.horizons.is_empty() {
+        let rows: Vec<Vec<Html>> = e
+            .gap
+            .horizons
+            .iter()
+            .map(|(h, before, after)| [*h, *before, *after].iter().map(|x| Html::text(&significant(*x, 3))).collect())
+            .collect();
+        let head = |t: &str| (Html::text(t), Align::Right);
+        body.table(&[head("horizon / s"), head("gap before"), head("gap after")], &rows);
+    }
+    let first: Vec<Bar> = e
+        .ranking
+        .iter()
+        .filter(|r| r.step == 0 && r.gain > 0.0)
+        .take(8)
+        .map(|r| bar(&r.name, 100.0 * r.gain))
+        .collect();
+    if !first.is_empty() {
+        body.figure(&bars::bars(
+            "What each candidate alone takes away of the residual on held-out blocks, the nominal model refitted with it.",
+            Axis::linear("held-out residual power / %"),
+            &first,
+        ));
+    }
+    let panels: Vec<Panel> = e.maps.iter().map(map).collect();
+    if !panels.is_empty() {
+        let layout = Layout { columns: 2, height: 150.0, ..Layout::default() };
+        body.figure(&Figure::draw(
+            "What is left of each equation of motion after the last step: mean residual (dots) with the 95 % band that the sensors' noise alone gives.",
+            &layout,
+            &panels,
+        ));
+    }
+}
+
+fn effects(body: &mut Html, found: &[Found]) {
+    let head = |t: &str, a| (Html::text(t), a);
+    let heads = [
+        head("effect", Align::Left),
+        head("value ± 95 %", Align::Right),
+        head("unit", Align::Left),
+        head("parameters", Align::Left),
+        head("adds", Align::Left),
+        head("explains", Align::Right),
+        head("not told apart from", Align::Left),
+    ];
+    let rows: Vec<Vec<Html>> = found
+        .iter()
+        .map(|f| {
+            let parameters: Vec<String> =
+                f.parameters.iter().map(|(k, v)| format!("{k} = {}", significant(*v, 3))).collect();
+            [
+                format!("{}@{}", f.id, f.at),
+                plus_minus(f.value, Z95 * f.std_error),
+                f.unit.clone(),
+                parameters.join(", "),
+                f.equation.clone(),
+                percent(f.held_out_gain, 2),
+                f.indistinguishable_from.join(", "),
+            ]
+            .iter()
+            .map(|t| Html::text(t))
+            .collect()
+        })
+        .collect();
+    body.table(&heads, &rows);
+    for f in found {
+        body.paragraph(&format!("To confirm {}@{} in the laboratory: {}.", f.id, f.at, f.confirm));
+    }
+}
+
+fn map(m: &Map) -> Panel {
+    let x: Vec<f64> = m.bins.iter().map(|b| b[0]).collect();
+    let label = format!("{} / {}", m.against, m.against_unit);
+    let axis = if m.against.starts_with("angle") || m.against == "drive phase" {
+        Axis::angle(label)
+    } else {
+        Axis::linear(label)
+    };
+    let mut panel =
+        Panel::new(format!("equation {}", m.equation), axis, Axis::linear(format!("residual / {}", m.unit)));
+    for (name, sign) in [("noise alone", -1.0), ("", 1.0)] {
+        let edge = m.bins.iter().map(|b| sign * b[2]).collect();
+        panel.series.push(Series::new(name, Shape::Line, x.clone(), edge).colour(1));
+    }
+    panel.series.push(Series::new("mean residual", Shape::BigDots, x, m.bins.iter().map(|b| b[1]).collect()).colour(0));
+    panel.rules.push(Rule { vertical: false, at: 0.0, label: String::new() });
+    panel
+}
