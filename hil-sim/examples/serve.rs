@@ -46,8 +46,7 @@ fn arguments() -> Option<Arguments> {
 
 fn start(a: &Arguments) -> Result<Server, Box<dyn std::error::Error>> {
     let rig = VirtualRig::new(&RigSettings { seed: a.seed, ..RigSettings::default() })?;
-    let faults =
-        a.faults.map(|seed| FaultyLink::new(FaultSettings { unplug: 0.0, ..FaultSettings::EVERYTHING }, seed));
+    let faults = a.faults.map(|seed| FaultyLink::new(FaultSettings { unplug: 0.0, ..FaultSettings::EVERYTHING }, seed));
     if let Some(address) = &a.tcp {
         let transport = TcpServer::bind(address)?;
         println!("the virtual rig listens: whirl capture --from tcp:{}", transport.address()?);

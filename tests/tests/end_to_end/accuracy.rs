@@ -2,7 +2,7 @@
 
 use whirl_tests::accuracy::{coverage, table};
 
-/// As many seeds as fit into a test's time; `--example identification_table` runs 20.
+/// Seeds for each drive frequency; `--example identification_table` prints what this test holds.
 const SEEDS: u64 = 20;
 
 #[test]

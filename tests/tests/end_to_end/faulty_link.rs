@@ -3,8 +3,8 @@
 use whirl_tests::accuracy::chaotic_rig;
 use whirl_tests::faulty::capture;
 
-/// Simulated time, s; `--example accounted_hour` runs an hour.
-const SECONDS: f64 = 600.0;
+/// Simulated time, s: 1.8 million samples.
+const SECONDS: f64 = 3600.0;
 
 #[test]
 fn every_sample_of_a_long_capture_through_every_fault_is_accounted_for() {

@@ -24,7 +24,12 @@ fn accounted(folder: &Path, run: &Run) -> (Record, serde_json::Value, i64) {
     let l = &record.losses;
     let number = |key: &str| out[key].as_i64().unwrap();
     assert_eq!(l.received as usize, record.samples());
-    assert_eq!((l.received + l.lost()) as i64, number("last_tick") - number("first_tick") + 1, "{l:?} {out} {}", run.stderr);
+    assert_eq!(
+        (l.received + l.lost()) as i64,
+        number("last_tick") - number("first_tick") + 1,
+        "{l:?} {out} {}",
+        run.stderr
+    );
     let gaps: Vec<i64> =
         record.segments.windows(2).map(|w| w[1].first_tick - w[0].first_tick - w[0].len() as i64).collect();
     assert_eq!(gaps.iter().sum::<i64>(), l.lost() as i64, "{gaps:?}");
