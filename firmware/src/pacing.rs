@@ -62,7 +62,7 @@ impl Pacer {
 pub fn divide(clocks: u32) -> Option<(u16, u16)> {
     (1..=65_536_u32).take_while(|&prescaler| prescaler <= clocks).find_map(|prescaler| {
         let reload = clocks / prescaler;
-        if clocks % prescaler != 0 {
+        if !clocks.is_multiple_of(prescaler) {
             return None;
         }
         Some((u16::try_from(prescaler - 1).ok()?, u16::try_from(reload - 1).ok()?))
