@@ -8,6 +8,8 @@
 mod faults;
 #[path = "emulated/image.rs"]
 mod image;
+#[path = "emulated/programs.rs"]
+mod programs;
 
 use std::net::TcpListener;
 use std::path::Path;

@@ -3,7 +3,9 @@
 use core::fmt::Write;
 use core::panic::PanicInfo;
 
-use crate::{plant, semihosting};
+use whirl_board_mps2_an386::semihosting;
+
+use crate::plant;
 
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {

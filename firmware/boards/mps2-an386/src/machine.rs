@@ -31,10 +31,12 @@ fn read(address: usize) -> u32 {
 #[derive(Clone, Copy)]
 pub struct Timer0;
 
-// SAFETY: 8 is TIMER0's interrupt on this machine.
+const TIMER0_INTERRUPT: u16 = 8;
+
+// SAFETY: this is TIMER0's interrupt on this machine.
 unsafe impl InterruptNumber for Timer0 {
     fn number(self) -> u16 {
-        8
+        TIMER0_INTERRUPT
     }
 }
 
@@ -94,11 +96,17 @@ unsafe extern "C" fn unexpected() {
     panic!("interrupt without a handler");
 }
 
-/// The table behind the processor's own exceptions.
-#[unsafe(link_section = ".vector_table.interrupts")]
-#[unsafe(no_mangle)]
-pub static __INTERRUPTS: [Vector; 32] = {
+/// The table behind the processor's own exceptions, with one interrupt's handler in it.
+#[must_use]
+pub const fn table(interrupt: Timer0, handler: Vector) -> [Vector; 32] {
+    let Timer0 = interrupt;
     let mut table = [unexpected as Vector; 32];
-    table[8] = crate::rig::tick;
+    table[TIMER0_INTERRUPT as usize] = handler;
     table
-};
+}
+
+/// The table of a program without interrupts.
+#[must_use]
+pub const fn empty_table() -> [Vector; 32] {
+    [unexpected as Vector; 32]
+}

@@ -13,15 +13,9 @@
 #[cfg(target_os = "none")]
 mod fault;
 #[cfg(target_os = "none")]
-mod machine;
-#[cfg(target_os = "none")]
 mod plant;
 #[cfg(target_os = "none")]
 mod rig;
-#[cfg(target_os = "none")]
-mod semihosting;
-#[cfg(target_os = "none")]
-mod stack;
 
 #[cfg(not(target_os = "none"))]
 fn main() {

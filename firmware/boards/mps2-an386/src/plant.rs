@@ -5,7 +5,7 @@ use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU16, AtomicUsize, Ordering
 use whirl_firmware::lock_step::{HOST_BYTES, REPLY_LEN, Reply, Request};
 use whirl_firmware::{QuadratureCounter, ShakerOutput};
 
-use crate::semihosting::File;
+use whirl_board_mps2_an386::semihosting::File;
 
 static COUNTS: [AtomicU16; 2] = [AtomicU16::new(0), AtomicU16::new(0)];
 static DISPLACEMENT: AtomicI32 = AtomicI32::new(0);

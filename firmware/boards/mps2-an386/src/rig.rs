@@ -8,6 +8,8 @@ use cortex_m::interrupt::Mutex;
 use cortex_m::peripheral::NVIC;
 use heapless::spsc::{Consumer, Producer, Queue};
 use static_cell::StaticCell;
+use whirl_board_mps2_an386::machine::{self, CLOCK_HZ, Timer0, Vector};
+use whirl_board_mps2_an386::{semihosting, stack};
 use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::event::{Event, Request};
 use whirl_firmware::link::Link;
@@ -18,9 +20,7 @@ use whirl_firmware::settings::{HOST_TIMEOUT_MAX_MS, Settings};
 use whirl_shared::codec::MAX_FRAME;
 use whirl_shared::frame::SampleBlock;
 
-use crate::machine::{self, CLOCK_HZ, Timer0};
 use crate::plant::{self, Counter, Output, Plant};
-use crate::{semihosting, stack};
 
 /// Bytes of the host that wait for the thread.
 const HOST_QUEUE: usize = 512;
@@ -42,8 +42,14 @@ static EXIT: AtomicBool = AtomicBool::new(false);
 /// Ticks for which the link takes nothing.
 static BLOCKED: AtomicU32 = AtomicU32::new(0);
 
+/// The table behind the processor's own exceptions.
+// SAFETY: the section and the name are those that cortex-m-rt wants for it.
+#[unsafe(link_section = ".vector_table.interrupts")]
+#[unsafe(no_mangle)]
+static __INTERRUPTS: [Vector; 32] = machine::table(Timer0, tick);
+
 /// TIMER0's interrupt: one sampling tick.
-pub unsafe extern "C" fn tick() {
+unsafe extern "C" fn tick() {
     machine::clear_tick();
     cortex_m::interrupt::free(|section| {
         if let Some(interrupt) = INTERRUPT.borrow(section).borrow_mut().as_mut() {

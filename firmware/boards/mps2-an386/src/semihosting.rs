@@ -76,6 +76,17 @@ impl Write for Console {
     }
 }
 
+/// The arguments that the emulator was given, at most `buffer`'s length of them.
+pub fn arguments(buffer: &mut [u8]) -> Option<&str> {
+    let mut block = [buffer.as_mut_ptr() as usize, buffer.len()];
+    // SAFETY: the block names a buffer of ours with its length, as SYS_GET_CMDLINE wants it, and takes the text's length.
+    let result = unsafe { cortex_m_semihosting::syscall1(nr::GET_CMDLINE, block.as_mut_ptr() as usize) };
+    // What was written through the pointer is read by the pointer.
+    // SAFETY: the second word is initialised.
+    let length = unsafe { core::ptr::read_volatile(block.as_ptr().add(1)) };
+    if result != 0 { None } else { core::str::from_utf8(buffer.get(..length)?).ok() }
+}
+
 /// Ends the emulation.
 pub fn exit(well: bool) -> ! {
     loop {

@@ -1,0 +1,42 @@
+//! Cases that are run on the host, by `cargo test`, and on the emulated Cortex-M4F, each in a fresh machine.
+//!
+//! A case is a plain function that panics where it fails. What depends on rounding is compared by its bits: both must compute the
+//! same.
+#![no_std]
+
+#[cfg(test)]
+extern crate std;
+
+mod accumulators;
+mod link;
+mod shaker;
+
+/// Lists cases: names and functions in [`CASES`], and a `#[test]` for each on the host.
+macro_rules! cases {
+    ($($module:ident :: $case:ident),* $(,)?) => {
+        /// Every case by its name.
+        pub static CASES: &[(&str, fn())] = &[$((concat!(stringify!($module), "::", stringify!($case)), $module::$case)),*];
+
+        #[cfg(test)]
+        mod tests {
+            $(#[test]
+            fn $case() {
+                super::$module::$case();
+            })*
+        }
+    };
+}
+
+cases![
+    link::every_message_survives_the_wire,
+    link::every_flipped_bit_is_seen,
+    link::the_decoder_finds_its_way_back,
+    link::frame_numbers_tell_what_is_lost,
+    accumulators::sums_have_the_same_bits,
+    accumulators::phasors_do_not_drift,
+    accumulators::the_waveform_has_the_same_bits,
+    shaker::nothing_moves_before_it_is_told_to,
+    shaker::limits_are_kept_and_refusals_change_nothing,
+    shaker::ramps_are_never_faster_than_set,
+    shaker::silence_stops_it,
+];

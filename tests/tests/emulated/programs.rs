@@ -1,0 +1,48 @@
+//! The emulated board's other programs: the cases of `firmware/cases`, each in a fresh machine, and the measurements.
+
+use std::path::Path;
+use std::process::Command;
+
+use crate::image;
+
+/// Runs a program; its console and whether it ended well.
+fn run(program: &Path, argument: Option<usize>) -> (String, bool) {
+    let mut semihosting = "enable=on,target=native".to_owned();
+    if let Some(index) = argument {
+        semihosting.push_str(&format!(",arg=cases,arg={index}"));
+    }
+    let output = Command::new("qemu-system-arm")
+        .args(["-machine", "mps2-an386", "-display", "none", "-monitor", "none", "-nodefaults"])
+        .args(["-semihosting-config", &semihosting, "-icount", "shift=5,sleep=off", "-kernel"])
+        .arg(program)
+        .output()
+        .unwrap();
+    let console = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
+    (console, output.status.success())
+}
+
+#[test]
+fn the_cases_pass_on_the_target_too() {
+    let Some(program) = image::binary("whirl-cases-mps2-an386") else { return };
+    let (console, listed) = run(&program, None);
+    let names: Vec<&str> = console.lines().filter_map(|line| line.strip_prefix("case ")).collect();
+    assert!(listed && names.len() >= 11, "{console}");
+    for (index, name) in names.iter().enumerate() {
+        let (console, passed) = run(&program, Some(index));
+        assert!(passed && console.contains(&format!("passed {name}")), "{name}: {console}");
+    }
+    // A case that is not there fails, so that a failure is not taken for a pass.
+    let (console, passed) = run(&program, Some(names.len()));
+    assert!(!passed && console.contains("no case"), "{console}");
+}
+
+#[test]
+fn a_tick_is_within_its_instructions() {
+    let Some(program) = image::binary("whirl-measure-mps2-an386") else { return };
+    let (console, done) = run(&program, None);
+    assert!(done, "{console}");
+    // Every part's worst tick at once: 10 % of 170 MHz at 500 Hz.
+    let most: Vec<u32> = console.lines().filter_map(|line| line.split_once(" most ")?.1.parse().ok()).collect();
+    println!("{console}");
+    assert!(most.len() >= 4 && most.iter().sum::<u32>() <= 34_000, "{console}");
+}
