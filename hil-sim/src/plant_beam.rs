@@ -140,7 +140,8 @@ mod tests {
         for beta in beam.beta {
             let (at_end, slope) = shape(beta, 1.0);
             assert!(at_end.abs() < 1e-9 && slope.abs() < 1e-7 * beta, "{beta}: {at_end} {slope}");
-            let mean: f64 = (0..4000).map(|i| shape(beta, (f64::from(i) + 0.5) / 4000.0).0.powi(2)).sum::<f64>() / 4000.0;
+            let mean: f64 =
+                (0..4000).map(|i| shape(beta, (f64::from(i) + 0.5) / 4000.0).0.powi(2)).sum::<f64>() / 4000.0;
             assert!((mean - 1.0).abs() < 1e-6, "{beta}: {mean}");
         }
         let mut start = [0.0; STATES];

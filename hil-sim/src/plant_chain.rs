@@ -71,8 +71,8 @@ impl Oscillator<STATES> for Chain {
         for j in 0..MASSES {
             let (x, v) = (y[j], y[MASSES + j]);
             let stretch = x - before;
-            energy += 0.5 * (v * v + self.ground * x * x + self.coupling * stretch * stretch)
-                + 0.25 * self.cubic * x.powi(4);
+            energy +=
+                0.5 * (v * v + self.ground * x * x + self.coupling * stretch * stretch) + 0.25 * self.cubic * x.powi(4);
             before = x;
         }
         energy + 0.5 * self.coupling * before * before

@@ -7,6 +7,7 @@ pub mod identify;
 pub mod inspect;
 pub mod model;
 pub mod record;
+pub mod reduce;
 pub mod report;
 pub mod rig;
 pub mod signal;

@@ -10,6 +10,7 @@ mod inspect;
 mod list;
 pub mod output;
 pub mod progress;
+mod reduce;
 mod simulate;
 
 use std::io::Write;
@@ -49,6 +50,8 @@ enum Command {
     Inspect(inspect::Arguments),
     /// Parameters with standard errors.
     Identify(identify::Arguments),
+    /// Modes, a reduced-order model, its frequency–energy curve.
+    Reduce(reduce::Arguments),
     /// What can be chosen: models, effects, boards, methods.
     List(list::Arguments),
     /// Completions for a shell.
@@ -134,6 +137,7 @@ fn run(cli: Cli) -> Result<Answer> {
         Command::Capture(a) => capture::run(&a),
         Command::Inspect(a) => inspect::run(&a),
         Command::Identify(a) => identify::run(&a),
+        Command::Reduce(a) => reduce::run(&a),
         Command::List(a) => list::run(&a),
         Command::Completions(a) => completions::run(&a),
     }

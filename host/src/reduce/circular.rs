@@ -77,9 +77,10 @@ pub fn decompose(angles: &[&[f64]]) -> CircularPod {
         if norm < 1e-6 {
             continue;
         }
-        let largest = v.iter().copied().fold((0.0_f64, 0.0_f64), |l, z| {
-            if z.0.hypot(z.1) > l.0.hypot(l.1) * (1.0 + 1e-9) { z } else { l }
-        });
+        let largest = v
+            .iter()
+            .copied()
+            .fold((0.0_f64, 0.0_f64), |l, z| if z.0.hypot(z.1) > l.0.hypot(l.1) * (1.0 + 1e-9) { z } else { l });
         let turn = largest.0.hypot(largest.1) * norm;
         let (tc, ts) = (largest.0 / turn, -largest.1 / turn);
         out.real.push(v.iter().map(|z| z.0 * tc - z.1 * ts).collect());

@@ -128,7 +128,8 @@ fn ordered(mean: Vec<f64>, values: &DVector<f64>, vectors: &DMatrix<f64>, root: 
         .iter()
         .map(|k| {
             let mode: Vec<f64> = vectors.column(*k).iter().enumerate().map(|(i, u)| u / root(i)).collect();
-            let largest = mode.iter().copied().fold(0.0_f64, |l, u| if u.abs() > l.abs() * (1.0 + 1e-9) { u } else { l });
+            let largest =
+                mode.iter().copied().fold(0.0_f64, |l, u| if u.abs() > l.abs() * (1.0 + 1e-9) { u } else { l });
             let sign = if largest < 0.0 { -1.0 } else { 1.0 };
             mode.into_iter().map(|u| sign * u).collect()
         })

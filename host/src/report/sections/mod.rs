@@ -5,6 +5,7 @@ pub mod losses;
 pub mod parameters;
 pub mod portraits;
 pub mod record;
+pub mod reduction;
 pub mod residuals;
 pub mod spectra;
 pub mod truth;
@@ -16,6 +17,7 @@ use super::SectionKind;
 pub static SECTIONS: &[SectionKind] = &[
     parameters::SECTION,
     residuals::SECTION,
+    reduction::SECTION,
     warnings::SECTION,
     record::SECTION,
     losses::SECTION,
