@@ -9,6 +9,8 @@ pub mod model;
 pub mod record;
 pub mod reduce;
 pub mod report;
+#[cfg(feature = "sim")]
+pub mod reproduce;
 pub mod rig;
 pub mod signal;
 #[cfg(feature = "sim")]

@@ -11,6 +11,8 @@ mod list;
 pub mod output;
 pub mod progress;
 mod reduce;
+#[cfg(feature = "sim")]
+mod reproduce;
 mod simulate;
 
 use std::io::Write;
@@ -52,6 +54,9 @@ enum Command {
     Identify(identify::Arguments),
     /// Modes, a reduced-order model, its frequency–energy curve.
     Reduce(reduce::Arguments),
+    /// The dissertation's tables and figures: printed, reproduced, true, side by side.
+    #[cfg(feature = "sim")]
+    Reproduce(reproduce::Arguments),
     /// What can be chosen: models, effects, boards, methods.
     List(list::Arguments),
     /// Completions for a shell.
@@ -138,6 +143,8 @@ fn run(cli: Cli) -> Result<Answer> {
         Command::Inspect(a) => inspect::run(&a),
         Command::Identify(a) => identify::run(&a),
         Command::Reduce(a) => reduce::run(&a),
+        #[cfg(feature = "sim")]
+        Command::Reproduce(a) => reproduce::run(&a),
         Command::List(a) => list::run(&a),
         Command::Completions(a) => completions::run(&a),
     }

@@ -65,7 +65,7 @@ pub fn human(r: &Reduction) -> String {
         let more = if mode.len() > 8 { ", …" } else { "" };
         let _ = writeln!(text, "  mode {}: {}{more}", k + 1, entries.join(", "));
     }
-    if r.releases.len() <= 12 {
+    if r.model.is_some() && r.releases.len() <= 12 {
         for release in &r.releases {
             let remarks =
                 if release.remarks.is_empty() { String::new() } else { format!("; {}", release.remarks.join(", ")) };

@@ -14,13 +14,10 @@ pub fn gram(x: &DMatrix<f64>) -> DMatrix<f64> {
     let starts: Vec<usize> = (0..n).step_by(COLUMNS).collect();
     let pairs: Vec<(usize, usize)> =
         starts.iter().flat_map(|&i| starts.iter().filter(move |&&j| j <= i).map(move |&j| (i, j))).collect();
-    let blocks: Vec<DMatrix<f64>> = pairs
-        .par_iter()
-        .map(|&(i, j)| {
-            let (a, b) = (x.columns(i, COLUMNS.min(n - i)), x.columns(j, COLUMNS.min(n - j)));
-            a.tr_mul(&b)
-        })
-        .collect();
+    // A product of matrices is blocked and vectorised where one of transposes is a row of scalar products: transpose once.
+    let turned = x.transpose();
+    let blocks: Vec<DMatrix<f64>> =
+        pairs.par_iter().map(|&(i, j)| turned.rows(i, COLUMNS.min(n - i)) * x.columns(j, COLUMNS.min(n - j))).collect();
     let mut out = DMatrix::zeros(n, n);
     for (&(i, j), block) in pairs.iter().zip(&blocks) {
         out.view_mut((i, j), block.shape()).copy_from(block);

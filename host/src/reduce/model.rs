@@ -413,7 +413,8 @@ fn judge(
                     out.frequency_energy.reduced.push([e, omega / TAU]);
                 }
             }
-            out.error.frequency = worst.is_finite().then_some(worst);
+            // A model that meets its nodes says nothing by meeting them: a release left out does.
+            out.error.frequency = worst.is_finite().then_some(worst.max(out.error.left_out.unwrap_or(0.0)));
             out.frequency_energy.source = "releases";
             out.frequency_energy.energy_unit =
                 if masses.is_some() { "kg × (channel's unit/s)²" } else { "(channel's unit/s)², unit masses" };

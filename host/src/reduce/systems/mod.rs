@@ -9,7 +9,7 @@ pub mod mass_pendulum;
 pub mod two_mass;
 
 /// A conservative system: ½ ẋᵀM(x)ẋ + V(x), rest at x = 0.
-pub trait Mechanical: Sync {
+pub trait Mechanical: Send + Sync {
     /// Names of the coordinates, as a rig file's `measures`.
     fn coordinates(&self) -> Vec<String>;
 

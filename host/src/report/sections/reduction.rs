@@ -155,7 +155,7 @@ fn curve(body: &mut Html, r: &Reduction) {
     }
     let (x, y) = split(&f.reduced);
     panel.series.push(
-        Series::new("reduced model", if f.source == "shooting" { Shape::Dots } else { Shape::Line }, x, y).colour(0),
+        Series::new("reduced model", if f.source == "shooting" { Shape::BigDots } else { Shape::Line }, x, y).colour(0),
     );
     let marked: (Vec<f64>, Vec<f64>) =
         r.releases.iter().filter(|x| x.used).filter_map(|x| x.energy.map(|e| (e, x.frequency_hz))).unzip();
