@@ -9,7 +9,10 @@ pub mod identify;
 pub mod inspect;
 pub mod model;
 pub mod record;
+pub mod reduce;
 pub mod report;
+#[cfg(feature = "sim")]
+pub mod reproduce;
 pub mod rig;
 pub mod signal;
 #[cfg(feature = "sim")]

@@ -33,6 +33,9 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
             for (id, about) in crate::model::MODELS {
                 out.say(&format!("{id:<18} {about}\n"));
             }
+            for s in crate::reduce::systems::SYSTEMS {
+                out.say(&format!("{:<18} {}\n", s.id, s.about));
+            }
         }
         What::Methods => {
             for (id, about) in crate::identify::METHODS {

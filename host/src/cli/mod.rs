@@ -12,6 +12,9 @@ mod inspect;
 mod list;
 pub mod output;
 pub mod progress;
+mod reduce;
+#[cfg(feature = "sim")]
+mod reproduce;
 mod simulate;
 
 use std::io::Write;
@@ -55,6 +58,11 @@ enum Command {
     Explain(explain::Arguments),
     /// Builds a board's firmware and flashes it through a debug probe.
     Flash(flash::Arguments),
+    /// Modes, a reduced-order model, its frequency–energy curve.
+    Reduce(reduce::Arguments),
+    /// The dissertation's tables and figures: printed, reproduced, true, side by side.
+    #[cfg(feature = "sim")]
+    Reproduce(reproduce::Arguments),
     /// What can be chosen: models, effects, boards, methods.
     List(list::Arguments),
     /// Completions for a shell.
@@ -142,6 +150,9 @@ fn run(cli: Cli) -> Result<Answer> {
         Command::Identify(a) => identify::run(&a),
         Command::Explain(a) => explain::run(&a),
         Command::Flash(a) => flash::run(&a),
+        Command::Reduce(a) => reduce::run(&a),
+        #[cfg(feature = "sim")]
+        Command::Reproduce(a) => reproduce::run(&a),
         Command::List(a) => list::run(&a),
         Command::Completions(a) => completions::run(&a),
     }

@@ -6,6 +6,7 @@ pub mod losses;
 pub mod parameters;
 pub mod portraits;
 pub mod record;
+pub mod reduction;
 pub mod residuals;
 pub mod spectra;
 pub mod truth;
@@ -18,6 +19,7 @@ pub static SECTIONS: &[SectionKind] = &[
     parameters::SECTION,
     residuals::SECTION,
     explanation::SECTION,
+    reduction::SECTION,
     warnings::SECTION,
     record::SECTION,
     losses::SECTION,

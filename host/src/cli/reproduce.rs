@@ -1,0 +1,53 @@
+//! `whirl reproduce`: the seed's tables and figures, printed, reproduced and true values side by side.
+
+use clap::Args;
+
+use super::Answer;
+use super::output::Output;
+use crate::error::Result;
+use crate::report::{Report, Section};
+use crate::reproduce::{Reproduction, by_id, items};
+
+/// Arguments of `reproduce`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Tables and figures, such as table-5.1 or figure-5.13 [default: all].
+    #[arg(value_name = "ID")]
+    ids: Vec<String>,
+    /// Lists what can be reproduced.
+    #[arg(long)]
+    list: bool,
+    #[command(flatten)]
+    out: Output,
+}
+
+/// Reproduces, prints, writes.
+pub fn run(arguments: &Arguments) -> Result<Answer> {
+    if arguments.list {
+        for item in items() {
+            arguments.out.say(&format!("{} {}\n", item.id, item.about));
+        }
+        return Ok(Answer::Positive);
+    }
+    let chosen = if arguments.ids.is_empty() {
+        items().collect()
+    } else {
+        arguments.ids.iter().map(|id| by_id(id)).collect::<Result<Vec<_>>>()?
+    };
+    let mut done: Vec<Reproduction> = Vec::with_capacity(chosen.len());
+    for item in chosen {
+        let r = (item.run)()?;
+        arguments.out.say(&r.text());
+        done.push(r);
+    }
+    arguments.out.write_json(&done)?;
+    if let Some(path) = &arguments.out.report {
+        let mut report =
+            Report::new("Reproduction", "the dissertation's tables and figures: printed, reproduced, true");
+        for r in &done {
+            report.push(Section { id: r.id.replace('.', "-"), title: r.id.replace('-', " "), body: r.html() });
+        }
+        report.write(path)?;
+    }
+    Ok(Answer::Positive)
+}

@@ -1,0 +1,480 @@
+//! The model that a constraint asks for, its frequency–energy curve beside the full system's, and its errors.
+
+use serde::Serialize;
+use std::f64::consts::TAU;
+
+use super::added_constraint::{self, ConstraintModel, Function};
+use super::channel_faults::ChannelFault;
+use super::normal_mode::{self, Member};
+use super::polar::{self, Node, Polar};
+use super::proper_orthogonal_decomposition::Pod;
+use super::release_fit::ReleaseFit;
+use super::releases::{self, Gathered, Release};
+use super::systems::{self, Mechanical};
+use super::{Constraint, ReduceSettings, Reduction};
+use crate::error::{BadInput, Result};
+use crate::rig::Rig;
+use crate::warning::Warning;
+
+/// Points of a frequency–energy curve, besides the releases.
+const CURVE: usize = 24;
+/// Periods over which time histories are compared.
+const HISTORY: f64 = 10.0;
+/// Floquet multiplier from which a mode is called unstable.
+const UNSTABLE: f64 = 1.02;
+
+/// A model in the result.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "lowercase", tag = "kind")]
+pub enum Model {
+    /// The action–angle model.
+    Polar(Polar),
+    /// A model in the major coordinate and its rate.
+    Polynomial(ConstraintModel),
+}
+
+/// Frequency (Hz) against energy.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct FrequencyEnergy {
+    /// The full system: its normal mode by shooting where the equations are known, the measured releases otherwise.
+    pub full: Vec<[f64; 2]>,
+    /// The reduced model.
+    pub reduced: Vec<[f64; 2]>,
+    /// Where `full` comes from: `shooting`, `releases`, or nothing.
+    pub source: &'static str,
+    /// Unit of the energy.
+    pub energy_unit: &'static str,
+}
+
+/// Errors of the model.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Error {
+    /// Greatest relative error of the frequency over the releases' energies, against the full system (or against the releases used).
+    pub frequency: Option<f64>,
+    /// Greatest relative error at a release that was left out in making the model.
+    pub left_out: Option<f64>,
+    /// For each release the relative error of all coordinates over ten periods (or the record, if shorter).
+    pub time_history: Vec<Option<f64>>,
+    /// Amplitudes (first harmonic of the major coordinate) between which the model may be used.
+    pub range: Option<[f64; 2]>,
+    /// For the polynomial models: whether every release simulated over the range comes back.
+    pub stable: Option<bool>,
+}
+
+/// What the figures show.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Plots {
+    /// Each used release: time, measured major coordinate, the model's.
+    pub histories: Vec<[Vec<f64>; 3]>,
+    /// Each release: measured minor against major coordinate, then the model's.
+    pub shapes: Vec<[Vec<f64>; 4]>,
+}
+
+/// A model that can be released.
+enum Made<'a> {
+    Polar(Polar, Vec<Node>, Option<&'a dyn Mechanical>),
+    Polynomial(ConstraintModel),
+}
+
+impl Made<'_> {
+    fn omega(&self, a: f64) -> Option<f64> {
+        match self {
+            Self::Polar(p, nodes, Some(system)) => p.corrected_omega(*system, nodes, a),
+            Self::Polar(p, _, None) => Some(p.omega(a)).filter(|w| *w > 0.0),
+            Self::Polynomial(m) => m.behaviour(a).map(|b| b.omega),
+        }
+    }
+
+    fn rest(&self, a: f64) -> Vec<f64> {
+        match self {
+            Self::Polar(p, ..) => p.displacement(a, 0.0),
+            Self::Polynomial(m) => m.displacement(a, 0.0),
+        }
+    }
+
+    /// Coordinates over time from rest at amplitude a.
+    fn history(&self, a: f64, phase: f64, step: f64, count: usize) -> Option<Vec<Vec<f64>>> {
+        match self {
+            Self::Polar(p, ..) => {
+                let omega = self.omega(a)?;
+                let x = p.harmonics(a);
+                Some(
+                    (0..count)
+                        .map(|i| {
+                            let phi = phase + omega * i as f64 * step;
+                            let mut at = vec![0.0; x[0].len()];
+                            for (k, x) in x.iter().enumerate() {
+                                let c = (k as f64 * phi).cos();
+                                at.iter_mut().zip(x).for_each(|(o, v)| *o += c * v);
+                            }
+                            at
+                        })
+                        .collect(),
+                )
+            }
+            Self::Polynomial(m) => {
+                let states = m.simulate(a, step, count);
+                (states.len() == count).then(|| states.iter().map(|s| m.displacement(s[0], s[1])).collect())
+            }
+        }
+    }
+}
+
+/// Builds the whole result from the decomposition.
+pub fn build(
+    gathered: &Gathered,
+    pod: Pod,
+    kept: usize,
+    faults: Vec<ChannelFault>,
+    mut warnings: Vec<Warning>,
+    rig: &Rig,
+    settings: &ReduceSettings,
+) -> Result<Reduction> {
+    let major = unit(&pod.modes[0]);
+    let fits = releases::fits(gathered, &major);
+    let periodic = releases::periodic(&fits);
+    let mut described: Vec<Release> = Vec::new();
+    let mut with_fit: Vec<(usize, &ReleaseFit)> = Vec::new();
+    for (i, fit) in fits.iter().enumerate() {
+        if let Some(fit) = fit {
+            described.push(releases::describe(gathered, i, fit, &major));
+            with_fit.push((i, fit));
+        }
+    }
+    let system = known_system(rig, gathered);
+    let mut branch: Vec<Option<Member>> = vec![None; described.len()];
+    if let Some(system) = &system
+        && periodic
+    {
+        branch = compare_with_full(&**system, gathered, &mut described, &with_fit);
+    }
+    let system = system.filter(|_| branch.iter().any(Option::is_some));
+    for r in described.iter().filter(|r| !r.remarks.is_empty() && periodic) {
+        warnings.push(remark_warning(r));
+    }
+    let used: Vec<usize> = (0..described.len()).filter(|i| described[*i].used).collect();
+    let amplitudes_differ =
+        used.iter().any(|i| (described[*i].amplitude / described[used[0]].amplitude - 1.0).abs() > 1e-3);
+    let constraint =
+        settings.constraint.unwrap_or(if periodic && amplitudes_differ { Constraint::Polar } else { Constraint::None });
+    if constraint != Constraint::None && (!periodic || used.is_empty()) {
+        return Err(BadInput::new(
+            "no release that swings periodically for three periods or more",
+            "releases close to periodic, for this constraint",
+        )
+        .at("--constraint")
+        .remedy("Use --constraint none, or record free swings released on one mode"));
+    }
+    if constraint == Constraint::Polar && !amplitudes_differ {
+        return Err(BadInput::new("releases of one amplitude", "at least two releases of different amplitude")
+            .at("--constraint")
+            .remedy("Record further releases, each at another amplitude"));
+    }
+    let basis: Vec<Vec<f64>> = complete(&pod.modes, pod.rank());
+    let made = make(constraint, &used, &with_fit, &basis, &major, system.as_deref(), periodic);
+    if made.is_none() && periodic {
+        warnings.push(Warning::new(
+            "no-model",
+            "no stable model was found from these releases",
+            "Record more releases over the range of amplitudes, or use another --constraint",
+        ));
+    }
+    let mut reduction = Reduction {
+        rank: pod.rank(),
+        energy: pod.energy,
+        modes: pod.modes,
+        kept,
+        constraint,
+        model: None,
+        frequency_energy: FrequencyEnergy::default(),
+        error: Error::default(),
+        modes_imaginary: None,
+        coordinates: gathered.names.clone(),
+        units: gathered.units.clone(),
+        channel_faults: faults,
+        releases: described,
+        warnings,
+        plots: Plots::default(),
+    };
+    if let Some(made) = made {
+        judge(&mut reduction, &made, gathered, &with_fit, &branch, &basis, system.as_deref(), settings);
+        reduction.model = Some(match made {
+            Made::Polar(p, ..) => Model::Polar(p),
+            Made::Polynomial(m) => Model::Polynomial(m),
+        });
+    }
+    Ok(reduction)
+}
+
+fn unit(mode: &[f64]) -> Vec<f64> {
+    let norm = mode.iter().map(|x| x * x).sum::<f64>().sqrt();
+    mode.iter().map(|x| x / norm).collect()
+}
+
+/// Orthonormal modes, as many as move; mass-weighted ones are turned orthonormal in displacement.
+fn complete(modes: &[Vec<f64>], rank: usize) -> Vec<Vec<f64>> {
+    let mut out: Vec<Vec<f64>> = Vec::new();
+    for mode in &modes[..rank.min(modes.len())] {
+        let mut v = mode.clone();
+        for u in &out {
+            let dot: f64 = v.iter().zip(u).map(|(a, b)| a * b).sum();
+            v.iter_mut().zip(u).for_each(|(a, b)| *a -= dot * b);
+        }
+        if v.iter().any(|x| x.abs() > 1e-9) {
+            out.push(unit(&v));
+        }
+    }
+    out
+}
+
+/// The rig file's system where it is one whose equations are known and its coordinates are measured, in their order.
+fn known_system(rig: &Rig, gathered: &Gathered) -> Option<Box<dyn Mechanical>> {
+    systems::by_id(&rig.model).filter(|s| s.coordinates() == gathered.names)
+}
+
+/// Energies, normal-mode members and Floquet multipliers for the releases. All none where the equations do not fit the record.
+fn compare_with_full(
+    system: &dyn Mechanical,
+    gathered: &Gathered,
+    described: &mut [Release],
+    with_fit: &[(usize, &ReleaseFit)],
+) -> Vec<Option<Member>> {
+    let energies: Vec<f64> = with_fit
+        .iter()
+        .map(|(i, fit)| {
+            // At rest at phase 0 where the motion is on a mode; for others the first sample, from rest, is the better witness.
+            let n = gathered.names.len();
+            let rest: Vec<f64> = (0..n).map(|c| fit.motion(c, 0.0)[0]).collect();
+            let first: Vec<f64> = (0..n).map(|c| gathered.releases[*i][c][0]).collect();
+            system.potential(if fit.residual < releases::PERIODIC { &rest } else { &first })
+        })
+        .collect();
+    let family = normal_mode::family(system, 0, &energies);
+    let mut out = vec![None; described.len()];
+    for (i, e) in energies.iter().enumerate() {
+        let Some(member) = family.iter().find(|m| (m.energy / e - 1.0).abs() < 1e-12) else { continue };
+        if (member.omega / with_fit[i].1.omega - 1.0).abs() > 0.02 {
+            continue;
+        }
+        let release = &mut described[i];
+        release.energy = Some(*e);
+        if system.size() <= 8 {
+            release.floquet = normal_mode::multipliers(system, member).and_then(|m| m.first().copied());
+        }
+        if release.floquet.is_some_and(|f| f > UNSTABLE) {
+            release.remarks.push("unstable");
+            release.used = false;
+        }
+        out[i] = Some(member.clone());
+    }
+    out
+}
+
+fn remark_warning(r: &Release) -> Warning {
+    let who = format!("release {} of {} (amplitude {:.4})", r.segment + 1, r.file, r.amplitude);
+    let mut what: Vec<String> = Vec::new();
+    for remark in &r.remarks {
+        what.push(match *remark {
+            "off-mode" => format!("leaves {:.1} % that is not periodic: it is off the mode", 100.0 * r.residual),
+            "unstable" => {
+                format!("lies where the mode is unstable (Floquet multiplier {:.2})", r.floquet.unwrap_or(f64::NAN))
+            }
+            "growing" => "departs from its periodic motion as time goes on".to_owned(),
+            "asymmetric" => format!("is asymmetric (even harmonics {:.1} %)", 100.0 * r.even_harmonics),
+            _ => format!("does not pass through rest (parts out of phase {:.1} %)", 100.0 * r.out_of_phase),
+        });
+    }
+    let advice = if r.used {
+        "It is used; see whether its neighbours agree"
+    } else {
+        "It is left out of the model; release it closer to the mode"
+    };
+    Warning::new("release", format!("{who} {}", what.join(" and ")), advice)
+}
+
+fn make<'a>(
+    constraint: Constraint,
+    used: &[usize],
+    with_fit: &[(usize, &ReleaseFit)],
+    basis: &[Vec<f64>],
+    major: &[f64],
+    system: Option<&'a dyn Mechanical>,
+    periodic: bool,
+) -> Option<Made<'a>> {
+    if !periodic || used.is_empty() {
+        return None;
+    }
+    let fits: Vec<&ReleaseFit> = used.iter().map(|i| with_fit[*i].1).collect();
+    if constraint == Constraint::Polar {
+        let nodes: Vec<Node> = fits.iter().map(|f| Node::of(f, major)).collect();
+        let linear = system.and_then(|s| normal_mode::linear_mode(s, 0));
+        return polar::model(&nodes, major, linear).map(|p| Made::Polar(p, nodes, system));
+    }
+    let (orbits, time_unit) = added_constraint::orbits(&fits, basis, true);
+    // Free motion is reversible: terms even in velocity only.
+    let even = |y, velocity| Function::Monomial { y, velocity, z: 0 };
+    let surface = [even(1, 0), even(2, 0), even(3, 0), even(0, 2), even(1, 2)];
+    let (constraint, equation) = match constraint {
+        Constraint::None => (Vec::new(), vec![even(1, 0), even(2, 0), even(3, 0)]),
+        Constraint::Type1 => (surface.to_vec(), vec![even(1, 0), even(2, 0), even(3, 0)]),
+        _ => (surface.to_vec(), added_constraint::type2_equation(true)),
+    };
+    added_constraint::select(&orbits, basis, time_unit, &constraint, &equation).map(|(m, _)| Made::Polynomial(m))
+}
+
+/// Fills in the frequency–energy curve, the errors and the figures.
+fn judge(
+    out: &mut Reduction,
+    made: &Made<'_>,
+    gathered: &Gathered,
+    with_fit: &[(usize, &ReleaseFit)],
+    branch: &[Option<Member>],
+    basis: &[Vec<f64>],
+    system: Option<&dyn Mechanical>,
+    settings: &ReduceSettings,
+) {
+    let major = &basis[0];
+    let dot = |x: &[f64], p: &[f64]| x.iter().zip(p).map(|(a, b)| a * b).sum::<f64>();
+    // Amplitude of each release in the model's own measure.
+    let amplitudes: Vec<f64> = with_fit
+        .iter()
+        .enumerate()
+        .map(|(i, (_, fit))| match made {
+            Made::Polar(..) => out.releases[i].amplitude,
+            Made::Polynomial(_) => (0..major.len()).map(|c| fit.motion(c, 0.0)[0] * major[c]).sum(),
+        })
+        .collect();
+    let used: Vec<usize> = (0..amplitudes.len()).filter(|i| out.releases[*i].used).collect();
+    let low = used.iter().map(|i| amplitudes[*i]).fold(f64::INFINITY, f64::min);
+    let high = used.iter().map(|i| amplitudes[*i]).fold(0.0, f64::max);
+    let grid: Vec<f64> = (0..=CURVE).map(|i| low * (high / low).powf(i as f64 / CURVE as f64)).collect();
+    out.error.range = Some(match made {
+        Made::Polar(p, ..) => p.range,
+        Made::Polynomial(_) => [low, high],
+    });
+    if let Made::Polar(p, ..) = made {
+        out.error.left_out = p.left_out;
+    } else {
+        out.error.stable = Some(grid.iter().all(|a| made.omega(*a).is_some()));
+    }
+    match system {
+        Some(system) => {
+            let mut energies: Vec<f64> = grid.iter().map(|a| system.potential(&made.rest(*a))).collect();
+            energies.extend(out.releases.iter().filter_map(|r| r.energy));
+            energies.sort_by(f64::total_cmp);
+            energies.dedup();
+            let family = normal_mode::family(system, 0, &energies);
+            let mut worst: Option<f64> = None;
+            for m in &family {
+                out.frequency_energy.full.push([m.energy, m.omega / TAU]);
+                let a = polar::bisect(|a| system.potential(&made.rest(a)), m.energy, 1.5 * high);
+                let Some(omega) = a.and_then(|a| made.omega(a)) else { continue };
+                out.frequency_energy.reduced.push([m.energy, omega / TAU]);
+                if branch.iter().flatten().any(|b| (b.energy / m.energy - 1.0).abs() < 1e-12) {
+                    let error = (omega / m.omega - 1.0).abs();
+                    worst = Some(worst.map_or(error, |w| w.max(error)));
+                }
+            }
+            out.error.frequency = worst;
+            out.frequency_energy.source = "shooting";
+            out.frequency_energy.energy_unit = "the full system's";
+        }
+        None => {
+            let masses = settings.masses.as_deref();
+            let energy = |a: &[f64]| -> Vec<f64> {
+                match made {
+                    Made::Polar(p, ..) => p.energies(a, masses),
+                    // Of the major coordinate's equation, at rest: −∫ÿ dy.
+                    Made::Polynomial(m) => a
+                        .iter()
+                        .map(|a| {
+                            let n = 200;
+                            let h = a / f64::from(n);
+                            -(0..n).map(|i| m.acceleration((f64::from(i) + 0.5) * h, 0.0) * h).sum::<f64>()
+                                * m.time_unit.powi(2)
+                        })
+                        .collect(),
+                }
+            };
+            let mut worst = 0.0_f64;
+            let mut order = used.clone();
+            order.sort_by(|a, b| amplitudes[*a].total_cmp(&amplitudes[*b]));
+            let at_releases = energy(&order.iter().map(|i| amplitudes[*i]).collect::<Vec<_>>());
+            for (i, e) in order.iter().zip(at_releases) {
+                out.releases[*i].energy = Some(e);
+                out.frequency_energy.full.push([e, with_fit[*i].1.omega / TAU]);
+                worst = match made.omega(amplitudes[*i]) {
+                    Some(omega) => worst.max((omega / with_fit[*i].1.omega - 1.0).abs()),
+                    None => f64::INFINITY,
+                };
+            }
+            for (a, e) in grid.iter().zip(energy(&grid)) {
+                if let Some(omega) = made.omega(*a) {
+                    out.frequency_energy.reduced.push([e, omega / TAU]);
+                }
+            }
+            // A model that meets its nodes says nothing by meeting them: a release left out does.
+            out.error.frequency = worst.is_finite().then_some(worst.max(out.error.left_out.unwrap_or(0.0)));
+            out.frequency_energy.source = "releases";
+            out.frequency_energy.energy_unit =
+                if masses.is_some() { "kg × (channel's unit/s)²" } else { "(channel's unit/s)², unit masses" };
+        }
+    }
+    out.error.time_history = vec![None; with_fit.len()];
+    for (i, (r, fit)) in with_fit.iter().enumerate() {
+        let x = &gathered.releases[*r];
+        let length = x[0].len();
+        // Polynomial models start from rest: at the first phase 0 in the record.
+        let turns_to_rest = (-fit.phase / TAU).rem_euclid(1.0);
+        let mut offset = (turns_to_rest * TAU / fit.omega / gathered.step).round() as usize;
+        if turns_to_rest > 0.999 {
+            offset = 0;
+        }
+        let count = ((HISTORY * TAU / fit.omega / gathered.step) as usize).min(length.saturating_sub(offset));
+        let phase = fit.phase + fit.omega * offset as f64 * gathered.step;
+        let a = match made {
+            Made::Polar(..) => amplitudes[i],
+            Made::Polynomial(_) => dot(&x.iter().map(|c| c[offset.min(length - 1)]).collect::<Vec<_>>(), major),
+        };
+        let Some(model) = made.history(a, phase, gathered.step, count) else { continue };
+        // The release's mean is its own matter where the model knows none.
+        let (mut e, mut s) = (0.0, 0.0);
+        for (k, at) in model.iter().enumerate() {
+            for c in 0..x.len() {
+                e += (at[c] - x[c][offset + k]).powi(2);
+                s += x[c][offset + k].powi(2);
+            }
+        }
+        out.error.time_history[i] = (s > 0.0).then(|| (e / s).sqrt());
+        plot(&mut out.plots, gathered, x, &model, basis, offset, (3.0 * TAU / fit.omega / gathered.step) as usize);
+    }
+}
+
+fn plot(
+    plots: &mut Plots,
+    gathered: &Gathered,
+    x: &[Vec<f64>],
+    model: &[Vec<f64>],
+    basis: &[Vec<f64>],
+    offset: usize,
+    count: usize,
+) {
+    let project = |at: &dyn Fn(usize) -> f64, p: &[f64]| -> f64 { p.iter().enumerate().map(|(c, p)| p * at(c)).sum() };
+    let count = count.min(model.len());
+    let mut history = [Vec::new(), Vec::new(), Vec::new()];
+    let mut shape = [Vec::new(), Vec::new(), Vec::new(), Vec::new()];
+    for k in 0..count {
+        let (measured, of_model) = (|c: usize| x[c][offset + k], |c: usize| model[k][c]);
+        history[0].push(k as f64 * gathered.step);
+        history[1].push(project(&measured, &basis[0]));
+        history[2].push(project(&of_model, &basis[0]));
+        shape[0].push(project(&measured, &basis[0]));
+        shape[2].push(project(&of_model, &basis[0]));
+        if let Some(minor) = basis.get(1) {
+            shape[1].push(project(&measured, minor));
+            shape[3].push(project(&of_model, minor));
+        }
+    }
+    plots.histories.push(history);
+    plots.shapes.push(shape);
+}

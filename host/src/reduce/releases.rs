@@ -1,0 +1,210 @@
+//! Releases gathered from records: every unbroken stretch, all channels in SI units, arms' angles absolute.
+
+use serde::Serialize;
+
+use super::release_fit::{self, ReleaseFit};
+use crate::error::{BadInput, Result};
+use crate::record::Record;
+use crate::rig::Rig;
+use crate::warning::Warning;
+
+/// Residual, relative to the motion, up to which a release counts as a periodic motion of the family.
+pub const PERIODIC: f64 = 0.05;
+/// Residual up to which a record is close to periodic at all.
+const NEARLY: f64 = 0.3;
+/// Share of even harmonics or sine parts that is told.
+const NOTABLE: f64 = 0.01;
+
+/// All stretches of all records.
+#[derive(Clone, Debug)]
+pub struct Gathered {
+    /// `[release][channel][sample]`.
+    pub releases: Vec<Vec<Vec<f64>>>,
+    /// File and stretch of each.
+    pub sources: Vec<(String, usize)>,
+    /// Sampling step, s.
+    pub step: f64,
+    /// Coordinates.
+    pub names: Vec<String>,
+    /// SI units.
+    pub units: Vec<String>,
+    /// Whether an angle turns over.
+    pub whirling: bool,
+    /// Things noticed.
+    pub warnings: Vec<Warning>,
+}
+
+impl Gathered {
+    /// All releases one after the other, one vector a channel.
+    pub fn whole(&self) -> Vec<Vec<f64>> {
+        (0..self.names.len()).map(|c| self.releases.iter().flat_map(|r| r[c].iter().copied()).collect()).collect()
+    }
+}
+
+/// A release as the result tells of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Release {
+    /// File.
+    pub file: String,
+    /// Stretch in it.
+    pub segment: usize,
+    /// Periods in it.
+    pub periods: f64,
+    /// Amplitude: first harmonic of the major coordinate.
+    pub amplitude: f64,
+    /// Frequency, Hz.
+    pub frequency_hz: f64,
+    /// Its standard error, Hz.
+    pub frequency_std_error: f64,
+    /// What harmonics of one frequency leave, relative to the motion.
+    pub residual: f64,
+    /// Even harmonics relative to odd ones.
+    pub even_harmonics: f64,
+    /// Parts out of phase relative to those in phase.
+    pub out_of_phase: f64,
+    /// Greatest Floquet multiplier of the full system's mode at this energy, where its equations are known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub floquet: Option<f64>,
+    /// Energy, of the full system where known, of the model otherwise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub energy: Option<f64>,
+    /// Whether the model was made with it.
+    pub used: bool,
+    /// What is remarkable about it: `off-mode`, `unstable`, `asymmetric`, `not-in-phase`, `growing`.
+    pub remarks: Vec<&'static str>,
+}
+
+/// Gathers.
+///
+/// # Errors
+/// No samples; records of different rates.
+pub fn gather(records: &[Record], rig: &Rig) -> Result<Gathered> {
+    let Some(first) = records.first() else { return Err(BadInput::new("no record", "at least one record")) };
+    let step = 1.0 / first.sample_rate_hz;
+    let mut out = Gathered {
+        releases: Vec::new(),
+        sources: Vec::new(),
+        step,
+        names: rig.channel.iter().map(|c| c.measures.clone()).collect(),
+        units: rig.channel.iter().map(|c| si_unit(&c.unit).to_owned()).collect(),
+        whirling: false,
+        warnings: Vec::new(),
+    };
+    let relative = rig.channel.iter().position(|c| c.measures == "theta2");
+    let base = rig.channel.iter().position(|c| c.measures == "theta1" || c.measures == "phi1");
+    let mut short = 0;
+    for record in records {
+        if (record.sample_rate_hz * step - 1.0).abs() > 1e-3 {
+            return Err(BadInput::new(
+                format!("{} Hz", record.sample_rate_hz),
+                format!("{} Hz, the rate of {}", first.sample_rate_hz, first.path.display()),
+            )
+            .in_file(&record.path)
+            .at("column t")
+            .remedy("Reduce records of one rate together"));
+        }
+        out.warnings.extend(record.warnings.iter().cloned());
+        for (i, segment) in record.segments.iter().enumerate() {
+            // A single sample between two gaps tells nothing of motion.
+            if segment.len() < 2 {
+                short += 1;
+                continue;
+            }
+            let mut x: Vec<Vec<f64>> =
+                segment.columns.iter().zip(&record.channels).map(|(c, ch)| c.angle(ch)).collect();
+            if let (Some(r), Some(b)) = (relative, base) {
+                // Absolute angle of the second arm.
+                let arm = x[b].clone();
+                x[r].iter_mut().zip(&arm).for_each(|(t, a)| *t += a);
+            }
+            out.releases.push(x);
+            out.sources.push((record.path.display().to_string(), i));
+        }
+    }
+    if relative.is_some() && base.is_some() {
+        for name in &mut out.names {
+            *name = name.replace("theta", "phi");
+        }
+    }
+    if short > 0 {
+        out.warnings.push(Warning::new(
+            "short-stretches",
+            format!("{short} stretches of a single sample are left out"),
+            "Find out why samples are missing",
+        ));
+    }
+    if out.releases.is_empty() {
+        return Err(BadInput::new("no stretch of two samples or more", "a record of motion")
+            .in_file(&first.path)
+            .remedy("Record again"));
+    }
+    out.whirling = out.units.iter().enumerate().any(|(c, u)| {
+        // More than a whole turn between the ends of a swing.
+        u == "rad"
+            && out.releases.iter().any(|r| {
+                let (low, high) =
+                    r[c].iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+                high - low > std::f64::consts::TAU
+            })
+    });
+    Ok(out)
+}
+
+fn si_unit(unit: &str) -> &str {
+    match unit {
+        "count" | "deg" | "rad" => "rad",
+        "m" | "mm" | "um" => "m",
+        "V" | "mV" => "V",
+        "N" | "mN" | "kN" => "N",
+        other => other,
+    }
+}
+
+/// Fits every release; none where one does not swing. `major`: weights of the channels.
+pub fn fits(gathered: &Gathered, major: &[f64]) -> Vec<Option<ReleaseFit>> {
+    gathered
+        .releases
+        .iter()
+        .map(|r| release_fit::fit(&r.iter().map(Vec::as_slice).collect::<Vec<_>>(), gathered.step, major))
+        .map(|f| f.filter(|f| f.residual.is_finite()))
+        .collect()
+}
+
+/// Whether the record as a whole is close to periodic: every release that can be fitted is, and one can.
+pub fn periodic(fits: &[Option<ReleaseFit>]) -> bool {
+    fits.iter().flatten().any(|f| f.residual < PERIODIC) && fits.iter().flatten().all(|f| f.residual < NEARLY)
+}
+
+/// What to tell of a release.
+pub fn describe(gathered: &Gathered, index: usize, fit: &ReleaseFit, major: &[f64]) -> Release {
+    let (file, segment) = gathered.sources[index].clone();
+    let mut remarks = Vec::new();
+    if fit.residual >= PERIODIC {
+        remarks.push("off-mode");
+    }
+    if fit.residual >= 0.01 && fit.residual_thirds[1] > 2.0 * fit.residual_thirds[0] {
+        remarks.push("growing");
+    }
+    if fit.even_share() > NOTABLE && fit.even_share() > 3.0 * fit.sine_share() {
+        remarks.push("asymmetric");
+    }
+    if fit.sine_share() > NOTABLE {
+        remarks.push("not-in-phase");
+    }
+    let per_turn = std::f64::consts::TAU;
+    Release {
+        file,
+        segment,
+        periods: fit.periods,
+        amplitude: fit.cosine[1].iter().zip(major).map(|(x, p)| x * p).sum(),
+        frequency_hz: fit.omega / per_turn,
+        frequency_std_error: fit.omega_error / per_turn,
+        residual: fit.residual,
+        even_harmonics: fit.even_share(),
+        out_of_phase: fit.sine_share(),
+        floquet: None,
+        energy: None,
+        used: fit.residual < PERIODIC,
+        remarks,
+    }
+}
