@@ -32,10 +32,11 @@ impl Output {
         text.push('\n');
         if is_standard_output(path) {
             let mut out = std::io::stdout().lock();
-            return out
-                .write_all(text.as_bytes())
-                .and_then(|()| out.flush())
-                .map_err(|e| BadInput::io("standard output", &e));
+            return match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+                // A reader that has enough (`whirl … --json - | head`) is no error of ours.
+                Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(BadInput::io("standard output", &e)),
+                _ => Ok(()),
+            };
         }
         write_file(path, text.as_bytes())
     }

@@ -284,6 +284,9 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
         let mut rest = bias.value.iter();
         solution.coefficients.iter_mut().flat_map(DVector::iter_mut).zip(&mut rest).for_each(|(c, d)| *c -= d);
         solution.covariance += &bias.covariance;
+        if solution.repeating {
+            solution.covariance += &bias.spread;
+        }
     }
     if solution.repeating {
         warnings.push(Warning::new(

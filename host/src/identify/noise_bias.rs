@@ -25,6 +25,8 @@ use crate::signal::angles::AngleSegment;
 
 /// Number of repeats with independent-looking errors.
 pub(crate) const REPEATS: usize = SHIFTS.len();
+/// t₀.₉₇₅(3)/1.96 for four repeats.
+const STRETCH_T: f64 = 3.182 / 1.96;
 /// Most windows on which the bias is measured.
 const MOST_WINDOWS: usize = 64;
 /// Windows taken together, so that they share their smoothed samples.
@@ -39,6 +41,9 @@ pub struct Bias {
     pub value: DVector<f64>,
     /// Covariance of δ, from leaving out one stretch at a time: it belongs to what is known of the coefficients.
     pub covariance: DMatrix<f64>,
+    /// Covariance of the coefficients over the repeats, stretched by t₀.₉₇₅(R−1)/1.96: what a motion that repeats cannot average out, since it
+    /// meets the encoders' grids at the same points each time, and where these lie is not known.
+    pub spread: DMatrix<f64>,
 }
 
 /// Measures the bias. `sigma` is the standard deviation of each sensor's noise, rad (used where it does not count).
@@ -75,6 +80,17 @@ pub fn estimate(
         Some(mean)
     };
     let all = delta(None)?;
+    let each: Vec<DVector<f64>> = repeats
+        .iter()
+        .filter_map(|rows| solve_weighted(rows.iter(), &terms, weights).ok())
+        .map(|solved| DVector::from_iterator(all.len(), solved.iter().flat_map(|c| c.iter().copied())))
+        .collect();
+    let mean = each.iter().fold(DVector::zeros(all.len()), |s, x| s + x) / each.len().max(1) as f64;
+    let mut spread = DMatrix::zeros(all.len(), all.len());
+    for x in &each {
+        let d = x - &mean;
+        spread += &d * d.transpose() * (STRETCH_T * STRETCH_T / (REPEATS - 1) as f64);
+    }
     let n = truth.len();
     let mut covariance = DMatrix::zeros(all.len(), all.len());
     if n > 1 {
@@ -86,7 +102,7 @@ pub fn estimate(
         let square = all[i] * all[i];
         if square > 0.0 { all[i] * (1.0 - covariance[(i, i)] / square).max(0.0) } else { 0.0 }
     });
-    Some(Bias { value, covariance })
+    Some(Bias { value, covariance, spread })
 }
 
 /// Smoothed stretches of a few windows each, spread evenly over the record.

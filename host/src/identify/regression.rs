@@ -11,7 +11,7 @@
 //!
 //! *Repeating records.* On a periodic orbit the quantisation error repeats from window to window and does not average out.
 //! The greatest mean correlation ρ of weighted residuals between windows that do not overlap measures it. Where ρ > 0.2,
-//! ρ times the covariance that a single window would give is added, C₁ = (N/n)⁻¹ · 2.63, N the normal matrix over n windows and
+//! ρ times the covariance that a single window would give is added (and what [`super::noise_bias`] finds), C₁ = (N/n)⁻¹ · 2.63, N the normal matrix over n windows and
 //! 2.63 = Σ corr² of sin⁴ rows at neighbouring frequencies.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
