@@ -27,6 +27,8 @@ pub enum NoEstimate {
     TooFewRows,
     /// An unknown that the rows do not determine, by its index.
     NotIdentifiable(usize),
+    /// The motion repeats itself: new rows say what earlier ones said. (Not found here, but by who makes the rows.)
+    Repeating,
 }
 
 /// Rows seen so far.
@@ -69,7 +71,11 @@ impl<T: Real, const P: usize> LeastSquares<T, P> {
             if row[i] == T::zero() {
                 continue;
             }
-            let length = self.r[i][i].hypot(row[i]);
+            // Not hypot: what that gives depends on the platform's library.
+            let length = (self.r[i][i] * self.r[i][i] + row[i] * row[i]).sqrt();
+            if length <= T::zero() {
+                continue;
+            }
             let (cos, sin) = (self.r[i][i] / length, row[i] / length);
             for j in i..P {
                 let (above, below) = (self.r[i][j], row[j]);

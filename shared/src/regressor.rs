@@ -11,7 +11,8 @@
 //! ```
 //!
 //! As sin⁴(πu) = Σ a_k e^{−2πiku}, a = (1, −4, 6, −4, 1)/16, each integral is a combination of five harmonics of the plain
-//! sums S(n) = Σ s e^{−2πint/L}, which a [`HarmonicBank`] keeps. Two banks, half a window apart, overlap.
+//! sums S(n) = Σ s e^{−2πint/L}. A [`HarmonicBank`] keeps those of half a window; two halves are a window, S = S₁ + (−1)ⁿ S₂, so
+//! that windows overlap by half at the cost of one.
 //!
 //! Velocities are slopes of a cubic through nine samples (Savitzky and Golay), so that a sample's row is four samples late; the
 //! phase is that of the middle. Rows carry the weight 1/(1 + (m/m₀)²), m₀ the drive's frequency: the noise of counts grows like the
@@ -37,7 +38,7 @@ pub const NAMES: [&str; UNKNOWNS1 + UNKNOWNS2] =
 /// Points of the slope.
 const POINTS: usize = 9;
 /// Slope of a cubic through nine points, times 1188.
-const SLOPE: [i64; POINTS] = [86, -142, -193, -126, 0, 126, 193, 142, -86];
+const SLOPE: [i32; POINTS] = [86, -142, -193, -126, 0, 126, 193, 142, -86];
 const SLOPE_DIVISOR: f64 = 1188.0;
 /// a_k.
 const SIN4: [f64; 5] = [0.0625, -0.25, 0.375, -0.25, 0.0625];
@@ -78,10 +79,21 @@ pub struct Regressor<T: Real, const B: usize> {
     last_tick: u32,
     readings: [Reading; POINTS],
     held: usize,
-    banks: [HarmonicBank<T, SERIES, B>; 2],
-    /// Ticks until the second bank begins.
-    stagger: u32,
+    /// The half that is being summed, and the one before.
+    bank: HarmonicBank<T, SERIES, B>,
+    before: Half<T, B>,
+    /// Halves that are complete, at most two.
+    halves: u8,
     length: u32,
+    /// Counts' slope to rad/s.
+    rate_scale: [T; 2],
+}
+
+/// Sums of half a window.
+#[derive(Clone, Debug)]
+struct Half<T, const B: usize> {
+    plain: [T; SERIES],
+    sums: [[[T; 2]; B]; SERIES],
 }
 
 impl<T: Real, const B: usize> Regressor<T, B> {
@@ -95,9 +107,14 @@ impl<T: Real, const B: usize> Regressor<T, B> {
             last_tick: 0,
             readings: [Reading { counts: [0; 2], phase: 0 }; POINTS],
             held: 0,
-            banks: [bank.clone(), bank],
-            stagger: 0,
+            bank,
+            before: Half { plain: [T::zero(); SERIES], sums: [[[T::zero(); 2]; B]; SERIES] },
+            halves: 0,
             length: 0,
+            rate_scale: settings.scales.map(|scale| {
+                let rate_hz = f64::from(settings.sample_rate_millihertz) * 1e-3;
+                T::from_f64(core::f64::consts::TAU * rate_hz / (f64::from(scale.counts_per_turn()) * SLOPE_DIVISOR))
+            }),
         }
     }
 
@@ -113,18 +130,20 @@ impl<T: Real, const B: usize> Regressor<T, B> {
     fn restart(&mut self, increment: u32) {
         self.increment = increment;
         self.held = 0;
-        // Whole periods to the nearest tick; at most half an hour at any rate that a device has.
-        let ticks = (u64::from(self.settings.periods) << 32).checked_div(u64::from(increment)).unwrap_or(0);
-        self.length = u32::try_from(ticks).unwrap_or(0) & !1;
+        // Whole periods to the nearest even tick.
+        let turns = u64::from(self.settings.periods) << 32;
+        let ticks = turns.saturating_add(u64::from(increment)).checked_div(2 * u64::from(increment)).unwrap_or(0);
+        // Even, for half a window is whole ticks; nothing where that does not fit.
+        self.length = ticks.checked_mul(2).and_then(|ticks| u32::try_from(ticks).ok()).unwrap_or(0);
         let length = u64::from(self.length.max(1));
         let turn = ((1_u128 << 64) / u128::from(length)) as u64;
-        let settings = HarmonicSettings { increment: turn, length: self.length, window: Window::Rectangular };
-        self.banks = [HarmonicBank::new(settings), HarmonicBank::new(settings)];
-        self.stagger = self.length / 2;
+        let settings = HarmonicSettings { increment: turn, length: self.length / 2, window: Window::Rectangular };
+        self.bank = HarmonicBank::new(settings);
+        self.halves = 0;
     }
 
     /// Takes a sample: its tick, counts, drive's phase and increment. True where a window is complete with it, whose rows are
-    /// then to be taken by [`Self::take`].
+    /// then given by [`Self::rows`].
     pub fn push(&mut self, tick: u32, counts: [i32; 2], phase: u32, increment: u32) -> bool {
         let follows = self.held > 0 && tick == self.last_tick.wrapping_add(1);
         if !follows || increment != self.increment {
@@ -143,40 +162,60 @@ impl<T: Real, const B: usize> Regressor<T, B> {
         if self.held < POINTS {
             return false;
         }
-        let series = self.series();
-        let [first, second] = &mut self.banks;
-        let mut complete = first.push(series);
-        if self.stagger > 0 {
-            self.stagger -= 1;
-        } else {
-            complete |= second.push(series);
+        if self.bank.complete() {
+            self.turn_over();
         }
-        complete
+        let series = self.series();
+        if !self.bank.push(series) {
+            return false;
+        }
+        self.halves = (self.halves + 1).min(2);
+        self.halves == 2
+    }
+
+    /// The half that is complete becomes the one before.
+    fn turn_over(&mut self) {
+        for series in 0..SERIES {
+            self.before.plain[series] = self.bank.sum(series, 0).map_or(T::zero(), |[re, _]| re);
+            for n in 0..B {
+                self.before.sums[series][n] = self.bank.sum(series, n + 1).unwrap_or([T::zero(); 2]);
+            }
+        }
+        self.bank.restart(0);
+    }
+
+    /// S(n) of the window, n from 0 to B.
+    fn sum(&self, series: usize, n: usize) -> Option<[T; 2]> {
+        let [re, im] = self.bank.sum(series, n)?;
+        let [re0, im0] = match n.checked_sub(1) {
+            None => [self.before.plain[series], T::zero()],
+            Some(j) => *self.before.sums[series].get(j)?,
+        };
+        Some(if n % 2 == 0 { [re0 + re, im0 + im] } else { [re0 - re, im0 - im] })
     }
 
     fn series(&self) -> [T; SERIES] {
         let middle = self.readings[POINTS / 2];
-        let rate_hz = f64::from(self.settings.sample_rate_millihertz) * 1e-3;
         let mut rates = [T::zero(); 2];
         let mut turns = [0_u64; 2];
         for i in 0..2 {
             let per_turn = self.settings.scales[i].counts_per_turn();
-            let slope: i64 = SLOPE
+            let slope: i32 = SLOPE
                 .iter()
                 .zip(&self.readings)
-                .map(|(s, r)| s * i64::from(r.counts[i].wrapping_sub(middle.counts[i])))
-                .sum();
-            let scale = core::f64::consts::TAU * rate_hz / (f64::from(per_turn) * SLOPE_DIVISOR);
-            rates[i] = T::from_i64(slope) * T::from_f64(scale);
-            // (c + ½)/N turns, to 2⁻⁶⁴.
+                .map(|(s, r)| s.wrapping_mul(r.counts[i].wrapping_sub(middle.counts[i])))
+                .fold(0, i32::wrapping_add);
+            rates[i] = T::from_i64(i64::from(slope)) * self.rate_scale[i];
+            // (c + ½)/N turns, to 2⁻³¹.
             let within = i64::from(middle.counts[i]).rem_euclid(i64::from(per_turn)).unsigned_abs();
-            turns[i] = (((2 * u128::from(within) + 1) << 63) / u128::from(per_turn)) as u64;
+            turns[i] = (((2 * within + 1) << 30) / u64::from(per_turn)) << 33;
         }
         let (rate1, relative) = (rates[0], rates[1]);
         let rate2 = rate1 + relative;
-        let (_, sin1) = cos_sin_turns::<T>(turns[0]);
-        let (_, sin2) = cos_sin_turns::<T>(turns[0].wrapping_add(turns[1]));
+        let (cos1, sin1) = cos_sin_turns::<T>(turns[0]);
         let (cos_delta, sin_delta) = cos_sin_turns::<T>(turns[1]);
+        // Cheaper than another sine, in which libm computes in double precision.
+        let sin2 = sin1 * cos_delta + cos1 * sin_delta;
         let (cos_tau, sin_tau) = cos_sin_turns::<T>(u64::from(middle.phase) << 32);
         let one = T::one();
         let sign = (rate1 * T::from_f64(1.0 / SIGN_WIDTH)).max(-one).min(one);
@@ -196,32 +235,30 @@ impl<T: Real, const B: usize> Regressor<T, B> {
         ]
     }
 
-    /// Gives the rows of the complete window, if there is one, and begins it anew.
-    pub fn take(&mut self, mut rows: impl FnMut(Row<T>)) -> bool {
-        let Some(index) = self.banks.iter().position(HarmonicBank::complete).filter(|_| self.length > 0) else {
+    /// Gives the rows of the window that is complete: m = 0, then the real and the imaginary row of each m. Only until the next
+    /// sample; false where no window is complete.
+    pub fn rows(&self, mut rows: impl FnMut(Row<T>)) -> bool {
+        if self.halves < 2 || !self.bank.complete() {
             return false;
-        };
-        let bank = &self.banks[index];
+        }
         for m in 0..=Self::FREQUENCIES {
-            let [real, imaginary] = self.rows_at(bank, m);
+            let [real, imaginary] = self.rows_at(m);
             rows(real);
             if m > 0 {
                 rows(imaginary);
             }
         }
-        // A window is a whole turn of the base.
-        self.banks[index].restart(0);
         true
     }
 
     /// V and F of a series at m: real and imaginary part of each.
-    fn integrals(&self, bank: &HarmonicBank<T, SERIES, B>, series: usize, m: usize) -> [[T; 2]; 2] {
+    fn integrals(&self, series: usize, m: usize) -> [[T; 2]; 2] {
         let length_s = f64::from(self.length) * 1e3 / f64::from(self.settings.sample_rate_millihertz);
         let mut sums = [[T::zero(); 2]; 2];
         for (k, a) in SIN4.into_iter().enumerate() {
             let n = m as i64 + k as i64 - 2;
             let harmonic = usize::try_from(n.unsigned_abs()).unwrap_or(usize::MAX);
-            let Some([re, im]) = bank.sum(series, harmonic) else { continue };
+            let Some([re, im]) = self.sum(series, harmonic) else { continue };
             let im = if n < 0 { -im } else { im };
             let a = T::from_f64(a / f64::from(self.length));
             // −w′: 2πin/L a_n e^{−2πinu}.
@@ -233,8 +270,8 @@ impl<T: Real, const B: usize> Regressor<T, B> {
     }
 
     /// The real and the imaginary row.
-    fn rows_at(&self, bank: &HarmonicBank<T, SERIES, B>, m: usize) -> [Row<T>; 2] {
-        let all: [[[T; 2]; 2]; SERIES] = core::array::from_fn(|series| self.integrals(bank, series, m));
+    fn rows_at(&self, m: usize) -> [Row<T>; 2] {
+        let all: [[[T; 2]; 2]; SERIES] = core::array::from_fn(|series| self.integrals(series, m));
         let rate = f64::from(self.settings.sample_rate_millihertz) * 1e-3;
         let omega = core::f64::consts::TAU * rate * f64::from(self.increment) / 4_294_967_296.0;
         let relative_frequency = m as f64 / f64::from(self.settings.periods.max(1));
@@ -281,7 +318,7 @@ mod tests {
             let counts = theta(f64::from(tick) / 500.0).map(|x| (x * f64::from(1 << 20) / TAU).floor() as i32);
             if regressor.push(tick, counts, tick.wrapping_mul(INCREMENT), INCREMENT) {
                 let mut rows = Vec::new();
-                regressor.take(|row| rows.push(row));
+                regressor.rows(|row| rows.push(row));
                 windows.push(rows);
             }
         }
