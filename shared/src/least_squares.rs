@@ -116,7 +116,8 @@ impl<T: Real, const P: usize> LeastSquares<T, P> {
         if freedom < T::one() {
             return Err(NoEstimate::TooFewRows);
         }
-        if let Some(i) = (0..P).find(|&i| !(self.r[i][i].abs() > tolerance * self.scale[i].sqrt())) {
+        let lost = |i: &usize| self.r[*i][*i].is_nan() || self.r[*i][*i].abs() <= tolerance * self.scale[*i].sqrt();
+        if let Some(i) = (0..P).find(lost) {
             return Err(NoEstimate::NotIdentifiable(i));
         }
         let mut values = [zero; P];

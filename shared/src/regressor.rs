@@ -191,7 +191,7 @@ impl<T: Real, const B: usize> Regressor<T, B> {
             None => [self.before.plain[series], T::zero()],
             Some(j) => *self.before.sums[series].get(j)?,
         };
-        Some(if n % 2 == 0 { [re0 + re, im0 + im] } else { [re0 - re, im0 - im] })
+        Some(if n.is_multiple_of(2) { [re0 + re, im0 + im] } else { [re0 - re, im0 - im] })
     }
 
     fn series(&self) -> [T; SERIES] {
