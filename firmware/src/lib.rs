@@ -25,6 +25,7 @@ extern crate std;
 
 pub mod app;
 pub mod dac;
+pub mod estimate;
 pub mod event;
 pub mod link;
 pub mod lock_step;

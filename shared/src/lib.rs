@@ -10,6 +10,8 @@
 //! | [`encoder`] | counts ↔ angles, wrap, unwrap, multi-turn counts |
 //! | [`waveform`] | the drive's phase and displacement |
 //! | [`harmonics`] | windowed harmonic sums of the measured signals |
+//! | [`regressor`] | regression rows of the double pendulum, in the weak form |
+//! | [`least_squares`] | recursive least squares in square-root form |
 //!
 //! Everything is `no_std`, allocates nothing and uses a bounded amount of memory. Transcendental functions come from
 //! `libm` by name, not from the platform, so that device and host agree to the last bit.
@@ -23,7 +25,9 @@ pub mod codec;
 pub mod encoder;
 pub mod frame;
 pub mod harmonics;
+pub mod least_squares;
 pub mod real;
+pub mod regressor;
 pub mod sequence;
 pub mod tick;
 pub mod waveform;

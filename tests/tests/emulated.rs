@@ -117,7 +117,7 @@ fn capture_from_tcp_has_every_sample() {
         ..EmulatorSettings::new(image, folder.path(), 0)
     };
     let board = std::thread::spawn(move || run(&settings));
-    let rig = Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/chaotic.toml")).unwrap();
+    let rig = Rig::read(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../rigs/chaotic.toml"))).unwrap();
     let capture = CaptureSettings {
         seconds: Some(10.0),
         amplitude_m: Some(0.015_525),

@@ -8,6 +8,7 @@
 extern crate std;
 
 mod accumulators;
+mod estimation;
 mod link;
 mod shaker;
 
@@ -35,6 +36,7 @@ cases![
     accumulators::sums_have_the_same_bits,
     accumulators::phasors_do_not_drift,
     accumulators::the_waveform_has_the_same_bits,
+    estimation::the_estimate_has_the_same_bits,
     shaker::nothing_moves_before_it_is_told_to,
     shaker::limits_are_kept_and_refusals_change_nothing,
     shaker::ramps_are_never_faster_than_set,

@@ -41,8 +41,14 @@ fn a_tick_is_within_its_instructions() {
     let Some(program) = image::binary("whirl-measure-mps2-an386") else { return };
     let (console, done) = run(&program, None);
     assert!(done, "{console}");
-    // Every part's worst tick at once: 10 % of 170 MHz at 500 Hz.
-    let most: Vec<u32> = console.lines().filter_map(|line| line.split_once(" most ")?.1.parse().ok()).collect();
     println!("{console}");
-    assert!(most.len() >= 4 && most.iter().sum::<u32>() <= 34_000, "{console}");
+    let most = |part: &str| -> u32 {
+        let line =
+            console.lines().find(|line| line.starts_with(part)).unwrap_or_else(|| panic!("no {part}: {console}"));
+        line.split_once(" most ").unwrap().1.parse().unwrap()
+    };
+    // Every part's worst tick at once: 10 % of 170 MHz at 500 Hz. The end of a window is the thread's, and may take ticks.
+    let parts = ["interrupt", "thread: frames", "thread: one command", "estimate: a sample"];
+    let all: u32 = parts.into_iter().map(most).sum();
+    assert!(all <= 34_000, "{all}: {console}");
 }

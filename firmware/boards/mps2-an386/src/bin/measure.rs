@@ -16,6 +16,7 @@ mod on_target {
     use whirl_board_mps2_an386::semihosting::{Console, exit};
     use whirl_board_mps2_an386::stack;
     use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
+    use whirl_firmware::estimate::Estimator;
     use whirl_firmware::event::{Event, Request};
     use whirl_firmware::link::Link;
     use whirl_firmware::sampler::Sampler;
@@ -23,6 +24,7 @@ mod on_target {
     use whirl_shared::codec::{MAX_FRAME, encode};
     use whirl_shared::frame::{Command, Envelope, HostMessage, SampleBlock};
     use whirl_shared::harmonics::{HarmonicBank, HarmonicSettings, Window};
+    use whirl_shared::waveform::displacement;
 
     #[unsafe(link_section = ".vector_table.interrupts")]
     #[unsafe(no_mangle)]
@@ -56,6 +58,12 @@ mod on_target {
             self.sum += u64::from(clocks);
             self.most = self.most.max(clocks);
             result
+        }
+
+        fn add(&mut self, other: &Self) {
+            self.times += other.times;
+            self.sum += other.sum;
+            self.most = self.most.max(other.most);
         }
 
         fn tell(&self, name: &str) {
@@ -115,6 +123,26 @@ mod on_target {
         Some(())
     }
 
+    /// The device's own estimate: a sample of two overlapping windows, and the end of a window.
+    fn estimate() -> Option<()> {
+        let mut estimator = Estimator::new(&Settings::default(), 0.9)?;
+        let (mut sample, mut window) = (Meter::default(), Meter::default());
+        let increment = 42_949_673_u32;
+        for n in 0..4_100_u32 {
+            let counts = [displacement(900, n.wrapping_mul(31_415_926)), (n as i32 * 37) + displacement(700, n << 25)];
+            let mut meter = Meter::default();
+            let outcome = meter.take(|| estimator.sample(n, counts, n.wrapping_mul(increment), increment));
+            if n > 2_010 && outcome.is_none() {
+                sample.add(&meter);
+            } else if outcome.is_some() {
+                window.add(&meter);
+            }
+        }
+        sample.tell("estimate: a sample");
+        window.tell("end of a window, each 1 000 ticks, in the thread: worst");
+        Some(())
+    }
+
     fn accumulate() -> Option<()> {
         let settings = HarmonicSettings::of_frequency(5_000, 500_000, 20, 2_000, Window::SinFourth)?;
         let mut bank = HarmonicBank::<f32, 2, 64>::new(settings);
@@ -131,7 +159,7 @@ mod on_target {
     fn main() -> ! {
         stack::paint();
         machine::start_clock();
-        let done = tick().and_then(|()| accumulate());
+        let done = tick().and_then(|()| accumulate()).and_then(|()| estimate());
         // As above.
         let _ = writeln!(Console, "stack: {} bytes", stack::used());
         exit(done.is_some())
