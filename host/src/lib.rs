@@ -6,6 +6,7 @@ pub mod error;
 pub mod identify;
 pub mod inspect;
 pub mod model;
+pub mod phase_space;
 pub mod record;
 pub mod report;
 pub mod rig;

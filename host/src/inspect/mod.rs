@@ -1,7 +1,7 @@
 //! What a record holds, before anything is identified from it: rates, losses, ranges, noise, spectra, the drive's line,
 //! whether it repeats. Everything comes from the displacements alone.
 //!
-//! Embedding, Lyapunov exponents and the like are `phase_space`'s.
+//! Embedding, Lyapunov exponents and the like are `phase_space`'s, run from here.
 
 pub mod coordinate;
 pub mod drive_check;
@@ -14,6 +14,7 @@ pub mod text;
 use serde::Serialize;
 
 use crate::error::{BadInput, Result};
+use crate::phase_space::survey::{self, PhaseSpace};
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::warning::Warning;
@@ -84,6 +85,8 @@ pub struct Inspection {
     pub periodicity: Periodicity,
     /// What was noticed, the reader's warnings first.
     pub warnings: Vec<Warning>,
+    /// Delays, dimensions, sections, exponent, periodic orbits.
+    pub phase_space: PhaseSpace,
     /// Points for figures, in the coordinates' order.
     pub plots: Vec<Plots>,
 }
@@ -139,7 +142,11 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     let summary = summary::summarise(record, rig);
     let mut warnings = record.warnings.clone();
     warnings.extend(notices(&summary, &coordinates, drive.as_ref(), &periodicity));
-    Ok(Inspection { record: summary, coordinates, drive, periodicity, warnings, plots })
+    let repeats = matches!(periodicity.kind, Kind::Periodic | Kind::LocksLater | Kind::AtRest);
+    let (phase_space, noticed) =
+        survey::survey(record, &motions, &coordinates, drive_hz, repeats, &survey::Settings::default());
+    warnings.extend(noticed);
+    Ok(Inspection { record: summary, coordinates, drive, periodicity, warnings, phase_space, plots })
 }
 
 /// A record built by a program rather than by a reader may be inconsistent: told, not trusted.

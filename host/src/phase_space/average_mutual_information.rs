@@ -235,9 +235,8 @@ mod tests {
             })
             .collect();
         // Without noise a sine is known from any lag, and its minima are the bins' alone.
-        let x: Vec<f64> = (0..40_000)
-            .map(|i| (i as f64 * std::f64::consts::TAU / 100.3).sin() + 2e-10 * noise[i])
-            .collect();
+        let x: Vec<f64> =
+            (0..40_000).map(|i| (i as f64 * std::f64::consts::TAU / 100.3).sin() + 2e-10 * noise[i]).collect();
         let bits = average_mutual_information(&Observable::number(&[&x], 0.0, 0), 40, 16).bits;
         let least = recommended(&minima(&bits), 0.05).unwrap();
         assert!((21..=29).contains(&least.lag), "{least:?}");

@@ -61,7 +61,8 @@ pub fn false_nearest_neighbours(series: &Observable, delay: usize, settings: &Se
     let top = settings.dimensions.min(longest.saturating_sub(1) / delay);
     // The same vectors for all dimensions: each has the component that the highest is tested with.
     let e = Embedding::of_one(series, delay, top, delay, settings.most);
-    let mut out = FalseNeighbours { share: vec![], e1: vec![], e2: vec![], vectors: e.len(), theiler: settings.theiler };
+    let mut out =
+        FalseNeighbours { share: vec![], e1: vec![], e2: vec![], vectors: e.len(), theiler: settings.theiler };
     let (mut growth, mut jump): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
     let mut hints: Option<Vec<u32>> = None;
     for d in 1..=top {

@@ -85,12 +85,12 @@ pub fn divergence(e: &Embedding<'_>, settings: &Settings) -> Divergence {
         e.starts.iter().zip(&near.start).filter(|(_, n)| **n != NOBODY).map(|(a, b)| (*a, *b)).collect();
     let followed = settings.followed.min(e.components.len());
     let size = pairs.len().div_ceil(BLOCKS).max(1);
-    let blocks: Vec<Vec<f64>> = pairs.par_chunks(size).map(|b| followed_block(e, b, followed, settings.steps)).collect();
+    let blocks: Vec<Vec<f64>> =
+        pairs.par_chunks(size).map(|b| followed_block(e, b, followed, settings.steps)).collect();
     let weights: Vec<f64> = pairs.chunks(size).map(|b| b.len() as f64).collect();
     let all: f64 = weights.iter().sum::<f64>().max(1.0);
-    let curve = (0..settings.steps)
-        .map(|k| blocks.iter().zip(&weights).map(|(b, w)| b[k] * w).sum::<f64>() / all)
-        .collect();
+    let curve =
+        (0..settings.steps).map(|k| blocks.iter().zip(&weights).map(|(b, w)| b[k] * w).sum::<f64>() / all).collect();
     Divergence { curve, blocks, saturation: saturation(e, followed), pairs: pairs.len() }
 }
 

@@ -156,8 +156,58 @@ impl<'a> Tree<'a> {
         out
     }
 
+    /// The `k` nearest vectors to the one that starts at `start`, farther than `theiler` samples in time, nearest first: squares
+    /// of the distances and starts, into `best` (fewer where there are no more). `stack` is scratch.
+    pub fn near(&self, start: u32, theiler: u32, k: usize, best: &mut Vec<(f32, u32)>, stack: &mut Vec<(f32, usize)>) {
+        best.clear();
+        stack.clear();
+        let d = self.dimension;
+        if d == 0 || k == 0 {
+            return;
+        }
+        let query: Vec<(f32, f32)> = (0..d).map(|j| (self.embedding.at(start, j), 0.0)).collect();
+        stack.push((0.0, 1));
+        let mut reach = NONE;
+        while let Some((gap, node)) = stack.pop() {
+            if gap >= reach {
+                continue;
+            }
+            if node < self.leaf_count {
+                let (left, right) = (self.apart(&query, 2 * node), self.apart(&query, 2 * node + 1));
+                let pair = [(left, 2 * node), (right, 2 * node + 1)];
+                let order = if left <= right { [pair[1], pair[0]] } else { pair };
+                stack.extend(order.iter().filter(|c| c.0 < reach));
+                continue;
+            }
+            let leaf = node - self.leaf_count;
+            let mut sums = [0.0f32; LEAF];
+            for (j, row) in self.leaves[leaf * LEAF * d..(leaf + 1) * LEAF * d].chunks_exact(LEAF).enumerate() {
+                for (s, p) in sums.iter_mut().zip(row) {
+                    let a = distance(query[j].0, *p, self.periods[j]);
+                    *s += a * a;
+                }
+            }
+            for (s, t) in sums.iter().zip(&self.times[leaf * LEAF..]) {
+                if *s < reach && *t != NOBODY && t.abs_diff(start) > theiler {
+                    let place = best.partition_point(|b| b.0 <= *s);
+                    best.insert(place, (*s, *t));
+                    best.truncate(k);
+                    if best.len() == k {
+                        reach = best[k - 1].0;
+                    }
+                }
+            }
+        }
+    }
+
     /// Nearest neighbours of one leaf's vectors: square of the distance and start.
-    fn search(&self, leaf: usize, theiler: u32, hints: Option<&[u32]>, stack: &mut Vec<(f32, usize)>) -> [(f32, u32); LEAF] {
+    fn search(
+        &self,
+        leaf: usize,
+        theiler: u32,
+        hints: Option<&[u32]>,
+        stack: &mut Vec<(f32, usize)>,
+    ) -> [(f32, u32); LEAF] {
         let d = self.dimension;
         let mut best = [(NONE, NOBODY); LEAF];
         let here = leaf * LEAF;
@@ -200,7 +250,11 @@ impl<'a> Tree<'a> {
                 continue;
             }
             let (left, right) = (self.apart(own, 2 * node), self.apart(own, 2 * node + 1));
-            let (near, far) = if left <= right { ((left, 2 * node), (right, 2 * node + 1)) } else { ((right, 2 * node + 1), (left, 2 * node)) };
+            let (near, far) = if left <= right {
+                ((left, 2 * node), (right, 2 * node + 1))
+            } else {
+                ((right, 2 * node + 1), (left, 2 * node))
+            };
             if far.0 < reach {
                 stack.push(far);
             }
@@ -212,7 +266,15 @@ impl<'a> Tree<'a> {
     }
 
     /// Compares `used` queries (coordinates as in a leaf, starting at place `here`) with the vectors of a leaf.
-    fn scan(&self, leaf: usize, queries: &[f32], here: usize, used: usize, theiler: u32, best: &mut [(f32, u32); LEAF]) {
+    fn scan(
+        &self,
+        leaf: usize,
+        queries: &[f32],
+        here: usize,
+        used: usize,
+        theiler: u32,
+        best: &mut [(f32, u32); LEAF],
+    ) {
         let d = self.dimension;
         let points = &self.leaves[leaf * LEAF * d..(leaf + 1) * LEAF * d];
         let times = &self.times[leaf * LEAF..(leaf + 1) * LEAF];
@@ -350,8 +412,21 @@ mod tests {
                 let want = brute(&e, d, theiler);
                 let found = Tree::new(&e, d).nearest(theiler, None);
                 for i in 0..e.len() {
-                    assert!((found.distance2[i] - want.distance2[i]).abs() <= 1e-6 * want.distance2[i], "{d} {theiler} {i}");
+                    assert!(
+                        (found.distance2[i] - want.distance2[i]).abs() <= 1e-6 * want.distance2[i],
+                        "{d} {theiler} {i}"
+                    );
                     assert!(found.start[i].abs_diff(e.starts[i]) > theiler);
+                }
+                let (mut best, mut stack) = (Vec::new(), Vec::new());
+                for i in (0..e.len()).step_by(97) {
+                    Tree::new(&e, d).near(e.starts[i], theiler, 5, &mut best, &mut stack);
+                    let mut all: Vec<f32> = (e.starts.iter())
+                        .filter(|b| b.abs_diff(e.starts[i]) > theiler)
+                        .map(|b| e.distance2(e.starts[i], *b, d))
+                        .collect();
+                    all.sort_by(f32::total_cmp);
+                    assert!(best.iter().zip(&all).all(|(a, b)| (a.0 - b).abs() <= 1e-6 * b) && best.len() == 5);
                 }
                 if theiler == 40 {
                     let hinted = Tree::new(&e, d).nearest(theiler, hints.as_deref());

@@ -137,8 +137,11 @@ pub fn coverage(record: &[Stretch<'_>], catalogue: &Catalogue, settings: &Settin
                     continue;
                 }
                 inside = true;
-                let state: Vec<f64> =
-                    stretch.tracks.iter().flat_map(|k| [at(k.values, t), at(k.values, t + settings.delay as f64)]).collect();
+                let state: Vec<f64> = stretch
+                    .tracks
+                    .iter()
+                    .flat_map(|k| [at(k.values, t), at(k.values, t + settings.delay as f64)])
+                    .collect();
                 all += 1;
                 let near = |orbit: &Vec<Vec<f64>>| {
                     orbit.iter().skip(s).step_by(POINTS).any(|b| within(stretch, &state, b, settings.tolerance))

@@ -169,10 +169,7 @@ mod tests {
 
     fn tracks<'a>(x: &'a [f64], y: &'a [f64]) -> Stretch<'a> {
         Stretch {
-            tracks: vec![
-                Track { values: x, angle: true, span: TAU },
-                Track { values: y, angle: false, span: 2.0 },
-            ],
+            tracks: vec![Track { values: x, angle: true, span: TAU }, Track { values: y, angle: false, span: 2.0 }],
             start_s: 0.0,
             step_s: 0.01,
             phase: 0.25,

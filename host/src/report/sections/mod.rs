@@ -3,6 +3,7 @@
 pub mod histories;
 pub mod losses;
 pub mod parameters;
+pub mod phase_space;
 pub mod portraits;
 pub mod record;
 pub mod residuals;
@@ -22,5 +23,6 @@ pub static SECTIONS: &[SectionKind] = &[
     histories::SECTION,
     portraits::SECTION,
     spectra::SECTION,
+    phase_space::SECTION,
     truth::SECTION,
 ];
