@@ -37,6 +37,8 @@ pub struct InspectSettings {
     pub start_periods: f64,
     /// The same for free systems, s. Default 8.
     pub start_free_s: f64,
+    /// Choices of the phase space's part.
+    pub phase_space: survey::Settings,
 }
 
 impl Default for InspectSettings {
@@ -47,6 +49,7 @@ impl Default for InspectSettings {
             period_tolerance: 0.02,
             start_periods: 20.0,
             start_free_s: 8.0,
+            phase_space: survey::Settings::default(),
         }
     }
 }
@@ -57,6 +60,7 @@ impl InspectSettings {
     /// # Errors
     /// Names the field, its value and what it may be.
     pub fn validate(&self) -> Result<()> {
+        self.phase_space.validate()?;
         for (name, value, least, most) in [
             ("window_periods", self.window_periods, 1.0, 1e6),
             ("window_free_s", self.window_free_s, 1e-6, 1e6),
@@ -144,7 +148,7 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     warnings.extend(notices(&summary, &coordinates, drive.as_ref(), &periodicity));
     let repeats = matches!(periodicity.kind, Kind::Periodic | Kind::LocksLater | Kind::AtRest);
     let (phase_space, noticed) =
-        survey::survey(record, &motions, &coordinates, drive_hz, repeats, &survey::Settings::default());
+        survey::survey(record, &motions, &coordinates, drive_hz, repeats, &settings.phase_space);
     warnings.extend(noticed);
     Ok(Inspection { record: summary, coordinates, drive, periodicity, warnings, phase_space, plots })
 }

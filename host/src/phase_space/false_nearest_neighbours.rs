@@ -1,9 +1,9 @@
 //! Embedding dimension: false nearest neighbours (Kennel, Brown and Abarbanel 1992) and Cao's measure (Cao 1997).
 //!
 //! With n(i, d) the nearest neighbour of vector i in dimension d (outside the Theiler window) and R_d(i) its distance,
-//! it is false where |s(i + d T_d) − s(n(i, d) + d T_d)| > 15 R_d(i), or where R_{d+1}(i) exceeds `loneliness` standard deviations
-//! of the series; on the circle, where a deviation has an upper limit, the second test is a quarter turn. A neighbour whose jump
-//! lies within the noise is never called false: quantised counts would make all of them so.
+//! it is false where |s(i + d T_d) − s(n(i, d) + d T_d)| > 15 R_d(i), or where R_{d+1}(i) exceeds two standard deviations of
+//! the series (of an even spread over the circle or the span: 0.577). A neighbour whose jump lies within the noise is not
+//! called false by the first test: quantised counts would make all of them so.
 //! Cao: E1(d) = E(d + 1)/E(d), E(d) = ⟨R_{d+1}(i)/R_d(i)⟩ with both distances to n(i, d); E1 stops changing at the embedding
 //! dimension. E2(d) = E*(d + 1)/E*(d), E*(d) = ⟨|s(i + d T_d) − s(n + d T_d)|⟩, is 1 in all dimensions for noise alone.
 //!
@@ -24,7 +24,8 @@ pub struct Settings {
     pub theiler: u32,
     /// Ratio beyond which a neighbour is false. Default 15.
     pub ratio: f64,
-    /// Second test: distance beyond which a neighbour is none, in units of the observable (turns or spans). Default 0.25.
+    /// Second test: distance beyond which a neighbour is none, in units of the observable (turns or spans). Default 0.577: two standard
+    /// deviations of an even spread over the circle.
     pub loneliness: f64,
     /// Jumps below this are noise, in units of the observable (turns or spans). Default 0.
     pub noise: f64,
@@ -34,7 +35,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { dimensions: 10, theiler: 0, ratio: 15.0, loneliness: 0.25, noise: 0.0, most: usize::MAX }
+        Self { dimensions: 10, theiler: 0, ratio: 15.0, loneliness: 0.577, noise: 0.0, most: usize::MAX }
     }
 }
 

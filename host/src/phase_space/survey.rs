@@ -20,6 +20,7 @@ use super::observable::Observable;
 use super::poincare_section::{Section, section};
 use super::tangent_exponent::{self as tangent, Tangent};
 use super::unstable_periodic_orbit::{self as orbits, Extraction, Stretch, Track};
+use crate::error::{BadInput, Result};
 use crate::inspect::coordinate::Coordinate;
 use crate::inspect::motion::{Motion, Space};
 use crate::record::Record;
@@ -64,6 +65,31 @@ impl Default for Settings {
             most_vectors: 20_000,
             most_pairs: 60_000,
         }
+    }
+}
+
+impl Settings {
+    /// Checks every field.
+    ///
+    /// # Errors
+    /// Names the field, its value and what it may be.
+    pub fn validate(&self) -> Result<()> {
+        for (name, value, least, most) in [
+            ("bins", self.bins as f64, 2.0, 64.0),
+            ("weak", self.weak, 0.0, 1.0),
+            ("dimensions", self.dimensions as f64, 1.0, 20.0),
+            ("false_share", self.false_share, 0.0, 1.0),
+            ("tolerance", self.tolerance, 1e-6, 0.5),
+            ("longest", self.longest as f64, 1.0, 64.0),
+            ("most_samples", self.most_samples as f64, 1000.0, 1e9),
+            ("most_vectors", self.most_vectors as f64, 100.0, 1e9),
+            ("most_pairs", self.most_pairs as f64, 100.0, 1e9),
+        ] {
+            if !(value >= least && value <= most) {
+                return Err(BadInput::new(value.to_string(), format!("a value from {least} to {most}")).at(name));
+            }
+        }
+        Ok(())
     }
 }
 
