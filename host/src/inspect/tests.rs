@@ -44,8 +44,13 @@ pub fn counts(seconds: f64, amplitude: f64, drive_hz: f64, friction: f64) -> [Ve
 
 /// The defaults, with few vectors: these tests run without optimisation.
 fn settings() -> InspectSettings {
-    let phase_space =
-        survey::Settings { most_vectors: 2000, most_pairs: 4000, dimensions: 6, ..survey::Settings::default() };
+    let phase_space = survey::Settings {
+        most_neighbours: 2000,
+        most_vectors: 2000,
+        most_pairs: 4000,
+        dimensions: 6,
+        ..survey::Settings::default()
+    };
     InspectSettings { phase_space, ..InspectSettings::default() }
 }
 

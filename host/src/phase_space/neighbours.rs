@@ -290,16 +290,23 @@ impl<'a> Tree<'a> {
                 continue;
             }
             let mut sums = [0.0f32; LEAF];
-            for (j, row) in points.chunks_exact(LEAF).enumerate() {
-                let (x, period) = (queries[j * LEAF + q], self.periods[j]);
-                for (s, p) in sums.iter_mut().zip(row) {
-                    let a = distance(x, *p, period);
-                    *s += a * a;
+            let mut least = 0.0;
+            for (group, rows) in points.chunks(4 * LEAF).enumerate() {
+                for (j, row) in rows.chunks_exact(LEAF).enumerate() {
+                    let (x, period) = (queries[(4 * group + j) * LEAF + q], self.periods[4 * group + j]);
+                    for (s, p) in sums.iter_mut().zip(row) {
+                        let a = distance(x, *p, period);
+                        *s += a * a;
+                    }
                 }
-            }
-            let mut least = sums[0];
-            for s in &sums[1..] {
-                least = if *s < least { *s } else { least };
+                // Most leaves are out of reach after four components.
+                least = sums[0];
+                for s in &sums[1..] {
+                    least = if *s < least { *s } else { least };
+                }
+                if least >= best[q].0 {
+                    break;
+                }
             }
             if least >= best[q].0 {
                 continue;

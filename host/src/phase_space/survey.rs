@@ -2,7 +2,7 @@
 //! coordinates together, sections, exponents, correlation dimension and periodic orbits.
 //!
 //! **Work on long records is capped** so that it does not grow beyond some seconds ([`Settings`]): of a record of more than a million
-//! samples 32 evenly spread pieces are used; false neighbours compare every s-th delay vector (20 000), the divergence 60 000, the
+//! samples 32 evenly spread pieces are used; false neighbours compare every s-th delay vector (10 000), the divergence 60 000, the
 //! tangent maps 100 000, the correlation dimension 20 000. What was used is in the result.
 //!
 //! A coordinate that does not move is left out; a record that repeats or rests has no exponent, dimension nor catalogue of orbits.
@@ -45,7 +45,9 @@ pub struct Settings {
     pub seed: u64,
     /// Most samples used at all. Default 1 000 000.
     pub most_samples: usize,
-    /// Most vectors of false neighbours and of the correlation dimension. Default 20 000.
+    /// Most vectors of false neighbours. Default 10 000.
+    pub most_neighbours: usize,
+    /// Most vectors of the correlation dimension. Default 20 000.
     pub most_vectors: usize,
     /// Most pairs followed for the divergence. Default 60 000.
     pub most_pairs: usize,
@@ -62,6 +64,7 @@ impl Default for Settings {
             longest: 16,
             seed: 1,
             most_samples: 1_000_000,
+            most_neighbours: 10_000,
             most_vectors: 20_000,
             most_pairs: 60_000,
         }
@@ -82,6 +85,7 @@ impl Settings {
             ("tolerance", self.tolerance, 1e-6, 0.5),
             ("longest", self.longest as f64, 1.0, 64.0),
             ("most_samples", self.most_samples as f64, 1000.0, 1e9),
+            ("most_neighbours", self.most_neighbours as f64, 100.0, 1e9),
             ("most_vectors", self.most_vectors as f64, 100.0, 1e9),
             ("most_pairs", self.most_pairs as f64, 100.0, 1e9),
         ] {
@@ -243,7 +247,7 @@ pub fn survey(
             dimensions: settings.dimensions,
             theiler,
             noise: 3.0 * c.noise.max(c.quantisation_noise) / o.unit,
-            most: settings.most_vectors,
+            most: settings.most_neighbours,
             ..Default::default()
         };
         let found = false_neighbours::false_nearest_neighbours(o, delay, &choice);
