@@ -13,6 +13,7 @@ pub mod orbit_catalogue;
 pub mod poincare_section;
 pub mod shift_map;
 pub mod survey;
+pub mod survey_settings;
 pub mod survey_text;
 pub mod tangent_exponent;
 pub mod unstable_periodic_orbit;

@@ -91,9 +91,9 @@ mod tests {
     /// Number of orbits of least period n of a map with 2ⁿ fixed points of its n-th iterate on the circle less one
     /// (0 and 1 are the same point): Möbius inversion of 2ⁿ − 1.
     fn orbits(n: u32) -> u64 {
-        let moebius = |mut m: u32| {
-            let mut sign = 1i64;
-            for p in 2..=m {
+        let moebius = |of: u32| {
+            let (mut m, mut sign) = (of, 1i64);
+            for p in 2..=of {
                 if m.is_multiple_of(p) {
                     m /= p;
                     sign = -sign;
