@@ -8,6 +8,7 @@ pub mod explain;
 pub mod identify;
 pub mod inspect;
 pub mod model;
+pub mod phase_space;
 pub mod record;
 pub mod reduce;
 pub mod report;

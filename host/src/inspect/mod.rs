@@ -1,7 +1,7 @@
 //! What a record holds, before anything is identified from it: rates, losses, ranges, noise, spectra, the drive's line,
 //! whether it repeats. Everything comes from the displacements alone.
 //!
-//! Embedding, Lyapunov exponents and the like are `phase_space`'s.
+//! Embedding, Lyapunov exponents and the like are `phase_space`'s, run from here.
 
 pub mod coordinate;
 pub mod drive_check;
@@ -14,6 +14,7 @@ pub mod text;
 use serde::Serialize;
 
 use crate::error::{BadInput, Result};
+use crate::phase_space::survey::{self, PhaseSpace};
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::warning::Warning;
@@ -36,6 +37,8 @@ pub struct InspectSettings {
     pub start_periods: f64,
     /// The same for free systems, s. Default 8.
     pub start_free_s: f64,
+    /// Choices of the phase space's part.
+    pub phase_space: survey::Settings,
 }
 
 impl Default for InspectSettings {
@@ -46,6 +49,7 @@ impl Default for InspectSettings {
             period_tolerance: 0.02,
             start_periods: 20.0,
             start_free_s: 8.0,
+            phase_space: survey::Settings::default(),
         }
     }
 }
@@ -56,6 +60,7 @@ impl InspectSettings {
     /// # Errors
     /// Names the field, its value and what it may be.
     pub fn validate(&self) -> Result<()> {
+        self.phase_space.validate()?;
         for (name, value, least, most) in [
             ("window_periods", self.window_periods, 1.0, 1e6),
             ("window_free_s", self.window_free_s, 1e-6, 1e6),
@@ -84,6 +89,8 @@ pub struct Inspection {
     pub periodicity: Periodicity,
     /// What was noticed, the reader's warnings first.
     pub warnings: Vec<Warning>,
+    /// Delays, dimensions, sections, exponent, periodic orbits.
+    pub phase_space: PhaseSpace,
     /// Points for figures, in the coordinates' order.
     pub plots: Vec<Plots>,
 }
@@ -139,7 +146,11 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     let summary = summary::summarise(record, rig);
     let mut warnings = record.warnings.clone();
     warnings.extend(notices(&summary, &coordinates, drive.as_ref(), &periodicity));
-    Ok(Inspection { record: summary, coordinates, drive, periodicity, warnings, plots })
+    let repeats = matches!(periodicity.kind, Kind::Periodic | Kind::LocksLater | Kind::AtRest);
+    let (phase_space, noticed) =
+        survey::survey(record, &motions, &coordinates, drive_hz, repeats, &settings.phase_space);
+    warnings.extend(noticed);
+    Ok(Inspection { record: summary, coordinates, drive, periodicity, warnings, phase_space, plots })
 }
 
 /// A record built by a program rather than by a reader may be inconsistent: told, not trusted.

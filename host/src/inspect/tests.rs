@@ -42,6 +42,18 @@ pub fn counts(seconds: f64, amplitude: f64, drive_hz: f64, friction: f64) -> [Ve
     out
 }
 
+/// The defaults, with few vectors: these tests run without optimisation.
+fn settings() -> InspectSettings {
+    let phase_space = survey::Settings {
+        most_neighbours: 2000,
+        most_vectors: 2000,
+        most_pairs: 4000,
+        dimensions: 6,
+        ..survey::Settings::default()
+    };
+    InspectSettings { phase_space, ..InspectSettings::default() }
+}
+
 fn rig(drive_hz: f64) -> Rig {
     let text = include_str!("../../../rigs/chaotic.toml")
         .replace("frequency_hz = 5.0", &format!("frequency_hz = {drive_hz:?}"));
@@ -96,7 +108,7 @@ fn with_gap(mut record: Record, from: usize, to: usize) -> Record {
 fn a_chaotic_record_is_described() {
     let rig = rig(5.0);
     let record = with_gap(record(&rig, counts(60.0, 0.015_525, 5.0, 2e-4)), 20_000, 20_137);
-    let found = inspect(&record, &rig, &InspectSettings::default()).unwrap();
+    let found = inspect(&record, &rig, &settings()).unwrap();
     assert_eq!(found.coordinates.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["theta1", "theta2", "phi2"]);
     assert_eq!(found.periodicity.kind, Kind::ChaoticOrTransient);
     assert_eq!((found.record.segments, found.record.lost, found.record.gaps[0].samples), (2, 137, 137));
@@ -113,7 +125,18 @@ fn a_chaotic_record_is_described() {
         text.contains("29\u{202f}863 samples at 500 Hz") && text.contains("lost       137: 137 on the link"),
         "{text}"
     );
-    assert!(text.contains("5 Hz stated, ") && text.lines().count() == 7, "{text}");
+    assert!(text.contains("5 Hz stated, ") && text.lines().count() == 12, "{text}");
+    let space = &found.phase_space;
+    assert_eq!(space.coordinates.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["theta1", "theta2"]);
+    assert!(space.coordinates.iter().all(|c| (3..=100).contains(&c.delay) && c.mutual_information.bits.len() == 100));
+    // About 0.79 a drive period by the difference of two integrations.
+    let (value, error) = space.lyapunov.as_ref().map(|l| (l.per_second / 5.0, l.std_error / 5.0)).unwrap();
+    assert!((value - 0.79).abs() < 3.0 * error && error < 0.25, "{value} {error}");
+    let orbits = space.orbits.as_ref().unwrap();
+    assert!(
+        orbits.orbits.len() > 3 && orbits.orbits.iter().all(|o| o.error < 0.05 && o.turns.len() == 2),
+        "{orbits:?}"
+    );
     let json = serde_json::to_string(&found).unwrap();
     assert!(json.len() < 1_000_000 && !json.contains("[plant]"), "{}", json.len());
 }
@@ -123,7 +146,7 @@ fn a_wrong_drive_frequency_is_noticed() {
     let columns = counts(120.0, 0.015_525, 5.0, 2e-4);
     for (stated, right) in [(5.0, true), (5.3, false), (4.98, false)] {
         let rig = rig(stated);
-        let found = inspect(&record(&rig, columns.clone()), &rig, &InspectSettings::default()).unwrap();
+        let found = inspect(&record(&rig, columns.clone()), &rig, &settings()).unwrap();
         let drive = found.drive.unwrap();
         assert_eq!(drive.agrees, Some(right), "{drive:?}");
         assert!((drive.line_hz.or(drive.other_hz).unwrap() - 5.0).abs() < 0.003, "{drive:?}");
@@ -136,14 +159,15 @@ fn a_locked_record_and_one_at_rest_are_noticed() {
     let rig = rig(5.0);
     for (friction, period) in [(3e-3, 1), (1e-3, 2)] {
         let locked = record(&rig, counts(20.0, 0.0115, 5.0, friction));
-        let found = inspect(&locked, &rig, &InspectSettings::default()).unwrap();
+        let found = inspect(&locked, &rig, &settings()).unwrap();
         assert_eq!((found.periodicity.kind, found.periodicity.period), (Kind::Periodic, Some(period)));
         assert!(found.warnings.iter().any(|w| w.kind == "locked"));
     }
     let still = [vec![100; 30_000], vec![-7; 30_000]];
-    let found = inspect(&record(&rig, still), &rig, &InspectSettings::default()).unwrap();
+    let found = inspect(&record(&rig, still), &rig, &settings()).unwrap();
     assert_eq!(found.periodicity.kind, Kind::AtRest);
     assert!(found.coordinates[0].spectrum.is_none());
+    assert!(found.phase_space.coordinates.is_empty() && found.phase_space.lyapunov.is_none());
     assert!(found.warnings.iter().any(|w| w.kind == "at-rest"));
 }
 
@@ -151,15 +175,15 @@ fn a_locked_record_and_one_at_rest_are_noticed() {
 fn too_short_a_record_names_both_lengths() {
     let rig = rig(5.0);
     let short = record(&rig, [vec![0; 1999], vec![0; 1999]]);
-    let error = inspect(&short, &rig, &InspectSettings::default()).unwrap_err().to_string();
+    let error = inspect(&short, &rig, &settings()).unwrap_err().to_string();
     assert!(error.contains("made.csv") && error.contains("1999 samples") && error.contains("2000 samples"), "{error}");
     let gapped = with_gap(record(&rig, [vec![0; 3500], vec![0; 3500]]), 1500, 1600);
-    let error = inspect(&gapped, &rig, &InspectSettings::default()).unwrap_err().to_string();
+    let error = inspect(&gapped, &rig, &settings()).unwrap_err().to_string();
     assert!(error.contains("longest unbroken stretch: found 1900 samples"), "{error}");
     let mut none = record(&rig, [vec![], vec![]]);
     none.segments.clear();
-    assert!(inspect(&none, &rig, &InspectSettings::default()).is_err());
-    let bad = InspectSettings { period_tolerance: f64::NAN, ..InspectSettings::default() };
+    assert!(inspect(&none, &rig, &settings()).is_err());
+    let bad = InspectSettings { period_tolerance: f64::NAN, ..settings() };
     assert!(inspect(&short, &rig, &bad).unwrap_err().to_string().contains("period_tolerance"));
 }
 
@@ -167,9 +191,9 @@ fn too_short_a_record_names_both_lengths() {
 fn an_inconsistent_record_is_refused() {
     let rig = rig(5.0);
     let mut uneven = record(&rig, [vec![0; 3000], vec![0; 2999]]);
-    assert!(inspect(&uneven, &rig, &InspectSettings::default()).unwrap_err().to_string().contains("count2"));
+    assert!(inspect(&uneven, &rig, &settings()).unwrap_err().to_string().contains("count2"));
     uneven.segments[0].columns = vec![Column::Values(vec![f64::NAN; 3000]), Column::Counts(vec![0; 3000])];
-    assert!(inspect(&uneven, &rig, &InspectSettings::default()).unwrap_err().to_string().contains("count1"));
+    assert!(inspect(&uneven, &rig, &settings()).unwrap_err().to_string().contains("count1"));
 }
 
 #[test]
@@ -178,7 +202,7 @@ fn the_devices_phase_gives_the_drive_outright() {
     let mut r = record(&rig, counts(10.0, 0.015_525, 5.0, 2e-4));
     let step = (5.0 / 500.0 * 2f64.powi(32)).round() as u32;
     r.segments[0].phase = Some((0..r.segments[0].len() as u32).map(|i| i.wrapping_mul(step)).collect());
-    let found = inspect(&r, &rig, &InspectSettings::default()).unwrap();
+    let found = inspect(&r, &rig, &settings()).unwrap();
     assert!((found.drive.unwrap().phase_hz.unwrap() - 5.0).abs() < 1e-6);
     assert_eq!(found.record.phase_jitter, Some(0.0));
     // One passage of the section each period but those within a slope's width of the ends.
@@ -188,15 +212,15 @@ fn the_devices_phase_gives_the_drive_outright() {
 #[test]
 fn a_report_of_an_inspection_is_small_complete_and_the_same_every_time() {
     let rig = rig(5.0);
-    let found = inspect(&record(&rig, counts(40.0, 0.015_525, 5.0, 2e-4)), &rig, &InspectSettings::default()).unwrap();
+    let found = inspect(&record(&rig, counts(40.0, 0.015_525, 5.0, 2e-4)), &rig, &settings()).unwrap();
     let mut results = crate::report::Results::new();
     results.add(found);
     let page = crate::report::Report::of("double pendulum", "made.csv", &results).render().unwrap();
-    for id in ["record", "losses", "histories", "portraits", "spectra"] {
+    for id in ["record", "losses", "histories", "portraits", "spectra", "phase-space"] {
         assert!(page.contains(&format!("<section id=\"{id}\">")), "{id}");
     }
     assert!(page.len() < 1_500_000, "{}", page.len());
-    assert_eq!(page.matches("<svg ").count(), 4);
+    assert_eq!(page.matches("<svg ").count(), 10);
     assert!(!page.contains("NaN"));
     assert_eq!(page, crate::report::Report::of("double pendulum", "made.csv", &results).render().unwrap());
 }

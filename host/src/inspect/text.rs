@@ -100,5 +100,6 @@ pub fn text(inspection: &Inspection) -> String {
         }
         line(&symbol_plain(&c.name), parts.join(", "));
     }
+    out.push_str(&crate::phase_space::survey_text::text(&inspection.phase_space));
     out
 }

@@ -4,6 +4,7 @@ pub mod explanation;
 pub mod histories;
 pub mod losses;
 pub mod parameters;
+pub mod phase_space;
 pub mod portraits;
 pub mod record;
 pub mod reduction;
@@ -26,5 +27,6 @@ pub static SECTIONS: &[SectionKind] = &[
     histories::SECTION,
     portraits::SECTION,
     spectra::SECTION,
+    phase_space::SECTION,
     truth::SECTION,
 ];

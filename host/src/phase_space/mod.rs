@@ -1,0 +1,19 @@
+//! Phase space of a record: delays, dimensions, sections, exponents, periodic orbits. Method section 2.
+//!
+//! One algorithm a file; [`survey::survey`] runs them over a record for `whirl inspect`.
+
+pub mod average_mutual_information;
+pub mod correlation_dimension;
+pub mod embedding;
+pub mod false_nearest_neighbours;
+pub mod lyapunov_exponent;
+pub mod neighbours;
+pub mod observable;
+pub mod orbit_catalogue;
+pub mod poincare_section;
+pub mod shift_map;
+pub mod survey;
+pub mod survey_settings;
+pub mod survey_text;
+pub mod tangent_exponent;
+pub mod unstable_periodic_orbit;

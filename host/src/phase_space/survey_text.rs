@@ -1,0 +1,65 @@
+//! A survey in a few lines of plain text, for a terminal.
+
+use std::fmt::Write as _;
+
+use super::survey::PhaseSpace;
+use crate::report::format::{fixed, plus_minus, significant, symbol_plain};
+
+/// Delay and dimension of each coordinate, exponent, dimension, orbits; a line each. Ends with a line break.
+pub fn text(space: &PhaseSpace) -> String {
+    let mut out = String::new();
+    let mut line = |name: &str, value: String| {
+        let _ = writeln!(out, "{name:<10} {value}");
+    };
+    let dimension = |d: Option<usize>| d.map_or_else(|| "none found".to_owned(), |d| d.to_string());
+    for c in &space.coordinates {
+        let weak = if c.weak { ", weak" } else { "" };
+        let first = c.first_minimum.map_or_else(|| "no minimum".to_owned(), |m| format!("first minimum {m}"));
+        line(
+            "delay",
+            format!(
+                "{}: mutual information {first}, T_d {} samples{weak}; dimension {} by false neighbours, {} by Cao",
+                symbol_plain(&c.name),
+                c.delay,
+                dimension(c.dimension),
+                dimension(c.cao_dimension)
+            ),
+        );
+    }
+    if let Some(l) = &space.lyapunov {
+        let period = match (l.per_period, l.per_period_std_error) {
+            (Some(v), Some(e)) => format!(", {} a drive period", plus_minus(v, 1.96 * e)),
+            _ => String::new(),
+        };
+        let divergence = match (l.divergence_per_second, l.divergence_std_error, l.fit_window_s) {
+            (Some(v), Some(e), Some([a, b])) => {
+                format!(
+                    "; by divergence {} /s, fitted {} … {} s",
+                    plus_minus(v, 1.96 * e),
+                    significant(a, 3),
+                    significant(b, 3)
+                )
+            }
+            _ => String::new(),
+        };
+        line("exponent", format!("{} /s{period}{divergence}", plus_minus(l.per_second, 1.96 * l.std_error)));
+    }
+    if let Some(d) = space.correlation_dimension.as_ref().filter(|d| d.dimension.is_some()) {
+        line("attractor", format!("dimension {}", plus_minus(d.dimension.unwrap_or(0.0), 1.96 * d.std_error)));
+    }
+    if let Some(o) = &space.orbits {
+        let periods: Vec<String> = o.orbits.iter().take(12).map(|o| o.period.to_string()).collect();
+        let more = if o.orbits.len() > 12 { ", …" } else { "" };
+        let of = if periods.is_empty() { String::new() } else { format!(", periods {}{more}", periods.join(", ")) };
+        line(
+            "orbits",
+            format!(
+                "{} at {} %{of}; they cover {} % of the motion",
+                o.orbits.len(),
+                significant(100.0 * o.settings.tolerance, 2),
+                fixed(100.0 * o.coverage, 1)
+            ),
+        );
+    }
+    out
+}

@@ -1,0 +1,290 @@
+//! Largest Lyapunov exponent from a record, by local linear maps (Sano and Sawada 1985; Eckmann, Kamphorst, Ruelle and Ciliberto
+//! 1986).
+//!
+//! Along the record, one step of δ samples is a map of the state z = (s_i(n), s_i(n + δ), …, s_i(n + (m − 1) δ)): all components move up
+//! by one and the newest, s_i(n + mδ), is a function g_i of the state (and of the drive's phase). Its gradient at each reference point
+//! is the weighted least-squares plane through the k nearest vectors outside the Theiler window. The gradients make the
+//! tangent map of each step; a tangent vector carried along and normalised after each step grows by the exponent on average:
+//! λ = ⟨ln ‖v′‖/‖v‖⟩/δ.
+//!
+//! Unlike the divergence of neighbours it needs no neighbours much closer than the size of the attractor: that is what a
+//! record of some minutes of a system of four or five dimensions has not. The planes' curvature is its error; the fit is
+//! repeated with half as many neighbours, and the difference joins the jackknife's standard error (blocks of time) in squares.
+//!
+//! Limits: noise in the gradients adds to the exponent; a locked orbit has no neighbours off itself and gives nonsense (`inspect`
+//! reports none for it).
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::embedding::{Component, Embedding};
+use super::neighbours::Tree;
+use super::observable::Observable;
+
+/// Blocks of the jackknife.
+const BLOCKS: usize = 16;
+/// Steps at the start of a block, in which the vector turns into its growing direction, that are not counted.
+const SETTLE: usize = 10;
+/// Most unknowns of a plane.
+const MOST: usize = 24;
+
+/// Choices.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// δ, samples.
+    pub step: usize,
+    /// m, delays of each observable in the state.
+    pub delays: usize,
+    /// Neighbours a plane is fitted to.
+    pub neighbours: usize,
+    /// Neighbours in time within so many samples do not count.
+    pub theiler: u32,
+    /// Most steps taken.
+    pub steps: usize,
+    /// Most vectors among which neighbours are looked for.
+    pub vectors: usize,
+}
+
+/// Exponent by local linear maps.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Tangent {
+    /// Exponent, 1/sample.
+    pub exponent: f64,
+    /// Its standard error: jackknife and difference of the two fits together.
+    pub std_error: f64,
+    /// The same with half as many neighbours.
+    pub halved: f64,
+    /// Steps averaged.
+    pub steps: usize,
+}
+
+/// The exponent of `observables` (equal stretches), `phase` the drive's phase as an observable. None where the record gives fewer
+/// than 100 steps or too few vectors.
+pub fn tangent_exponent(
+    observables: &[&Observable],
+    phase: Option<&Observable>,
+    settings: &Settings,
+) -> Option<Tangent> {
+    let (m, step) = (settings.delays, settings.step);
+    let mut components: Vec<Component<'_>> =
+        (0..m).flat_map(|j| observables.iter().map(move |of| Component { of, delay: j * step })).collect();
+    components.extend(phase.map(|of| Component { of, delay: 0 }));
+    let unknowns = components.len() + 1;
+    if unknowns > MOST || settings.neighbours < 2 * unknowns || step == 0 {
+        return None;
+    }
+    let e = Embedding::new(components, step, settings.vectors);
+    let tree = Tree::new(&e, e.components.len());
+    // Reference points: runs of consecutive steps, one to a block, evenly over the record.
+    let state = m * observables.len();
+    let reach = m * step;
+    let runs = runs(observables.first()?, reach, step, settings.steps);
+    let blocks: Vec<[(f64, usize); 2]> = runs
+        .par_iter()
+        .map(|(from, count)| {
+            let mut vectors = [start_vector(state); 2];
+            let mut sums = [(0.0, 0usize); 2];
+            let (mut best, mut stack) = (Vec::new(), Vec::new());
+            for i in 0..*count {
+                let start = (from + i * step) as u32;
+                tree.near(start, settings.theiler, settings.neighbours, &mut best, &mut stack);
+                for (half, (v, sum)) in vectors.iter_mut().zip(&mut sums).enumerate() {
+                    let near = &best[..(best.len() >> half).max(unknowns.min(best.len()))];
+                    let Some(growth) = advance(&e, observables, start, near, reach, state, v) else { continue };
+                    if i >= SETTLE {
+                        sum.0 += growth.ln();
+                        sum.1 += 1;
+                    }
+                }
+            }
+            sums
+        })
+        .collect();
+    let means = |half: usize| {
+        let (sum, n) = blocks.iter().fold((0.0, 0), |a, b| (a.0 + b[half].0, a.1 + b[half].1));
+        (n >= 100).then(|| (sum / n as f64 / step as f64, n))
+    };
+    let ((exponent, steps), (halved, _)) = (means(0)?, means(1)?);
+    let each: Vec<f64> = blocks.iter().filter(|b| b[0].1 > 0).map(|b| b[0].0 / b[0].1 as f64 / step as f64).collect();
+    let n = each.len() as f64;
+    let mean = each.iter().sum::<f64>() / n;
+    let statistical = if n > 1.0 {
+        (each.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n * (n - 1.0))).sqrt()
+    } else {
+        mean.abs()
+    };
+    Some(Tangent { exponent, std_error: statistical.hypot(exponent - halved), halved, steps })
+}
+
+/// Runs of reference points: first sample and number of steps; about [`BLOCKS`] of them over all stretches.
+fn runs(of: &Observable, reach: usize, step: usize, most: usize) -> Vec<(usize, usize)> {
+    let room = |len: usize| (len.saturating_sub(reach + 1)) / step;
+    let all: usize = of.stretches.iter().map(|r| room(r.len())).sum();
+    let size = (all / BLOCKS).max(3 * SETTLE);
+    let used = (most / BLOCKS).max(3 * SETTLE).min(size);
+    let mut out = Vec::new();
+    for r in &of.stretches {
+        let mut at = 0;
+        while at + used <= room(r.len()) {
+            out.push((r.start + at * step, used));
+            at += size;
+        }
+    }
+    out
+}
+
+/// A direction without symmetry.
+fn start_vector(n: usize) -> [f64; MOST] {
+    let mut v = [0.0; MOST];
+    v.iter_mut().take(n).enumerate().for_each(|(i, v)| *v = 1.0 / (1.0 + i as f64));
+    v
+}
+
+/// Signed difference on the circle or on the line.
+fn signed(a: f32, b: f32, period: f32) -> f64 {
+    let d = a - b;
+    f64::from(if period.is_finite() { d - d.round() } else { d })
+}
+
+/// Fits the planes at `start` and carries `v` one step on; returns its growth.
+fn advance(
+    e: &Embedding<'_>,
+    observables: &[&Observable],
+    start: u32,
+    near: &[(f32, u32)],
+    reach: usize,
+    state: usize,
+    v: &mut [f64; MOST],
+) -> Option<f64> {
+    let unknowns = e.components.len() + 1;
+    let widest = f64::from(near.last()?.0).max(1e-18) * 1.0001;
+    let mut normal = [[0.0f64; MOST]; MOST];
+    let mut right = [[0.0f64; MOST]; MOST];
+    let mut row = [0.0f64; MOST];
+    row[0] = 1.0;
+    for (d2, other) in near {
+        // Tricube-like: the nearest count most, the farthest nothing.
+        let weight = (1.0 - f64::from(*d2) / widest).powi(2);
+        for (j, c) in e.components.iter().enumerate() {
+            row[j + 1] = signed(e.at(*other, j), e.at(start, j), c.of.period);
+        }
+        for a in 0..unknowns {
+            for b in 0..=a {
+                normal[a][b] += weight * row[a] * row[b];
+            }
+        }
+        for (o, of) in observables.iter().enumerate() {
+            let change = signed(of.values[*other as usize + reach], of.values[start as usize + reach], of.period);
+            for a in 0..unknowns {
+                right[o][a] += weight * row[a] * change;
+            }
+        }
+    }
+    // A little of the diagonal: directions that no neighbour shows have gradient zero.
+    for a in 0..unknowns {
+        normal[a][a] *= 1.0 + 1e-6;
+        normal[a][a] += 1e-14;
+    }
+    cholesky(&mut normal, unknowns)?;
+    let mut next = [0.0; MOST];
+    let n = observables.len();
+    next[..state - n].copy_from_slice(&v[n..state]);
+    for o in 0..n {
+        solve(&normal, &mut right[o], unknowns);
+        next[state - n + o] = (0..state).map(|j| right[o][j + 1] * v[j]).sum();
+    }
+    let norm = |v: &[f64; MOST]| v[..state].iter().map(|x| x * x).sum::<f64>().sqrt();
+    let growth = norm(&next) / norm(v);
+    if !(growth.is_finite() && growth > 1e-12) {
+        *v = start_vector(state);
+        return None;
+    }
+    let size = norm(&next);
+    *v = next.map(|x| x / size);
+    Some(growth)
+}
+
+/// Lower triangular factor in place; none where the matrix is not positive.
+fn cholesky(a: &mut [[f64; MOST]; MOST], n: usize) -> Option<()> {
+    for j in 0..n {
+        for k in 0..j {
+            let f = a[j][k];
+            for i in j..n {
+                a[i][j] -= a[i][k] * f;
+            }
+        }
+        if a[j][j].is_nan() || a[j][j] <= 0.0 {
+            return None;
+        }
+        let root = a[j][j].sqrt();
+        for i in j..n {
+            a[i][j] /= root;
+        }
+    }
+    Some(())
+}
+
+fn solve(l: &[[f64; MOST]; MOST], b: &mut [f64; MOST], n: usize) {
+    for i in 0..n {
+        b[i] = (b[i] - (0..i).map(|k| l[i][k] * b[k]).sum::<f64>()) / l[i][i];
+    }
+    for i in (0..n).rev() {
+        b[i] = (b[i] - (i + 1..n).map(|k| l[k][i] * b[k]).sum::<f64>()) / l[i][i];
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn henon_0_419_a_step() {
+        let mut state = (0.1f64, 0.1f64);
+        let x: Vec<f64> = (0..4000)
+            .map(|_| {
+                state = (1.0 - 1.4 * state.0 * state.0 + state.1, 0.3 * state.0);
+                state.0
+            })
+            .collect();
+        let o = Observable::number(&[&x[100..]], 0.0, 0);
+        let s = Settings { step: 1, delays: 2, neighbours: 16, theiler: 5, steps: 4000, vectors: 10_000 };
+        let found = tangent_exponent(&[&o], None, &s).unwrap();
+        assert!((found.exponent - 0.419).abs() < 0.012 && found.std_error < 0.02, "{found:?}");
+    }
+
+    #[test]
+    fn lorenz_0_906_a_second() {
+        let rates = |x: [f64; 3]| [10.0 * (x[1] - x[0]), x[0] * (28.0 - x[2]) - x[1], x[0] * x[1] - 8.0 / 3.0 * x[2]];
+        let dt = 0.01;
+        let mut x = [1.0, 1.0, 20.0];
+        let mut series = Vec::new();
+        for n in 0..32_000 {
+            if n > 2000 {
+                series.push(x[0]);
+            }
+            let at = |k: [f64; 3], f: f64| -> [f64; 3] { std::array::from_fn(|i| x[i] + f * dt * k[i]) };
+            let k1 = rates(x);
+            let k2 = rates(at(k1, 0.5));
+            let k3 = rates(at(k2, 0.5));
+            let k4 = rates(at(k3, 1.0));
+            x = std::array::from_fn(|i| x[i] + dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+        }
+        let o = Observable::number(&[&series], 0.0, 0);
+        let s = Settings { step: 10, delays: 3, neighbours: 24, theiler: 100, steps: 3000, vectors: 30_000 };
+        let found = tangent_exponent(&[&o], None, &s).unwrap();
+        let rate = found.exponent / dt;
+        assert!((rate - 0.906).abs() < 0.07 && found.std_error / dt < 0.1, "{rate} {found:?}");
+    }
+
+    #[test]
+    fn a_rotation_has_none_and_a_short_record_no_answer() {
+        // Two sines fill a torus in four dimensions, and their map is linear there.
+        let x: Vec<f64> = (0..9000).map(|i| (f64::from(i) * 0.1).sin() + 0.6 * (f64::from(i) * 0.0618).cos()).collect();
+        let o = Observable::number(&[&x], 0.0, 0);
+        let s = Settings { step: 10, delays: 4, neighbours: 30, theiler: 130, steps: 3000, vectors: 30_000 };
+        let found = tangent_exponent(&[&o], None, &s).unwrap();
+        assert!(found.exponent.abs() < 3e-3, "{found:?}");
+        assert!(tangent_exponent(&[&Observable::number(&[&x[..300]], 0.0, 0)], None, &s).is_none());
+        assert!(tangent_exponent(&[], None, &s).is_none());
+    }
+}
