@@ -15,6 +15,7 @@ use crate::identify::{Settings, identify, presentation};
 use crate::inspect::{InspectSettings, inspect};
 use crate::record::Record;
 use crate::record::formats::ReadOptions;
+use crate::reduce::{ReduceSettings, reduce};
 use crate::report::sections::truth::Truth;
 use crate::report::{Report, Results};
 use crate::rig::Rig;
@@ -60,8 +61,11 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let record = Record::read(&record_path, &rig, &ReadOptions::default())?;
     let inspection = inspect(&record, &rig, &InspectSettings::default())?;
     out.say(&format!("\ninspect\n{}", super::inspect::human(&inspection)));
+    let reduced = reduce(std::slice::from_ref(&record), &rig, &ReduceSettings::default())?;
     let identified = identify(&[record], &rig, &Settings::default())?;
     out.say(&format!("\nidentify\n{}", super::identify::human(&identified)));
+
+    out.say(&format!("\nreduce\n{}", super::reduce::human(&reduced)));
 
     // Every answer is there: now the truth may be read, for the last table.
     let plant = Plant::of(&rig)?;
@@ -71,6 +75,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         .add(presentation::table(&identified, "", &|_| None))
         .add(presentation::residuals(&identified))
         .add(inspection.clone())
+        .add(reduced.clone())
         .add(Truth { table: presentation::table(&identified, "", &truth), hidden: hidden.to_vec() });
     let report = folder.join("report.html");
     let mut page =
@@ -82,7 +87,9 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         )
         .fact("Firmware", &captured.firmware);
     page.write(&report)?;
-    out.write_json(&serde_json::json!({ "capture": captured, "inspect": inspection, "identify": identified }))?;
+    out.write_json(
+        &serde_json::json!({ "capture": captured, "inspect": inspection, "identify": identified, "reduce": reduced }),
+    )?;
     out.say(&format!("\nreport: {}\n", report.display()));
     Ok(Answer::Positive)
 }
