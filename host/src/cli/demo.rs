@@ -16,6 +16,7 @@ use crate::identify::{Settings, identify, presentation};
 use crate::inspect::{InspectSettings, inspect};
 use crate::record::Record;
 use crate::record::formats::ReadOptions;
+use crate::reduce::{ReduceSettings, reduce};
 use crate::report::sections::truth::Truth;
 use crate::report::{Report, Results};
 use crate::rig::Rig;
@@ -64,7 +65,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let records = [record];
     let identified = identify(&records, &rig, &Settings::default())?;
     out.say(&format!("\nidentify\n{}", super::identify::human(&identified)));
-
+    let reduced = reduce(&records, &rig, &ReduceSettings::default())?;
+    out.say(&format!("\nreduce\n{}", super::reduce::human(&reduced)));
     let explained = explain(&records, &rig, &ExplainSettings::default())?;
     out.say(&format!("\nexplain\n{}", crate::explain::presentation::human(&explained)));
 
@@ -77,6 +79,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         .add(presentation::residuals(&identified))
         .add(explained.clone())
         .add(inspection.clone())
+        .add(reduced.clone())
         .add(Truth { table: presentation::table(&identified, "", &truth), hidden: hidden.to_vec() });
     let report = folder.join("report.html");
     let mut page = Report::of(
@@ -91,7 +94,9 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         )
         .fact("Firmware", &captured.firmware);
     page.write(&report)?;
-    out.write_json(&serde_json::json!({ "capture": captured, "inspect": inspection, "identify": identified, "explain": explained }))?;
+    out.write_json(&serde_json::json!({
+        "capture": captured, "inspect": inspection, "identify": identified, "reduce": reduced, "explain": explained
+    }))?;
     out.say(&format!("\nreport: {}\n", report.display()));
     Ok(Answer::Positive)
 }

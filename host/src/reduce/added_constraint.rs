@@ -213,7 +213,7 @@ impl ConstraintModel {
         let sub = (scaled / (TAU / STEPS as f64)).ceil().clamp(1.0, 1e4) as usize;
         let mut out = Vec::with_capacity(count);
         for _ in 0..count {
-            if !(state[0].abs() < 100.0 * y0.abs()) {
+            if !state[0].is_finite() || state[0].abs() >= 100.0 * y0.abs() {
                 break;
             }
             out.push(state);
@@ -233,7 +233,7 @@ impl ConstraintModel {
         for i in 0..STEPS * 40 {
             let before = state;
             self.step(&mut state, h);
-            if !(state[0].abs() < 10.0 * y0.abs()) {
+            if !state[0].is_finite() || state[0].abs() >= 10.0 * y0.abs() {
                 return None;
             }
             // Velocity changes from outward to inward on the side of the release.

@@ -9,7 +9,7 @@ const MOST: usize = 200_000;
 /// Moves the state y from `start` to `end` with relative local error `tolerance`; false where it leaves the finite numbers.
 pub fn advance(
     f: &mut impl FnMut(f64, &[f64], &mut [f64]),
-    y: &mut Vec<f64>,
+    y: &mut [f64],
     start: f64,
     end: f64,
     tolerance: f64,

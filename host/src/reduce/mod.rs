@@ -13,6 +13,7 @@
 pub mod added_constraint;
 pub mod channel_faults;
 pub mod circular;
+pub mod decay;
 pub mod gram;
 pub mod integrate;
 pub mod model;

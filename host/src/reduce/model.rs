@@ -131,16 +131,15 @@ pub fn build(
     settings: &ReduceSettings,
 ) -> Result<Reduction> {
     let major = unit(&pod.modes[0]);
-    let fits = releases::fits(gathered, &major);
-    let periodic = releases::periodic(&fits);
-    let mut described: Vec<Release> = Vec::new();
-    let mut with_fit: Vec<(usize, &ReleaseFit)> = Vec::new();
-    for (i, fit) in fits.iter().enumerate() {
-        if let Some(fit) = fit {
-            described.push(releases::describe(gathered, i, fit, &major));
-            with_fit.push((i, fit));
-        }
+    let entries = releases::entries(gathered, &major);
+    let periodic = releases::periodic(&entries);
+    let decays = entries.iter().any(|e| e.decaying);
+    let mut described: Vec<Release> =
+        entries.iter().map(|e| releases::describe(gathered, e.release, &e.fit, &major)).collect();
+    for (r, _) in described.iter_mut().zip(&entries).filter(|(_, e)| e.decaying) {
+        r.remarks.insert(0, "decaying");
     }
+    let with_fit: Vec<(usize, &ReleaseFit)> = entries.iter().map(|e| (e.release, &e.fit)).collect();
     let system = known_system(rig, gathered);
     let mut branch: Vec<Option<Member>> = vec![None; described.len()];
     if let Some(system) = &system
@@ -149,7 +148,8 @@ pub fn build(
         branch = compare_with_full(&**system, gathered, &mut described, &with_fit);
     }
     let system = system.filter(|_| branch.iter().any(Option::is_some));
-    for r in described.iter().filter(|r| !r.remarks.is_empty() && periodic) {
+    // The windows of a decay speak for themselves in the table; dozens of warnings would not be read.
+    for (r, _) in described.iter().zip(&entries).filter(|(r, e)| !r.remarks.is_empty() && periodic && !e.decaying) {
         warnings.push(remark_warning(r));
     }
     let used: Vec<usize> = (0..described.len()).filter(|i| described[*i].used).collect();
@@ -171,7 +171,7 @@ pub fn build(
             .remedy("Record further releases, each at another amplitude"));
     }
     let basis: Vec<Vec<f64>> = complete(&pod.modes, pod.rank());
-    let made = make(constraint, &used, &with_fit, &basis, &major, system.as_deref(), periodic);
+    let made = make(constraint, &used, &with_fit, &basis, &major, system.as_deref(), periodic, decays);
     if made.is_none() && periodic {
         warnings.push(Warning::new(
             "no-model",
@@ -300,6 +300,7 @@ fn make<'a>(
     major: &[f64],
     system: Option<&'a dyn Mechanical>,
     periodic: bool,
+    decays: bool,
 ) -> Option<Made<'a>> {
     if !periodic || used.is_empty() {
         return None;
@@ -308,7 +309,9 @@ fn make<'a>(
     if constraint == Constraint::Polar {
         let nodes: Vec<Node> = fits.iter().map(|f| Node::of(f, major)).collect();
         let linear = system.and_then(|s| normal_mode::linear_mode(s, 0));
-        return polar::model(&nodes, major, linear).map(|p| Made::Polar(p, nodes, system));
+        // Nodes of decays scatter: then the variational frequency stands alone.
+        return polar::model(&nodes, major, linear)
+            .map(|p| Made::Polar(p, if decays { Vec::new() } else { nodes }, system));
     }
     let (orbits, time_unit) = added_constraint::orbits(&fits, basis, true);
     // Free motion is reversible: terms even in velocity only.
@@ -422,6 +425,10 @@ fn judge(
     }
     out.error.time_history = vec![None; with_fit.len()];
     for (i, (r, fit)) in with_fit.iter().enumerate() {
+        // A window of a decay has no ten periods of one amplitude.
+        if out.releases[i].remarks.contains(&"decaying") {
+            continue;
+        }
         let x = &gathered.releases[*r];
         let length = x[0].len();
         // Polynomial models start from rest: at the first phase 0 in the record.

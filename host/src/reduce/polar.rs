@@ -2,7 +2,7 @@
 //!
 //! a is the first harmonic of the major coordinate. X_k/a and ω are polynomials in s = ln(1 + (a/a0)²), which passes from powers of a² (weak
 //! motion) to powers of ln a (strong motion), where polynomials in displacement and velocity stall; a0 and the degree are chosen by
-//! leaving out one release at a time. The linear mode, where it is known, is the node s = 0.
+//! leaving out one release at a time, the degree for ω and for the shapes apart. The linear mode, where it is known, is the node s = 0.
 //!
 //! Where mass and potential are known the frequency is variational (Whitham's averaged Lagrangian ½ω²T2(a) − V̄(a) is stationary):
 //! ω² = 2 V̄′(a)/T2′(a), V̄ = ⟨V⟩_φ, T2 = ⟨x_φᵀ M x_φ⟩_φ; an error of the shapes enters squared. Otherwise ω is interpolated, the action is
@@ -122,47 +122,59 @@ pub fn model(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>) -> 
     errors.sort_by(f64::total_cmp);
     let median = errors[errors.len() / 2].max(1e-9);
     let weight: Vec<f64> = nodes.iter().map(|n| (median / n.error.max(median)).max(0.01)).collect();
-    let score = |a0: f64, degree: usize| -> Option<f64> {
+    // Left out one at a time, the ends excepted (they would have to be extrapolated): rms and greatest relative error of ω (quantity 0) or
+    // of the shapes (all others).
+    let score = |a0: f64, degree: usize, of_omega: bool| -> Option<(f64, f64)> {
         let s: Vec<f64> = nodes.iter().map(|n| s_of(n.amplitude, a0)).collect();
-        let mut worst = 0.0_f64;
-        for out in 0..nodes.len() {
-            // Ends would have to be extrapolated.
-            if out == 0 || out + 1 == nodes.len() {
-                continue;
-            }
+        let part = if of_omega { values.columns(0, 1) } else { values.columns(1, values.ncols() - 1) }.into_owned();
+        let (mut sum, mut count, mut worst) = (0.0, 0.0, 0.0_f64);
+        for out in 1..nodes.len().saturating_sub(1) {
             let keep: Vec<usize> = (0..nodes.len()).filter(|i| *i != out).collect();
             let pick = |v: &[f64]| keep.iter().map(|i| v[*i]).collect::<Vec<f64>>();
-            let part = values.select_rows(&keep);
-            let p = polynomials(&pick(&s), &pick(&weight), &part, degree)?;
-            let error = |q: usize| horner(p[q].as_slice(), s[out]).0 - values[(out, q)];
-            let shape: f64 = (1..values.ncols()).map(|q| error(q).powi(2)).sum::<f64>().sqrt();
-            let size: f64 = (1..values.ncols()).map(|q| values[(out, q)].powi(2)).sum::<f64>().sqrt();
-            worst = worst.max((error(0) / (2.0 * values[(out, 0)])).abs()).max(shape / size);
+            let p = polynomials(&pick(&s), &pick(&weight), &part.select_rows(&keep), degree)?;
+            let (mut error, mut size) = (0.0, 0.0);
+            for (q, p) in p.iter().enumerate() {
+                error += (horner(p.as_slice(), s[out]).0 - part[(out, q)]).powi(2);
+                size += part[(out, q)].powi(2);
+            }
+            let relative = (error / size).sqrt() * if of_omega { 0.5 } else { 1.0 };
+            sum += relative * relative;
+            count += 1.0;
+            worst = worst.max(relative);
         }
-        Some(worst)
+        Some(((sum / count).sqrt(), worst)).filter(|e| e.0.is_finite())
     };
-    let mut best: Option<(f64, f64, usize)> = None;
-    let inner = nodes.len().saturating_sub(2);
-    if inner >= 1 {
-        for degree in 1..=MOST_DEGREE.min(nodes.len() - 2) {
-            for n in -20..=20 {
-                let a0 = (first * last).sqrt() * 10.0_f64.powf(f64::from(n) * 0.075);
-                if let Some(error) = score(a0, degree)
-                    && best.is_none_or(|b| error < b.0)
+    let middle = (first * last).sqrt();
+    let scales: Vec<f64> = (-20..=20).map(|n| middle * 10.0_f64.powf(f64::from(n) * 0.075)).collect();
+    // Few releases are interpolated: one degree, by the worst of ω and shapes. Many (the windows of decays) are smoothed: ω and shapes
+    // each with the degree that predicts best in the mean.
+    let few = nodes.len() <= MOST_DEGREE + 2;
+    let judged = |a0: f64, degree: usize, of_omega: bool| -> Option<(f64, f64)> {
+        let (rms, worst) = score(a0, degree, of_omega)?;
+        if few { Some((worst.max(score(a0, degree, false)?.1), worst)) } else { Some((rms, worst)) }
+    };
+    let choose = |scales: &[f64], of_omega: bool| -> Option<(f64, f64, f64, usize)> {
+        let mut best: Option<(f64, f64, f64, usize)> = None;
+        for degree in 1..=MOST_DEGREE.min(nodes.len().saturating_sub(2)) {
+            for &a0 in scales {
+                if let Some((value, worst)) = judged(a0, degree, of_omega)
+                    && best.is_none_or(|b| value < b.0)
                 {
-                    best = Some((error, a0, degree));
+                    best = Some((value, worst, a0, degree));
                 }
             }
         }
-    }
-    let (left_out, a0, tried) = match best {
-        Some((error, a0, degree)) => (Some(error), a0, degree),
-        None => (None, (first * last).sqrt(), 1),
+        best
     };
+    let by_omega = if nodes.len() > 2 { choose(&scales, true) } else { None };
+    let (left_out, a0) = by_omega.map_or((None, middle), |b| (Some(b.1), b.2));
     // What served best without one node goes up by one degree with it, where every node then is met.
-    let degree = if tried + 2 == nodes.len() { tried + 1 } else { tried }.min(nodes.len() - 1);
+    let full = |d: usize| if d + 2 == nodes.len() { d + 1 } else { d }.min(nodes.len() - 1);
+    let degree = full(by_omega.map_or(1, |b| b.3));
+    let shape_degree = if few { degree } else { full(choose(&[a0], false).map_or(1, |b| b.3)) };
     let s: Vec<f64> = nodes.iter().map(|n| s_of(n.amplitude, a0)).collect();
-    let p = polynomials(&s, &weight, &values, degree)?;
+    let mut p = polynomials(&s, &weight, &values.columns(0, 1).into_owned(), degree)?;
+    p.extend(polynomials(&s, &weight, &values.columns(1, values.ncols() - 1).into_owned(), shape_degree)?);
     let shape = (0..harmonics)
         .map(|k| (0..channels).map(|c| p[1 + k * channels + c].iter().copied().collect()).collect())
         .collect();

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::decay;
 use super::release_fit::{self, ReleaseFit};
 use crate::error::{BadInput, Result};
 use crate::record::Record;
@@ -70,7 +71,7 @@ pub struct Release {
     pub energy: Option<f64>,
     /// Whether the model was made with it.
     pub used: bool,
-    /// What is remarkable about it: `off-mode`, `unstable`, `asymmetric`, `not-in-phase`, `growing`.
+    /// What is remarkable about it: `off-mode`, `unstable`, `asymmetric`, `not-in-phase`, `growing`, `decaying` (a window of a decay).
     pub remarks: Vec<&'static str>,
 }
 
@@ -160,19 +161,42 @@ fn si_unit(unit: &str) -> &str {
     }
 }
 
-/// Fits every release; none where one does not swing. `major`: weights of the channels.
-pub fn fits(gathered: &Gathered, major: &[f64]) -> Vec<Option<ReleaseFit>> {
-    gathered
-        .releases
-        .iter()
-        .map(|r| release_fit::fit(&r.iter().map(Vec::as_slice).collect::<Vec<_>>(), gathered.step, major))
-        .map(|f| f.filter(|f| f.residual.is_finite()))
-        .collect()
+/// A periodic motion found in the records: a whole release, or a window of one that decays.
+#[derive(Clone, Debug)]
+pub struct Entry {
+    /// Index of the release.
+    pub release: usize,
+    /// Whether it is a window of a decay.
+    pub decaying: bool,
+    /// The fit.
+    pub fit: ReleaseFit,
 }
 
-/// Whether the record as a whole is close to periodic: every release that can be fitted is, and one can.
-pub fn periodic(fits: &[Option<ReleaseFit>]) -> bool {
-    fits.iter().flatten().any(|f| f.residual < PERIODIC) && fits.iter().flatten().all(|f| f.residual < NEARLY)
+/// Fits every release that swings, as a whole or, where it decays, window by window. `major`: weights of the channels.
+pub fn entries(gathered: &Gathered, major: &[f64]) -> Vec<Entry> {
+    let mut out = Vec::new();
+    for (release, x) in gathered.releases.iter().enumerate() {
+        let channels: Vec<&[f64]> = x.iter().map(Vec::as_slice).collect();
+        let Some(fit) = release_fit::fit(&channels, gathered.step, major).filter(|f| f.residual.is_finite()) else {
+            continue;
+        };
+        if fit.residual >= PERIODIC {
+            let windows = decay::windows(&channels, gathered.step, fit.omega, major);
+            let amplitude = |f: &ReleaseFit| f.cosine[1].iter().zip(major).map(|(x, p)| x * p).sum::<f64>().abs();
+            let falls = windows.windows(2).all(|w| amplitude(&w[1]) < amplitude(&w[0]));
+            if windows.len() >= 3 && falls && windows.iter().all(|w| w.residual < PERIODIC) {
+                out.extend(windows.into_iter().map(|fit| Entry { release, decaying: true, fit }));
+                continue;
+            }
+        }
+        out.push(Entry { release, decaying: false, fit });
+    }
+    out
+}
+
+/// Whether the records as a whole are close to periodic: every motion that can be fitted is, and one is so closely.
+pub fn periodic(entries: &[Entry]) -> bool {
+    entries.iter().any(|e| e.fit.residual < PERIODIC) && entries.iter().all(|e| e.fit.residual < NEARLY)
 }
 
 /// What to tell of a release.
