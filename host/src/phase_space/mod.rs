@@ -15,5 +15,6 @@ pub mod shift_map;
 pub mod survey;
 pub mod survey_settings;
 pub mod survey_text;
+pub mod survey_warnings;
 pub mod tangent_exponent;
 pub mod unstable_periodic_orbit;

@@ -19,6 +19,7 @@ use super::lyapunov_exponent::{self as divergence, Divergence, Fit};
 use super::observable::Observable;
 use super::poincare_section::{Section, section};
 pub use super::survey_settings::Settings;
+use super::survey_warnings;
 use super::tangent_exponent::{self as tangent, Tangent};
 use super::unstable_periodic_orbit::{self as orbits, Extraction, Stretch, Track};
 use crate::inspect::coordinate::Coordinate;
@@ -170,7 +171,7 @@ pub fn survey(
         theiler = if period.is_some() { theiler } else { theiler.max(4 * delay as u32) };
         let weak = chosen.is_none_or(|c| c.depth < settings.weak);
         if weak || minima.first().is_some_and(|f| f.lag != delay) {
-            warnings.push(weak_minima(&m.name, &minima, delay, weak, rate));
+            warnings.push(survey_warnings::weak_minima(&m.name, &minima, delay, weak, rate));
         }
         let choice = false_neighbours::Settings {
             dimensions: settings.dimensions,
@@ -288,30 +289,6 @@ pub fn survey(
 fn decay(bits: &[f64]) -> usize {
     let (first, least) = (bits.first().copied().unwrap_or(0.0), bits.iter().copied().fold(f64::INFINITY, f64::min));
     bits.iter().position(|b| *b - least <= (first - least) / std::f64::consts::E).map_or(1, |i| i + 1)
-}
-
-fn weak_minima(name: &str, minima: &[Minimum], delay: usize, weak: bool, rate: f64) -> Warning {
-    let listed: Vec<String> = minima.iter().take(8).map(|m| format!("{} ({:.1} %)", m.lag, 100.0 * m.depth)).collect();
-    let message = match (minima.is_empty(), weak) {
-        (true, _) => {
-            format!("{name}: the mutual information has no minimum; T_d {delay} samples is where it has decayed")
-        }
-        (_, true) => {
-            format!("{name}: all minima of the mutual information are weak, at lags {} (depth)", listed.join(", "))
-        }
-        _ => format!(
-            "{name}: the first minima of the mutual information are weak; minima at lags {} (depth), T_d {delay} samples taken",
-            listed.join(", ")
-        ),
-    };
-    Warning::new(
-        "weak-minima",
-        message,
-        format!(
-            "For a driven system about a quarter of the drive period serves as well; {delay} samples are {:.4} s",
-            delay as f64 / rate
-        ),
-    )
 }
 
 /// The drive's phase as an angle.
