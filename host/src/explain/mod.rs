@@ -37,7 +37,9 @@ const MOST_EFFECTS: usize = 5;
 /// Gap (in noise floors) up to which a model counts as explaining the record.
 const EXPLAINED_GAP: f64 = 1.3;
 /// Ratio of residual to noise power in the rows up to which nothing counts as left.
-const EXPLAINED_POWER: f64 = 1.5;
+const EXPLAINED_POWER: f64 = 2.0;
+/// Horizons of the gap that count for the verdict, in units of the shortest: chaos makes longer ones show weaker effects.
+const VERDICT_HORIZONS: f64 = 4.5;
 /// Fewest whole windows for a decision: fewer leave the jackknife and the folds too little.
 const FEWEST_BLOCKS: usize = 9;
 /// Longest part of a record that is used, windows.
@@ -279,7 +281,6 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     let raw = shorten(segments, &geometry);
     let horizon_s = horizon(rig, settings, &geometry)?;
     let mut state = start(rig, &first, &raw)?;
-    // Ties between the equations need coefficients that the nominal model's missing effects have not bent too far.
     let stretches = gap::stretches(&raw, &geometry, horizon_s);
     let mut result = Explanation {
         verdict: Verdict::NotDecidable,
@@ -295,7 +296,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     };
     let undecidable = undecidable(&first, &stretches, &raw, &geometry);
     let mut found: Vec<Found> = Vec::new();
-    let mut gap_before_model = None;
+    let mut longer_before = None;
     for step in 0..=MOST_EFFECTS {
         let variants: Vec<Candidate> = candidates(&state.context);
         let (design, weights, own) = refit(&mut state, &raw, &geometry, &variants)?;
@@ -306,7 +307,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
             value: gap::gap(&state.context, &model, &raw, &stretches, sigma),
         });
         if step == 0 {
-            gap_before_model = Some(longer_horizons(&state, &train.train, &raw, &geometry, horizon_s, sigma));
+            longer_before = Some(longer_horizons(&state, &train.train, &raw, &geometry, horizon_s, sigma));
         }
         let power = residual_map::power(&state, &design, &own, &train.all, &geometry, sigma);
         result.residual_power[usize::from(step > 0)] = power;
@@ -323,20 +324,18 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         state.chosen.push(Chosen { candidate, strengths: vec![0.0; count] });
     }
     finish(&mut state, &raw, &geometry, &first, &mut found, sigma, &mut result)?;
-    if let (Some(before), Some(last)) = (gap_before_model, result.gap.steps.last()) {
-        let _ = last;
-        let fit = &before;
-        let after = {
-            let (design, weights, own) = refit(&mut state, &raw, &geometry, &[])?;
-            let train = ranking::fit(&design, &own, &weights).ok_or_else(singular)?;
-            longer_horizons(&state, &train.train, &raw, &geometry, horizon_s, sigma)
-        };
-        result.gap.horizons = fit.iter().zip(&after).map(|(b, a)| (b.0, b.1, a.1)).collect();
+    if let Some(before) = longer_before {
+        let (design, weights, own) = refit(&mut state, &raw, &geometry, &[])?;
+        let train = ranking::fit(&design, &own, &weights).ok_or_else(singular)?;
+        let after = longer_horizons(&state, &train.train, &raw, &geometry, horizon_s, sigma);
+        result.gap.horizons = before.iter().zip(&after).map(|(b, a)| (b.0, b.1, a.1)).collect();
     }
     let gap_after = result.gap.steps.last().map_or(f64::NAN, |s| s.value);
     let power = result.residual_power[1];
     result.effects = found;
-    let left = gap_after > EXPLAINED_GAP || power > EXPLAINED_POWER;
+    let far =
+        result.gap.horizons.iter().filter(|h| h.0 <= VERDICT_HORIZONS * horizon_s).map(|h| h.2).fold(0.0, f64::max);
+    let left = gap_after > EXPLAINED_GAP || far > EXPLAINED_GAP || power > EXPLAINED_POWER;
     let noise = format!(
         "what is left has {power:.2} times the power that the sensors' noise gives, and predictions over {horizon_s:.3} s miss by {gap_after:.2} noise floors"
     );

@@ -4,6 +4,7 @@ mod accuracy;
 mod bad_input;
 mod demo;
 mod determinism;
+mod explained;
 mod faulty_link;
 mod interface;
 mod interrupted;
