@@ -1,4 +1,4 @@
-//! Commands: one file each, each with its arguments and `run()`; one line each in [`Command`].
+//! Commands: one file each, each with its arguments and `run()`; one line each in the enum `Command`.
 //!
 //! Exit status: 0 done; 1 done and the answer is negative; 2 bad input or usage, with one message on standard error.
 
