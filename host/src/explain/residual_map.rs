@@ -2,7 +2,7 @@
 //!
 //! The residual r_i = J_oi (φ̈_i + …) is a torque (divided by J_oi where no mass is known), evaluated with smoothed angles, rates and accelerations.
 //! Its mean in each of 24 bins of a coordinate is compared with the band (95 %) that the sensors' noise alone gives: the smoothed record is
-//! measured again by the same sensors, and the residual's change is noise; of n samples in a bin n · 2 B Δt are independent, B the low-pass's band.
+//! measured again by the same sensors with their grids shifted, and what this does to the mean of a bin is a draw of its noise.
 
 use core::f64::consts::{PI, TAU};
 
@@ -23,6 +23,8 @@ use crate::signal::angles::AngleSegment;
 const BINS: usize = 24;
 /// A bin counts as disagreeing from this many bands on.
 const CLEARLY: f64 = 1.6;
+/// Fewest samples of a bin that is shown.
+const LEAST_SAMPLES: f64 = 100.0;
 
 /// A stretch of a coordinate in which an equation's residual exceeds what noise gives.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -175,8 +177,6 @@ pub(super) fn maps(state: &State, x: &DVector<f64>, geometry: &Geometry, sigma: 
             noise.push(noisy[e].iter().zip(&clean[e]).map(|(a, b)| a - b).collect::<Vec<f64>>());
         }
     }
-    let step = state.segments.first().map_or(1.0, |s| s.step_s);
-    let independent = (2.0 * geometry.kernels.full.pass_hz * step).min(1.0);
     let mut maps = Vec::new();
     let mut places = Vec::new();
     for e in 0..2 {
@@ -196,24 +196,33 @@ pub(super) fn maps(state: &State, x: &DVector<f64>, geometry: &Geometry, sigma: 
                 let s = &mut sums[bin(*x)];
                 (s.0, s.1) = (s.0 + r, s.1 + 1.0);
             }
-            let mut power = [(0.0, 0.0); BINS];
-            let mut overall = (0.0, 0.0);
+            // Each repeat is one draw of the noise: the mean of a bin in it is one draw of what noise does to that mean.
+            let mut draws = [(0.0, 0.0); BINS];
             for repeat in &noise[e] {
-                for (x, r) in clean[2 + c].iter().zip(repeat) {
-                    let p = &mut power[if *x >= low && *x <= high { bin(*x) } else { continue }];
-                    (p.0, p.1) = (p.0 + r * r, p.1 + 1.0);
-                    overall = (overall.0 + r * r, overall.1 + 1.0);
+                let mut means = [(0.0, 0.0); BINS];
+                for (x, r) in clean[2 + c].iter().zip(repeat).filter(|(x, _)| **x >= low && **x <= high) {
+                    let m = &mut means[bin(*x)];
+                    (m.0, m.1) = (m.0 + r, m.1 + 1.0);
+                }
+                // Variance of a mean falls with the number of samples: n · mean² does not.
+                for (draw, (sum, n)) in draws.iter_mut().zip(means).filter(|(_, (_, n))| *n >= 50.0) {
+                    (draw.0, draw.1) = (draw.0 + sum * sum / n, draw.1 + 1.0);
                 }
             }
+            let overall = draws.iter().fold((0.0, 0.0), |t, d| (t.0 + d.0, t.1 + d.1));
             let mut bins = Vec::new();
             for b in 0..BINS {
                 let (sum, n) = sums[b];
                 // A bin with few samples says little.
-                if n * independent < 8.0 {
+                if n < LEAST_SAMPLES {
                     continue;
                 }
-                let (p, m) = if power[b].1 >= 200.0 { power[b] } else { overall };
-                let band = 1.96 * (p / f64::max(m, 1.0) / (n * independent)).sqrt();
+                // Four draws a bin are few: its neighbours' count with it.
+                let near = draws[b.saturating_sub(1)..=(b + 1).min(BINS - 1)]
+                    .iter()
+                    .fold((0.0, 0.0), |t, d| (t.0 + d.0, t.1 + d.1));
+                let (power, count) = if near.1 >= 8.0 { near } else { overall };
+                let band = 1.96 * (power / f64::max(count, 1.0) / n).sqrt();
                 let width = (high - low) / BINS as f64;
                 let from = low + b as f64 * width;
                 bins.push([from + 0.5 * width, sum / n, band]);

@@ -1,7 +1,7 @@
 //! An explanation: verdict, effects, the gap before and after, what each candidate explains, where the disagreement sits.
 
 use crate::explain::residual_map::Map;
-use crate::explain::{Explanation, Found, Verdict};
+use crate::explain::{Explanation, Found, Ranked, Verdict};
 use crate::report::figures::Figure;
 use crate::report::figures::axis::Axis;
 use crate::report::figures::bars::{self, Bar};
@@ -59,19 +59,31 @@ fn one(body: &mut Html, e: &Explanation) {
         let head = |t: &str| (Html::text(t), Align::Right);
         body.table(&[head("horizon / s"), head("gap before"), head("gap after")], &rows);
     }
-    let first: Vec<Bar> = e
-        .ranking
-        .iter()
-        .filter(|r| r.step == 0 && r.gain > 0.0)
-        .take(8)
-        .map(|r| bar(&r.name, 100.0 * r.gain))
-        .collect();
+    let first: Vec<&Ranked> = e.ranking.iter().filter(|r| r.step == 0 && r.gain > 0.0).take(8).collect();
     if !first.is_empty() {
+        let numbered: Vec<Bar> =
+            first.iter().enumerate().map(|(i, r)| bar(&(i + 1).to_string(), 100.0 * r.gain)).collect();
         body.figure(&bars::bars(
             "What each candidate alone takes away of the residual on held-out blocks, the nominal model refitted with it.",
             Axis::linear("held-out residual power / %"),
-            &first,
+            &numbered,
         ));
+        let rows: Vec<Vec<Html>> = first
+            .iter()
+            .enumerate()
+            .map(|(i, r)| {
+                let p = if r.p_value < 1e-12 { "< 10⁻¹²".to_owned() } else { significant(r.p_value, 2) };
+                [(i + 1).to_string(), r.name.clone(), percent(r.gain, 2), p].iter().map(|t| Html::text(t)).collect()
+            })
+            .collect();
+        let head = |t: &str, a| (Html::text(t), a);
+        let heads = [
+            head("", Align::Right),
+            head("candidate", Align::Left),
+            head("held-out gain", Align::Right),
+            head("probability by chance", Align::Right),
+        ];
+        body.table(&heads, &rows);
     }
     let panels: Vec<Panel> = e.maps.iter().map(map).collect();
     if !panels.is_empty() {
