@@ -40,7 +40,7 @@ mod with_rig {
     use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
     use std::time::{Duration, Instant};
 
-    use whirl_hil_sim::{Direction, Effect, Parameters, RigSettings, SecondEncoder, VirtualRig};
+    use whirl_hil_sim::{Direction, Effect, RigSettings, SecondEncoder, VirtualRig};
 
     use super::super::source::{Link, Source};
     use crate::error::{BadInput, Result};
@@ -96,18 +96,7 @@ mod with_rig {
                 return Err(refused(format!("encoder 1 on {}", first.measures), "theta1 or phi1"));
             }
             let mut settings = RigSettings {
-                parameters: Parameters {
-                    m1: plant.m1,
-                    e1: plant.e1,
-                    l1: plant.l1,
-                    m2: plant.m2,
-                    e2: plant.e2,
-                    j_o1: plant.j_o1,
-                    j_o2: plant.j_o2,
-                    tau_c1: plant.tau_c1,
-                    c_r2: plant.c_r2,
-                    g: plant.g,
-                },
+                parameters: crate::simulate::parameters(&plant),
                 direction: match rig.drive.map(|d| d.direction) {
                     Some(RigDirection::Horizontal) => Direction::Horizontal,
                     Some(RigDirection::Vertical) | None => Direction::Vertical,
