@@ -1,6 +1,7 @@
 //! Equations of motion in the form that identification uses: linear in their unknown coefficients.
 
 pub mod double_pendulum;
+pub mod dynamics;
 pub mod weak;
 
 /// Built-in models: id, and what it is with its equations.

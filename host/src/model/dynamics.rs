@@ -1,0 +1,89 @@
+//! Equations of motion that can be integrated: accelerations from state, parameters, drive phase and measured inputs.
+//!
+//! q̈ = a(q, q̇, u, τ, t; p) for n coordinates (rad or m, each with its rate a second) and P parameters. What predicts, simulates or shoots
+//! takes any [`Dynamics`]: a built-in system, a system with effects added, or a model file.
+
+/// What acts from outside at one instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Instant<'a> {
+    /// Time of the record, s.
+    pub time: f64,
+    /// Phase τ of the drive, rad; 0 for a free system.
+    pub tau: f64,
+    /// Measured inputs, in the model's order and SI units.
+    pub inputs: &'a [f64],
+}
+
+/// A second-order system with parameters.
+pub trait Dynamics: Sync {
+    /// Coordinates n.
+    fn degrees_of_freedom(&self) -> usize;
+
+    /// Parameters P.
+    fn parameter_count(&self) -> usize;
+
+    /// Accelerations q̈ (n) at coordinates `q` and rates `v` (n each). False where they do not exist (a singular mass
+    /// matrix, a value that is not finite); `out` is then undefined.
+    fn acceleration(&self, parameters: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool;
+
+    /// Partial derivatives of the accelerations, n rows of 2n + P columns (q, v, parameters), row after row. The default
+    /// takes central differences with steps of 1e-6 of each argument's size (at least 1e-6).
+    fn partials(&self, parameters: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+        let (n, count) = (self.degrees_of_freedom(), self.parameter_count());
+        let width = 2 * n + count;
+        let mut arguments: Vec<f64> = [q, v, parameters].concat();
+        let (mut ahead, mut behind) = (vec![0.0; n], vec![0.0; n]);
+        for k in 0..width {
+            let kept = arguments[k];
+            let step = 1e-6 * kept.abs().max(1.0);
+            let mut at_step = |value: f64, to: &mut [f64]| {
+                arguments[k] = value;
+                let (q, rest) = arguments.split_at(n);
+                let (v, p) = rest.split_at(n);
+                self.acceleration(p, q, v, at, to)
+            };
+            let exists = at_step(kept + step, &mut ahead) && at_step(kept - step, &mut behind);
+            arguments[k] = kept;
+            if !exists {
+                return false;
+            }
+            for i in 0..n {
+                out[i * width + k] = (ahead[i] - behind[i]) / (2.0 * step);
+            }
+        }
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// q̈ = −k sin q − c q̇ + u.
+    struct Pendulum;
+
+    impl Dynamics for Pendulum {
+        fn degrees_of_freedom(&self) -> usize {
+            1
+        }
+        fn parameter_count(&self) -> usize {
+            2
+        }
+        fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+            out[0] = -p[0] * q[0].sin() - p[1] * v[0] + at.inputs[0];
+            out[0].is_finite()
+        }
+    }
+
+    #[test]
+    fn differences_give_the_analytic_partials() {
+        let at = Instant { time: 0.0, tau: 0.0, inputs: &[0.3] };
+        let mut out = [0.0; 4];
+        assert!(Pendulum.partials(&[40.0, 0.2], &[0.7], &[-3.0], &at, &mut out));
+        let expected = [-40.0 * 0.7_f64.cos(), -0.2, -0.7_f64.sin(), 3.0];
+        for (o, e) in out.iter().zip(expected) {
+            assert!((o - e).abs() < 1e-6, "{o} {e}");
+        }
+        assert!(!Pendulum.partials(&[f64::NAN, 0.2], &[0.7], &[-3.0], &at, &mut out));
+    }
+}
