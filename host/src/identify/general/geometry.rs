@@ -2,7 +2,8 @@
 //!
 //! As for the built-in systems (20 T or 4 s; test functions up to 2 f_e, or when free to the frequency below which lie 99 % of the
 //! accelerations' power; low-pass to where the signal sinks into the noise), but up to a fifth of the sampling rate for a free
-//! system and two fifths for the low-pass, since a resonance may lie close to the Nyquist frequency.
+//! system and two fifths for the low-pass, since a resonance may lie close to the Nyquist frequency. A free system with measured inputs gets
+//! windows of 30/top (4 s at most): such records are transients, and short windows take all parts of them alike.
 
 use crate::error::{BadInput, Result};
 use crate::identify::windows::{Kernels, Windows};
@@ -18,7 +19,7 @@ const MOST_FREQUENCIES: usize = 400;
 ///
 /// # Errors
 /// A setting out of range.
-pub fn geometry(rig: &Rig, settings: &Settings, noises: &[Option<Noise>], step_s: f64) -> Result<Geometry> {
+pub fn geometry(rig: &Rig, settings: &Settings, noises: &[Option<Noise>], inputs: bool, step_s: f64) -> Result<Geometry> {
     let rate = 1.0 / step_s;
     let check = |option: &str, value: Option<f64>, low: f64, high: f64| match value {
         Some(v) if !(v >= low && v <= high) => {
@@ -27,11 +28,14 @@ pub fn geometry(rig: &Rig, settings: &Settings, noises: &[Option<Noise>], step_s
         v => Ok(v),
     };
     let greatest = |f: fn(&Noise) -> f64| noises.iter().flatten().map(f).fold(0.0_f64, f64::max);
-    let default_window = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
-    let length_s = check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window);
     let driven = rig.drive.is_some();
-    // The bounds of the built-in systems hold unless a signal needs more.
     let wanted = greatest(|n| n.acceleration_99_hz);
+    let default_window = match rig.drive {
+        Some(d) => 20.0 / d.frequency_hz,
+        None if inputs => (30.0 / wanted.clamp(1e-9 * rate, rate / 5.0)).min(4.0),
+        None => 4.0,
+    };
+    let length_s = check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window.max(32.0 * step_s));
     let free_top = wanted.clamp(8.0 / length_s, (rate / 5.0).max(8.0 / length_s));
     let top = check("--max-frequency-hz", settings.max_frequency_hz, 2.0 / length_s, rate / 4.0)?
         .unwrap_or_else(|| rig.drive.map_or(free_top, |d| 2.0 * d.frequency_hz));

@@ -13,14 +13,15 @@ pub mod ties;
 
 use nalgebra::{DMatrix, DVector};
 
-use self::noise::Sensors;
+use self::noise::{Remeasured, Sensors};
 use self::series::System;
 use self::stretches::Stretch;
-use super::regression::{self, Unsolvable};
-use super::windows::{rows_of, samples_needed};
+use super::regression::{self, Options, Unsolvable};
+use super::windows::{WindowRows, frequency_of_row, rows_of, samples_needed};
 use super::{Details, Geometry, Identification, Parameter, RecordUse, Residuals, Settings, identifiability};
 use crate::error::{BadInput, Result};
 use crate::model::model_file::ModelFile;
+use crate::model::model_file::expression::Symbol;
 use crate::model::model_file::units::{self, Unit};
 use crate::model::model_file::weak_form::WeakForm;
 use crate::record::Record;
@@ -66,7 +67,7 @@ pub fn prepare(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
         .map(|i| spectral::estimate(shown.iter().map(|s| &s[i][..]), step_s))
         .collect();
     drop(shown);
-    let geometry = geometry::geometry(rig, settings, &noises, step_s)?;
+    let geometry = geometry::geometry(rig, settings, &noises, !bound.inputs.is_empty(), step_s)?;
     let needed = samples_needed(&geometry.windows, &geometry.kernels, step_s);
     let longest = stretches.iter().map(Stretch::len).max().unwrap_or(0);
     if longest < needed {
@@ -171,7 +172,7 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
     split.spread(&mut rows, &record_of);
     let terms = split.terms();
     let names = split.names();
-    let mut solution = regression::solve(&rows, &terms, windows.frequencies).map_err(|e| {
+    let told = |e: Unsolvable| {
         let error = match e {
             Unsolvable::Dependent { equation, column } => {
                 let at = terms[..equation].iter().sum::<usize>() + column;
@@ -191,8 +192,16 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
             Some(r) => error.in_file(&r.path),
             None => error,
         }
-    })?;
-    let bias = noise::bias(&system, &windows, bound, &sensors, &split, &record_of, &solution.weights);
+    };
+    let options = Options { weights: None, block: (4.0 / windows.hop_s).ceil() as usize };
+    let mut solution = regression::solve_with(&rows, &terms, windows.frequencies, &options).map_err(told)?;
+    let remeasured = Remeasured::new(&system, &windows, bound, &sensors, &split, &record_of);
+    if !bound.inputs.is_empty() {
+        let weights = input_weights(model, &rows, &terms, windows.frequencies, &remeasured).map_err(told)?;
+        let options = Options { weights: Some(&weights), ..options };
+        solution = regression::solve_with(&rows, &terms, windows.frequencies, &options).map_err(told)?;
+    }
+    let bias = remeasured.bias(&terms, &solution.weights);
     if let Some(bias) = &bias {
         let mut rest = bias.value.iter();
         solution.coefficients.iter_mut().flat_map(DVector::iter_mut).zip(&mut rest).for_each(|(c, d)| *c -= d);
@@ -272,6 +281,48 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
             })
             .collect(),
     })
+}
+
+/// Weights of the equations that hold an input, 1/(N_m + c): N_m is what the sensors' noise gives at frequency m (it grows with it, as
+/// ∫ ẅ q does), c what is left, spread evenly over the frequencies: the input's own noise is white there, and what the model lacks is then
+/// weighed as in a plain least squares of the input (a weight by the residual itself would turn away from the frequencies at which
+/// the system moves). The others keep their own weights (empty here).
+fn input_weights(
+    model: &ModelFile,
+    rows: &[WindowRows],
+    terms: &[usize],
+    frequencies: usize,
+    remeasured: &Remeasured,
+) -> std::result::Result<Vec<Vec<f64>>, Unsolvable> {
+    let has_input: Vec<bool> = model
+        .equations
+        .iter()
+        .map(|e| {
+            std::iter::once(&e.balance)
+                .chain(e.terms.iter().map(|t| &t.of))
+                .any(|n| n.any(&|s| matches!(s, Symbol::Input(_))))
+        })
+        .collect();
+    let mut weights = vec![vec![1.0; frequencies + 1]; terms.len()];
+    for _ in 0..2 {
+        let solved = regression::solve_weighted(rows.iter(), terms, &weights)?;
+        for (e, x) in solved.iter().enumerate() {
+            let noise = remeasured.power(e, x, frequencies);
+            let (mut left, mut count) = (0.0, 0.0);
+            for window in rows {
+                for (r, row) in window.equations[e].chunks_exact(x.len() + 1).enumerate() {
+                    let predicted: f64 = row.iter().zip(x.iter()).map(|(a, b)| a * b).sum();
+                    left += (row[x.len()] - predicted).powi(2) - noise[frequency_of_row(r)];
+                    count += 1.0;
+                }
+            }
+            let greatest = noise.iter().fold(0.0_f64, |m, v| m.max(*v));
+            let level = (left / f64::max(count, 1.0)).max(1e-6 * greatest).max(f64::MIN_POSITIVE);
+            weights[e] = noise.iter().map(|n| level / (n + level)).collect();
+        }
+    }
+    weights.iter_mut().zip(&has_input).filter(|(_, input)| !**input).for_each(|(w, _)| w.clear());
+    Ok(weights)
 }
 
 fn correlation(covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {

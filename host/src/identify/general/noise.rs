@@ -1,5 +1,6 @@
 //! The bias of sensor noise for a model file: the method of [`crate::identify::noise_bias`] over any number of sensors.
 
+use nalgebra::DVector;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -7,7 +8,7 @@ use super::per_record::Split;
 use super::series::System;
 use super::stretches::{Stretch, mixed};
 use crate::identify::noise_bias::{Bias, REPEATS, from_rows, places};
-use crate::identify::windows::{Kernels, Stretches, WindowRows, Windows, rows_of};
+use crate::identify::windows::{Kernels, Stretches, WindowRows, Windows, frequency_of_row, rows_of};
 use crate::rig::measures::Bound;
 
 /// One count of each sensor (none for one that does not count) and the noise of each, in SI.
@@ -30,34 +31,64 @@ fn shift(repeat: usize, sensor: usize) -> f64 {
     ORDERS[sensor % 4][repeat]
 }
 
-/// Measures the bias; `None` where it cannot be (too few windows).
-pub fn bias(
-    system: &System<'_>,
-    windows: &Windows,
-    bound: &Bound,
-    sensors: &Sensors,
-    split: &Split,
-    record_of: &[usize],
-    weights: &[Vec<f64>],
-) -> Option<Bias> {
-    let (weak, kernels) = (system.weak, system.kernels);
-    let (truth, from) = smoothed(system, windows);
-    let record_of: Vec<usize> = from.iter().map(|&s| record_of.get(s).copied().unwrap_or(0)).collect();
-    let terms = split.terms();
-    let rows = |stretches: &[Stretch]| -> Vec<WindowRows> {
-        let mut rows = rows_of(&System { stretches, ..*system }, &weak.equations, kernels, windows);
-        split.spread(&mut rows, &record_of);
-        rows
-    };
-    let plain = rows(&truth);
-    let repeats: Vec<Vec<WindowRows>> = (0..REPEATS)
-        .map(|r| {
-            let measured: Vec<Stretch> =
-                truth.iter().enumerate().map(|(i, s)| measure(s, r, bound, sensors, i as u64)).collect();
-            rows(&measured)
-        })
-        .collect();
-    from_rows(truth.len(), &plain, &repeats, &terms, weights)
+/// Rows of known motions, as they are and measured again.
+pub struct Remeasured {
+    stretches: usize,
+    plain: Vec<WindowRows>,
+    repeats: Vec<Vec<WindowRows>>,
+}
+
+impl Remeasured {
+    /// Smooths parts of the record, takes them as the truth and measures them again with every sensor's noise.
+    pub fn new(
+        system: &System<'_>,
+        windows: &Windows,
+        bound: &Bound,
+        sensors: &Sensors,
+        split: &Split,
+        record_of: &[usize],
+    ) -> Self {
+        let (weak, kernels) = (system.weak, system.kernels);
+        let (truth, from) = smoothed(system, windows);
+        let record_of: Vec<usize> = from.iter().map(|&s| record_of.get(s).copied().unwrap_or(0)).collect();
+        let rows = |stretches: &[Stretch]| -> Vec<WindowRows> {
+            let mut rows = rows_of(&System { stretches, ..*system }, &weak.equations, kernels, windows);
+            split.spread(&mut rows, &record_of);
+            rows
+        };
+        let plain = rows(&truth);
+        let repeats = (0..REPEATS)
+            .map(|r| {
+                let measured: Vec<Stretch> =
+                    truth.iter().enumerate().map(|(i, s)| measure(s, r, bound, sensors, i as u64)).collect();
+                rows(&measured)
+            })
+            .collect();
+        Self { stretches: truth.len(), plain, repeats }
+    }
+
+    /// The bias of all coefficients; `None` where it cannot be measured (too few windows).
+    pub fn bias(&self, terms: &[usize], weights: &[Vec<f64>]) -> Option<Bias> {
+        from_rows(self.stretches, &self.plain, &self.repeats, terms, weights)
+    }
+
+    /// Mean square of what the sensors' noise adds to the residuals of equation `e`, for each frequency.
+    pub fn power(&self, e: usize, coefficients: &DVector<f64>, frequencies: usize) -> Vec<f64> {
+        let p = coefficients.len();
+        let (mut sum, mut count) = (vec![0.0; frequencies + 1], vec![0.0_f64; frequencies + 1]);
+        let residual = |row: &[f64]| row[p] - row[..p].iter().zip(coefficients.iter()).map(|(a, b)| a * b).sum::<f64>();
+        for repeat in &self.repeats {
+            for (a, b) in self.plain.iter().zip(repeat) {
+                let rows = a.equations[e].chunks_exact(p + 1).zip(b.equations[e].chunks_exact(p + 1));
+                for (r, (x, y)) in rows.enumerate() {
+                    let m = frequency_of_row(r);
+                    sum[m] += (residual(y) - residual(x)).powi(2) * if r == 0 { 2.0 } else { 1.0 };
+                    count[m] += if r == 0 { 2.0 } else { 1.0 };
+                }
+            }
+        }
+        sum.iter().zip(&count).map(|(s, n)| s / n.max(1.0)).collect()
+    }
 }
 
 /// Stretches of a few windows each, smoothed to the clear band and spread evenly over the record, and the stretch that each is from.
