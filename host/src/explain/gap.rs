@@ -255,7 +255,7 @@ fn fit_state(
 
 impl<'a> Model<'a> {
     /// The model of a state with coefficients of its own columns.
-    pub(super) fn of(state: &'a super::State, x: &nalgebra::DVector<f64>) -> Model<'a> {
+    pub(super) fn of(state: &'a super::state::State, x: &nalgebra::DVector<f64>) -> Model<'a> {
         let n = 2 * super::design::base_terms(state.context.driven);
         let mut at = n;
         let effects = state

@@ -9,7 +9,7 @@ use core::f64::consts::{PI, TAU};
 use nalgebra::DVector;
 use serde::Serialize;
 
-use super::State;
+use super::state::State;
 use super::design::{self, Design, base_terms};
 use super::effects::{Action, Variant, wrapped};
 use super::ranking;
