@@ -16,7 +16,7 @@ use crate::identify::Geometry;
 use crate::signal::angles::AngleSegment;
 
 /// Probability of naming anything on a record in which nothing is missing, over the whole list.
-const FAMILY_WISE: f64 = 0.01;
+pub(super) const FAMILY_WISE: f64 = 0.01;
 
 /// Fits everything chosen, updates ties, and builds the columns of the candidates behind its own.
 pub(super) fn refit(
@@ -27,9 +27,10 @@ pub(super) fn refit(
 ) -> Result<(Design, Weights, Vec<usize>)> {
     let own: Vec<usize> = (0..state.own_columns()).collect();
     let mut weights: Option<Weights> = None;
-    // The first round settles weights and linearised effects; the last carries the candidates' columns as well.
-    for round in 0..2 {
-        let last = round == 1;
+    // The first rounds settle weights, linearised effects and forms; the last carries the candidates' columns as well.
+    let rounds = if state.chosen.iter().any(|k| k.candidate.variant.refine.is_some()) { 4 } else { 2 };
+    for round in 0..rounds {
+        let last = round + 1 == rounds;
         let list: Vec<&Variant> = state
             .chosen
             .iter()
@@ -114,7 +115,7 @@ pub(super) fn choose(
     let blocks = plain.held_out.len() as f64;
     let mut order: Vec<(&String, &&Score)> = best.iter().collect();
     order.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
-    ranking_out.extend(order.iter().take(12).map(|(name, s)| Ranked {
+    ranking_out.extend(order.iter().map(|(name, s)| Ranked {
         name: (*name).clone(),
         gain: s.gain * blocks / total,
         p_value: s.p,
@@ -154,6 +155,7 @@ pub(super) fn choose(
             held_out_gain: winner.gain * blocks / total,
             runner_up,
             confirm: candidate.effect.confirm.to_owned(),
+            strengths: Vec::new(),
         },
     })
 }
@@ -189,8 +191,18 @@ pub(super) fn compose(
     };
     let mut parameters: BTreeMap<String, f64> =
         candidate.variant.shape.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect();
+    if let (Compose::Shape { torque }, [(form, at), ..]) = (candidate.variant.compose, &candidate.variant.shape[..]) {
+        // What is left of the last Gauss–Newton step belongs to the value.
+        let (step, error) = match k {
+            [k, d] => (d / k, covariance[(1, 1)].max(0.0).sqrt() / k.abs()),
+            _ => (0.0, 0.25 * at.abs()),
+        };
+        let _ = parameters.remove(*form);
+        parameters.insert(torque.to_owned(), k[0] * scale);
+        return (at + step, error, parameters, candidate.effect.unit.to_owned());
+    }
     let (value, error) = match candidate.variant.compose {
-        Compose::Single => (k[0], covariance[(0, 0)].sqrt()),
+        Compose::Single | Compose::Shape { .. } => (k[0], covariance[(0, 0)].sqrt()),
         Compose::Components(name) => {
             parameters.insert(name.to_owned(), k[1] * scale);
             (k[0], covariance[(0, 0)].sqrt())

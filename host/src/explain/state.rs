@@ -10,6 +10,7 @@ use crate::rig::Rig;
 use crate::signal::angles::AngleSegment;
 
 /// A candidate: an effect at a place in one form.
+#[derive(Clone)]
 pub(super) struct Candidate {
     pub(super) effect: &'static Effect,
     pub(super) place: Place,
@@ -26,6 +27,16 @@ impl Candidate {
 pub(super) struct Chosen {
     pub(super) candidate: Candidate,
     pub(super) strengths: Vec<f64>,
+}
+
+impl Chosen {
+    /// A candidate that joins the model with strengths of zero, in its refined form where it has one.
+    pub(super) fn new(c: &Context, mut candidate: Candidate) -> Self {
+        if let (Some(refine), [(_, form), ..]) = (candidate.variant.refine, &candidate.variant.shape[..]) {
+            candidate.variant = refine(c, candidate.place, *form);
+        }
+        Self { strengths: vec![0.0; candidate.variant.action.len()], candidate }
+    }
 }
 
 /// Every candidate for this rig.
@@ -46,7 +57,7 @@ pub(super) fn nominal(rig: &Rig, c: &Context) -> Result<Vec<Chosen>> {
     Ok(candidates(c)
         .into_iter()
         .filter(|k| ids.contains(&k.name().as_str()))
-        .map(|candidate| Chosen { candidate, strengths: vec![0.0] })
+        .map(|candidate| Chosen { strengths: vec![0.0], candidate })
         .collect())
 }
 
@@ -76,6 +87,14 @@ impl State {
     pub(super) fn renew(&mut self) {
         let all = candidates(&self.context);
         for k in &mut self.chosen {
+            if let (Some(refine), [(_, form), ..]) = (k.candidate.variant.refine, &k.candidate.variant.shape[..]) {
+                // A Gauss–Newton step of the form's parameter, at most by half.
+                let step = if k.strengths[0] == 0.0 { 0.0 } else { k.strengths[1] / k.strengths[0] };
+                let limit = 0.5 * form.abs();
+                k.candidate.variant = refine(&self.context, k.candidate.place, form + step.clamp(-limit, limit));
+                k.strengths[1] = 0.0;
+                continue;
+            }
             let name = k.candidate.name();
             if let Some(new) = all.iter().find(|n| n.name() == name && n.variant.shape == k.candidate.variant.shape) {
                 k.candidate.variant = new.variant.clone();

@@ -2,6 +2,7 @@
 
 pub mod double_pendulum;
 pub mod dynamics;
+pub mod identified;
 pub mod weak;
 
 /// Built-in models: id, and what it is with its equations.
