@@ -19,8 +19,8 @@ use crate::signal::angles::AngleSegment;
 /// Gap from which the model is refitted by shooting.
 const SHOOT_FROM: f64 = 1.1;
 /// Most windows of a horizon that are compared, and that are fitted.
-const MOST_COMPARED: usize = 240;
-const MOST_FITTED: usize = 160;
+const MOST_COMPARED: usize = 160;
+const MOST_FITTED: usize = 120;
 /// Most windows at longer horizons.
 const MOST_LONGER: usize = 40;
 /// Share of the record that is fitted for a forecast.
@@ -45,8 +45,8 @@ pub(super) struct Comparison<'a> {
 pub(super) struct Measured {
     /// The gap, noise floors.
     pub(super) gap: f64,
-    /// Longer horizons, s, and the gap there.
-    pub(super) longer: Vec<(f64, f64)>,
+    /// Coefficients that were fitted outside of the held-out blocks.
+    pub(super) x: DVector<f64>,
     /// Horizons, s, and rms errors, degrees.
     pub(super) forecasts: Vec<(f64, f64)>,
     /// Coefficients and covariance of a refit by shooting, where there was one.
@@ -94,11 +94,15 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// Measures the model with coefficients `x` fitted to the windows outside of the held-out blocks.
-    fn at(&self, state: &State, x: &DVector<f64>) -> (f64, Vec<(f64, f64)>) {
+    /// The gap of the model with coefficients `x`, fitted to the windows outside of the held-out blocks.
+    fn gap(&self, state: &State, x: &DVector<f64>) -> f64 {
+        gap::gap(&state.context, &Model::of(state, x), self.raw, &self.held_out, self.sigma)
+    }
+
+    /// The same at longer horizons: horizon, s, and gap.
+    pub(super) fn longer(&self, state: &State, x: &DVector<f64>) -> Vec<(f64, f64)> {
         let model = Model::of(state, x);
-        let gap = gap::gap(&state.context, &model, self.raw, &self.held_out, self.sigma);
-        let longer = [2.0, 4.0, 8.0]
+        [2.0, 4.0, 8.0]
             .iter()
             .map(|f| f * self.horizon_s)
             .filter(|h| *h <= self.geometry.windows.length_s)
@@ -106,8 +110,7 @@ impl<'a> Comparison<'a> {
                 let some = gap::stretches(self.raw, self.geometry, h, Part::HeldOut, MOST_LONGER);
                 (h, gap::gap(&state.context, &model, self.raw, &some, self.sigma))
             })
-            .collect();
-        (gap, longer)
+            .collect()
     }
 
     /// Forecasts by a model.
@@ -121,8 +124,7 @@ impl<'a> Comparison<'a> {
 
     /// Measures a model whose coefficients are given.
     pub(super) fn measure_given(&self, state: &State, x: &DVector<f64>) -> Measured {
-        let (gap, longer) = self.at(state, x);
-        Measured { gap, longer, forecasts: self.forecast(state, x), shot: None }
+        Measured { gap: self.gap(state, x), x: x.clone(), forecasts: self.forecast(state, x), shot: None }
     }
 
     /// Measures a step: the model is refitted to the parts that each comparison leaves it.
@@ -134,7 +136,8 @@ impl<'a> Comparison<'a> {
         own: &[usize],
         fit: &Fit,
     ) -> Result<Measured> {
-        let (mut gap, mut longer) = self.at(state, &fit.train);
+        let mut gap = self.gap(state, &fit.train);
+        let mut at = fit.train.clone();
         let deviations: Vec<f64> = fit.covariance.diagonal().iter().map(|v| v.max(0.0).sqrt()).collect();
         let shoot = |x: &DVector<f64>, windows: &[Stretch]| {
             shooting::refit(state, x, &deviations, self.raw, windows, self.sigma)
@@ -142,7 +145,8 @@ impl<'a> Comparison<'a> {
         let wrong = gap > SHOOT_FROM;
         let mut shot = None;
         if wrong && let Some(better) = shoot(&fit.train, &self.fitted) {
-            (gap, longer) = self.at(state, &better.x);
+            gap = self.gap(state, &better.x);
+            at = better.x.clone();
             shot = Some((better.x, better.covariance));
         }
         let windows = design.windows.len();
@@ -151,6 +155,6 @@ impl<'a> Comparison<'a> {
         if wrong && let Some(better) = shoot(&x, &self.early) {
             x = better.x;
         }
-        Ok(Measured { gap, longer, forecasts: self.forecast(state, &x), shot })
+        Ok(Measured { gap, x: at, forecasts: self.forecast(state, &x), shot })
     }
 }

@@ -16,6 +16,11 @@ const SHORT_S: f64 = 0.1;
 /// Steps of the differences with respect to the state, rad and rad/s.
 pub const STATE_STEPS: [f64; 4] = [1e-6, 1e-6, 1e-5, 1e-5];
 
+/// Most Gauss–Newton steps of a state's fit.
+const MOST_STEPS: usize = 20;
+/// A step that gains less than this share of the sum of squares is the last.
+const CONVERGED: f64 = 1e-5;
+
 /// A stretch on which predictions are compared: segment, first sample, samples.
 pub type Stretch = (usize, usize, usize);
 
@@ -120,24 +125,23 @@ fn fit_state(
     let mut r = residuals(&x);
     let mut cost: f64 = r.iter().map(|v| v * v).sum();
     let mut damping = 1e-6;
-    for _ in 0..12 {
-        let mut normal = SMatrix::<f64, 4, 4>::zeros();
-        let mut right = SVector::<f64, 4>::zeros();
-        let steps = STATE_STEPS;
-        let columns: Vec<Vec<f64>> = (0..4)
-            .map(|k| {
-                let mut y = x;
-                y[k] += steps[k];
-                residuals(&y).iter().zip(&r).map(|(a, b)| (a - b) / steps[k]).collect()
-            })
-            .collect();
-        for i in 0..4 {
-            for j in 0..4 {
-                normal[(i, j)] = columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum();
-            }
-            right[i] = -columns[i].iter().zip(&r).map(|(a, b)| a * b).sum::<f64>();
-        }
-        let mut better = false;
+    // The Jacobian is kept from step to step (chord method) while steps gain well: it costs four predictions.
+    let mut kept: Option<(SMatrix<f64, 4, 4>, Vec<Vec<f64>>)> = None;
+    for _ in 0..MOST_STEPS {
+        let fresh = kept.is_none();
+        let (normal, columns) = kept.take().unwrap_or_else(|| {
+            let columns: Vec<Vec<f64>> = (0..4)
+                .map(|k| {
+                    let mut y = x;
+                    y[k] += STATE_STEPS[k];
+                    residuals(&y).iter().zip(&r).map(|(a, b)| (a - b) / STATE_STEPS[k]).collect()
+                })
+                .collect();
+            let normal = SMatrix::from_fn(|i, j| columns[i].iter().zip(&columns[j]).map(|(a, b)| a * b).sum());
+            (normal, columns)
+        });
+        let right = SVector::<f64, 4>::from_fn(|i, _| -columns[i].iter().zip(&r).map(|(a, b)| a * b).sum::<f64>());
+        let mut gained = 0.0;
         for _ in 0..6 {
             let mut damped = normal;
             (0..4).for_each(|i| damped[(i, i)] *= 1.0 + damping);
@@ -146,15 +150,21 @@ fn fit_state(
             let s = residuals(&y);
             let new: f64 = s.iter().map(|v| v * v).sum();
             if new.is_finite() && new < cost {
-                better = cost - new > 1e-6 * cost;
+                gained = (cost - new) / cost;
                 (x, r, cost) = (y, s, new);
                 damping = (damping * 0.1).max(1e-9);
                 break;
             }
+            if !fresh {
+                break;
+            }
             damping = (damping * 10.0).max(1e-6);
         }
-        if !better {
+        if fresh && gained < CONVERGED {
             break;
+        }
+        if gained > 0.5 {
+            kept = Some((normal, columns));
         }
     }
     (x, cost)

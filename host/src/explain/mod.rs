@@ -40,7 +40,7 @@ use crate::signal::angles::AngleSegment;
 pub use self::explanation::{Details, Explanation, Forecast, Found, Gap, Ranked, Step, Verdict};
 
 /// Most effects that are added.
-const MOST_EFFECTS: usize = 5;
+const MOST_EFFECTS: usize = 8;
 /// Longest part of a record that is used, windows.
 const MOST_WINDOWS: f64 = 300.0;
 
@@ -99,7 +99,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         let power = residual_map::power(&state, &design, &own, &fit.all, &geometry, sigma);
         if step == 0 {
             result.residual_power[0] = power.ratio;
-            before = Some(measured.longer.clone());
+            before = Some(comparison.longer(&state, &measured.x));
         }
         result.residual_power[1] = power.ratio;
         let last = undecidable.is_some() || step == MOST_EFFECTS;
@@ -113,12 +113,9 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         let joined = Chosen::new(&state.context, candidate);
         state.chosen.push(joined);
     };
-    result.gap.horizons = before
-        .iter()
-        .flatten()
-        .zip(&outcome.measured.longer)
-        .map(|(before, after)| (before.0, before.1, after.1))
-        .collect();
+    let before = before.unwrap_or_default();
+    let after = if found.is_empty() { before.clone() } else { comparison.longer(&state, &outcome.measured.x) };
+    result.gap.horizons = before.iter().zip(&after).map(|(before, after)| (before.0, before.1, after.1)).collect();
     parameters::read(&state, &outcome, &first, &mut found, &mut result);
     (result.maps, result.r#where) = residual_map::maps(&state, &outcome.fit.all, &geometry, sigma);
     residual_map::add_frequencies(&mut result.maps, &mut result.r#where, &outcome.power, &geometry, &state.context);
