@@ -4,6 +4,7 @@
 //! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
 
 pub mod identifiability;
+pub mod model_file;
 pub mod noise_bias;
 pub mod physical_parameters;
 pub mod presentation;

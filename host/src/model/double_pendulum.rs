@@ -22,7 +22,7 @@ pub struct Damping {
     /// Names of its coefficients in the first and second equation.
     pub names: [Option<&'static str>; 2],
     /// Whether the coefficient is divided by Ω (viscous) or by Ω² (Coulomb).
-    viscous: bool,
+    pub(crate) viscous: bool,
 }
 
 impl Damping {

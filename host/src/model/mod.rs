@@ -1,6 +1,7 @@
 //! Equations of motion in the form that identification uses: linear in their unknown coefficients.
 
 pub mod double_pendulum;
+pub mod double_pendulum_dynamics;
 pub mod dynamics;
 pub mod identified;
 pub mod weak;
