@@ -137,12 +137,7 @@ pub(crate) fn smoothed_stretches(segments: &[AngleSegment], kernels: &Kernels, w
 }
 
 /// Where such stretches lie in segments of these lengths: segment, first sample, end.
-pub(crate) fn places(
-    lengths: &[usize],
-    kernels: &Kernels,
-    windows: &Windows,
-    step: f64,
-) -> Vec<(usize, usize, usize)> {
+pub(crate) fn places(lengths: &[usize], kernels: &Kernels, windows: &Windows, step: f64) -> Vec<(usize, usize, usize)> {
     // The smoothing takes its reach on either side once more.
     let one = samples_needed(windows, kernels, step) + 2 * kernels.clear.reach();
     let hop = windows.hop_s / step;

@@ -227,7 +227,7 @@ pub fn solve_with(
         weights_of.push(weights);
         offset += p;
     }
-    let repetition = repetition(windows, &coefficients, &weights_of);
+    let repetition = repetition(windows, &coefficients, &weights_of, options.block.max(2));
     let repeating = repetition > REPEATING;
     let g = blocks.len();
     let mut covariance = if g >= FEWEST_BLOCKS {
@@ -293,8 +293,8 @@ fn rms_by_frequency(windows: &[WindowRows], e: usize, solution: &DVector<f64>, f
         .collect()
 }
 
-/// Greatest mean correlation, over lags of 2 … 32 windows, of weighted residuals.
-fn repetition(windows: &[WindowRows], coefficients: &[DVector<f64>], weights: &[Vec<f64>]) -> f64 {
+/// Greatest mean correlation, over 31 lags from `least` windows on (2 by default), of weighted residuals.
+fn repetition(windows: &[WindowRows], coefficients: &[DVector<f64>], weights: &[Vec<f64>], least: usize) -> f64 {
     let rows: Vec<Vec<f64>> = windows
         .iter()
         .map(|w| {
@@ -311,7 +311,7 @@ fn repetition(windows: &[WindowRows], coefficients: &[DVector<f64>], weights: &[
         })
         .collect();
     let mut greatest = 0.0_f64;
-    for lag in 2..=32.min(windows.len().saturating_sub(1)) {
+    for lag in least..=(least + 30).min(windows.len().saturating_sub(1)) {
         let (mut product, mut power, mut pairs) = (0.0, 0.0, 0_usize);
         for i in 0..windows.len() - lag {
             let (a, b) = (&windows[i], &windows[i + lag]);

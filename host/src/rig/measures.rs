@@ -15,8 +15,9 @@ use crate::model::model_file::expression::{Symbol, as_number};
 use crate::model::model_file::parser::{Names, parse};
 use crate::model::model_file::{self, ModelFile};
 
-/// What the channels of the built-in double pendulum may measure.
-const DOUBLE_PENDULUM: [&str; 4] = ["theta1", "theta2", "phi1", "phi2"];
+/// What the channels of built-in systems may measure.
+const BUILT_IN: [(&str, &[&str]); 2] =
+    [("double-pendulum", &["theta1", "theta2", "phi1", "phi2"]), ("single-pendulum", &["theta1", "phi1"])];
 
 /// A model file with what the channels measure of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,18 +36,13 @@ pub struct Bound {
 
 /// Refuses a channel of a built-in system that measures something else.
 pub(super) fn check_built_in(rig: &Rig) -> Result<()> {
-    if rig.model != "double-pendulum" {
-        return Ok(());
-    }
-    match rig.channel.iter().enumerate().find(|(_, c)| !DOUBLE_PENDULUM.contains(&c.measures.as_str())) {
+    let Some((_, known)) = BUILT_IN.iter().find(|(id, _)| *id == rig.model) else { return Ok(()) };
+    match rig.channel.iter().enumerate().find(|(_, c)| !known.contains(&c.measures.as_str())) {
         None => Ok(()),
-        Some((i, c)) => Err(BadInput::new(
-            format!("\"{}\"", c.measures),
-            format!("one of {}", DOUBLE_PENDULUM.join(", ")),
-        )
-        .in_file(&rig.path)
-        .at(format!("channel {} (\"{}\"), measures", i + 1, c.name))
-        .remedy("Correct what the channel measures of the double pendulum")),
+        Some((i, c)) => Err(BadInput::new(format!("\"{}\"", c.measures), format!("one of {}", known.join(", ")))
+            .in_file(&rig.path)
+            .at(format!("channel {} (\"{}\"), measures", i + 1, c.name))
+            .remedy("Correct what the channel measures of this model")),
     }
 }
 
@@ -57,20 +53,21 @@ pub(super) fn bind(rig: &Rig) -> Result<Option<Arc<Bound>>> {
     }
     let path = rig.path.parent().unwrap_or(Path::new("")).join(&rig.model);
     if !path.exists() {
-        return Err(BadInput::new(format!("\"{}\", which does not exist", rig.model), "a model, or the path of a model file")
-            .in_file(&rig.path)
-            .at("model")
-            .remedy("The path is relative to the rig file; `whirl list models` shows the built-in ones"));
+        return Err(BadInput::new(
+            format!("\"{}\", which does not exist", rig.model),
+            "a model, or the path of a model file",
+        )
+        .in_file(&rig.path)
+        .at("model")
+        .remedy("The path is relative to the rig file; `whirl list models` shows the built-in ones"));
     }
     bound(rig, ModelFile::read(&path)?).map(|b| Some(Arc::new(b)))
 }
 
 fn bound(rig: &Rig, model: ModelFile) -> Result<Bound> {
     let n = model.coordinates.len();
-    let names = Names {
-        coordinates: model.coordinates.iter().map(|c| c.name.clone()).collect(),
-        inputs: model.inputs.clone(),
-    };
+    let names =
+        Names { coordinates: model.coordinates.iter().map(|c| c.name.clone()).collect(), inputs: model.inputs.clone() };
     let known: Vec<&str> = names.coordinates.iter().chain(&names.inputs).map(String::as_str).collect();
     let (mut sensors, mut rows, mut inputs) = (Vec::new(), Vec::new(), vec![None; model.inputs.len()]);
     for (i, c) in rig.channel.iter().enumerate() {
@@ -88,22 +85,27 @@ fn bound(rig: &Rig, model: ModelFile) -> Result<Bound> {
             inputs[k] = Some(i);
             continue;
         }
-        let row: Option<Vec<f64>> = (0..n)
-            .map(|k| e.derivative(Symbol::Coordinate(k)).and_then(|d| as_number(&d)))
-            .collect();
+        let row: Option<Vec<f64>> =
+            (0..n).map(|k| e.derivative(Symbol::Coordinate(k)).and_then(|d| as_number(&d))).collect();
         let linear = row.filter(|r| {
             let value = e.value(&|s| if let Symbol::Coordinate(k) = s { 1.7 + k as f64 } else { f64::NAN });
             let sum: f64 = r.iter().enumerate().map(|(k, f)| f * (1.7 + k as f64)).sum();
             (value - sum).abs() < 1e-9 && r.iter().any(|f| *f != 0.0)
         });
         let Some(row) = linear else {
-            return Err(bad(format!("\"{}\"", c.measures), "a coordinate, a sum of coordinates, or an input".to_owned()));
+            return Err(bad(
+                format!("\"{}\"", c.measures),
+                "a coordinate, a sum of coordinates, or an input".to_owned(),
+            ));
         };
         sensors.push(i);
         rows.push(row);
     }
     let channels = |found: String, expected: String| {
-        BadInput::new(found, expected).in_file(&rig.path).at("channel").remedy("Each coordinate and input needs a channel")
+        BadInput::new(found, expected)
+            .in_file(&rig.path)
+            .at("channel")
+            .remedy("Each coordinate and input needs a channel")
     };
     if let Some(k) = inputs.iter().position(Option::is_none) {
         return Err(channels(format!("no channel that measures {}", model.inputs[k]), "one for each input".to_owned()));
@@ -113,7 +115,10 @@ fn bound(rig: &Rig, model: ModelFile) -> Result<Bound> {
         return Err(channels(format!("no channel that measures {name}"), "one for each coordinate".to_owned()));
     }
     if rows.len() != n {
-        return Err(channels(format!("{} channels for {n} coordinates", rows.len()), "one for each coordinate".to_owned()));
+        return Err(channels(
+            format!("{} channels for {n} coordinates", rows.len()),
+            "one for each coordinate".to_owned(),
+        ));
     }
     let shown = DMatrix::from_fn(n, n, |r, k| rows[r][k]);
     let Some(coordinates) = shown.clone().try_inverse() else {

@@ -5,6 +5,7 @@
 
 pub mod measures;
 pub mod plant;
+pub mod single_plant;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -133,7 +133,7 @@ pub fn strong_series(s: &Stretch, length: usize, tape: &Tape, kernels: &Kernels,
             Symbol::Acceleration(i) => &coordinates[i][2],
             Symbol::Input(k) | Symbol::RawInput(k) => &inputs[k][0],
             Symbol::InputRate(k) => &inputs[k][1],
-            Symbol::Tau => &phase,
+            Symbol::Tau | Symbol::Held(_) => &phase,
         })
         .collect();
     tape.run(&columns, count)

@@ -19,7 +19,13 @@ const MOST_FREQUENCIES: usize = 400;
 ///
 /// # Errors
 /// A setting out of range.
-pub fn geometry(rig: &Rig, settings: &Settings, noises: &[Option<Noise>], inputs: bool, step_s: f64) -> Result<Geometry> {
+pub fn geometry(
+    rig: &Rig,
+    settings: &Settings,
+    noises: &[Option<Noise>],
+    inputs: bool,
+    step_s: f64,
+) -> Result<Geometry> {
     let rate = 1.0 / step_s;
     let check = |option: &str, value: Option<f64>, low: f64, high: f64| match value {
         Some(v) if !(v >= low && v <= high) => {
@@ -35,7 +41,8 @@ pub fn geometry(rig: &Rig, settings: &Settings, noises: &[Option<Noise>], inputs
         None if inputs => (30.0 / wanted.clamp(1e-9 * rate, rate / 5.0)).min(4.0),
         None => 4.0,
     };
-    let length_s = check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window.max(32.0 * step_s));
+    let length_s =
+        check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window.max(32.0 * step_s));
     let free_top = wanted.clamp(8.0 / length_s, (rate / 5.0).max(8.0 / length_s));
     let top = check("--max-frequency-hz", settings.max_frequency_hz, 2.0 / length_s, rate / 4.0)?
         .unwrap_or_else(|| rig.drive.map_or(free_top, |d| 2.0 * d.frequency_hz));

@@ -63,9 +63,8 @@ pub fn prepare(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
         steady(records, &mut stretches, &mut record_of, &mut warnings)?;
     }
     let shown: Vec<Vec<Vec<f64>>> = stretches.iter().map(|s| s.sensors(bound)).collect();
-    let noises: Vec<Option<spectral::Noise>> = (0..bound.sensors.len())
-        .map(|i| spectral::estimate(shown.iter().map(|s| &s[i][..]), step_s))
-        .collect();
+    let noises: Vec<Option<spectral::Noise>> =
+        (0..bound.sensors.len()).map(|i| spectral::estimate(shown.iter().map(|s| &s[i][..]), step_s)).collect();
     drop(shown);
     let geometry = geometry::geometry(rig, settings, &noises, !bound.inputs.is_empty(), step_s)?;
     let needed = samples_needed(&geometry.windows, &geometry.kernels, step_s);
@@ -111,9 +110,12 @@ fn steady(
     };
     if target == 0 {
         let path = records.first().map(|r| r.path.clone()).unwrap_or_default();
-        return Err(BadInput::new("a record whose shaker never moved", "motion of the base, since the rig file has [drive]")
-            .in_file(path)
-            .remedy("Start the shaker during the capture, or leave [drive] out of the rig file"));
+        return Err(BadInput::new(
+            "a record whose shaker never moved",
+            "motion of the base, since the rig file has [drive]",
+        )
+        .in_file(path)
+        .remedy("Start the shaker during the capture, or leave [drive] out of the rig file"));
     }
     let (mut kept, mut from, mut dropped) = (Vec::new(), Vec::new(), 0);
     for (s, record) in stretches.drain(..).zip(record_of.drain(..)) {
@@ -152,7 +154,9 @@ pub fn units_of(model: &ModelFile, rig: &Rig, bound: &Bound) -> Vec<Vec<String>>
     model
         .equations
         .iter()
-        .map(|e| e.terms.iter().map(|t| units::coefficient(&e.balance, &t.of, &coordinates, &inputs, seconds)).collect())
+        .map(|e| {
+            e.terms.iter().map(|t| units::coefficient(&e.balance, &t.of, &coordinates, &inputs, seconds)).collect()
+        })
         .collect()
 }
 
@@ -180,7 +184,9 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
                     format!("nothing in the record that determines {}", names[at]),
                     "motion in which every term of the equations takes part and none is a sum of others",
                 )
-                .remedy("Does everything move, is a channel dead, is a term a combination of others? See `whirl inspect`")
+                .remedy(
+                    "Does everything move, is a channel dead, is a term a combination of others? See `whirl inspect`",
+                )
             }
             Unsolvable::NotFinite => BadInput::new(
                 "a term that is not finite somewhere in the record",
@@ -193,7 +199,9 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
             None => error,
         }
     };
-    let options = Options { weights: None, block: (4.0 / windows.hop_s).ceil() as usize };
+    // What a model lacks varies as slowly as the motion: blocks of 4 s where windows are shorter.
+    let block = if bound.inputs.is_empty() { 0 } else { (4.0 / windows.hop_s).ceil() as usize };
+    let options = Options { weights: None, block };
     let mut solution = regression::solve_with(&rows, &terms, windows.frequencies, &options).map_err(told)?;
     let remeasured = Remeasured::new(&system, &windows, bound, &sensors, &split, &record_of);
     if !bound.inputs.is_empty() {
@@ -213,7 +221,10 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
     if solution.repeating {
         warnings.push(Warning::new(
             "periodic-record",
-            format!("residuals repeat from window to window (correlation {:.2}): the motion or its input is periodic", solution.repetition),
+            format!(
+                "residuals repeat from window to window (correlation {:.2}): the motion or its input is periodic",
+                solution.repetition
+            ),
             "What the model lacks repeats with it and does not average out; standard errors were widened for that",
         ));
     }
@@ -318,7 +329,7 @@ fn input_weights(
             }
             let greatest = noise.iter().fold(0.0_f64, |m, v| m.max(*v));
             let level = (left / f64::max(count, 1.0)).max(1e-6 * greatest).max(f64::MIN_POSITIVE);
-            weights[e] = noise.iter().map(|n| level / (n + level)).collect();
+            weights[e] = noise.iter().map(|n| 1.0 / (n + level)).collect();
         }
     }
     weights.iter_mut().zip(&has_input).filter(|(_, input)| !**input).for_each(|(w, _)| w.clear());
@@ -338,3 +349,5 @@ fn correlation(covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {
         })
         .collect()
 }
+#[cfg(test)]
+mod tests;

@@ -81,11 +81,8 @@ impl Split {
 
     /// Coefficients of each equation's columns from values by name.
     pub fn tied(&self, names: &[String], values: &DVector<f64>) -> Vec<DVector<f64>> {
-        let all: Vec<f64> = self
-            .names()
-            .iter()
-            .map(|n| names.iter().position(|x| x == n).map_or(0.0, |i| values[i]))
-            .collect();
+        let all: Vec<f64> =
+            self.names().iter().map(|n| names.iter().position(|x| x == n).map_or(0.0, |i| values[i])).collect();
         let mut at = 0;
         self.terms()
             .into_iter()

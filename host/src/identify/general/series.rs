@@ -90,8 +90,8 @@ impl Stretches for System<'_> {
                 Symbol::Raw(i) => &s.coordinates[i][first..last],
                 Symbol::RawInput(k) => &s.inputs[k][first..last],
                 Symbol::Tau => &phase[..],
-                // Integration by parts leaves none.
-                Symbol::Acceleration(_) => &[],
+                // Integration by parts leaves no acceleration; signs are held in simulations only.
+                Symbol::Acceleration(_) | Symbol::Held(_) => &[],
             })
             .collect();
         self.weak.tape.run(&columns, last - first)

@@ -29,7 +29,9 @@ pub fn tie(
     let weight = scaled.try_inverse().unwrap_or_else(|| DMatrix::identity(names.len(), names.len()));
     let weight = DMatrix::from_fn(names.len(), names.len(), |i, j| weight[(i, j)] / (scale[i] * scale[j]));
     let right = c.transpose() * weight;
-    let Some(inverse) = (&right * &c).try_inverse() else { return (names.to_vec(), values.clone(), covariance.clone()) };
+    let Some(inverse) = (&right * &c).try_inverse() else {
+        return (names.to_vec(), values.clone(), covariance.clone());
+    };
     let a = inverse * right;
     let tied = &a * values;
     let spread = &a * covariance * a.transpose();

@@ -80,7 +80,11 @@ pub fn terms(
                 let argument = multiply(number(f64::from(k) * scale), of.clone());
                 let suffix = if k == 1 { String::new() } else { k.to_string() };
                 for (short, f) in [("cos", Function::Cos), ("sin", Function::Sin)] {
-                    out.push((format!("{name}_{short}{suffix}"), call(f, argument.clone()), format!("{short}({k}·{text})")));
+                    out.push((
+                        format!("{name}_{short}{suffix}"),
+                        call(f, argument.clone()),
+                        format!("{short}({k}·{text})"),
+                    ));
                 }
             }
             out

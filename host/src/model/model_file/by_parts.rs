@@ -204,7 +204,8 @@ fn antiderivative(moving: &[&Node], i: usize) -> Result<Node, String> {
             E::Call(g @ (Function::Sign | Function::Abs), a) if own(a) && special.is_none() => special = Some(*g),
             _ => {
                 return Err(
-                    "an acceleration multiplied with another coordinate's velocity, or with a function of its own".to_owned()
+                    "an acceleration multiplied with another coordinate's velocity, or with a function of its own"
+                        .to_owned(),
                 );
             }
         }
@@ -275,7 +276,7 @@ mod tests {
             Symbol::Acceleration(_) => -0.49 * (0.7 * t).cos(),
             Symbol::Input(_) | Symbol::RawInput(_) => (2.1 * t).sin(),
             Symbol::InputRate(_) => 2.1 * (2.1 * t).cos(),
-            Symbol::Tau => 3.0 * t,
+            Symbol::Tau | Symbol::Held(_) => 3.0 * t,
         }
     }
 
@@ -308,7 +309,9 @@ mod tests {
                         p.factor
                             * match p.order {
                                 Order::Value => v(t),
-                                Order::First => (8.0 * (v(t + h) - v(t - h)) - v(t + 2.0 * h) + v(t - 2.0 * h)) / (12.0 * h),
+                                Order::First => {
+                                    (8.0 * (v(t + h) - v(t - h)) - v(t + 2.0 * h) + v(t - 2.0 * h)) / (12.0 * h)
+                                }
                                 Order::Second => (v(t + h) - 2.0 * v(t) + v(t - h)) / (h * h),
                             }
                     })

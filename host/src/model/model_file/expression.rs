@@ -30,6 +30,8 @@ pub enum Symbol {
     /// First derivative of coordinate i in the band that stands clear of noise, for signs (weak form only): see
     /// [`crate::model::weak::Sample::clear_rate`].
     ClearRate(usize),
+    /// Sign of switch k of the equations of motion (dry friction), held by an integrator.
+    Held(usize),
 }
 
 /// Functions of one argument.
@@ -281,15 +283,17 @@ impl Expression {
 
     /// The same with rates inside the argument of a sign taken from the clear band.
     pub fn with_clear_signs(&self) -> Node {
-        let r = |a: &Node| a.with_clear_signs();
+        self.with_signs(&mut |a| {
+            let clear = |s| if let Symbol::Rate(i) = s { symbol(Symbol::ClearRate(i)) } else { symbol(s) };
+            call(Function::Sign, a.replace(&clear))
+        })
+    }
+
+    /// The same with the sign of each argument replaced.
+    pub fn with_signs(&self, with: &mut dyn FnMut(&Node) -> Node) -> Node {
+        let mut r = |a: &Node| a.with_signs(with);
         match self {
-            E::Call(Function::Sign, a) => call(
-                Function::Sign,
-                a.replace(&|s| match s {
-                    Symbol::Rate(i) => symbol(Symbol::ClearRate(i)),
-                    other => symbol(other),
-                }),
-            ),
+            E::Call(Function::Sign, a) => with(a),
             E::Number(x) => number(*x),
             E::Symbol(s) => symbol(*s),
             E::Add(a, b) => add(r(a), r(b)),
@@ -315,9 +319,7 @@ impl Expression {
             E::Symbol(_) => number(1.0),
             E::Add(a, b) => add(a.derivative(by)?, b.derivative(by)?),
             E::Subtract(a, b) => subtract(a.derivative(by)?, b.derivative(by)?),
-            E::Multiply(a, b) => {
-                add(multiply(a.derivative(by)?, b.clone()), multiply(a.clone(), b.derivative(by)?))
-            }
+            E::Multiply(a, b) => add(multiply(a.derivative(by)?, b.clone()), multiply(a.clone(), b.derivative(by)?)),
             E::Divide(a, b) => {
                 let first = divide(a.derivative(by)?, b.clone());
                 let second = divide(multiply(a.clone(), b.derivative(by)?), power_whole(b.clone(), 2));
@@ -393,10 +395,8 @@ mod tests {
                     })
                 };
                 let expected = (at(1e-5) - at(-1e-5)) / 2e-5;
-                let got = e
-                    .derivative(by)
-                    .expect("smooth")
-                    .value(&|s| if s == Symbol::Coordinate(0) { 0.7 } else { 1.9 });
+                let got =
+                    e.derivative(by).expect("smooth").value(&|s| if s == Symbol::Coordinate(0) { 0.7 } else { 1.9 });
                 assert!((got - expected).abs() < 1e-8 * (1.0 + expected.abs()), "{e:?} {got} {expected}");
             }
         }

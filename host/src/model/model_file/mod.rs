@@ -28,6 +28,7 @@ pub mod by_parts;
 pub mod equations_of_motion;
 pub mod expression;
 pub mod parser;
+pub mod simulation;
 pub mod tape;
 pub mod toml_place;
 pub mod units;
@@ -168,7 +169,8 @@ impl ModelFile {
         };
         let names = Names { coordinates: coordinates.iter().map(|c| c.name.clone()).collect(), inputs: inputs.clone() };
         let circle: Vec<bool> = coordinates.iter().map(|c| c.space == Space::Circle).collect();
-        let list = source.required(top, span.clone(), "equation", "one [[equation]] or more, each with balance and terms")?;
+        let list =
+            source.required(top, span.clone(), "equation", "one [[equation]] or more, each with balance and terms")?;
         let equations = match list.get_ref() {
             DeValue::Array(a) if (1..=MOST_NAMES).contains(&a.len()) => {
                 a.iter().map(|e| equation(&source, e, &names, &circle)).collect::<Result<Vec<_>>>()?
@@ -249,7 +251,9 @@ fn check_name(source: &Source, at: usize, name: &str, taken: &[String]) -> Resul
             .remedy("Rename it"));
     }
     if taken.iter().any(|t| t == name) {
-        return Err(source.bad(at, format!("the name \"{name}\" a second time"), "each name once").remedy("Rename one"));
+        return Err(source
+            .bad(at, format!("the name \"{name}\" a second time"), "each name once")
+            .remedy("Rename one"));
     }
     Ok(())
 }
@@ -349,12 +353,15 @@ fn equation(source: &Source, value: &Value<'_>, names: &Names, circle: &[bool]) 
             .remedy("Write [[equation]] in double brackets"));
     };
     source.known_keys(t, &["balance", "terms"], "an equation")?;
-    let balance_value = source.required(t, span.clone(), "balance", "the right-hand side, such as \"force\" or \"-q''\"")?;
+    let balance_value =
+        source.required(t, span.clone(), "balance", "the right-hand side, such as \"force\" or \"-q''\"")?;
     let balance = expression_of(source, balance_value, names, "the right-hand side")?;
     if as_number(&balance).is_some_and(|x| x == 0.0) {
         return Err(source
             .bad(balance_value.span().start, "a right-hand side that is 0", "something measured, such as \"-q''\"")
-            .remedy("Without it all coefficients are known up to a factor only: move a term with a known coefficient there"));
+            .remedy(
+                "Without it all coefficients are known up to a factor only: move a term with a known coefficient there",
+            ));
     }
     check_integrable(source, balance_value, &balance, circle)?;
     let terms_value = source.required(t, span, "terms", "terms such as { M = \"q''\" }")?;
@@ -388,7 +395,11 @@ fn equation(source: &Source, value: &Value<'_>, names: &Names, circle: &[bool]) 
         for term in new {
             if as_number(&term.of).is_some_and(|x| x == 0.0) {
                 return Err(source
-                    .bad(value.span().start, format!("{} = \"{}\", which is 0", term.name, term.text), "an expression that varies")
+                    .bad(
+                        value.span().start,
+                        format!("{} = \"{}\", which is 0", term.name, term.text),
+                        "an expression that varies",
+                    )
                     .remedy("Remove the term or correct it"));
             }
             if let Some(same) = terms.iter().find(|o| o.of == term.of || o.name == term.name) {
@@ -401,7 +412,11 @@ fn equation(source: &Source, value: &Value<'_>, names: &Names, circle: &[bool]) 
             terms.push(term);
         }
         if terms.len() > MOST_TERMS {
-            return Err(source.bad(value.span().start, format!("{} terms", terms.len()), format!("at most {MOST_TERMS}")));
+            return Err(source.bad(
+                value.span().start,
+                format!("{} terms", terms.len()),
+                format!("at most {MOST_TERMS}"),
+            ));
         }
     }
     let balance_text = source.text(balance_value, "an expression")?.to_owned();
@@ -432,7 +447,13 @@ fn check_integrable(source: &Source, value: &Value<'_>, e: &Node, circle: &[bool
                 (a - b).abs() > 1e-6 * (1.0 + a.abs())
             }) {
                 return Err(source
-                    .bad(at, format!("an acceleration times a function that is not periodic in an S1 coordinate in \"{shown}\""), "sin, cos of the angle")
+                    .bad(
+                        at,
+                        format!(
+                            "an acceleration times a function that is not periodic in an S1 coordinate in \"{shown}\""
+                        ),
+                        "sin, cos of the angle",
+                    )
                     .remedy("Use space = \"R\" if the angle never whirls"));
             }
         }

@@ -10,7 +10,9 @@
 
 use std::ops::Range;
 
-use super::expression::{FUNCTIONS, Node, Symbol, add, call, divide, multiply, negate, number, power, subtract, symbol};
+use super::expression::{
+    FUNCTIONS, Node, Symbol, add, call, divide, multiply, negate, number, power, subtract, symbol,
+};
 
 /// Longest expression, characters: bounds the depth of every recursion over it.
 pub const LONGEST: usize = 4000;
@@ -95,7 +97,11 @@ pub fn parse(text: &str, names: &Names) -> Result<Node, Mistake> {
     let mut p = Parser { text, names, token: Token::End, at: 0..0, next: 0, depth: 0 };
     p.advance()?;
     if p.token == Token::End {
-        return Err(p.mistake("nothing", "an expression such as q' or sin(q)", "Write the expression between the quotes"));
+        return Err(p.mistake(
+            "nothing",
+            "an expression such as q' or sin(q)",
+            "Write the expression between the quotes",
+        ));
     }
     let e = p.expression(0)?;
     match &p.token {
@@ -111,7 +117,12 @@ pub fn parse(text: &str, names: &Names) -> Result<Node, Mistake> {
 
 impl Parser<'_> {
     fn mistake(&self, found: &str, expected: &str, remedy: &str) -> Mistake {
-        Mistake { at: self.at.clone(), found: found.to_owned(), expected: expected.to_owned(), remedy: remedy.to_owned() }
+        Mistake {
+            at: self.at.clone(),
+            found: found.to_owned(),
+            expected: expected.to_owned(),
+            remedy: remedy.to_owned(),
+        }
     }
 
     /// Reads the next token.
@@ -168,7 +179,11 @@ impl Parser<'_> {
                 } else {
                     "Remove it"
                 };
-                return Err(self.mistake(&format!("the character \"{other}\""), "numbers, names, + - * / ^ ( )", remedy));
+                return Err(self.mistake(
+                    &format!("the character \"{other}\""),
+                    "numbers, names, + - * / ^ ( )",
+                    remedy,
+                ));
             }
         };
         self.at = start..start + length;
@@ -239,7 +254,9 @@ impl Parser<'_> {
             Token::Operator(c) => {
                 Err(self.mistake(&format!("\"{c}\""), "a number, a name or \"(\" before it", "Complete the expression"))
             }
-            Token::Close => Err(self.mistake("\")\"", "a number, a name or \"(\"", "Complete the expression before it")),
+            Token::Close => {
+                Err(self.mistake("\")\"", "a number, a name or \"(\"", "Complete the expression before it"))
+            }
             Token::End => Err(self.mistake("the end", "a number, a name or \"(\"", "Complete the expression")),
         }
     }
@@ -256,13 +273,22 @@ impl Parser<'_> {
             }),
             _ => {
                 let found = format!("\"{}\"", &self.text[self.at.clone()]);
-                Err(self.mistake(&found, "an operator or \")\"", "A product needs its \"*\"; functions take one argument"))
+                Err(self.mistake(
+                    &found,
+                    "an operator or \")\"",
+                    "A product needs its \"*\"; functions take one argument",
+                ))
             }
         }
     }
 
     fn name(&mut self, name: &str, primes: usize, place: Range<usize>) -> Result<Node, Mistake> {
-        let at = |(found, expected, remedy): (String, String, String)| Mistake { at: place.clone(), found, expected, remedy };
+        let at = |(found, expected, remedy): (String, String, String)| Mistake {
+            at: place.clone(),
+            found,
+            expected,
+            remedy,
+        };
         if let Some(i) = self.names.coordinates.iter().position(|n| n == name) {
             return match primes {
                 0 => Ok(symbol(Symbol::Coordinate(i))),
@@ -292,7 +318,11 @@ impl Parser<'_> {
                 let open = self.at.clone();
                 self.advance()?;
                 if self.token == Token::Close {
-                    return Err(self.mistake("nothing", &format!("the argument of {name}"), "Put it between the parentheses"));
+                    return Err(self.mistake(
+                        "nothing",
+                        &format!("the argument of {name}"),
+                        "Put it between the parentheses",
+                    ));
                 }
                 let argument = self.expression(0)?;
                 self.close(&open)?;

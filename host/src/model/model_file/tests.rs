@@ -15,10 +15,15 @@ fn error(text: &str) -> String {
 #[test]
 fn the_page_s_example_is_read() {
     let m = ModelFile::parse(GOOD, Path::new("m.toml")).unwrap();
-    assert_eq!((m.name.as_str(), m.coordinates.len(), m.inputs.as_slice()), ("positioning drive", 1, &["force".to_owned()][..]));
+    assert_eq!(
+        (m.name.as_str(), m.coordinates.len(), m.inputs.as_slice()),
+        ("positioning drive", 1, &["force".to_owned()][..])
+    );
     assert_eq!(m.coefficients(), ["M", "F_v"]);
     // Terms keep the order of the file, not of the alphabet.
-    let m = ModelFile::parse(&GOOD.replace("M = \"q''\", F_v = \"q'\"", "Z = \"q''\", A = \"q'\""), Path::new("m.toml")).unwrap();
+    let m =
+        ModelFile::parse(&GOOD.replace("M = \"q''\", F_v = \"q'\"", "Z = \"q''\", A = \"q'\""), Path::new("m.toml"))
+            .unwrap();
     assert_eq!(m.coefficients(), ["Z", "A"]);
 }
 
@@ -46,7 +51,7 @@ fn malformed_files_are_told_where_and_what_to_do() {
         ("balance", "ballance", &["line 5, column 1", "the key \"ballance\"", "balance, terms"]),
         ("terms = { M = \"q''\", F_v = \"q'\" }", "terms = { }", &["line 6", "no term", "Add a term"]),
         ("terms = { M = \"q''\", F_v = \"q'\" }", "", &["no key \"terms\"", "Add terms"]),
-        ("space = \"R\"", "space = \"S2\"", &["line 2, column 40", "\"S2\"", "\"S1\""]),
+        ("space = \"R\"", "space = \"S2\"", &["line 2, column 38", "\"S2\"", "\"S1\""]),
         (", space = \"R\"", "", &["line 2, column 16", "no key \"space\"", "Add space"]),
         ("name = \"q\"", "name = \"sin\"", &["line 2, column 25", "\"sin\"", "Rename"]),
         ("[\"force\"]", "[\"q\"]", &["line 3, column 11", "\"q\" a second time", "Rename"]),

@@ -88,7 +88,8 @@ impl Source {
             _ => None,
         };
         parsed.filter(|x| x.is_finite()).ok_or_else(|| {
-            self.bad(value.span().start, described(value.get_ref()), expected.to_owned()).remedy("Write a finite number")
+            self.bad(value.span().start, described(value.get_ref()), expected.to_owned())
+                .remedy("Write a finite number")
         })
     }
 

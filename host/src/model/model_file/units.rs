@@ -91,7 +91,7 @@ pub fn of(e: &Node, coordinates: &[Unit], inputs: &[Unit], time: bool) -> Option
             Symbol::Acceleration(i) => per(get(coordinates, i), -2.0),
             Symbol::Input(k) | Symbol::RawInput(k) => get(inputs, k),
             Symbol::InputRate(k) => get(inputs, k).times(&Unit::second(-1.0), 1.0),
-            Symbol::Tau => Unit::default(),
+            Symbol::Tau | Symbol::Held(_) => Unit::default(),
         }),
         E::Add(a, b) | E::Subtract(a, b) => rec(a).or_else(|| rec(b)),
         E::Multiply(a, b) => match (rec(a), rec(b)) {

@@ -96,7 +96,10 @@ terms = { B21 = "p''*cos(q - p) + p'^2*sin(q - p)", B22 = "sin(q)", C2 = "q' - p
         let model = ModelFile::parse(text, Path::new("m.toml")).unwrap();
         let weak = WeakForm::new(&model, 1.0, &[]).unwrap();
         let parts = &weak.equations[0].terms[3].parts;
-        assert_eq!(parts.iter().map(|p| (p.order, p.factor)).collect::<Vec<_>>(), [(Order::First, 1.0), (Order::First, -1.0)]);
+        assert_eq!(
+            parts.iter().map(|p| (p.order, p.factor)).collect::<Vec<_>>(),
+            [(Order::First, 1.0), (Order::First, -1.0)]
+        );
         assert_eq!(weak.equations[1].target[0].order, Order::Second);
         assert_eq!(weak.equations[1].target[0].factor, -1.0);
         // Two angles, two momenta, two products, two sines, one sign.
