@@ -1,6 +1,6 @@
 //! Predictions: the model with its effects, integrated from a state, as the sensors would show it.
 //!
-//! Classical Runge–Kutta (1901), steps of at most 1 ms.
+//! Classical Runge–Kutta (1901), steps of at most 2 ms: below 1e-5 rad over a drive period at 50 rad/s, a fiftieth of a count.
 
 use nalgebra::SVector;
 
@@ -17,7 +17,7 @@ pub struct Model<'a> {
 }
 
 /// Longest step, s.
-const LONGEST_STEP_S: f64 = 1e-3;
+const LONGEST_STEP_S: f64 = 2e-3;
 
 impl Model<'_> {
     /// φ̈1, φ̈2 at a sample's state.
@@ -74,10 +74,12 @@ impl Model<'_> {
             .sum();
         let omega = omega + runaway;
         let mut accel = [0.0; 2];
-        let mut rate_of = |x: &SVector<f64, 4>, tau: f64, time: f64| {
+        // The drive's phase turns by the same angle every half step.
+        let (sin_half, cos_half) = (omega * 0.5 * h).sin_cos();
+        let turned = |(sin, cos): (f64, f64)| (sin * cos_half + cos * sin_half, cos * cos_half - sin * sin_half);
+        let mut rate_of = |x: &SVector<f64, 4>, (sin_tau, cos_tau): (f64, f64), time: f64| {
             let (sin1, cos1) = x[0].sin_cos();
             let (sin2, cos2) = x[1].sin_cos();
-            let (sin_tau, cos_tau) = tau.sin_cos();
             let rate = [x[2], x[3]];
             let s = Sample {
                 raw: [x[0], x[1]],
@@ -112,14 +114,17 @@ impl Model<'_> {
                 }
             }
             out.push(angles);
+            let mut phase = tau.sin_cos();
             for j in 0..steps {
                 let at = j as f64 * h;
-                let (t0, t1, t2) = (tau + omega * at, tau + omega * (at + 0.5 * h), tau + omega * (at + h));
-                let k1 = rate_of(&x, t0, time + at);
-                let k2 = rate_of(&(x + k1 * (0.5 * h)), t1, time + at + 0.5 * h);
-                let k3 = rate_of(&(x + k2 * (0.5 * h)), t1, time + at + 0.5 * h);
-                let k4 = rate_of(&(x + k3 * h), t2, time + at + h);
+                let half = turned(phase);
+                let full = turned(half);
+                let k1 = rate_of(&x, phase, time + at);
+                let k2 = rate_of(&(x + k1 * (0.5 * h)), half, time + at + 0.5 * h);
+                let k3 = rate_of(&(x + k2 * (0.5 * h)), half, time + at + 0.5 * h);
+                let k4 = rate_of(&(x + k3 * h), full, time + at + h);
                 x += (k1 + k2 * 2.0 + k3 * 2.0 + k4) * (h / 6.0);
+                phase = full;
             }
         }
         out

@@ -9,8 +9,8 @@ use super::design::{self, Design};
 use super::effects::{Compose, Context, Place, Scale, Variant};
 use super::explanation::{Found, Ranked};
 use super::ranking::{self, Weights};
-use super::singular;
 use super::state::{Candidate, State};
+use super::{Outcome, singular};
 use crate::error::Result;
 use crate::identify::Geometry;
 use crate::signal::angles::AngleSegment;
@@ -65,13 +65,12 @@ pub(super) struct Next {
 
 pub(super) fn choose(
     state: &State,
-    design: &Design,
-    weights: &Weights,
-    own: &[usize],
+    outcome: &Outcome,
     variants: &[Candidate],
     step: usize,
     ranking_out: &mut Vec<Ranked>,
 ) -> Option<Next> {
+    let Outcome { design, weights, own, .. } = outcome;
     let plain = ranking::fit(design, own, weights)?;
     let total: f64 = plain.held_out.iter().sum();
     let taken: Vec<String> = state.chosen.iter().map(|k| k.candidate.name()).collect();
@@ -87,6 +86,7 @@ pub(super) fn choose(
     struct Score {
         index: usize,
         gain: f64,
+        deviations: f64,
         p: f64,
         held_out: Vec<f64>,
         fit: ranking::Fit,
@@ -98,9 +98,16 @@ pub(super) fn choose(
             let (from, d) = places[index];
             let columns: Vec<usize> = own.iter().copied().chain(from..from + d).collect();
             let fit = ranking::fit(design, &columns, weights)?;
-            let (mean, _) = ranking::gain(&plain.held_out, &fit.held_out);
+            let (mean, error) = ranking::gain(&plain.held_out, &fit.held_out);
             let p = ranking::p_value(&fit, d);
-            Some(Score { index, gain: mean, p, held_out: fit.held_out.clone(), fit })
+            Some(Score {
+                index,
+                gain: mean,
+                deviations: mean / error.max(f64::MIN_POSITIVE),
+                p,
+                held_out: fit.held_out.clone(),
+                fit,
+            })
         })
         .collect();
     let tests = scores.len().max(1) as f64;
@@ -118,6 +125,7 @@ pub(super) fn choose(
     ranking_out.extend(order.iter().map(|(name, s)| Ranked {
         name: (*name).clone(),
         gain: s.gain * blocks / total,
+        deviations: s.deviations,
         p_value: s.p,
         step,
     }));
