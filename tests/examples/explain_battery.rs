@@ -67,11 +67,19 @@ fn score(case: &Case, said: &Said) -> &'static str {
     match (truth.first(), said.named.first()) {
         (None, None) if said.verdict == Verdict::NothingMissing => "right",
         (None, _) => "false-alarm",
-        (Some(t), Some(n)) if t == n => "first",
+        (Some(t), Some(n)) if t == n || equivalent(t, n) => "first",
         (Some(t), Some(_)) if said.twins.iter().any(|x| x == t) => "twin",
         (Some(_), Some(_)) => "wrong",
         (Some(_), None) => "missed",
     }
+}
+
+/// Pairs that no record tells apart: an offset of encoder 2 turns arm 2's line as an imbalance does; with a Coulomb level in the joint, a level that differs with
+/// direction is that level and a constant force.
+fn equivalent(a: &str, b: &str) -> bool {
+    [["zero-offset@encoder2", "imbalance@arm2"], ["asymmetric-friction@joint1", "constant-force@joint1"]]
+        .iter()
+        .any(|pair| pair.contains(&a) && pair.contains(&b))
 }
 
 fn summary(lines: &[(Case, String)]) {

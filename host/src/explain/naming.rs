@@ -153,7 +153,20 @@ pub(super) fn choose(
         step,
     }));
     let significant = |s: &Score| s.p * tests < FAMILY_WISE && s.gain > 0.0;
-    let (name, winner) = order.iter().find(|(_, s)| significant(s))?;
+    let (_, strongest) = order.iter().find(|(_, s)| significant(s))?;
+    // Of those within a standard error of the best, the simplest (Breiman et al. 1984, the one-standard-error rule).
+    let complexity = |s: &Score| {
+        let v = &variants[s.index].variant;
+        v.action.len() + v.shape.len()
+    };
+    let (name, winner) = order
+        .iter()
+        .filter(|(_, s)| significant(s))
+        .filter(|(_, s)| {
+            let (mean, error) = ranking::gain(&s.held_out, &strongest.held_out);
+            mean <= error
+        })
+        .min_by_key(|(_, s)| complexity(s))?;
     let runner_up = order.iter().find(|(n, _)| n != name).map(|(n, s)| ((*n).clone(), s.gain * blocks / total));
     let mut twins: Vec<String> = order
         .iter()
