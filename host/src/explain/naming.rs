@@ -182,6 +182,15 @@ pub(super) fn choose(
             twins.push(b.to_owned());
         }
     }
+    // Beside a Coulomb level, a level that differs with direction is that level and a constant torque.
+    for joint in ["joint1", "joint2"].into_iter().filter(|j| taken.contains(&format!("coulomb-friction@{j}"))) {
+        let pair = [format!("asymmetric-friction@{joint}"), format!("constant-force@{joint}")];
+        if let Some(at) = pair.iter().position(|p| p == *name)
+            && !twins.contains(&pair[1 - at])
+        {
+            twins.push(pair[1 - at].clone());
+        }
+    }
     let candidate = &variants[winner.index];
     let (value, error, parameters, unit) = read(&state.context, candidate, &winner.fit.all, &winner.fit.covariance);
     Some(Next {
