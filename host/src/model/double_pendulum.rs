@@ -25,6 +25,13 @@ pub struct Damping {
     pub(crate) viscous: bool,
 }
 
+impl Damping {
+    /// Whether its coefficients are divided by Ω (viscous) or by Ω² (Coulomb).
+    pub fn is_viscous(&self) -> bool {
+        self.viscous
+    }
+}
+
 /// The dampings that a nominal model may have.
 pub const DAMPINGS: &[Damping] = &[
     Damping { id: "coulomb-friction@joint1", names: [Some("C11"), None], viscous: false },
