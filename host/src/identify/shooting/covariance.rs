@@ -56,19 +56,14 @@ pub fn covariance(shares: &[Share], states: usize, held: &[bool], repetition: f6
         })
         .collect();
     let total = blocks.iter().fold(DMatrix::zeros(p, p), |sum, b| sum + &b.0);
-    let freedom: f64 = shares
-        .iter()
-        .map(|s| (s.samples * s.squares.len()) as f64 - states as f64)
-        .sum::<f64>()
+    let freedom: f64 = shares.iter().map(|s| (s.samples * s.squares.len()) as f64 - states as f64).sum::<f64>()
         - held.iter().filter(|h| !**h).count() as f64;
     let mean_square = shares.iter().map(Share::cost).sum::<f64>() / freedom.max(1.0);
     let bound = inverse(&total, held)? * mean_square;
     let g = blocks.len();
     let mut estimate = if g >= FEWEST_BLOCKS {
-        let changes: Vec<DVector<f64>> = blocks
-            .iter()
-            .filter_map(|(h, gradient)| solve_scaled(&(&total - h), gradient, 0.0, held))
-            .collect();
+        let changes: Vec<DVector<f64>> =
+            blocks.iter().filter_map(|(h, gradient)| solve_scaled(&(&total - h), gradient, 0.0, held)).collect();
         let mean = changes.iter().fold(DVector::zeros(p), |s, d| s + d) / changes.len().max(1) as f64;
         let freedom = (g - 1) as f64;
         let stretch = StudentsT::new(0.0, 1.0, freedom).map_or(1.0, |t| t.inverse_cdf(0.975) / 1.959_964);
