@@ -221,14 +221,15 @@ fn finish(
     let vector = DVector::from_vec(fit.parameters.clone());
     let estimate = &covariance.estimate;
     let mut warnings: Vec<Warning> = prepared.warnings.clone();
-    if repetition > REPEATING {
+    let worst = noise_ratio.iter().copied().fold(0.0, f64::max);
+    // What a model misses shows in the residuals again and again, too.
+    if repetition > REPEATING && worst <= MISSES {
         warnings.push(Warning::new(
             "periodic-record",
             format!("residuals repeat from piece to piece (correlation {repetition:.2}): the motion is locked to the drive or periodic"),
             "Quantisation errors repeat with it and do not average out; standard errors were widened for that. Change the drive's amplitude or frequency until the motion is chaotic, or count more lines a turn",
         ));
     }
-    let worst = noise_ratio.iter().copied().fold(0.0, f64::max);
     if worst > MISSES {
         warnings.push(Warning::new(
             "more-than-noise",
