@@ -16,6 +16,7 @@ mod reduce;
 #[cfg(feature = "sim")]
 mod reproduce;
 mod simulate;
+mod validate;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -54,6 +55,8 @@ enum Command {
     Inspect(inspect::Arguments),
     /// Parameters with standard errors.
     Identify(identify::Arguments),
+    /// Whether an identified model moves as the measured system does.
+    Validate(validate::Arguments),
     /// Where simulation and measurement disagree, which effect is missing, the gap before and after.
     Explain(explain::Arguments),
     /// Builds a board's firmware and flashes it through a debug probe.
@@ -151,6 +154,7 @@ fn run(cli: Cli) -> Result<Answer> {
         Command::Capture(a) => capture::run(&a),
         Command::Inspect(a) => inspect::run(&a),
         Command::Identify(a) => identify::run(&a),
+        Command::Validate(a) => validate::run(&a),
         Command::Explain(a) => explain::run(&a),
         Command::Flash(a) => flash::run(&a),
         Command::Reduce(a) => reduce::run(&a),

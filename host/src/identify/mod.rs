@@ -10,6 +10,7 @@ pub mod noise_bias;
 pub mod physical_parameters;
 pub mod presentation;
 pub mod regression;
+pub mod shooting;
 pub mod single_parameters;
 pub mod system;
 pub mod windows;
@@ -33,8 +34,13 @@ use system::System;
 use windows::{Kernels, Windows};
 
 /// Methods of identification: name, what it does.
-pub const METHODS: &[(&str, &str)] =
-    &[("weak", "weak form: sin⁴ windows over 20 T (4 s when free), integrated by parts; least squares per equation")];
+pub const METHODS: &[(&str, &str)] = &[
+    ("weak", "weak form: sin⁴ windows over 20 T (4 s when free), integrated by parts; least squares per equation"),
+    (
+        "shooting",
+        "multiple-shooting maximum likelihood from the weak form's start: pieces of 1T, 2T, 4T, quantisation as noise",
+    ),
+];
 
 /// Choices of the weak form. `None`: chosen from the record, as each says.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -140,6 +146,9 @@ pub struct Identification {
     pub correlation_names: Vec<String>,
     /// How the numbers came about.
     pub details: Details,
+    /// How multiple shooting came about them, where it did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shooting: Option<shooting::Details>,
     /// Things noticed.
     pub warnings: Vec<Warning>,
     /// Residuals, equation by equation.
@@ -384,6 +393,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             ties_misfit,
             balance_error: Vec::new(),
         },
+        shooting: None,
         warnings,
         residuals: (0..model.equations.len())
             .map(|e| Residuals {

@@ -205,14 +205,7 @@ pub fn solve_with(
                     left_out[g].rows_mut(offset, p).copy_from(&change);
                 }
                 single.view_mut((offset, offset), (p, p)).copy_from(&(inverse * (n as f64 * ROW_DEPENDENCE)));
-                let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
-                for window in windows {
-                    for (predicted, residual) in residuals(&window.equations[e], &solution) {
-                        worst = worst.max(residual.abs());
-                        largest = largest.max(predicted.abs());
-                    }
-                }
-                error.push(if largest > 0.0 { worst / largest } else { f64::INFINITY });
+                error.push(identification_error(windows, e, &solution));
                 coefficients.push(solution);
                 condition.push(kappa);
             } else {
@@ -335,6 +328,29 @@ fn repetition(windows: &[WindowRows], coefficients: &[DVector<f64>], weights: &[
 /// Rows that a solution used.
 pub fn rows_used(windows: &[WindowRows], equations: usize, frequencies: usize) -> usize {
     windows.len() * equations * row_count(frequencies)
+}
+
+/// ε = ‖e‖∞/‖q̂‖∞ of one equation with given coefficients.
+pub fn identification_error(windows: &[WindowRows], e: usize, coefficients: &DVector<f64>) -> f64 {
+    let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
+    for window in windows {
+        for (predicted, residual) in residuals(&window.equations[e], coefficients) {
+            worst = worst.max(residual.abs());
+            largest = largest.max(predicted.abs());
+        }
+    }
+    if largest > 0.0 { worst / largest } else { f64::INFINITY }
+}
+
+/// Rms residual at each frequency with given coefficients, and the dots of figure 3.14.
+pub fn frequency_dots(
+    windows: &[WindowRows],
+    e: usize,
+    coefficients: &DVector<f64>,
+    frequencies: usize,
+    most: usize,
+) -> (Vec<f64>, Vec<(usize, f64, f64)>) {
+    (rms_by_frequency(windows, e, coefficients, frequencies), residual_dots(windows, e, coefficients, most))
 }
 
 /// Dots of figure 3.14: (frequency index, prediction, residual) of one equation, at most `most` of them by a fixed stride.

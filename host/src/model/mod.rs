@@ -3,6 +3,7 @@
 pub mod double_pendulum;
 pub mod double_pendulum_dynamics;
 pub mod dynamics;
+pub mod flow;
 pub mod identified;
 pub mod integrate;
 pub mod model_file;

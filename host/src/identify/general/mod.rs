@@ -283,6 +283,7 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
             ties_misfit: None,
             balance_error: errors,
         },
+        shooting: None,
         warnings,
         residuals: (0..model.equations.len())
             .map(|e| Residuals {
