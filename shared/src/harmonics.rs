@@ -87,6 +87,9 @@ pub struct HarmonicBank<T: Real, const C: usize, const M: usize> {
 }
 
 fn phasor<T: Real>(harmonic: usize, phase: u64) -> [T; 2] {
+    if phase == 0 {
+        return [T::one(), T::zero()];
+    }
     let (cos, sin) = cos_sin_turns(phase.wrapping_mul(harmonic as u64));
     [cos, -sin]
 }
@@ -207,6 +210,12 @@ impl<T: Real, const C: usize, const M: usize> HarmonicBank<T, C, M> {
             None => Some([*self.plain.get(channel)?, T::zero()]),
             Some(j) => self.sums.get(channel)?.get(j).copied(),
         }
+    }
+
+    /// All S_cj, j from 1, and all S_c0, for the samples taken until now.
+    #[must_use]
+    pub fn sums(&self) -> (&[[[T; 2]; M]; C], &[T; C]) {
+        (&self.sums, &self.plain)
     }
 }
 

@@ -71,6 +71,17 @@ struct Reading {
     phase: u32,
 }
 
+/// What a sample has brought.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pushed {
+    /// Windows begin anew with this sample: it does not follow the one before, or another drive.
+    Began,
+    /// Nothing to be told of.
+    Taken,
+    /// A window is complete; [`Regressor::rows_at`] gives its rows until the next one is.
+    Complete,
+}
+
 /// Sums over two overlapping windows; `B` harmonics, of which all but the last two give rows.
 #[derive(Clone, Debug)]
 pub struct Regressor<T: Real, const B: usize> {
@@ -79,21 +90,43 @@ pub struct Regressor<T: Real, const B: usize> {
     last_tick: u32,
     readings: [Reading; POINTS],
     held: usize,
-    /// The half that is being summed, and the one before.
+    /// The half that is being summed.
     bank: HarmonicBank<T, SERIES, B>,
-    before: Half<T, B>,
+    /// The half before it, and both together as soon as they are complete.
+    before: Sums<T, B>,
+    window: Sums<T, B>,
     /// Halves that are complete, at most two.
     halves: u8,
     length: u32,
     /// Counts' slope to rad/s.
     rate_scale: [T; 2],
+    factors: Factors<T>,
 }
 
-/// Sums of half a window.
+/// Harmonic sums of all series: n = 0, then n from 1 to B.
 #[derive(Clone, Debug)]
-struct Half<T, const B: usize> {
+struct Sums<T, const B: usize> {
     plain: [T; SERIES],
     sums: [[[T; 2]; B]; SERIES],
+}
+
+impl<T: Real, const B: usize> Sums<T, B> {
+    fn zero() -> Self {
+        Self { plain: [T::zero(); SERIES], sums: [[[T::zero(); 2]; B]; SERIES] }
+    }
+}
+
+/// What depends on the window's length and the drive alone, kept so that a device without double precision works it out once.
+#[derive(Clone, Copy, Debug)]
+struct Factors<T> {
+    /// a_k over the window's ticks.
+    values: [T; 5],
+    /// 2π over the window's length, rad/s.
+    slope: T,
+    /// 1/Ω, s.
+    time: T,
+    /// 1 over the window's periods.
+    periods: T,
 }
 
 impl<T: Real, const B: usize> Regressor<T, B> {
@@ -101,6 +134,7 @@ impl<T: Real, const B: usize> Regressor<T, B> {
     #[must_use]
     pub fn new(settings: RegressorSettings) -> Self {
         let bank = HarmonicBank::new(HarmonicSettings { increment: 0, length: 1, window: Window::Rectangular });
+        let rate_hz = f64::from(settings.sample_rate_millihertz) * 1e-3;
         Self {
             settings,
             increment: 0,
@@ -108,23 +142,37 @@ impl<T: Real, const B: usize> Regressor<T, B> {
             readings: [Reading { counts: [0; 2], phase: 0 }; POINTS],
             held: 0,
             bank,
-            before: Half { plain: [T::zero(); SERIES], sums: [[[T::zero(); 2]; B]; SERIES] },
+            before: Sums::zero(),
+            window: Sums::zero(),
             halves: 0,
             length: 0,
             rate_scale: settings.scales.map(|scale| {
-                let rate_hz = f64::from(settings.sample_rate_millihertz) * 1e-3;
                 T::from_f64(core::f64::consts::TAU * rate_hz / (f64::from(scale.counts_per_turn()) * SLOPE_DIVISOR))
             }),
+            factors: Factors { values: [T::zero(); 5], slope: T::zero(), time: T::zero(), periods: T::zero() },
         }
     }
 
-    /// Rows beyond m = 0 of a window.
+    /// Highest m of a window's rows.
     pub const FREQUENCIES: usize = B.saturating_sub(2);
+    /// Samples by which a window is complete later than its last tick: the slope's reach.
+    pub const DELAY: u32 = (POINTS / 2) as u32;
 
-    /// Ticks of a window; 0 before the first driven sample.
+    /// Ticks of a window; 0 before the first driven sample, or where the drive is at rest.
     #[must_use]
     pub fn length(&self) -> u32 {
         self.length
+    }
+
+    /// Whether the next sample, if it follows, completes a window.
+    #[must_use]
+    pub fn completes_next(&self) -> bool {
+        self.halves > 0 && self.bank.ticks() + 1 >= self.length / 2
+    }
+
+    /// Windows begin anew with the next sample.
+    pub fn clear(&mut self) {
+        self.held = 0;
     }
 
     fn restart(&mut self, increment: u32) {
@@ -140,58 +188,60 @@ impl<T: Real, const B: usize> Regressor<T, B> {
         let settings = HarmonicSettings { increment: turn, length: self.length / 2, window: Window::Rectangular };
         self.bank = HarmonicBank::new(settings);
         self.halves = 0;
+        let rate_hz = f64::from(self.settings.sample_rate_millihertz) * 1e-3;
+        let ticks = f64::from(self.length.max(1));
+        let omega = core::f64::consts::TAU * rate_hz * f64::from(increment.max(1)) / 4_294_967_296.0;
+        self.factors = Factors {
+            values: SIN4.map(|a| T::from_f64(a / ticks)),
+            slope: T::from_f64(core::f64::consts::TAU * rate_hz / ticks),
+            time: T::from_f64(1.0 / omega),
+            periods: T::from_f64(1.0 / f64::from(self.settings.periods.max(1))),
+        };
     }
 
-    /// Takes a sample: its tick, counts, drive's phase and increment. True where a window is complete with it, whose rows are
-    /// then given by [`Self::rows`].
-    pub fn push(&mut self, tick: u32, counts: [i32; 2], phase: u32, increment: u32) -> bool {
-        let follows = self.held > 0 && tick == self.last_tick.wrapping_add(1);
-        if !follows || increment != self.increment {
+    /// Takes a sample: its tick, counts, drive's phase and increment.
+    pub fn push(&mut self, tick: u32, counts: [i32; 2], phase: u32, increment: u32) -> Pushed {
+        let follows = self.held > 0 && tick == self.last_tick.wrapping_add(1) && increment == self.increment;
+        if !follows {
             self.restart(increment);
         }
         self.last_tick = tick;
         if self.length < 16 {
             self.held = 1;
-            return false;
+        } else {
+            self.readings.rotate_left(1);
+            self.readings[POINTS - 1] = Reading { counts, phase };
+            self.held = (self.held + 1).min(POINTS);
+            if self.held == POINTS {
+                let series = self.series();
+                if self.bank.push(series) && self.turn_over() {
+                    return Pushed::Complete;
+                }
+            }
         }
-        self.readings.rotate_left(1);
-        self.readings[POINTS - 1] = Reading { counts, phase };
-        if self.held < POINTS {
-            self.held += 1;
-        }
-        if self.held < POINTS {
-            return false;
-        }
-        if self.bank.complete() {
-            self.turn_over();
-        }
-        let series = self.series();
-        if !self.bank.push(series) {
-            return false;
-        }
-        self.halves = (self.halves + 1).min(2);
-        self.halves == 2
+        if follows { Pushed::Taken } else { Pushed::Began }
     }
 
-    /// The half that is complete becomes the one before.
-    fn turn_over(&mut self) {
+    /// The half that is complete becomes the one before; whether there is a window now. S = S₁ + (−1)ⁿ S₂.
+    fn turn_over(&mut self) -> bool {
+        let (sums, plain) = self.bank.sums();
         for series in 0..SERIES {
-            self.before.plain[series] = self.bank.sum(series, 0).map_or(T::zero(), |[re, _]| re);
-            for n in 0..B {
-                self.before.sums[series][n] = self.bank.sum(series, n + 1).unwrap_or([T::zero(); 2]);
+            self.window.plain[series] = self.before.plain[series] + plain[series];
+            self.before.plain[series] = plain[series];
+            let places = self.window.sums[series].iter_mut().zip(&mut self.before.sums[series]);
+            for (n, ((window, before), half)) in (1_usize..).zip(places.zip(&sums[series])) {
+                let [re, im] = *half;
+                *window = if n.is_multiple_of(2) {
+                    [before[0] + re, before[1] + im]
+                } else {
+                    [before[0] - re, before[1] - im]
+                };
+                *before = *half;
             }
         }
         self.bank.restart(0);
-    }
-
-    /// S(n) of the window, n from 0 to B.
-    fn sum(&self, series: usize, n: usize) -> Option<[T; 2]> {
-        let [re, im] = self.bank.sum(series, n)?;
-        let [re0, im0] = match n.checked_sub(1) {
-            None => [self.before.plain[series], T::zero()],
-            Some(j) => *self.before.sums[series].get(j)?,
-        };
-        Some(if n.is_multiple_of(2) { [re0 + re, im0 + im] } else { [re0 - re, im0 - im] })
+        self.halves = (self.halves + 1).min(2);
+        self.halves == 2
     }
 
     fn series(&self) -> [T; SERIES] {
@@ -205,7 +255,7 @@ impl<T: Real, const B: usize> Regressor<T, B> {
                 .zip(&self.readings)
                 .map(|(s, r)| s.wrapping_mul(r.counts[i].wrapping_sub(middle.counts[i])))
                 .fold(0, i32::wrapping_add);
-            rates[i] = T::from_i64(i64::from(slope)) * self.rate_scale[i];
+            rates[i] = T::from_i32(slope) * self.rate_scale[i];
             // (c + ½)/N turns, to 2⁻³¹.
             let within = i64::from(middle.counts[i]).rem_euclid(i64::from(per_turn)).unsigned_abs();
             turns[i] = (((2 * within + 1) << 30) / u64::from(per_turn)) << 33;
@@ -214,7 +264,7 @@ impl<T: Real, const B: usize> Regressor<T, B> {
         let rate2 = rate1 + relative;
         let (cos1, sin1) = cos_sin_turns::<T>(turns[0]);
         let (cos_delta, sin_delta) = cos_sin_turns::<T>(turns[1]);
-        // Cheaper than another sine, in which libm computes in double precision.
+        // Cheaper than another sine.
         let sin2 = sin1 * cos_delta + cos1 * sin_delta;
         let (cos_tau, sin_tau) = cos_sin_turns::<T>(u64::from(middle.phase) << 32);
         let one = T::one();
@@ -235,51 +285,19 @@ impl<T: Real, const B: usize> Regressor<T, B> {
         ]
     }
 
-    /// Gives the rows of the window that is complete: m = 0, then the real and the imaginary row of each m. Only until the next
-    /// sample; false where no window is complete.
-    pub fn rows(&self, mut rows: impl FnMut(Row<T>)) -> bool {
-        if self.halves < 2 || !self.bank.complete() {
-            return false;
+    /// The rows of the last complete window at m, from the real and from the imaginary part (which is zero at m = 0); `None` beyond
+    /// [`Self::FREQUENCIES`] or before there is a window.
+    #[must_use]
+    pub fn rows_at(&self, m: usize) -> Option<[Row<T>; 2]> {
+        if self.halves < 2 || m > Self::FREQUENCIES {
+            return None;
         }
-        for m in 0..=Self::FREQUENCIES {
-            let [real, imaginary] = self.rows_at(m);
-            rows(real);
-            if m > 0 {
-                rows(imaginary);
-            }
-        }
-        true
-    }
-
-    /// V and F of a series at m: real and imaginary part of each.
-    fn integrals(&self, series: usize, m: usize) -> [[T; 2]; 2] {
-        let length_s = f64::from(self.length) * 1e3 / f64::from(self.settings.sample_rate_millihertz);
-        let mut sums = [[T::zero(); 2]; 2];
-        for (k, a) in SIN4.into_iter().enumerate() {
-            let n = m as i64 + k as i64 - 2;
-            let harmonic = usize::try_from(n.unsigned_abs()).unwrap_or(usize::MAX);
-            let Some([re, im]) = self.sum(series, harmonic) else { continue };
-            let im = if n < 0 { -im } else { im };
-            let a = T::from_f64(a / f64::from(self.length));
-            // −w′: 2πin/L a_n e^{−2πinu}.
-            let slope = T::from_f64(core::f64::consts::TAU * n as f64 / length_s);
-            sums[0] = [sums[0][0] + a * re, sums[0][1] + a * im];
-            sums[1] = [sums[1][0] - a * slope * im, sums[1][1] + a * slope * re];
-        }
-        sums
-    }
-
-    /// The real and the imaginary row.
-    fn rows_at(&self, m: usize) -> [Row<T>; 2] {
         let all: [[[T; 2]; 2]; SERIES] = core::array::from_fn(|series| self.integrals(series, m));
-        let rate = f64::from(self.settings.sample_rate_millihertz) * 1e-3;
-        let omega = core::f64::consts::TAU * rate * f64::from(self.increment) / 4_294_967_296.0;
-        let relative_frequency = m as f64 / f64::from(self.settings.periods.max(1));
-        let weight = 1.0 / (1.0 + relative_frequency * relative_frequency);
-        let value = T::from_f64(weight);
-        let first = T::from_f64(weight / omega);
-        let second = T::from_f64(weight / (omega * omega));
-        [0, 1].map(|part| {
+        let relative_frequency = T::from_i32(m as i32) * self.factors.periods;
+        let value = T::one() / (T::one() + relative_frequency * relative_frequency);
+        let first = value * self.factors.time;
+        let second = first * self.factors.time;
+        Some([0, 1].map(|part| {
             let v = |series: usize| all[series][0][part];
             let f = |series: usize| all[series][1][part];
             let damping = (v(1) - v(0)) * first;
@@ -290,7 +308,42 @@ impl<T: Real, const B: usize> Regressor<T, B> {
                 ),
                 second: ([(f(2) + v(4)) * second, v(6) * value, v(9) * value, v(10) * value, damping], -f(1) * second),
             }
-        })
+        }))
+    }
+
+    /// The targets of both equations at m, real and imaginary part, without the rest of the rows.
+    #[must_use]
+    pub fn targets_at(&self, m: usize) -> Option<[[T; 2]; 2]> {
+        if self.halves < 2 || m > Self::FREQUENCIES {
+            return None;
+        }
+        let relative_frequency = T::from_i32(m as i32) * self.factors.periods;
+        let second = self.factors.time * self.factors.time / (T::one() + relative_frequency * relative_frequency);
+        let [[_, f1], [_, f2]] = [self.integrals(0, m), self.integrals(1, m)];
+        Some([0, 1].map(|part| [-f1[part] * second, -f2[part] * second]))
+    }
+
+    /// V and F of a series at m: real and imaginary part of each.
+    fn integrals(&self, series: usize, m: usize) -> [[T; 2]; 2] {
+        let mut sums = [[T::zero(); 2]; 2];
+        for (k, a) in self.factors.values.into_iter().enumerate() {
+            let n = m as i32 + k as i32 - 2;
+            let [re, im] = match usize::try_from(n.unsigned_abs()).unwrap_or(usize::MAX).checked_sub(1) {
+                None => [self.window.plain[series], T::zero()],
+                // Of a real series.
+                Some(j) => match self.window.sums[series].get(j) {
+                    Some([re, im]) if n < 0 => [*re, -*im],
+                    Some(sum) => *sum,
+                    None => continue,
+                },
+            };
+            // −w′: 2πin/L a_n e^{−2πinu}.
+            let slope = self.factors.slope * T::from_i32(n);
+            let (re, im) = (a * re, a * im);
+            sums[0] = [sums[0][0] + re, sums[0][1] + im];
+            sums[1] = [sums[1][0] - slope * im, sums[1][1] + slope * re];
+        }
+        sums
     }
 }
 
@@ -316,9 +369,18 @@ mod tests {
         let mut windows = Vec::new();
         for tick in ticks {
             let counts = theta(f64::from(tick) / 500.0).map(|x| (x * f64::from(1 << 20) / TAU).floor() as i32);
-            if regressor.push(tick, counts, tick.wrapping_mul(INCREMENT), INCREMENT) {
-                let mut rows = Vec::new();
-                regressor.rows(|row| rows.push(row));
+            let completes = regressor.completes_next();
+            let pushed = regressor.push(tick, counts, tick.wrapping_mul(INCREMENT), INCREMENT);
+            assert!(completes || pushed != Pushed::Complete);
+            if pushed == Pushed::Complete {
+                assert!(regressor.rows_at(11).is_none());
+                let rows: Vec<_> = (0..=10).flat_map(|m| regressor.rows_at(m).unwrap()).collect();
+                for (m, pair) in rows.chunks(2).enumerate() {
+                    let targets = [0, 1].map(|part: usize| [pair[part].first.1, pair[part].second.1]);
+                    for (a, b) in targets.iter().flatten().zip(regressor.targets_at(m).unwrap().iter().flatten()) {
+                        assert!((a - b).abs() <= 1e-14 * a.abs(), "{a} {b}");
+                    }
+                }
                 windows.push(rows);
             }
         }
@@ -335,16 +397,16 @@ mod tests {
         assert_eq!(windows.len(), (2_000 - 8) / 256 - 1);
         let omega = TAU * 500.0 / 128.0;
         for (index, rows) in windows.iter().enumerate() {
-            assert_eq!(rows.len(), 1 + 2 * 10);
+            assert_eq!(rows.len(), 2 * 11);
             for (r, row) in rows.iter().enumerate() {
-                let m = r.div_ceil(2);
+                let m = r / 2;
                 // Direct quadrature with the exact second derivative.
                 let mut sums = [0.0; 6];
                 for n in 0..length {
                     let tick = 4 + 256 * index as u32 + n;
                     let (t, u) = (f64::from(tick) / 500.0, f64::from(n) / f64::from(length));
                     let turn = -TAU * m as f64 * u;
-                    let w = (PI * u).sin().powi(4) * if r % 2 == 1 || r == 0 { turn.cos() } else { turn.sin() };
+                    let w = (PI * u).sin().powi(4) * if r % 2 == 0 { turn.cos() } else { turn.sin() };
                     let [theta1, theta2] = theta(t);
                     let (rate1, rate2) = (7.2 * (9.0 * t).cos(), 6.0 - 5.5 * (11.0 * t).sin() + 7.2 * (9.0 * t).cos());
                     let accel1 = -64.8 * (9.0 * t).sin();
@@ -381,7 +443,12 @@ mod tests {
         assert_eq!(feed(&mut regressor, 1_039..1_041).len(), 1);
         // A drive at rest gives nothing.
         for tick in 0..3_000 {
-            assert!(!regressor.push(tick, [0, 0], 0, 0));
+            let expected = if tick == 0 { Pushed::Began } else { Pushed::Taken };
+            assert_eq!(regressor.push(tick, [0, 0], 0, 0), expected);
         }
+        // And so does who says so.
+        assert_eq!(feed(&mut regressor, 0..520).len(), 1);
+        regressor.clear();
+        assert!(feed(&mut regressor, 520..1_030).is_empty() && regressor.rows_at(0).is_none());
     }
 }

@@ -37,6 +37,7 @@ cases![
     accumulators::phasors_do_not_drift,
     accumulators::the_waveform_has_the_same_bits,
     estimation::the_estimate_has_the_same_bits,
+    estimation::least_squares_find_what_they_were_given,
     shaker::nothing_moves_before_it_is_told_to,
     shaker::limits_are_kept_and_refusals_change_nothing,
     shaker::ramps_are_never_faster_than_set,
