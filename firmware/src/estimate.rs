@@ -99,26 +99,44 @@ pub struct Estimator {
 }
 
 impl Estimator {
+    /// One without settings, to be set up in its place: all of it zero, so that a device needs neither stack nor flash for it.
+    pub const IDLE: Self = Self {
+        regressor: Regressor::idle(),
+        first: LeastSquares::of_zero(0.0),
+        second: LeastSquares::of_zero(0.0),
+        forget: 0.0,
+        window: WindowInfo { tick: 0, length: 0, number: 0, phase_increment: 0, amplitude_nanometre: 0 },
+        step: Step::Nothing,
+        targets: [[[[0.0; 2]; 2]; FREQUENCIES + 1]; HISTORY],
+        new: [0.0; HISTORY],
+        whole: 0.0,
+    };
+
     /// `None` where a setting is not possible.
     #[must_use]
     pub fn new(settings: &Settings) -> Option<Self> {
-        let [scale1, scale2] = settings.counts_per_turn.map(CountScale::new);
-        let regressor = Regressor::new(RegressorSettings {
-            scales: [scale1?, scale2?],
+        let mut estimator = Self::IDLE;
+        estimator.set_up(settings).then_some(estimator)
+    }
+
+    /// Begins anew with settings; false where one is not possible.
+    #[must_use]
+    pub fn set_up(&mut self, settings: &Settings) -> bool {
+        let [Some(scale1), Some(scale2)] = settings.counts_per_turn.map(CountScale::new) else { return false };
+        if settings.forget_per_mille > 1_000 {
+            return false;
+        }
+        self.regressor.set_up(RegressorSettings {
+            scales: [scale1, scale2],
             sample_rate_millihertz: settings.sample_rate_millihertz,
             periods: PERIODS,
         });
-        (settings.forget_per_mille <= 1_000).then_some(Self {
-            regressor,
-            first: LeastSquares::new(),
-            second: LeastSquares::new(),
-            forget: f32::from(settings.forget_per_mille) * 1e-3,
-            window: WindowInfo::default(),
-            step: Step::Nothing,
-            targets: [[[[0.0; 2]; 2]; FREQUENCIES + 1]; HISTORY],
-            new: [0.0; HISTORY],
-            whole: 0.0,
-        })
+        self.first = LeastSquares::new();
+        self.second = LeastSquares::new();
+        self.forget = f32::from(settings.forget_per_mille) * 1e-3;
+        self.window = WindowInfo::default();
+        self.step = Step::Nothing;
+        true
     }
 
     /// Takes one sample. Another drive is another system: what was known is forgotten.

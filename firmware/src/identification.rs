@@ -4,22 +4,25 @@
 //! two frequencies at a time as the link takes them; those that it has not taken when the next window is complete are counted as
 //! dropped frames, and so is an estimate that the next one overtakes.
 
+use core::borrow::BorrowMut;
+
 use whirl_shared::frame::regression::{EquationEstimate, Estimate, Rows, Unknown, row_to_wire};
 use whirl_shared::frame::{SampleBlock, Streamed};
 use whirl_shared::least_squares::{self, NoEstimate};
 
 use crate::estimate::{Estimator, FREQUENCIES, Outcome};
-use crate::settings::Settings;
+use crate::settings::{Settings, SettingsError};
 
 /// Frequencies in a message of rows.
 const TOGETHER: usize = 2;
 /// Messages of a window's rows.
 pub const ROWS_MESSAGES: usize = (FREQUENCIES + 1).div_ceil(TOGETHER);
 
-/// The estimator and what waits for the link.
+/// The estimator and what waits for the link. `E` is an [`Estimator`] of its own, or a reference to one: on a board it is a static,
+/// since it is large.
 #[derive(Debug)]
-pub struct Identification {
-    estimator: Estimator,
+pub struct Identification<E = Estimator> {
+    estimator: E,
     streamed: Streamed,
     forget_per_mille: u16,
     estimate: Option<Estimate>,
@@ -28,12 +31,18 @@ pub struct Identification {
     dropped: u32,
 }
 
-impl Identification {
-    /// `None` where a setting is not possible.
-    #[must_use]
-    pub fn new(settings: &Settings) -> Option<Self> {
-        Some(Self {
-            estimator: Estimator::new(settings)?,
+impl<E: BorrowMut<Estimator>> Identification<E> {
+    /// With an estimator, which begins anew.
+    ///
+    /// # Errors
+    /// A setting that is not possible.
+    pub fn new(settings: &Settings, mut estimator: E) -> Result<Self, SettingsError> {
+        if !estimator.borrow_mut().set_up(settings) {
+            let found = u32::from(settings.forget_per_mille);
+            return Err(SettingsError { field: "forget_per_mille", found, min: 0, max: 1_000 });
+        }
+        Ok(Self {
+            estimator,
             streamed: Streamed::Samples,
             forget_per_mille: settings.forget_per_mille,
             estimate: None,
@@ -56,9 +65,10 @@ impl Identification {
 
     /// Takes a block.
     pub fn block(&mut self, block: &SampleBlock) {
-        let before = self.estimator.window();
-        let outcome = self.estimator.block(block);
-        let window = self.estimator.window();
+        let estimator = self.estimator.borrow_mut();
+        let before = estimator.window();
+        let outcome = estimator.block(block);
+        let window = estimator.window();
         if window.number != before.number || window.tick != before.tick {
             let left = (FREQUENCIES + 1).saturating_sub(self.next_rows).div_ceil(TOGETHER);
             // As many as there are messages in a window.
@@ -83,10 +93,11 @@ impl Identification {
         if self.next_rows > FREQUENCIES {
             return None;
         }
-        let window = self.estimator.window();
+        let estimator = self.estimator.borrow();
+        let window = estimator.window();
         let mut rows = heapless::Vec::new();
         for m in (self.next_rows..=FREQUENCIES).take(TOGETHER) {
-            for row in self.estimator.rows_at(m).iter().flatten() {
+            for row in estimator.rows_at(m).iter().flatten() {
                 // There is room for all.
                 let _ = rows.push(row_to_wire(row));
             }
@@ -180,7 +191,7 @@ mod tests {
 
     #[test]
     fn an_estimate_comes_every_twenty_periods() {
-        let mut identification = Identification::new(&Settings::default()).unwrap();
+        let mut identification = Identification::new(&Settings::default(), Estimator::IDLE).unwrap();
         let mut told = Vec::new();
         for tick in (0..9_000).step_by(BLOCK_LEN) {
             identification.block(&block(tick));
@@ -198,7 +209,7 @@ mod tests {
 
     #[test]
     fn rows_come_whole_and_what_nobody_takes_is_counted() {
-        let mut identification = Identification::new(&Settings::default()).unwrap();
+        let mut identification = Identification::new(&Settings::default(), Estimator::IDLE).unwrap();
         identification.stream(Streamed::Rows);
         let mut windows = Vec::new();
         for tick in (0..6_100).step_by(BLOCK_LEN) {

@@ -6,6 +6,7 @@
 //! Every block goes through the device's own identification before it is sent; where the host has asked for rows, it is not sent,
 //! and the rows of the window that is complete go in the places of blocks.
 
+use core::borrow::BorrowMut;
 use core::fmt::Write;
 
 use heapless::{Deque, String};
@@ -16,6 +17,7 @@ use whirl_shared::frame::{
 };
 
 use crate::console::Console;
+use crate::estimate::Estimator;
 use crate::event::{Event, Request, Snapshot};
 use crate::identification::Identification;
 use crate::queue::{Sink, Source};
@@ -28,15 +30,15 @@ pub const FIRMWARE: &str = concat!("whirl-firmware ", env!("CARGO_PKG_VERSION"))
 /// Answers of this half that wait for the link.
 const OWN_EVENTS: usize = 8;
 
-/// The thread half.
+/// The thread half. `E` is an [`Estimator`] of its own, or a reference to one ([`Identification`]).
 #[derive(Debug)]
-pub struct Link {
+pub struct Link<E = Estimator> {
     settings: Settings,
     scales: [CountScale; CHANNELS],
     console: Console,
     stream: Stream,
     own: Deque<Event, OWN_EVENTS>,
-    identification: Identification,
+    identification: Identification<E>,
     block_next: bool,
     dropped: u32,
     rejected: u32,
@@ -48,14 +50,21 @@ impl Link {
     /// # Errors
     /// A setting that is not possible.
     pub fn new(settings: &Settings) -> Result<Self, SettingsError> {
+        Self::with(settings, Estimator::IDLE)
+    }
+}
+
+impl<E: BorrowMut<Estimator>> Link<E> {
+    /// As [`Link::new`], with an estimator, which begins anew.
+    ///
+    /// # Errors
+    /// A setting that is not possible.
+    pub fn with(settings: &Settings, estimator: E) -> Result<Self, SettingsError> {
         settings.validate()?;
         let [Some(scale1), Some(scale2)] = settings.counts_per_turn.map(CountScale::new) else {
             return Err(SettingsError { field: "counts_per_turn", found: 0, min: 1, max: u32::MAX });
         };
-        let Some(identification) = Identification::new(settings) else {
-            let found = u32::from(settings.forget_per_mille);
-            return Err(SettingsError { field: "forget_per_mille", found, min: 0, max: 1_000 });
-        };
+        let identification = Identification::new(settings, estimator)?;
         let mut link = Self {
             settings: settings.clone(),
             scales: [scale1, scale2],
@@ -115,14 +124,15 @@ impl Link {
     /// The next message of the stream: rows that wait, or a block. Blocks that are not sent are taken one at a time, so that this
     /// stays short.
     fn streamed(&mut self, blocks: &mut impl Source<SampleBlock>) -> Option<DeviceMessage> {
-        if let Some(rows) = self.identification.take_rows() {
+        let identification = &mut self.identification;
+        if let Some(rows) = identification.take_rows() {
             return Some(DeviceMessage::Rows(rows));
         }
         let block = blocks.take()?;
-        self.identification.block(&block);
-        match self.identification.streamed() {
+        identification.block(&block);
+        match identification.streamed() {
             Streamed::Samples => Some(DeviceMessage::Samples(block)),
-            Streamed::Rows => self.identification.take_rows().map(DeviceMessage::Rows),
+            Streamed::Rows => identification.take_rows().map(DeviceMessage::Rows),
         }
     }
 

@@ -13,7 +13,7 @@
 //! have the same bits.
 
 use nalgebra::linalg::givens::GivensRotation;
-use nalgebra::{RealField, SMatrix, SVector, Vector2, convert};
+use nalgebra::{ArrayStorage, RealField, SMatrix, SVector, Vector2, convert};
 
 /// An estimate with its standard errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,8 +62,15 @@ impl<T: RealField + Copy, const P: usize> LeastSquares<T, P> {
     /// No rows.
     #[must_use]
     pub fn new() -> Self {
-        let zero = T::zero();
-        Self { r: SMatrix::zeros(), z: SVector::zeros(), residual: zero, scale: SVector::zeros(), weight: zero }
+        Self::of_zero(T::zero())
+    }
+
+    /// No rows, for constants, which cannot ask for the type's zero.
+    #[must_use]
+    pub const fn of_zero(zero: T) -> Self {
+        let vector = SVector::from_array_storage(ArrayStorage([[zero; P]]));
+        let r = SMatrix::from_array_storage(ArrayStorage([[zero; P]; P]));
+        Self { r, z: vector, residual: zero, scale: vector, weight: zero }
     }
 
     /// Takes a row. Rows with a number that is not finite are left out.

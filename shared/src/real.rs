@@ -16,6 +16,8 @@ mod sealed {
 
 /// `f32` or `f64`.
 pub trait Real: Float + FloatConst + sealed::Sealed {
+    /// 0, for constants.
+    const ZERO: Self;
     /// cos and sin of an angle within ±π/4, error below 1e-7 (`f32`) or 1 ulp (`f64`).
     fn cos_sin_octant(angle: Self) -> (Self, Self);
     /// The nearest number to an integer.
@@ -31,6 +33,8 @@ const COS: [f32; 3] = [4.166_664_6e-2, -1.388_731_6e-3, 2.443_315_7e-5];
 const SIN: [f32; 3] = [-1.666_665_5e-1, 8.332_161e-3, -1.951_529_6e-4];
 
 impl Real for f32 {
+    const ZERO: Self = 0.0;
+
     // libm's computes in double precision, which a processor with single precision alone emulates at ten times the cost.
     fn cos_sin_octant(angle: Self) -> (Self, Self) {
         let square = angle * angle;
@@ -50,6 +54,8 @@ impl Real for f32 {
 }
 
 impl Real for f64 {
+    const ZERO: Self = 0.0;
+
     fn cos_sin_octant(angle: Self) -> (Self, Self) {
         (libm::cos(angle), libm::sin(angle))
     }

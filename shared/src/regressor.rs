@@ -85,7 +85,8 @@ pub enum Pushed {
 /// Sums over two overlapping windows; `B` harmonics, of which all but the last two give rows.
 #[derive(Clone, Debug)]
 pub struct Regressor<T: Real, const B: usize> {
-    settings: RegressorSettings,
+    /// None before it is set up: then nothing is taken.
+    settings: Option<RegressorSettings>,
     increment: u32,
     last_tick: u32,
     readings: [Reading; POINTS],
@@ -111,8 +112,8 @@ struct Sums<T, const B: usize> {
 }
 
 impl<T: Real, const B: usize> Sums<T, B> {
-    fn zero() -> Self {
-        Self { plain: [T::zero(); SERIES], sums: [[[T::zero(); 2]; B]; SERIES] }
+    const fn zero() -> Self {
+        Self { plain: [T::ZERO; SERIES], sums: [[[T::ZERO; 2]; B]; SERIES] }
     }
 }
 
@@ -130,27 +131,42 @@ struct Factors<T> {
 }
 
 impl<T: Real, const B: usize> Regressor<T, B> {
-    /// Nothing summed yet.
+    /// One without settings, to be set up in its place: all of it zero, so that a device needs neither stack nor flash for it.
     #[must_use]
-    pub fn new(settings: RegressorSettings) -> Self {
-        let bank = HarmonicBank::new(HarmonicSettings { increment: 0, length: 1, window: Window::Rectangular });
-        let rate_hz = f64::from(settings.sample_rate_millihertz) * 1e-3;
+    pub const fn idle() -> Self {
+        let zero = T::ZERO;
         Self {
-            settings,
+            settings: None,
             increment: 0,
             last_tick: 0,
             readings: [Reading { counts: [0; 2], phase: 0 }; POINTS],
             held: 0,
-            bank,
+            bank: HarmonicBank::idle(),
             before: Sums::zero(),
             window: Sums::zero(),
             halves: 0,
             length: 0,
-            rate_scale: settings.scales.map(|scale| {
-                T::from_f64(core::f64::consts::TAU * rate_hz / (f64::from(scale.counts_per_turn()) * SLOPE_DIVISOR))
-            }),
-            factors: Factors { values: [T::zero(); 5], slope: T::zero(), time: T::zero(), periods: T::zero() },
+            rate_scale: [zero; 2],
+            factors: Factors { values: [zero; 5], slope: zero, time: zero, periods: zero },
         }
+    }
+
+    /// Nothing summed yet.
+    #[must_use]
+    pub fn new(settings: RegressorSettings) -> Self {
+        let mut regressor = Self::idle();
+        regressor.set_up(settings);
+        regressor
+    }
+
+    /// Begins anew with other settings.
+    pub fn set_up(&mut self, settings: RegressorSettings) {
+        self.settings = Some(settings);
+        let rate_hz = f64::from(settings.sample_rate_millihertz) * 1e-3;
+        self.rate_scale = settings.scales.map(|scale| {
+            T::from_f64(core::f64::consts::TAU * rate_hz / (f64::from(scale.counts_per_turn()) * SLOPE_DIVISOR))
+        });
+        self.restart(0);
     }
 
     /// Highest m of a window's rows.
@@ -178,24 +194,25 @@ impl<T: Real, const B: usize> Regressor<T, B> {
     fn restart(&mut self, increment: u32) {
         self.increment = increment;
         self.held = 0;
+        self.halves = 0;
+        let Some(RegressorSettings { sample_rate_millihertz, periods, .. }) = self.settings else { return };
         // Whole periods to the nearest even tick.
-        let turns = u64::from(self.settings.periods) << 32;
+        let turns = u64::from(periods) << 32;
         let ticks = turns.saturating_add(u64::from(increment)).checked_div(2 * u64::from(increment)).unwrap_or(0);
         // Even, for half a window is whole ticks; nothing where that does not fit.
         self.length = ticks.checked_mul(2).and_then(|ticks| u32::try_from(ticks).ok()).unwrap_or(0);
         let length = u64::from(self.length.max(1));
         let turn = ((1_u128 << 64) / u128::from(length)) as u64;
         let settings = HarmonicSettings { increment: turn, length: self.length / 2, window: Window::Rectangular };
-        self.bank = HarmonicBank::new(settings);
-        self.halves = 0;
-        let rate_hz = f64::from(self.settings.sample_rate_millihertz) * 1e-3;
+        self.bank.set_up(settings);
+        let rate_hz = f64::from(sample_rate_millihertz) * 1e-3;
         let ticks = f64::from(self.length.max(1));
         let omega = core::f64::consts::TAU * rate_hz * f64::from(increment.max(1)) / 4_294_967_296.0;
         self.factors = Factors {
             values: SIN4.map(|a| T::from_f64(a / ticks)),
             slope: T::from_f64(core::f64::consts::TAU * rate_hz / ticks),
             time: T::from_f64(1.0 / omega),
-            periods: T::from_f64(1.0 / f64::from(self.settings.periods.max(1))),
+            periods: T::from_f64(1.0 / f64::from(periods.max(1))),
         };
     }
 
@@ -213,8 +230,8 @@ impl<T: Real, const B: usize> Regressor<T, B> {
             self.readings[POINTS - 1] = Reading { counts, phase };
             self.held = (self.held + 1).min(POINTS);
             if self.held == POINTS {
-                let series = self.series();
-                if self.bank.push(series) && self.turn_over() {
+                let complete = self.series().is_some_and(|series| self.bank.push(series));
+                if complete && self.turn_over() {
                     return Pushed::Complete;
                 }
             }
@@ -244,12 +261,13 @@ impl<T: Real, const B: usize> Regressor<T, B> {
         self.halves == 2
     }
 
-    fn series(&self) -> [T; SERIES] {
+    fn series(&self) -> Option<[T; SERIES]> {
+        let scales = self.settings?.scales;
         let middle = self.readings[POINTS / 2];
         let mut rates = [T::zero(); 2];
         let mut turns = [0_u64; 2];
         for i in 0..2 {
-            let per_turn = self.settings.scales[i].counts_per_turn();
+            let per_turn = scales[i].counts_per_turn();
             let slope: i32 = SLOPE
                 .iter()
                 .zip(&self.readings)
@@ -269,7 +287,7 @@ impl<T: Real, const B: usize> Regressor<T, B> {
         let (cos_tau, sin_tau) = cos_sin_turns::<T>(u64::from(middle.phase) << 32);
         let one = T::one();
         let sign = (rate1 * T::from_f64(1.0 / SIGN_WIDTH)).max(-one).min(one);
-        [
+        Some([
             rate1,
             rate2,
             rate1 * cos_delta,
@@ -282,7 +300,7 @@ impl<T: Real, const B: usize> Regressor<T, B> {
             sin2 * cos_tau,
             sin2 * sin_tau,
             sign,
-        ]
+        ])
     }
 
     /// The rows of the last complete window at m, from the real and from the imaginary part (which is zero at m = 0); `None` beyond
