@@ -333,7 +333,7 @@ mod tests {
         let outcomes = feed(&mut estimator, 0..6_200, 1);
         let ticks: std::vec::Vec<_> =
             outcomes.iter().map(|o| (o.window.number, o.window.tick, o.window.length)).collect();
-        assert_eq!(ticks, [1, 2, 3, 4, 5].map(|n| (n, 1_003 + 1_000 * n, 2_000)));
+        assert_eq!(ticks, [1, 2, 3, 4, 5].map(|n| (n, 1_009 + 1_000 * n, 2_000)));
         for outcome in &outcomes {
             assert_eq!(outcome.first.is_ok(), outcome.window.number > 3, "{outcome:?}");
             assert_eq!(outcome.first.is_err(), outcome.first == Err(NoEstimate::TooFewRows));

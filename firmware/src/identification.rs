@@ -199,7 +199,7 @@ mod tests {
             assert!(identification.take_rows().is_none());
         }
         let seen: Vec<_> = told.iter().map(|e| (e.windows, e.tick)).collect();
-        assert_eq!(seen, [(2, 3_003), (4, 5_003), (6, 7_003)]);
+        assert_eq!(seen, [(2, 3_009), (4, 5_009), (6, 7_009)]);
         assert_eq!(told[0].first, EquationEstimate::TooFewWindows);
         let EquationEstimate::Known { unknowns, condition, .. } = told[1].second else { panic!("{:?}", told[1]) };
         assert!(f32::from(condition) >= 1.0 && unknowns.iter().all(|u| f32::from(u.std_error) > 0.0));
@@ -215,8 +215,8 @@ mod tests {
         for tick in (0..6_100).step_by(BLOCK_LEN) {
             identification.block(&block(tick));
             // The third window finds the link blocked after two messages; estimates are never taken.
-            let most = if (4_003..5_003).contains(&(tick + 9)) { 2 } else { usize::MAX };
-            let open = tick < 4_010 || tick > 5_000;
+            let most = if (4_009..5_009).contains(&(tick + 9)) { 2 } else { usize::MAX };
+            let open = tick < 4_020 || tick > 5_000;
             for rows in core::iter::from_fn(|| if open { identification.take_rows() } else { None }).take(most) {
                 windows.push((rows.window, rows.frequency, rows.rows.len(), rows.last_frequency));
             }

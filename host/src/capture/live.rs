@@ -234,7 +234,7 @@ impl Session<'_> {
                 let outcome = self.commands.ack(&ack);
                 self.drive.outcome(outcome, &mut self.commands, now)?;
             }
-            DeviceMessage::Log(_) => {}
+            DeviceMessage::Log(_) | DeviceMessage::Estimate(_) | DeviceMessage::Rows(_) => {}
         }
         Ok(())
     }

@@ -116,7 +116,7 @@ impl<'a> Recorder<'a> {
                 DeviceMessage::Hello(hello) => self.hello(hello)?,
                 DeviceMessage::Samples(block) => self.block(block)?,
                 DeviceMessage::Status(status) => self.status(status),
-                DeviceMessage::Ack(_) | DeviceMessage::Log(_) => {}
+                DeviceMessage::Ack(_) | DeviceMessage::Log(_) | DeviceMessage::Estimate(_) | DeviceMessage::Rows(_) => {}
             },
         }
         Ok(())
