@@ -3,6 +3,7 @@
 //! | module | what |
 //! |---|---|
 //! | [`plant`] | the driven double pendulum in physical units, dry friction with true sticking, the named effects |
+//! | [`plant_single_pendulum`] | the horizontally driven single pendulum, dimensionless |
 //! | [`plant_oscillator`] | two masses, block with pendulum, chain, clamped beam: systems for reduced-order models, a file each |
 //! | [`integrator`] | Dormand–Prince 8(5,3) with adaptive steps |
 //! | [`shaker`] | the base's motion between ticks |
@@ -29,6 +30,7 @@ pub mod plant_beam;
 pub mod plant_chain;
 pub mod plant_mass_pendulum;
 pub mod plant_oscillator;
+pub mod plant_single_pendulum;
 pub mod plant_two_mass;
 pub mod shaker;
 pub mod simulate;

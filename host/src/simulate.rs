@@ -13,6 +13,7 @@ use crate::error::{BadInput, Result};
 use crate::record::writer::{RecordWriter, Sample};
 use crate::record::{Losses, Metadata};
 use crate::rig::plant::Plant;
+use crate::rig::single_plant::SinglePlant;
 use crate::rig::{Direction, Rig};
 
 /// Longest simulated record, s (a day).
@@ -97,34 +98,75 @@ pub fn encoders(rig: &Rig) -> Result<([u32; 2], SecondEncoder)> {
 /// # Errors
 /// A rig without `[plant]`, of another model, or with values out of range.
 pub fn settings(rig: &Rig, effect_texts: &[String], seconds: f64, seed: u64) -> Result<SimulationSettings> {
-    if rig.model != "double-pendulum" {
-        return Err(BadInput::new(format!("\"{}\"", rig.model), "\"double-pendulum\"").in_file(&rig.path).at("model"));
+    if !["double-pendulum", "single-pendulum"].contains(&rig.model.as_str()) {
+        return Err(BadInput::new(format!("\"{}\"", rig.model), "\"double-pendulum\" or \"single-pendulum\"")
+            .in_file(&rig.path)
+            .at("model"));
     }
     if !(seconds > 0.0 && seconds <= LONGEST_S) {
         return Err(BadInput::new(seconds.to_string(), format!("seconds above 0, at most {LONGEST_S}")).at("--seconds"));
     }
-    let plant = Plant::of(rig)?;
-    let (counts_per_turn, second) = encoders(rig)?;
-    Ok(SimulationSettings {
-        parameters: parameters(&plant),
-        drive: rig.drive.map(|d| DriveSettings {
+    let drive = |amplitude_m: f64, psi: f64| {
+        rig.drive.map(|d| DriveSettings {
             direction: match d.direction {
                 Direction::Vertical => SimDirection::Vertical,
                 Direction::Horizontal => SimDirection::Horizontal,
             },
             frequency_hz: d.frequency_hz,
-            amplitude_m: plant.amplitude_m,
-            psi: plant.phase_rad,
-        }),
-        counts_per_turn,
-        second,
+            amplitude_m,
+            psi,
+        })
+    };
+    let common = SimulationSettings {
         sample_rate_hz: rig.sample_rate_hz,
-        initial: plant.initial,
-        settle_s: plant.settle_s,
         record_s: seconds,
         effects: effects(effect_texts)?,
         seed: Some(seed),
         ..SimulationSettings::default()
+    };
+    if rig.model == "single-pendulum" {
+        let plant = SinglePlant::of(rig)?;
+        let mut settings = SimulationSettings {
+            parameters: Parameters::single(plant.m1, plant.e1, plant.j_o1, plant.tau_c1, plant.g),
+            drive: drive(plant.amplitude_m, plant.phase_rad),
+            counts_per_turn: [single_encoder(rig)?, 4096],
+            second: SecondEncoder::Absolute,
+            initial: [plant.initial[0], 0.0, plant.initial[1], 0.0],
+            settle_s: plant.settle_s,
+            ..common
+        };
+        if plant.c_r1 > 0.0 {
+            settings.effects.extend(effects(&[format!("viscous-friction@joint1={:e}", plant.c_r1)])?);
+        }
+        return Ok(settings);
+    }
+    let plant = Plant::of(rig)?;
+    let (counts_per_turn, second) = encoders(rig)?;
+    Ok(SimulationSettings {
+        parameters: parameters(&plant),
+        drive: drive(plant.amplitude_m, plant.phase_rad),
+        counts_per_turn,
+        second,
+        initial: plant.initial,
+        settle_s: plant.settle_s,
+        ..common
+    })
+}
+
+/// Counts a turn of a single pendulum's encoder.
+///
+/// # Errors
+/// A rig whose only channel is not an encoder in counts.
+fn single_encoder(rig: &Rig) -> Result<u32> {
+    match &rig.channel[..] {
+        [only] if ["theta1", "phi1"].contains(&only.measures.as_str()) => only.counts_per_turn,
+        _ => None,
+    }
+    .ok_or_else(|| {
+        BadInput::new(format!("{} channels", rig.channel.len()), "one: theta1 (or phi1), with unit = \"count\"")
+            .in_file(&rig.path)
+            .at("channel")
+            .remedy("A simulated single pendulum has one encoder that counts")
     })
 }
 
@@ -165,7 +207,7 @@ pub fn record(
         let s = simulation.next_sample().map_err(fail)?;
         writer.push(&Sample {
             tick: s.tick,
-            counts: &s.counts,
+            counts: &s.counts[..rig.channel.len().min(2)],
             phase: s.phase,
             amplitude_nm: s.amplitude_nanometre,
         })?;
@@ -179,6 +221,6 @@ pub fn record(
         samples,
         seconds: samples as f64 / rig.sample_rate_hz,
         seed,
-        effects: settings.effects.iter().map(ToString::to_string).collect(),
+        effects: settings.effects.iter().take(effect_texts.len()).map(ToString::to_string).collect(),
     })
 }

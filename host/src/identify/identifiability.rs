@@ -2,7 +2,8 @@
 //!
 //! A set of coefficients is named where the correlation of two of them exceeds 0.9 in size (chains of such pairs make one
 //! set) or where a standard error exceeds 20 % of the value. The two parts of the base's amplitude, B_i3 and B_i4, are components
-//! of one vector whose direction depends on where τ starts: their standard errors are compared with its length B_i5.
+//! of one vector whose direction depends on where τ starts: their standard errors are compared with its length B_i5. So are the
+//! coefficients of a function series: n and p, the drive's two parts, with the size of both together, q with its own.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -25,8 +26,12 @@ pub fn groups_not_separable(names: &[String], values: &DVector<f64>, covariance:
             }
         }
     }
+    let series = |name: &str| ["n_", "p_", "q_"].iter().position(|s| name.starts_with(s)).map(|f| f / 2);
     let size = |i: usize| {
         let name = &names[i];
+        if let Some(of) = series(name) {
+            return (0..n).filter(|&k| series(&names[k]) == Some(of)).map(|k| values[k].powi(2)).sum::<f64>().sqrt();
+        }
         let partner = match name.chars().last() {
             Some('3') if name.starts_with('B') => format!("{}4", &name[..2]),
             Some('4') if name.starts_with('B') => format!("{}3", &name[..2]),

@@ -4,10 +4,13 @@
 //! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
 
 pub mod identifiability;
+pub mod model_file;
 pub mod noise_bias;
 pub mod physical_parameters;
 pub mod presentation;
 pub mod regression;
+pub mod single_parameters;
+pub mod system;
 pub mod windows;
 
 use core::f64::consts::TAU;
@@ -16,15 +19,16 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use crate::error::{BadInput, Result};
-use crate::model::double_pendulum::{DAMPINGS, DEFAULT_DAMPINGS, Damping, weak_model};
+use crate::model::double_pendulum::{DAMPINGS, DEFAULT_DAMPINGS, Damping};
 use crate::record::Record;
-use crate::rig::{Direction, Rig};
-use crate::signal::angles::{AngleSegment, double_pendulum_angles};
+use crate::rig::Rig;
+use crate::signal::angles::AngleSegment;
 use crate::signal::low_pass::Kernel;
 use crate::signal::noise;
 use crate::warning::Warning;
 
 use regression::Unsolvable;
+use system::System;
 use windows::{Kernels, Windows};
 
 /// Methods of identification: name, what it does.
@@ -153,6 +157,11 @@ impl Identification {
     }
 }
 
+/// A damping of the nominal model by its `ID@PLACE`.
+pub fn damping(name: &str) -> Option<&'static Damping> {
+    DAMPINGS.iter().find(|d| d.id == name)
+}
+
 /// The nominal dampings of a rig.
 pub fn dampings(rig: &Rig) -> Result<Vec<&'static Damping>> {
     let names: Vec<&str> = match &rig.nominal {
@@ -161,7 +170,7 @@ pub fn dampings(rig: &Rig) -> Result<Vec<&'static Damping>> {
     };
     let mut out: Vec<&'static Damping> = Vec::new();
     for name in names {
-        let damping = DAMPINGS.iter().find(|d| d.id == name).ok_or_else(|| {
+        let damping = damping(name).ok_or_else(|| {
             let ids: Vec<&str> = DAMPINGS.iter().map(|d| d.id).collect();
             BadInput::new(format!("\"{name}\""), format!("one of {}", ids.join(", ")))
                 .in_file(&rig.path)
@@ -210,17 +219,19 @@ pub fn prepare(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Pre
             .at("model")
             .remedy("`whirl list models` shows the models"));
     }
-    if rig.drive.is_some_and(|d| d.direction == Direction::Horizontal) {
-        return Err(BadInput::new("\"horizontal\"", "\"vertical\"")
-            .in_file(&rig.path)
-            .at("drive.direction")
-            .remedy("The double pendulum's model has a vertically driven base"));
-    }
+    prepare_system(&System::of(rig)?, records, rig, settings)
+}
+
+/// Angles, noise, windows and low-passes of one or several records of a built-in system.
+///
+/// # Errors
+/// As [`identify`].
+pub fn prepare_system(system: &System, records: &[Record], rig: &Rig, settings: &Settings) -> Result<Prepared> {
     let step_s = 1.0 / rig.sample_rate_hz;
     let mut warnings: Vec<Warning> = records.iter().flat_map(|r| r.warnings.clone()).collect();
     let mut segments = Vec::new();
     for record in records {
-        for segment in double_pendulum_angles(record, rig)? {
+        for segment in system.segments(record, rig)? {
             segments.push(segment);
         }
     }
@@ -251,16 +262,16 @@ pub fn prepare(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Pre
     Ok(Prepared { segments, sigma, geometry: Geometry { windows, kernels }, warnings })
 }
 
-/// Identifies the double pendulum from one or several records of the same rig by the weak form.
+/// Identifies a built-in system from one or several records of the same rig by the weak form.
 ///
 /// # Errors
-/// A model that is not the double pendulum, missing channels, settings out of range, records shorter than one window, or
+/// A model that is not built in, missing channels, settings out of range, records shorter than one window, or
 /// a record in which a coefficient's column vanishes (an arm at rest).
 pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Identification> {
-    let dampings = dampings(rig)?;
+    let system = System::of(rig)?;
     let Prepared { segments, sigma, geometry: Geometry { windows, kernels }, mut warnings } =
-        prepare(records, rig, settings)?;
-    let model = weak_model(rig.omega(), rig.drive.is_some(), &dampings);
+        prepare_system(&system, records, rig, settings)?;
+    let model = system.weak_model(rig);
     let rows = windows::rows(&segments, &model, &kernels, &windows);
     let terms: Vec<usize> = model.equations.iter().map(|e| e.terms.len()).collect();
     let mut solution = regression::solve(&rows, &terms, windows.frequencies).map_err(|e| {
@@ -309,8 +320,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
     let groups = identifiability::groups_not_separable(&names, &values, covariance);
     let mut parameters = ordered_parameters(&names, &units, &values, covariance);
     let mut ties_misfit = None;
-    if let Some(fit) = physical_parameters::fit(&names, &values, covariance, &solution.metric, &rig.known, rig.omega())
-    {
+    if let Some(fit) = system.physical(&names, &values, covariance, &solution.metric, rig) {
         ties_misfit = Some((fit.misfit, fit.freedom));
         parameters.extend(fit.parameters.iter().map(|p| Parameter {
             name: p.name.to_owned(),

@@ -22,7 +22,14 @@ pub struct Damping {
     /// Names of its coefficients in the first and second equation.
     pub names: [Option<&'static str>; 2],
     /// Whether the coefficient is divided by Ω (viscous) or by Ω² (Coulomb).
-    viscous: bool,
+    pub(crate) viscous: bool,
+}
+
+impl Damping {
+    /// Whether its coefficients are divided by Ω (viscous) or by Ω² (Coulomb).
+    pub fn is_viscous(&self) -> bool {
+        self.viscous
+    }
 }
 
 /// The dampings that a nominal model may have.

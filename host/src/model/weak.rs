@@ -119,6 +119,9 @@ pub struct WeakModel {
     keys: Vec<String>,
     /// The equations.
     pub equations: Vec<Equation>,
+    /// Coefficients whose column is a harmonic of order k of an angle as measured, with that k: white noise of variance σ² shrinks
+    /// the column by exp(−k²σ²/2) on average.
+    pub attenuation: Vec<(String, f64)>,
 }
 
 impl WeakModel {

@@ -4,6 +4,7 @@
 //! `[plant]` is kept as text and read only by `simulate` and `demo` ([`plant`]): an identification cannot peek at the truth.
 
 pub mod plant;
+pub mod single_plant;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

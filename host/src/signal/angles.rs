@@ -1,4 +1,5 @@
-//! The double pendulum's absolute angles φ1, φ2 (rad, unwrapped) and the drive's phase, segment by segment.
+//! The double pendulum's absolute angles φ1, φ2 (rad, unwrapped) and the drive's phase, segment by segment. A single pendulum
+//! is one whose φ2 stays 0.
 //!
 //! Encoder 1 is absolute, encoder 2 usually measures arm 2 relative to arm 1: φ1 = θ1, φ2 = θ1 + θ2. Channels that
 //! measure `phi1`, `phi2` directly are taken as they are. The drive's phase is the device's own where the record has
@@ -88,6 +89,37 @@ impl AngleSegment {
         };
         recorded + self.runaway.1 * (self.time(i) - self.runaway.0)
     }
+}
+
+/// The angle of a single pendulum, in every segment of a record, as φ1; φ2 stays 0.
+///
+/// # Errors
+/// The rig must measure `theta1` or `phi1`.
+pub fn single_pendulum_angle(record: &Record, rig: &Rig) -> Result<Vec<AngleSegment>> {
+    let only = ["theta1", "phi1"].iter().find_map(|n| record.channel_of(n)).ok_or_else(|| {
+        BadInput::new("no such channel", "a [[channel]] that measures theta1 or phi1")
+            .in_file(&rig.path)
+            .at("channel")
+            .remedy("The single pendulum needs its angle")
+    })?;
+    let channel = &record.channels[only];
+    let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
+    let out = record.segments.iter().map(|segment| {
+        let phi = segment.columns[only].angle(channel);
+        AngleSegment {
+            start_s: segment.start_s,
+            step_s: segment.step_s,
+            phase: match (&segment.phase, rig.drive) {
+                (Some(phase), Some(_)) => Phase::Device(phase.clone()),
+                _ => Phase::Clock(omega),
+            },
+            relative: false,
+            runaway: (0.0, 0.0),
+            count_rad: [(channel.unit == "count").then(|| channel.scale()), None],
+            phi: [phi.clone(), vec![0.0; phi.len()]],
+        }
+    });
+    Ok(out.collect())
 }
 
 /// φ1 and φ2 of every segment of a record.

@@ -1,0 +1,85 @@
+//! Physical parameters of a single pendulum from its coefficients: with m e = m1·e1,
+//! q_sin = m e g/(J Ω²), amplitude of the drive's term f = m e a/J, c_r = c_r1/(J Ω), C11 = τ_c1/(J Ω²).
+//!
+//! a = f g/(q_sin Ω²) follows without knowing a mass. With m e (or m1 and e1) known, J = m e g/(q_sin Ω²); with J known,
+//! m e = q_sin J Ω²/g; then c_r1 and τ_c1. Standard errors by linear propagation of the coefficients' covariance.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::physical_parameters::{Physical, PhysicalFit};
+use crate::rig::{Direction, Rig};
+
+/// The parameters that follow.
+pub fn derive(names: &[String], values: &DVector<f64>, covariance: &DMatrix<f64>, rig: &Rig) -> Option<PhysicalFit> {
+    let at = |name: &str| names.iter().position(|n| n == name);
+    let q = at("q_sin").filter(|i| values[*i] > 0.0)?;
+    let omega = rig.omega();
+    let known = |name: &str| rig.known.get(name).copied();
+    let g = known("g").unwrap_or(crate::rig::GRAVITY);
+    let mut out = PhysicalFit::default();
+    // A product of powers of coefficients: value · Π, relative gradient (index, power).
+    let mut push = |name: &'static str, unit: &'static str, value: f64, gradient: &[(usize, f64)]| {
+        let variance: f64 =
+            gradient.iter().flat_map(|a| gradient.iter().map(move |b| a.1 * b.1 * covariance[(a.0, b.0)])).sum();
+        out.parameters.push(Physical { name, value, std_error: variance.max(0.0).sqrt(), unit });
+    };
+    let component = |shape: &str| Some((at(&format!("p_{shape}"))?, at(&format!("n_{shape}"))?));
+    let shape = if rig.drive.is_some_and(|d| d.direction == Direction::Vertical) { "sin" } else { "cos" };
+    if let Some((p, n)) = component(shape) {
+        let f = values[p].hypot(values[n]);
+        if f > 0.0 {
+            let a = f * g / (values[q] * omega * omega);
+            push("a", "m", a, &[(p, a * values[p] / (f * f)), (n, a * values[n] / (f * f)), (q, -a / values[q])]);
+        }
+    }
+    let moment = known("m1e1").or_else(|| Some(known("m1")? * known("e1")?));
+    let inertia = known("J_o1");
+    let scale = match (moment, inertia) {
+        (_, Some(j)) => {
+            if moment.is_none() {
+                let value = values[q] * j * omega * omega / g;
+                push("m1e1", "kg m", value, &[(q, value / values[q])]);
+            }
+            Some((j, 0.0))
+        }
+        (Some(m), None) => {
+            let j = m * g / (values[q] * omega * omega);
+            push("J_o1", "kg m²", j, &[(q, -j / values[q])]);
+            Some((j, -1.0))
+        }
+        (None, None) => None,
+    };
+    if let Some((j, power)) = scale {
+        for (name, unit, from, factor) in
+            [("c_r1", "N m s", "c_r", j * omega), ("tau_c1", "N m", "C11", j * omega * omega)]
+        {
+            if let Some(i) = at(from) {
+                let value = values[i] * factor;
+                push(name, unit, value, &[(i, factor), (q, power * value / values[q])]);
+            }
+        }
+    }
+    Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn true_coefficients_give_the_plants_parameters() {
+        let rig = Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/single-pendulum.toml")).unwrap();
+        let plant = crate::rig::single_plant::SinglePlant::of(&rig).unwrap();
+        let names: Vec<String> = ["c_r", "n_cos", "p_cos", "q_sin"].iter().map(|s| (*s).to_owned()).collect();
+        let truth = |n: &str| plant.truth(n, rig.omega(), rig.drive.map(|d| d.direction)).unwrap();
+        let values = DVector::from_iterator(4, names.iter().map(|n| truth(n)));
+        let covariance = DMatrix::from_diagonal(&values.map(|v| (0.01 * v).powi(2)));
+        let fit = derive(&names, &values, &covariance, &rig).unwrap();
+        for (name, relative) in [("a", 2f64.sqrt() * 0.01), ("J_o1", 0.01), ("c_r1", 2f64.sqrt() * 0.01)] {
+            let p = fit.parameters.iter().find(|p| p.name == name).unwrap();
+            assert!((p.value / truth(name) - 1.0).abs() < 1e-9, "{name} {}", p.value);
+            assert!((p.std_error / p.value - relative).abs() < 1e-9, "{name} {}", p.std_error);
+        }
+    }
+}
