@@ -32,7 +32,8 @@ pub struct Format {
 }
 
 /// Every format, in the order in which contents are tried.
-pub static FORMATS: &[Format] = &[super::parquet::FORMAT, super::csv::GZIP, super::csv::FORMAT];
+pub static FORMATS: &[Format] =
+    &[super::regression_rows::FORMAT, super::parquet::FORMAT, super::csv::GZIP, super::csv::FORMAT];
 
 /// Reads a record in whichever format it is.
 ///

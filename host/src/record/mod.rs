@@ -16,6 +16,7 @@ mod parquet_recovery;
 mod parquet_source;
 mod parquet_write;
 mod quiet;
+pub mod regression_rows;
 mod rows;
 mod segments;
 mod time_fit;
