@@ -2,7 +2,7 @@
 
 use whirl_firmware::Settings;
 use whirl_firmware::estimate::{Estimator, Outcome};
-use whirl_shared::least_squares::LeastSquares;
+use whirl_shared::least_squares::{LeastSquares, NoEstimate};
 use whirl_shared::waveform::displacement;
 
 fn outcome() -> Outcome {
@@ -34,6 +34,22 @@ pub fn the_estimate_has_the_same_bits() {
 
 /// Of x86-64 and Cortex-M4F alike.
 const BITS: u32 = 0x6dad_076b;
+
+pub fn a_locked_motion_is_not_identifiable() {
+    let Some(mut estimator) = Estimator::new(&Settings::default()) else { panic!("settings") };
+    // Three drive periods long, a hundred ticks each but for rounding.
+    let increment = 42_949_620_u32;
+    let mut told = 0;
+    for n in 0..7_000_u32 {
+        let slow = n.wrapping_mul(increment / 3);
+        let counts = [displacement(900, slow), displacement(700, slow.wrapping_mul(2).wrapping_add(77 << 24))];
+        let Some(outcome) = estimator.sample(n, counts, n.wrapping_mul(increment), increment, 1) else { continue };
+        let expected = if outcome.window.number < 4 { NoEstimate::TooFewRows } else { NoEstimate::Repeating };
+        assert_eq!((outcome.first, outcome.second), (Err(expected), Err(expected)));
+        told += 1;
+    }
+    assert!(told >= 5);
+}
 
 pub fn least_squares_find_what_they_were_given() {
     let mut fit = LeastSquares::<f32, 3>::new();

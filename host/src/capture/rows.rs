@@ -15,7 +15,9 @@ use crate::record::{Losses, Metadata};
 /// Messages of a window that is on its way.
 #[derive(Debug)]
 struct Partial {
+    tick: i64,
     first: Rows,
+    /// Beyond all where a message is missing.
     next_frequency: usize,
     rows: Vec<[Binary24; ROW_LEN]>,
 }
@@ -26,9 +28,12 @@ pub(super) struct RowsRecorder {
     writer: Option<RowsWriter>,
     partial: Option<Partial>,
     /// The last window: its number on the device, and as it was written.
-    last: Option<(u32, u32, Window)>,
+    last: Option<(u32, Window)>,
     /// The device has restarted since the last window.
     restarted: bool,
+    /// The device's tick of the newest window seen, and where that is on the record's line; what is added to its ticks before that is known.
+    line: Option<(u32, i64)>,
+    base: i64,
     /// Ticks to record.
     limit: Option<i64>,
     first_tick: Option<i64>,
@@ -49,6 +54,8 @@ impl RowsRecorder {
             partial: None,
             last: None,
             restarted: false,
+            line: None,
+            base: 0,
             limit,
             first_tick: None,
             covered: 0,
@@ -61,8 +68,23 @@ impl RowsRecorder {
 
     /// The device has restarted: its ticks begin anew.
     pub(super) fn restarted(&mut self) {
-        self.restarted = true;
         self.drop_partial();
+        if let Some((_, newest)) = self.line.take() {
+            self.restarted = true;
+            self.base = newest.saturating_add(1);
+        }
+    }
+
+    /// A tick of the device on the record's line.
+    fn place(&mut self, tick: u32) -> i64 {
+        let placed = match self.line {
+            Some((known, line)) => line.saturating_add(i64::from(tick.wrapping_sub(known).cast_signed())),
+            None => self.base.saturating_add(i64::from(tick)),
+        };
+        if self.line.is_none_or(|(_, line)| placed > line) {
+            self.line = Some((tick, placed));
+        }
+        placed
     }
 
     fn drop_partial(&mut self) {
@@ -76,27 +98,35 @@ impl RowsRecorder {
     /// # Errors
     /// A full disk.
     pub(super) fn push(&mut self, rows: &Rows, metadata: impl FnOnce() -> Metadata) -> Result<()> {
+        let tick = self.place(rows.tick);
+        let start = tick.saturating_sub(i64::from(rows.window_ticks)).saturating_add(1);
+        let first = *self.first_tick.get_or_insert(start);
+        let end = tick.saturating_sub(first).saturating_add(1);
+        if start < first || self.limit.is_some_and(|limit| end > limit) {
+            self.full |= start >= first;
+            return Ok(());
+        }
         let frequency = usize::from(rows.frequency);
-        let follows =
-            |p: &Partial| p.first.tick == rows.tick && p.first.window == rows.window && p.next_frequency == frequency;
         match &mut self.partial {
-            Some(partial) if follows(partial) => {
-                partial.rows.extend(&rows.rows);
-                partial.next_frequency += rows.rows.len() / 2;
+            Some(p) if p.tick == tick && p.next_frequency == frequency && p.first.window == rows.window => {
+                p.rows.extend(&rows.rows);
+                p.next_frequency += rows.rows.len() / 2;
             }
-            // A message that was repeated on the way.
-            Some(p) if p.first.tick == rows.tick && frequency < p.next_frequency => return Ok(()),
+            // A message that was repeated on the way, or one that comes behind a gap: then the window is lost.
+            Some(p) if p.tick == tick => {
+                if frequency > p.next_frequency {
+                    p.next_frequency = usize::MAX;
+                }
+            }
             _ => {
                 self.drop_partial();
-                let known = self.last.as_ref().is_some_and(|(_, tick, _)| *tick == rows.tick) && !self.restarted;
-                if known {
+                if self.last.as_ref().is_some_and(|(_, last)| tick <= last.tick) {
                     return Ok(());
                 }
-                let whole = frequency == 0;
                 self.partial = Some(Partial {
+                    tick,
                     first: rows.clone(),
-                    // Where its beginning is missing it never becomes whole.
-                    next_frequency: if whole { rows.rows.len() / 2 } else { usize::MAX },
+                    next_frequency: if frequency == 0 { rows.rows.len() / 2 } else { usize::MAX },
                     rows: rows.rows.to_vec(),
                 });
             }
@@ -116,7 +146,7 @@ impl RowsRecorder {
         let window = Window {
             run: 0,
             index: 0,
-            tick: i64::from(rows.tick),
+            tick: partial.tick,
             window_ticks: rows.window_ticks,
             phase_increment: rows.phase_increment,
             amplitude_nm: rows.amplitude_nanometre,
@@ -132,38 +162,22 @@ impl RowsRecorder {
         let half = i64::from(window.window_ticks / 2);
         let window = match &self.last {
             None => window,
-            Some((_, _, last)) if self.restarted => {
-                Window { run: last.run + 1, tick: last.tick.saturating_add(1 + i64::from(rows.tick)), ..window }
-            }
-            Some((number, tick, last)) => {
-                let ahead = i64::from(rows.tick.wrapping_sub(*tick).cast_signed());
-                if ahead <= 0 {
-                    // Late: its place has been passed.
-                    self.lost += 1;
-                    return Ok(());
-                }
-                let same_run = rows.window == number.wrapping_add(1) && ahead == half;
-                // Of the same stretch of the device, but some are missing.
-                let missing = rows.window.wrapping_sub(*number).wrapping_sub(1);
-                if !same_run && i64::from(missing.saturating_add(1)).saturating_mul(half) == ahead {
-                    // Those that came in part are counted already.
-                    self.lost += u64::from(missing).saturating_sub(self.lost_since_window);
+            Some((number, last)) => {
+                let ahead = window.tick - last.tick;
+                let same_run = !self.restarted && rows.window == number.wrapping_add(1) && ahead == half;
+                // Of the same stretch of the device, but some are missing; those that came in part are counted already.
+                let missing = i64::from(rows.window.wrapping_sub(*number).wrapping_sub(1));
+                if !same_run && !self.restarted && (missing + 1).saturating_mul(half) == ahead {
+                    self.lost += missing.unsigned_abs().saturating_sub(self.lost_since_window);
                 }
                 let (run, index) = if same_run { (last.run, last.index + 1) } else { (last.run + 1, 0) };
-                Window { run, index, tick: last.tick.saturating_add(ahead), ..window }
+                Window { run, index, ..window }
             }
         };
         self.restarted = false;
-        let start = window.tick - i64::from(window.window_ticks) + 1;
-        let first = *self.first_tick.get_or_insert(start);
-        if let Some(limit) = self.limit {
-            let end = window.tick + 1 - first;
-            self.full |= end + half > limit;
-            if end > limit {
-                return Ok(());
-            }
-        }
-        let fresh = self.last.as_ref().map_or(i64::MAX, |(_, _, last)| window.tick - last.tick);
+        let first = self.first_tick.unwrap_or(0);
+        self.full |= self.limit.is_some_and(|limit| window.tick + 1 - first + half > limit);
+        let fresh = self.last.as_ref().map_or(i64::MAX, |(_, last)| window.tick - last.tick);
         self.covered += fresh.clamp(0, i64::from(window.window_ticks)).unsigned_abs();
         if self.writer.is_none() {
             self.writer = Some(RowsWriter::create(&self.output, metadata())?);
@@ -173,7 +187,7 @@ impl RowsRecorder {
         }
         self.windows += 1;
         self.lost_since_window = 0;
-        self.last = Some((rows.window, rows.tick, Window { first: Vec::new(), second: Vec::new(), ..window }));
+        self.last = Some((rows.window, Window { first: Vec::new(), second: Vec::new(), ..window }));
         Ok(())
     }
 
@@ -184,12 +198,12 @@ impl RowsRecorder {
 
     /// Tick of the last sample under a window.
     pub(super) fn last_tick(&self) -> Option<i64> {
-        self.last.as_ref().map(|(_, _, window)| window.tick)
+        self.last.as_ref().map(|(_, window)| window.tick)
     }
 
     /// Unbroken stretches.
     pub(super) fn runs(&self) -> u64 {
-        self.last.as_ref().map_or(0, |(_, _, window)| window.run as u64 + 1)
+        self.last.as_ref().map_or(0, |(_, window)| window.run as u64 + 1)
     }
 
     /// Samples under the windows.
@@ -251,7 +265,7 @@ mod tests {
 
     #[test]
     fn windows_come_out_whole_and_in_order() {
-        let list: Vec<Rows> = (1..=4).flat_map(|w| messages(w, u32::MAX - 150 + 100 * w)).collect();
+        let list: Vec<Rows> = (1..=4).flat_map(|w| messages(w, (u32::MAX - 150).wrapping_add(100 * w))).collect();
         let (read, covered) = record(&list, None);
         let places: Vec<_> = read.windows.iter().map(|w| (w.run, w.index, w.tick - read.windows[0].tick)).collect();
         assert_eq!(places, [(0, 0, 0), (0, 1, 100), (0, 2, 200), (0, 3, 300)]);

@@ -23,7 +23,7 @@ mod on_target {
     use whirl_firmware::sampler::Sampler;
     use whirl_firmware::{QuadratureCounter, Settings, ShakerOutput};
     use whirl_shared::codec::{MAX_FRAME, encode};
-    use whirl_shared::frame::{Command, Envelope, HostMessage, SampleBlock};
+    use whirl_shared::frame::{Command, DeviceMessage, Envelope, HostMessage, SampleBlock};
     use whirl_shared::harmonics::{HarmonicBank, HarmonicSettings, Window};
     use whirl_shared::least_squares::LeastSquares;
     use whirl_shared::regressor::UNKNOWNS1;
@@ -108,8 +108,12 @@ mod on_target {
         static QUEUE_EVENTS: ConstStaticCell<Queue<Event, EVENTS>> = ConstStaticCell::new(Queue::new());
         static QUEUE_REQUESTS: ConstStaticCell<Queue<Request, REQUESTS>> = ConstStaticCell::new(Queue::new());
         let (blocks, events, requests) = (QUEUE_BLOCKS.take(), QUEUE_EVENTS.take(), QUEUE_REQUESTS.take());
-        let (mut sampling, mut sending, mut hearing) = (Meter::default(), Meter::default(), Meter::default());
+        let (mut sampling, mut hearing) = (Meter::default(), Meter::default());
+        let (mut block, mut other, mut all) = (Meter::default(), Meter::default(), Meter::default());
         let (mut frame, mut command) = ([0; MAX_FRAME], [0; MAX_FRAME]);
+        static NONE: ConstStaticCell<Queue<SampleBlock, 2>> = ConstStaticCell::new(Queue::new());
+        static TAKEN: ConstStaticCell<Queue<SampleBlock, 2>> = ConstStaticCell::new(Queue::new());
+        let (none, taken) = (NONE.take(), TAKEN.take());
         for n in 0..5_000_u16 {
             let say = match n {
                 1 => Command::Arm,
@@ -120,11 +124,20 @@ mod on_target {
             let length = encode(&envelope, &mut command).ok()?;
             hearing.take(|| link.receive(&command[..length], requests));
             sampling.take(|| sampler.tick(0, 0, blocks, events, requests));
-            sending.take(|| while link.poll_transmit(&mut frame, blocks, events).is_some() {});
+            // The frames of a tick: answers and reports, a block's by itself, then all that the thread does with a block.
+            other.take(|| while link.poll_transmit(&mut frame, none, events).is_some() {});
+            if let Some(next) = blocks.dequeue() {
+                let envelope = Envelope { sequence: n, message: DeviceMessage::Samples(next.clone()) };
+                block.take(|| encode(&envelope, &mut frame)).ok()?;
+                taken.enqueue(next).ok()?;
+                all.take(|| link.poll_transmit(&mut frame, taken, events));
+            }
         }
         sampling.tell("interrupt: sampling, shaker, blocks, one command");
-        sending.tell("thread: frames of a tick");
+        block.tell("stream: the frame of a block, every ten ticks");
+        other.tell("stream: other frames of a tick, estimates too");
         hearing.tell("thread: one command");
+        all.tell("thread: all of a block, ten samples' estimate too");
         Some(())
     }
 
