@@ -170,6 +170,12 @@ impl<'a> Recorder<'a> {
         {
             self.begin_at.get_or_insert_with(|| status.tick.wrapping_add(self.settle));
         }
+        if let Some(rows) = &mut self.rows
+            && (self.terms.from_drive.is_none()
+                || self.begin_at.is_some_and(|at| at.wrapping_sub(status.tick).cast_signed() <= 0))
+        {
+            rows.time(status.tick);
+        }
         // The last word on overruns comes with the status behind the last sample.
         if self.reached_end() {
             self.ended = true;

@@ -93,6 +93,13 @@ impl RowsRecorder {
         self.lost_since_window += dropped;
     }
 
+    /// The device is at a tick: the recording begins there if it has not, and ends where its time is over, whether windows come or not.
+    pub(super) fn time(&mut self, tick: u32) {
+        let placed = self.place(tick);
+        let first = *self.first_tick.get_or_insert(placed);
+        self.full |= self.limit.is_some_and(|limit| placed.saturating_sub(first) > limit);
+    }
+
     /// Takes a message whose window belongs to the recording; `metadata` for the first.
     ///
     /// # Errors
@@ -288,6 +295,18 @@ mod tests {
         // Incomplete, and missing in the numbers: told once.
         assert_eq!((read.footer.windows, read.footer.windows_lost), (4, 2));
         assert_eq!(covered, 200 + 100 + 200 + 200);
+    }
+
+    #[test]
+    fn the_time_asked_for_ends_it_without_windows_too() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut recorder = RowsRecorder::new(dir.path().join("r"), Some(450));
+        for tick in [100, 300, 550] {
+            recorder.time(tick);
+            assert!(!recorder.full);
+        }
+        recorder.time(551);
+        assert!(recorder.full && recorder.windows == 0);
     }
 
     #[test]

@@ -101,7 +101,7 @@ fn rows_alone_identify_the_rig() {
     };
     let (samples, rows) = (capture("samples.parquet", false), capture("rows.jsonl", true));
     let told = rows.rows.unwrap();
-    assert!((58..=59).contains(&told.windows) && (told.windows_lost, told.runs) == (0, 1), "{rows:?}");
+    assert!((57..=59).contains(&told.windows) && (told.windows_lost, told.runs) == (0, 1), "{rows:?}");
     assert!(
         rows.complete && rows.losses.lost() == 0 && rows.estimate.is_some() && rows.warnings.is_empty(),
         "{rows:?}"
@@ -317,6 +317,8 @@ fn unplugged_capture(from: &str, server: Server, dir: &tempfile::TempDir, rig: &
     settings.seconds = Some(80.0);
     settings.reconnect_s = 20.0;
     settings.keep_frames = true;
+    // By the wall's clock the shaker may still be starting: the device's is faster.
+    settings.restart_drive = true;
     settings.amplitude_m = Some(0.015_525);
     let done = std::thread::scope(|scope| {
         scope.spawn(|| {
