@@ -7,6 +7,7 @@
 //! | [`faulty`] | a capture through every kind of link fault, held against the link's own account |
 
 pub mod accuracy;
+pub mod coverage;
 pub mod faulty;
 
 use std::path::PathBuf;
