@@ -3,6 +3,7 @@
 //! The default method is the weak form (method: [`windows`], least squares and covariance: [`regression`]), from the
 //! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
 
+pub mod general;
 pub mod identifiability;
 pub mod model_file;
 pub mod noise_bias;
@@ -93,7 +94,7 @@ pub struct Details {
     /// Pass band of the low-pass for signs of velocities, Hz.
     pub sign_pass_hz: f64,
     /// Standard deviation of each sensor's noise, rad.
-    pub noise_rad: [f64; 2],
+    pub noise_rad: Vec<f64>,
     /// Bias by that noise, taken off each coefficient (in the order of `correlation_names`).
     pub noise_bias: Vec<f64>,
     /// Condition number of each equation (columns scaled).
@@ -104,6 +105,9 @@ pub struct Details {
     pub jackknife_blocks: usize,
     /// Misfit of the ties between the coefficients and its degrees of freedom, where physical parameters were fitted.
     pub ties_misfit: Option<(f64, usize)>,
+    /// Share of the right-hand side that the model leaves, over all samples, of each equation of a model file.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub balance_error: Vec<f64>,
 }
 
 /// Residuals of one equation, for figure 3.14: at most 2000 dots.
@@ -277,6 +281,9 @@ pub fn prepare_system(system: &System, records: &[Record], rig: &Rig, settings: 
 /// A model that is not built in, missing channels, settings out of range, records shorter than one window, or
 /// a record in which a coefficient's column vanishes (an arm at rest).
 pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Identification> {
+    if let Some(bound) = &rig.bound {
+        return general::identify(records, rig, bound, settings);
+    }
     let system = System::of(rig)?;
     let Prepared { segments, sigma, geometry: Geometry { windows, kernels }, mut warnings } =
         prepare_system(&system, records, rig, settings)?;
@@ -378,12 +385,13 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             pass_hz: kernels.full.pass_hz,
             stop_hz: kernels.full.stop_hz,
             sign_pass_hz: kernels.clear.pass_hz,
-            noise_rad: sigma,
+            noise_rad: sigma.to_vec(),
             noise_bias: bias.map_or_else(Vec::new, |b| b.value.iter().copied().collect()),
             condition: solution.condition.clone(),
             repetition: solution.repetition,
             jackknife_blocks: solution.blocks,
             ties_misfit,
+            balance_error: Vec::new(),
         },
         shooting: None,
         warnings,

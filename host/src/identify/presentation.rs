@@ -10,6 +10,7 @@ pub fn method_name(method: &str) -> &str {
     match method {
         "weak" => "the weak form",
         "shooting" => "multiple shooting",
+        "explain" => "`whirl explain`",
         other => other,
     }
 }

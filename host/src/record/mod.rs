@@ -20,6 +20,7 @@ mod rows;
 mod segments;
 mod time_fit;
 mod unwrap;
+pub mod values;
 pub mod writer;
 
 use std::path::{Path, PathBuf};

@@ -31,7 +31,7 @@ use self::starts::Starts;
 use crate::error::{BadInput, Result};
 use crate::identify::system::System;
 use crate::identify::{Settings as IdentifySettings, prepare_system};
-use crate::inspect::{InspectSettings, inspect};
+use crate::inspect::{InspectSettings, Inspection, inspect};
 use crate::model::flow::{Flow, Outside};
 use crate::model::identified::IdentifiedModel;
 use crate::phase_space::bifurcation::{self, Column};
@@ -211,7 +211,16 @@ pub struct Validation {
     pub warnings: Vec<Warning>,
 }
 
-/// Validates a model on records of its rig. `free`: a free vibration of the same arms (read with the rig file's channels).
+/// What a validation may be given beside records and model.
+#[derive(Clone, Copy, Default)]
+pub struct Beside<'a> {
+    /// A free vibration of the same arms (read with the rig file's channels).
+    pub free: Option<&'a Record>,
+    /// The inspection of the record with the longest unbroken stretch, where there is one already.
+    pub inspection: Option<&'a Inspection>,
+}
+
+/// Validates a model on records of its rig.
 ///
 /// # Errors
 /// A model of another system or drive, records shorter than one window, settings out of range, a model whose solution ceases to exist.
@@ -219,7 +228,7 @@ pub fn validate(
     records: &[Record],
     rig: &Rig,
     model: &IdentifiedModel,
-    free: Option<&Record>,
+    beside: Beside<'_>,
     settings: &Settings,
 ) -> Result<Validation> {
     if !(settings.tolerance_deg > 0.0 && settings.tolerance_deg <= 180.0) {
@@ -275,8 +284,10 @@ pub fn validate(
     let own_segments = system.segments(&own, rig)?;
 
     let horizon = starts.compare(&prepared.segments, &own_segments, parameters);
-    let (measured, simulated) =
-        (inspect(like, rig, &InspectSettings::default())?, inspect(&own, rig, &InspectSettings::default())?);
+    let choice = InspectSettings::default();
+    let simulated = inspect(&own, rig, &choice)?;
+    let inspected = if beside.inspection.is_none() { Some(inspect(like, rig, &choice)?) } else { None };
+    let measured = beside.inspection.or(inspected.as_ref()).ok_or_else(unable)?;
     let spaces = (&measured.phase_space, &simulated.phase_space);
     let sections = sections::compare(spaces.0, spaces.1, settings.seed);
     let lyapunov = rig.drive.and_then(|d| {
@@ -292,7 +303,7 @@ pub fn validate(
         })
     });
     let orbits = starts.orbits(spaces, &prepared.segments, parameters, MOST_ORBITS);
-    let natural_frequencies = natural(model, rig, free)?;
+    let natural_frequencies = natural(model, rig, beside.free)?;
     let mut out = Validation {
         verdict: Verdict::Passed,
         checks: Vec::new(),
