@@ -315,7 +315,15 @@ fn input_weights(
                 .any(|n| n.any(&|s| matches!(s, Symbol::Input(_))))
         })
         .collect();
-    let mut weights = vec![vec![1.0; frequencies + 1]; terms.len()];
+    let mut weights: Vec<Vec<f64>> = (0..terms.len())
+        .map(|e| {
+            let share = remeasured.share(e, terms[e], frequencies);
+            let least = share.iter().copied().filter(|x| *x > 0.0).fold(f64::INFINITY, f64::min);
+            // Rows whose noise is below a hundredth of the signal count alike.
+            let level = if least.is_finite() { least.max(1e-4) } else { 1.0 };
+            share.iter().map(|x| 1.0 / (x + level)).collect()
+        })
+        .collect();
     for _ in 0..2 {
         let solved = regression::solve_weighted(rows.iter(), terms, &weights)?;
         for (e, x) in solved.iter().enumerate() {
