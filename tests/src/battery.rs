@@ -49,6 +49,22 @@ pub const HIDDEN: &[(&str, f64, &str)] = &[
     ("channel-delay@encoder2", 2e-4, ""),
 ];
 
+/// Pairs that are hidden together.
+pub const PAIRS: &[[&str; 2]] = &[
+    ["quadratic-drag@arm2=2e-7", "coulomb-friction@joint2=3e-5"],
+    ["torsion-spring@joint2=3e-5", "zero-offset@encoder1=0.005"],
+    ["eccentricity@encoder2=0.005", "viscous-friction@joint1=2e-5"],
+    ["drive-harmonic-2@drive=0.01", "cogging@joint2=5e-5,n=8"],
+    ["frame-tilt@frame=0.005", "quadratic-drag@arm1=1e-5"],
+    ["channel-delay@encoder2=2e-4", "stribeck-friction@joint1=3e-4,v_s=1"],
+];
+
+/// Shapes that no single effect of the list has.
+pub const NAMELESS: &[&[&str]] = &[
+    &["cogging@joint2=1e-4,n=3", "cogging@joint2=1e-4,n=5", "cogging@joint2=1e-4,n=7"],
+    &["cogging@joint1=1e-3,n=4", "cogging@joint1=1e-3,n=7", "cogging@joint1=1e-3,n=11"],
+];
+
 /// One record of the battery.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
@@ -108,6 +124,10 @@ pub fn cases(seeds: core::ops::RangeInclusive<u64>) -> Vec<Case> {
                     out.push(Case { effects: vec![effect], counts, seconds, seed: 100 * seed + number });
                 }
                 out.push(Case { effects: Vec::new(), counts, seconds, seed: 100 * seed + 50 + number });
+            }
+            for hidden in PAIRS.iter().map(|p| &p[..]).chain(NAMELESS.iter().copied()) {
+                let effects = hidden.iter().map(|e| (*e).to_owned()).collect();
+                out.push(Case { effects, counts, seconds, seed: 100 * seed + 90 });
             }
         }
     }

@@ -8,11 +8,11 @@ use clap::{Args, ValueEnum};
 use super::output::{Output, print_warnings};
 use super::{Answer, Records};
 use crate::error::{BadInput, Result};
-use crate::identify::{ERROR_BOUND, Identification, Settings, from_rows, identify, model_file, presentation};
+use crate::identify::{ERROR_BOUND, Identification, Settings, from_rows, identify, model_file, presentation, shooting};
 use crate::inspect::{InspectSettings, inspect};
 use crate::record::ReadOptions;
 use crate::record::regression_rows::RowsRecord;
-use crate::report::format::plus_minus;
+use crate::report::format::{plus_minus, significant};
 use crate::report::{Report, Results};
 use crate::rig::Rig;
 
@@ -22,6 +22,8 @@ pub enum Method {
     /// Weak form.
     #[default]
     Weak,
+    /// Multiple-shooting maximum likelihood, started from the weak form.
+    Shooting,
 }
 
 /// Arguments of `identify`.
@@ -41,11 +43,27 @@ pub struct Arguments {
     /// End of the low-pass's pass band, Hz [default: where the signal sinks into the noise].
     #[arg(long, value_name = "HZ")]
     pass_hz: Option<f64>,
+    /// Length of the pieces of multiple shooting, s [default: 4 drive periods, 0.8 s when free].
+    #[arg(long, value_name = "S")]
+    segment_s: Option<f64>,
+    /// Bounds of a parameter in multiple shooting, such as C11=0:1 (either side may be left out).
+    #[arg(long, value_name = "NAME=LOW:HIGH", value_parser = bound)]
+    bound: Vec<(String, f64, f64)>,
     /// The identified model, for `validate` and `explain`.
     #[arg(short, long, value_name = "MODEL.toml")]
     output: Option<PathBuf>,
     #[command(flatten)]
     out: Output,
+}
+
+/// NAME=LOW:HIGH.
+fn bound(text: &str) -> std::result::Result<(String, f64, f64), String> {
+    let expected = || format!("\"{text}\" is not NAME=LOW:HIGH, such as C11=0:1");
+    let (name, range) = text.split_once('=').ok_or_else(expected)?;
+    let (low, high) = range.split_once(':').ok_or_else(expected)?;
+    let side = |s: &str, open: f64| if s.is_empty() { Ok(open) } else { s.parse::<f64>().map_err(|_| expected()) };
+    let (low, high) = (side(low, f64::NEG_INFINITY)?, side(high, f64::INFINITY)?);
+    if low <= high { Ok((name.to_owned(), low, high)) } else { Err(format!("{low} is not below {high}")) }
 }
 
 /// The answer for people.
@@ -54,9 +72,9 @@ pub fn human(result: &Identification) -> String {
     let r = &result.record;
     let _ = writeln!(
         text,
-        "{} by the {} form from {} samples in {} stretch{}{}",
+        "{} by {} from {} samples in {} stretch{}{}",
         result.model,
-        result.method,
+        crate::identify::presentation::method_name(&result.method),
         r.samples,
         r.segments,
         if r.segments == 1 { "" } else { "es" },
@@ -73,6 +91,16 @@ pub fn human(result: &Identification) -> String {
         errors.join(", "),
         100.0 * ERROR_BOUND
     );
+    if let Some(s) = &result.shooting {
+        let ratios: Vec<String> = s.noise_ratio.iter().map(|r| significant(*r, 3)).collect();
+        let _ = writeln!(
+            text,
+            "{} pieces of {} s; residuals are {} times the sensors' noise",
+            s.pieces,
+            s.levels_s.last().map_or_else(String::new, |l| significant(*l, 3)),
+            ratios.join(" and ")
+        );
+    }
     for group in &result.groups_not_separable {
         let _ = writeln!(text, "not told apart or not determined by this record: {}", group.join(", "));
     }
@@ -85,11 +113,20 @@ fn of_rows(arguments: &Arguments, records: &[RowsRecord]) -> Result<Answer> {
         ("--window-s", arguments.window_s),
         ("--max-frequency-hz", arguments.max_frequency_hz),
         ("--pass-hz", arguments.pass_hz),
+        ("--segment-s", arguments.segment_s),
     ];
     if let Some((option, value)) = options.iter().find_map(|(option, value)| Some((option, (*value)?))) {
         return Err(BadInput::new(value.to_string(), "nothing: rows are summed already")
             .at(*option)
             .remedy("Leave the option out"));
+    }
+    if !matches!(arguments.method, Method::Weak) || !arguments.bound.is_empty() || arguments.records.resample {
+        return Err(BadInput::new(
+            "a method that needs samples, or an option of it",
+            "--method weak: these are rows of the weak form",
+        )
+        .at("--method")
+        .remedy("Capture samples: leave --rows out"));
     }
     let rig = Rig::read(&arguments.records.rig)?;
     let result = from_rows::identify(records, &rig)?;
@@ -118,10 +155,10 @@ fn of_rows(arguments: &Arguments, records: &[RowsRecord]) -> Result<Answer> {
 
 /// Reads, identifies, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let Method::Weak = arguments.method;
-    if let Some(records) =
-        from_rows::read(&arguments.records.records, &ReadOptions { recover: arguments.records.recover })?
-    {
+    if let Some(records) = from_rows::read(
+        &arguments.records.records,
+        &ReadOptions { recover: arguments.records.recover, ..ReadOptions::default() },
+    )? {
         return of_rows(arguments, &records);
     }
     let (rig, records) = arguments.records.read()?;
@@ -130,7 +167,13 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         max_frequency_hz: arguments.max_frequency_hz,
         pass_hz: arguments.pass_hz,
     };
-    let result = identify(&records, &rig, &settings)?;
+    let result = match arguments.method {
+        Method::Weak => identify(&records, &rig, &settings)?,
+        Method::Shooting => {
+            let choices = shooting::Settings { segment_s: arguments.segment_s, bounds: arguments.bound.clone() };
+            shooting::identify(&records, &rig, &settings, &choices, &super::progress::bar("multiple shooting", 1))?
+        }
+    };
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;
     arguments.out.say(&human(&result));

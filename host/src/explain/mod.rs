@@ -54,6 +54,8 @@ pub struct Settings {
     pub horizon_s: Option<f64>,
     /// Horizons of the forecasts, s: the first 70 % of the record is fitted, the last 30 % predicted. By default 1 and 4 of the gap's, 1 and 40/3 (2.667 s) when free.
     pub forecast_s: Vec<f64>,
+    /// Most effects that are added; 8 by default.
+    pub most_effects: Option<usize>,
     /// A model to start from, instead of the rig file's nominal one.
     pub model: Option<IdentifiedModel>,
 }
@@ -117,7 +119,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         }
         result.residual_power[1] = power.ratio;
         let outcome = Outcome { design, weights, own, fit, measured, power };
-        let last = undecidable.is_some() || step == MOST_EFFECTS;
+        let last = undecidable.is_some() || step == settings.most_effects.unwrap_or(MOST_EFFECTS);
         let next = if last { None } else { choose(&state, &outcome, &variants, step, &mut result.ranking) };
         let Some(next) = next else { break outcome };
         found.push(next.found);

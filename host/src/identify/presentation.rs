@@ -1,8 +1,19 @@
 //! An identification as report sections print it.
 
 use super::{ERROR_BOUND, Identification};
+use crate::report::format::significant;
 use crate::report::sections::parameters::{Parameter, ParameterTable};
 use crate::report::sections::residuals::{EquationResiduals, ResidualSet};
+
+/// A method in words.
+pub fn method_name(method: &str) -> &str {
+    match method {
+        "weak" => "the weak form",
+        "shooting" => "multiple shooting",
+        "explain" => "`whirl explain`",
+        other => other,
+    }
+}
 
 /// The parameter table; `truth` gives a parameter's true value where a simulation knows it.
 pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Option<f64>) -> ParameterTable {
@@ -21,6 +32,24 @@ pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Opt
             "independent rows assumed, since there are too few windows for a jackknife".to_owned()
         }
     )];
+    if let Some(s) = &result.shooting {
+        let list = |x: &[f64]| x.iter().map(|v| significant(*v, 3)).collect::<Vec<_>>().join(", ");
+        notes[0] = format!(
+            "Multiple shooting over {} pieces of {} s (levels {} s), step of integration {} ms, {} rounds, started from the weak form. Residuals are {} times \
+             the sensors' noise. Standard errors: {}; ± is 1.96 of them.",
+            s.pieces,
+            s.levels_s.last().map_or_else(String::new, |l| significant(*l, 3)),
+            list(&s.levels_s),
+            significant(1e3 * s.step_s, 3),
+            s.rounds,
+            list(&s.noise_ratio),
+            if d.jackknife_blocks > 0 {
+                format!("jackknife over {} blocks of pieces", d.jackknife_blocks)
+            } else {
+                "white noise assumed, since there are too few pieces for a jackknife".to_owned()
+            }
+        );
+    }
     let errors: Vec<String> = result.identification_error.iter().map(|e| format!("{:.2} %", 100.0 * e)).collect();
     notes.push(format!(
         "Identification error ε = ‖e‖∞/‖q̂‖∞ of each equation: {} (bound {:.0} %).",

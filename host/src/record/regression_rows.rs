@@ -314,7 +314,7 @@ mod tests {
         let lines: Vec<&str> = whole.lines().collect();
         let read = |text: &str, recover: bool| {
             std::fs::write(&path, text).unwrap();
-            RowsRecord::read(&path, &ReadOptions { recover })
+            RowsRecord::read(&path, &ReadOptions { recover, ..ReadOptions::default() })
         };
         let cut = &whole[..whole.len() - 200];
         let e = read(cut, false).unwrap_err().to_string();
