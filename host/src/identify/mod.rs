@@ -3,6 +3,7 @@
 //! The default method is the weak form (method: [`windows`], least squares and covariance: [`regression`]), from the
 //! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
 
+pub mod from_rows;
 pub mod general;
 pub mod identifiability;
 pub mod model_file;
@@ -68,7 +69,7 @@ pub struct Parameter {
 }
 
 /// What was used of the record.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RecordUse {
     /// Samples.
     pub samples: usize,
@@ -79,7 +80,7 @@ pub struct RecordUse {
 }
 
 /// How the numbers came about.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Details {
     /// Length of a window, s.
     pub window_s: f64,
@@ -122,7 +123,7 @@ pub struct Residuals {
 }
 
 /// Result of an identification.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Identification {
     /// Model.
     pub model: String,
