@@ -171,6 +171,9 @@ pub struct Explanation {
     pub maps: Vec<residual_map::Map>,
     /// Shape of what is left, where it has no name.
     pub unknown: Option<Unknown>,
+    /// Simulation errors of a model file; empty for built-in systems.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub simulation: Vec<super::model_file::Simulation>,
     /// How the numbers came about.
     pub details: Details,
     /// Effects of the model that was given, refitted.
@@ -206,6 +209,7 @@ impl Explanation {
             ranking: Vec::new(),
             maps: Vec::new(),
             unknown: None,
+            simulation: Vec::new(),
             details: Details::default(),
             given: Vec::new(),
             model: None,

@@ -17,6 +17,7 @@ pub mod forward;
 pub mod gap;
 mod given;
 pub mod ledger;
+pub mod model_file;
 mod naming;
 mod parameters;
 pub mod presentation;
@@ -66,6 +67,9 @@ pub struct Settings {
 /// # Errors
 /// As [`identify::identify`]; a `model` that is not of this rig.
 pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
+    if let Some(bound) = &rig.bound {
+        return model_file::explain(records, rig, bound, settings);
+    }
     let first = identify::identify(records, rig, &IdentifySettings::default())?;
     let Prepared { segments, sigma, geometry, warnings } =
         identify::prepare(records, rig, &IdentifySettings::default())?;

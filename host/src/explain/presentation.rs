@@ -68,6 +68,18 @@ pub fn human(e: &Explanation) -> String {
                 writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("nominal model"), significant(s.value, 3));
         }
     }
+    for f in &e.simulation {
+        let _ = writeln!(
+            out,
+            "error of a simulation over the rest, first {} % fitted, in {}:",
+            significant(100.0 * f.fitted, 2),
+            f.unit
+        );
+        for s in &f.steps {
+            let _ =
+                writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("nominal model"), significant(s.value, 3));
+        }
+    }
     if let Some(u) = &e.unknown {
         let clear = u.points.iter().filter(|p| p[1].abs() > p[2]).count();
         let _ = writeln!(
