@@ -3,6 +3,7 @@
 //! The default method is the weak form (method: [`windows`], least squares and covariance: [`regression`]), from the
 //! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
 
+pub mod chain_bias;
 pub mod from_rows;
 pub mod general;
 pub mod identifiability;
@@ -307,7 +308,11 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             None => error,
         }
     })?;
-    let bias = noise_bias::estimate(&segments, &model, &kernels, &windows, &solution.weights, sigma);
+    let found = DVector::from_iterator(terms.iter().sum(), solution.coefficients.iter().flatten().copied());
+    let chain = system.dynamics(rig).and_then(|dynamics| {
+        chain_bias::estimate(&dynamics, &found, &segments, &model, &kernels, &windows, &solution.weights, sigma)
+    });
+    let bias = chain.or_else(|| noise_bias::estimate(&segments, &model, &kernels, &windows, &solution.weights, sigma));
     if let Some(bias) = &bias {
         let mut rest = bias.value.iter();
         solution.coefficients.iter_mut().flat_map(DVector::iter_mut).zip(&mut rest).for_each(|(c, d)| *c -= d);
