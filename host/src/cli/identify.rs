@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use super::output::{Output, print_warnings};
 use super::{Answer, Records};
 use crate::error::Result;
-use crate::identify::{ERROR_BOUND, Identification, Settings, identify, presentation};
+use crate::identify::{ERROR_BOUND, Identification, Settings, harmonic_balance, identify, presentation};
 use crate::inspect::{InspectSettings, inspect};
 use crate::report::format::plus_minus;
 use crate::report::{Report, Results};
@@ -18,6 +18,10 @@ pub enum Method {
     /// Weak form.
     #[default]
     Weak,
+    /// Harmonic balance of long pieces (chapter 4).
+    Frequency,
+    /// Harmonic balance of extracted unstable periodic orbits (chapters 2 and 3).
+    Upo,
 }
 
 /// Arguments of `identify`.
@@ -38,6 +42,8 @@ pub struct Arguments {
     #[arg(long, value_name = "HZ")]
     pass_hz: Option<f64>,
     #[command(flatten)]
+    balance: super::identify_balance::BalanceArguments,
+    #[command(flatten)]
     out: Output,
 }
 
@@ -47,9 +53,9 @@ pub fn human(result: &Identification) -> String {
     let r = &result.record;
     let _ = writeln!(
         text,
-        "{} by the {} form from {} samples in {} stretch{}{}",
+        "{} by {} from {} samples in {} stretch{}{}",
         result.model,
-        result.method,
+        crate::identify::presentation::method_name(&result.method),
         r.samples,
         r.segments,
         if r.segments == 1 { "" } else { "es" },
@@ -66,6 +72,9 @@ pub fn human(result: &Identification) -> String {
         errors.join(", "),
         100.0 * ERROR_BOUND
     );
+    if let Some(account) = &result.balance {
+        text.push_str(&super::identify_balance::human(account));
+    }
     for group in &result.groups_not_separable {
         let _ = writeln!(text, "not told apart or not determined by this record: {}", group.join(", "));
     }
@@ -74,14 +83,21 @@ pub fn human(result: &Identification) -> String {
 
 /// Reads, identifies, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let Method::Weak = arguments.method;
     let (rig, records) = arguments.records.read()?;
     let settings = Settings {
         window_s: arguments.window_s,
         max_frequency_hz: arguments.max_frequency_hz,
         pass_hz: arguments.pass_hz,
     };
-    let result = identify(&records, &rig, &settings)?;
+    let result = match arguments.method {
+        Method::Weak => identify(&records, &rig, &settings)?,
+        Method::Frequency | Method::Upo => {
+            let longest = records.iter().map(|r| r.longest_segment_s()).fold(0.0, f64::max);
+            let periods = longest * rig.drive.map_or(0.0, |d| d.frequency_hz);
+            let settings = arguments.balance.settings(&rig, arguments.method == Method::Upo, periods)?;
+            harmonic_balance::identify(&records, &rig, &settings)?
+        }
+    };
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;
     arguments.out.say(&human(&result));

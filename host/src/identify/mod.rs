@@ -3,6 +3,8 @@
 //! The default method is the weak form (method: [`windows`], least squares and covariance: [`regression`]), from the
 //! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
 
+pub mod energy_balance;
+pub mod harmonic_balance;
 pub mod identifiability;
 pub mod noise_bias;
 pub mod physical_parameters;
@@ -31,8 +33,11 @@ use system::System;
 use windows::{Kernels, Windows};
 
 /// Methods of identification: name, what it does.
-pub const METHODS: &[(&str, &str)] =
-    &[("weak", "weak form: sin⁴ windows over 20 T (4 s when free), integrated by parts; least squares per equation")];
+pub const METHODS: &[(&str, &str)] = &[
+    ("weak", "weak form: sin⁴ windows over 20 T (4 s when free), integrated by parts; least squares per equation"),
+    ("frequency", "harmonic balance of long pieces of nT, closed or not (chapter 4)"),
+    ("upo", "harmonic balance of extracted unstable periodic orbits (chapters 2 and 3)"),
+];
 
 /// Choices of the weak form. `None`: chosen from the record, as each says.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -139,6 +144,9 @@ pub struct Identification {
     pub warnings: Vec<Warning>,
     /// Residuals, equation by equation.
     pub residuals: Vec<Residuals>,
+    /// What a harmonic balance tells beside the parameters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub balance: Option<harmonic_balance::account::Account>,
 }
 
 /// The bound on ε beyond which an identification is called unsatisfactory (section 3: 10 %).
@@ -315,7 +323,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
     let mut parameters = ordered_parameters(&names, &units, &values, covariance);
     let mut ties_misfit = None;
     if let Some(fit) = system.physical(&names, &values, covariance, &solution.metric, rig) {
-        ties_misfit = Some((fit.misfit, fit.freedom));
+        ties_misfit = (fit.freedom > 0).then_some((fit.misfit, fit.freedom));
         parameters.extend(fit.parameters.iter().map(|p| Parameter {
             name: p.name.to_owned(),
             value: p.value,
@@ -330,16 +338,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             ));
         }
     }
-    let correlation = (0..names.len())
-        .map(|i| {
-            (0..names.len())
-                .map(|j| {
-                    let d = (covariance[(i, i)] * covariance[(j, j)]).sqrt();
-                    if d > 0.0 { covariance[(i, j)] / d } else { f64::from(u8::from(i == j)) }
-                })
-                .collect()
-        })
-        .collect();
+    let correlation = correlation_of(covariance);
     let length_s = windows.length_s;
     Ok(Identification {
         model: model.name.clone(),
@@ -378,7 +377,23 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
                 dots: regression::residual_dots(&rows, e, &solution.coefficients[e], 2000),
             })
             .collect(),
+        balance: None,
     })
+}
+
+/// Correlation matrix of a covariance.
+fn correlation_of(covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    let n = covariance.nrows();
+    (0..n)
+        .map(|i| {
+            (0..n)
+                .map(|j| {
+                    let d = (covariance[(i, i)] * covariance[(j, j)]).sqrt();
+                    if d > 0.0 { covariance[(i, j)] / d } else { f64::from(u8::from(i == j)) }
+                })
+                .collect()
+        })
+        .collect()
 }
 
 /// Windows and low-pass from settings, rig and the record's spectrum.

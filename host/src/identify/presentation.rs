@@ -4,23 +4,40 @@ use super::{ERROR_BOUND, Identification};
 use crate::report::sections::parameters::{Parameter, ParameterTable};
 use crate::report::sections::residuals::{EquationResiduals, ResidualSet};
 
+/// A method in words.
+pub fn method_name(method: &str) -> &str {
+    match method {
+        "weak" => "the weak form",
+        "frequency" => "harmonic balance of long pieces",
+        "upo" => "harmonic balance of extracted orbits",
+        other => other,
+    }
+}
+
 /// The parameter table; `truth` gives a parameter's true value where a simulation knows it.
 pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Option<f64>) -> ParameterTable {
     let d = &result.details;
-    let mut notes = vec![format!(
-        "Weak form over {} windows of {:.3} s with test frequencies up to {:.2} Hz; angles smoothed up to {:.1} Hz (signs of velocities: \
+    let errors_from = if d.jackknife_blocks > 0 {
+        format!("jackknife over {} blocks", d.jackknife_blocks)
+    } else {
+        "independent rows assumed, since there are too few windows or orbits for a jackknife".to_owned()
+    };
+    let mut notes = vec![match &result.balance {
+        Some(account) => format!(
+            "Harmonic balance of {} orbits or pieces, sub-harmonics up to {:.2} Hz, {}. {} of {} rows used. Standard errors: {errors_from}; ± is \
+             1.96 of them. They do not show the jump where an orbit fails to close, which is alike in all orbits.",
+            account.orbits.len(),
+            d.max_frequency_hz,
+            account.cut_off_hz.map_or("no low-pass".to_owned(), |f| format!("factors low-passed at {f:.0} Hz")),
+            result.equations_used,
+            result.equations_used + result.equations_dropped
+        ),
+        None => format!(
+            "Weak form over {} windows of {:.3} s with test frequencies up to {:.2} Hz; angles smoothed up to {:.1} Hz (signs of velocities: \
          {:.1} Hz). Standard errors: {}; ± is 1.96 of them.",
-        d.windows,
-        d.window_s,
-        d.max_frequency_hz,
-        d.pass_hz,
-        d.sign_pass_hz,
-        if d.jackknife_blocks > 0 {
-            format!("jackknife over {} blocks of consecutive windows", d.jackknife_blocks)
-        } else {
-            "independent rows assumed, since there are too few windows for a jackknife".to_owned()
-        }
-    )];
+            d.windows, d.window_s, d.max_frequency_hz, d.pass_hz, d.sign_pass_hz, errors_from
+        ),
+    }];
     let errors: Vec<String> = result.identification_error.iter().map(|e| format!("{:.2} %", 100.0 * e)).collect();
     notes.push(format!(
         "Identification error ε = ‖e‖∞/‖q̂‖∞ of each equation: {} (bound {:.0} %).",

@@ -25,6 +25,13 @@ pub struct Damping {
     viscous: bool,
 }
 
+impl Damping {
+    /// Whether its coefficient is divided by Ω (viscous) rather than by Ω² (Coulomb).
+    pub const fn is_viscous(&self) -> bool {
+        self.viscous
+    }
+}
+
 /// The dampings that a nominal model may have.
 pub const DAMPINGS: &[Damping] = &[
     Damping { id: "coulomb-friction@joint1", names: [Some("C11"), None], viscous: false },
