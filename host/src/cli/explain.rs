@@ -1,11 +1,14 @@
 //! `whirl explain`: where simulation and measurement disagree, which effect is missing, the gap before and after.
 
+use std::path::PathBuf;
+
 use clap::Args;
 
 use super::output::{Output, print_warnings};
 use super::{Answer, Records};
-use crate::error::Result;
-use crate::explain::{Settings, Verdict, explain, presentation};
+use crate::error::{BadInput, Result};
+use crate::explain::{Settings, Verdict, explain, ledger, presentation};
+use crate::model::identified::IdentifiedModel;
 use crate::report::{Report, Results};
 
 /// Arguments of `explain`.
@@ -16,6 +19,18 @@ pub struct Arguments {
     /// Horizon of the gap, s [default: one drive period, 0.2 s when free].
     #[arg(long, value_name = "S")]
     horizon: Option<f64>,
+    /// Horizons at which the last 30 % of the record is predicted after fitting the first 70 %, s [default: 1 and 4 of the gap's; 0.2 and 2.667 when free].
+    #[arg(long, value_name = "S", value_delimiter = ',')]
+    forecast: Vec<f64>,
+    /// Start from this model, as `whirl identify -o` or an earlier `explain -o` wrote it, instead of the rig file's nominal one.
+    #[arg(long, value_name = "MODEL.toml")]
+    model: Option<PathBuf>,
+    /// Write the model with its effects here.
+    #[arg(short, value_name = "MODEL.toml")]
+    output: Option<PathBuf>,
+    /// Write everything that is needed to audit and repeat the answer here, as JSON.
+    #[arg(long, value_name = "FILE")]
+    ledger: Option<PathBuf>,
     #[command(flatten)]
     out: Output,
 }
@@ -23,10 +38,24 @@ pub struct Arguments {
 /// Reads, explains, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let (rig, records) = arguments.records.read()?;
-    let result = explain(&records, &rig, &Settings { horizon_s: arguments.horizon })?;
+    for h in &arguments.forecast {
+        if !(h.is_finite() && *h > 0.0 && *h <= 1e4) {
+            return Err(BadInput::new(h.to_string(), "seconds above 0 (at most 10 000)").at("--forecast"));
+        }
+    }
+    let model = arguments.model.as_ref().map(|p| IdentifiedModel::read(p)).transpose()?;
+    let settings = Settings { horizon_s: arguments.horizon, forecast_s: arguments.forecast.clone(), model };
+    let result = explain(&records, &rig, &settings)?;
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;
     arguments.out.say(&presentation::human(&result));
+    if let (Some(path), Some(model)) = (&arguments.output, &result.model) {
+        model.write(path)?;
+    }
+    if let Some(path) = &arguments.ledger {
+        let text = format!("{:#}\n", ledger::ledger(&records, &rig, &settings, &result));
+        std::fs::write(path, text).map_err(|e| BadInput::io(path, &e).remedy("Choose a file that can be written"))?;
+    }
     if let Some(path) = &arguments.out.report {
         let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
         let mut results = Results::new();

@@ -1,13 +1,14 @@
 //! `whirl identify`: parameters with standard errors.
 
 use std::fmt::Write;
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
 use super::output::{Output, print_warnings};
 use super::{Answer, Records};
 use crate::error::Result;
-use crate::identify::{ERROR_BOUND, Identification, Settings, harmonic_balance, identify, presentation};
+use crate::identify::{ERROR_BOUND, Identification, Settings, harmonic_balance, identify, model_file, presentation};
 use crate::inspect::{InspectSettings, inspect};
 use crate::report::format::plus_minus;
 use crate::report::{Report, Results};
@@ -41,6 +42,9 @@ pub struct Arguments {
     /// End of the low-pass's pass band, Hz [default: where the signal sinks into the noise].
     #[arg(long, value_name = "HZ")]
     pass_hz: Option<f64>,
+    /// The identified model, for `validate` and `explain`.
+    #[arg(short, long, value_name = "MODEL.toml")]
+    output: Option<PathBuf>,
     #[command(flatten)]
     balance: super::identify_balance::BalanceArguments,
     #[command(flatten)]
@@ -101,6 +105,9 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;
     arguments.out.say(&human(&result));
+    if let Some(path) = &arguments.output {
+        model_file::identified_model(&result, &rig)?.write(path)?;
+    }
     if let Some(path) = &arguments.out.report {
         let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
         let mut results = Results::new();

@@ -37,6 +37,28 @@ pub fn human(e: &Explanation) -> String {
     for s in &e.gap.steps {
         let _ = writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("nominal model"), significant(s.value, 3));
     }
+    for f in &e.gap.forecasts {
+        let _ = writeln!(
+            out,
+            "error over {} s on the last 30 %, first 70 % fitted, in degrees:",
+            significant(f.horizon_s, 4)
+        );
+        for s in &f.steps {
+            let _ =
+                writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("nominal model"), significant(s.value, 3));
+        }
+    }
+    if let Some(u) = &e.unknown {
+        let clear = u.points.iter().filter(|p| p[1].abs() > p[2]).count();
+        let _ = writeln!(
+            out,
+            "what is left looks most like a torque at {} that depends on the {}: it takes away {} % of the held-out residual ({clear} of {} points clear of their bands)",
+            u.at,
+            u.against,
+            significant(100.0 * u.held_out_gain, 2),
+            u.points.len()
+        );
+    }
     for w in e.r#where.iter().take(if e.verdict == Verdict::Unexplained { 5 } else { 0 }) {
         let _ = writeln!(
             out,

@@ -81,6 +81,25 @@ pub struct Fit {
 
 /// Fits columns and judges them on held-out blocks; none where they are singular or the windows too few.
 pub fn fit(design: &Design, columns: &[usize], weights: &Weights) -> Option<Fit> {
+    fit_ridge(design, columns, weights, &[])
+}
+
+/// The same with a ridge: each column's mean square over the fitted windows times its entry in `ridge` is added to the normal matrix.
+pub fn fit_ridge(design: &Design, columns: &[usize], weights: &Weights, ridge: &[f64]) -> Option<Fit> {
+    let solve = |gram: &DMatrix<f64>| {
+        if ridge.is_empty() {
+            return solve(gram);
+        }
+        let mut stiff = gram.clone();
+        let (sum, count) = ridge
+            .iter()
+            .enumerate()
+            .filter(|(_, r)| **r > 0.0)
+            .fold((0.0, 0.0), |t, (i, _)| (t.0 + gram[(i, i)], t.1 + 1.0));
+        let mean = sum / f64::max(count, 1.0);
+        ridge.iter().enumerate().for_each(|(i, r)| stiff[(i, i)] += r * mean);
+        solve(&stiff)
+    };
     let grams: Vec<DMatrix<f64>> = design.windows.iter().map(|w| gram(design, w, columns, weights)).collect();
     let p = columns.len();
     let zero = || DMatrix::<f64>::zeros(p + 1, p + 1);
@@ -116,6 +135,23 @@ pub fn fit(design: &Design, columns: &[usize], weights: &Weights) -> Option<Fit>
         covariance += &change * change.transpose() * ((n - 1) as f64 / n as f64);
     }
     Some(Fit { all, train: train?, covariance, blocks: n, held_out })
+}
+
+/// Coefficients from the windows that `keep` picks by their number; none where they are singular.
+pub fn fit_some(
+    design: &Design,
+    columns: &[usize],
+    weights: &Weights,
+    keep: impl Fn(usize) -> bool,
+) -> Option<DVector<f64>> {
+    let p = columns.len();
+    let total = design
+        .windows
+        .iter()
+        .enumerate()
+        .filter(|(k, _)| keep(*k))
+        .fold(DMatrix::zeros(p + 1, p + 1), |s, (_, w)| s + gram(design, w, columns, weights));
+    solve(&total)
 }
 
 /// Probability that strengths of zero give a Wald statistic as large, for the last `d` coefficients of a fit.

@@ -9,10 +9,10 @@ use core::f64::consts::{PI, TAU};
 use nalgebra::DVector;
 use serde::Serialize;
 
-use super::State;
 use super::design::{self, Design, base_terms};
 use super::effects::{Action, Variant, wrapped};
 use super::ranking;
+use super::state::State;
 use crate::identify::Geometry;
 use crate::identify::noise_bias::{REPEATS, measure, smoothed_stretches};
 use crate::identify::windows::evaluate_all;
@@ -89,7 +89,17 @@ fn model_with<'a>(state: &'a State, x: &DVector<f64>) -> (Vec<(&'a Variant, Vec<
     (model, x.rows(0, n).iter().copied().collect())
 }
 
-/// Ratio of the rows' residual power to what the sensors' noise alone gives, averaged over equations and frequencies.
+/// Power of the rows' residuals, by equation and frequency.
+pub(super) struct Power {
+    /// Ratio to what the sensors' noise alone gives, averaged over equations and frequencies.
+    pub(super) ratio: f64,
+    /// Mean square residual.
+    found: [Vec<f64>; 2],
+    /// What noise alone gives.
+    noise: [Vec<f64>; 2],
+}
+
+/// Power of the rows' residuals beside what the sensors' noise alone gives.
 pub(super) fn power(
     state: &State,
     design: &Design,
@@ -97,7 +107,7 @@ pub(super) fn power(
     x: &DVector<f64>,
     geometry: &Geometry,
     sigma: [f64; 2],
-) -> f64 {
+) -> Power {
     let (model, base) = model_with(state, x);
     let truth = smoothed_stretches(&state.segments, &geometry.kernels, &geometry.windows);
     let clean = design::residual(&state.context, &truth, geometry, &model, &base);
@@ -126,7 +136,53 @@ pub(super) fn power(
             }
         }
     }
-    if n > 0.0 { sum / n } else { f64::INFINITY }
+    for (noise, count) in noise.iter_mut().zip(&count) {
+        noise.iter_mut().zip(count).for_each(|(v, n)| *v /= f64::max(*n, 1.0));
+    }
+    Power { ratio: if n > 0.0 { sum / n } else { f64::INFINITY }, found, noise }
+}
+
+/// Adds a map of each equation's residual against frequency: rms over windows of the rows' residual at each frequency of the test functions, as the
+/// amplitude of an acceleration (times J_oi where that is known), and the frequencies at which it clearly exceeds noise.
+pub(super) fn add_frequencies(
+    maps: &mut Vec<Map>,
+    places: &mut Vec<Where>,
+    power: &Power,
+    geometry: &Geometry,
+    context: &super::effects::Context,
+) {
+    let step = 1.0 / geometry.windows.length_s;
+    let mut found = Vec::new();
+    for e in 0..2 {
+        let inertia = context.known.get(["J_o1", "J_o2"][e]).copied();
+        // A row is ∫ w Y dt of the non-dimensional equation; ∫ sin⁴(πu) over a window is 3/8 of its length, half of an amplitude at its frequency.
+        let scale = inertia.unwrap_or(1.0) * context.omega * context.omega / (0.375 * geometry.windows.length_s) * 2.0;
+        let unit = if inertia.is_some() { "N m" } else { "rad/s²" };
+        let mut bins = Vec::new();
+        for (m, (f, n)) in power.found[e].iter().zip(&power.noise[e]).enumerate() {
+            let (value, band) = (scale * f.sqrt(), scale * 1.96 * n.sqrt());
+            let at = m as f64 * step;
+            bins.push([at, value, band]);
+            if value > CLEARLY * band {
+                found.push(Where {
+                    equation: e + 1,
+                    against: "frequency".to_owned(),
+                    from: (at - 0.5 * step).max(0.0),
+                    to: at + 0.5 * step,
+                    value,
+                    band,
+                });
+            }
+        }
+        maps.push(Map {
+            equation: e + 1,
+            against: "frequency".to_owned(),
+            against_unit: "Hz",
+            unit: unit.to_owned(),
+            bins,
+        });
+    }
+    places.extend(merge(found).into_iter().take(4));
 }
 
 /// Series of both residuals and of all coordinates.

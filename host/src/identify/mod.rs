@@ -6,6 +6,7 @@
 pub mod energy_balance;
 pub mod harmonic_balance;
 pub mod identifiability;
+pub mod model_file;
 pub mod noise_bias;
 pub mod physical_parameters;
 pub mod presentation;
@@ -164,6 +165,11 @@ impl Identification {
     }
 }
 
+/// A damping of the nominal model by its `ID@PLACE`.
+pub fn damping(name: &str) -> Option<&'static Damping> {
+    DAMPINGS.iter().find(|d| d.id == name)
+}
+
 /// The nominal dampings of a rig.
 pub fn dampings(rig: &Rig) -> Result<Vec<&'static Damping>> {
     let names: Vec<&str> = match &rig.nominal {
@@ -172,7 +178,7 @@ pub fn dampings(rig: &Rig) -> Result<Vec<&'static Damping>> {
     };
     let mut out: Vec<&'static Damping> = Vec::new();
     for name in names {
-        let damping = DAMPINGS.iter().find(|d| d.id == name).ok_or_else(|| {
+        let damping = damping(name).ok_or_else(|| {
             let ids: Vec<&str> = DAMPINGS.iter().map(|d| d.id).collect();
             BadInput::new(format!("\"{name}\""), format!("one of {}", ids.join(", ")))
                 .in_file(&rig.path)

@@ -22,12 +22,12 @@ pub struct Damping {
     /// Names of its coefficients in the first and second equation.
     pub names: [Option<&'static str>; 2],
     /// Whether the coefficient is divided by Ω (viscous) or by Ω² (Coulomb).
-    viscous: bool,
+    pub(crate) viscous: bool,
 }
 
 impl Damping {
-    /// Whether its coefficient is divided by Ω (viscous) rather than by Ω² (Coulomb).
-    pub const fn is_viscous(&self) -> bool {
+    /// Whether its coefficients are divided by Ω (viscous) or by Ω² (Coulomb).
+    pub fn is_viscous(&self) -> bool {
         self.viscous
     }
 }

@@ -53,6 +53,39 @@ pub trait Dynamics: Sync {
         }
         true
     }
+
+    /// Where accelerations jump: weights of linear forms in the rates, n each, on whose signs they depend (dry friction: a
+    /// joint's relative velocity). An integrator holds the signs between the zeros of these forms. None by default.
+    fn switches(&self) -> &[Vec<f64>] {
+        &[]
+    }
+
+    /// [`Dynamics::acceleration`] with the signs of [`Dynamics::switches`] given instead of taken from the rates: in [−1, 1],
+    /// and linear in each, so that a value between stands for sticking. A system with switches overrides this.
+    fn acceleration_held(
+        &self,
+        parameters: &[f64],
+        q: &[f64],
+        v: &[f64],
+        at: &Instant<'_>,
+        _signs: &[f64],
+        out: &mut [f64],
+    ) -> bool {
+        self.acceleration(parameters, q, v, at, out)
+    }
+
+    /// [`Dynamics::partials`] with the signs held. A system with switches overrides this.
+    fn partials_held(
+        &self,
+        parameters: &[f64],
+        q: &[f64],
+        v: &[f64],
+        at: &Instant<'_>,
+        _signs: &[f64],
+        out: &mut [f64],
+    ) -> bool {
+        self.partials(parameters, q, v, at, out)
+    }
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! Equations of motion in the form that identification uses: linear in their unknown coefficients.
 
 pub mod double_pendulum;
+pub mod double_pendulum_dynamics;
 pub mod dynamics;
+pub mod identified;
 pub mod single_pendulum;
 pub mod weak;
 

@@ -20,6 +20,6 @@ pub const EFFECT: Effect = Effect {
         let (b, [start, _]) = (c.b, c.span_s);
         let column = both(move |i, s| TAU * (s.time - start) * s.sin[i] * (b[i][3] * s.cos_tau - b[i][2] * s.sin_tau));
         let action = Action::Runaway(column);
-        vec![Variant { shape: Vec::new(), action, compose: Compose::Single, scale: Scale::Plain(1.0) }]
+        vec![Variant { shape: Vec::new(), action, compose: Compose::Single, scale: Scale::Plain(1.0), refine: None }]
     },
 };

@@ -28,6 +28,7 @@ pub const EFFECT: Effect = Effect {
             action: Action::Force(vec![column]),
             compose: Compose::Single,
             scale: Scale::Plain(scale),
+            refine: None,
         }]
     },
 };

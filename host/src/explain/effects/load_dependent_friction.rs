@@ -40,6 +40,7 @@ pub const EFFECT: Effect = Effect {
             action: Action::Force(vec![column]),
             compose: Compose::Single,
             scale: Scale::Plain(1.0),
+            refine: None,
         }]
     },
 };

@@ -8,6 +8,7 @@
 mod amplitude_dependent_damping;
 mod amplitude_drift;
 mod asymmetric_friction;
+mod backlash;
 mod channel_delay;
 mod cogging;
 mod constant_force;
@@ -45,6 +46,7 @@ pub static EFFECTS: &[Effect] = &[
     torsion_spring::EFFECT,
     cubic_stiffness::EFFECT,
     quadratic_stiffness::EFFECT,
+    backlash::EFFECT,
     cogging::EFFECT,
     amplitude_dependent_damping::EFFECT,
     imbalance::EFFECT,
@@ -156,6 +158,11 @@ pub enum Compose {
     AmplitudePhase(&'static str),
     /// Two strengths: the value and the named parameter.
     Components(&'static str),
+    /// The value is the form's first parameter; the strength is the named torque coefficient.
+    Shape {
+        /// Name of the torque coefficient.
+        torque: &'static str,
+    },
 }
 
 /// What turns a strength into the value's unit.
@@ -178,6 +185,20 @@ pub struct Variant {
     pub compose: Compose,
     /// How a strength is scaled.
     pub scale: Scale,
+    /// Makes the form at another value of its first parameter s, with a second strength k·δs that multiplies the
+    /// derivative of the first's column with respect to s.
+    pub refine: Option<Refine>,
+}
+
+/// See [`Variant::refine`].
+pub type Refine = fn(&Context, Place, f64) -> Variant;
+
+impl Variant {
+    /// A form whose first parameter can be refined by Gauss–Newton steps.
+    #[must_use]
+    pub fn refined_by(self, refine: Refine) -> Self {
+        Self { refine: Some(refine), ..self }
+    }
 }
 
 /// What an effect of strength one adds to the sensors' angles (rad), from the angles and rates that they show and the time.
@@ -285,7 +306,7 @@ pub fn joint_effect(
 
 /// A variant whose strengths are torques over J_o2.
 pub fn torque(columns: Vec<[Option<Series>; 2]>, shape: Vec<(&'static str, f64)>, compose: Compose) -> Variant {
-    Variant { shape, action: Action::Force(columns), compose, scale: Scale::Torque }
+    Variant { shape, action: Action::Force(columns), compose, scale: Scale::Torque, refine: None }
 }
 
 /// A pair of terms, one for each equation, from one function of the equation's index.
@@ -296,12 +317,12 @@ pub fn both(f: impl Fn(usize, &Sample) -> f64 + Send + Sync + Clone + 'static) -
 
 /// A variant whose strengths are in the value's own unit.
 pub fn plain(columns: Vec<[Option<Series>; 2]>, compose: Compose) -> Vec<Variant> {
-    vec![Variant { shape: Vec::new(), action: Action::Force(columns), compose, scale: Scale::Plain(1.0) }]
+    vec![Variant { shape: Vec::new(), action: Action::Force(columns), compose, scale: Scale::Plain(1.0), refine: None }]
 }
 
 /// A variant that acts on the sensors.
 pub fn sensor(laws: Vec<SensorLaw>, compose: Compose) -> Vec<Variant> {
-    vec![Variant { shape: Vec::new(), action: Action::Sensor(laws), compose, scale: Scale::Plain(1.0) }]
+    vec![Variant { shape: Vec::new(), action: Action::Sensor(laws), compose, scale: Scale::Plain(1.0), refine: None }]
 }
 
 /// Index of the sensor at an encoder.

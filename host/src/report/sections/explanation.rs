@@ -1,6 +1,7 @@
 //! An explanation: verdict, effects, the gap before and after, what each candidate explains, where the disagreement sits.
 
 use crate::explain::residual_map::Map;
+use crate::explain::unknown::Unknown;
 use crate::explain::{Explanation, Found, Ranked, Verdict};
 use crate::report::figures::Figure;
 use crate::report::figures::axis::Axis;
@@ -59,6 +60,7 @@ fn one(body: &mut Html, e: &Explanation) {
         let head = |t: &str| (Html::text(t), Align::Right);
         body.table(&[head("horizon / s"), head("gap before"), head("gap after")], &rows);
     }
+    forecasts(body, e);
     let first: Vec<&Ranked> = e.ranking.iter().filter(|r| r.step == 0 && r.gain > 0.0).take(8).collect();
     if !first.is_empty() {
         let numbered: Vec<Bar> =
@@ -85,6 +87,9 @@ fn one(body: &mut Html, e: &Explanation) {
         ];
         body.table(&heads, &rows);
     }
+    if let Some(u) = &e.unknown {
+        unknown(body, u);
+    }
     let panels: Vec<Panel> = e.maps.iter().map(map).collect();
     if !panels.is_empty() {
         let layout = Layout { columns: 2, height: 150.0, ..Layout::default() };
@@ -94,6 +99,57 @@ fn one(body: &mut Html, e: &Explanation) {
             &panels,
         ));
     }
+}
+
+/// Errors of forecasts in degrees, a column for each horizon.
+fn forecasts(body: &mut Html, e: &Explanation) {
+    let Some(first) = e.gap.forecasts.first() else { return };
+    body.paragraph(
+        "Rms error of predictions of the record's last 30 % by models fitted to the first 70 %, initial states fitted to each window:",
+    );
+    let mut heads = vec![(Html::text("model"), Align::Left)];
+    heads.extend(
+        e.gap
+            .forecasts
+            .iter()
+            .map(|f| (Html::text(&format!("over {} s / °", significant(f.horizon_s, 4))), Align::Right)),
+    );
+    let rows: Vec<Vec<Html>> = (0..first.steps.len())
+        .map(|i| {
+            let name = match &first.steps[i].added {
+                Some(name) if name == "refit" => name.clone(),
+                Some(name) => format!("+ {name}"),
+                None => "nominal".to_owned(),
+            };
+            let values = e.gap.forecasts.iter().filter_map(|f| f.steps.get(i)).map(|s| significant(s.value, 3));
+            core::iter::once(name).chain(values).map(|t| Html::text(&t)).collect()
+        })
+        .collect();
+    body.table(&heads, &rows);
+}
+
+/// Shape of what has no name.
+fn unknown(body: &mut Html, u: &Unknown) {
+    let label = format!("{} / {}", u.against, u.against_unit);
+    let axis = if u.against_unit == "rad" { Axis::angle(label) } else { Axis::linear(label) };
+    let mut panel = Panel::new(format!("torque at {}", u.at), axis, Axis::linear(format!("torque / {}", u.unit)));
+    let x: Vec<f64> = u.points.iter().map(|p| p[0]).collect();
+    for (name, sign) in [("95 % band", -1.0), ("", 1.0)] {
+        let edge = u.points.iter().map(|p| p[1] + sign * p[2]).collect();
+        panel.series.push(Series::new(name, Shape::Line, x.clone(), edge).colour(1));
+    }
+    panel.series.push(Series::new("torque", Shape::BigDots, x, u.points.iter().map(|p| p[1]).collect()).colour(0));
+    panel.rules.push(Rule { vertical: false, at: 0.0, label: String::new() });
+    body.figure(&Figure::draw(
+        &format!(
+            "What is left and has no name, drawn as the function that takes away most of it: a torque at {} against the {}. It takes away {} of the held-out residual.",
+            u.at,
+            u.against,
+            percent(u.held_out_gain, 2)
+        ),
+        &Layout { columns: 1, height: 220.0, ..Layout::default() },
+        &[panel],
+    ));
 }
 
 fn effects(body: &mut Html, found: &[Found]) {

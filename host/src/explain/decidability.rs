@@ -1,0 +1,90 @@
+//! Whether a record can decide at all, and the verdict.
+
+use super::comparison::Comparison;
+use super::explanation::{Explanation, Verdict};
+use crate::identify::Identification;
+use crate::inspect::InspectSettings;
+use crate::inspect::motion;
+use crate::inspect::periodicity::{Kind, periodicity};
+use crate::record::Record;
+use crate::rig::Rig;
+
+/// Gap (in noise floors) up to which a model counts as explaining the record.
+const EXPLAINED_GAP: f64 = 1.3;
+/// Ratio of residual to noise power in the rows up to which nothing counts as left.
+const EXPLAINED_POWER: f64 = 2.0;
+/// Horizons of the gap that count for the verdict, in units of the shortest: chaos makes longer ones show weaker effects.
+const VERDICT_HORIZONS: f64 = 4.5;
+/// Fewest whole windows for a decision: fewer leave the jackknife and the folds too little.
+const FEWEST_BLOCKS: usize = 9;
+
+/// Share of a record that must repeat for its motion to count as locked.
+const LOCKED_SHARE: f64 = 0.5;
+/// Condition number of an equation's columns from which its coefficients are hardly separable.
+const WORST_CONDITION: f64 = 100.0;
+
+/// Why this record cannot decide, if it cannot.
+pub(super) fn undecidable(
+    records: &[Record],
+    rig: &Rig,
+    first: &Identification,
+    comparison: &Comparison<'_>,
+) -> Option<String> {
+    let window_s = comparison.geometry.windows.length_s;
+    let blocks: usize = comparison.raw.iter().map(|s| (s.len() as f64 * s.step_s / window_s) as usize).sum();
+    if !records.is_empty() && records.iter().all(|r| locked(r, rig)) {
+        return Some("the motion repeats (locked to the drive): one orbit cannot tell effects apart. Change the drive until the motion is chaotic".to_owned());
+    }
+    if blocks < FEWEST_BLOCKS || comparison.held_out.is_empty() {
+        return Some(format!(
+            "{blocks} windows of {window_s} s are too few to hold some back: record at least {} s",
+            window_s * (FEWEST_BLOCKS + 1) as f64
+        ));
+    }
+    if first.details.condition.iter().any(|k| *k > WORST_CONDITION) {
+        return Some("the motion does not visit enough of the state space: the nominal coefficients themselves are hardly separable".to_owned());
+    }
+    None
+}
+
+/// Whether most of a record repeats. It is the motion that is looked at, not the residuals: those of a wrong model repeat wherever the motion
+/// comes back near an earlier state.
+fn locked(record: &Record, rig: &Rig) -> bool {
+    let Some(drive) = rig.drive else { return false };
+    let motions = motion::motions(record);
+    let longest = record.segments.iter().enumerate().max_by_key(|(_, s)| s.len());
+    let Some((index, segment)) = longest else { return false };
+    let rate = record.sample_rate_hz;
+    let tolerance = InspectSettings::default().period_tolerance;
+    let found = periodicity(&motions, index, Some(rate / drive.frequency_hz), rate, tolerance);
+    match found.kind {
+        Kind::AtRest | Kind::Periodic => true,
+        Kind::LocksLater => {
+            let length = segment.len() as f64 / rate;
+            found.locked_after_s.is_some_and(|after| after < (1.0 - LOCKED_SHARE) * length)
+        }
+        Kind::ChaoticOrTransient | Kind::Free => false,
+    }
+}
+
+/// The verdict and its reason from everything that was measured.
+pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>) {
+    let gap = result.gap.steps.last().map_or(f64::NAN, |s| s.value);
+    let power = result.residual_power[1];
+    let horizon_s = result.gap.horizon_s;
+    let far =
+        result.gap.horizons.iter().filter(|h| h.0 <= VERDICT_HORIZONS * horizon_s).map(|h| h.2).fold(0.0, f64::max);
+    let left = gap > EXPLAINED_GAP || far > EXPLAINED_GAP || power > EXPLAINED_POWER;
+    let noise = format!(
+        "what is left has {power:.2} times the power that the sensors' noise gives, and predictions over {horizon_s:.3} s miss by {gap:.2} noise floors"
+    );
+    (result.verdict, result.reason) = match (undecidable, left, result.effects.is_empty()) {
+        (Some(reason), ..) => {
+            result.effects.clear();
+            (Verdict::NotDecidable, reason)
+        }
+        (None, true, _) => (Verdict::Unexplained, format!("{noise}; no effect of the list accounts for it")),
+        (None, false, true) => (Verdict::NothingMissing, noise),
+        (None, false, false) => (Verdict::Explained, noise),
+    };
+}

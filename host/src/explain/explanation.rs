@@ -1,0 +1,209 @@
+//! What an explanation says: verdict, effects, gap, places, parameters.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::comparison::Measured;
+use super::residual_map;
+use super::unknown::Unknown;
+use crate::identify::Parameter;
+use crate::model::identified::{AddedEffect, IdentifiedModel};
+use crate::warning::Warning;
+
+/// The verdict.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// The nominal model leaves nothing but the sensors' noise, and no effect improves it.
+    NothingMissing,
+    /// With the named effects nothing but noise is left.
+    Explained,
+    /// A disagreement above the noise is left that no named effect accounts for.
+    Unexplained,
+    /// This record could not show most effects.
+    NotDecidable,
+}
+
+/// An effect that was added.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Found {
+    /// Effect.
+    pub id: String,
+    /// Place.
+    pub at: String,
+    /// Value.
+    pub value: f64,
+    /// Standard error.
+    pub std_error: f64,
+    /// Unit of both.
+    pub unit: String,
+    /// What it adds.
+    pub equation: String,
+    /// Parameters beyond the value.
+    pub parameters: BTreeMap<String, f64>,
+    /// Effects that held-out data do not tell from it, `ID@PLACE`.
+    pub indistinguishable_from: Vec<String>,
+    /// Probability of so large a strength by chance.
+    pub p_value: f64,
+    /// Share of the held-out weighted residual power that it took away.
+    pub held_out_gain: f64,
+    /// The next best candidate and its share, for the audit.
+    pub runner_up: Option<(String, f64)>,
+    /// The laboratory test that would confirm it.
+    pub confirm: String,
+    /// Strengths as they enter the equations.
+    #[serde(skip)]
+    pub strengths: Vec<f64>,
+}
+
+/// One step of the gap.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Step {
+    /// What was added; none for the nominal model.
+    pub added: Option<String>,
+    /// The gap.
+    pub value: f64,
+}
+
+/// The gap before and after each step.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Gap {
+    /// `noise floors`.
+    pub unit: &'static str,
+    /// 1.
+    pub floor: f64,
+    /// Horizon, s.
+    pub horizon_s: f64,
+    /// The steps.
+    pub steps: Vec<Step>,
+    /// The same at longer horizons: horizon in s, gap before, gap after.
+    pub horizons: Vec<(f64, f64, f64)>,
+    /// Predictions of the record's last 30 % by models fitted to the first 70 %.
+    pub forecasts: Vec<Forecast>,
+}
+
+impl Gap {
+    /// Takes over what was measured after a step.
+    pub(super) fn push(&mut self, added: Option<String>, measured: &Measured) {
+        self.steps.push(Step { added: added.clone(), value: measured.gap });
+        if self.forecasts.is_empty() {
+            self.forecasts = measured
+                .forecasts
+                .iter()
+                .map(|f| Forecast { horizon_s: f.0, unit: "deg", steps: Vec::new() })
+                .collect();
+        }
+        for (forecast, (_, value)) in self.forecasts.iter_mut().zip(&measured.forecasts) {
+            forecast.steps.push(Step { added: added.clone(), value: *value });
+        }
+    }
+}
+
+/// Rms error of predictions over a horizon on the record's last 30 %, after fitting the first 70 %; initial states are fitted to each window.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Forecast {
+    /// Horizon, s.
+    pub horizon_s: f64,
+    /// Unit of the values.
+    pub unit: &'static str,
+    /// The same steps as the gap's.
+    pub steps: Vec<Step>,
+}
+
+/// How the numbers came about.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Details {
+    /// Samples used.
+    pub samples: usize,
+    /// Length of a window, s.
+    pub window_s: f64,
+    /// Highest frequency of the test functions, Hz.
+    pub max_frequency_hz: f64,
+    /// Pass band of the low-pass, Hz.
+    pub pass_hz: f64,
+    /// Standard deviation of each sensor's noise, rad.
+    pub noise_rad: [f64; 2],
+    /// Probability of naming anything where nothing is missing.
+    pub family_wise: f64,
+    /// Folds of the cross-validation.
+    pub folds: usize,
+}
+
+/// A candidate's score in the first step, for the ranking's figure.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Ranked {
+    /// `ID@PLACE`.
+    pub name: String,
+    /// Share of the held-out weighted residual power that it takes away.
+    pub gain: f64,
+    /// Probability by chance.
+    pub p_value: f64,
+    /// Step in which it was judged.
+    pub step: usize,
+}
+
+/// Result.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Explanation {
+    /// Verdict.
+    pub verdict: Verdict,
+    /// Why.
+    pub reason: String,
+    /// Effects in the order in which they were added.
+    pub effects: Vec<Found>,
+    /// The gap.
+    pub gap: Gap,
+    /// Where the disagreement sits.
+    pub r#where: Vec<residual_map::Where>,
+    /// Parameters of the model with its effects.
+    pub parameters: Vec<Parameter>,
+    /// Ratio of residual to noise power in the rows, before and after.
+    pub residual_power: [f64; 2],
+    /// Best candidates of each step.
+    pub ranking: Vec<Ranked>,
+    /// Residual maps, for the figures.
+    pub maps: Vec<residual_map::Map>,
+    /// Shape of what is left, where it has no name.
+    pub unknown: Option<Unknown>,
+    /// How the numbers came about.
+    pub details: Details,
+    /// Effects of the model that was given, refitted.
+    #[serde(skip)]
+    pub given: Vec<AddedEffect>,
+    /// The model with its effects, for its file.
+    #[serde(skip)]
+    pub model: Option<IdentifiedModel>,
+    /// Things noticed.
+    pub warnings: Vec<Warning>,
+}
+
+impl Explanation {
+    /// Nothing known yet.
+    pub(super) fn new(horizon_s: f64, warnings: Vec<Warning>) -> Self {
+        let gap = Gap {
+            unit: "noise floors",
+            floor: 1.0,
+            horizon_s,
+            steps: Vec::new(),
+            horizons: Vec::new(),
+            forecasts: Vec::new(),
+        };
+        Self {
+            verdict: Verdict::NotDecidable,
+            reason: String::new(),
+            effects: Vec::new(),
+            gap,
+            r#where: Vec::new(),
+            parameters: Vec::new(),
+            residual_power: [f64::NAN; 2],
+            ranking: Vec::new(),
+            maps: Vec::new(),
+            unknown: None,
+            details: Details::default(),
+            given: Vec::new(),
+            model: None,
+            warnings,
+        }
+    }
+}

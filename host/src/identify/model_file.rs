@@ -1,0 +1,111 @@
+//! An identification as a model file (`identify -o`), and a model file as equations that can be integrated.
+
+use core::f64::consts::TAU;
+
+use super::{Identification, Parameter};
+use crate::error::{BadInput, Result};
+use crate::model::double_pendulum::{DAMPINGS, Damping};
+use crate::model::double_pendulum_dynamics::DoublePendulum;
+use crate::model::identified::{IdentifiedModel, System};
+use crate::rig::Rig;
+
+/// The identified coefficients as a model file; derived and physical parameters stay with the identification.
+///
+/// # Errors
+/// A nominal damping that there is not.
+pub fn identified_model(result: &Identification, rig: &Rig) -> Result<IdentifiedModel> {
+    let found = result.correlation_names.iter().filter_map(|n| result.parameter(n)).cloned();
+    // What a harmonic balance took as known belongs to the model all the same.
+    let known = result.balance.iter().flat_map(|b| &b.settings.known).map(|(name, value)| Parameter {
+        name: name.clone(),
+        value: *value,
+        std_error: 0.0,
+        unit: "1".to_owned(),
+    });
+    let coefficients = found.chain(known);
+    Ok(IdentifiedModel {
+        name: rig.name.clone(),
+        system: System::BuiltIn(result.model.clone()),
+        method: result.method.clone(),
+        drive_frequency_hz: rig.drive.map(|d| d.frequency_hz),
+        nominal: super::system::System::of(rig)?.nominal(),
+        parameters: coefficients.collect(),
+        effects: Vec::new(),
+    })
+}
+
+/// The double pendulum of a model file, without its effects: the equations and their parameters in the equations' order.
+///
+/// # Errors
+/// Another model, a damping that there is not, a parameter that is missing or does not belong to the equations. Without the file's name.
+pub fn double_pendulum(model: &IdentifiedModel) -> Result<(DoublePendulum, Vec<f64>)> {
+    match &model.system {
+        System::BuiltIn(id) if id == "double-pendulum" => {}
+        System::BuiltIn(id) => {
+            return Err(BadInput::new(format!("\"{id}\""), "\"double-pendulum\"").at("model"));
+        }
+        System::Own(_) => {
+            return Err(BadInput::new("a system of one's own", "model = \"double-pendulum\"").at("model"));
+        }
+    }
+    let mut used: Vec<&Damping> = Vec::new();
+    for id in &model.nominal {
+        let damping = DAMPINGS.iter().find(|d| d.id == id).ok_or_else(|| {
+            let ids: Vec<&str> = DAMPINGS.iter().map(|d| d.id).collect();
+            BadInput::new(format!("\"{id}\""), format!("one of {}", ids.join(", "))).at("nominal")
+        })?;
+        if used.contains(&damping) {
+            return Err(BadInput::new(format!("\"{id}\" a second time"), "each damping once").at("nominal"));
+        }
+        used.push(damping);
+    }
+    let omega = model.drive_frequency_hz.map_or(1.0, |f| TAU * f);
+    let equations = DoublePendulum::new(omega, model.drive_frequency_hz.is_some(), &used);
+    if let Some(p) = model.parameters.iter().find(|p| !equations.names().contains(&p.name)) {
+        return Err(BadInput::new("a parameter that the equations do not have", equations.names().join(", "))
+            .at(format!("parameters.{}", p.name)));
+    }
+    let values = equations
+        .names()
+        .iter()
+        .map(|name| {
+            model.parameter(name).map(|p| p.value).ok_or_else(|| {
+                BadInput::new(format!("no {name}"), equations.names().join(", ")).at(format!("parameters.{name}"))
+            })
+        })
+        .collect::<Result<_>>()?;
+    Ok((equations, values))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_are_found_by_name_and_the_wrong_ones_are_named() {
+        let names = ["C2", "B11", "B12", "B21", "B22", "C12"];
+        let parameters = names
+            .iter()
+            .enumerate()
+            .map(|(i, n)| Parameter { name: (*n).into(), value: i as f64, std_error: 0.0, unit: "1".into() })
+            .collect();
+        let mut m = IdentifiedModel {
+            name: String::new(),
+            system: System::BuiltIn("double-pendulum".into()),
+            method: "weak".into(),
+            drive_frequency_hz: None,
+            nominal: vec!["viscous-friction@joint2".into()],
+            parameters,
+            effects: vec![],
+        };
+        let (equations, values) = double_pendulum(&m).unwrap();
+        assert_eq!(equations.names(), ["B11", "B12", "C12", "B21", "B22", "C2"]);
+        assert_eq!(values, [1.0, 2.0, 5.0, 3.0, 4.0, 0.0]);
+        m.parameters[1].name = "B13".into();
+        assert!(double_pendulum(&m).unwrap_err().to_string().starts_with("parameters.B13"));
+        m.parameters.remove(1);
+        assert!(double_pendulum(&m).unwrap_err().to_string().starts_with("parameters.B11"));
+        m.nominal.push("rust@joint1".into());
+        assert!(double_pendulum(&m).unwrap_err().to_string().contains("rust@joint1"));
+    }
+}

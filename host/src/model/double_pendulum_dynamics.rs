@@ -1,0 +1,343 @@
+//! The double pendulum as equations that can be integrated, with analytic partial derivatives.
+//!
+//! (3.4) in time: with s_i the sign of joint i's relative velocity, Δ = φ2 − φ1, c = cos Δ,
+//!
+//! φ̈1 + B11 c φ̈2 = B11 φ̇2² sin Δ − Ω² (B12 + B13 cos τ + B14 sin τ) sin φ1 − Ω² C11 s1 + Ω C12 (φ̇2 − φ̇1) − Ω C13 φ̇1 + Ω² C14 s2
+//!
+//! B21 c φ̈1 + φ̈2 = −B21 φ̇1² sin Δ − Ω² (B22 + B23 cos τ + B24 sin τ) sin φ2 − Ω C2 (φ̇2 − φ̇1) − Ω² C4 s2
+//!
+//! Coordinates φ1, φ2 (rad, absolute); parameters in the order of the weak model: B11 B12 [B13 B14], dampings of the first
+//! equation, B21 B22 [B23 B24], dampings of the second. With M a = r, ∂a = M⁻¹ (∂r − ∂M a).
+//!
+//! Limits: no accelerations where B11 B21 cos² Δ ≥ 1, which no two rigid arms have.
+
+use super::double_pendulum::{Damping, weak_model};
+use super::dynamics::{Dynamics, Instant};
+
+/// What a parameter multiplies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Role {
+    /// Coupling B_i1.
+    Coupling,
+    /// Gravity B_i2.
+    Gravity,
+    /// Base motion, cosine B_i3.
+    Cosine,
+    /// Base motion, sine B_i4.
+    Sine,
+    /// Viscous friction of a joint (0 or 1).
+    Viscous(usize),
+    /// Coulomb friction of a joint (0 or 1).
+    Coulomb(usize),
+}
+
+/// The double pendulum's equations of motion.
+#[derive(Clone, Debug)]
+pub struct DoublePendulum {
+    omega: f64,
+    /// Equation and role of each parameter.
+    roles: Vec<(usize, Role)>,
+    names: Vec<String>,
+    units: Vec<&'static str>,
+    switches: Vec<Vec<f64>>,
+    /// Joint of each switch.
+    joints: Vec<usize>,
+}
+
+/// Velocities, sines and cosines at a state.
+struct State {
+    sin: [f64; 2],
+    cos: [f64; 2],
+    sin_delta: f64,
+    cos_delta: f64,
+    cos_tau: f64,
+    sin_tau: f64,
+    v: [f64; 2],
+    /// Signs of the joints' relative velocities.
+    signs: [f64; 2],
+}
+
+/// Mass matrix' off-diagonal terms, right-hand side, determinant.
+struct System {
+    m: [f64; 2],
+    right: [f64; 2],
+    determinant: f64,
+}
+
+impl System {
+    fn solve(&self, r: [f64; 2]) -> [f64; 2] {
+        [(r[0] - self.m[0] * r[1]) / self.determinant, (r[1] - self.m[1] * r[0]) / self.determinant]
+    }
+}
+
+fn sign(x: f64) -> f64 {
+    if x > 0.0 {
+        1.0
+    } else if x < 0.0 {
+        -1.0
+    } else {
+        0.0
+    }
+}
+
+impl DoublePendulum {
+    /// The equations at angular frequency `omega` (rad/s; 1 for a free system, `driven` false then) with these dampings.
+    pub fn new(omega: f64, driven: bool, dampings: &[&Damping]) -> Self {
+        let model = weak_model(omega, driven, dampings);
+        let mut roles = Vec::new();
+        let (mut names, mut units) = (Vec::new(), Vec::new());
+        for (i, equation) in model.equations.iter().enumerate() {
+            for term in &equation.terms {
+                let damping = dampings.iter().find(|d| d.names[i] == Some(term.name.as_str()));
+                let role = match (damping, term.name.as_bytes().last()) {
+                    (Some(d), _) => {
+                        let joint = usize::from(d.id.ends_with("joint2"));
+                        if d.viscous { Role::Viscous(joint) } else { Role::Coulomb(joint) }
+                    }
+                    (None, Some(b'1')) => Role::Coupling,
+                    (None, Some(b'2')) => Role::Gravity,
+                    (None, Some(b'3')) => Role::Cosine,
+                    (None, _) => Role::Sine,
+                };
+                roles.push((i, role));
+                names.push(term.name.clone());
+                units.push(term.unit);
+            }
+        }
+        let joints: Vec<usize> = (0..2).filter(|j| roles.iter().any(|r| r.1 == Role::Coulomb(*j))).collect();
+        let switches = joints.iter().map(|j| if *j == 0 { vec![1.0, 0.0] } else { vec![-1.0, 1.0] }).collect();
+        Self { omega, roles, names, units, switches, joints }
+    }
+
+    /// Names of the parameters.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// Units of the parameters.
+    pub fn units(&self) -> &[&'static str] {
+        &self.units
+    }
+
+    /// Angular frequency Ω of the drive, rad/s; 1 for a free system.
+    pub fn omega(&self) -> f64 {
+        self.omega
+    }
+
+    fn state(q: &[f64], v: &[f64], at: &Instant<'_>, signs: [f64; 2]) -> State {
+        let ((sin1, cos1), (sin2, cos2)) = (q[0].sin_cos(), q[1].sin_cos());
+        let (sin_tau, cos_tau) = at.tau.sin_cos();
+        State {
+            sin: [sin1, sin2],
+            cos: [cos1, cos2],
+            sin_delta: sin2 * cos1 - cos2 * sin1,
+            cos_delta: cos2 * cos1 + sin2 * sin1,
+            cos_tau,
+            sin_tau,
+            v: [v[0], v[1]],
+            signs,
+        }
+    }
+
+    fn signs_of(v: &[f64]) -> [f64; 2] {
+        [sign(v[0]), sign(v[1] - v[0])]
+    }
+
+    fn held(&self, given: &[f64]) -> [f64; 2] {
+        let mut out = [0.0; 2];
+        for (j, s) in self.joints.iter().zip(given) {
+            out[*j] = *s;
+        }
+        out
+    }
+
+    /// ∂r/∂p of a parameter other than a coupling, as it enters its own equation.
+    #[inline]
+    fn column(&self, s: &State, equation: usize, role: Role) -> f64 {
+        let (first, second) = (self.omega, self.omega * self.omega);
+        // A torque in joint 2 acts on both arms with opposite signs.
+        let direction = |joint: usize| if joint == 1 && equation == 0 { 1.0 } else { -1.0 };
+        match role {
+            Role::Coupling => {
+                if equation == 0 {
+                    s.v[1] * s.v[1] * s.sin_delta
+                } else {
+                    -s.v[0] * s.v[0] * s.sin_delta
+                }
+            }
+            Role::Gravity => -second * s.sin[equation],
+            Role::Cosine => -second * s.sin[equation] * s.cos_tau,
+            Role::Sine => -second * s.sin[equation] * s.sin_tau,
+            Role::Viscous(j) => direction(j) * first * if j == 0 { s.v[0] } else { s.v[1] - s.v[0] },
+            Role::Coulomb(j) => direction(j) * second * s.signs[j],
+        }
+    }
+
+    fn system(&self, p: &[f64], s: &State) -> Option<System> {
+        let mut right = [0.0; 2];
+        let mut m = [0.0; 2];
+        for ((i, role), p) in self.roles.iter().zip(p) {
+            right[*i] += p * self.column(s, *i, *role);
+            if *role == Role::Coupling {
+                m[*i] = p * s.cos_delta;
+            }
+        }
+        let determinant = 1.0 - m[0] * m[1];
+        (determinant > 0.0).then_some(System { m, right, determinant })
+    }
+
+    fn evaluate(&self, p: &[f64], s: &State, out: &mut [f64]) -> bool {
+        let Some(system) = self.system(p, s) else { return false };
+        out[..2].copy_from_slice(&system.solve(system.right));
+        out[0].is_finite() && out[1].is_finite()
+    }
+
+    fn derivatives(&self, p: &[f64], s: &State, out: &mut [f64]) -> bool {
+        let Some(system) = self.system(p, s) else { return false };
+        let a = system.solve(system.right);
+        let (first, second) = (self.omega, self.omega * self.omega);
+        let width = 4 + self.roles.len();
+        // ∂r − ∂M a for each state, both equations.
+        let mut by_state = [[0.0; 2]; 4];
+        for (k, ((i, role), p)) in self.roles.iter().zip(p).enumerate() {
+            let i = *i;
+            let other = 1 - i;
+            let mut own = self.column(s, i, *role);
+            match role {
+                Role::Coupling => {
+                    own -= s.cos_delta * a[other];
+                    let square = s.v[other] * s.v[other];
+                    let side = if i == 0 { 1.0 } else { -1.0 };
+                    // ∂Δ = −1 for φ1, +1 for φ2; ∂cos Δ = −sin Δ ∂Δ.
+                    let by_delta = p * (side * square * s.cos_delta + s.sin_delta * a[other]);
+                    by_state[0][i] -= by_delta;
+                    by_state[1][i] += by_delta;
+                    by_state[2 + other][i] += p * side * 2.0 * s.v[other] * s.sin_delta;
+                }
+                Role::Gravity => by_state[i][i] -= p * second * s.cos[i],
+                Role::Cosine => by_state[i][i] -= p * second * s.cos[i] * s.cos_tau,
+                Role::Sine => by_state[i][i] -= p * second * s.cos[i] * s.sin_tau,
+                Role::Viscous(0) => by_state[2][i] -= p * first,
+                Role::Viscous(_) => {
+                    let direction = if i == 0 { 1.0 } else { -1.0 };
+                    by_state[2][i] -= direction * p * first;
+                    by_state[3][i] += direction * p * first;
+                }
+                Role::Coulomb(_) => {}
+            }
+            let solved = system.solve(if i == 0 { [own, 0.0] } else { [0.0, own] });
+            out[4 + k] = solved[0];
+            out[width + 4 + k] = solved[1];
+        }
+        for (k, r) in by_state.into_iter().enumerate() {
+            let solved = system.solve(r);
+            out[k] = solved[0];
+            out[width + k] = solved[1];
+        }
+        a[0].is_finite() && a[1].is_finite()
+    }
+}
+
+impl Dynamics for DoublePendulum {
+    fn degrees_of_freedom(&self) -> usize {
+        2
+    }
+
+    fn parameter_count(&self) -> usize {
+        self.roles.len()
+    }
+
+    fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+        self.evaluate(p, &Self::state(q, v, at, Self::signs_of(v)), out)
+    }
+
+    fn partials(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+        self.derivatives(p, &Self::state(q, v, at, Self::signs_of(v)), out)
+    }
+
+    fn switches(&self) -> &[Vec<f64>] {
+        &self.switches
+    }
+
+    fn acceleration_held(
+        &self,
+        p: &[f64],
+        q: &[f64],
+        v: &[f64],
+        at: &Instant<'_>,
+        signs: &[f64],
+        out: &mut [f64],
+    ) -> bool {
+        self.evaluate(p, &Self::state(q, v, at, self.held(signs)), out)
+    }
+
+    fn partials_held(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, signs: &[f64], out: &mut [f64]) -> bool {
+        self.derivatives(p, &Self::state(q, v, at, self.held(signs)), out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::double_pendulum::DAMPINGS;
+    use super::*;
+
+    /// The trait's own differences, from the analytic accelerations.
+    struct Differences<'a>(&'a DoublePendulum);
+
+    impl Dynamics for Differences<'_> {
+        fn degrees_of_freedom(&self) -> usize {
+            2
+        }
+        fn parameter_count(&self) -> usize {
+            self.0.parameter_count()
+        }
+        fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+            self.0.acceleration(p, q, v, at, out)
+        }
+    }
+
+    #[test]
+    fn partials_agree_with_differences() {
+        let all: Vec<&Damping> = DAMPINGS.iter().collect();
+        for (omega, driven) in [(31.4, true), (1.0, false)] {
+            let d = DoublePendulum::new(omega, driven, &all);
+            let p: Vec<f64> = (0..d.parameter_count()).map(|k| 0.1 + 0.03 * k as f64).collect();
+            let at = Instant { time: 0.0, tau: 0.7, inputs: &[] };
+            for (q, v) in [([0.3, 2.0], [1.5, -4.0]), ([-2.0, 7.0], [-3.0, 20.0])] {
+                let n = 2 * (4 + p.len());
+                let (mut exact, mut near) = (vec![0.0; n], vec![0.0; n]);
+                assert!(d.partials(&p, &q, &v, &at, &mut exact));
+                assert!(Differences(&d).partials(&p, &q, &v, &at, &mut near));
+                for (a, b) in exact.iter().zip(&near) {
+                    assert!((a - b).abs() < 1e-6 * (1.0 + b.abs()) * omega, "{a} {b}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn parameters_stand_in_the_order_of_the_weak_model() {
+        let d = DoublePendulum::new(31.4, true, &[&DAMPINGS[0], &DAMPINGS[1]]);
+        assert_eq!(d.names(), ["B11", "B12", "B13", "B14", "C11", "C12", "B21", "B22", "B23", "B24", "C2"]);
+        assert_eq!(d.switches(), [vec![1.0, 0.0]]);
+    }
+
+    #[test]
+    fn energy_is_kept_without_damping_and_drive_and_forces_obey_newton() {
+        // dE/dt with E = ½ J1 v1² + ½ J2 v2² + H v1 v2 cos Δ − g S1 cos φ1 − g S2 cos φ2 must vanish at any state.
+        let (j1, j2, h, s1, s2, g) = (6e-4, 4e-5, 7e-5, 4e-3, 1e-3, 9.81);
+        let d = DoublePendulum::new(1.0, false, &[]);
+        let p = [h / j1, g * s1 / j1, h / j2, g * s2 / j2];
+        let mut a = [0.0; 2];
+        for (q, v) in [([0.3, 2.0], [1.5, -4.0]), ([-2.0, 1.0], [-3.0, 20.0])] {
+            assert!(d.acceleration(&p, &q, &v, &Instant::default(), &mut a));
+            let (sin, cos) = (q[1] - q[0]).sin_cos();
+            let power = j1 * v[0] * a[0] + j2 * v[1] * a[1] + h * (a[0] * v[1] + v[0] * a[1]) * cos
+                - h * v[0] * v[1] * sin * (v[1] - v[0])
+                + g * s1 * q[0].sin() * v[0]
+                + g * s2 * q[1].sin() * v[1];
+            assert!(power.abs() < 1e-12, "{power}");
+        }
+        assert!(!d.acceleration(&[2.0, 0.0, 2.0, 0.0], &[0.0; 2], &[0.0; 2], &Instant::default(), &mut a));
+    }
+}

@@ -1,0 +1,426 @@
+//! The identified model as a file: what `identify -o` and `explain -o` write, and what `validate --model` and `explain --model` read.
+//!
+//! TOML: `name`, `model` (a built-in's id; a system of one's own has its `coordinates`, `inputs` and `[[equation]]` here in full instead, so
+//! that the file is itself a model file), `method`, `drive_frequency_hz` (absent when free; it fixes the non-dimensional form), `nominal` (the dampings
+//! among the parameters), `[parameters]` with value, standard error and unit of each coefficient in the model's order, and an `[[effect]]` for each
+//! effect that was added. Numbers are written with the fewest digits that give back the same bits: reading what was written gives
+//! the same model, and writing what was read the same bytes.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+use serde::Serialize;
+use toml::{Table, Value};
+
+use crate::error::{BadInput, Result};
+use crate::identify::Parameter;
+
+/// Largest file that is read, bytes.
+const LARGEST: u64 = 1 << 20;
+
+/// Which equations the parameters belong to.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum System {
+    /// A built-in model by its id.
+    BuiltIn(String),
+    /// A system of one's own: the keys that define it (`coordinates`, `inputs`, `equation`, …), as in its model file.
+    Own(Table),
+}
+
+/// An effect that was added to the nominal model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AddedEffect {
+    /// Effect.
+    pub id: String,
+    /// Place.
+    pub at: String,
+    /// Value in `unit`.
+    pub value: f64,
+    /// Standard error of the value.
+    pub std_error: f64,
+    /// Unit of the value.
+    pub unit: String,
+    /// Strengths as they enter the equations.
+    pub strengths: Vec<f64>,
+    /// Parameters beyond the first, SI.
+    pub parameters: BTreeMap<String, f64>,
+}
+
+/// A model with its identified parameters.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct IdentifiedModel {
+    /// Name for people.
+    pub name: String,
+    /// Equations.
+    pub system: System,
+    /// Method of identification.
+    pub method: String,
+    /// Frequency of the drive, Hz; none for a free system.
+    pub drive_frequency_hz: Option<f64>,
+    /// Dampings among the parameters, `ID@PLACE` (double pendulum; empty for others).
+    pub nominal: Vec<String>,
+    /// Coefficients, in the model's order.
+    pub parameters: Vec<Parameter>,
+    /// Effects, in the order in which they were added.
+    pub effects: Vec<AddedEffect>,
+}
+
+/// A number in TOML with the fewest digits that give back the same bits.
+fn number(x: f64) -> String {
+    if x.is_nan() { "nan".to_owned() } else { format!("{x:?}") } // "inf" and "1e300" are TOML as they are
+}
+
+/// A basic string in TOML.
+fn text(s: &str) -> String {
+    Value::String(s.to_owned()).to_string()
+}
+
+/// A key in TOML: bare where it may be.
+fn key(s: &str) -> String {
+    let bare = !s.is_empty() && s.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_' || b == b'-');
+    if bare { s.to_owned() } else { text(s) }
+}
+
+impl IdentifiedModel {
+    /// A parameter by name.
+    pub fn parameter(&self, name: &str) -> Option<&Parameter> {
+        self.parameters.iter().find(|p| p.name == name)
+    }
+
+    /// Values of the parameters, in order.
+    pub fn values(&self) -> Vec<f64> {
+        self.parameters.iter().map(|p| p.value).collect()
+    }
+
+    /// The file's text.
+    pub fn to_toml(&self) -> String {
+        let mut out = String::new();
+        // Writing into a string cannot fail.
+        let _ = writeln!(out, "name = {}", text(&self.name));
+        if let System::BuiltIn(id) = &self.system {
+            let _ = writeln!(out, "model = {}", text(id));
+        }
+        let _ = writeln!(out, "method = {}", text(&self.method));
+        if let Some(f) = self.drive_frequency_hz {
+            let _ = writeln!(out, "drive_frequency_hz = {}", number(f));
+        }
+        let list: Vec<String> = self.nominal.iter().map(|n| text(n)).collect();
+        let _ = writeln!(out, "nominal = [{}]", list.join(", "));
+        if let System::Own(table) = &self.system {
+            // Plain keys first, inline; tables after them would end the top level.
+            for (k, v) in table.iter().filter(|(k, _)| *k != "equation") {
+                let _ = writeln!(out, "{} = {}", key(k), v);
+            }
+            if let Some(Value::Array(equations)) = table.get("equation") {
+                for e in equations.iter().filter_map(Value::as_table) {
+                    out.push_str("\n[[equation]]\n");
+                    for (k, v) in e {
+                        let _ = writeln!(out, "{} = {}", key(k), v);
+                    }
+                }
+            }
+        }
+        out.push_str("\n[parameters]\n");
+        for p in &self.parameters {
+            let _ = writeln!(
+                out,
+                "{} = {{ value = {}, std_error = {}, unit = {} }}",
+                key(&p.name),
+                number(p.value),
+                number(p.std_error),
+                text(&p.unit)
+            );
+        }
+        for e in &self.effects {
+            let strengths: Vec<String> = e.strengths.iter().map(|x| number(*x)).collect();
+            let parameters: Vec<String> =
+                e.parameters.iter().map(|(k, v)| format!("{} = {}", key(k), number(*v))).collect();
+            let _ = write!(
+                out,
+                "\n[[effect]]\nid = {}\nat = {}\nvalue = {}\nstd_error = {}\nunit = {}\nstrengths = [{}]\nparameters = {{ {} }}\n",
+                text(&e.id),
+                text(&e.at),
+                number(e.value),
+                number(e.std_error),
+                text(&e.unit),
+                strengths.join(", "),
+                parameters.join(", ")
+            );
+        }
+        out
+    }
+
+    /// Writes the file, whole or not at all.
+    ///
+    /// # Errors
+    /// A folder that does not exist, a full disk, missing rights.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        crate::cli::output::write_file(path, self.to_toml().as_bytes())
+    }
+
+    /// Reads and checks a file.
+    ///
+    /// # Errors
+    /// Names the file, the key or line, the value found and the one expected.
+    pub fn read(path: &Path) -> Result<Self> {
+        let io = |e: std::io::Error| {
+            BadInput::io(path, &e).remedy("Name a model that `whirl identify -o` or `whirl explain -o` wrote")
+        };
+        let size = std::fs::metadata(path).map_err(io)?.len();
+        if size > LARGEST {
+            return Err(BadInput::new(format!("{size} bytes"), format!("a model file of at most {LARGEST} bytes"))
+                .in_file(path));
+        }
+        Self::parse(&std::fs::read_to_string(path).map_err(io)?).map_err(|e| {
+            e.in_file(path)
+                .remedy("Correct the file, or write it anew with `whirl identify -o`; its keys are in docs/validate.md")
+        })
+    }
+
+    /// Parses and checks a file's text.
+    ///
+    /// # Errors
+    /// As [`IdentifiedModel::read`], without the file.
+    pub fn parse(source: &str) -> Result<Self> {
+        let mut table: Table = toml::from_str(source).map_err(|e: toml::de::Error| {
+            let line = e.span().map_or(0, |s| source.get(..s.start).unwrap_or("").matches('\n').count() + 1);
+            BadInput::new(e.message().replace('\n', " ").trim().to_owned(), "").at(format!("line {line}"))
+        })?;
+        let name = take_text(&mut table, "", "name")?;
+        let method = take_text(&mut table, "", "method")?;
+        let drive_frequency_hz = match table.remove("drive_frequency_hz") {
+            None => None,
+            Some(v) => match finite(&v) {
+                Some(f) if f > 0.0 => Some(f),
+                _ => return Err(bad("drive_frequency_hz", &v, "a frequency in Hz above 0 (left out when free)")),
+            },
+        };
+        let nominal = match table.remove("nominal") {
+            None => Vec::new(),
+            Some(Value::Array(list)) => list
+                .iter()
+                .map(|v| {
+                    v.as_str()
+                        .map(str::to_owned)
+                        .ok_or_else(|| bad("nominal", v, "texts like \"coulomb-friction@joint1\""))
+                })
+                .collect::<Result<_>>()?,
+            Some(v) => return Err(bad("nominal", &v, "a list of dampings, ID@PLACE each")),
+        };
+        let parameters = match table.remove("parameters") {
+            Some(Value::Table(t)) => parameters(t)?,
+            Some(v) => return Err(bad("parameters", &v, "a table of parameters")),
+            None => return Err(BadInput::new("no [parameters]", "a table with value, std_error and unit of each")),
+        };
+        let effects = match table.remove("effect") {
+            None => Vec::new(),
+            Some(Value::Array(list)) => {
+                list.into_iter().enumerate().map(|(i, v)| effect(i, v)).collect::<Result<_>>()?
+            }
+            Some(v) => return Err(bad("effect", &v, "[[effect]] tables")),
+        };
+        let system = match table.remove("model") {
+            Some(Value::String(id)) => {
+                if let Some((k, v)) = table.iter().next() {
+                    return Err(bad(k, v, "no such key in a built-in model's file"));
+                }
+                System::BuiltIn(id)
+            }
+            Some(v) => return Err(bad("model", &v, "the id of a built-in model (`whirl list models`)")),
+            None if table.contains_key("equation") && table.contains_key("coordinates") => System::Own(table),
+            None => {
+                return Err(BadInput::new(
+                    "no model",
+                    "model = \"…\", or coordinates and [[equation]] of a system of your own",
+                ));
+            }
+        };
+        Ok(Self { name, system, method, drive_frequency_hz, nominal, parameters, effects })
+    }
+}
+
+fn bad(place: impl Into<String>, found: &Value, expected: &str) -> BadInput {
+    let mut shown = found.to_string();
+    if shown.chars().count() > 60 {
+        shown = shown.chars().take(60).chain(['…']).collect();
+    }
+    BadInput::new(shown, expected).at(place.into())
+}
+
+fn finite(v: &Value) -> Option<f64> {
+    match v {
+        Value::Float(x) if x.is_finite() => Some(*x),
+        Value::Integer(i) => Some(*i as f64),
+        _ => None,
+    }
+}
+
+fn take_text(table: &mut Table, prefix: &str, name: &str) -> Result<String> {
+    let place = format!("{prefix}{name}");
+    match table.remove(name) {
+        Some(Value::String(s)) => Ok(s),
+        Some(v) => Err(bad(place, &v, "a text")),
+        None => Err(BadInput::new(format!("no {name}"), "a text").at(place)),
+    }
+}
+
+fn take_number(table: &mut Table, prefix: &str, name: &str) -> Result<f64> {
+    let place = format!("{prefix}{name}");
+    match table.remove(name) {
+        Some(v) => finite(&v).ok_or_else(|| bad(place, &v, "a finite number")),
+        None => Err(BadInput::new(format!("no {name}"), "a finite number").at(place)),
+    }
+}
+
+/// A standard error: NaN stands for one that is not known.
+fn take_error(table: &mut Table, prefix: &str) -> Result<f64> {
+    let place = format!("{prefix}std_error");
+    match table.remove("std_error") {
+        None => Ok(f64::NAN),
+        Some(Value::Float(x)) if x.is_nan() || x == f64::INFINITY => Ok(x),
+        Some(v) => match finite(&v) {
+            Some(x) if x >= 0.0 => Ok(x),
+            _ => Err(bad(place, &v, "a standard error, 0 or more (nan or left out where it is not known)")),
+        },
+    }
+}
+
+fn nothing_left(table: &Table, prefix: &str, keys: &str) -> Result<()> {
+    match table.iter().next() {
+        Some((k, v)) => Err(bad(format!("{prefix}{k}"), v, &format!("no key but {keys}"))),
+        None => Ok(()),
+    }
+}
+
+fn parameters(table: Table) -> Result<Vec<Parameter>> {
+    table
+        .into_iter()
+        .map(|(name, v)| {
+            let prefix = format!("parameters.{name}.");
+            let Value::Table(mut t) = v else {
+                return Err(bad(format!("parameters.{name}"), &v, "{ value = …, std_error = …, unit = \"…\" }"));
+            };
+            let value = take_number(&mut t, &prefix, "value")?;
+            let std_error = take_error(&mut t, &prefix)?;
+            let unit = if t.contains_key("unit") { take_text(&mut t, &prefix, "unit")? } else { "1".to_owned() };
+            nothing_left(&t, &prefix, "value, std_error, unit")?;
+            Ok(Parameter { name, value, std_error, unit })
+        })
+        .collect()
+}
+
+fn effect(index: usize, v: Value) -> Result<AddedEffect> {
+    let prefix = format!("effect {}, ", index + 1);
+    let Value::Table(mut t) = v else {
+        return Err(bad(format!("effect {}", index + 1), &v, "a table"));
+    };
+    let id = take_text(&mut t, &prefix, "id")?;
+    let at = take_text(&mut t, &prefix, "at")?;
+    let value = take_number(&mut t, &prefix, "value")?;
+    let std_error = take_error(&mut t, &prefix)?;
+    let unit = take_text(&mut t, &prefix, "unit")?;
+    let strengths = match t.remove("strengths") {
+        Some(Value::Array(list)) => list
+            .iter()
+            .map(|v| finite(v).ok_or_else(|| bad(format!("{prefix}strengths"), v, "finite numbers")))
+            .collect::<Result<_>>()?,
+        Some(v) => return Err(bad(format!("{prefix}strengths"), &v, "a list of numbers")),
+        None => return Err(BadInput::new("no strengths", "a list of numbers").at(format!("{prefix}strengths"))),
+    };
+    let parameters = match t.remove("parameters") {
+        None => BTreeMap::new(),
+        Some(Value::Table(p)) => p
+            .into_iter()
+            .map(|(k, v)| {
+                let x = finite(&v).ok_or_else(|| bad(format!("{prefix}parameters.{k}"), &v, "a finite number"))?;
+                Ok((k, x))
+            })
+            .collect::<Result<_>>()?,
+        Some(v) => return Err(bad(format!("{prefix}parameters"), &v, "a table of numbers")),
+    };
+    nothing_left(&t, &prefix, "id, at, value, std_error, unit, strengths, parameters")?;
+    Ok(AddedEffect { id, at, value, std_error, unit, strengths, parameters })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn example() -> IdentifiedModel {
+        let p = |name: &str, value, std_error| Parameter { name: name.into(), value, std_error, unit: "1".into() };
+        IdentifiedModel {
+            name: "a \"rig\"\nof two lines".into(),
+            system: System::BuiltIn("double-pendulum".into()),
+            method: "weak".into(),
+            drive_frequency_hz: Some(5.0),
+            nominal: vec!["coulomb-friction@joint1".into(), "viscous-friction@joint2".into()],
+            parameters: vec![
+                p("B21", 0.1 + 0.2, 2.1e-5),
+                p("B11", -1.0 / 3.0, f64::INFINITY.recip()),
+                p("a b", 1e300, 5e-324),
+            ],
+            effects: vec![AddedEffect {
+                id: "quadratic-drag".into(),
+                at: "arm2".into(),
+                value: 2.0e-7,
+                std_error: 5.0e-10,
+                unit: "N m s²".into(),
+                strengths: vec![0.0051, -1e-17],
+                parameters: BTreeMap::from([("v_s".to_owned(), 0.5)]),
+            }],
+        }
+    }
+
+    #[test]
+    fn written_and_read_it_is_the_same_to_the_bit() {
+        let m = example();
+        let read = IdentifiedModel::parse(&m.to_toml()).unwrap();
+        assert_eq!(read, m);
+        assert_eq!(read.to_toml(), m.to_toml());
+        for (a, b) in read.parameters.iter().zip(&m.parameters) {
+            assert_eq!(a.value.to_bits(), b.value.to_bits());
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("model.toml");
+        m.write(&path).unwrap();
+        assert_eq!(IdentifiedModel::read(&path).unwrap(), m);
+    }
+
+    #[test]
+    fn a_system_of_ones_own_keeps_its_equations_in_order() {
+        let source = "name = \"positioning drive\"\nmethod = \"weak\"\nnominal = []\n\
+            coordinates = [{ name = \"q\", space = \"R\" }]\ninputs = [\"force\"]\n\n[[equation]]\nbalance = \"force\"\n\
+            terms = { M = \"q''\", F_v = \"q'\", A = \"1\" }\n\n[parameters]\nM = { value = 95.1, std_error = 0.1, unit = \"kg\" }\n";
+        let m = IdentifiedModel::parse(source).unwrap();
+        let System::Own(t) = &m.system else { panic!("{m:?}") };
+        let terms = t["equation"][0]["terms"].as_table().unwrap();
+        assert_eq!(terms.keys().collect::<Vec<_>>(), ["M", "F_v", "A"]);
+        assert_eq!(IdentifiedModel::parse(&m.to_toml()).unwrap(), m);
+        assert_eq!(IdentifiedModel::parse(&m.to_toml()).unwrap().to_toml(), m.to_toml());
+    }
+
+    #[test]
+    fn what_is_wrong_is_named_with_its_place() {
+        let good = example().to_toml();
+        for (from, to, place, found) in [
+            ("value = 1e300", "value = \"x\"", "parameters.a b.value", "x"),
+            ("value = 1e300", "value = inf", "parameters.a b.value", "inf"),
+            ("std_error = 2.1e-5", "std_error = -1.0", "parameters.B21.std_error", "-1"),
+            ("model = \"double-pendulum\"", "", "model", "no model"),
+            ("method = ", "methods = ", "method", "no method"),
+            ("drive_frequency_hz = 5.0", "drive_frequency_hz = 0.0", "drive_frequency_hz", "0"),
+            ("id = ", "idd = ", "effect 1, id", "no id"),
+            ("strengths = [0.0051, ", "strengths = [true, ", "effect 1, strengths", "true"),
+            ("name = ", "name = = ", "line 1", ""),
+            ("nominal = [", "more = 1\nnominal = [", "more", "1"),
+        ] {
+            assert!(good.contains(from), "{from}");
+            let error = IdentifiedModel::parse(&good.replacen(from, to, 1)).unwrap_err().to_string();
+            assert!(error.contains(place) && error.contains(found), "{to}: {error}");
+        }
+        let error = IdentifiedModel::read(Path::new("/nowhere/model.toml")).unwrap_err();
+        assert!(error.to_string().contains("/nowhere/model.toml"));
+    }
+}
