@@ -76,6 +76,9 @@ pub fn human(result: &Identification) -> String {
         errors.join(", "),
         100.0 * ERROR_BOUND
     );
+    if let Some(i) = &result.details.instruments {
+        let _ = writeln!(text, "{}", presentation::instruments(i));
+    }
     if let Some(account) = &result.balance {
         text.push_str(&super::identify_balance::human(account));
     }

@@ -6,6 +6,7 @@
 pub mod energy_balance;
 pub mod harmonic_balance;
 pub mod identifiability;
+pub mod instruments;
 pub mod model_file;
 pub mod noise_bias;
 pub mod physical_parameters;
@@ -103,6 +104,9 @@ pub struct Details {
     pub jackknife_blocks: usize,
     /// Misfit of the ties between the coefficients and its degrees of freedom, where physical parameters were fitted.
     pub ties_misfit: Option<(f64, usize)>,
+    /// Instruments, where the noise called for them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub instruments: Option<instruments::Instruments>,
 }
 
 /// Residuals of one equation, for figure 3.14: at most 2000 dots.
@@ -298,7 +302,17 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             None => error,
         }
     })?;
-    let bias = noise_bias::estimate(&segments, &model, &kernels, &windows, &solution.weights, sigma);
+    let fitted = solution.coefficients.clone();
+    let heavy = instruments::wanted(&model, sigma[0])
+        .then(|| instruments::solve(&segments, &model, &kernels, &windows, sigma[0]))
+        .flatten();
+    let bias = if let Some(heavy) = &heavy {
+        solution.coefficients = heavy.coefficients.clone();
+        solution.covariance = heavy.covariance.clone();
+        None
+    } else {
+        noise_bias::estimate(&segments, &model, &kernels, &windows, &solution.weights, sigma)
+    };
     if let Some(bias) = &bias {
         let mut rest = bias.value.iter();
         solution.coefficients.iter_mut().flat_map(DVector::iter_mut).zip(&mut rest).for_each(|(c, d)| *c -= d);
@@ -374,13 +388,14 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             repetition: solution.repetition,
             jackknife_blocks: solution.blocks,
             ties_misfit,
+            instruments: heavy.map(|h| h.done),
         },
         warnings,
         residuals: (0..model.equations.len())
             .map(|e| Residuals {
                 frequency_step_hz: 1.0 / length_s,
                 rms: solution.residual_rms[e].clone(),
-                dots: regression::residual_dots(&rows, e, &solution.coefficients[e], 2000),
+                dots: regression::residual_dots(&rows, e, &fitted[e], 2000),
             })
             .collect(),
         balance: None,

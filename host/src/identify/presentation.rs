@@ -14,6 +14,17 @@ pub fn method_name(method: &str) -> &str {
     }
 }
 
+/// What heavy noise led to, in words.
+pub fn instruments(i: &super::instruments::Instruments) -> String {
+    format!(
+        "The noise ({:.3} rad) is heavy: even samples serve as instruments for odd ones and the other way round, in {} windows, and the {:.2} % that noise \
+         takes from cos θ and sin θ are given back.",
+        i.noise_rad,
+        i.windows,
+        100.0 * (1.0 - i.attenuation)
+    )
+}
+
 /// The parameter table; `truth` gives a parameter's true value where a simulation knows it.
 pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Option<f64>) -> ParameterTable {
     let d = &result.details;
@@ -44,6 +55,9 @@ pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Opt
         errors.join(", "),
         100.0 * ERROR_BOUND
     ));
+    if let Some(i) = &d.instruments {
+        notes.push(instruments(i));
+    }
     if let Some((misfit, freedom)) = d.ties_misfit {
         notes.push(format!(
             "Physical parameters obey the ties B11/B21 = J_o2/J_o1 = C12/C2 and B12/B15 = B22/B25; the coefficients depart from them by {misfit:.1} \

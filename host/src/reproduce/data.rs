@@ -35,11 +35,6 @@ impl Data {
         (self.truth)(name)
     }
 
-    /// Samples a drive period.
-    pub fn period(&self) -> f64 {
-        self.rig.sample_rate_hz / self.rig.drive.map_or(1.0, |d| d.frequency_hz)
-    }
-
     /// The seed's method.
     pub fn balance(&self, settings: &Settings) -> Result<Identification> {
         harmonic_balance::identify(&self.records, &self.rig, settings)

@@ -1,6 +1,10 @@
 //! The seed's tables and figures: printed, reproduced, true, side by side. One file a chapter, one line an item in [`ITEMS`].
 
+pub mod accuracy;
 pub mod chapter2;
+pub mod chapter3;
+pub mod chapter3_figures;
+pub mod chapter4;
 pub mod chapter5;
 pub mod chapter5_figures;
 mod data;
@@ -25,7 +29,15 @@ pub struct Item {
 }
 
 /// Every item, in the seed's order.
-pub static ITEMS: &[&[Item]] = &[chapter2::ITEMS, chapter5::ITEMS, chapter5_figures::ITEMS];
+pub static ITEMS: &[&[Item]] = &[
+    chapter2::ITEMS,
+    chapter3::ITEMS,
+    chapter3_figures::ITEMS,
+    chapter4::ITEMS,
+    chapter5::ITEMS,
+    chapter5_figures::ITEMS,
+    accuracy::ITEMS,
+];
 
 /// All items.
 pub fn items() -> impl Iterator<Item = &'static Item> {

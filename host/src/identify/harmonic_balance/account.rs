@@ -248,6 +248,7 @@ pub fn identification(
             repetition: 0.0,
             jackknife_blocks: balance.blocks,
             ties_misfit,
+            instruments: None,
         },
         warnings,
         residuals: residuals(&balance, drive_hz),
