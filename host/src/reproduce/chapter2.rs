@@ -128,7 +128,7 @@ fn figure_2_1() -> Result<Reproduction> {
         panel("(b)", "θ_{c} / rad", x.iter().map(|v| v - x[0]).collect(), Shape::Line),
         parts,
     ];
-    let jump = oscillation.last().zip(oscillation.first()).map(|(a, b)| a - b);
+    let jump = orbit.phi[0][MARGIN + orbit.len()] - x[0] - TAU * w;
     Ok(Reproduction {
         id: "figure-2.1".into(),
         title: format!(
@@ -137,7 +137,7 @@ fn figure_2_1() -> Result<Reproduction> {
         ),
         rows: vec![
             Row::new("turns over the orbit", "", None, Some(w), None),
-            Row::new("last minus first of the oscillation", "rad", None, jump, None),
+            Row::new("jump of the oscillation where it should close", "rad", None, Some(jump), None),
         ],
         notes: vec!["The orbit is one of those extracted here from the simulated record.".into()],
         panels: (panels, 3, 220.0),

@@ -9,6 +9,7 @@ pub mod chapter5;
 pub mod chapter5_figures;
 mod data;
 mod drawing;
+pub mod small_terms;
 
 use serde::Serialize;
 
@@ -36,6 +37,7 @@ pub static ITEMS: &[&[Item]] = &[
     chapter4::ITEMS,
     chapter5::ITEMS,
     chapter5_figures::ITEMS,
+    small_terms::ITEMS,
     accuracy::ITEMS,
 ];
 
