@@ -84,7 +84,7 @@ pub enum Answer {
 /// Records and the rig that they belong to: what most commands begin with.
 #[derive(Clone, Debug, Args)]
 struct Records {
-    /// Records: whirl's Parquet, or CSV (also gzipped) with a header row and a column t in seconds.
+    /// Records: whirl's Parquet, CSV (also gzipped) with a header row and a column t in seconds, NumPy's .npz, MATLAB's .mat.
     #[arg(required = true, value_name = "REC")]
     records: Vec<PathBuf>,
     /// Rig file.
@@ -93,6 +93,9 @@ struct Records {
     /// Read a truncated file up to its last whole row.
     #[arg(long)]
     recover: bool,
+    /// Make an uneven clock even, by cubics between the samples.
+    #[arg(long)]
+    resample: bool,
     /// Exit with status 1 where samples are missing.
     #[arg(long)]
     strict: bool,
@@ -102,7 +105,7 @@ impl Records {
     /// Reads the rig file and the records; warnings go to standard error.
     fn read(&self) -> Result<(Rig, Vec<Record>)> {
         let rig = Rig::read(&self.rig)?;
-        let options = ReadOptions { recover: self.recover };
+        let options = ReadOptions { recover: self.recover, resample: self.resample };
         let records: Vec<Record> =
             self.records.iter().map(|path| Record::read(path, &rig, &options)).collect::<Result<_>>()?;
         Ok((rig, records))

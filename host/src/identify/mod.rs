@@ -4,6 +4,7 @@
 //! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
 
 pub mod chain_bias;
+pub mod from_rows;
 pub mod general;
 pub mod identifiability;
 pub mod model_file;
@@ -69,7 +70,7 @@ pub struct Parameter {
 }
 
 /// What was used of the record.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RecordUse {
     /// Samples.
     pub samples: usize,
@@ -80,7 +81,7 @@ pub struct RecordUse {
 }
 
 /// How the numbers came about.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Details {
     /// Length of a window, s.
     pub window_s: f64,
@@ -123,7 +124,7 @@ pub struct Residuals {
 }
 
 /// Result of an identification.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Identification {
     /// Model.
     pub model: String,

@@ -6,16 +6,21 @@
 //!
 //! [`Record::read`] takes every format in [`formats::FORMATS`]; [`writer::RecordWriter`] writes whirl's own.
 
+mod arrays;
 mod csv;
 mod csv_write;
 pub mod formats;
 mod lines;
+mod mat;
+mod npz;
 mod parquet;
 mod parquet_cells;
 mod parquet_recovery;
 mod parquet_source;
 mod parquet_write;
 mod quiet;
+pub mod regression_rows;
+mod resample;
 mod rows;
 mod segments;
 mod time_fit;

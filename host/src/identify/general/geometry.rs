@@ -1,9 +1,10 @@
 //! Windows and low-passes for a model file, from the settings, the rig and the coordinates' spectra.
 //!
 //! As for the built-in systems (20 T or 4 s; test functions up to 2 f_e, or when free to the frequency below which lie 99 % of the
-//! accelerations' power; low-pass to where the signal sinks into the noise), but up to a fifth of the sampling rate for a free
-//! system and two fifths for the low-pass, since a resonance may lie close to the Nyquist frequency. A free system with measured inputs gets
-//! windows of 30/top (4 s at most): such records are transients, and short windows take all parts of them alike.
+//! accelerations' power, low-pass to where the signal sinks into the noise, both within bounds). A free system with measured inputs may
+//! need more of the band, since a resonance may lie close to the Nyquist frequency: test functions up to a fifth of the sampling rate, the
+//! low-pass up to two fifths. It gets windows of 30/top (4 s at most): such records are transients, and short windows take all
+//! parts of them alike.
 
 use crate::error::{BadInput, Result};
 use crate::identify::windows::{Kernels, Windows};
@@ -34,22 +35,28 @@ pub fn geometry(
         v => Ok(v),
     };
     let greatest = |f: fn(&Noise) -> f64| noises.iter().flatten().map(f).fold(0.0_f64, f64::max);
-    let driven = rig.drive.is_some();
+    let wide = inputs && rig.drive.is_none();
+    let most_top = if wide { rate / 5.0 } else { rate / 16.0 };
     let wanted = greatest(|n| n.acceleration_99_hz);
     let default_window = match rig.drive {
         Some(d) => 20.0 / d.frequency_hz,
-        None if inputs => (30.0 / wanted.clamp(1e-9 * rate, rate / 5.0)).min(4.0),
+        None if inputs => (30.0 / wanted.clamp(1e-9 * rate, most_top)).min(4.0),
         None => 4.0,
     };
     let length_s =
         check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window.max(32.0 * step_s));
-    let free_top = wanted.clamp(8.0 / length_s, (rate / 5.0).max(8.0 / length_s));
-    let top = check("--max-frequency-hz", settings.max_frequency_hz, 2.0 / length_s, rate / 4.0)?
-        .unwrap_or_else(|| rig.drive.map_or(free_top, |d| 2.0 * d.frequency_hz));
+    let free_top = wanted.clamp(8.0 / length_s, most_top.max(8.0 / length_s));
+    let top = check(
+        "--max-frequency-hz",
+        settings.max_frequency_hz,
+        2.0 / length_s,
+        if wide { rate / 4.0 } else { rate / 8.0 },
+    )?
+    .unwrap_or_else(|| rig.drive.map_or(free_top, |d| 2.0 * d.frequency_hz));
     let frequencies = ((top * length_s).round() as usize).clamp(2, MOST_FREQUENCIES);
     // The products of the regressors must keep everything up to the highest test frequency.
-    let least = (1.5 * top).min(if driven { 0.15 } else { 0.3 } * rate);
-    let default_pass = (1.15 * greatest(|n| n.signal_end_hz)).clamp(least, (0.25 * rate).max(least));
+    let least = (1.5 * top).min(if wide { 0.3 } else { 0.15 } * rate);
+    let default_pass = (1.15 * greatest(|n| n.signal_end_hz)).clamp(least, if wide { 0.4 } else { 0.25 } * rate);
     let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);
     let stop = (1.5 * pass).max(pass + 2.5 * top).min(0.45 * rate);
     let clear = greatest(|n| n.clear_end_hz).clamp(least.min(pass), pass);

@@ -72,6 +72,36 @@ impl Remeasured {
         from_rows(self.stretches, &self.plain, &self.repeats, terms, weights)
     }
 
+    /// Noise against signal in the columns of equation `e`, for each frequency: the greatest, over the columns, of the noise's mean square
+    /// there over the column's own over all frequencies. It needs no coefficients, so that weights by it cannot favour small ones.
+    pub fn share(&self, e: usize, columns: usize, frequencies: usize) -> Vec<f64> {
+        let mut noise = vec![vec![0.0; frequencies + 1]; columns];
+        let mut count = vec![0.0_f64; frequencies + 1];
+        let (mut signal, mut rows_seen) = (vec![0.0; columns], 0.0_f64);
+        for repeat in &self.repeats {
+            for (a, b) in self.plain.iter().zip(repeat) {
+                let rows = a.equations[e].chunks_exact(columns + 1).zip(b.equations[e].chunks_exact(columns + 1));
+                for (r, (x, y)) in rows.enumerate() {
+                    let m = frequency_of_row(r);
+                    count[m] += 1.0;
+                    rows_seen += 1.0;
+                    for c in 0..columns {
+                        noise[c][m] += (y[c] - x[c]).powi(2);
+                        signal[c] += x[c] * x[c];
+                    }
+                }
+            }
+        }
+        (0..=frequencies)
+            .map(|m| {
+                (0..columns)
+                    .filter(|&c| signal[c] > 0.0)
+                    .map(|c| noise[c][m] / count[m].max(1.0) / (signal[c] / rows_seen.max(1.0)))
+                    .fold(0.0, f64::max)
+            })
+            .collect()
+    }
+
     /// Mean square of what the sensors' noise adds to the residuals of equation `e`, for each frequency.
     pub fn power(&self, e: usize, coefficients: &DVector<f64>, frequencies: usize) -> Vec<f64> {
         let p = coefficients.len();
