@@ -2,11 +2,12 @@
 
 use core::f64::consts::TAU;
 
-use super::{Identification, dampings};
+use super::{Identification, Parameter};
 use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::{DAMPINGS, Damping};
 use crate::model::double_pendulum_dynamics::DoublePendulum;
 use crate::model::identified::{IdentifiedModel, System};
+use crate::model::model_file::ModelFile;
 use crate::rig::Rig;
 
 /// The identified coefficients as a model file; derived and physical parameters stay with the identification.
@@ -14,16 +15,35 @@ use crate::rig::Rig;
 /// # Errors
 /// A nominal damping that there is not.
 pub fn identified_model(result: &Identification, rig: &Rig) -> Result<IdentifiedModel> {
-    let coefficients = result.correlation_names.iter().filter_map(|n| result.parameter(n)).cloned();
+    let found = result.correlation_names.iter().filter_map(|n| result.parameter(n)).cloned();
+    // What a harmonic balance took as known belongs to the model all the same.
+    let known = result.balance.iter().flat_map(|b| &b.settings.known).map(|(name, value)| Parameter {
+        name: name.clone(),
+        value: *value,
+        std_error: 0.0,
+        unit: "1".to_owned(),
+    });
+    let coefficients = found.chain(known);
+    let (system, nominal) = match &rig.bound {
+        None => (System::BuiltIn(result.model.clone()), super::system::System::of(rig)?.nominal()),
+        Some(bound) => (System::Own(own_keys(&bound.model)?), Vec::new()),
+    };
     Ok(IdentifiedModel {
         name: rig.name.clone(),
-        system: System::BuiltIn(result.model.clone()),
+        system,
         method: result.method.clone(),
         drive_frequency_hz: rig.drive.map(|d| d.frequency_hz),
-        nominal: dampings(rig)?.iter().map(|d| d.id.to_owned()).collect(),
+        nominal,
         parameters: coefficients.collect(),
         effects: Vec::new(),
     })
+}
+
+/// The keys that define a system of one's own.
+fn own_keys(model: &ModelFile) -> Result<toml::Table> {
+    let table: toml::Table = toml::from_str(&model.source.text)
+        .map_err(|e| BadInput::new(e.message().to_owned(), "a model file").in_file(&model.source.path))?;
+    Ok(table.into_iter().filter(|(k, _)| ["coordinates", "inputs", "time", "equation"].contains(&k.as_str())).collect())
 }
 
 /// The double pendulum of a model file, without its effects: the equations and their parameters in the equations' order.
@@ -72,7 +92,6 @@ pub fn double_pendulum(model: &IdentifiedModel) -> Result<(DoublePendulum, Vec<f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::identify::Parameter;
 
     #[test]
     fn parameters_are_found_by_name_and_the_wrong_ones_are_named() {
