@@ -12,7 +12,14 @@ const INCREMENT: u32 = 42_949_673; // 5 Hz at 500 Hz
 const CHAOTIC_M: f64 = 0.015_525;
 
 /// Every window's outcome.
-fn outcomes(amplitude_m: f64, effects: &[&str], settle_s: f64, seed: u64, forget_per_mille: u16, seconds: f64) -> Vec<Outcome> {
+fn outcomes(
+    amplitude_m: f64,
+    effects: &[&str],
+    settle_s: f64,
+    seed: u64,
+    forget_per_mille: u16,
+    seconds: f64,
+) -> Vec<Outcome> {
     let mut settings = SimulationSettings {
         seed: Some(seed),
         settle_s,

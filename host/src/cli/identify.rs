@@ -8,7 +8,9 @@ use clap::{Args, ValueEnum};
 use super::output::{Output, print_warnings};
 use super::{Answer, Records};
 use crate::error::{BadInput, Result};
-use crate::identify::{ERROR_BOUND, Identification, Settings, from_rows, identify, model_file, presentation, shooting};
+use crate::identify::{
+    ERROR_BOUND, Identification, Settings, from_rows, harmonic_balance, identify, model_file, presentation, shooting,
+};
 use crate::inspect::{InspectSettings, inspect};
 use crate::record::ReadOptions;
 use crate::record::regression_rows::RowsRecord;
@@ -24,6 +26,10 @@ pub enum Method {
     Weak,
     /// Multiple-shooting maximum likelihood, started from the weak form.
     Shooting,
+    /// Harmonic balance of long pieces (chapter 4).
+    Frequency,
+    /// Harmonic balance of extracted unstable periodic orbits (chapters 2 and 3).
+    Upo,
 }
 
 /// Arguments of `identify`.
@@ -52,6 +58,8 @@ pub struct Arguments {
     /// The identified model, for `validate` and `explain`.
     #[arg(short, long, value_name = "MODEL.toml")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    balance: super::identify_balance::BalanceArguments,
     #[command(flatten)]
     out: Output,
 }
@@ -100,6 +108,12 @@ pub fn human(result: &Identification) -> String {
             s.levels_s.last().map_or_else(String::new, |l| significant(*l, 3)),
             ratios.join(" and ")
         );
+    }
+    if let Some(i) = &result.details.instruments {
+        let _ = writeln!(text, "{}", presentation::instruments(i));
+    }
+    if let Some(account) = &result.balance {
+        text.push_str(&super::identify_balance::human(account));
     }
     for group in &result.groups_not_separable {
         let _ = writeln!(text, "not told apart or not determined by this record: {}", group.join(", "));
@@ -172,6 +186,12 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         Method::Shooting => {
             let choices = shooting::Settings { segment_s: arguments.segment_s, bounds: arguments.bound.clone() };
             shooting::identify(&records, &rig, &settings, &choices, &super::progress::bar("multiple shooting", 1))?
+        }
+        Method::Frequency | Method::Upo => {
+            let longest = records.iter().map(|r| r.longest_segment_s()).fold(0.0, f64::max);
+            let periods = longest * rig.drive.map_or(0.0, |d| d.frequency_hz);
+            let settings = arguments.balance.settings(&rig, arguments.method == Method::Upo, periods)?;
+            harmonic_balance::identify(&records, &rig, &settings)?
         }
     };
     print_warnings(&result.warnings);

@@ -46,6 +46,17 @@ impl System {
         }
     }
 
+    /// Ids of the nominal model's dampings.
+    pub fn nominal(&self) -> Vec<String> {
+        match self {
+            Self::Single(names) => {
+                let known = single_pendulum::DAMPINGS.iter();
+                known.filter(|d| names.contains(&d.1)).map(|d| d.0.to_owned()).collect()
+            }
+            Self::Double(dampings) => dampings.iter().map(|d| d.id.to_owned()).collect(),
+        }
+    }
+
     /// Number of angles.
     pub fn angles(&self) -> usize {
         match self {
