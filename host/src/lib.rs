@@ -18,4 +18,5 @@ pub mod rig;
 pub mod signal;
 #[cfg(feature = "sim")]
 pub mod simulate;
+pub mod validate;
 pub mod warning;

@@ -22,6 +22,9 @@ pub struct Arguments {
     /// Horizons at which the last 30 % of the record is predicted after fitting the first 70 %, s [default: 1 and 4 of the gap's; 0.2 and 2.667 when free].
     #[arg(long, value_name = "S", value_delimiter = ',')]
     forecast: Vec<f64>,
+    /// Most effects that are added [default: 8].
+    #[arg(long, value_name = "N")]
+    most_effects: Option<usize>,
     /// Start from this model, as `whirl identify -o` or an earlier `explain -o` wrote it, instead of the rig file's nominal one.
     #[arg(long, value_name = "MODEL.toml")]
     model: Option<PathBuf>,
@@ -44,7 +47,12 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         }
     }
     let model = arguments.model.as_ref().map(|p| IdentifiedModel::read(p)).transpose()?;
-    let settings = Settings { horizon_s: arguments.horizon, forecast_s: arguments.forecast.clone(), model };
+    let settings = Settings {
+        horizon_s: arguments.horizon,
+        forecast_s: arguments.forecast.clone(),
+        most_effects: arguments.most_effects,
+        model,
+    };
     let result = explain(&records, &rig, &settings)?;
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;

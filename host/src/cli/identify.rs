@@ -8,9 +8,11 @@ use clap::{Args, ValueEnum};
 use super::output::{Output, print_warnings};
 use super::{Answer, Records};
 use crate::error::Result;
-use crate::identify::{ERROR_BOUND, Identification, Settings, harmonic_balance, identify, model_file, presentation};
+use crate::identify::{
+    ERROR_BOUND, Identification, Settings, harmonic_balance, identify, model_file, presentation, shooting,
+};
 use crate::inspect::{InspectSettings, inspect};
-use crate::report::format::plus_minus;
+use crate::report::format::{plus_minus, significant};
 use crate::report::{Report, Results};
 
 /// Methods.
@@ -23,6 +25,8 @@ pub enum Method {
     Frequency,
     /// Harmonic balance of extracted unstable periodic orbits (chapters 2 and 3).
     Upo,
+    /// Multiple-shooting maximum likelihood, started from the weak form.
+    Shooting,
 }
 
 /// Arguments of `identify`.
@@ -42,6 +46,12 @@ pub struct Arguments {
     /// End of the low-pass's pass band, Hz [default: where the signal sinks into the noise].
     #[arg(long, value_name = "HZ")]
     pass_hz: Option<f64>,
+    /// Length of the pieces of multiple shooting, s [default: 4 drive periods, 0.8 s when free].
+    #[arg(long, value_name = "S")]
+    segment_s: Option<f64>,
+    /// Bounds of a parameter in multiple shooting, such as C11=0:1 (either side may be left out).
+    #[arg(long, value_name = "NAME=LOW:HIGH", value_parser = bound)]
+    bound: Vec<(String, f64, f64)>,
     /// The identified model, for `validate` and `explain`.
     #[arg(short, long, value_name = "MODEL.toml")]
     output: Option<PathBuf>,
@@ -49,6 +59,16 @@ pub struct Arguments {
     balance: super::identify_balance::BalanceArguments,
     #[command(flatten)]
     out: Output,
+}
+
+/// NAME=LOW:HIGH.
+fn bound(text: &str) -> std::result::Result<(String, f64, f64), String> {
+    let expected = || format!("\"{text}\" is not NAME=LOW:HIGH, such as C11=0:1");
+    let (name, range) = text.split_once('=').ok_or_else(expected)?;
+    let (low, high) = range.split_once(':').ok_or_else(expected)?;
+    let side = |s: &str, open: f64| if s.is_empty() { Ok(open) } else { s.parse::<f64>().map_err(|_| expected()) };
+    let (low, high) = (side(low, f64::NEG_INFINITY)?, side(high, f64::INFINITY)?);
+    if low <= high { Ok((name.to_owned(), low, high)) } else { Err(format!("{low} is not below {high}")) }
 }
 
 /// The answer for people.
@@ -82,6 +102,16 @@ pub fn human(result: &Identification) -> String {
     if let Some(account) = &result.balance {
         text.push_str(&super::identify_balance::human(account));
     }
+    if let Some(s) = &result.shooting {
+        let ratios: Vec<String> = s.noise_ratio.iter().map(|r| significant(*r, 3)).collect();
+        let _ = writeln!(
+            text,
+            "{} pieces of {} s; residuals are {} times the sensors' noise",
+            s.pieces,
+            s.levels_s.last().map_or_else(String::new, |l| significant(*l, 3)),
+            ratios.join(" and ")
+        );
+    }
     for group in &result.groups_not_separable {
         let _ = writeln!(text, "not told apart or not determined by this record: {}", group.join(", "));
     }
@@ -103,6 +133,10 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
             let periods = longest * rig.drive.map_or(0.0, |d| d.frequency_hz);
             let settings = arguments.balance.settings(&rig, arguments.method == Method::Upo, periods)?;
             harmonic_balance::identify(&records, &rig, &settings)?
+        }
+        Method::Shooting => {
+            let choices = shooting::Settings { segment_s: arguments.segment_s, bounds: arguments.bound.clone() };
+            shooting::identify(&records, &rig, &settings, &choices, &super::progress::bar("multiple shooting", 1))?
         }
     };
     print_warnings(&result.warnings);

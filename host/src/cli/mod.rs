@@ -17,6 +17,7 @@ mod reduce;
 #[cfg(feature = "sim")]
 mod reproduce;
 mod simulate;
+mod validate;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -55,6 +56,8 @@ enum Command {
     Inspect(inspect::Arguments),
     /// Parameters with standard errors.
     Identify(identify::Arguments),
+    /// Whether an identified model moves as the measured system does.
+    Validate(validate::Arguments),
     /// Where simulation and measurement disagree, which effect is missing, the gap before and after.
     Explain(explain::Arguments),
     /// Builds a board's firmware and flashes it through a debug probe.
@@ -82,7 +85,7 @@ pub enum Answer {
 /// Records and the rig that they belong to: what most commands begin with.
 #[derive(Clone, Debug, Args)]
 struct Records {
-    /// Records: whirl's Parquet, or CSV (also gzipped) with a header row and a column t in seconds.
+    /// Records: whirl's Parquet, CSV (also gzipped) with a header row and a column t in seconds, NumPy's .npz, MATLAB's .mat.
     #[arg(required = true, value_name = "REC")]
     records: Vec<PathBuf>,
     /// Rig file.
@@ -91,6 +94,9 @@ struct Records {
     /// Read a truncated file up to its last whole row.
     #[arg(long)]
     recover: bool,
+    /// Make an uneven clock even, by cubics between the samples.
+    #[arg(long)]
+    resample: bool,
     /// Exit with status 1 where samples are missing.
     #[arg(long)]
     strict: bool,
@@ -100,7 +106,7 @@ impl Records {
     /// Reads the rig file and the records; warnings go to standard error.
     fn read(&self) -> Result<(Rig, Vec<Record>)> {
         let rig = Rig::read(&self.rig)?;
-        let options = ReadOptions { recover: self.recover };
+        let options = ReadOptions { recover: self.recover, resample: self.resample };
         let records: Vec<Record> =
             self.records.iter().map(|path| Record::read(path, &rig, &options)).collect::<Result<_>>()?;
         Ok((rig, records))
@@ -149,6 +155,7 @@ fn run(cli: Cli) -> Result<Answer> {
         Command::Capture(a) => capture::run(&a),
         Command::Inspect(a) => inspect::run(&a),
         Command::Identify(a) => identify::run(&a),
+        Command::Validate(a) => validate::run(&a),
         Command::Explain(a) => explain::run(&a),
         Command::Flash(a) => flash::run(&a),
         Command::Reduce(a) => reduce::run(&a),

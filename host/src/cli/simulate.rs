@@ -35,6 +35,9 @@ pub struct Arguments {
 #[cfg(feature = "sim")]
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let rig = Rig::read(&arguments.rig)?;
+    if let Some(bound) = &rig.bound {
+        return model_file(arguments, &rig, bound);
+    }
     let summary = crate::simulate::record(
         &rig,
         &arguments.effects,
@@ -50,6 +53,23 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         summary.seconds,
         arguments.output.display()
     ));
+    Ok(Answer::Positive)
+}
+
+/// Simulates a model file.
+#[cfg(feature = "sim")]
+fn model_file(arguments: &Arguments, rig: &Rig, bound: &crate::rig::measures::Bound) -> Result<Answer> {
+    if let Some(effect) = arguments.effects.first() {
+        return Err(crate::error::BadInput::new(format!("\"{effect}\""), "no effect for a model file")
+            .at("--effect")
+            .remedy("Write it into the model as a term, with its coefficient in [plant]"));
+    }
+    let samples =
+        crate::model::model_file::simulation::record(rig, bound, arguments.seconds, arguments.seed, &arguments.output)?;
+    let seconds = samples as f64 / rig.sample_rate_hz;
+    let summary = crate::simulate::Summary { samples, seconds, seed: arguments.seed, effects: Vec::new() };
+    arguments.out.write_json(&summary)?;
+    arguments.out.say(&format!("{samples} samples ({seconds} s) in {}\n", arguments.output.display()));
     Ok(Answer::Positive)
 }
 

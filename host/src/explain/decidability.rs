@@ -10,7 +10,7 @@ use crate::record::Record;
 use crate::rig::Rig;
 
 /// Gap (in noise floors) up to which a model counts as explaining the record.
-const EXPLAINED_GAP: f64 = 1.3;
+pub(super) const EXPLAINED_GAP: f64 = 1.3;
 /// Ratio of residual to noise power in the rows up to which nothing counts as left.
 const EXPLAINED_POWER: f64 = 2.0;
 /// Horizons of the gap that count for the verdict, in units of the shortest: chaos makes longer ones show weaker effects.

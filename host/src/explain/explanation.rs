@@ -137,6 +137,8 @@ pub struct Ranked {
     pub name: String,
     /// Share of the held-out weighted residual power that it takes away.
     pub gain: f64,
+    /// That gain over its standard error between blocks.
+    pub deviations: f64,
     /// Probability by chance.
     pub p_value: f64,
     /// Step in which it was judged.

@@ -1,6 +1,6 @@
 //! Predictions: the model with its effects, integrated from a state, as the sensors would show it.
 //!
-//! Classical Runge–Kutta (1901), steps of at most 1 ms.
+//! Classical Runge–Kutta (1901), steps of at most 2 ms: below 1e-5 rad over a drive period at 50 rad/s, a fiftieth of a count.
 
 use nalgebra::SVector;
 
@@ -17,7 +17,46 @@ pub struct Model<'a> {
 }
 
 /// Longest step, s.
-const LONGEST_STEP_S: f64 = 1e-3;
+const LONGEST_STEP_S: f64 = 2e-3;
+
+/// One Runge–Kutta step of length `h`, with (sin τ, cos τ) at its start, middle and end.
+fn step(
+    rate_of: &mut impl FnMut(&SVector<f64, 4>, (f64, f64), f64) -> SVector<f64, 4>,
+    x: &SVector<f64, 4>,
+    h: f64,
+    phases: [(f64, f64); 3],
+    time: f64,
+) -> SVector<f64, 4> {
+    let k1 = rate_of(x, phases[0], time);
+    let k2 = rate_of(&(x + k1 * (0.5 * h)), phases[1], time + 0.5 * h);
+    let k3 = rate_of(&(x + k2 * (0.5 * h)), phases[1], time + 0.5 * h);
+    let k4 = rate_of(&(x + k3 * h), phases[2], time + h);
+    x + (k1 + k2 * 2.0 + k3 * 2.0 + k4) * (h / 6.0)
+}
+
+/// Fraction of a step at which a law may jump: where a joint's velocity changes sign or its angle passes half a turn (the earlier, by linear
+/// interpolation).
+fn crossing(a: &SVector<f64, 4>, b: &SVector<f64, 4>) -> Option<f64> {
+    let mut first: Option<f64> = None;
+    let mut note = |from: f64, to: f64| {
+        let fraction = from / (from - to);
+        if fraction > 0.0 && fraction < 1.0 {
+            first = Some(first.map_or(fraction, |f| f.min(fraction)));
+        }
+    };
+    let velocities = [(a[2], b[2]), (a[3] - a[2], b[3] - b[2])];
+    for (from, to) in velocities.into_iter().filter(|(from, to)| from * to < 0.0) {
+        note(from, to);
+    }
+    for (from, to) in [(a[0], b[0]), (a[1] - a[0], b[1] - b[0])] {
+        let turn = |x: f64| (x / core::f64::consts::TAU + 0.5).floor();
+        if turn(from) != turn(to) {
+            let edge = core::f64::consts::TAU * (turn(from).max(turn(to)) - 0.5);
+            note(from - edge, to - edge);
+        }
+    }
+    first
+}
 
 impl Model<'_> {
     /// φ̈1, φ̈2 at a sample's state.
@@ -74,10 +113,15 @@ impl Model<'_> {
             .sum();
         let omega = omega + runaway;
         let mut accel = [0.0; 2];
-        let mut rate_of = |x: &SVector<f64, 4>, tau: f64, time: f64| {
+        // The drive's phase turns by the same angle every half step.
+        let whole_half = (omega * 0.5 * h).sin_cos();
+        let turned = |(sin, cos): (f64, f64), fraction: f64| {
+            let (s, c) = if fraction == 0.5 { whole_half } else { (omega * fraction * h).sin_cos() };
+            (sin * c + cos * s, cos * c - sin * s)
+        };
+        let mut rate_of = |x: &SVector<f64, 4>, (sin_tau, cos_tau): (f64, f64), time: f64| {
             let (sin1, cos1) = x[0].sin_cos();
             let (sin2, cos2) = x[1].sin_cos();
-            let (sin_tau, cos_tau) = tau.sin_cos();
             let rate = [x[2], x[3]];
             let s = Sample {
                 raw: [x[0], x[1]],
@@ -112,14 +156,23 @@ impl Model<'_> {
                 }
             }
             out.push(angles);
+            let mut phase = tau.sin_cos();
             for j in 0..steps {
                 let at = j as f64 * h;
-                let (t0, t1, t2) = (tau + omega * at, tau + omega * (at + 0.5 * h), tau + omega * (at + h));
-                let k1 = rate_of(&x, t0, time + at);
-                let k2 = rate_of(&(x + k1 * (0.5 * h)), t1, time + at + 0.5 * h);
-                let k3 = rate_of(&(x + k2 * (0.5 * h)), t1, time + at + 0.5 * h);
-                let k4 = rate_of(&(x + k3 * h), t2, time + at + h);
-                x += (k1 + k2 * 2.0 + k3 * 2.0 + k4) * (h / 6.0);
+                let before = x;
+                let half = turned(phase, 0.5);
+                let full = turned(half, 0.5);
+                x = step(&mut rate_of, &before, h, [phase, half, full], time + at);
+                if let Some(fraction) = crossing(&before, &x) {
+                    // Two steps that meet where a law jumps; the second may not jump back.
+                    let (first, second) = (fraction * h, (1.0 - fraction) * h);
+                    let middle = turned(phase, fraction);
+                    let phases = [phase, turned(phase, 0.5 * fraction), middle];
+                    let met = step(&mut rate_of, &before, first, phases, time + at);
+                    let phases = [middle, turned(middle, 0.5 * (1.0 - fraction)), full];
+                    x = step(&mut rate_of, &met, second, phases, time + at + first);
+                }
+                phase = full;
             }
         }
         out

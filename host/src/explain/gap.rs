@@ -13,6 +13,10 @@ use crate::signal::angles::AngleSegment;
 
 /// Time over which a first guess of the state is good enough for the fit to converge, s.
 const SHORT_S: f64 = 0.1;
+/// Samples over which the first guess of the velocities is taken, one after the other.
+const GUESSES: [usize; 4] = [5, 10, 3, 20];
+/// A window whose sum of squares exceeds the median by this factor is fitted again.
+const STANDS_OUT: f64 = 4.0;
 /// Steps of the differences with respect to the state, rad and rad/s.
 pub const STATE_STEPS: [f64; 4] = [1e-6, 1e-6, 1e-5, 1e-5];
 
@@ -26,42 +30,64 @@ pub type Stretch = (usize, usize, usize);
 
 /// The gap over stretches, in noise floors. `sigma` is each sensor's noise, rad.
 pub fn gap(c: &Context, model: &Model<'_>, segments: &[AngleSegment], stretches: &[Stretch], sigma: [f64; 2]) -> f64 {
-    let sums: Vec<(f64, f64)> = stretches
-        .par_iter()
-        .map(|&(s, first, count)| {
-            let (_, squares) = fit_window(c, model, &segments[s], first, count, sigma);
-            (squares, (2 * count) as f64 - 4.0)
-        })
-        .collect();
-    let (squares, freedom) = sums.iter().fold((0.0, 0.0), |t, x| (t.0 + x.0, t.1 + x.1));
-    (squares / f64::max(freedom, 1.0)).sqrt()
+    let fits = fit_windows(c, model, segments, stretches, sigma);
+    let squares: f64 = fits.iter().map(|f| f.1).sum();
+    let freedom: f64 = stretches.iter().map(|s| (2 * s.2) as f64 - 4.0).sum();
+    (squares / freedom.max(1.0)).sqrt()
 }
 
 /// Rms of predicted minus measured angle over stretches after the same fit, rad.
 pub fn rms(c: &Context, model: &Model<'_>, segments: &[AngleSegment], stretches: &[Stretch]) -> f64 {
-    let sums: Vec<(f64, usize)> = stretches
-        .par_iter()
-        .map(|&(s, first, count)| (fit_window(c, model, &segments[s], first, count, [1.0; 2]).1, 2 * count))
-        .collect();
-    let (squares, count) = sums.iter().fold((0.0, 0), |t, x| (t.0 + x.0, t.1 + x.1));
+    let fits = fit_windows(c, model, segments, stretches, [1.0; 2]);
+    let squares: f64 = fits.iter().map(|f| f.1).sum();
+    let count: usize = stretches.iter().map(|s| 2 * s.2).sum();
     (squares / f64::max(count as f64, 1.0)).sqrt()
+}
+
+/// Initial state and sum of squared residuals over σ of each window. A window that stands out from the others may have stopped in a local
+/// minimum: it is fitted again from other guesses, and the best counts.
+pub fn fit_windows(
+    c: &Context,
+    model: &Model<'_>,
+    segments: &[AngleSegment],
+    stretches: &[Stretch],
+    sigma: [f64; 2],
+) -> Vec<(SVector<f64, 4>, f64)> {
+    let fit = |&(s, first, count): &Stretch, near: usize| fit_window(c, model, &segments[s], first, count, sigma, near);
+    let mut fits: Vec<(SVector<f64, 4>, f64)> = stretches.par_iter().map(|w| fit(w, GUESSES[0])).collect();
+    let mut costs: Vec<f64> = fits.iter().zip(stretches).map(|(f, w)| f.1 / w.2 as f64).collect();
+    costs.sort_by(f64::total_cmp);
+    let usual = costs.get(costs.len() / 2).copied().unwrap_or(0.0);
+    fits.par_iter_mut().zip(stretches).for_each(|(best, window)| {
+        for near in &GUESSES[1..] {
+            if best.1 / window.2 as f64 <= STANDS_OUT * usual {
+                break;
+            }
+            let again = fit(window, *near);
+            if again.1 < best.1 {
+                *best = again;
+            }
+        }
+    });
+    fits
 }
 
 /// Initial state fitted to a window, and the sum of squared residuals over σ: over a short part of the window first, then over twice as much each time, so that
 /// the fit stays in its basin where small changes grow along the window.
-pub fn fit_window(
+fn fit_window(
     c: &Context,
     model: &Model<'_>,
     segment: &AngleSegment,
     first: usize,
     count: usize,
     sigma: [f64; 2],
+    near: usize,
 ) -> (SVector<f64, 4>, f64) {
     let mut part = count;
     while part as f64 * segment.step_s > SHORT_S && part >= 32 {
         part /= 2;
     }
-    let mut x = guess(segment, first, part);
+    let mut x = guess(segment, first, part, near);
     loop {
         let cost;
         (x, cost) = fit_state(c, model, segment, first, part, sigma, x);
@@ -73,10 +99,10 @@ pub fn fit_window(
 }
 
 /// Initial state from the first few samples.
-fn guess(segment: &AngleSegment, first: usize, count: usize) -> SVector<f64, 4> {
+fn guess(segment: &AngleSegment, first: usize, count: usize, near: usize) -> SVector<f64, 4> {
     let slope = |k: usize| {
-        // Slope at the start from a short parabola: differences over 5 and 10 samples.
-        let near = 5.min(count.saturating_sub(1));
+        // Slope at the start from a short parabola: differences over `near` and twice as many samples.
+        let near = near.min(count.saturating_sub(1));
         let at = |i: usize| segment.phi[k][first + i];
         let far = (2 * near).min(count.saturating_sub(1));
         if near > 0 && far == 2 * near {

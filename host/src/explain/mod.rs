@@ -28,8 +28,9 @@ pub mod unknown;
 use serde::Serialize;
 
 use self::comparison::{Comparison, Measured};
+use self::decidability::EXPLAINED_GAP;
 use self::naming::{choose, refit};
-use self::state::{Candidate, Chosen, candidates, start};
+use self::state::{Candidate, Chosen, State, candidates, start};
 use crate::error::{BadInput, Result};
 use crate::identify::{self, Geometry, Prepared, Settings as IdentifySettings};
 use crate::model::identified::IdentifiedModel;
@@ -41,6 +42,8 @@ pub use self::explanation::{Details, Explanation, Forecast, Found, Gap, Ranked, 
 
 /// Most effects that are added.
 const MOST_EFFECTS: usize = 8;
+/// Least share of the gap that an effect must take away while the gap is above [`EXPLAINED_GAP`].
+const LEAST_PROGRESS: f64 = 0.03;
 /// Longest part of a record that is used, windows.
 const MOST_WINDOWS: f64 = 300.0;
 
@@ -51,6 +54,8 @@ pub struct Settings {
     pub horizon_s: Option<f64>,
     /// Horizons of the forecasts, s: the first 70 % of the record is fitted, the last 30 % predicted. By default 1 and 4 of the gap's, 1 and 40/3 (2.667 s) when free.
     pub forecast_s: Vec<f64>,
+    /// Most effects that are added; 8 by default.
+    pub most_effects: Option<usize>,
     /// A model to start from, instead of the rig file's nominal one.
     pub model: Option<IdentifiedModel>,
 }
@@ -85,12 +90,23 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     }
     let mut before = None;
     let mut found: Vec<Found> = Vec::new();
+    let mut kept: Option<(State, Outcome)> = None;
     let outcome = loop {
         let step = found.len();
         let variants: Vec<Candidate> = candidates(&state.context);
         let (design, weights, own) = refit(&mut state, &raw, &geometry, &variants)?;
         let fit = ranking::fit(&design, &own, &weights).ok_or_else(singular)?;
         let measured = comparison.measure(&state, &design, &weights, &own, &fit)?;
+        // A wrong model makes many effects look significant: each must also bring predictions nearer, or it goes again.
+        let previous = result.gap.steps.last().map_or(f64::INFINITY, |s| s.value);
+        if measured.gap > (1.0 - LEAST_PROGRESS) * previous
+            && previous > EXPLAINED_GAP
+            && let Some((better, outcome)) = kept.take()
+        {
+            let _ = found.pop();
+            state = better;
+            break outcome;
+        }
         let added = match found.last() {
             Some(f) => Some(format!("{}@{}", f.id, f.at)),
             None => settings.model.is_some().then(|| "refit".to_owned()),
@@ -102,13 +118,12 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
             before = Some(comparison.longer(&state, &measured.x));
         }
         result.residual_power[1] = power.ratio;
-        let last = undecidable.is_some() || step == MOST_EFFECTS;
-        let next =
-            if last { None } else { choose(&state, &design, &weights, &own, &variants, step, &mut result.ranking) };
-        let Some(next) = next else {
-            break Outcome { design, weights, own, fit, measured, power };
-        };
+        let outcome = Outcome { design, weights, own, fit, measured, power };
+        let last = undecidable.is_some() || step == settings.most_effects.unwrap_or(MOST_EFFECTS);
+        let next = if last { None } else { choose(&state, &outcome, &variants, step, &mut result.ranking) };
+        let Some(next) = next else { break outcome };
         found.push(next.found);
+        kept = Some((state.clone(), outcome));
         let candidate = variants.into_iter().nth(next.index).ok_or_else(singular)?;
         let joined = Chosen::new(&state.context, candidate);
         state.chosen.push(joined);

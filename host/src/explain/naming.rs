@@ -9,8 +9,8 @@ use super::design::{self, Design};
 use super::effects::{Compose, Context, Place, Scale, Variant};
 use super::explanation::{Found, Ranked};
 use super::ranking::{self, Weights};
-use super::singular;
 use super::state::{Candidate, State};
+use super::{Outcome, singular};
 use crate::error::Result;
 use crate::identify::Geometry;
 use crate::signal::angles::AngleSegment;
@@ -57,6 +57,11 @@ pub(super) fn refit(
     Err(singular())
 }
 
+/// Share of the held-out residual power from which weights are estimated anew with each candidate.
+const STRONG: f64 = 0.75;
+/// Most candidates for which that is done.
+const RERANKED: usize = 60;
+
 /// The next effect to add.
 pub(super) struct Next {
     pub(super) index: usize,
@@ -65,13 +70,12 @@ pub(super) struct Next {
 
 pub(super) fn choose(
     state: &State,
-    design: &Design,
-    weights: &Weights,
-    own: &[usize],
+    outcome: &Outcome,
     variants: &[Candidate],
     step: usize,
     ranking_out: &mut Vec<Ranked>,
 ) -> Option<Next> {
+    let Outcome { design, weights, own, .. } = outcome;
     let plain = ranking::fit(design, own, weights)?;
     let total: f64 = plain.held_out.iter().sum();
     let taken: Vec<String> = state.chosen.iter().map(|k| k.candidate.name()).collect();
@@ -87,6 +91,7 @@ pub(super) fn choose(
     struct Score {
         index: usize,
         gain: f64,
+        deviations: f64,
         p: f64,
         held_out: Vec<f64>,
         fit: ranking::Fit,
@@ -98,12 +103,20 @@ pub(super) fn choose(
             let (from, d) = places[index];
             let columns: Vec<usize> = own.iter().copied().chain(from..from + d).collect();
             let fit = ranking::fit(design, &columns, weights)?;
-            let (mean, _) = ranking::gain(&plain.held_out, &fit.held_out);
+            let (mean, error) = ranking::gain(&plain.held_out, &fit.held_out);
             let p = ranking::p_value(&fit, d);
-            Some(Score { index, gain: mean, p, held_out: fit.held_out.clone(), fit })
+            Some(Score {
+                index,
+                gain: mean,
+                deviations: mean / error.max(f64::MIN_POSITIVE),
+                p,
+                held_out: fit.held_out.clone(),
+                fit,
+            })
         })
         .collect();
     let tests = scores.len().max(1) as f64;
+    let mut likelihood: BTreeMap<usize, f64> = BTreeMap::new();
     // The best form of each effect at each place.
     let mut best: BTreeMap<String, &Score> = BTreeMap::new();
     for s in &scores {
@@ -113,16 +126,47 @@ pub(super) fn choose(
         }
     }
     let blocks = plain.held_out.len() as f64;
+    if let Some(winner) = best.values().max_by(|a, b| a.gain.total_cmp(&b.gain))
+        && winner.gain * blocks > STRONG * total
+    {
+        // Weights from a model that misses this much are wrong, and so is the order that they give.
+        let again =
+            reranked(design, own, weights, &scores.iter().map(|s| (s.gain, places[s.index])).collect::<Vec<_>>());
+        for (name, entry) in &mut best {
+            let own_forms = scores.iter().zip(&again).filter(|(s, _)| variants[s.index].name() == *name);
+            if let Some((form, _)) = own_forms.min_by(|a, b| a.1.total_cmp(b.1)) {
+                *entry = form;
+            }
+        }
+        likelihood = scores.iter().zip(&again).map(|(s, j)| (s.index, *j)).collect();
+    }
     let mut order: Vec<(&String, &&Score)> = best.iter().collect();
-    order.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
+    order.sort_by(|a, b| {
+        let j = |s: &Score| likelihood.get(&s.index).copied().unwrap_or(f64::INFINITY);
+        j(a.1).total_cmp(&j(b.1)).then(b.1.gain.total_cmp(&a.1.gain))
+    });
     ranking_out.extend(order.iter().map(|(name, s)| Ranked {
         name: (*name).clone(),
         gain: s.gain * blocks / total,
+        deviations: s.deviations,
         p_value: s.p,
         step,
     }));
     let significant = |s: &Score| s.p * tests < FAMILY_WISE && s.gain > 0.0;
-    let (name, winner) = order.iter().find(|(_, s)| significant(s))?;
+    let (_, strongest) = order.iter().find(|(_, s)| significant(s))?;
+    // Of those within a standard error of the best, the simplest (Breiman et al. 1984, the one-standard-error rule).
+    let complexity = |s: &Score| {
+        let v = &variants[s.index].variant;
+        v.action.len() + v.shape.len()
+    };
+    let (name, winner) = order
+        .iter()
+        .filter(|(_, s)| significant(s))
+        .filter(|(_, s)| {
+            let (mean, error) = ranking::gain(&s.held_out, &strongest.held_out);
+            mean <= error
+        })
+        .min_by_key(|(_, s)| complexity(s))?;
     let runner_up = order.iter().find(|(n, _)| n != name).map(|(n, s)| ((*n).clone(), s.gain * blocks / total));
     let mut twins: Vec<String> = order
         .iter()
@@ -136,6 +180,15 @@ pub(super) fn choose(
     for (a, b) in [("zero-offset@encoder2", "imbalance@arm2"), ("imbalance@arm2", "zero-offset@encoder2")] {
         if *name == a && !twins.iter().any(|t| t == b) {
             twins.push(b.to_owned());
+        }
+    }
+    // Beside a Coulomb level, a level that differs with direction is that level and a constant torque.
+    for joint in ["joint1", "joint2"].into_iter().filter(|j| taken.contains(&format!("coulomb-friction@{j}"))) {
+        let pair = [format!("asymmetric-friction@{joint}"), format!("constant-force@{joint}")];
+        if let Some(at) = pair.iter().position(|p| p == *name)
+            && !twins.contains(&pair[1 - at])
+        {
+            twins.push(pair[1 - at].clone());
         }
     }
     let candidate = &variants[winner.index];
@@ -158,6 +211,29 @@ pub(super) fn choose(
             strengths: Vec::new(),
         },
     })
+}
+
+/// Held-out score of the strongest candidates with weights from their own fits, infinite for the others: Σ n ln s² over equations and frequencies,
+/// the concentrated likelihood when the variance of each frequency is unknown. Smaller is better.
+fn reranked(design: &Design, own: &[usize], weights: &Weights, scores: &[(f64, (usize, usize))]) -> Vec<f64> {
+    let mut gains: Vec<f64> = scores.iter().map(|s| s.0).collect();
+    gains.sort_by(|a, b| b.total_cmp(a));
+    let least = gains.get(RERANKED - 1).or(gains.last()).copied().unwrap_or(f64::INFINITY);
+    scores
+        .par_iter()
+        .map(|&(gain, (from, d))| {
+            if gain < least {
+                return f64::INFINITY;
+            }
+            let columns: Vec<usize> = own.iter().copied().chain(from..from + d).collect();
+            let mut w = weights.clone();
+            for _ in 0..3 {
+                let Some(fit) = ranking::fit_some(design, &columns, &w, |_| true) else { return f64::INFINITY };
+                w = ranking::weights(design, &columns, &fit);
+            }
+            ranking::held_out_likelihood(design, &columns, &w).unwrap_or(f64::INFINITY)
+        })
+        .collect()
 }
 
 /// Value, standard error, parameters and unit of a candidate whose strengths are the last coefficients.

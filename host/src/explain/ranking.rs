@@ -154,6 +154,31 @@ pub fn fit_some(
     solve(&total)
 }
 
+/// Σ n ln s² over equations and frequencies, s² the mean square residual on held-out blocks; none where a fit is singular.
+pub fn held_out_likelihood(design: &Design, columns: &[usize], weights: &Weights) -> Option<f64> {
+    let mut sums = [vec![0.0; design.frequencies + 1], vec![0.0; design.frequencies + 1]];
+    let mut counts = sums.clone();
+    let width = design.columns + 1;
+    for fold in 0..FOLDS {
+        let x = fit_some(design, columns, weights, |k| {
+            let (a, b) = design.windows[k].blocks();
+            a % FOLDS != fold && b % FOLDS != fold
+        })?;
+        for w in design.windows.iter().filter(|w| w.index % 2 == 0 && w.blocks().0 % FOLDS == fold) {
+            for r in 0..design.rows {
+                let (e, m) = design.place_of_row(r);
+                let row = &w.values[r * width..(r + 1) * width];
+                let residual =
+                    row[design.columns] - columns.iter().zip(x.iter()).map(|(&c, k)| k * row[c]).sum::<f64>();
+                sums[e][m] += residual * residual;
+                counts[e][m] += 1.0;
+            }
+        }
+    }
+    let both = sums.iter().flatten().zip(counts.iter().flatten());
+    Some(both.filter(|(s, n)| **s > 0.0 && **n > 0.0).map(|(s, n)| n * (s / n).ln()).sum())
+}
+
 /// Probability that strengths of zero give a Wald statistic as large, for the last `d` coefficients of a fit.
 pub fn p_value(fit: &Fit, d: usize) -> f64 {
     let p = fit.all.len();

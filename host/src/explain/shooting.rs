@@ -49,8 +49,7 @@ pub(super) fn refit(
     let c = &state.context;
     let mut x = x.clone();
     let model = Model::of(state, &x);
-    let fitted: Vec<(SVector<f64, 4>, f64)> =
-        windows.par_iter().map(|&(s, first, count)| gap::fit_window(c, &model, &raw[s], first, count, sigma)).collect();
+    let fitted = gap::fit_windows(c, &model, raw, windows, sigma);
     drop(model);
     let mut cost: f64 = fitted.iter().map(|f| f.1).sum();
     let mut states: Vec<SVector<f64, 4>> = fitted.into_iter().map(|f| f.0).collect();

@@ -24,6 +24,7 @@ impl Candidate {
 }
 
 /// An effect in the model: its form and strengths.
+#[derive(Clone)]
 pub(super) struct Chosen {
     pub(super) candidate: Candidate,
     pub(super) strengths: Vec<f64>,
@@ -62,6 +63,7 @@ pub(super) fn nominal(rig: &Rig, c: &Context) -> Result<Vec<Chosen>> {
 }
 
 /// The model's coefficients and what was computed with them.
+#[derive(Clone)]
 pub(super) struct State {
     pub(super) context: Context,
     /// Nominal dampings, then effects added.

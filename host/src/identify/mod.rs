@@ -4,6 +4,7 @@
 //! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
 
 pub mod energy_balance;
+pub mod general;
 pub mod harmonic_balance;
 pub mod identifiability;
 pub mod instruments;
@@ -12,6 +13,7 @@ pub mod noise_bias;
 pub mod physical_parameters;
 pub mod presentation;
 pub mod regression;
+pub mod shooting;
 pub mod single_parameters;
 pub mod system;
 pub mod windows;
@@ -39,6 +41,10 @@ pub const METHODS: &[(&str, &str)] = &[
     ("weak", "weak form: sin⁴ windows over 20 T (4 s when free), integrated by parts; least squares per equation"),
     ("frequency", "harmonic balance of long pieces of nT, closed or not (chapter 4)"),
     ("upo", "harmonic balance of extracted unstable periodic orbits (chapters 2 and 3)"),
+    (
+        "shooting",
+        "multiple-shooting maximum likelihood from the weak form's start: pieces of 1T, 2T, 4T, quantisation as noise",
+    ),
 ];
 
 /// Choices of the weak form. `None`: chosen from the record, as each says.
@@ -93,7 +99,7 @@ pub struct Details {
     /// Pass band of the low-pass for signs of velocities, Hz.
     pub sign_pass_hz: f64,
     /// Standard deviation of each sensor's noise, rad.
-    pub noise_rad: [f64; 2],
+    pub noise_rad: Vec<f64>,
     /// Bias by that noise, taken off each coefficient (in the order of `correlation_names`).
     pub noise_bias: Vec<f64>,
     /// Condition number of each equation (columns scaled).
@@ -107,6 +113,9 @@ pub struct Details {
     /// Instruments, where the noise called for them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub instruments: Option<instruments::Instruments>,
+    /// Share of the right-hand side that the model leaves, over all samples, of each equation of a model file.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub balance_error: Vec<f64>,
 }
 
 /// Residuals of one equation, for figure 3.14: at most 2000 dots.
@@ -145,6 +154,9 @@ pub struct Identification {
     pub correlation_names: Vec<String>,
     /// How the numbers came about.
     pub details: Details,
+    /// How multiple shooting came about them, where it did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shooting: Option<shooting::Details>,
     /// Things noticed.
     pub warnings: Vec<Warning>,
     /// Residuals, equation by equation.
@@ -280,6 +292,9 @@ pub fn prepare_system(system: &System, records: &[Record], rig: &Rig, settings: 
 /// A model that is not built in, missing channels, settings out of range, records shorter than one window, or
 /// a record in which a coefficient's column vanishes (an arm at rest).
 pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Identification> {
+    if let Some(bound) = &rig.bound {
+        return general::identify(records, rig, bound, settings);
+    }
     let system = System::of(rig)?;
     let Prepared { segments, sigma, geometry: Geometry { windows, kernels }, mut warnings } =
         prepare_system(&system, records, rig, settings)?;
@@ -382,14 +397,16 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             pass_hz: kernels.full.pass_hz,
             stop_hz: kernels.full.stop_hz,
             sign_pass_hz: kernels.clear.pass_hz,
-            noise_rad: sigma,
+            noise_rad: sigma.to_vec(),
             noise_bias: bias.map_or_else(Vec::new, |b| b.value.iter().copied().collect()),
             condition: solution.condition.clone(),
             repetition: solution.repetition,
             jackknife_blocks: solution.blocks,
             ties_misfit,
             instruments: heavy.map(|h| h.done),
+            balance_error: Vec::new(),
         },
+        shooting: None,
         warnings,
         residuals: (0..model.equations.len())
             .map(|e| Residuals {

@@ -66,15 +66,26 @@ pub fn estimate(
             rows(&measured, model, kernels, windows)
         })
         .collect();
+    from_rows(truth.len(), &plain, &repeats, &terms, weights)
+}
+
+/// The bias from the rows of known motions, as they are (`plain`) and measured again ([`REPEATS`] times); their `run` is the stretch.
+pub(crate) fn from_rows(
+    stretches: usize,
+    plain: &[WindowRows],
+    repeats: &[Vec<WindowRows>],
+    terms: &[usize],
+    weights: &[Vec<f64>],
+) -> Option<Bias> {
     // δ from all stretches but one (or from all).
     let delta = |without: Option<usize>| {
         let solve = |rows: &[WindowRows]| {
             let kept = rows.iter().filter(|w| Some(w.run) != without);
-            let solved = solve_weighted(kept, &terms, weights).ok()?;
+            let solved = solve_weighted(kept, terms, weights).ok()?;
             Some(DVector::from_iterator(terms.iter().sum(), solved.iter().flat_map(|c| c.iter().copied())))
         };
-        let mut mean = -solve(&plain)?;
-        for rows in &repeats {
+        let mut mean = -solve(plain)?;
+        for rows in repeats {
             mean += solve(rows)? / repeats.len() as f64;
         }
         Some(mean)
@@ -82,7 +93,7 @@ pub fn estimate(
     let all = delta(None)?;
     let each: Vec<DVector<f64>> = repeats
         .iter()
-        .filter_map(|rows| solve_weighted(rows.iter(), &terms, weights).ok())
+        .filter_map(|rows| solve_weighted(rows.iter(), terms, weights).ok())
         .map(|solved| DVector::from_iterator(all.len(), solved.iter().flat_map(|c| c.iter().copied())))
         .collect();
     let mean = each.iter().fold(DVector::zeros(all.len()), |s, x| s + x) / each.len().max(1) as f64;
@@ -91,7 +102,7 @@ pub fn estimate(
         let d = x - &mean;
         spread += &d * d.transpose() * (STRETCH_T * STRETCH_T / (REPEATS - 1) as f64);
     }
-    let n = truth.len();
+    let n = stretches;
     let mut covariance = DMatrix::zeros(all.len(), all.len());
     if n > 1 {
         for change in (0..n).filter_map(|g| delta(Some(g))).map(|d| d - &all) {
@@ -108,24 +119,11 @@ pub fn estimate(
 /// Smoothed stretches of a few windows each, spread evenly over the record.
 pub(crate) fn smoothed_stretches(segments: &[AngleSegment], kernels: &Kernels, windows: &Windows) -> Vec<AngleSegment> {
     let Some(step) = segments.first().map(|s| s.step_s) else { return Vec::new() };
-    // The smoothing takes its reach on either side once more.
     let reach = kernels.clear.reach();
-    let one = samples_needed(windows, kernels, step) + 2 * reach;
-    let hop = windows.hop_s / step;
-    let long = one + ((STRETCH - 1) as f64 * hop).ceil() as usize;
-    let stride = (STRETCH as f64 * hop).round() as usize;
-    let mut all: Vec<(usize, usize, usize)> = Vec::new();
-    for (i, s) in segments.iter().enumerate() {
-        let mut first = 0;
-        while first + one <= s.len() {
-            all.push((i, first, (first + long).min(s.len())));
-            first += stride.max(1);
-        }
-    }
-    let count = all.len().min(MOST_WINDOWS / STRETCH);
+    let lengths: Vec<usize> = segments.iter().map(AngleSegment::len).collect();
     let mut unused = Vec::new();
-    (0..count)
-        .map(|k| all[k * all.len() / count])
+    places(&lengths, kernels, windows, step)
+        .into_iter()
         .map(|(i, first, last)| {
             let mut out = segments[i].part(first + reach, last - reach);
             for c in 0..2 {
@@ -136,6 +134,25 @@ pub(crate) fn smoothed_stretches(segments: &[AngleSegment], kernels: &Kernels, w
             out
         })
         .collect()
+}
+
+/// Where such stretches lie in segments of these lengths: segment, first sample, end.
+pub(crate) fn places(lengths: &[usize], kernels: &Kernels, windows: &Windows, step: f64) -> Vec<(usize, usize, usize)> {
+    // The smoothing takes its reach on either side once more.
+    let one = samples_needed(windows, kernels, step) + 2 * kernels.clear.reach();
+    let hop = windows.hop_s / step;
+    let long = one + ((STRETCH - 1) as f64 * hop).ceil() as usize;
+    let stride = (STRETCH as f64 * hop).round() as usize;
+    let mut all: Vec<(usize, usize, usize)> = Vec::new();
+    for (i, &length) in lengths.iter().enumerate() {
+        let mut first = 0;
+        while first + one <= length {
+            all.push((i, first, (first + long).min(length)));
+            first += stride.max(1);
+        }
+    }
+    let count = all.len().min(MOST_WINDOWS / STRETCH);
+    (0..count).map(|k| all[k * all.len() / count]).collect()
 }
 
 /// The segment as its sensors would measure it in repeat `r`.

@@ -1,6 +1,7 @@
 //! An identification as report sections print it.
 
 use super::{ERROR_BOUND, Identification};
+use crate::report::format::significant;
 use crate::report::sections::parameters::{Parameter, ParameterTable};
 use crate::report::sections::residuals::{EquationResiduals, ResidualSet};
 
@@ -10,6 +11,8 @@ pub fn method_name(method: &str) -> &str {
         "weak" => "the weak form",
         "frequency" => "harmonic balance of long pieces",
         "upo" => "harmonic balance of extracted orbits",
+        "shooting" => "multiple shooting",
+        "explain" => "`whirl explain`",
         other => other,
     }
 }
@@ -49,6 +52,24 @@ pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Opt
             d.windows, d.window_s, d.max_frequency_hz, d.pass_hz, d.sign_pass_hz, errors_from
         ),
     }];
+    if let Some(s) = &result.shooting {
+        let list = |x: &[f64]| x.iter().map(|v| significant(*v, 3)).collect::<Vec<_>>().join(", ");
+        notes[0] = format!(
+            "Multiple shooting over {} pieces of {} s (levels {} s), step of integration {} ms, {} rounds, started from the weak form. Residuals are {} times \
+             the sensors' noise. Standard errors: {}; ± is 1.96 of them.",
+            s.pieces,
+            s.levels_s.last().map_or_else(String::new, |l| significant(*l, 3)),
+            list(&s.levels_s),
+            significant(1e3 * s.step_s, 3),
+            s.rounds,
+            list(&s.noise_ratio),
+            if d.jackknife_blocks > 0 {
+                format!("jackknife over {} blocks of pieces", d.jackknife_blocks)
+            } else {
+                "white noise assumed, since there are too few pieces for a jackknife".to_owned()
+            }
+        );
+    }
     let errors: Vec<String> = result.identification_error.iter().map(|e| format!("{:.2} %", 100.0 * e)).collect();
     notes.push(format!(
         "Identification error ε = ‖e‖∞/‖q̂‖∞ of each equation: {} (bound {:.0} %).",

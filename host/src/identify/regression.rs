@@ -143,11 +143,33 @@ fn residuals(rows: &[f64], coefficients: &DVector<f64>) -> impl Iterator<Item = 
 /// # Errors
 /// Where a column vanishes or depends on others, or a row is not finite.
 pub fn solve(windows: &[WindowRows], terms: &[usize], frequencies: usize) -> Result<Solution, Unsolvable> {
+    solve_with(windows, terms, frequencies, &Options::default())
+}
+
+/// Departures from the defaults of [`solve`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Options<'a> {
+    /// Weights of each equation and frequency, instead of those from the residuals; empty for an equation that has none.
+    pub weights: Option<&'a [Vec<f64>]>,
+    /// Windows that a block of the jackknife spans at least (a twelfth of all at most).
+    pub block: usize,
+}
+
+/// As [`solve`], with weights given beforehand or longer blocks.
+///
+/// # Errors
+/// As [`solve`].
+pub fn solve_with(
+    windows: &[WindowRows],
+    terms: &[usize],
+    frequencies: usize,
+    options: &Options<'_>,
+) -> Result<Solution, Unsolvable> {
     if windows.iter().any(|w| w.equations.iter().flatten().any(|x| !x.is_finite())) {
         return Err(Unsolvable::NotFinite);
     }
     let n = windows.len();
-    let block_len = 2.max(n.div_ceil(200));
+    let block_len = 2.max(n.div_ceil(200)).max(options.block.min(n / 12));
     let blocks: Vec<&[WindowRows]> = windows.chunks(block_len).collect();
     let total: usize = terms.iter().sum();
     let mut coefficients = Vec::new();
@@ -160,7 +182,8 @@ pub fn solve(windows: &[WindowRows], terms: &[usize], frequencies: usize) -> Res
     let mut offset = 0;
     for (e, &p) in terms.iter().enumerate() {
         let dependent = |column| Unsolvable::Dependent { equation: e, column };
-        let mut weights = vec![1.0; frequencies + 1];
+        let given = options.weights.and_then(|w| w.get(e)).filter(|w| w.len() == frequencies + 1);
+        let mut weights = given.cloned().unwrap_or_else(|| vec![1.0; frequencies + 1]);
         let mut rms = vec![0.0; frequencies + 1];
         for round in 0..3 {
             let parts: Vec<Normal> = blocks
@@ -182,27 +205,22 @@ pub fn solve(windows: &[WindowRows], terms: &[usize], frequencies: usize) -> Res
                     left_out[g].rows_mut(offset, p).copy_from(&change);
                 }
                 single.view_mut((offset, offset), (p, p)).copy_from(&(inverse * (n as f64 * ROW_DEPENDENCE)));
-                let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
-                for window in windows {
-                    for (predicted, residual) in residuals(&window.equations[e], &solution) {
-                        worst = worst.max(residual.abs());
-                        largest = largest.max(predicted.abs());
-                    }
-                }
-                error.push(if largest > 0.0 { worst / largest } else { f64::INFINITY });
+                error.push(identification_error(windows, e, &solution));
                 coefficients.push(solution);
                 condition.push(kappa);
             } else {
                 rms = rms_by_frequency(windows, e, &solution, frequencies);
                 let level = rms.iter().fold(0.0_f64, |m, x| m.max(*x));
-                weights = rms.iter().map(|s| 1.0 / s.max(1e-9 * level).max(f64::MIN_POSITIVE).powi(2)).collect();
+                if given.is_none() {
+                    weights = rms.iter().map(|s| 1.0 / s.max(1e-9 * level).max(f64::MIN_POSITIVE).powi(2)).collect();
+                }
             }
         }
         residual_rms.push(rms);
         weights_of.push(weights);
         offset += p;
     }
-    let repetition = repetition(windows, &coefficients, &weights_of);
+    let repetition = repetition(windows, &coefficients, &weights_of, options.block.max(2));
     let repeating = repetition > REPEATING;
     let g = blocks.len();
     let mut covariance = if g >= FEWEST_BLOCKS {
@@ -268,8 +286,8 @@ fn rms_by_frequency(windows: &[WindowRows], e: usize, solution: &DVector<f64>, f
         .collect()
 }
 
-/// Greatest mean correlation, over lags of 2 … 32 windows, of weighted residuals.
-fn repetition(windows: &[WindowRows], coefficients: &[DVector<f64>], weights: &[Vec<f64>]) -> f64 {
+/// Greatest mean correlation, over 31 lags from `least` windows on (2 by default), of weighted residuals.
+fn repetition(windows: &[WindowRows], coefficients: &[DVector<f64>], weights: &[Vec<f64>], least: usize) -> f64 {
     let rows: Vec<Vec<f64>> = windows
         .iter()
         .map(|w| {
@@ -286,7 +304,7 @@ fn repetition(windows: &[WindowRows], coefficients: &[DVector<f64>], weights: &[
         })
         .collect();
     let mut greatest = 0.0_f64;
-    for lag in 2..=32.min(windows.len().saturating_sub(1)) {
+    for lag in least..=(least + 30).min(windows.len().saturating_sub(1)) {
         let (mut product, mut power, mut pairs) = (0.0, 0.0, 0_usize);
         for i in 0..windows.len() - lag {
             let (a, b) = (&windows[i], &windows[i + lag]);
@@ -310,6 +328,29 @@ fn repetition(windows: &[WindowRows], coefficients: &[DVector<f64>], weights: &[
 /// Rows that a solution used.
 pub fn rows_used(windows: &[WindowRows], equations: usize, frequencies: usize) -> usize {
     windows.len() * equations * row_count(frequencies)
+}
+
+/// ε = ‖e‖∞/‖q̂‖∞ of one equation with given coefficients.
+pub fn identification_error(windows: &[WindowRows], e: usize, coefficients: &DVector<f64>) -> f64 {
+    let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
+    for window in windows {
+        for (predicted, residual) in residuals(&window.equations[e], coefficients) {
+            worst = worst.max(residual.abs());
+            largest = largest.max(predicted.abs());
+        }
+    }
+    if largest > 0.0 { worst / largest } else { f64::INFINITY }
+}
+
+/// Rms residual at each frequency with given coefficients, and the dots of figure 3.14.
+pub fn frequency_dots(
+    windows: &[WindowRows],
+    e: usize,
+    coefficients: &DVector<f64>,
+    frequencies: usize,
+    most: usize,
+) -> (Vec<f64>, Vec<(usize, f64, f64)>) {
+    (rms_by_frequency(windows, e, coefficients, frequencies), residual_dots(windows, e, coefficients, most))
 }
 
 /// Dots of figure 3.14: (frequency index, prediction, residual) of one equation, at most `most` of them by a fixed stride.

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 
-use crate::model::weak::{Order, Part, Sample, WeakModel};
+use crate::model::weak::{Equation, Order, Part, Sample, WeakModel};
 use crate::signal::angles::{AngleSegment, Phase};
 use crate::signal::low_pass::{FastConvolution, Kernel, Output, is_smooth};
 
@@ -93,16 +93,80 @@ impl Kernels {
     }
 }
 
+/// Unbroken stretches whose series can be evaluated: what rows are made of.
+pub(crate) trait Stretches: Sync {
+    /// Number of stretches.
+    fn count(&self) -> usize;
+
+    /// Samples of a stretch.
+    fn samples(&self, stretch: usize) -> usize;
+
+    /// Sampling step of a stretch, s.
+    fn step_s(&self, stretch: usize) -> f64;
+
+    /// Time of a sample, s.
+    fn time(&self, stretch: usize, sample: usize) -> f64;
+
+    /// Every series of the model at samples first … last of a stretch.
+    fn evaluate(&self, stretch: usize, convolution: &FastConvolution, first: usize, last: usize) -> Vec<Vec<f64>>;
+}
+
+/// The double pendulum's angles with its model.
+struct Pendulum<'a> {
+    segments: &'a [AngleSegment],
+    model: &'a WeakModel,
+    kernels: &'a Kernels,
+}
+
+impl Stretches for Pendulum<'_> {
+    fn count(&self) -> usize {
+        self.segments.len()
+    }
+    fn samples(&self, stretch: usize) -> usize {
+        self.segments[stretch].len()
+    }
+    fn step_s(&self, stretch: usize) -> f64 {
+        self.segments[stretch].step_s
+    }
+    fn time(&self, stretch: usize, sample: usize) -> f64 {
+        self.segments[stretch].time(sample)
+    }
+    fn evaluate(&self, stretch: usize, convolution: &FastConvolution, first: usize, last: usize) -> Vec<Vec<f64>> {
+        evaluate(&self.segments[stretch], self.model, self.kernels, convolution, first, last)
+    }
+}
+
 /// Rows of every window of every segment, in order of time; the same on any number of threads.
 pub fn rows(segments: &[AngleSegment], model: &WeakModel, kernels: &Kernels, windows: &Windows) -> Vec<WindowRows> {
-    let Some(step_s) = segments.first().map(|s| s.step_s) else { return Vec::new() };
+    rows_of(&Pendulum { segments, model, kernels }, &model.equations, kernels, windows)
+}
+
+/// The convolution with every low-pass's outputs for inputs of a length: smooth, slope, clear slope.
+pub(crate) fn convolution(kernels: &Kernels, length: usize) -> FastConvolution {
+    FastConvolution::new(
+        length,
+        &[(&kernels.full, Output::Smooth), (&kernels.full, Output::Slope), (&kernels.clear, Output::Slope)],
+    )
+}
+
+/// As [`rows`], for any system.
+pub(crate) fn rows_of(
+    source: &impl Stretches,
+    equations: &[Equation],
+    kernels: &Kernels,
+    windows: &Windows,
+) -> Vec<WindowRows> {
+    if source.count() == 0 {
+        return Vec::new();
+    }
+    let step_s = source.step_s(0);
     let length = smooth_length(windows.length_s / step_s);
     let reach = kernels.reach();
     let mut places = Vec::new();
-    for (segment, s) in segments.iter().enumerate() {
+    for segment in 0..source.count() {
         for index in 0.. {
-            let start = reach + (index as f64 * windows.hop_s / s.step_s).round() as usize;
-            if start + length + reach > s.len() {
+            let start = reach + (index as f64 * windows.hop_s / source.step_s(segment)).round() as usize;
+            if start + length + reach > source.samples(segment) {
                 break;
             }
             places.push(Place { segment, start, index });
@@ -116,19 +180,13 @@ pub fn rows(segments: &[AngleSegment], model: &WeakModel, kernels: &Kernels, win
     let span = |group: &[Place]| group[group.len() - 1].start + length - group[0].start + 2 * reach;
     let mut convolutions: BTreeMap<usize, FastConvolution> = BTreeMap::new();
     for group in &groups {
-        convolutions.entry(span(group)).or_insert_with_key(|&n| {
-            FastConvolution::new(
-                n,
-                &[(&kernels.full, Output::Smooth), (&kernels.full, Output::Slope), (&kernels.clear, Output::Slope)],
-            )
-        });
+        convolutions.entry(span(group)).or_insert_with_key(|&n| convolution(kernels, n));
     }
     groups
         .par_iter()
         .flat_map_iter(|group| {
-            let segment = &segments[group[0].segment];
             let (first, last) = (group[0].start, group[group.len() - 1].start + length);
-            let series = evaluate(segment, model, kernels, &convolutions[&span(group)], first, last);
+            let series = source.evaluate(group[0].segment, &convolutions[&span(group)], first, last);
             let mut input = fft.make_input_vec();
             let mut output = fft.make_output_vec();
             let mut scratch = fft.make_scratch_vec();
@@ -151,10 +209,10 @@ pub fn rows(segments: &[AngleSegment], model: &WeakModel, kernels: &Kernels, win
                         })
                         .collect();
                     WindowRows {
-                        start_s: segment.time(place.start),
+                        start_s: source.time(place.segment, place.start),
                         index: place.index,
                         run: place.segment,
-                        equations: assemble(model, &transforms, windows.frequencies, step_s, length),
+                        equations: assemble(equations, &transforms, windows.frequencies, step_s, length),
                     }
                 })
                 .collect::<Vec<_>>()
@@ -184,10 +242,7 @@ pub(crate) fn evaluate_all(segments: &[AngleSegment], model: &WeakModel, kernels
     let parts: Vec<Vec<Vec<f64>>> = pieces
         .par_iter()
         .map(|&(segment, first, last)| {
-            let convolution = FastConvolution::new(
-                last - first + 2 * reach,
-                &[(&kernels.full, Output::Smooth), (&kernels.full, Output::Slope), (&kernels.clear, Output::Slope)],
-            );
+            let convolution = convolution(kernels, last - first + 2 * reach);
             evaluate(segment, model, kernels, &convolution, first, last)
         })
         .collect();
@@ -236,7 +291,7 @@ fn evaluate(
 
 /// Rows of all equations from the transforms of all series.
 fn assemble(
-    model: &WeakModel,
+    equations: &[Equation],
     transforms: &[Vec<Complex64>],
     frequencies: usize,
     step_s: f64,
@@ -264,8 +319,7 @@ fn assemble(
             })
             .sum()
     };
-    model
-        .equations
+    equations
         .iter()
         .map(|equation| {
             let columns = equation.terms.len() + 1;
@@ -290,7 +344,7 @@ fn assemble(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::weak::{Equation, Term};
+    use crate::model::weak::Term;
 
     /// ∫ w ẍ and ∫ w ẋ of a known signal equal direct quadrature of its exact derivatives.
     #[test]

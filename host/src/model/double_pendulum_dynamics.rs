@@ -14,29 +14,22 @@
 use super::double_pendulum::{Damping, weak_model};
 use super::dynamics::{Dynamics, Instant};
 
-/// What a parameter multiplies.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Role {
-    /// Coupling B_i1.
-    Coupling,
-    /// Gravity B_i2.
-    Gravity,
-    /// Base motion, cosine B_i3.
-    Cosine,
-    /// Base motion, sine B_i4.
-    Sine,
-    /// Viscous friction of a joint (0 or 1).
-    Viscous(usize),
-    /// Coulomb friction of a joint (0 or 1).
-    Coulomb(usize),
-}
+/// Roles of parameters within an equation: coupling B_i1, gravity B_i2, base motion B_i3 (cosine) and B_i4 (sine), viscous friction of
+/// joints 1 and 2, Coulomb friction of joints 1 and 2.
+const ROLES: usize = 8;
+const COUPLING: usize = 0;
+const GRAVITY: usize = 1;
+const COSINE: usize = 2;
+const SINE: usize = 3;
+const VISCOUS: usize = 4;
+const COULOMB: usize = 6;
 
 /// The double pendulum's equations of motion.
 #[derive(Clone, Debug)]
 pub struct DoublePendulum {
     omega: f64,
     /// Equation and role of each parameter.
-    roles: Vec<(usize, Role)>,
+    roles: Vec<(usize, usize)>,
     names: Vec<String>,
     units: Vec<&'static str>,
     switches: Vec<Vec<f64>>,
@@ -57,16 +50,16 @@ struct State {
     signs: [f64; 2],
 }
 
-/// Mass matrix' off-diagonal terms, right-hand side, determinant.
+/// Mass matrix' off-diagonal terms, right-hand side, one over the determinant.
 struct System {
     m: [f64; 2],
     right: [f64; 2],
-    determinant: f64,
+    reciprocal: f64,
 }
 
 impl System {
     fn solve(&self, r: [f64; 2]) -> [f64; 2] {
-        [(r[0] - self.m[0] * r[1]) / self.determinant, (r[1] - self.m[1] * r[0]) / self.determinant]
+        [(r[0] - self.m[0] * r[1]) * self.reciprocal, (r[1] - self.m[1] * r[0]) * self.reciprocal]
     }
 }
 
@@ -92,19 +85,19 @@ impl DoublePendulum {
                 let role = match (damping, term.name.as_bytes().last()) {
                     (Some(d), _) => {
                         let joint = usize::from(d.id.ends_with("joint2"));
-                        if d.viscous { Role::Viscous(joint) } else { Role::Coulomb(joint) }
+                        if d.viscous { VISCOUS + joint } else { COULOMB + joint }
                     }
-                    (None, Some(b'1')) => Role::Coupling,
-                    (None, Some(b'2')) => Role::Gravity,
-                    (None, Some(b'3')) => Role::Cosine,
-                    (None, _) => Role::Sine,
+                    (None, Some(b'1')) => COUPLING,
+                    (None, Some(b'2')) => GRAVITY,
+                    (None, Some(b'3')) => COSINE,
+                    (None, _) => SINE,
                 };
                 roles.push((i, role));
                 names.push(term.name.clone());
                 units.push(term.unit);
             }
         }
-        let joints: Vec<usize> = (0..2).filter(|j| roles.iter().any(|r| r.1 == Role::Coulomb(*j))).collect();
+        let joints: Vec<usize> = (0..2).filter(|j| roles.iter().any(|r| r.1 == COULOMB + *j)).collect();
         let switches = joints.iter().map(|j| if *j == 0 { vec![1.0, 0.0] } else { vec![-1.0, 1.0] }).collect();
         Self { omega, roles, names, units, switches, joints }
     }
@@ -151,81 +144,79 @@ impl DoublePendulum {
         out
     }
 
-    /// ∂r/∂p of a parameter other than a coupling, as it enters its own equation.
+    /// ∂r/∂p by equation and role: what each parameter multiplies on the right-hand side.
     #[inline]
-    fn column(&self, s: &State, equation: usize, role: Role) -> f64 {
+    fn columns(&self, s: &State) -> [[f64; ROLES]; 2] {
         let (first, second) = (self.omega, self.omega * self.omega);
-        // A torque in joint 2 acts on both arms with opposite signs.
-        let direction = |joint: usize| if joint == 1 && equation == 0 { 1.0 } else { -1.0 };
-        match role {
-            Role::Coupling => {
-                if equation == 0 {
-                    s.v[1] * s.v[1] * s.sin_delta
-                } else {
-                    -s.v[0] * s.v[0] * s.sin_delta
-                }
-            }
-            Role::Gravity => -second * s.sin[equation],
-            Role::Cosine => -second * s.sin[equation] * s.cos_tau,
-            Role::Sine => -second * s.sin[equation] * s.sin_tau,
-            Role::Viscous(j) => direction(j) * first * if j == 0 { s.v[0] } else { s.v[1] - s.v[0] },
-            Role::Coulomb(j) => direction(j) * second * s.signs[j],
-        }
+        let relative = s.v[1] - s.v[0];
+        core::array::from_fn(|i| {
+            let other = s.v[1 - i];
+            let sine = -second * s.sin[i];
+            // A torque in joint 2 acts on both arms with opposite signs.
+            let side = if i == 0 { 1.0 } else { -1.0 };
+            [
+                side * other * other * s.sin_delta,
+                sine,
+                sine * s.cos_tau,
+                sine * s.sin_tau,
+                -first * s.v[0],
+                side * first * relative,
+                -second * s.signs[0],
+                side * second * s.signs[1],
+            ]
+        })
     }
 
-    fn system(&self, p: &[f64], s: &State) -> Option<System> {
-        let mut right = [0.0; 2];
-        let mut m = [0.0; 2];
+    /// The parameters by equation and role; those that the model has not are zero.
+    #[inline]
+    fn values(&self, p: &[f64]) -> [[f64; ROLES]; 2] {
+        let mut out = [[0.0; ROLES]; 2];
         for ((i, role), p) in self.roles.iter().zip(p) {
-            right[*i] += p * self.column(s, *i, *role);
-            if *role == Role::Coupling {
-                m[*i] = p * s.cos_delta;
-            }
+            out[*i][*role] = *p;
         }
-        let determinant = 1.0 - m[0] * m[1];
-        (determinant > 0.0).then_some(System { m, right, determinant })
+        out
+    }
+
+    #[inline]
+    fn system(values: &[[f64; ROLES]; 2], columns: &[[f64; ROLES]; 2], s: &State) -> System {
+        let right = core::array::from_fn(|i| values[i].iter().zip(&columns[i]).map(|(p, c)| p * c).sum::<f64>());
+        let m = [values[0][COUPLING] * s.cos_delta, values[1][COUPLING] * s.cos_delta];
+        System { m, right, reciprocal: 1.0 / (1.0 - m[0] * m[1]) }
     }
 
     fn evaluate(&self, p: &[f64], s: &State, out: &mut [f64]) -> bool {
-        let Some(system) = self.system(p, s) else { return false };
+        let system = Self::system(&self.values(p), &self.columns(s), s);
         out[..2].copy_from_slice(&system.solve(system.right));
-        out[0].is_finite() && out[1].is_finite()
+        system.reciprocal > 0.0 && out[0].is_finite() && out[1].is_finite()
     }
 
-    fn derivatives(&self, p: &[f64], s: &State, out: &mut [f64]) -> bool {
-        let Some(system) = self.system(p, s) else { return false };
+    fn derivatives(&self, p: &[f64], s: &State, acceleration: &mut [f64], out: &mut [f64]) -> bool {
+        let (values, mut columns) = (self.values(p), self.columns(s));
+        let system = Self::system(&values, &columns, s);
         let a = system.solve(system.right);
+        acceleration[..2].copy_from_slice(&a);
         let (first, second) = (self.omega, self.omega * self.omega);
         let width = 4 + self.roles.len();
-        // ∂r − ∂M a for each state, both equations.
+        // ∂r − ∂M a for each of q1, q2, v1, v2, both equations.
         let mut by_state = [[0.0; 2]; 4];
-        for (k, ((i, role), p)) in self.roles.iter().zip(p).enumerate() {
-            let i = *i;
-            let other = 1 - i;
-            let mut own = self.column(s, i, *role);
-            match role {
-                Role::Coupling => {
-                    own -= s.cos_delta * a[other];
-                    let square = s.v[other] * s.v[other];
-                    let side = if i == 0 { 1.0 } else { -1.0 };
-                    // ∂Δ = −1 for φ1, +1 for φ2; ∂cos Δ = −sin Δ ∂Δ.
-                    let by_delta = p * (side * square * s.cos_delta + s.sin_delta * a[other]);
-                    by_state[0][i] -= by_delta;
-                    by_state[1][i] += by_delta;
-                    by_state[2 + other][i] += p * side * 2.0 * s.v[other] * s.sin_delta;
-                }
-                Role::Gravity => by_state[i][i] -= p * second * s.cos[i],
-                Role::Cosine => by_state[i][i] -= p * second * s.cos[i] * s.cos_tau,
-                Role::Sine => by_state[i][i] -= p * second * s.cos[i] * s.sin_tau,
-                Role::Viscous(0) => by_state[2][i] -= p * first,
-                Role::Viscous(_) => {
-                    let direction = if i == 0 { 1.0 } else { -1.0 };
-                    by_state[2][i] -= direction * p * first;
-                    by_state[3][i] += direction * p * first;
-                }
-                Role::Coulomb(_) => {}
-            }
-            let solved = system.solve(if i == 0 { [own, 0.0] } else { [0.0, own] });
+        for i in 0..2 {
+            let (other, p) = (1 - i, &values[i]);
+            let side = if i == 0 { 1.0 } else { -1.0 };
+            // ∂Δ = −1 for φ1, +1 for φ2; ∂cos Δ = −sin Δ ∂Δ.
+            let v = s.v[other];
+            let by_delta = p[COUPLING] * (side * v * v * s.cos_delta + s.sin_delta * a[other]);
+            by_state[0][i] -= by_delta;
+            by_state[1][i] += by_delta;
+            by_state[2 + other][i] += p[COUPLING] * side * 2.0 * v * s.sin_delta;
+            by_state[i][i] -= second * s.cos[i] * (p[GRAVITY] + p[COSINE] * s.cos_tau + p[SINE] * s.sin_tau);
+            let viscous = side * first * p[VISCOUS + 1];
+            by_state[2][i] -= first * p[VISCOUS] + viscous;
+            by_state[3][i] += viscous;
+            columns[i][COUPLING] -= s.cos_delta * a[other];
+        }
+        for (k, (i, role)) in self.roles.iter().enumerate() {
+            let own = columns[*i][*role];
+            let solved = system.solve(if *i == 0 { [own, 0.0] } else { [0.0, own] });
             out[4 + k] = solved[0];
             out[width + 4 + k] = solved[1];
         }
@@ -234,7 +225,7 @@ impl DoublePendulum {
             out[k] = solved[0];
             out[width + k] = solved[1];
         }
-        a[0].is_finite() && a[1].is_finite()
+        system.reciprocal > 0.0 && a[0].is_finite() && a[1].is_finite()
     }
 }
 
@@ -252,7 +243,7 @@ impl Dynamics for DoublePendulum {
     }
 
     fn partials(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
-        self.derivatives(p, &Self::state(q, v, at, Self::signs_of(v)), out)
+        self.derivatives(p, &Self::state(q, v, at, Self::signs_of(v)), &mut [0.0; 2], out)
     }
 
     fn switches(&self) -> &[Vec<f64>] {
@@ -272,7 +263,20 @@ impl Dynamics for DoublePendulum {
     }
 
     fn partials_held(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, signs: &[f64], out: &mut [f64]) -> bool {
-        self.derivatives(p, &Self::state(q, v, at, self.held(signs)), out)
+        self.derivatives(p, &Self::state(q, v, at, self.held(signs)), &mut [0.0; 2], out)
+    }
+
+    fn linearise_held(
+        &self,
+        p: &[f64],
+        q: &[f64],
+        v: &[f64],
+        at: &Instant<'_>,
+        signs: &[f64],
+        acceleration: &mut [f64],
+        partials: &mut [f64],
+    ) -> bool {
+        self.derivatives(p, &Self::state(q, v, at, self.held(signs)), acceleration, partials)
     }
 }
 

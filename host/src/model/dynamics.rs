@@ -86,6 +86,21 @@ pub trait Dynamics: Sync {
     ) -> bool {
         self.partials(parameters, q, v, at, out)
     }
+
+    /// Accelerations and partials with the signs held, at once: what variational equations need. Override it where the two share work.
+    fn linearise_held(
+        &self,
+        parameters: &[f64],
+        q: &[f64],
+        v: &[f64],
+        at: &Instant<'_>,
+        signs: &[f64],
+        acceleration: &mut [f64],
+        partials: &mut [f64],
+    ) -> bool {
+        self.acceleration_held(parameters, q, v, at, signs, acceleration)
+            && self.partials_held(parameters, q, v, at, signs, partials)
+    }
 }
 
 #[cfg(test)]

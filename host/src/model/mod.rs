@@ -3,7 +3,10 @@
 pub mod double_pendulum;
 pub mod double_pendulum_dynamics;
 pub mod dynamics;
+pub mod flow;
 pub mod identified;
+pub mod integrate;
+pub mod model_file;
 pub mod single_pendulum;
 pub mod weak;
 

@@ -3,13 +3,16 @@
 //! One algorithm a file; [`survey::survey`] runs them over a record for `whirl inspect`.
 
 pub mod average_mutual_information;
+pub mod bifurcation;
 pub mod correlation_dimension;
 pub mod embedding;
 pub mod false_nearest_neighbours;
 pub mod lyapunov_exponent;
+pub mod model_exponent;
 pub mod neighbours;
 pub mod observable;
 pub mod orbit_catalogue;
+pub mod orbit_refinement;
 pub mod poincare_section;
 pub mod shift_map;
 pub mod survey;

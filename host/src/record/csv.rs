@@ -87,6 +87,7 @@ fn read_rows<R: BufRead>(reader: R, path: &Path, rig: &Rig, options: &ReadOption
         }
     };
     let mut rows = Rows::new(path, rig, "line", layout.own.is_some());
+    rows.resample = options.resample;
     let mut row = Row { t: 0.0, cells: Vec::with_capacity(rig.channel.len()), own: (0, 0, 0) };
     let mut warnings = Vec::new();
     loop {

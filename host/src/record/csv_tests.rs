@@ -183,7 +183,7 @@ fn a_truncated_gzip_names_the_last_whole_row_and_is_recovered() {
         let path = dir.file("cut.csv.gz", &whole[..cut]);
         let e = Record::read(&path, &rig(), &ReadOptions::default()).unwrap_err().to_string();
         assert!(e.contains("truncated gzip") && e.contains("--recover"), "{e}");
-        let r = Record::read(&path, &rig(), &ReadOptions { recover: true }).unwrap();
+        let r = Record::read(&path, &rig(), &ReadOptions { recover: true, ..ReadOptions::default() }).unwrap();
         let (s, n) = (&r.segments[0], r.samples());
         assert!(n > 500 && n <= 4000);
         assert!(e.contains(&format!("the last whole row is line {} (t = ", n + 1)), "{n} rows: {e}");
@@ -196,8 +196,16 @@ fn a_truncated_gzip_names_the_last_whole_row_and_is_recovered() {
     let path = dir.file("crc.csv.gz", &corrupt);
     let e = Record::read(&path, &rig(), &ReadOptions::default()).unwrap_err().to_string();
     assert!(e.contains("damaged gzip") && e.contains("--recover"), "{e}");
-    assert_eq!(Record::read(&path, &rig(), &ReadOptions { recover: true }).unwrap().samples(), 4000);
-    let e = Record::read(dir.file("head.csv.gz", &whole[..12]), &rig(), &ReadOptions { recover: true }).unwrap_err();
+    assert_eq!(
+        Record::read(&path, &rig(), &ReadOptions { recover: true, ..ReadOptions::default() }).unwrap().samples(),
+        4000
+    );
+    let e = Record::read(
+        dir.file("head.csv.gz", &whole[..12]),
+        &rig(),
+        &ReadOptions { recover: true, ..ReadOptions::default() },
+    )
+    .unwrap_err();
     assert!(e.to_string().contains("no row is whole"), "{e}");
 }
 
@@ -219,7 +227,7 @@ fn a_torn_last_line_is_an_error_or_recovered() {
                     e.contains("line 101") && e.contains("last whole row is line 100") && e.contains("--recover"),
                     "{e}"
                 );
-                let r = Record::read(&path, &rig(), &ReadOptions { recover: true }).unwrap();
+                let r = Record::read(&path, &rig(), &ReadOptions { recover: true, ..ReadOptions::default() }).unwrap();
                 assert_eq!(r.samples(), 99);
             }
         }
@@ -314,7 +322,7 @@ fn mutated_bytes_never_panic() {
             }
         }
         let path = dir.file(if round % 2 == 0 { "m.csv" } else { "m.csv.gz" }, &bytes);
-        match Record::read(path, &rig(), &ReadOptions { recover: round % 3 == 0 }) {
+        match Record::read(path, &rig(), &ReadOptions { recover: round % 3 == 0, ..ReadOptions::default() }) {
             Ok(r) => good += usize::from(r.samples() <= 61),
             Err(e) => bad += usize::from(!e.to_string().is_empty()),
         }

@@ -15,6 +15,8 @@ use crate::rig::Rig;
 pub struct ReadOptions {
     /// Read a truncated or torn file up to its last whole row, with a warning, instead of refusing it.
     pub recover: bool,
+    /// Make an uneven clock even, by cubics between the samples, with a warning.
+    pub resample: bool,
 }
 
 /// A file format for records.
@@ -32,7 +34,8 @@ pub struct Format {
 }
 
 /// Every format, in the order in which contents are tried.
-pub static FORMATS: &[Format] = &[super::parquet::FORMAT, super::csv::GZIP, super::csv::FORMAT];
+pub static FORMATS: &[Format] =
+    &[super::parquet::FORMAT, super::csv::GZIP, super::npz::FORMAT, super::mat::FORMAT, super::csv::FORMAT];
 
 /// Reads a record in whichever format it is.
 ///

@@ -6,20 +6,25 @@
 //!
 //! [`Record::read`] takes every format in [`formats::FORMATS`]; [`writer::RecordWriter`] writes whirl's own.
 
+mod arrays;
 mod csv;
 mod csv_write;
 pub mod formats;
 mod lines;
+mod mat;
+mod npz;
 mod parquet;
 mod parquet_cells;
 mod parquet_recovery;
 mod parquet_source;
 mod parquet_write;
 mod quiet;
+mod resample;
 mod rows;
 mod segments;
 mod time_fit;
 mod unwrap;
+pub mod values;
 pub mod writer;
 
 use std::path::{Path, PathBuf};

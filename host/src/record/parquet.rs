@@ -70,6 +70,7 @@ fn read_source(source: &Arc<Source>, path: &Path, rig: &Rig, options: &ReadOptio
     }
     let own = structure.metadata.is_some() && OWN_COLUMNS.iter().all(|c| leaf(&structure.schema, c).is_some());
     let mut rows = Rows::new(path, rig, "row", own);
+    rows.resample = options.resample;
     let columns = columns(&structure.schema, path, rig, own)?;
     let marked = structure.checksums.is_some() || structure.written_by_whirl;
     let mut broken = structure.truncated.clone();

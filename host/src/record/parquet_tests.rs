@@ -48,7 +48,7 @@ fn write(path: &Path, n: i64, gap: std::ops::Range<i64>) -> Losses {
 }
 
 fn read_with(path: &Path, recover: bool) -> Result<Record> {
-    Record::read(path, &rig(), &ReadOptions { recover })
+    Record::read(path, &rig(), &ReadOptions { recover, ..ReadOptions::default() })
 }
 
 fn dir() -> (tempfile::TempDir, PathBuf) {

@@ -48,6 +48,8 @@ pub(super) struct Rows<'a> {
     pub(super) device: Option<DeviceColumns>,
     /// First timestamp of a column of timestamps, from which they count.
     pub(super) time_origin: Option<i64>,
+    /// Whether an uneven clock is to be made even.
+    pub(super) resample: bool,
     last_place: u64,
 }
 
@@ -64,6 +66,7 @@ impl<'a> Rows<'a> {
             first_missing: None,
             device: own.then(DeviceColumns::default),
             time_origin: None,
+            resample: false,
             last_place: 0,
         }
     }

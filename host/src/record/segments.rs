@@ -22,6 +22,9 @@ pub(super) fn assemble(
     stored_losses: Option<Losses>,
     mut warnings: Vec<Warning>,
 ) -> Result<Record> {
+    if rows.resample && !rows.t.is_empty() {
+        super::resample::even(&mut rows, &mut warnings);
+    }
     let rig = rows.rig;
     let nominal = 1.0 / rig.sample_rate_hz;
     if rows.t.is_empty() {
@@ -119,7 +122,7 @@ pub(super) fn assemble(
         warnings.push(Warning::new(
             "jitter",
             format!("t deviates from an even clock by {:.1} % of a step (rms)", 100.0 * worst),
-            "Print t with more digits; if the samples themselves were taken unevenly, results suffer",
+            "Print t with more digits; if the samples themselves were taken unevenly, read them with --resample",
         ));
     }
     if let Some(stored) = stored_losses {
@@ -190,7 +193,7 @@ fn check_rate(rows: &Rows<'_>, step: f64) -> Result<f64> {
         .in_file(rows.path)
         .at("column t")
         .remedy(format!(
-            "Set sample_rate_hz = {rate:.6} in the rig file if that is the record's rate; t must be in seconds"
+            "Set sample_rate_hz = {rate:.6} in the rig file if that is the record's rate; t must be in seconds. A clock that is uneven on purpose is made even by --resample"
         )));
     }
     Ok(rate)

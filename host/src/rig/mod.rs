@@ -3,11 +3,13 @@
 //! Every key is checked: an unknown key, a zero rate or a channel that measures nothing is an error with its line.
 //! `[plant]` is kept as text and read only by `simulate` and `demo` ([`plant`]): an identification cannot peek at the truth.
 
+pub mod measures;
 pub mod plant;
 pub mod single_plant;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
@@ -136,10 +138,14 @@ pub struct Rig {
     /// Where it was read from.
     #[serde(skip)]
     pub path: PathBuf,
+    /// The model file that `model` names, with what the channels measure of it; none for a built-in model, and for a rig that was
+    /// not read from a file of its own.
+    #[serde(skip)]
+    pub bound: Option<Arc<measures::Bound>>,
 }
 
 impl Rig {
-    /// Reads and checks a rig file.
+    /// Reads and checks a rig file, and the model file that it names.
     ///
     /// # Errors
     /// Names the file, the line or key, the value found and the one expected.
@@ -147,7 +153,9 @@ impl Rig {
         let path = path.as_ref();
         let text = std::fs::read_to_string(path)
             .map_err(|e| BadInput::io(path, &e).remedy("Name a rig file that exists; shipped ones are in rigs/"))?;
-        Self::parse(&text, path)
+        let mut rig = Self::parse(&text, path)?;
+        rig.bound = measures::bind(&rig)?;
+        Ok(rig)
     }
 
     /// Parses and checks the text of a rig file; `path` is used for messages and for relative model paths.
@@ -253,7 +261,7 @@ impl Rig {
         let mut known = file.known;
         known.entry("g".to_owned()).or_insert(GRAVITY);
         let _ = &file.plant;
-        Ok(Self {
+        let rig = Self {
             name: file.name,
             model: file.model,
             sample_rate_hz: file.sample_rate_hz,
@@ -263,7 +271,10 @@ impl Rig {
             nominal: file.nominal.map(|n| n.effects),
             text: text.to_owned(),
             path: path.to_path_buf(),
-        })
+            bound: None,
+        };
+        measures::check_built_in(&rig)?;
+        Ok(rig)
     }
 
     /// Angular frequency Ω = 2π f_e of the drive, or 1 rad/s for a free system.

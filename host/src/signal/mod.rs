@@ -1,6 +1,7 @@
 //! From counts to smooth angles and velocities: low-pass, differentiation, noise, spectrum.
 
 pub mod angles;
+pub mod band_limited;
 pub mod low_pass;
 pub mod noise;
 pub mod spectrum;

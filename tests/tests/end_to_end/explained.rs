@@ -7,6 +7,9 @@ use whirl::explain::{Explanation, Settings, Verdict, explain};
 use whirl::record::Record;
 use whirl::record::formats::ReadOptions;
 use whirl::rig::Rig;
+use whirl_tests::repository;
+
+use super::program::{done, json, whirl};
 
 /// Simulates `seconds` of a rig with effects and explains the record.
 fn explained(rig: &str, effects: &[&str], seconds: f64, seed: u64) -> Explanation {
@@ -50,4 +53,74 @@ fn a_locked_record_decides_nothing() {
     let e = explained("seed.toml", &["quadratic-drag@arm2=2e-7"], 60.0, 1);
     assert_eq!(e.verdict, Verdict::NotDecidable, "{}", e.reason);
     assert!(e.effects.is_empty() && e.reason.contains("locked"), "{}", e.reason);
+}
+
+#[test]
+fn two_hidden_effects_are_both_named() {
+    let e = explained("chaotic.toml", &["drive-harmonic-2@drive=0.01", "cogging@joint2=5e-5,n=8"], 80.0, 3);
+    let mut names: Vec<String> = e.effects.iter().map(|f| format!("{}@{}", f.id, f.at)).collect();
+    names.sort();
+    assert_eq!(names, ["cogging@joint2", "drive-harmonic-2@drive"], "{:?}", e.effects);
+    assert_eq!(e.effects.iter().find(|f| f.id == "cogging").unwrap().parameters["n"], 8.0);
+    assert_eq!(e.verdict, Verdict::Explained, "{}", e.reason);
+    assert_eq!(e.gap.steps.len(), 3);
+    assert!(e.gap.steps[2].value < 1.1, "{:?}", e.gap.steps);
+}
+
+#[test]
+fn a_shape_that_has_no_name_is_unexplained_and_drawn() {
+    let hidden = ["cogging@joint2=1e-4,n=3", "cogging@joint2=1e-4,n=5", "cogging@joint2=1e-4,n=7"];
+    let e = explained("chaotic.toml", &hidden, 80.0, 4);
+    assert_eq!(e.verdict, Verdict::Unexplained, "{} {:?}", e.reason, e.effects);
+    let u = e.unknown.as_ref().expect("a shape");
+    assert_eq!((u.at.as_str(), u.against.as_str(), u.unit), ("joint2", "angle of joint2", "N m"));
+    // The torque is −Σ A sin(n x) less the order that was named; the shape follows it within its bands.
+    let named: Vec<f64> =
+        e.effects.iter().filter(|f| f.id == "cogging" && f.at == "joint2").map(|f| f.parameters["n"]).collect();
+    let orders: Vec<f64> = [3.0, 5.0, 7.0].into_iter().filter(|n| !named.contains(n)).collect();
+    let truth = |x: f64| orders.iter().map(|n| -1e-4 * (n * x).sin()).sum::<f64>();
+    // Near half a turn, where the joint seldom is, the bands are wide.
+    let known: Vec<&[f64; 3]> = u.points.iter().filter(|p| p[2] > 0.0 && p[2] < 1e-4).collect();
+    assert!(known.len() >= 12, "{:?}", u.points);
+    let (mut error, mut size) = (0.0, 0.0);
+    for [x, torque, _] in known {
+        (error, size) = (error + (torque - truth(*x)).powi(2), size + truth(*x).powi(2));
+    }
+    assert!(error < 0.1 * size, "{error} of {size}: {:?}", u.points);
+    assert!(e.r#where.iter().any(|w| w.against == "angle of joint2"), "{:?}", e.r#where);
+}
+
+#[test]
+fn a_model_with_its_effect_is_written_and_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let rig = repository("rigs/chaotic.toml");
+    let rig = rig.display();
+    done(here, &format!("simulate --rig {rig} --seconds 80 --seed 6 -o clean.parquet"));
+    done(
+        here,
+        &format!("simulate --rig {rig} --effect quadratic-drag@arm2=2e-7 --seconds 80 --seed 7 -o drag.parquet"),
+    );
+    done(here, &format!("identify clean.parquet --rig {rig} -o clean.toml"));
+    // The model of the clean rig misses the drag.
+    done(
+        here,
+        &format!("explain drag.parquet --rig {rig} --model clean.toml -o drag.toml --json e.json --ledger l.json"),
+    );
+    let e = json(&here.join("e.json"));
+    let steps = e["gap"]["steps"].as_array().unwrap();
+    let (added, value): (Vec<_>, Vec<_>) = steps.iter().map(|s| (&s["added"], s["value"].as_f64().unwrap())).unzip();
+    assert!(added[0].is_null() && added[1] == "refit" && added[2] == "quadratic-drag@arm2", "{steps:?}");
+    assert!(value[0] > 3.0 && value[1] <= 1.05 * value[0] && value[2] < 1.1, "{steps:?}");
+    let ledger = json(&here.join("l.json"));
+    assert!(ledger["candidates"].as_array().unwrap().len() > 30 && ledger["result"]["verdict"] == "explained");
+    // Nothing is missing from the model with it, refitted or not.
+    done(here, &format!("explain drag.parquet --rig {rig} --model drag.toml --json again.json"));
+    let again = json(&here.join("again.json"));
+    assert_eq!(again["verdict"], "nothing-missing", "{}", again["reason"]);
+    let first = again["gap"]["steps"][0]["value"].as_f64().unwrap();
+    assert!(first < 1.1, "{first}");
+    // A model of another rig.
+    let other = whirl(here, &format!("explain drag.parquet --rig {rig} --model {rig}"));
+    assert_eq!(other.status, 2, "{other:?}");
 }

@@ -37,8 +37,19 @@ fn one(body: &mut Html, e: &Explanation) {
         effects(body, &e.effects);
     }
     let bar = |name: &str, value: f64| Bar { name: name.to_owned(), value, low: value, high: value };
-    let steps: Vec<Bar> =
-        e.gap.steps.iter().map(|s| bar(s.added.as_deref().unwrap_or("nominal model"), s.value)).collect();
+    // Names of several effects do not fit under the bars: they are in the table below.
+    let few = e.gap.steps.len() <= 3;
+    let steps: Vec<Bar> = e
+        .gap
+        .steps
+        .iter()
+        .enumerate()
+        .map(|(i, s)| match &s.added {
+            Some(name) if few => bar(name, s.value),
+            None if few => bar("nominal model", s.value),
+            _ => bar(&i.to_string(), s.value),
+        })
+        .collect();
     if !steps.is_empty() {
         body.figure(&bars::bars(
             &format!(
@@ -105,9 +116,13 @@ fn one(body: &mut Html, e: &Explanation) {
 fn forecasts(body: &mut Html, e: &Explanation) {
     let Some(first) = e.gap.forecasts.first() else { return };
     body.paragraph(
-        "Rms error of predictions of the record's last 30 % by models fitted to the first 70 %, initial states fitted to each window:",
+        "The gap, and the rms error of predictions of the record's last 30 % by models fitted to the first 70 %, initial states fitted to each window:",
     );
-    let mut heads = vec![(Html::text("model"), Align::Left)];
+    let mut heads = vec![
+        (Html::text("step"), Align::Right),
+        (Html::text("model"), Align::Left),
+        (Html::text("gap / noise floors"), Align::Right),
+    ];
     heads.extend(
         e.gap
             .forecasts
@@ -122,7 +137,8 @@ fn forecasts(body: &mut Html, e: &Explanation) {
                 None => "nominal".to_owned(),
             };
             let values = e.gap.forecasts.iter().filter_map(|f| f.steps.get(i)).map(|s| significant(s.value, 3));
-            core::iter::once(name).chain(values).map(|t| Html::text(&t)).collect()
+            let gap = e.gap.steps.get(i).map_or_else(String::new, |s| significant(s.value, 3));
+            [i.to_string(), name, gap].into_iter().chain(values).map(|t| Html::text(&t)).collect()
         })
         .collect();
     body.table(&heads, &rows);
@@ -198,7 +214,10 @@ fn map(m: &Map) -> Panel {
     };
     let mut panel =
         Panel::new(format!("equation {}", m.equation), axis, Axis::linear(format!("residual / {}", m.unit)));
-    for (name, sign) in [("noise alone", -1.0), ("", 1.0)] {
+    // A residual at a frequency is an rms: it has no lower side.
+    let sides: &[(&str, f64)] =
+        if m.against == "frequency" { &[("noise alone", 1.0)] } else { &[("noise alone", -1.0), ("", 1.0)] };
+    for &(name, sign) in sides {
         let edge = m.bins.iter().map(|b| sign * b[2]).collect();
         panel.series.push(Series::new(name, Shape::Line, x.clone(), edge).colour(1));
     }

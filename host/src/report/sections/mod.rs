@@ -11,6 +11,7 @@ pub mod reduction;
 pub mod residuals;
 pub mod spectra;
 pub mod truth;
+pub mod validation;
 pub mod warnings;
 
 use super::SectionKind;
@@ -19,6 +20,7 @@ use super::SectionKind;
 pub static SECTIONS: &[SectionKind] = &[
     parameters::SECTION,
     residuals::SECTION,
+    validation::SECTION,
     explanation::SECTION,
     reduction::SECTION,
     warnings::SECTION,

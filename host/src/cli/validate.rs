@@ -1,0 +1,90 @@
+//! `whirl validate`: whether an identified model moves as the measured system does.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::output::{Output, print_warnings};
+use super::{Answer, Records};
+use crate::error::Result;
+use crate::model::identified::IdentifiedModel;
+use crate::record::Record;
+use crate::record::formats::ReadOptions;
+use crate::report::{Report, Results};
+use crate::rig::Rig;
+use crate::validate::{Beside, Settings, Verdict, presentation, validate};
+
+/// Arguments of `validate`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    records: Records,
+    /// Identified model, by `identify -o` or `explain -o`.
+    #[arg(long, value_name = "MODEL.toml")]
+    model: PathBuf,
+    /// Free vibration of the same arms, for the natural frequencies.
+    #[arg(long, value_name = "REC")]
+    free: Option<PathBuf>,
+    /// Angle by which a prediction may be off, degrees.
+    #[arg(long, value_name = "DEG", default_value_t = 30.0)]
+    tolerance_deg: f64,
+    /// Most starts of predictions.
+    #[arg(long, value_name = "N", default_value_t = 60)]
+    starts: usize,
+    /// Seed of the permutation test.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// Bifurcation diagram over a factor on a parameter (drive: on all of the base's motion), such as drive=0.5:1.5.
+    #[arg(long, value_name = "NAME=LOW:HIGH", value_parser = range)]
+    bifurcation: Option<(String, f64, f64)>,
+    #[command(flatten)]
+    out: Output,
+}
+
+/// NAME=LOW:HIGH.
+fn range(text: &str) -> std::result::Result<(String, f64, f64), String> {
+    let parse = || {
+        let (name, ends) = text.split_once('=')?;
+        let (low, high) = ends.split_once(':')?;
+        Some((name.to_owned(), low.parse().ok()?, high.parse().ok()?))
+    };
+    parse().ok_or_else(|| format!("\"{text}\" is not NAME=LOW:HIGH, such as drive=0.5:1.5"))
+}
+
+/// Reads, validates, writes.
+pub fn run(arguments: &Arguments) -> Result<Answer> {
+    let (rig, records) = arguments.records.read()?;
+    let model = IdentifiedModel::read(&arguments.model)?;
+    let free_rig = Rig { drive: None, ..rig.clone() };
+    let options = ReadOptions::default();
+    let free = arguments.free.as_ref().map(|path| Record::read(path, &free_rig, &options)).transpose()?;
+    let settings = Settings {
+        tolerance_deg: arguments.tolerance_deg,
+        starts: arguments.starts,
+        seed: arguments.seed,
+        bifurcation: arguments.bifurcation.clone(),
+    };
+    let bar = super::progress::bar("validating", 1);
+    let result = validate(&records, &rig, &model, Beside { free: free.as_ref(), inspection: None }, &settings)
+        .map_err(|e| {
+            // What is wrong in the model has no file yet; records and rig name theirs.
+            if e.place.as_deref().is_some_and(|p| p.starts_with("--")) { e } else { e.in_file(&arguments.model) }
+        })?;
+    bar.finish_and_clear();
+    print_warnings(&result.warnings);
+    arguments.out.write_json(&result)?;
+    arguments.out.say(&presentation::human(&result));
+    if let Some(path) = &arguments.out.report {
+        let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
+        let mut results = Results::new();
+        results.add(result.clone());
+        let mut page = Report::of(format!("Validation: {}", rig.name), names.join(", "), &results);
+        page.fact("Rig", &rig.name).fact("Model", arguments.model.display().to_string());
+        page.write(path)?;
+    }
+    if result.verdict == Verdict::Failed {
+        eprintln!("whirl: the model fails its validation");
+        return Ok(Answer::Negative);
+    }
+    Ok(arguments.records.answer(&records))
+}

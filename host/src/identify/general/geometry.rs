@@ -1,0 +1,68 @@
+//! Windows and low-passes for a model file, from the settings, the rig and the coordinates' spectra.
+//!
+//! As for the built-in systems (20 T or 4 s; test functions up to 2 f_e, or when free to the frequency below which lie 99 % of the
+//! accelerations' power, low-pass to where the signal sinks into the noise, both within bounds). A free system with measured inputs may
+//! need more of the band, since a resonance may lie close to the Nyquist frequency: test functions up to a fifth of the sampling rate, the
+//! low-pass up to two fifths. It gets windows of 30/top (4 s at most): such records are transients, and short windows take all
+//! parts of them alike.
+
+use crate::error::{BadInput, Result};
+use crate::identify::windows::{Kernels, Windows};
+use crate::identify::{Geometry, Settings};
+use crate::rig::Rig;
+use crate::signal::low_pass::Kernel;
+use crate::signal::noise::Noise;
+
+/// Most frequencies of the test functions.
+const MOST_FREQUENCIES: usize = 400;
+
+/// Chooses.
+///
+/// # Errors
+/// A setting out of range.
+pub fn geometry(
+    rig: &Rig,
+    settings: &Settings,
+    noises: &[Option<Noise>],
+    inputs: bool,
+    step_s: f64,
+) -> Result<Geometry> {
+    let rate = 1.0 / step_s;
+    let check = |option: &str, value: Option<f64>, low: f64, high: f64| match value {
+        Some(v) if !(v >= low && v <= high) => {
+            Err(BadInput::new(v.to_string(), format!("a value from {low} to {high}")).at(option.to_owned()))
+        }
+        v => Ok(v),
+    };
+    let greatest = |f: fn(&Noise) -> f64| noises.iter().flatten().map(f).fold(0.0_f64, f64::max);
+    let wide = inputs && rig.drive.is_none();
+    let most_top = if wide { rate / 5.0 } else { rate / 16.0 };
+    let wanted = greatest(|n| n.acceleration_99_hz);
+    let default_window = match rig.drive {
+        Some(d) => 20.0 / d.frequency_hz,
+        None if inputs => (30.0 / wanted.clamp(1e-9 * rate, most_top)).min(4.0),
+        None => 4.0,
+    };
+    let length_s =
+        check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window.max(32.0 * step_s));
+    let free_top = wanted.clamp(8.0 / length_s, most_top.max(8.0 / length_s));
+    let top = check(
+        "--max-frequency-hz",
+        settings.max_frequency_hz,
+        2.0 / length_s,
+        if wide { rate / 4.0 } else { rate / 8.0 },
+    )?
+    .unwrap_or_else(|| rig.drive.map_or(free_top, |d| 2.0 * d.frequency_hz));
+    let frequencies = ((top * length_s).round() as usize).clamp(2, MOST_FREQUENCIES);
+    // The products of the regressors must keep everything up to the highest test frequency.
+    let least = (1.5 * top).min(if wide { 0.3 } else { 0.15 } * rate);
+    let default_pass = (1.15 * greatest(|n| n.signal_end_hz)).clamp(least, if wide { 0.4 } else { 0.25 } * rate);
+    let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);
+    let stop = (1.5 * pass).max(pass + 2.5 * top).min(0.45 * rate);
+    let clear = greatest(|n| n.clear_end_hz).clamp(least.min(pass), pass);
+    let kernels = Kernels {
+        full: Kernel::design(step_s, pass, stop),
+        clear: Kernel::design(step_s, clear, (clear + stop - pass).min(0.48 * rate)),
+    };
+    Ok(Geometry { windows: Windows { length_s, hop_s: 0.5 * length_s, frequencies }, kernels })
+}

@@ -1,0 +1,99 @@
+//! A model file's series over a stretch: low-passed coordinates, their slopes, inputs and phase into the tape.
+//!
+//! Inputs pass through the same low-pass as the coordinates wherever they are part of a product, and stand as measured where they
+//! are linear: either way they are taken as band-limited, nothing is interpolated.
+
+use crate::identify::windows::{Kernels, Stretches};
+use crate::model::model_file::equations_of_motion::wrapped;
+use crate::model::model_file::expression::Symbol;
+use crate::model::model_file::weak_form::WeakForm;
+use crate::signal::low_pass::FastConvolution;
+
+use super::stretches::Stretch;
+
+/// Stretches with a model.
+pub struct System<'a> {
+    /// The stretches.
+    pub stretches: &'a [Stretch],
+    /// The model.
+    pub weak: &'a WeakForm,
+    /// The low-passes.
+    pub kernels: &'a Kernels,
+    /// Whether each coordinate lies on S1.
+    pub circle: &'a [bool],
+}
+
+impl Stretches for System<'_> {
+    fn count(&self) -> usize {
+        self.stretches.len()
+    }
+
+    fn samples(&self, stretch: usize) -> usize {
+        self.stretches[stretch].len()
+    }
+
+    fn step_s(&self, stretch: usize) -> f64 {
+        self.stretches[stretch].step_s
+    }
+
+    fn time(&self, stretch: usize, sample: usize) -> f64 {
+        self.stretches[stretch].time(sample)
+    }
+
+    fn evaluate(&self, stretch: usize, convolution: &FastConvolution, first: usize, last: usize) -> Vec<Vec<f64>> {
+        let s = &self.stretches[stretch];
+        let reach = self.kernels.reach();
+        let (from, to) = (first - reach, last + reach);
+        let symbols = self.weak.tape.symbols();
+        let n = s.coordinates.len();
+        // Smoothed signals that some series needs: coordinates, then inputs; the convolution takes them in pairs.
+        let needed: Vec<usize> = (0..n + s.inputs.len())
+            .filter(|&k| {
+                symbols.iter().any(|x| match *x {
+                    Symbol::Coordinate(i) | Symbol::Rate(i) | Symbol::ClearRate(i) => i == k,
+                    Symbol::Input(i) | Symbol::InputRate(i) => n + i == k,
+                    _ => false,
+                })
+            })
+            .collect();
+        let signal = |k: usize| if k < n { &s.coordinates[k][from..to] } else { &s.inputs[k - n][from..to] };
+        let mut filtered: Vec<Option<[Vec<f64>; 3]>> = vec![None; n + s.inputs.len()];
+        for pair in needed.chunks(2) {
+            let second = pair.get(1).copied().unwrap_or(pair[0]);
+            let mut outputs = convolution.apply([signal(pair[0]), signal(second)]);
+            for (place, &k) in pair.iter().enumerate() {
+                let mut take = |output: usize| {
+                    let mut x = core::mem::take(&mut outputs[output][place]);
+                    x.truncate(last - from);
+                    x.drain(..reach);
+                    x
+                };
+                filtered[k] = Some([take(0), take(1), take(2)]);
+            }
+        }
+        for (k, circle) in self.circle.iter().enumerate() {
+            if let (true, Some(f)) = (circle, filtered[k].as_mut()) {
+                f[0].iter_mut().for_each(|x| *x = wrapped(*x));
+            }
+        }
+        let phase: Vec<f64> =
+            if symbols.contains(&Symbol::Tau) { (first..last).map(|i| s.tau(i)).collect() } else { Vec::new() };
+        let filtered = |k: usize, output: usize| filtered[k].as_ref().map_or(&[][..], |f| &f[output][..]);
+        let columns: Vec<&[f64]> = symbols
+            .iter()
+            .map(|x| match *x {
+                Symbol::Coordinate(i) => filtered(i, 0),
+                Symbol::Rate(i) => filtered(i, 1),
+                Symbol::ClearRate(i) => filtered(i, 2),
+                Symbol::Input(k) => filtered(n + k, 0),
+                Symbol::InputRate(k) => filtered(n + k, 1),
+                Symbol::Raw(i) => &s.coordinates[i][first..last],
+                Symbol::RawInput(k) => &s.inputs[k][first..last],
+                Symbol::Tau => &phase[..],
+                // Integration by parts leaves no acceleration; signs are held in simulations only.
+                Symbol::Acceleration(_) | Symbol::Held(_) => &[],
+            })
+            .collect();
+        self.weak.tape.run(&columns, last - first)
+    }
+}

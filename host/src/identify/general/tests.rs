@@ -1,0 +1,74 @@
+//! Every shipped model file: simulated by its rig's `[plant]`, identified, and compared with it.
+
+use std::path::PathBuf;
+
+use super::super::{Identification, Settings, identify};
+use crate::model::model_file::simulation;
+use crate::record::{ReadOptions, Record};
+use crate::rig::Rig;
+
+fn rig(name: &str) -> Rig {
+    Rig::read(PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../rigs").join(name)).unwrap()
+}
+
+fn simulated(rig: &Rig, seconds: f64, seed: u64) -> Record {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("r.parquet");
+    simulation::record(rig, rig.bound.as_ref().unwrap(), seconds, seed, &path).unwrap();
+    Record::read(&path, rig, &ReadOptions::default()).unwrap()
+}
+
+fn truth(rig: &Rig, name: &str) -> f64 {
+    let table: toml::Table = toml::from_str(&rig.text).unwrap();
+    let v = &table["plant"][name];
+    v.as_float().or_else(|| v.as_integer().map(|i| i as f64)).unwrap()
+}
+
+/// Each coefficient within four standard errors, no standard error above a share of the value (unless that is near zero), most within 1.96.
+fn recovered(name: &str, seconds: f64, share: f64) -> Identification {
+    let rig = rig(name);
+    let result = identify(&[simulated(&rig, seconds, 1)], &rig, &Settings::default()).unwrap();
+    assert_eq!(result.model, rig.bound.as_ref().unwrap().model.name);
+    let mut inside = 0;
+    for p in &result.parameters {
+        let true_value = truth(&rig, &p.name);
+        let z = (p.value - true_value) / p.std_error;
+        assert!(z.abs() < 4.0, "{name}: {} = {} ± {}, true {true_value}: {z:.1} σ", p.name, p.value, p.std_error);
+        if true_value != 0.0 {
+            let relative = p.std_error / true_value.abs();
+            assert!(relative < share, "{name}: {} ± {:.2} %", p.name, 100.0 * relative);
+        }
+        inside += usize::from(z.abs() < 1.96);
+    }
+    assert!(inside * 4 >= result.parameters.len() * 3, "{name}: {inside} of {}", result.parameters.len());
+    result
+}
+
+#[test]
+fn pendulums_are_recovered() {
+    recovered("measured-single-pendulum.toml", 30.0, 0.3);
+    recovered("double-pendulum-model-file.toml", 40.0, 0.01);
+    recovered("measured-triple-pendulum.toml", 40.0, 0.3);
+}
+
+#[test]
+fn coupled_and_conservative_systems_are_recovered() {
+    recovered("cart-pendulum.toml", 60.0, 0.05);
+    recovered("two-mass-model-file.toml", 400.0, 0.01);
+    recovered("mass-pendulum-model-file.toml", 60.0, 0.01);
+    recovered("van-der-pol.toml", 60.0, 0.02);
+}
+
+/// Random, impulsive and periodic excitation of one oscillator, identified from its measured input.
+#[test]
+fn every_kind_of_excitation_identifies_the_oscillator() {
+    for name in ["duffing.toml", "duffing-periodic.toml", "duffing-impulses.toml", "duffing-impulse.toml"] {
+        recovered(name, if name == "duffing-impulse.toml" { 20.0 } else { 60.0 }, 0.05);
+    }
+}
+
+#[test]
+fn benchmarks_are_recovered_when_simulated() {
+    recovered("emps.toml", 20.0, 0.05);
+    recovered("silverbox.toml", 20.0, 0.2);
+}

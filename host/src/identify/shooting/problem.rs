@@ -1,0 +1,202 @@
+//! The least-squares problem of multiple shooting: pieces of a record, each with an initial state of its own, and shared parameters.
+//!
+//! Minimise ½ Σ_s Σ_i Σ_k ((m_k·q(t_i; x_s, p) − y_ki)/σ_k)² over the initial states x_s (2n each) and the parameters p, where m_k·q is what sensor
+//! k measures. Each piece gives its share of the normal equations, [J_x J_p r]ᵀ[J_x J_p r], from the state and its variational equations.
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use crate::model::dynamics::Dynamics;
+use crate::model::flow::{Flow, Inputs, Outside, Work};
+
+/// A stretch of the record that is followed from one initial state.
+#[derive(Clone, Debug)]
+pub struct Piece {
+    /// Time of the first sample, s.
+    pub start_s: f64,
+    /// Phase of the drive there, rad.
+    pub tau: f64,
+    /// Measured values, sensor after sensor for each sample.
+    pub measured: Vec<f64>,
+}
+
+/// What is the same for all pieces.
+pub struct Problem<'a, D: Dynamics + ?Sized> {
+    /// Equations.
+    pub dynamics: &'a D,
+    /// What each sensor measures: weights of the coordinates.
+    pub sensors: &'a [Vec<f64>],
+    /// Standard deviation of each sensor's noise.
+    pub sigma: &'a [f64],
+    /// Spacing of the samples, s.
+    pub spacing_s: f64,
+    /// Longest step of integration, s.
+    pub step_s: f64,
+    /// Angular frequency of the drive, rad/s; 0 for a free system.
+    pub omega: f64,
+    /// Measured inputs.
+    pub inputs: Option<Inputs<'a>>,
+}
+
+/// A piece's share of the normal equations.
+#[derive(Clone, Debug)]
+pub struct Share {
+    /// JᵀJ over states and parameters together (2n + P), or over the states alone.
+    pub normal: DMatrix<f64>,
+    /// Jᵀr.
+    pub gradient: DVector<f64>,
+    /// Σ r² of each sensor, in units of its σ².
+    pub squares: Vec<f64>,
+    /// Samples.
+    pub samples: usize,
+}
+
+impl Share {
+    /// Σ r² over all sensors.
+    pub fn cost(&self) -> f64 {
+        self.squares.iter().sum()
+    }
+}
+
+impl<D: Dynamics + ?Sized> Problem<'_, D> {
+    /// Coordinates and rates: 2n.
+    pub fn states(&self) -> usize {
+        2 * self.dynamics.degrees_of_freedom()
+    }
+
+    fn flow<'b>(&'b self, piece: &Piece, parameters: &'b [f64]) -> Flow<'b, D> {
+        let outside = Outside { origin: piece.start_s, tau: piece.tau, omega: self.omega, inputs: self.inputs };
+        Flow::new(self.dynamics, parameters, outside, self.step_s)
+    }
+
+    fn samples(&self, piece: &Piece) -> usize {
+        piece.measured.len() / self.sensors.len().max(1)
+    }
+
+    /// Room for [`Problem::share`]: for states and parameters, or for states alone.
+    pub fn room(&self, with_parameters: bool) -> Work {
+        if with_parameters { Work::by_all(self.dynamics) } else { Work::by_state(self.dynamics) }
+    }
+
+    /// A piece's share at an initial state; None where the equations have no solution there.
+    pub fn share(&self, piece: &Piece, state: &[f64], parameters: &[f64], work: &mut Work) -> Option<Share> {
+        let n = self.dynamics.degrees_of_freedom();
+        let count = self.samples(piece);
+        work.set(state);
+        let columns = work.derivatives().len() / (2 * n);
+        let width = columns + 1;
+        let mut sums = vec![0.0; width * width];
+        let mut squares = vec![0.0; self.sensors.len()];
+        let mut row = vec![0.0; width];
+        let good = self.flow(piece, parameters).samples(work, piece.start_s, self.spacing_s, count, |i, sample| {
+            let (q, derivatives) = sample.split_at(n);
+            for (k, (sensor, sigma)) in self.sensors.iter().zip(self.sigma).enumerate() {
+                row.fill(0.0);
+                let scale = 1.0 / sigma;
+                let mut r = -piece.measured[i * self.sensors.len() + k];
+                for (j, m) in sensor.iter().enumerate().filter(|m| *m.1 != 0.0) {
+                    r += m * q[j];
+                    let by = &derivatives[j * columns..(j + 1) * columns];
+                    row.iter_mut().zip(by).for_each(|(o, d)| *o += m * scale * d);
+                }
+                r *= scale;
+                row[columns] = r;
+                squares[k] += r * r;
+                for (a, line) in sums.chunks_exact_mut(width).enumerate() {
+                    let x = row[a];
+                    line[a..].iter_mut().zip(&row[a..]).for_each(|(s, y)| *s += x * y);
+                }
+            }
+        });
+        if !good || !squares.iter().all(|s| s.is_finite()) {
+            return None;
+        }
+        let at = |a: usize, b: usize| sums[a.min(b) * width + a.max(b)];
+        Some(Share {
+            normal: DMatrix::from_fn(columns, columns, at),
+            gradient: DVector::from_fn(columns, |a, _| at(a, columns)),
+            squares,
+            samples: count,
+        })
+    }
+
+    /// Residuals (predicted minus measured, in σ) of a piece, sensor after sensor for each sample. None where the solution does not reach its end.
+    pub fn residuals(&self, piece: &Piece, state: &[f64], parameters: &[f64], work: &mut Work) -> Option<Vec<f64>> {
+        let out = self.residuals_until(piece, state, parameters, work);
+        (out.len() == piece.measured.len()).then_some(out)
+    }
+
+    /// The same up to where the solution ends.
+    pub fn residuals_until(&self, piece: &Piece, state: &[f64], parameters: &[f64], work: &mut Work) -> Vec<f64> {
+        let count = self.samples(piece);
+        work.set(state);
+        let mut out = Vec::with_capacity(piece.measured.len());
+        let _reached = self.flow(piece, parameters).samples(work, piece.start_s, self.spacing_s, count, |i, sample| {
+            for (k, (sensor, sigma)) in self.sensors.iter().zip(self.sigma).enumerate() {
+                let predicted: f64 = sensor.iter().zip(sample).map(|(m, q)| m * q).sum();
+                out.push((predicted - piece.measured[i * self.sensors.len() + k]) / sigma);
+            }
+        });
+        out
+    }
+
+    /// Shares of all pieces, in order.
+    pub fn shares(&self, pieces: &[Piece], states: &[Vec<f64>], parameters: &[f64]) -> Vec<Option<Share>> {
+        pieces
+            .par_iter()
+            .zip(states)
+            .map_init(|| self.room(true), |work, (piece, state)| self.share(piece, state, parameters, work))
+            .collect()
+    }
+
+    /// The piece's first `samples` samples.
+    pub fn head(&self, piece: &Piece, samples: usize) -> Piece {
+        let values = (samples * self.sensors.len()).min(piece.measured.len());
+        Piece { measured: piece.measured[..values].to_vec(), ..*piece }
+    }
+
+    /// Initial state of a piece fitted with the parameters held, over its first `lengths` samples one after the other (Levenberg and
+    /// Marquardt), and the mean square residual that is left.
+    pub fn fit_state(
+        &self,
+        piece: &Piece,
+        start: &[f64],
+        parameters: &[f64],
+        lengths: &[usize],
+        work: &mut Work,
+    ) -> Option<(Vec<f64>, f64)> {
+        let mut state = start.to_vec();
+        let all = self.samples(piece);
+        let mut last = None;
+        for length in lengths.iter().map(|l| (*l).min(all)) {
+            if last.is_some_and(|(l, _)| l == length) {
+                continue;
+            }
+            let part = self.head(piece, length);
+            let mut share = self.share(&part, &state, parameters, work)?;
+            let mut damping = 1e-6;
+            for _ in 0..20 {
+                let mut normal = share.normal.clone();
+                (0..normal.nrows()).for_each(|i| normal[(i, i)] *= 1.0 + damping);
+                let Some(factor) = normal.cholesky() else { break };
+                let step = factor.solve(&share.gradient);
+                // In units of the residuals' scatter: what this step still promises.
+                let promise = step.dot(&share.gradient);
+                if promise < 1e-3 {
+                    break;
+                }
+                let trial: Vec<f64> = state.iter().zip(step.iter()).map(|(x, d)| x - d).collect();
+                match self.share(&part, &trial, parameters, work) {
+                    Some(new) if new.cost() < share.cost() => {
+                        (state, share) = (trial, new);
+                        damping = (damping * 0.1_f64).max(1e-9);
+                    }
+                    _ if damping < 1e6 => damping = (damping * 10.0).max(1e-4),
+                    _ => break,
+                }
+            }
+            last = Some((length, share.cost() / (share.samples * self.sensors.len()) as f64));
+        }
+        last.map(|l| (state, l.1))
+    }
+}

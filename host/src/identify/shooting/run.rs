@@ -1,0 +1,247 @@
+//! Multiple shooting from start to covariance, for any system with [`Dynamics`].
+//!
+//! 1. The step of integration: the longest whose solution over a whole piece differs from that of half the step by less than
+//!    [`STEP_ERROR`] of the sensors' noise.
+//! 2. Pieces of 1T, then 2T (at most [`FEW`] of them, spread over the record): states and parameters. A short piece bears a poor start; a
+//!    long one knows the parameters better, since small changes grow along it.
+//! 3. All pieces of full length (4T): each state alone, over 1T, 2T, 4T, then states and parameters together.
+//! 4. Sensors whose residuals differ from their noise are weighted by what they leave, and a piece that the model cannot follow where it follows all others
+//!    (a mean square of [`LOST`] times the median) is left out and counted; then once more.
+
+use rayon::prelude::*;
+
+use super::covariance::{self, Covariance};
+use super::problem::{Piece, Problem, Share};
+use super::solve::{Bounds, Fit, minimise};
+use crate::model::dynamics::Dynamics;
+
+/// Most pieces of the first two levels.
+const FEW: usize = 96;
+/// Difference, in the sensors' standard deviations, that the step of integration may make.
+const STEP_ERROR: f64 = 0.03;
+/// Mean square of a piece, in medians, from which it counts as lost.
+const LOST: f64 = 25.0;
+/// Promise of a step, in squared standard errors, at which the last level stops.
+const TOLERANCE: f64 = 1e-2;
+/// Most rounds of a level.
+const MOST_ROUNDS: usize = 30;
+
+/// What a run gives.
+pub struct Outcome {
+    /// The minimum.
+    pub fit: Fit,
+    /// Standard errors.
+    pub covariance: Covariance,
+    /// Rms residual of each sensor in units of the noise that was given.
+    pub noise_ratio: Vec<f64>,
+    /// Pieces that could not be followed.
+    pub lost: usize,
+    /// Correlation of residuals between pieces.
+    pub repetition: f64,
+    /// Step of integration, s.
+    pub step_s: f64,
+    /// Measured values used.
+    pub values: usize,
+    /// Rounds of the last level.
+    pub rounds: usize,
+}
+
+/// Why a run gives nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Failure {
+    /// No piece could be followed from the start parameters.
+    NothingFollows,
+    /// The normal equations are singular.
+    NotDetermined,
+}
+
+/// Runs all levels. `levels`: samples of a piece at each level, shortest first, the last one the pieces' full length.
+///
+/// # Errors
+/// Where no solution follows the record, or it does not determine the parameters.
+pub fn run<D: Dynamics + ?Sized>(
+    mut problem: Problem<'_, D>,
+    pieces: Vec<Piece>,
+    guesses: Vec<Vec<f64>>,
+    start: &[f64],
+    bounds: &Bounds,
+    levels: &[usize],
+    tick: &mut dyn FnMut(),
+) -> Result<Outcome, Failure> {
+    let period = problem.step_s;
+    problem.step_s = integration_step(&problem, &pieces, &guesses, start, period);
+    let mut parameters = start.to_vec();
+    let stride = pieces.len().div_ceil(FEW).max(1);
+    for (i, length) in levels.iter().enumerate().take(levels.len().saturating_sub(1)) {
+        let few: Vec<Piece> = pieces.iter().step_by(stride).map(|p| problem.head(p, *length)).collect();
+        let states = fit_states(&problem, &few, guesses.iter().step_by(stride), &parameters, &levels[..=i]);
+        let (few, states) = followed(few, states);
+        if few.is_empty() {
+            return Err(Failure::NothingFollows);
+        }
+        tick();
+        // A level that gets nowhere leaves the parameters to the next.
+        if let Some(fit) = minimise(&problem, &few, (&parameters, states), bounds, 1.0, 10, tick)
+            && fit.parameters.iter().all(|p| p.is_finite())
+        {
+            parameters = fit.parameters;
+        }
+    }
+    let all = pieces.len();
+    let states = fit_states(&problem, &pieces, guesses.iter(), &parameters, levels);
+    tick();
+    let (mut pieces, mut states) = followed(pieces, states);
+    let mut rounds = 0;
+    let given = problem.sigma.to_vec();
+    let mut sigma = given.clone();
+    for last in [false, true] {
+        let weighted = Problem { sigma: &sigma, ..copy(&problem) };
+        let fit = minimise(&weighted, &pieces, (&parameters, states.clone()), bounds, TOLERANCE, MOST_ROUNDS, tick)
+            .ok_or(Failure::NothingFollows)?;
+        rounds += fit.rounds;
+        let ratio = noise_ratio(&fit.shares, problem.states());
+        let even = ratio.iter().all(|r| (r / ratio[0] - 1.0).abs() < 0.1);
+        let (kept, kept_states) = without_lost(&pieces, &fit);
+        if last || (even && kept.len() == pieces.len()) {
+            let residuals = residuals(&weighted, &pieces, &fit);
+            let repetition = repetition(&residuals);
+            let repeats = if repetition > REPEATING { repetition } else { 0.0 };
+            let covariance = covariance::covariance(&fit.shares, problem.states(), &fit.held, repeats)
+                .ok_or(Failure::NotDetermined)?;
+            return Ok(Outcome {
+                noise_ratio: ratio.iter().zip(&sigma).zip(&given).map(|((r, s), g)| r * s / g).collect(),
+                covariance,
+                lost: all - pieces.len(),
+                repetition,
+                step_s: problem.step_s,
+                values: pieces.iter().map(|p| p.measured.len()).sum(),
+                rounds,
+                fit,
+            });
+        }
+        sigma.iter_mut().zip(&ratio).for_each(|(s, r)| *s *= if *r > 0.0 { *r } else { 1.0 });
+        parameters.clone_from(&fit.parameters);
+        (pieces, states) = (kept, kept_states);
+        if pieces.is_empty() {
+            return Err(Failure::NothingFollows);
+        }
+    }
+    Err(Failure::NothingFollows)
+}
+
+/// Correlation of residuals between pieces from which the motion counts as repeating.
+pub const REPEATING: f64 = 0.2;
+
+fn copy<'a, D: Dynamics + ?Sized>(p: &Problem<'a, D>) -> Problem<'a, D> {
+    Problem { ..*p }
+}
+
+/// Each piece's state fitted over the levels' lengths with the parameters held; None for one that cannot be followed.
+fn fit_states<'g, D: Dynamics + ?Sized>(
+    problem: &Problem<'_, D>,
+    pieces: &[Piece],
+    guesses: impl Iterator<Item = &'g Vec<f64>>,
+    parameters: &[f64],
+    levels: &[usize],
+) -> Vec<Option<Vec<f64>>> {
+    let guesses: Vec<&Vec<f64>> = guesses.collect();
+    pieces
+        .par_iter()
+        .zip(guesses)
+        .map_init(
+            || problem.room(false),
+            |work, (piece, guess)| problem.fit_state(piece, guess, parameters, levels, work).map(|f| f.0),
+        )
+        .collect()
+}
+
+/// The pieces that have a state.
+fn followed(pieces: Vec<Piece>, states: Vec<Option<Vec<f64>>>) -> (Vec<Piece>, Vec<Vec<f64>>) {
+    pieces.into_iter().zip(states).filter_map(|(p, s)| s.map(|s| (p, s))).unzip()
+}
+
+fn without_lost(pieces: &[Piece], fit: &Fit) -> (Vec<Piece>, Vec<Vec<f64>>) {
+    let mean: Vec<f64> = fit.shares.iter().map(|s| s.cost() / s.samples.max(1) as f64).collect();
+    let mut sorted = mean.clone();
+    sorted.sort_by(f64::total_cmp);
+    let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+    let kept = |i: &usize| mean[*i] <= LOST * median;
+    (0..pieces.len()).filter(kept).map(|i| (pieces[i].clone(), fit.states[i].clone())).unzip()
+}
+
+/// Rms residual of each sensor in units of its σ, the freedom of the states shared out evenly.
+fn noise_ratio(shares: &[Share], states: usize) -> Vec<f64> {
+    let sensors = shares.first().map_or(0, |s| s.squares.len());
+    let samples: usize = shares.iter().map(|s| s.samples).sum();
+    let freedom = samples as f64 - (shares.len() * states) as f64 / sensors.max(1) as f64;
+    (0..sensors).map(|k| (shares.iter().map(|s| s.squares[k]).sum::<f64>() / freedom.max(1.0)).sqrt()).collect()
+}
+
+fn residuals<D: Dynamics + ?Sized>(problem: &Problem<'_, D>, pieces: &[Piece], fit: &Fit) -> Vec<Vec<f64>> {
+    pieces
+        .par_iter()
+        .zip(&fit.states)
+        .map_init(
+            || problem.room(false),
+            |work, (piece, state)| problem.residuals(piece, state, &fit.parameters, work).unwrap_or_default(),
+        )
+        .collect()
+}
+
+/// Greatest mean correlation of residuals between pieces 1 … 32 apart.
+fn repetition(residuals: &[Vec<f64>]) -> f64 {
+    let mut greatest = 0.0_f64;
+    for lag in 1..=32.min(residuals.len().saturating_sub(1)) {
+        let (mut product, mut power, mut pairs) = (0.0, 0.0, 0_usize);
+        for (a, b) in residuals.iter().zip(&residuals[lag..]).filter(|(a, b)| a.len() == b.len()) {
+            pairs += 1;
+            for (x, y) in a.iter().zip(b) {
+                product += x * y;
+                power += 0.5 * (x * x + y * y);
+            }
+        }
+        // A handful of pairs correlates by chance.
+        if pairs >= 4 && power > 0.0 {
+            greatest = greatest.max(product / power);
+        }
+    }
+    greatest
+}
+
+/// The longest step T/20, T/28, T/40 … whose solution agrees with that of half the step.
+fn integration_step<D: Dynamics + ?Sized>(
+    problem: &Problem<'_, D>,
+    pieces: &[Piece],
+    guesses: &[Vec<f64>],
+    parameters: &[f64],
+    period_s: f64,
+) -> f64 {
+    let stride = pieces.len().div_ceil(12).max(1);
+    let some: Vec<(&Piece, &Vec<f64>)> = pieces.iter().zip(guesses).step_by(stride).collect();
+    let run = |step_s: f64| -> Vec<Option<Vec<f64>>> {
+        let p = Problem { step_s, ..copy(problem) };
+        some.par_iter()
+            .map_init(|| p.room(false), |work, (piece, state)| p.residuals(piece, state, parameters, work))
+            .collect()
+    };
+    let mut step = period_s / 20.0;
+    let mut coarse = run(step);
+    for _ in 0..12 {
+        let fine = run(step / 2.0);
+        let (mut sum, mut count) = (0.0, 0.0);
+        for (a, b) in coarse.iter().zip(&fine) {
+            if let (Some(a), Some(b)) = (a, b) {
+                sum += a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>();
+                count += a.len() as f64;
+            }
+        }
+        if count > 0.0 && (sum / count).sqrt() < STEP_ERROR {
+            return step;
+        }
+        // A method of order 5: half the step has 1/32 of the error. Try the step between first.
+        let between = step / 2f64.sqrt();
+        step = if count > 0.0 && (sum / count).sqrt() < 6.0 * STEP_ERROR { between } else { step / 2.0 };
+        coarse = if step == between { run(step) } else { fine };
+    }
+    step
+}

@@ -1,0 +1,197 @@
+//! Levenberg–Marquardt over parameters and initial states, the states eliminated.
+//!
+//! With a piece's normal matrix [[H_xx H_xp], [H_px H_pp]] and gradient (g_x, g_p), the step of the parameters solves
+//! Σ_s (H_pp − H_px H_xx⁻¹ H_xp) δp = −Σ_s (g_p − H_px H_xx⁻¹ g_x), and each piece's own step is δx = −H_xx⁻¹ (g_x + H_xp δp)
+//! (Schur complement): the cost of a step grows linearly with the number of pieces. Damping multiplies the diagonals by 1 + μ. Bounds: a parameter
+//! that stands at its bound and would leave it is held there.
+
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rayon::prelude::*;
+
+use super::problem::{Piece, Problem, Share};
+use crate::model::dynamics::Dynamics;
+
+/// Increase of a piece's cost, in mean square residuals, from which its state is fitted anew.
+const WORSE: f64 = 1.0;
+
+/// Where the minimisation stands.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// Parameters.
+    pub parameters: Vec<f64>,
+    /// Initial state of each piece.
+    pub states: Vec<Vec<f64>>,
+    /// Each piece's share of the normal equations there.
+    pub shares: Vec<Share>,
+    /// Rounds taken.
+    pub rounds: usize,
+    /// Whether the last step was small enough.
+    pub converged: bool,
+    /// Parameters held at a bound.
+    pub held: Vec<bool>,
+}
+
+/// Lowest and highest value of each parameter.
+pub type Bounds = Vec<[f64; 2]>;
+
+/// A piece's normal equations with its state eliminated.
+pub struct Reduced {
+    /// H_pp − H_px H_xx⁻¹ H_xp.
+    pub normal: DMatrix<f64>,
+    /// g_p − H_px H_xx⁻¹ g_x.
+    pub gradient: DVector<f64>,
+    factor: Cholesky<f64, Dyn>,
+    coupling: DMatrix<f64>,
+    own: DVector<f64>,
+}
+
+/// Eliminates the first `x` unknowns of a piece. None where its own state is not determined.
+pub fn reduce(share: &Share, x: usize, damping: f64) -> Option<Reduced> {
+    let p = share.gradient.len() - x;
+    let mut own_block = share.normal.view((0, 0), (x, x)).into_owned();
+    (0..x).for_each(|i| own_block[(i, i)] *= 1.0 + damping);
+    let factor = own_block.cholesky()?;
+    let coupling = share.normal.view((0, x), (x, p)).into_owned();
+    let own = share.gradient.rows(0, x).into_owned();
+    let solved = factor.solve(&coupling);
+    let normal = share.normal.view((x, x), (p, p)) - coupling.transpose() * &solved;
+    let gradient = share.gradient.rows(x, p) - solved.transpose() * &own;
+    Some(Reduced { normal, gradient, factor, coupling, own })
+}
+
+impl Reduced {
+    /// The piece's own step for a step of the parameters.
+    fn own_step(&self, step: &DVector<f64>) -> DVector<f64> {
+        -self.factor.solve(&(&self.own + &self.coupling * step))
+    }
+}
+
+/// Solves a symmetric system scaled to unit diagonal, the unknowns in `held` left at zero. None where it is singular.
+pub fn solve_scaled(normal: &DMatrix<f64>, right: &DVector<f64>, damping: f64, held: &[bool]) -> Option<DVector<f64>> {
+    let n = right.len();
+    let scale = DVector::from_fn(n, |i, _| if normal[(i, i)] > 0.0 { normal[(i, i)].sqrt().recip() } else { 0.0 });
+    let matrix = DMatrix::from_fn(n, n, |i, j| {
+        let fixed = held[i] || held[j] || scale[i] == 0.0 || scale[j] == 0.0;
+        if i == j {
+            if fixed { 1.0 } else { 1.0 + damping }
+        } else if fixed {
+            0.0
+        } else {
+            normal[(i, j)] * scale[i] * scale[j]
+        }
+    });
+    let scaled = DVector::from_fn(n, |i, _| if held[i] { 0.0 } else { right[i] * scale[i] });
+    Some(matrix.cholesky()?.solve(&scaled).component_mul(&scale))
+}
+
+/// All shares, if every piece has one.
+fn complete(shares: Vec<Option<Share>>) -> Option<Vec<Share>> {
+    shares.into_iter().collect()
+}
+
+/// Shares at trial parameters and states. A piece that the step made worse than its scatter explains (a joint's velocity that grazes zero there
+/// bends the cost) gets its state fitted anew, from where it was and from where the step put it.
+fn follow<D: Dynamics + ?Sized>(
+    problem: &Problem<'_, D>,
+    pieces: &[Piece],
+    before: (&[Vec<f64>], &[Share]),
+    mut moved: Vec<Vec<f64>>,
+    trial: &[f64],
+    unit: f64,
+) -> Option<(Vec<Vec<f64>>, Vec<Share>)> {
+    let mut shares = problem.shares(pieces, &moved, trial);
+    let worse: Vec<usize> = (0..pieces.len())
+        .filter(|i| shares[*i].as_ref().is_none_or(|s| s.cost() > before.1[*i].cost() + WORSE * unit))
+        .collect();
+    let again: Vec<Option<(Vec<f64>, Share)>> = worse
+        .par_iter()
+        .map_init(
+            || (problem.room(false), problem.room(true)),
+            |(small, large), i| {
+                let length = [before.1[*i].samples];
+                [&moved[*i], &before.0[*i]]
+                    .into_iter()
+                    .filter_map(|start| problem.fit_state(&pieces[*i], start, trial, &length, small))
+                    .min_by(|a, b| a.1.total_cmp(&b.1))
+                    .and_then(|(state, _)| {
+                        let share = problem.share(&pieces[*i], &state, trial, large)?;
+                        Some((state, share))
+                    })
+            },
+        )
+        .collect();
+    for (i, found) in worse.into_iter().zip(again) {
+        if let Some((state, share)) = found
+            && shares[i].as_ref().is_none_or(|s| share.cost() < s.cost())
+        {
+            moved[i] = state;
+            shares[i] = Some(share);
+        }
+    }
+    Some((moved, complete(shares)?))
+}
+
+/// Minimises from parameters and states until the promised gain of a step falls below `tolerance` (in units of the residuals' mean square: a
+/// step of one standard error in one parameter promises 1), for at most `most` rounds. `tick` is told of each round. None where the start has no solution.
+pub fn minimise<D: Dynamics + ?Sized>(
+    problem: &Problem<'_, D>,
+    pieces: &[Piece],
+    start: (&[f64], Vec<Vec<f64>>),
+    bounds: &Bounds,
+    tolerance: f64,
+    most: usize,
+    tick: &mut dyn FnMut(),
+) -> Option<Fit> {
+    let x = problem.states();
+    let clip = |p: &[f64]| -> Vec<f64> { p.iter().zip(bounds).map(|(v, [low, high])| v.clamp(*low, *high)).collect() };
+    let mut parameters = clip(start.0);
+    let mut states = start.1;
+    let mut shares = complete(problem.shares(pieces, &states, &parameters))?;
+    let (mut damping, mut rounds, mut converged) = (1e-9, 0, false);
+    let mut held = vec![false; parameters.len()];
+    while rounds < most && !converged {
+        let cost: f64 = shares.iter().map(Share::cost).sum();
+        let freedom = shares.iter().map(|s| s.samples * problem.sensors.len() - x).sum::<usize>().max(1) as f64;
+        let reduced: Vec<Reduced> = shares.iter().map(|s| reduce(s, x, damping)).collect::<Option<_>>()?;
+        let p = parameters.len();
+        let normal = reduced.iter().fold(DMatrix::zeros(p, p), |sum, r| sum + &r.normal);
+        let gradient = reduced.iter().fold(DVector::zeros(p), |sum, r| sum + &r.gradient);
+        for (i, h) in held.iter_mut().enumerate() {
+            let [low, high] = bounds[i];
+            *h = (parameters[i] <= low && gradient[i] > 0.0) || (parameters[i] >= high && gradient[i] < 0.0);
+        }
+        let Some(step) = solve_scaled(&normal, &-&gradient, damping, &held) else {
+            damping = (damping * 10.0).max(1e-6);
+            rounds += 1;
+            continue;
+        };
+        let unit = cost / freedom;
+        let trial = clip(&parameters.iter().zip(step.iter()).map(|(a, b)| a + b).collect::<Vec<_>>());
+        let taken = DVector::from_iterator(p, trial.iter().zip(&parameters).map(|(a, b)| a - b));
+        let own: Vec<DVector<f64>> = reduced.iter().map(|r| r.own_step(&taken)).collect();
+        // What the parameters' step promises, and the pieces' own steps, whose states may be far off while the parameters stand.
+        let promise = -step.dot(&gradient) / unit;
+        let own_promise: f64 = own.iter().zip(&reduced).map(|(d, r)| -d.dot(&r.own)).sum::<f64>() / unit;
+        let small = damping <= 1e-6 && promise < tolerance && own_promise < tolerance * (1.0 + pieces.len() as f64);
+        let moved: Vec<Vec<f64>> = states
+            .iter()
+            .zip(&own)
+            .map(|(state, d)| state.iter().zip(d.iter()).map(|(a, b)| a + b).collect())
+            .collect();
+        rounds += 1;
+        tick();
+        let tried = follow(problem, pieces, (&states, &shares), moved, &trial, unit);
+        match tried {
+            Some((new_states, new)) if new.iter().map(Share::cost).sum::<f64>() <= cost => {
+                (parameters, states, shares) = (trial, new_states, new);
+                converged = small;
+                damping = if damping > 1e-9 { (damping * 0.01).max(1e-9) } else { damping };
+            }
+            // At the minimum, to what kinks and rounding leave, no step lowers the cost.
+            _ if small => converged = true,
+            _ if damping < 1e8 => damping = (damping * 10.0).max(1e-4),
+            _ => break,
+        }
+    }
+    Some(Fit { parameters, states, shares, rounds, converged, held })
+}

@@ -1,0 +1,168 @@
+use super::*;
+
+/// q̈ = −k q − c v − μ sign v + F cos τ; parameters k, c, μ, F.
+struct Block(Vec<Vec<f64>>);
+
+impl Block {
+    fn new() -> Self {
+        Self(vec![vec![1.0]])
+    }
+}
+
+fn sign(x: f64) -> f64 {
+    if x > 0.0 {
+        1.0
+    } else if x < 0.0 {
+        -1.0
+    } else {
+        0.0
+    }
+}
+
+impl Dynamics for Block {
+    fn degrees_of_freedom(&self) -> usize {
+        1
+    }
+    fn parameter_count(&self) -> usize {
+        4
+    }
+    fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+        self.acceleration_held(p, q, v, at, &[sign(v[0])], out)
+    }
+    fn switches(&self) -> &[Vec<f64>] {
+        &self.0
+    }
+    fn acceleration_held(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, s: &[f64], out: &mut [f64]) -> bool {
+        out[0] = -p[0] * q[0] - p[1] * v[0] - p[2] * s[0] + p[3] * at.tau.cos();
+        out[0].is_finite()
+    }
+    fn partials_held(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, s: &[f64], out: &mut [f64]) -> bool {
+        out.copy_from_slice(&[-p[0], -p[1], -q[0], -v[0], -s[0], at.tau.cos()]);
+        true
+    }
+}
+
+fn positions(p: &[f64], state: &[f64], omega: f64, step: f64, spacing: f64, count: usize) -> Vec<f64> {
+    let block = Block::new();
+    let flow = Flow::new(&block, p, Outside::drive(0.0, 0.0, omega), step);
+    let mut work = Work::plain(&block);
+    work.set(state);
+    let mut out = Vec::new();
+    assert!(flow.samples(&mut work, 0.0, spacing, count, |_, s| out.push(s[0])));
+    out
+}
+
+#[test]
+fn an_oscillator_follows_its_formula_between_steps_too() {
+    let (k, c) = (9.0_f64, 0.4);
+    let x = positions(&[k, c, 0.0, 0.0], &[1.0, 0.0], 0.0, 0.05, 0.013, 500);
+    let w = (k - 0.25 * c * c).sqrt();
+    for (i, x) in x.iter().enumerate() {
+        let t = i as f64 * 0.013;
+        let exact = (-0.5 * c * t).exp() * ((w * t).cos() + 0.5 * c / w * (w * t).sin());
+        assert!((x - exact).abs() < 2e-7, "{t} {x} {exact}");
+    }
+}
+
+/// Dry friction takes 2μ/k off the amplitude at each reversal, and the block rests where the spring no longer overcomes it.
+#[test]
+fn dry_friction_takes_two_mu_over_k_each_half_turn_and_then_sticks() {
+    let (k, mu) = (4.0, 0.5);
+    let x = positions(&[k, 0.0, mu, 0.0], &[1.05, 0.0], 0.0, 0.07, std::f64::consts::FRAC_PI_2, 12);
+    // Reversals at 1.05, −0.80, 0.55, −0.30, 0.05: there 4·0.05 < 0.5.
+    for (x, exact) in x.iter().zip([1.05, -0.80, 0.55, -0.30, 0.05, 0.05, 0.05]) {
+        assert!((x - exact).abs() < 1e-6, "{x} {exact}");
+    }
+    // Derivatives after three reversals: x = −(A − 6 μ/k), so ∂x/∂A = −1, ∂x/∂μ = 6/k.
+    let block = Block::new();
+    let p = [k, 0.0, mu, 0.0];
+    let flow = Flow::new(&block, &p, Outside::drive(0.0, 0.0, 0.0), 0.07);
+    let mut work = Work::by_all(&block);
+    work.set(&[1.05, 0.0]);
+    assert!(flow.carry(&mut work, 0.0, 1.5 * std::f64::consts::PI));
+    let d = work.derivatives();
+    assert!((d[0] + 1.0).abs() < 1e-4 && (d[4] - 6.0 / k).abs() < 1e-4, "{d:?}");
+    // At rest for good nothing moves it but its last stop: x = A − 8 μ/k.
+    assert!(flow.carry(&mut work, 0.0, 3.0));
+    let d = work.derivatives();
+    assert!((d[0] - 1.0).abs() < 1e-4 && (d[4] + 8.0 / k).abs() < 1e-4 && d[6].abs() < 1e-9, "{d:?}");
+}
+
+#[test]
+fn stick_and_slip_agree_with_steps_a_hundred_times_smaller_and_derivatives_with_differences() {
+    let p = [9.0, 0.1, 2.0, 6.0];
+    let coarse = positions(&p, &[0.3, 0.0], 1.3, 0.02, 0.1, 400);
+    let fine = positions(&p, &[0.3, 0.0], 1.3, 0.0002, 0.1, 400);
+    let rested = coarse.windows(2).filter(|w| (w[1] - w[0]).abs() < 1e-9).count();
+    assert!(rested > 20, "{rested}");
+    for (a, b) in coarse.iter().zip(&fine) {
+        assert!((a - b).abs() < 1e-5, "{a} {b}");
+    }
+    let block = Block::new();
+    let flow = Flow::new(&block, &p, Outside::drive(0.0, 0.0, 1.3), 0.02);
+    let mut work = Work::by_all(&block);
+    work.set(&[0.3, 0.0]);
+    let mut rows = Vec::new();
+    assert!(flow.samples(&mut work, 0.0, 0.1, 400, |_, s| rows.push(s.to_vec())));
+    for k in 0..4 {
+        let moved = |d: f64| {
+            let mut q = p;
+            q[k] += d;
+            positions(&q, &[0.3, 0.0], 1.3, 0.002, 0.1, 400)
+        };
+        let (a, b) = (moved(1e-4), moved(-1e-4));
+        for i in [50, 133, 277, 399] {
+            let difference = (a[i] - b[i]) / 2e-4;
+            assert!((rows[i][3 + k] - difference).abs() < 2e-3, "{k} {i} {} {difference}", rows[i][3 + k]);
+        }
+    }
+}
+
+#[test]
+fn what_has_no_solution_is_said() {
+    let block = Block::new();
+    let p = [9.0, 0.1, f64::NAN, 6.0];
+    let mut work = Work::plain(&block);
+    work.set(&[0.3, 1.0]);
+    assert!(!Flow::new(&block, &p, Outside::drive(0.0, 0.0, 1.0), 0.1).carry(&mut work, 0.0, 1.0));
+    let p = [-1e300, 0.0, 0.0, 0.0];
+    work.set(&[1e200, 1.0]);
+    assert!(!Flow::new(&block, &p, Outside::drive(0.0, 0.0, 1.0), 0.1).carry(&mut work, 0.0, 1.0));
+}
+
+/// The double pendulum beside hil-sim's plant, which has other equations (in physical units) and another integrator.
+#[cfg(feature = "sim")]
+#[test]
+fn the_double_pendulum_follows_the_simulated_plant() {
+    use crate::model::double_pendulum::DAMPINGS;
+    use crate::model::double_pendulum_dynamics::DoublePendulum;
+    use crate::rig::Rig;
+    use crate::rig::plant::Plant;
+    use core::f64::consts::TAU;
+
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/chaotic.toml");
+    let rig = Rig::read(path).unwrap();
+    let plant = Plant::of(&rig).unwrap();
+    let d = DoublePendulum::new(rig.omega(), true, &[&DAMPINGS[0], &DAMPINGS[1]]);
+    let p: Vec<f64> = d.names().iter().map(|n| plant.truth(n, rig.omega()).unwrap()).collect();
+    let mut settings = crate::simulate::settings(&rig, &[], 10.0, 1).unwrap();
+    settings.counts_per_turn = [1 << 22; 2];
+    settings.seed = None;
+    settings.settle_s = 0.0;
+    let mut simulation = whirl_hil_sim::Simulation::new(&settings).unwrap();
+    let count = 500;
+    let mut flown = Vec::new();
+    let flow = Flow::new(&d, &p, Outside::drive(0.0, 0.0, rig.omega()), 2e-3);
+    let mut work = Work::plain(&d);
+    work.set(&plant.initial);
+    assert!(flow.samples(&mut work, 0.0, 2e-3, count, |_, s| flown.push([s[0], s[1] - s[0]])));
+    let scale = TAU / f64::from(1 << 22);
+    for (i, f) in flown.iter().enumerate() {
+        let s = simulation.next_sample().unwrap();
+        for k in 0..2 {
+            let seen = (f64::from(s.counts[k]) + 0.5) * scale;
+            // A second of chaos (e⁴) on half a count and the integrators' tolerances.
+            assert!((f[k] - seen).abs() < 1e-5, "sample {i}, encoder {}: {} {seen}", k + 1, f[k]);
+        }
+    }
+}

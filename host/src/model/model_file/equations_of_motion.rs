@@ -1,0 +1,473 @@
+//! Accelerations from a model file: Σ_j λ_j X_j = Y is linear in the accelerations, M(λ, q, …) q̈ = r, and is solved for them.
+//!
+//! With F_e = Σ_j λ_j X_j − Y, M_ei = ∂F_e/∂q̈_i and r_e = −F_e without accelerations; the partial derivatives of q̈ by anything x are
+//! −M⁻¹ ∂F/∂x at the accelerations found. LU with partial pivoting; a pivot below 1e-12 of the row's size counts as singular.
+//!
+//! The signs of linear forms of the rates (dry friction) are the switches of [`Dynamics`].
+
+use core::cell::RefCell;
+
+use super::ModelFile;
+use super::expression::{Function, Node, Symbol, as_number, call, multiply, number, symbol};
+use super::tape::Tape;
+use crate::error::Result;
+use crate::model::dynamics::{Dynamics, Instant};
+
+/// Where a tape's output goes.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    equation: usize,
+    /// Index of the coefficient; none for the balance.
+    coefficient: Option<usize>,
+    /// Acceleration that it multiplies; none for the rest.
+    acceleration: Option<usize>,
+}
+
+/// A model file that can be integrated.
+#[derive(Clone, Debug)]
+pub struct EquationsOfMotion {
+    coefficients: Vec<String>,
+    circle: Vec<bool>,
+    switches: Vec<Vec<f64>>,
+    tape: Tape,
+    entries: Vec<Entry>,
+    /// Derivatives of entries by coordinates (0 … n) and rates (n … 2n): tape, and entry and variable of each output. None where
+    /// some factor has no derivative.
+    slopes: Option<(Tape, Vec<(usize, usize)>)>,
+}
+
+/// Room for one evaluation.
+#[derive(Default)]
+struct Scratch {
+    registers: Vec<f64>,
+    values: Vec<f64>,
+    outputs: Vec<f64>,
+    slopes: Vec<f64>,
+    matrix: Vec<f64>,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = RefCell::new(Scratch::default());
+}
+
+impl EquationsOfMotion {
+    /// Compiles a model file for a drive of angular frequency `omega` (rad/s; 1 without one).
+    ///
+    /// # Errors
+    /// A number of equations that differs from that of the coordinates.
+    pub fn new(model: &ModelFile, omega: f64) -> Result<Self> {
+        Self::with_columns(model, omega, &[])
+    }
+
+    /// As [`EquationsOfMotion::new`], with further terms `(equation, coefficient, expression in seconds)` on the left-hand sides;
+    /// their coefficients follow the file's own.
+    ///
+    /// # Errors
+    /// As [`EquationsOfMotion::new`].
+    pub fn with_columns(model: &ModelFile, omega: f64, extra: &[(usize, String, Node)]) -> Result<Self> {
+        let n = model.coordinates.len();
+        if model.equations.len() != n {
+            return Err(model
+                .bad(
+                    format!("{} equations for {n} coordinates", model.equations.len()),
+                    "as many equations as coordinates",
+                )
+                .at("equation")
+                .remedy("A simulation needs one equation for each coordinate"));
+        }
+        let mut coefficients = model.coefficients();
+        let mut built = Built { n, ..Built::default() };
+        for (e, equation) in model.equations.iter().enumerate() {
+            built.put(e, None, &model.in_seconds(&equation.balance, omega));
+            for term in &equation.terms {
+                let index = coefficients.iter().position(|c| *c == term.name);
+                built.put(e, index, &model.in_seconds(&term.of, omega));
+            }
+        }
+        for (e, name, of) in extra {
+            let index = coefficients.iter().position(|c| c == name).unwrap_or_else(|| {
+                coefficients.push(name.clone());
+                coefficients.len() - 1
+            });
+            built.put(*e, Some(index), of);
+        }
+        let variables: Vec<Symbol> = (0..n).map(Symbol::Coordinate).chain((0..n).map(Symbol::Rate)).collect();
+        let mut slopes = Some((Vec::new(), Vec::new()));
+        for (k, node) in built.nodes.iter().enumerate() {
+            for (j, by) in variables.iter().enumerate() {
+                match node.derivative(*by) {
+                    Some(d) if as_number(&d) == Some(0.0) => {}
+                    Some(d) => {
+                        if let Some((nodes, places)) = slopes.as_mut() {
+                            nodes.push(d);
+                            places.push((k, j));
+                        }
+                    }
+                    None => slopes = None,
+                }
+            }
+        }
+        Ok(Self {
+            coefficients,
+            circle: model.circle(),
+            switches: built.switches,
+            tape: Tape::new(&built.nodes),
+            entries: built.entries,
+            slopes: slopes.map(|(nodes, places)| (Tape::new(&nodes), places)),
+        })
+    }
+
+    /// Names of the parameters, in the order of [`Dynamics::acceleration`]'s `parameters`.
+    pub fn coefficients(&self) -> &[String] {
+        &self.coefficients
+    }
+
+    fn signs(&self, v: &[f64]) -> Vec<f64> {
+        self.switches.iter().map(|w| Function::Sign.value(w.iter().zip(v).map(|(a, b)| a * b).sum())).collect()
+    }
+
+    /// Puts the symbols' values into `into`.
+    fn values(&self, tape: &Tape, q: &[f64], v: &[f64], at: &Instant<'_>, signs: &[f64], into: &mut Vec<f64>) {
+        into.clear();
+        into.extend(tape.symbols().iter().map(|s| match *s {
+            Symbol::Coordinate(i) if self.circle[i] => wrapped(q[i]),
+            Symbol::Coordinate(i) | Symbol::Raw(i) => q[i],
+            Symbol::Rate(i) | Symbol::ClearRate(i) => v[i],
+            Symbol::Input(k) | Symbol::RawInput(k) => at.inputs.get(k).copied().unwrap_or(0.0),
+            Symbol::Tau => at.tau,
+            Symbol::Held(k) => signs.get(k).copied().unwrap_or(0.0),
+            Symbol::Acceleration(_) | Symbol::InputRate(_) => 0.0,
+        }));
+    }
+
+    /// Entries, then accelerations; false where they do not exist.
+    fn evaluate(
+        &self,
+        s: &mut Scratch,
+        parameters: &[f64],
+        q: &[f64],
+        v: &[f64],
+        at: &Instant<'_>,
+        signs: &[f64],
+        out: &mut [f64],
+    ) -> bool {
+        let n = self.circle.len();
+        self.values(&self.tape, q, v, at, signs, &mut s.values);
+        s.outputs.clear();
+        s.outputs.resize(self.entries.len(), 0.0);
+        self.tape.at(&s.values, &mut s.registers, &mut s.outputs);
+        s.matrix.clear();
+        s.matrix.resize(n * (n + 1), 0.0);
+        for (entry, x) in self.entries.iter().zip(&s.outputs) {
+            let x = entry.coefficient.map_or(-*x, |c| parameters[c] * x);
+            match entry.acceleration {
+                Some(i) => s.matrix[entry.equation * (n + 1) + i] += x,
+                None => s.matrix[entry.equation * (n + 1) + n] -= x,
+            }
+        }
+        solve(&mut s.matrix, n, out)
+    }
+
+    /// As [`Dynamics::partials_held`]; none where slopes do not exist.
+    fn slopes(
+        &self,
+        parameters: &[f64],
+        q: &[f64],
+        v: &[f64],
+        at: &Instant<'_>,
+        signs: &[f64],
+        out: &mut [f64],
+    ) -> Option<bool> {
+        let (tape, places) = self.slopes.as_ref()?;
+        let n = self.circle.len();
+        let width = 2 * n + self.coefficients.len();
+        let mut accelerations = vec![0.0; n];
+        SCRATCH.with_borrow_mut(|s| {
+            if !self.evaluate(s, parameters, q, v, at, signs, &mut accelerations) {
+                return Some(false);
+            }
+            self.values(tape, q, v, at, signs, &mut s.values);
+            s.slopes.clear();
+            s.slopes.resize(places.len(), 0.0);
+            tape.at(&s.values, &mut s.registers, &mut s.slopes);
+            // ∂F/∂x, row after row.
+            let mut right = vec![0.0; n * width];
+            let moved = |entry: &Entry| entry.acceleration.map_or(1.0, |i| accelerations[i]);
+            for (entry, x) in self.entries.iter().zip(&s.outputs) {
+                if let Some(c) = entry.coefficient {
+                    right[entry.equation * width + 2 * n + c] += x * moved(entry);
+                }
+            }
+            for (&(k, j), slope) in places.iter().zip(&s.slopes) {
+                let entry = &self.entries[k];
+                right[entry.equation * width + j] +=
+                    entry.coefficient.map_or(-1.0, |c| parameters[c]) * slope * moved(entry);
+            }
+            let mut column = vec![0.0; n];
+            for x in 0..width {
+                s.matrix.clear();
+                s.matrix.resize(n * (n + 1), 0.0);
+                for (entry, value) in self.entries.iter().zip(&s.outputs) {
+                    if let Some(i) = entry.acceleration {
+                        s.matrix[entry.equation * (n + 1) + i] +=
+                            entry.coefficient.map_or(-1.0, |c| parameters[c]) * value;
+                    }
+                }
+                (0..n).for_each(|e| s.matrix[e * (n + 1) + n] = -right[e * width + x]);
+                if !solve(&mut s.matrix, n, &mut column) {
+                    return Some(false);
+                }
+                (0..n).for_each(|e| out[e * width + x] = column[e]);
+            }
+            Some(true)
+        })
+    }
+}
+
+/// What is gathered while compiling.
+#[derive(Default)]
+struct Built {
+    n: usize,
+    entries: Vec<Entry>,
+    nodes: Vec<Node>,
+    switches: Vec<Vec<f64>>,
+}
+
+impl Built {
+    /// Adds a term; terms are linear in accelerations: a file with others is refused.
+    fn put(&mut self, equation: usize, coefficient: Option<usize>, e: &Node) {
+        let e = self.held(e);
+        for i in 0..self.n {
+            if let Some(d) = e.derivative(Symbol::Acceleration(i))
+                && as_number(&d) != Some(0.0)
+            {
+                self.entries.push(Entry { equation, coefficient, acceleration: Some(i) });
+                self.nodes.push(d);
+            }
+        }
+        let rest = e.replace(&|s| if matches!(s, Symbol::Acceleration(_)) { number(0.0) } else { symbol(s) });
+        if as_number(&rest) != Some(0.0) {
+            self.entries.push(Entry { equation, coefficient, acceleration: None });
+            self.nodes.push(rest);
+        }
+    }
+
+    /// Signs of linear forms of the rates become switches.
+    fn held(&mut self, e: &Node) -> Node {
+        let (n, switches) = (self.n, &mut self.switches);
+        e.with_signs(&mut |a| {
+            let form: Option<Vec<f64>> =
+                (0..n).map(|i| a.derivative(Symbol::Rate(i)).and_then(|d| as_number(&d))).collect();
+            let linear = form.filter(|w| {
+                let at_zero = a.value(&|s| if let Symbol::Rate(_) = s { 0.0 } else { f64::NAN });
+                w.iter().any(|x| *x != 0.0) && at_zero == 0.0
+            });
+            let Some(mut w) = linear else { return call(Function::Sign, a.clone()) };
+            // sign(−x) = −sign x, and the size of x does not matter.
+            let first = w.iter().copied().find(|x| *x != 0.0).unwrap_or(1.0);
+            w.iter_mut().for_each(|x| *x /= first);
+            let k = switches.iter().position(|s| *s == w).unwrap_or_else(|| {
+                switches.push(w);
+                switches.len() - 1
+            });
+            multiply(number(first.signum()), symbol(Symbol::Held(k)))
+        })
+    }
+}
+
+impl Dynamics for EquationsOfMotion {
+    fn degrees_of_freedom(&self) -> usize {
+        self.circle.len()
+    }
+
+    fn parameter_count(&self) -> usize {
+        self.coefficients.len()
+    }
+
+    fn acceleration(&self, parameters: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+        self.acceleration_held(parameters, q, v, at, &self.signs(v), out)
+    }
+
+    fn partials(&self, parameters: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+        self.partials_held(parameters, q, v, at, &self.signs(v), out)
+    }
+
+    fn switches(&self) -> &[Vec<f64>] {
+        &self.switches
+    }
+
+    fn acceleration_held(
+        &self,
+        parameters: &[f64],
+        q: &[f64],
+        v: &[f64],
+        at: &Instant<'_>,
+        signs: &[f64],
+        out: &mut [f64],
+    ) -> bool {
+        SCRATCH.with_borrow_mut(|s| self.evaluate(s, parameters, q, v, at, signs, out))
+    }
+
+    fn partials_held(
+        &self,
+        parameters: &[f64],
+        q: &[f64],
+        v: &[f64],
+        at: &Instant<'_>,
+        signs: &[f64],
+        out: &mut [f64],
+    ) -> bool {
+        if let Some(done) = self.slopes(parameters, q, v, at, signs, out) {
+            return done;
+        }
+        // Hats have corners: central differences with the signs held.
+        let n = self.circle.len();
+        let width = 2 * n + self.coefficients.len();
+        let mut arguments: Vec<f64> = [q, v, parameters].concat();
+        let (mut ahead, mut behind) = (vec![0.0; n], vec![0.0; n]);
+        for k in 0..width {
+            let kept = arguments[k];
+            let step = 1e-6 * kept.abs().max(1.0);
+            let mut at_step = |value: f64, to: &mut [f64]| {
+                arguments[k] = value;
+                let (q, rest) = arguments.split_at(n);
+                let (v, p) = rest.split_at(n);
+                self.acceleration_held(p, q, v, at, signs, to)
+            };
+            let exists = at_step(kept + step, &mut ahead) && at_step(kept - step, &mut behind);
+            arguments[k] = kept;
+            if !exists {
+                return false;
+            }
+            (0..n).for_each(|i| out[i * width + k] = (ahead[i] - behind[i]) / (2.0 * step));
+        }
+        true
+    }
+}
+
+/// An angle wrapped to [−π, π).
+pub fn wrapped(x: f64) -> f64 {
+    let tau = core::f64::consts::TAU;
+    x - tau * (x / tau + 0.5).floor()
+}
+
+/// Solves an n × n system with its right-hand side in column n; false where it is singular or not finite.
+fn solve(a: &mut [f64], n: usize, out: &mut [f64]) -> bool {
+    let w = n + 1;
+    let size = a.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    if !a.iter().all(|x| x.is_finite()) || size == 0.0 {
+        return false;
+    }
+    for k in 0..n {
+        let row_size = (0..n).map(|j| a[k * w + j].abs()).fold(0.0, f64::max);
+        let pivot = (k..n).max_by(|&i, &j| a[i * w + k].abs().total_cmp(&a[j * w + k].abs())).unwrap_or(k);
+        if a[pivot * w + k].abs() <= 1e-12 * row_size || a[pivot * w + k] == 0.0 {
+            return false;
+        }
+        if pivot != k {
+            (0..w).for_each(|j| a.swap(k * w + j, pivot * w + j));
+        }
+        for i in k + 1..n {
+            let f = a[i * w + k] / a[k * w + k];
+            if f != 0.0 {
+                (k..w).for_each(|j| a[i * w + j] -= f * a[k * w + j]);
+            }
+        }
+    }
+    for k in (0..n).rev() {
+        let sum: f64 = (k + 1..n).map(|j| a[k * w + j] * out[j]).sum();
+        out[k] = (a[k * w + n] - sum) / a[k * w + k];
+    }
+    out[..n].iter().all(|x| x.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    /// The double pendulum's accelerations satisfy its equations, coefficient by coefficient.
+    #[test]
+    fn accelerations_satisfy_the_equations() {
+        let text = r#"
+name = "double pendulum"
+coordinates = [{ name = "p", space = "S1" }, { name = "q", space = "S1" }]
+inputs = ["u"]
+[[equation]]
+balance = "u - p''"
+terms = { B1 = "q''*cos(q - p) - q'^2*sin(q - p)", B2 = "sin(p)", C = "p' - q'" }
+[[equation]]
+balance = "-q''"
+terms = { B3 = "p''*cos(q - p) + p'^2*sin(q - p)", B4 = "sin(q)*cos(tau)", D = "q' - p'" }
+"#;
+        let model = ModelFile::parse(text, Path::new("m.toml")).unwrap();
+        let motion = EquationsOfMotion::new(&model, 3.0).unwrap();
+        assert_eq!(motion.coefficients(), ["B1", "B2", "C", "B3", "B4", "D"]);
+        let p = [0.12, 40.0, 0.3, 1.6, 90.0, 0.5];
+        let (q, v) = ([0.7, 7.1], [2.0, -3.0]);
+        let at = Instant { time: 0.0, tau: 0.4, inputs: &[5.0] };
+        let mut a = [0.0; 2];
+        assert!(motion.acceleration(&p, &q, &v, &at, &mut a));
+        // Primes are by τ = 3 t.
+        let (v, a) = (v.map(|x| x / 3.0), a.map(|x| x / 9.0));
+        let d = q[1] - q[0];
+        let e1 =
+            p[0] * (a[1] * d.cos() - v[1] * v[1] * d.sin()) + p[1] * q[0].sin() + p[2] * (v[0] - v[1]) - 5.0 + a[0];
+        let e2 = p[3] * (a[0] * d.cos() + v[0] * v[0] * d.sin())
+            + p[4] * q[1].sin() * 0.4_f64.cos()
+            + p[5] * (v[1] - v[0])
+            + a[1];
+        assert!(e1.abs() < 1e-12 && e2.abs() < 1e-12, "{e1:e} {e2:e}");
+        assert!(!motion.acceleration(&[f64::NAN; 6], &q, &v, &at, &mut [0.0; 2]));
+    }
+
+    /// Analytic partials against differences, with friction held; switches are found whatever their scale.
+    #[test]
+    fn partials_agree_with_differences() {
+        let text = r#"
+name = "two"
+coordinates = [{ name = "x", space = "R" }, { name = "y", space = "S1" }]
+inputs = ["u"]
+[[equation]]
+balance = "u"
+terms = { m = "(2 + cos(y))*x'' + y''*sin(y)", k = "x^3", c = "sign(x' - y')*(1 + x^2)", d = "x'*abs(x')" }
+[[equation]]
+balance = "-2*y''"
+terms = { h = "x''*sin(y)", g = "sin(y)", e = "sign(2*y' - 2*x')" }
+"#;
+        let model = ModelFile::parse(text, Path::new("m.toml")).unwrap();
+        let motion = EquationsOfMotion::new(&model, 1.0).unwrap();
+        assert_eq!(motion.switches(), [vec![1.0, -1.0]]);
+        let p = [3.0, 0.7, 0.2, 0.1, 0.4, 9.0, 0.3];
+        let (q, v) = ([0.7, 2.1], [2.0, -3.0]);
+        let at = Instant { time: 0.0, tau: 0.0, inputs: &[5.0] };
+        let mut analytic = vec![0.0; 2 * 11];
+        assert!(motion.partials(&p, &q, &v, &at, &mut analytic));
+        struct Plain<'a>(&'a EquationsOfMotion);
+        impl Dynamics for Plain<'_> {
+            fn degrees_of_freedom(&self) -> usize {
+                2
+            }
+            fn parameter_count(&self) -> usize {
+                7
+            }
+            fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+                self.0.acceleration(p, q, v, at, out)
+            }
+        }
+        let mut differences = vec![0.0; 2 * 11];
+        assert!(Plain(&motion).partials(&p, &q, &v, &at, &mut differences));
+        for (a, d) in analytic.iter().zip(&differences) {
+            assert!((a - d).abs() < 1e-6 * (1.0 + a.abs()), "{analytic:?} {differences:?}");
+        }
+        // The held sign enters linearly.
+        let accel = |sign: f64| {
+            let mut out = [0.0; 2];
+            assert!(motion.acceleration_held(&p, &q, &v, &at, &[sign], &mut out));
+            out
+        };
+        let (a, b, c) = (accel(-1.0), accel(0.0), accel(1.0));
+        assert!((a[0] + c[0] - 2.0 * b[0]).abs() < 1e-12 && a[0] != c[0]);
+    }
+}

@@ -1,0 +1,416 @@
+//! Expressions over coordinates, their derivatives, inputs and the drive's phase: constructors that simplify, derivatives, values.
+//!
+//! Nodes are shared (`Arc`), so that what integration by parts makes of an expression costs little. Constructors fold
+//! constants and drop neutral elements; nothing else is rearranged, so that an expression is evaluated as it was written.
+
+use std::sync::Arc;
+
+/// A shared expression.
+pub type Node = Arc<Expression>;
+
+/// What an expression depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Symbol {
+    /// Coordinate i, smoothed; on S1 wrapped to [−π, π).
+    Coordinate(usize),
+    /// Its first derivative.
+    Rate(usize),
+    /// Its second derivative.
+    Acceleration(usize),
+    /// Input k, smoothed.
+    Input(usize),
+    /// Its first derivative (only integration by parts makes it).
+    InputRate(usize),
+    /// Phase of the drive.
+    Tau,
+    /// Coordinate i as measured, unwrapped (weak form only).
+    Raw(usize),
+    /// Input k as measured (weak form only).
+    RawInput(usize),
+    /// First derivative of coordinate i in the band that stands clear of noise, for signs (weak form only): see
+    /// [`crate::model::weak::Sample::clear_rate`].
+    ClearRate(usize),
+    /// Sign of switch k of the equations of motion (dry friction), held by an integrator.
+    Held(usize),
+}
+
+/// Functions of one argument.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Function {
+    /// Sine.
+    Sin,
+    /// Cosine.
+    Cos,
+    /// Tangent.
+    Tan,
+    /// Square root.
+    Sqrt,
+    /// Exponential.
+    Exp,
+    /// Natural logarithm.
+    Log,
+    /// Absolute value.
+    Abs,
+    /// Sign; sign 0 = 0.
+    Sign,
+    /// Hyperbolic tangent.
+    Tanh,
+}
+
+/// Functions by name.
+pub const FUNCTIONS: &[(&str, Function)] = &[
+    ("sin", Function::Sin),
+    ("cos", Function::Cos),
+    ("tan", Function::Tan),
+    ("sqrt", Function::Sqrt),
+    ("exp", Function::Exp),
+    ("log", Function::Log),
+    ("abs", Function::Abs),
+    ("sign", Function::Sign),
+    ("tanh", Function::Tanh),
+];
+
+impl Function {
+    /// Its value.
+    pub fn value(self, x: f64) -> f64 {
+        match self {
+            Self::Sin => x.sin(),
+            Self::Cos => x.cos(),
+            Self::Tan => x.tan(),
+            Self::Sqrt => x.sqrt(),
+            Self::Exp => x.exp(),
+            Self::Log => x.ln(),
+            Self::Abs => x.abs(),
+            Self::Sign => {
+                if x > 0.0 {
+                    1.0
+                } else if x < 0.0 {
+                    -1.0
+                } else {
+                    0.0 * x
+                }
+            }
+            Self::Tanh => x.tanh(),
+        }
+    }
+}
+
+/// An expression.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Expression {
+    /// A number.
+    Number(f64),
+    /// A symbol.
+    Symbol(Symbol),
+    /// a + b.
+    Add(Node, Node),
+    /// a − b.
+    Subtract(Node, Node),
+    /// a b.
+    Multiply(Node, Node),
+    /// a/b.
+    Divide(Node, Node),
+    /// aⁿ with a whole n.
+    PowerWhole(Node, i32),
+    /// aᵇ.
+    Power(Node, Node),
+    /// f(a).
+    Call(Function, Node),
+    /// max(0, 1 − |a|/width), a hat of an interpolation basis; a is wrapped to ± period/2 first where there is a period.
+    Hat {
+        /// Distance from the hat's node.
+        from_node: Node,
+        /// Half width.
+        width: f64,
+        /// Period of the grid.
+        period: Option<f64>,
+    },
+}
+
+use Expression as E;
+
+/// A number.
+pub fn number(x: f64) -> Node {
+    Arc::new(E::Number(x))
+}
+
+/// A symbol.
+pub fn symbol(s: Symbol) -> Node {
+    Arc::new(E::Symbol(s))
+}
+
+/// The number that a node is, if it is one.
+pub fn as_number(a: &Node) -> Option<f64> {
+    match **a {
+        E::Number(x) => Some(x),
+        _ => None,
+    }
+}
+
+/// a + b.
+pub fn add(a: Node, b: Node) -> Node {
+    match (as_number(&a), as_number(&b)) {
+        (Some(x), Some(y)) => number(x + y),
+        (Some(0.0), _) => b,
+        (_, Some(0.0)) => a,
+        _ => Arc::new(E::Add(a, b)),
+    }
+}
+
+/// a − b.
+pub fn subtract(a: Node, b: Node) -> Node {
+    match (as_number(&a), as_number(&b)) {
+        (Some(x), Some(y)) => number(x - y),
+        (_, Some(0.0)) => a,
+        (Some(0.0), _) => multiply(number(-1.0), b),
+        _ => Arc::new(E::Subtract(a, b)),
+    }
+}
+
+/// a b.
+pub fn multiply(a: Node, b: Node) -> Node {
+    match (as_number(&a), as_number(&b)) {
+        (Some(x), Some(y)) => number(x * y),
+        (Some(x), _) | (_, Some(x)) if x == 0.0 => number(0.0),
+        (Some(1.0), _) => b,
+        (_, Some(1.0)) => a,
+        // A number comes first, and numbers join.
+        (None, Some(_)) => multiply(b, a),
+        (Some(x), None) => {
+            if let E::Multiply(c, d) = &*b
+                && let Some(y) = as_number(c)
+            {
+                return multiply(number(x * y), d.clone());
+            }
+            Arc::new(E::Multiply(a, b))
+        }
+        _ => Arc::new(E::Multiply(a, b)),
+    }
+}
+
+/// a/b.
+pub fn divide(a: Node, b: Node) -> Node {
+    match (as_number(&a), as_number(&b)) {
+        (Some(x), Some(y)) => number(x / y),
+        (_, Some(1.0)) => a,
+        (Some(0.0), _) => number(0.0),
+        _ => Arc::new(E::Divide(a, b)),
+    }
+}
+
+/// aᵇ.
+pub fn power(a: Node, b: Node) -> Node {
+    match (as_number(&a), as_number(&b)) {
+        (Some(x), Some(y)) => number(x.powf(y)),
+        (_, Some(y)) if y.fract() == 0.0 && y.abs() <= 1000.0 => power_whole(a, y as i32),
+        (_, Some(0.5)) => call(Function::Sqrt, a),
+        _ => Arc::new(E::Power(a, b)),
+    }
+}
+
+/// aⁿ.
+pub fn power_whole(a: Node, n: i32) -> Node {
+    match (as_number(&a), n) {
+        (Some(x), _) => number(x.powi(n)),
+        (_, 0) => number(1.0),
+        (_, 1) => a,
+        _ => Arc::new(E::PowerWhole(a, n)),
+    }
+}
+
+/// f(a).
+pub fn call(f: Function, a: Node) -> Node {
+    match as_number(&a) {
+        Some(x) => number(f.value(x)),
+        None => Arc::new(E::Call(f, a)),
+    }
+}
+
+/// −a.
+pub fn negate(a: Node) -> Node {
+    multiply(number(-1.0), a)
+}
+
+/// What a hat is at a distance from its node.
+pub fn hat(distance: f64, width: f64, period: Option<f64>) -> f64 {
+    let d = period.map_or(distance, |p| distance - p * (distance / p).round());
+    (1.0 - d.abs() / width).max(0.0)
+}
+
+impl Expression {
+    /// Direct parts.
+    fn children(&self) -> [Option<&Node>; 2] {
+        match self {
+            E::Number(_) | E::Symbol(_) => [None, None],
+            E::Add(a, b) | E::Subtract(a, b) | E::Multiply(a, b) | E::Divide(a, b) | E::Power(a, b) => {
+                [Some(a), Some(b)]
+            }
+            E::PowerWhole(a, _) | E::Call(_, a) | E::Hat { from_node: a, .. } => [Some(a), None],
+        }
+    }
+
+    /// Whether some symbol in it satisfies a condition.
+    pub fn any(&self, wanted: &dyn Fn(Symbol) -> bool) -> bool {
+        match self {
+            E::Symbol(s) => wanted(*s),
+            _ => self.children().into_iter().flatten().any(|c| c.any(wanted)),
+        }
+    }
+
+    /// Whether it holds an acceleration.
+    pub fn accelerates(&self) -> bool {
+        self.any(&|s| matches!(s, Symbol::Acceleration(_)))
+    }
+
+    /// The same with each symbol replaced.
+    pub fn replace(&self, with: &dyn Fn(Symbol) -> Node) -> Node {
+        let r = |a: &Node| a.replace(with);
+        match self {
+            E::Number(x) => number(*x),
+            E::Symbol(s) => with(*s),
+            E::Add(a, b) => add(r(a), r(b)),
+            E::Subtract(a, b) => subtract(r(a), r(b)),
+            E::Multiply(a, b) => multiply(r(a), r(b)),
+            E::Divide(a, b) => divide(r(a), r(b)),
+            E::Power(a, b) => power(r(a), r(b)),
+            E::PowerWhole(a, n) => power_whole(r(a), *n),
+            E::Call(f, a) => call(*f, r(a)),
+            E::Hat { from_node, width, period } => {
+                Arc::new(E::Hat { from_node: r(from_node), width: *width, period: *period })
+            }
+        }
+    }
+
+    /// The same with rates inside the argument of a sign taken from the clear band.
+    pub fn with_clear_signs(&self) -> Node {
+        self.with_signs(&mut |a| {
+            let clear = |s| if let Symbol::Rate(i) = s { symbol(Symbol::ClearRate(i)) } else { symbol(s) };
+            call(Function::Sign, a.replace(&clear))
+        })
+    }
+
+    /// The same with the sign of each argument replaced.
+    pub fn with_signs(&self, with: &mut dyn FnMut(&Node) -> Node) -> Node {
+        let mut r = |a: &Node| a.with_signs(with);
+        match self {
+            E::Call(Function::Sign, a) => with(a),
+            E::Number(x) => number(*x),
+            E::Symbol(s) => symbol(*s),
+            E::Add(a, b) => add(r(a), r(b)),
+            E::Subtract(a, b) => subtract(r(a), r(b)),
+            E::Multiply(a, b) => multiply(r(a), r(b)),
+            E::Divide(a, b) => divide(r(a), r(b)),
+            E::Power(a, b) => power(r(a), r(b)),
+            E::PowerWhole(a, n) => power_whole(r(a), *n),
+            E::Call(f, a) => call(*f, r(a)),
+            E::Hat { from_node, width, period } => {
+                Arc::new(E::Hat { from_node: r(from_node), width: *width, period: *period })
+            }
+        }
+    }
+
+    /// Partial derivative by a symbol; `None` where it has a jump (the derivative of a sign or of a hat).
+    pub fn derivative(&self, by: Symbol) -> Option<Node> {
+        if !self.any(&|s| s == by) {
+            return Some(number(0.0));
+        }
+        Some(match self {
+            E::Number(_) => number(0.0),
+            E::Symbol(_) => number(1.0),
+            E::Add(a, b) => add(a.derivative(by)?, b.derivative(by)?),
+            E::Subtract(a, b) => subtract(a.derivative(by)?, b.derivative(by)?),
+            E::Multiply(a, b) => add(multiply(a.derivative(by)?, b.clone()), multiply(a.clone(), b.derivative(by)?)),
+            E::Divide(a, b) => {
+                let first = divide(a.derivative(by)?, b.clone());
+                let second = divide(multiply(a.clone(), b.derivative(by)?), power_whole(b.clone(), 2));
+                subtract(first, second)
+            }
+            E::PowerWhole(a, n) => {
+                multiply(multiply(number(f64::from(*n)), power_whole(a.clone(), n - 1)), a.derivative(by)?)
+            }
+            E::Power(a, b) => {
+                // (aᵇ)′ = aᵇ (b′ log a + b a′/a).
+                let exponent = multiply(b.derivative(by)?, call(Function::Log, a.clone()));
+                let base = divide(multiply(b.clone(), a.derivative(by)?), a.clone());
+                multiply(power(a.clone(), b.clone()), add(exponent, base))
+            }
+            E::Call(f, a) => {
+                let outer = match f {
+                    Function::Sin => call(Function::Cos, a.clone()),
+                    Function::Cos => negate(call(Function::Sin, a.clone())),
+                    Function::Tan => power_whole(call(Function::Cos, a.clone()), -2),
+                    Function::Sqrt => divide(number(0.5), call(Function::Sqrt, a.clone())),
+                    Function::Exp => call(Function::Exp, a.clone()),
+                    Function::Log => divide(number(1.0), a.clone()),
+                    Function::Abs => call(Function::Sign, a.clone()),
+                    Function::Tanh => subtract(number(1.0), power_whole(call(Function::Tanh, a.clone()), 2)),
+                    Function::Sign => return None,
+                };
+                multiply(outer, a.derivative(by)?)
+            }
+            E::Hat { .. } => return None,
+        })
+    }
+
+    /// Value for given values of the symbols.
+    pub fn value(&self, of: &dyn Fn(Symbol) -> f64) -> f64 {
+        match self {
+            E::Number(x) => *x,
+            E::Symbol(s) => of(*s),
+            E::Add(a, b) => a.value(of) + b.value(of),
+            E::Subtract(a, b) => a.value(of) - b.value(of),
+            E::Multiply(a, b) => a.value(of) * b.value(of),
+            E::Divide(a, b) => a.value(of) / b.value(of),
+            E::Power(a, b) => a.value(of).powf(b.value(of)),
+            E::PowerWhole(a, n) => a.value(of).powi(*n),
+            E::Call(f, a) => f.value(a.value(of)),
+            E::Hat { from_node, width, period } => hat(from_node.value(of), *width, *period),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Derivatives of every function and operation against central differences.
+    #[test]
+    fn derivatives_agree_with_differences() {
+        let x = || symbol(Symbol::Coordinate(0));
+        let y = || symbol(Symbol::Rate(0));
+        let mut all: Vec<Node> = FUNCTIONS
+            .iter()
+            .filter(|f| f.1 != Function::Sign)
+            .map(|f| call(f.1, add(multiply(x(), multiply(y(), number(0.2))), number(0.3))))
+            .collect();
+        all.push(divide(add(x(), number(2.0)), subtract(y(), multiply(x(), x()))));
+        all.push(power(add(x(), number(1.0)), add(y(), x())));
+        all.push(power(multiply(x(), y()), number(-3.0)));
+        for e in &all {
+            for by in [Symbol::Coordinate(0), Symbol::Rate(0)] {
+                let at = |shift: f64| {
+                    e.value(&|s| {
+                        let base = if s == Symbol::Coordinate(0) { 0.7 } else { 1.9 };
+                        base + if s == by { shift } else { 0.0 }
+                    })
+                };
+                let expected = (at(1e-5) - at(-1e-5)) / 2e-5;
+                let got =
+                    e.derivative(by).expect("smooth").value(&|s| if s == Symbol::Coordinate(0) { 0.7 } else { 1.9 });
+                assert!((got - expected).abs() < 1e-8 * (1.0 + expected.abs()), "{e:?} {got} {expected}");
+            }
+        }
+        assert!(call(Function::Sign, x()).derivative(Symbol::Coordinate(0)).is_none());
+        assert_eq!(as_number(&call(Function::Sign, x()).derivative(Symbol::Rate(0)).unwrap()), Some(0.0));
+    }
+
+    #[test]
+    fn numbers_fold_and_join() {
+        let x = symbol(Symbol::Coordinate(0));
+        let e = multiply(number(2.0), multiply(x.clone(), number(3.0)));
+        assert_eq!(e, multiply(number(6.0), x.clone()));
+        assert_eq!(as_number(&multiply(number(0.0), x.clone())), Some(0.0));
+        assert_eq!(subtract(x.clone(), number(0.0)), x);
+        assert!((hat(6.2, 0.5, Some(6.0)) - 0.6).abs() < 1e-12);
+    }
+}

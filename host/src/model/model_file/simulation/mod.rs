@@ -1,0 +1,144 @@
+//! Records of a system that a user wrote down: its equations of motion integrated from `[plant]`'s truth, sampled as its channels would.
+
+pub mod excitation;
+pub mod plant;
+
+use core::f64::consts::TAU;
+use std::path::Path;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use self::excitation::Signal;
+use self::plant::Plant;
+use super::equations_of_motion::EquationsOfMotion;
+use crate::error::{BadInput, Result};
+use crate::model::integrate::{Outside, Settings, solve};
+use crate::record::Column;
+use crate::record::values::write_values;
+use crate::rig::Rig;
+use crate::rig::measures::Bound;
+use crate::signal::band_limited::BandLimited;
+
+/// Longest simulated record, s, and most samples.
+const LONGEST_S: f64 = 86_400.0;
+const MOST_SAMPLES: f64 = 2e7;
+/// Error of one step.
+const TOLERANCE: f64 = 1e-10;
+
+/// An input as it acts: few sines are summed, many tabled.
+enum Acting {
+    Exact(Signal),
+    Tabled(BandLimited),
+}
+
+struct Surroundings {
+    inputs: Vec<Acting>,
+    omega: f64,
+}
+
+impl Outside for Surroundings {
+    fn tau(&self, time: f64) -> f64 {
+        self.omega * time
+    }
+
+    fn inputs(&self, time: f64, out: &mut [f64]) {
+        for (o, i) in out.iter_mut().zip(&self.inputs) {
+            *o = match i {
+                Acting::Exact(s) => s.value(time),
+                Acting::Tabled(b) => b.value(time),
+            };
+        }
+    }
+}
+
+/// One column for each channel of the rig, over `seconds` from t = 0 on.
+///
+/// # Errors
+/// A plant that is missing or cannot be integrated, seconds out of range.
+pub fn columns(rig: &Rig, bound: &Bound, seconds: f64, seed: u64) -> Result<Vec<Column>> {
+    let rate = rig.sample_rate_hz;
+    if !(seconds > 0.0 && seconds <= LONGEST_S && seconds * rate <= MOST_SAMPLES) {
+        let most = LONGEST_S.min(MOST_SAMPLES / rate);
+        return Err(BadInput::new(seconds.to_string(), format!("seconds above 0, at most {most}")).at("--seconds"));
+    }
+    let model = &*bound.model;
+    let plant = Plant::of(rig, model, seconds, seed)?;
+    let motion = EquationsOfMotion::new(model, rig.omega())?;
+    let step = 1.0 / rate;
+    // Both bounded above.
+    let settle = (plant.settle_s * rate).round() as usize;
+    let count = ((seconds * rate).round() as usize).max(1);
+    let start_s = -(settle as f64) * step;
+    let table = |s: &Signal| {
+        let samples: Vec<f64> = (0..settle + count + 1).map(|i| s.value(start_s + i as f64 * step)).collect();
+        BandLimited::new(&samples, start_s, step)
+    };
+    let surroundings = Surroundings {
+        inputs: plant
+            .inputs
+            .iter()
+            .map(|s| if s.is_long() { Acting::Tabled(table(s)) } else { Acting::Exact(s.clone()) })
+            .collect(),
+        omega: rig.drive.map_or(0.0, |d| TAU * d.frequency_hz),
+    };
+    let settings =
+        Settings { start_s, step_s: step, count: settle + count, tolerance: TOLERANCE, inputs: model.inputs.len() };
+    let states = solve(&motion, &plant.coefficients, &plant.initial, &surroundings, &settings).ok_or_else(|| {
+        BadInput::new(
+            "a motion that leaves the finite numbers, or a singular mass matrix",
+            "a plant that can be simulated",
+        )
+        .in_file(&rig.path)
+        .at("[plant]")
+        .remedy("Correct the coefficients, the initial state or the inputs")
+    })?;
+    let states = &states[settle..];
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut inputs = vec![vec![0.0; count]; model.inputs.len()];
+    let mut at = vec![0.0; model.inputs.len()];
+    for i in 0..count {
+        surroundings.inputs(i as f64 * step, &mut at);
+        at.iter().zip(&mut inputs).for_each(|(x, column)| column[i] = *x);
+    }
+    rig.channel
+        .iter()
+        .enumerate()
+        .map(|(k, c)| {
+            rng.set_stream(k as u64);
+            let shown: Vec<f64> = match bound.inputs.iter().position(|&i| i == k) {
+                Some(input) => inputs[input].clone(),
+                None => {
+                    let row = bound.sensors.iter().position(|&i| i == k).unwrap_or(0);
+                    states.iter().map(|y| bound.shown.row(row).iter().zip(y).map(|(s, q)| s * q).sum()).collect()
+                }
+            };
+            let scale = c.scale();
+            let noisy = shown.into_iter().map(|x| x / scale + plant.noise[k] * gauss(&mut rng));
+            if c.unit != "count" {
+                return Ok(Column::Values(noisy.collect()));
+            }
+            let counts: Option<Vec<i32>> =
+                noisy.map(|x| Some(x.floor()).filter(|x| x.abs() < f64::from(i32::MAX)).map(|x| x as i32)).collect();
+            counts.map(Column::Counts).ok_or_else(|| {
+                BadInput::new("an angle beyond 32 bits of counts", "fewer turns").in_file(&rig.path).at("[plant]")
+            })
+        })
+        .collect()
+}
+
+/// A standard normal number (Box and Muller).
+fn gauss(rng: &mut ChaCha8Rng) -> f64 {
+    let (u, v): (f64, f64) = (rng.random(), rng.random());
+    (-2.0 * (1.0 - u).ln()).sqrt() * (TAU * v).cos()
+}
+
+/// Simulates a rig and writes its record; the number of samples.
+///
+/// # Errors
+/// As [`columns`]; a file that cannot be written.
+pub fn record(rig: &Rig, bound: &Bound, seconds: f64, seed: u64, output: &Path) -> Result<u64> {
+    let columns = columns(rig, bound, seconds, seed)?;
+    write_values(output, rig, &columns)?;
+    Ok(columns.first().map_or(0, Column::len) as u64)
+}

@@ -1,0 +1,142 @@
+//! `[plant]` of a rig whose model is a file: true coefficients by name, initial state, inputs, noise. Read by `simulate` alone.
+//!
+//! ```toml
+//! [plant]
+//! m = 1.0                              # every coefficient of the model, by name
+//! k = 4.0
+//! initial = [0.5, 0.0]                 # coordinates, then rates a second
+//! noise = { position = 1e-5 }          # standard deviation of white noise, in the channel's unit
+//! settle_s = 0.0                       # simulated before recording
+//! input.force = [{ kind = "random", rms = 2.0, to_hz = 5.0 }]
+//! ```
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+
+use super::excitation::{Excitation, Signal};
+use crate::error::{BadInput, Result};
+use crate::model::model_file::ModelFile;
+use crate::rig::Rig;
+
+/// Keys that are not coefficients.
+const KEYS: [&str; 4] = ["initial", "noise", "settle_s", "input"];
+
+/// The truth of a simulated system.
+#[derive(Clone, Debug)]
+pub struct Plant {
+    /// Coefficients, in the model's order.
+    pub coefficients: Vec<f64>,
+    /// Coordinates, then rates.
+    pub initial: Vec<f64>,
+    /// Standard deviation of the noise of each channel, in its unit.
+    pub noise: Vec<f64>,
+    /// Time simulated before recording, s.
+    pub settle_s: f64,
+    /// Inputs, in the model's order.
+    pub inputs: Vec<Signal>,
+}
+
+#[derive(Deserialize)]
+struct File {
+    plant: Option<toml::Table>,
+}
+
+/// A number of a table.
+fn value(v: &toml::Value) -> Option<f64> {
+    match v {
+        toml::Value::Float(x) => Some(*x),
+        toml::Value::Integer(i) => Some(*i as f64),
+        _ => None,
+    }
+    .filter(|x| x.is_finite())
+}
+
+impl Plant {
+    /// Reads `[plant]` from a rig's text.
+    ///
+    /// # Errors
+    /// Names the key, the value found and the one expected.
+    pub fn of(rig: &Rig, model: &ModelFile, length_s: f64, seed: u64) -> Result<Self> {
+        let bad = |place: &str, found: String, expected: String| {
+            BadInput::new(found, expected)
+                .in_file(&rig.path)
+                .at(if place.is_empty() { "[plant]".to_owned() } else { format!("plant.{place}") })
+                .remedy("Correct [plant]; see docs/model-file.md")
+        };
+        let file: File =
+            toml::from_str(&rig.text).map_err(|e| bad("", e.message().to_owned(), "a rig file".to_owned()))?;
+        let table = file
+            .plant
+            .ok_or_else(|| bad("", "no [plant]".to_owned(), "the simulated system's coefficients".to_owned()))?;
+        let names = model.coefficients();
+        if let Some(key) = table.keys().find(|k| !names.contains(k) && !KEYS.contains(&k.as_str())) {
+            let known = format!("{}, {}", names.join(", "), KEYS.join(", "));
+            return Err(bad(key, format!("an unknown key \"{key}\""), format!("one of {known}")));
+        }
+        let number = |key: &str| {
+            table
+                .get(key)
+                .map(|v| value(v).ok_or_else(|| bad(key, v.to_string(), "a finite number".to_owned())))
+                .transpose()
+        };
+        let coefficients = names
+            .iter()
+            .map(|n| number(n)?.ok_or_else(|| bad(n, "nothing".to_owned(), format!("the coefficient {n}"))))
+            .collect::<Result<Vec<f64>>>()?;
+        let n = model.coordinates.len();
+        let initial = match table.get("initial") {
+            None => vec![0.0; 2 * n],
+            Some(toml::Value::Array(a)) if a.len() == 2 * n && a.iter().all(|v| value(v).is_some()) => {
+                a.iter().filter_map(value).collect()
+            }
+            Some(v) => {
+                return Err(bad(
+                    "initial",
+                    v.to_string(),
+                    format!("{} numbers: {n} coordinates, then their rates", 2 * n),
+                ));
+            }
+        };
+        let mut noise = vec![0.0; rig.channel.len()];
+        match table.get("noise") {
+            None => {}
+            Some(toml::Value::Table(t)) => {
+                for (key, v) in t {
+                    let Some(i) = rig.channel.iter().position(|c| c.name == *key) else {
+                        return Err(bad("noise", format!("\"{key}\""), "names of channels".to_owned()));
+                    };
+                    noise[i] = value(v)
+                        .filter(|x| *x >= 0.0)
+                        .ok_or_else(|| bad("noise", v.to_string(), "a standard deviation, 0 or more".to_owned()))?;
+                }
+            }
+            Some(v) => return Err(bad("noise", v.to_string(), "{ CHANNEL = standard deviation }".to_owned())),
+        }
+        let settle_s = number("settle_s")?.unwrap_or(0.0);
+        if !(0.0..=3600.0).contains(&settle_s) {
+            return Err(bad("settle_s", settle_s.to_string(), "0 to 3600 s".to_owned()));
+        }
+        let given: BTreeMap<String, Vec<Excitation>> = match table.get("input") {
+            None => BTreeMap::new(),
+            Some(v) => v
+                .clone()
+                .try_into()
+                .map_err(|e: toml::de::Error| bad("input", e.message().replace('\n', " "), String::new()))?,
+        };
+        if let Some(key) = given.keys().find(|k| !model.inputs.contains(k)) {
+            return Err(bad("input", format!("\"{key}\""), format!("one of {}", model.inputs.join(", "))));
+        }
+        let inputs = model
+            .inputs
+            .iter()
+            .enumerate()
+            .map(|(k, name)| {
+                let parts = given.get(name).map_or(&[][..], Vec::as_slice);
+                Signal::new(parts, length_s + settle_s, rig.sample_rate_hz, seed, k as u64)
+                    .map_err(|e| bad(&format!("input.{name}"), e.found, e.expected))
+            })
+            .collect::<Result<_>>()?;
+        Ok(Self { coefficients, initial, noise, settle_s, inputs })
+    }
+}

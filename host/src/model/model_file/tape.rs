@@ -1,0 +1,294 @@
+//! Expressions compiled to a list of operations over blocks of samples, common parts computed once.
+//!
+//! A block of [`BLOCK`] samples stays in the first-level cache; every operation is a loop over it. Sine and cosine of the same
+//! argument are computed together. The sign of a quantity is its mean over one sampling step, [`mean_sign`], from the change between
+//! neighbouring samples, so blocks are computed with one more sample on either side where there is one.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use super::expression::{Expression as E, Function, Node, Symbol, hat};
+use crate::model::weak::mean_sign;
+
+/// Samples of a block.
+const BLOCK: usize = 256;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Operation {
+    Number(f64),
+    /// Column of the inputs.
+    Load(usize),
+    Add(usize, usize),
+    Subtract(usize, usize),
+    Multiply(usize, usize),
+    Divide(usize, usize),
+    Power(usize, usize),
+    PowerWhole(usize, i32),
+    /// Sine of one into the register itself, cosine into the next.
+    SinCos(usize),
+    /// The second result of the operation before.
+    Second,
+    Call(Function, usize),
+    Hat(usize, f64, Option<f64>),
+}
+
+/// Several expressions as one list of operations.
+#[derive(Clone, Debug)]
+pub struct Tape {
+    operations: Vec<Operation>,
+    /// Register of each expression.
+    outputs: Vec<usize>,
+    /// Symbols that are columns of the input, in their order.
+    symbols: Vec<Symbol>,
+    /// Whether neighbours matter.
+    signs: bool,
+}
+
+#[derive(Default)]
+struct Builder {
+    operations: Vec<Operation>,
+    symbols: Vec<Symbol>,
+    /// Registers by operation, for common parts.
+    known: HashMap<(u8, u64, u64, u64), usize>,
+    /// Registers by node.
+    nodes: HashMap<*const E, usize>,
+}
+
+impl Builder {
+    fn push(&mut self, key: (u8, u64, u64, u64), operation: Operation) -> usize {
+        if let Some(&r) = self.known.get(&key) {
+            return r;
+        }
+        self.operations.push(operation);
+        self.known.insert(key, self.operations.len() - 1);
+        self.operations.len() - 1
+    }
+
+    fn symbol(&mut self, s: Symbol) -> usize {
+        let column = self.symbols.iter().position(|x| *x == s).unwrap_or_else(|| {
+            self.symbols.push(s);
+            self.symbols.len() - 1
+        });
+        self.push((1, column as u64, 0, 0), Operation::Load(column))
+    }
+
+    fn node(&mut self, e: &Node) -> usize {
+        if let Some(&r) = self.nodes.get(&Arc::as_ptr(e)) {
+            return r;
+        }
+        let mut two = |tag: u8, a: &Node, b: &Node, f: fn(usize, usize) -> Operation| {
+            let (a, b) = (self.node(a), self.node(b));
+            self.push((tag, a as u64, b as u64, 0), f(a, b))
+        };
+        let r = match &**e {
+            E::Number(x) => self.push((0, x.to_bits(), 0, 0), Operation::Number(*x)),
+            E::Symbol(s) => self.symbol(*s),
+            E::Add(a, b) => two(2, a, b, Operation::Add),
+            E::Subtract(a, b) => two(3, a, b, Operation::Subtract),
+            E::Multiply(a, b) => two(4, a, b, Operation::Multiply),
+            E::Divide(a, b) => two(5, a, b, Operation::Divide),
+            E::Power(a, b) => two(6, a, b, Operation::Power),
+            E::PowerWhole(a, n) => {
+                let a = self.node(a);
+                self.push((7, a as u64, i64::from(*n) as u64, 0), Operation::PowerWhole(a, *n))
+            }
+            E::Call(f @ (Function::Sin | Function::Cos), a) => {
+                let a = self.node(a);
+                let sin = self.push((8, a as u64, 0, 0), Operation::SinCos(a));
+                if sin + 1 == self.operations.len() {
+                    self.operations.push(Operation::Second);
+                }
+                if *f == Function::Sin { sin } else { sin + 1 }
+            }
+            E::Call(f, a) => {
+                let a = self.node(a);
+                self.push((9, a as u64, *f as u64, 0), Operation::Call(*f, a))
+            }
+            E::Hat { from_node, width, period } => {
+                let a = self.node(from_node);
+                let p = period.unwrap_or(0.0);
+                self.push((10, a as u64, width.to_bits(), p.to_bits()), Operation::Hat(a, *width, *period))
+            }
+        };
+        self.nodes.insert(Arc::as_ptr(e), r);
+        r
+    }
+}
+
+impl Tape {
+    /// Compiles expressions.
+    pub fn new(expressions: &[Node]) -> Self {
+        let mut b = Builder::default();
+        let outputs = expressions.iter().map(|e| b.node(e)).collect();
+        let signs = b.operations.iter().any(|o| matches!(o, Operation::Call(Function::Sign, _)));
+        Self { operations: b.operations, outputs, symbols: b.symbols, signs }
+    }
+
+    /// Symbols that the columns of [`Tape::run`] stand for, in their order.
+    pub fn symbols(&self) -> &[Symbol] {
+        &self.symbols
+    }
+
+    /// Number of expressions.
+    pub fn len(&self) -> usize {
+        self.outputs.len()
+    }
+
+    /// Whether there is no expression.
+    pub fn is_empty(&self) -> bool {
+        self.outputs.is_empty()
+    }
+
+    /// Values of every expression at every sample; `columns` in the order of [`Tape::symbols`], of `count` samples each.
+    pub fn run(&self, columns: &[&[f64]], count: usize) -> Vec<Vec<f64>> {
+        let mut out = vec![vec![0.0; count]; self.outputs.len()];
+        let halo = usize::from(self.signs);
+        let mut registers = vec![0.0; self.operations.len() * (BLOCK + 2)];
+        for start in (0..count).step_by(BLOCK) {
+            let end = (start + BLOCK).min(count);
+            let (from, to) = (start.saturating_sub(halo), (end + halo).min(count));
+            self.block(columns, from, to, &mut registers);
+            for (out, &r) in out.iter_mut().zip(&self.outputs) {
+                let at = r * (BLOCK + 2);
+                out[start..end].copy_from_slice(&registers[at + start - from..at + end - from]);
+            }
+        }
+        out
+    }
+
+    fn block(&self, columns: &[&[f64]], from: usize, to: usize, registers: &mut [f64]) {
+        const STRIDE: usize = BLOCK + 2;
+        let n = to - from;
+        for (k, operation) in self.operations.iter().enumerate() {
+            let (before, rest) = registers.split_at_mut(k * STRIDE);
+            let (own, after) = rest.split_at_mut(STRIDE);
+            let out = &mut own[..n];
+            let get = |r: usize| &before[r * STRIDE..r * STRIDE + n];
+            macro_rules! each {
+                ($a:expr, $f:expr) => {
+                    out.iter_mut().zip(get($a)).for_each(|(o, &a)| *o = $f(a))
+                };
+                ($a:expr, $b:expr, $f:expr) => {
+                    out.iter_mut().zip(get($a)).zip(get($b)).for_each(|((o, &a), &b)| *o = $f(a, b))
+                };
+            }
+            match *operation {
+                Operation::Number(x) => out.fill(x),
+                Operation::Load(c) => out.copy_from_slice(&columns[c][from..to]),
+                Operation::Add(a, b) => each!(a, b, |a: f64, b: f64| a + b),
+                Operation::Subtract(a, b) => each!(a, b, |a: f64, b: f64| a - b),
+                Operation::Multiply(a, b) => each!(a, b, |a: f64, b: f64| a * b),
+                Operation::Divide(a, b) => each!(a, b, |a: f64, b: f64| a / b),
+                Operation::Power(a, b) => each!(a, b, f64::powf),
+                Operation::PowerWhole(a, 2) => each!(a, |a: f64| a * a),
+                Operation::PowerWhole(a, 3) => each!(a, |a: f64| a * a * a),
+                Operation::PowerWhole(a, p) => each!(a, |a: f64| a.powi(p)),
+                Operation::SinCos(a) => {
+                    for ((o, c), x) in out.iter_mut().zip(&mut after[..n]).zip(get(a)) {
+                        (*o, *c) = x.sin_cos();
+                    }
+                }
+                Operation::Second => {}
+                Operation::Call(Function::Sign, a) => {
+                    let x = get(a);
+                    for (i, o) in out.iter_mut().enumerate() {
+                        let (b, f) = (i.saturating_sub(1), (i + 1).min(n - 1));
+                        let step = if f > b { (x[f] - x[b]) / (f - b) as f64 } else { 0.0 };
+                        *o = mean_sign(x[i], step);
+                    }
+                }
+                Operation::Call(Function::Abs, a) => each!(a, f64::abs),
+                Operation::Call(f, a) => each!(a, |a: f64| f.value(a)),
+                Operation::Hat(a, width, period) => each!(a, |a: f64| hat(a, width, period)),
+            }
+        }
+    }
+
+    /// Values of every expression at one point (signs are plain signs). `values` has one entry for each of
+    /// [`Tape::symbols`]; `registers` is scratch.
+    pub fn at(&self, values: &[f64], registers: &mut Vec<f64>, out: &mut [f64]) {
+        registers.clear();
+        let mut second = 0.0;
+        for operation in &self.operations {
+            let r = &*registers;
+            let value = match *operation {
+                Operation::Number(x) => x,
+                Operation::Load(c) => values[c],
+                Operation::Add(a, b) => r[a] + r[b],
+                Operation::Subtract(a, b) => r[a] - r[b],
+                Operation::Multiply(a, b) => r[a] * r[b],
+                Operation::Divide(a, b) => r[a] / r[b],
+                Operation::Power(a, b) => r[a].powf(r[b]),
+                Operation::PowerWhole(a, n) => r[a].powi(n),
+                Operation::SinCos(a) => {
+                    let (sin, cos) = r[a].sin_cos();
+                    second = cos;
+                    sin
+                }
+                Operation::Second => second,
+                Operation::Call(f, a) => f.value(r[a]),
+                Operation::Hat(a, width, period) => hat(r[a], width, period),
+            };
+            registers.push(value);
+        }
+        out.iter_mut().zip(&self.outputs).for_each(|(o, &r)| *o = registers[r]);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parser::{Names, parse};
+    use super::*;
+
+    #[test]
+    fn blocks_points_and_trees_agree() {
+        let names = Names { coordinates: vec!["q".into()], inputs: vec!["u".into()] };
+        let texts = [
+            "sin(q)*cos(q) + cos(q)^2 - q^3/(1 + q*q)",
+            "tanh(u)*exp(-q^2)*abs(q') + sqrt(2 + sin(q)) - log(3 + cos(u)) + tan(q/9)",
+            "(2 + cos(q))^u + q^-3 + q^5",
+            "4",
+            "q''*u",
+        ];
+        let nodes: Vec<Node> = texts.iter().map(|t| parse(t, &names).unwrap()).collect();
+        let tape = Tape::new(&nodes);
+        let count = 1000;
+        let of = |s: Symbol, i: usize| {
+            let k = match s {
+                Symbol::Coordinate(_) => 0.7,
+                Symbol::Rate(_) => 1.1,
+                Symbol::Acceleration(_) => 0.3,
+                _ => 2.3,
+            };
+            (0.01 * k * i as f64 + k).sin() + 0.1
+        };
+        let data: Vec<Vec<f64>> = tape.symbols().iter().map(|s| (0..count).map(|i| of(*s, i)).collect()).collect();
+        let columns: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
+        let out = tape.run(&columns, count);
+        let (mut registers, mut one) = (Vec::new(), vec![0.0; nodes.len()]);
+        for i in 0..count {
+            let values: Vec<f64> = tape.symbols().iter().map(|s| of(*s, i)).collect();
+            tape.at(&values, &mut registers, &mut one);
+            for (k, e) in nodes.iter().enumerate() {
+                let expected = e.value(&|s| of(s, i));
+                assert!((out[k][i] - expected).abs() <= 1e-12 * expected.abs(), "{}", texts[k]);
+                assert!((one[k] - expected).abs() <= 1e-12 * expected.abs(), "{}", texts[k]);
+            }
+        }
+        // Sine and cosine of q are computed once.
+        assert_eq!(tape.operations.iter().filter(|o| matches!(o, Operation::SinCos(_))).count(), 2);
+    }
+
+    #[test]
+    fn a_sign_is_its_mean_over_a_step_across_blocks() {
+        let names = Names { coordinates: vec!["q".into()], inputs: vec![] };
+        let tape = Tape::new(&[parse("sign(q')", &names).unwrap()]);
+        // Crosses zero at sample 256.25, where two blocks meet.
+        let v: Vec<f64> = (0..600).map(|i| 0.5 * (i as f64 - 256.25)).collect();
+        let out = tape.run(&[&v], 600);
+        assert_eq!((out[0][255], out[0][257]), (-1.0, 1.0));
+        assert!((out[0][256] + 0.5).abs() < 1e-12, "{}", out[0][256]);
+        // The sum then follows the reversal to a fraction of a step.
+        assert!((out[0].iter().sum::<f64>() - (343.25 - 256.75)).abs() < 1e-9);
+    }
+}

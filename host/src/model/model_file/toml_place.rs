@@ -1,0 +1,131 @@
+//! Values of a TOML file with their places, for messages that point at the character.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+use crate::error::{BadInput, Result};
+
+/// The text of a file and where it came from.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Source {
+    /// The text.
+    pub text: String,
+    /// The file.
+    pub path: PathBuf,
+}
+
+/// A value with its place.
+pub type Value<'i> = Spanned<DeValue<'i>>;
+
+impl Source {
+    /// "line L, column C" of a byte, both from 1; columns in characters.
+    pub fn place(&self, byte: usize) -> String {
+        let mut end = byte.min(self.text.len());
+        while !self.text.is_char_boundary(end) {
+            end -= 1;
+        }
+        let before = &self.text[..end];
+        let line = before.matches('\n').count() + 1;
+        let column = before[before.rfind('\n').map_or(0, |i| i + 1)..].chars().count() + 1;
+        format!("line {line}, column {column}")
+    }
+
+    /// An error at a byte.
+    pub fn bad(&self, byte: usize, found: impl Into<String>, expected: impl Into<String>) -> BadInput {
+        BadInput::new(found, expected).in_file(&self.path).at(self.place(byte))
+    }
+
+    /// Parses the text as TOML.
+    pub fn table(&self) -> Result<Spanned<DeTable<'_>>> {
+        DeTable::parse(&self.text).map_err(|e| {
+            let byte = e.span().map_or(0, |s| s.start);
+            self.bad(byte, e.message().replace('\n', " "), "").remedy("Correct the TOML there")
+        })
+    }
+
+    /// Refuses keys that are not known.
+    pub fn known_keys(&self, table: &DeTable<'_>, known: &[&str], what: &str) -> Result<()> {
+        // In the order of the file, so that the first is told.
+        let mut unknown: Vec<_> = table.keys().filter(|k| !known.contains(&k.get_ref().as_ref())).collect();
+        unknown.sort_by_key(|k| k.span().start);
+        match unknown.first() {
+            None => Ok(()),
+            Some(key) => Err(self
+                .bad(key.span().start, format!("the key \"{}\"", key.get_ref()), format!("one of {}", known.join(", ")))
+                .remedy(format!("These are the keys of {what}; see docs/model-file.md"))),
+        }
+    }
+
+    /// A key's value, required.
+    pub fn required<'a, 'i>(
+        &self,
+        table: &'a DeTable<'i>,
+        span: Range<usize>,
+        key: &str,
+        expected: &str,
+    ) -> Result<&'a Value<'i>> {
+        table.get(key).ok_or_else(|| {
+            self.bad(span.start, format!("no key \"{key}\""), expected.to_owned())
+                .remedy(format!("Add {key}; see docs/model-file.md"))
+        })
+    }
+
+    /// A text.
+    pub fn text<'a>(&self, value: &'a Value<'_>, expected: &str) -> Result<&'a str> {
+        value.get_ref().as_str().ok_or_else(|| {
+            self.bad(value.span().start, described(value.get_ref()), expected.to_owned()).remedy("Write it in quotes")
+        })
+    }
+
+    /// A number.
+    pub fn number(&self, value: &Value<'_>, expected: &str) -> Result<f64> {
+        let parsed = match value.get_ref() {
+            DeValue::Integer(i) if i.radix() == 10 => i.as_str().replace('_', "").parse::<f64>().ok(),
+            DeValue::Float(f) => f.as_str().replace('_', "").parse::<f64>().ok(),
+            _ => None,
+        };
+        parsed.filter(|x| x.is_finite()).ok_or_else(|| {
+            self.bad(value.span().start, described(value.get_ref()), expected.to_owned())
+                .remedy("Write a finite number")
+        })
+    }
+
+    /// Byte at which a place inside a quoted text stands, exact where the text holds no escapes.
+    pub fn inside(&self, value: &Value<'_>, offset: usize) -> usize {
+        let start = value.span().start;
+        let quoted = &self.text[start.min(self.text.len())..];
+        let quotes = if quoted.starts_with("\"\"\"") || quoted.starts_with("'''") { 3 } else { 1 };
+        // A line feed right after three quotes is dropped.
+        let dropped = usize::from(quotes == 3 && quoted[3..].starts_with('\n'));
+        start + quotes + dropped + offset
+    }
+}
+
+/// What a value is, for messages.
+pub fn described(value: &DeValue<'_>) -> String {
+    match value {
+        DeValue::String(s) => format!("\"{s}\""),
+        DeValue::Integer(i) => i.as_str().to_owned(),
+        DeValue::Float(f) => f.as_str().to_owned(),
+        DeValue::Boolean(b) => b.to_string(),
+        DeValue::Datetime(d) => d.to_string(),
+        DeValue::Array(a) if a.is_empty() => "an empty list".to_owned(),
+        DeValue::Array(_) => "a list".to_owned(),
+        DeValue::Table(_) => "a table".to_owned(),
+    }
+}
+
+/// Reads a text file.
+pub fn read(path: &Path, what: &str) -> Result<Source> {
+    const LARGEST: u64 = 1 << 20;
+    let io = |e: std::io::Error| BadInput::io(path, &e).remedy(format!("Name {what} that exists"));
+    let size = std::fs::metadata(path).map_err(io)?.len();
+    if size > LARGEST {
+        return Err(BadInput::new(format!("{size} bytes"), format!("{what} of at most {LARGEST}")).in_file(path));
+    }
+    let text = std::fs::read_to_string(path).map_err(io)?;
+    Ok(Source { text, path: path.to_path_buf() })
+}

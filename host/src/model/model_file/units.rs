@@ -1,0 +1,148 @@
+//! Units of coefficients, from those of the channels: [λ] = [balance]/[term].
+//!
+//! Angles and pure numbers have none; a derivative divides by seconds (not where primes are by the drive's phase). Functions give pure
+//! numbers. A sum has the unit of its first summand that is not a bare number.
+
+use super::expression::{Expression as E, Function, Node, Symbol};
+
+/// Powers of units, by name.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Unit(Vec<(String, f64)>);
+
+impl Unit {
+    /// A unit of a channel in SI, such as `m`, `N`, `m/s`, `rad`.
+    pub fn of_channel(unit: &str) -> Self {
+        let one = |name: &str, power: f64| vec![(name.to_owned(), power)];
+        Self(match unit {
+            "m" | "mm" | "um" => one("m", 1.0),
+            "V" | "mV" => one("V", 1.0),
+            "N" | "mN" | "kN" => one("N", 1.0),
+            "A" => one("A", 1.0),
+            "m/s" => [one("m", 1.0), one("s", -1.0)].concat(),
+            "m/s2" => [one("m", 1.0), one("s", -2.0)].concat(),
+            _ => Vec::new(),
+        })
+    }
+
+    /// This unit times another to a power.
+    pub fn times(&self, other: &Self, power: f64) -> Self {
+        let mut out = self.clone();
+        for (name, p) in &other.0 {
+            match out.0.iter_mut().find(|(n, _)| n == name) {
+                Some((_, q)) => *q += p * power,
+                None => out.0.push((name.clone(), p * power)),
+            }
+        }
+        out.0.retain(|(_, p)| *p != 0.0);
+        out
+    }
+
+    fn second(power: f64) -> Self {
+        Self(vec![("s".to_owned(), power)])
+    }
+
+    fn power(&self, power: f64) -> Self {
+        Self::default().times(self, power)
+    }
+}
+
+impl std::fmt::Display for Unit {
+    /// `N s²/m`; `1` for a pure number.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let write = |power: f64| -> String {
+            if power == 1.0 {
+                return String::new();
+            }
+            format!("{power}")
+                .chars()
+                .map(|c| match c {
+                    '0'..='9' => ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][c as usize - '0' as usize],
+                    '-' => '⁻',
+                    _ => '·',
+                })
+                .collect()
+        };
+        let list = |sign: f64| -> Vec<String> {
+            self.0.iter().filter(|(_, p)| p * sign > 0.0).map(|(n, p)| format!("{n}{}", write(p * sign))).collect()
+        };
+        let (up, down) = (list(1.0), list(-1.0));
+        match (up.is_empty(), down.is_empty()) {
+            (true, true) => write!(f, "1"),
+            (false, true) => write!(f, "{}", up.join(" ")),
+            (true, false) => {
+                let all: Vec<String> = self.0.iter().map(|(n, p)| format!("{n}{}", write(*p))).collect();
+                write!(f, "{}", all.join(" "))
+            }
+            _ => write!(f, "{}/{}", up.join(" "), down.join("/")),
+        }
+    }
+}
+
+/// Unit of an expression; `time` is whether a prime divides by seconds. None for a bare number.
+pub fn of(e: &Node, coordinates: &[Unit], inputs: &[Unit], time: bool) -> Option<Unit> {
+    let rec = |e: &Node| of(e, coordinates, inputs, time);
+    let get = |list: &[Unit], i: usize| list.get(i).cloned().unwrap_or_default();
+    let per = |u: Unit, power: f64| if time { u.times(&Unit::second(power), 1.0) } else { u };
+    match &**e {
+        E::Number(_) => None,
+        E::Symbol(s) => Some(match *s {
+            Symbol::Coordinate(i) | Symbol::Raw(i) => get(coordinates, i),
+            Symbol::Rate(i) | Symbol::ClearRate(i) => per(get(coordinates, i), -1.0),
+            Symbol::Acceleration(i) => per(get(coordinates, i), -2.0),
+            Symbol::Input(k) | Symbol::RawInput(k) => get(inputs, k),
+            Symbol::InputRate(k) => get(inputs, k).times(&Unit::second(-1.0), 1.0),
+            Symbol::Tau | Symbol::Held(_) => Unit::default(),
+        }),
+        E::Add(a, b) | E::Subtract(a, b) => rec(a).or_else(|| rec(b)),
+        E::Multiply(a, b) => match (rec(a), rec(b)) {
+            (Some(a), Some(b)) => Some(a.times(&b, 1.0)),
+            (a, b) => a.or(b),
+        },
+        E::Divide(a, b) => match (rec(a), rec(b)) {
+            (a, Some(b)) => Some(a.unwrap_or_default().times(&b, -1.0)),
+            (a, None) => a,
+        },
+        E::PowerWhole(a, n) => rec(a).map(|u| u.power(f64::from(*n))),
+        E::Power(a, b) => match super::expression::as_number(b) {
+            Some(p) => rec(a).map(|u| u.power(p)),
+            None => rec(a),
+        },
+        E::Call(Function::Abs, a) => rec(a),
+        E::Call(Function::Sqrt, a) => rec(a).map(|u| u.power(0.5)),
+        E::Call(..) | E::Hat { .. } => Some(Unit::default()),
+    }
+}
+
+/// Unit of a coefficient, printed.
+pub fn coefficient(balance: &Node, term: &Node, coordinates: &[Unit], inputs: &[Unit], time: bool) -> String {
+    let b = of(balance, coordinates, inputs, time).unwrap_or_default();
+    let t = of(term, coordinates, inputs, time).unwrap_or_default();
+    b.times(&t, -1.0).to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::parser::{Names, parse};
+    use super::*;
+
+    #[test]
+    fn units_follow_from_channels() {
+        let names = Names { coordinates: vec!["q".into(), "phi".into()], inputs: vec!["force".into()] };
+        let unit = |balance: &str, term: &str| {
+            coefficient(
+                &parse(balance, &names).unwrap(),
+                &parse(term, &names).unwrap(),
+                &[Unit::of_channel("m"), Unit::of_channel("rad")],
+                &[Unit::of_channel("N")],
+                true,
+            )
+        };
+        assert_eq!(unit("force", "q''"), "N s²/m");
+        assert_eq!(unit("force", "q'"), "N s/m");
+        assert_eq!(unit("force", "sign(q')"), "N");
+        assert_eq!(unit("force", "1"), "N");
+        assert_eq!(unit("-phi''", "sin(phi)"), "s⁻²");
+        assert_eq!(unit("-phi''", "phi'*abs(phi')"), "1");
+        assert_eq!(unit("-q''", "2*q^3 + 1"), "m⁻²·s⁻²".replace('·', " "));
+    }
+}

@@ -1,0 +1,183 @@
+//! What a rig's channels measure, checked against the model: names of a built-in system, coordinates and inputs of a model file.
+//!
+//! A channel of a model-file rig measures an input, a coordinate, or a sum of coordinates with whole or broken numbers in front
+//! (`phi2 - phi1` for an encoder between two arms). Every coordinate must follow from the channels: y = S q with S square
+//! and invertible.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use nalgebra::DMatrix;
+
+use super::Rig;
+use crate::error::{BadInput, Result};
+use crate::model::model_file::expression::{Symbol, as_number};
+use crate::model::model_file::parser::{Names, parse};
+use crate::model::model_file::{self, ModelFile};
+
+/// What the channels of built-in systems may measure.
+const BUILT_IN: [(&str, &[&str]); 2] =
+    [("double-pendulum", &["theta1", "theta2", "phi1", "phi2"]), ("single-pendulum", &["theta1", "phi1"])];
+
+/// A model file with what the channels measure of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bound {
+    /// The model.
+    pub model: Arc<ModelFile>,
+    /// Channels that measure coordinates, in the rig's order.
+    pub sensors: Vec<usize>,
+    /// S: row r says what sensor r measures, in the model's coordinates.
+    pub shown: DMatrix<f64>,
+    /// S⁻¹.
+    pub coordinates: DMatrix<f64>,
+    /// Channel of each input.
+    pub inputs: Vec<usize>,
+}
+
+/// Refuses a channel of a built-in system that measures something else.
+pub(super) fn check_built_in(rig: &Rig) -> Result<()> {
+    let Some((_, known)) = BUILT_IN.iter().find(|(id, _)| *id == rig.model) else { return Ok(()) };
+    match rig.channel.iter().enumerate().find(|(_, c)| !known.contains(&c.measures.as_str())) {
+        None => Ok(()),
+        Some((i, c)) => Err(BadInput::new(format!("\"{}\"", c.measures), format!("one of {}", known.join(", ")))
+            .in_file(&rig.path)
+            .at(format!("channel {} (\"{}\"), measures", i + 1, c.name))
+            .remedy("Correct what the channel measures of this model")),
+    }
+}
+
+/// Reads the model file that a rig names and checks its channels against it; none for a built-in model.
+pub(super) fn bind(rig: &Rig) -> Result<Option<Arc<Bound>>> {
+    if !model_file::is_path(&rig.model) {
+        return Ok(None);
+    }
+    let path = rig.path.parent().unwrap_or(Path::new("")).join(&rig.model);
+    if !path.exists() {
+        return Err(BadInput::new(
+            format!("\"{}\", which does not exist", rig.model),
+            "a model, or the path of a model file",
+        )
+        .in_file(&rig.path)
+        .at("model")
+        .remedy("The path is relative to the rig file; `whirl list models` shows the built-in ones"));
+    }
+    bound(rig, ModelFile::read(&path)?).map(|b| Some(Arc::new(b)))
+}
+
+fn bound(rig: &Rig, model: ModelFile) -> Result<Bound> {
+    let n = model.coordinates.len();
+    let names =
+        Names { coordinates: model.coordinates.iter().map(|c| c.name.clone()).collect(), inputs: model.inputs.clone() };
+    let known: Vec<&str> = names.coordinates.iter().chain(&names.inputs).map(String::as_str).collect();
+    let (mut sensors, mut rows, mut inputs) = (Vec::new(), Vec::new(), vec![None; model.inputs.len()]);
+    for (i, c) in rig.channel.iter().enumerate() {
+        let bad = |found: String, expected: String| {
+            BadInput::new(found, expected)
+                .in_file(&rig.path)
+                .at(format!("channel {} (\"{}\"), measures", i + 1, c.name))
+                .remedy(format!("Name a coordinate or an input of {}", model.source.path.display()))
+        };
+        let e = parse(&c.measures, &names).map_err(|m| {
+            let found = if names.coordinates.contains(&c.measures) { m.found } else { format!("\"{}\"", c.measures) };
+            bad(found, format!("one of {}", known.join(", ")))
+        })?;
+        if let Some(k) = model.inputs.iter().position(|u| *u == c.measures) {
+            inputs[k] = Some(i);
+            continue;
+        }
+        let row: Option<Vec<f64>> =
+            (0..n).map(|k| e.derivative(Symbol::Coordinate(k)).and_then(|d| as_number(&d))).collect();
+        let linear = row.filter(|r| {
+            let value = e.value(&|s| if let Symbol::Coordinate(k) = s { 1.7 + k as f64 } else { f64::NAN });
+            let sum: f64 = r.iter().enumerate().map(|(k, f)| f * (1.7 + k as f64)).sum();
+            (value - sum).abs() < 1e-9 && r.iter().any(|f| *f != 0.0)
+        });
+        let Some(row) = linear else {
+            return Err(bad(
+                format!("\"{}\"", c.measures),
+                "a coordinate, a sum of coordinates, or an input".to_owned(),
+            ));
+        };
+        sensors.push(i);
+        rows.push(row);
+    }
+    let channels = |found: String, expected: String| {
+        BadInput::new(found, expected)
+            .in_file(&rig.path)
+            .at("channel")
+            .remedy("Each coordinate and input needs a channel")
+    };
+    if let Some(k) = inputs.iter().position(Option::is_none) {
+        return Err(channels(format!("no channel that measures {}", model.inputs[k]), "one for each input".to_owned()));
+    }
+    if let Some(k) = (0..n).find(|&k| rows.iter().all(|r| r[k] == 0.0)) {
+        let name = &model.coordinates[k].name;
+        return Err(channels(format!("no channel that measures {name}"), "one for each coordinate".to_owned()));
+    }
+    if rows.len() != n {
+        return Err(channels(
+            format!("{} channels for {n} coordinates", rows.len()),
+            "one for each coordinate".to_owned(),
+        ));
+    }
+    let shown = DMatrix::from_fn(n, n, |r, k| rows[r][k]);
+    let Some(coordinates) = shown.clone().try_inverse() else {
+        return Err(channels("channels that measure the same".to_owned(), "one for each coordinate".to_owned()));
+    };
+    if rig.drive.is_none() && model.uses_phase() {
+        return Err(BadInput::new("no [drive], and a model that uses tau", "the drive whose phase tau is")
+            .in_file(&rig.path)
+            .at("drive")
+            .remedy("Add [drive] with its direction and frequency_hz"));
+    }
+    Ok(Bound { model: Arc::new(model), sensors, shown, coordinates, inputs: inputs.into_iter().flatten().collect() })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MODEL: &str = r#"name = "m"
+coordinates = [{ name = "a", space = "S1" }, { name = "b", space = "S1" }]
+inputs = ["u"]
+[[equation]]
+balance = "u"
+terms = { x = "a''", y = "b''" }
+"#;
+
+    fn rig(measures: [&str; 3]) -> Result<Rig> {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("m.toml"), MODEL).unwrap();
+        let channels: String = measures
+            .iter()
+            .enumerate()
+            .map(|(i, m)| format!("[[channel]]\nname = \"c{i}\"\nmeasures = \"{m}\"\nunit = \"1\"\n"))
+            .collect();
+        let path = folder.path().join("rig.toml");
+        std::fs::write(&path, format!("name = \"r\"\nmodel = \"m.toml\"\nsample_rate_hz = 100.0\n{channels}")).unwrap();
+        Rig::read(&path)
+    }
+
+    #[test]
+    fn relative_encoders_are_sums_of_coordinates() {
+        let b = rig(["u", "a", "b - a"]).unwrap().bound.unwrap();
+        assert_eq!((b.sensors.as_slice(), b.inputs.as_slice()), (&[1, 2][..], &[0][..]));
+        assert_eq!(b.shown, DMatrix::from_row_slice(2, 2, &[1.0, 0.0, -1.0, 1.0]));
+        assert_eq!(b.coordinates, DMatrix::from_row_slice(2, 2, &[1.0, 0.0, 1.0, 1.0]));
+    }
+
+    #[test]
+    fn channels_that_do_not_fit_are_named() {
+        for (measures, part) in [
+            (["u", "a", "c"], "channel 3 (\"c2\"), measures: found \"c\", expected one of a, b, u"),
+            (["u", "a", "a*b"], "a sum of coordinates"),
+            (["u", "a", "2*a"], "no channel that measures b"),
+            (["a", "b", "a - b"], "no channel that measures u"),
+            (["u", "a - b", "b - a"], "the same"),
+            (["u", "a'", "b"], "measures"),
+        ] {
+            let message = rig(measures).unwrap_err().to_string();
+            assert!(message.contains(part), "{measures:?}: {message}");
+        }
+    }
+}

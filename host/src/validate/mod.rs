@@ -1,0 +1,464 @@
+//! Whether an identified model moves as the measured system does.
+//!
+//! Chaos forbids comparing two histories, so the model makes a record of its own ([`twin`]: same sensors, rate, drive), and what characterises the motion is compared side by side, found by the same
+//! algorithms in both: prediction horizons ([`horizon`]), Poincaré sections with an energy distance and its permutation test ([`energy_distance`]), largest exponent,
+//! correlation dimension, catalogue of periodic orbits (those of the record refined on the model), natural frequencies (3.34) against a free vibration.
+//!
+//! The model fails its validation where one of these [`Check`]s fails:
+//! - `prediction-horizon`: the median horizon on the record is less than half of the median on the model's own record;
+//! - `poincare-section`: the sections differ with a probability by chance below 1 % (over all phases together);
+//! - `lyapunov-exponent`, `correlation-dimension`: the two records' values differ by more than three standard errors;
+//! - `natural-frequencies` (with a free vibration): one differs by more than 10 %.
+
+pub mod energy_distance;
+pub mod horizon;
+pub mod motion_model;
+pub mod natural_frequencies;
+pub mod presentation;
+pub mod sections;
+pub mod starts;
+pub mod twin;
+
+use core::f64::consts::TAU;
+
+use serde::Serialize;
+
+use self::horizon::Horizon;
+use self::motion_model::MotionModel;
+use self::natural_frequencies::NaturalFrequencies;
+use self::sections::SectionComparison;
+use self::starts::Starts;
+use crate::error::{BadInput, Result};
+use crate::identify::system::System;
+use crate::identify::{Settings as IdentifySettings, prepare_system};
+use crate::inspect::{InspectSettings, Inspection, inspect};
+use crate::model::flow::{Flow, Outside};
+use crate::model::identified::IdentifiedModel;
+use crate::phase_space::bifurcation::{self, Column};
+use crate::phase_space::model_exponent;
+use crate::phase_space::orbit_refinement::RefinedOrbit;
+use crate::phase_space::survey::{Lyapunov, PhaseSpace};
+use crate::record::Record;
+use crate::rig::Rig;
+use crate::warning::Warning;
+
+/// Longest record that the model makes, samples.
+const MOST_SAMPLES: usize = 120_000;
+/// Orbits of the record that are refined on the model.
+const MOST_ORBITS: usize = 12;
+/// Standard errors by which two invariants may differ.
+const STANDARD_ERRORS: f64 = 3.0;
+/// Probability by chance below which sections count as different.
+const SECTIONS_DIFFER: f64 = 0.01;
+/// Share of the model's own median horizon that the record's must reach.
+const HORIZON_SHARE: f64 = 0.5;
+/// Values of a bifurcation diagram's parameter.
+const BIFURCATION_VALUES: usize = 240;
+
+/// Choices.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Settings {
+    /// Angle by which a prediction may be off, degrees. Default 30.
+    pub tolerance_deg: f64,
+    /// Most starts of predictions. Default 60.
+    pub starts: usize,
+    /// Seed of the permutation test and of the model's own sensors' noise. Default 1.
+    pub seed: u64,
+    /// Parameter of a bifurcation diagram (`drive`: all of the base's motion), lowest and highest factor on its identified value.
+    pub bifurcation: Option<(String, f64, f64)>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { tolerance_deg: 30.0, starts: 60, seed: 1, bifurcation: None }
+    }
+}
+
+/// Outcome.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// No check failed.
+    Passed,
+    /// A check failed.
+    Failed,
+}
+
+/// One comparison that can fail.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Check {
+    /// Name.
+    pub name: &'static str,
+    /// Whether record and model agree.
+    pub passed: bool,
+    /// What was compared, with the numbers.
+    pub message: String,
+}
+
+/// Horizons on the record and on the model's own record.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct HorizonComparison {
+    /// Angle by which a prediction may be off, degrees.
+    pub tolerance_deg: f64,
+    /// Length of the stretch to which initial states are fitted, s.
+    pub fit_s: f64,
+    /// Longest prediction, s.
+    pub longest_s: f64,
+    /// On the measured record.
+    pub measured: Horizon,
+    /// On the model's own record.
+    pub simulated: Horizon,
+    /// Medians in Lyapunov times of the model (measured, simulated); none where the model is not chaotic.
+    pub median_lyapunov_times: Option<[f64; 2]>,
+}
+
+/// A value in both records.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Pair {
+    /// In the measured record.
+    pub measured: f64,
+    /// Its standard error.
+    pub measured_std_error: f64,
+    /// In the model's own record.
+    pub simulated: f64,
+    /// Its standard error.
+    pub simulated_std_error: f64,
+}
+
+impl Pair {
+    /// Difference in standard errors.
+    pub fn deviation(&self) -> f64 {
+        (self.measured - self.simulated).abs() / self.measured_std_error.hypot(self.simulated_std_error)
+    }
+}
+
+/// The largest exponent, 1/s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct ExponentComparison {
+    /// From the model's variational equations.
+    pub model: f64,
+    /// Its standard error.
+    pub model_std_error: f64,
+    /// From the two records.
+    pub records: Option<Pair>,
+}
+
+/// An orbit of the record, and what became of it on the model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OrbitComparison {
+    /// Period, drive periods.
+    pub period: usize,
+    /// Time at which its best closing stretch starts, s.
+    pub start_s: f64,
+    /// Closing error in the record, share of the span.
+    pub closing: f64,
+    /// The model's orbit; none where Newton's method found none near it.
+    pub refined: Option<RefinedOrbit>,
+}
+
+/// Periodic orbits side by side.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Orbits {
+    /// Tolerance of the extraction, share of the span.
+    pub tolerance: f64,
+    /// Distinct orbits of each period 1, 2, … in the measured record.
+    pub measured: Vec<usize>,
+    /// The same in the model's own.
+    pub simulated: Vec<usize>,
+    /// The record's best closing ones, refined on the model.
+    pub refined: Vec<OrbitComparison>,
+}
+
+/// A bifurcation diagram of the model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Bifurcation {
+    /// Parameter, `drive` for all of the base's motion.
+    pub parameter: String,
+    /// Factor on its identified value, column by column.
+    pub factor: Vec<f64>,
+    /// Section of each.
+    pub columns: Vec<Column>,
+}
+
+/// A validation.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Validation {
+    /// Whether any check failed.
+    pub verdict: Verdict,
+    /// The checks that could be made.
+    pub checks: Vec<Check>,
+    /// The model's name.
+    pub model: String,
+    /// How it was identified.
+    pub method: String,
+    /// Length of the record that the model made, s.
+    pub simulated_s: f64,
+    /// Prediction horizons.
+    pub horizon: HorizonComparison,
+    /// Poincaré sections (driven, not periodic).
+    pub sections: Vec<SectionComparison>,
+    /// Largest exponent (driven).
+    pub lyapunov: Option<ExponentComparison>,
+    /// Correlation dimension.
+    pub correlation_dimension: Option<Pair>,
+    /// Periodic orbits (driven).
+    pub orbits: Option<Orbits>,
+    /// Natural frequencies.
+    pub natural_frequencies: Option<NaturalFrequencies>,
+    /// Bifurcation diagram, where one was asked for.
+    pub bifurcation: Option<Bifurcation>,
+    /// Things noticed.
+    pub warnings: Vec<Warning>,
+}
+
+/// What a validation may be given beside records and model.
+#[derive(Clone, Copy, Default)]
+pub struct Beside<'a> {
+    /// A free vibration of the same arms (read with the rig file's channels).
+    pub free: Option<&'a Record>,
+    /// The inspection of the record with the longest unbroken stretch, where there is one already.
+    pub inspection: Option<&'a Inspection>,
+}
+
+/// Validates a model on records of its rig.
+///
+/// # Errors
+/// A model of another system or drive, records shorter than one window, settings out of range, a model whose solution ceases to exist.
+pub fn validate(
+    records: &[Record],
+    rig: &Rig,
+    model: &IdentifiedModel,
+    beside: Beside<'_>,
+    settings: &Settings,
+) -> Result<Validation> {
+    if !(settings.tolerance_deg > 0.0 && settings.tolerance_deg <= 180.0) {
+        return Err(
+            BadInput::new(settings.tolerance_deg.to_string(), "an angle above 0, at most 180").at("--tolerance-deg")
+        );
+    }
+    if !(4..=10_000).contains(&settings.starts) {
+        return Err(BadInput::new(settings.starts.to_string(), "4 to 10000").at("--starts"));
+    }
+    let system = System::of(rig)?;
+    let equations = MotionModel::of(model, rig)?;
+    let prepared = prepare_system(&system, records, rig, &IdentifySettings::default())?;
+    let mut warnings = prepared.warnings.clone();
+    if !equations.left_out.is_empty() {
+        warnings.push(Warning::new(
+            "effects-left-out",
+            format!("{} change what is recorded, not the motion", equations.left_out.join(", ")),
+            "They are not in the simulated record; the prediction horizon feels them",
+        ));
+    }
+    let parameters = &equations.parameters;
+    let starts = Starts::new(&equations, &prepared, rig, settings);
+    let unable = || {
+        BadInput::new("no solution of the model that follows the record's start", "a model identified on this record")
+            .at("--model")
+            .remedy("Identify the model anew")
+    };
+    // The model's own record.
+    let longest = prepared.segments.iter().max_by_key(|s| s.len()).ok_or_else(unable)?;
+    let state = starts.first_state(longest, parameters).ok_or_else(unable)?;
+    let all: usize = prepared.segments.iter().map(|s| s.len()).sum();
+    let count = all.min(MOST_SAMPLES);
+    let like = records.iter().max_by_key(|r| r.longest_segment()).ok_or_else(unable)?;
+    let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
+    let own = twin::record(
+        &equations,
+        parameters,
+        like,
+        longest,
+        &state,
+        omega,
+        starts.step_s,
+        count,
+        prepared.sigma,
+        settings.seed,
+    )
+    .ok_or_else(|| {
+        BadInput::new("a solution that runs away", "a model whose motion stays finite")
+            .at("--model")
+            .remedy("Its parameters are not those of a rig at rest or in motion: identify the model anew")
+    })?;
+    let own_segments = system.segments(&own, rig)?;
+
+    let horizon = starts.compare(&prepared.segments, &own_segments, parameters);
+    let choice = InspectSettings::default();
+    let simulated = inspect(&own, rig, &choice)?;
+    let inspected = if beside.inspection.is_none() { Some(inspect(like, rig, &choice)?) } else { None };
+    let measured = beside.inspection.or(inspected.as_ref()).ok_or_else(unable)?;
+    let spaces = (&measured.phase_space, &simulated.phase_space);
+    let sections = sections::compare(spaces.0, spaces.1, settings.seed);
+    let lyapunov = rig.drive.and_then(|d| {
+        let period_s = 1.0 / d.frequency_hz;
+        let outside = Outside::drive(longest.start_s, longest.tau(0), omega);
+        let flow = Flow::new(&equations, parameters, outside, starts.step_s);
+        let found =
+            model_exponent::of_model(&flow, &equations, &mut state.clone(), longest.start_s, period_s, 100, 3000)?;
+        Some(ExponentComparison {
+            model: found.per_interval / period_s,
+            model_std_error: found.std_error / period_s,
+            records: exponents(spaces.0.lyapunov.as_ref(), spaces.1.lyapunov.as_ref()),
+        })
+    });
+    let orbits = starts.orbits(spaces, &prepared.segments, parameters, MOST_ORBITS);
+    let natural_frequencies = natural(model, rig, beside.free)?;
+    let mut out = Validation {
+        verdict: Verdict::Passed,
+        checks: Vec::new(),
+        model: model.name.clone(),
+        method: model.method.clone(),
+        simulated_s: count as f64 * longest.step_s,
+        horizon,
+        sections,
+        lyapunov,
+        correlation_dimension: dimensions(spaces.0, spaces.1),
+        orbits,
+        natural_frequencies,
+        bifurcation: diagram(&equations, settings, longest.tau(0), omega, &state, starts.step_s)?,
+        warnings,
+    };
+    if let Some(l) = &out.lyapunov
+        && l.model > 3.0 * l.model_std_error
+        && l.model > 0.0
+    {
+        let h = &out.horizon;
+        out.horizon.median_lyapunov_times = Some([h.measured.median() * l.model, h.simulated.median() * l.model]);
+    }
+    out.checks = checks(&out);
+    if out.checks.iter().any(|c| !c.passed) {
+        out.verdict = Verdict::Failed;
+    }
+    Ok(out)
+}
+
+fn exponents(measured: Option<&Lyapunov>, simulated: Option<&Lyapunov>) -> Option<Pair> {
+    let (a, b) = (measured?, simulated?);
+    Some(Pair {
+        measured: a.per_second,
+        measured_std_error: a.std_error,
+        simulated: b.per_second,
+        simulated_std_error: b.std_error,
+    })
+}
+
+fn dimensions(measured: &PhaseSpace, simulated: &PhaseSpace) -> Option<Pair> {
+    let (a, b) = (measured.correlation_dimension.as_ref()?, simulated.correlation_dimension.as_ref()?);
+    Some(Pair {
+        measured: a.dimension?,
+        measured_std_error: a.std_error,
+        simulated: b.dimension?,
+        simulated_std_error: b.std_error,
+    })
+}
+
+fn natural(model: &IdentifiedModel, rig: &Rig, free: Option<&Record>) -> Result<Option<NaturalFrequencies>> {
+    let b = |n: &str| model.parameter(n).map(|p| p.value);
+    let of_model = match (b("B11"), b("B12"), b("B21"), b("B22")) {
+        (Some(b11), Some(b12), Some(b21), Some(b22)) => natural_frequencies::of_model(b11, b12, b21, b22, rig.omega()),
+        _ => None,
+    };
+    let Some(model_hz) = of_model else { return Ok(None) };
+    let measured =
+        free.map(|record| natural_frequencies::of_record(record, &Rig { drive: None, ..rig.clone() })).transpose()?;
+    Ok(Some(NaturalFrequencies { model_hz, measured_hz: measured.map(|m| m.0), resolution_hz: measured.map(|m| m.1) }))
+}
+
+fn diagram(
+    equations: &MotionModel,
+    settings: &Settings,
+    tau: f64,
+    omega: f64,
+    state: &[f64],
+    step_s: f64,
+) -> Result<Option<Bifurcation>> {
+    let Some((parameter, low, high)) = &settings.bifurcation else { return Ok(None) };
+    let names = equations.base.names();
+    let bad = |found: String, expected: String| Err(BadInput::new(found, expected).at("--bifurcation"));
+    if omega <= 0.0 {
+        return bad(
+            "a free system".to_owned(),
+            "a driven one: a diagram shows the section once a drive period".to_owned(),
+        );
+    }
+    if !(low.is_finite() && high.is_finite() && low < high) {
+        return bad(format!("{low}:{high}"), "two factors, the lower first".to_owned());
+    }
+    let moves =
+        |name: &str| if parameter == "drive" { name.ends_with('3') || name.ends_with('4') } else { name == parameter };
+    let which: Vec<usize> = (0..names.len())
+        .filter(|i| moves(&names[*i]) && (parameter != "drive" || names[*i].starts_with('B')))
+        .collect();
+    if which.is_empty() {
+        return bad(format!("\"{parameter}\""), format!("drive, or one of {}", names.join(", ")));
+    }
+    let factor: Vec<f64> =
+        (0..BIFURCATION_VALUES).map(|i| low + (high - low) * i as f64 / (BIFURCATION_VALUES - 1) as f64).collect();
+    let sets: Vec<Vec<f64>> = factor
+        .iter()
+        .map(|f| {
+            let mut p = equations.parameters.clone();
+            which.iter().for_each(|i| p[*i] *= f);
+            p
+        })
+        .collect();
+    let choice = bifurcation::Settings { settle: 200, keep: 60, step_s };
+    let columns =
+        bifurcation::bifurcation(equations, &sets, Outside::drive(0.0, tau, omega), state, &[true; 2], &choice);
+    Ok(Some(Bifurcation { parameter: parameter.clone(), factor, columns }))
+}
+
+fn checks(v: &Validation) -> Vec<Check> {
+    let mut out = Vec::new();
+    let mut check = |name, passed, message| out.push(Check { name, passed, message });
+    let (measured, simulated) = (v.horizon.measured.median(), v.horizon.simulated.median());
+    // Predictions that all last to the record's end say nothing against the model.
+    let unended = 2 * v.horizon.measured.unended >= v.horizon.measured.seconds.len();
+    check(
+        "prediction-horizon",
+        unended || measured >= HORIZON_SHARE * simulated,
+        format!("median {measured:.2} s on the record, {simulated:.2} s on the model's own"),
+    );
+    let tests: Vec<f64> = v.sections.iter().filter_map(|s| s.test.map(|t| t.p_value)).collect();
+    if let Some(least) = tests.iter().copied().reduce(f64::min) {
+        let p = (least * tests.len() as f64).min(1.0);
+        check(
+            "poincare-section",
+            p >= SECTIONS_DIFFER,
+            format!(
+                "sections as different as these by chance with probability {p:.3} (least of {} phases)",
+                tests.len()
+            ),
+        );
+    }
+    let pair = |p: &Pair, unit: &str| {
+        format!(
+            "{:.3} ± {:.3}{unit} in the record, {:.3} ± {:.3}{unit} in the model's own: {:.1} standard errors",
+            p.measured,
+            1.96 * p.measured_std_error,
+            p.simulated,
+            1.96 * p.simulated_std_error,
+            p.deviation()
+        )
+    };
+    if let Some(p) = v.lyapunov.and_then(|l| l.records) {
+        check("lyapunov-exponent", p.deviation() <= STANDARD_ERRORS, pair(&p, " /s"));
+    }
+    if let Some(p) = &v.correlation_dimension {
+        check("correlation-dimension", p.deviation() <= STANDARD_ERRORS, pair(p, ""));
+    }
+    if let Some((f, measured)) = v.natural_frequencies.as_ref().and_then(|f| Some((f, f.measured_hz?))) {
+        let agrees = f.model_hz.iter().zip(measured).all(|(a, b)| (a / b - 1.0).abs() <= natural_frequencies::AGREES);
+        let [a, b] = f.model_hz;
+        check(
+            "natural-frequencies",
+            agrees,
+            format!(
+                "{a:.3} and {b:.3} Hz in the model, {:.3} and {:.3} Hz in the free vibration",
+                measured[0], measured[1]
+            ),
+        );
+    }
+    out
+}

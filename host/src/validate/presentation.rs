@@ -1,0 +1,79 @@
+//! A validation in a few lines for a terminal.
+
+use std::fmt::Write;
+
+use super::{Validation, Verdict};
+use crate::report::format::{fixed, plus_minus, significant};
+
+/// The answer for people.
+pub fn human(v: &Validation) -> String {
+    let mut out = String::new();
+    let mut line = |text: String| {
+        let _ = writeln!(out, "{text}");
+    };
+    line(format!(
+        "{} (identified by {}): validation {}",
+        v.model,
+        crate::identify::presentation::method_name(&v.method),
+        if v.verdict == Verdict::Passed { "passed" } else { "FAILED" }
+    ));
+    let h = &v.horizon;
+    let times = h.median_lyapunov_times.map_or_else(String::new, |[m, s]| {
+        format!(" = {} and {} Lyapunov times", significant(m, 2), significant(s, 2))
+    });
+    line(format!(
+        "  prediction within {}°: median {} s on the record, {} s on the model's own{times} ({} starts, fitted over {} s)",
+        significant(h.tolerance_deg, 3),
+        significant(h.measured.median(), 3),
+        significant(h.simulated.median(), 3),
+        h.measured.seconds.len(),
+        significant(h.fit_s, 3)
+    ));
+    for s in &v.sections {
+        if let Some(t) = &s.test {
+            line(format!(
+                "  section at τ = {}: energy distance {}, p = {}",
+                fixed(s.tau, 3),
+                significant(t.distance, 2),
+                significant(t.p_value, 2)
+            ));
+        }
+    }
+    if let Some(l) = &v.lyapunov {
+        let records = l.records.map_or_else(String::new, |p| {
+            format!(
+                "; estimated {} in the record, {} in the model's own",
+                plus_minus(p.measured, 1.96 * p.measured_std_error),
+                plus_minus(p.simulated, 1.96 * p.simulated_std_error)
+            )
+        });
+        line(format!("  largest exponent {} /s by the model{records}", plus_minus(l.model, 1.96 * l.model_std_error)));
+    }
+    if let Some(p) = &v.correlation_dimension {
+        line(format!(
+            "  correlation dimension {} in the record, {} in the model's own",
+            plus_minus(p.measured, 1.96 * p.measured_std_error),
+            plus_minus(p.simulated, 1.96 * p.simulated_std_error)
+        ));
+    }
+    if let Some(o) = &v.orbits {
+        line(format!(
+            "  periodic orbits: {} in the record, {} in the model's own; of the record's best {}, {} are orbits of the model",
+            o.measured.iter().sum::<usize>(),
+            o.simulated.iter().sum::<usize>(),
+            o.refined.len(),
+            o.refined.iter().filter(|r| r.refined.is_some()).count()
+        ));
+    }
+    if let Some(f) = &v.natural_frequencies {
+        let measured = f.measured_hz.map_or_else(String::new, |m| {
+            format!("; {} and {} Hz in the free vibration", significant(m[0], 4), significant(m[1], 4))
+        });
+        let [a, b] = f.model_hz;
+        line(format!("  natural frequencies {} and {} Hz{measured}", significant(a, 4), significant(b, 4)));
+    }
+    for c in v.checks.iter().filter(|c| !c.passed) {
+        line(format!("  failed: {}: {}", c.name, c.message));
+    }
+    out
+}
