@@ -31,6 +31,7 @@ pub mod plant_chain;
 pub mod plant_mass_pendulum;
 pub mod plant_oscillator;
 pub mod plant_single_pendulum;
+pub mod plant_small_term;
 pub mod plant_two_mass;
 pub mod shaker;
 pub mod simulate;

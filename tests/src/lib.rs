@@ -5,10 +5,12 @@
 //! |---|---|
 //! | [`accuracy`] | simulated records of the chaotic rig, identified, beside the truth |
 //! | [`battery`] | records in which an effect is hidden, explained |
+//! | [`coverage`] | how often intervals hold the truth, over seeded records |
 //! | [`faulty`] | a capture through every kind of link fault, held against the link's own account |
 
 pub mod accuracy;
 pub mod battery;
+pub mod coverage;
 pub mod faulty;
 
 use std::path::PathBuf;

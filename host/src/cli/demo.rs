@@ -12,8 +12,10 @@ use super::output::Output;
 use crate::capture::CaptureSettings;
 use crate::error::{BadInput, Result};
 use crate::explain::{Settings as ExplainSettings, explain};
+use crate::identify::model_file::identified_model;
 use crate::identify::{Settings, identify, presentation};
 use crate::inspect::{InspectSettings, inspect};
+use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::record::formats::ReadOptions;
 use crate::reduce::{ReduceSettings, reduce};
@@ -21,6 +23,7 @@ use crate::report::sections::truth::Truth;
 use crate::report::{Report, Results};
 use crate::rig::Rig;
 use crate::rig::plant::Plant;
+use crate::validate::{Beside, Settings as ValidateSettings, validate};
 
 /// The simulated rig.
 const RIG: &str = include_str!("../../../rigs/chaotic.toml");
@@ -65,10 +68,24 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let records = [record];
     let identified = identify(&records, &rig, &Settings::default())?;
     out.say(&format!("\nidentify\n{}", super::identify::human(&identified)));
+    let check = |model: &IdentifiedModel| {
+        let beside = Beside { inspection: Some(&inspection), ..Beside::default() };
+        validate(&records, &rig, model, beside, &ValidateSettings::default())
+    };
+    let validated = check(&identified_model(&identified, &rig)?)?;
+    out.say(&format!("\nvalidate\n{}", crate::validate::presentation::human(&validated)));
     let reduced = reduce(&records, &rig, &ReduceSettings::default())?;
     out.say(&format!("\nreduce\n{}", super::reduce::human(&reduced)));
     let explained = explain(&records, &rig, &ExplainSettings::default())?;
     out.say(&format!("\nexplain\n{}", crate::explain::presentation::human(&explained)));
+    let explained_model = explained.model.as_ref().filter(|m| !m.effects.is_empty());
+    let again = explained_model.map(check).transpose()?;
+    if let Some(again) = &again {
+        out.say(&format!(
+            "\nvalidate the model with what was missing\n{}",
+            crate::validate::presentation::human(again)
+        ));
+    }
 
     // Every answer is there: now the truth may be read, for the last table.
     let plant = Plant::of(&rig)?;
@@ -77,10 +94,14 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     results
         .add(presentation::table(&identified, "", &|_| None))
         .add(presentation::residuals(&identified))
+        .add(validated.clone())
         .add(explained.clone())
         .add(inspection.clone())
         .add(reduced.clone())
         .add(Truth { table: presentation::table(&identified, "", &truth), hidden: hidden.to_vec() });
+    if let Some(again) = &again {
+        results.add(again.clone());
+    }
     let report = folder.join("report.html");
     let mut page = Report::of(
         "whirl demo",
@@ -95,7 +116,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         .fact("Firmware", &captured.firmware);
     page.write(&report)?;
     out.write_json(&serde_json::json!({
-        "capture": captured, "inspect": inspection, "identify": identified, "reduce": reduced, "explain": explained
+        "capture": captured, "inspect": inspection, "identify": identified, "validate": validated, "reduce": reduced,
+        "explain": explained, "validate_explained": again
     }))?;
     out.say(&format!("\nreport: {}\n", report.display()));
     Ok(Answer::Positive)

@@ -8,6 +8,7 @@ mod demo;
 mod explain;
 mod flash;
 mod identify;
+mod identify_balance;
 mod inspect;
 mod list;
 pub mod output;

@@ -12,7 +12,7 @@ use crate::record::Record;
 use crate::record::formats::ReadOptions;
 use crate::report::{Report, Results};
 use crate::rig::Rig;
-use crate::validate::{Settings, Verdict, presentation, validate};
+use crate::validate::{Beside, Settings, Verdict, presentation, validate};
 
 /// Arguments of `validate`.
 #[derive(Debug, Args)]
@@ -65,10 +65,11 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         bifurcation: arguments.bifurcation.clone(),
     };
     let bar = super::progress::bar("validating", 1);
-    let result = validate(&records, &rig, &model, free.as_ref(), &settings).map_err(|e| {
-        // What is wrong in the model has no file yet; records and rig name theirs.
-        if e.place.as_deref().is_some_and(|p| p.starts_with("--")) { e } else { e.in_file(&arguments.model) }
-    })?;
+    let result = validate(&records, &rig, &model, Beside { free: free.as_ref(), inspection: None }, &settings)
+        .map_err(|e| {
+            // What is wrong in the model has no file yet; records and rig name theirs.
+            if e.place.as_deref().is_some_and(|p| p.starts_with("--")) { e } else { e.in_file(&arguments.model) }
+        })?;
     bar.finish_and_clear();
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;

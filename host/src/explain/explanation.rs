@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::attractor::Attractor;
 use super::comparison::Measured;
 use super::residual_map;
 use super::unknown::Unknown;
@@ -79,6 +80,8 @@ pub struct Gap {
     pub steps: Vec<Step>,
     /// The same at longer horizons: horizon in s, gap before, gap after.
     pub horizons: Vec<(f64, f64, f64)>,
+    /// Prediction horizon and Poincaré section before and, where effects were added, after.
+    pub attractor: Vec<Attractor>,
     /// Predictions of the record's last 30 % by models fitted to the first 70 %.
     pub forecasts: Vec<Forecast>,
 }
@@ -192,6 +195,7 @@ impl Explanation {
             horizon_s,
             steps: Vec::new(),
             horizons: Vec::new(),
+            attractor: Vec::new(),
             forecasts: Vec::new(),
         };
         Self {

@@ -3,8 +3,13 @@
 //! The default method is the weak form (method: [`windows`], least squares and covariance: [`regression`]), from the
 //! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
 
+pub mod chain_bias;
+pub mod energy_balance;
+pub mod from_rows;
 pub mod general;
+pub mod harmonic_balance;
 pub mod identifiability;
+pub mod instruments;
 pub mod model_file;
 pub mod noise_bias;
 pub mod physical_parameters;
@@ -40,6 +45,8 @@ pub const METHODS: &[(&str, &str)] = &[
         "shooting",
         "multiple-shooting maximum likelihood from the weak form's start: pieces of 1T, 2T, 4T, quantisation as noise",
     ),
+    ("frequency", "harmonic balance of long pieces of nT, closed or not (chapter 4)"),
+    ("upo", "harmonic balance of extracted unstable periodic orbits (chapters 2 and 3)"),
 ];
 
 /// Choices of the weak form. `None`: chosen from the record, as each says.
@@ -68,7 +75,7 @@ pub struct Parameter {
 }
 
 /// What was used of the record.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RecordUse {
     /// Samples.
     pub samples: usize,
@@ -79,7 +86,7 @@ pub struct RecordUse {
 }
 
 /// How the numbers came about.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Details {
     /// Length of a window, s.
     pub window_s: f64,
@@ -108,6 +115,9 @@ pub struct Details {
     /// Share of the right-hand side that the model leaves, over all samples, of each equation of a model file.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub balance_error: Vec<f64>,
+    /// Instruments, where the noise called for them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub instruments: Option<instruments::Instruments>,
 }
 
 /// Residuals of one equation, for figure 3.14: at most 2000 dots.
@@ -122,7 +132,7 @@ pub struct Residuals {
 }
 
 /// Result of an identification.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Identification {
     /// Model.
     pub model: String,
@@ -153,6 +163,9 @@ pub struct Identification {
     pub warnings: Vec<Warning>,
     /// Residuals, equation by equation.
     pub residuals: Vec<Residuals>,
+    /// What a harmonic balance tells beside the parameters.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub balance: Option<harmonic_balance::account::Account>,
 }
 
 /// The bound on ε beyond which an identification is called unsatisfactory (section 3: 10 %).
@@ -306,7 +319,21 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             None => error,
         }
     })?;
-    let bias = noise_bias::estimate(&segments, &model, &kernels, &windows, &solution.weights, sigma);
+    let found = DVector::from_iterator(terms.iter().sum(), solution.coefficients.iter().flatten().copied());
+    let fitted = solution.coefficients.clone();
+    let heavy = instruments::wanted(&model, sigma[0])
+        .then(|| instruments::solve(&segments, &model, &kernels, &windows, sigma[0]))
+        .flatten();
+    let bias = if let Some(heavy) = &heavy {
+        solution.coefficients = heavy.coefficients.clone();
+        solution.covariance = heavy.covariance.clone();
+        None
+    } else {
+        let chain = system.dynamics(rig).and_then(|dynamics| {
+            chain_bias::estimate(&dynamics, &found, &segments, &model, &kernels, &windows, &solution.weights, sigma)
+        });
+        chain.or_else(|| noise_bias::estimate(&segments, &model, &kernels, &windows, &solution.weights, sigma))
+    };
     if let Some(bias) = &bias {
         let mut rest = bias.value.iter();
         solution.coefficients.iter_mut().flat_map(DVector::iter_mut).zip(&mut rest).for_each(|(c, d)| *c -= d);
@@ -337,7 +364,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
     let mut parameters = ordered_parameters(&names, &units, &values, covariance);
     let mut ties_misfit = None;
     if let Some(fit) = system.physical(&names, &values, covariance, &solution.metric, rig) {
-        ties_misfit = Some((fit.misfit, fit.freedom));
+        ties_misfit = (fit.freedom > 0).then_some((fit.misfit, fit.freedom));
         parameters.extend(fit.parameters.iter().map(|p| Parameter {
             name: p.name.to_owned(),
             value: p.value,
@@ -352,16 +379,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             ));
         }
     }
-    let correlation = (0..names.len())
-        .map(|i| {
-            (0..names.len())
-                .map(|j| {
-                    let d = (covariance[(i, i)] * covariance[(j, j)]).sqrt();
-                    if d > 0.0 { covariance[(i, j)] / d } else { f64::from(u8::from(i == j)) }
-                })
-                .collect()
-        })
-        .collect();
+    let correlation = correlation_of(covariance);
     let length_s = windows.length_s;
     Ok(Identification {
         model: model.name.clone(),
@@ -392,6 +410,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             jackknife_blocks: solution.blocks,
             ties_misfit,
             balance_error: Vec::new(),
+            instruments: heavy.map(|h| h.done),
         },
         shooting: None,
         warnings,
@@ -399,10 +418,26 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             .map(|e| Residuals {
                 frequency_step_hz: 1.0 / length_s,
                 rms: solution.residual_rms[e].clone(),
-                dots: regression::residual_dots(&rows, e, &solution.coefficients[e], 2000),
+                dots: regression::residual_dots(&rows, e, &fitted[e], 2000),
             })
             .collect(),
+        balance: None,
     })
+}
+
+/// Correlation matrix of a covariance.
+fn correlation_of(covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    let n = covariance.nrows();
+    (0..n)
+        .map(|i| {
+            (0..n)
+                .map(|j| {
+                    let d = (covariance[(i, i)] * covariance[(j, j)]).sqrt();
+                    if d > 0.0 { covariance[(i, j)] / d } else { f64::from(u8::from(i == j)) }
+                })
+                .collect()
+        })
+        .collect()
 }
 
 /// Windows and low-pass from settings, rig and the record's spectrum.

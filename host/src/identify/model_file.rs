@@ -2,7 +2,7 @@
 
 use core::f64::consts::TAU;
 
-use super::{Identification, dampings};
+use super::{Identification, Parameter};
 use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::{DAMPINGS, Damping};
 use crate::model::double_pendulum_dynamics::DoublePendulum;
@@ -15,9 +15,17 @@ use crate::rig::Rig;
 /// # Errors
 /// A nominal damping that there is not.
 pub fn identified_model(result: &Identification, rig: &Rig) -> Result<IdentifiedModel> {
-    let coefficients = result.correlation_names.iter().filter_map(|n| result.parameter(n)).cloned();
+    let found = result.correlation_names.iter().filter_map(|n| result.parameter(n)).cloned();
+    // What a harmonic balance took as known belongs to the model all the same.
+    let known = result.balance.iter().flat_map(|b| &b.settings.known).map(|(name, value)| Parameter {
+        name: name.clone(),
+        value: *value,
+        std_error: 0.0,
+        unit: "1".to_owned(),
+    });
+    let coefficients = found.chain(known);
     let (system, nominal) = match &rig.bound {
-        None => (System::BuiltIn(result.model.clone()), dampings(rig)?.iter().map(|d| d.id.to_owned()).collect()),
+        None => (System::BuiltIn(result.model.clone()), super::system::System::of(rig)?.nominal()),
         Some(bound) => (System::Own(own_keys(&bound.model)?), Vec::new()),
     };
     Ok(IdentifiedModel {
@@ -84,7 +92,6 @@ pub fn double_pendulum(model: &IdentifiedModel) -> Result<(DoublePendulum, Vec<f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::identify::Parameter;
 
     #[test]
     fn parameters_are_found_by_name_and_the_wrong_ones_are_named() {

@@ -10,27 +10,48 @@ pub fn method_name(method: &str) -> &str {
     match method {
         "weak" => "the weak form",
         "shooting" => "multiple shooting",
+        "explain" => "`whirl explain`",
+        "frequency" => "harmonic balance of long pieces",
+        "upo" => "harmonic balance of extracted orbits",
         other => other,
     }
+}
+
+/// What heavy noise led to, in words.
+pub fn instruments(i: &super::instruments::Instruments) -> String {
+    format!(
+        "The noise ({:.3} rad) is heavy: even samples serve as instruments for odd ones and the other way round, in {} windows, and the {:.2} % that noise \
+         takes from cos θ and sin θ are given back.",
+        i.noise_rad,
+        i.windows,
+        100.0 * (1.0 - i.attenuation)
+    )
 }
 
 /// The parameter table; `truth` gives a parameter's true value where a simulation knows it.
 pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Option<f64>) -> ParameterTable {
     let d = &result.details;
-    let mut notes = vec![format!(
-        "Weak form over {} windows of {:.3} s with test frequencies up to {:.2} Hz; angles smoothed up to {:.1} Hz (signs of velocities: \
+    let errors_from = if d.jackknife_blocks > 0 {
+        format!("jackknife over {} blocks", d.jackknife_blocks)
+    } else {
+        "independent rows assumed, since there are too few windows or orbits for a jackknife".to_owned()
+    };
+    let mut notes = vec![match &result.balance {
+        Some(account) => format!(
+            "Harmonic balance of {} orbits or pieces, sub-harmonics up to {:.2} Hz, {}. {} of {} rows used. Standard errors: {errors_from}; ± is \
+             1.96 of them. They do not show the jump where an orbit fails to close, which is alike in all orbits.",
+            account.orbits.len(),
+            d.max_frequency_hz,
+            account.cut_off_hz.map_or("no low-pass".to_owned(), |f| format!("factors low-passed at {f:.0} Hz")),
+            result.equations_used,
+            result.equations_used + result.equations_dropped
+        ),
+        None => format!(
+            "Weak form over {} windows of {:.3} s with test frequencies up to {:.2} Hz; angles smoothed up to {:.1} Hz (signs of velocities: \
          {:.1} Hz). Standard errors: {}; ± is 1.96 of them.",
-        d.windows,
-        d.window_s,
-        d.max_frequency_hz,
-        d.pass_hz,
-        d.sign_pass_hz,
-        if d.jackknife_blocks > 0 {
-            format!("jackknife over {} blocks of consecutive windows", d.jackknife_blocks)
-        } else {
-            "independent rows assumed, since there are too few windows for a jackknife".to_owned()
-        }
-    )];
+            d.windows, d.window_s, d.max_frequency_hz, d.pass_hz, d.sign_pass_hz, errors_from
+        ),
+    }];
     if let Some(s) = &result.shooting {
         let list = |x: &[f64]| x.iter().map(|v| significant(*v, 3)).collect::<Vec<_>>().join(", ");
         notes[0] = format!(
@@ -55,6 +76,9 @@ pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Opt
         errors.join(", "),
         100.0 * ERROR_BOUND
     ));
+    if let Some(i) = &d.instruments {
+        notes.push(instruments(i));
+    }
     if let Some((misfit, freedom)) = d.ties_misfit {
         notes.push(format!(
             "Physical parameters obey the ties B11/B21 = J_o2/J_o1 = C12/C2 and B12/B15 = B22/B25; the coefficients depart from them by {misfit:.1} \

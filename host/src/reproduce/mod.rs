@@ -1,7 +1,15 @@
 //! The seed's tables and figures: printed, reproduced, true, side by side. One file a chapter, one line an item in [`ITEMS`].
 
+pub mod accuracy;
+pub mod chapter2;
+pub mod chapter3;
+pub mod chapter3_figures;
+pub mod chapter4;
 pub mod chapter5;
 pub mod chapter5_figures;
+mod data;
+mod drawing;
+pub mod small_terms;
 
 use serde::Serialize;
 
@@ -22,7 +30,16 @@ pub struct Item {
 }
 
 /// Every item, in the seed's order.
-pub static ITEMS: &[&[Item]] = &[chapter5::ITEMS, chapter5_figures::ITEMS];
+pub static ITEMS: &[&[Item]] = &[
+    chapter2::ITEMS,
+    chapter3::ITEMS,
+    chapter3_figures::ITEMS,
+    chapter4::ITEMS,
+    chapter5::ITEMS,
+    chapter5_figures::ITEMS,
+    small_terms::ITEMS,
+    accuracy::ITEMS,
+];
 
 /// All items.
 pub fn items() -> impl Iterator<Item = &'static Item> {
@@ -98,12 +115,17 @@ fn cell(x: Option<f64>) -> String {
 }
 
 impl Reproduction {
+    /// What the column of this product's own method is called.
+    fn own_method(&self) -> &'static str {
+        if self.id.ends_with(|c: char| c.is_ascii_digit()) && self.id.contains("-5.") { "polar" } else { "weak form" }
+    }
+
     /// For a terminal.
     pub fn text(&self) -> String {
         let mut out = format!("{}  {}\n", self.id, self.title);
         let ours = self.rows.iter().any(|r| r.ours.is_some());
         out.push_str(&format!("  {:<44} {:>12} {:>12} {:>12}", "", "printed", "reproduced", "true"));
-        out.push_str(if ours { "        polar\n" } else { "\n" });
+        out.push_str(&if ours { format!(" {:>12}\n", self.own_method()) } else { "\n".to_owned() });
         for r in &self.rows {
             let name = if r.unit.is_empty() { r.quantity.clone() } else { format!("{} / {}", r.quantity, r.unit) };
             out.push_str(&format!(
@@ -129,7 +151,7 @@ impl Reproduction {
             head.push((Html::text(name), Align::Right));
         }
         if ours {
-            head.push((Html::text("polar"), Align::Right));
+            head.push((Html::text(self.own_method()), Align::Right));
         }
         let rows: Vec<Vec<Html>> = self
             .rows

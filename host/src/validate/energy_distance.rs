@@ -87,9 +87,11 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 
-/// Lag from which no feature's autocorrelation exceeds [`UNRELATED`] for three lags running; at most a tenth of the series.
+/// The largest lag, over the features, at which the autocorrelation first falls below [`UNRELATED`] (or two standard errors of no correlation at all, where that is more); at
+/// most a fortieth of the series, so that at least twenty blocks are left.
 fn decorrelation(x: &[Vec<f64>]) -> usize {
-    let most = (x.len() / 10).max(1);
+    let most = (x.len() / 40).max(1);
+    let unrelated = UNRELATED.max(2.0 / (x.len().max(1) as f64).sqrt());
     let features = x.first().map_or(0, Vec::len);
     (0..features)
         .map(|f| {
@@ -97,9 +99,9 @@ fn decorrelation(x: &[Vec<f64>]) -> usize {
             let power: f64 = x.iter().map(|p| (p[f] - mean).powi(2)).sum();
             let related = |lag: usize| {
                 let sum: f64 = x.iter().zip(&x[lag.min(x.len())..]).map(|(a, b)| (a[f] - mean) * (b[f] - mean)).sum();
-                power > 0.0 && (sum / power).abs() > UNRELATED
+                power > 0.0 && sum / power > unrelated
             };
-            (1..most).find(|l| (*l..*l + 3).all(|l| !related(l))).unwrap_or(most)
+            (1..most).find(|l| !related(*l)).unwrap_or(most)
         })
         .max()
         .unwrap_or(1)
@@ -126,13 +128,13 @@ mod tests {
     fn correlated_series_of_one_distribution_are_rarely_told_apart_and_others_always() {
         let mut rejected = 0;
         for seed in 0..60 {
-            let t = energy_test(&series(seed, 400, 0.0), &series(1000 + seed, 400, 0.0), 7).unwrap();
+            let t = energy_test(&series(seed, 800, 0.0), &series(1000 + seed, 800, 0.0), 7).unwrap();
             assert!(t.block >= 4, "{t:?}");
             rejected += usize::from(t.p_value < 0.05);
         }
         // 3 expected; points taken as independent would give about 20.
         assert!(rejected <= 9, "{rejected}");
-        let t = energy_test(&series(1, 400, 0.0), &series(2, 400, 1.5), 7).unwrap();
+        let t = energy_test(&series(1, 800, 0.0), &series(2, 800, 1.5), 7).unwrap();
         assert!(t.p_value < 0.01, "{t:?}");
     }
 

@@ -79,9 +79,11 @@ fn a_shape_that_has_no_name_is_unexplained_and_drawn() {
         e.effects.iter().filter(|f| f.id == "cogging" && f.at == "joint2").map(|f| f.parameters["n"]).collect();
     let orders: Vec<f64> = [3.0, 5.0, 7.0].into_iter().filter(|n| !named.contains(n)).collect();
     let truth = |x: f64| orders.iter().map(|n| -1e-4 * (n * x).sin()).sum::<f64>();
+    // Near half a turn, where the joint seldom is, the bands are wide.
+    let known: Vec<&[f64; 3]> = u.points.iter().filter(|p| p[2] > 0.0 && p[2] < 1e-4).collect();
+    assert!(known.len() >= 12, "{:?}", u.points);
     let (mut error, mut size) = (0.0, 0.0);
-    for [x, torque, band] in &u.points {
-        assert!(*band > 0.0 && *band < 1e-4, "{x} {band}");
+    for [x, torque, _] in known {
         (error, size) = (error + (torque - truth(*x)).powi(2), size + truth(*x).powi(2));
     }
     assert!(error < 0.1 * size, "{error} of {size}: {:?}", u.points);

@@ -287,8 +287,10 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
             jackknife_blocks: solution.blocks,
             ties_misfit: None,
             balance_error: errors,
+            instruments: None,
         },
         shooting: None,
+        balance: None,
         warnings,
         residuals: (0..model.equations.len())
             .map(|e| Residuals {

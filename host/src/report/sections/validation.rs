@@ -1,5 +1,6 @@
 //! Whether the identified model moves as the measured system does: checks, horizons, sections, invariants, orbits, frequencies.
 
+use crate::identify::presentation::method_name;
 use crate::phase_space::poincare_section::Section;
 use crate::report::figures::axis::Axis;
 use crate::report::figures::panel::{Panel, Series, Shape};
@@ -16,7 +17,11 @@ pub const SECTION: SectionKind =
 
 fn render(results: &Results) -> Option<Html> {
     let mut body = Html::new();
+    let several = results.all::<Validation>().count() > 1;
     for v in results.all::<Validation>() {
+        if several {
+            body.heading(&format!("The model by {}", method_name(&v.method)));
+        }
         one(&mut body, v);
     }
     (body != Html::new()).then_some(body)

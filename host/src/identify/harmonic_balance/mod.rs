@@ -1,0 +1,307 @@
+//! The seed's own method: every term is expanded in the sub-harmonics of an orbit, and equal sub-harmonics are equated
+//! (2.15), (3.17) to (3.20), stacked over orbits, and solved by least squares.
+//!
+//! *Orbits* are extracted unstable periodic orbits (`--method upo`) or long pieces of nT (`--method frequency`). The choices of sections
+//! 3 and 4 are [`settings::Settings`]. What the seed's method cannot do is left in it: the jump where an orbit does not close is an
+//! error that no standard error shows, since it is alike in all orbits. The weak form has no jump.
+//!
+//! *Standard errors* are those of the delete-one-orbit jackknife (blocks of pieces where there are more than a hundred), the second step of
+//! the energy balance included, rows dropped by the optimisation staying dropped. With fewer than four orbits: the sandwich over rows.
+//!
+//! | file | concern |
+//! |---|---|
+//! | `settings` | choices |
+//! | `orbits` | orbits and pieces from a record |
+//! | `orbit`, `fourier` | one orbit: its series and derivatives |
+//! | `equations` | the systems as sums of products of factors |
+//! | `rows` | sub-harmonics of an orbit, chosen and equated |
+//! | `solve` | least squares, optimisation, judgement on orbits left out |
+//! | `account` | what is told beside the parameters |
+
+pub mod account;
+pub mod equations;
+pub mod fourier;
+pub mod orbit;
+pub mod orbits;
+pub mod rows;
+pub mod settings;
+pub mod solve;
+
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
+use super::energy_balance;
+use super::system::System;
+use crate::error::{BadInput, Result};
+use crate::record::Record;
+use crate::rig::Rig;
+use crate::warning::Warning;
+use account::{Account, EquationAccount};
+use equations::Equations;
+use orbit::Orbit;
+use rows::{Expanded, Rows};
+use settings::{EnergyBalance, Orbits, Settings};
+use solve::Fit;
+
+pub use account::identification;
+
+/// Most blocks of the jackknife.
+const MOST_BLOCKS: usize = 100;
+/// Fewest orbits for a jackknife.
+const FEWEST_ORBITS: usize = 4;
+
+/// Coefficients with covariance, before they are put into words.
+#[derive(Clone, Debug)]
+pub struct Balance {
+    /// Names of the unknowns, equation by equation.
+    pub names: Vec<String>,
+    /// Units.
+    pub units: Vec<&'static str>,
+    /// Values.
+    pub values: DVector<f64>,
+    /// Covariance.
+    pub covariance: DMatrix<f64>,
+    /// Covariance that independent residuals would give.
+    pub metric: DMatrix<f64>,
+    /// Dampings as the harmonic balance had them, where the energy balance replaced them.
+    pub before_energy_balance: Vec<(String, f64)>,
+    /// Whether an energy balance was asked for and could not be done.
+    pub energy_balance_failed: bool,
+    /// Fits, equation by equation.
+    pub fits: Vec<Fit>,
+    /// Their rows (known coefficients moved to the target).
+    pub rows: Vec<Rows>,
+    /// Blocks of the jackknife; 0 where rows were taken as independent.
+    pub blocks: usize,
+}
+
+/// The equations of a system.
+pub fn equations(system: &System, settings: &Settings) -> Equations {
+    match system {
+        System::Single(dampings) => equations::single_pendulum(dampings, settings.basis),
+        System::Double(dampings) => equations::double_pendulum(dampings),
+    }
+}
+
+/// Moves known columns of an orbit's rows to the target.
+fn move_known(rows: &Rows, known: &[Option<f64>]) -> Rows {
+    let p = rows.columns;
+    let mut out =
+        Rows { ids: rows.ids.clone(), values: Vec::new(), columns: known.iter().filter(|k| k.is_none()).count() };
+    for r in 0..rows.len() {
+        let row = rows.row(r);
+        out.values.extend((0..p).filter(|j| known[*j].is_none()).map(|j| row[j]));
+        out.values.push(row[p] - (0..p).filter_map(|j| Some(known[j]? * row[j])).sum::<f64>());
+    }
+    out
+}
+
+/// Why a balance could not be done.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Unsolvable {
+    /// Nothing determines this coefficient.
+    Coefficient(String),
+    /// A value is not finite.
+    NotFinite,
+}
+
+/// Expands orbits and solves; the heart of the method, without files.
+///
+/// # Errors
+/// A coefficient that nothing determines, values that are not finite.
+pub fn balance(
+    orbits: &[Orbit],
+    equations: &Equations,
+    settings: &Settings,
+) -> core::result::Result<Balance, Unsolvable> {
+    let expanded: Vec<Expanded> =
+        orbits.par_iter().enumerate().map(|(i, o)| rows::expand(i, o, equations, settings)).collect();
+    let known: Vec<Vec<Option<f64>>> = equations
+        .terms
+        .iter()
+        .map(|terms| terms.iter().map(|t| settings.known.get(&t.name).copied()).collect())
+        .collect();
+    let mut all = Vec::new();
+    for e in 0..equations.terms.len() {
+        let mut rows = Rows::default();
+        expanded.iter().for_each(|x| rows.append(move_known(&x.rows[e], &known[e])));
+        if rows.values.iter().any(|x| !x.is_finite()) {
+            return Err(Unsolvable::NotFinite);
+        }
+        all.push(rows);
+    }
+    // Place of each unknown: equation and term.
+    let places: Vec<(usize, usize)> = known
+        .iter()
+        .enumerate()
+        .flat_map(|(e, k)| k.iter().enumerate().filter(|(_, k)| k.is_none()).map(move |(j, _)| (e, j)))
+        .collect();
+    let offset = |e: usize| places.iter().filter(|p| p.0 < e).count();
+    let term = |p: &(usize, usize)| &equations.terms[p.0][p.1];
+    let fits: Vec<Fit> = all
+        .iter()
+        .enumerate()
+        .map(|(e, rows)| {
+            solve::fit(rows, settings.optimisation.as_ref(), &|_| true)
+                .map_err(|c| Unsolvable::Coefficient(term(&places[offset(e) + c]).name.clone()))
+        })
+        .collect::<core::result::Result<_, _>>()?;
+    let groups = orbits.len().min(MOST_BLOCKS);
+    let group = |orbit: usize| orbit * groups / orbits.len().max(1);
+    // Full coefficient vectors from the fitted ones, dampings by the energy balance over the orbits that are left.
+    let complete = |fitted: &[DVector<f64>], left_out: Option<usize>| -> Option<DVector<f64>> {
+        let full: Vec<Vec<f64>> = known
+            .iter()
+            .zip(fitted)
+            .map(|(known, fitted)| {
+                let mut free = fitted.iter();
+                known.iter().map(|k| k.unwrap_or_else(|| free.next().copied().unwrap_or(0.0))).collect()
+            })
+            .collect();
+        let used: Vec<&Expanded> =
+            expanded.iter().enumerate().filter(|(i, _)| Some(group(*i)) != left_out).map(|(_, x)| x).collect();
+        let is_known = |name: &str| settings.known.contains_key(name);
+        let full = energy_balance::dampings(equations, &used, &full, &is_known, settings.energy_balance)?;
+        Some(DVector::from_iterator(places.len(), places.iter().map(|(e, j)| full[*e][*j])))
+    };
+    let plain: Vec<DVector<f64>> = fits.iter().map(|f| f.coefficients.clone()).collect();
+    let stacked = DVector::from_iterator(places.len(), plain.iter().flat_map(|c| c.iter().copied()));
+    let balanced = complete(&plain, None);
+    let energy_balance_failed = balanced.is_none();
+    let values = balanced.unwrap_or_else(|| stacked.clone());
+    let before_energy_balance = if settings.energy_balance == EnergyBalance::None || energy_balance_failed {
+        Vec::new()
+    } else {
+        let damping = |i: &usize| term(&places[*i]).role == equations::Role::Damping;
+        (0..places.len()).filter(damping).map(|i| (term(&places[i]).name.clone(), stacked[i])).collect()
+    };
+    // Rows as if independent: the sandwich N⁻¹ (Σ e² a aᵀ) N⁻¹ n/(n − p), and σ² N⁻¹ as metric.
+    let size = places.len();
+    let (mut sandwich, mut metric) = (DMatrix::zeros(size, size), DMatrix::zeros(size, size));
+    for (e, (rows, fit)) in all.iter().zip(&fits).enumerate() {
+        let p = rows.columns;
+        let mut meat = DMatrix::zeros(p, p);
+        let (mut square, mut used) = (0.0, 0.0);
+        for r in (0..rows.len()).filter(|r| fit.kept[*r]) {
+            let row = rows.row(r);
+            let residual = solve::residual(row, &fit.coefficients).1;
+            let a = DVector::from_row_slice(&row[..p]);
+            meat += &a * a.transpose() * (residual * residual);
+            square += residual * residual;
+            used += 1.0;
+        }
+        let freedom = f64::max(used - p as f64, 1.0);
+        let at = (offset(e), offset(e));
+        sandwich.view_mut(at, (p, p)).copy_from(&(&fit.inverse * meat * &fit.inverse * (used / freedom)));
+        // A fit without any residual still needs a metric that can be inverted.
+        let variance = f64::max(square / freedom, f64::MIN_POSITIVE.sqrt());
+        metric.view_mut(at, (p, p)).copy_from(&(&fit.inverse * variance));
+    }
+    let (mut covariance, mut blocks) = (sandwich, 0);
+    if orbits.len() >= FEWEST_ORBITS && !energy_balance_failed {
+        let changes: Option<Vec<DVector<f64>>> = (0..groups)
+            .into_par_iter()
+            .map(|g| {
+                let fitted: Option<Vec<DVector<f64>>> =
+                    all.iter().zip(&fits).map(|(rows, fit)| solve::without(rows, &fit.kept, &group, g)).collect();
+                complete(&fitted?, Some(g)).map(|x| x - &values)
+            })
+            .collect();
+        // An orbit without which nothing can be solved says nothing about the spread: then rows stand for themselves.
+        if let Some(changes) = changes {
+            let freedom = (groups - 1) as f64;
+            let stretch = StudentsT::new(0.0, 1.0, freedom).map_or(1.0, |t| t.inverse_cdf(0.975) / 1.959_964);
+            covariance = changes.iter().fold(DMatrix::zeros(size, size), |sum, d| sum + d * d.transpose())
+                * (freedom / groups as f64 * stretch * stretch);
+            blocks = groups;
+        }
+    }
+    Ok(Balance {
+        names: places.iter().map(|p| term(p).name.clone()).collect(),
+        units: places.iter().map(|p| term(p).unit).collect(),
+        values,
+        covariance,
+        metric,
+        before_energy_balance,
+        energy_balance_failed,
+        fits,
+        rows: all,
+        blocks,
+    })
+}
+
+/// Identifies a built-in, driven system by harmonic balance.
+///
+/// # Errors
+/// A system without a drive, settings out of range, a record that holds no orbit or no piece, a coefficient that
+/// nothing determines.
+pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<super::Identification> {
+    settings.validate()?;
+    let system = System::of(rig)?;
+    let equations = equations(&system, settings);
+    let Some(drive) = rig.drive else {
+        return Err(BadInput::new("no [drive]", "a driven system: orbits repeat with the drive")
+            .in_file(&rig.path)
+            .at("drive")
+            .remedy("Use --method weak, which needs none"));
+    };
+    if let Some(name) = settings.known.keys().find(|k| !equations.terms.iter().flatten().any(|t| t.name == **k)) {
+        let names: Vec<&str> = equations.terms.iter().flatten().map(|t| t.name.as_str()).collect();
+        return Err(
+            BadInput::new(format!("\"{name}\""), format!("one of {}", names.join(", "))).at("--known-coefficient")
+        );
+    }
+    let mut warnings: Vec<Warning> = records.iter().flat_map(|r| r.warnings.clone()).collect();
+    let mut segments = Vec::new();
+    for record in records {
+        segments.extend(system.segments(record, rig)?);
+    }
+    super::keep_steady_drive(records, &mut segments, rig, &mut warnings)?;
+    let period = rig.sample_rate_hz / drive.frequency_hz;
+    let found = orbits::find(&segments, system.angles(), period, &settings.orbits);
+    let file = records.first().map(|r| r.path.clone()).unwrap_or_default();
+    if found.orbits.is_empty() {
+        let (expected, remedy) = match settings.orbits {
+            Orbits::Pieces { periods } => (
+                format!("at least {periods} drive periods unbroken"),
+                "Record longer, or choose shorter pieces with --piece-periods",
+            ),
+            Orbits::Unstable { tolerance, .. } => (
+                format!("an orbit that closes to {} %", 100.0 * tolerance),
+                "Raise --tolerance or --longest-period, record longer, or use --method frequency, which needs no orbit that closes",
+            ),
+        };
+        let longest = segments.iter().map(|s| s.len()).max().unwrap_or(0) as f64 / period;
+        return Err(BadInput::new(format!("no such orbit in {longest:.1} drive periods"), expected)
+            .in_file(file)
+            .remedy(remedy));
+    }
+    let solved = balance(&found.orbits, &equations, settings).map_err(|e| {
+        let error = match e {
+            Unsolvable::Coefficient(name) => BadInput::new(
+                format!("nothing in these orbits that determines {name}"),
+                "motion in which every term of the equations takes part",
+            )
+            .remedy("More orbits or longer pieces, more sub-harmonics, fewer unknowns (--known-coefficient, --basis)"),
+            Unsolvable::NotFinite => {
+                BadInput::new("a value too large to compute with", "angles in the unit that the rig file names")
+            }
+        };
+        error.in_file(&file)
+    })?;
+    let equation_accounts: Vec<EquationAccount> = solved
+        .rows
+        .iter()
+        .zip(&solved.fits)
+        .map(|(rows, fit)| EquationAccount {
+            trail: fit.trail.clone(),
+            held_out: settings.optimisation.and_then(|o| solve::held_out(rows, found.orbits.len(), &o)),
+        })
+        .collect();
+    let account = Account::new(settings, &found, rig, &equations, &solved, equation_accounts);
+    Ok(identification(&system, records, rig, settings, solved, account, warnings))
+}
+
+#[cfg(test)]
+mod tests;
