@@ -10,6 +10,9 @@ use crate::model::model_file::expression::{
 };
 use crate::model::model_file::{ModelFile, Space};
 
+/// A form of an effect: its shape parameter, and one expression for each strength.
+type Form = (Option<(&'static str, f64)>, Vec<Node>);
+
 /// One effect.
 pub struct Effect {
     /// Name before the `@`.
@@ -23,7 +26,7 @@ pub struct Effect {
     /// The simpler effect that it refines: while that one is supported itself, this one is not named.
     pub refines: Option<&'static str>,
     /// Its forms: shape parameter, and one expression for each strength.
-    forms: fn(&Sizes, Node, Node) -> Vec<(Option<(&'static str, f64)>, Vec<Node>)>,
+    forms: fn(&Sizes, Node, Node) -> Vec<Form>,
 }
 
 /// Sizes of the motion that shapes are chosen by.
@@ -41,7 +44,7 @@ fn abs(v: Node) -> Node {
     call(Function::Abs, v)
 }
 
-fn one(e: Node) -> Vec<(Option<(&'static str, f64)>, Vec<Node>)> {
+fn one(e: Node) -> Vec<Form> {
     vec![(None, vec![e])]
 }
 
