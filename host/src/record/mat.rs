@@ -197,7 +197,8 @@ fn variables(file: &mut BufReader<File>, little: bool, length: u64, path: &Path)
         }
         if kind == ARRAY || kind == COMPRESSED {
             let place = Place { offset: start, size, compressed: kind == COMPRESSED };
-            let name = with_array(file, little, place, head).map_err(bad)?.name;
+            #[allow(clippy::redundant_closure)] // the function itself is not general enough in its lifetimes
+            let name = with_array(file, little, place, |s| head(s)).map_err(bad)?.name;
             out.insert(name, place);
         }
         // Compressed elements are not padded.

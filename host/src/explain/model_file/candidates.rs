@@ -23,8 +23,11 @@ pub struct Effect {
     /// The simpler effect that it refines: while that one is supported itself, this one is not named.
     pub refines: Option<&'static str>,
     /// Its forms: shape parameter, and one expression for each strength.
-    forms: fn(&Sizes, Node, Node) -> Vec<(Option<(&'static str, f64)>, Vec<Node>)>,
+    forms: fn(&Sizes, Node, Node) -> Vec<Form>,
 }
+
+/// A form of an effect: its shape parameter, if it has one, and one expression for each strength.
+type Form = (Option<(&'static str, f64)>, Vec<Node>);
 
 /// Sizes of the motion that shapes are chosen by.
 #[derive(Clone, Copy, Debug)]
@@ -41,7 +44,7 @@ fn abs(v: Node) -> Node {
     call(Function::Abs, v)
 }
 
-fn one(e: Node) -> Vec<(Option<(&'static str, f64)>, Vec<Node>)> {
+fn one(e: Node) -> Vec<Form> {
     vec![(None, vec![e])]
 }
 
