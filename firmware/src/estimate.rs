@@ -4,18 +4,20 @@
 //! complete window go into one [`LeastSquares`] an equation, which forgets by λ a window; after each window there is an
 //! estimate with standard errors, or the statement that an unknown is not identifiable. Fixed memory, `f32`.
 //!
-//! A rig that is locked to its drive repeats itself: a window whose targets differ from those of the window before by less than
-//! [`REPEATING`] of their sum of squares brings nothing new, and counted as new it would make the standard errors too small. It
-//! is left out, and there is no estimate as long as that lasts.
+//! A rig that is locked to its drive repeats itself: a window whose targets differ from those of one of the [`HISTORY`] windows before
+//! by less than [`REPEATING`] of their sum of squares brings nothing new, and counted as new it would make the standard errors
+//! too small. It is left out, and there is no estimate as long as that lasts. With three windows remembered, motions of period 1, 2, 3,
+//! 4, 5, 6, 10, 15, 20 and 30 times the drive's are seen.
 //!
-//! Cost: about 12·34 complex multiply-adds a sample; at the end of a window 65 rows are rotated into each fit, which
-//! belongs into the thread, not into the sampling interrupt.
+//! Cost a sample: 12·34 complex multiply-adds. What follows the end of a window is done one frequency with each of the next
+//! samples, first the comparison, then the fit: no sample costs much more than another, and the outcome comes [`STEPS`] samples
+//! later. It belongs into the thread, not into the sampling interrupt.
 
 use whirl_shared::block::samples;
 use whirl_shared::encoder::CountScale;
 use whirl_shared::frame::SampleBlock;
 use whirl_shared::least_squares::{Estimate, LeastSquares, NoEstimate};
-use whirl_shared::regressor::{Regressor, RegressorSettings, UNKNOWNS1, UNKNOWNS2};
+use whirl_shared::regressor::{Pushed, Regressor, RegressorSettings, Row, UNKNOWNS1, UNKNOWNS2};
 
 use crate::settings::Settings;
 
@@ -23,6 +25,12 @@ use crate::settings::Settings;
 pub const PERIODS: u32 = 20;
 /// Harmonics of the window: 32 rows' frequencies, up to 1.6 times the drive's, and two beyond.
 pub const HARMONICS: usize = 34;
+/// Highest m of a window's rows.
+pub const FREQUENCIES: usize = HARMONICS - 2;
+/// Windows before the newest whose targets are remembered.
+pub const HISTORY: usize = 3;
+/// Samples between the end of a window and its outcome.
+pub const STEPS: usize = 2 * (FREQUENCIES + 1) + 1;
 /// Rows of neighbouring frequencies share most of their test functions' spectrum, so that their residuals are correlated: with
 /// a the coefficients of sin⁴ the correlations at distance d are r_d = Σ a_k a_{k+d}/Σ a_k², and the variances of the
 /// estimates are 1 + 2 Σ r_d² = 2.63 times those of independent rows: this is the root.
@@ -30,23 +38,49 @@ const CORRELATED_ROWS: f32 = 1.622;
 /// What is left of a column, once those before it are taken out, below which its unknown is not identifiable.
 const TOLERANCE: f32 = 3e-3;
 
-/// Share of the targets' sum of squares that is new in a window that repeats the one before; 2 where they have nothing in common.
-pub const REPEATING: f32 = 0.02;
-/// Rows of a window.
-const ROWS: usize = 2 * (HARMONICS - 2) + 1;
+/// Share of the targets' sum of squares that is new in a window that repeats an earlier one; 2 where they have nothing in common.
+/// Of a motion that repeats exactly, what is left is the rounding of windows to whole ticks: 2 % at most with 96 ticks a period.
+pub const REPEATING: f32 = 0.04;
+
+/// A window of the regression.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WindowInfo {
+    /// Tick of its last sample.
+    pub tick: u32,
+    /// Its length, ticks.
+    pub length: u32,
+    /// Its number since the last gap or change of the drive, from 1.
+    pub number: u32,
+    /// Advance of the drive's phase in a tick, turns · 2⁻³².
+    pub phase_increment: u32,
+    /// Commanded amplitude, nm.
+    pub amplitude_nanometre: u32,
+}
 
 /// What a window gave.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
-    /// Tick of the window's last sample.
-    pub tick: u32,
-    /// Windows so far, since the last gap or change of the drive.
-    pub windows: u32,
+    /// The newest window.
+    pub window: WindowInfo,
     /// B11 B12 B13 B14 C11 C12.
     pub first: Result<Estimate<f32, UNKNOWNS1>, NoEstimate>,
     /// B21 B22 B23 B24 C2.
     pub second: Result<Estimate<f32, UNKNOWNS2>, NoEstimate>,
 }
+
+/// What is next of a window that is complete.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Step {
+    Nothing,
+    /// Targets at m against those of earlier windows.
+    Compare(usize),
+    /// Rows at m into the fit.
+    Fit(usize),
+    Solve,
+}
+
+/// Targets of both equations at each m, real and imaginary.
+type Targets = [[[f32; 2]; 2]; FREQUENCIES + 1];
 
 /// The device's identification.
 #[derive(Clone, Debug)]
@@ -55,87 +89,192 @@ pub struct Estimator {
     first: LeastSquares<f32, UNKNOWNS1>,
     second: LeastSquares<f32, UNKNOWNS2>,
     forget: f32,
-    increment: u32,
-    windows: u32,
-    /// Targets of the last window.
-    targets: [[f32; 2]; ROWS],
+    window: WindowInfo,
+    step: Step,
+    /// Targets of the last windows, by their numbers modulo the number of places.
+    targets: [Targets; HISTORY],
+    /// Σ of the squares of what is new against each of them, and of all.
+    new: [f32; HISTORY],
+    whole: f32,
 }
 
 impl Estimator {
-    /// `forget` is λ, what a window counts after the next one: 1 averages for ever, 0.9 over some 10 windows.
+    /// One without settings, to be set up in its place: all of it zero, so that a device needs neither stack nor flash for it.
+    pub const IDLE: Self = Self {
+        regressor: Regressor::idle(),
+        first: LeastSquares::of_zero(0.0),
+        second: LeastSquares::of_zero(0.0),
+        forget: 0.0,
+        window: WindowInfo { tick: 0, length: 0, number: 0, phase_increment: 0, amplitude_nanometre: 0 },
+        step: Step::Nothing,
+        targets: [[[[0.0; 2]; 2]; FREQUENCIES + 1]; HISTORY],
+        new: [0.0; HISTORY],
+        whole: 0.0,
+    };
+
     /// `None` where a setting is not possible.
     #[must_use]
-    pub fn new(settings: &Settings, forget: f32) -> Option<Self> {
-        let [scale1, scale2] = settings.counts_per_turn.map(CountScale::new);
-        let regressor = Regressor::new(RegressorSettings {
-            scales: [scale1?, scale2?],
+    pub fn new(settings: &Settings) -> Option<Self> {
+        let mut estimator = Self::IDLE;
+        estimator.set_up(settings).then_some(estimator)
+    }
+
+    /// Begins anew with settings; false where one is not possible.
+    #[must_use]
+    pub fn set_up(&mut self, settings: &Settings) -> bool {
+        let [Some(scale1), Some(scale2)] = settings.counts_per_turn.map(CountScale::new) else { return false };
+        if settings.forget_per_mille > 1_000 {
+            return false;
+        }
+        self.regressor.set_up(RegressorSettings {
+            scales: [scale1, scale2],
             sample_rate_millihertz: settings.sample_rate_millihertz,
             periods: PERIODS,
         });
-        let (first, second) = (LeastSquares::new(), LeastSquares::new());
-        (0.0..=1.0).contains(&forget).then_some(Self {
-            regressor,
-            first,
-            second,
-            forget,
-            increment: 0,
-            windows: 0,
-            targets: [[0.0; 2]; ROWS],
-        })
+        self.first = LeastSquares::new();
+        self.second = LeastSquares::new();
+        self.forget = f32::from(settings.forget_per_mille) * 1e-3;
+        self.window = WindowInfo::default();
+        self.step = Step::Nothing;
+        true
     }
 
     /// Takes one sample. Another drive is another system: what was known is forgotten.
-    pub fn sample(&mut self, tick: u32, counts: [i32; 2], phase: u32, increment: u32) -> Option<Outcome> {
-        if increment != self.increment {
-            self.increment = increment;
+    pub fn sample(
+        &mut self,
+        tick: u32,
+        counts: [i32; 2],
+        phase: u32,
+        phase_increment: u32,
+        amplitude_nanometre: u32,
+    ) -> Option<Outcome> {
+        if phase_increment != self.window.phase_increment || amplitude_nanometre != self.window.amplitude_nanometre {
+            self.window = WindowInfo { phase_increment, amplitude_nanometre, ..WindowInfo::default() };
             self.first = LeastSquares::new();
             self.second = LeastSquares::new();
-            self.windows = 0;
+            self.regressor.clear();
         }
-        if !self.regressor.push(tick, counts, phase, increment) {
-            return None;
+        let mut outcome = self.go_on();
+        // A window of few samples: the next one needs its place.
+        while self.step != Step::Nothing && self.regressor.completes_next() {
+            outcome = self.go_on().or(outcome);
         }
-        let mut index = 0;
-        let (mut new, mut whole) = (0.0_f32, 0.0_f32);
-        self.regressor.rows(|row| {
-            let Some(last) = self.targets.get_mut(index) else { return };
-            index += 1;
-            for (target, last) in [row.first.1, row.second.1].into_iter().zip(last) {
-                new += (target - *last) * (target - *last);
-                whole += target * target;
-                *last = target;
+        match self.regressor.push(tick, counts, phase, phase_increment) {
+            Pushed::Taken => {}
+            Pushed::Began => {
+                // The next windows lie elsewhere on the drive's period: those before cannot be compared with.
+                self.window.number = 0;
+                self.step = Step::Nothing;
             }
-        });
-        let repeating = self.windows > 0 && whole > 0.0 && new < REPEATING * whole;
-        self.windows = self.windows.saturating_add(1);
-        if repeating {
-            let because = NoEstimate::Repeating;
-            return Some(Outcome { tick, windows: self.windows, first: Err(because), second: Err(because) });
+            Pushed::Complete => {
+                self.window.tick = tick.wrapping_sub(Regressor::<f32, HARMONICS>::DELAY);
+                self.window.length = self.regressor.length();
+                self.window.number = self.window.number.saturating_add(1);
+                self.step = Step::Compare(0);
+                self.new = [0.0; HISTORY];
+                self.whole = 0.0;
+            }
         }
-        self.first.forget(self.forget);
-        self.second.forget(self.forget);
-        let (first, second) = (&mut self.first, &mut self.second);
-        self.regressor.rows(|row| {
-            first.push(row.first.0, row.first.1);
-            second.push(row.second.0, row.second.1);
-        });
-        if self.windows < 2 && whole > 0.0 {
-            // One window cannot show that the motion does not repeat itself.
-            let because = NoEstimate::TooFewRows;
-            return Some(Outcome { tick, windows: self.windows, first: Err(because), second: Err(because) });
-        }
-        let first = self.first.solve(TOLERANCE).map(widened);
-        let second = self.second.solve(TOLERANCE).map(widened);
-        Some(Outcome { tick, windows: self.windows, first, second })
+        outcome
     }
 
-    /// Takes a block; the outcome of the last window that ends in it.
+    /// The next step of the window that is complete.
+    fn go_on(&mut self) -> Option<Outcome> {
+        match self.step {
+            Step::Nothing => {}
+            Step::Compare(m) => {
+                self.compare(m);
+                self.step = if m < FREQUENCIES {
+                    Step::Compare(m + 1)
+                } else if self.repeating() {
+                    Step::Solve
+                } else {
+                    self.first.forget(self.forget);
+                    self.second.forget(self.forget);
+                    Step::Fit(0)
+                };
+            }
+            Step::Fit(m) => {
+                // The imaginary row at m = 0 is zero.
+                for row in self.regressor.rows_at(m).iter().flatten().take(if m == 0 { 1 } else { 2 }) {
+                    self.first.push(row.first.0, row.first.1);
+                    self.second.push(row.second.0, row.second.1);
+                }
+                self.step = if m < FREQUENCIES { Step::Fit(m + 1) } else { Step::Solve };
+            }
+            Step::Solve => {
+                self.step = Step::Nothing;
+                return Some(self.outcome());
+            }
+        }
+        None
+    }
+
+    /// Compares the targets at m with those of earlier windows, and puts them in place of the oldest.
+    fn compare(&mut self, m: usize) {
+        let Some(targets) = self.regressor.targets_at(m) else { return };
+        for (target, k) in targets.iter().flatten().zip(0_usize..) {
+            self.whole += target * target;
+            for (new, earlier) in self.new.iter_mut().zip(&self.targets) {
+                let change = target - earlier[m][k / 2][k % 2];
+                *new += change * change;
+            }
+        }
+        let oldest = self.window.number as usize % HISTORY;
+        self.targets[oldest][m] = targets;
+    }
+
+    /// Windows before the newest that can be compared with it.
+    fn remembered(&self) -> usize {
+        (self.window.number.saturating_sub(1) as usize).min(HISTORY)
+    }
+
+    /// Whether the newest window repeats an earlier one.
+    fn repeating(&self) -> bool {
+        (1..=self.remembered()).any(|back| {
+            let place = (self.window.number as usize).wrapping_sub(back) % HISTORY;
+            self.whole > 0.0 && self.new[place] < REPEATING * self.whole
+        })
+    }
+
+    fn outcome(&self) -> Outcome {
+        let none = if self.repeating() {
+            Some(NoEstimate::Repeating)
+        } else if self.remembered() < HISTORY && self.whole > 0.0 {
+            // So few windows cannot show that the motion does not repeat itself.
+            Some(NoEstimate::TooFewRows)
+        } else {
+            None
+        };
+        Outcome {
+            window: self.window,
+            first: none.map_or_else(|| self.first.solve(TOLERANCE).map(widened), Err),
+            second: none.map_or_else(|| self.second.solve(TOLERANCE).map(widened), Err),
+        }
+    }
+
+    /// Takes a block; the outcome of the last window that ends in it. A block during a ramp holds samples of other amplitudes
+    /// than its first one's; the next block then differs from it.
     pub fn block(&mut self, block: &SampleBlock) -> Option<Outcome> {
         let mut last = None;
         for sample in samples(block) {
-            last = self.sample(sample.tick, sample.counts, sample.phase, block.phase_increment).or(last);
+            let outcome =
+                self.sample(sample.tick, sample.counts, sample.phase, block.phase_increment, block.amplitude_nanometre);
+            last = outcome.or(last);
         }
         last
+    }
+
+    /// The last complete window; its number is 0 where there is none.
+    #[must_use]
+    pub fn window(&self) -> WindowInfo {
+        self.window
+    }
+
+    /// Rows of the last complete window at m, until the next is complete.
+    #[must_use]
+    pub fn rows_at(&self, m: usize) -> Option<[Row<f32>; 2]> {
+        self.regressor.rows_at(m)
     }
 }
 
@@ -147,26 +286,100 @@ fn widened<const P: usize>(estimate: Estimate<f32, P>) -> Estimate<f32, P> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use whirl_shared::waveform::displacement;
+
+    const INCREMENT: u32 = 42_949_673;
+
+    fn with_forget(forget_per_mille: u16) -> Estimator {
+        Estimator::new(&Settings { forget_per_mille, ..Settings::default() }).unwrap()
+    }
+
+    /// No rig's motion, but one that determines every unknown: incommensurate swings, and turns.
+    fn motion(n: u32) -> [i32; 2] {
+        [
+            displacement(900, n.wrapping_mul(31_415_926)),
+            (n as i32 * 37).wrapping_add(displacement(700, n.wrapping_mul(27_182_818))),
+        ]
+    }
+
+    fn feed(estimator: &mut Estimator, ticks: core::ops::Range<u32>, amplitude: u32) -> std::vec::Vec<Outcome> {
+        ticks.filter_map(|n| estimator.sample(n, motion(n), n.wrapping_mul(INCREMENT), INCREMENT, amplitude)).collect()
+    }
 
     #[test]
     fn settings_are_checked_and_rest_gives_nothing() {
-        assert!(Estimator::new(&Settings::default(), 1.5).is_none());
-        assert!(Estimator::new(&Settings { counts_per_turn: [4096, 0], ..Settings::default() }, 0.9).is_none());
-        let mut estimator = Estimator::new(&Settings::default(), 0.9).unwrap();
-        assert!((0..5_000).all(|tick| estimator.sample(tick, [0, 0], 0, 0).is_none()));
+        assert!(Estimator::new(&Settings { forget_per_mille: 1_001, ..Settings::default() }).is_none());
+        assert!(Estimator::new(&Settings { counts_per_turn: [4096, 0], ..Settings::default() }).is_none());
+        let mut estimator = with_forget(900);
+        assert!((0..5_000).all(|tick| estimator.sample(tick, [0, 0], 0, 0, 0).is_none()));
     }
 
     #[test]
     fn arms_that_hang_still_are_not_identifiable() {
-        let mut estimator = Estimator::new(&Settings::default(), 0.9).unwrap();
-        let increment = 42_949_673;
-        let outcomes = (0..5_000_u32).filter_map(|t| estimator.sample(t, [0, 0], t.wrapping_mul(increment), increment));
-        let mut count = 0;
+        let mut estimator = with_forget(900);
+        let outcomes: std::vec::Vec<_> = (0..5_000_u32)
+            .filter_map(|t| estimator.sample(t, [0, 0], t.wrapping_mul(INCREMENT), INCREMENT, 1))
+            .collect();
+        assert_eq!(outcomes.len(), 3);
         for outcome in outcomes {
-            count += 1;
             assert!(matches!(outcome.first, Err(NoEstimate::NotIdentifiable(_))), "{outcome:?}");
             assert!(matches!(outcome.second, Err(NoEstimate::NotIdentifiable(_))), "{outcome:?}");
         }
-        assert_eq!(count, 3);
+    }
+
+    #[test]
+    fn windows_follow_each_other_and_numbers_come_with_the_fourth() {
+        let mut estimator = with_forget(900);
+        let outcomes = feed(&mut estimator, 0..6_200, 1);
+        let ticks: std::vec::Vec<_> =
+            outcomes.iter().map(|o| (o.window.number, o.window.tick, o.window.length)).collect();
+        assert_eq!(ticks, [1, 2, 3, 4, 5].map(|n| (n, 1_009 + 1_000 * n, 2_000)));
+        for outcome in &outcomes {
+            assert_eq!(outcome.first.is_ok(), outcome.window.number > 3, "{outcome:?}");
+            assert_eq!(outcome.first.is_err(), outcome.first == Err(NoEstimate::TooFewRows));
+        }
+    }
+
+    #[test]
+    fn a_gap_begins_windows_anew_and_another_amplitude_everything() {
+        let mut estimator = with_forget(1_000);
+        assert_eq!(feed(&mut estimator, 0..6_200, 1).len(), 5);
+        let rows = estimator.first.rows();
+        assert_eq!(rows, 5.0 * 65.0);
+        assert!(feed(&mut estimator, 6_201..8_200, 1).is_empty());
+        let after = feed(&mut estimator, 8_200..8_300, 1);
+        assert_eq!((after.len(), after[0].window.number, estimator.first.rows()), (1, 1, rows + 65.0));
+        assert!(feed(&mut estimator, 8_300..8_301, 2).is_empty());
+        assert_eq!((estimator.first.rows(), estimator.window().number), (0.0, 0));
+    }
+
+    #[test]
+    fn periods_of_up_to_six_drives_are_seen_to_repeat() {
+        // A hundred ticks a drive period, nearly, and whole parts of it.
+        let increment = 42_949_620;
+        for (period, first_seen) in [(1, 2), (2, 2), (3, 4), (4, 3), (5, 2), (6, 4)] {
+            let mut estimator = with_forget(900);
+            for n in 0..9_000_u32 {
+                let slow = n.wrapping_mul(increment / period);
+                let counts = [displacement(900, slow), displacement(700, slow.wrapping_mul(3).wrapping_add(77 << 24))];
+                let outcome = estimator.sample(n, counts, n.wrapping_mul(increment), increment, 1);
+                let Some(outcome) = outcome else { continue };
+                let expected =
+                    if outcome.window.number < first_seen { NoEstimate::TooFewRows } else { NoEstimate::Repeating };
+                assert_eq!((outcome.first, outcome.second), (Err(expected), Err(expected)), "period {period}");
+            }
+        }
+    }
+
+    #[test]
+    fn windows_shorter_than_the_steps_lose_nothing() {
+        // 100 Hz: half a window is 50 ticks.
+        let increment = 858_993_459;
+        let mut estimator = with_forget(900);
+        let numbers: std::vec::Vec<_> = (0..1_000_u32)
+            .filter_map(|n| estimator.sample(n, motion(n), n.wrapping_mul(increment), increment, 1))
+            .map(|outcome| outcome.window.number)
+            .collect();
+        assert!(numbers.len() >= 17 && numbers.windows(2).all(|w| w[1] == w[0] + 1), "{numbers:?}");
     }
 }

@@ -27,6 +27,7 @@ pub mod app;
 pub mod dac;
 pub mod estimate;
 pub mod event;
+pub mod identification;
 pub mod link;
 pub mod lock_step;
 pub mod output;

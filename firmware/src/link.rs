@@ -2,18 +2,24 @@
 //!
 //! At boot the first frame is a hello. Other messages go before blocks, but never two in a row while blocks wait, so
 //! that a flood of commands cannot starve the samples.
+//!
+//! Every block goes through the device's own identification before it is sent; where the host has asked for rows, it is not sent,
+//! and the rows of the window that is complete go in the places of blocks.
 
+use core::borrow::BorrowMut;
 use core::fmt::Write;
 
 use heapless::{Deque, String};
 use whirl_shared::encoder::CountScale;
 use whirl_shared::frame::{
-    Ack, BLOCK_LEN, CHANNELS, CommandResult, DeviceMessage, Hello, Log, PROTOCOL_VERSION, SCHEMA_HASH, SampleBlock,
-    Status, TEXT_LEN,
+    Ack, BLOCK_LEN, CHANNELS, Command, CommandResult, DeviceMessage, Hello, Log, PROTOCOL_VERSION, SCHEMA_HASH,
+    SampleBlock, Status, Streamed, TEXT_LEN,
 };
 
 use crate::console::Console;
+use crate::estimate::Estimator;
 use crate::event::{Event, Request, Snapshot};
+use crate::identification::Identification;
 use crate::queue::{Sink, Source};
 use crate::settings::{Settings, SettingsError};
 use crate::stream::Stream;
@@ -24,14 +30,15 @@ pub const FIRMWARE: &str = concat!("whirl-firmware ", env!("CARGO_PKG_VERSION"))
 /// Answers of this half that wait for the link.
 const OWN_EVENTS: usize = 8;
 
-/// The thread half.
+/// The thread half. `E` is an [`Estimator`] of its own, or a reference to one ([`Identification`]).
 #[derive(Debug)]
-pub struct Link {
+pub struct Link<E = Estimator> {
     settings: Settings,
     scales: [CountScale; CHANNELS],
     console: Console,
     stream: Stream,
     own: Deque<Event, OWN_EVENTS>,
+    identification: Identification<E>,
     block_next: bool,
     dropped: u32,
     rejected: u32,
@@ -43,16 +50,28 @@ impl Link {
     /// # Errors
     /// A setting that is not possible.
     pub fn new(settings: &Settings) -> Result<Self, SettingsError> {
+        Self::with(settings, Estimator::IDLE)
+    }
+}
+
+impl<E: BorrowMut<Estimator>> Link<E> {
+    /// As [`Link::new`], with an estimator, which begins anew.
+    ///
+    /// # Errors
+    /// A setting that is not possible.
+    pub fn with(settings: &Settings, estimator: E) -> Result<Self, SettingsError> {
         settings.validate()?;
         let [Some(scale1), Some(scale2)] = settings.counts_per_turn.map(CountScale::new) else {
             return Err(SettingsError { field: "counts_per_turn", found: 0, min: 1, max: u32::MAX });
         };
+        let identification = Identification::new(settings, estimator)?;
         let mut link = Self {
             settings: settings.clone(),
             scales: [scale1, scale2],
             console: Console::new(),
             stream: Stream::new(),
             own: Deque::new(),
+            identification,
             block_next: false,
             dropped: 0,
             rejected: 0,
@@ -67,9 +86,13 @@ impl Link {
         for &byte in bytes {
             let Some(request) = self.console.push(byte) else { continue };
             if let Err(request) = requests.put(request) {
+                // Nothing of it is carried out.
                 self.rejected = self.rejected.wrapping_add(1);
                 let ack = Ack { command_sequence: request.sequence, result: CommandResult::WrongState };
                 self.put_own(Event::Ack(ack));
+            } else if let Command::Stream(streamed) = request.command {
+                // This half's own; the other one answers.
+                self.identification.stream(streamed);
             }
         }
     }
@@ -86,16 +109,40 @@ impl Link {
         if !Stream::fits(out) {
             return None;
         }
-        let block = if self.block_next { blocks.take() } else { None };
-        let message = match block {
-            Some(block) => DeviceMessage::Samples(block),
-            None => match self.own.pop_front().or_else(|| events.take()) {
-                Some(event) => self.message(event),
-                None => DeviceMessage::Samples(blocks.take()?),
+        let streamed = if self.block_next { self.streamed(blocks) } else { None };
+        let message = match streamed {
+            Some(message) => message,
+            None => match self.other(events) {
+                Some(message) => message,
+                None => self.streamed(blocks)?,
             },
         };
-        self.block_next = !matches!(message, DeviceMessage::Samples(_));
+        self.block_next = !matches!(message, DeviceMessage::Samples(_) | DeviceMessage::Rows(_));
         self.stream.encode(message, out)
+    }
+
+    /// The next message of the stream: rows that wait, or a block. Blocks that are not sent are taken one at a time, so that this
+    /// stays short.
+    fn streamed(&mut self, blocks: &mut impl Source<SampleBlock>) -> Option<DeviceMessage> {
+        let identification = &mut self.identification;
+        if let Some(rows) = identification.take_rows() {
+            return Some(DeviceMessage::Rows(rows));
+        }
+        let block = blocks.take()?;
+        identification.block(&block);
+        match identification.streamed() {
+            Streamed::Samples => Some(DeviceMessage::Samples(block)),
+            Streamed::Rows => identification.take_rows().map(DeviceMessage::Rows),
+        }
+    }
+
+    /// The next message beside the stream.
+    fn other(&mut self, events: &mut impl Source<Event>) -> Option<DeviceMessage> {
+        if let Some(estimate) = self.identification.take_estimate() {
+            return Some(DeviceMessage::Estimate(estimate));
+        }
+        let event = self.own.pop_front().or_else(|| events.take())?;
+        Some(self.message(event))
     }
 
     /// A status with this half's counters put in.
@@ -103,7 +150,10 @@ impl Link {
         let Snapshot { status, turning } = snapshot;
         let rate = self.settings.sample_rate_millihertz;
         Status {
-            dropped_frames: status.dropped_frames.wrapping_add(self.dropped),
+            dropped_frames: status
+                .dropped_frames
+                .wrapping_add(self.dropped)
+                .wrapping_add(self.identification.dropped_frames()),
             bad_frames: self.console.bad_frames(),
             rejected_commands: status.rejected_commands.wrapping_add(self.rejected),
             samples_sent: self.stream.samples_sent(),

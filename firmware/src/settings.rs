@@ -37,10 +37,13 @@ pub struct Settings {
     pub acceleration_limit_millimetre_per_s2: u32,
     /// The shaker stops when no valid command has come for this long, ms.
     pub host_timeout_ms: u32,
+    /// What a window of the device's own estimate counts for after the next one, thousandths: 1000 averages for ever, 900 over some
+    /// ten windows.
+    pub forget_per_mille: u16,
 }
 
 impl Default for Settings {
-    /// 500 Hz, 4096 counts a turn, 20 mm, 20 Hz, 20 mm/s, 40 m/s², 2 s.
+    /// 500 Hz, 4096 counts a turn, 20 mm, 20 Hz, 20 mm/s, 40 m/s², 2 s, 0.9.
     fn default() -> Self {
         Self {
             board: "unnamed",
@@ -55,6 +58,7 @@ impl Default for Settings {
             },
             acceleration_limit_millimetre_per_s2: 40_000,
             host_timeout_ms: 2_000,
+            forget_per_mille: 900,
         }
     }
 }
@@ -104,7 +108,8 @@ impl Settings {
         check("limits.frequency_millihertz", limits.frequency_millihertz, 1, rate / 5)?;
         check("limits.ramp_micrometre_per_s", limits.ramp_micrometre_per_s, 1, AMPLITUDE_MAX_MICROMETRE)?;
         check("acceleration_limit_millimetre_per_s2", self.acceleration_limit_millimetre_per_s2, 1, u32::MAX)?;
-        check("host_timeout_ms", self.host_timeout_ms, HOST_TIMEOUT_MIN_MS, HOST_TIMEOUT_MAX_MS)
+        check("host_timeout_ms", self.host_timeout_ms, HOST_TIMEOUT_MIN_MS, HOST_TIMEOUT_MAX_MS)?;
+        check("forget_per_mille", u32::from(self.forget_per_mille), 0, 1_000)
     }
 }
 
@@ -130,5 +135,7 @@ mod tests {
         assert_eq!(settings.validate().unwrap_err().field, "limits.frequency_millihertz");
         let settings = Settings { host_timeout_ms: 0, ..Settings::default() };
         assert_eq!(settings.validate().unwrap_err().field, "host_timeout_ms");
+        let settings = Settings { forget_per_mille: 1_001, ..Settings::default() };
+        assert_eq!(settings.validate().unwrap_err().field, "forget_per_mille");
     }
 }

@@ -12,7 +12,14 @@ const INCREMENT: u32 = 42_949_673; // 5 Hz at 500 Hz
 const CHAOTIC_M: f64 = 0.015_525;
 
 /// Every window's outcome.
-fn outcomes(amplitude_m: f64, effects: &[&str], settle_s: f64, seed: u64, forget: f32, seconds: f64) -> Vec<Outcome> {
+fn outcomes(
+    amplitude_m: f64,
+    effects: &[&str],
+    settle_s: f64,
+    seed: u64,
+    forget_per_mille: u16,
+    seconds: f64,
+) -> Vec<Outcome> {
     let mut settings = SimulationSettings {
         seed: Some(seed),
         settle_s,
@@ -22,11 +29,11 @@ fn outcomes(amplitude_m: f64, effects: &[&str], settle_s: f64, seed: u64, forget
     };
     settings.drive.as_mut().unwrap().amplitude_m = amplitude_m;
     let mut simulation = Simulation::new(&settings).unwrap();
-    let mut estimator = Estimator::new(&Settings::default(), forget).unwrap();
+    let mut estimator = Estimator::new(&Settings { forget_per_mille, ..Settings::default() }).unwrap();
     (0..(500.0 * seconds) as u32)
         .filter_map(|tick| {
             let sample = simulation.next_sample().unwrap();
-            estimator.sample(tick, sample.counts, sample.phase, INCREMENT)
+            estimator.sample(tick, sample.counts, sample.phase, INCREMENT, 15_525_000)
         })
         .collect()
 }
@@ -66,7 +73,7 @@ fn parameters_and_their_errors_are_right() {
     let truth = truth(CHAOTIC_M);
     let (mut inside, mut all) = (0, 0);
     for seed in 1..=20 {
-        let outcomes = outcomes(CHAOTIC_M, &[], 20.0, seed, 1.0, 40.0);
+        let outcomes = outcomes(CHAOTIC_M, &[], 20.0, seed, 1_000, 40.0);
         // One every ten periods, from the twentieth on; the last samples are the slope's.
         assert_eq!(outcomes.len(), 18);
         let last = outcomes.last().unwrap();
@@ -76,8 +83,8 @@ fn parameters_and_their_errors_are_right() {
             }
             all += 1;
             inside += usize::from((value - truth).abs() < 2.0 * error);
-            // To 1 % of the greatest of its kind, friction to 3 %.
-            let scale = if name.starts_with('C') { 0.03 * truth.abs() } else { 0.01 * truth.abs().max(0.1) };
+            // To 0.2 % of the greatest of its kind, friction to 1 %.
+            let scale = if name.starts_with('C') { 0.01 * truth.abs() } else { 0.002 * truth.abs().max(0.1) };
             assert!((value - truth).abs() < scale, "seed {seed} {name}: {value} ± {error}, true {truth}");
         }
     }
@@ -87,11 +94,11 @@ fn parameters_and_their_errors_are_right() {
 
 #[test]
 fn a_parameter_that_drifts_is_followed() {
-    let outcomes = outcomes(CHAOTIC_M, &["amplitude-drift@drive=0.05"], 20.0, 2, 0.8, 120.0);
+    let outcomes = outcomes(CHAOTIC_M, &["amplitude-drift@drive=0.05"], 20.0, 2, 800, 120.0);
     let truth = truth(CHAOTIC_M);
     let at = |outcome: &Outcome| estimates(outcome).unwrap()[8].0 / truth[8];
     let (early, late) = (at(&outcomes[4]), at(outcomes.last().unwrap()));
-    println!("B23 over its nominal value: {early:.4} after {} s, {late:.4} at the end", outcomes[4].tick / 500);
+    println!("B23 over its nominal value: {early:.4} after {} s, {late:.4} at the end", outcomes[4].window.tick / 500);
     assert!((late / early - 1.0 - 0.045).abs() < 0.012, "{early} {late}");
     // The others stay.
     let b21 = estimates(outcomes.last().unwrap()).unwrap()[6].0;
@@ -101,7 +108,7 @@ fn a_parameter_that_drifts_is_followed() {
 #[test]
 fn a_locked_rig_is_said_not_to_be_identifiable() {
     // The printed amplitude: arm 2 turns once a period.
-    let outcomes = outcomes(0.0115, &[], 200.0, 1, 0.9, 30.0);
+    let outcomes = outcomes(0.0115, &[], 200.0, 1, 900, 30.0);
     assert!(outcomes.len() > 10);
     for outcome in &outcomes {
         assert!(outcome.first.is_err() && outcome.second.is_err(), "{outcome:?}");

@@ -19,7 +19,9 @@ use postcard::ser_flavors::{Cobs, Slice};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use crate::frame::regression::{ROW_LEN, ROWS_LEN};
 use crate::frame::{BLOCK_LEN, CHANNELS, Envelope, TEXT_LEN};
+use crate::regressor::{UNKNOWNS1, UNKNOWNS2};
 
 /// The frame's checksum.
 pub const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
@@ -36,6 +38,8 @@ const HELLO: usize = HEAD + U16 + 3 * U32 + 2 * TEXT + U32 + CHANNELS * U32 + 1 
 const SAMPLES: usize = HEAD + 4 * U32 + CHANNELS * U32 + 1 + (BLOCK_LEN - 1) * CHANNELS * U16;
 const STATUS: usize = HEAD + 7 * U32 + 2 + 3 * U32 + 2 * CHANNELS * U32;
 const LOG: usize = HEAD + U32 + 1 + TEXT;
+const ESTIMATE: usize = HEAD + 5 * U32 + U16 + 2 * (1 + 2 * 4) + (UNKNOWNS1 + UNKNOWNS2) * 2 * 4;
+const ROWS: usize = HEAD + 5 * U32 + 2 + 1 + ROWS_LEN * ROW_LEN * 3;
 
 const fn max(a: usize, b: usize) -> usize {
     if a > b { a } else { b }
@@ -50,7 +54,7 @@ pub const fn frame_len(payload: usize) -> usize {
 }
 
 /// Greatest length on the wire of any message in either direction, its zero included.
-pub const MAX_FRAME: usize = frame_len(max(max(HELLO, SAMPLES), max(STATUS, LOG)));
+pub const MAX_FRAME: usize = frame_len(max(max(max(HELLO, SAMPLES), max(STATUS, LOG)), max(ESTIMATE, ROWS)));
 
 /// Greatest length on the wire of a sample block.
 pub const MAX_SAMPLES_FRAME: usize = frame_len(SAMPLES);

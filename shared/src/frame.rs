@@ -1,7 +1,8 @@
 //! The messages between device and host, one table of them.
 //!
 //! Every frame on the wire is `COBS(postcard(Envelope) ‖ CRC-32) ‖ 0x00`, see [`crate::codec`]. Integers are
-//! postcard varints (zigzag where signed). All fields are integers: nothing on the wire depends on a rounding mode.
+//! postcard varints (zigzag where signed). All fields are integers, but for the results of the device's own identification
+//! ([`regression`]), which are floats by their bits: nothing on the wire depends on a rounding mode.
 //!
 //! | id | message | direction | when |
 //! |---|---|---|---|
@@ -10,16 +11,22 @@
 //! | 2 | [`Status`] | device → host | once a second |
 //! | 3 | [`Ack`] | device → host | for every command frame that decodes |
 //! | 4 | [`Log`] | device → host | rarely |
+//! | 5 | [`Estimate`] | device → host | every second window of the device's identification: every twenty drive periods |
+//! | 6 | [`Rows`] | device → host | instead of samples, where the host asks for it: after every window |
 //! | 0 | [`Command`] | host → device | |
 //!
 //! Adding a message or a field: append it at the end of its enum or struct, add it to [`SCHEMA`], raise
 //! [`PROTOCOL_VERSION`]. [`SCHEMA_HASH`] is sent in [`Hello`], so that a host never misreads an unknown layout.
 
+pub mod regression;
+
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
+pub use regression::{Estimate, Rows};
+
 /// Version of the wire protocol; raised at every change of the layout.
-pub const PROTOCOL_VERSION: u16 = 1;
+pub const PROTOCOL_VERSION: u16 = 2;
 /// Samples in a full block. Ten samples a frame keep the worst case well under the rate of a 115 200 baud link.
 pub const BLOCK_LEN: usize = 10;
 /// Number of encoders.
@@ -29,16 +36,22 @@ pub const TEXT_LEN: usize = 48;
 
 /// The layout in words: what [`SCHEMA_HASH`] is computed from.
 pub const SCHEMA: &str = concat!(
-    "whirl 1;envelope{sequence:u16,message};",
+    "whirl 2;envelope{sequence:u16,message};",
     "device[hello{protocol:u16,schema:u32,boot_id:u32,tick:u32,firmware:str,board:str,sample_rate_millihertz:u32,",
     "counts_per_turn:[u32;2],block_len:u8,limits{amplitude_micrometre:u32,frequency_millihertz:u32,ramp_micrometre_per_s:u32},",
     "host_timeout_ms:u32}|samples{first_tick:u32,phase:u32,phase_increment:u32,amplitude_nanometre:u32,first:[i32;2],deltas:[[i16;2]]}|",
     "status{tick:u32,overruns:u32,dropped_samples:u32,dropped_frames:u32,bad_frames:u32,rejected_commands:u32,",
     "samples_sent:u32,shaker:enum[disarmed,armed,ramping,running,stopping,faulted],stop_cause:enum[none,command,host_silent,limit,fault],",
     "amplitude_nanometre:u32,frequency_millihertz:u32,latency_max_us:u32,rms_angle_mrad:[u32;2],turns_per_minute_milli:[i32;2]}|",
-    "ack{command_sequence:u16,result:enum[done,out_of_range{limit:u32},wrong_state,unsupported]}|log{tick:u32,level:u8,text:str}];",
+    "ack{command_sequence:u16,result:enum[done,out_of_range{limit:u32},wrong_state,unsupported]}|log{tick:u32,level:u8,text:str}|",
+    "estimate{tick:u32,window_ticks:u32,windows:u32,forget_per_mille:u16,phase_increment:u32,amplitude_nanometre:u32,",
+    "first:enum[known{unknowns:[{value:[u8;4],std_error:[u8;4]};6],condition:[u8;4],residual_rms:[u8;4]},too_few_windows,",
+    "undetermined(u8),repeating],second:enum[known{unknowns:[{value:[u8;4],std_error:[u8;4]};5],condition:[u8;4],",
+    "residual_rms:[u8;4]},too_few_windows,undetermined(u8),repeating]}|",
+    "rows{tick:u32,window_ticks:u32,window:u32,phase_increment:u32,amplitude_nanometre:u32,frequency:u8,last_frequency:u8,",
+    "rows:[[[u8;3];13]]}];",
     "host[command{hello|keep_alive|arm|disarm|start{amplitude_micrometre:u32,frequency_millihertz:u32}|stop|",
-    "set_ramp{micrometre_per_s:u32}|set_host_timeout{ms:u32}|zero_counts|status}]"
+    "set_ramp{micrometre_per_s:u32}|set_host_timeout{ms:u32}|zero_counts|status|stream(enum[samples,rows])}]"
 );
 
 /// FNV-1a hash of [`SCHEMA`]: two sides with the same value lay messages out alike.
@@ -78,6 +91,10 @@ pub enum DeviceMessage {
     Ack(Ack),
     /// A line for people.
     Log(Log),
+    /// The device's own estimate.
+    Estimate(Estimate),
+    /// Regression rows.
+    Rows(Rows),
 }
 
 /// Everything that a host sends.
@@ -244,6 +261,18 @@ pub enum Command {
     ZeroCounts,
     /// Send a [`Status`] now.
     Status,
+    /// What is to be streamed from now on, whatever the shaker does.
+    Stream(Streamed),
+}
+
+/// What a device streams.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Streamed {
+    /// Every sample ([`SampleBlock`]); so it is at boot.
+    #[default]
+    Samples,
+    /// The regression rows of every window ([`Rows`]) instead: a third of the bytes at a drive of 5 Hz.
+    Rows,
 }
 
 /// Answer to a command.

@@ -87,6 +87,9 @@ pub struct HarmonicBank<T: Real, const C: usize, const M: usize> {
 }
 
 fn phasor<T: Real>(harmonic: usize, phase: u64) -> [T; 2] {
+    if phase == 0 {
+        return [T::one(), T::zero()];
+    }
     let (cos, sin) = cos_sin_turns(phase.wrapping_mul(harmonic as u64));
     [cos, -sin]
 }
@@ -96,25 +99,40 @@ fn product<T: Real>(a: [T; 2], b: [T; 2]) -> [T; 2] {
 }
 
 impl<T: Real, const C: usize, const M: usize> HarmonicBank<T, C, M> {
-    /// An empty bank whose first sample has phase 0. A length of zero counts as 1.
+    /// A bank of length 0, to be set up in its place: all of it zero, so that a device needs neither stack nor flash for it.
     #[must_use]
-    pub fn new(settings: HarmonicSettings) -> Self {
-        let settings = HarmonicSettings { length: settings.length.max(1), ..settings };
-        let length = u64::from(settings.length);
-        let mut bank = Self {
-            settings,
-            window_step: ((1 << 63) + length / 2) / length,
+    pub const fn idle() -> Self {
+        Self {
+            settings: HarmonicSettings { increment: 0, length: 0, window: Window::SinFourth },
+            window_step: 0,
             phase: 0,
             ticks: 0,
             refresh: 0,
-            phasors: [[T::zero(); 2]; M],
-            rotations: core::array::from_fn(|j| phasor(j + 1, settings.increment)),
-            sums: [[[T::zero(); 2]; M]; C],
-            plain: [T::zero(); C],
-            weight: T::zero(),
-        };
-        bank.restart(0);
+            phasors: [[T::ZERO; 2]; M],
+            rotations: [[T::ZERO; 2]; M],
+            sums: [[[T::ZERO; 2]; M]; C],
+            plain: [T::ZERO; C],
+            weight: T::ZERO,
+        }
+    }
+
+    /// An empty bank whose first sample has phase 0. A length of zero counts as 1.
+    #[must_use]
+    pub fn new(settings: HarmonicSettings) -> Self {
+        let mut bank = Self::idle();
+        bank.set_up(settings);
         bank
+    }
+
+    /// Empties the bank for other settings; its first sample has phase 0. A length of zero counts as 1.
+    pub fn set_up(&mut self, settings: HarmonicSettings) {
+        self.settings = HarmonicSettings { length: settings.length.max(1), ..settings };
+        let length = u64::from(self.settings.length);
+        self.window_step = ((1 << 63) + length / 2) / length;
+        for (rotation, j) in self.rotations.iter_mut().zip(1..) {
+            *rotation = phasor(j, settings.increment);
+        }
+        self.restart(0);
     }
 
     /// Empties the bank; `phase` is φ_0, that of the base ω/k at the next sample, turns · 2⁻⁶⁴.
@@ -122,9 +140,11 @@ impl<T: Real, const C: usize, const M: usize> HarmonicBank<T, C, M> {
         self.phase = phase;
         self.ticks = 0;
         self.refresh = 0;
-        self.phasors = core::array::from_fn(|j| phasor(j + 1, phase));
-        self.sums = [[[T::zero(); 2]; M]; C];
-        self.plain = [T::zero(); C];
+        for (z, j) in self.phasors.iter_mut().zip(1..) {
+            *z = phasor(j, phase);
+        }
+        self.sums.as_flattened_mut().fill([T::zero(); 2]);
+        self.plain.fill(T::zero());
         self.weight = T::zero();
     }
 
@@ -207,6 +227,12 @@ impl<T: Real, const C: usize, const M: usize> HarmonicBank<T, C, M> {
             None => Some([*self.plain.get(channel)?, T::zero()]),
             Some(j) => self.sums.get(channel)?.get(j).copied(),
         }
+    }
+
+    /// All S_cj, j from 1, and all S_c0, for the samples taken until now.
+    #[must_use]
+    pub fn sums(&self) -> (&[[[T; 2]; M]; C], &[T; C]) {
+        (&self.sums, &self.plain)
     }
 }
 

@@ -1,13 +1,19 @@
-//! Recursive least squares in square-root form, of fixed size, with forgetting.
+//! Recursive least squares in square-root form, of fixed size, with forgetting, on nalgebra.
 //!
 //! For rows a·x ≈ b the upper triangle R and the vector z with RᵀR = Σ γ aᵀa, Rᵀz = Σ γ aᵀb are kept, and the sum of squares ρ² of
 //! the residuals. A row is rotated in by P Givens rotations; forgetting by λ multiplies R, z and ρ by √λ. The normal matrix is never
 //! formed: what `f32` can hold of a condition number is not halved. Solution by back substitution; covariance s² R⁻¹R⁻ᵀ.
 //!
-//! (Golub and Van Loan, *Matrix Computations*, 5.1.8 and 6.5.) Arrays of fixed size, no allocation; P(P + 3)/2 rotations' worth of
-//! arithmetic a row.
+//! The condition that is told is that of the triangle with its columns scaled to unit length, in the Frobenius norm, over P:
+//! κ = ‖R̂‖‖R̂⁻¹‖/P = √(Σ vᵢ/P), vᵢ the variance inflation of unknown i. It is 1 where the columns are orthogonal, and the
+//! 2-norm's condition number lies between κ and P κ.
+//!
+//! (Golub and Van Loan, *Matrix Computations*, 5.1.8 and 6.5.) No allocation; P(P + 3)/2 rotations' worth of arithmetic a row.
+//! Products of whole matrices are not used: for these nalgebra takes other instructions on a host than on a device, and the results are to
+//! have the same bits.
 
-use crate::real::Real;
+use nalgebra::linalg::givens::GivensRotation;
+use nalgebra::{ArrayStorage, RealField, SMatrix, SVector, Vector2, convert};
 
 /// An estimate with its standard errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,6 +24,8 @@ pub struct Estimate<T, const P: usize> {
     pub std_errors: [T; P],
     /// rms of the residuals, in units of the rows.
     pub residual_rms: T,
+    /// κ, 1 or more.
+    pub condition: T,
 }
 
 /// Why there is no estimate.
@@ -33,70 +41,77 @@ pub enum NoEstimate {
 
 /// Rows seen so far.
 #[derive(Clone, Debug)]
-pub struct LeastSquares<T: Real, const P: usize> {
-    r: [[T; P]; P],
-    z: [T; P],
+pub struct LeastSquares<T: RealField + Copy, const P: usize> {
+    r: SMatrix<T, P, P>,
+    z: SVector<T, P>,
     /// ρ².
     residual: T,
     /// Σ of the columns' squares, against which a pivot is judged.
-    scale: [T; P],
+    scale: SVector<T, P>,
     /// Σ γ: what is left of the number of rows.
     weight: T,
 }
 
-impl<T: Real, const P: usize> Default for LeastSquares<T, P> {
+impl<T: RealField + Copy, const P: usize> Default for LeastSquares<T, P> {
     fn default() -> Self {
         Self::new()
     }
 }
 
-impl<T: Real, const P: usize> LeastSquares<T, P> {
+impl<T: RealField + Copy, const P: usize> LeastSquares<T, P> {
     /// No rows.
     #[must_use]
     pub fn new() -> Self {
-        let zero = T::zero();
-        Self { r: [[zero; P]; P], z: [zero; P], residual: zero, scale: [zero; P], weight: zero }
+        Self::of_zero(T::zero())
+    }
+
+    /// No rows, for constants, which cannot ask for the type's zero.
+    #[must_use]
+    pub const fn of_zero(zero: T) -> Self {
+        let vector = SVector::from_array_storage(ArrayStorage([[zero; P]]));
+        let r = SMatrix::from_array_storage(ArrayStorage([[zero; P]; P]));
+        Self { r, z: vector, residual: zero, scale: vector, weight: zero }
     }
 
     /// Takes a row. Rows with a number that is not finite are left out.
-    pub fn push(&mut self, mut row: [T; P], mut target: T) {
+    pub fn push(&mut self, row: [T; P], target: T) {
         if !target.is_finite() || row.iter().any(|x| !x.is_finite()) {
             return;
         }
-        for (scale, x) in self.scale.iter_mut().zip(row) {
-            *scale = *scale + x * x;
-        }
-        self.weight = self.weight + T::one();
+        self.scale.iter_mut().zip(row).for_each(|(scale, x)| *scale += x * x);
+        self.weight += T::one();
+        // The triangle's row on top, the new row below, and beside them their right-hand sides.
+        let mut pair = SMatrix::<T, 2, P>::zeros();
+        pair.row_mut(1).copy_from_slice(&row);
+        let mut right = Vector2::new(T::zero(), target);
         for i in 0..P {
-            if row[i] == T::zero() {
+            let Some((rotation, length)) = GivensRotation::cancel_y(&Vector2::new(self.r[(i, i)], pair[(1, i)])) else {
                 continue;
+            };
+            self.r[(i, i)] = length;
+            for j in i + 1..P {
+                pair[(0, j)] = self.r[(i, j)];
             }
-            // Not hypot: what that gives depends on the platform's library.
-            let length = (self.r[i][i] * self.r[i][i] + row[i] * row[i]).sqrt();
-            if length <= T::zero() {
-                continue;
+            rotation.rotate(&mut pair.columns_mut(i + 1, P - i - 1));
+            for j in i + 1..P {
+                self.r[(i, j)] = pair[(0, j)];
             }
-            let (cos, sin) = (self.r[i][i] / length, row[i] / length);
-            for j in i..P {
-                let (above, below) = (self.r[i][j], row[j]);
-                self.r[i][j] = cos * above + sin * below;
-                row[j] = cos * below - sin * above;
-            }
-            let (above, below) = (self.z[i], target);
-            self.z[i] = cos * above + sin * below;
-            target = cos * below - sin * above;
+            right.x = self.z[i];
+            rotation.rotate(&mut right);
+            self.z[i] = right.x;
         }
-        self.residual = self.residual + target * target;
+        self.residual += right.y * right.y;
     }
 
     /// Everything seen so far counts λ times as much; λ is held to [0, 1].
     pub fn forget(&mut self, lambda: T) {
         let lambda = lambda.max(T::zero()).min(T::one());
         let root = lambda.sqrt();
-        self.r.iter_mut().flatten().chain(&mut self.z).for_each(|x| *x = *x * root);
-        self.scale.iter_mut().for_each(|x| *x = *x * lambda);
-        self.residual = self.residual * lambda;
-        self.weight = self.weight * lambda;
+        self.r *= root;
+        self.z *= root;
+        self.scale *= lambda;
+        self.residual *= lambda;
+        self.weight *= lambda;
     }
 
     /// Rows, each counted by what is left of it.
@@ -111,36 +126,36 @@ impl<T: Real, const P: usize> LeastSquares<T, P> {
     /// # Errors
     /// [`NoEstimate`].
     pub fn solve(&self, tolerance: T) -> Result<Estimate<T, P>, NoEstimate> {
-        let zero = T::zero();
-        let freedom = self.weight - T::from_i64(P as i64);
+        let unknowns: T = convert(P as f64);
+        let freedom = self.weight - unknowns;
         if freedom < T::one() {
             return Err(NoEstimate::TooFewRows);
         }
-        let lost = |i: &usize| self.r[*i][*i].is_nan() || self.r[*i][*i].abs() <= tolerance * self.scale[*i].sqrt();
-        if let Some(i) = (0..P).find(lost) {
+        // Also where it is not a number.
+        let kept = |i: usize| self.r[(i, i)].abs() > tolerance * self.scale[i].sqrt();
+        if let Some(i) = (0..P).find(|&i| !kept(i)) {
             return Err(NoEstimate::NotIdentifiable(i));
         }
-        let mut values = [zero; P];
-        for i in (0..P).rev() {
-            let known = (i + 1..P).fold(zero, |sum, j| sum + self.r[i][j] * values[j]);
-            values[i] = (self.z[i] - known) / self.r[i][i];
+        let mut inverse = SMatrix::<T, P, P>::identity();
+        let mut values = self.z;
+        // No pivot is zero.
+        if !self.r.solve_upper_triangular_mut(&mut inverse) || !self.r.solve_upper_triangular_mut(&mut values) {
+            return Err(NoEstimate::NotIdentifiable(0));
         }
-        // R⁻¹, column by column: variances are the sums of squares of its rows.
-        let mut squares = [zero; P];
+        // Variances are s² times the sums of squares of the inverse's rows.
+        let mut squares = SVector::<T, P>::zeros();
         for column in 0..P {
-            let mut x = [zero; P];
-            for i in (0..=column).rev() {
-                let one = if i == column { T::one() } else { zero };
-                let known = (i + 1..=column).fold(zero, |sum, j| sum + self.r[i][j] * x[j]);
-                x[i] = (one - known) / self.r[i][i];
-                squares[i] = squares[i] + x[i] * x[i];
+            for row in 0..=column {
+                squares[row] += inverse[(row, column)] * inverse[(row, column)];
             }
         }
         let variance = self.residual / freedom;
+        let inflation = squares.iter().zip(self.scale.iter()).fold(T::zero(), |sum, (s, scale)| sum + *s * *scale);
         Ok(Estimate {
-            values,
-            std_errors: squares.map(|s| (s * variance).sqrt()),
+            values: values.into(),
+            std_errors: squares.map(|s| (s * variance).sqrt()).into(),
             residual_rms: (self.residual / self.weight).sqrt(),
+            condition: (inflation / unknowns).sqrt(),
         })
     }
 }
@@ -179,6 +194,44 @@ mod tests {
             assert!((wide.values[i] / TRUTH[i] - 1.0).abs() < 1e-10, "{wide:?}");
             assert!((f64::from(narrow.values[i]) / TRUTH[i] - 1.0).abs() < 2e-3, "{narrow:?}");
         }
+    }
+
+    #[test]
+    fn the_triangle_is_that_of_a_qr_decomposition() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut fit = LeastSquares::<f64, 4>::new();
+        let mut all = nalgebra::SMatrix::<f64, 50, 4>::zeros();
+        let mut targets = nalgebra::SVector::<f64, 50>::zeros();
+        for i in 0..50 {
+            let (row, target) = row(&mut rng, 0.3);
+            fit.push(row, target);
+            all.row_mut(i).copy_from_slice(&row);
+            targets[i] = target;
+        }
+        let found = fit.solve(1e-9).unwrap();
+        // Householder's R, but for the rows' signs.
+        let r = all.qr().r();
+        for (found, expected) in fit.r.iter().zip(r.iter()) {
+            assert!((found.abs() - expected.abs()).abs() < 1e-11 * r.norm(), "{found} {expected}");
+        }
+        // Values, errors and condition from the normal equations.
+        let inverse = (all.transpose() * all).try_inverse().unwrap();
+        let values = inverse * all.transpose() * targets;
+        let variance = (all * values - targets).norm_squared() / 46.0;
+        let mut inflation = 0.0;
+        for i in 0..4 {
+            assert!((found.values[i] / values[i] - 1.0).abs() < 1e-8, "{found:?}");
+            assert!((found.std_errors[i] / (variance * inverse[(i, i)]).sqrt() - 1.0).abs() < 1e-8, "{found:?}");
+            inflation += inverse[(i, i)] * all.column(i).norm_squared();
+        }
+        assert!((found.condition / (inflation / 4.0).sqrt() - 1.0).abs() < 1e-8 && found.condition > 5.0, "{found:?}");
+        // Orthogonal columns.
+        let mut fit = LeastSquares::<f32, 2>::new();
+        for n in 0..40_u8 {
+            let x = if n % 2 == 0 { [3.0, 0.0] } else { [0.0, 0.01] };
+            fit.push(x, 1.0);
+        }
+        assert!((fit.solve(1e-3).unwrap().condition - 1.0).abs() < 1e-6);
     }
 
     #[test]

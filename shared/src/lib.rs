@@ -11,13 +11,13 @@
 //! | [`waveform`] | the drive's phase and displacement |
 //! | [`harmonics`] | windowed harmonic sums of the measured signals |
 //! | [`regressor`] | regression rows of the double pendulum, in the weak form |
-//! | [`least_squares`] | recursive least squares in square-root form |
+//! | [`least_squares`] | recursive least squares in square-root form, on nalgebra |
 //!
 //! Everything is `no_std`, allocates nothing and uses a bounded amount of memory. Transcendental functions come from
 //! `libm` by name, not from the platform, so that device and host agree to the last bit.
 #![no_std]
 
-#[cfg(any(test, feature = "std"))]
+#[cfg(test)]
 extern crate std;
 
 pub mod block;

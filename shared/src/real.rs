@@ -1,8 +1,10 @@
 //! Real numbers of either precision with the same results on every platform.
 //!
 //! `num_traits::Float` uses the platform's sine wherever any crate of a build turns its `std` feature on. What the
-//! device computes must come out alike on the host, so cosine and sine are taken from `libm` by name. Their argument is
-//! a binary fraction of a turn: reducing it to an octant is exact in integers, whatever the number of turns.
+//! device computes must come out alike on the host, so in double precision cosine and sine are taken from `libm` by name; in
+//! single precision they are polynomials (S. L. Moshier's, of the Cephes library's sinf and cosf), of which every operation is rounded
+//! alike everywhere. Their argument is a binary fraction of a turn: reducing it to an octant is exact in integers, whatever the
+//! number of turns.
 
 use num_traits::{Float, FloatConst};
 
@@ -14,19 +16,36 @@ mod sealed {
 
 /// `f32` or `f64`.
 pub trait Real: Float + FloatConst + sealed::Sealed {
-    /// cos and sin of an angle within ±π/4, error below 1 ulp.
+    /// 0, for constants.
+    const ZERO: Self;
+    /// cos and sin of an angle within ±π/4, error below 1e-7 (`f32`) or 1 ulp (`f64`).
     fn cos_sin_octant(angle: Self) -> (Self, Self);
     /// The nearest number to an integer.
     fn from_i64(value: i64) -> Self;
+    /// The nearest number to an integer of 32 bits.
+    fn from_i32(value: i32) -> Self;
     /// The nearest number to a double.
     fn from_f64(value: f64) -> Self;
 }
 
+/// cos x ≈ 1 − x²/2 + x⁴·(C4 + C6 x² + C8 x⁴), sin x ≈ x + x³·(S3 + S5 x² + S7 x⁴) on ±π/4: coefficients of least greatest error.
+const COS: [f32; 3] = [4.166_664_6e-2, -1.388_731_6e-3, 2.443_315_7e-5];
+const SIN: [f32; 3] = [-1.666_665_5e-1, 8.332_161e-3, -1.951_529_6e-4];
+
 impl Real for f32 {
+    const ZERO: Self = 0.0;
+
+    // libm's computes in double precision, which a processor with single precision alone emulates at ten times the cost.
     fn cos_sin_octant(angle: Self) -> (Self, Self) {
-        (libm::cosf(angle), libm::sinf(angle))
+        let square = angle * angle;
+        let cos = 1.0 - 0.5 * square + square * square * (COS[0] + square * (COS[1] + square * COS[2]));
+        let sin = angle + angle * square * (SIN[0] + square * (SIN[1] + square * SIN[2]));
+        (cos, sin)
     }
     fn from_i64(value: i64) -> Self {
+        value as Self
+    }
+    fn from_i32(value: i32) -> Self {
         value as Self
     }
     fn from_f64(value: f64) -> Self {
@@ -35,11 +54,16 @@ impl Real for f32 {
 }
 
 impl Real for f64 {
+    const ZERO: Self = 0.0;
+
     fn cos_sin_octant(angle: Self) -> (Self, Self) {
         (libm::cos(angle), libm::sin(angle))
     }
     fn from_i64(value: i64) -> Self {
         value as Self
+    }
+    fn from_i32(value: i32) -> Self {
+        value.into()
     }
     fn from_f64(value: f64) -> Self {
         value

@@ -4,7 +4,7 @@
 //! mHz. What the device adds up is therefore what the host knows, exactly, at any later tick. Rounding the increment
 //! moves the frequency by at most f_s·2⁻³³ (5.8e-8 Hz at 500 Hz); [`exact_frequency`] gives the frequency that results.
 //!
-//! cos is `libm`'s after an exact reduction to an octant ([`crate::real`]); the displacement in nm is rounded once.
+//! cos comes after an exact reduction to an octant ([`crate::real`]); the displacement in nm is rounded once.
 //! Error of the displacement: at most 0.5 nm + 1.2e-7 a.
 
 use core::f64::consts::TAU;
@@ -61,7 +61,7 @@ pub fn cos_sin<T: Real>(phase: u32) -> (T, T) {
 
 /// The base's displacement a cos τ in nm, upward positive (for a vertical drive); saturates at ±(2³¹ − 1) nm.
 ///
-/// The phase, the amplitude and the product are integers; only the cosine is `libm`'s in single precision.
+/// The phase, the amplitude and the product are integers; only the cosine is in single precision.
 #[must_use]
 pub fn displacement(amplitude_nanometre: u32, phase: u32) -> i32 {
     let (cos, _) = cos_sin::<f32>(phase);

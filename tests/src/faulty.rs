@@ -121,8 +121,12 @@ pub fn capture(rig: &Rig, seconds: f64, seed: u64) -> Account {
     }));
     let inner = Simulated::new(rig, &[], Some(seed), None).expect("a simulated rig");
     let mut source = FaultySource { inner, faults: faults.clone() };
-    let settings =
-        CaptureSettings { seconds: Some(seconds), ..CaptureSettings::new("sim", folder.path().join("record.parquet")) };
+    let settings = CaptureSettings {
+        seconds: Some(seconds),
+        // The link is unplugged while the shaker starts, too.
+        restart_drive: true,
+        ..CaptureSettings::new("sim", folder.path().join("record.parquet"))
+    };
     let outcome = run_from(&settings, rig, &mut source, &mut |_| {}).expect("a capture");
     let injected = {
         let mut faults = lock(&faults);

@@ -6,22 +6,29 @@
 
 #[path = "emulated/faults.rs"]
 mod faults;
+#[path = "emulated/identification.rs"]
+mod identification;
 #[path = "emulated/image.rs"]
 mod image;
 #[path = "emulated/programs.rs"]
 mod programs;
 
 use std::net::TcpListener;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use whirl::capture::{self, CaptureSettings};
+use whirl::identify::{Settings, identify};
+use whirl::record::{ReadOptions, Record};
 use whirl::rig::Rig;
-use whirl_hil_sim::emulated::{EmulatorSettings, Script, Sent, Serial, board_settings, on_this_machine, run};
+use whirl_hil_sim::emulated::{
+    Emulation, EmulatorSettings, Script, Sent, Serial, board_settings, on_this_machine, run,
+};
 use whirl_shared::block::samples;
 use whirl_shared::codec::Decoder;
+use whirl_shared::frame::regression::EquationEstimate;
 use whirl_shared::frame::{DeviceMessage, ShakerState};
 
 /// Ticks a second.
@@ -31,28 +38,42 @@ fn driven(ticks: u32) -> Script {
     Script::new().drive(0, ticks, 10_000, 15_525, 5_000)
 }
 
-/// FNV-1a over the fields of all samples: what the golden file holds.
+/// FNV-1a over the fields of all samples and the numbers of all estimates: what the golden file holds.
 fn digest(frames: &[u8]) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let mut decoder = Decoder::<DeviceMessage>::new();
     for envelope in frames.iter().filter_map(|&byte| decoder.push(byte)?.ok()) {
-        let DeviceMessage::Samples(block) = envelope.message else { continue };
-        for sample in samples(&block) {
-            let words = [sample.tick, sample.phase, sample.counts[0] as u32, sample.counts[1] as u32];
-            for byte in words.iter().flat_map(|word| word.to_le_bytes()) {
-                hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        let mut take = |byte: u8| hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+        match envelope.message {
+            DeviceMessage::Samples(block) => {
+                for sample in samples(&block) {
+                    let words = [sample.tick, sample.phase, sample.counts[0] as u32, sample.counts[1] as u32];
+                    words.iter().flat_map(|word| word.to_le_bytes()).for_each(&mut take);
+                }
             }
+            DeviceMessage::Estimate(estimate) => {
+                if let EquationEstimate::Known { unknowns, .. } = estimate.first {
+                    unknowns.iter().flat_map(|u| [u.value.0, u.std_error.0]).flatten().for_each(&mut take);
+                }
+                if let EquationEstimate::Known { unknowns, .. } = estimate.second {
+                    unknowns.iter().flat_map(|u| [u.value.0, u.std_error.0]).flatten().for_each(&mut take);
+                }
+            }
+            _ => {}
         }
     }
     hash
 }
 
-#[test]
-fn a_minute_is_that_of_the_firmware_on_this_machine_byte_for_byte() {
-    let Some(image) = image::image() else { return };
+/// Runs the chaotic rig on the emulated board: every sample is there, the tick's period is exact, and all bytes are those of the
+/// firmware on this machine.
+fn exact(image: PathBuf, ticks: u32) -> Emulation {
     let folder = tempfile::tempdir().unwrap();
-    let ticks = 60 * RATE;
-    let mut settings = EmulatorSettings { script: driven(ticks), ..EmulatorSettings::new(image, folder.path(), ticks) };
+    let mut settings = EmulatorSettings {
+        script: driven(ticks),
+        patience: Duration::from_secs(300),
+        ..EmulatorSettings::new(image, folder.path(), ticks)
+    };
     let emulation = run(&settings).unwrap();
     assert_eq!(emulation.status, Some(0), "{}", emulation.console);
     let sent = Sent::of(&emulation.frames);
@@ -64,30 +85,76 @@ fn a_minute_is_that_of_the_firmware_on_this_machine_byte_for_byte() {
     assert_eq!([status.overruns, status.dropped_samples, status.dropped_frames, status.bad_frames], [0; 4]);
 
     let account = emulation.account.unwrap();
+    println!("{} samples, {} estimates; {account:?}", sent.samples.received, sent.estimates.len());
     assert_eq!(account.ticks, ticks);
     // 500 Hz exactly; QEMU 7.2 may be a few clocks off.
     assert_eq!(account.period[0], 50_000);
     assert!(account.period[1] <= 5 && account.period[2] <= 5, "{account:?}");
-    // Statics and stack are within the RAM of a small board.
-    assert!(account.statics + account.stack < 32 * 1024, "{account:?}");
+    // Statics and stack, the estimate's too.
+    assert!(account.statics + account.stack < 64 * 1024 && account.stack < 16 * 1024, "{account:?}");
+    // An estimate every twenty periods; numbers from the fourth window on.
+    assert!(sent.estimates.len() as u32 >= (ticks - 1_500) / 2_000 - 1, "{}", sent.estimates.len());
+    let last = sent.estimates.last().unwrap();
+    assert!(matches!(last.first, EquationEstimate::Known { .. }), "{last:?}");
 
     settings.rig.device = board_settings(&sent.firmware);
     let here = on_this_machine(&settings.rig, &settings.script, ticks).unwrap();
     let first = here.iter().zip(&emulation.frames).position(|(a, b)| a != b);
     assert_eq!((first, here.len()), (None, emulation.frames.len()));
+    identified_alike(&emulation.frames, &here);
+    emulation
+}
 
+/// What the host identifies from a board's bytes, as JSON.
+fn identified(frames: &[u8], name: &str, folder: &Path, rig: &Rig) -> String {
+    let file = folder.join(format!("{name}.bytes"));
+    std::fs::write(&file, frames).unwrap();
+    let output = folder.join(format!("{name}.parquet"));
+    let settings = CaptureSettings::new(format!("file:{}", file.display()), &output);
+    let outcome = capture::run(&settings, rig, &mut |_| {}).unwrap();
+    assert_eq!(outcome.losses.lost(), 0);
+    let record = Record::read(&output, rig, &ReadOptions::default()).unwrap();
+    let result = identify(&[record], rig, &Settings::default()).unwrap();
+    for p in result.parameters.iter().filter(|p| p.name == "B21" || p.name == "C11") {
+        println!("{name}: {} {} ± {}", p.name, p.value, p.std_error);
+    }
+    serde_json::to_string(&result).unwrap()
+}
+
+/// The host's result from the emulated board's capture is, digit for digit, that from the firmware on this machine.
+fn identified_alike(emulated: &[u8], here: &[u8]) {
+    let rig = Rig::read(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../rigs/chaotic.toml"))).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let [a, b] = [(emulated, "emulated"), (here, "here")].map(|(f, name)| identified(f, name, folder.path(), &rig));
+    assert!(a.contains("\"B21\"") && a == b);
+}
+
+#[test]
+fn a_minute_is_that_of_the_firmware_on_this_machine_byte_for_byte() {
+    let Some(image) = image::image() else { return };
+    let emulation = exact(image, 60 * RATE);
+    let sent = Sent::of(&emulation.frames);
     let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("golden/emulated-minute.txt");
     let text = format!(
-        "bytes-without-hello {}\nframes {}\nsamples {}\ndigest {:016x}\n",
+        "bytes-without-hello {}\nframes {}\nsamples {}\nestimates {}\ndigest {:016x}\n",
         emulation.frames.len() - emulation.frames.iter().position(|&b| b == 0).unwrap() - 1,
         sent.frames,
         sent.samples.received,
+        sent.estimates.len(),
         digest(&emulation.frames),
     );
     if std::env::var_os("WHIRL_BLESS").is_some() {
         std::fs::write(&golden, &text).unwrap();
     }
     assert_eq!(text, std::fs::read_to_string(&golden).unwrap_or_default(), "WHIRL_BLESS=1 accepts what has changed");
+}
+
+/// Ten minutes or so: `WHIRL_EMULATOR=required cargo test --release -p whirl-tests --test emulated an_hour -- --ignored --nocapture`.
+#[test]
+#[ignore = "takes ten minutes"]
+fn an_hour_loses_nothing_and_is_identified_alike() {
+    let Some(image) = image::image() else { return };
+    exact(image, 3_600 * RATE);
 }
 
 #[test]

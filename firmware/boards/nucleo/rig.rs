@@ -17,9 +17,10 @@ use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_time::Timer;
 use heapless::spsc::{Consumer, Producer, Queue};
 use rtt_target::{ChannelMode, DownChannel, UpChannel};
-use static_cell::StaticCell;
+use static_cell::{ConstStaticCell, StaticCell};
 use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::dac::DacShaker;
+use whirl_firmware::estimate::Estimator;
 use whirl_firmware::event::{Event, Request};
 use whirl_firmware::link::Link;
 use whirl_firmware::pacing::{Pacer, divide};
@@ -77,7 +78,7 @@ fn TIM6_DAC() {
 
 /// What the thread owns.
 struct Thread {
-    link: Link,
+    link: Link<&'static mut Estimator>,
     blocks: Consumer<'static, SampleBlock>,
     events: Consumer<'static, Event>,
     requests: Producer<'static, Request>,
@@ -147,6 +148,7 @@ fn start(timer: &TickTimer<'static, TIM6>, rate_millihertz: u32) -> Option<[u32;
 }
 
 fn assemble(parts: board::Parts, rtt: (UpChannel, DownChannel)) -> Option<Thread> {
+    static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
     static QUEUE_BLOCKS: StaticCell<Queue<SampleBlock, BLOCKS>> = StaticCell::new();
     static QUEUE_EVENTS: StaticCell<Queue<Event, EVENTS>> = StaticCell::new();
     static QUEUE_REQUESTS: StaticCell<Queue<Request, REQUESTS>> = StaticCell::new();
@@ -158,7 +160,7 @@ fn assemble(parts: board::Parts, rtt: (UpChannel, DownChannel)) -> Option<Thread
     let settings = settings();
     let output = DacShaker::new(parts.dac, parts.enable, FULL_SCALE_NANOMETRE);
     let sampler = Sampler::new(&settings, parts.encoder1, parts.encoder2, output).ok()?;
-    let link = Link::new(&settings).ok()?;
+    let link = Link::with(&settings, ESTIMATOR.take()).ok()?;
     let timer = TIMER.init(parts.timer);
     let [period, clocks_per_count, clocks_per_microsecond] = start(timer, settings.sample_rate_millihertz)?;
     let interrupt = Interrupt {

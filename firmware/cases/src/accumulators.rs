@@ -36,7 +36,7 @@ pub fn sums_have_the_same_bits() {
 }
 
 /// Of x86-64 and Cortex-M4F alike.
-const SUMS: u32 = 0x224f_6104;
+const SUMS: u32 = 0x429a_a55c;
 
 pub fn phasors_do_not_drift() {
     // The drive is the tenth harmonic. Its phase over many windows is exact, and so is that of the bank, whatever came before:
@@ -72,4 +72,4 @@ pub fn the_waveform_has_the_same_bits() {
 }
 
 /// Of x86-64 and Cortex-M4F alike.
-const WAVEFORM: u32 = 0xe8a8_b43b;
+const WAVEFORM: u32 = 0xa602_ecd9;

@@ -2,7 +2,7 @@
 
 use whirl_shared::block::sample_count;
 use whirl_shared::codec::Decoder;
-use whirl_shared::frame::{Ack, DeviceMessage, Log, Status};
+use whirl_shared::frame::{Ack, DeviceMessage, Estimate, Log, Rows, Status};
 use whirl_shared::sequence::{SequenceCounters, SequenceTracker};
 use whirl_shared::tick::{TickCounters, TickTracker};
 
@@ -25,6 +25,10 @@ pub struct Sent {
     pub acks: Vec<Ack>,
     /// Every line.
     pub logs: Vec<Log>,
+    /// Every estimate of the device.
+    pub estimates: Vec<Estimate>,
+    /// All regression rows.
+    pub rows: Vec<Rows>,
 }
 
 impl Sent {
@@ -52,6 +56,8 @@ impl Sent {
                 DeviceMessage::Status(status) => sent.statuses.push(status),
                 DeviceMessage::Ack(ack) => sent.acks.push(ack),
                 DeviceMessage::Log(log) => sent.logs.push(log),
+                DeviceMessage::Estimate(estimate) => sent.estimates.push(estimate),
+                DeviceMessage::Rows(rows) => sent.rows.push(rows),
             }
         }
         sent.samples = ticks.counters();

@@ -1,7 +1,8 @@
 //! The shaker during a capture: arm, start, wait until it runs, keep it alive, stop and disarm at the end.
 //!
-//! The device stops by itself when the host is silent, so that a host that died leaves a shaker at rest; where the link was only
-//! lost for a while, the drive is started again and a warning says so.
+//! The device stops by itself when the host is silent, so that a host that died leaves a shaker at rest. Where the link was lost for
+//! longer than that, or the device has restarted, the shaker stays off, and a warning says so: people may be at the rig by then. It is
+//! started again only where that was asked for.
 
 use std::time::{Duration, Instant};
 
@@ -46,6 +47,8 @@ enum Step {
 #[derive(Debug)]
 pub(super) struct Drive {
     target: Option<Target>,
+    /// Whether a shaker that has stopped by itself is started again.
+    restart: bool,
     step: Step,
     since: Instant,
     asked_status: Instant,
@@ -54,8 +57,16 @@ pub(super) struct Drive {
 }
 
 impl Drive {
-    pub(super) fn new(target: Option<Target>, now: Instant) -> Self {
-        Self { target, step: Step::Idle, since: now, asked_status: now, limits: String::new(), warnings: Vec::new() }
+    pub(super) fn new(target: Option<Target>, restart: bool, now: Instant) -> Self {
+        Self {
+            target,
+            restart,
+            step: Step::Idle,
+            since: now,
+            asked_status: now,
+            limits: String::new(),
+            warnings: Vec::new(),
+        }
     }
 
     fn go(&mut self, step: Step, now: Instant) {
@@ -77,8 +88,17 @@ impl Drive {
     }
 
     /// The link is there again: patience begins anew.
-    pub(super) fn reconnected(&mut self, now: Instant) {
+    ///
+    /// # Errors
+    /// It was lost while the shaker was being started, and is not to be started again: it would move when nobody expects it.
+    pub(super) fn reconnected(&mut self, now: Instant) -> Result<()> {
         self.since = now;
+        if self.starting() && !self.restart {
+            return Err(BadInput::new("a link that was lost while the shaker was being started", "a link that holds")
+                .at("drive")
+                .remedy("See to the cable and capture again; --restart-drive starts the shaker after such a gap"));
+        }
+        Ok(())
     }
 
     /// Whether the shaker may be moving on this program's command.
@@ -192,6 +212,18 @@ impl Drive {
                     .remedy("Look at the shaker's amplifier and the device's log"));
             }
             // A status may be older than the start: the device has restarted only if it stays so.
+            (Step::Ramping, ShakerState::Disarmed)
+                if !self.restart && now.duration_since(self.since) > Duration::from_secs(1) =>
+            {
+                return Err(BadInput::new(
+                    "a device that has restarted while the shaker was being started",
+                    "one that runs",
+                )
+                .at("drive")
+                .remedy(
+                    "Look after its power supply and capture again; --restart-drive starts the shaker after a restart",
+                ));
+            }
             (Step::Ramping, ShakerState::Disarmed) if now.duration_since(self.since) > Duration::from_secs(1) => {
                 commands.ask(Command::Arm, now);
                 self.go(Step::Arming, now);
@@ -202,13 +234,18 @@ impl Drive {
                     StopCause::None => "the device has restarted",
                     _ => "it was commanded to",
                 };
+                let (then, next) = if self.restart {
+                    ("it is started again", (Command::Arm, Step::Arming))
+                } else {
+                    ("it stays off (--restart-drive starts it again)", (Command::Disarm, Step::Disarming))
+                };
                 self.warnings.push(Warning::new(
                     "drive-stopped",
-                    format!("the shaker stopped at the device's tick {}: {cause}; it is started again", status.tick),
+                    format!("the shaker stopped at the device's tick {}: {cause}; {then}", status.tick),
                     "The record holds the amplitude at each sample; identify uses stretches with a steady drive",
                 ));
-                commands.ask(Command::Arm, now);
-                self.go(Step::Arming, now);
+                commands.ask(next.0, now);
+                self.go(next.1, now);
             }
             _ => {}
         }

@@ -34,6 +34,8 @@ pub struct Terms {
     pub settle_s: f64,
     /// Samples before a hello are not recorded.
     pub hello_first: bool,
+    /// Regression rows are recorded, not samples.
+    pub rows: bool,
 }
 
 /// The journal beside a record.

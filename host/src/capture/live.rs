@@ -5,7 +5,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use whirl_shared::codec::FrameError;
-use whirl_shared::frame::{Command, DeviceMessage, Hello};
+use whirl_shared::frame::{Command, DeviceMessage, Hello, Streamed};
 
 use super::commands::Commands;
 use super::drive::{Drive, Target};
@@ -46,6 +46,8 @@ struct Session<'a> {
     /// Device's tick at the last keep-alive, and now.
     alive_tick: u32,
     device_tick: u32,
+    /// When the device was last told what to stream.
+    streamed: Option<Instant>,
     /// When the link is to be opened next, and the pause after that.
     retry: (Instant, Duration),
     lost_because: String,
@@ -68,6 +70,7 @@ pub(super) fn run(
             .map(|t| (t.amplitude_micrometre, t.frequency_millihertz)),
         settle_s: settings.settle_s.unwrap_or_else(|| source.settle_s()),
         hello_first: true,
+        rows: settings.rows,
     };
     let mut recorder = Recorder::new(rig, &settings.output, terms.clone())?;
     let now = Instant::now();
@@ -81,7 +84,7 @@ pub(super) fn run(
         source,
         link: Some(link),
         commands: Commands::new(),
-        drive: Drive::new(target, now),
+        drive: Drive::new(target, settings.restart_drive, now),
         journal: Some(journal),
         hello: None,
         heard: Heard::default(),
@@ -92,6 +95,7 @@ pub(super) fn run(
         last_alive: now,
         alive_tick: 0,
         device_tick: 0,
+        streamed: None,
         retry: (now, Duration::from_millis(50)),
         lost_because: String::new(),
     };
@@ -221,6 +225,9 @@ impl Session<'_> {
         match envelope.message {
             DeviceMessage::Hello(hello) => {
                 self.device_tick = hello.tick;
+                if self.settings.rows {
+                    self.stream(now);
+                }
                 self.drive.start(&hello, &mut self.commands, now);
                 if self.hello.is_none() {
                     // The zero of the device's counters.
@@ -228,15 +235,38 @@ impl Session<'_> {
                 }
                 self.hello = Some(hello);
             }
-            DeviceMessage::Samples(block) => self.device_tick = block.first_tick,
-            DeviceMessage::Status(status) => self.drive.status(&status, &mut self.commands, now)?,
+            DeviceMessage::Samples(block) => {
+                self.device_tick = block.first_tick;
+                if self.settings.rows && self.hello.is_some() {
+                    self.stream(now);
+                }
+            }
+            DeviceMessage::Rows(rows) => {
+                self.device_tick = rows.tick;
+                if !self.settings.rows && self.hello.is_some() {
+                    self.stream(now);
+                }
+            }
+            DeviceMessage::Status(status) => {
+                self.device_tick = status.tick;
+                self.drive.status(&status, &mut self.commands, now)?;
+            }
             DeviceMessage::Ack(ack) => {
                 let outcome = self.commands.ack(&ack);
                 self.drive.outcome(outcome, &mut self.commands, now)?;
             }
-            DeviceMessage::Log(_) => {}
+            DeviceMessage::Log(_) | DeviceMessage::Estimate(_) => {}
         }
         Ok(())
+    }
+
+    /// Tells the device what to stream, not more often than it can answer: what comes shows whether it has heard.
+    fn stream(&mut self, now: Instant) {
+        if self.streamed.is_none_or(|t| now.duration_since(t) > Duration::from_millis(300)) {
+            let streamed = if self.settings.rows { Streamed::Rows } else { Streamed::Samples };
+            self.commands.send(Command::Stream(streamed));
+            self.streamed = Some(now);
+        }
     }
 
     /// Tells the device that the host is there, by the host's clock and by the device's (a simulated one may be faster).
@@ -274,7 +304,7 @@ impl Session<'_> {
                 self.heard = Heard::default();
                 self.retry.0 = now + SILENCE;
                 self.commands.reconnected(now);
-                self.drive.reconnected(now);
+                self.drive.reconnected(now)?;
                 self.commands.send(Command::Hello);
                 // The frame that was cut must not spoil the next one.
                 self.take(&[0], recorder)?;
@@ -286,6 +316,14 @@ impl Session<'_> {
 
     /// Brings the shaker to rest, whatever has happened before.
     fn stop_drive(&mut self, recorder: &mut Recorder<'_>) {
+        if self.settings.rows && self.link.is_some() {
+            // The next capture finds samples.
+            self.commands.send(Command::Stream(Streamed::Samples));
+            if !self.drive.active() {
+                // Nobody waits for an answer.
+                let _ = self.turn_after_end(recorder);
+            }
+        }
         if !self.drive.active() || self.link.is_none() {
             return;
         }
@@ -327,6 +365,7 @@ impl Session<'_> {
             lost,
             device_s: recorder.ticks() as f64 / self.rig.sample_rate_hz,
             target_s: self.settings.seconds,
+            estimate: recorder.newest_estimate().map(super::estimates::DeviceEstimate::brief),
         }
     }
 

@@ -15,6 +15,7 @@
 mod accounting;
 mod commands;
 mod drive;
+pub mod estimates;
 mod file;
 pub mod journal;
 mod live;
@@ -22,6 +23,7 @@ mod no_device;
 pub mod progress;
 mod recorder;
 mod replay;
+mod rows;
 mod rtt;
 mod serial;
 pub mod sim;
@@ -65,6 +67,11 @@ pub struct CaptureSettings {
     /// Device time for which the running drive (or, without one, the rig) is left to itself before recording, s; before that
     /// of the source (`sim` takes it from `[plant]`, others have none).
     pub settle_s: Option<f64>,
+    /// Record the regression rows of the device's own identification instead of samples. Default false.
+    pub rows: bool,
+    /// Start the shaker again where it has stopped by itself: after the link was lost, or the device has restarted. Default false: who
+    /// comes near a rig that stands still is to find it so.
+    pub restart_drive: bool,
     /// Keep the journal after a clean end. Default false.
     pub keep_frames: bool,
     /// Set from elsewhere (Ctrl-C) to end the capture in order.
@@ -84,6 +91,8 @@ impl CaptureSettings {
             drive: true,
             wait_for_drive: true,
             settle_s: None,
+            rows: false,
+            restart_drive: false,
             keep_frames: false,
             stop: Arc::default(),
         }
@@ -141,10 +150,30 @@ pub struct CaptureOutcome {
     pub bytes: u64,
     /// Times that the link was lost and found again.
     pub reconnections: u64,
+    /// The file of the device's own estimates, where there were any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub estimates: Option<PathBuf>,
+    /// The last of them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub estimate: Option<estimates::DeviceEstimate>,
+    /// Windows of rows, where these were recorded instead of samples; `losses` are then those of the samples under them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rows: Option<RowsOutcome>,
     /// Whether `seconds` was reached (true where none was asked for).
     pub complete: bool,
     /// Things noticed.
     pub warnings: Vec<Warning>,
+}
+
+/// Windows of a record of rows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct RowsOutcome {
+    /// In the record.
+    pub windows: u64,
+    /// Lost, in part or whole.
+    pub windows_lost: u64,
+    /// Unbroken stretches.
+    pub runs: u64,
 }
 
 /// Captures a record.
@@ -174,7 +203,16 @@ pub fn run_from(
         return replay::run(settings, rig, source, progress);
     }
     let target = target(settings, rig)?;
-    live::run(settings, rig, source, target, progress)
+    let unknown = target.is_none() && settings.drive && rig.drive.is_some();
+    let mut outcome = live::run(settings, rig, source, target, progress)?;
+    if unknown {
+        outcome.warnings.push(Warning::new(
+            "drive-left-alone",
+            format!("{} has [drive] but no amplitude_m: the shaker was left alone", rig.path.display()),
+            "Give --amplitude-m, or drive.amplitude_m in the rig file; --no-drive says that this is meant",
+        ));
+    }
+    Ok(outcome)
 }
 
 /// What the shaker is to do; none where the rig has no drive or its amplitude is not known.
@@ -223,8 +261,9 @@ fn outcome(settings: &CaptureSettings, finished: Finished, seconds: Option<f64>)
     let sample_rate_hz = finished.metadata.sample_rate_hz;
     let duration_s = last_tick.abs_diff(first_tick).saturating_add(1) as f64 / sample_rate_hz;
     let mut warnings = finished.warnings;
-    // Half a sample short of it is all of it.
-    let complete = seconds.is_none_or(|s| duration_s + 0.5 / sample_rate_hz >= s);
+    // Half a sample short of it is all of it; of rows, all windows that fit.
+    let all = |s: f64| finished.full.unwrap_or(duration_s + 0.5 / sample_rate_hz >= s);
+    let complete = seconds.is_none_or(all);
     if let (false, Some(s)) = (complete, seconds) {
         warnings.push(Warning::new(
             "short",
@@ -244,6 +283,9 @@ fn outcome(settings: &CaptureSettings, finished: Finished, seconds: Option<f64>)
         board: finished.metadata.board,
         bytes: 0,
         reconnections: 0,
+        estimates: finished.estimates,
+        estimate: finished.estimate,
+        rows: finished.rows,
         complete,
         warnings,
     })

@@ -6,7 +6,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// State of a capture, told several times a second.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Progress {
     /// What is being done.
     pub state: &'static str,
@@ -18,6 +18,8 @@ pub struct Progress {
     pub device_s: f64,
     /// Device time asked for, s.
     pub target_s: Option<f64>,
+    /// The device's newest estimate, in a few words.
+    pub estimate: Option<String>,
 }
 
 /// A progress bar on standard error where that is a terminal; otherwise nothing.
@@ -39,6 +41,7 @@ pub fn on_terminal() -> Box<dyn FnMut(&Progress)> {
             has_length = true;
         }
         bar.set_position(p.device_s as u64);
-        bar.set_message(format!("{}: {} samples, {} lost", p.state, p.samples, p.lost));
+        let estimate = p.estimate.as_ref().map_or_else(String::new, |e| format!("; {e}"));
+        bar.set_message(format!("{}: {} samples, {} lost{estimate}", p.state, p.samples, p.lost));
     })
 }

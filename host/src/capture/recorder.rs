@@ -5,11 +5,15 @@ use std::path::{Path, PathBuf};
 
 use whirl_shared::codec::{Decoder, FrameError};
 use whirl_shared::frame::{
-    CHANNELS, DeviceMessage, Envelope, Hello, PROTOCOL_VERSION, SCHEMA_HASH, SampleBlock, ShakerState, Status,
+    CHANNELS, DeviceMessage, Envelope, Estimate, Hello, PROTOCOL_VERSION, Rows, SCHEMA_HASH, SampleBlock, ShakerState,
+    Status,
 };
 
+use super::RowsOutcome;
 use super::accounting::{Accounting, Taken, Verdict};
+use super::estimates::{self, DeviceEstimate, Estimates};
 use super::journal::Terms;
+use super::rows::RowsRecorder;
 use crate::error::{BadInput, Result};
 use crate::record::writer::Sample;
 use crate::record::{Losses, Metadata, RecordWriter};
@@ -41,6 +45,11 @@ pub(super) struct Recorder<'a> {
     /// Ticks to wait before that.
     settle: u32,
     writer: Option<RecordWriter>,
+    /// Instead of the samples.
+    rows: Option<RowsRecorder>,
+    estimates: Estimates,
+    /// Whether the device identifies what this rig is.
+    fits: bool,
     taken: Vec<Taken>,
     last_tick: Option<i64>,
     ended: bool,
@@ -70,6 +79,11 @@ impl<'a> Recorder<'a> {
                 .at(format!("channel \"{}\"", c.name))
                 .remedy("Give the channel unit = \"count\" and counts_per_turn"));
         }
+        let unfit = estimates::unfit(rig);
+        let fits = unfit.is_none();
+        if let Some(error) = unfit.filter(|_| terms.rows) {
+            return Err(error.remedy("Capture samples: leave --rows out"));
+        }
         // Terms bound it to 1e7 s, rates are at most some kilohertz; it saturates beyond 49 days.
         let settle = (terms.settle_s * rig.sample_rate_hz).round() as u32;
         let limit = terms.seconds.map(|s| ((s * rig.sample_rate_hz).round() as i64).max(1));
@@ -79,14 +93,17 @@ impl<'a> Recorder<'a> {
             recording: false,
             begin_at: None,
             settle,
-            terms,
             decoder: Decoder::new(),
             accounting: Accounting::new(limit),
             hello: None,
             writer: None,
+            rows: terms.rows.then(|| RowsRecorder::new(output.to_path_buf(), limit)),
+            estimates: Estimates::new(output),
+            fits,
             taken: Vec::new(),
             last_tick: None,
             ended: false,
+            terms,
             ask_hello: false,
             warnings: Vec::new(),
         })
@@ -116,6 +133,8 @@ impl<'a> Recorder<'a> {
                 DeviceMessage::Hello(hello) => self.hello(hello)?,
                 DeviceMessage::Samples(block) => self.block(block)?,
                 DeviceMessage::Status(status) => self.status(status),
+                DeviceMessage::Estimate(estimate) => self.estimate(estimate)?,
+                DeviceMessage::Rows(rows) => self.rows(rows)?,
                 DeviceMessage::Ack(_) | DeviceMessage::Log(_) => {}
             },
         }
@@ -124,7 +143,11 @@ impl<'a> Recorder<'a> {
 
     fn hello(&mut self, hello: &Hello) -> Result<()> {
         check_hello(hello, self.rig)?;
-        if self.accounting.hello(hello.boot_id, hello.tick) && self.recording {
+        let restarted = self.accounting.hello(hello.boot_id, hello.tick);
+        if let Some(rows) = self.rows.as_mut().filter(|_| restarted) {
+            rows.restarted();
+        }
+        if restarted && self.recording {
             self.warnings.push(Warning::new(
                 "device-restarted",
                 format!(
@@ -147,6 +170,12 @@ impl<'a> Recorder<'a> {
         {
             self.begin_at.get_or_insert_with(|| status.tick.wrapping_add(self.settle));
         }
+        if let Some(rows) = &mut self.rows
+            && (self.terms.from_drive.is_none()
+                || self.begin_at.is_some_and(|at| at.wrapping_sub(status.tick).cast_signed() <= 0))
+        {
+            rows.time(status.tick);
+        }
         // The last word on overruns comes with the status behind the last sample.
         if self.reached_end() {
             self.ended = true;
@@ -154,7 +183,7 @@ impl<'a> Recorder<'a> {
     }
 
     fn block(&mut self, block: &SampleBlock) -> Result<()> {
-        if self.terms.hello_first && self.hello.is_none() {
+        if self.rows.is_some() || (self.terms.hello_first && self.hello.is_none()) {
             return Ok(());
         }
         if self.terms.from_drive.is_none() {
@@ -171,9 +200,53 @@ impl<'a> Recorder<'a> {
         self.write()
     }
 
+    fn rows(&mut self, rows: &Rows) -> Result<()> {
+        if self.rows.is_none() || (self.terms.hello_first && self.hello.is_none()) {
+            return Ok(());
+        }
+        // A message may claim anything.
+        let start = rows.tick.wrapping_sub(rows.window_ticks).wrapping_add(1);
+        if self.terms.from_drive.is_none() {
+            self.begin_at.get_or_insert_with(|| start.wrapping_add(self.settle));
+        }
+        self.recording |= self.begin_at.is_some_and(|at| start.wrapping_sub(at).cast_signed() >= 0);
+        if !self.recording {
+            return Ok(());
+        }
+        let metadata = self.metadata();
+        let Some(recorder) = &mut self.rows else { return Ok(()) };
+        if recorder.windows == 0 {
+            self.estimates.begin()?;
+        }
+        recorder.push(rows, || metadata)
+    }
+
+    /// Takes an estimate of the device, if its newest window lies in the record.
+    fn estimate(&mut self, estimate: &Estimate) -> Result<()> {
+        let anchor = match &self.rows {
+            Some(rows) => rows.first_tick().zip(rows.last_tick()),
+            None => self.accounting.first_tick().zip(self.accounting.newest()),
+        };
+        let Some((first, newest)) = anchor.filter(|_| self.fits && self.recording) else { return Ok(()) };
+        // The low 32 bits of the record's line are the device's ticks, but for restarts, which the next block puts right.
+        let behind = (newest as u32).wrapping_sub(estimate.tick).cast_signed();
+        let tick = newest.saturating_sub(i64::from(behind));
+        if tick < first.saturating_add(i64::from(estimate.window_ticks)) - 1 {
+            return Ok(());
+        }
+        let rate = self.metadata().sample_rate_hz;
+        self.estimates.push(DeviceEstimate::new(estimate, tick, rate))
+    }
+
+    /// The device's newest estimate.
+    pub(super) fn newest_estimate(&self) -> Option<&DeviceEstimate> {
+        self.estimates.last.as_ref()
+    }
+
     /// Writes what the accounting let go.
     fn write(&mut self) -> Result<()> {
         if self.writer.is_none() && !self.taken.is_empty() {
+            self.estimates.begin()?;
             self.writer = Some(RecordWriter::create(&self.output, &self.metadata(), self.rig)?);
         }
         if let Some(writer) = &mut self.writer {
@@ -205,6 +278,9 @@ impl<'a> Recorder<'a> {
 
     /// Whether the last sample to be recorded has come (or is known to be lost).
     pub(super) fn reached_end(&self) -> bool {
+        if let Some(rows) = &self.rows {
+            return rows.full;
+        }
         self.accounting.end().zip(self.accounting.newest()).is_some_and(|(end, newest)| newest >= end)
     }
 
@@ -220,17 +296,31 @@ impl<'a> Recorder<'a> {
 
     /// Whether a sample is in the record or on its way.
     pub(super) fn has_samples(&self) -> bool {
-        self.accounting.first_tick().is_some()
+        match &self.rows {
+            Some(rows) => rows.windows > 0,
+            None => self.accounting.first_tick().is_some(),
+        }
     }
 
     /// Losses until now.
     pub(super) fn losses(&self) -> Losses {
-        self.accounting.losses()
+        let losses = self.accounting.losses();
+        match &self.rows {
+            Some(rows) => {
+                let missing = self.ticks().saturating_sub(rows.covered());
+                let gaps = rows.runs().saturating_sub(1);
+                Losses { received: rows.covered(), lost_on_link: missing, gaps, ..losses }
+            }
+            None => losses,
+        }
     }
 
     /// Ticks from the first sample to behind the newest.
     pub(super) fn ticks(&self) -> u64 {
-        let span = self.accounting.newest().zip(self.accounting.first_tick());
+        let span = match &self.rows {
+            Some(rows) => rows.last_tick().map(|tick| tick + 1).zip(rows.first_tick()),
+            None => self.accounting.newest().zip(self.accounting.first_tick()),
+        };
         span.map_or(0, |(newest, first)| newest.saturating_sub(first).unsigned_abs())
     }
 
@@ -241,8 +331,21 @@ impl<'a> Recorder<'a> {
     pub(super) fn finish(mut self) -> Result<Finished> {
         self.accounting.finish(&mut self.taken);
         self.write()?;
-        let losses = self.accounting.losses();
+        let losses = self.losses();
         let metadata = self.metadata();
+        if let Some(rows) = &mut self.rows {
+            rows.finish(&losses)?;
+            if rows.lost > 0 {
+                self.warnings.push(Warning::new(
+                    "windows-lost",
+                    format!(
+                        "{} windows of rows came in part or not at all; {} are in the record",
+                        rows.lost, rows.windows
+                    ),
+                    "See to cable and baud rate; each gap ends a run",
+                ));
+            }
+        }
         if let Some(writer) = self.writer.take() {
             writer.finish(&losses)?;
         }
@@ -256,7 +359,7 @@ impl<'a> Recorder<'a> {
                 "The link holds data back for longer than 0.6 s and reorders it: use another one",
             ));
         }
-        if losses.lost() > 0 {
+        if losses.lost() > 0 && self.rows.is_none() {
             self.warnings.push(Warning::new(
                 "samples-lost",
                 format!(
@@ -271,11 +374,24 @@ impl<'a> Recorder<'a> {
                 "Each gap ends a segment; see to cable and baud rate (lost, damaged) or to the firmware's load (overrun, dropped)",
             ));
         }
+        let rows = self.rows.as_ref().map(|rows| RowsOutcome {
+            windows: rows.windows,
+            windows_lost: rows.lost,
+            runs: rows.runs(),
+        });
+        let (first_tick, last_tick) = match &self.rows {
+            Some(rows) => (rows.first_tick().filter(|_| rows.windows > 0), rows.last_tick()),
+            None => (self.accounting.first_tick(), self.last_tick),
+        };
         Ok(Finished {
             metadata,
             losses,
-            first_tick: self.accounting.first_tick(),
-            last_tick: self.last_tick,
+            first_tick,
+            last_tick,
+            full: self.rows.as_ref().map(|rows| rows.full),
+            rows,
+            estimates: self.estimates.file(),
+            estimate: self.estimates.last,
             warnings: self.warnings,
         })
     }
@@ -287,6 +403,11 @@ pub(super) struct Finished {
     pub(super) losses: Losses,
     pub(super) first_tick: Option<i64>,
     pub(super) last_tick: Option<i64>,
+    pub(super) rows: Option<RowsOutcome>,
+    /// Of rows, whether all windows that fit are there.
+    pub(super) full: Option<bool>,
+    pub(super) estimates: Option<PathBuf>,
+    pub(super) estimate: Option<DeviceEstimate>,
     pub(super) warnings: Vec<Warning>,
 }
 

@@ -61,6 +61,7 @@ pub(super) fn run(
             lost: recorder.losses().lost(),
             device_s: recorder.ticks() as f64 / rig.sample_rate_hz,
             target_s: seconds,
+            estimate: None,
         });
         at = 0;
         filled = fill(&mut *link, &mut buffer).map_err(|e| io(&e))?;

@@ -47,8 +47,8 @@ mod with_rig {
     use crate::rig::plant::Plant;
     use crate::rig::{Direction as RigDirection, Rig};
 
-    /// Ticks of one read at most without a byte: the rig sends blocks far more often.
-    const PATIENCE_TICKS: u32 = 5000;
+    /// Ticks of one read at most without a byte, as other links have a time-out: the host has to say now and then that it is there.
+    const PATIENCE_TICKS: u32 = 50;
 
     /// The simulated rig as a source.
     pub struct Simulated {

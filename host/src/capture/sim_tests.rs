@@ -35,6 +35,7 @@ fn a_simulated_capture_repeats_to_the_byte() {
     let (done, first) = capture("a.parquet");
     assert_eq!((done.losses.received, done.losses.lost(), done.complete), (1500, 0, true), "{done:?}");
     assert!(done.warnings.is_empty() && done.firmware.starts_with("whirl"), "{done:?}");
+    assert!(done.estimates.is_none() && done.rows.is_none(), "{done:?}");
     std::thread::sleep(Duration::from_millis(30));
     assert!(first == capture("b.parquet").1);
     let r = Record::read(&done.record, &rig, &ReadOptions::default()).unwrap();
@@ -48,6 +49,114 @@ fn a_simulated_capture_repeats_to_the_byte() {
     let again = dir.path().join("again.parquet");
     run(&CaptureSettings::new(format!("file:{}", frames.display()), &again), &rig, &mut |_| {}).unwrap();
     assert!(first == std::fs::read(again).unwrap());
+}
+
+#[test]
+fn the_device_s_own_estimates_stand_beside_the_record() {
+    let dir = tempfile::tempdir().unwrap();
+    let rig = rig("chaotic.toml", "settle_s = 10.0");
+    let mut settings = CaptureSettings::new("sim:4", dir.path().join("r.parquet"));
+    settings.seconds = Some(30.0);
+    settings.keep_frames = true;
+    let mut shown = String::new();
+    let done = run(&settings, &rig, &mut |p| shown = p.estimate.clone().unwrap_or(shown.clone())).unwrap();
+    let path = done.estimates.clone().unwrap();
+    assert_eq!(path, estimates::path_of(&settings.output));
+    let text = std::fs::read_to_string(&path).unwrap();
+    let all: Vec<serde_json::Value> = text.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
+    // Every twenty periods, which are 4 s; the drive has run for longer than the record, so that numbers are there at once.
+    assert!((6..=7).contains(&all.len()), "{text}");
+    for (a, b) in all.iter().zip(&all[1..]) {
+        assert_eq!(b["tick"].as_i64().unwrap() - a["tick"].as_i64().unwrap(), 2_000);
+    }
+    let last = done.estimate.clone().unwrap();
+    assert_eq!((last.status, last.parameters.len(), last.amplitude_m), (estimates::Status::Known, 11, 0.015_525));
+    assert_eq!(serde_json::to_string(&last).unwrap(), text.lines().last().unwrap());
+    assert!(last.tick <= done.last_tick && all[0]["tick"].as_i64().unwrap() >= done.first_tick + 1_999);
+    let b21 = last.parameters.iter().find(|p| p.name == "B21").unwrap();
+    assert!((b21.value - 1.681_58).abs() < 4.0 * b21.std_error && b21.std_error < 0.005, "{b21:?}");
+    // The journal gives the same once more.
+    let again = dir.path().join("again.parquet");
+    let frames = path_of("r.parquet", &dir);
+    let made = run(&CaptureSettings::new(format!("file:{}", frames.display()), &again), &rig, &mut |_| {}).unwrap();
+    assert_eq!(std::fs::read_to_string(made.estimates.unwrap()).unwrap(), text);
+    // A record that replaces it takes them away.
+    settings.seconds = Some(2.0);
+    settings.keep_frames = false;
+    std::fs::remove_file(frames).unwrap();
+    assert!(run(&settings, &rig, &mut |_| {}).unwrap().estimates.is_none() && !path.exists());
+}
+
+#[test]
+fn rows_alone_identify_the_rig() {
+    use crate::identify::{Settings, from_rows, identify};
+    let dir = tempfile::tempdir().unwrap();
+    let rig = rig("chaotic.toml", "settle_s = 10.0");
+    let capture = |name: &str, rows: bool| {
+        let mut settings = CaptureSettings::new("sim:4", dir.path().join(name));
+        settings.seconds = Some(120.0);
+        settings.rows = rows;
+        settings.keep_frames = true;
+        run(&settings, &rig, &mut |_| {}).unwrap()
+    };
+    let (samples, rows) = (capture("samples.parquet", false), capture("rows.jsonl", true));
+    let told = rows.rows.unwrap();
+    assert!((57..=59).contains(&told.windows) && (told.windows_lost, told.runs) == (0, 1), "{rows:?}");
+    assert!(
+        rows.complete && rows.losses.lost() == 0 && rows.estimate.is_some() && rows.warnings.is_empty(),
+        "{rows:?}"
+    );
+    // A third of the bytes, the commands' answers and statuses among them.
+    assert!(3 * rows.bytes < 2 * samples.bytes, "{} {}", rows.bytes, samples.bytes);
+    let record = Record::read(&samples.record, &rig, &ReadOptions::default()).unwrap();
+    let from_samples = identify(&[record], &rig, &Settings::default()).unwrap();
+    let read = from_rows::read(&[rows.record.clone()], &ReadOptions::default()).unwrap().unwrap();
+    let from_rows = from_rows::identify(&read, &rig).unwrap();
+    let names = |i: &crate::identify::Identification| i.parameters.iter().map(|p| p.name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&from_rows), names(&from_samples));
+    assert!(from_rows.within_bound() && from_rows.warnings.is_empty(), "{:?}", from_rows.warnings);
+    for (a, b) in from_rows.parameters.iter().zip(&from_samples.parameters) {
+        println!("{} {:.6} ± {:.6}, from samples {:.6} ± {:.6}", a.name, a.value, a.std_error, b.value, b.std_error);
+        // The windows begin elsewhere.
+        assert!((a.value - b.value).abs() < 3.0 * a.std_error.hypot(b.std_error), "{a:?} {b:?}");
+    }
+    // The journal gives the same once more, and nothing else reads rows.
+    let again = dir.path().join("again.jsonl");
+    let frames = path_of("rows.jsonl", &dir);
+    run(&CaptureSettings::new(format!("file:{}", frames.display()), &again), &rig, &mut |_| {}).unwrap();
+    assert!(std::fs::read(&rows.record).unwrap() == std::fs::read(again).unwrap());
+    let e = Record::read(&rows.record, &rig, &ReadOptions::default()).unwrap_err().to_string();
+    assert!(e.contains("regression rows") && e.contains("identify"), "{e}");
+}
+
+#[test]
+fn rows_through_a_faulty_link_are_whole_or_counted() {
+    let dir = tempfile::tempdir().unwrap();
+    let rig = rig("chaotic.toml", "settle_s = 0.0");
+    let shared = Arc::new(Mutex::new(Faults {
+        down: FaultyLink::new(FaultSettings { unplug: 0.0, ..FaultSettings::EVERYTHING }, 5),
+        up: rand_chacha::ChaCha8Rng::seed_from_u64(5),
+        up_rate: 0.01,
+    }));
+    let mut source = Faulty { inner: Simulated::new(&rig, &[], Some(5), None).unwrap(), shared };
+    let mut settings = CaptureSettings::new("sim", dir.path().join("rows.jsonl"));
+    settings.seconds = Some(120.0);
+    settings.rows = true;
+    let done = run_from(&settings, &rig, &mut source, &mut |_| {}).unwrap();
+    let told = done.rows.unwrap();
+    assert!(told.windows > 10 && told.windows_lost > 5 && told.windows + told.windows_lost <= 60, "{told:?}");
+    assert!(done.warnings.iter().any(|w| w.kind == "windows-lost"), "{:?}", done.warnings);
+}
+
+#[test]
+fn rows_are_refused_for_what_the_device_does_not_identify() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut rig = rig("chaotic.toml", "settle_s = 0.0");
+    rig.nominal = Some(vec!["viscous-friction@joint2".to_owned()]);
+    let mut settings = CaptureSettings::new("sim", dir.path().join("rows.jsonl"));
+    settings.rows = true;
+    let e = run(&settings, &rig, &mut |_| {}).unwrap_err().to_string();
+    assert!(e.contains("nominal.effects") && e.contains("--rows"), "{e}");
 }
 
 fn path_of(name: &str, dir: &tempfile::TempDir) -> PathBuf {
@@ -139,6 +248,8 @@ fn faulty_capture(seconds: f64, faults: FaultSettings, seed: u64) -> (CaptureOut
     let mut settings = CaptureSettings::new("sim", dir.path().join("r.parquet"));
     settings.seconds = Some(seconds);
     settings.keep_frames = true;
+    // The link is unplugged while the shaker starts, too.
+    settings.restart_drive = true;
     let done = run_from(&settings, &rig, &mut source, &mut |_| {}).unwrap();
     let report = {
         let mut shared = shared.lock().unwrap();
@@ -206,6 +317,8 @@ fn unplugged_capture(from: &str, server: Server, dir: &tempfile::TempDir, rig: &
     settings.seconds = Some(80.0);
     settings.reconnect_s = 20.0;
     settings.keep_frames = true;
+    // By the wall's clock the shaker may still be starting: the device's is faster.
+    settings.restart_drive = true;
     settings.amplitude_m = Some(0.015_525);
     let done = std::thread::scope(|scope| {
         scope.spawn(|| {

@@ -187,6 +187,48 @@ fn a_restarted_device_begins_a_segment() {
 }
 
 #[test]
+fn a_shaker_that_has_stopped_by_itself_stays_off_unless_it_is_to_be_started_again() {
+    for (restart_drive, then) in [(false, "it stays off"), (true, "it is started again")] {
+        let mut run = Run::new(true, 8.0);
+        run.settings.restart_drive = restart_drive;
+        let mut fake = Fake::with(&[(1800, Fault::Restart)]);
+        let done = run.capture(&mut fake).unwrap();
+        let told = done.warnings.iter().find(|w| w.kind == "drive-stopped").unwrap();
+        assert!(told.message.contains(then) && told.message.contains("has restarted"), "{told:?}");
+        // At the end of the record it moves again, or it does not.
+        let record = run.read();
+        let amplitude = record.segments.last().unwrap().amplitude_nm.as_ref().unwrap();
+        assert_eq!(*amplitude.last().unwrap() > 0, restart_drive);
+        assert!(fake.state().at_rest());
+    }
+}
+
+#[test]
+fn a_link_lost_while_the_shaker_starts_does_not_start_it_later() {
+    let run = Run::new(true, 8.0);
+    // The ramp takes until tick 350.
+    let mut fake = Fake::with(&[(200, Fault::Unplug(300))]);
+    let e = run.capture(&mut fake).unwrap_err().to_string();
+    assert!(e.contains("while the shaker was being started") && e.contains("--restart-drive"), "{e}");
+    assert!(fake.state().at_rest());
+}
+
+#[test]
+fn a_drive_without_amplitude_is_left_alone_with_a_warning() {
+    let mut run = Run::new(true, 2.0);
+    run.rig.drive.as_mut().unwrap().amplitude_m = None;
+    run.settings.from = "tcp:fake:1".into();
+    let mut fake = Fake::new();
+    let done = run_from(&run.settings, &run.rig, &mut fake, &mut |_| {}).unwrap();
+    assert!(done.warnings.iter().any(|w| w.kind == "drive-left-alone"), "{:?}", done.warnings);
+    assert!(!fake.state().shaker_moved);
+    run.settings.drive = false;
+    run.settings.output = run.settings.output.with_file_name("quiet.parquet");
+    let done = run_from(&run.settings, &run.rig, &mut Fake::new(), &mut |_| {}).unwrap();
+    assert!(done.warnings.is_empty(), "{:?}", done.warnings);
+}
+
+#[test]
 fn wires_without_a_device_are_told_apart() {
     for (fault, parts) in [
         (Fault::Noise, &["noise", "bytes", "damaged frames", "baud rate"][..]),

@@ -39,6 +39,12 @@ pub struct Arguments {
     /// Record from the first sample on, also while the shaker starts.
     #[arg(long)]
     from_first_sample: bool,
+    /// Record the device's regression rows instead of samples: a third of the bytes, for `whirl identify` alone.
+    #[arg(long)]
+    rows: bool,
+    /// Start the shaker again where it has stopped by itself, after a lost link or a restart of the device. Without this it stays off.
+    #[arg(long, conflicts_with = "no_drive")]
+    restart_drive: bool,
     /// How long a lost link is tried again, s.
     #[arg(long, value_name = "S", default_value_t = 60.0)]
     reconnect_s: f64,
@@ -81,6 +87,16 @@ pub fn human(outcome: &CaptureOutcome) -> String {
         l.gaps,
         l.restarts
     ));
+    if let Some(rows) = &outcome.rows {
+        text.push_str(&format!(
+            "regression rows of {} windows in {} stretches, {} windows lost: for `whirl identify`\n",
+            rows.windows, rows.runs, rows.windows_lost
+        ));
+    }
+    if let (Some(estimate), Some(path)) = (&outcome.estimate, &outcome.estimates) {
+        text.push_str(&estimate.human());
+        text.push_str(&format!("every estimate: {}\n", path.display()));
+    }
     text
 }
 
@@ -124,6 +140,11 @@ pub fn from_simulated(
 /// Captures.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let rig = Rig::read(&arguments.rig)?;
+    if arguments.rows && arguments.out.report.is_some() {
+        return Err(BadInput::new("--report with --rows", "one of them")
+            .at("--report")
+            .remedy("A report shows samples; `whirl identify --report` makes one from rows"));
+    }
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
     // The second Ctrl-C ends the program at once: the journal stays.
@@ -140,6 +161,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         amplitude_m: arguments.amplitude_m,
         drive: !arguments.no_drive,
         wait_for_drive: !arguments.from_first_sample,
+        rows: arguments.rows,
+        restart_drive: arguments.restart_drive,
         keep_frames: arguments.keep_frames,
         stop,
         ..CaptureSettings::new(arguments.from.clone(), arguments.output.clone())

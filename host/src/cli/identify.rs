@@ -7,13 +7,16 @@ use clap::{Args, ValueEnum};
 
 use super::output::{Output, print_warnings};
 use super::{Answer, Records};
-use crate::error::Result;
+use crate::error::{BadInput, Result};
 use crate::identify::{
-    ERROR_BOUND, Identification, Settings, harmonic_balance, identify, model_file, presentation, shooting,
+    ERROR_BOUND, Identification, Settings, from_rows, harmonic_balance, identify, model_file, presentation, shooting,
 };
 use crate::inspect::{InspectSettings, inspect};
+use crate::record::ReadOptions;
+use crate::record::regression_rows::RowsRecord;
 use crate::report::format::{plus_minus, significant};
 use crate::report::{Report, Results};
+use crate::rig::Rig;
 
 /// Methods.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -21,12 +24,12 @@ pub enum Method {
     /// Weak form.
     #[default]
     Weak,
+    /// Multiple-shooting maximum likelihood, started from the weak form.
+    Shooting,
     /// Harmonic balance of long pieces (chapter 4).
     Frequency,
     /// Harmonic balance of extracted unstable periodic orbits (chapters 2 and 3).
     Upo,
-    /// Multiple-shooting maximum likelihood, started from the weak form.
-    Shooting,
 }
 
 /// Arguments of `identify`.
@@ -96,12 +99,6 @@ pub fn human(result: &Identification) -> String {
         errors.join(", "),
         100.0 * ERROR_BOUND
     );
-    if let Some(i) = &result.details.instruments {
-        let _ = writeln!(text, "{}", presentation::instruments(i));
-    }
-    if let Some(account) = &result.balance {
-        text.push_str(&super::identify_balance::human(account));
-    }
     if let Some(s) = &result.shooting {
         let ratios: Vec<String> = s.noise_ratio.iter().map(|r| significant(*r, 3)).collect();
         let _ = writeln!(
@@ -112,14 +109,72 @@ pub fn human(result: &Identification) -> String {
             ratios.join(" and ")
         );
     }
+    if let Some(i) = &result.details.instruments {
+        let _ = writeln!(text, "{}", presentation::instruments(i));
+    }
+    if let Some(account) = &result.balance {
+        text.push_str(&super::identify_balance::human(account));
+    }
     for group in &result.groups_not_separable {
         let _ = writeln!(text, "not told apart or not determined by this record: {}", group.join(", "));
     }
     text
 }
 
+/// Identifies from regression rows alone.
+fn of_rows(arguments: &Arguments, records: &[RowsRecord]) -> Result<Answer> {
+    let options = [
+        ("--window-s", arguments.window_s),
+        ("--max-frequency-hz", arguments.max_frequency_hz),
+        ("--pass-hz", arguments.pass_hz),
+        ("--segment-s", arguments.segment_s),
+    ];
+    if let Some((option, value)) = options.iter().find_map(|(option, value)| Some((option, (*value)?))) {
+        return Err(BadInput::new(value.to_string(), "nothing: rows are summed already")
+            .at(*option)
+            .remedy("Leave the option out"));
+    }
+    if !matches!(arguments.method, Method::Weak) || !arguments.bound.is_empty() || arguments.records.resample {
+        return Err(BadInput::new(
+            "a method that needs samples, or an option of it",
+            "--method weak: these are rows of the weak form",
+        )
+        .at("--method")
+        .remedy("Capture samples: leave --rows out"));
+    }
+    let rig = Rig::read(&arguments.records.rig)?;
+    let result = from_rows::identify(records, &rig)?;
+    print_warnings(&result.warnings);
+    arguments.out.write_json(&result)?;
+    arguments.out.say(&human(&result));
+    if let Some(path) = &arguments.output {
+        model_file::identified_model(&result, &rig)?.write(path)?;
+    }
+    if let Some(path) = &arguments.out.report {
+        let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
+        let mut results = Results::new();
+        results.add(presentation::table(&result, "", &|_| None)).add(presentation::residuals(&result));
+        Report::of(format!("Identification: {}", rig.name), names.join(", "), &results).write(path)?;
+    }
+    if !result.within_bound() {
+        eprintln!("whirl: the identification error exceeds its bound of {:.0} %", 100.0 * ERROR_BOUND);
+        return Ok(Answer::Negative);
+    }
+    if arguments.records.strict && result.record.lost > 0 {
+        eprintln!("whirl: {} samples are missing (--strict)", result.record.lost);
+        return Ok(Answer::Negative);
+    }
+    Ok(Answer::Positive)
+}
+
 /// Reads, identifies, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
+    if let Some(records) = from_rows::read(
+        &arguments.records.records,
+        &ReadOptions { recover: arguments.records.recover, ..ReadOptions::default() },
+    )? {
+        return of_rows(arguments, &records);
+    }
     let (rig, records) = arguments.records.read()?;
     let settings = Settings {
         window_s: arguments.window_s,
@@ -128,15 +183,15 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     };
     let result = match arguments.method {
         Method::Weak => identify(&records, &rig, &settings)?,
+        Method::Shooting => {
+            let choices = shooting::Settings { segment_s: arguments.segment_s, bounds: arguments.bound.clone() };
+            shooting::identify(&records, &rig, &settings, &choices, &super::progress::bar("multiple shooting", 1))?
+        }
         Method::Frequency | Method::Upo => {
             let longest = records.iter().map(|r| r.longest_segment_s()).fold(0.0, f64::max);
             let periods = longest * rig.drive.map_or(0.0, |d| d.frequency_hz);
             let settings = arguments.balance.settings(&rig, arguments.method == Method::Upo, periods)?;
             harmonic_balance::identify(&records, &rig, &settings)?
-        }
-        Method::Shooting => {
-            let choices = shooting::Settings { segment_s: arguments.segment_s, bounds: arguments.bound.clone() };
-            shooting::identify(&records, &rig, &settings, &choices, &super::progress::bar("multiple shooting", 1))?
         }
     };
     print_warnings(&result.warnings);

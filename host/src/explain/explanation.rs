@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::attractor::Attractor;
 use super::comparison::Measured;
 use super::residual_map;
 use super::unknown::Unknown;
@@ -79,6 +80,8 @@ pub struct Gap {
     pub steps: Vec<Step>,
     /// The same at longer horizons: horizon in s, gap before, gap after.
     pub horizons: Vec<(f64, f64, f64)>,
+    /// Prediction horizon and Poincaré section before and, where effects were added, after.
+    pub attractor: Vec<Attractor>,
     /// Predictions of the record's last 30 % by models fitted to the first 70 %.
     pub forecasts: Vec<Forecast>,
 }
@@ -168,6 +171,9 @@ pub struct Explanation {
     pub maps: Vec<residual_map::Map>,
     /// Shape of what is left, where it has no name.
     pub unknown: Option<Unknown>,
+    /// Simulation errors of a model file; empty for built-in systems.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub simulation: Vec<super::model_file::Simulation>,
     /// How the numbers came about.
     pub details: Details,
     /// Effects of the model that was given, refitted.
@@ -189,6 +195,7 @@ impl Explanation {
             horizon_s,
             steps: Vec::new(),
             horizons: Vec::new(),
+            attractor: Vec::new(),
             forecasts: Vec::new(),
         };
         Self {
@@ -202,6 +209,7 @@ impl Explanation {
             ranking: Vec::new(),
             maps: Vec::new(),
             unknown: None,
+            simulation: Vec::new(),
             details: Details::default(),
             given: Vec::new(),
             model: None,

@@ -7,6 +7,7 @@
 //! 3. The gap ([`gap`]) before and after each step, on held-out blocks, in units of the sensors' noise.
 //! 4. What is left is compared with what the sensors' noise alone leaves in the same rows, and located ([`residual_map`]).
 
+pub mod attractor;
 mod comparison;
 mod decidability;
 pub mod design;
@@ -16,6 +17,7 @@ pub mod forward;
 pub mod gap;
 mod given;
 pub mod ledger;
+pub mod model_file;
 mod naming;
 mod parameters;
 pub mod presentation;
@@ -65,6 +67,9 @@ pub struct Settings {
 /// # Errors
 /// As [`identify::identify`]; a `model` that is not of this rig.
 pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
+    if let Some(bound) = &rig.bound {
+        return model_file::explain(records, rig, bound, settings);
+    }
     let first = identify::identify(records, rig, &IdentifySettings::default())?;
     let Prepared { segments, sigma, geometry, warnings } =
         identify::prepare(records, rig, &IdentifySettings::default())?;
@@ -116,6 +121,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         if step == 0 {
             result.residual_power[0] = power.ratio;
             before = Some(comparison.longer(&state, &measured.x));
+            result.gap.attractor.push(attractor::measure(&state, &measured.x, &comparison));
         }
         result.residual_power[1] = power.ratio;
         let outcome = Outcome { design, weights, own, fit, measured, power };
@@ -130,6 +136,9 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     };
     let before = before.unwrap_or_default();
     let after = if found.is_empty() { before.clone() } else { comparison.longer(&state, &outcome.measured.x) };
+    if !found.is_empty() {
+        result.gap.attractor.push(attractor::measure(&state, &outcome.measured.x, &comparison));
+    }
     result.gap.horizons = before.iter().zip(&after).map(|(before, after)| (before.0, before.1, after.1)).collect();
     parameters::read(&state, &outcome, &first, &mut found, &mut result);
     (result.maps, result.r#where) = residual_map::maps(&state, &outcome.fit.all, &geometry, sigma);

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use super::attractor::{Attractor, TOLERANCE_DEG};
 use super::{Explanation, Verdict};
 use crate::report::format::{plus_minus, significant};
 
@@ -37,11 +38,42 @@ pub fn human(e: &Explanation) -> String {
     for s in &e.gap.steps {
         let _ = writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("nominal model"), significant(s.value, 3));
     }
+    if let Some(before) = e.gap.attractor.first() {
+        let both = |f: &dyn Fn(&Attractor) -> Option<f64>| -> String {
+            let values: Vec<String> = e.gap.attractor.iter().filter_map(f).map(|v| significant(v, 3)).collect();
+            values.join(" → ")
+        };
+        let _ = writeln!(
+            out,
+            "predictions hold to {TOLERANCE_DEG} degrees for {} s",
+            both(&|a| Some(a.prediction_horizon_s))
+        );
+        if before.section_distance.is_some() {
+            let _ = writeln!(
+                out,
+                "energy distance between the Poincaré sections of model and record: {} (probability by chance {})",
+                both(&|a| a.section_distance),
+                both(&|a| a.section_p_value)
+            );
+        }
+    }
     for f in &e.gap.forecasts {
         let _ = writeln!(
             out,
             "error over {} s on the last 30 %, first 70 % fitted, in degrees:",
             significant(f.horizon_s, 4)
+        );
+        for s in &f.steps {
+            let _ =
+                writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("nominal model"), significant(s.value, 3));
+        }
+    }
+    for f in &e.simulation {
+        let _ = writeln!(
+            out,
+            "error of a simulation over the rest, first {} % fitted, in {}:",
+            significant(100.0 * f.fitted, 2),
+            f.unit
         );
         for s in &f.steps {
             let _ =

@@ -3,7 +3,9 @@
 //! The default method is the weak form (method: [`windows`], least squares and covariance: [`regression`]), from the
 //! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
 
+pub mod chain_bias;
 pub mod energy_balance;
+pub mod from_rows;
 pub mod general;
 pub mod harmonic_balance;
 pub mod identifiability;
@@ -39,12 +41,12 @@ use windows::{Kernels, Windows};
 /// Methods of identification: name, what it does.
 pub const METHODS: &[(&str, &str)] = &[
     ("weak", "weak form: sin⁴ windows over 20 T (4 s when free), integrated by parts; least squares per equation"),
-    ("frequency", "harmonic balance of long pieces of nT, closed or not (chapter 4)"),
-    ("upo", "harmonic balance of extracted unstable periodic orbits (chapters 2 and 3)"),
     (
         "shooting",
         "multiple-shooting maximum likelihood from the weak form's start: pieces of 1T, 2T, 4T, quantisation as noise",
     ),
+    ("frequency", "harmonic balance of long pieces of nT, closed or not (chapter 4)"),
+    ("upo", "harmonic balance of extracted unstable periodic orbits (chapters 2 and 3)"),
 ];
 
 /// Choices of the weak form. `None`: chosen from the record, as each says.
@@ -73,7 +75,7 @@ pub struct Parameter {
 }
 
 /// What was used of the record.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct RecordUse {
     /// Samples.
     pub samples: usize,
@@ -84,7 +86,7 @@ pub struct RecordUse {
 }
 
 /// How the numbers came about.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Details {
     /// Length of a window, s.
     pub window_s: f64,
@@ -110,12 +112,12 @@ pub struct Details {
     pub jackknife_blocks: usize,
     /// Misfit of the ties between the coefficients and its degrees of freedom, where physical parameters were fitted.
     pub ties_misfit: Option<(f64, usize)>,
-    /// Instruments, where the noise called for them.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub instruments: Option<instruments::Instruments>,
     /// Share of the right-hand side that the model leaves, over all samples, of each equation of a model file.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub balance_error: Vec<f64>,
+    /// Instruments, where the noise called for them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub instruments: Option<instruments::Instruments>,
 }
 
 /// Residuals of one equation, for figure 3.14: at most 2000 dots.
@@ -130,7 +132,7 @@ pub struct Residuals {
 }
 
 /// Result of an identification.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Identification {
     /// Model.
     pub model: String,
@@ -317,6 +319,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             None => error,
         }
     })?;
+    let found = DVector::from_iterator(terms.iter().sum(), solution.coefficients.iter().flatten().copied());
     let fitted = solution.coefficients.clone();
     let heavy = instruments::wanted(&model, sigma[0])
         .then(|| instruments::solve(&segments, &model, &kernels, &windows, sigma[0]))
@@ -326,7 +329,10 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
         solution.covariance = heavy.covariance.clone();
         None
     } else {
-        noise_bias::estimate(&segments, &model, &kernels, &windows, &solution.weights, sigma)
+        let chain = system.dynamics(rig).and_then(|dynamics| {
+            chain_bias::estimate(&dynamics, &found, &segments, &model, &kernels, &windows, &solution.weights, sigma)
+        });
+        chain.or_else(|| noise_bias::estimate(&segments, &model, &kernels, &windows, &solution.weights, sigma))
     };
     if let Some(bias) = &bias {
         let mut rest = bias.value.iter();
@@ -403,8 +409,8 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             repetition: solution.repetition,
             jackknife_blocks: solution.blocks,
             ties_misfit,
-            instruments: heavy.map(|h| h.done),
             balance_error: Vec::new(),
+            instruments: heavy.map(|h| h.done),
         },
         shooting: None,
         warnings,

@@ -7,6 +7,7 @@ use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::{DAMPINGS, Damping};
 use crate::model::double_pendulum_dynamics::DoublePendulum;
 use crate::model::identified::{IdentifiedModel, System};
+use crate::model::model_file::ModelFile;
 use crate::rig::Rig;
 
 /// The identified coefficients as a model file; derived and physical parameters stay with the identification.
@@ -23,15 +24,26 @@ pub fn identified_model(result: &Identification, rig: &Rig) -> Result<Identified
         unit: "1".to_owned(),
     });
     let coefficients = found.chain(known);
+    let (system, nominal) = match &rig.bound {
+        None => (System::BuiltIn(result.model.clone()), super::system::System::of(rig)?.nominal()),
+        Some(bound) => (System::Own(own_keys(&bound.model)?), Vec::new()),
+    };
     Ok(IdentifiedModel {
         name: rig.name.clone(),
-        system: System::BuiltIn(result.model.clone()),
+        system,
         method: result.method.clone(),
         drive_frequency_hz: rig.drive.map(|d| d.frequency_hz),
-        nominal: super::system::System::of(rig)?.nominal(),
+        nominal,
         parameters: coefficients.collect(),
         effects: Vec::new(),
     })
+}
+
+/// The keys that define a system of one's own.
+fn own_keys(model: &ModelFile) -> Result<toml::Table> {
+    let table: toml::Table = toml::from_str(&model.source.text)
+        .map_err(|e| BadInput::new(e.message().to_owned(), "a model file").in_file(&model.source.path))?;
+    Ok(table.into_iter().filter(|(k, _)| ["coordinates", "inputs", "time", "equation"].contains(&k.as_str())).collect())
 }
 
 /// The double pendulum of a model file, without its effects: the equations and their parameters in the equations' order.

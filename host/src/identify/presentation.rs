@@ -9,10 +9,10 @@ use crate::report::sections::residuals::{EquationResiduals, ResidualSet};
 pub fn method_name(method: &str) -> &str {
     match method {
         "weak" => "the weak form",
-        "frequency" => "harmonic balance of long pieces",
-        "upo" => "harmonic balance of extracted orbits",
         "shooting" => "multiple shooting",
         "explain" => "`whirl explain`",
+        "frequency" => "harmonic balance of long pieces",
+        "upo" => "harmonic balance of extracted orbits",
         other => other,
     }
 }

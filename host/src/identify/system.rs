@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::{dampings, physical_parameters, single_parameters};
 use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::{self, Damping};
+use crate::model::double_pendulum_dynamics::DoublePendulum;
 use crate::model::single_pendulum;
 use crate::model::weak::WeakModel;
 use crate::record::Record;
@@ -81,6 +82,14 @@ impl System {
         match self {
             Self::Single(dampings) => single_pendulum::weak_model(omega, driven, dampings, 1),
             Self::Double(dampings) => double_pendulum::weak_model(omega, driven, dampings),
+        }
+    }
+
+    /// Its equations as they are integrated; none for a system whose solutions are not used.
+    pub fn dynamics(&self, rig: &Rig) -> Option<DoublePendulum> {
+        match self {
+            Self::Single(_) => None,
+            Self::Double(dampings) => Some(DoublePendulum::new(rig.omega(), rig.drive.is_some(), dampings)),
         }
     }
 

@@ -34,8 +34,14 @@ pub struct Format {
 }
 
 /// Every format, in the order in which contents are tried.
-pub static FORMATS: &[Format] =
-    &[super::parquet::FORMAT, super::csv::GZIP, super::npz::FORMAT, super::mat::FORMAT, super::csv::FORMAT];
+pub static FORMATS: &[Format] = &[
+    super::regression_rows::FORMAT,
+    super::parquet::FORMAT,
+    super::csv::GZIP,
+    super::npz::FORMAT,
+    super::mat::FORMAT,
+    super::csv::FORMAT,
+];
 
 /// Reads a record in whichever format it is.
 ///

@@ -19,6 +19,7 @@ mod parquet_recovery;
 mod parquet_source;
 mod parquet_write;
 mod quiet;
+pub mod regression_rows;
 mod resample;
 mod rows;
 mod segments;

@@ -10,6 +10,8 @@
 //! - `lyapunov-exponent`, `correlation-dimension`: the two records' values differ by more than three standard errors;
 //! - `natural-frequencies` (with a free vibration): one differs by more than 10 %.
 
+mod checks;
+mod diagram;
 pub mod energy_distance;
 pub mod horizon;
 pub mod motion_model;
@@ -34,7 +36,7 @@ use crate::identify::{Settings as IdentifySettings, prepare_system};
 use crate::inspect::{InspectSettings, Inspection, inspect};
 use crate::model::flow::{Flow, Outside};
 use crate::model::identified::IdentifiedModel;
-use crate::phase_space::bifurcation::{self, Column};
+use crate::phase_space::bifurcation::Column;
 use crate::phase_space::model_exponent;
 use crate::phase_space::orbit_refinement::RefinedOrbit;
 use crate::phase_space::survey::{Lyapunov, PhaseSpace};
@@ -46,14 +48,6 @@ use crate::warning::Warning;
 const MOST_SAMPLES: usize = 120_000;
 /// Orbits of the record that are refined on the model.
 const MOST_ORBITS: usize = 12;
-/// Standard errors by which two invariants may differ.
-const STANDARD_ERRORS: f64 = 3.0;
-/// Probability by chance below which sections count as different.
-const SECTIONS_DIFFER: f64 = 0.01;
-/// Share of the model's own median horizon that the record's must reach.
-const HORIZON_SHARE: f64 = 0.5;
-/// Values of a bifurcation diagram's parameter.
-const BIFURCATION_VALUES: usize = 240;
 
 /// Choices.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -316,7 +310,7 @@ pub fn validate(
         correlation_dimension: dimensions(spaces.0, spaces.1),
         orbits,
         natural_frequencies,
-        bifurcation: diagram(&equations, settings, longest.tau(0), omega, &state, starts.step_s)?,
+        bifurcation: diagram::diagram(&equations, settings, longest.tau(0), omega, &state, starts.step_s)?,
         warnings,
     };
     if let Some(l) = &out.lyapunov
@@ -326,7 +320,7 @@ pub fn validate(
         let h = &out.horizon;
         out.horizon.median_lyapunov_times = Some([h.measured.median() * l.model, h.simulated.median() * l.model]);
     }
-    out.checks = checks(&out);
+    out.checks = checks::checks(&out);
     if out.checks.iter().any(|c| !c.passed) {
         out.verdict = Verdict::Failed;
     }
@@ -363,102 +357,4 @@ fn natural(model: &IdentifiedModel, rig: &Rig, free: Option<&Record>) -> Result<
     let measured =
         free.map(|record| natural_frequencies::of_record(record, &Rig { drive: None, ..rig.clone() })).transpose()?;
     Ok(Some(NaturalFrequencies { model_hz, measured_hz: measured.map(|m| m.0), resolution_hz: measured.map(|m| m.1) }))
-}
-
-fn diagram(
-    equations: &MotionModel,
-    settings: &Settings,
-    tau: f64,
-    omega: f64,
-    state: &[f64],
-    step_s: f64,
-) -> Result<Option<Bifurcation>> {
-    let Some((parameter, low, high)) = &settings.bifurcation else { return Ok(None) };
-    let names = equations.base.names();
-    let bad = |found: String, expected: String| Err(BadInput::new(found, expected).at("--bifurcation"));
-    if omega <= 0.0 {
-        return bad(
-            "a free system".to_owned(),
-            "a driven one: a diagram shows the section once a drive period".to_owned(),
-        );
-    }
-    if !(low.is_finite() && high.is_finite() && low < high) {
-        return bad(format!("{low}:{high}"), "two factors, the lower first".to_owned());
-    }
-    let moves =
-        |name: &str| if parameter == "drive" { name.ends_with('3') || name.ends_with('4') } else { name == parameter };
-    let which: Vec<usize> = (0..names.len())
-        .filter(|i| moves(&names[*i]) && (parameter != "drive" || names[*i].starts_with('B')))
-        .collect();
-    if which.is_empty() {
-        return bad(format!("\"{parameter}\""), format!("drive, or one of {}", names.join(", ")));
-    }
-    let factor: Vec<f64> =
-        (0..BIFURCATION_VALUES).map(|i| low + (high - low) * i as f64 / (BIFURCATION_VALUES - 1) as f64).collect();
-    let sets: Vec<Vec<f64>> = factor
-        .iter()
-        .map(|f| {
-            let mut p = equations.parameters.clone();
-            which.iter().for_each(|i| p[*i] *= f);
-            p
-        })
-        .collect();
-    let choice = bifurcation::Settings { settle: 200, keep: 60, step_s };
-    let columns =
-        bifurcation::bifurcation(equations, &sets, Outside::drive(0.0, tau, omega), state, &[true; 2], &choice);
-    Ok(Some(Bifurcation { parameter: parameter.clone(), factor, columns }))
-}
-
-fn checks(v: &Validation) -> Vec<Check> {
-    let mut out = Vec::new();
-    let mut check = |name, passed, message| out.push(Check { name, passed, message });
-    let (measured, simulated) = (v.horizon.measured.median(), v.horizon.simulated.median());
-    // Predictions that all last to the record's end say nothing against the model.
-    let unended = 2 * v.horizon.measured.unended >= v.horizon.measured.seconds.len();
-    check(
-        "prediction-horizon",
-        unended || measured >= HORIZON_SHARE * simulated,
-        format!("median {measured:.2} s on the record, {simulated:.2} s on the model's own"),
-    );
-    let tests: Vec<f64> = v.sections.iter().filter_map(|s| s.test.map(|t| t.p_value)).collect();
-    if let Some(least) = tests.iter().copied().reduce(f64::min) {
-        let p = (least * tests.len() as f64).min(1.0);
-        check(
-            "poincare-section",
-            p >= SECTIONS_DIFFER,
-            format!(
-                "sections as different as these by chance with probability {p:.3} (least of {} phases)",
-                tests.len()
-            ),
-        );
-    }
-    let pair = |p: &Pair, unit: &str| {
-        format!(
-            "{:.3} ± {:.3}{unit} in the record, {:.3} ± {:.3}{unit} in the model's own: {:.1} standard errors",
-            p.measured,
-            1.96 * p.measured_std_error,
-            p.simulated,
-            1.96 * p.simulated_std_error,
-            p.deviation()
-        )
-    };
-    if let Some(p) = v.lyapunov.and_then(|l| l.records) {
-        check("lyapunov-exponent", p.deviation() <= STANDARD_ERRORS, pair(&p, " /s"));
-    }
-    if let Some(p) = &v.correlation_dimension {
-        check("correlation-dimension", p.deviation() <= STANDARD_ERRORS, pair(p, ""));
-    }
-    if let Some((f, measured)) = v.natural_frequencies.as_ref().and_then(|f| Some((f, f.measured_hz?))) {
-        let agrees = f.model_hz.iter().zip(measured).all(|(a, b)| (a / b - 1.0).abs() <= natural_frequencies::AGREES);
-        let [a, b] = f.model_hz;
-        check(
-            "natural-frequencies",
-            agrees,
-            format!(
-                "{a:.3} and {b:.3} Hz in the model, {:.3} and {:.3} Hz in the free vibration",
-                measured[0], measured[1]
-            ),
-        );
-    }
-    out
 }

@@ -4,6 +4,7 @@ use heapless::{String, Vec};
 use std::vec::Vec as StdVec;
 
 use super::*;
+use crate::frame::regression::{Binary24, Binary32, EquationEstimate, ROW_LEN, Unknown};
 use crate::frame::*;
 
 fn text<const N: usize>() -> String<N> {
@@ -13,9 +14,13 @@ fn text<const N: usize>() -> String<N> {
 }
 
 /// The longest message of each kind: every varint at its full length.
-fn longest() -> [DeviceMessage; 5] {
+fn longest() -> [DeviceMessage; 7] {
     let mut deltas = Vec::new();
     while deltas.push([i16::MIN; CHANNELS]).is_ok() {}
+    let mut rows = Vec::new();
+    while rows.push([Binary24([9; 3]); ROW_LEN]).is_ok() {}
+    let float = Binary32([9; 4]);
+    let unknown = Unknown { value: float, std_error: float };
     let all = u32::MAX;
     [
         DeviceMessage::Hello(Hello {
@@ -57,6 +62,26 @@ fn longest() -> [DeviceMessage; 5] {
         }),
         DeviceMessage::Ack(Ack { command_sequence: u16::MAX, result: CommandResult::OutOfRange { limit: all } }),
         DeviceMessage::Log(Log { tick: all, level: u8::MAX, text: text() }),
+        DeviceMessage::Estimate(Estimate {
+            tick: all,
+            window_ticks: all,
+            windows: all,
+            forget_per_mille: u16::MAX,
+            phase_increment: all,
+            amplitude_nanometre: all,
+            first: EquationEstimate::Known { unknowns: [unknown; 6], condition: float, residual_rms: float },
+            second: EquationEstimate::Known { unknowns: [unknown; 5], condition: float, residual_rms: float },
+        }),
+        DeviceMessage::Rows(Rows {
+            tick: all,
+            window_ticks: all,
+            window: all,
+            phase_increment: all,
+            amplitude_nanometre: all,
+            frequency: u8::MAX,
+            last_frequency: u8::MAX,
+            rows,
+        }),
     ]
 }
 
@@ -66,15 +91,19 @@ fn frame<M: Serialize>(message: M) -> StdVec<u8> {
     out[..length].to_vec()
 }
 
-fn worst_lengths() -> [usize; 5] {
+fn worst_lengths() -> [usize; 7] {
     longest().map(|message| frame(message).len())
 }
 
 #[test]
 fn the_longest_messages_have_the_stated_lengths() {
-    let [hello, samples, status, ack, log] = worst_lengths();
-    assert_eq!([hello, samples, status, log], [HELLO, SAMPLES, STATUS, LOG].map(frame_len));
-    assert_eq!(MAX_FRAME, hello.max(samples).max(status).max(ack).max(log));
+    let [hello, samples, status, ack, log, estimate, rows] = worst_lengths();
+    assert_eq!(
+        [hello, samples, status, log, estimate, rows],
+        [HELLO, SAMPLES, STATUS, LOG, ESTIMATE, ROWS].map(frame_len)
+    );
+    assert_eq!(MAX_FRAME, worst_lengths().into_iter().max().unwrap_or(0));
+    assert!(ack < log);
     assert_eq!(MAX_SAMPLES_FRAME, samples);
     let start = Command::Start { amplitude_micrometre: u32::MAX, frequency_millihertz: u32::MAX };
     assert!(frame(HostMessage::Command(start)).len() <= MAX_FRAME);
@@ -82,16 +111,39 @@ fn the_longest_messages_have_the_stated_lengths() {
     assert_eq!([frame_len(249), frame_len(250)], [249 + 4 + 2, 250 + 4 + 3]);
 }
 
+/// The share of a 115 200 baud line (8N1: ten bits a byte) that so many bytes a second take.
+fn occupancy(bytes_per_second: usize) -> f64 {
+    (bytes_per_second * 10) as f64 / 115_200.0
+}
+
+/// Beside the stream: a status a second, ten commands a second with their answers, estimates at the greatest frequency of the
+/// drive that boards allow (20 Hz: one every twenty periods).
+fn beside_the_stream() -> usize {
+    let [_, _, status, ack, _, estimate, _] = worst_lengths();
+    status + 10 * ack + estimate
+}
+
 #[test]
 fn the_wire_is_at_most_seventy_percent_full_at_115200_baud() {
-    let [_, samples, status, ack, _] = worst_lengths();
-    // Full blocks at 500 Hz, a status a second, ten commands a second with their answers.
-    let steady = 500usize.div_ceil(BLOCK_LEN) * samples + status + 10 * ack;
-    // Each command may end a block early, and so may the ramp that it begins, when it ends.
-    let bytes_per_second = steady + 20 * samples;
-    // 8N1: ten bits a byte.
-    let occupancy = (bytes_per_second * 10) as f64 / 115_200.0;
-    assert!(occupancy <= 0.70, "{bytes_per_second} bytes a second: {:.1} %", 100.0 * occupancy);
+    let [_, samples, ..] = worst_lengths();
+    // Full blocks at 500 Hz. Each command may end a block early, and so may the ramp that it begins, when it ends.
+    let bytes_per_second = 500usize.div_ceil(BLOCK_LEN) * samples + 20 * samples + beside_the_stream();
+    let share = occupancy(bytes_per_second);
+    std::println!("samples: {bytes_per_second} bytes a second, {:.1} % of 115 200 baud", 100.0 * share);
+    assert!(share <= 0.70, "{share}");
+}
+
+#[test]
+fn the_wire_is_at_most_seventy_percent_full_with_rows_too() {
+    let [.., rows] = worst_lengths();
+    // m from 0 to 32, two in a message; a window every ten periods.
+    let window = 33usize.div_ceil(2) * rows;
+    for (frequency_hz, most) in [(5, 0.20), (20, 0.70)] {
+        let bytes_per_second = window * frequency_hz / 10 + beside_the_stream();
+        let share = occupancy(bytes_per_second);
+        std::println!("rows at {frequency_hz} Hz: {bytes_per_second} bytes a second, {:.1} %", 100.0 * share);
+        assert!(share <= most, "{frequency_hz} Hz: {share}");
+    }
 }
 
 #[test]

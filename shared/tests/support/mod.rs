@@ -8,9 +8,10 @@ use rand_chacha::rand_core::{Rng, SeedableRng};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use whirl_shared::codec::{CRC, Decoder, MAX_FRAME, encode};
+use whirl_shared::frame::regression::{Binary24, Binary32, EquationEstimate, ROWS_LEN, Unknown};
 use whirl_shared::frame::{
-    Ack, BLOCK_LEN, Command, CommandResult, DeviceMessage, Envelope, Hello, HostMessage, Log, SampleBlock,
-    ShakerLimits, ShakerState, Status, StopCause, TEXT_LEN,
+    Ack, BLOCK_LEN, Command, CommandResult, DeviceMessage, Envelope, Estimate, Hello, HostMessage, Log, Rows,
+    SampleBlock, ShakerLimits, ShakerState, Status, StopCause, Streamed, TEXT_LEN,
 };
 
 /// A seeded source of numbers and messages.
@@ -106,8 +107,57 @@ impl Source {
         }
     }
 
+    fn equation<const P: usize>(&mut self) -> EquationEstimate<[Unknown; P]> {
+        match self.below(4) {
+            0 => EquationEstimate::TooFewWindows,
+            1 => EquationEstimate::Undetermined(self.any() as u8),
+            2 => EquationEstimate::Repeating,
+            _ => EquationEstimate::Known {
+                unknowns: core::array::from_fn(|_| Unknown { value: self.float(), std_error: self.float() }),
+                condition: self.float(),
+                residual_rms: self.float(),
+            },
+        }
+    }
+
+    fn float(&mut self) -> Binary32 {
+        Binary32(self.any().to_le_bytes())
+    }
+
+    fn estimate(&mut self) -> Estimate {
+        Estimate {
+            tick: self.any(),
+            window_ticks: self.any(),
+            windows: self.any(),
+            forget_per_mille: self.any() as u16,
+            phase_increment: self.any(),
+            amplitude_nanometre: self.any(),
+            first: self.equation(),
+            second: self.equation(),
+        }
+    }
+
+    fn rows(&mut self) -> Rows {
+        let mut rows = heapless::Vec::new();
+        for _ in 0..self.below(ROWS_LEN + 1) {
+            let row = core::array::from_fn(|_| Binary24([self.any() as u8, self.any() as u8, self.any() as u8]));
+            // There is room for so many.
+            let _ = rows.push(row);
+        }
+        Rows {
+            tick: self.any(),
+            window_ticks: self.any(),
+            window: self.any(),
+            phase_increment: self.any(),
+            amplitude_nanometre: self.any(),
+            frequency: self.any() as u8,
+            last_frequency: self.any() as u8,
+            rows,
+        }
+    }
+
     pub fn device(&mut self) -> Envelope<DeviceMessage> {
-        let message = match self.below(8) {
+        let message = match self.below(10) {
             0 => DeviceMessage::Hello(self.hello()),
             1 => DeviceMessage::Status(self.status()),
             2 => DeviceMessage::Ack(Ack {
@@ -120,13 +170,15 @@ impl Source {
                 },
             }),
             3 => DeviceMessage::Log(Log { tick: self.any(), level: self.any() as u8, text: self.text() }),
+            4 => DeviceMessage::Estimate(self.estimate()),
+            5 => DeviceMessage::Rows(self.rows()),
             _ => DeviceMessage::Samples(self.block()),
         };
         Envelope { sequence: self.any() as u16, message }
     }
 
     pub fn host(&mut self) -> Envelope<HostMessage> {
-        let command = match self.below(10) {
+        let command = match self.below(12) {
             0 => Command::Hello,
             1 => Command::KeepAlive,
             2 => Command::Arm,
@@ -136,6 +188,8 @@ impl Source {
             6 => Command::SetRamp { micrometre_per_s: self.any() },
             7 => Command::SetHostTimeout { ms: self.any() },
             8 => Command::ZeroCounts,
+            9 => Command::Stream(Streamed::Samples),
+            10 => Command::Stream(Streamed::Rows),
             _ => Command::Status,
         };
         Envelope { sequence: self.any() as u16, message: HostMessage::Command(command) }

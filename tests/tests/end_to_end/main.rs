@@ -11,3 +11,4 @@ mod interrupted;
 mod measured;
 mod program;
 mod unplugged;
+mod validated;

@@ -7,10 +7,11 @@ use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 use cortex_m::interrupt::Mutex;
 use cortex_m::peripheral::NVIC;
 use heapless::spsc::{Consumer, Producer, Queue};
-use static_cell::StaticCell;
+use static_cell::{ConstStaticCell, StaticCell};
 use whirl_board_mps2_an386::machine::{self, CLOCK_HZ, Timer0, Vector};
 use whirl_board_mps2_an386::{semihosting, stack};
 use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
+use whirl_firmware::estimate::Estimator;
 use whirl_firmware::event::{Event, Request};
 use whirl_firmware::link::Link;
 use whirl_firmware::lock_step::{self, Order};
@@ -122,7 +123,7 @@ impl Interrupt {
 
 /// What the thread owns.
 struct Thread {
-    link: Link,
+    link: Link<&'static mut Estimator>,
     blocks: Consumer<'static, SampleBlock>,
     events: Consumer<'static, Event>,
     requests: Producer<'static, Request>,
@@ -157,6 +158,7 @@ fn settings() -> Settings {
 }
 
 fn start() -> Option<Thread> {
+    static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
     static QUEUE_BLOCKS: StaticCell<Queue<SampleBlock, BLOCKS>> = StaticCell::new();
     static QUEUE_EVENTS: StaticCell<Queue<Event, EVENTS>> = StaticCell::new();
     static QUEUE_REQUESTS: StaticCell<Queue<Request, REQUESTS>> = StaticCell::new();
@@ -167,7 +169,7 @@ fn start() -> Option<Thread> {
     let (host_in, host) = QUEUE_HOST.init(Queue::new()).split();
     let settings = settings();
     let sampler = Sampler::new(&settings, Counter(0), Counter(1), Output).ok()?;
-    let link = Link::new(&settings).ok()?;
+    let link = Link::with(&settings, ESTIMATOR.take()).ok()?;
     let period = (u64::from(CLOCK_HZ) * 1_000 / u64::from(settings.sample_rate_millihertz)) as u32;
     let interrupt = Interrupt {
         sampler,

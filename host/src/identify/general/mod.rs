@@ -141,15 +141,20 @@ fn steady(
     Ok(())
 }
 
-/// Units of a model file's coefficients, from those of the channels; one for each term, equation by equation.
-pub fn units_of(model: &ModelFile, rig: &Rig, bound: &Bound) -> Vec<Vec<String>> {
-    let coordinates: Vec<Unit> = (0..model.coordinates.len())
+/// Units of the coordinates and of the inputs, from those of the channels.
+pub fn channel_units(model: &ModelFile, rig: &Rig, bound: &Bound) -> (Vec<Unit>, Vec<Unit>) {
+    let coordinates = (0..model.coordinates.len())
         .map(|k| {
             let row = (0..bound.sensors.len()).find(|&r| bound.shown[(r, k)] != 0.0).unwrap_or(0);
             Unit::of_channel(&rig.channel[bound.sensors[row]].unit)
         })
         .collect();
-    let inputs: Vec<Unit> = bound.inputs.iter().map(|&i| Unit::of_channel(&rig.channel[i].unit)).collect();
+    (coordinates, bound.inputs.iter().map(|&i| Unit::of_channel(&rig.channel[i].unit)).collect())
+}
+
+/// Units of a model file's coefficients; one for each term, equation by equation.
+pub fn units_of(model: &ModelFile, rig: &Rig, bound: &Bound) -> Vec<Vec<String>> {
+    let (coordinates, inputs) = channel_units(model, rig, bound);
     let seconds = model.prime_scale(rig.omega()) == 1.0;
     model
         .equations
@@ -268,7 +273,6 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
         },
         correlation: correlation(&covariance),
         correlation_names: own,
-        balance: None,
         details: Details {
             window_s: length_s,
             windows: rows.len(),
@@ -282,10 +286,11 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
             repetition: solution.repetition,
             jackknife_blocks: solution.blocks,
             ties_misfit: None,
-            instruments: None,
             balance_error: errors,
+            instruments: None,
         },
         shooting: None,
+        balance: None,
         warnings,
         residuals: (0..model.equations.len())
             .map(|e| Residuals {
@@ -301,7 +306,7 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
 /// ∫ ẅ q does), c what is left, spread evenly over the frequencies: the input's own noise is white there, and what the model lacks is then
 /// weighed as in a plain least squares of the input (a weight by the residual itself would turn away from the frequencies at which
 /// the system moves). The others keep their own weights (empty here).
-fn input_weights(
+pub(crate) fn input_weights(
     model: &ModelFile,
     rows: &[WindowRows],
     terms: &[usize],

@@ -248,13 +248,12 @@ pub fn identification(
             repetition: 0.0,
             jackknife_blocks: balance.blocks,
             ties_misfit,
-            instruments: None,
-            balance_error: Vec::new(),
+            ..Details::default()
         },
         warnings,
         residuals: residuals(&balance, drive_hz),
         parameters,
         balance: Some(account),
-        shooting: None,
+        ..Identification::default()
     }
 }

@@ -30,6 +30,7 @@ use super::{
 use crate::error::{BadInput, Result};
 use crate::model::double_pendulum_dynamics::DoublePendulum;
 use crate::model::dynamics::Dynamics;
+use crate::model::single_pendulum_dynamics::SinglePendulum;
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::signal::angles::AngleSegment;
@@ -91,28 +92,31 @@ pub fn identify(
 ) -> Result<Identification> {
     let system = System::of(rig)?;
     let first = super::identify(records, rig, weak)?;
-    let System::Double(dampings) = &system else {
-        return Err(BadInput::new(format!("\"{}\"", rig.model), "\"double-pendulum\"")
-            .in_file(&rig.path)
-            .at("model")
-            .remedy("Multiple shooting needs a model that can be integrated; use the weak form"));
-    };
-    let equations = DoublePendulum::new(rig.omega(), rig.drive.is_some(), dampings);
     let prepared = prepare_system(&system, records, rig, weak)?;
-    let sensors = if prepared.segments.iter().any(|s| s.relative) {
-        vec![vec![1.0, 0.0], vec![-1.0, 1.0]]
-    } else {
-        vec![vec![1.0, 0.0], vec![0.0, 1.0]]
+    let (omega, driven) = (rig.omega(), rig.drive.is_some());
+    let located = |e: BadInput| match records.first() {
+        Some(r) if e.place.is_none() => e.in_file(&r.path),
+        _ => e,
     };
-    let names = equations.names().to_vec();
-    let outcome =
-        shoot(&equations, &names, &sensors, &[true; 2], &prepared, rig, &first, settings, progress).map_err(|e| {
-            match records.first() {
-                Some(r) => e.in_file(&r.path),
-                None => e,
-            }
-        })?;
-    finish(first, &system, &names, equations.units(), &prepared, rig, outcome)
+    match &system {
+        System::Single(dampings) => {
+            let equations = SinglePendulum::new(omega, driven, dampings);
+            let sensors = [vec![1.0]];
+            let outcome =
+                shoot(&equations, equations.names(), &sensors, &[true], &prepared, rig, &first, settings, progress)
+                    .map_err(located)?;
+            finish(first, &system, equations.names(), equations.units(), &prepared, rig, outcome)
+        }
+        System::Double(dampings) => {
+            let equations = DoublePendulum::new(omega, driven, dampings);
+            let relative = prepared.segments.iter().any(|s| s.relative);
+            let sensors = [vec![1.0, 0.0], if relative { vec![-1.0, 1.0] } else { vec![0.0, 1.0] }];
+            let outcome =
+                shoot(&equations, equations.names(), &sensors, &[true; 2], &prepared, rig, &first, settings, progress)
+                    .map_err(located)?;
+            finish(first, &system, equations.names(), equations.units(), &prepared, rig, outcome)
+        }
+    }
 }
 
 /// Pieces, start, bounds, levels; then the run.
@@ -156,7 +160,7 @@ fn shoot<D: Dynamics>(
             tau: Box::new(|i| s.tau(i)),
         })
         .collect();
-    let guess = ((0.05 * period_s / spacing_s).round() as usize).clamp(4, 16);
+    let guess = ((0.05 * period_s / spacing_s).round() as usize).clamp(4, 16).min(levels[0]);
     let geometry = Geometry { sensors, angles, spacing_s, guess };
     let (pieces, guesses) = track::cut(&stretches, &geometry, length, (length / 4).max(16))
         .ok_or_else(|| BadInput::new("sensors that do not give all coordinates", "one sensor for each coordinate"))?;

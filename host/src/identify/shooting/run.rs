@@ -245,3 +245,6 @@ fn integration_step<D: Dynamics + ?Sized>(
     }
     step
 }
+
+#[cfg(test)]
+mod tests;

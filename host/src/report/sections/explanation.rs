@@ -72,6 +72,7 @@ fn one(body: &mut Html, e: &Explanation) {
         body.table(&[head("horizon / s"), head("gap before"), head("gap after")], &rows);
     }
     forecasts(body, e);
+    attractor(body, e);
     let first: Vec<&Ranked> = e.ranking.iter().filter(|r| r.step == 0 && r.gain > 0.0).take(8).collect();
     if !first.is_empty() {
         let numbered: Vec<Bar> =
@@ -141,6 +142,38 @@ fn forecasts(body: &mut Html, e: &Explanation) {
             [i.to_string(), name, gap].into_iter().chain(values).map(|t| Html::text(&t)).collect()
         })
         .collect();
+    body.table(&heads, &rows);
+}
+
+/// Prediction horizon and section, before and after.
+fn attractor(body: &mut Html, e: &Explanation) {
+    if e.gap.attractor.is_empty() {
+        return;
+    }
+    let head = |t: &str| (Html::text(t), Align::Right);
+    let heads = [
+        (Html::text("model"), Align::Left),
+        head("predictions hold to 30° / s"),
+        head("section distance"),
+        head("probability by chance"),
+    ];
+    let number = |v: Option<f64>| v.map_or_else(|| "–".to_owned(), |v| significant(v, 3));
+    let rows: Vec<Vec<Html>> = ["before", "after"]
+        .iter()
+        .zip(&e.gap.attractor)
+        .map(|(name, a)| {
+            let cells = [
+                (*name).to_owned(),
+                significant(a.prediction_horizon_s, 3),
+                number(a.section_distance),
+                number(a.section_p_value),
+            ];
+            cells.iter().map(|t| Html::text(t)).collect()
+        })
+        .collect();
+    body.paragraph(
+        "How long free predictions from held-out windows hold (median), and the energy distance between the Poincaré sections of model and record with its permutation test:",
+    );
     body.table(&heads, &rows);
 }
 

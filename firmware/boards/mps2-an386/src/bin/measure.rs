@@ -12,18 +12,21 @@ mod on_target {
     use core::panic::PanicInfo;
 
     use heapless::spsc::Queue;
+    use static_cell::ConstStaticCell;
     use whirl_board_mps2_an386::machine::{self, Vector};
     use whirl_board_mps2_an386::semihosting::{Console, exit};
     use whirl_board_mps2_an386::stack;
     use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
-    use whirl_firmware::estimate::Estimator;
+    use whirl_firmware::estimate::{Estimator, FREQUENCIES, STEPS};
     use whirl_firmware::event::{Event, Request};
     use whirl_firmware::link::Link;
     use whirl_firmware::sampler::Sampler;
     use whirl_firmware::{QuadratureCounter, Settings, ShakerOutput};
     use whirl_shared::codec::{MAX_FRAME, encode};
-    use whirl_shared::frame::{Command, Envelope, HostMessage, SampleBlock};
+    use whirl_shared::frame::{Command, DeviceMessage, Envelope, HostMessage, SampleBlock};
     use whirl_shared::harmonics::{HarmonicBank, HarmonicSettings, Window};
+    use whirl_shared::least_squares::LeastSquares;
+    use whirl_shared::regressor::UNKNOWNS1;
     use whirl_shared::waveform::displacement;
 
     #[unsafe(link_section = ".vector_table.interrupts")]
@@ -96,15 +99,21 @@ mod on_target {
     }
 
     fn tick() -> Option<()> {
+        static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
         let settings = Settings { board: "measure", ..Settings::default() };
         // Ten turns a second of 4096 counts at 500 Hz.
         let mut sampler = Sampler::new(&settings, Whirling(0, 82), Whirling(0, 65_454), Nowhere(0)).ok()?;
-        let mut link = Link::new(&settings).ok()?;
-        let mut blocks = Queue::<SampleBlock, BLOCKS>::new();
-        let mut events = Queue::<Event, EVENTS>::new();
-        let mut requests = Queue::<Request, REQUESTS>::new();
-        let (mut sampling, mut sending, mut hearing) = (Meter::default(), Meter::default(), Meter::default());
+        let mut link = Link::with(&settings, ESTIMATOR.take()).ok()?;
+        static QUEUE_BLOCKS: ConstStaticCell<Queue<SampleBlock, BLOCKS>> = ConstStaticCell::new(Queue::new());
+        static QUEUE_EVENTS: ConstStaticCell<Queue<Event, EVENTS>> = ConstStaticCell::new(Queue::new());
+        static QUEUE_REQUESTS: ConstStaticCell<Queue<Request, REQUESTS>> = ConstStaticCell::new(Queue::new());
+        let (blocks, events, requests) = (QUEUE_BLOCKS.take(), QUEUE_EVENTS.take(), QUEUE_REQUESTS.take());
+        let (mut sampling, mut hearing) = (Meter::default(), Meter::default());
+        let (mut block, mut other, mut all) = (Meter::default(), Meter::default(), Meter::default());
         let (mut frame, mut command) = ([0; MAX_FRAME], [0; MAX_FRAME]);
+        static NONE: ConstStaticCell<Queue<SampleBlock, 2>> = ConstStaticCell::new(Queue::new());
+        static TAKEN: ConstStaticCell<Queue<SampleBlock, 2>> = ConstStaticCell::new(Queue::new());
+        let (none, taken) = (NONE.take(), TAKEN.take());
         for n in 0..5_000_u16 {
             let say = match n {
                 1 => Command::Arm,
@@ -113,33 +122,74 @@ mod on_target {
             };
             let envelope = Envelope { sequence: n, message: HostMessage::Command(say) };
             let length = encode(&envelope, &mut command).ok()?;
-            hearing.take(|| link.receive(&command[..length], &mut requests));
-            sampling.take(|| sampler.tick(0, 0, &mut blocks, &mut events, &mut requests));
-            sending.take(|| while link.poll_transmit(&mut frame, &mut blocks, &mut events).is_some() {});
+            hearing.take(|| link.receive(&command[..length], requests));
+            sampling.take(|| sampler.tick(0, 0, blocks, events, requests));
+            // The frames of a tick: answers and reports, a block's by itself, then all that the thread does with a block.
+            other.take(|| while link.poll_transmit(&mut frame, none, events).is_some() {});
+            if let Some(next) = blocks.dequeue() {
+                let envelope = Envelope { sequence: n, message: DeviceMessage::Samples(next.clone()) };
+                block.take(|| encode(&envelope, &mut frame)).ok()?;
+                taken.enqueue(next).ok()?;
+                all.take(|| link.poll_transmit(&mut frame, taken, events));
+            }
         }
         sampling.tell("interrupt: sampling, shaker, blocks, one command");
-        sending.tell("thread: frames of a tick");
+        block.tell("stream: the frame of a block, every ten ticks");
+        other.tell("stream: other frames of a tick, estimates too");
         hearing.tell("thread: one command");
+        all.tell("thread: all of a block, ten samples' estimate too");
         Some(())
     }
 
-    /// The device's own estimate: a sample of two overlapping windows, and the end of a window.
+    /// The device's own estimate, by what a sample does beside the sums: nothing, a comparison, a fit, or the last step.
     fn estimate() -> Option<()> {
-        let mut estimator = Estimator::new(&Settings::default(), 0.9)?;
-        let (mut sample, mut window) = (Meter::default(), Meter::default());
+        static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
+        let estimator = ESTIMATOR.take();
+        estimator.set_up(&Settings::default()).then_some(())?;
+        let (mut sample, mut with_window) = (Meter::default(), Meter::default());
         let increment = 42_949_673_u32;
-        for n in 0..4_100_u32 {
+        for n in 0..8_010_u32 {
             let counts = [displacement(900, n.wrapping_mul(31_415_926)), (n as i32 * 37) + displacement(700, n << 25)];
             let mut meter = Meter::default();
-            let outcome = meter.take(|| estimator.sample(n, counts, n.wrapping_mul(increment), increment));
-            if n > 2_010 && outcome.is_none() {
+            meter.take(|| estimator.sample(n, counts, n.wrapping_mul(increment), increment, 1));
+            if n > 2_010 {
+                // The steps of a window come with the samples behind it.
+                let behind = (n + 1_000 - 8) % 1_000;
                 sample.add(&meter);
-            } else if outcome.is_some() {
-                window.add(&meter);
+                if behind <= STEPS as u32 {
+                    with_window.add(&meter);
+                }
             }
         }
         sample.tell("estimate: a sample");
-        window.tell("end of a window, each 1 000 ticks, in the thread: worst");
+        with_window.tell("those that finish a window among them");
+        let mut rows = Meter::default();
+        for m in 0..=FREQUENCIES {
+            rows.take(|| estimator.rows_at(black_box(m)));
+        }
+        rows.tell("rows of one frequency");
+        Some(())
+    }
+
+    /// Least squares alone: a row into the greater of both fits, and its solution.
+    fn least_squares() -> Option<()> {
+        let mut fit = LeastSquares::<f32, UNKNOWNS1>::new();
+        let (mut push, mut solve) = (Meter::default(), Meter::default());
+        let mut state = 1_u32;
+        for _ in 0..200 {
+            let mut noise = || {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                f32::from((state >> 16) as i16) / 32_768.0
+            };
+            let row = [noise(), noise(), noise(), noise(), noise(), noise()];
+            let target = noise();
+            push.take(|| fit.push(black_box(row), target));
+        }
+        for _ in 0..10 {
+            solve.take(|| fit.solve(1e-3)).ok()?;
+        }
+        push.tell("least squares of six unknowns: a row");
+        solve.tell("least squares of six unknowns: the solution");
         Some(())
     }
 
@@ -159,7 +209,7 @@ mod on_target {
     fn main() -> ! {
         stack::paint();
         machine::start_clock();
-        let done = tick().and_then(|()| accumulate()).and_then(|()| estimate());
+        let done = tick().and_then(|()| accumulate()).and_then(|()| estimate()).and_then(|()| least_squares());
         // As above.
         let _ = writeln!(Console, "stack: {} bytes", stack::used());
         exit(done.is_some())

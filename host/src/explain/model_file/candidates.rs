@@ -1,0 +1,265 @@
+//! Effects that apply to a coordinate of a model file: what each adds to the left-hand side of its equation for a strength of one.
+//!
+//! Places are the coordinates' names. v is the coordinate's velocity, x the coordinate, wrapped on S1. Strengths are in the equation's own
+//! units; positive ones oppose the motion where the equation's inertia is positive. One line each in [`EFFECTS`].
+
+use std::sync::Arc;
+
+use crate::model::model_file::expression::{
+    Expression, Function, Node, Symbol, call, divide, multiply, number, power_whole, symbol,
+};
+use crate::model::model_file::{ModelFile, Space};
+
+/// One effect.
+pub struct Effect {
+    /// Name before the `@`.
+    pub id: &'static str,
+    /// What it adds.
+    pub equation: &'static str,
+    /// The laboratory test that would confirm it.
+    pub confirm: &'static str,
+    /// Whether it needs an angle on S1.
+    circle: bool,
+    /// Its forms: shape parameter, and one expression for each strength.
+    forms: fn(&Sizes, Node, Node) -> Vec<(Option<(&'static str, f64)>, Vec<Node>)>,
+}
+
+/// Sizes of the motion that shapes are chosen by.
+#[derive(Clone, Copy, Debug)]
+pub struct Sizes {
+    /// Root mean square velocity.
+    pub speed: f64,
+}
+
+fn sign(v: Node) -> Node {
+    call(Function::Sign, v)
+}
+
+fn abs(v: Node) -> Node {
+    call(Function::Abs, v)
+}
+
+fn one(e: Node) -> Vec<(Option<(&'static str, f64)>, Vec<Node>)> {
+    vec![(None, vec![e])]
+}
+
+/// Every effect, the simplest first: of two that held-out data do not tell apart the first is named.
+pub static EFFECTS: &[Effect] = &[
+    Effect {
+        id: "viscous-friction",
+        equation: "c v",
+        confirm: "free decays from different amplitudes have one logarithmic decrement",
+        circle: false,
+        forms: |_, _, v| one(v),
+    },
+    Effect {
+        id: "coulomb-friction",
+        equation: "τ sign v",
+        confirm: "pull slowly both ways with a spring balance: the force has a level that does not vanish with speed",
+        circle: false,
+        forms: |_, _, v| one(sign(v)),
+    },
+    Effect {
+        id: "constant-force",
+        equation: "F",
+        confirm: "tilt or turn the rig round: the force keeps its side",
+        circle: false,
+        forms: |_, _, _| one(number(1.0)),
+    },
+    Effect {
+        id: "torsion-spring",
+        equation: "k x",
+        confirm: "hold it at several positions with a spring balance",
+        circle: false,
+        forms: |_, x, _| one(x),
+    },
+    Effect {
+        id: "imbalance",
+        equation: "S cos x",
+        confirm: "find the position of rest: it is not where 0 was set",
+        circle: true,
+        forms: |_, x, _| one(call(Function::Cos, x)),
+    },
+    Effect {
+        id: "cubic-stiffness",
+        equation: "k x³",
+        confirm: "the frequency of free decays changes with the square of the amplitude",
+        circle: false,
+        forms: |_, x, _| one(power_whole(x, 3)),
+    },
+    Effect {
+        id: "quadratic-stiffness",
+        equation: "k x²",
+        confirm: "the middle of an oscillation moves with its amplitude",
+        circle: false,
+        forms: |_, x, _| one(power_whole(x, 2)),
+    },
+    Effect {
+        id: "quadratic-drag",
+        equation: "k v |v|",
+        confirm: "add a sail: it grows",
+        circle: false,
+        forms: |_, _, v| one(multiply(v.clone(), abs(v))),
+    },
+    Effect {
+        id: "asymmetric-friction",
+        equation: "c |v|: friction that differs with direction",
+        confirm: "move at one speed both ways and compare the forces",
+        circle: false,
+        forms: |_, _, v| one(abs(v)),
+    },
+    Effect {
+        id: "amplitude-dependent-damping",
+        equation: "c x² v",
+        confirm: "the decrement of free decays changes with the square of the amplitude",
+        circle: false,
+        forms: |_, x, v| one(multiply(power_whole(x, 2), v)),
+    },
+    Effect {
+        id: "load-dependent-friction",
+        equation: "μ |G cos x + v²| sign v, G in s⁻²",
+        confirm: "add weight: the friction grows with it",
+        circle: true,
+        forms: |s, x, v| {
+            [0.25, 1.0, 4.0]
+                .into_iter()
+                .map(|f| {
+                    let g = f * s.speed * s.speed;
+                    let load =
+                        Expression::Add(multiply(number(g), call(Function::Cos, x.clone())), power_whole(v.clone(), 2));
+                    (Some(("G", g)), vec![multiply(abs(Arc::new(load)), sign(v.clone()))])
+                })
+                .collect()
+        },
+    },
+    Effect {
+        id: "stribeck-friction",
+        equation: "τ exp(−(v/v_s)²) sign v",
+        confirm: "drive it at several low speeds: the force falls with speed",
+        circle: false,
+        forms: |s, _, v| {
+            [0.03, 0.1, 0.3, 1.0]
+                .into_iter()
+                .map(|f| {
+                    let at = f * s.speed;
+                    let square = power_whole(divide(v.clone(), number(at)), 2);
+                    let falling = call(Function::Exp, multiply(number(-1.0), square));
+                    (Some(("v_s", at)), vec![multiply(falling, sign(v.clone()))])
+                })
+                .collect()
+        },
+    },
+    Effect {
+        id: "cogging",
+        equation: "A sin(n x + ψ)",
+        confirm: "turn it slowly by hand and feel the detents",
+        circle: true,
+        forms: |_, x, _| {
+            (2..=24)
+                .map(|n| {
+                    let argument = multiply(number(f64::from(n)), x.clone());
+                    let parts = vec![call(Function::Sin, argument.clone()), call(Function::Cos, argument)];
+                    (Some(("n", f64::from(n))), parts)
+                })
+                .collect()
+        },
+    },
+];
+
+/// An effect at a coordinate in one form.
+#[derive(Clone)]
+pub struct Candidate {
+    /// Effect.
+    pub effect: &'static Effect,
+    /// Rank of the effect in the list.
+    pub rank: usize,
+    /// The coordinate's name.
+    pub at: String,
+    /// Equation that it is added to.
+    pub equation: usize,
+    /// Shape parameter.
+    pub shape: Option<(&'static str, f64)>,
+    /// One expression for each strength, in seconds.
+    pub columns: Vec<Node>,
+}
+
+impl Candidate {
+    /// `ID@PLACE`.
+    pub fn name(&self) -> String {
+        format!("{}@{}", self.effect.id, self.at)
+    }
+}
+
+/// The equation of a coordinate: its own number where there are as many equations as coordinates, otherwise the first that holds its
+/// acceleration.
+fn equation_of(model: &ModelFile, coordinate: usize) -> Option<usize> {
+    let holds = |e: usize| {
+        let equation = &model.equations[e];
+        std::iter::once(&equation.balance)
+            .chain(equation.terms.iter().map(|t| &t.of))
+            .any(|n| n.any(&|s| s == Symbol::Acceleration(coordinate)))
+    };
+    let own = Some(coordinate).filter(|e| model.equations.len() == model.coordinates.len() && holds(*e));
+    own.or_else(|| (0..model.equations.len()).find(|e| holds(*e)))
+}
+
+/// Every candidate that the model does not hold as a term already. `speed` is each coordinate's rms velocity.
+pub fn candidates(model: &ModelFile, omega: f64, speed: &[f64]) -> Vec<Candidate> {
+    let mut out = Vec::new();
+    for (i, c) in model.coordinates.iter().enumerate() {
+        let Some(equation) = equation_of(model, i) else { continue };
+        let held: Vec<Node> = model.equations[equation].terms.iter().map(|t| model.in_seconds(&t.of, omega)).collect();
+        let (x, v) = (symbol(Symbol::Coordinate(i)), symbol(Symbol::Rate(i)));
+        for (rank, effect) in EFFECTS.iter().enumerate() {
+            if effect.circle && c.space != Space::Circle {
+                continue;
+            }
+            for (shape, columns) in (effect.forms)(&Sizes { speed: speed[i] }, x.clone(), v.clone()) {
+                if columns.iter().any(|c| held.iter().any(|h| is_multiple(h, c))) {
+                    continue;
+                }
+                out.push(Candidate { effect, rank, at: c.name.clone(), equation, shape, columns });
+            }
+        }
+    }
+    out
+}
+
+/// Whether one expression is a number times the other, by their values at a few points.
+fn is_multiple(a: &Node, b: &Node) -> bool {
+    let at = |e: &Node, k: f64| {
+        e.value(&|s| match s {
+            Symbol::Coordinate(i) => 0.37 + 0.61 * k - 0.2 * i as f64,
+            Symbol::Rate(i) => -1.3 + 0.83 * k + 0.3 * i as f64,
+            Symbol::Acceleration(i) => 2.1 - 0.4 * k + i as f64,
+            Symbol::Input(i) => 0.9 + 1.7 * k * k - i as f64,
+            _ => 0.4 + 0.1 * k,
+        })
+    };
+    let ratios: Vec<f64> = (0..5).map(|k| at(a, f64::from(k)) / at(b, f64::from(k))).collect();
+    ratios.iter().all(|r| r.is_finite() && (r - ratios[0]).abs() < 1e-9 * (1.0 + ratios[0].abs()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_model_holds_is_no_candidate() {
+        let text = r#"name = "m"
+coordinates = [{ name = "q", space = "S1" }]
+[[equation]]
+balance = "-q''"
+terms = { k = "sin(q)", c = "2*q'", d = "sign(q')" }
+"#;
+        let model = ModelFile::parse(text, std::path::Path::new("m.toml")).unwrap();
+        let list = candidates(&model, 1.0, &[2.0]);
+        let names: Vec<String> = list.iter().map(Candidate::name).collect();
+        assert!(!names.contains(&"viscous-friction@q".to_owned()) && !names.contains(&"coulomb-friction@q".to_owned()));
+        assert!(names.contains(&"stribeck-friction@q".to_owned()) && names.contains(&"imbalance@q".to_owned()));
+        assert!(list.iter().all(|c| c.equation == 0));
+        let line = text.replace("S1", "R");
+        let model = ModelFile::parse(&line, std::path::Path::new("m.toml")).unwrap();
+        assert!(!candidates(&model, 1.0, &[2.0]).iter().any(|c| c.effect.id == "cogging"));
+    }
+}

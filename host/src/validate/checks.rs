@@ -1,0 +1,65 @@
+//! The comparisons that a validation can fail on. See the head of [`super`] for when each does.
+
+use super::{Check, Pair, Validation, natural_frequencies};
+
+/// Standard errors by which two invariants may differ.
+const STANDARD_ERRORS: f64 = 3.0;
+/// Probability by chance below which sections count as different.
+const SECTIONS_DIFFER: f64 = 0.01;
+/// Share of the model's own median horizon that the record's must reach.
+const HORIZON_SHARE: f64 = 0.5;
+
+/// Every check that can be made.
+pub(super) fn checks(v: &Validation) -> Vec<Check> {
+    let mut out = Vec::new();
+    let mut check = |name, passed, message| out.push(Check { name, passed, message });
+    let (measured, simulated) = (v.horizon.measured.median(), v.horizon.simulated.median());
+    // Predictions that all last to the record's end say nothing against the model.
+    let unended = 2 * v.horizon.measured.unended >= v.horizon.measured.seconds.len();
+    check(
+        "prediction-horizon",
+        unended || measured >= HORIZON_SHARE * simulated,
+        format!("median {measured:.2} s on the record, {simulated:.2} s on the model's own"),
+    );
+    let tests: Vec<f64> = v.sections.iter().filter_map(|s| s.test.map(|t| t.p_value)).collect();
+    if let Some(least) = tests.iter().copied().reduce(f64::min) {
+        let p = (least * tests.len() as f64).min(1.0);
+        check(
+            "poincare-section",
+            p >= SECTIONS_DIFFER,
+            format!(
+                "sections as different as these by chance with probability {p:.3} (least of {} phases)",
+                tests.len()
+            ),
+        );
+    }
+    let pair = |p: &Pair, unit: &str| {
+        format!(
+            "{:.3} ± {:.3}{unit} in the record, {:.3} ± {:.3}{unit} in the model's own: {:.1} standard errors",
+            p.measured,
+            1.96 * p.measured_std_error,
+            p.simulated,
+            1.96 * p.simulated_std_error,
+            p.deviation()
+        )
+    };
+    if let Some(p) = v.lyapunov.and_then(|l| l.records) {
+        check("lyapunov-exponent", p.deviation() <= STANDARD_ERRORS, pair(&p, " /s"));
+    }
+    if let Some(p) = &v.correlation_dimension {
+        check("correlation-dimension", p.deviation() <= STANDARD_ERRORS, pair(p, ""));
+    }
+    if let Some((f, measured)) = v.natural_frequencies.as_ref().and_then(|f| Some((f, f.measured_hz?))) {
+        let agrees = f.model_hz.iter().zip(measured).all(|(a, b)| (a / b - 1.0).abs() <= natural_frequencies::AGREES);
+        let [a, b] = f.model_hz;
+        check(
+            "natural-frequencies",
+            agrees,
+            format!(
+                "{a:.3} and {b:.3} Hz in the model, {:.3} and {:.3} Hz in the free vibration",
+                measured[0], measured[1]
+            ),
+        );
+    }
+    out
+}

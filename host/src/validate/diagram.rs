@@ -1,0 +1,58 @@
+//! A bifurcation diagram of the identified model over a factor on one of its parameters.
+
+use super::motion_model::MotionModel;
+use super::{Bifurcation, Settings};
+use crate::error::{BadInput, Result};
+use crate::model::flow::Outside;
+use crate::phase_space::bifurcation;
+
+/// Values of a bifurcation diagram's parameter.
+const BIFURCATION_VALUES: usize = 240;
+
+/// The diagram, where one was asked for.
+///
+/// # Errors
+/// A free system, a parameter that there is not, a range that is none.
+pub(super) fn diagram(
+    equations: &MotionModel,
+    settings: &Settings,
+    tau: f64,
+    omega: f64,
+    state: &[f64],
+    step_s: f64,
+) -> Result<Option<Bifurcation>> {
+    let Some((parameter, low, high)) = &settings.bifurcation else { return Ok(None) };
+    let names = equations.base.names();
+    let bad = |found: String, expected: String| Err(BadInput::new(found, expected).at("--bifurcation"));
+    if omega <= 0.0 {
+        return bad(
+            "a free system".to_owned(),
+            "a driven one: a diagram shows the section once a drive period".to_owned(),
+        );
+    }
+    if !(low.is_finite() && high.is_finite() && low < high) {
+        return bad(format!("{low}:{high}"), "two factors, the lower first".to_owned());
+    }
+    let moves =
+        |name: &str| if parameter == "drive" { name.ends_with('3') || name.ends_with('4') } else { name == parameter };
+    let which: Vec<usize> = (0..names.len())
+        .filter(|i| moves(&names[*i]) && (parameter != "drive" || names[*i].starts_with('B')))
+        .collect();
+    if which.is_empty() {
+        return bad(format!("\"{parameter}\""), format!("drive, or one of {}", names.join(", ")));
+    }
+    let factor: Vec<f64> =
+        (0..BIFURCATION_VALUES).map(|i| low + (high - low) * i as f64 / (BIFURCATION_VALUES - 1) as f64).collect();
+    let sets: Vec<Vec<f64>> = factor
+        .iter()
+        .map(|f| {
+            let mut p = equations.parameters.clone();
+            which.iter().for_each(|i| p[*i] *= f);
+            p
+        })
+        .collect();
+    let choice = bifurcation::Settings { settle: 200, keep: 60, step_s };
+    let columns =
+        bifurcation::bifurcation(equations, &sets, Outside::drive(0.0, tau, omega), state, &[true; 2], &choice);
+    Ok(Some(Bifurcation { parameter: parameter.clone(), factor, columns }))
+}
