@@ -16,11 +16,13 @@ pub(super) fn checks(v: &Validation) -> Vec<Check> {
     let (measured, simulated) = (v.horizon.measured.median(), v.horizon.simulated.median());
     // Predictions that all last to the record's end say nothing against the model.
     let unended = 2 * v.horizon.measured.unended >= v.horizon.measured.seconds.len();
-    check(
-        "prediction-horizon",
-        unended || measured >= HORIZON_SHARE * simulated,
-        format!("median {measured:.2} s on the record, {simulated:.2} s on the model's own"),
-    );
+    if !v.horizon.measured.seconds.is_empty() {
+        check(
+            "prediction-horizon",
+            unended || measured >= HORIZON_SHARE * simulated,
+            format!("median {measured:.2} s on the record, {simulated:.2} s on the model's own"),
+        );
+    }
     let tests: Vec<f64> = v.sections.iter().filter_map(|s| s.test.map(|t| t.p_value)).collect();
     if let Some(least) = tests.iter().copied().reduce(f64::min) {
         let p = (least * tests.len() as f64).min(1.0);

@@ -91,6 +91,9 @@ pub fn run<D: Dynamics + ?Sized>(
     let states = fit_states(&problem, &pieces, guesses.iter(), &parameters, levels);
     tick();
     let (mut pieces, mut states) = followed(pieces, states);
+    if pieces.is_empty() {
+        return Err(Failure::NothingFollows);
+    }
     let mut rounds = 0;
     let given = problem.sigma.to_vec();
     let mut sigma = given.clone();
