@@ -18,7 +18,7 @@ use crate::record::{Column, Losses, Record, Segment};
 use crate::rig::Rig;
 use crate::rig::plant::Plant;
 
-/// True value of a parameter by its name.
+/// True value of a parameter by name.
 type Truth = Box<dyn Fn(&str) -> Option<f64> + Send + Sync>;
 
 /// A simulated rig with its record.
