@@ -18,6 +18,9 @@ use crate::record::{Column, Losses, Record, Segment};
 use crate::rig::Rig;
 use crate::rig::plant::Plant;
 
+/// True value of a parameter by name.
+type Truth = Box<dyn Fn(&str) -> Option<f64> + Send + Sync>;
+
 /// A simulated rig with its record.
 pub struct Data {
     /// Rig.
@@ -27,7 +30,7 @@ pub struct Data {
     /// The angles that they were made from, absolute, rad: one or two.
     pub exact: Vec<Vec<f64>>,
     /// True values by name.
-    truth: Box<dyn Fn(&str) -> Option<f64> + Send + Sync>,
+    truth: Truth,
 }
 
 impl Data {

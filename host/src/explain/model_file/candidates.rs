@@ -29,6 +29,9 @@ pub struct Effect {
     forms: fn(&Sizes, Node, Node) -> Vec<Form>,
 }
 
+/// A form of an effect: its shape parameter, if it has one, and one expression for each strength.
+type Form = (Option<(&'static str, f64)>, Vec<Node>);
+
 /// Sizes of the motion that shapes are chosen by.
 #[derive(Clone, Copy, Debug)]
 pub struct Sizes {

@@ -2,7 +2,7 @@
 //!
 //! With H_s and g_s a piece's normal matrix and gradient after its state is eliminated, H = Σ H_s: leaving block b out moves the parameters by
 //! d_b = (H − H_b)⁻¹ g_b, and the covariance is the jackknife's, (G−1)/G Σ (d_b − d̄)(d_b − d̄)ᵀ, stretched by Student's t for G − 1 degrees of freedom. It
-//! assumes nothing of the residuals inside a block. The bound of Cramér and Rao for these pieces is H⁻¹ times the residuals' mean square: what white Gaussian
+//! assumes nothing of the residuals inside a block. Where chance makes it smaller than the bound below, the bound is taken. The bound of Cramér and Rao for these pieces is H⁻¹ times the residuals' mean square: what white Gaussian
 //! noise of that size allows an unbiased estimate.
 //!
 //! On a motion that repeats, quantisation errors repeat too: then the correlation ρ of residuals between pieces times the covariance that one piece
@@ -75,6 +75,12 @@ pub fn covariance(shares: &[Share], states: usize, held: &[bool], repetition: f6
     } else {
         bound.clone()
     };
+    // The scatter of few influential pieces may come out below the bound by chance; no estimate is better than that.
+    let widen = DVector::from_fn(p, |i, _| {
+        let (found, least) = (estimate[(i, i)], bound[(i, i)]);
+        if found > 0.0 && least > found { (least / found).sqrt() } else { 1.0 }
+    });
+    estimate = DMatrix::from_fn(p, p, |i, j| estimate[(i, j)] * widen[i] * widen[j]);
     estimate += &bound * (repetition.max(0.0) * shares.len() as f64);
     let scaled = DMatrix::from_fn(p, p, |i, j| {
         let d = (total[(i, i)] * total[(j, j)]).sqrt();
