@@ -10,9 +10,6 @@ use crate::model::model_file::expression::{
 };
 use crate::model::model_file::{ModelFile, Space};
 
-/// A form of an effect: its shape parameter, and one expression for each strength.
-type Form = (Option<(&'static str, f64)>, Vec<Node>);
-
 /// One effect.
 pub struct Effect {
     /// Name before the `@`.
