@@ -36,6 +36,9 @@ pub(super) struct RowsRecorder {
     base: i64,
     /// Ticks to record.
     limit: Option<i64>,
+    /// From when on the time is counted: the first that was seen of the device.
+    begin: Option<i64>,
+    /// Of the first window in the record.
     first_tick: Option<i64>,
     covered: u64,
     pub(super) windows: u64,
@@ -57,6 +60,7 @@ impl RowsRecorder {
             line: None,
             base: 0,
             limit,
+            begin: None,
             first_tick: None,
             covered: 0,
             windows: 0,
@@ -96,8 +100,8 @@ impl RowsRecorder {
     /// The device is at a tick: the recording begins there if it has not, and ends where its time is over, whether windows come or not.
     pub(super) fn time(&mut self, tick: u32) {
         let placed = self.place(tick);
-        let first = *self.first_tick.get_or_insert(placed);
-        self.full |= self.limit.is_some_and(|limit| placed.saturating_sub(first) > limit);
+        let begin = *self.begin.get_or_insert(placed);
+        self.full |= self.limit.is_some_and(|limit| placed.saturating_sub(begin) > limit);
     }
 
     /// Takes a message whose window belongs to the recording; `metadata` for the first.
@@ -107,10 +111,10 @@ impl RowsRecorder {
     pub(super) fn push(&mut self, rows: &Rows, metadata: impl FnOnce() -> Metadata) -> Result<()> {
         let tick = self.place(rows.tick);
         let start = tick.saturating_sub(i64::from(rows.window_ticks)).saturating_add(1);
-        let first = *self.first_tick.get_or_insert(start);
-        let end = tick.saturating_sub(first).saturating_add(1);
-        if start < first || self.limit.is_some_and(|limit| end > limit) {
-            self.full |= start >= first;
+        let begin = *self.begin.get_or_insert(start);
+        let end = tick.saturating_sub(begin).saturating_add(1);
+        if start < begin || self.limit.is_some_and(|limit| end > limit) {
+            self.full |= start >= begin;
             return Ok(());
         }
         let frequency = usize::from(rows.frequency);
@@ -182,8 +186,9 @@ impl RowsRecorder {
             }
         };
         self.restarted = false;
-        let first = self.first_tick.unwrap_or(0);
-        self.full |= self.limit.is_some_and(|limit| window.tick + 1 - first + half > limit);
+        let begin = self.begin.unwrap_or(0);
+        self.full |= self.limit.is_some_and(|limit| window.tick + 1 - begin + half > limit);
+        self.first_tick.get_or_insert(window.tick - i64::from(window.window_ticks) + 1);
         let fresh = self.last.as_ref().map_or(i64::MAX, |(_, last)| window.tick - last.tick);
         self.covered += fresh.clamp(0, i64::from(window.window_ticks)).unsigned_abs();
         if self.writer.is_none() {

@@ -41,7 +41,7 @@ pub struct Attractor {
 pub(super) fn measure(state: &State, x: &DVector<f64>, comparison: &Comparison<'_>) -> Attractor {
     let model = Model::of(state, x);
     let test = comparison.raw.iter().max_by_key(|s| s.len()).and_then(|segment| {
-        let (measured, simulated) = sections(state, &model, segment, comparison)?;
+        let [measured, simulated] = sections(state, &model, segment, comparison)?;
         energy_test(&measured, &simulated, SEED)
     });
     Attractor {
@@ -81,13 +81,16 @@ fn horizon(state: &State, model: &Model<'_>, comparison: &Comparison<'_>) -> f64
     times.get(times.len() / 2).copied().unwrap_or(0.0)
 }
 
+/// Points of a section: cos, sin and velocity of each angle.
+type Cloud = Vec<Vec<f64>>;
+
 /// Sections of the record and of the model started from the record's first state.
 fn sections(
     state: &State,
     model: &Model<'_>,
     segment: &AngleSegment,
     comparison: &Comparison<'_>,
-) -> Option<(Vec<Vec<f64>>, Vec<Vec<f64>>)> {
+) -> Option<[Cloud; 2]> {
     if !state.context.driven {
         return None;
     }
@@ -111,8 +114,8 @@ fn sections(
         }
     }
     let [measured, simulated] = clouds;
-    let finite = |cloud: &[Vec<f64>]| cloud.iter().flatten().all(|v| v.is_finite());
-    (finite(&measured) && finite(&simulated)).then_some((measured, simulated))
+    let finite = |cloud: &Cloud| cloud.iter().flatten().all(|v| v.is_finite());
+    (finite(&measured) && finite(&simulated)).then_some([measured, simulated])
 }
 
 fn window_samples(comparison: &Comparison<'_>, segment: &AngleSegment) -> usize {
@@ -120,7 +123,7 @@ fn window_samples(comparison: &Comparison<'_>, segment: &AngleSegment) -> usize 
 }
 
 /// Points at some samples: cos, sin and velocity of each angle.
-fn cloud(angles: &[[f64; 2]], at: &[usize], step_s: f64) -> Vec<Vec<f64>> {
+fn cloud(angles: &[[f64; 2]], at: &[usize], step_s: f64) -> Cloud {
     at.iter()
         .filter(|&&i| i >= REACH && i + REACH < angles.len())
         .map(|&i| {

@@ -1,14 +1,11 @@
 //! Solutions of [`Dynamics`] at even times: Dormand and Prince's method of order 5 with its error estimate of order 4 (J. Comput.
 //! Appl. Math. 6, 1980), steps chosen by the error.
 //!
-//! Laws that jump (dry friction) would drive the step to nothing: no step is shorter than 1/[`FINEST`] of a sampling interval, and one of
+//! Laws that jump (dry friction) would drive the step to nothing: no step is shorter than 1/`finest` of a sampling interval, and one of
 //! that length is taken as it is. A reversal is then placed to that fraction, and a system that sticks creeps by no more than its
 //! acceleration over such a step.
 
 use super::dynamics::{Dynamics, Instant};
-
-/// Steps within one sampling interval at most.
-const FINEST: f64 = 400.0;
 
 /// What acts from outside: phase and inputs at a time.
 pub trait Outside: Sync {
@@ -32,6 +29,8 @@ pub struct Settings {
     pub tolerance: f64,
     /// Number of inputs.
     pub inputs: usize,
+    /// Steps within one sampling interval at most.
+    pub finest: f64,
 }
 
 /// Nodes and weights of the stages.
@@ -70,7 +69,7 @@ pub fn solve<D: Dynamics + ?Sized>(
     let mut k = vec![vec![0.0; 2 * n]; 7];
     let mut stage = vec![0.0; 2 * n];
     let mut scale: Vec<f64> = y.iter().map(|x| x.abs()).collect();
-    let least = settings.step_s / FINEST;
+    let least = settings.step_s / settings.finest;
     let mut h = settings.step_s;
     let mut out = Vec::with_capacity(settings.count);
     for sample in 0..settings.count {
@@ -149,7 +148,7 @@ mod tests {
 
     #[test]
     fn a_forced_oscillator_follows_its_closed_solution() {
-        let settings = Settings { start_s: 0.5, step_s: 0.05, count: 400, tolerance: 1e-11, inputs: 1 };
+        let settings = Settings { start_s: 0.5, step_s: 0.05, count: 400, tolerance: 1e-11, inputs: 1, finest: 400.0 };
         // x = 3 cos 2t/(ω² − 4) + A cos ωt + B sin ωt.
         let x = |t: f64| 3.0 * (2.0 * t).cos() / 5.0 + 0.4 * (3.0 * t).cos() - 0.7 * (3.0 * t).sin();
         let v = |t: f64| -6.0 * (2.0 * t).sin() / 5.0 - 1.2 * (3.0 * t).sin() - 2.1 * (3.0 * t).cos();
@@ -174,7 +173,7 @@ mod tests {
     /// Dry friction takes 2c/ω² off each half swing, then holds the mass.
     #[test]
     fn dry_friction_takes_its_part_and_then_holds() {
-        let settings = Settings { start_s: 0.0, step_s: 0.01, count: 1500, tolerance: 1e-9, inputs: 1 };
+        let settings = Settings { start_s: 0.0, step_s: 0.01, count: 1500, tolerance: 1e-9, inputs: 1, finest: 400.0 };
         let out = solve(&Oscillator, &[3.0, 0.45], &[1.02, 0.0], &Free, &settings).unwrap();
         let half = |k: usize| (core::f64::consts::PI / 3.0 / 0.01 * k as f64).round() as usize;
         for k in 1..5 {

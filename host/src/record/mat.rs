@@ -197,6 +197,7 @@ fn variables(file: &mut BufReader<File>, little: bool, length: u64, path: &Path)
         }
         if kind == ARRAY || kind == COMPRESSED {
             let place = Place { offset: start, size, compressed: kind == COMPRESSED };
+            #[allow(clippy::redundant_closure)] // the function itself is not general enough in its lifetimes
             let name = with_array(file, little, place, |s| head(s)).map_err(bad)?.name;
             out.insert(name, place);
         }

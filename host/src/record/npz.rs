@@ -1,18 +1,22 @@
-//! Records as NumPy archives (`.npz`), read with the npyz crate: see [`super::arrays`] for the arrays that are expected.
+//! Records as NumPy archives (`.npz`, stored or deflated): see [`super::arrays`] for the arrays that are expected.
 //!
-//! Sizes are checked before anything is read, and the crate runs under `catch_unwind`.
+//! A ZIP archive (PKWARE's APPNOTE, 64-bit sizes included) of `.npy` files (NumPy's format 1.0 to 3.0). Only the arrays that a rig names are
+//! read; their checksums are verified. Memory is that of these arrays.
+//!
+//! *Why not a crate*: npyz 0.9 reads archives by zip 0.6 and brings its zstd and bzip2 libraries in C, which NumPy does not write, and
+//! allocates what a header claims; what is needed of both formats is this file.
 
+use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufReader, Read};
-use std::panic::AssertUnwindSafe;
+use std::io::{BufReader, Error, ErrorKind, Read, Result as IoResult, Seek, SeekFrom};
 use std::path::Path;
 
-use npyz::npz::NpzArchive;
-use npyz::{DType, NpyFile, TypeChar};
+use flate2::Crc;
+use flate2::read::DeflateDecoder;
 
+use super::Record;
 use super::arrays::{self, Array, Shape};
 use super::formats::{Format, ReadOptions};
-use super::{Record, quiet};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 
@@ -24,8 +28,20 @@ pub(super) const FORMAT: Format = Format {
     read,
 };
 
-/// Longest header of an array, bytes.
+/// Longest header of an array, bytes; most arrays of an archive.
 const HEADER_LIMIT: u32 = 1 << 16;
+const MOST_ARRAYS: u64 = 100_000;
+
+/// Where an array stands.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    /// 0 stored, 8 deflated.
+    method: u16,
+    crc: u32,
+    compressed: u64,
+    size: u64,
+    offset: u64,
+}
 
 fn damaged(path: &Path, place: &str, what: impl std::fmt::Display) -> BadInput {
     BadInput::new(format!("a truncated or damaged archive ({what})"), "a whole .npz")
@@ -34,168 +50,232 @@ fn damaged(path: &Path, place: &str, what: impl std::fmt::Display) -> BadInput {
         .remedy("Copy the file again, or save it again with numpy.savez")
 }
 
+fn invalid(text: impl Into<String>) -> Error {
+    Error::new(ErrorKind::InvalidData, text.into())
+}
+
 fn read(path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
-    quiet::catch(AssertUnwindSafe(|| read_archive(path, rig, options)))
-        .unwrap_or_else(|| Err(damaged(path, "archive", "its reader gave up")))
-}
-
-fn read_archive(path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
-    let file = File::open(path).map_err(|e| BadInput::io(path, &e).remedy("Name a record that exists"))?;
-    let mut archive = NpzArchive::new(BufReader::new(file)).map_err(|e| damaged(path, "end of file", e))?;
-    let mut names: Vec<String> = archive.array_names().map(str::to_owned).collect();
-    names.sort();
-    arrays::record(path, rig, &names, options, |name| array(&mut archive, path, name))
-}
-
-fn array(archive: &mut NpzArchive<BufReader<File>>, path: &Path, name: &str) -> Result<Array> {
-    let place = format!("array {name}");
-    let bad = |e: std::io::Error| damaged(path, &place, e);
-    // The length of the header decides how much its reader allocates.
-    {
-        let mut head = [0; 12];
-        let mut entry = archive.zip_archive().by_name(&format!("{name}.npy")).map_err(|e| damaged(path, &place, e))?;
-        entry.read_exact(&mut head).map_err(bad)?;
-        let size = if head[6] == 1 {
-            u32::from(u16::from_le_bytes([head[8], head[9]]))
-        } else {
-            u32::from_le_bytes([head[8], head[9], head[10], head[11]])
-        };
-        if !head.starts_with(b"\x93NUMPY") || size > HEADER_LIMIT {
-            return Err(damaged(path, &place, "not an array of NumPy"));
-        }
-    }
-    let file = archive.by_name(name).map_err(bad)?.ok_or_else(|| damaged(path, &place, "missing"))?;
-    let count = Shape(file.shape().to_vec()).checked(path, name)?;
-    let DType::Plain(kind) = file.dtype() else { return Err(kind_of(path, &place, &file.dtype().descr())) };
-    macro_rules! floats {
-        ($t:ty) => {
-            Array::Floats(take::<$t, _>(file, count).map_err(bad)?.into_iter().map(f64::from).collect())
-        };
-    }
-    macro_rules! integers {
-        ($t:ty) => {
-            Array::Integers(take::<$t, _>(file, count).map_err(bad)?.into_iter().map(i64::from).collect())
-        };
-    }
-    Ok(match (kind.type_char(), kind.size_field()) {
-        (TypeChar::Float, 8) => floats!(f64),
-        (TypeChar::Float, 4) => floats!(f32),
-        (TypeChar::Int, 8) => integers!(i64),
-        (TypeChar::Int, 4) => integers!(i32),
-        (TypeChar::Int, 2) => integers!(i16),
-        (TypeChar::Int, 1) => integers!(i8),
-        (TypeChar::Uint, 4) => integers!(u32),
-        (TypeChar::Uint, 2) => integers!(u16),
-        (TypeChar::Uint, 1) => integers!(u8),
-        (TypeChar::Uint, 8) => {
-            let all = take::<u64, _>(file, count).map_err(bad)?;
-            Array::Integers(all.into_iter().map(|x| i64::try_from(x).unwrap_or(i64::MAX)).collect())
-        }
-        _ => return Err(kind_of(path, &place, &kind.to_string())),
+    let io = |e: Error| BadInput::io(path, &e).remedy("Name a record that exists");
+    let file = File::open(path).map_err(io)?;
+    let length = file.metadata().map_err(io)?.len();
+    let mut file = BufReader::new(file);
+    let entries = directory(&mut file, length).map_err(|e| damaged(path, "end of file", e))?;
+    let names: Vec<String> = entries.keys().cloned().collect();
+    arrays::record(path, rig, &names, options, |name| {
+        let place = format!("array {name}");
+        let Some(entry) = entries.get(name) else { return Err(damaged(path, &place, "missing")) };
+        array(&mut file, *entry, path, name).map_err(|e| damaged(path, &place, e))?
     })
 }
 
-fn kind_of(path: &Path, place: &str, found: &str) -> BadInput {
-    BadInput::new(format!("values of type {found}"), "numbers: float32, float64 or integers")
-        .in_file(path)
-        .at(place.to_owned())
-        .remedy("Convert the array with .astype(float) before it is saved")
+/// Little-endian numbers in a slice; 0 beyond its end.
+fn number(bytes: &[u8], at: usize, width: usize) -> u64 {
+    let part = bytes.get(at..at + width).unwrap_or_default();
+    part.iter().rev().fold(0, |n, b| n << 8 | u64::from(*b))
 }
 
-/// Reads `count` values; room grows with what the file really holds.
-fn take<T: npyz::Deserialize, R: Read>(file: NpyFile<R>, count: usize) -> std::io::Result<Vec<T>> {
-    let invalid = |e: npyz::DTypeError| std::io::Error::new(std::io::ErrorKind::InvalidData, e.to_string());
-    let mut out = Vec::new();
-    for x in file.data::<T>().map_err(invalid)?.take(count) {
-        out.push(x?);
+/// The arrays of the archive, by name, from its central directory.
+fn directory(file: &mut BufReader<File>, length: u64) -> IoResult<BTreeMap<String, Entry>> {
+    let tail_length = length.min(66_000);
+    file.seek(SeekFrom::Start(length - tail_length))?;
+    let mut tail = Vec::new();
+    file.take(tail_length).read_to_end(&mut tail)?;
+    let end = (0..tail.len().saturating_sub(21))
+        .rev()
+        .find(|&i| tail[i..].starts_with(b"PK\x05\x06"))
+        .ok_or_else(|| invalid("no end of the directory"))?;
+    let (mut count, mut size, mut start) =
+        (number(&tail, end + 10, 2), number(&tail, end + 12, 4), number(&tail, end + 16, 4));
+    // The 64-bit end, where a locator points at one.
+    if end >= 20 && tail[end - 20..].starts_with(b"PK\x06\x07") {
+        file.seek(SeekFrom::Start(number(&tail, end - 12, 8)))?;
+        let mut long = [0; 56];
+        file.read_exact(&mut long)?;
+        if !long.starts_with(b"PK\x06\x06") {
+            return Err(invalid("no 64-bit end of the directory"));
+        }
+        (count, size, start) = (number(&long, 32, 8), number(&long, 40, 8), number(&long, 48, 8));
     }
-    if out.len() < count {
-        return Err(std::io::Error::new(std::io::ErrorKind::UnexpectedEof, format!("{} of {count} values", out.len())));
+    if count > MOST_ARRAYS || start.checked_add(size).is_none_or(|e| e > length) {
+        return Err(invalid("a directory that does not fit into the file"));
+    }
+    file.seek(SeekFrom::Start(start))?;
+    let mut bytes = Vec::new();
+    file.take(size).read_to_end(&mut bytes)?;
+    let (mut out, mut at) = (BTreeMap::new(), 0);
+    for _ in 0..count {
+        let head = bytes.get(at..).filter(|b| b.len() >= 46 && b.starts_with(b"PK\x01\x02"));
+        let Some(head) = head else { return Err(invalid("a broken directory")) };
+        let (name, extra) = (number(head, 28, 2) as usize, number(head, 30, 2) as usize);
+        let text = String::from_utf8_lossy(head.get(46..46 + name).unwrap_or_default()).into_owned();
+        let mut entry = Entry {
+            method: number(head, 10, 2) as u16,
+            crc: number(head, 16, 4) as u32,
+            compressed: number(head, 20, 4),
+            size: number(head, 24, 4),
+            offset: number(head, 42, 4),
+        };
+        widen(&mut entry, head.get(46 + name..46 + name + extra).unwrap_or_default());
+        if let Some(name) = text.strip_suffix(".npy") {
+            out.insert(name.to_owned(), entry);
+        }
+        at += 46 + name + extra + number(head, 32, 2) as usize;
     }
     Ok(out)
 }
 
-#[cfg(test)]
-mod tests {
-    use std::io::Write as _;
-
-    use super::*;
-    use npyz::WriterBuilder;
-
-    pub(super) fn rig() -> Rig {
-        let text = "name = \"x\"\nmodel = \"other\"\nsample_rate_hz = 100.0\n[[channel]]\nname = \"q\"\nmeasures = \"q\"\nunit = \"mm\"\n\
-                    [[channel]]\nname = \"c\"\nmeasures = \"a\"\nunit = \"count\"\ncounts_per_turn = 4096\n";
-        Rig::parse(text, Path::new("rig.toml")).unwrap()
-    }
-
-    fn write(path: &Path, t: Option<&[f64]>, q: &[f32], c: &[i64], fs: Option<f64>) {
-        let mut npz = npyz::npz::NpzWriter::create(path).unwrap();
-        let mut put = |name: &str, x: &[f64]| {
-            let mut w = npz
-                .array(name, Default::default())
-                .unwrap()
-                .default_dtype()
-                .shape(&[x.len() as u64])
-                .begin_nd()
-                .unwrap();
-            w.extend(x.iter().copied()).unwrap();
-            w.finish().unwrap();
-        };
-        if let Some(t) = t {
-            put("t", t);
+/// Sizes of 64 bits from the extra field of type 1, for those that are all ones.
+fn widen(entry: &mut Entry, mut extra: &[u8]) {
+    while extra.len() >= 4 {
+        let (kind, size) = (number(extra, 0, 2), number(extra, 2, 2) as usize);
+        if kind == 1 {
+            let mut at = 4;
+            for value in [&mut entry.size, &mut entry.compressed, &mut entry.offset] {
+                if *value == 0xffff_ffff && at + 8 <= 4 + size {
+                    *value = number(extra, at, 8);
+                    at += 8;
+                }
+            }
         }
-        if let Some(fs) = fs {
-            put("fs", &[fs]);
-        }
-        let mut w =
-            npz.array("q", Default::default()).unwrap().default_dtype().shape(&[q.len() as u64, 1]).begin_nd().unwrap();
-        w.extend(q.iter().copied()).unwrap();
-        w.finish().unwrap();
-        let mut w =
-            npz.array("c", Default::default()).unwrap().default_dtype().shape(&[c.len() as u64]).begin_nd().unwrap();
-        w.extend(c.iter().copied()).unwrap();
-        w.finish().unwrap();
-    }
-
-    #[test]
-    fn archives_are_read_and_bad_ones_told() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("r.npz");
-        let rig = rig();
-        let t: Vec<f64> = (0..500).map(|i| 3.0 + f64::from(i) * 0.01).collect();
-        let mut q: Vec<f32> = (0..500_i16).map(|i| f32::from(i) * 0.5).collect();
-        let c: Vec<i64> = (0..500).map(|i| i * 7).collect();
-        q[100] = f32::NAN;
-        write(&path, Some(&t), &q, &c, None);
-        let read = |p: &Path| Record::read(p, &rig, &ReadOptions::default());
-        let r = read(&path).unwrap();
-        assert_eq!((r.samples(), r.segments.len(), r.losses.nan_rows), (499, 2, 1));
-        assert!((r.segments[0].columns[0].angle(&rig.channel[0])[4] - 0.002).abs() < 1e-12, "mm to m");
-        // No t, but a sampling rate.
-        write(&path, None, &q, &c, Some(100.0));
-        assert!(read(&path).unwrap().warnings.iter().any(|w| w.kind == "no-time"));
-        let told = |parts: &[&str]| {
-            let message = read(&path).unwrap_err().to_string();
-            assert!(parts.iter().all(|p| message.contains(p)), "{message}");
-        };
-        write(&path, None, &q, &c, None);
-        told(&["r.npz", "a column t", "fs (Hz)"]);
-        write(&path, Some(&t[..40]), &q, &c, None);
-        told(&["array t", "40 values in t, 500 in q"]);
-        write(&path, Some(&t), &q, &c[..7], None);
-        told(&["array c", "7 values in c"]);
-        write(&path, Some(&t), &q, &c, None);
-        let whole = std::fs::read(&path).unwrap();
-        for cut in [30, 200, whole.len() / 2, whole.len() - 3] {
-            std::fs::write(&path, &whole[..cut]).unwrap();
-            told(&["r.npz", "truncated or damaged", "Copy"]);
-        }
-        // Every byte of headers flipped in turn: no panic, and never another answer than the values or an error.
-        for k in (0..whole.len()).step_by(whole.len() / 300) {
-            let mut bytes = whole.clone();
-            bytes[k] ^= 0x41;
-            std::fs::File::create(&path).unwrap().write_all(&bytes).unwrap();
-            let _ = read(&path);
-        }
+        extra = extra.get(4 + size..).unwrap_or_default();
     }
 }
+
+/// Reads an array; the outer error is the file's, the inner one the array's.
+fn array(file: &mut BufReader<File>, entry: Entry, path: &Path, name: &str) -> IoResult<Result<Array>> {
+    file.seek(SeekFrom::Start(entry.offset))?;
+    let mut local = [0; 30];
+    file.read_exact(&mut local)?;
+    if !local.starts_with(b"PK\x03\x04") {
+        return Err(invalid("no array where the directory says"));
+    }
+    file.seek_relative((number(&local, 26, 2) + number(&local, 28, 2)) as i64)?;
+    let part = file.take(entry.compressed);
+    let inner: Box<dyn Read + '_> = match entry.method {
+        0 => Box::new(part),
+        8 => Box::new(DeflateDecoder::new(part)),
+        other => return Err(invalid(format!("compression method {other}"))),
+    };
+    let mut reader = Checked { inner: inner.take(entry.size), crc: Crc::new() };
+    let (kind, shape) = header(&mut reader)?;
+    let place = format!("array {name}");
+    let count = match Shape(shape).checked(path, name) {
+        Ok(n) => n,
+        Err(e) => return Ok(Err(e)),
+    };
+    let Some(decode) = Decode::of(&kind) else {
+        return Ok(Err(BadInput::new(format!("values of type {kind}"), "numbers: float32, float64 or integers")
+            .in_file(path)
+            .at(place)
+            .remedy("Convert the array with .astype(float) before it is saved")));
+    };
+    let values = decode.read(&mut reader, count)?;
+    std::io::copy(&mut reader, &mut std::io::sink())?;
+    if reader.crc.sum() != entry.crc {
+        return Err(invalid("its checksum is wrong"));
+    }
+    Ok(Ok(values))
+}
+
+/// A reader that sums what passes.
+struct Checked<R> {
+    inner: R,
+    crc: Crc,
+}
+
+impl<R: Read> Read for Checked<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> IoResult<usize> {
+        let n = self.inner.read(buffer)?;
+        self.crc.update(&buffer[..n]);
+        Ok(n)
+    }
+}
+
+/// Type and shape of a `.npy` file.
+fn header(reader: &mut impl Read) -> IoResult<(String, Vec<u64>)> {
+    let mut start = [0; 8];
+    reader.read_exact(&mut start)?;
+    if !start.starts_with(b"\x93NUMPY") {
+        return Err(invalid("not an array of NumPy"));
+    }
+    let mut length = [0; 4];
+    reader.read_exact(&mut length[..if start[6] == 1 { 2 } else { 4 }])?;
+    let length = u32::from_le_bytes(length);
+    if length > HEADER_LIMIT {
+        return Err(invalid(format!("a header of {length} bytes")));
+    }
+    let mut text = vec![0; length as usize];
+    reader.read_exact(&mut text)?;
+    let text = String::from_utf8_lossy(&text);
+    let after = |key: &str| {
+        let from = text.find(key)? + key.len();
+        Some(text[from..].trim_start().strip_prefix(':')?.trim_start())
+    };
+    let kind = after("'descr'").and_then(|r| {
+        let r = r.strip_prefix('\'').unwrap_or(r);
+        Some(r.get(..r.find(['\'', ','])?)?.to_owned())
+    });
+    let shape = after("'shape'").and_then(|r| {
+        let inside = r.strip_prefix('(')?;
+        let inside = &inside[..inside.find(')')?];
+        inside.split(',').map(str::trim).filter(|s| !s.is_empty()).map(|s| s.parse::<u64>().ok()).collect()
+    });
+    match (kind, shape) {
+        (Some(kind), Some(shape)) => Ok((kind, shape)),
+        _ => Err(invalid("a header without descr or shape")),
+    }
+}
+
+/// How the bytes of a value are read.
+struct Decode {
+    big: bool,
+    kind: u8,
+    width: usize,
+}
+
+impl Decode {
+    /// From NumPy's type such as `<f8`.
+    fn of(text: &str) -> Option<Self> {
+        let [order, kind, width] = text.as_bytes() else { return None };
+        let width = usize::from(width.checked_sub(b'0')?);
+        let known = matches!((kind, width), (b'f', 4 | 8) | (b'i' | b'u', 1 | 2 | 4 | 8));
+        (known && matches!(order, b'<' | b'>' | b'|' | b'=')).then_some(Self {
+            big: *order == b'>',
+            kind: *kind,
+            width,
+        })
+    }
+
+    /// Reads `count` values; room grows with what the file really holds.
+    fn read(&self, reader: &mut impl Read, count: usize) -> IoResult<Array> {
+        let (mut integers, mut floats) = (Vec::new(), Vec::new());
+        let (mut chunk, mut left) = (Vec::new(), count);
+        while left > 0 {
+            let now = left.min(1 << 14);
+            chunk.resize(now * self.width, 0);
+            reader.read_exact(&mut chunk)?;
+            for bytes in chunk.chunks_exact(self.width) {
+                let mut b = [0; 8];
+                b[..self.width].copy_from_slice(bytes);
+                if self.big {
+                    b[..self.width].reverse();
+                }
+                let raw = u64::from_le_bytes(b);
+                // Numbers of fewer bits: their sign is spread by shifting up and down again.
+                let shift = 64 - 8 * self.width as u32;
+                match (self.kind, self.width) {
+                    (b'f', 4) => floats.push(f64::from(f32::from_bits(raw as u32))),
+                    (b'f', _) => floats.push(f64::from_bits(raw)),
+                    (b'i', _) => integers.push((raw << shift).cast_signed() >> shift),
+                    _ => integers.push(i64::try_from(raw).unwrap_or(i64::MAX)),
+                }
+            }
+            left -= now;
+        }
+        Ok(if self.kind == b'f' { Array::Floats(floats) } else { Array::Integers(integers) })
+    }
+}
+
+#[cfg(test)]
+#[path = "npz_tests.rs"]
+mod tests;

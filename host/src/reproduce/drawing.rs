@@ -55,7 +55,7 @@ pub fn function(f: &Function, truth: impl Fn(f64) -> f64, nodes: usize) -> Panel
     let mut panel = Panel::new("", Axis::angle("θ / rad"), Axis::linear(format!("{}(θ)", f.name)));
     let true_values = f.angle.iter().map(|x| truth(*x)).collect();
     panel.series.push(Series::new("true", Shape::Line, f.angle.clone(), true_values).colour(1));
-    let stride = if nodes > 0 { (f.angle.len() - 1) / nodes } else { 4 };
+    let stride = (f.angle.len() - 1).checked_div(nodes).unwrap_or(4);
     let at: Vec<usize> = (0..f.angle.len()).step_by(stride.max(1)).collect();
     let pick = |g: &dyn Fn(usize) -> f64| at.iter().map(|i| g(*i)).collect::<Vec<f64>>();
     panel.series.push(Series::new("", Shape::Thin, f.angle.clone(), f.value.clone()).colour(0));

@@ -20,9 +20,14 @@ pub struct Effect {
     pub confirm: &'static str,
     /// Whether it needs an angle on S1.
     circle: bool,
+    /// The simpler effect that it refines: while that one is supported itself, this one is not named.
+    pub refines: Option<&'static str>,
     /// Its forms: shape parameter, and one expression for each strength.
-    forms: fn(&Sizes, Node, Node) -> Vec<(Option<(&'static str, f64)>, Vec<Node>)>,
+    forms: fn(&Sizes, Node, Node) -> Vec<Form>,
 }
+
+/// A form of an effect: its shape parameter, if it has one, and one expression for each strength.
+type Form = (Option<(&'static str, f64)>, Vec<Node>);
 
 /// Sizes of the motion that shapes are chosen by.
 #[derive(Clone, Copy, Debug)]
@@ -39,7 +44,7 @@ fn abs(v: Node) -> Node {
     call(Function::Abs, v)
 }
 
-fn one(e: Node) -> Vec<(Option<(&'static str, f64)>, Vec<Node>)> {
+fn one(e: Node) -> Vec<Form> {
     vec![(None, vec![e])]
 }
 
@@ -50,6 +55,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "c v",
         confirm: "free decays from different amplitudes have one logarithmic decrement",
         circle: false,
+        refines: None,
         forms: |_, _, v| one(v),
     },
     Effect {
@@ -57,6 +63,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "τ sign v",
         confirm: "pull slowly both ways with a spring balance: the force has a level that does not vanish with speed",
         circle: false,
+        refines: None,
         forms: |_, _, v| one(sign(v)),
     },
     Effect {
@@ -64,6 +71,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "F",
         confirm: "tilt or turn the rig round: the force keeps its side",
         circle: false,
+        refines: None,
         forms: |_, _, _| one(number(1.0)),
     },
     Effect {
@@ -71,6 +79,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "k x",
         confirm: "hold it at several positions with a spring balance",
         circle: false,
+        refines: None,
         forms: |_, x, _| one(x),
     },
     Effect {
@@ -78,6 +87,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "S cos x",
         confirm: "find the position of rest: it is not where 0 was set",
         circle: true,
+        refines: None,
         forms: |_, x, _| one(call(Function::Cos, x)),
     },
     Effect {
@@ -85,6 +95,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "k x³",
         confirm: "the frequency of free decays changes with the square of the amplitude",
         circle: false,
+        refines: None,
         forms: |_, x, _| one(power_whole(x, 3)),
     },
     Effect {
@@ -92,6 +103,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "k x²",
         confirm: "the middle of an oscillation moves with its amplitude",
         circle: false,
+        refines: None,
         forms: |_, x, _| one(power_whole(x, 2)),
     },
     Effect {
@@ -99,6 +111,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "k v |v|",
         confirm: "add a sail: it grows",
         circle: false,
+        refines: Some("viscous-friction"),
         forms: |_, _, v| one(multiply(v.clone(), abs(v))),
     },
     Effect {
@@ -106,6 +119,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "c |v|: friction that differs with direction",
         confirm: "move at one speed both ways and compare the forces",
         circle: false,
+        refines: Some("constant-force"),
         forms: |_, _, v| one(abs(v)),
     },
     Effect {
@@ -113,6 +127,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "c x² v",
         confirm: "the decrement of free decays changes with the square of the amplitude",
         circle: false,
+        refines: Some("viscous-friction"),
         forms: |_, x, v| one(multiply(power_whole(x, 2), v)),
     },
     Effect {
@@ -120,6 +135,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "μ |G cos x + v²| sign v, G in s⁻²",
         confirm: "add weight: the friction grows with it",
         circle: true,
+        refines: Some("coulomb-friction"),
         forms: |s, x, v| {
             [0.25, 1.0, 4.0]
                 .into_iter()
@@ -137,6 +153,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "τ exp(−(v/v_s)²) sign v",
         confirm: "drive it at several low speeds: the force falls with speed",
         circle: false,
+        refines: Some("coulomb-friction"),
         forms: |s, _, v| {
             [0.03, 0.1, 0.3, 1.0]
                 .into_iter()
@@ -154,6 +171,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "A sin(n x + ψ)",
         confirm: "turn it slowly by hand and feel the detents",
         circle: true,
+        refines: Some("imbalance"),
         forms: |_, x, _| {
             (2..=24)
                 .map(|n| {

@@ -57,7 +57,8 @@ pub struct Simulation {
     pub fitted: f64,
     /// Unit of the values.
     pub unit: String,
-    /// Rms error over the rest, after each step; the greatest over the coordinates. NaN where no simulation follows the record.
+    /// Rms error over the rest, of the model as given and with everything that was added; the greatest over the coordinates. NaN where no
+    /// simulation follows the record.
     pub steps: Vec<Step>,
 }
 
@@ -126,14 +127,19 @@ pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
                 undecidable = Some(format!("{blocks} blocks of {:.3} s are too few to hold any out", setting.block_s));
             }
         }
-        measure(&setting, &round, &chosen, &along, &mut result, &mut simulations, shown_unit(&units).1)?;
+        let last = measure(&setting, &round, &chosen, &along, &mut result)?;
         read_parameters(&setting, &round, &chosen, &mut result);
-        if undecidable.is_some() || step == most {
-            break;
-        }
-        let Some((candidate, found)) = choose(&setting, &round, &chosen, &all, step, &mut result.ranking) else {
-            break;
+        let next = if undecidable.is_some() || step == most {
+            None
+        } else {
+            choose(&setting, &round, &chosen, &all, step, &mut result.ranking)
         };
+        // Before anything is added, and with everything.
+        if let (true, Some(model)) = (step == 0 || next.is_none(), &last) {
+            let added = chosen.last().map(Candidate::name);
+            simulate(&setting, model, &along, added, &mut simulations, shown_unit(&units).1);
+        }
+        let Some((candidate, found)) = next else { break };
         result.effects.push(found);
         chosen.push(candidate);
     }
@@ -235,30 +241,15 @@ fn fit_round(setting: &Setting<'_>, chosen: &[Candidate], all: &[Candidate]) -> 
     let own = setting.split.terms();
     let total = split.terms();
     let names = split_names(&setting.split);
-    // Weights: by the noise of inputs and sensors where there is an input, by the residuals otherwise.
-    let input_weights = if setting.bound.inputs.is_empty() {
-        None
-    } else {
-        let system = System { stretches: setting.stretches, weak: &own_weak, kernels, circle: &setting.circle };
-        let again =
-            Remeasured::new(&system, windows, setting.bound, setting.sensors, &setting.split, setting.record_of);
-        general::input_weights(model, &own_rows, &own, windows.frequencies, &again).ok()
-    };
+    // What is lacking is weighed evenly over the frequencies, beside the sensors' noise.
+    let system = System { stretches: setting.stretches, weak: &own_weak, kernels, circle: &setting.circle };
+    let again = Remeasured::new(&system, windows, setting.bound, setting.sensors, &setting.split, setting.record_of);
+    let given = general::noise_weights(&own_rows, &own, windows.frequencies, &again).map_err(|_| singular())?;
     let (mut fits, mut blocks) = (Vec::new(), Vec::new());
     for e in 0..model.equations.len() {
         let mine: usize = chosen.iter().filter(|c| c.equation == e).map(|c| c.columns.len()).sum();
         let columns: Vec<usize> = (0..own[e] + mine).collect();
-        let mut weights = input_weights
-            .as_ref()
-            .and_then(|w| w.get(e).cloned())
-            .filter(|w| !w.is_empty())
-            .unwrap_or_else(|| vec![1.0; windows.frequencies + 1]);
-        let given = input_weights.as_ref().is_some_and(|w| w.get(e).is_some_and(|w| !w.is_empty()));
-        for _ in 0..if given { 0 } else { 2 } {
-            let fit = Blocks::new(&rows, e, total[e], &weights, setting.block_s).fit(&columns).ok_or_else(singular)?;
-            weights = by_residuals(&rows, e, total[e], &columns, &fit.all, windows.frequencies);
-        }
-        let b = Blocks::new(&rows, e, total[e], &weights, setting.block_s);
+        let b = Blocks::new(&rows, e, total[e], &given[e], setting.block_s);
         fits.push(b.fit(&columns).ok_or_else(singular)?);
         blocks.push(b);
     }
@@ -278,45 +269,44 @@ fn split_names(split: &Split) -> Vec<Vec<String>> {
         .collect()
 }
 
-/// Weights 1/s² from the residuals at each frequency, pooled with its neighbours.
-fn by_residuals(
-    rows: &[WindowRows],
-    e: usize,
-    total: usize,
-    columns: &[usize],
-    x: &DVector<f64>,
-    frequencies: usize,
-) -> Vec<f64> {
-    let (mut sum, mut count) = (vec![0.0; frequencies + 1], vec![0.0_f64; frequencies + 1]);
-    for window in rows {
-        for (r, row) in window.equations[e].chunks_exact(total + 1).enumerate() {
-            let m = crate::identify::windows::frequency_of_row(r);
-            let residual = row[total] - columns.iter().zip(x.iter()).map(|(&c, k)| k * row[c]).sum::<f64>();
-            sum[m] += residual * residual;
-            count[m] += 1.0;
-        }
-    }
-    let s: Vec<f64> = sum.iter().zip(&count).map(|(s, n)| s / n.max(1.0)).collect();
-    let top = s.iter().fold(0.0_f64, |m, v| m.max(*v));
-    (0..s.len())
-        .map(|m| {
-            let near = &s[m.saturating_sub(2)..=(m + 2).min(s.len() - 1)];
-            let mean = near.iter().sum::<f64>() / near.len() as f64;
-            1.0 / mean.max(1e-18 * top).max(f64::MIN_POSITIVE)
-        })
-        .collect()
+/// The model of a step as equations of motion: coefficients from the whole record, noise of the coordinates.
+struct Moving {
+    motion: EquationsOfMotion,
+    whole: Vec<f64>,
+    sigma: Vec<f64>,
 }
 
-/// Gap and simulation errors of a step; the gap's coefficients come from the blocks that it is not measured on.
+/// Simulation errors of a step.
+fn simulate(
+    setting: &Setting<'_>,
+    model: &Moving,
+    along: &[Along],
+    added: Option<String>,
+    simulations: &mut [Simulation],
+    factor: f64,
+) {
+    let longest = (0..setting.stretches.len()).max_by_key(|&k| (setting.stretches[k].len(), usize::MAX - k));
+    for simulation in simulations {
+        let errors = longest.and_then(|k| {
+            let stretch = &setting.stretches[k];
+            // Eight samples a cycle of the highest frequency that stands clear of the noise.
+            let stride = (1.0 / (8.0 * setting.geometry.kernels.clear.pass_hz * stretch.step_s)).floor().max(1.0);
+            let Moving { motion, whole, sigma } = model;
+            prediction::simulate(motion, whole, stretch, &along[k], sigma, simulation.fitted, stride as usize)
+        });
+        let value = errors.map_or(f64::NAN, |(_, e)| e.iter().fold(0.0_f64, |m, x| m.max(*x)) * factor);
+        simulation.steps.push(Step { added: added.clone(), value });
+    }
+}
+
+/// The gap of a step, its coefficients from the blocks that it is not measured on; the model, where it can be integrated.
 fn measure(
     setting: &Setting<'_>,
     round: &Round,
     chosen: &[Candidate],
     along: &[Along],
     result: &mut Explanation,
-    simulations: &mut [Simulation],
-    factor: f64,
-) -> Result<()> {
+) -> Result<Option<Moving>> {
     let model = &*setting.bound.model;
     let added = chosen.last().map(Candidate::name);
     let extra: Vec<(usize, String, Node)> = chosen
@@ -325,7 +315,7 @@ fn measure(
         .collect();
     if model.equations.len() != model.coordinates.len() {
         result.gap.steps.push(Step { added, value: f64::NAN });
-        return Ok(());
+        return Ok(None);
     }
     let motion = EquationsOfMotion::with_columns(model, setting.rig.omega(), &extra)?;
     // The first record's own coefficients stand for all.
@@ -367,17 +357,9 @@ fn measure(
     let train = parameters(|f| &f.train);
     let value =
         prediction::gap(&motion, &train, setting.stretches, along, &sigma, result.gap.horizon_s, setting.block_s);
-    result.gap.steps.push(Step { added: added.clone(), value });
+    result.gap.steps.push(Step { added, value });
     let whole = parameters(|f| &f.all);
-    let longest = (0..setting.stretches.len()).max_by_key(|&k| (setting.stretches[k].len(), usize::MAX - k));
-    for simulation in simulations {
-        let errors = longest.and_then(|k| {
-            prediction::simulate(&motion, &whole, &setting.stretches[k], &along[k], &sigma, simulation.fitted)
-        });
-        let value = errors.map_or(f64::NAN, |(_, e)| e.iter().fold(0.0_f64, |m, x| m.max(*x)) * factor);
-        simulation.steps.push(Step { added: added.clone(), value });
-    }
-    Ok(())
+    Ok(Some(Moving { motion, whole, sigma }))
 }
 
 /// The model's own coefficients with what was chosen.
@@ -489,7 +471,14 @@ fn choose(
         p_value: s.p,
         step,
     }));
-    let supported = |s: &Score<'_>| s.p * tests < FAMILY_WISE && s.share > LEAST_GAIN && s.gain > 0.0;
+    let alone = |s: &Score<'_>| s.p * tests < FAMILY_WISE && s.share > LEAST_GAIN && s.gain > 0.0;
+    // A refinement is not named while the simpler effect that it refines is supported itself.
+    let supported = |s: &Score<'_>| {
+        let simpler = |o: &&&Score<'_>| {
+            Some(o.candidate.effect.id) == s.candidate.effect.refines && o.candidate.at == s.candidate.at
+        };
+        alone(s) && !best.iter().find(simpler).is_some_and(|o| alone(o))
+    };
     let top = best.iter().find(|s| supported(s))?;
     // Others in the same equation that held-out data do not tell from it.
     let close: Vec<&&Score<'_>> = best

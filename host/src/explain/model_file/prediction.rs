@@ -10,11 +10,11 @@ use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::signal::band_limited::BandLimited;
 
 /// Error of one integration step.
-const TOLERANCE: f64 = 1e-8;
+const TOLERANCE: f64 = 1e-7;
 /// Most windows of the gap.
-const MOST_WINDOWS: usize = 60;
+const MOST_WINDOWS: usize = 40;
 /// Most samples that a simulation is fitted to.
-const MOST_SAMPLES: usize = 6000;
+const MOST_SAMPLES: usize = 4000;
 
 /// What acts along a stretch: its inputs between their samples, and the phase.
 pub struct Along {
@@ -65,6 +65,7 @@ fn predict(
         count: piece.count,
         tolerance: TOLERANCE,
         inputs: s.inputs.len(),
+        finest: 8.0 * piece.stride as f64,
     };
     solve(motion, parameters, state, along, &settings)
 }
@@ -215,8 +216,9 @@ pub fn gap(
     if freedom > 0.0 { (squares / freedom).sqrt() } else { f64::NAN }
 }
 
-/// Parameters and initial state fitted by simulation to the first `share` of the longest stretch, then simulated to its end without
-/// touching the state: the fitted parameters, and the rms error of each coordinate over the rest.
+/// Parameters and initial state fitted by simulation to the end of the first `share` of a stretch ([`MOST_SAMPLES`] of every `stride`-th sample at
+/// most), then simulated to the stretch's end without touching the state: the fitted parameters, and the rms error of each coordinate over
+/// the rest.
 pub fn simulate(
     motion: &EquationsOfMotion,
     parameters: &[f64],
@@ -224,34 +226,37 @@ pub fn simulate(
     along: &Along,
     sigma: &[f64],
     share: f64,
+    stride: usize,
 ) -> Option<(Vec<f64>, Vec<f64>)> {
     let n = 2 * stretch.coordinates.len();
-    let fitted = (share * stretch.len() as f64) as usize;
-    if fitted < 64 {
+    let end = (share * stretch.len() as f64) as usize;
+    let first = end.saturating_sub(MOST_SAMPLES.saturating_mul(stride));
+    let fitted = end - first;
+    if fitted < 64 * stride {
         return None;
     }
     let scale = scales(stretch, parameters);
-    let mut arguments = [guess(stretch, 0, 5), parameters.to_vec()].concat();
-    let evaluate = |piece: Piece| move |x: &[f64]| residuals(motion, &x[n..], &x[..n], stretch, along, piece, sigma);
+    let mut arguments = [guess(stretch, first, 5), parameters.to_vec()].concat();
+    let evaluate = |count: usize, stride: usize| {
+        let piece = Piece { first, count, stride };
+        move |x: &[f64]| residuals(motion, &x[n..], &x[..n], stretch, along, piece, sigma)
+    };
     // The state first, over longer and longer beginnings, then everything over the whole part.
-    let mut count = 64.min(fitted);
+    let mut count = 64 * stride;
     while count < fitted {
-        let stride = count.div_ceil(400);
-        minimise(&mut arguments, n, 6, &evaluate(Piece { first: 0, count: count / stride, stride }), &scale)?;
+        minimise(&mut arguments, n, 5, &evaluate(count / stride, stride), &scale)?;
         count *= 4;
     }
-    let stride = fitted.div_ceil(MOST_SAMPLES);
-    let whole = Piece { first: 0, count: fitted / stride, stride };
-    minimise(&mut arguments, scale.len(), 15, &evaluate(whole), &scale)?;
-    let to_end = Piece { first: 0, count: stretch.len(), stride: 1 };
+    minimise(&mut arguments, scale.len(), 8, &evaluate(fitted / stride, stride), &scale)?;
+    let to_end = Piece { first, count: stretch.len() - first, stride: 1 };
     let y = predict(motion, &arguments[n..], &arguments[..n], stretch, along, to_end)?;
     let errors = stretch
         .coordinates
         .iter()
         .enumerate()
         .map(|(k, x)| {
-            let rest = y[fitted..].iter().zip(&x[fitted..]);
-            (rest.map(|(y, x)| (y[k] - x).powi(2)).sum::<f64>() / (x.len() - fitted).max(1) as f64).sqrt()
+            let rest = y[fitted..].iter().zip(&x[end..]);
+            (rest.map(|(y, x)| (y[k] - x).powi(2)).sum::<f64>() / (x.len() - end).max(1) as f64).sqrt()
         })
         .collect();
     Some((arguments[n..].to_vec(), errors))

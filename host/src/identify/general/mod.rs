@@ -302,26 +302,34 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
     })
 }
 
-/// Weights of the equations that hold an input, 1/(N_m + c): N_m is what the sensors' noise gives at frequency m (it grows with it, as
-/// ∫ ẅ q does), c what is left, spread evenly over the frequencies: the input's own noise is white there, and what the model lacks is then
-/// weighed as in a plain least squares of the input (a weight by the residual itself would turn away from the frequencies at which
-/// the system moves). The others keep their own weights (empty here).
-pub(crate) fn input_weights(
+/// Weights of the equations that hold an input, see [`noise_weights`]; the others keep their own weights (empty here).
+fn input_weights(
     model: &ModelFile,
     rows: &[WindowRows],
     terms: &[usize],
     frequencies: usize,
     remeasured: &Remeasured,
 ) -> std::result::Result<Vec<Vec<f64>>, Unsolvable> {
-    let has_input: Vec<bool> = model
-        .equations
-        .iter()
-        .map(|e| {
-            std::iter::once(&e.balance)
-                .chain(e.terms.iter().map(|t| &t.of))
-                .any(|n| n.any(&|s| matches!(s, Symbol::Input(_))))
-        })
-        .collect();
+    let mut weights = noise_weights(rows, terms, frequencies, remeasured)?;
+    for (w, e) in weights.iter_mut().zip(&model.equations) {
+        let mut all = std::iter::once(&e.balance).chain(e.terms.iter().map(|t| &t.of));
+        if !all.any(|n| n.any(&|s| matches!(s, Symbol::Input(_)))) {
+            w.clear();
+        }
+    }
+    Ok(weights)
+}
+
+/// Weights 1/(N_m + c): N_m is what the sensors' noise gives at frequency m (it grows with it, as
+/// ∫ ẅ q does), c what is left, spread evenly over the frequencies: an input's own noise is white there, and what the model lacks is then
+/// weighed as in a plain least squares of the right-hand side (a weight by the residual itself would turn away from the frequencies at which
+/// the system moves).
+pub(crate) fn noise_weights(
+    rows: &[WindowRows],
+    terms: &[usize],
+    frequencies: usize,
+    remeasured: &Remeasured,
+) -> std::result::Result<Vec<Vec<f64>>, Unsolvable> {
     let mut weights: Vec<Vec<f64>> = (0..terms.len())
         .map(|e| {
             let share = remeasured.share(e, terms[e], frequencies);
@@ -348,7 +356,6 @@ pub(crate) fn input_weights(
             weights[e] = noise.iter().map(|n| 1.0 / (n + level)).collect();
         }
     }
-    weights.iter_mut().zip(&has_input).filter(|(_, input)| !**input).for_each(|(w, _)| w.clear());
     Ok(weights)
 }
 

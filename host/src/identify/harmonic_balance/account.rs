@@ -242,7 +242,7 @@ pub fn identification(
             pass_hz: cut_off,
             stop_hz: cut_off,
             sign_pass_hz: cut_off,
-            noise_rad: vec![0.0; 2],
+            noise_rad: vec![0.0; system.angles()],
             noise_bias: Vec::new(),
             condition: balance.fits.iter().map(|f| f.condition).collect(),
             repetition: 0.0,

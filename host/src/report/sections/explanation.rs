@@ -190,7 +190,7 @@ fn unknown(body: &mut Html, u: &Unknown) {
     panel.series.push(Series::new("torque", Shape::BigDots, x, u.points.iter().map(|p| p[1]).collect()).colour(0));
     panel.rules.push(Rule { vertical: false, at: 0.0, label: String::new() });
     body.figure(&Figure::draw(
-        &format!(
+        format!(
             "What is left and has no name, drawn as the function that takes away most of it: a torque at {} against the {}. It takes away {} of the held-out residual.",
             u.at,
             u.against,

@@ -25,6 +25,8 @@ const LONGEST_S: f64 = 86_400.0;
 const MOST_SAMPLES: f64 = 2e7;
 /// Error of one step.
 const TOLERANCE: f64 = 1e-10;
+/// Steps within one sampling interval at most: how finely reversals under dry friction are placed.
+const FINEST: f64 = 400.0;
 
 /// An input as it acts: few sines are summed, many tabled.
 enum Acting {
@@ -82,8 +84,14 @@ pub fn columns(rig: &Rig, bound: &Bound, seconds: f64, seed: u64) -> Result<Vec<
             .collect(),
         omega: rig.drive.map_or(0.0, |d| TAU * d.frequency_hz),
     };
-    let settings =
-        Settings { start_s, step_s: step, count: settle + count, tolerance: TOLERANCE, inputs: model.inputs.len() };
+    let settings = Settings {
+        start_s,
+        step_s: step,
+        count: settle + count,
+        tolerance: TOLERANCE,
+        inputs: model.inputs.len(),
+        finest: FINEST,
+    };
     let states = solve(&motion, &plant.coefficients, &plant.initial, &surroundings, &settings).ok_or_else(|| {
         BadInput::new(
             "a motion that leaves the finite numbers, or a singular mass matrix",

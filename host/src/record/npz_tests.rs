@@ -1,0 +1,147 @@
+use std::io::Write as _;
+
+use flate2::Compression;
+use flate2::write::DeflateEncoder;
+
+use super::*;
+
+fn rig() -> Rig {
+    let text = "name = \"x\"\nmodel = \"other\"\nsample_rate_hz = 100.0\n[[channel]]\nname = \"q\"\nmeasures = \"q\"\nunit = \"mm\"\n\
+                [[channel]]\nname = \"c\"\nmeasures = \"a\"\nunit = \"count\"\ncounts_per_turn = 4096\n";
+    Rig::parse(text, Path::new("rig.toml")).unwrap()
+}
+
+fn npy(kind: &str, shape: &str, data: &[u8]) -> Vec<u8> {
+    let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}");
+    while !(10 + header.len() + 1).is_multiple_of(64) {
+        header.push(' ');
+    }
+    header.push('\n');
+    let mut out = b"\x93NUMPY\x01\x00".to_vec();
+    out.extend((header.len() as u16).to_le_bytes());
+    out.extend(header.as_bytes());
+    out.extend(data);
+    out
+}
+
+/// An archive as numpy.savez (stored) or savez_compressed writes it.
+fn archive(deflated: bool, arrays: &[(&str, Vec<u8>)]) -> Vec<u8> {
+    let (mut out, mut directory) = (Vec::new(), Vec::new());
+    for (name, data) in arrays {
+        let mut crc = Crc::new();
+        crc.update(data);
+        let body = if deflated {
+            let mut e = DeflateEncoder::new(Vec::new(), Compression::default());
+            e.write_all(data).unwrap();
+            e.finish().unwrap()
+        } else {
+            data.clone()
+        };
+        let name = format!("{name}.npy");
+        let offset = out.len() as u32;
+        let method: u16 = if deflated { 8 } else { 0 };
+        let common = |into: &mut Vec<u8>| {
+            into.extend([20, 0, 0, 0]);
+            into.extend(method.to_le_bytes());
+            into.extend([0; 4]);
+            into.extend(crc.sum().to_le_bytes());
+            into.extend((body.len() as u32).to_le_bytes());
+            into.extend((data.len() as u32).to_le_bytes());
+            into.extend((name.len() as u16).to_le_bytes());
+            into.extend([0; 2]);
+        };
+        out.extend(b"PK\x03\x04");
+        common(&mut out);
+        out.extend(name.as_bytes());
+        out.extend(&body);
+        directory.extend(b"PK\x01\x02\x14\x00");
+        common(&mut directory);
+        directory.extend([0; 10]);
+        directory.extend(offset.to_le_bytes());
+        directory.extend(name.as_bytes());
+    }
+    let start = out.len() as u32;
+    out.extend(&directory);
+    out.extend(b"PK\x05\x06\x00\x00\x00\x00");
+    out.extend([(arrays.len() as u16).to_le_bytes(), (arrays.len() as u16).to_le_bytes()].concat());
+    out.extend((directory.len() as u32).to_le_bytes());
+    out.extend(start.to_le_bytes());
+    out.extend([0; 2]);
+    out
+}
+
+fn doubles(x: impl Iterator<Item = f64>) -> Vec<u8> {
+    x.flat_map(f64::to_le_bytes).collect()
+}
+
+fn good(deflated: bool, t: usize, c: i32, fs: Option<f64>) -> Vec<u8> {
+    let q = (0..500_u16)
+        .flat_map(|i| (if i == 100 { f32::NAN } else { f32::from(i) * 0.5 }).to_be_bytes())
+        .collect::<Vec<u8>>();
+    let mut arrays = vec![
+        ("q", npy(">f4", "(500, 1)", &q)),
+        ("c", npy("<i4", &format!("({c},)"), &(0..c).flat_map(|i| (-7 * i).to_le_bytes()).collect::<Vec<u8>>())),
+        ("text", npy("<U3", "(1,)", &[0; 12])),
+    ];
+    if t > 0 {
+        arrays.push(("t", npy("<f8", &format!("({t},)"), &doubles((0..t).map(|i| 3.0 + i as f64 * 0.01)))));
+    }
+    if let Some(fs) = fs {
+        arrays.push(("fs", npy("<f8", "()", &doubles([fs].into_iter()))));
+    }
+    archive(deflated, &arrays)
+}
+
+fn read_bytes(bytes: &[u8], rig: &Rig) -> Result<Record> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("r.npz");
+    std::fs::write(&path, bytes).unwrap();
+    Record::read(&path, rig, &ReadOptions::default())
+}
+
+#[test]
+fn stored_and_deflated_archives_are_read() {
+    let rig = rig();
+    for deflated in [false, true] {
+        let r = read_bytes(&good(deflated, 500, 500, None), &rig).unwrap();
+        assert_eq!((r.samples(), r.segments.len(), r.losses.nan_rows), (499, 2, 1));
+        assert!((r.segments[0].columns[0].angle(&rig.channel[0])[4] - 0.002).abs() < 1e-12, "mm to m");
+        assert_eq!(r.segments[0].columns[1], super::super::Column::Counts((0..100).map(|i| -7 * i).collect()));
+        // No t, but a sampling rate.
+        let r = read_bytes(&good(deflated, 0, 500, Some(100.0)), &rig).unwrap();
+        assert!(r.warnings.iter().any(|w| w.kind == "no-time"));
+    }
+}
+
+#[test]
+fn bad_archives_are_told() {
+    let rig = rig();
+    let told = |bytes: &[u8], parts: &[&str]| {
+        let message = read_bytes(bytes, &rig).unwrap_err().to_string();
+        assert!(parts.iter().all(|p| message.contains(p)), "{parts:?}: {message}");
+    };
+    told(&good(true, 0, 500, None), &["r.npz", "a column t", "fs (Hz)"]);
+    told(&good(true, 40, 500, None), &["array t", "40 values in t, 500 in q"]);
+    told(&good(true, 500, 7, None), &["array c", "7 values in c"]);
+    told(&good(true, 0, 500, Some(-1.0)), &["array fs", "found -1", "above 0"]);
+    let whole = good(true, 500, 500, None);
+    for cut in [30, 200, whole.len() / 2, whole.len() - 3] {
+        told(&whole[..cut], &["r.npz", "truncated or damaged", "Copy"]);
+    }
+    // Bytes flipped in turn: no panic, and a changed array is never taken for a whole one.
+    let truth = read_bytes(&whole, &rig).unwrap();
+    for k in (0..whole.len()).step_by(whole.len() / 400) {
+        let mut bytes = whole.clone();
+        bytes[k] ^= 0x41;
+        if let Ok(r) = read_bytes(&bytes, &rig) {
+            assert_eq!(r.samples(), truth.samples(), "byte {k}");
+        }
+    }
+    let text = Rig::parse(
+        "name = \"x\"\nmodel = \"other\"\nsample_rate_hz = 100.0\n[[channel]]\nname = \"text\"\nmeasures = \"q\"\nunit = \"mm\"\n",
+        Path::new("rig.toml"),
+    )
+    .unwrap();
+    let message = read_bytes(&whole, &text).unwrap_err().to_string();
+    assert!(message.contains("array text") && message.contains("<U3") && message.contains("astype"), "{message}");
+}
