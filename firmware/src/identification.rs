@@ -216,7 +216,7 @@ mod tests {
             identification.block(&block(tick));
             // The third window finds the link blocked after two messages; estimates are never taken.
             let most = if (4_009..5_009).contains(&(tick + 9)) { 2 } else { usize::MAX };
-            let open = tick < 4_020 || tick > 5_000;
+            let open = !(4_020..=5_000).contains(&tick);
             for rows in core::iter::from_fn(|| if open { identification.take_rows() } else { None }).take(most) {
                 windows.push((rows.window, rows.frequency, rows.rows.len(), rows.last_frequency));
             }

@@ -19,7 +19,7 @@ const SECONDS: f64 = 50.0;
 const WINDOWS: usize = 20;
 
 fn chaotic_rig() -> Rig {
-    Rig::read(&whirl_tests::repository("rigs/chaotic.toml")).unwrap()
+    Rig::read(whirl_tests::repository("rigs/chaotic.toml")).unwrap()
 }
 
 /// Counts and phases of the chaotic rig.

@@ -110,7 +110,7 @@ fn rows_alone_identify_the_rig() {
     assert!(3 * rows.bytes < 2 * samples.bytes, "{} {}", rows.bytes, samples.bytes);
     let record = Record::read(&samples.record, &rig, &ReadOptions::default()).unwrap();
     let from_samples = identify(&[record], &rig, &Settings::default()).unwrap();
-    let read = from_rows::read(&[rows.record.clone()], &ReadOptions::default()).unwrap().unwrap();
+    let read = from_rows::read(std::slice::from_ref(&rows.record), &ReadOptions::default()).unwrap().unwrap();
     let from_rows = from_rows::identify(&read, &rig).unwrap();
     let names = |i: &crate::identify::Identification| i.parameters.iter().map(|p| p.name.clone()).collect::<Vec<_>>();
     assert_eq!(names(&from_rows), names(&from_samples));

@@ -39,7 +39,7 @@ fn a_model_by_shooting_passes_its_validation_and_a_wrong_one_fails_with_status_1
     assert!(std::fs::read_to_string(folder.join("v.html")).unwrap().contains("<svg"));
 
     let model = std::fs::read_to_string(folder.join("model.toml")).unwrap();
-    let wrong = model.replace(&format!("B21 = {{ value = {b21:?}"), &format!("B21 = {{ value = {:?}", 1.04 * b21));
+    let wrong = model.replace(&format!("B21 = {{ value = {b21:?}"), &format!("B21 = {{ value = {:?}", 1.06 * b21));
     assert_ne!(model, wrong);
     std::fs::write(folder.join("wrong.toml"), wrong).unwrap();
     let run = whirl(folder, "validate record.parquet --rig rig.toml --model wrong.toml --json w.json");
