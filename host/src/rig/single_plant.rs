@@ -131,7 +131,9 @@ mod tests {
             assert!((truth(name) / want - 1.0).abs() < 1e-4, "{name} {}", truth(name));
         }
         assert_eq!(truth("n_sin"), 0.0);
-        let broken = Rig::parse(&rig.text.replace("m1 = 0.1", "m1 = -0.1"), Path::new("x.toml")).unwrap();
+        let (head, plant) = rig.text.split_once("[plant]").unwrap();
+        let text = format!("{head}[plant]{}", plant.replacen("m1 = 0.1", "m1 = -0.1", 1));
+        let broken = Rig::parse(&text, Path::new("x.toml")).unwrap();
         assert!(SinglePlant::of(&broken).unwrap_err().to_string().contains("plant.m1"));
     }
 }

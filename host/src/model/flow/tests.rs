@@ -146,7 +146,7 @@ fn the_double_pendulum_follows_the_simulated_plant() {
     let d = DoublePendulum::new(rig.omega(), true, &[&DAMPINGS[0], &DAMPINGS[1]]);
     let p: Vec<f64> = d.names().iter().map(|n| plant.truth(n, rig.omega()).unwrap()).collect();
     let mut settings = crate::simulate::settings(&rig, &[], 10.0, 1).unwrap();
-    settings.counts_per_turn = [1 << 22; 2];
+    settings.counts_per_turn = [1 << 20; 2];
     settings.seed = None;
     settings.settle_s = 0.0;
     let mut simulation = whirl_hil_sim::Simulation::new(&settings).unwrap();
@@ -156,7 +156,7 @@ fn the_double_pendulum_follows_the_simulated_plant() {
     let mut work = Work::plain(&d);
     work.set(&plant.initial);
     assert!(flow.samples(&mut work, 0.0, 2e-3, count, |_, s| flown.push([s[0], s[1] - s[0]])));
-    let scale = TAU / f64::from(1 << 22);
+    let scale = TAU / f64::from(1 << 20);
     for (i, f) in flown.iter().enumerate() {
         let s = simulation.next_sample().unwrap();
         for k in 0..2 {
