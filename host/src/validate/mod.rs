@@ -7,7 +7,7 @@
 //! The model fails its validation where one of these [`Check`]s fails:
 //! - `prediction-horizon`: the median horizon on the record is less than 65 % of the median on the model's own record (half, with fewer than 30 starts);
 //! - `poincare-section`: the sections differ with a probability by chance below 1 % (over all phases together);
-//! - `lyapunov-exponent`, `correlation-dimension`: the two records' values differ by more than three standard errors;
+//! - `lyapunov-exponent`, `correlation-dimension`: the two records' values differ by more than three standard errors and by more than a third;
 //! - `natural-frequencies` (with a free vibration): one differs by more than 10 %.
 
 mod checks;
