@@ -1,7 +1,7 @@
 //! Largest Lyapunov exponent of a model: the mean growth of a tangent vector (Benettin, Galgani, Giorgilli and Strelcyn 1980).
 //!
 //! The variational equations carry a vector along the solution; after each interval it has grown by a factor g and is made a unit vector
-//! again: λ = ⟨ln g⟩ an interval. Standard error: from the means of [`BLOCKS`] blocks of intervals.
+//! again: λ = ⟨ln g⟩ an interval. Standard error: from the means of `BLOCKS` blocks of intervals.
 //!
 //! Limits: a solution that leaves the attractor of the record (a model that locks where the rig is chaotic) has its own exponent, and that is what is
 //! given.

@@ -3,7 +3,7 @@
 //! About rest, without drive and damping, (3.32) reads [[1 B11] [B21 1]] φ″ + diag(B12, B22) φ = 0, so that
 //! (1 − B11 B21) w⁴ − (B12 + B22) w² + B12 B22 = 0 and f = w Ω/2π.
 //!
-//! A free record: the part of its longest stretch in which no angle exceeds [`SMALL`] any more (at larger angles a pendulum is slower), the
+//! A free record: the part of its longest stretch in which no angle exceeds `SMALL` any more (at larger angles a pendulum is slower), the
 //! spectra of both sensors, each over its power, added; the two highest peaks at least a quarter apart. Resolution: one over that part's length.
 
 use core::f64::consts::TAU;

@@ -1,12 +1,12 @@
 //! Multiple shooting from start to covariance, for any system with [`Dynamics`].
 //!
 //! 1. The step of integration: the longest whose solution over a whole piece differs from that of half the step by less than
-//!    [`STEP_ERROR`] of the sensors' noise.
-//! 2. Pieces of 1T, then 2T (at most [`FEW`] of them, spread over the record): states and parameters. A short piece bears a poor start; a
+//!    `STEP_ERROR` of the sensors' noise.
+//! 2. Pieces of 1T, then 2T (at most `FEW` of them, spread over the record): states and parameters. A short piece bears a poor start; a
 //!    long one knows the parameters better, since small changes grow along it.
 //! 3. All pieces of full length (4T): each state alone, over 1T, 2T, 4T, then states and parameters together.
 //! 4. Sensors whose residuals differ from their noise are weighted by what they leave, and a piece that the model cannot follow where it follows all others
-//!    (a mean square of [`LOST`] times the median) is left out and counted; then once more.
+//!    (a mean square of `LOST` times the median) is left out and counted; then once more.
 
 use rayon::prelude::*;
 

@@ -1,6 +1,6 @@
 //! Expressions compiled to a list of operations over blocks of samples, common parts computed once.
 //!
-//! A block of [`BLOCK`] samples stays in the first-level cache; every operation is a loop over it. Sine and cosine of the same
+//! A block of `BLOCK` samples stays in the first-level cache; every operation is a loop over it. Sine and cosine of the same
 //! argument are computed together. The sign of a quantity is its mean over one sampling step, [`mean_sign`], from the change between
 //! neighbouring samples, so blocks are computed with one more sample on either side where there is one.
 

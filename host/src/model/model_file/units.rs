@@ -1,4 +1,4 @@
-//! Units of coefficients, from those of the channels: [λ] = [balance]/[term].
+//! Units of coefficients, from those of the channels: \[λ\] = \[balance\]/\[term\].
 //!
 //! Angles and pure numbers have none; a derivative divides by seconds (not where primes are by the drive's phase). Functions give pure
 //! numbers. A sum has the unit of its first summand that is not a bare number.
