@@ -102,8 +102,8 @@ fn sections(
     let simulated = model.predict(&state.context, segment, first, count, &at);
     let measured: Vec<[f64; 2]> = (first..first + count).map(|i| shown(segment, i)).collect();
     // Where the drive's phase begins a new turn.
-    let turn = |i: usize| (segment.tau(first + i) / core::f64::consts::TAU).floor();
-    let crossings: Vec<usize> = (1..count).filter(|&i| turn(i) != turn(i - 1)).collect();
+    let part = |i: usize| (segment.tau(first + i) / core::f64::consts::TAU).rem_euclid(1.0);
+    let crossings: Vec<usize> = (1..count).filter(|&i| part(i) < part(i - 1)).collect();
     let mut clouds = [cloud(&measured, &crossings, segment.step_s), cloud(&simulated, &crossings, segment.step_s)];
     for k in 0..2 {
         let all: Vec<f64> = clouds.iter().flatten().map(|p| p[3 * k + 2]).collect();

@@ -39,6 +39,10 @@ fn a_hidden_drag_is_named_with_its_strength_and_the_gap_closes() {
     let steps = &e.gap.steps;
     assert!(steps[0].added.is_none() && steps[0].value > 3.0, "{steps:?}");
     assert!(steps[1].added.as_deref() == Some("quadratic-drag@arm2") && steps[1].value < 1.1, "{steps:?}");
+    // The model with it also holds for longer, and its attractor is the record's.
+    let [before, after] = e.gap.attractor[..] else { panic!("{:?}", e.gap.attractor) };
+    assert!(after.prediction_horizon_s > 1.3 * before.prediction_horizon_s, "{before:?} {after:?}");
+    assert!(after.section_p_value.is_some_and(|p| p > 0.01), "{after:?}");
 }
 
 #[test]
