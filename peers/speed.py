@@ -8,7 +8,7 @@
     WHIRL_BENCH_RECORD=record.csv WHIRL_BENCH_PARQUET=record.parquet cargo bench -p whirl
 
 Medians of several runs, wall clock, all cores. Identification: the weak form with sin^4 windows in numpy, from an .npy file (written from
-the CSV beforehand) to parameters. Integration: scipy's LSODA with a right-hand side compiled by numba. Phase space: host/benches/phase_space_peers.py.
+the CSV beforehand) to parameters. Integration: scipy's LSODA with a right-hand side compiled by numba. Phase space: peers/phase_space.py.
 A ratio counts, an absolute time does not: run both with nothing else running."""
 
 import os
@@ -121,7 +121,7 @@ def main():
     seconds, _ = median_of(1, lambda: integrate(counts.shape[0]))
     print(f"integration, LSODA with numba:   {1e3 * seconds:8.1f} ms", flush=True)
     here = os.path.dirname(os.path.abspath(__file__))
-    runpy.run_path(os.path.join(here, "..", "host", "benches", "phase_space_peers.py"), run_name="__main__")
+    runpy.run_path(os.path.join(here, "phase_space.py"), run_name="__main__")
 
 
 main()

@@ -1,4 +1,4 @@
-//! Speed of the phase-space statistics on one record of 670 000 samples; `phase_space_peers.py` beside this runs the public
+//! Speed of the phase-space statistics on one record of 670 000 samples; `peers/phase_space.py` runs the public
 //! counterparts on the same record.
 //!
 //! The record is `WHIRL_BENCH_RECORD` (a CSV that `whirl simulate --rig rigs/chaotic.toml --seconds 1340 --seed 1 -o record.csv`

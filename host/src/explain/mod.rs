@@ -2,10 +2,12 @@
 //!
 //! 1. The nominal model (B terms and the rig's nominal dampings, with the ties that a torque in a joint obeys) is fitted by the weak form.
 //! 2. Every effect of [`effects::EFFECTS`] at every place is added in turn, everything refitted, and judged on blocks of the record that were not
-//!    fitted ([`ranking`]). Among those that are significant over the whole list (family-wise 1 %), the one with the greatest
+//!    fitted ([`ranking`]). Among those that are significant over the whole list (family-wise 1 %), the simplest within a standard error of the greatest
 //!    held-out gain is added; others that held-out data cannot tell from it are named with it. This repeats until nothing more is supported.
 //! 3. The gap ([`gap`]) before and after each step, on held-out blocks, in units of the sensors' noise.
-//! 4. What is left is compared with what the sensors' noise alone leaves in the same rows, and located ([`residual_map`]).
+//!    A model that leaves more than noise is refitted by multiple shooting ([`shooting`]) before it is measured.
+//! 4. What is left is compared with what the sensors' noise alone leaves in the same rows, located ([`residual_map`]), and, where it
+//!    has no name, drawn as a function of one coordinate ([`unknown`]).
 
 pub mod attractor;
 mod comparison;

@@ -40,7 +40,7 @@ fn gram(design: &Design, window: &Window, columns: &[usize], weights: &Weights) 
 }
 
 /// Solves the normal equations held in a Gram matrix; none where they are singular.
-fn solve(gram: &DMatrix<f64>) -> Option<DVector<f64>> {
+pub(super) fn solve(gram: &DMatrix<f64>) -> Option<DVector<f64>> {
     let p = gram.nrows() - 1;
     let scale: Vec<f64> = (0..p).map(|i| gram[(i, i)]).map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 }).collect();
     if scale.contains(&0.0) {
@@ -57,7 +57,7 @@ fn solve(gram: &DMatrix<f64>) -> Option<DVector<f64>> {
 }
 
 /// Sum of squares of a solution over the rows behind a Gram matrix.
-fn squares(gram: &DMatrix<f64>, x: &DVector<f64>) -> f64 {
+pub(super) fn squares(gram: &DMatrix<f64>, x: &DVector<f64>) -> f64 {
     let p = x.len();
     let a = gram.view((0, 0), (p, p));
     let b = gram.view((0, p), (p, 1));

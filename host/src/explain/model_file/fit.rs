@@ -3,9 +3,9 @@
 //! A block is a stretch of consecutive windows, at least as long as what a model lacks stays the same for (4 s, or a twelfth of the
 //! record if that is shorter). Every third block is one fold, as in [`crate::explain::ranking`].
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
-use crate::explain::ranking::{FOLDS, Fit};
+use crate::explain::ranking::{FOLDS, Fit, solve, squares};
 use crate::identify::windows::{WindowRows, frequency_of_row};
 
 /// The Gram matrices of all columns and the target over each block, weighted.
@@ -79,28 +79,4 @@ impl Blocks {
         }
         Some(Fit { all, train: train?, covariance, blocks: n, held_out })
     }
-}
-
-/// Solves the normal equations held in a Gram matrix; none where they are singular.
-fn solve(gram: &DMatrix<f64>) -> Option<DVector<f64>> {
-    let p = gram.nrows() - 1;
-    let scale: Vec<f64> = (0..p).map(|i| gram[(i, i)]).map(|d| if d > 0.0 { d.sqrt().recip() } else { 0.0 }).collect();
-    if scale.contains(&0.0) {
-        return None;
-    }
-    let a = DMatrix::from_fn(p, p, |i, j| gram[(i, j)] * scale[i] * scale[j]);
-    let b = DVector::from_fn(p, |i, _| gram[(i, p)] * scale[i]);
-    let factor = a.cholesky()?;
-    if factor.l_dirty().diagonal().iter().any(|d| *d < 1e-6) {
-        return None;
-    }
-    Some(factor.solve(&b).component_mul(&DVector::from_vec(scale)))
-}
-
-/// Sum of squares of a solution over the rows behind a Gram matrix.
-fn squares(gram: &DMatrix<f64>, x: &DVector<f64>) -> f64 {
-    let p = x.len();
-    let a = gram.view((0, 0), (p, p));
-    let b = gram.view((0, p), (p, 1));
-    gram[(p, p)] - 2.0 * x.dot(&b.column(0)) + (a * x).dot(x)
 }

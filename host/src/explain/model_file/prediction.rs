@@ -13,6 +13,11 @@ use crate::signal::band_limited::BandLimited;
 const TOLERANCE: f64 = 1e-7;
 /// Most windows of the gap.
 const MOST_WINDOWS: usize = 40;
+/// Steps within one sample at most: what sticks takes them all, and a reversal is placed to this fraction.
+const FINEST: f64 = 2.0;
+/// Gauss–Newton rounds and trial steps of a fit by simulation.
+const ROUNDS: usize = 5;
+const TRIALS: usize = 5;
 /// Most samples that a simulation is fitted to.
 const MOST_SAMPLES: usize = 4000;
 
@@ -65,7 +70,7 @@ fn predict(
         count: piece.count,
         tolerance: TOLERANCE,
         inputs: s.inputs.len(),
-        finest: 8.0 * piece.stride as f64,
+        finest: FINEST * piece.stride as f64,
     };
     solve(motion, parameters, state, along, &settings)
 }
@@ -129,7 +134,7 @@ fn minimise(
         let normal = DMatrix::from_fn(free, free, |i, j| dot(&columns[i], &columns[j]));
         let right = DVector::from_fn(free, |i, _| -dot(&columns[i], &r));
         let mut better = None;
-        for _ in 0..8 {
+        for _ in 0..TRIALS {
             let mut damped = normal.clone();
             (0..free).for_each(|i| damped[(i, i)] *= 1.0 + damping);
             let Some(step) = damped.cholesky().map(|f| f.solve(&right)) else { break };
@@ -247,7 +252,7 @@ pub fn simulate(
         minimise(&mut arguments, n, 5, &evaluate(count / stride, stride), &scale)?;
         count *= 4;
     }
-    minimise(&mut arguments, scale.len(), 8, &evaluate(fitted / stride, stride), &scale)?;
+    minimise(&mut arguments, scale.len(), ROUNDS, &evaluate(fitted / stride, stride), &scale)?;
     let to_end = Piece { first, count: stretch.len() - first, stride: 1 };
     let y = predict(motion, &arguments[n..], &arguments[..n], stretch, along, to_end)?;
     let errors = stretch

@@ -4,7 +4,7 @@ cKDTree (false nearest neighbours, largest Lyapunov exponent).
 
     whirl simulate --rig rigs/chaotic.toml --seconds 1340 --seed 1 -o record.csv
     pip install numpy scipy numba
-    python3 host/benches/phase_space_peers.py record.csv
+    python3 peers/phase_space.py record.csv
     WHIRL_BENCH_RECORD=record.csv cargo bench -p whirl --bench phase_space
 
 Times are medians of several runs, wall clock, all cores. cKDTree gets the least work that the method allows: the two nearest
