@@ -41,11 +41,6 @@ pub struct Arguments {
 /// Reads, explains, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let (rig, records) = arguments.records.read()?;
-    if let (Some(path), true) = (&arguments.output, rig.bound.is_some()) {
-        return Err(BadInput::new(path.display().to_string(), "no -o for a system of your own")
-            .at("-o")
-            .remedy("Write the terms that `explain` names into your model file; `whirl identify -o` writes it with its parameters"));
-    }
     for h in &arguments.forecast {
         if !(h.is_finite() && *h > 0.0 && *h <= 1e4) {
             return Err(BadInput::new(h.to_string(), "seconds above 0 (at most 10 000)").at("--forecast"));

@@ -58,6 +58,27 @@ pub struct Found {
     pub strengths: Vec<f64>,
 }
 
+impl Found {
+    /// An effect at a place of which nothing else is known yet.
+    pub(super) fn empty(id: &str, at: &str, unit: String) -> Self {
+        Self {
+            id: id.to_owned(),
+            at: at.to_owned(),
+            value: 0.0,
+            std_error: 0.0,
+            unit,
+            equation: String::new(),
+            parameters: BTreeMap::new(),
+            indistinguishable_from: Vec::new(),
+            p_value: 1.0,
+            held_out_gain: 0.0,
+            runner_up: None,
+            confirm: String::new(),
+            strengths: Vec::new(),
+        }
+    }
+}
+
 /// One step of the gap.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Step {

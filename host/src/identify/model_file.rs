@@ -40,7 +40,7 @@ pub fn identified_model(result: &Identification, rig: &Rig) -> Result<Identified
 }
 
 /// The keys that define a system of one's own.
-fn own_keys(model: &ModelFile) -> Result<toml::Table> {
+pub fn own_keys(model: &ModelFile) -> Result<toml::Table> {
     let table: toml::Table = toml::from_str(&model.source.text)
         .map_err(|e| BadInput::new(e.message().to_owned(), "a model file").in_file(&model.source.path))?;
     Ok(table.into_iter().filter(|(k, _)| ["coordinates", "inputs", "time", "equation"].contains(&k.as_str())).collect())

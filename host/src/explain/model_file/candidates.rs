@@ -20,6 +20,8 @@ pub struct Effect {
     pub confirm: &'static str,
     /// Whether it needs an angle on S1.
     circle: bool,
+    /// Whether it takes energy away: then its strength has the sign of the equation's inertia.
+    pub dissipates: bool,
     /// The simpler effect that it refines: while that one is supported itself, this one is not named.
     pub refines: Option<&'static str>,
     /// Its forms: shape parameter, and one expression for each strength.
@@ -34,6 +36,15 @@ type Form = (Option<(&'static str, f64)>, Vec<Node>);
 pub struct Sizes {
     /// Root mean square velocity.
     pub speed: f64,
+    /// The shape parameter, where it is known.
+    pub shape: Option<f64>,
+}
+
+impl Sizes {
+    /// The shape parameter that is known, or several to try.
+    fn shapes(&self, several: impl IntoIterator<Item = f64>) -> Vec<f64> {
+        self.shape.map_or_else(|| several.into_iter().collect(), |s| vec![s])
+    }
 }
 
 fn sign(v: Node) -> Node {
@@ -55,6 +66,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "c v",
         confirm: "free decays from different amplitudes have one logarithmic decrement",
         circle: false,
+        dissipates: true,
         refines: None,
         forms: |_, _, v| one(v),
     },
@@ -63,6 +75,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "τ sign v",
         confirm: "pull slowly both ways with a spring balance: the force has a level that does not vanish with speed",
         circle: false,
+        dissipates: true,
         refines: None,
         forms: |_, _, v| one(sign(v)),
     },
@@ -71,6 +84,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "F",
         confirm: "tilt or turn the rig round: the force keeps its side",
         circle: false,
+        dissipates: false,
         refines: None,
         forms: |_, _, _| one(number(1.0)),
     },
@@ -79,6 +93,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "k x",
         confirm: "hold it at several positions with a spring balance",
         circle: false,
+        dissipates: false,
         refines: None,
         forms: |_, x, _| one(x),
     },
@@ -87,6 +102,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "S cos x",
         confirm: "find the position of rest: it is not where 0 was set",
         circle: true,
+        dissipates: false,
         refines: None,
         forms: |_, x, _| one(call(Function::Cos, x)),
     },
@@ -95,6 +111,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "k x³",
         confirm: "the frequency of free decays changes with the square of the amplitude",
         circle: false,
+        dissipates: false,
         refines: None,
         forms: |_, x, _| one(power_whole(x, 3)),
     },
@@ -103,6 +120,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "k x²",
         confirm: "the middle of an oscillation moves with its amplitude",
         circle: false,
+        dissipates: false,
         refines: None,
         forms: |_, x, _| one(power_whole(x, 2)),
     },
@@ -111,6 +129,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "k v |v|",
         confirm: "add a sail: it grows",
         circle: false,
+        dissipates: true,
         refines: Some("viscous-friction"),
         forms: |_, _, v| one(multiply(v.clone(), abs(v))),
     },
@@ -119,6 +138,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "c |v|: friction that differs with direction",
         confirm: "move at one speed both ways and compare the forces",
         circle: false,
+        dissipates: false,
         refines: Some("constant-force"),
         forms: |_, _, v| one(abs(v)),
     },
@@ -127,6 +147,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "c x² v",
         confirm: "the decrement of free decays changes with the square of the amplitude",
         circle: false,
+        dissipates: true,
         refines: Some("viscous-friction"),
         forms: |_, x, v| one(multiply(power_whole(x, 2), v)),
     },
@@ -135,12 +156,12 @@ pub static EFFECTS: &[Effect] = &[
         equation: "μ |G cos x + v²| sign v, G in s⁻²",
         confirm: "add weight: the friction grows with it",
         circle: true,
+        dissipates: true,
         refines: Some("coulomb-friction"),
         forms: |s, x, v| {
-            [0.25, 1.0, 4.0]
+            s.shapes([0.25, 1.0, 4.0].map(|f| f * s.speed * s.speed))
                 .into_iter()
-                .map(|f| {
-                    let g = f * s.speed * s.speed;
+                .map(|g| {
                     let load =
                         Expression::Add(multiply(number(g), call(Function::Cos, x.clone())), power_whole(v.clone(), 2));
                     (Some(("G", g)), vec![multiply(abs(Arc::new(load)), sign(v.clone()))])
@@ -153,12 +174,12 @@ pub static EFFECTS: &[Effect] = &[
         equation: "τ exp(−(v/v_s)²) sign v",
         confirm: "drive it at several low speeds: the force falls with speed",
         circle: false,
+        dissipates: true,
         refines: Some("coulomb-friction"),
         forms: |s, _, v| {
-            [0.03, 0.1, 0.3, 1.0]
+            s.shapes([0.03, 0.1, 0.3, 1.0].map(|f| f * s.speed))
                 .into_iter()
-                .map(|f| {
-                    let at = f * s.speed;
+                .map(|at| {
                     let square = power_whole(divide(v.clone(), number(at)), 2);
                     let falling = call(Function::Exp, multiply(number(-1.0), square));
                     (Some(("v_s", at)), vec![multiply(falling, sign(v.clone()))])
@@ -171,13 +192,15 @@ pub static EFFECTS: &[Effect] = &[
         equation: "A sin(n x + ψ)",
         confirm: "turn it slowly by hand and feel the detents",
         circle: true,
+        dissipates: false,
         refines: Some("imbalance"),
-        forms: |_, x, _| {
-            (2..=24)
+        forms: |s, x, _| {
+            s.shapes((2..=24).map(f64::from))
+                .into_iter()
                 .map(|n| {
-                    let argument = multiply(number(f64::from(n)), x.clone());
+                    let argument = multiply(number(n), x.clone());
                     let parts = vec![call(Function::Sin, argument.clone()), call(Function::Cos, argument)];
-                    (Some(("n", f64::from(n))), parts)
+                    (Some(("n", n)), parts)
                 })
                 .collect()
         },
@@ -232,8 +255,8 @@ pub fn candidates(model: &ModelFile, omega: f64, speed: &[f64]) -> Vec<Candidate
             if effect.circle && c.space != Space::Circle {
                 continue;
             }
-            for (shape, columns) in (effect.forms)(&Sizes { speed: speed[i] }, x.clone(), v.clone()) {
-                if columns.iter().any(|c| held.iter().any(|h| is_multiple(h, c))) {
+            for (shape, columns) in (effect.forms)(&Sizes { speed: speed[i], shape: None }, x.clone(), v.clone()) {
+                if columns.iter().any(|c| held.iter().any(|h| multiple(h, c).is_some())) {
                     continue;
                 }
                 out.push(Candidate { effect, rank, at: c.name.clone(), equation, shape, columns });
@@ -243,8 +266,32 @@ pub fn candidates(model: &ModelFile, omega: f64, speed: &[f64]) -> Vec<Candidate
     out
 }
 
-/// Whether one expression is a number times the other, by their values at a few points.
-fn is_multiple(a: &Node, b: &Node) -> bool {
+/// An effect at a coordinate with a known shape parameter; none where there is no such effect.
+pub fn candidate(model: &ModelFile, id: &str, at: &str, shape: Option<f64>, speed: &[f64]) -> Option<Candidate> {
+    let (rank, effect) = EFFECTS.iter().enumerate().find(|(_, e)| e.id == id)?;
+    let i = model.coordinates.iter().position(|c| c.name == at)?;
+    if effect.circle && model.coordinates[i].space != Space::Circle {
+        return None;
+    }
+    let equation = equation_of(model, i)?;
+    let (x, v) = (symbol(Symbol::Coordinate(i)), symbol(Symbol::Rate(i)));
+    let (shape, columns) = (effect.forms)(&Sizes { speed: *speed.get(i)?, shape }, x, v).into_iter().next()?;
+    Some(Candidate { effect, rank, at: at.to_owned(), equation, shape, columns })
+}
+
+/// For each coordinate, the laws that take energy away and have no shape of their own: v, sign v, v|v|, x² v.
+pub fn dissipative(coordinate: usize) -> Vec<Node> {
+    let (x, v) = (symbol(Symbol::Coordinate(coordinate)), symbol(Symbol::Rate(coordinate)));
+    EFFECTS
+        .iter()
+        .filter(|e| e.dissipates)
+        .flat_map(|e| (e.forms)(&Sizes { speed: 1.0, shape: None }, x.clone(), v.clone()))
+        .filter_map(|(shape, mut columns)| if shape.is_none() { columns.pop() } else { None })
+        .collect()
+}
+
+/// The number k for which a = k b, by their values at a few points; none where there is none.
+pub fn multiple(a: &Node, b: &Node) -> Option<f64> {
     let at = |e: &Node, k: f64| {
         e.value(&|s| match s {
             Symbol::Coordinate(i) => 0.37 + 0.61 * k - 0.2 * i as f64,
@@ -255,7 +302,7 @@ fn is_multiple(a: &Node, b: &Node) -> bool {
         })
     };
     let ratios: Vec<f64> = (0..5).map(|k| at(a, f64::from(k)) / at(b, f64::from(k))).collect();
-    ratios.iter().all(|r| r.is_finite() && (r - ratios[0]).abs() < 1e-9 * (1.0 + ratios[0].abs()))
+    ratios.iter().all(|r| r.is_finite() && (r - ratios[0]).abs() < 1e-9 * (1.0 + ratios[0].abs())).then(|| ratios[0])
 }
 
 #[cfg(test)]

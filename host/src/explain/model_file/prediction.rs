@@ -5,9 +5,9 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::identify::general::stretches::Stretch;
-use crate::model::integrate::{Outside, Settings, solve};
+use crate::identify::general::track::Along;
+use crate::model::integrate::{Settings, solve};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
-use crate::signal::band_limited::BandLimited;
 
 /// Error of one integration step.
 const TOLERANCE: f64 = 1e-7;
@@ -20,32 +20,6 @@ const ROUNDS: usize = 5;
 const TRIALS: usize = 5;
 /// Most samples that a simulation is fitted to.
 const MOST_SAMPLES: usize = 4000;
-
-/// What acts along a stretch: its inputs between their samples, and the phase.
-pub struct Along {
-    inputs: Vec<BandLimited>,
-    start_s: f64,
-    tau: f64,
-    omega: f64,
-}
-
-impl Along {
-    /// For a stretch and a drive of angular frequency `omega` (0 for a free system).
-    pub fn new(s: &Stretch, omega: f64) -> Self {
-        let inputs = s.inputs.iter().map(|x| BandLimited::new(x, s.start_s, s.step_s)).collect();
-        Self { inputs, start_s: s.start_s, tau: if s.is_empty() { 0.0 } else { s.tau(0) }, omega }
-    }
-}
-
-impl Outside for Along {
-    fn tau(&self, time: f64) -> f64 {
-        self.tau + self.omega * (time - self.start_s)
-    }
-
-    fn inputs(&self, time: f64, out: &mut [f64]) {
-        out.iter_mut().zip(&self.inputs).for_each(|(o, i)| *o = i.value(time));
-    }
-}
 
 /// A piece of a stretch: every `stride`-th sample from `first` on.
 #[derive(Clone, Copy, Debug)]
@@ -108,13 +82,14 @@ fn guess(s: &Stretch, first: usize, near: usize) -> Vec<f64> {
 }
 
 /// Gauss–Newton with damping over the initial state and, if `vary` is more than 0, the first `vary` parameters; the arguments hold the state
-/// and then the parameters. The sum of squares left.
+/// and then the parameters. An argument with a sign does not pass zero. The sum of squares left.
 fn minimise(
     arguments: &mut [f64],
     free: usize,
     rounds: usize,
     evaluate: &(dyn Fn(&[f64]) -> Option<Vec<f64>> + Sync),
     scale: &[f64],
+    signs: &[f64],
 ) -> Option<f64> {
     let mut r = evaluate(arguments)?;
     let mut cost: f64 = r.iter().map(|x| x * x).sum();
@@ -133,13 +108,27 @@ fn minimise(
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let normal = DMatrix::from_fn(free, free, |i, j| dot(&columns[i], &columns[j]));
         let right = DVector::from_fn(free, |i, _| -dot(&columns[i], &r));
+        // At zero and driven beyond it: held.
+        let held: Vec<bool> = (0..free).map(|i| arguments[i] == 0.0 && signs[i] * right[i] < 0.0).collect();
         let mut better = None;
         for _ in 0..TRIALS {
             let mut damped = normal.clone();
-            (0..free).for_each(|i| damped[(i, i)] *= 1.0 + damping);
-            let Some(step) = damped.cholesky().map(|f| f.solve(&right)) else { break };
-            let moved: Vec<f64> =
-                arguments.iter().enumerate().map(|(k, x)| if k < free { x + step[k] * scale[k] } else { *x }).collect();
+            let mut wanted = right.clone();
+            for i in 0..free {
+                damped[(i, i)] *= 1.0 + damping;
+                if held[i] {
+                    damped.row_mut(i).fill(0.0);
+                    damped.column_mut(i).fill(0.0);
+                    damped[(i, i)] = 1.0;
+                    wanted[i] = 0.0;
+                }
+            }
+            let Some(step) = damped.cholesky().map(|f| f.solve(&wanted)) else { break };
+            let moved: Vec<f64> = arguments
+                .iter()
+                .enumerate()
+                .map(|(k, x)| if k < free { signed(x + step[k] * scale[k], signs[k]) } else { *x })
+                .collect();
             if let Some(new) = evaluate(&moved) {
                 let c: f64 = new.iter().map(|x| x * x).sum();
                 if c.is_finite() && c < cost {
@@ -157,6 +146,11 @@ fn minimise(
         }
     }
     Some(cost)
+}
+
+/// A value, or zero where its sign is not the given one (0: either).
+fn signed(x: f64, sign: f64) -> f64 {
+    if x * sign < 0.0 { 0.0 } else { x }
 }
 
 /// Steps for differences: sizes of the state and of the parameters.
@@ -213,7 +207,7 @@ pub fn gap(
             let mut state = guess(s, first, (count / 12).max(1));
             let piece = Piece { first, count, stride: 1 };
             let evaluate = |x: &[f64]| residuals(motion, parameters, x, s, &along[k], piece, sigma);
-            let cost = minimise(&mut state, n, 8, &evaluate, &scale)?;
+            let cost = minimise(&mut state, n, 8, &evaluate, &scale, &vec![0.0; n])?;
             Some((cost, (count * s.coordinates.len()) as f64 - n as f64))
         })
         .collect();
@@ -221,12 +215,12 @@ pub fn gap(
     if freedom > 0.0 { (squares / freedom).sqrt() } else { f64::NAN }
 }
 
-/// Parameters and initial state fitted by simulation to the end of the first `share` of a stretch ([`MOST_SAMPLES`] of every `stride`-th sample at
+/// Parameters, each with its sign (0: either), and initial state fitted by simulation to the end of the first `share` of a stretch ([`MOST_SAMPLES`] of every `stride`-th sample at
 /// most), then simulated to the stretch's end without touching the state: the fitted parameters, and the rms error of each coordinate over
 /// the rest.
 pub fn simulate(
     motion: &EquationsOfMotion,
-    parameters: &[f64],
+    (parameters, signs): (&[f64], &[f64]),
     stretch: &Stretch,
     along: &Along,
     sigma: &[f64],
@@ -242,6 +236,7 @@ pub fn simulate(
     }
     let scale = scales(stretch, parameters);
     let mut arguments = [guess(stretch, first, 5), parameters.to_vec()].concat();
+    let signs = [&vec![0.0; n][..], signs].concat();
     let evaluate = |count: usize, stride: usize| {
         let piece = Piece { first, count, stride };
         move |x: &[f64]| residuals(motion, &x[n..], &x[..n], stretch, along, piece, sigma)
@@ -249,10 +244,10 @@ pub fn simulate(
     // The state first, over longer and longer beginnings, then everything over the whole part.
     let mut count = 64 * stride;
     while count < fitted {
-        minimise(&mut arguments, n, 5, &evaluate(count / stride, stride), &scale)?;
+        minimise(&mut arguments, n, 5, &evaluate(count / stride, stride), &scale, &signs)?;
         count *= 4;
     }
-    minimise(&mut arguments, scale.len(), ROUNDS, &evaluate(fitted / stride, stride), &scale)?;
+    minimise(&mut arguments, scale.len(), ROUNDS, &evaluate(fitted / stride, stride), &scale, &signs)?;
     let to_end = Piece { first, count: stretch.len() - first, stride: 1 };
     let y = predict(motion, &arguments[n..], &arguments[..n], stretch, along, to_end)?;
     let errors = stretch

@@ -10,6 +10,7 @@ pub mod per_record;
 pub mod series;
 pub mod stretches;
 pub mod ties;
+pub mod track;
 
 use nalgebra::{DMatrix, DVector};
 

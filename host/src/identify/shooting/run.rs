@@ -212,7 +212,7 @@ fn repetition(residuals: &[Vec<f64>]) -> f64 {
 }
 
 /// The longest step T/20, T/28, T/40 … whose solution agrees with that of half the step.
-fn integration_step<D: Dynamics + ?Sized>(
+pub fn integration_step<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     pieces: &[Piece],
     guesses: &[Vec<f64>],

@@ -1,0 +1,152 @@
+//! Records of a model file as pieces for shooting: sensors, their noise, inputs between the samples.
+//!
+//! Several stretches are laid behind one another on one axis of time, so that measured inputs, which are looked up by time, are those of the
+//! right record.
+
+use core::f64::consts::TAU;
+
+use super::noise::Sensors;
+use super::stretches::Stretch;
+use crate::identify::shooting::problem::{Piece, Problem};
+use crate::identify::shooting::track::{Geometry, Stretch as Measured, cut};
+use crate::model::dynamics::Dynamics;
+use crate::model::flow::Inputs;
+use crate::model::integrate::Outside;
+use crate::rig::Rig;
+use crate::rig::measures::Bound;
+use crate::signal::band_limited::BandLimited;
+
+/// Time between two stretches on the common axis, s.
+const APART_S: f64 = 10.0;
+/// Least noise of a sensor, relative to what it shows.
+const LEAST_NOISE: f64 = 1e-9;
+
+/// What acts along a stretch: its inputs between their samples, and the phase.
+pub struct Along {
+    inputs: Vec<BandLimited>,
+    start_s: f64,
+    tau: f64,
+    omega: f64,
+}
+
+impl Along {
+    /// For a stretch and a drive of angular frequency `omega` (0 for a free system).
+    pub fn new(s: &Stretch, omega: f64) -> Self {
+        let inputs = s.inputs.iter().map(|x| BandLimited::new(x, s.start_s, s.step_s)).collect();
+        Self { inputs, start_s: s.start_s, tau: if s.is_empty() { 0.0 } else { s.tau(0) }, omega }
+    }
+}
+
+impl Outside for Along {
+    fn tau(&self, time: f64) -> f64 {
+        self.tau + self.omega * (time - self.start_s)
+    }
+
+    fn inputs(&self, time: f64, out: &mut [f64]) {
+        out.iter_mut().zip(&self.inputs).for_each(|(o, i)| *o = i.value(time));
+    }
+}
+
+/// Pieces of a record with their guessed states and the stretch that each is from.
+pub struct Pieces {
+    /// Pieces.
+    pub pieces: Vec<Piece>,
+    /// First guess of each one's state.
+    pub guesses: Vec<Vec<f64>>,
+    /// Stretch.
+    pub stretch: Vec<usize>,
+}
+
+/// All stretches on one axis of time.
+pub struct Track<'a> {
+    /// What each sensor shows of the coordinates.
+    pub sensors: Vec<Vec<f64>>,
+    /// Noise of each sensor.
+    pub sigma: Vec<f64>,
+    /// Spacing of the samples, s.
+    pub spacing_s: f64,
+    omega: f64,
+    inputs: usize,
+    along: &'a [Along],
+    stretches: &'a [Stretch],
+    bound: &'a Bound,
+    /// Where each stretch begins on the axis, s.
+    begins: Vec<f64>,
+}
+
+impl<'a> Track<'a> {
+    /// Lays out the stretches; `along` is one for each.
+    pub fn new(stretches: &'a [Stretch], along: &'a [Along], rig: &Rig, bound: &'a Bound, noise: &Sensors) -> Self {
+        let spacing_s = stretches.first().map_or(1.0 / rig.sample_rate_hz, |s| s.step_s);
+        let mut at = 0.0;
+        let begins = stretches
+            .iter()
+            .map(|s| {
+                let begin = at;
+                at += s.len() as f64 * s.step_s + APART_S;
+                begin
+            })
+            .collect();
+        let sensors: Vec<Vec<f64>> =
+            (0..bound.sensors.len()).map(|r| bound.shown.row(r).iter().copied().collect()).collect();
+        let mut squares = vec![(0.0, 0.0_f64); sensors.len()];
+        for s in stretches {
+            for (sum, x) in squares.iter_mut().zip(s.sensors(bound)) {
+                sum.0 += x.iter().map(|x| x * x).sum::<f64>();
+                sum.1 += x.len() as f64;
+            }
+        }
+        let sigma = (0..sensors.len())
+            .map(|k| {
+                let size = (squares[k].0 / squares[k].1.max(1.0)).sqrt();
+                let sigma = noise.count[k].map_or(noise.sigma[k], |q| q / 12f64.sqrt());
+                // A sensor without noise is not possible; without a scale the weights would be infinite.
+                sigma.max(LEAST_NOISE * size).max(1e-12)
+            })
+            .collect();
+        let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
+        Self { sensors, sigma, spacing_s, omega, inputs: bound.inputs.len(), along, stretches, bound, begins }
+    }
+
+    /// Inputs at a time of the axis.
+    pub fn inputs(&self, time: f64, out: &mut [f64]) {
+        let k = self.begins.partition_point(|b| *b <= time + 0.5 * APART_S).saturating_sub(1);
+        if let (Some(along), Some(begin)) = (self.along.get(k), self.begins.get(k)) {
+            along.inputs(time - begin + along.start_s, out);
+        }
+    }
+
+    /// Pieces of `length` samples; none where the sensors do not give the coordinates.
+    pub fn cut(&self, length: usize, guess: usize) -> Option<Pieces> {
+        let angles = self.bound.model.circle();
+        let geometry = Geometry { sensors: &self.sensors, angles: &angles, spacing_s: self.spacing_s, guess };
+        let mut out = Pieces { pieces: Vec::new(), guesses: Vec::new(), stretch: Vec::new() };
+        for (k, s) in self.stretches.iter().enumerate() {
+            let measured =
+                Measured { start_s: self.begins[k], sensors: s.sensors(self.bound), tau: Box::new(move |i| s.tau(i)) };
+            let (pieces, guesses) = cut(&[measured], &geometry, length, (length / 4).max(16))?;
+            out.stretch.extend(std::iter::repeat_n(k, pieces.len()));
+            out.pieces.extend(pieces);
+            out.guesses.extend(guesses);
+        }
+        Some(out)
+    }
+
+    /// The least-squares problem; `at` is [`Track::inputs`].
+    pub fn problem<'b, D: Dynamics + ?Sized>(
+        &'b self,
+        dynamics: &'b D,
+        step_s: f64,
+        at: &'b (dyn Fn(f64, &mut [f64]) + Sync),
+    ) -> Problem<'b, D> {
+        Problem {
+            dynamics,
+            sensors: &self.sensors,
+            sigma: &self.sigma,
+            spacing_s: self.spacing_s,
+            step_s,
+            omega: self.omega,
+            inputs: (self.inputs > 0).then_some(Inputs { count: self.inputs, at }),
+        }
+    }
+}
