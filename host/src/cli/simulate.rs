@@ -59,15 +59,18 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
 /// Simulates a model file.
 #[cfg(feature = "sim")]
 fn model_file(arguments: &Arguments, rig: &Rig, bound: &crate::rig::measures::Bound) -> Result<Answer> {
-    if let Some(effect) = arguments.effects.first() {
-        return Err(crate::error::BadInput::new(format!("\"{effect}\""), "no effect for a model file")
-            .at("--effect")
-            .remedy("Write it into the model as a term, with its coefficient in [plant]"));
-    }
-    let samples =
-        crate::model::model_file::simulation::record(rig, bound, arguments.seconds, arguments.seed, &arguments.output)?;
+    let put_in = crate::explain::model_file::put_in::terms(&bound.model, &arguments.effects)?;
+    let samples = crate::model::model_file::simulation::record(
+        rig,
+        bound,
+        (&put_in.terms, &put_in.strengths),
+        arguments.seconds,
+        arguments.seed,
+        &arguments.output,
+    )?;
     let seconds = samples as f64 / rig.sample_rate_hz;
-    let summary = crate::simulate::Summary { samples, seconds, seed: arguments.seed, effects: Vec::new() };
+    let summary =
+        crate::simulate::Summary { samples, seconds, seed: arguments.seed, effects: arguments.effects.clone() };
     arguments.out.write_json(&summary)?;
     arguments.out.say(&format!("{samples} samples ({seconds} s) in {}\n", arguments.output.display()));
     Ok(Answer::Positive)

@@ -20,6 +20,8 @@ pub struct Effect {
     pub confirm: &'static str,
     /// Whether it needs an angle on S1.
     circle: bool,
+    /// Whether it takes a body that moves: dry friction, drag. A coordinate in volts or amperes has none.
+    mechanical: bool,
     /// Whether it takes energy away: then its strength has the sign of the equation's inertia.
     pub dissipates: bool,
     /// The simpler effect that it refines: while that one is supported itself, this one is not named.
@@ -47,6 +49,29 @@ impl Sizes {
     }
 }
 
+impl Effect {
+    /// The first form for unit sizes.
+    fn example(&self) -> Option<Form> {
+        let (x, v) = (symbol(Symbol::Coordinate(0)), symbol(Symbol::Rate(0)));
+        (self.forms)(&Sizes { speed: 1.0, shape: None }, x, v).into_iter().next()
+    }
+
+    /// Name of its shape parameter, if it has one.
+    pub fn shape(&self) -> Option<&'static str> {
+        self.example().and_then(|f| f.0).map(|s| s.0)
+    }
+
+    /// Whether it has a phase ψ: two strengths.
+    pub fn phase(&self) -> bool {
+        self.example().is_some_and(|f| f.1.len() == 2)
+    }
+
+    /// Whether it needs an angle on S1.
+    pub fn is_circular(&self) -> bool {
+        self.circle
+    }
+}
+
 fn sign(v: Node) -> Node {
     call(Function::Sign, v)
 }
@@ -66,6 +91,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "c v",
         confirm: "free decays from different amplitudes have one logarithmic decrement",
         circle: false,
+        mechanical: false,
         dissipates: true,
         refines: None,
         forms: |_, _, v| one(v),
@@ -75,6 +101,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "τ sign v",
         confirm: "pull slowly both ways with a spring balance: the force has a level that does not vanish with speed",
         circle: false,
+        mechanical: true,
         dissipates: true,
         refines: None,
         forms: |_, _, v| one(sign(v)),
@@ -84,6 +111,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "F",
         confirm: "tilt or turn the rig round: the force keeps its side",
         circle: false,
+        mechanical: false,
         dissipates: false,
         refines: None,
         forms: |_, _, _| one(number(1.0)),
@@ -93,6 +121,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "k x",
         confirm: "hold it at several positions with a spring balance",
         circle: false,
+        mechanical: false,
         dissipates: false,
         refines: None,
         forms: |_, x, _| one(x),
@@ -102,6 +131,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "S cos x",
         confirm: "find the position of rest: it is not where 0 was set",
         circle: true,
+        mechanical: false,
         dissipates: false,
         refines: None,
         forms: |_, x, _| one(call(Function::Cos, x)),
@@ -111,6 +141,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "k x³",
         confirm: "the frequency of free decays changes with the square of the amplitude",
         circle: false,
+        mechanical: false,
         dissipates: false,
         refines: None,
         forms: |_, x, _| one(power_whole(x, 3)),
@@ -120,6 +151,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "k x²",
         confirm: "the middle of an oscillation moves with its amplitude",
         circle: false,
+        mechanical: false,
         dissipates: false,
         refines: None,
         forms: |_, x, _| one(power_whole(x, 2)),
@@ -129,6 +161,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "k v |v|",
         confirm: "add a sail: it grows",
         circle: false,
+        mechanical: true,
         dissipates: true,
         refines: Some("viscous-friction"),
         forms: |_, _, v| one(multiply(v.clone(), abs(v))),
@@ -138,6 +171,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "c |v|: friction that differs with direction",
         confirm: "move at one speed both ways and compare the forces",
         circle: false,
+        mechanical: true,
         dissipates: false,
         refines: Some("constant-force"),
         forms: |_, _, v| one(abs(v)),
@@ -147,6 +181,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "c x² v",
         confirm: "the decrement of free decays changes with the square of the amplitude",
         circle: false,
+        mechanical: false,
         dissipates: true,
         refines: Some("viscous-friction"),
         forms: |_, x, v| one(multiply(power_whole(x, 2), v)),
@@ -156,6 +191,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "μ |G cos x + v²| sign v, G in s⁻²",
         confirm: "add weight: the friction grows with it",
         circle: true,
+        mechanical: true,
         dissipates: true,
         refines: Some("coulomb-friction"),
         forms: |s, x, v| {
@@ -174,6 +210,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "τ exp(−(v/v_s)²) sign v",
         confirm: "drive it at several low speeds: the force falls with speed",
         circle: false,
+        mechanical: true,
         dissipates: true,
         refines: Some("coulomb-friction"),
         forms: |s, _, v| {
@@ -192,6 +229,7 @@ pub static EFFECTS: &[Effect] = &[
         equation: "A sin(n x + ψ)",
         confirm: "turn it slowly by hand and feel the detents",
         circle: true,
+        mechanical: false,
         dissipates: false,
         refines: Some("imbalance"),
         forms: |s, x, _| {
@@ -244,15 +282,16 @@ fn equation_of(model: &ModelFile, coordinate: usize) -> Option<usize> {
     own.or_else(|| (0..model.equations.len()).find(|e| holds(*e)))
 }
 
-/// Every candidate that the model does not hold as a term already. `speed` is each coordinate's rms velocity.
-pub fn candidates(model: &ModelFile, omega: f64, speed: &[f64]) -> Vec<Candidate> {
+/// Every candidate that the model does not hold as a term already. `speed` is each coordinate's rms velocity; `moves[i]` says whether
+/// coordinate i is a length or an angle.
+pub fn candidates(model: &ModelFile, omega: f64, speed: &[f64], moves: &[bool]) -> Vec<Candidate> {
     let mut out = Vec::new();
     for (i, c) in model.coordinates.iter().enumerate() {
         let Some(equation) = equation_of(model, i) else { continue };
         let held: Vec<Node> = model.equations[equation].terms.iter().map(|t| model.in_seconds(&t.of, omega)).collect();
         let (x, v) = (symbol(Symbol::Coordinate(i)), symbol(Symbol::Rate(i)));
         for (rank, effect) in EFFECTS.iter().enumerate() {
-            if effect.circle && c.space != Space::Circle {
+            if (effect.circle && c.space != Space::Circle) || (effect.mechanical && !moves[i]) {
                 continue;
             }
             for (shape, columns) in (effect.forms)(&Sizes { speed: speed[i], shape: None }, x.clone(), v.clone()) {
@@ -318,13 +357,21 @@ balance = "-q''"
 terms = { k = "sin(q)", c = "2*q'", d = "sign(q')" }
 "#;
         let model = ModelFile::parse(text, std::path::Path::new("m.toml")).unwrap();
-        let list = candidates(&model, 1.0, &[2.0]);
+        let list = candidates(&model, 1.0, &[2.0], &[true]);
         let names: Vec<String> = list.iter().map(Candidate::name).collect();
         assert!(!names.contains(&"viscous-friction@q".to_owned()) && !names.contains(&"coulomb-friction@q".to_owned()));
         assert!(names.contains(&"stribeck-friction@q".to_owned()) && names.contains(&"imbalance@q".to_owned()));
         assert!(list.iter().all(|c| c.equation == 0));
         let line = text.replace("S1", "R");
         let model = ModelFile::parse(&line, std::path::Path::new("m.toml")).unwrap();
-        assert!(!candidates(&model, 1.0, &[2.0]).iter().any(|c| c.effect.id == "cogging"));
+        assert!(!candidates(&model, 1.0, &[2.0], &[true]).iter().any(|c| c.effect.id == "cogging"));
+        // A voltage has neither dry friction nor drag.
+        let text = line.replace(", d = \"sign(q')\"", "");
+        let model = ModelFile::parse(&text, std::path::Path::new("m.toml")).unwrap();
+        let ids = |moves: bool| -> Vec<&str> {
+            candidates(&model, 1.0, &[2.0], &[moves]).iter().map(|c| c.effect.id).collect()
+        };
+        assert!(ids(true).contains(&"coulomb-friction") && !ids(false).contains(&"coulomb-friction"));
+        assert!(!ids(false).contains(&"quadratic-drag") && ids(false).contains(&"amplitude-dependent-damping"));
     }
 }

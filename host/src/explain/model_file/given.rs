@@ -9,7 +9,7 @@ use super::round::{Round, column_name};
 use super::told::put_value;
 use crate::error::{BadInput, Result};
 use crate::explain::explanation::{Explanation, Found, Step};
-use crate::identify::general::track::Along;
+use crate::identify::general::track::Track;
 use crate::identify::model_file::own_keys;
 use crate::model::identified::{AddedEffect, IdentifiedModel, System};
 
@@ -61,7 +61,7 @@ pub fn measure(
     given: &IdentifiedModel,
     setting: &Setting<'_>,
     chosen: &[Candidate],
-    along: &[Along],
+    track: &Track<'_>,
     result: &mut Explanation,
 ) -> Result<()> {
     let mut by_name: BTreeMap<String, f64> = given.parameters.iter().map(|p| (p.name.clone(), p.value)).collect();
@@ -76,7 +76,7 @@ pub fn measure(
         }
     }
     let value =
-        Moving::new(setting, chosen)?.map_or(f64::NAN, |m| m.gap(setting, &by_name, along, result.gap.horizon_s));
+        Moving::new(setting, chosen)?.map_or(f64::NAN, |m| m.gap(setting, &by_name, track, result.gap.horizon_s));
     result.gap.steps.push(Step { added: None, value });
     Ok(())
 }

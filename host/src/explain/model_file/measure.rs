@@ -9,14 +9,12 @@ use super::told::Unit;
 use super::{Coefficient, Setting, Simulation};
 use crate::error::Result;
 use crate::explain::explanation::{Explanation, Step};
-use crate::identify::general::track::Along;
+use crate::identify::general::track::Track;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
 /// The model of a step as equations of motion.
 pub struct Moving {
     motion: EquationsOfMotion,
-    /// Noise of the coordinates.
-    sigma: Vec<f64>,
 }
 
 impl Moving {
@@ -30,19 +28,7 @@ impl Moving {
             return Ok(None);
         }
         let motion = EquationsOfMotion::with_columns(model, setting.rig.omega(), &terms(chosen))?;
-        let sigma = (0..model.coordinates.len())
-            .map(|k| {
-                let sum: f64 = setting
-                    .sensors
-                    .sigma
-                    .iter()
-                    .enumerate()
-                    .map(|(r, s)| (setting.bound.coordinates[(k, r)] * s).powi(2))
-                    .sum();
-                sum.sqrt().max(1e-12)
-            })
-            .collect();
-        Ok(Some(Self { motion, sigma }))
+        Ok(Some(Self { motion }))
     }
 
     /// Parameters from coefficients by name.
@@ -51,9 +37,15 @@ impl Moving {
     }
 
     /// The gap with coefficients by name.
-    pub fn gap(&self, setting: &Setting<'_>, by_name: &BTreeMap<String, f64>, along: &[Along], horizon_s: f64) -> f64 {
+    pub fn gap(
+        &self,
+        setting: &Setting<'_>,
+        by_name: &BTreeMap<String, f64>,
+        track: &Track<'_>,
+        horizon_s: f64,
+    ) -> f64 {
         let p = self.parameters(by_name);
-        prediction::gap(&self.motion, &p, setting.stretches, along, &self.sigma, horizon_s, setting.block_s)
+        prediction::gap(&self.motion, &p, track, horizon_s, setting.block_s)
     }
 }
 
@@ -65,12 +57,12 @@ pub fn gap(
     setting: &Setting<'_>,
     round: &Round,
     chosen: &[Candidate],
-    along: &[Along],
+    track: &Track<'_>,
     added: Option<String>,
     result: &mut Explanation,
 ) -> Result<()> {
     let value = Moving::new(setting, chosen)?
-        .map_or(f64::NAN, |m| m.gap(setting, &round.coefficients(chosen, |f| &f.train), along, result.gap.horizon_s));
+        .map_or(f64::NAN, |m| m.gap(setting, &round.coefficients(chosen, |f| &f.train), track, result.gap.horizon_s));
     result.gap.steps.push(Step { added, value });
     Ok(())
 }
@@ -83,7 +75,7 @@ pub fn simulate(
     setting: &Setting<'_>,
     round: &Round,
     chosen: &[Candidate],
-    along: &[Along],
+    track: &Track<'_>,
     simulations: &mut [Simulation],
     unit: &Unit,
 ) -> Result<()> {
@@ -92,21 +84,9 @@ pub fn simulate(
     let signs = signs_of(setting, &own_signs(setting, round), round, chosen, moving.motion.coefficients());
     let longest = (0..setting.stretches.len()).max_by_key(|&k| (setting.stretches[k].len(), usize::MAX - k));
     for simulation in simulations {
-        let found = longest.and_then(|k| {
-            let stretch = &setting.stretches[k];
-            // Eight samples a cycle of the highest frequency that stands clear of the noise.
-            let stride = (1.0 / (8.0 * setting.geometry.kernels.clear.pass_hz * stretch.step_s)).floor().max(1.0);
-            prediction::simulate(
-                &moving.motion,
-                (&whole, &signs),
-                stretch,
-                &along[k],
-                &moving.sigma,
-                simulation.fitted,
-                stride as usize,
-            )
-        });
-        let value = found.as_ref().map_or(f64::NAN, |(_, e)| e.iter().fold(0.0_f64, |m, x| m.max(*x)) * unit.factor);
+        let found =
+            longest.and_then(|k| prediction::simulate(&moving.motion, (&whole, &signs), track, k, simulation.fitted));
+        let value = found.as_ref().map_or(f64::NAN, |(_, error)| error * unit.factor);
         simulation.steps.push(Step { added: chosen.last().map(Candidate::name), value });
         let names = moving.motion.coefficients().iter().cloned();
         simulation.parameters = found

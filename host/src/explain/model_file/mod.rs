@@ -16,6 +16,7 @@
 //! | [`choose`] | which effect is added |
 //! | [`measure`], [`prediction`] | the gap, simulations |
 //! | [`given`] | a model to start from, and the model that is written |
+//! | [`put_in`] | effects put into a simulation |
 //! | [`told`] | units, parameters, values |
 
 mod candidates;
@@ -24,6 +25,7 @@ mod fit;
 mod given;
 mod measure;
 mod prediction;
+pub mod put_in;
 mod round;
 mod signs;
 mod told;
@@ -53,6 +55,8 @@ use crate::rig::measures::Bound;
 const MOST_EFFECTS: usize = 8;
 /// Fewest blocks for a decision.
 const FEWEST_BLOCKS: usize = 9;
+/// Share of its promise that an effect must keep.
+const LEAST_KEPT: f64 = 0.5;
 /// Length of a block, s.
 const BLOCK_S: f64 = 4.0;
 /// Gap and residual up to which nothing counts as left.
@@ -67,7 +71,7 @@ pub struct Simulation {
     pub fitted: f64,
     /// Unit of the values.
     pub unit: String,
-    /// Rms error over the rest, of the model as given and with everything that was added; the greatest over the coordinates. NaN where no
+    /// Rms error over the rest, of the model as given and with everything that was added; the greatest over the sensors. NaN where no
     /// simulation follows the record.
     pub steps: Vec<Step>,
     /// The coefficients of the last step as fitted by this simulation; those of effects by `ID@PLACE` and a number.
@@ -120,15 +124,14 @@ pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
     let along: Vec<Along> = stretches.iter().map(|s| Along::new(s, rig.drive.map_or(0.0, |_| rig.omega()))).collect();
     let track = Track::new(&stretches, &along, rig, bound, &sensors);
     let speeds = told::speeds(&stretches);
-    let every = candidates(model, rig.omega(), &speeds);
+    let every = candidates(model, rig.omega(), &speeds, &told::moves(rig, bound));
     let mut result = Explanation::new(horizon_s, warnings);
     let mut chosen = match &settings.model {
         Some(given) => given::effects(given, &setting, &speeds)?,
         None => Vec::new(),
     };
-    let given = chosen.len();
     if let Some(model) = &settings.model {
-        given::measure(model, &setting, &chosen, &along, &mut result)?;
+        given::measure(model, &setting, &chosen, &track, &mut result)?;
     }
     let unit = told::Unit::of(rig, bound);
     let mut simulations: Vec<Simulation> = FITTED
@@ -138,49 +141,66 @@ pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
     let first = by_weak_form(&setting, &BTreeMap::new(), None, &[], &[])?;
     let signs = own_signs(&setting, &first);
     let mut trajectories = follow(&setting, &track, &first, records.len(), horizon_s);
-    let mut before = first;
-    let mut undecidable = None;
-    let last = loop {
-        let step = chosen.len() - given;
-        let open: Vec<Candidate> =
-            every.iter().filter(|c| !chosen.iter().any(|k| k.name() == c.name())).cloned().collect();
-        let followed =
-            trajectories.as_mut().and_then(|t| by_trajectories(&setting, t, &signs, &before, &chosen, &open));
-        let round = match followed {
+    let open = |chosen: &[Candidate]| -> Vec<Candidate> {
+        every.iter().filter(|c| !chosen.iter().any(|k| k.name() == c.name())).cloned().collect()
+    };
+    let mut rest = open(&chosen);
+    let mut round =
+        match trajectories.as_mut().and_then(|t| by_trajectories(&setting, t, &signs, &first, &chosen, &rest)) {
             Some(round) => round,
             None => {
                 trajectories = None;
-                by_weak_form(&setting, &signs, Some(&before), &chosen, &open)?
+                by_weak_form(&setting, &signs, Some(&first), &chosen, &rest)?
             }
         };
-        if step == 0 {
-            let blocks = round.groups.iter().map(|g| g.blocks.len()).min().unwrap_or(0);
-            if blocks < FEWEST_BLOCKS {
-                undecidable = Some(format!("{blocks} blocks of {:.3} s are too few to hold any out", setting.block_s));
+    let blocks = round.groups.iter().map(|g| g.blocks.len()).min().unwrap_or(0);
+    let undecidable = (blocks < FEWEST_BLOCKS)
+        .then(|| format!("{blocks} blocks of {:.3} s are too few to hold any out", setting.block_s));
+    measure::gap(&setting, &round, &chosen, &track, settings.model.is_some().then(|| "refit".to_owned()), &mut result)?;
+    measure::simulate(&setting, &round, &chosen, &track, &mut simulations, &unit)?;
+    let most = if undecidable.is_some() { 0 } else { settings.most_effects.unwrap_or(MOST_EFFECTS) };
+    for step in 0..=most {
+        let scores = choose::scores(&round, &chosen, &rest);
+        result.ranking.extend(scores.ranked(step));
+        let mut skipped = Vec::new();
+        let next = loop {
+            if step == most {
+                break None;
             }
-        }
-        let added = match step {
-            0 => settings.model.is_some().then(|| "refit".to_owned()),
-            _ => chosen.last().map(Candidate::name),
+            let Some((candidate, found)) = scores.next(&setting, &skipped) else { break None };
+            let promised = found.held_out_gain;
+            skipped.push(candidate.name());
+            chosen.push(candidate);
+            let left = open(&chosen);
+            let kept = trajectories.as_ref().map(|t| t.states.clone());
+            let tried = match trajectories.as_mut() {
+                Some(t) => by_trajectories(&setting, t, &signs, &round, &chosen, &left),
+                None => Some(by_weak_form(&setting, &signs, Some(&round), &chosen, &left)?),
+            };
+            match tried {
+                Some(new) if new.held_out() < round.held_out() * (1.0 - LEAST_KEPT * promised) => {
+                    break Some((found, new, left));
+                }
+                // What it promised at a strength of nothing it does not keep.
+                _ => {
+                    chosen.pop();
+                    if let (Some(t), Some(states)) = (trajectories.as_mut(), kept) {
+                        t.states = states;
+                    }
+                }
+            }
         };
-        measure::gap(&setting, &round, &chosen, &along, added, &mut result)?;
-        told::read_parameters(&setting, &round, &chosen, &mut result);
-        let done = undecidable.is_some() || step >= settings.most_effects.unwrap_or(MOST_EFFECTS);
-        let next =
-            if done { None } else { choose::choose(&setting, &round, &chosen, &open, step, &mut result.ranking) };
-        // Before anything is added, and with everything.
-        if step == 0 || next.is_none() {
-            measure::simulate(&setting, &round, &chosen, &along, &mut simulations, &unit)?;
-        }
-        let Some((candidate, found)) = next else { break round };
+        let Some((found, new, left)) = next else { break };
         result.effects.push(found);
-        chosen.push(candidate);
-        before = round;
-    };
+        (round, rest) = (new, left);
+        measure::gap(&setting, &round, &chosen, &track, chosen.last().map(Candidate::name), &mut result)?;
+    }
+    told::read_parameters(&setting, &round, &chosen, &mut result);
+    measure::simulate(&setting, &round, &chosen, &track, &mut simulations, &unit)?;
     result.simulation = simulations;
     decide(&mut result, undecidable);
     if result.verdict != Verdict::NotDecidable {
-        result.model = Some(given::model(&setting, &last, &chosen, &result)?);
+        result.model = Some(given::model(&setting, &round, &chosen, &result)?);
     }
     Ok(result)
 }

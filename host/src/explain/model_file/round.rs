@@ -50,6 +50,11 @@ impl Round {
         if self.groups.len() == 1 { 0 } else { c.equation }
     }
 
+    /// Sum of squares on blocks that were not fitted.
+    pub fn held_out(&self) -> f64 {
+        self.groups.iter().flat_map(|g| &g.own.fit.held_out).sum()
+    }
+
     /// Coefficients by name, those of what was chosen by [`column_name`]; of several records the first one's own.
     pub fn coefficients(&self, chosen: &[Candidate], pick: fn(&Fit) -> &DVector<f64>) -> BTreeMap<String, f64> {
         let mut out: BTreeMap<String, f64> = BTreeMap::new();

@@ -56,6 +56,11 @@ fn si_unit(rig: &Rig, bound: &Bound, coordinate: usize) -> String {
     .to_owned()
 }
 
+/// Whether each coordinate is a length or an angle.
+pub fn moves(rig: &Rig, bound: &Bound) -> Vec<bool> {
+    (0..bound.model.coordinates.len()).map(|k| matches!(si_unit(rig, bound, k).as_str(), "rad" | "m")).collect()
+}
+
 /// The unit in which simulation errors are told: degrees where everything is an angle.
 pub struct Unit {
     /// Its name.

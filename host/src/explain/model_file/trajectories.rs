@@ -6,7 +6,7 @@
 //! it: a force that acts against the motion adds up over a piece, where in the balance of forces it is a small share beside those that do
 //! not. Candidates enter with strength zero, from the solution without them.
 //!
-//! Pieces are as long as the model can follow: a block's length, halved until most pieces are followed to a third of their motion.
+//! Pieces are as long as the model can follow: a block's length, halved until most pieces are followed to a fifth of their motion.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -27,7 +27,7 @@ const FEWEST_SAMPLES: usize = 32;
 /// Pieces by which a length is judged.
 const SOME: usize = 12;
 /// Residual over motion up to which a piece counts as followed.
-const FOLLOWED: f64 = 0.33;
+const FOLLOWED: f64 = 0.2;
 /// Rounds of Gauss and Newton, and shares of a step that are tried.
 const ROUNDS: usize = 8;
 const TRIALS: [f64; 5] = [1.0, 0.5, 0.25, 0.125, 0.031_25];
@@ -79,10 +79,9 @@ pub struct Trajectories<'a> {
     record: Vec<usize>,
     /// Number of the block of each piece.
     block: Vec<usize>,
-    states: Vec<Vec<f64>>,
+    /// Their initial states.
+    pub states: Vec<Vec<f64>>,
     step_s: f64,
-    /// Length of a piece, s.
-    pub length_s: f64,
 }
 
 impl<'a> Trajectories<'a> {
@@ -137,13 +136,15 @@ impl<'a> Trajectories<'a> {
                     block: Vec::new(),
                     states: Vec::new(),
                     step_s,
-                    length_s: length as f64 * track.spacing_s,
                 };
                 let mut blocks: Vec<(usize, i64)> = Vec::new();
                 for (k, found) in kept.into_iter().zip(found) {
                     let Some((state, _)) = found else { continue };
-                    // Blocks are at least as long as pieces.
-                    let block = (stretch[k], (pieces[k].start_s / block_s * stride_share(stride)).floor() as i64);
+                    // Blocks are at least as long as pieces; pieces left out between two that are kept make none shorter.
+                    let block = (
+                        stretch[k],
+                        (track.since_begin(stretch[k], &pieces[k]) / (block_s * stride as f64)).floor() as i64,
+                    );
                     if blocks.last() != Some(&block) {
                         blocks.push(block);
                     }
@@ -271,11 +272,6 @@ impl<'a> Trajectories<'a> {
         }
         Some(x)
     }
-}
-
-/// Pieces left out between two that are kept do not make blocks longer.
-fn stride_share(stride: usize) -> f64 {
-    1.0 / stride as f64
 }
 
 /// Mean square of a piece's motion about its mean, in units of the noise.

@@ -8,6 +8,7 @@ pub mod geometry;
 pub mod noise;
 pub mod per_record;
 pub mod series;
+pub mod shooting;
 pub mod stretches;
 pub mod ties;
 pub mod track;

@@ -132,6 +132,34 @@ impl<'a> Track<'a> {
         Some(out)
     }
 
+    /// One piece of a stretch, with the guess of its state.
+    pub fn piece(&self, stretch: usize, first: usize, count: usize) -> Option<(Piece, Vec<f64>)> {
+        let angles = self.bound.model.circle();
+        let guess = (count / 16).clamp(3, 8);
+        let geometry = Geometry { sensors: &self.sensors, angles: &angles, spacing_s: self.spacing_s, guess };
+        let s = self.stretches.get(stretch)?;
+        let sensors = s.sensors(self.bound).into_iter().map(|x| x[first..first + count].to_vec()).collect();
+        let start_s = self.begins[stretch] + first as f64 * self.spacing_s;
+        let measured = Measured { start_s, sensors, tau: Box::new(move |i| s.tau(first + i)) };
+        let (mut pieces, mut guesses) = cut(&[measured], &geometry, count, count)?;
+        Some((pieces.pop()?, guesses.pop()?))
+    }
+
+    /// Samples of a stretch.
+    pub fn samples(&self, stretch: usize) -> usize {
+        self.stretches.get(stretch).map_or(0, Stretch::len)
+    }
+
+    /// Whether something from outside acts on the system.
+    pub fn is_driven(&self) -> bool {
+        self.inputs > 0 || self.omega > 0.0
+    }
+
+    /// Time from the beginning of its stretch to a piece, s.
+    pub fn since_begin(&self, stretch: usize, piece: &Piece) -> f64 {
+        piece.start_s - self.begins[stretch]
+    }
+
     /// The least-squares problem; `at` is [`Track::inputs`].
     pub fn problem<'b, D: Dynamics + ?Sized>(
         &'b self,

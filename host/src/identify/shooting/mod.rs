@@ -79,7 +79,7 @@ pub struct Details {
     pub at_bound: Vec<String>,
 }
 
-/// Identifies a built-in system by multiple shooting from the weak form's result.
+/// Identifies a system by multiple shooting from the weak form's result.
 ///
 /// # Errors
 /// As the weak form; bounds on a parameter that there is not; a record that no solution of the model follows.
@@ -90,6 +90,9 @@ pub fn identify(
     settings: &Settings,
     progress: &ProgressBar,
 ) -> Result<Identification> {
+    if let Some(bound) = &rig.bound {
+        return super::general::shooting::identify(records, rig, bound, weak, settings, progress);
+    }
     let system = System::of(rig)?;
     let first = super::identify(records, rig, weak)?;
     let prepared = prepare_system(&system, records, rig, weak)?;

@@ -19,6 +19,8 @@ use crate::model::dynamics::Dynamics;
 const FEW: usize = 96;
 /// Difference, in the sensors' standard deviations, that the step of integration may make.
 const STEP_ERROR: f64 = 0.03;
+/// Steps are not sought below this share of a sample: a motion that its samples hold needs none, and noise may be as good as nothing.
+const FINEST: f64 = 0.125;
 /// Mean square of a piece, in medians, from which it counts as lost.
 const LOST: f64 = 25.0;
 /// Promise of a step, in squared standard errors, at which the last level stops.
@@ -238,7 +240,7 @@ pub fn integration_step<D: Dynamics + ?Sized>(
                 count += a.len() as f64;
             }
         }
-        if count > 0.0 && (sum / count).sqrt() < STEP_ERROR {
+        if (count > 0.0 && (sum / count).sqrt() < STEP_ERROR) || step < FINEST * problem.spacing_s {
             return step;
         }
         // A method of order 5: half the step has 1/32 of the error. Try the step between first.

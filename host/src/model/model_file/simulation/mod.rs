@@ -12,6 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use self::excitation::Signal;
 use self::plant::Plant;
 use super::equations_of_motion::EquationsOfMotion;
+use super::expression::Node;
 use crate::error::{BadInput, Result};
 use crate::model::integrate::{Outside, Settings, solve};
 use crate::record::Column;
@@ -54,11 +55,14 @@ impl Outside for Surroundings {
     }
 }
 
+/// Terms that the plant has beside the model's: equation, name, expression in seconds; and their coefficients.
+pub type Extra<'a> = (&'a [(usize, String, Node)], &'a [f64]);
+
 /// One column for each channel of the rig, over `seconds` from t = 0 on.
 ///
 /// # Errors
 /// A plant that is missing or cannot be integrated, seconds out of range.
-pub fn columns(rig: &Rig, bound: &Bound, seconds: f64, seed: u64) -> Result<Vec<Column>> {
+pub fn columns(rig: &Rig, bound: &Bound, extra: Extra<'_>, seconds: f64, seed: u64) -> Result<Vec<Column>> {
     let rate = rig.sample_rate_hz;
     if !(seconds > 0.0 && seconds <= LONGEST_S && seconds * rate <= MOST_SAMPLES) {
         let most = LONGEST_S.min(MOST_SAMPLES / rate);
@@ -66,7 +70,8 @@ pub fn columns(rig: &Rig, bound: &Bound, seconds: f64, seed: u64) -> Result<Vec<
     }
     let model = &*bound.model;
     let plant = Plant::of(rig, model, seconds, seed)?;
-    let motion = EquationsOfMotion::new(model, rig.omega())?;
+    let motion = EquationsOfMotion::with_columns(model, rig.omega(), extra.0)?;
+    let coefficients = [&plant.coefficients[..], extra.1].concat();
     let step = 1.0 / rate;
     // Both bounded above.
     let settle = (plant.settle_s * rate).round() as usize;
@@ -92,7 +97,7 @@ pub fn columns(rig: &Rig, bound: &Bound, seconds: f64, seed: u64) -> Result<Vec<
         inputs: model.inputs.len(),
         finest: FINEST,
     };
-    let states = solve(&motion, &plant.coefficients, &plant.initial, &surroundings, &settings).ok_or_else(|| {
+    let states = solve(&motion, &coefficients, &plant.initial, &surroundings, &settings).ok_or_else(|| {
         BadInput::new(
             "a motion that leaves the finite numbers, or a singular mass matrix",
             "a plant that can be simulated",
@@ -145,8 +150,8 @@ fn gauss(rng: &mut ChaCha8Rng) -> f64 {
 ///
 /// # Errors
 /// As [`columns`]; a file that cannot be written.
-pub fn record(rig: &Rig, bound: &Bound, seconds: f64, seed: u64, output: &Path) -> Result<u64> {
-    let columns = columns(rig, bound, seconds, seed)?;
+pub fn record(rig: &Rig, bound: &Bound, extra: Extra<'_>, seconds: f64, seed: u64, output: &Path) -> Result<u64> {
+    let columns = columns(rig, bound, extra, seconds, seed)?;
     write_values(output, rig, &columns)?;
     Ok(columns.first().map_or(0, Column::len) as u64)
 }
