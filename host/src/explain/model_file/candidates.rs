@@ -38,6 +38,8 @@ type Form = (Option<(&'static str, f64)>, Vec<Node>);
 pub struct Sizes {
     /// Root mean square velocity.
     pub speed: f64,
+    /// Coefficient of sin x over the coordinate's inertia, s⁻², where the model has one.
+    pub gravity: Option<f64>,
     /// The shape parameter, where it is known.
     pub shape: Option<f64>,
 }
@@ -53,7 +55,7 @@ impl Effect {
     /// The first form for unit sizes.
     fn example(&self) -> Option<Form> {
         let (x, v) = (symbol(Symbol::Coordinate(0)), symbol(Symbol::Rate(0)));
-        (self.forms)(&Sizes { speed: 1.0, shape: None }, x, v).into_iter().next()
+        (self.forms)(&Sizes { speed: 1.0, gravity: Some(1.0), shape: None }, x, v).into_iter().next()
     }
 
     /// Name of its shape parameter, if it has one.
@@ -195,7 +197,8 @@ pub static EFFECTS: &[Effect] = &[
         dissipates: true,
         refines: Some("coulomb-friction"),
         forms: |s, x, v| {
-            s.shapes([0.25, 1.0, 4.0].map(|f| f * s.speed * s.speed))
+            // G = g over the distance of the centroid; the coefficient of sin x is that or, with inertia about the centroid, less.
+            s.shapes(s.gravity.into_iter().flat_map(|k| [1.0, 1.2, 1.5].map(|f| f * k)))
                 .into_iter()
                 .map(|g| {
                     let load =
@@ -283,8 +286,14 @@ fn equation_of(model: &ModelFile, coordinate: usize) -> Option<usize> {
 }
 
 /// Every candidate that the model does not hold as a term already. `speed` is each coordinate's rms velocity; `moves[i]` says whether
-/// coordinate i is a length or an angle.
-pub fn candidates(model: &ModelFile, omega: f64, speed: &[f64], moves: &[bool]) -> Vec<Candidate> {
+/// coordinate i is a length or an angle, `gravity[i]` is its coefficient of sin x over its inertia, s⁻².
+pub fn candidates(
+    model: &ModelFile,
+    omega: f64,
+    speed: &[f64],
+    moves: &[bool],
+    gravity: &[Option<f64>],
+) -> Vec<Candidate> {
     let mut out = Vec::new();
     for (i, c) in model.coordinates.iter().enumerate() {
         let Some(equation) = equation_of(model, i) else { continue };
@@ -294,7 +303,9 @@ pub fn candidates(model: &ModelFile, omega: f64, speed: &[f64], moves: &[bool]) 
             if (effect.circle && c.space != Space::Circle) || (effect.mechanical && !moves[i]) {
                 continue;
             }
-            for (shape, columns) in (effect.forms)(&Sizes { speed: speed[i], shape: None }, x.clone(), v.clone()) {
+            for (shape, columns) in
+                (effect.forms)(&Sizes { speed: speed[i], gravity: gravity[i], shape: None }, x.clone(), v.clone())
+            {
                 if columns.iter().any(|c| held.iter().any(|h| multiple(h, c).is_some())) {
                     continue;
                 }
@@ -303,6 +314,24 @@ pub fn candidates(model: &ModelFile, omega: f64, speed: &[f64], moves: &[bool]) 
         }
     }
     out
+}
+
+/// For each coordinate, the coefficient of sin x over the inertia in its equation, for coefficients by name; none where there is no such term
+/// or where it does not pull back.
+pub fn gravity(model: &ModelFile, omega: f64, coefficient: &dyn Fn(&str) -> f64) -> Vec<Option<f64>> {
+    (0..model.coordinates.len())
+        .map(|i| {
+            let equation = &model.equations[equation_of(model, i)?];
+            let at_rest = |n: &Node| {
+                model.in_seconds(n, omega).derivative(Symbol::Acceleration(i)).map_or(0.0, |d| d.value(&|_| 0.0))
+            };
+            let terms = || equation.terms.iter().map(|t| (coefficient(&t.name), &t.of));
+            let inertia: f64 = terms().map(|(k, of)| k * at_rest(of)).sum::<f64>() - at_rest(&equation.balance);
+            let pull = call(Function::Sin, symbol(Symbol::Coordinate(i)));
+            let sum: f64 = terms().filter_map(|(k, of)| Some(k * multiple(&model.in_seconds(of, omega), &pull)?)).sum();
+            Some(sum / inertia).filter(|g| g.is_finite() && *g > 0.0)
+        })
+        .collect()
 }
 
 /// An effect at a coordinate with a known shape parameter; none where there is no such effect.
@@ -314,7 +343,8 @@ pub fn candidate(model: &ModelFile, id: &str, at: &str, shape: Option<f64>, spee
     }
     let equation = equation_of(model, i)?;
     let (x, v) = (symbol(Symbol::Coordinate(i)), symbol(Symbol::Rate(i)));
-    let (shape, columns) = (effect.forms)(&Sizes { speed: *speed.get(i)?, shape }, x, v).into_iter().next()?;
+    let (shape, columns) =
+        (effect.forms)(&Sizes { speed: *speed.get(i)?, gravity: None, shape }, x, v).into_iter().next()?;
     Some(Candidate { effect, rank, at: at.to_owned(), equation, shape, columns })
 }
 
@@ -324,7 +354,7 @@ pub fn dissipative(coordinate: usize) -> Vec<Node> {
     EFFECTS
         .iter()
         .filter(|e| e.dissipates)
-        .flat_map(|e| (e.forms)(&Sizes { speed: 1.0, shape: None }, x.clone(), v.clone()))
+        .flat_map(|e| (e.forms)(&Sizes { speed: 1.0, gravity: Some(1.0), shape: None }, x.clone(), v.clone()))
         .filter_map(|(shape, mut columns)| if shape.is_none() { columns.pop() } else { None })
         .collect()
 }
@@ -357,19 +387,19 @@ balance = "-q''"
 terms = { k = "sin(q)", c = "2*q'", d = "sign(q')" }
 "#;
         let model = ModelFile::parse(text, std::path::Path::new("m.toml")).unwrap();
-        let list = candidates(&model, 1.0, &[2.0], &[true]);
+        let list = candidates(&model, 1.0, &[2.0], &[true], &[None]);
         let names: Vec<String> = list.iter().map(Candidate::name).collect();
         assert!(!names.contains(&"viscous-friction@q".to_owned()) && !names.contains(&"coulomb-friction@q".to_owned()));
         assert!(names.contains(&"stribeck-friction@q".to_owned()) && names.contains(&"imbalance@q".to_owned()));
         assert!(list.iter().all(|c| c.equation == 0));
         let line = text.replace("S1", "R");
         let model = ModelFile::parse(&line, std::path::Path::new("m.toml")).unwrap();
-        assert!(!candidates(&model, 1.0, &[2.0], &[true]).iter().any(|c| c.effect.id == "cogging"));
+        assert!(!candidates(&model, 1.0, &[2.0], &[true], &[None]).iter().any(|c| c.effect.id == "cogging"));
         // A voltage has neither dry friction nor drag.
         let text = line.replace(", d = \"sign(q')\"", "");
         let model = ModelFile::parse(&text, std::path::Path::new("m.toml")).unwrap();
         let ids = |moves: bool| -> Vec<&str> {
-            candidates(&model, 1.0, &[2.0], &[moves]).iter().map(|c| c.effect.id).collect()
+            candidates(&model, 1.0, &[2.0], &[moves], &[None]).iter().map(|c| c.effect.id).collect()
         };
         assert!(ids(true).contains(&"coulomb-friction") && !ids(false).contains(&"coulomb-friction"));
         assert!(!ids(false).contains(&"quadratic-drag") && ids(false).contains(&"amplitude-dependent-damping"));

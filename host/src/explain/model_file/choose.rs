@@ -24,16 +24,19 @@ struct Score<'a> {
     held: Held,
     /// Where its strengths stand in the fit.
     from: usize,
+    /// Its columns in its group.
+    columns: Vec<usize>,
 }
 
 /// Every candidate's score.
 pub struct Scores<'a> {
+    round: &'a Round,
     best: Vec<Score<'a>>,
     tests: f64,
 }
 
 /// Scores of every candidate beside what was chosen, the best form of each effect at each place, best first.
-pub fn scores<'a>(round: &Round, chosen: &[Candidate], all: &'a [Candidate]) -> Scores<'a> {
+pub fn scores<'a>(round: &'a Round, chosen: &[Candidate], all: &'a [Candidate]) -> Scores<'a> {
     let own: Vec<usize> = (0..round.groups.len())
         .map(|g| {
             let mine = chosen.iter().filter(|c| round.group_of(c) == g);
@@ -64,6 +67,7 @@ pub fn scores<'a>(round: &Round, chosen: &[Candidate], all: &'a [Candidate]) -> 
             share: mean * plain.len() as f64 / whole,
             held,
             from: own[g],
+            columns: (from..next[g]).collect(),
         });
     }
     let tests = scores.len().max(1) as f64;
@@ -77,7 +81,7 @@ pub fn scores<'a>(round: &Round, chosen: &[Candidate], all: &'a [Candidate]) -> 
         }
     }
     best.sort_by(|a, b| b.share.total_cmp(&a.share));
-    Scores { best, tests }
+    Scores { round, best, tests }
 }
 
 impl Scores<'_> {
@@ -103,7 +107,10 @@ impl Scores<'_> {
             };
             alone(s) && !best.iter().find(simpler).is_some_and(|o| alone(o))
         };
-        let top = best.iter().find(|s| supported(s))?;
+        let Some(top) = best.iter().find(|s| supported(s)) else {
+            let (first, p) = self.of_a_pair(&best)?;
+            return Some((first.candidate.clone(), found(first, setting, p, Vec::new(), None)));
+        };
         // Others in the same equation that held-out data do not tell from it.
         let close: Vec<&&Score<'_>> = best
             .iter()
@@ -115,18 +122,77 @@ impl Scores<'_> {
             .collect();
         let winner = close.iter().min_by_key(|s| s.candidate.rank)?;
         let name = winner.candidate.name();
+        let alike = close.iter().map(|s| s.candidate.name()).filter(|n| *n != name).collect();
         let runner_up = best.iter().find(|s| s.candidate.name() != name).map(|s| (s.candidate.name(), s.share));
-        let c = winner.candidate;
-        let mut found = Found {
-            indistinguishable_from: close.iter().map(|s| s.candidate.name()).filter(|n| *n != name).collect(),
-            equation: c.effect.equation.to_owned(),
-            confirm: c.effect.confirm.to_owned(),
-            p_value: winner.p,
-            held_out_gain: winner.share,
-            runner_up,
-            ..Found::empty(c.effect.id, &c.at, unit_of(setting, c))
-        };
-        put_value(c, &winner.held, winner.from, &mut found);
-        Some((c.clone(), found))
+        Some((winner.candidate.clone(), found(winner, setting, winner.p, alike, runner_up)))
     }
+
+    /// The first of two effects that only together are supported: each hides the other's trace while it is missing (a pendulum that Coulomb
+    /// friction stops and whose damping grows with the swing looks viscous), so that a block left out moves the coefficient of one alone. Each
+    /// must be significant beside the other, over the list of all pairs. The first, and its probability.
+    fn of_a_pair<'b>(&'b self, best: &[&'b Score<'b>]) -> Option<(&'b Score<'b>, f64)> {
+        let refines = |a: &Score<'_>, b: &Score<'_>| {
+            a.candidate.effect.refines == Some(b.candidate.effect.id) && a.candidate.at == b.candidate.at
+        };
+        // A refinement stands only beside what it refines, where that is on the list.
+        let bears = |a: &Score<'_>, b: &Score<'_>| refines(a, b) || !best.iter().any(|o| refines(a, o));
+        let mut pairs = Vec::new();
+        let mut tests = 0.0;
+        for (k, a) in best.iter().enumerate() {
+            for b in &best[k + 1..] {
+                let g = self.round.group_of(a.candidate);
+                if g != self.round.group_of(b.candidate) || !bears(a, b) || !bears(b, a) {
+                    continue;
+                }
+                tests += 1.0;
+                let group = &self.round.groups[g];
+                // The probability of the last one's strengths beside the other's, and what is gained.
+                let fit = |first: &Score<'_>, last: &Score<'_>| {
+                    let columns: Vec<usize> =
+                        (0..first.from).chain(first.columns.iter().chain(&last.columns).copied()).collect();
+                    let signs: Vec<f64> = columns.iter().map(|c| group.signs[*c]).collect();
+                    let held = group.blocks.fit(&columns, &signs)?;
+                    if held.held[first.from..].contains(&true) {
+                        return None;
+                    }
+                    let plain = &group.own.fit.held_out;
+                    let (gain, _) = ranking::gain(plain, &held.fit.held_out);
+                    let share = gain * plain.len() as f64 / plain.iter().sum::<f64>();
+                    Some((ranking::p_value(&held.fit, last.columns.len()), share))
+                };
+                if let (Some((p, share)), Some((q, _))) = (fit(a, b), fit(b, a)) {
+                    pairs.push((*a, *b, p.max(q), share));
+                }
+            }
+        }
+        let supported = |p: &&(&Score<'_>, &Score<'_>, f64, f64)| {
+            let single = p.0.share.max(p.1.share).max(0.0);
+            p.2 * tests < FAMILY_WISE && p.3 > single + LEAST_GAIN
+        };
+        let (a, b, p, _) = pairs.iter().filter(supported).max_by(|x, y| x.3.total_cmp(&y.3))?;
+        // `best` is sorted: the first takes away more by itself.
+        Some((if refines(a, b) { b } else { a }, *p))
+    }
+}
+
+/// What is told of a winner.
+fn found(
+    winner: &Score<'_>,
+    setting: &Setting<'_>,
+    p_value: f64,
+    indistinguishable_from: Vec<String>,
+    runner_up: Option<(String, f64)>,
+) -> Found {
+    let c = winner.candidate;
+    let mut found = Found {
+        indistinguishable_from,
+        equation: c.effect.equation.to_owned(),
+        confirm: c.effect.confirm.to_owned(),
+        p_value,
+        held_out_gain: winner.share,
+        runner_up,
+        ..Found::empty(c.effect.id, &c.at, unit_of(setting, c))
+    };
+    put_value(c, &winner.held, winner.from, &mut found);
+    found
 }

@@ -124,7 +124,6 @@ pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
     let along: Vec<Along> = stretches.iter().map(|s| Along::new(s, rig.drive.map_or(0.0, |_| rig.omega()))).collect();
     let track = Track::new(&stretches, &along, rig, bound, &sensors);
     let speeds = told::speeds(&stretches);
-    let every = candidates(model, rig.omega(), &speeds, &told::moves(rig, bound));
     let mut result = Explanation::new(horizon_s, warnings);
     let mut chosen = match &settings.model {
         Some(given) => given::effects(given, &setting, &speeds)?,
@@ -140,6 +139,9 @@ pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
         .collect();
     let first = by_weak_form(&setting, &BTreeMap::new(), None, &[], &[])?;
     let signs = own_signs(&setting, &first);
+    let known = first.coefficients(&[], |f| &f.all);
+    let gravity = candidates::gravity(model, rig.omega(), &|n| known.get(n).copied().unwrap_or(0.0));
+    let every = candidates(model, rig.omega(), &speeds, &told::moves(rig, bound), &gravity);
     let mut trajectories = follow(&setting, &track, &first, records.len(), horizon_s);
     let open = |chosen: &[Candidate]| -> Vec<Candidate> {
         every.iter().filter(|c| !chosen.iter().any(|k| k.name() == c.name())).cloned().collect()

@@ -7,7 +7,6 @@
 use rayon::prelude::*;
 
 use crate::identify::general::track::Track;
-use crate::identify::shooting::run::integration_step;
 use crate::identify::shooting::solve::{Bounds, minimise};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
@@ -21,6 +20,9 @@ const STEP_SAMPLES: usize = 2000;
 /// Most rounds of a fit by simulation, and the promise, in squared standard errors, at which it stops.
 const ROUNDS: usize = 10;
 const TOLERANCE: f64 = 1e-2;
+/// Shares of what a sensor shows to which solutions are exact, for the gap and for simulations.
+const EXACT_GAP: f64 = 1e-5;
+const EXACT: f64 = 1e-4;
 /// What stands for a drive's period in the search for the step of integration, s.
 const PERIOD_S: f64 = 0.2;
 
@@ -41,8 +43,7 @@ pub fn gap(motion: &EquationsOfMotion, parameters: &[f64], track: &Track<'_>, ho
     let stride = kept.len().div_ceil(MOST_WINDOWS).max(1);
     let (pieces, guesses): (Vec<_>, Vec<_>) =
         kept.into_iter().step_by(stride).map(|k| (all.pieces[k].clone(), all.guesses[k].clone())).unzip();
-    let plain = track.problem(motion, PERIOD_S, &at);
-    let step_s = integration_step(&plain, &pieces, &guesses, parameters, PERIOD_S.min(horizon_s));
+    let step_s = track.step_s(motion, &pieces, &guesses, parameters, (PERIOD_S.min(horizon_s), EXACT_GAP));
     let problem = track.problem(motion, step_s, &at);
     let lengths = [(length / 4).max(8), length];
     let sums: Vec<Option<f64>> = pieces
@@ -81,7 +82,7 @@ pub fn simulate(
     let (piece, guess) = track.piece(stretch, first, fitted)?;
     let plain = track.problem(motion, PERIOD_S, &at);
     let head = [plain.head(&piece, STEP_SAMPLES)];
-    let step_s = integration_step(&plain, &head, core::slice::from_ref(&guess), parameters, PERIOD_S);
+    let step_s = track.step_s(motion, &head, core::slice::from_ref(&guess), parameters, (PERIOD_S, EXACT));
     let problem = track.problem(motion, step_s, &at);
     // The state first, over longer and longer beginnings, then everything over the whole part.
     let lengths: Vec<usize> = (0..).map(|k| 64_usize << (2 * k)).take_while(|l| *l < fitted).chain([fitted]).collect();

@@ -14,7 +14,6 @@ use rayon::prelude::*;
 use super::fit::solve_signed;
 use crate::identify::general::track::{Pieces, Track};
 use crate::identify::shooting::problem::{Piece, Share};
-use crate::identify::shooting::run::integration_step;
 use crate::identify::shooting::solve::{Reduced, reduce};
 use crate::model::dynamics::Dynamics;
 use crate::model::model_file::ModelFile;
@@ -33,6 +32,8 @@ const ROUNDS: usize = 8;
 const TRIALS: [f64; 5] = [1.0, 0.5, 0.25, 0.125, 0.031_25];
 /// Share of the sum of squares below which a round is the last.
 const CONVERGED: f64 = 1e-5;
+/// Share of what a sensor shows to which solutions are exact.
+const EXACT: f64 = 1e-4;
 /// What stands for a drive's period in the search for the step of integration, s.
 const PERIOD_S: f64 = 0.2;
 
@@ -104,9 +105,8 @@ impl<'a> Trajectories<'a> {
             let record: Vec<usize> = stretch.iter().map(|s| record_of.get(*s).copied().unwrap_or(0)).collect();
             // Parameters of the first record stand for all in the search for a step.
             let first: Vec<f64> = columns.map(0, 0).iter().map(|c| x[*c]).collect();
-            let plain = track.problem(motion, PERIOD_S, &at);
-            let step_s =
-                integration_step(&plain, &pieces, &guesses, &first, PERIOD_S.min(length as f64 * track.spacing_s));
+            let longest_s = PERIOD_S.min(length as f64 * track.spacing_s);
+            let step_s = track.step_s(motion, &pieces, &guesses, &first, (longest_s, EXACT));
             let problem = track.problem(motion, step_s, &at);
             let lengths = [length / 16, length / 4, length].map(|l| l.max(FEWEST_SAMPLES));
             let follow = |k: usize| {

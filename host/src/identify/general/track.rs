@@ -8,6 +8,7 @@ use core::f64::consts::TAU;
 use super::noise::Sensors;
 use super::stretches::Stretch;
 use crate::identify::shooting::problem::{Piece, Problem};
+use crate::identify::shooting::run::integration_step;
 use crate::identify::shooting::track::{Geometry, Stretch as Measured, cut};
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::Inputs;
@@ -65,6 +66,8 @@ pub struct Track<'a> {
     pub sigma: Vec<f64>,
     /// Spacing of the samples, s.
     pub spacing_s: f64,
+    /// Rms of what each sensor shows.
+    size: Vec<f64>,
     omega: f64,
     inputs: usize,
     along: &'a [Along],
@@ -96,16 +99,16 @@ impl<'a> Track<'a> {
                 sum.1 += x.len() as f64;
             }
         }
+        let size: Vec<f64> = squares.iter().map(|(sum, count)| (sum / count.max(1.0)).sqrt()).collect();
         let sigma = (0..sensors.len())
             .map(|k| {
-                let size = (squares[k].0 / squares[k].1.max(1.0)).sqrt();
                 let sigma = noise.count[k].map_or(noise.sigma[k], |q| q / 12f64.sqrt());
                 // A sensor without noise is not possible; without a scale the weights would be infinite.
-                sigma.max(LEAST_NOISE * size).max(1e-12)
+                sigma.max(LEAST_NOISE * size[k]).max(1e-12)
             })
             .collect();
         let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
-        Self { sensors, sigma, spacing_s, omega, inputs: bound.inputs.len(), along, stretches, bound, begins }
+        Self { sensors, sigma, spacing_s, size, omega, inputs: bound.inputs.len(), along, stretches, bound, begins }
     }
 
     /// Inputs at a time of the axis.
@@ -130,6 +133,22 @@ impl<'a> Track<'a> {
             out.guesses.extend(guesses);
         }
         Some(out)
+    }
+
+    /// The step of integration at which solutions over some pieces are exact to the noise, or to a share `exact` of what each sensor shows where
+    /// that is more: noise may be as good as nothing.
+    pub fn step_s<D: Dynamics + ?Sized>(
+        &self,
+        dynamics: &D,
+        pieces: &[Piece],
+        guesses: &[Vec<f64>],
+        parameters: &[f64],
+        (longest_s, exact): (f64, f64),
+    ) -> f64 {
+        let at = |t: f64, out: &mut [f64]| self.inputs(t, out);
+        let sigma: Vec<f64> = self.sigma.iter().zip(&self.size).map(|(s, x)| s.max(exact * x)).collect();
+        let problem = Problem { sigma: &sigma, ..self.problem(dynamics, longest_s, &at) };
+        integration_step(&problem, pieces, guesses, parameters, longest_s)
     }
 
     /// One piece of a stretch, with the guess of its state.
