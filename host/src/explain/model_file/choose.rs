@@ -158,18 +158,22 @@ impl Scores<'_> {
                     let plain = &group.own.fit.held_out;
                     let (gain, _) = ranking::gain(plain, &held.fit.held_out);
                     let share = gain * plain.len() as f64 / plain.iter().sum::<f64>();
-                    Some((ranking::p_value(&held.fit, last.columns.len()), share))
+                    let inside = !held.held.contains(&true);
+                    Some((ranking::p_value(&held.fit, last.columns.len()), share, inside))
                 };
-                if let (Some((p, share)), Some((q, _))) = (fit(a, b), fit(b, a)) {
-                    pairs.push((*a, *b, p.max(q), share));
+                if let (Some((p, share, inside)), Some((q, _, _))) = (fit(a, b), fit(b, a)) {
+                    pairs.push((*a, *b, p.max(q), share, inside));
                 }
             }
         }
-        let supported = |p: &&(&Score<'_>, &Score<'_>, f64, f64)| {
+        let supported = |p: &&(&Score<'_>, &Score<'_>, f64, f64, bool)| {
             let single = p.0.share.max(p.1.share).max(0.0);
             p.2 * tests < FAMILY_WISE && p.3 > single + LEAST_GAIN
         };
-        let (a, b, p, _) = pairs.iter().filter(supported).max_by(|x, y| x.3.total_cmp(&y.3))?;
+        // One beside which the model's own coefficients keep their signs unforced comes first: a law that drives one of them to its bound is not
+        // the law.
+        let better = |x: &&(_, _, f64, f64, bool), y: &&(_, _, f64, f64, bool)| x.4.cmp(&y.4).then(x.3.total_cmp(&y.3));
+        let (a, b, p, _, _) = pairs.iter().filter(supported).max_by(better)?;
         // `best` is sorted: the first takes away more by itself.
         Some((if refines(a, b) { b } else { a }, *p))
     }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::candidates::Candidate;
 use super::prediction;
-use super::round::{Round, own_signs, signs_of, terms};
+use super::round::{Round, signs_of, terms};
 use super::told::Unit;
 use super::{Coefficient, Setting, Simulation};
 use crate::error::Result;
@@ -67,13 +67,13 @@ pub fn gap(
     Ok(())
 }
 
-/// Simulation errors of a step.
+/// Simulation errors of a step; `own_signs` are those that the model's own coefficients keep.
 ///
 /// # Errors
 /// As [`Moving::new`].
 pub fn simulate(
     setting: &Setting<'_>,
-    round: &Round,
+    (round, own_signs): (&Round, &BTreeMap<String, f64>),
     chosen: &[Candidate],
     track: &Track<'_>,
     simulations: &mut [Simulation],
@@ -81,7 +81,7 @@ pub fn simulate(
 ) -> Result<()> {
     let Some(moving) = Moving::new(setting, chosen)? else { return Ok(()) };
     let whole = moving.parameters(&round.coefficients(chosen, |f| &f.all));
-    let signs = signs_of(setting, &own_signs(setting, round), round, chosen, moving.motion.coefficients());
+    let signs = signs_of(setting, own_signs, round, chosen, moving.motion.coefficients());
     let longest = (0..setting.stretches.len()).max_by_key(|&k| (setting.stretches[k].len(), usize::MAX - k));
     for simulation in simulations {
         let found =

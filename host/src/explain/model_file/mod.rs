@@ -159,7 +159,7 @@ pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
     let undecidable = (blocks < FEWEST_BLOCKS)
         .then(|| format!("{blocks} blocks of {:.3} s are too few to hold any out", setting.block_s));
     measure::gap(&setting, &round, &chosen, &track, settings.model.is_some().then(|| "refit".to_owned()), &mut result)?;
-    measure::simulate(&setting, &round, &chosen, &track, &mut simulations, &unit)?;
+    measure::simulate(&setting, (&round, &signs), &chosen, &track, &mut simulations, &unit)?;
     let most = if undecidable.is_some() { 0 } else { settings.most_effects.unwrap_or(MOST_EFFECTS) };
     for step in 0..=most {
         let scores = choose::scores(&round, &chosen, &rest);
@@ -198,7 +198,7 @@ pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
         measure::gap(&setting, &round, &chosen, &track, chosen.last().map(Candidate::name), &mut result)?;
     }
     told::read_parameters(&setting, &round, &chosen, &mut result);
-    measure::simulate(&setting, &round, &chosen, &track, &mut simulations, &unit)?;
+    measure::simulate(&setting, (&round, &signs), &chosen, &track, &mut simulations, &unit)?;
     result.simulation = simulations;
     decide(&mut result, undecidable);
     if result.verdict != Verdict::NotDecidable {

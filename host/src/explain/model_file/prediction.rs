@@ -14,11 +14,11 @@ use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 const MOST_WINDOWS: usize = 40;
 /// Most samples that a simulation is fitted to: of a free system, whose beginning tells on its end, and of one with inputs.
 const MOST_FREE: usize = 60_000;
-const MOST_DRIVEN: usize = 8_000;
+const MOST_DRIVEN: usize = 4_000;
 /// Samples over which the step of integration is sought.
 const STEP_SAMPLES: usize = 2000;
 /// Most rounds of a fit by simulation, and the promise, in squared standard errors, at which it stops.
-const ROUNDS: usize = 10;
+const ROUNDS: usize = 8;
 const TOLERANCE: f64 = 1e-2;
 /// Shares of what a sensor shows to which solutions are exact, for the gap and for simulations.
 const EXACT_GAP: f64 = 1e-5;
