@@ -57,8 +57,12 @@ pub(super) fn refit(
     Err(singular())
 }
 
-/// Share of the held-out residual power from which weights are estimated anew with each candidate.
-const STRONG: f64 = 0.75;
+/// Share of the held-out residual power from which weights are estimated anew with each candidate: those of a model that misses so much misjudge forms that
+/// are close to each other.
+const STRONG: f64 = 0.15;
+/// Difference of that held-out score, −2 ln of a likelihood ratio, up to which two candidates are not told apart: two standard errors, four, times the
+/// two and a half by which correlated neighbouring frequencies count too often.
+const CLOSE: f64 = 10.0;
 /// Most candidates for which that is done.
 const RERANKED: usize = 60;
 
@@ -173,7 +177,11 @@ pub(super) fn choose(
         .filter(|(n, s)| n != name && significant(s))
         .filter(|(_, s)| {
             let (mean, error) = ranking::gain(&s.held_out, &winner.held_out);
-            mean < 2.0 * error
+            let worse = match (likelihood.get(&s.index), likelihood.get(&winner.index)) {
+                (Some(a), Some(b)) => a - b,
+                _ => f64::INFINITY,
+            };
+            mean < 2.0 * error || worse < CLOSE
         })
         .map(|(n, _)| (*n).clone())
         .collect();
