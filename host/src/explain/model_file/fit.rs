@@ -127,8 +127,10 @@ impl Blocks {
             let plain = jackknife(&free, &solve_free(&total, &free)?)?;
             (0..p).filter(|i| held[*i]).for_each(|i| covariance[(i, i)] = plain[(i, i)]);
         }
-<<<<<<< HEAD
-        Some(Held { fit: Fit { all, train: train?, covariance, blocks: n, held_out }, held })
+        Some(Held {
+            fit: Fit { all, train: train?, covariance, blocks: n, effective: vec![n as f64; p], held_out },
+            held,
+        })
     }
 }
 
@@ -164,8 +166,5 @@ mod tests {
         assert_eq!(kept.fit.all[1], 0.0);
         assert!((kept.fit.all[0] - without.fit.all[0]).abs() < 1e-12, "{}", kept.fit.all);
         assert!(kept.fit.covariance[(1, 1)] > 0.0 && kept.fit.held_out.iter().sum::<f64>() > 0.1);
-=======
-        Some(Fit { all, train: train?, covariance, blocks: n, effective: vec![n as f64; p], held_out })
->>>>>>> main
     }
 }
