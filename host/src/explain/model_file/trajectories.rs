@@ -25,8 +25,9 @@ const MOST_SAMPLES: usize = 60_000;
 const FEWEST_SAMPLES: usize = 32;
 /// Pieces by which a length is judged.
 const SOME: usize = 12;
-/// Residual over motion up to which a piece counts as followed.
-const FOLLOWED: f64 = 0.2;
+/// Residual over motion up to which a piece counts as followed: candidates are judged to first order about the trajectory, which takes a residual that is small
+/// beside the motion.
+const FOLLOWED: f64 = 0.1;
 /// Rounds of Gauss and Newton, and shares of a step that are tried.
 const ROUNDS: usize = 8;
 const TRIALS: [f64; 5] = [1.0, 0.5, 0.25, 0.125, 0.031_25];
