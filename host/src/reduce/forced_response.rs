@@ -65,7 +65,7 @@ fn at(
     // Ω stands on both sides; it changes by parts in a thousand.
     for _ in 0..100 {
         let sine = 2.0 * f.damping * omega * averages.inertia / along;
-        if !(sine.abs() <= 1.0 + 1e-12) {
+        if !sine.is_finite() || sine.abs() > 1.0 + 1e-12 {
             return None;
         }
         let cosine = side * (1.0 - sine.min(1.0).powi(2)).max(0.0).sqrt();

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use super::model::{Made, Plots};
 use super::normal_mode::{self, Member};
-use super::polar;
+use super::polar::{self, Node, Polar};
 use super::release_fit::ReleaseFit;
 use super::releases::Gathered;
 use super::systems::Mechanical;
@@ -14,6 +14,25 @@ use super::{ReduceSettings, Reduction};
 const CURVE: usize = 24;
 /// Periods over which time histories are compared.
 const HISTORY: f64 = 10.0;
+
+/// Greatest relative error of the variational frequency at a release that the model was made without, its ends excepted (beyond them a model is
+/// not to be used). None for fewer than four releases, and for decays, whose windows overlap.
+fn left_out(polar: &Polar, nodes: &[Node], system: &dyn Mechanical) -> Option<f64> {
+    let mut nodes = nodes.to_vec();
+    nodes.sort_by(|a, b| a.amplitude.total_cmp(&b.amplitude));
+    if nodes.len() < 4 {
+        return None;
+    }
+    (1..nodes.len() - 1)
+        .map(|i| {
+            let mut rest = nodes.clone();
+            let node = rest.remove(i);
+            let model = polar::model(&rest, &polar.major, normal_mode::linear_mode(system, 0))?;
+            Some((model.corrected_omega(system, &rest, node.amplitude)? / node.omega - 1.0).abs())
+        })
+        .collect::<Option<Vec<f64>>>()
+        .map(|e| e.into_iter().fold(0.0, f64::max))
+}
 
 /// Fills in the frequency–energy curve, the errors and the figures.
 pub(super) fn judge(
@@ -45,8 +64,8 @@ pub(super) fn judge(
         Made::Polar(p, ..) => p.range,
         Made::Polynomial(_) => [low, high],
     });
-    if let Made::Polar(p, ..) = made {
-        out.error.left_out = p.left_out;
+    if let Made::Polar(p, nodes, system) = made {
+        out.error.left_out = system.and_then(|s| left_out(p, nodes, s)).or(p.left_out);
     } else {
         out.error.stable = Some(grid.iter().all(|a| made.omega(*a).is_some()));
     }
@@ -107,7 +126,8 @@ pub(super) fn judge(
                 }
             }
             // A model that meets its nodes says nothing by meeting them: a release left out does.
-            out.error.frequency = worst.is_finite().then_some(worst.max(out.error.left_out.unwrap_or(0.0)));
+            let told = out.error.left_out.or(matches!(made, Made::Polynomial(_)).then_some(0.0));
+            out.error.frequency = told.filter(|_| worst.is_finite()).map(|l| worst.max(l));
             out.frequency_energy.source = "releases";
             out.frequency_energy.energy_unit =
                 if masses.is_some() { "kg × (channel's unit/s)²" } else { "(channel's unit/s)², unit masses" };

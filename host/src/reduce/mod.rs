@@ -224,3 +224,6 @@ fn on_circle(
         plots: model::Plots::default(),
     }
 }
+
+#[cfg(test)]
+mod tests;
