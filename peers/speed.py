@@ -35,15 +35,23 @@ def median_of(runs, work):
     return float(np.median(times)), result
 
 
-def weak_form(path):
+def kernels(flat_hz, stop_hz, half=200):
+    """A low-pass, flat to 1e-6 up to flat_hz, and its exact derivative (the kernel holds nothing near the Nyquist frequency)."""
+    taps = firwin(2 * half + 1, (flat_hz + stop_hz) / 2, window=("kaiser", 12.3), fs=RATE)
+    spectrum = np.fft.rfft(taps)
+    slope = np.fft.irfft(2j * np.pi * np.fft.rfftfreq(taps.size, 1 / RATE) * spectrum, taps.size)
+    return taps, slope
+
+
+def weak_form(path, counts_per_turn=4096, flat_hz=40.0, stop_hz=80.0):
     counts = np.load(path)
-    q = 2 * np.pi / 4096
+    q = 2 * np.pi / counts_per_turn
     theta = (counts + 0.5) * q
     phi = np.stack([theta[:, 0], theta.sum(axis=1)])
-    taps = firwin(161, 75.0, fs=RATE)
+    taps, slope = kernels(flat_hz, stop_hz)
     half = len(taps) // 2
     smooth = np.stack([fftconvolve(p - p[0], taps, mode="same") + p[0] for p in phi])
-    rate = np.gradient(smooth, 1 / RATE, axis=1, edge_order=2)
+    rate = np.stack([fftconvolve(p - p[0], slope, mode="same") for p in phi])
     keep = slice(2 * half, phi.shape[1] - 2 * half)
     t = np.arange(phi.shape[1])[keep] / RATE
     phi, smooth, rate = phi[:, keep], smooth[:, keep], rate[:, keep]
@@ -52,7 +60,7 @@ def weak_form(path):
     sd, cd = np.sin(delta), np.cos(delta)
     ct, st = np.cos(OMEGA * t), np.sin(OMEGA * t)
     n = int(20 * RATE / F_E)
-    hop, top = n // 2, 40
+    hop, top = n // 2, 20
     length = n / RATE
     starts = np.arange(0, phi.shape[1] - n, hop)
     shape = np.array([1, -4, 6, -4, 1]) / 16
@@ -124,4 +132,5 @@ def main():
     runpy.run_path(os.path.join(here, "phase_space.py"), run_name="__main__")
 
 
-main()
+if __name__ == "__main__":
+    main()

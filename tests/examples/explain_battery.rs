@@ -8,7 +8,7 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 use whirl::explain::Verdict;
-use whirl_tests::battery::{Case, Said, cases};
+use whirl_tests::battery::{Case, Kind, Said, cases};
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -70,6 +70,8 @@ fn score(case: &Case, said: &Said) -> &'static str {
         (Some(t), Some(n)) if t == n || equivalent(t, n) => "first",
         (Some(t), Some(_)) if said.twins.iter().any(|x| x == t) => "twin",
         (Some(_), Some(_)) => "wrong",
+        // An effect may lock the motion to the drive.
+        (Some(_), None) if said.verdict == Verdict::NotDecidable => "not-decidable",
         (Some(_), None) => "missed",
     }
 }
@@ -83,15 +85,25 @@ fn equivalent(a: &str, b: &str) -> bool {
 }
 
 fn summary(lines: &[(Case, String)]) {
-    let mut groups: BTreeMap<(u32, u32), BTreeMap<String, usize>> = BTreeMap::new();
+    let mut groups: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
+    // How often an effect is named by how clearly it shows on held-out data: named first, named as a twin, all.
+    let mut curve = [[0_usize; 3]; EDGES.len() + 1];
     for (case, line) in lines {
         let fields: Vec<&str> = line.split('\t').collect();
         let field = |i: usize| fields.get(i).copied().unwrap_or("");
         let number = |i: usize| field(i).parse::<f64>().unwrap_or(f64::NAN);
-        let group = groups.entry((case.counts, case.seconds)).or_default();
+        let kind = match case.kind {
+            Kind::Driven => "",
+            Kind::Driven52 => ", 5.2 Hz",
+            Kind::Free => ", free",
+        };
+        let group = groups.entry(format!("{} counts, {} s{kind}", case.counts, case.seconds)).or_default();
         let mut count = |what: &str| *group.entry(what.to_owned()).or_default() += 1;
         if case.effects.is_empty() {
             count(if field(1) == "right" { "clean: nothing missing" } else { "clean: false alarm" });
+            if field(1) != "right" {
+                println!("{}  {line}", case.name());
+            }
             continue;
         }
         if case.effects.len() > 1 {
@@ -100,6 +112,12 @@ fn summary(lines: &[(Case, String)]) {
                 println!("{}  {line}", case.name());
             }
             continue;
+        }
+        if field(1) != "not-decidable" {
+            let bin = EDGES.iter().filter(|e| number(6) > **e).count();
+            curve[bin][0] += usize::from(field(1) == "first");
+            curve[bin][1] += usize::from(field(1) == "twin");
+            curve[bin][2] += 1;
         }
         let clear = if number(6) > 5.0 { "detectable" } else { "faint" };
         count(&format!("{clear}: {}", field(1)));
@@ -110,10 +128,19 @@ fn summary(lines: &[(Case, String)]) {
             println!("{}  {line}", case.name());
         }
     }
-    for ((counts, seconds), group) in groups {
-        println!("{counts} counts, {seconds} s:");
+    for (title, group) in groups {
+        println!("{title}:");
         for (what, n) in group {
             println!("  {what:<28} {n}");
         }
     }
+    println!("held-out gain in standard errors: named first, as a twin, of");
+    for (i, [first, twin, all]) in curve.iter().enumerate() {
+        let from = i.checked_sub(1).map_or("below".to_owned(), |k| EDGES[k].to_string());
+        let to = EDGES.get(i).map_or("up".to_owned(), f64::to_string);
+        println!("  {from:>5} … {to:<5} {first:>4} {twin:>4} {all:>4}");
+    }
 }
+
+/// Edges of the curve's bins.
+const EDGES: [f64; 7] = [0.0, 1.0, 2.0, 3.0, 5.0, 10.0, 20.0];

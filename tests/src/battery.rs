@@ -65,9 +65,42 @@ pub const NAMELESS: &[&[&str]] = &[
     &["cogging@joint1=1e-3,n=4", "cogging@joint1=1e-3,n=7", "cogging@joint1=1e-3,n=11"],
 ];
 
+/// Rig of a record.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Kind {
+    /// `rigs/chaotic.toml`, 5 Hz.
+    #[default]
+    Driven,
+    /// The same at 5.2 Hz: a period is no whole number of samples.
+    Driven52,
+    /// The same without a drive and with a tenth of the friction, let go with arm 1 near the top.
+    Free,
+}
+
+impl Kind {
+    /// The rig file's text at a resolution.
+    fn text(self, chaotic: &str, counts: u32) -> String {
+        let text = chaotic.replace("counts_per_turn = 4096", &format!("counts_per_turn = {counts}"));
+        let line = |l: &str| match (self, l.split_whitespace().next().unwrap_or("")) {
+            (Self::Driven, _) => l.to_owned(),
+            (Self::Driven52, "frequency_hz") => "frequency_hz = 5.2".to_owned(),
+            (Self::Free, "[drive]" | "direction" | "frequency_hz") => String::new(),
+            (Self::Free, "amplitude_m") => "amplitude_m = 0.0".to_owned(),
+            (Self::Free, "settle_s") => "settle_s = 0.0".to_owned(),
+            (Self::Free, "initial") => "initial = [2.5, 2.0, 0.0, 0.0]".to_owned(),
+            (Self::Free, "tau_c1") => "tau_c1 = 6.03e-5".to_owned(),
+            (Self::Free, "c_r2") => "c_r2 = 6.145e-6".to_owned(),
+            _ => l.to_owned(),
+        };
+        text.lines().map(|l| line(l) + "\n").collect()
+    }
+}
+
 /// One record of the battery.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Case {
+    /// Rig.
+    pub kind: Kind,
     /// `ID@PLACE=VALUE…` of what is hidden; empty for nothing.
     pub effects: Vec<String>,
     /// Counts a turn.
@@ -81,7 +114,12 @@ pub struct Case {
 impl Case {
     /// A name that tells it from all others.
     pub fn name(&self) -> String {
-        format!("{} | {} | {} | {}", self.effects.join(" + "), self.counts, self.seconds, self.seed)
+        let kind = match self.kind {
+            Kind::Driven => "",
+            Kind::Driven52 => " | 5.2 Hz",
+            Kind::Free => " | free",
+        };
+        format!("{} | {} | {} | {}{kind}", self.effects.join(" + "), self.counts, self.seconds, self.seed)
     }
 
     /// `ID@PLACE` of each hidden effect.
@@ -95,9 +133,7 @@ impl Case {
     /// Where a record cannot be simulated, written or read: the battery is a test.
     pub fn explain(&self) -> Explanation {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/chaotic.toml");
-        let text = std::fs::read_to_string(&path)
-            .unwrap()
-            .replace("counts_per_turn = 4096", &format!("counts_per_turn = {}", self.counts));
+        let text = self.kind.text(&std::fs::read_to_string(&path).unwrap(), self.counts);
         let rig = Rig::parse(&text, &path).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("record.parquet");
@@ -108,7 +144,8 @@ impl Case {
     }
 }
 
-/// Every effect at a third, once and three times its strength, at 4096 and 1024 counts, 120 and 60 s, and as many records with nothing hidden as effects.
+/// Every effect at a third, once and three times its strength, at 4096 and 1024 counts, 120 and 60 s, as many records with nothing hidden as effects, and others with
+/// nothing hidden: longer ones, at 5.2 Hz, free.
 pub fn cases(seeds: core::ops::RangeInclusive<u64>) -> Vec<Case> {
     let mut out = Vec::new();
     for seed in seeds {
@@ -121,13 +158,36 @@ pub fn cases(seeds: core::ops::RangeInclusive<u64>) -> Vec<Case> {
                     } else {
                         format!("{name}={:e}{rest}", factor * strength)
                     };
-                    out.push(Case { effects: vec![effect], counts, seconds, seed: 100 * seed + number });
+                    out.push(Case {
+                        kind: Kind::Driven,
+                        effects: vec![effect],
+                        counts,
+                        seconds,
+                        seed: 100 * seed + number,
+                    });
                 }
-                out.push(Case { effects: Vec::new(), counts, seconds, seed: 100 * seed + 50 + number });
+                out.push(Case {
+                    kind: Kind::Driven,
+                    effects: Vec::new(),
+                    counts,
+                    seconds,
+                    seed: 100 * seed + 50 + number,
+                });
             }
             for hidden in PAIRS.iter().map(|p| &p[..]).chain(NAMELESS.iter().copied()) {
                 let effects = hidden.iter().map(|e| (*e).to_owned()).collect();
-                out.push(Case { effects, counts, seconds, seed: 100 * seed + 90 });
+                out.push(Case { kind: Kind::Driven, effects, counts, seconds, seed: 100 * seed + 90 });
+            }
+        }
+        // Nothing hidden, on other rigs and over longer records.
+        for counts in [4096, 1024] {
+            let others =
+                [(Kind::Driven, 300), (Kind::Driven52, 60), (Kind::Driven52, 120), (Kind::Free, 60), (Kind::Free, 120)];
+            for (number, (kind, seconds)) in (0_u64..).zip(others) {
+                for repeat in 0..4 {
+                    let seed = 100 * seed + 60 + 4 * number + repeat;
+                    out.push(Case { kind, effects: Vec::new(), counts, seconds, seed });
+                }
             }
         }
     }

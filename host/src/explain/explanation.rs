@@ -159,8 +159,10 @@ pub struct Explanation {
     pub effects: Vec<Found>,
     /// The gap.
     pub gap: Gap,
-    /// Where the disagreement sits.
+    /// Where what is left sits.
     pub r#where: Vec<residual_map::Where>,
+    /// Where the model disagreed before any effect was added.
+    pub where_before: Vec<residual_map::Where>,
     /// Parameters of the model with its effects.
     pub parameters: Vec<Parameter>,
     /// Ratio of residual to noise power in the rows, before and after.
@@ -169,6 +171,8 @@ pub struct Explanation {
     pub ranking: Vec<Ranked>,
     /// Residual maps, for the figures.
     pub maps: Vec<residual_map::Map>,
+    /// The same maps before any effect was added; empty where none was.
+    pub maps_before: Vec<residual_map::Map>,
     /// Shape of what is left, where it has no name.
     pub unknown: Option<Unknown>,
     /// Simulation errors of a model file; empty for built-in systems.
@@ -204,10 +208,12 @@ impl Explanation {
             effects: Vec::new(),
             gap,
             r#where: Vec::new(),
+            where_before: Vec::new(),
             parameters: Vec::new(),
             residual_power: [f64::NAN; 2],
             ranking: Vec::new(),
             maps: Vec::new(),
+            maps_before: Vec::new(),
             unknown: None,
             simulation: Vec::new(),
             details: Details::default(),

@@ -129,6 +129,7 @@ impl Model<'_> {
                 rate,
                 clear_rate: rate,
                 clear_step: [0.0; 2],
+                turn: [0.0; 2],
                 accel,
                 sin: [sin1, sin2],
                 cos: [cos1, cos2],

@@ -122,6 +122,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         let power = residual_map::power(&state, &design, &own, &fit.all, &geometry, sigma);
         if step == 0 {
             result.residual_power[0] = power.ratio;
+            (result.maps, result.r#where) = places(&state, &fit.all, &power, &geometry, sigma);
             before = Some(comparison.longer(&state, &measured.x));
             result.gap.attractor.push(attractor::measure(&state, &measured.x, &comparison));
         }
@@ -143,8 +144,11 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     }
     result.gap.horizons = before.iter().zip(&after).map(|(before, after)| (before.0, before.1, after.1)).collect();
     parameters::read(&state, &outcome, &first, &mut found, &mut result);
-    (result.maps, result.r#where) = residual_map::maps(&state, &outcome.fit.all, &geometry, sigma);
-    residual_map::add_frequencies(&mut result.maps, &mut result.r#where, &outcome.power, &geometry, &state.context);
+    if !found.is_empty() {
+        let after = places(&state, &outcome.fit.all, &outcome.power, &geometry, sigma);
+        result.maps_before = core::mem::replace(&mut result.maps, after.0);
+        result.where_before = core::mem::replace(&mut result.r#where, after.1);
+    }
     result.effects = found;
     decidability::decide(&mut result, undecidable);
     if result.verdict == Verdict::Unexplained {
@@ -154,6 +158,19 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         result.model = Some(parameters::model(&state, rig, &result));
     }
     Ok(result)
+}
+
+/// Where the model with coefficients `x` and the record disagree: maps, and the clearest places.
+fn places(
+    state: &State,
+    x: &nalgebra::DVector<f64>,
+    power: &residual_map::Power,
+    geometry: &Geometry,
+    sigma: [f64; 2],
+) -> (Vec<residual_map::Map>, Vec<residual_map::Where>) {
+    let (mut maps, mut places) = residual_map::maps(state, x, geometry, sigma);
+    residual_map::add_frequencies(&mut maps, &mut places, power, geometry, &state.context);
+    (maps, places)
 }
 
 /// The last round: columns of the model, its fit, and what was measured with it.

@@ -57,10 +57,15 @@ pub(super) fn refit(
     Err(singular())
 }
 
-/// Share of the held-out residual power from which weights are estimated anew with each candidate.
-const STRONG: f64 = 0.75;
-/// Most candidates for which that is done.
-const RERANKED: usize = 60;
+/// Share of the held-out residual power from which weights are estimated anew with each candidate: those of a model that misses so much misjudge forms that
+/// are close to each other.
+const STRONG: f64 = 0.15;
+/// Difference of that held-out score, −2 ln of a likelihood ratio, up to which two candidates are not told apart: two standard errors, four, times the
+/// two and a half by which correlated neighbouring frequencies count too often.
+const CLOSE: f64 = 10.0;
+/// Share above which the forms of one effect are told apart in this way as well, and the most forms judged below and above it.
+const OVERWHELMING: f64 = 0.75;
+const RERANKED: [usize; 2] = [20, 60];
 
 /// The next effect to add.
 pub(super) struct Next {
@@ -130,11 +135,12 @@ pub(super) fn choose(
         && winner.gain * blocks > STRONG * total
     {
         // Weights from a model that misses this much are wrong, and so is the order that they give.
+        let most = RERANKED[usize::from(winner.gain * blocks > OVERWHELMING * total)];
         let again =
-            reranked(design, own, weights, &scores.iter().map(|s| (s.gain, places[s.index])).collect::<Vec<_>>());
+            reranked(design, own, weights, most, &scores.iter().map(|s| (s.gain, places[s.index])).collect::<Vec<_>>());
         for (name, entry) in &mut best {
             let own_forms = scores.iter().zip(&again).filter(|(s, _)| variants[s.index].name() == *name);
-            if let Some((form, _)) = own_forms.min_by(|a, b| a.1.total_cmp(b.1)) {
+            if let Some((form, _)) = own_forms.filter(|(_, j)| j.is_finite()).min_by(|a, b| a.1.total_cmp(b.1)) {
                 *entry = form;
             }
         }
@@ -173,7 +179,11 @@ pub(super) fn choose(
         .filter(|(n, s)| n != name && significant(s))
         .filter(|(_, s)| {
             let (mean, error) = ranking::gain(&s.held_out, &winner.held_out);
-            mean < 2.0 * error
+            let worse = match (likelihood.get(&s.index), likelihood.get(&winner.index)) {
+                (Some(a), Some(b)) => a - b,
+                _ => f64::INFINITY,
+            };
+            mean < 2.0 * error || worse < CLOSE
         })
         .map(|(n, _)| (*n).clone())
         .collect();
@@ -215,10 +225,16 @@ pub(super) fn choose(
 
 /// Held-out score of the strongest candidates with weights from their own fits, infinite for the others: Σ n ln s² over equations and frequencies,
 /// the concentrated likelihood when the variance of each frequency is unknown. Smaller is better.
-fn reranked(design: &Design, own: &[usize], weights: &Weights, scores: &[(f64, (usize, usize))]) -> Vec<f64> {
+fn reranked(
+    design: &Design,
+    own: &[usize],
+    weights: &Weights,
+    most: usize,
+    scores: &[(f64, (usize, usize))],
+) -> Vec<f64> {
     let mut gains: Vec<f64> = scores.iter().map(|s| s.0).collect();
     gains.sort_by(|a, b| b.total_cmp(a));
-    let least = gains.get(RERANKED - 1).or(gains.last()).copied().unwrap_or(f64::INFINITY);
+    let least = gains.get(most - 1).or(gains.last()).copied().unwrap_or(f64::INFINITY);
     scores
         .par_iter()
         .map(|&(gain, (from, d))| {

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use super::attractor::{Attractor, TOLERANCE_DEG};
+use super::residual_map::Where;
 use super::{Explanation, Verdict};
 use crate::report::format::{plus_minus, significant};
 
@@ -91,7 +92,27 @@ pub fn human(e: &Explanation) -> String {
             u.points.len()
         );
     }
-    for w in e.r#where.iter().take(if e.verdict == Verdict::Unexplained { 5 } else { 0 }) {
+    if !e.where_before.is_empty() {
+        let _ = writeln!(out, "before the first effect was added the model disagreed most here:");
+        // One place for each coordinate; a drift in time says least about the cause.
+        let mut clearest: Vec<Where> = Vec::new();
+        for w in e.where_before.iter().filter(|w| w.against != "time") {
+            if clearest.iter().all(|c| c.against != w.against) {
+                clearest.push(w.clone());
+            }
+        }
+        departures(&mut out, if clearest.is_empty() { &e.where_before } else { &clearest }, 3);
+    }
+    if e.verdict == Verdict::Unexplained && !e.r#where.is_empty() {
+        let _ = writeln!(out, "what is left sits here:");
+        departures(&mut out, &e.r#where, 5);
+    }
+    out
+}
+
+/// The clearest places, a line each.
+fn departures(out: &mut String, places: &[Where], most: usize) {
+    for w in places.iter().take(most) {
         let _ = writeln!(
             out,
             "  equation {} departs by {} at {} {} … {} (noise: ± {})",
@@ -103,5 +124,4 @@ pub fn human(e: &Explanation) -> String {
             significant(w.band, 2)
         );
     }
-    out
 }

@@ -2,7 +2,8 @@
 //!
 //! *Held-out gain*: the weighted sum of squared residuals, on blocks of one window's length that were not fitted, without the candidate minus with it,
 //! the nominal coefficients refitted both times so that they cannot hide it. *Significance*: Wald's statistic kᵀ C⁻¹ k of its strengths
-//! with the jackknife's covariance over blocks of consecutive windows, against Student's t or Fisher's F, since blocks are few.
+//! with the jackknife's covariance over blocks of consecutive windows, against Student's t or Fisher's F with the number of blocks that the strengths
+//! effectively rest on, since those are few.
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
@@ -11,6 +12,9 @@ use super::design::{Design, Window};
 
 /// Folds of the cross-validation.
 pub const FOLDS: usize = 3;
+
+/// Fewest blocks that a coefficient counts as resting on: the jackknife's variance is itself too large where leverage is uneven, so that fewer would punish twice.
+const LEAST_EFFECTIVE: f64 = 8.0;
 
 /// Weights of rows, by equation and frequency.
 pub type Weights = [Vec<f64>; 2];
@@ -75,6 +79,8 @@ pub struct Fit {
     pub covariance: DMatrix<f64>,
     /// Blocks of the jackknife.
     pub blocks: usize,
+    /// Blocks that each coefficient effectively rests on, see [`effective_blocks`].
+    pub effective: Vec<f64>,
     /// Held-out sum of squares of each block, in order of time.
     pub held_out: Vec<f64>,
 }
@@ -134,7 +140,29 @@ pub fn fit_ridge(design: &Design, columns: &[usize], weights: &Weights, ridge: &
         let change = solve(&rest)? - &all;
         covariance += &change * change.transpose() * ((n - 1) as f64 / n as f64);
     }
-    Some(Fit { all, train: train?, covariance, blocks: n, held_out })
+    let effective = effective_blocks(&total, &blocks);
+    Some(Fit { all, train: train?, covariance, blocks: n, effective, held_out })
+}
+
+/// Blocks that each coefficient rests on: (Σ h_b)²/Σ h_b², h_b = vᵀ G_b v the share of block b's rows in the coefficient's variance, v the coefficient's row of
+/// the inverse normal matrix. A force that shows in a few events only (friction at reversals) rests on the few blocks that hold them, and its
+/// jackknife variance is known no better than that (Bell and McCaffrey 2002; Imbens and Kolesár 2016).
+fn effective_blocks(total: &DMatrix<f64>, blocks: &[&[DMatrix<f64>]]) -> Vec<f64> {
+    let p = total.nrows() - 1;
+    (0..p)
+        .map(|j| {
+            let mut unit = total.clone();
+            for i in 0..p {
+                unit[(i, p)] = f64::from(u8::from(i == j));
+            }
+            let Some(v) = solve(&unit) else { return 1.0 };
+            let (sum, squares) = blocks.iter().fold((0.0, 0.0), |(sum, squares), block| {
+                let h: f64 = block.iter().map(|g| (g.view((0, 0), (p, p)) * &v).dot(&v)).sum();
+                (sum + h, squares + h * h)
+            });
+            if squares > 0.0 { sum * sum / squares } else { 1.0 }
+        })
+        .collect()
 }
 
 /// Coefficients from the windows that `keep` picks by their number; none where they are singular.
@@ -186,12 +214,14 @@ pub fn p_value(fit: &Fit, d: usize) -> f64 {
     let covariance = fit.covariance.view((p - d, p - d), (d, d)).into_owned();
     let Some(factor) = covariance.cholesky() else { return 1.0 };
     let wald = k.dot(&factor.solve(&k));
-    let freedom = fit.blocks as f64 - d as f64;
+    let all = fit.blocks as f64;
+    let blocks = fit.effective[p - d..].iter().fold(all, |least, e| least.min(e.max(LEAST_EFFECTIVE)));
+    let freedom = blocks - d as f64;
     if freedom < 1.0 || !wald.is_finite() {
         return 1.0;
     }
     // Hotelling: W (n − d)/(d (n − 1)) follows F(d, n − d).
-    let f = wald * freedom / (d as f64 * (fit.blocks as f64 - 1.0));
+    let f = wald * freedom / (d as f64 * (blocks - 1.0));
     FisherSnedecor::new(d as f64, freedom).map_or(1.0, |dist| dist.sf(f))
 }
 

@@ -58,6 +58,13 @@ pub struct Map {
     pub bins: Vec<[f64; 3]>,
 }
 
+impl Map {
+    /// Whether `other` shows the same equation against the same coordinate.
+    pub fn of(&self, other: &Self) -> bool {
+        self.equation == other.equation && self.against == other.against
+    }
+}
+
 /// Coordinates: name, unit, function of a sample.
 fn coordinates(driven: bool) -> Vec<(&'static str, &'static str, Series)> {
     let mut out: Vec<(&'static str, &'static str, Series)> = vec![
@@ -65,6 +72,7 @@ fn coordinates(driven: bool) -> Vec<(&'static str, &'static str, Series)> {
         ("angle of joint2", "rad", std::sync::Arc::new(|s: &Sample| wrapped(s.phi[1] - s.phi[0]))),
         ("velocity of joint1", "rad/s", std::sync::Arc::new(|s: &Sample| s.rate[0])),
         ("velocity of joint2", "rad/s", std::sync::Arc::new(|s: &Sample| s.rate[1] - s.rate[0])),
+        ("velocity of arm2", "rad/s", std::sync::Arc::new(|s: &Sample| s.rate[1])),
     ];
     if driven {
         out.push(("drive phase", "rad", std::sync::Arc::new(|s: &Sample| s.sin_tau.atan2(s.cos_tau))));

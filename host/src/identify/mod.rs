@@ -17,6 +17,7 @@ pub mod presentation;
 pub mod regression;
 pub mod shooting;
 pub mod single_parameters;
+mod standstill;
 pub mod system;
 pub mod windows;
 
@@ -262,6 +263,7 @@ pub fn prepare_system(system: &System, records: &[Record], rig: &Rig, settings: 
         }
     }
     keep_steady_drive(records, &mut segments, rig, &mut warnings)?;
+    standstill::leave_out(&mut segments, settings, rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz), &mut warnings);
     let sensors: Vec<[Vec<f64>; 2]> = segments.iter().map(AngleSegment::sensors).collect();
     let noises: [Option<noise::Noise>; 2] =
         core::array::from_fn(|i| noise::estimate(sensors.iter().map(|s| &s[i][..]), step_s));

@@ -275,6 +275,7 @@ fn evaluate(
             rate: [rate[0][k], rate[1][k]],
             clear_rate: [clear[0][k], clear[1][k]],
             clear_step: [step_at(clear[0], k), step_at(clear[1], k)],
+            turn: [rate[0][k] * segment.step_s, rate[1][k] * segment.step_s],
             accel: [step_at(rate[0], k) / segment.step_s, step_at(rate[1], k) / segment.step_s],
             sin: [sin1, sin2],
             cos: [cos1, cos2],

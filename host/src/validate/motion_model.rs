@@ -118,6 +118,7 @@ impl MotionModel {
             rate,
             clear_rate: rate,
             clear_step: [0.0; 2],
+            turn: [0.0; 2],
             // Loads depend on accelerations weakly: those of the nominal equations do.
             accel: [out[0], out[1]],
             sin: [sin1, sin2],

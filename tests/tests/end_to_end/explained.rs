@@ -7,6 +7,7 @@ use whirl::explain::{Explanation, Settings, Verdict, explain};
 use whirl::record::Record;
 use whirl::record::formats::ReadOptions;
 use whirl::rig::Rig;
+use whirl::rig::plant::Plant;
 use whirl_tests::repository;
 
 use super::program::{done, json, whirl};
@@ -39,6 +40,22 @@ fn a_hidden_drag_is_named_with_its_strength_and_the_gap_closes() {
     let steps = &e.gap.steps;
     assert!(steps[0].added.is_none() && steps[0].value > 3.0, "{steps:?}");
     assert!(steps[1].added.as_deref() == Some("quadratic-drag@arm2") && steps[1].value < 1.1, "{steps:?}");
+    // With the effect in the model its parameters are those of a rig whose effect is known: within their errors of the truth, and within what
+    // README promises of a record in which nothing is hidden.
+    let rig = whirl_tests::accuracy::chaotic_rig(5.0);
+    let plant = Plant::of(&rig).unwrap();
+    for p in e.parameters.iter().filter(|p| !p.name.contains('@') && !["B14", "B24"].contains(&p.name.as_str())) {
+        let truth = plant.truth(&p.name, rig.omega()).unwrap();
+        let allowed = if p.name == "C11" {
+            0.03
+        } else if p.name.starts_with('C') {
+            0.005
+        } else {
+            0.002
+        };
+        assert!((p.value - truth).abs() < 4.0 * p.std_error, "{p:?}: true {truth}");
+        assert!((p.value / truth - 1.0).abs() < allowed, "{p:?}: true {truth}");
+    }
     // The model with it also holds for longer, and its attractor is the record's.
     let [before, after] = e.gap.attractor[..] else { panic!("{:?}", e.gap.attractor) };
     assert!(after.prediction_horizon_s > 1.3 * before.prediction_horizon_s, "{before:?} {after:?}");

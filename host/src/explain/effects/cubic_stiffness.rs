@@ -10,5 +10,5 @@ pub const EFFECT: Effect = Effect {
     equation: "−k x³",
     signature: "residual that grows with the cube of the joint's angle",
     confirm: "measure static torques at large angles, or the frequency against amplitude",
-    variants: |c, place| joint_effect(c, place, |j| j.x * j.x * j.x),
+    variants: |c, place| joint_effect(c, place, |j| j.odd(|x| x.powi(3), |x| 0.25 * x.powi(4))),
 };

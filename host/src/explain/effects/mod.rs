@@ -254,21 +254,35 @@ pub struct Joint {
     pub clear: f64,
     /// Its change over a sampling step, rad/s.
     pub step: f64,
+    /// Change of the angle over a sampling step, rad.
+    pub turn: f64,
 }
 
 impl Joint {
     /// The joint's motion.
     pub fn of(place: Place, s: &Sample) -> Self {
         if place == Place::Joint1 {
-            Self { x: wrapped(s.phi[0]), v: s.rate[0], clear: s.clear_rate[0], step: s.clear_step[0] }
+            Self { x: wrapped(s.phi[0]), v: s.rate[0], clear: s.clear_rate[0], step: s.clear_step[0], turn: s.turn[0] }
         } else {
             Self {
                 x: wrapped(s.phi[1] - s.phi[0]),
                 v: s.rate[1] - s.rate[0],
                 clear: s.clear_rate[1] - s.clear_rate[0],
                 step: s.clear_step[1] - s.clear_step[0],
+                turn: s.turn[1] - s.turn[0],
             }
         }
+    }
+
+    /// Mean over a sampling step of an odd function of the wrapped angle, which jumps at half a turn: (F(x + δ/2) − F(x − δ/2))/δ, F its integral, which is even
+    /// and so does not jump. Sums over samples then follow the instant of the jump, where the plain value is off by up to half a step.
+    pub fn odd(&self, f: impl Fn(f64) -> f64, integral: impl Fn(f64) -> f64) -> f64 {
+        let half = 0.5 * self.turn.abs();
+        // A quarter of a turn within a step: the sampling no longer follows the motion.
+        if self.x.abs() + half < core::f64::consts::PI || half > core::f64::consts::FRAC_PI_2 {
+            return f(self.x);
+        }
+        (integral(wrapped(self.x + half)) - integral(wrapped(self.x - half))) / (2.0 * half)
     }
 
     /// Mean sign of the velocity over a step.

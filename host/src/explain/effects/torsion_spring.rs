@@ -10,5 +10,5 @@ pub const EFFECT: Effect = Effect {
     equation: "−k x",
     signature: "residual proportional to the joint's angle",
     confirm: "hang the arm at several angles from a torque gauge: a cable or spring pulls back",
-    variants: |c, place| joint_effect(c, place, |j| j.x),
+    variants: |c, place| joint_effect(c, place, |j| j.odd(|x| x, |x| 0.5 * x * x)),
 };

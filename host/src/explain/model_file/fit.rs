@@ -77,6 +77,6 @@ impl Blocks {
             let change = solve(&(&total - part))? - &all;
             covariance += &change * change.transpose() * ((n - 1) as f64 / n as f64);
         }
-        Some(Fit { all, train: train?, covariance, blocks: n, held_out })
+        Some(Fit { all, train: train?, covariance, blocks: n, effective: vec![n as f64; p], held_out })
     }
 }

@@ -102,11 +102,11 @@ fn one(body: &mut Html, e: &Explanation) {
     if let Some(u) = &e.unknown {
         unknown(body, u);
     }
-    let panels: Vec<Panel> = e.maps.iter().map(map).collect();
+    let panels: Vec<Panel> = e.maps.iter().map(|m| map(m, e.maps_before.iter().find(|b| b.of(m)))).collect();
     if !panels.is_empty() {
         let layout = Layout { columns: 2, height: 150.0, ..Layout::default() };
         body.figure(&Figure::draw(
-            "What is left of each equation of motion after the last step: mean residual (dots) with the 95 % band that the sensors' noise alone gives.",
+            "What is left of each equation of motion: mean residual before the first effect was added and after the last one, with the 95 % band that the sensors' noise alone gives.",
             &layout,
             &panels,
         ));
@@ -237,7 +237,7 @@ fn effects(body: &mut Html, found: &[Found]) {
     }
 }
 
-fn map(m: &Map) -> Panel {
+fn map(m: &Map, before: Option<&Map>) -> Panel {
     let x: Vec<f64> = m.bins.iter().map(|b| b[0]).collect();
     let label = format!("{} / {}", m.against, m.against_unit);
     let axis = if m.against.starts_with("angle") || m.against == "drive phase" {
@@ -254,7 +254,12 @@ fn map(m: &Map) -> Panel {
         let edge = m.bins.iter().map(|b| sign * b[2]).collect();
         panel.series.push(Series::new(name, Shape::Line, x.clone(), edge).colour(1));
     }
-    panel.series.push(Series::new("mean residual", Shape::BigDots, x, m.bins.iter().map(|b| b[1]).collect()).colour(0));
+    if let Some(before) = before {
+        let column = |i: usize| before.bins.iter().map(|b| b[i]).collect();
+        panel.series.push(Series::new("before", Shape::BigDots, column(0), column(1)).colour(2));
+    }
+    let name = if before.is_some() { "after" } else { "mean residual" };
+    panel.series.push(Series::new(name, Shape::BigDots, x, m.bins.iter().map(|b| b[1]).collect()).colour(0));
     panel.rules.push(Rule { vertical: false, at: 0.0, label: String::new() });
     panel
 }
