@@ -91,6 +91,11 @@ pub fn human(r: &Reduction) -> String {
         if let Some([low, high]) = r.error.range {
             let _ = write!(text, ", to be used from amplitude {} to {}", significant(low, 4), significant(high, 4));
         }
+        match r.error.stable {
+            Some(true) => text.push_str(", stable there"),
+            Some(false) => text.push_str(", NOT stable over all of it"),
+            None => {}
+        }
         text.push('\n');
     } else {
         text.push_str("no equation: the record is not close to periodic\n");

@@ -6,7 +6,8 @@
 //! | [`release_fit`] | frequency and harmonics of a release, from displacements |
 //! | [`added_constraint`] | the seed's models: major coordinate alone, added constraint, types I and II |
 //! | [`polar`] | the action–angle model |
-//! | [`systems`], [`normal_mode`] | full systems whose equations are known, and their normal mode by shooting, for comparison |
+//! | [`forced_response`] | its forced, damped response in closed form, with folds |
+//! | [`systems`], [`normal_mode`], [`harmonic_balance`] | full systems whose equations are known, their normal mode by shooting and their forced response by continuation, for comparison |
 //!
 //! Every unbroken stretch of a record is a release. Angles that whirl are decomposed on the circle.
 
@@ -14,8 +15,11 @@ pub mod added_constraint;
 pub mod channel_faults;
 pub mod circular;
 pub mod decay;
+pub mod forced_response;
 pub mod gram;
+pub mod harmonic_balance;
 pub mod integrate;
+mod judge;
 pub mod model;
 pub mod normal_mode;
 pub mod polar;
@@ -220,3 +224,6 @@ fn on_circle(
         plots: model::Plots::default(),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,10 +1,10 @@
 //! The model that a constraint asks for, its frequency–energy curve beside the full system's, and its errors.
 
 use serde::Serialize;
-use std::f64::consts::TAU;
 
 use super::added_constraint::{self, ConstraintModel, Function};
 use super::channel_faults::ChannelFault;
+use super::judge;
 use super::normal_mode::{self, Member};
 use super::polar::{self, Node, Polar};
 use super::proper_orthogonal_decomposition::Pod;
@@ -16,10 +16,6 @@ use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 use crate::warning::Warning;
 
-/// Points of a frequency–energy curve, besides the releases.
-const CURVE: usize = 24;
-/// Periods over which time histories are compared.
-const HISTORY: f64 = 10.0;
 /// Floquet multiplier from which a mode is called unstable.
 const UNSTABLE: f64 = 1.02;
 
@@ -71,13 +67,13 @@ pub struct Plots {
 }
 
 /// A model that can be released.
-enum Made<'a> {
+pub(super) enum Made<'a> {
     Polar(Polar, Vec<Node>, Option<&'a dyn Mechanical>),
     Polynomial(ConstraintModel),
 }
 
 impl Made<'_> {
-    fn omega(&self, a: f64) -> Option<f64> {
+    pub(super) fn omega(&self, a: f64) -> Option<f64> {
         match self {
             Self::Polar(p, nodes, Some(system)) => p.corrected_omega(*system, nodes, a),
             Self::Polar(p, _, None) => Some(p.omega(a)).filter(|w| *w > 0.0),
@@ -85,7 +81,7 @@ impl Made<'_> {
         }
     }
 
-    fn rest(&self, a: f64) -> Vec<f64> {
+    pub(super) fn rest(&self, a: f64) -> Vec<f64> {
         match self {
             Self::Polar(p, ..) => p.displacement(a, 0.0),
             Self::Polynomial(m) => m.displacement(a, 0.0),
@@ -93,7 +89,7 @@ impl Made<'_> {
     }
 
     /// Coordinates over time from rest at amplitude a.
-    fn history(&self, a: f64, phase: f64, step: f64, count: usize) -> Option<Vec<Vec<f64>>> {
+    pub(super) fn history(&self, a: f64, phase: f64, step: f64, count: usize) -> Option<Vec<Vec<f64>>> {
         match self {
             Self::Polar(p, ..) => {
                 let omega = self.omega(a)?;
@@ -197,7 +193,7 @@ pub fn build(
         plots: Plots::default(),
     };
     if let Some(made) = made {
-        judge(&mut reduction, &made, gathered, &with_fit, &branch, &basis, system.as_deref(), settings);
+        judge::judge(&mut reduction, &made, gathered, &with_fit, &branch, &basis, system.as_deref(), settings);
         reduction.model = Some(match made {
             Made::Polar(p, ..) => Model::Polar(p),
             Made::Polynomial(m) => Model::Polynomial(m),
@@ -323,165 +319,4 @@ fn make<'a>(
         _ => (surface.to_vec(), added_constraint::type2_equation(true)),
     };
     added_constraint::select(&orbits, basis, time_unit, &constraint, &equation).map(|(m, _)| Made::Polynomial(m))
-}
-
-/// Fills in the frequency–energy curve, the errors and the figures.
-fn judge(
-    out: &mut Reduction,
-    made: &Made<'_>,
-    gathered: &Gathered,
-    with_fit: &[(usize, &ReleaseFit)],
-    branch: &[Option<Member>],
-    basis: &[Vec<f64>],
-    system: Option<&dyn Mechanical>,
-    settings: &ReduceSettings,
-) {
-    let major = &basis[0];
-    let dot = |x: &[f64], p: &[f64]| x.iter().zip(p).map(|(a, b)| a * b).sum::<f64>();
-    // Amplitude of each release in the model's own measure.
-    let amplitudes: Vec<f64> = with_fit
-        .iter()
-        .enumerate()
-        .map(|(i, (_, fit))| match made {
-            Made::Polar(..) => out.releases[i].amplitude,
-            Made::Polynomial(_) => (0..major.len()).map(|c| fit.motion(c, 0.0)[0] * major[c]).sum(),
-        })
-        .collect();
-    let used: Vec<usize> = (0..amplitudes.len()).filter(|i| out.releases[*i].used).collect();
-    let low = used.iter().map(|i| amplitudes[*i]).fold(f64::INFINITY, f64::min);
-    let high = used.iter().map(|i| amplitudes[*i]).fold(0.0, f64::max);
-    let grid: Vec<f64> = (0..=CURVE).map(|i| low * (high / low).powf(i as f64 / CURVE as f64)).collect();
-    out.error.range = Some(match made {
-        Made::Polar(p, ..) => p.range,
-        Made::Polynomial(_) => [low, high],
-    });
-    if let Made::Polar(p, ..) = made {
-        out.error.left_out = p.left_out;
-    } else {
-        out.error.stable = Some(grid.iter().all(|a| made.omega(*a).is_some()));
-    }
-    match system {
-        Some(system) => {
-            let mut energies: Vec<f64> = grid.iter().map(|a| system.potential(&made.rest(*a))).collect();
-            energies.extend(out.releases.iter().filter_map(|r| r.energy));
-            energies.sort_by(f64::total_cmp);
-            energies.dedup();
-            let family = normal_mode::family(system, 0, &energies);
-            let mut worst: Option<f64> = None;
-            for m in &family {
-                out.frequency_energy.full.push([m.energy, m.omega / TAU]);
-                let a = polar::bisect(|a| system.potential(&made.rest(a)), m.energy, 1.5 * high);
-                let Some(omega) = a.and_then(|a| made.omega(a)) else { continue };
-                out.frequency_energy.reduced.push([m.energy, omega / TAU]);
-                if branch.iter().flatten().any(|b| (b.energy / m.energy - 1.0).abs() < 1e-12) {
-                    let error = (omega / m.omega - 1.0).abs();
-                    worst = Some(worst.map_or(error, |w| w.max(error)));
-                }
-            }
-            out.error.frequency = worst;
-            out.frequency_energy.source = "shooting";
-            out.frequency_energy.energy_unit = "the full system's";
-        }
-        None => {
-            let masses = settings.masses.as_deref();
-            let energy = |a: &[f64]| -> Vec<f64> {
-                match made {
-                    Made::Polar(p, ..) => p.energies(a, masses),
-                    // Of the major coordinate's equation, at rest: −∫ÿ dy.
-                    Made::Polynomial(m) => a
-                        .iter()
-                        .map(|a| {
-                            let n = 200;
-                            let h = a / f64::from(n);
-                            -(0..n).map(|i| m.acceleration((f64::from(i) + 0.5) * h, 0.0) * h).sum::<f64>()
-                                * m.time_unit.powi(2)
-                        })
-                        .collect(),
-                }
-            };
-            let mut worst = 0.0_f64;
-            let mut order = used.clone();
-            order.sort_by(|a, b| amplitudes[*a].total_cmp(&amplitudes[*b]));
-            let at_releases = energy(&order.iter().map(|i| amplitudes[*i]).collect::<Vec<_>>());
-            for (i, e) in order.iter().zip(at_releases) {
-                out.releases[*i].energy = Some(e);
-                out.frequency_energy.full.push([e, with_fit[*i].1.omega / TAU]);
-                worst = match made.omega(amplitudes[*i]) {
-                    Some(omega) => worst.max((omega / with_fit[*i].1.omega - 1.0).abs()),
-                    None => f64::INFINITY,
-                };
-            }
-            for (a, e) in grid.iter().zip(energy(&grid)) {
-                if let Some(omega) = made.omega(*a) {
-                    out.frequency_energy.reduced.push([e, omega / TAU]);
-                }
-            }
-            // A model that meets its nodes says nothing by meeting them: a release left out does.
-            out.error.frequency = worst.is_finite().then_some(worst.max(out.error.left_out.unwrap_or(0.0)));
-            out.frequency_energy.source = "releases";
-            out.frequency_energy.energy_unit =
-                if masses.is_some() { "kg × (channel's unit/s)²" } else { "(channel's unit/s)², unit masses" };
-        }
-    }
-    out.error.time_history = vec![None; with_fit.len()];
-    for (i, (r, fit)) in with_fit.iter().enumerate() {
-        // A window of a decay has no ten periods of one amplitude.
-        if out.releases[i].remarks.contains(&"decaying") {
-            continue;
-        }
-        let x = &gathered.releases[*r];
-        let length = x[0].len();
-        // Polynomial models start from rest: at the first phase 0 in the record.
-        let turns_to_rest = (-fit.phase / TAU).rem_euclid(1.0);
-        let mut offset = (turns_to_rest * TAU / fit.omega / gathered.step).round() as usize;
-        if turns_to_rest > 0.999 {
-            offset = 0;
-        }
-        let count = ((HISTORY * TAU / fit.omega / gathered.step) as usize).min(length.saturating_sub(offset));
-        let phase = fit.phase + fit.omega * offset as f64 * gathered.step;
-        let a = match made {
-            Made::Polar(..) => amplitudes[i],
-            Made::Polynomial(_) => dot(&x.iter().map(|c| c[offset.min(length - 1)]).collect::<Vec<_>>(), major),
-        };
-        let Some(model) = made.history(a, phase, gathered.step, count) else { continue };
-        // The release's mean is its own matter where the model knows none.
-        let (mut e, mut s) = (0.0, 0.0);
-        for (k, at) in model.iter().enumerate() {
-            for c in 0..x.len() {
-                e += (at[c] - x[c][offset + k]).powi(2);
-                s += x[c][offset + k].powi(2);
-            }
-        }
-        out.error.time_history[i] = (s > 0.0).then(|| (e / s).sqrt());
-        plot(&mut out.plots, gathered, x, &model, basis, offset, (3.0 * TAU / fit.omega / gathered.step) as usize);
-    }
-}
-
-fn plot(
-    plots: &mut Plots,
-    gathered: &Gathered,
-    x: &[Vec<f64>],
-    model: &[Vec<f64>],
-    basis: &[Vec<f64>],
-    offset: usize,
-    count: usize,
-) {
-    let project = |at: &dyn Fn(usize) -> f64, p: &[f64]| -> f64 { p.iter().enumerate().map(|(c, p)| p * at(c)).sum() };
-    let count = count.min(model.len());
-    let mut history = [Vec::new(), Vec::new(), Vec::new()];
-    let mut shape = [Vec::new(), Vec::new(), Vec::new(), Vec::new()];
-    for k in 0..count {
-        let (measured, of_model) = (|c: usize| x[c][offset + k], |c: usize| model[k][c]);
-        history[0].push(k as f64 * gathered.step);
-        history[1].push(project(&measured, &basis[0]));
-        history[2].push(project(&of_model, &basis[0]));
-        shape[0].push(project(&measured, &basis[0]));
-        shape[2].push(project(&of_model, &basis[0]));
-        if let Some(minor) = basis.get(1) {
-            shape[1].push(project(&measured, minor));
-            shape[3].push(project(&of_model, minor));
-        }
-    }
-    plots.histories.push(history);
-    plots.shapes.push(shape);
 }

@@ -43,6 +43,8 @@ pub(super) struct Case {
     pub fits: Vec<ReleaseFit>,
     /// The full system's normal mode at the releases' energies.
     pub members: Vec<Member>,
+    /// Releases that the polar model is made of.
+    pub used: Vec<usize>,
     pub polar: Polar,
     pub nodes: Vec<Node>,
 }
@@ -67,14 +69,10 @@ fn make(
         records.iter().map(|r| release_fit::fit(&[&r[0], &r[1]], step, &pod.modes[0])).collect::<Option<_>>()?;
     let energies: Vec<f64> = rest.iter().map(|x| system.potential(x)).collect();
     let members = normal_mode::family(&*system, 0, &energies);
-    let nodes: Vec<Node> = fits
-        .iter()
-        .enumerate()
-        .filter(|(i, _)| Some(*i) != leave_out)
-        .map(|(_, f)| Node::of(f, &pod.modes[0]))
-        .collect();
+    let used: Vec<usize> = (0..fits.len()).filter(|i| Some(*i) != leave_out).collect();
+    let nodes: Vec<Node> = used.iter().map(|i| Node::of(&fits[*i], &pod.modes[0])).collect();
     let polar = polar::model(&nodes, &pod.modes[0], normal_mode::linear_mode(&*system, 0))?;
-    (members.len() == 5).then_some(Case { system, records, rest, step, pod, fits, members, polar, nodes })
+    (members.len() == 5).then_some(Case { system, records, rest, step, pod, fits, members, used, polar, nodes })
 }
 
 /// The two-mass system; modes from its fifth release, as in the seed. Its fourth is on an unstable mode and in no polar model.

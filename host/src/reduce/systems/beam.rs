@@ -88,6 +88,10 @@ impl Mechanical for Beam {
         (0..MODES * MODES).map(|i| if i % (MODES + 1) == 0 { 1.0 } else { 0.0 }).collect()
     }
 
+    fn constant_mass(&self) -> bool {
+        true
+    }
+
     fn potential(&self, q: &[f64]) -> f64 {
         let (_, square) = self.pull(q);
         0.5 * q.iter().zip(&self.stiffness).map(|(q, k)| k * q * q).sum::<f64>() + 0.125 * square * square

@@ -43,6 +43,10 @@ impl Mechanical for Chain {
         (0..n * n).map(|i| if i % (n + 1) == 0 { 1.0 } else { 0.0 }).collect()
     }
 
+    fn constant_mass(&self) -> bool {
+        true
+    }
+
     fn potential(&self, x: &[f64]) -> f64 {
         let springs: f64 = x.iter().map(|x| x * x * (0.5 * self.ground + 0.25 * self.cubic * x * x)).sum();
         let ends = x.first().map_or(0.0, |x| x * x) + x.last().map_or(0.0, |x| x * x);

@@ -25,6 +25,11 @@ pub trait Mechanical: Send + Sync {
     /// ẍ of the free motion.
     fn acceleration(&self, x: &[f64], v: &[f64], out: &mut [f64]);
 
+    /// Whether M does not depend on x: then the free acceleration does not depend on the velocities.
+    fn constant_mass(&self) -> bool {
+        false
+    }
+
     /// Number of coordinates.
     fn size(&self) -> usize {
         self.coordinates().len()

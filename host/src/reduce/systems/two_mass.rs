@@ -21,6 +21,10 @@ impl Mechanical for TwoMass {
         vec![1.0, 0.0, 0.0, 1.0]
     }
 
+    fn constant_mass(&self) -> bool {
+        true
+    }
+
     fn potential(&self, x: &[f64]) -> f64 {
         x[0] * x[0] + x[1] * x[1] - x[0] * x[1] + 0.25 * x[0].powi(4)
     }

@@ -1,0 +1,157 @@
+//! The model from its nodes: scales and degrees by leaving out one node at a time, then least squares.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::super::release_fit::least_squares;
+use super::{Node, Polar, horner, s_of};
+
+/// Highest degree in s.
+const MOST_DEGREE: usize = 6;
+
+/// Coefficients of polynomials of one degree through all quantities of the nodes (columns of `values`).
+fn polynomials(s: &[f64], weight: &[f64], values: &DMatrix<f64>, degree: usize) -> Option<Vec<DVector<f64>>> {
+    let a = DMatrix::from_fn(s.len(), degree + 1, |i, j| weight[i] * s[i].powi(j as i32));
+    (0..values.ncols())
+        .map(|q| {
+            let b = DVector::from_fn(s.len(), |i, _| weight[i] * values[(i, q)]);
+            if degree == 0 { least_squares(&a, &b).map(|r| r.0) } else { solve(&a, &b) }
+        })
+        .collect()
+}
+
+/// Least squares by QR: exact interpolation where there are as many nodes as powers.
+fn solve(a: &DMatrix<f64>, b: &DVector<f64>) -> Option<DVector<f64>> {
+    let qr = a.clone().qr();
+    let rhs = qr.q().transpose() * b;
+    let x = qr.r().solve_upper_triangular(&rhs)?;
+    x.iter().all(|v| v.is_finite()).then_some(x)
+}
+
+/// A scale and a degree, with their error at nodes left out: by which they were chosen, and the greatest.
+struct Choice {
+    value: f64,
+    worst: f64,
+    a0: f64,
+    degree: usize,
+}
+
+/// Makes the model of nodes (at least two of different amplitude), with the linear mode (ω, X_1/a) where it is known.
+pub fn model(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>) -> Option<Polar> {
+    let channels = major.len();
+    let mut nodes: Vec<Node> = nodes.iter().filter(|n| n.amplitude > 0.0 && n.amplitude.is_finite()).cloned().collect();
+    nodes.sort_by(|a, b| a.amplitude.total_cmp(&b.amplitude));
+    let (first, last) = (nodes.first()?.amplitude, nodes.last()?.amplitude);
+    // Even harmonics stay out of a symmetric mode: 1 % of the odd ones is what noise and mixing leave.
+    let even: f64 = nodes.iter().flat_map(|n| n.shape.iter().step_by(2).flatten().map(|x| x * x)).sum();
+    let odd: f64 = nodes.iter().flat_map(|n| n.shape.iter().skip(1).step_by(2).flatten().map(|x| x * x)).sum();
+    let symmetric = even < 1e-4 * odd;
+    let harmonics = nodes.iter().map(|n| n.shape.len()).max()?;
+    if let Some((omega, shape)) = linear {
+        let a: f64 = shape.iter().zip(major).map(|(x, p)| x * p).sum();
+        let mut of = vec![vec![0.0; channels]; 2];
+        of[1] = shape.iter().map(|x| x / a).collect();
+        nodes.insert(0, Node { amplitude: 0.0, omega, error: 0.0, shape: of });
+    }
+    let values = DMatrix::from_fn(nodes.len(), 1 + harmonics * channels, |i, q| {
+        if q == 0 {
+            return nodes[i].omega * nodes[i].omega;
+        }
+        let (k, c) = ((q - 1) / channels, (q - 1) % channels);
+        if symmetric && k % 2 == 0 { 0.0 } else { nodes[i].shape.get(k).map_or(0.0, |x| x[c]) }
+    });
+    // Nodes that are known equally well weigh alike; one ten times worse than the median weighs a tenth.
+    let mut errors: Vec<f64> = nodes.iter().map(|n| n.error).collect();
+    errors.sort_by(f64::total_cmp);
+    let median = errors[errors.len() / 2].max(1e-9);
+    let weight: Vec<f64> = nodes.iter().map(|n| (median / n.error.max(median)).max(0.01)).collect();
+    let few = nodes.len() <= MOST_DEGREE + 2;
+    // Quantities that share a degree: ω² alone, or the shapes (all harmonics from..to).
+    let of_harmonics =
+        |from: usize, to: usize| values.columns(1 + from * channels, (to - from) * channels).into_owned();
+    let omega_values = values.columns(0, 1).into_owned();
+    // Left out one at a time, the ends excepted (they would have to be extrapolated): rms (by the nodes' weights) and greatest relative error.
+    let score = |part: &DMatrix<f64>, a0: f64, degree: usize| -> Option<(f64, f64)> {
+        let s: Vec<f64> = nodes.iter().map(|n| s_of(n.amplitude, a0)).collect();
+        let (mut sum, mut count, mut worst) = (0.0, 0.0, 0.0_f64);
+        for out in 1..nodes.len().saturating_sub(1) {
+            let keep: Vec<usize> = (0..nodes.len()).filter(|i| *i != out).collect();
+            let pick = |v: &[f64]| keep.iter().map(|i| v[*i]).collect::<Vec<f64>>();
+            let p = polynomials(&pick(&s), &pick(&weight), &part.select_rows(&keep), degree)?;
+            let (mut error, mut size) = (0.0, 0.0);
+            for (q, p) in p.iter().enumerate() {
+                error += (horner(p.as_slice(), s[out]).0 - part[(out, q)]).powi(2);
+                size += part[(out, q)].powi(2);
+            }
+            // Shapes are of size 1, ω² is not.
+            let relative = if part.ncols() == 1 { 0.5 * (error / size).sqrt() } else { error.sqrt() };
+            let weight = if few { 1.0 } else { weight[out] };
+            sum += (weight * relative).powi(2);
+            count += weight * weight;
+            worst = worst.max(relative);
+        }
+        Some(((sum / count).sqrt(), worst)).filter(|e| e.0.is_finite())
+    };
+    let middle = (first * last).sqrt();
+    let scales: Vec<f64> = (-20..=20).map(|n| middle * 10.0_f64.powf(f64::from(n) * 0.075)).collect();
+    let degrees = 1..=MOST_DEGREE.min(nodes.len().saturating_sub(2));
+    // ω and the shapes each with their own scale and degree, by their errors at releases left out. Few releases are interpolated, by the worst, ω with
+    // the shapes' error beside its own: of two or three errors of one quantity the worst may be small by luck at a scale that serves nothing else. Many
+    // (the windows of decays) are smoothed, by the mean.
+    let all = of_harmonics(0, harmonics);
+    let choose = |part: &DMatrix<f64>, scales: &[f64]| -> Option<Choice> {
+        let mut best: Option<Choice> = None;
+        for degree in degrees.clone() {
+            for &a0 in scales {
+                let Some((rms, worst)) = score(part, a0, degree) else { continue };
+                let value = match part.ncols() {
+                    _ if !few => rms,
+                    1 => worst.max(score(&all, a0, degree).map_or(f64::INFINITY, |s| s.1)),
+                    _ => worst,
+                };
+                if best.as_ref().is_none_or(|b| value < b.value) {
+                    best = Some(Choice { value, worst, a0, degree });
+                }
+            }
+        }
+        best.filter(|_| nodes.len() > 2)
+    };
+    // What served best without one node goes up by one degree with it, where every node then is met.
+    let full = |d: usize| if d + 2 == nodes.len() { d + 1 } else { d }.min(nodes.len() - 1);
+    let of = |a0: f64| -> Vec<f64> { nodes.iter().map(|n| s_of(n.amplitude, a0)).collect() };
+    let coefficients =
+        |p: Vec<DVector<f64>>| -> Vec<Vec<f64>> { p.iter().map(|c| c.iter().copied().collect()).collect() };
+    let by_omega = choose(&omega_values, &scales);
+    let (a0, degree) = by_omega.as_ref().map_or((middle, full(1)), |b| (b.a0, full(b.degree)));
+    let omega_squared = coefficients(polynomials(&of(a0), &weight, &omega_values, degree)?).swap_remove(0);
+    let by_shape = choose(&all, &scales);
+    let (shape_a0, shape_degree) = by_shape.as_ref().map_or((middle, full(1)), |b| (b.a0, full(b.degree)));
+    let s = of(shape_a0);
+    let mut shape = Vec::with_capacity(harmonics);
+    for k in 0..harmonics {
+        let part = of_harmonics(k, k + 1);
+        let degree = if few {
+            Some(shape_degree)
+        } else {
+            // Every harmonic with the degree that serves it, so that one that other modes disturb does not coarsen the others; one that is predicted
+            // no better than by nothing at all is not the mode's: other modes ring there.
+            let rms = (0..nodes.len()).map(|i| (weight[i] * part.row(i).norm()).powi(2)).sum::<f64>().sqrt()
+                / weight.iter().map(|w| w * w).sum::<f64>().sqrt();
+            choose(&part, &[shape_a0]).filter(|b| b.value < 0.5 * rms).map(|b| full(b.degree))
+        };
+        shape.push(match degree {
+            Some(d) => coefficients(polynomials(&s, &weight, &part, d)?),
+            None => vec![vec![0.0]; channels],
+        });
+    }
+    let low = if nodes[0].amplitude == 0.0 { 0.0 } else { first };
+    Some(Polar {
+        major: major.to_vec(),
+        a0,
+        omega_squared,
+        shape_a0,
+        shape,
+        range: [low, last],
+        left_out: by_omega.map(|b| b.worst),
+        symmetric,
+    })
+}
