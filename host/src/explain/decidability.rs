@@ -67,6 +67,24 @@ fn locked(record: &Record, rig: &Rig) -> bool {
     }
 }
 
+/// Effects that are a function of a joint's angle.
+const OF_THE_ANGLE: [&str; 5] = ["torsion-spring", "cubic-stiffness", "quadratic-stiffness", "backlash", "cogging"];
+/// So many of them at one joint are a series expansion of a shape, not so many causes.
+const PATCHES: usize = 3;
+
+/// A joint at which a shape of the angle was patched together from several effects, and their names.
+fn patched(result: &Explanation) -> Option<(&'static str, String)> {
+    ["joint1", "joint2"].into_iter().find_map(|joint| {
+        let patches: Vec<&str> = result
+            .effects
+            .iter()
+            .filter(|f| f.at == joint && OF_THE_ANGLE.contains(&f.id.as_str()))
+            .map(|f| f.id.as_str())
+            .collect();
+        (patches.len() >= PATCHES).then(|| (joint, patches.join(", ")))
+    })
+}
+
 /// The verdict and its reason from everything that was measured.
 pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>) {
     let gap = result.gap.steps.last().map_or(f64::NAN, |s| s.value);
@@ -85,6 +103,12 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>) {
         }
         (None, true, _) => (Verdict::Unexplained, format!("{noise}; no effect of the list accounts for it")),
         (None, false, true) => (Verdict::NothingMissing, noise),
+        (None, false, false) if let Some((joint, names)) = patched(result) => (
+            Verdict::Unexplained,
+            format!(
+                "{noise}, but it took {names} to get there: one shape of {joint}'s angle that has no name in the list"
+            ),
+        ),
         (None, false, false) => (Verdict::Explained, noise),
     };
 }

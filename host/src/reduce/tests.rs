@@ -109,7 +109,8 @@ fn not_a_number_is_a_gap_and_does_not_reach_the_modes() {
     let clean = csv((0..900).map(|i| swing(1.0, i).to_vec()), 0.1);
     let holed = csv((0..900).map(|i| if i % 300 == 200 { vec![f64::NAN, 1.0] } else { swing(1.0, i).to_vec() }), 0.1);
     let (clean, holed) = (of(2, &[clean]).unwrap(), of(2, &[holed]).unwrap());
-    assert_eq!(holed.releases.len(), 4);
+    // Four stretches; the last holds 1.6 periods, too few for a frequency.
+    assert_eq!(holed.releases.len(), 3);
     assert!((clean.modes[0][0] - holed.modes[0][0]).abs() < 1e-9);
     assert!(holed.energy.iter().chain(holed.modes.iter().flatten()).all(|x| x.is_finite()));
     assert!(!holed.warnings.is_empty());

@@ -200,8 +200,22 @@ fn the_double_pendulum_as_a_model_file_is_the_built_in_one() {
     done(folder, &format!("identify r.parquet --rig {built_in} --json a.json"));
     done(folder, &format!("identify r.parquet --rig {} --json b.json", rig("double-pendulum-model-file.toml")));
     let (a, b) = (json(&folder.join("a.json")), json(&folder.join("b.json")));
+    // What noise in the regressors adds is taken off in two ways: by solutions of the built-in equations, and by measuring again what was smoothed. Before that
+    // the two agree to rounding, after it within a part of their standard errors.
+    let bias = |j: &serde_json::Value, name: &str| {
+        let names = j["correlation_names"].as_array().unwrap();
+        let i = names.iter().position(|n| n == name).unwrap();
+        j["details"]["noise_bias"][i].as_f64().unwrap()
+    };
     for name in ["B11", "B12", "B13", "B14", "C11", "C12", "B21", "B22", "B23", "B24", "C2"] {
-        let (a, b) = (parameter(&a, name), parameter(&b, name));
-        assert!((a - b).abs() <= 1e-9 * a.abs(), "{name}: {a} {b}");
+        let [fitted, other] = [&a, &b].map(|j| parameter(j, name) + bias(j, name));
+        // B14 and B24 are 0 here: their size is B13's and B23's.
+        let size = if name.ends_with('4') { 0.1 } else { fitted.abs() };
+        assert!((fitted - other).abs() <= 1e-9 * size, "{name}: {fitted} {other}");
+        let of = |j: &serde_json::Value| {
+            let all = j["parameters"].as_array().unwrap();
+            all.iter().find(|p| p["name"] == name).unwrap()["std_error"].as_f64().unwrap()
+        };
+        assert!((parameter(&a, name) - parameter(&b, name)).abs() < 0.5 * of(&a), "{name}");
     }
 }
