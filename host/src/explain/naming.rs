@@ -67,6 +67,10 @@ const CLOSE: f64 = 10.0;
 const OVERWHELMING: f64 = 0.75;
 const RERANKED: [usize; 2] = [20, 60];
 
+/// Effects that take energy away, or in which friction falls with speed: their strengths are positive.
+const DISSIPATIVE: [&str; 5] =
+    ["viscous-friction", "coulomb-friction", "stribeck-friction", "load-dependent-friction", "quadratic-drag"];
+
 /// The next effect to add.
 pub(super) struct Next {
     pub(super) index: usize,
@@ -158,7 +162,12 @@ pub(super) fn choose(
         p_value: s.p,
         step,
     }));
-    let significant = |s: &Score| s.p * tests < FAMILY_WISE && s.gain > 0.0;
+    // The first strength stands where the candidate's own begin. A friction that feeds the motion is none, whatever it explains.
+    let feeds = |s: &Score| {
+        let (_, d) = places[s.index];
+        DISSIPATIVE.contains(&variants[s.index].effect.id) && s.fit.all[s.fit.all.len() - d] < 0.0
+    };
+    let significant = |s: &Score| s.p * tests < FAMILY_WISE && s.gain > 0.0 && !feeds(s);
     let (_, strongest) = order.iter().find(|(_, s)| significant(s))?;
     // Of those within a standard error of the best, the simplest (Breiman et al. 1984, the one-standard-error rule).
     let complexity = |s: &Score| {

@@ -79,7 +79,7 @@ pub struct Fit {
     pub covariance: DMatrix<f64>,
     /// Blocks of the jackknife.
     pub blocks: usize,
-    /// Blocks that each coefficient effectively rests on, see [`effective_blocks`].
+    /// Blocks that each coefficient effectively rests on (Bell and McCaffrey 2002).
     pub effective: Vec<f64>,
     /// Held-out sum of squares of each block, in order of time.
     pub held_out: Vec<f64>,

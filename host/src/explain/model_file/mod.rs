@@ -8,16 +8,16 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | [`candidates`] | the effects |
-//! | [`round`] | a round: what was chosen fitted, every candidate beside it |
-//! | [`trajectories`] | residuals of trajectories |
-//! | [`fit`] | least squares over blocks, signs kept |
-//! | [`signs`] | which sign takes energy away |
-//! | [`choose`] | which effect is added |
-//! | [`measure`], [`prediction`] | the gap, simulations |
-//! | [`given`] | a model to start from, and the model that is written |
-//! | [`put_in`] | effects put into a simulation |
-//! | [`told`] | units, parameters, values |
+//! | `candidates` | the effects |
+//! | `round` | a round: what was chosen fitted, every candidate beside it |
+//! | `trajectories` | residuals of trajectories |
+//! | `fit` | least squares over blocks, signs kept |
+//! | `signs` | which sign takes energy away |
+//! | `choose` | which effect is added |
+//! | `measure`, `prediction` | the gap, simulations |
+//! | `given` | a model to start from, and the model that is written |
+//! | `put_in` | effects put into a simulation |
+//! | `told` | units, parameters, values |
 
 mod candidates;
 mod choose;
