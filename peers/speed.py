@@ -23,17 +23,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.signal import fftconvolve, firwin
 
+from phase_space import median_of
+
 RATE, F_E = 500.0, 5.0
 OMEGA = 2 * np.pi * F_E
-
-
-def median_of(runs, work):
-    times = []
-    for _ in range(runs):
-        start = time.perf_counter()
-        result = work()
-        times.append(time.perf_counter() - start)
-    return float(np.median(times)), result
 
 
 def kernels(flat_hz, stop_hz, half=200):

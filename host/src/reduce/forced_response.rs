@@ -5,15 +5,11 @@
 //! sin δ = 2cΩ T2/(F bᵀX_1), Ω² = ω² − F bᵀX_1′ cos δ/T2′, T2 = ⟨x_φᵀ M x_φ⟩, a prime d/da, ω the free frequency at a.
 //! The second is Ω ≈ ω ∓ ½F d(bᵀX_1)/dI cos δ to first order (I = ωT2). On the branch below ω, cos δ > 0; both meet at the
 //! greatest amplitude, sin δ = 1. Folds are where Ω turns along the curve. Errors are of second order in the damping ratio.
-//!
-//! [`damping`] takes c from decays: İ = −c I whatever the nonlinearity, I = ω T2.
 
 use serde::Serialize;
 
-use super::polar::{Node, Polar};
-use super::release_fit::least_squares;
+use super::polar::Polar;
 use super::systems::Mechanical;
-use nalgebra::{DMatrix, DVector};
 
 /// Points on each branch.
 const POINTS: usize = 200;
@@ -141,41 +137,9 @@ fn turn(on: &impl Fn(f64) -> Option<Point>, mut low: f64, mut high: f64, sign: f
     on(0.5 * (low + high))
 }
 
-/// Damping c with its standard error from windows of decays, one group a release, each (time, node): ln I = ln I_0 − c t.
-pub fn damping(
-    polar: &Polar,
-    system: Option<&dyn Mechanical>,
-    masses: Option<&[f64]>,
-    decays: &[Vec<(f64, Node)>],
-) -> Option<(f64, f64)> {
-    let rows: Vec<(usize, f64, f64)> = decays
-        .iter()
-        .filter(|d| d.len() >= 3)
-        .enumerate()
-        .flat_map(|(group, d)| d.iter().map(move |(t, node)| (group, *t, node)))
-        .filter_map(|(group, t, node)| {
-            let averages = polar.averages(system, masses, node.amplitude)?;
-            Some((group, t, (averages.omega_squared.sqrt() * averages.inertia).ln()))
-        })
-        .collect();
-    let groups = rows.iter().map(|r| r.0 + 1).max()?;
-    let a = DMatrix::from_fn(rows.len(), groups + 1, |i, j| {
-        if j == groups {
-            -rows[i].1
-        } else if rows[i].0 == j {
-            1.0
-        } else {
-            0.0
-        }
-    });
-    let (value, error) = least_squares(&a, &DVector::from_iterator(rows.len(), rows.iter().map(|r| r.2)))?;
-    // Windows overlap by half: twice the variance.
-    Some((value[groups], std::f64::consts::SQRT_2 * error[groups]))
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::polar;
+    use super::super::polar::{self, Node};
     use super::*;
 
     /// A linear oscillator's response is known: amplitude F/√((1 − Ω²)² + c²Ω²), no fold.

@@ -187,7 +187,7 @@ fn backbone(id: &str, case: &Large) -> Result<Reproduction> {
         id: id.into(),
         title: "Frequency against energy at rest: full system by shooting, proper orthogonal mode alone, polar model.".into(),
         rows,
-        notes: vec!["Reproduced: Galerkin's projection on the proper orthogonal mode. Energies within the beam's internal resonance (five times its frequency is its third mode's) have no member of the family and are left out.".into()],
+        notes: vec!["Reproduced: Galerkin's projection on the proper orthogonal mode. Energies within an internal resonance (the beam's third mode at five times the first) have no member of the family and are left out.".into()],
         panels: (vec![panel], 1, 320.0),
     })
 }
