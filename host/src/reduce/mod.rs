@@ -15,6 +15,7 @@ pub mod added_constraint;
 pub mod channel_faults;
 pub mod circular;
 pub mod decay;
+pub mod eigen;
 pub mod forced_response;
 pub mod gram;
 pub mod harmonic_balance;
