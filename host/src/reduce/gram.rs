@@ -5,8 +5,8 @@
 //! products, which uses the widest vector instructions that the processor has, found at run time; nalgebra's, through
 //! matrixmultiply, stops at 256 bits and cannot leave out half of a symmetric result.
 
-use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::matmul::matmul;
+use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, MatMut, MatRef, Par};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -112,9 +112,8 @@ mod tests {
     #[test]
     fn the_number_of_threads_changes_no_digit() {
         let x = DMatrix::from_fn(9000, 30, |i, j| ((i * (j + 3)) as f64 * 0.37).sin());
-        let on = |threads: usize| {
-            rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| gram(&x))
-        };
+        let on =
+            |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| gram(&x));
         assert_eq!(on(1), on(3));
     }
 }

@@ -13,7 +13,7 @@ mod fitting;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-pub use self::fitting::model;
+pub use self::fitting::{again, model};
 use super::release_fit::ReleaseFit;
 use super::systems::Mechanical;
 
@@ -31,6 +31,8 @@ pub struct Node {
     pub error: f64,
     /// X_k/a, `[k][channel]`.
     pub shape: Vec<Vec<f64>>,
+    /// Standard error of X_k, one a channel (0 where not known).
+    pub spread: Vec<f64>,
 }
 
 impl Node {
@@ -42,6 +44,7 @@ impl Node {
             omega: fit.omega,
             error: fit.omega_error / fit.omega,
             shape: fit.cosine.iter().map(|x| x.iter().map(|v| v / a).collect()).collect(),
+            spread: fit.spread.clone(),
         }
     }
 }
@@ -55,6 +58,8 @@ pub struct Polar {
     pub a0: f64,
     /// Coefficients of ω² in powers of s.
     pub omega_squared: Vec<f64>,
+    /// Their standard errors ([`super::standard_error`]); empty where they have not been computed.
+    pub omega_squared_std_error: Vec<f64>,
     /// Scale of the amplitude in the s of the shapes.
     pub shape_a0: f64,
     /// Coefficients of X_k/a in powers of s, `[k][channel][power]`.
@@ -159,6 +164,15 @@ impl Polar {
             let turn_da = sum(&dx, |k| -(k as f64) * (k as f64 * phi).sin());
             v += system.gradient(&at).iter().zip(&da).map(|(g, d)| g * d).sum::<f64>();
             let m = system.mass(&at);
+            for p in 0..n {
+                for q in 0..n {
+                    t += 2.0 * turn[p] * m[p * n + q] * turn_da[q];
+                    inertia += turn[p] * m[p * n + q] * turn[q];
+                }
+            }
+            if system.constant_mass() {
+                continue;
+            }
             // The mass matrix changes along x_a: by a difference quotient in that direction.
             let h = 1e-5;
             let moved =
@@ -166,9 +180,7 @@ impl Polar {
             let (up, down) = (moved(1.0), moved(-1.0));
             for p in 0..n {
                 for q in 0..n {
-                    let dm = (up[p * n + q] - down[p * n + q]) / (2.0 * h * a);
-                    t += 2.0 * turn[p] * m[p * n + q] * turn_da[q] + turn[p] * dm * turn[q];
-                    inertia += turn[p] * m[p * n + q] * turn[q];
+                    t += turn[p] * (up[p * n + q] - down[p * n + q]) / (2.0 * h * a) * turn[q];
                 }
             }
         }

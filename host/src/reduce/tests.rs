@@ -116,6 +116,87 @@ fn not_a_number_is_a_gap_and_does_not_reach_the_modes() {
     assert!(!holed.warnings.is_empty());
 }
 
+/// A record read whole and block by block.
+fn both_ways(rig: &str, texts: &[String], settings: &ReduceSettings) -> (Reduction, Reduction) {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = Rig::parse(rig, Path::new("rig.toml")).unwrap();
+    let options = ReadOptions::default();
+    let paths: Vec<_> = (0..texts.len()).map(|i| folder.path().join(format!("{i}.csv"))).collect();
+    paths.iter().zip(texts).for_each(|(path, text)| std::fs::write(path, text).unwrap());
+    let records: Vec<Record> = paths.iter().map(|p| Record::read(p, &rig, &options).unwrap()).collect();
+    let whole = reduce(&records, &rig, settings).unwrap();
+    assert!(!long::is_long(&paths, &rig).unwrap());
+    let (streamed, lost) = long::reduce(&paths, &rig, &options, settings, &|_| {}).unwrap();
+    assert_eq!(lost, records.iter().map(|r| r.losses.lost()).sum::<u64>());
+    (whole, streamed)
+}
+
+fn same_modes(whole: &Reduction, streamed: &Reduction) {
+    assert_eq!((whole.kept, whole.rank, whole.samples), (streamed.kept, streamed.rank, streamed.samples));
+    assert_eq!(whole.channel_faults, streamed.channel_faults);
+    assert_eq!(whole.coordinates, streamed.coordinates);
+    let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-10);
+    assert!(close(&whole.energy, &streamed.energy), "{:?} {:?}", whole.energy, streamed.energy);
+    for k in 0..whole.kept {
+        assert!(close(&whole.modes[k], &streamed.modes[k]), "{k}");
+    }
+    // All that is told of the whole record but what belongs to a model is told of the streamed one too.
+    for w in whole.warnings.iter().filter(|w| w.kind.ends_with("channel") || w.kind == "gaps" || w.kind == "nan-is-gap")
+    {
+        assert!(streamed.warnings.contains(w), "{w:?}");
+    }
+    assert!(warned(streamed, "taken-block-by-block") && !warned(whole, "taken-block-by-block"));
+}
+
+#[test]
+fn a_record_taken_block_by_block_has_the_whole_ones_modes() {
+    // Five channels, of which one is dead and one a copy; gaps, holes and a single sample between two gaps; several blocks.
+    let row = |i: usize| {
+        let t = i as f64 * 0.1;
+        // It drifts, so that no release is looked for.
+        let (a, b) = (0.1 * t + (0.7 * t).sin(), 0.2 * (1.9 * t).cos());
+        let hole = if i % 30_011 == 17 { f64::NAN } else { a - b };
+        vec![1e3 + a + b, a - 2.0 * b, 0.25, hole, 2.0 * (a - 2.0 * b) - 1.0]
+    };
+    let text = csv((0..120_000).map(row), 0.1);
+    let lines = text.lines().enumerate().filter(|(i, _)| !matches!(i, 501..=507 | 509..=600 | 70_000));
+    let cut: String = lines.map(|(_, l)| format!("{l}\n")).collect();
+    let (whole, streamed) = both_ways(&rig(5, 10.0), &[cut, text], &ReduceSettings::default());
+    assert_eq!(whole.channel_faults.len(), 2);
+    assert!(warned(&whole, "gaps") && warned(&streamed, "short-stretches"));
+    same_modes(&whole, &streamed);
+    assert!(streamed.model.is_none() && streamed.releases.is_empty());
+}
+
+#[test]
+fn whirling_angles_taken_block_by_block_are_decomposed_on_the_circle() {
+    let angles = rig(2, 10.0).replace("\"m\"", "\"rad\"").replacen("\"x0\"\nunit", "\"theta1\"\nunit", 1).replacen(
+        "\"x1\"\nunit",
+        "\"theta2\"\nunit",
+        1,
+    );
+    // The second arm, relative to the first, turns over now and then and is wrapped.
+    let row = |i: usize| {
+        let t = i as f64 * 0.1;
+        let second = 3.0 * (0.05 * t).sin() + 0.02 * t;
+        vec![0.8 * (0.3 * t).sin(), second.sin().atan2(second.cos())]
+    };
+    let text = csv((0..280_000).map(row), 0.1);
+    let (whole, streamed) = both_ways(&angles, &[text], &ReduceSettings::default());
+    assert_eq!(whole.coordinates, ["phi1", "phi2"]);
+    assert!(whole.modes_imaginary.is_some() && streamed.modes_imaginary.is_some());
+    same_modes(&whole, &streamed);
+}
+
+#[test]
+fn a_constraint_is_refused_for_records_taken_block_by_block() {
+    let settings = ReduceSettings { constraint: Some(Constraint::Polar), ..ReduceSettings::default() };
+    let rig = Rig::parse(&rig(2, 10.0), Path::new("rig.toml")).unwrap();
+    let none: [&Path; 0] = [];
+    let error = long::reduce(&none, &rig, &ReadOptions::default(), &settings, &|_| {}).unwrap_err().to_string();
+    assert!(error.contains("block by block") && error.contains("--constraint"), "{error}");
+}
+
 /// The folder of measured records, or none, which is told.
 fn measured() -> Option<std::path::PathBuf> {
     let folder = std::env::var_os("WHIRL_RECORDS").map(std::path::PathBuf::from);

@@ -26,7 +26,7 @@ fn exact_nodes(id: &str, energies: &[f64], major: &[f64]) -> Vec<Node> {
             x[0].iter_mut().for_each(|v| *v = 0.0);
             let a: f64 = x[1].iter().zip(major).map(|(x, p)| x * p).sum();
             let shape = x.iter().map(|x| x.iter().map(|v| v / a).collect()).collect();
-            Node { amplitude: a, omega: m.omega, error: 1e-9, shape }
+            Node { amplitude: a, omega: m.omega, error: 1e-9, shape, spread: vec![0.0; n] }
         })
         .collect()
 }
@@ -80,7 +80,8 @@ fn a_duffing_oscillators_energy_follows_from_displacements_alone() {
         }
         x[0][0] = 0.0;
         let a = x[1][0];
-        Node { amplitude: a, omega: TAU / period, error: 1e-9, shape: x.iter().map(|x| vec![x[0] / a]).collect() }
+        let shape = x.iter().map(|x| vec![x[0] / a]).collect();
+        Node { amplitude: a, omega: TAU / period, error: 1e-9, shape, spread: vec![0.0] }
     };
     let nodes: Vec<Node> = [0.2, 0.5, 0.9, 1.4, 2.0].iter().map(|x| member(*x)).collect();
     let polar = model(&nodes, &[1.0], Some((1.0, vec![1.0]))).unwrap();
