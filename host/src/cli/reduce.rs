@@ -132,12 +132,10 @@ pub fn human(r: &Reduction) -> String {
 
 /// The forced response in a few lines.
 fn forced(f: &Forced) -> String {
-    let error = f.damping_found.map_or_else(String::new, |d| format!(" ± {} from the decays", significant(d.std_error, 2)));
-    let mut text = format!(
-        "forced by {}, damping {}{error} 1/s:\n",
-        significant(f.amplitude, 4),
-        significant(f.damping, 4)
-    );
+    let error =
+        f.damping_found.map_or_else(String::new, |d| format!(" ± {} from the decays", significant(d.std_error, 2)));
+    let mut text =
+        format!("forced by {}, damping {}{error} 1/s:\n", significant(f.amplitude, 4), significant(f.damping, 4));
     let mut line = |what: &str, p: &ResponsePoint| {
         let (frequency, amplitude) = (significant(p.frequency_hz, 7), significant(p.amplitude, 4));
         let _ = writeln!(text, "  {what} at {frequency} Hz, amplitude {amplitude}");

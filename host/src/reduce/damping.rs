@@ -76,11 +76,8 @@ fn fit(decays: &[Vec<(f64, f64)>]) -> Option<Damping> {
     let correlation = if left > 0.0 { (next / left).clamp(0.0, 0.9) } else { 0.0 };
     // Neighbours of correlation ρ, as of a first-order process: (1 + ρ)/(1 − ρ).
     let raised = (1.0 + correlation) / (1.0 - correlation);
-    let found = Damping {
-        value: -slope,
-        std_error: (left / free / spread * raised).sqrt(),
-        scatter: (left / count).sqrt(),
-    };
+    let found =
+        Damping { value: -slope, std_error: (left / free / spread * raised).sqrt(), scatter: (left / count).sqrt() };
     found.value.is_finite().then_some(found)
 }
 

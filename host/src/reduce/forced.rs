@@ -83,14 +83,20 @@ pub fn make(
     let shape = force.shape.clone().unwrap_or_else(|| mode.to_vec());
     let found = if force.damping.is_none() { damping::of_decays(polar, entries, system, masses) } else { None };
     let Some(damping) = force.damping.or(found.map(|d| d.value).filter(|c| *c > 0.0)) else {
-        return Err(BadInput::new("no decay to take the damping from", "a damping, or records of decays of 12 periods or more")
-            .at("--damping")
-            .remedy("Give --damping C in 1/s (twice the damping ratio times the angular frequency)"));
+        return Err(BadInput::new(
+            "no decay to take the damping from",
+            "a damping, or records of decays of 12 periods or more",
+        )
+        .at("--damping")
+        .remedy("Give --damping C in 1/s (twice the damping ratio times the angular frequency)"));
     };
     if let Some(d) = found.filter(|d| d.scatter > SCATTER) {
         warnings.push(Warning::new(
             "damping-form",
-            format!("the decays depart by {:.1} % (rms) from damping in proportion to velocity and mass", 100.0 * d.scatter),
+            format!(
+                "the decays depart by {:.1} % (rms) from damping in proportion to velocity and mass",
+                100.0 * d.scatter
+            ),
             "Amplitudes near the peak are uncertain by as much; give --damping for the amplitudes that matter",
         ));
     }
@@ -126,7 +132,10 @@ pub fn make(
     if peak.is_none() {
         warnings.push(Warning::new(
             "forced-beyond-range",
-            format!("the response goes on beyond the amplitude {:.4}, up to which the model may be used", polar.range[1]),
+            format!(
+                "the response goes on beyond the amplitude {:.4}, up to which the model may be used",
+                polar.range[1]
+            ),
             "Record releases of greater amplitude, or lower the force",
         ));
     }
@@ -159,7 +168,9 @@ pub fn check(force: &Force, channels: usize) -> Result<()> {
     if let Some(shape) = &force.shape {
         if shape.len() != channels {
             let found = format!("{} numbers", shape.len());
-            return Err(BadInput::new(found, format!("{channels}, one for each channel of the rig file")).at("--force-shape"));
+            return Err(
+                BadInput::new(found, format!("{channels}, one for each channel of the rig file")).at("--force-shape")
+            );
         }
         if !shape.iter().all(|b| b.is_finite()) || shape.iter().all(|b| *b == 0.0) {
             return Err(BadInput::new(format!("{shape:?}"), "finite numbers, one of them not 0").at("--force-shape"));

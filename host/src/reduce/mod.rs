@@ -40,8 +40,8 @@ pub mod systems;
 use serde::Serialize;
 
 use self::channel_faults::ChannelFault;
-pub use self::model::{Error, FrequencyEnergy, Model};
 pub use self::forced::{Force, Forced};
+pub use self::model::{Error, FrequencyEnergy, Model};
 use self::proper_orthogonal_decomposition::Pod;
 pub use self::releases::Release;
 pub use self::standard_error::AmplitudePoint;

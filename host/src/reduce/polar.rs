@@ -5,14 +5,17 @@
 //! leaving out one release at a time, the degree for ω and for the shapes apart. The linear mode, where it is known, is the node s = 0.
 //!
 //! Where mass and potential are known the frequency is variational (Whitham's averaged Lagrangian ½ω²T2(a) − V̄(a) is stationary):
-//! ω² = 2 V̄′(a)/T2′(a), V̄ = ⟨V⟩_φ, T2 = ⟨x_φᵀ M x_φ⟩_φ; an error of the shapes enters squared. Otherwise ω is interpolated, the action is
+//! ω² = 2 V̄′(a)/T2′(a), V̄ = ⟨V⟩_φ, T2 = ⟨x_φᵀ M x_φ⟩_φ; an error of the shapes enters squared; between releases far apart the equations
+//! give further nodes. Otherwise ω is interpolated, the action is
 //! I = ω T2 with the masses taken as 1 (or as given), and E = ∫ ω dI.
 
+mod between;
 mod fitting;
 
 use serde::Serialize;
 use std::f64::consts::TAU;
 
+pub use self::between::model_with;
 pub use self::fitting::{again, model};
 use super::release_fit::ReleaseFit;
 use super::systems::Mechanical;

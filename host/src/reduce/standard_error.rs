@@ -54,6 +54,8 @@ pub struct Use<'a> {
     pub masses: Option<&'a [f64]>,
     /// Whether the variational frequency is corrected by what it misses at the releases.
     pub corrected: bool,
+    /// Nodes between the releases from the equations, which noise does not move.
+    pub between: &'a [Node],
 }
 
 impl Use<'_> {
@@ -79,18 +81,19 @@ pub fn of(polar: &Polar, nodes: &[Node], how: Use<'_>) -> StandardErrors {
     if !(low > 0.0 && high > low) {
         return StandardErrors::default();
     }
-    let grid: Vec<f64> =
-        (0..POINTS).map(|i| low * (high / low).powf(i as f64 / (POINTS - 1) as f64)).collect();
+    let grid: Vec<f64> = (0..POINTS).map(|i| low * (high / low).powf(i as f64 / (POINTS - 1) as f64)).collect();
     let Some(found) = how.answers(polar, nodes, &grid) else { return StandardErrors::default() };
     let linear = how.system.and_then(|s| normal_mode::linear_mode(s, 0));
-    let raised = birge(polar, nodes);
+    // With nodes from the equations ω² is not a fit to the releases alone.
+    let raised = if how.between.is_empty() { birge(polar, nodes) } else { 1.0 };
     let mut random = ChaCha8Rng::seed_from_u64(1);
     let (mut at_amplitude, mut at_energy) = (vec![0.0; POINTS], vec![0.0; POINTS]);
     let mut coefficients = vec![0.0; polar.omega_squared.len()];
     let mut drawn = 0.0;
     for _ in 0..DRAWS {
         let moved: Vec<Node> = nodes.iter().map(|n| draw(n, &polar.major, raised, &mut random)).collect();
-        let Some(model) = polar::again(polar, &moved, linear.clone()) else { continue };
+        let all: Vec<Node> = moved.iter().chain(how.between).cloned().collect();
+        let Some(model) = polar::again(polar, &all, linear.clone()) else { continue };
         let Some(answers) = how.answers(&model, &moved, &grid) else { continue };
         drawn += 1.0;
         for i in 0..POINTS {
@@ -194,7 +197,7 @@ mod tests {
                 })
                 .collect();
             let model = polar::model(&nodes, &major, None).unwrap();
-            let how = Use { system: None, masses: None, corrected: false };
+            let how = Use { system: None, masses: None, corrected: false, between: &[] };
             let errors = of(&model, &nodes, how);
             assert_eq!((errors.curve.len(), errors.omega_squared.len()), (POINTS, model.omega_squared.len()));
             // Within the range, where the form costs nothing.

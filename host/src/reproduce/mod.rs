@@ -6,6 +6,7 @@ pub mod chapter3;
 pub mod chapter3_figures;
 pub mod chapter4;
 pub mod chapter5;
+pub mod chapter5_accuracy;
 pub mod chapter5_beyond;
 pub mod chapter5_figures;
 mod data;
@@ -39,6 +40,7 @@ pub static ITEMS: &[&[Item]] = &[
     chapter5::ITEMS,
     chapter5_figures::ITEMS,
     chapter5_beyond::ITEMS,
+    chapter5_accuracy::ITEMS,
     small_terms::ITEMS,
     accuracy::ITEMS,
 ];

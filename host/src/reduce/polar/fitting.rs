@@ -2,29 +2,22 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::super::release_fit::least_squares;
 use super::{Node, Polar, horner, s_of};
 
 /// Highest degree in s.
 const MOST_DEGREE: usize = 6;
 
-/// Coefficients of polynomials of one degree through all quantities of the nodes (columns of `values`).
+/// Coefficients of polynomials of one degree through all quantities of the nodes (columns of `values`), by least squares: exact interpolation where
+/// there are as many nodes as powers.
 fn polynomials(s: &[f64], weight: &[f64], values: &DMatrix<f64>, degree: usize) -> Option<Vec<DVector<f64>>> {
+    if s.len() <= degree {
+        return None;
+    }
     let a = DMatrix::from_fn(s.len(), degree + 1, |i, j| weight[i] * s[i].powi(j as i32));
-    (0..values.ncols())
-        .map(|q| {
-            let b = DVector::from_fn(s.len(), |i, _| weight[i] * values[(i, q)]);
-            if degree == 0 { least_squares(&a, &b).map(|r| r.0) } else { solve(&a, &b) }
-        })
-        .collect()
-}
-
-/// Least squares by QR: exact interpolation where there are as many nodes as powers.
-fn solve(a: &DMatrix<f64>, b: &DVector<f64>) -> Option<DVector<f64>> {
-    let qr = a.clone().qr();
-    let rhs = qr.q().transpose() * b;
-    let x = qr.r().solve_upper_triangular(&rhs)?;
-    x.iter().all(|v| v.is_finite()).then_some(x)
+    let b = DMatrix::from_fn(s.len(), values.ncols(), |i, q| weight[i] * values[(i, q)]);
+    let qr = a.qr();
+    let x = qr.r().solve_upper_triangular(&(qr.q().transpose() * b))?;
+    x.iter().all(|v| v.is_finite()).then(|| x.column_iter().map(|c| c.into_owned()).collect())
 }
 
 /// A scale and a degree, with their error at nodes left out: by which they were chosen, and the greatest.
@@ -44,7 +37,12 @@ struct Table {
     harmonics: usize,
 }
 
-fn table(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>, symmetric: Option<bool>) -> Option<(Table, bool)> {
+fn table(
+    nodes: &[Node],
+    major: &[f64],
+    linear: Option<(f64, Vec<f64>)>,
+    symmetric: Option<bool>,
+) -> Option<(Table, bool)> {
     let channels = major.len();
     let mut nodes: Vec<Node> = nodes.iter().filter(|n| n.amplitude > 0.0 && n.amplitude.is_finite()).cloned().collect();
     nodes.sort_by(|a, b| a.amplitude.total_cmp(&b.amplitude));
@@ -96,6 +94,11 @@ pub fn again(of: &Polar, nodes: &[Node], linear: Option<(f64, Vec<f64>)>) -> Opt
 
 /// Makes the model of nodes (at least two of different amplitude), with the linear mode (ω, X_1/a) where it is known.
 pub fn model(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>) -> Option<Polar> {
+    model_of(nodes, major, linear, MOST_DEGREE)
+}
+
+/// The same with degrees up to `most`.
+pub(super) fn model_of(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>, most: usize) -> Option<Polar> {
     let channels = major.len();
     let (Table { nodes, values, weight, harmonics }, symmetric) = table(nodes, major, linear, None)?;
     let first = nodes.iter().map(|n| n.amplitude).find(|a| *a > 0.0)?;
@@ -129,7 +132,7 @@ pub fn model(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>) -> 
     };
     let middle = (first * last).sqrt();
     let scales: Vec<f64> = (-20..=20).map(|n| middle * 10.0_f64.powf(f64::from(n) * 0.075)).collect();
-    let degrees = 1..=MOST_DEGREE.min(nodes.len().saturating_sub(2));
+    let degrees = 1..=most.min(nodes.len().saturating_sub(2));
     // ω and the shapes each with their own scale and degree, by their errors at releases left out. Few releases are interpolated, by the worst, ω with
     // the shapes' error beside its own: of two or three errors of one quantity the worst may be small by luck at a scale that serves nothing else. Many
     // (the windows of decays) are smoothed, by the mean.

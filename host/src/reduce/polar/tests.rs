@@ -48,6 +48,27 @@ fn the_variational_frequency_is_the_shooting_one_and_energy_is_the_actions() {
 }
 
 #[test]
+fn nodes_between_releases_are_the_full_systems_motions() {
+    // Two masses: releases at amplitudes 1.5 and 17, the mode's shape turning by a quarter in between.
+    let system = by_id("two-mass").unwrap();
+    let major = [0.141, 0.990];
+    let nodes = exact_nodes("two-mass", &[1.8, 14.6, 267.0], &major);
+    let linear = linear_mode(&*system, 0);
+    let (polar, between) = model_with(&nodes, &major, &*system, linear.clone()).unwrap();
+    assert!(between.len() >= 5, "{}", between.len());
+    let interpolated = model(&nodes, &major, linear).unwrap();
+    let mut worst = [0.0_f64; 2];
+    for member in family(&*system, 0, &[3.0, 7.7, 30.0, 70.0, 150.0]) {
+        for (model, worst) in [&polar, &interpolated].iter().zip(&mut worst) {
+            let a = model.amplitude_at(&*system, member.energy).unwrap();
+            let omega = model.corrected_omega(&*system, &nodes, a).unwrap();
+            *worst = worst.max((omega / member.omega - 1.0).abs());
+        }
+    }
+    assert!(worst[0] < 2e-5 && worst[1] > 1e-4, "{worst:?}");
+}
+
+#[test]
 fn a_duffing_oscillators_energy_follows_from_displacements_alone() {
     // x″ + x + x³ = 0: E(rest) = x²/2 + x⁴/4 against ∫ω dI.
     let member = |x0: f64| -> Node {

@@ -183,7 +183,8 @@ fn amplitudes(body: &mut Html, r: &Reduction) {
     }
     let mut panel = Panel::new("", Axis::linear("amplitude"), Axis::linear("frequency / Hz"));
     let x: Vec<f64> = curve.iter().map(|p| p.amplitude).collect();
-    let at = |sides: f64| -> Vec<f64> { curve.iter().map(|p| p.frequency_hz + sides * 1.96 * p.std_error_hz).collect() };
+    let at =
+        |sides: f64| -> Vec<f64> { curve.iter().map(|p| p.frequency_hz + sides * 1.96 * p.std_error_hz).collect() };
     panel.series.push(Series::new("95 % interval", Shape::Thin, x.clone(), at(-1.0)).colour(2));
     panel.series.push(Series::new("", Shape::Thin, x.clone(), at(1.0)).colour(2));
     panel.series.push(Series::new("reduced model", Shape::Line, x, at(0.0)).colour(0));
