@@ -141,12 +141,7 @@ pub fn read(path: &Path, rig: &Rig, options: &ReadOptions, take: &mut dyn FnMut(
 type Take<'a> = dyn FnMut(&Rows<'_>, Range<usize>, bool) -> Result<()> + 'a;
 
 /// Goes through a file once; `take` gets ranges of rows that belong to one stretch, and whether it begins there.
-fn pass(
-    source: &mut dyn Source,
-    path: &Path,
-    rig: &Rig,
-    take: &mut Take<'_>,
-) -> Result<Summary> {
+fn pass(source: &mut dyn Source, path: &Path, rig: &Rig, take: &mut Take<'_>) -> Result<Summary> {
     let mut rows = Rows::new(path, rig, source.word(), source.own());
     rows.limit = usize::MAX;
     let most = (BLOCK / rig.channel.len().max(1)).max(256);

@@ -69,16 +69,16 @@ pub struct Plots {
 
 /// A model that can be released.
 pub(super) enum Made<'a> {
-    /// The model, the releases' nodes, those between them from the equations, the system.
-    Polar(Polar, Vec<Node>, Vec<Node>, Option<&'a dyn Mechanical>),
+    /// The model, its nodes (the releases' first; none for decays), the system.
+    Polar(Polar, Vec<Node>, Option<&'a dyn Mechanical>),
     Polynomial(ConstraintModel),
 }
 
 impl Made<'_> {
     pub(super) fn omega(&self, a: f64) -> Option<f64> {
         match self {
-            Self::Polar(p, nodes, _, Some(system)) => p.corrected_omega(*system, nodes, a),
-            Self::Polar(p, _, _, None) => Some(p.omega(a)).filter(|w| *w > 0.0),
+            Self::Polar(p, nodes, Some(system)) => p.corrected_omega(*system, nodes, a),
+            Self::Polar(p, _, None) => Some(p.omega(a)).filter(|w| *w > 0.0),
             Self::Polynomial(m) => m.behaviour(a).map(|b| b.omega),
         }
     }
@@ -192,10 +192,11 @@ pub(super) fn build(
     if let Some(made) = made {
         judge::judge(&mut reduction, &made, gathered, &with_fit, &branch, &basis, system.as_deref(), settings);
         reduction.model = Some(match made {
-            Made::Polar(mut p, nodes, between, system) => {
-                let corrected = !nodes.is_empty();
+            Made::Polar(mut p, all, system) => {
                 let nodes: Vec<Node> = used.iter().map(|i| Node::of(with_fit[*i].1, &major)).collect();
-                let how = standard_error::Use { system, masses, corrected, between: &between };
+                let linear = system.and_then(|s| normal_mode::linear_mode(s, 0));
+                let (corrected, between) = (!all.is_empty(), all.get(nodes.len()..).unwrap_or(&[]));
+                let how = standard_error::Use { system, masses, linear: linear.as_ref(), corrected, between };
                 let errors = standard_error::of(&p, &nodes, how);
                 p.omega_squared_std_error = errors.omega_squared;
                 reduction.frequency_amplitude = errors.curve;
@@ -316,10 +317,11 @@ fn make<'a>(
         let linear = system.and_then(|s| normal_mode::linear_mode(s, 0));
         // Nodes of decays scatter, and leave no gaps: then the variational frequency stands alone.
         return match system {
-            Some(system) if !decays => polar::model_with(&nodes, major, system, linear)
-                .map(|(p, between)| Made::Polar(p, nodes, between, Some(system))),
+            Some(system) if !decays => {
+                polar::model_with(&nodes, major, system, linear).map(|(p, all)| Made::Polar(p, all, Some(system)))
+            }
             _ => polar::model(&nodes, major, linear)
-                .map(|p| Made::Polar(p, if decays { Vec::new() } else { nodes }, Vec::new(), system)),
+                .map(|p| Made::Polar(p, if decays { Vec::new() } else { nodes }, system)),
         };
     }
     let (orbits, time_unit) = added_constraint::orbits(&fits, basis, true);

@@ -15,7 +15,7 @@ mod fitting;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-pub use self::between::model_with;
+pub use self::between::{model_with, weighed};
 pub use self::fitting::{again, model};
 use super::release_fit::ReleaseFit;
 use super::systems::Mechanical;
@@ -205,7 +205,11 @@ impl Polar {
     ///
     /// The variational one errs where the shapes' slopes are poorest, at the ends of the range; the nodes know better.
     pub fn corrected_omega(&self, system: &dyn Mechanical, nodes: &[Node], a: f64) -> Option<f64> {
-        let omega = self.variational_omega(system, a)?;
+        self.corrected_by(system, &self.correction(system, nodes), a)
+    }
+
+    /// What the variational frequency misses at the nodes, as [`Self::corrected_by`] takes it.
+    pub fn correction(&self, system: &dyn Mechanical, nodes: &[Node]) -> Vec<(f64, f64)> {
         let mut ratio: Vec<(f64, f64)> = nodes
             .iter()
             .filter_map(|n| {
@@ -216,6 +220,12 @@ impl Polar {
             ratio.push((0.0, 1.0));
         }
         ratio.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ratio
+    }
+
+    /// The variational frequency times the correction.
+    pub fn corrected_by(&self, system: &dyn Mechanical, ratio: &[(f64, f64)], a: f64) -> Option<f64> {
+        let omega = self.variational_omega(system, a)?;
         let s = s_of(a, self.shape_a0);
         let (first, last) = (ratio.first()?, ratio.last()?);
         let factor = if s <= first.0 {

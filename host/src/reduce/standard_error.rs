@@ -12,7 +12,6 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-use super::normal_mode;
 use super::polar::{self, Node, Polar};
 use super::systems::Mechanical;
 
@@ -52,7 +51,9 @@ pub struct Use<'a> {
     pub system: Option<&'a dyn Mechanical>,
     /// Masses of the channels.
     pub masses: Option<&'a [f64]>,
-    /// Whether the variational frequency is corrected by what it misses at the releases.
+    /// The linear mode (ω, X_1/a), where the model was made with it.
+    pub linear: Option<&'a (f64, Vec<f64>)>,
+    /// Whether the variational frequency is corrected by what it misses at the nodes.
     pub corrected: bool,
     /// Nodes between the releases from the equations, which noise does not move.
     pub between: &'a [Node],
@@ -61,8 +62,9 @@ pub struct Use<'a> {
 impl Use<'_> {
     /// Angular frequency and energy at these (rising) amplitudes; none where a model has no frequency.
     fn answers(&self, polar: &Polar, nodes: &[Node], amplitudes: &[f64]) -> Option<Vec<(f64, f64)>> {
+        let correction = self.system.filter(|_| self.corrected).map(|s| polar.correction(s, nodes)).unwrap_or_default();
         let omega = |a: f64| match self.system {
-            Some(system) if self.corrected => polar.corrected_omega(system, nodes, a),
+            Some(system) if self.corrected => polar.corrected_by(system, &correction, a),
             Some(system) => polar.variational_omega(system, a),
             None => Some(polar.omega(a)).filter(|w| *w > 0.0),
         };
@@ -82,8 +84,9 @@ pub fn of(polar: &Polar, nodes: &[Node], how: Use<'_>) -> StandardErrors {
         return StandardErrors::default();
     }
     let grid: Vec<f64> = (0..POINTS).map(|i| low * (high / low).powf(i as f64 / (POINTS - 1) as f64)).collect();
-    let Some(found) = how.answers(polar, nodes, &grid) else { return StandardErrors::default() };
-    let linear = how.system.and_then(|s| normal_mode::linear_mode(s, 0));
+    let with_between =
+        |nodes: &[Node]| if how.between.is_empty() { nodes.to_vec() } else { polar::weighed(nodes, how.between) };
+    let Some(found) = how.answers(polar, &with_between(nodes), &grid) else { return StandardErrors::default() };
     // With nodes from the equations ω² is not a fit to the releases alone.
     let raised = if how.between.is_empty() { birge(polar, nodes) } else { 1.0 };
     let mut random = ChaCha8Rng::seed_from_u64(1);
@@ -92,9 +95,9 @@ pub fn of(polar: &Polar, nodes: &[Node], how: Use<'_>) -> StandardErrors {
     let mut drawn = 0.0;
     for _ in 0..DRAWS {
         let moved: Vec<Node> = nodes.iter().map(|n| draw(n, &polar.major, raised, &mut random)).collect();
-        let all: Vec<Node> = moved.iter().chain(how.between).cloned().collect();
-        let Some(model) = polar::again(polar, &all, linear.clone()) else { continue };
-        let Some(answers) = how.answers(&model, &moved, &grid) else { continue };
+        let all = with_between(&moved);
+        let Some(model) = polar::again(polar, &all, how.linear.cloned()) else { continue };
+        let Some(answers) = how.answers(&model, &all, &grid) else { continue };
         drawn += 1.0;
         for i in 0..POINTS {
             let (a, b) = (i.saturating_sub(1), (i + 1).min(POINTS - 1));
@@ -197,7 +200,7 @@ mod tests {
                 })
                 .collect();
             let model = polar::model(&nodes, &major, None).unwrap();
-            let how = Use { system: None, masses: None, corrected: false, between: &[] };
+            let how = Use { system: None, masses: None, linear: None, corrected: false, between: &[] };
             let errors = of(&model, &nodes, how);
             assert_eq!((errors.curve.len(), errors.omega_squared.len()), (POINTS, model.omega_squared.len()));
             // Within the range, where the form costs nothing.

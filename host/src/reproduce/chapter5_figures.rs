@@ -115,7 +115,7 @@ fn history_error(case: &Case, model: &ConstraintModel, release: usize) -> Option
 pub(super) fn polar_history_error(case: &Case, release: usize) -> Option<f64> {
     let x = &case.records[release];
     let a = case.known.amplitude_of(&[x[0][0], x[1][0]])?;
-    let omega = case.known.corrected_omega(&*case.system, &case.nodes, a)?;
+    let omega = case.known.corrected_omega(&*case.system, &case.all, a)?;
     history_error_of(case, &case.known, release, a, omega)
 }
 
@@ -348,7 +348,7 @@ fn figure_5_13() -> Result<Reproduction> {
     }
     let polar = |energy: f64| -> Option<f64> {
         let a = case.known.amplitude_at(&*case.system, energy)?;
-        case.known.corrected_omega(&*case.system, &case.nodes, a)
+        case.known.corrected_omega(&*case.system, &case.all, a)
     };
     let (e, w): (Vec<f64>, Vec<f64>) = energies.iter().filter_map(|e| polar(*e).map(|w| (*e, w))).unzip();
     panel.series.push(Series::new("polar model", Shape::BigDots, e, w).colour(2));

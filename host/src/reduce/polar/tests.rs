@@ -54,18 +54,19 @@ fn nodes_between_releases_are_the_full_systems_motions() {
     let major = [0.141, 0.990];
     let nodes = exact_nodes("two-mass", &[1.8, 14.6, 267.0], &major);
     let linear = linear_mode(&*system, 0);
-    let (polar, between) = model_with(&nodes, &major, &*system, linear.clone()).unwrap();
-    assert!(between.len() >= 5, "{}", between.len());
+    let (polar, all) = model_with(&nodes, &major, &*system, linear.clone()).unwrap();
+    assert!(all.len() >= 8 && all[..3] == nodes, "{}", all.len());
     let interpolated = model(&nodes, &major, linear).unwrap();
     let mut worst = [0.0_f64; 2];
-    for member in family(&*system, 0, &[3.0, 7.7, 30.0, 70.0, 150.0]) {
-        for (model, worst) in [&polar, &interpolated].iter().zip(&mut worst) {
+    // The last release lies on an asymmetric branch; below it the mode is the symmetric one.
+    for member in family(&*system, 0, &[3.0, 7.7, 30.0, 70.0]) {
+        for ((model, nodes), worst) in [(&polar, &all), (&interpolated, &nodes)].iter().zip(&mut worst) {
             let a = model.amplitude_at(&*system, member.energy).unwrap();
-            let omega = model.corrected_omega(&*system, &nodes, a).unwrap();
+            let omega = model.corrected_omega(&*system, nodes, a).unwrap();
             *worst = worst.max((omega / member.omega - 1.0).abs());
         }
     }
-    assert!(worst[0] < 2e-5 && worst[1] > 1e-4, "{worst:?}");
+    assert!(worst[0] < 5e-6 && worst[1] > 1e-4, "{worst:?}");
 }
 
 #[test]
