@@ -57,6 +57,9 @@ pub const PAIRS: &[[&str; 2]] = &[
     ["drive-harmonic-2@drive=0.01", "cogging@joint2=5e-5,n=8"],
     ["frame-tilt@frame=0.005", "quadratic-drag@arm1=1e-5"],
     ["channel-delay@encoder2=2e-4", "stribeck-friction@joint1=3e-4,v_s=1"],
+    // The second of these two shows at 1024 counts too.
+    ["eccentricity@encoder2=0.005", "viscous-friction@joint1=1e-4"],
+    ["channel-delay@encoder2=2e-4", "stribeck-friction@joint1=1e-3,v_s=1"],
 ];
 
 /// Shapes that no single effect of the list has.

@@ -23,6 +23,9 @@ const LOCKED_SHARE: f64 = 0.5;
 /// Condition number of an equation's columns from which its coefficients are hardly separable.
 const WORST_CONDITION: f64 = 100.0;
 
+/// Why a locked record cannot.
+pub(super) const LOCKED: &str = "the motion repeats (locked to the drive): one orbit cannot tell effects apart. Change the drive until the motion is chaotic";
+
 /// Why this record cannot decide, if it cannot.
 pub(super) fn undecidable(
     records: &[Record],
@@ -33,7 +36,7 @@ pub(super) fn undecidable(
     let window_s = comparison.geometry.windows.length_s;
     let blocks: usize = comparison.raw.iter().map(|s| (s.len() as f64 * s.step_s / window_s) as usize).sum();
     if !records.is_empty() && records.iter().all(|r| locked(r, rig)) {
-        return Some("the motion repeats (locked to the drive): one orbit cannot tell effects apart. Change the drive until the motion is chaotic".to_owned());
+        return Some(LOCKED.to_owned());
     }
     if blocks < FEWEST_BLOCKS || comparison.held_out.is_empty() {
         return Some(format!(
@@ -49,7 +52,7 @@ pub(super) fn undecidable(
 
 /// Whether most of a record repeats. It is the motion that is looked at, not the residuals: those of a wrong model repeat wherever the motion
 /// comes back near an earlier state.
-fn locked(record: &Record, rig: &Rig) -> bool {
+pub(super) fn locked(record: &Record, rig: &Rig) -> bool {
     let Some(drive) = rig.drive else { return false };
     let motions = motion::motions(record);
     let longest = record.segments.iter().enumerate().max_by_key(|(_, s)| s.len());
@@ -67,26 +70,8 @@ fn locked(record: &Record, rig: &Rig) -> bool {
     }
 }
 
-/// Effects that are a function of a joint's angle.
-const OF_THE_ANGLE: [&str; 5] = ["torsion-spring", "cubic-stiffness", "quadratic-stiffness", "backlash", "cogging"];
-/// So many of them at one joint are a series expansion of a shape, not so many causes.
-const PATCHES: usize = 3;
-
-/// A joint at which a shape of the angle was patched together from several effects, and their names.
-fn patched(result: &Explanation) -> Option<(&'static str, String)> {
-    ["joint1", "joint2"].into_iter().find_map(|joint| {
-        let patches: Vec<&str> = result
-            .effects
-            .iter()
-            .filter(|f| f.at == joint && OF_THE_ANGLE.contains(&f.id.as_str()))
-            .map(|f| f.id.as_str())
-            .collect();
-        (patches.len() >= PATCHES).then(|| (joint, patches.join(", ")))
-    })
-}
-
-/// The verdict and its reason from everything that was measured.
-pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>) {
+/// The verdict and its reason from everything that was measured. `patched`: a joint at which several effects stand for one shape, and their names.
+pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, patched: Option<(&'static str, String)>) {
     let gap = result.gap.steps.last().map_or(f64::NAN, |s| s.value);
     let power = result.residual_power[1];
     let horizon_s = result.gap.horizon_s;
@@ -103,7 +88,7 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>) {
         }
         (None, true, _) => (Verdict::Unexplained, format!("{noise}; no effect of the list accounts for it")),
         (None, false, true) => (Verdict::NothingMissing, noise),
-        (None, false, false) if let Some((joint, names)) = patched(result) => (
+        (None, false, false) if let Some((joint, names)) = patched => (
             Verdict::Unexplained,
             format!(
                 "{noise}, but it took {names} to get there: one shape of {joint}'s angle that has no name in the list"

@@ -9,7 +9,8 @@
 //! 4. What is left is compared with what the sensors' noise alone leaves in the same rows, located ([`residual_map`]), and, where it
 //!    has no name, drawn as a function of one coordinate ([`unknown`]).
 
-pub mod attractor;
+pub mod artefact;
+mod attractor;
 mod comparison;
 mod decidability;
 pub mod design;
@@ -22,10 +23,12 @@ pub mod ledger;
 pub mod model_file;
 mod naming;
 mod parameters;
+mod patched;
 pub mod presentation;
 pub mod ranking;
 pub mod residual_map;
 pub mod shooting;
+pub mod single_pendulum;
 mod state;
 pub mod unknown;
 
@@ -70,7 +73,10 @@ pub struct Settings {
 /// As [`identify::identify`]; a `model` that is not of this rig.
 pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
     if let Some(bound) = &rig.bound {
-        return model_file::explain(records, rig, bound, settings);
+        return model_file::explain(records, rig, bound, settings, None);
+    }
+    if rig.model == "single-pendulum" {
+        return single_pendulum::explain(records, rig, settings);
     }
     let first = identify::identify(records, rig, &IdentifySettings::default())?;
     let Prepared { segments, sigma, geometry, warnings } =
@@ -129,7 +135,11 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         result.residual_power[1] = power.ratio;
         let outcome = Outcome { design, weights, own, fit, measured, power };
         let last = undecidable.is_some() || step == settings.most_effects.unwrap_or(MOST_EFFECTS);
-        let next = if last { None } else { choose(&state, &outcome, &variants, step, &mut result.ranking) };
+        let next = if last {
+            None
+        } else {
+            choose(&state, &outcome, (&geometry, sigma), &variants, step, &mut result.ranking)
+        };
         let Some(next) = next else { break outcome };
         found.push(next.found);
         kept = Some((state.clone(), outcome));
@@ -150,7 +160,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         result.where_before = core::mem::replace(&mut result.r#where, after.1);
     }
     result.effects = found;
-    decidability::decide(&mut result, undecidable);
+    decidability::decide(&mut result, undecidable, patched::patched(&state, &outcome));
     if result.verdict == Verdict::Unexplained {
         result.unknown = unknown::shape(&state, &geometry, &outcome);
     }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::DVector;
 use rayon::prelude::*;
 
+use super::artefact;
 use super::design::{self, Design};
 use super::effects::{Compose, Context, Place, Scale, Variant};
 use super::explanation::{Found, Ranked};
@@ -80,6 +81,7 @@ pub(super) struct Next {
 pub(super) fn choose(
     state: &State,
     outcome: &Outcome,
+    sensors: (&Geometry, [f64; 2]),
     variants: &[Candidate],
     step: usize,
     ranking_out: &mut Vec<Ranked>,
@@ -167,21 +169,32 @@ pub(super) fn choose(
         let (_, d) = places[s.index];
         DISSIPATIVE.contains(&variants[s.index].effect.id) && s.fit.all[s.fit.all.len() - d] < 0.0
     };
-    let significant = |s: &Score| s.p * tests < FAMILY_WISE && s.gain > 0.0 && !feeds(s);
-    let (_, strongest) = order.iter().find(|(_, s)| significant(s))?;
     // Of those within a standard error of the best, the simplest (Breiman et al. 1984, the one-standard-error rule).
     let complexity = |s: &Score| {
         let v = &variants[s.index].variant;
         v.action.len() + v.shape.len()
     };
-    let (name, winner) = order
-        .iter()
-        .filter(|(_, s)| significant(s))
-        .filter(|(_, s)| {
-            let (mean, error) = ranking::gain(&s.held_out, &strongest.held_out);
-            mean <= error
-        })
-        .min_by_key(|(_, s)| complexity(s))?;
+    let mut feigned: Vec<usize> = Vec::new();
+    let (name, winner) = loop {
+        let significant =
+            |s: &Score| s.p * tests < FAMILY_WISE && s.gain > 0.0 && !feeds(s) && !feigned.contains(&s.index);
+        let (_, strongest) = order.iter().find(|(_, s)| significant(s))?;
+        let (name, winner) = order
+            .iter()
+            .filter(|(_, s)| significant(s))
+            .filter(|(_, s)| {
+                let (mean, error) = ranking::gain(&s.held_out, &strongest.held_out);
+                mean <= error
+            })
+            .min_by_key(|(_, s)| complexity(s))?;
+        // What is overwhelming is no artefact of the sensors.
+        let small = winner.gain * blocks < STRONG * total;
+        if !(small && artefact::feigned(state, outcome, sensors, &variants[winner.index], &winner.fit)) {
+            break (name, winner);
+        }
+        feigned.push(winner.index);
+    };
+    let significant = |s: &Score| s.p * tests < FAMILY_WISE && s.gain > 0.0 && !feeds(s) && !feigned.contains(&s.index);
     let runner_up = order.iter().find(|(n, _)| n != name).map(|(n, s)| ((*n).clone(), s.gain * blocks / total));
     let mut twins: Vec<String> = order
         .iter()

@@ -2,12 +2,14 @@
 //!
 //! What [`super::noise_bias`] measures on the smoothed record is the sensors' share. The smoothing itself has one more: dry friction bends a velocity where a joint turns back, and
 //! a low-pass rounds that off, so that the friction comes out different by some tenths of a per cent at few counts. The smoothed record has lost
-//! those bends; a solution of the model has them. So the identified model is integrated over stretches like the record's, from its states at their starts, measured by the sensors
+//! those bends; a solution of the model has them. So the identified model is integrated over windows like the record's, from its states at their starts, measured by the sensors
 //! and identified again (a parametric bootstrap estimate of bias, Efron and Tibshirani 1993, ch. 10):
 //!
 //! δ = [λ(solution) − λ] + [(1/R) Σ_r λ(sensor_r(solution)) − λ(solution)],   corrected λ − δ
 //!
-//! Each part is shrunk where it is not larger than its scatter over the stretches, which goes into the covariance. The first needs no noise at all, so that few stretches suffice.
+//! Each part is shrunk where it is not larger than its scatter over groups of windows, which goes into the covariance.
+//! Every window has a solution of its own, so that a chaotic motion has no time to make a rounding error visible: two ways to write the
+//! same equations have the same bias.
 //!
 //! Limits: the model must be one that can be integrated, and stay finite; a solution leaves the record after some Lyapunov times but keeps to the same kind of motion.
 
@@ -17,7 +19,6 @@ use rayon::prelude::*;
 use super::noise_bias::{Bias, REPEATS, from_rows, measure, places};
 use super::regression::solve_weighted;
 use super::windows::{Kernels, WindowRows, Windows, rows};
-use crate::model::double_pendulum_dynamics::DoublePendulum;
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Outside, Work};
 use crate::model::weak::WeakModel;
@@ -29,11 +30,13 @@ const STEP_S: f64 = 5e-3;
 const STEPS: f64 = 40.0;
 /// A share of a coefficient beyond which the simulated motion is another one than the record's, and nothing is concluded from it.
 const ANOTHER_MOTION: f64 = 0.1;
+/// Groups of neighbouring windows whose scatter tells that of the bias: neighbours share half of their samples.
+const GROUPS: usize = 8;
 
-/// Measures the bias. `coefficients`: of all equations, one after the other, in the order of `dynamics`' parameters. `sigma`: each sensor's noise, rad. None where the
-/// model's motion is not like the record's.
+/// Measures the bias. `coefficients`: of all equations, one after the other, in the order of `dynamics`' parameters; `omega`: the drive's angular frequency, rad/s.
+/// `sigma`: each sensor's noise, rad. None where the model's motion is not like the record's.
 pub fn estimate(
-    dynamics: &DoublePendulum,
+    (dynamics, omega): (&dyn Dynamics, f64),
     coefficients: &DVector<f64>,
     segments: &[AngleSegment],
     model: &WeakModel,
@@ -42,24 +45,39 @@ pub fn estimate(
     weights: &[Vec<f64>],
     sigma: [f64; 2],
 ) -> Option<Bias> {
-    let motions = motions(dynamics, coefficients.as_slice(), segments, kernels, windows)?;
+    let motions = motions((dynamics, omega), coefficients.as_slice(), segments, kernels, windows)?;
     let terms: Vec<usize> = model.equations.iter().map(|e| e.terms.len()).collect();
     let plain = rows(&motions, model, kernels, windows);
-    let measured: Vec<Vec<WindowRows>> = (0..REPEATS)
+    let measured = (0..REPEATS)
         .map(|r| {
             let seen: Vec<AngleSegment> =
                 motions.iter().enumerate().map(|(i, s)| measure(s, r, sigma, i as u64)).collect();
             rows(&seen, model, kernels, windows)
         })
         .collect();
-    let mut bias = from_rows(motions.len(), &plain, &measured, &terms, weights)?;
+    from_solutions(motions.len(), plain, measured, &terms, weights, coefficients)
+}
+
+/// The bias from the rows of `motions` solutions with the parameters `coefficients`, as they are and measured [`REPEATS`] times.
+pub(crate) fn from_solutions(
+    motions: usize,
+    mut plain: Vec<WindowRows>,
+    mut measured: Vec<Vec<WindowRows>>,
+    terms: &[usize],
+    weights: &[Vec<f64>],
+    coefficients: &DVector<f64>,
+) -> Option<Bias> {
+    let n = motions.min(GROUPS);
+    for window in plain.iter_mut().chain(measured.iter_mut().flatten()) {
+        window.run = window.run * n / motions.max(1);
+    }
+    let mut bias = from_rows(n, &plain, &measured, terms, weights)?;
     let solve = |without: Option<usize>| {
         let kept = plain.iter().filter(|w| Some(w.run) != without);
-        let solved = solve_weighted(kept, &terms, weights).ok()?;
+        let solved = solve_weighted(kept, terms, weights).ok()?;
         Some(DVector::from_iterator(coefficients.len(), solved.iter().flat_map(|c| c.iter().copied())) - coefficients)
     };
     let all = solve(None)?;
-    let n = motions.len();
     let mut covariance = DMatrix::zeros(all.len(), all.len());
     for change in (0..n).filter_map(|g| solve(Some(g))).map(|d| d - &all) {
         covariance += &change * change.transpose() * ((n - 1) as f64 / n as f64);
@@ -79,9 +97,60 @@ pub fn estimate(
     Some(bias)
 }
 
-/// Solutions of the model over stretches like those of [`super::noise_bias`], from the smoothed record's state at the start of each.
+/// Longest step of integration under a drive of angular frequency `omega` (0 for none), s.
+fn step_s(omega: f64) -> f64 {
+    if omega > 0.0 { (core::f64::consts::TAU / omega / STEPS).min(STEP_S) } else { STEP_S }
+}
+
+/// State at the sample in the middle of a kernel's span: each coordinate low-passed, then its rate.
+pub(crate) fn state_at<'a>(coordinates: impl Iterator<Item = &'a [f64]>, kernels: &Kernels) -> Option<Vec<f64>> {
+    let (mut smooth, mut slope) = (Vec::new(), Vec::new());
+    let (mut state, mut rates) = (Vec::new(), Vec::new());
+    for x in coordinates {
+        kernels.clear.apply(x, &mut smooth, &mut slope);
+        state.push(*smooth.first()?);
+        rates.push(*slope.first()?);
+    }
+    state.append(&mut rates);
+    Some(state)
+}
+
+/// A solution from `state` at samples `spacing` apart (s), a row for each coordinate of `out`. Every tenth of a second the state is rounded to 2⁻²⁰ rad (rad/s),
+/// far below any sensor: otherwise a chaotic motion, which grows a rounding error by e in some tenths of a second, would be another one for every way to
+/// write the same equations. False where the equations have no solution or it leaves all bounds.
+pub(crate) fn solve<D: Dynamics + ?Sized>(
+    (dynamics, parameters, outside): (&D, &[f64], Outside<'_>),
+    mut state: Vec<f64>,
+    (start_s, spacing): (f64, f64),
+    out: &mut [Vec<f64>],
+) -> bool {
+    const GRID: f64 = 1_048_576.0;
+    let flow = Flow::new(dynamics, parameters, outside, step_s(outside.omega));
+    let mut work = Work::plain(dynamics);
+    let count = out.first().map_or(0, Vec::len);
+    let part = ((0.1 / spacing).round() as usize).max(1);
+    let mut from = 0;
+    while from + 1 < count {
+        work.set(&state);
+        let samples = part.min(count - 1 - from) + 1;
+        let good = flow.samples(&mut work, start_s + from as f64 * spacing, spacing, samples, |k, q| {
+            for (x, q) in out.iter_mut().zip(q) {
+                x[from + k] = *q;
+            }
+        });
+        state.copy_from_slice(work.state());
+        if !good || state.iter().any(|x| !(x.abs() < 1e7)) {
+            return false;
+        }
+        state.iter_mut().for_each(|x| *x = (*x * GRID).round() / GRID);
+        from += samples - 1;
+    }
+    true
+}
+
+/// Solutions of the model over one window each, spread over the record, from the smoothed record's state at the start.
 fn motions(
-    dynamics: &DoublePendulum,
+    (dynamics, omega): (&dyn Dynamics, f64),
     parameters: &[f64],
     segments: &[AngleSegment],
     kernels: &Kernels,
@@ -90,33 +159,19 @@ fn motions(
     if parameters.len() != dynamics.parameter_count() {
         return None;
     }
+    let n = dynamics.degrees_of_freedom();
     let reach = kernels.clear.reach();
     let lengths: Vec<usize> = segments.iter().map(AngleSegment::len).collect();
     let spacing = segments.first()?.step_s;
-    let found: Vec<AngleSegment> = places(&lengths, kernels, windows, spacing)
+    let found: Vec<AngleSegment> = places(&lengths, kernels, windows, spacing, 1)
         .into_par_iter()
         .map(|(i, first, last)| {
             let mut out = segments[i].part(first + reach, last - reach);
-            let mut state = [0.0; 4];
-            let (mut smooth, mut slope) = (Vec::new(), Vec::new());
-            for c in 0..2 {
-                kernels.clear.apply(&segments[i].phi[c][first..first + 2 * reach + 1], &mut smooth, &mut slope);
-                state[c] = *smooth.first()?;
-                state[2 + c] = *slope.first()?;
-            }
-            let omega = if matches!(out.phase, Phase::Clock(0.0)) { 0.0 } else { dynamics.omega() };
-            let step = if omega > 0.0 { (core::f64::consts::TAU / omega / STEPS).min(STEP_S) } else { STEP_S };
-            let flow =
-                Flow::new(dynamics, parameters, Outside::drive(out.start_s, out.tau(0), omega + out.runaway.1), step);
-            let mut work = Work::plain(dynamics);
-            work.set(&state);
-            let count = out.len();
-            let phi = &mut out.phi;
-            let good = flow.samples(&mut work, segments[i].time(first + reach), out.step_s, count, |k, q| {
-                phi[0][k] = q[0];
-                phi[1][k] = q[1];
-            });
-            (good && out.phi.iter().flatten().all(|x| x.is_finite() && x.abs() < 1e7)).then_some(out)
+            let state = state_at((0..n).map(|c| &segments[i].phi[c][first..first + 2 * reach + 1]), kernels)?;
+            let omega = if matches!(out.phase, Phase::Clock(0.0)) { 0.0 } else { omega };
+            let outside = Outside::drive(out.start_s, out.tau(0), omega + out.runaway.1);
+            let start = (segments[i].time(first + reach), out.step_s);
+            solve((dynamics, parameters, outside), state, start, &mut out.phi[..n]).then_some(out)
         })
         .collect::<Option<_>>()?;
     (!found.is_empty()).then_some(found)

@@ -331,9 +331,10 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
         solution.covariance = heavy.covariance.clone();
         None
     } else {
-        let chain = system.dynamics(rig).and_then(|dynamics| {
-            chain_bias::estimate(&dynamics, &found, &segments, &model, &kernels, &windows, &solution.weights, sigma)
-        });
+        let dynamics = system.dynamics(rig);
+        let moves = (&*dynamics, rig.drive.map_or(0.0, |_| rig.omega()));
+        let chain =
+            chain_bias::estimate(moves, &found, &segments, &model, &kernels, &windows, &solution.weights, sigma);
         chain.or_else(|| noise_bias::estimate(&segments, &model, &kernels, &windows, &solution.weights, sigma))
     };
     if let Some(bias) = &bias {

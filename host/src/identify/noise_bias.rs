@@ -30,7 +30,7 @@ const STRETCH_T: f64 = 3.182 / 1.96;
 /// Most windows on which the bias is measured.
 const MOST_WINDOWS: usize = 64;
 /// Windows taken together, so that they share their smoothed samples.
-const STRETCH: usize = 8;
+pub(crate) const STRETCH: usize = 8;
 /// Shifts of the two encoders' grids, in counts: each encoder gets every quarter, in another order.
 const SHIFTS: [[f64; 2]; 4] = [[0.125, 0.375], [0.375, 0.875], [0.625, 0.125], [0.875, 0.625]];
 
@@ -122,7 +122,7 @@ pub(crate) fn smoothed_stretches(segments: &[AngleSegment], kernels: &Kernels, w
     let reach = kernels.clear.reach();
     let lengths: Vec<usize> = segments.iter().map(AngleSegment::len).collect();
     let mut unused = Vec::new();
-    places(&lengths, kernels, windows, step)
+    places(&lengths, kernels, windows, step, STRETCH)
         .into_iter()
         .map(|(i, first, last)| {
             let mut out = segments[i].part(first + reach, last - reach);
@@ -136,13 +136,19 @@ pub(crate) fn smoothed_stretches(segments: &[AngleSegment], kernels: &Kernels, w
         .collect()
 }
 
-/// Where such stretches lie in segments of these lengths: segment, first sample, end.
-pub(crate) fn places(lengths: &[usize], kernels: &Kernels, windows: &Windows, step: f64) -> Vec<(usize, usize, usize)> {
+/// Where stretches of `together` windows lie in segments of these lengths: segment, first sample, end.
+pub(crate) fn places(
+    lengths: &[usize],
+    kernels: &Kernels,
+    windows: &Windows,
+    step: f64,
+    together: usize,
+) -> Vec<(usize, usize, usize)> {
     // The smoothing takes its reach on either side once more.
     let one = samples_needed(windows, kernels, step) + 2 * kernels.clear.reach();
     let hop = windows.hop_s / step;
-    let long = one + ((STRETCH - 1) as f64 * hop).ceil() as usize;
-    let stride = (STRETCH as f64 * hop).round() as usize;
+    let long = one + ((together - 1) as f64 * hop).ceil() as usize;
+    let stride = (together as f64 * hop).round() as usize;
     let mut all: Vec<(usize, usize, usize)> = Vec::new();
     for (i, &length) in lengths.iter().enumerate() {
         let mut first = 0;
@@ -151,7 +157,7 @@ pub(crate) fn places(lengths: &[usize], kernels: &Kernels, windows: &Windows, st
             first += stride.max(1);
         }
     }
-    let count = all.len().min(MOST_WINDOWS / STRETCH);
+    let count = all.len().min(MOST_WINDOWS / together);
     (0..count).map(|k| all[k * all.len() / count]).collect()
 }
 

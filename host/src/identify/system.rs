@@ -6,7 +6,9 @@ use super::{dampings, physical_parameters, single_parameters};
 use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::{self, Damping};
 use crate::model::double_pendulum_dynamics::DoublePendulum;
+use crate::model::dynamics::Dynamics;
 use crate::model::single_pendulum;
+use crate::model::single_pendulum_dynamics::SinglePendulum;
 use crate::model::weak::WeakModel;
 use crate::record::Record;
 use crate::rig::{Direction, Rig};
@@ -85,11 +87,12 @@ impl System {
         }
     }
 
-    /// Its equations as they are integrated; none for a system whose solutions are not used.
-    pub fn dynamics(&self, rig: &Rig) -> Option<DoublePendulum> {
+    /// Its equations as they are integrated.
+    pub fn dynamics(&self, rig: &Rig) -> Box<dyn Dynamics> {
+        let (omega, driven) = (rig.omega(), rig.drive.is_some());
         match self {
-            Self::Single(_) => None,
-            Self::Double(dampings) => Some(DoublePendulum::new(rig.omega(), rig.drive.is_some(), dampings)),
+            Self::Single(dampings) => Box::new(SinglePendulum::new(omega, driven, dampings)),
+            Self::Double(dampings) => Box::new(DoublePendulum::new(omega, driven, dampings)),
         }
     }
 

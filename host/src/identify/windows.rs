@@ -19,6 +19,7 @@ use realfft::num_complex::Complex64;
 use crate::model::weak::{Equation, Order, Part, Sample, WeakModel};
 use crate::signal::angles::{AngleSegment, Phase};
 use crate::signal::low_pass::{FastConvolution, Kernel, Output, is_smooth};
+use crate::signal::sin_cos::sin_cos;
 
 /// Coefficients of sin⁴(πu) in e^{−2πiku}, k = −2 … 2.
 const SIN4: [f64; 5] = [1.0 / 16.0, -0.25, 0.375, -0.25, 1.0 / 16.0];
@@ -249,6 +250,9 @@ pub(crate) fn evaluate_all(segments: &[AngleSegment], model: &WeakModel, kernels
     (0..model.series.len()).map(|k| parts.iter().flat_map(|p| p[k].iter().copied()).collect()).collect()
 }
 
+/// Samples worked through at once: what the series share stays in the first-level cache.
+const BLOCK: usize = 64;
+
 /// Every series of the model at samples first … last of a segment.
 fn evaluate(
     segment: &AngleSegment,
@@ -263,28 +267,39 @@ fn evaluate(
     let outputs = convolution.apply(input);
     let [phi, rate, clear] =
         [0, 1, 2].map(|k: usize| [0, 1].map(|i: usize| &outputs[k][i][reach..reach + last - first]));
-    let mut series = vec![vec![0.0; last - first]; model.series.len()];
+    let n = last - first;
+    let mut series = vec![vec![0.0; n]; model.series.len()];
     let driven = !matches!(segment.phase, Phase::Clock(0.0));
-    for k in 0..last - first {
-        let (sin1, cos1) = phi[0][k].sin_cos();
-        let (sin2, cos2) = phi[1][k].sin_cos();
-        let (sin_tau, cos_tau) = if driven { segment.tau(first + k).sin_cos() } else { (0.0, 1.0) };
-        let sample = Sample {
-            raw: [segment.phi[0][first + k], segment.phi[1][first + k]],
-            phi: [phi[0][k], phi[1][k]],
-            rate: [rate[0][k], rate[1][k]],
-            clear_rate: [clear[0][k], clear[1][k]],
-            clear_step: [step_at(clear[0], k), step_at(clear[1], k)],
-            turn: [rate[0][k] * segment.step_s, rate[1][k] * segment.step_s],
-            accel: [step_at(rate[0], k) / segment.step_s, step_at(rate[1], k) / segment.step_s],
-            sin: [sin1, sin2],
-            cos: [cos1, cos2],
-            sin_tau,
-            cos_tau,
-            time: segment.time(first + k),
-        };
+    let mut samples = [Sample::default(); BLOCK];
+    let (mut tau, mut sin, mut cos) = ([0.0; BLOCK], [[0.0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
+    cos[2] = [1.0; BLOCK];
+    for from in (0..n).step_by(BLOCK) {
+        let to = (from + BLOCK).min(n);
+        for i in 0..2 {
+            sin_cos(&phi[i][from..to], &mut sin[i][..to - from], &mut cos[i][..to - from]);
+        }
+        if driven {
+            tau.iter_mut().zip(from..to).for_each(|(tau, k)| *tau = segment.tau(first + k));
+            sin_cos(&tau[..to - from], &mut sin[2][..to - from], &mut cos[2][..to - from]);
+        }
+        for (j, k) in (from..to).enumerate() {
+            samples[j] = Sample {
+                raw: [segment.phi[0][first + k], segment.phi[1][first + k]],
+                phi: [phi[0][k], phi[1][k]],
+                rate: [rate[0][k], rate[1][k]],
+                clear_rate: [clear[0][k], clear[1][k]],
+                clear_step: [step_at(clear[0], k), step_at(clear[1], k)],
+                turn: [rate[0][k] * segment.step_s, rate[1][k] * segment.step_s],
+                accel: [step_at(rate[0], k) / segment.step_s, step_at(rate[1], k) / segment.step_s],
+                sin: [sin[0][j], sin[1][j]],
+                cos: [cos[0][j], cos[1][j]],
+                sin_tau: sin[2][j],
+                cos_tau: cos[2][j],
+                time: segment.time(first + k),
+            };
+        }
         for (column, f) in series.iter_mut().zip(&model.series) {
-            column[k] = f(&sample);
+            f(&samples[..to - from], &mut column[from..to]);
         }
     }
     series

@@ -240,6 +240,7 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
                 }
                 core::mem::swap(&mut work.y, &mut work.next);
                 work.k.swap(0, 6);
+                self.keep_stuck(work);
                 fresh = true;
                 t = reached;
                 if let Some((share, switch)) = event {

@@ -86,7 +86,9 @@ mod tests {
         let s = Sample { raw: [0.7, 0.0], cos_tau: 0.6, sin_tau: 0.8, clear_rate: [-3.0, 0.0], ..Sample::default() };
         let value = |name: &str| {
             let t = m.equations[0].terms.iter().find(|t| t.name == name).unwrap();
-            m.series[t.parts[0].series](&s)
+            let mut out = [0.0];
+            m.series[t.parts[0].series](&[s], &mut out);
+            out[0]
         };
         assert!((value("p_sin2") - 0.8 * 1.4_f64.sin()).abs() < 1e-15);
         assert!((value("n_cos") - 0.6 * 0.7_f64.cos()).abs() < 1e-15);

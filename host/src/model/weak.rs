@@ -68,6 +68,9 @@ pub fn mean_sign(v: f64, step: f64) -> f64 {
 /// A quantity evaluated at every sample.
 pub type Series = Arc<dyn Fn(&Sample) -> f64 + Send + Sync>;
 
+/// The same for many samples at once.
+pub type Column = Arc<dyn Fn(&[Sample], &mut [f64]) + Send + Sync>;
+
 /// How many time derivatives of the series the term contains; they are moved to the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
@@ -116,7 +119,7 @@ pub struct WeakModel {
     /// Name for results.
     pub name: String,
     /// The series, each evaluated once a sample.
-    pub series: Vec<Series>,
+    pub series: Vec<Column>,
     /// Names of the series: one name, one series.
     keys: Vec<String>,
     /// The equations.
@@ -136,7 +139,11 @@ impl WeakModel {
         factor: f64,
     ) -> Part {
         let index = self.keys.iter().position(|k| k == key).unwrap_or_else(|| {
-            self.series.push(Arc::new(series));
+            self.series.push(Arc::new(move |samples: &[Sample], out: &mut [f64]| {
+                for (s, o) in samples.iter().zip(out) {
+                    *o = series(s);
+                }
+            }));
             self.keys.push(key.to_owned());
             self.series.len() - 1
         });

@@ -65,9 +65,10 @@ pub fn false_nearest_neighbours(series: &Observable, delay: usize, settings: &Se
     let mut out =
         FalseNeighbours { share: vec![], e1: vec![], e2: vec![], vectors: e.len(), theiler: settings.theiler };
     let (mut growth, mut jump): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
-    let mut hints: Option<Vec<u32>> = None;
+    let index = Index::new(&e);
+    let mut hints: Vec<Vec<u32>> = Vec::new();
     for d in 1..=top {
-        let found = Tree::new(&e, d).nearest(settings.theiler, hints.as_deref());
+        let found = Tree::new(&e, d).nearest(settings.theiler, &hints);
         let (mut wrong, mut count, mut ratios, mut jumps) = (0u64, 0u64, 0.0, 0.0);
         for ((start, near), r2) in e.starts.iter().zip(&found.start).zip(&found.distance2) {
             if *near == NOBODY {
@@ -87,11 +88,40 @@ pub fn false_nearest_neighbours(series: &Observable, delay: usize, settings: &Se
         out.share.push(wrong as f64 / n);
         growth.push(ratios / n);
         jump.push(jumps / n);
-        hints = Some(found.start);
+        hints = vec![index.shifted(&found.start, delay), found.start];
     }
     let quotients = |v: &[f64]| v.windows(2).map(|w| if w[0] > 0.0 { w[1] / w[0] } else { 1.0 }).collect();
     (out.e1, out.e2) = (quotients(&growth), quotients(&jump));
     out
+}
+
+/// Where each start is among an embedding's.
+struct Index<'a> {
+    starts: &'a [u32],
+    of: Vec<u32>,
+}
+
+impl<'a> Index<'a> {
+    fn new(e: &'a Embedding<'a>) -> Self {
+        let mut of = vec![NOBODY; e.starts.last().map_or(0, |t| *t as usize + 1)];
+        (0..).zip(&e.starts).for_each(|(i, t)| of[*t as usize] = i);
+        Self { starts: &e.starts, of }
+    }
+
+    fn of(&self, time: usize) -> Option<usize> {
+        self.of.get(time).filter(|i| **i != NOBODY).map(|i| *i as usize)
+    }
+
+    /// What is near to the vector `by` samples later, as much earlier: a vector's last components are that one's first, so that it is likely to
+    /// be near to this one too.
+    fn shifted(&self, near: &[u32], by: usize) -> Vec<u32> {
+        let of = |time: &u32| {
+            let near = near[self.of(*time as usize + by)?];
+            let start = (near != NOBODY).then(|| near as usize)?.checked_sub(by)?;
+            self.of(start).map(|_| start as u32)
+        };
+        self.starts.iter().map(|t| of(t).unwrap_or(NOBODY)).collect()
+    }
 }
 
 /// The first dimension with a share below `threshold`; none where all are above.

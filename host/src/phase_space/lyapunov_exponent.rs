@@ -80,7 +80,7 @@ pub struct Fit {
 
 /// Follows all vectors of `e` (made with `ahead` ≥ `settings.steps`) and their neighbours.
 pub fn divergence(e: &Embedding<'_>, settings: &Settings) -> Divergence {
-    let near = Tree::new(e, e.components.len()).nearest(settings.theiler, None);
+    let near = Tree::new(e, e.components.len()).nearest(settings.theiler, &[]);
     let pairs: Vec<(u32, u32)> =
         e.starts.iter().zip(&near.start).filter(|(_, n)| **n != NOBODY).map(|(a, b)| (*a, *b)).collect();
     let followed = settings.followed.min(e.components.len());

@@ -131,9 +131,9 @@ impl<'a> Tree<'a> {
         sum
     }
 
-    /// The nearest neighbour of every vector, farther than `theiler` samples in time. `hints`: starts that may be near, one
-    /// for each vector (say of the dimension before).
-    pub fn nearest(&self, theiler: u32, hints: Option<&[u32]>) -> Neighbours {
+    /// The nearest neighbour of every vector, farther than `theiler` samples in time. `hints`: lists of starts that may be near, one
+    /// for each vector (say of the dimension before) or [`NOBODY`]; all of them are outside its window.
+    pub fn nearest(&self, theiler: u32, hints: &[Vec<u32>]) -> Neighbours {
         let n = self.embedding.len();
         let mut out = Neighbours { start: vec![NOBODY; n], distance2: vec![f32::INFINITY; n] };
         if self.dimension == 0 {
@@ -205,7 +205,7 @@ impl<'a> Tree<'a> {
         &self,
         leaf: usize,
         theiler: u32,
-        hints: Option<&[u32]>,
+        hints: &[Vec<u32>],
         stack: &mut Vec<(f32, usize)>,
     ) -> [(f32, u32); LEAF] {
         let d = self.dimension;
@@ -218,8 +218,11 @@ impl<'a> Tree<'a> {
         let coordinates = &self.leaves[here * d..(here + LEAF) * d];
         for place in 0..used {
             let (index, time) = (self.places[here + place] as usize, self.times[here + place]);
-            if let Some(hint) = hints.map(|h| h[index]).filter(|h| *h != NOBODY) {
-                best[place] = (self.embedding.distance2(time, hint, d), hint);
+            for hint in hints.iter().map(|h| h[index]).filter(|h| *h != NOBODY) {
+                let distance2 = self.embedding.distance2(time, hint, d);
+                if distance2 < best[place].0 {
+                    best[place] = (distance2, hint);
+                }
             }
         }
         // What is near to one of a leaf is near to the others.

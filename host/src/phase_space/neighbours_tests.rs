@@ -37,11 +37,11 @@ fn finds_what_brute_force_finds() {
     let b = Observable::number(&[&numbers[..700], &numbers[700..]], 0.0, 0);
     let c = |of, delay| Component { of, delay };
     let e = Embedding::new(vec![c(&a, 0), c(&b, 0), c(&a, 7), c(&b, 7), c(&a, 14), c(&a, 21)], 0, usize::MAX);
-    let mut hints = None;
+    let mut hints = Vec::new();
     for d in 1..=6 {
         for theiler in [0, 40] {
             let want = brute(&e, d, theiler);
-            let found = Tree::new(&e, d).nearest(theiler, None);
+            let found = Tree::new(&e, d).nearest(theiler, &[]);
             for i in 0..e.len() {
                 assert!(
                     (found.distance2[i] - want.distance2[i]).abs() <= 1e-6 * want.distance2[i],
@@ -60,9 +60,9 @@ fn finds_what_brute_force_finds() {
                 assert!(best.iter().zip(&all).all(|(a, b)| (a.0 - b).abs() <= 1e-6 * b) && best.len() == 5);
             }
             if theiler == 40 {
-                let hinted = Tree::new(&e, d).nearest(theiler, hints.as_deref());
+                let hinted = Tree::new(&e, d).nearest(theiler, &hints);
                 assert_eq!(hinted.distance2, found.distance2, "{d}");
-                hints = Some(found.start);
+                hints = vec![found.start];
             }
         }
     }
@@ -72,16 +72,16 @@ fn finds_what_brute_force_finds() {
 fn few_vectors_equal_ones_and_none_are_no_trouble() {
     let same = vec![1.0; 100];
     let o = Observable::angle(&[&same], 0.0, 0);
-    let found = Tree::new(&Embedding::of_one(&o, 1, 3, 0, 1000), 3).nearest(5, None);
+    let found = Tree::new(&Embedding::of_one(&o, 1, 3, 0, 1000), 3).nearest(5, &[]);
     assert!(found.distance2.iter().all(|d| *d == 0.0));
-    let nobody = Tree::new(&Embedding::of_one(&o, 1, 3, 0, 1000), 3).nearest(1000, None);
+    let nobody = Tree::new(&Embedding::of_one(&o, 1, 3, 0, 1000), 3).nearest(1000, &[]);
     assert!(nobody.start.iter().all(|s| *s == NOBODY));
     for n in [0, 1, 2, 17, 33] {
         let x: Vec<f64> = (0..n).map(f64::from).collect();
         let o = Observable::number(&[&x], 0.0, 0);
         let e = Embedding::of_one(&o, 1, 1, 0, 1000);
-        assert_eq!(Tree::new(&e, 1).nearest(0, None).distance2.len(), n as usize);
-        assert_eq!(Tree::new(&e, 0).nearest(0, None).start.len(), n as usize);
+        assert_eq!(Tree::new(&e, 1).nearest(0, &[]).distance2.len(), n as usize);
+        assert_eq!(Tree::new(&e, 0).nearest(0, &[]).start.len(), n as usize);
     }
 }
 
@@ -92,7 +92,7 @@ fn the_number_of_threads_changes_nothing() {
     let e = Embedding::of_one(&o, 9, 4, 0, usize::MAX);
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| Tree::new(&e, 4).nearest(50, None))
+        pool.install(|| Tree::new(&e, 4).nearest(50, &[]))
     };
     assert_eq!(run(1), run(3));
 }

@@ -93,7 +93,7 @@ fn row(name: &str, printed: Option<f64>, found: &Identification, data: &Data) ->
 fn found_orbits() -> Result<Vec<Orbit>> {
     let data = data::single()?;
     let segments = single_pendulum_angle(&data.records[0], &data.rig)?;
-    Ok(orbits::find(&segments, 1, SINGLE_PERIOD as f64, &extraction()).orbits)
+    Ok(orbits::find(&segments, &[true], SINGLE_PERIOD as f64, &extraction()).orbits)
 }
 
 fn samples(orbit: &Orbit) -> &[f64] {

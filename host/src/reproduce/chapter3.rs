@@ -252,7 +252,7 @@ fn table_3_4() -> Result<Reproduction> {
 pub(super) fn found_orbits(tolerance: f64) -> Result<Vec<Orbit>> {
     let data = data::double()?;
     let segments = double_pendulum_angles(&data.records[0], &data.rig)?;
-    Ok(orbits::find(&segments, 2, PERIOD, &extraction(tolerance)).orbits)
+    Ok(orbits::find(&segments, &[true; 2], PERIOD, &extraction(tolerance)).orbits)
 }
 
 /// The best closing orbit of a period (the `index`-th best).
@@ -266,7 +266,7 @@ pub(super) fn orbit_of(all: &[Orbit], period: usize, index: usize) -> Result<&Or
 pub(super) fn along(orbit: &Orbit, filtered: bool, how: Differentiation) -> [Vec<f64>; 3] {
     let fourier = Fourier::new(&mut FftPlanner::new(), orbit.len());
     let keep = passes(orbit.len(), filtered.then_some(0.2));
-    let m = motion(orbit, &fourier, how, keep);
+    let m = motion(orbit, &fourier, how, keep, [true; 2]);
     let each = |f: &dyn Fn(&State) -> f64| m.states.iter().map(f).collect::<Vec<f64>>();
     let sin = each(&|s| (s.angle[1] - s.angle[0]).sin());
     let sin = keep.map_or(sin.clone(), |k| fourier.low_pass(&sin, k));

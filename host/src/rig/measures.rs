@@ -64,7 +64,7 @@ pub(super) fn bind(rig: &Rig) -> Result<Option<Arc<Bound>>> {
     bound(rig, ModelFile::read(&path)?).map(|b| Some(Arc::new(b)))
 }
 
-fn bound(rig: &Rig, model: ModelFile) -> Result<Bound> {
+pub(super) fn bound(rig: &Rig, model: ModelFile) -> Result<Bound> {
     let n = model.coordinates.len();
     let names =
         Names { coordinates: model.coordinates.iter().map(|c| c.name.clone()).collect(), inputs: model.inputs.clone() };

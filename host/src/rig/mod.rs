@@ -3,6 +3,7 @@
 //! Every key is checked: an unknown key, a zero rate or a channel that measures nothing is an error with its line.
 //! `[plant]` is kept as text and read only by `simulate` and `demo` ([`plant`]): an identification cannot peek at the truth.
 
+pub mod as_own;
 pub mod measures;
 pub mod plant;
 pub mod single_plant;

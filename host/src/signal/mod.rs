@@ -4,4 +4,5 @@ pub mod angles;
 pub mod band_limited;
 pub mod low_pass;
 pub mod noise;
+pub mod sin_cos;
 pub mod spectrum;

@@ -1,6 +1,6 @@
 //! A bifurcation diagram of the identified model over a factor on one of its parameters.
 
-use super::motion_model::MotionModel;
+use super::moving::Moving;
 use super::{Bifurcation, Settings};
 use crate::error::{BadInput, Result};
 use crate::model::flow::Outside;
@@ -14,15 +14,14 @@ const BIFURCATION_VALUES: usize = 240;
 /// # Errors
 /// A free system, a parameter that there is not, a range that is none.
 pub(super) fn diagram(
-    equations: &MotionModel,
+    equations: &Moving,
     settings: &Settings,
-    tau: f64,
-    omega: f64,
-    state: &[f64],
+    (tau, omega): (f64, f64),
+    (state, circle): (&[f64], &[bool]),
     step_s: f64,
 ) -> Result<Option<Bifurcation>> {
     let Some((parameter, low, high)) = &settings.bifurcation else { return Ok(None) };
-    let names = equations.base.names();
+    let names = &equations.names;
     let bad = |found: String, expected: String| Err(BadInput::new(found, expected).at("--bifurcation"));
     if omega <= 0.0 {
         return bad(
@@ -33,10 +32,8 @@ pub(super) fn diagram(
     if !(low.is_finite() && high.is_finite() && low < high) {
         return bad(format!("{low}:{high}"), "two factors, the lower first".to_owned());
     }
-    let moves =
-        |name: &str| if parameter == "drive" { name.ends_with('3') || name.ends_with('4') } else { name == parameter };
     let which: Vec<usize> = (0..names.len())
-        .filter(|i| moves(&names[*i]) && (parameter != "drive" || names[*i].starts_with('B')))
+        .filter(|i| if parameter == "drive" { equations.of_drive[*i] } else { names[*i] == *parameter })
         .collect();
     if which.is_empty() {
         return bad(format!("\"{parameter}\""), format!("drive, or one of {}", names.join(", ")));
@@ -53,6 +50,6 @@ pub(super) fn diagram(
         .collect();
     let choice = bifurcation::Settings { settle: 200, keep: 60, step_s };
     let columns =
-        bifurcation::bifurcation(equations, &sets, Outside::drive(0.0, tau, omega), state, &[true; 2], &choice);
+        bifurcation::bifurcation(&*equations.dynamics, &sets, Outside::drive(0.0, tau, omega), state, circle, &choice);
     Ok(Some(Bifurcation { parameter: parameter.clone(), factor, columns }))
 }

@@ -50,14 +50,14 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
 }
 
 /// Horizons from pieces that begin with the stretch of the fit and go on as long as predictions are looked at. `guesses`: each piece's rough initial state; `levels`: samples
-/// of the fit, shortest first; `tolerance`: of every sensor, in its unit.
+/// of the fit, shortest first; `tolerance`: of each sensor, in its unit.
 pub fn horizon<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     pieces: &[Piece],
     guesses: &[Vec<f64>],
     parameters: &[f64],
     levels: &[usize],
-    tolerance: f64,
+    tolerance: &[f64],
 ) -> Horizon {
     let sensors = problem.sensors.len().max(1);
     let fit = levels.iter().copied().max().unwrap_or(2);
@@ -72,8 +72,9 @@ pub fn horizon<D: Dynamics + ?Sized>(
                 // A solution that ceases to exist ends the horizon where it does: no more samples come.
                 let residuals = problem.residuals_until(piece, &state, parameters, work);
                 let samples = residuals.len() / sensors;
-                let off =
-                    |i: &usize| (0..sensors).any(|k| (residuals[i * sensors + k] * problem.sigma[k]).abs() > tolerance);
+                let off = |i: &usize| {
+                    (0..sensors).any(|k| (residuals[i * sensors + k] * problem.sigma[k]).abs() > tolerance[k])
+                };
                 let end = (fit.min(samples)..samples).find(off);
                 let whole = piece.measured.len() / sensors;
                 let last = end.unwrap_or(samples);
@@ -141,7 +142,7 @@ mod tests {
         let wobble = |i: usize| if i.is_multiple_of(2) { 1e-4 } else { -1e-4 };
         let measured: Vec<f64> = (0..800).map(|i| 0.5 * (-2.0 * 0.01 * i as f64).exp() + wobble(i)).collect();
         let piece = Piece { start_s: 3.0, tau: 0.0, measured };
-        let run = |a: f64| horizon(&problem, std::slice::from_ref(&piece), &[vec![0.5, -1.0]], &[a], &[20, 40], 0.3);
+        let run = |a: f64| horizon(&problem, std::slice::from_ref(&piece), &[vec![0.5, -1.0]], &[a], &[20, 40], &[0.3]);
         let (good, poor) = (run(4.0), run(4.4));
         assert_eq!((good.seconds.len(), good.unfitted), (1, 0));
         assert!((good.start_s[0] - 3.4).abs() < 1e-12);

@@ -1,5 +1,7 @@
 //! Whether an identified model moves as the measured system does.
 //!
+//! It works on every system that can be integrated: built-in ones with the effects that `explain` found, and model files, measured inputs included.
+//!
 //! Chaos forbids comparing two histories, so the model makes a record of its own ([`twin`]: same sensors, rate, drive), and what characterises the motion is compared side by side, found by the same
 //! algorithms in both: prediction horizons ([`horizon`]), Poincaré sections with an energy distance and its permutation test ([`energy_distance`]), largest exponent,
 //! correlation dimension, catalogue of periodic orbits (those of the record refined on the model), natural frequencies (3.34) against a free vibration.
@@ -15,6 +17,7 @@ mod diagram;
 pub mod energy_distance;
 pub mod horizon;
 pub mod motion_model;
+pub mod moving;
 pub mod natural_frequencies;
 pub mod presentation;
 pub mod sections;
@@ -26,13 +29,15 @@ use core::f64::consts::TAU;
 use serde::Serialize;
 
 use self::horizon::Horizon;
-use self::motion_model::MotionModel;
+use self::moving::Moving;
 use self::natural_frequencies::NaturalFrequencies;
 use self::sections::SectionComparison;
-use self::starts::Starts;
+use self::starts::{Course, Starts};
 use crate::error::{BadInput, Result};
-use crate::identify::system::System;
-use crate::identify::{Settings as IdentifySettings, prepare_system};
+use crate::identify::Settings as IdentifySettings;
+use crate::identify::general::stretches::{self, Stretch};
+use crate::identify::general::track::{Along, Track};
+use crate::identify::general::{self, Prepared};
 use crate::inspect::{InspectSettings, Inspection, inspect};
 use crate::model::flow::{Flow, Outside};
 use crate::model::identified::IdentifiedModel;
@@ -41,7 +46,7 @@ use crate::phase_space::model_exponent;
 use crate::phase_space::orbit_refinement::RefinedOrbit;
 use crate::phase_space::survey::{Lyapunov, PhaseSpace};
 use crate::record::Record;
-use crate::rig::Rig;
+use crate::rig::{Rig, as_own};
 use crate::warning::Warning;
 
 /// Longest record that the model makes, samples.
@@ -233,9 +238,21 @@ pub fn validate(
     if !(4..=10_000).contains(&settings.starts) {
         return Err(BadInput::new(settings.starts.to_string(), "4 to 10000").at("--starts"));
     }
-    let system = System::of(rig)?;
-    let equations = MotionModel::of(model, rig)?;
-    let prepared = prepare_system(&system, records, rig, &IdentifySettings::default())?;
+    let equations = Moving::of(model, rig)?;
+    let coordinates;
+    let bound = if let Some(bound) = &rig.bound {
+        bound
+    } else {
+        coordinates = as_own::coordinates(rig)?;
+        coordinates
+            .bound
+            .as_ref()
+            .ok_or_else(|| BadInput::new("a rig without channels", "channels that measure angles"))?
+    };
+    let circle = bound.model.circle();
+    let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
+    let course = |stretches: &[Stretch]| -> Vec<Along> { stretches.iter().map(|s| Along::new(s, omega)).collect() };
+    let prepared = general::prepare(records, rig, bound, &IdentifySettings::default())?;
     let mut warnings = prepared.warnings.clone();
     if !equations.left_out.is_empty() {
         warnings.push(Warning::new(
@@ -245,29 +262,33 @@ pub fn validate(
         ));
     }
     let parameters = &equations.parameters;
-    let starts = Starts::new(&equations, &prepared, rig, settings);
+    let (stretches, noise) = (&prepared.stretches, &prepared.sensors);
+    let along = course(stretches);
+    let track = Track::new(stretches, &along, rig, bound, noise);
+    let measured_course = Course { stretches, track: &track };
+    let period_s = period_s(rig, &prepared);
+    let starts = Starts::new(&equations, measured_course, circle.clone(), (period_s, omega), settings);
     let unable = || {
         BadInput::new("no solution of the model that follows the record's start", "a model identified on this record")
             .at("--model")
             .remedy("Identify the model anew")
     };
     // The model's own record.
-    let longest = prepared.segments.iter().max_by_key(|s| s.len()).ok_or_else(unable)?;
-    let state = starts.first_state(longest, parameters).ok_or_else(unable)?;
-    let all: usize = prepared.segments.iter().map(|s| s.len()).sum();
+    let (longest, stretch) = stretches.iter().enumerate().max_by_key(|(_, s)| s.len()).ok_or_else(unable)?;
+    let state = starts.first_state(measured_course, longest, parameters).ok_or_else(unable)?;
+    let all: usize = if bound.inputs.is_empty() { stretches.iter().map(Stretch::len).sum() } else { stretch.len() };
     let count = all.min(MOST_SAMPLES);
     let like = records.iter().max_by_key(|r| r.longest_segment()).ok_or_else(unable)?;
-    let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
+    let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
+    let outside = starts.outside(measured_course, longest, &at).ok_or_else(unable)?;
     let own = twin::record(
-        &equations,
-        parameters,
+        (&*equations.dynamics, parameters, starts.step_s),
         like,
-        longest,
+        (stretch, bound),
         &state,
-        omega,
-        starts.step_s,
+        outside,
         count,
-        prepared.sigma,
+        noise,
         settings.seed,
     )
     .ok_or_else(|| {
@@ -275,9 +296,12 @@ pub fn validate(
             .at("--model")
             .remedy("Its parameters are not those of a rig at rest or in motion: identify the model anew")
     })?;
-    let own_segments = system.segments(&own, rig)?;
+    let own_stretches = stretches::of(&own, rig, bound)?;
+    let own_along = course(&own_stretches);
+    let own_track = Track::new(&own_stretches, &own_along, rig, bound, noise);
+    let own_course = Course { stretches: &own_stretches, track: &own_track };
 
-    let horizon = starts.compare(&prepared.segments, &own_segments, parameters);
+    let horizon = starts.compare(measured_course, own_course, parameters);
     let choice = InspectSettings::default();
     let simulated = inspect(&own, rig, &choice)?;
     let inspected = if beside.inspection.is_none() { Some(inspect(like, rig, &choice)?) } else { None };
@@ -286,31 +310,30 @@ pub fn validate(
     let sections = sections::compare(spaces.0, spaces.1, settings.seed);
     let lyapunov = rig.drive.and_then(|d| {
         let period_s = 1.0 / d.frequency_hz;
-        let outside = Outside::drive(longest.start_s, longest.tau(0), omega);
-        let flow = Flow::new(&equations, parameters, outside, starts.step_s);
-        let found =
-            model_exponent::of_model(&flow, &equations, &mut state.clone(), longest.start_s, period_s, 100, 3000)?;
+        let (of, start_s) = (&*equations.dynamics, stretch.start_s);
+        let flow = Flow::new(of, parameters, Outside::drive(start_s, stretch.tau(0), omega), starts.step_s);
+        let found = model_exponent::of_model(&flow, of, &mut state.clone(), start_s, period_s, 100, 3000)?;
         Some(ExponentComparison {
             model: found.per_interval / period_s,
             model_std_error: found.std_error / period_s,
             records: exponents(spaces.0.lyapunov.as_ref(), spaces.1.lyapunov.as_ref()),
         })
     });
-    let orbits = starts.orbits(spaces, &prepared.segments, parameters, MOST_ORBITS);
+    let orbits = starts.orbits(spaces, measured_course, parameters, MOST_ORBITS);
     let natural_frequencies = natural(model, rig, beside.free)?;
     let mut out = Validation {
         verdict: Verdict::Passed,
         checks: Vec::new(),
         model: model.name.clone(),
         method: model.method.clone(),
-        simulated_s: count as f64 * longest.step_s,
+        simulated_s: count as f64 * stretch.step_s,
         horizon,
         sections,
         lyapunov,
         correlation_dimension: dimensions(spaces.0, spaces.1),
         orbits,
         natural_frequencies,
-        bifurcation: diagram::diagram(&equations, settings, longest.tau(0), omega, &state, starts.step_s)?,
+        bifurcation: diagram::diagram(&equations, settings, (stretch.tau(0), omega), (&state, &circle), starts.step_s)?,
         warnings,
     };
     if let Some(l) = &out.lyapunov
@@ -325,6 +348,21 @@ pub fn validate(
         out.verdict = Verdict::Failed;
     }
     Ok(out)
+}
+
+/// What stands for the drive's period in a free pendulum, s.
+const FREE_PERIOD_S: f64 = 0.2;
+/// Fewest samples of a period.
+const FEWEST_SAMPLES: f64 = 8.0;
+
+/// The drive's period; in a free system of a user's own that of the highest frequency that the weak form takes into account.
+fn period_s(rig: &Rig, prepared: &Prepared) -> f64 {
+    let windows = &prepared.geometry.windows;
+    match (rig.drive, &rig.bound) {
+        (Some(d), _) => 1.0 / d.frequency_hz,
+        (None, None) => FREE_PERIOD_S,
+        (None, Some(_)) => (windows.length_s / windows.frequencies as f64).max(FEWEST_SAMPLES / rig.sample_rate_hz),
+    }
 }
 
 fn exponents(measured: Option<&Lyapunov>, simulated: Option<&Lyapunov>) -> Option<Pair> {

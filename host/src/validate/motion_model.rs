@@ -32,19 +32,9 @@ impl MotionModel {
     /// The equations of a model on a rig.
     ///
     /// # Errors
-    /// A model of another system or drive, parameters or effects that do not belong to it.
+    /// A model of another system, parameters or effects that do not belong to it.
     pub fn of(model: &IdentifiedModel, rig: &Rig) -> Result<Self> {
         let (base, parameters) = double_pendulum(model)?;
-        let frequency = rig.drive.map(|d| d.frequency_hz);
-        if model.drive_frequency_hz != frequency {
-            let text = |f: Option<f64>| f.map_or("no drive".to_owned(), |f| format!("a drive of {f} Hz"));
-            return Err(BadInput::new(
-                text(model.drive_frequency_hz),
-                format!("{}, as in the rig file", text(frequency)),
-            )
-            .at("drive_frequency_hz")
-            .remedy("Give a model that was identified on this rig"));
-        }
         let at = |name: &str| base.names().iter().position(|n| n == name).unwrap_or(0);
         let coupling = [at("B11"), at("B21")];
         let b = |i: usize, k: usize| model.parameter(&format!("B{}{}", i + 1, k + 1)).map_or(0.0, |p| p.value);

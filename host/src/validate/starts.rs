@@ -2,103 +2,142 @@
 
 use core::f64::consts::TAU;
 
-use super::horizon::{FIT_PERIODS, LONGEST_PERIODS, horizon};
-use super::motion_model::MotionModel;
+use super::horizon::{FIT_PERIODS, Horizon, LONGEST_PERIODS, horizon};
+use super::moving::Moving;
 use super::{HorizonComparison, OrbitComparison, Orbits, Settings};
-use crate::identify::Prepared;
+use crate::identify::general::stretches::Stretch;
+use crate::identify::general::track::Track;
 use crate::identify::shooting::problem::{Piece, Problem};
-use crate::identify::shooting::track::{Geometry, Stretch, cut};
-use crate::model::flow::{Flow, Outside};
-use crate::phase_space::orbit_refinement::refine;
+use crate::model::dynamics::Dynamics;
+use crate::model::flow::{Flow, Inputs, Outside};
+use crate::phase_space::orbit_refinement::{RefinedOrbit, refine};
 use crate::phase_space::survey::PhaseSpace;
-use crate::rig::Rig;
-use crate::signal::angles::AngleSegment;
 
-/// What stands for the drive's period in a free system, s.
-const FREE_PERIOD_S: f64 = 0.2;
 /// Steps of integration a drive period; four times as many where effects jump with a velocity's sign.
 const STEPS: [f64; 2] = [50.0, 200.0];
+/// Share of the span by which a coordinate on a line may be off where an angle may be off by a turn: 30° are a twelfth of both.
+const TURN_DEG: f64 = 360.0;
+
+/// Pieces in which a step of integration is sought, and the share of what a sensor shows to which solutions over the fit are exact.
+const MOST_SEARCHED: usize = 12;
+const EXACT: f64 = 1e-4;
 
 /// What is the same for all starts.
 pub struct Starts<'a> {
-    equations: &'a MotionModel,
-    sensors: Vec<Vec<f64>>,
-    sigma: [f64; 2],
-    spacing_s: f64,
+    equations: &'a Moving,
+    circle: Vec<bool>,
     period_s: f64,
     omega: f64,
     settings: &'a Settings,
+    /// By how much each sensor's prediction may be off, in its unit.
+    tolerance: Vec<f64>,
     /// Step of integration, s.
     pub step_s: f64,
 }
 
+/// A record on its axis of time.
+#[derive(Clone, Copy)]
+pub struct Course<'a> {
+    /// Its stretches.
+    pub stretches: &'a [Stretch],
+    /// They as one track.
+    pub track: &'a Track<'a>,
+}
+
 impl<'a> Starts<'a> {
-    /// For a model on prepared records.
-    pub fn new(equations: &'a MotionModel, prepared: &Prepared, rig: &Rig, settings: &'a Settings) -> Self {
-        let relative = prepared.segments.iter().any(|s| s.relative);
-        let period_s = rig.drive.map_or(FREE_PERIOD_S, |d| 1.0 / d.frequency_hz);
-        let count = |k: usize| prepared.segments.first().and_then(|s| s.count_rad[k]);
-        Self {
+    /// For a model on a record. `circle`: which coordinates are angles; `period_s`: of the drive, or what stands for it; `omega`: of the drive, 0 for none.
+    pub fn new(
+        equations: &'a Moving,
+        record: Course<'_>,
+        circle: Vec<bool>,
+        (period_s, omega): (f64, f64),
+        settings: &'a Settings,
+    ) -> Self {
+        let tolerance = record
+            .track
+            .sensors
+            .iter()
+            .map(|weights| {
+                let angle = weights.iter().zip(&circle).all(|(w, c)| *w == 0.0 || *c);
+                let span = if angle { TAU } else { span(record.stretches, weights) };
+                settings.tolerance_deg / TURN_DEG * span
+            })
+            .collect();
+        let mut out = Self {
             equations,
-            sensors: vec![vec![1.0, 0.0], if relative { vec![-1.0, 1.0] } else { vec![0.0, 1.0] }],
-            sigma: core::array::from_fn(|k| {
-                count(k).map_or(prepared.sigma[k], |q| q / 12f64.sqrt()).max(f64::MIN_POSITIVE.sqrt())
-            }),
-            spacing_s: prepared.segments.first().map_or(1.0 / rig.sample_rate_hz, |s| s.step_s),
+            circle,
             period_s,
-            omega: rig.drive.map_or(0.0, |d| TAU * d.frequency_hz),
+            omega,
             settings,
-            step_s: period_s / STEPS[usize::from(equations.has_forces())],
+            tolerance,
+            step_s: period_s / STEPS[usize::from(equations.jumps)],
+        };
+        if omega == 0.0 {
+            // Nothing says how fast a system of its own moves: found from the beginnings of some pieces.
+            let (pieces, guesses) = out.pieces(record);
+            let every = pieces.len().div_ceil(MOST_SEARCHED).max(1);
+            let values = out.samples(FIT_PERIODS, record.track) * record.track.sensors.len();
+            let head = |p: &Piece| Piece { measured: p.measured[..values.min(p.measured.len())].to_vec(), ..*p };
+            let heads: Vec<Piece> = pieces.iter().step_by(every).map(head).collect();
+            let guesses: Vec<Vec<f64>> = guesses.into_iter().step_by(every).collect();
+            if !heads.is_empty() {
+                let longest = (out.step_s, EXACT);
+                let of = &*equations.dynamics;
+                out.step_s = record.track.step_s(of, &heads, &guesses, &equations.parameters, longest);
+            }
         }
+        out
     }
 
-    fn problem(&self) -> Problem<'_, MotionModel> {
-        Problem {
-            dynamics: self.equations,
-            sensors: &self.sensors,
-            sigma: &self.sigma,
-            spacing_s: self.spacing_s,
-            step_s: self.step_s,
-            omega: self.omega,
-            inputs: None,
-        }
+    fn problem<'b>(
+        &'b self,
+        track: &'b Track<'_>,
+        at: &'b (dyn Fn(f64, &mut [f64]) + Sync),
+    ) -> Problem<'b, dyn Dynamics> {
+        track.problem(&*self.equations.dynamics, self.step_s, at)
     }
 
-    fn samples(&self, periods: f64) -> usize {
-        (periods * self.period_s / self.spacing_s).round() as usize
+    fn samples(&self, periods: f64, track: &Track<'_>) -> usize {
+        (periods * self.period_s / track.spacing_s).round() as usize
     }
 
-    /// The samples first … first + count of a segment as a piece with a guess of its state.
-    fn piece(&self, segment: &AngleSegment, first: usize, count: usize) -> Option<(Piece, Vec<f64>)> {
-        let part = segment.part(first, (first + count).min(segment.len()));
-        let stretch =
-            Stretch { start_s: part.start_s, sensors: part.sensors().to_vec(), tau: Box::new(|i| part.tau(i)) };
-        let guess = self.samples(0.05).clamp(4, 16);
-        let geometry = Geometry { sensors: &self.sensors, angles: &[true; 2], spacing_s: self.spacing_s, guess };
-        let (mut pieces, mut states) = cut(&[stretch], &geometry, count, guess)?;
-        Some((pieces.pop()?, states.pop()?))
-    }
-
-    /// The state at the first sample of a segment, fitted to its first periods.
-    pub fn first_state(&self, segment: &AngleSegment, parameters: &[f64]) -> Option<Vec<f64>> {
-        let problem = self.problem();
-        let (piece, guess) = self.piece(segment, 0, self.samples(FIT_PERIODS))?;
-        let levels = [self.samples(1.0), self.samples(FIT_PERIODS)];
+    /// The state at the first sample of a stretch, fitted to its first periods.
+    pub fn first_state(&self, record: Course<'_>, stretch: usize, parameters: &[f64]) -> Option<Vec<f64>> {
+        let at = |t: f64, out: &mut [f64]| record.track.inputs(t, out);
+        let problem = self.problem(record.track, &at);
+        let fit = self.samples(FIT_PERIODS, record.track).min(record.track.samples(stretch));
+        let (piece, guess) = record.track.piece(stretch, 0, fit)?;
+        let levels = [self.samples(1.0, record.track).min(fit), fit];
         problem.fit_state(&piece, &guess, parameters, &levels, &mut problem.room(false)).map(|f| f.0)
     }
 
-    /// Pieces for horizons, evenly over the segments.
-    fn pieces(&self, segments: &[AngleSegment]) -> (Vec<Piece>, Vec<Vec<f64>>) {
-        let (fit, longest) = (self.samples(FIT_PERIODS), self.samples(FIT_PERIODS + LONGEST_PERIODS));
+    /// What acts from outside along a stretch, and its first time on the axis.
+    pub fn outside<'b>(
+        &self,
+        record: Course<'_>,
+        stretch: usize,
+        at: &'b (dyn Fn(f64, &mut [f64]) + Sync),
+    ) -> Option<Outside<'b>> {
+        let first = record.track.piece(stretch, 0, record.track.samples(stretch).min(16))?.0;
+        let count = record.stretches[stretch].inputs.len();
+        let inputs = (count > 0).then_some(Inputs { count, at });
+        Some(Outside { origin: first.start_s, tau: first.tau, omega: self.omega, inputs })
+    }
+
+    /// Pieces for horizons, evenly over the record.
+    fn pieces(&self, record: Course<'_>) -> (Vec<Piece>, Vec<Vec<f64>>) {
+        let track = record.track;
+        let (fit, longest) = (self.samples(FIT_PERIODS, track), self.samples(FIT_PERIODS + LONGEST_PERIODS, track));
         // A start needs room for more than its fit.
         let least = fit + (longest - fit) / 4;
-        let room: Vec<usize> = segments.iter().map(|s| s.len().saturating_sub(least)).collect();
+        let lengths: Vec<usize> = (0..record.stretches.len()).map(|k| track.samples(k)).collect();
+        let room: Vec<usize> = lengths.iter().map(|n| n.saturating_sub(least)).collect();
         let all: usize = room.iter().sum();
-        let every = (all / self.settings.starts).max(self.samples(1.0)).max(1);
+        let every = (all / self.settings.starts).max(self.samples(1.0, track)).max(1);
         let mut out = (Vec::new(), Vec::new());
-        for (segment, room) in segments.iter().zip(room) {
+        for (k, room) in room.into_iter().enumerate() {
             for first in (0..room).step_by(every) {
-                if let Some((piece, guess)) = self.piece(segment, first, longest) {
+                if let Some((piece, guess)) = track.piece(k, first, longest.min(lengths[k] - first)) {
                     out.0.push(piece);
                     out.1.push(guess);
                 }
@@ -108,17 +147,13 @@ impl<'a> Starts<'a> {
     }
 
     /// Horizons on the record and on the model's own.
-    pub fn compare(
-        &self,
-        measured: &[AngleSegment],
-        simulated: &[AngleSegment],
-        parameters: &[f64],
-    ) -> HorizonComparison {
-        let problem = self.problem();
-        let levels = [self.samples(1.0), self.samples(FIT_PERIODS)];
-        let run = |segments: &[AngleSegment]| {
-            let (pieces, guesses) = self.pieces(segments);
-            horizon(&problem, &pieces, &guesses, parameters, &levels, self.settings.tolerance_deg.to_radians())
+    pub fn compare(&self, measured: Course<'_>, simulated: Course<'_>, parameters: &[f64]) -> HorizonComparison {
+        let run = |record: Course<'_>| -> Horizon {
+            let at = |t: f64, out: &mut [f64]| record.track.inputs(t, out);
+            let problem = self.problem(record.track, &at);
+            let levels = [self.samples(1.0, record.track), self.samples(FIT_PERIODS, record.track)];
+            let (pieces, guesses) = self.pieces(record);
+            horizon(&problem, &pieces, &guesses, parameters, &levels, &self.tolerance)
         };
         HorizonComparison {
             tolerance_deg: self.settings.tolerance_deg,
@@ -134,7 +169,7 @@ impl<'a> Starts<'a> {
     pub fn orbits(
         &self,
         (measured, simulated): (&PhaseSpace, &PhaseSpace),
-        segments: &[AngleSegment],
+        record: Course<'_>,
         parameters: &[f64],
         most: usize,
     ) -> Option<Orbits> {
@@ -153,7 +188,7 @@ impl<'a> Starts<'a> {
                 period: o.period,
                 start_s: o.start_s,
                 closing: o.error,
-                refined: self.refine(segments, o.start_s, o.period, parameters),
+                refined: self.refine(record, o.start_s, o.period, parameters),
             })
             .collect();
         Some(Orbits {
@@ -164,39 +199,49 @@ impl<'a> Starts<'a> {
         })
     }
 
-    fn refine(
-        &self,
-        segments: &[AngleSegment],
-        start_s: f64,
-        period: usize,
-        parameters: &[f64],
-    ) -> Option<crate::phase_space::orbit_refinement::RefinedOrbit> {
-        let segment = segments.iter().find(|s| start_s >= s.start_s - 1e-9 && start_s < s.time(s.len()))?;
-        let first = ((start_s - segment.start_s) / self.spacing_s).round() as usize;
-        let problem = self.problem();
+    fn refine(&self, record: Course<'_>, start_s: f64, period: usize, parameters: &[f64]) -> Option<RefinedOrbit> {
+        let track = record.track;
+        let within = |s: &&Stretch| start_s >= s.start_s - 1e-9 && start_s < s.time(s.len());
+        let (k, stretch) = record.stretches.iter().enumerate().find(|(_, s)| within(s))?;
+        let first = ((start_s - stretch.start_s) / track.spacing_s).round() as usize;
+        let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
+        let problem = self.problem(track, &at);
         let mut work = problem.room(false);
-        let one = self.samples(1.0);
-        let mut offset = [0.0; 2];
+        let one = self.samples(1.0, track);
+        let mut offset = vec![0.0; self.circle.len()];
         let mut guess = Vec::with_capacity(period);
         for j in 0..period {
-            let at = first + self.samples(j as f64);
-            if at + one > segment.len() {
+            let here = first + self.samples(j as f64, track);
+            if here + one > stretch.len() {
                 return None;
             }
-            let (piece, rough) = self.piece(segment, at, one)?;
+            let (piece, rough) = track.piece(k, here, one)?;
             let (mut state, _) = problem.fit_state(&piece, &rough, parameters, &[one / 2, one], &mut work)?;
             // Pieces lose their whole turns: put them back, so that one period leads to the next.
-            for k in 0..2 {
-                let here = segment.phi[k][at];
+            for i in (0..offset.len()).filter(|i| self.circle[*i]) {
+                let measured = stretch.coordinates[i][here];
                 if j == 0 {
-                    offset[k] = state[k] - here;
+                    offset[i] = state[i] - measured;
                 }
-                state[k] += TAU * ((here + offset[k] - state[k]) / TAU).round();
+                state[i] += TAU * ((measured + offset[i] - state[i]) / TAU).round();
             }
             guess.push(state);
         }
-        let outside = Outside::drive(segment.time(first), segment.tau(first), self.omega);
-        let flow = Flow::new(self.equations, parameters, outside, self.step_s);
-        refine(&flow, self.equations, &[true; 2], &guess, segment.time(first), self.period_s)
+        let outside = Outside::drive(stretch.time(first), stretch.tau(first), self.omega);
+        let of = &*self.equations.dynamics;
+        let flow = Flow::new(of, parameters, outside, self.step_s);
+        refine(&flow, of, &self.circle, &guess, stretch.time(first), self.period_s)
     }
+}
+
+/// Greatest less smallest value of what a sensor shows.
+fn span(stretches: &[Stretch], weights: &[f64]) -> f64 {
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for s in stretches {
+        for i in 0..s.len() {
+            let y: f64 = weights.iter().zip(&s.coordinates).map(|(w, x)| w * x[i]).sum();
+            (low, high) = (low.min(y), high.max(y));
+        }
+    }
+    (high - low).max(f64::MIN_POSITIVE)
 }

@@ -1,4 +1,4 @@
-//! A record that the identified model makes itself: the same sensors, rate and drive, so that every analysis of the measured record has its counterpart.
+//! A record that the identified model makes itself: the same sensors, rate, drive and inputs, so that every analysis of the measured record has its counterpart.
 
 use core::f64::consts::TAU;
 use std::path::PathBuf;
@@ -6,61 +6,62 @@ use std::path::PathBuf;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::identify::general::noise::Sensors;
+use crate::identify::general::stretches::{Stretch, mixed};
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Outside, Work};
 use crate::record::{Column, Losses, Record, Segment};
-use crate::signal::angles::{AngleSegment, Phase};
+use crate::rig::measures::Bound;
+use crate::signal::angles::Phase;
 
-/// A model's record: `count` samples from `state` at the first sample of `segment`. `like`: the measured record, whose channels it copies; `sigma`: noise of the sensors that do not count (rad),
-/// uniform and seeded. None where the equations have no solution that far.
+/// A model's record: `count` samples from `state` at the first sample of `stretch`, which is at `outside`'s origin. `like`: the measured record, whose channels it copies; inputs are the stretch's; `noise`: of the sensors, uniform and seeded where they do not count. None where the equations have no solution that far.
 pub fn record<D: Dynamics + ?Sized>(
-    dynamics: &D,
-    parameters: &[f64],
+    (dynamics, parameters, step_s): (&D, &[f64], f64),
     like: &Record,
-    segment: &AngleSegment,
+    (stretch, bound): (&Stretch, &Bound),
     state: &[f64],
-    omega: f64,
-    step_s: f64,
+    outside: Outside<'_>,
     count: usize,
-    sigma: [f64; 2],
+    noise: &Sensors,
     seed: u64,
 ) -> Option<Record> {
-    let tau = segment.tau(0);
-    let driven = !matches!(segment.phase, Phase::Clock(0.0));
-    let flow = Flow::new(dynamics, parameters, Outside::drive(segment.start_s, tau, omega), step_s);
+    let driven = !matches!(stretch.phase, Phase::Clock(0.0));
+    let (tau, omega) = (outside.tau, outside.omega);
+    let flow = Flow::new(dynamics, parameters, outside, step_s);
     let mut work = Work::plain(dynamics);
     work.set(state);
-    let mut phi: [Vec<f64>; 2] = [Vec::with_capacity(count), Vec::with_capacity(count)];
-    let good = flow.samples(&mut work, segment.start_s, segment.step_s, count, |_, q| {
-        phi[0].push(q[0]);
-        phi[1].push(q[1]);
+    let mut coordinates = vec![Vec::with_capacity(count); dynamics.degrees_of_freedom()];
+    let good = flow.samples(&mut work, outside.origin, stretch.step_s, count, |_, q| {
+        coordinates.iter_mut().zip(q).for_each(|(x, q)| x.push(*q));
     });
-    if !good || phi.iter().flatten().any(|x| x.abs() > 1e6) {
+    if !good || coordinates.iter().flatten().any(|x| !(x.abs() < 1e6)) {
         return None;
     }
+    let shown = mixed(&bound.shown, &coordinates);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let columns = like
         .channels
         .iter()
-        .map(|c| {
-            let sensor = usize::from(c.measures.ends_with('2'));
-            let angle = |i: usize| match c.measures.as_str() {
-                "theta1" | "phi1" => phi[0][i],
-                "theta2" => phi[1][i] - phi[0][i],
-                "phi2" => phi[1][i],
-                _ => 0.0,
-            };
+        .enumerate()
+        .map(|(i, c)| {
             let scale = c.scale();
+            if let Some(input) = bound.inputs.iter().position(|s| *s == i) {
+                return Column::Values(stretch.inputs[input].iter().take(count).map(|u| u / scale).collect());
+            }
+            let Some(sensor) = bound.sensors.iter().position(|s| *s == i) else {
+                return Column::Values(vec![0.0; count]);
+            };
+            let y = &shown[sensor];
             if c.unit == "count" {
                 // At most 10⁶ rad: a count fits 32 bits for any encoder of up to 13 000 counts a turn, and saturates beyond.
-                Column::Counts((0..count).map(|i| (angle(i) / scale).floor() as i32).collect())
+                Column::Counts(y.iter().map(|y| (y / scale).floor() as i32).collect())
             } else {
-                let width = 2.0 * 3f64.sqrt() * sigma[sensor];
-                Column::Values((0..count).map(|i| (angle(i) + width * (rng.random::<f64>() - 0.5)) / scale).collect())
+                let width = 2.0 * 3f64.sqrt() * noise.sigma[sensor];
+                Column::Values(y.iter().map(|y| (y + width * (rng.random::<f64>() - 0.5)) / scale).collect())
             }
         })
         .collect();
-    let turns = |i: usize| ((tau + omega * i as f64 * segment.step_s) / TAU).rem_euclid(1.0);
+    let turns = |i: usize| ((tau + omega * i as f64 * stretch.step_s) / TAU).rem_euclid(1.0);
     let phase = driven.then(|| (0..count).map(|i| (turns(i) * 4_294_967_296.0) as u32).collect());
     Some(Record {
         path: PathBuf::from("simulated by the identified model"),
@@ -68,8 +69,8 @@ pub fn record<D: Dynamics + ?Sized>(
         channels: like.channels.clone(),
         segments: vec![Segment {
             first_tick: 0,
-            start_s: segment.start_s,
-            step_s: segment.step_s,
+            start_s: stretch.start_s,
+            step_s: stretch.step_s,
             jitter_s: 0.0,
             columns,
             phase,

@@ -144,3 +144,24 @@ fn a_model_with_its_effect_is_written_and_read_again() {
     let other = whirl(here, &format!("explain drag.parquet --rig {rig} --model {rig}"));
     assert_eq!(other.status, 2, "{other:?}");
 }
+
+/// The built-in single pendulum, an effect in the joint, one of the drive and none: by name and by value.
+#[test]
+fn what_a_single_pendulum_lacks_is_named() {
+    let clean = explained("single-pendulum.toml", &[], 60.0, 1);
+    assert_eq!((clean.verdict, clean.effects.len()), (Verdict::NothingMissing, 0), "{}", clean.reason);
+    let inertia = 5.522003e-5;
+    for (hidden, name, truth) in [
+        ("quadratic-drag@arm1=3e-6", "quadratic-drag@arm1", 3e-6 / inertia),
+        ("drive-harmonic-2@drive=0.01", "drive-harmonic-2@drive", 0.01),
+        ("imbalance@arm1=0.02", "imbalance@arm1", 0.02),
+    ] {
+        let e = explained("single-pendulum.toml", &[hidden], 60.0, 1);
+        assert_eq!((e.verdict, e.effects.len()), (Verdict::Explained, 1), "{hidden}: {:?}", e.effects);
+        let f = &e.effects[0];
+        assert_eq!(format!("{}@{}", f.id, f.at), name);
+        assert!((f.value / truth - 1.0).abs() < 0.01, "{hidden}: {} ± {}", f.value, f.std_error);
+        assert!(e.gap.steps[0].value > 5.0 && e.gap.steps[1].value < 1.1, "{:?}", e.gap.steps);
+        assert_eq!(e.model.unwrap().parameters[0].name, "c_r");
+    }
+}

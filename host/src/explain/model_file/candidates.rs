@@ -31,7 +31,7 @@ pub struct Effect {
 }
 
 /// A form of an effect: its shape parameter, if it has one, and one expression for each strength.
-type Form = (Option<(&'static str, f64)>, Vec<Node>);
+pub(super) type Form = (Option<(&'static str, f64)>, Vec<Node>);
 
 /// Sizes of the motion that shapes are chosen by.
 #[derive(Clone, Copy, Debug)]
@@ -52,10 +52,25 @@ impl Sizes {
 }
 
 impl Effect {
+    /// An effect of a drive or an arm: it neither needs an angle nor dry contact, and does not take energy away.
+    pub(super) const fn of_drive(
+        id: &'static str,
+        equation: &'static str,
+        confirm: &'static str,
+        forms: fn(&Sizes, Node, Node) -> Vec<Form>,
+    ) -> Self {
+        Self { id, equation, confirm, circle: false, mechanical: false, dissipates: false, refines: None, forms }
+    }
+
+    /// Its first form at a coordinate, for unit sizes.
+    pub(super) fn first_form(&self, x: Node) -> Option<Form> {
+        let sizes = Sizes { speed: 1.0, gravity: Some(1.0), shape: None };
+        (self.forms)(&sizes, x, symbol(Symbol::Rate(0))).into_iter().next()
+    }
+
     /// The first form for unit sizes.
     fn example(&self) -> Option<Form> {
-        let (x, v) = (symbol(Symbol::Coordinate(0)), symbol(Symbol::Rate(0)));
-        (self.forms)(&Sizes { speed: 1.0, gravity: Some(1.0), shape: None }, x, v).into_iter().next()
+        self.first_form(symbol(Symbol::Coordinate(0)))
     }
 
     /// Name of its shape parameter, if it has one.

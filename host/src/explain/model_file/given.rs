@@ -5,20 +5,31 @@ use std::collections::BTreeMap;
 use super::Setting;
 use super::candidates::{self, Candidate};
 use super::measure::Moving;
-use super::round::{Round, column_name};
+use super::round::{Round, column_name, terms};
 use super::told::put_value;
+use super::{Beside, drive_effects};
 use crate::error::{BadInput, Result};
 use crate::explain::explanation::{Explanation, Found, Step};
 use crate::identify::general::track::Track;
 use crate::identify::model_file::own_keys;
 use crate::model::identified::{AddedEffect, IdentifiedModel, System};
+use crate::model::model_file::ModelFile;
+use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
 /// Effects of a given model as columns of the rig's.
 ///
 /// # Errors
 /// Other equations than the rig's, an effect that there is not.
-pub fn effects(given: &IdentifiedModel, setting: &Setting<'_>, speeds: &[f64]) -> Result<Vec<Candidate>> {
-    let model = &*setting.bound.model;
+pub fn effects(
+    given: &IdentifiedModel,
+    model: &ModelFile,
+    speeds: &[f64],
+    beside: Option<&Beside>,
+) -> Result<Vec<Candidate>> {
+    let of_drive = beside.map_or_else(Vec::new, |b| {
+        let coefficient = |n: &str| given.parameter(n).map_or(0.0, |p| p.value);
+        drive_effects::candidates(model, b.omega, b.direction, &coefficient)
+    });
     let wanted = own_keys(model)?;
     match &given.system {
         System::Own(table) if *table == wanted => {}
@@ -40,7 +51,11 @@ pub fn effects(given: &IdentifiedModel, setting: &Setting<'_>, speeds: &[f64]) -
         .map(|(k, e)| {
             // ψ follows from the strengths; what else there is, is the shape.
             let shape = e.parameters.iter().find(|(n, _)| *n != "psi").map(|(_, v)| *v);
-            let found = candidates::candidate(model, &e.id, &e.at, shape, speeds);
+            let found = of_drive
+                .iter()
+                .find(|c| c.effect.id == e.id && c.at == e.at)
+                .cloned()
+                .or_else(|| candidates::candidate(model, &e.id, &e.at, shape, speeds));
             found.filter(|c| c.columns.len() == e.strengths.len()).ok_or_else(|| {
                 BadInput::new(
                     format!("{}@{} with {} strengths", e.id, e.at, e.strengths.len()),
@@ -51,6 +66,49 @@ pub fn effects(given: &IdentifiedModel, setting: &Setting<'_>, speeds: &[f64]) -
             })
         })
         .collect()
+}
+
+/// The coefficients of a given model and of its effects by name.
+fn by_name(given: &IdentifiedModel, chosen: &[Candidate]) -> BTreeMap<String, f64> {
+    let mut by_name: BTreeMap<String, f64> = given.parameters.iter().map(|p| (p.name.clone(), p.value)).collect();
+    for p in &given.parameters {
+        if let Some(short) = p.name.strip_suffix("_1") {
+            by_name.entry(short.to_owned()).or_insert(p.value);
+        }
+    }
+    for (c, e) in chosen.iter().zip(&given.effects) {
+        for (k, s) in e.strengths.iter().enumerate() {
+            by_name.insert(column_name(c, k), *s);
+        }
+    }
+    by_name
+}
+
+/// A given model with its effects as equations of motion under a drive of angular frequency `omega` (1 without one), and their parameters.
+///
+/// # Errors
+/// As [`effects`]; as [`EquationsOfMotion::with_columns`]; a coefficient that is missing.
+pub fn motion(
+    given: &IdentifiedModel,
+    model: &ModelFile,
+    omega: f64,
+    beside: Option<&Beside>,
+) -> Result<(EquationsOfMotion, Vec<f64>)> {
+    let chosen = effects(given, model, &vec![1.0; model.coordinates.len()], beside)?;
+    let motion = EquationsOfMotion::with_columns(model, omega, &terms(&chosen))?;
+    let values = by_name(given, &chosen);
+    let parameters = motion
+        .coefficients()
+        .iter()
+        .map(|n| {
+            values.get(n).copied().ok_or_else(|| {
+                BadInput::new(format!("no {n}"), motion.coefficients().join(", "))
+                    .at(format!("parameters.{n}"))
+                    .remedy("Write the model anew with `whirl identify -o`")
+            })
+        })
+        .collect::<Result<_>>()?;
+    Ok((motion, parameters))
 }
 
 /// The gap of the model as it was given.
@@ -64,19 +122,8 @@ pub fn measure(
     track: &Track<'_>,
     result: &mut Explanation,
 ) -> Result<()> {
-    let mut by_name: BTreeMap<String, f64> = given.parameters.iter().map(|p| (p.name.clone(), p.value)).collect();
-    for p in &given.parameters {
-        if let Some(short) = p.name.strip_suffix("_1") {
-            by_name.entry(short.to_owned()).or_insert(p.value);
-        }
-    }
-    for (c, e) in chosen.iter().zip(&given.effects) {
-        for (k, s) in e.strengths.iter().enumerate() {
-            by_name.insert(column_name(c, k), *s);
-        }
-    }
-    let value =
-        Moving::new(setting, chosen)?.map_or(f64::NAN, |m| m.gap(setting, &by_name, track, result.gap.horizon_s));
+    let value = Moving::new(setting, chosen)?
+        .map_or(f64::NAN, |m| m.gap(setting, &by_name(given, chosen), track, result.gap.horizon_s));
     result.gap.steps.push(Step { added: None, value });
     Ok(())
 }

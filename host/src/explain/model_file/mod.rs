@@ -8,7 +8,7 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `candidates` | the effects |
+//! | `candidates`, `drive_effects` | the effects |
 //! | `round` | a round: what was chosen fitted, every candidate beside it |
 //! | `trajectories` | residuals of trajectories |
 //! | `fit` | least squares over blocks, signs kept |
@@ -21,6 +21,7 @@
 
 mod candidates;
 mod choose;
+mod drive_effects;
 mod fit;
 mod given;
 mod measure;
@@ -36,8 +37,10 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use self::candidates::{Candidate, candidates};
+pub use self::given::motion as motion_of;
 use self::round::{Round, by_trajectories, by_weak_form, own_signs};
 use self::trajectories::{Columns, Trajectories};
+use super::decidability::{LOCKED, locked};
 use super::explanation::{Explanation, Step, Verdict};
 use super::{Settings, singular};
 use crate::error::Result;
@@ -48,8 +51,8 @@ use crate::identify::general::{self, Prepared};
 use crate::identify::{Geometry, Settings as IdentifySettings};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::record::Record;
-use crate::rig::Rig;
 use crate::rig::measures::Bound;
+use crate::rig::{Direction, Rig};
 
 /// Most effects that are added.
 const MOST_EFFECTS: usize = 8;
@@ -100,11 +103,26 @@ struct Setting<'a> {
     block_s: f64,
 }
 
-/// Explains one or several records of a model-file rig.
+/// What is known of a single pendulum beside its equation: effects of the drive are candidates then.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Beside {
+    /// Angular frequency of the drive, rad/s; 1 without one.
+    pub omega: f64,
+    /// Direction of the drive; none for a free one.
+    pub direction: Option<Direction>,
+}
+
+/// Explains one or several records of a model-file rig. `beside`: for a single pendulum.
 ///
 /// # Errors
 /// As [`crate::identify::identify`]; a given model of other equations.
-pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings) -> Result<Explanation> {
+pub fn explain(
+    records: &[Record],
+    rig: &Rig,
+    bound: &Bound,
+    settings: &Settings,
+    beside: Option<&Beside>,
+) -> Result<Explanation> {
     let model = &*bound.model;
     let Prepared { stretches, record_of, sensors, geometry, warnings } =
         general::prepare(records, rig, bound, &IdentifySettings::default())?;
@@ -126,14 +144,16 @@ pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
     let speeds = told::speeds(&stretches);
     let mut result = Explanation::new(horizon_s, warnings);
     let mut chosen = match &settings.model {
-        Some(given) => given::effects(given, &setting, &speeds)?,
+        Some(given) => given::effects(given, model, &speeds, beside)?,
         None => Vec::new(),
     };
     if let Some(model) = &settings.model {
         given::measure(model, &setting, &chosen, &track, &mut result)?;
     }
     let unit = told::Unit::of(rig, bound);
-    let mut simulations: Vec<Simulation> = FITTED
+    // For the same reason no simulation of a driven system is told.
+    let fitted: &[f64] = if rig.drive.is_some() { &[] } else { &FITTED };
+    let mut simulations: Vec<Simulation> = fitted
         .iter()
         .map(|f| Simulation { fitted: *f, unit: unit.name.clone(), steps: Vec::new(), parameters: Vec::new() })
         .collect();
@@ -141,10 +161,29 @@ pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
     let signs = own_signs(&setting, &first);
     let known = first.coefficients(&[], |f| &f.all);
     let gravity = candidates::gravity(model, rig.omega(), &|n| known.get(n).copied().unwrap_or(0.0));
-    let every = candidates(model, rig.omega(), &speeds, &told::moves(rig, bound), &gravity);
+    let mut every = candidates(model, rig.omega(), &speeds, &told::moves(rig, bound), &gravity);
+    if let Some(b) = beside {
+        let coefficient = |n: &str| known.get(n).copied().unwrap_or(0.0);
+        every.extend(drive_effects::candidates(model, b.omega, b.direction, &coefficient));
+    }
     let mut trajectories = follow(&setting, &track, &first, records.len(), horizon_s);
     let open = |chosen: &[Candidate]| -> Vec<Candidate> {
         every.iter().filter(|c| !chosen.iter().any(|k| k.name() == c.name())).cloned().collect()
+    };
+    // A column that rests on the model's coefficients follows them.
+    let turn = |chosen: &mut [Candidate], round: &Round| -> bool {
+        let Some(b) = beside else { return false };
+        let found = round.coefficients(&[], |f| &f.all);
+        let coefficient = |n: &str| found.get(n).copied().unwrap_or(0.0);
+        let anew = drive_effects::candidates(model, b.omega, b.direction, &coefficient);
+        let mut turned = false;
+        for c in chosen.iter_mut().filter(|c| c.at == drive_effects::ARM) {
+            if let Some(n) = anew.iter().find(|n| n.name() == c.name()) {
+                c.columns.clone_from(&n.columns);
+                turned = true;
+            }
+        }
+        turned
     };
     let mut rest = open(&chosen);
     let mut round =
@@ -156,8 +195,12 @@ pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
             }
         };
     let blocks = round.groups.iter().map(|g| g.blocks.len()).min().unwrap_or(0);
-    let undecidable = (blocks < FEWEST_BLOCKS)
-        .then(|| format!("{blocks} blocks of {:.3} s are too few to hold any out", setting.block_s));
+    let undecidable = if !records.is_empty() && records.iter().all(|r| locked(r, rig)) {
+        Some(LOCKED.to_owned())
+    } else {
+        (blocks < FEWEST_BLOCKS)
+            .then(|| format!("{blocks} blocks of {:.3} s are too few to hold any out", setting.block_s))
+    };
     measure::gap(&setting, &round, &chosen, &track, settings.model.is_some().then(|| "refit".to_owned()), &mut result)?;
     measure::simulate(&setting, (&round, &signs), &chosen, &track, &mut simulations, &unit)?;
     let most = if undecidable.is_some() { 0 } else { settings.most_effects.unwrap_or(MOST_EFFECTS) };
@@ -175,6 +218,7 @@ pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
             chosen.push(candidate);
             let left = open(&chosen);
             let kept = trajectories.as_ref().map(|t| t.states.clone());
+            turn(&mut chosen, &round);
             let tried = match trajectories.as_mut() {
                 Some(t) => by_trajectories(&setting, t, &signs, &round, &chosen, &left),
                 None => Some(by_weak_form(&setting, &signs, Some(&round), &chosen, &left)?),
@@ -195,6 +239,9 @@ pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
         let Some((found, new, left)) = next else { break };
         result.effects.push(found);
         (round, rest) = (new, left);
+        if turn(&mut chosen, &round) && trajectories.is_none() {
+            round = by_weak_form(&setting, &signs, Some(&round), &chosen, &rest)?;
+        }
         measure::gap(&setting, &round, &chosen, &track, chosen.last().map(Candidate::name), &mut result)?;
     }
     told::read_parameters(&setting, &round, &chosen, &mut result);
@@ -215,6 +262,10 @@ fn follow<'a>(
     records: usize,
     horizon_s: f64,
 ) -> Option<Trajectories<'a>> {
+    // What a drive keeps moving may be chaotic: no trajectory follows it over a block, and none is needed where it never comes to rest.
+    if setting.rig.drive.is_some() {
+        return None;
+    }
     let model = &*setting.bound.model;
     let motion = EquationsOfMotion::new(model, setting.rig.omega()).ok()?;
     let columns = Columns::new(model, records);

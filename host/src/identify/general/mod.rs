@@ -4,6 +4,7 @@
 //! and inputs. Coefficients that stand in several equations are tied ([`ties`]).
 
 pub mod balance_error;
+pub mod chain;
 pub mod geometry;
 pub mod noise;
 pub mod per_record;
@@ -12,6 +13,8 @@ pub mod shooting;
 pub mod stretches;
 pub mod ties;
 pub mod track;
+
+use core::cell::OnceCell;
 
 use nalgebra::{DMatrix, DVector};
 
@@ -210,13 +213,16 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
     let block = if bound.inputs.is_empty() { 0 } else { (4.0 / windows.hop_s).ceil() as usize };
     let options = Options { weights: None, block };
     let mut solution = regression::solve_with(&rows, &terms, windows.frequencies, &options).map_err(told)?;
-    let remeasured = Remeasured::new(&system, &windows, bound, &sensors, &split, &record_of);
+    let remeasured = OnceCell::new();
+    let remeasured =
+        || remeasured.get_or_init(|| Remeasured::new(&system, &windows, bound, &sensors, &split, &record_of));
     if !bound.inputs.is_empty() {
-        let weights = input_weights(model, &rows, &terms, windows.frequencies, &remeasured).map_err(told)?;
+        let weights = input_weights(model, &rows, &terms, windows.frequencies, remeasured()).map_err(told)?;
         let options = Options { weights: Some(&weights), ..options };
         solution = regression::solve_with(&rows, &terms, windows.frequencies, &options).map_err(told)?;
     }
-    let bias = remeasured.bias(&terms, &solution.weights);
+    let whole = chain::estimate(&system, &windows, (rig, bound), &sensors, &names, &solution);
+    let bias = whole.or_else(|| remeasured().bias(&terms, &solution.weights));
     if let Some(bias) = &bias {
         let mut rest = bias.value.iter();
         solution.coefficients.iter_mut().flat_map(DVector::iter_mut).zip(&mut rest).for_each(|(c, d)| *c -= d);

@@ -7,7 +7,7 @@ use rand_chacha::ChaCha8Rng;
 use super::per_record::Split;
 use super::series::System;
 use super::stretches::{Stretch, mixed};
-use crate::identify::noise_bias::{Bias, REPEATS, from_rows, places};
+use crate::identify::noise_bias::{Bias, REPEATS, STRETCH, from_rows, places};
 use crate::identify::windows::{Kernels, Stretches, WindowRows, Windows, frequency_of_row, rows_of};
 use crate::rig::measures::Bound;
 
@@ -130,7 +130,7 @@ pub fn smoothed(system: &System<'_>, windows: &Windows) -> (Vec<Stretch>, Vec<us
     let reach = kernels.clear.reach();
     let lengths: Vec<usize> = system.stretches.iter().map(Stretch::len).collect();
     let mut unused = Vec::new();
-    places(&lengths, kernels, windows, system.step_s(0))
+    places(&lengths, kernels, windows, system.step_s(0), STRETCH)
         .into_iter()
         .map(|(i, first, last)| {
             let mut out = system.stretches[i].part(first + reach, last - reach);

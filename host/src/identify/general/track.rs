@@ -157,7 +157,7 @@ impl<'a> Track<'a> {
         let guess = (count / 16).clamp(3, 8);
         let geometry = Geometry { sensors: &self.sensors, angles: &angles, spacing_s: self.spacing_s, guess };
         let s = self.stretches.get(stretch)?;
-        let sensors = s.sensors(self.bound).into_iter().map(|x| x[first..first + count].to_vec()).collect();
+        let sensors = s.part(first, first + count).sensors(self.bound);
         let start_s = self.begins[stretch] + first as f64 * self.spacing_s;
         let measured = Measured { start_s, sensors, tau: Box::new(move |i| s.tau(first + i)) };
         let (mut pieces, mut guesses) = cut(&[measured], &geometry, count, count)?;

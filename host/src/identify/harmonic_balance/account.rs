@@ -156,9 +156,9 @@ fn residuals(balance: &Balance, drive_hz: f64) -> Vec<Residuals> {
         .collect()
 }
 
-/// The contract's result.
+/// The contract's result; `system`: none for a model file.
 pub fn identification(
-    system: &System,
+    system: Option<&System>,
     records: &[Record],
     rig: &Rig,
     settings: &Settings,
@@ -170,7 +170,7 @@ pub fn identification(
     let groups = identifiability::groups_not_separable(names, values, covariance);
     let mut parameters = ordered_parameters(names, units, values, covariance);
     let mut ties_misfit = None;
-    if let Some(fit) = system.physical(names, values, covariance, &balance.metric, rig) {
+    if let Some(fit) = system.and_then(|s| s.physical(names, values, covariance, &balance.metric, rig)) {
         ties_misfit = (fit.freedom > 0).then_some((fit.misfit, fit.freedom));
         parameters.extend(fit.parameters.iter().map(|p| Parameter {
             name: p.name.to_owned(),
@@ -215,10 +215,10 @@ pub fn identification(
     let top = balance.rows.iter().flat_map(|r| &r.ids).map(|i| i.subharmonic as f64 / i.periods as f64);
     Identification {
         model: match system {
-            System::Single(_) => "single-pendulum",
-            System::Double(_) => "double-pendulum",
-        }
-        .to_owned(),
+            Some(System::Single(_)) => "single-pendulum".to_owned(),
+            Some(System::Double(_)) => "double-pendulum".to_owned(),
+            None => rig.bound.as_ref().map_or_else(String::new, |b| b.model.name.clone()),
+        },
         method: match settings.orbits {
             Orbits::Unstable { .. } => "upo",
             Orbits::Pieces { .. } => "frequency",
@@ -242,7 +242,7 @@ pub fn identification(
             pass_hz: cut_off,
             stop_hz: cut_off,
             sign_pass_hz: cut_off,
-            noise_rad: vec![0.0; system.angles()],
+            noise_rad: vec![0.0; system.map_or_else(|| rig.channel.len(), System::angles)],
             noise_bias: Vec::new(),
             condition: balance.fits.iter().map(|f| f.condition).collect(),
             repetition: 0.0,

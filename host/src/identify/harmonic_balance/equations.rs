@@ -67,7 +67,6 @@ pub struct Term {
 }
 
 /// A system of equations over shared factors.
-#[derive(Default)]
 pub struct Equations {
     /// Name for results.
     pub model: &'static str,
@@ -75,10 +74,28 @@ pub struct Equations {
     pub factors: Vec<Factor>,
     /// Left-hand sides, equation by equation.
     pub terms: Vec<Vec<Term>>,
+    /// Right-hand sides, equation by equation; −φ_e″ where there are none.
+    pub targets: Vec<Vec<Product>>,
+    /// Whether each coordinate is an angle.
+    pub circle: [bool; 2],
     /// Coefficients of unknown functions by function: name, and (equation, term) of each coefficient with its basis function.
     pub functions: Vec<(&'static str, Vec<(usize, usize)>)>,
     /// Basis of those functions.
     pub basis: Vec<Arc<dyn Fn(f64) -> f64 + Send + Sync>>,
+}
+
+impl Default for Equations {
+    fn default() -> Self {
+        Self {
+            model: "",
+            factors: Vec::new(),
+            terms: Vec::new(),
+            targets: Vec::new(),
+            circle: [true; 2],
+            functions: Vec::new(),
+            basis: Vec::new(),
+        }
+    }
 }
 
 impl Equations {
@@ -240,7 +257,7 @@ mod tests {
     fn terms_of_the_double_pendulum_are_those_of_3_4() {
         let all: Vec<&Damping> = DAMPINGS.iter().collect();
         let m = double_pendulum(&all);
-        let s = State { angle: [0.4, 2.0], rate: [-0.7, 1.3], accel: [0.2, -0.9] };
+        let s = State { angle: [0.4, 2.0], rate: [-0.7, 1.3], accel: [0.2, -0.9], tau: 0.8 };
         let (delta, tau) = (1.6_f64, 0.8_f64);
         let want = [
             (0, "B11", -0.9 * delta.cos() - 1.69 * delta.sin()),

@@ -13,7 +13,7 @@
 //! | `settings` | choices |
 //! | `orbits` | orbits and pieces from a record |
 //! | `orbit`, `fourier` | one orbit: its series and derivatives |
-//! | `equations` | the systems as sums of products of factors |
+//! | `equations`, `own` | the systems as sums of products of factors |
 //! | `rows` | sub-harmonics of an orbit, chosen and equated |
 //! | `solve` | least squares, optimisation, judgement on orbits left out |
 //! | `account` | what is told beside the parameters |
@@ -23,6 +23,7 @@ pub mod equations;
 pub mod fourier;
 pub mod orbit;
 pub mod orbits;
+pub mod own;
 pub mod rows;
 pub mod settings;
 pub mod solve;
@@ -32,10 +33,14 @@ use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::energy_balance;
+use super::general::stretches::{self, Stretch};
+use super::general::units_of;
 use super::system::System;
 use crate::error::{BadInput, Result};
 use crate::record::Record;
 use crate::rig::Rig;
+use crate::rig::measures::Bound;
+use crate::signal::angles::AngleSegment;
 use crate::warning::Warning;
 use account::{Account, EquationAccount};
 use equations::Equations;
@@ -231,15 +236,19 @@ pub fn balance(
     })
 }
 
-/// Identifies a built-in, driven system by harmonic balance.
+/// Identifies a driven system by harmonic balance: a built-in one, or a model file of one or two coordinates without inputs.
 ///
 /// # Errors
 /// A system without a drive, settings out of range, a record that holds no orbit or no piece, a coefficient that
 /// nothing determines.
 pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<super::Identification> {
     settings.validate()?;
-    let system = System::of(rig)?;
-    let equations = equations(&system, settings);
+    let system = if rig.bound.is_some() { None } else { Some(System::of(rig)?) };
+    let equations = match (&system, &rig.bound) {
+        (None, Some(bound)) => own::equations(&bound.model, rig.omega())?,
+        (Some(system), _) => equations(system, settings),
+        (None, None) => Equations::default(),
+    };
     let Some(drive) = rig.drive else {
         return Err(BadInput::new("no [drive]", "a driven system: orbits repeat with the drive")
             .in_file(&rig.path)
@@ -255,11 +264,22 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<su
     let mut warnings: Vec<Warning> = records.iter().flat_map(|r| r.warnings.clone()).collect();
     let mut segments = Vec::new();
     for record in records {
-        segments.extend(system.segments(record, rig)?);
+        match (&system, &rig.bound) {
+            (Some(system), _) => segments.extend(system.segments(record, rig)?),
+            (None, Some(bound)) => {
+                segments.extend(stretches::of(record, rig, bound)?.into_iter().map(|s| segment(s, bound)))
+            }
+            (None, None) => {}
+        }
     }
     super::keep_steady_drive(records, &mut segments, rig, &mut warnings)?;
     let period = rig.sample_rate_hz / drive.frequency_hz;
-    let found = orbits::find(&segments, system.angles(), period, &settings.orbits);
+    let coordinates = match (&system, &rig.bound) {
+        (Some(system), _) => system.angles(),
+        (None, Some(bound)) => bound.model.coordinates.len().min(2),
+        (None, None) => 0,
+    };
+    let found = orbits::find(&segments, &equations.circle[..coordinates], period, &settings.orbits);
     let file = records.first().map(|r| r.path.clone()).unwrap_or_default();
     if found.orbits.is_empty() {
         let (expected, remedy) = match settings.orbits {
@@ -300,7 +320,33 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<su
         })
         .collect();
     let account = Account::new(settings, &found, rig, &equations, &solved, equation_accounts);
-    Ok(identification(&system, records, rig, settings, solved, account, warnings))
+    let mut out = identification(system.as_ref(), records, rig, settings, solved, account, warnings);
+    if let Some(bound) = &rig.bound {
+        let units = units_of(&bound.model, rig, bound);
+        let terms = bound.model.equations.iter().flat_map(|e| &e.terms).zip(units.into_iter().flatten());
+        for (term, unit) in terms {
+            out.parameters.iter_mut().filter(|p| p.name == term.name).for_each(|p| p.unit.clone_from(&unit));
+        }
+    }
+    Ok(out)
+}
+
+/// A stretch of a model file's record as a segment of at most two coordinates.
+fn segment(s: Stretch, bound: &Bound) -> AngleSegment {
+    // Orbits close in what the sensors show.
+    let relative = bound.shown == DMatrix::from_row_slice(2, 2, &[1.0, 0.0, -1.0, 1.0]);
+    let none = vec![0.0; s.len()];
+    let mut coordinates = s.coordinates.into_iter();
+    let phi = [coordinates.next().unwrap_or_default(), coordinates.next().unwrap_or(none)];
+    AngleSegment {
+        start_s: s.start_s,
+        step_s: s.step_s,
+        phi,
+        phase: s.phase,
+        relative,
+        runaway: (0.0, 0.0),
+        count_rad: [None; 2],
+    }
 }
 
 #[cfg(test)]

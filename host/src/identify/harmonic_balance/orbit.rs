@@ -80,6 +80,8 @@ pub struct State {
     pub rate: [f64; 2],
     /// φ1″, φ2″.
     pub accel: [f64; 2],
+    /// τ of the drive, rad.
+    pub tau: f64,
 }
 
 /// An orbit with its derivatives.
@@ -106,7 +108,13 @@ fn five_point_acceleration(x: &[f64], h: f64) -> f64 {
 }
 
 /// Velocities and accelerations of an orbit; `keep`: highest sub-harmonic that passes the low-pass.
-pub fn motion(orbit: &Orbit, fourier: &Fourier, how: Differentiation, keep: Option<usize>) -> Motion {
+pub fn motion(
+    orbit: &Orbit,
+    fourier: &Fourier,
+    how: Differentiation,
+    keep: Option<usize>,
+    circle: [bool; 2],
+) -> Motion {
     let n = orbit.len();
     let k = orbit.periods as f64;
     let h = TAU * k / n as f64;
@@ -119,9 +127,11 @@ pub fn motion(orbit: &Orbit, fourier: &Fourier, how: Differentiation, keep: Opti
             fourier.cut(&mut c, keep);
             fourier.series(c).into_iter().map(|z| z.re).collect()
         };
+        // A coordinate on a line does not turn.
+        let how = if how == Differentiation::Circle && !circle[c] { Differentiation::Fourier } else { how };
         match how {
             Differentiation::Fourier => {
-                let turns = ((whole[MARGIN + n] - x[0]) / TAU).round();
+                let turns = if circle[c] { ((whole[MARGIN + n] - x[0]) / TAU).round() } else { 0.0 };
                 let rotation = TAU * turns / n as f64;
                 // A whirling angle is large: only its change counts.
                 let oscillation = x.iter().enumerate().map(|(i, v)| v - x[0] - rotation * i as f64);
@@ -154,12 +164,14 @@ pub fn motion(orbit: &Orbit, fourier: &Fourier, how: Differentiation, keep: Opti
             angle: [0, 1].map(|c: usize| orbit.phi[c][MARGIN + i]),
             rate: [0, 1].map(|c: usize| derived[c].0[i]),
             accel: [0, 1].map(|c: usize| derived[c].1[i]),
+            tau: orbit.tau + h * i as f64,
         })
         .collect();
     let end = |i: usize| State {
         angle: [0, 1].map(|c: usize| orbit.phi[c][MARGIN + i]),
         rate: [0, 1].map(|c: usize| five_point_rate(&orbit.phi[c][i..i + 2 * MARGIN + 1], h)),
         accel: [0.0; 2],
+        tau: orbit.tau + h * i as f64,
     };
     Motion {
         states,
@@ -201,7 +213,7 @@ mod tests {
             for (how, tolerance) in
                 [(Differentiation::Fourier, 2e-4), (Differentiation::Circle, 2e-4), (Differentiation::FivePoint, 2e-4)]
             {
-                let m = motion(&orbit, &fourier, how, None);
+                let m = motion(&orbit, &fourier, how, None, [true; 2]);
                 for (s, tau) in m.states.iter().zip(&m.tau) {
                     let rate = [2.0 / 3.0 + 0.1 * (tau / 3.0).cos(), -0.1 * tau.sin()];
                     let accel = [-0.1 / 3.0 * (tau / 3.0).sin(), -0.1 * tau.cos()];
@@ -221,8 +233,9 @@ mod tests {
     fn five_points_do_not_see_the_jump() {
         let orbit = Orbit::cut(&segment(40.0), 10, 2, 40.0, 0.0).unwrap();
         let fourier = Fourier::new(&mut FftPlanner::new(), orbit.len());
-        let greatest =
-            |how| motion(&orbit, &fourier, how, None).states.iter().map(|s| s.accel[0].abs()).fold(0.0, f64::max);
+        let greatest = |how| {
+            motion(&orbit, &fourier, how, None, [true; 2]).states.iter().map(|s| s.accel[0].abs()).fold(0.0, f64::max)
+        };
         assert!(greatest(Differentiation::Fourier) > 1.0, "{}", greatest(Differentiation::Fourier));
         assert!(greatest(Differentiation::FivePoint) < 0.05);
     }

@@ -30,12 +30,13 @@ fn sensors(segments: &[AngleSegment], angles: usize) -> Vec<Vec<Vec<f64>>> {
 
 /// T_d of the angle whose information falls most: its first minimum that is not weak, else its first minimum, else a quarter of
 /// the drive period.
-fn delay(series: &[Vec<Vec<f64>>], angles: usize, period: f64) -> usize {
+fn delay(series: &[Vec<Vec<f64>>], circle: &[bool], period: f64) -> usize {
     let lags = (period.round() as usize).clamp(20, 500);
-    let best = (0..angles)
+    let best = (0..circle.len())
         .map(|c| {
             let parts: Vec<&[f64]> = series.iter().map(|s| s[c].as_slice()).collect();
-            let bits = average_mutual_information(&Observable::angle(&parts, 0.0, 1), lags, 64).bits;
+            let of = if circle[c] { Observable::angle(&parts, 0.0, 1) } else { Observable::number(&parts, 0.0, 1) };
+            let bits = average_mutual_information(&of, lags, 64).bits;
             let fall = bits.first().copied().unwrap_or(0.0) - bits.iter().copied().fold(f64::INFINITY, f64::min);
             (fall, recommended(&minima(&bits), WEAK).map(|m| m.lag))
         })
@@ -43,8 +44,9 @@ fn delay(series: &[Vec<Vec<f64>>], angles: usize, period: f64) -> usize {
     best.and_then(|b| b.1).unwrap_or((0.25 * period).round() as usize).max(1)
 }
 
-/// Finds them; `period` is the drive's, samples.
-pub fn find(segments: &[AngleSegment], angles: usize, period: f64, what: &Orbits) -> Found {
+/// Finds them; `circle`: which coordinates are angles; `period` is the drive's, samples.
+pub fn find(segments: &[AngleSegment], circle: &[bool], period: f64, what: &Orbits) -> Found {
+    let angles = circle.len();
     match *what {
         Orbits::Pieces { periods } => {
             let length = periods as f64 * period;
@@ -62,11 +64,11 @@ pub fn find(segments: &[AngleSegment], angles: usize, period: f64, what: &Orbits
         }
         Orbits::Unstable { tolerance, longest, delay: chosen } => {
             let series = sensors(segments, angles);
-            let delay = chosen.unwrap_or_else(|| delay(&series, angles, period));
+            let delay = chosen.unwrap_or_else(|| delay(&series, circle, period));
             let span = |c: usize| {
                 let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
                 series.iter().flat_map(|s| &s[c]).for_each(|x| (low, high) = (low.min(*x), high.max(*x)));
-                (high - low).clamp(f64::MIN_POSITIVE, TAU)
+                (high - low).clamp(f64::MIN_POSITIVE, if circle[c] { TAU } else { f64::INFINITY })
             };
             let spans: Vec<f64> = (0..angles).map(span).collect();
             let stretches: Vec<Stretch<'_>> = segments
@@ -76,7 +78,8 @@ pub fn find(segments: &[AngleSegment], angles: usize, period: f64, what: &Orbits
                     tracks: s
                         .iter()
                         .zip(&spans)
-                        .map(|(x, span)| Track { values: x, angle: true, span: *span })
+                        .zip(circle)
+                        .map(|((x, span), circle)| Track { values: x, angle: *circle, span: *span })
                         .collect(),
                     start_s: segment.start_s,
                     step_s: segment.step_s,

@@ -121,7 +121,7 @@ fn series(products: &[Product], factors: &[Vec<f64>], m: &Motion) -> Vec<f64> {
 pub fn expand(index: usize, orbit: &Orbit, equations: &Equations, settings: &Settings) -> Expanded {
     let fourier = Fourier::new(&mut FftPlanner::new(), orbit.len());
     let keep = kept(orbit.len(), settings.low_pass);
-    let m = motion(orbit, &fourier, settings.differentiation, keep);
+    let m = motion(orbit, &fourier, settings.differentiation, keep, equations.circle);
     let factors = factor_series(equations, &m, &fourier, keep);
     let step = std::f64::consts::TAU * orbit.periods as f64 / orbit.len() as f64;
     let mut rows = Vec::new();
@@ -131,7 +131,10 @@ pub fn expand(index: usize, orbit: &Orbit, equations: &Equations, settings: &Set
         work.push(
             columns.iter().map(|x| step * x.iter().zip(&m.states).map(|(x, s)| x * s.rate[e]).sum::<f64>()).collect(),
         );
-        let target: Vec<f64> = m.states.iter().map(|s| -s.accel[e]).collect();
+        let target: Vec<f64> = match equations.targets.get(e) {
+            Some(products) => series(products, &factors, &m),
+            None => m.states.iter().map(|s| -s.accel[e]).collect(),
+        };
         let transforms: Vec<Vec<Complex64>> = columns.iter().chain([&target]).map(|x| fourier.of_real(x)).collect();
         let mut out = Rows { columns: terms.len(), ..Rows::default() };
         for j in chosen(orbit, &transforms[terms.len()], settings, keep) {

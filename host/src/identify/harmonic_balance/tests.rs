@@ -57,7 +57,7 @@ fn value(b: &Balance, name: &str) -> (f64, f64) {
 #[test]
 fn pieces_of_the_single_pendulum_give_its_coefficients() {
     let segment = single(600);
-    let found = orbits::find(&[segment], 1, 25.0, &Orbits::Pieces { periods: 30 });
+    let found = orbits::find(&[segment], &[true], 25.0, &Orbits::Pieces { periods: 30 });
     assert_eq!(found.orbits.len(), 19);
     let equations = equations::single_pendulum(&["c_r"], Basis::Harmonic(1));
     let settings = Settings { energy_balance: EnergyBalance::Coupled, ..Settings::frequency(30) };
@@ -77,7 +77,7 @@ fn five_point_pieces_of_the_double_pendulum_are_free_of_the_jump() {
     let segment = double(120.0);
     let system =
         System::Double(vec![&crate::model::double_pendulum::DAMPINGS[0], &crate::model::double_pendulum::DAMPINGS[1]]);
-    let found = orbits::find(&[segment], 2, 100.0, &Orbits::Pieces { periods: 30 });
+    let found = orbits::find(&[segment], &[true; 2], 100.0, &Orbits::Pieces { periods: 30 });
     let mut settings = Settings {
         differentiation: Differentiation::FivePoint,
         optimisation: None,
@@ -139,7 +139,7 @@ fn the_low_pass_keeps_noise_out_of_products() {
 #[test]
 fn sets_of_subharmonics_are_what_they_are_called() {
     let segment = single(100);
-    let found = orbits::find(&[segment], 1, 25.0, &Orbits::Pieces { periods: 10 });
+    let found = orbits::find(&[segment], &[true], 25.0, &Orbits::Pieces { periods: 10 });
     let orbit = &found.orbits[0];
     let equations = equations::single_pendulum(&["c_r"], Basis::Harmonic(1));
     let ids = |subharmonics, mean_row| {
@@ -155,7 +155,7 @@ fn sets_of_subharmonics_are_what_they_are_called() {
     assert_eq!(largest.len(), 10);
     // They carry more of the acceleration than the first ten.
     let fourier = fourier::Fourier::new(&mut FftPlanner::new(), orbit.len());
-    let m = orbit::motion(orbit, &fourier, Differentiation::Fourier, None);
+    let m = orbit::motion(orbit, &fourier, Differentiation::Fourier, None, [true; 2]);
     let accel: Vec<f64> = m.states.iter().map(|s| s.accel[0]).collect();
     let c = fourier.of_real(&accel);
     let power = |j: &[usize]| j.iter().map(|j| c[*j].norm_sqr()).sum::<f64>();
@@ -166,7 +166,7 @@ fn sets_of_subharmonics_are_what_they_are_called() {
 fn extracted_orbits_close_and_interpolation_follows_the_true_functions() {
     let segment = single(1200);
     let what = Orbits::Unstable { tolerance: 0.03, longest: 12, delay: Some(5) };
-    let found = orbits::find(&[segment], 1, 25.0, &what);
+    let found = orbits::find(&[segment], &[true], 25.0, &what);
     assert!(found.orbits.len() >= 5, "{}", found.orbits.len());
     for o in &found.orbits {
         let x = &o.phi[0][orbit::MARGIN..];

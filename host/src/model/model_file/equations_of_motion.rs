@@ -165,10 +165,10 @@ impl EquationsOfMotion {
                 None => s.matrix[entry.equation * (n + 1) + n] -= x,
             }
         }
-        solve(&mut s.matrix, n, out)
+        solve(&mut s.matrix, n, 1, out)
     }
 
-    /// As [`Dynamics::partials_held`]; none where slopes do not exist.
+    /// As [`Dynamics::linearise_held`]; none where slopes do not exist.
     fn slopes(
         &self,
         parameters: &[f64],
@@ -176,50 +176,39 @@ impl EquationsOfMotion {
         v: &[f64],
         at: &Instant<'_>,
         signs: &[f64],
+        accelerations: &mut [f64],
         out: &mut [f64],
     ) -> Option<bool> {
         let (tape, places) = self.slopes.as_ref()?;
         let n = self.circle.len();
         let width = 2 * n + self.coefficients.len();
-        let mut accelerations = vec![0.0; n];
         SCRATCH.with_borrow_mut(|s| {
-            if !self.evaluate(s, parameters, q, v, at, signs, &mut accelerations) {
+            if !self.evaluate(s, parameters, q, v, at, signs, accelerations) {
                 return Some(false);
             }
             self.values(tape, q, v, at, signs, &mut s.values);
             s.slopes.clear();
             s.slopes.resize(places.len(), 0.0);
             tape.at(&s.values, &mut s.registers, &mut s.slopes);
-            // ∂F/∂x, row after row.
-            let mut right = vec![0.0; n * width];
+            // M, then −∂F/∂x, row after row: one elimination gives all of −M⁻¹ ∂F/∂x.
+            let row = n + width;
+            s.matrix.clear();
+            s.matrix.resize(n * row, 0.0);
             let moved = |entry: &Entry| entry.acceleration.map_or(1.0, |i| accelerations[i]);
             for (entry, x) in self.entries.iter().zip(&s.outputs) {
                 if let Some(c) = entry.coefficient {
-                    right[entry.equation * width + 2 * n + c] += x * moved(entry);
+                    s.matrix[entry.equation * row + n + 2 * n + c] -= x * moved(entry);
+                }
+                if let Some(i) = entry.acceleration {
+                    s.matrix[entry.equation * row + i] += entry.coefficient.map_or(-1.0, |c| parameters[c]) * x;
                 }
             }
             for (&(k, j), slope) in places.iter().zip(&s.slopes) {
                 let entry = &self.entries[k];
-                right[entry.equation * width + j] +=
+                s.matrix[entry.equation * row + n + j] -=
                     entry.coefficient.map_or(-1.0, |c| parameters[c]) * slope * moved(entry);
             }
-            let mut column = vec![0.0; n];
-            for x in 0..width {
-                s.matrix.clear();
-                s.matrix.resize(n * (n + 1), 0.0);
-                for (entry, value) in self.entries.iter().zip(&s.outputs) {
-                    if let Some(i) = entry.acceleration {
-                        s.matrix[entry.equation * (n + 1) + i] +=
-                            entry.coefficient.map_or(-1.0, |c| parameters[c]) * value;
-                    }
-                }
-                (0..n).for_each(|e| s.matrix[e * (n + 1) + n] = -right[e * width + x]);
-                if !solve(&mut s.matrix, n, &mut column) {
-                    return Some(false);
-                }
-                (0..n).for_each(|e| out[e * width + x] = column[e]);
-            }
-            Some(true)
+            Some(solve(&mut s.matrix, n, width, out))
         })
     }
 }
@@ -317,7 +306,8 @@ impl Dynamics for EquationsOfMotion {
         signs: &[f64],
         out: &mut [f64],
     ) -> bool {
-        if let Some(done) = self.slopes(parameters, q, v, at, signs, out) {
+        let mut accelerations = vec![0.0; self.circle.len()];
+        if let Some(done) = self.slopes(parameters, q, v, at, signs, &mut accelerations, out) {
             return done;
         }
         // Hats have corners: central differences with the signs held.
@@ -343,6 +333,23 @@ impl Dynamics for EquationsOfMotion {
         }
         true
     }
+
+    fn linearise_held(
+        &self,
+        parameters: &[f64],
+        q: &[f64],
+        v: &[f64],
+        at: &Instant<'_>,
+        signs: &[f64],
+        acceleration: &mut [f64],
+        partials: &mut [f64],
+    ) -> bool {
+        if let Some(done) = self.slopes(parameters, q, v, at, signs, acceleration, partials) {
+            return done;
+        }
+        self.acceleration_held(parameters, q, v, at, signs, acceleration)
+            && self.partials_held(parameters, q, v, at, signs, partials)
+    }
 }
 
 /// An angle wrapped to [−π, π).
@@ -351,9 +358,10 @@ pub fn wrapped(x: f64) -> f64 {
     x - tau * (x / tau + 0.5).floor()
 }
 
-/// Solves an n × n system with its right-hand side in column n; false where it is singular or not finite.
-fn solve(a: &mut [f64], n: usize, out: &mut [f64]) -> bool {
-    let w = n + 1;
+/// Solves an n × n system with `sides` right-hand sides in the columns behind it, row after row; `out` holds the solutions likewise. False where it is singular or
+/// not finite.
+fn solve(a: &mut [f64], n: usize, sides: usize, out: &mut [f64]) -> bool {
+    let w = n + sides;
     let size = a.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     if !a.iter().all(|x| x.is_finite()) || size == 0.0 {
         return false;
@@ -375,10 +383,12 @@ fn solve(a: &mut [f64], n: usize, out: &mut [f64]) -> bool {
         }
     }
     for k in (0..n).rev() {
-        let sum: f64 = (k + 1..n).map(|j| a[k * w + j] * out[j]).sum();
-        out[k] = (a[k * w + n] - sum) / a[k * w + k];
+        for side in 0..sides {
+            let sum: f64 = (k + 1..n).map(|j| a[k * w + j] * out[j * sides + side]).sum();
+            out[k * sides + side] = (a[k * w + n + side] - sum) / a[k * w + k];
+        }
     }
-    out[..n].iter().all(|x| x.is_finite())
+    out[..n * sides].iter().all(|x| x.is_finite())
 }
 
 #[cfg(test)]

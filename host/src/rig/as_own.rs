@@ -1,0 +1,83 @@
+//! A rig of a built-in system as one of a model file, for what works on any system.
+//!
+//! Channels measure coordinates then: `theta1` is phi1, `theta2` is phi2 − phi1.
+
+use std::fmt::Write;
+use std::sync::Arc;
+
+use super::{Direction, Rig, measures};
+use crate::error::Result;
+use crate::model::model_file::ModelFile;
+
+/// The rig of a single pendulum with its equation (2.6) written out: `dampings` by the names of their coefficients (`c_r`, `C11`). With `all`, the terms of
+/// a base that moves any way and of a centroid off the arm's line; otherwise those of the rig file's direction and of gravity alone.
+///
+/// # Errors
+/// Channels that do not measure the angle.
+pub fn single_pendulum(rig: &Rig, dampings: &[&str], all: bool) -> Result<Rig> {
+    let mut terms = Vec::new();
+    for d in dampings {
+        terms.push(if *d == "c_r" { "c_r = \"phi1'\"" } else { "C11 = \"sign(phi1')\"" });
+    }
+    let horizontal = ["n_cos = \"cos(phi1)*cos(tau)\"", "p_cos = \"cos(phi1)*sin(tau)\""];
+    let vertical = ["n_sin = \"sin(phi1)*cos(tau)\"", "p_sin = \"sin(phi1)*sin(tau)\""];
+    if let Some(drive) = rig.drive {
+        for (direction, list) in [(Direction::Horizontal, horizontal), (Direction::Vertical, vertical)] {
+            if all || drive.direction == direction {
+                terms.extend(list);
+            }
+        }
+    }
+    if all {
+        terms.push("q_cos = \"cos(phi1)\"");
+    }
+    terms.push("q_sin = \"sin(phi1)\"");
+    bound(rig, &["phi1"], &format!("\n[[equation]]\nbalance = \"-phi1''\"\nterms = {{ {} }}\n", terms.join(", ")))
+}
+
+/// The rig of a built-in system with its coordinates alone: its equations say nothing of the system.
+///
+/// # Errors
+/// Channels that do not measure the angles.
+pub fn coordinates(rig: &Rig) -> Result<Rig> {
+    let names: &[&str] = if rig.model == "single-pendulum" { &["phi1"] } else { &["phi1", "phi2"] };
+    let mut equations = String::new();
+    for n in names {
+        // Writing into a string cannot fail.
+        let _ = write!(equations, "\n[[equation]]\nbalance = \"-{n}''\"\nterms = {{ k_{n} = \"sin({n})\" }}\n");
+    }
+    bound(rig, names, &equations)
+}
+
+fn bound(rig: &Rig, coordinates: &[&str], equations: &str) -> Result<Rig> {
+    let list: Vec<String> = coordinates.iter().map(|c| format!("{{ name = \"{c}\", space = \"S1\" }}")).collect();
+    let text = format!("name = \"{}\"\ncoordinates = [{}]\n{equations}", rig.model, list.join(", "));
+    let mut out = rig.clone();
+    for c in &mut out.channel {
+        c.measures = match c.measures.as_str() {
+            "theta1" => "phi1",
+            "theta2" => "phi2 - phi1",
+            other => other,
+        }
+        .to_owned();
+    }
+    out.bound = Some(Arc::new(measures::bound(&out, ModelFile::parse(&text, &rig.path)?)?));
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    #[test]
+    fn shipped_rigs_become_ones_of_their_own() {
+        let read = |n: &str| Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs").join(n)).unwrap();
+        let single = single_pendulum(&read("single-pendulum.toml"), &["c_r"], false).unwrap().bound.unwrap();
+        assert_eq!(single.model.coefficients(), ["c_r", "n_cos", "p_cos", "q_sin"]);
+        let all = single_pendulum(&read("single-pendulum.toml"), &["c_r", "C11"], true).unwrap().bound.unwrap();
+        assert_eq!(all.model.coefficients().len(), 8);
+        let double = coordinates(&read("chaotic.toml")).unwrap().bound.unwrap();
+        assert_eq!(double.shown, nalgebra::DMatrix::from_row_slice(2, 2, &[1.0, 0.0, -1.0, 1.0]));
+    }
+}

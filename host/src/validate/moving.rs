@@ -1,0 +1,82 @@
+//! An identified model as equations that can be integrated, whatever system it is of.
+
+use super::motion_model::MotionModel;
+use crate::error::{BadInput, Result};
+use crate::explain::model_file::{Beside, motion_of};
+use crate::explain::single_pendulum;
+use crate::model::dynamics::Dynamics;
+use crate::model::identified::{IdentifiedModel, System};
+use crate::model::model_file::expression::Symbol;
+use crate::rig::Rig;
+
+/// Equations of motion with their parameters.
+pub struct Moving {
+    /// The equations.
+    pub dynamics: Box<dyn Dynamics>,
+    /// Values of the parameters.
+    pub parameters: Vec<f64>,
+    /// Their names.
+    pub names: Vec<String>,
+    /// Which of them belong to the base's motion.
+    pub of_drive: Vec<bool>,
+    /// Effects that do not act on the motion, `ID@PLACE`.
+    pub left_out: Vec<String>,
+    /// Whether terms beside the nominal ones may jump where the integrator does not look.
+    pub jumps: bool,
+}
+
+impl Moving {
+    /// The equations of a model on a rig.
+    ///
+    /// # Errors
+    /// A model of another system or drive, parameters or effects that do not belong to it.
+    pub fn of(model: &IdentifiedModel, rig: &Rig) -> Result<Self> {
+        let frequency = rig.drive.map(|d| d.frequency_hz);
+        if model.drive_frequency_hz != frequency {
+            let text = |f: Option<f64>| f.map_or("no drive".to_owned(), |f| format!("a drive of {f} Hz"));
+            return Err(BadInput::new(
+                text(model.drive_frequency_hz),
+                format!("{}, as in the rig file", text(frequency)),
+            )
+            .at("drive_frequency_hz")
+            .remedy("Give a model that was identified on this rig"));
+        }
+        if rig.model == "single-pendulum" {
+            let (own, model) = single_pendulum::own(model, rig)?;
+            let beside = single_pendulum::beside(rig);
+            return Self::own(&model, &own, Some(&beside));
+        }
+        if rig.bound.is_some() {
+            return Self::own(model, rig, None);
+        }
+        {
+            let double = MotionModel::of(model, rig)?;
+            let names = double.base.names().to_vec();
+            return Ok(Self {
+                parameters: double.parameters.clone(),
+                of_drive: names.iter().map(|n| n.starts_with('B') && (n.ends_with('3') || n.ends_with('4'))).collect(),
+                names,
+                left_out: double.left_out.clone(),
+                jumps: double.has_forces(),
+                dynamics: Box::new(double),
+            });
+        }
+    }
+
+    /// The equations of a system of one's own.
+    fn own(model: &IdentifiedModel, rig: &Rig, beside: Option<&Beside>) -> Result<Self> {
+        let Some(bound) = &rig.bound else {
+            return Err(BadInput::new("a rig without a model file", "a system of your own"));
+        };
+        if let System::BuiltIn(id) = &model.system {
+            return Err(BadInput::new(format!("model = \"{id}\""), "a system of your own, as in the rig file")
+                .at("model")
+                .remedy("Give a model that was identified on this rig"));
+        }
+        let (motion, parameters) = motion_of(model, &bound.model, rig.omega(), beside)?;
+        let names = motion.coefficients().to_vec();
+        let terms = || bound.model.equations.iter().flat_map(|e| &e.terms);
+        let of_drive = names.iter().map(|n| terms().any(|t| t.name == *n && t.of.any(&|s| s == Symbol::Tau))).collect();
+        Ok(Self { dynamics: Box::new(motion), parameters, names, of_drive, left_out: Vec::new(), jumps: false })
+    }
+}
