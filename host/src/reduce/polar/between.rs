@@ -43,9 +43,14 @@ pub fn model_with(
     Some((model, nodes.iter().chain(&between).cloned().collect()))
 }
 
-/// The nodes as they are weighed in such a model: those between by 1, a release's the less the less its shape is known.
+/// The nodes as they are weighed in such a model: those between by 1, a release's the less the less its shape is known; but the greatest
+/// release's by 1, for beyond the last node between nothing else holds the polynomials.
 pub fn weighed(nodes: &[Node], between: &[Node]) -> Vec<Node> {
+    let greatest = nodes.iter().map(|n| n.amplitude).fold(0.0, f64::max);
     let of = |n: &Node| {
+        if n.amplitude == greatest {
+            return Node { error: UNIT, ..n.clone() };
+        }
         let spread = n.spread.iter().map(|s| s * s).sum::<f64>().sqrt() / n.amplitude.abs().max(1e-300);
         Node { error: UNIT * (spread / KNOWN).max(1.0), ..n.clone() }
     };

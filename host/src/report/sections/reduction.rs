@@ -1,7 +1,7 @@
 //! Reduced-order model: energies, modes, releases, frequency against energy, shapes and time histories.
 
 use crate::reduce::forced::ResponsePoint;
-use crate::reduce::{Forced, Reduction};
+use crate::reduce::{AmplitudePoint, Forced, Reduction};
 use crate::report::figures::axis::Axis;
 use crate::report::figures::bars::{Bar, bars, dots};
 use crate::report::figures::canvas::{Panel, Series, Shape};
@@ -183,18 +183,24 @@ fn amplitudes(body: &mut Html, r: &Reduction) {
     }
     let mut panel = Panel::new("", Axis::linear("amplitude"), Axis::linear("frequency / Hz"));
     let x: Vec<f64> = curve.iter().map(|p| p.amplitude).collect();
-    let at =
-        |sides: f64| -> Vec<f64> { curve.iter().map(|p| p.frequency_hz + sides * 1.96 * p.std_error_hz).collect() };
-    panel.series.push(Series::new("95 % interval", Shape::Thin, x.clone(), at(-1.0)).colour(2));
-    panel.series.push(Series::new("", Shape::Thin, x.clone(), at(1.0)).colour(2));
-    panel.series.push(Series::new("reduced model", Shape::Line, x, at(0.0)).colour(0));
-    let (x, y) = r.releases.iter().filter(|x| x.used).map(|x| (x.amplitude, x.frequency_hz)).unzip();
-    panel.series.push(Series::new("releases", Shape::BigDots, x, y).colour(1));
+    panel.series.push(
+        Series::new("reduced model", Shape::Line, x.clone(), curve.iter().map(|p| p.frequency_hz).collect()).colour(0),
+    );
+    let (at, y) = r.releases.iter().filter(|x| x.used).map(|x| (x.amplitude, x.frequency_hz)).unzip();
+    panel.series.push(Series::new("releases", Shape::BigDots, at, y).colour(1));
+    panel.shares_x = true;
+    // Beside the curve the interval would be thinner than its line.
+    let mut width = Panel::new("", Axis::linear("amplitude"), Axis::log("interval / %"));
+    let of = |error: fn(&AmplitudePoint) -> f64| -> Vec<f64> {
+        curve.iter().map(|p| 196.0 * error(p) / p.frequency_hz).collect()
+    };
+    width.series.push(Series::new("at an amplitude", Shape::Line, x.clone(), of(|p| p.std_error_hz)).colour(2));
+    width.series.push(Series::new("at an energy", Shape::Line, x, of(|p| p.std_error_at_energy_hz)).colour(3));
     body.figure(&lines(
-        "Frequency against amplitude (first harmonic of the major coordinate). The interval is what noise leaves uncertain; what the model's form costs is \
-         told by the releases left out.",
-        240.0,
-        &[panel],
+        "Frequency against amplitude (first harmonic of the major coordinate), and half the width of its 95 % interval: what noise leaves uncertain. What \
+         the model's form costs is told by the releases left out.",
+        200.0,
+        &[panel, width],
     ));
 }
 
