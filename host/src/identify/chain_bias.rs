@@ -45,7 +45,7 @@ pub fn estimate(
     weights: &[Vec<f64>],
     sigma: [f64; 2],
 ) -> Option<Bias> {
-    let motions = motions((dynamics, omega), coefficients.as_slice(), segments, kernels, windows)?;
+    let motions = motions((dynamics, omega), coefficients.as_slice(), segments, kernels, windows, cells(&sigma))?;
     let terms: Vec<usize> = model.equations.iter().map(|e| e.terms.len()).collect();
     let plain = rows(&motions, model, kernels, windows);
     let measured = (0..REPEATS)
@@ -115,16 +115,23 @@ pub(crate) fn state_at<'a>(coordinates: impl Iterator<Item = &'a [f64]>, kernels
     Some(state)
 }
 
-/// A solution from `state` at samples `spacing` apart (s), a row for each coordinate of `out`. Every tenth of a second the state is rounded to 2⁻²⁰ rad (rad/s),
+/// Grid of the states of [`solve`], as cells a radian: a power of two, some hundred times finer than the least noisy sensor.
+pub(crate) fn cells(sigma: &[f64]) -> f64 {
+    let least = sigma.iter().copied().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
+    let least = if least.is_finite() { least } else { 0.0 };
+    (300.0 / least.max(f64::MIN_POSITIVE.sqrt())).log2().ceil().clamp(18.0, 1000.0).exp2()
+}
+
+/// A solution from `state` at samples `spacing` apart (s), a row for each coordinate of `out`. Every tenth of a second the state is rounded to a grid of `cells` a rad (rad/s),
 /// far below any sensor: otherwise a chaotic motion, which grows a rounding error by e in some tenths of a second, would be another one for every way to
 /// write the same equations. False where the equations have no solution or it leaves all bounds.
 pub(crate) fn solve<D: Dynamics + ?Sized>(
     (dynamics, parameters, outside): (&D, &[f64], Outside<'_>),
     mut state: Vec<f64>,
     (start_s, spacing): (f64, f64),
+    cells: f64,
     out: &mut [Vec<f64>],
 ) -> bool {
-    const GRID: f64 = 1_048_576.0;
     let flow = Flow::new(dynamics, parameters, outside, step_s(outside.omega));
     let mut work = Work::plain(dynamics);
     let count = out.first().map_or(0, Vec::len);
@@ -142,7 +149,8 @@ pub(crate) fn solve<D: Dynamics + ?Sized>(
         if !good || state.iter().any(|x| !(x.abs() < 1e7)) {
             return false;
         }
-        state.iter_mut().for_each(|x| *x = (*x * GRID).round() / GRID);
+        // A grid finer than the numbers themselves leaves them as they are.
+        state.iter_mut().filter(|x| (**x * cells).abs() < 1e15).for_each(|x| *x = (*x * cells).round() / cells);
         from += samples - 1;
     }
     true
@@ -155,6 +163,7 @@ fn motions(
     segments: &[AngleSegment],
     kernels: &Kernels,
     windows: &Windows,
+    cells: f64,
 ) -> Option<Vec<AngleSegment>> {
     if parameters.len() != dynamics.parameter_count() {
         return None;
@@ -171,7 +180,7 @@ fn motions(
             let omega = if matches!(out.phase, Phase::Clock(0.0)) { 0.0 } else { omega };
             let outside = Outside::drive(out.start_s, out.tau(0), omega + out.runaway.1);
             let start = (segments[i].time(first + reach), out.step_s);
-            solve((dynamics, parameters, outside), state, start, &mut out.phi[..n]).then_some(out)
+            solve((dynamics, parameters, outside), state, start, cells, &mut out.phi[..n]).then_some(out)
         })
         .collect::<Option<_>>()?;
     (!found.is_empty()).then_some(found)

@@ -148,7 +148,7 @@ fn a_model_with_its_effect_is_written_and_read_again() {
 /// The built-in single pendulum, an effect in the joint, one of the drive and none: by name and by value.
 #[test]
 fn what_a_single_pendulum_lacks_is_named() {
-    let clean = explained("single-pendulum.toml", &[], 60.0, 1);
+    let clean = explained("single-pendulum.toml", &[], 100.0, 1);
     assert_eq!((clean.verdict, clean.effects.len()), (Verdict::NothingMissing, 0), "{}", clean.reason);
     let inertia = 5.522003e-5;
     for (hidden, name, truth) in [
@@ -156,7 +156,7 @@ fn what_a_single_pendulum_lacks_is_named() {
         ("drive-harmonic-2@drive=0.01", "drive-harmonic-2@drive", 0.01),
         ("imbalance@arm1=0.02", "imbalance@arm1", 0.02),
     ] {
-        let e = explained("single-pendulum.toml", &[hidden], 60.0, 1);
+        let e = explained("single-pendulum.toml", &[hidden], 100.0, 1);
         assert_eq!((e.verdict, e.effects.len()), (Verdict::Explained, 1), "{hidden}: {:?}", e.effects);
         let f = &e.effects[0];
         assert_eq!(format!("{}@{}", f.id, f.at), name);

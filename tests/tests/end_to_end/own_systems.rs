@@ -219,7 +219,7 @@ fn harmonic_balance_of_a_model_file_is_the_built_in_one() {
     for (rig, out) in [(&built_in, "a.json"), (&own, "b.json")] {
         // Exit status 1 where the identification error is above its bound, as the seed's method may have it.
         let said = whirl(folder, &format!("identify r.parquet --rig {rig} {options} --json {out}"));
-        assert!(said.status.code().is_some_and(|c| c < 2), "{}", String::from_utf8_lossy(&said.stderr));
+        assert!(said.status < 2, "{said:?}");
     }
     let (a, b) = (json(&folder.join("a.json")), json(&folder.join("b.json")));
     for name in ["B11", "B12", "B13", "B21", "B22", "B23", "C12", "C2"] {
@@ -243,6 +243,6 @@ fn a_model_file_is_validated() {
     let (_, rest) = tail.split_once(',').unwrap();
     std::fs::write(folder.join("wrong.toml"), format!("{head}k = {{ value = 10.0,{rest}")).unwrap();
     let said = whirl(folder, &format!("validate r.parquet --rig {rig} --model wrong.toml --starts 6 --json w.json"));
-    assert_eq!(said.status.code(), Some(1));
+    assert_eq!(said.status, 1, "{said:?}");
     assert_eq!(json(&folder.join("w.json"))["verdict"], "failed");
 }

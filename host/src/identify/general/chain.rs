@@ -10,7 +10,7 @@ use super::noise::{Sensors, measure};
 use super::series::System;
 use super::stretches::Stretch;
 use super::ties;
-use crate::identify::chain_bias::{from_solutions, solve, state_at};
+use crate::identify::chain_bias::{cells, from_solutions, solve, state_at};
 use crate::identify::noise_bias::{Bias, REPEATS, places};
 use crate::identify::regression::Solution;
 use crate::identify::windows::{Stretches, WindowRows, Windows, rows_of};
@@ -38,7 +38,7 @@ pub fn estimate(
     let value_of = |name: &String| own.iter().position(|n| n == name).map(|i| values[i]);
     let parameters: Vec<f64> = motion.coefficients().iter().map(value_of).collect::<Option<_>>()?;
     let columns: Vec<f64> = names.iter().map(value_of).collect::<Option<_>>()?;
-    let motions = motions(&motion, &parameters, system, windows, rig)?;
+    let motions = motions(&motion, &parameters, system, windows, rig, cells(&sensors.sigma))?;
     let terms: Vec<usize> = system.weak.equations.iter().map(|e| e.terms.len()).collect();
     let rows = |stretches: &[Stretch]| -> Vec<WindowRows> {
         rows_of(&System { stretches, ..*system }, &system.weak.equations, system.kernels, windows)
@@ -61,6 +61,7 @@ fn motions(
     system: &System<'_>,
     windows: &Windows,
     rig: &Rig,
+    cells: f64,
 ) -> Option<Vec<Stretch>> {
     if system.count() == 0 {
         return None;
@@ -77,7 +78,7 @@ fn motions(
             let state = state_at(before, system.kernels)?;
             let outside = Outside::drive(out.start_s, out.tau(0), omega);
             let start = (record.time(first + reach), out.step_s);
-            solve((motion, parameters, outside), state, start, &mut out.coordinates).then_some(out)
+            solve((motion, parameters, outside), state, start, cells, &mut out.coordinates).then_some(out)
         })
         .collect::<Option<_>>()?;
     (!found.is_empty()).then_some(found)
