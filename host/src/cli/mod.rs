@@ -106,15 +106,28 @@ impl Records {
     /// Reads the rig file and the records; warnings go to standard error.
     fn read(&self) -> Result<(Rig, Vec<Record>)> {
         let rig = Rig::read(&self.rig)?;
-        let options = ReadOptions { recover: self.recover, resample: self.resample };
-        let records: Vec<Record> =
-            self.records.iter().map(|path| Record::read(path, &rig, &options)).collect::<Result<_>>()?;
+        let records = self.read_for(&rig)?;
         Ok((rig, records))
+    }
+
+    /// Reads the records alone.
+    fn read_for(&self, rig: &Rig) -> Result<Vec<Record>> {
+        let options = self.options();
+        self.records.iter().map(|path| Record::read(path, rig, &options)).collect()
+    }
+
+    /// How they are read.
+    fn options(&self) -> ReadOptions {
+        ReadOptions { recover: self.recover, resample: self.resample }
     }
 
     /// The answer for complete records, or the negative one under `--strict` where samples are missing.
     fn answer(&self, records: &[Record]) -> Answer {
-        let lost: u64 = records.iter().map(|r| r.losses.lost()).sum();
+        self.answer_for(records.iter().map(|r| r.losses.lost()).sum())
+    }
+
+    /// The same for so many missing samples.
+    fn answer_for(&self, lost: u64) -> Answer {
         if self.strict && lost > 0 {
             eprintln!("whirl: {lost} samples are missing (--strict)");
             return Answer::Negative;

@@ -1,15 +1,19 @@
 //! `whirl reduce`: modes, a reduced-order model, its frequency–energy curve.
 
 use std::fmt::Write;
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
 use super::output::{Output, print_warnings};
 use super::{Answer, Records};
-use crate::error::Result;
-use crate::reduce::{Constraint, ReduceSettings, Reduction, reduce};
+use crate::error::{BadInput, Result};
+use crate::record::stream;
+use crate::reduce::forced::ResponsePoint;
+use crate::reduce::{Constraint, Force, Forced, ReduceSettings, Reduction, long, reduce};
 use crate::report::format::{percent, significant};
 use crate::report::{Report, Results};
+use crate::rig::Rig;
 
 /// Constraints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -41,6 +45,21 @@ pub struct Arguments {
     /// Masses of the channels, for mass-weighted modes: m1,m2,…
     #[arg(long, value_name = "M,…", value_delimiter = ',')]
     masses: Option<Vec<f64>>,
+    /// Take the records block by block, in little memory: modes and energies without a model [default: beyond 16.8 million numbers].
+    #[arg(long)]
+    stream: bool,
+    /// The response of the polar model to a force F b cos Ωt: its amplitude F, in the unit of mass × coordinate/s² (unit masses unless known).
+    #[arg(long, value_name = "F")]
+    force: Option<f64>,
+    /// Where the force acts, one number a channel: b1,b2,… [default: along the first mode, of unit length].
+    #[arg(long, value_name = "B,…", value_delimiter = ',', allow_hyphen_values = true, requires = "force")]
+    force_shape: Option<Vec<f64>>,
+    /// Damping c in 1/s, in proportion to mass [default: from the decays].
+    #[arg(long, value_name = "C", requires = "force")]
+    damping: Option<f64>,
+    /// Frequency against amplitude and energy, free and forced, as a table.
+    #[arg(long, value_name = "FILE.csv")]
+    curves: Option<PathBuf>,
     #[command(flatten)]
     out: Output,
 }
@@ -97,15 +116,58 @@ pub fn human(r: &Reduction) -> String {
             None => {}
         }
         text.push('\n');
+        if let Some(worst) =
+            r.frequency_amplitude.iter().map(|p| p.std_error_hz / p.frequency_hz).max_by(f64::total_cmp)
+        {
+            let _ = writeln!(text, "  standard error of the frequency at an amplitude: up to {}", percent(worst, 2));
+        }
+        if let Some(f) = &r.forced {
+            text.push_str(&forced(f));
+        }
     } else {
         text.push_str("no equation: the record is not close to periodic\n");
     }
     text
 }
 
+/// The forced response in a few lines.
+fn forced(f: &Forced) -> String {
+    let error =
+        f.damping_found.map_or_else(String::new, |d| format!(" ± {} from the decays", significant(d.std_error, 2)));
+    let mut text =
+        format!("forced by {}, damping {}{error} 1/s:\n", significant(f.amplitude, 4), significant(f.damping, 4));
+    let mut line = |what: &str, p: &ResponsePoint| {
+        let (frequency, amplitude) = (significant(p.frequency_hz, 7), significant(p.amplitude, 4));
+        let _ = writeln!(text, "  {what} at {frequency} Hz, amplitude {amplitude}");
+    };
+    if let Some(p) = &f.peak {
+        line("peak", p);
+    }
+    f.folds.iter().for_each(|p| line("fold", p));
+    if f.folds.is_empty() {
+        text.push_str("  no fold\n");
+    }
+    text
+}
+
+/// Frequency against amplitude, free and forced, one row a point.
+fn curves(r: &Reduction) -> String {
+    let mut text = "curve,frequency_hz,frequency_std_error_hz,amplitude,energy,lag_rad,stable\n".to_owned();
+    for p in &r.frequency_amplitude {
+        let _ = writeln!(text, "free,{},{},{},{},,", p.frequency_hz, p.std_error_hz, p.amplitude, p.energy);
+    }
+    let points = r.forced.iter().flat_map(|f| {
+        let of = |name, points: &[ResponsePoint]| points.iter().map(|p| (name, *p)).collect::<Vec<_>>();
+        [of("forced", &f.curve), of("fold", &f.folds)].concat()
+    });
+    for (name, p) in points {
+        let _ = writeln!(text, "{name},{},,{},,{},{}", p.frequency_hz, p.amplitude, p.lag, p.stable);
+    }
+    text
+}
+
 /// Reads, reduces, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, records) = arguments.records.read()?;
     let settings = ReduceSettings {
         modes: arguments.modes,
         constraint: arguments.constraint.map(|c| match c {
@@ -116,16 +178,33 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         }),
         energy: arguments.energy,
         masses: arguments.masses.clone(),
+        force: arguments.force.map(|amplitude| Force {
+            amplitude,
+            shape: arguments.force_shape.clone(),
+            damping: arguments.damping,
+        }),
     };
-    let result = reduce(&records, &rig, &settings)?;
+    let records = &arguments.records;
+    let rig = Rig::read(&records.rig)?;
+    let (result, lost) = if arguments.stream || long::is_long(&records.records, &rig)? {
+        let numbers = records.records.iter().map(|p| Ok(stream::size(p, &rig)?.unwrap_or(0))).sum::<Result<u64>>()?;
+        let bar = super::progress::bar("reading", numbers / rig.channel.len().max(1) as u64);
+        long::reduce(&records.records, &rig, &records.options(), &settings, &|n| bar.inc(n))?
+    } else {
+        let read = records.read_for(&rig)?;
+        (reduce(&read, &rig, &settings)?, read.iter().map(|r| r.losses.lost()).sum())
+    };
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;
     arguments.out.say(&human(&result));
+    if let Some(path) = &arguments.curves {
+        std::fs::write(path, curves(&result)).map_err(|e| BadInput::io(path, &e))?;
+    }
     if let Some(path) = &arguments.out.report {
-        let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
+        let names: Vec<String> = records.records.iter().map(|p| p.display().to_string()).collect();
         let mut results = Results::new();
         results.add(result);
         Report::of(format!("Reduction: {}", rig.name), names.join(", "), &results).write(path)?;
     }
-    Ok(arguments.records.answer(&records))
+    Ok(records.answer_for(lost))
 }

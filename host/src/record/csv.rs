@@ -8,10 +8,10 @@
 //!   wrong are errors that name the last whole row; with [`ReadOptions::recover`] the rows up to there are read.
 //! - whirl's own CSV has the columns `tick`, `phase` and `amplitude_nm` too; they are then used as the device's.
 //!
-//! Lines are streamed: memory is that of the columns read.
+//! Lines are streamed: memory is that of the columns read, or of a block of rows ([`super::stream`]).
 
 use std::fs::File;
-use std::io::{BufRead, BufReader, ErrorKind};
+use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 
 use flate2::bufread::MultiGzDecoder;
@@ -19,7 +19,8 @@ use flate2::bufread::MultiGzDecoder;
 use super::formats::{Format, ReadOptions, shown};
 use super::lines::{Cells, LINE_LIMIT, Line, Lines};
 use super::rows::{Cell, Rows, missing_column};
-use super::{Column, Record, segments};
+use super::stream::{Source, Streamed};
+use super::{Column, Losses, Metadata, Record, segments};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 use crate::warning::Warning;
@@ -32,10 +33,11 @@ pub(super) const FORMAT: Format = Format {
     about: "CSV with a header row and a column t in seconds (.csv)",
     extensions: &["csv", "tsv", "txt"],
     is: |head| !head.iter().any(|&b| b < 9 || (b > 13 && b < 32)),
-    read: |path, rig, options| {
-        let file = open(path)?;
-        read_rows(BufReader::with_capacity(1 << 16, file), path, rig, options)
-    },
+    read: |path, rig, options| Reader::open(plain(path)?, path, rig, options)?.read(rig, options),
+    stream: Some(Streamed {
+        open: |path, rig, options| Ok(Box::new(Reader::open(plain(path)?, path, rig, options)?)),
+        rows: |path| rows_of(path, 1),
+    }),
 };
 
 pub(super) const GZIP: Format = Format {
@@ -43,11 +45,35 @@ pub(super) const GZIP: Format = Format {
     about: "gzipped CSV (.csv.gz)",
     extensions: &["csv.gz", "tsv.gz", "gz"],
     is: |head| head.starts_with(&[0x1f, 0x8b]),
-    read: |path, rig, options| {
-        let gzip = MultiGzDecoder::new(BufReader::with_capacity(1 << 16, open(path)?));
-        read_rows(BufReader::with_capacity(1 << 16, gzip), path, rig, options)
-    },
+    read: |path, rig, options| Reader::open(gzipped(path)?, path, rig, options)?.read(rig, options),
+    stream: Some(Streamed {
+        open: |path, rig, options| Ok(Box::new(Reader::open(gzipped(path)?, path, rig, options)?)),
+        // Numbers in decimals shrink to a third or a quarter.
+        rows: |path| rows_of(path, 4),
+    }),
 };
+
+fn plain(path: &Path) -> Result<BufReader<File>> {
+    Ok(BufReader::with_capacity(1 << 16, open(path)?))
+}
+
+fn gzipped(path: &Path) -> Result<BufReader<MultiGzDecoder<BufReader<File>>>> {
+    Ok(BufReader::with_capacity(1 << 16, MultiGzDecoder::new(plain(path)?)))
+}
+
+/// About how many rows a file has whose text is so many times as long: its length by that of its first lines.
+fn rows_of(path: &Path, times: u64) -> Option<u64> {
+    let length = std::fs::metadata(path).ok()?.len().saturating_mul(times);
+    let mut head = Vec::new();
+    let file = open(path).ok()?;
+    if times > 1 {
+        MultiGzDecoder::new(BufReader::new(file)).take(1 << 16).read_to_end(&mut head).ok()?;
+    } else {
+        file.take(1 << 16).read_to_end(&mut head).ok()?;
+    }
+    let lines = head.iter().filter(|b| **b == b'\n').count().max(1) as u64;
+    Some(length / (head.len() as u64 / lines).max(1))
+}
 
 fn open(path: &Path) -> Result<File> {
     File::open(path).map_err(|e| BadInput::io(path, &e).remedy("Name a record that exists and can be read"))
@@ -69,80 +95,128 @@ struct Row {
     own: (i64, u32, u32),
 }
 
-fn read_rows<R: BufRead>(reader: R, path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
-    let mut lines = Lines::new(reader);
-    let mut cells = Cells::default();
-    let layout = loop {
-        match lines.advance() {
-            Line::Whole { .. } if lines.bytes.trim_ascii().is_empty() => {}
-            Line::Whole { .. } => break header(&lines.bytes, lines.number, path, rig, &mut cells)?,
-            Line::End => {
-                return Err(BadInput::new("no line", "a header row")
-                    .in_file(path)
-                    .at("start of file")
-                    .remedy("Record again, or export the data with the header"));
+/// Reads rows, all at once or some at a time.
+struct Reader<'a, R> {
+    lines: Lines<R>,
+    cells: Cells,
+    layout: Layout,
+    row: Row,
+    path: &'a Path,
+    recover: bool,
+    ended: bool,
+    warnings: Vec<Warning>,
+}
+
+impl<'a, R: BufRead> Reader<'a, R> {
+    fn open(reader: R, path: &'a Path, rig: &Rig, options: &ReadOptions) -> Result<Self> {
+        let mut lines = Lines::new(reader);
+        let mut cells = Cells::default();
+        let layout = loop {
+            match lines.advance() {
+                Line::Whole { .. } if lines.bytes.trim_ascii().is_empty() => {}
+                Line::Whole { .. } => break header(&lines.bytes, lines.number, path, rig, &mut cells)?,
+                Line::End => {
+                    return Err(BadInput::new("no line", "a header row")
+                        .in_file(path)
+                        .at("start of file")
+                        .remedy("Record again, or export the data with the header"));
+                }
+                Line::TooLong => return Err(too_long(path, lines.number)),
+                Line::Broken(e) => return Err(broken(&e, path, "no row is whole").0),
             }
-            Line::TooLong => return Err(too_long(path, lines.number)),
-            Line::Broken(e) => return Err(broken(&e, path, "no row is whole").0),
-        }
-    };
-    let mut rows = Rows::new(path, rig, "line", layout.own.is_some());
-    rows.resample = options.resample;
-    let mut row = Row { t: 0.0, cells: Vec::with_capacity(rig.channel.len()), own: (0, 0, 0) };
-    let mut warnings = Vec::new();
-    loop {
-        match lines.advance() {
-            Line::End => break,
-            Line::TooLong => return Err(too_long(path, lines.number)),
+        };
+        let row = Row { t: 0.0, cells: Vec::with_capacity(rig.channel.len()), own: (0, 0, 0) };
+        let recover = options.recover;
+        Ok(Self { lines, cells, layout, row, path, recover, ended: false, warnings: Vec::new() })
+    }
+
+    fn read(mut self, rig: &Rig, options: &ReadOptions) -> Result<Record> {
+        let mut rows = Rows::new(self.path, rig, "line", self.layout.own.is_some());
+        rows.resample = options.resample;
+        while self.fill(&mut rows, usize::MAX)? {}
+        segments::assemble(rows, None, None, self.warnings)
+    }
+
+    /// Reads the next row; whether there was one.
+    fn next(&mut self, rows: &mut Rows<'_>) -> Result<bool> {
+        let number = self.lines.number + 1;
+        match self.lines.advance() {
+            Line::End => Ok(false),
+            Line::TooLong => Err(too_long(self.path, number)),
             Line::Broken(e) => {
-                let (error, advice) = broken(&e, path, &rows.last_whole());
-                if !options.recover || advice.is_empty() {
+                let (error, advice) = broken(&e, self.path, &rows.last_whole());
+                if !self.recover || advice.is_empty() {
                     return Err(error);
                 }
-                warnings.push(recovered(&error, advice));
-                break;
+                self.warnings.push(recovered(&error, advice));
+                Ok(false)
             }
+            Line::Whole { .. } if self.lines.bytes.trim_ascii().is_empty() => Ok(true),
             Line::Whole { ended } => {
-                if lines.bytes.trim_ascii().is_empty() {
-                    continue;
-                }
-                let parsed = parse(&lines.bytes, lines.number, &layout, &rows, &mut cells, &mut row);
+                let parsed = parse(&self.lines.bytes, number, &self.layout, rows, &mut self.cells, &mut self.row);
                 // A line cut right behind a delimiter has all of its cells, the last one empty.
-                let cut = !ended && cells.get(layout.width - 1).is_empty();
+                let cut = !ended && self.cells.get(self.layout.width - 1).is_empty();
                 match parsed {
                     Ok(()) if !cut => {
-                        take(&mut rows, lines.number, &row);
+                        take(rows, number, &self.row);
                         if !ended {
-                            warnings.push(Warning::new(
+                            self.warnings.push(Warning::new(
                                 "no-line-feed",
-                                format!(
-                                    "line {}, the last, has no line feed: its last number may be cut off",
-                                    lines.number
-                                ),
+                                format!("line {number}, the last, has no line feed: its last number may be cut off"),
                                 "If this file was cut short, copy it again",
                             ));
                         }
+                        Ok(true)
                     }
-                    Err(e) if ended => return Err(e),
+                    Err(e) if ended => Err(e),
                     Ok(()) | Err(_) => {
                         let error = BadInput::new(
-                            format!("a torn last line, {}; {}", shown(&lines.bytes), rows.last_whole()),
-                            format!("{} cells and a line feed", layout.width),
+                            format!("a torn last line, {}; {}", shown(&self.lines.bytes), rows.last_whole()),
+                            format!("{} cells and a line feed", self.layout.width),
                         )
-                        .in_file(path)
-                        .at(format!("line {}", lines.number))
+                        .in_file(self.path)
+                        .at(format!("line {number}"))
                         .remedy("Copy the file again, or read it up to the last whole row with --recover");
-                        if !options.recover {
+                        if !self.recover {
                             return Err(error);
                         }
-                        warnings.push(recovered(&error, "What follows the last whole row is lost"));
-                        break;
+                        self.warnings.push(recovered(&error, "What follows the last whole row is lost"));
+                        Ok(false)
                     }
                 }
             }
         }
     }
-    segments::assemble(rows, None, None, warnings)
+}
+
+impl<R: BufRead> Source for Reader<'_, R> {
+    fn fill(&mut self, rows: &mut Rows<'_>, most: usize) -> Result<bool> {
+        let until = rows.t.len().saturating_add(most);
+        while !self.ended && rows.t.len() < until {
+            self.ended = !self.next(rows)?;
+        }
+        Ok(!self.ended)
+    }
+
+    fn warnings(&mut self, _: &Rows<'_>) -> Result<Vec<Warning>> {
+        Ok(std::mem::take(&mut self.warnings))
+    }
+
+    fn word(&self) -> &'static str {
+        "line"
+    }
+
+    fn own(&self) -> bool {
+        self.layout.own.is_some()
+    }
+
+    fn metadata(&self) -> Option<&Metadata> {
+        None
+    }
+
+    fn losses(&self) -> Option<&Losses> {
+        None
+    }
 }
 
 /// Reads the header row.

@@ -7,6 +7,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::Record;
+use super::stream::Streamed;
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 
@@ -31,6 +32,8 @@ pub struct Format {
     pub is: fn(&[u8]) -> bool,
     /// Reads it.
     pub read: fn(&Path, &Rig, &ReadOptions) -> Result<Record>,
+    /// Reads it block by block, where the format allows that.
+    pub(super) stream: Option<Streamed>,
 }
 
 /// Every format, in the order in which contents are tried.
@@ -48,6 +51,14 @@ pub static FORMATS: &[Format] = &[
 /// # Errors
 /// A file that cannot be opened, is empty or is of no known format, and what the format's reader reports.
 pub fn read(path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
+    (of(path)?.read)(path, rig, options)
+}
+
+/// The format of a file.
+///
+/// # Errors
+/// A file that cannot be opened, is empty or is of no known format.
+pub fn of(path: &Path) -> Result<&'static Format> {
     let io = |e: std::io::Error| BadInput::io(path, &e).remedy("Name a record that exists and can be read");
     let metadata = std::fs::metadata(path).map_err(io)?;
     if metadata.is_dir() {
@@ -65,7 +76,7 @@ pub fn read(path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
     let by_extension = |f: &&Format| f.extensions.iter().any(|e| name.ends_with(&format!(".{e}")));
     let by_content = FORMATS.iter().find(|f| (f.is)(&head));
     match (by_content, FORMATS.iter().find(by_extension)) {
-        (Some(format), _) => (format.read)(path, rig, options),
+        (Some(format), _) => Ok(format),
         (None, Some(format)) => Err(BadInput::new(
             format!("a file that begins with {}", bytes_for_people(&head)),
             format!("{} (as its name says)", format.about),

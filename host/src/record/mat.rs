@@ -26,6 +26,7 @@ pub(super) const FORMAT: Format = Format {
     extensions: &["mat"],
     is: |head| head.starts_with(b"MATLAB ") && head.len() >= 128,
     read,
+    stream: None,
 };
 
 const ARRAY: u32 = 14;

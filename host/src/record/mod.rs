@@ -23,6 +23,7 @@ pub mod regression_rows;
 mod resample;
 mod rows;
 mod segments;
+pub mod stream;
 mod time_fit;
 mod unwrap;
 pub mod values;

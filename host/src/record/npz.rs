@@ -26,6 +26,7 @@ pub(super) const FORMAT: Format = Format {
     extensions: &["npz"],
     is: |head| head.starts_with(b"PK\x03\x04") || head.starts_with(b"PK\x05\x06"),
     read,
+    stream: None,
 };
 
 /// Longest header of an array, bytes; most arrays of an archive.

@@ -7,26 +7,28 @@
 //!
 //! The parquet crate is guarded in two ways: sizes are checked before it sees them ([`super::parquet_source`]), and it runs under
 //! `catch_unwind`, since it panics on some damaged input (seen: an encoding that it does not know; 2 of 15 000 mutated files).
-//! Memory is that of the columns read.
+//! Memory is that of the columns read, or of a block of rows where they are streamed ([`super::stream`]): every column of a row group is then
+//! decoded page by page beside the others.
 
 use std::fs::File;
 use std::panic::AssertUnwindSafe;
 use std::path::Path;
 use std::sync::Arc;
 
-use parquet::column::reader::get_column_reader;
+use parquet::column::reader::{ColumnReader, get_column_reader};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader, RowGroupMetaData};
 use parquet::file::reader::SerializedPageReader;
-use parquet::schema::types::SchemaDescriptor;
+use parquet::schema::types::{ColumnDescriptor, SchemaDescriptor};
 
 use super::csv::OWN_COLUMNS;
 use super::formats::{Format, ReadOptions};
 use super::parquet_cells::{Number, for_each};
 use super::parquet_recovery::{Marker, checked_range, crc_of_range, extent, marker_at, scan};
-use super::parquet_source::Source;
+use super::parquet_source::Source as ParquetSource;
 use super::parquet_write::KEY;
 use super::rows::{Cell, Rows, missing_column};
+use super::stream::{Source, Streamed};
 use super::{Losses, Metadata, Record, quiet, segments};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
@@ -38,6 +40,7 @@ pub(super) const FORMAT: Format = Format {
     extensions: &["parquet", "pq"],
     is: |head| head.starts_with(b"PAR1"),
     read,
+    stream: Some(Streamed { open, rows: rows_of }),
 };
 
 /// What is read from a file before its rows.
@@ -55,62 +58,186 @@ struct Structure {
 }
 
 fn read(path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
-    let io = |e: std::io::Error| BadInput::io(path, &e).remedy("Name a record that exists and can be read");
-    let source = Arc::new(Source::new(File::open(path).map_err(io)?).map_err(io)?);
-    // A panic of the crate leaves nothing behind that is used afterwards: rows and source are dropped.
-    quiet::catch(AssertUnwindSafe(|| read_source(&source, path, rig, options)))
+    let mut reader = Reader::open(path, rig, options)?;
+    let mut rows = Rows::new(path, rig, "row", reader.own);
+    rows.resample = options.resample;
+    // A whole row group at a time, so that a damaged one is dropped whole.
+    while reader.fill(&mut rows, usize::MAX)? {}
+    let warnings = reader.warnings(&rows)?;
+    segments::assemble(rows, reader.structure.metadata, reader.structure.losses, warnings)
+}
+
+fn open<'a>(path: &'a Path, rig: &'a Rig, options: &ReadOptions) -> Result<Box<dyn Source + 'a>> {
+    Ok(Box::new(Reader::open(path, rig, options)?))
+}
+
+/// Rows that a file says it has.
+fn rows_of(path: &Path) -> Option<u64> {
+    let file = ParquetSource::new(File::open(path).ok()?).ok()?;
+    let footer = quiet::catch(AssertUnwindSafe(|| ParquetMetaDataReader::new().parse_and_finish(file.file())))?.ok()?;
+    u64::try_from(footer.file_metadata().num_rows()).ok()
+}
+
+/// Reads row groups, whole or in parts.
+struct Reader<'a> {
+    source: Arc<ParquetSource>,
+    path: &'a Path,
+    rig: &'a Rig,
+    structure: Structure,
+    columns: Columns,
+    own: bool,
+    recover: bool,
+    /// Index of the row group being read, its columns where it has been begun, and its rows read.
+    group: usize,
+    begun: Option<Vec<Chunk>>,
+    done: usize,
+    broken: Option<String>,
+    warnings: Vec<Warning>,
+}
+
+/// A column of a row group.
+struct Chunk {
+    reader: ColumnReader,
+    descriptor: Arc<ColumnDescriptor>,
+}
+
+impl<'a> Reader<'a> {
+    fn open(path: &'a Path, rig: &'a Rig, options: &ReadOptions) -> Result<Self> {
+        let io = |e: std::io::Error| BadInput::io(path, &e).remedy("Name a record that exists and can be read");
+        let source = Arc::new(ParquetSource::new(File::open(path).map_err(io)?).map_err(io)?);
+        let structure = guarded(path, || structure(&source, path))?;
+        let mut warnings = Vec::new();
+        if let Some(metadata) = &structure.metadata {
+            check_rig(metadata, path, rig, &mut warnings)?;
+        }
+        let own = structure.metadata.is_some() && OWN_COLUMNS.iter().all(|c| leaf(&structure.schema, c).is_some());
+        let columns = columns(&structure.schema, path, rig, own)?;
+        let broken = structure.truncated.clone();
+        let recover = options.recover;
+        Ok(Self {
+            source,
+            path,
+            rig,
+            structure,
+            columns,
+            own,
+            recover,
+            group: 0,
+            begun: None,
+            done: 0,
+            broken,
+            warnings,
+        })
+    }
+
+    /// The columns in the order in which they are read: t, the channels, the device's.
+    fn indices(&self) -> Vec<usize> {
+        let own = self.columns.own.iter().flatten();
+        std::iter::once(&self.columns.t).chain(&self.columns.channels).chain(own).copied().collect()
+    }
+
+    /// Opens the next row group's columns.
+    fn begin(&mut self, count: usize) -> core::result::Result<(), Failure> {
+        let group = &self.structure.groups[self.group];
+        let checksum = self.structure.checksums.as_ref().and_then(|c| c.get(self.group).copied());
+        let marked = self.structure.checksums.is_some() || self.structure.written_by_whirl;
+        verify(&self.source, group, marked, checksum).map_err(Failure::File)?;
+        let mut chunks = Vec::new();
+        for column in self.indices() {
+            let chunk = group.columns().get(column).ok_or_else(|| Failure::File("a column is missing".to_owned()))?;
+            if checked_range(chunk).is_none() {
+                return Err(Failure::File("a column chunk outside of the file".to_owned()));
+            }
+            let pages = SerializedPageReader::new(self.source.clone(), chunk, count, None)?;
+            let descriptor = chunk.column_descr_ptr();
+            chunks.push(Chunk { reader: get_column_reader(descriptor.clone(), Box::new(pages)), descriptor });
+        }
+        self.begun = Some(chunks);
+        Ok(())
+    }
+
+    /// Reads up to `most` rows of the present row group; whether there was one.
+    fn part(&mut self, rows: &mut Rows<'_>, most: usize) -> core::result::Result<bool, Failure> {
+        let Some(group) = self.structure.groups.get(self.group) else { return Ok(false) };
+        let count =
+            usize::try_from(group.num_rows()).map_err(|_| Failure::File("a negative number of rows".to_owned()))?;
+        if self.begun.is_none() {
+            self.begin(count)?;
+        }
+        let now = most.min(count - self.done);
+        if let Some(chunks) = &mut self.begun {
+            read_part(chunks, now, self.rig.channel.len(), rows)?;
+        }
+        self.done += now;
+        if self.done >= count {
+            (self.begun, self.done) = (None, 0);
+            self.group += 1;
+        }
+        Ok(true)
+    }
+}
+
+/// Runs code of the parquet crate, which panics on some damaged input; a panic leaves nothing behind that is used afterwards.
+fn guarded<T>(path: &Path, f: impl FnOnce() -> Result<T>) -> Result<T> {
+    quiet::catch(AssertUnwindSafe(f))
         .unwrap_or_else(|| Err(BadInput::new("a damaged file", "Parquet").in_file(path).remedy("Copy the file again")))
 }
 
-fn read_source(source: &Arc<Source>, path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
-    let structure = structure(source, path)?;
-    let mut warnings = Vec::new();
-    if let Some(metadata) = &structure.metadata {
-        check_rig(metadata, path, rig, &mut warnings)?;
-    }
-    let own = structure.metadata.is_some() && OWN_COLUMNS.iter().all(|c| leaf(&structure.schema, c).is_some());
-    let mut rows = Rows::new(path, rig, "row", own);
-    rows.resample = options.resample;
-    let columns = columns(&structure.schema, path, rig, own)?;
-    let marked = structure.checksums.is_some() || structure.written_by_whirl;
-    let mut broken = structure.truncated.clone();
-    for (k, group) in structure.groups.iter().enumerate() {
-        let before = rows.t.len();
-        let checksum = structure.checksums.as_ref().and_then(|c| c.get(k).copied());
-        let done = verify(source, group, marked, checksum).map_err(Failure::File).and_then(|()| {
-            read_group(source, group, &columns, &mut rows).map_err(|e| match e {
-                Failure::File(e) => Failure::File(format!("row group {}: {e}", k + 1)),
-                bad => bad,
-            })
-        });
-        match done {
-            Ok(()) => {}
-            Err(Failure::Bad(e)) => return Err(*e),
-            Err(Failure::File(e)) => {
-                rows.truncate(before);
-                broken = Some(e);
-                break;
+impl Source for Reader<'_> {
+    fn fill(&mut self, rows: &mut Rows<'_>, most: usize) -> Result<bool> {
+        let path = self.path;
+        guarded(path, || {
+            let before = rows.t.len();
+            match self.part(rows, most) {
+                Ok(more) => Ok(more),
+                Err(Failure::Bad(e)) => Err(*e),
+                Err(Failure::File(e)) => {
+                    rows.truncate(before);
+                    self.broken = Some(format!("row group {}: {e}", self.group + 1));
+                    self.group = self.structure.groups.len();
+                    self.begun = None;
+                    Ok(false)
+                }
             }
-        }
+        })
     }
-    if let Some(reason) = broken {
+
+    fn warnings(&mut self, rows: &Rows<'_>) -> Result<Vec<Warning>> {
+        let mut warnings = std::mem::take(&mut self.warnings);
+        let Some(reason) = &self.broken else { return Ok(warnings) };
         let error = BadInput::new(
             format!("a truncated or damaged Parquet file ({reason}); {}", rows.last_whole()),
             "a whole one",
         )
-        .in_file(path)
-        .at(if structure.truncated.is_some() {
+        .in_file(self.path)
+        .at(if self.structure.truncated.is_some() {
             "end of file".to_owned()
         } else {
-            format!("after row {}", rows.t.len())
+            format!("after row {}", rows.passed + rows.t.len())
         })
-        .remedy(remedy(path, rows.t.is_empty()));
-        if !options.recover || rows.t.is_empty() {
+        .remedy(remedy(self.path, rows.t.is_empty()));
+        if !self.recover || rows.t.is_empty() {
             return Err(error);
         }
         warnings.push(Warning::new("recovered", error.found.clone(), "What follows the last whole row is lost"));
+        Ok(warnings)
     }
-    segments::assemble(rows, structure.metadata, structure.losses, warnings)
+
+    fn word(&self) -> &'static str {
+        "row"
+    }
+
+    fn own(&self) -> bool {
+        self.own
+    }
+
+    fn metadata(&self) -> Option<&Metadata> {
+        self.structure.metadata.as_ref()
+    }
+
+    fn losses(&self) -> Option<&Losses> {
+        self.structure.losses.as_ref()
+    }
 }
 
 /// What to do about a truncated record: a journal beside it (see [`crate::capture::journal`]) has all of it.
@@ -153,7 +280,7 @@ impl From<BadInput> for Failure {
 }
 
 /// Reads the footer, or, where there is none, whirl's markers.
-fn structure(source: &Arc<Source>, path: &Path) -> Result<Structure> {
+fn structure(source: &Arc<ParquetSource>, path: &Path) -> Result<Structure> {
     // The crate may panic here too; a file whose footer makes it panic is read by its markers like one without.
     let footer = quiet::catch(AssertUnwindSafe(|| ParquetMetaDataReader::new().parse_and_finish(source.file())))
         .unwrap_or_else(|| Err(ParquetError::General("damaged footer".to_owned())));
@@ -298,7 +425,7 @@ fn columns(schema: &SchemaDescriptor, path: &Path, rig: &Rig, own: bool) -> Resu
 
 /// Verifies the checksum in the marker behind a row group of whirl's own.
 fn verify(
-    source: &Source,
+    source: &ParquetSource,
     group: &RowGroupMetaData,
     marked: bool,
     checksum: Option<u32>,
@@ -320,47 +447,35 @@ fn verify(
     if crc_of_range(&mut file, start, length) == Some(expected) { Ok(()) } else { Err(damaged()) }
 }
 
-/// Reads one row group into `rows`.
-fn read_group(
-    source: &Arc<Source>,
-    group: &RowGroupMetaData,
-    columns: &Columns,
+/// Reads the next `count` rows of a row group's columns: t, the channels, the device's.
+fn read_part(
+    chunks: &mut [Chunk],
+    count: usize,
+    channels: usize,
     rows: &mut Rows<'_>,
 ) -> core::result::Result<(), Failure> {
-    let first = rows.t.len();
-    let count = usize::try_from(group.num_rows()).map_err(|_| Failure::File("a negative number of rows".to_owned()))?;
+    let first = rows.passed + rows.t.len();
     // Messages count rows from 1.
     let place = |i: usize| (first + i + 1) as u64;
-    let each =
-        |column: usize, take: &mut dyn FnMut(usize, Number) -> Result<()>| -> core::result::Result<(), Failure> {
-            let chunk = group.columns().get(column).ok_or_else(|| Failure::File("a column is missing".to_owned()))?;
-            if checked_range(chunk).is_none() {
-                return Err(Failure::File("a column chunk outside of the file".to_owned()));
+    for (k, chunk) in chunks.iter_mut().enumerate() {
+        let mut take = |i: usize, number: Number| -> Result<()> {
+            if k == 0 {
+                let t = rows.seconds(number);
+                rows.check_time(place(i), t)?;
+                rows.push_time(place(i), t);
+            } else if k <= channels {
+                let cell = match number {
+                    Number::Null => Cell::Missing,
+                    Number::Integer(v) | Number::Timestamp(v, _) => rows.check_integer(place(i), k - 1, v)?,
+                    Number::Real(v) => rows.check_number(place(i), k - 1, v)?,
+                };
+                rows.push_cell(place(i), k - 1, cell);
+            } else {
+                rows.push_device(place(i), k - 1 - channels, number)?;
             }
-            let pages = SerializedPageReader::new(source.clone(), chunk, count, None)?;
-            for_each(get_column_reader(chunk.column_descr_ptr(), Box::new(pages)), chunk.column_descr(), count, take)
-        };
-    each(columns.t, &mut |i, number| {
-        let t = rows.seconds(number);
-        rows.check_time(place(i), t)?;
-        rows.push_time(place(i), t);
-        Ok(())
-    })?;
-    for (k, &column) in columns.channels.iter().enumerate() {
-        each(column, &mut |i, number| {
-            let cell = match number {
-                Number::Null => Cell::Missing,
-                Number::Integer(v) | Number::Timestamp(v, _) => rows.check_integer(place(i), k, v)?,
-                Number::Real(v) => rows.check_number(place(i), k, v)?,
-            };
-            rows.push_cell(place(i), k, cell);
             Ok(())
-        })?;
-    }
-    if let Some(own) = columns.own {
-        for (j, &column) in own.iter().enumerate() {
-            each(column, &mut |i, number| rows.push_device(place(i), j, number))?;
-        }
+        };
+        for_each(&mut chunk.reader, &chunk.descriptor, count, &mut take)?;
     }
     Ok(())
 }

@@ -34,9 +34,9 @@ enum Meaning {
     Timestamp(f64),
 }
 
-/// Calls `take` for each of the `count` rows of a column chunk.
+/// Calls `take` for each of the next `count` rows of a column chunk.
 pub(super) fn for_each(
-    reader: ColumnReader,
+    reader: &mut ColumnReader,
     column: &ColumnDescriptor,
     count: usize,
     take: &mut dyn FnMut(usize, Number) -> Result<()>,
@@ -74,7 +74,7 @@ fn unfit(column: &ColumnDescriptor, kind: &str) -> Failure {
 }
 
 fn decode<T: DataType>(
-    mut reader: ColumnReaderImpl<T>,
+    reader: &mut ColumnReaderImpl<T>,
     column: &ColumnDescriptor,
     count: usize,
     take: &mut dyn FnMut(usize, Number) -> Result<()>,

@@ -34,6 +34,7 @@ pub(super) const FORMAT: Format = Format {
             .in_file(path)
             .remedy("`whirl identify` works from rows; for everything else capture again without --rows"))
     },
+    stream: None,
 };
 
 /// Whether these are the first bytes of such a file.

@@ -50,6 +50,10 @@ pub(super) struct Rows<'a> {
     pub(super) time_origin: Option<i64>,
     /// Whether an uneven clock is to be made even.
     pub(super) resample: bool,
+    /// Rows that were here before those that are: none unless they are taken block by block.
+    pub(super) passed: usize,
+    /// Most rows that may come.
+    pub(super) limit: usize,
     last_place: u64,
 }
 
@@ -67,6 +71,8 @@ impl<'a> Rows<'a> {
             device: own.then(DeviceColumns::default),
             time_origin: None,
             resample: false,
+            passed: 0,
+            limit: ROW_LIMIT,
             last_place: 0,
         }
     }
@@ -96,7 +102,7 @@ impl<'a> Rows<'a> {
         for missing in &mut self.missing {
             missing.retain(|&row| row < n);
         }
-        if self.first_missing.is_some_and(|(place, _)| place > n as u64) {
+        if self.first_missing.is_some_and(|(place, _)| place > (self.passed + n) as u64) {
             self.first_missing = None;
         }
         if let Some(d) = &mut self.device {
@@ -104,7 +110,29 @@ impl<'a> Rows<'a> {
             d.phase.truncate(n);
             d.amplitude_nm.truncate(n);
         }
-        self.last_place = n as u64;
+        self.last_place = (self.passed + n) as u64;
+    }
+
+    /// Lets all rows but the last go; it stays, so that the next ones are compared with it.
+    pub(super) fn keep_last(&mut self) {
+        let gone = self.t.len().saturating_sub(1);
+        self.t.drain(..gone);
+        for column in &mut self.columns {
+            match column {
+                Column::Counts(c) => drop(c.drain(..gone)),
+                Column::Values(v) => drop(v.drain(..gone)),
+            }
+        }
+        for missing in &mut self.missing {
+            missing.retain(|&row| row >= gone);
+            missing.iter_mut().for_each(|row| *row -= gone);
+        }
+        if let Some(d) = &mut self.device {
+            d.tick.drain(..gone);
+            d.phase.drain(..gone);
+            d.amplitude_nm.drain(..gone);
+        }
+        self.passed += gone;
     }
 
     /// Checks a time against the one before it.
@@ -125,9 +153,9 @@ impl<'a> Rows<'a> {
                 .bad(place, "t", found, "a time later than the row before")
                 .remedy("Sort the rows by t, or split the file where its clock was set back"));
         }
-        if self.t.len() >= ROW_LIMIT {
+        if self.t.len() >= self.limit {
             return Err(self
-                .bad(place, "t", format!("more than {ROW_LIMIT} rows"), "a record that fits into memory")
+                .bad(place, "t", format!("more than {} rows", self.limit), "a record that fits into memory")
                 .remedy("Split the file"));
         }
         Ok(())

@@ -4,10 +4,12 @@
 //! own), or a row with a missing cell. Lost rows of a gap Δt: round(Δt/step) − 1.
 
 use std::ops::Range;
+use std::path::Path;
 
 use super::rows::Rows;
 use super::{Column, Losses, Metadata, Record, Segment, time_fit, unwrap};
 use crate::error::{BadInput, Result};
+use crate::rig::{Channel, Rig};
 use crate::warning::Warning;
 
 /// Greatest relative difference between the record's sampling rate and the rig file's.
@@ -28,36 +30,21 @@ pub(super) fn assemble(
     let rig = rows.rig;
     let nominal = 1.0 / rig.sample_rate_hz;
     if rows.t.is_empty() {
-        return Err(BadInput::new("no row", "at least one row below the header")
-            .in_file(rows.path)
-            .at("after the header")
-            .remedy("Record again, or export the data with the header"));
+        return Err(no_row(rows.path));
     }
     let rough = time_fit::rough_step(&rows.t, nominal).unwrap_or(nominal);
     let mut losses = Losses::default();
     let ranges = split(&rows, rough, &mut losses);
     if let Some((place, channel)) = rows.first_missing {
-        warnings.push(Warning::new(
-            "nan-is-gap",
-            format!(
-                "{} of {} rows have no value in some channel, the first at {} {place} in {}: each is a gap",
-                losses.nan_rows,
-                rows.t.len(),
-                rows.word,
-                rig.channel[channel].name
-            ),
-            "Nothing is interpolated; find out why the sensor was silent there",
-        ));
+        let missing = (losses.nan_rows, rows.t.len() as u64);
+        warnings.push(nan_warning(missing, rows.word, place, &rig.channel[channel].name));
     }
     if ranges.is_empty() {
-        return Err(BadInput::new("no row with a value in every channel", "samples of all channels of the rig file")
-            .in_file(rows.path)
-            .at(format!("columns {}", rig.channel.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ")))
-            .remedy("Leave the empty channel out of the rig file, or export the record again"));
+        return Err(no_whole_row(rows.path, rig));
     }
     let sums: Vec<time_fit::Sums> = ranges.iter().map(|r| time_fit::sums(&rows.t[r.clone()])).collect();
     let step = time_fit::pooled_step(&sums).unwrap_or(rough);
-    let rate = check_rate(&rows, step)?;
+    let rate = check_rate(rows.path, rig, rows.t.len() as u64, step)?;
 
     let device = rows.device.take();
     // A record of whirl's own knows its clock; all others are fitted.
@@ -101,21 +88,12 @@ pub(super) fn assemble(
         if let Some(m) = modulus
             && wraps[k] > 0
         {
-            let c = &rig.channel[k];
-            warnings.push(Warning::new(
-                "unwrapped",
-                format!("{} is recorded modulo {m} {}: {} jumps were undone", c.name, c.unit, wraps[k]),
-                "Right as long as no arm turns by half of that within one sample",
-            ));
+            warnings.push(unwrapped_warning(&rig.channel[k], *m, wraps[k]));
         }
     }
     losses.received = segments.iter().map(|s| s.len() as u64).sum();
     if losses.gaps > 0 {
-        warnings.push(Warning::new(
-            "gaps",
-            format!("{} gaps in t with {} rows missing; {} segments", losses.gaps, losses.lost_on_link, segments.len()),
-            "Segments are used one by one; nothing is interpolated",
-        ));
+        warnings.push(gap_warning(&losses, segments.len() as u64));
     }
     let worst = segments.iter().map(|s| s.jitter_s / s.step_s).fold(0.0, f64::max);
     if worst > JITTER_WARNING {
@@ -154,10 +132,7 @@ fn split(rows: &Rows<'_>, step: f64, losses: &mut Losses) -> Vec<Range<usize>> {
             let lost = match ticks {
                 // Ticks have been checked to increase.
                 Some(tick) => tick[i].abs_diff(tick[i - 1]).saturating_sub(1),
-                None => {
-                    let gap = rows.t[i] - rows.t[i - 1];
-                    if gap > 1.5 * step { ((gap / step).round() - 1.0).max(1.0) as u64 } else { 0 }
-                }
+                None => lost_between(rows.t[i] - rows.t[i - 1], step),
             };
             if lost > 0 {
                 losses.gaps += 1;
@@ -181,16 +156,66 @@ fn split(rows: &Rows<'_>, step: f64, losses: &mut Losses) -> Vec<Range<usize>> {
     ranges
 }
 
+/// Rows lost between neighbours so far apart.
+pub(super) fn lost_between(gap: f64, step: f64) -> u64 {
+    if gap > 1.5 * step { ((gap / step).round() - 1.0).max(1.0) as u64 } else { 0 }
+}
+
+/// Rows (how many of how many) without a value in some channel.
+pub(super) fn nan_warning((missing, all): (u64, u64), word: &str, place: u64, channel: &str) -> Warning {
+    Warning::new(
+        "nan-is-gap",
+        format!(
+            "{missing} of {all} rows have no value in some channel, the first at {word} {place} in {channel}: each is a gap"
+        ),
+        "Nothing is interpolated; find out why the sensor was silent there",
+    )
+}
+
+/// The error for a record without a row.
+pub(super) fn no_row(path: &Path) -> BadInput {
+    BadInput::new("no row", "at least one row below the header")
+        .in_file(path)
+        .at("after the header")
+        .remedy("Record again, or export the data with the header")
+}
+
+/// The error for a record without a single whole row.
+pub(super) fn no_whole_row(path: &Path, rig: &Rig) -> BadInput {
+    BadInput::new("no row with a value in every channel", "samples of all channels of the rig file")
+        .in_file(path)
+        .at(format!("columns {}", rig.channel.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ")))
+        .remedy("Leave the empty channel out of the rig file, or export the record again")
+}
+
+/// Jumps that were undone.
+pub(super) fn unwrapped_warning(c: &Channel, modulus: f64, wraps: u64) -> Warning {
+    Warning::new(
+        "unwrapped",
+        format!("{} is recorded modulo {modulus} {}: {wraps} jumps were undone", c.name, c.unit),
+        "Right as long as no arm turns by half of that within one sample",
+    )
+}
+
+/// Gaps that were found.
+pub(super) fn gap_warning(losses: &Losses, segments: u64) -> Warning {
+    Warning::new(
+        "gaps",
+        format!("{} gaps in t with {} rows missing; {segments} segments", losses.gaps, losses.lost_on_link),
+        "Segments are used one by one; nothing is interpolated",
+    )
+}
+
 /// The record's rate, Hz; an error where the rig file says another.
-fn check_rate(rows: &Rows<'_>, step: f64) -> Result<f64> {
-    let (rate, nominal) = (1.0 / step, rows.rig.sample_rate_hz);
+pub(super) fn check_rate(path: &Path, rig: &Rig, count: u64, step: f64) -> Result<f64> {
+    let (rate, nominal) = (1.0 / step, rig.sample_rate_hz);
     let near = (rate / nominal - 1.0).abs() <= RATE_TOLERANCE;
-    if rows.t.len() > 1 && !near {
+    if count > 1 && !near {
         return Err(BadInput::new(
             format!("rows {step:.9} s apart ({rate:.6} Hz)"),
-            format!("{nominal} Hz (sample_rate_hz of {}) within 0.5 %", rows.rig.path.display()),
+            format!("{nominal} Hz (sample_rate_hz of {}) within 0.5 %", rig.path.display()),
         )
-        .in_file(rows.path)
+        .in_file(path)
         .at("column t")
         .remedy(format!(
             "Set sample_rate_hz = {rate:.6} in the rig file if that is the record's rate; t must be in seconds. A clock that is uneven on purpose is made even by --resample"
@@ -206,21 +231,12 @@ fn cut(
     modulus: Option<f64>,
     wraps: &mut u64,
 ) -> core::result::Result<Column, usize> {
-    Ok(match column {
-        Column::Values(v) => {
-            let mut v = v[range.clone()].to_vec();
-            if let Some(turn) = modulus {
-                *wraps += unwrap::unwrap_values(&mut v, turn);
-            }
-            Column::Values(v)
-        }
-        Column::Counts(c) => {
-            let mut c = c[range.clone()].to_vec();
-            if let Some(m) = modulus {
-                // A modulus of counts is a whole number below 2³².
-                *wraps += unwrap::unwrap_counts(&mut c, m as i64)?;
-            }
-            Column::Counts(c)
-        }
-    })
+    let mut part = match column {
+        Column::Values(v) => Column::Values(v[range.clone()].to_vec()),
+        Column::Counts(c) => Column::Counts(c[range.clone()].to_vec()),
+    };
+    if let Some(modulus) = modulus {
+        *wraps += unwrap::column(&mut part, modulus, &mut unwrap::Carry::default())?;
+    }
+    Ok(part)
 }

@@ -48,6 +48,50 @@ pub(super) fn pooled_step(segments: &[Sums]) -> Option<f64> {
     (spread > 0.0).then(|| cross / spread).filter(|s| s.is_finite() && *s > 0.0)
 }
 
+/// Sums over the times of a stretch that come one by one.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Running {
+    n: f64,
+    first: f64,
+    sum: f64,
+    /// Σ i (t_i − t_0).
+    turned: f64,
+}
+
+impl Running {
+    /// The next time.
+    pub(super) fn add(&mut self, t: f64) {
+        if self.n == 0.0 {
+            self.first = t;
+        }
+        self.sum += t - self.first;
+        self.turned += self.n * (t - self.first);
+        self.n += 1.0;
+    }
+}
+
+/// The step pooled over such stretches.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Pool {
+    cross: f64,
+    spread: f64,
+}
+
+impl Pool {
+    /// A stretch that has ended.
+    pub(super) fn add(&mut self, of: &Running) {
+        if of.n > 1.0 {
+            self.cross += of.turned - 0.5 * (of.n - 1.0) * of.sum;
+            self.spread += of.n * (of.n * of.n - 1.0) / 12.0;
+        }
+    }
+
+    /// As [`pooled_step`].
+    pub(super) fn step(&self) -> Option<f64> {
+        (self.spread > 0.0).then(|| self.cross / self.spread).filter(|s| s.is_finite() && *s > 0.0)
+    }
+}
+
 /// The clock of one segment.
 pub(super) fn clock(t: &[f64], sums: &Sums, pooled: f64) -> Clock {
     let step_s = if sums.n >= OWN_STEP { sums.cross / sums.spread } else { pooled };

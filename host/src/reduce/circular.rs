@@ -8,7 +8,8 @@
 
 use nalgebra::DMatrix;
 
-use super::gram::gram;
+use super::eigen;
+use super::streaming::Accumulator;
 
 /// A decomposition on the circle.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,43 +24,47 @@ pub struct CircularPod {
     pub imaginary: Vec<Vec<f64>>,
 }
 
+/// Cosines and sines of angles (rad, wrapped or unwrapped): n channels become 2n, all cosines first.
+pub fn on_circle(angles: &[&[f64]]) -> Vec<Vec<f64>> {
+    let of = |f: fn(f64) -> f64| angles.iter().map(move |x| x.iter().map(|a| f(*a)).collect());
+    of(f64::cos).chain(of(f64::sin)).collect()
+}
+
 /// Decomposes angles (rad, wrapped or unwrapped), one slice of equal length for each channel.
 pub fn decompose(angles: &[&[f64]]) -> CircularPod {
-    let n = angles.len();
-    let m = angles.iter().map(|c| c.len()).min().unwrap_or(0);
-    if n == 0 || m == 0 {
+    let mut sums = Accumulator::new(2 * angles.len());
+    sums.add(&on_circle(angles).iter().map(Vec::as_slice).collect::<Vec<_>>());
+    from_sums(&sums)
+}
+
+/// The decomposition of what [`on_circle`] made of the angles.
+pub fn from_sums(sums: &Accumulator) -> CircularPod {
+    let n = sums.mean().len() / 2;
+    if n == 0 || sums.count() == 0 {
         return CircularPod { mean: Vec::new(), energy: Vec::new(), real: Vec::new(), imaginary: Vec::new() };
     }
-    let (mut c, mut s) = (DMatrix::zeros(m, n), DMatrix::zeros(m, n));
-    let mut mean = Vec::with_capacity(n);
-    for (k, angle) in angles.iter().enumerate() {
-        for (i, a) in angle[..m].iter().enumerate() {
-            (s[(i, k)], c[(i, k)]) = a.sin_cos();
-        }
-        let centre = (c.column(k).mean(), s.column(k).mean());
-        c.column_mut(k).add_scalar_mut(-centre.0);
-        s.column_mut(k).add_scalar_mut(-centre.1);
-        mean.push(centre);
-    }
+    let mean = (0..n).map(|k| (sums.mean()[k], sums.mean()[n + k])).collect();
+    let covariance = sums.covariance();
     // z_j z_k* = (c_j c_k + s_j s_k) + i (s_j c_k − c_j s_k).
-    let a = (gram(&c) + gram(&s)) / m as f64;
-    let cross = s.tr_mul(&c) / m as f64;
-    let b = &cross - cross.transpose();
+    let a = covariance.view((0, 0), (n, n)) + covariance.view((n, n), (n, n));
+    let cross = covariance.view((n, 0), (n, n));
+    let b = cross - cross.transpose();
     let mut both = DMatrix::zeros(2 * n, 2 * n);
     both.view_mut((0, 0), (n, n)).copy_from(&a);
     both.view_mut((n, n), (n, n)).copy_from(&a);
     both.view_mut((0, n), (n, n)).copy_from(&-&b);
     both.view_mut((n, 0), (n, n)).copy_from(&b);
-    let eigen = both.symmetric_eigen();
-    let mut order: Vec<usize> = (0..2 * n).collect();
-    order.sort_by(|p, q| eigen.eigenvalues[*q].total_cmp(&eigen.eigenvalues[*p]));
-    let total: f64 = eigen.eigenvalues.iter().map(|v| v.max(0.0)).sum::<f64>() / 2.0;
+    // Numbers up to 1: always finite.
+    let Some((values, vectors)) = eigen::symmetric(&both) else {
+        return CircularPod { mean, energy: Vec::new(), real: Vec::new(), imaginary: Vec::new() };
+    };
+    let total: f64 = values.iter().map(|v| v.max(0.0)).sum::<f64>() / 2.0;
     let mut out = CircularPod { mean, energy: Vec::new(), real: Vec::new(), imaginary: Vec::new() };
-    for &k in &order {
+    for k in 0..2 * n {
         if out.real.len() == n {
             break;
         }
-        let column = eigen.eigenvectors.column(k);
+        let column = vectors.column(k);
         let mut v: Vec<(f64, f64)> = (0..n).map(|j| (column[j], column[n + j])).collect();
         // (x, y) and (−y, x) are one complex vector times i: what an earlier one already holds is taken out.
         for (re, im) in out.real.iter().zip(&out.imaginary) {
@@ -85,7 +90,7 @@ pub fn decompose(angles: &[&[f64]]) -> CircularPod {
         let (tc, ts) = (largest.0 / turn, -largest.1 / turn);
         out.real.push(v.iter().map(|z| z.0 * tc - z.1 * ts).collect());
         out.imaginary.push(v.iter().map(|z| z.0 * ts + z.1 * tc).collect());
-        let value = eigen.eigenvalues[k].max(0.0);
+        let value = values[k].max(0.0);
         out.energy.push(if total > 0.0 { value / total } else { 0.0 });
     }
     out

@@ -35,7 +35,8 @@ pub fn windows(channels: &[&[f64]], step: f64, omega: f64, major: &[f64]) -> Vec
             return out;
         }
         let part: Vec<&[f64]> = channels.iter().map(|c| &c[from..from + length]).collect();
-        let Some(fit) = window(&part, step, guess, major) else { return out };
+        let Some(mut fit) = window(&part, step, guess, major) else { return out };
+        fit.middle += from as f64 * step;
         guess = fit.omega;
         out.push(fit);
         from += length / 2;
@@ -53,8 +54,10 @@ struct Fitted {
     phase: [f64; DEGREE + 2],
     /// Rows as in [`row_of`].
     coefficients: DMatrix<f64>,
-    /// Weighted sum of squares left.
-    left: f64,
+    /// Weighted sum of squares left, by channel.
+    left: Vec<f64>,
+    /// Variance of C_10 for a unit variance of a sample.
+    of_cosine: f64,
     /// Variance of Ψ_1 for a unit variance of a sample.
     spread: f64,
 }
@@ -92,7 +95,12 @@ fn window(channels: &[&[f64]], step: f64, start: f64, major: &[f64]) -> Option<R
         let step = phase_step(&a, &coefficients, &residual, |s| s - &a * normal.solve(&(&turned * s)), &root, at)?;
         let row = |r: usize| -> Vec<f64> { coefficients.row(r).iter().copied().collect() };
         let lag = dot(&row(row_of(1, DEGREE + 1))).atan2(dot(&row(row_of(1, 0))));
-        last = Some(Fitted { phase, coefficients, left: residual.norm_squared(), spread: step.1 });
+        // The sandwich for C_10, as for the phase in [`phase_step`].
+        let row = normal.solve(&DMatrix::from_fn(a.ncols(), 1, |i, _| f64::from(i == row_of(1, 0))));
+        let of_sample = &a * row;
+        let of_cosine = (0..m).map(|i| (root[i] * of_sample[i]).powi(2)).sum();
+        let left = residual.column_iter().map(|r| r.norm_squared()).collect();
+        last = Some(Fitted { phase, coefficients, left, of_cosine, spread: step.1 });
         for (p, d) in phase[1..].iter_mut().zip(step.0.iter()) {
             *p += d.clamp(-0.3, 0.3);
         }
@@ -119,11 +127,12 @@ fn window(channels: &[&[f64]], step: f64, start: f64, major: &[f64]) -> Option<R
     }
     let motion: f64 = cosine.iter().chain(&sine).skip(1).flatten().map(|v| 0.5 * v * v).sum::<f64>().sqrt();
     let weight: f64 = root.iter().map(|r| r * r).sum();
-    let residual = (fitted.left / weight).sqrt() / motion.max(1e-300);
+    let left: f64 = fitted.left.iter().sum();
+    let residual = (left / weight).sqrt() / motion.max(1e-300);
     let omega = fitted.phase[1] / half;
     Some(ReleaseFit {
         omega,
-        omega_error: (fitted.left / (weight * n as f64) * fitted.spread).sqrt() / half,
+        omega_error: (left / (weight * n as f64) * fitted.spread).sqrt() / half,
         // At the window's first sample, u = −1.
         phase: fitted.phase.iter().rev().fold(0.0, |p, c| c - p) - lag,
         cosine,
@@ -131,6 +140,8 @@ fn window(channels: &[&[f64]], step: f64, start: f64, major: &[f64]) -> Option<R
         residual,
         residual_thirds: [residual; 2],
         periods: omega * m as f64 * step / TAU,
+        spread: fitted.left.iter().map(|l| (l / weight * fitted.of_cosine).sqrt()).collect(),
+        middle: half,
     })
 }
 

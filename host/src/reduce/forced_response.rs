@@ -145,7 +145,13 @@ mod tests {
     /// A linear oscillator's response is known: amplitude F/√((1 − Ω²)² + c²Ω²), no fold.
     #[test]
     fn a_linear_oscillators_response_is_the_known_one() {
-        let node = |a: f64| Node { amplitude: a, omega: 1.0, error: 1e-9, shape: vec![vec![0.0], vec![1.0]] };
+        let node = |a: f64| Node {
+            amplitude: a,
+            omega: 1.0,
+            error: 1e-9,
+            shape: vec![vec![0.0], vec![1.0]],
+            spread: vec![0.0],
+        };
         let model = polar::model(&[node(0.5), node(1.0), node(4.0)], &[1.0], None).unwrap();
         let forcing = Forcing { amplitude: 0.05, shape: vec![1.0], damping: 0.02 };
         let response = response(&model, None, None, &forcing);

@@ -27,8 +27,9 @@ fn left_out(polar: &Polar, nodes: &[Node], system: &dyn Mechanical) -> Option<f6
         .map(|i| {
             let mut rest = nodes.clone();
             let node = rest.remove(i);
-            let model = polar::model(&rest, &polar.major, normal_mode::linear_mode(system, 0))?;
-            Some((model.corrected_omega(system, &rest, node.amplitude)? / node.omega - 1.0).abs())
+            let linear = normal_mode::linear_mode(system, 0);
+            let (model, all) = polar::model_with(&rest, &polar.major, system, linear)?;
+            Some((model.corrected_omega(system, &all, node.amplitude)? / node.omega - 1.0).abs())
         })
         .collect::<Option<Vec<f64>>>()
         .map(|e| e.into_iter().fold(0.0, f64::max))
@@ -65,7 +66,9 @@ pub(super) fn judge(
         Made::Polynomial(_) => [low, high],
     });
     if let Made::Polar(p, nodes, system) = made {
-        out.error.left_out = system.and_then(|s| left_out(p, nodes, s)).or(p.left_out);
+        // The releases' nodes stand before those from the equations.
+        let measured = &nodes[..nodes.len().min(used.len())];
+        out.error.left_out = system.and_then(|s| left_out(p, measured, s)).or(p.left_out);
     } else {
         out.error.stable = Some(grid.iter().all(|a| made.omega(*a).is_some()));
     }

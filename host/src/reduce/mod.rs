@@ -3,10 +3,13 @@
 //! | file | what |
 //! |---|---|
 //! | [`proper_orthogonal_decomposition`], [`streaming`], [`circular`], [`channel_faults`] | modes and their energies |
+//! | [`long`] | the same of records too long for memory |
+//! | [`gram`], [`eigen`] | the matrices behind them |
 //! | [`release_fit`] | frequency and harmonics of a release, from displacements |
 //! | [`added_constraint`] | the seed's models: major coordinate alone, added constraint, types I and II |
 //! | [`polar`] | the action–angle model |
-//! | [`forced_response`] | its forced, damped response in closed form, with folds |
+//! | [`standard_error`] | its standard errors |
+//! | [`forced_response`], [`forced`], [`damping`] | its forced, damped response in closed form, with folds and stability; damping from decays |
 //! | [`systems`], [`normal_mode`], [`harmonic_balance`] | full systems whose equations are known, their normal mode by shooting and their forced response by continuation, for comparison |
 //!
 //! Every unbroken stretch of a record is a release. Angles that whirl are decomposed on the circle.
@@ -14,26 +17,34 @@
 pub mod added_constraint;
 pub mod channel_faults;
 pub mod circular;
+pub mod damping;
 pub mod decay;
+pub mod eigen;
+pub mod forced;
 pub mod forced_response;
 pub mod gram;
 pub mod harmonic_balance;
 pub mod integrate;
 mod judge;
+pub mod long;
 pub mod model;
 pub mod normal_mode;
 pub mod polar;
 pub mod proper_orthogonal_decomposition;
 pub mod release_fit;
 pub mod releases;
+pub mod standard_error;
 pub mod streaming;
 pub mod systems;
 
 use serde::Serialize;
 
 use self::channel_faults::ChannelFault;
+pub use self::forced::{Force, Forced};
 pub use self::model::{Error, FrequencyEnergy, Model};
+use self::proper_orthogonal_decomposition::Pod;
 pub use self::releases::Release;
+pub use self::standard_error::AmplitudePoint;
 use crate::error::{BadInput, Result};
 use crate::record::Record;
 use crate::rig::Rig;
@@ -64,6 +75,8 @@ pub struct ReduceSettings {
     pub energy: Option<f64>,
     /// Masses of the channels, for mass-weighted modes.
     pub masses: Option<Vec<f64>>,
+    /// A force, for the forced and damped response of the polar model.
+    pub force: Option<Force>,
 }
 
 /// The result.
@@ -81,6 +94,12 @@ pub struct Reduction {
     pub model: Option<Model>,
     /// Frequency in Hz against energy, full and reduced.
     pub frequency_energy: FrequencyEnergy,
+    /// Frequency against amplitude of the polar model, with standard errors.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub frequency_amplitude: Vec<AmplitudePoint>,
+    /// The forced, damped response, where one was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub forced: Option<Forced>,
     /// How far the model is from the record and from the full system.
     pub error: Error,
     /// Imaginary parts of the modes, on the circle.
@@ -94,6 +113,8 @@ pub struct Reduction {
     pub channel_faults: Vec<ChannelFault>,
     /// Number of modes above rounding.
     pub rank: usize,
+    /// Samples.
+    pub samples: u64,
     /// Releases.
     pub releases: Vec<Release>,
     /// Warnings.
@@ -114,30 +135,86 @@ pub fn reduce(records: &[Record], rig: &Rig, settings: &ReduceSettings) -> Resul
     let mut warnings = gathered.warnings.clone();
     let faults = channel_faults::find(&gathered.whole().iter().map(Vec::as_slice).collect::<Vec<_>>());
     warnings.extend(faults.iter().map(|f| fault_warning(f, &gathered.names)));
-    let masses = settings.masses.as_deref();
-    let share = settings.energy.unwrap_or(proper_orthogonal_decomposition::KEPT_ENERGY);
+    let samples = gathered.releases.iter().map(|r| r[0].len() as u64).sum();
+    let frame = Frame { names: gathered.names.clone(), units: gathered.units.clone(), faults, warnings, samples };
+    if gathered.whirling && settings.force.is_some() {
+        return Err(forced_needs_polar());
+    }
     if gathered.whirling {
-        return Ok(on_circle(&gathered, faults, warnings, settings, share));
+        let whole = gathered.whole();
+        let pod = circular::decompose(&whole.iter().map(Vec::as_slice).collect::<Vec<_>>());
+        return Ok(on_circle(frame, pod, settings));
     }
     let mut sums = streaming::Accumulator::new(n);
     for release in &gathered.releases {
         sums.add(&release.iter().map(Vec::as_slice).collect::<Vec<_>>());
     }
+    let (pod, kept, frame) = decomposed(sums, frame, settings, &records[0].path)?;
+    model::build(&gathered, pod, kept, frame, rig, settings)
+}
+
+/// What a result has whatever comes of its decomposition.
+struct Frame {
+    names: Vec<String>,
+    units: Vec<String>,
+    faults: Vec<ChannelFault>,
+    warnings: Vec<Warning>,
+    samples: u64,
+}
+
+/// The decomposition of what was accumulated, and how many modes are kept; an error where nothing moves.
+fn decomposed(
+    sums: streaming::Accumulator,
+    mut frame: Frame,
+    settings: &ReduceSettings,
+    file: &std::path::Path,
+) -> Result<(Pod, usize, Frame)> {
+    let n = frame.names.len();
     if sums.count() <= n as u64 {
-        warnings.push(Warning::new(
+        frame.warnings.push(Warning::new(
             "few-samples",
             format!("{} samples of {n} channels: at most {} modes can be told apart", sums.count(), sums.count() - 1),
             "Record longer",
         ));
     }
-    let pod = sums.finish(masses);
+    if !sums.covariance().iter().all(|v| v.is_finite()) {
+        return Err(BadInput::new("values whose squares are beyond 1e308", "values of a size that can be squared")
+            .in_file(file)
+            .remedy("Choose another unit, or mend the values"));
+    }
+    let pod = sums.finish(settings.masses.as_deref());
     if pod.rank() == 0 {
         return Err(BadInput::new("channels that never change", "a record of motion")
-            .in_file(&records[0].path)
+            .in_file(file)
             .remedy("Check the sensors; nothing moves in this record"));
     }
+    let share = settings.energy.unwrap_or(proper_orthogonal_decomposition::KEPT_ENERGY);
     let kept = settings.modes.unwrap_or_else(|| pod.holding(share)).min(pod.rank());
-    model::build(&gathered, pod, kept, faults, warnings, rig, settings)
+    Ok((pod, kept, frame))
+}
+
+/// A result of modes alone.
+fn without_model(frame: Frame, pod: Pod, kept: usize) -> Reduction {
+    Reduction {
+        rank: pod.rank(),
+        energy: pod.energy,
+        modes: pod.modes,
+        kept,
+        constraint: Constraint::None,
+        model: None,
+        frequency_energy: FrequencyEnergy::default(),
+        frequency_amplitude: Vec::new(),
+        forced: None,
+        error: Error::default(),
+        modes_imaginary: None,
+        coordinates: frame.names,
+        units: frame.units,
+        channel_faults: frame.faults,
+        samples: frame.samples,
+        releases: Vec::new(),
+        warnings: frame.warnings,
+        plots: model::Plots::default(),
+    }
 }
 
 fn check(settings: &ReduceSettings, n: usize) -> Result<()> {
@@ -151,6 +228,12 @@ fn check(settings: &ReduceSettings, n: usize) -> Result<()> {
     {
         return Err(BadInput::new(e.to_string(), "a share above 0 and up to 1").at("--energy"));
     }
+    if let Some(force) = &settings.force {
+        forced::check(force, n)?;
+        if settings.constraint.is_some_and(|c| c != Constraint::Polar) {
+            return Err(forced_needs_polar());
+        }
+    }
     if let Some(m) = &settings.masses {
         if m.len() != n {
             let found = format!("{} masses", m.len());
@@ -161,6 +244,13 @@ fn check(settings: &ReduceSettings, n: usize) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// The error for a force without a polar model.
+fn forced_needs_polar() -> BadInput {
+    BadInput::new("no polar model", "free swings or decays of different amplitudes, reduced by --constraint polar")
+        .at("--force")
+        .remedy("Record releases on one mode, at least two of different amplitude")
 }
 
 fn fault_warning(fault: &ChannelFault, names: &[String]) -> Warning {
@@ -183,15 +273,8 @@ fn fault_warning(fault: &ChannelFault, names: &[String]) -> Warning {
     }
 }
 
-fn on_circle(
-    gathered: &releases::Gathered,
-    faults: Vec<ChannelFault>,
-    mut warnings: Vec<Warning>,
-    settings: &ReduceSettings,
-    share: f64,
-) -> Reduction {
-    let whole = gathered.whole();
-    let pod = circular::decompose(&whole.iter().map(Vec::as_slice).collect::<Vec<_>>());
+fn on_circle(mut frame: Frame, pod: circular::CircularPod, settings: &ReduceSettings) -> Reduction {
+    let share = settings.energy.unwrap_or(proper_orthogonal_decomposition::KEPT_ENERGY);
     let mut sum = 0.0;
     let holding = pod.energy.iter().take_while(|e| {
         let before = sum;
@@ -200,29 +283,15 @@ fn on_circle(
     });
     let kept = settings.modes.unwrap_or(holding.count()).min(pod.energy.len());
     if settings.constraint.is_some_and(|c| c != Constraint::None) {
-        warnings.push(Warning::new(
+        frame.warnings.push(Warning::new(
             "whirling",
             "an angle turns over and over: modes are given on the circle, z = exp(iφ), without a constraint",
             "A constraint needs releases that swing about rest",
         ));
     }
-    Reduction {
-        rank: pod.energy.iter().filter(|e| **e > 1e-12).count(),
-        energy: pod.energy,
-        modes: pod.real,
-        kept,
-        constraint: Constraint::None,
-        model: None,
-        frequency_energy: FrequencyEnergy::default(),
-        error: Error::default(),
-        modes_imaginary: Some(pod.imaginary),
-        coordinates: gathered.names.clone(),
-        units: gathered.units.clone(),
-        channel_faults: faults,
-        releases: Vec::new(),
-        warnings,
-        plots: model::Plots::default(),
-    }
+    let rank = pod.energy.iter().filter(|e| **e > 1e-12).count();
+    let plain = Pod { mean: Vec::new(), values: Vec::new(), energy: pod.energy, modes: pod.real };
+    Reduction { rank, modes_imaginary: Some(pod.imaginary), ..without_model(frame, plain, kept) }
 }
 
 #[cfg(test)]

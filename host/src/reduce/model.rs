@@ -3,15 +3,16 @@
 use serde::Serialize;
 
 use super::added_constraint::{self, ConstraintModel, Function};
-use super::channel_faults::ChannelFault;
+use super::forced;
 use super::judge;
 use super::normal_mode::{self, Member};
 use super::polar::{self, Node, Polar};
 use super::proper_orthogonal_decomposition::Pod;
-use super::release_fit::ReleaseFit;
+use super::release_fit::{MOST_SAMPLES, ReleaseFit};
 use super::releases::{self, Gathered, Release};
+use super::standard_error;
 use super::systems::{self, Mechanical};
-use super::{Constraint, ReduceSettings, Reduction};
+use super::{Constraint, Frame, ReduceSettings, Reduction};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 use crate::warning::Warning;
@@ -68,6 +69,7 @@ pub struct Plots {
 
 /// A model that can be released.
 pub(super) enum Made<'a> {
+    /// The model, its nodes (the releases' first; none for decays), the system.
     Polar(Polar, Vec<Node>, Option<&'a dyn Mechanical>),
     Polynomial(ConstraintModel),
 }
@@ -117,17 +119,24 @@ impl Made<'_> {
 }
 
 /// Builds the whole result from the decomposition.
-pub fn build(
+pub(super) fn build(
     gathered: &Gathered,
     pod: Pod,
     kept: usize,
-    faults: Vec<ChannelFault>,
-    mut warnings: Vec<Warning>,
+    mut frame: Frame,
     rig: &Rig,
     settings: &ReduceSettings,
 ) -> Result<Reduction> {
     let major = unit(&pod.modes[0]);
     let entries = releases::entries(gathered, &major);
+    let endless = gathered.releases.iter().filter(|r| r[0].len() > MOST_SAMPLES).count();
+    if endless > 0 {
+        frame.warnings.push(Warning::new(
+            "long-stretches",
+            format!("{endless} stretches of more than {MOST_SAMPLES} samples are not looked at as releases"),
+            "Cut the free swings out of the record",
+        ));
+    }
     let periodic = releases::periodic(&entries);
     let decays = entries.iter().any(|e| e.decaying);
     let mut described: Vec<Release> =
@@ -146,7 +155,7 @@ pub fn build(
     let system = system.filter(|_| branch.iter().any(Option::is_some));
     // The windows of a decay speak for themselves in the table; dozens of warnings would not be read.
     for (r, _) in described.iter().zip(&entries).filter(|(r, e)| !r.remarks.is_empty() && periodic && !e.decaying) {
-        warnings.push(remark_warning(r));
+        frame.warnings.push(remark_warning(r));
     }
     let used: Vec<usize> = (0..described.len()).filter(|i| described[*i].used).collect();
     let amplitudes_differ =
@@ -169,33 +178,34 @@ pub fn build(
     let basis: Vec<Vec<f64>> = complete(&pod.modes, pod.rank());
     let made = make(constraint, &used, &with_fit, &basis, &major, system.as_deref(), periodic, decays);
     if made.is_none() && periodic {
-        warnings.push(Warning::new(
+        frame.warnings.push(Warning::new(
             "no-model",
             "no stable model was found from these releases",
             "Record more releases over the range of amplitudes, or use another --constraint",
         ));
     }
-    let mut reduction = Reduction {
-        rank: pod.rank(),
-        energy: pod.energy,
-        modes: pod.modes,
-        kept,
-        constraint,
-        model: None,
-        frequency_energy: FrequencyEnergy::default(),
-        error: Error::default(),
-        modes_imaginary: None,
-        coordinates: gathered.names.clone(),
-        units: gathered.units.clone(),
-        channel_faults: faults,
-        releases: described,
-        warnings,
-        plots: Plots::default(),
-    };
+    let mut reduction = Reduction { constraint, releases: described, ..super::without_model(frame, pod, kept) };
+    let masses = settings.masses.as_deref();
+    if settings.force.is_some() && !matches!(made, Some(Made::Polar(..))) {
+        return Err(super::forced_needs_polar());
+    }
     if let Some(made) = made {
         judge::judge(&mut reduction, &made, gathered, &with_fit, &branch, &basis, system.as_deref(), settings);
         reduction.model = Some(match made {
-            Made::Polar(p, ..) => Model::Polar(p),
+            Made::Polar(mut p, all, system) => {
+                let nodes: Vec<Node> = used.iter().map(|i| Node::of(with_fit[*i].1, &major)).collect();
+                let linear = system.and_then(|s| normal_mode::linear_mode(s, 0));
+                let (corrected, between) = (!all.is_empty(), all.get(nodes.len()..).unwrap_or(&[]));
+                let how = standard_error::Use { system, masses, linear: linear.as_ref(), corrected, between };
+                let errors = standard_error::of(&p, &nodes, how);
+                p.omega_squared_std_error = errors.omega_squared;
+                reduction.frequency_amplitude = errors.curve;
+                if let Some(force) = &settings.force {
+                    let warnings = &mut reduction.warnings;
+                    reduction.forced = Some(forced::make(force, &p, &major, &entries, system, masses, warnings)?);
+                }
+                Model::Polar(p)
+            }
             Made::Polynomial(m) => Model::Polynomial(m),
         });
     }
@@ -305,9 +315,14 @@ fn make<'a>(
     if constraint == Constraint::Polar {
         let nodes: Vec<Node> = fits.iter().map(|f| Node::of(f, major)).collect();
         let linear = system.and_then(|s| normal_mode::linear_mode(s, 0));
-        // Nodes of decays scatter: then the variational frequency stands alone.
-        return polar::model(&nodes, major, linear)
-            .map(|p| Made::Polar(p, if decays { Vec::new() } else { nodes }, system));
+        // Nodes of decays scatter, and leave no gaps: then the variational frequency stands alone.
+        return match system {
+            Some(system) if !decays => {
+                polar::model_with(&nodes, major, system, linear).map(|(p, all)| Made::Polar(p, all, Some(system)))
+            }
+            _ => polar::model(&nodes, major, linear)
+                .map(|p| Made::Polar(p, if decays { Vec::new() } else { nodes }, system)),
+        };
     }
     let (orbits, time_unit) = added_constraint::orbits(&fits, basis, true);
     // Free motion is reversible: terms even in velocity only.

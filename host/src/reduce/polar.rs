@@ -5,15 +5,18 @@
 //! leaving out one release at a time, the degree for ω and for the shapes apart. The linear mode, where it is known, is the node s = 0.
 //!
 //! Where mass and potential are known the frequency is variational (Whitham's averaged Lagrangian ½ω²T2(a) − V̄(a) is stationary):
-//! ω² = 2 V̄′(a)/T2′(a), V̄ = ⟨V⟩_φ, T2 = ⟨x_φᵀ M x_φ⟩_φ; an error of the shapes enters squared. Otherwise ω is interpolated, the action is
+//! ω² = 2 V̄′(a)/T2′(a), V̄ = ⟨V⟩_φ, T2 = ⟨x_φᵀ M x_φ⟩_φ; an error of the shapes enters squared; between releases far apart the equations
+//! give further nodes. Otherwise ω is interpolated, the action is
 //! I = ω T2 with the masses taken as 1 (or as given), and E = ∫ ω dI.
 
+mod between;
 mod fitting;
 
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-pub use self::fitting::model;
+pub use self::between::{model_with, weighed};
+pub use self::fitting::{again, model};
 use super::release_fit::ReleaseFit;
 use super::systems::Mechanical;
 
@@ -31,6 +34,8 @@ pub struct Node {
     pub error: f64,
     /// X_k/a, `[k][channel]`.
     pub shape: Vec<Vec<f64>>,
+    /// Standard error of X_k, one a channel (0 where not known).
+    pub spread: Vec<f64>,
 }
 
 impl Node {
@@ -42,6 +47,7 @@ impl Node {
             omega: fit.omega,
             error: fit.omega_error / fit.omega,
             shape: fit.cosine.iter().map(|x| x.iter().map(|v| v / a).collect()).collect(),
+            spread: fit.spread.clone(),
         }
     }
 }
@@ -55,6 +61,8 @@ pub struct Polar {
     pub a0: f64,
     /// Coefficients of ω² in powers of s.
     pub omega_squared: Vec<f64>,
+    /// Their standard errors ([`super::standard_error`]); empty where they have not been computed.
+    pub omega_squared_std_error: Vec<f64>,
     /// Scale of the amplitude in the s of the shapes.
     pub shape_a0: f64,
     /// Coefficients of X_k/a in powers of s, `[k][channel][power]`.
@@ -159,6 +167,15 @@ impl Polar {
             let turn_da = sum(&dx, |k| -(k as f64) * (k as f64 * phi).sin());
             v += system.gradient(&at).iter().zip(&da).map(|(g, d)| g * d).sum::<f64>();
             let m = system.mass(&at);
+            for p in 0..n {
+                for q in 0..n {
+                    t += 2.0 * turn[p] * m[p * n + q] * turn_da[q];
+                    inertia += turn[p] * m[p * n + q] * turn[q];
+                }
+            }
+            if system.constant_mass() {
+                continue;
+            }
             // The mass matrix changes along x_a: by a difference quotient in that direction.
             let h = 1e-5;
             let moved =
@@ -166,9 +183,7 @@ impl Polar {
             let (up, down) = (moved(1.0), moved(-1.0));
             for p in 0..n {
                 for q in 0..n {
-                    let dm = (up[p * n + q] - down[p * n + q]) / (2.0 * h * a);
-                    t += 2.0 * turn[p] * m[p * n + q] * turn_da[q] + turn[p] * dm * turn[q];
-                    inertia += turn[p] * m[p * n + q] * turn[q];
+                    t += turn[p] * (up[p * n + q] - down[p * n + q]) / (2.0 * h * a) * turn[q];
                 }
             }
         }
@@ -190,7 +205,11 @@ impl Polar {
     ///
     /// The variational one errs where the shapes' slopes are poorest, at the ends of the range; the nodes know better.
     pub fn corrected_omega(&self, system: &dyn Mechanical, nodes: &[Node], a: f64) -> Option<f64> {
-        let omega = self.variational_omega(system, a)?;
+        self.corrected_by(system, &self.correction(system, nodes), a)
+    }
+
+    /// What the variational frequency misses at the nodes, as [`Self::corrected_by`] takes it.
+    pub fn correction(&self, system: &dyn Mechanical, nodes: &[Node]) -> Vec<(f64, f64)> {
         let mut ratio: Vec<(f64, f64)> = nodes
             .iter()
             .filter_map(|n| {
@@ -201,6 +220,12 @@ impl Polar {
             ratio.push((0.0, 1.0));
         }
         ratio.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ratio
+    }
+
+    /// The variational frequency times the correction.
+    pub fn corrected_by(&self, system: &dyn Mechanical, ratio: &[(f64, f64)], a: f64) -> Option<f64> {
+        let omega = self.variational_omega(system, a)?;
         let s = s_of(a, self.shape_a0);
         let (first, last) = (ratio.first()?, ratio.last()?);
         let factor = if s <= first.0 {

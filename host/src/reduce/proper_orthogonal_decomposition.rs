@@ -8,9 +8,11 @@
 //! *Quarterly of Applied Mathematics* 45, 1987), or the singular values of X through a QR factorisation, which resolve modes
 //! below 1e-8 of the first one's amplitude where the squares do not. The sign of a mode: its largest entry is positive.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
+use rayon::prelude::*;
 
-use super::gram::gram;
+use super::eigen;
+use super::gram::{gram, product};
 
 /// Share of the energy that the kept modes hold unless another is asked for.
 pub const KEPT_ENERGY: f64 = 0.999;
@@ -65,43 +67,46 @@ pub fn decompose(channels: &[&[f64]], masses: Option<&[f64]>, route: Route) -> P
     let n = channels.len();
     let m = channels.iter().map(|c| c.len()).min().unwrap_or(0);
     let root = |i: usize| masses.and_then(|w| w.get(i)).map_or(1.0, |w| w.sqrt());
-    let mean: Vec<f64> = channels.iter().map(|c| c[..m].iter().sum::<f64>() / m.max(1) as f64).collect();
+    let mean: Vec<f64> = channels.par_iter().map(|c| c[..m].iter().sum::<f64>() / m.max(1) as f64).collect();
     if n == 0 || m == 0 {
         return Pod { mean, values: Vec::new(), energy: Vec::new(), modes: Vec::new() };
     }
-    let mut data = Vec::with_capacity(n * m);
-    for (i, c) in channels.iter().enumerate() {
-        data.extend(c[..m].iter().map(|x| (x - mean[i]) * root(i)));
-    }
-    let x = DMatrix::from_vec(m, n, data);
+    let mut x = DMatrix::zeros(m, n);
+    x.as_mut_slice().par_chunks_mut(m).enumerate().for_each(|(i, to)| {
+        let (mean, root) = (mean[i], root(i));
+        to.iter_mut().zip(channels[i]).for_each(|(to, from)| *to = (from - mean) * root);
+    });
     let (values, vectors) = match route {
         Route::Svd => {
             let r = if m > n { x.qr().r() } else { x };
             let svd = r.svd(false, true);
             let vt = svd.v_t.unwrap_or_else(|| DMatrix::zeros(0, n));
-            (svd.singular_values.map(|s| s * s / m as f64), vt.transpose())
+            (svd.singular_values.iter().map(|s| s * s / m as f64).collect(), vt.transpose())
         }
-        Route::Covariance if n <= m => {
-            let eigen = (gram(&x) / m as f64).symmetric_eigen();
-            (eigen.eigenvalues, eigen.eigenvectors)
-        }
+        Route::Covariance if n <= m => eigenvectors(&(gram(&x) / m as f64)),
         Route::Covariance => {
             // Snapshots: XᵀX v = m λ v over the m samples, then u = X v/√(m λ).
-            let eigen = (gram(&x.transpose()) / m as f64).symmetric_eigen();
-            let first = eigen.eigenvalues.max();
-            let mut u = x.transpose() * &eigen.eigenvectors;
-            for (k, mut column) in u.column_iter_mut().enumerate() {
+            let turned = x.transpose();
+            let (values, v) = eigenvectors(&(gram(&turned) / m as f64));
+            let mut u = product(&turned, &v);
+            let first = values.first().copied().unwrap_or(0.0);
+            for (value, mut column) in values.iter().zip(u.column_iter_mut()) {
                 let norm = column.norm();
-                if eigen.eigenvalues[k] > 1e-14 * first && norm > 0.0 {
+                if *value > 1e-14 * first && norm > 0.0 {
                     column /= norm;
                 } else {
                     column.fill(0.0);
                 }
             }
-            (eigen.eigenvalues, u)
+            (values, u)
         }
     };
     ordered(mean, &values, &vectors, root)
+}
+
+/// Eigenvalues and eigenvectors; none of them where squares of the record's values leave the range of the arithmetic.
+fn eigenvectors(covariance: &DMatrix<f64>) -> (Vec<f64>, DMatrix<f64>) {
+    eigen::symmetric(covariance).unwrap_or_else(|| (Vec::new(), DMatrix::zeros(covariance.nrows(), 0)))
 }
 
 /// A decomposition from a covariance that was accumulated elsewhere (see [`super::streaming`]).
@@ -113,11 +118,11 @@ pub fn from_covariance(mean: Vec<f64>, covariance: DMatrix<f64>, masses: Option<
             scaled[(i, j)] *= root(i) * root(j);
         }
     }
-    let eigen = scaled.symmetric_eigen();
-    ordered(mean, &eigen.eigenvalues, &eigen.eigenvectors, root)
+    let (values, vectors) = eigenvectors(&scaled);
+    ordered(mean, &values, &vectors, root)
 }
 
-fn ordered(mean: Vec<f64>, values: &DVector<f64>, vectors: &DMatrix<f64>, root: impl Fn(usize) -> f64) -> Pod {
+fn ordered(mean: Vec<f64>, values: &[f64], vectors: &DMatrix<f64>, root: impl Fn(usize) -> f64 + Sync) -> Pod {
     let mut order: Vec<usize> = (0..values.len()).filter(|&k| vectors.column(k).norm() > 0.5).collect();
     order.sort_by(|a, b| values[*b].total_cmp(&values[*a]));
     // Rounding may leave a value just below 0.
@@ -125,7 +130,7 @@ fn ordered(mean: Vec<f64>, values: &DVector<f64>, vectors: &DMatrix<f64>, root: 
     let total: f64 = sorted.iter().sum();
     let energy = sorted.iter().map(|v| if total > 0.0 { v / total } else { 0.0 }).collect();
     let modes = order
-        .iter()
+        .par_iter()
         .map(|k| {
             let mode: Vec<f64> = vectors.column(*k).iter().enumerate().map(|(i, u)| u / root(i)).collect();
             let largest =
@@ -180,6 +185,30 @@ mod tests {
             assert!((a.values[k] / b.values[k] - 1.0).abs() < 1e-8, "{k}");
             let dot: f64 = a.modes[k].iter().zip(&b.modes[k]).map(|(x, y)| x * y).sum();
             assert!((dot - 1.0).abs() < 1e-8, "{k}: {dot}");
+        }
+    }
+
+    #[test]
+    fn both_routes_agree_on_many_channels() {
+        // Enough columns for several blocks, no two directions alike.
+        let x: Vec<Vec<f64>> = (0..300)
+            .map(|c: usize| {
+                (0..700_usize)
+                    .map(|i| {
+                        let noise = ((i * 2_654_435_761 + c * 40_503) % 1000) as f64 * 1e-3;
+                        (0.0137 * i as f64 + 0.1 * c as f64).sin() + 0.1 * noise
+                    })
+                    .collect()
+            })
+            .collect();
+        let channels: Vec<&[f64]> = x.iter().map(Vec::as_slice).collect();
+        let (a, b) = (decompose(&channels, None, Route::Covariance), decompose(&channels, None, Route::Svd));
+        for k in 0..300 {
+            assert!((a.energy[k] - b.energy[k]).abs() < 1e-13, "{k}: {} {}", a.energy[k], b.energy[k]);
+        }
+        for k in 0..2 {
+            let dot: f64 = a.modes[k].iter().zip(&b.modes[k]).map(|(x, y)| x * y).sum();
+            assert!((dot - 1.0).abs() < 1e-10, "{k}: {dot}");
         }
     }
 

@@ -13,6 +13,8 @@ use std::f64::consts::TAU;
 
 /// Highest harmonic looked for.
 pub const MOST_HARMONICS: usize = 15;
+/// Most samples in a release: a fit holds some thirty numbers for each.
+pub const MOST_SAMPLES: usize = 1 << 18;
 /// Least number of periods in a record for a fit.
 pub const LEAST_PERIODS: f64 = 3.0;
 
@@ -35,6 +37,10 @@ pub struct ReleaseFit {
     pub residual_thirds: [f64; 2],
     /// Periods in the record.
     pub periods: f64,
+    /// Standard error of a harmonic's coefficients, one a channel.
+    pub spread: Vec<f64>,
+    /// Time of the middle of what was fitted, from the release's first sample.
+    pub middle: f64,
 }
 
 impl ReleaseFit {
@@ -195,11 +201,11 @@ fn start(x: &DMatrix<f64>, step: f64, major: &[f64]) -> Option<f64> {
 
 /// Fits one release: one slice for each channel, `step` apart; `major` weighs the channels into the coordinate that sets the phase.
 ///
-/// None where the record holds fewer than [`LEAST_PERIODS`] periods or does not swing.
+/// None where the record holds fewer than [`LEAST_PERIODS`] periods or more than [`MOST_SAMPLES`] samples, or does not swing.
 pub fn fit(channels: &[&[f64]], step: f64, major: &[f64]) -> Option<ReleaseFit> {
     let n = channels.len();
     let m = channels.iter().map(|c| c.len()).min()?;
-    if m < 16 || n == 0 || major.len() != n {
+    if !(16..=MOST_SAMPLES).contains(&m) || n == 0 || major.len() != n {
         return None;
     }
     let x = DMatrix::from_fn(m, n, |i, j| channels[j][i]);
@@ -243,7 +249,10 @@ pub fn fit(channels: &[&[f64]], step: f64, major: &[f64]) -> Option<ReleaseFit> 
     let rms = (sum / m as f64).sqrt();
     // A residual that stays correlated over a period carries one independent number a period and channel.
     let lasting = (TAU / (omega * step)).max(1.0);
-    let omega_error = (sum / (m * n) as f64 * correlation_factor(&residual, lasting) / weight).sqrt();
+    let lasting = correlation_factor(&residual, lasting);
+    let omega_error = (sum / (m * n) as f64 * lasting / weight).sqrt();
+    // A harmonic's coefficient is a mean of 2 x cos kφ.
+    let spread = residual.column_iter().map(|r| (2.0 * r.norm_squared() * lasting).sqrt() / m as f64).collect();
     let third = |from: usize| -> f64 {
         let part = x.rows(from, m / 3).into_owned();
         let c = design(|i| omega * i as f64 * step, m / 3, harmonics);
@@ -259,6 +268,8 @@ pub fn fit(channels: &[&[f64]], step: f64, major: &[f64]) -> Option<ReleaseFit> 
         residual: rms / motion.max(1e-300),
         residual_thirds: ends,
         periods,
+        spread,
+        middle: 0.5 * (m - 1) as f64 * step,
     })
 }
 
@@ -333,6 +344,8 @@ mod tests {
         let ramp: Vec<f64> = (0..500).map(f64::from).collect();
         assert!(fit(&[&ramp], 0.1, &[1.0]).is_none());
         assert!(fit(&[&ramp[..5]], 0.1, &[1.0]).is_none());
+        let endless: Vec<f64> = (0..=MOST_SAMPLES).map(|i| (i as f64 * 0.1).sin()).collect();
+        assert!(fit(&[&endless], 0.1, &[1.0]).is_none());
         assert!(fit(&[&[0.0; 100]], 0.1, &[1.0]).is_none());
     }
 }

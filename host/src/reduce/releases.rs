@@ -1,5 +1,7 @@
 //! Releases gathered from records: every unbroken stretch, all channels in SI units, arms' angles absolute.
 
+use std::path::Path;
+
 use serde::Serialize;
 
 use super::decay;
@@ -86,23 +88,16 @@ pub fn gather(records: &[Record], rig: &Rig) -> Result<Gathered> {
         releases: Vec::new(),
         sources: Vec::new(),
         step,
-        names: rig.channel.iter().map(|c| c.measures.clone()).collect(),
-        units: rig.channel.iter().map(|c| si_unit(&c.unit).to_owned()).collect(),
+        names: names(rig),
+        units: units(rig),
         whirling: false,
         warnings: Vec::new(),
     };
-    let relative = rig.channel.iter().position(|c| c.measures == "theta2");
-    let base = rig.channel.iter().position(|c| c.measures == "theta1" || c.measures == "phi1");
+    let absolute = Absolute::of(rig);
     let mut short = 0;
     for record in records {
         if (record.sample_rate_hz * step - 1.0).abs() > 1e-3 {
-            return Err(BadInput::new(
-                format!("{} Hz", record.sample_rate_hz),
-                format!("{} Hz, the rate of {}", first.sample_rate_hz, first.path.display()),
-            )
-            .in_file(&record.path)
-            .at("column t")
-            .remedy("Reduce records of one rate together"));
+            return Err(other_rate(&record.path, record.sample_rate_hz, &first.path, first.sample_rate_hz));
         }
         out.warnings.extend(record.warnings.iter().cloned());
         for (i, segment) in record.segments.iter().enumerate() {
@@ -113,31 +108,16 @@ pub fn gather(records: &[Record], rig: &Rig) -> Result<Gathered> {
             }
             let mut x: Vec<Vec<f64>> =
                 segment.columns.iter().zip(&record.channels).map(|(c, ch)| c.angle(ch)).collect();
-            if let (Some(r), Some(b)) = (relative, base) {
-                // Absolute angle of the second arm.
-                let arm = x[b].clone();
-                x[r].iter_mut().zip(&arm).for_each(|(t, a)| *t += a);
-            }
+            absolute.make(&mut x);
             out.releases.push(x);
             out.sources.push((record.path.display().to_string(), i));
         }
     }
-    if relative.is_some() && base.is_some() {
-        for name in &mut out.names {
-            *name = name.replace("theta", "phi");
-        }
-    }
     if short > 0 {
-        out.warnings.push(Warning::new(
-            "short-stretches",
-            format!("{short} stretches of a single sample are left out"),
-            "Find out why samples are missing",
-        ));
+        out.warnings.push(short_stretches(short));
     }
     if out.releases.is_empty() {
-        return Err(BadInput::new("no stretch of two samples or more", "a record of motion")
-            .in_file(&first.path)
-            .remedy("Record again"));
+        return Err(no_stretch(&first.path));
     }
     out.whirling = out.units.iter().enumerate().any(|(c, u)| {
         // More than a whole turn between the ends of a swing.
@@ -149,6 +129,61 @@ pub fn gather(records: &[Record], rig: &Rig) -> Result<Gathered> {
             })
     });
     Ok(out)
+}
+
+/// The second arm's angle, where it is measured relative to the first, as an absolute one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Absolute(Option<(usize, usize)>);
+
+impl Absolute {
+    /// Of a rig's channels.
+    pub(super) fn of(rig: &Rig) -> Self {
+        let relative = rig.channel.iter().position(|c| c.measures == "theta2");
+        let base = rig.channel.iter().position(|c| c.measures == "theta1" || c.measures == "phi1");
+        Self(relative.zip(base))
+    }
+
+    /// Adds the first arm's angle.
+    pub(super) fn make(self, x: &mut [Vec<f64>]) {
+        let Some((r, b)) = self.0 else { return };
+        let arm = std::mem::take(&mut x[b]);
+        x[r].iter_mut().zip(&arm).for_each(|(t, a)| *t += a);
+        x[b] = arm;
+    }
+}
+
+/// Coordinates.
+pub(super) fn names(rig: &Rig) -> Vec<String> {
+    let absolute = Absolute::of(rig).0.is_some();
+    let name = |m: &str| if absolute { m.replace("theta", "phi") } else { m.to_owned() };
+    rig.channel.iter().map(|c| name(&c.measures)).collect()
+}
+
+/// SI unit of each.
+pub(super) fn units(rig: &Rig) -> Vec<String> {
+    rig.channel.iter().map(|c| si_unit(&c.unit).to_owned()).collect()
+}
+
+/// The error for records of different rates.
+pub(super) fn other_rate(path: &Path, rate: f64, first: &Path, first_rate: f64) -> BadInput {
+    BadInput::new(format!("{rate} Hz"), format!("{first_rate} Hz, the rate of {}", first.display()))
+        .in_file(path)
+        .at("column t")
+        .remedy("Reduce records of one rate together")
+}
+
+/// Stretches that are left out.
+pub(super) fn short_stretches(count: usize) -> Warning {
+    Warning::new(
+        "short-stretches",
+        format!("{count} stretches of a single sample are left out"),
+        "Find out why samples are missing",
+    )
+}
+
+/// The error for records without motion's least.
+pub(super) fn no_stretch(path: &Path) -> BadInput {
+    BadInput::new("no stretch of two samples or more", "a record of motion").in_file(path).remedy("Record again")
 }
 
 fn si_unit(unit: &str) -> &str {

@@ -27,6 +27,16 @@ impl Accumulator {
         self.count
     }
 
+    /// Mean of each channel.
+    pub fn mean(&self) -> &[f64] {
+        self.mean.as_slice()
+    }
+
+    /// Covariance of the channels, n × n.
+    pub fn covariance(&self) -> DMatrix<f64> {
+        &self.scatter / (self.count.max(1) as f64)
+    }
+
     /// Adds a block: one slice for each channel, all of one length (longer ones are cut to the shortest).
     pub fn add(&mut self, channels: &[&[f64]]) {
         let n = self.mean.len().min(channels.len());
@@ -51,8 +61,7 @@ impl Accumulator {
 
     /// The decomposition of all that was added.
     pub fn finish(self, masses: Option<&[f64]>) -> Pod {
-        let covariance = self.scatter / (self.count.max(1) as f64);
-        from_covariance(self.mean.iter().copied().collect(), covariance, masses)
+        from_covariance(self.mean().to_vec(), self.covariance(), masses)
     }
 }
 

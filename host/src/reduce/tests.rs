@@ -116,6 +116,184 @@ fn not_a_number_is_a_gap_and_does_not_reach_the_modes() {
     assert!(!holed.warnings.is_empty());
 }
 
+/// A record read whole and block by block.
+fn both_ways(rig: &str, texts: &[String], settings: &ReduceSettings) -> (Reduction, Reduction) {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = Rig::parse(rig, Path::new("rig.toml")).unwrap();
+    let options = ReadOptions::default();
+    let paths: Vec<_> = (0..texts.len()).map(|i| folder.path().join(format!("{i}.csv"))).collect();
+    paths.iter().zip(texts).for_each(|(path, text)| std::fs::write(path, text).unwrap());
+    let records: Vec<Record> = paths.iter().map(|p| Record::read(p, &rig, &options).unwrap()).collect();
+    let whole = reduce(&records, &rig, settings).unwrap();
+    assert!(!long::is_long(&paths, &rig).unwrap());
+    let (streamed, lost) = long::reduce(&paths, &rig, &options, settings, &|_| {}).unwrap();
+    assert_eq!(lost, records.iter().map(|r| r.losses.lost()).sum::<u64>());
+    (whole, streamed)
+}
+
+fn same_modes(whole: &Reduction, streamed: &Reduction) {
+    assert_eq!((whole.kept, whole.rank, whole.samples), (streamed.kept, streamed.rank, streamed.samples));
+    assert_eq!(whole.channel_faults, streamed.channel_faults);
+    assert_eq!(whole.coordinates, streamed.coordinates);
+    let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-10);
+    assert!(close(&whole.energy, &streamed.energy), "{:?} {:?}", whole.energy, streamed.energy);
+    for k in 0..whole.kept {
+        assert!(close(&whole.modes[k], &streamed.modes[k]), "{k}");
+    }
+    // All that is told of the whole record but what belongs to a model is told of the streamed one too.
+    for w in whole.warnings.iter().filter(|w| w.kind.ends_with("channel") || w.kind == "gaps" || w.kind == "nan-is-gap")
+    {
+        assert!(streamed.warnings.contains(w), "{w:?}");
+    }
+    assert!(warned(streamed, "taken-block-by-block") && !warned(whole, "taken-block-by-block"));
+}
+
+#[test]
+fn a_record_taken_block_by_block_has_the_whole_ones_modes() {
+    // Five channels, of which one is dead and one a copy; gaps, holes and a single sample between two gaps; several blocks.
+    let row = |i: usize| {
+        let t = i as f64 * 0.1;
+        // It drifts, so that no release is looked for.
+        let (a, b) = (0.1 * t + (0.7 * t).sin(), 0.2 * (1.9 * t).cos());
+        let hole = if i % 30_011 == 17 { f64::NAN } else { a - b };
+        vec![1e3 + a + b, a - 2.0 * b, 0.25, hole, 2.0 * (a - 2.0 * b) - 1.0]
+    };
+    let text = csv((0..120_000).map(row), 0.1);
+    let lines = text.lines().enumerate().filter(|(i, _)| !matches!(i, 501..=507 | 509..=600 | 70_000));
+    let cut: String = lines.map(|(_, l)| format!("{l}\n")).collect();
+    let (whole, streamed) = both_ways(&rig(5, 10.0), &[cut, text], &ReduceSettings::default());
+    assert_eq!(whole.channel_faults.len(), 2);
+    assert!(warned(&whole, "gaps") && warned(&streamed, "short-stretches"));
+    same_modes(&whole, &streamed);
+    assert!(streamed.model.is_none() && streamed.releases.is_empty());
+}
+
+#[test]
+fn whirling_angles_taken_block_by_block_are_decomposed_on_the_circle() {
+    let angles = rig(2, 10.0).replace("\"m\"", "\"rad\"").replacen("\"x0\"\nunit", "\"theta1\"\nunit", 1).replacen(
+        "\"x1\"\nunit",
+        "\"theta2\"\nunit",
+        1,
+    );
+    // The second arm, relative to the first, turns over now and then and is wrapped.
+    let row = |i: usize| {
+        let t = i as f64 * 0.1;
+        let second = 3.0 * (0.05 * t).sin() + 0.02 * t;
+        vec![0.8 * (0.3 * t).sin(), second.sin().atan2(second.cos())]
+    };
+    let text = csv((0..280_000).map(row), 0.1);
+    let (whole, streamed) = both_ways(&angles, &[text], &ReduceSettings::default());
+    assert_eq!(whole.coordinates, ["phi1", "phi2"]);
+    assert!(whole.modes_imaginary.is_some() && streamed.modes_imaginary.is_some());
+    same_modes(&whole, &streamed);
+}
+
+#[test]
+fn a_constraint_is_refused_for_records_taken_block_by_block() {
+    let settings = ReduceSettings { constraint: Some(Constraint::Polar), ..ReduceSettings::default() };
+    let rig = Rig::parse(&rig(2, 10.0), Path::new("rig.toml")).unwrap();
+    let none: [&Path; 0] = [];
+    let error = long::reduce(&none, &rig, &ReadOptions::default(), &settings, &|_| {}).unwrap_err().to_string();
+    assert!(error.contains("block by block") && error.contains("--constraint"), "{error}");
+}
+
+/// q″ + 0.8 q³ + q: what two channels x and x/2 of x″ + x + x³ make of it along their mode, q = √1.25 x.
+struct Duffing;
+
+impl systems::Mechanical for Duffing {
+    fn coordinates(&self) -> Vec<String> {
+        vec!["q".into()]
+    }
+    fn mass(&self, _: &[f64]) -> Vec<f64> {
+        vec![1.0]
+    }
+    fn potential(&self, x: &[f64]) -> f64 {
+        0.5 * x[0] * x[0] + 0.2 * x[0].powi(4)
+    }
+    fn gradient(&self, x: &[f64]) -> Vec<f64> {
+        vec![x[0] + 0.8 * x[0].powi(3)]
+    }
+    fn acceleration(&self, x: &[f64], _: &[f64], out: &mut [f64]) {
+        out[0] = -x[0] - 0.8 * x[0].powi(3);
+    }
+}
+
+/// Decays of x″ + 0.01 x′ + x + x³ from rest, a little noise on them.
+fn decays() -> Vec<String> {
+    [1.4, 0.35]
+        .iter()
+        .map(|start| {
+            let (mut y, mut h) = (vec![*start, 0.0], 0.1);
+            let rows = (0..1800_usize).map(|i| {
+                let noise = |k: usize| 1e-5 * (((i * 7919 + k * 104_729) % 1000) as f64 / 500.0 - 1.0);
+                let row = vec![y[0] + noise(0), 0.5 * y[0] + noise(1)];
+                let mut f = |_: f64, y: &[f64], d: &mut [f64]| {
+                    d[0] = y[1];
+                    d[1] = -0.01 * y[1] - y[0] - y[0].powi(3);
+                };
+                assert!(integrate::advance(&mut f, &mut y, 0.0, 0.1, 1e-11, &mut h));
+                row
+            });
+            csv(rows, 0.1)
+        })
+        .collect()
+}
+
+fn with_force(texts: &[String], force: Force) -> Result<Reduction> {
+    let folder = tempfile::tempdir().unwrap();
+    let paths: Vec<_> = (0..texts.len()).map(|i| folder.path().join(format!("{i}.csv"))).collect();
+    paths.iter().zip(texts).for_each(|(path, text)| std::fs::write(path, text).unwrap());
+    let settings = ReduceSettings { force: Some(force), ..ReduceSettings::default() };
+    let paths: Vec<&Path> = paths.iter().map(std::path::PathBuf::as_path).collect();
+    reduced(&rig(2, 10.0), &paths, &settings)
+}
+
+#[test]
+fn decays_give_damping_and_the_forced_response_with_its_folds() {
+    let r = with_force(&decays(), Force { amplitude: 0.011, shape: None, damping: None }).unwrap();
+    let found = r.forced.unwrap();
+    let damping = found.damping_found.unwrap();
+    assert!((damping.value - 0.01).abs() < 4.0 * damping.std_error + 2e-5, "{damping:?}");
+    let forcing = forced_response::Forcing { amplitude: 0.011, shape: vec![1.0], damping: 0.01 };
+    let settings = harmonic_balance::Continuation { harmonic: 7, from: 0.9, to: 1.6, scale: [1.0, 0.3], step: 0.02 };
+    let full = harmonic_balance::response(&Duffing, &forcing, &[1.0], &settings).unwrap();
+    assert_eq!((found.folds.len(), full.folds.len()), (2, 2), "{:?}", found.folds);
+    for (ours, theirs) in found.folds.iter().zip(&full.folds) {
+        let frequency = theirs.omega / std::f64::consts::TAU;
+        assert!((ours.frequency_hz / frequency - 1.0).abs() < 2e-3, "{ours:?} {theirs:?}");
+        assert!((ours.amplitude / theirs.amplitude - 1.0).abs() < 1e-2, "{ours:?} {theirs:?}");
+    }
+    // Stable up to the upper fold, unstable to the lower one, stable from there on.
+    let flips: Vec<bool> = found.curve.windows(2).filter(|w| w[0].stable != w[1].stable).map(|w| w[1].stable).collect();
+    assert!(found.curve[0].stable && flips == [false, true], "{flips:?}");
+    assert!(found.peak.unwrap().amplitude >= found.folds[0].amplitude && found.backbone.len() > 50);
+    // The model itself has standard errors, at every amplitude.
+    assert!(!r.frequency_amplitude.is_empty());
+    for p in &r.frequency_amplitude {
+        assert!(p.std_error_hz > 0.0 && p.std_error_hz < 1e-3 * p.frequency_hz, "{p:?}");
+    }
+    let Some(Model::Polar(polar)) = r.model else { panic!("no polar model") };
+    assert_eq!(polar.omega_squared.len(), polar.omega_squared_std_error.len());
+}
+
+#[test]
+fn a_force_that_makes_no_sense_is_told() {
+    let of =
+        |amplitude, shape, damping| with_force(&decays(), Force { amplitude, shape, damping }).unwrap_err().to_string();
+    assert!(of(0.0, None, None).contains("--force"));
+    assert!(of(0.01, None, Some(-1.0)).contains("--damping"));
+    assert!(of(0.01, Some(vec![1.0]), None).contains("--force-shape"));
+    assert!(of(0.01, Some(vec![1.0, -2.0]), None).contains("--force-shape"), "across the mode");
+    assert!(of(1e-12, None, None).contains("Raise the force"));
+    // Swings that do not decay have no damping to take.
+    let text = |a: f64| csv((0..900).map(|i| swing(a, i).to_vec()), 0.1);
+    let force = Force { amplitude: 0.01, shape: None, damping: None };
+    assert!(
+        with_force(&[text(0.5), text(1.0), text(1.5)], force.clone()).unwrap_err().to_string().contains("--damping")
+    );
+    assert!(with_force(&[text(0.5)], force).unwrap_err().to_string().contains("no polar model"));
+}
+
 /// The folder of measured records, or none, which is told.
 fn measured() -> Option<std::path::PathBuf> {
     let folder = std::env::var_os("WHIRL_RECORDS").map(std::path::PathBuf::from);

@@ -1,21 +1,18 @@
-//! Beyond chapter 5: the chain of 60 masses and the clamped beam, free (backbones) and forced (response with its folds), and the accuracy of
-//! the polar model against releases left out and noise. References: shooting, and harmonic balance with continuation.
+//! Beyond chapter 5: the chain of 60 masses and the clamped beam, free (backbones) and forced (response with its folds). References: shooting,
+//! and harmonic balance with continuation.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use whirl_hil_sim::plant_beam;
 use whirl_hil_sim::plant_chain;
 use whirl_hil_sim::plant_oscillator::record;
 
-use super::chapter5::{Case, mass_pendulum, two_mass};
 use super::{Item, Reproduction, Row};
 use crate::error::{BadInput, Result};
 use crate::reduce::decay;
 use crate::reduce::forced_response::{self, ForcedResponse, Forcing};
 use crate::reduce::harmonic_balance::{self, Continuation};
-use crate::reduce::normal_mode::{self, Member};
+use crate::reduce::normal_mode;
 use crate::reduce::polar::{self, Node, Polar};
 use crate::reduce::proper_orthogonal_decomposition::{Route, decompose};
 use crate::reduce::release_fit;
@@ -45,18 +42,14 @@ pub static ITEMS: &[Item] = &[
         about: "clamped beam, forced and damped: response and folds, reduced and full",
         run: || forced("beam-forced", &beam()?),
     },
-    Item {
-        id: "reduction-accuracy",
-        about: "two masses and mass–pendulum: error of frequency, one release left out, 1 % noise",
-        run: accuracy,
-    },
 ];
 
 /// A system of many degrees of freedom with its model.
-struct Large {
-    system: Box<dyn Mechanical>,
-    polar: Polar,
-    linear: (f64, Vec<f64>),
+pub(super) struct Large {
+    pub(super) system: Box<dyn Mechanical>,
+    pub(super) polar: Polar,
+    pub(super) nodes: Vec<Node>,
+    pub(super) linear: (f64, Vec<f64>),
     /// Force on the first linear mode, such that the upper fold lies well within the model's range.
     forcing: Forcing,
     /// What a POD alone says: Galerkin's projection of mass and potential on the first proper orthogonal mode, as a model of its own.
@@ -92,7 +85,7 @@ fn large(id: &str, records: &[Vec<Vec<f64>>], step: f64, windows: bool, force: f
     let linear = normal_mode::linear_mode(&*system, 0)?;
     let polar = polar::model(&nodes, &major, Some(linear.clone()))?;
     let forcing = Forcing { amplitude: force, shape: linear.1.clone(), damping: 0.01 };
-    Some(Large { system, polar, linear, forcing, galerkin: major })
+    Some(Large { system, polar, nodes, linear, forcing, galerkin: major })
 }
 
 /// Four decays on the first linear mode from centre amplitudes 1.1, 0.8, 0.5, 0.25, ζ 0.5 %, 30 linear periods, ten samples a second.
@@ -109,7 +102,7 @@ fn chain() -> Result<Large> {
 }
 
 /// Four releases from rest on the nonlinear mode at 1.00, 1.96, 2.91 and 3.86 √(I/A), free of damping, 16 linear periods.
-fn beam() -> Result<Large> {
+pub(super) fn beam() -> Result<Large> {
     let plant = plant_beam::Beam::default();
     let system = systems::by_id("clamped-beam").ok_or_else(|| broken("beam"))?;
     let records: Option<Vec<Vec<Vec<f64>>>> = normal_mode::family(&*system, 0, &[0.20557, 0.84545, 2.09678, 4.24112])
@@ -251,100 +244,10 @@ fn forced(id: &str, case: &Large) -> Result<Reproduction> {
     })
 }
 
-/// Errors of frequency at the energies of these members.
-fn errors(case: &Case, polar: &Polar, nodes: Option<&[Node]>, members: &[&Member]) -> Option<f64> {
-    let mut worst = 0.0_f64;
-    for m in members {
-        let a = polar.amplitude_at(&*case.system, m.energy)?;
-        let omega = match nodes {
-            Some(nodes) => polar.corrected_omega(&*case.system, nodes, a)?,
-            None => polar.omega(a),
-        };
-        worst = worst.max((omega / m.omega - 1.0).abs());
-    }
-    Some(worst)
-}
-
-/// A model of the releases with noise of this share of each channel's rms; releases not used by the case are not used here.
-fn noisy(case: &Case, noise: f64, seed: u64, linear: bool) -> Option<(Polar, Vec<Node>)> {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut nodes = Vec::new();
-    for record in case.used.iter().map(|i| &case.records[*i]) {
-        let channels: Vec<Vec<f64>> = record
-            .iter()
-            .map(|x| {
-                let rms = (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt();
-                // Box and Muller.
-                x.iter()
-                    .map(|x| {
-                        let (u, v): (f64, f64) =
-                            (random.random_range(f64::MIN_POSITIVE..1.0), random.random_range(0.0..TAU));
-                        x + noise * rms * (-2.0 * u.ln()).sqrt() * v.cos()
-                    })
-                    .collect()
-            })
-            .collect();
-        let channels: Vec<&[f64]> = channels.iter().map(Vec::as_slice).collect();
-        nodes.push(Node::of(&release_fit::fit(&channels, case.step, &case.pod.modes[0])?, &case.pod.modes[0]));
-    }
-    let mode = if linear { normal_mode::linear_mode(&*case.system, 0) } else { None };
-    Some((polar::model(&nodes, &case.pod.modes[0], mode)?, nodes))
-}
-
-fn median(mut x: Vec<f64>) -> Option<f64> {
-    x.sort_by(f64::total_cmp);
-    x.get(x.len() / 2).copied()
-}
-
-fn accuracy() -> Result<Reproduction> {
-    let mut rows = Vec::new();
-    for (name, case) in [("two masses", two_mass()?), ("mass–pendulum", mass_pendulum()?)] {
-        let used: Vec<&Member> = case.used.iter().map(|i| &case.members[*i]).collect();
-        let pair = |what: String, blind: Option<f64>, known: Option<f64>| {
-            Row::new(format!("{name}: {what}"), "", None, blind, Some(0.0)).ours(known)
-        };
-        rows.push(pair(
-            "error of frequency over the releases".into(),
-            errors(case, &case.polar, None, &used),
-            errors(case, &case.polar, Some(&case.nodes), &used),
-        ));
-        for out in 1..case.nodes.len().saturating_sub(1) {
-            let mut nodes = case.nodes.clone();
-            nodes.remove(out);
-            let linear = normal_mode::linear_mode(&*case.system, 0);
-            let model = polar::model(&nodes, &case.pod.modes[0], linear).ok_or_else(|| broken(name))?;
-            rows.push(pair(
-                format!("the same at release {}, left out", case.used[out] + 1),
-                errors(case, &model, None, &used[out..=out]),
-                errors(case, &model, Some(&nodes), &used[out..=out]),
-            ));
-        }
-        let draws: Vec<[f64; 2]> = (0..21)
-            .filter_map(|seed| {
-                let (polar, nodes) = noisy(case, 0.01, seed, true)?;
-                Some([errors(case, &polar, None, &used)?, errors(case, &polar, Some(&nodes), &used)?])
-            })
-            .collect();
-        if draws.len() < 21 {
-            return Err(broken(name));
-        }
-        rows.push(pair(
-            "1 % noise, median of 21 draws".into(),
-            median(draws.iter().map(|d| d[0]).collect()),
-            median(draws.iter().map(|d| d[1]).collect()),
-        ));
-    }
-    Ok(Reproduction {
-        id: "reduction-accuracy".into(),
-        title: "Greatest relative error of the polar model's frequency at the releases' energies.".into(),
-        rows,
-        notes: vec!["Reproduced: from displacements only; polar: equations known. The two masses' fourth release lies where the mode is unstable and is in no model; their fifth is off the symmetric mode, whose frequency at that energy is the true one.".into()],
-        panels: Default::default(),
-    })
-}
-
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
 
     #[test]
@@ -401,19 +304,5 @@ mod tests {
         let found = case.polar.variational_omega(&*case.system, a).unwrap();
         assert!((found / omega - 1.0).abs() < 1e-5, "{found}");
         assert!((case.polar.omega(a) / omega - 1.0).abs() < 5e-4);
-    }
-
-    #[test]
-    fn accuracy_meets_its_bounds() {
-        let r = accuracy().unwrap();
-        let of = |start: &str, end: &str| {
-            r.rows.iter().find(|r| r.quantity.starts_with(start) && r.quantity.ends_with(end)).unwrap().clone()
-        };
-        for (system, blind, known) in [("two masses", 5e-4, 2e-4), ("mass–pendulum", 5e-4, 2e-5)] {
-            let row = of(system, "over the releases");
-            assert!(row.reproduced.unwrap() < blind && row.ours.unwrap() < known, "{row:?}");
-            let row = of(system, "draws");
-            assert!(row.reproduced.unwrap() < 1e-3 && row.ours.unwrap() < 1e-3, "{row:?}");
-        }
     }
 }

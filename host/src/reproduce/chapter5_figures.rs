@@ -6,6 +6,7 @@ use super::chapter5::{Case, constraint_model, mass_pendulum, two_mass, type1, ty
 use super::{Item, Reproduction, Row};
 use crate::error::Result;
 use crate::reduce::added_constraint::{ConstraintModel, Function};
+use crate::reduce::polar::Polar;
 use crate::report::figures::axis::Axis;
 use crate::report::figures::canvas::{Panel, Series, Shape};
 
@@ -110,15 +111,27 @@ fn history_error(case: &Case, model: &ConstraintModel, release: usize) -> Option
     Some((e / s).sqrt())
 }
 
-/// The same of the polar model.
-fn polar_history_error(case: &Case, release: usize) -> Option<f64> {
+/// The same of the polar model with the equations known.
+pub(super) fn polar_history_error(case: &Case, release: usize) -> Option<f64> {
+    let x = &case.records[release];
+    let a = case.known.amplitude_of(&[x[0][0], x[1][0]])?;
+    let omega = case.known.corrected_omega(&*case.system, &case.all, a)?;
+    history_error_of(case, &case.known, release, a, omega)
+}
+
+/// The same of the polar model from displacements only.
+pub(super) fn blind_history_error(case: &Case, release: usize) -> Option<f64> {
     let x = &case.records[release];
     let a = case.polar.amplitude_of(&[x[0][0], x[1][0]])?;
-    let omega = case.polar.corrected_omega(&*case.system, &case.nodes, a)?;
+    history_error_of(case, &case.polar, release, a, case.polar.omega(a))
+}
+
+fn history_error_of(case: &Case, polar: &Polar, release: usize, a: f64, omega: f64) -> Option<f64> {
+    let x = &case.records[release];
     let count = ((10.0 * TAU / case.fits[release].omega / case.step) as usize).min(x[0].len());
     let (mut e, mut s) = (0.0, 0.0);
     for i in 0..count {
-        let at = case.polar.displacement(a, omega * i as f64 * case.step);
+        let at = polar.displacement(a, omega * i as f64 * case.step);
         for c in 0..2 {
             e += (at[c] - x[c][i]).powi(2);
             s += x[c][i].powi(2);
@@ -143,7 +156,6 @@ fn figure_5_1() -> Result<Reproduction> {
     };
     let with = constraint_model(5)?;
     let mut panel = Panel::new("", Axis::linear("y_{2}"), Axis::linear("dy_{2}/dt"));
-    panel.series.push(line("full system", &full[0], &full[1], 5));
     let y0 = full[0][0];
     let mut rows = Vec::new();
     let truth = Some(case.members[4].omega);
@@ -159,6 +171,9 @@ fn figure_5_1() -> Result<Reproduction> {
                 .ours(polar_history_error(case, 4)),
         );
     }
+    // Dots, last: as a line it would lie under the constraint model's.
+    let some = |x: &[f64]| x.iter().step_by(5).copied().collect();
+    panel.series.push(Series::new("full system", Shape::BigDots, some(&full[0]), some(&full[1])).colour(5));
     Ok(Reproduction {
         id: "figure-5.1".into(),
         title: "Two masses, release 5: phase portraits of the full system, the POD-only and the constraint model.".into(),
@@ -334,8 +349,8 @@ fn figure_5_13() -> Result<Reproduction> {
         panel.series.push(line(name, &e, &w, colour));
     }
     let polar = |energy: f64| -> Option<f64> {
-        let a = case.polar.amplitude_at(&*case.system, energy)?;
-        case.polar.corrected_omega(&*case.system, &case.nodes, a)
+        let a = case.known.amplitude_at(&*case.system, energy)?;
+        case.known.corrected_omega(&*case.system, &case.all, a)
     };
     let (e, w): (Vec<f64>, Vec<f64>) = energies.iter().filter_map(|e| polar(*e).map(|w| (*e, w))).unzip();
     panel.series.push(Series::new("polar model", Shape::BigDots, e, w).colour(2));
@@ -376,16 +391,6 @@ mod tests {
                 item.id
             );
             assert!(r.rows.iter().all(|row| row.reproduced.is_some_and(f64::is_finite)), "{:?}", r.rows);
-        }
-    }
-
-    #[test]
-    fn the_polar_models_histories_meet_their_bounds() {
-        let bounds = [(two_mass().unwrap(), [2e-3, 1e-3, 1e-2, 1.0, 1e-3]), (mass_pendulum().unwrap(), [6.4e-3; 5])];
-        for (case, bounds) in bounds {
-            for (i, bound) in bounds.iter().enumerate() {
-                assert!(polar_history_error(case, i).unwrap() < *bound, "release {}", i + 1);
-            }
         }
     }
 }

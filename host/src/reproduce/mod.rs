@@ -6,6 +6,7 @@ pub mod chapter3;
 pub mod chapter3_figures;
 pub mod chapter4;
 pub mod chapter5;
+pub mod chapter5_accuracy;
 pub mod chapter5_beyond;
 pub mod chapter5_figures;
 mod data;
@@ -39,6 +40,7 @@ pub static ITEMS: &[&[Item]] = &[
     chapter5::ITEMS,
     chapter5_figures::ITEMS,
     chapter5_beyond::ITEMS,
+    chapter5_accuracy::ITEMS,
     small_terms::ITEMS,
     accuracy::ITEMS,
 ];
@@ -119,7 +121,7 @@ fn cell(x: Option<f64>) -> String {
 impl Reproduction {
     /// What the column of this product's own method is called.
     fn own_method(&self) -> &'static str {
-        let beyond = chapter5_beyond::ITEMS.iter().any(|i| i.id == self.id);
+        let beyond = chapter5_beyond::ITEMS.iter().chain(chapter5_accuracy::ITEMS).any(|i| i.id == self.id);
         let of_five = self.id.ends_with(|c: char| c.is_ascii_digit()) && self.id.contains("-5.");
         if beyond || of_five { "polar" } else { "weak form" }
     }

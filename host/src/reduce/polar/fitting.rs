@@ -2,29 +2,22 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::super::release_fit::least_squares;
 use super::{Node, Polar, horner, s_of};
 
 /// Highest degree in s.
 const MOST_DEGREE: usize = 6;
 
-/// Coefficients of polynomials of one degree through all quantities of the nodes (columns of `values`).
+/// Coefficients of polynomials of one degree through all quantities of the nodes (columns of `values`), by least squares: exact interpolation where
+/// there are as many nodes as powers.
 fn polynomials(s: &[f64], weight: &[f64], values: &DMatrix<f64>, degree: usize) -> Option<Vec<DVector<f64>>> {
+    if s.len() <= degree {
+        return None;
+    }
     let a = DMatrix::from_fn(s.len(), degree + 1, |i, j| weight[i] * s[i].powi(j as i32));
-    (0..values.ncols())
-        .map(|q| {
-            let b = DVector::from_fn(s.len(), |i, _| weight[i] * values[(i, q)]);
-            if degree == 0 { least_squares(&a, &b).map(|r| r.0) } else { solve(&a, &b) }
-        })
-        .collect()
-}
-
-/// Least squares by QR: exact interpolation where there are as many nodes as powers.
-fn solve(a: &DMatrix<f64>, b: &DVector<f64>) -> Option<DVector<f64>> {
-    let qr = a.clone().qr();
-    let rhs = qr.q().transpose() * b;
-    let x = qr.r().solve_upper_triangular(&rhs)?;
-    x.iter().all(|v| v.is_finite()).then_some(x)
+    let b = DMatrix::from_fn(s.len(), values.ncols(), |i, q| weight[i] * values[(i, q)]);
+    let qr = a.qr();
+    let x = qr.r().solve_upper_triangular(&(qr.q().transpose() * b))?;
+    x.iter().all(|v| v.is_finite()).then(|| x.column_iter().map(|c| c.into_owned()).collect())
 }
 
 /// A scale and a degree, with their error at nodes left out: by which they were chosen, and the greatest.
@@ -35,22 +28,34 @@ struct Choice {
     degree: usize,
 }
 
-/// Makes the model of nodes (at least two of different amplitude), with the linear mode (ω, X_1/a) where it is known.
-pub fn model(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>) -> Option<Polar> {
+/// The nodes of positive amplitude in rising order, the linear mode first where it is known, and ω² and the shapes, one row a node.
+struct Table {
+    nodes: Vec<Node>,
+    /// ω², then X_k/a by k and channel.
+    values: DMatrix<f64>,
+    weight: Vec<f64>,
+    harmonics: usize,
+}
+
+fn table(
+    nodes: &[Node],
+    major: &[f64],
+    linear: Option<(f64, Vec<f64>)>,
+    symmetric: Option<bool>,
+) -> Option<(Table, bool)> {
     let channels = major.len();
     let mut nodes: Vec<Node> = nodes.iter().filter(|n| n.amplitude > 0.0 && n.amplitude.is_finite()).cloned().collect();
     nodes.sort_by(|a, b| a.amplitude.total_cmp(&b.amplitude));
-    let (first, last) = (nodes.first()?.amplitude, nodes.last()?.amplitude);
     // Even harmonics stay out of a symmetric mode: 1 % of the odd ones is what noise and mixing leave.
     let even: f64 = nodes.iter().flat_map(|n| n.shape.iter().step_by(2).flatten().map(|x| x * x)).sum();
     let odd: f64 = nodes.iter().flat_map(|n| n.shape.iter().skip(1).step_by(2).flatten().map(|x| x * x)).sum();
-    let symmetric = even < 1e-4 * odd;
+    let symmetric = symmetric.unwrap_or(even < 1e-4 * odd);
     let harmonics = nodes.iter().map(|n| n.shape.len()).max()?;
     if let Some((omega, shape)) = linear {
         let a: f64 = shape.iter().zip(major).map(|(x, p)| x * p).sum();
         let mut of = vec![vec![0.0; channels]; 2];
         of[1] = shape.iter().map(|x| x / a).collect();
-        nodes.insert(0, Node { amplitude: 0.0, omega, error: 0.0, shape: of });
+        nodes.insert(0, Node { amplitude: 0.0, omega, error: 0.0, shape: of, spread: vec![0.0; channels] });
     }
     let values = DMatrix::from_fn(nodes.len(), 1 + harmonics * channels, |i, q| {
         if q == 0 {
@@ -63,7 +68,41 @@ pub fn model(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>) -> 
     let mut errors: Vec<f64> = nodes.iter().map(|n| n.error).collect();
     errors.sort_by(f64::total_cmp);
     let median = errors[errors.len() / 2].max(1e-9);
-    let weight: Vec<f64> = nodes.iter().map(|n| (median / n.error.max(median)).max(0.01)).collect();
+    let weight = nodes.iter().map(|n| (median / n.error.max(median)).max(0.01)).collect();
+    Some((Table { nodes, values, weight, harmonics }, symmetric))
+}
+
+/// The same model of other nodes: scales, degrees and harmonics as they were chosen, range and error as they were.
+pub fn again(of: &Polar, nodes: &[Node], linear: Option<(f64, Vec<f64>)>) -> Option<Polar> {
+    let channels = of.major.len();
+    let (t, _) = table(nodes, &of.major, linear, Some(of.symmetric))?;
+    let s = |a0: f64| -> Vec<f64> { t.nodes.iter().map(|n| s_of(n.amplitude, a0)).collect() };
+    let fitted = |a0: f64, from: usize, count: usize, degree: usize| -> Option<Vec<Vec<f64>>> {
+        let p = polynomials(&s(a0), &t.weight, &t.values.columns(from, count).into_owned(), degree)?;
+        Some(p.iter().map(|c| c.iter().copied().collect()).collect())
+    };
+    let omega_squared = fitted(of.a0, 0, 1, of.omega_squared.len().checked_sub(1)?)?.swap_remove(0);
+    let mut shape = Vec::with_capacity(of.shape.len());
+    for (k, was) in of.shape.iter().enumerate() {
+        // A harmonic of zeros alone was left out, by its parity or because other modes ring in it.
+        let left_out = was.iter().flatten().all(|c| *c == 0.0) || k >= t.harmonics;
+        let degree = was.first()?.len().checked_sub(1)?;
+        shape.push(if left_out { was.clone() } else { fitted(of.shape_a0, 1 + k * channels, channels, degree)? });
+    }
+    Some(Polar { omega_squared, shape, ..of.clone() })
+}
+
+/// Makes the model of nodes (at least two of different amplitude), with the linear mode (ω, X_1/a) where it is known.
+pub fn model(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>) -> Option<Polar> {
+    model_of(nodes, major, linear, MOST_DEGREE)
+}
+
+/// The same with degrees up to `most`.
+pub(super) fn model_of(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>, most: usize) -> Option<Polar> {
+    let channels = major.len();
+    let (Table { nodes, values, weight, harmonics }, symmetric) = table(nodes, major, linear, None)?;
+    let first = nodes.iter().map(|n| n.amplitude).find(|a| *a > 0.0)?;
+    let last = nodes.last()?.amplitude;
     let few = nodes.len() <= MOST_DEGREE + 2;
     // Quantities that share a degree: ω² alone, or the shapes (all harmonics from..to).
     let of_harmonics =
@@ -93,7 +132,7 @@ pub fn model(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>) -> 
     };
     let middle = (first * last).sqrt();
     let scales: Vec<f64> = (-20..=20).map(|n| middle * 10.0_f64.powf(f64::from(n) * 0.075)).collect();
-    let degrees = 1..=MOST_DEGREE.min(nodes.len().saturating_sub(2));
+    let degrees = 1..=most.min(nodes.len().saturating_sub(2));
     // ω and the shapes each with their own scale and degree, by their errors at releases left out. Few releases are interpolated, by the worst, ω with
     // the shapes' error beside its own: of two or three errors of one quantity the worst may be small by luck at a scale that serves nothing else. Many
     // (the windows of decays) are smoothed, by the mean.
@@ -148,6 +187,7 @@ pub fn model(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>) -> 
         major: major.to_vec(),
         a0,
         omega_squared,
+        omega_squared_std_error: Vec::new(),
         shape_a0,
         shape,
         range: [low, last],

@@ -1,6 +1,7 @@
 //! Reduced-order model: energies, modes, releases, frequency against energy, shapes and time histories.
 
-use crate::reduce::Reduction;
+use crate::reduce::forced::ResponsePoint;
+use crate::reduce::{AmplitudePoint, Forced, Reduction};
 use crate::report::figures::axis::Axis;
 use crate::report::figures::bars::{Bar, bars, dots};
 use crate::report::figures::canvas::{Panel, Series, Shape};
@@ -23,6 +24,8 @@ fn render(results: &Results) -> Option<Html> {
         modes(&mut body, r);
         releases(&mut body, r);
         curve(&mut body, r);
+        amplitudes(&mut body, r);
+        forced(&mut body, r);
         motion(&mut body, r);
     }
     (body != Html::new()).then_some(body)
@@ -171,6 +174,75 @@ fn curve(body: &mut Html, r: &Reduction) {
         "Frequency against energy: the releases and the reduced model, whose energy is the integral of ω dI."
     };
     body.figure(&lines(caption, 240.0, &[panel]));
+}
+
+fn amplitudes(body: &mut Html, r: &Reduction) {
+    let curve = &r.frequency_amplitude;
+    if curve.is_empty() {
+        return;
+    }
+    let mut panel = Panel::new("", Axis::linear("amplitude"), Axis::linear("frequency / Hz"));
+    let x: Vec<f64> = curve.iter().map(|p| p.amplitude).collect();
+    panel.series.push(
+        Series::new("reduced model", Shape::Line, x.clone(), curve.iter().map(|p| p.frequency_hz).collect()).colour(0),
+    );
+    let (at, y) = r.releases.iter().filter(|x| x.used).map(|x| (x.amplitude, x.frequency_hz)).unzip();
+    panel.series.push(Series::new("releases", Shape::BigDots, at, y).colour(1));
+    panel.shares_x = true;
+    // Beside the curve the interval would be thinner than its line.
+    let mut width = Panel::new("", Axis::linear("amplitude"), Axis::log("interval / %"));
+    let of = |error: fn(&AmplitudePoint) -> f64| -> Vec<f64> {
+        curve.iter().map(|p| 196.0 * error(p) / p.frequency_hz).collect()
+    };
+    width.series.push(Series::new("at an amplitude", Shape::Line, x.clone(), of(|p| p.std_error_hz)).colour(2));
+    width.series.push(Series::new("at an energy", Shape::Line, x, of(|p| p.std_error_at_energy_hz)).colour(3));
+    body.figure(&lines(
+        "Frequency against amplitude (first harmonic of the major coordinate), and half the width of its 95 % interval: what noise leaves uncertain. What \
+         the model's form costs is told by the releases left out.",
+        200.0,
+        &[panel, width],
+    ));
+}
+
+/// The response with what is unstable apart, on its backbone.
+fn response_panel(f: &Forced) -> Panel {
+    let mut panel = Panel::new("", Axis::linear("frequency of the force / Hz"), Axis::linear("amplitude"));
+    let (x, y) = f.backbone.iter().map(|p| (p[0], p[1])).unzip();
+    panel.series.push(Series::new("backbone", Shape::Thin, x, y).colour(5));
+    for (stable, name, shape, colour) in [(true, "stable", Shape::Line, 0), (false, "unstable", Shape::Dots, 1)] {
+        // A point that is not finite breaks a line.
+        let of = |value: fn(&ResponsePoint) -> f64| -> Vec<f64> {
+            f.curve.iter().map(|p| if p.stable == stable { value(p) } else { f64::NAN }).collect()
+        };
+        panel.series.push(Series::new(name, shape, of(|p| p.frequency_hz), of(|p| p.amplitude)).colour(colour));
+    }
+    let (x, y) = f.folds.iter().map(|p| (p.frequency_hz, p.amplitude)).unzip();
+    panel.series.push(Series::new("folds", Shape::BigDots, x, y).colour(3));
+    panel
+}
+
+fn forced(body: &mut Html, r: &Reduction) {
+    let Some(f) = &r.forced else { return };
+    let number = |x: f64| significant(x, 5);
+    let mut facts = vec![
+        ("force", number(f.amplitude)),
+        (
+            "damping",
+            match f.damping_found {
+                Some(d) => format!("{} ± {} 1/s, from the decays", number(d.value), significant(d.std_error, 2)),
+                None => format!("{} 1/s, as given", number(f.damping)),
+            },
+        ),
+    ];
+    let place = |p: &ResponsePoint| format!("{} Hz, amplitude {}", significant(p.frequency_hz, 7), number(p.amplitude));
+    facts.extend(f.peak.iter().map(|p| ("peak", place(p))));
+    facts.extend(f.folds.iter().map(|p| ("fold", place(p))));
+    body.facts(&facts);
+    body.figure(&lines(
+        "Forced and damped response of the reduced model, in closed form: between its folds the motion in the middle is unstable.",
+        260.0,
+        &[response_panel(f)],
+    ));
 }
 
 fn motion(body: &mut Html, r: &Reduction) {
