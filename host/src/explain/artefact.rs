@@ -106,7 +106,7 @@ fn motions(state: &State, outcome: &Outcome, geometry: &Geometry) -> Option<Vec<
             let at = state_at((0..2).map(|c| &segment.phi[c][first..first + 2 * reach + 1]), kernels)?;
             let shown =
                 model.predict(&state.context, segment, first + reach, out.len(), &SVector::from_column_slice(&at));
-            if shown.len() != out.len() || shown.iter().flatten().any(|x| !(x.abs() < 1e7)) {
+            if shown.len() != out.len() || !shown.iter().flatten().all(|x| x.abs() < 1e7) {
                 return None;
             }
             out.phi[0] = shown.iter().map(|y| y[0]).collect();

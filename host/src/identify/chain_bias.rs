@@ -146,7 +146,7 @@ pub(crate) fn solve<D: Dynamics + ?Sized>(
             }
         });
         state.copy_from_slice(work.state());
-        if !good || state.iter().any(|x| !(x.abs() < 1e7)) {
+        if !good || !state.iter().all(|x| x.abs() < 1e7) {
             return false;
         }
         // A grid finer than the numbers themselves leaves them as they are.

@@ -117,7 +117,7 @@ impl<'a> Index<'a> {
     fn shifted(&self, near: &[u32], by: usize) -> Vec<u32> {
         let of = |time: &u32| {
             let near = near[self.of(*time as usize + by)?];
-            let start = (near != NOBODY).then(|| near as usize)?.checked_sub(by)?;
+            let start = if near == NOBODY { None } else { (near as usize).checked_sub(by) }?;
             self.of(start).map(|_| start as u32)
         };
         self.starts.iter().map(|t| of(t).unwrap_or(NOBODY)).collect()

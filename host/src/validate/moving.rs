@@ -49,18 +49,16 @@ impl Moving {
         if rig.bound.is_some() {
             return Self::own(model, rig, None);
         }
-        {
-            let double = MotionModel::of(model, rig)?;
-            let names = double.base.names().to_vec();
-            return Ok(Self {
-                parameters: double.parameters.clone(),
-                of_drive: names.iter().map(|n| n.starts_with('B') && (n.ends_with('3') || n.ends_with('4'))).collect(),
-                names,
-                left_out: double.left_out.clone(),
-                jumps: double.has_forces(),
-                dynamics: Box::new(double),
-            });
-        }
+        let double = MotionModel::of(model, rig)?;
+        let names = double.base.names().to_vec();
+        Ok(Self {
+            parameters: double.parameters.clone(),
+            of_drive: names.iter().map(|n| n.starts_with('B') && (n.ends_with('3') || n.ends_with('4'))).collect(),
+            names,
+            left_out: double.left_out.clone(),
+            jumps: double.has_forces(),
+            dynamics: Box::new(double),
+        })
     }
 
     /// The equations of a system of one's own.

@@ -34,7 +34,7 @@ pub fn record<D: Dynamics + ?Sized>(
     let good = flow.samples(&mut work, outside.origin, stretch.step_s, count, |_, q| {
         coordinates.iter_mut().zip(q).for_each(|(x, q)| x.push(*q));
     });
-    if !good || coordinates.iter().flatten().any(|x| !(x.abs() < 1e6)) {
+    if !good || !coordinates.iter().flatten().all(|x| x.abs() < 1e6) {
         return None;
     }
     let shown = mixed(&bound.shown, &coordinates);
