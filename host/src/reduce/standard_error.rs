@@ -1,7 +1,7 @@
 //! Standard errors of the polar model: of its frequency at an amplitude, at an energy, and of its coefficients.
 //!
 //! Every release's frequency and harmonics have standard errors from what their fit leaves ([`super::release_fit`], [`super::decay`]). They are
-//! drawn anew, normally distributed and seeded, [`DRAWS`] times; the model is made again of each draw with the scales, degrees and harmonics
+//! drawn anew, normally distributed and seeded, `DRAWS` times; the model is made again of each draw with the scales, degrees and harmonics
 //! that were chosen, and the spread of its answers is their standard error. Where more releases than coefficients tell the frequency and
 //! scatter more about it than their own errors allow, these are raised to what the scatter says (Birge).
 //!

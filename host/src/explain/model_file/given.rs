@@ -87,7 +87,7 @@ fn by_name(given: &IdentifiedModel, chosen: &[Candidate]) -> BTreeMap<String, f6
 /// A given model with its effects as equations of motion under a drive of angular frequency `omega` (1 without one), and their parameters.
 ///
 /// # Errors
-/// As [`effects`]; as [`EquationsOfMotion::with_columns`]; a coefficient that is missing.
+/// A model of other equations; as [`EquationsOfMotion::with_columns`]; a coefficient that is missing.
 pub fn motion(
     given: &IdentifiedModel,
     model: &ModelFile,
