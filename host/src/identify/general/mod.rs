@@ -16,13 +16,14 @@ pub mod track;
 
 use core::cell::OnceCell;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use self::noise::{Remeasured, Sensors};
 use self::series::System;
 use self::stretches::Stretch;
 use super::regression::{self, Options, Unsolvable};
 use super::windows::{WindowRows, frequency_of_row, rows_of, samples_needed};
+use super::correlation_of as correlation;
 use super::{Details, Geometry, Identification, Parameter, RecordUse, Residuals, Settings, identifiability};
 use crate::error::{BadInput, Result};
 use crate::model::model_file::ModelFile;
@@ -367,18 +368,5 @@ pub(crate) fn noise_weights(
     Ok(weights)
 }
 
-fn correlation(covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {
-    let n = covariance.nrows();
-    (0..n)
-        .map(|i| {
-            (0..n)
-                .map(|j| {
-                    let d = (covariance[(i, i)] * covariance[(j, j)]).sqrt();
-                    if d > 0.0 { covariance[(i, j)] / d } else { f64::from(u8::from(i == j)) }
-                })
-                .collect()
-        })
-        .collect()
-}
 #[cfg(test)]
 mod tests;
