@@ -103,15 +103,15 @@ fn motions(state: &State, outcome: &Outcome, geometry: &Geometry) -> Option<Vec<
         .map(|(i, first, last)| {
             let segment = &state.segments[i];
             let mut out = segment.part(first + reach, last - reach);
+            // The model turns the drive's phase itself.
+            out.runaway = (0.0, 0.0);
             let at = state_at((0..2).map(|c| &segment.phi[c][first..first + 2 * reach + 1]), kernels)?;
-            let shown =
-                model.predict(&state.context, segment, first + reach, out.len(), &SVector::from_column_slice(&at));
+            let shown = model.predict(&state.context, &out, 0, out.len(), &SVector::from_column_slice(&at));
             if shown.len() != out.len() || !shown.iter().flatten().all(|x| x.abs() < 1e7) {
                 return None;
             }
             out.phi[0] = shown.iter().map(|y| y[0]).collect();
             out.phi[1] = shown.iter().map(|y| y[1] + if out.relative { y[0] } else { 0.0 }).collect();
-            out.runaway = (0.0, 0.0);
             Some(out)
         })
         .collect()

@@ -40,7 +40,7 @@ use crate::identify::general::track::{Along, Track};
 use crate::identify::general::{self, Prepared};
 use crate::inspect::{InspectSettings, Inspection, inspect};
 use crate::model::flow::{Flow, Outside};
-use crate::model::identified::IdentifiedModel;
+use crate::model::identified::{IdentifiedModel, System};
 use crate::phase_space::bifurcation::Column;
 use crate::phase_space::model_exponent;
 use crate::phase_space::orbit_refinement::RefinedOrbit;
@@ -386,6 +386,18 @@ fn dimensions(measured: &PhaseSpace, simulated: &PhaseSpace) -> Option<Pair> {
 }
 
 fn natural(model: &IdentifiedModel, rig: &Rig, free: Option<&Record>) -> Result<Option<NaturalFrequencies>> {
+    if !matches!(&model.system, System::BuiltIn(id) if id == "double-pendulum") {
+        return match free {
+            None => Ok(None),
+            Some(record) => Err(BadInput::new(
+                "a free vibration",
+                "none: natural frequencies are known of the built-in double pendulum",
+            )
+            .in_file(&record.path)
+            .at("--free")
+            .remedy("Leave --free out")),
+        };
+    }
     let b = |n: &str| model.parameter(n).map(|p| p.value);
     let of_model = match (b("B11"), b("B12"), b("B21"), b("B22")) {
         (Some(b11), Some(b12), Some(b21), Some(b22)) => natural_frequencies::of_model(b11, b12, b21, b22, rig.omega()),

@@ -68,6 +68,14 @@ pub fn effects(
         .collect()
 }
 
+/// The name that all records share: a coefficient of its own for each record has the record's number behind it.
+fn shared(name: &str) -> &str {
+    match name.rsplit_once('_') {
+        Some((short, k)) if k.parse::<u32>().is_ok() => short,
+        _ => name,
+    }
+}
+
 /// The coefficients of a given model and of its effects by name.
 fn by_name(given: &IdentifiedModel, chosen: &[Candidate]) -> BTreeMap<String, f64> {
     let mut by_name: BTreeMap<String, f64> = given.parameters.iter().map(|p| (p.name.clone(), p.value)).collect();
@@ -96,6 +104,12 @@ pub fn motion(
 ) -> Result<(EquationsOfMotion, Vec<f64>)> {
     let chosen = effects(given, model, &vec![1.0; model.coordinates.len()], beside)?;
     let motion = EquationsOfMotion::with_columns(model, omega, &terms(&chosen))?;
+    let known = |name: &str| motion.coefficients().iter().any(|c| c == name || c == shared(name));
+    if let Some(p) = given.parameters.iter().find(|p| !known(&p.name)) {
+        return Err(BadInput::new("a parameter that the equations do not have", motion.coefficients().join(", "))
+            .at(format!("parameters.{}", p.name))
+            .remedy("Give a model that was identified on this rig, by the weak form or shooting"));
+    }
     let values = by_name(given, &chosen);
     let parameters = motion
         .coefficients()

@@ -243,6 +243,14 @@ pub fn balance(
 /// nothing determines.
 pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<super::Identification> {
     settings.validate()?;
+    if rig.bound.is_some() && settings.energy_balance != EnergyBalance::None {
+        return Err(BadInput::new(
+            "an energy balance for a model file",
+            "none: which of its terms are dampings is not known",
+        )
+        .at("--energy-balance")
+        .remedy("Leave --energy-balance out"));
+    }
     let system = if rig.bound.is_some() { None } else { Some(System::of(rig)?) };
     let equations = match (&system, &rig.bound) {
         (None, Some(bound)) => own::equations(&bound.model, rig.omega())?,
