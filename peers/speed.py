@@ -3,13 +3,13 @@
 
     whirl simulate --rig rigs/chaotic.toml --seconds 1340 --seed 1 -o record.csv
     whirl simulate --rig rigs/chaotic.toml --seconds 1340 --seed 1 -o record.parquet
-    pip install numpy scipy numba
+    pip install numpy scipy numba diffrax
     python3 peers/speed.py record.csv
     WHIRL_BENCH_RECORD=record.csv WHIRL_BENCH_PARQUET=record.parquet cargo bench -p whirl
 
 Medians of several runs, wall clock, all cores. Identification: the weak form with sin^4 windows in numpy, from an .npy file (written from
 the CSV beforehand) to parameters. Integration: scipy's LSODA with a right-hand side
-compiled by numba, Coulomb's sign smoothed (with the sign itself it does not get past a sticking joint). Phase space: peers/phase_space.py.
+compiled by numba, and diffrax, Coulomb's sign smoothed for both (with the sign itself they do not get past a sticking joint). Phase space: peers/phase_space.py.
 A ratio counts, an absolute time does not: run both with nothing else running."""
 
 import os
@@ -112,6 +112,51 @@ def integrate(samples):
     return solve_ivp(right_hand_side, (0, tau[-1]), [0.3, 2.0, 0.0, 0.0], method="LSODA", t_eval=tau, rtol=1e-8, atol=1e-8, args=(P,))
 
 
+def diffrax_runs():
+    """The same solution by diffrax, compiled: Dopri5 at the loosest tolerance within 2e-6 rad over 5T, a drive period at a time."""
+    import diffrax
+    import jax
+    import jax.numpy as jnp
+
+    jax.config.update("jax_enable_x64", True)
+    p = jnp.asarray(P)
+
+    def right_hand_side(tau, y, _):
+        sd, cd = jnp.sin(y[1] - y[0]), jnp.cos(y[1] - y[0])
+        v = y[3] - y[2]
+        f1 = p[0] * y[3] ** 2 * sd - (p[1] + p[2] * jnp.cos(tau)) * jnp.sin(y[0]) - p[3] * jnp.tanh(1e3 * y[2]) + p[4] * v
+        f2 = -p[5] * y[2] ** 2 * sd - (p[6] + p[7] * jnp.cos(tau)) * jnp.sin(y[1]) - p[8] * v
+        d = 1 - p[0] * p[5] * cd * cd
+        return jnp.stack([y[2], y[3], (f1 - p[0] * cd * f2) / d, (f2 - p[5] * cd * f1) / d])
+
+    period = int(RATE / F_E)
+    taus = jnp.arange(1, period + 1) * (OMEGA / RATE)
+
+    def solution(samples, solver, tolerance):
+        def one(y, _):
+            found = diffrax.diffeqsolve(
+                diffrax.ODETerm(right_hand_side),
+                solver,
+                0.0,
+                taus[-1],
+                0.1,
+                y,
+                saveat=diffrax.SaveAt(ts=taus),
+                stepsize_controller=diffrax.PIDController(rtol=tolerance, atol=tolerance),
+            )
+            return found.ys[-1], found.ys
+
+        run = jax.jit(lambda y: jax.lax.scan(one, y, None, length=samples // period)[1])
+        return lambda: run(jnp.array([0.3, 2.0, 0.0, 0.0])).block_until_ready()
+
+    exact = solution(5 * period, diffrax.Dopri8(), 1e-12)()
+    for tolerance in [1e-7, 1e-8, 1e-9, 1e-10]:
+        error = float(jnp.abs(solution(5 * period, diffrax.Dopri5(), tolerance)() - exact).max())
+        if error < 2e-6:
+            return tolerance, error, lambda samples: solution(samples, diffrax.Dopri5(), tolerance)
+    raise SystemExit("diffrax: no tolerance reaches 2e-6")
+
+
 def main():
     record = np.genfromtxt(sys.argv[1], delimiter=",", names=True)
     counts = np.stack([record["count1"], record["count2"]], axis=1).astype(np.int64)
@@ -122,6 +167,11 @@ def main():
     right_hand_side(0.0, np.zeros(4), P)
     seconds, _ = median_of(1, lambda: integrate(counts.shape[0]))
     print(f"integration, LSODA with numba:   {1e3 * seconds:8.1f} ms", flush=True)
+    tolerance, error, solution = diffrax_runs()
+    run = solution(counts.shape[0])
+    run()  # compiles
+    seconds, _ = median_of(3, run)
+    print(f"integration, diffrax (Dopri5):   {1e3 * seconds:8.1f} ms   tolerance {tolerance:.0e}, error over 5T {error:.1e} rad", flush=True)
     here = os.path.dirname(os.path.abspath(__file__))
     runpy.run_path(os.path.join(here, "phase_space.py"), run_name="__main__")
 

@@ -17,7 +17,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::noise_bias::{Bias, REPEATS, from_rows, measure, places};
-use super::regression::solve_weighted;
+use super::regression::RunSums;
 use super::windows::{Kernels, WindowRows, Windows, rows};
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Outside, Work};
@@ -51,7 +51,7 @@ pub fn estimate(
     let measured = (0..REPEATS)
         .map(|r| {
             let seen: Vec<AngleSegment> =
-                motions.iter().enumerate().map(|(i, s)| measure(s, r, sigma, i as u64)).collect();
+                motions.par_iter().enumerate().map(|(i, s)| measure(s, r, sigma, i as u64)).collect();
             rows(&seen, model, kernels, windows)
         })
         .collect();
@@ -72,11 +72,8 @@ pub(crate) fn from_solutions(
         window.run = window.run * n / motions.max(1);
     }
     let mut bias = from_rows(n, &plain, &measured, terms, weights)?;
-    let solve = |without: Option<usize>| {
-        let kept = plain.iter().filter(|w| Some(w.run) != without);
-        let solved = solve_weighted(kept, terms, weights).ok()?;
-        Some(DVector::from_iterator(coefficients.len(), solved.iter().flat_map(|c| c.iter().copied())) - coefficients)
-    };
+    let sums = RunSums::new(&plain, n, terms, weights);
+    let solve = |without: Option<usize>| Some(sums.solve(without)? - coefficients);
     let all = solve(None)?;
     let mut covariance = DMatrix::zeros(all.len(), all.len());
     for change in (0..n).filter_map(|g| solve(Some(g))).map(|d| d - &all) {

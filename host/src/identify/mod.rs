@@ -3,6 +3,7 @@
 //! The default method is the weak form (method: [`windows`], least squares and covariance: [`regression`]), from the
 //! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
 
+mod assembly;
 pub mod chain_bias;
 pub mod energy_balance;
 pub mod from_rows;
@@ -19,9 +20,11 @@ pub mod shooting;
 pub mod single_parameters;
 mod standstill;
 pub mod system;
+mod transforms;
 pub mod windows;
 
 use core::f64::consts::TAU;
+use std::borrow::Cow;
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -264,10 +267,12 @@ pub fn prepare_system(system: &System, records: &[Record], rig: &Rig, settings: 
     }
     keep_steady_drive(records, &mut segments, rig, &mut warnings)?;
     standstill::leave_out(&mut segments, settings, rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz), &mut warnings);
-    let sensors: Vec<[Vec<f64>; 2]> = segments.iter().map(AngleSegment::sensors).collect();
-    let noises: [Option<noise::Noise>; 2] =
-        core::array::from_fn(|i| noise::estimate(sensors.iter().map(|s| &s[i][..]), step_s));
-    drop(sensors);
+    let noise_of = |i: usize| {
+        let sensors: Vec<Cow<'_, [f64]>> = segments.iter().map(|s| s.sensor(i)).collect();
+        noise::estimate(sensors.iter().map(|s| &s[..]), step_s)
+    };
+    let (first, second) = rayon::join(|| noise_of(0), || noise_of(1));
+    let noises: [Option<noise::Noise>; 2] = [first, second];
     let (windows, kernels) = geometry(rig, settings, &noises, step_s)?;
     let needed = windows::samples_needed(&windows, &kernels, step_s);
     let longest = segments.iter().map(AngleSegment::len).max().unwrap_or(0);
@@ -499,6 +504,9 @@ fn keep_steady_drive(
         )
         .in_file(records.first().map(|r| r.path.clone()).unwrap_or_default())
         .remedy("Start the shaker during the capture, or leave [drive] out of the rig file"));
+    }
+    if all.iter().all(|a| a.iter().all(|a| *a == target)) {
+        return Ok(());
     }
     let mut steady = Vec::new();
     let mut dropped = 0;

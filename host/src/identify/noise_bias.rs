@@ -17,8 +17,9 @@
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 
-use super::regression::solve_weighted;
+use super::regression::RunSums;
 use super::windows::{Kernels, WindowRows, Windows, rows, samples_needed};
 use crate::model::weak::WeakModel;
 use crate::signal::angles::AngleSegment;
@@ -77,25 +78,18 @@ pub(crate) fn from_rows(
     terms: &[usize],
     weights: &[Vec<f64>],
 ) -> Option<Bias> {
+    let sums = |rows: &[WindowRows]| RunSums::new(rows, stretches, terms, weights);
+    let (plain, repeats): (RunSums, Vec<RunSums>) = (sums(plain), repeats.par_iter().map(|r| sums(r)).collect());
     // δ from all stretches but one (or from all).
     let delta = |without: Option<usize>| {
-        let solve = |rows: &[WindowRows]| {
-            let kept = rows.iter().filter(|w| Some(w.run) != without);
-            let solved = solve_weighted(kept, terms, weights).ok()?;
-            Some(DVector::from_iterator(terms.iter().sum(), solved.iter().flat_map(|c| c.iter().copied())))
-        };
-        let mut mean = -solve(plain)?;
-        for rows in repeats {
-            mean += solve(rows)? / repeats.len() as f64;
+        let mut mean = -plain.solve(without)?;
+        for rows in &repeats {
+            mean += rows.solve(without)? / repeats.len() as f64;
         }
         Some(mean)
     };
     let all = delta(None)?;
-    let each: Vec<DVector<f64>> = repeats
-        .iter()
-        .filter_map(|rows| solve_weighted(rows.iter(), terms, weights).ok())
-        .map(|solved| DVector::from_iterator(all.len(), solved.iter().flat_map(|c| c.iter().copied())))
-        .collect();
+    let each: Vec<DVector<f64>> = repeats.iter().filter_map(|rows| rows.solve(None)).collect();
     let mean = each.iter().fold(DVector::zeros(all.len()), |s, x| s + x) / each.len().max(1) as f64;
     let mut spread = DMatrix::zeros(all.len(), all.len());
     for x in &each {
@@ -163,7 +157,6 @@ pub(crate) fn places(
 
 /// The segment as its sensors would measure it in repeat `r`.
 pub(crate) fn measure(truth: &AngleSegment, r: usize, sigma: [f64; 2], stream: u64) -> AngleSegment {
-    let mut out = truth.clone();
     let mut sensors = truth.sensors();
     for (c, sensor) in sensors.iter_mut().enumerate() {
         if let Some(count) = truth.count_rad[c] {
@@ -181,12 +174,9 @@ pub(crate) fn measure(truth: &AngleSegment, r: usize, sigma: [f64; 2], stream: u
             }
         }
     }
-    let [first, second] = sensors;
+    let [first, mut second] = sensors;
     if truth.relative {
-        out.phi[1] = second.iter().zip(&first).map(|(b, a)| a + b).collect();
-    } else {
-        out.phi[1] = second;
+        second.iter_mut().zip(&first).for_each(|(b, a)| *b += a);
     }
-    out.phi[0] = first;
-    out
+    truth.with(first, second)
 }

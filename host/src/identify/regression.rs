@@ -15,6 +15,7 @@
 //! 2.63 = Σ corr² of sin⁴ rows at neighbouring frequencies.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::windows::{WindowRows, frequency_of_row, row_count};
@@ -76,23 +77,23 @@ impl Normal {
         Self { matrix: DMatrix::zeros(p, p), right: DVector::zeros(p) }
     }
 
-    /// Adds the weighted rows of a window.
+    /// Adds the weighted rows of a window, to the upper triangle only.
     fn add(&mut self, rows: &[f64], weights: &[f64]) {
         let p = self.right.len();
+        let (matrix, right) = (self.matrix.as_mut_slice(), self.right.as_mut_slice());
         for (r, row) in rows.chunks_exact(p + 1).enumerate() {
             let w = weights[frequency_of_row(r)];
             for i in 0..p {
                 let wi = w * row[i];
-                for j in 0..=i {
-                    self.matrix[(i, j)] += wi * row[j];
-                }
-                self.right[i] += wi * row[p];
+                let column = &mut matrix[i * p..i * p + i + 1];
+                column.iter_mut().zip(row).for_each(|(m, x)| *m += wi * x);
+                right[i] += wi * row[p];
             }
         }
     }
 
     fn complete(mut self) -> Self {
-        self.matrix.fill_upper_triangle_with_lower_triangle();
+        self.matrix.fill_lower_triangle_with_upper_triangle();
         self
     }
 
@@ -126,6 +127,55 @@ impl Normal {
         let inverse = DMatrix::from_fn(p, p, |i, j| inverse[(i, j)] * scale[i] * scale[j]);
         let solution = &inverse * &self.right;
         Ok((solution, inverse, (greatest / least).sqrt()))
+    }
+}
+
+/// Normal equations of the rows at each frequency, for any weights afterwards.
+struct FrequencySums {
+    p: usize,
+    /// For each frequency the upper triangle, column by column, then the right-hand side.
+    sums: Vec<f64>,
+}
+
+impl FrequencySums {
+    fn width(p: usize) -> usize {
+        p * (p + 1) / 2 + p
+    }
+
+    fn new(windows: &[WindowRows], e: usize, p: usize, frequencies: usize) -> Self {
+        let width = Self::width(p);
+        let mut sums = vec![0.0; (frequencies + 1) * width];
+        for window in windows {
+            for (r, row) in window.equations[e].chunks_exact(p + 1).enumerate() {
+                let m = frequency_of_row(r);
+                let (mut triangle, right) = sums[m * width..(m + 1) * width].split_at_mut(width - p);
+                for i in 0..p {
+                    let (column, rest) = triangle.split_at_mut(i + 1);
+                    column.iter_mut().zip(row).for_each(|(s, x)| *s += row[i] * x);
+                    triangle = rest;
+                }
+                right.iter_mut().zip(row).for_each(|(s, x)| *s += x * row[p]);
+            }
+        }
+        Self { p, sums }
+    }
+
+    fn weighted(&self, weights: &[f64]) -> Normal {
+        let width = Self::width(self.p);
+        let mut total = vec![0.0; width];
+        for (sums, w) in self.sums.chunks_exact(width.max(1)).zip(weights) {
+            total.iter_mut().zip(sums).for_each(|(t, s)| *t += w * s);
+        }
+        let mut normal = Normal::zeros(self.p);
+        let mut at = 0;
+        for i in 0..self.p {
+            for j in 0..=i {
+                (normal.matrix[(j, i)], normal.matrix[(i, j)]) = (total[at], total[at]);
+                at += 1;
+            }
+        }
+        normal.right.copy_from_slice(&total[at..]);
+        normal
     }
 }
 
@@ -185,25 +235,19 @@ pub fn solve_with(
         let given = options.weights.and_then(|w| w.get(e)).filter(|w| w.len() == frequencies + 1);
         let mut weights = given.cloned().unwrap_or_else(|| vec![1.0; frequencies + 1]);
         let mut rms = vec![0.0; frequencies + 1];
+        let sums: Vec<FrequencySums> = blocks.par_iter().map(|b| FrequencySums::new(b, e, p, frequencies)).collect();
         for round in 0..3 {
-            let parts: Vec<Normal> = blocks
-                .iter()
-                .map(|block| {
-                    let mut part = Normal::zeros(p);
-                    block.iter().for_each(|w| part.add(&w.equations[e], &weights));
-                    part.complete()
-                })
-                .collect();
+            let parts: Vec<Normal> = sums.par_iter().map(|sums| sums.weighted(&weights)).collect();
             let whole = Normal::sum(parts.iter(), p);
             let (solution, inverse, kappa) = whole.solve().map_err(dependent)?;
             if round == 2 {
-                for (g, part) in parts.iter().enumerate() {
+                parts.par_iter().zip(&mut left_out).for_each(|(part, left_out)| {
                     let rest = Normal { matrix: &whole.matrix - &part.matrix, right: &whole.right - &part.right };
                     // A block without which nothing can be solved says nothing about the spread.
                     let without = if blocks.len() > 1 { rest.solve().ok().map(|s| s.0) } else { None };
                     let change = without.map_or_else(|| DVector::zeros(p), |x| x - &solution);
-                    left_out[g].rows_mut(offset, p).copy_from(&change);
-                }
+                    left_out.rows_mut(offset, p).copy_from(&change);
+                });
                 single.view_mut((offset, offset), (p, p)).copy_from(&(inverse * (n as f64 * ROW_DEPENDENCE)));
                 error.push(identification_error(windows, e, &solution));
                 coefficients.push(solution);
@@ -269,15 +313,54 @@ pub fn solve_weighted<'a>(
         .collect()
 }
 
+/// Normal equations of windows that belong to runs, so that runs can be left out of a solution.
+pub(crate) struct RunSums {
+    /// Run by run, equation by equation.
+    runs: Vec<Vec<Normal>>,
+}
+
+impl RunSums {
+    /// Sums over each of `runs` runs (a window's `run` says which it is in) with given weights.
+    pub(crate) fn new(windows: &[WindowRows], runs: usize, terms: &[usize], weights: &[Vec<f64>]) -> Self {
+        let mut sums: Vec<Vec<Normal>> = (0..runs).map(|_| terms.iter().map(|p| Normal::zeros(*p)).collect()).collect();
+        for window in windows {
+            if let Some(sums) = sums.get_mut(window.run) {
+                sums.iter_mut().enumerate().for_each(|(e, sum)| sum.add(&window.equations[e], &weights[e]));
+            }
+        }
+        Self { runs: sums.into_iter().map(|run| run.into_iter().map(Normal::complete).collect()).collect() }
+    }
+
+    /// Coefficients of all equations, concatenated, from all runs but one (or from all). None where the rest does not determine them.
+    pub(crate) fn solve(&self, without: Option<usize>) -> Option<DVector<f64>> {
+        let equations = self.runs.first()?.len();
+        let mut out = Vec::new();
+        for e in 0..equations {
+            let kept = self.runs.iter().enumerate().filter(|(g, _)| Some(*g) != without).map(|(_, run)| &run[e]);
+            let p = self.runs[0][e].right.len();
+            out.extend(Normal::sum(kept, p).solve().ok()?.0.iter());
+        }
+        Some(DVector::from_vec(out))
+    }
+}
+
 /// Rms residual at each frequency, pooled with its two neighbours on either side so that few windows suffice.
 fn rms_by_frequency(windows: &[WindowRows], e: usize, solution: &DVector<f64>, frequencies: usize) -> Vec<f64> {
-    let mut sum = vec![0.0; frequencies + 1];
-    for window in windows {
-        for (r, (_, residual)) in residuals(&window.equations[e], solution).enumerate() {
-            // The single row of m = 0 counts as two, like the others.
-            sum[frequency_of_row(r)] += residual * residual * if r == 0 { 2.0 } else { 1.0 };
-        }
-    }
+    // Parts of a fixed size, added in their order: the same on any number of threads.
+    let parts: Vec<Vec<f64>> = windows
+        .par_chunks(64)
+        .map(|part| {
+            let mut sum = vec![0.0; frequencies + 1];
+            for window in part {
+                for (r, (_, residual)) in residuals(&window.equations[e], solution).enumerate() {
+                    // The single row of m = 0 counts as two, like the others.
+                    sum[frequency_of_row(r)] += residual * residual * if r == 0 { 2.0 } else { 1.0 };
+                }
+            }
+            sum
+        })
+        .collect();
+    let sum: Vec<f64> = (0..=frequencies).map(|m| parts.iter().map(|p| p[m]).sum()).collect();
     (0..=frequencies)
         .map(|m| {
             let near = &sum[m.saturating_sub(2)..=(m + 2).min(frequencies)];
@@ -289,7 +372,7 @@ fn rms_by_frequency(windows: &[WindowRows], e: usize, solution: &DVector<f64>, f
 /// Greatest mean correlation, over 31 lags from `least` windows on (2 by default), of weighted residuals.
 fn repetition(windows: &[WindowRows], coefficients: &[DVector<f64>], weights: &[Vec<f64>], least: usize) -> f64 {
     let rows: Vec<Vec<f64>> = windows
-        .iter()
+        .par_iter()
         .map(|w| {
             coefficients
                 .iter()
@@ -303,8 +386,7 @@ fn repetition(windows: &[WindowRows], coefficients: &[DVector<f64>], weights: &[
                 .collect()
         })
         .collect();
-    let mut greatest = 0.0_f64;
-    for lag in least..=(least + 30).min(windows.len().saturating_sub(1)) {
+    let of_lag = |lag: usize| {
         let (mut product, mut power, mut pairs) = (0.0, 0.0, 0_usize);
         for i in 0..windows.len() - lag {
             let (a, b) = (&windows[i], &windows[i + lag]);
@@ -318,11 +400,10 @@ fn repetition(windows: &[WindowRows], coefficients: &[DVector<f64>], weights: &[
             }
         }
         // A handful of pairs correlates by chance.
-        if pairs >= 4 && power > 0.0 {
-            greatest = greatest.max(product / power);
-        }
-    }
-    greatest
+        if pairs >= 4 && power > 0.0 { product / power } else { 0.0 }
+    };
+    let last = (least + 30).min(windows.len().saturating_sub(1));
+    (least..=last).into_par_iter().map(of_lag).reduce(|| 0.0, f64::max)
 }
 
 /// Rows that a solution used.
@@ -332,13 +413,15 @@ pub fn rows_used(windows: &[WindowRows], equations: usize, frequencies: usize) -
 
 /// ε = ‖e‖∞/‖q̂‖∞ of one equation with given coefficients.
 pub fn identification_error(windows: &[WindowRows], e: usize, coefficients: &DVector<f64>) -> f64 {
-    let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
-    for window in windows {
-        for (predicted, residual) in residuals(&window.equations[e], coefficients) {
-            worst = worst.max(residual.abs());
-            largest = largest.max(predicted.abs());
-        }
-    }
+    let (worst, largest) = windows
+        .par_iter()
+        .map(|window| {
+            residuals(&window.equations[e], coefficients)
+                .fold((0.0_f64, 0.0_f64), |(worst, largest), (predicted, residual)| {
+                    (worst.max(residual.abs()), largest.max(predicted.abs()))
+                })
+        })
+        .reduce(|| (0.0, 0.0), |a, b| (a.0.max(b.0), a.1.max(b.1)));
     if largest > 0.0 { worst / largest } else { f64::INFINITY }
 }
 
@@ -360,17 +443,22 @@ pub fn residual_dots(
     coefficients: &DVector<f64>,
     most: usize,
 ) -> Vec<(usize, f64, f64)> {
-    let all: Vec<(usize, f64, f64)> = windows
-        .iter()
-        .flat_map(|w| {
-            residuals(&w.equations[e], coefficients)
-                .enumerate()
-                .map(|(r, (predicted, residual))| (frequency_of_row(r), predicted, residual))
-                .collect::<Vec<_>>()
+    let each = row_count_of(windows, e, coefficients.len());
+    let stride = (each * windows.len()).div_ceil(most.max(1)).max(1);
+    let width = coefficients.len() + 1;
+    (0..each * windows.len())
+        .step_by(stride)
+        .flat_map(|k| {
+            let (window, row) = (k / each, k % each);
+            let rows = &windows[window].equations[e][row * width..(row + 1) * width];
+            residuals(rows, coefficients).map(move |(predicted, residual)| (frequency_of_row(row), predicted, residual))
         })
-        .collect();
-    let stride = all.len().div_ceil(most.max(1)).max(1);
-    all.into_iter().step_by(stride).collect()
+        .collect()
+}
+
+/// Rows of one window of an equation with `p` coefficients; all windows have as many.
+fn row_count_of(windows: &[WindowRows], e: usize, p: usize) -> usize {
+    windows.first().map_or(0, |w| w.equations[e].len() / (p + 1))
 }
 
 #[cfg(test)]

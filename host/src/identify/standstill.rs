@@ -17,10 +17,13 @@ const STILL_S: f64 = 0.5;
 
 /// Splits segments at standstills, unless nothing as long as `needed_s` would be left. Warns of what is left out.
 pub fn leave_out(segments: &mut Vec<AngleSegment>, settings: &Settings, needed_s: f64, warnings: &mut Vec<Warning>) {
+    let still: Vec<Vec<(usize, usize)>> = segments.iter().map(standstills).collect();
+    if still.iter().all(Vec::is_empty) {
+        return;
+    }
     let mut kept = Vec::new();
     let mut left_out_s = 0.0;
-    for segment in segments.iter() {
-        let still = standstills(segment);
+    for (segment, still) in segments.iter().zip(&still) {
         let mut from = 0;
         for (first, last) in still.iter().copied().chain([(segment.len(), segment.len())]) {
             if first > from {
@@ -31,7 +34,7 @@ pub fn leave_out(segments: &mut Vec<AngleSegment>, settings: &Settings, needed_s
         left_out_s += still.iter().map(|(a, b)| b - a).sum::<usize>() as f64 * segment.step_s;
     }
     let needed_s = settings.window_s.unwrap_or(needed_s);
-    if left_out_s == 0.0 || !kept.iter().any(|s| s.len() as f64 * s.step_s > needed_s) {
+    if !kept.iter().any(|s| s.len() as f64 * s.step_s > needed_s) {
         return;
     }
     warnings.push(Warning::new(
@@ -45,9 +48,10 @@ pub fn leave_out(segments: &mut Vec<AngleSegment>, settings: &Settings, needed_s
 /// First and last + 1 of each standstill of any sensor, in order, without overlaps.
 fn standstills(segment: &AngleSegment) -> Vec<(usize, usize)> {
     let least = (STILL_S / segment.step_s).ceil() as usize;
-    let mut found = Vec::new();
-    for (values, count) in segment.sensors().iter().zip(segment.count_rad) {
-        let Some(count) = count else { continue };
+    let of_sensor = |i: usize| {
+        let mut found = Vec::new();
+        let Some(count) = segment.count_rad[i] else { return found };
+        let values = segment.sensor(i);
         let (mut start, mut low, mut high) = (0, f64::INFINITY, f64::NEG_INFINITY);
         for (i, &x) in values.iter().enumerate() {
             if x.max(high) - x.min(low) > COUNTS * count {
@@ -62,7 +66,10 @@ fn standstills(segment: &AngleSegment) -> Vec<(usize, usize)> {
         if values.len() - start >= least {
             found.push((start, values.len()));
         }
-    }
+        found
+    };
+    let (mut found, second) = rayon::join(|| of_sensor(0), || of_sensor(1));
+    found.extend(second);
     found.sort_unstable();
     let mut merged: Vec<(usize, usize)> = Vec::new();
     for (a, b) in found {

@@ -9,20 +9,17 @@
 //! Windows start every half window, at multiples of ten drive periods (rounded to samples), so that windows of a periodic
 //! record repeat and can be recognised as repeating.
 
-use core::f64::consts::TAU;
-use std::collections::BTreeMap;
-
 use rayon::prelude::*;
-use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 
-use crate::model::weak::{Equation, Order, Part, Sample, WeakModel};
+use super::assembly::Assembly;
+use super::transforms::{self, Transforms, good_length};
+use crate::model::weak::{Block, Equation, Sample, WeakModel};
 use crate::signal::angles::{AngleSegment, Phase};
-use crate::signal::low_pass::{FastConvolution, Kernel, Output, is_smooth};
-use crate::signal::sin_cos::sin_cos;
-
-/// Coefficients of sin⁴(πu) in e^{−2πiku}, k = −2 … 2.
-const SIN4: [f64; 5] = [1.0 / 16.0, -0.25, 0.375, -0.25, 1.0 / 16.0];
+use crate::signal::drive_phase::Turn;
+use crate::signal::fast_convolution::{self as convolution, FastConvolution, Output};
+use crate::signal::low_pass::Kernel;
+use crate::signal::sin_cos;
 
 /// Geometry of the windows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,18 +55,9 @@ pub const fn frequency_of_row(row: usize) -> usize {
     row.div_ceil(2)
 }
 
-/// The even number nearest to `target` that is a product of 2, 3 and 5, for fast transforms (the window's length is free).
-fn smooth_length(target: f64) -> usize {
-    let centre = (target.round() as usize).max(16);
-    (0..centre)
-        .flat_map(|d| [centre - d, centre + d])
-        .find(|&n| n.is_multiple_of(2) && n >= 16 && is_smooth(n))
-        .unwrap_or(centre)
-}
-
 /// Samples that one window needs at this sampling step, the kernel's reach on either side included.
 pub fn samples_needed(windows: &Windows, kernels: &Kernels, step_s: f64) -> usize {
-    smooth_length(windows.length_s / step_s) + 2 * kernels.reach()
+    good_length(windows.length_s / step_s) + 2 * kernels.reach()
 }
 
 struct Place {
@@ -108,15 +96,21 @@ pub(crate) trait Stretches: Sync {
     /// Time of a sample, s.
     fn time(&self, stretch: usize, sample: usize) -> f64;
 
-    /// Every series of the model at samples first … last of a stretch.
-    fn evaluate(&self, stretch: usize, convolution: &FastConvolution, first: usize, last: usize) -> Vec<Vec<f64>>;
+    /// Every series of the model at samples first … last of a stretch, into `series`.
+    fn evaluate(
+        &self,
+        stretch: usize,
+        convolution: &FastConvolution,
+        range: (usize, usize),
+        work: &mut convolution::Work,
+        series: &mut Vec<Vec<f64>>,
+    );
 }
 
 /// The double pendulum's angles with its model.
 struct Pendulum<'a> {
     segments: &'a [AngleSegment],
     model: &'a WeakModel,
-    kernels: &'a Kernels,
 }
 
 impl Stretches for Pendulum<'_> {
@@ -132,22 +126,40 @@ impl Stretches for Pendulum<'_> {
     fn time(&self, stretch: usize, sample: usize) -> f64 {
         self.segments[stretch].time(sample)
     }
-    fn evaluate(&self, stretch: usize, convolution: &FastConvolution, first: usize, last: usize) -> Vec<Vec<f64>> {
-        evaluate(&self.segments[stretch], self.model, self.kernels, convolution, first, last)
+    fn evaluate(
+        &self,
+        stretch: usize,
+        convolution: &FastConvolution,
+        range: (usize, usize),
+        work: &mut convolution::Work,
+        series: &mut Vec<Vec<f64>>,
+    ) {
+        evaluate(&self.segments[stretch], self.model, convolution, range, work, series);
     }
 }
 
 /// Rows of every window of every segment, in order of time; the same on any number of threads.
 pub fn rows(segments: &[AngleSegment], model: &WeakModel, kernels: &Kernels, windows: &Windows) -> Vec<WindowRows> {
-    rows_of(&Pendulum { segments, model, kernels }, &model.equations, kernels, windows)
+    rows_of(&Pendulum { segments, model }, &model.equations, kernels, windows)
 }
 
-/// The convolution with every low-pass's outputs for inputs of a length: smooth, slope, clear slope.
-pub(crate) fn convolution(kernels: &Kernels, length: usize) -> FastConvolution {
-    FastConvolution::new(
-        length,
-        &[(&kernels.full, Output::Smooth), (&kernels.full, Output::Slope), (&kernels.clear, Output::Slope)],
-    )
+/// The convolution with every low-pass's outputs: smooth, slope, clear slope; `count` of each at a time.
+fn convolution(kernels: &Kernels, count: usize) -> FastConvolution {
+    let outputs = [(&kernels.full, Output::Smooth), (&kernels.full, Output::Slope), (&kernels.clear, Output::Slope)];
+    FastConvolution::new(&outputs, count)
+}
+
+/// Windows worked through at once: neighbours share their smoothed samples.
+const GROUP: usize = 8;
+
+/// Room for one thread's windows.
+#[derive(Default)]
+struct Work {
+    convolution: convolution::Work,
+    /// Series of several groups of windows.
+    series: Vec<Vec<Vec<f64>>>,
+    transforms: transforms::Work,
+    bins: Vec<Complex64>,
 }
 
 /// As [`rows`], for any system.
@@ -161,7 +173,7 @@ pub(crate) fn rows_of(
         return Vec::new();
     }
     let step_s = source.step_s(0);
-    let length = smooth_length(windows.length_s / step_s);
+    let length = good_length(windows.length_s / step_s);
     let reach = kernels.reach();
     let mut places = Vec::new();
     for segment in 0..source.count() {
@@ -173,52 +185,53 @@ pub(crate) fn rows_of(
             places.push(Place { segment, start, index });
         }
     }
-    // Neighbouring windows share their smoothed samples: work through them in fixed groups.
-    const GROUP: usize = 8;
+    // Groups of neighbours, and as many groups together as make a matrix product worth while: fixed, whatever the threads.
     let groups: Vec<&[Place]> = places.chunk_by(|a, b| a.segment == b.segment).flat_map(|c| c.chunks(GROUP)).collect();
-    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(length);
-    // Groups of one length, nearly all, share their convolution.
-    let span = |group: &[Place]| group[group.len() - 1].start + length - group[0].start + 2 * reach;
-    let mut convolutions: BTreeMap<usize, FastConvolution> = BTreeMap::new();
-    for group in &groups {
-        convolutions.entry(span(group)).or_insert_with_key(|&n| convolution(kernels, n));
+    let mut tasks: Vec<&[&[Place]]> = Vec::new();
+    let mut rest = &groups[..];
+    while !rest.is_empty() {
+        let mut windows = 0;
+        let fit = rest.iter().take_while(|g| {
+            windows += g.len();
+            windows <= GROUP
+        });
+        let (now, later) = rest.split_at(fit.count().max(1));
+        tasks.push(now);
+        rest = later;
     }
-    groups
+    let plan = Transforms::new(length, windows.frequencies + 3);
+    let typical = groups.first().map_or(length, |g| g[g.len() - 1].start + length - g[0].start);
+    let convolution = convolution(kernels, typical);
+    let assembly = Assembly::new(equations, windows.frequencies, step_s, length);
+    let found: Vec<Vec<WindowRows>> = tasks
         .par_iter()
-        .flat_map_iter(|group| {
-            let (first, last) = (group[0].start, group[group.len() - 1].start + length);
-            let series = source.evaluate(group[0].segment, &convolutions[&span(group)], first, last);
-            let mut input = fft.make_input_vec();
-            let mut output = fft.make_output_vec();
-            let mut scratch = fft.make_scratch_vec();
-            let bins = windows.frequencies + 3;
-            group
-                .iter()
-                .map(|place| {
-                    let transforms: Vec<Vec<Complex64>> = series
-                        .iter()
-                        .map(|s| {
-                            let x = &s[place.start - first..place.start - first + length];
-                            // A whirling angle is large: what matters is its change.
-                            let offset = x[0];
-                            input.iter_mut().zip(x).for_each(|(y, x)| *y = x - offset);
-                            let done = fft.process_with_scratch(&mut input, &mut output, &mut scratch);
-                            debug_assert!(done.is_ok(), "lengths are the planner's own");
-                            let mut bins: Vec<Complex64> = output.iter().take(bins).copied().collect();
-                            bins[0] += offset * length as f64;
-                            bins
-                        })
-                        .collect();
-                    WindowRows {
-                        start_s: source.time(place.segment, place.start),
-                        index: place.index,
-                        run: place.segment,
-                        equations: assemble(equations, &transforms, windows.frequencies, step_s, length),
-                    }
+        .with_min_len(4)
+        .map_init(Work::default, |work, task| {
+            let Work { convolution: room, series, transforms, bins } = work;
+            series.resize_with(series.len().max(task.len()), Vec::new);
+            for (group, series) in task.iter().zip(series.iter_mut()) {
+                let range = (group[0].start, group[group.len() - 1].start + length);
+                source.evaluate(group[0].segment, &convolution, range, room, series);
+            }
+            let starts: Vec<Vec<usize>> =
+                task.iter().map(|group| group.iter().map(|p| p.start - group[0].start).collect()).collect();
+            let parts: Vec<(&[Vec<f64>], &[usize])> =
+                series.iter().zip(&starts).map(|(s, starts)| (&s[..], &starts[..])).collect();
+            plan.apply(&parts, transforms, bins);
+            let each = (series[0].len() * plan.bins()).max(1);
+            task.iter()
+                .flat_map(|group| group.iter())
+                .zip(bins.chunks_exact(each))
+                .map(|(place, bins)| WindowRows {
+                    start_s: source.time(place.segment, place.start),
+                    index: place.index,
+                    run: place.segment,
+                    equations: assembly.rows(bins),
                 })
-                .collect::<Vec<_>>()
+                .collect()
         })
-        .collect()
+        .collect();
+    found.into_iter().flatten().collect()
 }
 
 /// Change of a sampled quantity over one step around sample k.
@@ -240,11 +253,13 @@ pub(crate) fn evaluate_all(segments: &[AngleSegment], model: &WeakModel, kernels
             (reach..last).step_by(PIECE).map(move |a| (s, a, (a + PIECE).min(last)))
         })
         .collect();
+    let convolution = convolution(kernels, PIECE);
     let parts: Vec<Vec<Vec<f64>>> = pieces
         .par_iter()
         .map(|&(segment, first, last)| {
-            let convolution = convolution(kernels, last - first + 2 * reach);
-            evaluate(segment, model, kernels, &convolution, first, last)
+            let mut series = Vec::new();
+            evaluate(segment, model, &convolution, (first, last), &mut convolution::Work::default(), &mut series);
+            series
         })
         .collect();
     (0..model.series.len()).map(|k| parts.iter().flat_map(|p| p[k].iter().copied()).collect()).collect()
@@ -257,38 +272,47 @@ const BLOCK: usize = 64;
 fn evaluate(
     segment: &AngleSegment,
     model: &WeakModel,
-    kernels: &Kernels,
     convolution: &FastConvolution,
-    first: usize,
-    last: usize,
-) -> Vec<Vec<f64>> {
-    let reach = kernels.reach();
-    let input = [0, 1].map(|i: usize| &segment.phi[i][first - reach..last + reach]);
-    let outputs = convolution.apply(input);
-    let [phi, rate, clear] =
-        [0, 1, 2].map(|k: usize| [0, 1].map(|i: usize| &outputs[k][i][reach..reach + last - first]));
+    (first, last): (usize, usize),
+    work: &mut convolution::Work,
+    series: &mut Vec<Vec<f64>>,
+) {
+    let reach = convolution.reach();
+    convolution.apply([0, 1].map(|i: usize| &segment.phi[i][first - reach..last + reach]), work);
+    let [phi, rate, clear] = [0, 1, 2].map(|k: usize| [0, 1].map(|i: usize| &work.outputs[k][i][..]));
     let n = last - first;
-    let mut series = vec![vec![0.0; n]; model.series.len()];
+    series.resize_with(model.series.len(), Vec::new);
+    series.iter_mut().for_each(|s| s.resize(n, 0.0));
     let driven = !matches!(segment.phase, Phase::Clock(0.0));
-    let mut samples = [Sample::default(); BLOCK];
-    let (mut tau, mut sin, mut cos) = ([0.0; BLOCK], [[0.0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
+    let mut samples: Vec<Sample> = Vec::new();
+    let (mut sin, mut cos) = ([[0.0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
     cos[2] = [1.0; BLOCK];
+    let (mut sin_delta, mut cos_delta) = ([0.0; BLOCK], [0.0; BLOCK]);
+    let mut clear_step = [[0.0; BLOCK]; 2];
+    let mut turn = Turn::default();
+    let one_by_one = model.needs_samples();
     for from in (0..n).step_by(BLOCK) {
         let to = (from + BLOCK).min(n);
+        let here = ..to - from;
         for i in 0..2 {
-            sin_cos(&phi[i][from..to], &mut sin[i][..to - from], &mut cos[i][..to - from]);
+            sin_cos::smooth(&phi[i][from..to], &mut sin[i][here], &mut cos[i][here]);
+            steps(clear[i], from, &mut clear_step[i][here]);
         }
         if driven {
-            tau.iter_mut().zip(from..to).for_each(|(tau, k)| *tau = segment.tau(first + k));
-            sin_cos(&tau[..to - from], &mut sin[2][..to - from], &mut cos[2][..to - from]);
+            turn.drive(segment, (first + from, first + to), &mut sin[2], &mut cos[2]);
         }
-        for (j, k) in (from..to).enumerate() {
-            samples[j] = Sample {
+        for j in 0..to - from {
+            sin_delta[j] = sin[1][j] * cos[0][j] - cos[1][j] * sin[0][j];
+            cos_delta[j] = cos[1][j] * cos[0][j] + sin[1][j] * sin[0][j];
+        }
+        if one_by_one {
+            samples.clear();
+            samples.extend((from..to).zip(0..).map(|(k, j)| Sample {
                 raw: [segment.phi[0][first + k], segment.phi[1][first + k]],
                 phi: [phi[0][k], phi[1][k]],
                 rate: [rate[0][k], rate[1][k]],
                 clear_rate: [clear[0][k], clear[1][k]],
-                clear_step: [step_at(clear[0], k), step_at(clear[1], k)],
+                clear_step: [clear_step[0][j], clear_step[1][j]],
                 turn: [rate[0][k] * segment.step_s, rate[1][k] * segment.step_s],
                 accel: [step_at(rate[0], k) / segment.step_s, step_at(rate[1], k) / segment.step_s],
                 sin: [sin[0][j], sin[1][j]],
@@ -296,71 +320,41 @@ fn evaluate(
                 sin_tau: sin[2][j],
                 cos_tau: cos[2][j],
                 time: segment.time(first + k),
-            };
+            }));
         }
+        let block = Block {
+            raw: [0, 1].map(|i: usize| &segment.phi[i][first + from..first + to]),
+            rate: [0, 1].map(|i: usize| &rate[i][from..to]),
+            clear_rate: [0, 1].map(|i: usize| &clear[i][from..to]),
+            clear_step: [0, 1].map(|i: usize| &clear_step[i][here]),
+            sin: [0, 1].map(|i: usize| &sin[i][here]),
+            delta: [&sin_delta[here], &cos_delta[here]],
+            tau: [&sin[2][here], &cos[2][here]],
+            samples: &samples,
+        };
         for (column, f) in series.iter_mut().zip(&model.series) {
-            f(&samples[..to - from], &mut column[from..to]);
+            f.evaluate(&block, &mut column[from..to]);
         }
     }
-    series
 }
 
-/// Rows of all equations from the transforms of all series.
-fn assemble(
-    equations: &[Equation],
-    transforms: &[Vec<Complex64>],
-    frequencies: usize,
-    step_s: f64,
-    length: usize,
-) -> Vec<Vec<f64>> {
-    let length_s = length as f64 * step_s;
-    // Bin m + k, k from −2: a real series has S(−n) = conj S(n).
-    let bin = |s: usize, n: i64| if n >= 0 { transforms[s][n as usize] } else { transforms[s][(-n) as usize].conj() };
-    let integral = |parts: &[Part], m: usize| -> Complex64 {
-        parts
-            .iter()
-            .map(|part| {
-                let mut sum = Complex64::new(0.0, 0.0);
-                for (a, k) in SIN4.iter().zip(-2_i64..) {
-                    let n = m as i64 + k;
-                    let slope = Complex64::new(0.0, -TAU * n as f64 / length_s);
-                    let factor = match part.order {
-                        Order::Value => Complex64::new(1.0, 0.0),
-                        Order::First => -slope,
-                        Order::Second => slope * slope,
-                    };
-                    sum += bin(part.series, n) * factor * *a;
-                }
-                sum * (part.factor * step_s)
-            })
-            .sum()
-    };
-    equations
-        .iter()
-        .map(|equation| {
-            let columns = equation.terms.len() + 1;
-            let mut rows = vec![0.0; row_count(frequencies) * columns];
-            for m in 0..=frequencies {
-                for c in 0..columns {
-                    let parts = if c + 1 == columns { &equation.target } else { &equation.terms[c].parts };
-                    let z = integral(parts, m);
-                    if m == 0 {
-                        rows[c] = z.re;
-                    } else {
-                        rows[(2 * m - 1) * columns + c] = z.re;
-                        rows[2 * m * columns + c] = z.im;
-                    }
-                }
-            }
-            rows
-        })
-        .collect()
+/// [`step_at`] for a run of samples from `from` on.
+fn steps(x: &[f64], from: usize, out: &mut [f64]) {
+    let to = from + out.len();
+    if from > 0 && to < x.len() {
+        let (before, after) = (&x[from - 1..to - 1], &x[from + 1..=to]);
+        out.iter_mut().zip(before.iter().zip(after)).for_each(|(o, (a, b))| *o = 0.5 * (b - a));
+    } else {
+        out.iter_mut().zip(from..).for_each(|(o, k)| *o = step_at(x, k));
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use core::f64::consts::TAU;
+
     use super::*;
-    use crate::model::weak::Term;
+    use crate::model::weak::{Order, Term};
 
     /// ∫ w ẍ and ∫ w ẋ of a known signal equal direct quadrature of its exact derivatives.
     #[test]
@@ -410,12 +404,5 @@ mod tests {
             assert!((got[1] - direct(&dx)).abs() < 2e-2, "row {row}: {} {}", got[1], direct(&dx));
             assert!((got[2] - direct(&ddx)).abs() < 1e-6, "row {row}: {} {}", got[2], direct(&ddx));
         }
-    }
-
-    #[test]
-    fn smooth_lengths_are_near_and_even() {
-        assert_eq!(smooth_length(2000.0), 2000);
-        assert_eq!(smooth_length(1923.08), 1920);
-        assert_eq!(smooth_length(3.0), 16);
     }
 }

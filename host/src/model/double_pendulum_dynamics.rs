@@ -13,6 +13,7 @@
 
 use super::double_pendulum::{Damping, weak_model};
 use super::dynamics::{Dynamics, Instant};
+use crate::signal::sin_cos::four;
 
 /// Roles of parameters within an equation: coupling B_i1, gravity B_i2, base motion B_i3 (cosine) and B_i4 (sine), viscous friction of
 /// joints 1 and 2, Coulomb friction of joints 1 and 2.
@@ -118,8 +119,7 @@ impl DoublePendulum {
     }
 
     fn state(q: &[f64], v: &[f64], at: &Instant<'_>, signs: [f64; 2]) -> State {
-        let ((sin1, cos1), (sin2, cos2)) = (q[0].sin_cos(), q[1].sin_cos());
-        let (sin_tau, cos_tau) = at.tau.sin_cos();
+        let ([sin1, sin2, sin_tau, _], [cos1, cos2, cos_tau, _]) = four([q[0], q[1], at.tau, 0.0]);
         State {
             sin: [sin1, sin2],
             cos: [cos1, cos2],

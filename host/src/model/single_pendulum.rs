@@ -74,6 +74,7 @@ pub fn weak_model(omega: f64, driven: bool, dampings: &[&str], orders: usize) ->
 
 #[cfg(test)]
 mod tests {
+    use super::super::weak::Block;
     use super::*;
 
     /// The equation's terms at a state, by hand.
@@ -87,7 +88,7 @@ mod tests {
         let value = |name: &str| {
             let t = m.equations[0].terms.iter().find(|t| t.name == name).unwrap();
             let mut out = [0.0];
-            m.series[t.parts[0].series](&[s], &mut out);
+            m.series[t.parts[0].series].evaluate(&Block::of_samples(&[s]), &mut out);
             out[0]
         };
         assert!((value("p_sin2") - 0.8 * 1.4_f64.sin()).abs() < 1e-15);

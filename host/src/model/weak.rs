@@ -65,11 +65,56 @@ pub fn mean_sign(v: f64, step: f64) -> f64 {
     }
 }
 
+/// A run of samples, quantity by quantity: what simple series are made of, many samples at a time.
+#[derive(Clone, Copy, Debug)]
+pub struct Block<'a> {
+    /// φ1, φ2 as measured (not smoothed), rad.
+    pub raw: [&'a [f64]; 2],
+    /// φ̇1, φ̇2, rad/s.
+    pub rate: [&'a [f64]; 2],
+    /// φ̇1, φ̇2 in the band that is clear of noise, rad/s, and their changes over a sampling step.
+    pub clear_rate: [&'a [f64]; 2],
+    /// See [`Sample::clear_step`].
+    pub clear_step: [&'a [f64]; 2],
+    /// sin φ1, sin φ2.
+    pub sin: [&'a [f64]; 2],
+    /// sin Δ and cos Δ, Δ = φ2 − φ1.
+    pub delta: [&'a [f64]; 2],
+    /// sin τ and cos τ of the drive.
+    pub tau: [&'a [f64]; 2],
+    /// The samples one by one; empty unless some series needs them.
+    pub samples: &'a [Sample],
+}
+
+impl<'a> Block<'a> {
+    /// A run of which only the samples one by one are known.
+    pub fn of_samples(samples: &'a [Sample]) -> Self {
+        let none: [&[f64]; 2] = [&[], &[]];
+        Self { raw: none, rate: none, clear_rate: none, clear_step: none, sin: none, delta: none, tau: none, samples }
+    }
+}
+
 /// A quantity evaluated at every sample.
 pub type Series = Arc<dyn Fn(&Sample) -> f64 + Send + Sync>;
 
-/// The same for many samples at once.
-pub type Column = Arc<dyn Fn(&[Sample], &mut [f64]) + Send + Sync>;
+/// A quantity along a record.
+#[derive(Clone)]
+pub enum Signal {
+    /// From each sample.
+    Each(Arc<dyn Fn(&[Sample], &mut [f64]) + Send + Sync>),
+    /// From a run of samples.
+    Run(fn(&Block<'_>, &mut [f64])),
+}
+
+impl Signal {
+    /// Its values over a run of samples.
+    pub fn evaluate(&self, block: &Block<'_>, out: &mut [f64]) {
+        match self {
+            Self::Each(f) => f(block.samples, out),
+            Self::Run(f) => f(block, out),
+        }
+    }
+}
 
 /// How many time derivatives of the series the term contains; they are moved to the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -119,7 +164,7 @@ pub struct WeakModel {
     /// Name for results.
     pub name: String,
     /// The series, each evaluated once a sample.
-    pub series: Vec<Column>,
+    pub series: Vec<Signal>,
     /// Names of the series: one name, one series.
     keys: Vec<String>,
     /// The equations.
@@ -138,15 +183,31 @@ impl WeakModel {
         order: Order,
         factor: f64,
     ) -> Part {
-        let index = self.keys.iter().position(|k| k == key).unwrap_or_else(|| {
-            self.series.push(Arc::new(move |samples: &[Sample], out: &mut [f64]| {
+        self.add(key, order, factor, || {
+            Signal::Each(Arc::new(move |samples: &[Sample], out: &mut [f64]| {
                 for (s, o) in samples.iter().zip(out) {
                     *o = series(s);
                 }
-            }));
+            }))
+        })
+    }
+
+    /// The same with a series that is made a run of samples at a time.
+    pub fn run(&mut self, key: &str, series: fn(&Block<'_>, &mut [f64]), order: Order, factor: f64) -> Part {
+        self.add(key, order, factor, || Signal::Run(series))
+    }
+
+    fn add(&mut self, key: &str, order: Order, factor: f64, series: impl FnOnce() -> Signal) -> Part {
+        let index = self.keys.iter().position(|k| k == key).unwrap_or_else(|| {
+            self.series.push(series());
             self.keys.push(key.to_owned());
             self.series.len() - 1
         });
         Part { series: index, order, factor }
+    }
+
+    /// Whether some series is made sample by sample.
+    pub fn needs_samples(&self) -> bool {
+        self.series.iter().any(|s| matches!(s, Signal::Each(_)))
     }
 }

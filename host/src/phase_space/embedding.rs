@@ -65,6 +65,7 @@ impl<'a> Embedding<'a> {
     }
 
     /// Square of the Euclidean distance of two vectors in the first `dimension` components.
+    #[inline]
     pub fn distance2(&self, a: u32, b: u32, dimension: usize) -> f32 {
         let mut sum = 0.0;
         for j in 0..dimension {

@@ -5,10 +5,13 @@
 //! The queries of a leaf go down the tree together: what the box of all of them cannot reach is looked at once. A search starts from
 //! a bound: the neighbour in the dimension before, where there is one, and the neighbours of the leaf's other vectors.
 //!
+//! Leaves are compared with pulp's choice of vector instructions (it is faer's too): found at run time, without unsafe code.
+//!
 //! Distances: squares of Euclidean ones of [`super::observable::distance`], in single precision. Results do not depend
 //! on the number of threads: each query's answer is its own (of two equally near vectors the first met).
 //! Cost about n log n; memory about (8 d + 24) bytes a vector.
 
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 
 use super::embedding::Embedding;
@@ -120,6 +123,7 @@ impl<'a> Tree<'a> {
     }
 
     /// Square of a lower bound of the distances between two boxes.
+    #[inline(always)]
     fn apart(&self, a: &[(f32, f32)], node: usize) -> f32 {
         let b = &self.boxes[node * self.dimension..(node + 1) * self.dimension];
         let mut sum = 0.0;
@@ -139,10 +143,11 @@ impl<'a> Tree<'a> {
         if self.dimension == 0 {
             return out;
         }
+        let arch = Arch::new();
         let found: Vec<[(f32, u32); LEAF]> = (0..self.leaf_count)
             .into_par_iter()
             .with_min_len(64)
-            .map_init(Vec::new, |stack, leaf| self.search(leaf, theiler, hints, stack))
+            .map_init(Vec::new, |stack, leaf| arch.dispatch(Search { tree: self, leaf, theiler, hints, stack }))
             .collect();
         for (leaf, best) in found.iter().enumerate() {
             for (place, (distance2, start)) in best.iter().enumerate() {
@@ -201,6 +206,7 @@ impl<'a> Tree<'a> {
     }
 
     /// Nearest neighbours of one leaf's vectors: square of the distance and start.
+    #[inline(always)]
     fn search(
         &self,
         leaf: usize,
@@ -269,6 +275,7 @@ impl<'a> Tree<'a> {
     }
 
     /// Compares `used` queries (coordinates as in a leaf, starting at place `here`) with the vectors of a leaf.
+    #[inline(always)]
     fn scan(
         &self,
         leaf: usize,
@@ -282,18 +289,21 @@ impl<'a> Tree<'a> {
         let points = &self.leaves[leaf * LEAF * d..(leaf + 1) * LEAF * d];
         let times = &self.times[leaf * LEAF..(leaf + 1) * LEAF];
         let bounding = &self.boxes[(self.leaf_count + leaf) * d..(self.leaf_count + leaf + 1) * d];
-        for q in 0..used {
-            let mut gap2 = 0.0;
-            for j in 0..d {
-                let gap = distance(queries[j * LEAF + q], bounding[j].0, self.periods[j]) - bounding[j].1;
+        // How far each query is from the leaf's box, all of them at once.
+        let mut gaps = [0.0f32; LEAF];
+        for ((row, bound), period) in queries.chunks_exact(LEAF).zip(bounding).zip(&self.periods) {
+            for (g, x) in gaps.iter_mut().zip(row) {
+                let gap = distance(*x, bound.0, *period) - bound.1;
                 let gap = if gap > 0.0 { gap } else { 0.0 };
-                gap2 += gap * gap;
+                *g += gap * gap;
             }
-            if gap2 >= best[q].0 {
+        }
+        for q in 0..used {
+            if gaps[q] >= best[q].0 {
                 continue;
             }
             let mut sums = [0.0f32; LEAF];
-            let mut least = 0.0;
+            let mut near = 0.0;
             for (group, rows) in points.chunks(4 * LEAF).enumerate() {
                 for (j, row) in rows.chunks_exact(LEAF).enumerate() {
                     let (x, period) = (queries[(4 * group + j) * LEAF + q], self.periods[4 * group + j]);
@@ -303,15 +313,12 @@ impl<'a> Tree<'a> {
                     }
                 }
                 // Most leaves are out of reach after four components.
-                least = sums[0];
-                for s in &sums[1..] {
-                    least = if *s < least { *s } else { least };
-                }
-                if least >= best[q].0 {
+                near = least(&sums);
+                if near >= best[q].0 {
                     break;
                 }
             }
-            if least >= best[q].0 {
+            if near >= best[q].0 {
                 continue;
             }
             let time = self.times[here + q];
@@ -321,6 +328,33 @@ impl<'a> Tree<'a> {
                 }
             }
         }
+    }
+}
+
+/// The least of 16 numbers, by halves: as wide as the processor compares them.
+#[inline(always)]
+fn least(x: &[f32; LEAF]) -> f32 {
+    let less = |a: f32, b: f32| if a < b { a } else { b };
+    let eight: [f32; 8] = core::array::from_fn(|i| less(x[i], x[i + 8]));
+    let four: [f32; 4] = core::array::from_fn(|i| less(eight[i], eight[i + 4]));
+    less(less(four[0], four[2]), less(four[1], four[3]))
+}
+
+/// A leaf's search, compiled for each width of vectors that processors have; the same operations in the same order, and so the same results.
+struct Search<'a, 'b> {
+    tree: &'a Tree<'a>,
+    leaf: usize,
+    theiler: u32,
+    hints: &'a [Vec<u32>],
+    stack: &'b mut Vec<(f32, usize)>,
+}
+
+impl NullaryFnOnce for Search<'_, '_> {
+    type Output = [(f32, u32); LEAF];
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        self.tree.search(self.leaf, self.theiler, self.hints, self.stack)
     }
 }
 

@@ -20,14 +20,15 @@ use parquet::errors::ParquetError;
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader, RowGroupMetaData};
 use parquet::file::reader::SerializedPageReader;
 use parquet::schema::types::{ColumnDescriptor, SchemaDescriptor};
+use rayon::prelude::*;
 
 use super::csv::OWN_COLUMNS;
 use super::formats::{Format, ReadOptions};
-use super::parquet_cells::{Number, for_each};
+use super::parquet_cells::{Cells, decode};
 use super::parquet_recovery::{Marker, checked_range, crc_of_range, extent, marker_at, scan};
 use super::parquet_source::Source as ParquetSource;
 use super::parquet_write::KEY;
-use super::rows::{Cell, Rows, missing_column};
+use super::rows::{Rows, missing_column};
 use super::stream::{Source, Streamed};
 use super::{Losses, Metadata, Record, quiet, segments};
 use crate::error::{BadInput, Result};
@@ -61,6 +62,7 @@ fn read(path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
     let mut reader = Reader::open(path, rig, options)?;
     let mut rows = Rows::new(path, rig, "row", reader.own);
     rows.resample = options.resample;
+    rows.reserve(reader.structure.groups.iter().filter_map(|g| rows_in(g).ok()).fold(0, usize::saturating_add));
     // A whole row group at a time, so that a damaged one is dropped whole.
     while reader.fill(&mut rows, usize::MAX)? {}
     let warnings = reader.warnings(&rows)?;
@@ -91,6 +93,8 @@ struct Reader<'a> {
     group: usize,
     begun: Option<Vec<Chunk>>,
     done: usize,
+    /// Rows that stay when what follows them is damaged.
+    whole: usize,
     broken: Option<String>,
     warnings: Vec<Warning>,
 }
@@ -125,6 +129,7 @@ impl<'a> Reader<'a> {
             group: 0,
             begun: None,
             done: 0,
+            whole: 0,
             broken,
             warnings,
         })
@@ -136,33 +141,16 @@ impl<'a> Reader<'a> {
         std::iter::once(&self.columns.t).chain(&self.columns.channels).chain(own).copied().collect()
     }
 
-    /// Opens the next row group's columns.
-    fn begin(&mut self, count: usize) -> core::result::Result<(), Failure> {
-        let group = &self.structure.groups[self.group];
-        let checksum = self.structure.checksums.as_ref().and_then(|c| c.get(self.group).copied());
-        let marked = self.structure.checksums.is_some() || self.structure.written_by_whirl;
-        verify(&self.source, group, marked, checksum).map_err(Failure::File)?;
-        let mut chunks = Vec::new();
-        for column in self.indices() {
-            let chunk = group.columns().get(column).ok_or_else(|| Failure::File("a column is missing".to_owned()))?;
-            if checked_range(chunk).is_none() {
-                return Err(Failure::File("a column chunk outside of the file".to_owned()));
-            }
-            let pages = SerializedPageReader::new(self.source.clone(), chunk, count, None)?;
-            let descriptor = chunk.column_descr_ptr();
-            chunks.push(Chunk { reader: get_column_reader(descriptor.clone(), Box::new(pages)), descriptor });
-        }
-        self.begun = Some(chunks);
-        Ok(())
-    }
-
-    /// Reads up to `most` rows of the present row group; whether there was one.
+    /// Reads up to `most` rows of the next row groups (whole ones while they are small); whether there was one.
     fn part(&mut self, rows: &mut Rows<'_>, most: usize) -> core::result::Result<bool, Failure> {
+        self.whole = rows.t.len();
         let Some(group) = self.structure.groups.get(self.group) else { return Ok(false) };
-        let count =
-            usize::try_from(group.num_rows()).map_err(|_| Failure::File("a negative number of rows".to_owned()))?;
+        let count = rows_in(group)?;
+        if self.begun.is_none() && count <= most.min(PART) {
+            return self.small_groups(rows, most).map(|()| true);
+        }
         if self.begun.is_none() {
-            self.begin(count)?;
+            self.begun = Some(open_group(&self.source, &self.structure, &self.indices(), self.group)?);
         }
         let now = most.min(count - self.done);
         if let Some(chunks) = &mut self.begun {
@@ -175,6 +163,70 @@ impl<'a> Reader<'a> {
         }
         Ok(true)
     }
+
+    /// Reads row groups of at most `most` rows together, side by side: small ones cost more to open than to decode.
+    fn small_groups(&mut self, rows: &mut Rows<'_>, most: usize) -> core::result::Result<(), Failure> {
+        let (from, mut to, mut sum) = (self.group, self.group, 0_usize);
+        while let Some(group) = self.structure.groups.get(to) {
+            // One with a wrong number of rows is told when it is its turn.
+            sum = sum.saturating_add(rows_in(group).unwrap_or(0));
+            if to > from && (sum > most.min(PART) || to - from >= MOST_GROUPS) {
+                break;
+            }
+            to += 1;
+        }
+        let (source, structure, columns) = (&self.source, &self.structure, &self.indices());
+        let decoded: Vec<core::result::Result<Vec<Cells>, Failure>> = (from..to)
+            .into_par_iter()
+            .map(|index| {
+                caught(|| {
+                    let count = rows_in(&structure.groups[index])?;
+                    let mut chunks = open_group(source, structure, columns, index)?;
+                    chunks.iter_mut().map(|c| decode(&mut c.reader, &c.descriptor, count)).collect()
+                })
+            })
+            .collect();
+        for cells in decoded {
+            take(cells?, self.rig.channel.len(), rows)?;
+            self.group += 1;
+            self.whole = rows.t.len();
+        }
+        Ok(())
+    }
+}
+
+/// Opens some columns of a row group.
+fn open_group(
+    source: &Arc<ParquetSource>,
+    structure: &Structure,
+    columns: &[usize],
+    index: usize,
+) -> core::result::Result<Vec<Chunk>, Failure> {
+    let group = &structure.groups[index];
+    let checksum = structure.checksums.as_ref().and_then(|c| c.get(index).copied());
+    let marked = structure.checksums.is_some() || structure.written_by_whirl;
+    verify(source, group, marked, checksum).map_err(Failure::File)?;
+    let mut chunks = Vec::new();
+    for column in columns {
+        let chunk = group.columns().get(*column).ok_or_else(|| Failure::File("a column is missing".to_owned()))?;
+        if checked_range(chunk).is_none() {
+            return Err(Failure::File("a column chunk outside of the file".to_owned()));
+        }
+        let pages = SerializedPageReader::new(source.clone(), chunk, rows_in(group)?, None)?;
+        let descriptor = chunk.column_descr_ptr();
+        chunks.push(Chunk { reader: get_column_reader(descriptor.clone(), Box::new(pages)), descriptor });
+    }
+    Ok(chunks)
+}
+
+/// Rows that a row group says it has.
+fn rows_in(group: &RowGroupMetaData) -> core::result::Result<usize, Failure> {
+    usize::try_from(group.num_rows()).map_err(|_| Failure::File("a negative number of rows".to_owned()))
+}
+
+/// Runs code of the parquet crate on a thread of its own choice; a panic is caught there, where it can be kept quiet.
+fn caught<T>(f: impl FnOnce() -> core::result::Result<T, Failure>) -> core::result::Result<T, Failure> {
+    quiet::catch(AssertUnwindSafe(f)).unwrap_or_else(|| Err(Failure::File("a damaged page".to_owned())))
 }
 
 /// Runs code of the parquet crate, which panics on some damaged input; a panic leaves nothing behind that is used afterwards.
@@ -186,18 +238,15 @@ fn guarded<T>(path: &Path, f: impl FnOnce() -> Result<T>) -> Result<T> {
 impl Source for Reader<'_> {
     fn fill(&mut self, rows: &mut Rows<'_>, most: usize) -> Result<bool> {
         let path = self.path;
-        guarded(path, || {
-            let before = rows.t.len();
-            match self.part(rows, most) {
-                Ok(more) => Ok(more),
-                Err(Failure::Bad(e)) => Err(*e),
-                Err(Failure::File(e)) => {
-                    rows.truncate(before);
-                    self.broken = Some(format!("row group {}: {e}", self.group + 1));
-                    self.group = self.structure.groups.len();
-                    self.begun = None;
-                    Ok(false)
-                }
+        guarded(path, || match self.part(rows, most) {
+            Ok(more) => Ok(more),
+            Err(Failure::Bad(e)) => Err(*e),
+            Err(Failure::File(e)) => {
+                rows.truncate(self.whole);
+                self.broken = Some(format!("row group {}: {e}", self.group + 1));
+                self.group = self.structure.groups.len();
+                self.begun = None;
+                Ok(false)
             }
         })
     }
@@ -435,7 +484,7 @@ fn verify(
     }
     let damaged = || "checksum of a row group is wrong".to_owned();
     let (start, length) = extent(group).ok_or_else(damaged)?;
-    let mut file = source.file();
+    let mut file = source.place();
     let expected = match checksum {
         Some(crc) => crc,
         None => match marker_at(&mut file, start.saturating_add(length)) {
@@ -447,35 +496,44 @@ fn verify(
     if crc_of_range(&mut file, start, length) == Some(expected) { Ok(()) } else { Err(damaged()) }
 }
 
-/// Reads the next `count` rows of a row group's columns: t, the channels, the device's.
+/// Rows read at once: what is decoded beside the record itself.
+const PART: usize = 1 << 16;
+/// Row groups opened at once.
+const MOST_GROUPS: usize = 64;
+
+/// Reads the next `count` rows of a row group's columns: t, the channels, the device's. The columns are decoded side by side.
 fn read_part(
     chunks: &mut [Chunk],
     count: usize,
     channels: usize,
     rows: &mut Rows<'_>,
 ) -> core::result::Result<(), Failure> {
+    let mut left = count;
+    while left > 0 {
+        let now = left.min(PART);
+        let decoded: core::result::Result<Vec<Cells>, Failure> = chunks
+            .par_iter_mut()
+            .map(|chunk| caught(|| decode(&mut chunk.reader, &chunk.descriptor, now)))
+            .collect::<Vec<_>>()
+            .into_iter()
+            .collect();
+        take(decoded?, channels, rows)?;
+        left -= now;
+    }
+    Ok(())
+}
+
+/// Takes a run of rows, column by column: t, the channels, the device's.
+fn take(columns: Vec<Cells>, channels: usize, rows: &mut Rows<'_>) -> Result<()> {
     let first = rows.passed + rows.t.len();
-    // Messages count rows from 1.
-    let place = |i: usize| (first + i + 1) as u64;
-    for (k, chunk) in chunks.iter_mut().enumerate() {
-        let mut take = |i: usize, number: Number| -> Result<()> {
-            if k == 0 {
-                let t = rows.seconds(number);
-                rows.check_time(place(i), t)?;
-                rows.push_time(place(i), t);
-            } else if k <= channels {
-                let cell = match number {
-                    Number::Null => Cell::Missing,
-                    Number::Integer(v) | Number::Timestamp(v, _) => rows.check_integer(place(i), k - 1, v)?,
-                    Number::Real(v) => rows.check_number(place(i), k - 1, v)?,
-                };
-                rows.push_cell(place(i), k - 1, cell);
-            } else {
-                rows.push_device(place(i), k - 1 - channels, number)?;
-            }
-            Ok(())
-        };
-        for_each(&mut chunk.reader, &chunk.descriptor, count, &mut take)?;
+    for (k, cells) in columns.into_iter().enumerate() {
+        if k == 0 {
+            rows.take_times(first, cells)?;
+        } else if k <= channels {
+            rows.take_channel(first, k - 1, cells)?;
+        } else {
+            rows.take_device(first, k - 1 - channels, cells)?;
+        }
     }
     Ok(())
 }

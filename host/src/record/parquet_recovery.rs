@@ -134,7 +134,7 @@ pub(super) fn crc_of_range<F: Read + Seek>(file: &mut F, offset: u64, length: u6
     file.seek(SeekFrom::Start(offset)).ok()?;
     let mut crc = Crc::new();
     let mut left = length;
-    let mut buffer = vec![0u8; 1 << 16];
+    let mut buffer = vec![0u8; length.min(1 << 16) as usize];
     while left > 0 {
         let n = left.min(buffer.len() as u64) as usize;
         file.read_exact(&mut buffer[..n]).ok()?;

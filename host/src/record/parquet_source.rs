@@ -6,6 +6,7 @@
 
 use std::fs::File;
 use std::io::{Cursor, Read, Seek, SeekFrom};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use bytes::Bytes;
 use parquet::errors::{ParquetError, Result};
@@ -20,16 +21,59 @@ const HEADER_LIMIT: u64 = 4096;
 pub(super) struct Source {
     file: File,
     len: u64,
+    /// Columns are decoded side by side, and the file has one place at which it is read.
+    turn: Mutex<()>,
 }
 
 impl Source {
     pub(super) fn new(file: File) -> std::io::Result<Self> {
         let len = file.metadata()?.len();
-        Ok(Self { file, len })
+        Ok(Self { file, len, turn: Mutex::new(()) })
     }
 
     pub(super) fn file(&self) -> &File {
         &self.file
+    }
+
+    fn turn(&self) -> MutexGuard<'_, ()> {
+        // It guards no state that a panic could have left half done.
+        self.turn.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A place of its own in a file that several threads read.
+pub(super) struct Place<'a> {
+    source: &'a Source,
+    at: u64,
+}
+
+impl Source {
+    /// From the file's first byte on.
+    pub(super) fn place(&self) -> Place<'_> {
+        Place { source: self, at: 0 }
+    }
+}
+
+impl Read for Place<'_> {
+    fn read(&mut self, to: &mut [u8]) -> std::io::Result<usize> {
+        let _turn = self.source.turn();
+        let mut file = &self.source.file;
+        file.seek(SeekFrom::Start(self.at))?;
+        let n = file.read(to)?;
+        self.at += n as u64;
+        Ok(n)
+    }
+}
+
+impl Seek for Place<'_> {
+    fn seek(&mut self, to: SeekFrom) -> std::io::Result<u64> {
+        let (base, by) = match to {
+            SeekFrom::Start(at) => (at, 0),
+            SeekFrom::End(by) => (self.source.len, by),
+            SeekFrom::Current(by) => (self.at, by),
+        };
+        self.at = base.checked_add_signed(by).ok_or_else(|| std::io::Error::from(std::io::ErrorKind::InvalidInput))?;
+        Ok(self.at)
     }
 }
 
@@ -45,6 +89,7 @@ impl ChunkReader for Source {
     /// The crate reads page headers through this, and nothing else.
     fn get_read(&self, start: u64) -> Result<Self::T> {
         let mut header = Vec::new();
+        let _turn = self.turn();
         let mut file = &self.file;
         file.seek(SeekFrom::Start(start))?;
         file.take(HEADER_LIMIT).read_to_end(&mut header)?;
@@ -60,6 +105,7 @@ impl ChunkReader for Source {
             )));
         }
         let mut bytes = vec![0; length];
+        let _turn = self.turn();
         let mut file = &self.file;
         file.seek(SeekFrom::Start(start))?;
         file.read_exact(&mut bytes)?;

@@ -12,6 +12,9 @@ use crate::rig::{Channel, Rig};
 /// Most rows that are read from one file: a bound on memory, 4.6 days at 500 Hz.
 pub(super) const ROW_LIMIT: usize = 200_000_000;
 
+/// Most rows for which room is made before they are there.
+const RESERVED: usize = 1 << 22;
+
 /// A checked cell of a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Cell {
@@ -74,6 +77,23 @@ impl<'a> Rows<'a> {
             passed: 0,
             limit: ROW_LIMIT,
             last_place: 0,
+        }
+    }
+
+    /// Makes room for so many rows more, as far as a file may be believed that says how many it has.
+    pub(super) fn reserve(&mut self, rows: usize) {
+        let rows = rows.min(RESERVED);
+        self.t.reserve(rows);
+        for column in &mut self.columns {
+            match column {
+                Column::Counts(c) => c.reserve(rows),
+                Column::Values(v) => v.reserve(rows),
+            }
+        }
+        if let Some(d) = &mut self.device {
+            d.tick.reserve(rows);
+            d.phase.reserve(rows);
+            d.amplitude_nm.reserve(rows);
         }
     }
 
@@ -164,6 +184,12 @@ impl<'a> Rows<'a> {
     /// Takes a time that has been checked.
     pub(super) fn push_time(&mut self, place: u64, t: f64) {
         self.t.push(t);
+        self.last_place = place;
+    }
+
+    /// Takes times that have been checked, the last of them at `place`.
+    pub(super) fn push_times(&mut self, place: u64, t: &[f64]) {
+        self.t.extend_from_slice(t);
         self.last_place = place;
     }
 

@@ -6,7 +6,7 @@
 use std::ops::Range;
 use std::path::Path;
 
-use super::rows::Rows;
+use super::rows::{DeviceColumns, Rows};
 use super::{Column, Losses, Metadata, Record, Segment, time_fit, unwrap};
 use crate::error::{BadInput, Result};
 use crate::rig::{Channel, Rig};
@@ -46,7 +46,9 @@ pub(super) fn assemble(
     let step = time_fit::pooled_step(&sums).unwrap_or(rough);
     let rate = check_rate(rows.path, rig, rows.t.len() as u64, step)?;
 
-    let device = rows.device.take();
+    let mut device = rows.device.take();
+    // A record without a gap is not copied.
+    let whole = ranges.len() == 1 && ranges[0] == (0..rows.t.len());
     // A record of whirl's own knows its clock; all others are fitted.
     let own_step =
         metadata.as_ref().map(|m| m.sample_rate_hz).filter(|r| *r > 0.0 && device.is_some()).map(|r| 1.0 / r);
@@ -65,11 +67,24 @@ pub(super) fn assemble(
             None => time_fit::clock(t, sums, step),
         };
         let mut columns = Vec::with_capacity(rows.columns.len());
-        for (k, column) in rows.columns.iter().enumerate() {
-            columns.push(cut(column, range, moduli[k], &mut wraps[k]).map_err(|i| {
-                rows.beyond((range.start + i + 1) as u64, k, "a count that leaves 32 bits when unwrapped".to_owned())
-            })?);
+        let parts: Vec<Column> = if whole {
+            std::mem::take(&mut rows.columns)
+        } else {
+            rows.columns.iter().map(|c| cut(c, range)).collect()
+        };
+        for (k, mut part) in parts.into_iter().enumerate() {
+            if let Some(modulus) = moduli[k] {
+                wraps[k] += unwrap::column(&mut part, modulus, &mut unwrap::Carry::default()).map_err(|i| {
+                    let place = (range.start + i + 1) as u64;
+                    rows.beyond(place, k, "a count that leaves 32 bits when unwrapped".to_owned())
+                })?;
+            }
+            columns.push(part);
         }
+        let mut own = |column: fn(&mut DeviceColumns) -> &mut Vec<u32>| {
+            device.as_mut().map(column).map(|c| if whole { std::mem::take(c) } else { c[range.clone()].to_vec() })
+        };
+        let (phase, amplitude_nm) = (own(|d| &mut d.phase), own(|d| &mut d.amplitude_nm));
         segments.push(Segment {
             first_tick: match &device {
                 Some(d) => d.tick[range.start],
@@ -80,8 +95,8 @@ pub(super) fn assemble(
             step_s: clock.step_s,
             jitter_s: clock.jitter_s,
             columns,
-            phase: device.as_ref().map(|d| d.phase[range.clone()].to_vec()),
-            amplitude_nm: device.as_ref().map(|d| d.amplitude_nm[range.clone()].to_vec()),
+            phase,
+            amplitude_nm,
         });
     }
     for (k, modulus) in moduli.iter().enumerate() {
@@ -224,19 +239,10 @@ pub(super) fn check_rate(path: &Path, rig: &Rig, count: u64, step: f64) -> Resul
     Ok(rate)
 }
 
-/// One segment's part of a column, unwrapped; the error is the index within the segment.
-fn cut(
-    column: &Column,
-    range: &Range<usize>,
-    modulus: Option<f64>,
-    wraps: &mut u64,
-) -> core::result::Result<Column, usize> {
-    let mut part = match column {
+/// One segment's part of a column.
+fn cut(column: &Column, range: &Range<usize>) -> Column {
+    match column {
         Column::Values(v) => Column::Values(v[range.clone()].to_vec()),
         Column::Counts(c) => Column::Counts(c[range.clone()].to_vec()),
-    };
-    if let Some(modulus) = modulus {
-        *wraps += unwrap::column(&mut part, modulus, &mut unwrap::Carry::default())?;
     }
-    Ok(part)
 }

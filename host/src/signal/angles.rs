@@ -6,6 +6,7 @@
 //! it, otherwise τ = 2π f_e t with the record's t.
 
 use core::f64::consts::TAU;
+use std::borrow::Cow;
 
 use crate::error::{BadInput, Result};
 use crate::record::Record;
@@ -50,14 +51,31 @@ impl AngleSegment {
         self.len() == 0
     }
 
-    /// What the two sensors measured: φ1, and φ2 or φ2 − φ1.
-    pub fn sensors(&self) -> [Vec<f64>; 2] {
-        let second = if self.relative {
-            self.phi[1].iter().zip(&self.phi[0]).map(|(b, a)| b - a).collect()
+    /// What a sensor measured: φ1 the first; φ2, or φ2 − φ1, the second.
+    pub fn sensor(&self, which: usize) -> Cow<'_, [f64]> {
+        if which == 1 && self.relative {
+            Cow::Owned(self.phi[1].iter().zip(&self.phi[0]).map(|(b, a)| b - a).collect())
         } else {
-            self.phi[1].clone()
-        };
-        [self.phi[0].clone(), second]
+            Cow::Borrowed(&self.phi[which])
+        }
+    }
+
+    /// What the two sensors measured.
+    pub fn sensors(&self) -> [Vec<f64>; 2] {
+        [0, 1].map(|i| self.sensor(i).into_owned())
+    }
+
+    /// The same stretch with other angles.
+    pub fn with(&self, first: Vec<f64>, second: Vec<f64>) -> Self {
+        Self {
+            start_s: self.start_s,
+            step_s: self.step_s,
+            phi: [first, second],
+            phase: self.phase.clone(),
+            relative: self.relative,
+            runaway: self.runaway,
+            count_rad: self.count_rad,
+        }
     }
 
     /// Time of sample i, s.
@@ -144,8 +162,8 @@ pub fn double_pendulum_angles(record: &Record, rig: &Rig) -> Result<Vec<AngleSeg
     });
     let mut out = Vec::with_capacity(record.segments.len());
     for segment in &record.segments {
-        let phi1 = segment.columns[first].angle(&record.channels[first]);
-        let mut phi2 = segment.columns[second].angle(&record.channels[second]);
+        let angle = |i: usize| segment.columns[i].angle(&record.channels[i]);
+        let (phi1, mut phi2) = rayon::join(|| angle(first), || angle(second));
         if second_name == "theta2" {
             phi2.iter_mut().zip(&phi1).for_each(|(b, a)| *b += a);
         }

@@ -10,10 +10,7 @@
 //! Units: hertz and seconds. Output sample i belongs to input sample i; the first and last [`Kernel::reach`] samples have
 //! no output. Limits: the pass band must end below 0.45 of the sampling rate.
 
-use std::sync::Arc;
-
-use realfft::num_complex::Complex64;
-use rustfft::{Fft, FftPlanner};
+use super::fast_convolution::Output;
 
 /// Attenuation of the stop band, dB.
 const STOP_BAND_DB: f64 = 120.0;
@@ -88,6 +85,14 @@ impl Kernel {
         self.smooth.len() / 2
     }
 
+    /// Weights of an output, for lags −reach…reach.
+    pub(super) fn weights(&self, output: Output) -> &[f64] {
+        match output {
+            Output::Smooth => &self.smooth,
+            Output::Slope => &self.slope,
+        }
+    }
+
     /// Smoothed signal and its time derivative at the inputs `reach … len − reach`; both are
     /// `input.len() − 2·reach` long (empty where the input is too short). `input` may be a large unwrapped angle: the
     /// symmetry of the kernels is used, so that a constant adds no rounding error to the derivative.
@@ -122,82 +127,6 @@ impl Kernel {
             }
         }
     }
-}
-
-/// Several kernels over pairs of long stretches of one length, by fast convolution: the same outputs as [`Kernel::apply`] to rounding, several times faster.
-pub struct FastConvolution {
-    /// Length of the inputs.
-    input: usize,
-    forward: Arc<dyn Fft<f64>>,
-    inverse: Arc<dyn Fft<f64>>,
-    /// Spectra of the filters, scaled by one over the transform's length.
-    spectra: Vec<Vec<Complex64>>,
-}
-
-/// Which output of a kernel is wanted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Output {
-    /// The smoothed signal.
-    Smooth,
-    /// Its time derivative.
-    Slope,
-}
-
-impl FastConvolution {
-    /// Plans `outputs` for inputs of a length.
-    pub fn new(input: usize, outputs: &[(&Kernel, Output)]) -> Self {
-        let size = (input..).find(|&n| is_smooth(n)).unwrap_or(input).max(2);
-        let mut planner = FftPlanner::<f64>::new();
-        let (forward, inverse) = (planner.plan_fft_forward(size), planner.plan_fft_inverse(size));
-        let spectra = outputs
-            .iter()
-            .map(|(kernel, output)| {
-                let weights = if *output == Output::Smooth { &kernel.smooth } else { &kernel.slope };
-                let reach = kernel.reach();
-                let mut x = vec![Complex64::default(); size];
-                for (k, w) in weights.iter().enumerate() {
-                    // Lag k − reach, wrapped to the transform's length.
-                    x[(k + size * (1 + reach / size) - reach) % size].re += w / size as f64;
-                }
-                forward.process(&mut x);
-                x
-            })
-            .collect();
-        Self { input, forward, inverse, spectra }
-    }
-
-    /// Every output for a pair of signals of the planned length; samples nearer to an end than a kernel's reach mean nothing.
-    pub fn apply(&self, pair: [&[f64]; 2]) -> Vec<[Vec<f64>; 2]> {
-        let offset = pair.map(|x| x.first().copied().unwrap_or(0.0));
-        let mut z: Vec<Complex64> =
-            pair[0].iter().zip(pair[1]).map(|(a, b)| Complex64::new(a - offset[0], b - offset[1])).collect();
-        z.resize(self.forward.len(), Complex64::default());
-        self.forward.process(&mut z);
-        let mut product = vec![Complex64::default(); z.len()];
-        self.spectra
-            .iter()
-            .map(|spectrum| {
-                // What a filter does to the constant taken off: times its sum, 1 or 0.
-                let gain = spectrum[0].re * self.forward.len() as f64;
-                product.iter_mut().zip(z.iter().zip(spectrum)).for_each(|(p, (a, b))| *p = a * b);
-                self.inverse.process(&mut product);
-                let part = |f: fn(&Complex64) -> f64, offset: f64| {
-                    product[..self.input].iter().map(|p| f(p) + gain * offset).collect()
-                };
-                [part(|p| p.re, offset[0]), part(|p| p.im, offset[1])]
-            })
-            .collect()
-    }
-}
-
-/// Whether a length has no prime factor above 5: its transforms are fast.
-pub fn is_smooth(mut n: usize) -> bool {
-    for p in [2, 3, 5] {
-        while n > 0 && n.is_multiple_of(p) {
-            n /= p;
-        }
-    }
-    n == 1
 }
 
 #[cfg(test)]
@@ -245,25 +174,6 @@ mod tests {
         kernel.apply(&x, &mut y, &mut v);
         assert!(v.iter().all(|v| (v - 7.0).abs() < 1e-7));
         assert!((y[0] - x[kernel.reach()]).abs() < 1e-9);
-    }
-
-    #[test]
-    fn fast_convolution_gives_what_the_direct_one_gives() {
-        let kernel = Kernel::design(2e-3, 40.0, 60.0);
-        let other = Kernel::design(2e-3, 20.0, 40.0);
-        let x: Vec<f64> = (0..997).map(|i| 300.0 + 0.06 * i as f64 + (0.11 * i as f64).sin()).collect();
-        let y: Vec<f64> = (0..997).map(|i| (0.017 * (i * i % 701) as f64).cos()).collect();
-        let wanted = [(&kernel, Output::Smooth), (&kernel, Output::Slope), (&other, Output::Slope)];
-        let fast = FastConvolution::new(x.len(), &wanted).apply([&x, &y]);
-        for ((k, output), fast) in wanted.iter().zip(&fast) {
-            for (input, fast) in [&x, &y].iter().zip(fast) {
-                let (mut smooth, mut slope) = (vec![], vec![]);
-                k.apply(input, &mut smooth, &mut slope);
-                let direct = if *output == Output::Smooth { &smooth } else { &slope };
-                let worst = direct.iter().zip(&fast[k.reach()..]).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
-                assert!(worst < 1e-9, "{output:?} {worst:e}");
-            }
-        }
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 pub mod angles;
 pub mod band_limited;
+pub mod drive_phase;
+pub mod fast_convolution;
 pub mod low_pass;
 pub mod noise;
 pub mod sin_cos;

@@ -7,7 +7,7 @@ use crate::identify::windows::{Kernels, Stretches};
 use crate::model::model_file::equations_of_motion::wrapped;
 use crate::model::model_file::expression::Symbol;
 use crate::model::model_file::weak_form::WeakForm;
-use crate::signal::low_pass::FastConvolution;
+use crate::signal::fast_convolution::{self as convolution, FastConvolution};
 
 use super::stretches::Stretch;
 
@@ -40,9 +40,16 @@ impl Stretches for System<'_> {
         self.stretches[stretch].time(sample)
     }
 
-    fn evaluate(&self, stretch: usize, convolution: &FastConvolution, first: usize, last: usize) -> Vec<Vec<f64>> {
+    fn evaluate(
+        &self,
+        stretch: usize,
+        convolution: &FastConvolution,
+        (first, last): (usize, usize),
+        work: &mut convolution::Work,
+        series: &mut Vec<Vec<f64>>,
+    ) {
         let s = &self.stretches[stretch];
-        let reach = self.kernels.reach();
+        let reach = convolution.reach();
         let (from, to) = (first - reach, last + reach);
         let symbols = self.weak.tape.symbols();
         let n = s.coordinates.len();
@@ -60,15 +67,9 @@ impl Stretches for System<'_> {
         let mut filtered: Vec<Option<[Vec<f64>; 3]>> = vec![None; n + s.inputs.len()];
         for pair in needed.chunks(2) {
             let second = pair.get(1).copied().unwrap_or(pair[0]);
-            let mut outputs = convolution.apply([signal(pair[0]), signal(second)]);
+            convolution.apply([signal(pair[0]), signal(second)], work);
             for (place, &k) in pair.iter().enumerate() {
-                let mut take = |output: usize| {
-                    let mut x = core::mem::take(&mut outputs[output][place]);
-                    x.truncate(last - from);
-                    x.drain(..reach);
-                    x
-                };
-                filtered[k] = Some([take(0), take(1), take(2)]);
+                filtered[k] = Some([0, 1, 2].map(|output: usize| work.outputs[output][place].clone()));
             }
         }
         for (k, circle) in self.circle.iter().enumerate() {
@@ -94,6 +95,6 @@ impl Stretches for System<'_> {
                 Symbol::Acceleration(_) | Symbol::Held(_) => &[],
             })
             .collect();
-        self.weak.tape.run(&columns, last - first)
+        *series = self.weak.tape.run(&columns, last - first);
     }
 }
