@@ -33,25 +33,7 @@ pub fn gram(x: &DMatrix<f64>) -> DMatrix<f64> {
         .par_iter()
         .map(|&(i, j, k)| {
             let of = |c: usize| whole.subrows(cut(k), cut(k + 1) - cut(k)).subcols(c, COLUMNS.min(n - c));
-            let (left, right) = (of(i).transpose(), of(j));
-            let mut out = DMatrix::zeros(left.nrows(), right.ncols());
-            let to = view_mut(&mut out);
-            if i == j {
-                triangular::matmul(
-                    to,
-                    BlockStructure::TriangularLower,
-                    Accum::Replace,
-                    left,
-                    BlockStructure::Rectangular,
-                    right,
-                    BlockStructure::Rectangular,
-                    1.0,
-                    Par::Seq,
-                );
-            } else {
-                matmul(to, Accum::Replace, left, right, 1.0, Par::Seq);
-            }
-            out
+            if i == j { square(of(i)) } else { mixed(of(i), of(j)) }
         })
         .collect();
     let mut out = DMatrix::zeros(n, n);
@@ -59,12 +41,56 @@ pub fn gram(x: &DMatrix<f64>) -> DMatrix<f64> {
         let mut block = out.view_mut((i, j), part.shape());
         block += part;
     }
-    // The lower triangle stands; the other one is its mirror image.
-    for column in 1..n {
-        for row in 0..column {
-            out[(row, column)] = out[(column, row)];
-        }
-    }
+    mirrored(out)
+}
+
+/// Most columns that [`gram_of`] takes.
+pub const FEW: usize = COLUMNS;
+
+/// XᵀX of a matrix of m rows and at most [`FEW`] columns that is made while it is multiplied: `fill(column, first row, to)` writes rows of a column. It is
+/// never there as a whole, so that a record is centred within the nearest caches.
+pub fn gram_of(m: usize, n: usize, fill: impl Fn(usize, usize, &mut [f64]) + Sync) -> DMatrix<f64> {
+    let starts: Vec<usize> = (0..m).step_by(ROWS).collect();
+    let parts: Vec<DMatrix<f64>> = starts
+        .par_iter()
+        .with_min_len(4)
+        .map_init(Vec::new, |room, &first| {
+            let rows = ROWS.min(m - first);
+            room.resize(rows * n, 0.0);
+            room.chunks_exact_mut(rows).enumerate().for_each(|(column, to)| fill(column, first, to));
+            square(MatRef::from_column_major_slice(room, rows, n))
+        })
+        .collect();
+    mirrored(parts.iter().fold(DMatrix::zeros(n, n), |sum, part| sum + part))
+}
+
+/// The lower triangle of XᵀX.
+fn square(x: MatRef<'_, f64>) -> DMatrix<f64> {
+    let mut out = DMatrix::zeros(x.ncols(), x.ncols());
+    triangular::matmul(
+        view_mut(&mut out),
+        BlockStructure::TriangularLower,
+        Accum::Replace,
+        x.transpose(),
+        BlockStructure::Rectangular,
+        x,
+        BlockStructure::Rectangular,
+        1.0,
+        Par::Seq,
+    );
+    out
+}
+
+/// XᵀY.
+fn mixed(x: MatRef<'_, f64>, y: MatRef<'_, f64>) -> DMatrix<f64> {
+    let mut out = DMatrix::zeros(x.ncols(), y.ncols());
+    matmul(view_mut(&mut out), Accum::Replace, x.transpose(), y, 1.0, Par::Seq);
+    out
+}
+
+/// A symmetric matrix from its lower triangle.
+fn mirrored(mut out: DMatrix<f64>) -> DMatrix<f64> {
+    out.fill_upper_triangle_with_lower_triangle();
     out
 }
 
@@ -106,6 +132,17 @@ mod tests {
             assert!((gram(&x) - x.tr_mul(&x)).iter().all(|d| d.abs() < 1e-9), "{m} × {n}");
             let b = DMatrix::from_fn(n, 300, |i, j| ((i * 7 + j * 13) % 19) as f64 - 9.0);
             assert!((product(&x, &b) - &x * &b).iter().all(|d| d.abs() < 1e-9), "{m} × {n}");
+        }
+    }
+
+    #[test]
+    fn a_matrix_made_piece_by_piece_has_the_same_product() {
+        for (m, n) in [(5000, 7), (1024, 3), (1, 2), (0, 4), (9, 0)] {
+            let x = DMatrix::from_fn(m, n, |i, j| ((i * 31 + j * 17) % 23) as f64 - 11.0);
+            let found = gram_of(m, n, |column, first, to| {
+                to.copy_from_slice(&x.column(column).as_slice()[first..first + to.len()]);
+            });
+            assert!((found - x.tr_mul(&x)).iter().all(|d| d.abs() < 1e-9), "{m} × {n}");
         }
     }
 

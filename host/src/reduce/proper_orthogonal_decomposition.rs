@@ -12,7 +12,7 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use super::eigen;
-use super::gram::{gram, product};
+use super::gram::{FEW, gram, gram_of, product};
 
 /// Share of the energy that the kept modes hold unless another is asked for.
 pub const KEPT_ENERGY: f64 = 0.999;
@@ -70,6 +70,14 @@ pub fn decompose(channels: &[&[f64]], masses: Option<&[f64]>, route: Route) -> P
     let mean: Vec<f64> = channels.par_iter().map(|c| c[..m].iter().sum::<f64>() / m.max(1) as f64).collect();
     if n == 0 || m == 0 {
         return Pod { mean, values: Vec::new(), energy: Vec::new(), modes: Vec::new() };
+    }
+    if route == Route::Covariance && n <= m.min(FEW) {
+        let squares = gram_of(m, n, |channel, first, to| {
+            let (mean, root, from) = (mean[channel], root(channel), &channels[channel][first..]);
+            to.iter_mut().zip(from).for_each(|(to, from)| *to = (from - mean) * root);
+        });
+        let (values, vectors) = eigenvectors(&(squares / m as f64));
+        return ordered(mean, &values, &vectors, root);
     }
     let mut x = DMatrix::zeros(m, n);
     x.as_mut_slice().par_chunks_mut(m).enumerate().for_each(|(i, to)| {
