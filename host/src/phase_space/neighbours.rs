@@ -387,7 +387,7 @@ fn split(e: &Embedding<'_>, d: usize, keys: &mut [u64], leaves: usize) {
     let mut widest = (0, -1.0f32);
     for j in 0..d {
         // A sample of the node's vectors tells its widest component well enough.
-        let step = keys.len().div_ceil(512);
+        let step = keys.len().div_ceil(96);
         let (low, high) = keys.iter().step_by(step).fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), k| {
             let v = e.at(e.starts[*k as u32 as usize], j);
             (l.min(v), h.max(v))
