@@ -97,11 +97,14 @@ impl<'a> Block<'a> {
 /// A quantity evaluated at every sample.
 pub type Series = Arc<dyn Fn(&Sample) -> f64 + Send + Sync>;
 
+/// The same for many samples at once.
+pub type Column = Arc<dyn Fn(&[Sample], &mut [f64]) + Send + Sync>;
+
 /// A quantity along a record.
 #[derive(Clone)]
 pub enum Signal {
     /// From each sample.
-    Each(Arc<dyn Fn(&[Sample], &mut [f64]) + Send + Sync>),
+    Each(Column),
     /// From a run of samples.
     Run(fn(&Block<'_>, &mut [f64])),
 }
