@@ -1,4 +1,4 @@
-//! Writes whirl's record as Parquet, in bounded memory: one row group of [`GROUP_ROWS`] rows is held at a time.
+//! Writes whirl's record as Parquet, in bounded memory: one row group ([`group_rows`]) is held at a time.
 //!
 //! | column | type | unit |
 //! |---|---|---|
@@ -35,6 +35,16 @@ use crate::rig::Rig;
 
 /// Rows of a row group: 5 s at 500 Hz.
 pub(super) const GROUP_ROWS: usize = 2500;
+/// Share of a long record that its next row group is: the file ends with a list of all of them, which is kept until then.
+const SHARE: usize = 512;
+/// Most rows of a row group.
+const MOST_ROWS: usize = 1 << 16;
+
+/// Rows of the row group that follows `written` rows: 5 s for the first 43 minutes, then 1/512 of what there is, so that their number grows with the
+/// logarithm of the record's length (to 2300 in a day, not 17 000).
+fn group_rows(written: usize) -> usize {
+    (written / SHARE).clamp(GROUP_ROWS, MOST_ROWS)
+}
 /// Prefix of whirl's keys in the file's key-value metadata.
 pub(super) const KEY: &str = "whirl.";
 /// Version of this layout.
@@ -66,6 +76,8 @@ pub(super) struct ParquetWriter {
     rate: f64,
     writer: SerializedFileWriter<Checked>,
     schema: Arc<SchemaDescriptor>,
+    /// Rows in finished row groups.
+    written: usize,
     tick: Vec<i64>,
     t: Vec<f64>,
     counts: Vec<Vec<i32>>,
@@ -129,6 +141,7 @@ impl ParquetWriter {
             rate: metadata.sample_rate_hz,
             writer,
             schema,
+            written: 0,
             tick: Vec::with_capacity(GROUP_ROWS),
             t: Vec::with_capacity(GROUP_ROWS),
             counts: vec![column.clone(); rig.channel.len()],
@@ -146,7 +159,7 @@ impl ParquetWriter {
         // Parquet's unsigned 32-bit integers are stored as the same bits, signed.
         self.phase.push(sample.phase.cast_signed());
         self.amplitude_nm.push(sample.amplitude_nm.cast_signed());
-        if self.tick.len() >= GROUP_ROWS { self.write_group() } else { Ok(()) }
+        if self.tick.len() >= group_rows(self.written) { self.write_group() } else { Ok(()) }
     }
 
     fn write_group(&mut self) -> Result<()> {
@@ -154,6 +167,7 @@ impl ParquetWriter {
             return Ok(());
         }
         self.try_write_group().map_err(|e| failed(&self.path, &e))?;
+        self.written += self.tick.len();
         self.tick.clear();
         self.t.clear();
         self.counts.iter_mut().for_each(Vec::clear);
@@ -222,4 +236,20 @@ fn schema(rig: &Rig) -> ParquetResult<Type> {
     fields.push(field("phase", Physical::INT32, unsigned.clone())?);
     fields.push(field("amplitude_nm", Physical::INT32, unsigned)?);
     Type::group_type_builder("whirl").with_fields(fields).build()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_day_has_some_thousand_row_groups_and_a_short_record_small_ones() {
+        assert_eq!((group_rows(0), group_rows(1_000_000), group_rows(usize::MAX)), (2500, 2500, 65_536));
+        let (mut written, mut groups) = (0, 0);
+        while written < 43_200_000 {
+            written += group_rows(written);
+            groups += 1;
+        }
+        assert!((2000..2600).contains(&groups), "{groups}");
+    }
 }
