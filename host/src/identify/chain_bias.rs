@@ -30,9 +30,6 @@ const STEP_S: f64 = 5e-3;
 const STEPS: f64 = 40.0;
 /// A share of a coefficient beyond which the simulated motion is another one than the record's, and nothing is concluded from it.
 const ANOTHER_MOTION: f64 = 0.1;
-/// Noise of the sensors, rad, below which nothing is measured where no friction bends the motion: the solutions' own error would be all there is (it made the
-/// parameters of an exact record ten times worse, 6e-9).
-const EXACT: f64 = 1e-9;
 /// Groups of neighbouring windows whose scatter tells that of the bias: neighbours share half of their samples.
 const GROUPS: usize = 8;
 
@@ -48,9 +45,6 @@ pub fn estimate(
     weights: &[Vec<f64>],
     sigma: [f64; 2],
 ) -> Option<Bias> {
-    if dynamics.switches().is_empty() && sigma.iter().all(|s| *s < EXACT) {
-        return None;
-    }
     let motions = motions((dynamics, omega), coefficients.as_slice(), segments, kernels, windows, cells(&sigma))?;
     let terms: Vec<usize> = model.equations.iter().map(|e| e.terms.len()).collect();
     let plain = rows(&motions, model, kernels, windows);
