@@ -130,55 +130,6 @@ impl Normal {
     }
 }
 
-/// Normal equations of the rows at each frequency, for any weights afterwards.
-struct FrequencySums {
-    p: usize,
-    /// For each frequency the upper triangle, column by column, then the right-hand side.
-    sums: Vec<f64>,
-}
-
-impl FrequencySums {
-    fn width(p: usize) -> usize {
-        p * (p + 1) / 2 + p
-    }
-
-    fn new(windows: &[WindowRows], e: usize, p: usize, frequencies: usize) -> Self {
-        let width = Self::width(p);
-        let mut sums = vec![0.0; (frequencies + 1) * width];
-        for window in windows {
-            for (r, row) in window.equations[e].chunks_exact(p + 1).enumerate() {
-                let m = frequency_of_row(r);
-                let (mut triangle, right) = sums[m * width..(m + 1) * width].split_at_mut(width - p);
-                for i in 0..p {
-                    let (column, rest) = triangle.split_at_mut(i + 1);
-                    column.iter_mut().zip(row).for_each(|(s, x)| *s += row[i] * x);
-                    triangle = rest;
-                }
-                right.iter_mut().zip(row).for_each(|(s, x)| *s += x * row[p]);
-            }
-        }
-        Self { p, sums }
-    }
-
-    fn weighted(&self, weights: &[f64]) -> Normal {
-        let width = Self::width(self.p);
-        let mut total = vec![0.0; width];
-        for (sums, w) in self.sums.chunks_exact(width.max(1)).zip(weights) {
-            total.iter_mut().zip(sums).for_each(|(t, s)| *t += w * s);
-        }
-        let mut normal = Normal::zeros(self.p);
-        let mut at = 0;
-        for i in 0..self.p {
-            for j in 0..=i {
-                (normal.matrix[(j, i)], normal.matrix[(i, j)]) = (total[at], total[at]);
-                at += 1;
-            }
-        }
-        normal.right.copy_from_slice(&total[at..]);
-        normal
-    }
-}
-
 /// Residuals of one window's rows.
 fn residuals(rows: &[f64], coefficients: &DVector<f64>) -> impl Iterator<Item = (f64, f64)> {
     let p = coefficients.len();
@@ -235,9 +186,15 @@ pub fn solve_with(
         let given = options.weights.and_then(|w| w.get(e)).filter(|w| w.len() == frequencies + 1);
         let mut weights = given.cloned().unwrap_or_else(|| vec![1.0; frequencies + 1]);
         let mut rms = vec![0.0; frequencies + 1];
-        let sums: Vec<FrequencySums> = blocks.par_iter().map(|b| FrequencySums::new(b, e, p, frequencies)).collect();
         for round in 0..3 {
-            let parts: Vec<Normal> = sums.par_iter().map(|sums| sums.weighted(&weights)).collect();
+            let parts: Vec<Normal> = blocks
+                .par_iter()
+                .map(|block| {
+                    let mut part = Normal::zeros(p);
+                    block.iter().for_each(|w| part.add(&w.equations[e], &weights));
+                    part.complete()
+                })
+                .collect();
             let whole = Normal::sum(parts.iter(), p);
             let (solution, inverse, kappa) = whole.solve().map_err(dependent)?;
             if round == 2 {

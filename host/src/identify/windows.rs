@@ -3,8 +3,9 @@
 //! w_m(u) = sin⁴(πu) e^{−2πimu}, u ∈ [0, 1] over a window of length L, m = 0 … M: smooth, vanishing with three derivatives
 //! at both ends. As sin⁴(πu) = Σ_{k=−2}^{2} a_k e^{−2πiku} with a = (1, −4, 6, −4, 1)/16, every ∫ w_m s, ∫ ẇ_m s, ∫ ẅ_m s is a
 //! combination of five bins of the plain discrete Fourier transform S of the series s on the window:
-//! ∫ w_m⁽ᵖ⁾ s dt = Δt Σ_k a_k (−2πi(m+k)/L)ᵖ S(m+k). One FFT a series and window serves all m, terms and equations. The sums
-//! are trapezoidal and, the integrand vanishing at both ends, of higher order.
+//! ∫ w_m⁽ᵖ⁾ s dt = Δt Σ_k a_k (−2πi(m+k)/L)ᵖ S(m+k). One transform a series and window (`transforms`)
+//! serves all m, terms and equations (`assembly`). The sums are trapezoidal and, the integrand vanishing at both ends, of
+//! higher order.
 //!
 //! Windows start every half window, at multiples of ten drive periods (rounded to samples), so that windows of a periodic
 //! record repeat and can be recognised as repeating.

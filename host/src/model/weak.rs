@@ -72,7 +72,7 @@ pub struct Block<'a> {
     pub raw: [&'a [f64]; 2],
     /// φ̇1, φ̇2, rad/s.
     pub rate: [&'a [f64]; 2],
-    /// φ̇1, φ̇2 in the band that is clear of noise, rad/s, and their changes over a sampling step.
+    /// See [`Sample::clear_rate`].
     pub clear_rate: [&'a [f64]; 2],
     /// See [`Sample::clear_step`].
     pub clear_step: [&'a [f64]; 2],

@@ -224,7 +224,7 @@ fn rows_in(group: &RowGroupMetaData) -> core::result::Result<usize, Failure> {
     usize::try_from(group.num_rows()).map_err(|_| Failure::File("a negative number of rows".to_owned()))
 }
 
-/// Runs code of the parquet crate on a thread of its own choice; a panic is caught there, where it can be kept quiet.
+/// Runs code of the parquet crate on whatever thread it is given to: a panic is caught on that thread, where it can be kept quiet.
 fn caught<T>(f: impl FnOnce() -> core::result::Result<T, Failure>) -> core::result::Result<T, Failure> {
     quiet::catch(AssertUnwindSafe(f)).unwrap_or_else(|| Err(Failure::File("a damaged page".to_owned())))
 }

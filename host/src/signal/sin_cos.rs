@@ -2,7 +2,6 @@
 //!
 //! Four at a time by `wide` (nalgebra brings it along), which stays within 3e-16 of the exact value up to |x| = 1e5 rad, three times as fast as one by one;
 //! beyond that the standard library, whose reduction of large angles is exact.
-
 //!
 //! Of angles that follow each other closely, as samples of a motion do, one in eight is computed so; the others, at most half a radian away from it, follow by
 //! the addition theorem with the series of sine and cosine of the difference, eight at a time where the processor can (pulp).
