@@ -305,7 +305,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
         return general::identify(records, rig, bound, settings);
     }
     let system = System::of(rig)?;
-    let Prepared { segments, sigma, geometry: Geometry { windows, kernels }, mut warnings } =
+    let Prepared { segments, mut sigma, geometry: Geometry { windows, kernels }, mut warnings } =
         prepare_system(&system, records, rig, settings)?;
     let model = system.weak_model(rig);
     let rows = windows::rows(&segments, &model, &kernels, &windows);
@@ -338,9 +338,13 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
     } else {
         let dynamics = system.dynamics(rig);
         let moves = (&*dynamics, rig.drive.map_or(0.0, |_| rig.omega()));
-        let chain =
-            chain_bias::estimate(moves, &found, &segments, &model, &kernels, &windows, &solution.weights, sigma);
-        chain.or_else(|| noise_bias::estimate(&segments, &model, &kernels, &windows, &solution.weights, sigma))
+        let weights = &solution.weights;
+        let counted = [0, 1].map(|c: usize| segments.iter().all(|s| s.count_rad[c].is_some()));
+        noise_bias::with_noise_that_fits(&mut sigma, &counted, |sigma| {
+            let sigma = [sigma[0], sigma[1]];
+            let chain = chain_bias::estimate(moves, &found, &segments, &model, &kernels, &windows, weights, sigma);
+            chain.or_else(|| noise_bias::estimate(&segments, &model, &kernels, &windows, weights, sigma))
+        })
     };
     if let Some(bias) = &bias {
         let mut rest = bias.value.iter();

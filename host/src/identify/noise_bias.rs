@@ -11,6 +11,10 @@
 //! finer), and what is left is the bias. This keeps what no independent noise has: at a reversal the count stands still. Other sensors get
 //! white noise of the size found in the spectrum, in pairs of opposite sign, whose first order cancels too.
 //!
+//! The noise of a sensor that does not count comes from the spectrum, where the tail of a motion sampled coarsely looks like noise. Noise so large would leave
+//! larger residuals than the record has: the weights are one over the record's mean square residuals, so that those of the repeats have a weighted rms
+//! ρ of 1 where the noise is right. Where ρ > 2 the bias is measured again with the noise divided by ρ ([`with_noise_that_fits`]).
+//!
 //! The bias does not depend on the record's length: it is measured on at most 64 windows spread over the record, so that a
 //! long record costs no more. The noise is seeded: the same record gives the same bytes.
 
@@ -19,7 +23,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::regression::RunSums;
+use super::regression::{RunSums, weighted_rms};
 use super::windows::{Kernels, WindowRows, Windows, rows, samples_needed};
 use crate::model::weak::WeakModel;
 use crate::signal::angles::AngleSegment;
@@ -45,6 +49,27 @@ pub struct Bias {
     /// Covariance of the coefficients over the repeats, stretched by t₀.₉₇₅(R−1)/1.96: what a motion that repeats cannot average out, since it
     /// meets the encoders' grids at the same points each time, and where these lie is not known.
     pub spread: DMatrix<f64>,
+    /// ρ: weighted rms residual over the repeats, 1 where the noise assumed leaves residuals like the record's.
+    pub residual: f64,
+}
+
+/// ρ above which the assumed noise is not the record's.
+const TOO_MUCH: f64 = 2.0;
+
+/// The bias with the noise `sigma` of each sensor, or, where such noise leaves residuals larger than the record's, with as much less. `sigma` then becomes
+/// what it was measured with. `counted`: for each sensor whether its noise is known from its counts.
+pub(crate) fn with_noise_that_fits(
+    sigma: &mut [f64],
+    counted: &[bool],
+    measure: impl Fn(&[f64]) -> Option<Bias>,
+) -> Option<Bias> {
+    let bias = measure(sigma)?;
+    let uncertain = sigma.iter().zip(counted).any(|(s, counted)| *s > 0.0 && !counted);
+    if !(uncertain && bias.residual.is_finite() && bias.residual > TOO_MUCH) {
+        return Some(bias);
+    }
+    sigma.iter_mut().zip(counted).filter(|(_, counted)| !**counted).for_each(|(s, _)| *s /= bias.residual);
+    measure(sigma)
 }
 
 /// Measures the bias. `sigma` is the standard deviation of each sensor's noise, rad (used where it does not count).
@@ -70,16 +95,16 @@ pub fn estimate(
     from_rows(truth.len(), &plain, &repeats, &terms, weights)
 }
 
-/// The bias from the rows of known motions, as they are (`plain`) and measured again ([`REPEATS`] times); their `run` is the stretch.
+/// The bias from the rows of known motions, as they are (`plain`) and measured again (`repeats_rows`, [`REPEATS`] times); their `run` is the stretch.
 pub(crate) fn from_rows(
     stretches: usize,
     plain: &[WindowRows],
-    repeats: &[Vec<WindowRows>],
+    repeats_rows: &[Vec<WindowRows>],
     terms: &[usize],
     weights: &[Vec<f64>],
 ) -> Option<Bias> {
     let sums = |rows: &[WindowRows]| RunSums::new(rows, stretches, terms, weights);
-    let (plain, repeats): (RunSums, Vec<RunSums>) = (sums(plain), repeats.par_iter().map(|r| sums(r)).collect());
+    let (plain, repeats): (RunSums, Vec<RunSums>) = (sums(plain), repeats_rows.par_iter().map(|r| sums(r)).collect());
     // δ from all stretches but one (or from all).
     let delta = |without: Option<usize>| {
         let mut mean = -plain.solve(without)?;
@@ -107,7 +132,9 @@ pub(crate) fn from_rows(
         let square = all[i] * all[i];
         if square > 0.0 { all[i] * (1.0 - covariance[(i, i)] / square).max(0.0) } else { 0.0 }
     });
-    Some(Bias { value, covariance, spread })
+    let squares = repeats_rows.iter().map(|rows| weighted_rms(rows, terms, weights, &mean).powi(2));
+    let residual = (squares.sum::<f64>() / repeats_rows.len().max(1) as f64).sqrt();
+    Some(Bias { value, covariance, spread, residual })
 }
 
 /// Smoothed stretches of a few windows each, spread evenly over the record.

@@ -301,6 +301,27 @@ impl RunSums {
     }
 }
 
+/// Root of the mean weighted square residual of a row, all equations together; `coefficients` of all equations, concatenated.
+pub(crate) fn weighted_rms(
+    windows: &[WindowRows],
+    terms: &[usize],
+    weights: &[Vec<f64>],
+    coefficients: &DVector<f64>,
+) -> f64 {
+    let (mut sum, mut count, mut from) = (0.0, 0_usize, 0);
+    for (e, &p) in terms.iter().enumerate() {
+        let own = coefficients.rows(from, p).into_owned();
+        for window in windows {
+            for (r, (_, x)) in residuals(&window.equations[e], &own).enumerate() {
+                sum += weights[e][frequency_of_row(r)] * x * x;
+                count += 1;
+            }
+        }
+        from += p;
+    }
+    (sum / count.max(1) as f64).sqrt()
+}
+
 /// Rms residual at each frequency, pooled with its two neighbours on either side so that few windows suffice.
 fn rms_by_frequency(windows: &[WindowRows], e: usize, solution: &DVector<f64>, frequencies: usize) -> Vec<f64> {
     // Parts of a fixed size, added in their order: the same on any number of threads.

@@ -22,6 +22,7 @@ use self::noise::{Remeasured, Sensors};
 use self::series::System;
 use self::stretches::Stretch;
 use super::correlation_of as correlation;
+use super::noise_bias::with_noise_that_fits;
 use super::regression::{self, Options, Unsolvable};
 use super::windows::{WindowRows, frequency_of_row, rows_of, samples_needed};
 use super::{Details, Geometry, Identification, Parameter, RecordUse, Residuals, Settings, identifiability};
@@ -222,8 +223,20 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
         let options = Options { weights: Some(&weights), ..options };
         solution = regression::solve_with(&rows, &terms, windows.frequencies, &options).map_err(told)?;
     }
-    let whole = chain::estimate(&system, &windows, (rig, bound), &sensors, &names, &solution);
-    let bias = whole.or_else(|| remeasured().bias(&terms, &solution.weights));
+    let mut sigma = sensors.sigma.clone();
+    let weights = &solution.weights;
+    let bias = if bound.inputs.is_empty() {
+        let counted: Vec<bool> = sensors.count.iter().map(Option::is_some).collect();
+        with_noise_that_fits(&mut sigma, &counted, |sigma| {
+            let sensors = Sensors { sigma: sigma.to_vec(), ..sensors.clone() };
+            let whole = chain::estimate(&system, &windows, (rig, bound), &sensors, &names, &solution);
+            let smoothed = || Remeasured::new(&system, &windows, bound, &sensors, &split, &record_of);
+            whole.or_else(|| smoothed().bias(&terms, weights))
+        })
+    } else {
+        // Its weights are not those of residuals, so that these do not tell how large the noise is.
+        remeasured().bias(&terms, weights)
+    };
     if let Some(bias) = &bias {
         let mut rest = bias.value.iter();
         solution.coefficients.iter_mut().flat_map(DVector::iter_mut).zip(&mut rest).for_each(|(c, d)| *c -= d);
@@ -289,7 +302,7 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
             pass_hz: kernels.full.pass_hz,
             stop_hz: kernels.full.stop_hz,
             sign_pass_hz: kernels.clear.pass_hz,
-            noise_rad: sensors.sigma,
+            noise_rad: sigma,
             noise_bias: bias.map_or_else(Vec::new, |b| b.value.iter().copied().collect()),
             condition: solution.condition.clone(),
             repetition: solution.repetition,
