@@ -73,6 +73,7 @@ fn benches(c: &mut Criterion) {
     let mut group = c.benchmark_group("670 000 samples");
     group.sample_size(10).warm_up_time(Duration::from_secs(1)).measurement_time(Duration::from_secs(5));
     let read = || Record::read(&path, &rig, &ReadOptions::default()).expect("a record");
+    group.bench_function("record read", |b| b.iter(read));
     group.bench_function("weak form, from file to parameters", |b| {
         b.iter(|| identify(&[read()], black_box(&rig), &Settings::default()).expect("parameters"))
     });

@@ -18,16 +18,17 @@ use rayon::prelude::*;
 
 use super::noise_bias::{Bias, REPEATS, from_rows, measure, places};
 use super::regression::RunSums;
-use super::windows::{Kernels, WindowRows, Windows, rows};
+use super::windows::{Kernels, Plan, WindowRows, Windows, rows_with};
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Outside, Work};
 use crate::model::weak::WeakModel;
 use crate::signal::angles::{AngleSegment, Phase};
 
-/// Longest step of integration, s, and shortest part of a drive period.
-const STEP_S: f64 = 5e-3;
-/// Steps of integration a drive period.
-const STEPS: f64 = 40.0;
+/// Longest step of integration: s, samples, and as a share of a drive period. What a solution leaves of its equations, its local error over the step,
+/// must be far below what the sensors leave; a test holds it.
+const STEP_S: f64 = 8e-3;
+const STEP_SAMPLES: f64 = 4.0;
+const STEPS: f64 = 25.0;
 /// A share of a coefficient beyond which the simulated motion is another one than the record's, and nothing is concluded from it.
 const ANOTHER_MOTION: f64 = 0.1;
 /// Groups of neighbouring windows whose scatter tells that of the bias: neighbours share half of their samples.
@@ -47,12 +48,13 @@ pub fn estimate(
 ) -> Option<Bias> {
     let motions = motions((dynamics, omega), coefficients.as_slice(), segments, kernels, windows, cells(&sigma))?;
     let terms: Vec<usize> = model.equations.iter().map(|e| e.terms.len()).collect();
-    let plain = rows(&motions, model, kernels, windows);
+    let plan = Plan::new(kernels, windows, motions.first()?.step_s, 1);
+    let plain = rows_with(&motions, model, &plan);
     let measured = (0..REPEATS)
         .map(|r| {
             let seen: Vec<AngleSegment> =
                 motions.par_iter().enumerate().map(|(i, s)| measure(s, r, sigma, i as u64)).collect();
-            rows(&seen, model, kernels, windows)
+            rows_with(&seen, model, &plan)
         })
         .collect();
     from_solutions(motions.len(), plain, measured, &terms, weights, coefficients)
@@ -94,9 +96,10 @@ pub(crate) fn from_solutions(
     Some(bias)
 }
 
-/// Longest step of integration under a drive of angular frequency `omega` (0 for none), s.
-fn step_s(omega: f64) -> f64 {
-    if omega > 0.0 { (core::f64::consts::TAU / omega / STEPS).min(STEP_S) } else { STEP_S }
+/// Longest step of integration under a drive of angular frequency `omega` (0 for none) for samples `spacing` apart, s.
+fn step_s(omega: f64, spacing: f64) -> f64 {
+    let most = STEP_S.min(STEP_SAMPLES * spacing);
+    if omega > 0.0 { (core::f64::consts::TAU / omega / STEPS).min(most) } else { most }
 }
 
 /// State at the sample in the middle of a kernel's span: each coordinate low-passed, then its rate.
@@ -129,7 +132,7 @@ pub(crate) fn solve<D: Dynamics + ?Sized>(
     cells: f64,
     out: &mut [Vec<f64>],
 ) -> bool {
-    let flow = Flow::new(dynamics, parameters, outside, step_s(outside.omega));
+    let flow = Flow::new(dynamics, parameters, outside, step_s(outside.omega, spacing));
     let mut work = Work::plain(dynamics);
     let count = out.first().map_or(0, Vec::len);
     let part = ((0.1 / spacing).round() as usize).max(1);
@@ -181,4 +184,46 @@ fn motions(
         })
         .collect::<Option<_>>()?;
     (!found.is_empty()).then_some(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::double_pendulum::{DAMPINGS, DEFAULT_DAMPINGS};
+    use crate::model::double_pendulum_dynamics::DoublePendulum;
+
+    /// Over a tenth of a second, at which the states are rounded, steps of this length change velocities by far less than accelerations do in that time.
+    #[test]
+    fn steps_are_short_enough() {
+        let omega = 31.4;
+        let dampings: Vec<_> = DAMPINGS.iter().filter(|d| DEFAULT_DAMPINGS.contains(&d.id)).collect();
+        let pendulum = DoublePendulum::new(omega, true, &dampings);
+        let parameters = [0.113, 0.0709, -0.1107, 0.0, 1e-3, 3.3e-3, 1.68, 0.263, -0.411, 0.0, 0.0485];
+        let flow = |step: f64| {
+            let flow = Flow::new(&pendulum, &parameters, Outside::drive(0.0, 0.0, omega), step);
+            let mut work = Work::plain(&pendulum);
+            let (mut states, mut state) = (Vec::new(), vec![0.3, 2.0, 0.0, 0.0]);
+            for k in 0..300 {
+                work.set(&state);
+                assert!(flow.carry(&mut work, 0.1 * f64::from(k), 0.1));
+                states.push((state.clone(), work.state().to_vec()));
+                // Both ways go on from the finer one's state.
+                let fine = Flow::new(&pendulum, &parameters, Outside::drive(0.0, 0.0, omega), 4e-4);
+                work.set(&state);
+                assert!(fine.carry(&mut work, 0.1 * f64::from(k), 0.1));
+                state.copy_from_slice(work.state());
+            }
+            states
+        };
+        let (coarse, fine) = (flow(step_s(omega, 2e-3)), flow(4e-4));
+        let (mut error, mut change) = (0.0, 0.0);
+        for ((_, a), (from, b)) in coarse.iter().zip(&fine) {
+            for i in 2..4 {
+                error += (a[i] - b[i]).powi(2);
+                change += (b[i] - from[i]).powi(2);
+            }
+        }
+        let relative: f64 = (error / change).sqrt();
+        assert!(relative < 2e-6, "{relative:e}");
+    }
 }

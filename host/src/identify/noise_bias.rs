@@ -19,12 +19,13 @@
 //! long record costs no more. The noise is seeded: the same record gives the same bytes.
 
 use nalgebra::{DMatrix, DVector};
+use pulp::{Arch, NullaryFnOnce};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::regression::{RunSums, weighted_rms};
-use super::windows::{Kernels, WindowRows, Windows, rows, samples_needed};
+use super::windows::{Kernels, Plan, WindowRows, Windows, rows_with, samples_needed};
 use crate::model::weak::WeakModel;
 use crate::signal::angles::AngleSegment;
 
@@ -84,12 +85,13 @@ pub fn estimate(
 ) -> Option<Bias> {
     let truth = smoothed_stretches(segments, kernels, windows);
     let terms: Vec<usize> = model.equations.iter().map(|e| e.terms.len()).collect();
-    let plain = rows(&truth, model, kernels, windows);
+    let plan = Plan::new(kernels, windows, truth.first()?.step_s, STRETCH);
+    let plain = rows_with(&truth, model, &plan);
     let repeats: Vec<Vec<WindowRows>> = (0..SHIFTS.len())
         .map(|r| {
             let measured: Vec<AngleSegment> =
                 truth.iter().enumerate().map(|(i, s)| measure(s, r, sigma, i as u64)).collect();
-            rows(&measured, model, kernels, windows)
+            rows_with(&measured, model, &plan)
         })
         .collect();
     from_rows(truth.len(), &plain, &repeats, &terms, weights)
@@ -182,15 +184,30 @@ pub(crate) fn places(
     (0..count).map(|k| all[k * all.len() / count]).collect()
 }
 
+/// Angles as an encoder of `count` rad a count gives them, its grid shifted by `shift` rad.
+struct Counts<'a> {
+    angles: &'a mut [f64],
+    count: f64,
+    shift: f64,
+}
+
+impl NullaryFnOnce for Counts<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { angles, count, shift } = self;
+        angles.iter_mut().for_each(|x| *x = (((*x + shift) / count).floor() + 0.5) * count - shift);
+    }
+}
+
 /// The segment as its sensors would measure it in repeat `r`.
 pub(crate) fn measure(truth: &AngleSegment, r: usize, sigma: [f64; 2], stream: u64) -> AngleSegment {
     let mut sensors = truth.sensors();
     for (c, sensor) in sensors.iter_mut().enumerate() {
         if let Some(count) = truth.count_rad[c] {
             let shift = SHIFTS[r][c] * count;
-            for x in sensor.iter_mut() {
-                *x = (((*x + shift) / count).floor() + 0.5) * count - shift;
-            }
+            Arch::new().dispatch(Counts { angles: sensor, count, shift });
         } else {
             let mut rng = ChaCha8Rng::seed_from_u64(0x5eed + (r / 2) as u64);
             rng.set_stream(2 * stream + c as u64);

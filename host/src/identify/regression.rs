@@ -15,6 +15,7 @@
 //! 2.63 = Σ corr² of sin⁴ rows at neighbouring frequencies.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use pulp::{Arch, NullaryFnOnce};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
@@ -24,6 +25,8 @@ use super::windows::{WindowRows, frequency_of_row, row_count};
 const ROW_DEPENDENCE: f64 = 2.63;
 /// Correlation of residuals between windows from which a record counts as repeating.
 const REPEATING: f64 = 0.2;
+/// Least eigenvalue (pivot) of normal equations, relative to the greatest, below which columns depend on each other.
+const DEPENDENT: f64 = 1e-13;
 /// Fewest blocks for a jackknife.
 const FEWEST_BLOCKS: usize = 6;
 
@@ -72,6 +75,37 @@ struct Normal {
     right: DVector<f64>,
 }
 
+/// Columns, the target among them, that one product of eight by eight holds.
+const FEW: usize = 8;
+
+/// Σ w x xᵀ over rows x of at most [`FEW`] entries.
+struct FewColumns<'a> {
+    rows: &'a [f64],
+    weights: &'a [f64],
+    width: usize,
+}
+
+impl NullaryFnOnce for FewColumns<'_> {
+    type Output = [[f64; FEW]; FEW];
+
+    #[inline(always)]
+    fn call(self) -> Self::Output {
+        let mut sums = [[0.0; FEW]; FEW];
+        let mut row = [0.0; FEW];
+        for (r, from) in self.rows.chunks_exact(self.width).enumerate() {
+            row.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
+            let w = self.weights[frequency_of_row(r)];
+            for i in 0..FEW {
+                let wi = w * row[i];
+                for j in 0..FEW {
+                    sums[i][j] += wi * row[j];
+                }
+            }
+        }
+        sums
+    }
+}
+
 impl Normal {
     fn zeros(p: usize) -> Self {
         Self { matrix: DMatrix::zeros(p, p), right: DVector::zeros(p) }
@@ -80,6 +114,14 @@ impl Normal {
     /// Adds the weighted rows of a window, to the upper triangle only.
     fn add(&mut self, rows: &[f64], weights: &[f64]) {
         let p = self.right.len();
+        if p < FEW {
+            let sums = Arch::new().dispatch(FewColumns { rows, weights, width: p + 1 });
+            for j in 0..p {
+                (0..=j).for_each(|i| self.matrix[(i, j)] += sums[i][j]);
+                self.right[j] += sums[j][p];
+            }
+            return;
+        }
         let (matrix, right) = (self.matrix.as_mut_slice(), self.right.as_mut_slice());
         for (r, row) in rows.chunks_exact(p + 1).enumerate() {
             let w = weights[frequency_of_row(r)];
@@ -105,20 +147,35 @@ impl Normal {
         })
     }
 
+    /// One over the roots of the diagonal, by which the matrix is scaled to unit diagonal; the column that vanishes, if one does.
+    fn scale(&self) -> Result<DVector<f64>, usize> {
+        let diagonal = self.matrix.diagonal();
+        match diagonal.iter().position(|d| d.is_nan() || *d <= 0.0) {
+            Some(column) => Err(column),
+            None => Ok(diagonal.map(|d| 1.0 / d.sqrt())),
+        }
+    }
+
+    /// The solution alone, by Cholesky's factors, several times faster than [`Normal::solve`]; none where the columns depend on each other.
+    fn solution(&self) -> Option<DVector<f64>> {
+        let p = self.right.len();
+        let scale = self.scale().ok()?;
+        let factors = DMatrix::from_fn(p, p, |i, j| self.matrix[(i, j)] * scale[i] * scale[j]).cholesky()?;
+        // The square of a factor's diagonal is what a column has beside those before it.
+        if factors.l_dirty().diagonal().iter().any(|d| d.is_nan() || d * d <= DEPENDENT) {
+            return None;
+        }
+        Some(factors.solve(&self.right.component_mul(&scale)).component_mul(&scale))
+    }
+
     /// Solution and condition number; the matrix is scaled to unit diagonal first.
     fn solve(&self) -> Result<(DVector<f64>, DMatrix<f64>, f64), usize> {
         let p = self.right.len();
-        let scale = DVector::from_fn(p, |i, _| {
-            let d = self.matrix[(i, i)];
-            if d > 0.0 { 1.0 / d.sqrt() } else { 0.0 }
-        });
-        if let Some(i) = (0..p).find(|&i| scale[i] == 0.0) {
-            return Err(i);
-        }
+        let scale = self.scale()?;
         let scaled = DMatrix::from_fn(p, p, |i, j| self.matrix[(i, j)] * scale[i] * scale[j]);
         let eigen = SymmetricEigen::new(scaled);
         let (least, greatest) = (eigen.eigenvalues.min(), eigen.eigenvalues.max());
-        if least.is_nan() || least <= 1e-13 * greatest {
+        if least.is_nan() || least <= DEPENDENT * greatest {
             let k = eigen.eigenvalues.imin();
             return Err(eigen.eigenvectors.column(k).iamax());
         }
@@ -201,7 +258,7 @@ pub fn solve_with(
                 parts.par_iter().zip(&mut left_out).for_each(|(part, left_out)| {
                     let rest = Normal { matrix: &whole.matrix - &part.matrix, right: &whole.right - &part.right };
                     // A block without which nothing can be solved says nothing about the spread.
-                    let without = if blocks.len() > 1 { rest.solve().ok().map(|s| s.0) } else { None };
+                    let without = if blocks.len() > 1 { rest.solution() } else { None };
                     let change = without.map_or_else(|| DVector::zeros(p), |x| x - &solution);
                     left_out.rows_mut(offset, p).copy_from(&change);
                 });
@@ -295,7 +352,7 @@ impl RunSums {
         for e in 0..equations {
             let kept = self.runs.iter().enumerate().filter(|(g, _)| Some(*g) != without).map(|(_, run)| &run[e]);
             let p = self.runs[0][e].right.len();
-            out.extend(Normal::sum(kept, p).solve().ok()?.0.iter());
+            out.extend(Normal::sum(kept, p).solution()?.iter());
         }
         Some(DVector::from_vec(out))
     }
@@ -347,6 +404,16 @@ fn rms_by_frequency(windows: &[WindowRows], e: usize, solution: &DVector<f64>, f
         .collect()
 }
 
+/// x·y, in eight sums side by side.
+fn dot(x: &[f64], y: &[f64]) -> f64 {
+    let ((xs, rest_x), (ys, rest_y)) = (x.as_chunks::<8>(), y.as_chunks::<8>());
+    let mut sums = [0.0; 8];
+    for (x, y) in xs.iter().zip(ys) {
+        sums.iter_mut().zip(x.iter().zip(y)).for_each(|(sum, (x, y))| *sum += x * y);
+    }
+    sums.iter().sum::<f64>() + rest_x.iter().zip(rest_y).map(|(x, y)| x * y).sum::<f64>()
+}
+
 /// Greatest mean correlation, over 31 lags from `least` windows on (2 by default), of weighted residuals.
 fn repetition(windows: &[WindowRows], coefficients: &[DVector<f64>], weights: &[Vec<f64>], least: usize) -> f64 {
     let rows: Vec<Vec<f64>> = windows
@@ -364,6 +431,7 @@ fn repetition(windows: &[WindowRows], coefficients: &[DVector<f64>], weights: &[
                 .collect()
         })
         .collect();
+    let squares: Vec<f64> = rows.iter().map(|r| dot(r, r)).collect();
     let of_lag = |lag: usize| {
         let (mut product, mut power, mut pairs) = (0.0, 0.0, 0_usize);
         for i in 0..windows.len() - lag {
@@ -372,10 +440,8 @@ fn repetition(windows: &[WindowRows], coefficients: &[DVector<f64>], weights: &[
                 continue;
             }
             pairs += 1;
-            for (x, y) in rows[i].iter().zip(&rows[i + lag]) {
-                product += x * y;
-                power += 0.5 * (x * x + y * y);
-            }
+            product += dot(&rows[i], &rows[i + lag]);
+            power += 0.5 * (squares[i] + squares[i + lag]);
         }
         // A handful of pairs correlates by chance.
         if pairs >= 4 && power > 0.0 { product / power } else { 0.0 }

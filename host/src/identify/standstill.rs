@@ -52,6 +52,11 @@ fn standstills(segment: &AngleSegment) -> Vec<(usize, usize)> {
         let mut found = Vec::new();
         let Some(count) = segment.count_rad[i] else { return found };
         let values = segment.sensor(i);
+        // One of the whole pieces of half that length would lie within it.
+        let moves = |x: &[f64]| x.iter().any(|v| (v - x[0]).abs() > COUNTS * count);
+        if least >= 4 && values.chunks_exact(least / 2).all(moves) {
+            return found;
+        }
         let (mut start, mut low, mut high) = (0, f64::INFINITY, f64::NEG_INFINITY);
         for (i, &x) in values.iter().enumerate() {
             if x.max(high) - x.min(low) > COUNTS * count {

@@ -144,6 +144,11 @@ pub fn rows(segments: &[AngleSegment], model: &WeakModel, kernels: &Kernels, win
     rows_of(&Pendulum { segments, model }, &model.equations, kernels, windows)
 }
 
+/// As [`rows`] with a plan made before.
+pub(crate) fn rows_with(segments: &[AngleSegment], model: &WeakModel, plan: &Plan) -> Vec<WindowRows> {
+    rows_planned(&Pendulum { segments, model }, &model.equations, plan)
+}
+
 /// The convolution with every low-pass's outputs: smooth, slope, clear slope; `count` of each at a time.
 fn convolution(kernels: &Kernels, count: usize) -> FastConvolution {
     let outputs = [(&kernels.full, Output::Smooth), (&kernels.full, Output::Slope), (&kernels.clear, Output::Slope)];
@@ -163,6 +168,31 @@ struct Work {
     bins: Vec<Complex64>,
 }
 
+/// What windows of one length and sampling step have in common, whatever the record.
+pub(crate) struct Plan {
+    windows: Windows,
+    step_s: f64,
+    length: usize,
+    transforms: Transforms,
+    convolution: FastConvolution,
+}
+
+impl Plan {
+    /// For `together` windows at a time that follow each other.
+    pub(crate) fn new(kernels: &Kernels, windows: &Windows, step_s: f64, together: usize) -> Self {
+        let length = good_length(windows.length_s / step_s);
+        let hops = together.clamp(1, GROUP) - 1;
+        let typical = length + (hops as f64 * windows.hop_s / step_s).round() as usize;
+        Self {
+            windows: *windows,
+            step_s,
+            length,
+            transforms: Transforms::new(length, windows.frequencies + 3),
+            convolution: convolution(kernels, typical),
+        }
+    }
+}
+
 /// As [`rows`], for any system.
 pub(crate) fn rows_of(
     source: &impl Stretches,
@@ -174,8 +204,17 @@ pub(crate) fn rows_of(
         return Vec::new();
     }
     let step_s = source.step_s(0);
-    let length = good_length(windows.length_s / step_s);
-    let reach = kernels.reach();
+    let longest = (0..source.count()).map(|s| source.samples(s)).max().unwrap_or(0);
+    let spare = longest.saturating_sub(samples_needed(windows, kernels, step_s));
+    let together = 1 + (spare as f64 * step_s / windows.hop_s) as usize;
+    rows_planned(source, equations, &Plan::new(kernels, windows, step_s, together))
+}
+
+/// As [`rows`] with a plan made before.
+pub(crate) fn rows_planned(source: &impl Stretches, equations: &[Equation], plan: &Plan) -> Vec<WindowRows> {
+    let Plan { windows, step_s, length, transforms: transform, convolution } = plan;
+    let (step_s, length) = (*step_s, *length);
+    let reach = convolution.reach();
     let mut places = Vec::new();
     for segment in 0..source.count() {
         for index in 0.. {
@@ -200,9 +239,6 @@ pub(crate) fn rows_of(
         tasks.push(now);
         rest = later;
     }
-    let plan = Transforms::new(length, windows.frequencies + 3);
-    let typical = groups.first().map_or(length, |g| g[g.len() - 1].start + length - g[0].start);
-    let convolution = convolution(kernels, typical);
     let assembly = Assembly::new(equations, windows.frequencies, step_s, length);
     let found: Vec<Vec<WindowRows>> = tasks
         .par_iter()
@@ -212,14 +248,14 @@ pub(crate) fn rows_of(
             series.resize_with(series.len().max(task.len()), Vec::new);
             for (group, series) in task.iter().zip(series.iter_mut()) {
                 let range = (group[0].start, group[group.len() - 1].start + length);
-                source.evaluate(group[0].segment, &convolution, range, room, series);
+                source.evaluate(group[0].segment, convolution, range, room, series);
             }
             let starts: Vec<Vec<usize>> =
                 task.iter().map(|group| group.iter().map(|p| p.start - group[0].start).collect()).collect();
             let parts: Vec<(&[Vec<f64>], &[usize])> =
                 series.iter().zip(&starts).map(|(s, starts)| (&s[..], &starts[..])).collect();
-            plan.apply(&parts, transforms, bins);
-            let each = (series[0].len() * plan.bins()).max(1);
+            transform.apply(&parts, transforms, bins);
+            let each = (series[0].len() * transform.bins()).max(1);
             task.iter()
                 .flat_map(|group| group.iter())
                 .zip(bins.chunks_exact(each))

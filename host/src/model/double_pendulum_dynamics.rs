@@ -31,6 +31,8 @@ pub struct DoublePendulum {
     omega: f64,
     /// Equation and role of each parameter.
     roles: Vec<(usize, usize)>,
+    /// Which parameter has a role in an equation; beyond all parameters where none has.
+    slots: [[usize; ROLES]; 2],
     names: Vec<String>,
     units: Vec<&'static str>,
     switches: Vec<Vec<f64>>,
@@ -98,9 +100,11 @@ impl DoublePendulum {
                 units.push(term.unit);
             }
         }
+        let slot = |i: usize, role: usize| roles.iter().position(|r| *r == (i, role)).unwrap_or(usize::MAX);
+        let slots = core::array::from_fn(|i| core::array::from_fn(|role| slot(i, role)));
         let joints: Vec<usize> = (0..2).filter(|j| roles.iter().any(|r| r.1 == COULOMB + *j)).collect();
         let switches = joints.iter().map(|j| if *j == 0 { vec![1.0, 0.0] } else { vec![-1.0, 1.0] }).collect();
-        Self { omega, roles, names, units, switches, joints }
+        Self { omega, roles, slots, names, units, switches, joints }
     }
 
     /// Names of the parameters.
@@ -170,11 +174,7 @@ impl DoublePendulum {
     /// The parameters by equation and role; those that the model has not are zero.
     #[inline]
     fn values(&self, p: &[f64]) -> [[f64; ROLES]; 2] {
-        let mut out = [[0.0; ROLES]; 2];
-        for ((i, role), p) in self.roles.iter().zip(p) {
-            out[*i][*role] = *p;
-        }
-        out
+        core::array::from_fn(|i| core::array::from_fn(|role| p.get(self.slots[i][role]).copied().unwrap_or(0.0)))
     }
 
     #[inline]

@@ -11,10 +11,12 @@
 //! decoded page by page beside the others.
 
 use std::fs::File;
+use std::io::Cursor;
 use std::panic::AssertUnwindSafe;
 use std::path::Path;
 use std::sync::Arc;
 
+use parquet::column::page::PageReader;
 use parquet::column::reader::{ColumnReader, get_column_reader};
 use parquet::errors::ParquetError;
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader, RowGroupMetaData};
@@ -25,8 +27,8 @@ use rayon::prelude::*;
 use super::csv::OWN_COLUMNS;
 use super::formats::{Format, ReadOptions};
 use super::parquet_cells::{Cells, decode};
-use super::parquet_recovery::{Marker, checked_range, crc_of_range, extent, marker_at, scan};
-use super::parquet_source::Source as ParquetSource;
+use super::parquet_recovery::{Marker, checked_range, crc_of_range, crc32, extent, marker_at, scan};
+use super::parquet_source::{Held, Source as ParquetSource};
 use super::parquet_write::KEY;
 use super::rows::{Rows, missing_column};
 use super::stream::{Source, Streamed};
@@ -115,7 +117,9 @@ impl<'a> Reader<'a> {
             check_rig(metadata, path, rig, &mut warnings)?;
         }
         let own = structure.metadata.is_some() && OWN_COLUMNS.iter().all(|c| leaf(&structure.schema, c).is_some());
-        let columns = columns(&structure.schema, path, rig, own)?;
+        let rate =
+            structure.metadata.as_ref().map(|m| m.sample_rate_hz).filter(|r| structure.written_by_whirl && *r > 0.0);
+        let columns = columns(&structure.schema, path, rig, own, rate)?;
         let broken = structure.truncated.clone();
         let recover = options.recover;
         Ok(Self {
@@ -135,12 +139,6 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// The columns in the order in which they are read: t, the channels, the device's.
-    fn indices(&self) -> Vec<usize> {
-        let own = self.columns.own.iter().flatten();
-        std::iter::once(&self.columns.t).chain(&self.columns.channels).chain(own).copied().collect()
-    }
-
     /// Reads up to `most` rows of the next row groups (whole ones while they are small); whether there was one.
     fn part(&mut self, rows: &mut Rows<'_>, most: usize) -> core::result::Result<bool, Failure> {
         self.whole = rows.t.len();
@@ -150,11 +148,11 @@ impl<'a> Reader<'a> {
             return self.small_groups(rows, most).map(|()| true);
         }
         if self.begun.is_none() {
-            self.begun = Some(open_group(&self.source, &self.structure, &self.indices(), self.group)?);
+            self.begun = Some(open_group(&self.source, &self.structure, &self.columns.indices(), self.group)?);
         }
         let now = most.min(count - self.done);
         if let Some(chunks) = &mut self.begun {
-            read_part(chunks, now, self.rig.channel.len(), rows)?;
+            read_part(chunks, now, &self.columns, rows)?;
         }
         self.done += now;
         if self.done >= count {
@@ -164,34 +162,56 @@ impl<'a> Reader<'a> {
         Ok(true)
     }
 
-    /// Reads row groups of at most `most` rows together, side by side: small ones cost more to open than to decode.
+    /// Reads row groups of at most `most` rows together, side by side: small ones cost more to open than to decode. Without a limit, all that follow each
+    /// other, the next ones decoded while those before them are taken.
     fn small_groups(&mut self, rows: &mut Rows<'_>, most: usize) -> core::result::Result<(), Failure> {
-        let (from, mut to, mut sum) = (self.group, self.group, 0_usize);
-        while let Some(group) = self.structure.groups.get(to) {
-            // One with a wrong number of rows is told when it is its turn.
-            sum = sum.saturating_add(rows_in(group).unwrap_or(0));
-            if to > from && (sum > most.min(PART) || to - from >= MOST_GROUPS) {
-                break;
+        let (source, structure, columns) = (&self.source, &self.structure, &self.columns);
+        let ahead = |from: usize| {
+            let (mut to, mut sum) = (from, 0_usize);
+            while let Some(group) = structure.groups.get(to) {
+                // One with a wrong number of rows is told when it is its turn.
+                let count = rows_in(group).unwrap_or(0);
+                sum = sum.saturating_add(count);
+                if to > from && (count > PART || sum > most.min(SIDE_BY_SIDE) || to - from >= MOST_GROUPS) {
+                    break;
+                }
+                to += 1;
             }
-            to += 1;
-        }
-        let (source, structure, columns) = (&self.source, &self.structure, &self.indices());
-        let decoded: Vec<core::result::Result<Vec<Cells>, Failure>> = (from..to)
-            .into_par_iter()
-            .map(|index| {
-                caught(|| {
-                    let count = rows_in(&structure.groups[index])?;
-                    let mut chunks = open_group(source, structure, columns, index)?;
-                    chunks.iter_mut().map(|c| decode(&mut c.reader, &c.descriptor, count)).collect()
+            let decoded: Vec<core::result::Result<Vec<Cells>, Failure>> = (from..to)
+                .into_par_iter()
+                .map(|index| {
+                    let open = || {
+                        let count = rows_in(&structure.groups[index])?;
+                        Ok((open_group(source, structure, &columns.indices(), index)?, count))
+                    };
+                    caught(open).and_then(|(mut chunks, count)| decode_all(&mut chunks, count, columns))
                 })
-            })
-            .collect();
-        for cells in decoded {
-            take(cells?, self.rig.channel.len(), rows)?;
-            self.group += 1;
-            self.whole = rows.t.len();
+                .collect();
+            decoded
+        };
+        let small =
+            |index: usize| structure.groups.get(index).is_some_and(|g| rows_in(g).is_ok_and(|count| count <= PART));
+        let mut decoded = ahead(self.group);
+        loop {
+            let next = self.group + decoded.len();
+            let go_on = most == usize::MAX && small(next);
+            let channels = self.rig.channel.len();
+            let (group, whole) = (&mut self.group, &mut self.whole);
+            let take = || -> core::result::Result<(), Failure> {
+                for cells in decoded {
+                    take(cells?, channels, rows)?;
+                    *group += 1;
+                    *whole = rows.t.len();
+                }
+                Ok(())
+            };
+            let (taken, following) = rayon::join(take, || if go_on { ahead(next) } else { Vec::new() });
+            taken?;
+            if following.is_empty() {
+                return Ok(());
+            }
+            decoded = following;
         }
-        Ok(())
     }
 }
 
@@ -205,16 +225,25 @@ fn open_group(
     let group = &structure.groups[index];
     let checksum = structure.checksums.as_ref().and_then(|c| c.get(index).copied());
     let marked = structure.checksums.is_some() || structure.written_by_whirl;
-    verify(source, group, marked, checksum).map_err(Failure::File)?;
+    // One small enough is read at once: page by page takes longer than decoding does.
+    let held = match extent(group) {
+        Some((start, length)) if length <= HELD => Some(Arc::new(source.hold(start, length, MARKER)?)),
+        _ => None,
+    };
+    verify(source, held.as_deref(), group, marked, checksum).map_err(Failure::File)?;
     let mut chunks = Vec::new();
     for column in columns {
         let chunk = group.columns().get(*column).ok_or_else(|| Failure::File("a column is missing".to_owned()))?;
         if checked_range(chunk).is_none() {
             return Err(Failure::File("a column chunk outside of the file".to_owned()));
         }
-        let pages = SerializedPageReader::new(source.clone(), chunk, rows_in(group)?, None)?;
+        let rows = rows_in(group)?;
+        let pages: Box<dyn PageReader> = match &held {
+            Some(held) => Box::new(SerializedPageReader::new(held.clone(), chunk, rows, None)?),
+            None => Box::new(SerializedPageReader::new(source.clone(), chunk, rows, None)?),
+        };
         let descriptor = chunk.column_descr_ptr();
-        chunks.push(Chunk { reader: get_column_reader(descriptor.clone(), Box::new(pages)), descriptor });
+        chunks.push(Chunk { reader: get_column_reader(descriptor.clone(), pages), descriptor });
     }
     Ok(chunks)
 }
@@ -463,18 +492,31 @@ struct Columns {
     t: usize,
     channels: Vec<usize>,
     own: Option<[usize; 3]>,
+    /// Sampling rate by which t follows from the tick, Hz, where the file is as whirl wrote it.
+    rate: Option<f64>,
 }
 
-fn columns(schema: &SchemaDescriptor, path: &Path, rig: &Rig, own: bool) -> Result<Columns> {
+impl Columns {
+    /// Them in the order in which they are read: t (unless it follows from the tick), the channels, the device's.
+    fn indices(&self) -> Vec<usize> {
+        let own = self.own.iter().flatten();
+        let t = Some(&self.t).filter(|_| self.rate.is_none());
+        t.into_iter().chain(&self.channels).chain(own).copied().collect()
+    }
+}
+
+fn columns(schema: &SchemaDescriptor, path: &Path, rig: &Rig, own: bool, rate: Option<f64>) -> Result<Columns> {
     let names: Vec<String> = schema.columns().iter().map(|c| c.path().string()).collect();
     let find = |name: &str| leaf(schema, name).ok_or_else(|| missing_column(path, name, &names));
     let own = if own { Some([find(OWN_COLUMNS[0])?, find(OWN_COLUMNS[1])?, find(OWN_COLUMNS[2])?]) } else { None };
-    Ok(Columns { t: find("t")?, channels: rig.channel.iter().map(|c| find(&c.name)).collect::<Result<_>>()?, own })
+    let channels = rig.channel.iter().map(|c| find(&c.name)).collect::<Result<_>>()?;
+    Ok(Columns { t: find("t")?, channels, own, rate: rate.filter(|_| own.is_some()) })
 }
 
-/// Verifies the checksum in the marker behind a row group of whirl's own.
+/// Verifies the checksum in the marker behind a row group of whirl's own. `held`: its bytes and what follows them, where they were read at once.
 fn verify(
     source: &ParquetSource,
+    held: Option<&Held>,
     group: &RowGroupMetaData,
     marked: bool,
     checksum: Option<u32>,
@@ -485,39 +527,60 @@ fn verify(
     let damaged = || "checksum of a row group is wrong".to_owned();
     let (start, length) = extent(group).ok_or_else(damaged)?;
     let mut file = source.place();
+    let near = held.and_then(|h| marker_at(&mut Cursor::new(h.bytes()), length));
     let expected = match checksum {
         Some(crc) => crc,
-        None => match marker_at(&mut file, start.saturating_add(length)) {
+        None => match near.or_else(|| marker_at(&mut file, start.saturating_add(length))) {
             Some(marker) if marker.metadata.row_groups() == [group.clone()] => marker.data_crc,
             Some(_) => return Err("the footer and the marker behind a row group disagree".to_owned()),
             None => return Err("the marker behind a row group is damaged".to_owned()),
         },
     };
-    if crc_of_range(&mut file, start, length) == Some(expected) { Ok(()) } else { Err(damaged()) }
+    let found = match held {
+        // As long as it was asked to be: length is at most HELD.
+        Some(held) => held.bytes().get(..length as usize).map(crc32),
+        None => crc_of_range(&mut file, start, length),
+    };
+    if found == Some(expected) { Ok(()) } else { Err(damaged()) }
 }
 
 /// Rows read at once: what is decoded beside the record itself.
 const PART: usize = 1 << 16;
-/// Row groups opened at once.
-const MOST_GROUPS: usize = 64;
+/// Row groups opened at once, and their rows.
+const MOST_GROUPS: usize = 32;
+const SIDE_BY_SIDE: usize = 2 * PART;
+/// Longest row group read at once, bytes.
+const HELD: u64 = 1 << 24;
+/// What is read with it of what stands behind it: longer than the marker of any rig.
+const MARKER: u64 = 1 << 14;
 
-/// Reads the next `count` rows of a row group's columns: t, the channels, the device's. The columns are decoded side by side.
+/// The next `count` rows of some columns, decoded side by side: t, the channels, the device's.
+fn decode_all(chunks: &mut [Chunk], count: usize, columns: &Columns) -> core::result::Result<Vec<Cells>, Failure> {
+    let decoded: Vec<core::result::Result<Cells, Failure>> =
+        chunks.par_iter_mut().map(|chunk| caught(|| decode(&mut chunk.reader, &chunk.descriptor, count))).collect();
+    let mut cells = decoded.into_iter().collect::<core::result::Result<Vec<_>, _>>()?;
+    if let Some(rate) = columns.rate {
+        // As it was written: see ParquetWriter::push.
+        let Some(Cells::Integers(tick)) = cells.get(columns.channels.len()) else {
+            return Err(Failure::File("a column tick without ticks".to_owned()));
+        };
+        let t = tick.iter().map(|tick| *tick as f64 / rate).collect();
+        cells.insert(0, Cells::Reals(t));
+    }
+    Ok(cells)
+}
+
+/// Reads the next `count` rows of a row group's columns: t, the channels, the device's.
 fn read_part(
     chunks: &mut [Chunk],
     count: usize,
-    channels: usize,
+    columns: &Columns,
     rows: &mut Rows<'_>,
 ) -> core::result::Result<(), Failure> {
     let mut left = count;
     while left > 0 {
         let now = left.min(PART);
-        let decoded: core::result::Result<Vec<Cells>, Failure> = chunks
-            .par_iter_mut()
-            .map(|chunk| caught(|| decode(&mut chunk.reader, &chunk.descriptor, now)))
-            .collect::<Vec<_>>()
-            .into_iter()
-            .collect();
-        take(decoded?, channels, rows)?;
+        take(decode_all(chunks, now, columns)?, columns.channels.len(), rows)?;
         left -= now;
     }
     Ok(())

@@ -113,6 +113,69 @@ impl ChunkReader for Source {
     }
 }
 
+/// Bytes of a file read at once, as the crate reads them.
+pub(super) struct Held {
+    /// Where they stand in the file.
+    start: u64,
+    bytes: Bytes,
+}
+
+impl Source {
+    /// `length` bytes from `start` on, and up to `more` behind them.
+    pub(super) fn hold(&self, start: u64, length: u64, more: u64) -> Result<Held> {
+        let ends = start.checked_add(length).filter(|end| *end <= self.len);
+        let Some(end) = ends else {
+            return Err(ParquetError::EOF(format!(
+                "{length} bytes from byte {start} wanted, and the file has {}",
+                self.len
+            )));
+        };
+        let end = end.saturating_add(more).min(self.len);
+        let length = usize::try_from(end - start).map_err(|e| ParquetError::General(e.to_string()))?;
+        Ok(Held { start, bytes: self.get_bytes(start, length)? })
+    }
+}
+
+impl Held {
+    /// The bytes.
+    pub(super) fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// At most `length` bytes from byte `start` of the file on.
+    fn part(&self, start: u64, length: usize) -> Bytes {
+        let from = start.checked_sub(self.start).and_then(|from| usize::try_from(from).ok());
+        let from = from.unwrap_or(usize::MAX).min(self.bytes.len());
+        self.bytes.slice(from..from.saturating_add(length).min(self.bytes.len()))
+    }
+}
+
+impl Length for Held {
+    fn len(&self) -> u64 {
+        self.start + self.bytes.len() as u64
+    }
+}
+
+impl ChunkReader for Held {
+    type T = Cursor<Bytes>;
+
+    fn get_read(&self, start: u64) -> Result<Self::T> {
+        let header = self.part(start, HEADER_LIMIT as usize);
+        check_header(&header)?;
+        Ok(Cursor::new(header))
+    }
+
+    fn get_bytes(&self, start: u64, length: usize) -> Result<Bytes> {
+        let part = self.part(start, length);
+        if part.len() < length {
+            return Err(ParquetError::EOF(format!(
+                "{length} bytes from byte {start} wanted, outside of their row group"
+            )));
+        }
+        Ok(part)
+    }
+}
+
 /// Checks the sizes in a page header: fields 1 to 3 (type, decompressed and compressed size), and field 7.1 of a dictionary page.
 fn check_header(header: &[u8]) -> Result<()> {
     let bad = |what: &str| Err(ParquetError::General(format!("page header: {what}")));

@@ -71,8 +71,12 @@ pub struct Polar {
     pub range: [f64; 2],
     /// Greatest relative error of ω at a release that was left out.
     pub left_out: Option<f64>,
-    /// Whether even harmonics are kept.
+    /// Whether there are no even harmonics.
     pub symmetric: bool,
+    /// Whether the even harmonics are the releases' own, beside a mode that the equations say is symmetric: they belong to the displacements, not to the
+    /// mode's frequency and energy.
+    #[serde(skip)]
+    pub beside: bool,
 }
 
 /// Averages over the phase at one amplitude.
@@ -125,6 +129,14 @@ impl Polar {
             .collect()
     }
 
+    /// The harmonics of the mode itself, from all of them.
+    fn of_mode(&self, mut x: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+        if self.beside {
+            x.iter_mut().step_by(2).flatten().for_each(|v| *v = 0.0);
+        }
+        x
+    }
+
     /// The displacements of all channels at amplitude a and phase φ.
     pub fn displacement(&self, a: f64, phi: f64) -> Vec<f64> {
         sum(&self.harmonics(a), |k| (k as f64 * phi).cos())
@@ -156,7 +168,7 @@ impl Polar {
             });
         };
         // Averages over half a turn: the motion retraces itself.
-        let (x, dx) = (self.harmonics(a), self.slopes(a));
+        let (x, dx) = (self.of_mode(self.harmonics(a)), self.of_mode(self.slopes(a)));
         let n = self.major.len();
         let (mut v, mut t, mut inertia) = (0.0, 0.0, 0.0);
         for i in 0..PHASES {
@@ -268,7 +280,7 @@ impl Polar {
 
     /// The amplitude whose rest state has this potential energy.
     pub fn amplitude_at(&self, system: &dyn Mechanical, energy: f64) -> Option<f64> {
-        self.first_above(|a| system.potential(&self.displacement(a, 0.0)), energy)
+        self.first_above(|a| system.potential(&sum(&self.of_mode(self.harmonics(a)), |_| 1.0)), energy)
     }
 
     /// Where a function of the amplitude reaches a value: within the range or as little beyond it as need be, for polynomials far beyond it mean nothing.

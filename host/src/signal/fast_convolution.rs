@@ -5,6 +5,7 @@
 
 use std::sync::Arc;
 
+use pulp::{Arch, NullaryFnOnce};
 use realfft::num_complex::Complex64;
 use rustfft::{Fft, FftPlanner};
 
@@ -86,28 +87,83 @@ impl FastConvolution {
         product.resize(size, Complex64::default());
         let room = self.forward.get_inplace_scratch_len().max(self.inverse.get_inplace_scratch_len());
         scratch.resize(room, Complex64::default());
+        let arch = Arch::new();
         for from in (0..count).step_by(kept) {
             let block = pair.map(|x| &x[from..length.min(from + size)]);
             // A whirling angle is large: what is filtered is its change within the block.
             let offset = block.map(|x| x[0]);
-            for (z, (a, b)) in signal.iter_mut().zip(block[0].iter().zip(block[1])) {
-                *z = Complex64::new(a - offset[0], b - offset[1]);
-            }
+            arch.dispatch(Join { signal, block, offset });
             signal[block[0].len()..].fill(Complex64::default());
             self.forward.process_with_scratch(signal, scratch);
             let now = kept.min(count - from);
             for (spectrum, [first, second]) in self.spectra.iter().zip(outputs.iter_mut()) {
-                for (p, (a, b)) in product.iter_mut().zip(signal.iter().zip(spectrum)) {
-                    *p = a * b;
-                }
+                arch.dispatch(Multiply { product, signal, spectrum });
                 self.inverse.process_with_scratch(product, scratch);
                 // What a filter does to the constant taken off: times its sum, 1 or 0.
                 let gain = spectrum[0].re * size as f64;
                 let back = offset.map(|o| gain * o);
                 let kept = &product[self.reach..self.reach + now];
-                first.extend(kept.iter().map(|p| p.re + back[0]));
-                second.extend(kept.iter().map(|p| p.im + back[1]));
+                let from = first.len();
+                first.resize(from + now, 0.0);
+                second.resize(from + now, 0.0);
+                arch.dispatch(Part { kept, back, to: [&mut first[from..], &mut second[from..]] });
             }
+        }
+    }
+}
+
+/// Two real signals, each relative to its offset, as a complex one.
+struct Join<'a> {
+    signal: &'a mut [Complex64],
+    block: [&'a [f64]; 2],
+    offset: [f64; 2],
+}
+
+impl NullaryFnOnce for Join<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { signal, block: [a, b], offset } = self;
+        for (z, (a, b)) in signal.iter_mut().zip(a.iter().zip(b)) {
+            *z = Complex64::new(a - offset[0], b - offset[1]);
+        }
+    }
+}
+
+/// A spectrum times a filter's.
+struct Multiply<'a> {
+    product: &'a mut [Complex64],
+    signal: &'a [Complex64],
+    spectrum: &'a [Complex64],
+}
+
+impl NullaryFnOnce for Multiply<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        for (p, (a, b)) in self.product.iter_mut().zip(self.signal.iter().zip(self.spectrum)) {
+            *p = a * b;
+        }
+    }
+}
+
+/// A complex signal as two real ones.
+struct Part<'a> {
+    kept: &'a [Complex64],
+    back: [f64; 2],
+    to: [&'a mut [f64]; 2],
+}
+
+impl NullaryFnOnce for Part<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { kept, back, to: [first, second] } = self;
+        for (p, (a, b)) in kept.iter().zip(first.iter_mut().zip(second)) {
+            (*a, *b) = (p.re + back[0], p.im + back[1]);
         }
     }
 }

@@ -13,7 +13,7 @@ use super::ties;
 use crate::identify::chain_bias::{cells, from_solutions, solve, state_at};
 use crate::identify::noise_bias::{Bias, REPEATS, places};
 use crate::identify::regression::Solution;
-use crate::identify::windows::{Stretches, WindowRows, Windows, rows_of};
+use crate::identify::windows::{Plan, Stretches, WindowRows, Windows, rows_planned};
 use crate::model::flow::Outside;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::rig::Rig;
@@ -40,8 +40,9 @@ pub fn estimate(
     let columns: Vec<f64> = names.iter().map(value_of).collect::<Option<_>>()?;
     let motions = motions(&motion, &parameters, system, windows, rig, cells(&sensors.sigma))?;
     let terms: Vec<usize> = system.weak.equations.iter().map(|e| e.terms.len()).collect();
+    let plan = Plan::new(system.kernels, windows, system.step_s(0), 1);
     let rows = |stretches: &[Stretch]| -> Vec<WindowRows> {
-        rows_of(&System { stretches, ..*system }, &system.weak.equations, system.kernels, windows)
+        rows_planned(&System { stretches, ..*system }, &system.weak.equations, &plan)
     };
     let plain = rows(&motions);
     let measured = (0..REPEATS)

@@ -8,7 +8,7 @@ use super::per_record::Split;
 use super::series::System;
 use super::stretches::{Stretch, mixed};
 use crate::identify::noise_bias::{Bias, REPEATS, STRETCH, from_rows, places};
-use crate::identify::windows::{Kernels, Stretches, WindowRows, Windows, frequency_of_row, rows_of};
+use crate::identify::windows::{Kernels, Plan, Stretches, WindowRows, Windows, frequency_of_row, rows_planned};
 use crate::rig::measures::Bound;
 
 /// One count of each sensor (none for one that does not count) and the noise of each, in SI.
@@ -51,8 +51,9 @@ impl Remeasured {
         let (weak, kernels) = (system.weak, system.kernels);
         let (truth, from) = smoothed(system, windows);
         let record_of: Vec<usize> = from.iter().map(|&s| record_of.get(s).copied().unwrap_or(0)).collect();
+        let plan = Plan::new(kernels, windows, system.step_s(0), STRETCH);
         let rows = |stretches: &[Stretch]| -> Vec<WindowRows> {
-            let mut rows = rows_of(&System { stretches, ..*system }, &weak.equations, kernels, windows);
+            let mut rows = rows_planned(&System { stretches, ..*system }, &weak.equations, &plan);
             split.spread(&mut rows, &record_of);
             rows
         };

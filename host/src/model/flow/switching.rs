@@ -245,6 +245,10 @@ fn crossing(ends: [f64; 2], slopes: [f64; 2]) -> Option<f64> {
         if !(ends[0] > 0.0 && slopes[0] < 0.0 && slopes[1] > 0.0) {
             return None;
         }
+        // A cubic stays within its control points.
+        if ends[0] + slopes[0] / 3.0 > 0.0 && ends[1] - slopes[1] / 3.0 > 0.0 {
+            return None;
+        }
         let (mut a, mut b) = (0.0, 1.0);
         for _ in 0..40 {
             let (c, d) = (a + (b - a) / 3.0, b - (b - a) / 3.0);

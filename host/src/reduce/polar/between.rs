@@ -21,6 +21,8 @@ const MOST_DEGREE: usize = 8;
 const KNOWN: f64 = 3e-5;
 /// Relative error that stands for the weight 1.
 const UNIT: f64 = 1e-9;
+/// Even harmonics, relative to the odd ones, below which there are none.
+const NO_EVEN: f64 = 1e-7;
 /// Phases in half a turn.
 const PHASES: usize = 48;
 /// Greatest change of the shape, relative to it, and of the frequency.
@@ -39,7 +41,8 @@ pub fn model_with(
     if between.is_empty() {
         return Some((first, nodes.to_vec()));
     }
-    let model = model_of(&weighed(nodes, &between), major, linear, MOST_DEGREE)?;
+    // The releases tell whether the motion is symmetric: many nodes between would outvote one that is not.
+    let model = model_of(&weighed(nodes, &between), major, linear, MOST_DEGREE, Some(first.symmetric))?;
     Some((model, nodes.iter().chain(&between).cloned().collect()))
 }
 
@@ -160,6 +163,11 @@ fn solve(polar: &Polar, system: &dyn Mechanical, a: f64, start: &[Vec<f64>], ome
     let mut shape = vec![vec![0.0; n]; polar.shape.len()];
     for (at, k) in orders.iter().enumerate() {
         (0..n).for_each(|c| shape[*k][c] = u[at * n + c] / a);
+    }
+    // What rounding leaves of even harmonics in a symmetric system is none.
+    let square = |from: usize| shape.iter().skip(from).step_by(2).flatten().map(|x| x * x).sum::<f64>();
+    if square(0) < NO_EVEN * NO_EVEN * square(1) {
+        shape.iter_mut().step_by(2).flatten().for_each(|x| *x = 0.0);
     }
     Some(Node { amplitude: a, omega: u[size], error: 0.0, shape, spread: vec![0.0; n] })
 }

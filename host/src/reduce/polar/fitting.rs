@@ -37,6 +37,24 @@ struct Table {
     harmonics: usize,
 }
 
+impl Table {
+    /// The nodes to which harmonic k is fitted: all of them; of an even one the linear mode and those that have any. Nodes from the equations of a
+    /// symmetric system have none, and what a release has beside such a mode is not to be averaged with that.
+    fn rows_of(&self, k: usize, channels: usize) -> Vec<usize> {
+        let all = 0..self.nodes.len();
+        let has = |i: usize| {
+            let mut even =
+                (0..self.harmonics).step_by(2).flat_map(|k| (0..channels).map(move |c| 1 + k * channels + c));
+            even.any(|q| self.values[(i, q)] != 0.0)
+        };
+        let having: Vec<usize> = all.clone().filter(|&i| has(i)).collect();
+        if k % 2 == 1 || having.len() < 2 {
+            return all.collect();
+        }
+        all.filter(|&i| has(i) || self.nodes[i].amplitude == 0.0).collect()
+    }
+}
+
 fn table(
     nodes: &[Node],
     major: &[f64],
@@ -76,31 +94,46 @@ fn table(
 pub fn again(of: &Polar, nodes: &[Node], linear: Option<(f64, Vec<f64>)>) -> Option<Polar> {
     let channels = of.major.len();
     let (t, _) = table(nodes, &of.major, linear, Some(of.symmetric))?;
-    let s = |a0: f64| -> Vec<f64> { t.nodes.iter().map(|n| s_of(n.amplitude, a0)).collect() };
-    let fitted = |a0: f64, from: usize, count: usize, degree: usize| -> Option<Vec<Vec<f64>>> {
-        let p = polynomials(&s(a0), &t.weight, &t.values.columns(from, count).into_owned(), degree)?;
+    let fitted = |a0: f64, from: usize, count: usize, degree: usize, rows: &[usize]| -> Option<Vec<Vec<f64>>> {
+        let s: Vec<f64> = rows.iter().map(|i| s_of(t.nodes[*i].amplitude, a0)).collect();
+        let weight: Vec<f64> = rows.iter().map(|i| t.weight[*i]).collect();
+        let p = polynomials(&s, &weight, &t.values.columns(from, count).select_rows(rows), degree)?;
         Some(p.iter().map(|c| c.iter().copied().collect()).collect())
     };
-    let omega_squared = fitted(of.a0, 0, 1, of.omega_squared.len().checked_sub(1)?)?.swap_remove(0);
+    let all: Vec<usize> = (0..t.nodes.len()).collect();
+    let omega_squared = fitted(of.a0, 0, 1, of.omega_squared.len().checked_sub(1)?, &all)?.swap_remove(0);
     let mut shape = Vec::with_capacity(of.shape.len());
     for (k, was) in of.shape.iter().enumerate() {
         // A harmonic of zeros alone was left out, by its parity or because other modes ring in it.
         let left_out = was.iter().flatten().all(|c| *c == 0.0) || k >= t.harmonics;
         let degree = was.first()?.len().checked_sub(1)?;
-        shape.push(if left_out { was.clone() } else { fitted(of.shape_a0, 1 + k * channels, channels, degree)? });
+        let rows = t.rows_of(k, channels);
+        shape.push(if left_out {
+            was.clone()
+        } else {
+            fitted(of.shape_a0, 1 + k * channels, channels, degree, &rows)?
+        });
     }
     Some(Polar { omega_squared, shape, ..of.clone() })
 }
 
 /// Makes the model of nodes (at least two of different amplitude), with the linear mode (ω, X_1/a) where it is known.
 pub fn model(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>) -> Option<Polar> {
-    model_of(nodes, major, linear, MOST_DEGREE)
+    model_of(nodes, major, linear, MOST_DEGREE, None)
 }
 
-/// The same with degrees up to `most`.
-pub(super) fn model_of(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>, most: usize) -> Option<Polar> {
+/// The same with degrees up to `most`; `symmetric`: whether there are no even harmonics, where that is known.
+pub(super) fn model_of(
+    nodes: &[Node],
+    major: &[f64],
+    linear: Option<(f64, Vec<f64>)>,
+    most: usize,
+    symmetric: Option<bool>,
+) -> Option<Polar> {
     let channels = major.len();
-    let (Table { nodes, values, weight, harmonics }, symmetric) = table(nodes, major, linear, None)?;
+    let (table, symmetric) = table(nodes, major, linear, symmetric)?;
+    let Table { nodes, values, weight, harmonics } = &table;
+    let harmonics = *harmonics;
     let first = nodes.iter().map(|n| n.amplitude).find(|a| *a > 0.0)?;
     let last = nodes.last()?.amplitude;
     let few = nodes.len() <= MOST_DEGREE + 2;
@@ -109,13 +142,13 @@ pub(super) fn model_of(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f
         |from: usize, to: usize| values.columns(1 + from * channels, (to - from) * channels).into_owned();
     let omega_values = values.columns(0, 1).into_owned();
     // Left out one at a time, the ends excepted (they would have to be extrapolated): rms (by the nodes' weights) and greatest relative error.
-    let score = |part: &DMatrix<f64>, a0: f64, degree: usize| -> Option<(f64, f64)> {
+    let score_of = |part: &DMatrix<f64>, a0: f64, degree: usize, rows: &[usize]| -> Option<(f64, f64)> {
         let s: Vec<f64> = nodes.iter().map(|n| s_of(n.amplitude, a0)).collect();
         let (mut sum, mut count, mut worst) = (0.0, 0.0, 0.0_f64);
-        for out in 1..nodes.len().saturating_sub(1) {
-            let keep: Vec<usize> = (0..nodes.len()).filter(|i| *i != out).collect();
+        for &out in rows.get(1..rows.len().saturating_sub(1)).unwrap_or_default() {
+            let keep: Vec<usize> = rows.iter().copied().filter(|i| *i != out).collect();
             let pick = |v: &[f64]| keep.iter().map(|i| v[*i]).collect::<Vec<f64>>();
-            let p = polynomials(&pick(&s), &pick(&weight), &part.select_rows(&keep), degree)?;
+            let p = polynomials(&pick(&s), &pick(weight), &part.select_rows(&keep), degree)?;
             let (mut error, mut size) = (0.0, 0.0);
             for (q, p) in p.iter().enumerate() {
                 error += (horner(p.as_slice(), s[out]).0 - part[(out, q)]).powi(2);
@@ -130,6 +163,8 @@ pub(super) fn model_of(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f
         }
         Some(((sum / count).sqrt(), worst)).filter(|e| e.0.is_finite())
     };
+    let every: Vec<usize> = (0..nodes.len()).collect();
+    let score = |part: &DMatrix<f64>, a0: f64, degree: usize| score_of(part, a0, degree, &every);
     let middle = (first * last).sqrt();
     let scales: Vec<f64> = (-20..=20).map(|n| middle * 10.0_f64.powf(f64::from(n) * 0.075)).collect();
     let degrees = 1..=most.min(nodes.len().saturating_sub(2));
@@ -161,15 +196,21 @@ pub(super) fn model_of(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f
         |p: Vec<DVector<f64>>| -> Vec<Vec<f64>> { p.iter().map(|c| c.iter().copied().collect()).collect() };
     let by_omega = choose(&omega_values, &scales);
     let (a0, degree) = by_omega.as_ref().map_or((middle, full(1)), |b| (b.a0, full(b.degree)));
-    let omega_squared = coefficients(polynomials(&of(a0), &weight, &omega_values, degree)?).swap_remove(0);
+    let omega_squared = coefficients(polynomials(&of(a0), weight, &omega_values, degree)?).swap_remove(0);
     let by_shape = choose(&all, &scales);
     let (shape_a0, shape_degree) = by_shape.as_ref().map_or((middle, full(1)), |b| (b.a0, full(b.degree)));
     let s = of(shape_a0);
     let mut shape = Vec::with_capacity(harmonics);
     for k in 0..harmonics {
         let part = of_harmonics(k, k + 1);
+        let rows = table.rows_of(k, channels);
         let degree = if few {
             Some(shape_degree)
+        } else if rows.len() < nodes.len() {
+            // Few releases: interpolated, by the worst at one left out.
+            let worst = |d: usize| score_of(&part, shape_a0, d, &rows).map_or(f64::INFINITY, |s| s.1);
+            let best = (1..rows.len().saturating_sub(1)).min_by(|a, b| worst(*a).total_cmp(&worst(*b)));
+            Some(best.map_or(1, |d| if d + 2 == rows.len() { d + 1 } else { d }).min(rows.len() - 1).min(MOST_DEGREE))
         } else {
             // Every harmonic with the degree that serves it, so that one that other modes disturb does not coarsen the others; one that is predicted
             // no better than by nothing at all is not the mode's: other modes ring there.
@@ -178,7 +219,10 @@ pub(super) fn model_of(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f
             choose(&part, &[shape_a0]).filter(|b| b.value < 0.5 * rms).map(|b| full(b.degree))
         };
         shape.push(match degree {
-            Some(d) => coefficients(polynomials(&s, &weight, &part, d)?),
+            Some(d) => {
+                let pick = |v: &[f64]| rows.iter().map(|i| v[*i]).collect::<Vec<f64>>();
+                coefficients(polynomials(&pick(&s), &pick(weight), &part.select_rows(&rows), d)?)
+            }
             None => vec![vec![0.0]; channels],
         });
     }
@@ -193,5 +237,6 @@ pub(super) fn model_of(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f
         range: [low, last],
         left_out: by_omega.map(|b| b.worst),
         symmetric,
+        beside: !symmetric && table.rows_of(0, channels).len() < nodes.len(),
     })
 }
