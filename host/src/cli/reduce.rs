@@ -125,7 +125,11 @@ pub fn human(r: &Reduction) -> String {
             text.push_str(&forced(f));
         }
     } else {
-        text.push_str("no equation: the record is not close to periodic\n");
+        text.push_str(if r.warnings.iter().any(|w| w.kind == "taken-block-by-block") {
+            "no equation: taken block by block\n"
+        } else {
+            "no equation: the record is not close to periodic\n"
+        });
     }
     text
 }

@@ -11,5 +11,6 @@ mod interrupted;
 mod measured;
 mod own_systems;
 mod program;
+mod reduced;
 mod unplugged;
 mod validated;
