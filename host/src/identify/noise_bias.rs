@@ -13,7 +13,7 @@
 //!
 //! The noise of a sensor that does not count comes from the spectrum, where the tail of a motion sampled coarsely looks like noise. Noise so large would leave
 //! larger residuals than the record has: the weights are one over the record's mean square residuals, so that those of the repeats have a weighted rms
-//! ρ of 1 where the noise is right. Where ρ > 2 the bias is measured again with the noise divided by ρ ([`with_noise_that_fits`]).
+//! ρ of 1 where the noise is right. Where ρ > 2 the bias is measured again with the noise divided by ρ.
 //!
 //! The bias does not depend on the record's length: it is measured on at most 64 windows spread over the record, so that a
 //! long record costs no more. The noise is seeded: the same record gives the same bytes.

@@ -7,6 +7,7 @@ pub mod bifurcation;
 pub mod correlation_dimension;
 pub mod embedding;
 pub mod false_nearest_neighbours;
+pub mod free_orbit;
 pub mod lyapunov_exponent;
 pub mod model_exponent;
 pub mod neighbours;

@@ -15,6 +15,7 @@ use super::average_mutual_information::{self as information, Information, Minimu
 use super::correlation_dimension::{CorrelationDimension, correlation_dimension};
 use super::embedding::{Component, Embedding};
 use super::false_nearest_neighbours::{self as false_neighbours, FalseNeighbours};
+use super::free_orbit::{self, FreeExtraction};
 use super::lyapunov_exponent::{self as divergence, Divergence, Fit};
 use super::observable::Observable;
 use super::poincare_section::{Section, section};
@@ -26,6 +27,9 @@ use crate::inspect::coordinate::Coordinate;
 use crate::inspect::motion::{Motion, Space};
 use crate::record::Record;
 use crate::warning::Warning;
+
+/// Longest orbit of a free record that is looked for, times round.
+const LONGEST_FREE: usize = 8;
 
 /// Delay and dimension of one coordinate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -104,6 +108,16 @@ pub struct PhaseSpace {
     pub correlation_dimension: Option<CorrelationDimension>,
     /// Unstable periodic orbits (driven).
     pub orbits: Option<Extraction>,
+    /// Unstable periodic orbits (free).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub free_orbits: Option<FreeExtraction>,
+}
+
+impl PhaseSpace {
+    /// Whether neighbouring states are shown to move apart: the exponent's 95 % interval lies above zero.
+    pub fn spreads(&self) -> bool {
+        self.lyapunov.as_ref().is_some_and(|l| l.per_second > 1.96 * l.std_error)
+    }
 }
 
 /// Pieces of the segments that are used: segment, first and last sample.
@@ -243,6 +257,7 @@ pub fn survey(
         lyapunov: None,
         correlation_dimension: None,
         orbits: None,
+        free_orbits: None,
     };
     if repeats || moving.is_empty() {
         return (out, warnings);
@@ -281,6 +296,11 @@ pub fn survey(
             ));
         }
         out.orbits = Some(found);
+    } else {
+        // Once round takes about four delays.
+        let longest = (4 * delay).saturating_mul(settings.longest.min(LONGEST_FREE));
+        let choice = free_orbit::Settings { tolerance: settings.tolerance, longest, merge: 2.0, delay, most: 2000 };
+        out.free_orbits = Some(free_orbit::extract(&stretches, &choice));
     }
     (out, warnings)
 }

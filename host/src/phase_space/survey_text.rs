@@ -62,5 +62,21 @@ pub fn text(space: &PhaseSpace) -> String {
             ),
         );
     }
+    if let Some(o) = &space.free_orbits {
+        let periods: Vec<String> = o.orbits.iter().take(8).map(|o| significant(o.period_s, 4)).collect();
+        let more = if o.orbits.len() > 8 { ", …" } else { "" };
+        let of = if periods.is_empty() {
+            String::new()
+        } else {
+            format!(
+                ", periods {}{more} s; they cover {} % of the motion",
+                periods.join(", "),
+                fixed(100.0 * o.coverage, 1)
+            )
+        };
+        // Without a positive exponent the motion need not have unstable orbits: a sum of swings also comes back.
+        let word = if space.spreads() { "orbits" } else { "returns" };
+        line(word, format!("{} at {} %{of}", o.orbits.len(), significant(100.0 * o.settings.tolerance, 2)));
+    }
     out
 }

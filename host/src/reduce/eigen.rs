@@ -1,7 +1,7 @@
 //! Eigenvalues and eigenvectors of a symmetric matrix, largest value first.
 //!
 //! faer's solver: reduction to three diagonals, divide and conquer. What it shares out among threads it adds up part by part, so that the number of parts, not
-//! that of threads, decides the last digits: always [`PARTS`], whatever does them.
+//! that of threads, decides the last digits: always four, whatever does them.
 
 use faer::diag::Diag;
 use faer::dyn_stack::{MemBuffer, MemStack};

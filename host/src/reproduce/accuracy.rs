@@ -104,6 +104,17 @@ mod tests {
     use super::*;
 
     #[test]
+    fn exact_records_give_exact_parameters() {
+        let (ours, seeds) = single(4, 0.0).unwrap();
+        // Twice what a weak form in numpy attains.
+        for (i, bound) in [1e-9, 8e-11, 4e-11].into_iter().enumerate() {
+            let found = rms(ours.iter().map(|e| e[i]));
+            assert!(found < bound, "{i}: {found:e}");
+        }
+        assert!(seeds.iter().all(|e| e[0] > 1e-3));
+    }
+
+    #[test]
     fn the_weak_form_keeps_its_bounds_under_heavy_noise() {
         let (ours, seeds) = single(4, TEN_PERCENT).unwrap();
         for (i, bound) in [6.0e-2, 5.2e-3, 4.8e-3].into_iter().enumerate() {

@@ -36,6 +36,7 @@ fn render(results: &Results) -> Option<Html> {
         }
         correlation(&mut body, space);
         catalogue(&mut body, space);
+        free_catalogue(&mut body, space);
     }
     (body != Html::new()).then_some(body)
 }
@@ -250,6 +251,37 @@ fn catalogue(body: &mut Html, space: &PhaseSpace) {
                     .map(|t| Html::text(&t.map_or_else(|| "–".to_owned(), |t| t.to_string().replace('-', "−")))),
             );
             row
+        })
+        .collect();
+    body.table(&columns, &rows);
+}
+
+fn free_catalogue(body: &mut Html, space: &PhaseSpace) {
+    let Some(o) = &space.free_orbits else { return };
+    body.paragraph(&format!(
+        "Unstable periodic orbits of any period up to {} s by their returns, tolerance {} % of the span: {} closing stretches are {} distinct orbits.{}{}",
+        significant(o.settings.longest as f64 / space.sample_rate_hz, 3),
+        significant(100.0 * o.settings.tolerance, 2),
+        o.recurrences,
+        o.orbits.len(),
+        if o.orbits.len() > ROWS { format!(" The first {ROWS} are listed.") } else { String::new() },
+        if space.spreads() { "" } else { " The exponent is not shown to be positive: they may be returns of a motion without unstable orbits." }
+    ));
+    if o.orbits.is_empty() {
+        return;
+    }
+    let columns = ["period / s", "from / s", "closing error / %", "seen"].map(|t| (Html::text(t), Align::Right));
+    let rows: Vec<Vec<Html>> = o
+        .orbits
+        .iter()
+        .take(ROWS)
+        .map(|r| {
+            vec![
+                Html::text(&significant(r.period_s, 5)),
+                Html::text(&fixed(r.start_s, 2)),
+                Html::text(&fixed(100.0 * r.error, 2)),
+                Html::text(&r.seen.to_string()),
+            ]
         })
         .collect();
     body.table(&columns, &rows);
