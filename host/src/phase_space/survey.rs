@@ -265,7 +265,8 @@ pub fn survey(
     let phase = period.map(|t| phase_of(&stretches, t));
     let shared: Vec<&Observable> = observables.iter().collect();
     out.lyapunov = lyapunov(&shared, phase.as_ref(), period, &out, rate);
-    let e = joint(&shared, phase.as_ref(), delay, 0, settings.most_vectors);
+    let state = (delays(shared.len(), phase.is_some(), out.dimension), delay);
+    let e = joint(&shared, phase.as_ref(), state, 0, settings.most_vectors);
     let noise = 3.0 * moving.iter().zip(&shared).map(|((_, c), o)| c.noise / o.unit).fold(0.0, f64::max);
     out.correlation_dimension = Some(correlation_dimension(&e, theiler, 1000, noise));
     if let Some(t) = period {
@@ -323,15 +324,25 @@ fn phase_of(stretches: &[Stretch<'_>], period: f64) -> Observable {
     Observable::angle(&turns.iter().map(Vec::as_slice).collect::<Vec<_>>(), 0.0, 0)
 }
 
-/// Two delays (three of a single coordinate without a drive) of each coordinate, and the drive's phase last.
+/// Delays of each coordinate in a state of all together: two, three of a single one without a drive, and one where a free system's
+/// coordinates are as many as its dimension: more would add directions in which no neighbour lies, whose gradients are the flow's curvature.
+fn delays(coordinates: usize, driven: bool, dimension: Option<usize>) -> usize {
+    match coordinates {
+        _ if driven => 2,
+        1 => 3,
+        n if dimension.is_some_and(|d| d <= n) => 1,
+        _ => 2,
+    }
+}
+
+/// So many delays of each coordinate, and the drive's phase last.
 fn joint<'a>(
     o: &[&'a Observable],
     phase: Option<&'a Observable>,
-    delay: usize,
+    (delays, delay): (usize, usize),
     ahead: usize,
     most: usize,
 ) -> Embedding<'a> {
-    let delays = if o.len() > 1 || phase.is_some() { 2 } else { 3 };
     let mut components: Vec<Component<'a>> =
         (0..delays).flat_map(|j| o.iter().map(move |of| Component { of, delay: j * delay })).collect();
     components.extend(phase.map(|of| Component { of, delay: 0 }));
@@ -345,7 +356,7 @@ fn lyapunov(
     space: &PhaseSpace,
     rate: f64,
 ) -> Option<Lyapunov> {
-    let delays = if o.len() > 1 || phase.is_some() { 2 } else { 3 };
+    let delays = delays(o.len(), phase.is_some(), space.dimension);
     // An eighth of a drive period: long beside the noise of a count, short beside the curvature of the flow.
     let step = period.map_or((space.delay as f64 / 2.0).round(), |t| (t / 8.0).round()).max(1.0) as usize;
     let unknowns = delays * o.len() + usize::from(phase.is_some()) + 1;
@@ -357,6 +368,7 @@ fn lyapunov(
             delays,
             neighbours: 8 * unknowns,
             theiler: space.theiler,
+            keep: space.dimension.filter(|_| phase.is_none()),
             steps: 6000,
             vectors: 100_000,
         },
@@ -370,7 +382,7 @@ fn lyapunov(
         settle: period.map_or(space.delay, |t| (0.5 * t).round() as usize),
         ceiling: 0.7,
     };
-    let e = joint(o, phase, space.delay, choice.steps, space.settings.most_pairs);
+    let e = joint(o, phase, (delays, space.delay), choice.steps, space.settings.most_pairs);
     let followed = divergence::divergence(&e, &choice);
     let fit = divergence::fit(&followed, &choice);
     let (value, error) = (tangent.exponent * rate, tangent.std_error * rate);
