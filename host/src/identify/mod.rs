@@ -89,6 +89,17 @@ pub struct RecordUse {
     pub segments: usize,
 }
 
+impl RecordUse {
+    /// All of these records.
+    pub(crate) fn of(records: &[Record]) -> Self {
+        Self {
+            samples: records.iter().map(Record::samples).sum(),
+            lost: records.iter().map(|r| r.losses.lost()).sum(),
+            segments: records.iter().map(|r| r.segments.len()).sum(),
+        }
+    }
+}
+
 /// How the numbers came about.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Details {
@@ -122,6 +133,34 @@ pub struct Details {
     /// Instruments, where the noise called for them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub instruments: Option<instruments::Instruments>,
+}
+
+impl Details {
+    /// How the weak form's numbers came about: from so many windows, with each sensor's noise and the bias taken off.
+    fn of(
+        solution: &regression::Solution,
+        count: usize,
+        (windows, kernels): (&Windows, &Kernels),
+        noise_rad: Vec<f64>,
+        bias: Option<&noise_bias::Bias>,
+    ) -> Self {
+        Self {
+            window_s: windows.length_s,
+            windows: count,
+            max_frequency_hz: windows.frequencies as f64 / windows.length_s,
+            pass_hz: kernels.full.pass_hz,
+            stop_hz: kernels.full.stop_hz,
+            sign_pass_hz: kernels.clear.pass_hz,
+            noise_rad,
+            noise_bias: bias.map_or_else(Vec::new, |b| b.value.iter().copied().collect()),
+            condition: solution.condition.clone(),
+            repetition: solution.repetition,
+            jackknife_blocks: solution.blocks,
+            ties_misfit: None,
+            balance_error: Vec::new(),
+            instruments: None,
+        }
+    }
 }
 
 /// Residuals of one equation, for figure 3.14: at most 2000 dots.
@@ -347,12 +386,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
         })
     };
     if let Some(bias) = &bias {
-        let mut rest = bias.value.iter();
-        solution.coefficients.iter_mut().flat_map(DVector::iter_mut).zip(&mut rest).for_each(|(c, d)| *c -= d);
-        solution.covariance += &bias.covariance;
-        if solution.repeating {
-            solution.covariance += &bias.spread;
-        }
+        bias.take_off(&mut solution);
     }
     if solution.repeating {
         warnings.push(Warning::new(
@@ -361,13 +395,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             "Quantisation errors repeat with it and do not average out; standard errors were widened for that. Change the drive's amplitude or frequency until the motion is chaotic, or count more lines a turn",
         ));
     }
-    if solution.blocks == 0 {
-        warnings.push(Warning::new(
-            "few-windows",
-            format!("{} windows are too few to measure how residuals scatter", rows.len()),
-            "Standard errors assume white sensor noise; record longer",
-        ));
-    }
+    warnings.extend(few_windows(&solution, rows.len()));
     let names: Vec<String> = model.equations.iter().flat_map(|e| e.terms.iter().map(|t| t.name.clone())).collect();
     let units: Vec<&str> = model.equations.iter().flat_map(|e| e.terms.iter().map(|t| t.unit)).collect();
     let values = DVector::from_iterator(names.len(), solution.coefficients.iter().flat_map(|c| c.iter().copied()));
@@ -401,28 +429,13 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
         equations_used: regression::rows_used(&rows, model.equations.len(), windows.frequencies),
         equations_dropped: 0,
         groups_not_separable: groups,
-        record: RecordUse {
-            samples: records.iter().map(Record::samples).sum(),
-            lost: records.iter().map(|r| r.losses.lost()).sum(),
-            segments: records.iter().map(|r| r.segments.len()).sum(),
-        },
+        record: RecordUse::of(records),
         correlation,
         correlation_names: names,
         details: Details {
-            window_s: length_s,
-            windows: rows.len(),
-            max_frequency_hz: windows.frequencies as f64 / length_s,
-            pass_hz: kernels.full.pass_hz,
-            stop_hz: kernels.full.stop_hz,
-            sign_pass_hz: kernels.clear.pass_hz,
-            noise_rad: sigma.to_vec(),
-            noise_bias: bias.map_or_else(Vec::new, |b| b.value.iter().copied().collect()),
-            condition: solution.condition.clone(),
-            repetition: solution.repetition,
-            jackknife_blocks: solution.blocks,
             ties_misfit,
-            balance_error: Vec::new(),
             instruments: heavy.map(|h| h.done),
+            ..Details::of(&solution, rows.len(), (&windows, &kernels), sigma.to_vec(), bias.as_ref())
         },
         shooting: None,
         warnings,
@@ -434,6 +447,17 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             })
             .collect(),
         balance: None,
+    })
+}
+
+/// The warning where windows are too few for a jackknife.
+fn few_windows(solution: &regression::Solution, windows: usize) -> Option<Warning> {
+    (solution.blocks == 0).then(|| {
+        Warning::new(
+            "few-windows",
+            format!("{windows} windows are too few to measure how residuals scatter"),
+            "Standard errors assume white sensor noise; record longer",
+        )
     })
 }
 

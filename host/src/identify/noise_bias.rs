@@ -24,7 +24,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::regression::{RunSums, weighted_rms};
+use super::regression::{RunSums, Solution, weighted_rms};
 use super::windows::{Kernels, Plan, WindowRows, Windows, rows_with, samples_needed};
 use crate::model::weak::WeakModel;
 use crate::signal::angles::AngleSegment;
@@ -52,6 +52,18 @@ pub struct Bias {
     pub spread: DMatrix<f64>,
     /// ρ: weighted rms residual over the repeats, 1 where the noise assumed leaves residuals like the record's.
     pub residual: f64,
+}
+
+impl Bias {
+    /// Takes the bias off a solution, whose covariance gains what is not known of the bias.
+    pub(crate) fn take_off(&self, solution: &mut Solution) {
+        let coefficients = solution.coefficients.iter_mut().flat_map(DVector::iter_mut);
+        coefficients.zip(self.value.iter()).for_each(|(c, d)| *c -= d);
+        solution.covariance += &self.covariance;
+        if solution.repeating {
+            solution.covariance += &self.spread;
+        }
+    }
 }
 
 /// ρ above which the assumed noise is not the record's.

@@ -27,6 +27,7 @@ pub static ITEMS: &[Item] = &[
         about: "two masses: invariant manifold, fitted and by Shaw and Pierre's expansion",
         run: figure_5_3,
     },
+    Item { id: "figure-5.4", about: "mass–pendulum: sketch", run: figure_5_4 },
     Item {
         id: "figure-5.5",
         about: "mass–pendulum: shapes of the first nonlinear normal mode",
@@ -63,6 +64,51 @@ pub static ITEMS: &[Item] = &[
         run: figure_5_13,
     },
 ];
+
+/// A block on a spring, displaced by x, with a bar of the same unit length hanging from it at θ: (5.18), release 4 (x = 0.5, θ = 1.54).
+fn figure_5_4() -> Result<Reproduction> {
+    let (x, theta): (f64, f64) = (0.5, 1.54);
+    let end = [x + theta.sin(), -theta.cos()];
+    let along = |p: [f64; 2], q: [f64; 2]| -> (Vec<f64>, Vec<f64>) {
+        (0..=20).map(|i| f64::from(i) / 20.0).map(|u| (p[0] + u * (q[0] - p[0]), p[1] + u * (q[1] - p[1]))).unzip()
+    };
+    // Around the block, half a bar wide.
+    let (w, h) = (0.25, 0.12);
+    let corners = [[-w, -h], [w, -h], [w, h], [-w, h], [-w, -h]].map(|c| [x + c[0], c[1]]);
+    let (mut bx, mut by) = (Vec::new(), Vec::new());
+    for c in corners.windows(2) {
+        let (px, py) = along(c[0], c[1]);
+        bx.extend(px);
+        by.extend(py);
+    }
+    // Eight turns from the wall to the block.
+    let (wall, turns) = (-1.2, 8.0);
+    let (sx, sy): (Vec<f64>, Vec<f64>) = (0..=160)
+        .map(|i| f64::from(i) / 160.0)
+        .map(|u| (wall + u * (x - w - wall), 0.08 * (TAU * turns * u).sin()))
+        .unzip();
+    let mut panel = Panel::new(
+        "",
+        Axis::linear("x, bar lengths").range(-1.4, 2.0),
+        Axis::linear("height, bar lengths").range(-1.1, 0.4),
+    );
+    let parts = [
+        ("wall", along([wall, -0.3], [wall, 0.3]), 3),
+        ("spring k", (sx, sy), 4),
+        ("block m_{1}, displaced by x", (bx, by), 0),
+        ("bar m_{2}, θ from hanging", along([x, 0.0], end), 1),
+    ];
+    for (name, (x, y), colour) in parts {
+        panel.series.push(Series::new(name, Shape::Line, x, y).colour(colour));
+    }
+    Ok(Reproduction {
+        id: "figure-5.4".into(),
+        title: "sketch of the mass–pendulum system at rest in the fourth release, to scale".into(),
+        rows: Vec::new(),
+        notes: Vec::new(),
+        panels: (vec![panel], 1, 320.0),
+    })
+}
 
 /// One period of a release in modal coordinates from its harmonics: y, ẏ, z.
 fn orbit(case: &Case, release: usize) -> [Vec<f64>; 3] {

@@ -22,6 +22,7 @@ use self::noise::{Remeasured, Sensors};
 use self::series::System;
 use self::stretches::Stretch;
 use super::correlation_of as correlation;
+use super::few_windows;
 use super::noise_bias::with_noise_that_fits;
 use super::regression::{self, Options, Unsolvable};
 use super::windows::{WindowRows, frequency_of_row, rows_of, samples_needed};
@@ -238,12 +239,7 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
         remeasured().bias(&terms, weights)
     };
     if let Some(bias) = &bias {
-        let mut rest = bias.value.iter();
-        solution.coefficients.iter_mut().flat_map(DVector::iter_mut).zip(&mut rest).for_each(|(c, d)| *c -= d);
-        solution.covariance += &bias.covariance;
-        if solution.repeating {
-            solution.covariance += &bias.spread;
-        }
+        bias.take_off(&mut solution);
     }
     if solution.repeating {
         warnings.push(Warning::new(
@@ -255,13 +251,7 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
             "What the model lacks repeats with it and does not average out; standard errors were widened for that",
         ));
     }
-    if solution.blocks == 0 {
-        warnings.push(Warning::new(
-            "few-windows",
-            format!("{} windows are too few to measure how residuals scatter", rows.len()),
-            "Standard errors assume white sensor noise; record longer",
-        ));
-    }
+    warnings.extend(few_windows(&solution, rows.len()));
     let all = DVector::from_iterator(names.len(), solution.coefficients.iter().flat_map(|c| c.iter().copied()));
     let units = split.units(&units_of(model, rig, bound));
     let unit_of = |name: &String| names.iter().position(|n| n == name).map_or_else(String::new, |i| units[i].clone());
@@ -288,28 +278,12 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
         equations_used: regression::rows_used(&rows, model.equations.len(), windows.frequencies),
         equations_dropped: 0,
         groups_not_separable: groups,
-        record: RecordUse {
-            samples: records.iter().map(Record::samples).sum(),
-            lost: records.iter().map(|r| r.losses.lost()).sum(),
-            segments: records.iter().map(|r| r.segments.len()).sum(),
-        },
+        record: RecordUse::of(records),
         correlation: correlation(&covariance),
         correlation_names: own,
         details: Details {
-            window_s: length_s,
-            windows: rows.len(),
-            max_frequency_hz: windows.frequencies as f64 / length_s,
-            pass_hz: kernels.full.pass_hz,
-            stop_hz: kernels.full.stop_hz,
-            sign_pass_hz: kernels.clear.pass_hz,
-            noise_rad: sigma,
-            noise_bias: bias.map_or_else(Vec::new, |b| b.value.iter().copied().collect()),
-            condition: solution.condition.clone(),
-            repetition: solution.repetition,
-            jackknife_blocks: solution.blocks,
-            ties_misfit: None,
             balance_error: errors,
-            instruments: None,
+            ..Details::of(&solution, rows.len(), (&windows, &kernels), sigma, bias.as_ref())
         },
         shooting: None,
         balance: None,

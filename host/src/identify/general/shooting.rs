@@ -10,7 +10,7 @@ use super::track::{Along, Pieces, Track};
 use super::{Prepared, correlation, prepare};
 use crate::error::{BadInput, Result};
 use crate::identify::shooting::run::{self, Failure, Outcome, REPEATING};
-use crate::identify::shooting::{Details, Settings};
+use crate::identify::shooting::{Details, Settings, told};
 use crate::identify::{Identification, Settings as WeakSettings, identifiability};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::record::Record;
@@ -120,27 +120,7 @@ fn finish(
             "Errors repeat with it and do not average out; standard errors were widened for that",
         ));
     }
-    if worst > MISSES {
-        warnings.push(Warning::new(
-            "more-than-noise",
-            format!("residuals are {worst:.1} times the sensors' noise: the model misses something"),
-            "Coefficients make up for it as well as they can and may be off by more than their standard errors; see `whirl explain`",
-        ));
-    }
-    if lost > 0 {
-        warnings.push(Warning::new(
-            "pieces-lost",
-            format!("{lost} of {} pieces could not be followed by a solution of the model", lost + fit.states.len()),
-            "They were left out; a blow, a slipping joint or a short piece of wrong values there?",
-        ));
-    }
-    if !fit.converged {
-        warnings.push(Warning::new(
-            "not-converged",
-            format!("{rounds} rounds did not come to rest"),
-            "Try shorter pieces with --segment-s, and look at how well the weak form does",
-        ));
-    }
+    warnings.extend(told(worst, (lost, fit.states.len()), rounds, fit.converged, covariance.blocks));
     let values_found = DVector::from_vec(fit.parameters.clone());
     let estimate = &covariance.estimate;
     let mut parameters = first.parameters.clone();

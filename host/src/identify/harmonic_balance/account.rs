@@ -228,11 +228,7 @@ pub fn identification(
         equations_used: used,
         equations_dropped: all - used,
         groups_not_separable: groups,
-        record: RecordUse {
-            samples: records.iter().map(Record::samples).sum(),
-            lost: records.iter().map(|r| r.losses.lost()).sum(),
-            segments: records.iter().map(|r| r.segments.len()).sum(),
-        },
+        record: RecordUse::of(records),
         correlation: correlation_of(covariance),
         correlation_names: names.clone(),
         details: Details {

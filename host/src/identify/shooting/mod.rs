@@ -214,6 +214,46 @@ fn shoot<D: Dynamics>(
     Ok((outcome, levels_s))
 }
 
+/// What a run has to tell: residuals (in the sensors' noise), pieces lost and used, rounds, whether they came to rest, blocks of the jackknife.
+pub(crate) fn told(
+    worst: f64,
+    (lost, used): (usize, usize),
+    rounds: usize,
+    converged: bool,
+    blocks: usize,
+) -> Vec<Warning> {
+    let mut warnings = Vec::new();
+    if worst > MISSES {
+        warnings.push(Warning::new(
+            "more-than-noise",
+            format!("residuals are {worst:.1} times the sensors' noise: the model misses something"),
+            "Parameters make up for it as well as they can and may be off by more than their standard errors; see `whirl explain`",
+        ));
+    }
+    if lost > 0 {
+        warnings.push(Warning::new(
+            "pieces-lost",
+            format!("{lost} of {} pieces could not be followed by a solution of the model", lost + used),
+            "They were left out; a blow, a slipping joint or a short piece of wrong values there?",
+        ));
+    }
+    if !converged {
+        warnings.push(Warning::new(
+            "not-converged",
+            format!("{rounds} rounds did not come to rest"),
+            "Try shorter pieces with --segment-s, and look at how well the weak form does",
+        ));
+    }
+    if blocks == 0 {
+        warnings.push(Warning::new(
+            "few-pieces",
+            format!("{used} pieces are too few to measure how residuals scatter"),
+            "Standard errors assume white sensor noise; record longer",
+        ));
+    }
+    warnings
+}
+
 /// The run's result in the place of the weak form's.
 fn finish(
     first: Identification,
@@ -237,34 +277,7 @@ fn finish(
             "Quantisation errors repeat with it and do not average out; standard errors were widened for that. Change the drive's amplitude or frequency until the motion is chaotic, or count more lines a turn",
         ));
     }
-    if worst > MISSES {
-        warnings.push(Warning::new(
-            "more-than-noise",
-            format!("residuals are {worst:.1} times the sensors' noise: the model misses something"),
-            "Parameters make up for it as well as they can and may be off by more than their standard errors; see `whirl explain`",
-        ));
-    }
-    if lost > 0 {
-        warnings.push(Warning::new(
-            "pieces-lost",
-            format!("{lost} of {} pieces could not be followed by a solution of the model", lost + fit.states.len()),
-            "They were left out; a blow, a slipping joint or a short piece of wrong counts there?",
-        ));
-    }
-    if !fit.converged {
-        warnings.push(Warning::new(
-            "not-converged",
-            format!("{rounds} rounds did not come to rest"),
-            "Try shorter pieces with --segment-s, and look at how well the weak form does",
-        ));
-    }
-    if covariance.blocks == 0 {
-        warnings.push(Warning::new(
-            "few-pieces",
-            format!("{} pieces are too few to measure how residuals scatter", fit.states.len()),
-            "Standard errors assume white sensor noise; record longer",
-        ));
-    }
+    warnings.extend(told(worst, (lost, fit.states.len()), rounds, fit.converged, covariance.blocks));
     let mut parameters = super::ordered_parameters(names, units, &vector, estimate);
     let mut ties_misfit = None;
     if let Some(physical) = system.physical(names, &vector, estimate, &covariance.bound, rig) {
