@@ -65,9 +65,9 @@ pub static ITEMS: &[Item] = &[
     },
 ];
 
-/// A block on a spring, displaced by x, with a bar of the same unit length hanging from it at θ: (5.18), release 4 (x = 0.5, θ = 1.54).
+/// A block on a spring, displaced by x, with a bar of the same unit length hanging from it at θ: (5.18), release 2 (x = 0.25, θ = 0.733).
 fn figure_5_4() -> Result<Reproduction> {
-    let (x, theta): (f64, f64) = (0.5, 1.54);
+    let (x, theta): (f64, f64) = (0.25, 0.733);
     let end = [x + theta.sin(), -theta.cos()];
     let along = |p: [f64; 2], q: [f64; 2]| -> (Vec<f64>, Vec<f64>) {
         (0..=20).map(|i| f64::from(i) / 20.0).map(|u| (p[0] + u * (q[0] - p[0]), p[1] + u * (q[1] - p[1]))).unzip()
@@ -89,7 +89,7 @@ fn figure_5_4() -> Result<Reproduction> {
         .unzip();
     let mut panel = Panel::new(
         "",
-        Axis::linear("x, bar lengths").range(-1.4, 2.0),
+        Axis::linear("x, bar lengths").range(-1.4, 1.4),
         Axis::linear("height, bar lengths").range(-1.1, 0.4),
     );
     let parts = [
@@ -103,7 +103,7 @@ fn figure_5_4() -> Result<Reproduction> {
     }
     Ok(Reproduction {
         id: "figure-5.4".into(),
-        title: "sketch of the mass–pendulum system at rest in the fourth release, to scale".into(),
+        title: "sketch of the mass–pendulum system at rest in the second release".into(),
         rows: Vec::new(),
         notes: Vec::new(),
         panels: (vec![panel], 1, 320.0),
