@@ -12,7 +12,8 @@ use rayon::prelude::*;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-use super::unstable_periodic_orbit::{Stretch, lagrange};
+use super::orbit_catalogue::at;
+use super::unstable_periodic_orbit::Stretch;
 
 /// Points at which orbits are compared; several times round divides them evenly.
 const POINTS: usize = 120;
@@ -157,15 +158,6 @@ fn closing(index: usize, stretch: &Stretch<'_>, stride: usize, settings: &Settin
     }
     out.extend(runs.into_iter().map(|r| r.1));
     out
-}
-
-/// Value at a real sample.
-fn at(x: &[f64], t: f64) -> f64 {
-    let i = (t.floor() as usize).clamp(1, x.len().saturating_sub(3).max(1));
-    match x.get(i - 1..i + 3) {
-        Some(w) => lagrange(t - i as f64).iter().zip(w).map(|(a, b)| a * b).sum(),
-        None => x.first().copied().unwrap_or(0.0),
-    }
 }
 
 /// State at a real sample.

@@ -43,7 +43,7 @@ pub struct Catalogue {
 }
 
 /// Value at a real sample.
-fn at(x: &[f64], t: f64) -> f64 {
+pub(super) fn at(x: &[f64], t: f64) -> f64 {
     let i = (t.floor() as usize).clamp(1, x.len().saturating_sub(3).max(1));
     match x.get(i - 1..i + 3) {
         Some(w) => lagrange(t - i as f64).iter().zip(w).map(|(a, b)| a * b).sum(),

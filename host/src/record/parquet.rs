@@ -2,6 +2,7 @@
 //!
 //! - `t`: DOUBLE or FLOAT in seconds, an integer in seconds, or a timestamp. Channels: 32- or 64-bit integers, FLOAT or DOUBLE; a
 //!   null or NaN is a gap. Compression: none or Snappy. Nested columns are not read.
+//! - Row groups of up to 16 MiB are read at once. In a file as whirl wrote it `t` is not decoded but follows from the ticks, as it was made.
 //! - A record of whirl's own brings its ticks, the drive's phase, its metadata and losses. Its row groups carry checksums,
 //!   which are verified; without a footer it is read up to the last whole row group ([`ReadOptions::recover`]).
 //!

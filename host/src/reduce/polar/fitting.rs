@@ -204,13 +204,13 @@ pub(super) fn model_of(
     for k in 0..harmonics {
         let part = of_harmonics(k, k + 1);
         let rows = table.rows_of(k, channels);
-        let degree = if few {
-            Some(shape_degree)
-        } else if rows.len() < nodes.len() {
+        let degree = if rows.len() < nodes.len() {
             // Few releases: interpolated, by the worst at one left out.
             let worst = |d: usize| score_of(&part, shape_a0, d, &rows).map_or(f64::INFINITY, |s| s.1);
             let best = (1..rows.len().saturating_sub(1)).min_by(|a, b| worst(*a).total_cmp(&worst(*b)));
             Some(best.map_or(1, |d| if d + 2 == rows.len() { d + 1 } else { d }).min(rows.len() - 1).min(MOST_DEGREE))
+        } else if few {
+            Some(shape_degree)
         } else {
             // Every harmonic with the degree that serves it, so that one that other modes disturb does not coarsen the others; one that is predicted
             // no better than by nothing at all is not the mode's: other modes ring there.

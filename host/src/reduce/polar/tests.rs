@@ -114,3 +114,21 @@ fn a_duffing_oscillators_energy_follows_from_displacements_alone() {
         assert!((energy / want - 1.0).abs() < 2e-3, "{x0}: {energy} {want}");
     }
 }
+
+#[test]
+fn even_harmonics_of_few_releases_are_fitted_to_them_alone() {
+    // Seven motions of a symmetric mode, three of them releases with a tenth of even harmonics beside it; the third harmonic calls for a high degree.
+    let node = |a: f64, even: f64| Node {
+        amplitude: a,
+        omega: 1.0 + 0.01 * a,
+        error: 1e-9,
+        shape: vec![vec![0.0], vec![1.0], vec![even], vec![(0.9 * a).sin()]],
+        spread: vec![0.0],
+    };
+    let nodes: Vec<Node> = (1..=7).map(|i| node(f64::from(i), if i % 3 == 1 { 0.1 } else { 0.0 })).collect();
+    let polar = super::fitting::model_of(&nodes, &[1.0], None, 6, Some(false)).unwrap();
+    assert!(polar.beside && polar.shape[3][0].len() > 4, "{polar:?}");
+    for a in [1.0, 2.5, 4.0, 7.0] {
+        assert!((polar.harmonics(a)[2][0] / a - 0.1).abs() < 1e-9, "{a}: {:?}", polar.harmonics(a));
+    }
+}
