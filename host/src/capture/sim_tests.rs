@@ -145,7 +145,7 @@ fn rows_through_a_faulty_link_are_whole_or_counted() {
     let done = run_from(&settings, &rig, &mut source, &mut |_| {}).unwrap();
     let told = done.rows.unwrap();
     assert!(told.windows > 10 && told.windows_lost > 5 && told.windows + told.windows_lost <= 60, "{told:?}");
-    assert!(done.warnings.iter().any(|w| w.kind == "windows-lost"), "{:?}", done.warnings);
+    assert!(done.warnings.iter().any(|w| w.id == "windows-lost"), "{:?}", done.warnings);
 }
 
 #[test]

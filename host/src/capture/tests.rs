@@ -156,7 +156,7 @@ fn an_unplugged_link_is_found_again() {
     let l = &done.losses;
     assert_eq!(l.received + l.lost(), 4000);
     assert!(l.lost() >= 1000 && l.lost() < 1100 && l.lost_on_link + l.damaged == l.lost(), "{l:?}");
-    assert!(done.warnings.iter().any(|w| w.kind == "reconnected"));
+    assert!(done.warnings.iter().any(|w| w.id == "reconnected"));
     check_samples(&run.read());
     run.replay_is_identical();
     assert!(fake.state().at_rest());
@@ -180,7 +180,7 @@ fn a_restarted_device_begins_a_segment() {
     let mut fake = Fake::with(&[(1800, Fault::Restart)]);
     let done = run.capture(&mut fake).unwrap();
     assert_eq!(done.losses.restarts, 1);
-    assert!(done.warnings.iter().any(|w| w.kind == "device-restarted"), "{:?}", done.warnings);
+    assert!(done.warnings.iter().any(|w| w.id == "device-restarted"), "{:?}", done.warnings);
     assert_eq!(done.losses.received + done.losses.lost(), 3000);
     assert!(run.read().segments.len() >= 2);
     assert!(fake.state().at_rest());
@@ -193,8 +193,8 @@ fn a_shaker_that_has_stopped_by_itself_stays_off_unless_it_is_to_be_started_agai
         run.settings.restart_drive = restart_drive;
         let mut fake = Fake::with(&[(1800, Fault::Restart)]);
         let done = run.capture(&mut fake).unwrap();
-        let told = done.warnings.iter().find(|w| w.kind == "drive-stopped").unwrap();
-        assert!(told.message.contains(then) && told.message.contains("has restarted"), "{told:?}");
+        let told = done.warnings.iter().find(|w| w.id == "drive-stopped").unwrap();
+        assert!(told.text.contains(then) && told.text.contains("has restarted"), "{told:?}");
         // At the end of the record it moves again, or it does not.
         let record = run.read();
         let amplitude = record.segments.last().unwrap().amplitude_nm.as_ref().unwrap();
@@ -220,7 +220,7 @@ fn a_drive_without_amplitude_is_left_alone_with_a_warning() {
     run.settings.from = "tcp:fake:1".into();
     let mut fake = Fake::new();
     let done = run_from(&run.settings, &run.rig, &mut fake, &mut |_| {}).unwrap();
-    assert!(done.warnings.iter().any(|w| w.kind == "drive-left-alone"), "{:?}", done.warnings);
+    assert!(done.warnings.iter().any(|w| w.id == "drive-left-alone"), "{:?}", done.warnings);
     assert!(!fake.state().shaker_moved);
     run.settings.drive = false;
     run.settings.output = run.settings.output.with_file_name("quiet.parquet");
@@ -285,7 +285,7 @@ fn raw_bytes_and_damaged_journals_are_read_as_far_as_they_go() {
     // Cut short: a crash.
     std::fs::write(&raw, &bytes[..bytes.len() * 2 / 3]).unwrap();
     let done = super::run(&from(&raw), &run.rig, &mut |_| {}).unwrap();
-    assert!(!done.complete && done.losses.received > 500 && done.warnings.iter().any(|w| w.kind == "short"));
+    assert!(!done.complete && done.losses.received > 500 && done.warnings.iter().any(|w| w.id == "short"));
     for nothing in [&b""[..], b"\0\0\0", b"hello\0"] {
         std::fs::write(&raw, nothing).unwrap();
         assert!(super::run(&from(&raw), &run.rig, &mut |_| {}).is_err());

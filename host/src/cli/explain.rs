@@ -73,5 +73,5 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     if result.verdict == Verdict::NotDecidable {
         return Ok(Answer::Negative);
     }
-    Ok(arguments.records.answer(&records))
+    Ok(Answer::that_stands(&result.warnings).and(arguments.records.answer(&records)))
 }

@@ -164,7 +164,7 @@ fn of_rows(arguments: &Arguments, records: &[RowsRecord]) -> Result<Answer> {
         eprintln!("whirl: {} samples are missing (--strict)", result.record.lost);
         return Ok(Answer::Negative);
     }
-    Ok(Answer::Positive)
+    Ok(Answer::that_stands(&result.warnings))
 }
 
 /// Reads, identifies, writes.
@@ -214,5 +214,5 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         eprintln!("whirl: the identification error exceeds its bound of {:.0} %", 100.0 * ERROR_BOUND);
         return Ok(Answer::Negative);
     }
-    Ok(arguments.records.answer(&records))
+    Ok(Answer::that_stands(&result.warnings).and(arguments.records.answer(&records)))
 }

@@ -55,5 +55,6 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
         Report::of(format!("Inspection: {}", rig.name), names.join(", "), &results).write(path)?;
     }
-    Ok(arguments.records.answer(&records))
+    let all: Vec<_> = inspections.into_iter().flat_map(|i| i.warnings).collect();
+    Ok(Answer::that_stands(&all).and(arguments.records.answer(&records)))
 }

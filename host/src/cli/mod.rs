@@ -29,6 +29,7 @@ use crate::error::{BadInput, Result};
 use crate::record::Record;
 use crate::record::formats::ReadOptions;
 use crate::rig::Rig;
+use crate::warning::Warning;
 
 /// From encoder counts to a trusted equation of motion, and to the physical effect that the model is missing.
 #[derive(Debug, Parser)]
@@ -80,6 +81,23 @@ pub enum Answer {
     Positive,
     /// Done, and the answer is negative.
     Negative,
+}
+
+impl Answer {
+    /// The negative answer, said with its reason, where a warning says that the answer cannot stand.
+    fn that_stands(warnings: &[Warning]) -> Self {
+        let reasons: Vec<&str> = warnings.iter().filter(|w| w.invalidates).map(|w| w.id).collect();
+        if reasons.is_empty() {
+            return Self::Positive;
+        }
+        eprintln!("whirl: this answer cannot stand: {} (see the warnings)", reasons.join(", "));
+        Self::Negative
+    }
+
+    /// Positive where both are.
+    fn and(self, other: Self) -> Self {
+        if self == Self::Positive { other } else { self }
+    }
 }
 
 /// Records and the rig that they belong to: what most commands begin with.

@@ -78,6 +78,6 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
 /// Warnings, on standard error.
 pub fn print_warnings(warnings: &[Warning]) {
     for w in warnings {
-        eprintln!("whirl: warning: {}. {}", w.message, w.advice);
+        eprintln!("whirl: warning: {}. {}", w.text, w.advice);
     }
 }

@@ -125,7 +125,7 @@ pub fn human(r: &Reduction) -> String {
             text.push_str(&forced(f));
         }
     } else {
-        text.push_str(if r.warnings.iter().any(|w| w.kind == "taken-block-by-block") {
+        text.push_str(if r.warnings.iter().any(|w| w.id == "taken-block-by-block") {
             "no equation: taken block by block\n"
         } else {
             "no equation: the record is not close to periodic\n"
@@ -199,6 +199,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         (reduce(&read, &rig, &settings)?, read.iter().map(|r| r.losses.lost()).sum())
     };
     print_warnings(&result.warnings);
+    let stands = Answer::that_stands(&result.warnings);
     arguments.out.write_json(&result)?;
     arguments.out.say(&human(&result));
     if let Some(path) = &arguments.curves {
@@ -210,5 +211,5 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         results.add(result);
         Report::of(format!("Reduction: {}", rig.name), names.join(", "), &results).write(path)?;
     }
-    Ok(records.answer_for(lost))
+    Ok(stands.and(records.answer_for(lost)))
 }

@@ -86,5 +86,5 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         eprintln!("whirl: the model fails its validation");
         return Ok(Answer::Negative);
     }
-    Ok(arguments.records.answer(&records))
+    Ok(Answer::that_stands(&result.warnings).and(arguments.records.answer(&records)))
 }

@@ -150,7 +150,7 @@ fn a_wrong_drive_frequency_is_noticed() {
         let drive = found.drive.unwrap();
         assert_eq!(drive.agrees, Some(right), "{drive:?}");
         assert!((drive.line_hz.or(drive.other_hz).unwrap() - 5.0).abs() < 0.003, "{drive:?}");
-        assert_eq!(found.warnings.iter().any(|w| w.kind == "drive-frequency"), !right);
+        assert_eq!(found.warnings.iter().any(|w| w.id == "drive-frequency"), !right);
     }
 }
 
@@ -161,14 +161,14 @@ fn a_locked_record_and_one_at_rest_are_noticed() {
         let locked = record(&rig, counts(20.0, 0.0115, 5.0, friction));
         let found = inspect(&locked, &rig, &settings()).unwrap();
         assert_eq!((found.periodicity.kind, found.periodicity.period), (Kind::Periodic, Some(period)));
-        assert!(found.warnings.iter().any(|w| w.kind == "locked"));
+        assert!(found.warnings.iter().any(|w| w.id == "locked"));
     }
     let still = [vec![100; 30_000], vec![-7; 30_000]];
     let found = inspect(&record(&rig, still), &rig, &settings()).unwrap();
     assert_eq!(found.periodicity.kind, Kind::AtRest);
     assert!(found.coordinates[0].spectrum.is_none());
     assert!(found.phase_space.coordinates.is_empty() && found.phase_space.lyapunov.is_none());
-    assert!(found.warnings.iter().any(|w| w.kind == "at-rest"));
+    assert!(found.warnings.iter().any(|w| w.id == "at-rest"));
 }
 
 #[test]

@@ -98,9 +98,9 @@ fn nan_is_a_gap_with_one_warning() {
         .replace("3.400,600,x,0.7", "3.400,600,x,nan");
     let r = read(&text).unwrap();
     assert_eq!((r.losses.nan_rows, r.segments.len(), r.losses.received, r.losses.gaps), (3, 3, 297, 0));
-    let w: Vec<_> = r.warnings.iter().filter(|w| w.kind == "nan-is-gap").collect();
+    let w: Vec<_> = r.warnings.iter().filter(|w| w.id == "nan-is-gap").collect();
     assert_eq!(w.len(), 1);
-    assert!(w[0].message.contains("3 of 300") && w[0].message.contains("line 52 in count1"), "{}", w[0].message);
+    assert!(w[0].text.contains("3 of 300") && w[0].text.contains("line 52 in count1"), "{}", w[0].text);
 }
 
 #[test]
@@ -188,7 +188,7 @@ fn a_truncated_gzip_names_the_last_whole_row_and_is_recovered() {
         assert!(n > 500 && n <= 4000);
         assert!(e.contains(&format!("the last whole row is line {} (t = ", n + 1)), "{n} rows: {e}");
         assert_eq!(s.columns[0], Column::Counts((0..n as i32).map(|i| i * 3).collect()));
-        assert!(r.warnings.iter().any(|w| w.kind == "recovered"));
+        assert!(r.warnings.iter().any(|w| w.id == "recovered"));
     }
     let mut corrupt = whole.clone();
     let crc = corrupt.len() - 8;
@@ -219,7 +219,7 @@ fn a_torn_last_line_is_an_error_or_recovered() {
             // The cut went through the last number: that cannot be told for sure.
             Ok(r) => {
                 assert!(cut < 6 && r.samples() == 100, "{cut}");
-                assert!(r.warnings.iter().any(|w| w.kind == "no-line-feed"));
+                assert!(r.warnings.iter().any(|w| w.id == "no-line-feed"));
             }
             Err(e) => {
                 let e = e.to_string();
@@ -257,7 +257,7 @@ fn jitter_is_told() {
     let r = read(&text).unwrap();
     assert_eq!(r.segments.len(), 1);
     assert!((r.segments[0].jitter_s - 1.87e-4).abs() < 1e-5, "{}", r.segments[0].jitter_s);
-    assert!(r.warnings.iter().any(|w| w.kind == "jitter" && w.message.contains("9.4 %")), "{:?}", r.warnings);
+    assert!(r.warnings.iter().any(|w| w.id == "jitter" && w.text.contains("9.4 %")), "{:?}", r.warnings);
 }
 
 #[test]
@@ -272,7 +272,7 @@ fn wrapped_columns_are_unwrapped_with_a_warning() {
     let Column::Values(v) = &r.segments[0].columns[1] else { panic!() };
     assert_eq!(r.segments[0].columns[0], Column::Counts((0..1000).map(|i| truth(i).0).collect()));
     assert!(v.iter().enumerate().all(|(i, v)| (v - truth(i as i32).1).abs() < 1e-9));
-    assert_eq!(r.warnings.iter().filter(|w| w.kind == "unwrapped").count(), 2);
+    assert_eq!(r.warnings.iter().filter(|w| w.id == "unwrapped").count(), 2);
 }
 
 fn own_rig() -> Rig {

@@ -109,7 +109,7 @@ fn stored_and_deflated_archives_are_read() {
         assert_eq!(r.segments[0].columns[1], super::super::Column::Counts((0..100).map(|i| -7 * i).collect()));
         // No t, but a sampling rate.
         let r = read_bytes(&good(deflated, 0, 500, Some(100.0)), &rig).unwrap();
-        assert!(r.warnings.iter().any(|w| w.kind == "no-time"));
+        assert!(r.warnings.iter().any(|w| w.id == "no-time"));
     }
 }
 

@@ -87,7 +87,7 @@ fn without_footer_the_record_is_read_up_to_its_last_whole_group() {
         assert!(e.contains(&format!("the last whole row is row {n} (t = ")) && e.contains("--recover"), "{e}");
         assert_eq!(r.segments[0].columns[1], Column::Counts((0..n as i64).map(|i| sample(i).0[1]).collect()));
         assert_eq!(r.metadata, Some(metadata()));
-        assert!(r.warnings.iter().any(|w| w.kind == "recovered"));
+        assert!(r.warnings.iter().any(|w| w.id == "recovered"));
     }
     std::fs::write(&path, &whole[..300]).unwrap();
     let e = read_with(&path, true).unwrap_err().to_string();
@@ -159,7 +159,7 @@ fn foreign_files_are_read() {
         assert_eq!((r.losses.nan_rows, r.metadata.is_none()), (1, true));
         assert_eq!(r.segments[1].columns[0], Column::Counts((701..3000).map(|i| i % 7).collect()));
         assert_eq!(r.segments[0].columns[1], Column::Counts((0..700).map(|i| i * 5).collect()));
-        assert!(r.warnings[0].message.contains("row 701 in count1"), "{:?}", r.warnings);
+        assert!(r.warnings[0].text.contains("row 701 in count1"), "{:?}", r.warnings);
     }
     foreign(&path, FOREIGN, Compression::SNAPPY, |i| if i == 900 { f64::NAN } else { i as f64 * 0.002 }, false);
     let e = read_with(&path, false).unwrap_err().to_string();

@@ -101,14 +101,14 @@ mod tests {
         write(0.001);
         let plain = Record::read(&path, &rig, &ReadOptions::default()).unwrap();
         assert!(
-            plain.warnings.iter().any(|w| w.kind == "jitter" && w.advice.contains("--resample")),
+            plain.warnings.iter().any(|w| w.id == "jitter" && w.advice.contains("--resample")),
             "{:?}",
             plain.warnings
         );
         let options = ReadOptions { resample: true, ..ReadOptions::default() };
         let even = Record::read(&path, &rig, &options).unwrap();
         assert!(
-            even.warnings.iter().any(|w| w.kind == "resampled") && !even.warnings.iter().any(|w| w.kind == "jitter")
+            even.warnings.iter().any(|w| w.id == "resampled") && !even.warnings.iter().any(|w| w.id == "jitter")
         );
         assert_eq!((even.segments.len(), even.losses.gaps), (2, 1));
         for s in &even.segments {

@@ -45,7 +45,7 @@ fn compare(path: &Path, rig: &Rig) -> usize {
     assert_eq!(summary.losses, whole.losses);
     assert!((summary.sample_rate_hz / whole.sample_rate_hz - 1.0).abs() < 1e-9);
     let kinds = |w: &[Warning]| {
-        let mut of: Vec<_> = w.iter().map(|w| (w.kind, w.message.clone())).collect();
+        let mut of: Vec<_> = w.iter().map(|w| (w.id, w.text.clone())).collect();
         of.sort_unstable();
         of
     };

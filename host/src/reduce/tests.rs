@@ -70,7 +70,7 @@ fn swing(a: f64, i: usize) -> [f64; 2] {
 }
 
 fn warned(r: &Reduction, code: &str) -> bool {
-    r.warnings.iter().any(|w| w.kind == code)
+    r.warnings.iter().any(|w| w.id == code)
 }
 
 #[test]
@@ -141,7 +141,7 @@ fn same_modes(whole: &Reduction, streamed: &Reduction) {
         assert!(close(&whole.modes[k], &streamed.modes[k]), "{k}");
     }
     // All that is told of the whole record but what belongs to a model is told of the streamed one too.
-    for w in whole.warnings.iter().filter(|w| w.kind.ends_with("channel") || w.kind == "gaps" || w.kind == "nan-is-gap")
+    for w in whole.warnings.iter().filter(|w| w.id.ends_with("channel") || w.id == "gaps" || w.id == "nan-is-gap")
     {
         assert!(streamed.warnings.contains(w), "{w:?}");
     }

@@ -18,8 +18,8 @@ fn render(results: &Results) -> Option<Html> {
     let mut body = Html::new();
     for r in results.all::<Reduction>() {
         energies(&mut body, r);
-        for w in r.warnings.iter().filter(|w| w.kind.ends_with("channel")) {
-            body.paragraph(&format!("{}. {}.", w.message, w.advice));
+        for w in r.warnings.iter().filter(|w| w.id.ends_with("channel")) {
+            body.paragraph(&format!("{}. {}.", w.text, w.advice));
         }
         modes(&mut body, r);
         releases(&mut body, r);

@@ -32,7 +32,7 @@ fn render(results: &Results) -> Option<Html> {
         let place = file.filter(|_| several).map_or(String::new(), |f| format!("{}: ", escape(f)));
         body.0.push_str(&format!(
             "<div class=warning><b>{place}{}</b>{}</div>\n",
-            escape(&warning.message),
+            escape(&warning.text),
             escape(&warning.advice)
         ));
     }
