@@ -72,3 +72,18 @@ impl fmt::Display for BadInput {
 }
 
 impl std::error::Error for BadInput {}
+
+/// A text from a file, device or system as one line of a terminal: control characters are escaped.
+pub fn plain(text: &str) -> String {
+    text.chars().flat_map(|c| if c.is_control() { c.escape_default().collect::<Vec<_>>() } else { vec![c] }).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn control_characters_never_reach_a_terminal() {
+        assert_eq!(plain("\u{1b}[2Ja\nµ\u{9b}"), "\\u{1b}[2Ja\\nµ\\u{9b}");
+    }
+}

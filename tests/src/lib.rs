@@ -7,11 +7,13 @@
 //! | [`battery`] | records in which an effect is hidden, explained |
 //! | [`coverage`] | how often intervals hold the truth, over seeded records |
 //! | [`faulty`] | a capture through every kind of link fault, held against the link's own account |
+//! | [`killed`] | captures that are killed at any moment, made records, and resumed |
 
 pub mod accuracy;
 pub mod battery;
 pub mod coverage;
 pub mod faulty;
+pub mod killed;
 
 use std::path::PathBuf;
 

@@ -55,12 +55,11 @@ pub(super) struct Accounting {
     damaged: u64,
     bad_since_block: u64,
     status: Option<Status>,
+    restarts: u32,
     /// First ticks of the boots after the first whose samples have not all left yet.
     boots: Vec<i64>,
     overruns: u64,
     dropped: u64,
-    /// Samples that came when their place had been passed.
-    pub(super) too_late: u64,
 }
 
 /// What a block was, for the one who talks to the device.
@@ -115,6 +114,10 @@ impl Accounting {
         // At most BLOCK_LEN.
         let placed = self.tracker.block(block.first_tick, len as u32);
         let Some(start) = placed.start else {
+            // The first blocks may come in another order than they were sent in: what lies before the record is not of it.
+            let before = self.tracker.expected().map_or(0, |newest| (newest as u32).wrapping_sub(block.first_tick));
+            let early = self.restarts == 0 && before as usize <= 2 * WINDOW * BLOCK_LEN && self.losses.received == 0;
+            self.losses.dropped_late += if early { 0 } else { len as u64 };
             return Verdict::AskHello;
         };
         let (mut skip, mut restarted) = (0, false);
@@ -136,17 +139,20 @@ impl Accounting {
                 }
                 restarted = true;
             }
-            TickEvent::Late => self.losses.late += len as u64,
-            TickEvent::First | TickEvent::Contiguous | TickEvent::Gap(_) | TickEvent::Unplaced => {}
+            TickEvent::Late | TickEvent::First | TickEvent::Contiguous | TickEvent::Gap(_) | TickEvent::Unplaced => {}
         }
         // Ticks are 64-bit counts of samples at some hundred hertz.
         let start = start as i64 + self.shift;
         if self.next.is_some_and(|next| start + (skip as i64) < next) {
-            self.too_late += (len - skip) as u64;
+            self.losses.dropped_late += (len - skip) as u64;
             return Verdict::Fine;
         }
         if restarted {
             self.boots.push(start);
+            self.restarts += 1;
+        }
+        if placed.event == TickEvent::Late {
+            self.losses.late += len as u64;
         }
         self.first.get_or_insert(start);
         let bad_before = core::mem::take(&mut self.bad_since_block);

@@ -39,8 +39,9 @@ struct UnderWay {
 }
 
 impl Commands {
-    pub(super) fn new() -> Self {
-        Self { sequence: 0, under_way: None, out: Vec::new() }
+    /// Numbered from `first` on.
+    pub(super) fn new(first: u16) -> Self {
+        Self { sequence: first, under_way: None, out: Vec::new() }
     }
 
     /// Sends a command whose answer does not matter.
@@ -117,7 +118,7 @@ mod tests {
 
     #[test]
     fn a_command_is_repeated_until_answered_or_given_up() {
-        let mut commands = Commands::new();
+        let mut commands = Commands::new(0);
         let start = Instant::now();
         commands.ask(Command::Arm, start);
         assert!(!commands.take_bytes().is_empty() && commands.busy());

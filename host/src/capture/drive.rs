@@ -15,6 +15,9 @@ use crate::warning::Warning;
 /// How long the shaker may take to come to rest before a new start, and over its ramp.
 const PATIENCE: Duration = Duration::from_secs(20);
 
+/// Stops of the shaker that are told; of more, the last one is.
+const MOST_WARNINGS: usize = 16;
+
 /// What is asked of the shaker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Target {
@@ -239,6 +242,7 @@ impl Drive {
                 } else {
                     ("it stays off (--restart-drive starts it again)", (Command::Disarm, Step::Disarming))
                 };
+                self.warnings.truncate(MOST_WARNINGS - 1);
                 self.warnings.push(Warning::new(
                     "drive-stopped",
                     format!("the shaker stopped at the device's tick {}: {cause}; {then}", status.tick),

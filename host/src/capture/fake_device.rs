@@ -300,6 +300,16 @@ impl Fake {
         Self { state: Arc::new(Mutex::new(state)) }
     }
 
+    /// The same device later, or after a restart.
+    pub(super) fn at(tick: u32, boot_id: u32, before: i64) -> Self {
+        let fake = Self::new();
+        {
+            let mut state = fake.state();
+            (state.tick, state.boot_id, state.before, state.next_status) = (tick, boot_id, before, tick + 300);
+        }
+        fake
+    }
+
     pub(super) fn state(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap()
     }

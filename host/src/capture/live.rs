@@ -5,40 +5,54 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 use whirl_shared::codec::FrameError;
-use whirl_shared::frame::{Command, DeviceMessage, Hello, Streamed};
+use whirl_shared::frame::{Command, DeviceMessage, Hello, Log, Streamed};
 
 use super::commands::Commands;
 use super::drive::{Drive, Target};
-use super::journal::{Journal, Terms, path_of};
+use super::gate::Gate;
+use super::interrupted;
+use super::journal::{Journal, Terms, essentials};
 use super::no_device::{Heard, Wire};
-use super::recorder::{Event, Recorder};
+use super::recorder::{Recorder, level};
+use super::sieve::{Frame, Sieve};
 use super::source::{Link, Source};
-use super::{CaptureOutcome, CaptureSettings, Progress, outcome};
-use crate::error::{BadInput, Result};
+use super::stall::Stall;
+use super::{CaptureOutcome, CaptureSettings, Progress};
+use crate::error::{BadInput, Result, plain};
 use crate::rig::Rig;
 use crate::warning::Warning;
 
 /// Without a good frame for this long, a link is taken as lost and opened anew.
-const SILENCE: Duration = Duration::from_millis(2500);
+pub(super) const SILENCE: Duration = Duration::from_millis(2500);
 /// How long the status behind the last sample is waited for.
 const LAST_STATUS: Duration = Duration::from_millis(2500);
 /// How long the shaker's end is waited for.
-const STOPPING: Duration = Duration::from_secs(5);
+pub(super) const STOPPING: Duration = Duration::from_secs(5);
+/// Lines of a device that are shown while it is captured; all that are kept are in the record.
+const MOST_SHOWN: u32 = 100;
 /// Time between keep-alives; also a quarter of the device's time-out, by its own clock.
 const KEEP_ALIVE: Duration = Duration::from_millis(250);
 
-struct Session<'a> {
-    settings: &'a CaptureSettings,
-    rig: &'a Rig,
-    source: &'a mut dyn Source,
-    link: Option<Box<dyn Link>>,
-    commands: Commands,
-    drive: Drive,
-    journal: Option<Journal>,
+pub(super) struct Session<'a> {
+    pub(super) settings: &'a CaptureSettings,
+    pub(super) rig: &'a Rig,
+    pub(super) source: &'a mut dyn Source,
+    pub(super) link: Option<Box<dyn Link>>,
+    pub(super) commands: Commands,
+    pub(super) drive: Drive,
+    pub(super) journal: Option<Journal>,
+    sieve: Sieve,
+    gate: Gate,
+    pub(super) stall: Stall,
     hello: Option<Hello>,
     heard: Heard,
-    bytes: u64,
-    reconnections: u64,
+    pub(super) bytes: u64,
+    pub(super) reconnections: u64,
+    /// What was noticed of an earlier, interrupted capture.
+    pub(super) resumed: Option<Warning>,
+    /// What is to be shown at once, and how many of the device's lines were.
+    notices: Vec<String>,
+    shown: u32,
     /// The link was opened anew and nothing good has come yet.
     reopened: bool,
     last_good: Instant,
@@ -50,7 +64,7 @@ struct Session<'a> {
     streamed: Option<Instant>,
     /// When the link is to be opened next, and the pause after that.
     retry: (Instant, Duration),
-    lost_because: String,
+    pub(super) lost_because: String,
 }
 
 /// Captures until the end, a fault or the stop flag.
@@ -61,7 +75,9 @@ pub(super) fn run(
     target: Option<Target>,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<CaptureOutcome> {
-    let terms = Terms {
+    let resumed = if settings.resume { interrupted::to_resume(settings, rig, target)? } else { None };
+    let going_on = resumed.is_some();
+    let terms = resumed.unwrap_or_else(|| Terms {
         source: settings.from.clone(),
         started_at: (!source.is_simulated()).then(date),
         seconds: settings.seconds,
@@ -71,25 +87,41 @@ pub(super) fn run(
         settle_s: settings.settle_s.unwrap_or_else(|| source.settle_s()),
         hello_first: true,
         rows: settings.rows,
-    };
+        rig: essentials(rig, target),
+    });
     let mut recorder = Recorder::new(rig, &settings.output, terms.clone())?;
-    let now = Instant::now();
+    if going_on {
+        source.resumed();
+    }
     let link = source
         .open()
         .map_err(|e| BadInput::new(e.to_string(), "a device").in_file(&settings.from).remedy(source.remedy()))?;
-    let journal = Journal::create(&settings.output, &terms)?;
+    let (journal, noticed) = if going_on {
+        (interrupted::take_up(&mut recorder, &settings.output)?, interrupted::noticed(settings, &recorder))
+    } else {
+        interrupted::begin(settings, rig, &terms)?
+    };
+    let now = source.now();
+    // Commands of an earlier session may still be answered: see `gate`.
+    let first = if source.is_simulated() { 0 } else { numbers_from() };
     let mut session = Session {
         settings,
         rig,
         source,
         link: Some(link),
-        commands: Commands::new(),
+        commands: Commands::new(first),
         drive: Drive::new(target, settings.restart_drive, now),
         journal: Some(journal),
+        sieve: Sieve::default(),
+        gate: Gate::default(),
+        stall: Stall::new(now),
         hello: None,
         heard: Heard::default(),
         bytes: 0,
         reconnections: 0,
+        resumed: noticed,
+        notices: Vec::new(),
+        shown: 0,
         reopened: false,
         last_good: now,
         last_alive: now,
@@ -103,7 +135,15 @@ pub(super) fn run(
     session.commands.reconnected(now);
     let result = session.capture(&mut recorder, progress);
     session.stop_drive(&mut recorder);
+    progress(&session.progress(&recorder));
     session.finish(recorder, result)
+}
+
+/// A number that another session hardly began with.
+fn numbers_from() -> u16 {
+    let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
+    // Its low bits, in steps of a microsecond.
+    (since.as_micros() ^ u128::from(std::process::id())) as u16
 }
 
 /// Now, RFC 3339, to the second.
@@ -116,6 +156,10 @@ impl Session<'_> {
     /// Records until the end, the stop flag or a fault.
     fn capture(&mut self, recorder: &mut Recorder<'_>, progress: &mut dyn FnMut(&Progress)) -> Result<()> {
         let begun = self.source.now();
+        if recorder.ended() {
+            // All of a capture that was to be resumed was there already.
+            return Ok(());
+        }
         // People's time.
         let mut told = Instant::now();
         let (mut asked, mut reached) = (None::<Instant>, None::<Instant>);
@@ -127,11 +171,15 @@ impl Session<'_> {
             }
             if self.hello.is_none() || recorder.ask_hello {
                 if asked.is_none_or(|t| now.duration_since(t) > Duration::from_millis(500)) {
-                    self.commands.send(Command::Hello);
+                    self.ask_hello();
                     asked = Some(now);
                     recorder.ask_hello = false;
                 }
                 if self.hello.is_none() && now.duration_since(begun).as_secs_f64() > self.settings.handshake_s {
+                    if let Some(hello) = &self.gate.stranger {
+                        // One of another protocol does not answer.
+                        super::recorder::check_hello(hello, self.rig).map_err(|e| e.in_file(&self.settings.from))?;
+                    }
                     return Err(self.wire().no_hello(now.duration_since(begun).as_secs_f64()));
                 }
             }
@@ -147,19 +195,47 @@ impl Session<'_> {
                 self.drive.poll(&mut self.commands, now)?;
                 self.keep_alive(now);
             }
-            let down = now.duration_since(self.last_good);
-            if self.hello.is_some() && down.as_secs_f64() > self.settings.reconnect_s + SILENCE.as_secs_f64() {
-                return Err(self.wire().lost(down, self.settings.reconnect_s));
-            }
+            self.watch(now)?;
             if told.elapsed() > Duration::from_millis(200) {
                 told = Instant::now();
                 progress(&self.progress(recorder));
+                self.notices.clear();
             }
         }
     }
 
+    /// Tells of a device that brings nothing new, and gives it up in time.
+    fn watch(&mut self, now: Instant) -> Result<()> {
+        if self.hello.is_none() {
+            return Ok(());
+        }
+        let (down, stalled) = (now.duration_since(self.last_good), self.stall.lasts(now));
+        let limit = self.settings.reconnect_s + SILENCE.as_secs_f64();
+        // Silent altogether, or without a link.
+        let lost = self.link.is_none() || 2 * down > stalled;
+        if stalled.as_secs_f64() > limit {
+            let wire = self.wire();
+            return Err(if lost { wire.lost(stalled, self.settings.reconnect_s) } else { wire.stalled(stalled) });
+        }
+        if self.stall.to_tell(now) {
+            let why = if lost { "the link is silent" } else { "the device answers, but brings nothing new" };
+            let limit = self.settings.reconnect_s;
+            self.notices.push(format!(
+                "warning: no new sample for {:.1} s: {why}. It is given up after {limit} s more (--reconnect-s)",
+                stalled.as_secs_f64()
+            ));
+        }
+        Ok(())
+    }
+
+    /// Asks for a hello.
+    fn ask_hello(&mut self) {
+        let sequence = self.commands.send(Command::Hello);
+        self.gate.asked(sequence);
+    }
+
     /// Sends what is to be sent, reads once and takes what came.
-    fn turn(&mut self, recorder: &mut Recorder<'_>) -> Result<()> {
+    pub(super) fn turn(&mut self, recorder: &mut Recorder<'_>) -> Result<()> {
         let now = self.source.now();
         if self.link.is_none() {
             return self.reopen(recorder, now);
@@ -183,44 +259,59 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Takes bytes of the device: first into the journal, up to where the recording ends.
+    /// Takes bytes of the device: frame by frame, first into the journal, then into the record.
     fn take(&mut self, bytes: &[u8], recorder: &mut Recorder<'_>) -> Result<()> {
         self.bytes += bytes.len() as u64;
         self.heard.bytes += bytes.len() as u64;
-        let mut recorded = 0;
-        let mut result = Ok(());
         for &byte in bytes {
-            let ended = recorder.ended();
-            let event = recorder.push(byte);
-            recorded += usize::from(!ended);
-            result = match event {
-                Ok(None) => Ok(()),
-                Ok(Some(event)) => self.event(event),
-                Err(e) => Err(e),
-            };
-            if result.is_err() {
-                break;
+            let Some(frame) = self.sieve.push(byte) else { continue };
+            if !self.gate.is_open() && !self.knock(&frame) {
+                self.hear(&frame);
+                continue;
             }
+            if let (true, false, Some(journal)) = (frame.recorded, recorder.ended(), &mut self.journal) {
+                journal.write(&frame.bytes)?;
+                for &byte in &frame.bytes {
+                    recorder.push(byte).map_err(|e| e.in_file(&self.settings.from))?;
+                }
+            }
+            self.event(frame).map_err(|e| e.in_file(&self.settings.from))?;
         }
-        if let Some(journal) = &mut self.journal {
-            journal.write(&bytes[..recorded])?;
-        }
-        result.map_err(|e| e.in_file(&self.settings.from))
+        Ok(())
     }
 
-    fn event(&mut self, event: Event) -> Result<()> {
-        let now = self.source.now();
-        let envelope = match event {
-            Event::Bad(e) => {
+    /// Whether this frame opens the gate: with it, all begins.
+    fn knock(&mut self, frame: &Frame) -> bool {
+        let opens = frame.message.as_ref().is_ok_and(|envelope| self.gate.opens(&envelope.message));
+        if opens {
+            self.sieve = Sieve::default();
+            self.stall.over(self.source.now());
+        }
+        opens
+    }
+
+    /// Counts a frame as heard, or as noise.
+    fn hear(&mut self, frame: &Frame) {
+        match &frame.message {
+            Err(e) => {
                 self.heard.bad += 1;
-                self.heard.foreign += u64::from(e == FrameError::Malformed);
-                return Ok(());
+                self.heard.foreign += u64::from(*e == FrameError::Malformed);
             }
-            Event::Message(envelope) => envelope,
-        };
+            Ok(_) => {
+                self.last_good = self.source.now();
+                self.heard = Heard::default();
+            }
+        }
+    }
+
+    fn event(&mut self, frame: Frame) -> Result<()> {
+        self.hear(&frame);
+        let now = self.source.now();
+        if frame.new {
+            self.stall.over(now);
+        }
+        let Ok(envelope) = frame.message else { return Ok(()) };
         self.reconnections += u64::from(core::mem::take(&mut self.reopened));
-        self.last_good = now;
-        self.heard = Heard::default();
         self.retry.1 = Duration::from_millis(50);
         match envelope.message {
             DeviceMessage::Hello(hello) => {
@@ -248,6 +339,10 @@ impl Session<'_> {
                 }
             }
             DeviceMessage::Status(status) => {
+                if self.settings.rows && self.device_tick != status.tick {
+                    // Rows are seldom: the sampler's clock shows that it works.
+                    self.stall.over(now);
+                }
                 self.device_tick = status.tick;
                 self.drive.status(&status, &mut self.commands, now)?;
             }
@@ -255,9 +350,25 @@ impl Session<'_> {
                 let outcome = self.commands.ack(&ack);
                 self.drive.outcome(outcome, &mut self.commands, now)?;
             }
-            DeviceMessage::Log(_) | DeviceMessage::Estimate(_) => {}
+            DeviceMessage::Log(log) => self.show(&log),
+            DeviceMessage::Estimate(_) => {}
         }
         Ok(())
+    }
+
+    /// Shows a line of the device.
+    fn show(&mut self, log: &Log) {
+        self.shown = self.shown.saturating_add(1);
+        if self.shown <= MOST_SHOWN {
+            self.notices.push(format!(
+                "the device says ({}, tick {}): {}",
+                level(log.level),
+                log.tick,
+                plain(&log.text)
+            ));
+        } else if self.shown == MOST_SHOWN + 1 {
+            self.notices.push("the device says more, which is not shown: the record has the first lines".to_owned());
+        }
     }
 
     /// Tells the device what to stream, not more often than it can answer: what comes shows whether it has heard.
@@ -305,7 +416,7 @@ impl Session<'_> {
                 self.retry.0 = now + SILENCE;
                 self.commands.reconnected(now);
                 self.drive.reconnected(now)?;
-                self.commands.send(Command::Hello);
+                self.ask_hello();
                 // The frame that was cut must not spoil the next one.
                 self.take(&[0], recorder)?;
                 self.bytes -= 1;
@@ -314,43 +425,11 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Brings the shaker to rest, whatever has happened before.
-    fn stop_drive(&mut self, recorder: &mut Recorder<'_>) {
-        if self.settings.rows && self.link.is_some() {
-            // The next capture finds samples.
-            self.commands.send(Command::Stream(Streamed::Samples));
-            if !self.drive.active() {
-                // Nobody waits for an answer.
-                let _ = self.turn_after_end(recorder);
-            }
-        }
-        if !self.drive.active() || self.link.is_none() {
-            return;
-        }
-        let begun = self.source.now();
-        self.drive.stop(&mut self.commands, begun);
-        while !self.drive.off() && self.link.is_some() && self.source.now().duration_since(begun) < STOPPING {
-            // The record is over; only answers are of interest, and a fault here has nobody to be told to who does not
-            // know of it: the device's watchdog stops the shaker.
-            let journal = self.journal.take();
-            let result = self.turn_after_end(recorder);
-            self.journal = journal;
-            if result.is_err() {
-                return;
-            }
-        }
-    }
-
-    /// As [`Session::turn`], with nothing recorded.
-    fn turn_after_end(&mut self, recorder: &mut Recorder<'_>) -> Result<()> {
-        recorder.close();
-        self.turn(recorder)?;
-        self.drive.poll(&mut self.commands, self.source.now())
-    }
-
-    fn progress(&self, recorder: &Recorder<'_>) -> Progress {
+    pub(super) fn progress(&self, recorder: &Recorder<'_>) -> Progress {
         let state = if self.link.is_none() {
             "link lost, trying again"
+        } else if self.stall.told() {
+            "no new samples"
         } else if self.hello.is_none() {
             "waiting for the device"
         } else if self.drive.starting() {
@@ -364,8 +443,9 @@ impl Session<'_> {
             samples: recorder.ticks().saturating_sub(lost),
             lost,
             device_s: recorder.ticks() as f64 / self.rig.sample_rate_hz,
-            target_s: self.settings.seconds,
+            target_s: recorder.seconds(),
             estimate: recorder.newest_estimate().map(super::estimates::DeviceEstimate::brief),
+            notices: self.notices.clone(),
         }
     }
 
@@ -375,65 +455,9 @@ impl Session<'_> {
             open: self.link.is_some(),
             bytes: self.bytes,
             heard: self.heard,
+            old_hello: !self.gate.is_open() && self.gate.stranger.is_some(),
             lost_because: &self.lost_because,
             remedy: self.source.remedy(),
         }
-    }
-
-    /// Ends record and journal.
-    fn finish(mut self, recorder: Recorder<'_>, result: Result<()>) -> Result<CaptureOutcome> {
-        let recorded = recorder.has_samples();
-        let finished = recorder.finish();
-        let journal = self.journal.take();
-        let frames = path_of(&self.settings.output);
-        let finished = match finished {
-            Ok(finished) => finished,
-            // The record is not whole: the journal is what is left.
-            Err(e) => {
-                let remedy = format!(
-                    "{}. Its bytes are safe: `whirl capture --from file:{} --rig RIG.toml -o REC` makes the record again",
-                    e.remedy,
-                    frames.display()
-                );
-                return Err(e.remedy(remedy));
-            }
-        };
-        if let Some(journal) = journal {
-            journal.finish(recorded && self.settings.keep_frames)?;
-        }
-        if let Err(e) = result {
-            let remedy = if recorded {
-                format!(
-                    "{}. {} samples until then are in {}",
-                    e.remedy,
-                    finished.losses.received,
-                    self.settings.output.display()
-                )
-            } else {
-                e.remedy.clone()
-            };
-            return Err(e.remedy(remedy));
-        }
-        let Some(done) = outcome(self.settings, finished, self.settings.seconds) else {
-            return Err(BadInput::new("no sample", "samples before the end of the capture")
-                .in_file(&self.settings.from)
-                .remedy("Let it run for longer; with a drive, recording starts when the shaker runs"));
-        };
-        let mut warnings = done.warnings;
-        warnings.append(&mut self.drive.warnings);
-        if self.reconnections > 0 {
-            warnings.push(Warning::new(
-                "reconnected",
-                format!("the link was lost {} times (last: {})", self.reconnections, self.lost_because),
-                "The gaps are marked and counted; see to the cable",
-            ));
-        }
-        Ok(CaptureOutcome {
-            frames: self.settings.keep_frames.then_some(frames),
-            bytes: self.bytes,
-            reconnections: self.reconnections,
-            warnings,
-            ..done
-        })
     }
 }

@@ -10,13 +10,18 @@
 //!   counted. A device that restarts begins a new segment.
 //! - Where the rig has `[drive]` and its amplitude is known, the shaker is armed and started, recording begins when it runs, and
 //!   it is stopped at the end, after an error and on Ctrl-C. The device's own watchdog covers the rest.
-//! - The record is a function of the journal, see [`journal`]. Memory is flat.
+//! - Nothing is recorded before the device has answered ([`gate`]). One that answers and brings nothing new is told, and given up ([`stall`]).
+//! - The record is a function of the journal, see [`journal`]; it grows by what matters ([`sieve`]). Memory is flat.
+//! - What an interrupted capture leaves can be made a record, or gone on with, see [`interrupted`].
 
 mod accounting;
 mod commands;
 mod drive;
+mod ending;
 pub mod estimates;
 mod file;
+mod gate;
+pub mod interrupted;
 pub mod journal;
 mod live;
 mod no_device;
@@ -26,8 +31,10 @@ mod replay;
 mod rows;
 mod rtt;
 mod serial;
+mod sieve;
 pub mod sim;
 pub mod source;
+mod stall;
 mod tcp;
 
 use std::path::PathBuf;
@@ -39,7 +46,7 @@ use serde::Serialize;
 use self::drive::Target;
 use self::recorder::Finished;
 use crate::error::{BadInput, Result};
-use crate::record::Losses;
+use crate::record::{DeviceLine, Losses};
 use crate::rig::Rig;
 use crate::warning::Warning;
 
@@ -72,6 +79,8 @@ pub struct CaptureSettings {
     /// Start the shaker again where it has stopped by itself: after the link was lost, or the device has restarted. Default false: who
     /// comes near a rig that stands still is to find it so.
     pub restart_drive: bool,
+    /// Go on in the record of a capture that was interrupted, on the terms of its journal. Default false.
+    pub resume: bool,
     /// Keep the journal after a clean end. Default false.
     pub keep_frames: bool,
     /// Set from elsewhere (Ctrl-C) to end the capture in order.
@@ -93,6 +102,7 @@ impl CaptureSettings {
             settle_s: None,
             rows: false,
             restart_drive: false,
+            resume: false,
             keep_frames: false,
             stop: Arc::default(),
         }
@@ -159,6 +169,9 @@ pub struct CaptureOutcome {
     /// Windows of rows, where these were recorded instead of samples; `losses` are then those of the samples under them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rows: Option<RowsOutcome>,
+    /// What the device said, its first lines.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub device_log: Vec<DeviceLine>,
     /// Whether `seconds` was reached (true where none was asked for).
     pub complete: bool,
     /// Things noticed.
@@ -200,6 +213,11 @@ pub fn run_from(
 ) -> Result<CaptureOutcome> {
     settings.validate()?;
     if source.is_replay() {
+        if settings.resume {
+            return Err(BadInput::new(format!("--resume from {}", settings.from), "a device")
+                .at("--resume")
+                .remedy("Name the device of the interrupted capture; without --resume the bytes are made a record"));
+        }
         return replay::run(settings, rig, source, progress);
     }
     let target = target(settings, rig)?;
@@ -286,6 +304,7 @@ fn outcome(settings: &CaptureSettings, finished: Finished, seconds: Option<f64>)
         estimates: finished.estimates,
         estimate: finished.estimate,
         rows: finished.rows,
+        device_log: finished.lines,
         complete,
         warnings,
     })

@@ -22,6 +22,8 @@ pub(super) struct Wire<'a> {
     /// Bytes since the start.
     pub(super) bytes: u64,
     pub(super) heard: Heard,
+    /// A hello came that no command of this session had asked for.
+    pub(super) old_hello: bool,
     /// Why the link was lost, or could not be opened.
     pub(super) lost_because: &'a str,
     /// What the source advises.
@@ -44,6 +46,12 @@ impl Wire<'_> {
                 "See that the device has power and runs whirl's firmware, and that this is its port",
             );
         }
+        if self.old_hello {
+            return error(
+                format!("a hello that answers nothing in {s:.1} s"),
+                "The device sends but does not hear, or the link gives back what it held: look at the line from host to device, restart the device",
+            );
+        }
         if h.bad == 0 && h.bytes < self.bytes {
             return error(
                 format!("good frames but no hello in {s:.1} s"),
@@ -60,6 +68,17 @@ impl Wire<'_> {
             format!("noise: {} bytes in {s:.1} s, {} damaged frames and no good one", self.bytes, h.bad),
             "See to the baud rate (serial:PORT@BAUD), the port, and that the device runs whirl's firmware",
         )
+    }
+
+    /// The error where a device is there and brings nothing new.
+    pub(super) fn stalled(&self, lasts: Duration) -> BadInput {
+        let error = BadInput::new(
+            format!("no new sample for {:.1} s from a device that still sends", lasts.as_secs_f64()),
+            "new samples within --reconnect-s",
+        );
+        error
+            .in_file(self.from)
+            .remedy("Look at the device's log and load, and restart it: it answers, but does not sample")
     }
 
     /// The error where a link did not come back.

@@ -1,6 +1,6 @@
 //! How far a capture is.
 
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -20,12 +20,22 @@ pub struct Progress {
     pub target_s: Option<f64>,
     /// The device's newest estimate, in a few words.
     pub estimate: Option<String>,
+    /// What is to be told at once, a line each; each is handed over once.
+    pub notices: Vec<String>,
 }
 
-/// A progress bar on standard error where that is a terminal; otherwise nothing.
+/// What is to be told at once, on standard error. One that takes nothing more does not end a capture.
+pub fn tell(progress: &Progress) {
+    let mut err = std::io::stderr().lock();
+    for notice in &progress.notices {
+        let _ = writeln!(err, "whirl: {notice}");
+    }
+}
+
+/// A progress bar on standard error where that is a terminal; otherwise only what is to be told at once.
 pub fn on_terminal() -> Box<dyn FnMut(&Progress)> {
     if !std::io::stderr().is_terminal() {
-        return Box::new(|_| {});
+        return Box::new(tell);
     }
     let bar = ProgressBar::new(0);
     let template = |text| ProgressStyle::with_template(text).unwrap_or_else(|_| ProgressStyle::default_bar());
@@ -34,6 +44,9 @@ pub fn on_terminal() -> Box<dyn FnMut(&Progress)> {
     bar.enable_steady_tick(Duration::from_millis(200));
     let mut has_length = false;
     Box::new(move |p| {
+        if !p.notices.is_empty() {
+            bar.suspend(|| tell(p));
+        }
         if let (Some(target), false) = (p.target_s, has_length) {
             bar.set_style(bounded.clone());
             // Settings bound it to 1e8 s.

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use whirl_shared::codec::{Decoder, FrameError};
 use whirl_shared::frame::{
-    CHANNELS, DeviceMessage, Envelope, Estimate, Hello, PROTOCOL_VERSION, Rows, SCHEMA_HASH, SampleBlock, ShakerState,
-    Status,
+    CHANNELS, DeviceMessage, Envelope, Estimate, Hello, Log, PROTOCOL_VERSION, Rows, SCHEMA_HASH, SampleBlock,
+    ShakerState, Status,
 };
 
 use super::RowsOutcome;
@@ -14,9 +14,10 @@ use super::accounting::{Accounting, Taken, Verdict};
 use super::estimates::{self, DeviceEstimate, Estimates};
 use super::journal::Terms;
 use super::rows::RowsRecorder;
-use crate::error::{BadInput, Result};
+use super::sieve::MOST_LINES;
+use crate::error::{BadInput, Result, plain};
 use crate::record::writer::Sample;
-use crate::record::{Losses, Metadata, RecordWriter};
+use crate::record::{DeviceLine, Losses, Metadata, RecordWriter};
 use crate::rig::Rig;
 use crate::warning::Warning;
 
@@ -53,6 +54,11 @@ pub(super) struct Recorder<'a> {
     taken: Vec<Taken>,
     last_tick: Option<i64>,
     ended: bool,
+    /// Tick behind which the device restarted for the first time.
+    restarted_behind: Option<i64>,
+    /// What the device said, its first lines, and how many there were.
+    lines: Vec<DeviceLine>,
+    said: u64,
     /// A hello should be asked for.
     pub(super) ask_hello: bool,
     warnings: Vec<Warning>,
@@ -103,6 +109,9 @@ impl<'a> Recorder<'a> {
             taken: Vec::new(),
             last_tick: None,
             ended: false,
+            restarted_behind: None,
+            lines: Vec::new(),
+            said: 0,
             terms,
             ask_hello: false,
             warnings: Vec::new(),
@@ -135,7 +144,8 @@ impl<'a> Recorder<'a> {
                 DeviceMessage::Status(status) => self.status(status),
                 DeviceMessage::Estimate(estimate) => self.estimate(estimate)?,
                 DeviceMessage::Rows(rows) => self.rows(rows)?,
-                DeviceMessage::Ack(_) | DeviceMessage::Log(_) => {}
+                DeviceMessage::Log(log) => self.line(log),
+                DeviceMessage::Ack(_) => {}
             },
         }
         Ok(())
@@ -148,17 +158,32 @@ impl<'a> Recorder<'a> {
             rows.restarted();
         }
         if restarted && self.recording {
-            self.warnings.push(Warning::new(
-                "device-restarted",
-                format!(
-                    "the device has restarted behind tick {} of the record: its counts and ticks began anew",
-                    self.accounting.newest().unwrap_or(0)
-                ),
-                "A new segment begins there; look after the device's power supply and its log",
-            ));
+            self.restarted_behind.get_or_insert(self.accounting.newest().unwrap_or(0));
         }
         self.hello.get_or_insert_with(|| hello.clone());
         Ok(())
+    }
+
+    fn line(&mut self, log: &Log) {
+        self.said += 1;
+        if self.lines.len() < MOST_LINES as usize {
+            self.lines.push(DeviceLine {
+                tick: self.on_line(log.tick),
+                level: level(log.level).to_owned(),
+                text: log.text.as_str().to_owned(),
+            });
+        }
+    }
+
+    /// A tick of the device on the record's line: the low 32 bits are the device's, but for restarts, which the next block puts right.
+    fn on_line(&self, tick: u32) -> i64 {
+        let newest = match &self.rows {
+            Some(rows) => rows.last_tick(),
+            None => self.accounting.newest(),
+        };
+        newest.map_or(i64::from(tick), |newest| {
+            newest.saturating_sub(i64::from((newest as u32).wrapping_sub(tick).cast_signed()))
+        })
     }
 
     fn status(&mut self, status: &Status) {
@@ -223,14 +248,12 @@ impl<'a> Recorder<'a> {
 
     /// Takes an estimate of the device, if its newest window lies in the record.
     fn estimate(&mut self, estimate: &Estimate) -> Result<()> {
-        let anchor = match &self.rows {
-            Some(rows) => rows.first_tick().zip(rows.last_tick()),
-            None => self.accounting.first_tick().zip(self.accounting.newest()),
+        let first = match &self.rows {
+            Some(rows) => rows.first_tick(),
+            None => self.accounting.first_tick(),
         };
-        let Some((first, newest)) = anchor.filter(|_| self.fits && self.recording) else { return Ok(()) };
-        // The low 32 bits of the record's line are the device's ticks, but for restarts, which the next block puts right.
-        let behind = (newest as u32).wrapping_sub(estimate.tick).cast_signed();
-        let tick = newest.saturating_sub(i64::from(behind));
+        let Some(first) = first.filter(|_| self.fits && self.recording) else { return Ok(()) };
+        let tick = self.on_line(estimate.tick);
         if tick < first.saturating_add(i64::from(estimate.window_ticks)) - 1 {
             return Ok(());
         }
@@ -277,6 +300,7 @@ impl<'a> Recorder<'a> {
                 .as_ref()
                 .map_or(self.rig.sample_rate_hz, |h| f64::from(h.sample_rate_millihertz) / 1000.0),
             boots: Vec::new(),
+            lines: Vec::new(),
         }
     }
 
@@ -328,6 +352,56 @@ impl<'a> Recorder<'a> {
         span.map_or(0, |(newest, first)| newest.saturating_sub(first).unsigned_abs())
     }
 
+    /// Device time to record, s.
+    pub(super) fn seconds(&self) -> Option<f64> {
+        self.terms.seconds
+    }
+
+    /// Where the samples come from.
+    pub(super) fn source(&self) -> &str {
+        &self.terms.source
+    }
+
+    /// What the device itself did and said.
+    fn notice_the_device(&mut self) {
+        let restarts = self.accounting.losses().restarts;
+        if let Some(tick) = self.restarted_behind {
+            let times = if restarts <= 1 { "once".to_owned() } else { format!("{restarts} times") };
+            self.warnings.push(
+                Warning::new(
+                    "device-restarted",
+                    format!("the device has restarted {times}, behind tick {tick} of the record first: its counts and ticks began anew"),
+                    "A new segment begins there, whose encoder zeros are unknown; look after the device's power supply and its log",
+                )
+                .with("tick", tick)
+                .with("restarts", restarts),
+            );
+        }
+        if let Some(first) = self.lines.iter().find(|line| line.level == "error") {
+            let errors = self.lines.iter().filter(|line| line.level == "error").count();
+            let word = if errors == 1 { "an error" } else { "errors" };
+            self.warnings.push(
+                Warning::new(
+                    "device-error",
+                    format!(
+                        "the device reported {word} ({errors}), first at tick {}: {}",
+                        first.tick,
+                        plain(&first.text)
+                    ),
+                    "Its lines are in the record's metadata (whirl.log)",
+                )
+                .with("errors", errors),
+            );
+        }
+        if self.said > self.lines.len() as u64 {
+            self.warnings.push(Warning::new(
+                "device-lines-dropped",
+                format!("the device sent {} lines; the first {} are kept", self.said, self.lines.len()),
+                "Look at its firmware: it should not say so much",
+            ));
+        }
+    }
+
     /// Writes what is held back and ends the record.
     ///
     /// # Errors
@@ -350,19 +424,24 @@ impl<'a> Recorder<'a> {
                 ));
             }
         }
-        if let Some(writer) = self.writer.take() {
+        if let Some(mut writer) = self.writer.take() {
+            writer.lines(&self.lines);
             writer.finish(&losses)?;
         }
-        if self.accounting.too_late > 0 {
-            self.warnings.push(Warning::new(
-                "too-late",
-                format!(
-                    "{} samples came when their place had been passed: they count as lost",
-                    self.accounting.too_late
-                ),
-                "The link holds data back for longer than 0.6 s and reorders it: use another one",
-            ));
+        if losses.dropped_late > 0 {
+            self.warnings.push(
+                Warning::new(
+                    "too-late",
+                    format!(
+                        "{} samples came when their place had been passed, or could not be placed: they are not in the record",
+                        losses.dropped_late
+                    ),
+                    "The link holds data back for longer than 0.6 s and reorders it, or the device's clock jumps: use another one",
+                )
+                .with("samples", losses.dropped_late),
+            );
         }
+        self.notice_the_device();
         if losses.lost() > 0 && self.rows.is_none() {
             self.warnings.push(Warning::new(
                 "samples-lost",
@@ -397,6 +476,7 @@ impl<'a> Recorder<'a> {
             estimates: self.estimates.file(),
             estimate: self.estimates.last,
             warnings: self.warnings,
+            lines: self.lines,
         })
     }
 }
@@ -413,10 +493,20 @@ pub(super) struct Finished {
     pub(super) estimates: Option<PathBuf>,
     pub(super) estimate: Option<DeviceEstimate>,
     pub(super) warnings: Vec<Warning>,
+    pub(super) lines: Vec<DeviceLine>,
+}
+
+/// A level of the device's lines, in words.
+pub(super) fn level(level: u8) -> &'static str {
+    match level {
+        0 => "error",
+        1 => "warning",
+        _ => "information",
+    }
 }
 
 /// Checks that this program and this rig file fit the device.
-fn check_hello(hello: &Hello, rig: &Rig) -> Result<()> {
+pub(super) fn check_hello(hello: &Hello, rig: &Rig) -> Result<()> {
     let firmware = format!("firmware {} on {}", hello.firmware, hello.board);
     if hello.protocol != PROTOCOL_VERSION || hello.schema != SCHEMA_HASH {
         return Err(BadInput::new(

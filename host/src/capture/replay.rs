@@ -1,11 +1,13 @@
 //! A record from bytes that were recorded before (`file:FRAMES`).
 
-use super::journal::{HEADER_LIMIT, MAGIC, Terms, header};
+use super::interrupted::NextStep;
+use super::journal::{self, HEADER_LIMIT, Terms, header, is_cut};
 use super::recorder::Recorder;
 use super::source::{Link, Source};
 use super::{CaptureOutcome, CaptureSettings, Progress, outcome};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
+use crate::warning::Warning;
 
 /// Reads the bytes to their end, or to the end of the recording.
 pub(super) fn run(
@@ -26,16 +28,26 @@ pub(super) fn run(
     let mut buffer = vec![0; HEADER_LIMIT];
     let mut filled = fill(&mut *link, &mut buffer).map_err(|e| io(&e))?;
     if filled == 0 {
-        return Err(BadInput::new("an empty file", "bytes of the wire").in_file(&path).at("start of file"));
+        return Err(nothing_in_it(&path));
+    }
+    let own = is_own_journal(&path, &settings.output);
+    if own && journal::is_busy(std::path::Path::new(&path)) {
+        return Err(BadInput::new("a capture that is under way", "a capture that has ended")
+            .in_file(&path)
+            .remedy("Let it end: it makes this record itself. Another -o gives a record of what there is"));
+    }
+    if is_cut(&buffer[..filled]) && filled < HEADER_LIMIT {
+        return Err(nothing_in_it(&path));
     }
     let found = header(&buffer[..filled], std::path::Path::new(&path))?;
     let (mut terms, mut at) = found.unwrap_or_else(|| {
         // Bytes of unknown origin: all samples, with or without a hello.
         (Terms { source: format!("file:{path}"), ..Terms::default() }, 0)
     });
-    debug_assert!(at == 0 || buffer.starts_with(MAGIC));
+    // A shorter record than the journal's is not all of it.
+    let part = settings.seconds.is_some_and(|s| terms.seconds.is_none_or(|all| s < all));
     terms.seconds = settings.seconds.or(terms.seconds);
-    let seconds = terms.seconds;
+    let (seconds, from) = (terms.seconds, terms.source.clone());
     let mut recorder = Recorder::new(rig, &settings.output, terms)?;
     let (mut bytes, mut bad, mut good) = (0u64, 0u64, 0u64);
     'file: while filled > 0 {
@@ -62,17 +74,56 @@ pub(super) fn run(
             device_s: recorder.ticks() as f64 / rig.sample_rate_hz,
             target_s: seconds,
             estimate: None,
+            notices: Vec::new(),
         });
         at = 0;
         filled = fill(&mut *link, &mut buffer).map_err(|e| io(&e))?;
     }
     let finished = recorder.finish()?;
-    let done = outcome(settings, finished, seconds).ok_or_else(|| {
-        BadInput::new(format!("no sample in {bytes} bytes ({good} good frames, {bad} damaged)"), "a device's samples")
-            .in_file(&path)
-            .remedy("See that these are bytes of the wire of this version's firmware, such as run1.parquet.frames")
+    let mut done = outcome(settings, finished, seconds).ok_or_else(|| {
+        let error = BadInput::new(
+            format!("no sample for a record in {bytes} bytes ({good} good frames, {bad} damaged)"),
+            "a device's samples",
+        )
+        .in_file(&path);
+        if own {
+            let next = NextStep { source: &from, rig: &rig.path, record: &settings.output };
+            return error.remedy(format!(
+                "The capture ended before its recording began: go on in it with {}, or capture again, which replaces it",
+                next.resume()
+            ));
+        }
+        error.remedy("See that these are bytes of the wire of this version's firmware, such as run1.parquet.frames")
     })?;
-    Ok(CaptureOutcome { bytes, ..done })
+    let frames = (own && (part || settings.keep_frames)).then(|| path.clone().into());
+    if own && frames.is_none() {
+        // The record is whole and on the disk: its journal is of no further use, and would stand in the next capture's way.
+        journal::remove(std::path::Path::new(&path))?;
+    }
+    if own && part && !settings.keep_frames {
+        done.warnings.push(Warning::new(
+            "journal-kept",
+            format!("{path} stays: it holds more than the {} s that were asked for", done.duration_s),
+            "Make the record again without --seconds, or delete it",
+        ));
+    }
+    Ok(CaptureOutcome { bytes, frames, ..done })
+}
+
+/// Whether a file is the journal beside a record.
+fn is_own_journal(path: &str, record: &std::path::Path) -> bool {
+    let same = |a: &std::path::Path, b: &std::path::Path| {
+        a == b || a.canonicalize().ok().is_some_and(|a| b.canonicalize().is_ok_and(|b| a == b))
+    };
+    same(std::path::Path::new(path), &journal::path_of(record))
+}
+
+/// The error for a file in which a capture has written nothing yet.
+fn nothing_in_it(path: &str) -> BadInput {
+    BadInput::new("nothing of the wire", "frames of a device")
+        .in_file(path)
+        .at("start of file")
+        .remedy("The capture ended before its device answered: capture again, which replaces this file, or delete it")
 }
 
 /// Reads until the buffer is full or the file ends.

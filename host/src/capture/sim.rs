@@ -160,6 +160,11 @@ mod with_rig {
             self.settle_s
         }
 
+        fn resumed(&mut self) {
+            // It cannot fail with settings that made the rig; if it did, the same boot would go on, whose repeats are not recorded.
+            let _ = lock(&self.rig).restart();
+        }
+
         fn remedy(&self) -> String {
             "Correct [plant] of the rig file".to_owned()
         }

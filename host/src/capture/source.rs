@@ -56,6 +56,9 @@ pub trait Source: Send {
         0.0
     }
 
+    /// What it gives goes on in the record of an earlier session: a simulated device has restarted since.
+    fn resumed(&mut self) {}
+
     /// What to do where it cannot be opened.
     fn remedy(&self) -> String;
 }

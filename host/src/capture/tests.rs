@@ -2,6 +2,10 @@
 
 #[path = "fake_device.rs"]
 mod fake_device;
+#[path = "hostile_wires.rs"]
+mod hostile_wires;
+#[path = "interrupted_tests.rs"]
+mod interrupted_tests;
 
 use std::path::Path;
 use std::sync::atomic::Ordering;

@@ -1,5 +1,6 @@
 //! `whirl capture`: a record from a rig, surviving unplugging, accounting for every sample.
 
+use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -51,17 +52,24 @@ pub struct Arguments {
     /// How long the device may take to answer at the start, s.
     #[arg(long, value_name = "S", default_value_t = 5.0)]
     handshake_s: f64,
+    /// Go on in the record of a capture that was interrupted (killed, stopped or lost its device): from its journal, on its terms.
+    #[arg(long)]
+    resume: bool,
     /// Keep the journal of raw frames (REC.frames) after a clean end.
     #[arg(long)]
     keep_frames: bool,
     /// Effect to put into a simulated rig (source sim).
     #[arg(long = "effect", value_name = "ID@PLACE=VALUE[,name=value]")]
     effects: Vec<String>,
-    /// Exit with status 1 where samples are missing.
+    /// Exit with status 1 where samples are missing, or fewer came than were asked for.
     #[arg(long)]
     strict: bool,
     #[command(flatten)]
     out: Output,
+}
+
+fn plural(n: u64, word: &str) -> String {
+    if n == 1 { format!("1 {word}") } else { format!("{} {word}s", count(n)) }
 }
 
 /// The answer for people.
@@ -77,16 +85,20 @@ pub fn human(outcome: &CaptureOutcome) -> String {
         outcome.board
     );
     text.push_str(&format!(
-        "missing {}: {} lost on the link, {} damaged, {} overruns, {} dropped by the device; {} repeated, {} gaps, {} restarts\n",
+        "missing {}: {} lost on the link, {} damaged, {} overruns, {} dropped by the device; {} repeated, {} came too late, {}, {}\n",
         count(l.lost()),
         count(l.lost_on_link),
         count(l.damaged),
         count(l.overruns),
         count(l.dropped_by_device),
         count(l.duplicates),
-        l.gaps,
-        l.restarts
+        count(l.dropped_late),
+        plural(l.gaps, "gap"),
+        plural(l.restarts, "restart")
     ));
+    if let Some(frames) = &outcome.frames {
+        text.push_str(&format!("its journal is kept: {}\n", frames.display()));
+    }
     if let Some(rows) = &outcome.rows {
         text.push_str(&format!(
             "regression rows of {} windows in {} stretches, {} windows lost: for `whirl identify`\n",
@@ -147,13 +159,13 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     }
     let stop = Arc::new(AtomicBool::new(false));
     let flag = Arc::clone(&stop);
-    // The second Ctrl-C ends the program at once: the journal stays.
+    // Ctrl-C, SIGTERM and SIGHUP end the capture in order; the second one ends the program at once: the journal stays.
     ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {
             std::process::exit(130);
         }
     })
-    .map_err(|e| BadInput::new(e.to_string(), "to be told of Ctrl-C"))?;
+    .map_err(|e| BadInput::new(e.to_string(), "to be told of Ctrl-C and of the end of the session"))?;
     let settings = CaptureSettings {
         seconds: arguments.seconds,
         reconnect_s: arguments.reconnect_s,
@@ -163,6 +175,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         wait_for_drive: !arguments.from_first_sample,
         rows: arguments.rows,
         restart_drive: arguments.restart_drive,
+        resume: arguments.resume,
         keep_frames: arguments.keep_frames,
         stop,
         ..CaptureSettings::new(arguments.from.clone(), arguments.output.clone())
@@ -173,15 +186,35 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     } else {
         from_simulated(&settings, &rig, &arguments.effects, &mut *progress)?
     };
-    print_warnings(&outcome.warnings);
+    // First what others wait for: a terminal may be gone.
     arguments.out.write_json(&outcome)?;
+    print_warnings(&outcome.warnings);
     arguments.out.say(&human(&outcome));
     if let Some(path) = &arguments.out.report {
         super::inspect::report_of(&outcome.record, &rig, path)?;
     }
-    if arguments.strict && outcome.losses.lost() > 0 {
-        eprintln!("whirl: {} samples are missing (--strict)", outcome.losses.lost());
-        return Ok(Answer::Negative);
+    Ok(match short_of(&outcome).filter(|_| arguments.strict) {
+        Some(what) => {
+            // A terminal that is gone does not change the answer.
+            let _ = writeln!(std::io::stderr(), "whirl: {what} (--strict)");
+            Answer::Negative
+        }
+        None => Answer::Positive,
+    })
+}
+
+/// What is missing of a record in which nothing was to be missing.
+fn short_of(outcome: &CaptureOutcome) -> Option<String> {
+    let l = &outcome.losses;
+    let of = |n: u64, is: &str, are: &str| {
+        if n == 1 { format!("1 sample {is}") } else { format!("{} samples {are}", count(n)) }
+    };
+    match () {
+        () if l.lost() > 0 => Some(of(l.lost(), "is missing", "are missing")),
+        () if l.dropped_late > 0 => Some(of(l.dropped_late, "came too late", "came too late")),
+        () if !outcome.complete => {
+            Some(format!("fewer samples came than were asked for: {}", duration(outcome.duration_s)))
+        }
+        () => None,
     }
-    Ok(Answer::Positive)
 }

@@ -14,7 +14,11 @@ pub fn set_quiet(quiet: bool) {
 
 /// What a capture tells of its progress: shown on a terminal, unless quiet is wanted.
 pub fn of_capture() -> Box<dyn FnMut(&crate::capture::Progress)> {
-    if QUIET.load(Ordering::Relaxed) { Box::new(|_| {}) } else { crate::capture::progress::on_terminal() }
+    if QUIET.load(Ordering::Relaxed) {
+        Box::new(crate::capture::progress::tell)
+    } else {
+        crate::capture::progress::on_terminal()
+    }
 }
 
 /// A bar over `length` steps that says what is being done; hidden where no terminal is there.

@@ -72,12 +72,14 @@ impl CsvWriter {
     pub(super) fn finish(self) -> Result<()> {
         let io = |e: std::io::Error| BadInput::io(&self.path, &e);
         match self.sink {
-            Sink::Plain(mut w) => w.flush().map_err(io),
+            Sink::Plain(w) => w.into_inner().map_err(|e| io(e.into_error())),
             Sink::Gzip(w) => {
                 let gzip = w.into_inner().map_err(|e| io(e.into_error()))?;
-                gzip.finish().map(drop).map_err(io)
+                gzip.finish().map_err(io)
             }
         }
+        // The journal beside it goes once this has returned.
+        .and_then(|file| file.sync_all().map_err(io))
     }
 }
 

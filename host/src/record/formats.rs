@@ -51,7 +51,18 @@ pub static FORMATS: &[Format] = &[
 /// # Errors
 /// A file that cannot be opened, is empty or is of no known format, and what the format's reader reports.
 pub fn read(path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
-    (of(path)?.read)(path, rig, options)
+    of(path).and_then(|format| (format.read)(path, rig, options)).map_err(|e| with_journal(e, path, rig))
+}
+
+/// Where the journal of an interrupted capture stands beside a record that cannot be read, it makes the record whole.
+pub(super) fn with_journal(e: BadInput, path: &Path, rig: &Rig) -> BadInput {
+    match crate::capture::interrupted::whole_again(path, &rig.path) {
+        Some(command) if e.file.as_deref() == Some(path) && !e.remedy.contains(&command) => {
+            let remedy = format!("{command} makes it whole from the journal beside it. {}", e.remedy);
+            e.remedy(remedy)
+        }
+        _ => e,
+    }
 }
 
 /// The format of a file.

@@ -155,6 +155,9 @@ pub struct Losses {
     pub duplicates: u64,
     /// Samples that arrived out of order (kept, in their place).
     pub late: u64,
+    /// Samples that arrived when their place had been passed, or whose place on the device's clock could not be told: not in
+    /// the record. Those between its first and last tick are among the missing ones above.
+    pub dropped_late: u64,
     /// Frames refused by the checksum or the decoder.
     pub bad_frames: u64,
     /// Gaps in time.
@@ -193,6 +196,21 @@ pub struct Metadata {
     /// Tick of the first sample of each boot of the device after the first, increasing; empty where it never restarted.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub boots: Vec<i64>,
+    /// What the device itself said, its first lines.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub lines: Vec<DeviceLine>,
+}
+
+/// A line for people that a device sent.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct DeviceLine {
+    /// When, on the record's line of ticks.
+    pub tick: i64,
+    /// `error`, `warning` or `information`.
+    pub level: String,
+    /// Its text, as it came.
+    pub text: String,
 }
 
 impl Metadata {

@@ -294,7 +294,11 @@ impl Source for Reader<'_> {
         } else {
             format!("after row {}", rows.passed + rows.t.len())
         })
-        .remedy(remedy(self.path, rows.t.is_empty()));
+        .remedy(if rows.t.is_empty() {
+            "Copy the file again"
+        } else {
+            "Copy the file again, or read it up to the last whole row with --recover"
+        });
         if !self.recover || rows.t.is_empty() {
             return Err(error);
         }
@@ -316,25 +320,6 @@ impl Source for Reader<'_> {
 
     fn losses(&self) -> Option<&Losses> {
         self.structure.losses.as_ref()
-    }
-}
-
-/// What to do about a truncated record: a journal beside it (see [`crate::capture::journal`]) has all of it.
-fn remedy(path: &Path, nothing_whole: bool) -> String {
-    let journal = crate::capture::journal::path_of(path);
-    let rest = if nothing_whole {
-        "Copy the file again"
-    } else {
-        "Copy the file again, or read it up to the last whole row with --recover"
-    };
-    if journal.exists() {
-        format!(
-            "`whirl capture --from file:{} --rig RIG.toml -o {}` makes it again, whole. {rest}",
-            journal.display(),
-            path.display()
-        )
-    } else {
-        rest.to_owned()
     }
 }
 
@@ -454,6 +439,7 @@ fn own_metadata(file: &ParquetMetaData) -> (Option<Metadata>, Option<Losses>) {
             .filter(|r: &f64| r.is_finite())
             .unwrap_or(0.0),
         boots: boots(file).unwrap_or_default(),
+        lines: get("log").and_then(|s| serde_json::from_str(&s).ok()).unwrap_or_default(),
     };
     (Some(metadata), get("losses").and_then(|s| serde_json::from_str(&s).ok()))
 }

@@ -29,6 +29,7 @@ fn metadata() -> Metadata {
         written_by: "whirl 0.1.0".into(),
         sample_rate_hz: 500.0,
         boots: Vec::new(),
+        lines: Vec::new(),
     }
 }
 

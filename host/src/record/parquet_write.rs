@@ -29,7 +29,7 @@ use super::csv::OWN_COLUMNS;
 use super::csv_write::create_file;
 use super::parquet_recovery::marker;
 use super::writer::Sample;
-use super::{Losses, Metadata};
+use super::{DeviceLine, Losses, Metadata};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 
@@ -80,6 +80,8 @@ pub(super) struct ParquetWriter {
     written: usize,
     /// See [`Metadata::boots`].
     boots: Vec<i64>,
+    /// See [`Metadata::lines`].
+    lines: Vec<DeviceLine>,
     tick: Vec<i64>,
     t: Vec<f64>,
     counts: Vec<Vec<i32>>,
@@ -151,6 +153,7 @@ impl ParquetWriter {
             schema,
             written: 0,
             boots: metadata.boots.clone(),
+            lines: metadata.lines.clone(),
             tick: Vec::with_capacity(GROUP_ROWS),
             t: Vec::with_capacity(GROUP_ROWS),
             counts: vec![column.clone(); rig.channel.len()],
@@ -161,6 +164,10 @@ impl ParquetWriter {
 
     pub(super) fn boot(&mut self, tick: i64) {
         self.boots.push(tick);
+    }
+
+    pub(super) fn lines(&mut self, lines: &[DeviceLine]) {
+        self.lines = lines.to_vec();
     }
 
     pub(super) fn push(&mut self, sample: &Sample<'_>) -> Result<()> {
@@ -212,7 +219,12 @@ impl ParquetWriter {
 
     pub(super) fn finish(mut self, losses: &Losses) -> Result<()> {
         self.write_group()?;
-        let json = serde_json::to_string(losses).map_err(|e| BadInput::new(e.to_string(), "").in_file(&self.path))?;
+        let bad = |e: serde_json::Error| BadInput::new(e.to_string(), "").in_file(&self.path);
+        let json = serde_json::to_string(losses).map_err(bad)?;
+        if !self.lines.is_empty() {
+            let lines = serde_json::to_string(&self.lines).map_err(bad)?;
+            self.writer.append_key_value_metadata(KeyValue::new(format!("{KEY}log"), lines));
+        }
         self.writer.append_key_value_metadata(KeyValue::new(format!("{KEY}losses"), json));
         if let Some(boots) = boots(&self.boots) {
             self.writer.append_key_value_metadata(boots);

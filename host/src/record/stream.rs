@@ -77,6 +77,10 @@ pub fn size(path: &Path, rig: &Rig) -> Result<Option<u64>> {
 /// # Errors
 /// As [`super::Record::read`], and a format that cannot be read block by block.
 pub fn read(path: &Path, rig: &Rig, options: &ReadOptions, take: &mut dyn FnMut(&Block)) -> Result<Summary> {
+    blocks(path, rig, options, take).map_err(|e| formats::with_journal(e, path, rig))
+}
+
+fn blocks(path: &Path, rig: &Rig, options: &ReadOptions, take: &mut dyn FnMut(&Block)) -> Result<Summary> {
     let format = formats::of(path)?;
     let Some(streamed) = format.stream else {
         return Err(BadInput::new(format!("a record in the format {}", format.id), "Parquet or CSV")

@@ -44,3 +44,68 @@ fn a_capture_that_was_killed_leaves_what_it_had() {
     assert_eq!((record.segments.len(), record.losses.lost()), (1, 0));
     done(at, "identify again.parquet --rig rig.toml");
 }
+
+#[test]
+fn captures_killed_at_forty_moments_lose_nothing() {
+    use rayon::prelude::*;
+    let whole = whirl_tests::killed::Whole::new(std::path::Path::new(env!("CARGO_BIN_EXE_whirl-under-test")), 30.0);
+    let left: Vec<_> = (0..40_u64).into_par_iter().map(|seed| whole.kill(seed)).collect();
+    // Not all at the same kind of moment.
+    assert!(left.iter().filter(|k| k.samples > 0).count() >= 10, "{left:?}");
+}
+
+/// Sends a signal to a capture that has recorded for a while; its status and standard error.
+#[cfg(unix)]
+fn signalled(folder: &std::path::Path, signal: &str, arguments: &str) -> (Option<i32>, String) {
+    let mut child = command()
+        .current_dir(folder)
+        .args(arguments.split(' '))
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let journal = folder.join("r.parquet.frames");
+    let start = Instant::now();
+    while std::fs::metadata(&journal).map_or(0, |m| m.len()) < 60_000 {
+        assert!(start.elapsed() < Duration::from_secs(60) && child.try_wait().unwrap().is_none());
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let sent = std::process::Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let output = child.wait_with_output().unwrap();
+    (output.status.code(), String::from_utf8(output.stderr).unwrap())
+}
+
+#[cfg(unix)]
+#[test]
+fn signals_end_a_capture_in_order() {
+    for signal in ["-INT", "-TERM", "-HUP"] {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path();
+        rig_file(at, "chaotic.toml", "rig.toml", &[("settle_s = 20.0", "settle_s = 0.0")]);
+        // Without an end of its own, this is its end.
+        let capture = "capture --from sim --rig rig.toml -o r.parquet --json out.json";
+        let (status, told) = signalled(at, signal, capture);
+        assert_eq!(status, Some(0), "{signal}: {told}");
+        let out = super::program::json(&at.join("out.json"));
+        assert_eq!((out["complete"].as_bool(), out["losses"]["lost_on_link"].as_u64()), (Some(true), Some(0)), "{out}");
+        assert!(!at.join("r.parquet.frames").exists(), "{signal}");
+        let rig = Rig::read(at.join("rig.toml")).unwrap();
+        let record = Record::read(at.join("r.parquet"), &rig, &ReadOptions::default()).unwrap();
+        assert_eq!(Some(record.samples() as u64), out["losses"]["received"].as_u64());
+        std::fs::remove_file(at.join("r.parquet")).unwrap();
+        // Before its end, it says how to go on, and is not what was asked for.
+        let (status, told) = signalled(at, signal, &format!("{capture} --seconds 36000 --strict"));
+        assert_eq!(status, Some(1), "{signal}: {told}");
+        assert!(told.contains("whirl capture --resume --from sim --rig rig.toml -o r.parquet"), "{signal}: {told}");
+        assert!(told.contains("fewer samples came than were asked for"), "{signal}: {told}");
+        let out = super::program::json(&at.join("out.json"));
+        assert_eq!(out["complete"].as_bool(), Some(false), "{out}");
+        let record = Record::read(at.join("r.parquet"), &rig, &ReadOptions::default()).unwrap();
+        assert_eq!(Some(record.samples() as u64), out["losses"]["received"].as_u64());
+        assert!(at.join("r.parquet.frames").exists(), "{signal}");
+        // The command that it names ends it.
+        done(at, "capture --from file:r.parquet.frames --rig rig.toml -o r.parquet");
+        assert!(!at.join("r.parquet.frames").exists(), "{signal}");
+    }
+}

@@ -1,0 +1,120 @@
+//! The end of a capture: the shaker at rest, the record whole, the journal removed or kept, the next step told.
+
+use super::interrupted::NextStep;
+use super::journal::path_of;
+use super::live::{STOPPING, Session};
+use super::recorder::Recorder;
+use super::{CaptureOutcome, outcome};
+use crate::error::{BadInput, Result};
+use crate::warning::Warning;
+use whirl_shared::frame::{Command, Streamed};
+
+impl Session<'_> {
+    /// Brings the shaker to rest, whatever has happened before.
+    pub(super) fn stop_drive(&mut self, recorder: &mut Recorder<'_>) {
+        if self.settings.rows && self.link.is_some() {
+            // The next capture finds samples.
+            self.commands.send(Command::Stream(Streamed::Samples));
+            if !self.drive.active() {
+                // Nobody waits for an answer.
+                let _ = self.turn_after_end(recorder);
+            }
+        }
+        if !self.drive.active() || self.link.is_none() {
+            return;
+        }
+        let begun = self.source.now();
+        self.drive.stop(&mut self.commands, begun);
+        while !self.drive.off() && self.link.is_some() && self.source.now().duration_since(begun) < STOPPING {
+            // The record is over; only answers are of interest, and a fault here has nobody to be told to who does not
+            // know of it: the device's watchdog stops the shaker.
+            if self.turn_after_end(recorder).is_err() {
+                return;
+            }
+        }
+    }
+
+    /// As [`Session::turn`], with nothing recorded.
+    fn turn_after_end(&mut self, recorder: &mut Recorder<'_>) -> Result<()> {
+        recorder.close();
+        self.turn(recorder)?;
+        self.drive.poll(&mut self.commands, self.source.now())
+    }
+
+    /// Ends record and journal.
+    pub(super) fn finish(mut self, recorder: Recorder<'_>, result: Result<()>) -> Result<CaptureOutcome> {
+        let (settings, recorded) = (self.settings, recorder.has_samples());
+        let seconds = recorder.seconds();
+        let source = recorder.source().to_owned();
+        let finished = recorder.finish();
+        let journal = self.journal.take();
+        let frames = path_of(&settings.output);
+        let next = NextStep { source: &source, rig: &self.rig.path, record: &settings.output };
+        let finished = match finished {
+            Ok(finished) => finished,
+            // The record is not whole: the journal is what is left.
+            Err(e) => {
+                let remedy = format!("{}. Its bytes are safe in {}. {}", e.remedy, frames.display(), next.all());
+                return Err(e.remedy(remedy));
+            }
+        };
+        let received = finished.losses.received;
+        let done = outcome(settings, finished, seconds);
+        // One that was to be longer may be gone on with.
+        let interrupted = recorded && (result.is_err() || done.as_ref().is_some_and(|done| !done.complete));
+        if let Some(journal) = journal {
+            journal.finish(recorded && (settings.keep_frames || interrupted))?;
+        }
+        if let Err(e) = result {
+            let remedy = if recorded {
+                let output = settings.output.display();
+                format!("{}. {received} samples until then are in {output}. {}", e.remedy, resume_advice(&next))
+            } else {
+                e.remedy.clone()
+            };
+            return Err(e.remedy(remedy));
+        }
+        let Some(mut done) = done else {
+            return Err(self.no_sample());
+        };
+        if let (true, Some(short)) = (interrupted, done.warnings.iter_mut().find(|w| w.id == "short")) {
+            short.advice = format!("The record is whole as far as it goes. {}", resume_advice(&next));
+        }
+        self.add_warnings(&mut done.warnings);
+        Ok(CaptureOutcome {
+            frames: (settings.keep_frames || interrupted).then_some(frames),
+            bytes: self.bytes,
+            reconnections: self.reconnections,
+            ..done
+        })
+    }
+
+    fn no_sample(&self) -> BadInput {
+        BadInput::new("no sample, and no record", "samples before the end of the capture")
+            .in_file(&self.settings.from)
+            .remedy(
+                "Let it run for longer; with a drive, recording starts when the shaker has run for its settling time",
+            )
+    }
+
+    /// What the session itself noticed.
+    fn add_warnings(&mut self, warnings: &mut Vec<Warning>) {
+        warnings.splice(0..0, self.resumed.take());
+        warnings.append(&mut self.drive.warnings);
+        warnings.extend(self.stall.warning(self.source.now()));
+        if self.reconnections > 0 {
+            let times =
+                if self.reconnections == 1 { "once".to_owned() } else { format!("{} times", self.reconnections) };
+            warnings.push(Warning::new(
+                "reconnected",
+                format!("the link was lost {times} (last: {})", crate::error::plain(&self.lost_because)),
+                "The gaps are marked and counted; see to the cable",
+            ));
+        }
+    }
+}
+
+/// What to do with a record that is shorter than it was to be.
+fn resume_advice(next: &NextStep<'_>) -> String {
+    format!("Go on in it with {}, or end it here with {}, which removes its journal", next.resume(), next.make())
+}

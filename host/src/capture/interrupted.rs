@@ -1,0 +1,254 @@
+//! What an interrupted capture leaves, and what can be done with it.
+//!
+//! | beside REC | the next `capture -o REC` | `capture --resume -o REC` | `capture --from file:REC.frames -o REC` |
+//! |---|---|---|---|
+//! | no journal | captures | refuses: nothing to resume | no such file |
+//! | a journal whose first line was cut | replaces it, and says so | as new | refuses: nothing in it |
+//! | a journal without a sample of the record | replaces it, and says so | goes on in it | refuses: no sample |
+//! | a journal with samples | refuses, with the three commands | goes on in it | makes REC, removes the journal |
+//! | a journal that is being written | refuses | refuses | refuses |
+//!
+//! The record itself (none, a part, whole) does not matter to any of these: the journal is the truth, and it is on the disk before the record.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::CaptureSettings;
+use super::drive::Target;
+use super::journal::{self, Journal, Start, Terms};
+use super::recorder::{Event, Recorder};
+use crate::error::{BadInput, Result, plain};
+use crate::rig::Rig;
+use crate::warning::Warning;
+
+/// A word of a command as a shell takes it.
+pub(super) fn quoted(text: &str) -> String {
+    let bare = |c: char| c.is_alphanumeric() || "/._-:@+=,".contains(c);
+    if !text.is_empty() && text.chars().all(bare) {
+        text.to_owned()
+    } else {
+        format!("'{}'", plain(text).replace('\'', "'\\''"))
+    }
+}
+
+/// The commands after an interruption.
+pub(super) struct NextStep<'a> {
+    pub(super) source: &'a str,
+    pub(super) rig: &'a Path,
+    pub(super) record: &'a Path,
+}
+
+impl NextStep<'_> {
+    /// Goes on in the same record.
+    pub(super) fn resume(&self) -> String {
+        let path = |p: &Path| quoted(&p.display().to_string());
+        format!(
+            "`whirl capture --resume --from {} --rig {} -o {}`",
+            quoted(self.source),
+            path(self.rig),
+            path(self.record)
+        )
+    }
+
+    /// Makes the record of what there is.
+    pub(super) fn make(&self) -> String {
+        make_command(self.record, &quoted(&self.rig.display().to_string()))
+    }
+
+    /// All that can be done, in a sentence.
+    pub(super) fn all(&self) -> String {
+        let journal = journal::path_of(self.record);
+        format!(
+            "Go on in the same record with {}, make the record of what there is with {}, or delete {}",
+            self.resume(),
+            self.make(),
+            plain(&journal.display().to_string())
+        )
+    }
+}
+
+/// Makes a record from the journal beside it; `rig` as it stands in the command.
+fn make_command(record: &Path, rig: &str) -> String {
+    let from = format!("file:{}", journal::path_of(record).display());
+    let record = quoted(&record.display().to_string());
+    format!("`whirl capture --from {} --rig {rig} -o {record}`", quoted(&from))
+}
+
+/// The command that makes a record whole from the journal beside it, where there is one.
+pub fn whole_again(record: &Path, rig: &Path) -> Option<String> {
+    let path = journal::path_of(record);
+    // One whose first line was cut has nothing to make a record of.
+    let usable = path.is_file() && matches!(journal::terms_of(&path), Ok(Start::Terms(_)));
+    usable.then(|| make_command(record, &quoted(&rig.display().to_string())))
+}
+
+/// Bytes of a journal behind its first line, handed on one by one until `take` says that it has enough.
+fn each_byte(path: &Path, mut take: impl FnMut(u8) -> Result<bool>) -> Result<()> {
+    let io = |e: std::io::Error| BadInput::io(path, &e);
+    let mut file = File::open(path).map_err(io)?;
+    let mut buffer = vec![0; journal::HEADER_LIMIT];
+    let mut first = true;
+    loop {
+        let mut filled = 0;
+        while filled < buffer.len() {
+            match file.read(&mut buffer[filled..]) {
+                Ok(0) => break,
+                Ok(n) => filled += n,
+                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
+                Err(e) => return Err(io(e)),
+            }
+        }
+        if filled == 0 {
+            return Ok(());
+        }
+        let at = if first { journal::header(&buffer[..filled], path)?.map_or(0, |(_, at)| at) } else { 0 };
+        first = false;
+        for &byte in &buffer[at..filled] {
+            if !take(byte)? {
+                return Ok(());
+            }
+        }
+    }
+}
+
+/// Whether a journal holds a sample of its record. What cannot be told counts as one.
+fn has_samples(path: &Path, terms: &Terms, rig: &Rig, record: &Path) -> bool {
+    let Ok(mut recorder) = Recorder::new(rig, record, Terms { rows: false, ..terms.clone() }) else { return true };
+    let mut found = false;
+    let read = each_byte(path, |byte| {
+        let event = recorder.push(byte)?;
+        // Rows are not decoded into windows here: any of them counts.
+        let rows = terms.rows && event.is_some_and(|e| e.is_rows());
+        found |= rows || recorder.has_samples();
+        Ok(!found)
+    });
+    found || read.is_err()
+}
+
+/// A journal to be written, and what was noticed of one that was there.
+pub(super) type Opened = (Journal, Option<Warning>);
+
+/// The journal of a new capture.
+///
+/// # Errors
+/// One with samples stands in its place; one that is being written; a folder that cannot be written.
+pub(super) fn begin(settings: &CaptureSettings, rig: &Rig, terms: &Terms) -> Result<Opened> {
+    let (record, path) = (&settings.output, journal::path_of(&settings.output));
+    if !path.exists() {
+        return Ok((Journal::create(record, terms)?, None));
+    }
+    let next = NextStep { source: &settings.from, rig: &rig.path, record };
+    let refused =
+        |found: &str, next: &NextStep<'_>| Err(BadInput::new(found, "no such file").in_file(&path).remedy(next.all()));
+    match journal::terms_of(&path) {
+        Ok(Start::Cut) => {}
+        Ok(Start::Terms(old)) if !has_samples(&path, &old, rig, record) => {}
+        Ok(Start::Terms(old)) => {
+            return refused("the journal of a capture that did not end", &NextStep { source: &old.source, ..next });
+        }
+        _ => return refused("a file that may be the journal of a capture", &next),
+    }
+    // Taken up first: a capture that is under way holds it.
+    Journal::take_up(&path)?.finish(false)?;
+    let warning = Warning::new(
+        "empty-journal",
+        format!("{}, left by a capture that ended before its first sample, was replaced", path.display()),
+        "Nothing is lost: it held no sample",
+    );
+    Ok((Journal::create(record, terms)?, Some(warning)))
+}
+
+/// The terms of the capture that is to be resumed; none where it ended before they were written.
+///
+/// # Errors
+/// No journal; one that is no journal; a source, rig file or drive that differs from the interrupted capture's.
+pub(super) fn to_resume(settings: &CaptureSettings, rig: &Rig, target: Option<Target>) -> Result<Option<Terms>> {
+    let path = journal::path_of(&settings.output);
+    let anew = "Leave --resume out to capture anew";
+    if !path.exists() {
+        return Err(BadInput::new("no journal: nothing to resume", "that of an interrupted capture")
+            .in_file(&path)
+            .remedy(format!("See that -o names the record that was interrupted. {anew}")));
+    }
+    let terms = match journal::terms_of(&path)? {
+        Start::Cut => {
+            drop(Journal::take_up(&path)?);
+            return Ok(None);
+        }
+        Start::Terms(terms) => *terms,
+        Start::Raw => {
+            return Err(BadInput::new("bytes without the terms of a capture", "a journal of whirl's")
+                .in_file(&path)
+                .remedy(format!("Only a capture's own journal can be resumed. {anew}, into another file")));
+        }
+    };
+    let differs = |what: &str, found: String, expected: String| {
+        Err(BadInput::new(found, format!("{expected}, as in the capture that was interrupted"))
+            .in_file(&path)
+            .at(what)
+            .remedy("Resume with the same source, rig file and drive, or capture into another file"))
+    };
+    // A port may have another name once it was plugged in again; what kind it is, and a simulated rig's seed, matter.
+    let kind = |source: &str| source.split(':').next().map(str::to_owned).unwrap_or_default();
+    let (old, new) = (&terms.source, &settings.from);
+    if kind(old) != kind(new) || (kind(old) == "sim" && old != new) {
+        return differs("--from", new.clone(), old.clone());
+    }
+    if terms.rows != settings.rows {
+        let word = |rows: bool| if rows { "--rows" } else { "samples" }.to_owned();
+        return differs("--rows", word(settings.rows), word(terms.rows));
+    }
+    let now = journal::essentials(rig, target);
+    if terms.rig.is_empty() || terms.rig == now {
+        return Ok(Some(terms));
+    }
+    let pair = terms.rig.iter().zip(&now).find(|(old, new)| old != new);
+    let count = |n: usize| format!("{n} quantities");
+    let (old, new) = pair.map_or((count(terms.rig.len()), count(now.len())), |(a, b)| (a.clone(), b.clone()));
+    differs(&plain(&rig.path.display().to_string()), new, old)
+}
+
+/// What to say of a capture that goes on.
+pub(super) fn noticed(settings: &CaptureSettings, recorder: &Recorder<'_>) -> Option<Warning> {
+    let had = recorder.losses().received;
+    let (asked, governs) = (settings.seconds, recorder.seconds());
+    let terms = match (asked, governs) {
+        (Some(asked), Some(governs)) if asked != governs => format!("; its {governs} s hold, not --seconds {asked}"),
+        (Some(asked), None) => format!("; it was to go on until it is ended, so that --seconds {asked} does not hold"),
+        _ => String::new(),
+    };
+    Some(
+        Warning::new(
+            "resumed",
+            format!("the record goes on behind {had} samples of an interrupted capture{terms}"),
+            "The gap between is marked and counted",
+        )
+        .with("samples_before", had),
+    )
+}
+
+/// Takes up the journal of `record`: all of it goes into the recorder, then what comes is appended to it.
+///
+/// # Errors
+/// A journal that is being written, or does not fit the rig file.
+pub(super) fn take_up(recorder: &mut Recorder<'_>, record: &Path) -> Result<Journal> {
+    let path = journal::path_of(record);
+    let mut journal = Journal::take_up(&path)?;
+    each_byte(&path, |byte| {
+        recorder.push(byte).map_err(|e| e.in_file(&path))?;
+        Ok(!recorder.ended())
+    })?;
+    // The frame that was cut must not spoil the next one.
+    if !recorder.ended() {
+        recorder.push(0)?;
+        journal.write(&[0])?;
+    }
+    Ok(journal)
+}
+
+impl Event {
+    fn is_rows(&self) -> bool {
+        matches!(self, Self::Message(m) if matches!(m.message, whirl_shared::frame::DeviceMessage::Rows(_)))
+    }
+}

@@ -1,0 +1,110 @@
+//! Frames of the wire, and which of them are recorded.
+//!
+//! A device or a line may send without end what says nothing. The journal grows by what can matter to the record only:
+//! - a frame is at most as long as the decoder must see to refuse it; of zeros in a row, none but the one that ends a frame;
+//! - of frames refused in a row, the first [`MOST_REFUSED`]: more than any gap's account of damaged samples uses (see
+//!   [`super::accounting`]), which then counts what is missing as lost;
+//! - answers to commands never, lines for people up to [`MOST_LINES`];
+//! - while no new sample comes, [`STALLED_BYTES`].
+//!
+//! What is left out of the journal is not recorded either, so that the record stays a function of the journal.
+
+use whirl_shared::block::sample_count;
+use whirl_shared::codec::{Decoder, FrameError, MAX_FRAME};
+use whirl_shared::frame::{DeviceMessage, Envelope};
+
+/// Frames refused in a row that are recorded: at ten samples each, 80 s of damage at 500 Hz.
+const MOST_REFUSED: u32 = 4096;
+/// Lines for people that are recorded.
+pub(super) const MOST_LINES: u32 = 1000;
+/// Bytes recorded since the last new sample: 90 s of a serial line at 115 200 baud.
+const STALLED_BYTES: usize = 1 << 20;
+
+/// A frame with its zero.
+pub(super) struct Frame {
+    pub(super) bytes: Vec<u8>,
+    pub(super) message: Result<Envelope<DeviceMessage>, FrameError>,
+    /// It brings samples (or rows) that lie behind all before.
+    pub(super) new: bool,
+    /// It belongs into the journal.
+    pub(super) recorded: bool,
+}
+
+/// Cuts bytes into frames.
+#[derive(Default)]
+pub(super) struct Sieve {
+    decoder: Decoder<DeviceMessage>,
+    bytes: Vec<u8>,
+    refused: u32,
+    lines: u32,
+    /// Device's tick behind the newest sample, or of the newest row.
+    newest: Option<u32>,
+    boot: Option<u32>,
+    /// Bytes recorded since the last new sample.
+    stalled: usize,
+}
+
+impl Sieve {
+    /// Takes a byte; the one that ends a frame gives it.
+    pub(super) fn push(&mut self, byte: u8) -> Option<Frame> {
+        // MAX_FRAME bytes without a zero are one too many for any frame: the decoder refuses what has them.
+        if byte == 0 || self.bytes.len() < MAX_FRAME {
+            self.bytes.push(byte);
+        }
+        let message = match self.decoder.push(byte) {
+            Some(message) => message,
+            None => {
+                if byte == 0 {
+                    self.bytes.clear();
+                }
+                return None;
+            }
+        };
+        let bytes = core::mem::take(&mut self.bytes);
+        let new = message.as_ref().is_ok_and(|envelope| self.is_new(&envelope.message));
+        let recorded = self.matters(&message, new, bytes.len());
+        if recorded {
+            self.stalled = if new { 0 } else { self.stalled + bytes.len() };
+        }
+        Some(Frame { bytes, message, new, recorded })
+    }
+
+    /// Whether a message moves the device's clock on.
+    fn is_new(&mut self, message: &DeviceMessage) -> bool {
+        let tick = match message {
+            DeviceMessage::Hello(hello) => {
+                if self.boot.replace(hello.boot_id).is_some_and(|before| before != hello.boot_id) {
+                    self.newest = None;
+                }
+                return false;
+            }
+            DeviceMessage::Samples(block) => block.first_tick.wrapping_add(sample_count(block)),
+            DeviceMessage::Rows(rows) => rows.tick,
+            _ => return false,
+        };
+        // In wrapping arithmetic: ahead of what there was.
+        let new = self.newest.is_none_or(|newest| tick.wrapping_sub(newest).cast_signed() > 0);
+        if new {
+            self.newest = Some(tick);
+        }
+        new
+    }
+
+    fn matters(&mut self, message: &Result<Envelope<DeviceMessage>, FrameError>, new: bool, length: usize) -> bool {
+        let Ok(envelope) = message else {
+            self.refused = self.refused.saturating_add(1);
+            return self.refused <= MOST_REFUSED && self.stalled + length <= STALLED_BYTES;
+        };
+        self.refused = 0;
+        match &envelope.message {
+            DeviceMessage::Ack(_) => false,
+            DeviceMessage::Log(_) => {
+                self.lines = self.lines.saturating_add(1);
+                self.lines <= MOST_LINES
+            }
+            // It may tell of a restart.
+            DeviceMessage::Hello(_) => self.stalled + length <= 2 * STALLED_BYTES,
+            _ => new || self.stalled + length <= STALLED_BYTES,
+        }
+    }
+}
