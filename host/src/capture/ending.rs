@@ -107,7 +107,7 @@ impl Session<'_> {
                 if self.reconnections == 1 { "once".to_owned() } else { format!("{} times", self.reconnections) };
             warnings.push(Warning::new(
                 "reconnected",
-                format!("the link was lost {times} (last: {})", crate::error::plain(&self.lost_because)),
+                format!("the link was lost {times} (last: {})", self.lost_because),
                 "The gaps are marked and counted; see to the cable",
             ));
         }

@@ -346,7 +346,7 @@ impl Link for End {
 /// Each kind, and what it ends with: nothing for a record, or part of the message.
 const KINDS: &[(&str, &str)] = &[
     ("zeros", "lost for"),
-    ("ones", "no new sample"),
+    ("ones", "no new sample|lost for"),
     ("noise", "lost for"),
     ("zeros from the start", "noise"),
     ("noise from the start", "noise"),
@@ -368,14 +368,14 @@ const KINDS: &[(&str, &str)] = &[
     ("a clock that runs backwards", "no new sample"),
     ("escapes in lines", ""),
     ("lines without end", "no new sample"),
-    ("no zero at all", "no new sample"),
+    ("no zero at all", "no new sample|lost for"),
     ("half of the bits", "no new sample"),
     ("each byte twice", "no new sample"),
     ("every second frame", ""),
     ("pieces of a second in reverse", ""),
     ("a piece of a second too late", ""),
     ("counters that jump", ""),
-    ("rows that nobody asked for", ""),
+    ("rows that nobody asked for", "no new sample"),
     ("extreme counts", ""),
     ("old bytes first", ""),
     ("an old hello first", "answers nothing"),
@@ -424,7 +424,7 @@ fn hostile(kind: &'static str, told: &str, seed: u32) {
         }
         Err(e) => {
             let text = e.to_string();
-            assert!(!told.is_empty() && text.contains(told), "{kind}: {text}");
+            assert!(!told.is_empty() && told.split('|').any(|part| text.contains(part)), "{kind}: {text}");
             assert!(!text.chars().any(char::is_control), "{kind}: {text}");
         }
     }

@@ -153,8 +153,11 @@ fn a_journal_cut_anywhere_is_made_a_record_and_resumed() {
         let mut later = if k % 2 == 0 { Fake::at(2000, 1, 0) } else { Fake::at(130, 2, 0) };
         let done = run.capture(&mut later).unwrap();
         run.settings.resume = false;
-        assert!(done.losses.received >= before && done.losses.received + done.losses.lost() == 2000, "{cut}: {done:?}");
-        assert!(!frames.exists(), "{cut}");
+        assert!(done.losses.received >= before, "{cut}: {done:?}");
+        // A device that has restarted has at least its own ticks missing: they may reach beyond the end.
+        let fits = k % 2 == 0 || before < 1700;
+        assert_eq!((done.complete, frames.exists()), (fits, !fits), "{cut}: {done:?}");
+        assert!(!fits || done.losses.received + done.losses.lost() == 2000, "{cut}: {done:?}");
         let record = run.read();
         let all: Vec<i64> =
             record.segments.iter().flat_map(|s| (0..s.len()).map(|i| s.first_tick + i as i64)).collect();
@@ -163,7 +166,7 @@ fn a_journal_cut_anywhere_is_made_a_record_and_resumed() {
             let had: Vec<i64> =
                 first.segments.iter().flat_map(|s| (0..s.len()).map(|i| s.first_tick + i as i64)).collect();
             assert!(all.starts_with(&had), "{cut}");
-            assert_eq!(record.segments.last().unwrap().boot, u32::from(k % 2 == 1 && before < 2000), "{cut}");
+            assert_eq!(record.segments.last().unwrap().boot, u32::from(k % 2 == 1 && fits), "{cut}");
         }
     }
 }

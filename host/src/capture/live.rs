@@ -8,12 +8,13 @@ use whirl_shared::codec::FrameError;
 use whirl_shared::frame::{Command, DeviceMessage, Hello, Log, Streamed};
 
 use super::commands::Commands;
+use super::device::{check_hello, level};
 use super::drive::{Drive, Target};
 use super::gate::Gate;
 use super::interrupted;
 use super::journal::{Journal, Terms, essentials};
 use super::no_device::{Heard, Wire};
-use super::recorder::{Recorder, level};
+use super::recorder::Recorder;
 use super::sieve::{Frame, Sieve};
 use super::source::{Link, Source};
 use super::stall::Stall;
@@ -143,7 +144,9 @@ pub(super) fn run(
 fn numbers_from() -> u16 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
     // Its low bits, in steps of a microsecond.
-    (since.as_micros() ^ u128::from(std::process::id())) as u16
+    let number = (since.as_micros() ^ u128::from(std::process::id())) as u16;
+    // Earlier versions began at 0.
+    number | 0x0400
 }
 
 /// Now, RFC 3339, to the second.
@@ -178,7 +181,7 @@ impl Session<'_> {
                 if self.hello.is_none() && now.duration_since(begun).as_secs_f64() > self.settings.handshake_s {
                     if let Some(hello) = &self.gate.stranger {
                         // One of another protocol does not answer.
-                        super::recorder::check_hello(hello, self.rig).map_err(|e| e.in_file(&self.settings.from))?;
+                        check_hello(hello, self.rig).map_err(|e| e.in_file(&self.settings.from))?;
                     }
                     return Err(self.wire().no_hello(now.duration_since(begun).as_secs_f64()));
                 }
@@ -268,6 +271,10 @@ impl Session<'_> {
             if !self.gate.is_open() && !self.knock(&frame) {
                 self.hear(&frame);
                 continue;
+            }
+            if let Ok(DeviceMessage::Hello(hello)) = frame.message.as_ref().map(|envelope| &envelope.message) {
+                // One that does not fit ends the capture, and must not stand in the way of resuming it.
+                check_hello(hello, self.rig).map_err(|e| e.in_file(&self.settings.from))?;
             }
             if let (true, false, Some(journal)) = (frame.recorded, recorder.ended(), &mut self.journal) {
                 journal.write(&frame.bytes)?;
@@ -395,7 +402,7 @@ impl Session<'_> {
 
     fn lose(&mut self, why: String, now: Instant) {
         self.link = None;
-        self.lost_because = why;
+        self.lost_because = plain(&why);
         self.retry.0 = now + self.retry.1;
     }
 
@@ -408,7 +415,7 @@ impl Session<'_> {
         }
         self.retry = (now + self.retry.1, (self.retry.1 * 2).min(Duration::from_secs(2)));
         match self.source.open() {
-            Err(e) => self.lost_because = e.to_string(),
+            Err(e) => self.lost_because = plain(&e.to_string()),
             Ok(link) => {
                 self.link = Some(link);
                 self.reopened = true;

@@ -16,6 +16,7 @@
 
 mod accounting;
 mod commands;
+mod device;
 mod drive;
 mod ending;
 pub mod estimates;

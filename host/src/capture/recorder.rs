@@ -5,24 +5,21 @@ use std::path::{Path, PathBuf};
 
 use whirl_shared::codec::{Decoder, FrameError};
 use whirl_shared::frame::{
-    CHANNELS, DeviceMessage, Envelope, Estimate, Hello, Log, PROTOCOL_VERSION, Rows, SCHEMA_HASH, SampleBlock,
-    ShakerState, Status,
+    CHANNELS, DeviceMessage, Envelope, Estimate, Hello, Log, Rows, SampleBlock, ShakerState, Status,
 };
 
 use super::RowsOutcome;
 use super::accounting::{Accounting, Taken, Verdict};
+use super::device::{self, check_hello, level};
 use super::estimates::{self, DeviceEstimate, Estimates};
 use super::journal::Terms;
 use super::rows::RowsRecorder;
 use super::sieve::MOST_LINES;
-use crate::error::{BadInput, Result, plain};
+use crate::error::{BadInput, Result};
 use crate::record::writer::Sample;
 use crate::record::{DeviceLine, Losses, Metadata, RecordWriter};
 use crate::rig::Rig;
 use crate::warning::Warning;
-
-/// Greatest relative difference of the device's sampling rate from the rig file's.
-const RATE_TOLERANCE: f64 = 1e-4;
 
 /// What came out of one byte.
 pub(super) enum Event {
@@ -362,46 +359,6 @@ impl<'a> Recorder<'a> {
         &self.terms.source
     }
 
-    /// What the device itself did and said.
-    fn notice_the_device(&mut self) {
-        let restarts = self.accounting.losses().restarts;
-        if let Some(tick) = self.restarted_behind {
-            let times = if restarts <= 1 { "once".to_owned() } else { format!("{restarts} times") };
-            self.warnings.push(
-                Warning::new(
-                    "device-restarted",
-                    format!("the device has restarted {times}, behind tick {tick} of the record first: its counts and ticks began anew"),
-                    "A new segment begins there, whose encoder zeros are unknown; look after the device's power supply and its log",
-                )
-                .with("tick", tick)
-                .with("restarts", restarts),
-            );
-        }
-        if let Some(first) = self.lines.iter().find(|line| line.level == "error") {
-            let errors = self.lines.iter().filter(|line| line.level == "error").count();
-            let word = if errors == 1 { "an error" } else { "errors" };
-            self.warnings.push(
-                Warning::new(
-                    "device-error",
-                    format!(
-                        "the device reported {word} ({errors}), first at tick {}: {}",
-                        first.tick,
-                        plain(&first.text)
-                    ),
-                    "Its lines are in the record's metadata (whirl.log)",
-                )
-                .with("errors", errors),
-            );
-        }
-        if self.said > self.lines.len() as u64 {
-            self.warnings.push(Warning::new(
-                "device-lines-dropped",
-                format!("the device sent {} lines; the first {} are kept", self.said, self.lines.len()),
-                "Look at its firmware: it should not say so much",
-            ));
-        }
-    }
-
     /// Writes what is held back and ends the record.
     ///
     /// # Errors
@@ -441,7 +398,8 @@ impl<'a> Recorder<'a> {
                 .with("samples", losses.dropped_late),
             );
         }
-        self.notice_the_device();
+        let said = device::Said { lines: &self.lines, all: self.said };
+        self.warnings.extend(device::warnings(self.restarted_behind, losses.restarts, &said));
         if losses.lost() > 0 && self.rows.is_none() {
             self.warnings.push(Warning::new(
                 "samples-lost",
@@ -494,50 +452,6 @@ pub(super) struct Finished {
     pub(super) estimate: Option<DeviceEstimate>,
     pub(super) warnings: Vec<Warning>,
     pub(super) lines: Vec<DeviceLine>,
-}
-
-/// A level of the device's lines, in words.
-pub(super) fn level(level: u8) -> &'static str {
-    match level {
-        0 => "error",
-        1 => "warning",
-        _ => "information",
-    }
-}
-
-/// Checks that this program and this rig file fit the device.
-pub(super) fn check_hello(hello: &Hello, rig: &Rig) -> Result<()> {
-    let firmware = format!("firmware {} on {}", hello.firmware, hello.board);
-    if hello.protocol != PROTOCOL_VERSION || hello.schema != SCHEMA_HASH {
-        return Err(BadInput::new(
-            format!("protocol {}, schema {:08x} ({firmware})", hello.protocol, hello.schema),
-            format!("protocol {PROTOCOL_VERSION}, schema {SCHEMA_HASH:08x} (whirl {})", env!("CARGO_PKG_VERSION")),
-        )
-        .at("the device's hello")
-        .remedy("Flash the firmware that belongs to this whirl: `whirl flash`"));
-    }
-    for (i, (c, &n)) in rig.channel.iter().zip(&hello.counts_per_turn).enumerate() {
-        if c.counts_per_turn != Some(n) {
-            return Err(BadInput::new(
-                format!("counts_per_turn = {}", c.counts_per_turn.map_or("none".to_owned(), |n| n.to_string())),
-                format!("{n} as the device says of encoder {} ({firmware})", i + 1),
-            )
-            .in_file(&rig.path)
-            .at(format!("channel \"{}\"", c.name))
-            .remedy("Correct the rig file (unit = \"count\"), or set the firmware's counts a turn"));
-        }
-    }
-    let rate = f64::from(hello.sample_rate_millihertz) / 1000.0;
-    if (rate / rig.sample_rate_hz - 1.0).abs() > RATE_TOLERANCE || rate <= 0.0 {
-        return Err(BadInput::new(
-            format!("sample_rate_hz = {}", rig.sample_rate_hz),
-            format!("{rate} as the device says ({firmware})"),
-        )
-        .in_file(&rig.path)
-        .at("sample_rate_hz")
-        .remedy("Correct the rig file"));
-    }
-    Ok(())
 }
 
 #[cfg(test)]

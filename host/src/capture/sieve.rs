@@ -100,11 +100,86 @@ impl Sieve {
             DeviceMessage::Ack(_) => false,
             DeviceMessage::Log(_) => {
                 self.lines = self.lines.saturating_add(1);
-                self.lines <= MOST_LINES
+                // One more, which tells that there were more.
+                self.lines <= MOST_LINES + 1
             }
             // It may tell of a restart.
             DeviceMessage::Hello(_) => self.stalled + length <= 2 * STALLED_BYTES,
             _ => new || self.stalled + length <= STALLED_BYTES,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use whirl_shared::codec::encode;
+    use whirl_shared::frame::{Ack, CommandResult, Log, SampleBlock, Status};
+
+    fn frame(message: DeviceMessage) -> Vec<u8> {
+        let mut bytes = [0; MAX_FRAME];
+        let n = encode(&Envelope { sequence: 0, message }, &mut bytes).unwrap();
+        bytes[..n].to_vec()
+    }
+
+    fn block(first_tick: u32) -> Vec<u8> {
+        let (phase, phase_increment, amplitude_nanometre) = (0, 0, 0);
+        let deltas = heapless::Vec::from_slice(&[[1, 1]; 9]).unwrap();
+        frame(DeviceMessage::Samples(SampleBlock {
+            first_tick,
+            phase,
+            phase_increment,
+            amplitude_nanometre,
+            first: [0; 2],
+            deltas,
+        }))
+    }
+
+    /// What of these bytes is recorded.
+    fn recorded(sieve: &mut Sieve, bytes: &[u8]) -> Vec<u8> {
+        let frames = bytes.iter().filter_map(|b| sieve.push(*b));
+        frames.filter(|f| f.recorded).flat_map(|f| f.bytes).collect()
+    }
+
+    /// Frames and refused frames that a decoder finds.
+    fn found(bytes: &[u8]) -> (u64, u64) {
+        let mut decoder = Decoder::<DeviceMessage>::new();
+        bytes.iter().for_each(|b| drop(decoder.push(*b)));
+        (decoder.counters().frames, decoder.counters().bad_frames())
+    }
+
+    #[test]
+    fn what_is_left_out_changes_nothing_that_a_decoder_finds() {
+        let ack = Ack { command_sequence: 1, result: CommandResult::Done };
+        let overlong = [vec![9; 100_000], vec![0]].concat();
+        let parts =
+            [block(0), vec![0; 5000], overlong, block(10), vec![7, 0], frame(DeviceMessage::Ack(ack)), block(20)];
+        let bytes = parts.concat();
+        let kept = recorded(&mut Sieve::default(), &bytes);
+        // All but the answer to a command.
+        assert_eq!((found(&bytes), found(&kept)), ((4, 2), (3, 2)));
+        assert!(kept.len() < 3 * block(0).len() + MAX_FRAME + 10, "{}", kept.len());
+    }
+
+    #[test]
+    fn what_says_nothing_new_is_bounded_and_new_samples_are_not() {
+        let mut sieve = Sieve::default();
+        let refused: usize = (0..100_000).map(|_| recorded(&mut sieve, &[7, 7, 7, 0]).len()).sum();
+        assert_eq!(refused, 4 * MOST_REFUSED as usize);
+        let line = frame(DeviceMessage::Log(Log { tick: 0, level: 0, text: "again".try_into().unwrap() }));
+        let lines: usize = (0..5000).map(|_| recorded(&mut sieve, &line).len()).sum();
+        assert_eq!(lines, line.len() * (MOST_LINES as usize + 1));
+        let mut sieve = Sieve::default();
+        assert_eq!(recorded(&mut sieve, &block(500)), block(500));
+        for bytes in [block(500), block(100), frame(DeviceMessage::Status(Status::default()))] {
+            let mut sieve = Sieve::default();
+            assert_eq!(recorded(&mut sieve, &block(500)), block(500));
+            let repeated: usize = (0..100_000).map(|_| recorded(&mut sieve, &bytes).len()).sum();
+            assert!(repeated <= STALLED_BYTES && repeated > STALLED_BYTES - MAX_FRAME, "{repeated}");
+            // What is new is recorded all the same, over the wrap of the ticks too, and opens the way for the rest.
+            assert_eq!(recorded(&mut sieve, &block(510)), block(510));
+            assert_eq!(recorded(&mut sieve, &bytes), bytes);
+        }
+        assert!(!sieve.push(0).is_some_and(|f| f.recorded));
     }
 }
