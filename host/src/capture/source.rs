@@ -56,6 +56,11 @@ pub trait Source: Send {
         0.0
     }
 
+    /// Why it will never send again, where that is known: nothing is tried again then.
+    fn failed(&self) -> Option<BadInput> {
+        None
+    }
+
     /// What to do where it cannot be opened.
     fn remedy(&self) -> String;
 }
