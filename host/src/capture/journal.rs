@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{BadInput, Result};
 
 /// Begins a journal.
-pub(super) const MAGIC: &[u8] = b"whirl-frames 1 ";
+pub(crate) const MAGIC: &[u8] = b"whirl-frames 1 ";
 /// Longest first line, bytes.
 pub(super) const HEADER_LIMIT: usize = 1 << 16;
 
