@@ -41,7 +41,7 @@ def main():
             path, record = os.path.join(folder, "rig.toml"), os.path.join(folder, "record.parquet")
             open(path, "w").write(re.sub(r"counts_per_turn = \d+", f"counts_per_turn = {counts}", rig))
             for seed in range(1, seeds + 1):
-                subprocess.run([program, "simulate", "--rig", path, "--seconds", str(seconds), "--seed", str(seed), "-o", record], check=True, capture_output=True)
+                subprocess.run([program, "simulate", "--rig", path, "--seconds", str(seconds), "--seed", str(seed), "-o", record, "--force"], check=True, capture_output=True)
                 rows.append(errors(weak_form(columns(program, record, path, folder), counts)))
         rows = np.array(rows)
         rms, low, high = np.sqrt((rows**2).mean(axis=0)), rows.min(axis=0), rows.max(axis=0)

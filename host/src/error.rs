@@ -1,7 +1,83 @@
 //! The one error that a person sees for bad input: file, place, value found, value expected, remedy (exit status 2).
+//!
+//! What a message quotes comes from files, devices and wires that may be hostile: [`plain`] shows control characters instead of
+//! obeying them, [`brief`] also cuts what is long, and [`tell`] is how a line gets to standard error.
 
 use std::fmt;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
+
+/// Characters of a part of a message that are shown: three lines of a terminal.
+const SHOWN: usize = 300;
+/// Characters of a whole message.
+const LINE: usize = 2000;
+/// Digits of a number that are shown as they stand: one in 64 bits has at most 20, a shortest binary64 near 1 at most 24.
+const DIGITS: usize = 24;
+
+/// Whether a terminal would obey this character instead of showing it: C0, DEL, C1, and Unicode's marks of line, paragraph and
+/// direction, with which a text can be made to look like another.
+pub(crate) fn obeyed(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
+}
+
+/// A text as it may stand on a terminal, on one line: what a terminal would obey is written as an escape (`\n`, `\u{1b}`).
+pub fn plain(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        if obeyed(c) { out.extend(c.escape_default()) } else { out.push(c) }
+    }
+    out
+}
+
+/// As [`plain`], for a text whose lines are its own.
+pub fn plain_lines(text: &str) -> String {
+    text.split('\n').map(plain).collect::<Vec<_>>().join("\n")
+}
+
+/// As [`plain`], with numbers of more than 24 digits rounded and no more than 300 characters.
+pub fn brief(text: &str) -> String {
+    cut(&short_numbers(&plain(text)), SHOWN)
+}
+
+/// The first so many characters.
+fn cut(text: &str, most: usize) -> String {
+    match text.char_indices().nth(most) {
+        Some((end, _)) => format!("{}…", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
+/// The last 300 characters: a path's end says more than its beginning.
+fn cut_path(text: &str) -> String {
+    match text.chars().count().checked_sub(SHOWN) {
+        Some(left_out @ 1..) => format!("…{}", text.chars().skip(left_out).collect::<String>()),
+        _ => text.to_owned(),
+    }
+}
+
+/// Runs of more digits than a number needs, such as those of 1e300 or 1e-310, as powers of ten.
+pub(crate) fn short_numbers(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut rest = text;
+    let digit = |c: char| c.is_ascii_digit() || c == '.';
+    while let Some(start) = rest.find(digit) {
+        let (before, from) = rest.split_at(start);
+        let (run, after) = from.split_at(from.find(|c| !digit(c)).unwrap_or(from.len()));
+        out.push_str(before);
+        match run.parse::<f64>() {
+            Ok(x) if run.len() > DIGITS => out.push_str(&format!("{x:e}")),
+            _ => out.push_str(run),
+        }
+        rest = after;
+    }
+    out + rest
+}
+
+/// One line on standard error, `whirl: TEXT`. One that is full or closed is no reason to end otherwise than without the line.
+pub fn tell(text: impl fmt::Display) {
+    let _ = writeln!(std::io::stderr().lock(), "whirl: {}", cut(&plain(&text.to_string()), LINE));
+}
 
 /// Result of anything that reads what a user or a wire supplied.
 pub type Result<T> = std::result::Result<T, BadInput>;
@@ -54,18 +130,19 @@ impl BadInput {
 impl fmt::Display for BadInput {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(file) = &self.file {
-            write!(f, "{}: ", file.display())?;
+            write!(f, "{}: ", cut_path(&plain(&file.to_string_lossy())))?;
         }
         if let Some(place) = &self.place {
-            write!(f, "{place}: ")?;
+            write!(f, "{}: ", brief(place))?;
         }
         if self.expected.is_empty() {
-            write!(f, "{}", self.found)?;
+            write!(f, "{}", brief(&self.found))?;
         } else {
-            write!(f, "found {}, expected {}", self.found, self.expected)?;
+            // What whirl itself expects may be a long list, and is whole.
+            write!(f, "found {}, expected {}", brief(&self.found), short_numbers(&plain(&self.expected)))?;
         }
         if !self.remedy.is_empty() {
-            write!(f, ". {}", self.remedy)?;
+            write!(f, ". {}", plain(&self.remedy))?;
         }
         Ok(())
     }
@@ -73,17 +150,35 @@ impl fmt::Display for BadInput {
 
 impl std::error::Error for BadInput {}
 
-/// A text from a file, device or system as one line of a terminal: control characters are escaped.
-pub fn plain(text: &str) -> String {
-    text.chars().flat_map(|c| if c.is_control() { c.escape_default().collect::<Vec<_>>() } else { vec![c] }).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn control_characters_never_reach_a_terminal() {
-        assert_eq!(plain("\u{1b}[2Ja\nµ\u{9b}"), "\\u{1b}[2Ja\\nµ\\u{9b}");
+    fn what_a_terminal_would_obey_is_shown() {
+        assert_eq!(plain("a\u{1b}[2J\r\n\tb\u{7f}\u{9b}\u{202e}c"), "a\\u{1b}[2J\\r\\n\\tb\\u{7f}\\u{9b}\\u{202e}c");
+        assert_eq!(plain("θ1 ± 0.5 µm — “ü” …"), "θ1 ± 0.5 µm — “ü” …");
+        assert_eq!(plain_lines("a\u{7}\nb\n"), "a\\u{7}\nb\n");
+    }
+
+    #[test]
+    fn long_texts_and_numbers_are_cut() {
+        assert_eq!(brief(&"é".repeat(400)), format!("{}…", "é".repeat(300)));
+        assert_eq!(brief(&format!("x = {} m, {}", 1e300, 1e-310)), "x = 1e300 m, 1e-310");
+        assert_eq!(
+            brief(&format!("{} {} 1.2.3", u64::MAX, -0.000_123_456_789_012_345_67)),
+            format!("{} -0.00012345678901234567 1.2.3", u64::MAX)
+        );
+        assert_eq!(brief(&"1.".repeat(20)), "1.".repeat(20));
+        let path = format!("/{}/end.csv", "d".repeat(400));
+        assert!(BadInput::new("x", "").in_file(&path).to_string().ends_with("ddd/end.csv: x"));
+    }
+
+    #[test]
+    fn a_message_is_one_line_whatever_it_quotes() {
+        let e = BadInput::new("\u{1b}]0;x\u{7}\n", "a\nb").in_file("new\nline.csv").at("line 1\r").remedy("do\nthis");
+        let text = e.to_string();
+        assert!(!text.chars().any(char::is_control), "{text:?}");
+        assert!(text.starts_with("new\\nline.csv: line 1\\r: found \\u{1b}]0;x\\u{7}\\n"), "{text}");
     }
 }

@@ -5,6 +5,7 @@ pub mod capture;
 pub mod cli;
 pub mod error;
 pub mod explain;
+pub mod files;
 pub mod identify;
 pub mod inspect;
 pub mod model;

@@ -19,6 +19,9 @@ use crate::rig::{Direction, Rig};
 /// Longest simulated record, s (a day).
 const LONGEST_S: f64 = 86_400.0;
 
+/// Longest simulated record, samples: as many as are read.
+const MOST_SAMPLES: f64 = 2e8;
+
 /// What was simulated.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
@@ -105,6 +108,10 @@ pub fn settings(rig: &Rig, effect_texts: &[String], seconds: f64, seed: u64) -> 
     }
     if !(seconds > 0.0 && seconds <= LONGEST_S) {
         return Err(BadInput::new(seconds.to_string(), format!("seconds above 0, at most {LONGEST_S}")).at("--seconds"));
+    }
+    if seconds * rig.sample_rate_hz > MOST_SAMPLES {
+        let most = MOST_SAMPLES / rig.sample_rate_hz;
+        return Err(BadInput::new(seconds.to_string(), format!("seconds above 0, at most {most}")).at("--seconds"));
     }
     let drive = |amplitude_m: f64, psi: f64| {
         rig.drive.map(|d| DriveSettings {

@@ -16,6 +16,7 @@ use whirl_shared::waveform::exact_frequency;
 use crate::error::{BadInput, Result};
 use crate::identify::Parameter;
 use crate::model::double_pendulum::DEFAULT_DAMPINGS;
+use crate::record::sealed_line::seal;
 use crate::report::format::plus_minus;
 use crate::rig::{Direction, Rig};
 
@@ -225,7 +226,7 @@ impl Estimates {
     pub(super) fn push(&mut self, estimate: DeviceEstimate) -> Result<()> {
         let io = |e: std::io::Error| BadInput::io(&self.path, &e).remedy("Free space on the disk");
         let mut line = serde_json::to_string(&estimate).map_err(|e| BadInput::new(e.to_string(), ""))?;
-        line.push('\n');
+        line = seal(&line) + "\n";
         let file = match &mut self.file {
             Some(file) => file,
             none => none.insert(File::create(&self.path).map_err(io)?),
@@ -245,6 +246,7 @@ impl Estimates {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::sealed_line::{Opened, open};
     use whirl_shared::frame::regression::Binary32;
 
     fn known<const P: usize>(value: f32) -> EquationEstimate<[Unknown; P]> {
@@ -304,6 +306,7 @@ mod tests {
         let text = std::fs::read_to_string(estimates.file().unwrap()).unwrap();
         let lines: Vec<serde_json::Value> = text.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
         assert_eq!((lines.len(), &lines[0]["parameters"][6]["name"]), (2, &serde_json::json!("B21")));
+        assert!(text.lines().all(|l| matches!(open(l), Opened::Right(_))));
         assert_eq!((&lines[1]["status"], estimates.count), (&serde_json::json!("not-identifiable"), 2));
     }
 }

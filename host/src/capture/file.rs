@@ -8,13 +8,18 @@ use std::io::{self, BufReader, Read};
 use std::path::PathBuf;
 
 use super::source::{Link, Source, SourceKind, bad};
+use crate::files;
 
 pub(super) const KIND: SourceKind = SourceKind {
     id: "file",
     form: "file:FRAMES",
     about: "bytes of the wire recorded before (REC.frames)",
     parse: |argument, _| match argument {
-        Some(path) if !path.is_empty() => Ok(Box::new(Frames { path: path.into() })),
+        Some(path) if !path.is_empty() => {
+            // A device or pipe might never end, or never answer.
+            files::open(path.as_ref(), "bytes of the wire", "Name a file with the wire's bytes")?;
+            Ok(Box::new(Frames { path: path.into() }))
+        }
         _ => Err(bad(argument.unwrap_or_default(), "file:FRAMES").remedy("Such as file:run1.parquet.frames")),
     },
 };

@@ -22,7 +22,7 @@ use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 
 /// Begins a journal.
-pub(super) const MAGIC: &[u8] = b"whirl-frames 1 ";
+pub(crate) const MAGIC: &[u8] = b"whirl-frames 1 ";
 /// Longest first line, bytes.
 pub(super) const HEADER_LIMIT: usize = 1 << 16;
 /// A loss of power costs what came within this long: half of the second that is promised.

@@ -168,6 +168,9 @@ impl Session<'_> {
         let (mut asked, mut reached) = (None::<Instant>, None::<Instant>);
         loop {
             self.turn(recorder)?;
+            if let Some(error) = self.source.failed() {
+                return Err(error);
+            }
             let now = self.source.now();
             if recorder.ended() || self.settings.stop.load(Ordering::Relaxed) {
                 return Ok(());

@@ -37,6 +37,7 @@ pub use with_rig::Simulated;
 mod with_rig {
     use std::collections::VecDeque;
     use std::io::{self, Read};
+    use std::path::PathBuf;
     use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
     use std::time::{Duration, Instant};
 
@@ -52,9 +53,39 @@ mod with_rig {
 
     /// The simulated rig as a source.
     pub struct Simulated {
-        rig: Arc<Mutex<VirtualRig>>,
+        rig: Arc<Mutex<Plugged>>,
         start: Instant,
         settle_s: f64,
+    }
+
+    /// The rig, and why it moves no more where its plant could not be integrated; time goes by without it then.
+    struct Plugged {
+        rig: VirtualRig,
+        failed: Option<BadInput>,
+        without: Duration,
+        path: PathBuf,
+    }
+
+    impl Plugged {
+        /// A tick; nothing once it has failed.
+        fn step(&mut self) -> io::Result<()> {
+            if self.failed.is_none()
+                && let Err(e) = self.rig.step()
+            {
+                self.failed = Some(
+                    BadInput::new(e.to_string(), "")
+                        .in_file(&self.path)
+                        .at("[plant]")
+                        .remedy("Correct the plant or the effects put into it"),
+                );
+            }
+            self.failed.as_ref().map_or(Ok(()), |e| Err(io::Error::other(e.to_string())))
+        }
+
+        fn time(&self) -> Duration {
+            // At most 2^32 ticks of at most 1000 s (rates are 1e-3 Hz and more).
+            Duration::from_secs_f64(self.rig.ticks() as f64 * self.rig.tick_s()).saturating_add(self.without)
+        }
     }
 
     impl Simulated {
@@ -71,7 +102,8 @@ mod with_rig {
                     .at("[plant]")
                     .remedy("Correct [plant], or the effect")
             })?;
-            Ok(Self { rig: Arc::new(Mutex::new(virtual_rig)), start: Instant::now(), settle_s })
+            let plugged = Plugged { rig: virtual_rig, failed: None, without: Duration::ZERO, path: rig.path.clone() };
+            Ok(Self { rig: Arc::new(Mutex::new(plugged)), start: Instant::now(), settle_s })
         }
 
         /// The virtual rig's settings for a rig file, for [`Simulated::new`] and for servers of a simulated rig.
@@ -122,13 +154,9 @@ mod with_rig {
         }
     }
 
-    fn lock(rig: &Mutex<VirtualRig>) -> MutexGuard<'_, VirtualRig> {
+    fn lock(rig: &Mutex<Plugged>) -> MutexGuard<'_, Plugged> {
         // A panic while it was held leaves a rig that goes on from where it was.
         rig.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn failed(e: &whirl_hil_sim::SimulationError) -> io::Error {
-        io::Error::other(e.to_string())
     }
 
     impl Source for Simulated {
@@ -137,16 +165,15 @@ mod with_rig {
         }
 
         fn now(&self) -> Instant {
-            let rig = lock(&self.rig);
-            self.start + Duration::from_secs_f64(rig.ticks() as f64 * rig.tick_s())
+            self.start + lock(&self.rig).time()
         }
 
         fn pause(&mut self, time: Duration) {
-            let mut rig = lock(&self.rig);
-            let ticks = (time.as_secs_f64() / rig.tick_s()).ceil().max(1.0) as u64;
+            let mut plugged = lock(&self.rig);
+            let ticks = (time.as_secs_f64() / plugged.rig.tick_s()).ceil().max(1.0) as u64;
             for _ in 0..ticks {
-                // The next read reports what is wrong.
-                if rig.step().is_err() {
+                if plugged.step().is_err() {
+                    plugged.without = plugged.without.saturating_add(time);
                     return;
                 }
             }
@@ -154,6 +181,10 @@ mod with_rig {
 
         fn is_simulated(&self) -> bool {
             true
+        }
+
+        fn failed(&self) -> Option<BadInput> {
+            lock(&self.rig).failed.clone()
         }
 
         fn settle_s(&self) -> f64 {
@@ -172,21 +203,21 @@ mod with_rig {
 
     /// One end of the in-process pipe; `rest` is what a read had no room for.
     struct Pipe {
-        rig: Arc<Mutex<VirtualRig>>,
+        rig: Arc<Mutex<Plugged>>,
         rest: VecDeque<u8>,
     }
 
     impl Link for Pipe {
         fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
             if self.rest.is_empty() {
-                let mut rig = lock(&self.rig);
+                let mut plugged = lock(&self.rig);
                 for _ in 0..PATIENCE_TICKS {
-                    if rig.output_len() > 0 {
+                    if plugged.rig.output_len() > 0 {
                         break;
                     }
-                    rig.step().map_err(|e| failed(&e))?;
+                    plugged.step()?;
                 }
-                self.rest = rig.take_output().into();
+                self.rest = plugged.rig.take_output().into();
             }
             match self.rest.read(buffer)? {
                 0 => Err(io::ErrorKind::TimedOut.into()),
@@ -195,7 +226,7 @@ mod with_rig {
         }
 
         fn write_all(&mut self, bytes: &[u8]) -> io::Result<()> {
-            lock(&self.rig).give_input(bytes);
+            lock(&self.rig).rig.give_input(bytes);
             Ok(())
         }
     }

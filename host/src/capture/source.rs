@@ -59,6 +59,11 @@ pub trait Source: Send {
     /// What it gives goes on in the record of an earlier session: a simulated device has restarted since.
     fn resumed(&mut self) {}
 
+    /// Why it will never send again, where that is known: nothing is tried again then.
+    fn failed(&self) -> Option<BadInput> {
+        None
+    }
+
     /// What to do where it cannot be opened.
     fn remedy(&self) -> String;
 }

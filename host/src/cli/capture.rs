@@ -1,7 +1,6 @@
 //! `whirl capture`: a record from a rig, surviving unplugging, accounting for every sample.
 
-use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -9,10 +8,13 @@ use clap::Args;
 
 use super::Answer;
 use super::output::{Output, print_warnings};
+use super::outputs::Outputs;
+use crate::capture::estimates;
+use crate::capture::journal::path_of;
 #[cfg(feature = "sim")]
 use crate::capture::sim::Simulated;
 use crate::capture::{CaptureOutcome, CaptureSettings, Progress, run as capture};
-use crate::error::{BadInput, Result};
+use crate::error::{BadInput, Result, plain};
 use crate::report::format::{count, duration};
 use crate::rig::Rig;
 
@@ -77,12 +79,12 @@ pub fn human(outcome: &CaptureOutcome) -> String {
     let l = &outcome.losses;
     let mut text = format!(
         "{}: {} samples over {} at {} Hz from {} on {}\n",
-        outcome.record.display(),
+        plain(&outcome.record.to_string_lossy()),
         count(l.received),
         duration(outcome.duration_s),
         outcome.sample_rate_hz,
-        outcome.firmware,
-        outcome.board
+        plain(&outcome.firmware),
+        plain(&outcome.board)
     );
     text.push_str(&format!(
         "missing {}: {} lost on the link, {} damaged, {} overruns, {} dropped by the device; {} repeated, {} came too late, {}, {}\n",
@@ -149,9 +151,26 @@ pub fn from_simulated(
     Err(BadInput::new("a build without the feature `sim`", "one with it").remedy("Build with `cargo build --release`"))
 }
 
+/// What is read and written: the record, its journal and the device's estimates beside it. A record is made again from its own journal
+/// without more ado; where a journal is left of a capture that did not end, the recorder says what to do with it.
+fn files(arguments: &Arguments, rig: &Rig) -> Outputs {
+    let (record, journal) = (&arguments.output, path_of(&arguments.output));
+    let frames = arguments.from.strip_prefix("file:").map(Path::new);
+    let of = if frames.map_or(journal.exists(), |frames| crate::files::same(frames, &journal)) {
+        Outputs::again
+    } else {
+        Outputs::record
+    };
+    let files = of(Outputs::of(&arguments.out).reads_rig(rig).reads(frames), "-o", record);
+    let files = of(files, "-o", &estimates::path_of(record));
+    // From a file nothing is journalled.
+    if frames.is_some() { files } else { files.again("-o", &journal) }
+}
+
 /// Captures.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let rig = Rig::read(&arguments.rig)?;
+    files(arguments, &rig).check()?;
     if arguments.rows && arguments.out.report.is_some() {
         return Err(BadInput::new("--report with --rows", "one of them")
             .at("--report")
@@ -195,8 +214,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     }
     Ok(match short_of(&outcome).filter(|_| arguments.strict) {
         Some(what) => {
-            // A terminal that is gone does not change the answer.
-            let _ = writeln!(std::io::stderr(), "whirl: {what} (--strict)");
+            crate::error::tell(format!("{what} (--strict)"));
             Answer::Negative
         }
         None => Answer::Positive,

@@ -14,6 +14,8 @@ pub struct Arguments {
 
 /// Prints the completions.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    clap_complete::generate(arguments.shell, &mut Cli::command(), "whirl", &mut std::io::stdout());
+    let mut script = Vec::new();
+    clap_complete::generate(arguments.shell, &mut Cli::command(), "whirl", &mut script);
+    super::output::print(&String::from_utf8_lossy(&script));
     Ok(Answer::Positive)
 }

@@ -9,6 +9,7 @@ use clap::Args;
 
 use super::Answer;
 use super::output::Output;
+use super::outputs::Outputs;
 use crate::capture::CaptureSettings;
 use crate::error::{BadInput, Result};
 use crate::explain::{Settings as ExplainSettings, explain};
@@ -44,16 +45,26 @@ pub struct Arguments {
     /// Machine-readable results.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Replace a record in the folder that is not a demo's.
+    #[arg(long)]
+    force: bool,
+}
+
+/// Whether a record is one of this demo's, which the seed makes again.
+fn is_a_demo_s(record: &Path) -> bool {
+    crate::record::metadata(record).is_some_and(|m| m.rig == RIG && m.source.starts_with("sim:"))
 }
 
 /// Runs the line.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let out = Output { json: arguments.json.clone(), report: None };
+    let out = Output { json: arguments.json.clone(), report: None, force: arguments.force };
     let folder = &arguments.output;
     std::fs::create_dir_all(folder)
         .map_err(|e| BadInput::io(folder, &e).at("-o").remedy("Name a folder that can be written to"))?;
     let rig = Rig::parse(RIG, Path::new("rigs/chaotic.toml"))?;
-    let record_path = folder.join("record.parquet");
+    let (record_path, report) = (folder.join("record.parquet"), folder.join("report.html"));
+    let of = if is_a_demo_s(&record_path) { Outputs::again } else { Outputs::record };
+    of(Outputs::of(&out), "-o", &record_path).result("-o", Some(&report)).check()?;
     out.say(&format!("capture: {SECONDS} s of the simulated rig, through the firmware's logic and the wire format\n"));
     let settings = CaptureSettings {
         seconds: Some(SECONDS),
@@ -102,7 +113,6 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     if let Some(again) = &again {
         results.add(again.clone());
     }
-    let report = folder.join("report.html");
     let mut page = Report::of(
         "whirl demo",
         "a simulated double pendulum on a shaker, from encoder edges to the effect that the model is missing",

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::output::{Output, print_warnings};
+use super::output::{Output, print_warnings, write_file};
 use super::{Answer, Records};
 use crate::error::{BadInput, Result};
 use crate::explain::{Settings, Verdict, explain, ledger, presentation};
@@ -40,7 +40,13 @@ pub struct Arguments {
 
 /// Reads, explains, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, records) = arguments.records.read()?;
+    let (rig, files) = arguments.records.begin(&arguments.out)?;
+    files
+        .reads(&arguments.model)
+        .result("-o", arguments.output.as_ref())
+        .result("--ledger", arguments.ledger.as_ref())
+        .check()?;
+    let records = arguments.records.read_for(&rig)?;
     for h in &arguments.forecast {
         if !(h.is_finite() && *h > 0.0 && *h <= 1e4) {
             return Err(BadInput::new(h.to_string(), "seconds above 0 (at most 10 000)").at("--forecast"));
@@ -62,7 +68,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     }
     if let Some(path) = &arguments.ledger {
         let text = format!("{:#}\n", ledger::ledger(&records, &rig, &settings, &result));
-        std::fs::write(path, text).map_err(|e| BadInput::io(path, &e).remedy("Choose a file that can be written"))?;
+        write_file(path, text.as_bytes())?;
     }
     if let Some(path) = &arguments.out.report {
         let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();

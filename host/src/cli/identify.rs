@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 
 use super::output::{Output, print_warnings};
 use super::{Answer, Records};
-use crate::error::{BadInput, Result};
+use crate::error::{BadInput, Result, tell};
 use crate::identify::{
     ERROR_BOUND, Identification, Settings, from_rows, harmonic_balance, identify, model_file, presentation, shooting,
 };
@@ -122,7 +122,7 @@ pub fn human(result: &Identification) -> String {
 }
 
 /// Identifies from regression rows alone.
-fn of_rows(arguments: &Arguments, records: &[RowsRecord]) -> Result<Answer> {
+fn of_rows(arguments: &Arguments, rig: &Rig, records: &[RowsRecord]) -> Result<Answer> {
     let options = [
         ("--window-s", arguments.window_s),
         ("--max-frequency-hz", arguments.max_frequency_hz),
@@ -142,13 +142,12 @@ fn of_rows(arguments: &Arguments, records: &[RowsRecord]) -> Result<Answer> {
         .at("--method")
         .remedy("Capture samples: leave --rows out"));
     }
-    let rig = Rig::read(&arguments.records.rig)?;
-    let result = from_rows::identify(records, &rig)?;
+    let result = from_rows::identify(records, rig)?;
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;
     arguments.out.say(&human(&result));
     if let Some(path) = &arguments.output {
-        model_file::identified_model(&result, &rig)?.write(path)?;
+        model_file::identified_model(&result, rig)?.write(path)?;
     }
     if let Some(path) = &arguments.out.report {
         let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
@@ -157,11 +156,11 @@ fn of_rows(arguments: &Arguments, records: &[RowsRecord]) -> Result<Answer> {
         Report::of(format!("Identification: {}", rig.name), names.join(", "), &results).write(path)?;
     }
     if !result.within_bound() {
-        eprintln!("whirl: the identification error exceeds its bound of {:.0} %", 100.0 * ERROR_BOUND);
+        tell(format_args!("the identification error exceeds its bound of {:.0} %", 100.0 * ERROR_BOUND));
         return Ok(Answer::Negative);
     }
     if arguments.records.strict && result.record.lost > 0 {
-        eprintln!("whirl: {} samples are missing (--strict)", result.record.lost);
+        super::tell_missing(result.record.lost);
         return Ok(Answer::Negative);
     }
     Ok(Answer::that_stands(&result.warnings))
@@ -169,13 +168,15 @@ fn of_rows(arguments: &Arguments, records: &[RowsRecord]) -> Result<Answer> {
 
 /// Reads, identifies, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
+    let (rig, files) = arguments.records.begin(&arguments.out)?;
+    files.result("-o", arguments.output.as_ref()).check()?;
     if let Some(records) = from_rows::read(
         &arguments.records.records,
         &ReadOptions { recover: arguments.records.recover, ..ReadOptions::default() },
     )? {
-        return of_rows(arguments, &records);
+        return of_rows(arguments, &rig, &records);
     }
-    let (rig, records) = arguments.records.read()?;
+    let records = arguments.records.read_for(&rig)?;
     let settings = Settings {
         window_s: arguments.window_s,
         max_frequency_hz: arguments.max_frequency_hz,
@@ -211,7 +212,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         Report::of(format!("Identification: {}", rig.name), names.join(", "), &results).write(path)?;
     }
     if !result.within_bound() {
-        eprintln!("whirl: the identification error exceeds its bound of {:.0} %", 100.0 * ERROR_BOUND);
+        tell(format_args!("the identification error exceeds its bound of {:.0} %", 100.0 * ERROR_BOUND));
         return Ok(Answer::Negative);
     }
     Ok(Answer::that_stands(&result.warnings).and(arguments.records.answer(&records)))

@@ -35,7 +35,9 @@ pub fn report_of(record: &Path, rig: &Rig, report: &Path) -> Result<()> {
 
 /// Reads, inspects, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, records) = arguments.records.read()?;
+    let (rig, files) = arguments.records.begin(&arguments.out)?;
+    files.check()?;
+    let records = arguments.records.read_for(&rig)?;
     let inspections: Vec<Inspection> =
         records.iter().map(|r| inspect(r, &rig, &InspectSettings::default())).collect::<Result<_>>()?;
     let mut results = Results::new();

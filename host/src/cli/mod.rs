@@ -12,6 +12,7 @@ mod identify_balance;
 mod inspect;
 mod list;
 pub mod output;
+mod outputs;
 pub mod progress;
 mod reduce;
 #[cfg(feature = "sim")]
@@ -25,11 +26,13 @@ use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
 
-use crate::error::{BadInput, Result};
+use crate::error::{BadInput, Result, tell};
 use crate::record::Record;
 use crate::record::formats::ReadOptions;
 use crate::rig::Rig;
 use crate::warning::Warning;
+use output::Output;
+use outputs::Outputs;
 
 /// From encoder counts to a trusted equation of motion, and to the physical effect that the model is missing.
 #[derive(Debug, Parser)]
@@ -90,7 +93,7 @@ impl Answer {
         if reasons.is_empty() {
             return Self::Positive;
         }
-        eprintln!("whirl: this answer cannot stand: {} (see the warnings)", reasons.join(", "));
+        tell(format_args!("this answer cannot stand: {} (see the warnings)", reasons.join(", ")));
         Self::Negative
     }
 
@@ -121,14 +124,14 @@ struct Records {
 }
 
 impl Records {
-    /// Reads the rig file and the records; warnings go to standard error.
-    fn read(&self) -> Result<(Rig, Vec<Record>)> {
+    /// The rig, and what the command reads and writes as far as the options of all commands say.
+    fn begin(&self, out: &Output) -> Result<(Rig, Outputs)> {
         let rig = Rig::read(&self.rig)?;
-        let records = self.read_for(&rig)?;
-        Ok((rig, records))
+        let files = Outputs::of(out).reads(&self.records).reads_rig(&rig);
+        Ok((rig, files))
     }
 
-    /// Reads the records alone.
+    /// Reads the records.
     fn read_for(&self, rig: &Rig) -> Result<Vec<Record>> {
         let options = self.options();
         self.records.iter().map(|path| Record::read(path, rig, &options)).collect()
@@ -147,24 +150,30 @@ impl Records {
     /// The same for so many missing samples.
     fn answer_for(&self, lost: u64) -> Answer {
         if self.strict && lost > 0 {
-            eprintln!("whirl: {lost} samples are missing (--strict)");
+            tell_missing(lost);
             return Answer::Negative;
         }
         Answer::Positive
     }
 }
 
+/// Says that samples are missing where none may.
+fn tell_missing(lost: u64) {
+    let (samples, are) = if lost == 1 { ("sample", "is") } else { ("samples", "are") };
+    tell(format_args!("{lost} {samples} {are} missing (--strict)"));
+}
+
 /// Parses, runs, reports.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     progress::set_quiet(cli.quiet);
-    match run(cli) {
+    match run(cli).and_then(|answer| output::all_said().map(|()| answer)) {
         Ok(Answer::Positive) => ExitCode::SUCCESS,
         Ok(Answer::Negative) => ExitCode::from(1),
         Err(error) => {
             // Whatever was printed so far comes first.
             let _ = std::io::stdout().flush();
-            eprintln!("whirl: {error}");
+            tell(error);
             ExitCode::from(2)
         }
     }

@@ -2,11 +2,13 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use clap::Args;
 use serde::Serialize;
 
-use crate::error::{BadInput, Result};
+use crate::error::{BadInput, Result, obeyed, plain_lines, short_numbers, tell};
+use crate::files;
 use crate::warning::Warning;
 
 /// Options that every command with results has.
@@ -18,6 +20,9 @@ pub struct Output {
     /// Self-contained report.
     #[arg(long, value_name = "FILE.html")]
     pub report: Option<PathBuf>,
+    /// Replace a record or rig file that an output names (never one that this command reads).
+    #[arg(long)]
+    pub force: bool,
 }
 
 impl Output {
@@ -30,6 +35,7 @@ impl Output {
         let mut text = serde_json::to_string_pretty(result)
             .map_err(|e| BadInput::new(e.to_string(), "a result that can be written as JSON").in_file(path))?;
         text.push('\n');
+        let text = as_escapes(&text);
         if is_standard_output(path) {
             let mut out = std::io::stdout().lock();
             return match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -44,10 +50,50 @@ impl Output {
     /// Prints the answer for people, unless standard output is taken by the JSON.
     pub fn say(&self, text: &str) {
         if !self.json.as_deref().is_some_and(is_standard_output) {
-            // A closed pipe (`whirl … | head`) is no error of ours.
-            let _ = std::io::stdout().lock().write_all(text.as_bytes());
+            print(&plain_lines(text));
         }
     }
+}
+
+/// Prints a text of whirl's own, as it stands.
+pub fn print(text: &str) {
+    let mut out = std::io::stdout().lock();
+    note_failure(out.write_all(text.as_bytes()).and_then(|()| out.flush()));
+}
+
+/// Whether something could not be said on standard output.
+static UNSAID: Mutex<Option<BadInput>> = Mutex::new(None);
+
+/// Keeps what went wrong on standard output; a closed pipe (`whirl … | head`) is no error of ours.
+fn note_failure(result: std::io::Result<()>) {
+    if let Err(e) = result
+        && e.kind() != std::io::ErrorKind::BrokenPipe
+        && let Ok(mut unsaid) = UNSAID.lock()
+    {
+        unsaid.get_or_insert(BadInput::io("standard output", &e));
+    }
+}
+
+/// Whether all was said that was to be said on standard output.
+///
+/// # Errors
+/// What went wrong there first (a full disk).
+pub fn all_said() -> Result<()> {
+    UNSAID.lock().ok().and_then(|mut unsaid| unsaid.take()).map_or(Ok(()), Err)
+}
+
+/// JSON in which what a terminal would obey (DEL, C1, marks of direction) is written as `\\uXXXX`, as C0 is already.
+fn as_escapes(json: &str) -> String {
+    let mut out = String::with_capacity(json.len());
+    for c in json.chars() {
+        if c == '\n' || !obeyed(c) {
+            out.push(c);
+        } else {
+            let mut units = [0; 2];
+            c.encode_utf16(&mut units).iter().for_each(|u| out.push_str(&format!("\\u{u:04x}")));
+        }
+    }
+    out
 }
 
 fn is_standard_output(path: &Path) -> bool {
@@ -62,14 +108,16 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     let fail =
         |e: std::io::Error| BadInput::io(path, &e).remedy("Name a file in a folder that exists and can be written to");
     // A device or pipe is written to as it is.
-    if path.exists() && !path.is_file() {
+    if files::is_special(path) {
         return std::fs::write(path, bytes).map_err(fail);
     }
-    let mut name =
-        path.file_name().ok_or_else(|| BadInput::new("no file name", "a file to write").in_file(path))?.to_os_string();
+    let unnamed = || BadInput::new("no file name, or no folder", "a file to write").in_file(path);
+    // A link stays one: the file behind it is replaced.
+    let target = files::resolve(path).ok_or_else(unnamed)?;
+    let mut name = target.file_name().ok_or_else(unnamed)?.to_os_string();
     name.push(format!(".{}.part", std::process::id()));
-    let part = path.with_file_name(name);
-    std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path)).map_err(|e| {
+    let part = target.with_file_name(name);
+    std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, &target)).map_err(|e| {
         let _ = std::fs::remove_file(&part);
         fail(e)
     })
@@ -78,6 +126,6 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
 /// Warnings, on standard error.
 pub fn print_warnings(warnings: &[Warning]) {
     for w in warnings {
-        eprintln!("whirl: warning: {}. {}", w.text, w.advice);
+        tell(format_args!("warning: {}. {}", short_numbers(&w.text), w.advice));
     }
 }

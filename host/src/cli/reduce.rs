@@ -5,15 +5,14 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::output::{Output, print_warnings};
+use super::output::{Output, print_warnings, write_file};
 use super::{Answer, Records};
-use crate::error::{BadInput, Result};
+use crate::error::Result;
 use crate::record::stream;
 use crate::reduce::forced::ResponsePoint;
 use crate::reduce::{Constraint, Force, Forced, ReduceSettings, Reduction, long, reduce};
 use crate::report::format::{percent, significant};
 use crate::report::{Report, Results};
-use crate::rig::Rig;
 
 /// Constraints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -189,7 +188,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         }),
     };
     let records = &arguments.records;
-    let rig = Rig::read(&records.rig)?;
+    let (rig, files) = records.begin(&arguments.out)?;
+    files.table("--curves", arguments.curves.as_ref()).check()?;
     let (result, lost) = if arguments.stream || long::is_long(&records.records, &rig)? {
         let numbers = records.records.iter().map(|p| Ok(stream::size(p, &rig)?.unwrap_or(0))).sum::<Result<u64>>()?;
         let bar = super::progress::bar("reading", numbers / rig.channel.len().max(1) as u64);
@@ -203,7 +203,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     arguments.out.write_json(&result)?;
     arguments.out.say(&human(&result));
     if let Some(path) = &arguments.curves {
-        std::fs::write(path, curves(&result)).map_err(|e| BadInput::io(path, &e))?;
+        write_file(path, curves(&result).as_bytes())?;
     }
     if let Some(path) = &arguments.out.report {
         let names: Vec<String> = records.records.iter().map(|p| p.display().to_string()).collect();

@@ -4,6 +4,7 @@ use clap::Args;
 
 use super::Answer;
 use super::output::Output;
+use super::outputs::Outputs;
 use crate::error::Result;
 use crate::report::{Report, Section};
 use crate::reproduce::{Reproduction, by_id, items};
@@ -29,6 +30,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         }
         return Ok(Answer::Positive);
     }
+    Outputs::of(&arguments.out).check()?;
     let chosen = if arguments.ids.is_empty() {
         items().collect()
     } else {

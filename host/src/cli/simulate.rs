@@ -6,6 +6,8 @@ use clap::Args;
 
 use super::Answer;
 use super::output::Output;
+#[cfg(feature = "sim")]
+use super::outputs::Outputs;
 use crate::error::Result;
 use crate::rig::Rig;
 
@@ -35,6 +37,7 @@ pub struct Arguments {
 #[cfg(feature = "sim")]
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let rig = Rig::read(&arguments.rig)?;
+    Outputs::of(&arguments.out).reads_rig(&rig).record("-o", &arguments.output).check()?;
     if let Some(bound) = &rig.bound {
         return model_file(arguments, &rig, bound);
     }

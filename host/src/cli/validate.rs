@@ -6,7 +6,7 @@ use clap::Args;
 
 use super::output::{Output, print_warnings};
 use super::{Answer, Records};
-use crate::error::Result;
+use crate::error::{Result, tell};
 use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::record::formats::ReadOptions;
@@ -53,7 +53,9 @@ fn range(text: &str) -> std::result::Result<(String, f64, f64), String> {
 
 /// Reads, validates, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, records) = arguments.records.read()?;
+    let (rig, files) = arguments.records.begin(&arguments.out)?;
+    files.reads([&arguments.model]).reads(&arguments.free).check()?;
+    let records = arguments.records.read_for(&rig)?;
     let model = IdentifiedModel::read(&arguments.model)?;
     let free_rig = Rig { drive: None, ..rig.clone() };
     let options = ReadOptions::default();
@@ -83,7 +85,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         page.write(path)?;
     }
     if result.verdict == Verdict::Failed {
-        eprintln!("whirl: the model fails its validation");
+        tell("the model fails its validation");
         return Ok(Answer::Negative);
     }
     Ok(Answer::that_stands(&result.warnings).and(arguments.records.answer(&records)))

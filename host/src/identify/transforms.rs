@@ -20,8 +20,15 @@ const MOST_BINS: usize = 128;
 /// Largest matrix, entries.
 const LARGEST: usize = 1 << 20;
 
-/// The even number nearest to `target` that is a multiple of 4 and a product of 2, 3 and 5: fast by either way (the window's length is free).
+/// Longest window that is looked for, samples: more than a record may have rows.
+const LONGEST: f64 = (1_u64 << 28) as f64;
+
+/// The even number nearest to `target` that is a multiple of 4 and a product of 2, 3 and 5: fast by either way (the window's length is
+/// free). A window beyond every record, or of no length in numbers, is as long as a quarter of what can be counted: none fits.
 pub fn good_length(target: f64) -> usize {
+    if target.is_nan() || target > LONGEST {
+        return usize::MAX / 4;
+    }
     let centre = (target.round() as usize).max(16);
     (0..centre)
         .flat_map(|d| [centre - d, centre + d])

@@ -58,7 +58,7 @@ pub const fn frequency_of_row(row: usize) -> usize {
 
 /// Samples that one window needs at this sampling step, the kernel's reach on either side included.
 pub fn samples_needed(windows: &Windows, kernels: &Kernels, step_s: f64) -> usize {
-    good_length(windows.length_s / step_s) + 2 * kernels.reach()
+    good_length(windows.length_s / step_s).saturating_add(2 * kernels.reach())
 }
 
 struct Place {
@@ -205,7 +205,8 @@ pub(crate) fn rows_of(
     }
     let step_s = source.step_s(0);
     let longest = (0..source.count()).map(|s| source.samples(s)).max().unwrap_or(0);
-    let spare = longest.saturating_sub(samples_needed(windows, kernels, step_s));
+    // Nothing is planned for windows that no stretch has room for.
+    let Some(spare) = longest.checked_sub(samples_needed(windows, kernels, step_s)) else { return Vec::new() };
     let together = 1 + (spare as f64 * step_s / windows.hop_s) as usize;
     rows_planned(source, equations, &Plan::new(kernels, windows, step_s, together))
 }

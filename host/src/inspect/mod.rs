@@ -14,8 +14,10 @@ pub mod text;
 use serde::Serialize;
 
 use crate::error::{BadInput, Result};
+use crate::model::MODELS;
 use crate::phase_space::survey::{self, PhaseSpace};
 use crate::record::Record;
+use crate::reduce::systems::SYSTEMS;
 use crate::rig::Rig;
 use crate::warning::Warning;
 use coordinate::Coordinate;
@@ -104,6 +106,9 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     settings.validate()?;
     let rate = record.sample_rate_hz;
     check(record)?;
+    if rig.bound.is_none() {
+        known_model(rig)?;
+    }
     let drive_hz = rig.drive.map(|d| d.frequency_hz);
     let (longest, longest_len) =
         record.segments.iter().map(|s| s.len()).enumerate().max_by_key(|(i, n)| (*n, usize::MAX - i)).unwrap_or((0, 0));
@@ -151,6 +156,20 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
         survey::survey(record, &motions, &coordinates, drive_hz, repeats, &settings.phase_space);
     warnings.extend(noticed);
     Ok(Inspection { record: summary, coordinates, drive, periodicity, warnings, phase_space, plots })
+}
+
+/// Refuses a name that is no model's: of systems with equations, or of those that are reduced.
+fn known_model(rig: &Rig) -> Result<()> {
+    let mut known = MODELS.iter().map(|m| m.0).chain(SYSTEMS.iter().map(|s| s.id));
+    if known.any(|id| id == rig.model) {
+        return Ok(());
+    }
+    let names: Vec<&str> = MODELS.iter().map(|m| m.0).collect();
+    let expected = format!("{}, or the path of a model file", names.join(", "));
+    Err(BadInput::new(format!("\"{}\"", rig.model), expected)
+        .in_file(&rig.path)
+        .at("model")
+        .remedy("`whirl list models` shows the models"))
 }
 
 /// A record built by a program rather than by a reader may be inconsistent: told, not trusted.

@@ -16,9 +16,6 @@ use toml::{Table, Value};
 use crate::error::{BadInput, Result};
 use crate::identify::Parameter;
 
-/// Largest file that is read, bytes.
-const LARGEST: u64 = 1 << 20;
-
 /// Which equations the parameters belong to.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -165,15 +162,8 @@ impl IdentifiedModel {
     /// # Errors
     /// Names the file, the key or line, the value found and the one expected.
     pub fn read(path: &Path) -> Result<Self> {
-        let io = |e: std::io::Error| {
-            BadInput::io(path, &e).remedy("Name a model that `whirl identify -o` or `whirl explain -o` wrote")
-        };
-        let size = std::fs::metadata(path).map_err(io)?.len();
-        if size > LARGEST {
-            return Err(BadInput::new(format!("{size} bytes"), format!("a model file of at most {LARGEST} bytes"))
-                .in_file(path));
-        }
-        Self::parse(&std::fs::read_to_string(path).map_err(io)?).map_err(|e| {
+        let remedy = "Name a model that `whirl identify -o` or `whirl explain -o` wrote";
+        Self::parse(&crate::files::read_text(path, "an identified model", remedy)?).map_err(|e| {
             e.in_file(path)
                 .remedy("Correct the file, or write it anew with `whirl identify -o`; its keys are in docs/validate.md")
         })
@@ -193,8 +183,8 @@ impl IdentifiedModel {
         let drive_frequency_hz = match table.remove("drive_frequency_hz") {
             None => None,
             Some(v) => match finite(&v) {
-                Some(f) if f > 0.0 => Some(f),
-                _ => return Err(bad("drive_frequency_hz", &v, "a frequency in Hz above 0 (left out when free)")),
+                Some(f) if crate::rig::RATES.contains(&f) => Some(f),
+                _ => return Err(bad("drive_frequency_hz", &v, "a frequency in Hz, 1e-6 to 1e7 (left out when free)")),
             },
         };
         let nominal = match table.remove("nominal") {

@@ -16,7 +16,8 @@ use std::path::Path;
 
 use flate2::bufread::MultiGzDecoder;
 
-use super::formats::{Format, ReadOptions, shown};
+use super::csv_write::is_formula;
+use super::formats::{Format, ReadOptions, open, shown};
 use super::lines::{Cells, LINE_LIMIT, Line, Lines};
 use super::rows::{Cell, Rows, missing_column};
 use super::stream::{Source, Streamed};
@@ -73,10 +74,6 @@ fn rows_of(path: &Path, times: u64) -> Option<u64> {
     }
     let lines = head.iter().filter(|b| **b == b'\n').count().max(1) as u64;
     Some(length / (head.len() as u64 / lines).max(1))
-}
-
-fn open(path: &Path) -> Result<File> {
-    File::open(path).map_err(|e| BadInput::io(path, &e).remedy("Name a record that exists and can be read"))
 }
 
 /// Where the columns of interest stand.
@@ -227,7 +224,12 @@ fn header(line: &[u8], number: u64, path: &Path, rig: &Rig, cells: &mut Cells) -
     if !cells.split(line, delimiter) {
         return Err(bad("a quote that does not end on its line".to_owned(), "a header row").remedy("Mend the header"));
     }
-    let names: Vec<String> = (0..cells.len()).map(|i| String::from_utf8_lossy(cells.get(i)).into_owned()).collect();
+    // As `csv_write` puts an apostrophe before what a spreadsheet would compute.
+    let name = |i: usize| {
+        let cell = String::from_utf8_lossy(cells.get(i)).into_owned();
+        cell.strip_prefix('\'').filter(|c| is_formula(c)).map(str::to_owned).unwrap_or(cell)
+    };
+    let names: Vec<String> = (0..cells.len()).map(name).collect();
     let find = |wanted: &str| -> Result<usize> {
         let mut places = names.iter().enumerate().filter(|(_, n)| *n == wanted).map(|(i, _)| i);
         let Some(first) = places.next() else {

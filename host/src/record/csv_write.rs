@@ -39,11 +39,7 @@ impl CsvWriter {
         let mut header = "t".to_owned();
         for name in rig.channel.iter().map(|c| c.name.as_str()).chain(OWN_COLUMNS) {
             header.push(',');
-            if name.contains([',', '"', ';']) {
-                header.push_str(&format!("\"{}\"", name.replace('"', "\"\"")));
-            } else {
-                header.push_str(name);
-            }
+            header.push_str(&text_cell(name));
         }
         header.push('\n');
         writer.write(|w| w.write_all(header.as_bytes()))?;
@@ -81,6 +77,17 @@ impl CsvWriter {
         // The journal beside it goes once this has returned.
         .and_then(|file| file.sync_all().map_err(io))
     }
+}
+
+/// A text as a cell: in quotes where it needs them, behind an apostrophe where a spreadsheet would take it for a formula.
+pub(super) fn text_cell(text: &str) -> String {
+    let text = if is_formula(text) { format!("'{text}") } else { text.to_owned() };
+    if text.contains([',', '"', ';', '\t']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
+}
+
+/// Whether a spreadsheet would compute this text.
+pub(super) fn is_formula(text: &str) -> bool {
+    text.starts_with(['=', '+', '-', '@'])
 }
 
 /// Opens a file for writing, with a remedy where that fails.

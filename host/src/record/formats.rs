@@ -9,6 +9,7 @@ use std::path::Path;
 use super::Record;
 use super::stream::Streamed;
 use crate::error::{BadInput, Result};
+use crate::files;
 use crate::rig::Rig;
 
 /// How a record is read.
@@ -70,13 +71,7 @@ pub(super) fn with_journal(e: BadInput, path: &Path, rig: &Rig) -> BadInput {
 /// # Errors
 /// A file that cannot be opened, is empty or is of no known format.
 pub fn of(path: &Path) -> Result<&'static Format> {
-    let io = |e: std::io::Error| BadInput::io(path, &e).remedy("Name a record that exists and can be read");
-    let metadata = std::fs::metadata(path).map_err(io)?;
-    if metadata.is_dir() {
-        return Err(BadInput::new("a folder", "a record").in_file(path).remedy("Name the file inside of it"));
-    }
-    let mut head = Vec::with_capacity(512);
-    File::open(path).map_err(io)?.take(512).read_to_end(&mut head).map_err(io)?;
+    let head = head(path, 512)?;
     if head.is_empty() {
         return Err(BadInput::new("an empty file (0 bytes)", "a record")
             .in_file(path)
@@ -106,6 +101,55 @@ pub fn of(path: &Path) -> Result<&'static Format> {
             .remedy("Export the record as CSV with a header row and a column t in seconds"))
         }
     }
+}
+
+/// Opens a record's file.
+///
+/// # Errors
+/// A file that cannot be opened; a folder, device, pipe or socket.
+pub(super) fn open(path: &Path) -> Result<File> {
+    files::open(path, "a record", "Name a record that exists and can be read")
+}
+
+/// Its first bytes, at most so many.
+fn head(path: &Path, most: u64) -> Result<Vec<u8>> {
+    let mut head = Vec::new();
+    open(path)?.take(most).read_to_end(&mut head).map_err(|e| BadInput::io(path, &e).remedy("Copy the file again"))?;
+    Ok(head)
+}
+
+/// What an existing file is, where it is something that no program of whirl's makes again: a record, the journal of a capture, a rig
+/// file, a model file written by hand. None for everything else, and for what cannot be read.
+pub fn recorded(path: &Path) -> Option<&'static str> {
+    // As much as a CSV's longest header row, and as a rig file has.
+    let head = head(path, 1 << 20).ok()?;
+    if head.starts_with(crate::capture::journal::MAGIC) {
+        return Some("the journal of a capture");
+    }
+    if FORMATS.iter().any(|f| f.id != super::csv::FORMAT.id && (f.is)(&head)) {
+        return Some("a record");
+    }
+    let text = std::str::from_utf8(&head).ok()?.trim_start_matches('\u{feff}').trim_start();
+    let header = text.lines().next().unwrap_or_default();
+    if header.contains([',', ';', '\t']) && header.split([',', ';', '\t']).any(|c| c.trim().trim_matches('"') == "t") {
+        return Some("a record");
+    }
+    let table: toml::Table = toml::from_str(text).ok()?;
+    if table.contains_key("sample_rate_hz") && table.contains_key("channel") {
+        return Some("a rig file");
+    }
+    // One that was identified names its method.
+    (table.contains_key("equation") && !table.contains_key("method")).then_some("a model file")
+}
+
+/// Whether a file's name says that it is a record, or what a capture writes beside one.
+pub fn is_named_as_record(path: &Path) -> bool {
+    let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
+    FORMATS
+        .iter()
+        .flat_map(|f| f.extensions)
+        .chain(&["frames", "estimates.jsonl"])
+        .any(|e| *e != "txt" && name.ends_with(&format!(".{e}")))
 }
 
 /// The first bytes of a file, printable.

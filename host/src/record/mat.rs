@@ -138,7 +138,7 @@ fn head<R: Read>(s: &mut Source<R>) -> std::io::Result<Head> {
 
 fn read(path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
     let io = |e: std::io::Error| BadInput::io(path, &e).remedy("Name a record that exists and can be read");
-    let file = File::open(path).map_err(io)?;
+    let file = super::formats::open(path)?;
     let length = file.metadata().map_err(io)?.len();
     let mut file = BufReader::new(file);
     let little = header(&mut file, path)?;

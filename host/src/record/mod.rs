@@ -22,6 +22,7 @@ mod quiet;
 pub mod regression_rows;
 mod resample;
 mod rows;
+pub(crate) mod sealed_line;
 mod segments;
 pub mod stream;
 mod time_fit;
@@ -34,6 +35,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 pub use self::formats::ReadOptions;
+pub use self::parquet::metadata;
 pub use self::writer::RecordWriter;
 use crate::error::Result;
 use crate::rig::{Channel, Rig};

@@ -57,7 +57,7 @@ fn invalid(text: impl Into<String>) -> Error {
 
 fn read(path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
     let io = |e: Error| BadInput::io(path, &e).remedy("Name a record that exists");
-    let file = File::open(path).map_err(io)?;
+    let file = super::formats::open(path)?;
     let length = file.metadata().map_err(io)?.len();
     let mut file = BufReader::new(file);
     let entries = directory(&mut file, length).map_err(|e| damaged(path, "end of file", e))?;

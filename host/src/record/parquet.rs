@@ -11,7 +11,6 @@
 //! Memory is that of the columns read, or of a block of rows where they are streamed ([`super::stream`]): every column of a row group is then
 //! decoded page by page beside the others.
 
-use std::fs::File;
 use std::io::Cursor;
 use std::panic::AssertUnwindSafe;
 use std::path::Path;
@@ -27,7 +26,7 @@ use rayon::prelude::*;
 
 use super::csv::OWN_COLUMNS;
 use super::formats::{Format, ReadOptions};
-use super::parquet_cells::{Cells, decode};
+use super::parquet_cells::{Cells, decode, not_a_number};
 use super::parquet_recovery::{Marker, checked_range, crc_of_range, crc32, extent, marker_at, scan};
 use super::parquet_source::{Held, Source as ParquetSource};
 use super::parquet_write::KEY;
@@ -76,11 +75,19 @@ fn open<'a>(path: &'a Path, rig: &'a Rig, options: &ReadOptions) -> Result<Box<d
     Ok(Box::new(Reader::open(path, rig, options)?))
 }
 
+fn footer(path: &Path) -> Option<ParquetMetaData> {
+    let file = ParquetSource::new(super::formats::open(path).ok()?).ok()?;
+    quiet::catch(AssertUnwindSafe(|| ParquetMetaDataReader::new().parse_and_finish(file.file())))?.ok()
+}
+
 /// Rows that a file says it has.
 fn rows_of(path: &Path) -> Option<u64> {
-    let file = ParquetSource::new(File::open(path).ok()?).ok()?;
-    let footer = quiet::catch(AssertUnwindSafe(|| ParquetMetaDataReader::new().parse_and_finish(file.file())))?.ok()?;
-    u64::try_from(footer.file_metadata().num_rows()).ok()
+    u64::try_from(footer(path)?.file_metadata().num_rows()).ok()
+}
+
+/// What a whole record of whirl's own says of itself; none for every other file.
+pub fn metadata(path: &Path) -> Option<Metadata> {
+    own_metadata(&footer(path)?).0
 }
 
 /// Reads row groups, whole or in parts.
@@ -111,7 +118,7 @@ struct Chunk {
 impl<'a> Reader<'a> {
     fn open(path: &'a Path, rig: &'a Rig, options: &ReadOptions) -> Result<Self> {
         let io = |e: std::io::Error| BadInput::io(path, &e).remedy("Name a record that exists and can be read");
-        let source = Arc::new(ParquetSource::new(File::open(path).map_err(io)?).map_err(io)?);
+        let source = Arc::new(ParquetSource::new(super::formats::open(path)?).map_err(io)?);
         let structure = guarded(path, || structure(&source, path))?;
         let mut warnings = Vec::new();
         if let Some(metadata) = &structure.metadata {
@@ -508,7 +515,16 @@ impl Columns {
 
 fn columns(schema: &SchemaDescriptor, path: &Path, rig: &Rig, own: bool, rate: Option<f64>) -> Result<Columns> {
     let names: Vec<String> = schema.columns().iter().map(|c| c.path().string()).collect();
-    let find = |name: &str| leaf(schema, name).ok_or_else(|| missing_column(path, name, &names));
+    let find = |name: &str| {
+        let index = leaf(schema, name).ok_or_else(|| missing_column(path, name, &names))?;
+        match not_a_number(&schema.column(index)) {
+            None => Ok(index),
+            Some(kind) => Err(BadInput::new(format!("the type {kind}"), "numbers: INT32, INT64, FLOAT or DOUBLE")
+                .in_file(path)
+                .at(format!("column {name}"))
+                .remedy("Convert the column to numbers and save it again (in pandas: df[name].astype(\"float64\"))")),
+        }
+    };
     let own = if own { Some([find(OWN_COLUMNS[0])?, find(OWN_COLUMNS[1])?, find(OWN_COLUMNS[2])?]) } else { None };
     let channels = rig.channel.iter().map(|c| find(&c.name)).collect::<Result<_>>()?;
     Ok(Columns { t: find("t")?, channels, own, rate: rate.filter(|_| own.is_some()) })

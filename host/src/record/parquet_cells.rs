@@ -1,6 +1,6 @@
 //! Numbers of one Parquet column, whatever its physical type: a run of rows at a time, checked as a whole where nothing is missing, cell by cell otherwise.
 
-use parquet::basic::{LogicalType, TimeUnit};
+use parquet::basic::{ConvertedType as Converted, LogicalType, TimeUnit, Type as Physical};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
 use parquet::data_type::DataType;
 use parquet::schema::types::ColumnDescriptor;
@@ -59,6 +59,23 @@ enum Meaning {
     Plain,
     Unsigned,
     Timestamp(f64),
+}
+
+/// What a column is whose cells are no numbers; none where they are.
+pub(super) fn not_a_number(column: &ColumnDescriptor) -> Option<String> {
+    let physical = column.physical_type();
+    let number = matches!(physical, Physical::INT32 | Physical::INT64 | Physical::FLOAT | Physical::DOUBLE);
+    let dated = matches!(
+        column.converted_type(),
+        Converted::DECIMAL | Converted::DATE | Converted::TIME_MILLIS | Converted::TIME_MICROS
+    );
+    match column.logical_type_ref() {
+        None if number && dated => Some(format!("{} ({physical})", column.converted_type())),
+        None if number => None,
+        Some(LogicalType::Integer(_) | LogicalType::Timestamp(_)) if number => None,
+        None => Some(physical.to_string()),
+        Some(logical) => Some(format!("{logical:?} ({physical})")),
+    }
 }
 
 /// The next `count` rows of a column chunk.

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use std::fs::File;
+
 use parquet::basic::Compression;
 use parquet::data_type::{DoubleType, FloatType, Int64Type};
 use parquet::file::properties::WriterProperties;
@@ -177,9 +179,35 @@ fn foreign(path: &Path, schema: &str, compression: Compression, t: impl Fn(usize
 const FOREIGN: &str = "message m { required double t; optional int64 count1; required float count2; }";
 
 #[test]
+fn columns_that_are_no_numbers_say_what_they_are() {
+    let (_dir, path) = dir();
+    for (kind, told) in [
+        ("binary count1 (UTF8)", "BYTE_ARRAY"),
+        ("boolean count1", "BOOLEAN"),
+        ("int32 count1 (DATE)", "(INT32)"),
+        ("int64 count1 (DECIMAL(18,2))", "(INT64)"),
+        ("int96 count1", "INT96"),
+    ] {
+        let schema = format!("message m {{ required double t; required {kind}; required float count2; }}");
+        let schema = Arc::new(parse_message_type(&schema).unwrap());
+        SerializedFileWriter::new(File::create(&path).unwrap(), schema, Default::default()).unwrap().close().unwrap();
+        let e = read_with(&path, false).unwrap_err().to_string();
+        assert!(e.contains("column count1: found the type ") && e.contains(told) && e.contains("float64"), "{e}");
+    }
+}
+
+#[test]
 fn foreign_files_are_read() {
     let (_dir, path) = dir();
-    for compression in [Compression::UNCOMPRESSED, Compression::SNAPPY] {
+    for compression in [
+        Compression::UNCOMPRESSED,
+        Compression::SNAPPY,
+        Compression::ZSTD(Default::default()),
+        Compression::GZIP(Default::default()),
+        Compression::BROTLI(Default::default()),
+        Compression::LZ4,
+        Compression::LZ4_RAW,
+    ] {
         foreign(&path, FOREIGN, compression, |i| 5.0 + i as f64 * 0.002, true);
         let r = read_with(&path, false).unwrap();
         assert_eq!(r.segments.iter().map(Segment::len).collect::<Vec<_>>(), [700, 2299]);

@@ -3,7 +3,7 @@
 //!
 //! JSON, an object a line: first a [`Header`], then a [`Window`] for every complete window, last a [`Footer`]. Rows are those of
 //! `whirl_shared::regressor`: of m = 0 the real one, then of each m the real and the imaginary one; in a row an equation's columns, then its
-//! target. Windows with consecutive `index` in one `run` overlap by half.
+//! target. Windows with consecutive `index` in one `run` overlap by half. Every line carries its checksum ([`super::sealed_line`]).
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Read, Write};
@@ -11,7 +11,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::formats::{Format, ReadOptions};
+use super::formats::{self, Format, ReadOptions};
+use super::sealed_line::{self, Opened, seal};
 use super::{Losses, Metadata};
 use crate::error::{BadInput, Result};
 use crate::warning::Warning;
@@ -134,8 +135,8 @@ impl RowsWriter {
                 .in_file(&self.path)
                 .remedy("Free space on the disk; what was written is read with --recover")
         };
-        serde_json::to_writer(&mut self.file, line).map_err(|e| failed(e.to_string()))?;
-        self.file.write_all(b"\n").and_then(|()| self.file.flush()).map_err(|e| failed(e.to_string()))
+        let text = seal(&serde_json::to_string(line).map_err(|e| failed(e.to_string()))?) + "\n";
+        self.file.write_all(text.as_bytes()).and_then(|()| self.file.flush()).map_err(|e| failed(e.to_string()))
     }
 
     /// Appends a window.
@@ -159,7 +160,7 @@ impl RowsWriter {
 /// Whether a file holds rows; false also where it cannot be read.
 pub fn holds_rows(path: &Path) -> bool {
     let mut head = Vec::new();
-    File::open(path).is_ok_and(|f| f.take(MAGIC.len() as u64).read_to_end(&mut head).is_ok()) && is(&head)
+    formats::open(path).is_ok_and(|f| f.take(MAGIC.len() as u64).read_to_end(&mut head).is_ok()) && is(&head)
 }
 
 /// Checks that a window can be worked with.
@@ -185,15 +186,29 @@ fn check(window: &Window, last: Option<&Window>) -> std::result::Result<(), Stri
     }
 }
 
+/// A line's object, its checksum checked and taken off; `sealed` says that there must be one.
+fn unsealed(line: &str, is_text: bool, sealed: bool) -> std::result::Result<String, String> {
+    let line = line.strip_suffix('\n').unwrap_or(line);
+    if !is_text {
+        return Err("bytes that are no text".to_owned());
+    }
+    match sealed_line::open(line) {
+        Opened::Right(object) => Ok(object),
+        Opened::Bare if !sealed => Ok(line.to_owned()),
+        Opened::Bare => Err("no checksum, which the first line has".to_owned()),
+        Opened::Wrong => Err("a line that does not fit its checksum".to_owned()),
+    }
+}
+
 impl RowsRecord {
     /// Reads a record of rows.
     ///
     /// # Errors
     /// Names the file, the line, the value found and the one expected; a file without its last line names the last whole window, and is
-    /// read up to it with `--recover`.
+    /// read up to it with `--recover`, which also leaves damaged lines out.
     pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
         let io = |e: std::io::Error| BadInput::io(path, &e).remedy("Name a record that exists and can be read");
-        let mut file = BufReader::new(File::open(path).map_err(io)?);
+        let mut file = BufReader::new(formats::open(path)?);
         let mut record = Self {
             path: path.to_path_buf(),
             header: Header { format: String::new(), version: 0, metadata: Metadata::default() },
@@ -206,14 +221,13 @@ impl RowsRecord {
         };
         let mut ended = false;
         let mut cut = None;
+        let (mut sealed, mut damaged) = (false, Vec::new());
         for number in 1.. {
-            let mut line = String::new();
-            let read = (&mut file).take(LINE_LIMIT).read_line(&mut line);
-            let n = match read {
-                Err(e) if e.kind() == std::io::ErrorKind::InvalidData => {
-                    return Err(bad(number, "bytes that are no text".to_owned(), "a line of JSON"));
-                }
-                read => read.map_err(io)?,
+            let mut bytes = Vec::new();
+            let n = (&mut file).take(LINE_LIMIT).read_until(b'\n', &mut bytes).map_err(io)?;
+            let (is_text, line) = match String::from_utf8(bytes) {
+                Ok(text) => (true, text),
+                Err(e) => (false, String::from_utf8_lossy(e.as_bytes()).into_owned()),
             };
             if n == 0 {
                 break;
@@ -228,8 +242,11 @@ impl RowsRecord {
             if ended {
                 return Err(bad(number, "a line behind the last one".to_owned(), "the end of the file"));
             }
+            let checked = unsealed(&line, is_text, sealed);
             if number == 1 {
-                record.header = serde_json::from_str(&line)
+                let text = checked.map_err(|found| bad(1, found, "the first line of a record of rows"))?;
+                sealed = text.len() + 1 < line.len();
+                record.header = serde_json::from_str(&text)
                     .map_err(|e| bad(1, e.to_string(), "the first line of a record of rows"))?;
                 if record.header.version != 1 {
                     return Err(
@@ -238,16 +255,34 @@ impl RowsRecord {
                 }
                 continue;
             }
-            match serde_json::from_str(&line).map_err(|e| bad(number, e.to_string(), "a window"))? {
+            let parsed = checked.and_then(|text| match serde_json::from_str(&text).map_err(|e| e.to_string())? {
                 Line::End(footer) => {
                     record.footer = footer;
                     ended = true;
+                    Ok(())
                 }
                 Line::Window(window) => {
-                    check(&window, record.windows.last()).map_err(|found| bad(number, found, "a window's rows"))?;
+                    check(&window, record.windows.last())?;
                     record.windows.push(window);
+                    Ok(())
+                }
+            });
+            match parsed {
+                Ok(()) => {}
+                Err(_) if options.recover => damaged.push(number),
+                Err(found) => {
+                    return Err(bad(number, found, "a window's rows")
+                        .remedy("Copy the file again, or leave damaged lines out with --recover"));
                 }
             }
+        }
+        if let Some(first) = damaged.first() {
+            let (lines, were) = if damaged.len() == 1 { ("line", "was") } else { ("lines", "were") };
+            record.warnings.push(Warning::new(
+                "recovered",
+                format!("{} damaged {lines} {were} left out, the first is line {first}", damaged.len()),
+                "Their windows are missing; copy the file again if the original is whole",
+            ));
         }
         if !ended {
             let whole = record.windows.len();
@@ -311,7 +346,9 @@ mod tests {
     fn files_that_are_cut_or_wrong_are_told() {
         let dir = tempfile::tempdir().unwrap();
         let path = written(&dir);
-        let whole = std::fs::read_to_string(&path).unwrap();
+        let sealed = std::fs::read_to_string(&path).unwrap();
+        // As it was before lines had checksums.
+        let whole: String = sealed.lines().map(|l| unsealed(l, true, true).unwrap() + "\n").collect();
         let lines: Vec<&str> = whole.lines().collect();
         let read = |text: &str, recover: bool| {
             std::fs::write(&path, text).unwrap();
@@ -334,5 +371,14 @@ mod tests {
             assert!(e.contains(part), "{e}");
         }
         assert!(read("", true).unwrap().windows.is_empty());
+        // A digit that changed on the way is noticed, and its line can be left out.
+        let changed = sealed.replacen("[0.1,", "[0.2,", 1);
+        let e = read(&changed, false).unwrap_err().to_string();
+        assert!(e.contains("line 2") && e.contains("checksum") && e.contains("--recover"), "{e}");
+        let recovered = read(&changed, true).unwrap();
+        assert_eq!(recovered.windows.len(), 2);
+        assert!(recovered.warnings.iter().any(|w| w.text.contains("1 damaged line was left out, the first is line 2")));
+        let bare = [sealed.lines().next().unwrap(), lines[1]].join("\n") + "\n";
+        assert!(read(&bare, false).unwrap_err().to_string().contains("no checksum"));
     }
 }

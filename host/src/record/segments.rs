@@ -66,6 +66,9 @@ pub(super) fn assemble(
             Some(step_s) => time_fit::Clock { start_s: t[0], step_s, jitter_s: 0.0 },
             None => time_fit::clock(t, sums, step),
         };
+        if !(0.5 * step..=2.0 * step).contains(&clock.step_s) {
+            return Err(other_clock(&rows, range, step));
+        }
         let mut columns = Vec::with_capacity(rows.columns.len());
         let parts: Vec<Column> = if whole {
             std::mem::take(&mut rows.columns)
@@ -133,6 +136,16 @@ pub(super) fn assemble(
         warnings,
         metadata,
     })
+}
+
+/// The error for a stretch whose rows follow each other otherwise than those of the record do: names the first that does.
+fn other_clock(rows: &Rows<'_>, range: &Range<usize>, step: f64) -> BadInput {
+    let i = (range.start + 1..range.end).find(|&i| rows.t[i] - rows.t[i - 1] < 0.5 * step).unwrap_or(range.start);
+    let before = rows.t[i.saturating_sub(1)];
+    // A CSV's first row is its second line.
+    let place = rows.passed + i + if rows.word == "line" { 2 } else { 1 };
+    rows.bad(place as u64, "t", format!("{} after {before}", rows.t[i]), &format!("a time about {step:.6} s later"))
+        .remedy("Mend the times, or take these rows out: they do not follow the record's clock")
 }
 
 /// Ranges of rows without gap, losses counted.

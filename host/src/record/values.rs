@@ -15,7 +15,7 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
 use super::Column;
-use super::csv_write::create_file;
+use super::csv_write::{create_file, text_cell};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 
@@ -44,11 +44,7 @@ pub fn write_values(path: &Path, rig: &Rig, columns: &[Column]) -> Result<()> {
 fn csv(sink: &mut impl Write, rig: &Rig, columns: &[Column]) -> std::io::Result<()> {
     write!(sink, "t")?;
     for c in &rig.channel {
-        if c.name.contains([',', '"', ';']) {
-            write!(sink, ",\"{}\"", c.name.replace('"', "\"\""))?;
-        } else {
-            write!(sink, ",{}", c.name)?;
-        }
+        write!(sink, ",{}", text_cell(&c.name))?;
     }
     writeln!(sink)?;
     for i in 0..columns.first().map_or(0, Column::len) {
@@ -125,6 +121,12 @@ mod tests {
             assert_eq!(record.segments.len(), 1, "{name}");
             assert_eq!(record.segments[0].columns, columns, "{name}");
         }
+        // A name that a spreadsheet would compute comes back, too.
+        let formula = Rig::parse(&text.replace("name = \"q\"", "name = \"=1+1\""), Path::new("rig.toml")).unwrap();
+        let path = folder.path().join("f.csv");
+        write_values(&path, &formula, &columns).unwrap();
+        assert!(std::fs::read_to_string(&path).unwrap().starts_with("t,'=1+1,c\n"));
+        assert_eq!(Record::read(&path, &formula, &ReadOptions::default()).unwrap().segments[0].columns, columns);
         assert!(write_values(&folder.path().join("no/a.csv"), &rig, &columns).is_err());
     }
 }

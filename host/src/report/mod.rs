@@ -141,18 +141,7 @@ impl Report {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         let text = self.render()?;
-        let told = |e: &std::io::Error| BadInput::io(path, e).remedy("Name a file in a folder that can be written to");
-        // Device files (`/dev/stdout`) are written to directly.
-        if std::fs::metadata(path).is_ok_and(|m| !m.is_file()) {
-            return std::fs::write(path, text).map_err(|e| told(&e));
-        }
-        let mut name = path.file_name().map(|n| n.to_os_string()).unwrap_or_default();
-        name.push(".part");
-        let part = path.with_file_name(name);
-        std::fs::write(&part, text).and_then(|()| std::fs::rename(&part, path)).map_err(|e| {
-            let _ = std::fs::remove_file(&part);
-            told(&e)
-        })
+        crate::cli::output::write_file(path, text.as_bytes())
     }
 }
 

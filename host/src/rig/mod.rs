@@ -15,9 +15,17 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{BadInput, Result};
+use crate::files;
 
 /// Standard gravity used where a rig file gives none, m/s².
 pub const GRAVITY: f64 = 9.81;
+
+/// Smallest and greatest rate of samples or frequency, Hz: a sample in eleven days; what no sampler in counts reaches.
+pub(crate) const RATES: core::ops::RangeInclusive<f64> = 1e-6..=1e7;
+/// Most samples of a drive period: a window of twenty periods is then no longer than what fits into memory.
+const MOST_A_PERIOD: f64 = 1e6;
+/// Smallest and greatest physical quantity, SI: products of six of them are still far from what binary64 can hold (1e±308).
+pub(crate) const QUANTITIES: core::ops::RangeInclusive<f64> = 1e-30..=1e30;
 
 /// Physical quantities that `[known]` may hold, with their units.
 pub const KNOWN: &[(&str, &str)] = &[
@@ -152,8 +160,7 @@ impl Rig {
     /// Names the file, the line or key, the value found and the one expected.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let text = std::fs::read_to_string(path)
-            .map_err(|e| BadInput::io(path, &e).remedy("Name a rig file that exists; shipped ones are in rigs/"))?;
+        let text = files::read_text(path, "a rig file", "Name a rig file that exists; shipped ones are in rigs/")?;
         let mut rig = Self::parse(&text, path)?;
         rig.bound = measures::bind(&rig)?;
         Ok(rig)
@@ -183,16 +190,23 @@ impl Rig {
         let bad = |place: &str, found: String, expected: &str| {
             Err(BadInput::new(found, expected).in_file(path).at(place).remedy("Correct the rig file"))
         };
-        if !(file.sample_rate_hz.is_finite() && file.sample_rate_hz > 0.0 && file.sample_rate_hz <= 1e7) {
-            return bad("sample_rate_hz", file.sample_rate_hz.to_string(), "a rate in Hz above 0 (at most 1e7)");
+        if !RATES.contains(&file.sample_rate_hz) {
+            return bad("sample_rate_hz", file.sample_rate_hz.to_string(), "a rate in Hz above 0 (1e-6 to 1e7)");
         }
         if let Some(drive) = &file.drive {
             let f = drive.frequency_hz;
-            if !(f.is_finite() && f > 0.0) {
+            if !RATES.contains(&f) {
                 return bad(
                     "drive.frequency_hz",
                     f.to_string(),
-                    "a frequency in Hz above 0 (leave [drive] out for a free system)",
+                    "a frequency in Hz above 0, 1e-6 to 1e7 (leave [drive] out for a free system)",
+                );
+            }
+            if f < file.sample_rate_hz / MOST_A_PERIOD {
+                return bad(
+                    "drive.frequency_hz",
+                    f.to_string(),
+                    &format!("at least a millionth of the sampling rate, {} Hz", file.sample_rate_hz / MOST_A_PERIOD),
                 );
             }
             if f > file.sample_rate_hz / 10.0 {
@@ -203,9 +217,10 @@ impl Rig {
                 );
             }
             if let Some(a) = drive.amplitude_m
-                && !(a.is_finite() && a >= 0.0)
+                && a != 0.0
+                && !QUANTITIES.contains(&a)
             {
-                return bad("drive.amplitude_m", a.to_string(), "an amplitude in metres, 0 or more");
+                return bad("drive.amplitude_m", a.to_string(), "an amplitude in metres, 0 or more (1e-30 to 1e30)");
             }
         }
         if file.channel.is_empty() {
@@ -215,6 +230,9 @@ impl Rig {
             let place = |key: &str| format!("channel {} (\"{}\"), {key}", i + 1, c.name);
             if c.name.is_empty() {
                 return bad(&place("name"), "an empty name".to_owned(), "the column's name");
+            }
+            if c.name.chars().any(char::is_control) {
+                return bad(&place("name"), "a control character".to_owned(), "the column's name, on one line");
             }
             if file.channel[..i].iter().any(|o| o.name == c.name) {
                 return bad(&place("name"), format!("\"{}\" a second time", c.name), "a column named once");
@@ -255,8 +273,9 @@ impl Rig {
                     &format!("one of {}", names.join(", ")),
                 );
             };
-            if !(value.is_finite() && *value > 0.0) {
-                return bad(&format!("known.{key}"), value.to_string(), &format!("a value above 0 in {unit}"));
+            if !QUANTITIES.contains(value) {
+                let expected = format!("a value above 0 in {unit} (1e-30 to 1e30)");
+                return bad(&format!("known.{key}"), value.to_string(), &expected);
             }
         }
         let mut known = file.known;

@@ -110,8 +110,8 @@ impl Plant {
         for (key, value) in
             [("m1", plant.m1), ("l1", plant.l1), ("m2", plant.m2), ("J_o1", plant.j_o1), ("J_o2", plant.j_o2)]
         {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(BadInput::new(value.to_string(), "a value above 0")
+            if !super::QUANTITIES.contains(&value) {
+                return Err(BadInput::new(value.to_string(), "a value above 0 (1e-30 to 1e30)")
                     .in_file(&rig.path)
                     .at(format!("plant.{key}")));
             }
@@ -125,8 +125,8 @@ impl Plant {
             ("settle_s", plant.settle_s),
             ("g", plant.g),
         ] {
-            if !(value.is_finite() && value >= 0.0) {
-                return Err(BadInput::new(value.to_string(), "a value of 0 or more")
+            if value != 0.0 && !super::QUANTITIES.contains(&value) {
+                return Err(BadInput::new(value.to_string(), "a value of 0 or more (1e-30 to 1e30)")
                     .in_file(&rig.path)
                     .at(format!("plant.{key}")));
             }

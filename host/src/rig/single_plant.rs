@@ -98,7 +98,7 @@ impl SinglePlant {
             Err(BadInput::new(value.to_string(), expected).in_file(&rig.path).at(format!("plant.{key}")))
         };
         for (key, value) in [("m1", plant.m1), ("J_o1", plant.j_o1)] {
-            check(key, value, value > 0.0, "a value above 0")?;
+            check(key, value, super::QUANTITIES.contains(&value), "a value above 0 (1e-30 to 1e30)")?;
         }
         for (key, value) in [
             ("e1", plant.e1),
@@ -107,7 +107,12 @@ impl SinglePlant {
             ("g", plant.g),
             ("amplitude_m", plant.amplitude_m),
         ] {
-            check(key, value, value >= 0.0, "a value of 0 or more")?;
+            check(
+                key,
+                value,
+                value == 0.0 || super::QUANTITIES.contains(&value),
+                "a value of 0 or more (1e-30 to 1e30)",
+            )?;
         }
         check("settle_s", plant.settle_s, (0.0..=3600.0).contains(&plant.settle_s), "0 to 3600 s")?;
         for value in plant.initial.into_iter().chain([plant.phase_rad]) {

@@ -9,6 +9,7 @@ mod faulty_link;
 mod interface;
 mod interrupted;
 mod measured;
+mod outputs;
 mod own_systems;
 mod program;
 mod reduced;

@@ -30,6 +30,7 @@ pub mod expression;
 pub mod parser;
 pub mod simulation;
 pub mod tape;
+mod tautology;
 pub mod toml_place;
 pub mod units;
 pub mod weak_form;
@@ -420,6 +421,16 @@ fn equation(source: &Source, value: &Value<'_>, names: &Names, circle: &[bool]) 
         }
     }
     let balance_text = source.text(balance_value, "an expression")?.to_owned();
+    if tautology::is_sum_of(&balance, terms.iter().map(|t| &t.of)) {
+        let found = format!("\"{balance_text}\", a sum of its own terms: it holds whatever the record says");
+        return Err(source
+            .bad(
+                balance_value.span().start,
+                found,
+                "something measured that no sum of the terms gives, such as \"-q''\"",
+            )
+            .remedy("Take the term that is meant out of terms, or put another one on this side"));
+    }
     Ok(Equation { balance, balance_text, terms })
 }
 

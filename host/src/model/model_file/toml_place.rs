@@ -120,12 +120,6 @@ pub fn described(value: &DeValue<'_>) -> String {
 
 /// Reads a text file.
 pub fn read(path: &Path, what: &str) -> Result<Source> {
-    const LARGEST: u64 = 1 << 20;
-    let io = |e: std::io::Error| BadInput::io(path, &e).remedy(format!("Name {what} that exists"));
-    let size = std::fs::metadata(path).map_err(io)?.len();
-    if size > LARGEST {
-        return Err(BadInput::new(format!("{size} bytes"), format!("{what} of at most {LARGEST}")).in_file(path));
-    }
-    let text = std::fs::read_to_string(path).map_err(io)?;
+    let text = crate::files::read_text(path, what, &format!("Name {what} that exists"))?;
     Ok(Source { text, path: path.to_path_buf() })
 }
