@@ -81,7 +81,8 @@ impl Judge {
         for (half, degree) in WINDOWS {
             let n = 2 * half;
             let window = Window::new(n, degree);
-            let (step, bend) = (window.shape(Shape::Step(half as f64 - 0.5)), window.shape(Shape::Bend(half as f64 - 0.5)));
+            let (step, bend) =
+                (window.shape(Shape::Step(half as f64 - 0.5)), window.shape(Shape::Bend(half as f64 - 0.5)));
             let middle = window.shape(Shape::Sample(half));
             let mut x = vec![0.0; n];
             let (mut heights, mut bends, mut left, mut z) = (vec![], vec![], vec![], vec![]);
@@ -103,12 +104,14 @@ impl Judge {
                 near.iter().copied().fold(0.0, f64::max)
             };
             let variance = median(&mut left.clone()).max(least);
-            let mut z: Vec<f64> =
-                z.iter().enumerate().map(|(k, g)| (g / local(k, &left).max(variance).max(f64::MIN_POSITIVE)).sqrt()).collect();
+            let mut z: Vec<f64> = z
+                .iter()
+                .enumerate()
+                .map(|(k, g)| (g / local(k, &left).max(variance).max(f64::MIN_POSITIVE)).sqrt())
+                .collect();
             let Some(limit) = tail::limit(&mut z, trace.len()).map(|l| l.max(LEAST)) else { continue };
             let scatter = median(&mut heights) * 1.4826;
-            let judge =
-                Self { half, degree, variance, limit, bend: quantile(&mut bends, 0.99) };
+            let judge = Self { half, degree, variance, limit, bend: quantile(&mut bends, 0.99) };
             if best.as_ref().is_none_or(|b| scatter < b.0) {
                 best = Some((scatter, judge));
             }
@@ -161,15 +164,17 @@ impl Judge {
         let cost = |f: &Fitted, shapes: usize| f.rest / variance + PRICE * shapes as f64;
         let motion = motions(&window, &x, before, span, &cost);
         let mut best: Option<(f64, Found, f64)> = None;
-        let mut offer = |c: f64, kind: Kind, (from, to): (usize, usize), fitted: &Fitted, shapes: usize, which: usize| {
-            if best.as_ref().is_none_or(|b| c < b.0) {
-                let freedom = window.freedom().saturating_sub(shapes).max(1) as f64;
-                let error = variance.sqrt() * fitted.error;
-                let (size, z) = (fitted.values[which], 0.0);
-                let f = Found { stretch: suspect.stretch, from: first + from, to: first + to, kind, size, error, z };
-                best = Some((c, f, fitted.rest / freedom / variance));
-            }
-        };
+        let mut offer =
+            |c: f64, kind: Kind, (from, to): (usize, usize), fitted: &Fitted, shapes: usize, which: usize| {
+                if best.as_ref().is_none_or(|b| c < b.0) {
+                    let freedom = window.freedom().saturating_sub(shapes).max(1) as f64;
+                    let error = variance.sqrt() * fitted.error;
+                    let (size, z) = (fitted.values[which], 0.0);
+                    let f =
+                        Found { stretch: suspect.stretch, from: first + from, to: first + to, kind, size, error, z };
+                    best = Some((c, f, fitted.rest / freedom / variance));
+                }
+            };
         let samples: Vec<Vec<f64>> = (before..before + span).map(|k| window.shape(Shape::Sample(k))).collect();
         for m in 1..=span {
             for a in 0..=span - m {
@@ -318,7 +323,8 @@ mod tests {
     #[test]
     fn impacts_and_dry_friction_are_motion() {
         // A ball that bounces, and a sledge whose friction changes its sign.
-        let bounce: Vec<i32> = (0..30_000).map(|i| (800.0 * (0.01 * f64::from(i)).sin().abs()).floor() as i32).collect();
+        let bounce: Vec<i32> =
+            (0..30_000).map(|i| (800.0 * (0.01 * f64::from(i)).sin().abs()).floor() as i32).collect();
         assert_eq!(of(&bounce), []);
         let (mut v, mut q) = (0.0_f64, 0.0);
         let sledge: Vec<i32> = (0..30_000)

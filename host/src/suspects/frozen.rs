@@ -131,7 +131,9 @@ mod tests {
         assert!(found.len() > 10 && found.iter().all(|r| r.extreme != 0), "{found:?}");
         // Turning points, a decay into rest, dry friction that holds for half a second and lets go.
         assert_eq!(of(&swing(3000)), []);
-        let rest: Vec<i32> = (0..6000).map(|i| (700.0 * (-0.003 * f64::from(i)).exp() * (0.02 * f64::from(i)).sin()).floor() as i32).collect();
+        let rest: Vec<i32> = (0..6000)
+            .map(|i| (700.0 * (-0.003 * f64::from(i)).exp() * (0.02 * f64::from(i)).sin()).floor() as i32)
+            .collect();
         assert_eq!(of(&rest), []);
         let held: Vec<i32> = (0..3000)
             .map(|i| match i % 1000 {

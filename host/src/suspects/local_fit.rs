@@ -149,9 +149,12 @@ mod tests {
     fn shapes_are_found_with_their_sizes() {
         let window = Window::new(30, 5);
         let base = |j: usize| 3.0 + 0.2 * j as f64 - 0.01 * (j * j) as f64 + 1e6;
-        for (shape, size) in
-            [(Shape::Step(14.5), 7.0), (Shape::Bend(12.0), -3.0), (Shape::Curvature(16.0), 2.0), (Shape::Sample(9), 40.0)]
-        {
+        for (shape, size) in [
+            (Shape::Step(14.5), 7.0),
+            (Shape::Bend(12.0), -3.0),
+            (Shape::Curvature(16.0), 2.0),
+            (Shape::Sample(9), 40.0),
+        ] {
             let add = shape.column(30);
             let mut x: Vec<f64> = (0..30).map(|j| base(j) + size * add[j]).collect();
             window.reduce(&mut x);

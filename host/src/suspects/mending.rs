@@ -35,6 +35,27 @@ impl Mending {
         self.cuts.iter().any(|&(s, a, b)| s == segment && from < b + MARGIN && a < to + MARGIN)
     }
 
+    /// Samples of the longest stretch that would be left.
+    pub fn longest_left(&self, record: &Record) -> usize {
+        let mut cuts = self.cuts.clone();
+        cuts.sort_unstable();
+        let mut longest = 0;
+        for (k, s) in record.segments.iter().enumerate() {
+            let mut from = 0;
+            for &(_, a, b) in cuts.iter().filter(|c| c.0 == k) {
+                longest = longest.max(a.saturating_sub(from));
+                from = from.max(b);
+            }
+            longest = longest.max(s.len().saturating_sub(from));
+        }
+        longest
+    }
+
+    /// Leaves all samples where they are.
+    pub fn keep_all(&mut self) {
+        self.cuts.clear();
+    }
+
     /// Does it all.
     pub fn apply(mut self, record: &mut Record) {
         for &(channel, segment, from, size) in &self.slips {

@@ -30,6 +30,10 @@ use self::words::Told;
 use crate::record::{Column, Record};
 use crate::rig::Rig;
 
+/// Where what is left out would leave no stretch of at least 1/8 of the longest, nothing is: windows of some dozens of swings would not fit any more,
+/// and an error about a record that is too short would hide what is wrong with it.
+const SHREDS: usize = 8;
+
 /// How the rows of a record are counted where it came from.
 #[derive(Clone, Debug)]
 pub struct Numbering {
@@ -64,7 +68,7 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
     let held: Vec<Option<usize>> = traces.par_iter().map(held::held).collect();
     for (i, &k) in sensors.iter().enumerate() {
         if let Some(value) = dead[i] {
-            warnings.push(told.dead(k, value));
+            warnings.push(told.dead(k, value, dead.iter().all(Option::is_some)));
         } else if let Some(n) = held[i] {
             warnings.push(told.held(k, n));
         }
@@ -99,7 +103,15 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
             warnings.extend(told.breaks(&channels, &sorted, &mut mending));
         }
     }
-    drop((told, traces));
+    if SHREDS * mending.longest_left(record) < record.longest_segment() {
+        mending.keep_all();
+        for w in warnings.iter_mut().filter(|w| w.details.contains_key("left_out")) {
+            w.advice =
+                "They are so many that nothing would be left without them: find the cause and record again".to_owned();
+            w.details.insert("left_out".to_owned(), 0.into());
+            w.invalidates = true;
+        }
+    }
     mending.apply(record);
     record.warnings.extend(warnings);
 }

@@ -60,7 +60,7 @@ pub fn look(traces: &[Trace<'_>]) -> RowSteps {
             }
             looked_at += 1;
             let ratio = product / square;
-            let mut count = |of: &mut (usize, (usize, usize))| {
+            let count = |of: &mut (usize, (usize, usize))| {
                 if of.0 == 0 {
                     of.1 = (stretch, i);
                 }

@@ -12,7 +12,7 @@ use super::trace::{Trace, median};
 /// Samples of a block.
 pub const BLOCK: usize = 256;
 /// Every so many of a block's differences make its median.
-const STRIDE: usize = 4;
+const STRIDE: usize = 8;
 /// Standard deviations from which a difference is looked at: a thousandth of a sample in 670 000 of Gaussian noise.
 const LIMIT: f64 = 6.0;
 /// Standard deviation of Gaussian noise over the median of its size.

@@ -55,7 +55,8 @@ pub fn sort(traces: &[Trace<'_>], found: &[Vec<Found>]) -> Vec<Event> {
 /// Increment before, at and behind a place.
 fn increments(trace: &Trace<'_>, stretch: usize, at: usize) -> Option<[f64; 3]> {
     let s = trace.stretches.get(stretch)?;
-    (at >= 2 && at + 1 < s.len()).then(|| [s.at(at - 1) - s.at(at - 2), s.at(at) - s.at(at - 1), s.at(at + 1) - s.at(at)])
+    (at >= 2 && at + 1 < s.len())
+        .then(|| [s.at(at - 1) - s.at(at - 2), s.at(at) - s.at(at - 1), s.at(at + 1) - s.at(at)])
 }
 
 /// How many rows are missing, if that explains every channel.
@@ -90,8 +91,7 @@ mod tests {
 
     fn events(x: &[Vec<i32>; 2]) -> Vec<Event> {
         let traces: Vec<Trace<'_>> = x.iter().map(|c| Trace::new(vec![Samples::Counts(c)])).collect();
-        let found: Vec<Vec<Found>> =
-            traces.iter().map(|t| Judge::new(t).unwrap().judge(t, &screen(t))).collect();
+        let found: Vec<Vec<Found>> = traces.iter().map(|t| Judge::new(t).unwrap().judge(t, &screen(t))).collect();
         sort(&traces, &found)
     }
 

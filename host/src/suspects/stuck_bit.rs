@@ -62,7 +62,9 @@ mod tests {
     #[test]
     fn bits_that_never_change_are_named() {
         let x: Vec<i32> = (0..8000).map(|i| (700.0 * (0.02 * f64::from(i)).sin()) as i32).collect();
-        let of = |f: &dyn Fn(i32) -> i32| stuck(&Trace::new(vec![Samples::Counts(&x.iter().map(|c| f(*c)).collect::<Vec<_>>())]));
+        let of = |f: &dyn Fn(i32) -> i32| {
+            stuck(&Trace::new(vec![Samples::Counts(&x.iter().map(|c| f(*c)).collect::<Vec<_>>())]))
+        };
         assert_eq!(of(&|c| c), []);
         assert_eq!(of(&|c| c | 4), [Stuck { bit: 2, value: 1, coarse: false }]);
         assert_eq!(of(&|c| c & !64), [Stuck { bit: 6, value: 0, coarse: false }]);

@@ -52,8 +52,14 @@ fn a_spike_is_left_out_and_its_line_is_named() {
         let record = read(&rows, blank);
         assert_eq!(record.warnings.len(), 1, "{:?}", record.warnings);
         let w = &record.warnings[0];
-        assert!(w.id == "spike" && !w.invalidates && w.text.contains(&format!("line {line} (t = 14 s) by +700")), "{w:?}");
-        assert_eq!((&w.details["row"], &w.details["channel"], &w.details["left_out"]), (&line.into(), &"a".into(), &1.into()));
+        assert!(
+            w.id == "spike" && !w.invalidates && w.text.contains(&format!("line {line} (t = 14 s) by +700")),
+            "{w:?}"
+        );
+        assert_eq!(
+            (&w.details["row"], &w.details["channel"], &w.details["left_out"]),
+            (&line.into(), &"a".into(), &1.into())
+        );
         let lengths: Vec<usize> = record.segments.iter().map(crate::record::Segment::len).collect();
         assert_eq!(lengths, [7000, 4999]);
         assert!((record.segments[1].start_s - 14.002).abs() < 1e-9 && record.segments[1].first_tick == 7001);
@@ -67,7 +73,10 @@ fn a_slip_is_taken_back() {
     rows[5000..].iter_mut().for_each(|r| r[1] += 17);
     let record = read(&rows, usize::MAX);
     let w = &record.warnings[0];
-    assert!(record.warnings.len() == 1 && w.id == "count-slip" && w.text.contains("line 5002 (t = 10 s) by +17 counts"), "{w:?}");
+    assert!(
+        record.warnings.len() == 1 && w.id == "count-slip" && w.text.contains("line 5002 (t = 10 s) by +17 counts"),
+        "{w:?}"
+    );
     assert_eq!(record.segments.len(), 1);
     let Column::Counts(b) = &record.segments[0].columns[1] else { panic!() };
     assert!(b.iter().zip(&clean).all(|(b, r)| (b - r[1]).abs() <= 1));

@@ -6,10 +6,10 @@ use super::Numbering;
 use super::breaks::Found;
 use super::frozen::Run;
 use super::mending::Mending;
+use super::row_steps;
 use super::sorting::Event;
 use super::stuck_bit::Stuck;
 use super::trace::Trace;
-use super::row_steps;
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::warning::Warning;
@@ -69,12 +69,17 @@ impl<'a> Told<'a> {
         }
     }
 
-    /// A channel that does not move.
-    pub fn dead(&self, channel: usize, value: f64) -> Warning {
+    /// A channel that does not move; `nothing_moves`: nor does any other.
+    pub fn dead(&self, channel: usize, value: f64, nothing_moves: bool) -> Warning {
         let name = self.name(channel);
+        let why = if nothing_moves {
+            "no measured channel moves, so that the rig is at rest or its sensors are dead"
+        } else {
+            "its sensor is dead, or what it measures is held fast"
+        };
         let w = Warning::new(
             "dead-channel",
-            format!("{name} stays at {value} over the whole record: its sensor is dead, or what it measures is held fast"),
+            format!("{name} stays at {value} over the whole record: {why}"),
             "Check the sensor, its cable and its supply, and record again; the motion cannot be told from this record",
         );
         let w = self.placed(w, Some(channel), (0, 0)).with("value", value);
@@ -86,10 +91,14 @@ impl<'a> Told<'a> {
         let (name, rate) = (self.name(channel), self.record.sample_rate_hz / n as f64);
         let w = Warning::new(
             "held-samples",
-            format!("{name} is renewed at every {} {} only ({rate:.6} Hz) and held in between", ordinal(n), self.numbering.word),
             format!(
-                "Held samples are late by up to {} steps: record at {rate:.6} Hz, or keep only the rows at which {name} is new and set sample_rate_hz so",
-                n - 1
+                "{name} is renewed at every {} {} only ({rate} Hz) and held in between",
+                ordinal(n),
+                self.numbering.word
+            ),
+            format!(
+                "Held samples are late by up to {}: record at {rate} Hz, or keep only the rows at which {name} is new and set sample_rate_hz to that",
+                if n == 2 { "a step".to_owned() } else { format!("{} steps", n - 1) }
             ),
         );
         self.placed(w, Some(channel), (0, 0)).with("value", n).with("rate_hz", rate).invalidating()
@@ -125,12 +134,18 @@ impl<'a> Told<'a> {
     pub fn rows(&self, id: &'static str, found: &row_steps::Found) -> Warning {
         let (segment, sample) = found.first;
         let share = 100.0 * found.rows as f64 / found.looked_at.max(1) as f64;
-        let what = if id == "rows-missing" { "rows are missing although t goes on evenly" } else { "rows are there twice, under times of their own" };
+        let what = if id == "rows-missing" {
+            "rows are missing although t goes on evenly"
+        } else {
+            "rows are there twice, under times of their own"
+        };
         let w = Warning::new(
             id,
             format!(
                 "{what}: in {share:.1} % of the places where the motion is fast enough to tell ({} of {}), first at {}",
-                found.rows, found.looked_at, self.at(segment, sample)
+                found.rows,
+                found.looked_at,
+                self.at(segment, sample)
             ),
             "Times that were numbered anew hide what was lost: export the record with the times at which the samples were taken",
         );
@@ -153,9 +168,19 @@ impl<'a> Told<'a> {
             let name = self.name(channel);
             let (from, n) = (self.at(run.stretch, run.from), run.to - run.from);
             let text = match (run.open, run.from) {
-                (true, 0) => format!("{name} stays at {} until {} and is then in full motion: its sensor was not alive", run.value, self.at(run.stretch, run.to)),
-                (true, _) => format!("{name} stops at {from} in the middle of a motion and stays at {}: its sensor has died", run.value),
-                _ => format!("{name} stops at {from} in the middle of a motion and stays at {} for {n} rows: its sensor was away", run.value),
+                (true, 0) => format!(
+                    "{name} stays at {} until {} and is then in full motion: its sensor was not alive",
+                    run.value,
+                    self.at(run.stretch, run.to)
+                ),
+                (true, _) => format!(
+                    "{name} stops at {from} in the middle of a motion and stays at {}: its sensor has died",
+                    run.value
+                ),
+                _ => format!(
+                    "{name} stops at {from} in the middle of a motion and stays at {} for {n} rows: its sensor was away",
+                    run.value
+                ),
             };
             let place = if run.open && run.from == 0 { run.to } else { run.from };
             let w = Warning::new(
@@ -189,7 +214,9 @@ impl<'a> Told<'a> {
             "clipped",
             format!(
                 "{name} is cut off at {value} {}: it stands there in {} stretches that it reaches in full motion, first at {}",
-                self.unit(channel, value), runs.len(), self.at(runs[0].stretch, runs[0].from)
+                self.unit(channel, value),
+                runs.len(),
+                self.at(runs[0].stretch, runs[0].from)
             ),
             format!("These {left_out} rows are left out as gaps; give the sensor or the counter a wider range"),
         );
@@ -216,12 +243,24 @@ impl<'a> Told<'a> {
                 let text = format!(
                     "{} {} off what the motion around {} allows: {}",
                     self.name(k),
-                    if spikes.len() == 1 { "has a sample".to_owned() } else { format!("has samples at {} places", spikes.len()) },
+                    if spikes.len() == 1 {
+                        "has a sample".to_owned()
+                    } else {
+                        format!("has samples at {} places", spikes.len())
+                    },
                     if spikes.len() == 1 { "it" } else { "them" },
                     self.list(k, &spikes)
                 );
-                let rows = if left_out == 1 { "This row is left out as a gap".to_owned() } else { format!("These {left_out} rows are left out as gaps") };
-                let w = Warning::new("spike", text, format!("{rows}; look for a typing error, or for disturbances on the sensor's line"));
+                let rows = if left_out == 1 {
+                    "This row is left out as a gap".to_owned()
+                } else {
+                    format!("These {left_out} rows are left out as gaps")
+                };
+                let w = Warning::new(
+                    "spike",
+                    text,
+                    format!("{rows}; look for a typing error, or for disturbances on the sensor's line"),
+                );
                 told.push(self.listed(w, k, first, &spikes).with("left_out", left_out));
             }
             if let Some(first) = slips.first() {
@@ -232,7 +271,11 @@ impl<'a> Told<'a> {
                     if n == 1 { String::new() } else { format!(", {n} times") },
                     self.list(k, &slips)
                 );
-                let w = Warning::new("count-slip", text, "The steps are taken back, each right to about a count; look at the encoder's signals: counts were lost or gained");
+                let w = Warning::new(
+                    "count-slip",
+                    text,
+                    "The steps are taken back, each right to about a count; look at the encoder's signals: counts were lost or gained",
+                );
                 told.push(self.listed(w, k, first, &slips));
             }
         }
@@ -243,29 +286,48 @@ impl<'a> Told<'a> {
     /// What happened to all channels at once.
     fn all_channels(&self, events: &[Event], mending: &mut Mending) -> Vec<Warning> {
         let mut told = Vec::new();
-        let rows = |m: bool| events.iter().filter_map(move |e| match e {
-            Event::Rows(n, s, at) if (*n > 0) == m => Some((*s, *at, *n)),
-            _ => None,
-        });
+        let rows = |m: bool| {
+            events.iter().filter_map(move |e| match e {
+                Event::Rows(n, s, at) if (*n > 0) == m => Some((*s, *at, *n)),
+                _ => None,
+            })
+        };
         let joined = events.iter().filter_map(|e| if let Event::Joined(s, at) = e { Some((*s, *at, 0)) } else { None });
         let groups: [(&'static str, &str, &str, Vec<(usize, usize, i64)>); 3] = [
-            ("rows-missing", "a row is missing although t goes on evenly", "rows are missing although t goes on evenly", rows(true).collect()),
-            ("rows-doubled", "a row is there twice, under a time of its own", "rows are there twice, under times of their own", rows(false).collect()),
-            ("record-joined", "value and velocity of the channels leap at one row: another record, or another part of it, goes on there", "value and velocity of the channels leap: other records, or other parts of it, go on there", joined.collect()),
+            (
+                "rows-missing",
+                "a row is missing although t goes on evenly",
+                "rows are missing although t goes on evenly",
+                rows(true).collect(),
+            ),
+            (
+                "rows-doubled",
+                "a row is there twice, under a time of its own",
+                "rows are there twice, under times of their own",
+                rows(false).collect(),
+            ),
+            (
+                "record-joined",
+                "value and velocity of the channels leap at one row: another record, or another part of it, goes on there",
+                "value and velocity of the channels leap: other records, or other parts of it, go on there",
+                joined.collect(),
+            ),
         ];
         for (id, one, many, places) in groups {
             let Some(&(segment, sample, n)) = places.first() else { continue };
             places.iter().for_each(|&(s, at, _)| mending.split(s, at));
             let what = if places.len() == 1 && n < 2 { one } else { many };
             let list: Vec<String> = places.iter().take(NAMED).map(|&(s, at, _)| self.at(s, at)).collect();
-            let more = if places.len() > NAMED { format!(" and {} more places", places.len() - NAMED) } else { String::new() };
+            let more =
+                if places.len() > NAMED { format!(" and {} more places", places.len() - NAMED) } else { String::new() };
             let advice = if self.clocked {
                 "The drive's phase is not known behind it: split the file there, and give each part its own times"
             } else {
                 "The record is split there; give the parts as records of their own"
             };
             let w = Warning::new(id, format!("{what}: {}{more}", list.join(", ")), advice);
-            let numbers: Vec<Value> = places.iter().take(MOST).map(|&(s, at, _)| Value::from(self.row(s, at))).collect();
+            let numbers: Vec<Value> =
+                places.iter().take(MOST).map(|&(s, at, _)| Value::from(self.row(s, at))).collect();
             let w = self.placed(w, None, (segment, sample)).with("value", places.len()).with("rows", numbers);
             told.push(if self.clocked { w.invalidating() } else { w });
         }
