@@ -57,6 +57,8 @@ pub(super) struct Rows<'a> {
     pub(super) passed: usize,
     /// Most rows that may come.
     pub(super) limit: usize,
+    /// From which row on places are numbered so: (row, its place); rows between follow one by one.
+    pub(super) places: Vec<(usize, u64)>,
     last_place: u64,
 }
 
@@ -76,6 +78,7 @@ impl<'a> Rows<'a> {
             resample: false,
             passed: 0,
             limit: ROW_LIMIT,
+            places: vec![],
             last_place: 0,
         }
     }
@@ -183,6 +186,9 @@ impl<'a> Rows<'a> {
 
     /// Takes a time that has been checked.
     pub(super) fn push_time(&mut self, place: u64, t: f64) {
+        if place != self.last_place + 1 || self.places.is_empty() {
+            self.places.push((self.t.len(), place));
+        }
         self.t.push(t);
         self.last_place = place;
     }

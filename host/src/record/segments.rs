@@ -10,6 +10,7 @@ use super::rows::{DeviceColumns, Rows};
 use super::{Column, Losses, Metadata, Record, Segment, time_fit, unwrap};
 use crate::error::{BadInput, Result};
 use crate::rig::{Channel, Rig};
+use crate::suspects::{self, Numbering};
 use crate::warning::Warning;
 
 /// Greatest relative difference between the record's sampling rate and the rig file's.
@@ -127,7 +128,7 @@ pub(super) fn assemble(
         let nan_rows = losses.nan_rows;
         losses = Losses { received: losses.received, nan_rows, ..stored };
     }
-    Ok(Record {
+    let mut record = Record {
         path: rows.path.to_path_buf(),
         sample_rate_hz: rate,
         channels: rig.channel.clone(),
@@ -135,7 +136,11 @@ pub(super) fn assemble(
         losses,
         warnings,
         metadata,
-    })
+    };
+    let first_rows = ranges.iter().map(|r| r.start).collect();
+    let (word, places) = if rows.resample { ("resampled row", vec![]) } else { (rows.word, rows.places) };
+    suspects::examine(&mut record, rig, &Numbering { word, first_rows, places });
+    Ok(record)
 }
 
 /// The error for a stretch whose rows follow each other otherwise than those of the record do: names the first that does.

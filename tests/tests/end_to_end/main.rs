@@ -13,5 +13,6 @@ mod outputs;
 mod own_systems;
 mod program;
 mod reduced;
+mod suspects_record;
 mod unplugged;
 mod validated;

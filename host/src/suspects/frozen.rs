@@ -1,0 +1,155 @@
+//! Runs in which a channel stands although it was moving just before, or just behind: an encoder that stops, a sensor that clips.
+//!
+//! A joint that comes to rest, or is held by friction, or turns round does so with a velocity that goes to zero: over the last few samples it is of
+//! the size of its own change from sample to sample. A sensor that stops, or reaches its limit, has a velocity that jumps. With v the mean velocity
+//! of the [`SLOPE`] samples at an end of a run and a the greatest second difference of the [`NEAR`] samples behind them, the run is broken at that
+//! end where abs(v) > [`JUMP`] a and abs(v) > 3 steps a sample. (A turning point has abs(v) ≤ (SLOPE/2 + 1) a, dry friction likewise.)
+//!
+//! Limits: a sensor that stops within some milliseconds of a turning point looks like a joint that is held, and is not told from it.
+
+use super::trace::{Samples, Trace};
+
+/// Samples over which the velocity is taken.
+const SLOPE: usize = 3;
+/// Samples behind these whose second differences are compared.
+const NEAR: usize = 12;
+/// Ratio of velocity to second difference: thrice what a turning point has.
+const JUMP: f64 = 7.5;
+/// Fewest samples of a run inside a stretch.
+const FEWEST: usize = 4;
+/// Fewest of a run that lasts to an end of the stretch.
+const FEWEST_AT_END: usize = 32;
+
+/// A run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Run {
+    pub stretch: usize,
+    pub from: usize,
+    pub to: usize,
+    /// Where it stands.
+    pub value: f64,
+    /// Whether that is the channel's greatest (1) or least value (−1).
+    pub extreme: i8,
+    /// Whether it lasts to the end, or from the beginning, of the stretch.
+    pub open: bool,
+}
+
+/// All runs of a channel that no motion makes.
+pub fn runs(trace: &Trace<'_>) -> Vec<Run> {
+    let mut equal = Vec::new();
+    for (stretch, s) in trace.stretches.iter().enumerate() {
+        match s {
+            Samples::Counts(x) => equal_runs(x, stretch, &mut equal),
+            Samples::Values(x) => equal_runs(x, stretch, &mut equal),
+        }
+    }
+    equal.retain(|&(stretch, from, to)| {
+        let s = &trace.stretches[stretch];
+        let entry = from == 0 || breaks(s, from, true, trace.quantum);
+        entry && (to == s.len() || breaks(s, to - 1, false, trace.quantum) || returns(s, to, trace))
+    });
+    if equal.is_empty() {
+        return vec![];
+    }
+    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+    for s in &trace.stretches {
+        for i in 0..s.len() {
+            (low, high) = (low.min(s.at(i)), high.max(s.at(i)));
+        }
+    }
+    let run = |(stretch, from, to): (usize, usize, usize)| {
+        let s = &trace.stretches[stretch];
+        let value = s.at(from);
+        let extreme = if value == high { 1 } else { -i8::from(value == low) };
+        Run { stretch, from, to, value, extreme, open: from == 0 || to == s.len() }
+    };
+    equal.into_iter().map(run).collect()
+}
+
+/// Runs of equal samples that are long enough, but for a whole stretch.
+fn equal_runs<T: PartialEq>(x: &[T], stretch: usize, found: &mut Vec<(usize, usize, usize)>) {
+    let mut from = 0;
+    for i in 1..=x.len() {
+        if i < x.len() && x[i] == x[i - 1] {
+            continue;
+        }
+        let open = from == 0 || i == x.len();
+        if i - from >= if open { FEWEST_AT_END } else { FEWEST } && i - from < x.len() {
+            found.push((stretch, from, i));
+        }
+        from = i;
+    }
+}
+
+/// Whether the velocity jumps where a run has its end `at`: `before` it or behind.
+fn breaks(s: &Samples<'_>, at: usize, before: bool, quantum: f64) -> bool {
+    let enough = if before { at >= SLOPE + 4 } else { at + SLOPE + 4 < s.len() };
+    if !enough {
+        return false;
+    }
+    let x = |k: usize| if before { s.at(at - k) } else { s.at(at + k) };
+    let room = if before { at } else { s.len() - 1 - at };
+    let v = ((x(1) - x(1 + SLOPE)) / SLOPE as f64).abs();
+    let last = (SLOPE + NEAR).min(room - 1);
+    let a = (2..=last).map(|k| (x(k - 1) - 2.0 * x(k) + x(k + 1)).abs()).fold(0.0, f64::max);
+    v > JUMP * a.max(quantum / 3.0) && v > 3.0 * quantum
+}
+
+/// Whether the value leaps at the end of a run by more than the motion behind it does in ten samples: a sensor that comes back.
+fn returns(s: &Samples<'_>, end: usize, trace: &Trace<'_>) -> bool {
+    if end + NEAR >= s.len() {
+        return false;
+    }
+    let leap = (s.at(end) - s.at(end - 1)).abs();
+    let fastest = (end + 1..end + NEAR).map(|i| (s.at(i) - s.at(i - 1)).abs()).fold(0.0, f64::max);
+    leap > 10.0 * fastest.max(trace.quantum)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(x: &[i32]) -> Vec<Run> {
+        runs(&Trace::new(vec![Samples::Counts(x)]))
+    }
+
+    fn swing(n: usize) -> Vec<i32> {
+        (0..n).map(|i| (700.0 * (0.02 * i as f64).sin()).floor() as i32).collect()
+    }
+
+    #[test]
+    fn an_encoder_that_stops_and_one_that_clips_are_told_from_rest() {
+        let mut x = swing(3000);
+        let last = x[1900];
+        x[1900..].iter_mut().for_each(|c| *c = last);
+        let found = of(&x);
+        assert!(found.len() == 1 && found[0].from == 1900 && found[0].open && found[0].extreme == 0, "{found:?}");
+        x.reverse();
+        assert!(of(&x).len() == 1 && of(&x)[0].to == 1100);
+        let clipped: Vec<i32> = swing(3000).iter().map(|c| (*c).clamp(-400, 400)).collect();
+        let found = of(&clipped);
+        assert!(found.len() > 10 && found.iter().all(|r| r.extreme != 0), "{found:?}");
+        // Turning points, a decay into rest, dry friction that holds for half a second and lets go.
+        assert_eq!(of(&swing(3000)), []);
+        let rest: Vec<i32> = (0..6000)
+            .map(|i| (700.0 * (-0.003 * f64::from(i)).exp() * (0.02 * f64::from(i)).sin()).floor() as i32)
+            .collect();
+        assert_eq!(of(&rest), []);
+        let held: Vec<i32> = (0..3000)
+            .map(|i| match i % 1000 {
+                k @ 0..=300 => (300.0 * (1.0 - (0.01 * f64::from(k)).cos())) as i32,
+                _ => (300.0 * (1.0 - 3f64.cos())) as i32,
+            })
+            .collect();
+        assert!(of(&held).iter().all(|r| r.from % 1000 != 301), "{:?}", of(&held));
+    }
+
+    #[test]
+    fn a_drop_out_in_between_is_found() {
+        let mut x = swing(3000);
+        let held = x[1250];
+        x[1250..1400].iter_mut().for_each(|c| *c = held);
+        let found = of(&x);
+        assert!(found.len() == 1 && (found[0].from, found[0].to) == (1250, 1400), "{found:?}");
+    }
+}

@@ -1,0 +1,115 @@
+//! Breaks of single channels, put together: what happens to all channels at one row is no encoder's slip.
+//!
+//! At a row where steps S_k are found, with v_k the mean of the increments on either side: S_k = m v_k for one whole m ≥ 1 in every channel that shows it
+//! means m rows missing there, S_k = −v_k a row that is there twice. Steps of two channels at one row that are neither are two records joined.
+//! A channel that takes no part must not contradict: abs(S_k − m v_k) within 5 of its own increments' scatter.
+
+use super::breaks::{Found, Kind};
+use super::trace::Trace;
+
+/// Relative deviation of S/v from a whole number.
+const WHOLE: f64 = 0.12;
+/// Scatter from which a channel contradicts.
+const CONTRADICTS: f64 = 5.0;
+
+/// What happened at a place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Event {
+    /// Samples of one channel are off.
+    Spike(usize, Found),
+    /// A channel is off by a step from here on.
+    Slip(usize, Found),
+    /// Rows are missing (how many), or there twice (−1), in this stretch before this sample.
+    Rows(i64, usize, usize),
+    /// Another record goes on, in this stretch from this sample.
+    Joined(usize, usize),
+}
+
+/// All events, in order of stretch and sample.
+pub fn sort(traces: &[Trace<'_>], found: &[Vec<Found>]) -> Vec<Event> {
+    let mut all: Vec<(usize, Found)> =
+        found.iter().enumerate().flat_map(|(k, f)| f.iter().map(move |f| (k, *f))).collect();
+    all.sort_by_key(|(k, f)| (f.stretch, f.from, *k));
+    let mut events = Vec::new();
+    let mut i = 0;
+    while i < all.len() {
+        let (channel, f) = all[i];
+        if f.kind == Kind::Spike {
+            events.push(Event::Spike(channel, f));
+            i += 1;
+            continue;
+        }
+        let near = |(_, g): &(usize, Found)| g.stretch == f.stretch && g.kind != Kind::Spike && g.from <= f.from + 1;
+        let group: Vec<(usize, Found)> = all[i..].iter().take_while(|g| near(g)).copied().collect();
+        i += group.len();
+        events.push(match rows(traces, &group) {
+            Some(m) => Event::Rows(m, f.stretch, f.from),
+            None if group.len() > 1 => Event::Joined(f.stretch, f.from),
+            None if f.kind == Kind::Break && traces.len() == 1 => Event::Joined(f.stretch, f.from),
+            None => Event::Slip(channel, f),
+        });
+    }
+    events
+}
+
+/// Increment before, at and behind a place.
+fn increments(trace: &Trace<'_>, stretch: usize, at: usize) -> Option<[f64; 3]> {
+    let s = trace.stretches.get(stretch)?;
+    (at >= 2 && at + 1 < s.len())
+        .then(|| [s.at(at - 1) - s.at(at - 2), s.at(at) - s.at(at - 1), s.at(at + 1) - s.at(at)])
+}
+
+/// How many rows are missing, if that explains every channel.
+fn rows(traces: &[Trace<'_>], group: &[(usize, Found)]) -> Option<i64> {
+    let (first, f) = group.first()?;
+    let [a, _, c] = increments(&traces[*first], f.stretch, f.from)?;
+    let m = (f.size / (0.5 * (a + c))).round();
+    if !(m == -1.0 || (1.0..=1000.0).contains(&m)) {
+        return None;
+    }
+    let agrees = |(k, f): &(usize, Found)| {
+        let Some([a, _, c]) = increments(&traces[*k], f.stretch, f.from) else { return false };
+        let v = 0.5 * (a + c);
+        (f.size - m * v).abs() <= (WHOLE * v.abs()).max(3.0 * f.error) && v.abs() > 5.0 * f.error
+    };
+    let silent = |k: usize, trace: &Trace<'_>| {
+        if group.iter().any(|(g, _)| *g == k) {
+            return true;
+        }
+        let Some([a, b, c]) = increments(trace, f.stretch, f.from) else { return false };
+        let (v, scatter) = (0.5 * (a + c), (c - a).abs().max(trace.quantum));
+        (b - v - m * v).abs() <= CONTRADICTS * scatter && (m > 0.0 || b == 0.0)
+    };
+    (group.iter().all(agrees) && traces.iter().enumerate().all(|(k, t)| silent(k, t))).then_some(m as i64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::trace::Samples;
+    use super::super::{breaks::Judge, screen::screen};
+    use super::*;
+
+    fn events(x: &[Vec<i32>; 2]) -> Vec<Event> {
+        let traces: Vec<Trace<'_>> = x.iter().map(|c| Trace::new(vec![Samples::Counts(c)])).collect();
+        let found: Vec<Vec<Found>> = traces.iter().map(|t| Judge::new(t).unwrap().judge(t, &screen(t))).collect();
+        sort(&traces, &found)
+    }
+
+    fn motion() -> [Vec<i32>; 2] {
+        let of = |a: f64, w: f64| (0..20_000).map(|i| (a * (w * f64::from(i)).sin()).floor() as i32).collect();
+        [of(900.0, 0.04), of(1500.0, 0.031)]
+    }
+
+    #[test]
+    fn slips_missing_rows_and_joined_records_are_told_apart() {
+        let mut x = motion();
+        x[1][9000..].iter_mut().for_each(|c| *c += 13);
+        assert!(matches!(events(&x)[..], [Event::Slip(1, f)] if f.from == 9000), "{:?}", events(&x));
+        let mut x = motion();
+        x.iter_mut().for_each(|c| drop(c.drain(9003..9005)));
+        assert_eq!(events(&x), [Event::Rows(2, 0, 9003)]);
+        let mut x = motion();
+        x.iter_mut().for_each(|c| drop(c.drain(9003..9590)));
+        assert_eq!(events(&x), [Event::Joined(0, 9003)]);
+    }
+}

@@ -1,0 +1,98 @@
+//! Whole records, as they are read: what is named, and what is left of them.
+
+use std::path::Path;
+
+use crate::record::{Column, ReadOptions, Record};
+use crate::rig::Rig;
+
+const RIG: &str = "name = \"x\"\nmodel = \"double-pendulum\"\nsample_rate_hz = 500.0\n\
+    [[channel]]\nname = \"a\"\nmeasures = \"theta1\"\nunit = \"count\"\ncounts_per_turn = 4096\n\
+    [[channel]]\nname = \"b\"\nmeasures = \"theta2\"\nunit = \"count\"\ncounts_per_turn = 4096\n";
+
+fn motion() -> Vec<[i32; 2]> {
+    (0..12_000)
+        .map(|i| {
+            let t = f64::from(i);
+            [
+                (400.0 * (0.03 * t).sin() + 90.0 * (0.07 * t).cos()).floor() as i32,
+                (900.0 * (0.021 * t).sin() + 200.0 * (0.05 * t).cos()).floor() as i32,
+            ]
+        })
+        .collect()
+}
+
+/// Reads rows as a CSV file would hold them; `blank` puts an empty line in front of that row.
+fn read(rows: &[[i32; 2]], blank: usize) -> Record {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("r.csv");
+    let mut text = "t,a,b\n".to_owned();
+    for (i, [a, b]) in rows.iter().enumerate() {
+        if i == blank {
+            text.push('\n');
+        }
+        text += &format!("{},{a},{b}\n", i as f64 * 0.002);
+    }
+    std::fs::write(&path, text).unwrap();
+    Record::read(&path, &Rig::parse(RIG, Path::new("rig.toml")).unwrap(), &ReadOptions::default()).unwrap()
+}
+
+#[test]
+fn a_clean_record_passes_as_it_is() {
+    let rows = motion();
+    let record = read(&rows, usize::MAX);
+    assert!(record.warnings.is_empty(), "{:?}", record.warnings);
+    assert_eq!(record.segments[0].columns[1], Column::Counts(rows.iter().map(|r| r[1]).collect()));
+}
+
+#[test]
+fn a_spike_is_left_out_and_its_line_is_named() {
+    let mut rows = motion();
+    rows[7000][0] += 700;
+    for (blank, line) in [(usize::MAX, 7002), (100, 7003)] {
+        let record = read(&rows, blank);
+        assert_eq!(record.warnings.len(), 1, "{:?}", record.warnings);
+        let w = &record.warnings[0];
+        assert!(
+            w.id == "spike" && !w.invalidates && w.text.contains(&format!("line {line} (t = 14 s) by +700")),
+            "{w:?}"
+        );
+        assert_eq!(
+            (&w.details["row"], &w.details["channel"], &w.details["left_out"]),
+            (&line.into(), &"a".into(), &1.into())
+        );
+        let lengths: Vec<usize> = record.segments.iter().map(crate::record::Segment::len).collect();
+        assert_eq!(lengths, [7000, 4999]);
+        assert!((record.segments[1].start_s - 14.002).abs() < 1e-9 && record.segments[1].first_tick == 7001);
+    }
+}
+
+#[test]
+fn a_slip_is_taken_back() {
+    let clean = motion();
+    let mut rows = clean.clone();
+    rows[5000..].iter_mut().for_each(|r| r[1] += 17);
+    let record = read(&rows, usize::MAX);
+    let w = &record.warnings[0];
+    assert!(
+        record.warnings.len() == 1 && w.id == "count-slip" && w.text.contains("line 5002 (t = 10 s) by +17 counts"),
+        "{w:?}"
+    );
+    assert_eq!(record.segments.len(), 1);
+    let Column::Counts(b) = &record.segments[0].columns[1] else { panic!() };
+    assert!(b.iter().zip(&clean).all(|(b, r)| (b - r[1]).abs() <= 1));
+}
+
+#[test]
+fn a_dead_channel_takes_the_answer_its_standing_and_a_stopped_one_only_its_rows() {
+    let mut rows = motion();
+    rows.iter_mut().for_each(|r| r[1] = 3);
+    let record = read(&rows, usize::MAX);
+    assert!(record.warnings.len() == 1 && record.warnings[0].id == "dead-channel" && record.warnings[0].invalidates);
+    let mut rows = motion();
+    let last = rows[6010][1];
+    rows[6010..].iter_mut().for_each(|r| r[1] = last);
+    let record = read(&rows, usize::MAX);
+    let w = &record.warnings[0];
+    assert!(record.warnings.len() == 1 && w.id == "channel-stopped" && !w.invalidates, "{:?}", record.warnings);
+    assert!(record.samples().abs_diff(6010) <= 1 && w.text.contains("line 601"), "{w:?}");
+}

@@ -1,0 +1,164 @@
+//! Records that look plausible and are not: each fault is named with its row, and the parameters are right or the status says that they are not.
+
+use std::sync::OnceLock;
+
+use serde_json::Value;
+
+use super::program::{done, json, rig_file, whirl};
+
+/// 60 s of the chaotic rig: counts of both channels, and the folder with its rig file.
+fn base() -> &'static (tempfile::TempDir, Vec<[i64; 2]>) {
+    static BASE: OnceLock<(tempfile::TempDir, Vec<[i64; 2]>)> = OnceLock::new();
+    BASE.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        rig_file(folder.path(), "chaotic.toml", "rig.toml", &[]);
+        done(folder.path(), "simulate --rig rig.toml --seconds 60 --seed 1 -o base.csv");
+        let text = std::fs::read_to_string(folder.path().join("base.csv")).unwrap();
+        let row = |line: &str| {
+            let cells: Vec<&str> = line.split(',').collect();
+            [cells[1].parse().unwrap(), cells[2].parse().unwrap()]
+        };
+        let rows = text.lines().skip(1).map(row).collect();
+        (folder, rows)
+    })
+}
+
+fn write(name: &str, rows: &[[i64; 2]]) {
+    let mut text = "t,count1,count2\n".to_owned();
+    for (i, [a, b]) in rows.iter().enumerate() {
+        text += &format!("{},{a},{b}\n", i as f64 / 500.0);
+    }
+    std::fs::write(base().0.path().join(format!("{name}.csv")), text).unwrap();
+}
+
+/// The warning of this id in a result.
+fn warning<'a>(result: &'a Value, id: &str) -> &'a Value {
+    let warnings = result["warnings"].as_array().unwrap();
+    warnings.iter().find(|w| w["id"] == id).unwrap_or_else(|| panic!("no {id} in {warnings:?}"))
+}
+
+/// Identifies a changed record; checks its warning, row and status, and with status 0 the parameters. inspect must name the same.
+fn named(name: &str, change: impl Fn(&mut Vec<[i64; 2]>), id: &str, row: Option<u64>, status: i32) {
+    let (folder, clean) = base();
+    let mut rows = clean.clone();
+    change(&mut rows);
+    write(name, &rows);
+    for command in ["identify", "inspect"] {
+        let run = whirl(folder.path(), &format!("{command} {name}.csv --rig rig.toml --json {name}-{command}.json"));
+        assert!(run.status < 2 && (command == "inspect" || run.status == status), "{name} {command}: {run:?}");
+        let result = json(&folder.path().join(format!("{name}-{command}.json")));
+        let told = warning(&result, id);
+        if let Some(row) = row {
+            assert_eq!(told["row"], row, "{name}: {told}");
+        }
+        if command == "identify" && status == 0 {
+            right(name, &result);
+        }
+    }
+}
+
+/// Every parameter within 3 standard errors of the truth (3.4) of the rig's plant.
+fn right(name: &str, result: &Value) {
+    let (coupling, j1, j2, omega) = (0.040 * 0.0267 * 0.0635, 5.99e-4, 4.033e-5, 10.0 * core::f64::consts::PI);
+    let truth = [
+        ("B11", coupling / j1),
+        ("B21", coupling / j2),
+        ("C11", 6.03e-4 / j1 / (omega * omega)),
+        ("C2", 6.145e-5 / j2 / omega),
+    ];
+    for (parameter, value) in truth {
+        let of = result["parameters"].as_array().unwrap().iter().find(|p| p["name"] == parameter).unwrap();
+        let (found, error) = (of["value"].as_f64().unwrap(), of["std_error"].as_f64().unwrap());
+        assert!((found - value).abs() < 3.0 * error, "{name}: {parameter} {found} ± {error}, true {value}");
+    }
+}
+
+#[test]
+fn a_clean_record_has_none_of_these_warnings() {
+    let (folder, rows) = base();
+    write("clean", rows);
+    done(folder.path(), "identify clean.csv --rig rig.toml --json clean.json");
+    let result = json(&folder.path().join("clean.json"));
+    assert_eq!(result["warnings"], Value::Array(vec![]), "{}", result["warnings"]);
+    right("clean", &result);
+}
+
+#[test]
+fn dead_and_dying_encoders() {
+    for k in [0, 1] {
+        named(&format!("dead{k}"), |x| x.iter_mut().for_each(|r| r[k] = 40), "dead-channel", Some(2), 1);
+    }
+    let stop = |x: &mut Vec<[i64; 2]>| {
+        let last = x[15_000][1];
+        x[15_000..].iter_mut().for_each(|r| r[1] = last);
+    };
+    named("half", stop, "channel-stopped", Some(15_002), 0);
+}
+
+#[test]
+fn spikes_and_slips() {
+    named("spike", |x| x[12_345][1] += 500, "spike", Some(12_347), 0);
+    named("million", |x| x[12_345][0] += 1_000_000, "spike", Some(12_347), 0);
+    let twenty = |x: &mut Vec<[i64; 2]>| (1..=20).for_each(|k| x[1400 * k + 7][1] += 15 * k as i64);
+    named("spikes", twenty, "spike", Some(1409), 0);
+    for size in [17, 200] {
+        let slip = |x: &mut Vec<[i64; 2]>| x[15_000..].iter_mut().for_each(|r| r[1] += size);
+        named(&format!("slip{size}"), slip, "count-slip", Some(15_002), 0);
+    }
+}
+
+#[test]
+fn slips_of_one_count_lie_below_the_noise_and_do_no_harm() {
+    let (folder, clean) = base();
+    for (name, every) in [("one", 15_000), ("thirty", 970)] {
+        let mut rows = clean.clone();
+        rows.iter_mut().enumerate().for_each(|(i, r)| r[1] += (i / every) as i64);
+        write(name, &rows);
+        done(folder.path(), &format!("identify {name}.csv --rig rig.toml --json {name}.json"));
+        right(name, &json(&folder.path().join(format!("{name}.json"))));
+    }
+}
+
+#[test]
+fn bits_rows_and_held_samples() {
+    named("bit2", |x| x.iter_mut().for_each(|r| r[1] |= 4), "stuck-bit", None, 1);
+    named("bit6", |x| x.iter_mut().for_each(|r| r[0] |= 64), "stuck-bit", None, 1);
+    named("bit0", |x| x.iter_mut().for_each(|r| r[1] &= !1), "stuck-bit", None, 0);
+    let held = |x: &mut Vec<[i64; 2]>| (0..x.len()).for_each(|i| x[i][0] = x[i / 2 * 2][0]);
+    named("held", held, "held-samples", None, 1);
+    let doubled = |x: &mut Vec<[i64; 2]>| *x = (0..29_000).map(|i| x[i - i / 101]).collect();
+    named("doubled", doubled, "rows-doubled", None, 1);
+    let missing = |x: &mut Vec<[i64; 2]>| *x = (0..28_000).map(|i| x[i + i / 19]).collect();
+    named("missing", missing, "rows-missing", None, 1);
+}
+
+#[test]
+fn clipped_and_joined() {
+    let (_, clean) = base();
+    let start = clean[0][1];
+    let clip = |x: &mut Vec<[i64; 2]>| x.iter_mut().for_each(|r| r[1] = r[1].clamp(start - 600, start + 600));
+    named("clip", clip, "clipped", None, 1);
+    named("joined", |x| drop(x.drain(10_000..14_000)), "record-joined", Some(10_002), 1);
+}
+
+#[test]
+fn explain_names_them_too() {
+    let folder = base().0.path();
+    named("explained", |x| x[12_345][1] += 500, "spike", Some(12_347), 0);
+    let run = whirl(folder, "explain explained.csv --rig rig.toml --json explain.json");
+    assert!(run.status < 2, "{run:?}");
+    assert_eq!(warning(&json(&folder.join("explain.json")), "spike")["row"], 12_347);
+}
+
+#[test]
+fn one_typo_in_a_file_is_named_and_left_out() {
+    let (folder, clean) = base();
+    let mut rows = clean[..6000].to_vec();
+    rows[2617][0] += 700;
+    write("typo", &rows);
+    done(folder.path(), "identify typo.csv --rig rig.toml --json typo.json");
+    let result = json(&folder.path().join("typo.json"));
+    let told = warning(&result, "spike");
+    assert!(told["row"] == 2619 && told["value"] == 700.0 && told["left_out"] == 1, "{told}");
+    right("typo", &result);
+}
