@@ -492,18 +492,19 @@ fn geometry(
     };
     let greatest = |f: fn(&noise::Noise) -> f64| noises.iter().flatten().map(f).fold(0.0_f64, f64::max);
     let default_window = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
-    let length_s = check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window);
+    let length_s = check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window.max(32.0 * step_s));
     let hop_s = 0.5 * length_s;
-    let free_top = (greatest(|n| n.acceleration_99_hz)).clamp(8.0 / length_s, rate / 16.0);
+    // Eight test functions at least; in a window too short for them, those that the rate allows.
+    let free_top = greatest(|n| n.acceleration_99_hz).min(rate / 16.0).max((8.0 / length_s).min(rate / 8.0));
     let top = check("--max-frequency-hz", settings.max_frequency_hz, 2.0 / length_s, rate / 8.0)?
         .unwrap_or_else(|| rig.drive.map_or(free_top, |d| 2.0 * d.frequency_hz));
     let frequencies = ((top * length_s).round() as usize).clamp(2, 400);
     // The products of the regressors must keep everything up to the highest test frequency.
     let least = (1.5 * top).min(0.15 * rate);
-    let default_pass = (1.15 * greatest(|n| n.signal_end_hz)).clamp(least, 0.25 * rate);
+    let default_pass = (1.15 * greatest(|n| n.signal_end_hz)).max(least).min(0.25 * rate);
     let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);
     let stop = (1.5 * pass).max(pass + 2.5 * top).min(0.45 * rate);
-    let clear = greatest(|n| n.clear_end_hz).clamp(least.min(pass), pass);
+    let clear = greatest(|n| n.clear_end_hz).max(least.min(pass)).min(pass);
     let kernels =
         Kernels { full: Kernel::design(step_s, pass, stop), clear: Kernel::design(step_s, clear, clear + stop - pass) };
     Ok((Windows { length_s, hop_s, frequencies }, kernels))

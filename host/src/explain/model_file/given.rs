@@ -77,7 +77,7 @@ fn shared(name: &str) -> &str {
 }
 
 /// The coefficients of a given model and of its effects by name.
-fn by_name(given: &IdentifiedModel, chosen: &[Candidate]) -> BTreeMap<String, f64> {
+pub(super) fn by_name(given: &IdentifiedModel, chosen: &[Candidate]) -> BTreeMap<String, f64> {
     let mut by_name: BTreeMap<String, f64> = given.parameters.iter().map(|p| (p.name.clone(), p.value)).collect();
     for p in &given.parameters {
         if let Some(short) = p.name.strip_suffix("_1") {

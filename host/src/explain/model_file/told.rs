@@ -6,7 +6,7 @@ use super::fit::Held;
 use super::round::Round;
 use crate::error::{BadInput, Result};
 use crate::explain::Settings;
-use crate::explain::explanation::{Explanation, Found};
+use crate::explain::explanation::{Explanation, Found, InUnit};
 use crate::identify::Parameter;
 use crate::identify::general;
 use crate::identify::general::stretches::Stretch;
@@ -83,6 +83,15 @@ impl Unit {
             }
             _ => Self { name: "SI".to_owned(), factor: 1.0 },
         }
+    }
+}
+
+impl Unit {
+    /// One noise floor, the rms noise of the sensors; none where they have no unit in common.
+    pub fn noise(&self, sigma: &[f64]) -> Option<InUnit> {
+        let rms = (sigma.iter().map(|s| s * s).sum::<f64>() / sigma.len() as f64).sqrt() * self.factor;
+        let unit = if self.name == "deg" { "°".to_owned() } else { self.name.clone() };
+        (self.name != "SI" && rms.is_finite() && rms > 0.0).then_some(InUnit { value: rms, unit })
     }
 }
 
