@@ -11,6 +11,8 @@ pub mod general;
 pub mod harmonic_balance;
 pub mod identifiability;
 pub mod instruments;
+pub mod judgement;
+mod known_quantities;
 pub mod model_file;
 pub mod noise_bias;
 pub mod physical_parameters;
@@ -127,6 +129,12 @@ pub struct Details {
     pub jackknife_blocks: usize,
     /// Misfit of the ties between the coefficients and its degrees of freedom, where physical parameters were fitted.
     pub ties_misfit: Option<(f64, usize)>,
+    /// ε of each equation that the sensors' noise alone would give; empty where it could not be simulated.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub expected_error: Vec<f64>,
+    /// Weighted residual power over that which the sensors' noise alone leaves in the same rows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub residual_over_noise: Option<f64>,
     /// Share of the right-hand side that the model leaves, over all samples, of each equation of a model file.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub balance_error: Vec<f64>,
@@ -157,6 +165,8 @@ impl Details {
             repetition: solution.repetition,
             jackknife_blocks: solution.blocks,
             ties_misfit: None,
+            expected_error: bias.map_or_else(Vec::new, |b| b.error.clone()),
+            residual_over_noise: bias.map(|b| b.noise.powi(-2)).filter(|r| r.is_finite()),
             balance_error: Vec::new(),
             instruments: None,
         }
@@ -421,7 +431,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
     }
     let correlation = correlation_of(covariance);
     let length_s = windows.length_s;
-    Ok(Identification {
+    let mut result = Identification {
         model: model.name.clone(),
         method: "weak".to_owned(),
         parameters,
@@ -447,7 +457,9 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             })
             .collect(),
         balance: None,
-    })
+    };
+    judgement::judge(&mut result, rig);
+    Ok(result)
 }
 
 /// The warning where windows are too few for a jackknife.

@@ -270,7 +270,7 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
     let tied: Vec<DVector<f64>> = split.tied(&own, &values);
     let errors = balance_error::balance_errors(model, rig, &stretches, &kernels, &record_of, &split, &tied);
     let length_s = windows.length_s;
-    Ok(Identification {
+    let mut result = Identification {
         model: model.name.clone(),
         method: "weak".to_owned(),
         parameters,
@@ -295,7 +295,9 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
                 dots: regression::residual_dots(&rows, e, &solution.coefficients[e], 2000),
             })
             .collect(),
-    })
+    };
+    super::judgement::judge(&mut result, rig);
+    Ok(result)
 }
 
 /// Weights of the equations that hold an input, see [`noise_weights`]; the others keep their own weights (empty here).
