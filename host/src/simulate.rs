@@ -198,6 +198,7 @@ pub fn record(
         source: "simulate".to_owned(),
         written_by: format!("whirl {}", env!("CARGO_PKG_VERSION")),
         sample_rate_hz: rig.sample_rate_hz,
+        boots: Vec::new(),
     };
     // At least one sample, at most a day of them: no overflow.
     let samples = ((seconds * rig.sample_rate_hz).round() as u64).max(1);

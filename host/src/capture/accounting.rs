@@ -55,6 +55,8 @@ pub(super) struct Accounting {
     damaged: u64,
     bad_since_block: u64,
     status: Option<Status>,
+    /// First ticks of the boots after the first whose samples have not all left yet.
+    boots: Vec<i64>,
     overruns: u64,
     dropped: u64,
     /// Samples that came when their place had been passed.
@@ -115,7 +117,7 @@ impl Accounting {
         let Some(start) = placed.start else {
             return Verdict::AskHello;
         };
-        let mut skip = 0;
+        let (mut skip, mut restarted) = (0, false);
         match placed.event {
             TickEvent::Duplicate => {
                 self.losses.duplicates += len as u64;
@@ -132,6 +134,7 @@ impl Accounting {
                 if missing == 0 {
                     self.shift += 1;
                 }
+                restarted = true;
             }
             TickEvent::Late => self.losses.late += len as u64,
             TickEvent::First | TickEvent::Contiguous | TickEvent::Gap(_) | TickEvent::Unplaced => {}
@@ -141,6 +144,9 @@ impl Accounting {
         if self.next.is_some_and(|next| start + (skip as i64) < next) {
             self.too_late += (len - skip) as u64;
             return Verdict::Fine;
+        }
+        if restarted {
+            self.boots.push(start);
         }
         self.first.get_or_insert(start);
         let bad_before = core::mem::take(&mut self.bad_since_block);
@@ -179,6 +185,12 @@ impl Accounting {
     /// The end: what is held leaves.
     pub(super) fn finish(&mut self, out: &mut Vec<Taken>) {
         self.drain(0, out);
+    }
+
+    /// Where the sample of a tick is the first of its boot to leave: the tick at which that boot begins.
+    pub(super) fn boot_before(&mut self, tick: i64) -> Option<i64> {
+        let begun = self.boots.partition_point(|first| *first <= tick);
+        self.boots.drain(..begun).last()
     }
 
     /// First tick of the record.

@@ -253,6 +253,9 @@ impl<'a> Recorder<'a> {
             let channels = self.rig.channel.len();
             for s in self.taken.drain(..) {
                 let counts = &s.counts[..channels];
+                if let Some(tick) = self.accounting.boot_before(s.tick) {
+                    writer.boot(tick);
+                }
                 writer.push(&Sample { tick: s.tick, counts, phase: s.phase, amplitude_nm: s.amplitude_nm })?;
                 self.last_tick = Some(s.tick);
             }
@@ -273,6 +276,7 @@ impl<'a> Recorder<'a> {
                 .hello
                 .as_ref()
                 .map_or(self.rig.sample_rate_hz, |h| f64::from(h.sample_rate_millihertz) / 1000.0),
+            boots: Vec::new(),
         }
     }
 

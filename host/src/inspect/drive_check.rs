@@ -158,6 +158,7 @@ mod tests {
         let phase = |i: u32| advance.wrapping_mul(i.min(400) + i.saturating_sub(600));
         let segment = Segment {
             first_tick: 0,
+            boot: 0,
             start_s: 0.0,
             step_s: 0.002,
             jitter_s: 0.0,

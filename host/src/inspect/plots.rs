@@ -165,6 +165,7 @@ mod tests {
         };
         let segment = |k: i64| Segment {
             first_tick: 20 * k,
+            boot: 0,
             start_s: 0.02 * k as f64,
             step_s: 0.001,
             jitter_s: 0.0,

@@ -68,6 +68,7 @@ fn record(rig: &Rig, columns: [Vec<i32>; 2]) -> Record {
         channels: rig.channel.clone(),
         segments: vec![Segment {
             first_tick: 0,
+            boot: 0,
             start_s: 0.0,
             step_s: 0.002,
             jitter_s: 0.0,

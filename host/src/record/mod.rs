@@ -63,6 +63,9 @@ pub struct Record {
 pub struct Segment {
     /// Tick of the first sample (device's own, or rows counted at the sampling rate from the first row).
     pub first_tick: i64,
+    /// Boot of the device from which it is, 0 for the first that the capture saw. A restart takes the encoders' zero away:
+    /// counts of different boots differ by offsets that nobody knows. 0 where the record does not tell boots.
+    pub boot: u32,
     /// Time of the first sample, s.
     pub start_s: f64,
     /// Spacing, s.
@@ -187,6 +190,17 @@ pub struct Metadata {
     pub written_by: String,
     /// Sampling rate of the device's clock, Hz (0: not known).
     pub sample_rate_hz: f64,
+    /// Tick of the first sample of each boot of the device after the first, increasing; empty where it never restarted.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub boots: Vec<i64>,
+}
+
+impl Metadata {
+    /// Boot of the device from which the sample of a tick is, 0 for the first.
+    pub fn boot_at(&self, tick: i64) -> u32 {
+        // Bounded by the boots that a record lists.
+        u32::try_from(self.boots.partition_point(|first| *first <= tick)).unwrap_or(u32::MAX)
+    }
 }
 
 impl Record {

@@ -390,14 +390,17 @@ fn structure(source: &Arc<ParquetSource>, path: &Path) -> Result<Structure> {
                     "Copy or export the file again: only whirl's own records can be recovered without their footer",
                 ));
             };
-            let (metadata, _) = own_metadata(&first.metadata);
+            let (mut metadata, _) = own_metadata(&first.metadata);
             let (mut groups, mut checksums) = (vec![], vec![]);
             let mut start = first.end;
-            for Marker { data_crc, metadata, offset, end } in markers {
+            for Marker { data_crc, metadata: of_group, offset, end } in markers {
                 // A row group stands right between two markers: one whose own marker is damaged ends the readable part.
                 let fits = |g: &RowGroupMetaData| extent(g) == offset.checked_sub(start).map(|n| (start, n));
-                match metadata.row_groups() {
+                match of_group.row_groups() {
                     [group] if first.offset == 4 && fits(group) => {
+                        if let (Some(metadata), Some(boots)) = (&mut metadata, boots(&of_group)) {
+                            metadata.boots = boots;
+                        }
                         groups.push(group.clone());
                         checksums.push(data_crc);
                         start = end;
@@ -418,13 +421,23 @@ fn structure(source: &Arc<ParquetSource>, path: &Path) -> Result<Structure> {
     }
 }
 
+/// Value of one of whirl's keys.
+fn value(file: &ParquetMetaData, key: &str) -> Option<String> {
+    let pairs = file.file_metadata().key_value_metadata();
+    pairs?.iter().find(|kv| kv.key.strip_prefix(KEY) == Some(key))?.value.clone()
+}
+
+/// Ticks at which boots begin, where the file or a row group's marker lists any; in order, whatever the file says.
+fn boots(file: &ParquetMetaData) -> Option<Vec<i64>> {
+    let mut boots: Vec<i64> = serde_json::from_str(&value(file, "boots")?).ok()?;
+    boots.sort_unstable();
+    boots.dedup();
+    Some(boots)
+}
+
 /// whirl's own metadata, where the file has it.
 fn own_metadata(file: &ParquetMetaData) -> (Option<Metadata>, Option<Losses>) {
-    let pairs = file.file_metadata().key_value_metadata();
-    let get = |key: &str| {
-        let found = pairs?.iter().find(|kv| kv.key.strip_prefix(KEY) == Some(key))?;
-        found.value.clone()
-    };
+    let get = |key: &str| value(file, key);
     if get("format").is_none() {
         return (None, None);
     }
@@ -440,6 +453,7 @@ fn own_metadata(file: &ParquetMetaData) -> (Option<Metadata>, Option<Losses>) {
             .and_then(|s| s.parse().ok())
             .filter(|r: &f64| r.is_finite())
             .unwrap_or(0.0),
+        boots: boots(file).unwrap_or_default(),
     };
     (Some(metadata), get("losses").and_then(|s| serde_json::from_str(&s).ok()))
 }

@@ -28,6 +28,7 @@ fn metadata() -> Metadata {
         source: "sim".into(),
         written_by: "whirl 0.1.0".into(),
         sample_rate_hz: 500.0,
+        boots: Vec::new(),
     }
 }
 
@@ -105,6 +106,31 @@ fn a_crash_leaves_whole_groups() {
     // The process is gone: no finish.
     drop(w);
     assert_eq!(read_with(&path, true).unwrap().samples(), 5000);
+}
+
+#[test]
+fn boots_are_kept_with_and_without_a_footer() {
+    let (_dir, path) = dir();
+    for whole in [true, false] {
+        let mut w = RecordWriter::create(&path, &metadata(), &rig()).unwrap();
+        // The second boot begins within the second row group, the third within the fourth.
+        for i in (0..11_000).filter(|i| ![3000, 9000].contains(i)) {
+            if [3001, 9001].contains(&i) {
+                w.boot(i);
+            }
+            let (counts, phase) = sample(i);
+            w.push(&Sample { tick: i, counts: &counts, phase, amplitude_nm: 0 }).unwrap();
+        }
+        if whole {
+            w.finish(&Losses::default()).unwrap();
+        } else {
+            drop(w);
+        }
+        let r = read_with(&path, true).unwrap();
+        let boots: Vec<_> = r.segments.iter().map(|s| (s.first_tick, s.boot)).collect();
+        assert_eq!(boots, [(0, 0), (3001, 1), (9001, 2)], "whole {whole}");
+        assert_eq!(r.metadata.unwrap().boots, [3001, 9001]);
+    }
 }
 
 #[test]

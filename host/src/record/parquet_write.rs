@@ -78,6 +78,8 @@ pub(super) struct ParquetWriter {
     schema: Arc<SchemaDescriptor>,
     /// Rows in finished row groups.
     written: usize,
+    /// See [`Metadata::boots`].
+    boots: Vec<i64>,
     tick: Vec<i64>,
     t: Vec<f64>,
     counts: Vec<Vec<i32>>,
@@ -100,6 +102,12 @@ fn key_values(metadata: &Metadata) -> Vec<KeyValue> {
         pairs.push(("started_at", Some(at.clone())));
     }
     pairs.into_iter().map(|(k, v)| KeyValue::new(format!("{KEY}{k}"), v)).collect()
+}
+
+/// whirl's key for the boots, where there was a restart.
+fn boots(boots: &[i64]) -> Option<KeyValue> {
+    let list: Vec<String> = boots.iter().map(i64::to_string).collect();
+    (!list.is_empty()).then(|| KeyValue::new(format!("{KEY}boots"), format!("[{}]", list.join(","))))
 }
 
 impl ParquetWriter {
@@ -142,12 +150,17 @@ impl ParquetWriter {
             writer,
             schema,
             written: 0,
+            boots: metadata.boots.clone(),
             tick: Vec::with_capacity(GROUP_ROWS),
             t: Vec::with_capacity(GROUP_ROWS),
             counts: vec![column.clone(); rig.channel.len()],
             phase: column.clone(),
             amplitude_nm: column,
         })
+    }
+
+    pub(super) fn boot(&mut self, tick: i64) {
+        self.boots.push(tick);
     }
 
     pub(super) fn push(&mut self, sample: &Sample<'_>) -> Result<()> {
@@ -191,7 +204,7 @@ impl ParquetWriter {
         self.writer.flush()?;
         let crc = self.writer.inner().crc.sum();
         let last = self.writer.flushed_row_groups().last().cloned();
-        let bytes = marker(&self.schema, None, last, crc)?;
+        let bytes = marker(&self.schema, boots(&self.boots).map(|boots| vec![boots]), last, crc)?;
         self.writer.write_all(&bytes)?;
         self.writer.flush()?;
         Ok(())
@@ -201,6 +214,9 @@ impl ParquetWriter {
         self.write_group()?;
         let json = serde_json::to_string(losses).map_err(|e| BadInput::new(e.to_string(), "").in_file(&self.path))?;
         self.writer.append_key_value_metadata(KeyValue::new(format!("{KEY}losses"), json));
+        if let Some(boots) = boots(&self.boots) {
+            self.writer.append_key_value_metadata(boots);
+        }
         self.writer.finish().map_err(|e| failed(&self.path, &e))?;
         self.writer.inner().file.sync_all().map_err(|e| BadInput::io(&self.path, &e))
     }

@@ -85,12 +85,14 @@ pub(super) fn assemble(
             device.as_mut().map(column).map(|c| if whole { std::mem::take(c) } else { c[range.clone()].to_vec() })
         };
         let (phase, amplitude_nm) = (own(|d| &mut d.phase), own(|d| &mut d.amplitude_nm));
+        let first_tick = match &device {
+            Some(d) => d.tick[range.start],
+            // Saturates for absurdly long gaps.
+            None => ((t[0] - rows.t[0]) / step).round() as i64,
+        };
         segments.push(Segment {
-            first_tick: match &device {
-                Some(d) => d.tick[range.start],
-                // Saturates for absurdly long gaps.
-                None => ((t[0] - rows.t[0]) / step).round() as i64,
-            },
+            first_tick,
+            boot: metadata.as_ref().filter(|_| device.is_some()).map_or(0, |m| m.boot_at(first_tick)),
             start_s: clock.start_s,
             step_s: clock.step_s,
             jitter_s: clock.jitter_s,
@@ -145,7 +147,7 @@ fn split(rows: &Rows<'_>, step: f64, losses: &mut Losses) -> Vec<Range<usize>> {
     for i in 0..rows.t.len() {
         if i > 0 {
             let lost = match ticks {
-                // Ticks have been checked to increase.
+                // Ticks have been checked to increase. Between two boots one is missing at least (see capture::accounting).
                 Some(tick) => tick[i].abs_diff(tick[i - 1]).saturating_sub(1),
                 None => lost_between(rows.t[i] - rows.t[i - 1], step),
             };

@@ -65,6 +65,13 @@ impl RecordWriter {
         Ok(Self { path: path.to_path_buf(), channels: rig.channel.len(), last_tick: None, rows: 0, inner })
     }
 
+    /// The device has restarted: the samples from this tick on are of another boot (CSV has no room for it).
+    pub fn boot(&mut self, tick: i64) {
+        if let Inner::Parquet(w) = &mut self.inner {
+            w.boot(tick);
+        }
+    }
+
     /// Appends a sample.
     ///
     /// # Errors

@@ -58,6 +58,7 @@ fn record(rig: &Rig, step_s: f64, columns: Vec<Column>, phase: Option<Vec<u32>>)
         channels: rig.channel.clone(),
         segments: vec![Segment {
             first_tick: 0,
+            boot: 0,
             start_s: 0.0,
             step_s,
             jitter_s: 0.0,

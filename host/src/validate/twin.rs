@@ -69,6 +69,7 @@ pub fn record<D: Dynamics + ?Sized>(
         channels: like.channels.clone(),
         segments: vec![Segment {
             first_tick: 0,
+            boot: 0,
             start_s: stretch.start_s,
             step_s: stretch.step_s,
             jitter_s: 0.0,
