@@ -83,7 +83,8 @@ pub fn judge(result: &mut Identification, rig: &Rig) {
         && ratio > BESIDE_NOISE
     {
         // What a model misses comes back wherever the motion does: it is no sign of a periodic record.
-        let percent = |of: &[f64]| of.iter().map(|e| format!("{} %", significant(100.0 * e, 2))).collect::<Vec<_>>().join(", ");
+        let percent =
+            |of: &[f64]| of.iter().map(|e| format!("{} %", significant(100.0 * e, 2))).collect::<Vec<_>>().join(", ");
         result.warnings.push(
             Warning::new(
                 "model-misses-something",
@@ -148,7 +149,9 @@ fn signs(c: &Coefficients<'_>) -> Vec<Warning> {
                 ),
                 "Is a channel dead, exchanged with the other, or of another number of counts a turn? See `whirl inspect`",
             );
-            out.push(warning.invalidating().with("parameter", "B11 B21").with("value", product).with("std_error", error));
+            out.push(
+                warning.invalidating().with("parameter", "B11 B21").with("value", product).with("std_error", error),
+            );
         }
     }
     out
@@ -265,7 +268,9 @@ pub(super) mod tests {
                     unit: "1".to_owned(),
                 })
                 .collect(),
-            correlation: (0..TRUE.len()).map(|i| (0..TRUE.len()).map(|j| f64::from(u8::from(i == j))).collect()).collect(),
+            correlation: (0..TRUE.len())
+                .map(|i| (0..TRUE.len()).map(|j| f64::from(u8::from(i == j))).collect())
+                .collect(),
             correlation_names: TRUE.iter().map(|t| t.0.to_owned()).collect(),
             details: Details { jackknife_blocks: 29, ..Details::default() },
             ..Identification::default()

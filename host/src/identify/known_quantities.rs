@@ -40,9 +40,19 @@ struct Relation {
 
 const DOUBLE: &[Relation] = &[
     // l1 B22 Ω²/(g B21).
-    Relation { quantities: &[("l1", "m", 1.0), ("g", "m/s²", -1.0)], coefficients: &[("B22", 1.0), ("B21", -1.0)], omega: 1.0, at_least: false },
+    Relation {
+        quantities: &[("l1", "m", 1.0), ("g", "m/s²", -1.0)],
+        coefficients: &[("B22", 1.0), ("B21", -1.0)],
+        omega: 1.0,
+        at_least: false,
+    },
     // a B22 Ω²/(g B25).
-    Relation { quantities: &[("a", "m", 1.0), ("g", "m/s²", -1.0)], coefficients: &[("B22", 1.0), ("B25", -1.0)], omega: 1.0, at_least: false },
+    Relation {
+        quantities: &[("a", "m", 1.0), ("g", "m/s²", -1.0)],
+        coefficients: &[("B22", 1.0), ("B25", -1.0)],
+        omega: 1.0,
+        at_least: false,
+    },
     // J_o2 B22 Ω²/(g m2 e2).
     Relation {
         quantities: &[("J_o2", "kg m²", 1.0), ("m2", "kg", -1.0), ("e2", "m", -1.0), ("g", "m/s²", -1.0)],
@@ -58,9 +68,19 @@ const DOUBLE: &[Relation] = &[
         at_least: false,
     },
     // J_o2 = g m2 e2/(B22 Ω²) ≥ m2 e2².
-    Relation { quantities: &[("g", "m/s²", 1.0), ("e2", "m", -1.0)], coefficients: &[("B22", -1.0)], omega: -1.0, at_least: true },
+    Relation {
+        quantities: &[("g", "m/s²", 1.0), ("e2", "m", -1.0)],
+        coefficients: &[("B22", -1.0)],
+        omega: -1.0,
+        at_least: true,
+    },
     // J_o1 = m2 e2 l1/B11 ≥ m2 l1².
-    Relation { quantities: &[("e2", "m", 1.0), ("l1", "m", -1.0)], coefficients: &[("B11", -1.0)], omega: 0.0, at_least: true },
+    Relation {
+        quantities: &[("e2", "m", 1.0), ("l1", "m", -1.0)],
+        coefficients: &[("B11", -1.0)],
+        omega: 0.0,
+        at_least: true,
+    },
 ];
 
 const SINGLE: &[Relation] = &[
@@ -72,7 +92,12 @@ const SINGLE: &[Relation] = &[
         at_least: false,
     },
     // J_o1 = g m1 e1/(q_sin Ω²) ≥ m1 e1².
-    Relation { quantities: &[("g", "m/s²", 1.0), ("e1", "m", -1.0)], coefficients: &[("q_sin", -1.0)], omega: -1.0, at_least: true },
+    Relation {
+        quantities: &[("g", "m/s²", 1.0), ("e1", "m", -1.0)],
+        coefficients: &[("q_sin", -1.0)],
+        omega: -1.0,
+        at_least: true,
+    },
 ];
 
 /// A warning for every relation that the record contradicts. `spread`: by how much standard errors are widened.

@@ -4,6 +4,7 @@
 //! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
 
 mod assembly;
+pub mod boots;
 pub mod chain_bias;
 pub mod energy_balance;
 pub mod from_rows;
@@ -308,6 +309,9 @@ pub fn prepare(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Pre
 pub fn prepare_system(system: &System, records: &[Record], rig: &Rig, settings: &Settings) -> Result<Prepared> {
     let step_s = 1.0 / rig.sample_rate_hz;
     let mut warnings: Vec<Warning> = records.iter().flat_map(|r| r.warnings.clone()).collect();
+    let (records, restarted) = boots::of_known_zero(records);
+    let records = &*records;
+    warnings.extend(restarted);
     let mut segments = Vec::new();
     for record in records {
         for segment in system.segments(record, rig)? {
@@ -504,7 +508,8 @@ fn geometry(
     };
     let greatest = |f: fn(&noise::Noise) -> f64| noises.iter().flatten().map(f).fold(0.0_f64, f64::max);
     let default_window = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
-    let length_s = check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window.max(32.0 * step_s));
+    let length_s =
+        check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window.max(32.0 * step_s));
     let hop_s = 0.5 * length_s;
     // Eight test functions at least; in a window too short for them, those that the rate allows.
     let free_top = greatest(|n| n.acceleration_99_hz).min(rate / 16.0).max((8.0 / length_s).min(rate / 8.0));

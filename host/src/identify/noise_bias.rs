@@ -122,7 +122,8 @@ pub(crate) fn from_rows(
     weights: &[Vec<f64>],
 ) -> Option<Bias> {
     let sums = |rows: &[WindowRows]| RunSums::new(rows, stretches, terms, weights);
-    let (plain, repeats): (RunSums, Vec<RunSums>) = (sums(plain_rows), repeats_rows.par_iter().map(|r| sums(r)).collect());
+    let (plain, repeats): (RunSums, Vec<RunSums>) =
+        (sums(plain_rows), repeats_rows.par_iter().map(|r| sums(r)).collect());
     // δ from all stretches but one (or from all).
     let delta = |without: Option<usize>| {
         let mut mean = -plain.solve(without)?;

@@ -35,7 +35,11 @@ pub fn error(result: &Identification) -> String {
     format!(
         "identification error {}{} (bound {:.0} %)",
         list(&result.identification_error),
-        if expected.is_empty() { String::new() } else { format!(", where this record's sensors explain {}", list(expected)) },
+        if expected.is_empty() {
+            String::new()
+        } else {
+            format!(", where this record's sensors explain {}", list(expected))
+        },
         100.0 * ERROR_BOUND
     )
 }

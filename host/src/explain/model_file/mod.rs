@@ -101,6 +101,8 @@ struct Setting<'a> {
     split: Split,
     circle: Vec<bool>,
     block_s: f64,
+    /// Whether what is told of effects is scaled by the caller.
+    scaled_elsewhere: bool,
 }
 
 /// What is known of a single pendulum beside its equation: effects of the drive are candidates then.
@@ -137,6 +139,7 @@ pub fn explain(
         split: Split::new(model, records.len()),
         circle: model.circle(),
         block_s: BLOCK_S.min(seconds / 12.0).max(geometry.windows.length_s),
+        scaled_elsewhere: beside.is_some(),
     };
     let horizon_s = told::horizon(rig, settings, &stretches)?;
     let along: Vec<Along> = stretches.iter().map(|s| Along::new(s, rig.drive.map_or(0.0, |_| rig.omega()))).collect();
