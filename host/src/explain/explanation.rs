@@ -269,7 +269,15 @@ impl Explanation {
     /// Whether the last fit diverged; what is not a number is then left out, so that nothing of it is told.
     pub(super) fn settle(&mut self) -> bool {
         let diverged = self.gap.steps.last().is_none_or(|s| self.gap.diverged(s.value));
-        self.gap.steps.retain(Step::is_finite);
+        let (all, gap) = (self.gap.steps.len(), self.gap.clone());
+        self.gap.steps.retain(|s| !gap.diverged(s.value) && s.is_finite());
+        if !diverged && self.gap.steps.len() < all {
+            self.warnings.push(Warning::new(
+                "diverged",
+                "predictions by the model before it was fitted miss by more than the record itself moves",
+                "They are left out of the gap",
+            ));
+        }
         self.gap.horizons.retain(|h| h.0.is_finite() && h.1.is_finite() && h.2.is_finite());
         self.gap.attractor.retain(|a| a.prediction_horizon_s.is_finite());
         self.gap.forecasts.iter_mut().for_each(|f| f.steps.retain(Step::is_finite));
@@ -330,7 +338,10 @@ mod tests {
             let mut e = with(1000.0, &[5.0, last]);
             assert_eq!(e.settle(), diverged, "{last}");
             let text = serde_json::to_string(&e).unwrap();
-            assert!(!text.contains("\"value\":null") && !text.contains("residual_power"), "{text}");
+            assert!(
+                !text.contains("null,\"value\":null") && !text.contains("e46") && !text.contains("residual_power"),
+                "{text}"
+            );
         }
         // A record at rest: its motion is noise, and so is what predictions miss.
         assert!(!with(1.0, &[1.1]).settle());
@@ -341,7 +352,7 @@ mod tests {
     fn many_noise_floors_are_told_in_the_sensors_unit() {
         let e = with(1e6, &[]);
         assert_eq!(e.gap.told(3.14), "3.14 noise floors");
-        assert_eq!(e.gap.told(91_000.0), "9.10 mm (the sensors' noise is 0.100 µm)");
+        assert_eq!(e.gap.told(91_000.0), "9.10 mm (the sensors' noise is 100 nm)");
         assert!(e.gap.told(f64::NAN).contains("diverged"));
     }
 }

@@ -20,6 +20,8 @@ use crate::report::format::{quantity, significant};
 use crate::rig::{GRAVITY, Rig};
 use crate::warning::Warning;
 
+/// Warning where something that is said to be known does not agree with the record.
+pub const CONTRADICTED: &str = "known-contradicted";
 /// Density of the densest element, osmium, kg/m³.
 const DENSEST: f64 = 22_590.0;
 /// Length of a body along its axis, in radii, beyond which none is built that swings across it.
@@ -187,7 +189,7 @@ impl Relation {
         }
         let names: Vec<&str> = self.quantities.iter().map(|q| q.0).filter(|n| *n != "g").collect();
         let warning = Warning::new(
-            "known-contradicted",
+            CONTRADICTED,
             format!(
                 "[known] {} {} with the record by {} %. One of these would agree: {}",
                 names.join(", "),
@@ -231,7 +233,7 @@ fn too_dense(
     let length = m / (core::f64::consts::PI * radius * radius * DENSEST);
     (length > LONGEST * radius).then(|| {
         Warning::new(
-            "known-contradicted",
+            CONTRADICTED,
             format!(
                 "[known] {mass} = {} cannot swing as this record shows: about a radius of gyration of {} even a body of the densest metal would be {} thick",
                 told(m, "kg"),

@@ -9,11 +9,12 @@ pub mod chain_bias;
 pub mod energy_balance;
 pub mod from_rows;
 pub mod general;
+mod geometry;
 pub mod harmonic_balance;
 pub mod identifiability;
 pub mod instruments;
 pub mod judgement;
-mod known_quantities;
+pub mod known_quantities;
 pub mod model_file;
 pub mod noise_bias;
 pub mod physical_parameters;
@@ -37,7 +38,6 @@ use crate::model::double_pendulum::{DAMPINGS, DEFAULT_DAMPINGS, Damping};
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::signal::angles::AngleSegment;
-use crate::signal::low_pass::Kernel;
 use crate::signal::noise;
 use crate::warning::Warning;
 
@@ -326,7 +326,7 @@ pub fn prepare_system(system: &System, records: &[Record], rig: &Rig, settings: 
     };
     let (first, second) = rayon::join(|| noise_of(0), || noise_of(1));
     let noises: [Option<noise::Noise>; 2] = [first, second];
-    let (windows, kernels) = geometry(rig, settings, &noises, step_s)?;
+    let (windows, kernels) = geometry::geometry(rig, settings, &noises, step_s)?;
     let needed = windows::samples_needed(&windows, &kernels, step_s);
     let longest = segments.iter().map(AngleSegment::len).max().unwrap_or(0);
     if longest < needed {
@@ -490,41 +490,6 @@ fn correlation_of(covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {
                 .collect()
         })
         .collect()
-}
-
-/// Windows and low-pass from settings, rig and the record's spectrum.
-fn geometry(
-    rig: &Rig,
-    settings: &Settings,
-    noises: &[Option<noise::Noise>; 2],
-    step_s: f64,
-) -> Result<(Windows, Kernels)> {
-    let rate = rig.sample_rate_hz;
-    let check = |option: &str, value: Option<f64>, low: f64, high: f64| match value {
-        Some(v) if !(v >= low && v <= high) => {
-            Err(BadInput::new(v.to_string(), format!("a value from {low} to {high}")).at(option.to_owned()))
-        }
-        v => Ok(v),
-    };
-    let greatest = |f: fn(&noise::Noise) -> f64| noises.iter().flatten().map(f).fold(0.0_f64, f64::max);
-    let default_window = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
-    let length_s =
-        check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window.max(32.0 * step_s));
-    let hop_s = 0.5 * length_s;
-    // Eight test functions at least; in a window too short for them, those that the rate allows.
-    let free_top = greatest(|n| n.acceleration_99_hz).min(rate / 16.0).max((8.0 / length_s).min(rate / 8.0));
-    let top = check("--max-frequency-hz", settings.max_frequency_hz, 2.0 / length_s, rate / 8.0)?
-        .unwrap_or_else(|| rig.drive.map_or(free_top, |d| 2.0 * d.frequency_hz));
-    let frequencies = ((top * length_s).round() as usize).clamp(2, 400);
-    // The products of the regressors must keep everything up to the highest test frequency.
-    let least = (1.5 * top).min(0.15 * rate);
-    let default_pass = (1.15 * greatest(|n| n.signal_end_hz)).max(least).min(0.25 * rate);
-    let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);
-    let stop = (1.5 * pass).max(pass + 2.5 * top).min(0.45 * rate);
-    let clear = greatest(|n| n.clear_end_hz).max(least.min(pass)).min(pass);
-    let kernels =
-        Kernels { full: Kernel::design(step_s, pass, stop), clear: Kernel::design(step_s, clear, clear + stop - pass) };
-    Ok((Windows { length_s, hop_s, frequencies }, kernels))
 }
 
 /// Cuts segments to the stretches over which the device's drive ran steadily.

@@ -14,3 +14,4 @@ mod program;
 mod reduced;
 mod unplugged;
 mod validated;
+mod verdicts;
