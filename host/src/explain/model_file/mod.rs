@@ -64,6 +64,8 @@ const LEAST_KEPT: f64 = 0.5;
 const BLOCK_S: f64 = 4.0;
 /// Gap and residual up to which nothing counts as left.
 const EXPLAINED_GAP: f64 = 1.3;
+/// Why a model that cannot be simulated decides nothing.
+const UNPREDICTED: &str = "nothing can be predicted: that takes as many equations as coordinates";
 /// Shares of the record that simulations are fitted to.
 const FITTED: [f64; 2] = [2.0 / 3.0, 0.75];
 
@@ -209,6 +211,7 @@ pub fn explain(
     } else {
         (blocks < FEWEST_BLOCKS)
             .then(|| format!("{blocks} blocks of {:.3} s are too few to hold any out", setting.block_s))
+            .or_else(|| (model.equations.len() != model.coordinates.len()).then(|| UNPREDICTED.to_owned()))
     };
     measure::gap(&setting, &round, &chosen, &track, settings.model.is_some().then(|| "refit".to_owned()), &mut result)?;
     measure::simulate(&setting, (&round, &signs), &chosen, &track, &mut simulations, &unit)?;
