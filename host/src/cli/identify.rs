@@ -92,13 +92,7 @@ pub fn human(result: &Identification) -> String {
         let unit = if p.unit == "1" { "" } else { &p.unit };
         let _ = writeln!(text, "  {:<7} {} {unit}", p.name, plus_minus(p.value, 1.96 * p.std_error));
     }
-    let errors: Vec<String> = result.identification_error.iter().map(|e| format!("{:.2} %", 100.0 * e)).collect();
-    let _ = writeln!(
-        text,
-        "identification error {} (bound {:.0} %); ± is 1.96 standard errors",
-        errors.join(", "),
-        100.0 * ERROR_BOUND
-    );
+    let _ = writeln!(text, "{}; ± is 1.96 standard errors", presentation::error(result));
     if let Some(s) = &result.shooting {
         let ratios: Vec<String> = s.noise_ratio.iter().map(|r| significant(*r, 3)).collect();
         let _ = writeln!(

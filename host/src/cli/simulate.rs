@@ -62,7 +62,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
 /// Simulates a model file.
 #[cfg(feature = "sim")]
 fn model_file(arguments: &Arguments, rig: &Rig, bound: &crate::rig::measures::Bound) -> Result<Answer> {
-    let put_in = crate::explain::model_file::put_in::terms(&bound.model, &arguments.effects)?;
+    let put_in = crate::explain::model_file::put_in::terms(&bound.model, rig.omega(), &arguments.effects)?;
     let samples = crate::model::model_file::simulation::record(
         rig,
         bound,

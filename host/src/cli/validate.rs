@@ -66,12 +66,12 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         seed: arguments.seed,
         bifurcation: arguments.bifurcation.clone(),
     };
-    let bar = super::progress::bar("validating", 1);
-    let result = validate(&records, &rig, &model, Beside { free: free.as_ref(), inspection: None }, &settings)
-        .map_err(|e| {
-            // What is wrong in the model has no file yet; records and rig name theirs.
-            if e.place.as_deref().is_some_and(|p| p.starts_with("--")) { e } else { e.in_file(&arguments.model) }
-        })?;
+    let bar = super::progress::bar("validating", 0);
+    let beside = Beside { free: free.as_ref(), inspection: None, progress: Some(&bar) };
+    let result = validate(&records, &rig, &model, beside, &settings).map_err(|e| {
+        // What is wrong in the model has no file yet; records and rig name theirs.
+        if e.place.as_deref().is_some_and(|p| p.starts_with("--")) { e } else { e.in_file(&arguments.model) }
+    })?;
     bar.finish_and_clear();
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;

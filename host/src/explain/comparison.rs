@@ -94,6 +94,23 @@ impl<'a> Comparison<'a> {
         }
     }
 
+    /// Rms motion of the sensors about their mean over the windows of the gap, in units of their noise; none where that is unknown.
+    pub(super) fn motion(&self) -> Option<f64> {
+        let (mut sum, mut count) = (0.0, 0);
+        for &(s, first, n) in &self.held_out {
+            let phi = &self.raw[s].phi;
+            let relative = self.raw[s].relative;
+            for k in 0..2 {
+                let shown = |i: usize| phi[k][i] - if k == 1 && relative { phi[0][i] } else { 0.0 };
+                let mean = (first..first + n).map(shown).sum::<f64>() / n.max(1) as f64;
+                sum += (first..first + n).map(|i| ((shown(i) - mean) / self.sigma[k]).powi(2)).sum::<f64>();
+                count += n;
+            }
+        }
+        let rms = (sum / count as f64).sqrt();
+        (rms.is_finite() && rms > 0.0).then_some(rms)
+    }
+
     /// The gap of the model with coefficients `x`, fitted to the windows outside of the held-out blocks.
     fn gap(&self, state: &State, x: &DVector<f64>) -> f64 {
         gap::gap(&state.context, &Model::of(state, x), self.raw, &self.held_out, self.sigma)

@@ -26,6 +26,9 @@ const WORST_CONDITION: f64 = 100.0;
 /// Why a locked record cannot.
 pub(super) const LOCKED: &str = "the motion repeats (locked to the drive): one orbit cannot tell effects apart. Change the drive until the motion is chaotic";
 
+/// Why a fit that diverged cannot.
+pub(super) const DIVERGED: &str = "the fit diverged: the model's predictions miss by more than the record itself moves, so that nothing follows from them. See `whirl inspect` for the channels, and check units and signs in the rig file";
+
 /// Why this record cannot decide, if it cannot.
 pub(super) fn undecidable(
     records: &[Record],
@@ -72,15 +75,26 @@ pub(super) fn locked(record: &Record, rig: &Rig) -> bool {
 
 /// The verdict and its reason from everything that was measured. `patched`: a joint at which several effects stand for one shape, and their names.
 pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, patched: Option<(&'static str, String)>) {
-    let gap = result.gap.steps.last().map_or(f64::NAN, |s| s.value);
     let power = result.residual_power[1];
     let horizon_s = result.gap.horizon_s;
     let far =
         result.gap.horizons.iter().filter(|h| h.0 <= VERDICT_HORIZONS * horizon_s).map(|h| h.2).fold(0.0, f64::max);
-    let left = gap > EXPLAINED_GAP || far > EXPLAINED_GAP || power > EXPLAINED_POWER;
-    let noise = format!(
-        "what is left has {power:.2} times the power that the sensors' noise gives, and predictions over {horizon_s:.3} s miss by {gap:.2} noise floors"
+    let diverged = result.settle();
+    let gap = result.gap.steps.last().map_or(f64::NAN, |s| s.value);
+    // Every comparison fails for what is not a number: it is left over then.
+    let within = gap <= EXPLAINED_GAP && far <= EXPLAINED_GAP && power <= EXPLAINED_POWER;
+    let left = !within;
+    let mut noise = format!(
+        "what is left has {power:.2} times the power that the sensors' noise gives, and predictions over {horizon_s:.3} s miss by {}",
+        result.gap.told(gap)
     );
+    // Where longer predictions decided, their number is told.
+    if far > EXPLAINED_GAP
+        && let Some(h) = result.gap.horizons.iter().find(|h| h.2 >= far)
+    {
+        noise += &format!(", over {:.3} s by {}", h.0, result.gap.told(h.2));
+    }
+    let undecidable = undecidable.or_else(|| diverged.then(|| DIVERGED.to_owned()));
     (result.verdict, result.reason) = match (undecidable, left, result.effects.is_empty()) {
         (Some(reason), ..) => {
             result.effects.clear();

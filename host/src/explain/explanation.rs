@@ -6,10 +6,12 @@ use serde::Serialize;
 
 use super::attractor::Attractor;
 use super::comparison::Measured;
+use super::decidability::EXPLAINED_GAP;
 use super::residual_map;
 use super::unknown::Unknown;
 use crate::identify::Parameter;
 use crate::model::identified::{AddedEffect, IdentifiedModel};
+use crate::report::format::{quantity, significant};
 use crate::warning::Warning;
 
 /// The verdict.
@@ -88,6 +90,13 @@ pub struct Step {
     pub value: f64,
 }
 
+impl Step {
+    /// Whether its value is a number.
+    pub(super) fn is_finite(&self) -> bool {
+        self.value.is_finite()
+    }
+}
+
 /// The gap before and after each step.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Gap {
@@ -95,6 +104,12 @@ pub struct Gap {
     pub unit: &'static str,
     /// 1.
     pub floor: f64,
+    /// One noise floor in the sensors' own unit, where they share one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub floor_in: Option<InUnit>,
+    /// How much the record itself moves over the same windows, about its mean, in `unit`: predictions that miss by more diverged.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion: Option<f64>,
     /// Horizon, s.
     pub horizon_s: f64,
     /// The steps.
@@ -107,7 +122,41 @@ pub struct Gap {
     pub forecasts: Vec<Forecast>,
 }
 
+/// A value with its unit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct InUnit {
+    /// Value.
+    pub value: f64,
+    /// Unit.
+    pub unit: String,
+}
+
+/// Noise floors up to which a gap is told in them.
+const MANY_FLOORS: f64 = 100.0;
+
 impl Gap {
+    /// Whether predictions that miss by `value` say less than the record's mean would. Where nothing is known of the
+    /// motion, whether it is a number at all.
+    pub(super) fn diverged(&self, value: f64) -> bool {
+        let most = self.motion.map_or(f64::MAX, |m| m.max(EXPLAINED_GAP));
+        value.is_nan() || value > most
+    }
+
+    /// A value in words: in noise floors, or, where these are so many that they tell nothing, in the sensors' own unit.
+    pub fn told(&self, value: f64) -> String {
+        if self.diverged(value) {
+            return "no prediction: the fit diverged".to_owned();
+        }
+        match &self.floor_in {
+            Some(floor) if value > MANY_FLOORS => format!(
+                "{} (the sensors' noise is {})",
+                quantity(value * floor.value, &floor.unit, 3),
+                quantity(floor.value, &floor.unit, 3)
+            ),
+            _ => format!("{} noise floors", significant(value, 3)),
+        }
+    }
+
     /// Takes over what was measured after a step.
     pub(super) fn push(&mut self, added: Option<String>, measured: &Measured) {
         self.steps.push(Step { added: added.clone(), value: measured.gap });
@@ -186,7 +235,8 @@ pub struct Explanation {
     pub where_before: Vec<residual_map::Where>,
     /// Parameters of the model with its effects.
     pub parameters: Vec<Parameter>,
-    /// Ratio of residual to noise power in the rows, before and after.
+    /// Ratio of residual to noise power in the rows, before and after; left out where there is none.
+    #[serde(skip_serializing_if = "has_nan")]
     pub residual_power: [f64; 2],
     /// Best candidates of each step.
     pub ranking: Vec<Ranked>,
@@ -211,12 +261,37 @@ pub struct Explanation {
     pub warnings: Vec<Warning>,
 }
 
+fn has_nan(of: &[f64; 2]) -> bool {
+    of.iter().any(|x| !x.is_finite())
+}
+
 impl Explanation {
+    /// Whether the last fit diverged; what is not a number is then left out, so that nothing of it is told.
+    pub(super) fn settle(&mut self) -> bool {
+        let diverged = self.gap.steps.last().is_none_or(|s| self.gap.diverged(s.value));
+        let (all, gap) = (self.gap.steps.len(), self.gap.clone());
+        self.gap.steps.retain(|s| !gap.diverged(s.value) && s.is_finite());
+        if !diverged && self.gap.steps.len() < all {
+            self.warnings.push(Warning::new(
+                "diverged",
+                "predictions by the model before it was fitted miss by more than the record itself moves",
+                "They are left out of the gap",
+            ));
+        }
+        self.gap.horizons.retain(|h| h.0.is_finite() && h.1.is_finite() && h.2.is_finite());
+        self.gap.attractor.retain(|a| a.prediction_horizon_s.is_finite());
+        self.gap.forecasts.iter_mut().for_each(|f| f.steps.retain(Step::is_finite));
+        self.simulation.iter_mut().for_each(|s| s.steps.retain(Step::is_finite));
+        diverged
+    }
+
     /// Nothing known yet.
     pub(super) fn new(horizon_s: f64, warnings: Vec<Warning>) -> Self {
         let gap = Gap {
             unit: "noise floors",
             floor: 1.0,
+            floor_in: None,
+            motion: None,
             horizon_s,
             steps: Vec::new(),
             horizons: Vec::new(),
@@ -242,5 +317,42 @@ impl Explanation {
             model: None,
             warnings,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn with(motion: f64, values: &[f64]) -> Explanation {
+        let mut out = Explanation::new(0.2, Vec::new());
+        out.gap.motion = Some(motion);
+        out.gap.floor_in = Some(InUnit { value: 1e-7, unit: "m".to_owned() });
+        out.gap.steps = values.iter().map(|v| Step { added: None, value: *v }).collect();
+        out
+    }
+
+    #[test]
+    fn what_misses_by_more_than_the_record_moves_diverged() {
+        for (last, diverged) in [(1.2, false), (900.0, false), (1e46, true), (f64::NAN, true), (f64::INFINITY, true)] {
+            let mut e = with(1000.0, &[5.0, last]);
+            assert_eq!(e.settle(), diverged, "{last}");
+            let text = serde_json::to_string(&e).unwrap();
+            assert!(
+                !text.contains("null,\"value\":null") && !text.contains("e46") && !text.contains("residual_power"),
+                "{text}"
+            );
+        }
+        // A record at rest: its motion is noise, and so is what predictions miss.
+        assert!(!with(1.0, &[1.1]).settle());
+        assert!(with(1000.0, &[]).settle());
+    }
+
+    #[test]
+    fn many_noise_floors_are_told_in_the_sensors_unit() {
+        let e = with(1e6, &[]);
+        assert_eq!(e.gap.told(3.14), "3.14 noise floors");
+        assert_eq!(e.gap.told(91_000.0), "9.10 mm (the sensors' noise is 100 nm)");
+        assert!(e.gap.told(f64::NAN).contains("diverged"));
     }
 }

@@ -36,9 +36,11 @@ use serde::Serialize;
 
 use self::comparison::{Comparison, Measured};
 use self::decidability::EXPLAINED_GAP;
+use self::explanation::InUnit;
 use self::naming::{choose, refit};
 use self::state::{Candidate, Chosen, State, candidates, start};
 use crate::error::{BadInput, Result};
+use crate::identify::known_quantities::CONTRADICTED;
 use crate::identify::{self, Geometry, Prepared, Settings as IdentifySettings};
 use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
@@ -87,6 +89,10 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     let comparison = Comparison::new(&raw, &geometry, sigma, horizon_s, rig.drive.is_some(), settings);
     let undecidable = decidability::undecidable(records, rig, &first, &comparison);
     let mut result = Explanation::new(horizon_s, warnings);
+    result.warnings.extend(first.warnings.iter().filter(|w| w.id == CONTRADICTED).cloned());
+    result.gap.motion = comparison.motion();
+    let noise = (0.5 * (sigma[0] * sigma[0] + sigma[1] * sigma[1])).sqrt().to_degrees();
+    result.gap.floor_in = Some(InUnit { value: noise, unit: "°".to_owned() });
     result.details = Details {
         samples: raw.iter().map(AngleSegment::len).sum(),
         window_s: geometry.windows.length_s,

@@ -1,5 +1,7 @@
 //! Parameters of the final model: coefficients of (3.4), physical values of dampings and effects, and the model for its file.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::Outcome;
@@ -9,7 +11,7 @@ use super::explanation::{Explanation, Found};
 use super::naming::compose;
 use super::state::{Chosen, State};
 use crate::identify::{self, Identification, Parameter};
-use crate::model::identified::{AddedEffect, IdentifiedModel, System};
+use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S, System};
 use crate::rig::Rig;
 
 /// Reads parameters and the effects' final values off the last fit (by shooting where the model leaves more than noise, otherwise the weak form).
@@ -114,7 +116,14 @@ pub(super) fn model(state: &State, rig: &Rig, result: &Explanation) -> Identifie
         .filter(|name| identify::damping(name).is_some())
         .collect();
     let given = result.given.iter().cloned();
+    let mut found_with = BTreeMap::new();
+    if !(result.given.is_empty() && result.effects.is_empty()) {
+        // A drive's phase or a zero is no quantity that an effect rests on.
+        found_with.extend(state.context.known.iter().filter(|(_, v)| **v > 0.0).map(|(k, v)| (k.clone(), *v)));
+        found_with.insert(RECORD_S.to_owned(), state.context.span_s[1]);
+    }
     IdentifiedModel {
+        found_with,
         name: rig.name.clone(),
         system: System::BuiltIn(rig.model.clone()),
         method: "explain".to_owned(),

@@ -35,9 +35,9 @@ pub fn human(e: &Explanation) -> String {
         }
         let _ = writeln!(out, "    to confirm: {}", f.confirm);
     }
-    let _ = writeln!(out, "gap over {} s, in noise floors:", significant(e.gap.horizon_s, 3));
+    let _ = writeln!(out, "gap over {} s:", significant(e.gap.horizon_s, 3));
     for s in &e.gap.steps {
-        let _ = writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("nominal model"), significant(s.value, 3));
+        let _ = writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("nominal model"), e.gap.told(s.value));
     }
     if let Some(before) = e.gap.attractor.first() {
         let both = |f: &dyn Fn(&Attractor) -> Option<f64>| -> String {

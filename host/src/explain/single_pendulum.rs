@@ -3,7 +3,7 @@
 //! The nominal model is θ″ with the rig file's dampings, gravity and the drive in its direction; what the identification adds to that (motion across the drive, a
 //! centroid off the arm's line) are effects here. Places: `joint1`, `arm1`, `drive`, `frame`.
 //!
-//! Values are physical where `[known]` has `J_o1`, otherwise divided by it: a strength k of the non-dimensional equation is k Ω² J.
+//! Values are physical where `[known]` has `J_o1`, or m1 e1 from which gravity gives it, otherwise divided by it: a strength k of the non-dimensional equation is k Ω² J.
 
 use core::f64::consts::TAU;
 
@@ -126,6 +126,16 @@ fn renamed(name: &str) -> String {
     }
 }
 
+/// Moment of inertia, kg m²: known, or from the known m e by gravity, q = m e g/(J Ω²).
+fn inertia(rig: &Rig, q_sin: f64) -> Option<f64> {
+    let known = |name: &str| rig.known.get(name).copied();
+    known("J_o1").or_else(|| {
+        let moment = known("m1e1").or_else(|| Some(known("m1")? * known("e1")?))?;
+        let g = known("g").unwrap_or(crate::rig::GRAVITY);
+        Some(moment * g / (q_sin * rig.omega() * rig.omega())).filter(|j| j.is_finite() && *j > 0.0)
+    })
+}
+
 /// Scales of what is told.
 struct Scale {
     /// Ω², s⁻².
@@ -148,7 +158,7 @@ impl Scale {
         };
         Self {
             square: rig.omega() * rig.omega(),
-            inertia: rig.known.get("J_o1").copied(),
+            inertia: inertia(rig, value("q_sin")),
             gravity: value("q_sin"),
             drive: value(c).hypot(value(s)),
             amplitude_m: rig.drive.and_then(|d| d.amplitude_m),

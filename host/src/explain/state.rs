@@ -93,7 +93,7 @@ impl State {
                 // A Gauss–Newton step of the form's parameter, at most by half.
                 let step = if k.strengths[0] == 0.0 { 0.0 } else { k.strengths[1] / k.strengths[0] };
                 let limit = 0.5 * form.abs();
-                k.candidate.variant = refine(&self.context, k.candidate.place, form + step.clamp(-limit, limit));
+                k.candidate.variant = refine(&self.context, k.candidate.place, form + step.max(-limit).min(limit));
                 k.strengths[1] = 0.0;
                 continue;
             }

@@ -184,7 +184,7 @@ pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
         })
         .collect();
     let length_s = f64::from(window_ticks) / rig.sample_rate_hz;
-    Ok(Identification {
+    let mut result = Identification {
         model: model.name.clone(),
         method: "weak".to_owned(),
         parameters,
@@ -219,5 +219,7 @@ pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
             })
             .collect(),
         ..Identification::default()
-    })
+    };
+    super::judgement::judge(&mut result, rig);
+    Ok(result)
 }

@@ -4,13 +4,17 @@
 //! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
 
 mod assembly;
+pub mod boots;
 pub mod chain_bias;
 pub mod energy_balance;
 pub mod from_rows;
 pub mod general;
+mod geometry;
 pub mod harmonic_balance;
 pub mod identifiability;
 pub mod instruments;
+pub mod judgement;
+pub mod known_quantities;
 pub mod model_file;
 pub mod noise_bias;
 pub mod physical_parameters;
@@ -34,7 +38,6 @@ use crate::model::double_pendulum::{DAMPINGS, DEFAULT_DAMPINGS, Damping};
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::signal::angles::AngleSegment;
-use crate::signal::low_pass::Kernel;
 use crate::signal::noise;
 use crate::warning::Warning;
 
@@ -127,6 +130,12 @@ pub struct Details {
     pub jackknife_blocks: usize,
     /// Misfit of the ties between the coefficients and its degrees of freedom, where physical parameters were fitted.
     pub ties_misfit: Option<(f64, usize)>,
+    /// ε of each equation that the sensors' noise alone would give; empty where it could not be simulated.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub expected_error: Vec<f64>,
+    /// Weighted residual power over that which the sensors' noise alone leaves in the same rows.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub residual_over_noise: Option<f64>,
     /// Share of the right-hand side that the model leaves, over all samples, of each equation of a model file.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub balance_error: Vec<f64>,
@@ -157,6 +166,8 @@ impl Details {
             repetition: solution.repetition,
             jackknife_blocks: solution.blocks,
             ties_misfit: None,
+            expected_error: bias.map_or_else(Vec::new, |b| b.error.clone()),
+            residual_over_noise: bias.map(|b| b.noise.powi(-2)).filter(|r| r.is_finite()),
             balance_error: Vec::new(),
             instruments: None,
         }
@@ -298,6 +309,9 @@ pub fn prepare(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Pre
 pub fn prepare_system(system: &System, records: &[Record], rig: &Rig, settings: &Settings) -> Result<Prepared> {
     let step_s = 1.0 / rig.sample_rate_hz;
     let mut warnings: Vec<Warning> = records.iter().flat_map(|r| r.warnings.clone()).collect();
+    let (records, restarted) = boots::of_known_zero(records);
+    let records = &*records;
+    warnings.extend(restarted);
     let mut segments = Vec::new();
     for record in records {
         for segment in system.segments(record, rig)? {
@@ -312,7 +326,7 @@ pub fn prepare_system(system: &System, records: &[Record], rig: &Rig, settings: 
     };
     let (first, second) = rayon::join(|| noise_of(0), || noise_of(1));
     let noises: [Option<noise::Noise>; 2] = [first, second];
-    let (windows, kernels) = geometry(rig, settings, &noises, step_s)?;
+    let (windows, kernels) = geometry::geometry(rig, settings, &noises, step_s)?;
     let needed = windows::samples_needed(&windows, &kernels, step_s);
     let longest = segments.iter().map(AngleSegment::len).max().unwrap_or(0);
     if longest < needed {
@@ -421,7 +435,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
     }
     let correlation = correlation_of(covariance);
     let length_s = windows.length_s;
-    Ok(Identification {
+    let mut result = Identification {
         model: model.name.clone(),
         method: "weak".to_owned(),
         parameters,
@@ -447,7 +461,9 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
             })
             .collect(),
         balance: None,
-    })
+    };
+    judgement::judge(&mut result, rig);
+    Ok(result)
 }
 
 /// The warning where windows are too few for a jackknife.
@@ -474,39 +490,6 @@ fn correlation_of(covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {
                 .collect()
         })
         .collect()
-}
-
-/// Windows and low-pass from settings, rig and the record's spectrum.
-fn geometry(
-    rig: &Rig,
-    settings: &Settings,
-    noises: &[Option<noise::Noise>; 2],
-    step_s: f64,
-) -> Result<(Windows, Kernels)> {
-    let rate = rig.sample_rate_hz;
-    let check = |option: &str, value: Option<f64>, low: f64, high: f64| match value {
-        Some(v) if !(v >= low && v <= high) => {
-            Err(BadInput::new(v.to_string(), format!("a value from {low} to {high}")).at(option.to_owned()))
-        }
-        v => Ok(v),
-    };
-    let greatest = |f: fn(&noise::Noise) -> f64| noises.iter().flatten().map(f).fold(0.0_f64, f64::max);
-    let default_window = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
-    let length_s = check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window);
-    let hop_s = 0.5 * length_s;
-    let free_top = (greatest(|n| n.acceleration_99_hz)).clamp(8.0 / length_s, rate / 16.0);
-    let top = check("--max-frequency-hz", settings.max_frequency_hz, 2.0 / length_s, rate / 8.0)?
-        .unwrap_or_else(|| rig.drive.map_or(free_top, |d| 2.0 * d.frequency_hz));
-    let frequencies = ((top * length_s).round() as usize).clamp(2, 400);
-    // The products of the regressors must keep everything up to the highest test frequency.
-    let least = (1.5 * top).min(0.15 * rate);
-    let default_pass = (1.15 * greatest(|n| n.signal_end_hz)).clamp(least, 0.25 * rate);
-    let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);
-    let stop = (1.5 * pass).max(pass + 2.5 * top).min(0.45 * rate);
-    let clear = greatest(|n| n.clear_end_hz).clamp(least.min(pass), pass);
-    let kernels =
-        Kernels { full: Kernel::design(step_s, pass, stop), clear: Kernel::design(step_s, clear, clear + stop - pass) };
-    Ok((Windows { length_s, hop_s, frequencies }, kernels))
 }
 
 /// Cuts segments to the stretches over which the device's drive ran steadily.

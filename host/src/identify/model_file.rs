@@ -1,6 +1,7 @@
 //! An identification as a model file (`identify -o`), and a model file as equations that can be integrated.
 
 use core::f64::consts::TAU;
+use std::collections::BTreeMap;
 
 use super::{Identification, Parameter};
 use crate::error::{BadInput, Result};
@@ -36,6 +37,7 @@ pub fn identified_model(result: &Identification, rig: &Rig) -> Result<Identified
         nominal,
         parameters: coefficients.collect(),
         effects: Vec::new(),
+        found_with: BTreeMap::new(),
     })
 }
 
@@ -109,6 +111,7 @@ mod tests {
             nominal: vec!["viscous-friction@joint2".into()],
             parameters,
             effects: vec![],
+            found_with: BTreeMap::new(),
         };
         let (equations, values) = double_pendulum(&m).unwrap();
         assert_eq!(equations.names(), ["B11", "B12", "C12", "B21", "B22", "C2"]);

@@ -24,7 +24,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::regression::{RunSums, Solution, weighted_rms};
+use super::regression::{RunSums, Solution, noise_alone, weighted_rms};
 use super::windows::{Kernels, Plan, WindowRows, Windows, rows_with, samples_needed};
 use crate::model::weak::WeakModel;
 use crate::signal::angles::AngleSegment;
@@ -52,6 +52,10 @@ pub struct Bias {
     pub spread: DMatrix<f64>,
     /// ρ: weighted rms residual over the repeats, 1 where the noise assumed leaves residuals like the record's.
     pub residual: f64,
+    /// The same of the noise alone: what the repeats' residuals have beside those of the motion as it is.
+    pub noise: f64,
+    /// ε of each equation that the noise alone gives.
+    pub error: Vec<f64>,
 }
 
 impl Bias {
@@ -112,13 +116,14 @@ pub fn estimate(
 /// The bias from the rows of known motions, as they are (`plain`) and measured again (`repeats_rows`, [`REPEATS`] times); their `run` is the stretch.
 pub(crate) fn from_rows(
     stretches: usize,
-    plain: &[WindowRows],
+    plain_rows: &[WindowRows],
     repeats_rows: &[Vec<WindowRows>],
     terms: &[usize],
     weights: &[Vec<f64>],
 ) -> Option<Bias> {
     let sums = |rows: &[WindowRows]| RunSums::new(rows, stretches, terms, weights);
-    let (plain, repeats): (RunSums, Vec<RunSums>) = (sums(plain), repeats_rows.par_iter().map(|r| sums(r)).collect());
+    let (plain, repeats): (RunSums, Vec<RunSums>) =
+        (sums(plain_rows), repeats_rows.par_iter().map(|r| sums(r)).collect());
     // δ from all stretches but one (or from all).
     let delta = |without: Option<usize>| {
         let mut mean = -plain.solve(without)?;
@@ -148,7 +153,8 @@ pub(crate) fn from_rows(
     });
     let squares = repeats_rows.iter().map(|rows| weighted_rms(rows, terms, weights, &mean).powi(2));
     let residual = (squares.sum::<f64>() / repeats_rows.len().max(1) as f64).sqrt();
-    Some(Bias { value, covariance, spread, residual })
+    let (noise, error) = noise_alone(plain_rows, repeats_rows, terms, weights, &mean);
+    Some(Bias { value, covariance, spread, residual, noise, error })
 }
 
 /// Smoothed stretches of a few windows each, spread evenly over the record.

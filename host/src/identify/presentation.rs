@@ -28,6 +28,22 @@ pub fn instruments(i: &super::instruments::Instruments) -> String {
     )
 }
 
+/// The identification error, and what the sensors' noise explains of it.
+pub fn error(result: &Identification) -> String {
+    let list = |of: &[f64]| of.iter().map(|e| format!("{:.2} %", 100.0 * e)).collect::<Vec<_>>().join(", ");
+    let expected = &result.details.expected_error;
+    format!(
+        "identification error {}{} (bound {:.0} %)",
+        list(&result.identification_error),
+        if expected.is_empty() {
+            String::new()
+        } else {
+            format!(", where this record's sensors explain {}", list(expected))
+        },
+        100.0 * ERROR_BOUND
+    )
+}
+
 /// The parameter table; `truth` gives a parameter's true value where a simulation knows it.
 pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Option<f64>) -> ParameterTable {
     let d = &result.details;
@@ -70,19 +86,15 @@ pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Opt
             }
         );
     }
-    let errors: Vec<String> = result.identification_error.iter().map(|e| format!("{:.2} %", 100.0 * e)).collect();
-    notes.push(format!(
-        "Identification error ε = ‖e‖∞/‖q̂‖∞ of each equation: {} (bound {:.0} %).",
-        errors.join(", "),
-        100.0 * ERROR_BOUND
-    ));
+    notes.push(format!("ε = ‖e‖∞/‖q̂‖∞ of each equation: {}.", error(result)));
     if let Some(i) = &d.instruments {
         notes.push(instruments(i));
     }
     if let Some((misfit, freedom)) = d.ties_misfit {
         notes.push(format!(
-            "Physical parameters obey the ties B11/B21 = J_o2/J_o1 = C12/C2 and B12/B15 = B22/B25; the coefficients depart from them by {misfit:.1} \
-             squared standard deviations (about {freedom} are expected)."
+            "Physical parameters obey the ties B11/B21 = J_o2/J_o1 = C12/C2 and B12/B15 = B22/B25; the coefficients depart from them by χ² = {}, {freedom} \
+             expected.",
+            significant(misfit, 4)
         ));
     }
     for group in &result.groups_not_separable {

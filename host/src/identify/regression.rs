@@ -379,6 +379,35 @@ pub(crate) fn weighted_rms(
     (sum / count.max(1) as f64).sqrt()
 }
 
+/// Root of the mean weighted square of what the rows of `measured` motions leave beside those of the motions as they are, and the ε of each
+/// equation that this gives. Rows are in the same order in all; `coefficients` of all equations, concatenated.
+pub(crate) fn noise_alone(
+    plain: &[WindowRows],
+    measured: &[Vec<WindowRows>],
+    terms: &[usize],
+    weights: &[Vec<f64>],
+    coefficients: &DVector<f64>,
+) -> (f64, Vec<f64>) {
+    let (mut sum, mut count, mut from) = (0.0, 0_usize, 0);
+    let mut errors = Vec::with_capacity(terms.len());
+    for (e, &p) in terms.iter().enumerate() {
+        let own = coefficients.rows(from, p).into_owned();
+        let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
+        for (was, window) in measured.iter().flat_map(|rows| plain.iter().zip(rows)) {
+            let pairs = residuals(&was.equations[e], &own).zip(residuals(&window.equations[e], &own));
+            for (r, ((_, before), (predicted, after))) in pairs.enumerate() {
+                let left = after - before;
+                sum += weights[e][frequency_of_row(r)] * left * left;
+                count += 1;
+                (worst, largest) = (worst.max(left.abs()), largest.max(predicted.abs()));
+            }
+        }
+        errors.push(if largest > 0.0 { worst / largest } else { 0.0 });
+        from += p;
+    }
+    ((sum / count.max(1) as f64).sqrt(), errors)
+}
+
 /// Rms residual at each frequency, pooled with its two neighbours on either side so that few windows suffice.
 fn rms_by_frequency(windows: &[WindowRows], e: usize, solution: &DVector<f64>, frequencies: usize) -> Vec<f64> {
     // Parts of a fixed size, added in their order: the same on any number of threads.

@@ -62,7 +62,12 @@ pub struct IdentifiedModel {
     pub parameters: Vec<Parameter>,
     /// Effects, in the order in which they were added.
     pub effects: Vec<AddedEffect>,
+    /// Physical quantities that the effects were found with, identified ones among them; empty without effects.
+    pub found_with: BTreeMap<String, f64>,
 }
+
+/// Key in [`IdentifiedModel::found_with`] of the length of the record that effects were found on, s: a drift's unit of time.
+pub const RECORD_S: &str = "record_s";
 
 /// A number in TOML with the fewest digits that give back the same bits.
 fn number(x: f64) -> String {
@@ -117,6 +122,12 @@ impl IdentifiedModel {
                         let _ = writeln!(out, "{} = {}", key(k), v);
                     }
                 }
+            }
+        }
+        if !self.found_with.is_empty() {
+            out.push_str("\n[found_with]\n");
+            for (k, v) in &self.found_with {
+                let _ = writeln!(out, "{} = {}", key(k), number(*v));
             }
         }
         out.push_str("\n[parameters]\n");
@@ -204,6 +215,17 @@ impl IdentifiedModel {
             Some(v) => return Err(bad("parameters", &v, "a table of parameters")),
             None => return Err(BadInput::new("no [parameters]", "a table with value, std_error and unit of each")),
         };
+        let found_with = match table.remove("found_with") {
+            None => BTreeMap::new(),
+            Some(Value::Table(t)) => t
+                .into_iter()
+                .map(|(k, v)| match finite(&v) {
+                    Some(x) if x > 0.0 => Ok((k, x)),
+                    _ => Err(bad(format!("found_with.{k}"), &v, "a number above 0")),
+                })
+                .collect::<Result<_>>()?,
+            Some(v) => return Err(bad("found_with", &v, "a table of quantities")),
+        };
         let effects = match table.remove("effect") {
             None => Vec::new(),
             Some(Value::Array(list)) => {
@@ -227,7 +249,7 @@ impl IdentifiedModel {
                 ));
             }
         };
-        Ok(Self { name, system, method, drive_frequency_hz, nominal, parameters, effects })
+        Ok(Self { name, system, method, drive_frequency_hz, nominal, parameters, effects, found_with })
     }
 }
 
@@ -360,6 +382,7 @@ mod tests {
                 strengths: vec![0.0051, -1e-17],
                 parameters: BTreeMap::from([("v_s".to_owned(), 0.5)]),
             }],
+            found_with: BTreeMap::from([("l1".to_owned(), 0.0635), (RECORD_S.to_owned(), 120.0)]),
         }
     }
 

@@ -4,6 +4,7 @@
 //! time until any sensor's angle is off by more than the tolerance. Chaos ends it even for a perfect model: error grows as e^{λt} from what the sensors' noise leaves in the
 //! state. The same is therefore done with a record that the model itself made.
 
+use indicatif::ProgressBar;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -50,7 +51,7 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
 }
 
 /// Horizons from pieces that begin with the stretch of the fit and go on as long as predictions are looked at. `guesses`: each piece's rough initial state; `levels`: samples
-/// of the fit, shortest first; `tolerance`: of each sensor, in its unit.
+/// of the fit, shortest first; `tolerance`: of each sensor, in its unit; `bar` is told of each piece.
 pub fn horizon<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     pieces: &[Piece],
@@ -58,6 +59,7 @@ pub fn horizon<D: Dynamics + ?Sized>(
     parameters: &[f64],
     levels: &[usize],
     tolerance: &[f64],
+    bar: &ProgressBar,
 ) -> Horizon {
     let sensors = problem.sensors.len().max(1);
     let fit = levels.iter().copied().max().unwrap_or(2);
@@ -67,6 +69,7 @@ pub fn horizon<D: Dynamics + ?Sized>(
         .map_init(
             || problem.room(false),
             |work, (piece, guess)| {
+                bar.inc(1);
                 let head = problem.head(piece, fit);
                 let (state, _) = problem.fit_state(&head, guess, parameters, levels, work)?;
                 // A solution that ceases to exist ends the horizon where it does: no more samples come.
@@ -93,7 +96,8 @@ pub fn horizon<D: Dynamics + ?Sized>(
         start_s: found.iter().map(|f| f.0).collect(),
         unended: found.iter().filter(|f| f.2).count(),
         unfitted,
-        quantiles_s: [0.1, 0.25, 0.5, 0.75, 0.9].map(|q| quantile(&sorted, q)),
+        // Where no start could be followed, nothing lasts.
+        quantiles_s: [0.1, 0.25, 0.5, 0.75, 0.9].map(|q| if sorted.is_empty() { 0.0 } else { quantile(&sorted, q) }),
         seconds,
     }
 }
@@ -142,7 +146,9 @@ mod tests {
         let wobble = |i: usize| if i.is_multiple_of(2) { 1e-4 } else { -1e-4 };
         let measured: Vec<f64> = (0..800).map(|i| 0.5 * (-2.0 * 0.01 * i as f64).exp() + wobble(i)).collect();
         let piece = Piece { start_s: 3.0, tau: 0.0, measured };
-        let run = |a: f64| horizon(&problem, std::slice::from_ref(&piece), &[vec![0.5, -1.0]], &[a], &[20, 40], &[0.3]);
+        let bar = ProgressBar::hidden();
+        let run =
+            |a: f64| horizon(&problem, std::slice::from_ref(&piece), &[vec![0.5, -1.0]], &[a], &[20, 40], &[0.3], &bar);
         let (good, poor) = (run(4.0), run(4.4));
         assert_eq!((good.seconds.len(), good.unfitted), (1, 0));
         assert!((good.start_s[0] - 3.4).abs() < 1e-12);

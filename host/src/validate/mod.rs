@@ -26,6 +26,7 @@ pub mod twin;
 
 use core::f64::consts::TAU;
 
+use indicatif::ProgressBar;
 use serde::Serialize;
 
 use self::horizon::Horizon;
@@ -53,6 +54,9 @@ use crate::warning::Warning;
 const MOST_SAMPLES: usize = 120_000;
 /// Orbits of the record that are refined on the model.
 const MOST_ORBITS: usize = 12;
+
+/// Stages that a progress bar shows beside the starts.
+const STAGES: u64 = 4;
 
 /// Choices.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -217,6 +221,8 @@ pub struct Beside<'a> {
     pub free: Option<&'a Record>,
     /// The inspection of the record with the longest unbroken stretch, where there is one already.
     pub inspection: Option<&'a Inspection>,
+    /// What is told of the progress.
+    pub progress: Option<&'a ProgressBar>,
 }
 
 /// Validates a model on records of its rig.
@@ -238,7 +244,6 @@ pub fn validate(
     if !(4..=10_000).contains(&settings.starts) {
         return Err(BadInput::new(settings.starts.to_string(), "4 to 10000").at("--starts"));
     }
-    let equations = Moving::of(model, rig)?;
     let coordinates;
     let bound = if let Some(bound) = &rig.bound {
         bound
@@ -253,6 +258,7 @@ pub fn validate(
     let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
     let course = |stretches: &[Stretch]| -> Vec<Along> { stretches.iter().map(|s| Along::new(s, omega)).collect() };
     let prepared = general::prepare(records, rig, bound, &IdentifySettings::default())?;
+    let equations = Moving::of(model, rig, span_s(&prepared.stretches))?;
     let mut warnings = prepared.warnings.clone();
     if !equations.left_out.is_empty() {
         warnings.push(Warning::new(
@@ -301,10 +307,16 @@ pub fn validate(
     let own_track = Track::new(&own_stretches, &own_along, rig, bound, noise);
     let own_course = Course { stretches: &own_stretches, track: &own_track };
 
-    let horizon = starts.compare(measured_course, own_course, parameters);
+    let hidden = ProgressBar::hidden();
+    let bar = beside.progress.unwrap_or(&hidden);
+    // Two inspections, the exponent and the orbits, beside the starts.
+    bar.inc_length(STAGES);
+    let horizon = starts.compare(measured_course, own_course, parameters, bar);
     let choice = InspectSettings::default();
     let simulated = inspect(&own, rig, &choice)?;
+    bar.inc(1);
     let inspected = if beside.inspection.is_none() { Some(inspect(like, rig, &choice)?) } else { None };
+    bar.inc(1);
     let measured = beside.inspection.or(inspected.as_ref()).ok_or_else(unable)?;
     let spaces = (&measured.phase_space, &simulated.phase_space);
     let sections = sections::compare(spaces.0, spaces.1, settings.seed);
@@ -319,7 +331,9 @@ pub fn validate(
             records: exponents(spaces.0.lyapunov.as_ref(), spaces.1.lyapunov.as_ref()),
         })
     });
+    bar.inc(1);
     let orbits = starts.orbits(spaces, measured_course, parameters, MOST_ORBITS);
+    bar.inc(1);
     let natural_frequencies = natural(model, rig, beside.free)?;
     let mut out = Validation {
         verdict: Verdict::Passed,
@@ -348,6 +362,13 @@ pub fn validate(
         out.verdict = Verdict::Failed;
     }
     Ok(out)
+}
+
+/// Time of the first sample and length of a record, s: what a drift along it is told against.
+fn span_s(stretches: &[Stretch]) -> [f64; 2] {
+    let first = stretches.first().map_or(0.0, |s| s.start_s);
+    let end = stretches.last().map_or(0.0, |s| s.time(s.len()));
+    [first, (end - first).max(f64::MIN_POSITIVE)]
 }
 
 /// What stands for the drive's period in a free pendulum, s.

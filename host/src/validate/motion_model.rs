@@ -3,14 +3,12 @@
 //! An effect of strength k adds k f to the left-hand side of equation i: φ̈ changes by −M⁻¹ Ω² k f, M the mass matrix. Effects that act on sensors or let the drive run away
 //! change what is recorded, not the motion: they are named and left out.
 
-use std::collections::BTreeMap;
-
 use crate::error::{BadInput, Result};
 use crate::explain::effects::{Action, Context, EFFECTS};
 use crate::identify::model_file::double_pendulum;
 use crate::model::double_pendulum_dynamics::DoublePendulum;
 use crate::model::dynamics::{Dynamics, Instant};
-use crate::model::identified::IdentifiedModel;
+use crate::model::identified::{IdentifiedModel, RECORD_S};
 use crate::model::weak::{Sample, Series};
 use crate::rig::Rig;
 
@@ -29,23 +27,28 @@ pub struct MotionModel {
 }
 
 impl MotionModel {
-    /// The equations of a model on a rig.
+    /// The equations of a model on a rig; `span_s`: time of the record's first sample and the record's length. Where the model says on how
+    /// long a record its effects were found, a drift goes on at that rate.
     ///
     /// # Errors
     /// A model of another system, parameters or effects that do not belong to it.
-    pub fn of(model: &IdentifiedModel, rig: &Rig) -> Result<Self> {
+    pub fn of(model: &IdentifiedModel, rig: &Rig, span_s: [f64; 2]) -> Result<Self> {
         let (base, parameters) = double_pendulum(model)?;
         let at = |name: &str| base.names().iter().position(|n| n == name).unwrap_or(0);
         let coupling = [at("B11"), at("B21")];
         let b = |i: usize, k: usize| model.parameter(&format!("B{}{}", i + 1, k + 1)).map_or(0.0, |p| p.value);
+        let mut known = rig.known.clone();
+        for (name, value) in model.found_with.iter().filter(|(name, _)| *name != RECORD_S) {
+            known.entry(name.clone()).or_insert(*value);
+        }
         let context = Context {
             omega: rig.omega(),
             driven: rig.drive.is_some(),
             b: core::array::from_fn(|i| core::array::from_fn(|k| b(i, k))),
-            g: rig.known.get("g").copied().unwrap_or(9.81),
-            known: BTreeMap::clone(&rig.known),
+            g: known.get("g").copied().unwrap_or(crate::rig::GRAVITY),
+            known,
             relative: rig.channel.iter().any(|c| c.measures == "theta2"),
-            span_s: [0.0, 1.0],
+            span_s: [span_s[0], model.found_with.get(RECORD_S).copied().unwrap_or(span_s[1])],
         };
         let mut forces = Vec::new();
         let mut left_out = Vec::new();

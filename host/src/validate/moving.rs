@@ -26,11 +26,11 @@ pub struct Moving {
 }
 
 impl Moving {
-    /// The equations of a model on a rig.
+    /// The equations of a model on a rig; `span_s`: time of the record's first sample and the record's length.
     ///
     /// # Errors
     /// A model of another system or drive, parameters or effects that do not belong to it.
-    pub fn of(model: &IdentifiedModel, rig: &Rig) -> Result<Self> {
+    pub fn of(model: &IdentifiedModel, rig: &Rig, span_s: [f64; 2]) -> Result<Self> {
         let frequency = rig.drive.map(|d| d.frequency_hz);
         if model.drive_frequency_hz != frequency {
             let text = |f: Option<f64>| f.map_or("no drive".to_owned(), |f| format!("a drive of {f} Hz"));
@@ -49,7 +49,7 @@ impl Moving {
         if rig.bound.is_some() {
             return Self::own(model, rig, None);
         }
-        let double = MotionModel::of(model, rig)?;
+        let double = MotionModel::of(model, rig, span_s)?;
         let names = double.base.names().to_vec();
         Ok(Self {
             parameters: double.parameters.clone(),

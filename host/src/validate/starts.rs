@@ -2,6 +2,8 @@
 
 use core::f64::consts::TAU;
 
+use indicatif::ProgressBar;
+
 use super::horizon::{FIT_PERIODS, Horizon, LONGEST_PERIODS, horizon};
 use super::moving::Moving;
 use super::{HorizonComparison, OrbitComparison, Orbits, Settings};
@@ -21,6 +23,10 @@ const TURN_DEG: f64 = 360.0;
 /// Pieces in which a step of integration is sought, and the share of what a sensor shows to which solutions over the fit are exact.
 const MOST_SEARCHED: usize = 12;
 const EXACT: f64 = 1e-4;
+/// Steps that the search begins with, as shares of what it is given (see [`crate::identify::shooting::run::integration_step`]).
+const SEARCHED: f64 = 20.0;
+/// By how much at most a step is made finer: 122 predictions of 60 periods must end in some seconds.
+const MOST_FINER: f64 = 16.0;
 
 /// What is the same for all starts.
 pub struct Starts<'a> {
@@ -81,9 +87,11 @@ impl<'a> Starts<'a> {
             let heads: Vec<Piece> = pieces.iter().step_by(every).map(head).collect();
             let guesses: Vec<Vec<f64>> = guesses.into_iter().step_by(every).collect();
             if !heads.is_empty() {
-                let longest = (out.step_s, EXACT);
-                let of = &*equations.dynamics;
-                out.step_s = record.track.step_s(of, &heads, &guesses, &equations.parameters, longest);
+                // The search begins at a twentieth of what it is given: at the step that a drive of this period would have.
+                let (longest, of) = (out.step_s, &*equations.dynamics);
+                let given = (SEARCHED * longest, EXACT);
+                let found = record.track.step_s(of, &heads, &guesses, &equations.parameters, given);
+                out.step_s = found.max(longest / MOST_FINER).min(longest);
             }
         }
         out
@@ -147,13 +155,20 @@ impl<'a> Starts<'a> {
     }
 
     /// Horizons on the record and on the model's own.
-    pub fn compare(&self, measured: Course<'_>, simulated: Course<'_>, parameters: &[f64]) -> HorizonComparison {
+    pub fn compare(
+        &self,
+        measured: Course<'_>,
+        simulated: Course<'_>,
+        parameters: &[f64],
+        bar: &ProgressBar,
+    ) -> HorizonComparison {
         let run = |record: Course<'_>| -> Horizon {
             let at = |t: f64, out: &mut [f64]| record.track.inputs(t, out);
             let problem = self.problem(record.track, &at);
             let levels = [self.samples(1.0, record.track), self.samples(FIT_PERIODS, record.track)];
             let (pieces, guesses) = self.pieces(record);
-            horizon(&problem, &pieces, &guesses, parameters, &levels, &self.tolerance)
+            bar.inc_length(pieces.len() as u64);
+            horizon(&problem, &pieces, &guesses, parameters, &levels, &self.tolerance, bar)
         };
         HorizonComparison {
             tolerance_deg: self.settings.tolerance_deg,

@@ -16,3 +16,4 @@ mod reduced;
 mod suspects_record;
 mod unplugged;
 mod validated;
+mod verdicts;

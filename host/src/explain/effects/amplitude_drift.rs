@@ -15,8 +15,9 @@ pub const EFFECT: Effect = Effect {
             return Vec::new();
         }
         let (b, [start, length]) = (c.b, c.span_s);
-        let column =
-            both(move |i, s| (s.time - start) / length * s.sin[i] * (b[i][2] * s.cos_tau + b[i][3] * s.sin_tau));
+        // Nothing is known of it outside of the record: there the amplitude stays.
+        let drifted = move |time: f64| ((time - start) / length).clamp(0.0, 1.0);
+        let column = both(move |i, s| drifted(s.time) * s.sin[i] * (b[i][2] * s.cos_tau + b[i][3] * s.sin_tau));
         plain(vec![column], Compose::Single)
     },
 };

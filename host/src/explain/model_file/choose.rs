@@ -4,7 +4,7 @@ use super::Setting;
 use super::candidates::Candidate;
 use super::fit::Held;
 use super::round::Round;
-use super::told::{put_value, unit_of};
+use super::told::{put_value, scale_of, unit_of};
 use crate::explain::explanation::{Found, Ranked};
 use crate::explain::naming::FAMILY_WISE;
 use crate::explain::ranking;
@@ -197,6 +197,6 @@ fn found(
         runner_up,
         ..Found::empty(c.effect.id, &c.at, unit_of(setting, c))
     };
-    put_value(c, &winner.held, winner.from, &mut found);
+    put_value(c, &winner.held, winner.from, scale_of(setting, c), &mut found);
     found
 }

@@ -77,7 +77,7 @@ fn shared(name: &str) -> &str {
 }
 
 /// The coefficients of a given model and of its effects by name.
-fn by_name(given: &IdentifiedModel, chosen: &[Candidate]) -> BTreeMap<String, f64> {
+pub(super) fn by_name(given: &IdentifiedModel, chosen: &[Candidate]) -> BTreeMap<String, f64> {
     let mut by_name: BTreeMap<String, f64> = given.parameters.iter().map(|p| (p.name.clone(), p.value)).collect();
     for p in &given.parameters {
         if let Some(short) = p.name.strip_suffix("_1") {
@@ -160,7 +160,7 @@ pub fn model(
             let from = behind[g];
             behind[g] += c.columns.len();
             let mut found = Found::empty(c.effect.id, &c.at, super::told::unit_of(setting, c));
-            put_value(c, &round.groups[g].own, from, &mut found);
+            put_value(c, &round.groups[g].own, from, super::told::scale_of(setting, c), &mut found);
             AddedEffect {
                 id: found.id,
                 at: found.at,
@@ -180,5 +180,6 @@ pub fn model(
         nominal: Vec::new(),
         parameters: result.parameters.clone(),
         effects,
+        found_with: BTreeMap::new(),
     })
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::candidates::Candidate;
 use super::prediction;
+pub use super::prediction::motion;
 use super::round::{Round, signs_of, terms};
 use super::told::Unit;
 use super::{Coefficient, Setting, Simulation};

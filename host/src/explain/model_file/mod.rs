@@ -40,7 +40,7 @@ use self::candidates::{Candidate, candidates};
 pub use self::given::motion as motion_of;
 use self::round::{Round, by_trajectories, by_weak_form, own_signs};
 use self::trajectories::{Columns, Trajectories};
-use super::decidability::{LOCKED, locked};
+use super::decidability::{DIVERGED, LOCKED, locked};
 use super::explanation::{Explanation, Step, Verdict};
 use super::{Settings, singular};
 use crate::error::Result;
@@ -64,6 +64,8 @@ const LEAST_KEPT: f64 = 0.5;
 const BLOCK_S: f64 = 4.0;
 /// Gap and residual up to which nothing counts as left.
 const EXPLAINED_GAP: f64 = 1.3;
+/// Why a model that cannot be simulated decides nothing.
+const UNPREDICTED: &str = "nothing can be predicted: that takes as many equations as coordinates";
 /// Shares of the record that simulations are fitted to.
 const FITTED: [f64; 2] = [2.0 / 3.0, 0.75];
 
@@ -101,6 +103,8 @@ struct Setting<'a> {
     split: Split,
     circle: Vec<bool>,
     block_s: f64,
+    /// Whether what is told of effects is scaled by the caller.
+    scaled_elsewhere: bool,
 }
 
 /// What is known of a single pendulum beside its equation: effects of the drive are candidates then.
@@ -137,6 +141,7 @@ pub fn explain(
         split: Split::new(model, records.len()),
         circle: model.circle(),
         block_s: BLOCK_S.min(seconds / 12.0).max(geometry.windows.length_s),
+        scaled_elsewhere: beside.is_some(),
     };
     let horizon_s = told::horizon(rig, settings, &stretches)?;
     let along: Vec<Along> = stretches.iter().map(|s| Along::new(s, rig.drive.map_or(0.0, |_| rig.omega()))).collect();
@@ -151,6 +156,8 @@ pub fn explain(
         given::measure(model, &setting, &chosen, &track, &mut result)?;
     }
     let unit = told::Unit::of(rig, bound);
+    result.gap.motion = measure::motion(&track, horizon_s, setting.block_s);
+    result.gap.floor_in = unit.noise(&sensors.sigma);
     // For the same reason no simulation of a driven system is told.
     let fitted: &[f64] = if rig.drive.is_some() { &[] } else { &FITTED };
     let mut simulations: Vec<Simulation> = fitted
@@ -186,8 +193,12 @@ pub fn explain(
         turned
     };
     let mut rest = open(&chosen);
+    let mut start = first.coefficients(&[], |f| &f.all);
+    if let Some(model) = &settings.model {
+        start.extend(given::by_name(model, &chosen));
+    }
     let mut round =
-        match trajectories.as_mut().and_then(|t| by_trajectories(&setting, t, &signs, &first, &chosen, &rest)) {
+        match trajectories.as_mut().and_then(|t| by_trajectories(&setting, t, &signs, &start, &chosen, &rest)) {
             Some(round) => round,
             None => {
                 trajectories = None;
@@ -200,6 +211,7 @@ pub fn explain(
     } else {
         (blocks < FEWEST_BLOCKS)
             .then(|| format!("{blocks} blocks of {:.3} s are too few to hold any out", setting.block_s))
+            .or_else(|| (model.equations.len() != model.coordinates.len()).then(|| UNPREDICTED.to_owned()))
     };
     measure::gap(&setting, &round, &chosen, &track, settings.model.is_some().then(|| "refit".to_owned()), &mut result)?;
     measure::simulate(&setting, (&round, &signs), &chosen, &track, &mut simulations, &unit)?;
@@ -220,7 +232,11 @@ pub fn explain(
             let kept = trajectories.as_ref().map(|t| t.states.clone());
             turn(&mut chosen, &round);
             let tried = match trajectories.as_mut() {
-                Some(t) => by_trajectories(&setting, t, &signs, &round, &chosen, &left),
+                Some(t) => {
+                    // The last one chosen starts from nothing.
+                    let start = round.coefficients(&chosen[..chosen.len() - 1], |f| &f.all);
+                    by_trajectories(&setting, t, &signs, &start, &chosen, &left)
+                }
                 None => Some(by_weak_form(&setting, &signs, Some(&round), &chosen, &left)?),
             };
             match tried {
@@ -276,14 +292,15 @@ fn follow<'a>(
 
 /// Verdict and reason.
 fn decide(result: &mut Explanation, undecidable: Option<String>) {
+    let diverged = result.settle();
     let gap = result.gap.steps.last().map_or(f64::NAN, |s| s.value);
-    let said = format!("predictions over {:.3} s miss by {gap:.2} noise floors", result.gap.horizon_s);
-    (result.verdict, result.reason) = match undecidable {
+    let said = format!("predictions over {:.3} s miss by {}", result.gap.horizon_s, result.gap.told(gap));
+    (result.verdict, result.reason) = match undecidable.or_else(|| diverged.then(|| DIVERGED.to_owned())) {
         Some(reason) => {
             result.effects.clear();
             (Verdict::NotDecidable, reason)
         }
-        None if gap.is_nan() || gap > EXPLAINED_GAP => {
+        None if gap > EXPLAINED_GAP => {
             (Verdict::Unexplained, format!("{said}; no further effect of the list accounts for it"))
         }
         None if result.effects.is_empty() => (Verdict::NothingMissing, said),

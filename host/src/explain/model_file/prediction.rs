@@ -6,7 +6,9 @@
 
 use rayon::prelude::*;
 
+use super::trajectories::motion_power;
 use crate::identify::general::track::Track;
+use crate::identify::shooting::problem::Piece;
 use crate::identify::shooting::solve::{Bounds, minimise};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
@@ -26,12 +28,10 @@ const EXACT: f64 = 1e-4;
 /// What stands for a drive's period in the search for the step of integration, s.
 const PERIOD_S: f64 = 0.2;
 
-/// The gap over windows of the horizon inside the held-out blocks (every third of `block_s`): rms of predicted minus measured over
-/// the noise, over the degrees of freedom that the fit of the initial state leaves.
-pub fn gap(motion: &EquationsOfMotion, parameters: &[f64], track: &Track<'_>, horizon_s: f64, block_s: f64) -> f64 {
-    let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
+/// Windows of the horizon inside the held-out blocks (every third of `block_s`), with guesses of their states, and the samples of each.
+fn windows(track: &Track<'_>, horizon_s: f64, block_s: f64) -> Option<(Vec<Piece>, Vec<Vec<f64>>, usize)> {
     let length = ((horizon_s / track.spacing_s).round() as usize).max(8) + 1;
-    let Some(all) = track.cut(length, (length / 12).clamp(3, 16)) else { return f64::NAN };
+    let all = track.cut(length, (length / 12).clamp(3, 16))?;
     let values = length * track.sensors.len();
     let mut kept = Vec::new();
     for (k, piece) in all.pieces.iter().enumerate() {
@@ -41,8 +41,25 @@ pub fn gap(motion: &EquationsOfMotion, parameters: &[f64], track: &Track<'_>, ho
         }
     }
     let stride = kept.len().div_ceil(MOST_WINDOWS).max(1);
-    let (pieces, guesses): (Vec<_>, Vec<_>) =
+    let (pieces, guesses) =
         kept.into_iter().step_by(stride).map(|k| (all.pieces[k].clone(), all.guesses[k].clone())).unzip();
+    Some((pieces, guesses, length))
+}
+
+/// Rms motion about the mean over the gap's windows, over the noise; none where that is no number.
+pub fn motion(track: &Track<'_>, horizon_s: f64, block_s: f64) -> Option<f64> {
+    let (pieces, ..) = windows(track, horizon_s, block_s)?;
+    let sum: f64 = pieces.iter().map(|p| motion_power(p, track)).sum();
+    let rms = (sum / pieces.len() as f64).sqrt();
+    (rms.is_finite() && rms > 0.0).then_some(rms)
+}
+
+/// The gap over windows of the horizon inside the held-out blocks (every third of `block_s`): rms of predicted minus measured over
+/// the noise, over the degrees of freedom that the fit of the initial state leaves.
+pub fn gap(motion: &EquationsOfMotion, parameters: &[f64], track: &Track<'_>, horizon_s: f64, block_s: f64) -> f64 {
+    let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
+    let Some((pieces, guesses, length)) = windows(track, horizon_s, block_s) else { return f64::NAN };
+    let values = length * track.sensors.len();
     let step_s = track.step_s(motion, &pieces, &guesses, parameters, (PERIOD_S.min(horizon_s), EXACT_GAP));
     let problem = track.problem(motion, step_s, &at);
     let lengths = [(length / 4).max(8), length];

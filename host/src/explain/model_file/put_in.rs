@@ -1,10 +1,11 @@
 //! Effects put into the simulation of a model file: `ID@COORDINATE=VALUE[,name=value]`.
 //!
-//! The value is the strength in the equation's own units, the parameters those that `whirl explain` tells: `v_s` (Stribeck friction), `G`
+//! The value is the strength in the unit that `whirl explain` tells, the parameters those that `whirl explain` tells: `v_s` (Stribeck friction), `G`
 //! (load-dependent friction), `n` and `psi` (cogging, A sin(n x + ψ)).
 
 use super::candidates::{EFFECTS, candidate};
 use super::round::column_name;
+use super::told::balance_scale;
 use crate::error::{BadInput, Result};
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::expression::Node;
@@ -18,11 +19,11 @@ pub struct Terms {
     pub strengths: Vec<f64>,
 }
 
-/// Reads effects for a model.
+/// Reads effects for a model whose primes are derivatives by the phase of a drive of angular frequency `omega`, where they are.
 ///
 /// # Errors
 /// Names the effect, what is wrong in it and what could stand there.
-pub fn terms(model: &ModelFile, texts: &[String]) -> Result<Terms> {
+pub fn terms(model: &ModelFile, omega: f64, texts: &[String]) -> Result<Terms> {
     let mut out = Terms::default();
     for text in texts {
         let bad = |found: String, expected: String| {
@@ -71,6 +72,8 @@ pub fn terms(model: &ModelFile, texts: &[String]) -> Result<Terms> {
             let where_to = if effect.phase() || effect.is_circular() { "an angle (S1) among " } else { "one of " };
             bad(format!("\"{at}\""), format!("{where_to}{}", names.join(", ")))
         })?;
+        // In the unit that an explanation tells.
+        let value = value / balance_scale(model, omega, found.equation);
         let strengths = if found.columns.len() == 2 { vec![value * psi.cos(), value * psi.sin()] } else { vec![value] };
         for (k, (of, s)) in found.columns.iter().zip(strengths).enumerate() {
             let name = column_name(&found, k);
@@ -94,7 +97,7 @@ mod tests {
             [[equation]]\nbalance = \"-q''\"\nterms = { k = \"sin(q)\" }\n\
             [[equation]]\nbalance = \"-x''\"\nterms = { h = \"x\" }\n";
         let model = ModelFile::parse(text, std::path::Path::new("m.toml")).unwrap();
-        let of = |t: &str| terms(&model, &[t.to_owned()]);
+        let of = |t: &str| terms(&model, 1.0, &[t.to_owned()]);
         let found = of("stribeck-friction@x=0.3,v_s=0.8").unwrap();
         assert_eq!((found.terms[0].0, found.strengths.as_slice()), (1, &[0.3][..]));
         let found = of("cogging@q=2,n=5,psi=0.5").unwrap();
@@ -113,6 +116,6 @@ mod tests {
             assert!(error.contains(told), "{wrong}: {error}");
         }
         let twice = vec!["coulomb-friction@q=1".to_owned(), "coulomb-friction@q=2".to_owned()];
-        assert!(terms(&model, &twice).unwrap_err().to_string().contains("second time"));
+        assert!(terms(&model, 1.0, &twice).unwrap_err().to_string().contains("second time"));
     }
 }

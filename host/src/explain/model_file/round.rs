@@ -71,7 +71,10 @@ impl Round {
         for c in chosen {
             let g = self.group_of(c);
             for k in 0..c.columns.len() {
-                out.insert(column_name(c, k), pick(&self.groups[g].own.fit)[behind[g]]);
+                // What was chosen after this round has no coefficient in it yet.
+                if let Some(x) = pick(&self.groups[g].own.fit).get(behind[g]) {
+                    out.insert(column_name(c, k), *x);
+                }
                 behind[g] += 1;
             }
         }
@@ -152,26 +155,24 @@ pub fn signs_of(
     names.iter().map(|n| by_name.get(n).copied().unwrap_or(0.0)).collect()
 }
 
-/// The round by trajectories; none where they cannot be followed with what was chosen.
+/// The round by trajectories from the coefficients `start`, by name (those that are not in it start from nothing); none where they cannot be
+/// followed with what was chosen.
 pub fn by_trajectories(
     setting: &Setting<'_>,
     trajectories: &mut Trajectories<'_>,
     own: &BTreeMap<String, f64>,
-    before: &Round,
+    start: &BTreeMap<String, f64>,
     chosen: &[Candidate],
     all: &[Candidate],
 ) -> Option<Round> {
     let model = &*setting.bound.model;
     let omega = setting.rig.omega();
     let names = trajectories.columns.names.clone();
-    // The last one chosen starts from nothing.
-    let earlier = &chosen[..chosen.len().saturating_sub(1)];
-    let start = before.coefficients(earlier, |f| &f.all);
     let further = terms(chosen);
     let mut x: Vec<f64> =
         names.iter().chain(further.iter().map(|t| &t.1)).map(|n| start.get(n).copied().unwrap_or(0.0)).collect();
     let motion = EquationsOfMotion::with_columns(model, omega, &further).ok()?;
-    let signs = group_signs(setting, &names, own, &start, chosen.iter().chain(all));
+    let signs = group_signs(setting, &names, own, start, chosen.iter().chain(all));
     x = trajectories.settle(&motion, further.len(), x.clone(), &signs[..x.len()])?;
     let every = terms(chosen.iter().chain(all));
     let motion = EquationsOfMotion::with_columns(model, omega, &every).ok()?;

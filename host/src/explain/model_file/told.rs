@@ -1,16 +1,16 @@
 //! What an explanation of a model file tells: units, horizon, parameters, values of effects.
 
 use super::Setting;
-use super::candidates::Candidate;
+use super::candidates::{Candidate, multiple};
 use super::fit::Held;
 use super::round::Round;
 use crate::error::{BadInput, Result};
 use crate::explain::Settings;
-use crate::explain::explanation::{Explanation, Found};
+use crate::explain::explanation::{Explanation, Found, InUnit};
 use crate::identify::Parameter;
 use crate::identify::general;
 use crate::identify::general::stretches::Stretch;
-use crate::model::model_file::units;
+use crate::model::model_file::{ModelFile, units};
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
 
@@ -86,6 +86,15 @@ impl Unit {
     }
 }
 
+impl Unit {
+    /// One noise floor, the rms noise of the sensors; none where they have no unit in common.
+    pub fn noise(&self, sigma: &[f64]) -> Option<InUnit> {
+        let rms = (sigma.iter().map(|s| s * s).sum::<f64>() / sigma.len() as f64).sqrt() * self.factor;
+        let unit = if self.name == "deg" { "°".to_owned() } else { self.name.clone() };
+        (self.name != "SI" && rms.is_finite() && rms > 0.0).then_some(InUnit { value: rms, unit })
+    }
+}
+
 /// The model's own coefficients with what was chosen.
 pub fn read_parameters(setting: &Setting<'_>, round: &Round, chosen: &[Candidate], result: &mut Explanation) {
     let model = &*setting.bound.model;
@@ -112,13 +121,13 @@ pub fn read_parameters(setting: &Setting<'_>, round: &Round, chosen: &[Candidate
         let from = behind[g];
         behind[g] += c.columns.len();
         if let Some(found) = k.checked_sub(given).and_then(|k| result.effects.get_mut(k)) {
-            put_value(c, &round.groups[g].own, from, found);
+            put_value(c, &round.groups[g].own, from, scale_of(setting, c), found);
         }
     }
 }
 
-/// Value, standard error and parameters of an effect whose strengths stand at `from`.
-pub fn put_value(c: &Candidate, held: &Held, from: usize, found: &mut Found) {
+/// Value, standard error and parameters of an effect whose strengths stand at `from`; `scale`: see [`scale_of`].
+pub fn put_value(c: &Candidate, held: &Held, from: usize, scale: f64, found: &mut Found) {
     let fit = &held.fit;
     let k: Vec<f64> = (0..c.columns.len()).map(|i| fit.all[from + i]).collect();
     let error = |i: usize| fit.covariance[(from + i, from + i)].max(0.0).sqrt();
@@ -132,7 +141,24 @@ pub fn put_value(c: &Candidate, held: &Held, from: usize, found: &mut Found) {
         }
         _ => (k[0], error(0)),
     };
+    (found.value, found.std_error) = (scale * found.value, scale.abs() * found.std_error);
     found.strengths = k;
+}
+
+/// What turns the strength of an effect into the unit that it is told in. Its column is in seconds; an equation whose primes are derivatives by the
+/// drive's phase is 1/Ω² (or 1/Ω) of one in seconds. A single pendulum's effects are scaled by what is known of it.
+pub fn scale_of(setting: &Setting<'_>, c: &Candidate) -> f64 {
+    if setting.scaled_elsewhere {
+        return 1.0;
+    }
+    let model = &*setting.bound.model;
+    balance_scale(model, setting.rig.omega(), c.equation)
+}
+
+/// By how much an equation's right-hand side grows where its primes are derivatives by seconds: Ω² for −q″, 1 for a force.
+pub fn balance_scale(model: &ModelFile, omega: f64, equation: usize) -> f64 {
+    let balance = &model.equations[equation].balance;
+    multiple(balance, &model.in_seconds(balance, omega)).filter(|k| *k > 0.0).unwrap_or(1.0)
 }
 
 /// Unit of an effect's strength.

@@ -276,7 +276,7 @@ impl<'a> Trajectories<'a> {
 }
 
 /// Mean square of a piece's motion about its mean, in units of the noise.
-fn motion_power(piece: &Piece, track: &Track<'_>) -> f64 {
+pub(super) fn motion_power(piece: &Piece, track: &Track<'_>) -> f64 {
     let m = track.sensors.len();
     let count = (piece.measured.len() / m.max(1)).max(1) as f64;
     let sum: f64 = (0..m)

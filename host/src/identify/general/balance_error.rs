@@ -51,7 +51,8 @@ pub fn balance_errors(
             let left: Vec<f64> = (0..measured.len())
                 .map(|i| measured[i] - lambda.iter().enumerate().map(|(j, k)| k * values[at + 1 + j][i]).sum::<f64>())
                 .collect();
-            let pass = band(measured, s.step_s).clamp(8.0 / (measured.len().max(16) as f64 * s.step_s), 0.3 / s.step_s);
+            let least = 8.0 / (measured.len().max(16) as f64 * s.step_s);
+            let pass = band(measured, s.step_s).max(least).min(0.3 / s.step_s);
             let kernel = Kernel::design(s.step_s, pass, (1.5 * pass).min(0.45 / s.step_s));
             let (mut smooth, mut unused) = (vec![], vec![]);
             for (series, sum) in [(&left, 0), (measured, 1)] {

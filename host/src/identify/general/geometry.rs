@@ -40,12 +40,13 @@ pub fn geometry(
     let wanted = greatest(|n| n.acceleration_99_hz);
     let default_window = match rig.drive {
         Some(d) => 20.0 / d.frequency_hz,
-        None if inputs => (30.0 / wanted.clamp(1e-9 * rate, most_top)).min(4.0),
+        None if inputs => (30.0 / wanted.max(1e-9 * rate).min(most_top)).min(4.0),
         None => 4.0,
     };
     let length_s =
         check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window.max(32.0 * step_s));
-    let free_top = wanted.clamp(8.0 / length_s, most_top.max(8.0 / length_s));
+    // Eight test functions at least; in a window too short for them, those that the rate allows.
+    let free_top = wanted.min(most_top).max((8.0 / length_s).min(rate / if wide { 4.0 } else { 8.0 }));
     let top = check(
         "--max-frequency-hz",
         settings.max_frequency_hz,
@@ -56,10 +57,10 @@ pub fn geometry(
     let frequencies = ((top * length_s).round() as usize).clamp(2, MOST_FREQUENCIES);
     // The products of the regressors must keep everything up to the highest test frequency.
     let least = (1.5 * top).min(if wide { 0.3 } else { 0.15 } * rate);
-    let default_pass = (1.15 * greatest(|n| n.signal_end_hz)).clamp(least, if wide { 0.4 } else { 0.25 } * rate);
+    let default_pass = (1.15 * greatest(|n| n.signal_end_hz)).max(least).min(if wide { 0.4 } else { 0.25 } * rate);
     let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);
     let stop = (1.5 * pass).max(pass + 2.5 * top).min(0.45 * rate);
-    let clear = greatest(|n| n.clear_end_hz).clamp(least.min(pass), pass);
+    let clear = greatest(|n| n.clear_end_hz).max(least.min(pass)).min(pass);
     let kernels = Kernels {
         full: Kernel::design(step_s, pass, stop),
         clear: Kernel::design(step_s, clear, (clear + stop - pass).min(0.48 * rate)),

@@ -21,6 +21,7 @@ use nalgebra::DVector;
 use self::noise::{Remeasured, Sensors};
 use self::series::System;
 use self::stretches::Stretch;
+use super::boots;
 use super::correlation_of as correlation;
 use super::few_windows;
 use super::noise_bias::with_noise_that_fits;
@@ -60,6 +61,9 @@ pub struct Prepared {
 pub fn prepare(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings) -> Result<Prepared> {
     let step_s = 1.0 / rig.sample_rate_hz;
     let mut warnings: Vec<Warning> = records.iter().flat_map(|r| r.warnings.clone()).collect();
+    let (records, restarted) = boots::of_known_zero(records);
+    let records = &*records;
+    warnings.extend(restarted);
     let (mut stretches, mut record_of) = (Vec::new(), Vec::new());
     for (k, record) in records.iter().enumerate() {
         for s in stretches::of(record, rig, bound)? {
@@ -270,7 +274,7 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
     let tied: Vec<DVector<f64>> = split.tied(&own, &values);
     let errors = balance_error::balance_errors(model, rig, &stretches, &kernels, &record_of, &split, &tied);
     let length_s = windows.length_s;
-    Ok(Identification {
+    let mut result = Identification {
         model: model.name.clone(),
         method: "weak".to_owned(),
         parameters,
@@ -295,7 +299,9 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
                 dots: regression::residual_dots(&rows, e, &solution.coefficients[e], 2000),
             })
             .collect(),
-    })
+    };
+    super::judgement::judge(&mut result, rig);
+    Ok(result)
 }
 
 /// Weights of the equations that hold an input, see [`noise_weights`]; the others keep their own weights (empty here).

@@ -1,6 +1,6 @@
 //! Records of a model file as pieces for shooting: sensors, their noise, inputs between the samples.
 //!
-//! Several stretches are laid behind one another on one axis of time, so that measured inputs, which are looked up by time, are those of the
+//! Without inputs the stretches of one record keep their times. Otherwise they are laid behind one another on one axis of time, so that measured inputs, which are looked up by time, are those of the
 //! right record.
 
 use core::f64::consts::TAU;
@@ -81,11 +81,13 @@ impl<'a> Track<'a> {
     /// Lays out the stretches; `along` is one for each.
     pub fn new(stretches: &'a [Stretch], along: &'a [Along], rig: &Rig, bound: &'a Bound, noise: &Sensors) -> Self {
         let spacing_s = stretches.first().map_or(1.0 / rig.sample_rate_hz, |s| s.step_s);
+        // Stretches of one record keep their own times, so that what drifts does so along it.
+        let own = bound.inputs.is_empty() && stretches.windows(2).all(|s| s[1].start_s > s[0].start_s);
         let mut at = 0.0;
         let begins = stretches
             .iter()
             .map(|s| {
-                let begin = at;
+                let begin = if own { s.start_s } else { at };
                 at += s.len() as f64 * s.step_s + APART_S;
                 begin
             })

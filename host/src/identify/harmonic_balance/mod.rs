@@ -270,6 +270,9 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<su
         );
     }
     let mut warnings: Vec<Warning> = records.iter().flat_map(|r| r.warnings.clone()).collect();
+    let (records, restarted) = super::boots::of_known_zero(records);
+    let records = &*records;
+    warnings.extend(restarted);
     let mut segments = Vec::new();
     for record in records {
         match (&system, &rig.bound) {

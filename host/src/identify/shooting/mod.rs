@@ -317,7 +317,9 @@ fn finish(
     details.ties_misfit = ties_misfit;
     details.condition = vec![covariance.condition];
     details.noise_bias = Vec::new();
-    Ok(Identification {
+    // Its own residuals tell what is left (`noise_ratio`).
+    details.residual_over_noise = None;
+    let mut result = Identification {
         method: "shooting".to_owned(),
         parameters,
         identification_error: errors,
@@ -341,7 +343,9 @@ fn finish(
         warnings,
         residuals,
         ..first
-    })
+    };
+    super::judgement::judge(&mut result, rig);
+    Ok(result)
 }
 
 fn correlation(covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {

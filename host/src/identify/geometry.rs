@@ -1,0 +1,86 @@
+//! Windows and low-passes for a built-in system, from the settings, the rig and the angles' spectra.
+//!
+//! Windows of 20 T (4 s when free); test functions up to 2 f_e, or when free to the frequency below which lie 99 % of the accelerations'
+//! power; the low-pass up to where the signal sinks into the noise. All of it within what the sampling rate allows: a window
+//! has 32 samples at least, test functions end at an eighth of the rate, the pass band at two fifths.
+
+use super::Settings;
+use super::windows::{Kernels, Windows};
+use crate::error::{BadInput, Result};
+use crate::rig::Rig;
+use crate::signal::low_pass::Kernel;
+use crate::signal::noise;
+
+/// Chooses.
+///
+/// # Errors
+/// A setting out of range.
+pub(super) fn geometry(
+    rig: &Rig,
+    settings: &Settings,
+    noises: &[Option<noise::Noise>; 2],
+    step_s: f64,
+) -> Result<(Windows, Kernels)> {
+    let rate = rig.sample_rate_hz;
+    let check = |option: &str, value: Option<f64>, low: f64, high: f64| match value {
+        Some(v) if !(v >= low && v <= high) => {
+            Err(BadInput::new(v.to_string(), format!("a value from {low} to {high}")).at(option.to_owned()))
+        }
+        v => Ok(v),
+    };
+    let greatest = |f: fn(&noise::Noise) -> f64| noises.iter().flatten().map(f).fold(0.0_f64, f64::max);
+    let default_window = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
+    let length_s =
+        check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window.max(32.0 * step_s));
+    let hop_s = 0.5 * length_s;
+    // Eight test functions at least; in a window too short for them, those that the rate allows.
+    let free_top = greatest(|n| n.acceleration_99_hz).min(rate / 16.0).max((8.0 / length_s).min(rate / 8.0));
+    let top = check("--max-frequency-hz", settings.max_frequency_hz, 2.0 / length_s, rate / 8.0)?
+        .unwrap_or_else(|| rig.drive.map_or(free_top, |d| 2.0 * d.frequency_hz));
+    let frequencies = ((top * length_s).round() as usize).clamp(2, 400);
+    // The products of the regressors must keep everything up to the highest test frequency.
+    let least = (1.5 * top).min(0.15 * rate);
+    let default_pass = (1.15 * greatest(|n| n.signal_end_hz)).max(least).min(0.25 * rate);
+    let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);
+    let stop = (1.5 * pass).max(pass + 2.5 * top).min(0.45 * rate);
+    let clear = greatest(|n| n.clear_end_hz).max(least.min(pass)).min(pass);
+    let kernels =
+        Kernels { full: Kernel::design(step_s, pass, stop), clear: Kernel::design(step_s, clear, clear + stop - pass) };
+    Ok((Windows { length_s, hop_s, frequencies }, kernels))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn short_windows_and_low_rates_have_a_geometry_or_are_refused() {
+        let mut rig = Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/single-pendulum.toml")).unwrap();
+        rig.drive = None;
+        for rate in [2.0, 20.0, 64.0, 100.0, 1e4] {
+            rig.sample_rate_hz = rate;
+            for busy in [0.0, 0.3 * rate, f64::NAN] {
+                let noise =
+                    noise::Noise { sigma: 1e-3, signal_end_hz: busy, clear_end_hz: busy, acceleration_99_hz: busy };
+                for window_s in [None, Some(0.5), Some(1.0), Some(3.0)] {
+                    let settings = Settings { window_s, ..Settings::default() };
+                    match geometry(&rig, &settings, &[Some(noise), None], 1.0 / rate) {
+                        Ok((windows, kernels)) => {
+                            assert!(windows.frequencies >= 2 && windows.length_s >= 32.0 / rate, "{rate} {window_s:?}");
+                            assert!(
+                                windows.frequencies as f64 / windows.length_s <= 0.15 * rate,
+                                "{rate} {window_s:?}"
+                            );
+                            assert!(kernels.full.stop_hz <= 0.45 * rate + 1e-9, "{rate} {window_s:?}");
+                        }
+                        Err(e) => {
+                            assert!(window_s.unwrap() < 32.0 / rate && e.to_string().contains("--window-s"), "{e}")
+                        }
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,313 @@
+//! Whether identified coefficients can be those of a rig, and whether the equations describe the record.
+//!
+//! *Signs.* Dampings take energy away, moments of inertia are positive, and so is the kinetic energy: B11 B21 = H²/(J_o1 J_o2)
+//! lies between 0 and 1. A coefficient on the wrong side of that by [`CLEAR`] standard errors cannot be a rig's.
+//!
+//! *Ties.* A torque in joint 2 acts on both arms, and the drive on both alike: C12 B21 = C2 B11, B13 B22 = B23 B12 and
+//! B14 B22 = B24 B12 (3.23), whatever is known of masses and lengths. With h what the ties miss by and S its covariance from the
+//! jackknife over G blocks, hᵀ S⁻¹ h (G − d)/(d (G − 1)) has Fisher's F distribution with d and G − d degrees of freedom
+//! (Hotelling 1931). Where that is less likely than [`CHANCE`], the equations miss something.
+//!
+//! *Noise.* The sensors' noise alone, put through the whole chain ([`super::noise_bias`]), tells what ε and which residual power
+//! a record would have if the equations were right.
+//!
+//! Limits: double and single pendulum; nothing tells which signs the coefficients of a model file must have.
+
+use nalgebra::{DMatrix, DVector};
+use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+
+use super::{Identification, known_quantities};
+use crate::report::format::{plus_minus, significant};
+use crate::rig::Rig;
+use crate::warning::Warning;
+
+/// Standard errors by which a sign must be wrong: by chance once in thirty thousand coefficients.
+const CLEAR: f64 = 4.0;
+/// Probability below which nothing is chance. The least found on 120 clean records (three rigs, 1024 and 4096 counts, 20 to 120 s)
+/// was 0.005; a hidden drag of a hundredth of gravity's torque gives less than 10⁻²⁰.
+pub(super) const CHANCE: f64 = 1e-6;
+/// Ratio of residual to noise power from which something besides noise is left, as in `explain`. Clean records gave at most 1.3.
+const BESIDE_NOISE: f64 = 2.0;
+
+/// Coefficients with their covariance.
+pub(super) struct Coefficients<'a> {
+    names: &'a [String],
+    pub(super) values: DVector<f64>,
+    pub(super) covariance: DMatrix<f64>,
+    /// Blocks of the jackknife.
+    pub(super) blocks: usize,
+}
+
+impl<'a> Coefficients<'a> {
+    /// Of an identification.
+    fn of(result: &'a Identification) -> Self {
+        let names = &result.correlation_names;
+        let n = names.len();
+        let (values, errors): (Vec<f64>, Vec<f64>) =
+            names.iter().map(|n| result.parameter(n).map_or((0.0, 0.0), |p| (p.value, p.std_error))).unzip();
+        let related = |i: usize, j: usize| result.correlation.get(i).and_then(|r| r.get(j)).copied().unwrap_or(0.0);
+        let covariance = DMatrix::from_fn(n, n, |i, j| related(i, j) * errors[i] * errors[j]);
+        Self { names, values: DVector::from_vec(values), covariance, blocks: result.details.jackknife_blocks }
+    }
+
+    /// Value and place of a coefficient.
+    pub(super) fn at(&self, name: &str) -> Option<(f64, usize)> {
+        self.names.iter().position(|n| n == name).map(|i| (self.values[i], i))
+    }
+
+    /// Variance of a function with this gradient.
+    pub(super) fn variance(&self, gradient: &DVector<f64>) -> f64 {
+        (gradient.transpose() * &self.covariance * gradient)[(0, 0)].max(0.0)
+    }
+
+    /// Standard error of a coefficient.
+    fn error(&self, i: usize) -> f64 {
+        self.covariance[(i, i)].max(0.0).sqrt()
+    }
+}
+
+/// Adds a warning for everything that cannot be.
+pub fn judge(result: &mut Identification, rig: &Rig) {
+    if rig.bound.is_none() {
+        let c = Coefficients::of(result);
+        let mut found = signs(&c);
+        let ties = ties(&c);
+        let spread = ties.as_ref().map_or(1.0, |t| (t.statistic / t.freedom as f64).sqrt().max(1.0));
+        if let Some(t) = ties.filter(|t| t.chance < CHANCE) {
+            found.extend(t.warnings());
+        }
+        found.extend(known_quantities::contradicted(&c, rig, spread));
+        result.warnings.extend(found);
+    }
+    if let Some(ratio) = result.details.residual_over_noise
+        && ratio > BESIDE_NOISE
+    {
+        // What a model misses comes back wherever the motion does: it is no sign of a periodic record.
+        let percent =
+            |of: &[f64]| of.iter().map(|e| format!("{} %", significant(100.0 * e, 2))).collect::<Vec<_>>().join(", ");
+        result.warnings.push(
+            Warning::new(
+                "model-misses-something",
+                format!(
+                    "these equations do not describe this record: the identification error is {}, where its sensors explain {}",
+                    percent(&result.identification_error),
+                    percent(&result.details.expected_error)
+                ),
+                "An effect is missing. Run `whirl explain`",
+            )
+            .with("residual_over_noise", ratio),
+        );
+    }
+}
+
+/// Coefficients with a sign that no rig has.
+fn signs(c: &Coefficients<'_>) -> Vec<Warning> {
+    let mut out = Vec::new();
+    for (i, name) in c.names.iter().enumerate() {
+        let (value, error) = (c.values[i], c.error(i));
+        if !(value < 0.0 && value < -CLEAR * error) {
+            continue;
+        }
+        let told = format!("{name} = {} is negative", plus_minus(value, 1.96 * error));
+        let damping = name.starts_with('C') || name == "c_r";
+        let warning = if damping {
+            Warning::new(
+                "negative-damping",
+                format!("{told}: that friction would drive the motion instead of braking it"),
+                "Does time run backwards, is a sign reversed or a channel late? If not, the equations miss something: run `whirl explain`",
+            )
+        } else if ["B11", "B21"].contains(&name.as_str()) {
+            Warning::new(
+                "negative-inertia",
+                format!("{told}: one of the arms would have a negative moment of inertia"),
+                "Is a channel dead, exchanged with the other or reversed? See `whirl inspect`",
+            )
+        } else if ["B22", "q_sin"].contains(&name.as_str()) {
+            Warning::new(
+                "negative-gravity",
+                format!("{told}: gravity would pull the arm upward"),
+                "Angles count from where the arm hangs at rest, all in the same sense: check the channels' zeros and signs",
+            )
+        } else {
+            continue;
+        };
+        out.push(warning.invalidating().with("parameter", name.clone()).with("value", value).with("std_error", error));
+    }
+    if let (Some((b11, i)), Some((b21, j))) = (c.at("B11"), c.at("B21"))
+        && b11 > 0.0
+        && b21 > 0.0
+    {
+        let mut gradient = DVector::zeros(c.values.len());
+        (gradient[i], gradient[j]) = (b21, b11);
+        let (product, error) = (b11 * b21, c.variance(&gradient).sqrt());
+        if product > 1.0 + CLEAR * error {
+            let warning = Warning::new(
+                "negative-inertia",
+                format!(
+                    "B11 B21 = {} exceeds 1: some motions would have a negative kinetic energy",
+                    plus_minus(product, 1.96 * error)
+                ),
+                "Is a channel dead, exchanged with the other, or of another number of counts a turn? See `whirl inspect`",
+            );
+            out.push(
+                warning.invalidating().with("parameter", "B11 B21").with("value", product).with("std_error", error),
+            );
+        }
+    }
+    out
+}
+
+/// What the ties between coefficients miss by.
+struct Ties {
+    /// hᵀ S⁻¹ h.
+    statistic: f64,
+    /// Number of ties.
+    freedom: usize,
+    /// Probability of so much by chance.
+    chance: f64,
+    /// C12 and C2 with opposite signs, both clearly.
+    opposed: Option<(f64, f64)>,
+}
+
+/// Products that are equal: first · second = third · fourth.
+const TIES: [[&str; 4]; 4] = [
+    ["C12", "B21", "C2", "B11"],
+    ["C14", "B21", "C4", "B11"],
+    ["B13", "B22", "B23", "B12"],
+    ["B14", "B22", "B24", "B12"],
+];
+
+/// The test of the ties; none where there are none, or too few blocks to judge.
+fn ties(c: &Coefficients<'_>) -> Option<Ties> {
+    let mut missed = Vec::new();
+    let mut gradients = Vec::new();
+    for names in TIES {
+        let found: Option<Vec<(f64, usize)>> = names.iter().map(|n| c.at(n)).collect();
+        let Some([(a, i), (b, j), (d, k), (e, l)]) = found.as_deref().and_then(|f| f.first_chunk().copied()) else {
+            continue;
+        };
+        let mut g = DVector::zeros(c.values.len());
+        (g[i], g[j], g[k], g[l]) = (b, a, -e, -d);
+        missed.push(a * b - d * e);
+        gradients.push(g);
+    }
+    let freedom = missed.len();
+    if freedom == 0 || c.blocks <= freedom + 1 {
+        return None;
+    }
+    // Scaled to unit variances, since ties differ by orders of magnitude.
+    let error: Vec<f64> = gradients.iter().map(|g| c.variance(g).sqrt()).collect();
+    let spread = DMatrix::from_fn(freedom, freedom, |i, j| {
+        (gradients[i].transpose() * &c.covariance * &gradients[j])[(0, 0)] / (error[i] * error[j])
+    });
+    let missed = DVector::from_fn(freedom, |i, _| missed[i] / error[i]);
+    let statistic = missed.dot(&spread.cholesky()?.solve(&missed));
+    let (d, g) = (freedom as f64, c.blocks as f64);
+    let f = FisherSnedecor::new(d, g - d).ok()?;
+    let chance = f.sf(statistic * (g - d) / (d * (g - 1.0)));
+    let opposed = [("C12", "C2"), ("C14", "C4")].into_iter().find_map(|(first, second)| {
+        let ((a, i), (b, j)) = (c.at(first)?, c.at(second)?);
+        (a * b < 0.0 && a.abs() > CLEAR * c.error(i) && b.abs() > CLEAR * c.error(j)).then_some((a, b))
+    });
+    (statistic.is_finite() && chance.is_finite()).then_some(Ties { statistic, freedom, chance, opposed })
+}
+
+impl Ties {
+    fn warnings(&self) -> Vec<Warning> {
+        let told = match self.opposed {
+            Some((a, b)) => format!(
+                "these coefficients contradict each other: friction in joint 2 would brake one arm and drive the other ({} and {}; χ² {}, expected {})",
+                significant(a, 3),
+                significant(b, 3),
+                significant(self.statistic, 5),
+                self.freedom
+            ),
+            None => format!(
+                "these coefficients contradict each other (χ² {}, expected {}): the equations miss something",
+                significant(self.statistic, 5),
+                self.freedom
+            ),
+        };
+        let warning = Warning::new("tie-violated", told, "Run `whirl explain`")
+            .invalidating()
+            .with("chi_squared", self.statistic)
+            .with("expected", self.freedom as u64);
+        vec![warning]
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::identify::{Details, Parameter};
+
+    const TRUE: [(&str, f64); 11] = [
+        ("B11", 0.113),
+        ("B12", 0.0708),
+        ("B13", -0.11),
+        ("B14", 0.02),
+        ("C11", 0.001),
+        ("C12", 0.0033),
+        ("B21", 1.68),
+        ("B22", 0.263),
+        ("B23", -0.110 * 0.263 / 0.0708),
+        ("B24", 0.02 * 0.263 / 0.0708),
+        ("C2", 0.0033 * 1.68 / 0.113),
+    ];
+
+    /// An identification with these coefficients, each known to a thousandth, all independent.
+    pub(crate) fn identified(change: &[(&str, f64)]) -> Identification {
+        let value = |n: &str, v: f64| change.iter().find(|c| c.0 == n).map_or(v, |c| c.1);
+        Identification {
+            parameters: TRUE
+                .iter()
+                .map(|(n, v)| Parameter {
+                    name: (*n).to_owned(),
+                    value: value(n, *v),
+                    std_error: 1e-3 * v.abs(),
+                    unit: "1".to_owned(),
+                })
+                .collect(),
+            correlation: (0..TRUE.len())
+                .map(|i| (0..TRUE.len()).map(|j| f64::from(u8::from(i == j))).collect())
+                .collect(),
+            correlation_names: TRUE.iter().map(|t| t.0.to_owned()).collect(),
+            details: Details { jackknife_blocks: 29, ..Details::default() },
+            ..Identification::default()
+        }
+    }
+
+    fn ids(change: &[(&str, f64)]) -> Vec<&'static str> {
+        let result = identified(change);
+        let c = Coefficients::of(&result);
+        let mut found = signs(&c);
+        found.extend(ties(&c).filter(|t| t.chance < CHANCE).into_iter().flat_map(|t| t.warnings()));
+        assert!(found.iter().all(|w| w.invalidates));
+        found.iter().map(|w| w.id).collect()
+    }
+
+    #[test]
+    fn signs_that_no_rig_has_are_named() {
+        assert!(ids(&[]).is_empty());
+        assert_eq!(ids(&[("C11", -0.001)]), ["negative-damping"]);
+        // Three standard errors are chance.
+        assert!(ids(&[("C11", -3e-6)]).is_empty());
+        assert_eq!(ids(&[("B11", -1.0002)])[0], "negative-inertia");
+        assert!(ids(&[("B11", 0.9)]).contains(&"negative-inertia"));
+        assert_eq!(ids(&[("B22", -0.263)])[0], "negative-gravity");
+    }
+
+    #[test]
+    fn ties_are_judged_by_their_covariance() {
+        let shifted = |by: f64| ids(&[("B13", -0.11 * (1.0 + by))]);
+        assert!(shifted(0.004).is_empty());
+        assert_eq!(shifted(0.03), ["tie-violated"]);
+        let opposed = identified(&[("C12", -0.0033)]);
+        let found = ties(&Coefficients::of(&opposed)).unwrap();
+        assert!(found.opposed.is_some() && found.warnings()[0].text.contains("brake one arm and drive the other"));
+        // Too few blocks: nothing is said.
+        let mut few = identified(&[("C12", -0.0033)]);
+        few.details.jackknife_blocks = 0;
+        assert!(ties(&Coefficients::of(&few)).is_none());
+    }
+}
