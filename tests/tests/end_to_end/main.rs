@@ -12,5 +12,6 @@ mod measured;
 mod own_systems;
 mod program;
 mod reduced;
+mod suspects_equations;
 mod unplugged;
 mod validated;
