@@ -42,7 +42,8 @@ pub fn single_pendulum(rig: &Rig, dampings: &[&str], all: bool) -> Result<Rig> {
 /// Channels that do not measure both angles.
 pub fn double_pendulum(rig: &Rig, dampings: &[&Damping]) -> Result<Rig> {
     let mut equations = String::new();
-    let rates = ["phi1''*cos(phi2 - phi1) + phi1'^2*sin(phi2 - phi1)", "phi2''*cos(phi2 - phi1) - phi2'^2*sin(phi2 - phi1)"];
+    let rates =
+        ["phi1''*cos(phi2 - phi1) + phi1'^2*sin(phi2 - phi1)", "phi2''*cos(phi2 - phi1) - phi2'^2*sin(phi2 - phi1)"];
     for (i, other) in rates.into_iter().rev().enumerate() {
         let n = i + 1;
         let mut terms = vec![format!("B{n}1 = \"{other}\""), format!("B{n}2 = \"sin(phi{n})\"")];

@@ -28,7 +28,10 @@ pub(super) fn other(own: &Rig, known: &[Known<'_>]) -> Option<Warning> {
     (there.0 > SEEN * there.1 && here.0 < NONE * there.0).then(|| {
         Warning::new(
             "drive-direction",
-            format!("the base moves {name}ly: the drive's force is {:.0} times as large in that direction", there.0 / here.0.max(here.1)),
+            format!(
+                "the base moves {name}ly: the drive's force is {:.0} times as large in that direction",
+                there.0 / here.0.max(here.1)
+            ),
             format!("Set drive.direction = \"{name}\" in the rig file"),
         )
         .with("value", name)

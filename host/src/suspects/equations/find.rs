@@ -1,14 +1,14 @@
 //! The mistake whose undoing removes the residual.
 //!
-//! Every statement of [`hypotheses`] is undone in turn on the record's first windows and the equations are refitted; where none does, numbers are searched for (a scale,
-//! a frequency, a lag). The best of each kind goes through Gauss and Newton's steps on all windows. What an effect that the model lacks leaves
+//! Every statement of [`super::hypotheses`] is undone in turn on the record's first windows and the equations are refitted; where none does, numbers are searched for (a frequency,
+//! a lag, a scale), first near where they stand, then on a grid. The best of each kind goes through Gauss and Newton's steps on all windows. What an effect that the model lacks leaves
 //! is not what another scale or an exchanged channel would take away: an undoing is believed that leaves at most [`SOLVED`] of the misfit, or less than half
 //! where every other kind leaves at least twice that.
 
 use rayon::prelude::*;
 
-use super::hypotheses::{search_scale, search_time, small, statements};
-use super::scene::{Misfit, Scene};
+use super::hypotheses::{kinds, search_scale, search_time, small, statements};
+use super::scene::{Misfit, Noise, Scene};
 use super::undo::Undo;
 
 /// Windows on which everything is tried.
@@ -43,28 +43,34 @@ struct Tried {
     left: Misfit,
 }
 
-fn try_all(scene: &Scene, list: Vec<Undo>) -> Vec<Tried> {
+fn try_all(scene: &Scene, list: Vec<Undo>, noise: Option<&Noise>) -> Vec<Tried> {
     let tried: Vec<Option<Tried>> = list
         .into_par_iter()
-        .map(|undo| Some(Tried { left: scene.with(&undo).misfit()?, errors: Vec::new(), undo }))
+        .map(|undo| Some(Tried { left: scene.with(&undo).misfit_beside(noise)?, errors: Vec::new(), undo }))
         .collect();
-    let mut tried: Vec<Tried> = tried.into_iter().flatten().collect();
-    tried.sort_by(|a, b| a.left.log.total_cmp(&b.left.log));
-    tried
+    tried.into_iter().flatten().collect()
 }
 
 /// The undoing that removes the residual, if one does.
 pub(super) fn find(scene: &Scene, base: &Misfit) -> Option<Finding> {
     let few = scene.first(FEW);
-    let before = few.misfit()?.log;
-    let mut tried = try_all(&few, statements(&few));
-    // Most likely first: what is stated, then time, then scales.
+    let before = few.misfit()?;
+    let solved = |tried: &[Tried]| tried.iter().any(|t| t.left.log <= SOLVED * before.log);
+    let mut tried = try_all(&few, statements(&few), None);
+    if !solved(&tried) {
+        // A number that is off by little is found from where it stands.
+        let near = kinds(&few)
+            .into_par_iter()
+            .map(|undo| refine(&few, Tried { undo, errors: Vec::new(), left: before.clone() }));
+        tried.extend(near.collect::<Vec<_>>().into_iter().flatten());
+    }
     for next in [search_time, search_scale] {
-        if tried.first().is_none_or(|t| t.left.log > SOLVED * before) {
-            tried.extend(try_all(&few, next(&few)));
-            tried.sort_by(|a, b| a.left.log.total_cmp(&b.left.log));
+        if !solved(&tried) {
+            // A few per cent or samples change the noise by as little.
+            tried.extend(try_all(&few, next(&few), Some(&before.noise)));
         }
     }
+    tried.sort_by(|a, b| a.left.log.total_cmp(&b.left.log));
     let mut finalists: Vec<Tried> = Vec::new();
     for t in tried {
         if finalists.len() < FINALISTS && !finalists.iter().any(|f| f.undo.same_kind(&t.undo)) {
@@ -79,16 +85,10 @@ pub(super) fn find(scene: &Scene, base: &Misfit) -> Option<Finding> {
         .flatten()
         .collect();
     last.sort_by(|a, b| a.left.log.total_cmp(&b.left.log));
-    if std::env::var("EXAM").is_ok() {
-        for t in &last {
-            eprintln!("   {:.3} of {:.3} ({:.3}): {:?} ± {:?}", t.left.log, base.log, t.left.log / base.log, t.undo, t.errors);
-        }
-    }
     let mut last = last.into_iter();
     let best = last.next()?;
     let share = best.left.log / base.log;
-    let (also, others): (Vec<Tried>, Vec<Tried>) =
-        last.partition(|t| t.left.log - best.left.log < SAME * base.log);
+    let (also, others): (Vec<Tried>, Vec<Tried>) = last.partition(|t| t.left.log - best.left.log < SAME * base.log);
     let next = others.first().map_or(1.0, |t| t.left.log / base.log);
     (share <= SOLVED || (share <= ALONE && next >= 2.0 * share)).then(|| Finding {
         also: also.into_iter().map(|t| t.undo).collect(),
@@ -104,6 +104,7 @@ fn refine(scene: &Scene, start: Tried) -> Option<Tried> {
         return Some(Tried { left: scene.with(&start.undo).misfit()?, ..start });
     };
     let mut best = Tried { left: scene.with(&start.undo.at(&x)).misfit()?, ..start };
+    let noise = best.left.noise.clone();
     for _ in 0..ROUNDS {
         let Some((change, errors)) = scene.step(&best.undo, &x, &step) else { break };
         best.errors = errors;
@@ -113,7 +114,7 @@ fn refine(scene: &Scene, start: Tried) -> Option<Tried> {
         for _ in 0..3 {
             let next: Vec<f64> = x.iter().zip(&change).map(|(x, c)| x + factor * c).collect();
             let undo = best.undo.at(&next);
-            if let Some(left) = scene.with(&undo).misfit().filter(|m| m.log < best.left.log) {
+            if let Some(left) = scene.with(&undo).misfit_beside(Some(&noise)).filter(|m| m.log < best.left.log) {
                 better = Some((next, undo, left));
                 break;
             }
@@ -126,5 +127,6 @@ fn refine(scene: &Scene, start: Tried) -> Option<Tried> {
             break;
         }
     }
+    best.left = scene.with(&best.undo).misfit()?;
     Some(best)
 }

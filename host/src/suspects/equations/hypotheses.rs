@@ -91,35 +91,55 @@ fn around() -> impl Iterator<Item = f64> + Clone {
     (1..=STEPS).flat_map(|k| [f64::from(k), -f64::from(k)])
 }
 
+/// Kinds of mistakes that are a number, each with the number that changes nothing.
+pub(super) fn kinds(scene: &Scene) -> Vec<Undo> {
+    let mut out = Vec::new();
+    if scene.bound.model.uses_phase() && scene.rig.drive.is_some() {
+        out.push(Undo::Drive(0.0));
+    }
+    let most_s = MOST_LAG * scene.stretches.first().map_or(0.0, |s| s.step_s);
+    out.extend((1..channels(scene).len()).map(|signal| Undo::Lag { signal, delay_s: 0.0, drift: 0.0, most_s }));
+    let angles = |set: &Vec<usize>| set.iter().all(|&i| is_angle(scene, i));
+    out.extend(sets(scene.sensors.sigma.len()).into_iter().filter(angles).map(|set| Undo::Scale(set, 1.0)));
+    out
+}
+
 /// Places at which the search for a drive frequency or a lag begins.
 pub(super) fn search_time(scene: &Scene) -> Vec<Undo> {
-    let mut out = Vec::new();
     let span_s = scene.span_s();
-    if scene.bound.model.uses_phase() && scene.rig.drive.is_some() {
-        out.extend(around().map(|k| Undo::Drive(k * TURN_STEP * TAU / span_s)));
-    }
     let step_s = scene.stretches.first().map_or(0.0, |s| s.step_s);
-    for signal in 1..channels(scene).len() {
-        let lag = |delay: f64, drift: f64| Undo::Lag {
-            signal,
-            delay_s: delay * step_s,
-            drift: drift * step_s / span_s,
-            most_s: MOST_LAG * step_s,
-        };
-        out.extend(LAGS.iter().flat_map(|d| [lag(*d, 0.0), lag(-d, 0.0), lag(0.0, *d), lag(0.0, -d)]));
-    }
-    out
+    kinds(scene)
+        .iter()
+        .flat_map(|kind| match kind {
+            Undo::Drive(_) => around().map(|k| kind.at(&[k * TURN_STEP * TAU / span_s])).collect(),
+            Undo::Lag { .. } => LAGS
+                .iter()
+                .flat_map(|d| [[*d, 0.0], [-d, 0.0], [0.0, *d], [0.0, -d]])
+                .map(|[d, e]| kind.at(&[d * step_s, e * step_s / span_s]))
+                .collect(),
+            _ => Vec::new(),
+        })
+        .collect()
 }
 
 /// Places at which the search for a scale begins.
 pub(super) fn search_scale(scene: &Scene) -> Vec<Undo> {
-    let mut out = Vec::new();
-    for set in sets(scene.sensors.sigma.len()).into_iter().filter(|s| s.iter().all(|&i| is_angle(scene, i))) {
-        let turns = set.iter().map(|&i| range(scene, i)).fold(0.0, f64::max) / TAU;
-        let step = (TURN_STEP / turns.max(1e-9)).min(SCALE_STEP);
-        out.extend(around().map(|k| Undo::Scale(set.clone(), (k * step).exp())));
-    }
-    out
+    kinds(scene)
+        .iter()
+        .flat_map(|kind| match kind {
+            Undo::Scale(set, _) => {
+                let step = scale_step(scene, set);
+                around().map(|k| kind.at(&[(k * step).exp()])).collect()
+            }
+            _ => Vec::new(),
+        })
+        .collect()
+}
+
+/// Step of a search for the scale of some sensors.
+fn scale_step(scene: &Scene, set: &[usize]) -> f64 {
+    let turns = set.iter().map(|&i| range(scene, i)).fold(0.0, f64::max) / TAU;
+    (TURN_STEP / turns.max(1e-9)).min(SCALE_STEP)
 }
 
 /// Farthest that a sensor gets from its zero, rad.
@@ -133,18 +153,13 @@ pub(super) fn small(scene: &Scene, undo: &Undo) -> Option<(Vec<f64>, Vec<f64>, V
     let step_s = scene.stretches.first()?.step_s;
     match undo {
         Undo::Scale(set, f) => {
-            let turns = set.iter().map(|&i| range(scene, i)).fold(0.0, f64::max) / TAU;
-            let most = (TURN_STEP / turns.max(1e-9)).min(SCALE_STEP);
+            let most = scale_step(scene, set);
             Some((vec![*f], vec![1e-3 * most], vec![f * most]))
         }
         Undo::Drive(rate) => Some((vec![*rate], vec![1e-3 * TAU / span_s], vec![TURN_STEP * TAU / span_s])),
         Undo::Lag { delay_s, drift, .. } => {
             let most = 4.0 * step_s;
-            Some((
-                vec![*delay_s, *drift],
-                vec![0.1 * step_s, 0.1 * step_s / span_s],
-                vec![most, most / span_s],
-            ))
+            Some((vec![*delay_s, *drift], vec![0.1 * step_s, 0.1 * step_s / span_s], vec![most, most / span_s]))
         }
         _ => None,
     }

@@ -65,9 +65,6 @@ pub fn examine(records: &[Record], rig: &Rig) -> Vec<Warning> {
         .map(|(name, (value, std_error))| Known { name, value: *value, std_error: *std_error })
         .collect();
     out.extend(by_coefficients(&scene.rig, &known));
-    if std::env::var("EXAM").is_ok() {
-        eprintln!("base {:.4} rows {:.0}", base.log, base.rows);
-    }
     if !out.iter().any(|w| w.invalidates)
         && base.log > CLEAN
         && let Some(found) = find::find(&scene, &base)
@@ -96,8 +93,10 @@ pub fn after(records: &[Record], rig: &Rig, result: &Identification) -> Vec<Warn
 /// would be dressed up for it.
 pub fn tell_in(result: &mut Explanation, suspects: Vec<Warning>) {
     let settled = result.verdict == Verdict::Explained;
-    let kept: Vec<Warning> =
-        suspects.into_iter().filter(|s| !(settled && effect_of(s).is_some_and(|id| has(&result.effects, id)))).collect();
+    let kept: Vec<Warning> = suspects
+        .into_iter()
+        .filter(|s| !(settled && effect_of(s).is_some_and(|id| has(&result.effects, id))))
+        .collect();
     if let Some(first) = kept.iter().find(|s| s.invalidates) {
         result.verdict = Verdict::NotDecidable;
         result.reason = format!("{}. {}", first.text, first.advice);
@@ -224,6 +223,3 @@ fn head(s: &Segment, n: usize) -> Segment {
         amplitude_nm: s.amplitude_nm.as_ref().map(|a| a[..n].to_vec()),
     }
 }
-
-#[cfg(all(test, feature = "sim"))]
-mod tests;

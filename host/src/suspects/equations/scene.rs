@@ -5,26 +5,31 @@
 //! the equations leave nothing but noise, does not depend on the scale of a channel or of an equation, and −½N times it is the log-likelihood
 //! of N independent rows with unknown variance at each frequency, so that hypotheses compare by differences.
 
+use core::f64::consts::TAU;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::undo::Undo;
+use super::hypotheses;
+use super::undo::{self, Undo};
 use crate::error::Result;
 use crate::identify::general::noise::{Sensors, measure, smoothed};
 use crate::identify::general::per_record::Split;
 use crate::identify::general::series::System;
 use crate::identify::general::stretches::Stretch;
 use crate::identify::system::System as BuiltIn;
-use crate::identify::windows::{Plan, Stretches, WindowRows, frequency_of_row, row_count, rows_of, rows_planned, samples_needed};
+use crate::identify::windows::{Plan, Stretches, WindowRows, frequency_of_row, rows_of, rows_planned, samples_needed};
 use crate::identify::{Geometry, Settings, general, noise_bias, prepare_system, regression};
 use crate::model::model_file::weak_form::WeakForm;
 use crate::record::Record;
 use crate::rig::measures::Bound;
 use crate::rig::{Rig, as_own};
+use crate::signal::noise;
 
 /// Least residual that counts, as a share of the equation's right-hand side at that frequency: what smoothing and sums leave of exact equations.
 const EXACT: f64 = 1e-4;
+/// Rms step of an angle from one sample to the next from which its turns cannot be right, rad.
+const SCRAMBLED: f64 = 1.0;
 /// Σ corr² over rows at neighbouring frequencies, see [`regression`].
 const ROW_DEPENDENCE: f64 = 2.63;
 
@@ -50,13 +55,16 @@ pub(super) struct Scene {
 pub(super) struct Misfit {
     /// Mean of ln(r²/n²).
     pub log: f64,
-    /// Independent rows.
-    pub rows: f64,
     /// Coefficients, equation by equation.
     pub coefficients: Vec<DVector<f64>>,
     /// Their standard errors, one after the other.
     pub std_errors: Vec<f64>,
+    /// What noise alone leaves.
+    pub noise: Noise,
 }
+
+/// Mean square of what the sensors' noise adds to the residuals of each equation, by frequency.
+pub(super) type Noise = Vec<Vec<f64>>;
 
 /// A rig whose system is written out as a model file.
 ///
@@ -81,7 +89,15 @@ impl Scene {
         let settings = Settings::default();
         if let Some(bound) = &rig.bound {
             let p = general::prepare(records, rig, bound, &settings)?;
-            return Self::of(rig.clone(), bound.clone(), p.stretches, p.record_of, p.sensors, p.geometry, records.len());
+            return Self::of(
+                rig.clone(),
+                bound.clone(),
+                p.stretches,
+                p.record_of,
+                p.sensors,
+                p.geometry,
+                records.len(),
+            );
         }
         let (system, mut own) = (BuiltIn::of(rig)?, written_out(rig)?);
         own.channel.clone_from(&rig.channel);
@@ -121,7 +137,27 @@ impl Scene {
     ) -> Result<Self> {
         let weak = Arc::new(WeakForm::new(&bound.model, rig.omega(), &[])?);
         let split = Split::new(&bound.model, records);
-        Ok(Self { stretches, record_of, sensors, geometry, rig, bound, weak, split })
+        let mut out = Self { stretches, record_of, sensors, geometry, rig, bound, weak, split };
+        out.noise_of_scrambled();
+        Ok(out)
+    }
+
+    /// Angles in the wrong unit lose turns that they should not, which looks like noise: theirs is estimated from what they were before.
+    fn noise_of_scrambled(&mut self) {
+        let Some(step_s) = self.stretches.first().map(|s| s.step_s) else { return };
+        for i in (0..self.sensors.sigma.len()).filter(|i| self.sensors.count[*i].is_none()) {
+            let mut shown: Vec<Vec<f64>> =
+                self.stretches.iter().map(|s| s.sensors(&self.bound).swap_remove(i)).collect();
+            let steps = shown.iter().flat_map(|x| x.windows(2).map(|w| (w[1] - w[0]).powi(2)));
+            let (sum, count) = steps.fold((0.0, 0_usize), |(sum, n), x| (sum + x, n + 1));
+            if !hypotheses::is_angle(self, i) || sum < SCRAMBLED * SCRAMBLED * count as f64 {
+                continue;
+            }
+            shown.iter_mut().for_each(|x| undo::unwrap(x, TAU));
+            if let Some(noise) = noise::estimate(shown.iter().map(|x| &x[..]), step_s) {
+                self.sensors.sigma[i] = noise.sigma;
+            }
+        }
     }
 
     /// The first windows alone.
@@ -182,7 +218,8 @@ impl Scene {
 
     fn rows(&self) -> Vec<WindowRows> {
         let circle = self.bound.model.circle();
-        let system = System { stretches: &self.stretches, weak: &self.weak, kernels: &self.geometry.kernels, circle: &circle };
+        let system =
+            System { stretches: &self.stretches, weak: &self.weak, kernels: &self.geometry.kernels, circle: &circle };
         let mut rows = rows_of(&system, &self.weak.equations, &self.geometry.kernels, &self.geometry.windows);
         self.split.spread(&mut rows, &self.record_of);
         rows
@@ -190,11 +227,16 @@ impl Scene {
 
     /// The equations refitted, and what they leave beside what noise does.
     pub fn misfit(&self) -> Option<Misfit> {
+        self.misfit_beside(None)
+    }
+
+    /// The same beside a noise that was measured before, of something close by.
+    pub fn misfit_beside(&self, noise: Option<&Noise>) -> Option<Misfit> {
         let rows = self.rows();
         let terms = self.split.terms();
         let frequencies = self.geometry.windows.frequencies;
         let solution = regression::solve(&rows, &terms, frequencies).ok()?;
-        let noise = self.noise(&solution.coefficients);
+        let noise = noise.cloned().unwrap_or_else(|| self.noise(&solution.coefficients));
         let mut sum = 0.0;
         for (e, x) in solution.coefficients.iter().enumerate() {
             let p = x.len();
@@ -212,16 +254,16 @@ impl Scene {
             }
         }
         let log = sum / ((frequencies + 1) * terms.len()) as f64;
-        let independent = (rows.len() * row_count(frequencies) * terms.len()) as f64 / ROW_DEPENDENCE;
         let std_errors = solution.covariance.diagonal().iter().map(|v| v.max(0.0).sqrt()).collect();
-        log.is_finite().then_some(Misfit { log, rows: independent, coefficients: solution.coefficients, std_errors })
+        log.is_finite().then_some(Misfit { log, coefficients: solution.coefficients, std_errors, noise })
     }
 
     /// Mean square of what the sensors' noise adds to each equation's residuals, by frequency.
-    fn noise(&self, coefficients: &[DVector<f64>]) -> Vec<Vec<f64>> {
+    fn noise(&self, coefficients: &[DVector<f64>]) -> Noise {
         let circle = self.bound.model.circle();
         let frequencies = self.geometry.windows.frequencies;
-        let system = System { stretches: &self.stretches, weak: &self.weak, kernels: &self.geometry.kernels, circle: &circle };
+        let system =
+            System { stretches: &self.stretches, weak: &self.weak, kernels: &self.geometry.kernels, circle: &circle };
         let mut out = vec![vec![0.0; frequencies + 1]; coefficients.len()];
         if system.count() == 0 {
             return out;

@@ -69,7 +69,13 @@ pub(super) fn tell(scene: &Scene, before: &Misfit, found: &Finding) -> Warning {
         Undo::Lag { signal, delay_s, drift, .. } => {
             let step_s = scene.stretches.first().map_or(1.0, |s| s.step_s);
             let drift_error = found.errors.get(1).copied().unwrap_or(f64::INFINITY);
-            lag(channels[*signal], channels[0], (*delay_s, *drift, step_s, scene.span_s()), (error(0), drift_error), &why)
+            lag(
+                channels[*signal],
+                channels[0],
+                (*delay_s, *drift, step_s, scene.span_s()),
+                (error(0), drift_error),
+                &why,
+            )
         }
     };
     warning.with("residual_before", before.log.exp()).with("residual_after", found.after.log.exp()).invalidating()
@@ -119,11 +125,20 @@ fn scaled(channels: &[&Channel], list: &[usize], factor: f64, error: f64, why: &
             let value = factor * f64::from(stated);
             let uncertainty = (error * f64::from(stated)).max(0.0);
             let whole = (value - value.round()).abs() < WHOLE.max(uncertainty);
-            let shown = if whole { significant_count(value.round()) } else { plus_minus(value, uncertainty) };
+            let shown = if whole { format!("{value:.0}") } else { plus_minus(value, uncertainty) };
+            let set = format!("Set counts_per_turn = {value:.0} in the rig file");
+            let advice = if whole {
+                set
+            } else {
+                format!(
+                    "{set} if that is the encoder's number; otherwise its scale is off by {} %, a play or slip of its drive",
+                    significant(100.0 * (factor - 1.0).abs(), 3)
+                )
+            };
             Warning::new(
                 "counts-per-turn",
                 format!("{who} {} {shown} counts a turn, not {stated}: {why}", if plural { "have" } else { "has" }),
-                format!("Set counts_per_turn = {} in the rig file", value.round()),
+                advice,
             )
             .with("stated", stated)
             .with("value", value)
@@ -143,17 +158,12 @@ fn scaled(channels: &[&Channel], list: &[usize], factor: f64, error: f64, why: &
     warning.with("channels", all).with("factor", factor).with("std_error", error / 1.96)
 }
 
-fn significant_count(value: f64) -> String {
-    format!("{value:.0}")
-}
-
 fn drive(scene: &Scene, rate: f64, error: f64, why: &str) -> Warning {
     let stated = scene.rig.drive.map_or(0.0, |d| d.frequency_hz);
     let (value, error) = (stated + rate / TAU, error / TAU);
     let sampling = scene.rig.sample_rate_hz * stated / value;
-    let phase = "drive-frequency";
     Warning::new(
-        phase,
+        "drive-frequency",
         format!("the drive runs at {} Hz in the record's time, not at {stated} Hz: {why}", plus_minus(value, error)),
         format!(
             "Set drive.frequency_hz = {} in the rig file; if the drive surely ran at {stated} Hz, the times are wrong and the samples came at {} Hz",
@@ -174,8 +184,8 @@ fn lag(
     (error, drift_error): (f64, f64),
     why: &str,
 ) -> Warning {
-    // A lag that grows by less than half a sample over all that was looked at is no clock of its own.
-    let grows = drift.abs() > GROWS * drift_error && drift.abs() * span_s > 0.5 * step_s.min(delay_s.abs().max(0.5 * step_s));
+    // What the lag grows by over the record against what it begins with.
+    let grows = drift.abs() > GROWS * drift_error && drift.abs() * span_s > delay_s.abs();
     let (name, first) = (&channel.name, &first.name);
     if grows {
         let sense = if drift > 0.0 { "slow" } else { "fast" };
