@@ -1,4 +1,5 @@
-//! Records with one mistake in them, or in their rig file: named by `identify`, `inspect` and `explain`, one test a mistake.
+//! Records with one mistake in them, or in their rig file: named by `identify`, `inspect` and
+//! `explain`, one test a mistake.
 
 use std::fmt::Write;
 use std::path::Path;

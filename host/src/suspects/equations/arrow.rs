@@ -1,8 +1,10 @@
-//! Whether a record runs backwards: every law of friction then gives energy to the motion, and nothing else changes.
+//! Whether a record runs backwards: every law of friction then gives energy to the motion, and
+//! nothing else changes.
 //!
-//! q(−t) obeys the same equations with every term that is odd in the velocities reversed. F = Σ λ_j X_j − Y; a term X_j of equation e takes
-//! energy from coordinate i where λ_j [X_j(v_i = 1) − X_j(v_i = −1)] has the sign of i's inertia ∂F/∂q̈_i. Terms whose sense
-//! depends on the position (van der Pol's) say nothing.
+//! q(−t) obeys the same equations with every term that is odd in the velocities reversed. F = Σ
+//! λ_j X_j − Y; a term X_j of equation e takes energy from coordinate i where λ_j [X_j(v_i = 1) −
+//! X_j(v_i = −1)] has the sign of i's inertia ∂F/∂q̈_i. Terms whose sense depends on the position
+//! (van der Pol's) say nothing.
 
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::expression::{Node, Symbol};
@@ -17,7 +19,8 @@ pub(super) struct Known<'a> {
     pub std_error: f64,
 }
 
-/// Whether some friction clearly feeds the motion: a model that does cannot tell by its own motion how well it fits.
+/// Whether some friction clearly feeds the motion: a model that does cannot tell by its own motion
+/// how well it fits.
 pub(super) fn feeds(model: &ModelFile, omega: f64, known: &[Known<'_>]) -> bool {
     let value = |name: &str| known.iter().find(|k| k.name == name).map_or(0.0, |k| k.value);
     known.iter().any(|k| {
@@ -25,7 +28,8 @@ pub(super) fn feeds(model: &ModelFile, omega: f64, known: &[Known<'_>]) -> bool 
     })
 }
 
-/// The frictions that feed the motion, if all that are known to have a sign do, and most of all frictions are.
+/// The frictions that feed the motion, if all that are known to have a sign do, and most of all
+/// frictions are.
 pub(super) fn reversed<'a>(model: &ModelFile, omega: f64, known: &[Known<'a>]) -> Option<Vec<&'a str>> {
     let value = |name: &str| known.iter().find(|k| k.name == name).map_or(0.0, |k| k.value);
     let (mut feeding, mut all) = (Vec::new(), 0_usize);
@@ -41,7 +45,8 @@ pub(super) fn reversed<'a>(model: &ModelFile, omega: f64, known: &[Known<'a>]) -
     (!feeding.is_empty() && 2 * feeding.len() > all).then_some(feeding)
 }
 
-/// Sign that a coefficient has where its term takes energy away; none for a term that is no friction.
+/// Sign that a coefficient has where its term takes energy away; none for a term that is no
+/// friction.
 fn sense(model: &ModelFile, omega: f64, value: &dyn Fn(&str) -> f64, name: &str) -> Option<f64> {
     let mut found = None;
     for (e, equation) in model.equations.iter().enumerate() {
@@ -64,7 +69,8 @@ fn sense(model: &ModelFile, omega: f64, value: &dyn Fn(&str) -> f64, name: &str)
     found
 }
 
-/// The sign of an expression that is odd in the velocities and has that sign for v_i > 0 wherever the coordinates are.
+/// The sign of an expression that is odd in the velocities and has that sign for v_i > 0 wherever
+/// the coordinates are.
 fn resists(of: &Node, i: usize) -> Option<f64> {
     let mut found = None;
     for place in [0.3, -0.7, 1.9, -2.6] {

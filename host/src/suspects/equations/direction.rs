@@ -1,7 +1,8 @@
 //! A base that moves in another direction than the rig file says.
 //!
-//! The single pendulum's equation (2.6) has the terms of both: a horizontal drive puts its force into n_cos and p_cos, a vertical one into n_sin and p_sin. A built-in double
-//! pendulum has a vertical drive only.
+//! The single pendulum's equation (2.6) has the terms of both: a horizontal drive puts its force
+//! into n_cos and p_cos, a vertical one into n_sin and p_sin. A built-in double pendulum has a
+//! vertical drive only.
 
 use super::arrow::Known;
 use crate::rig::{Direction, Rig};

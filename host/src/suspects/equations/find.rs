@@ -1,9 +1,12 @@
 //! The mistake whose undoing removes the residual.
 //!
-//! Every statement of [`super::hypotheses`] is undone in turn on the record's first windows and the equations are refitted; where none does, numbers are searched for (a frequency,
-//! a lag, a scale), first near where they stand, then on a grid. The best of each kind goes through Gauss and Newton's steps on all windows. What an effect that the model lacks leaves
-//! is not what another scale or an exchanged channel would take away: an undoing is believed that leaves at most [`SOLVED`] of the misfit, or less than half
-//! where every other kind leaves at least twice that.
+//! Every statement of [`super::hypotheses`] is undone in turn on the record's first windows and
+//! the equations are refitted; where none does, numbers are searched for (a frequency, a lag, a
+//! scale), first near where they stand, then on a grid. The best of each kind goes through Gauss
+//! and Newton's steps on all windows. What an effect that the model lacks leaves is not what
+//! another scale or an exchanged channel would take away: an undoing is believed that leaves at
+//! most [`SOLVED`] of the misfit, or less than half where every other kind leaves at least twice
+//! that.
 
 use rayon::prelude::*;
 
@@ -98,7 +101,8 @@ pub(super) fn find(scene: &Scene, base: &Misfit) -> Option<Finding> {
     })
 }
 
-/// Gauss and Newton's steps, shortened where they lead uphill; what has no number is only tried on this scene.
+/// Gauss and Newton's steps, shortened where they lead uphill; what has no number is only tried on
+/// this scene.
 fn refine(scene: &Scene, start: Tried) -> Option<Tried> {
     let Some((mut x, step, most)) = small(scene, &start.undo) else {
         return Some(Tried { left: scene.with(&start.undo).misfit()?, ..start });

@@ -1,4 +1,5 @@
-//! What is tried on a record that its equations do not fit, and where the search for a number begins.
+//! What is tried on a record that its equations do not fit, and where the search for a number
+//! begins.
 
 use core::f64::consts::{PI, TAU};
 
@@ -14,7 +15,8 @@ const COUNTS: [u32; 32] = [
 ];
 /// Steps of a search on either side.
 const STEPS: i32 = 12;
-/// Turns that a step of the search moves an angle or the drive's phase at most: an eighth leaves the equations within a Gauss–Newton step.
+/// Turns that a step of the search moves an angle or the drive's phase at most: an eighth leaves
+/// the equations within a Gauss–Newton step.
 const TURN_STEP: f64 = 0.25;
 /// Coarsest step of a scale.
 const SCALE_STEP: f64 = 0.02;
@@ -43,7 +45,8 @@ fn sets(sensors: usize) -> Vec<Vec<usize>> {
     out
 }
 
-/// Statements of the rig file that are wrong as a whole: exchanged, reversed, relative, another unit or number of counts.
+/// Statements of the rig file that are wrong as a whole: exchanged, reversed, relative, another
+/// unit or number of counts.
 pub(super) fn statements(scene: &Scene) -> Vec<Undo> {
     let n = scene.sensors.sigma.len();
     let channels = channels(scene);
@@ -147,7 +150,8 @@ fn range(scene: &Scene, sensor: usize) -> f64 {
     scene.stretches.iter().flat_map(|s| s.sensors(&scene.bound)[sensor].clone()).fold(0.0, |m, x| f64::max(m, x.abs()))
 }
 
-/// Steps by which derivatives are taken for the numbers of an undoing, and the largest step of a search.
+/// Steps by which derivatives are taken for the numbers of an undoing, and the largest step of a
+/// search.
 pub(super) fn small(scene: &Scene, undo: &Undo) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
     let span_s = scene.span_s();
     let step_s = scene.stretches.first()?.step_s;

@@ -1,12 +1,15 @@
 //! Suspects that the equations show: what undone makes the record fit them.
 //!
-//! A channel exchanged, reversed, relative, scaled, in another unit, late or on a clock of its own, a drive of another frequency or direction, time reversed: each
-//! leaves a residual far above the sensors' noise, as a missing effect does. It is told from one by undoing it ([`undo`]): where the equations, refitted, then leave (nearly)
-//! nothing ([`scene`], [`find`]), the mistake is named. What leaves the residual as it is shows in the coefficients: friction that feeds the
+//! A channel exchanged, reversed, relative, scaled, in another unit, late or on a clock of its
+//! own, a drive of another frequency or direction, time reversed: each leaves a residual far above
+//! the sensors' noise, as a missing effect does. It is told from one by undoing it ([`undo`]):
+//! where the equations, refitted, then leave (nearly) nothing ([`scene`], [`find`]), the mistake
+//! is named. What leaves the residual as it is shows in the coefficients: friction that feeds the
 //! motion ([`arrow`]), a drive in another direction ([`direction`]).
 //!
-//! Limits: one mistake at a time; the first [`WINDOWS`] windows are looked at; what the equations cannot tell stays silent (the scale of a linear
-//! system's channel, both signs of a symmetric pendulum reversed, a delay of a single channel, which is another phase of the drive).
+//! Limits: one mistake at a time; the first [`WINDOWS`] windows are looked at; what the equations
+//! cannot tell stays silent (the scale of a linear system's channel, both signs of a symmetric
+//! pendulum reversed, a delay of a single channel, which is another phase of the drive).
 
 mod arrow;
 mod direction;
@@ -27,10 +30,12 @@ use scene::Scene;
 
 /// Most windows that are looked at.
 const WINDOWS: usize = 64;
-/// ln of residual over noise power from which something is looked for: clean records of the shipped rigs stay below half of it.
+/// ln of residual over noise power from which something is looked for: clean records of the
+/// shipped rigs stay below half of it.
 const CLEAN: f64 = 0.4;
-/// Relative difference between the stated frequency or rate and the device's or the record's own, from which it is told: coefficients
-/// go with the square of the frequency, and are known to some 1e-4.
+/// Relative difference between the stated frequency or rate and the device's or the record's own,
+/// from which it is told: coefficients go with the square of the frequency, and are known to some
+/// 1e-4.
 const PHASE: f64 = 1e-4;
 const RATE: f64 = 1e-3;
 /// Suspects that are effects as well, and the effect.
@@ -74,7 +79,8 @@ pub fn examine(records: &[Record], rig: &Rig) -> Vec<Warning> {
     out
 }
 
-/// The same after an identification: the record is looked at again only where the residual or a coefficient calls for it.
+/// The same after an identification: the record is looked at again only where the residual or a
+/// coefficient calls for it.
 pub fn after(records: &[Record], rig: &Rig, result: &Identification) -> Vec<Warning> {
     let known: Vec<Known<'_>> =
         result.parameters.iter().map(|p| Known { name: &p.name, value: p.value, std_error: p.std_error }).collect();
@@ -89,8 +95,8 @@ pub fn after(records: &[Record], rig: &Rig, result: &Identification) -> Vec<Warn
     examine(records, rig)
 }
 
-/// Puts suspects into an explanation: what it has in its model as an effect keeps that name, any other suspect comes before effects that
-/// would be dressed up for it.
+/// Puts suspects into an explanation: what it has in its model as an effect keeps that name, any
+/// other suspect comes before effects that would be dressed up for it.
 pub fn tell_in(result: &mut Explanation, suspects: Vec<Warning>) {
     let settled = result.verdict == Verdict::Explained;
     let kept: Vec<Warning> = suspects

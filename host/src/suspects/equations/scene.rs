@@ -1,9 +1,12 @@
-//! A record with its rig's equations: what a hypothesis is tried on, and how well the equations fit it then.
+//! A record with its rig's equations: what a hypothesis is tried on, and how well the equations
+//! fit it then.
 //!
-//! The misfit is the mean over equations e and test frequencies m of ln(r²/n²): r² the mean square of the weak form's residuals, refitted,
-//! n² what the sensors' noise alone adds to them (their parts smoothed, taken as the truth and measured again). It is 0 where
-//! the equations leave nothing but noise, does not depend on the scale of a channel or of an equation, and −½N times it is the log-likelihood
-//! of N independent rows with unknown variance at each frequency, so that hypotheses compare by differences.
+//! The misfit is the mean over equations e and test frequencies m of ln(r²/n²): r² the mean square
+//! of the weak form's residuals, refitted, n² what the sensors' noise alone adds to them (their
+//! parts smoothed, taken as the truth and measured again). It is 0 where the equations leave
+//! nothing but noise, does not depend on the scale of a channel or of an equation, and −½N times
+//! it is the log-likelihood of N independent rows with unknown variance at each frequency, so that
+//! hypotheses compare by differences.
 
 use core::f64::consts::TAU;
 use std::sync::Arc;
@@ -26,7 +29,8 @@ use crate::rig::measures::Bound;
 use crate::rig::{Rig, as_own};
 use crate::signal::noise;
 
-/// Least residual that counts, as a share of the equation's right-hand side at that frequency: what smoothing and sums leave of exact equations.
+/// Least residual that counts, as a share of the equation's right-hand side at that frequency:
+/// what smoothing and sums leave of exact equations.
 const EXACT: f64 = 1e-4;
 /// Rms step of an angle from one sample to the next from which its turns cannot be right, rad.
 const SCRAMBLED: f64 = 1.0;
@@ -81,7 +85,8 @@ pub(super) fn written_out(rig: &Rig) -> Result<Rig> {
 }
 
 impl Scene {
-    /// The records of a rig, none where the rig has no equations of its own (a built-in system without channels for it).
+    /// The records of a rig, none where the rig has no equations of its own (a built-in system
+    /// without channels for it).
     ///
     /// # Errors
     /// As an identification.
@@ -142,10 +147,13 @@ impl Scene {
         Ok(out)
     }
 
-    /// Angles in the wrong unit lose turns that they should not, which looks like noise: theirs is estimated from what they were before.
+    /// Angles in the wrong unit lose turns that they should not, which looks like noise: theirs is
+    /// estimated from what they were before.
     fn noise_of_scrambled(&mut self) {
         let Some(step_s) = self.stretches.first().map(|s| s.step_s) else { return };
-        for i in (0..self.sensors.sigma.len()).filter(|i| self.sensors.count[*i].is_none()) {
+        let uncounted: Vec<usize> =
+            (0..self.sensors.sigma.len()).filter(|i| self.sensors.count[*i].is_none()).collect();
+        for i in uncounted {
             let mut shown: Vec<Vec<f64>> =
                 self.stretches.iter().map(|s| s.sensors(&self.bound).swap_remove(i)).collect();
             let steps = shown.iter().flat_map(|x| x.windows(2).map(|w| (w[1] - w[0]).powi(2)));
@@ -298,7 +306,8 @@ impl Scene {
         out
     }
 
-    /// One step of Gauss and Newton for the numbers of an undoing, the coefficients refitted beside them: changes and their standard errors.
+    /// One step of Gauss and Newton for the numbers of an undoing, the coefficients refitted
+    /// beside them: changes and their standard errors.
     pub fn step(&self, undo: &Undo, at: &[f64], small: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
         let here = self.with(&undo.at(at));
         let rows = here.rows();

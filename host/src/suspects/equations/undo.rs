@@ -1,7 +1,9 @@
 //! What may have been done to a record by mistake, undone.
 //!
-//! Signals are the sensors in the rig's order, then the inputs, all in SI: y′ = M y for channels that were exchanged, reversed, scaled or declared relative,
-//! y′(t) = y(t + d + e (t − t₀)) for one that is late by d and whose clock is fast by −e (cubic interpolation), τ′ = τ + δ (t − t₀) for a drive off by δ.
+//! Signals are the sensors in the rig's order, then the inputs, all in SI: y′ = M y for channels
+//! that were exchanged, reversed, scaled or declared relative, y′(t) = y(t + d + e (t − t₀)) for
+//! one that is late by d and whose clock is fast by −e (cubic interpolation), τ′ = τ + δ (t − t₀)
+//! for a drive off by δ.
 
 use core::f64::consts::TAU;
 
@@ -13,7 +15,8 @@ use crate::signal::angles::Phase;
 /// One mistake to undo.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Undo {
-    /// Two signals are exchanged; the second shows the first's raw values times the number, and the reverse.
+    /// Two signals are exchanged; the second shows the first's raw values times the number, and
+    /// the reverse.
     Exchange(usize, usize, f64),
     /// A sensor counts in the other sense.
     Reverse(usize),
@@ -164,7 +167,8 @@ fn cubic(x: &[f64], at: f64) -> f64 {
     b + 0.5 * u * (c - a + u * (2.0 * a - 5.0 * b + 4.0 * c - d + u * (3.0 * (b - c) + d - a)))
 }
 
-/// Adds whole moduli so that every sample lies as close as can be to the straight line through the two before, and that most steps are below half a modulus.
+/// Adds whole moduli so that every sample lies as close as can be to the straight line through the
+/// two before, and that most steps are below half a modulus.
 pub(super) fn unwrap(x: &mut [f64], modulus: f64) {
     for i in 2..x.len() {
         let expected = 2.0 * x[i - 1] - x[i - 2];
