@@ -212,7 +212,7 @@ fn lag(
             plus_minus(1e3 * delay_s.abs(), 1e3 * error),
             significant((delay_s / step_s).abs(), 3)
         ),
-        "Sample both at the same instant, or shift that column and run again; `whirl explain` puts the delay into its model",
+        "Sample both at the same instant, or shift that column by so much, and run again",
     )
     .with("channel", name.as_str())
     .with("value_s", delay_s)
