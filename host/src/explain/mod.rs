@@ -46,6 +46,7 @@ use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::signal::angles::AngleSegment;
+use crate::suspects::equations;
 
 pub use self::explanation::{Details, Explanation, Forecast, Found, Gap, Ranked, Step, Verdict};
 
@@ -69,18 +70,35 @@ pub struct Settings {
     pub model: Option<IdentifiedModel>,
 }
 
-/// Explains one or several records of the same rig.
+/// Explains one or several records of the same rig; a mistake in the record or the rig file that the equations show is told first.
 ///
 /// # Errors
 /// As [`identify::identify`]; a `model` that is not of this rig.
 pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
+    let suspects = equations::examine(records, rig);
+    let mut result = if suspects.iter().any(equations::grave) {
+        // No effect is looked for where one would be dressed up.
+        let settings = Settings { most_effects: Some(0), ..settings.clone() };
+        any_system(records, rig, &settings).unwrap_or_else(|_| {
+            let period_s = rig.drive.map_or(0.2, |d| 1.0 / d.frequency_hz);
+            Explanation::new(settings.horizon_s.unwrap_or(period_s), Vec::new())
+        })
+    } else {
+        any_system(records, rig, settings)?
+    };
+    equations::tell_in(&mut result, suspects);
+    Ok(result)
+}
+
+/// Explains records of a system in its way.
+fn any_system(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
     if let Some(bound) = &rig.bound {
         return model_file::explain(records, rig, bound, settings, None);
     }
     if rig.model == "single-pendulum" {
         return single_pendulum::explain(records, rig, settings);
     }
-    let first = identify::identify(records, rig, &IdentifySettings::default())?;
+    let first = identify::weak_form(records, rig, &IdentifySettings::default())?;
     let Prepared { segments, sigma, geometry, warnings } =
         identify::prepare(records, rig, &IdentifySettings::default())?;
     let raw = shorten(segments, &geometry);

@@ -128,6 +128,9 @@ pub struct Details {
     pub repetition: f64,
     /// Blocks of the jackknife; 0 where there are too few windows.
     pub jackknife_blocks: usize,
+    /// Mean power of the residuals over that of the sensors' noise, where it was measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub residual_over_noise: Option<f64>,
     /// Misfit of the ties between the coefficients and its degrees of freedom, where physical parameters were fitted.
     pub ties_misfit: Option<(f64, usize)>,
     /// ε of each equation that the sensors' noise alone would give; empty where it could not be simulated.
@@ -165,6 +168,7 @@ impl Details {
             condition: solution.condition.clone(),
             repetition: solution.repetition,
             jackknife_blocks: solution.blocks,
+            residual_over_noise: bias.map(|b| 1.0 / (b.residual * b.residual)).filter(|r| r.is_finite()),
             ties_misfit: None,
             expected_error: bias.map_or_else(Vec::new, |b| b.error.clone()),
             residual_over_noise: bias.map(|b| b.noise.powi(-2)).filter(|r| r.is_finite()),
@@ -348,12 +352,23 @@ pub fn prepare_system(system: &System, records: &[Record], rig: &Rig, settings: 
     Ok(Prepared { segments, sigma, geometry: Geometry { windows, kernels }, warnings })
 }
 
-/// Identifies a built-in system from one or several records of the same rig by the weak form.
+/// Identifies a system from one or several records of the same rig by the weak form, and says what the record or the rig file seems to have wrong.
+///
+/// # Errors
+/// As [`weak_form`].
+pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Identification> {
+    let mut result = weak_form(records, rig, settings)?;
+    let suspects = crate::suspects::equations::after(records, rig, &result);
+    result.warnings.extend(suspects);
+    Ok(result)
+}
+
+/// Identifies a system from one or several records of the same rig by the weak form.
 ///
 /// # Errors
 /// A model that is not built in, missing channels, settings out of range, records shorter than one window, or
 /// a record in which a coefficient's column vanishes (an arm at rest).
-pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Identification> {
+pub fn weak_form(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Identification> {
     if let Some(bound) = &rig.bound {
         return general::identify(records, rig, bound, settings);
     }

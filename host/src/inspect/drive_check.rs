@@ -46,7 +46,7 @@ pub struct DriveCheck {
 
 /// The drive's frequency from the device's phase: its mean advance over the longest segment, but for ticks in which the shaker
 /// rested and the phase stood still.
-fn phase_frequency(record: &Record) -> Option<f64> {
+pub fn phase_frequency(record: &Record) -> Option<f64> {
     let segment = record.segments.iter().filter(|s| s.phase.is_some()).max_by_key(|s| s.len())?;
     let phase = segment.phase.as_ref().filter(|p| p.len() >= 2)?;
     let advances = phase.windows(2).map(|w| f64::from(w[1].wrapping_sub(w[0]).cast_signed())).filter(|a| *a != 0.0);

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::{Direction, Rig, measures};
 use crate::error::Result;
+use crate::model::double_pendulum::Damping;
 use crate::model::model_file::ModelFile;
 
 /// The rig of a single pendulum with its equation (2.6) written out: `dampings` by the names of their coefficients (`c_r`, `C11`). With `all`, the terms of
@@ -33,6 +34,37 @@ pub fn single_pendulum(rig: &Rig, dampings: &[&str], all: bool) -> Result<Rig> {
     }
     terms.push("q_sin = \"sin(phi1)\"");
     bound(rig, &["phi1"], &format!("\n[[equation]]\nbalance = \"-phi1''\"\nterms = {{ {} }}\n", terms.join(", ")))
+}
+
+/// The rig of a double pendulum with its equations (3.4) written out, with some dampings.
+///
+/// # Errors
+/// Channels that do not measure both angles.
+pub fn double_pendulum(rig: &Rig, dampings: &[&Damping]) -> Result<Rig> {
+    let mut equations = String::new();
+    let rates =
+        ["phi1''*cos(phi2 - phi1) + phi1'^2*sin(phi2 - phi1)", "phi2''*cos(phi2 - phi1) - phi2'^2*sin(phi2 - phi1)"];
+    for (i, other) in rates.into_iter().rev().enumerate() {
+        let n = i + 1;
+        let mut terms = vec![format!("B{n}1 = \"{other}\""), format!("B{n}2 = \"sin(phi{n})\"")];
+        if rig.drive.is_some() {
+            terms.push(format!("B{n}3 = \"sin(phi{n})*cos(tau)\""));
+            terms.push(format!("B{n}4 = \"sin(phi{n})*sin(tau)\""));
+        }
+        for damping in dampings {
+            let Some(name) = damping.names[i] else { continue };
+            let velocity = match (damping.id.ends_with("joint2"), i) {
+                (false, _) => "phi1'",
+                (true, 0) => "phi1' - phi2'",
+                (true, _) => "phi2' - phi1'",
+            };
+            let law = if damping.is_viscous() { velocity.to_owned() } else { format!("sign({velocity})") };
+            terms.push(format!("{name} = \"{law}\""));
+        }
+        // Writing into a string cannot fail.
+        let _ = write!(equations, "\n[[equation]]\nbalance = \"-phi{n}''\"\n[equation.terms]\n{}\n", terms.join("\n"));
+    }
+    bound(rig, &["phi1", "phi2"], &equations)
 }
 
 /// The rig of a built-in system with its coordinates alone: its equations say nothing of the system.

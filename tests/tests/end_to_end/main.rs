@@ -13,6 +13,7 @@ mod outputs;
 mod own_systems;
 mod program;
 mod reduced;
+mod suspects_equations;
 mod suspects_record;
 mod unplugged;
 mod validated;

@@ -1,0 +1,136 @@
+//! The mistake whose undoing removes the residual.
+//!
+//! Every statement of [`super::hypotheses`] is undone in turn on the record's first windows and
+//! the equations are refitted; where none does, numbers are searched for (a frequency, a lag, a
+//! scale), first near where they stand, then on a grid. The best of each kind goes through Gauss
+//! and Newton's steps on all windows. What an effect that the model lacks leaves is not what
+//! another scale or an exchanged channel would take away: an undoing is believed that leaves at
+//! most [`SOLVED`] of the misfit, or less than half where every other kind leaves at least twice
+//! that.
+
+use rayon::prelude::*;
+
+use super::hypotheses::{kinds, search_scale, search_time, small, statements};
+use super::scene::{Misfit, Noise, Scene};
+use super::undo::Undo;
+
+/// Windows on which everything is tried.
+const FEW: usize = 12;
+/// Share of the misfit that may be left.
+const SOLVED: f64 = 0.2;
+/// The same where all other kinds leave at least twice as much.
+const ALONE: f64 = 0.5;
+/// Kinds that are tried on all windows.
+const FINALISTS: usize = 4;
+/// Steps of Gauss and Newton.
+const ROUNDS: usize = 5;
+/// Share of the misfit within which two undoings are the same.
+const SAME: f64 = 0.02;
+
+/// What was found.
+pub(super) struct Finding {
+    /// What removes the residual.
+    pub undo: Undo,
+    /// Standard errors of its numbers.
+    pub errors: Vec<f64>,
+    /// Others that do as well.
+    pub also: Vec<Undo>,
+    /// What the equations leave with it undone.
+    pub after: Misfit,
+}
+
+/// An undoing that was tried.
+struct Tried {
+    undo: Undo,
+    errors: Vec<f64>,
+    left: Misfit,
+}
+
+fn try_all(scene: &Scene, list: Vec<Undo>, noise: Option<&Noise>) -> Vec<Tried> {
+    let tried: Vec<Option<Tried>> = list
+        .into_par_iter()
+        .map(|undo| Some(Tried { left: scene.with(&undo).misfit_beside(noise)?, errors: Vec::new(), undo }))
+        .collect();
+    tried.into_iter().flatten().collect()
+}
+
+/// The undoing that removes the residual, if one does.
+pub(super) fn find(scene: &Scene, base: &Misfit) -> Option<Finding> {
+    let few = scene.first(FEW);
+    let before = few.misfit()?;
+    let solved = |tried: &[Tried]| tried.iter().any(|t| t.left.log <= SOLVED * before.log);
+    let mut tried = try_all(&few, statements(&few), None);
+    if !solved(&tried) {
+        // A number that is off by little is found from where it stands.
+        let near = kinds(&few)
+            .into_par_iter()
+            .map(|undo| refine(&few, Tried { undo, errors: Vec::new(), left: before.clone() }));
+        tried.extend(near.collect::<Vec<_>>().into_iter().flatten());
+    }
+    for next in [search_time, search_scale] {
+        if !solved(&tried) {
+            // A few per cent or samples change the noise by as little.
+            tried.extend(try_all(&few, next(&few), Some(&before.noise)));
+        }
+    }
+    tried.sort_by(|a, b| a.left.log.total_cmp(&b.left.log));
+    let mut finalists: Vec<Tried> = Vec::new();
+    for t in tried {
+        if finalists.len() < FINALISTS && !finalists.iter().any(|f| f.undo.same_kind(&t.undo)) {
+            finalists.push(t);
+        }
+    }
+    let mut last: Vec<Tried> = finalists
+        .into_par_iter()
+        .map(|t| refine(scene, refine(&few, t)?))
+        .collect::<Vec<_>>()
+        .into_iter()
+        .flatten()
+        .collect();
+    last.sort_by(|a, b| a.left.log.total_cmp(&b.left.log));
+    let mut last = last.into_iter();
+    let best = last.next()?;
+    let share = best.left.log / base.log;
+    let (also, others): (Vec<Tried>, Vec<Tried>) = last.partition(|t| t.left.log - best.left.log < SAME * base.log);
+    let next = others.first().map_or(1.0, |t| t.left.log / base.log);
+    (share <= SOLVED || (share <= ALONE && next >= 2.0 * share)).then(|| Finding {
+        also: also.into_iter().map(|t| t.undo).collect(),
+        undo: best.undo,
+        errors: best.errors,
+        after: best.left,
+    })
+}
+
+/// Gauss and Newton's steps, shortened where they lead uphill; what has no number is only tried on
+/// this scene.
+fn refine(scene: &Scene, start: Tried) -> Option<Tried> {
+    let Some((mut x, step, most)) = small(scene, &start.undo) else {
+        return Some(Tried { left: scene.with(&start.undo).misfit()?, ..start });
+    };
+    let mut best = Tried { left: scene.with(&start.undo.at(&x)).misfit()?, ..start };
+    let noise = best.left.noise.clone();
+    for _ in 0..ROUNDS {
+        let Some((change, errors)) = scene.step(&best.undo, &x, &step) else { break };
+        best.errors = errors;
+        let longest = change.iter().zip(&most).map(|(c, m)| (c / m).abs()).fold(1.0, f64::max);
+        let mut factor = 1.0 / longest;
+        let mut better = None;
+        for _ in 0..3 {
+            let next: Vec<f64> = x.iter().zip(&change).map(|(x, c)| x + factor * c).collect();
+            let undo = best.undo.at(&next);
+            if let Some(left) = scene.with(&undo).misfit_beside(Some(&noise)).filter(|m| m.log < best.left.log) {
+                better = Some((next, undo, left));
+                break;
+            }
+            factor *= 0.3;
+        }
+        let Some((next, undo, left)) = better else { break };
+        let gain = best.left.log - left.log;
+        (x, best.undo, best.left) = (next, undo, left);
+        if gain < 1e-3 {
+            break;
+        }
+    }
+    best.left = scene.with(&best.undo).misfit()?;
+    Some(best)
+}

@@ -1,0 +1,231 @@
+//! Suspects that the equations show: what undone makes the record fit them.
+//!
+//! A channel exchanged, reversed, relative, scaled, in another unit, late or on a clock of its
+//! own, a drive of another frequency or direction, time reversed: each leaves a residual far above
+//! the sensors' noise, as a missing effect does. It is told from one by undoing it ([`undo`]):
+//! where the equations, refitted, then leave (nearly) nothing ([`scene`], [`find`]), the mistake
+//! is named. What leaves the residual as it is shows in the coefficients: friction that feeds the
+//! motion ([`arrow`]), a drive in another direction ([`direction`]).
+//!
+//! Limits: one mistake at a time; the first [`WINDOWS`] windows are looked at; what the equations
+//! cannot tell stays silent (the scale of a linear system's channel, both signs of a symmetric
+//! pendulum reversed, a delay of a single channel, which is another phase of the drive).
+
+mod arrow;
+mod direction;
+mod find;
+mod hypotheses;
+mod scene;
+mod tell;
+mod undo;
+
+use crate::error::BadInput;
+use crate::explain::{Explanation, Found, Verdict};
+use crate::identify::Identification;
+use crate::record::{Column, Record, Segment};
+use crate::rig::Rig;
+use crate::warning::Warning;
+use arrow::Known;
+use scene::Scene;
+
+/// Most windows that are looked at.
+const WINDOWS: usize = 64;
+/// ln of residual over noise power from which something is looked for: clean records of the
+/// shipped rigs stay below half of it.
+const CLEAN: f64 = 0.4;
+/// Relative difference between the stated frequency or rate and the device's or the record's own,
+/// from which it is told: coefficients go with the square of the frequency, and are known to some
+/// 1e-4.
+const PHASE: f64 = 1e-4;
+const RATE: f64 = 1e-3;
+/// Suspects that are effects as well, and the effect.
+const EFFECTS: [(&str, &str); 4] = [
+    ("channel-delay", "channel-delay"),
+    ("counts-per-turn", "scale-error"),
+    ("channel-scale", "scale-error"),
+    ("drive-frequency", "frequency-offset"),
+];
+/// Greatest scale error that is an effect, not another encoder.
+const EFFECT_SCALE: f64 = 0.1;
+
+fn no_equations(rig: &Rig) -> BadInput {
+    BadInput::new(format!("\"{}\"", rig.model), "a system with equations").in_file(&rig.path).at("model")
+}
+
+/// Suspects of records of a rig; none where the rig's equations cannot be identified from them.
+pub fn examine(records: &[Record], rig: &Rig) -> Vec<Warning> {
+    let mut out = stated(records, rig);
+    if out.iter().any(|w| w.invalidates) {
+        return out;
+    }
+    let window_s = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
+    let Ok(scene) = Scene::new(&beginning(records, 0.5 * (WINDOWS + 4) as f64 * window_s), rig) else { return out };
+    let scene = scene.first(WINDOWS);
+    let Some(base) = scene.misfit() else { return out };
+    let names = scene.names();
+    let values = base.coefficients.iter().flat_map(|c| c.iter());
+    let known: Vec<Known<'_>> = names
+        .iter()
+        .zip(values.zip(&base.std_errors))
+        .map(|(name, (value, std_error))| Known { name, value: *value, std_error: *std_error })
+        .collect();
+    out.extend(by_coefficients(&scene.rig, &known));
+    if !out.iter().any(|w| w.invalidates)
+        && base.log > CLEAN
+        && let Some(found) = find::find(&scene, &base)
+    {
+        out.push(tell::tell(&scene, &base, &found));
+    }
+    out
+}
+
+/// The same after an identification: the record is looked at again only where the residual or a
+/// coefficient calls for it.
+pub fn after(records: &[Record], rig: &Rig, result: &Identification) -> Vec<Warning> {
+    let known: Vec<Known<'_>> =
+        result.parameters.iter().map(|p| Known { name: &p.name, value: p.value, std_error: p.std_error }).collect();
+    let fits = result.within_bound() && result.details.residual_over_noise.is_some_and(|ratio| ratio.ln() < CLEAN);
+    let plausible = |own: Rig| {
+        let feeds = own.bound.as_ref().is_some_and(|b| arrow::feeds(&b.model, own.omega(), &known));
+        !feeds && direction::other(&own, &known).is_none()
+    };
+    if fits && scene::written_out(rig).is_ok_and(plausible) {
+        return stated(records, rig);
+    }
+    examine(records, rig)
+}
+
+/// Puts suspects into an explanation: what it has in its model as an effect keeps that name, any
+/// other suspect comes before effects that would be dressed up for it.
+pub fn tell_in(result: &mut Explanation, suspects: Vec<Warning>) {
+    let settled = result.verdict == Verdict::Explained;
+    let kept: Vec<Warning> = suspects
+        .into_iter()
+        .filter(|s| !(settled && effect_of(s).is_some_and(|id| has(&result.effects, id))))
+        .collect();
+    if let Some(first) = kept.iter().find(|s| s.invalidates) {
+        result.verdict = Verdict::NotDecidable;
+        result.reason = format!("{}. {}", first.text, first.advice);
+        result.effects.clear();
+        result.model = None;
+    }
+    result.warnings.extend(kept);
+}
+
+/// Whether a suspect leaves nothing for an explanation to find.
+pub fn grave(suspect: &Warning) -> bool {
+    suspect.invalidates && effect_of(suspect).is_none()
+}
+
+fn has(effects: &[Found], id: &str) -> bool {
+    effects.iter().any(|e| e.id == id)
+}
+
+/// The effect that a suspect is as well.
+fn effect_of(suspect: &Warning) -> Option<&'static str> {
+    let (_, effect) = EFFECTS.iter().find(|(id, _)| *id == suspect.id)?;
+    let factor = suspect.details.get("factor").and_then(serde_json::Value::as_f64).unwrap_or(1.0);
+    (factor > 0.0 && factor.ln().abs() < EFFECT_SCALE).then_some(*effect)
+}
+
+/// What coefficients say without any residual.
+fn by_coefficients(own: &Rig, known: &[Known<'_>]) -> Vec<Warning> {
+    let Some(bound) = &own.bound else { return Vec::new() };
+    let mut out = Vec::new();
+    if let Some(names) = arrow::reversed(&bound.model, own.omega(), known) {
+        let (who, verb) = (names.join(", "), if names.len() == 1 { "feeds" } else { "all feed" });
+        out.push(
+            Warning::new(
+                "time-reversed",
+                format!("the record runs backwards in time: its friction ({who}) {verb} the motion instead of taking energy"),
+                "Put the rows in the order in which they were taken; if they are, a friction's sign or a term of the model is wrong",
+            )
+            .with("parameters", names)
+            .invalidating(),
+        );
+    }
+    out.extend(direction::other(own, known));
+    out
+}
+
+/// What the rig file says against what the record itself does, without equations.
+fn stated(records: &[Record], rig: &Rig) -> Vec<Warning> {
+    let mut out = Vec::new();
+    let measured = records.iter().find_map(crate::inspect::drive_check::phase_frequency).filter(|f| *f > 0.0);
+    if let (Some(drive), Some(value)) = (rig.drive, measured)
+        && (value / drive.frequency_hz - 1.0).abs() > PHASE
+    {
+        out.push(
+            Warning::new(
+                "drive-frequency",
+                format!("the device drove at {value:.5} Hz, the rig file says {} Hz", drive.frequency_hz),
+                format!("Set drive.frequency_hz = {value:.5} in the rig file"),
+            )
+            .with("stated_hz", drive.frequency_hz)
+            .with("value_hz", value)
+            .invalidating(),
+        );
+    }
+    if let Some(record) = records.iter().find(|r| (r.sample_rate_hz / rig.sample_rate_hz - 1.0).abs() > RATE) {
+        out.push(
+            Warning::new(
+                "rate-differs",
+                format!(
+                    "the record is sampled at {:.6} Hz, the rig file says {:.6} Hz",
+                    record.sample_rate_hz, rig.sample_rate_hz
+                ),
+                "The record's own times are used; correct sample_rate_hz in the rig file, or the times",
+            )
+            .with("stated_hz", rig.sample_rate_hz)
+            .with("value_hz", record.sample_rate_hz),
+        );
+    }
+    out.extend(direction::impossible(rig));
+    out
+}
+
+/// The first seconds of records.
+fn beginning(records: &[Record], seconds: f64) -> Vec<Record> {
+    let mut left = seconds;
+    let mut out = Vec::new();
+    for record in records {
+        let mut segments = Vec::new();
+        for s in &record.segments {
+            let n = ((left / s.step_s).max(0.0) as usize).min(s.len());
+            if n == 0 {
+                break;
+            }
+            left -= n as f64 * s.step_s;
+            segments.push(head(s, n));
+        }
+        if segments.is_empty() {
+            break;
+        }
+        out.push(Record {
+            path: record.path.clone(),
+            sample_rate_hz: record.sample_rate_hz,
+            channels: record.channels.clone(),
+            segments,
+            losses: record.losses.clone(),
+            warnings: Vec::new(),
+            metadata: None,
+        });
+    }
+    out
+}
+
+fn head(s: &Segment, n: usize) -> Segment {
+    let column = |c: &Column| match c {
+        Column::Counts(x) => Column::Counts(x[..n].to_vec()),
+        Column::Values(x) => Column::Values(x[..n].to_vec()),
+    };
+    Segment {
+        first_tick: s.first_tick,
+        start_s: s.start_s,
+        step_s: s.step_s,
+        jitter_s: s.jitter_s,
+        columns: s.columns.iter().map(column).collect(),
+        phase: s.phase.as_ref().map(|p| p[..n].to_vec()),
+        amplitude_nm: s.amplitude_nm.as_ref().map(|a| a[..n].to_vec()),
+    }
+}
