@@ -112,7 +112,7 @@ struct Records {
     /// Rig file.
     #[arg(long, value_name = "RIG.toml")]
     rig: PathBuf,
-    /// Read a truncated file up to its last whole row.
+    /// Read what is whole of a truncated or damaged file; the rest is a gap.
     #[arg(long)]
     recover: bool,
     /// Make an uneven clock even, by cubics between the samples.

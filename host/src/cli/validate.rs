@@ -9,7 +9,6 @@ use super::{Answer, Records};
 use crate::error::{Result, tell};
 use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
-use crate::record::formats::ReadOptions;
 use crate::report::{Report, Results};
 use crate::rig::Rig;
 use crate::validate::{Beside, Settings, Verdict, presentation, validate};
@@ -58,7 +57,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let records = arguments.records.read_for(&rig)?;
     let model = IdentifiedModel::read(&arguments.model)?;
     let free_rig = Rig { drive: None, ..rig.clone() };
-    let options = ReadOptions::default();
+    let options = arguments.records.options();
     let free = arguments.free.as_ref().map(|path| Record::read(path, &free_rig, &options)).transpose()?;
     let settings = Settings {
         tolerance_deg: arguments.tolerance_deg,

@@ -9,14 +9,18 @@
 mod arrays;
 mod csv;
 mod csv_write;
+mod damage;
 pub mod formats;
 mod lines;
 mod mat;
 mod npz;
 mod parquet;
 mod parquet_cells;
+mod parquet_chunks;
 mod parquet_recovery;
+mod parquet_salvage;
 mod parquet_source;
+mod parquet_structure;
 mod parquet_write;
 mod quiet;
 pub mod regression_rows;
@@ -145,7 +149,7 @@ pub struct Losses {
     pub received: u64,
     /// Missing samples whose cause is not known, or lost on the link without a trace (dropped whole).
     pub lost_on_link: u64,
-    /// Missing samples whose frames arrived damaged and were refused.
+    /// Missing samples whose frames arrived damaged and were refused, or that stand in a damaged part of the file.
     pub damaged: u64,
     /// Missing samples that the device says it never took (overruns).
     pub overruns: u64,

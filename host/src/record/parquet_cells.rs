@@ -7,7 +7,7 @@ use parquet::schema::types::ColumnDescriptor;
 
 use super::Column;
 use super::csv::OWN_COLUMNS;
-use super::parquet::Failure;
+use super::parquet_chunks::Failure;
 use super::rows::{Cell, Rows};
 use crate::error::Result;
 

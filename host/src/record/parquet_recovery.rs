@@ -99,6 +99,14 @@ pub(super) fn marker_at<F: Read + Seek>(file: &mut F, offset: u64) -> Option<Mar
     Some(Marker { offset, end, data_crc, metadata })
 }
 
+/// The row group's checksum that a marker at `offset` states, whole or not.
+pub(super) fn stated_crc<F: Read + Seek>(file: &mut F, offset: u64) -> Option<u32> {
+    let mut crc = [0u8; 4];
+    file.seek(SeekFrom::Start(offset.checked_add(MAGIC.len() as u64 + 4)?)).ok()?;
+    file.read_exact(&mut crc).ok()?;
+    Some(u32::from_le_bytes(crc))
+}
+
 /// Every whole marker of a file, found by its magic. Memory: one window and the markers.
 pub(super) fn scan<F: Read + Seek>(file: &mut F) -> std::io::Result<Vec<Marker>> {
     let mut markers = Vec::new();

@@ -13,15 +13,15 @@ use parquet::schema::parser::parse_message_type;
 use super::*;
 use crate::record::{Column, RecordWriter, Segment, writer::Sample};
 
-const RIG: &str = "name = \"x\"\nmodel = \"double-pendulum\"\nsample_rate_hz = 500.0\n\
+pub(super) const RIG: &str = "name = \"x\"\nmodel = \"double-pendulum\"\nsample_rate_hz = 500.0\n\
     [[channel]]\nname = \"count1\"\nmeasures = \"theta1\"\nunit = \"count\"\ncounts_per_turn = 4096\n\
     [[channel]]\nname = \"count2\"\nmeasures = \"theta2\"\nunit = \"count\"\ncounts_per_turn = 4096\n";
 
-fn rig() -> Rig {
+pub(super) fn rig() -> Rig {
     Rig::parse(RIG, Path::new("rig.toml")).unwrap()
 }
 
-fn metadata() -> Metadata {
+pub(super) fn metadata() -> Metadata {
     Metadata {
         rig: RIG.to_owned(),
         firmware: "whirl-firmware 0.1.0".into(),
@@ -35,12 +35,12 @@ fn metadata() -> Metadata {
     }
 }
 
-fn sample(i: i64) -> ([i32; 2], u32) {
+pub(super) fn sample(i: i64) -> ([i32; 2], u32) {
     ([(2000.0 * (i as f64 * 0.01).sin()) as i32, (i * 31) as i32], (i as u32).wrapping_mul(42_949_673))
 }
 
 /// A record of ticks 1000.., without those in `gap`.
-fn write(path: &Path, n: i64, gap: std::ops::Range<i64>) -> Losses {
+pub(super) fn write(path: &Path, n: i64, gap: std::ops::Range<i64>) -> Losses {
     let mut w = RecordWriter::create(path, &metadata(), &rig()).unwrap();
     for i in (0..n).filter(|i| !gap.contains(i)) {
         let (counts, phase) = sample(i);
@@ -51,11 +51,11 @@ fn write(path: &Path, n: i64, gap: std::ops::Range<i64>) -> Losses {
     losses
 }
 
-fn read_with(path: &Path, recover: bool) -> Result<Record> {
+pub(super) fn read_with(path: &Path, recover: bool) -> Result<Record> {
     Record::read(path, &rig(), &ReadOptions { recover, ..ReadOptions::default() })
 }
 
-fn dir() -> (tempfile::TempDir, PathBuf) {
+pub(super) fn dir() -> (tempfile::TempDir, PathBuf) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("r.parquet");
     (dir, path)

@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use super::Column;
+use super::damage::Damage;
 use crate::error::{BadInput, Result};
 use crate::rig::{Channel, Rig};
 
@@ -53,8 +54,10 @@ pub(super) struct Rows<'a> {
     pub(super) time_origin: Option<i64>,
     /// Whether an uneven clock is to be made even.
     pub(super) resample: bool,
-    /// Rows that were here before those that are: none unless they are taken block by block.
+    /// Rows that stand before those that are here: taken already, block by block, or damaged.
     pub(super) passed: usize,
+    /// Rows of the file that are damaged.
+    pub(super) damage: Damage,
     /// Most rows that may come.
     pub(super) limit: usize,
     /// From which row on places are numbered so: (row, its place); rows between follow one by one.
@@ -77,6 +80,7 @@ impl<'a> Rows<'a> {
             time_origin: None,
             resample: false,
             passed: 0,
+            damage: Damage::default(),
             limit: ROW_LIMIT,
             places: vec![],
             last_place: 0,
@@ -134,6 +138,24 @@ impl<'a> Rows<'a> {
             d.amplitude_nm.truncate(n);
         }
         self.last_place = (self.passed + n) as u64;
+    }
+
+    /// Passes over damaged rows of row group `group` (from 1): how many, where that is known.
+    pub(super) fn lose(&mut self, count: Option<usize>, group: usize, why: &str) {
+        let first = (self.passed + self.t.len() + 1) as u64;
+        let lost = self.damage.lose(first, count.map(|n| n as u64), group, self.t.last().copied(), why);
+        // Far beyond every file, far below an overflow.
+        self.passed = (self.passed + lost).min(1 << 60);
+        if self.t.is_empty() {
+            self.time_origin = None;
+        }
+    }
+
+    /// Rows are whole again, from index `from` on.
+    pub(super) fn resume(&mut self, from: usize) {
+        if let Some(t) = self.t.get(from) {
+            self.damage.resume(*t);
+        }
     }
 
     /// Lets all rows but the last go; it stays, so that the next ones are compared with it.

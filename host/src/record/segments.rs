@@ -79,7 +79,7 @@ pub(super) fn assemble(
         for (k, mut part) in parts.into_iter().enumerate() {
             if let Some(modulus) = moduli[k] {
                 wraps[k] += unwrap::column(&mut part, modulus, &mut unwrap::Carry::default()).map_err(|i| {
-                    let place = (range.start + i + 1) as u64;
+                    let place = (rows.passed + range.start + i + 1) as u64;
                     rows.beyond(place, k, "a count that leaves 32 bits when unwrapped".to_owned())
                 })?;
             }
@@ -127,6 +127,9 @@ pub(super) fn assemble(
     if let Some(stored) = stored_losses {
         let nan_rows = losses.nan_rows;
         losses = Losses { received: losses.received, nan_rows, ..stored };
+        rows.damage.count(&mut losses, true);
+    } else {
+        rows.damage.count(&mut losses, false);
     }
     let mut record = Record {
         path: rows.path.to_path_buf(),

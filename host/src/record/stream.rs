@@ -224,6 +224,9 @@ fn pass(source: &mut dyn Source, path: &Path, rig: &Rig, take: &mut Take<'_>) ->
     let own_rate = source.metadata().map(|m| m.sample_rate_hz).filter(|r| *r > 0.0 && rows.device.is_some());
     if let Some(stored) = source.losses() {
         losses = Losses { received: losses.received, nan_rows: losses.nan_rows, ..stored.clone() };
+        rows.damage.count(&mut losses, true);
+    } else {
+        rows.damage.count(&mut losses, false);
     }
     Ok(Summary { sample_rate_hz: own_rate.unwrap_or(rate), losses, warnings })
 }
