@@ -3,7 +3,9 @@
 use heapless::spsc::Queue;
 use whirl_shared::frame::{SampleBlock, Status};
 
+use crate::adjust::Words;
 use crate::event::{Event, Request};
+use crate::kept::Kept;
 use crate::link::Link;
 use crate::output::ShakerOutput;
 use crate::quadrature::QuadratureCounter;
@@ -76,6 +78,26 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput, const B: usi
     /// `amplitude · cos(phase + u · phase_increment)`, u from 0 to 1.
     pub fn drive(&self) -> Drive {
         self.sampler.drive()
+    }
+
+    /// What is to be carried over a reset.
+    pub fn kept(&self) -> Kept {
+        self.sampler.kept()
+    }
+
+    /// Settings that are to be kept; [`Self::settings_kept`] then tells the host what became of it.
+    pub fn settings_to_keep(&self) -> Option<Words> {
+        self.link.settings_to_keep()
+    }
+
+    /// The settings have been kept, or could not be.
+    pub fn settings_kept(&mut self, done: bool) {
+        self.link.kept(done);
+    }
+
+    /// Whether a restart is due, now that all is sent.
+    pub fn restart_due(&self) -> bool {
+        self.link.restart_due()
     }
 
     /// The present status.
