@@ -38,6 +38,22 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> App<C1, C2, 
     pub fn new(settings: Settings, counter1: C1, counter2: C2, output: O) -> Result<Self, SettingsError> {
         Self::with_queues(settings, counter1, counter2, output)
     }
+
+    /// As [`App::new`], where the settings are not those of the image.
+    ///
+    /// # Errors
+    /// A setting that is not possible.
+    pub fn with_built_in(
+        settings: &Settings,
+        built_in: &Settings,
+        counter1: C1,
+        counter2: C2,
+        output: O,
+    ) -> Result<Self, SettingsError> {
+        let mut app = Self::new(settings.clone(), counter1, counter2, output)?;
+        app.sampler.set_built_in(built_in);
+        Ok(app)
+    }
 }
 
 impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput, const B: usize, const E: usize, const R: usize>

@@ -114,7 +114,11 @@ mod tests {
             Notice::Reset(ResetCause::Watchdog),
             Notice::Reset(ResetCause::Software),
         ] {
-            assert!(!notice.text().is_empty() && notice.text().len() <= whirl_shared::frame::TEXT_LEN, "{}", notice.text());
+            assert!(
+                !notice.text().is_empty() && notice.text().len() <= whirl_shared::frame::TEXT_LEN,
+                "{}",
+                notice.text()
+            );
         }
     }
 }

@@ -86,6 +86,44 @@ pub fn divide(clocks: u32) -> Option<(u16, u16)> {
     })
 }
 
+/// How a board's timers make the tick and the shaker's points of one clock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Schedule {
+    /// Prescaler of the tick's timer and of the free clock, as in its register.
+    pub prescaler: u16,
+    /// Reload value of the tick's timer.
+    pub reload: u16,
+    /// Points of a tick.
+    pub points: usize,
+    /// Reload value of the points' timer, which has no prescaler.
+    pub point_reload: u16,
+}
+
+impl Schedule {
+    /// At a timer's clock and a sampling rate; the greatest number of points that divides a tick exactly and is not above
+    /// `points_per_second`. `None` where the rate cannot be had exactly.
+    #[must_use]
+    pub fn new(timer_hertz: u32, rate_millihertz: u32, points_per_second: u32) -> Option<Self> {
+        let (clocks, rate) = (u64::from(timer_hertz) * 1_000, u64::from(rate_millihertz).max(1));
+        if !clocks.is_multiple_of(rate) {
+            return None;
+        }
+        let per_tick = u32::try_from(clocks / rate).ok()?;
+        let (prescaler, reload) = divide(per_tick)?;
+        let most = u64::from(points_per_second) * 1_000 / rate;
+        // A board of at most 2³² points a second: `most` is what it has room for.
+        let points = (1..=u32::try_from(most).ok()?.max(1)).rev().find(|&n| per_tick.is_multiple_of(n))?;
+        let point_reload = u16::try_from(per_tick / points - 1).ok()?;
+        Some(Self { prescaler, reload, points: points as usize, point_reload })
+    }
+
+    /// Counts of the free clock in a tick.
+    #[must_use]
+    pub const fn period(&self) -> u32 {
+        self.reload as u32 + 1
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -223,6 +261,22 @@ mod tests {
             }) > 0
         });
         assert!(wrong_halts.count() > 9_900);
+    }
+
+    #[test]
+    fn points_divide_the_tick_exactly_at_every_usual_rate() {
+        for timer_hertz in [170_000_000, 90_000_000] {
+            for (rate_hertz, most) in [(250, 160), (500, 80), (1_000, 40), (2_000, 20)] {
+                let schedule = Schedule::new(timer_hertz, rate_hertz * 1_000, 40_000).unwrap();
+                let clocks = (u32::from(schedule.prescaler) + 1) * schedule.period();
+                assert_eq!(clocks, timer_hertz / rate_hertz);
+                assert_eq!(schedule.points as u32 * (u32::from(schedule.point_reload) + 1), clocks);
+                assert!(schedule.points <= most && schedule.points as u32 * rate_hertz >= 20_000, "{schedule:?}");
+            }
+        }
+        assert_eq!(Schedule::new(170_000_000, 500_000, 40_000).unwrap().points, 80);
+        assert_eq!(Schedule::new(170_000_000, 333_333, 40_000), None);
+        assert_eq!(Schedule::new(170_000_000, 0, 40_000), None);
     }
 
     #[test]

@@ -67,20 +67,6 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
     /// # Errors
     /// A setting that is not possible.
     pub fn new(settings: &Settings, counter1: C1, counter2: C2, output: O) -> Result<Self, SettingsError> {
-        Self::with_built_in(settings, settings, counter1, counter2, output)
-    }
-
-    /// As [`Sampler::new`], where the settings are not those of the image.
-    ///
-    /// # Errors
-    /// A setting that is not possible.
-    pub fn with_built_in(
-        settings: &Settings,
-        built_in: &Settings,
-        counter1: C1,
-        counter2: C2,
-        output: O,
-    ) -> Result<Self, SettingsError> {
         settings.validate()?;
         let [Some(scale1), Some(scale2)] = settings.counts_per_turn.map(CountScale::new) else {
             return Err(SettingsError { field: "counts_per_turn", found: 0, min: 1, max: u32::MAX });
@@ -113,8 +99,13 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
                 Reference::new(kept(i), settings.boot_id, settings.counts_per_turn[i], ticks_per_status)
             }),
             boot_id: settings.boot_id,
-            settings: [settings.clone(), built_in.clone()],
+            settings: [settings.clone(), settings.clone()],
         })
+    }
+
+    /// The settings of the image, where those in force are others.
+    pub fn set_built_in(&mut self, built_in: &Settings) {
+        self.settings[1] = built_in.clone();
     }
 
     /// Reads both counters now, for the next tick. A board that can be held up between its clock and its counters reads

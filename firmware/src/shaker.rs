@@ -299,7 +299,11 @@ impl<O: ShakerOutput> Shaker<O> {
         for result in [
             within(amplitude_micrometre, 0, self.limits.amplitude_micrometre),
             within(frequency_millihertz, 1, self.limits.frequency_millihertz),
-            within(amplitude_micrometre, 0, amplitude_limit(self.limits.acceleration_millimetre_per_s2, frequency_millihertz)),
+            within(
+                amplitude_micrometre,
+                0,
+                amplitude_limit(self.limits.acceleration_millimetre_per_s2, frequency_millihertz),
+            ),
         ] {
             if result != CommandResult::Done {
                 return result;

@@ -171,7 +171,9 @@ mod tests {
         fn play_to(&mut self, tick: u32, point: usize) {
             while self.played.len() <= tick as usize * N + point {
                 let behind = self.played.len() as i64 - i64::from(self.tick) * N as i64;
-                if let Some(&code) = usize::try_from(behind).ok().filter(|&k| k >= self.from).and_then(|k| self.codes.get(k)) {
+                if let Some(&code) =
+                    usize::try_from(behind).ok().filter(|&k| k >= self.from).and_then(|k| self.codes.get(k))
+                {
                     self.held = code;
                 }
                 self.played.push(self.held);

@@ -184,7 +184,10 @@ mod tests {
         // A mark at the seam of a turn.
         reference.set_zero(3);
         assert_eq!(reference.zero(), Zero { id: 3, source: ZeroSource::Commanded, index: None });
-        assert_eq!((reference.index(0), reference.index(-1), reference.index(-9)), (Index::First, Index::Same, Index::Slipped));
+        assert_eq!(
+            (reference.index(0), reference.index(-1), reference.index(-9)),
+            (Index::First, Index::Same, Index::Slipped)
+        );
     }
 
     #[test]

@@ -10,8 +10,9 @@ use serde::de::DeserializeOwned;
 use whirl_shared::codec::{CRC, Decoder, MAX_FRAME, encode};
 use whirl_shared::frame::regression::{Binary24, Binary32, EquationEstimate, ROWS_LEN, Unknown};
 use whirl_shared::frame::{
-    Ack, BLOCK_LEN, Command, CommandResult, DeviceMessage, Envelope, Estimate, Hello, HostMessage, Log, ResetCause, Rows,
-    SampleBlock, Setting, SettingsSource, ShakerLimits, ShakerState, Status, StopCause, Streamed, Zero, ZeroSource,
+    Ack, BLOCK_LEN, Command, CommandResult, DeviceMessage, Envelope, Estimate, Hello, HostMessage, Log, ResetCause,
+    Rows, SampleBlock, Setting, SettingsSource, ShakerLimits, ShakerState, Status, StopCause, Streamed, Zero,
+    ZeroSource,
 };
 
 /// A seeded source of numbers and messages.
