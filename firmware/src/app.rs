@@ -139,4 +139,6 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput, const B: usi
 }
 
 #[cfg(test)]
+mod lasting_tests;
+#[cfg(test)]
 mod tests;

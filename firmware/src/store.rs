@@ -2,7 +2,7 @@
 //!
 //! Two pages. Each change is appended behind the last one as a record of its own; when a page is full the other one is
 //! erased and takes the next. The record with the highest number whose checksum is right counts. So a page is erased once
-//! in as many changes as two pages hold (some fifty for 2 kB: 10 000 erasures are half a million changes), and the newest
+//! in as many changes as two pages hold (64 for pages of 2 kB: 10 000 erasures are 640 000 changes), and the newest
 //! whole record is never on the page that is being erased.
 //!
 //! A record, little-endian: number u32, words, CRC-32 over both, padded to what the flash writes at once. Its place counts

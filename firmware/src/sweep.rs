@@ -190,8 +190,8 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(2);
         let mut player = Player::new();
         for tick in 0..2_000 {
-            // The interrupt's latency is some points now and then.
-            let late = (random.next_u32() % BEYOND as u32) as usize * usize::from(tick % 3 == 0);
+            // The interrupt's latency is some points now and then, and the points are there one point later.
+            let late = (random.next_u32() % (BEYOND as u32 - 1)) as usize * usize::from(tick % 3 == 0);
             player.tick(tick, late, usize::from(tick % 5 == 0), &sweep(tick));
         }
         // The first tick begins far from rest, and is caught up with.
@@ -224,8 +224,8 @@ mod tests {
         let exact = |tick: usize| f64::from(SCALE.code(sweep(tick as u32).start()).unwrap());
         let stairs = image(&|point| exact(point / N));
         let mut player = Player::new();
-        (0..200).for_each(|tick| player.tick(tick, 0, 0, &sweep(tick)));
-        let played = image(&|point| f64::from(player.played[9_000 + point - 1_000]));
+        (0..250).for_each(|tick| player.tick(tick, 0, 0, &sweep(tick)));
+        let played = image(&|point| f64::from(player.played[8_000 + point]));
         for (stairs, played) in stairs.into_iter().zip(played) {
             // Their acceleration is 99² and 101² times this: 99 times the drive's before, a tenth of it now at most.
             assert!((0.0098..0.0103).contains(&stairs), "{stairs}");
@@ -251,7 +251,8 @@ mod tests {
         assert!((own - 0.9988).abs() < 1e-3, "{own}");
         let slew = 2.0 * (f64::from(CATCH_UP) * own + 1.0);
         let most = steps(&player.played);
-        assert!(f64::from(most) <= slew, "{most} codes, {slew} allowed");
+        // Codes are whole: rounding adds up to one.
+        assert!(f64::from(most) < slew + 1.0, "{most} codes, {slew} allowed");
         // A staircase would leap over the whole stroke.
         assert!(most <= 6);
     }
