@@ -118,8 +118,12 @@ async fn hear(mut from_host: RingBufferedUartRx<'static>, mut heard: Producer<'s
     let mut bytes = [0; 64];
     loop {
         match from_host.read(&mut bytes).await {
-            // What finds no room is a damaged frame, which the link counts.
-            Ok(n) => bytes[..n].iter().for_each(|&byte| drop(heard.enqueue(byte))),
+            Ok(n) => {
+                for &byte in &bytes[..n] {
+                    // What finds no room is a damaged frame, which the link counts.
+                    let _ = heard.enqueue(byte);
+                }
+            }
             Err(error) => defmt::debug!("serial port: {}", error),
         }
     }
