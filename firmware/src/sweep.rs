@@ -100,24 +100,35 @@ impl Scale {
         let exact = [self.code(ends[0])?, self.code(ends[1])?];
         let [y0, y1] = ends.map(|y| y as f32);
         let [d0, d1] = sweep.slopes();
-        let (c2, c3) = (3.0 * (y1 - y0) - 2.0 * d0 - d1, 2.0 * (y0 - y1) + d0 + d1);
-        let gain = self.codes_per_nanometre();
-        let middle = f32::from(self.max) / 2.0;
-        let max = f32::from(self.max);
+        // The cubic in codes over points; half a code more, so that cutting rounds.
+        let (gain, part) = (self.codes_per_nanometre(), 1.0 / n as f32);
+        let c0 = f32::from(self.max) / 2.0 + gain * y0 + 0.5;
+        let c1 = gain * part * d0;
+        let c2 = gain * part * part * (3.0 * (y1 - y0) - 2.0 * d0 - d1);
+        let c3 = gain * part * part * part * (2.0 * (y0 - y1) + d0 + d1);
+        let curve = |k: f32| c0 + k * (c1 + k * (c2 + k * c3));
         // Rounding moves a code by half of one at each end.
         let most = CATCH_UP * sweep.step(n) * gain + 1.0;
-        let part = 1.0 / n as f32;
-        let mut at = f32::from(standing);
-        for (k, place) in codes.iter_mut().enumerate().skip(now + 1) {
-            let wanted = if k == n {
-                f32::from(exact[1])
-            } else {
-                let u = k as f32 * part;
-                middle + gain * (y0 + u * (d0 + u * (c2 + u * c3)))
-            };
-            at += (wanted - at).clamp(-most, most);
-            at = at.clamp(0.0, max);
-            *place = (at + 0.5) as u16;
+        let mut at = f32::from(standing) + 0.5;
+        let mut points = codes.iter_mut().zip(0_u16..).skip(now + 1).map(|(place, k)| (place, f32::from(k)));
+        for (place, k) in points.by_ref() {
+            let away = curve(k) - at;
+            at += away.clamp(-most, most);
+            *place = (at as u16).min(self.max);
+            // From here on the curve's own steps are small enough.
+            if away.abs() <= most {
+                break;
+            }
+        }
+        for (place, k) in points {
+            *place = (curve(k) as u16).min(self.max);
+        }
+        // At the next tick to the last bit, where the curve is there.
+        if now < n
+            && let Some(place) = codes.get_mut(n)
+            && place.abs_diff(exact[1]) <= 1
+        {
+            *place = exact[1];
         }
         Some(())
     }
