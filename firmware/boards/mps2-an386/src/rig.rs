@@ -202,8 +202,10 @@ fn start() -> Option<Thread> {
     let period = (u64::from(CLOCK_HZ) * 1_000 / u64::from(settings.sample_rate_millihertz)) as u32;
     machine::start_clock();
     let plant = Plant::open()?;
+    machine::start_uart();
     // The tick starts some instructions later, so that its interrupt never comes before the clock's tick.
     let start = machine::clock();
+    machine::start_tick(period);
     let interrupt = Interrupt {
         sampler,
         plant,
@@ -216,8 +218,6 @@ fn start() -> Option<Thread> {
         tick: 0,
     };
     cortex_m::interrupt::free(|section| INTERRUPT.borrow(section).replace(Some(interrupt)));
-    machine::start_uart();
-    machine::start_tick(period);
     // SAFETY: the interrupt's handler and all that it uses are there, and no critical section of ours is open.
     unsafe { NVIC::unmask(Timer0) };
     Some(Thread { link, blocks, events, requests, host })

@@ -144,7 +144,7 @@ mod on_target {
         static QUEUE_EVENTS: ConstStaticCell<Queue<Event, EVENTS>> = ConstStaticCell::new(Queue::new());
         static QUEUE_REQUESTS: ConstStaticCell<Queue<Request, REQUESTS>> = ConstStaticCell::new(Queue::new());
         let (blocks, events, requests) = (QUEUE_BLOCKS.take(), QUEUE_EVENTS.take(), QUEUE_REQUESTS.take());
-        let (mut sampling, mut hearing) = (Meter::default(), Meter::default());
+        let (mut sampling, mut keeping, mut hearing) = (Meter::default(), Meter::default(), Meter::default());
         let (mut block, mut other, mut all) = (Meter::default(), Meter::default(), Meter::default());
         let (mut frame, mut command) = ([0; MAX_FRAME], [0; MAX_FRAME]);
         static NONE: ConstStaticCell<Queue<SampleBlock, 2>> = ConstStaticCell::new(Queue::new());
@@ -162,9 +162,9 @@ mod on_target {
             sampling.take(|| {
                 sampler.latch();
                 sampler.tick(0, 0, blocks, events, requests);
-                lasting::keep(u32::from(n), &sampler.kept());
                 sampler.light()
             });
+            keeping.take(|| lasting::keep(u32::from(n), &sampler.kept()));
             // The frames of a tick: answers and reports, a block's by itself, then all that the thread does with a block.
             other.take(|| while link.poll_transmit(&mut frame, none, events).is_some() {});
             if let Some(next) = blocks.dequeue() {
@@ -174,7 +174,8 @@ mod on_target {
                 all.take(|| link.poll_transmit(&mut frame, taken, events));
             }
         }
-        sampling.tell("interrupt: sampling, shaker with its points, blocks, one command, what lasts");
+        sampling.tell("interrupt: sampling, shaker with its points, blocks, one command");
+        keeping.tell("interrupt: what lasts over a reset");
         block.tell("stream: the frame of a block, every ten ticks");
         other.tell("stream: other frames of a tick, estimates too");
         hearing.tell("thread: one command");
