@@ -3,7 +3,9 @@
 use heapless::spsc::Queue;
 use whirl_shared::frame::{SampleBlock, Status};
 
+use crate::adjust::Words;
 use crate::event::{Event, Request};
+use crate::kept::Kept;
 use crate::link::Link;
 use crate::output::ShakerOutput;
 use crate::quadrature::QuadratureCounter;
@@ -35,6 +37,22 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> App<C1, C2, 
     /// A setting that is not possible.
     pub fn new(settings: Settings, counter1: C1, counter2: C2, output: O) -> Result<Self, SettingsError> {
         Self::with_queues(settings, counter1, counter2, output)
+    }
+
+    /// As [`App::new`], where the settings are not those of the image.
+    ///
+    /// # Errors
+    /// A setting that is not possible.
+    pub fn with_built_in(
+        settings: &Settings,
+        built_in: &Settings,
+        counter1: C1,
+        counter2: C2,
+        output: O,
+    ) -> Result<Self, SettingsError> {
+        let mut app = Self::new(settings.clone(), counter1, counter2, output)?;
+        app.sampler.set_built_in(built_in);
+        Ok(app)
     }
 }
 
@@ -78,6 +96,26 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput, const B: usi
         self.sampler.drive()
     }
 
+    /// What is to be carried over a reset.
+    pub fn kept(&self) -> Kept {
+        self.sampler.kept()
+    }
+
+    /// Settings that are to be kept; [`Self::settings_kept`] then tells the host what became of it.
+    pub fn settings_to_keep(&self) -> Option<Words> {
+        self.link.settings_to_keep()
+    }
+
+    /// The settings have been kept, or could not be.
+    pub fn settings_kept(&mut self, done: bool) {
+        self.link.kept(done);
+    }
+
+    /// Whether a restart is due, now that all is sent.
+    pub fn restart_due(&self) -> bool {
+        self.link.restart_due()
+    }
+
     /// The present status.
     pub fn status(&self) -> Status {
         self.link.status(self.sampler.snapshot())
@@ -100,5 +138,7 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput, const B: usi
     }
 }
 
+#[cfg(test)]
+mod lasting_tests;
 #[cfg(test)]
 mod tests;

@@ -5,14 +5,33 @@ use core::fmt;
 use embedded_hal::digital::OutputPin;
 
 use crate::output::ShakerOutput;
+use crate::sweep::{Scale, Sweep};
 
 /// A converter; embedded-hal 1 has no trait for one.
 pub trait Converter {
     /// Greatest code, at which the output is highest (4095 of 12 bits).
     const MAX: u16;
 
-    /// Sets the output; `code` is at most [`Self::MAX`].
+    /// Sets the output, which stands from now on; `code` is at most [`Self::MAX`].
     fn set(&mut self, code: u16);
+
+    /// Points of a tick that it plays by a clock of its own, evenly, the first at the tick; 1 where it cannot.
+    fn points(&self) -> usize {
+        1
+    }
+
+    /// The point of this tick that is out, and the code that stands.
+    fn standing(&mut self) -> (usize, u16) {
+        (0, Self::MAX / 2)
+    }
+
+    /// Where the next points go: room for a tick's and [`crate::sweep::BEYOND`] more.
+    fn room(&mut self) -> &mut [u16] {
+        &mut []
+    }
+
+    /// Plays what is in the room from the next point of this tick on; the last one then stands.
+    fn play(&mut self) {}
 }
 
 /// Why a [`DacShaker`] could not be set.
@@ -39,7 +58,7 @@ impl<E: fmt::Debug> fmt::Display for DacShakerError<E> {
 pub struct DacShaker<D, E> {
     converter: D,
     enable: E,
-    full_scale_nanometre: u32,
+    scale: Scale,
 }
 
 impl<D: Converter, E: OutputPin> DacShaker<D, E> {
@@ -48,11 +67,8 @@ impl<D: Converter, E: OutputPin> DacShaker<D, E> {
 
     /// The displacement at the highest code is `full_scale_nanometre`; zero counts as 1 nm.
     pub const fn new(converter: D, enable: E, full_scale_nanometre: u32) -> Self {
-        Self {
-            converter,
-            enable,
-            full_scale_nanometre: if full_scale_nanometre == 0 { 1 } else { full_scale_nanometre },
-        }
+        let full_nanometre = if full_scale_nanometre == 0 { 1 } else { full_scale_nanometre };
+        Self { converter, enable, scale: Scale { max: D::MAX, full_nanometre } }
     }
 }
 
@@ -60,17 +76,21 @@ impl<D: Converter, E: OutputPin> ShakerOutput for DacShaker<D, E> {
     type Error = DacShakerError<E::Error>;
 
     fn write(&mut self, displacement_nanometre: i32) -> Result<(), Self::Error> {
-        let (y, scale, max) =
-            (i64::from(displacement_nanometre), i64::from(self.full_scale_nanometre), i64::from(D::MAX));
-        // 0 to max for −scale to scale, rounded: (y + scale)·max/(2·scale).
-        let code = ((y + scale) * max + scale).div_euclid(2 * scale);
-        match u16::try_from(code) {
-            Ok(code) if y.abs() <= scale => {
-                self.converter.set(code);
-                Ok(())
-            }
-            _ => Err(DacShakerError::BeyondFullScale(displacement_nanometre)),
+        let beyond = DacShakerError::BeyondFullScale(displacement_nanometre);
+        self.converter.set(self.scale.code(displacement_nanometre).ok_or(beyond)?);
+        Ok(())
+    }
+
+    fn sweep(&mut self, sweep: &Sweep) -> Result<(), Self::Error> {
+        let points = self.converter.points();
+        if points < 2 {
+            return self.write(sweep.start());
         }
+        let (now, standing) = self.converter.standing();
+        let filled = self.scale.fill(sweep, self.converter.room(), points, now, standing);
+        filled.ok_or_else(|| DacShakerError::BeyondFullScale(sweep.start()))?;
+        self.converter.play();
+        Ok(())
     }
 
     fn enable(&mut self, on: bool) -> Result<(), Self::Error> {
@@ -81,6 +101,7 @@ impl<D: Converter, E: OutputPin> ShakerOutput for DacShaker<D, E> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sweep::BEYOND;
     use core::convert::Infallible;
 
     struct Dac(u16);
@@ -118,6 +139,54 @@ mod tests {
             assert_eq!(shaker.converter.0, code, "{y} nm");
         }
         assert_eq!(DacShaker::<Dac, Pin>::REST, 2_048);
+        // Without a clock of its own it is a staircase.
+        let sweep = Sweep { phase: 0, phase_increment: 9, amplitude_nanometre: [12_500_000; 2] };
+        shaker.sweep(&sweep).unwrap();
+        assert_eq!(shaker.converter.0, 3_071);
+    }
+
+    /// Plays four points a tick.
+    struct Playing {
+        room: [u16; 4 + BEYOND],
+        played: [u16; 4 + BEYOND],
+        out: usize,
+    }
+
+    impl Converter for Playing {
+        const MAX: u16 = 4_095;
+        fn set(&mut self, code: u16) {
+            self.played = [code; 4 + BEYOND];
+        }
+        fn points(&self) -> usize {
+            4
+        }
+        fn standing(&mut self) -> (usize, u16) {
+            (self.out, self.played[self.out])
+        }
+        fn room(&mut self) -> &mut [u16] {
+            &mut self.room
+        }
+        fn play(&mut self) {
+            self.played = self.room;
+        }
+    }
+
+    #[test]
+    fn a_converter_with_a_clock_plays_the_points_up_to_the_next_tick() {
+        let converter = Playing { room: [7; 4 + BEYOND], played: [2_048; 4 + BEYOND], out: 1 };
+        let mut shaker = DacShaker::new(converter, Pin(false), 1_000_000);
+        let sweep = Sweep { phase: 1 << 30, phase_increment: 1 << 24, amplitude_nanometre: [500_000; 2] };
+        shaker.sweep(&sweep).unwrap();
+        let played = shaker.converter.played;
+        // Points that are out already are left alone; the one at the next tick is exact; what follows goes on.
+        assert_eq!(played[..2], [7, 7]);
+        assert_eq!(Some(played[4]), shaker.scale.code(sweep.ends()[1]));
+        assert!(played[2..].windows(2).all(|pair| pair[0] > pair[1]), "{played:?}");
+        let beyond = Sweep { amplitude_nanometre: [2_000_000; 2], phase: 0, ..sweep };
+        assert_eq!(shaker.sweep(&beyond), Err(DacShakerError::BeyondFullScale(2_000_000)));
+        assert_eq!(shaker.converter.played, played);
+        shaker.write(0).unwrap();
+        assert_eq!(shaker.converter.played, [2_048; 4 + BEYOND]);
     }
 
     #[test]

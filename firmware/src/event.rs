@@ -1,7 +1,8 @@
 //! What the two halves tell each other.
 
-use whirl_shared::frame::{Ack, CHANNELS, Command, Status};
+use whirl_shared::frame::{Ack, CHANNELS, Command, ResetCause, Status, Zero};
 
+use crate::adjust::Words;
 use crate::preview::Turning;
 
 /// A command on its way to the interrupt half.
@@ -17,12 +18,11 @@ pub struct Request {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Event {
     /// A hello is to be sent.
-    Hello {
-        /// Present tick.
-        tick: u32,
-        /// Host time-out in force, ms.
-        host_timeout_ms: u32,
-    },
+    Hello(Present),
+    /// Settings are to be kept; a hello then tells what became of it.
+    Keep(Words, Present),
+    /// The board is to restart when all before this has been sent.
+    Restart,
     /// A status is to be sent.
     Status(Snapshot),
     /// A command was carried out or refused.
@@ -34,6 +34,17 @@ pub enum Event {
         /// What happened.
         notice: Notice,
     },
+}
+
+/// The interrupt half's share of a hello.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Present {
+    /// Present tick.
+    pub tick: u32,
+    /// Host time-out in force, ms.
+    pub host_timeout_ms: u32,
+    /// Both encoders' zeros.
+    pub zeros: [Zero; CHANNELS],
 }
 
 /// The interrupt half's share of a status.
@@ -55,6 +66,10 @@ pub enum Notice {
     OutputFailed,
     /// A limit was about to be exceeded; the shaker is cut off.
     LimitExceeded,
+    /// An index mark was not where it had been.
+    IndexSlipped(u8),
+    /// The boot before this one did not end in order.
+    Reset(ResetCause),
 }
 
 impl Notice {
@@ -62,8 +77,8 @@ impl Notice {
     #[must_use]
     pub const fn level(self) -> u8 {
         match self {
-            Self::HostSilent => 1,
-            Self::OutputFailed | Self::LimitExceeded => 0,
+            Self::HostSilent | Self::IndexSlipped(_) => 1,
+            Self::OutputFailed | Self::LimitExceeded | Self::Reset(_) => 0,
         }
     }
 
@@ -74,6 +89,11 @@ impl Notice {
             Self::HostSilent => "host silent: shaker stops and disarms",
             Self::OutputFailed => "shaker output failed: cut off",
             Self::LimitExceeded => "shaker limit about to be exceeded: cut off",
+            Self::IndexSlipped(0) => "encoder 1 has lost counts: its index moved",
+            Self::IndexSlipped(_) => "encoder 2 has lost counts: its index moved",
+            Self::Reset(ResetCause::Panic) => "restarted after a panic: see the hello's text",
+            Self::Reset(ResetCause::Watchdog) => "restarted by the watchdog: firmware stood still",
+            Self::Reset(_) => "restarted",
         }
     }
 }
@@ -84,8 +104,21 @@ mod tests {
 
     #[test]
     fn every_notice_fits_into_a_log_line() {
-        for notice in [Notice::HostSilent, Notice::OutputFailed, Notice::LimitExceeded] {
-            assert!(!notice.text().is_empty() && notice.text().len() <= whirl_shared::frame::TEXT_LEN);
+        for notice in [
+            Notice::HostSilent,
+            Notice::OutputFailed,
+            Notice::LimitExceeded,
+            Notice::IndexSlipped(0),
+            Notice::IndexSlipped(1),
+            Notice::Reset(ResetCause::Panic),
+            Notice::Reset(ResetCause::Watchdog),
+            Notice::Reset(ResetCause::Software),
+        ] {
+            assert!(
+                !notice.text().is_empty() && notice.text().len() <= whirl_shared::frame::TEXT_LEN,
+                "{}",
+                notice.text()
+            );
         }
     }
 }

@@ -23,11 +23,14 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod adjust;
 pub mod app;
 pub mod dac;
 pub mod estimate;
 pub mod event;
 pub mod identification;
+pub mod kept;
+pub mod led;
 pub mod link;
 pub mod lock_step;
 pub mod output;
@@ -39,6 +42,9 @@ pub mod ramp;
 pub mod sampler;
 pub mod settings;
 pub mod shaker;
+pub mod store;
+pub mod sweep;
+pub mod zero;
 
 mod block_builder;
 mod console;

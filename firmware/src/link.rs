@@ -12,17 +12,19 @@ use core::fmt::Write;
 use heapless::{Deque, String};
 use whirl_shared::encoder::CountScale;
 use whirl_shared::frame::{
-    Ack, BLOCK_LEN, CHANNELS, Command, CommandResult, DeviceMessage, Hello, Log, PROTOCOL_VERSION, SCHEMA_HASH,
-    SampleBlock, Status, Streamed, TEXT_LEN,
+    Ack, BLOCK_LEN, CHANNELS, Command, CommandResult, DeviceMessage, Hello, Log, PROTOCOL_VERSION, ResetCause,
+    SCHEMA_HASH, SampleBlock, SettingsSource, Status, Streamed, TEXT_LEN,
 };
 
+use crate::adjust::Words;
 use crate::console::Console;
 use crate::estimate::Estimator;
-use crate::event::{Event, Request, Snapshot};
+use crate::event::{Event, Notice, Present, Request, Snapshot};
 use crate::identification::Identification;
 use crate::queue::{Sink, Source};
 use crate::settings::{Settings, SettingsError};
 use crate::stream::Stream;
+use crate::zero::KeptEncoder;
 
 /// Name and version in [`Hello`].
 pub const FIRMWARE: &str = concat!("whirl-firmware ", env!("CARGO_PKG_VERSION"));
@@ -42,6 +44,8 @@ pub struct Link<E = Estimator> {
     block_next: bool,
     dropped: u32,
     rejected: u32,
+    to_keep: Option<(Words, Present)>,
+    restart_due: bool,
 }
 
 impl Link {
@@ -75,8 +79,18 @@ impl<E: BorrowMut<Estimator>> Link<E> {
             block_next: false,
             dropped: 0,
             rejected: 0,
+            to_keep: None,
+            restart_due: false,
         };
-        link.put_own(Event::Hello { tick: 0, host_timeout_ms: settings.host_timeout_ms });
+        let zeros = core::array::from_fn(|i| {
+            KeptEncoder::zero_at_boot(settings.boot.kept.map(|kept| kept[i]), settings.boot_id)
+        });
+        let present = Present { tick: 0, host_timeout_ms: settings.host_timeout_ms, zeros };
+        link.put_own(Event::Hello(present));
+        let reset = settings.boot.reset;
+        if matches!(reset, ResetCause::Panic | ResetCause::Watchdog) {
+            link.put_own(Event::Log { tick: 0, notice: Notice::Reset(reset) });
+        }
         Ok(link)
     }
 
@@ -141,8 +155,31 @@ impl<E: BorrowMut<Estimator>> Link<E> {
         if let Some(estimate) = self.identification.take_estimate() {
             return Some(DeviceMessage::Estimate(estimate));
         }
-        let event = self.own.pop_front().or_else(|| events.take())?;
-        Some(self.message(event))
+        loop {
+            match self.own.pop_front().or_else(|| events.take())? {
+                Event::Keep(words, present) => self.to_keep = Some((words, present)),
+                Event::Restart => self.restart_due = true,
+                event => return self.message(event),
+            }
+        }
+    }
+
+    /// Settings that the board is to keep; [`Self::kept`] then tells the host what became of it.
+    pub fn settings_to_keep(&self) -> Option<Words> {
+        self.to_keep.as_ref().map(|(words, _)| *words)
+    }
+
+    /// The settings of [`Self::settings_to_keep`] have been kept, or could not be.
+    pub fn kept(&mut self, done: bool) {
+        if let Some((_, present)) = self.to_keep.take() {
+            self.settings.boot.settings = if done { SettingsSource::Changed } else { SettingsSource::NotKept };
+            self.put_own(Event::Hello(present));
+        }
+    }
+
+    /// Whether the board is to restart, now that all is sent.
+    pub fn restart_due(&self) -> bool {
+        self.restart_due
     }
 
     /// A status with this half's counters put in.
@@ -169,31 +206,39 @@ impl<E: BorrowMut<Estimator>> Link<E> {
         }
     }
 
-    fn message(&self, event: Event) -> DeviceMessage {
-        match event {
-            Event::Hello { tick, host_timeout_ms } => DeviceMessage::Hello(self.hello(tick, host_timeout_ms)),
+    fn message(&self, event: Event) -> Option<DeviceMessage> {
+        Some(match event {
+            Event::Hello(present) => DeviceMessage::Hello(self.hello(present)),
             Event::Status(snapshot) => DeviceMessage::Status(self.status(snapshot)),
             Event::Ack(ack) => DeviceMessage::Ack(ack),
             Event::Log { tick, notice } => {
                 DeviceMessage::Log(Log { tick, level: notice.level(), text: text(notice.text()) })
             }
-        }
+            Event::Keep(..) | Event::Restart => return None,
+        })
     }
 
-    fn hello(&self, tick: u32, host_timeout_ms: u32) -> Hello {
+    fn hello(&self, present: Present) -> Hello {
         let settings = &self.settings;
         Hello {
             protocol: PROTOCOL_VERSION,
             schema: SCHEMA_HASH,
             boot_id: settings.boot_id,
-            tick,
+            tick: present.tick,
             firmware: firmware(settings.build),
             board: text(settings.board),
             sample_rate_millihertz: settings.sample_rate_millihertz,
             counts_per_turn: settings.counts_per_turn,
             block_len: BLOCK_LEN as u8,
             limits: settings.limits,
-            host_timeout_ms,
+            host_timeout_ms: present.host_timeout_ms,
+            zeros: present.zeros,
+            reset: settings.boot.reset,
+            panic: settings.boot.panic.clone(),
+            reversed: settings.reversed,
+            full_scale_micrometre: settings.full_scale_micrometre,
+            baud: settings.baud,
+            settings: settings.boot.settings,
         }
     }
 }

@@ -92,6 +92,8 @@ pub enum Order {
     BreakOutput,
     /// The link takes nothing for so many ticks.
     BlockLink(u16),
+    /// Be reset, as by a watchdog; after a panic where it says so.
+    Reset(bool),
 }
 
 /// Plant → board.
@@ -116,6 +118,7 @@ impl Reply {
             Order::Stall(ticks) => (3, ticks),
             Order::BreakOutput => (4, 0),
             Order::BlockLink(ticks) => (5, ticks),
+            Order::Reset(panic) => (6, u16::from(panic)),
         };
         let [a, b] = self.counts.map(u16::to_le_bytes);
         let c = argument.to_le_bytes();
@@ -133,6 +136,7 @@ impl Reply {
             3 => Order::Stall(pair(6)),
             4 => Order::BreakOutput,
             5 => Order::BlockLink(pair(6)),
+            6 => Order::Reset(pair(6) != 0),
             _ => return None,
         };
         Some(Self { counts: [pair(0), pair(2)], order, host_bytes: bytes[5] })
@@ -161,12 +165,19 @@ mod tests {
 
     #[test]
     fn replies_survive_the_wire_and_unknown_orders_are_none() {
-        for order in
-            [Order::None, Order::Exit, Order::Panic, Order::Stall(513), Order::BreakOutput, Order::BlockLink(u16::MAX)]
-        {
+        for order in [
+            Order::None,
+            Order::Exit,
+            Order::Panic,
+            Order::Stall(513),
+            Order::BreakOutput,
+            Order::BlockLink(u16::MAX),
+            Order::Reset(true),
+            Order::Reset(false),
+        ] {
             let reply = Reply { counts: [0xfffe, 3], order, host_bytes: 255 };
             assert_eq!(Reply::from_bytes(&reply.to_bytes()), Some(reply));
         }
-        assert_eq!(Reply::from_bytes(&[0, 0, 0, 0, 6, 0, 0, 0]), None);
+        assert_eq!(Reply::from_bytes(&[0, 0, 0, 0, 7, 0, 0, 0]), None);
     }
 }

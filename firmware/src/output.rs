@@ -5,6 +5,8 @@ use core::fmt;
 use embedded_hal::digital::OutputPin;
 use embedded_hal::pwm::SetDutyCycle;
 
+use crate::sweep::Sweep;
+
 /// The shaker's set-point output.
 pub trait ShakerOutput {
     /// What can go wrong.
@@ -15,6 +17,14 @@ pub trait ShakerOutput {
     /// # Errors
     /// Whatever keeps the displacement from being set; the shaker then goes into its faulted state.
     fn write(&mut self, displacement_nanometre: i32) -> Result<(), Self::Error>;
+
+    /// Moves the base from this tick to the next. An output that has no clock of its own stands where the tick is.
+    ///
+    /// # Errors
+    /// As for [`Self::write`].
+    fn sweep(&mut self, sweep: &Sweep) -> Result<(), Self::Error> {
+        self.write(sweep.start())
+    }
 
     /// Switches the power amplifier; outputs without a switch do nothing. It is on from arming to disarming.
     ///
@@ -31,6 +41,10 @@ impl<O: ShakerOutput + ?Sized> ShakerOutput for &mut O {
 
     fn write(&mut self, displacement_nanometre: i32) -> Result<(), Self::Error> {
         (**self).write(displacement_nanometre)
+    }
+
+    fn sweep(&mut self, sweep: &Sweep) -> Result<(), Self::Error> {
+        (**self).sweep(sweep)
     }
 
     fn enable(&mut self, on: bool) -> Result<(), Self::Error> {

@@ -3,7 +3,7 @@
 //! embedded-hal 1 has no trait for a quadrature counter, so here is one. Limit: less than 2¹⁵ counts between two
 //! readings (at 500 Hz and 4096 counts a turn: 4000 turns a second).
 
-use whirl_shared::encoder::MultiTurn;
+use whirl_shared::encoder::{Direction, MultiTurn};
 
 /// A 16-bit counter of quadrature edges that wraps.
 ///
@@ -12,35 +12,62 @@ use whirl_shared::encoder::MultiTurn;
 pub trait QuadratureCounter {
     /// The present count, modulo 2¹⁶.
     fn count(&mut self) -> u16;
+
+    /// The count that the hardware held when the encoder's index mark last came, told once. Counters without a line for
+    /// the index have none.
+    fn index(&mut self) -> Option<u16> {
+        None
+    }
 }
 
 impl<C: QuadratureCounter + ?Sized> QuadratureCounter for &mut C {
     fn count(&mut self) -> u16 {
         (**self).count()
     }
+
+    fn index(&mut self) -> Option<u16> {
+        (**self).index()
+    }
 }
 
-/// An encoder: its counter, and the turns that the counter has forgotten.
+/// An encoder: its counter, the turns that the counter has forgotten, and its sense.
 #[derive(Debug)]
 pub struct Encoder<C> {
     counter: C,
     turns: MultiTurn,
+    reversed: bool,
 }
 
 impl<C: QuadratureCounter> Encoder<C> {
-    /// Zero is where the hardware counter has its zero.
-    pub const fn new(counter: C) -> Self {
-        Self { counter, turns: MultiTurn::new() }
+    /// The hardware counter's zero is at `position`.
+    pub fn new(counter: C, reversed: bool, position: i32) -> Self {
+        let mut turns = MultiTurn::new();
+        turns.preset(position);
+        Self { counter, turns, reversed }
     }
 
     /// Reads the hardware alone.
     pub fn latch(&mut self) -> u16 {
-        self.counter.count()
+        let count = self.counter.count();
+        self.in_sense(count)
+    }
+
+    fn in_sense(&self, count: u16) -> u16 {
+        if self.reversed { count.wrapping_neg() } else { count }
     }
 
     /// Extends a latched reading to the multi-turn position.
     pub fn extend(&mut self, latched: u16) -> i32 {
         self.turns.update(latched)
+    }
+
+    /// The multi-turn position of the index mark, where it has come since it was last asked for and the encoder turns up.
+    /// `latched` is the last reading.
+    pub fn index(&mut self, latched: u16) -> Option<i32> {
+        let seen = self.counter.index()?;
+        // The mark is less than a tick's motion away.
+        let away = self.in_sense(seen).wrapping_sub(latched).cast_signed();
+        (self.turns.direction() == Direction::Positive).then(|| self.turns.position().wrapping_add(i32::from(away)))
     }
 
     /// Calls the place of the last reading zero.
@@ -67,7 +94,7 @@ mod tests {
     }
 
     fn positions(readings: &[u16]) -> std::vec::Vec<i32> {
-        let mut encoder = Encoder::new(Script(readings.iter()));
+        let mut encoder = Encoder::new(Script(readings.iter()), false, 0);
         readings
             .iter()
             .map(|_| {
@@ -86,11 +113,52 @@ mod tests {
 
     #[test]
     fn zero_is_taken_at_the_last_reading() {
-        let mut encoder = Encoder::new(Script([500, 510].iter()));
+        let mut encoder = Encoder::new(Script([500, 510].iter()), false, 0);
         let first = encoder.latch();
         assert_eq!(encoder.extend(first), 500);
         encoder.zero();
         let second = encoder.latch();
         assert_eq!(encoder.extend(second), 10);
+    }
+
+    #[test]
+    fn a_reversed_encoder_counts_the_other_way_from_its_position() {
+        let mut encoder = Encoder::new(Script([1, 2, 65_535].iter()), true, 1_000);
+        for want in [999, 998, 1_001] {
+            let latched = encoder.latch();
+            assert_eq!(encoder.extend(latched), want);
+        }
+    }
+
+    /// Reads 100 counts further each time, with its mark at one place of every turn of 1000.
+    struct Marked(u16, Option<u16>);
+
+    impl QuadratureCounter for Marked {
+        fn count(&mut self) -> u16 {
+            self.0
+        }
+        fn index(&mut self) -> Option<u16> {
+            self.1.take()
+        }
+    }
+
+    #[test]
+    fn the_index_is_placed_among_the_turns_and_only_on_the_way_up() {
+        for (reversed, from, to, seen, want) in [
+            (false, 65_500, 80, 10_u16, Some(10)),
+            (false, 65_500, 80, 65_530, Some(-6)),
+            (false, 80, 65_500, 10, None),
+            (true, 80, 65_500, 10, Some(-10)),
+        ] {
+            let mut encoder = Encoder::new(Marked(from, None), reversed, 0);
+            let latched = encoder.latch();
+            encoder.extend(latched);
+            assert_eq!(encoder.index(latched), None);
+            *encoder.counter_mut() = Marked(to, Some(seen));
+            let latched = encoder.latch();
+            encoder.extend(latched);
+            assert_eq!(encoder.index(latched), want, "{reversed} {from} {to}");
+            assert_eq!(encoder.index(latched), None);
+        }
     }
 }

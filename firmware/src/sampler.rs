@@ -13,16 +13,19 @@
 
 use whirl_shared::block::sample_count;
 use whirl_shared::encoder::CountScale;
-use whirl_shared::frame::{Ack, CHANNELS, Command, CommandResult, SampleBlock, ShakerState, Status};
+use whirl_shared::frame::{Ack, CHANNELS, Command, CommandResult, SampleBlock, Setting, ShakerState, Status};
 
 use crate::block_builder::{BlockBuilder, Reading};
-use crate::event::{Event, Request, Snapshot};
+use crate::event::{Event, Notice, Present, Request, Snapshot};
+use crate::kept::Kept;
+use crate::led;
 use crate::output::ShakerOutput;
 use crate::preview::Turning;
 use crate::quadrature::{Encoder, QuadratureCounter};
 use crate::queue::{Sink, Source};
 use crate::settings::{Settings, SettingsError};
 use crate::shaker::{Drive, Shaker};
+use crate::zero::{Index, Reference};
 
 /// Requests carried out at most in one tick.
 pub const REQUESTS_PER_TICK: usize = 4;
@@ -51,6 +54,11 @@ pub struct Sampler<C1, C2, O> {
     ticks_to_status: u32,
     turning: [Turning; CHANNELS],
     last_turning: [Turning; CHANNELS],
+    latched: Option<[u16; CHANNELS]>,
+    references: [Reference; CHANNELS],
+    boot_id: u32,
+    /// As they are to be in force after the next boot, and as the image has them.
+    settings: [Settings; 2],
 }
 
 impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, C2, O> {
@@ -65,9 +73,11 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
         };
         let ticks_per_status = (settings.sample_rate_millihertz / 1_000).max(1);
         let shaker = Shaker::new(settings, output);
+        let kept = |i: usize| settings.boot.kept.map(|kept| kept[i]);
+        let place = |i: usize| kept(i).map_or(0, |kept| kept.count);
         Ok(Self {
-            encoder1: Encoder::new(counter1),
-            encoder2: Encoder::new(counter2),
+            encoder1: Encoder::new(counter1, settings.reversed[0], place(0)),
+            encoder2: Encoder::new(counter2, settings.reversed[1], place(1)),
             drive: shaker.drive(),
             last_state: shaker.state(),
             shaker,
@@ -84,7 +94,24 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
             ticks_to_status: ticks_per_status,
             turning: [Turning::default(); CHANNELS],
             last_turning: [Turning::default(); CHANNELS],
+            latched: None,
+            references: core::array::from_fn(|i| {
+                Reference::new(kept(i), settings.boot_id, settings.counts_per_turn[i], ticks_per_status)
+            }),
+            boot_id: settings.boot_id,
+            settings: [settings.clone(), settings.clone()],
         })
+    }
+
+    /// The settings of the image, where those in force are others.
+    pub fn set_built_in(&mut self, built_in: &Settings) {
+        self.settings[1] = built_in.clone();
+    }
+
+    /// Reads both counters now, for the next tick. A board that can be held up between its clock and its counters reads
+    /// again until both belong together.
+    pub fn latch(&mut self) {
+        self.latched = Some([self.encoder1.latch(), self.encoder2.latch()]);
     }
 
     /// One sampling tick.
@@ -99,8 +126,8 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
         events: &mut impl Sink<Event>,
         requests: &mut impl Source<Request>,
     ) {
-        let latched = (self.encoder1.latch(), self.encoder2.latch());
-        let counts = [self.encoder1.extend(latched.0), self.encoder2.extend(latched.1)];
+        let latched = self.latched.take().unwrap_or_else(|| [self.encoder1.latch(), self.encoder2.latch()]);
+        let counts = [self.encoder1.extend(latched[0]), self.encoder2.extend(latched[1])];
         self.latency_max_us = self.latency_max_us.max(latency_us);
         if missed > 0 {
             self.tick = self.tick.wrapping_add(missed);
@@ -127,6 +154,7 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
             self.put_block(block, blocks);
         }
         self.follow(counts);
+        self.look_for_indices(latched, events);
         self.tick = self.tick.wrapping_add(1);
         self.report(missed, events);
         for _ in 0..REQUESTS_PER_TICK {
@@ -139,7 +167,56 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
         let last = self.last_counts.replace(counts).unwrap_or(counts);
         for i in 0..CHANNELS {
             self.turning[i].push(self.scales[i], counts[i], counts[i].wrapping_sub(last[i]));
+            self.references[i].observe(counts[i]);
         }
+    }
+
+    fn look_for_indices(&mut self, latched: [u16; CHANNELS], events: &mut impl Sink<Event>) {
+        for i in 0..CHANNELS {
+            let seen = if i == 0 { self.encoder1.index(latched[0]) } else { self.encoder2.index(latched[1]) };
+            match seen.map(|count| self.references[i].index(count)) {
+                Some(Index::First) => self.put_event(Event::Hello(self.present()), events),
+                Some(Index::Slipped) => {
+                    let notice = Notice::IndexSlipped(i as u8);
+                    self.put_event(Event::Log { tick: self.tick, notice }, events);
+                }
+                Some(Index::Same) | None => {}
+            }
+        }
+    }
+
+    fn present(&self) -> Present {
+        Present {
+            tick: self.tick,
+            host_timeout_ms: self.shaker.host_timeout_ms(),
+            zeros: self.references.each_ref().map(Reference::zero),
+        }
+    }
+
+    /// What is to be carried over a reset: the place of the last tick.
+    pub fn kept(&self) -> Kept {
+        self.references.each_ref().map(Reference::kept)
+    }
+
+    /// Whether the board's light is on.
+    pub fn light(&self) -> bool {
+        let gone = self.ticks_per_status.saturating_sub(self.ticks_to_status);
+        // Rates are at most 10⁵ Hz, a second's ticks as many.
+        let part = gone.saturating_mul(1_000) / self.ticks_per_status;
+        led::on(self.shaker.state(), self.shaker.hears_host(), part)
+    }
+
+    /// Takes a setting: for the next boot.
+    fn keep(&mut self, setting: Setting, events: &mut impl Sink<Event>) -> CommandResult {
+        let new = match self.settings[0].with(setting, &self.settings[1]) {
+            Ok(new) => new,
+            Err(refused) => return refused,
+        };
+        if events.put(Event::Keep(new.to_words(), self.present())).is_err() {
+            return CommandResult::WrongState;
+        }
+        self.settings[0] = new;
+        CommandResult::Done
     }
 
     fn report(&mut self, missed: u32, events: &mut impl Sink<Event>) {
@@ -162,7 +239,10 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
 
     fn carry_out(&mut self, request: Request, blocks: &mut impl Sink<SampleBlock>, events: &mut impl Sink<Event>) {
         let ramp_before = self.shaker.drive().state;
-        let result = self.shaker.command(request.command);
+        let mut result = self.shaker.command(request.command);
+        if let (CommandResult::Done, Command::Set(setting)) = (result, request.command) {
+            result = self.keep(setting, events);
+        }
         if result != CommandResult::Done {
             self.rejected = self.rejected.wrapping_add(1);
         }
@@ -177,11 +257,15 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
                 self.encoder1.zero();
                 self.encoder2.zero();
                 self.last_counts = None;
+                // Each of a boot's zeros has an id of its own, and none that of another boot but by chance.
+                let id = (self.boot_id ^ self.tick.wrapping_add(1)).wrapping_mul(0x0100_0193);
+                self.references.iter_mut().for_each(|reference| reference.set_zero(id));
+                self.put_event(Event::Hello(self.present()), events);
             }
             Command::Hello | Command::SetRamp { .. } | Command::SetHostTimeout { .. } => {
-                let hello = Event::Hello { tick: self.tick, host_timeout_ms: self.shaker.host_timeout_ms() };
-                self.put_event(hello, events);
+                self.put_event(Event::Hello(self.present()), events);
             }
+            Command::Restart => self.put_event(Event::Restart, events),
             Command::Status => self.put_status(events),
             _ => {}
         }

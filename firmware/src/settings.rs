@@ -2,7 +2,10 @@
 
 use core::fmt;
 
-use whirl_shared::frame::{CHANNELS, ShakerLimits, TEXT_LEN};
+use heapless::String;
+use whirl_shared::frame::{CHANNELS, PANIC_LEN, ResetCause, SettingsSource, ShakerLimits, TEXT_LEN};
+
+use crate::kept::Kept;
 
 /// Longest build id, bytes: name, version and build share one text of the hello.
 pub const BUILD_LEN: usize = 16;
@@ -17,6 +20,9 @@ pub const COUNTS_PER_TURN_MAX: u32 = 1 << 20;
 /// Greatest amplitude that fits into 32 bits of nm, µm.
 pub const AMPLITUDE_MAX_MICROMETRE: u32 = 2_147_483;
 
+/// Least and greatest rate of the serial port, baud: a full block every 20 ms takes 61 % of 115 200.
+pub const BAUD: [u32; 2] = [57_600, 2_000_000];
+
 /// Settings of the application.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Settings {
@@ -30,20 +36,38 @@ pub struct Settings {
     pub sample_rate_millihertz: u32,
     /// Counts a turn of each encoder after decoding.
     pub counts_per_turn: [u32; CHANNELS],
-    /// Greatest amplitude, frequency and ramp rate of the shaker; the ramp rate is also the one in force at boot.
+    /// Encoders whose sense of counting is turned round.
+    pub reversed: [bool; CHANNELS],
+    /// What the shaker may do; the ramp rate is also the one in force at boot.
     pub limits: ShakerLimits,
-    /// Greatest acceleration a(2πf)² of the base, mm/s²: amplitude and frequency limits together allow more than
-    /// a shaker can do.
-    pub acceleration_limit_millimetre_per_s2: u32,
+    /// Displacement of the base at the set point's highest voltage, µm: for boards that have such an output.
+    pub full_scale_micrometre: u32,
+    /// Rate of the serial port, baud: for boards that have one.
+    pub baud: u32,
     /// The shaker stops when no valid command has come for this long, ms.
     pub host_timeout_ms: u32,
     /// What a window of the device's own estimate counts for after the next one, thousandths: 1000 averages for ever, 900 over some
     /// ten windows.
     pub forget_per_mille: u16,
+    /// What came before this boot.
+    pub boot: Boot,
+}
+
+/// What came before a boot.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Boot {
+    /// What ended the one before.
+    pub reset: ResetCause,
+    /// The text of the panic that did; empty where none did.
+    pub panic: String<PANIC_LEN>,
+    /// The encoders as they were carried over; none where they were not.
+    pub kept: Option<Kept>,
+    /// Where the settings are from.
+    pub settings: SettingsSource,
 }
 
 impl Default for Settings {
-    /// 500 Hz, 4096 counts a turn, 20 mm, 20 Hz, 20 mm/s, 40 m/s², 2 s, 0.9.
+    /// 500 Hz, 4096 counts a turn, 20 mm, 20 Hz, 20 mm/s, 40 m/s², 25 mm, 115 200 baud, 2 s, 0.9.
     fn default() -> Self {
         Self {
             board: "unnamed",
@@ -51,14 +75,18 @@ impl Default for Settings {
             boot_id: 0,
             sample_rate_millihertz: 500_000,
             counts_per_turn: [4096; CHANNELS],
+            reversed: [false; CHANNELS],
             limits: ShakerLimits {
                 amplitude_micrometre: 20_000,
                 frequency_millihertz: 20_000,
                 ramp_micrometre_per_s: 20_000,
+                acceleration_millimetre_per_s2: 40_000,
             },
-            acceleration_limit_millimetre_per_s2: 40_000,
+            full_scale_micrometre: 25_000,
+            baud: 115_200,
             host_timeout_ms: 2_000,
             forget_per_mille: 900,
+            boot: Boot::default(),
         }
     }
 }
@@ -107,7 +135,9 @@ impl Settings {
         // At least five samples a period, so that the steps of the output are a waveform.
         check("limits.frequency_millihertz", limits.frequency_millihertz, 1, rate / 5)?;
         check("limits.ramp_micrometre_per_s", limits.ramp_micrometre_per_s, 1, AMPLITUDE_MAX_MICROMETRE)?;
-        check("acceleration_limit_millimetre_per_s2", self.acceleration_limit_millimetre_per_s2, 1, u32::MAX)?;
+        check("limits.acceleration_millimetre_per_s2", limits.acceleration_millimetre_per_s2, 1, u32::MAX)?;
+        check("full_scale_micrometre", self.full_scale_micrometre, 1, AMPLITUDE_MAX_MICROMETRE)?;
+        check("baud", self.baud, BAUD[0], BAUD[1])?;
         check("host_timeout_ms", self.host_timeout_ms, HOST_TIMEOUT_MIN_MS, HOST_TIMEOUT_MAX_MS)?;
         check("forget_per_mille", u32::from(self.forget_per_mille), 0, 1_000)
     }

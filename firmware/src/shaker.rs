@@ -24,6 +24,7 @@ use crate::event::Notice;
 use crate::output::ShakerOutput;
 use crate::ramp::Ramp;
 use crate::settings::{HOST_TIMEOUT_MAX_MS, HOST_TIMEOUT_MIN_MS, Settings};
+use crate::sweep::Sweep;
 
 /// The drive at a tick: what that tick's sample carries and its displacement was computed from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,7 +45,6 @@ pub struct Shaker<O> {
     output: O,
     sample_rate_millihertz: u32,
     limits: ShakerLimits,
-    acceleration_limit: u32,
     state: ShakerState,
     /// Whether a stop ends in [`ShakerState::Armed`].
     armed_after_stop: bool,
@@ -54,6 +54,7 @@ pub struct Shaker<O> {
     frequency_millihertz: u32,
     host_timeout_ms: u32,
     silent_ticks: u32,
+    heard: bool,
     notice: Option<Notice>,
     /// A fault whose output has not taken its zero yet.
     silence_due: bool,
@@ -67,7 +68,6 @@ impl<O: ShakerOutput> Shaker<O> {
             output,
             sample_rate_millihertz: settings.sample_rate_millihertz,
             limits: settings.limits,
-            acceleration_limit: settings.acceleration_limit_millimetre_per_s2,
             state: ShakerState::Disarmed,
             armed_after_stop: false,
             cause: StopCause::None,
@@ -76,6 +76,7 @@ impl<O: ShakerOutput> Shaker<O> {
             frequency_millihertz: 0,
             host_timeout_ms: settings.host_timeout_ms,
             silent_ticks: 0,
+            heard: false,
             notice: None,
             silence_due: false,
         };
@@ -130,6 +131,16 @@ impl<O: ShakerOutput> Shaker<O> {
         self.notice.take()
     }
 
+    /// Whether a command has been carried out within the host's time-out.
+    pub fn hears_host(&self) -> bool {
+        self.heard && !self.silent()
+    }
+
+    fn silent(&self) -> bool {
+        let timeout = u64::from(self.host_timeout_ms) * u64::from(self.sample_rate_millihertz);
+        u64::from(self.silent_ticks) * 1_000_000 >= timeout
+    }
+
     /// Whether the phase advances.
     pub fn moving(&self) -> bool {
         matches!(self.state, ShakerState::Ramping | ShakerState::Running | ShakerState::Stopping)
@@ -162,7 +173,14 @@ impl<O: ShakerOutput> Shaker<O> {
         if u64::from(amplitude) > u64::from(self.limits.amplitude_micrometre) * 1_000 {
             return self.fault(StopCause::Limit);
         }
-        if self.output.write(waveform::displacement(amplitude, self.phase.phase)).is_err() {
+        let mut next = self.ramp;
+        next.step();
+        let sweep = Sweep {
+            phase: self.phase.phase,
+            phase_increment: self.phase.increment,
+            amplitude_nanometre: [amplitude, next.amplitude()],
+        };
+        if self.output.sweep(&sweep).is_err() {
             self.fault(StopCause::Fault);
         }
     }
@@ -186,8 +204,7 @@ impl<O: ShakerOutput> Shaker<O> {
     }
 
     fn watch(&mut self) {
-        let timeout = u64::from(self.host_timeout_ms) * u64::from(self.sample_rate_millihertz);
-        if u64::from(self.silent_ticks) * 1_000_000 < timeout {
+        if !self.silent() {
             return;
         }
         match self.state {
@@ -207,7 +224,7 @@ impl<O: ShakerOutput> Shaker<O> {
 
     /// Carries a command out, or refuses it and changes nothing.
     ///
-    /// `Hello`, `KeepAlive`, `Status`, `Stream` and `ZeroCounts` only ask whether they may be carried out.
+    /// `Hello`, `KeepAlive`, `Status`, `Stream`, `ZeroCounts`, `Set` and `Restart` only ask whether they may be carried out.
     pub fn command(&mut self, command: Command) -> CommandResult {
         let result = match command {
             Command::Hello | Command::KeepAlive | Command::Status | Command::Stream(_) => CommandResult::Done,
@@ -225,7 +242,8 @@ impl<O: ShakerOutput> Shaker<O> {
             Command::SetRamp { .. } | Command::SetHostTimeout { .. } | Command::ZeroCounts if self.moving() => {
                 CommandResult::WrongState
             }
-            Command::ZeroCounts => CommandResult::Done,
+            Command::Set(_) | Command::Restart if self.state != ShakerState::Disarmed => CommandResult::WrongState,
+            Command::ZeroCounts | Command::Set(_) | Command::Restart => CommandResult::Done,
             Command::SetRamp { micrometre_per_s } => {
                 let result = within(micrometre_per_s, 1, self.limits.ramp_micrometre_per_s);
                 if result == CommandResult::Done {
@@ -243,6 +261,7 @@ impl<O: ShakerOutput> Shaker<O> {
         };
         if result == CommandResult::Done {
             self.silent_ticks = 0;
+            self.heard = true;
         }
         result
     }
@@ -280,7 +299,11 @@ impl<O: ShakerOutput> Shaker<O> {
         for result in [
             within(amplitude_micrometre, 0, self.limits.amplitude_micrometre),
             within(frequency_millihertz, 1, self.limits.frequency_millihertz),
-            within(amplitude_micrometre, 0, amplitude_limit(self.acceleration_limit, frequency_millihertz)),
+            within(
+                amplitude_micrometre,
+                0,
+                amplitude_limit(self.limits.acceleration_millimetre_per_s2, frequency_millihertz),
+            ),
         ] {
             if result != CommandResult::Done {
                 return result;

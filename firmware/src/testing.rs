@@ -8,9 +8,23 @@ use whirl_shared::frame::{Command, DeviceMessage, Envelope, HostMessage};
 use crate::output::ShakerOutput;
 use crate::quadrature::QuadratureCounter;
 
-/// A counter that shows what the test puts in.
+/// A counter that shows what the test puts in, and no index.
 #[derive(Clone, Debug, Default)]
 pub struct Counter(pub u16);
+
+/// A counter with an index.
+#[derive(Clone, Debug, Default)]
+pub struct Indexed(pub u16, pub Option<u16>);
+
+impl QuadratureCounter for Indexed {
+    fn count(&mut self) -> u16 {
+        self.0
+    }
+
+    fn index(&mut self) -> Option<u16> {
+        self.1.take()
+    }
+}
 
 impl QuadratureCounter for Counter {
     fn count(&mut self) -> u16 {

@@ -181,6 +181,11 @@ impl Encoder {
         self.disc.turn_to(angle, |a, b| decoder.levels(a, b));
     }
 
+    /// The counter begins anew at 0, wherever the disc stands: a chip that was reset.
+    pub fn reset(&mut self) {
+        self.decoder.count = 0;
+    }
+
     /// The decoder.
     pub fn decoder(&self) -> &QuadratureDecoder {
         &self.decoder

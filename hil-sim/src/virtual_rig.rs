@@ -13,10 +13,11 @@
 
 use std::collections::VecDeque;
 
-use whirl_firmware::settings::SettingsError;
+use whirl_firmware::adjust::Words;
+use whirl_firmware::settings::{Boot, SettingsError};
 use whirl_firmware::{App, Settings, ShakerOutput};
 use whirl_shared::codec::MAX_FRAME;
-use whirl_shared::frame::Status;
+use whirl_shared::frame::{ResetCause, SettingsSource, Status};
 
 use crate::bench::{Bench, BenchSettings, SecondEncoder};
 use crate::encoder::Encoder;
@@ -91,6 +92,9 @@ impl ShakerOutput for PowerStage {
 pub struct VirtualRig {
     app: App<Encoder, Encoder, PowerStage>,
     device: Settings,
+    /// As the device was made, and what its flash holds.
+    image: Settings,
+    kept_settings: Option<Words>,
     bench: Bench,
     command: Command,
     tick_s: f64,
@@ -144,9 +148,13 @@ impl VirtualRig {
     /// encoder before it is sampled ([`crate::Simulation`] can).
     pub fn new(settings: &RigSettings) -> Result<Self, SimulationError> {
         let bench = bench_of(settings)?;
-        let app = Self::boot(&settings.device, &bench)?;
+        let shown = bench.shown();
+        let encoders = [0, 1].map(|i| Encoder::new(settings.device.counts_per_turn[i], shown[i]));
+        let app = Self::boot(&settings.device, &settings.device, encoders)?;
         Ok(Self {
             app,
+            image: settings.device.clone(),
+            kept_settings: None,
             device: settings.device.clone(),
             bench,
             command: Command::default(),
@@ -160,10 +168,12 @@ impl VirtualRig {
         })
     }
 
-    fn boot(device: &Settings, bench: &Bench) -> Result<App<Encoder, Encoder, PowerStage>, ParameterError> {
-        let shown = bench.shown();
-        let [first, second] = [0, 1].map(|i| Encoder::new(device.counts_per_turn[i], shown[i]));
-        App::new(device.clone(), first, second, PowerStage::default()).map_err(setting_error)
+    fn boot(
+        device: &Settings,
+        image: &Settings,
+        [first, second]: [Encoder; 2],
+    ) -> Result<App<Encoder, Encoder, PowerStage>, ParameterError> {
+        App::with_built_in(device, image, first, second, PowerStage::default()).map_err(setting_error)
     }
 
     /// One tick: the firmware samples, then the plant moves on to the next tick.
@@ -188,6 +198,9 @@ impl VirtualRig {
             };
         }
         self.collect();
+        if self.app.restart_due() {
+            self.restart()?;
+        }
         self.bench.advance(self.command, self.ticks as f64 * self.tick_s)?;
         self.ticks += 1;
         let [first, second] = self.bench.shown();
@@ -203,7 +216,13 @@ impl VirtualRig {
         while self.output.len() + MAX_FRAME <= self.output_limit {
             match self.app.poll_transmit(&mut frame) {
                 Some(length) => self.output.extend(&frame[..length]),
-                None => return,
+                None => match self.app.settings_to_keep() {
+                    Some(words) => {
+                        self.kept_settings = Some(words);
+                        self.app.settings_kept(true);
+                    }
+                    None => return,
+                },
             }
         }
     }
@@ -240,14 +259,42 @@ impl VirtualRig {
         self.app.output_mut().broken = broken;
     }
 
-    /// The device restarts: tick 0, another boot id, shaker off, counters found again by their index marks. The base stops
-    /// where it is, the arms go on. What was queued in the firmware is gone; what it had sent is not.
+    /// The device is reset by its watchdog: tick 0, another boot id, shaker off, settings that were kept in force. The base
+    /// stops where it is, the arms go on; the counts are carried over, with their zeros where the arms rest. What was queued
+    /// in the firmware is gone; what it had sent is not.
     ///
     /// # Errors
     /// None that [`Self::new`] has not excluded.
     pub fn restart(&mut self) -> Result<(), SimulationError> {
-        self.device.boot_id = self.device.boot_id.wrapping_add(1);
-        self.app = Self::boot(&self.device, &self.bench)?;
+        let mut kept = self.app.kept();
+        // The simulated chip's counters last, so that nothing of their counts is to be added.
+        kept.iter_mut().for_each(|encoder| encoder.count = 0);
+        self.boot_again(Boot { reset: ResetCause::Watchdog, kept: Some(kept), ..Boot::default() })?;
+        Ok(())
+    }
+
+    /// The device's power goes and comes: as [`Self::restart`], but zero is where the arms are now.
+    ///
+    /// # Errors
+    /// None that [`Self::new`] has not excluded.
+    pub fn power_cycle(&mut self) -> Result<(), SimulationError> {
+        self.boot_again(Boot { reset: ResetCause::Power, ..Boot::default() })?;
+        let (first, second) = self.app.counters_mut();
+        first.reset();
+        second.reset();
+        Ok(())
+    }
+
+    fn boot_again(&mut self, boot: Boot) -> Result<(), SimulationError> {
+        let (boot_id, image) = (self.device.boot_id.wrapping_add(1), self.image.clone());
+        let kept = self.kept_settings.and_then(|words| image.with_words(&words));
+        let source = if kept.is_some() { SettingsSource::Kept } else { SettingsSource::BuiltIn };
+        self.device = kept.unwrap_or(image);
+        self.device.boot_id = boot_id;
+        self.device.boot = Boot { settings: source, ..boot };
+        let encoders = self.app.counters_mut();
+        let encoders = [encoders.0.clone(), encoders.1.clone()];
+        self.app = Self::boot(&self.device, &self.image, encoders)?;
         self.command = Command::default();
         self.missed = 0;
         self.to_miss = 0;

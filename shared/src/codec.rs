@@ -20,7 +20,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::frame::regression::{ROW_LEN, ROWS_LEN};
-use crate::frame::{BLOCK_LEN, CHANNELS, Envelope, TEXT_LEN};
+use crate::frame::{BLOCK_LEN, CHANNELS, Envelope, PANIC_LEN, TEXT_LEN};
 use crate::regressor::{UNKNOWNS1, UNKNOWNS2};
 
 /// The frame's checksum.
@@ -34,7 +34,22 @@ const U32: usize = 5;
 const TEXT: usize = 1 + TEXT_LEN;
 /// Envelope number and message id.
 const HEAD: usize = U16 + 1;
-const HELLO: usize = HEAD + U16 + 3 * U32 + 2 * TEXT + U32 + CHANNELS * U32 + 1 + 3 * U32 + U32;
+const ZERO: usize = U32 + 1 + 1 + U32;
+const HELLO: usize = HEAD
+    + U16
+    + 3 * U32
+    + 2 * TEXT
+    + U32
+    + CHANNELS * U32
+    + 1
+    + 4 * U32
+    + U32
+    + CHANNELS * ZERO
+    + 1
+    + (1 + PANIC_LEN)
+    + CHANNELS
+    + 2 * U32
+    + 1;
 const SAMPLES: usize = HEAD + 4 * U32 + CHANNELS * U32 + 1 + (BLOCK_LEN - 1) * CHANNELS * U16;
 const STATUS: usize = HEAD + 7 * U32 + 2 + 3 * U32 + 2 * CHANNELS * U32;
 const LOG: usize = HEAD + U32 + 1 + TEXT;

@@ -18,28 +18,36 @@
 //! Adding a message or a field: append it at the end of its enum or struct, add it to [`SCHEMA`], raise
 //! [`PROTOCOL_VERSION`]. [`SCHEMA_HASH`] is sent in [`Hello`], so that a host never misreads an unknown layout.
 
+pub mod hello;
 pub mod regression;
+mod setting;
 
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
+pub use hello::{Hello, ResetCause, SettingsSource, ShakerLimits, Zero, ZeroSource};
 pub use regression::{Estimate, Rows};
+pub use setting::Setting;
 
 /// Version of the wire protocol; raised at every change of the layout.
-pub const PROTOCOL_VERSION: u16 = 2;
+pub const PROTOCOL_VERSION: u16 = 3;
 /// Samples in a full block. Ten samples a frame keep the worst case well under the rate of a 115 200 baud link.
 pub const BLOCK_LEN: usize = 10;
 /// Number of encoders.
 pub const CHANNELS: usize = 2;
 /// Longest text in a [`Log`] or [`Hello`] field, bytes.
 pub const TEXT_LEN: usize = 48;
+/// Longest text of a panic, bytes.
+pub const PANIC_LEN: usize = 80;
 
 /// The layout in words: what [`SCHEMA_HASH`] is computed from.
 pub const SCHEMA: &str = concat!(
-    "whirl 2;envelope{sequence:u16,message};",
+    "whirl 3;envelope{sequence:u16,message};",
     "device[hello{protocol:u16,schema:u32,boot_id:u32,tick:u32,firmware:str,board:str,sample_rate_millihertz:u32,",
-    "counts_per_turn:[u32;2],block_len:u8,limits{amplitude_micrometre:u32,frequency_millihertz:u32,ramp_micrometre_per_s:u32},",
-    "host_timeout_ms:u32}|samples{first_tick:u32,phase:u32,phase_increment:u32,amplitude_nanometre:u32,first:[i32;2],deltas:[[i16;2]]}|",
+    "counts_per_turn:[u32;2],block_len:u8,limits{amplitude_micrometre:u32,frequency_millihertz:u32,ramp_micrometre_per_s:u32,",
+    "acceleration_millimetre_per_s2:u32},host_timeout_ms:u32,zeros:[{id:u32,source:enum[power_up,commanded,carried],index:option(u32)};2],",
+    "reset:enum[unknown,power,pin,software,watchdog,panic],panic:str,reversed:[bool;2],full_scale_micrometre:u32,baud:u32,",
+    "settings:enum[built_in,kept,changed,refused,not_kept]}|samples{first_tick:u32,phase:u32,phase_increment:u32,amplitude_nanometre:u32,first:[i32;2],deltas:[[i16;2]]}|",
     "status{tick:u32,overruns:u32,dropped_samples:u32,dropped_frames:u32,bad_frames:u32,rejected_commands:u32,",
     "samples_sent:u32,shaker:enum[disarmed,armed,ramping,running,stopping,faulted],stop_cause:enum[none,command,host_silent,limit,fault],",
     "amplitude_nanometre:u32,frequency_millihertz:u32,latency_max_us:u32,rms_angle_mrad:[u32;2],turns_per_minute_milli:[i32;2]}|",
@@ -51,7 +59,10 @@ pub const SCHEMA: &str = concat!(
     "rows{tick:u32,window_ticks:u32,window:u32,phase_increment:u32,amplitude_nanometre:u32,frequency:u8,last_frequency:u8,",
     "rows:[[[u8;3];13]]}];",
     "host[command{hello|keep_alive|arm|disarm|start{amplitude_micrometre:u32,frequency_millihertz:u32}|stop|",
-    "set_ramp{micrometre_per_s:u32}|set_host_timeout{ms:u32}|zero_counts|status|stream(enum[samples,rows])}]"
+    "set_ramp{micrometre_per_s:u32}|set_host_timeout{ms:u32}|zero_counts|status|stream(enum[samples,rows])|",
+    "set(enum[counts_per_turn{channel:u8,counts:u32},reversed{channel:u8,reversed:bool},sample_rate{millihertz:u32},",
+    "amplitude_limit{micrometre:u32},frequency_limit{millihertz:u32},ramp_limit{micrometre_per_s:u32},",
+    "acceleration_limit{millimetre_per_s2:u32},host_timeout{ms:u32},full_scale{micrometre:u32},baud{rate:u32},built_in])|restart}]"
 );
 
 /// FNV-1a hash of [`SCHEMA`]: two sides with the same value lay messages out alike.
@@ -102,44 +113,6 @@ pub enum DeviceMessage {
 pub enum HostMessage {
     /// A command, answered by an [`Ack`] that carries its envelope's sequence number.
     Command(Command),
-}
-
-/// Identity and settings of a device.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Hello {
-    /// [`PROTOCOL_VERSION`] of the firmware.
-    pub protocol: u16,
-    /// [`SCHEMA_HASH`] of the firmware.
-    pub schema: u32,
-    /// Changes at every boot, so that a restart is told from a gap.
-    pub boot_id: u32,
-    /// Sampling tick at which this was sent.
-    pub tick: u32,
-    /// Firmware name and version.
-    pub firmware: String<TEXT_LEN>,
-    /// Board name.
-    pub board: String<TEXT_LEN>,
-    /// Sampling rate in mHz (500 000 at 500 Hz).
-    pub sample_rate_millihertz: u32,
-    /// Counts a turn of each encoder after decoding.
-    pub counts_per_turn: [u32; CHANNELS],
-    /// Samples in a full block.
-    pub block_len: u8,
-    /// What the shaker may do.
-    pub limits: ShakerLimits,
-    /// The shaker stops when the host has been silent for this long, ms.
-    pub host_timeout_ms: u32,
-}
-
-/// Limits of the shaker, kept by the device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct ShakerLimits {
-    /// Greatest amplitude of the base, µm.
-    pub amplitude_micrometre: u32,
-    /// Greatest frequency, mHz.
-    pub frequency_millihertz: u32,
-    /// Greatest rate at which the amplitude may change, µm/s.
-    pub ramp_micrometre_per_s: u32,
 }
 
 /// Consecutive samples of both encoders. Sample i was taken at tick `first_tick + i`, when the drive's phase was
@@ -263,6 +236,11 @@ pub enum Command {
     Status,
     /// What is to be streamed from now on, whatever the shaker does.
     Stream(Streamed),
+    /// Keep a setting, in force from the next boot on; refused unless the shaker is disarmed. A [`Hello`] tells whether it
+    /// was kept.
+    Set(Setting),
+    /// Reset; refused unless the shaker is disarmed.
+    Restart,
 }
 
 /// What a device streams.

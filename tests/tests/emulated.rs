@@ -10,6 +10,8 @@ mod faults;
 mod identification;
 #[path = "emulated/image.rs"]
 mod image;
+#[path = "emulated/lasting.rs"]
+mod lasting;
 #[path = "emulated/programs.rs"]
 mod programs;
 

@@ -4,13 +4,14 @@
 //! |---|---|---|
 //! | crystal | 24 MHz, on the board | 8 MHz, of the ST-LINK |
 //! | processor, timers | 170 MHz, 170 MHz | 180 MHz, 90 MHz |
-//! | encoder 1 A, B | PA0, PA1 (TIM2) | PB8, PB9 (TIM2) |
-//! | encoder 2 A, B | PB2, PC12 (TIM5) | PA0, PA1 (TIM5) |
-//! | shaker, enable | PA4, PB10 | PA4, PB10 |
-//! | serial port TX, RX | PA2, PA3 | PA2, PA3 |
+//! | settings | pages 126 and 127 of bank 2 | sectors 6 and 7 |
+//!
+//! Pins are the same on both: encoder 1 A, B, index on PB6, PB7, PB9 (TIM4), encoder 2 on PC6, PC7, PC8 (TIM3), shaker and
+//! enable on PA4 and PB10, light on PA5, serial port on PA2 and PA3. TIM5 is the free clock, TIM7 that of the points.
 
 use embassy_stm32::Config;
-use embassy_stm32::gpio::{Level, Output, Speed};
+use embassy_stm32::flash::{Blocking, Flash, MAX_ERASE_SIZE};
+use embassy_stm32::gpio::{Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::mode::Async;
 use embassy_stm32::time::Hertz;
@@ -18,9 +19,16 @@ use embassy_stm32::timer::low_level::Timer;
 use embassy_stm32::timer::qei::Qei;
 use embassy_stm32::usart::Uart;
 use embassy_stm32::wdg::IndependentWatchdog;
-use embassy_stm32::{bind_interrupts, dac::DacChannel, dma, interrupt, peripherals, usart};
+use embassy_stm32::{bind_interrupts, dac::DacChannel, dma, interrupt, pac, peripherals, usart};
+use whirl_firmware::pacing::Schedule;
+use whirl_firmware::settings::Settings;
+use whirl_firmware::store::Store;
+use whirl_firmware::sweep::POINTS_PER_SECOND;
+use whirl_shared::frame::SettingsSource;
 
-use crate::hardware::{Dac, Encoder1, Encoder2};
+use crate::boot;
+use crate::hardware::{Dac, Encoder1, Encoder2, pulled_up};
+use crate::player::Player;
 
 /// Name of the board in the hello.
 #[cfg(chip = "g474re")]
@@ -29,8 +37,11 @@ pub const NAME: &str = "nucleo-g474re";
 #[cfg(chip = "f446re")]
 pub const NAME: &str = "nucleo-f446re";
 
-/// Baud rate of the serial port: what `whirl capture --from serial:…` takes where none is given.
-const BAUD: u32 = 115_200;
+/// Where the settings are kept: the last two pages or sectors, bytes from the flash's begin. On the G474 they are in the
+/// bank that no program runs from, so that nothing stands still while they are written.
+const SETTINGS_AT: u32 = 512 * 1024 - 2 * MAX_ERASE_SIZE as u32;
+/// Greatest sampling rate, mHz: the thread's work of a sample takes 17 000 instructions at most.
+const RATE_MAX_MILLIHERTZ: u32 = 2_000_000;
 /// The board is reset when nothing has petted the watchdog for this long, µs.
 pub const WATCHDOG_US: u32 = 100_000;
 
@@ -50,6 +61,10 @@ bind_interrupts!(struct Irqs {
 
 /// The board's parts, set up.
 pub struct Parts {
+    /// The settings in force, and those of the image.
+    pub settings: [Settings; 2],
+    /// Where settings are kept.
+    pub store: Store<Flash<'static, Blocking>>,
     /// Encoder 1.
     pub encoder1: Encoder1,
     /// Encoder 2.
@@ -58,12 +73,77 @@ pub struct Parts {
     pub dac: Dac,
     /// Enable pin of the shaker's amplifier, low.
     pub enable: Output<'static>,
+    /// The light.
+    pub light: Output<'static>,
     /// Serial port.
     pub uart: Uart<'static, Async>,
     /// Timer of the tick, not started.
     pub timer: Timer<'static, peripherals::TIM6>,
-    /// Watchdog, not started.
-    pub watchdog: IndependentWatchdog<'static, peripherals::IWDG>,
+    /// Free clock, not started.
+    pub clock: Timer<'static, peripherals::TIM5>,
+    /// Clock of the points, not started.
+    pub points: Timer<'static, peripherals::TIM7>,
+    /// How the timers run.
+    pub schedule: Schedule,
+}
+
+/// The watchdog, from the first instructions on: a crystal that does not start ends in a reset, not in silence. A debugger's
+/// halt stops it, and the points of the shaker with it; the tick, the free clock and the encoders go on.
+pub fn watch() -> IndependentWatchdog<'static, peripherals::IWDG> {
+    #[cfg(chip = "g474re")]
+    pac::DBGMCU.apb1lfzr().modify(|w| {
+        w.set_iwdg(true);
+        w.set_tim7(true);
+    });
+    #[cfg(chip = "f446re")]
+    pac::DBGMCU.apb1fzr().modify(|w| {
+        w.set_iwdg(true);
+        w.set_tim7(true);
+    });
+    // SAFETY: the peripheral has no other owner: what `init` gets of it is left alone.
+    let mut watchdog = IndependentWatchdog::new(unsafe { peripherals::IWDG::steal() }, WATCHDOG_US);
+    watchdog.unleash();
+    watchdog
+}
+
+/// Lets the watchdog wait for the time that the flash takes at most (2 s for a sector of the F446, twice that here), or as
+/// always.
+pub fn watch_longer(longer: bool) {
+    use embassy_stm32::pac::iwdg::vals::{Key, Pr};
+    let watchdog = pac::IWDG;
+    watchdog.kr().write(|w| w.set_key(Key::RESET));
+    watchdog.kr().write(|w| w.set_key(Key::ENABLE));
+    // 32 kHz by 4: 800 are 100 ms. By 64: 2048 are 4 s.
+    watchdog.pr().write(|w| w.set_pr(if longer { Pr::DIVIDE_BY64 } else { Pr::DIVIDE_BY4 }));
+    watchdog.rlr().write(|w| w.set_rl(if longer { 2_047 } else { 799 }));
+    while watchdog.sr().read().pvu() || watchdog.sr().read().rvu() {}
+    watchdog.kr().write(|w| w.set_key(Key::RESET));
+}
+
+/// How the timers run at a rate; none where this board cannot.
+fn schedule(settings: &Settings) -> Option<Schedule> {
+    let rate = settings.sample_rate_millihertz;
+    let timer = embassy_stm32::rcc::frequency::<peripherals::TIM6>();
+    if rate > RATE_MAX_MILLIHERTZ { None } else { Schedule::new(timer.0, rate, POINTS_PER_SECOND) }
+}
+
+/// The settings in force, those of the image, and how the timers run.
+fn settings(store: &mut Store<Flash<'static, Blocking>>) -> Option<([Settings; 2], Schedule)> {
+    let mut built_in =
+        Settings { board: NAME, build: env!("WHIRL_BUILD_ID"), boot_id: boot::id(), ..Settings::default() };
+    built_in.boot = boot::before();
+    let mut settings = built_in.clone();
+    if let Some(words) = store.load() {
+        settings.boot.settings = SettingsSource::Refused;
+        if let Some(mut kept) = settings.with_words(&words)
+            && let Some(schedule) = schedule(&kept)
+        {
+            kept.boot.settings = SettingsSource::Kept;
+            return Some(([kept, built_in], schedule));
+        }
+    }
+    let schedule = schedule(&settings)?;
+    Some(([settings, built_in], schedule))
 }
 
 #[cfg(chip = "g474re")]
@@ -107,7 +187,7 @@ fn clocks() -> Config {
 
 /// Sets the board up. The enable pin is the first thing to be driven.
 ///
-/// `None` where the serial port refuses its settings.
+/// `None` where the serial port or a timer refuses the image's own settings.
 pub fn init() -> Option<Parts> {
     let p = embassy_stm32::init(clocks());
     let enable = Output::new(p.PB10, Level::Low, Speed::Low);
@@ -127,27 +207,29 @@ pub fn init() -> Option<Parts> {
         interrupt::TIM8_BRK_TIM12.set_priority(Priority::P7);
     }
 
+    let mut store = Store::new(Flash::new_blocking(p.FLASH), SETTINGS_AT);
+    let (settings, schedule) = settings(&mut store)?;
     let mut serial = usart::Config::default();
-    serial.baudrate = BAUD;
+    serial.baudrate = settings[0].baud;
+    serial.rx_pull = Pull::Up;
     #[cfg(chip = "g474re")]
-    let (encoder1, encoder2, uart) = (
-        Qei::new(p.TIM2, p.PA0, p.PA1, Default::default()),
-        Qei::new(p.TIM5, p.PB2, p.PC12, Default::default()),
-        Uart::new(p.USART2, p.PA3, p.PA2, p.DMA1_CH1, p.DMA1_CH2, Irqs, serial).ok()?,
-    );
+    let uart = Uart::new(p.USART2, p.PA3, p.PA2, p.DMA1_CH1, p.DMA1_CH2, Irqs, serial).ok()?;
     #[cfg(chip = "f446re")]
-    let (encoder1, encoder2, uart) = (
-        Qei::new(p.TIM2, p.PB8, p.PB9, Default::default()),
-        Qei::new(p.TIM5, p.PA0, p.PA1, Default::default()),
-        Uart::new(p.USART2, p.PA3, p.PA2, p.DMA1_CH6, p.DMA1_CH5, Irqs, serial).ok()?,
-    );
+    let uart = Uart::new(p.USART2, p.PA3, p.PA2, p.DMA1_CH6, p.DMA1_CH5, Irqs, serial).ok()?;
+    // Their clocks are on from here; the player sets up what it plays by.
+    let (clock, points) = (Timer::new(p.TIM5), Timer::new(p.TIM7));
     Some(Parts {
-        encoder1: Encoder1::new(encoder1),
-        encoder2: Encoder2::new(encoder2),
-        dac: Dac::new(DacChannel::new_blocking(p.DAC1, p.PA4)),
+        settings,
+        store,
+        encoder1: Encoder1::new(Qei::new(p.TIM4, p.PB6, p.PB7, pulled_up()), p.PB9),
+        encoder2: Encoder2::new(Qei::new(p.TIM3, p.PC6, p.PC7, pulled_up()), p.PC8),
+        dac: Dac::new(DacChannel::new_blocking(p.DAC1, p.PA4), Player::new(schedule)),
         enable,
+        light: Output::new(p.PA5, Level::Low, Speed::Low),
         uart,
         timer: Timer::new(p.TIM6),
-        watchdog: IndependentWatchdog::new(p.IWDG, WATCHDOG_US),
+        clock,
+        points,
+        schedule,
     })
 }

@@ -1,18 +1,33 @@
-//! What happens when nothing can go on: the shaker is silenced first, then the cause is told, then the watchdog resets.
+//! What happens when nothing can go on: the shaker is silenced first, then the cause is left for the next boot and told, then
+//! the watchdog resets.
 
+use core::fmt;
 use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use embassy_stm32::pac;
+use whirl_firmware::kept::note;
 
+use crate::boot;
 use crate::hardware::REST;
 
-/// Amplifier off, set point at rest: by registers, since whoever owns them may be the one who panicked.
+static ENTERED: AtomicBool = AtomicBool::new(false);
+
+/// Amplifier off, no more points, set point at rest: by registers, since whoever owns them may be the one who panicked.
 fn silence() {
     pac::GPIOB.bsrr().write(|w| w.set_br(10, true));
+    pac::TIM7.dier().write(|w| w.set_ude(false));
     pac::DAC1.dhr12r(0).write(|w| w.set_dhr(REST));
 }
 
-fn halt() -> ! {
+fn end(cause: impl fmt::Display) -> ! {
+    cortex_m::interrupt::disable();
+    silence();
+    // What panics while it tells of a panic is told no more.
+    if !ENTERED.swap(true, Relaxed) {
+        boot::leave_note(&note(&cause));
+        defmt::error!("{}", defmt::Display2Format(&cause));
+    }
     // Interrupts are off: the watchdog is petted no more.
     loop {
         cortex_m::asm::nop();
@@ -21,17 +36,14 @@ fn halt() -> ! {
 
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
-    cortex_m::interrupt::disable();
-    silence();
-    defmt::error!("{}", defmt::Display2Format(info));
-    halt()
+    match info.location() {
+        Some(place) => end(format_args!("{}:{}: {}", place.file(), place.line(), info.message())),
+        None => end(info.message()),
+    }
 }
 
 /// A fault of the processor ends as a panic does.
 #[cortex_m_rt::exception]
 unsafe fn HardFault(frame: &cortex_m_rt::ExceptionFrame) -> ! {
-    cortex_m::interrupt::disable();
-    silence();
-    defmt::error!("hard fault at {=u32:#010x}", frame.pc());
-    halt()
+    end(format_args!("hard fault at {:#010x}, called from {:#010x}", frame.pc(), frame.lr()))
 }

@@ -5,12 +5,12 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use cortex_m::interrupt::Mutex;
 use embassy_executor::Spawner;
-use embassy_futures::select::{Either, select};
+use embassy_stm32::flash::{Blocking, Flash};
 use embassy_stm32::gpio::Output;
 use embassy_stm32::interrupt::{self, InterruptExt};
 use embassy_stm32::mode::Async;
 use embassy_stm32::pac;
-use embassy_stm32::peripherals::{IWDG, TIM6};
+use embassy_stm32::peripherals::{IWDG, TIM5, TIM6, TIM7};
 use embassy_stm32::timer::low_level::Timer as TickTimer;
 use embassy_stm32::usart::{RingBufferedUartRx, Uart, UartTx};
 use embassy_stm32::wdg::IndependentWatchdog;
@@ -23,19 +23,17 @@ use whirl_firmware::dac::DacShaker;
 use whirl_firmware::estimate::Estimator;
 use whirl_firmware::event::{Event, Request};
 use whirl_firmware::link::Link;
-use whirl_firmware::pacing::{Pacer, divide};
+use whirl_firmware::pacing::{Pacer, Passed, Schedule};
 use whirl_firmware::sampler::Sampler;
-use whirl_firmware::settings::Settings;
+use whirl_firmware::store::Store;
 use whirl_shared::codec::MAX_FRAME;
 use whirl_shared::frame::SampleBlock;
 
 use crate::board;
 use crate::boot;
 use crate::hardware::{Dac, Encoder1, Encoder2};
+use crate::player::Player;
 
-/// Displacement of the base at the highest voltage, nm: the limit of the settings and a quarter. To be made true by the gain
-/// of the shaker's amplifier.
-const FULL_SCALE_NANOMETRE: u32 = 25_000_000;
 /// The serial port's bytes that wait for the thread: 22 ms of them.
 const RECEIVE_RING: usize = 256;
 /// RTT's buffers: a second of the stream, several commands.
@@ -46,34 +44,57 @@ const RTT_MESSAGES: usize = 1_024;
 /// What the interrupt owns.
 struct Interrupt {
     sampler: Sampler<Encoder1, Encoder2, DacShaker<Dac, Output<'static>>>,
+    light: Output<'static>,
     blocks: Producer<'static, SampleBlock>,
     events: Producer<'static, Event>,
     requests: Consumer<'static, Request>,
     pacer: Pacer,
-    /// Processor's clocks for each step of the tick's timer.
-    clocks_per_count: u32,
-    clocks_per_microsecond: u32,
+    counts_per_second: u32,
+    ticks: u32,
 }
 
 static INTERRUPT: Mutex<RefCell<Option<Interrupt>>> = Mutex::new(RefCell::new(None));
 /// Interrupts so far: what the watchdog is petted for.
 static TICKS: AtomicU32 = AtomicU32::new(0);
 
+/// The free clock, which goes on in a debugger's halt as the tick's timer does.
+fn clock() -> u32 {
+    pac::TIM5.cnt().read()
+}
+
 #[embassy_stm32::interrupt]
 fn TIM6_DAC() {
-    // Since the tick: the timer counts on from its update.
-    let counted = u32::from(pac::TIM6.cnt().read().cnt());
-    let now = cortex_m::peripheral::DWT::cycle_count();
     pac::TIM6.sr().write(|w| w.set_uif(false));
     cortex_m::interrupt::free(|section| {
-        if let Some(i) = INTERRUPT.borrow(section).borrow_mut().as_mut() {
-            let latency = counted * i.clocks_per_count;
-            let missed = i.pacer.interrupt(now, latency);
-            // The counters are the first thing that this reads.
-            i.sampler.tick(missed, latency / i.clocks_per_microsecond, &mut i.blocks, &mut i.events, &mut i.requests);
+        if let Some(interrupt) = INTERRUPT.borrow(section).borrow_mut().as_mut() {
+            interrupt.run();
         }
     });
-    TICKS.store(TICKS.load(Relaxed).wrapping_add(1), Relaxed);
+}
+
+impl Interrupt {
+    fn run(&mut self) {
+        let mut told: Option<Passed> = None;
+        // Until clock and counters belong to the same tick: a debugger may halt between any two instructions.
+        loop {
+            if let Some(passed) = self.pacer.interrupt(clock()) {
+                let before = told.map_or(0, |told| told.missed + 1);
+                told = Some(Passed { missed: passed.missed.saturating_add(before), ..passed });
+            }
+            self.sampler.latch();
+            if self.pacer.same_tick(clock()) {
+                break;
+            }
+        }
+        // An interrupt whose tick has been told with the one before is none.
+        let Some(Passed { missed, latency }) = told else { return };
+        let latency_us = (u64::from(latency) * 1_000_000 / u64::from(self.counts_per_second)) as u32;
+        self.sampler.tick(missed, latency_us, &mut self.blocks, &mut self.events, &mut self.requests);
+        self.light.set_level(self.sampler.light().into());
+        self.ticks = self.ticks.wrapping_add(1);
+        boot::keep(self.ticks, &self.sampler.kept());
+        TICKS.store(self.ticks, Relaxed);
+    }
 }
 
 /// What the thread owns.
@@ -83,24 +104,40 @@ struct Thread {
     events: Consumer<'static, Event>,
     requests: Producer<'static, Request>,
     to_host: UartTx<'static, Async>,
-    from_host: RingBufferedUartRx<'static>,
+    heard: Consumer<'static, u8>,
     rtt: (UpChannel, DownChannel),
+    store: Store<Flash<'static, Blocking>>,
     watchdog: IndependentWatchdog<'static, IWDG>,
     petted_at: u32,
 }
 
+/// Takes the serial port's bytes. A task of its own, so that no read is given up half-way: bytes that come while one is
+/// would be lost.
+#[embassy_executor::task]
+async fn hear(mut from_host: RingBufferedUartRx<'static>, mut heard: Producer<'static, u8>) -> ! {
+    let mut bytes = [0; 64];
+    loop {
+        match from_host.read(&mut bytes).await {
+            Ok(n) => {
+                for &byte in &bytes[..n] {
+                    // What finds no room is a damaged frame, which the link counts.
+                    let _ = heard.enqueue(byte);
+                }
+            }
+            Err(error) => defmt::debug!("serial port: {}", error),
+        }
+    }
+}
+
 impl Thread {
     async fn run(mut self) -> ! {
-        self.watchdog.unleash();
         let mut bytes = [0; 64];
         let mut frame = [0; MAX_FRAME];
         loop {
             self.pet();
-            match select(self.from_host.read(&mut bytes), Timer::after_millis(1)).await {
-                Either::First(Ok(n)) => self.link.receive(&bytes[..n], &mut self.requests),
-                // What is lost is a damaged frame, which the link counts.
-                Either::First(Err(error)) => defmt::debug!("serial port: {}", error),
-                Either::Second(()) => {}
+            Timer::after_millis(1).await;
+            while let Some(byte) = self.heard.dequeue() {
+                self.link.receive(&[byte], &mut self.requests);
             }
             let n = self.rtt.1.read(&mut bytes);
             self.link.receive(&bytes[..n], &mut self.requests);
@@ -112,7 +149,25 @@ impl Thread {
                 }
                 self.pet();
             }
+            self.keep();
+            if self.link.restart_due() {
+                // The last answer is on its way.
+                Timer::after_millis(20).await;
+                cortex_m::peripheral::SCB::sys_reset();
+            }
         }
+    }
+
+    /// Keeps settings that were changed.
+    fn keep(&mut self) {
+        let Some(words) = self.link.settings_to_keep() else { return };
+        board::watch_longer(true);
+        let kept = self.store.save(&words);
+        board::watch_longer(false);
+        if let Err(error) = kept {
+            defmt::error!("settings were not kept: {}", error);
+        }
+        self.link.kept(kept.is_ok());
     }
 
     /// Only as long as the tick goes on, too.
@@ -125,61 +180,74 @@ impl Thread {
     }
 }
 
-fn settings() -> Settings {
-    Settings { board: board::NAME, build: env!("WHIRL_BUILD_ID"), boot_id: boot::id(), ..Settings::default() }
+/// Starts the free clock, the tick and the points, in this order; what the free clock showed when the tick began.
+fn start(
+    parts: &(TickTimer<'static, TIM5>, TickTimer<'static, TIM6>, TickTimer<'static, TIM7>),
+    with: Schedule,
+) -> u32 {
+    let (free, tick, _points) = parts;
+    pac::TIM5.psc().write_value(with.prescaler);
+    pac::TIM5.arr().write_value(u32::MAX);
+    pac::TIM6.psc().write_value(with.prescaler);
+    pac::TIM6.arr().write(|w| w.set_arr(with.reload));
+    free.generate_update_event();
+    tick.generate_update_event();
+    tick.clear_update_interrupt();
+    tick.enable_update_interrupt(true);
+    cortex_m::interrupt::free(|_| {
+        free.start();
+        let began = clock();
+        tick.start();
+        Player::start();
+        began
+    })
 }
 
-/// Starts the tick; clocks of a period, for each step of the timer, for each microsecond.
-fn start(timer: &TickTimer<'static, TIM6>, rate_millihertz: u32) -> Option<[u32; 3]> {
-    let timer_hz = timer.get_clock_frequency().0;
-    let per_tick = u64::from(timer_hz) * 1_000 / u64::from(rate_millihertz);
-    let (prescaler, reload) = divide(u32::try_from(per_tick).ok()?)?;
-    let registers = pac::TIM6;
-    registers.psc().write_value(prescaler);
-    registers.arr().write(|w| w.set_arr(reload));
-    timer.generate_update_event();
-    timer.clear_update_interrupt();
-    timer.enable_update_interrupt(true);
-    // The processor's clock, by which missed ticks are counted, is a multiple of the timer's.
-    let processor_hz = embassy_stm32::rcc::frequency::<embassy_stm32::peripherals::DMA1>().0;
-    let ratio = processor_hz / timer_hz;
-    let per_count = (u32::from(prescaler) + 1) * ratio;
-    Some([per_count * (u32::from(reload) + 1), per_count, processor_hz / 1_000_000])
-}
-
-fn assemble(parts: board::Parts, rtt: (UpChannel, DownChannel)) -> Option<Thread> {
+fn assemble(
+    parts: board::Parts,
+    rtt: (UpChannel, DownChannel),
+    watchdog: IndependentWatchdog<'static, IWDG>,
+) -> Option<(Thread, RingBufferedUartRx<'static>, Producer<'static, u8>)> {
     static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
     static QUEUE_BLOCKS: StaticCell<Queue<SampleBlock, BLOCKS>> = StaticCell::new();
     static QUEUE_EVENTS: StaticCell<Queue<Event, EVENTS>> = StaticCell::new();
     static QUEUE_REQUESTS: StaticCell<Queue<Request, REQUESTS>> = StaticCell::new();
+    static QUEUE_HEARD: StaticCell<Queue<u8, RECEIVE_RING>> = StaticCell::new();
     static RING: StaticCell<[u8; RECEIVE_RING]> = StaticCell::new();
-    static TIMER: StaticCell<TickTimer<'static, TIM6>> = StaticCell::new();
+    static TIMERS: StaticCell<(TickTimer<'static, TIM5>, TickTimer<'static, TIM6>, TickTimer<'static, TIM7>)> =
+        StaticCell::new();
     let (blocks_in, blocks) = QUEUE_BLOCKS.init(Queue::new()).split();
     let (events_in, events) = QUEUE_EVENTS.init(Queue::new()).split();
     let (requests, requests_out) = QUEUE_REQUESTS.init(Queue::new()).split();
-    let settings = settings();
-    let output = DacShaker::new(parts.dac, parts.enable, FULL_SCALE_NANOMETRE);
-    let sampler = Sampler::new(&settings, parts.encoder1, parts.encoder2, output).ok()?;
-    let link = Link::with(&settings, ESTIMATOR.take()).ok()?;
-    let timer = TIMER.init(parts.timer);
-    let [period, clocks_per_count, clocks_per_microsecond] = start(timer, settings.sample_rate_millihertz)?;
+    let (heard_in, heard) = QUEUE_HEARD.init(Queue::new()).split();
+    let [settings, built_in] = &parts.settings;
+    // Validated: at most 2³¹ nm.
+    let output = DacShaker::new(parts.dac, parts.enable, settings.full_scale_micrometre.saturating_mul(1_000));
+    let mut sampler = Sampler::new(settings, parts.encoder1, parts.encoder2, output).ok()?;
+    sampler.set_built_in(built_in);
+    let link = Link::with(settings, ESTIMATOR.take()).ok()?;
+    let period = parts.schedule.period();
+    defmt::info!("{=str}, build {=str}, boot {=u32:08x}", settings.board, settings.build, settings.boot_id);
+    defmt::info!("reset by {}", settings.boot.reset);
+    let timers = TIMERS.init((parts.clock, parts.timer, parts.points));
+    let began = start(timers, parts.schedule);
     let interrupt = Interrupt {
         sampler,
+        light: parts.light,
         blocks: blocks_in,
         events: events_in,
         requests: requests_out,
-        pacer: Pacer::new(period),
-        clocks_per_count,
-        clocks_per_microsecond,
+        pacer: Pacer::new(period, began),
+        counts_per_second: (u64::from(period) * u64::from(settings.sample_rate_millihertz) / 1_000) as u32,
+        ticks: 0,
     };
     cortex_m::interrupt::free(|section| INTERRUPT.borrow(section).replace(Some(interrupt)));
     // SAFETY: the interrupt's handler and all that it uses are there, and no critical section of ours is open.
     unsafe { interrupt::TIM6_DAC.enable() };
-    timer.start();
-    defmt::info!("{=str}, build {=str}, boot {=u32:08x}", settings.board, settings.build, settings.boot_id);
     let (to_host, from_host) = split(parts.uart, RING.init([0; RECEIVE_RING]));
-    let watchdog = parts.watchdog;
-    Some(Thread { link, blocks, events, requests, to_host, from_host, rtt, watchdog, petted_at: 0 })
+    let store = parts.store;
+    let thread = Thread { link, blocks, events, requests, to_host, heard, rtt, store, watchdog, petted_at: 0 };
+    Some((thread, from_host, heard_in))
 }
 
 fn split(uart: Uart<'static, Async>, ring: &'static mut [u8]) -> (UartTx<'static, Async>, RingBufferedUartRx<'static>) {
@@ -203,13 +271,17 @@ fn rtt() -> (UpChannel, DownChannel) {
 }
 
 #[embassy_executor::main]
-async fn main(_spawner: Spawner) {
+async fn main(spawner: Spawner) {
+    // Before anything that may wait.
+    let watchdog = board::watch();
     let rtt = rtt();
-    let Some(parts) = board::init() else { panic!("the serial port refuses its settings") };
-    // The free clock.
-    let mut core = cortex_m::Peripherals::take().unwrap_or_else(|| panic!("the core's peripherals are taken"));
-    core.DCB.enable_trace();
-    core.DWT.enable_cycle_counter();
-    let Some(thread) = assemble(parts, rtt) else { panic!("the settings are not possible on this board") };
+    let Some(parts) = board::init() else { panic!("the serial port or a timer refuses the image's own settings") };
+    let Some((thread, from_host, heard)) = assemble(parts, rtt, watchdog) else {
+        panic!("the settings are not possible on this board")
+    };
+    match hear(from_host, heard) {
+        Ok(task) => spawner.spawn(task),
+        Err(_) => panic!("no room for the task that hears the serial port"),
+    }
     thread.run().await
 }

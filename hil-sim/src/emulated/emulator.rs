@@ -99,6 +99,8 @@ pub struct Emulation {
     pub last: Request,
     /// Requests after which the shaker's output stood anywhere but at rest.
     pub moving_ticks: u64,
+    /// How often the board began anew.
+    pub resets: u32,
 }
 
 /// Why there was no emulation, or why it ended.
@@ -179,8 +181,19 @@ pub fn run(settings: &EmulatorSettings) -> Result<Emulation, EmulatorError> {
         console: String::new(),
         last: Request::default(),
         moving_ticks: 0,
+        resets: 0,
     };
-    while let Some(request) = next(&mut to_plant, &mut process.0, settings, &console_path)? {
+    // Ticks of all boots before the present one.
+    let (mut before, mut newest) = (0_u32, None);
+    while let Some(mut request) = next(&mut to_plant, &mut process.0, settings, &console_path)? {
+        if newest.is_some_and(|newest| request.tick < newest) {
+            before += newest.unwrap_or(0) + 1;
+            emulation.resets += 1;
+            plant.reset();
+        }
+        newest = Some(request.tick);
+        // To plant and script the ticks run on.
+        request.tick = request.tick.saturating_add(before);
         emulation.last = request;
         if request.panicked {
             break;

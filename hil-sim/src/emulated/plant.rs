@@ -81,6 +81,13 @@ impl EmulatedPlant {
         Ok([first.count(), second.count()])
     }
 
+    /// The board's chip was reset: its counters begin at 0, the shaker is off, the arms go on.
+    pub fn reset(&mut self) {
+        self.encoders.iter_mut().for_each(Encoder::reset);
+        self.command = Command::default();
+        self.amplifier_on = false;
+    }
+
     /// Ticks that the plant has moved on.
     pub fn ticks(&self) -> u64 {
         self.ticks

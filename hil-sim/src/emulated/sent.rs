@@ -2,7 +2,7 @@
 
 use whirl_shared::block::sample_count;
 use whirl_shared::codec::Decoder;
-use whirl_shared::frame::{Ack, DeviceMessage, Estimate, Log, Rows, Status};
+use whirl_shared::frame::{Ack, DeviceMessage, Estimate, Hello, Log, Rows, Status};
 use whirl_shared::sequence::{SequenceCounters, SequenceTracker};
 use whirl_shared::tick::{TickCounters, TickTracker};
 
@@ -19,6 +19,8 @@ pub struct Sent {
     pub sequence: SequenceCounters,
     /// Firmware and build of the last hello.
     pub firmware: String,
+    /// Every hello.
+    pub hellos: Vec<Hello>,
     /// Every status.
     pub statuses: Vec<Status>,
     /// Every answer.
@@ -49,6 +51,7 @@ impl Sent {
                 DeviceMessage::Hello(hello) => {
                     ticks.hello(hello.boot_id, hello.tick);
                     sent.firmware = hello.firmware.as_str().to_owned();
+                    sent.hellos.push(hello);
                 }
                 DeviceMessage::Samples(block) => {
                     ticks.block(block.first_tick, sample_count(&block));

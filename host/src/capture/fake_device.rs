@@ -112,8 +112,16 @@ impl State {
                 amplitude_micrometre: 20_000,
                 frequency_millihertz: 20_000,
                 ramp_micrometre_per_s: 20_000,
+                acceleration_millimetre_per_s2: 40_000,
             },
             host_timeout_ms: 2000,
+            zeros: Default::default(),
+            reset: Default::default(),
+            panic: Default::default(),
+            reversed: [false; 2],
+            full_scale_micrometre: 25_000,
+            baud: 115_200,
+            settings: Default::default(),
         };
         self.send(DeviceMessage::Hello(hello), None);
     }

@@ -10,8 +10,9 @@ use serde::de::DeserializeOwned;
 use whirl_shared::codec::{CRC, Decoder, MAX_FRAME, encode};
 use whirl_shared::frame::regression::{Binary24, Binary32, EquationEstimate, ROWS_LEN, Unknown};
 use whirl_shared::frame::{
-    Ack, BLOCK_LEN, Command, CommandResult, DeviceMessage, Envelope, Estimate, Hello, HostMessage, Log, Rows,
-    SampleBlock, ShakerLimits, ShakerState, Status, StopCause, Streamed, TEXT_LEN,
+    Ack, BLOCK_LEN, Command, CommandResult, DeviceMessage, Envelope, Estimate, Hello, HostMessage, Log, ResetCause,
+    Rows, SampleBlock, Setting, SettingsSource, ShakerLimits, ShakerState, Status, StopCause, Streamed, Zero,
+    ZeroSource,
 };
 
 /// A seeded source of numbers and messages.
@@ -41,9 +42,9 @@ impl Source {
         [make(self.any()), make(self.any())]
     }
 
-    fn text(&mut self) -> heapless::String<TEXT_LEN> {
+    fn text<const N: usize>(&mut self) -> heapless::String<N> {
         let mut text = heapless::String::new();
-        for _ in 0..self.below(TEXT_LEN + 1) {
+        for _ in 0..self.below(N + 1) {
             let character = char::from_u32(self.any() % 0x11_0000).unwrap_or('°');
             if text.push(character).is_err() {
                 break;
@@ -82,8 +83,34 @@ impl Source {
                 amplitude_micrometre: self.any(),
                 frequency_millihertz: self.any(),
                 ramp_micrometre_per_s: self.any(),
+                acceleration_millimetre_per_s2: self.any(),
             },
             host_timeout_ms: self.any(),
+            zeros: [self.zero(), self.zero()],
+            reset: [ResetCause::Unknown, ResetCause::Watchdog, ResetCause::Panic][self.below(3)],
+            panic: self.text(),
+            reversed: self.pair(|n| n % 2 == 1),
+            full_scale_micrometre: self.any(),
+            baud: self.any(),
+            settings: [SettingsSource::BuiltIn, SettingsSource::Changed, SettingsSource::NotKept][self.below(3)],
+        }
+    }
+
+    fn zero(&mut self) -> Zero {
+        Zero {
+            id: self.any(),
+            source: [ZeroSource::PowerUp, ZeroSource::Commanded, ZeroSource::Carried][self.below(3)],
+            index: (self.below(2) == 0).then(|| self.any()),
+        }
+    }
+
+    fn setting(&mut self) -> Setting {
+        match self.below(5) {
+            0 => Setting::CountsPerTurn { channel: self.any() as u8, counts: self.any() },
+            1 => Setting::Reversed { channel: self.any() as u8, reversed: self.below(2) == 0 },
+            2 => Setting::SampleRate { millihertz: self.any() },
+            3 => Setting::Baud { rate: self.any() },
+            _ => Setting::BuiltIn,
         }
     }
 
@@ -178,7 +205,7 @@ impl Source {
     }
 
     pub fn host(&mut self) -> Envelope<HostMessage> {
-        let command = match self.below(12) {
+        let command = match self.below(14) {
             0 => Command::Hello,
             1 => Command::KeepAlive,
             2 => Command::Arm,
@@ -190,6 +217,8 @@ impl Source {
             8 => Command::ZeroCounts,
             9 => Command::Stream(Streamed::Samples),
             10 => Command::Stream(Streamed::Rows),
+            11 => Command::Set(self.setting()),
+            12 => Command::Restart,
             _ => Command::Status,
         };
         Envelope { sequence: self.any() as u16, message: HostMessage::Command(command) }

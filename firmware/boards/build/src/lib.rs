@@ -1,4 +1,6 @@
-//! What the build scripts of all boards share: linker arguments and the build id.
+//! What the build scripts of all boards share: linker arguments and the build id. The program makes files of their images.
+
+pub mod image;
 
 use std::env;
 use std::fs;
@@ -54,11 +56,15 @@ fn collect(root: &Path, path: &Path, found: &mut Vec<PathBuf>) -> io::Result<()>
     }
     for entry in fs::read_dir(&whole)? {
         let name = entry?.file_name();
-        if name != "tests.rs" && name != "tests" && name != "testing.rs" {
+        if !is_test(&name.to_string_lossy()) {
             collect(root, &path.join(name), found)?;
         }
     }
     Ok(())
+}
+
+fn is_test(name: &str) -> bool {
+    name == "tests" || name == "testing.rs" || name.ends_with("tests.rs")
 }
 
 /// FNV-1a over names and contents, in the order of the names: the same sources have the same id on every machine.
@@ -93,6 +99,7 @@ mod tests {
         let first = of();
         fs::write(root.join("src/a.rs"), "a\r\n").unwrap();
         fs::write(root.join("src/tests/t.rs"), "t").unwrap();
+        fs::write(root.join("src/more_tests.rs"), "t").unwrap();
         assert_eq!(of(), first);
         fs::write(root.join("src/a.rs"), "b\n").unwrap();
         assert_ne!(of(), first);

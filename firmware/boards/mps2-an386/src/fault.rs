@@ -1,16 +1,35 @@
-//! What happens when nothing can go on: the plant is told that the shaker is silent, then the emulation ends.
+//! What happens when nothing can go on: the plant is told that the shaker is silent, then the emulation ends, or, where a
+//! test wants it, the machine is reset as a watchdog does it.
 
 use core::fmt::Write;
 use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
+use whirl_board_mps2_an386::lasting::leave_note;
 use whirl_board_mps2_an386::semihosting;
+use whirl_firmware::kept::note;
 
 use crate::plant;
+
+static ENTERED: AtomicBool = AtomicBool::new(false);
+/// Whether a panic ends in a reset.
+pub static RESETS: AtomicBool = AtomicBool::new(false);
 
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
     cortex_m::interrupt::disable();
     plant::last_words();
+    // What panics while it tells of a panic is told no more.
+    if ENTERED.swap(true, Relaxed) {
+        semihosting::exit(false);
+    }
+    match info.location() {
+        Some(place) => leave_note(&note(format_args!("{}:{}: {}", place.file(), place.line(), info.message()))),
+        None => leave_note(&note(info.message())),
+    }
+    if RESETS.load(Relaxed) {
+        cortex_m::peripheral::SCB::sys_reset();
+    }
     // The emulation ends in any case.
     let _ = writeln!(semihosting::Console, "{info}");
     semihosting::exit(false)

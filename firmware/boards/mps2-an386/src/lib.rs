@@ -3,6 +3,8 @@
 #![no_std]
 
 #[cfg(target_os = "none")]
+pub mod lasting;
+#[cfg(target_os = "none")]
 pub mod machine;
 #[cfg(target_os = "none")]
 pub mod semihosting;

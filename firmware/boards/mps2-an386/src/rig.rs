@@ -5,22 +5,23 @@ use core::fmt::Write;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use cortex_m::interrupt::Mutex;
-use cortex_m::peripheral::NVIC;
+use cortex_m::peripheral::{NVIC, SCB};
 use heapless::spsc::{Consumer, Producer, Queue};
 use static_cell::{ConstStaticCell, StaticCell};
 use whirl_board_mps2_an386::machine::{self, CLOCK_HZ, Timer0, Vector};
-use whirl_board_mps2_an386::{semihosting, stack};
+use whirl_board_mps2_an386::{lasting, semihosting, stack};
 use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::estimate::Estimator;
 use whirl_firmware::event::{Event, Request};
 use whirl_firmware::link::Link;
 use whirl_firmware::lock_step::{self, Order};
-use whirl_firmware::pacing::Pacer;
+use whirl_firmware::pacing::{Pacer, Passed};
 use whirl_firmware::sampler::Sampler;
 use whirl_firmware::settings::{HOST_TIMEOUT_MAX_MS, Settings};
 use whirl_shared::codec::MAX_FRAME;
-use whirl_shared::frame::SampleBlock;
+use whirl_shared::frame::{SampleBlock, SettingsSource};
 
+use crate::fault;
 use crate::plant::{self, Counter, Output, Plant};
 
 /// Bytes of the host that wait for the thread.
@@ -35,6 +36,8 @@ struct Interrupt {
     requests: Consumer<'static, Request>,
     host: Producer<'static, u8>,
     pacer: Pacer,
+    /// Least and greatest time from the tick by its own timer to the tick by the free clock.
+    apart: [u32; 2],
     tick: u32,
 }
 
@@ -61,8 +64,10 @@ unsafe extern "C" fn tick() {
 
 impl Interrupt {
     fn tick(&mut self) {
-        let latency = machine::since_tick(self.pacer.period());
-        let missed = self.pacer.interrupt(machine::clock(), latency);
+        let since = machine::since_tick(self.pacer.period());
+        let Some(Passed { missed, latency }) = self.pacer.interrupt(machine::clock()) else { return };
+        let apart = latency.wrapping_sub(since);
+        self.apart = [self.apart[0].min(apart), self.apart[1].max(apart)];
         self.tick = self.tick.wrapping_add(missed);
 
         let drive = self.sampler.drive();
@@ -77,6 +82,7 @@ impl Interrupt {
         let latency_us = latency / (CLOCK_HZ / 1_000_000);
         self.sampler.tick(missed, latency_us, &mut self.blocks, &mut self.events, &mut self.requests);
         self.tick = self.tick.wrapping_add(1);
+        lasting::keep(self.tick, &self.sampler.kept());
         let blocked = BLOCKED.load(Relaxed);
         BLOCKED.store(blocked.saturating_sub(missed + 1), Relaxed);
         for &byte in &self.plant.host {
@@ -95,6 +101,11 @@ impl Interrupt {
                 NVIC::mask(Timer0);
             }
             Order::Panic => panic!("ordered to"),
+            Order::Reset(false) => SCB::sys_reset(),
+            Order::Reset(true) => {
+                fault::RESETS.store(true, Relaxed);
+                panic!("ordered to, and to come back");
+            }
             Order::Stall(ticks) => {
                 let start = machine::clock();
                 let clocks = u32::from(ticks) * self.pacer.period();
@@ -107,7 +118,7 @@ impl Interrupt {
 
     /// The account of a run, for people and tests.
     fn tell(&self) {
-        let [early, late] = self.pacer.deviation();
+        let (early, late) = (0, self.apart[1].saturating_sub(self.apart[0]));
         // The console is the emulator's own; it does not fail.
         let _ = writeln!(
             semihosting::Console,
@@ -143,18 +154,35 @@ impl Thread {
         while let Some(byte) = self.host.dequeue().or_else(machine::receive) {
             self.link.receive(&[byte], &mut self.requests);
         }
+        if let Some(words) = self.link.settings_to_keep() {
+            let kept = lasting::Pages::store().save(&words).is_ok();
+            self.link.kept(kept);
+        }
+        if self.link.restart_due() {
+            SCB::sys_reset();
+        }
     }
 }
 
-/// The board's settings. The host may be as silent as it is allowed to be: it lives by another clock.
-fn settings() -> Settings {
-    Settings {
+/// The board's settings in force, and those of the image. The host may be as silent as it is allowed to be: it lives by another
+/// clock.
+fn settings() -> [Settings; 2] {
+    let (boot, boot_id) = lasting::before();
+    let built_in = Settings {
         board: "mps2-an386",
         build: env!("WHIRL_BUILD_ID"),
-        boot_id: 1,
+        boot_id,
         host_timeout_ms: HOST_TIMEOUT_MAX_MS,
+        boot,
         ..Settings::default()
+    };
+    let mut settings = built_in.clone();
+    if let Some(words) = lasting::Pages::store().load() {
+        settings = settings.with_words(&words).unwrap_or(settings);
+        settings.boot.settings =
+            if settings.to_words() == words { SettingsSource::Kept } else { SettingsSource::Refused };
     }
+    [settings, built_in]
 }
 
 fn start() -> Option<Thread> {
@@ -167,24 +195,29 @@ fn start() -> Option<Thread> {
     let (events_in, events) = QUEUE_EVENTS.init(Queue::new()).split();
     let (requests, requests_out) = QUEUE_REQUESTS.init(Queue::new()).split();
     let (host_in, host) = QUEUE_HOST.init(Queue::new()).split();
-    let settings = settings();
-    let sampler = Sampler::new(&settings, Counter(0), Counter(1), Output).ok()?;
+    let [settings, built_in] = settings();
+    let mut sampler = Sampler::new(&settings, Counter(0), Counter(1), Output).ok()?;
+    sampler.set_built_in(&built_in);
     let link = Link::with(&settings, ESTIMATOR.take()).ok()?;
     let period = (u64::from(CLOCK_HZ) * 1_000 / u64::from(settings.sample_rate_millihertz)) as u32;
+    machine::start_clock();
+    let plant = Plant::open()?;
+    machine::start_uart();
+    // The tick starts some instructions later, so that its interrupt never comes before the clock's tick.
+    let start = machine::clock();
+    machine::start_tick(period);
     let interrupt = Interrupt {
         sampler,
-        plant: Plant::open()?,
+        plant,
         blocks: blocks_in,
         events: events_in,
         requests: requests_out,
         host: host_in,
-        pacer: Pacer::new(period),
+        pacer: Pacer::new(period, start),
+        apart: [u32::MAX, 0],
         tick: 0,
     };
     cortex_m::interrupt::free(|section| INTERRUPT.borrow(section).replace(Some(interrupt)));
-    machine::start_uart();
-    machine::start_clock();
-    machine::start_tick(period);
     // SAFETY: the interrupt's handler and all that it uses are there, and no critical section of ours is open.
     unsafe { NVIC::unmask(Timer0) };
     Some(Thread { link, blocks, events, requests, host })

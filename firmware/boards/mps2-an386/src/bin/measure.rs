@@ -11,17 +11,21 @@ mod on_target {
     use core::hint::black_box;
     use core::panic::PanicInfo;
 
+    use embedded_hal::digital::{ErrorType, OutputPin};
     use heapless::spsc::Queue;
     use static_cell::ConstStaticCell;
+    use whirl_board_mps2_an386::lasting;
     use whirl_board_mps2_an386::machine::{self, Vector};
     use whirl_board_mps2_an386::semihosting::{Console, exit};
     use whirl_board_mps2_an386::stack;
     use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
+    use whirl_firmware::dac::{Converter, DacShaker};
     use whirl_firmware::estimate::{Estimator, FREQUENCIES, STEPS};
     use whirl_firmware::event::{Event, Request};
     use whirl_firmware::link::Link;
     use whirl_firmware::sampler::Sampler;
-    use whirl_firmware::{QuadratureCounter, Settings, ShakerOutput};
+    use whirl_firmware::sweep::BEYOND;
+    use whirl_firmware::{QuadratureCounter, Settings};
     use whirl_shared::codec::{MAX_FRAME, encode};
     use whirl_shared::frame::{Command, DeviceMessage, Envelope, HostMessage, SampleBlock};
     use whirl_shared::harmonics::{HarmonicBank, HarmonicSettings, Window};
@@ -87,13 +91,44 @@ mod on_target {
         }
     }
 
-    struct Nowhere(i32);
+    /// A converter that plays eighty points a tick, as that of the NUCLEO boards does.
+    struct Points([u16; POINTS + BEYOND]);
 
-    impl ShakerOutput for Nowhere {
+    /// 40 kHz at 500 Hz.
+    const POINTS: usize = 80;
+
+    impl Converter for Points {
+        const MAX: u16 = 4_095;
+
+        fn set(&mut self, code: u16) {
+            self.0[0] = black_box(code);
+        }
+
+        fn points(&self) -> usize {
+            POINTS
+        }
+
+        fn standing(&mut self) -> (usize, u16) {
+            (0, self.0[POINTS])
+        }
+
+        fn room(&mut self) -> &mut [u16] {
+            black_box(&mut self.0)
+        }
+    }
+
+    struct Pin;
+
+    impl ErrorType for Pin {
         type Error = Infallible;
+    }
 
-        fn write(&mut self, displacement_nanometre: i32) -> Result<(), Infallible> {
-            self.0 = black_box(displacement_nanometre);
+    impl OutputPin for Pin {
+        fn set_low(&mut self) -> Result<(), Infallible> {
+            Ok(())
+        }
+
+        fn set_high(&mut self) -> Result<(), Infallible> {
             Ok(())
         }
     }
@@ -101,14 +136,15 @@ mod on_target {
     fn tick() -> Option<()> {
         static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
         let settings = Settings { board: "measure", ..Settings::default() };
+        let shaker = DacShaker::new(Points([0; POINTS + BEYOND]), Pin, 25_000_000);
         // Ten turns a second of 4096 counts at 500 Hz.
-        let mut sampler = Sampler::new(&settings, Whirling(0, 82), Whirling(0, 65_454), Nowhere(0)).ok()?;
+        let mut sampler = Sampler::new(&settings, Whirling(0, 82), Whirling(0, 65_454), shaker).ok()?;
         let mut link = Link::with(&settings, ESTIMATOR.take()).ok()?;
         static QUEUE_BLOCKS: ConstStaticCell<Queue<SampleBlock, BLOCKS>> = ConstStaticCell::new(Queue::new());
         static QUEUE_EVENTS: ConstStaticCell<Queue<Event, EVENTS>> = ConstStaticCell::new(Queue::new());
         static QUEUE_REQUESTS: ConstStaticCell<Queue<Request, REQUESTS>> = ConstStaticCell::new(Queue::new());
         let (blocks, events, requests) = (QUEUE_BLOCKS.take(), QUEUE_EVENTS.take(), QUEUE_REQUESTS.take());
-        let (mut sampling, mut hearing) = (Meter::default(), Meter::default());
+        let (mut sampling, mut keeping, mut hearing) = (Meter::default(), Meter::default(), Meter::default());
         let (mut block, mut other, mut all) = (Meter::default(), Meter::default(), Meter::default());
         let (mut frame, mut command) = ([0; MAX_FRAME], [0; MAX_FRAME]);
         static NONE: ConstStaticCell<Queue<SampleBlock, 2>> = ConstStaticCell::new(Queue::new());
@@ -123,7 +159,12 @@ mod on_target {
             let envelope = Envelope { sequence: n, message: HostMessage::Command(say) };
             let length = encode(&envelope, &mut command).ok()?;
             hearing.take(|| link.receive(&command[..length], requests));
-            sampling.take(|| sampler.tick(0, 0, blocks, events, requests));
+            sampling.take(|| {
+                sampler.latch();
+                sampler.tick(0, 0, blocks, events, requests);
+                sampler.light()
+            });
+            keeping.take(|| lasting::keep(u32::from(n), &sampler.kept()));
             // The frames of a tick: answers and reports, a block's by itself, then all that the thread does with a block.
             other.take(|| while link.poll_transmit(&mut frame, none, events).is_some() {});
             if let Some(next) = blocks.dequeue() {
@@ -133,7 +174,8 @@ mod on_target {
                 all.take(|| link.poll_transmit(&mut frame, taken, events));
             }
         }
-        sampling.tell("interrupt: sampling, shaker, blocks, one command");
+        sampling.tell("interrupt: sampling, shaker with its points, blocks, one command");
+        keeping.tell("interrupt: what lasts over a reset");
         block.tell("stream: the frame of a block, every ten ticks");
         other.tell("stream: other frames of a tick, estimates too");
         hearing.tell("thread: one command");

@@ -1,0 +1,74 @@
+//! `cargo run -p whirl-board-build -- FOLDER` builds the images of all boards and leaves them there as `.elf`, `.bin` and
+//! `.uf2`, with their sizes, so that a board can be flashed without Rust and without a debug probe.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode};
+use std::{env, fs};
+
+use whirl_board_build::image::{Image, has_messages};
+
+const TARGET: &str = "thumbv7em-none-eabihf";
+/// Boards, with their chips' family in UF2 (microsoft/uf2, `utils/uf2families.json`).
+const BOARDS: [(&str, u32); 2] = [("nucleo-g474re", 0x4c71_240a), ("nucleo-f446re", 0x5775_5a57)];
+
+fn cargo(arguments: &[&str], root: &Path) -> Result<Vec<u8>, String> {
+    let program = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let output = Command::new(program)
+        .args(arguments)
+        .current_dir(root)
+        .stderr(std::process::Stdio::inherit())
+        .output()
+        .map_err(|e| format!("cargo: {e}"))?;
+    if output.status.success() { Ok(output.stdout) } else { Err(format!("cargo {} failed", arguments.join(" "))) }
+}
+
+/// Where cargo builds.
+fn target_folder(root: &Path) -> Result<PathBuf, String> {
+    let metadata = cargo(&["metadata", "--format-version", "1", "--no-deps", "--locked"], root)?;
+    let text = String::from_utf8_lossy(&metadata);
+    let folder = text.split_once("\"target_directory\":\"").and_then(|(_, rest)| rest.split_once('"'));
+    folder.map(|(folder, _)| PathBuf::from(folder)).ok_or_else(|| "cargo metadata names no target folder".to_owned())
+}
+
+fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    fs::write(path, bytes).map_err(|e| format!("{}: {e}", path.display()))?;
+    println!("{:>8} bytes  {}", bytes.len(), path.display());
+    Ok(())
+}
+
+fn images(folder: &Path) -> Result<(), String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..");
+    fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let built = target_folder(&root)?.join(TARGET).join("release");
+    for (board, family) in BOARDS {
+        let package = format!("whirl-board-{board}");
+        // One after another: the chips exclude each other within one build.
+        cargo(&["build", "--release", "--locked", "--target", TARGET, "--package", &package], &root)?;
+        let path = built.join(&package);
+        let elf = fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+        let image = Image::of_elf(&elf).map_err(|e| format!("{}: {e}", path.display()))?;
+        if !has_messages(&elf) {
+            return Err(format!("{package} has no messages of level info: is DEFMT_LOG set to something else?"));
+        }
+        let file = |extension: &str| folder.join(format!("whirl-{board}.{extension}"));
+        write(&file("elf"), &elf)?;
+        write(&file("bin"), &image.bytes)?;
+        write(&file("uf2"), &image.to_uf2(family))?;
+    }
+    Ok(())
+}
+
+fn main() -> ExitCode {
+    let mut arguments = env::args_os().skip(1);
+    let (Some(folder), None) = (arguments.next(), arguments.next()) else {
+        eprintln!("usage: cargo run -p whirl-board-build -- FOLDER");
+        return ExitCode::from(2);
+    };
+    match images(Path::new(&folder)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("images: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,167 @@
+//! The wire's documentation: a decoder in Python that was written from it (`tests/wire/decode.py`) reads what the firmware
+//! sends as the program's own does.
+
+use std::io::Write;
+use std::process::{Command as Process, Stdio};
+
+use serde_json::{Value, json};
+use whirl_firmware::lock_step::HOST_BYTES;
+use whirl_hil_sim::emulated::{Script, on_this_machine};
+use whirl_hil_sim::{RigSettings, VirtualRig};
+use whirl_shared::codec::Decoder;
+use whirl_shared::frame::regression::{EquationEstimate, Unknown};
+use whirl_shared::frame::{
+    Command, CommandResult, DeviceMessage, Hello, PROTOCOL_VERSION, SCHEMA, SCHEMA_HASH, Setting, Status, Streamed, Zero,
+};
+
+/// What the Python decoder reads, a value each frame; none where there is no Python.
+fn in_python(frames: &[u8]) -> Option<Vec<Value>> {
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/wire/decode.py");
+    let started = Process::new("python3").arg(script).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
+    let Ok(mut python) = started else {
+        eprintln!("did not run: no python3");
+        return None;
+    };
+    let mut input = python.stdin.take().unwrap();
+    let bytes = frames.to_vec();
+    let writer = std::thread::spawn(move || input.write_all(&bytes));
+    let output = python.wait_with_output().unwrap();
+    writer.join().unwrap().unwrap();
+    assert!(output.status.success());
+    let text = String::from_utf8(output.stdout).unwrap();
+    Some(text.lines().map(|line| serde_json::from_str(line).unwrap()).collect())
+}
+
+fn hello(h: &Hello) -> Value {
+    let zero = |zero: &Zero| json!([zero.id, zero.source as u32, zero.index]);
+    let limits = h.limits;
+    json!([
+        [u32::from(h.protocol), h.schema, h.boot_id, h.tick],
+        h.firmware,
+        h.board,
+        [h.sample_rate_millihertz, h.counts_per_turn[0], h.counts_per_turn[1]],
+        h.block_len,
+        [
+            limits.amplitude_micrometre,
+            limits.frequency_millihertz,
+            limits.ramp_micrometre_per_s,
+            limits.acceleration_millimetre_per_s2,
+            h.host_timeout_ms
+        ],
+        h.zeros.iter().map(zero).collect::<Vec<_>>(),
+        h.reset as u32,
+        h.panic,
+        h.reversed.map(u8::from),
+        [h.full_scale_micrometre, h.baud, h.settings as u32],
+    ])
+}
+
+fn status(s: &Status) -> Value {
+    let counters = [s.tick, s.overruns, s.dropped_samples, s.dropped_frames, s.bad_frames, s.rejected_commands];
+    let rest = [
+        s.samples_sent,
+        s.shaker as u32,
+        s.stop_cause as u32,
+        s.amplitude_nanometre,
+        s.frequency_millihertz,
+        s.latency_max_us,
+        s.rms_angle_mrad[0],
+        s.rms_angle_mrad[1],
+    ];
+    json!([[&counters[..], &rest[..]].concat(), s.turns_per_minute_milli])
+}
+
+fn equation<const N: usize>(equation: &EquationEstimate<[Unknown; N]>) -> Value {
+    let float = |bytes: [u8; 4]| f64::from(f32::from_le_bytes(bytes));
+    match equation {
+        EquationEstimate::Known { unknowns, condition, residual_rms } => {
+            let mut all = vec![json!(0)];
+            all.extend(unknowns.iter().flat_map(|u| [u.value, u.std_error]).map(|x| json!(float(x.0))));
+            all.extend([condition, residual_rms].map(|x| json!(float(x.0))));
+            json!(all)
+        }
+        EquationEstimate::TooFewWindows => json!([1]),
+        EquationEstimate::Undetermined(place) => json!([2, place]),
+        EquationEstimate::Repeating => json!([3]),
+    }
+}
+
+fn in_rust(frames: &[u8]) -> Vec<Value> {
+    let mut decoder = Decoder::<DeviceMessage>::new();
+    let envelopes = frames.iter().filter_map(|&byte| decoder.push(byte)).map(Result::unwrap);
+    let fields = |message: &DeviceMessage| match message {
+        DeviceMessage::Hello(h) => (0, hello(h)),
+        DeviceMessage::Samples(b) => {
+            (1, json!([[b.first_tick, b.phase, b.phase_increment, b.amplitude_nanometre], b.first, b.deltas]))
+        }
+        DeviceMessage::Status(s) => (2, status(s)),
+        DeviceMessage::Ack(ack) => {
+            let command = ack.command_sequence;
+            let told = match ack.result {
+                CommandResult::Done => json!([command, 0]),
+                CommandResult::OutOfRange { limit } => json!([command, 1, limit]),
+                CommandResult::WrongState => json!([command, 2]),
+                CommandResult::Unsupported => json!([command, 3]),
+            };
+            (3, told)
+        }
+        DeviceMessage::Log(log) => (4, json!([log.tick, log.level, log.text])),
+        DeviceMessage::Estimate(e) => {
+            let head =
+                [e.tick, e.window_ticks, e.windows, e.forget_per_mille.into(), e.phase_increment, e.amplitude_nanometre];
+            (5, json!([head, equation(&e.first), equation(&e.second)]))
+        }
+        DeviceMessage::Rows(r) => {
+            let float = |b: [u8; 3]| f64::from(f32::from_le_bytes([0, b[0], b[1], b[2]]));
+            let rows: Vec<Vec<f64>> = r.rows.iter().map(|row| row.iter().map(|x| float(x.0)).collect()).collect();
+            let head = [r.tick, r.window_ticks, r.window, r.phase_increment, r.amplitude_nanometre];
+            (6, json!([head, [r.frequency, r.last_frequency], rows]))
+        }
+    };
+    envelopes
+        .map(|envelope| {
+            let (id, fields) = fields(&envelope.message);
+            json!([envelope.sequence, id, fields])
+        })
+        .collect()
+}
+
+#[test]
+fn a_decoder_written_from_the_documentation_reads_every_message() {
+    let settings = Command::Set(Setting::AmplitudeLimit { micrometre: 30_000_000 });
+    let script = Script::new()
+        .command(10, settings)
+        .command(20, Command::Set(Setting::Reversed { channel: 1, reversed: true }))
+        .command(30, Command::ZeroCounts)
+        .drive(40, 9_000, 400, 15_525, 5_000)
+        .command(5_000, Command::Stream(Streamed::Rows))
+        .command(7_500, Command::Stream(Streamed::Samples))
+        .command(7_600, Command::ZeroCounts);
+    assert!(HOST_BYTES > 100);
+    let mut frames = on_this_machine(&RigSettings::default(), &script, 12_000).unwrap();
+    // After a silence of the host, and a restart by the watchdog: log lines.
+    let mut rig = VirtualRig::new(&RigSettings::default()).unwrap();
+    rig.restart().unwrap();
+    (0..100).for_each(|_| rig.step().unwrap());
+    frames.extend(rig.take_output());
+    let Some(read) = in_python(&frames) else { return };
+    let wanted = in_rust(&frames);
+    assert_eq!(read.len(), wanted.len());
+    for (n, (read, wanted)) in read.iter().zip(&wanted).enumerate() {
+        assert_eq!(read, wanted, "frame {n}");
+    }
+    let seen: std::collections::BTreeSet<u64> = read.iter().map(|frame| frame[1].as_u64().unwrap()).collect();
+    assert_eq!(seen.into_iter().collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 6]);
+}
+
+#[test]
+fn the_documentation_names_the_protocol_and_its_schema() {
+    let text = include_str!("../../docs/wire-protocol.md");
+    assert!(text.starts_with(&format!("# Wire protocol {PROTOCOL_VERSION}\n")));
+    assert!(text.contains(&format!("`{SCHEMA_HASH:08x}`")), "the schema's hash is {SCHEMA_HASH:08x}");
+    // Every command by its number.
+    for n in 0..=12 {
+        assert!(text.contains(&format!("\n| {n} |")), "command {n}");
+    }
+    assert!(SCHEMA.starts_with("whirl 3;"));
+}
