@@ -11,7 +11,8 @@ use whirl_hil_sim::{RigSettings, VirtualRig};
 use whirl_shared::codec::Decoder;
 use whirl_shared::frame::regression::{EquationEstimate, Unknown};
 use whirl_shared::frame::{
-    Command, CommandResult, DeviceMessage, Hello, PROTOCOL_VERSION, SCHEMA, SCHEMA_HASH, Setting, Status, Streamed, Zero,
+    Command, CommandResult, DeviceMessage, Hello, PROTOCOL_VERSION, SCHEMA, SCHEMA_HASH, Setting, Status, Streamed,
+    Zero,
 };
 
 /// What the Python decoder reads, a value each frame; none where there is no Python.
@@ -107,8 +108,14 @@ fn in_rust(frames: &[u8]) -> Vec<Value> {
         }
         DeviceMessage::Log(log) => (4, json!([log.tick, log.level, log.text])),
         DeviceMessage::Estimate(e) => {
-            let head =
-                [e.tick, e.window_ticks, e.windows, e.forget_per_mille.into(), e.phase_increment, e.amplitude_nanometre];
+            let head = [
+                e.tick,
+                e.window_ticks,
+                e.windows,
+                e.forget_per_mille.into(),
+                e.phase_increment,
+                e.amplitude_nanometre,
+            ];
             (5, json!([head, equation(&e.first), equation(&e.second)]))
         }
         DeviceMessage::Rows(r) => {

@@ -193,7 +193,7 @@ mod with_rig {
 
         fn resumed(&mut self) {
             // It cannot fail with settings that made the rig; if it did, the same boot would go on, whose repeats are not recorded.
-            let _ = lock(&self.rig).restart();
+            let _ = lock(&self.rig).rig.restart();
         }
 
         fn remedy(&self) -> String {

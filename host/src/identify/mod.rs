@@ -128,9 +128,6 @@ pub struct Details {
     pub repetition: f64,
     /// Blocks of the jackknife; 0 where there are too few windows.
     pub jackknife_blocks: usize,
-    /// Mean power of the residuals over that of the sensors' noise, where it was measured.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub residual_over_noise: Option<f64>,
     /// Misfit of the ties between the coefficients and its degrees of freedom, where physical parameters were fitted.
     pub ties_misfit: Option<(f64, usize)>,
     /// ε of each equation that the sensors' noise alone would give; empty where it could not be simulated.
@@ -168,7 +165,6 @@ impl Details {
             condition: solution.condition.clone(),
             repetition: solution.repetition,
             jackknife_blocks: solution.blocks,
-            residual_over_noise: bias.map(|b| 1.0 / (b.residual * b.residual)).filter(|r| r.is_finite()),
             ties_misfit: None,
             expected_error: bias.map_or_else(Vec::new, |b| b.error.clone()),
             residual_over_noise: bias.map(|b| b.noise.powi(-2)).filter(|r| r.is_finite()),

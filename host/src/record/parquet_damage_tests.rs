@@ -1,5 +1,7 @@
 //! Tests of damaged Parquet records: what is whole is read, what is not is named and counted, and nothing wrong comes out.
 
+use std::fs::File;
+
 use parquet::basic::Compression;
 use parquet::data_type::{DoubleType, Int64Type};
 use parquet::file::metadata::RowGroupMetaData;

@@ -68,11 +68,8 @@ pub(super) fn structure(source: &Arc<Source>, path: &Path, recover: bool) -> Res
     {
         return by_markers(source, path, "a damaged footer: it contradicts the head of the file");
     }
-    let mut groups: Vec<Group> = file
-        .row_groups()
-        .iter()
-        .map(|g| Group { metadata: g.clone(), checksum: None, behind_a_hole: false })
-        .collect();
+    let mut groups: Vec<Group> =
+        file.row_groups().iter().map(|g| Group { metadata: g.clone(), checksum: None, behind_a_hole: false }).collect();
     if written_by_whirl && recover {
         let markers = markers(source, path)?;
         if let Some(first) = markers.first() {

@@ -227,5 +227,6 @@ fn head(s: &Segment, n: usize) -> Segment {
         columns: s.columns.iter().map(column).collect(),
         phase: s.phase.as_ref().map(|p| p[..n].to_vec()),
         amplitude_nm: s.amplitude_nm.as_ref().map(|a| a[..n].to_vec()),
+        boot: s.boot,
     }
 }
