@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::Args;
 
 use super::Answer;
-use super::output::{Output, print_warnings};
+use super::output::{Output, Replace, print_warnings};
 use super::outputs::Outputs;
 use crate::capture::estimates;
 use crate::capture::journal::path_of;
@@ -66,6 +66,8 @@ pub struct Arguments {
     /// Exit with status 1 where samples are missing, or fewer came than were asked for.
     #[arg(long)]
     strict: bool,
+    #[command(flatten)]
+    replace: Replace,
     #[command(flatten)]
     out: Output,
 }
@@ -161,7 +163,7 @@ fn files(arguments: &Arguments, rig: &Rig) -> Outputs {
     } else {
         Outputs::record
     };
-    let files = of(Outputs::of(&arguments.out).reads_rig(rig).reads(frames), "-o", record);
+    let files = of(Outputs::of(&arguments.out, Some(arguments.replace)).reads_rig(rig).reads(frames), "-o", record);
     let files = of(files, "-o", &estimates::path_of(record));
     // From a file nothing is journalled.
     if frames.is_some() { files } else { files.again("-o", &journal) }

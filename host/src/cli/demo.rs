@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::Answer;
-use super::output::Output;
+use super::output::{Output, Replace};
 use super::outputs::Outputs;
 use crate::capture::CaptureSettings;
 use crate::error::{BadInput, Result};
@@ -45,9 +45,8 @@ pub struct Arguments {
     /// Machine-readable results.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Replace a record in the folder that is not a demo's.
-    #[arg(long)]
-    force: bool,
+    #[command(flatten)]
+    replace: Replace,
 }
 
 /// Whether a record is one of this demo's, which the seed makes again.
@@ -57,14 +56,14 @@ fn is_a_demo_s(record: &Path) -> bool {
 
 /// Runs the line.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let out = Output { json: arguments.json.clone(), report: None, force: arguments.force };
+    let out = Output { json: arguments.json.clone(), report: None };
     let folder = &arguments.output;
     std::fs::create_dir_all(folder)
         .map_err(|e| BadInput::io(folder, &e).at("-o").remedy("Name a folder that can be written to"))?;
     let rig = Rig::parse(RIG, Path::new("rigs/chaotic.toml"))?;
     let (record_path, report) = (folder.join("record.parquet"), folder.join("report.html"));
     let of = if is_a_demo_s(&record_path) { Outputs::again } else { Outputs::record };
-    of(Outputs::of(&out), "-o", &record_path).result("-o", Some(&report)).check()?;
+    of(Outputs::of(&out, Some(arguments.replace)), "-o", &record_path).result("-o", Some(&report)).check()?;
     out.say(&format!("capture: {SECONDS} s of the simulated rig, through the firmware's logic and the wire format\n"));
     let settings = CaptureSettings {
         seconds: Some(SECONDS),

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::output::{Output, print_warnings, write_file};
+use super::output::{Output, Replace, print_warnings, write_file};
 use super::{Answer, Records};
 use crate::error::{BadInput, Result};
 use crate::explain::{Settings, Verdict, explain, ledger, presentation};
@@ -35,12 +35,14 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     ledger: Option<PathBuf>,
     #[command(flatten)]
+    replace: Replace,
+    #[command(flatten)]
     out: Output,
 }
 
 /// Reads, explains, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, files) = arguments.records.begin(&arguments.out)?;
+    let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
     files
         .reads(&arguments.model)
         .result("-o", arguments.output.as_ref())

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::output::{Output, print_warnings};
+use super::output::{Output, Replace, print_warnings};
 use super::{Answer, Records};
 use crate::error::{BadInput, Result, tell};
 use crate::identify::{
@@ -60,6 +60,8 @@ pub struct Arguments {
     output: Option<PathBuf>,
     #[command(flatten)]
     balance: super::identify_balance::BalanceArguments,
+    #[command(flatten)]
+    replace: Replace,
     #[command(flatten)]
     out: Output,
 }
@@ -162,7 +164,7 @@ fn of_rows(arguments: &Arguments, rig: &Rig, records: &[RowsRecord]) -> Result<A
 
 /// Reads, identifies, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, files) = arguments.records.begin(&arguments.out)?;
+    let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
     files.result("-o", arguments.output.as_ref()).check()?;
     if let Some(records) = from_rows::read(
         &arguments.records.records,

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::Args;
 
-use super::output::{Output, print_warnings};
+use super::output::{Output, Replace, print_warnings};
 use super::{Answer, Records};
 use crate::error::Result;
 use crate::inspect::{InspectSettings, Inspection, inspect};
@@ -18,6 +18,8 @@ use crate::rig::Rig;
 pub struct Arguments {
     #[command(flatten)]
     records: Records,
+    #[command(flatten)]
+    replace: Replace,
     #[command(flatten)]
     out: Output,
 }
@@ -35,7 +37,7 @@ pub fn report_of(record: &Path, rig: &Rig, report: &Path) -> Result<()> {
 
 /// Reads, inspects, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, files) = arguments.records.begin(&arguments.out)?;
+    let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
     files.check()?;
     let records = arguments.records.read_for(&rig)?;
     let inspections: Vec<Inspection> =

@@ -31,7 +31,7 @@ use crate::record::Record;
 use crate::record::formats::ReadOptions;
 use crate::rig::Rig;
 use crate::warning::Warning;
-use output::Output;
+use output::{Output, Replace};
 use outputs::Outputs;
 
 /// From encoder counts to a trusted equation of motion, and to the physical effect that the model is missing.
@@ -125,9 +125,9 @@ struct Records {
 
 impl Records {
     /// The rig, and what the command reads and writes as far as the options of all commands say.
-    fn begin(&self, out: &Output) -> Result<(Rig, Outputs)> {
+    fn begin(&self, out: &Output, replace: Option<Replace>) -> Result<(Rig, Outputs)> {
         let rig = Rig::read(&self.rig)?;
-        let files = Outputs::of(out).reads(&self.records).reads_rig(&rig);
+        let files = Outputs::of(out, replace).reads(&self.records).reads_rig(&rig);
         Ok((rig, files))
     }
 
@@ -203,5 +203,15 @@ fn run(cli: Cli) -> Result<Answer> {
         Command::Reproduce(a) => reproduce::run(&a),
         Command::List(a) => list::run(&a),
         Command::Completions(a) => completions::run(&a),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    #[test]
+    fn no_command_has_two_options_of_one_name() {
+        super::Cli::command().debug_assert();
     }
 }

@@ -20,6 +20,11 @@ pub struct Output {
     /// Self-contained report.
     #[arg(long, value_name = "FILE.html")]
     pub report: Option<PathBuf>,
+}
+
+/// The option of every command but `reduce`, whose `--force` is that on the structure: there nothing recorded is replaced.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub struct Replace {
     /// Replace a record or rig file that an output names (never one that this command reads).
     #[arg(long)]
     pub force: bool,

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::output::Output;
+use super::output::{Output, Replace};
 use crate::error::{BadInput, Result};
 use crate::files;
 use crate::record::formats;
@@ -32,15 +32,16 @@ struct Planned {
 /// The files of a command.
 #[derive(Default)]
 pub struct Outputs {
-    force: bool,
+    /// Whether recorded files may be replaced; none where the command has no option for it.
+    force: Option<bool>,
     inputs: Vec<PathBuf>,
     planned: Vec<Planned>,
 }
 
 impl Outputs {
-    /// `--json`, `--report` and `--force` of a command.
-    pub fn of(out: &Output) -> Self {
-        let mut files = Self { force: out.force, ..Self::default() };
+    /// `--json`, `--report` and, where a command has it, `--force`.
+    pub fn of(out: &Output, replace: Option<Replace>) -> Self {
+        let mut files = Self { force: replace.map(|r| r.force), ..Self::default() };
         if out.json.as_ref().is_some_and(|p| p.as_os_str() != "-") {
             files = files.result("--json", out.json.as_ref());
         }
@@ -94,12 +95,12 @@ impl Outputs {
             let bad = |found: &str, expected: &str, remedy: &str| {
                 Err(BadInput::new(found, expected).in_file(path).at(*option).remedy(remedy))
             };
+            if path.is_dir() {
+                return bad("a folder", "a file", "Name a file inside of it");
+            }
             if path.as_os_str() == "-" || path.file_name().is_none() {
                 let found = if path.as_os_str() == "-" { "-" } else { "no file name" };
                 return bad(found, "a file", "Name a file; `-` is standard output for --json alone");
-            }
-            if path.is_dir() {
-                return bad("a folder", "a file", "Name a file inside of it");
             }
             if self.inputs.iter().any(|input| files::same(input, path)) {
                 return bad("a file that this command reads", "another file", "Name another output");
@@ -110,9 +111,13 @@ impl Outputs {
             if let Some(other) = self.planned[..i].iter().find(|o| files::same(&o.path, path)) {
                 return bad(&format!("the file of {}", other.option), "a file of its own", "Name another output");
             }
-            if let Some(what) = replaced(*kind, path).filter(|_| !self.force) {
+            if let Some(what) = replaced(*kind, path).filter(|_| self.force != Some(true)) {
                 let found = format!("{what} that is there already");
-                return bad(&found, "a new file", "Name another output, or replace it with --force");
+                let remedy = match self.force {
+                    Some(_) => "Name another output, or replace it with --force",
+                    None => "Name another output",
+                };
+                return bad(&found, "a new file", remedy);
             }
             writable(path, *option)?;
         }
@@ -170,11 +175,15 @@ mod tests {
             std::fs::write(at(name), text).unwrap();
         }
         let refused = |kind: Kind, name: &str| {
-            Outputs::default().add("-o", kind, Some(at(name))).check().err().map(|e| e.to_string())
+            Outputs { force: Some(false), ..Outputs::default() }
+                .add("-o", kind, Some(at(name)))
+                .check()
+                .err()
+                .map(|e| e.to_string())
         };
         for name in ["r.csv", "curve.csv", "hidden.json", "rig.toml", "result.json"] {
             assert!(refused(Kind::Record, name).is_some_and(|e| e.contains("--force")), "{name}");
-            assert!(Outputs { force: true, ..Outputs::default() }.record("-o", &at(name)).check().is_ok());
+            assert!(Outputs { force: Some(true), ..Outputs::default() }.record("-o", &at(name)).check().is_ok());
         }
         for name in ["r.csv", "curve.csv", "hidden.json", "rig.toml"] {
             assert!(refused(Kind::Result, name).is_some_and(|e| e.contains("--force")), "{name}");
@@ -193,7 +202,7 @@ mod tests {
         let at = |name: &str| folder.path().join(name);
         std::fs::write(at("in.parquet"), "x").unwrap();
         let told = |files: Outputs| files.check().unwrap_err().to_string();
-        let of = |name: &str| Outputs { force: true, ..Outputs::default() }.result("--json", Some(at(name)));
+        let of = |name: &str| Outputs { force: Some(true), ..Outputs::default() }.result("--json", Some(at(name)));
         assert!(told(of("in.parquet").reads([at("./in.parquet")])).contains("that this command reads"));
         assert!(
             told(of("a.json").result("--report", Some(at("./a.json")))).contains("--report: found the file of --json")

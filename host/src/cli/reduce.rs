@@ -188,7 +188,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         }),
     };
     let records = &arguments.records;
-    let (rig, files) = records.begin(&arguments.out)?;
+    let (rig, files) = records.begin(&arguments.out, None)?;
     files.table("--curves", arguments.curves.as_ref()).check()?;
     let (result, lost) = if arguments.stream || long::is_long(&records.records, &rig)? {
         let numbers = records.records.iter().map(|p| Ok(stream::size(p, &rig)?.unwrap_or(0))).sum::<Result<u64>>()?;

@@ -3,7 +3,7 @@
 use clap::Args;
 
 use super::Answer;
-use super::output::Output;
+use super::output::{Output, Replace};
 use super::outputs::Outputs;
 use crate::error::Result;
 use crate::report::{Report, Section};
@@ -19,6 +19,8 @@ pub struct Arguments {
     #[arg(long)]
     list: bool,
     #[command(flatten)]
+    replace: Replace,
+    #[command(flatten)]
     out: Output,
 }
 
@@ -30,7 +32,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         }
         return Ok(Answer::Positive);
     }
-    Outputs::of(&arguments.out).check()?;
+    Outputs::of(&arguments.out, Some(arguments.replace)).check()?;
     let chosen = if arguments.ids.is_empty() {
         items().collect()
     } else {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::Answer;
-use super::output::Output;
+use super::output::{Output, Replace};
 #[cfg(feature = "sim")]
 use super::outputs::Outputs;
 use crate::error::Result;
@@ -30,6 +30,8 @@ pub struct Arguments {
     #[arg(short, long, value_name = "REC")]
     output: PathBuf,
     #[command(flatten)]
+    replace: Replace,
+    #[command(flatten)]
     out: Output,
 }
 
@@ -37,7 +39,7 @@ pub struct Arguments {
 #[cfg(feature = "sim")]
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let rig = Rig::read(&arguments.rig)?;
-    Outputs::of(&arguments.out).reads_rig(&rig).record("-o", &arguments.output).check()?;
+    Outputs::of(&arguments.out, Some(arguments.replace)).reads_rig(&rig).record("-o", &arguments.output).check()?;
     if let Some(bound) = &rig.bound {
         return model_file(arguments, &rig, bound);
     }
@@ -89,6 +91,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         arguments.seed,
         &arguments.output,
         &arguments.out,
+        &arguments.replace,
     );
     Err(crate::error::BadInput::new("a build without the feature `sim`", "one with it")
         .remedy("Build with `cargo build --release` (feature sim is on by default)"))

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::output::{Output, print_warnings};
+use super::output::{Output, Replace, print_warnings};
 use super::{Answer, Records};
 use crate::error::{Result, tell};
 use crate::model::identified::IdentifiedModel;
@@ -37,8 +37,13 @@ pub struct Arguments {
     #[arg(long, value_name = "NAME=LOW:HIGH", value_parser = range)]
     bifurcation: Option<(String, f64, f64)>,
     #[command(flatten)]
+    replace: Replace,
+    #[command(flatten)]
     out: Output,
 }
+
+/// Greatest factor of a bifurcation diagram: a motion a hundred times as fast is still integrated in its time.
+const MOST_TIMES: f64 = 100.0;
 
 /// NAME=LOW:HIGH.
 fn range(text: &str) -> std::result::Result<(String, f64, f64), String> {
@@ -47,12 +52,17 @@ fn range(text: &str) -> std::result::Result<(String, f64, f64), String> {
         let (low, high) = ends.split_once(':')?;
         Some((name.to_owned(), low.parse().ok()?, high.parse().ok()?))
     };
-    parse().ok_or_else(|| format!("\"{text}\" is not NAME=LOW:HIGH, such as drive=0.5:1.5"))
+    let (name, low, high): (String, f64, f64) =
+        parse().ok_or_else(|| format!("\"{text}\" is not NAME=LOW:HIGH, such as drive=0.5:1.5"))?;
+    match [low, high].iter().find(|f| !(f.abs() <= MOST_TIMES)) {
+        None => Ok((name, low, high)),
+        Some(f) => Err(format!("{f:e} is not a factor from -{MOST_TIMES} to {MOST_TIMES}")),
+    }
 }
 
 /// Reads, validates, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, files) = arguments.records.begin(&arguments.out)?;
+    let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
     files.reads([&arguments.model]).reads(&arguments.free).check()?;
     let records = arguments.records.read_for(&rig)?;
     let model = IdentifiedModel::read(&arguments.model)?;
