@@ -142,8 +142,11 @@ mod tests {
         let all: std::collections::BTreeSet<Vec<u8>> = (0..500).map(make).collect();
         assert!(all.len() > 450 && make(7) == make(7), "{}", all.len());
         assert!(all.iter().all(|b| b.len() <= bytes.len() + 3 * LONG));
-        assert!(EXTREME.iter().filter(|x| x.len() > 4).all(|x| all.iter().any(|b| {
-            String::from_utf8_lossy(b).contains(x)
-        })));
+        assert!(
+            EXTREME
+                .iter()
+                .filter(|x| x.len() > 4)
+                .all(|x| all.iter().any(|b| { String::from_utf8_lossy(b).contains(x) }))
+        );
     }
 }

@@ -59,18 +59,22 @@ pub(super) fn structure(source: &Arc<Source>, path: &Path, recover: bool) -> Res
     };
     let written_by_whirl = file.file_metadata().created_by().is_some_and(|c| c.starts_with("whirl version"));
     let (metadata, losses) = own_metadata(&file);
+    let mut schema = file.file_metadata().schema_descr_ptr();
     if written_by_whirl
         && let Some(head) = marker_at(&mut source.place(), FIRST_MARKER)
-        && own_metadata(&head.metadata).0 != metadata
+        && (own_metadata(&head.metadata).0 != metadata || head.metadata.file_metadata().schema_descr() != &*schema)
     {
         return by_markers(source, path, "a damaged footer: it contradicts the head of the file");
     }
     let mut groups: Vec<Group> =
         file.row_groups().iter().map(|g| Group { metadata: g.clone(), checksum: None, behind_a_hole: false }).collect();
     if written_by_whirl && recover {
-        groups = merged(groups, markers(source, path)?);
+        let markers = markers(source, path)?;
+        if let Some(first) = markers.first() {
+            schema = first.metadata.file_metadata().schema_descr_ptr();
+        }
+        groups = merged(groups, markers);
     }
-    let schema = file.file_metadata().schema_descr_ptr();
     Ok(Structure { schema, groups, written_by_whirl, metadata, losses, truncated: None })
 }
 
