@@ -81,6 +81,8 @@ pub(super) fn salvage(
 
 /// The pages of a column chunk one after another, those that are damaged as rows without a value.
 struct Walk {
+    /// Goes from page header to page header; the pages themselves come from a reader of their own, which looks at their headers again.
+    headers: SerializedPageReader<Source>,
     pages: SerializedPageReader<Source>,
     descriptor: Arc<ColumnDescriptor>,
     dictionary: Option<Page>,
@@ -114,8 +116,9 @@ impl Walk {
             return Err(Failure::File(format!("its pages have {stated} rows, not {behind}")));
         }
         let descriptor = chunk.column_descr_ptr();
+        let headers = SerializedPageReader::new(source.clone(), chunk, behind, None)?;
         let pages = SerializedPageReader::new(source.clone(), chunk, behind, None)?;
-        Ok(Self { pages, descriptor, dictionary: None, page: None, left: 0, lost: None, behind })
+        Ok(Self { headers, pages, descriptor, dictionary: None, page: None, left: 0, lost: None, behind })
     }
 
     /// Goes on to the next page.
@@ -123,7 +126,11 @@ impl Walk {
         (self.page, self.lost) = (None, None);
         let name = self.descriptor.name().to_owned();
         loop {
-            let next = caught(|| Ok(self.pages.peek_next_page()?));
+            let next = caught(|| {
+                let next = self.headers.peek_next_page()?;
+                self.headers.skip_next_page()?;
+                Ok(next)
+            });
             let Ok(Some(next)) = next else {
                 (self.left, self.behind) = (usize::MAX, 0);
                 self.lost = Some(match next {
