@@ -69,15 +69,25 @@ pub fn runs(trace: &Trace<'_>) -> Vec<Run> {
 /// Runs of equal samples that are long enough, but for a whole stretch.
 fn equal_runs<T: PartialEq>(x: &[T], stretch: usize, found: &mut Vec<(usize, usize, usize)>) {
     let mut from = 0;
-    for i in 1..=x.len() {
-        if i < x.len() && x[i] == x[i - 1] {
+    while from + FEWEST <= x.len() {
+        // Compared from behind: where the last two of a run differ, those before them need not be looked at.
+        let mut k = from + FEWEST - 1;
+        while k > from && x[k] == x[k - 1] {
+            k -= 1;
+        }
+        if k > from {
+            from = k;
             continue;
         }
-        let open = from == 0 || i == x.len();
-        if i - from >= if open { FEWEST_AT_END } else { FEWEST } && i - from < x.len() {
-            found.push((stretch, from, i));
+        let mut to = from + FEWEST;
+        while to < x.len() && x[to] == x[to - 1] {
+            to += 1;
         }
-        from = i;
+        let open = from == 0 || to == x.len();
+        if (!open || to - from >= FEWEST_AT_END) && to - from < x.len() {
+            found.push((stretch, from, to));
+        }
+        from = to;
     }
 }
 

@@ -13,7 +13,7 @@ const CLEAR: f64 = 15.0;
 const WIDTH: f64 = 0.2;
 /// Of a long record blocks of so many rows are looked at, about so many rows in all.
 const BLOCK: usize = 256;
-const ENOUGH: usize = 60_000;
+const ENOUGH: usize = 30_000;
 /// Fewest rows for a verdict: 2⁻²⁰ by chance.
 const FEWEST: usize = 20;
 
