@@ -151,6 +151,7 @@ impl<E: BorrowMut<Estimator>> Link<E> {
     }
 
     /// The next message beside the stream.
+    #[inline]
     fn other(&mut self, events: &mut impl Source<Event>) -> Option<DeviceMessage> {
         if let Some(estimate) = self.identification.take_estimate() {
             return Some(DeviceMessage::Estimate(estimate));
@@ -206,6 +207,8 @@ impl<E: BorrowMut<Estimator>> Link<E> {
         }
     }
 
+    // Messages are as long as the longest of them: not to be moved from call to call.
+    #[inline]
     fn message(&self, event: Event) -> Option<DeviceMessage> {
         Some(match event {
             Event::Hello(present) => DeviceMessage::Hello(self.hello(present)),

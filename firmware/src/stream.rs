@@ -22,6 +22,7 @@ impl Stream {
     }
 
     /// Encodes a message. Its number is used up, and its samples count as sent, only if that works.
+    #[inline]
     pub fn encode(&mut self, message: DeviceMessage, out: &mut [u8]) -> Option<usize> {
         let samples = if let DeviceMessage::Samples(block) = &message { sample_count(block) } else { 0 };
         let length = encode(&Envelope { sequence: self.sequence, message }, out).ok()?;

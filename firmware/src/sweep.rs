@@ -110,8 +110,11 @@ impl Scale {
         // Rounding moves a code by half of one at each end.
         let most = CATCH_UP * sweep.step(n) * gain + 1.0;
         let mut at = f32::from(standing) + 0.5;
-        let mut points = codes.iter_mut().zip(0_u16..).skip(now + 1).map(|(place, k)| (place, f32::from(k)));
-        for (place, k) in points.by_ref() {
+        // Points are far fewer than 2²⁴: counting them in floats is exact.
+        let mut k = now as f32;
+        let mut places = codes.iter_mut().skip(now + 1);
+        for place in places.by_ref() {
+            k += 1.0;
             let away = curve(k) - at;
             at += away.clamp(-most, most);
             *place = (at as u16).min(self.max);
@@ -120,7 +123,8 @@ impl Scale {
                 break;
             }
         }
-        for (place, k) in points {
+        for place in places {
+            k += 1.0;
             *place = (curve(k) as u16).min(self.max);
         }
         // At the next tick to the last bit, where the curve is there.

@@ -69,7 +69,8 @@ fn status(s: &Status) -> Value {
         s.rms_angle_mrad[0],
         s.rms_angle_mrad[1],
     ];
-    json!([[&counters[..], &rest[..]].concat(), s.turns_per_minute_milli])
+    let counters = [&counters[..], &rest[..]].concat();
+    json!([counters, s.turns_per_minute_milli])
 }
 
 fn equation<const N: usize>(equation: &EquationEstimate<[Unknown; N]>) -> Value {
@@ -122,7 +123,8 @@ fn in_rust(frames: &[u8]) -> Vec<Value> {
             let float = |b: [u8; 3]| f64::from(f32::from_le_bytes([0, b[0], b[1], b[2]]));
             let rows: Vec<Vec<f64>> = r.rows.iter().map(|row| row.iter().map(|x| float(x.0)).collect()).collect();
             let head = [r.tick, r.window_ticks, r.window, r.phase_increment, r.amplitude_nanometre];
-            (6, json!([head, [r.frequency, r.last_frequency], rows]))
+            let m = [r.frequency, r.last_frequency];
+            (6, json!([head, m, rows]))
         }
     };
     envelopes

@@ -18,7 +18,11 @@ pub static RESETS: AtomicBool = AtomicBool::new(false);
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
     cortex_m::interrupt::disable();
-    plant::last_words();
+    let resets = RESETS.load(Relaxed);
+    // Where the board comes back, its first request says the same.
+    if !resets {
+        plant::last_words();
+    }
     // What panics while it tells of a panic is told no more.
     if ENTERED.swap(true, Relaxed) {
         semihosting::exit(false);
@@ -27,7 +31,7 @@ fn panic(info: &PanicInfo<'_>) -> ! {
         Some(place) => leave_note(&note(format_args!("{}:{}: {}", place.file(), place.line(), info.message()))),
         None => leave_note(&note(info.message())),
     }
-    if RESETS.load(Relaxed) {
+    if resets {
         cortex_m::peripheral::SCB::sys_reset();
     }
     // The emulation ends in any case.
