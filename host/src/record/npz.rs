@@ -165,7 +165,8 @@ fn array(file: &mut BufReader<File>, entry: Entry, path: &Path, name: &str) -> I
         Err(e) => return Ok(Err(e)),
     };
     let Some(decode) = Decode::of(&kind) else {
-        return Ok(Err(BadInput::new(format!("values of type {kind}"), "numbers: float32, float64 or integers")
+        let found = format!("values of type {}", super::formats::shown(kind.as_bytes()));
+        return Ok(Err(BadInput::new(found, "numbers: float32, float64 or integers")
             .in_file(path)
             .at(place)
             .remedy("Convert the array with .astype(float) before it is saved")));
