@@ -135,6 +135,17 @@ fn in_rust(frames: &[u8]) -> Vec<Value> {
         .collect()
 }
 
+/// Floats went through decimal digits: they are to be the same as single ones.
+fn same(a: &Value, b: &Value) -> bool {
+    match (a, b) {
+        (Value::Array(a), Value::Array(b)) => a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(a, b)),
+        (Value::Number(x), Value::Number(y)) if x.is_f64() || y.is_f64() => {
+            x.as_f64().map(|x| x as f32) == y.as_f64().map(|y| y as f32)
+        }
+        _ => a == b,
+    }
+}
+
 #[test]
 fn a_decoder_written_from_the_documentation_reads_every_message() {
     let settings = Command::Set(Setting::AmplitudeLimit { micrometre: 30_000_000 });
@@ -157,7 +168,7 @@ fn a_decoder_written_from_the_documentation_reads_every_message() {
     let wanted = in_rust(&frames);
     assert_eq!(read.len(), wanted.len());
     for (n, (read, wanted)) in read.iter().zip(&wanted).enumerate() {
-        assert_eq!(read, wanted, "frame {n}");
+        assert!(same(read, wanted), "frame {n}: {read} for {wanted}");
     }
     let seen: std::collections::BTreeSet<u64> = read.iter().map(|frame| frame[1].as_u64().unwrap()).collect();
     assert_eq!(seen.into_iter().collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 6]);

@@ -12,14 +12,15 @@ struct Host {
     sequence: u16,
     samples: Vec<block::Sample>,
     boots: Vec<u32>,
+    hellos: Vec<frame::Hello>,
     results: Vec<CommandResult>,
 }
 
 impl Host {
     fn new(settings: &RigSettings) -> Self {
         let rig = VirtualRig::new(settings).unwrap();
-        let (samples, boots, results) = (Vec::new(), Vec::new(), Vec::new());
-        Self { rig, decoder: Decoder::new(), sequence: 0, samples, boots, results }
+        let (samples, boots, hellos, results) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { rig, decoder: Decoder::new(), sequence: 0, samples, boots, hellos, results }
     }
 
     fn command(&mut self, command: frame::Command) {
@@ -39,7 +40,10 @@ impl Host {
             for byte in self.rig.take_output() {
                 match self.decoder.push(byte).map(|result| result.unwrap().message) {
                     Some(DeviceMessage::Samples(block)) => self.samples.extend(samples(&block)),
-                    Some(DeviceMessage::Hello(hello)) => self.boots.push(hello.boot_id),
+                    Some(DeviceMessage::Hello(hello)) => {
+                        self.boots.push(hello.boot_id);
+                        self.hellos.push(hello);
+                    }
                     Some(DeviceMessage::Ack(ack)) => self.results.push(ack.result),
                     _ => {}
                 }
@@ -153,6 +157,47 @@ fn a_restart_has_a_new_boot_id_tick_zero_and_the_same_angles() {
         let moved = (after.counts[i] - before.counts[i] + 2048).rem_euclid(4096) - 2048;
         assert!(moved.abs() < 400, "{before:?} {after:?}");
     }
+}
+
+#[test]
+fn a_restart_keeps_the_zeros_of_arms_that_rest_and_a_power_cycle_none() {
+    let at_rest = RigSettings { initial: [0.0; 4], ..RigSettings::default() };
+    let mut host = Host::new(&at_rest);
+    host.run(1_000);
+    host.rig.restart().unwrap();
+    host.run(100);
+    host.rig.power_cycle().unwrap();
+    host.run(100);
+    let [first, reset, cycled] = &host.hellos[..] else { panic!("{:?}", host.hellos) };
+    assert_eq!((reset.reset, cycled.reset), (ResetCause::Watchdog, ResetCause::Power));
+    assert_eq!(first.zeros, reset.zeros);
+    assert!(cycled.zeros.iter().all(|zero| zero.id == 3), "{cycled:?}");
+
+    let mut host = Host::new(&RigSettings::default());
+    host.run(700);
+    host.rig.restart().unwrap();
+    host.run(100);
+    assert!(host.hellos[1].zeros.iter().all(|zero| zero.id == 2), "{:?}", host.hellos[1]);
+    // Where the power goes under turning arms, zero is where they are when it comes back.
+    host.rig.power_cycle().unwrap();
+    host.run(20);
+    let first = host.samples.iter().rev().find(|sample| sample.tick == 0).unwrap();
+    assert_eq!(first.counts, [0, 0]);
+}
+
+#[test]
+fn settings_are_in_force_after_a_restart_by_command() {
+    let mut host = Host::new(&RigSettings::default());
+    host.run(10);
+    host.command(frame::Command::Set(frame::Setting::FrequencyLimit { millihertz: 7_000 }));
+    host.run(10);
+    host.command(frame::Command::Restart);
+    host.run(600);
+    let told: Vec<_> = host.hellos.iter().map(|h| (h.boot_id, h.limits.frequency_millihertz, h.settings)).collect();
+    assert_eq!(
+        told,
+        [(1, 20_000, SettingsSource::BuiltIn), (1, 20_000, SettingsSource::Changed), (2, 7_000, SettingsSource::Kept)]
+    );
 }
 
 #[test]
