@@ -61,7 +61,10 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         most_effects: arguments.most_effects,
         model,
     };
-    let result = explain(&records, &rig, &settings)?;
+    let result = match explain(&records, &rig, &settings) {
+        Ok(result) => result,
+        Err(error) => return arguments.records.failed(&records, error, &arguments.out),
+    };
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;
     arguments.out.say(&presentation::human(&result));

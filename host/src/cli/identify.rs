@@ -12,7 +12,7 @@ use crate::identify::{
     ERROR_BOUND, Identification, Settings, from_rows, harmonic_balance, identify, model_file, presentation, shooting,
 };
 use crate::inspect::{InspectSettings, inspect};
-use crate::record::ReadOptions;
+use crate::record::{ReadOptions, Record};
 use crate::record::regression_rows::RowsRecord;
 use crate::report::format::{plus_minus, significant};
 use crate::report::{Report, Results};
@@ -162,6 +162,23 @@ fn of_rows(arguments: &Arguments, rig: &Rig, records: &[RowsRecord]) -> Result<A
     Ok(Answer::that_stands(&result.warnings))
 }
 
+/// Identifies by the method asked for.
+fn by_method(arguments: &Arguments, records: &[Record], rig: &Rig, settings: &Settings) -> Result<Identification> {
+    match arguments.method {
+        Method::Weak => identify(records, rig, settings),
+        Method::Shooting => {
+            let choices = shooting::Settings { segment_s: arguments.segment_s, bounds: arguments.bound.clone() };
+            shooting::identify(records, rig, settings, &choices, &super::progress::bar("multiple shooting", 1))
+        }
+        Method::Frequency | Method::Upo => {
+            let longest = records.iter().map(|r| r.longest_segment_s()).fold(0.0, f64::max);
+            let periods = longest * rig.drive.map_or(0.0, |d| d.frequency_hz);
+            let settings = arguments.balance.settings(rig, arguments.method == Method::Upo, periods)?;
+            harmonic_balance::identify(records, rig, &settings)
+        }
+    }
+}
+
 /// Reads, identifies, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
@@ -178,18 +195,9 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         max_frequency_hz: arguments.max_frequency_hz,
         pass_hz: arguments.pass_hz,
     };
-    let result = match arguments.method {
-        Method::Weak => identify(&records, &rig, &settings)?,
-        Method::Shooting => {
-            let choices = shooting::Settings { segment_s: arguments.segment_s, bounds: arguments.bound.clone() };
-            shooting::identify(&records, &rig, &settings, &choices, &super::progress::bar("multiple shooting", 1))?
-        }
-        Method::Frequency | Method::Upo => {
-            let longest = records.iter().map(|r| r.longest_segment_s()).fold(0.0, f64::max);
-            let periods = longest * rig.drive.map_or(0.0, |d| d.frequency_hz);
-            let settings = arguments.balance.settings(&rig, arguments.method == Method::Upo, periods)?;
-            harmonic_balance::identify(&records, &rig, &settings)?
-        }
+    let result = match by_method(arguments, &records, &rig, &settings) {
+        Ok(result) => result,
+        Err(error) => return arguments.records.failed(&records, error, &arguments.out),
     };
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;

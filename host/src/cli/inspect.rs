@@ -40,8 +40,11 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
     files.check()?;
     let records = arguments.records.read_for(&rig)?;
-    let inspections: Vec<Inspection> =
-        records.iter().map(|r| inspect(r, &rig, &InspectSettings::default())).collect::<Result<_>>()?;
+    let all: Result<Vec<Inspection>> = records.iter().map(|r| inspect(r, &rig, &InspectSettings::default())).collect();
+    let inspections = match all {
+        Ok(inspections) => inspections,
+        Err(error) => return arguments.records.failed(&records, error, &arguments.out),
+    };
     let mut results = Results::new();
     let mut text = String::new();
     for i in &inspections {

@@ -142,6 +142,18 @@ impl Records {
         ReadOptions { recover: self.recover, resample: self.resample }
     }
 
+    /// What an analysis ends with that failed: where the record itself is at fault, its warnings say why, and the answer is negative.
+    fn failed(&self, records: &[Record], error: BadInput, out: &Output) -> Result<Answer> {
+        let warnings: Vec<Warning> = records.iter().flat_map(|r| r.warnings.clone()).collect();
+        if !warnings.iter().any(|w| w.invalidates) {
+            return Err(error);
+        }
+        output::print_warnings(&warnings);
+        out.write_json(&serde_json::json!({ "warnings": warnings, "error": error.to_string() }))?;
+        tell(error);
+        Ok(Answer::that_stands(&warnings))
+    }
+
     /// The answer for complete records, or the negative one under `--strict` where samples are missing.
     fn answer(&self, records: &[Record]) -> Answer {
         self.answer_for(records.iter().map(|r| r.losses.lost()).sum())

@@ -86,13 +86,15 @@ fn a_clean_record_has_none_of_these_warnings() {
 #[test]
 fn dead_and_dying_encoders() {
     named("dead2", |x| x.iter_mut().for_each(|r| r[1] = 40), "dead-channel", Some(2), 1);
-    // Without the first angle nothing determines the first equation: identify refuses, and inspect says why.
+    // Without the first angle nothing determines the first equation: that too is told with its reason.
     let (folder, clean) = base();
     write("dead1", &clean.iter().map(|r| [40, r[1]]).collect::<Vec<_>>());
-    assert_eq!(whirl(folder.path(), "identify dead1.csv --rig rig.toml").status, 2);
-    let run = whirl(folder.path(), "inspect dead1.csv --rig rig.toml --json dead1.json");
-    assert_eq!(run.status, 1, "{run:?}");
-    assert_eq!(warning(&json(&folder.path().join("dead1.json")), "dead-channel")["channel"], "count1");
+    write("dead", &vec![[40, 41]; clean.len()]);
+    for (record, command) in [("dead1", "inspect"), ("dead1", "identify"), ("dead", "inspect"), ("dead", "identify")] {
+        let run = whirl(folder.path(), &format!("{command} {record}.csv --rig rig.toml --json dead1.json"));
+        assert_eq!(run.status, 1, "{record} {command}: {run:?}");
+        assert_eq!(warning(&json(&folder.path().join("dead1.json")), "dead-channel")["channel"], "count1");
+    }
     let stop = |x: &mut Vec<[i64; 2]>| {
         let last = x[15_000][1];
         x[15_000..].iter_mut().for_each(|r| r[1] = last);
