@@ -12,8 +12,8 @@ use crate::identify::{
     ERROR_BOUND, Identification, Settings, from_rows, harmonic_balance, identify, model_file, presentation, shooting,
 };
 use crate::inspect::{InspectSettings, inspect};
-use crate::record::{ReadOptions, Record};
 use crate::record::regression_rows::RowsRecord;
+use crate::record::{ReadOptions, Record};
 use crate::report::format::{plus_minus, significant};
 use crate::report::{Report, Results};
 use crate::rig::Rig;
