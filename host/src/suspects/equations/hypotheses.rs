@@ -75,7 +75,7 @@ pub(super) fn statements(scene: &Scene) -> Vec<Undo> {
         if counts > 0 && all(&|c| c.counts_per_turn == Some(counts)) {
             let quarters = [4, 2].into_iter().filter(|k| counts.is_multiple_of(*k)).map(|k| counts / k);
             let multiples = [2, 4].into_iter().filter_map(|k| counts.checked_mul(k));
-            let near = COUNTS.into_iter().filter(|c| 10 * c > 4 * counts && 10 * c < 25 * counts);
+            let near = COUNTS.into_iter().filter(|c| (0.4..2.5).contains(&(f64::from(*c) / f64::from(counts))));
             let mut list: Vec<u32> = quarters.chain(multiples).chain(near).filter(|c| *c != counts).collect();
             list.sort_unstable();
             list.dedup();

@@ -9,6 +9,7 @@ use core::f64::consts::TAU;
 
 use crate::identify::general::noise::Sensors;
 use crate::identify::general::stretches::{Stretch, mixed};
+use crate::model::model_file::Space;
 use crate::rig::measures::Bound;
 use crate::signal::angles::Phase;
 
@@ -94,7 +95,11 @@ impl Undo {
             }
             Self::Unit(list, f) => {
                 for &i in list {
-                    unwrap(&mut shown[i], TAU);
+                    let coordinates = &bound.model.coordinates;
+                    let line = |k: &usize| bound.shown[(i, *k)] != 0.0 && coordinates[*k].space == Space::Line;
+                    if !(0..coordinates.len()).any(|k| line(&k)) {
+                        unwrap(&mut shown[i], TAU);
+                    }
                     shown[i].iter_mut().for_each(|x| *x /= f);
                 }
             }
