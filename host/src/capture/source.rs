@@ -137,7 +137,7 @@ mod tests {
             let e = parse(from, &rig).err().map(|e| e.to_string()).unwrap_or_default();
             assert!(e.contains(part) && e.contains("--from"), "{from}: {e}");
         }
-        for from in ["serial:/dev/ttyACM0", "serial:/dev/ttyUSB1@921600", "tcp:[::1]:5000", "file:a.frames"] {
+        for from in ["serial:/dev/ttyACM0", "serial:/dev/ttyUSB1@921600", "tcp:[::1]:5000", "file:Cargo.toml"] {
             assert!(parse(from, &rig).is_ok(), "{from}");
         }
     }

@@ -43,7 +43,7 @@ mod tests {
     fn every_flipped_bit_is_noticed() {
         let object = "{\"a\":1,\"b\":[0.5]}";
         let sealed = seal(object);
-        assert_eq!(sealed, "{\"a\":1,\"b\":[0.5],\"crc32\":\"".to_owned() + &sealed[27..35] + "\"}");
+        assert_eq!(sealed, "{\"a\":1,\"b\":[0.5],\"crc32\":\"".to_owned() + &sealed[26..34] + "\"}");
         assert_eq!(open(&sealed), Opened::Right(object.to_owned()));
         assert_eq!(open(object), Opened::Bare);
         assert_eq!(crc32(b"123456789"), 0xcbf4_3926);
