@@ -165,7 +165,8 @@ fn driven(s: &Stretch, rate: f64, start_s: f64) -> Stretch {
 /// The cubic through the four samples around a place, in samples.
 fn cubic(x: &[f64], at: f64) -> f64 {
     let last = x.len() - 1;
-    let k = (at.floor().max(0.0) as usize).min(last);
+    let at = at.clamp(0.0, last as f64);
+    let k = at as usize;
     let u = at - k as f64;
     let get = |i: usize| x[i.clamp(1, last + 1) - 1];
     let (a, b, c, d) = (get(k), get(k + 1), get(k + 2), get(k + 3));
