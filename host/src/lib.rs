@@ -18,5 +18,6 @@ pub mod rig;
 pub mod signal;
 #[cfg(feature = "sim")]
 pub mod simulate;
+pub mod system;
 pub mod validate;
 pub mod warning;

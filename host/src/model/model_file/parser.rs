@@ -11,7 +11,7 @@
 use std::ops::Range;
 
 use super::expression::{
-    FUNCTIONS, Node, Symbol, add, call, divide, multiply, negate, number, power, subtract, symbol,
+    FUNCTIONS, Node, Symbol, add, call, divide, multiply, number, power, subtract, symbol,
 };
 
 /// Longest expression, characters: bounds the depth of every recursion over it.
@@ -41,12 +41,133 @@ pub struct Mistake {
     pub remedy: String,
 }
 
+/// What is wrong with an operation, a name or a call; its place is where the parser stands.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Fault {
+    /// What was found.
+    pub found: String,
+    /// What was expected.
+    pub expected: String,
+    /// What to do about it.
+    pub remedy: String,
+}
+
+impl Fault {
+    /// Found, expected, what to do.
+    pub fn new(found: impl Into<String>, expected: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self { found: found.into(), expected: expected.into(), remedy: remedy.into() }
+    }
+
+    /// The same with its place.
+    fn at(self, at: &Range<usize>) -> Mistake {
+        Mistake { at: at.clone(), found: self.found, expected: self.expected, remedy: self.remedy }
+    }
+}
+
+/// What the text's names and operations mean: the parser's rules are the same for every language over it.
+pub trait Grammar {
+    /// What an expression becomes.
+    type Value;
+    /// Whether there are lists `[a, b]` and functions of several arguments.
+    const LISTS: bool;
+
+    /// A number.
+    fn number(&self, x: f64) -> Self::Value;
+
+    /// left `operator` right, one of + - * / ^.
+    ///
+    /// # Errors
+    /// Operands that do not go together.
+    fn operation(&self, operator: char, left: Self::Value, right: Self::Value) -> Result<Self::Value, Fault>;
+
+    /// A name with its primes; none where it is a function, whose arguments follow if `called`.
+    ///
+    /// # Errors
+    /// A name that there is not.
+    fn name(&self, name: &str, primes: usize, called: bool) -> Result<Option<Self::Value>, Fault>;
+
+    /// A function of its arguments (one at least).
+    ///
+    /// # Errors
+    /// Arguments that it does not take.
+    fn call(&self, name: &str, arguments: Vec<Self::Value>) -> Result<Self::Value, Fault>;
+
+    /// A list.
+    ///
+    /// # Errors
+    /// A list that there cannot be.
+    fn list(&self, items: Vec<Self::Value>) -> Result<Self::Value, Fault>;
+}
+
+impl Grammar for Names {
+    type Value = Node;
+    const LISTS: bool = false;
+
+    fn number(&self, x: f64) -> Node {
+        number(x)
+    }
+
+    fn operation(&self, operator: char, left: Node, right: Node) -> Result<Node, Fault> {
+        Ok(match operator {
+            '+' => add(left, right),
+            '-' => subtract(left, right),
+            '*' => multiply(left, right),
+            '/' => divide(left, right),
+            _ => power(left, right),
+        })
+    }
+
+    fn name(&self, name: &str, primes: usize, called: bool) -> Result<Option<Node>, Fault> {
+        if let Some(i) = self.coordinates.iter().position(|n| n == name) {
+            return match primes {
+                0 => Ok(Some(symbol(Symbol::Coordinate(i)))),
+                1 => Ok(Some(symbol(Symbol::Rate(i)))),
+                2 => Ok(Some(symbol(Symbol::Acceleration(i)))),
+                n => Err(Fault::new(
+                    format!("the derivative of order {n} of {name}"),
+                    "at most the second",
+                    "Equations of motion are of second order",
+                )),
+            };
+        }
+        let input = self.inputs.iter().position(|n| n == name);
+        if primes > 0 && (input.is_some() || name == "tau") {
+            return Err(Fault::new(
+                format!("a derivative of {name}"),
+                "derivatives of coordinates only",
+                "Remove the prime",
+            ));
+        }
+        if let Some(k) = input {
+            return Ok(Some(symbol(Symbol::Input(k))));
+        }
+        let function = FUNCTIONS.iter().any(|f| f.0 == name);
+        match name {
+            _ if function && called && primes == 0 => Ok(None),
+            "tau" if !function => Ok(Some(symbol(Symbol::Tau))),
+            "pi" | "π" if !function && primes == 0 => Ok(Some(number(core::f64::consts::PI))),
+            _ => Err(unknown(name, self, !function && called)),
+        }
+    }
+
+    fn call(&self, name: &str, mut arguments: Vec<Node>) -> Result<Node, Fault> {
+        match (FUNCTIONS.iter().find(|f| f.0 == name), arguments.pop()) {
+            (Some((_, f)), Some(a)) => Ok(call(*f, a)),
+            _ => Err(unknown(name, self, true)),
+        }
+    }
+
+    fn list(&self, _: Vec<Node>) -> Result<Node, Fault> {
+        Err(Fault::new("a list", "an expression", "Write one expression"))
+    }
+}
+
 /// A name that was used and is not there: for messages.
-fn unknown(name: &str, names: &Names, called: bool) -> (String, String, String) {
+fn unknown(name: &str, names: &Names, called: bool) -> Fault {
     let functions: Vec<&str> = FUNCTIONS.iter().map(|f| f.0).collect();
     if called {
         let expected = format!("one of the functions {}", functions.join(", "));
-        return (format!("the function \"{name}\""), expected, "Correct the function's name".to_owned());
+        return Fault::new(format!("the function \"{name}\""), expected, "Correct the function's name");
     }
     let mut known: Vec<&str> = names.coordinates.iter().chain(&names.inputs).map(String::as_str).collect();
     known.extend(["tau", "pi"]);
@@ -56,7 +177,7 @@ fn unknown(name: &str, names: &Names, called: bool) -> (String, String, String) 
         "Correct the name, or declare it under coordinates or inputs; unknown coefficients are the keys of terms, not in expressions"
             .to_owned()
     };
-    (format!("the name \"{name}\""), format!("one of {}", known.join(", ")), remedy)
+    Fault::new(format!("the name \"{name}\""), format!("one of {}", known.join(", ")), remedy)
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -67,12 +188,15 @@ enum Token {
     Operator(char),
     Open,
     Close,
+    OpenList,
+    CloseList,
+    Comma,
     End,
 }
 
-struct Parser<'a> {
+struct Parser<'a, G> {
     text: &'a str,
-    names: &'a Names,
+    names: &'a G,
     /// Present token and its place.
     token: Token,
     at: Range<usize>,
@@ -85,7 +209,7 @@ struct Parser<'a> {
 ///
 /// # Errors
 /// The first mistake with its place.
-pub fn parse(text: &str, names: &Names) -> Result<Node, Mistake> {
+pub fn parse<G: Grammar>(text: &str, names: &G) -> Result<G::Value, Mistake> {
     if text.chars().count() > LONGEST {
         return Err(Mistake {
             at: 0..0,
@@ -107,7 +231,9 @@ pub fn parse(text: &str, names: &Names) -> Result<Node, Mistake> {
     match &p.token {
         Token::End => Ok(e),
         Token::Close => Err(p.mistake("a \")\" without its \"(\"", "", "Remove it, or open it before")),
-        Token::Open | Token::Number(_) | Token::Name(..) => {
+        Token::CloseList => Err(p.mistake("a \"]\" without its \"[\"", "", "Remove it, or open it before")),
+        Token::Comma => Err(p.mistake("\",\"", "an operator, + - * / ^", "A list stands in brackets, [right, up]")),
+        Token::Open | Token::OpenList | Token::Number(_) | Token::Name(..) => {
             let found = format!("\"{}\"", &text[p.at.clone()]);
             Err(p.mistake(&found, "an operator, + - * / ^", "A product needs its \"*\""))
         }
@@ -115,7 +241,7 @@ pub fn parse(text: &str, names: &Names) -> Result<Node, Mistake> {
     }
 }
 
-impl Parser<'_> {
+impl<G: Grammar> Parser<'_, G> {
     fn mistake(&self, found: &str, expected: &str, remedy: &str) -> Mistake {
         Mistake {
             at: self.at.clone(),
@@ -138,6 +264,9 @@ impl Parser<'_> {
         self.token = match c {
             '(' => Token::Open,
             ')' => Token::Close,
+            '[' if G::LISTS => Token::OpenList,
+            ']' if G::LISTS => Token::CloseList,
+            ',' if G::LISTS => Token::Comma,
             '*' if rest.starts_with("**") => {
                 length = 2;
                 Token::Operator('^')
@@ -192,7 +321,7 @@ impl Parser<'_> {
     }
 
     /// An expression whose operators bind at least as tightly as `least`.
-    fn expression(&mut self, least: u8) -> Result<Node, Mistake> {
+    fn expression(&mut self, least: u8) -> Result<G::Value, Mistake> {
         self.depth += 1;
         if self.depth > DEEPEST {
             return Err(self.mistake(
@@ -211,31 +340,27 @@ impl Parser<'_> {
             if binds < least {
                 break;
             }
+            let place = self.at.clone();
             self.advance()?;
             let operand = self.expression(right)?;
-            left = match c {
-                '+' => add(left, operand),
-                '-' => subtract(left, operand),
-                '*' => multiply(left, operand),
-                '/' => divide(left, operand),
-                _ => power(left, operand),
-            };
+            left = self.names.operation(c, left, operand).map_err(|f| f.at(&place))?;
         }
         self.depth -= 1;
         Ok(left)
     }
 
-    fn operand(&mut self) -> Result<Node, Mistake> {
+    fn operand(&mut self) -> Result<G::Value, Mistake> {
         let token = self.token.clone();
         let place = self.at.clone();
         match token {
             Token::Number(x) => {
                 self.advance()?;
-                Ok(number(x))
+                Ok(self.names.number(x))
             }
             Token::Operator('-') => {
                 self.advance()?;
-                Ok(negate(self.expression(5)?))
+                let operand = self.expression(5)?;
+                self.names.operation('*', self.names.number(-1.0), operand).map_err(|f| f.at(&place))
             }
             Token::Operator('+') => {
                 self.advance()?;
@@ -247,12 +372,21 @@ impl Parser<'_> {
                 self.close(&place)?;
                 Ok(e)
             }
+            Token::OpenList => {
+                self.advance()?;
+                let items = self.items(&Token::CloseList, &place, "a \"[\" without its \"]\"")?;
+                self.names.list(items).map_err(|f| f.at(&place))
+            }
             Token::Name(name, primes) => {
                 self.advance()?;
                 self.name(&name, primes, place)
             }
             Token::Operator(c) => {
                 Err(self.mistake(&format!("\"{c}\""), "a number, a name or \"(\" before it", "Complete the expression"))
+            }
+            Token::CloseList | Token::Comma => {
+                let found = format!("\"{}\"", &self.text[place]);
+                Err(self.mistake(&found, "a number, a name or \"(\"", "Complete the expression before it"))
             }
             Token::Close => {
                 Err(self.mistake("\")\"", "a number, a name or \"(\"", "Complete the expression before it"))
@@ -282,56 +416,44 @@ impl Parser<'_> {
         }
     }
 
-    fn name(&mut self, name: &str, primes: usize, place: Range<usize>) -> Result<Node, Mistake> {
-        let at = |(found, expected, remedy): (String, String, String)| Mistake {
-            at: place.clone(),
-            found,
-            expected,
-            remedy,
-        };
-        if let Some(i) = self.names.coordinates.iter().position(|n| n == name) {
-            return match primes {
-                0 => Ok(symbol(Symbol::Coordinate(i))),
-                1 => Ok(symbol(Symbol::Rate(i))),
-                2 => Ok(symbol(Symbol::Acceleration(i))),
-                n => Err(at((
-                    format!("the derivative of order {n} of {name}"),
-                    "at most the second".to_owned(),
-                    "Equations of motion are of second order".to_owned(),
-                ))),
-            };
+    /// Expressions with commas between them up to `end`, which is taken too.
+    fn items(&mut self, end: &Token, open: &Range<usize>, unclosed: &str) -> Result<Vec<G::Value>, Mistake> {
+        let mut items = vec![self.expression(0)?];
+        while self.token == Token::Comma {
+            self.advance()?;
+            items.push(self.expression(0)?);
         }
-        let input = self.names.inputs.iter().position(|n| n == name);
-        if primes > 0 && (input.is_some() || name == "tau") {
-            return Err(at((
-                format!("a derivative of {name}"),
-                "derivatives of coordinates only".to_owned(),
-                "Remove the prime".to_owned(),
-            )));
+        if self.token == *end {
+            self.advance()?;
+            return Ok(items);
         }
-        if let Some(k) = input {
-            return Ok(symbol(Symbol::Input(k)));
-        }
-        let function = FUNCTIONS.iter().find(|f| f.0 == name);
-        match (function, name) {
-            (Some((_, f)), _) if self.token == Token::Open && primes == 0 => {
-                let open = self.at.clone();
-                self.advance()?;
-                if self.token == Token::Close {
-                    return Err(self.mistake(
-                        "nothing",
-                        &format!("the argument of {name}"),
-                        "Put it between the parentheses",
-                    ));
-                }
-                let argument = self.expression(0)?;
-                self.close(&open)?;
-                Ok(call(*f, argument))
+        Err(match self.token {
+            Token::End => Fault::new(unclosed, "", "Close it").at(open),
+            _ => {
+                let found = format!("\"{}\"", &self.text[self.at.clone()]);
+                self.mistake(&found, "an operator, \",\" or the end of the list", "A product needs its \"*\"")
             }
-            (None, "tau") => Ok(symbol(Symbol::Tau)),
-            (None, "pi" | "π") if primes == 0 => Ok(number(core::f64::consts::PI)),
-            _ => Err(at(unknown(name, self.names, function.is_none() && self.token == Token::Open))),
+        })
+    }
+
+    fn name(&mut self, name: &str, primes: usize, place: Range<usize>) -> Result<G::Value, Mistake> {
+        let called = self.token == Token::Open;
+        if let Some(value) = self.names.name(name, primes, called).map_err(|f| f.at(&place))? {
+            return Ok(value);
         }
+        let open = self.at.clone();
+        self.advance()?;
+        if self.token == Token::Close {
+            return Err(self.mistake("nothing", &format!("the argument of {name}"), "Put it between the parentheses"));
+        }
+        let arguments = if G::LISTS {
+            self.items(&Token::Close, &open, "a \"(\" without its \")\"")?
+        } else {
+            let argument = self.expression(0)?;
+            self.close(&open)?;
+            vec![argument]
+        };
+        self.names.call(name, arguments).map_err(|f| f.at(&place))
     }
 }
 
