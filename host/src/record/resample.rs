@@ -107,9 +107,7 @@ mod tests {
         );
         let options = ReadOptions { resample: true, ..ReadOptions::default() };
         let even = Record::read(&path, &rig, &options).unwrap();
-        assert!(
-            even.warnings.iter().any(|w| w.id == "resampled") && !even.warnings.iter().any(|w| w.id == "jitter")
-        );
+        assert!(even.warnings.iter().any(|w| w.id == "resampled") && !even.warnings.iter().any(|w| w.id == "jitter"));
         assert_eq!((even.segments.len(), even.losses.gaps), (2, 1));
         for s in &even.segments {
             for (i, x) in s.columns[0].angle(&rig.channel[0]).iter().enumerate() {

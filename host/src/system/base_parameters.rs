@@ -91,7 +91,11 @@ pub fn collect(columns: &[Column]) -> Vec<Base> {
         if !norm.is_finite() || norm == 0.0 {
             // Nothing can be told of it here; the equation's own checks will.
             if norm != 0.0 {
-                kept.push(Base { product: c.product.clone(), sum: Polynomial::product(c.product.clone(), 1.0), of: c.of.clone() });
+                kept.push(Base {
+                    product: c.product.clone(),
+                    sum: Polynomial::product(c.product.clone(), 1.0),
+                    of: c.of.clone(),
+                });
                 orthogonal.push(vec![0.0; states.len()]);
                 triangle.push(unit(triangle.len()));
             }

@@ -72,32 +72,51 @@ fn arm(r: &Reader<'_>, table: &DeTable<'_>, at: usize) -> Result<Body> {
         (Some(v), None) => {
             let angle = r.scalar(v, Scope::Motion)?;
             if from.len() != 2 {
-                return bad("angle", "an angle in space", "direction", "An angle is in a plane: write a unit vector as direction");
+                return bad(
+                    "angle",
+                    "an angle in space",
+                    "direction",
+                    "An angle is in a plane: write a unit vector as direction",
+                );
             }
             if angle.has_parameter() {
-                return bad("angle", "a parameter in an angle", "coordinates and constants", "Give the parameter its number under constants");
+                return bad(
+                    "angle",
+                    "a parameter in an angle",
+                    "coordinates and constants",
+                    "Give the parameter its number under constants",
+                );
             }
-            vec![
-                Polynomial::call(Function::Sin, angle.clone()),
-                Polynomial::call(Function::Cos, angle).scaled(-1.0),
-            ]
+            vec![Polynomial::call(Function::Sin, angle.clone()), Polynomial::call(Function::Cos, angle).scaled(-1.0)]
         }
         (None, Some(v)) => r.vector(v)?,
         (Some(_), Some(_)) => return bad("direction", "an angle and a direction", "one of them", "Remove one"),
         (None, None) => {
-            return bad("from", "an arm without a direction", "angle = \"phi\", or direction = \"[…]\"", "Say where the arm points");
+            return bad(
+                "from",
+                "an arm without a direction",
+                "angle = \"phi\", or direction = \"[…]\"",
+                "Say where the arm points",
+            );
         }
     };
     let mass = scalar(r, table, "mass")?;
     let first_moment = match (scalar(r, table, "centroid")?, scalar(r, table, "first_moment")?, &mass) {
         (Some(_), Some(_), _) => return bad("first_moment", "centroid and first_moment", "one of them", "Remove one"),
         (Some(e), None, Some(m)) => m.times(&e).unwrap_or_default(),
-        (Some(_), None, None) => return bad("centroid", "a centroid without a mass", "mass, or first_moment alone", "Add mass"),
+        (Some(_), None, None) => {
+            return bad("centroid", "a centroid without a mass", "mass, or first_moment alone", "Add mass");
+        }
         (None, Some(s), _) => s,
         (None, None, _) => Polynomial::default(),
     };
     let Some(inertia) = scalar(r, table, "inertia")? else {
-        return bad("from", "an arm without inertia", "inertia about its end `from`", "Add inertia, \"m*e^2\" for a point mass");
+        return bad(
+            "from",
+            "an arm without inertia",
+            "inertia about its end `from`",
+            "Add inertia, \"m*e^2\" for a point mass",
+        );
     };
     Ok(Body::Arm { from, along, mass: mass.unwrap_or_default(), first_moment, inertia })
 }
@@ -117,7 +136,12 @@ fn free(r: &Reader<'_>, table: &DeTable<'_>, at: usize) -> Result<Body> {
         Some(v) => match r.value(v, Scope::Motion)? {
             Word::Vector(_) => Some(r.vector(v)?),
             Word::Scalar(_) => {
-                return bad("centroid", "a distance without from", "a point, or from with the distance", "Add from, or name a point");
+                return bad(
+                    "centroid",
+                    "a distance without from",
+                    "a point, or from with the distance",
+                    "Add from, or name a point",
+                );
             }
         },
     };
@@ -125,14 +149,21 @@ fn free(r: &Reader<'_>, table: &DeTable<'_>, at: usize) -> Result<Body> {
     let turns = match (scalar(r, table, "angle")?, scalar(r, table, "inertia")?) {
         (Some(angle), Some(inertia)) => Some((angle, inertia)),
         (None, None) => None,
-        (Some(_), None) => return bad("angle", "an angle without inertia", "both or none", "Add inertia about the centroid"),
+        (Some(_), None) => {
+            return bad("angle", "an angle without inertia", "both or none", "Add inertia about the centroid");
+        }
         (None, Some(_)) => return bad("inertia", "an inertia without angle", "both or none", "Add angle"),
     };
     match (&mass, &centroid) {
         (Some(_), None) => return bad("mass", "a mass without centroid", "centroid, a point", "Say where the mass is"),
         (None, Some(_)) => return bad("centroid", "a centroid without mass", "mass", "Add mass"),
         (None, None) if turns.is_none() => {
-            return bad("name", "a body without mass and inertia", "mass with centroid, or inertia with angle", "Add them");
+            return bad(
+                "name",
+                "a body without mass and inertia",
+                "mass with centroid, or inertia with angle",
+                "Add them",
+            );
         }
         _ => {}
     }
@@ -165,7 +196,9 @@ impl Body {
         let pull = |n: usize| match gravity {
             None => vec![Polynomial::default(); n],
             Some(Gravity::Along(v)) => v.clone(),
-            Some(Gravity::Down) => (0..n).map(|i| if i + 1 == n { g.scaled(-1.0) } else { Polynomial::default() }).collect(),
+            Some(Gravity::Down) => {
+                (0..n).map(|i| if i + 1 == n { g.scaled(-1.0) } else { Polynomial::default() }).collect()
+            }
         };
         match self {
             Self::Arm { from, along, mass, first_moment, inertia } => {
@@ -202,9 +235,7 @@ impl Body {
                 from.iter().chain(along).any(has) || has(mass) || has(first_moment) || has(inertia)
             }
             Self::Free { centroid, mass, turns } => {
-                centroid.iter().flatten().any(has)
-                    || has(mass)
-                    || turns.as_ref().is_some_and(|(a, j)| has(a) || has(j))
+                centroid.iter().flatten().any(has) || has(mass) || turns.as_ref().is_some_and(|(a, j)| has(a) || has(j))
             }
         }
     }

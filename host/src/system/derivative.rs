@@ -91,9 +91,8 @@ pub fn by_time(p: &Polynomial, coordinates: usize, omega: f64) -> Result<Polynom
         return Err(NoDerivative::Input(k));
     }
     let mut out = Polynomial::default();
-    let pairs = (0..coordinates).flat_map(|i| {
-        [(Symbol::Coordinate(i), Symbol::Rate(i)), (Symbol::Rate(i), Symbol::Acceleration(i))]
-    });
+    let pairs = (0..coordinates)
+        .flat_map(|i| [(Symbol::Coordinate(i), Symbol::Rate(i)), (Symbol::Rate(i), Symbol::Acceleration(i))]);
     for (of, rate) in pairs {
         if p.moves(|s| s == of) {
             out = out.plus(&partial(p, &Atom::Motion(of))?.times(&Polynomial::motion(rate))?);

@@ -140,7 +140,13 @@ struct Written {
 }
 
 /// One equation over its own inertia; none where nothing is in it.
-fn written(file: &SystemFile, e: usize, equation: Equation, parameters: &[Named], taken: &[String]) -> Result<Option<Written>> {
+fn written(
+    file: &SystemFile,
+    e: usize,
+    equation: Equation,
+    parameters: &[Named],
+    taken: &[String],
+) -> Result<Option<Written>> {
     if equation.is_empty() {
         return Ok(None);
     }

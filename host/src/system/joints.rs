@@ -15,8 +15,7 @@ use crate::model::model_file::expression::{Function, Symbol};
 use crate::model::model_file::units::Unit;
 
 /// Effects that a nominal model may have: id, and the unit of its strength over that of a force along the joint's motion.
-pub const EFFECTS: [(&str, &str); 3] =
-    [("viscous-friction", "s"), ("coulomb-friction", "1"), ("constant-force", "1")];
+pub const EFFECTS: [(&str, &str); 3] = [("viscous-friction", "s"), ("coulomb-friction", "1"), ("constant-force", "1")];
 
 /// A joint.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,7 +43,11 @@ pub fn read(r: &Reader<'_>, top: &DeTable<'_>) -> Result<Vec<Joint>> {
         if moves.has_parameter() || !moves.moves(|s| matches!(s, Symbol::Coordinate(_))) {
             return Err(r
                 .source
-                .bad(v.span().start, format!("a joint that moves {}", crate::model::model_file::toml_place::described(v.get_ref())), "coordinates, without parameters")
+                .bad(
+                    v.span().start,
+                    format!("a joint that moves {}", crate::model::model_file::toml_place::described(v.get_ref())),
+                    "coordinates, without parameters",
+                )
                 .remedy("A gear's ratio is a number under constants"));
         }
         let at = match table.get("at") {
@@ -92,7 +95,11 @@ impl Nominal {
             (format!("the nominal effect \"{id}\""), format!("one of {}, at a joint", ids.join(", ")))
         })?;
         let joint = joints.iter().position(|j| *j == place).ok_or_else(|| {
-            let expected = if joints.is_empty() { "a [[joint]] of this name".to_owned() } else { format!("one of {}", joints.join(", ")) };
+            let expected = if joints.is_empty() {
+                "a [[joint]] of this name".to_owned()
+            } else {
+                format!("one of {}", joints.join(", "))
+            };
             (format!("the joint \"{place}\""), expected)
         })?;
         Ok(Self { name: text.to_owned(), effect, joint })
@@ -119,9 +126,11 @@ impl Nominal {
     /// Unit of its strength.
     pub fn unit(&self, file: &SystemFile) -> Unit {
         let moves = &self.moves(file).value;
-        let line = file.coordinates.iter().enumerate().find(|(i, (c, _))| {
-            c.space == Space::Line && moves.moves(|s| s == Symbol::Coordinate(*i))
-        });
+        let line = file
+            .coordinates
+            .iter()
+            .enumerate()
+            .find(|(i, (c, _))| c.space == Space::Line && moves.moves(|s| s == Symbol::Coordinate(*i)));
         let text = match (line, EFFECTS[self.effect].1) {
             (None, "s") => "N m s",
             (None, _) => "N m",

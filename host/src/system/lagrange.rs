@@ -95,8 +95,7 @@ pub fn equations(file: &SystemFile, nominal: &[Nominal], omega: f64) -> Result<V
     }
     (0..n)
         .map(|e| {
-            let (whole, inertia) =
-                conservative(&kinetic, &potential, e, n, omega).map_err(|x| without(file, at, x))?;
+            let (whole, inertia) = conservative(&kinetic, &potential, e, n, omega).map_err(|x| without(file, at, x))?;
             let mut whole = whole;
             for (value, moves) in &work {
                 let along = partial(&moves.value, &Atom::Motion(Symbol::Coordinate(e)));

@@ -30,13 +30,13 @@
 //! |---|---|
 //! | [`polynomial`], [`derivative`] | sums of products in a normal form, and their derivatives |
 //! | [`words`] | names, vectors and functions in expressions |
-//! | [`language`] | the file's keys |
+//! | [`language`], [`reader`] | the file's keys |
 //! | [`points`], [`bodies`], [`joints`], [`forces`], [`sensors`] | what they hold |
 //! | [`lagrange`] | equations of motion, product by product |
 //! | [`base_parameters`] | which products a record can tell apart |
 //! | [`equations`] | the equations as a model file |
 //! | [`mechanism`] | coefficients as functions of parameters, quantities |
-//! | [`ties`] | parameters from coefficients |
+//! | [`ties`], [`open_directions`] | parameters from coefficients, and what stays open |
 //! | [`library`] | systems that ship with the program |
 
 pub mod base_parameters;
@@ -49,8 +49,10 @@ pub mod lagrange;
 pub mod language;
 pub mod library;
 pub mod mechanism;
+pub mod open_directions;
 pub mod points;
 pub mod polynomial;
+pub mod reader;
 pub mod sensors;
 pub mod ties;
 pub mod words;

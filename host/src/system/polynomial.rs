@@ -149,7 +149,11 @@ impl Polynomial {
 
     /// A multiple.
     pub fn scaled(&self, by: f64) -> Self {
-        if by == 0.0 { Self::default() } else { Self(self.0.iter().map(|(p, c)| (p.clone(), Real(c.0 * by))).collect()) }
+        if by == 0.0 {
+            Self::default()
+        } else {
+            Self(self.0.iter().map(|(p, c)| (p.clone(), Real(c.0 * by))).collect())
+        }
     }
 
     /// The difference.

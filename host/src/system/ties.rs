@@ -17,15 +17,11 @@ use rand_chacha::ChaCha8Rng;
 
 use super::derivative::partial;
 use super::mechanism::{Mechanism, at};
+use super::open_directions::{NULL, is_open, null_space, unit_columns, wanted};
 use super::polynomial::{Atom, Polynomial};
 
 /// Standard error of a known quantity as a share of it: that of the built-in systems' known amplitude.
 const KNOWN_SHARE: f64 = 1e-6;
-/// Singular values below this share of the largest are null: the Jacobian's rows and columns have unit norm, its derivatives are
-/// exact, and rounding leaves some 1e-15.
-const NULL: f64 = 1e-9;
-/// Share of a gradient in the null space from which it is undetermined.
-const OPEN: f64 = 1e-6;
 /// Starts at most, and how many must agree on the least distance.
 const STARTS: u64 = 40;
 const AGREEING: usize = 4;
@@ -228,45 +224,11 @@ impl Problem<'_> {
     }
 }
 
-/// Scales columns to unit norm; the factors by which they were divided.
-fn unit_columns(j: &mut DMatrix<f64>) -> Vec<f64> {
-    j.column_iter_mut()
-        .map(|mut c| {
-            let norm = c.norm();
-            if norm > 0.0 && norm.is_finite() {
-                c /= norm;
-                norm
-            } else {
-                1.0
-            }
-        })
-        .collect()
-}
-
-/// Directions that nothing fixes, in unknowns whose columns have unit norm; with the columns' norms.
-fn null_space(mut j: DMatrix<f64>) -> Option<(DMatrix<f64>, Vec<f64>)> {
-    for mut row in j.row_iter_mut() {
-        let norm = row.norm();
-        if norm > 0.0 {
-            row /= norm;
-        }
-    }
-    let n = j.ncols();
-    let scale = unit_columns(&mut j);
-    // As many rows as columns at least, so that the decomposition holds every direction.
-    let rows = j.nrows().max(n);
-    let j = j.resize_vertically(rows, 0.0);
-    let svd = j.svd(false, true);
-    let v_t = svd.v_t?;
-    let cut = NULL * svd.singular_values.max().max(f64::MIN_POSITIVE);
-    let open: Vec<usize> = (0..n).filter(|&i| svd.singular_values[i] <= cut).collect();
-    Some((DMatrix::from_fn(n, open.len(), |r, c| v_t[(open[c], r)]), scale))
-}
-
 /// Fits the parameters; none where there is nothing to fit or the metric is not positive.
 pub fn fit(mechanism: &Mechanism, b: &Identified<'_>, known: &BTreeMap<&str, f64>) -> Option<Fit> {
     let fixed = |i: usize| known.get(mechanism.parameters[i].name.as_str()).copied();
-    let observed: Vec<_> = mechanism.quantities.iter().filter_map(|q| Some((q, *known.get(q.name.as_str())?))).collect();
+    let observed: Vec<_> =
+        mechanism.quantities.iter().filter_map(|q| Some((q, *known.get(q.name.as_str())?))).collect();
     let free: Vec<usize> = (0..mechanism.parameters.len())
         .filter(|&i| {
             let in_known = observed.iter().any(|(q, _)| q.value.any(&|a| *a == Atom::Parameter(i)));
@@ -309,7 +271,13 @@ pub fn fit(mechanism: &Mechanism, b: &Identified<'_>, known: &BTreeMap<&str, f64
 }
 
 /// Values, standard errors and what is open at the fitted parameters.
-fn report(problem: &Problem<'_>, p: &[f64], misfit: f64, sigma: &DMatrix<f64>, known: &BTreeMap<&str, f64>) -> Option<Fit> {
+fn report(
+    problem: &Problem<'_>,
+    p: &[f64],
+    misfit: f64,
+    sigma: &DMatrix<f64>,
+    known: &BTreeMap<&str, f64>,
+) -> Option<Fit> {
     let Problem { mechanism, free, rows, white, .. } = problem;
     let (open, scale) = null_space(problem.jacobian(p))?;
     let rank = free.len() - open.ncols();
@@ -327,7 +295,8 @@ fn report(problem: &Problem<'_>, p: &[f64], misfit: f64, sigma: &DMatrix<f64>, k
     let covariance = &gain * sigma * gain.transpose();
     let mut out = Fit { misfit, freedom: rows.len().saturating_sub(rank), ..Fit::default() };
     let one = Polynomial::number(1.0);
-    let own = mechanism.parameters.iter().enumerate().map(|(k, n)| (&n.name, &n.unit, Polynomial::atom(Atom::Parameter(k))));
+    let own =
+        mechanism.parameters.iter().enumerate().map(|(k, n)| (&n.name, &n.unit, Polynomial::atom(Atom::Parameter(k))));
     let more = mechanism.quantities.iter().map(|q| (&q.name, &q.unit, q.value.clone()));
     let mut gradients: Vec<(String, DVector<f64>)> = Vec::new();
     for (name, unit, value) in own.chain(more) {
@@ -354,34 +323,6 @@ fn report(problem: &Problem<'_>, p: &[f64], misfit: f64, sigma: &DMatrix<f64>, k
     }
     out.wanted = wanted(&open, &gradients);
     Some(out)
-}
-
-/// Whether a gradient has a part in the null space.
-fn is_open(open: &DMatrix<f64>, gradient: &DVector<f64>) -> bool {
-    open.ncols() > 0 && (open.transpose() * gradient).norm() > OPEN * gradient.norm()
-}
-
-/// What would fix most of what is open if it were known: the null space without its gradient's direction.
-fn wanted(open: &DMatrix<f64>, gradients: &[(String, DVector<f64>)]) -> Option<(String, Vec<String>)> {
-    let mut best: Option<(String, Vec<String>)> = None;
-    for (name, gradient) in gradients {
-        let along = open.transpose() * gradient;
-        let norm = along.norm();
-        if norm <= OPEN * gradient.norm() {
-            continue;
-        }
-        let along = along / norm;
-        let left = open - open * &along * along.transpose();
-        let follow: Vec<String> = gradients
-            .iter()
-            .filter(|(n, g)| n != name && !is_open(&left, g))
-            .map(|(n, _)| n.clone())
-            .collect();
-        if best.as_ref().is_none_or(|b| follow.len() > b.1.len()) {
-            best = Some((name.clone(), follow));
-        }
-    }
-    best
 }
 
 #[cfg(test)]

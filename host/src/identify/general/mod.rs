@@ -363,4 +363,6 @@ pub(crate) fn noise_weights(
 }
 
 #[cfg(test)]
+mod system_tests;
+#[cfg(test)]
 mod tests;

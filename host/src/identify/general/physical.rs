@@ -33,7 +33,9 @@ pub fn add(
                 follow.join(", "),
                 if follow.len() == 1 { "follows" } else { "follow" }
             ),
-            _ => "Add what you know of them to [known] in the rig file; the other values do not depend on it".to_owned(),
+            _ => {
+                "Add what you know of them to [known] in the rig file; the other values do not depend on it".to_owned()
+            }
         };
         warnings.push(Warning::new(
             OPEN,

@@ -15,7 +15,7 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | [`parser`] | text to expressions, errors at the character |
+//! | [`parser`], [`names`] | text to expressions, errors at the character; what names mean |
 //! | [`expression`] | the tree, derivatives |
 //! | [`by_parts`] | weak form of a term |
 //! | [`tape`] | evaluation over blocks of samples |
@@ -27,6 +27,7 @@ pub mod basis;
 pub mod by_parts;
 pub mod equations_of_motion;
 pub mod expression;
+pub mod names;
 pub mod parser;
 pub mod simulation;
 pub mod tape;
@@ -191,7 +192,8 @@ impl ModelFile {
                 }
             },
         };
-        let names = Names { coordinates: coordinates.iter().map(|c| c.name.clone()).collect(), inputs: inputs.to_vec() };
+        let names =
+            Names { coordinates: coordinates.iter().map(|c| c.name.clone()).collect(), inputs: inputs.to_vec() };
         let circle: Vec<bool> = coordinates.iter().map(|c| c.space == Space::Circle).collect();
         let list =
             source.required(top, span.clone(), "equation", "one [[equation]] or more, each with balance and terms")?;

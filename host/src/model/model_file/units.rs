@@ -34,8 +34,9 @@ impl Unit {
             }
             for word in words {
                 let name: String = word.chars().take_while(|c| c.is_alphabetic() || *c == '°').collect();
-                let power: String = word[name.len()..].chars().map(plain_digit).filter(|c| *c != '^').collect();
-                let power = if power.is_empty() { 1 } else { power.parse::<i32>().ok().filter(|p| p.abs() <= 9)? };
+                let after = &word[name.len()..];
+                let power: String = after.chars().map(plain_digit).filter(|c| *c != '^').collect();
+                let power = if after.is_empty() { 1 } else { power.parse::<i32>().ok().filter(|p| p.abs() <= 9)? };
                 match name.as_str() {
                     "" if word == "1" => {}
                     "" => return None,

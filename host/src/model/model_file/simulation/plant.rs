@@ -65,12 +65,8 @@ fn truths(model: &ModelFile) -> Vec<String> {
 /// The coefficients of a plant's truths.
 fn coefficients(model: &ModelFile, names: &[String], given: &[f64]) -> Vec<f64> {
     let of = |n: &str| names.iter().position(|x| x == n).map(|i| given[i]);
-    let parameters: Vec<f64> = model
-        .mechanism
-        .iter()
-        .flat_map(|m| &m.parameters)
-        .map(|p| of(&p.name).unwrap_or(0.0))
-        .collect();
+    let parameters: Vec<f64> =
+        model.mechanism.iter().flat_map(|m| &m.parameters).map(|p| of(&p.name).unwrap_or(0.0)).collect();
     let derived = |n: &str| model.mechanism.as_ref().and_then(|m| m.value(n, &parameters));
     model.coefficients().iter().map(|n| derived(n).or_else(|| of(n)).unwrap_or(f64::NAN)).collect()
 }
