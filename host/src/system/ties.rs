@@ -19,6 +19,7 @@ use super::derivative::partial;
 use super::mechanism::{Mechanism, at};
 use super::open_directions::{NULL, is_open, null_space, unit_columns, wanted};
 use super::polynomial::{Atom, Polynomial};
+use crate::identify::Parameter;
 
 /// Standard error of a known quantity as a share of it: that of the built-in systems' known amplitude.
 const KNOWN_SHARE: f64 = 1e-6;
@@ -38,24 +39,11 @@ pub struct Identified<'a> {
     pub metric: &'a DMatrix<f64>,
 }
 
-/// A parameter or quantity that was found.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Found {
-    /// Name.
-    pub name: String,
-    /// Value, SI.
-    pub value: f64,
-    /// Standard error, SI.
-    pub std_error: f64,
-    /// Unit.
-    pub unit: String,
-}
-
 /// What the ties give.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fit {
     /// Parameters, then quantities, that coefficients and what is known fix.
-    pub found: Vec<Found>,
+    pub found: Vec<Parameter>,
     /// Those that they leave open.
     pub undetermined: Vec<String>,
     /// What would fix most of them if it were known, and which follow then.
@@ -314,7 +302,7 @@ fn report(
             continue;
         }
         let variance = (slopes.transpose() * &covariance * &slopes)[(0, 0)];
-        out.found.push(Found {
+        out.found.push(Parameter {
             name: name.clone(),
             value: row.value(p),
             std_error: variance.max(0.0).sqrt(),

@@ -20,12 +20,7 @@ pub fn add(
     let mechanism = model.mechanism.as_ref()?;
     let known = mechanism.known(&rig.known, rig.says_gravity());
     let fit = ties::fit(mechanism, identified, &known)?;
-    parameters.extend(fit.found.into_iter().map(|f| Parameter {
-        name: f.name,
-        value: f.value,
-        std_error: f.std_error,
-        unit: f.unit,
-    }));
+    parameters.extend(fit.found);
     if !fit.undetermined.is_empty() {
         let advice = match fit.wanted {
             Some((name, follow)) if !follow.is_empty() => format!(

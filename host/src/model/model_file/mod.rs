@@ -15,7 +15,7 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | [`parser`], [`names`] | text to expressions, errors at the character; what names mean |
+//! | [`parser`], [`grammar`], [`names`] | text to expressions, errors at the character; what names mean |
 //! | [`expression`] | the tree, derivatives |
 //! | [`by_parts`] | weak form of a term |
 //! | [`tape`] | evaluation over blocks of samples |
@@ -27,6 +27,7 @@ pub mod basis;
 pub mod by_parts;
 pub mod equations_of_motion;
 pub mod expression;
+pub mod grammar;
 pub mod names;
 pub mod parser;
 pub mod simulation;
