@@ -20,5 +20,6 @@ pub mod signal;
 #[cfg(feature = "sim")]
 pub mod simulate;
 pub mod suspects;
+pub mod system;
 pub mod validate;
 pub mod warning;

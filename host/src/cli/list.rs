@@ -3,7 +3,8 @@
 use clap::{Args, ValueEnum};
 
 use super::Answer;
-use crate::error::Result;
+use crate::error::{BadInput, Result};
+use crate::system::library;
 
 /// What to list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -23,11 +24,17 @@ pub enum What {
 pub struct Arguments {
     /// What to list.
     what: What,
+    /// Print the file of one model (a system file to copy and change).
+    #[arg(long, value_name = "NAME")]
+    show: Option<String>,
 }
 
 /// Prints the list.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let out = super::output::Output::default();
+    if let Some(name) = &arguments.show {
+        return show(&out, arguments.what, name);
+    }
     match arguments.what {
         What::Models => {
             for (id, about) in crate::model::MODELS {
@@ -35,6 +42,12 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
             }
             for s in crate::reduce::systems::SYSTEMS {
                 out.say(&format!("{:<18} {}\n", s.id, s.about));
+            }
+            out.say("\nSystems as files, by the same name in a rig file, or to copy (`--show NAME` prints one):\n");
+            for (name, text) in library::all() {
+                let built_in = crate::model::MODELS.iter().any(|(id, _)| id == name);
+                let note = if built_in { " (as a rig's model, the name means the built-in one)" } else { "" };
+                out.say(&format!("{name:<28} {}{note}\n", library::about(text)));
             }
         }
         What::Methods => {
@@ -49,6 +62,23 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         }
         What::Effects => effects(&out),
     }
+    Ok(Answer::Positive)
+}
+
+/// Prints one system's file.
+fn show(out: &super::output::Output, what: What, name: &str) -> Result<Answer> {
+    if what != What::Models {
+        return Err(BadInput::new("--show without a list of models", "whirl list models --show NAME")
+            .at("--show")
+            .remedy("Only models have files to show"));
+    }
+    let names: Vec<&str> = library::all().iter().map(|(n, _)| *n).collect();
+    let text = library::text(name).ok_or_else(|| {
+        BadInput::new(format!("\"{name}\""), format!("one of {}", names.join(", ")))
+            .at("--show")
+            .remedy("Name one of the systems that ship as files")
+    })?;
+    out.say(text);
     Ok(Answer::Positive)
 }
 

@@ -13,7 +13,9 @@ use super::Rig;
 use crate::error::{BadInput, Result};
 use crate::model::model_file::expression::{Symbol, as_number};
 use crate::model::model_file::parser::{Names, parse};
+use crate::model::model_file::toml_place::{self, Source};
 use crate::model::model_file::{self, ModelFile};
+use crate::system::{self, library};
 
 /// What the channels of built-in systems may measure.
 const BUILT_IN: [(&str, &[&str]); 2] =
@@ -46,10 +48,27 @@ pub(super) fn check_built_in(rig: &Rig) -> Result<()> {
     }
 }
 
+/// Whether a rig's model is a file: its own, or one of the program's systems. What is built in keeps its name.
+pub(super) fn is_file(model: &str) -> bool {
+    let built_in = BUILT_IN.iter().any(|(id, _)| *id == model) || crate::reduce::systems::by_id(model).is_some();
+    model_file::is_path(model) || (!built_in && library::text(model).is_some())
+}
+
 /// Reads the model file that a rig names and checks its channels against it; none for a built-in model.
 pub(super) fn bind(rig: &Rig) -> Result<Option<Arc<Bound>>> {
-    if !model_file::is_path(&rig.model) {
+    if !is_file(&rig.model) {
         return Ok(None);
+    }
+    let source = source(rig)?;
+    let model = system::model_of(source, rig.nominal.as_deref(), rig.omega()).map_err(|e| e.in_file(&rig.path))?;
+    known(rig, &model)?;
+    bound(rig, model).map(|b| Some(Arc::new(b)))
+}
+
+/// The text of the model that a rig names.
+fn source(rig: &Rig) -> Result<Source> {
+    if let (false, Some(text)) = (model_file::is_path(&rig.model), library::text(&rig.model)) {
+        return Ok(Source { text: text.to_owned(), path: Path::new(&rig.model).to_path_buf() });
     }
     let path = rig.path.parent().unwrap_or(Path::new("")).join(&rig.model);
     if !path.exists() {
@@ -61,14 +80,37 @@ pub(super) fn bind(rig: &Rig) -> Result<Option<Arc<Bound>>> {
         .at("model")
         .remedy("The path is relative to the rig file; `whirl list models` shows the built-in ones"));
     }
-    bound(rig, ModelFile::read(&path)?).map(|b| Some(Arc::new(b)))
+    toml_place::read(&path, "a model file")
+}
+
+/// Refuses known quantities that the model does not have.
+fn known(rig: &Rig, model: &ModelFile) -> Result<()> {
+    let Some(mechanism) = &model.mechanism else { return super::check_known(&rig.known, &rig.path) };
+    let names = mechanism.known_names();
+    match rig.known.iter().find(|(k, v)| *k != "g" && !(names.contains(&k.as_str()) && v.is_finite())) {
+        None => Ok(()),
+        Some((k, v)) => {
+            let (found, expected) = if names.contains(&k.as_str()) {
+                (v.to_string(), "a finite number".to_owned())
+            } else {
+                ("an unknown quantity".to_owned(), format!("one of {}", names.join(", ")))
+            };
+            Err(BadInput::new(found, expected)
+                .in_file(&rig.path)
+                .at(format!("known.{k}"))
+                .remedy("What may be known are the system's own parameters and quantities"))
+        }
+    }
 }
 
 pub(super) fn bound(rig: &Rig, model: ModelFile) -> Result<Bound> {
     let n = model.coordinates.len();
     let names =
         Names { coordinates: model.coordinates.iter().map(|c| c.name.clone()).collect(), inputs: model.inputs.clone() };
-    let known: Vec<&str> = names.coordinates.iter().chain(&names.inputs).map(String::as_str).collect();
+    let sensors_of = model.mechanism.as_ref().map_or(&[][..], |m| &m.sensors);
+    let named = names.coordinates.iter().chain(&names.inputs).chain(sensors_of.iter().map(|s| &s.name));
+    let mut known: Vec<&str> = named.map(String::as_str).collect();
+    known.dedup();
     let (mut sensors, mut rows, mut inputs) = (Vec::new(), Vec::new(), vec![None; model.inputs.len()]);
     for (i, c) in rig.channel.iter().enumerate() {
         let bad = |found: String, expected: String| {
@@ -77,7 +119,8 @@ pub(super) fn bound(rig: &Rig, model: ModelFile) -> Result<Bound> {
                 .at(format!("channel {} (\"{}\"), measures", i + 1, c.name))
                 .remedy(format!("Name a coordinate or an input of {}", model.source.path.display()))
         };
-        let e = parse(&c.measures, &names).map_err(|m| {
+        let sensor = sensors_of.iter().find(|s| s.name == c.measures);
+        let e = parse(sensor.map_or(c.measures.as_str(), |s| &s.shows), &names).map_err(|m| {
             let found = if names.coordinates.contains(&c.measures) { m.found } else { format!("\"{}\"", c.measures) };
             bad(found, format!("one of {}", known.join(", ")))
         })?;

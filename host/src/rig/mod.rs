@@ -153,6 +153,23 @@ pub struct Rig {
     pub bound: Option<Arc<measures::Bound>>,
 }
 
+/// Refuses known quantities other than [`KNOWN`]'s, above 0.
+fn check_known(known: &BTreeMap<String, f64>, path: &Path) -> Result<()> {
+    let bad = |key: &str, found: String, expected: String| {
+        Err(BadInput::new(found, expected).in_file(path).at(format!("known.{key}")).remedy("Correct the rig file"))
+    };
+    for (key, value) in known {
+        let Some((_, unit)) = KNOWN.iter().find(|(name, _)| name == key) else {
+            let names: Vec<&str> = KNOWN.iter().map(|k| k.0).collect();
+            return bad(key, "an unknown quantity".to_owned(), format!("one of {}", names.join(", ")));
+        };
+        if !QUANTITIES.contains(value) {
+            return bad(key, value.to_string(), format!("a value above 0 in {unit} (1e-30 to 1e30)"));
+        }
+    }
+    Ok(())
+}
+
 impl Rig {
     /// Reads and checks a rig file, and the model file that it names.
     ///
@@ -264,19 +281,9 @@ impl Rig {
                 _ => {}
             }
         }
-        for (key, value) in &file.known {
-            let Some((_, unit)) = KNOWN.iter().find(|(name, _)| name == key) else {
-                let names: Vec<&str> = KNOWN.iter().map(|k| k.0).collect();
-                return bad(
-                    &format!("known.{key}"),
-                    "an unknown quantity".to_owned(),
-                    &format!("one of {}", names.join(", ")),
-                );
-            };
-            if !QUANTITIES.contains(value) {
-                let expected = format!("a value above 0 in {unit} (1e-30 to 1e30)");
-                return bad(&format!("known.{key}"), value.to_string(), &expected);
-            }
+        // The quantities of a model file are its own: see [`measures::bind`].
+        if !measures::is_file(&file.model) {
+            check_known(&file.known, path)?;
         }
         let mut known = file.known;
         known.entry("g".to_owned()).or_insert(GRAVITY);
@@ -295,6 +302,12 @@ impl Rig {
         };
         measures::check_built_in(&rig)?;
         Ok(rig)
+    }
+
+    /// Whether the rig file itself gives g.
+    pub fn says_gravity(&self) -> bool {
+        let table: Option<toml::Table> = toml::from_str(&self.text).ok();
+        table.and_then(|t| t.get("known")?.as_table().map(|k| k.contains_key("g"))).unwrap_or(false)
     }
 
     /// Angular frequency Ω = 2π f_e of the drive, or 1 rad/s for a free system.

@@ -67,6 +67,7 @@ fn usage_errors_end_with_status_2_and_lists_with_0() {
         assert!(ids.contains(&id), "{id}");
     }
     assert!(done(at, "list models").contains("double-pendulum"));
+    assert!(done(at, "list models --show cart-pendulum").contains("[[body]]"));
     assert!(done(at, "--version").starts_with("whirl "));
     for command in ["demo", "simulate", "capture", "inspect", "identify", "list"] {
         assert!(done(at, &format!("{command} --help")).contains("Usage"), "{command}");

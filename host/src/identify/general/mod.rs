@@ -8,6 +8,7 @@ pub mod chain;
 pub mod geometry;
 pub mod noise;
 pub mod per_record;
+pub mod physical;
 pub mod series;
 pub mod shooting;
 pub mod stretches;
@@ -37,6 +38,7 @@ use crate::record::Record;
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
 use crate::signal::noise as spectral;
+use crate::system::ties::Identified;
 use crate::warning::Warning;
 
 /// A record made ready for the weak form of a model file.
@@ -260,7 +262,7 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
     let units = split.units(&units_of(model, rig, bound));
     let unit_of = |name: &String| names.iter().position(|n| n == name).map_or_else(String::new, |i| units[i].clone());
     let (own, values, covariance) = ties::tie(&names, &all, &solution.covariance, &solution.metric);
-    let parameters: Vec<Parameter> = own
+    let mut parameters: Vec<Parameter> = own
         .iter()
         .enumerate()
         .map(|(i, name)| Parameter {
@@ -271,6 +273,10 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
         })
         .collect();
     let groups = identifiability::groups_not_separable(&own, &values, &covariance);
+    // Where a written equation shares a coefficient with another, the metric is not that of the shared ones.
+    let metric = if own.len() == names.len() { &solution.metric } else { &covariance };
+    let identified = Identified { names: &own, values: &values, covariance: &covariance, metric };
+    let ties_misfit = physical::add(rig, model, &identified, &mut parameters, &mut warnings);
     let tied: Vec<DVector<f64>> = split.tied(&own, &values);
     let errors = balance_error::balance_errors(model, rig, &stretches, &kernels, &record_of, &split, &tied);
     let length_s = windows.length_s;
@@ -287,6 +293,7 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
         correlation_names: own,
         details: Details {
             balance_error: errors,
+            ties_misfit,
             ..Details::of(&solution, rows.len(), (&windows, &kernels), sigma, bias.as_ref())
         },
         shooting: None,
@@ -361,5 +368,7 @@ pub(crate) fn noise_weights(
     Ok(weights)
 }
 
+#[cfg(test)]
+mod system_tests;
 #[cfg(test)]
 mod tests;

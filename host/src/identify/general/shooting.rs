@@ -7,15 +7,17 @@ use indicatif::ProgressBar;
 use nalgebra::DVector;
 
 use super::track::{Along, Pieces, Track};
-use super::{Prepared, correlation, prepare};
+use super::{Prepared, correlation, physical, prepare};
 use crate::error::{BadInput, Result};
 use crate::identify::shooting::run::{self, Failure, Outcome, REPEATING};
 use crate::identify::shooting::{Details, Settings, told};
 use crate::identify::{Identification, Settings as WeakSettings, identifiability};
+use crate::model::model_file::ModelFile;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
+use crate::system::ties::Identified;
 use crate::warning::Warning;
 
 /// Ratio of residuals to the sensors' noise from which the model is said to miss something.
@@ -99,11 +101,12 @@ pub fn identify(
         }
     })?;
     let levels_s = levels.iter().map(|l| *l as f64 * track.spacing_s).collect();
-    Ok(finish(first, names, outcome, levels_s, samples * track.sensors.len()))
+    Ok(finish((rig, model), first, names, outcome, levels_s, samples * track.sensors.len()))
 }
 
 /// The run's result in the place of the weak form's.
 fn finish(
+    (rig, model): (&Rig, &ModelFile),
     first: Identification,
     names: &[String],
     outcome: Outcome,
@@ -111,7 +114,7 @@ fn finish(
     values_given: usize,
 ) -> Identification {
     let Outcome { fit, covariance, noise_ratio, lost, repetition, step_s, values, rounds } = outcome;
-    let mut warnings = first.warnings.clone();
+    let mut warnings: Vec<Warning> = first.warnings.iter().filter(|w| w.id != physical::OPEN).cloned().collect();
     let worst = noise_ratio.iter().copied().fold(0.0, f64::max);
     if repetition > REPEATING && worst <= MISSES {
         warnings.push(Warning::new(
@@ -124,12 +127,15 @@ fn finish(
     let values_found = DVector::from_vec(fit.parameters.clone());
     let estimate = &covariance.estimate;
     let mut parameters = first.parameters.clone();
+    parameters.truncate(first.correlation_names.len());
     for p in &mut parameters {
         if let Some(i) = names.iter().position(|n| *n == p.name) {
             (p.value, p.std_error) = (fit.parameters[i], estimate[(i, i)].max(0.0).sqrt());
         }
     }
+    let identified = Identified { names, values: &values_found, covariance: estimate, metric: &covariance.bound };
     let mut details = first.details.clone();
+    details.ties_misfit = physical::add(rig, model, &identified, &mut parameters, &mut warnings);
     details.repetition = repetition;
     details.jackknife_blocks = covariance.blocks;
     details.condition = vec![covariance.condition];

@@ -15,7 +15,7 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | [`parser`] | text to expressions, errors at the character |
+//! | [`parser`], [`grammar`], [`names`] | text to expressions, errors at the character; what names mean |
 //! | [`expression`] | the tree, derivatives |
 //! | [`by_parts`] | weak form of a term |
 //! | [`tape`] | evaluation over blocks of samples |
@@ -27,6 +27,8 @@ pub mod basis;
 pub mod by_parts;
 pub mod equations_of_motion;
 pub mod expression;
+pub mod grammar;
+pub mod names;
 pub mod parser;
 pub mod simulation;
 pub mod tape;
@@ -36,6 +38,7 @@ pub mod units;
 pub mod weak_form;
 
 use std::path::Path;
+use std::sync::Arc;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -45,6 +48,7 @@ use self::parser::{Mistake, Names};
 use self::toml_place::{Source, Value, described};
 use crate::error::{BadInput, Result};
 use crate::model::weak::Order;
+use crate::system::mechanism::Mechanism;
 
 /// Most coordinates, inputs and equations.
 const MOST_NAMES: usize = 64;
@@ -119,6 +123,8 @@ pub struct ModelFile {
     pub equations: Vec<Equation>,
     /// The text and the file.
     pub source: Source,
+    /// What the coefficients are made of, where the equations were derived from a system file.
+    pub mechanism: Option<Arc<Mechanism>>,
 }
 
 /// Whether a rig file's `model` is the path of a model file.
@@ -143,7 +149,11 @@ impl ModelFile {
         Self::from_source(Source { text: text.to_owned(), path: path.to_path_buf() })
     }
 
-    fn from_source(source: Source) -> Result<Self> {
+    /// Reads the text of a model file.
+    ///
+    /// # Errors
+    /// As [`ModelFile::read`].
+    pub fn from_source(source: Source) -> Result<Self> {
         let table = source.table()?;
         let span = table.span();
         let top = table.get_ref();
@@ -156,6 +166,22 @@ impl ModelFile {
         let name = source.text(name, "a name for people")?.to_owned();
         let coordinates = coordinates(&source, top, &span)?;
         let inputs = inputs(&source, top, &coordinates)?;
+        let (time, equations) = Self::equations_of(&source, top, span, &coordinates, &inputs)?;
+        drop(table);
+        Ok(Self { name, coordinates, inputs, time, equations, source, mechanism: None })
+    }
+
+    /// What a prime stands for, and the `[[equation]]`s.
+    ///
+    /// # Errors
+    /// As [`ModelFile::read`].
+    pub fn equations_of(
+        source: &Source,
+        top: &DeTable<'_>,
+        span: std::ops::Range<usize>,
+        coordinates: &[Coordinate],
+        inputs: &[String],
+    ) -> Result<(Time, Vec<Equation>)> {
         let time = match top.get("time") {
             None => Time::Phase,
             Some(v) => match v.get_ref().as_str() {
@@ -168,13 +194,14 @@ impl ModelFile {
                 }
             },
         };
-        let names = Names { coordinates: coordinates.iter().map(|c| c.name.clone()).collect(), inputs: inputs.clone() };
+        let names =
+            Names { coordinates: coordinates.iter().map(|c| c.name.clone()).collect(), inputs: inputs.to_vec() };
         let circle: Vec<bool> = coordinates.iter().map(|c| c.space == Space::Circle).collect();
         let list =
             source.required(top, span.clone(), "equation", "one [[equation]] or more, each with balance and terms")?;
         let equations = match list.get_ref() {
             DeValue::Array(a) if (1..=MOST_NAMES).contains(&a.len()) => {
-                a.iter().map(|e| equation(&source, e, &names, &circle)).collect::<Result<Vec<_>>>()?
+                a.iter().map(|e| equation(source, e, &names, &circle)).collect::<Result<Vec<_>>>()?
             }
             other => {
                 return Err(source
@@ -182,8 +209,7 @@ impl ModelFile {
                     .remedy("Write [[equation]] in double brackets"));
             }
         };
-        drop(table);
-        Ok(Self { name, coordinates, inputs, time, equations, source })
+        Ok((time, equations))
     }
 
     /// Names of all coefficients, each once, in the file's order.
@@ -240,7 +266,7 @@ fn is_name(text: &str) -> bool {
         && text.len() <= 64
 }
 
-fn check_name(source: &Source, at: usize, name: &str, taken: &[String]) -> Result<()> {
+pub(crate) fn check_name(source: &Source, at: usize, name: &str, taken: &[String]) -> Result<()> {
     if !is_name(name) {
         return Err(source
             .bad(at, format!("the name \"{name}\""), "letters, digits and _, a letter first, at most 64")
@@ -321,7 +347,7 @@ fn expression_of(source: &Source, value: &Value<'_>, names: &Names, what: &str) 
     parser::parse(text, names).map_err(|m| mistake(source, value, text, m))
 }
 
-fn mistake(source: &Source, value: &Value<'_>, text: &str, m: Mistake) -> BadInput {
+pub(crate) fn mistake(source: &Source, value: &Value<'_>, text: &str, m: Mistake) -> BadInput {
     let shown: String = text.chars().take(80).collect();
     let more = if shown.len() < text.len() { "…" } else { "" };
     let found = if text.is_empty() { m.found } else { format!("{} in \"{shown}{more}\"", m.found) };

@@ -10,54 +10,13 @@
 
 use std::ops::Range;
 
-use super::expression::{
-    FUNCTIONS, Node, Symbol, add, call, divide, multiply, negate, number, power, subtract, symbol,
-};
+pub use super::grammar::{Fault, Grammar, Mistake};
+pub use super::names::Names;
 
 /// Longest expression, characters: bounds the depth of every recursion over it.
 pub const LONGEST: usize = 4000;
 /// Deepest nesting of parentheses and signs.
 const DEEPEST: usize = 60;
-
-/// What names mean.
-#[derive(Clone, Debug, Default)]
-pub struct Names {
-    /// Coordinates.
-    pub coordinates: Vec<String>,
-    /// Inputs.
-    pub inputs: Vec<String>,
-}
-
-/// A mistake in an expression.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Mistake {
-    /// Bytes of the text at fault.
-    pub at: Range<usize>,
-    /// What is wrong there.
-    pub found: String,
-    /// What was expected.
-    pub expected: String,
-    /// What to do about it.
-    pub remedy: String,
-}
-
-/// A name that was used and is not there: for messages.
-fn unknown(name: &str, names: &Names, called: bool) -> (String, String, String) {
-    let functions: Vec<&str> = FUNCTIONS.iter().map(|f| f.0).collect();
-    if called {
-        let expected = format!("one of the functions {}", functions.join(", "));
-        return (format!("the function \"{name}\""), expected, "Correct the function's name".to_owned());
-    }
-    let mut known: Vec<&str> = names.coordinates.iter().chain(&names.inputs).map(String::as_str).collect();
-    known.extend(["tau", "pi"]);
-    let remedy = if functions.contains(&name) {
-        format!("Give the function its argument, {name}(…)")
-    } else {
-        "Correct the name, or declare it under coordinates or inputs; unknown coefficients are the keys of terms, not in expressions"
-            .to_owned()
-    };
-    (format!("the name \"{name}\""), format!("one of {}", known.join(", ")), remedy)
-}
 
 #[derive(Clone, Debug, PartialEq)]
 enum Token {
@@ -67,12 +26,15 @@ enum Token {
     Operator(char),
     Open,
     Close,
+    OpenList,
+    CloseList,
+    Comma,
     End,
 }
 
-struct Parser<'a> {
+struct Parser<'a, G> {
     text: &'a str,
-    names: &'a Names,
+    names: &'a G,
     /// Present token and its place.
     token: Token,
     at: Range<usize>,
@@ -85,7 +47,7 @@ struct Parser<'a> {
 ///
 /// # Errors
 /// The first mistake with its place.
-pub fn parse(text: &str, names: &Names) -> Result<Node, Mistake> {
+pub fn parse<G: Grammar>(text: &str, names: &G) -> Result<G::Value, Mistake> {
     if text.chars().count() > LONGEST {
         return Err(Mistake {
             at: 0..0,
@@ -107,7 +69,9 @@ pub fn parse(text: &str, names: &Names) -> Result<Node, Mistake> {
     match &p.token {
         Token::End => Ok(e),
         Token::Close => Err(p.mistake("a \")\" without its \"(\"", "", "Remove it, or open it before")),
-        Token::Open | Token::Number(_) | Token::Name(..) => {
+        Token::CloseList => Err(p.mistake("a \"]\" without its \"[\"", "", "Remove it, or open it before")),
+        Token::Comma => Err(p.mistake("\",\"", "an operator, + - * / ^", "A list stands in brackets, [right, up]")),
+        Token::Open | Token::OpenList | Token::Number(_) | Token::Name(..) => {
             let found = format!("\"{}\"", &text[p.at.clone()]);
             Err(p.mistake(&found, "an operator, + - * / ^", "A product needs its \"*\""))
         }
@@ -115,7 +79,7 @@ pub fn parse(text: &str, names: &Names) -> Result<Node, Mistake> {
     }
 }
 
-impl Parser<'_> {
+impl<G: Grammar> Parser<'_, G> {
     fn mistake(&self, found: &str, expected: &str, remedy: &str) -> Mistake {
         Mistake {
             at: self.at.clone(),
@@ -138,6 +102,9 @@ impl Parser<'_> {
         self.token = match c {
             '(' => Token::Open,
             ')' => Token::Close,
+            '[' if G::LISTS => Token::OpenList,
+            ']' if G::LISTS => Token::CloseList,
+            ',' if G::LISTS => Token::Comma,
             '*' if rest.starts_with("**") => {
                 length = 2;
                 Token::Operator('^')
@@ -192,7 +159,7 @@ impl Parser<'_> {
     }
 
     /// An expression whose operators bind at least as tightly as `least`.
-    fn expression(&mut self, least: u8) -> Result<Node, Mistake> {
+    fn expression(&mut self, least: u8) -> Result<G::Value, Mistake> {
         self.depth += 1;
         if self.depth > DEEPEST {
             return Err(self.mistake(
@@ -211,31 +178,27 @@ impl Parser<'_> {
             if binds < least {
                 break;
             }
+            let place = self.at.clone();
             self.advance()?;
             let operand = self.expression(right)?;
-            left = match c {
-                '+' => add(left, operand),
-                '-' => subtract(left, operand),
-                '*' => multiply(left, operand),
-                '/' => divide(left, operand),
-                _ => power(left, operand),
-            };
+            left = self.names.operation(c, left, operand).map_err(|f| f.at(&place))?;
         }
         self.depth -= 1;
         Ok(left)
     }
 
-    fn operand(&mut self) -> Result<Node, Mistake> {
+    fn operand(&mut self) -> Result<G::Value, Mistake> {
         let token = self.token.clone();
         let place = self.at.clone();
         match token {
             Token::Number(x) => {
                 self.advance()?;
-                Ok(number(x))
+                Ok(self.names.number(x))
             }
             Token::Operator('-') => {
                 self.advance()?;
-                Ok(negate(self.expression(5)?))
+                let operand = self.expression(5)?;
+                self.names.operation('*', self.names.number(-1.0), operand).map_err(|f| f.at(&place))
             }
             Token::Operator('+') => {
                 self.advance()?;
@@ -247,12 +210,21 @@ impl Parser<'_> {
                 self.close(&place)?;
                 Ok(e)
             }
+            Token::OpenList => {
+                self.advance()?;
+                let items = self.items(&Token::CloseList, &place, "a \"[\" without its \"]\"")?;
+                self.names.list(items).map_err(|f| f.at(&place))
+            }
             Token::Name(name, primes) => {
                 self.advance()?;
                 self.name(&name, primes, place)
             }
             Token::Operator(c) => {
                 Err(self.mistake(&format!("\"{c}\""), "a number, a name or \"(\" before it", "Complete the expression"))
+            }
+            Token::CloseList | Token::Comma => {
+                let found = format!("\"{}\"", &self.text[place]);
+                Err(self.mistake(&found, "a number, a name or \"(\"", "Complete the expression before it"))
             }
             Token::Close => {
                 Err(self.mistake("\")\"", "a number, a name or \"(\"", "Complete the expression before it"))
@@ -282,56 +254,44 @@ impl Parser<'_> {
         }
     }
 
-    fn name(&mut self, name: &str, primes: usize, place: Range<usize>) -> Result<Node, Mistake> {
-        let at = |(found, expected, remedy): (String, String, String)| Mistake {
-            at: place.clone(),
-            found,
-            expected,
-            remedy,
-        };
-        if let Some(i) = self.names.coordinates.iter().position(|n| n == name) {
-            return match primes {
-                0 => Ok(symbol(Symbol::Coordinate(i))),
-                1 => Ok(symbol(Symbol::Rate(i))),
-                2 => Ok(symbol(Symbol::Acceleration(i))),
-                n => Err(at((
-                    format!("the derivative of order {n} of {name}"),
-                    "at most the second".to_owned(),
-                    "Equations of motion are of second order".to_owned(),
-                ))),
-            };
+    /// Expressions with commas between them up to `end`, which is taken too.
+    fn items(&mut self, end: &Token, open: &Range<usize>, unclosed: &str) -> Result<Vec<G::Value>, Mistake> {
+        let mut items = vec![self.expression(0)?];
+        while self.token == Token::Comma {
+            self.advance()?;
+            items.push(self.expression(0)?);
         }
-        let input = self.names.inputs.iter().position(|n| n == name);
-        if primes > 0 && (input.is_some() || name == "tau") {
-            return Err(at((
-                format!("a derivative of {name}"),
-                "derivatives of coordinates only".to_owned(),
-                "Remove the prime".to_owned(),
-            )));
+        if self.token == *end {
+            self.advance()?;
+            return Ok(items);
         }
-        if let Some(k) = input {
-            return Ok(symbol(Symbol::Input(k)));
-        }
-        let function = FUNCTIONS.iter().find(|f| f.0 == name);
-        match (function, name) {
-            (Some((_, f)), _) if self.token == Token::Open && primes == 0 => {
-                let open = self.at.clone();
-                self.advance()?;
-                if self.token == Token::Close {
-                    return Err(self.mistake(
-                        "nothing",
-                        &format!("the argument of {name}"),
-                        "Put it between the parentheses",
-                    ));
-                }
-                let argument = self.expression(0)?;
-                self.close(&open)?;
-                Ok(call(*f, argument))
+        Err(match self.token {
+            Token::End => Fault::new(unclosed, "", "Close it").at(open),
+            _ => {
+                let found = format!("\"{}\"", &self.text[self.at.clone()]);
+                self.mistake(&found, "an operator, \",\" or the end of the list", "A product needs its \"*\"")
             }
-            (None, "tau") => Ok(symbol(Symbol::Tau)),
-            (None, "pi" | "π") if primes == 0 => Ok(number(core::f64::consts::PI)),
-            _ => Err(at(unknown(name, self.names, function.is_none() && self.token == Token::Open))),
+        })
+    }
+
+    fn name(&mut self, name: &str, primes: usize, place: Range<usize>) -> Result<G::Value, Mistake> {
+        let called = self.token == Token::Open;
+        if let Some(value) = self.names.name(name, primes, called).map_err(|f| f.at(&place))? {
+            return Ok(value);
         }
+        let open = self.at.clone();
+        self.advance()?;
+        if self.token == Token::Close {
+            return Err(self.mistake("nothing", &format!("the argument of {name}"), "Put it between the parentheses"));
+        }
+        let arguments = if G::LISTS {
+            self.items(&Token::Close, &open, "a \"(\" without its \")\"")?
+        } else {
+            let argument = self.expression(0)?;
+            self.close(&open)?;
+            vec![argument]
+        };
+        self.names.call(name, arguments).map_err(|f| f.at(&place))
     }
 }
 
@@ -352,6 +312,7 @@ fn number_length(text: &str) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use super::super::expression::Symbol;
     use super::*;
 
     fn names() -> Names {

@@ -24,6 +24,34 @@ impl Unit {
         })
     }
 
+    /// A unit as it is written: `kg m^2`, `N m/A`, `m/s²`, `1`; what follows a stroke divides. None where it is no unit.
+    pub fn parse(text: &str) -> Option<Self> {
+        let mut out = Self::default();
+        for (i, part) in text.split('/').enumerate() {
+            let words: Vec<&str> = part.split([' ', '*', '·']).filter(|w| !w.is_empty()).collect();
+            if words.is_empty() || words.len() > 8 {
+                return None;
+            }
+            for word in words {
+                let name: String = word.chars().take_while(|c| c.is_alphabetic() || *c == '°').collect();
+                let after = &word[name.len()..];
+                let power: String = after.chars().map(plain_digit).filter(|c| *c != '^').collect();
+                let power = if after.is_empty() { 1 } else { power.parse::<i32>().ok().filter(|p| p.abs() <= 9)? };
+                match name.as_str() {
+                    "" if word == "1" => {}
+                    "" => return None,
+                    // Angles have no unit.
+                    "rad" => {}
+                    _ => {
+                        let sign = if i == 0 { 1.0 } else { -1.0 };
+                        out = out.times(&Self(vec![(name, 1.0)]), sign * f64::from(power));
+                    }
+                }
+            }
+        }
+        Some(out)
+    }
+
     /// This unit times another to a power.
     pub fn times(&self, other: &Self, power: f64) -> Self {
         let mut out = self.clone();
@@ -43,6 +71,16 @@ impl Unit {
 
     fn power(&self, power: f64) -> Self {
         Self::default().times(self, power)
+    }
+}
+
+/// A digit or sign set high as a plain one.
+fn plain_digit(c: char) -> char {
+    let high = ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'];
+    match high.iter().position(|h| *h == c) {
+        Some(d) => char::from_digit(d as u32, 10).unwrap_or(c),
+        None if c == '⁻' => '-',
+        None => c,
     }
 }
 
@@ -124,6 +162,26 @@ pub fn coefficient(balance: &Node, term: &Node, coordinates: &[Unit], inputs: &[
 mod tests {
     use super::super::parser::{Names, parse};
     use super::*;
+
+    #[test]
+    fn written_units_are_read() {
+        for (text, shown) in [
+            ("kg m^2", "kg m²"),
+            ("N m/A", "N m/A"),
+            ("m/s²", "m/s²"),
+            ("1", "1"),
+            ("rad", "1"),
+            ("N/m^3", "N/m³"),
+            ("kg*m", "kg m"),
+            ("s^-1", "s⁻¹"),
+            ("1/s", "s⁻¹"),
+        ] {
+            assert_eq!(Unit::parse(text).map(|u| u.to_string()).as_deref(), Some(shown), "{text}");
+        }
+        for text in ["", "kg m^", "kg^x", "2", "/s", "m^99", "kg,m"] {
+            assert_eq!(Unit::parse(text), None, "{text}");
+        }
+    }
 
     #[test]
     fn units_follow_from_channels() {

@@ -52,6 +52,25 @@ fn value(v: &toml::Value) -> Option<f64> {
     .filter(|x| x.is_finite())
 }
 
+/// What a plant gives: the coefficients of a model file; for a system, its parameters, strengths of its nominal effects, and the
+/// coefficients of its written equations.
+fn truths(model: &ModelFile) -> Vec<String> {
+    let Some(mechanism) = &model.mechanism else { return model.coefficients() };
+    let derived = |n: &String| mechanism.coefficients.iter().any(|c| c.name == *n);
+    let parameters = mechanism.parameters.iter().enumerate().filter(|(k, _)| mechanism.takes_part(*k));
+    let written = model.coefficients().into_iter().filter(|n| !derived(n));
+    parameters.map(|(_, p)| p.name.clone()).chain(written).collect()
+}
+
+/// The coefficients of a plant's truths.
+fn coefficients(model: &ModelFile, names: &[String], given: &[f64]) -> Vec<f64> {
+    let of = |n: &str| names.iter().position(|x| x == n).map(|i| given[i]);
+    let parameters: Vec<f64> =
+        model.mechanism.iter().flat_map(|m| &m.parameters).map(|p| of(&p.name).unwrap_or(0.0)).collect();
+    let derived = |n: &str| model.mechanism.as_ref().and_then(|m| m.value(n, &parameters));
+    model.coefficients().iter().map(|n| derived(n).or_else(|| of(n)).unwrap_or(f64::NAN)).collect()
+}
+
 impl Plant {
     /// Reads `[plant]` from a rig's text.
     ///
@@ -69,7 +88,7 @@ impl Plant {
         let table = file
             .plant
             .ok_or_else(|| bad("", "no [plant]".to_owned(), "the simulated system's coefficients".to_owned()))?;
-        let names = model.coefficients();
+        let names = truths(model);
         if let Some(key) = table.keys().find(|k| !names.contains(k) && !KEYS.contains(&k.as_str())) {
             let known = format!("{}, {}", names.join(", "), KEYS.join(", "));
             return Err(bad(key, format!("an unknown key \"{key}\""), format!("one of {known}")));
@@ -80,10 +99,14 @@ impl Plant {
                 .map(|v| value(v).ok_or_else(|| bad(key, v.to_string(), "a finite number".to_owned())))
                 .transpose()
         };
-        let coefficients = names
+        let given = names
             .iter()
-            .map(|n| number(n)?.ok_or_else(|| bad(n, "nothing".to_owned(), format!("the coefficient {n}"))))
+            .map(|n| {
+                let gravity = (n == "g").then(|| rig.known.get("g").copied()).flatten();
+                number(n)?.or(gravity).ok_or_else(|| bad(n, "nothing".to_owned(), format!("the coefficient {n}")))
+            })
             .collect::<Result<Vec<f64>>>()?;
+        let coefficients = coefficients(model, &names, &given);
         let n = model.coordinates.len();
         let initial = match table.get("initial") {
             None => vec![0.0; 2 * n],

@@ -1,0 +1,379 @@
+//! Sums of products in a normal form: what a Lagrangian is collected in.
+//!
+//! Σ_k c_k Π_a aⁿ over atoms a: parameters, the motion's symbols, functions of such sums. Sines and cosines are multiplied out,
+//! sin a sin b = ½ [cos(a − b) − cos(a + b)] and so on, so that a product holds one at most: with it
+//! every identity between them holds by itself (a Fourier sum is unique), and like terms join.
+//! A sum that is divided by, or raised to a broken power, is an atom of its own.
+
+use std::collections::BTreeMap;
+
+use crate::model::model_file::expression::{Function, Symbol};
+
+/// Most terms of a sum: bounds what a file can ask for.
+pub const MOST_TERMS: usize = 4000;
+/// Highest power to which a sum, a sine or a cosine is multiplied out.
+const MOST_POWER: i32 = 12;
+
+/// A number with the order of its bits' meaning, so that sums can be compared.
+#[derive(Clone, Copy, Debug)]
+pub struct Real(pub f64);
+
+impl Ord for Real {
+    fn cmp(&self, other: &Self) -> core::cmp::Ordering {
+        self.0.total_cmp(&other.0)
+    }
+}
+
+impl PartialOrd for Real {
+    fn partial_cmp(&self, other: &Self) -> Option<core::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Real {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Real {}
+
+/// What a product is made of.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Atom {
+    /// Parameter k: of the file, a strength of an effect, or g.
+    Parameter(usize),
+    /// Part of the motion: a coordinate, its derivatives, an input, the drive's phase.
+    Motion(Symbol),
+    /// f(a).
+    Call(Function, Polynomial),
+    /// The angle of (x, y), from y and x.
+    Atan2(Polynomial, Polynomial),
+    /// A sum whose power is not multiplied out.
+    Sum(Polynomial),
+    /// aᵇ with a power that is no whole number.
+    Power(Polynomial, Polynomial),
+}
+
+/// Atoms with their powers, each once, in their order.
+pub type Product = Vec<(Atom, i32)>;
+
+/// A sum of products.
+#[derive(Clone, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Polynomial(BTreeMap<Product, Real>);
+
+/// Why something has no normal form.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TooLarge {
+    /// More than [`MOST_TERMS`].
+    Terms,
+}
+
+impl Polynomial {
+    /// A number.
+    pub fn number(x: f64) -> Self {
+        let mut out = Self::default();
+        out.put(Vec::new(), x);
+        out
+    }
+
+    /// An atom.
+    pub fn atom(a: Atom) -> Self {
+        let mut out = Self::default();
+        out.put(vec![(a, 1)], 1.0);
+        out
+    }
+
+    /// A symbol of the motion.
+    pub fn motion(s: Symbol) -> Self {
+        Self::atom(Atom::Motion(s))
+    }
+
+    /// A sum of one product.
+    pub fn product(product: Product, factor: f64) -> Self {
+        let mut out = Self::default();
+        out.put(product, factor);
+        out
+    }
+
+    fn put(&mut self, product: Product, factor: f64) {
+        use std::collections::btree_map::Entry;
+        match self.0.entry(product) {
+            Entry::Vacant(v) => {
+                if factor != 0.0 {
+                    v.insert(Real(factor));
+                }
+            }
+            Entry::Occupied(mut o) => {
+                let (before, sum) = (o.get().0, o.get().0 + factor);
+                // What cancels leaves rounding only.
+                if sum.abs() <= 1e-14 * before.abs() {
+                    o.remove();
+                } else {
+                    o.insert(Real(sum));
+                }
+            }
+        }
+    }
+
+    /// Products and their factors.
+    pub fn terms(&self) -> impl Iterator<Item = (&Product, f64)> {
+        self.0.iter().map(|(p, c)| (p, c.0))
+    }
+
+    /// Number of products.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Whether it is 0.
+    pub fn is_zero(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The number that it is, if it is one.
+    pub fn as_number(&self) -> Option<f64> {
+        match self.0.len() {
+            0 => Some(0.0),
+            1 => self.0.get(&Vec::new()).map(|x| x.0),
+            _ => None,
+        }
+    }
+
+    /// The sum of two.
+    pub fn plus(&self, other: &Self) -> Self {
+        let mut out = self.clone();
+        other.terms().for_each(|(p, c)| out.put(p.clone(), c));
+        out
+    }
+
+    /// A multiple.
+    pub fn scaled(&self, by: f64) -> Self {
+        if by == 0.0 {
+            Self::default()
+        } else {
+            Self(self.0.iter().map(|(p, c)| (p.clone(), Real(c.0 * by))).collect())
+        }
+    }
+
+    /// The difference.
+    pub fn minus(&self, other: &Self) -> Self {
+        self.plus(&other.scaled(-1.0))
+    }
+
+    /// The product.
+    ///
+    /// # Errors
+    /// One too large to be written out.
+    pub fn times(&self, other: &Self) -> Result<Self, TooLarge> {
+        if self.len().saturating_mul(other.len()) > MOST_TERMS * 16 {
+            return Err(TooLarge::Terms);
+        }
+        let mut out = Self::default();
+        for (p, x) in self.terms() {
+            for (q, y) in other.terms() {
+                multiply_into(p, q, x * y, &mut out);
+            }
+            if out.len() > MOST_TERMS {
+                return Err(TooLarge::Terms);
+            }
+        }
+        Ok(out)
+    }
+
+    /// A whole power.
+    ///
+    /// # Errors
+    /// One too large to be written out.
+    pub fn power(&self, n: i32) -> Result<Self, TooLarge> {
+        if let Some(x) = self.as_number() {
+            return Ok(Self::number(x.powi(n)));
+        }
+        if n == 0 {
+            return Ok(Self::number(1.0));
+        }
+        let single = self.0.len() == 1 && self.0.keys().all(|p| p.iter().all(|(a, _)| !is_trigonometric(a)));
+        if single {
+            let raised = |(p, c): (&Product, f64)| {
+                Self::product(p.iter().map(|(a, k)| (a.clone(), k.saturating_mul(n))).collect(), c.powi(n))
+            };
+            return Ok(self.terms().next().map(raised).unwrap_or_default());
+        }
+        match n {
+            1..=MOST_POWER => (1..n).try_fold(self.clone(), |p, _| p.times(self)),
+            _ => {
+                // The sum's own size goes in front, so that sums that differ by a factor are one atom.
+                let size = self.0.values().next().map_or(1.0, |x| x.0);
+                Ok(Self::product(vec![(Atom::Sum(self.scaled(1.0 / size)), n)], size.powi(n)))
+            }
+        }
+    }
+
+    /// A function of it.
+    pub fn call(f: Function, a: Self) -> Self {
+        if let Some(x) = a.as_number() {
+            return Self::number(f.value(x));
+        }
+        let first = a.0.values().next().map_or(1.0, |x| x.0);
+        let odd = matches!(f, Function::Sin | Function::Tan | Function::Sign | Function::Tanh);
+        let even = matches!(f, Function::Cos | Function::Abs);
+        let sign = if first < 0.0 && (odd || even) { -1.0 } else { 1.0 };
+        // The sign of a product does not depend on its size.
+        let size = if f == Function::Sign { first.abs() } else { 1.0 };
+        let argument = if sign < 0.0 || size != 1.0 { a.scaled(sign / size) } else { a };
+        Self::product(vec![(Atom::Call(f, argument), 1)], if odd { sign } else { 1.0 })
+    }
+
+    /// Whether some atom, also inside functions, satisfies a condition.
+    pub fn any(&self, wanted: &dyn Fn(&Atom) -> bool) -> bool {
+        self.0.keys().flatten().any(|(a, _)| {
+            wanted(a)
+                || match a {
+                    Atom::Parameter(_) | Atom::Motion(_) => false,
+                    Atom::Call(_, p) | Atom::Sum(p) => p.any(wanted),
+                    Atom::Atan2(y, x) | Atom::Power(y, x) => y.any(wanted) || x.any(wanted),
+                }
+        })
+    }
+
+    /// Whether it holds a parameter.
+    pub fn has_parameter(&self) -> bool {
+        self.any(&|a| matches!(a, Atom::Parameter(_)))
+    }
+
+    /// Whether it holds a symbol of the motion that satisfies a condition.
+    pub fn moves(&self, wanted: impl Fn(Symbol) -> bool) -> bool {
+        self.any(&|a| matches!(a, Atom::Motion(s) if wanted(*s)))
+    }
+
+    /// Its value; `of` gives those of parameters and symbols.
+    pub fn value(&self, of: &dyn Fn(&Atom) -> f64) -> f64 {
+        self.terms().map(|(p, c)| p.iter().fold(c, |x, (a, n)| x * atom_value(a, of).powi(*n))).sum()
+    }
+
+    /// Parameters and the rest apart: Σ (product of parameters) × (sum of the motion).
+    pub fn by_parameters(&self) -> BTreeMap<Product, Self> {
+        let mut out: BTreeMap<Product, Self> = BTreeMap::new();
+        for (p, c) in self.terms() {
+            let (own, rest): (Product, Product) = p.iter().cloned().partition(|(a, _)| matches!(a, Atom::Parameter(_)));
+            out.entry(own).or_default().put(rest, c);
+        }
+        out.retain(|_, e| !e.is_zero());
+        out
+    }
+}
+
+/// Value of an atom.
+fn atom_value(a: &Atom, of: &dyn Fn(&Atom) -> f64) -> f64 {
+    match a {
+        Atom::Parameter(_) | Atom::Motion(_) => of(a),
+        Atom::Call(f, p) => f.value(p.value(of)),
+        Atom::Atan2(y, x) => y.value(of).atan2(x.value(of)),
+        Atom::Sum(p) => p.value(of),
+        Atom::Power(a, b) => a.value(of).powf(b.value(of)),
+    }
+}
+
+fn is_trigonometric(a: &Atom) -> bool {
+    matches!(a, Atom::Call(Function::Sin | Function::Cos, _))
+}
+
+/// Adds factor · p · q to a sum.
+fn multiply_into(p: &Product, q: &Product, factor: f64, out: &mut Polynomial) {
+    let mut all = p.clone();
+    let mut second: Option<&Atom> = None;
+    for (a, n) in q {
+        if is_trigonometric(a) && all.iter().any(|(b, _)| is_trigonometric(b)) {
+            second = Some(a);
+            continue;
+        }
+        match all.binary_search_by(|(b, _)| b.cmp(a)) {
+            Ok(i) => {
+                all[i].1 = all[i].1.saturating_add(*n);
+                if all[i].1 == 0 {
+                    all.remove(i);
+                }
+            }
+            Err(i) => all.insert(i, (a.clone(), *n)),
+        }
+    }
+    let first = all.iter().position(|(b, _)| is_trigonometric(b));
+    let (Some(Atom::Call(g, b)), Some(i)) = (second, first) else { return out.put(all, factor) };
+    let (Atom::Call(f, a), _) = all.remove(i) else { return };
+    use Function::{Cos, Sin};
+    // f(a) g(b) as half of two functions of a − b and a + b, with the sign of each.
+    let (kind, minus, plus) = match (f, g) {
+        (Sin, Sin) => (Cos, 1.0, -1.0),
+        (Cos, Cos) => (Cos, 1.0, 1.0),
+        (Sin, _) => (Sin, 1.0, 1.0),
+        _ => (Sin, -1.0, 1.0),
+    };
+    for (argument, sign) in [(a.minus(b), minus), (a.plus(b), plus)] {
+        for (t, c) in Polynomial::call(kind, argument).terms() {
+            let mut whole = all.clone();
+            for (x, n) in t {
+                let at = whole.binary_search_by(|(y, _)| y.cmp(x)).unwrap_or_else(|i| i);
+                whole.insert(at, (x.clone(), *n));
+            }
+            out.put(whole, 0.5 * sign * factor * c);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn q(i: usize) -> Polynomial {
+        Polynomial::motion(Symbol::Coordinate(i))
+    }
+
+    fn at(a: &Atom) -> f64 {
+        match a {
+            Atom::Motion(Symbol::Coordinate(i)) => 0.7 + *i as f64,
+            Atom::Parameter(k) => 2.5 - *k as f64,
+            _ => f64::NAN,
+        }
+    }
+
+    /// Identities between sines and cosines hold by themselves.
+    #[test]
+    fn identities_hold() {
+        let (sin, cos) = (Polynomial::call(Function::Sin, q(0)), Polynomial::call(Function::Cos, q(0)));
+        let one = sin.power(2).unwrap().plus(&cos.power(2).unwrap());
+        assert_eq!(one.as_number(), Some(1.0));
+        let (sin1, cos1) = (Polynomial::call(Function::Sin, q(1)), Polynomial::call(Function::Cos, q(1)));
+        let difference = cos.times(&cos1).unwrap().plus(&sin.times(&sin1).unwrap());
+        assert_eq!(difference, Polynomial::call(Function::Cos, q(1).minus(&q(0))));
+        let double = sin.times(&cos).unwrap().scaled(2.0);
+        assert_eq!(double, Polynomial::call(Function::Sin, q(0).scaled(2.0)));
+    }
+
+    /// Products, powers and functions against their values.
+    #[test]
+    fn values_are_those_of_the_operations() {
+        let k = Polynomial::atom(Atom::Parameter(1));
+        let a = Polynomial::call(Function::Sin, q(0)).plus(&k.scaled(2.0));
+        let b = Polynomial::call(Function::Cos, q(1)).minus(&q(0));
+        let (x, y) = (0.7_f64.sin() + 3.0, 1.7_f64.cos() - 0.7);
+        for (p, expected) in [
+            (a.times(&b).unwrap(), x * y),
+            (a.power(3).unwrap().times(&b.power(2).unwrap()).unwrap(), x.powi(3) * y * y),
+            (b.power(-2).unwrap(), y.powi(-2)),
+            (q(1).scaled(2.0).power(-3).unwrap(), (3.4_f64).powi(-3)),
+            (Polynomial::call(Function::Abs, b.scaled(-3.0)), (3.0 * y).abs()),
+            (Polynomial::call(Function::Sign, q(0).scaled(-2.0)), -1.0),
+            (Polynomial::call(Function::Sin, q(0)).power(5).unwrap(), 0.7_f64.sin().powi(5)),
+        ] {
+            assert!((p.value(&at) - expected).abs() < 1e-13 * (1.0 + expected.abs()), "{p:?} {expected}");
+        }
+        assert!(a.minus(&a).is_zero() && a.has_parameter() && !b.has_parameter());
+        assert_eq!(a.by_parameters().len(), 2);
+    }
+
+    #[test]
+    fn what_grows_without_bound_is_refused() {
+        let sum = (0..12).fold(Polynomial::default(), |p, i| p.plus(&q(i)));
+        assert_eq!(sum.power(12), Err(TooLarge::Terms));
+    }
+}

@@ -1,0 +1,392 @@
+//! Parameters of a system from identified coefficients and from what is known: the ties between coefficients.
+//!
+//! The coefficients b are functions b(p) = N(p)/D(p) of the parameters, more of them than parameters where the mechanism ties them.
+//! The p nearest to the identified b in a metric W, min (b − b(p))ᵀ W⁻¹ (b − b(p)), is found by Levenberg and Marquardt from seeded
+//! starts; W is the covariance for independent residuals, which does not scatter. The parameters' covariance is G Σ Gᵀ,
+//! G = (Jᵀ W⁻¹ J)⁺ Jᵀ W⁻¹, with the jackknife's Σ. The least distance is a test of the mechanism: χ² with rows − rank
+//! degrees of freedom. Known parameters are fixed, a known quantity is one more row.
+//!
+//! Directions of p that nothing fixes are the null space of the Jacobian with exact derivatives; a parameter or quantity whose gradient has
+//! a part in it is not reported but listed, with what would have to be known.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::derivative::partial;
+use super::mechanism::{Mechanism, at};
+use super::open_directions::{NULL, is_open, null_space, unit_columns, wanted};
+use super::polynomial::{Atom, Polynomial};
+use crate::identify::Parameter;
+
+/// Standard error of a known quantity as a share of it: that of the built-in systems' known amplitude.
+const KNOWN_SHARE: f64 = 1e-6;
+/// Starts at most, and how many must agree on the least distance.
+const STARTS: u64 = 40;
+const AGREEING: usize = 4;
+
+/// Identified coefficients.
+pub struct Identified<'a> {
+    /// Names.
+    pub names: &'a [String],
+    /// Values.
+    pub values: &'a DVector<f64>,
+    /// Covariance.
+    pub covariance: &'a DMatrix<f64>,
+    /// Covariance for independent residuals, the metric of the fit.
+    pub metric: &'a DMatrix<f64>,
+}
+
+/// What the ties give.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Fit {
+    /// Parameters, then quantities, that coefficients and what is known fix.
+    pub found: Vec<Parameter>,
+    /// Those that they leave open.
+    pub undetermined: Vec<String>,
+    /// What would fix most of them if it were known, and which follow then.
+    pub wanted: Option<(String, Vec<String>)>,
+    /// Least distance of the ties.
+    pub misfit: f64,
+    /// Its degrees of freedom.
+    pub freedom: usize,
+}
+
+/// A function of the parameters with its derivatives by the free ones.
+struct Row {
+    numerator: Polynomial,
+    denominator: Polynomial,
+    slopes: Vec<(Polynomial, Polynomial)>,
+}
+
+impl Row {
+    fn new(numerator: &Polynomial, denominator: &Polynomial, free: &[usize]) -> Option<Self> {
+        let slope = |k: &usize| {
+            let by = Atom::Parameter(*k);
+            Some((partial(numerator, &by).ok()?, partial(denominator, &by).ok()?))
+        };
+        Some(Self {
+            numerator: numerator.clone(),
+            denominator: denominator.clone(),
+            slopes: free.iter().map(slope).collect::<Option<_>>()?,
+        })
+    }
+
+    fn value(&self, p: &[f64]) -> f64 {
+        at(&self.numerator, p) / at(&self.denominator, p)
+    }
+
+    fn gradient(&self, p: &[f64]) -> Vec<f64> {
+        let (n, d) = (at(&self.numerator, p), at(&self.denominator, p));
+        self.slopes.iter().map(|(a, b)| (at(a, p) * d - n * at(b, p)) / (d * d)).collect()
+    }
+}
+
+struct Problem<'a> {
+    mechanism: &'a Mechanism,
+    free: Vec<usize>,
+    rows: Vec<Row>,
+    target: DVector<f64>,
+    /// Inverse of the Cholesky factor of the metric.
+    white: DMatrix<f64>,
+}
+
+impl Problem<'_> {
+    fn residual(&self, p: &[f64]) -> DVector<f64> {
+        let predicted = DVector::from_iterator(self.rows.len(), self.rows.iter().map(|r| r.value(p)));
+        &self.white * (&self.target - predicted)
+    }
+
+    /// ∂(rows)/∂x of the unknowns x, the logarithms of positive parameters.
+    fn jacobian(&self, p: &[f64]) -> DMatrix<f64> {
+        let mut out = DMatrix::zeros(self.rows.len(), self.free.len());
+        for (i, row) in self.rows.iter().enumerate() {
+            for (j, x) in row.gradient(p).into_iter().enumerate() {
+                out[(i, j)] = x * self.stretch(p, j);
+            }
+        }
+        out
+    }
+
+    fn positive(&self, j: usize) -> bool {
+        self.mechanism.parameters[self.free[j]].positive
+    }
+
+    /// dp/dx of unknown j.
+    fn stretch(&self, p: &[f64], j: usize) -> f64 {
+        if self.positive(j) { p[self.free[j]] } else { 1.0 }
+    }
+
+    fn moved(&self, p: &[f64], step: &DVector<f64>) -> Vec<f64> {
+        let mut q = p.to_vec();
+        for (j, &k) in self.free.iter().enumerate() {
+            if self.positive(j) {
+                q[k] *= step[j].clamp(-1.0, 1.0).exp();
+            } else {
+                q[k] += step[j];
+            }
+        }
+        q
+    }
+
+    /// Levenberg–Marquardt from a start: parameters and least distance.
+    fn fit(&self, start: Vec<f64>) -> (Vec<f64>, f64) {
+        let mut p = start;
+        let mut cost = self.residual(&p).norm_squared();
+        let (mut damping, mut small) = (1e-3, 0);
+        for _ in 0..300 {
+            let (mut j, r) = (&self.white * self.jacobian(&p), self.residual(&p));
+            let scale = unit_columns(&mut j);
+            if !j.iter().chain(r.iter()).all(|x| x.is_finite()) {
+                return (p, f64::INFINITY);
+            }
+            let svd = j.svd(true, true);
+            let (Some(u), Some(v_t)) = (&svd.u, &svd.v_t) else { return (p, cost) };
+            let (along, s) = (u.transpose() * r, &svd.singular_values);
+            let better = (0..30).find_map(|_| {
+                let share = DVector::from_fn(s.len(), |i, _| {
+                    if s[i] > NULL * s[0] { along[i] * s[i] / (s[i] * s[i] + damping * s[0] * s[0]) } else { 0.0 }
+                });
+                let step = (v_t.transpose() * share).component_div(&DVector::from_vec(scale.clone()));
+                let q = self.moved(&p, &step);
+                let new = self.residual(&q).norm_squared();
+                if new.is_finite() && new < cost {
+                    return Some((q, new));
+                }
+                damping = f64::max(4.0 * damping, 1e-12);
+                None
+            });
+            let Some((q, new)) = better else { break };
+            // A step that gains a millionth part ends it, the second time.
+            small = if cost - new < 1e-9 * cost { small + 1 } else { 0 };
+            (p, cost) = (q, new);
+            damping /= 10.0;
+            if small > 1 || cost < 1e-18 {
+                break;
+            }
+        }
+        (p, cost)
+    }
+
+    /// A start: what is known, then sizes over five decades; signs differ in the later ones.
+    fn start(&self, known: &[f64], k: u64) -> Vec<f64> {
+        let mut random = ChaCha8Rng::seed_from_u64(k);
+        let mut p = known.to_vec();
+        for &i in &self.free {
+            let size = 10.0_f64.powf(random.random_range(-4.0..1.0));
+            let turned = k >= STARTS / 4 && random.random_range(0.0..1.0) < 0.5;
+            let named = &self.mechanism.parameters[i];
+            p[i] = match named.name.as_str() {
+                "g" => crate::rig::GRAVITY,
+                n if n.contains('@') => 0.0,
+                _ if turned && !named.positive => -size,
+                _ => size,
+            };
+        }
+        p
+    }
+
+    /// The best of several starts.
+    fn solve(&self, known: &[f64], freedom: usize) -> Option<(Vec<f64>, f64)> {
+        let mut best: Option<(Vec<f64>, f64)> = None;
+        let mut agree = 0;
+        // What chance alone gives with probability above 1e-6, nearly.
+        let usual = freedom as f64 + 5.0 * (2.0 * freedom as f64).sqrt() + 10.0;
+        for k in 0..STARTS {
+            let (p, cost) = self.fit(self.start(known, k));
+            if !cost.is_finite() || p.iter().any(|x| !x.is_finite()) {
+                continue;
+            }
+            match &best {
+                Some((_, least)) if (cost - least).abs() <= 1e-6 * least.max(1e-9) => agree += 1,
+                Some((_, least)) if cost > *least => {}
+                _ => (best, agree) = (Some((p, cost)), 1),
+            }
+            if agree >= AGREEING || best.as_ref().is_some_and(|b| b.1 <= usual) {
+                break;
+            }
+        }
+        best
+    }
+}
+
+/// Fits the parameters; none where there is nothing to fit or the metric is not positive.
+pub fn fit(mechanism: &Mechanism, b: &Identified<'_>, known: &BTreeMap<&str, f64>) -> Option<Fit> {
+    let fixed = |i: usize| known.get(mechanism.parameters[i].name.as_str()).copied();
+    let observed: Vec<_> =
+        mechanism.quantities.iter().filter_map(|q| Some((q, *known.get(q.name.as_str())?))).collect();
+    let free: Vec<usize> = (0..mechanism.parameters.len())
+        .filter(|&i| {
+            let in_known = observed.iter().any(|(q, _)| q.value.any(&|a| *a == Atom::Parameter(i)));
+            fixed(i).is_none() && (mechanism.takes_part(i) || in_known)
+        })
+        .collect();
+    let used: Vec<(usize, usize)> = mechanism
+        .coefficients
+        .iter()
+        .enumerate()
+        .filter_map(|(k, c)| Some((k, b.names.iter().position(|n| *n == c.name)?)))
+        .collect();
+    if free.is_empty() || used.is_empty() {
+        return None;
+    }
+    let one = Polynomial::number(1.0);
+    let coefficient = |(k, _): &(usize, usize)| {
+        let c = &mechanism.coefficients[*k];
+        Row::new(&c.numerator, &c.denominator, &free)
+    };
+    let mut rows: Vec<Row> = used.iter().map(coefficient).collect::<Option<_>>()?;
+    for (q, _) in &observed {
+        rows.push(Row::new(&q.value, &one, &free)?);
+    }
+    let target: Vec<f64> = used.iter().map(|u| b.values[u.1]).chain(observed.iter().map(|o| o.1)).collect();
+    let select = |m: &DMatrix<f64>| {
+        DMatrix::from_fn(rows.len(), rows.len(), |r, c| match (used.get(r), used.get(c)) {
+            (Some(i), Some(j)) => m[(i.1, j.1)],
+            (None, None) if r == c => (KNOWN_SHARE * target[r].abs().max(1e-12)).powi(2),
+            _ => 0.0,
+        })
+    };
+    let white = select(b.metric).cholesky()?.l().try_inverse()?;
+    let sigma = select(b.covariance);
+    let start: Vec<f64> = (0..mechanism.parameters.len()).map(|i| fixed(i).unwrap_or(0.0)).collect();
+    let problem = Problem { mechanism, free, rows, target: DVector::from_vec(target), white };
+    let most = problem.rows.len().saturating_sub(1);
+    let (p, misfit) = problem.solve(&start, most)?;
+    report(&problem, &p, misfit, &sigma, known)
+}
+
+/// Values, standard errors and what is open at the fitted parameters.
+fn report(
+    problem: &Problem<'_>,
+    p: &[f64],
+    misfit: f64,
+    sigma: &DMatrix<f64>,
+    known: &BTreeMap<&str, f64>,
+) -> Option<Fit> {
+    let Problem { mechanism, free, rows, white, .. } = problem;
+    let (open, scale) = null_space(problem.jacobian(p))?;
+    let rank = free.len() - open.ncols();
+    let mut j = white * problem.jacobian(p);
+    let norms = unit_columns(&mut j);
+    let svd = j.svd(true, true);
+    let (u, v_t) = (svd.u?, svd.v_t?);
+    let mut gain = DMatrix::zeros(free.len(), rows.len());
+    let mut order: Vec<usize> = (0..svd.singular_values.len()).collect();
+    order.sort_by(|a, b| svd.singular_values[*b].total_cmp(&svd.singular_values[*a]));
+    for &k in order.iter().take(rank).filter(|k| svd.singular_values[**k] > 0.0) {
+        gain += v_t.row(k).transpose() * u.column(k).transpose() / svd.singular_values[k];
+    }
+    let gain = DMatrix::from_fn(free.len(), rows.len(), |r, c| gain[(r, c)] / norms[r]) * white;
+    let covariance = &gain * sigma * gain.transpose();
+    let mut out = Fit { misfit, freedom: rows.len().saturating_sub(rank), ..Fit::default() };
+    let one = Polynomial::number(1.0);
+    let own =
+        mechanism.parameters.iter().enumerate().map(|(k, n)| (&n.name, &n.unit, Polynomial::atom(Atom::Parameter(k))));
+    let more = mechanism.quantities.iter().map(|q| (&q.name, &q.unit, q.value.clone()));
+    let mut gradients: Vec<(String, DVector<f64>)> = Vec::new();
+    for (name, unit, value) in own.chain(more) {
+        if known.contains_key(name.as_str()) {
+            continue;
+        }
+        let row = Row::new(&value, &one, free)?;
+        let slopes: Vec<f64> = row.gradient(p).iter().enumerate().map(|(j, x)| x * problem.stretch(p, j)).collect();
+        let slopes = DVector::from_vec(slopes);
+        let alone = value.any(&|a| matches!(a, Atom::Parameter(k) if !free.contains(k) && !known.contains_key(mechanism.parameters[*k].name.as_str())));
+        let scaled = DVector::from_fn(free.len(), |j, _| slopes[j] / scale[j]);
+        if alone || is_open(&open, &scaled) {
+            out.undetermined.push(name.clone());
+            gradients.push((name.clone(), scaled));
+            continue;
+        }
+        let variance = (slopes.transpose() * &covariance * &slopes)[(0, 0)];
+        out.found.push(Parameter {
+            name: name.clone(),
+            value: row.value(p),
+            std_error: variance.max(0.0).sqrt(),
+            unit: unit.to_string(),
+        });
+    }
+    out.wanted = wanted(&open, &gradients);
+    Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::system::library;
+
+    const TRUTH: [(&str, f64); 12] = [
+        ("m1", 0.1362),
+        ("e1", 0.0127),
+        ("J_1", 5.0e-4),
+        ("l1", 0.0635),
+        ("m2", 0.04),
+        ("e2", 0.0267),
+        ("J_2", 4.033e-5),
+        ("a_c", 0.0155),
+        ("a_s", -0.004),
+        ("g", 9.81),
+        ("coulomb-friction@joint1", 6e-4),
+        ("viscous-friction@joint2", 6.1e-5),
+    ];
+
+    /// Exact coefficients of a double pendulum, each with a thousandth of it as standard error.
+    fn exact(known: &[&str]) -> Fit {
+        let text = library::text("double-pendulum").unwrap();
+        let model = library::read("double-pendulum", text).unwrap().model(None, 31.4).unwrap();
+        let mechanism = model.mechanism.clone().unwrap();
+        let of = |n: &str| TRUTH.iter().find(|t| t.0 == n).map(|t| t.1);
+        let truth: Vec<f64> = mechanism.parameters.iter().map(|p| of(&p.name).unwrap()).collect();
+        let names: Vec<String> = mechanism.coefficients.iter().map(|c| c.name.clone()).collect();
+        let values = DVector::from_iterator(names.len(), names.iter().map(|n| mechanism.value(n, &truth).unwrap()));
+        let covariance = DMatrix::from_diagonal(&values.map(|v| (1e-3 * v).powi(2)));
+        let known = known
+            .iter()
+            .map(|n| {
+                let quantity = mechanism.quantities.iter().find(|q| q.name == *n).map(|q| at(&q.value, &truth));
+                (*n, of(n).or(quantity).unwrap())
+            })
+            .collect();
+        let b = Identified { names: &names, values: &values, covariance: &covariance, metric: &covariance };
+        fit(&mechanism, &b, &known).unwrap()
+    }
+
+    #[test]
+    fn exact_coefficients_give_back_the_parameters() {
+        let fit = exact(&["m2", "e2", "l1", "g"]);
+        let get = |n: &str| fit.found.iter().find(|p| p.name == n).unwrap_or_else(|| panic!("{n}: {fit:?}"));
+        for (name, truth) in [
+            ("J_o1", 5.0e-4 + 0.04 * 0.0635 * 0.0635),
+            ("J_o2", 4.033e-5),
+            ("J_2", 4.033e-5),
+            ("m1e1", 0.1362 * 0.0127),
+            ("coulomb-friction@joint1", 6e-4),
+            ("viscous-friction@joint2", 6.1e-5),
+            ("a", 0.0155_f64.hypot(0.004)),
+            ("psi", (-0.004_f64).atan2(0.0155)),
+        ] {
+            assert!((get(name).value / truth - 1.0).abs() < 1e-6, "{name} {}", get(name).value);
+        }
+        // As the built-in fit: eleven coefficients, seven unknowns.
+        assert!(fit.misfit < 1e-8 && fit.freedom == 4, "{} {}", fit.misfit, fit.freedom);
+        assert!(get("J_o1").std_error / get("J_o1").value <= 1.001e-3);
+        assert_eq!(fit.undetermined, ["m1", "e1"]);
+        assert_eq!(get("J_o1").unit, "kg m²");
+    }
+
+    /// Lengths follow from gravity; masses need one that is known, a quantity is as good as a parameter.
+    #[test]
+    fn what_is_not_fixed_is_said_to_be_open() {
+        let fit = exact(&["g"]);
+        assert!((fit.found.iter().find(|p| p.name == "l1").unwrap().value - 0.0635).abs() < 1e-6, "{fit:?}");
+        assert!(fit.undetermined.iter().any(|n| n == "J_o2") && fit.undetermined.iter().any(|n| n == "m2"), "{fit:?}");
+        let (name, follow) = fit.wanted.clone().unwrap();
+        assert!(follow.len() >= 4, "{name} {follow:?}");
+        let with = exact(&["g", "J_o2"]);
+        let damping = with.found.iter().find(|p| p.name == "viscous-friction@joint2").unwrap();
+        assert!((damping.value / 6.1e-5 - 1.0).abs() < 1e-5, "{with:?}");
+    }
+}
