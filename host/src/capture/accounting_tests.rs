@@ -143,3 +143,19 @@ fn a_gap_across_the_end_is_not_of_the_record() {
     a.finish(&mut out);
     assert_eq!((ticks(&out).last(), a.losses().received, a.losses().lost()), (Some(&124), 15, 10));
 }
+
+#[test]
+fn what_comes_behind_its_time_or_from_nowhere_is_counted_and_not_kept() {
+    let (mut a, mut out) = (Accounting::default(), vec![]);
+    // 48 blocks come when 60 later ones have passed them.
+    for k in (0..10).chain(58..118).chain(10..58) {
+        a.block(block(k * 10, 10), &mut out);
+    }
+    // A device that has restarted and has not said so: 2000 ticks and more behind nothing of this boot.
+    assert_eq!(a.block(block(u32::MAX - 5000, 10), &mut out), Verdict::AskHello);
+    a.finish(&mut out);
+    let l = a.losses();
+    assert_eq!((l.received, l.lost(), l.gaps), (700, 480, 1));
+    assert_eq!((l.late, l.dropped_late, l.duplicates), (0, 490, 0));
+    assert_eq!(l.received + l.lost(), 1180);
+}

@@ -4,18 +4,17 @@ use std::io::ErrorKind;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
-use whirl_shared::codec::FrameError;
-use whirl_shared::frame::{Command, DeviceMessage, Hello, Log, Streamed};
+use whirl_shared::frame::{Command, Hello};
 
 use super::commands::Commands;
-use super::device::{check_hello, level};
+use super::device::check_hello;
 use super::drive::{Drive, Target};
 use super::gate::Gate;
 use super::interrupted;
 use super::journal::{Journal, Terms, essentials};
 use super::no_device::{Heard, Wire};
 use super::recorder::Recorder;
-use super::sieve::{Frame, Sieve};
+use super::sieve::Sieve;
 use super::source::{Link, Source};
 use super::stall::Stall;
 use super::{CaptureOutcome, CaptureSettings, Progress};
@@ -29,10 +28,6 @@ pub(super) const SILENCE: Duration = Duration::from_millis(2500);
 const LAST_STATUS: Duration = Duration::from_millis(2500);
 /// How long the shaker's end is waited for.
 pub(super) const STOPPING: Duration = Duration::from_secs(5);
-/// Lines of a device that are shown while it is captured; all that are kept are in the record.
-const MOST_SHOWN: u32 = 100;
-/// Time between keep-alives; also a quarter of the device's time-out, by its own clock.
-const KEEP_ALIVE: Duration = Duration::from_millis(250);
 
 pub(super) struct Session<'a> {
     pub(super) settings: &'a CaptureSettings,
@@ -42,29 +37,29 @@ pub(super) struct Session<'a> {
     pub(super) commands: Commands,
     pub(super) drive: Drive,
     pub(super) journal: Option<Journal>,
-    sieve: Sieve,
-    gate: Gate,
+    pub(super) sieve: Sieve,
+    pub(super) gate: Gate,
     pub(super) stall: Stall,
-    hello: Option<Hello>,
-    heard: Heard,
+    pub(super) hello: Option<Hello>,
+    pub(super) heard: Heard,
     pub(super) bytes: u64,
     pub(super) reconnections: u64,
     /// What was noticed of an earlier, interrupted capture.
     pub(super) resumed: Option<Warning>,
     /// What is to be shown at once, and how many of the device's lines were.
-    notices: Vec<String>,
-    shown: u32,
+    pub(super) notices: Vec<String>,
+    pub(super) shown: u32,
     /// The link was opened anew and nothing good has come yet.
-    reopened: bool,
-    last_good: Instant,
-    last_alive: Instant,
+    pub(super) reopened: bool,
+    pub(super) last_good: Instant,
+    pub(super) last_alive: Instant,
     /// Device's tick at the last keep-alive, and now.
-    alive_tick: u32,
-    device_tick: u32,
+    pub(super) alive_tick: u32,
+    pub(super) device_tick: u32,
     /// When the device was last told what to stream.
-    streamed: Option<Instant>,
+    pub(super) streamed: Option<Instant>,
     /// When the link is to be opened next, and the pause after that.
-    retry: (Instant, Duration),
+    pub(super) retry: (Instant, Duration),
     pub(super) lost_because: String,
 }
 
@@ -260,144 +255,6 @@ impl Session<'_> {
             Err(e) => self.lose(e.to_string(), now),
         }
         Ok(())
-    }
-
-    /// Takes bytes of the device: frame by frame, first into the journal, then into the record.
-    fn take(&mut self, bytes: &[u8], recorder: &mut Recorder<'_>) -> Result<()> {
-        self.bytes += bytes.len() as u64;
-        self.heard.bytes += bytes.len() as u64;
-        for &byte in bytes {
-            let Some(frame) = self.sieve.push(byte) else { continue };
-            if !self.gate.is_open() && !self.knock(&frame) {
-                self.hear(&frame);
-                continue;
-            }
-            if let Ok(DeviceMessage::Hello(hello)) = frame.message.as_ref().map(|envelope| &envelope.message) {
-                // One that does not fit ends the capture, and must not stand in the way of resuming it.
-                check_hello(hello, self.rig).map_err(|e| e.in_file(&self.settings.from))?;
-            }
-            if let (true, false, Some(journal)) = (frame.recorded, recorder.ended(), &mut self.journal) {
-                journal.write(&frame.bytes)?;
-                for &byte in &frame.bytes {
-                    recorder.push(byte).map_err(|e| e.in_file(&self.settings.from))?;
-                }
-            }
-            self.event(frame).map_err(|e| e.in_file(&self.settings.from))?;
-        }
-        Ok(())
-    }
-
-    /// Whether this frame opens the gate: with it, all begins.
-    fn knock(&mut self, frame: &Frame) -> bool {
-        let opens = frame.message.as_ref().is_ok_and(|envelope| self.gate.opens(&envelope.message));
-        if opens {
-            self.sieve = Sieve::default();
-            self.stall.over(self.source.now());
-        }
-        opens
-    }
-
-    /// Counts a frame as heard, or as noise.
-    fn hear(&mut self, frame: &Frame) {
-        match &frame.message {
-            Err(e) => {
-                self.heard.bad += 1;
-                self.heard.foreign += u64::from(*e == FrameError::Malformed);
-            }
-            Ok(_) => {
-                self.last_good = self.source.now();
-                self.heard = Heard::default();
-            }
-        }
-    }
-
-    fn event(&mut self, frame: Frame) -> Result<()> {
-        self.hear(&frame);
-        let now = self.source.now();
-        if frame.new {
-            self.stall.over(now);
-        }
-        let Ok(envelope) = frame.message else { return Ok(()) };
-        self.reconnections += u64::from(core::mem::take(&mut self.reopened));
-        self.retry.1 = Duration::from_millis(50);
-        match envelope.message {
-            DeviceMessage::Hello(hello) => {
-                self.device_tick = hello.tick;
-                if self.settings.rows {
-                    self.stream(now);
-                }
-                self.drive.start(&hello, &mut self.commands, now);
-                if self.hello.is_none() {
-                    // The zero of the device's counters.
-                    self.commands.send(Command::Status);
-                }
-                self.hello = Some(hello);
-            }
-            DeviceMessage::Samples(block) => {
-                self.device_tick = block.first_tick;
-                if self.settings.rows && self.hello.is_some() {
-                    self.stream(now);
-                }
-            }
-            DeviceMessage::Rows(rows) => {
-                self.device_tick = rows.tick;
-                if !self.settings.rows && self.hello.is_some() {
-                    self.stream(now);
-                }
-            }
-            DeviceMessage::Status(status) => {
-                if self.settings.rows && self.device_tick != status.tick {
-                    // Rows are seldom: the sampler's clock shows that it works.
-                    self.stall.over(now);
-                }
-                self.device_tick = status.tick;
-                self.drive.status(&status, &mut self.commands, now)?;
-            }
-            DeviceMessage::Ack(ack) => {
-                let outcome = self.commands.ack(&ack);
-                self.drive.outcome(outcome, &mut self.commands, now)?;
-            }
-            DeviceMessage::Log(log) => self.show(&log),
-            DeviceMessage::Estimate(_) => {}
-        }
-        Ok(())
-    }
-
-    /// Shows a line of the device.
-    fn show(&mut self, log: &Log) {
-        self.shown = self.shown.saturating_add(1);
-        if self.shown <= MOST_SHOWN {
-            self.notices.push(format!(
-                "the device says ({}, tick {}): {}",
-                level(log.level),
-                log.tick,
-                plain(&log.text)
-            ));
-        } else if self.shown == MOST_SHOWN + 1 {
-            self.notices.push("the device says more, which is not shown: the record has the first lines".to_owned());
-        }
-    }
-
-    /// Tells the device what to stream, not more often than it can answer: what comes shows whether it has heard.
-    fn stream(&mut self, now: Instant) {
-        if self.streamed.is_none_or(|t| now.duration_since(t) > Duration::from_millis(300)) {
-            let streamed = if self.settings.rows { Streamed::Rows } else { Streamed::Samples };
-            self.commands.send(Command::Stream(streamed));
-            self.streamed = Some(now);
-        }
-    }
-
-    /// Tells the device that the host is there, by the host's clock and by the device's (a simulated one may be faster).
-    fn keep_alive(&mut self, now: Instant) {
-        let by_device = self.hello.as_ref().is_some_and(|h| {
-            let quarter = u64::from(h.host_timeout_ms) * u64::from(h.sample_rate_millihertz) / 4_000_000;
-            u64::from(self.device_tick.wrapping_sub(self.alive_tick)) >= quarter.max(1)
-        });
-        if by_device || now.duration_since(self.last_alive) > KEEP_ALIVE {
-            self.commands.send(Command::KeepAlive);
-            self.last_alive = now;
-            self.alive_tick = self.device_tick;
-        }
     }
 
     fn lose(&mut self, why: String, now: Instant) {

@@ -22,6 +22,7 @@ mod ending;
 pub mod estimates;
 mod file;
 mod gate;
+mod hearing;
 pub mod interrupted;
 pub mod journal;
 mod live;

@@ -2,7 +2,7 @@
 
 use rand::{Rng, SeedableRng};
 use whirl_shared::codec::{MAX_FRAME, encode};
-use whirl_shared::frame::BLOCK_LEN;
+use whirl_shared::frame::{BLOCK_LEN, PROTOCOL_VERSION, SCHEMA_HASH};
 
 use super::*;
 

@@ -2,6 +2,8 @@
 
 #[path = "fake_device.rs"]
 mod fake_device;
+#[path = "hostile_device.rs"]
+mod hostile_device;
 #[path = "hostile_wires.rs"]
 mod hostile_wires;
 #[path = "interrupted_tests.rs"]
