@@ -196,7 +196,7 @@ impl Accounting {
     /// Where the sample of a tick is the first of its boot to leave: the tick at which that boot begins.
     pub(super) fn boot_before(&mut self, tick: i64) -> Option<i64> {
         let begun = self.boots.partition_point(|first| *first <= tick);
-        self.boots.drain(..begun).last()
+        self.boots.drain(..begun).next_back()
     }
 
     /// First tick of the record.

@@ -218,7 +218,7 @@ impl Session<'_> {
             let wire = self.wire();
             return Err(if lost { wire.lost(stalled, self.settings.reconnect_s) } else { wire.stalled(stalled) });
         }
-        if self.stall.to_tell(now) {
+        if self.stall.is_to_be_told(now) {
             let why = if lost { "the link is silent" } else { "the device answers, but brings nothing new" };
             let limit = self.settings.reconnect_s;
             self.notices.push(format!(

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use whirl_shared::codec::{Decoder, FrameError};
+use whirl_shared::codec::Decoder;
 use whirl_shared::frame::{
     CHANNELS, DeviceMessage, Envelope, Estimate, Hello, Log, Rows, SampleBlock, ShakerState, Status,
 };
@@ -26,7 +26,7 @@ pub(super) enum Event {
     /// A message of the device.
     Message(Box<Envelope<DeviceMessage>>),
     /// A frame that was refused.
-    Bad(FrameError),
+    Bad,
 }
 
 /// Decodes, accounts, writes.
@@ -123,7 +123,7 @@ impl<'a> Recorder<'a> {
         let event = match self.decoder.push(byte) {
             None => return Ok(None),
             Some(Ok(envelope)) => Event::Message(Box::new(envelope)),
-            Some(Err(e)) => Event::Bad(e),
+            Some(Err(_)) => Event::Bad,
         };
         if !self.ended {
             self.take(&event)?;
@@ -133,8 +133,8 @@ impl<'a> Recorder<'a> {
 
     fn take(&mut self, event: &Event) -> Result<()> {
         match event {
-            Event::Bad(_) if self.recording => self.accounting.bad_frame(),
-            Event::Bad(_) => {}
+            Event::Bad if self.recording => self.accounting.bad_frame(),
+            Event::Bad => {}
             Event::Message(envelope) => match &envelope.message {
                 DeviceMessage::Hello(hello) => self.hello(hello)?,
                 DeviceMessage::Samples(block) => self.block(block)?,

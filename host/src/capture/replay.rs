@@ -56,7 +56,7 @@ pub(super) fn run(
             match recorder.push(byte) {
                 Ok(None) => {}
                 Ok(Some(super::recorder::Event::Message(_))) => good += 1,
-                Ok(Some(super::recorder::Event::Bad(_))) => bad += 1,
+                Ok(Some(super::recorder::Event::Bad)) => bad += 1,
                 Err(e) => {
                     // What came before the fault stays readable.
                     recorder.finish()?;

@@ -35,7 +35,7 @@ impl Stall {
     }
 
     /// Whether it is time to tell that nothing new comes: once a stall.
-    pub(super) fn to_tell(&mut self, now: Instant) -> bool {
+    pub(super) fn is_to_be_told(&mut self, now: Instant) -> bool {
         let tell = !self.told && self.lasts(now) > SILENCE;
         if tell {
             self.told = true;
@@ -78,13 +78,13 @@ mod tests {
         let start = Instant::now();
         let at = |s: f64| start + Duration::from_secs_f64(s);
         let mut stall = Stall::new(start);
-        assert!(!stall.to_tell(at(2.4)) && stall.warning(at(2.4)).is_none());
-        assert!(stall.to_tell(at(2.6)) && !stall.to_tell(at(3.0)) && stall.told());
+        assert!(!stall.is_to_be_told(at(2.4)) && stall.warning(at(2.4)).is_none());
+        assert!(stall.is_to_be_told(at(2.6)) && !stall.is_to_be_told(at(3.0)) && stall.told());
         stall.over(at(4.0));
-        assert!(!stall.told() && !stall.to_tell(at(5.0)));
+        assert!(!stall.told() && !stall.is_to_be_told(at(5.0)));
         let warning = stall.warning(at(6.0)).unwrap();
         assert!(warning.text.contains("once") && warning.text.contains("4.0 s"), "{}", warning.text);
-        assert!(stall.to_tell(at(20.0)));
+        assert!(stall.is_to_be_told(at(20.0)));
         assert!(stall.warning(at(20.0)).unwrap().text.contains("2 times, at longest for 16.0 s"));
     }
 }

@@ -119,7 +119,7 @@ impl Outputs {
                 };
                 return bad(&found, "a new file", remedy);
             }
-            writable(path, *option)?;
+            writable(path, option)?;
         }
         Ok(())
     }

@@ -54,7 +54,7 @@ fn range(text: &str) -> std::result::Result<(String, f64, f64), String> {
     };
     let (name, low, high): (String, f64, f64) =
         parse().ok_or_else(|| format!("\"{text}\" is not NAME=LOW:HIGH, such as drive=0.5:1.5"))?;
-    match [low, high].iter().find(|f| !(f.abs() <= MOST_TIMES)) {
+    match [low, high].iter().find(|f| !(-MOST_TIMES..=MOST_TIMES).contains(*f)) {
         None => Ok((name, low, high)),
         Some(f) => Err(format!("{f:e} is not a factor from -{MOST_TIMES} to {MOST_TIMES}")),
     }

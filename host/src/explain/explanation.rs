@@ -351,7 +351,7 @@ mod tests {
     #[test]
     fn many_noise_floors_are_told_in_the_sensors_unit() {
         let e = with(1e6, &[]);
-        assert_eq!(e.gap.told(3.14), "3.14 noise floors");
+        assert_eq!(e.gap.told(3.25), "3.25 noise floors");
         assert_eq!(e.gap.told(91_000.0), "9.10 mm (the sensors' noise is 100 nm)");
         assert!(e.gap.told(f64::NAN).contains("diverged"));
     }

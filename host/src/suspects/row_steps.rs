@@ -55,7 +55,7 @@ pub fn look(traces: &[Trace<'_>]) -> RowSteps {
                 // Behind a row that is there twice, or before it, the neighbours' mean says nothing.
                 (still_before, still_behind) = (still_before && b == a, still_behind && d == c);
             }
-            if !(square >= CLEAR * CLEAR) || still_before || still_behind {
+            if square.is_nan() || square < CLEAR * CLEAR || still_before || still_behind {
                 continue;
             }
             looked_at += 1;

@@ -293,12 +293,12 @@ impl<'a> Told<'a> {
             })
         };
         let joined = events.iter().filter_map(|e| if let Event::Joined(s, at) = e { Some((*s, *at, 0)) } else { None });
-        let groups: [(&'static str, &str, &str, Vec<(usize, usize, i64)>); 3] = [
+        let groups = [
             (
                 "rows-missing",
                 "a row is missing although t goes on evenly",
                 "rows are missing although t goes on evenly",
-                rows(true).collect(),
+                rows(true).collect::<Vec<(usize, usize, i64)>>(),
             ),
             (
                 "rows-doubled",

@@ -165,6 +165,6 @@ mod tests {
         let at = |a: &Atom| if let Atom::Parameter(k) = a { [1.0, 10.0, 100.0, 1000.0, 0.0][*k] } else { 0.0 };
         assert!((base[0].sum.value(&at) - (1.0 + 200.0 + 1000.0 * 1.0_f64.cos())).abs() < 1e-9);
         assert!((base[1].sum.value(&at) - (10.0 - 300.0 + 1000.0 * 1.0_f64.sin())).abs() < 1e-9);
-        assert_eq!(base[0].sum.len(), 3);
+        assert_eq!(base[0].sum.size(), 3);
     }
 }

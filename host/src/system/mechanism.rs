@@ -132,7 +132,7 @@ pub fn quantities(r: &Reader<'_>, top: &DeTable<'_>, parameters: &[Parameter]) -
 }
 
 /// A declared parameter that nothing uses.
-pub fn unused<'a>(parameters: &'a [Parameter], uses: impl Fn(usize) -> bool) -> Option<Placed<&'a str>> {
+pub fn unused(parameters: &[Parameter], uses: impl Fn(usize) -> bool) -> Option<Placed<&str>> {
     parameters
         .iter()
         .enumerate()

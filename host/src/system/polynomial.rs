@@ -122,7 +122,7 @@ impl Polynomial {
     }
 
     /// Number of products.
-    pub fn len(&self) -> usize {
+    pub fn size(&self) -> usize {
         self.0.len()
     }
 
@@ -166,7 +166,7 @@ impl Polynomial {
     /// # Errors
     /// One too large to be written out.
     pub fn times(&self, other: &Self) -> Result<Self, TooLarge> {
-        if self.len().saturating_mul(other.len()) > MOST_TERMS * 16 {
+        if self.size().saturating_mul(other.size()) > MOST_TERMS * 16 {
             return Err(TooLarge::Terms);
         }
         let mut out = Self::default();
@@ -174,7 +174,7 @@ impl Polynomial {
             for (q, y) in other.terms() {
                 multiply_into(p, q, x * y, &mut out);
             }
-            if out.len() > MOST_TERMS {
+            if out.size() > MOST_TERMS {
                 return Err(TooLarge::Terms);
             }
         }

@@ -107,7 +107,7 @@ impl Scoped<'_> {
                 if b.is_zero() {
                     return Err(Fault::new("a division by 0", "a divisor other than 0", "Correct the divisor"));
                 }
-                if self.1 == Scope::Motion && b.has_parameter() && b.len() > 1 {
+                if self.1 == Scope::Motion && b.has_parameter() && b.size() > 1 {
                     return Err(Fault::new(
                         "a sum with a parameter in a denominator",
                         "products of parameters, which a record can determine",
@@ -119,7 +119,7 @@ impl Scoped<'_> {
             _ => match b.as_number() {
                 Some(n) if n.fract() == 0.0 && n.abs() <= 100.0 => {
                     let n = n as i32; // whole and at most 100
-                    if self.1 == Scope::Motion && n < 0 && a.has_parameter() && a.len() > 1 {
+                    if self.1 == Scope::Motion && n < 0 && a.has_parameter() && a.size() > 1 {
                         return Err(Fault::new(
                             "a negative power of a sum with a parameter",
                             "products of parameters, which a record can determine",
