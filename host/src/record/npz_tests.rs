@@ -124,6 +124,8 @@ fn bad_archives_are_told() {
     told(&good(true, 40, 500, None), &["array t", "40 values in t, 500 in q"]);
     told(&good(true, 500, 7, None), &["array c", "7 values in c"]);
     told(&good(true, 0, 500, Some(-1.0)), &["array fs", "found -1", "above 0"]);
+    let loud = archive(false, &[("q", npy("<\u{1b}8", "(5,)", &[0; 40])), ("c", npy("<i4", "(5,)", &[0; 20]))]);
+    told(&loud, &["array q", "\\u{1b}"]);
     let whole = good(true, 500, 500, None);
     for cut in [30, 200, whole.len() / 2, whole.len() - 3] {
         told(&whole[..cut], &["r.npz", "truncated or damaged", "Copy"]);
