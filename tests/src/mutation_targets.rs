@@ -296,7 +296,7 @@ impl ShakerOutput for Displacement {
 /// The firmware, which gets these bytes between its ticks: the base never leaves its limits, and what is sent decodes.
 fn console(bytes: &[u8]) -> Vec<Warning> {
     let settings = Settings::default();
-    let mut app = App::new(settings, Still, Still, Displacement(0)).expect("the default settings");
+    let mut app = App::new(settings.clone(), Still, Still, Displacement(0)).expect("the default settings");
     let mut host: Decoder<DeviceMessage> = Decoder::new();
     let mut out = [0; MAX_FRAME];
     // What came at once, then what comes slowly; then half a second for a command to take effect.

@@ -71,9 +71,9 @@ fn the_device_s_own_estimates_stand_beside_the_record() {
     }
     let last = done.estimate.clone().unwrap();
     assert_eq!((last.status, last.parameters.len(), last.amplitude_m), (estimates::Status::Known, 11, 0.015_525));
-    let mut line = all.last().unwrap().clone();
-    assert!(line.as_object_mut().unwrap().remove("crc32").is_some());
-    assert_eq!(serde_json::to_value(&last).unwrap(), line);
+    let line = text.lines().last().unwrap();
+    let (object, _) = line.rsplit_once(",\"crc32\"").unwrap();
+    assert_eq!(serde_json::to_string(&last).unwrap(), format!("{object}}}"));
     assert!(last.tick <= done.last_tick && all[0]["tick"].as_i64().unwrap() >= done.first_tick + 1_999);
     let b21 = last.parameters.iter().find(|p| p.name == "B21").unwrap();
     assert!((b21.value - 1.681_58).abs() < 4.0 * b21.std_error && b21.std_error < 0.005, "{b21:?}");

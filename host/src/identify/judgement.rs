@@ -79,7 +79,9 @@ pub fn judge(result: &mut Identification, rig: &Rig) {
         found.extend(known_quantities::contradicted(&c, rig, spread));
         result.warnings.extend(found);
     }
-    if let Some(ratio) = result.details.residual_over_noise
+    // The noise of measured inputs is not in what is expected.
+    let inputs = rig.bound.as_ref().is_some_and(|bound| !bound.inputs.is_empty());
+    if let Some(ratio) = result.details.residual_over_noise.filter(|_| !inputs)
         && ratio > BESIDE_NOISE
     {
         // What a model misses comes back wherever the motion does: it is no sign of a periodic record.

@@ -12,12 +12,12 @@ fn folder() -> tempfile::TempDir {
     done(at, "simulate --rig rig.toml --seconds 60 --seed 1 -o base.csv");
     let text = std::fs::read_to_string(at.join("base.csv")).unwrap();
     let rows: Vec<[&str; 3]> = text.lines().map(|l| *l.split(',').collect::<Vec<_>>().first_chunk().unwrap()).collect();
-    let write = |name: &str, row: &dyn Fn(usize) -> [&str; 3]| {
-        let all: Vec<String> = (0..rows.len()).map(|i| if i == 0 { rows[0] } else { row(i) }.join(",")).collect();
+    let write = |name: &str, row: &dyn Fn(usize) -> String| {
+        let all: Vec<String> = (0..rows.len()).map(|i| if i == 0 { rows[0].join(",") } else { row(i) }).collect();
         std::fs::write(at.join(name), all.join("\n") + "\n").unwrap();
     };
-    write("dead.csv", &|i| [rows[i][0], rows[i][1], "0"]);
-    write("reversed.csv", &|i| [rows[i][0], rows[rows.len() - i][1], rows[rows.len() - i][2]]);
+    write("dead.csv", &|i| [rows[i][0], rows[i][1], "0"].join(","));
+    write("reversed.csv", &|i| [rows[i][0], rows[rows.len() - i][1], rows[rows.len() - i][2]].join(","));
     folder
 }
 
