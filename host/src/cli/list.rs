@@ -43,11 +43,10 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
             for s in crate::reduce::systems::SYSTEMS {
                 out.say(&format!("{:<18} {}\n", s.id, s.about));
             }
-            out.say("\nSystems as files, by the same name in a rig file, or to copy (`--show NAME` prints one):\n");
             for (name, text) in library::all() {
                 let built_in = crate::model::MODELS.iter().any(|(id, _)| id == name);
                 let note = if built_in { " (as a rig's model, the name means the built-in one)" } else { "" };
-                out.say(&format!("{name:<28} {}{note}\n", library::about(text)));
+                out.say(&format!("{name:<28} a file, see --show {name}: {}{note}\n", library::about(text)));
             }
         }
         What::Methods => {

@@ -171,7 +171,7 @@ fn wires_sources_and_options() {
     refused(
         at,
         &capture("file:noise.bin"),
-        &["noise.bin", "no sample in 100000 bytes", "0 good frames", "bytes of the wire"],
+        &["noise.bin", "no sample for a record in 100000 bytes", "0 good frames", "bytes of the wire"],
     );
     refused(at, &capture("file:none.bin"), &["none.bin", "No such file"]);
     refused(at, &capture("serial:/dev/no-such-port"), &["/dev/no-such-port", "dialout"]);

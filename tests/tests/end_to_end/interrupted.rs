@@ -94,6 +94,7 @@ fn signals_end_a_capture_in_order() {
         let record = Record::read(at.join("r.parquet"), &rig, &ReadOptions::default()).unwrap();
         assert_eq!(Some(record.samples() as u64), out["losses"]["received"].as_u64());
         std::fs::remove_file(at.join("r.parquet")).unwrap();
+        std::fs::remove_file(at.join("r.parquet.estimates.jsonl")).unwrap();
         // Before its end, it says how to go on, and is not what was asked for.
         let (status, told) = signalled(at, signal, &format!("{capture} --seconds 36000 --strict"));
         assert_eq!(status, Some(1), "{signal}: {told}");

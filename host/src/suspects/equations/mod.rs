@@ -73,10 +73,19 @@ pub fn examine(records: &[Record], rig: &Rig) -> Vec<Warning> {
     if !out.iter().any(|w| w.invalidates)
         && base.log > CLEAN
         && let Some(found) = find::find(&scene, &base)
+        && !is_stated(&scene, &found.undo)
     {
         out.push(tell::tell(&scene, &base, &found));
     }
     out
+}
+
+/// Whether it says the number of counts that the rig file has: a scale so near is no mistake in it.
+fn is_stated(scene: &Scene, undo: &undo::Undo) -> bool {
+    let undo::Undo::Scale(list, factor) = undo else { return false };
+    let channels = hypotheses::channels(scene);
+    let stated = |i: &usize| channels[*i].counts_per_turn.map(f64::from);
+    list.iter().all(|i| stated(i).is_some_and(|n| (factor * n).round() == n))
 }
 
 /// The same after an identification: the record is looked at again only where the residual or a
