@@ -123,7 +123,9 @@ fn a_missing_effect_is_no_mistake() {
         done(folder.path(), &format!("simulate {rig} --seed 3 --effect {effect} -o r.csv"));
         let (_, _, result) = run(folder.path(), "identify", "");
         let warnings = result["warnings"].as_array().unwrap();
-        assert!(warnings.is_empty(), "{effect}: {warnings:?}");
+        // What is said is that an effect is missing, not that the rig file is wrong.
+        let judged = ["tie-violated", "model-misses-something", "known-contradicted", "negative-damping"];
+        assert!(warnings.iter().all(|w| judged.contains(&w["id"].as_str().unwrap())), "{effect}: {warnings:?}");
     }
 }
 
@@ -255,9 +257,10 @@ fn degrees_for_radians_and_the_reverse() {
 #[test]
 fn a_direction_that_the_equations_do_not_have() {
     let folder = stated(&[("\"vertical\"", "\"horizontal\"")]);
-    for command in ["identify", "explain"] {
+    // Without equations there are no parameters; an explanation says why there is none.
+    for (command, status) in [("identify", 2), ("explain", 1)] {
         let run = whirl(folder.path(), &format!("{command} r.csv --rig rig.toml"));
-        assert_eq!(run.status, 2, "{run:?}");
+        assert_eq!(run.status, status, "{run:?}");
         assert!(run.stderr.contains("drive.direction") && run.stderr.contains("\"vertical\""), "{run:?}");
     }
     let (status, warning, _) = run(folder.path(), "inspect", "drive-direction");
