@@ -115,13 +115,7 @@ impl State {
                 acceleration_millimetre_per_s2: 40_000,
             },
             host_timeout_ms: 2000,
-            zeros: Default::default(),
-            reset: Default::default(),
-            panic: Default::default(),
-            reversed: [false; 2],
-            full_scale_micrometre: 25_000,
-            baud: 115_200,
-            settings: Default::default(),
+            ..Hello::default()
         };
         self.send(DeviceMessage::Hello(hello), None);
     }

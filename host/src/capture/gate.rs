@@ -51,7 +51,7 @@ impl Gate {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use whirl_shared::frame::{Ack, CommandResult, PROTOCOL_VERSION, SCHEMA_HASH, ShakerLimits};
+    use whirl_shared::frame::{Ack, CommandResult, PROTOCOL_VERSION, SCHEMA_HASH};
 
     #[test]
     fn only_the_answer_to_its_own_command_opens_it() {
@@ -59,26 +59,11 @@ mod tests {
             protocol: PROTOCOL_VERSION,
             schema: SCHEMA_HASH,
             boot_id: 1,
-            tick: 0,
-            firmware: heapless::String::new(),
-            board: heapless::String::new(),
             sample_rate_millihertz: 500_000,
             counts_per_turn: [4096; 2],
             block_len: 10,
-            limits: ShakerLimits {
-                amplitude_micrometre: 0,
-                frequency_millihertz: 0,
-                ramp_micrometre_per_s: 0,
-                acceleration_millimetre_per_s2: 0,
-            },
             host_timeout_ms: 2000,
-            zeros: Default::default(),
-            reset: Default::default(),
-            panic: Default::default(),
-            reversed: [false; 2],
-            full_scale_micrometre: 25_000,
-            baud: 115_200,
-            settings: Default::default(),
+            ..Hello::default()
         });
         let ack = |command_sequence| DeviceMessage::Ack(Ack { command_sequence, result: CommandResult::Done });
         let mut gate = Gate::default();

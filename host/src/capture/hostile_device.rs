@@ -56,20 +56,8 @@ impl State {
             sample_rate_millihertz: 500_000,
             counts_per_turn: [if late && self.kind == "another encoder later" { 1000 } else { 4096 }, 4096],
             block_len: 10,
-            limits: ShakerLimits {
-                amplitude_micrometre: 0,
-                frequency_millihertz: 0,
-                ramp_micrometre_per_s: 0,
-                acceleration_millimetre_per_s2: 0,
-            },
             host_timeout_ms: 2000,
-            zeros: Default::default(),
-            reset: Default::default(),
-            panic: Default::default(),
-            reversed: [false; 2],
-            full_scale_micrometre: 25_000,
-            baud: 115_200,
-            settings: Default::default(),
+            ..Hello::default()
         })
     }
 

@@ -62,13 +62,7 @@ fn whatever_a_device_says_adds_up_without_panic() {
             acceleration_millimetre_per_s2: 40_000,
         },
         host_timeout_ms: 1,
-        zeros: Default::default(),
-        reset: Default::default(),
-        panic: Default::default(),
-        reversed: [false; 2],
-        full_scale_micrometre: 25_000,
-        baud: 115_200,
-        settings: Default::default(),
+        ..Hello::default()
     };
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(8);
     let mut with_samples = 0;

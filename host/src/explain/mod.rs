@@ -30,6 +30,7 @@ pub mod residual_map;
 pub mod shooting;
 pub mod single_pendulum;
 mod state;
+mod suspected;
 pub mod unknown;
 
 use serde::Serialize;
@@ -46,7 +47,6 @@ use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::signal::angles::AngleSegment;
-use crate::suspects::equations;
 
 pub use self::explanation::{Details, Explanation, Forecast, Found, Gap, Ranked, Step, Verdict};
 
@@ -75,8 +75,8 @@ pub struct Settings {
 /// # Errors
 /// As [`identify::identify`]; a `model` that is not of this rig.
 pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
-    let suspects = equations::examine(records, rig);
-    let mut result = if suspects.iter().any(equations::grave) {
+    let suspects = identify::suspects::examine(records, rig);
+    let mut result = if suspects.iter().any(suspected::grave) {
         // No effect is looked for where one would be dressed up.
         let settings = Settings { most_effects: Some(0), ..settings.clone() };
         any_system(records, rig, &settings).unwrap_or_else(|_| {
@@ -86,7 +86,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     } else {
         any_system(records, rig, settings)?
     };
-    equations::tell_in(&mut result, suspects);
+    suspected::tell_in(&mut result, suspects);
     Ok(result)
 }
 

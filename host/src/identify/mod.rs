@@ -23,6 +23,7 @@ pub mod regression;
 pub mod shooting;
 pub mod single_parameters;
 mod standstill;
+pub mod suspects;
 pub mod system;
 mod transforms;
 pub mod windows;
@@ -354,7 +355,7 @@ pub fn prepare_system(system: &System, records: &[Record], rig: &Rig, settings: 
 /// As [`weak_form`].
 pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Identification> {
     let mut result = weak_form(records, rig, settings)?;
-    let suspects = crate::suspects::equations::after(records, rig, &result);
+    let suspects = suspects::after(records, rig, &result);
     result.warnings.extend(suspects);
     Ok(result)
 }

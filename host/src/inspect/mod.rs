@@ -155,7 +155,7 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     let (phase_space, noticed) =
         survey::survey(record, &motions, &coordinates, drive_hz, repeats, &settings.phase_space);
     warnings.extend(noticed);
-    for suspect in crate::suspects::equations::examine(std::slice::from_ref(record), rig) {
+    for suspect in crate::identify::suspects::examine(std::slice::from_ref(record), rig) {
         // What the equations say of the drive or the rate is sharper than a line of a spectrum.
         warnings.retain(|w| w.id != suspect.id);
         warnings.push(suspect);

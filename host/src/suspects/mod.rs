@@ -1,7 +1,7 @@
 //! What a record's own channels tell of faults: a dead encoder, a spike, a slip, a stuck bit, rows that are missing under times that hide it.
 //!
 //! Every record that is read as a whole goes through [`examine`]. It looks at the measured channels alone, needs no model, and knows real motion by what it
-//! cannot do; what needs the equations (exchanged channels, signs, units, delays) is looked for by [`equations`]. An input of a model file may jump, stand and
+//! cannot do; what needs the equations (exchanged channels, signs, units, delays) is looked for by [`crate::identify::suspects`]. An input of a model file may jump, stand and
 //! saturate as it likes: it is not looked at. What is certain is mended (slips) or left out as a gap (spikes, clipped and dead stretches); what cannot be
 //! is named by a warning that takes the answer its standing.
 //!
@@ -9,7 +9,6 @@
 
 mod breaks;
 mod dead;
-pub mod equations;
 mod frozen;
 mod held;
 mod local_fit;

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::{CHANNELS, PANIC_LEN, TEXT_LEN};
 
 /// Identity, settings and past of a device.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Hello {
     /// [`super::PROTOCOL_VERSION`] of the firmware.
     pub protocol: u16,
@@ -47,7 +47,7 @@ pub struct Hello {
 }
 
 /// Limits of the shaker, kept by the device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ShakerLimits {
     /// Greatest amplitude of the base, µm.
     pub amplitude_micrometre: u32,

@@ -20,7 +20,6 @@ mod tell;
 mod undo;
 
 use crate::error::BadInput;
-use crate::explain::{Explanation, Found, Verdict};
 use crate::identify::Identification;
 use crate::record::{Column, Record, Segment};
 use crate::rig::Rig;
@@ -38,16 +37,6 @@ const CLEAN: f64 = 0.4;
 /// 1e-4.
 const PHASE: f64 = 1e-4;
 const RATE: f64 = 1e-3;
-/// Suspects that are effects as well, and the effect.
-const EFFECTS: [(&str, &str); 4] = [
-    ("channel-delay", "channel-delay"),
-    ("counts-per-turn", "scale-error"),
-    ("channel-scale", "scale-error"),
-    ("drive-frequency", "frequency-offset"),
-];
-/// Greatest scale error that is an effect, not another encoder.
-const EFFECT_SCALE: f64 = 0.1;
-
 fn no_equations(rig: &Rig) -> BadInput {
     BadInput::new(format!("\"{}\"", rig.model), "a system with equations").in_file(&rig.path).at("model")
 }
@@ -102,39 +91,6 @@ pub fn after(records: &[Record], rig: &Rig, result: &Identification) -> Vec<Warn
         return stated(records, rig);
     }
     examine(records, rig)
-}
-
-/// Puts suspects into an explanation: what it has in its model as an effect keeps that name, any
-/// other suspect comes before effects that would be dressed up for it.
-pub fn tell_in(result: &mut Explanation, suspects: Vec<Warning>) {
-    let settled = result.verdict == Verdict::Explained;
-    let kept: Vec<Warning> = suspects
-        .into_iter()
-        .filter(|s| !(settled && effect_of(s).is_some_and(|id| has(&result.effects, id))))
-        .collect();
-    if let Some(first) = kept.iter().find(|s| s.invalidates) {
-        result.verdict = Verdict::NotDecidable;
-        result.reason = format!("{}. {}", first.text, first.advice);
-        result.effects.clear();
-        result.model = None;
-    }
-    result.warnings.extend(kept);
-}
-
-/// Whether a suspect leaves nothing for an explanation to find.
-pub fn grave(suspect: &Warning) -> bool {
-    suspect.invalidates && effect_of(suspect).is_none()
-}
-
-fn has(effects: &[Found], id: &str) -> bool {
-    effects.iter().any(|e| e.id == id)
-}
-
-/// The effect that a suspect is as well.
-fn effect_of(suspect: &Warning) -> Option<&'static str> {
-    let (_, effect) = EFFECTS.iter().find(|(id, _)| *id == suspect.id)?;
-    let factor = suspect.details.get("factor").and_then(serde_json::Value::as_f64).unwrap_or(1.0);
-    (factor > 0.0 && factor.ln().abs() < EFFECT_SCALE).then_some(*effect)
 }
 
 /// What coefficients say without any residual.

@@ -1,0 +1,50 @@
+//! What an explanation does with the mistakes in a record or rig file that the equations show ([`crate::identify::suspects`]).
+//!
+//! Some are effects as well: a late channel, a scale that is a little off. What is in the explained model as an effect keeps that
+//! name, and the answer stands. Any other comes first: no effect is named where one would be dressed up for it.
+
+use super::{Explanation, Found, Verdict};
+use crate::warning::Warning;
+
+/// Suspects that are effects as well, and the effect.
+const EFFECTS: [(&str, &str); 4] = [
+    ("channel-delay", "channel-delay"),
+    ("counts-per-turn", "scale-error"),
+    ("channel-scale", "scale-error"),
+    ("drive-frequency", "frequency-offset"),
+];
+/// Greatest scale error that is an effect, not another encoder.
+const EFFECT_SCALE: f64 = 0.1;
+
+/// Puts suspects into an explanation: what it has in its model as an effect keeps that name, any
+/// other suspect comes before effects that would be dressed up for it.
+pub(super) fn tell_in(result: &mut Explanation, suspects: Vec<Warning>) {
+    let settled = result.verdict == Verdict::Explained;
+    let kept: Vec<Warning> = suspects
+        .into_iter()
+        .filter(|s| !(settled && effect_of(s).is_some_and(|id| has(&result.effects, id))))
+        .collect();
+    if let Some(first) = kept.iter().find(|s| s.invalidates) {
+        result.verdict = Verdict::NotDecidable;
+        result.reason = format!("{}. {}", first.text, first.advice);
+        result.effects.clear();
+        result.model = None;
+    }
+    result.warnings.extend(kept);
+}
+
+/// Whether a suspect leaves nothing for an explanation to find.
+pub(super) fn grave(suspect: &Warning) -> bool {
+    suspect.invalidates && effect_of(suspect).is_none()
+}
+
+fn has(effects: &[Found], id: &str) -> bool {
+    effects.iter().any(|e| e.id == id)
+}
+
+/// The effect that a suspect is as well.
+fn effect_of(suspect: &Warning) -> Option<&'static str> {
+    let (_, effect) = EFFECTS.iter().find(|(id, _)| *id == suspect.id)?;
+    let factor = suspect.details.get("factor").and_then(serde_json::Value::as_f64).unwrap_or(1.0);
+    (factor > 0.0 && factor.ln().abs() < EFFECT_SCALE).then_some(*effect)
+}
