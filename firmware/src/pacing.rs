@@ -210,7 +210,7 @@ mod tests {
     /// 10 000 halts of 5 to 40 ms at any instruction.
     fn halts() -> impl Iterator<Item = (u64, u64)> {
         let mut rng = ChaCha8Rng::seed_from_u64(19);
-        let mut below = move |end: u64| u64::from(rng.next_u32()) * end >> 32;
+        let mut below = move |end: u64| (u64::from(rng.next_u32()) * end) >> 32;
         (0..10_000).map(move |n| {
             // Every other one falls into the interrupt itself.
             let at = 10 * PERIOD + if n % 2 == 0 { below(3 * PERIOD) } else { below(2) * PERIOD + below(600) };
