@@ -3,6 +3,7 @@
 pub mod boards;
 pub mod capture;
 pub mod cli;
+pub mod effects;
 pub mod error;
 pub mod explain;
 pub mod files;

@@ -28,6 +28,9 @@ pub struct Arguments {
     /// Start from this model, as `whirl identify -o` or an earlier `explain -o` wrote it, instead of the rig file's nominal one.
     #[arg(long, value_name = "MODEL.toml")]
     model: Option<PathBuf>,
+    /// Look for the effects of this file too (docs/effects.md); may be given several times.
+    #[arg(long, value_name = "FILE.toml")]
+    effects: Vec<PathBuf>,
     /// Write the model with its effects here.
     #[arg(short, value_name = "MODEL.toml")]
     output: Option<PathBuf>,
@@ -42,12 +45,15 @@ pub struct Arguments {
 
 /// Reads, explains, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
+    let (mut rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
     files
         .reads(&arguments.model)
         .result("-o", arguments.output.as_ref())
         .result("--ledger", arguments.ledger.as_ref())
         .check()?;
+    for file in &arguments.effects {
+        rig.add_effects(file)?;
+    }
     let records = arguments.records.read_for(&rig)?;
     for h in &arguments.forecast {
         if !(h.is_finite() && *h > 0.0 && *h <= 1e4) {

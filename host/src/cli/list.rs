@@ -1,9 +1,13 @@
 //! `whirl list`: what can be chosen, one line each with unit and equation.
 
+use std::path::PathBuf;
+
 use clap::{Args, ValueEnum};
 
 use super::Answer;
 use crate::error::{BadInput, Result};
+use crate::effects::catalogue;
+use crate::model::model_file::toml_place;
 use crate::system::library;
 
 /// What to list.
@@ -24,9 +28,12 @@ pub enum What {
 pub struct Arguments {
     /// What to list.
     what: What,
-    /// Print the file of one model (a system file to copy and change).
-    #[arg(long, value_name = "NAME")]
+    /// Print the file of one model (a system file to copy and change), or with effects the file of all effects.
+    #[arg(long, value_name = "NAME", num_args = 0..=1, default_missing_value = "")]
     show: Option<String>,
+    /// List the effects of this file too (docs/effects.md); may be given several times.
+    #[arg(long, value_name = "FILE.toml")]
+    effects: Vec<PathBuf>,
 }
 
 /// Prints the list.
@@ -59,17 +66,24 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
                 out.say(&format!("{:<18} {}\n", board.id, board.about));
             }
         }
-        What::Effects => effects(&out),
+        What::Effects => effects(&out, &arguments.effects)?,
     }
     Ok(Answer::Positive)
 }
 
 /// Prints one system's file.
 fn show(out: &super::output::Output, what: What, name: &str) -> Result<Answer> {
-    if what != What::Models {
-        return Err(BadInput::new("--show without a list of models", "whirl list models --show NAME")
-            .at("--show")
-            .remedy("Only models have files to show"));
+    match what {
+        What::Models => {}
+        What::Effects => {
+            out.say(crate::effects::TEXT);
+            return Ok(Answer::Positive);
+        }
+        What::Boards | What::Methods => {
+            return Err(BadInput::new("--show", "whirl list models --show NAME, or whirl list effects --show")
+                .at("--show")
+                .remedy("Only models and effects have files to show"));
+        }
     }
     let names: Vec<&str> = library::all().iter().map(|(n, _)| *n).collect();
     let text = library::text(name).ok_or_else(|| {
@@ -81,8 +95,22 @@ fn show(out: &super::output::Output, what: What, name: &str) -> Result<Answer> {
     Ok(Answer::Positive)
 }
 
+/// Prints every effect: those that a simulated rig can have, with their parameters, then the others, then a user's.
+fn effects(out: &super::output::Output, files: &[PathBuf]) -> Result<()> {
+    let simulated = simulated(out);
+    let mut entries = catalogue().to_vec();
+    for file in files {
+        entries.extend(crate::effects::read(&toml_place::read(file, "an effect file")?)?);
+    }
+    for e in entries.iter().filter(|e| !simulated.contains(&e.id.as_str())) {
+        let place = format!("{:?}", e.at).to_lowercase();
+        out.say(&format!("{:<28} {:<18} @{place:<30} {}\n", e.id, "", e.equation));
+    }
+    Ok(())
+}
+
 #[cfg(feature = "sim")]
-fn effects(out: &super::output::Output) {
+fn simulated(out: &super::output::Output) -> Vec<&'static str> {
     for e in whirl_hil_sim::plant::effects::LIST {
         let places: Vec<&str> = e.places.iter().map(|p| p.name()).collect();
         let parameters: Vec<String> = e
@@ -99,11 +127,10 @@ fn effects(out: &super::output::Output) {
             e.equation
         ));
     }
+    whirl_hil_sim::plant::effects::LIST.iter().map(|e| e.id).collect()
 }
 
 #[cfg(not(feature = "sim"))]
-fn effects(out: &super::output::Output) {
-    for d in crate::model::double_pendulum::DAMPINGS {
-        out.say(&format!("{}\n", d.id));
-    }
+fn simulated(_: &super::output::Output) -> Vec<&'static str> {
+    Vec::new()
 }

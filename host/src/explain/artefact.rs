@@ -35,16 +35,21 @@ pub(super) fn feigned(
     fit: &Fit,
 ) -> bool {
     let d = candidate.variant.action.len();
+    let Some((mean, windows)) = on_its_own(state, outcome, geometry, sigma, candidate) else { return false };
+    is_feigned(fit, d, &mean, outcome.design.windows.len() as f64 / windows.max(1) as f64)
+}
+
+/// Whether the last `d` strengths of a fit are feigned, `mean` being those of records without the effect; `share`: the record's windows over
+/// those simulated.
+pub(super) fn is_feigned(fit: &Fit, d: usize, mean: &DVector<f64>, share: f64) -> bool {
     let from = fit.all.len() - d;
     let found = fit.all.rows(from, d).into_owned();
     let Some(factor) = fit.covariance.view((from, from), (d, d)).into_owned().cholesky() else { return false };
-    let Some((mean, windows)) = on_its_own(state, outcome, geometry, sigma, candidate) else { return false };
     let wald = |x: &DVector<f64>| x.dot(&factor.solve(x));
-    if wald(&mean) < FEIGNED * wald(&found) {
+    if wald(mean) < FEIGNED * wald(&found) {
         return false;
     }
-    let spread = 1.0 + outcome.design.windows.len() as f64 / windows.max(1) as f64 / REPEATS as f64;
-    wald(&(found - mean)) < LEFT * spread
+    wald(&(found - mean)) < LEFT * (1.0 + share / REPEATS as f64)
 }
 
 /// The candidate's mean strengths on records of the model itself, and the windows of each.

@@ -43,6 +43,11 @@ impl Window {
 }
 
 impl Design {
+    /// Number of equations.
+    pub fn equations(&self) -> usize {
+        self.rows / row_count(self.frequencies)
+    }
+
     /// Equation and frequency of a row.
     pub fn place_of_row(&self, row: usize) -> (usize, usize) {
         let n = row_count(self.frequencies);

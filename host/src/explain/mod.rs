@@ -13,8 +13,10 @@ pub mod artefact;
 mod attractor;
 mod comparison;
 mod decidability;
+mod decision;
 pub mod design;
 pub mod effects;
+pub mod engine;
 mod explanation;
 pub mod forward;
 pub mod gap;
@@ -93,6 +95,9 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
 /// Explains records of a system in its way.
 fn any_system(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
     if let Some(bound) = &rig.bound {
+        if let Some(result) = engine::explain(records, rig, bound, settings)? {
+            return Ok(result);
+        }
         return model_file::explain(records, rig, bound, settings, None);
     }
     if rig.model == "single-pendulum" {
@@ -117,7 +122,7 @@ fn any_system(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Expl
         max_frequency_hz: geometry.windows.frequencies as f64 / geometry.windows.length_s,
         pass_hz: geometry.kernels.full.pass_hz,
         noise_rad: sigma,
-        family_wise: naming::FAMILY_WISE,
+        family_wise: decision::FAMILY_WISE,
         folds: ranking::FOLDS,
     };
     if let Some(model) = &settings.model {

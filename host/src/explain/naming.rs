@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use nalgebra::DVector;
-use rayon::prelude::*;
 
 use super::artefact;
+use super::decision::{self, Choice, Offer};
 use super::design::{self, Design};
 use super::effects::{Compose, Context, Place, Scale, Variant};
 use super::explanation::{Found, Ranked};
@@ -15,9 +15,6 @@ use super::{Outcome, singular};
 use crate::error::Result;
 use crate::identify::Geometry;
 use crate::signal::angles::AngleSegment;
-
-/// Probability of naming anything on a record in which nothing is missing, over the whole list.
-pub(super) const FAMILY_WISE: f64 = 0.01;
 
 /// Fits everything chosen, updates ties, and builds the columns of the candidates behind its own.
 pub(super) fn refit(
@@ -40,8 +37,7 @@ pub(super) fn refit(
             .collect();
         let model = state.model();
         let design = design::build(&state.context, &state.segments, geometry, &list, &model, &state.base);
-        let equal = [vec![1.0; design.frequencies + 1], vec![1.0; design.frequencies + 1]];
-        let used = weights.clone().unwrap_or(equal);
+        let used = weights.clone().unwrap_or_else(|| ranking::equal_weights(&design));
         let fit = ranking::fit(&design, &own, &used).ok_or_else(singular)?;
         let mut w = ranking::weights(&design, &own, &fit.all);
         if !last {
@@ -57,16 +53,6 @@ pub(super) fn refit(
     }
     Err(singular())
 }
-
-/// Share of the held-out residual power from which weights are estimated anew with each candidate: those of a model that misses so much misjudge forms that
-/// are close to each other.
-const STRONG: f64 = 0.15;
-/// Difference of that held-out score, −2 ln of a likelihood ratio, up to which two candidates are not told apart: two standard errors, four, times the
-/// two and a half by which correlated neighbouring frequencies count too often.
-const CLOSE: f64 = 10.0;
-/// Share above which the forms of one effect are told apart in this way as well, and the most forms judged below and above it.
-const OVERWHELMING: f64 = 0.75;
-const RERANKED: [usize; 2] = [20, 60];
 
 /// Effects that take energy away, or in which friction falls with speed: their strengths are positive.
 const DISSIPATIVE: [&str; 5] =
@@ -86,147 +72,39 @@ pub(super) fn choose(
     step: usize,
     ranking_out: &mut Vec<Ranked>,
 ) -> Option<Next> {
-    let Outcome { design, weights, own, .. } = outcome;
-    let plain = ranking::fit(design, own, weights)?;
-    let total: f64 = plain.held_out.iter().sum();
     let taken: Vec<String> = state.chosen.iter().map(|k| k.candidate.name()).collect();
-    let mut at = own.len();
-    let places: Vec<(usize, usize)> = variants
+    let offers: Vec<Offer> = variants
         .iter()
-        .map(|v| {
-            let d = v.variant.action.len();
-            at += d;
-            (at - d, d)
+        .map(|v| Offer {
+            name: v.name(),
+            strengths: v.variant.action.len(),
+            positive: DISSIPATIVE.contains(&v.effect.id),
+            shapes: v.variant.shape.len(),
         })
         .collect();
-    struct Score {
-        index: usize,
-        gain: f64,
-        deviations: f64,
-        p: f64,
-        held_out: Vec<f64>,
-        fit: ranking::Fit,
-    }
-    let scores: Vec<Score> = (0..variants.len())
-        .into_par_iter()
-        .filter(|&i| !taken.contains(&variants[i].name()))
-        .filter_map(|index| {
-            let (from, d) = places[index];
-            let columns: Vec<usize> = own.iter().copied().chain(from..from + d).collect();
-            let fit = ranking::fit(design, &columns, weights)?;
-            let (mean, error) = ranking::gain(&plain.held_out, &fit.held_out);
-            let p = ranking::p_value(&fit, d);
-            Some(Score {
-                index,
-                gain: mean,
-                deviations: mean / error.max(f64::MIN_POSITIVE),
-                p,
-                held_out: fit.held_out.clone(),
-                fit,
-            })
-        })
-        .collect();
-    let tests = scores.len().max(1) as f64;
-    let mut likelihood: BTreeMap<usize, f64> = BTreeMap::new();
-    // The best form of each effect at each place.
-    let mut best: BTreeMap<String, &Score> = BTreeMap::new();
-    for s in &scores {
-        let entry = best.entry(variants[s.index].name()).or_insert(s);
-        if s.gain > entry.gain {
-            *entry = s;
-        }
-    }
-    let blocks = plain.held_out.len() as f64;
-    if let Some(winner) = best.values().max_by(|a, b| a.gain.total_cmp(&b.gain))
-        && winner.gain * blocks > STRONG * total
-    {
-        // Weights from a model that misses this much are wrong, and so is the order that they give.
-        let most = RERANKED[usize::from(winner.gain * blocks > OVERWHELMING * total)];
-        let again =
-            reranked(design, own, weights, most, &scores.iter().map(|s| (s.gain, places[s.index])).collect::<Vec<_>>());
-        for (name, entry) in &mut best {
-            let own_forms = scores.iter().zip(&again).filter(|(s, _)| variants[s.index].name() == *name);
-            if let Some((form, _)) = own_forms.filter(|(_, j)| j.is_finite()).min_by(|a, b| a.1.total_cmp(b.1)) {
-                *entry = form;
-            }
-        }
-        likelihood = scores.iter().zip(&again).map(|(s, j)| (s.index, *j)).collect();
-    }
-    let mut order: Vec<(&String, &&Score)> = best.iter().collect();
-    order.sort_by(|a, b| {
-        let j = |s: &Score| likelihood.get(&s.index).copied().unwrap_or(f64::INFINITY);
-        j(a.1).total_cmp(&j(b.1)).then(b.1.gain.total_cmp(&a.1.gain))
-    });
-    ranking_out.extend(order.iter().map(|(name, s)| Ranked {
-        name: (*name).clone(),
-        gain: s.gain * blocks / total,
-        deviations: s.deviations,
-        p_value: s.p,
-        step,
-    }));
-    // The first strength stands where the candidate's own begin. A friction that feeds the motion is none, whatever it explains.
-    let feeds = |s: &Score| {
-        let (_, d) = places[s.index];
-        DISSIPATIVE.contains(&variants[s.index].effect.id) && s.fit.all[s.fit.all.len() - d] < 0.0
-    };
-    // Of those within a standard error of the best, the simplest (Breiman et al. 1984, the one-standard-error rule).
-    let complexity = |s: &Score| {
-        let v = &variants[s.index].variant;
-        v.action.len() + v.shape.len()
-    };
-    let mut feigned: Vec<usize> = Vec::new();
-    let (name, winner) = loop {
-        let significant =
-            |s: &Score| s.p * tests < FAMILY_WISE && s.gain > 0.0 && !feeds(s) && !feigned.contains(&s.index);
-        let (_, strongest) = order.iter().find(|(_, s)| significant(s))?;
-        let (name, winner) = order
-            .iter()
-            .filter(|(_, s)| significant(s))
-            .filter(|(_, s)| {
-                let (mean, error) = ranking::gain(&s.held_out, &strongest.held_out);
-                mean <= error
-            })
-            .min_by_key(|(_, s)| complexity(s))?;
-        // What is overwhelming is no artefact of the sensors.
-        let small = winner.gain * blocks < STRONG * total;
-        if !(small && artefact::feigned(state, outcome, sensors, &variants[winner.index], &winner.fit)) {
-            break (name, winner);
-        }
-        feigned.push(winner.index);
-    };
-    let significant = |s: &Score| s.p * tests < FAMILY_WISE && s.gain > 0.0 && !feeds(s) && !feigned.contains(&s.index);
-    let runner_up = order.iter().find(|(n, _)| n != name).map(|(n, s)| ((*n).clone(), s.gain * blocks / total));
-    let mut twins: Vec<String> = order
-        .iter()
-        .filter(|(n, s)| n != name && significant(s))
-        .filter(|(_, s)| {
-            let (mean, error) = ranking::gain(&s.held_out, &winner.held_out);
-            let worse = match (likelihood.get(&s.index), likelihood.get(&winner.index)) {
-                (Some(a), Some(b)) => a - b,
-                _ => f64::INFINITY,
-            };
-            mean < 2.0 * error || worse < CLOSE
-        })
-        .map(|(n, _)| (*n).clone())
-        .collect();
+    let Outcome { design, weights, own, .. } = outcome;
+    let feigned = |k: usize, fit: &ranking::Fit| artefact::feigned(state, outcome, sensors, &variants[k], fit);
+    let Choice { index, fit, p_value, share, mut twins, runner_up } =
+        decision::choose((design, own, weights), &offers, &taken, step, ranking_out, &feigned)?;
+    let candidate = &variants[index];
+    let name = candidate.name();
     for (a, b) in [("zero-offset@encoder2", "imbalance@arm2"), ("imbalance@arm2", "zero-offset@encoder2")] {
-        if *name == a && !twins.iter().any(|t| t == b) {
+        if name == a && !twins.iter().any(|t| t == b) {
             twins.push(b.to_owned());
         }
     }
     // Beside a Coulomb level, a level that differs with direction is that level and a constant torque.
     for joint in ["joint1", "joint2"].into_iter().filter(|j| taken.contains(&format!("coulomb-friction@{j}"))) {
         let pair = [format!("asymmetric-friction@{joint}"), format!("constant-force@{joint}")];
-        if let Some(at) = pair.iter().position(|p| p == *name)
+        if let Some(at) = pair.iter().position(|p| *p == name)
             && !twins.contains(&pair[1 - at])
         {
             twins.push(pair[1 - at].clone());
         }
     }
-    let candidate = &variants[winner.index];
-    let (value, error, parameters, unit) = read(&state.context, candidate, &winner.fit.all, &winner.fit.covariance);
+    let (value, error, parameters, unit) = read(&state.context, candidate, &fit.all, &fit.covariance);
     Some(Next {
-        index: winner.index,
+        index,
         found: Found {
             id: candidate.effect.id.to_owned(),
             at: candidate.place.name().to_owned(),
@@ -236,42 +114,13 @@ pub(super) fn choose(
             equation: candidate.effect.equation.to_owned(),
             parameters,
             indistinguishable_from: twins,
-            p_value: winner.p,
-            held_out_gain: winner.gain * blocks / total,
+            p_value,
+            held_out_gain: share,
             runner_up,
             confirm: candidate.effect.confirm.to_owned(),
             strengths: Vec::new(),
         },
     })
-}
-
-/// Held-out score of the strongest candidates with weights from their own fits, infinite for the others: Σ n ln s² over equations and frequencies,
-/// the concentrated likelihood when the variance of each frequency is unknown. Smaller is better.
-fn reranked(
-    design: &Design,
-    own: &[usize],
-    weights: &Weights,
-    most: usize,
-    scores: &[(f64, (usize, usize))],
-) -> Vec<f64> {
-    let mut gains: Vec<f64> = scores.iter().map(|s| s.0).collect();
-    gains.sort_by(|a, b| b.total_cmp(a));
-    let least = gains.get(most - 1).or(gains.last()).copied().unwrap_or(f64::INFINITY);
-    scores
-        .par_iter()
-        .map(|&(gain, (from, d))| {
-            if gain < least {
-                return f64::INFINITY;
-            }
-            let columns: Vec<usize> = own.iter().copied().chain(from..from + d).collect();
-            let mut w = weights.clone();
-            for _ in 0..3 {
-                let Some(fit) = ranking::fit_some(design, &columns, &w, |_| true) else { return f64::INFINITY };
-                w = ranking::weights(design, &columns, &fit);
-            }
-            ranking::held_out_likelihood(design, &columns, &w).unwrap_or(f64::INFINITY)
-        })
-        .collect()
 }
 
 /// Value, standard error, parameters and unit of a candidate whose strengths are the last coefficients.

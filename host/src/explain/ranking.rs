@@ -17,7 +17,7 @@ pub const FOLDS: usize = 3;
 const LEAST_EFFECTIVE: f64 = 8.0;
 
 /// Weights of rows, by equation and frequency.
-pub type Weights = [Vec<f64>; 2];
+pub type Weights = Vec<Vec<f64>>;
 
 /// Normal matrix of some columns and the target over a window: (p + 1) × (p + 1).
 fn gram(design: &Design, window: &Window, columns: &[usize], weights: &Weights) -> DMatrix<f64> {
@@ -184,7 +184,7 @@ pub fn fit_some(
 
 /// Σ n ln s² over equations and frequencies, s² the mean square residual on held-out blocks; none where a fit is singular.
 pub fn held_out_likelihood(design: &Design, columns: &[usize], weights: &Weights) -> Option<f64> {
-    let mut sums = [vec![0.0; design.frequencies + 1], vec![0.0; design.frequencies + 1]];
+    let mut sums = vec![vec![0.0; design.frequencies + 1]; design.equations()];
     let mut counts = sums.clone();
     let width = design.columns + 1;
     for fold in 0..FOLDS {
@@ -234,10 +234,14 @@ pub fn gain(without: &[f64], with: &[f64]) -> (f64, f64) {
     (mean, variance.sqrt())
 }
 
+/// Equal weights.
+pub fn equal_weights(design: &Design) -> Weights {
+    vec![vec![1.0; design.frequencies + 1]; design.equations()]
+}
+
 /// Weights 1/s² by equation and frequency from the residuals of some columns' coefficients.
 pub fn weights(design: &Design, columns: &[usize], x: &DVector<f64>) -> Weights {
-    let mean = mean_squares(design, columns, x);
-    mean.map(|s| {
+    let smoothed = |s: &Vec<f64>| {
         let top = s.iter().fold(0.0_f64, |m, v| m.max(*v));
         (0..s.len())
             .map(|m| {
@@ -246,13 +250,14 @@ pub fn weights(design: &Design, columns: &[usize], x: &DVector<f64>) -> Weights 
                 1.0 / mean.max(1e-18 * top).max(f64::MIN_POSITIVE)
             })
             .collect()
-    })
+    };
+    mean_squares(design, columns, x).iter().map(smoothed).collect()
 }
 
 /// Mean square residual by equation and frequency.
-pub fn mean_squares(design: &Design, columns: &[usize], x: &DVector<f64>) -> [Vec<f64>; 2] {
+pub fn mean_squares(design: &Design, columns: &[usize], x: &DVector<f64>) -> Vec<Vec<f64>> {
     let width = design.columns + 1;
-    let mut out = [vec![0.0; design.frequencies + 1], vec![0.0; design.frequencies + 1]];
+    let mut out = vec![vec![0.0; design.frequencies + 1]; design.equations()];
     let mut count = out.clone();
     for window in &design.windows {
         for r in 0..design.rows {

@@ -102,7 +102,7 @@ pub(super) struct Power {
     /// Ratio to what the sensors' noise alone gives, averaged over equations and frequencies.
     pub(super) ratio: f64,
     /// Mean square residual.
-    found: [Vec<f64>; 2],
+    found: Vec<Vec<f64>>,
     /// What noise alone gives.
     noise: [Vec<f64>; 2],
 }

@@ -14,8 +14,11 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use crate::effects;
+use crate::effects::entry::Entry;
 use crate::error::{BadInput, Result};
 use crate::files;
+use crate::model::model_file::toml_place;
 
 /// Standard gravity used where a rig file gives none, m/s².
 pub const GRAVITY: f64 = 9.81;
@@ -121,6 +124,8 @@ struct RigFile {
     #[serde(default)]
     nominal: Option<Nominal>,
     #[serde(default)]
+    effects: Vec<PathBuf>,
+    #[serde(default)]
     plant: Option<toml::Table>,
 }
 
@@ -141,6 +146,12 @@ pub struct Rig {
     pub known: BTreeMap<String, f64>,
     /// Effects of the nominal model, `ID@PLACE`.
     pub nominal: Option<Vec<String>>,
+    /// Effects beside the catalogue's, from the effect files that the rig file names.
+    #[serde(skip)]
+    pub effects: Vec<Arc<Entry>>,
+    /// Effect files, as the rig file names them.
+    #[serde(skip)]
+    pub effect_files: Vec<PathBuf>,
     /// The file's text, stored with every record.
     #[serde(skip)]
     pub text: String,
@@ -179,8 +190,33 @@ impl Rig {
         let path = path.as_ref();
         let text = files::read_text(path, "a rig file", "Name a rig file that exists; shipped ones are in rigs/")?;
         let mut rig = Self::parse(&text, path)?;
+        let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        for file in core::mem::take(&mut rig.effect_files) {
+            rig.add_effects(&folder.join(file))?;
+        }
         rig.bound = measures::bind(&rig)?;
         Ok(rig)
+    }
+
+    /// Adds the effects of an effect file to the catalogue's.
+    ///
+    /// # Errors
+    /// As [`effects::read`]; an id that there is already.
+    pub fn add_effects(&mut self, path: &Path) -> Result<()> {
+        let source = toml_place::read(path, "an effect file")?;
+        for entry in effects::read(&source)? {
+            if effects::catalogue().iter().chain(self.effects.iter().map(AsRef::as_ref)).any(|e| e.id == entry.id) {
+                return Err(BadInput::new(
+                    format!("the effect {}, which there is already", entry.id),
+                    "an id of its own",
+                )
+                .in_file(path)
+                .at("id")
+                .remedy("Rename it; `whirl list effects` prints those that there are"));
+            }
+            self.effects.push(Arc::new(entry));
+        }
+        Ok(())
     }
 
     /// Parses and checks the text of a rig file; `path` is used for messages and for relative model paths.
@@ -296,6 +332,8 @@ impl Rig {
             channel: file.channel,
             known,
             nominal: file.nominal.map(|n| n.effects),
+            effects: Vec::new(),
+            effect_files: file.effects,
             text: text.to_owned(),
             path: path.to_path_buf(),
             bound: None,

@@ -18,6 +18,10 @@ use crate::model::model_file::expression::Function;
 pub enum Body {
     /// A straight arm.
     Arm {
+        /// Name.
+        name: String,
+        /// The angle at which it hangs, where it turns in a plane.
+        angle: Option<Polynomial>,
         /// Its end O.
         from: Vec<Polynomial>,
         /// Unit vector along it.
@@ -31,6 +35,8 @@ pub enum Body {
     },
     /// A body by its centroid.
     Free {
+        /// Name.
+        name: String,
         /// Centroid, where mass is.
         centroid: Option<Vec<Polynomial>>,
         /// Mass.
@@ -50,8 +56,9 @@ pub fn read(r: &Reader<'_>, top: &DeTable<'_>) -> Result<Vec<Placed<Body>>> {
         let known = ["name", "from", "angle", "direction", "mass", "centroid", "first_moment", "inertia"];
         r.source.known_keys(table, &known, "a body")?;
         let taken: Vec<&str> = names.iter().map(String::as_str).collect();
-        names.push(r.own_name(table, at, &taken)?);
-        let value = if table.get("from").is_some() { arm(r, table, at)? } else { free(r, table, at)? };
+        let name = r.own_name(table, at, &taken)?;
+        names.push(name.clone());
+        let value = if table.get("from").is_some() { arm(r, table, at, name)? } else { free(r, table, at, name)? };
         out.push(Placed { value, at });
     }
     Ok(out)
@@ -61,13 +68,14 @@ fn scalar(r: &Reader<'_>, table: &DeTable<'_>, key: &str) -> Result<Option<Polyn
     table.get(key).map(|v| r.scalar(v, Scope::Motion)).transpose()
 }
 
-fn arm(r: &Reader<'_>, table: &DeTable<'_>, at: usize) -> Result<Body> {
+fn arm(r: &Reader<'_>, table: &DeTable<'_>, at: usize, name: String) -> Result<Body> {
     let bad = |key: &str, found: &str, expected: &str, remedy: &str| {
         let at = table.get(key).map_or(at, |v| v.span().start);
         Err(r.source.bad(at, found, expected).remedy(remedy))
     };
     let from = r.source.required(table, at..at, "from", "a point")?;
     let from = r.vector(from)?;
+    let mut turned = None;
     let along = match (table.get("angle"), table.get("direction")) {
         (Some(v), None) => {
             let angle = r.scalar(v, Scope::Motion)?;
@@ -87,6 +95,7 @@ fn arm(r: &Reader<'_>, table: &DeTable<'_>, at: usize) -> Result<Body> {
                     "Give the parameter its number under constants",
                 );
             }
+            turned = Some(angle.clone());
             vec![Polynomial::call(Function::Sin, angle.clone()), Polynomial::call(Function::Cos, angle).scaled(-1.0)]
         }
         (None, Some(v)) => r.vector(v)?,
@@ -118,10 +127,10 @@ fn arm(r: &Reader<'_>, table: &DeTable<'_>, at: usize) -> Result<Body> {
             "Add inertia, \"m*e^2\" for a point mass",
         );
     };
-    Ok(Body::Arm { from, along, mass: mass.unwrap_or_default(), first_moment, inertia })
+    Ok(Body::Arm { name, angle: turned, from, along, mass: mass.unwrap_or_default(), first_moment, inertia })
 }
 
-fn free(r: &Reader<'_>, table: &DeTable<'_>, at: usize) -> Result<Body> {
+fn free(r: &Reader<'_>, table: &DeTable<'_>, at: usize, name: String) -> Result<Body> {
     let bad = |key: &str, found: &str, expected: &str, remedy: &str| {
         let at = table.get(key).map_or(at, |v| v.span().start);
         Err(r.source.bad(at, found, expected).remedy(remedy))
@@ -167,7 +176,7 @@ fn free(r: &Reader<'_>, table: &DeTable<'_>, at: usize) -> Result<Body> {
         }
         _ => {}
     }
-    Ok(Body::Free { centroid, mass: mass.unwrap_or_default(), turns })
+    Ok(Body::Free { name, centroid, mass: mass.unwrap_or_default(), turns })
 }
 
 fn dot(a: &[Polynomial], b: &[Polynomial]) -> core::result::Result<Polynomial, NoDerivative> {
@@ -201,7 +210,7 @@ impl Body {
             }
         };
         match self {
-            Self::Arm { from, along, mass, first_moment, inertia } => {
+            Self::Arm { from, along, mass, first_moment, inertia, .. } => {
                 let (v, turn) = (velocity(from)?, velocity(along)?);
                 let kinetic = mass
                     .times(&dot(&v, &v)?.scaled(0.5))?
@@ -211,7 +220,7 @@ impl Body {
                 let potential = mass.times(&dot(from, &pull)?)?.plus(&first_moment.times(&dot(along, &pull)?)?);
                 Ok((kinetic, potential.scaled(-1.0)))
             }
-            Self::Free { centroid, mass, turns } => {
+            Self::Free { centroid, mass, turns, .. } => {
                 let (mut kinetic, mut potential) = (Polynomial::default(), Polynomial::default());
                 if let Some(c) = centroid {
                     let v = velocity(c)?;
@@ -231,10 +240,10 @@ impl Body {
     pub fn uses(&self, k: usize) -> bool {
         let has = |p: &Polynomial| p.any(&|a| *a == Atom::Parameter(k));
         match self {
-            Self::Arm { from, along, mass, first_moment, inertia } => {
+            Self::Arm { from, along, mass, first_moment, inertia, .. } => {
                 from.iter().chain(along).any(has) || has(mass) || has(first_moment) || has(inertia)
             }
-            Self::Free { centroid, mass, turns } => {
+            Self::Free { centroid, mass, turns, .. } => {
                 centroid.iter().flatten().any(has) || has(mass) || turns.as_ref().is_some_and(|(a, j)| has(a) || has(j))
             }
         }

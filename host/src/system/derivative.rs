@@ -1,6 +1,6 @@
 //! Derivatives of sums of products: partial ones, and the total one by time along any motion.
 //!
-//! d/dt = Σ_i q_i′ ∂/∂q_i + Σ_i q_i″ ∂/∂q_i′ + Ω ∂/∂τ; ∂(Π aⁿ) = Σ n aⁿ⁻¹ ∂a Π of the others.
+//! d/dt = Σ_i q_i′ ∂/∂q_i + Σ_i q_i″ ∂/∂q_i′ + Ω ∂/∂τ + ∂/∂t; ∂(Π aⁿ) = Σ n aⁿ⁻¹ ∂a Π of the others.
 
 use super::polynomial::{Atom, Polynomial, TooLarge};
 use crate::model::model_file::expression::{Function, Symbol};
@@ -65,6 +65,7 @@ fn of_atom(a: &Atom, by: &Atom) -> Result<Polynomial, NoDerivative> {
                 Function::Log => p.power(-1)?,
                 Function::Abs => call(Function::Sign),
                 Function::Tanh => Polynomial::number(1.0).minus(&call(Function::Tanh).power(2)?),
+                Function::Wrap => Polynomial::number(1.0),
                 Function::Sign => return Err(NoDerivative::Jumps),
             };
             outer.times(&partial(p, by)?)?
@@ -100,6 +101,9 @@ pub fn by_time(p: &Polynomial, coordinates: usize, omega: f64) -> Result<Polynom
     }
     if p.moves(|s| s == Symbol::Tau) {
         out = out.plus(&partial(p, &Atom::Motion(Symbol::Tau))?.scaled(omega));
+    }
+    if p.moves(|s| s == Symbol::Time) {
+        out = out.plus(&partial(p, &Atom::Motion(Symbol::Time))?);
     }
     Ok(out)
 }

@@ -136,6 +136,7 @@ fn nominal(file: &SystemFile, of_rig: Option<&[String]>) -> Result<Vec<Nominal>>
 /// What is written of an equation, and its coefficients.
 struct Written {
     text: String,
+    scale: Polynomial,
     coefficients: Vec<Coefficient>,
 }
 
@@ -167,6 +168,7 @@ fn written(
     let scale_known = first.sum.as_number().is_some();
     let show = |p: &Polynomial| text_of(p, &file.words.coordinates, &file.words.inputs);
     let mut out = Written {
+        scale: first.sum.clone(),
         text: format!("\n[[equation]]\nbalance = \"{}\"\n[equation.terms]\n", show(&first.of.scaled(-1.0))),
         coefficients: Vec::new(),
     };
@@ -268,11 +270,12 @@ pub fn model(file: &SystemFile, of_rig: Option<&[String]>, omega: f64) -> Result
     }
     let parameters = named(file, &nominal);
     let mut text = String::new();
-    let mut coefficients: Vec<Coefficient> = Vec::new();
+    let (mut coefficients, mut scales): (Vec<Coefficient>, Vec<(usize, Polynomial)>) = (Vec::new(), Vec::new());
     let mut taken: Vec<String> = [&file.words.coordinates[..], &file.words.inputs, &file.words.parameters].concat();
     for (e, equation) in lagrange::equations(file, &nominal, omega)?.into_iter().enumerate() {
         if let Some(w) = written(file, e, equation, &parameters, &taken)? {
             text.push_str(&w.text);
+            scales.push((e, w.scale));
             taken.extend(w.coefficients.iter().map(|c| c.name.clone()));
             coefficients.extend(w.coefficients);
         }
@@ -299,6 +302,8 @@ pub fn model(file: &SystemFile, of_rig: Option<&[String]>, omega: f64) -> Result
         parameters,
         coefficients,
         quantities,
+        scales,
+        file: Some(Arc::new(file.clone())),
         sensors: file.sensors.clone(),
         own_gravity: file.parameters.iter().any(|p| p.name == "g" && p.declared.is_some()),
     }));

@@ -2,10 +2,11 @@
 //! parameters p over those of the equation's own inertia; and the quantities that are reported of p.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use toml::de::DeTable;
 
-use super::language::{Parameter, Placed, Reader};
+use super::language::{Parameter, Placed, Reader, SystemFile};
 use super::polynomial::{Atom, Polynomial};
 use super::sensors::Sensor;
 use super::words::Scope;
@@ -56,6 +57,10 @@ pub struct Mechanism {
     pub quantities: Vec<Quantity>,
     /// Sensors.
     pub sensors: Vec<Sensor>,
+    /// The coordinate of each derived equation and what it was divided by: its inertia.
+    pub scales: Vec<(usize, Polynomial)>,
+    /// What the equations were derived from.
+    pub file: Option<Arc<SystemFile>>,
     /// Whether the file itself names g, so that it is known only if the rig file says so.
     pub own_gravity: bool,
 }

@@ -7,7 +7,9 @@
 
 use std::collections::BTreeMap;
 
-use crate::model::model_file::expression::{Function, Symbol};
+use crate::model::model_file::expression::{
+    Function, Node, Symbol, add, call, multiply, number, power, power_whole, symbol,
+};
 
 /// Most terms of a sum: bounds what a file can ask for.
 pub const MOST_TERMS: usize = 4000;
@@ -215,7 +217,7 @@ impl Polynomial {
             return Self::number(f.value(x));
         }
         let first = a.0.values().next().map_or(1.0, |x| x.0);
-        let odd = matches!(f, Function::Sin | Function::Tan | Function::Sign | Function::Tanh);
+        let odd = matches!(f, Function::Sin | Function::Tan | Function::Sign | Function::Tanh | Function::Wrap);
         let even = matches!(f, Function::Cos | Function::Abs);
         let sign = if first < 0.0 && (odd || even) { -1.0 } else { 1.0 };
         // The sign of a product does not depend on its size.
@@ -249,6 +251,40 @@ impl Polynomial {
     /// Its value; `of` gives those of parameters and symbols.
     pub fn value(&self, of: &dyn Fn(&Atom) -> f64) -> f64 {
         self.terms().map(|(p, c)| p.iter().fold(c, |x, (a, n)| x * atom_value(a, of).powi(*n))).sum()
+    }
+
+    /// The same as an expression; parameters are not numbers in it.
+    pub fn node(&self) -> Node {
+        let mut sum: Option<Node> = None;
+        for (product, c) in self.terms() {
+            let mut factors: Option<Node> = None;
+            for (a, n) in product {
+                let base = match a {
+                    Atom::Parameter(_) => number(f64::NAN),
+                    Atom::Motion(s) => symbol(*s),
+                    Atom::Call(f, p) => call(*f, p.node()),
+                    Atom::Sum(p) => p.node(),
+                    Atom::Power(a, b) => power(a.node(), b.node()),
+                    // Only quantities hold it.
+                    Atom::Atan2(..) => number(f64::NAN),
+                };
+                let base = if *n == 1 { base } else { power_whole(base, *n) };
+                factors = Some(match factors {
+                    Some(f) => multiply(f, base),
+                    None => base,
+                });
+            }
+            let term = match factors {
+                Some(f) if c == 1.0 => f,
+                Some(f) => multiply(number(c), f),
+                None => number(c),
+            };
+            sum = Some(match sum {
+                Some(s) => add(s, term),
+                None => term,
+            });
+        }
+        sum.unwrap_or_else(|| number(0.0))
     }
 
     /// Parameters and the rest apart: Σ (product of parameters) × (sum of the motion).

@@ -117,7 +117,7 @@ impl Reader<'_> {
         let taken: Vec<String> = [&w.coordinates[..], &w.inputs, &w.parameters].concat();
         let more = w.constants.iter().map(|c| c.0.clone()).chain(w.points.iter().map(|p| p.0.clone()));
         check_name(self.source, at, name, &taken.into_iter().chain(more).collect::<Vec<_>>())?;
-        if ["along", "across", "atan2"].contains(&name) {
+        if ["along", "across", "atan2", "step"].contains(&name) {
             return Err(self
                 .source
                 .bad(at, format!("the name \"{name}\""), "a name that expressions do not use otherwise")

@@ -48,6 +48,10 @@ pub struct Fit {
     pub undetermined: Vec<String>,
     /// What would fix most of them if it were known, and which follow then.
     pub wanted: Option<(String, Vec<String>)>,
+    /// All parameters at the least distance, those that stay open among them.
+    pub parameters: Vec<f64>,
+    /// Whether the inertia by which each equation was divided stays open.
+    pub open_scales: Vec<bool>,
     /// Least distance of the ties.
     pub misfit: f64,
     /// Its degrees of freedom.
@@ -287,16 +291,22 @@ fn report(
         mechanism.parameters.iter().enumerate().map(|(k, n)| (&n.name, &n.unit, Polynomial::atom(Atom::Parameter(k))));
     let more = mechanism.quantities.iter().map(|q| (&q.name, &q.unit, q.value.clone()));
     let mut gradients: Vec<(String, DVector<f64>)> = Vec::new();
-    for (name, unit, value) in own.chain(more) {
-        if known.contains_key(name.as_str()) {
-            continue;
-        }
-        let row = Row::new(&value, &one, free)?;
+    let is_left_open = |value: &Polynomial| -> Option<(bool, Row, DVector<f64>, DVector<f64>)> {
+        let row = Row::new(value, &one, free)?;
         let slopes: Vec<f64> = row.gradient(p).iter().enumerate().map(|(j, x)| x * problem.stretch(p, j)).collect();
         let slopes = DVector::from_vec(slopes);
         let alone = value.any(&|a| matches!(a, Atom::Parameter(k) if !free.contains(k) && !known.contains_key(mechanism.parameters[*k].name.as_str())));
         let scaled = DVector::from_fn(free.len(), |j, _| slopes[j] / scale[j]);
-        if alone || is_open(&open, &scaled) {
+        Some((alone || is_open(&open, &scaled), row, slopes, scaled))
+    };
+    out.parameters = p.to_vec();
+    out.open_scales = mechanism.scales.iter().map(|(_, d)| Some(is_left_open(d)?.0)).collect::<Option<_>>()?;
+    for (name, unit, value) in own.chain(more) {
+        if known.contains_key(name.as_str()) {
+            continue;
+        }
+        let (left_open, row, slopes, scaled) = is_left_open(&value)?;
+        if left_open {
             out.undetermined.push(name.clone());
             gradients.push((name.clone(), scaled));
             continue;

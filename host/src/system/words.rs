@@ -39,6 +39,8 @@ pub struct Words {
     pub constants: Vec<(String, f64)>,
     /// Points declared so far.
     pub points: Vec<(String, Vec<Polynomial>)>,
+    /// Further names for numbers that vary: the vocabulary of an effect's law.
+    pub scalars: Vec<(String, Polynomial)>,
 }
 
 /// The words that one expression may use.
@@ -74,6 +76,7 @@ impl Scoped<'_> {
         all.extend(w.constants.iter().map(|c| c.0.as_str()));
         if self.1 == Scope::Motion {
             all.extend(w.points.iter().map(|p| p.0.as_str()));
+            all.extend(w.scalars.iter().map(|p| p.0.as_str()));
             all.push("tau");
         }
         all.push("pi");
@@ -207,7 +210,7 @@ impl Grammar for Scoped<'_> {
                 n => Err(self.derivative(name, n)),
             };
         }
-        let function = FUNCTIONS.iter().any(|f| f.0 == name) || ["along", "across", "atan2"].contains(&name);
+        let function = FUNCTIONS.iter().any(|f| f.0 == name) || ["along", "across", "atan2", "step"].contains(&name);
         if function && called && primes == 0 {
             return Ok(None);
         }
@@ -215,6 +218,8 @@ impl Grammar for Scoped<'_> {
             Some(Value::Scalar(Polynomial::motion(Symbol::Input(k))))
         } else if motion && let Some((_, v)) = w.points.iter().find(|p| p.0 == name) {
             Some(Value::Vector(v.clone()))
+        } else if motion && let Some((_, p)) = w.scalars.iter().find(|p| p.0 == name) {
+            Some(Value::Scalar(p.clone()))
         } else if let Some(k) = w.parameters.iter().position(|n| n == name) {
             Some(Value::Scalar(Polynomial::atom(Atom::Parameter(k))))
         } else if let Some((_, x)) = w.constants.iter().find(|c| c.0 == name) {
@@ -277,6 +282,11 @@ impl Grammar for Scoped<'_> {
                 self.inside(&y, "atan2")?;
                 self.inside(&last, "atan2")?;
                 Ok(Value::Scalar(Polynomial::atom(Atom::Atan2(y, last))))
+            }
+            // 1 for what is positive, 0 for what is negative.
+            ("step", _) => {
+                let sign = self.function(Function::Sign, last)?;
+                Ok(Value::Scalar(sign.plus(&Polynomial::number(1.0)).scaled(0.5)))
             }
             ("along" | "across", _) => {
                 let sin = self.function(Function::Sin, last.clone())?;

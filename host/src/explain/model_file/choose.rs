@@ -5,8 +5,8 @@ use super::candidates::Candidate;
 use super::fit::Held;
 use super::round::Round;
 use super::told::{put_value, scale_of, unit_of};
+use crate::explain::decision::FAMILY_WISE;
 use crate::explain::explanation::{Found, Ranked};
-use crate::explain::naming::FAMILY_WISE;
 use crate::explain::ranking;
 
 /// Least share of the held-out residual that an effect must take away to be named.

@@ -25,11 +25,11 @@ mod drive_effects;
 mod fit;
 mod given;
 mod measure;
-mod prediction;
+pub(super) mod prediction;
 pub mod put_in;
 mod round;
 mod signs;
-mod told;
+pub(super) mod told;
 mod trajectories;
 
 use std::collections::BTreeMap;
@@ -39,6 +39,7 @@ use serde::Serialize;
 use self::candidates::{Candidate, candidates};
 pub use self::given::motion as motion_of;
 use self::round::{Round, by_trajectories, by_weak_form, own_signs};
+
 use self::trajectories::{Columns, Trajectories};
 use super::decidability::{DIVERGED, LOCKED, locked};
 use super::explanation::{Explanation, Step, Verdict};
@@ -93,7 +94,7 @@ pub struct Coefficient {
 }
 
 /// What stays the same over the steps.
-struct Setting<'a> {
+pub(super) struct Setting<'a> {
     rig: &'a Rig,
     bound: &'a Bound,
     stretches: &'a [Stretch],

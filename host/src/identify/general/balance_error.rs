@@ -134,7 +134,8 @@ pub fn strong_series(s: &Stretch, length: usize, tape: &Tape, kernels: &Kernels,
             Symbol::Acceleration(i) => &coordinates[i][2],
             Symbol::Input(k) | Symbol::RawInput(k) => &inputs[k][0],
             Symbol::InputRate(k) => &inputs[k][1],
-            Symbol::Tau | Symbol::Held(_) => &phase,
+            // Written equations hold no time.
+            Symbol::Tau | Symbol::Held(_) | Symbol::Time => &phase,
         })
         .collect();
     tape.run(&columns, count)

@@ -56,7 +56,7 @@ pub fn estimate(
 }
 
 /// Solutions over one window each from the smoothed record's states.
-fn motions(
+pub(crate) fn motions(
     motion: &EquationsOfMotion,
     parameters: &[f64],
     system: &System<'_>,

@@ -79,6 +79,8 @@ impl Stretches for System<'_> {
         }
         let phase: Vec<f64> =
             if symbols.contains(&Symbol::Tau) { (first..last).map(|i| s.tau(i)).collect() } else { Vec::new() };
+        let times: Vec<f64> =
+            if symbols.contains(&Symbol::Time) { (first..last).map(|i| s.time(i)).collect() } else { Vec::new() };
         let filtered = |k: usize, output: usize| filtered[k].as_ref().map_or(&[][..], |f| &f[output][..]);
         let columns: Vec<&[f64]> = symbols
             .iter()
@@ -91,6 +93,7 @@ impl Stretches for System<'_> {
                 Symbol::Raw(i) => &s.coordinates[i][first..last],
                 Symbol::RawInput(k) => &s.inputs[k][first..last],
                 Symbol::Tau => &phase[..],
+                Symbol::Time => &times[..],
                 // Integration by parts leaves no acceleration; signs are held in simulations only.
                 Symbol::Acceleration(_) | Symbol::Held(_) => &[],
             })

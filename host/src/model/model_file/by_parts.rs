@@ -233,6 +233,7 @@ fn slope(f: &Node, omega: f64) -> Result<Node, String> {
             Symbol::Coordinate(k) => symbol(Symbol::Rate(k)),
             Symbol::Input(k) => symbol(Symbol::InputRate(k)),
             Symbol::Tau => number(omega),
+            Symbol::Time => number(1.0),
             _ => continue,
         };
         let by = f.derivative(s).ok_or("an acceleration multiplied with a function that jumps")?;
@@ -277,6 +278,7 @@ mod tests {
             Symbol::Input(_) | Symbol::RawInput(_) => (2.1 * t).sin(),
             Symbol::InputRate(_) => 2.1 * (2.1 * t).cos(),
             Symbol::Tau | Symbol::Held(_) => 3.0 * t,
+            Symbol::Time => t,
         }
     }
 

@@ -135,6 +135,7 @@ impl EquationsOfMotion {
             Symbol::Rate(i) | Symbol::ClearRate(i) => v[i],
             Symbol::Input(k) | Symbol::RawInput(k) => at.inputs.get(k).copied().unwrap_or(0.0),
             Symbol::Tau => at.tau,
+            Symbol::Time => at.time,
             Symbol::Held(k) => signs.get(k).copied().unwrap_or(0.0),
             Symbol::Acceleration(_) | Symbol::InputRate(_) => 0.0,
         }));

@@ -23,6 +23,8 @@ pub enum Symbol {
     InputRate(usize),
     /// Phase of the drive.
     Tau,
+    /// Time of the record, s (columns of effects only).
+    Time,
     /// Coordinate i as measured, unwrapped (weak form only).
     Raw(usize),
     /// Input k as measured (weak form only).
@@ -55,6 +57,8 @@ pub enum Function {
     Sign,
     /// Hyperbolic tangent.
     Tanh,
+    /// An angle wrapped to [−π, π).
+    Wrap,
 }
 
 /// Functions by name.
@@ -68,6 +72,7 @@ pub const FUNCTIONS: &[(&str, Function)] = &[
     ("abs", Function::Abs),
     ("sign", Function::Sign),
     ("tanh", Function::Tanh),
+    ("wrap", Function::Wrap),
 ];
 
 impl Function {
@@ -91,6 +96,7 @@ impl Function {
                 }
             }
             Self::Tanh => x.tanh(),
+            Self::Wrap => super::equations_of_motion::wrapped(x),
         }
     }
 }
@@ -344,6 +350,7 @@ impl Expression {
                     Function::Log => divide(number(1.0), a.clone()),
                     Function::Abs => call(Function::Sign, a.clone()),
                     Function::Tanh => subtract(number(1.0), power_whole(call(Function::Tanh, a.clone()), 2)),
+                    Function::Wrap => number(1.0),
                     Function::Sign => return None,
                 };
                 multiply(outer, a.derivative(by)?)

@@ -22,6 +22,7 @@ fn value(symbol: Symbol, point: usize) -> f64 {
         Symbol::Input(i) | Symbol::RawInput(i) => (3, i),
         Symbol::InputRate(i) | Symbol::Held(i) => (4, i),
         Symbol::Tau => (5, 0),
+        Symbol::Time => (5, 1),
     };
     // Steps that no small whole numbers relate, another for each symbol.
     let root = ((6 * i + kind) as f64 + 0.5).sqrt() * core::f64::consts::E.sqrt();

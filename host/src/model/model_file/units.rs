@@ -130,6 +130,7 @@ pub fn of(e: &Node, coordinates: &[Unit], inputs: &[Unit], time: bool) -> Option
             Symbol::Input(k) | Symbol::RawInput(k) => get(inputs, k),
             Symbol::InputRate(k) => get(inputs, k).times(&Unit::second(-1.0), 1.0),
             Symbol::Tau | Symbol::Held(_) => Unit::default(),
+            Symbol::Time => Unit::second(1.0),
         }),
         E::Add(a, b) | E::Subtract(a, b) => rec(a).or_else(|| rec(b)),
         E::Multiply(a, b) => match (rec(a), rec(b)) {
@@ -145,7 +146,7 @@ pub fn of(e: &Node, coordinates: &[Unit], inputs: &[Unit], time: bool) -> Option
             Some(p) => rec(a).map(|u| u.power(p)),
             None => rec(a),
         },
-        E::Call(Function::Abs, a) => rec(a),
+        E::Call(Function::Abs | Function::Wrap, a) => rec(a),
         E::Call(Function::Sqrt, a) => rec(a).map(|u| u.power(0.5)),
         E::Call(..) | E::Hat { .. } => Some(Unit::default()),
     }

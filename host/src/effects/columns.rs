@@ -1,0 +1,236 @@
+//! What an effect of strength one adds to the left-hand side of every equation of a system derived from bodies.
+//!
+//! Equation e is E_e/D_e = 0, E_e Lagrange's expression and D_e its own inertia (see [`crate::system::equations`]). A force F that does
+//! work on s adds −F ∂s/∂q_e. What displaces a point or turns a body or gravity changes T and V: the
+//! terms of E_e that are linear in the strength. Both hold products of the system's parameters, whose values come from the identification.
+
+use super::entry::{Entry, Form, Verb};
+use super::places::{self, Place};
+use crate::model::model_file::expression::Function;
+use crate::model::model_file::expression::{Node, Symbol, add, multiply, number};
+use crate::model::model_file::parser::Mistake;
+use crate::system::bodies::Body;
+use crate::system::derivative::{by_time, partial};
+use crate::system::lagrange;
+use crate::system::language::{Gravity, SystemFile};
+use crate::system::mechanism::{Mechanism, at};
+use crate::system::polynomial::{Atom, Polynomial, Product};
+use crate::system::words::{Value as Word, Words};
+
+/// What a strength adds to one equation: a product of the system's parameters times an expression of the motion.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Part {
+    /// Which strength.
+    pub strength: usize,
+    /// Which equation of the model.
+    pub equation: usize,
+    /// Parameters with their powers.
+    product: Product,
+    /// The expression.
+    of: Node,
+}
+
+/// How an effect in one form acts at a place.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Action {
+    /// On the left-hand sides.
+    Force(Vec<Part>),
+    /// On what a sensor shows: additions to it by x and v ([`Symbol::Coordinate`] and [`Symbol::Rate`] 0), one for each strength.
+    Reads {
+        /// Sensor.
+        sensor: usize,
+        /// Additions.
+        laws: Vec<Node>,
+    },
+    /// On the drive's phase: radians by t for each strength.
+    Advances(Vec<Node>),
+}
+
+/// The record's beginning and length, s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Span {
+    /// Time of the first sample.
+    pub start_s: f64,
+    /// Length.
+    pub length_s: f64,
+}
+
+/// How an entry acts at a place; none where it adds nothing there.
+///
+/// # Errors
+/// A law that has no meaning at this place.
+pub fn action(
+    entry: &Entry,
+    form: &Form,
+    place: Place,
+    mechanism: &Mechanism,
+    parameters: &[f64],
+    (omega, span): (f64, Span),
+) -> Result<Option<Action>, Mistake> {
+    let Some(file) = mechanism.file.as_deref() else { return Ok(None) };
+    let own = file.parameters.len();
+    let mut words = Words { parameters: vec![String::new(); own], ..Words::default() };
+    let time = Polynomial::motion(Symbol::Time).plus(&Polynomial::number(-span.start_s));
+    words.scalars.push(("t".to_owned(), time));
+    words.constants.push(("T".to_owned(), span.length_s));
+    let n = file.coordinates.len();
+    match (place, entry.verb) {
+        (Place::Joint(k), Verb::Force) => {
+            let moves = &file.joints[k].moves.value;
+            let Ok(rate) = by_time(moves, n, omega) else { return Ok(None) };
+            let x = if places::is_angle(file, moves) {
+                Polynomial::call(Function::Wrap, moves.clone())
+            } else {
+                moves.clone()
+            };
+            words.scalars.extend([("x".to_owned(), x), ("v".to_owned(), rate)]);
+            let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
+            Ok(work(mechanism, &law, moves, own))
+        }
+        (Place::Arm(k), Verb::Force) => {
+            let Body::Arm { angle: Some(angle), .. } = &file.bodies[k].value else { return Ok(None) };
+            let Ok(rate) = by_time(angle, n, omega) else { return Ok(None) };
+            words.scalars.push(("omega".to_owned(), rate));
+            let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
+            Ok(work(mechanism, &law, angle, own))
+        }
+        (Place::Drive, Verb::Moves) => {
+            let Some(drive) = places::drive(file) else { return Ok(None) };
+            let axis =
+                |k: usize| (0..drive.components).map(|i| Polynomial::number(f64::from(u8::from(i == k)))).collect();
+            let across = if drive.along == 0 { drive.components - 1 } else { 0 };
+            words.points = vec![("along".to_owned(), axis(drive.along)), ("across".to_owned(), axis(across))];
+            words.constants.push(("size".to_owned(), places::size(&drive.y, parameters)));
+            words.scalars.push(("y".to_owned(), drive.y.clone()));
+            let Word::Vector(law) = entry.law(&words, form)? else { return Ok(None) };
+            Ok(changed(mechanism, &displaced(file, &law), own, omega))
+        }
+        (Place::Drive, Verb::Advances) => {
+            let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
+            Ok(Some(Action::Advances(by_strength(&law, own, entry.strengths.len()))))
+        }
+        (Place::Arm(k), Verb::Turns) => {
+            let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
+            Ok(turned_arm(file, k, &law).and_then(|f| changed(mechanism, &f, own, omega)))
+        }
+        (Place::Frame, Verb::Turns) => {
+            let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
+            Ok(turned_frame(file, &law).and_then(|f| changed(mechanism, &f, own, omega)))
+        }
+        (Place::Encoder(sensor), Verb::Reads) => {
+            let x = Polynomial::motion(Symbol::Coordinate(0));
+            words.scalars.extend([("x".to_owned(), x.clone()), ("v".to_owned(), Polynomial::motion(Symbol::Rate(0)))]);
+            let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
+            let laws = by_strength(&law.minus(&x), own, entry.strengths.len());
+            Ok(Some(Action::Reads { sensor, laws }))
+        }
+        _ => Ok(None),
+    }
+}
+
+/// What each strength multiplies in a law without other parameters.
+fn by_strength(law: &Polynomial, own: usize, count: usize) -> Vec<Node> {
+    let parts = law.by_parameters();
+    (0..count)
+        .map(|k| parts.get(&vec![(Atom::Parameter(own + k), 1)]).map_or_else(|| number(0.0), Polynomial::node))
+        .collect()
+}
+
+/// The parts of an expression of equation `equation` that are linear in one strength.
+fn parts_of(e: &Polynomial, equation: usize, own: usize, out: &mut Vec<Part>) {
+    for (product, of) in e.by_parameters() {
+        let strengths: Vec<(usize, i32)> = product
+            .iter()
+            .filter_map(|(a, n)| if let Atom::Parameter(k) = a { (*k >= own).then(|| (*k - own, *n)) } else { None })
+            .collect();
+        if let [(strength, 1)] = strengths[..] {
+            let rest: Product =
+                product.into_iter().filter(|(a, _)| !matches!(a, Atom::Parameter(k) if *k >= own)).collect();
+            out.push(Part { strength, equation, product: rest, of: of.node() });
+        }
+    }
+}
+
+/// A force that does work on a displacement.
+fn work(mechanism: &Mechanism, force: &Polynomial, on: &Polynomial, own: usize) -> Option<Action> {
+    let mut out = Vec::new();
+    for (equation, (coordinate, _)) in mechanism.scales.iter().enumerate() {
+        let along = partial(on, &Atom::Motion(Symbol::Coordinate(*coordinate))).ok()?;
+        if !along.is_zero() {
+            parts_of(&force.times(&along).ok()?.scaled(-1.0), equation, own, &mut out);
+        }
+    }
+    (!out.is_empty()).then_some(Action::Force(out))
+}
+
+/// What of Lagrange's equations of a changed system is linear in the strengths.
+fn changed(mechanism: &Mechanism, file: &SystemFile, own: usize, omega: f64) -> Option<Action> {
+    let equations = lagrange::equations(file, &[], omega).ok()?;
+    let mut out = Vec::new();
+    for (equation, (coordinate, _)) in mechanism.scales.iter().enumerate() {
+        for column in &equations[*coordinate] {
+            let whole = column.of.times(&Polynomial::product(column.product.clone(), 1.0)).ok()?;
+            parts_of(&whole, equation, own, &mut out);
+        }
+    }
+    (!out.is_empty()).then_some(Action::Force(out))
+}
+
+/// The system with everything that the driven point carries displaced.
+fn displaced(file: &SystemFile, by: &[Polynomial]) -> SystemFile {
+    let mut out = file.clone();
+    let carried = |v: &[Polynomial]| v.iter().any(|p| p.moves(|s| s == Symbol::Tau));
+    for body in &mut out.bodies {
+        let point = match &mut body.value {
+            Body::Arm { from, .. } => Some(from),
+            Body::Free { centroid, .. } => centroid.as_mut(),
+        };
+        if let Some(point) = point.filter(|p| carried(p)) {
+            for (x, d) in point.iter_mut().zip(by) {
+                *x = x.plus(d);
+            }
+        }
+    }
+    out
+}
+
+/// The system with an arm's centroid off its line by an angle.
+fn turned_arm(file: &SystemFile, k: usize, by: &Polynomial) -> Option<SystemFile> {
+    let mut out = file.clone();
+    let Body::Arm { along, .. } = &mut out.bodies[k].value else { return None };
+    let [right, up] = &along[..] else { return None };
+    let across = [up.scaled(-1.0), right.clone()];
+    let turned = along.iter().zip(&across).map(|(u, n)| Some(u.plus(&n.times(by).ok()?))).collect::<Option<_>>()?;
+    *along = turned;
+    Some(out)
+}
+
+/// The system with gravity turned so that what hangs does so at the positive angle.
+fn turned_frame(file: &SystemFile, by: &Polynomial) -> Option<SystemFile> {
+    let mut out = file.clone();
+    let components = file.words.points.first().map_or(2, |p| p.1.len());
+    let g = match file.words.parameters.iter().position(|n| n == "g") {
+        Some(k) => Polynomial::atom(Atom::Parameter(k)),
+        None => Polynomial::number(file.words.constants.iter().find(|c| c.0 == "g").map_or(0.0, |c| c.1)),
+    };
+    let mut pull = vec![Polynomial::default(); components];
+    pull[0] = g.times(by).ok()?;
+    pull[components - 1] = g.scaled(-1.0);
+    out.gravity = Some(Gravity::Along(pull));
+    Some(out)
+}
+
+/// Columns of the parts at values of the parameters: for each strength its additions to the equations.
+pub fn columns(parts: &[Part], strengths: usize, mechanism: &Mechanism, parameters: &[f64]) -> Vec<Vec<(usize, Node)>> {
+    let scale: Vec<f64> = mechanism.scales.iter().map(|(_, d)| 1.0 / at(d, parameters)).collect();
+    let mut out: Vec<Vec<(usize, Node)>> = vec![Vec::new(); strengths];
+    for part in parts {
+        let factor = at(&Polynomial::product(part.product.clone(), 1.0), parameters) * scale[part.equation];
+        let of = multiply(number(factor), part.of.clone());
+        match out[part.strength].iter_mut().find(|c| c.0 == part.equation) {
+            Some(c) => c.1 = add(c.1.clone(), of),
+            None => out[part.strength].push((part.equation, of)),
+        }
+    }
+    out
+}

@@ -1,0 +1,65 @@
+//! The catalogue of physical effects that a system may have or miss: entries of `effects.toml`, and of a user's own files.
+//!
+//! An entry says how an effect acts, by one of five verbs: `force` does work at a joint or an arm, `moves` displaces the driven
+//! point, `advances` the drive's phase, `turns` a body's centroid or gravity, `reads` is what an encoder shows. Its strengths enter
+//! linearly; shape parameters (the order of cogging, the velocity of Stribeck's law) are tried on a grid. What an entry
+//! adds to the equations of a system derived from bodies is in [`columns`]. `docs/effects.md` is the user's page.
+//!
+//! | file | what |
+//! |---|---|
+//! | [`entry`] | an entry, read and checked |
+//! | [`value`] | strengths to what is reported |
+//! | [`places`] | where a system has joints, arms, a drive, a frame, encoders |
+//! | [`columns`] | what an effect of strength one adds to every equation |
+
+pub mod columns;
+pub mod entry;
+pub mod places;
+pub mod value;
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use self::entry::Entry;
+use crate::error::Result;
+use crate::model::model_file::toml_place::Source;
+
+/// The text of the catalogue.
+pub const TEXT: &str = include_str!("effects.toml");
+
+/// The catalogue.
+///
+/// # Panics
+/// Never: the embedded file is read in a test.
+pub fn catalogue() -> &'static [Entry] {
+    static ENTRIES: OnceLock<Vec<Entry>> = OnceLock::new();
+    ENTRIES.get_or_init(|| {
+        let source = Source { text: TEXT.to_owned(), path: Path::new("effects.toml").to_path_buf() };
+        read(&source).unwrap_or_default()
+    })
+}
+
+/// Entries of an effect file.
+///
+/// # Errors
+/// Names file, line and column, what was found and what was expected.
+pub fn read(source: &Source) -> Result<Vec<Entry>> {
+    entry::read(source)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_catalogue_is_read_whole() {
+        let source = Source { text: TEXT.to_owned(), path: Path::new("effects.toml").to_path_buf() };
+        let all = read(&source).unwrap();
+        assert_eq!(all.len(), TEXT.matches("[[effect]]").count());
+        assert_eq!(all.len(), catalogue().len());
+        for (k, e) in all.iter().enumerate() {
+            assert!(!all[..k].iter().any(|o| o.id == e.id), "{} twice", e.id);
+            assert!(e.refines.as_ref().is_none_or(|r| all.iter().any(|o| o.id == *r)), "{}", e.id);
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! Where effects can act on a system derived from bodies: joints, arms, the driven point, gravity's frame, encoders.
+
+use super::entry::{At, Entry};
+use crate::model::model_file::Space;
+use crate::model::model_file::expression::Symbol;
+use crate::rig::measures::Bound;
+use crate::system::bodies::Body;
+use crate::system::language::{Gravity, SystemFile};
+use crate::system::polynomial::{Atom, Polynomial};
+
+/// A place of a system.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Place {
+    /// Joint, by its number in the file.
+    Joint(usize),
+    /// Arm, by its number among the bodies.
+    Arm(usize),
+    /// The driven point.
+    Drive,
+    /// What carries everything.
+    Frame,
+    /// Sensor, by its number among the rig's.
+    Encoder(usize),
+}
+
+impl Place {
+    /// Name after the `@`.
+    pub fn name(self, file: &SystemFile) -> String {
+        match self {
+            Self::Joint(k) => file.joints[k].name.clone(),
+            Self::Arm(k) => match &file.bodies[k].value {
+                Body::Arm { name, .. } | Body::Free { name, .. } => name.clone(),
+            },
+            Self::Drive => "drive".to_owned(),
+            Self::Frame => "frame".to_owned(),
+            Self::Encoder(k) => format!("encoder{}", k + 1),
+        }
+    }
+}
+
+/// The driven point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drive {
+    /// Component along which it moves.
+    pub along: usize,
+    /// Components of a point.
+    pub components: usize,
+    /// Its displacement.
+    pub y: Polynomial,
+}
+
+/// The driven point, where one moves along one axis.
+pub fn drive(file: &SystemFile) -> Option<Drive> {
+    let moves = |p: &Polynomial| p.moves(|s| s == Symbol::Tau);
+    let (_, point) = file.words.points.iter().find(|(_, v)| v.iter().any(moves))?;
+    let mut driven = (0..point.len()).filter(|&k| moves(&point[k]));
+    let along = driven.next()?;
+    if driven.next().is_some() {
+        return None;
+    }
+    let mut y = Polynomial::default();
+    for (product, c) in point[along].terms() {
+        let term = Polynomial::product(product.clone(), c);
+        if moves(&term) {
+            y = y.plus(&term);
+        }
+    }
+    Some(Drive { along, components: point.len(), y })
+}
+
+/// Whether an angle takes part in an expression.
+fn turns(file: &SystemFile, p: &Polynomial) -> bool {
+    (0..file.coordinates.len())
+        .any(|k| file.coordinates[k].0.space == Space::Circle && p.moves(|s| s == Symbol::Coordinate(k)))
+}
+
+/// Every place of an entry; `bound` has the sensors.
+pub fn of(entry: &Entry, file: &SystemFile, bound: &Bound) -> Vec<Place> {
+    let vertical = |d: &Drive| d.along + 1 == d.components;
+    match entry.at {
+        At::Joint => (0..file.joints.len())
+            .filter(|&k| !entry.turning || turns(file, &file.joints[k].moves.value))
+            .map(Place::Joint)
+            .collect(),
+        At::Arm => (0..file.bodies.len())
+            .filter(|&k| matches!(&file.bodies[k].value, Body::Arm { angle: Some(_), .. }))
+            .map(Place::Arm)
+            .collect(),
+        At::Drive => match drive(file) {
+            // One law has two names: by the direction across the drive.
+            Some(d) if entry.alias => {
+                if vertical(&d) {
+                    Vec::new()
+                } else {
+                    vec![Place::Drive]
+                }
+            }
+            Some(d) if entry.id == "horizontal-motion" && !vertical(&d) => Vec::new(),
+            Some(_) => vec![Place::Drive],
+            None => Vec::new(),
+        },
+        At::Frame => match &file.gravity {
+            Some(Gravity::Down) if file.bodies.iter().any(|b| matches!(b.value, Body::Arm { .. })) => {
+                vec![Place::Frame]
+            }
+            _ => Vec::new(),
+        },
+        At::Encoder => (0..bound.sensors.len())
+            // A delay is told against the first channel.
+            .filter(|&k| k > 0 || entry.id != "channel-delay")
+            .filter(|&k| !entry.turning || shows_angle(file, bound, k))
+            .map(Place::Encoder)
+            .collect(),
+    }
+}
+
+fn shows_angle(file: &SystemFile, bound: &Bound, sensor: usize) -> bool {
+    (0..file.coordinates.len()).any(|k| bound.shown[(sensor, k)] != 0.0 && file.coordinates[k].0.space == Space::Circle)
+}
+
+/// Whether an expression of coordinates is an angle: every coordinate in it lies on a circle.
+pub fn is_angle(file: &SystemFile, p: &Polynomial) -> bool {
+    turns(file, p)
+        && !(0..file.coordinates.len())
+            .any(|k| file.coordinates[k].0.space == Space::Line && p.moves(|s| s == Symbol::Coordinate(k)))
+}
+
+/// Amplitude of the driven point for values of the parameters.
+pub fn size(y: &Polynomial, parameters: &[f64]) -> f64 {
+    (0..360)
+        .map(|k| {
+            let tau = f64::from(k).to_radians();
+            y.value(&|a| match a {
+                Atom::Parameter(i) => parameters.get(*i).copied().unwrap_or(f64::NAN),
+                _ => tau,
+            })
+            .abs()
+        })
+        .fold(0.0, f64::max)
+}

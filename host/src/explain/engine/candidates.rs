@@ -1,0 +1,181 @@
+//! A candidate: an effect at a place in one form, and its columns.
+
+use std::sync::Arc;
+
+use super::setting::{Physical, Setting};
+use super::state::State;
+use crate::effects::columns::{self, Action};
+use crate::effects::entry::{Entry, Form};
+use crate::effects::places::Place;
+use crate::model::model_file::expression::{Node, Symbol, add, multiply, number, subtract};
+
+/// Half the step, as a share of a shape parameter, over which a column's derivative by it is taken.
+const SHAPE_STEP: f64 = 1e-3;
+
+/// An effect at a place in one form.
+#[derive(Clone)]
+pub struct Candidate {
+    /// The effect.
+    pub entry: Arc<Entry>,
+    /// Where.
+    pub place: Place,
+    /// Its shape parameters.
+    pub form: Form,
+    /// How it acts.
+    action: Action,
+    /// The same at a smaller and a greater value of the shape parameter that is refined.
+    beside: Option<(f64, Box<[Action; 2]>)>,
+}
+
+/// Additions to the left-hand sides of one strength.
+pub type Column = Vec<(usize, Node)>;
+
+impl Candidate {
+    /// None where the effect adds nothing there.
+    pub fn new(
+        setting: &Setting<'_>,
+        entry: &Arc<Entry>,
+        place: Place,
+        form: Form,
+        physical: &Physical,
+    ) -> Option<Self> {
+        let action = Self::action_of(setting, entry, place, &form, physical)?;
+        Some(Self { entry: entry.clone(), place, form, action, beside: None })
+    }
+
+    fn action_of(
+        setting: &Setting<'_>,
+        entry: &Entry,
+        place: Place,
+        form: &Form,
+        physical: &Physical,
+    ) -> Option<Action> {
+        let mechanism = setting.mechanism()?;
+        let outside = (setting.rig.omega(), setting.span);
+        columns::action(entry, form, place, mechanism, &physical.values, outside).ok().flatten()
+    }
+
+    /// `ID@PLACE`.
+    pub fn name(&self, setting: &Setting<'_>) -> String {
+        let place = setting.file().map_or_else(String::new, |f| self.place.name(f));
+        format!("{}@{place}", self.entry.id)
+    }
+
+    /// The shape parameter that is refined: the only one that has bounds, of an effect with one strength.
+    fn refined_shape(&self) -> Option<usize> {
+        let mut with = self.entry.shapes.iter().enumerate().filter(|(_, s)| s.within.is_some());
+        match (with.next(), with.next()) {
+            (Some((k, _)), None) if self.entry.strengths.len() == 1 && matches!(self.action, Action::Force(_)) => {
+                Some(k)
+            }
+            _ => None,
+        }
+    }
+
+    /// The same with a second strength, which multiplies the first column's derivative by the shape parameter.
+    #[must_use]
+    pub fn refined(mut self, setting: &Setting<'_>, physical: &Physical) -> Self {
+        let Some(k) = self.refined_shape() else { return self };
+        let at = self.form[k].1;
+        let step = SHAPE_STEP * at.abs();
+        let side = |x: f64| {
+            let mut form = self.form.clone();
+            form[k].1 = x;
+            Self::action_of(setting, &self.entry, self.place, &form, physical)
+        };
+        if let (true, Some(low), Some(high)) = (step > 0.0, side(at - step), side(at + step)) {
+            self.beside = Some((step, Box::new([low, high])));
+        }
+        self
+    }
+
+    /// Whether it has a second strength by which its shape is refined.
+    pub fn is_refined(&self) -> bool {
+        self.beside.is_some()
+    }
+
+    /// The candidate at a shape parameter moved by a step, at most by half and within its bounds.
+    #[must_use]
+    pub fn moved(&self, setting: &Setting<'_>, step: f64, physical: &Physical) -> Self {
+        let Some(k) = self.refined_shape() else { return self.clone() };
+        let mut form = self.form.clone();
+        let limit = 0.5 * form[k].1.abs();
+        let [low, high] = self.entry.shapes[k].within.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        form[k].1 = (form[k].1 + step.clamp(-limit, limit)).clamp(low, high);
+        Self::new(setting, &self.entry, self.place, form, physical)
+            .map_or_else(|| self.clone(), |c| c.refined(setting, physical))
+    }
+
+    /// Number of strengths.
+    pub fn strengths(&self) -> usize {
+        self.entry.strengths.len() + usize::from(self.is_refined())
+    }
+
+    /// Whether strengths are applied to the data and found as increments, since the columns hold to first order only.
+    pub fn is_applied(&self) -> bool {
+        !matches!(self.action, Action::Force(_))
+    }
+
+    /// What it adds to a sensor: which, and a law for each strength.
+    pub fn reads(&self) -> Option<(usize, &[Node])> {
+        match &self.action {
+            Action::Reads { sensor, laws } => Some((*sensor, laws)),
+            _ => None,
+        }
+    }
+
+    /// What it adds to the drive's phase: radians by time for each strength.
+    pub fn advances(&self) -> Option<&[Node]> {
+        match &self.action {
+            Action::Advances(laws) => Some(laws),
+            _ => None,
+        }
+    }
+
+    /// Columns of strengths on the left-hand sides at the state's parameters; empty ones for what acts on a sensor.
+    pub fn columns(&self, setting: &Setting<'_>, state: &State) -> Vec<Column> {
+        let Some(mechanism) = setting.mechanism() else { return Vec::new() };
+        let n = self.entry.strengths.len();
+        let of = |action: &Action| match action {
+            Action::Force(parts) => columns::columns(parts, n, mechanism, &state.physical.values),
+            Action::Reads { .. } => vec![Vec::new(); n],
+            Action::Advances(laws) => laws.iter().map(|law| advanced(setting, state, law)).collect(),
+        };
+        let mut out = of(&self.action);
+        if let Some((step, sides)) = &self.beside {
+            let per = number(0.5 / step);
+            let [low, high] = [of(&sides[0]), of(&sides[1])];
+            out.push(
+                high[0]
+                    .iter()
+                    .zip(&low[0])
+                    .map(|((e, h), (_, l))| (*e, multiply(per.clone(), subtract(h.clone(), l.clone()))))
+                    .collect(),
+            );
+        }
+        out
+    }
+}
+
+/// ∂(left-hand sides)/∂τ of the model so far times what is added to τ.
+fn advanced(setting: &Setting<'_>, state: &State, law: &Node) -> Column {
+    let model = setting.model();
+    let omega = setting.rig.omega();
+    let mut at = 0;
+    let mut out = Vec::new();
+    for (e, equation) in model.equations.iter().enumerate() {
+        let mut sum = number(0.0);
+        for term in &equation.terms {
+            let value = state.values.get(at).copied().unwrap_or(0.0);
+            at += 1;
+            if let Some(slope) = model.in_seconds(&term.of, omega).derivative(Symbol::Tau) {
+                sum = add(sum, multiply(number(value), slope));
+            }
+        }
+        if let Some(slope) = model.in_seconds(&equation.balance, omega).derivative(Symbol::Tau) {
+            sum = subtract(sum, slope);
+        }
+        out.push((e, multiply(sum, law.clone())));
+    }
+    out
+}

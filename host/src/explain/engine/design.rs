@@ -1,0 +1,132 @@
+//! Columns of the equations and of everything that they may be missing, over all windows of the weak form.
+//!
+//! Each coefficient of an equation is a column in that equation; an effect's column stands in all equations that it acts on. A column of what a
+//! sensor shows is the derivative of the residual by its strength, taken by a small correction of the record.
+
+use rayon::prelude::*;
+
+use super::candidates::Candidate;
+use super::correct;
+use super::setting::Setting;
+use super::state::State;
+use crate::error::Result;
+use crate::explain::design::{Design, Window};
+use crate::identify::general::series::System;
+use crate::identify::general::stretches::Stretch;
+use crate::identify::windows::{WindowRows, row_count, rows_of};
+use crate::model::model_file::expression::Node;
+use crate::model::model_file::weak_form::{Column, WeakForm};
+
+/// The weak form with further columns, and which global column each term of each equation is.
+fn weak_of(setting: &Setting<'_>, further: &[Vec<(usize, Node)>]) -> Result<(WeakForm, Vec<Vec<usize>>)> {
+    let model = setting.model();
+    let mut at = 0;
+    let mut map: Vec<Vec<usize>> = model
+        .equations
+        .iter()
+        .map(|e| {
+            at += e.terms.len();
+            (at - e.terms.len()..at).collect()
+        })
+        .collect();
+    let mut extra: Vec<Vec<Column>> = vec![Vec::new(); model.equations.len()];
+    for (k, column) in further.iter().enumerate() {
+        for (e, of) in column {
+            extra[*e].push(Column { name: k.to_string(), of: of.clone() });
+            map[*e].push(at + k);
+        }
+    }
+    Ok((WeakForm::new(model, setting.rig.omega(), &extra)?, map))
+}
+
+fn rows(setting: &Setting<'_>, stretches: &[Stretch], weak: &WeakForm) -> Vec<WindowRows> {
+    let system = System { stretches, weak, kernels: &setting.geometry.kernels, circle: &setting.circle };
+    rows_of(&system, &weak.equations, &setting.geometry.kernels, &setting.geometry.windows)
+}
+
+/// Spreads the equations' own columns over the global ones.
+fn spread(rows: &WindowRows, map: &[Vec<usize>], columns: usize, frequencies: usize) -> Vec<f64> {
+    let n = row_count(frequencies);
+    let mut out = vec![0.0; map.len() * n * (columns + 1)];
+    for (i, map) in map.iter().enumerate() {
+        let width = map.len() + 1;
+        for r in 0..n {
+            let from = &rows.equations[i][r * width..(r + 1) * width];
+            let to = &mut out[(i * n + r) * (columns + 1)..(i * n + r + 1) * (columns + 1)];
+            map.iter().zip(from).for_each(|(&c, x)| to[c] = *x);
+            to[columns] = from[width - 1];
+        }
+    }
+    out
+}
+
+/// Columns of the equations, of what was chosen, then of each further candidate.
+///
+/// # Errors
+/// An effect that the weak form cannot hold.
+pub fn build(setting: &Setting<'_>, state: &State, stretches: &[Stretch], further: &[&Candidate]) -> Result<Design> {
+    let all: Vec<&Candidate> = state.chosen.iter().map(|k| &k.candidate).chain(further.iter().copied()).collect();
+    let parts: Vec<Vec<(usize, Node)>> = all.iter().flat_map(|c| c.columns(setting, state)).collect();
+    let own = state.values.len();
+    let columns = own + parts.len();
+    let (weak, map) = weak_of(setting, &parts)?;
+    let frequencies = setting.geometry.windows.frequencies;
+    let found = rows(setting, stretches, &weak);
+    let mut windows: Vec<Window> = found
+        .par_iter()
+        .map(|w| Window { run: w.run, index: w.index, values: spread(w, &map, columns, frequencies) })
+        .collect();
+    drop(found);
+    let count = map.len() * row_count(frequencies);
+    let mut at = own;
+    let mut plain: Option<Vec<Vec<f64>>> = None;
+    for c in all {
+        if let Some((sensor, laws)) = c.reads() {
+            for (k, law) in laws.iter().enumerate() {
+                let step = correct::small_step(stretches, &setting.bound, sensor, law);
+                let reference = match &plain {
+                    Some(r) => r,
+                    None => plain.insert(residual(setting, state, stretches)?),
+                };
+                let moved: Vec<Stretch> =
+                    stretches.iter().map(|s| correct::sensor(s, &setting.bound, sensor, law, step)).collect();
+                let changed = residual(setting, state, &moved)?;
+                for (window, (a, b)) in windows.iter_mut().zip(reference.iter().zip(&changed)) {
+                    for r in 0..count {
+                        window.values[r * (columns + 1) + at + k] = -(b[r] - a[r]) / step;
+                    }
+                }
+            }
+        }
+        at += c.strengths();
+    }
+    Ok(Design { columns, rows: count, frequencies, windows })
+}
+
+/// Residuals Y − Xλ of every window's rows at the state's coefficients.
+///
+/// # Errors
+/// As [`build`].
+pub fn residual(setting: &Setting<'_>, state: &State, stretches: &[Stretch]) -> Result<Vec<Vec<f64>>> {
+    let (mut parts, mut lambda) = (Vec::new(), state.values.clone());
+    for k in state.chosen.iter().filter(|k| !k.candidate.is_applied()) {
+        parts.extend(k.candidate.columns(setting, state));
+        lambda.extend(&k.strengths);
+    }
+    let (weak, map) = weak_of(setting, &parts)?;
+    let n = row_count(setting.geometry.windows.frequencies);
+    let found = rows(setting, stretches, &weak);
+    Ok(found
+        .iter()
+        .map(|w| {
+            let mut out = Vec::with_capacity(map.len() * n);
+            for (map, rows) in map.iter().zip(&w.equations) {
+                let width = map.len() + 1;
+                for row in rows.chunks_exact(width) {
+                    out.push(row[width - 1] - map.iter().zip(row).map(|(&c, x)| lambda[c] * x).sum::<f64>());
+                }
+            }
+            out
+        })
+        .collect())
+}

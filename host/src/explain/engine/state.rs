@@ -1,0 +1,139 @@
+//! The model while effects are added to it: coefficients, effects with their strengths, and the record with sensor effects taken off.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::candidates::Candidate;
+use super::correct;
+use super::setting::{Physical, Setting};
+use crate::identify::general::stretches::Stretch;
+use crate::identify::general::track::{Along, Track};
+use crate::model::model_file::equations_of_motion::EquationsOfMotion;
+use crate::model::model_file::expression::Node;
+
+/// An effect in the model.
+#[derive(Clone)]
+pub struct Chosen {
+    /// The effect.
+    pub candidate: Candidate,
+    /// Its strengths.
+    pub strengths: Vec<f64>,
+}
+
+impl Chosen {
+    /// A candidate that joins the model with strengths of zero, in its refined form where it has one.
+    pub fn new(setting: &Setting<'_>, candidate: Candidate, physical: &Physical) -> Self {
+        let candidate = candidate.refined(setting, physical);
+        Self { strengths: vec![0.0; candidate.strengths()], candidate }
+    }
+}
+
+/// Coefficients and what was computed with them.
+#[derive(Clone)]
+pub struct State {
+    /// Coefficients of the equations without dampings, equation by equation.
+    pub values: Vec<f64>,
+    /// Parameters of the system behind them.
+    pub physical: Physical,
+    /// Nominal dampings, then effects added.
+    pub chosen: Vec<Chosen>,
+    /// How many of `chosen` are nominal.
+    pub nominal: usize,
+    /// The record with sensor effects found so far taken off.
+    pub stretches: Vec<Stretch>,
+}
+
+impl State {
+    /// Columns of the equations and of everything chosen, which come first.
+    pub fn own_columns(&self) -> usize {
+        self.values.len() + self.chosen.iter().map(|k| k.strengths.len()).sum::<usize>()
+    }
+
+    /// Effects rest on the system's parameters: renews these, and forms that are refined.
+    pub fn renew(&mut self, setting: &Setting<'_>, x: &DVector<f64>, covariance: &DMatrix<f64>) {
+        let n = self.values.len();
+        let own = (x.rows(0, n).into_owned(), covariance.view((0, 0), (n, n)).into_owned());
+        if let Some(physical) = setting.physical(&own.0, &own.1) {
+            self.physical = physical;
+        }
+        for k in &mut self.chosen {
+            if k.candidate.is_refined() && k.strengths[0] != 0.0 {
+                // A Gauss–Newton step of the form's parameter.
+                k.candidate = k.candidate.moved(setting, k.strengths[1] / k.strengths[0], &self.physical);
+                k.strengths[1] = 0.0;
+            }
+        }
+    }
+
+    /// Takes coefficients over: the equations' own, then strengths; those of effects that are applied to the data are increments.
+    pub fn take(&mut self, setting: &Setting<'_>, x: &DVector<f64>) {
+        let n = self.values.len();
+        self.values = x.rows(0, n).iter().copied().collect();
+        let mut at = n;
+        let mut applied = false;
+        for k in &mut self.chosen {
+            let increments = k.candidate.is_applied();
+            applied |= increments;
+            for s in &mut k.strengths {
+                *s = x[at] + if increments { *s } else { 0.0 };
+                at += 1;
+            }
+        }
+        if applied {
+            self.stretches = self.taken_off(setting, &setting.raw);
+        }
+    }
+
+    /// Stretches with the sensor effects so far taken off.
+    pub fn taken_off(&self, setting: &Setting<'_>, raw: &[Stretch]) -> Vec<Stretch> {
+        let mut out = raw.to_vec();
+        for k in &self.chosen {
+            if let Some((sensor, laws)) = k.candidate.reads() {
+                for (law, s) in laws.iter().zip(&k.strengths) {
+                    out = out.iter().map(|g| correct::sensor(g, &setting.bound, sensor, law, *s)).collect();
+                }
+            }
+            if let Some(laws) = k.candidate.advances() {
+                for (law, s) in laws.iter().zip(&k.strengths) {
+                    out = out.iter().map(|g| correct::phase(g, law, *s)).collect();
+                }
+            }
+        }
+        out
+    }
+
+    /// The model's equations of motion, and its parameters at the coefficients `x` (the equations' own, then strengths).
+    pub fn motion(&self, setting: &Setting<'_>, x: &DVector<f64>) -> Option<(EquationsOfMotion, Vec<f64>)> {
+        let n = self.values.len();
+        let mut terms: Vec<(usize, String, Node)> = Vec::new();
+        let mut strengths: Vec<(String, f64)> = Vec::new();
+        let mut at = n;
+        for (index, k) in self.chosen.iter().enumerate() {
+            for (j, column) in k.candidate.columns(setting, self).into_iter().enumerate() {
+                // What is applied to the data is not in the equations.
+                if !k.candidate.is_applied() {
+                    let name = format!("{index} {j}");
+                    terms.extend(column.into_iter().map(|(e, of)| (e, name.clone(), of)));
+                    strengths.push((name, x[at]));
+                }
+                at += 1;
+            }
+        }
+        let motion = EquationsOfMotion::with_columns(setting.model(), setting.rig.omega(), &terms).ok()?;
+        let own = setting.model().coefficients();
+        let value = |name: &String| {
+            own.iter()
+                .position(|n| n == name)
+                .map(|i| x[i])
+                .or_else(|| strengths.iter().find(|s| s.0 == *name).map(|s| s.1))
+        };
+        let values = motion.coefficients().iter().map(|n| value(n).unwrap_or(0.0)).collect();
+        Some((motion, values))
+    }
+
+    /// Calls with the record as pieces for predictions.
+    pub fn on_track<T>(&self, setting: &Setting<'_>, then: impl FnOnce(&Track<'_>) -> T) -> T {
+        let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
+        let along: Vec<Along> = self.stretches.iter().map(|s| Along::new(s, omega)).collect();
+        then(&Track::new(&self.stretches, &along, setting.rig, &setting.bound, &setting.sensors))
+    }
+}

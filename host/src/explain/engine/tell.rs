@@ -1,0 +1,234 @@
+//! What is told: values with their units, parameters of the final model, the model for its file.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::candidates::Candidate;
+use super::setting::{Physical, Setting};
+use super::state::State;
+use crate::effects::entry::Verb;
+use crate::effects::places::{self, Place};
+use crate::effects::value::{Reported, report};
+use crate::error::Result;
+use crate::explain::explanation::{Explanation, Found};
+use crate::identify::Identification;
+use crate::identify::Parameter;
+use crate::identify::model_file::own_keys;
+use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S, System};
+use crate::model::model_file::Space;
+use crate::model::model_file::expression::Symbol;
+use crate::model::model_file::units::Unit;
+use crate::system::bodies::Body;
+use crate::system::mechanism::at;
+use crate::system::polynomial::Polynomial;
+
+/// The equation in whose inertia an effect's strength is told where no mass is known, and what it does work on.
+fn equation_of(setting: &Setting<'_>, place: Place) -> Option<(usize, Polynomial)> {
+    let file = setting.file()?;
+    let moves = match place {
+        Place::Joint(k) => file.joints[k].moves.value.clone(),
+        Place::Arm(k) => match &file.bodies[k].value {
+            Body::Arm { angle: Some(angle), .. } => angle.clone(),
+            _ => return None,
+        },
+        _ => return None,
+    };
+    let coordinate = (0..file.coordinates.len()).rev().find(|k| moves.moves(|s| s == Symbol::Coordinate(*k)))?;
+    let equation = setting.mechanism()?.scales.iter().position(|s| s.0 == coordinate)?;
+    Some((equation, moves))
+}
+
+/// Name of the inertia of an equation: of the quantity that it is, if there is one.
+fn inertia_name(setting: &Setting<'_>, equation: usize) -> String {
+    let Some(mechanism) = setting.mechanism() else { return String::new() };
+    let (coordinate, scale) = &mechanism.scales[equation];
+    let named = mechanism.quantities.iter().find(|q| q.value == *scale).map(|q| q.name.clone());
+    named.unwrap_or_else(|| format!("inertia of {}", setting.model().coordinates[*coordinate].name))
+}
+
+/// Unit of a strength of one whose law is that of the entry, and the factor that turns strengths into it.
+fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, String) {
+    if let Some(unit) = &c.entry.unit {
+        return (1.0, unit.clone());
+    }
+    let rad_or_m = |angle: bool| if angle { "rad" } else { "m" }.to_owned();
+    match (c.entry.verb, c.entry.at) {
+        (Verb::Turns, _) => (1.0, "rad".to_owned()),
+        (Verb::Moves, _) => {
+            (1.0, if c.entry.law.contains("size") || c.entry.law.contains('y') { "1" } else { "m" }.to_owned())
+        }
+        (Verb::Reads, _) => {
+            let sensor = if let Place::Encoder(k) = c.place { k } else { 0 };
+            let circle =
+                (0..setting.circle.len()).any(|k| setting.bound.shown[(sensor, k)] != 0.0 && setting.circle[k]);
+            (1.0, rad_or_m(circle))
+        }
+        (Verb::Advances, _) => (1.0, "rad".to_owned()),
+        (Verb::Force, _) => force(setting, physical, c),
+    }
+}
+
+/// The same for a force.
+fn force(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, String) {
+    let (Some((equation, moves)), Some(file), Some(mechanism)) =
+        (equation_of(setting, c.place), setting.file(), setting.mechanism())
+    else {
+        return (1.0, String::new());
+    };
+    let angle = places::is_angle(file, &moves);
+    let work = if angle { "N m" } else { "N" };
+    let coordinates: Vec<Unit> = file
+        .coordinates
+        .iter()
+        .map(|(c, _)| Unit::of_channel(if c.space == Space::Circle { "rad" } else { "m" }))
+        .collect();
+    // A strength's unit: that of the work over that of what it multiplies.
+    let of = crate::effects::entry::multiplied(&c.entry, &c.form, &moves, file.coordinates.len(), setting.rig.omega());
+    let unit = Unit::parse(work).unwrap_or_default();
+    let per = of.and_then(|n| crate::model::model_file::units::of(&n, &coordinates, &[], true)).unwrap_or_default();
+    let unit = unit.times(&per, -1.0).to_string();
+    let unit = if c.entry.value.as_ref().is_some_and(|v| c.form.iter().any(|s| s.0 == *v)) {
+        // A shape is the value: a position or a velocity.
+        if angle { "rad".to_owned() } else { "m".to_owned() }
+    } else {
+        unit
+    };
+    if physical.open.get(equation).copied().unwrap_or(true) {
+        let inertia = at(&mechanism.scales[equation].1, &physical.values);
+        let mass = if angle { "kg m²" } else { "kg" };
+        return (1.0 / inertia, format!("{unit}/({} {mass})", inertia_name(setting, equation)));
+    }
+    (1.0, unit)
+}
+
+/// Value, standard error, parameters and unit of an effect with strengths `k` and their covariance.
+pub fn value(
+    setting: &Setting<'_>,
+    physical: &Physical,
+    c: &Candidate,
+    k: &[f64],
+    covariance: &DMatrix<f64>,
+) -> (Reported, String) {
+    let (factor, unit) = scale(setting, physical, c);
+    let d = c.entry.strengths.len();
+    let mut form = c.form.clone();
+    let mut moved = BTreeMap::new();
+    if let (true, Some(shape)) = (c.is_refined() && k[0] != 0.0, c.entry.shapes.iter().position(|s| s.within.is_some()))
+    {
+        // What is left of the last Gauss–Newton step belongs to the value.
+        form[shape].1 += k[1] / k[0];
+        moved.insert(form[shape].0.clone(), covariance[(d, d)].max(0.0) / (k[0] * k[0]));
+    }
+    let own = covariance.view((0, 0), (d, d)).into_owned();
+    (report(&c.entry, &form, (&k[..d], &own), factor, &moved), unit)
+}
+
+/// A found effect.
+pub fn found(setting: &Setting<'_>, c: &Candidate, told: (Reported, String)) -> Found {
+    let (reported, unit) = told;
+    let name = c.name(setting);
+    let place = name.split_once('@').map_or("", |p| p.1);
+    Found {
+        value: reported.value,
+        std_error: reported.std_error,
+        parameters: reported.parameters,
+        equation: c.entry.equation.clone(),
+        confirm: c.entry.confirm.clone(),
+        ..Found::empty(&c.entry.id, place, unit)
+    }
+}
+
+/// Reads parameters and the effects' final values off the last fit.
+pub fn parameters(
+    setting: &Setting<'_>,
+    state: &State,
+    (x, covariance): (&DVector<f64>, &DMatrix<f64>),
+    first: &Identification,
+    result: &mut Explanation,
+) {
+    let mut at_column = state.values.len();
+    let mut strengths: BTreeMap<String, (f64, f64)> = BTreeMap::new();
+    let mut told: Vec<Parameter> = Vec::new();
+    for (index, k) in state.chosen.iter().enumerate() {
+        let d = k.strengths.len();
+        let own = covariance.view((at_column, at_column), (d, d)).into_owned();
+        let applied = k.candidate.is_applied();
+        let values: Vec<f64> = (0..d).map(|i| x[at_column + i] + if applied { k.strengths[i] } else { 0.0 }).collect();
+        let (reported, unit) = value(setting, &state.physical, &k.candidate, &values, &own);
+        let name = k.candidate.name(setting);
+        if index < state.nominal {
+            strengths.insert(name.clone(), (values[0], own[(0, 0)].max(0.0).sqrt()));
+        } else if let Some(f) = result.effects.get_mut(index - state.nominal) {
+            (f.value, f.std_error, f.unit) = (reported.value, reported.std_error, unit.clone());
+            f.parameters = reported.parameters;
+            f.strengths = values;
+        }
+        told.push(Parameter { name, value: reported.value, std_error: reported.std_error, unit });
+        at_column += d;
+    }
+    let own = setting.model().coefficients();
+    let Some(mechanism) = setting.whole.model.mechanism.as_deref() else { return };
+    for name in setting.whole.model.coefficients() {
+        let unit = first.parameter(&name).map_or_else(String::new, |p| p.unit.clone());
+        let (value, std_error) = match own.iter().position(|n| *n == name) {
+            Some(i) => (x[i], covariance[(i, i)].max(0.0).sqrt()),
+            None => damping(mechanism, &name, &state.physical.values, &strengths),
+        };
+        result.parameters.push(Parameter { name, value, std_error, unit });
+    }
+    result.parameters.extend(told);
+}
+
+/// A nominal damping's coefficient from its strength.
+fn damping(
+    mechanism: &crate::system::mechanism::Mechanism,
+    name: &str,
+    physical: &[f64],
+    strengths: &BTreeMap<String, (f64, f64)>,
+) -> (f64, f64) {
+    let with = |pick: fn(&(f64, f64)) -> f64| {
+        let all: Vec<f64> = mechanism
+            .parameters
+            .iter()
+            .enumerate()
+            .map(|(k, p)| physical.get(k).copied().unwrap_or_else(|| strengths.get(&p.name).map_or(0.0, pick)))
+            .collect();
+        mechanism.value(name, &all).unwrap_or(0.0)
+    };
+    (with(|s| s.0), with(|s| s.1).abs())
+}
+
+/// The model with its effects.
+///
+/// # Errors
+/// A model file that is no longer readable.
+pub fn model(setting: &Setting<'_>, state: &State, result: &Explanation) -> Result<IdentifiedModel> {
+    let mut found_with = BTreeMap::new();
+    if let (false, Some(file)) = (result.effects.is_empty(), setting.file()) {
+        found_with.extend(file.parameters.iter().zip(&state.physical.values).map(|(p, v)| (p.name.clone(), *v)));
+        found_with.insert(RECORD_S.to_owned(), setting.span.length_s);
+    }
+    Ok(IdentifiedModel {
+        found_with,
+        name: setting.rig.name.clone(),
+        system: System::Own(own_keys(&setting.whole.model)?),
+        method: "explain".to_owned(),
+        drive_frequency_hz: setting.rig.drive.map(|d| d.frequency_hz),
+        nominal: Vec::new(),
+        parameters: result.parameters.iter().filter(|p| !p.name.contains('@')).cloned().collect(),
+        effects: result
+            .effects
+            .iter()
+            .map(|f| AddedEffect {
+                id: f.id.clone(),
+                at: f.at.clone(),
+                value: f.value,
+                std_error: f.std_error,
+                unit: f.unit.clone(),
+                strengths: f.strengths.clone(),
+                parameters: f.parameters.clone(),
+            })
+            .collect(),
+    })
+}
