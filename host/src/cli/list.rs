@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::Answer;
-use crate::error::{BadInput, Result};
 use crate::effects::catalogue;
+use crate::error::{BadInput, Result};
 use crate::model::model_file::toml_place;
 use crate::system::library;
 

@@ -64,11 +64,19 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
 /// Simulates a model file.
 #[cfg(feature = "sim")]
 fn model_file(arguments: &Arguments, rig: &Rig, bound: &crate::rig::measures::Bound) -> Result<Answer> {
-    let put_in = crate::explain::model_file::put_in::terms(&bound.model, rig.omega(), &arguments.effects)?;
+    use crate::model::model_file::simulation::Extra;
+    let derived = bound.model.mechanism.as_ref().is_some_and(|m| m.file.as_ref().is_some_and(|f| !f.written));
+    let put_in;
+    let extra = if derived {
+        Extra::Effects(&arguments.effects)
+    } else {
+        put_in = crate::explain::model_file::put_in::terms(&bound.model, rig.omega(), &arguments.effects)?;
+        Extra::Terms(&put_in.terms, &put_in.strengths)
+    };
     let samples = crate::model::model_file::simulation::record(
         rig,
         bound,
-        (&put_in.terms, &put_in.strengths),
+        extra,
         arguments.seconds,
         arguments.seed,
         &arguments.output,

@@ -10,11 +10,13 @@
 //! | [`entry`] | an entry, read and checked |
 //! | [`value`] | strengths to what is reported |
 //! | [`places`] | where a system has joints, arms, a drive, a frame, encoders |
+//! | [`put_in`] | effects of a simulation |
 //! | [`columns`] | what an effect of strength one adds to every equation |
 
 pub mod columns;
 pub mod entry;
 pub mod places;
+pub mod put_in;
 pub mod value;
 
 use std::path::Path;

@@ -125,16 +125,15 @@ pub fn is_angle(file: &SystemFile, p: &Polynomial) -> bool {
             .any(|k| file.coordinates[k].0.space == Space::Line && p.moves(|s| s == Symbol::Coordinate(k)))
 }
 
-/// Amplitude of the driven point for values of the parameters.
+/// Amplitude of the driven point for values of the parameters: of its first harmonic, √2 times the rms over a period.
 pub fn size(y: &Polynomial, parameters: &[f64]) -> f64 {
-    (0..360)
-        .map(|k| {
-            let tau = f64::from(k).to_radians();
-            y.value(&|a| match a {
-                Atom::Parameter(i) => parameters.get(*i).copied().unwrap_or(f64::NAN),
-                _ => tau,
-            })
-            .abs()
+    const POINTS: u32 = 64;
+    let at = |k: u32| {
+        let tau = core::f64::consts::TAU * f64::from(k) / f64::from(POINTS);
+        y.value(&|a| match a {
+            Atom::Parameter(i) => parameters.get(*i).copied().unwrap_or(f64::NAN),
+            _ => tau,
         })
-        .fold(0.0, f64::max)
+    };
+    ((0..POINTS).map(|k| at(k) * at(k)).sum::<f64>() * 2.0 / f64::from(POINTS)).sqrt()
 }

@@ -219,9 +219,9 @@ impl IdentifiedModel {
             None => BTreeMap::new(),
             Some(Value::Table(t)) => t
                 .into_iter()
-                .map(|(k, v)| match finite(&v) {
-                    Some(x) if x > 0.0 => Ok((k, x)),
-                    _ => Err(bad(format!("found_with.{k}"), &v, "a number above 0")),
+                .map(|(k, v)| {
+                    let x = finite(&v).ok_or_else(|| bad(format!("found_with.{k}"), &v, "a finite number"))?;
+                    Ok((k, x))
                 })
                 .collect::<Result<_>>()?,
             Some(v) => return Err(bad("found_with", &v, "a table of quantities")),

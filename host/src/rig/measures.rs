@@ -71,6 +71,10 @@ fn source(rig: &Rig) -> Result<Source> {
         return Ok(Source { text: text.to_owned(), path: Path::new(&rig.model).to_path_buf() });
     }
     let path = rig.path.parent().unwrap_or(Path::new("")).join(&rig.model);
+    // A file that ships with the program needs no copy beside the rig file.
+    if let (false, Some(text)) = (path.exists(), rig.model.strip_suffix(".toml").and_then(library::text)) {
+        return Ok(Source { text: text.to_owned(), path: Path::new(&rig.model).to_path_buf() });
+    }
     if !path.exists() {
         return Err(BadInput::new(
             format!("\"{}\", which does not exist", rig.model),

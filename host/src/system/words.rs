@@ -332,6 +332,7 @@ mod tests {
             inputs: vec!["u".into()],
             parameters: vec!["k".into(), "l".into()],
             constants: vec![("N".into(), 50.0)],
+            scalars: Vec::new(),
             points: vec![("base".into(), vec![Polynomial::number(0.0), Polynomial::motion(Symbol::Input(0))])],
         }
     }

@@ -2,12 +2,14 @@
 
 use super::motion_model::MotionModel;
 use crate::error::{BadInput, Result};
+use crate::explain::engine::given;
 use crate::explain::model_file::{Beside, motion_of};
 use crate::explain::single_pendulum;
 use crate::model::dynamics::Dynamics;
 use crate::model::identified::{IdentifiedModel, System};
 use crate::model::model_file::expression::Symbol;
 use crate::rig::Rig;
+use crate::rig::measures::Bound;
 
 /// Equations of motion with their parameters.
 pub struct Moving {
@@ -46,7 +48,13 @@ impl Moving {
             let beside = single_pendulum::beside(rig);
             return Self::own(&model, &own, Some(&beside));
         }
-        if rig.bound.is_some() {
+        if let Some(bound) = &rig.bound {
+            if let Some(m) = given::motion(model, rig, bound, span_s[0])? {
+                let names = m.motion.coefficients().to_vec();
+                let of_drive = of_drive(&names, bound);
+                let (parameters, left_out) = (m.parameters, m.left_out);
+                return Ok(Self { dynamics: Box::new(m.motion), parameters, names, of_drive, left_out, jumps: false });
+            }
             return Self::own(model, rig, None);
         }
         let double = MotionModel::of(model, rig, span_s)?;
@@ -73,8 +81,13 @@ impl Moving {
         }
         let (motion, parameters) = motion_of(model, &bound.model, rig.omega(), beside)?;
         let names = motion.coefficients().to_vec();
-        let terms = || bound.model.equations.iter().flat_map(|e| &e.terms);
-        let of_drive = names.iter().map(|n| terms().any(|t| t.name == *n && t.of.any(&|s| s == Symbol::Tau))).collect();
+        let of_drive = of_drive(&names, bound);
         Ok(Self { dynamics: Box::new(motion), parameters, names, of_drive, left_out: Vec::new(), jumps: false })
     }
+}
+
+/// Which coefficients stand with the drive's phase.
+fn of_drive(names: &[String], bound: &Bound) -> Vec<bool> {
+    let terms = || bound.model.equations.iter().flat_map(|e| &e.terms);
+    names.iter().map(|n| terms().any(|t| t.name == *n && t.of.any(&|s| s == Symbol::Tau))).collect()
 }

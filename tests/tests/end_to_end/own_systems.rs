@@ -246,3 +246,48 @@ fn a_model_file_is_validated() {
     assert_eq!(said.status, 1, "{said:?}");
     assert_eq!(json(&folder.join("w.json"))["verdict"], "failed");
 }
+
+/// A system derived from bodies gets every effect at its joints, arms, encoders, drive and frame, as the built-in double pendulum does, on
+/// records of a plant that is written apart.
+#[test]
+fn a_system_from_bodies_names_what_the_built_in_one_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let (built_in, bodies) = (rig("chaotic.toml"), rig("double-pendulum-from-bodies.toml"));
+    for (name, value) in [("quadratic-drag@arm2", 3e-7), ("frame-tilt@frame", 0.02), ("channel-delay@encoder2", 1e-3)] {
+        done(at, &format!("simulate --rig {built_in} --effect {name}={value} --seconds 80 -o r.parquet --force"));
+        done(at, &format!("explain r.parquet --rig {bodies} --json e.json -o m.toml --force"));
+        let e = json(&at.join("e.json"));
+        assert_eq!(e["verdict"], "explained", "{name}: {}", e["reason"]);
+        let first = &e["effects"][0];
+        assert_eq!(format!("{}@{}", first["id"].as_str().unwrap(), first["at"].as_str().unwrap()), name);
+        let (found, error) = (first["value"].as_f64().unwrap(), first["std_error"].as_f64().unwrap());
+        assert!((found - value).abs() < 3.0 * error, "{name}: {found} ± {error}");
+    }
+    // What was written is taken again.
+    done(at, &format!("explain r.parquet --rig {bodies} --model m.toml --most-effects 0 --json again.json"));
+    let again = json(&at.join("again.json"));
+    assert!(again["gap"]["steps"][0]["value"].as_f64().unwrap() < 1.1, "{}", again["gap"]);
+}
+
+/// Nothing in the program knows of Furuta's pendulum or of this effect: both are files.
+#[test]
+fn an_effect_of_ones_own_is_found_on_a_system_of_ones_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let effect =
+        "[[effect]]\nid = \"magnet\"\nat = \"joint\"\nstrengths = [\"k\"]\nforce = \"-k*sin(3*x)*exp(-(x/0.8)^2)\"\n";
+    std::fs::write(at.join("magnet.toml"), effect).unwrap();
+    let text = std::fs::read_to_string(rig("rotary-pendulum.toml")).unwrap();
+    std::fs::write(at.join("rig.toml"), text.replace("sample_rate_hz", "effects = [\"magnet.toml\"]\nsample_rate_hz"))
+        .unwrap();
+    done(at, "simulate --rig rig.toml --effect magnet@pivot=0.02 --seconds 60 -o r.parquet");
+    let run = whirl(at, "explain r.parquet --rig rig.toml --json e.json");
+    let e = json(&at.join("e.json"));
+    assert_eq!(e["effects"][0]["id"], "magnet", "{run:?}");
+    assert_eq!(e["effects"][0]["at"], "pivot");
+    let value = e["effects"][0]["value"].as_f64().unwrap();
+    assert!((value / 0.02 - 1.0).abs() < 0.02, "{value}");
+    let listed = whirl(at, "list effects --effects magnet.toml");
+    assert!(listed.stdout.contains("magnet"), "{}", listed.stdout);
+}

@@ -7,6 +7,7 @@ use super::state::State;
 use crate::effects::columns::{self, Action};
 use crate::effects::entry::{Entry, Form};
 use crate::effects::places::Place;
+use crate::model::model_file::by_parts::pieces;
 use crate::model::model_file::expression::{Node, Symbol, add, multiply, number, subtract};
 
 /// Half the step, as a share of a shape parameter, over which a column's derivative by it is taken.
@@ -40,6 +41,14 @@ impl Candidate {
         physical: &Physical,
     ) -> Option<Self> {
         let action = Self::action_of(setting, entry, place, &form, physical)?;
+        if let (Action::Force(parts), Some(mechanism)) = (&action, setting.mechanism()) {
+            let all = columns::columns(parts, entry.strengths.len(), mechanism, &physical.values);
+            let holds = |of: &Node| pieces(of, setting.rig.omega(), &setting.circle).is_ok();
+            // Nothing that the weak form cannot hold, nothing that is nothing.
+            if all.iter().any(|c| c.is_empty() || !c.iter().all(|(_, of)| holds(of))) {
+                return None;
+            }
+        }
         Some(Self { entry: entry.clone(), place, form, action, beside: None })
     }
 
@@ -62,7 +71,7 @@ impl Candidate {
     }
 
     /// The shape parameter that is refined: the only one that has bounds, of an effect with one strength.
-    fn refined_shape(&self) -> Option<usize> {
+    pub fn refined_shape(&self) -> Option<usize> {
         let mut with = self.entry.shapes.iter().enumerate().filter(|(_, s)| s.within.is_some());
         match (with.next(), with.next()) {
             (Some((k, _)), None) if self.entry.strengths.len() == 1 && matches!(self.action, Action::Force(_)) => {
@@ -104,6 +113,11 @@ impl Candidate {
         form[k].1 = (form[k].1 + step.clamp(-limit, limit)).clamp(low, high);
         Self::new(setting, &self.entry, self.place, form, physical)
             .map_or_else(|| self.clone(), |c| c.refined(setting, physical))
+    }
+
+    /// The same in another form.
+    pub fn at(&self, setting: &Setting<'_>, form: Form, physical: &Physical) -> Option<Self> {
+        Self::new(setting, &self.entry, self.place, form, physical)
     }
 
     /// Number of strengths.

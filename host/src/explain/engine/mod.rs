@@ -12,19 +12,21 @@
 //! | `state` | coefficients and what was added |
 //! | `design` | columns over all windows |
 //! | `correct` | sensor effects taken off |
+//! | `given` | a model to start from or to predict with |
 //! | `power` | what noise alone leaves, what sensors alone feign |
 //! | `tell` | values, units, the model |
 
 mod candidates;
 mod correct;
 mod design;
+pub mod given;
 mod power;
 mod setting;
 mod state;
 mod tell;
 
 use self::candidates::Candidate;
-use self::setting::{Physical, Setting};
+use self::setting::{Begun, Physical, Setting};
 use self::state::{Chosen, State};
 use super::decidability::{self, EXPLAINED_GAP, LOCKED, locked};
 use super::decision::{self, Choice, Offer};
@@ -49,10 +51,7 @@ const LONGER: [f64; 3] = [2.0, 4.0, 8.0];
 /// # Errors
 /// As [`crate::identify::identify`].
 pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings) -> Result<Option<Explanation>> {
-    if settings.model.is_some() {
-        return Ok(None);
-    }
-    let Some((setting, first, physical, warnings)) = Setting::new(records, rig, whole, MOST_WINDOWS)? else {
+    let Some(Begun { setting, first, physical, warnings }) = Setting::new(records, rig, whole, MOST_WINDOWS)? else {
         return Ok(None);
     };
     let Some(mut state) = start(&setting, &first, physical) else { return Ok(None) };
@@ -60,6 +59,11 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
     let mut result = Explanation::new(horizon_s, warnings);
     describe(&setting, &state, &mut result);
     let undecidable = undecidable(&setting, records, &first);
+    if let Some(model) = &settings.model {
+        given::take(&setting, &mut state, model)?;
+        let value = gap(&setting, &state, &given::coefficients(&state), horizon_s);
+        result.gap.steps.push(Step { added: None, value });
+    }
     let mut kept: Option<(State, Outcome)> = None;
     let mut before = Vec::new();
     let outcome = loop {
@@ -71,13 +75,15 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
         let previous = result.gap.steps.last().map_or(f64::INFINITY, |s| s.value);
         if gap > (1.0 - LEAST_PROGRESS) * previous
             && previous > EXPLAINED_GAP
+            && !result.effects.is_empty()
             && let Some((better, outcome)) = kept.take()
         {
             let _ = result.effects.pop();
             state = better;
             break outcome;
         }
-        let added = result.effects.last().map(|f| format!("{}@{}", f.id, f.at));
+        let refitted = || settings.model.is_some().then(|| "refit".to_owned());
+        let added = result.effects.last().map(|f| format!("{}@{}", f.id, f.at)).or_else(refitted);
         result.gap.steps.push(Step { added, value: gap });
         let ratio = power::ratio(&setting, &state, &outcome.design, &outcome.own, &outcome.fit.all)?;
         if step == 0 {
@@ -133,6 +139,7 @@ fn start(setting: &Setting<'_>, first: &Identification, physical: Physical) -> O
     Some(State {
         values: setting.model().coefficients().iter().map(value).collect(),
         physical,
+        dampings: chosen.len(),
         nominal: chosen.len(),
         chosen,
         stretches: setting.raw.clone(),

@@ -47,6 +47,18 @@ pub struct Setting<'a> {
     known: BTreeMap<String, f64>,
 }
 
+/// A setting with what its identification gave.
+pub struct Begun<'a> {
+    /// The setting.
+    pub setting: Setting<'a>,
+    /// The identification with the nominal dampings.
+    pub first: Identification,
+    /// Parameters behind it.
+    pub physical: Physical,
+    /// Things noticed in the record.
+    pub warnings: Vec<Warning>,
+}
+
 /// Parameters of the system behind its coefficients.
 #[derive(Clone, Debug)]
 pub struct Physical {
@@ -62,15 +74,10 @@ impl<'a> Setting<'a> {
     ///
     /// # Errors
     /// As [`crate::identify::identify`].
-    pub fn new(
-        records: &[Record],
-        rig: &'a Rig,
-        whole: &'a Bound,
-        most_windows: f64,
-    ) -> Result<Option<(Self, Identification, Physical, Vec<Warning>)>> {
+    pub fn new(records: &[Record], rig: &'a Rig, whole: &'a Bound, most_windows: f64) -> Result<Option<Begun<'a>>> {
         let Some(mechanism) = whole.model.mechanism.as_deref() else { return Ok(None) };
         let Some(file) = mechanism.file.clone() else { return Ok(None) };
-        if file.written || !whole.inputs.is_empty() || whole.model.equations.len() != whole.model.coordinates.len() {
+        if file.written || whole.model.equations.len() != whole.model.coordinates.len() {
             return Ok(None);
         }
         let Ok(base) = file.model(Some(&[]), rig.omega()) else { return Ok(None) };
@@ -97,7 +104,7 @@ impl<'a> Setting<'a> {
             entries: effects::catalogue().iter().cloned().map(Arc::new).chain(rig.effects.iter().cloned()).collect(),
             known,
         };
-        Ok(Some((setting, first, physical, warnings)))
+        Ok(Some(Begun { setting, first, physical, warnings }))
     }
 
     /// The system without dampings.

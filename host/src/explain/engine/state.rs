@@ -34,9 +34,11 @@ pub struct State {
     pub values: Vec<f64>,
     /// Parameters of the system behind them.
     pub physical: Physical,
-    /// Nominal dampings, then effects added.
+    /// Nominal dampings, then effects of a given model, then effects added.
     pub chosen: Vec<Chosen>,
-    /// How many of `chosen` are nominal.
+    /// How many of `chosen` are nominal dampings.
+    pub dampings: usize,
+    /// How many of `chosen` were there before anything was added.
     pub nominal: usize,
     /// The record with sensor effects found so far taken off.
     pub stretches: Vec<Stretch>,

@@ -49,7 +49,7 @@ fn inertia_name(setting: &Setting<'_>, equation: usize) -> String {
 
 /// Unit of a strength of one whose law is that of the entry, and the factor that turns strengths into it.
 fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, String) {
-    if let Some(unit) = &c.entry.unit {
+    if let (true, Some(unit)) = (c.entry.verb != Verb::Force, &c.entry.unit) {
         return (1.0, unit.clone());
     }
     let rad_or_m = |angle: bool| if angle { "rad" } else { "m" }.to_owned();
@@ -92,7 +92,8 @@ fn force(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
         // A shape is the value: a position or a velocity.
         if angle { "rad".to_owned() } else { "m".to_owned() }
     } else {
-        unit
+        // The entry's own unit is that of something that turns.
+        c.entry.unit.clone().filter(|_| angle).unwrap_or(unit)
     };
     if physical.open.get(equation).copied().unwrap_or(true) {
         let inertia = at(&mechanism.scales[equation].1, &physical.values);
@@ -157,8 +158,19 @@ pub fn parameters(
         let values: Vec<f64> = (0..d).map(|i| x[at_column + i] + if applied { k.strengths[i] } else { 0.0 }).collect();
         let (reported, unit) = value(setting, &state.physical, &k.candidate, &values, &own);
         let name = k.candidate.name(setting);
-        if index < state.nominal {
+        if index < state.dampings {
             strengths.insert(name.clone(), (values[0], own[(0, 0)].max(0.0).sqrt()));
+        } else if index < state.nominal {
+            let (id, at) = name.split_once('@').unwrap_or((&name, ""));
+            result.given.push(AddedEffect {
+                id: id.to_owned(),
+                at: at.to_owned(),
+                value: reported.value,
+                std_error: reported.std_error,
+                unit: unit.clone(),
+                strengths: values,
+                parameters: reported.parameters,
+            });
         } else if let Some(f) = result.effects.get_mut(index - state.nominal) {
             (f.value, f.std_error, f.unit) = (reported.value, reported.std_error, unit.clone());
             f.parameters = reported.parameters;
@@ -205,7 +217,8 @@ fn damping(
 /// A model file that is no longer readable.
 pub fn model(setting: &Setting<'_>, state: &State, result: &Explanation) -> Result<IdentifiedModel> {
     let mut found_with = BTreeMap::new();
-    if let (false, Some(file)) = (result.effects.is_empty(), setting.file()) {
+    let none = result.effects.is_empty() && result.given.is_empty();
+    if let (false, Some(file)) = (none, setting.file()) {
         found_with.extend(file.parameters.iter().zip(&state.physical.values).map(|(p, v)| (p.name.clone(), *v)));
         found_with.insert(RECORD_S.to_owned(), setting.span.length_s);
     }
@@ -218,9 +231,10 @@ pub fn model(setting: &Setting<'_>, state: &State, result: &Explanation) -> Resu
         nominal: Vec::new(),
         parameters: result.parameters.iter().filter(|p| !p.name.contains('@')).cloned().collect(),
         effects: result
-            .effects
+            .given
             .iter()
-            .map(|f| AddedEffect {
+            .cloned()
+            .chain(result.effects.iter().map(|f| AddedEffect {
                 id: f.id.clone(),
                 at: f.at.clone(),
                 value: f.value,
@@ -228,7 +242,7 @@ pub fn model(setting: &Setting<'_>, state: &State, result: &Explanation) -> Resu
                 unit: f.unit.clone(),
                 strengths: f.strengths.clone(),
                 parameters: f.parameters.clone(),
-            })
+            }))
             .collect(),
     })
 }

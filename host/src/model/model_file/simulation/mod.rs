@@ -12,7 +12,9 @@ use rand_chacha::ChaCha8Rng;
 use self::excitation::Signal;
 use self::plant::Plant;
 use super::equations_of_motion::EquationsOfMotion;
-use super::expression::Node;
+use super::expression::{Node, Symbol};
+use crate::effects::columns::Span;
+use crate::effects::put_in::{self, PutIn};
 use crate::error::{BadInput, Result};
 use crate::model::integrate::{Outside, Settings, solve};
 use crate::record::Column;
@@ -38,11 +40,13 @@ enum Acting {
 struct Surroundings {
     inputs: Vec<Acting>,
     omega: f64,
+    /// What runs ahead in the phase: law of time, strength.
+    advances: Vec<(Node, f64)>,
 }
 
 impl Outside for Surroundings {
     fn tau(&self, time: f64) -> f64 {
-        self.omega * time
+        self.omega * time + self.advances.iter().map(|(law, k)| k * law.value(&|_| time)).sum::<f64>()
     }
 
     fn inputs(&self, time: f64, out: &mut [f64]) {
@@ -55,8 +59,14 @@ impl Outside for Surroundings {
     }
 }
 
-/// Terms that the plant has beside the model's: equation, name, expression in seconds; and their coefficients.
-pub type Extra<'a> = (&'a [(usize, String, Node)], &'a [f64]);
+/// What the plant has beside the model's terms.
+#[derive(Clone, Copy, Debug)]
+pub enum Extra<'a> {
+    /// Terms, equation, name, expression in seconds, and their coefficients.
+    Terms(&'a [(usize, String, Node)], &'a [f64]),
+    /// Effects of a system derived from bodies, `ID@PLACE=VALUE[,name=value]`.
+    Effects(&'a [String]),
+}
 
 /// One column for each channel of the rig, over `seconds` from t = 0 on.
 ///
@@ -70,8 +80,16 @@ pub fn columns(rig: &Rig, bound: &Bound, extra: Extra<'_>, seconds: f64, seed: u
     }
     let model = &*bound.model;
     let plant = Plant::of(rig, model, seconds, seed)?;
-    let motion = EquationsOfMotion::with_columns(model, rig.omega(), extra.0)?;
-    let coefficients = [&plant.coefficients[..], extra.1].concat();
+    let put_in = match extra {
+        Extra::Terms(terms, strengths) => {
+            PutIn { terms: terms.to_vec(), strengths: strengths.to_vec(), ..PutIn::default() }
+        }
+        Extra::Effects(texts) => {
+            put_in::of(rig, bound, &plant.physical, texts, Span { start_s: 0.0, length_s: seconds })?
+        }
+    };
+    let motion = EquationsOfMotion::with_columns(model, rig.omega(), &put_in.terms)?;
+    let coefficients = [&plant.coefficients[..], &put_in.strengths].concat();
     let step = 1.0 / rate;
     // Both bounded above.
     let settle = (plant.settle_s * rate).round() as usize;
@@ -88,6 +106,7 @@ pub fn columns(rig: &Rig, bound: &Bound, extra: Extra<'_>, seconds: f64, seed: u
             .map(|s| if s.is_long() { Acting::Tabled(table(s)) } else { Acting::Exact(s.clone()) })
             .collect(),
         omega: rig.drive.map_or(0.0, |d| TAU * d.frequency_hz),
+        advances: put_in.advances,
     };
     let settings = Settings {
         start_s,
@@ -123,7 +142,8 @@ pub fn columns(rig: &Rig, bound: &Bound, extra: Extra<'_>, seconds: f64, seed: u
                 Some(input) => inputs[input].clone(),
                 None => {
                     let row = bound.sensors.iter().position(|&i| i == k).unwrap_or(0);
-                    states.iter().map(|y| bound.shown.row(row).iter().zip(y).map(|(s, q)| s * q).sum()).collect()
+                    let laws: Vec<&(usize, Node, f64)> = put_in.reads.iter().filter(|r| r.0 == row).collect();
+                    states.iter().map(|y| shown_with(bound, row, y, &laws)).collect()
                 }
             };
             let scale = c.scale();
@@ -138,6 +158,16 @@ pub fn columns(rig: &Rig, bound: &Bound, extra: Extra<'_>, seconds: f64, seed: u
             })
         })
         .collect()
+}
+
+/// What a sensor shows of a state (coordinates, then rates), with what its laws add.
+fn shown_with(bound: &Bound, row: usize, y: &[f64], laws: &[&(usize, Node, f64)]) -> f64 {
+    let n = bound.shown.ncols();
+    let of = |part: &[f64]| bound.shown.row(row).iter().zip(part).map(|(s, q)| s * q).sum::<f64>();
+    let x = of(&y[..n]);
+    let v = if laws.is_empty() { 0.0 } else { of(&y[n..]) };
+    let added = |law: &Node| law.value(&|s| if matches!(s, Symbol::Rate(_)) { v } else { x });
+    x + laws.iter().map(|(_, law, k)| k * added(law)).sum::<f64>()
 }
 
 /// A standard normal number (Box and Muller).

@@ -25,6 +25,8 @@ const KEYS: [&str; 4] = ["initial", "noise", "settle_s", "input"];
 /// The truth of a simulated system.
 #[derive(Clone, Debug)]
 pub struct Plant {
+    /// Parameters of the system's file; none for a model file's coefficients.
+    pub physical: Vec<f64>,
     /// Coefficients, in the model's order.
     pub coefficients: Vec<f64>,
     /// Coordinates, then rates.
@@ -62,13 +64,15 @@ fn truths(model: &ModelFile) -> Vec<String> {
     parameters.map(|(_, p)| p.name.clone()).chain(written).collect()
 }
 
-/// The coefficients of a plant's truths.
-fn coefficients(model: &ModelFile, names: &[String], given: &[f64]) -> Vec<f64> {
+/// The parameters of a system and the coefficients of a plant's truths.
+fn coefficients(model: &ModelFile, names: &[String], given: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let of = |n: &str| names.iter().position(|x| x == n).map(|i| given[i]);
     let parameters: Vec<f64> =
         model.mechanism.iter().flat_map(|m| &m.parameters).map(|p| of(&p.name).unwrap_or(0.0)).collect();
     let derived = |n: &str| model.mechanism.as_ref().and_then(|m| m.value(n, &parameters));
-    model.coefficients().iter().map(|n| derived(n).or_else(|| of(n)).unwrap_or(f64::NAN)).collect()
+    let all = model.coefficients().iter().map(|n| derived(n).or_else(|| of(n)).unwrap_or(f64::NAN)).collect();
+    let own = model.mechanism.as_ref().and_then(|m| m.file.as_ref()).map_or(0, |f| f.parameters.len());
+    (parameters[..own.min(parameters.len())].to_vec(), all)
 }
 
 impl Plant {
@@ -106,7 +110,7 @@ impl Plant {
                 number(n)?.or(gravity).ok_or_else(|| bad(n, "nothing".to_owned(), format!("the coefficient {n}")))
             })
             .collect::<Result<Vec<f64>>>()?;
-        let coefficients = coefficients(model, &names, &given);
+        let (physical, coefficients) = coefficients(model, &names, &given);
         let n = model.coordinates.len();
         let initial = match table.get("initial") {
             None => vec![0.0; 2 * n],
@@ -160,6 +164,6 @@ impl Plant {
                     .map_err(|e| bad(&format!("input.{name}"), e.found, e.expected))
             })
             .collect::<Result<_>>()?;
-        Ok(Self { coefficients, initial, noise, settle_s, inputs })
+        Ok(Self { physical, coefficients, initial, noise, settle_s, inputs })
     }
 }

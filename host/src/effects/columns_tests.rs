@@ -1,0 +1,142 @@
+//! Columns of the catalogue against those of the built-in double pendulum, effect by effect, on random states.
+
+use std::collections::BTreeMap;
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::*;
+use crate::effects::{catalogue, places};
+use crate::explain::effects::{Action as BuiltIn, Context, EFFECTS, Place as BuiltInPlace, Scale};
+use crate::model::weak::Sample;
+use crate::system::library;
+
+const OMEGA: f64 = 31.4;
+const SPAN: Span = Span { start_s: 2.0, length_s: 40.0 };
+
+fn mechanism() -> (std::sync::Arc<Mechanism>, Vec<f64>) {
+    let text = library::text("double-pendulum").unwrap();
+    let model = library::read("double-pendulum", text).unwrap().model(Some(&[]), OMEGA).unwrap();
+    let mechanism = model.mechanism.unwrap();
+    let of = |n: &str| match n {
+        "m1" => 0.1362,
+        "e1" => 0.0127,
+        "J_1" => 4.4e-4,
+        "l1" => 0.0635,
+        "m2" => 0.04,
+        "e2" => 0.0267,
+        "J_2" => 4.033e-5,
+        "a_c" => 0.0155,
+        "a_s" => -0.004,
+        "g" => 9.81,
+        other => panic!("{other}"),
+    };
+    let p = mechanism.file.as_ref().unwrap().parameters.iter().map(|p| of(&p.name)).collect();
+    (mechanism, p)
+}
+
+/// The built-in context of the same pendulum.
+fn context() -> Context {
+    let (j1, j2) = (4.4e-4 + 0.04 * 0.0635 * 0.0635, 4.033e-5);
+    let s = [0.1362 * 0.0127 + 0.04 * 0.0635, 0.04 * 0.0267];
+    let coupling = 0.04 * 0.0267 * 0.0635;
+    let row = |s: f64, j: f64| {
+        let per = s / j;
+        // y = a_c cos τ + a_s sin τ.
+        [coupling / j, 9.81 * per / OMEGA.powi(2), -per * 0.0155, per * 0.004]
+    };
+    let known = [("J_o2", j2), ("m1e1", 0.1362 * 0.0127), ("m2", 0.04), ("l1", 0.0635), ("e2", 0.0267)];
+    Context {
+        omega: OMEGA,
+        driven: true,
+        b: [row(s[0], j1), row(s[1], j2)],
+        g: 9.81,
+        known: known.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect::<BTreeMap<_, _>>(),
+        relative: true,
+        span_s: [SPAN.start_s, SPAN.length_s],
+    }
+}
+
+fn sample(r: &mut ChaCha8Rng) -> (Sample, f64) {
+    let mut any = |size: f64| size * (2.0 * r.random::<f64>() - 1.0);
+    let (phi, rate, tau) = ([any(9.0), any(9.0)], [any(20.0), any(20.0)], any(3.0));
+    let time = 22.0 + any(20.0);
+    let s = Sample {
+        raw: phi,
+        phi,
+        rate,
+        clear_rate: rate,
+        clear_step: [0.0; 2],
+        turn: [0.0; 2],
+        accel: [any(200.0), any(200.0)],
+        sin: phi.map(f64::sin),
+        cos: phi.map(f64::cos),
+        sin_tau: tau.sin(),
+        cos_tau: tau.cos(),
+        time,
+    };
+    (s, tau)
+}
+
+#[test]
+fn forces_agree_with_the_built_in_ones_on_random_states() {
+    let (mechanism, p) = mechanism();
+    let file = mechanism.file.clone().unwrap();
+    let c = context();
+    let of = |place: BuiltInPlace| match place {
+        BuiltInPlace::Joint1 => Place::Joint(0),
+        BuiltInPlace::Joint2 => Place::Joint(1),
+        BuiltInPlace::Arm1 => Place::Arm(0),
+        BuiltInPlace::Arm2 => Place::Arm(1),
+        BuiltInPlace::Frame => Place::Frame,
+        _ => Place::Drive,
+    };
+    let mut compared = 0;
+    for effect in EFFECTS {
+        let Some(entry) = catalogue().iter().find(|e| e.id == effect.id) else { continue };
+        // The built-in drift leaves the derivatives of t/T out.
+        if effect.id == "amplitude-drift" {
+            continue;
+        }
+        for &at in effect.places {
+            for variant in (effect.variants)(&c, at) {
+                let BuiltIn::Force(series) = &variant.action else { continue };
+                let form: Form = variant.shape.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect();
+                let action = action(entry, &form, of(at), &mechanism, &p, (OMEGA, SPAN)).unwrap();
+                let Some(Action::Force(parts)) = action else { panic!("{}@{}", effect.id, at.name()) };
+                let own = columns(&parts, entry.strengths.len(), &mechanism, &p);
+                // Strengths of the built-in are torques over J_o2; its equations are over Ω².
+                let per = if variant.scale == Scale::Torque { 4.033e-5 } else { 1.0 };
+                let told = if let Scale::Plain(f) = variant.scale { f } else { 1.0 };
+                let mut random = ChaCha8Rng::seed_from_u64(7);
+                for _ in 0..1000 {
+                    let (s, tau) = sample(&mut random);
+                    for (k, pair) in series.iter().enumerate() {
+                        for (e, f) in pair.iter().enumerate() {
+                            let wanted = f.as_ref().map_or(0.0, |f| f(&s)) * OMEGA.powi(2) / per / told;
+                            let got = own[k].iter().find(|x| x.0 == e).map_or(0.0, |(_, of)| {
+                                of.value(&|x| match x {
+                                    Symbol::Coordinate(i) => s.phi[i],
+                                    Symbol::Rate(i) => s.rate[i],
+                                    Symbol::Acceleration(i) => s.accel[i],
+                                    Symbol::Tau => tau,
+                                    _ => s.time,
+                                })
+                            });
+                            let size = 1e-9 + wanted.abs();
+                            assert!(
+                                (got - wanted).abs() < 1e-9 * size.max(1.0),
+                                "{}@{} {form:?} strength {k} equation {e}: {got} {wanted}",
+                                effect.id,
+                                at.name()
+                            );
+                        }
+                    }
+                    compared += 1;
+                }
+            }
+        }
+    }
+    assert!(compared > 150_000, "{compared}");
+    assert!(places::drive(&file).is_some());
+}

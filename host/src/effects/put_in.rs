@@ -1,0 +1,151 @@
+//! Effects put into the simulation of a system derived from bodies: `ID@PLACE=VALUE[,name=value]`.
+//!
+//! The value and the parameters are those that an explanation tells, in SI: the amplitude of cogging with `n` and `psi`, the half width of
+//! backlash with `k`.
+
+use std::collections::BTreeMap;
+
+use super::catalogue;
+use super::columns::{self, Action, Span};
+use super::entry::{Entry, Form};
+use super::places;
+use crate::error::{BadInput, Result};
+use crate::model::model_file::expression::Node;
+use crate::rig::Rig;
+use crate::rig::measures::Bound;
+
+/// What is put in.
+#[derive(Clone, Debug, Default)]
+pub struct PutIn {
+    /// Terms of the left-hand sides: equation, name, expression in seconds.
+    pub terms: Vec<(usize, String, Node)>,
+    /// Coefficients of the names in [`PutIn::terms`], in the order in which they first stand there.
+    pub strengths: Vec<f64>,
+    /// What sensors add to what they show: sensor, law of x and v, strength.
+    pub reads: Vec<(usize, Node, f64)>,
+    /// What runs ahead in the drive's phase: law of time, strength.
+    pub advances: Vec<(Node, f64)>,
+}
+
+/// One text taken apart.
+struct Text<'a> {
+    id: &'a str,
+    at: &'a str,
+    value: f64,
+    parameters: BTreeMap<String, f64>,
+}
+
+fn bad(text: &str, found: String, expected: String) -> BadInput {
+    BadInput::new(found, expected).at(format!("--effect {text}")).remedy("See `whirl list effects` and docs/effects.md")
+}
+
+fn apart(text: &str) -> Result<Text<'_>> {
+    let form = || bad(text, format!("\"{text}\""), "ID@PLACE=VALUE[,name=value]".to_owned());
+    let number = |t: &str| {
+        let x = t.trim().parse::<f64>().ok().filter(|x| x.is_finite());
+        x.ok_or_else(|| bad(text, format!("\"{t}\""), "a finite number".to_owned()))
+    };
+    let (name, rest) = text.split_once('=').ok_or_else(form)?;
+    let (id, at) = name.split_once('@').ok_or_else(form)?;
+    let mut parts = rest.split(',');
+    let value = number(parts.next().unwrap_or_default())?;
+    let mut parameters = BTreeMap::new();
+    for part in parts {
+        let (key, x) = part.split_once('=').ok_or_else(form)?;
+        parameters.insert(key.trim().to_owned(), number(x)?);
+    }
+    Ok(Text { id, at, value, parameters })
+}
+
+/// Shape parameters and strengths of an entry from what was given.
+fn shaped(text: &str, entry: &Entry, given: &Text<'_>) -> Result<(Form, Vec<f64>)> {
+    let also = entry.also.iter().map(|a| a.0.as_str());
+    let known: Vec<&str> = entry.shapes.iter().map(|s| s.name.as_str()).chain(also).collect();
+    if let Some(k) = given.parameters.keys().find(|k| !known.contains(&k.as_str())) {
+        let known = if known.is_empty() { "no parameter".to_owned() } else { known.join(", ") };
+        return Err(bad(text, format!("a parameter \"{k}\""), known));
+    }
+    let is_value = |name: &str| entry.value.as_deref() == Some(name);
+    let form = entry
+        .shapes
+        .iter()
+        .map(|s| {
+            let x = if is_value(&s.name) { Some(given.value) } else { given.parameters.get(&s.name).copied() };
+            let x = x.ok_or_else(|| {
+                bad(text, format!("no {}", s.name), format!("{}@{}=VALUE,{}=…", given.id, given.at, s.name))
+            })?;
+            Ok((s.name.clone(), x))
+        })
+        .collect::<Result<Form>>()?;
+    let one = |name: &String| {
+        // The value itself, or a parameter that is this strength.
+        let named = entry.also.iter().find(|a| a.1 == *name).and_then(|a| given.parameters.get(&a.0).copied());
+        if is_value(name) { Some(given.value) } else { named }
+    };
+    let strengths = match (&entry.strengths[..], &entry.value) {
+        ([_], None) => vec![given.value],
+        ([_, _], Some(v)) if v.contains("sqrt") => {
+            let angle = entry.also.first().and_then(|a| given.parameters.get(&a.0).copied()).unwrap_or(0.0);
+            vec![given.value * angle.cos(), given.value * angle.sin()]
+        }
+        (names, _) => names.iter().map(|n| one(n).unwrap_or(0.0)).collect(),
+    };
+    if strengths.iter().all(|s| *s == 0.0) && given.value != 0.0 {
+        return Err(bad(text, "no strength".to_owned(), format!("one of {} beside the value", known.join(", "))));
+    }
+    Ok((form, strengths))
+}
+
+/// Reads effects for a rig whose system was derived from bodies; `physical` are the values of the system's parameters.
+///
+/// # Errors
+/// Names the effect, what is wrong in it and what could stand there.
+pub fn of(rig: &Rig, bound: &Bound, physical: &[f64], texts: &[String], span: Span) -> Result<PutIn> {
+    let mut out = PutIn::default();
+    let Some(mechanism) = bound.model.mechanism.as_deref() else { return Ok(out) };
+    let Some(file) = mechanism.file.as_deref() else { return Ok(out) };
+    let entries: Vec<&Entry> = catalogue().iter().chain(rig.effects.iter().map(AsRef::as_ref)).collect();
+    for (index, text) in texts.iter().enumerate() {
+        let given = apart(text)?;
+        let Some(entry) = entries.iter().find(|e| e.id == given.id) else {
+            let ids: Vec<&str> = entries.iter().map(|e| e.id.as_str()).collect();
+            return Err(bad(text, format!("\"{}\"", given.id), format!("one of {}", ids.join(", "))));
+        };
+        let here = places::of(entry, file, bound);
+        let Some(place) = here.iter().find(|p| p.name(file) == given.at) else {
+            let names: Vec<String> = here.iter().map(|p| p.name(file)).collect();
+            let names = if names.is_empty() {
+                "a system that has such a place".to_owned()
+            } else {
+                format!("one of {}", names.join(", "))
+            };
+            return Err(bad(text, format!("\"{}\"", given.at), names));
+        };
+        let (form, strengths) = shaped(text, entry, &given)?;
+        let action = columns::action(entry, &form, *place, mechanism, physical, (rig.omega(), span));
+        match action {
+            Ok(Some(Action::Force(parts))) => {
+                let all = columns::columns(&parts, strengths.len(), mechanism, physical);
+                for (k, (column, strength)) in all.into_iter().zip(strengths).enumerate() {
+                    if !column.is_empty() {
+                        out.strengths.push(strength);
+                    }
+                    let name = format!("effect {index} {k}");
+                    out.terms.extend(column.into_iter().map(|(e, of)| (e, name.clone(), of)));
+                }
+            }
+            Ok(Some(Action::Reads { sensor, laws })) => {
+                out.reads.extend(laws.into_iter().zip(strengths).map(|(law, s)| (sensor, law, s)));
+            }
+            Ok(Some(Action::Advances(laws))) => out.advances.extend(laws.into_iter().zip(strengths)),
+            _ => {
+                return Err(bad(
+                    text,
+                    "nothing that it would change".to_owned(),
+                    "an effect that acts there".to_owned(),
+                ));
+            }
+        }
+    }
+    Ok(out)
+}
