@@ -51,7 +51,7 @@ const LONGER: [f64; 3] = [2.0, 4.0, 8.0];
 /// # Errors
 /// As [`crate::identify::identify`].
 pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings) -> Result<Option<Explanation>> {
-    let Some(Begun { setting, first, physical, warnings }) = Setting::new(records, rig, whole, MOST_WINDOWS)? else {
+    let Some(Begun { setting, first, physical, warnings }) = Setting::begin(records, rig, whole, MOST_WINDOWS)? else {
         return Ok(None);
     };
     let Some(mut state) = start(&setting, &first, physical) else { return Ok(None) };

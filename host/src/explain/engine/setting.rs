@@ -74,7 +74,7 @@ impl<'a> Setting<'a> {
     ///
     /// # Errors
     /// As [`crate::identify::identify`].
-    pub fn new(records: &[Record], rig: &'a Rig, whole: &'a Bound, most_windows: f64) -> Result<Option<Begun<'a>>> {
+    pub fn begin(records: &[Record], rig: &'a Rig, whole: &'a Bound, most_windows: f64) -> Result<Option<Begun<'a>>> {
         let Some(mechanism) = whole.model.mechanism.as_deref() else { return Ok(None) };
         let Some(file) = mechanism.file.clone() else { return Ok(None) };
         if file.written || whole.model.equations.len() != whole.model.coordinates.len() {
