@@ -228,7 +228,14 @@ fn series(state: &State, x: &DVector<f64>) -> WeakModel {
 /// Maps of both equations against all coordinates, and the places where they clearly disagree, largest first.
 pub(super) fn maps(state: &State, x: &DVector<f64>, geometry: &Geometry, sigma: [f64; 2]) -> (Vec<Map>, Vec<Where>) {
     let weak = series(state, x);
-    let names = coordinates(state.context.driven);
+    let axes: Vec<Axis> = coordinates(state.context.driven)
+        .iter()
+        .map(|(name, unit, _)| Axis {
+            name: (*name).to_owned(),
+            unit,
+            turn: name.starts_with("angle") || *name == "drive phase",
+        })
+        .collect();
     let values = evaluate_all(&state.segments, &weak, &geometry.kernels);
     let truth = smoothed_stretches(&state.segments, &geometry.kernels, &geometry.windows);
     let clean = evaluate_all(&truth, &weak, &geometry.kernels);
@@ -241,39 +248,67 @@ pub(super) fn maps(state: &State, x: &DVector<f64>, geometry: &Geometry, sigma: 
             noise.push(noisy[e].iter().zip(&clean[e]).map(|(a, b)| a - b).collect::<Vec<f64>>());
         }
     }
-    let mut maps = Vec::new();
-    let mut places = Vec::new();
+    let (mut maps, mut places) = (Vec::new(), Vec::new());
     for e in 0..2 {
         let unit = if state.context.known.contains_key(["J_o1", "J_o2"][e]) { "N m" } else { "rad/s²" };
-        for (c, (name, against_unit, _)) in names.iter().enumerate() {
-            let at = &values[2 + c];
-            let (low, high) = match *name {
-                "angle of joint1" | "angle of joint2" | "drive phase" => (-PI, PI),
-                _ => at.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x))),
+        let residual = Residual { equation: e + 1, unit, values: &values[e], noise: &noise[e] };
+        residual.against(&axes, (&values[2..], &clean[2..]), &mut maps, &mut places);
+    }
+    (maps, merge(places))
+}
+
+/// A coordinate that residuals are looked at against.
+pub(super) struct Axis {
+    /// Name.
+    pub(super) name: String,
+    /// Unit.
+    pub(super) unit: &'static str,
+    /// Whether it runs from −π to π.
+    pub(super) turn: bool,
+}
+
+/// The residual of an equation over a record, and what the sensors' noise adds to it over the smoothed one, repeat by repeat.
+pub(super) struct Residual<'a> {
+    /// Equation, from 1.
+    pub(super) equation: usize,
+    /// Unit.
+    pub(super) unit: &'a str,
+    /// Over the record.
+    pub(super) values: &'a [f64],
+    /// Over the smoothed record.
+    pub(super) noise: &'a [Vec<f64>],
+}
+
+impl Residual<'_> {
+    /// Its means in bins of every coordinate, over the record and over the smoothed one, and the bins in which they clearly exceed noise.
+    pub(super) fn against(
+        &self,
+        axes: &[Axis],
+        (along, clean): (&[Vec<f64>], &[Vec<f64>]),
+        maps: &mut Vec<Map>,
+        places: &mut Vec<Where>,
+    ) {
+        for ((axis, at), clean) in axes.iter().zip(along).zip(clean) {
+            let (low, high) = if axis.turn {
+                (-PI, PI)
+            } else {
+                at.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)))
             };
-            if high <= low {
+            if high <= low || !(high - low).is_finite() {
                 continue;
             }
             let bin = |x: f64| (((x - low) / (high - low) * BINS as f64) as usize).min(BINS - 1);
             let mut sums = [(0.0, 0.0); BINS];
-            for (x, r) in at.iter().zip(&values[e]) {
+            for (x, r) in at.iter().zip(self.values) {
                 let s = &mut sums[bin(*x)];
                 (s.0, s.1) = (s.0 + r, s.1 + 1.0);
             }
-            // Each repeat is one draw of the noise: the mean of a bin in it is one draw of what noise does to that mean.
-            let mut draws = [(0.0, 0.0); BINS];
-            for repeat in &noise[e] {
-                let mut means = [(0.0, 0.0); BINS];
-                for (x, r) in clean[2 + c].iter().zip(repeat).filter(|(x, _)| **x >= low && **x <= high) {
-                    let m = &mut means[bin(*x)];
-                    (m.0, m.1) = (m.0 + r, m.1 + 1.0);
-                }
-                // Variance of a mean falls with the number of samples: n · mean² does not.
-                for (draw, (sum, n)) in draws.iter_mut().zip(means).filter(|(_, (_, n))| *n >= 50.0) {
-                    (draw.0, draw.1) = (draw.0 + sum * sum / n, draw.1 + 1.0);
-                }
-            }
+            let draws = self.draws(clean, (low, high), &bin);
             let overall = draws.iter().fold((0.0, 0.0), |t, d| (t.0 + d.0, t.1 + d.1));
+            // Without a draw nothing is known of the noise.
+            if overall.1 == 0.0 {
+                continue;
+            }
             let mut bins = Vec::new();
             for b in 0..BINS {
                 let (sum, n) = sums[b];
@@ -292,8 +327,8 @@ pub(super) fn maps(state: &State, x: &DVector<f64>, geometry: &Geometry, sigma: 
                 bins.push([from + 0.5 * width, sum / n, band]);
                 if (sum / n).abs() > CLEARLY * band {
                     places.push(Where {
-                        equation: e + 1,
-                        against: (*name).to_owned(),
+                        equation: self.equation,
+                        against: axis.name.clone(),
                         from,
                         to: from + width,
                         value: sum / n,
@@ -301,14 +336,36 @@ pub(super) fn maps(state: &State, x: &DVector<f64>, geometry: &Geometry, sigma: 
                     });
                 }
             }
-            maps.push(Map { equation: e + 1, against: (*name).to_owned(), against_unit, unit: unit.to_owned(), bins });
+            maps.push(Map {
+                equation: self.equation,
+                against: axis.name.clone(),
+                against_unit: axis.unit,
+                unit: self.unit.to_owned(),
+                bins,
+            });
         }
     }
-    (maps, merge(places))
+
+    /// For each bin the sum of n · mean² over repeats and their number: each repeat is one draw of what noise does to that mean, and the
+    /// variance of a mean falls with the number of samples, n · mean² does not.
+    fn draws(&self, clean: &[f64], (low, high): (f64, f64), bin: &dyn Fn(f64) -> usize) -> [(f64, f64); BINS] {
+        let mut draws = [(0.0, 0.0); BINS];
+        for repeat in self.noise {
+            let mut means = [(0.0, 0.0); BINS];
+            for (x, r) in clean.iter().zip(repeat).filter(|(x, _)| **x >= low && **x <= high) {
+                let m = &mut means[bin(*x)];
+                (m.0, m.1) = (m.0 + r, m.1 + 1.0);
+            }
+            for (draw, (sum, n)) in draws.iter_mut().zip(means).filter(|(_, (_, n))| *n >= 50.0) {
+                (draw.0, draw.1) = (draw.0 + sum * sum / n, draw.1 + 1.0);
+            }
+        }
+        draws
+    }
 }
 
 /// Neighbouring bins of one sign become one place; the twelve clearest are kept.
-fn merge(places: Vec<Where>) -> Vec<Where> {
+pub(super) fn merge(places: Vec<Where>) -> Vec<Where> {
     let mut out: Vec<Where> = Vec::new();
     for p in places {
         match out.last_mut() {

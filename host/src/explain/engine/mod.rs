@@ -14,6 +14,7 @@
 //! | `correct` | sensor effects taken off |
 //! | `given` | a model to start from or to predict with |
 //! | `power` | what noise alone leaves, what sensors alone feign |
+//! | `residual` | where what is left sits |
 //! | `tell` | values, units, the model |
 
 mod candidates;
@@ -21,6 +22,7 @@ mod correct;
 mod design;
 pub mod given;
 mod power;
+mod residual;
 mod setting;
 mod state;
 mod tell;
@@ -88,6 +90,7 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
         let ratio = power::ratio(&setting, &state, &outcome.design, &outcome.own, &outcome.fit.all)?;
         if step == 0 {
             result.residual_power[0] = ratio;
+            (result.maps, result.r#where) = residual::maps(&setting, &state, &outcome.fit.all);
             before = longer(&setting, &state, &outcome.fit.train, horizon_s);
         }
         result.residual_power[1] = ratio;
@@ -105,6 +108,11 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
         longer(&setting, &state, &outcome.fit.train, horizon_s)
     };
     result.gap.horizons = before.iter().zip(&after).map(|(b, a)| (b.0, b.1, a.1)).collect();
+    if !result.effects.is_empty() {
+        let after = residual::maps(&setting, &state, &outcome.fit.all);
+        result.maps_before = core::mem::replace(&mut result.maps, after.0);
+        result.where_before = core::mem::replace(&mut result.r#where, after.1);
+    }
     tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.fit.covariance), &first, &mut result);
     decidability::decide(&mut result, undecidable, None);
     if result.verdict != Verdict::NotDecidable {

@@ -125,6 +125,11 @@ pub fn strong_series(s: &Stretch, length: usize, tape: &Tape, kernels: &Kernels,
     } else {
         Vec::new()
     };
+    let times: Vec<f64> = if tape.symbols().contains(&Symbol::Time) {
+        (lost..lost + count).map(|i| s.time(i)).collect()
+    } else {
+        Vec::new()
+    };
     let columns: Vec<&[f64]> = tape
         .symbols()
         .iter()
@@ -134,8 +139,8 @@ pub fn strong_series(s: &Stretch, length: usize, tape: &Tape, kernels: &Kernels,
             Symbol::Acceleration(i) => &coordinates[i][2],
             Symbol::Input(k) | Symbol::RawInput(k) => &inputs[k][0],
             Symbol::InputRate(k) => &inputs[k][1],
-            // Written equations hold no time.
-            Symbol::Tau | Symbol::Held(_) | Symbol::Time => &phase,
+            Symbol::Tau | Symbol::Held(_) => &phase,
+            Symbol::Time => &times,
         })
         .collect();
     tape.run(&columns, count)

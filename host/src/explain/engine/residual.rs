@@ -1,0 +1,142 @@
+//! Where what is left sits: the residual of each equation of motion against the position and velocity of every joint, the velocity of every arm, the
+//! drive's phase and time.
+//!
+//! r_e = D_e (Σ λ X − Y) with smoothed coordinates, rates and accelerations, a force or torque where the equation's inertia D_e is known. Bins and bands are those
+//! of [`crate::explain::residual_map`].
+
+use nalgebra::DVector;
+
+use super::setting::Setting;
+use super::state::State;
+use crate::effects::places;
+use crate::explain::residual_map::{Axis, Map, Residual, Where, merge};
+use crate::identify::general::balance_error::strong_series;
+use crate::identify::general::noise::{measure, smoothed};
+use crate::identify::general::series::System;
+use crate::identify::general::stretches::Stretch;
+use crate::identify::noise_bias::REPEATS;
+use crate::model::model_file::Space;
+use crate::model::model_file::expression::{Function, Node, Symbol, add, call, multiply, number, subtract, symbol};
+use crate::model::model_file::tape::Tape;
+use crate::model::model_file::weak_form::WeakForm;
+use crate::system::bodies::Body;
+use crate::system::derivative::by_time;
+use crate::system::mechanism::at;
+use crate::system::polynomial::Polynomial;
+
+/// The residual of every equation with coefficients `x`.
+fn residuals(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> Vec<Node> {
+    let model = setting.model();
+    let omega = setting.rig.omega();
+    let mut k = 0;
+    let mut out: Vec<Node> = model
+        .equations
+        .iter()
+        .map(|e| {
+            let mut sum = multiply(number(-1.0), model.in_seconds(&e.balance, omega));
+            for term in &e.terms {
+                sum = add(sum, multiply(number(x[k]), model.in_seconds(&term.of, omega)));
+                k += 1;
+            }
+            sum
+        })
+        .collect();
+    for chosen in &state.chosen {
+        for column in chosen.candidate.columns(setting, state) {
+            if !chosen.candidate.is_applied() {
+                for (e, of) in column {
+                    out[e] = add(out[e].clone(), multiply(number(x[k]), of));
+                }
+            }
+            k += 1;
+        }
+    }
+    out
+}
+
+/// Coordinates that residuals are looked at against.
+fn axes(setting: &Setting<'_>) -> (Vec<Axis>, Vec<Node>) {
+    let (mut axes, mut nodes): (Vec<Axis>, Vec<Node>) = (Vec::new(), Vec::new());
+    let Some(file) = setting.file() else { return (axes, nodes) };
+    let mut seen: Vec<Polynomial> = Vec::new();
+    let mut put = |axis: Axis, of: Node| {
+        axes.push(axis);
+        nodes.push(of);
+    };
+    for j in &file.joints {
+        let moves = &j.moves.value;
+        let angle = places::is_angle(file, moves);
+        let (x, unit) = if angle { (call(Function::Wrap, moves.node()), "rad") } else { (moves.node(), "m") };
+        put(Axis { name: format!("{} of {}", if angle { "angle" } else { "position" }, j.name), unit, turn: angle }, x);
+        if let Ok(rate) = by_time(moves, file.coordinates.len(), setting.rig.omega()) {
+            let unit = if angle { "rad/s" } else { "m/s" };
+            put(Axis { name: format!("velocity of {}", j.name), unit, turn: false }, rate.node());
+        }
+        seen.push(moves.clone());
+    }
+    for b in &file.bodies {
+        if let Body::Arm { name, angle: Some(angle), .. } = &b.value
+            && !seen.contains(angle)
+            && let Ok(rate) = by_time(angle, file.coordinates.len(), setting.rig.omega())
+        {
+            put(Axis { name: format!("velocity of {name}"), unit: "rad/s", turn: false }, rate.node());
+        }
+    }
+    if setting.rig.drive.is_some() {
+        put(
+            Axis { name: "drive phase".to_owned(), unit: "rad", turn: true },
+            call(Function::Wrap, symbol(Symbol::Tau)),
+        );
+    }
+    put(Axis { name: "time".to_owned(), unit: "s", turn: false }, symbol(Symbol::Time));
+    (axes, nodes)
+}
+
+/// Maps of all equations against all coordinates, and the places where they clearly disagree, largest first.
+pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> (Vec<Map>, Vec<Where>) {
+    let (axes, nodes) = axes(setting);
+    let Some(mechanism) = setting.mechanism() else { return (Vec::new(), Vec::new()) };
+    let known = |e: usize| !state.physical.open.get(e).copied().unwrap_or(true);
+    let residuals: Vec<Node> = residuals(setting, state, x)
+        .into_iter()
+        .enumerate()
+        .map(|(e, r)| {
+            let inertia = at(&mechanism.scales[e].1, &state.physical.values);
+            if known(e) { multiply(number(inertia), r) } else { subtract(r, number(0.0)) }
+        })
+        .collect();
+    let count = residuals.len();
+    let tape = Tape::new(&[residuals, nodes].concat());
+    let kernels = &setting.geometry.kernels;
+    let all = |stretches: &[Stretch]| -> Vec<Vec<f64>> {
+        let parts: Vec<Vec<Vec<f64>>> =
+            stretches.iter().map(|s| strong_series(s, s.len(), &tape, kernels, &setting.circle)).collect();
+        (0..tape.len()).map(|k| parts.iter().flat_map(|p| p[k].iter().copied()).collect()).collect()
+    };
+    let Ok(weak) = WeakForm::new(setting.model(), setting.rig.omega(), &[]) else { return (Vec::new(), Vec::new()) };
+    let system = System { stretches: &state.stretches, weak: &weak, kernels, circle: &setting.circle };
+    let (truth, _) = smoothed(&system, &setting.geometry.windows);
+    let (values, clean) = (all(&state.stretches), all(&truth));
+    let mut noise: Vec<Vec<Vec<f64>>> = vec![Vec::new(); count];
+    for r in 0..REPEATS {
+        let measured: Vec<Stretch> =
+            truth.iter().enumerate().map(|(i, s)| measure(s, r, &setting.bound, &setting.sensors, i as u64)).collect();
+        let noisy = all(&measured);
+        for (e, noise) in noise.iter_mut().enumerate() {
+            noise.push(noisy[e].iter().zip(&clean[e]).map(|(a, b)| a - b).collect());
+        }
+    }
+    let (mut maps, mut places) = (Vec::new(), Vec::new());
+    for e in 0..count {
+        let circle = setting.model().coordinates[mechanism.scales[e].0].space == Space::Circle;
+        let unit = match (circle, known(e)) {
+            (true, true) => "N m",
+            (true, false) => "rad/s²",
+            (false, true) => "N",
+            (false, false) => "m/s²",
+        };
+        let residual = Residual { equation: e + 1, unit, values: &values[e], noise: &noise[e] };
+        residual.against(&axes, (&values[count..], &clean[count..]), &mut maps, &mut places);
+    }
+    (maps, merge(places))
+}
