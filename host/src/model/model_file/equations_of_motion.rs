@@ -95,7 +95,7 @@ impl EquationsOfMotion {
         let mut slopes = Some((Vec::new(), Vec::new()));
         for (k, node) in built.nodes.iter().enumerate() {
             for (j, by) in variables.iter().enumerate() {
-                match node.derivative(*by) {
+                match node.derivative_between_jumps(*by) {
                     Some(d) if as_number(&d) == Some(0.0) => {}
                     Some(d) => {
                         if let Some((nodes, places)) = slopes.as_mut() {

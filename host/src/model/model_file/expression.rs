@@ -317,27 +317,38 @@ impl Expression {
 
     /// Partial derivative by a symbol; `None` where it has a jump (the derivative of a sign or of a hat).
     pub fn derivative(&self, by: Symbol) -> Option<Node> {
+        self.derive(by, false)
+    }
+
+    /// The same between the jumps of signs: what a solution feels that does not stand on one.
+    pub fn derivative_between_jumps(&self, by: Symbol) -> Option<Node> {
+        self.derive(by, true)
+    }
+
+    fn derive(&self, by: Symbol, between: bool) -> Option<Node> {
         if !self.any(&|s| s == by) {
             return Some(number(0.0));
         }
         Some(match self {
             E::Number(_) => number(0.0),
             E::Symbol(_) => number(1.0),
-            E::Add(a, b) => add(a.derivative(by)?, b.derivative(by)?),
-            E::Subtract(a, b) => subtract(a.derivative(by)?, b.derivative(by)?),
-            E::Multiply(a, b) => add(multiply(a.derivative(by)?, b.clone()), multiply(a.clone(), b.derivative(by)?)),
+            E::Add(a, b) => add(a.derive(by, between)?, b.derive(by, between)?),
+            E::Subtract(a, b) => subtract(a.derive(by, between)?, b.derive(by, between)?),
+            E::Multiply(a, b) => {
+                add(multiply(a.derive(by, between)?, b.clone()), multiply(a.clone(), b.derive(by, between)?))
+            }
             E::Divide(a, b) => {
-                let first = divide(a.derivative(by)?, b.clone());
-                let second = divide(multiply(a.clone(), b.derivative(by)?), power_whole(b.clone(), 2));
+                let first = divide(a.derive(by, between)?, b.clone());
+                let second = divide(multiply(a.clone(), b.derive(by, between)?), power_whole(b.clone(), 2));
                 subtract(first, second)
             }
             E::PowerWhole(a, n) => {
-                multiply(multiply(number(f64::from(*n)), power_whole(a.clone(), n - 1)), a.derivative(by)?)
+                multiply(multiply(number(f64::from(*n)), power_whole(a.clone(), n - 1)), a.derive(by, between)?)
             }
             E::Power(a, b) => {
                 // (aᵇ)′ = aᵇ (b′ log a + b a′/a).
-                let exponent = multiply(b.derivative(by)?, call(Function::Log, a.clone()));
-                let base = divide(multiply(b.clone(), a.derivative(by)?), a.clone());
+                let exponent = multiply(b.derive(by, between)?, call(Function::Log, a.clone()));
+                let base = divide(multiply(b.clone(), a.derive(by, between)?), a.clone());
                 multiply(power(a.clone(), b.clone()), add(exponent, base))
             }
             E::Call(f, a) => {
@@ -351,9 +362,10 @@ impl Expression {
                     Function::Abs => call(Function::Sign, a.clone()),
                     Function::Tanh => subtract(number(1.0), power_whole(call(Function::Tanh, a.clone()), 2)),
                     Function::Wrap => number(1.0),
+                    Function::Sign if between => number(0.0),
                     Function::Sign => return None,
                 };
-                multiply(outer, a.derivative(by)?)
+                multiply(outer, a.derive(by, between)?)
             }
             E::Hat { .. } => return None,
         })
