@@ -45,6 +45,8 @@ use crate::rig::measures::Bound;
 
 /// Fewest whole windows for a decision.
 const FEWEST_BLOCKS: usize = 9;
+/// Step of integration as a share of the shortest horizon: 1e-8 of a smooth motion with a method of fifth order.
+const STEP: f64 = 0.01;
 /// Longer horizons of the gap, in units of the shortest.
 const LONGER: [f64; 3] = [2.0, 4.0, 8.0];
 
@@ -60,7 +62,7 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
     let horizon_s = told::horizon(rig, settings, &setting.raw)?.min(setting.geometry.windows.length_s);
     let mut result = Explanation::new(horizon_s, warnings);
     describe(&setting, &state, &mut result);
-    let undecidable = undecidable(&setting, records, &first);
+    let undecidable = undecidable(&setting, records);
     if let Some(model) = &settings.model {
         given::take(&setting, &mut state, model)?;
         let value = gap(&setting, &state, &given::coefficients(&state), horizon_s);
@@ -172,7 +174,7 @@ fn describe(setting: &Setting<'_>, state: &State, result: &mut Explanation) {
 }
 
 /// Why this record cannot decide, if it cannot.
-fn undecidable(setting: &Setting<'_>, records: &[Record], _first: &Identification) -> Option<String> {
+fn undecidable(setting: &Setting<'_>, records: &[Record]) -> Option<String> {
     let window_s = setting.geometry.windows.length_s;
     let blocks: usize = setting.raw.iter().map(|s| (s.len() as f64 * s.step_s / window_s) as usize).sum();
     if !records.is_empty() && records.iter().all(|r| locked(r, setting.rig)) {
@@ -257,7 +259,15 @@ fn choose(
 fn gap(setting: &Setting<'_>, state: &State, x: &nalgebra::DVector<f64>, horizon_s: f64) -> f64 {
     let Some((motion, parameters)) = state.motion(setting, x) else { return f64::NAN };
     let block_s = setting.geometry.windows.length_s;
-    state.on_track(setting, |track| prediction::gap(&motion, &parameters, track, horizon_s, block_s))
+    // A search for the step would follow every jump of a law; an instant off by half of this changes nothing that sensors see.
+    let step_s = setting.raw.first().map(|s| s.step_s.min(STEP * shortest_horizon(setting)));
+    let horizons = (horizon_s, block_s);
+    state.on_track(setting, |track| prediction::gap_with(&motion, &parameters, track, horizons, step_s))
+}
+
+/// The shortest horizon, s: a drive's period.
+fn shortest_horizon(setting: &Setting<'_>) -> f64 {
+    setting.rig.drive.map_or(0.2, |d| 1.0 / d.frequency_hz)
 }
 
 /// The same at longer horizons.

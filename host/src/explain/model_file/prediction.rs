@@ -57,11 +57,22 @@ pub fn motion(track: &Track<'_>, horizon_s: f64, block_s: f64) -> Option<f64> {
 /// The gap over windows of the horizon inside the held-out blocks (every third of `block_s`): rms of predicted minus measured over
 /// the noise, over the degrees of freedom that the fit of the initial state leaves.
 pub fn gap(motion: &EquationsOfMotion, parameters: &[f64], track: &Track<'_>, horizon_s: f64, block_s: f64) -> f64 {
+    gap_with(motion, parameters, track, (horizon_s, block_s), None)
+}
+
+/// The same with a step of integration that is given; otherwise it is sought.
+pub fn gap_with(
+    motion: &EquationsOfMotion,
+    parameters: &[f64],
+    track: &Track<'_>,
+    (horizon_s, block_s): (f64, f64),
+    step_s: Option<f64>,
+) -> f64 {
     let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
     let Some((pieces, guesses, length)) = windows(track, horizon_s, block_s) else { return f64::NAN };
     let values = length * track.sensors.len();
-    let step_s = track.step_s(motion, &pieces, &guesses, parameters, (PERIOD_S.min(horizon_s), EXACT_GAP));
-    let problem = track.problem(motion, step_s, &at);
+    let sought = || track.step_s(motion, &pieces, &guesses, parameters, (PERIOD_S.min(horizon_s), EXACT_GAP));
+    let problem = track.problem(motion, step_s.unwrap_or_else(sought), &at);
     let lengths = [(length / 4).max(8), length];
     let sums: Vec<Option<f64>> = pieces
         .par_iter()
