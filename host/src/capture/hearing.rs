@@ -5,12 +5,13 @@ use std::time::{Duration, Instant};
 use whirl_shared::codec::FrameError;
 use whirl_shared::frame::{Command, DeviceMessage, Log, Streamed};
 
-use super::device::{check_hello, level};
+use super::device::{check_drive, check_hello, level};
 use super::live::Session;
 use super::no_device::Heard;
 use super::recorder::Recorder;
 use super::sieve::{Frame, Sieve};
 use crate::error::{Result, plain};
+use crate::record::DeviceBoot;
 
 /// Time between keep-alives; also a quarter of the device's time-out, by its own clock.
 const KEEP_ALIVE: Duration = Duration::from_millis(250);
@@ -31,6 +32,9 @@ impl Session<'_> {
             if let Ok(DeviceMessage::Hello(hello)) = frame.message.as_ref().map(|envelope| &envelope.message) {
                 // One that does not fit ends the capture, and must not stand in the way of resuming it.
                 check_hello(hello, self.rig).map_err(|e| e.in_file(&self.settings.from))?;
+                if let Some(target) = self.drive.target() {
+                    check_drive(hello, target, self.rig)?;
+                }
             }
             if let (true, false, Some(journal)) = (frame.recorded, recorder.ended(), &mut self.journal) {
                 journal.write(&frame.bytes)?;
@@ -83,6 +87,10 @@ impl Session<'_> {
                     self.stream(now);
                 }
                 self.drive.start(&hello, &mut self.commands, now);
+                if let Some(before) = self.hello.as_ref().filter(|before| before.boot_id != hello.boot_id) {
+                    let restart = DeviceBoot::of(&hello, 0).after(&DeviceBoot::of(before, 0));
+                    self.notices.push(format!("the device restarted: {restart}"));
+                }
                 if self.hello.is_none() {
                     // The zero of the device's counters.
                     self.commands.send(Command::Status);

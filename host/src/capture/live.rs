@@ -136,7 +136,7 @@ pub(super) fn run(
 }
 
 /// A number that another session hardly began with.
-fn numbers_from() -> u16 {
+pub(super) fn numbers_from() -> u16 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
     // Its low bits, in steps of a microsecond.
     let number = (since.as_micros() ^ u128::from(std::process::id())) as u16;

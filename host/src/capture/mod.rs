@@ -32,11 +32,13 @@ mod recorder;
 mod replay;
 mod rows;
 mod rtt;
-mod serial;
+pub mod serial;
+pub mod setting_keys;
 mod sieve;
 pub mod sim;
 pub mod source;
 mod stall;
+pub mod talk;
 mod tcp;
 
 use std::path::PathBuf;

@@ -17,9 +17,12 @@ use super::rows::RowsRecorder;
 use super::sieve::MOST_LINES;
 use crate::error::{BadInput, Result};
 use crate::record::writer::Sample;
-use crate::record::{DeviceLine, Losses, Metadata, RecordWriter};
+use crate::record::{DeviceBoot, DeviceLine, Losses, Metadata, RecordWriter};
 use crate::rig::Rig;
 use crate::warning::Warning;
+
+/// Boots that are told of: a device that restarts more often is broken.
+const MOST_BOOTS: usize = 1000;
 
 /// What came out of one byte.
 pub(super) enum Event {
@@ -37,6 +40,9 @@ pub(super) struct Recorder<'a> {
     decoder: Decoder<DeviceMessage>,
     accounting: Accounting,
     hello: Option<Hello>,
+    /// What the device has told of itself last, and of each boot of which there are samples.
+    newest_hello: Option<Hello>,
+    boots: Vec<DeviceBoot>,
     recording: bool,
     /// Device's tick at which recording begins, once it is known.
     begin_at: Option<u32>,
@@ -99,6 +105,8 @@ impl<'a> Recorder<'a> {
             decoder: Decoder::new(),
             accounting: Accounting::new(limit),
             hello: None,
+            newest_hello: None,
+            boots: Vec::new(),
             writer: None,
             rows: terms.rows.then(|| RowsRecorder::new(output.to_path_buf(), limit)),
             estimates: Estimates::new(output),
@@ -158,6 +166,14 @@ impl<'a> Recorder<'a> {
             self.restarted_behind.get_or_insert(self.accounting.newest().unwrap_or(0));
         }
         self.hello.get_or_insert_with(|| hello.clone());
+        // The index mark is passed some time after a boot.
+        if let Some(boot) = self.boots.last_mut().filter(|boot| boot.boot_id == hello.boot_id) {
+            let now = DeviceBoot::of(hello, boot.tick);
+            if now.has_zeros_of(boot, now.zeros.len()) {
+                *boot = now;
+            }
+        }
+        self.newest_hello = Some(hello.clone());
         Ok(())
     }
 
@@ -219,7 +235,17 @@ impl<'a> Recorder<'a> {
         if self.accounting.block(block.clone(), &mut self.taken) == Verdict::AskHello {
             self.ask_hello = true;
         }
+        self.note_boot();
         self.write()
+    }
+
+    /// Keeps what the device told of a boot of which the first samples have come.
+    fn note_boot(&mut self) {
+        let first = self.accounting.first_tick().filter(|_| self.boots.is_empty());
+        let Some(tick) = self.accounting.begun().or(first) else { return };
+        if let Some(hello) = self.newest_hello.as_ref().filter(|_| self.boots.len() < MOST_BOOTS) {
+            self.boots.push(DeviceBoot::of(hello, tick));
+        }
     }
 
     fn rows(&mut self, rows: &Rows) -> Result<()> {
@@ -275,6 +301,7 @@ impl<'a> Recorder<'a> {
                 let counts = &s.counts[..channels];
                 if let Some(tick) = self.accounting.boot_before(s.tick) {
                     writer.boot(tick);
+                    writer.device(&self.boots);
                 }
                 writer.push(&Sample { tick: s.tick, counts, phase: s.phase, amplitude_nm: s.amplitude_nm })?;
                 self.last_tick = Some(s.tick);
@@ -297,6 +324,7 @@ impl<'a> Recorder<'a> {
                 .as_ref()
                 .map_or(self.rig.sample_rate_hz, |h| f64::from(h.sample_rate_millihertz) / 1000.0),
             boots: Vec::new(),
+            device: self.boots.clone(),
             lines: Vec::new(),
         }
     }
@@ -383,6 +411,7 @@ impl<'a> Recorder<'a> {
         }
         if let Some(mut writer) = self.writer.take() {
             writer.lines(&self.lines);
+            writer.device(&self.boots);
             writer.finish(&losses)?;
         }
         if losses.dropped_late > 0 {
@@ -399,7 +428,7 @@ impl<'a> Recorder<'a> {
             );
         }
         let said = device::Said { lines: &self.lines, all: self.said };
-        self.warnings.extend(device::warnings(self.restarted_behind, losses.restarts, &said));
+        self.warnings.extend(device::warnings(self.restarted_behind, losses.restarts, &self.boots, &said));
         if losses.lost() > 0 && self.rows.is_none() {
             self.warnings.push(Warning::new(
                 "samples-lost",

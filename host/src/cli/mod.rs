@@ -5,6 +5,9 @@
 mod capture;
 mod completions;
 mod demo;
+mod device;
+mod device_list;
+mod device_set;
 mod explain;
 mod flash;
 mod identify;
@@ -64,6 +67,8 @@ enum Command {
     Validate(validate::Arguments),
     /// Where simulation and measurement disagree, which effect is missing, the gap before and after.
     Explain(explain::Arguments),
+    /// Ports and boards; a board's settings, kept in its flash; its zero.
+    Device(device::Arguments),
     /// Builds a board's firmware and flashes it through a debug probe.
     Flash(flash::Arguments),
     /// Modes, a reduced-order model, its frequency–energy curve.
@@ -209,6 +214,7 @@ fn run(cli: Cli) -> Result<Answer> {
         Command::Identify(a) => identify::run(&a),
         Command::Validate(a) => validate::run(&a),
         Command::Explain(a) => explain::run(&a),
+        Command::Device(a) => device::run(&a),
         Command::Flash(a) => flash::run(&a),
         Command::Reduce(a) => reduce::run(&a),
         #[cfg(feature = "sim")]
