@@ -187,7 +187,8 @@ mod tests {
         assert!(warnings(None, 0, &[], &Said { lines: &lines[..1], all: 1 }).is_empty());
         // A watchdog's reset over which the counts were kept.
         let zero = EncoderZero { id: 7, ..EncoderZero::default() };
-        let boot = |reset: &str| DeviceBoot { reset: reset.to_owned(), zeros: vec![zero.clone(); 2], ..DeviceBoot::default() };
+        let boot =
+            |reset: &str| DeviceBoot { reset: reset.to_owned(), zeros: vec![zero.clone(); 2], ..DeviceBoot::default() };
         let told = warnings(Some(900), 1, &[boot("power"), boot("watchdog")], &Said { lines: &[], all: 0 });
         assert!(told[0].text.ends_with("of the record (watchdog; its counts were kept)"), "{}", told[0].text);
         assert!(told[0].advice.contains("all of it is used"), "{}", told[0].advice);

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use whirl_shared::codec::FrameError;
-use whirl_shared::frame::{Command, DeviceMessage, Log, Streamed};
+use whirl_shared::frame::{Command, DeviceMessage, Log, SettingsSource, Streamed};
 
 use super::device::{check_drive, check_hello, level};
 use super::live::Session;
@@ -90,6 +90,13 @@ impl Session<'_> {
                 if let Some(before) = self.hello.as_ref().filter(|before| before.boot_id != hello.boot_id) {
                     let restart = DeviceBoot::of(&hello, 0).after(&DeviceBoot::of(before, 0));
                     self.notices.push(format!("the device restarted: {restart}"));
+                }
+                if self.hello.is_none() && hello.settings == SettingsSource::Refused {
+                    self.notices.push(
+                        "warning: the settings in the device's flash are not possible on this board: it runs with those of its \
+                         image (`whirl device show`)"
+                            .to_owned(),
+                    );
                 }
                 if self.hello.is_none() {
                     // The zero of the device's counters.

@@ -56,6 +56,8 @@ pub(super) struct Recorder<'a> {
     fits: bool,
     taken: Vec<Taken>,
     last_tick: Option<i64>,
+    /// Nothing is written.
+    dry: bool,
     ended: bool,
     /// Tick behind which the device restarted for the first time.
     restarted_behind: Option<i64>,
@@ -113,6 +115,7 @@ impl<'a> Recorder<'a> {
             fits,
             taken: Vec::new(),
             last_tick: None,
+            dry: false,
             ended: false,
             restarted_behind: None,
             lines: Vec::new(),
@@ -121,6 +124,24 @@ impl<'a> Recorder<'a> {
             ask_hello: false,
             warnings: Vec::new(),
         })
+    }
+
+    /// As [`Self::new`], to see what a record would hold: nothing is written.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(super) fn dry(rig: &'a Rig, output: &Path, terms: Terms) -> Result<Self> {
+        Ok(Self { dry: true, ..Self::new(rig, output, terms)? })
+    }
+
+    /// Tick of the last sample of the record.
+    ///
+    /// # Errors
+    /// A full disk.
+    pub(super) fn into_last_tick(mut self) -> Result<Option<i64>> {
+        self.accounting.finish(&mut self.taken);
+        self.write()?;
+        Ok(self.last_tick)
     }
 
     /// Takes one byte of the wire.
@@ -275,7 +296,7 @@ impl<'a> Recorder<'a> {
             Some(rows) => rows.first_tick(),
             None => self.accounting.first_tick(),
         };
-        let Some(first) = first.filter(|_| self.fits && self.recording) else { return Ok(()) };
+        let Some(first) = first.filter(|_| self.fits && self.recording && !self.dry) else { return Ok(()) };
         let tick = self.on_line(estimate.tick);
         if tick < first.saturating_add(i64::from(estimate.window_ticks)) - 1 {
             return Ok(());
@@ -291,6 +312,11 @@ impl<'a> Recorder<'a> {
 
     /// Writes what the accounting let go.
     fn write(&mut self) -> Result<()> {
+        if self.dry {
+            self.last_tick = self.taken.last().map(|s| s.tick).or(self.last_tick);
+            self.taken.clear();
+            return Ok(());
+        }
         if self.writer.is_none() && !self.taken.is_empty() {
             self.estimates.begin()?;
             self.writer = Some(RecordWriter::create(&self.output, &self.metadata(), self.rig)?);
@@ -380,6 +406,11 @@ impl<'a> Recorder<'a> {
     /// Device time to record, s.
     pub(super) fn seconds(&self) -> Option<f64> {
         self.terms.seconds
+    }
+
+    /// Options of the command that a continuation must have too.
+    pub(super) fn options(&self) -> &[String] {
+        &self.terms.options
     }
 
     /// Where the samples come from.

@@ -150,7 +150,11 @@ pub fn all_of(hello: &Hello) -> Vec<SettingValue> {
                 list.push(value(key.id.to_owned(), (f64::from(of(hello)) / scale).into(), key.about.to_owned()));
             }
             Kind::OfEncoder(_, of) => list.extend((0..encoders).filter_map(|i| {
-                Some(value(format!("{}{}", key.id, i + 1), of(hello, i)?.into(), format!("encoder {}: {}", i + 1, key.about)))
+                Some(value(
+                    format!("{}{}", key.id, i + 1),
+                    of(hello, i)?.into(),
+                    format!("encoder {}: {}", i + 1, key.about),
+                ))
             })),
             Kind::Sense => list.extend(hello.reversed.iter().take(encoders).enumerate().map(|(i, &reversed)| {
                 value(format!("{}{}", key.id, i + 1), reversed.into(), format!("encoder {}: {}", i + 1, key.about))
@@ -218,15 +222,18 @@ pub fn parse(text: &str, encoders: usize) -> Result<Change> {
             Err(_) => wrong("a whole number"),
         },
         Kind::Sense => match value.parse::<bool>() {
-            Ok(reversed) => {
-                change(channels.iter().map(|&channel| Setting::Reversed { channel, reversed }).collect())
-            }
+            Ok(reversed) => change(channels.iter().map(|&channel| Setting::Reversed { channel, reversed }).collect()),
             Err(_) => wrong("true or false"),
         },
         Kind::OfDevice(scale, make, _) => match value.parse::<f64>() {
             Ok(x) => match wire(x, *scale) {
                 Some(n) => change(vec![make(n)]),
-                None => wrong(&format!("a number from 0 to {} {}, in steps of {}", f64::from(u32::MAX) / scale, key.unit, 1.0 / scale)),
+                None => wrong(&format!(
+                    "a number from 0 to {} {}, in steps of {}",
+                    f64::from(u32::MAX) / scale,
+                    key.unit,
+                    1.0 / scale
+                )),
             },
             Err(_) => wrong("a number"),
         },

@@ -1,6 +1,6 @@
 use std::path::Path;
 
-use whirl_shared::frame::{SettingsSource, Setting, ZeroSource};
+use whirl_shared::frame::{Setting, SettingsSource, ZeroSource};
 
 use super::*;
 

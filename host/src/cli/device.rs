@@ -186,7 +186,9 @@ fn settings_warning(hello: &Hello) -> Option<Warning> {
         SettingsSource::Refused => {
             ("settings-refused", "Set what this board can do, or `whirl device set settings=built-in`")
         }
-        SettingsSource::NotKept => ("settings-not-kept", "Set it again; where that fails, the board's flash is at fault"),
+        SettingsSource::NotKept => {
+            ("settings-not-kept", "Set it again; where that fails, the board's flash is at fault")
+        }
         _ => return None,
     };
     Some(Warning::new(id, format!("the settings are {}", settings_sentence(hello.settings)), advice))
@@ -194,13 +196,7 @@ fn settings_warning(hello: &Hello) -> Option<Warning> {
 
 /// The board in two lines.
 pub(super) fn heading(from: &str, hello: &Hello) -> String {
-    format!(
-        "{}: {}, protocol {}, at {}\n",
-        plain(&hello.board),
-        plain(&hello.firmware),
-        hello.protocol,
-        plain(from)
-    )
+    format!("{}: {}, protocol {}, at {}\n", plain(&hello.board), plain(&hello.firmware), hello.protocol, plain(from))
 }
 
 /// Settings and zeros as a table.

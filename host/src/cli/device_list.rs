@@ -107,7 +107,8 @@ pub fn run(link: &Link) -> Result<Answer> {
 
 fn human(list: &[Port]) -> String {
     if list.is_empty() {
-        return "no serial port is there: plug a board in by USB; on Linux see that you are in the group dialout\n".to_owned();
+        return "no serial port is there: plug a board in by USB; on Linux see that you are in the group dialout\n"
+            .to_owned();
     }
     let mut text = String::new();
     for port in list {

@@ -11,8 +11,8 @@ use whirl_shared::frame::{Command, CommandResult, Hello, Setting, SettingsSource
 use super::Answer;
 use super::device::{Device, Link, heading, table};
 use super::output::print_warnings;
-use crate::capture::setting_keys::{self, Change};
 use crate::capture::serial::DEFAULT_BAUD;
+use crate::capture::setting_keys::{self, Change};
 use crate::capture::talk::Talk;
 use crate::error::{BadInput, Result};
 use crate::warning::Warning;
@@ -218,10 +218,11 @@ mod tests {
 
     #[test]
     fn the_last_of_a_setting_counts() {
-        let changes: Vec<Change> = ["baud=230400", "settings=built-in", "counts_per_turn=1024", "counts_per_turn2=2048"]
-            .iter()
-            .map(|text| setting_keys::parse(text, 2).unwrap())
-            .collect();
+        let changes: Vec<Change> =
+            ["baud=230400", "settings=built-in", "counts_per_turn=1024", "counts_per_turn2=2048"]
+                .iter()
+                .map(|text| setting_keys::parse(text, 2).unwrap())
+                .collect();
         let counts = |channel, counts| Setting::CountsPerTurn { channel, counts };
         assert_eq!(wanted(&changes), [counts(0, 1024), counts(1, 2048)]);
     }

@@ -10,6 +10,7 @@ mod device_list;
 mod device_set;
 mod explain;
 mod flash;
+mod flash_image;
 mod identify;
 mod identify_balance;
 mod inspect;

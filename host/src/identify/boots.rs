@@ -135,7 +135,8 @@ mod tests {
             ..DeviceBoot::default()
         };
         // A tick stands between two boots.
-        let (first, second) = (part(whole, 0..at, 0, 0), part(whole, at + 1..whole.len(), 1, if kept { 0 } else { 1024 }));
+        let (first, second) =
+            (part(whole, 0..at, 0, 0), part(whole, at + 1..whole.len(), 1, if kept { 0 } else { 1024 }));
         let metadata = Metadata {
             boots: vec![second.first_tick],
             device: vec![boot(first.first_tick, 1), boot(second.first_tick, if kept { 1 } else { 2 })],

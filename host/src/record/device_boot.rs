@@ -62,8 +62,7 @@ pub fn zero_word(zero: &Zero) -> &'static str {
 impl DeviceBoot {
     /// The boot that a hello tells of, with samples from a tick of the record on.
     pub fn of(hello: &Hello, tick: i64) -> Self {
-        let zero =
-            |zero: &Zero| EncoderZero { id: zero.id, from: zero_word(zero).to_owned(), index: zero.index };
+        let zero = |zero: &Zero| EncoderZero { id: zero.id, from: zero_word(zero).to_owned(), index: zero.index };
         Self {
             tick,
             boot_id: hello.boot_id,
@@ -76,7 +75,9 @@ impl DeviceBoot {
     /// Whether the first so many encoders count from the same zeros as in another boot.
     pub fn has_zeros_of(&self, other: &Self, encoders: usize) -> bool {
         let pairs = || self.zeros.iter().zip(&other.zeros).take(encoders);
-        pairs().count() == encoders.min(self.zeros.len()) && pairs().all(|(a, b)| a.id == b.id) && !self.zeros.is_empty()
+        pairs().count() == encoders.min(self.zeros.len())
+            && pairs().all(|(a, b)| a.id == b.id)
+            && !self.zeros.is_empty()
     }
 
     /// What ended the boot before, in a word, with a panic's text.
