@@ -256,6 +256,27 @@ impl Talk {
         self.ask(command)
     }
 
+    /// The encoders' counts as they are now.
+    ///
+    /// # Errors
+    /// No sample comes.
+    pub fn counts(&mut self) -> Result<Vec<i32>> {
+        let found = self.until(
+            |commands| {
+                commands.send(Command::KeepAlive);
+            },
+            |message| match message {
+                DeviceMessage::Samples(block) => {
+                    let mut counts = block.first.to_vec();
+                    each_sample(block, |i, count| counts[i] = count);
+                    Some(counts)
+                }
+                _ => None,
+            },
+        );
+        found.ok_or_else(|| self.silent(false, self.patience))
+    }
+
     /// By how many counts each encoder moves within some time: greatest minus least.
     pub fn movement(&mut self, time: Duration) -> Vec<u32> {
         let begun = self.source.now();

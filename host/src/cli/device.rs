@@ -224,13 +224,13 @@ fn zero_sentence(zero: &Zero) -> String {
 
 fn show(link: &Link) -> Result<Answer> {
     let (from, mut talk, hello) = link.open()?;
-    let status = talk.status()?;
+    let (status, counts) = (talk.status()?, talk.counts()?);
     let warnings: Vec<Warning> = settings_warning(&hello).into_iter().collect();
     let device = Device::of(&hello);
     let out = link.out();
     out.write_json(&serde_json::json!({
         "format": 1, "from": from, "device": device, "shaker": shaker_word(&status), "tick": status.tick,
-        "bad_frames": status.bad_frames, "overruns": status.overruns, "warnings": warnings,
+        "counts": counts, "bad_frames": status.bad_frames, "overruns": status.overruns, "warnings": warnings,
     }))?;
     print_warnings(&warnings);
     let rate = f64::from(hello.sample_rate_millihertz.max(1)) / 1e3;
@@ -242,6 +242,8 @@ fn show(link: &Link) -> Result<Answer> {
         shaker_word(&status)
     ));
     text.push_str(&table(&hello, &device));
+    let counts: Vec<String> = counts.iter().map(i32::to_string).collect();
+    text.push_str(&format!("counts now: {}\n", counts.join(", ")));
     out.say(&text);
     Ok(Answer::Positive)
 }

@@ -75,7 +75,10 @@ pub fn of_known_zero(records: &[Record]) -> (Cow<'_, [Record]>, Vec<Warning>) {
                     times(&used),
                     times(&left)
                 ),
-                "To use the other part, cut the record there; set the zero once and record again where that is too little",
+                format!(
+                    "To use another part, name it with --from and --to, such as {}; its zero may be another pose than the one set",
+                    left.first().map_or_else(String::new, |s| format!("--from {:.3} --to {:.3}", s.start_s, s.start_s + s.duration_s()))
+                ),
             )
             .with("kept_s", best.seconds)
             .with("left_out_s", left_s)

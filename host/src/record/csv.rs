@@ -137,11 +137,8 @@ impl<'a, R: BufRead> Reader<'a, R> {
 
     /// A CSV that was cut behind a whole line looks whole: the journal of its capture, where one is beside it, knows better.
     fn check_journal(&mut self, rows: &Rows<'_>) -> Result<()> {
-        let own = self.layout.own.is_some() && rows.passed + rows.t.len() > 0;
-        let Some(ticks) = Some(self.row.own.0).filter(|_| own).and_then(|last| ticks_behind(self.path, rows.rig, last))
-        else {
-            return Ok(());
-        };
+        let last = self.layout.own.filter(|_| rows.passed + rows.t.len() > 0).map(|_| self.row.own.0);
+        let Some(ticks) = last.and_then(|last| ticks_behind(self.path, rows.rig, last)) else { return Ok(()) };
         let error = BadInput::new(
             format!("the record of an interrupted capture; {}", rows.last_whole()),
             format!("{ticks} ticks more, which are in the journal beside it"),
@@ -213,11 +210,8 @@ impl<R: BufRead> Source for Reader<'_, R> {
         let until = rows.t.len().saturating_add(most);
         while !self.ended && rows.t.len() < until {
             self.ended = !self.next(rows)?;
-            if self.ended {
-                self.check_journal(rows)?;
-            }
         }
-        Ok(!self.ended)
+        if self.ended { self.check_journal(rows).map(|()| false) } else { Ok(true) }
     }
 
     fn warnings(&mut self, _: &Rows<'_>) -> Result<Vec<Warning>> {

@@ -9,6 +9,7 @@
 mod arrays;
 mod csv;
 mod csv_write;
+pub mod cut;
 mod damage;
 pub mod device_boot;
 pub mod formats;

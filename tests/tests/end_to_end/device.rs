@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use whirl::identify::boots::of_known_zero;
+use whirl::record::cut::Part;
 use whirl::record::{ReadOptions, Record};
 use whirl::rig::Rig;
 use whirl_hil_sim::transport::server::{Pace, Server};
@@ -35,9 +36,15 @@ fn settings_are_shown_set_checked_at_capture_and_set_back() {
     assert!(list.contains(&from) && list.contains("virtual rig, whirl-firmware"), "{list}");
     assert_eq!(json(&at.join("list.json"))["ports"][0]["device"]["board"], "virtual rig");
     let text = done(at, &format!("device show --from {from} --json show.json"));
-    for part in
-        ["counts_per_turn1 ", "4096", "amplitude_limit_m ", "0.02 m", "those of the image", "encoder 2: zero is where"]
-    {
+    for part in [
+        "counts_per_turn1 ",
+        "4096",
+        "amplitude_limit_m ",
+        "0.02 m",
+        "those of the image",
+        "encoder 2: zero is where",
+        "counts now: ",
+    ] {
         assert!(text.contains(part), "{part}: {text}");
     }
     let shown = json(&at.join("show.json"));
@@ -166,6 +173,12 @@ fn counts_that_were_kept_over_a_watchdog_s_reset_are_pooled_and_others_are_not()
         assert!(told.len() == 2 && told[0].1 != told[1].1, "{told:?}");
         let (used, warnings) = of_known_zero(core::slice::from_ref(&record));
         assert_eq!((used[0].segments.len(), warnings.len()), (1, 1));
+        // The other part is to be had, too.
+        let other = record.segments.iter().find(|s| s.boot != used[0].segments[0].boot).unwrap();
+        let (from_s, to_s) = (Some(other.start_s), Some(other.start_s + other.duration_s()));
+        let mut part = record.clone();
+        part.cut(&Part { from_s, to_s }).unwrap();
+        assert_eq!((part.samples(), part.segments.len()), (other.len(), 1));
         let longest = record.segments.iter().map(|s| s.len()).max();
         assert_eq!(Some(used[0].samples()), longest, "{}", warnings[0].text);
     }
