@@ -127,7 +127,7 @@ fn captured(at: &Path, initial: [f64; 4], order: fn(&mut VirtualRig)) -> (Run, R
     let journal = at.join("r.parquet.frames");
     let start = Instant::now();
     // More than a second of rest, so that the counts are kept.
-    while std::fs::metadata(&journal).map_or(0, |m| m.len()) < 8_000 {
+    while std::fs::metadata(&journal).map_or(0, |m| m.len()) < 4_000 {
         assert!(start.elapsed() < Duration::from_secs(60), "nothing is captured");
         std::thread::sleep(Duration::from_millis(10));
     }
@@ -156,7 +156,7 @@ fn counts_that_were_kept_over_a_watchdog_s_reset_are_pooled_and_others_are_not()
     assert!(run.stderr.contains("(watchdog; its counts were kept)"), "{}", run.stderr);
     let told = boots(&record);
     assert!(told.len() == 2 && told[1].0 == "watchdog" && told[0].1 == told[1].1, "{told:?}");
-    assert_eq!(record.segments.len(), 2);
+    assert_eq!(record.segments.last().unwrap().boot, 1);
     let (used, warnings) = of_known_zero(core::slice::from_ref(&record));
     assert!(used[0].samples() == record.samples() && warnings.is_empty(), "{warnings:?}");
     let shown = done(at, "inspect r.parquet --rig rig.toml");
@@ -172,14 +172,15 @@ fn counts_that_were_kept_over_a_watchdog_s_reset_are_pooled_and_others_are_not()
         let told = boots(&record);
         assert!(told.len() == 2 && told[0].1 != told[1].1, "{told:?}");
         let (used, warnings) = of_known_zero(core::slice::from_ref(&record));
-        assert_eq!((used[0].segments.len(), warnings.len()), (1, 1));
+        assert_eq!(warnings.len(), 1);
+        let of_boot = |boot: u32| record.segments.iter().filter(|s| s.boot == boot).map(|s| s.len()).sum::<usize>();
+        assert_eq!(used[0].samples(), of_boot(0).max(of_boot(1)), "{}", warnings[0].text);
+        assert!(used[0].segments.iter().all(|s| s.boot == used[0].segments[0].boot));
         // The other part is to be had, too.
         let other = record.segments.iter().find(|s| s.boot != used[0].segments[0].boot).unwrap();
         let (from_s, to_s) = (Some(other.start_s), Some(other.start_s + other.duration_s()));
         let mut part = record.clone();
         part.cut(&Part { from_s, to_s }).unwrap();
         assert_eq!((part.samples(), part.segments.len()), (other.len(), 1));
-        let longest = record.segments.iter().map(|s| s.len()).max();
-        assert_eq!(Some(used[0].samples()), longest, "{}", warnings[0].text);
     }
 }
