@@ -203,7 +203,9 @@ pub(super) fn heading(from: &str, hello: &Hello) -> String {
 pub(super) fn table(hello: &Hello, device: &Device) -> String {
     let mut text = format!("settings: {}\n", settings_sentence(hello.settings));
     for s in &device.settings {
-        let value = if s.unit.is_empty() { s.value.to_string() } else { format!("{} {}", s.value, s.unit) };
+        // 500 Hz, not 500.0 Hz.
+        let number = s.value.as_f64().map_or_else(|| s.value.to_string(), |x| x.to_string());
+        let value = format!("{number} {}", s.unit);
         text.push_str(&format!("  {:<24} {value:<14} {}\n", s.key, s.about));
     }
     for zero in device.encoders.iter().zip(&hello.zeros) {
