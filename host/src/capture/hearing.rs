@@ -89,7 +89,7 @@ impl Session<'_> {
                 self.drive.start(&hello, &mut self.commands, now);
                 if let Some(before) = self.hello.as_ref().filter(|before| before.boot_id != hello.boot_id) {
                     let restart = DeviceBoot::of(&hello, 0).after(&DeviceBoot::of(before, 0));
-                    self.notices.push(format!("the device restarted: {restart}"));
+                    self.notice(format!("the device restarted: {restart}"));
                 }
                 if self.hello.is_none() && hello.settings == SettingsSource::Refused {
                     self.notices.push(
@@ -136,14 +136,14 @@ impl Session<'_> {
 
     /// Shows a line of the device.
     fn show(&mut self, log: &Log) {
+        self.notice(format!("the device says ({}, tick {}): {}", level(log.level), log.tick, plain(&log.text)));
+    }
+
+    /// Shows what the device says or does, as long as it is not too much.
+    fn notice(&mut self, text: String) {
         self.shown = self.shown.saturating_add(1);
         if self.shown <= MOST_SHOWN {
-            self.notices.push(format!(
-                "the device says ({}, tick {}): {}",
-                level(log.level),
-                log.tick,
-                plain(&log.text)
-            ));
+            self.notices.push(text);
         } else if self.shown == MOST_SHOWN + 1 {
             self.notices.push("the device says more, which is not shown: the record has the first lines".to_owned());
         }

@@ -107,15 +107,16 @@ fn kind(bytes: &[u8], chip: Option<&Chip>) -> core::result::Result<Kind, &'stati
                 == [Some(UF2_BEGINS[0]), Some(UF2_BEGINS[1]), Some(UF2_ENDS)]
         };
         let blocks = word(bytes, 24).unwrap_or(0) as usize;
-        let cut =
-            bytes.len() % UF2_BLOCK != 0 || bytes.len() / UF2_BLOCK < blocks || !bytes.chunks(UF2_BLOCK).all(whole);
+        let cut = !bytes.len().is_multiple_of(UF2_BLOCK)
+            || bytes.len() / UF2_BLOCK < blocks
+            || !bytes.chunks(UF2_BLOCK).all(whole);
         return if cut { Err("a UF2 file that is cut") } else { Ok(Kind::Uf2) };
     }
     // The flash's bytes begin with the initial stack pointer and the reset vector, whose lowest bit says Thumb.
     let chip = chip.ok_or("a file that is neither ELF nor UF2")?;
     let starts = word(bytes, 0).zip(word(bytes, 4)).is_some_and(|(stack, reset)| {
         (RAM..=RAM + RAM_MOST).contains(&stack)
-            && stack % 4 == 0
+            && stack.is_multiple_of(4)
             && reset % 2 == 1
             && (chip.flash..chip.flash + FLASH_MOST).contains(&reset)
             && ((reset - chip.flash) as usize) < bytes.len()
