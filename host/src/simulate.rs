@@ -206,6 +206,7 @@ pub fn record(
         written_by: format!("whirl {}", env!("CARGO_PKG_VERSION")),
         sample_rate_hz: rig.sample_rate_hz,
         boots: Vec::new(),
+        device: Vec::new(),
         lines: Vec::new(),
     };
     // At least one sample, at most a day of them: no overflow.

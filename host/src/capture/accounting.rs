@@ -58,6 +58,8 @@ pub(super) struct Accounting {
     restarts: u32,
     /// First ticks of the boots after the first whose samples have not all left yet.
     boots: Vec<i64>,
+    /// First tick of a boot that has just begun.
+    begun: Option<i64>,
     overruns: u64,
     dropped: u64,
 }
@@ -149,6 +151,7 @@ impl Accounting {
         }
         if restarted {
             self.boots.push(start);
+            self.begun = Some(start);
             self.restarts += 1;
         }
         if placed.event == TickEvent::Late {
@@ -191,6 +194,11 @@ impl Accounting {
     /// The end: what is held leaves.
     pub(super) fn finish(&mut self, out: &mut Vec<Taken>) {
         self.drain(0, out);
+    }
+
+    /// First tick of a boot after the first that has begun since this was asked last.
+    pub(super) fn begun(&mut self) -> Option<i64> {
+        self.begun.take()
     }
 
     /// Where the sample of a tick is the first of its boot to leave: the tick at which that boot begins.

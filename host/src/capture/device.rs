@@ -2,8 +2,9 @@
 
 use whirl_shared::frame::{Hello, PROTOCOL_VERSION, SCHEMA_HASH};
 
+use super::drive::Target;
 use crate::error::{BadInput, Result, plain};
-use crate::record::DeviceLine;
+use crate::record::{DeviceBoot, DeviceLine};
 use crate::rig::Rig;
 use crate::warning::Warning;
 
@@ -19,37 +20,99 @@ pub(super) fn level(level: u8) -> &'static str {
     }
 }
 
-/// Checks that this program and this rig file fit the device.
-pub(super) fn check_hello(hello: &Hello, rig: &Rig) -> Result<()> {
-    let firmware = format!("firmware {} on {}", hello.firmware, hello.board);
+/// Checks that this program speaks the device's protocol.
+pub(super) fn check_protocol(hello: &Hello) -> Result<()> {
     if hello.protocol != PROTOCOL_VERSION || hello.schema != SCHEMA_HASH {
         return Err(BadInput::new(
-            format!("protocol {}, schema {:08x} ({firmware})", hello.protocol, hello.schema),
+            format!("protocol {}, schema {:08x} ({})", hello.protocol, hello.schema, firmware(hello)),
             format!("protocol {PROTOCOL_VERSION}, schema {SCHEMA_HASH:08x} (whirl {})", env!("CARGO_PKG_VERSION")),
         )
         .at("the device's hello")
         .remedy("Flash the firmware that belongs to this whirl: `whirl flash`"));
     }
+    Ok(())
+}
+
+fn firmware(hello: &Hello) -> String {
+    format!("firmware {} on {}", hello.firmware, hello.board)
+}
+
+/// Which of both is to be changed: the device, or the rig file.
+fn either(set: &str, line: &str) -> String {
+    format!("`whirl device set {set}` changes the device; where it is right, write `{line}` in the rig file")
+}
+
+/// Checks that this program and this rig file fit the device.
+pub(super) fn check_hello(hello: &Hello, rig: &Rig) -> Result<()> {
+    check_protocol(hello)?;
     for (i, (c, &n)) in rig.channel.iter().zip(&hello.counts_per_turn).enumerate() {
         if c.counts_per_turn != Some(n) {
+            let mine = c.counts_per_turn.map_or("none".to_owned(), |n| n.to_string());
+            let set = format!("counts_per_turn{}={mine}", i + 1);
             return Err(BadInput::new(
-                format!("counts_per_turn = {}", c.counts_per_turn.map_or("none".to_owned(), |n| n.to_string())),
-                format!("{n} as the device says of encoder {} ({firmware})", i + 1),
+                format!("counts_per_turn = {mine}"),
+                format!("{n} as the device says of encoder {} ({})", i + 1, firmware(hello)),
             )
             .in_file(&rig.path)
             .at(format!("channel \"{}\"", c.name))
-            .remedy("Correct the rig file (unit = \"count\"), or set the firmware's counts a turn"));
+            .remedy(match c.counts_per_turn {
+                Some(_) => either(&set, &format!("counts_per_turn = {n}")),
+                None => format!("Write unit = \"count\" and counts_per_turn = {n} in the rig file"),
+            }));
         }
     }
     let rate = f64::from(hello.sample_rate_millihertz) / 1000.0;
     if (rate / rig.sample_rate_hz - 1.0).abs() > RATE_TOLERANCE || rate <= 0.0 {
         return Err(BadInput::new(
             format!("sample_rate_hz = {}", rig.sample_rate_hz),
-            format!("{rate} as the device says ({firmware})"),
+            format!("{rate} as the device says ({})", firmware(hello)),
         )
         .in_file(&rig.path)
         .at("sample_rate_hz")
-        .remedy("Correct the rig file"));
+        .remedy(either(&format!("sample_rate_hz={}", rig.sample_rate_hz), &format!("sample_rate_hz = {rate}"))));
+    }
+    Ok(())
+}
+
+/// Checks that the device's shaker may do what is asked of it, before it is armed.
+pub(super) fn check_drive(hello: &Hello, target: Target, rig: &Rig) -> Result<()> {
+    let limits = hello.limits;
+    let (amplitude, frequency) =
+        (f64::from(target.amplitude_micrometre) / 1e6, f64::from(target.frequency_millihertz) / 1e3);
+    let acceleration = amplitude * (core::f64::consts::TAU * frequency).powi(2);
+    let full_scale = f64::from(hello.full_scale_micrometre) / 1e6;
+    for (what, found, limit, key, unit) in [
+        ("an amplitude", amplitude, f64::from(limits.amplitude_micrometre) / 1e6, "amplitude_limit_m", "m"),
+        ("a frequency", frequency, f64::from(limits.frequency_millihertz) / 1e3, "frequency_limit_hz", "Hz"),
+        // The device rounds the amplitude that this allows down to a micrometre.
+        (
+            "an acceleration",
+            (acceleration * 1e3).ceil() / 1e3,
+            f64::from(limits.acceleration_millimetre_per_s2) / 1e3,
+            "acceleration_limit_m_s2",
+            "m/s²",
+        ),
+        ("an amplitude", amplitude, full_scale, "full_scale_m", "m"),
+    ] {
+        if found > limit {
+            let remedy = if key == "full_scale_m" {
+                "Its output cannot show more: take a smaller amplitude, or raise the amplifier's gain and tell the \
+                 device by `whirl device set full_scale_m=…` what its highest voltage is then"
+                    .to_owned()
+            } else {
+                format!(
+                    "Set drive.amplitude_m (or --amplitude-m) and drive.frequency_hz within it, or, where the shaker can do \
+                     more, `whirl device set {key}={found}`"
+                )
+            };
+            return Err(BadInput::new(
+                format!("{what} of {found} {unit}"),
+                format!("at most {limit} {unit} ({key} of {})", hello.board),
+            )
+            .in_file(&rig.path)
+            .at("drive")
+            .remedy(remedy));
+        }
     }
     Ok(())
 }
@@ -61,18 +124,26 @@ pub(super) struct Said<'a> {
 }
 
 /// What is to be told of its restarts (`behind`: tick of the record at the first) and of its lines.
-pub(super) fn warnings(behind: Option<i64>, restarts: u64, said: &Said<'_>) -> Vec<Warning> {
+pub(super) fn warnings(behind: Option<i64>, restarts: u64, boots: &[DeviceBoot], said: &Said<'_>) -> Vec<Warning> {
     let mut warnings = Vec::new();
     if let Some(tick) = behind {
         let times = if restarts <= 1 { "once".to_owned() } else { format!("{restarts} times") };
+        let how = boots.windows(2).next().map_or_else(String::new, |pair| format!(" ({})", pair[1].after(&pair[0])));
+        let kept = boots.windows(2).all(|pair| pair[1].has_zeros_of(&pair[0], pair[1].zeros.len()));
+        let advice = if kept && boots.len() > 1 {
+            "A new segment begins there, with the same encoder zeros: all of it is used. Look after the cause"
+        } else {
+            "A new segment begins there, whose encoder zeros are others; look after the device's power supply and its log"
+        };
         warnings.push(
             Warning::new(
                 "device-restarted",
-                format!("the device has restarted {times}, first behind tick {tick} of the record: its counts and ticks began anew"),
-                "A new segment begins there, whose encoder zeros are unknown; look after the device's power supply and its log",
+                format!("the device has restarted {times}, first behind tick {tick} of the record{how}"),
+                advice,
             )
             .with("tick", tick)
-            .with("restarts", restarts),
+            .with("restarts", restarts)
+            .with("zeros_kept", kept && boots.len() > 1),
         );
     }
     let errors: Vec<&DeviceLine> = said.lines.iter().filter(|line| line.level == level(0)).collect();
@@ -101,17 +172,25 @@ pub(super) fn warnings(behind: Option<i64>, restarts: u64, said: &Said<'_>) -> V
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::record::device_boot::EncoderZero;
 
     #[test]
     fn restarts_and_errors_are_told_once_each() {
         let line =
             |level: u8, text: &str| DeviceLine { tick: 5, level: self::level(level).to_owned(), text: text.to_owned() };
         let lines = [line(2, "shaker runs"), line(0, "output \u{7}failed"), line(0, "again")];
-        let told = warnings(Some(900), 2, &Said { lines: &lines, all: 4 });
+        let told = warnings(Some(900), 2, &[], &Said { lines: &lines, all: 4 });
         let ids: Vec<_> = told.iter().map(|w| w.id).collect();
         assert_eq!(ids, ["device-restarted", "device-error", "device-lines-dropped"]);
         assert!(told[0].text.contains("2 times, first behind tick 900"), "{}", told[0].text);
         assert!(told[1].text.contains("2 errors, the first at tick 5: output \\u{7}failed"), "{}", told[1].text);
-        assert!(warnings(None, 0, &Said { lines: &lines[..1], all: 1 }).is_empty());
+        assert!(warnings(None, 0, &[], &Said { lines: &lines[..1], all: 1 }).is_empty());
+        // A watchdog's reset over which the counts were kept.
+        let zero = EncoderZero { id: 7, ..EncoderZero::default() };
+        let boot =
+            |reset: &str| DeviceBoot { reset: reset.to_owned(), zeros: vec![zero.clone(); 2], ..DeviceBoot::default() };
+        let told = warnings(Some(900), 1, &[boot("power"), boot("watchdog")], &Said { lines: &[], all: 0 });
+        assert!(told[0].text.ends_with("of the record (watchdog; its counts were kept)"), "{}", told[0].text);
+        assert!(told[0].advice.contains("all of it is used"), "{}", told[0].advice);
     }
 }

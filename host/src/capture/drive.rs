@@ -77,6 +77,11 @@ impl Drive {
         self.since = now;
     }
 
+    /// What is asked of the shaker.
+    pub(super) fn target(&self) -> Option<Target> {
+        self.target
+    }
+
     /// Starts the drive (once the device has said hello).
     pub(super) fn start(&mut self, hello: &Hello, commands: &mut Commands, now: Instant) {
         let l = hello.limits;

@@ -45,11 +45,11 @@ impl Session<'_> {
     pub(super) fn finish(mut self, recorder: Recorder<'_>, result: Result<()>) -> Result<CaptureOutcome> {
         let (settings, recorded) = (self.settings, recorder.has_samples());
         let seconds = recorder.seconds();
-        let source = recorder.source().to_owned();
+        let (source, options) = (recorder.source().to_owned(), recorder.options().to_vec());
         let finished = recorder.finish();
         let journal = self.journal.take();
         let frames = path_of(&settings.output);
-        let next = NextStep { source: &source, rig: &self.rig.path, record: &settings.output };
+        let next = NextStep { source: &source, options: &options, rig: &self.rig.path, record: &settings.output };
         let finished = match finished {
             Ok(finished) => finished,
             // The record is not whole: the journal is what is left.

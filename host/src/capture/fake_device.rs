@@ -115,6 +115,7 @@ impl State {
                 acceleration_millimetre_per_s2: 40_000,
             },
             host_timeout_ms: 2000,
+            full_scale_micrometre: 25_000,
             ..Hello::default()
         };
         self.send(DeviceMessage::Hello(hello), None);

@@ -3,14 +3,15 @@
 use std::time::{Duration, Instant};
 
 use whirl_shared::codec::FrameError;
-use whirl_shared::frame::{Command, DeviceMessage, Log, Streamed};
+use whirl_shared::frame::{Command, DeviceMessage, Log, SettingsSource, Streamed};
 
-use super::device::{check_hello, level};
+use super::device::{check_drive, check_hello, level};
 use super::live::Session;
 use super::no_device::Heard;
 use super::recorder::Recorder;
 use super::sieve::{Frame, Sieve};
 use crate::error::{Result, plain};
+use crate::record::DeviceBoot;
 
 /// Time between keep-alives; also a quarter of the device's time-out, by its own clock.
 const KEEP_ALIVE: Duration = Duration::from_millis(250);
@@ -31,6 +32,9 @@ impl Session<'_> {
             if let Ok(DeviceMessage::Hello(hello)) = frame.message.as_ref().map(|envelope| &envelope.message) {
                 // One that does not fit ends the capture, and must not stand in the way of resuming it.
                 check_hello(hello, self.rig).map_err(|e| e.in_file(&self.settings.from))?;
+                if let Some(target) = self.drive.target() {
+                    check_drive(hello, target, self.rig)?;
+                }
             }
             if let (true, false, Some(journal)) = (frame.recorded, recorder.ended(), &mut self.journal) {
                 journal.write(&frame.bytes)?;
@@ -83,6 +87,17 @@ impl Session<'_> {
                     self.stream(now);
                 }
                 self.drive.start(&hello, &mut self.commands, now);
+                if let Some(before) = self.hello.as_ref().filter(|before| before.boot_id != hello.boot_id) {
+                    let restart = DeviceBoot::of(&hello, 0).after(&DeviceBoot::of(before, 0));
+                    self.notice(format!("the device restarted: {restart}"));
+                }
+                if self.hello.is_none() && hello.settings == SettingsSource::Refused {
+                    self.notices.push(
+                        "warning: the settings in the device's flash are not possible on this board: it runs with those of its \
+                         image (`whirl device show`)"
+                            .to_owned(),
+                    );
+                }
                 if self.hello.is_none() {
                     // The zero of the device's counters.
                     self.commands.send(Command::Status);
@@ -121,14 +136,14 @@ impl Session<'_> {
 
     /// Shows a line of the device.
     fn show(&mut self, log: &Log) {
+        self.notice(format!("the device says ({}, tick {}): {}", level(log.level), log.tick, plain(&log.text)));
+    }
+
+    /// Shows what the device says or does, as long as it is not too much.
+    fn notice(&mut self, text: String) {
         self.shown = self.shown.saturating_add(1);
         if self.shown <= MOST_SHOWN {
-            self.notices.push(format!(
-                "the device says ({}, tick {}): {}",
-                level(log.level),
-                log.tick,
-                plain(&log.text)
-            ));
+            self.notices.push(text);
         } else if self.shown == MOST_SHOWN + 1 {
             self.notices.push("the device says more, which is not shown: the record has the first lines".to_owned());
         }

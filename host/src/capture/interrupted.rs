@@ -32,9 +32,35 @@ pub(super) fn quoted(text: &str) -> String {
     }
 }
 
+/// Options of the command that a continuation must have too, beside source, rig file and record.
+pub(super) fn options(settings: &CaptureSettings) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    for effect in &settings.effects {
+        words.extend([EFFECT.to_owned(), effect.clone()]);
+    }
+    words.extend(settings.rows.then(|| "--rows".to_owned()));
+    match settings.amplitude_m {
+        _ if !settings.drive => words.push("--no-drive".to_owned()),
+        Some(amplitude) => words.extend(["--amplitude-m".to_owned(), amplitude.to_string()]),
+        None => {}
+    }
+    words
+}
+
+/// The option that puts an effect into a simulated rig.
+const EFFECT: &str = "--effect";
+
+/// Effects among the options of a command.
+fn effects(options: &[String]) -> String {
+    let words: Vec<&str> = options.windows(2).filter(|w| w[0] == EFFECT).map(|w| w[1].as_str()).collect();
+    if words.is_empty() { "none".to_owned() } else { words.join(", ") }
+}
+
 /// The commands after an interruption.
 pub(super) struct NextStep<'a> {
     pub(super) source: &'a str,
+    /// See [`options`].
+    pub(super) options: &'a [String],
     pub(super) rig: &'a Path,
     pub(super) record: &'a Path,
 }
@@ -43,8 +69,9 @@ impl NextStep<'_> {
     /// Goes on in the same record.
     pub(super) fn resume(&self) -> String {
         let path = |p: &Path| quoted(&p.display().to_string());
+        let options: String = self.options.iter().map(|word| format!(" {}", quoted(word))).collect();
         format!(
-            "`whirl capture --resume --from {} --rig {} -o {}`",
+            "`whirl capture --resume --from {}{options} --rig {} -o {}`",
             quoted(self.source),
             path(self.rig),
             path(self.record)
@@ -81,6 +108,24 @@ pub fn whole_again(record: &Path, rig: &Path) -> Option<String> {
     // One whose first line was cut has nothing to make a record of.
     let usable = path.is_file() && matches!(journal::terms_of(&path), Ok(Start::Terms(_)));
     usable.then(|| make_command(record, &quoted(&rig.display().to_string())))
+}
+
+/// Ticks by which the journal beside a record goes on behind the record's last one: of a capture that was interrupted, or is under way.
+/// None where there is no journal of this rig's, or it holds nothing more.
+pub fn ticks_behind(record: &Path, rig: &Rig, last_tick: i64) -> Option<u64> {
+    let path = journal::path_of(record);
+    let Ok(Start::Terms(terms)) = journal::terms_of(&path) else { return None };
+    if terms.rows {
+        return None;
+    }
+    let mut recorder = Recorder::dry(rig, record, *terms).ok()?;
+    each_byte(&path, |byte| {
+        recorder.push(byte)?;
+        Ok(!recorder.ended())
+    })
+    .ok()?;
+    let newest = recorder.into_last_tick().ok()??;
+    u64::try_from(newest.checked_sub(last_tick)?).ok().filter(|ticks| *ticks > 0)
 }
 
 /// Bytes of a journal behind its first line, handed on one by one until `take` says that it has enough.
@@ -138,14 +183,18 @@ pub(super) fn begin(settings: &CaptureSettings, rig: &Rig, terms: &Terms) -> Res
     if !path.exists() {
         return Ok((Journal::create(record, terms)?, None));
     }
-    let next = NextStep { source: &settings.from, rig: &rig.path, record };
+    let mine = options(settings);
+    let next = NextStep { source: &settings.from, options: &mine, rig: &rig.path, record };
     let refused =
         |found: &str, next: &NextStep<'_>| Err(BadInput::new(found, "no such file").in_file(&path).remedy(next.all()));
     match journal::terms_of(&path) {
         Ok(Start::Cut) => {}
         Ok(Start::Terms(old)) if !has_samples(&path, &old, rig, record) => {}
         Ok(Start::Terms(old)) => {
-            return refused("the journal of a capture that did not end", &NextStep { source: &old.source, ..next });
+            return refused(
+                "the journal of a capture that did not end",
+                &NextStep { source: &old.source, options: &old.options, ..next },
+            );
         }
         _ => return refused("a file that may be the journal of a capture", &next),
     }
@@ -194,6 +243,10 @@ pub(super) fn to_resume(settings: &CaptureSettings, rig: &Rig, target: Option<Ta
     let (old, new) = (&terms.source, &settings.from);
     if kind(old) != kind(new) || (kind(old) == "sim" && old != new) {
         return differs("--from", new.clone(), old.clone());
+    }
+    let (old, new) = (effects(&terms.options), effects(&options(settings)));
+    if kind(&settings.from) == "sim" && old != new {
+        return differs(EFFECT, new, old);
     }
     if terms.rows != settings.rows {
         let word = |rows: bool| if rows { "--rows" } else { "samples" }.to_owned();

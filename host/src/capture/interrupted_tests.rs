@@ -212,3 +212,58 @@ fn a_capture_that_lost_its_device_is_gone_on_with() {
     assert!(done.warnings[0].id == "resumed" && journal_of(&run).is_none());
     check(&run.read());
 }
+
+#[test]
+fn a_csv_that_was_cut_behind_a_line_is_known_by_its_journal() {
+    let mut run = Run::new(false, 4.0);
+    run.settings.output.set_extension("csv");
+    run.capture(&mut Fake::new()).unwrap();
+    let whole = std::fs::read_to_string(&run.settings.output).unwrap();
+    let read = |recover: bool| {
+        let options = ReadOptions { recover, ..ReadOptions::default() };
+        Record::read(&run.settings.output, &run.rig, &options).map_err(|e| e.to_string())
+    };
+    // A whole record beside a journal that was kept is whole.
+    assert!(journal_of(&run).is_some());
+    let samples = read(false).unwrap().samples();
+    let lines: Vec<&str> = whole.split_inclusive('\n').collect();
+    let cut = lines.len() * 2 / 3;
+    std::fs::write(&run.settings.output, lines[..cut].concat()).unwrap();
+    let e = read(false).unwrap_err();
+    for part in ["the record of an interrupted capture", "whirl capture --from file:", "makes it whole", "--recover"] {
+        assert!(e.contains(part), "{part}: {e}");
+    }
+    assert!(e.contains(&format!("{} ticks more", samples - (cut - 1))), "{e}");
+    let record = read(true).unwrap();
+    assert_eq!(record.samples(), cut - 1);
+    assert!(record.warnings.iter().any(|w| w.id == "recovered"), "{:?}", record.warnings);
+    // Without the journal nobody can tell.
+    std::fs::remove_file(path_of(&run.settings.output)).unwrap();
+    assert_eq!(read(false).unwrap().samples(), cut - 1);
+}
+
+#[test]
+fn the_commands_after_an_interruption_have_the_options_of_the_capture() {
+    let settings = CaptureSettings {
+        effects: vec!["quadratic-drag@arm2=2e-7".to_owned()],
+        rows: true,
+        amplitude_m: Some(0.0155),
+        ..CaptureSettings::new("sim:3", "r.parquet")
+    };
+    let options = interrupted::options(&settings);
+    let next = interrupted::NextStep {
+        source: "sim:3",
+        options: &options,
+        rig: Path::new("my rig.toml"),
+        record: Path::new("r.parquet"),
+    };
+    assert_eq!(
+        next.resume(),
+        "`whirl capture --resume --from sim:3 --effect quadratic-drag@arm2=2e-7 --rows --amplitude-m 0.0155 --rig 'my rig.toml' -o r.parquet`"
+    );
+    let terms = journal::Terms { options, ..journal::Terms::default() };
+    let json = serde_json::to_string(&terms).unwrap();
+    assert_eq!(serde_json::from_str::<journal::Terms>(&json).unwrap(), terms);
+    let still = CaptureSettings { drive: false, ..CaptureSettings::new("sim", "r.parquet") };
+    assert_eq!(interrupted::options(&still), ["--no-drive"]);
+}

@@ -46,6 +46,9 @@ pub struct Terms {
     pub hello_first: bool,
     /// Regression rows are recorded, not samples.
     pub rows: bool,
+    /// Options of the command that a continuation must have too, beside source, rig file and record.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub options: Vec<String>,
     /// What of rig file and drive a continuation must share, in words; empty in a journal that does not say.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rig: Vec<String>,

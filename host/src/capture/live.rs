@@ -83,6 +83,7 @@ pub(super) fn run(
         settle_s: settings.settle_s.unwrap_or_else(|| source.settle_s()),
         hello_first: true,
         rows: settings.rows,
+        options: interrupted::options(settings),
         rig: essentials(rig, target),
     });
     let mut recorder = Recorder::new(rig, &settings.output, terms.clone())?;
@@ -136,7 +137,7 @@ pub(super) fn run(
 }
 
 /// A number that another session hardly began with.
-fn numbers_from() -> u16 {
+pub(super) fn numbers_from() -> u16 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
     // Its low bits, in steps of a microsecond.
     let number = (since.as_micros() ^ u128::from(std::process::id())) as u16;
@@ -186,6 +187,8 @@ impl Session<'_> {
             }
             if recorder.reached_end() {
                 if reached.is_none() {
+                    // An index mark may have been passed since the last hello.
+                    self.commands.send(Command::Hello);
                     self.commands.send(Command::Status);
                 }
                 if now.duration_since(*reached.get_or_insert(now)) > LAST_STATUS {

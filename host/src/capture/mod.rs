@@ -32,11 +32,13 @@ mod recorder;
 mod replay;
 mod rows;
 mod rtt;
-mod serial;
+pub mod serial;
+pub mod setting_keys;
 mod sieve;
 pub mod sim;
 pub mod source;
 mod stall;
+pub mod talk;
 mod tcp;
 
 use std::path::PathBuf;
@@ -76,6 +78,8 @@ pub struct CaptureSettings {
     /// Device time for which the running drive (or, without one, the rig) is left to itself before recording, s; before that
     /// of the source (`sim` takes it from `[plant]`, others have none).
     pub settle_s: Option<f64>,
+    /// Effects put into a simulated rig, as the command line has them: for the commands that are told after an interruption.
+    pub effects: Vec<String>,
     /// Record the regression rows of the device's own identification instead of samples. Default false.
     pub rows: bool,
     /// Start the shaker again where it has stopped by itself: after the link was lost, or the device has restarted. Default false: who
@@ -102,6 +106,7 @@ impl CaptureSettings {
             drive: true,
             wait_for_drive: true,
             settle_s: None,
+            effects: Vec::new(),
             rows: false,
             restart_drive: false,
             resume: false,

@@ -17,9 +17,12 @@ use super::rows::RowsRecorder;
 use super::sieve::MOST_LINES;
 use crate::error::{BadInput, Result};
 use crate::record::writer::Sample;
-use crate::record::{DeviceLine, Losses, Metadata, RecordWriter};
+use crate::record::{DeviceBoot, DeviceLine, Losses, Metadata, RecordWriter};
 use crate::rig::Rig;
 use crate::warning::Warning;
+
+/// Boots that are told of: a device that restarts more often is broken.
+const MOST_BOOTS: usize = 1000;
 
 /// What came out of one byte.
 pub(super) enum Event {
@@ -37,6 +40,9 @@ pub(super) struct Recorder<'a> {
     decoder: Decoder<DeviceMessage>,
     accounting: Accounting,
     hello: Option<Hello>,
+    /// What the device has told of itself last, and of each boot of which there are samples.
+    newest_hello: Option<Hello>,
+    boots: Vec<DeviceBoot>,
     recording: bool,
     /// Device's tick at which recording begins, once it is known.
     begin_at: Option<u32>,
@@ -50,6 +56,8 @@ pub(super) struct Recorder<'a> {
     fits: bool,
     taken: Vec<Taken>,
     last_tick: Option<i64>,
+    /// Nothing is written.
+    dry: bool,
     ended: bool,
     /// Tick behind which the device restarted for the first time.
     restarted_behind: Option<i64>,
@@ -99,12 +107,15 @@ impl<'a> Recorder<'a> {
             decoder: Decoder::new(),
             accounting: Accounting::new(limit),
             hello: None,
+            newest_hello: None,
+            boots: Vec::new(),
             writer: None,
             rows: terms.rows.then(|| RowsRecorder::new(output.to_path_buf(), limit)),
             estimates: Estimates::new(output),
             fits,
             taken: Vec::new(),
             last_tick: None,
+            dry: false,
             ended: false,
             restarted_behind: None,
             lines: Vec::new(),
@@ -113,6 +124,24 @@ impl<'a> Recorder<'a> {
             ask_hello: false,
             warnings: Vec::new(),
         })
+    }
+
+    /// As [`Self::new`], to see what a record would hold: nothing is written.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(super) fn dry(rig: &'a Rig, output: &Path, terms: Terms) -> Result<Self> {
+        Ok(Self { dry: true, ..Self::new(rig, output, terms)? })
+    }
+
+    /// Tick of the last sample of the record.
+    ///
+    /// # Errors
+    /// A full disk.
+    pub(super) fn into_last_tick(mut self) -> Result<Option<i64>> {
+        self.accounting.finish(&mut self.taken);
+        self.write()?;
+        Ok(self.last_tick)
     }
 
     /// Takes one byte of the wire.
@@ -158,6 +187,14 @@ impl<'a> Recorder<'a> {
             self.restarted_behind.get_or_insert(self.accounting.newest().unwrap_or(0));
         }
         self.hello.get_or_insert_with(|| hello.clone());
+        // The index mark is passed some time after a boot.
+        if let Some(boot) = self.boots.last_mut().filter(|boot| boot.boot_id == hello.boot_id) {
+            let now = DeviceBoot::of(hello, boot.tick);
+            if now.has_zeros_of(boot, now.zeros.len()) {
+                *boot = now;
+            }
+        }
+        self.newest_hello = Some(hello.clone());
         Ok(())
     }
 
@@ -219,7 +256,17 @@ impl<'a> Recorder<'a> {
         if self.accounting.block(block.clone(), &mut self.taken) == Verdict::AskHello {
             self.ask_hello = true;
         }
+        self.note_boot();
         self.write()
+    }
+
+    /// Keeps what the device told of a boot of which the first samples have come.
+    fn note_boot(&mut self) {
+        let first = self.accounting.first_tick().filter(|_| self.boots.is_empty());
+        let Some(tick) = self.accounting.begun().or(first) else { return };
+        if let Some(hello) = self.newest_hello.as_ref().filter(|_| self.boots.len() < MOST_BOOTS) {
+            self.boots.push(DeviceBoot::of(hello, tick));
+        }
     }
 
     fn rows(&mut self, rows: &Rows) -> Result<()> {
@@ -249,7 +296,7 @@ impl<'a> Recorder<'a> {
             Some(rows) => rows.first_tick(),
             None => self.accounting.first_tick(),
         };
-        let Some(first) = first.filter(|_| self.fits && self.recording) else { return Ok(()) };
+        let Some(first) = first.filter(|_| self.fits && self.recording && !self.dry) else { return Ok(()) };
         let tick = self.on_line(estimate.tick);
         if tick < first.saturating_add(i64::from(estimate.window_ticks)) - 1 {
             return Ok(());
@@ -265,6 +312,11 @@ impl<'a> Recorder<'a> {
 
     /// Writes what the accounting let go.
     fn write(&mut self) -> Result<()> {
+        if self.dry {
+            self.last_tick = self.taken.last().map(|s| s.tick).or(self.last_tick);
+            self.taken.clear();
+            return Ok(());
+        }
         if self.writer.is_none() && !self.taken.is_empty() {
             self.estimates.begin()?;
             self.writer = Some(RecordWriter::create(&self.output, &self.metadata(), self.rig)?);
@@ -275,6 +327,7 @@ impl<'a> Recorder<'a> {
                 let counts = &s.counts[..channels];
                 if let Some(tick) = self.accounting.boot_before(s.tick) {
                     writer.boot(tick);
+                    writer.device(&self.boots);
                 }
                 writer.push(&Sample { tick: s.tick, counts, phase: s.phase, amplitude_nm: s.amplitude_nm })?;
                 self.last_tick = Some(s.tick);
@@ -297,6 +350,7 @@ impl<'a> Recorder<'a> {
                 .as_ref()
                 .map_or(self.rig.sample_rate_hz, |h| f64::from(h.sample_rate_millihertz) / 1000.0),
             boots: Vec::new(),
+            device: self.boots.clone(),
             lines: Vec::new(),
         }
     }
@@ -354,6 +408,11 @@ impl<'a> Recorder<'a> {
         self.terms.seconds
     }
 
+    /// Options of the command that a continuation must have too.
+    pub(super) fn options(&self) -> &[String] {
+        &self.terms.options
+    }
+
     /// Where the samples come from.
     pub(super) fn source(&self) -> &str {
         &self.terms.source
@@ -383,6 +442,7 @@ impl<'a> Recorder<'a> {
         }
         if let Some(mut writer) = self.writer.take() {
             writer.lines(&self.lines);
+            writer.device(&self.boots);
             writer.finish(&losses)?;
         }
         if losses.dropped_late > 0 {
@@ -399,7 +459,7 @@ impl<'a> Recorder<'a> {
             );
         }
         let said = device::Said { lines: &self.lines, all: self.said };
-        self.warnings.extend(device::warnings(self.restarted_behind, losses.restarts, &said));
+        self.warnings.extend(device::warnings(self.restarted_behind, losses.restarts, &self.boots, &said));
         if losses.lost() > 0 && self.rows.is_none() {
             self.warnings.push(Warning::new(
                 "samples-lost",

@@ -47,7 +47,7 @@ pub(super) fn run(
     // A shorter record than the journal's is not all of it.
     let part = settings.seconds.is_some_and(|s| terms.seconds.is_none_or(|all| s < all));
     terms.seconds = settings.seconds.or(terms.seconds);
-    let (seconds, from) = (terms.seconds, terms.source.clone());
+    let (seconds, from, options) = (terms.seconds, terms.source.clone(), terms.options.clone());
     let mut recorder = Recorder::new(rig, &settings.output, terms)?;
     let (mut bytes, mut bad, mut good) = (0u64, 0u64, 0u64);
     'file: while filled > 0 {
@@ -87,7 +87,7 @@ pub(super) fn run(
         )
         .in_file(&path);
         if own {
-            let next = NextStep { source: &from, rig: &rig.path, record: &settings.output };
+            let next = NextStep { source: &from, options: &options, rig: &rig.path, record: &settings.output };
             return error.remedy(format!(
                 "The capture ended before its recording began: go on in it with {}, or capture again, which replaces it",
                 next.resume()

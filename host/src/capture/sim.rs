@@ -148,6 +148,7 @@ mod with_rig {
             }
             // A simulated shaker may do what no real one can.
             settings.device.limits.amplitude_micrometre = 200_000;
+            settings.device.full_scale_micrometre = 200_000;
             settings.device.limits.frequency_millihertz = settings.device.sample_rate_millihertz / 5;
             settings.device.limits.acceleration_millimetre_per_s2 = 2_000_000;
             Ok(settings)

@@ -194,6 +194,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         amplitude_m: arguments.amplitude_m,
         drive: !arguments.no_drive,
         wait_for_drive: !arguments.from_first_sample,
+        effects: arguments.effects.clone(),
         rows: arguments.rows,
         restart_drive: arguments.restart_drive,
         resume: arguments.resume,

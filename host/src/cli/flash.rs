@@ -1,10 +1,11 @@
-//! `whirl flash`: builds a board's firmware and flashes it through a debug probe.
+//! `whirl flash`: builds a board's firmware, or takes a file of it, and flashes it through a debug probe.
 
 use std::path::PathBuf;
 
 use clap::Args;
 
 use super::Answer;
+use super::flash_image::{self, Kind};
 use crate::boards;
 use crate::error::{BadInput, Result};
 
@@ -14,8 +15,8 @@ pub struct Arguments {
     /// Board: see `whirl list boards`.
     #[arg(long, value_name = "BOARD")]
     board: String,
-    /// Image to flash [default: it is built from the repository in which this is called].
-    #[arg(long, value_name = "ELF")]
+    /// Image to flash: .elf, .bin or .uf2 [default: it is built from the repository in which this is called].
+    #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
 }
 
@@ -34,14 +35,21 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         .at("--board")
         .remedy("It is run, not flashed: see docs/boards.md"));
     };
-    flash(board, chip, arguments)
+    // What would spoil the board is told first, in every build.
+    let given = arguments.image.as_ref().map(|path| Ok((path.clone(), flash_image::of(path, board, chip)?)));
+    flash(board, chip, given.transpose()?)
 }
 
 #[cfg(not(feature = "probe"))]
-fn flash(_: &boards::Board, _: &str, _: &Arguments) -> Result<Answer> {
-    Err(BadInput::new("a whirl without a debug probe's library", "a whirl built with --features probe").remedy(
-        "Build it with `cargo build --release --features probe`, or flash the image with a tool of the board's maker",
-    ))
+fn flash(board: &boards::Board, _: &str, given: Option<(PathBuf, Kind)>) -> Result<Answer> {
+    let (image, made) = match &given {
+        Some((path, _)) => (path.display().to_string(), ""),
+        None => (format!("whirl-{}.bin", board.id), " (`cargo run -p whirl-board-build -- images` makes it)"),
+    };
+    Err(BadInput::new("a whirl without a debug probe's library", "a whirl built with --features probe").remedy(format!(
+        "This build cannot flash: build it with `cargo build --release --features probe`, or copy {image}{made} onto the \
+         drive that the board shows on USB, see docs/boards.md"
+    )))
 }
 
 #[cfg(feature = "probe")]
@@ -52,24 +60,21 @@ mod with_probe {
     use std::path::{Path, PathBuf};
     use std::process::Command;
 
-    use probe_rs::flashing::{ElfLoader, ElfOptions, download_file};
+    use probe_rs::flashing::{BinLoader, BinOptions, ElfLoader, ElfOptions, Uf2Loader, download_file};
     use probe_rs::{Session, SessionConfig};
 
-    use super::Arguments;
+    use super::Kind;
     use crate::boards::Board;
     use crate::cli::Answer;
     use crate::error::{BadInput, Result};
 
     const TARGET: &str = "thumbv7em-none-eabihf";
 
-    pub(super) fn flash(board: &Board, chip: &str, arguments: &Arguments) -> Result<Answer> {
-        let image = match &arguments.image {
-            Some(image) => image.clone(),
-            None => build(board)?,
+    pub(super) fn flash(board: &Board, chip: &str, given: Option<(PathBuf, Kind)>) -> Result<Answer> {
+        let (image, kind) = match given {
+            Some(given) => given,
+            None => (build(board)?, Kind::Elf),
         };
-        if !image.is_file() {
-            return Err(BadInput::new("no such file", "an image, ELF").in_file(&image).at("--image"));
-        }
         let failed = |what: &str, error: &dyn std::fmt::Display, remedy: &str| {
             BadInput::new(error.to_string(), what).at(format!("--board {}", board.id)).remedy(remedy)
         };
@@ -80,7 +85,15 @@ mod with_probe {
                 "Plug the board in by its ST-LINK's USB; see docs/boards.md for permissions",
             )
         })?;
-        download_file(&mut session, &image, ElfLoader(ElfOptions::default())).map_err(|e| {
+        let downloaded = match kind {
+            Kind::Elf => download_file(&mut session, &image, ElfLoader(ElfOptions::default())),
+            Kind::Uf2 => download_file(&mut session, &image, Uf2Loader),
+            Kind::Bin(address) => {
+                let options = BinOptions { base_address: Some(address.into()), skip: 0 };
+                download_file(&mut session, &image, BinLoader(options))
+            }
+        };
+        downloaded.map_err(|e| {
             failed("an image that can be flashed", &e, "Try again; the shaker is silent while the board is flashed")
         })?;
         session
@@ -147,9 +160,12 @@ mod with_probe {
 mod tests {
     use super::*;
 
-    fn refused(board: &str) -> String {
-        let image = Some(PathBuf::from("/nowhere/image"));
+    fn refused_with(board: &str, image: Option<PathBuf>) -> String {
         run(&Arguments { board: board.to_owned(), image }).unwrap_err().to_string()
+    }
+
+    fn refused(board: &str) -> String {
+        refused_with(board, Some(PathBuf::from("/nowhere/image")))
     }
 
     #[test]
@@ -163,11 +179,10 @@ mod tests {
     #[cfg(not(feature = "probe"))]
     #[test]
     fn without_the_probe_s_library_it_says_so() {
-        let message = refused("nucleo-f446re");
-        assert!(message.contains("--features probe"), "{message}");
+        let message = refused_with("nucleo-f446re", None);
+        assert!(message.contains("--features probe") && message.contains("whirl-nucleo-f446re.bin"), "{message}");
     }
 
-    #[cfg(feature = "probe")]
     #[test]
     fn an_image_that_is_not_there_is_named() {
         let message = refused("nucleo-f446re");

@@ -5,8 +5,12 @@
 mod capture;
 mod completions;
 mod demo;
+mod device;
+mod device_list;
+mod device_set;
 mod explain;
 mod flash;
+mod flash_image;
 mod identify;
 mod identify_balance;
 mod inspect;
@@ -28,6 +32,7 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::error::{BadInput, Result, tell};
 use crate::record::Record;
+use crate::record::cut::Part;
 use crate::record::formats::ReadOptions;
 use crate::rig::Rig;
 use crate::warning::Warning;
@@ -64,6 +69,8 @@ enum Command {
     Validate(validate::Arguments),
     /// Where simulation and measurement disagree, which effect is missing, the gap before and after.
     Explain(explain::Arguments),
+    /// Ports and boards; a board's settings, kept in its flash; its zero.
+    Device(device::Arguments),
     /// Builds a board's firmware and flashes it through a debug probe.
     Flash(flash::Arguments),
     /// Modes, a reduced-order model, its frequency–energy curve.
@@ -118,12 +125,23 @@ struct Records {
     /// Make an uneven clock even, by cubics between the samples.
     #[arg(long)]
     resample: bool,
+    /// Use the record from this time of its own t on, s.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    from: Option<f64>,
+    /// Use the record up to this time of its own t, s.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    to: Option<f64>,
     /// Exit with status 1 where samples are missing.
     #[arg(long)]
     strict: bool,
 }
 
 impl Records {
+    /// Which part of each record is used.
+    fn part(&self) -> Part {
+        Part { from_s: self.from, to_s: self.to }
+    }
+
     /// The rig, and what the command reads and writes as far as the options of all commands say.
     fn begin(&self, out: &Output, replace: Option<Replace>) -> Result<(Rig, Outputs)> {
         let rig = Rig::read(&self.rig)?;
@@ -133,8 +151,13 @@ impl Records {
 
     /// Reads the records.
     fn read_for(&self, rig: &Rig) -> Result<Vec<Record>> {
-        let options = self.options();
-        self.records.iter().map(|path| Record::read(path, rig, &options)).collect()
+        let (options, part) = (self.options(), self.part());
+        part.validate()?;
+        let read = |path: &PathBuf| {
+            let mut record = Record::read(path, rig, &options)?;
+            record.cut(&part).map(|()| record)
+        };
+        self.records.iter().map(read).collect()
     }
 
     /// How they are read.
@@ -209,6 +232,7 @@ fn run(cli: Cli) -> Result<Answer> {
         Command::Identify(a) => identify::run(&a),
         Command::Validate(a) => validate::run(&a),
         Command::Explain(a) => explain::run(&a),
+        Command::Device(a) => device::run(&a),
         Command::Flash(a) => flash::run(&a),
         Command::Reduce(a) => reduce::run(&a),
         #[cfg(feature = "sim")]

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 
 use super::output::{Output, print_warnings, write_file};
 use super::{Answer, Records};
-use crate::error::Result;
+use crate::error::{BadInput, Result};
 use crate::record::stream;
 use crate::reduce::forced::ResponsePoint;
 use crate::reduce::{Constraint, Force, Forced, ReduceSettings, Reduction, long, reduce};
@@ -190,7 +190,16 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let records = &arguments.records;
     let (rig, files) = records.begin(&arguments.out, None)?;
     files.table("--curves", arguments.curves.as_ref()).check()?;
-    let (result, lost) = if arguments.stream || long::is_long(&records.records, &rig)? {
+    let long = arguments.stream || long::is_long(&records.records, &rig)?;
+    if long && !records.part().is_all() {
+        return Err(BadInput::new(
+            "--from or --to with a record that is read block by block",
+            "one that is read as a whole",
+        )
+        .at("--from, --to")
+        .remedy("Cut the record into shorter ones"));
+    }
+    let (result, lost) = if long {
         let numbers = records.records.iter().map(|p| Ok(stream::size(p, &rig)?.unwrap_or(0))).sum::<Result<u64>>()?;
         let bar = super::progress::bar("reading", numbers / rig.channel.len().max(1) as u64);
         long::reduce(&records.records, &rig, &records.options(), &settings, &|n| bar.inc(n))?

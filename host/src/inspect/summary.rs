@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::record::{Losses, Record};
+use crate::record::{DeviceBoot, Losses, Record};
 use crate::rig::Rig;
 
 /// A stretch of time without samples.
@@ -70,6 +70,9 @@ pub struct Origin {
     pub source: String,
     /// Version of whirl that wrote it.
     pub written_by: String,
+    /// The device's boots of which samples are in it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub boots: Vec<DeviceBoot>,
 }
 
 /// Summarises a record.
@@ -118,6 +121,7 @@ pub fn summarise(record: &Record, rig: &Rig) -> RecordSummary {
             started_at: m.started_at.clone(),
             source: m.source.clone(),
             written_by: m.written_by.clone(),
+            boots: m.device.clone(),
         }),
     }
 }

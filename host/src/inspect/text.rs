@@ -8,6 +8,9 @@ use super::motion::Space;
 use super::periodicity::Kind;
 use crate::report::format::{count, duration, fixed, quantity, shortest, significant, symbol_plain, to_digits_of};
 
+/// Restarts of the device that are shown, a line each.
+const MOST_RESTARTS: usize = 10;
+
 /// One line on the kind of motion.
 pub fn motion(inspection: &Inspection) -> String {
     let p = &inspection.periodicity;
@@ -78,6 +81,10 @@ pub fn text(inspection: &Inspection) -> String {
     .map(|(what, n)| format!("{} {what}", count(*n)))
     .collect();
     line("lost", if causes.is_empty() { count(r.lost) } else { format!("{}: {}", count(r.lost), causes.join(", ")) });
+    for pair in r.origin.iter().flat_map(|origin| origin.boots.windows(2)).take(MOST_RESTARTS) {
+        let at_s = pair[1].tick as f64 / r.sample_rate_hz;
+        line("restart", format!("at t = {} s: {}", fixed(at_s, 3), pair[1].after(&pair[0])));
+    }
     if let Some(seen) = drive(inspection) {
         line("drive", seen);
     }

@@ -22,6 +22,7 @@ use super::lines::{Cells, LINE_LIMIT, Line, Lines};
 use super::rows::{Cell, Rows, missing_column};
 use super::stream::{Source, Streamed};
 use super::{Column, Losses, Metadata, Record, segments};
+use crate::capture::interrupted::ticks_behind;
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 use crate::warning::Warning;
@@ -134,6 +135,24 @@ impl<'a, R: BufRead> Reader<'a, R> {
         segments::assemble(rows, None, None, self.warnings)
     }
 
+    /// A CSV that was cut behind a whole line looks whole: the journal of its capture, where one is beside it, knows better.
+    fn check_journal(&mut self, rows: &Rows<'_>) -> Result<()> {
+        let last = self.layout.own.filter(|_| rows.passed + rows.t.len() > 0).map(|_| self.row.own.0);
+        let Some(ticks) = last.and_then(|last| ticks_behind(self.path, rows.rig, last)) else { return Ok(()) };
+        let error = BadInput::new(
+            format!("the record of an interrupted capture; {}", rows.last_whole()),
+            format!("{ticks} ticks more, which are in the journal beside it"),
+        )
+        .in_file(self.path)
+        .at("end of file")
+        .remedy("Or read it up to its last row with --recover");
+        if !self.recover {
+            return Err(error);
+        }
+        self.warnings.push(recovered(&error, "The journal beside it has the rest: see the command that capture names"));
+        Ok(())
+    }
+
     /// Reads the next row; whether there was one.
     fn next(&mut self, rows: &mut Rows<'_>) -> Result<bool> {
         let number = self.lines.number + 1;
@@ -192,7 +211,7 @@ impl<R: BufRead> Source for Reader<'_, R> {
         while !self.ended && rows.t.len() < until {
             self.ended = !self.next(rows)?;
         }
-        Ok(!self.ended)
+        if self.ended { self.check_journal(rows).map(|()| false) } else { Ok(true) }
     }
 
     fn warnings(&mut self, _: &Rows<'_>) -> Result<Vec<Warning>> {

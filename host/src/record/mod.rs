@@ -9,7 +9,9 @@
 mod arrays;
 mod csv;
 mod csv_write;
+pub mod cut;
 mod damage;
+pub mod device_boot;
 pub mod formats;
 mod lines;
 mod mat;
@@ -38,6 +40,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+pub use self::device_boot::DeviceBoot;
 pub use self::formats::ReadOptions;
 pub use self::parquet::metadata;
 pub use self::writer::RecordWriter;
@@ -69,8 +72,8 @@ pub struct Record {
 pub struct Segment {
     /// Tick of the first sample (device's own, or rows counted at the sampling rate from the first row).
     pub first_tick: i64,
-    /// Boot of the device from which it is, 0 for the first that the capture saw. A restart takes the encoders' zero away:
-    /// counts of different boots differ by offsets that nobody knows. 0 where the record does not tell boots.
+    /// Boot of the device from which it is, 0 for the first that the capture saw. Counts of different boots differ by offsets that nobody
+    /// knows, unless the device tells that their zeros are the same ([`Metadata::told_of`]). 0 where the record does not tell boots.
     pub boot: u32,
     /// Time of the first sample, s.
     pub start_s: f64,
@@ -202,6 +205,9 @@ pub struct Metadata {
     /// Tick of the first sample of each boot of the device after the first, increasing; empty where it never restarted.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub boots: Vec<i64>,
+    /// What the device told of its boots, the first one too, increasing in tick; empty where it told nothing.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub device: Vec<DeviceBoot>,
     /// What the device itself said, its first lines.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lines: Vec<DeviceLine>,
@@ -224,6 +230,14 @@ impl Metadata {
     pub fn boot_at(&self, tick: i64) -> u32 {
         // Bounded by the boots that a record lists.
         u32::try_from(self.boots.partition_point(|first| *first <= tick)).unwrap_or(u32::MAX)
+    }
+
+    /// What the device told of a boot, 0 for the first.
+    pub fn told_of(&self, boot: u32) -> Option<&DeviceBoot> {
+        match usize::try_from(boot).ok()?.checked_sub(1) {
+            None => self.device.first().filter(|told| self.boots.first().is_none_or(|next| told.tick < *next)),
+            Some(i) => self.boots.get(i).and_then(|tick| self.device.iter().find(|told| told.tick == *tick)),
+        }
     }
 }
 

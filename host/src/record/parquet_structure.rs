@@ -19,7 +19,7 @@ use super::parquet_recovery::{Marker, crc_of_range, crc32, extent, marker_at, sc
 use super::parquet_source::{Held, Source};
 use super::parquet_write::KEY;
 use super::rows::missing_column;
-use super::{Losses, Metadata, quiet};
+use super::{DeviceBoot, Losses, Metadata, quiet};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 use crate::warning::Warning;
@@ -119,8 +119,10 @@ fn by_markers(source: &Arc<Source>, path: &Path, why: &str) -> Result<Structure>
     let schema = any.metadata.file_metadata().schema_descr_ptr();
     // A head that is damaged takes whirl's metadata with it: the columns are then read as anybody's.
     let mut metadata = own_metadata(&any.metadata).0;
-    if let (Some(metadata), Some(boots)) = (&mut metadata, markers.iter().rev().find_map(|m| boots(&m.metadata))) {
-        metadata.boots = boots;
+    if let Some(metadata) = &mut metadata {
+        let newest = |key| markers.iter().rev().find(|m| value(&m.metadata, key).is_some());
+        metadata.boots = newest("boots").and_then(|m| boots(&m.metadata)).unwrap_or_default();
+        metadata.device = newest("device").map(|m| device(&m.metadata)).unwrap_or_default();
     }
     let groups = marked(markers);
     Ok(Structure { schema, groups, metadata, losses: None, written_by_whirl: true, truncated: Some(why.to_owned()) })
@@ -150,7 +152,7 @@ fn merged(footer: Vec<Group>, markers: Vec<Marker>) -> Vec<Group> {
 
 /// What the head of the file can know of it: restarts and lines of the device come later.
 fn at_the_start(metadata: Metadata) -> Metadata {
-    Metadata { boots: Vec::new(), lines: Default::default(), ..metadata }
+    Metadata { boots: Vec::new(), device: Vec::new(), lines: Default::default(), ..metadata }
 }
 
 /// Value of one of whirl's keys.
@@ -165,6 +167,14 @@ fn boots(file: &ParquetMetaData) -> Option<Vec<i64>> {
     boots.sort_unstable();
     boots.dedup();
     Some(boots)
+}
+
+/// What the device told of its boots, in order, whatever the file says.
+fn device(file: &ParquetMetaData) -> Vec<DeviceBoot> {
+    let told = value(file, "device").and_then(|text| serde_json::from_str(&text).ok());
+    let mut told: Vec<DeviceBoot> = told.unwrap_or_default();
+    told.sort_by_key(|boot| boot.tick);
+    told
 }
 
 /// whirl's own metadata, where the file has it.
@@ -186,6 +196,7 @@ pub(super) fn own_metadata(file: &ParquetMetaData) -> (Option<Metadata>, Option<
             .filter(|r: &f64| r.is_finite())
             .unwrap_or(0.0),
         boots: boots(file).unwrap_or_default(),
+        device: device(file),
         lines: get("log").and_then(|s| serde_json::from_str(&s).ok()).unwrap_or_default(),
     };
     (Some(metadata), get("losses").and_then(|s| serde_json::from_str(&s).ok()))

@@ -31,6 +31,7 @@ pub(super) fn metadata() -> Metadata {
         written_by: "whirl 0.1.0".into(),
         sample_rate_hz: 500.0,
         boots: Vec::new(),
+        device: Vec::new(),
         lines: Vec::new(),
     }
 }

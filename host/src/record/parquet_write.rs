@@ -29,7 +29,7 @@ use super::csv::OWN_COLUMNS;
 use super::csv_write::create_file;
 use super::parquet_recovery::marker;
 use super::writer::Sample;
-use super::{DeviceLine, Losses, Metadata};
+use super::{DeviceBoot, DeviceLine, Losses, Metadata};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 
@@ -80,6 +80,8 @@ pub(super) struct ParquetWriter {
     written: usize,
     /// See [`Metadata::boots`].
     boots: Vec<i64>,
+    /// See [`Metadata::device`].
+    device: Vec<DeviceBoot>,
     /// See [`Metadata::lines`].
     lines: Vec<DeviceLine>,
     tick: Vec<i64>,
@@ -110,6 +112,12 @@ fn key_values(metadata: &Metadata) -> Vec<KeyValue> {
 fn boots(boots: &[i64]) -> Option<KeyValue> {
     let list: Vec<String> = boots.iter().map(i64::to_string).collect();
     (!list.is_empty()).then(|| KeyValue::new(format!("{KEY}boots"), format!("[{}]", list.join(","))))
+}
+
+/// whirl's key for what the device told of its boots.
+fn device(boots: &[DeviceBoot]) -> Option<KeyValue> {
+    let text = serde_json::to_string(boots).ok().filter(|_| !boots.is_empty())?;
+    Some(KeyValue::new(format!("{KEY}device"), text))
 }
 
 impl ParquetWriter {
@@ -143,7 +151,8 @@ impl ParquetWriter {
         let mut writer =
             SerializedFileWriter::new(file, schema.clone(), Arc::new(properties.build())).map_err(failed)?;
         let schema = Arc::new(SchemaDescriptor::new(schema));
-        let first = marker(&schema, Some(key_values(metadata)), None, Crc::new().sum()).map_err(failed)?;
+        let head = key_values(metadata).into_iter().chain(device(&metadata.device)).collect();
+        let first = marker(&schema, Some(head), None, Crc::new().sum()).map_err(failed)?;
         writer.write_all(&first).and_then(|()| writer.flush()).map_err(|e| BadInput::io(path, &e))?;
         let column = Vec::with_capacity(GROUP_ROWS);
         Ok(Self {
@@ -153,6 +162,7 @@ impl ParquetWriter {
             schema,
             written: 0,
             boots: metadata.boots.clone(),
+            device: metadata.device.clone(),
             lines: metadata.lines.clone(),
             tick: Vec::with_capacity(GROUP_ROWS),
             t: Vec::with_capacity(GROUP_ROWS),
@@ -164,6 +174,10 @@ impl ParquetWriter {
 
     pub(super) fn boot(&mut self, tick: i64) {
         self.boots.push(tick);
+    }
+
+    pub(super) fn device(&mut self, boots: &[DeviceBoot]) {
+        self.device = boots.to_vec();
     }
 
     pub(super) fn lines(&mut self, lines: &[DeviceLine]) {
@@ -211,7 +225,9 @@ impl ParquetWriter {
         self.writer.flush()?;
         let crc = self.writer.inner().crc.sum();
         let last = self.writer.flushed_row_groups().last().cloned();
-        let bytes = marker(&self.schema, boots(&self.boots).map(|boots| vec![boots]), last, crc)?;
+        // The head has the first boot.
+        let pairs = boots(&self.boots).map(|boots| core::iter::once(boots).chain(device(&self.device)).collect());
+        let bytes = marker(&self.schema, pairs, last, crc)?;
         self.writer.write_all(&bytes)?;
         self.writer.flush()?;
         Ok(())
@@ -226,8 +242,8 @@ impl ParquetWriter {
             self.writer.append_key_value_metadata(KeyValue::new(format!("{KEY}log"), lines));
         }
         self.writer.append_key_value_metadata(KeyValue::new(format!("{KEY}losses"), json));
-        if let Some(boots) = boots(&self.boots) {
-            self.writer.append_key_value_metadata(boots);
+        for pair in boots(&self.boots).into_iter().chain(device(&self.device)) {
+            self.writer.append_key_value_metadata(pair);
         }
         self.writer.finish().map_err(|e| failed(&self.path, &e))?;
         self.writer.inner().file.sync_all().map_err(|e| BadInput::io(&self.path, &e))

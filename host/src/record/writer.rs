@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::csv_write::CsvWriter;
 use super::parquet_write::ParquetWriter;
-use super::{DeviceLine, Losses, Metadata};
+use super::{DeviceBoot, DeviceLine, Losses, Metadata};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 
@@ -69,6 +69,13 @@ impl RecordWriter {
     pub fn boot(&mut self, tick: i64) {
         if let Inner::Parquet(w) = &mut self.inner {
             w.boot(tick);
+        }
+    }
+
+    /// What the device has told of its boots until now (CSV has no room for it).
+    pub fn device(&mut self, boots: &[DeviceBoot]) {
+        if let Inner::Parquet(w) = &mut self.inner {
+            w.device(boots);
         }
     }
 

@@ -4,6 +4,7 @@ mod accuracy;
 mod bad_input;
 mod demo;
 mod determinism;
+mod device;
 mod explained;
 mod faulty_link;
 mod interface;
