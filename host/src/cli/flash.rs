@@ -60,8 +60,6 @@ mod with_probe {
     use crate::cli::Answer;
     use crate::error::{BadInput, Result};
 
-    const TARGET: &str = "thumbv7em-none-eabihf";
-
     pub(super) fn flash(board: &Board, chip: &str, arguments: &Arguments) -> Result<Answer> {
         let image = match &arguments.image {
             Some(image) => image.clone(),
@@ -101,10 +99,10 @@ mod with_probe {
         };
         let cargo = |message: String| {
             BadInput::new(message, format!("a build of {}", board.package))
-                .remedy(format!("`rustup target add {TARGET}`, then look at the compiler's messages"))
+                .remedy(format!("`rustup target add {}`, then look at the compiler's messages", board.target))
         };
         let output = Command::new("cargo")
-            .args(["build", "--release", "--target", TARGET, "--package", board.package])
+            .args(["build", "--release", "--target", board.target, "--package", board.package])
             .args(["--message-format", "json-render-diagnostics"])
             .current_dir(root)
             .stderr(std::process::Stdio::inherit())
