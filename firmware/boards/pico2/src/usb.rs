@@ -124,8 +124,9 @@ async fn hear(mut receiver: Receiver<'static, Chip>, mut heard: Producer<'static
 /// Starts the port; none where a task finds no room.
 pub fn start(driver: Chip, serial: String<16>, spawner: Spawner) -> Option<Port> {
     static SERIAL: StaticCell<String<16>> = StaticCell::new();
-    static DESCRIPTORS: ConstStaticCell<([u8; 128], [u8; 16], [u8; 64])> =
-        ConstStaticCell::new(([0; 128], [0; 16], [0; 64]));
+    // What does not fit ends in a panic at boot: a CDC port's are 83 and 12 bytes.
+    static DESCRIPTORS: ConstStaticCell<([u8; 256], [u8; 64], [u8; 64])> =
+        ConstStaticCell::new(([0; 256], [0; 64], [0; 64]));
     static STATE: StaticCell<State<'static>> = StaticCell::new();
     static QUEUE_TO: StaticCell<Queue<u8, TO_HOST>> = StaticCell::new();
     static QUEUE_FROM: StaticCell<Queue<u8, FROM_HOST>> = StaticCell::new();
@@ -133,7 +134,8 @@ pub fn start(driver: Chip, serial: String<16>, spawner: Spawner) -> Option<Port>
     config.manufacturer = Some("whirl");
     config.product = Some("whirl pico2");
     config.serial_number = Some(SERIAL.init(serial));
-    config.max_power = 100;
+    // mA, with two encoders.
+    config.max_power = 250;
     let (configuration, system, control) = DESCRIPTORS.take();
     let mut builder = Builder::new(driver, config, configuration, system, &mut [], control);
     let class = CdcAcmClass::new(&mut builder, STATE.init(State::new()), 64);
