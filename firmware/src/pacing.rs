@@ -8,7 +8,7 @@
 //!
 //! The board clears the interrupt's flag first and reads the clock then. A tick that falls between is told at once, and
 //! its own interrupt finds nothing new. The counters count for a tick only where the clock before and after they were read
-//! shows the same one ([`Pacer::same_tick`]).
+//! shows the same one ([`Pacer::latch`]).
 //!
 //! Limits: the clock wraps at 2³² (200 s at 21.25 MHz); an outage longer than that is told too short by whole wraps.
 
@@ -48,9 +48,24 @@ impl Pacer {
         Some(Passed { missed, latency })
     }
 
+    /// An interrupt, with the counters that belong to its tick: `latch` reads them, again where the tick has gone meanwhile, since a
+    /// debugger may halt between any two instructions. None where the tick has been told already.
+    pub fn latch(&mut self, mut clock: impl FnMut() -> u32, mut latch: impl FnMut()) -> Option<Passed> {
+        let mut told: Option<Passed> = None;
+        loop {
+            if let Some(passed) = self.interrupt(clock()) {
+                let before = told.map_or(0, |told| told.missed + 1);
+                told = Some(Passed { missed: passed.missed.saturating_add(before), ..passed });
+            }
+            latch();
+            if self.same_tick(clock()) {
+                return told;
+            }
+        }
+    }
+
     /// Whether the present tick is still the last that was due.
-    #[must_use]
-    pub fn same_tick(&self, now: u32) -> bool {
+    fn same_tick(&self, now: u32) -> bool {
         self.since(now) < self.period
     }
 
@@ -129,6 +144,7 @@ mod tests {
     use super::*;
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::{Rng, SeedableRng};
+    use std::cell::RefCell;
 
     #[test]
     fn ticks_that_were_missed_are_counted_whatever_the_latency() {
@@ -225,21 +241,20 @@ mod tests {
             let mut tick = 0;
             let wrong = wrong(halt, |board| {
                 board.clear();
-                let mut told = None;
-                // As a board does it: once more where the tick has gone while the counters were read.
-                loop {
+                let (board, mut read) = (RefCell::new(board), 0);
+                let clock = || {
+                    let mut board = board.borrow_mut();
                     let now = board.now as u32;
                     board.work(50);
-                    if let Some(passed) = pacer.interrupt(now) {
-                        tick += 1 + u64::from(passed.missed);
-                        told = Some(tick);
-                    }
-                    let read = board.now;
+                    now
+                };
+                let told = pacer.latch(clock, || {
+                    let mut board = board.borrow_mut();
+                    read = board.now;
                     board.work(50);
-                    if pacer.same_tick(board.now as u32) {
-                        return told.map(|told| (told, read));
-                    }
-                }
+                });
+                tick += told.map_or(0, |told| 1 + u64::from(told.missed));
+                told.map(|_| (tick, read))
             });
             assert_eq!(wrong, 0, "{halt:?}");
         }

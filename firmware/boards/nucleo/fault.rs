@@ -6,9 +6,9 @@ use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use embassy_stm32::pac;
+use whirl_board_lasting as lasting;
 use whirl_firmware::kept::note;
 
-use crate::boot;
 use crate::hardware::REST;
 
 static ENTERED: AtomicBool = AtomicBool::new(false);
@@ -25,7 +25,7 @@ fn end(cause: impl fmt::Display) -> ! {
     silence();
     // What panics while it tells of a panic is told no more.
     if !ENTERED.swap(true, Relaxed) {
-        boot::leave_note(&note(&cause));
+        lasting::leave_note(&note(&cause));
         defmt::error!("{}", defmt::Display2Format(&cause));
     }
     // Interrupts are off: the watchdog is petted no more.

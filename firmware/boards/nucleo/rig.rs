@@ -18,6 +18,7 @@ use embassy_time::Timer;
 use heapless::spsc::{Consumer, Producer, Queue};
 use rtt_target::{ChannelMode, DownChannel, UpChannel};
 use static_cell::{ConstStaticCell, StaticCell};
+use whirl_board_lasting as lasting;
 use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::dac::DacShaker;
 use whirl_firmware::estimate::Estimator;
@@ -30,7 +31,6 @@ use whirl_shared::codec::MAX_FRAME;
 use whirl_shared::frame::SampleBlock;
 
 use crate::board;
-use crate::boot;
 use crate::hardware::{Dac, Encoder1, Encoder2};
 use crate::player::Player;
 
@@ -74,25 +74,14 @@ fn TIM6_DAC() {
 
 impl Interrupt {
     fn run(&mut self) {
-        let mut told: Option<Passed> = None;
-        // Until clock and counters belong to the same tick: a debugger may halt between any two instructions.
-        loop {
-            if let Some(passed) = self.pacer.interrupt(clock()) {
-                let before = told.map_or(0, |told| told.missed + 1);
-                told = Some(Passed { missed: passed.missed.saturating_add(before), ..passed });
-            }
-            self.sampler.latch();
-            if self.pacer.same_tick(clock()) {
-                break;
-            }
-        }
+        let told = self.pacer.latch(clock, || self.sampler.latch());
         // An interrupt whose tick has been told with the one before is none.
         let Some(Passed { missed, latency }) = told else { return };
         let latency_us = (u64::from(latency) * 1_000_000 / u64::from(self.counts_per_second)) as u32;
         self.sampler.tick(missed, latency_us, &mut self.blocks, &mut self.events, &mut self.requests);
         self.light.set_level(self.sampler.light().into());
         self.ticks = self.ticks.wrapping_add(1);
-        boot::keep(self.ticks, &self.sampler.kept());
+        lasting::keep(self.ticks, &self.sampler.kept());
         TICKS.store(self.ticks, Relaxed);
     }
 }
@@ -124,7 +113,11 @@ async fn hear(mut from_host: RingBufferedUartRx<'static>, mut heard: Producer<'s
                     let _ = heard.enqueue(byte);
                 }
             }
-            Err(error) => defmt::debug!("serial port: {}", error),
+            Err(error) => {
+                defmt::debug!("serial port: {}", error);
+                // A line that errs without end must not starve the thread, which pets the watchdog.
+                Timer::after_micros(100).await;
+            }
         }
     }
 }

@@ -45,8 +45,10 @@ struct Port(Box<dyn SerialPort>);
 
 impl Source for Serial {
     fn open(&mut self) -> io::Result<Box<dyn Link>> {
-        let port = serialport::new(&self.port, self.baud).timeout(Duration::from_millis(50)).open();
-        Ok(Box::new(Port(port.map_err(io::Error::from)?)))
+        let port = serialport::new(&self.port, self.baud).timeout(Duration::from_millis(50));
+        // A board on USB itself speaks to who sets DTR: opening a port does, but not on Windows.
+        let port = if cfg!(windows) { port.dtr_on_open(true) } else { port };
+        Ok(Box::new(Port(port.open().map_err(io::Error::from)?)))
     }
 
     fn remedy(&self) -> String {

@@ -68,8 +68,6 @@ mod with_probe {
     use crate::cli::Answer;
     use crate::error::{BadInput, Result};
 
-    const TARGET: &str = "thumbv7em-none-eabihf";
-
     pub(super) fn flash(board: &Board, chip: &str, given: Option<(PathBuf, Kind)>) -> Result<Answer> {
         let (image, kind) = match given {
             Some(given) => given,
@@ -114,10 +112,10 @@ mod with_probe {
         };
         let cargo = |message: String| {
             BadInput::new(message, format!("a build of {}", board.package))
-                .remedy(format!("`rustup target add {TARGET}`, then look at the compiler's messages"))
+                .remedy(format!("`rustup target add {}`, then look at the compiler's messages", board.target))
         };
         let output = Command::new("cargo")
-            .args(["build", "--release", "--target", TARGET, "--package", board.package])
+            .args(["build", "--release", "--target", board.target, "--package", board.package])
             .args(["--message-format", "json-render-diagnostics"])
             .current_dir(root)
             .stderr(std::process::Stdio::inherit())

@@ -3,7 +3,7 @@
 //! Some are effects as well: a late channel, a scale that is a little off. What is in the explained model as an effect keeps that
 //! name, and the answer stands. Any other comes first: no effect is named where one would be dressed up for it.
 
-use super::{Explanation, Found, Verdict};
+use super::{Explanation, Verdict};
 use crate::warning::Warning;
 
 /// Suspects that are effects as well, and the effect.
@@ -19,10 +19,10 @@ const EFFECT_SCALE: f64 = 0.1;
 /// Puts suspects into an explanation: what it has in its model as an effect keeps that name, any
 /// other suspect comes before effects that would be dressed up for it.
 pub(super) fn tell_in(result: &mut Explanation, suspects: Vec<Warning>) {
-    let settled = result.verdict == Verdict::Explained;
+    let settled = matches!(result.verdict, Verdict::Explained | Verdict::NothingMissing);
     let kept: Vec<Warning> = suspects
         .into_iter()
-        .filter(|s| !(settled && effect_of(s).is_some_and(|id| has(&result.effects, id))))
+        .filter(|s| !(settled && effect_of(s).is_some_and(|id| has(result, id))))
         .collect();
     if let Some(first) = kept.iter().find(|s| s.invalidates) {
         result.verdict = Verdict::NotDecidable;
@@ -38,8 +38,9 @@ pub(super) fn grave(suspect: &Warning) -> bool {
     suspect.invalidates && effect_of(suspect).is_none()
 }
 
-fn has(effects: &[Found], id: &str) -> bool {
-    effects.iter().any(|e| e.id == id)
+/// Whether the explained model has an effect, found or given.
+fn has(result: &Explanation, id: &str) -> bool {
+    result.effects.iter().any(|e| e.id == id) || result.given.iter().any(|e| e.id == id)
 }
 
 /// The effect that a suspect is as well.

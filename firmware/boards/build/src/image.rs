@@ -73,6 +73,15 @@ impl Image {
         Ok(Self { address, bytes })
     }
 
+    /// Whether the boot ROM of an RP2350 takes it for a program: a block of its own that says so lies within the first 4 kB
+    /// (datasheet, 5.9).
+    #[must_use]
+    pub fn has_boot_block(&self) -> bool {
+        // The block's begin, then its first item: type of image, one word.
+        let begin = [0xffff_ded3_u32.to_le_bytes(), [0x42, 0x01, 0x21, 0x10]].concat();
+        self.bytes.iter().take(4_096).copied().collect::<Vec<_>>().windows(8).any(|window| window == begin)
+    }
+
     /// As UF2, for a family of chips.
     #[must_use]
     pub fn to_uf2(&self, family: u32) -> Vec<u8> {
@@ -140,6 +149,17 @@ mod tests {
         {
             assert!(Image::of_elf(&elf(segments)).is_err());
         }
+    }
+
+    #[test]
+    fn a_boot_block_is_looked_for_where_the_boot_rom_looks() {
+        let block = [0xd3, 0xde, 0xff, 0xff, 0x42, 0x01, 0x21, 0x10];
+        for (at, found) in [(0, true), (0x114, true), (4_088, true), (4_089, false), (5_000, false)] {
+            let mut bytes = vec![0; 8_192];
+            bytes[at..at + 8].copy_from_slice(&block);
+            assert_eq!(Image { address: 0x1000_0000, bytes }.has_boot_block(), found, "{at}");
+        }
+        assert!(!Image { address: 0x1000_0000, bytes: vec![0; 3] }.has_boot_block());
     }
 
     #[test]

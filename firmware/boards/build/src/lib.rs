@@ -8,7 +8,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// Folders and files of the repository that decide what an image does.
-const SOURCES: [&str; 5] = ["Cargo.lock", "shared/Cargo.toml", "shared/src", "firmware/Cargo.toml", "firmware/src"];
+const SOURCES: [&str; 6] = [
+    "Cargo.lock",
+    "shared/Cargo.toml",
+    "shared/src",
+    "firmware/Cargo.toml",
+    "firmware/src",
+    "firmware/boards/lasting/src",
+];
 
 /// Sets `WHIRL_BUILD_ID` for the crate, and the linker's arguments where it is built for a device.
 ///

@@ -7,9 +7,15 @@ use std::{env, fs};
 
 use whirl_board_build::image::{Image, has_messages};
 
-const TARGET: &str = "thumbv7em-none-eabihf";
-/// Boards, with their chips' family in UF2 (microsoft/uf2, `utils/uf2families.json`).
-const BOARDS: [(&str, u32); 2] = [("nucleo-g474re", 0x4c71_240a), ("nucleo-f446re", 0x5775_5a57)];
+const CORTEX_M4F: &str = "thumbv7em-none-eabihf";
+const CORTEX_M33F: &str = "thumbv8m.main-none-eabihf";
+/// Boards, with their targets and their chips' families in UF2 (microsoft/uf2, `utils/uf2families.json`).
+const BOARDS: [(&str, &str, u32); 3] = [
+    ("nucleo-g474re", CORTEX_M4F, 0x4c71_240a),
+    ("nucleo-f446re", CORTEX_M4F, 0x5775_5a57),
+    // RP2350, Arm, secure.
+    ("pico2", CORTEX_M33F, 0xe48b_ff59),
+];
 
 fn cargo(arguments: &[&str], root: &Path) -> Result<Vec<u8>, String> {
     let program = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -39,16 +45,19 @@ fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
 fn images(folder: &Path) -> Result<(), String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..");
     fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    let built = target_folder(&root)?.join(TARGET).join("release");
-    for (board, family) in BOARDS {
+    let built = target_folder(&root)?;
+    for (board, target, family) in BOARDS {
         let package = format!("whirl-board-{board}");
         // One after another: the chips exclude each other within one build.
-        cargo(&["build", "--release", "--locked", "--target", TARGET, "--package", &package], &root)?;
-        let path = built.join(&package);
+        cargo(&["build", "--release", "--locked", "--target", target, "--package", &package], &root)?;
+        let path = built.join(target).join("release").join(&package);
         let elf = fs::read(&path).map_err(|e| format!("{}: {e}", path.display()))?;
         let image = Image::of_elf(&elf).map_err(|e| format!("{}: {e}", path.display()))?;
         if !has_messages(&elf) {
             return Err(format!("{package} has no messages of level info: is DEFMT_LOG set to something else?"));
+        }
+        if target == CORTEX_M33F && !image.has_boot_block() {
+            return Err(format!("{package} has no block within its first 4 kB by which the boot ROM knows a program"));
         }
         let file = |extension: &str| folder.join(format!("whirl-{board}.{extension}"));
         write(&file("elf"), &elf)?;

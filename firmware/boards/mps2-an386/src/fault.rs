@@ -5,7 +5,7 @@ use core::fmt::Write;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-use whirl_board_mps2_an386::lasting::leave_note;
+use whirl_board_lasting::leave_note;
 use whirl_board_mps2_an386::semihosting;
 use whirl_firmware::kept::note;
 

@@ -3,7 +3,7 @@
 #![no_std]
 
 #[cfg(target_os = "none")]
-pub mod lasting;
+pub mod flash;
 #[cfg(target_os = "none")]
 pub mod machine;
 #[cfg(target_os = "none")]

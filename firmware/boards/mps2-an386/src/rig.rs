@@ -8,8 +8,10 @@ use cortex_m::interrupt::Mutex;
 use cortex_m::peripheral::{NVIC, SCB};
 use heapless::spsc::{Consumer, Producer, Queue};
 use static_cell::{ConstStaticCell, StaticCell};
+use whirl_board_lasting as lasting;
+use whirl_board_mps2_an386::flash::Pages;
 use whirl_board_mps2_an386::machine::{self, CLOCK_HZ, Timer0, Vector};
-use whirl_board_mps2_an386::{lasting, semihosting, stack};
+use whirl_board_mps2_an386::{semihosting, stack};
 use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::estimate::Estimator;
 use whirl_firmware::event::{Event, Request};
@@ -155,7 +157,7 @@ impl Thread {
             self.link.receive(&[byte], &mut self.requests);
         }
         if let Some(words) = self.link.settings_to_keep() {
-            let kept = lasting::Pages::store().save(&words).is_ok();
+            let kept = Pages::store().save(&words).is_ok();
             self.link.kept(kept);
         }
         if self.link.restart_due() {
@@ -167,7 +169,9 @@ impl Thread {
 /// The board's settings in force, and those of the image. The host may be as silent as it is allowed to be: it lives by another
 /// clock.
 fn settings() -> [Settings; 2] {
-    let (boot, boot_id) = lasting::before();
+    // The machine has no flag that tells why it was reset.
+    let boot = lasting::before(None);
+    let boot_id = lasting::boot_number(boot.kept.is_none());
     let built_in = Settings {
         board: "mps2-an386",
         build: env!("WHIRL_BUILD_ID"),
@@ -177,7 +181,7 @@ fn settings() -> [Settings; 2] {
         ..Settings::default()
     };
     let mut settings = built_in.clone();
-    if let Some(words) = lasting::Pages::store().load() {
+    if let Some(words) = Pages::store().load() {
         settings = settings.with_words(&words).unwrap_or(settings);
         settings.boot.settings =
             if settings.to_words() == words { SettingsSource::Kept } else { SettingsSource::Refused };

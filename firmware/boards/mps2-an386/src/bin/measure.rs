@@ -14,7 +14,7 @@ mod on_target {
     use embedded_hal::digital::{ErrorType, OutputPin};
     use heapless::spsc::Queue;
     use static_cell::ConstStaticCell;
-    use whirl_board_mps2_an386::lasting;
+    use whirl_board_lasting as lasting;
     use whirl_board_mps2_an386::machine::{self, Vector};
     use whirl_board_mps2_an386::semihosting::{Console, exit};
     use whirl_board_mps2_an386::stack;
