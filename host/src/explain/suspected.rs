@@ -23,6 +23,11 @@ pub(super) fn tell_in(result: &mut Explanation, suspects: Vec<Warning>) {
     let kept: Vec<Warning> = suspects
         .into_iter()
         .filter(|s| !(settled && effect_of(s).is_some_and(|id| has(result, id))))
+        .map(|s| {
+            // Where another effect leaves nothing but noise, a suspect that is one as well is only a second reading.
+            let second = settled && effect_of(&s).is_some();
+            Warning { invalidates: s.invalidates && !second, ..s }
+        })
         .collect();
     if let Some(first) = kept.iter().find(|s| s.invalidates) {
         result.verdict = Verdict::NotDecidable;
