@@ -5,7 +5,7 @@
 //! 500 Hz. Played at n points a tick they are gone; those of the points lie n times as high, below a converter's step.
 //!
 //! Between the ticks y(u), u from 0 to 1, is the cubic with the values and the slopes of a(u) cos φ(u) at both ends, the
-//! phase φ running evenly and the amplitude a along a line. At the ticks it is [`waveform::displacement`], bit for bit:
+//! phase φ running evenly and the amplitude a along a line. At the ticks it is [`whirl_shared::waveform::displacement`], bit for bit:
 //! what the host knows. Error in between: a ω⁴/384, ω the advance of the phase in a tick (1.1e-5 a at 20 Hz and 500 Hz).
 //!
 //! The points go on a little beyond the next tick, for an interrupt that is late; then the last one stands. When the ticks

@@ -2,7 +2,7 @@
 //! made again: `whirl capture --from file:REC.frames --rig RIG.toml -o REC`.
 //!
 //! It begins with `whirl-frames 1 `, the capture's terms as JSON, and a zero byte; then come the wire's bytes up to the one
-//! with which the recording ended: whole frames, without those that say nothing (see [`super::sieve`]). Where the link was lost or the capture
+//! with which the recording ended: whole frames, without those that say nothing (see `super::sieve`). Where the link was lost or the capture
 //! was resumed, a zero byte may stand between what came before and after, so that a frame that was cut does not spoil the next one. A record
 //! is a function of these bytes and the rig file alone.
 

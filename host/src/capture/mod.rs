@@ -10,8 +10,8 @@
 //!   counted. A device that restarts begins a new segment.
 //! - Where the rig has `[drive]` and its amplitude is known, the shaker is armed and started, recording begins when it runs, and
 //!   it is stopped at the end, after an error and on Ctrl-C. The device's own watchdog covers the rest.
-//! - Nothing is recorded before the device has answered ([`gate`]). One that answers and brings nothing new is told, and given up ([`stall`]).
-//! - The record is a function of the journal, see [`journal`]; it grows by what matters ([`sieve`]). Memory is flat.
+//! - Nothing is recorded before the device has answered (`gate`). One that answers and brings nothing new is told, and given up (`stall`).
+//! - The record is a function of the journal, see [`journal`]; it grows by what matters (`sieve`). Memory is flat.
 //! - What an interrupted capture leaves can be made a record, or gone on with, see [`interrupted`].
 
 mod accounting;

@@ -1,6 +1,6 @@
 //! A few words with a device, without a recording: its hello, commands with their answers, whether its arms move.
 //!
-//! It listens as a capture does: only to what answers its own commands ([`super::gate`]), and it opens a link that drops anew, as a
+//! It listens as a capture does: only to what answers its own commands (`super::gate`), and it opens a link that drops anew, as a
 //! board's own USB port does when the board restarts.
 
 use std::io::ErrorKind;

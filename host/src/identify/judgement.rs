@@ -1,12 +1,12 @@
 //! Whether identified coefficients can be those of a rig, and whether the equations describe the record.
 //!
 //! *Signs.* Dampings take energy away, moments of inertia are positive, and so is the kinetic energy: B11 B21 = H²/(J_o1 J_o2)
-//! lies between 0 and 1. A coefficient on the wrong side of that by [`CLEAR`] standard errors cannot be a rig's.
+//! lies between 0 and 1. A coefficient on the wrong side of that by `CLEAR` standard errors cannot be a rig's.
 //!
 //! *Ties.* A torque in joint 2 acts on both arms, and the drive on both alike: C12 B21 = C2 B11, B13 B22 = B23 B12 and
 //! B14 B22 = B24 B12 (3.23), whatever is known of masses and lengths. With h what the ties miss by and S its covariance from the
 //! jackknife over G blocks, hᵀ S⁻¹ h (G − d)/(d (G − 1)) has Fisher's F distribution with d and G − d degrees of freedom
-//! (Hotelling 1931). Where that is less likely than [`CHANCE`], the equations miss something.
+//! (Hotelling 1931). Where that is less likely than `CHANCE`, the equations miss something.
 //!
 //! *Noise.* The sensors' noise alone, put through the whole chain ([`super::noise_bias`]), tells what ε and which residual power
 //! a record would have if the equations were right.

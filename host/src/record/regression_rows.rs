@@ -3,7 +3,7 @@
 //!
 //! JSON, an object a line: first a [`Header`], then a [`Window`] for every complete window, last a [`Footer`]. Rows are those of
 //! `whirl_shared::regressor`: of m = 0 the real one, then of each m the real and the imaginary one; in a row an equation's columns, then its
-//! target. Windows with consecutive `index` in one `run` overlap by half. Every line carries its checksum ([`super::sealed_line`]).
+//! target. Windows with consecutive `index` in one `run` overlap by half. Every line carries its checksum (`super::sealed_line`).
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Read, Write};

@@ -5,7 +5,7 @@
 //! saturate as it likes: it is not looked at. What is certain is mended (slips) or left out as a gap (spikes, clipped and dead stretches); what cannot be
 //! is named by a warning that takes the answer its standing.
 //!
-//! One check, one file: [`dead`], [`held`], [`stuck_bit`], [`row_steps`], [`frozen`], and [`screen`] with [`breaks`].
+//! One check, one file: `dead`, `held`, `stuck_bit`, `row_steps`, `frozen`, and `screen` with `breaks`.
 
 mod breaks;
 mod dead;

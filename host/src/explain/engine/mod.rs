@@ -2,7 +2,7 @@
 //!
 //! As for the built-in double pendulum, for any number of coordinates: the equations without dampings and the nominal dampings, tied over the
 //! equations, are fitted by the weak form; every candidate is added in turn and judged on blocks that were not fitted
-//! ([`crate::explain::decision`]); the best is added until nothing more is supported. Effects of sensors and of the drive's phase are taken
+//! (`crate::explain::decision`); the best is added until nothing more is supported. Effects of sensors and of the drive's phase are taken
 //! off the record, which is then read again.
 //!
 //! | file | what |

@@ -2,12 +2,12 @@
 //!
 //! A channel exchanged, reversed, relative, scaled, in another unit, late or on a clock of its
 //! own, a drive of another frequency or direction, time reversed: each leaves a residual far above
-//! the sensors' noise, as a missing effect does. It is told from one by undoing it ([`undo`]):
-//! where the equations, refitted, then leave (nearly) nothing ([`scene`], [`find`]), the mistake
+//! the sensors' noise, as a missing effect does. It is told from one by undoing it (`undo`):
+//! where the equations, refitted, then leave (nearly) nothing (`scene`, `find`), the mistake
 //! is named. What leaves the residual as it is shows in the coefficients: friction that feeds the
-//! motion ([`arrow`]), a drive in another direction ([`direction`]).
+//! motion (`arrow`), a drive in another direction (`direction`).
 //!
-//! Limits: one mistake at a time; the first [`WINDOWS`] windows are looked at; what the equations
+//! Limits: one mistake at a time; the first `WINDOWS` windows are looked at; what the equations
 //! cannot tell stays silent (the scale of a linear system's channel, both signs of a symmetric
 //! pendulum reversed, a delay of a single channel, which is another phase of the drive).
 
