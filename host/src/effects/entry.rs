@@ -12,8 +12,8 @@ use crate::system::language::Reader;
 use crate::system::polynomial::{Atom, Polynomial};
 use crate::system::words::{Scope, Scoped, Value as Word, Words};
 
-/// Most values of a shape parameter, and most forms of an entry.
-const MOST_FORMS: usize = 400;
+/// Most values of a shape parameter, and most forms of an entry and of all that a user adds: bounds what a file can ask for.
+pub const MOST_FORMS: usize = 400;
 
 /// Where an effect acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -95,7 +95,7 @@ pub struct Entry {
     pub value: Option<String>,
     /// Further names that are reported.
     pub also: Vec<(String, String)>,
-    /// The simpler effect while which is supported itself this one is not named.
+    /// The simpler effect that this one refines, for people.
     pub refines: Option<String>,
     /// Whether it needs something that turns.
     pub turning: bool,
@@ -140,11 +140,7 @@ impl Entry {
     pub fn forms(&self) -> Vec<Form> {
         let mut out: Vec<Form> = vec![Vec::new()];
         for s in &self.shapes {
-            out = out
-                .iter()
-                .flat_map(|f| s.grid.iter().map(|x| [&f[..], &[(s.name.clone(), *x)]].concat()))
-                .take(MOST_FORMS)
-                .collect();
+            out = out.iter().flat_map(|f| s.grid.iter().map(|x| [&f[..], &[(s.name.clone(), *x)]].concat())).collect();
         }
         out
     }
@@ -231,6 +227,14 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
     let strengths = strengths(r, t, at)?;
     let positive = signs(r, t, &strengths)?;
     let shapes = shapes(r, t)?;
+    let forms = shapes.iter().fold(1_usize, |n, s| n.saturating_mul(s.grid.len()));
+    if forms > MOST_FORMS {
+        let here = t.get("shape").map_or(at, |v| v.span().start);
+        return Err(r
+            .source
+            .bad(here, format!("{forms} combinations of shapes"), format!("at most {MOST_FORMS}"))
+            .remedy("Shorten the grids; what has bounds is refined anyway"));
+    }
     let turning = t.get("turning").is_some_and(|v| matches!(v.get_ref(), DeValue::Boolean(true)));
     let entry = Entry {
         equation: text("equation")?.unwrap_or_else(|| law.clone()),
@@ -484,6 +488,7 @@ mod tests {
             ("force = \"-k*x\"\nsign = { q = \"+\" }", 6, "the name q"),
             ("force = \"-k*x\"\nshape = { n = { whole = [1, 1e9] } }", 6, "whole numbers"),
             ("force = \"-k*x\"\nshape = { n = { grid = [1.0], within = [2.0, 3.0] } }", 6, "outside"),
+            ("force = \"-k*x\"\nshape = { n = { whole = [1, 30] }, m = { whole = [1, 30] } }", 6, "900 combinations"),
             ("force = \"-k*x\"\ncolour = \"red\"", 6, "colour"),
             ("force = \"-k*x\"\nvalue = \"k*q\"", 6, "q"),
         ] {

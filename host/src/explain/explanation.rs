@@ -61,6 +61,19 @@ pub struct Found {
 }
 
 impl Found {
+    /// As a model's file holds it.
+    pub(super) fn added(&self) -> AddedEffect {
+        AddedEffect {
+            id: self.id.clone(),
+            at: self.at.clone(),
+            value: self.value,
+            std_error: self.std_error,
+            unit: self.unit.clone(),
+            strengths: self.strengths.clone(),
+            parameters: self.parameters.clone(),
+        }
+    }
+
     /// An effect at a place of which nothing else is known yet.
     pub(super) fn empty(id: &str, at: &str, unit: String) -> Self {
         Self {

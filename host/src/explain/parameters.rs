@@ -130,16 +130,6 @@ pub(super) fn model(state: &State, rig: &Rig, result: &Explanation) -> Identifie
         drive_frequency_hz: rig.drive.map(|d| d.frequency_hz),
         nominal,
         parameters: result.parameters.iter().filter(|p| !p.name.contains('@')).cloned().collect(),
-        effects: given
-            .chain(result.effects.iter().map(|f| AddedEffect {
-                id: f.id.clone(),
-                at: f.at.clone(),
-                value: f.value,
-                std_error: f.std_error,
-                unit: f.unit.clone(),
-                strengths: f.strengths.clone(),
-                parameters: f.parameters.clone(),
-            }))
-            .collect(),
+        effects: given.chain(result.effects.iter().map(Found::added)).collect(),
     }
 }

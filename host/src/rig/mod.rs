@@ -15,7 +15,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::effects;
-use crate::effects::entry::Entry;
+use crate::effects::entry::{Entry, MOST_FORMS};
 use crate::error::{BadInput, Result};
 use crate::files;
 use crate::model::model_file::toml_place;
@@ -215,6 +215,16 @@ impl Rig {
                 .remedy("Rename it; `whirl list effects` prints those that there are"));
             }
             self.effects.push(Arc::new(entry));
+        }
+        let forms: usize = self.effects.iter().map(|e| e.forms().len()).sum();
+        if forms > MOST_FORMS {
+            return Err(BadInput::new(
+                format!("{forms} forms of effects"),
+                format!("at most {MOST_FORMS} beside the list's"),
+            )
+            .in_file(path)
+            .at("shape")
+            .remedy("Shorten the grids, or name fewer files"));
         }
         Ok(())
     }

@@ -193,7 +193,7 @@ fn refit(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>) -
     let mut weights: Option<Weights> = None;
     // The first rounds settle weights, linearised effects and forms; the last carries the candidates' columns as well.
     let rounds = if state.chosen.iter().any(|k| k.candidate.is_refined()) { 4 } else { 2 };
-    for round in 0..rounds - 1 {
+    for _ in 1..rounds {
         let own: Vec<usize> = (0..state.own_columns()).collect();
         let design = design::build(setting, state, &state.stretches, &[])?;
         let used = weights.clone().unwrap_or_else(|| ranking::equal_weights(&design));
@@ -204,7 +204,6 @@ fn refit(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>) -
         weights = Some(ranking::weights(&design, &own, &fit.all));
         state.take(setting, &fit.all);
         state.renew(setting, &fit.all, &fit.covariance);
-        let _ = round;
     }
     let own: Vec<usize> = (0..state.own_columns()).collect();
     let further: Vec<&Candidate> = candidates.iter().collect();

@@ -55,9 +55,7 @@ fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
     let rad_or_m = |angle: bool| if angle { "rad" } else { "m" }.to_owned();
     match (c.entry.verb, c.entry.at) {
         (Verb::Turns, _) => (1.0, "rad".to_owned()),
-        (Verb::Moves, _) => {
-            (1.0, if c.entry.law.contains("size") || c.entry.law.contains('y') { "1" } else { "m" }.to_owned())
-        }
+        (Verb::Moves, _) => (1.0, "m".to_owned()),
         (Verb::Reads, _) => {
             let sensor = if let Place::Encoder(k) = c.place { k } else { 0 };
             let circle =
@@ -87,17 +85,21 @@ fn force(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
     let of = crate::effects::entry::multiplied(&c.entry, &c.form, &moves, file.coordinates.len(), setting.rig.omega());
     let unit = Unit::parse(work).unwrap_or_default();
     let per = of.and_then(|n| crate::model::model_file::units::of(&n, &coordinates, &[], true)).unwrap_or_default();
-    let unit = unit.times(&per, -1.0).to_string();
-    let unit = if c.entry.value.as_ref().is_some_and(|v| c.form.iter().any(|s| s.0 == *v)) {
-        // A shape is the value: a position or a velocity.
-        if angle { "rad".to_owned() } else { "m".to_owned() }
-    } else {
-        // The entry's own unit is that of something that turns.
-        c.entry.unit.clone().filter(|_| angle).unwrap_or(unit)
+    // The entry's own unit is that of something that turns.
+    let own = c.entry.unit.clone().filter(|_| angle);
+    // Where a shape is the value, a position, no inertia is in its unit.
+    let is_shape = c.entry.value.as_ref().is_some_and(|v| c.form.iter().any(|s| s.0 == *v));
+    let unit = match own {
+        Some(unit) => unit,
+        None if is_shape => if angle { "rad" } else { "m" }.to_owned(),
+        None => unit.times(&per, -1.0).to_string(),
     };
     if physical.open.get(equation).copied().unwrap_or(true) {
         let inertia = at(&mechanism.scales[equation].1, &physical.values);
         let mass = if angle { "kg m²" } else { "kg" };
+        if is_shape {
+            return (1.0 / inertia, unit);
+        }
         return (1.0 / inertia, format!("{unit}/({} {mass})", inertia_name(setting, equation)));
     }
     (1.0, unit)
@@ -230,19 +232,6 @@ pub fn model(setting: &Setting<'_>, state: &State, result: &Explanation) -> Resu
         drive_frequency_hz: setting.rig.drive.map(|d| d.frequency_hz),
         nominal: Vec::new(),
         parameters: result.parameters.iter().filter(|p| !p.name.contains('@')).cloned().collect(),
-        effects: result
-            .given
-            .iter()
-            .cloned()
-            .chain(result.effects.iter().map(|f| AddedEffect {
-                id: f.id.clone(),
-                at: f.at.clone(),
-                value: f.value,
-                std_error: f.std_error,
-                unit: f.unit.clone(),
-                strengths: f.strengths.clone(),
-                parameters: f.parameters.clone(),
-            }))
-            .collect(),
+        effects: result.given.iter().cloned().chain(result.effects.iter().map(Found::added)).collect(),
     })
 }
