@@ -1,13 +1,15 @@
 //! Windows and low-passes for a built-in system, from the settings, the rig and the angles' spectra.
 //!
-//! Windows of 20 T (4 s when free); test functions up to 2 f_e, or when free to the frequency below which lie 99 % of the accelerations'
-//! power; the low-pass up to where the signal sinks into the noise. All of it within what the sampling rate allows: a window
+//! Windows of 20 T, test functions up to 2 f_e, the low-pass up to where the signal sinks into the noise; when free all of it from the motion
+//! ([`super::free_geometry`]), or where no motion stands above the noise windows of 4 s. All of it within what the sampling rate allows: a window
 //! has 32 samples at least, test functions end at an eighth of the rate, the pass band at two fifths.
 
 use super::Settings;
+use super::free_geometry::{Most, choose, stop_hz};
 use super::windows::{Kernels, Windows};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
+use crate::signal::band::Band;
 use crate::signal::low_pass::Kernel;
 use crate::signal::noise;
 
@@ -20,6 +22,7 @@ pub(super) fn geometry(
     settings: &Settings,
     noises: &[Option<noise::Noise>; 2],
     step_s: f64,
+    (band, stretches_s): (Option<Band>, &[f64]),
 ) -> Result<(Windows, Kernels)> {
     let rate = rig.sample_rate_hz;
     let check = |option: &str, value: Option<f64>, low: f64, high: f64| match value {
@@ -30,19 +33,27 @@ pub(super) fn geometry(
     };
     let greatest = |f: fn(&noise::Noise) -> f64| noises.iter().flatten().map(f).fold(0.0_f64, f64::max);
     let default_window = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
-    let length_s =
-        check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window.max(32.0 * step_s));
+    let asked = check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?;
+    let most = Most { top: 0.12, pass: 0.3 };
+    let free = band.filter(|_| rig.drive.is_none()).map(|b| choose(&b, stretches_s, rate, asked, most));
+    let length_s = asked.or(free.map(|f| f.length_s)).unwrap_or(default_window.max(32.0 * step_s));
     let hop_s = 0.5 * length_s;
     // Eight test functions at least; in a window too short for them, those that the rate allows.
     let free_top = greatest(|n| n.acceleration_99_hz).min(rate / 16.0).max((8.0 / length_s).min(rate / 8.0));
     let top = check("--max-frequency-hz", settings.max_frequency_hz, 2.0 / length_s, rate / 8.0)?
-        .unwrap_or_else(|| rig.drive.map_or(free_top, |d| 2.0 * d.frequency_hz));
+        .unwrap_or_else(|| rig.drive.map_or(free.map_or(free_top, |f| f.top_hz), |d| 2.0 * d.frequency_hz));
     let frequencies = ((top * length_s).round() as usize).clamp(2, 400);
     // The products of the regressors must keep everything up to the highest test frequency.
     let least = (1.5 * top).min(0.15 * rate);
-    let default_pass = (1.15 * greatest(|n| n.signal_end_hz)).max(least).min(0.25 * rate);
+    let default_pass = match free {
+        Some(f) => f.pass_hz.max(1.5 * top).min(0.3 * rate),
+        None => (1.15 * greatest(|n| n.signal_end_hz)).max(least).min(0.25 * rate),
+    };
     let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);
-    let stop = (1.5 * pass).max(pass + 2.5 * top).min(0.45 * rate);
+    let stop = match free {
+        Some(_) => stop_hz(pass, top, stretches_s, rate),
+        None => (1.5 * pass).max(pass + 2.5 * top).min(0.45 * rate),
+    };
     let clear = greatest(|n| n.clear_end_hz).max(least.min(pass)).min(pass);
     let kernels =
         Kernels { full: Kernel::design(step_s, pass, stop), clear: Kernel::design(step_s, clear, clear + stop - pass) };
@@ -66,7 +77,7 @@ mod tests {
                     noise::Noise { sigma: 1e-3, signal_end_hz: busy, clear_end_hz: busy, acceleration_99_hz: busy };
                 for window_s in [None, Some(0.5), Some(1.0), Some(3.0)] {
                     let settings = Settings { window_s, ..Settings::default() };
-                    match geometry(&rig, &settings, &[Some(noise), None], 1.0 / rate) {
+                    match geometry(&rig, &settings, &[Some(noise), None], 1.0 / rate, (None, &[])) {
                         Ok((windows, kernels)) => {
                             assert!(windows.frequencies >= 2 && windows.length_s >= 32.0 / rate, "{rate} {window_s:?}");
                             assert!(

@@ -7,6 +7,7 @@ mod assembly;
 pub mod boots;
 pub mod chain_bias;
 pub mod energy_balance;
+mod free_geometry;
 pub mod from_rows;
 pub mod general;
 mod geometry;
@@ -327,7 +328,15 @@ pub fn prepare_system(system: &System, records: &[Record], rig: &Rig, settings: 
     };
     let (first, second) = rayon::join(|| noise_of(0), || noise_of(1));
     let noises: [Option<noise::Noise>; 2] = [first, second];
-    let (windows, kernels) = geometry::geometry(rig, settings, &noises, step_s)?;
+    let band = if rig.drive.is_none() {
+        let sensors: Vec<Vec<Cow<'_, [f64]>>> =
+            (0..2).map(|i| segments.iter().map(|s| s.sensor(i)).collect()).collect();
+        free_geometry::band(sensors.iter().map(|s| s.iter().map(|x| &x[..])), step_s)
+    } else {
+        None
+    };
+    let lengths: Vec<f64> = segments.iter().map(|s| s.len() as f64 * s.step_s).collect();
+    let (windows, kernels) = geometry::geometry(rig, settings, &noises, step_s, (band, &lengths))?;
     let needed = windows::samples_needed(&windows, &kernels, step_s);
     let longest = segments.iter().map(AngleSegment::len).max().unwrap_or(0);
     if longest < needed {

@@ -1,6 +1,7 @@
 //! From counts to smooth angles and velocities: low-pass, differentiation, noise, spectrum.
 
 pub mod angles;
+pub mod band;
 pub mod band_limited;
 pub mod drive_phase;
 pub mod fast_convolution;

@@ -1,15 +1,15 @@
 //! Windows and low-passes for a model file, from the settings, the rig and the coordinates' spectra.
 //!
-//! As for the built-in systems (20 T or 4 s; test functions up to 2 f_e, or when free to the frequency below which lie 99 % of the
-//! accelerations' power, low-pass to where the signal sinks into the noise, both within bounds). A free system with measured inputs may
-//! need more of the band, since a resonance may lie close to the Nyquist frequency: test functions up to a fifth of the sampling rate, the
-//! low-pass up to two fifths. It gets windows of 30/top (4 s at most): such records are transients, and short windows take all
-//! parts of them alike.
+//! As for the built-in systems: driven windows of 20 T and test functions up to 2 f_e; when free all from the motion ([`crate::identify::free_geometry`]). A free system with
+//! measured inputs may need more of the band, since a resonance may lie close to the Nyquist frequency: test functions up to a fifth of the sampling rate, the
+//! low-pass up to two fifths.
 
 use crate::error::{BadInput, Result};
+use crate::identify::free_geometry::{Most, choose, stop_hz};
 use crate::identify::windows::{Kernels, Windows};
 use crate::identify::{Geometry, Settings};
 use crate::rig::Rig;
+use crate::signal::band::Band;
 use crate::signal::low_pass::Kernel;
 use crate::signal::noise::Noise;
 
@@ -26,6 +26,7 @@ pub fn geometry(
     noises: &[Option<Noise>],
     inputs: bool,
     step_s: f64,
+    (band, stretches_s): (Option<Band>, &[f64]),
 ) -> Result<Geometry> {
     let rate = 1.0 / step_s;
     let check = |option: &str, value: Option<f64>, low: f64, high: f64| match value {
@@ -43,8 +44,10 @@ pub fn geometry(
         None if inputs => (30.0 / wanted.max(1e-9 * rate).min(most_top)).min(4.0),
         None => 4.0,
     };
-    let length_s =
-        check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?.unwrap_or(default_window.max(32.0 * step_s));
+    let asked = check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?;
+    let most = if wide { Most { top: 0.2, pass: 0.4 } } else { Most { top: 0.12, pass: 0.3 } };
+    let free = band.filter(|_| rig.drive.is_none()).map(|b| choose(&b, stretches_s, rate, asked, most));
+    let length_s = asked.or(free.map(|f| f.length_s)).unwrap_or(default_window.max(32.0 * step_s));
     // Eight test functions at least; in a window too short for them, those that the rate allows.
     let free_top = wanted.min(most_top).max((8.0 / length_s).min(rate / if wide { 4.0 } else { 8.0 }));
     let top = check(
@@ -53,13 +56,19 @@ pub fn geometry(
         2.0 / length_s,
         if wide { rate / 4.0 } else { rate / 8.0 },
     )?
-    .unwrap_or_else(|| rig.drive.map_or(free_top, |d| 2.0 * d.frequency_hz));
+    .unwrap_or_else(|| rig.drive.map_or(free.map_or(free_top, |f| f.top_hz), |d| 2.0 * d.frequency_hz));
     let frequencies = ((top * length_s).round() as usize).clamp(2, MOST_FREQUENCIES);
     // The products of the regressors must keep everything up to the highest test frequency.
     let least = (1.5 * top).min(if wide { 0.3 } else { 0.15 } * rate);
-    let default_pass = (1.15 * greatest(|n| n.signal_end_hz)).max(least).min(if wide { 0.4 } else { 0.25 } * rate);
+    let default_pass = match free {
+        Some(f) => f.pass_hz.max(1.5 * top).min(most.pass * rate),
+        None => (1.15 * greatest(|n| n.signal_end_hz)).max(least).min(if wide { 0.4 } else { 0.25 } * rate),
+    };
     let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);
-    let stop = (1.5 * pass).max(pass + 2.5 * top).min(0.45 * rate);
+    let stop = match free {
+        Some(_) => stop_hz(pass, top, stretches_s, rate),
+        None => (1.5 * pass).max(pass + 2.5 * top).min(0.45 * rate),
+    };
     let clear = greatest(|n| n.clear_end_hz).max(least.min(pass)).min(pass);
     let kernels = Kernels {
         full: Kernel::design(step_s, pass, stop),

@@ -25,6 +25,7 @@ use self::stretches::Stretch;
 use super::boots;
 use super::correlation_of as correlation;
 use super::few_windows;
+use super::free_geometry;
 use super::noise_bias::with_noise_that_fits;
 use super::regression::{self, Options, Unsolvable};
 use super::windows::{WindowRows, frequency_of_row, rows_of, samples_needed};
@@ -79,8 +80,12 @@ pub fn prepare(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
     let shown: Vec<Vec<Vec<f64>>> = stretches.iter().map(|s| s.sensors(bound)).collect();
     let noises: Vec<Option<spectral::Noise>> =
         (0..bound.sensors.len()).map(|i| spectral::estimate(shown.iter().map(|s| &s[i][..]), step_s)).collect();
+    let free = rig.drive.is_none();
+    let of_sensor = |i: usize| shown.iter().map(move |s| &s[i][..]);
+    let band = if free { free_geometry::band((0..bound.sensors.len()).map(of_sensor), step_s) } else { None };
     drop(shown);
-    let geometry = geometry::geometry(rig, settings, &noises, !bound.inputs.is_empty(), step_s)?;
+    let lengths: Vec<f64> = stretches.iter().map(|s| s.len() as f64 * s.step_s).collect();
+    let geometry = geometry::geometry(rig, settings, &noises, !bound.inputs.is_empty(), step_s, (band, &lengths))?;
     let needed = samples_needed(&geometry.windows, &geometry.kernels, step_s);
     let longest = stretches.iter().map(Stretch::len).max().unwrap_or(0);
     if longest < needed {
