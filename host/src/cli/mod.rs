@@ -172,7 +172,7 @@ impl Records {
             return Err(error);
         }
         output::print_warnings(&warnings);
-        out.write_json(&serde_json::json!({ "warnings": warnings, "error": error.to_string() }))?;
+        out.write_json(&serde_json::json!({ "parameters": [], "warnings": warnings, "error": error.to_string() }))?;
         tell(error);
         Ok(Answer::that_stands(&warnings))
     }

@@ -28,6 +28,9 @@ const CLEAR: f64 = 4.0;
 pub(super) const CHANCE: f64 = 1e-6;
 /// Ratio of residual to noise power from which something besides noise is left, as in `explain`.
 const BESIDE_NOISE: f64 = 2.0;
+/// Ratio from which what is missing has moved the coefficients beyond their standard errors, so that they do not stand: a residual of five times the sensors'. A
+/// second harmonic of 2 % in the drive (ratio 60) moves B11 by 7.5 of them, an eccentricity of 0.015 rad B22 by 12.
+const MISLEADING: f64 = 25.0;
 
 /// Coefficients with their covariance.
 pub(super) struct Coefficients<'a> {
@@ -68,6 +71,10 @@ impl<'a> Coefficients<'a> {
 
 /// Adds a warning for everything that cannot be.
 pub fn judge(result: &mut Identification, rig: &Rig) {
+    // Of a record that is at fault itself nothing further is said.
+    if result.warnings.iter().any(|w| w.invalidates) {
+        return;
+    }
     if rig.bound.is_none() {
         let c = Coefficients::of(result);
         let mut found = signs(&c);
@@ -79,6 +86,8 @@ pub fn judge(result: &mut Identification, rig: &Rig) {
         found.extend(known_quantities::contradicted(&c, rig, spread));
         result.warnings.extend(found);
     }
+    let negative = physical_signs(result, rig);
+    result.warnings.extend(negative);
     // The noise of measured inputs is not in what is expected.
     let inputs = rig.bound.as_ref().is_some_and(|bound| !bound.inputs.is_empty());
     if let Some(ratio) = result.details.residual_over_noise.filter(|_| !inputs)
@@ -87,7 +96,7 @@ pub fn judge(result: &mut Identification, rig: &Rig) {
         // What a model misses comes back wherever the motion does: it is no sign of a periodic record.
         let percent =
             |of: &[f64]| of.iter().map(|e| format!("{} %", significant(100.0 * e, 2))).collect::<Vec<_>>().join(", ");
-        result.warnings.push(
+        let warning =
             Warning::new(
                 "model-misses-something",
                 format!(
@@ -97,8 +106,8 @@ pub fn judge(result: &mut Identification, rig: &Rig) {
                 ),
                 "An effect is missing. Run `whirl explain`",
             )
-            .with("residual_over_noise", ratio),
-        );
+            .with("residual_over_noise", ratio);
+        result.warnings.push(if ratio > MISLEADING { warning.invalidating() } else { warning });
     }
 }
 
@@ -157,6 +166,33 @@ fn signs(c: &Coefficients<'_>) -> Vec<Warning> {
         }
     }
     out
+}
+
+/// Physical quantities that no rig has negative.
+fn physical_signs(result: &Identification, rig: &Rig) -> Vec<Warning> {
+    let mechanism = rig.bound.as_ref().and_then(|b| b.model.mechanism.clone());
+    let built_in = |name: &str| ["J_o", "tau_c", "c_r", "m1", "m2"].iter().any(|start| name.starts_with(start));
+    let positive = |name: &str| match &mechanism {
+        Some(m) => m.parameters.iter().any(|p| p.positive && p.name == name),
+        None => rig.bound.is_none() && built_in(name),
+    };
+    let of_fit = |name: &str| result.correlation_names.iter().any(|n| n == name);
+    result
+        .parameters
+        .iter()
+        .filter(|p| positive(&p.name) && !of_fit(&p.name) && p.value < -CLEAR * p.std_error)
+        .map(|p| {
+            Warning::new(
+                "negative-quantity",
+                format!("{} = {} {} is negative", p.name, plus_minus(p.value, 1.96 * p.std_error), p.unit),
+                "No rig is so. Are the quantities under [known] right? If they are, the equations miss something: run `whirl explain`",
+            )
+            .invalidating()
+            .with("parameter", p.name.clone())
+            .with("value", p.value)
+            .with("std_error", p.std_error)
+        })
+        .collect()
 }
 
 /// What the ties between coefficients miss by.

@@ -1,6 +1,6 @@
 //! Whether what is said to be known agrees with the record.
 //!
-//! Gravity fixes lengths: B21/B22 = l1 Ω²/g, B25/B22 = a Ω²/g, and B22 = g m2 e2/(J_o2 Ω²). Where all quantities of such a relation are
+//! Gravity fixes lengths: B21/B22 = l1 Ω²/g, B25/B22 = a Ω²/g, and B22 = g m2 e2/(J_o2 Ω²), B12/B11 = g (m1 e1 + m2 l1)/(m2 e2 l1 Ω²). Where all quantities of such a relation are
 //! said to be known, R = 1 tests them, R the relation's two sides divided. ln R over its standard error (from the coefficients' covariance,
 //! widened by how much their own ties are missed) has Student's t distribution over the jackknife's blocks. One wrong quantity q that stands
 //! in R with power n would agree as q R^(−1/n); a time base off by κ changes every Ω² by κ⁻².
@@ -26,6 +26,9 @@ pub const CONTRADICTED: &str = "known-contradicted";
 const DENSEST: f64 = 22_590.0;
 /// Length of a body along its axis, in radii, beyond which none is built that swings across it.
 const LONGEST: f64 = 10.0;
+
+/// Quantities that are not told as wrong: gravity is the last to be, and a product stands beside its factors.
+const HELD: [&str; 2] = ["g", "m2 l1"];
 
 /// A quantity in a relation: name, unit, power.
 type Power = (&'static str, &'static str, f64);
@@ -62,11 +65,25 @@ const DOUBLE: &[Relation] = &[
         omega: 1.0,
         at_least: false,
     },
+    // J_o1 B11/(m2 e2 l1).
+    Relation {
+        quantities: &[("J_o1", "kg m²", 1.0), ("m2", "kg", -1.0), ("e2", "m", -1.0), ("l1", "m", -1.0)],
+        coefficients: &[("B11", 1.0)],
+        omega: 0.0,
+        at_least: false,
+    },
     // J_o1 B11/(J_o2 B21).
     Relation {
         quantities: &[("J_o1", "kg m²", 1.0), ("J_o2", "kg m²", -1.0)],
         coefficients: &[("B11", 1.0), ("B21", -1.0)],
         omega: 0.0,
+        at_least: false,
+    },
+    // (m1 e1 + m2 l1) g B11/(m2 e2 l1 B12 Ω²).
+    Relation {
+        quantities: &[("m1e1 + m2 l1", "kg m", 1.0), ("g", "m/s²", 1.0), ("e2", "m", -1.0), ("m2 l1", "kg m", -1.0)],
+        coefficients: &[("B11", 1.0), ("B12", -1.0)],
+        omega: -1.0,
         at_least: false,
     },
     // J_o2 = g m2 e2/(B22 Ω²) ≥ m2 e2².
@@ -108,6 +125,12 @@ pub(super) fn contradicted(c: &Coefficients<'_>, rig: &Rig, spread: f64) -> Vec<
     known.entry("g".to_owned()).or_insert(GRAVITY);
     if let (Some(m), Some(e)) = (known.get("m1").copied(), known.get("e1").copied()) {
         known.entry("m1e1".to_owned()).or_insert(m * e);
+    }
+    if let (Some(m2), Some(l1)) = (known.get("m2").copied(), known.get("l1").copied()) {
+        known.insert("m2 l1".to_owned(), m2 * l1);
+        if let Some(first) = known.get("m1e1").copied() {
+            known.insert("m1e1 + m2 l1".to_owned(), first + m2 * l1);
+        }
     }
     let double = rig.model == "double-pendulum";
     let relations = if double { DOUBLE } else { SINGLE };
@@ -169,16 +192,16 @@ impl Relation {
         let mut alternatives: Vec<String> = self
             .quantities
             .iter()
-            // Gravity is the last to be wrong.
-            .filter(|(name, ..)| *name != "g")
+            .filter(|(name, ..)| !HELD.contains(name))
             .map(|(name, unit, power)| {
                 let limit = match (self.at_least, *power > 0.0) {
                     (false, _) => "",
                     (true, true) => "at least ",
                     (true, false) => "at most ",
                 };
-                let value = known[*name];
-                format!("{name} = {limit}{} instead of {}", told(value * agrees(*power), unit), told(value, unit))
+                let [value, right] = named(known, name, agrees(*power));
+                let name = name.split(' ').next().unwrap_or(name);
+                format!("{name} = {limit}{} instead of {}", told(right, unit), told(value, unit))
             })
             .collect();
         if self.omega != 0.0 && !self.at_least {
@@ -187,7 +210,8 @@ impl Relation {
             let rate = if driven { "the time base (or the drive's frequency)" } else { "the time base" };
             alternatives.push(format!("{rate} off by a factor of {}", significant(factor, 4)));
         }
-        let names: Vec<&str> = self.quantities.iter().map(|q| q.0).filter(|n| *n != "g").collect();
+        let said = self.quantities.iter().map(|q| q.0).filter(|n| !HELD.contains(n));
+        let names: Vec<&str> = said.map(|n| n.split(' ').next().unwrap_or(n)).collect();
         let warning = Warning::new(
             CONTRADICTED,
             format!(
@@ -203,9 +227,22 @@ impl Relation {
         let values: serde_json::Map<String, serde_json::Value> = self
             .quantities
             .iter()
-            .map(|(name, _, power)| ((*name).to_owned(), (known[*name] * agrees(*power)).into()))
+            .filter(|(name, ..)| !name.contains(' ') || name.contains('+'))
+            .map(|(name, _, power)| {
+                let [_, right] = named(known, name, agrees(*power));
+                (name.split(' ').next().unwrap_or(name).to_owned(), right.into())
+            })
             .collect();
         Some(warning.with("would_agree", values))
+    }
+}
+
+/// Value of a quantity of a relation and the one that would agree, by a factor; of a sum its first part, the other as it is known.
+fn named(known: &BTreeMap<String, f64>, name: &str, factor: f64) -> [f64; 2] {
+    let whole = known[name];
+    match name.split_once(" + ") {
+        Some((first, rest)) => [known[first], whole * factor - known[rest]],
+        None => [whole, whole * factor],
     }
 }
 
@@ -280,6 +317,12 @@ mod tests {
         assert!(two_per_cent.text.contains("63.50 mm"), "{}", two_per_cent.text);
         assert!((two_per_cent.details["would_agree"]["l1"].as_f64().unwrap() / 0.0635 - 1.0).abs() < 1e-9);
         assert!(warned(&[("l1", 63.5)])[0].text.contains("l1 = 63.50 mm instead of 63.50 m"));
+        // B12 = 0.0708, B11 = 0.113: m1 e1 = m2 (e2 l1 B12 Ω²/(B11 g) − l1) = 4.3 g m.
+        let right =
+            0.04 * (0.0267 * 0.0635 * 0.0708 * (10.0 * core::f64::consts::PI).powi(2) / (0.113 * 9.81) - 0.0635);
+        assert!(warned(&[("m1e1", right)]).is_empty(), "{:?}", warned(&[("m1e1", right)]));
+        let heavy = &warned(&[("m1", 136.2), ("e1", 0.0127)])[0];
+        assert!((heavy.details["would_agree"]["m1e1"].as_f64().unwrap() / right - 1.0).abs() < 1e-6, "{}", heavy.text);
         // Half a per mille is within what the coefficients are known to.
         assert!(warned(&[("l1", 0.0635 * 1.0005)]).is_empty());
         // The time base: a factor of 1.6 is one of 2.56 in the length.

@@ -160,6 +160,10 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
         warnings.retain(|w| w.id != suspect.id);
         warnings.push(suspect);
     }
+    // A mistake of the rig file would be told as quantities that are wrong.
+    if !rig.known.is_empty() && !warnings.iter().any(|w| w.invalidates) {
+        warnings.extend(crate::identify::suspects::known(record, rig));
+    }
     Ok(Inspection { record: summary, coordinates, drive, periodicity, warnings, phase_space, plots })
 }
 

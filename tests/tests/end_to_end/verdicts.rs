@@ -30,6 +30,7 @@ fn identified(at: &Path, arguments: &str, status: i32, ids: &[&str]) {
         "negative-damping",
         "negative-inertia",
         "negative-gravity",
+        "negative-quantity",
         "tie-violated",
         "known-contradicted",
         "model-misses-something",
@@ -52,10 +53,22 @@ fn what_cannot_be_is_named() {
     done(at, "simulate --rig rig.toml --seconds 60 --seed 1 --effect quadratic-drag@arm2=1e-6 -o drag.csv");
     identified(at, "base.csv --rig rig.toml", 0, &[]);
     identified(at, "reversed.csv --rig rig.toml", 1, &["negative-damping"]);
-    identified(at, "dead.csv --rig rig.toml", 1, &["negative-inertia"]);
+    // Of a dead channel nothing is said but that.
+    identified(at, "dead.csv --rig rig.toml", 1, &[]);
+    let run = whirl(at, "explain dead.csv --rig rig.toml --json e.json");
+    let e = json(&at.join("e.json"));
+    assert_eq!((run.status, e["verdict"].as_str()), (1, Some("not-decidable")), "{run:?}");
+    let ids: Vec<&str> = e["warnings"].as_array().unwrap().iter().map(|w| w["id"].as_str().unwrap()).collect();
+    assert_eq!(ids, ["dead-channel"]);
     identified(at, "base.csv --rig longer.toml", 1, &["known-contradicted"]);
     identified(at, "base.csv --rig millimetres.toml", 1, &["known-contradicted"]);
     identified(at, "base.csv --rig heavy.toml", 1, &["known-contradicted"]);
+    rig_file(at, "chaotic.toml", "heavier.toml", &[("l1 = 0.0635", "l1 = 0.0635\nm1 = 136.2\ne1 = 0.0127")]);
+    identified(at, "base.csv --rig heavier.toml", 1, &["known-contradicted"]);
+    rig_file(at, "chaotic.toml", "redundant.toml", &[("l1 = 0.0635", "l1 = 0.0635\nm1 = 0.1362\ne1 = 0.0127")]);
+    identified(at, "base.csv --rig redundant.toml", 0, &[]);
+    let run = whirl(at, "inspect base.csv --rig longer.toml");
+    assert!(run.status == 1 && run.stderr.contains("l1 = 63.5"), "{run:?}");
     identified(at, "drag.csv --rig rig.toml", 1, &["tie-violated"]);
 }
 

@@ -43,6 +43,10 @@ fn no_equations(rig: &Rig) -> BadInput {
 
 /// Suspects of records of a rig; none where the rig's equations cannot be identified from them.
 pub fn examine(records: &[Record], rig: &Rig) -> Vec<Warning> {
+    // Equations say nothing of a record that is at fault itself: a dead channel would be told as another scale.
+    if records.iter().flat_map(|r| &r.warnings).any(|w| w.invalidates) {
+        return Vec::new();
+    }
     let mut out = stated(records, rig);
     if out.iter().any(|w| w.invalidates) {
         return out;
@@ -67,6 +71,14 @@ pub fn examine(records: &[Record], rig: &Rig) -> Vec<Warning> {
         out.push(tell::tell(&scene, &base, &found));
     }
     out
+}
+
+/// What the rig file takes as known against what the first part of a record shows; nothing where that cannot be identified.
+pub fn known(record: &Record, rig: &Rig) -> Vec<Warning> {
+    let window_s = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
+    let part = beginning(core::slice::from_ref(record), 0.5 * (WINDOWS + 4) as f64 * window_s);
+    let found = super::weak_form(&part, rig, &super::Settings::default()).map_or_else(|_| Vec::new(), |r| r.warnings);
+    found.into_iter().filter(|w| w.id == super::known_quantities::CONTRADICTED).collect()
 }
 
 /// Whether it says the number of counts that the rig file has: a scale so near is no mistake in it.
