@@ -66,8 +66,14 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
 fn model_file(arguments: &Arguments, rig: &Rig, bound: &crate::rig::measures::Bound) -> Result<Answer> {
     use crate::model::model_file::simulation::Extra;
     let derived = bound.model.mechanism.as_ref().is_some_and(|m| m.file.as_ref().is_some_and(|f| !f.written));
+    let id = |text: &String| text.split('@').next().unwrap_or_default().to_owned();
+    let listed = arguments.effects.iter().all(|t| {
+        let (id, own) = (id(t), rig.effects.iter());
+        crate::effects::catalogue().iter().any(|e| e.id == id) || own.into_iter().any(|e| e.id == id)
+    });
+    let placed = rig.drive.is_some() && listed && crate::effects::written::applies(&bound.model);
     let put_in;
-    let extra = if derived {
+    let extra = if derived || placed {
         Extra::Effects(&arguments.effects)
     } else {
         put_in = crate::explain::model_file::put_in::terms(&bound.model, rig.omega(), &arguments.effects)?;

@@ -6,6 +6,7 @@
 
 use super::entry::{Entry, Form, Verb};
 use super::places::{self, Place};
+use super::written::{self, Change};
 use crate::model::model_file::expression::Function;
 use crate::model::model_file::expression::{Node, Symbol, add, multiply, number};
 use crate::model::model_file::parser::Mistake;
@@ -44,6 +45,8 @@ pub enum Action {
     },
     /// On the drive's phase: radians by t for each strength.
     Advances(Vec<Node>),
+    /// On the left-hand sides of written equations, whose coefficients take part.
+    Changes(Vec<Change>),
 }
 
 /// The record's beginning and length, s.
@@ -68,6 +71,10 @@ pub fn action(
     (omega, span): (f64, Span),
 ) -> Result<Option<Action>, Mistake> {
     let Some(file) = mechanism.file.as_deref() else { return Ok(None) };
+    if file.written && matches!(entry.verb, Verb::Moves | Verb::Turns) {
+        let psi = parameters.last().copied().unwrap_or(0.0);
+        return Ok(written::changes(entry, form, place, file, (span, omega, psi)).map(Action::Changes));
+    }
     let own = file.parameters.len();
     let mut words = Words { parameters: vec![String::new(); own], ..Words::default() };
     let time = Polynomial::motion(Symbol::Time).plus(&Polynomial::number(-span.start_s));

@@ -12,12 +12,14 @@
 //! | [`places`] | where a system has joints, arms, a drive, a frame, encoders |
 //! | [`put_in`] | effects of a simulation |
 //! | [`columns`] | what an effect of strength one adds to every equation |
+//! | [`written`] | the same for equations that a user wrote down |
 
 pub mod columns;
 pub mod entry;
 pub mod places;
 pub mod put_in;
 pub mod value;
+pub mod written;
 
 use std::path::Path;
 use std::sync::OnceLock;

@@ -6,6 +6,7 @@ use crate::model::model_file::expression::Symbol;
 use crate::rig::measures::Bound;
 use crate::system::bodies::Body;
 use crate::system::language::{Gravity, SystemFile};
+use crate::system::mechanism::Mechanism;
 use crate::system::polynomial::{Atom, Polynomial};
 
 /// A place of a system.
@@ -116,6 +117,22 @@ pub fn of(entry: &Entry, file: &SystemFile, bound: &Bound) -> Vec<Place> {
 
 fn shows_angle(file: &SystemFile, bound: &Bound, sensor: usize) -> bool {
     (0..file.coordinates.len()).any(|k| bound.shown[(sensor, k)] != 0.0 && file.coordinates[k].0.space == Space::Circle)
+}
+
+/// The equation in whose inertia a force at a place is told where no mass is known, and what it does work on.
+pub fn equation(place: Place, mechanism: &Mechanism) -> Option<(usize, Polynomial)> {
+    let file = mechanism.file.as_deref()?;
+    let moves = match place {
+        Place::Joint(k) => file.joints[k].moves.value.clone(),
+        Place::Arm(k) => match &file.bodies[k].value {
+            Body::Arm { angle: Some(angle), .. } => angle.clone(),
+            _ => return None,
+        },
+        _ => return None,
+    };
+    let coordinate = (0..file.coordinates.len()).rev().find(|k| moves.moves(|s| s == Symbol::Coordinate(*k)))?;
+    let equation = mechanism.scales.iter().position(|s| s.0 == coordinate)?;
+    Some((equation, moves))
 }
 
 /// Whether an expression of coordinates is an angle: every coordinate in it lies on a circle.

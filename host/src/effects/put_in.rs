@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 
 use super::catalogue;
 use super::columns::{self, Action, Span};
-use super::entry::{Entry, Form};
-use super::places;
+use super::entry::{Entry, Form, Verb};
+use super::{places, written};
 use crate::error::{BadInput, Result};
 use crate::model::model_file::expression::Node;
 use crate::rig::Rig;
@@ -96,14 +96,19 @@ fn shaped(text: &str, entry: &Entry, given: &Text<'_>) -> Result<(Form, Vec<f64>
     Ok((form, strengths))
 }
 
-/// Reads effects for a rig whose system was derived from bodies; `physical` are the values of the system's parameters.
+/// Reads effects for a rig whose system was derived from bodies, `physical` the values of the system's parameters, or written down, `own` those of its
+/// coefficients.
 ///
 /// # Errors
 /// Names the effect, what is wrong in it and what could stand there.
-pub fn of(rig: &Rig, bound: &Bound, physical: &[f64], texts: &[String], span: Span) -> Result<PutIn> {
+pub fn of(rig: &Rig, bound: &Bound, (physical, own): (&[f64], &[f64]), texts: &[String], span: Span) -> Result<PutIn> {
     let mut out = PutIn::default();
-    let Some(mechanism) = bound.model.mechanism.as_deref() else { return Ok(out) };
+    let (model, direction, omega) = (&*bound.model, rig.direction(), rig.omega());
+    let places = if written::applies(model) { written::mechanism(model, direction, omega, own) } else { None };
+    let Some(mechanism) = places.as_ref().or(model.mechanism.as_deref()) else { return Ok(out) };
     let Some(file) = mechanism.file.as_deref() else { return Ok(out) };
+    let found = places.as_ref().and_then(|_| written::parameters(model, direction, omega, own));
+    let physical = found.as_deref().unwrap_or(physical);
     let entries: Vec<&Entry> = catalogue().iter().chain(rig.effects.iter().map(AsRef::as_ref)).collect();
     for (index, text) in texts.iter().enumerate() {
         let given = apart(text)?;
@@ -121,11 +126,23 @@ pub fn of(rig: &Rig, bound: &Bound, physical: &[f64], texts: &[String], span: Sp
             };
             return Err(bad(text, format!("\"{}\"", given.at), names));
         };
-        let (form, strengths) = shaped(text, entry, &given)?;
+        let (form, mut strengths) = shaped(text, entry, &given)?;
+        if places.is_some() {
+            let factor = match (entry.verb, places::equation(*place, mechanism)) {
+                (Verb::Force, Some((equation, _))) => written::told_by(model, omega, equation, physical),
+                (Verb::Moves, _) if entry.unit.is_none() => rig.drive.and_then(|d| d.amplitude_m).unwrap_or(1.0),
+                _ => 1.0,
+            };
+            strengths.iter_mut().for_each(|s| *s /= factor);
+        }
         let action = columns::action(entry, &form, *place, mechanism, physical, (rig.omega(), span));
-        match action {
-            Ok(Some(Action::Force(parts))) => {
-                let all = columns::columns(&parts, strengths.len(), mechanism, physical);
+        let all = match &action {
+            Ok(Some(Action::Force(parts))) => Some(columns::columns(parts, strengths.len(), mechanism, physical)),
+            Ok(Some(Action::Changes(all))) => Some(written::columns(all, model, direction, omega, own)),
+            _ => None,
+        };
+        match (action, all) {
+            (_, Some(all)) => {
                 for (k, (column, strength)) in all.into_iter().zip(strengths).enumerate() {
                     if !column.is_empty() {
                         out.strengths.push(strength);
@@ -134,10 +151,10 @@ pub fn of(rig: &Rig, bound: &Bound, physical: &[f64], texts: &[String], span: Sp
                     out.terms.extend(column.into_iter().map(|(e, of)| (e, name.clone(), of)));
                 }
             }
-            Ok(Some(Action::Reads { sensor, laws })) => {
+            (Ok(Some(Action::Reads { sensor, laws })), None) => {
                 out.reads.extend(laws.into_iter().zip(strengths).map(|(law, s)| (sensor, law, s)));
             }
-            Ok(Some(Action::Advances(laws))) => out.advances.extend(laws.into_iter().zip(strengths)),
+            (Ok(Some(Action::Advances(laws))), None) => out.advances.extend(laws.into_iter().zip(strengths)),
             _ => {
                 return Err(bad(
                     text,

@@ -16,7 +16,7 @@ const EXPLAINED_POWER: f64 = 2.0;
 /// Horizons of the gap that count for the verdict, in units of the shortest: chaos makes longer ones show weaker effects.
 const VERDICT_HORIZONS: f64 = 4.5;
 /// Fewest whole windows for a decision: fewer leave the jackknife and the folds too little.
-const FEWEST_BLOCKS: usize = 9;
+pub(super) const FEWEST_BLOCKS: usize = 9;
 
 /// Share of a record that must repeat for its motion to count as locked.
 const LOCKED_SHARE: f64 = 0.5;
@@ -28,6 +28,20 @@ pub(super) const LOCKED: &str = "the motion repeats (locked to the drive): one o
 
 /// Why a fit that diverged cannot.
 pub(super) const DIVERGED: &str = "the fit diverged: the model's predictions miss by more than the record itself moves, so that nothing follows from them. See `whirl inspect` for the channels, and check units and signs in the rig file";
+
+/// Why a record of so many whole windows cannot.
+pub(super) fn too_few(blocks: usize, window_s: f64) -> String {
+    let wanted = window_s * (FEWEST_BLOCKS + 1) as f64;
+    let few = if blocks == 1 { "window is" } else { "windows are" };
+    format!("{blocks} whole {few} too few to hold some back ({window_s} s each): record at least {wanted} s")
+}
+
+/// What is told of a record that is too short for any fit.
+pub(super) fn too_short(mut result: Explanation, blocks: usize, window_s: f64) -> Explanation {
+    result.verdict = Verdict::NotDecidable;
+    result.reason = too_few(blocks, window_s);
+    result
+}
 
 /// Why this record cannot decide, if it cannot.
 pub(super) fn undecidable(
@@ -42,10 +56,7 @@ pub(super) fn undecidable(
         return Some(LOCKED.to_owned());
     }
     if blocks < FEWEST_BLOCKS || comparison.held_out.is_empty() {
-        return Some(format!(
-            "{blocks} windows of {window_s} s are too few to hold some back: record at least {} s",
-            window_s * (FEWEST_BLOCKS + 1) as f64
-        ));
+        return Some(too_few(blocks, window_s));
     }
     if first.details.condition.iter().any(|k| *k > WORST_CONDITION) {
         return Some("the motion does not visit enough of the state space: the nominal coefficients themselves are hardly separable".to_owned());

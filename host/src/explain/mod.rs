@@ -49,6 +49,7 @@ use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::signal::angles::AngleSegment;
+use crate::warning::Warning;
 
 pub use self::explanation::{Details, Explanation, Forecast, Found, Gap, Ranked, Step, Verdict};
 
@@ -77,8 +78,9 @@ pub struct Settings {
 /// # Errors
 /// As [`identify::identify`]; a `model` that is not of this rig.
 pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
+    let of_record: Vec<Warning> = records.iter().flat_map(|r| &r.warnings).filter(|w| w.invalidates).cloned().collect();
     let suspects = identify::suspects::examine(records, rig);
-    let mut result = if suspects.iter().any(suspected::grave) {
+    let mut result = if !of_record.is_empty() || suspects.iter().any(suspected::grave) {
         // No effect is looked for where one would be dressed up.
         let settings = Settings { most_effects: Some(0), ..settings.clone() };
         any_system(records, rig, &settings).unwrap_or_else(|_| {
@@ -88,7 +90,13 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     } else {
         any_system(records, rig, settings)?
     };
-    suspected::tell_in(&mut result, suspects);
+    if !of_record.is_empty() {
+        // Nothing that was computed from it says anything.
+        result.warnings.retain(|w| w.id != CONTRADICTED && !of_record.contains(w));
+        result.gap.attractor.clear();
+        result.gap.forecasts.clear();
+    }
+    suspected::tell_in(&mut result, of_record.into_iter().chain(suspects).collect());
     Ok(result)
 }
 
@@ -98,7 +106,7 @@ fn any_system(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Expl
         if let Some(result) = engine::explain(records, rig, bound, settings)? {
             return Ok(result);
         }
-        return model_file::explain(records, rig, bound, settings, None);
+        return model_file::explain(records, rig, bound, settings);
     }
     if rig.model == "single-pendulum" {
         return single_pendulum::explain(records, rig, settings);
@@ -125,6 +133,11 @@ fn any_system(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Expl
         family_wise: decision::FAMILY_WISE,
         folds: ranking::FOLDS,
     };
+    let window_s = geometry.windows.length_s;
+    let whole: usize = raw.iter().map(|s| (s.len() as f64 * s.step_s / window_s) as usize).sum();
+    if whole < ranking::FOLDS {
+        return Ok(decidability::too_short(result, whole, window_s));
+    }
     if let Some(model) = &settings.model {
         given::take(&mut state, model, rig)?;
         let as_given = given::measure(&state, model, &comparison);

@@ -35,7 +35,9 @@ pub fn human(e: &Explanation) -> String {
         }
         let _ = writeln!(out, "    to confirm: {}", f.confirm);
     }
-    let _ = writeln!(out, "gap over {} s:", significant(e.gap.horizon_s, 3));
+    if !e.gap.steps.is_empty() {
+        let _ = writeln!(out, "gap over {} s:", significant(e.gap.horizon_s, 3));
+    }
     for s in &e.gap.steps {
         let _ = writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("nominal model"), e.gap.told(s.value));
     }
@@ -58,7 +60,7 @@ pub fn human(e: &Explanation) -> String {
             );
         }
     }
-    for f in &e.gap.forecasts {
+    for f in e.gap.forecasts.iter().filter(|f| !f.steps.is_empty()) {
         let _ = writeln!(
             out,
             "error over {} s on the last 30 %, first 70 % fitted, in degrees:",

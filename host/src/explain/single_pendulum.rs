@@ -1,30 +1,28 @@
 //! Explanations for the built-in single pendulum: its equation written out, explained as a system of one's own, told in the built-in's terms.
 //!
 //! The nominal model is θ″ with the rig file's dampings, gravity and the drive in its direction; what the identification adds to that (motion across the drive, a
-//! centroid off the arm's line) are effects here. Places: `joint1`, `arm1`, `drive`, `frame`.
+//! centroid off the arm's line) are effects here. Places: `joint1`, `arm1`, `encoder1`, `drive`, `frame`.
 //!
-//! Values are physical where `[known]` has `J_o1`, or m1 e1 from which gravity gives it, otherwise divided by it: a strength k of the non-dimensional equation is k Ω² J.
+//! Values are physical where `[known]` has `J_o1`, or m1 e1 from which gravity gives it, otherwise divided by it.
 
-use core::f64::consts::TAU;
+use std::collections::BTreeMap;
 
 use super::Settings;
 use super::explanation::{Explanation, Found};
-use super::model_file::{self, Beside};
+use super::{engine, model_file};
+use crate::effects::catalogue;
+use crate::effects::entry::Verb;
 use crate::error::{BadInput, Result};
 use crate::identify::model_file::own_keys;
 use crate::identify::system::System as Known;
-use crate::model::identified::{AddedEffect, IdentifiedModel, System};
+use crate::identify::{self, general};
+use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S, System};
 use crate::model::single_pendulum::DAMPINGS;
 use crate::record::Record;
 use crate::rig::{Direction, Rig, as_own};
 
 /// The coordinate in the equation as it is written out.
 const ANGLE: &str = "phi1";
-
-/// What the effects of the drive need.
-pub fn beside(rig: &Rig) -> Beside {
-    Beside { omega: rig.omega(), direction: rig.drive.map(|d| d.direction) }
-}
 
 /// Names of the coefficients of some dampings.
 fn coefficients(dampings: &[String]) -> Vec<&'static str> {
@@ -57,7 +55,9 @@ pub fn own(model: &IdentifiedModel, rig: &Rig) -> Result<(Rig, IdentifiedModel)>
     let mut out = model.clone();
     out.system = System::Own(own_keys(&bound.model)?);
     out.nominal.clear();
-    for e in &mut out.effects {
+    // What the engine of driven ones found has its places already.
+    let placed = out.found_with.contains_key(RECORD_S);
+    for e in out.effects.iter_mut().filter(|_| !placed) {
         if ["joint1", "frame"].contains(&e.at.as_str()) || (e.at == "arm1" && e.id != "imbalance") {
             if e.id == "frame-tilt" {
                 e.id = "imbalance".to_owned();
@@ -86,11 +86,12 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         }
         None => (as_own::single_pendulum(rig, &coefficients(&nominal), false)?, None),
     };
-    let Some(bound) = &own_rig.bound else {
-        return Err(BadInput::new("no channel", "a channel that measures theta1").in_file(&rig.path).at("channel"));
-    };
     let settings = Settings { model, ..settings.clone() };
-    let mut out = model_file::explain(records, &own_rig, bound, &settings, Some(&beside(rig)))?;
+    if rig.drive.is_some() {
+        return driven(records, rig, own_rig, &settings, nominal);
+    }
+    let Some(bound) = &own_rig.bound else { return Err(no_channel(rig)) };
+    let mut out = model_file::explain(records, &own_rig, bound, &settings)?;
     let scale = Scale::of(&out, rig);
     for found in &mut out.effects {
         scale.tell(found);
@@ -112,6 +113,68 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         }
     }
     Ok(out)
+}
+
+fn no_channel(rig: &Rig) -> BadInput {
+    BadInput::new("no channel", "a channel that measures theta1").in_file(&rig.path).at("channel")
+}
+
+/// The same under a drive: by every effect of the catalogue.
+fn driven(
+    records: &[Record],
+    rig: &Rig,
+    mut own_rig: Rig,
+    settings: &Settings,
+    nominal: Vec<String>,
+) -> Result<Explanation> {
+    let bound = own_rig.bound.clone().ok_or_else(|| no_channel(rig))?;
+    let first = general::identify(records, &own_rig, &bound, &identify::Settings::default())?;
+    let gravity = first.parameter("q_sin").map_or(f64::NAN, |p| p.value);
+    if let Some(j) = inertia(rig, gravity) {
+        let _ = own_rig.known.insert(format!("J_{ANGLE}"), j);
+    }
+    let Some(mut out) = engine::explain(records, &own_rig, &bound, settings)? else {
+        return model_file::explain(records, &own_rig, &bound, settings);
+    };
+    // Gravity as the whole model has it, not the nominal one, tells the inertia.
+    let last = out.parameters.iter().find(|p| p.name == "q_sin").map_or(gravity, |p| p.value);
+    let factor = inertia(rig, last).zip(inertia(rig, gravity)).map_or(1.0, |(a, b)| a / b);
+    for e in &mut out.effects {
+        rescale(factor, &e.id, (&mut e.value, &mut e.std_error), &mut e.parameters);
+    }
+    for e in out.model.iter_mut().flat_map(|m| &mut m.effects) {
+        rescale(factor, &e.id, (&mut e.value, &mut e.std_error), &mut e.parameters);
+    }
+    for found in &mut out.effects {
+        let same = match found.id.as_str() {
+            "imbalance" => "zero-offset@encoder1",
+            "zero-offset" => "imbalance@arm1",
+            _ => continue,
+        };
+        if !found.indistinguishable_from.iter().any(|x| x == same) {
+            found.indistinguishable_from.push(same.to_owned());
+        }
+    }
+    if let Some(model) = &mut out.model {
+        model.system = System::BuiltIn("single-pendulum".to_owned());
+        model.nominal = nominal;
+    }
+    Ok(out)
+}
+
+/// Multiplies what an effect tells in torques.
+fn rescale(factor: f64, id: &str, (value, std_error): (&mut f64, &mut f64), parameters: &mut BTreeMap<String, f64>) {
+    let Some(entry) = catalogue().iter().find(|e| e.id == id && e.verb == Verb::Force) else { return };
+    let is_shape = |name: &String| entry.shapes.iter().any(|s| s.name == *name);
+    if !entry.value.as_ref().is_some_and(is_shape) {
+        *value *= factor;
+        *std_error *= factor.abs();
+    }
+    for (name, _) in entry.also.iter().filter(|(_, law)| entry.strengths.contains(law)) {
+        if let Some(x) = parameters.get_mut(name) {
+            *x *= factor;
+        }
+    }
 }
 
 /// `ID@PLACE` (with what may follow) in the built-in's terms.
@@ -136,77 +199,35 @@ fn inertia(rig: &Rig, q_sin: f64) -> Option<f64> {
     })
 }
 
-/// Scales of what is told.
+/// Scales of what is told of a free one.
 struct Scale {
-    /// Ω², s⁻².
-    square: f64,
     /// Moment of inertia, kg m², where it is known.
     inertia: Option<f64>,
-    /// Non-dimensional gravity 1/r² and size of the drive's terms.
+    /// Gravity over the reduced length, s⁻².
     gravity: f64,
-    drive: f64,
-    /// Amplitude of the base, m, where it is known.
-    amplitude_m: Option<f64>,
 }
 
 impl Scale {
     fn of(result: &Explanation, rig: &Rig) -> Self {
-        let value = |n: &str| result.parameters.iter().find(|p| p.name == n).map_or(0.0, |p| p.value);
-        let [c, s] = match rig.drive.map(|d| d.direction) {
-            Some(Direction::Vertical) => ["n_sin", "p_sin"],
-            _ => ["n_cos", "p_cos"],
-        };
-        Self {
-            square: rig.omega() * rig.omega(),
-            inertia: inertia(rig, value("q_sin")),
-            gravity: value("q_sin"),
-            drive: value(c).hypot(value(s)),
-            amplitude_m: rig.drive.and_then(|d| d.amplitude_m),
-        }
+        let gravity = result.parameters.iter().find(|p| p.name == "q_sin").map_or(0.0, |p| p.value);
+        Self { inertia: inertia(rig, gravity), gravity }
     }
 
     /// Factor and unit of an effect's value.
     fn value(&self, id: &str, unit: &str) -> (f64, String) {
-        let over_drive = |k: f64| if self.drive > 0.0 { 1.0 / (k * self.drive) } else { f64::NAN };
-        match id {
-            "imbalance" => {
-                if self.drive > 0.0 {
-                    (1.0, "rad".to_owned())
-                } else {
-                    (1.0 / self.gravity, "rad".to_owned())
-                }
-            }
+        match (id, self.inertia) {
             // Gravity turned by an angle: sin(φ − δ).
-            "frame-tilt" => (-1.0 / self.gravity, "rad".to_owned()),
-            "drive-harmonic-2" => (over_drive(4.0), "1".to_owned()),
-            "drive-harmonic-3" => (over_drive(9.0), "1".to_owned()),
-            "vertical-motion" | "horizontal-motion" => match self.amplitude_m {
-                Some(a) => (a * over_drive(1.0), "m".to_owned()),
-                None => (over_drive(1.0), "of the drive's amplitude".to_owned()),
-            },
-            _ => match self.inertia {
-                Some(j) => {
-                    let told = match unit {
-                        "s⁻²" => "N m".to_owned(),
-                        "s⁻¹" => "N m s".to_owned(),
-                        "1" | "" => "N m s²".to_owned(),
-                        other => format!("kg m² {other}"),
-                    };
-                    (self.square * j, told)
-                }
-                None => (self.square, unit.to_owned()),
-            },
-        }
-    }
-
-    /// Parameters beyond the value.
-    fn phase(id: &str, strengths: &[f64], parameters: &mut std::collections::BTreeMap<String, f64>) {
-        if id.starts_with("drive-harmonic") {
-            parameters.remove("psi");
-            // The force is minus the base's acceleration, which is minus the displacement's multiple.
-            if let [c, s] = strengths {
-                parameters.insert("phase".to_owned(), (-s).atan2(-c).rem_euclid(TAU));
+            ("frame-tilt", _) => (-1.0 / self.gravity, "rad".to_owned()),
+            (_, Some(j)) => {
+                let told = match unit {
+                    "s⁻²" => "N m".to_owned(),
+                    "s⁻¹" => "N m s".to_owned(),
+                    "1" | "" => "N m s²".to_owned(),
+                    other => format!("kg m² {other}"),
+                };
+                (j, told)
             }
+            (_, None) => (1.0, unit.to_owned()),
         }
     }
 
@@ -217,22 +238,18 @@ impl Scale {
         }
         let (factor, unit) = self.value(&found.id, &found.unit);
         (found.value, found.std_error, found.unit) = (factor * found.value, factor.abs() * found.std_error, unit);
-        Self::phase(&found.id, &found.strengths, &mut found.parameters);
         for n in &mut found.indistinguishable_from {
             *n = renamed(n);
         }
         if let Some((n, _)) = &mut found.runner_up {
             *n = renamed(n);
         }
-        let same: &[&str] = match found.id.as_str() {
-            "imbalance" => &["zero-offset@encoder1"],
-            // Without a drive nothing tells a turned frame from a turned centroid or scale.
-            "frame-tilt" if self.drive == 0.0 => &["imbalance@arm1", "zero-offset@encoder1"],
-            _ => &[],
-        };
-        for n in same {
-            if !found.indistinguishable_from.iter().any(|x| x == n) {
-                found.indistinguishable_from.push((*n).to_owned());
+        // Without a drive nothing tells a turned frame from a turned centroid or scale.
+        if found.id == "frame-tilt" {
+            for same in ["imbalance@arm1", "zero-offset@encoder1"] {
+                if !found.indistinguishable_from.iter().any(|x| x == same) {
+                    found.indistinguishable_from.push(same.to_owned());
+                }
             }
         }
     }
@@ -244,6 +261,5 @@ impl Scale {
         }
         let (factor, unit) = self.value(&e.id, &e.unit);
         (e.value, e.std_error, e.unit) = (factor * e.value, factor.abs() * e.std_error, unit);
-        Self::phase(&e.id, &e.strengths, &mut e.parameters);
     }
 }

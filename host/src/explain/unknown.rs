@@ -19,11 +19,11 @@ use crate::identify::Geometry;
 use crate::model::weak::{Sample, Series};
 
 /// Grid points of an angle and of a velocity.
-const POINTS: usize = 17;
+pub(super) const POINTS: usize = 17;
 /// Ridge, as a share of the hats' mean square.
-const RIDGE: f64 = 1e-4;
+pub(super) const RIDGE: f64 = 1e-4;
 /// Least share of the held-out residual power that a shape must take away to be told.
-const LEAST_GAIN: f64 = 0.05;
+pub(super) const LEAST_GAIN: f64 = 0.05;
 
 /// A torque of unknown origin as a function of one coordinate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -35,7 +35,7 @@ pub struct Unknown {
     /// Unit of the coordinate.
     pub against_unit: &'static str,
     /// Unit of the torque (N m, or rad/s² where no inertia is known).
-    pub unit: &'static str,
+    pub unit: String,
     /// Coordinate, torque, half width of its 95 % band.
     pub points: Vec<[f64; 3]>,
     /// Share of the held-out residual power that it takes away.
@@ -112,7 +112,7 @@ pub(super) fn shape(state: &State, geometry: &Geometry, outcome: &Outcome) -> Op
                 continue;
             }
             // Strengths are torques over J_o2.
-            let (scale, unit) = c.known.get("J_o2").map_or((1.0, "rad/s²"), |j| (*j, "N m"));
+            let (scale, unit) = c.known.get("J_o2").map_or((1.0, "rad/s²".to_owned()), |j| (*j, "N m".to_owned()));
             best = Some(Unknown {
                 at: place.name().to_owned(),
                 against: coordinate.name.to_owned(),

@@ -5,10 +5,13 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
+use super::measures::Bound;
 use super::{Direction, Rig, measures};
 use crate::error::Result;
 use crate::model::double_pendulum::Damping;
 use crate::model::model_file::ModelFile;
+use crate::model::model_file::toml_place::Source;
+use crate::system;
 
 /// The rig of a single pendulum with its equation (2.6) written out: `dampings` by the names of their coefficients (`c_r`, `C11`). With `all`, the terms of
 /// a base that moves any way and of a centroid off the arm's line; otherwise those of the rig file's direction and of gravity alone.
@@ -33,7 +36,17 @@ pub fn single_pendulum(rig: &Rig, dampings: &[&str], all: bool) -> Result<Rig> {
         terms.push("q_cos = \"cos(phi1)\"");
     }
     terms.push("q_sin = \"sin(phi1)\"");
-    bound(rig, &["phi1"], &format!("\n[[equation]]\nbalance = \"-phi1''\"\nterms = {{ {} }}\n", terms.join(", ")))
+    let equation = format!("\n[[equation]]\nbalance = \"-phi1''\"\nterms = {{ {} }}\n", terms.join(", "));
+    let mut out = bound(rig, &["phi1"], &equation)?;
+    // Effects act at its joint and its arm, by the built-in's names.
+    let names = "coordinates = { phi1 = \"angle\" }\n[[joint]]\nname = \"joint1\"\nmoves = \"phi1\"\n[[body]]\nname = \"arm1\"\nangle = \"phi1\"\n";
+    let text = format!("name = \"{}\"\ntime = \"tau\"\n{names}{equation}", rig.model);
+    let source = Source { text, path: rig.path.clone() };
+    if let Some(bound) = &mut out.bound {
+        *bound = Arc::new(Bound { model: Arc::new(system::model_of(source, None, rig.omega())?), ..(**bound).clone() });
+    }
+    out.known.clear();
+    Ok(out)
 }
 
 /// The rig of a double pendulum with its equations (3.4) written out, with some dampings.

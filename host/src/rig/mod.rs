@@ -358,6 +358,11 @@ impl Rig {
         table.and_then(|t| t.get("known")?.as_table().map(|k| k.contains_key("g"))).unwrap_or(false)
     }
 
+    /// Direction of the drive; none for a free system.
+    pub fn direction(&self) -> Option<Direction> {
+        self.drive.map(|d| d.direction)
+    }
+
     /// Angular frequency Ω = 2π f_e of the drive, or 1 rad/s for a free system.
     pub fn omega(&self) -> f64 {
         self.drive.map_or(1.0, |d| core::f64::consts::TAU * d.frequency_hz)

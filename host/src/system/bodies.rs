@@ -52,13 +52,15 @@ pub enum Body {
 /// Keys that are missing, unknown or do not go together.
 pub fn read(r: &Reader<'_>, top: &DeTable<'_>) -> Result<Vec<Placed<Body>>> {
     let (mut out, mut names): (Vec<Placed<Body>>, Vec<String>) = (Vec::new(), Vec::new());
+    let written = top.get("equation").is_some();
     for (table, at) in r.tables(top, "body")? {
         let known = ["name", "from", "angle", "direction", "mass", "centroid", "first_moment", "inertia"];
         r.source.known_keys(table, &known, "a body")?;
         let taken: Vec<&str> = names.iter().map(String::as_str).collect();
         let name = r.own_name(table, at, &taken)?;
         names.push(name.clone());
-        let value = if table.get("from").is_some() { arm(r, table, at, name)? } else { free(r, table, at, name)? };
+        let value =
+            if table.get("from").is_some() { arm(r, table, at, name)? } else { free(r, table, at, name, written)? };
         out.push(Placed { value, at });
     }
     Ok(out)
@@ -130,7 +132,7 @@ fn arm(r: &Reader<'_>, table: &DeTable<'_>, at: usize, name: String) -> Result<B
     Ok(Body::Arm { name, angle: turned, from, along, mass: mass.unwrap_or_default(), first_moment, inertia })
 }
 
-fn free(r: &Reader<'_>, table: &DeTable<'_>, at: usize, name: String) -> Result<Body> {
+fn free(r: &Reader<'_>, table: &DeTable<'_>, at: usize, name: String, written: bool) -> Result<Body> {
     let bad = |key: &str, found: &str, expected: &str, remedy: &str| {
         let at = table.get(key).map_or(at, |v| v.span().start);
         Err(r.source.bad(at, found, expected).remedy(remedy))
@@ -158,6 +160,8 @@ fn free(r: &Reader<'_>, table: &DeTable<'_>, at: usize, name: String) -> Result<
     let turns = match (scalar(r, table, "angle")?, scalar(r, table, "inertia")?) {
         (Some(angle), Some(inertia)) => Some((angle, inertia)),
         (None, None) => None,
+        // Beside written equations a body may be a name for an angle: a place of effects.
+        (Some(angle), None) if written => Some((angle, Polynomial::default())),
         (Some(_), None) => {
             return bad("angle", "an angle without inertia", "both or none", "Add inertia about the centroid");
         }

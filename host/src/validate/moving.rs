@@ -3,7 +3,7 @@
 use super::motion_model::MotionModel;
 use crate::error::{BadInput, Result};
 use crate::explain::engine::given;
-use crate::explain::model_file::{Beside, motion_of};
+use crate::explain::model_file::motion_of;
 use crate::explain::single_pendulum;
 use crate::model::dynamics::Dynamics;
 use crate::model::identified::{IdentifiedModel, System};
@@ -45,17 +45,10 @@ impl Moving {
         }
         if rig.model == "single-pendulum" {
             let (own, model) = single_pendulum::own(model, rig)?;
-            let beside = single_pendulum::beside(rig);
-            return Self::own(&model, &own, Some(&beside));
+            return Self::own(&model, &own, span_s[0]);
         }
-        if let Some(bound) = &rig.bound {
-            if let Some(m) = given::motion(model, rig, bound, span_s[0])? {
-                let names = m.motion.coefficients().to_vec();
-                let of_drive = of_drive(&names, bound);
-                let (parameters, left_out) = (m.parameters, m.left_out);
-                return Ok(Self { dynamics: Box::new(m.motion), parameters, names, of_drive, left_out, jumps: false });
-            }
-            return Self::own(model, rig, None);
+        if rig.bound.is_some() {
+            return Self::own(model, rig, span_s[0]);
         }
         let double = MotionModel::of(model, rig, span_s)?;
         let names = double.base.names().to_vec();
@@ -69,17 +62,23 @@ impl Moving {
         })
     }
 
-    /// The equations of a system of one's own.
-    fn own(model: &IdentifiedModel, rig: &Rig, beside: Option<&Beside>) -> Result<Self> {
+    /// The equations of a system of one's own; `start_s`: time of the record's first sample.
+    fn own(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Self> {
         let Some(bound) = &rig.bound else {
             return Err(BadInput::new("a rig without a model file", "a system of your own"));
         };
+        if let Some(m) = given::motion(model, rig, bound, start_s)? {
+            let names = m.motion.coefficients().to_vec();
+            let of_drive = of_drive(&names, bound);
+            let (parameters, left_out) = (m.parameters, m.left_out);
+            return Ok(Self { dynamics: Box::new(m.motion), parameters, names, of_drive, left_out, jumps: false });
+        }
         if let System::BuiltIn(id) = &model.system {
             return Err(BadInput::new(format!("model = \"{id}\""), "a system of your own, as in the rig file")
                 .at("model")
                 .remedy("Give a model that was identified on this rig"));
         }
-        let (motion, parameters) = motion_of(model, &bound.model, rig.omega(), beside)?;
+        let (motion, parameters) = motion_of(model, &bound.model, rig.omega())?;
         let names = motion.coefficients().to_vec();
         let of_drive = of_drive(&names, bound);
         Ok(Self { dynamics: Box::new(motion), parameters, names, of_drive, left_out: Vec::new(), jumps: false })

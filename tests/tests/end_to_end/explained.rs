@@ -94,7 +94,7 @@ fn a_shape_that_has_no_name_is_unexplained_and_drawn() {
     let e = explained("chaotic.toml", &hidden, 80.0, 4);
     assert_eq!(e.verdict, Verdict::Unexplained, "{} {:?}", e.reason, e.effects);
     let u = e.unknown.as_ref().expect("a shape");
-    assert_eq!((u.at.as_str(), u.against.as_str(), u.unit), ("joint2", "angle of joint2", "N m"));
+    assert_eq!((u.at.as_str(), u.against.as_str(), u.unit.as_str()), ("joint2", "angle of joint2", "N m"));
     // The torque is −Σ A sin(n x) less the order that was named; the shape follows it within its bands.
     let named: Vec<f64> =
         e.effects.iter().filter(|f| f.id == "cogging" && f.at == "joint2").map(|f| f.parameters["n"]).collect();

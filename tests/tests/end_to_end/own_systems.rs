@@ -270,6 +270,42 @@ fn a_system_from_bodies_names_what_the_built_in_one_does() {
     assert!(again["gap"]["steps"][0]["value"].as_f64().unwrap() < 1.1, "{}", again["gap"]);
 }
 
+/// Equations that a user wrote down get the same effects at the same places, in their own units: on records of a plant that is written apart, and on their own
+/// simulation with an effect put in.
+#[test]
+fn written_equations_name_what_the_built_in_one_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let (built_in, written) = (rig("chaotic.toml"), rig("double-pendulum-model-file.toml"));
+    let inertia = 4.3771e-4 + 0.04 * 0.0635 * 0.0635;
+    for (name, put_in, value) in [
+        ("cogging@joint1", "3e-4,n=7", 3e-4 / inertia),
+        ("coulomb-friction@joint2", "1e-4", 1e-4 / 4.033e-5),
+        ("eccentricity@encoder2", "0.005", 0.005),
+    ] {
+        done(at, &format!("simulate --rig {built_in} --effect {name}={put_in} --seconds 60 -o r.parquet --force"));
+        done(at, &format!("explain r.parquet --rig {written} --json e.json -o m.toml --force"));
+        let e = json(&at.join("e.json"));
+        assert_eq!(e["verdict"], "explained", "{name}: {}", e["reason"]);
+        let first = &e["effects"][0];
+        assert_eq!(format!("{}@{}", first["id"].as_str().unwrap(), first["at"].as_str().unwrap()), name);
+        let (found, error) = (first["value"].as_f64().unwrap(), first["std_error"].as_f64().unwrap());
+        assert!((found - value).abs() < 3.0 * error, "{name}: {found} ± {error}, true {value}");
+        assert!(!e["where"].as_array().unwrap().is_empty() || e["maps"].as_array().is_some(), "{e}");
+    }
+    done(at, &format!("simulate --rig {written} --effect frame-tilt@frame=0.02 --seconds 60 -o r.parquet --force"));
+    done(at, &format!("explain r.parquet --rig {written} --json e.json -o m.toml --force"));
+    let first = &json(&at.join("e.json"))["effects"][0];
+    assert_eq!(first["id"], "frame-tilt");
+    assert!((first["value"].as_f64().unwrap() / 0.02 - 1.0).abs() < 0.01, "{first}");
+    // What was written is taken again, to compare and to predict.
+    done(at, &format!("explain r.parquet --rig {written} --model m.toml --most-effects 0 --json again.json"));
+    let again = json(&at.join("again.json"));
+    assert!(again["gap"]["steps"][0]["value"].as_f64().unwrap() < 1.1, "{}", again["gap"]);
+    done(at, &format!("validate r.parquet --rig {written} --model m.toml --starts 6 --json v.json"));
+    assert_eq!(json(&at.join("v.json"))["verdict"], "passed");
+}
+
 /// Nothing in the program knows of Furuta's pendulum or of this effect: both are files.
 #[test]
 fn an_effect_of_ones_own_is_found_on_a_system_of_ones_own() {

@@ -7,6 +7,7 @@ use super::state::State;
 use crate::effects::columns::{self, Action};
 use crate::effects::entry::{Entry, Form};
 use crate::effects::places::Place;
+use crate::effects::written;
 use crate::model::model_file::by_parts::pieces;
 use crate::model::model_file::expression::{Node, Symbol, add, multiply, number, subtract};
 
@@ -41,15 +42,24 @@ impl Candidate {
         physical: &Physical,
     ) -> Option<Self> {
         let action = Self::action_of(setting, entry, place, &form, physical)?;
-        if let (Action::Force(parts), Some(mechanism)) = (&action, setting.mechanism()) {
-            let all = columns::columns(parts, entry.strengths.len(), mechanism, &physical.values);
+        let candidate = Self { entry: entry.clone(), place, form, action, beside: None };
+        if matches!(candidate.action, Action::Force(_) | Action::Changes(_)) {
+            let all = candidate.at_values(setting, physical);
             let holds = |of: &Node| pieces(of, setting.rig.omega(), &setting.circle).is_ok();
             // Nothing that the weak form cannot hold, nothing that is nothing.
             if all.iter().any(|c| c.is_empty() || !c.iter().all(|(_, of)| holds(of))) {
                 return None;
             }
+            if setting.is_written() && all.iter().any(|c| setting.holds(c)) {
+                return None;
+            }
         }
-        Some(Self { entry: entry.clone(), place, form, action, beside: None })
+        Some(candidate)
+    }
+
+    /// Its columns but those of a sensor or the phase, at values of what they rest on and of the equations' own coefficients.
+    fn at_values(&self, setting: &Setting<'_>, physical: &Physical) -> Vec<Column> {
+        at_values(setting, &self.action, self.entry.strengths.len(), physical)
     }
 
     fn action_of(
@@ -127,7 +137,7 @@ impl Candidate {
 
     /// Whether strengths are applied to the data and found as increments, since the columns hold to first order only.
     pub fn is_applied(&self) -> bool {
-        !matches!(self.action, Action::Force(_))
+        !matches!(self.action, Action::Force(_) | Action::Changes(_))
     }
 
     /// What it adds to a sensor: which, and a law for each strength.
@@ -148,12 +158,10 @@ impl Candidate {
 
     /// Columns of strengths on the left-hand sides at the state's parameters; empty ones for what acts on a sensor.
     pub fn columns(&self, setting: &Setting<'_>, state: &State) -> Vec<Column> {
-        let Some(mechanism) = setting.mechanism() else { return Vec::new() };
         let n = self.entry.strengths.len();
         let of = |action: &Action| match action {
-            Action::Force(parts) => columns::columns(parts, n, mechanism, &state.physical.values),
-            Action::Reads { .. } => vec![Vec::new(); n],
             Action::Advances(laws) => laws.iter().map(|law| advanced(setting, state, law)).collect(),
+            other => at_values(setting, other, n, &state.physical),
         };
         let mut out = of(&self.action);
         if let Some((step, sides)) = &self.beside {
@@ -171,17 +179,26 @@ impl Candidate {
     }
 }
 
+/// Columns of what acts on the left-hand sides; empty ones for what does not.
+fn at_values(setting: &Setting<'_>, action: &Action, strengths: usize, physical: &Physical) -> Vec<Column> {
+    let (model, rig) = (setting.model(), setting.rig);
+    match (action, setting.mechanism()) {
+        (Action::Force(parts), Some(mechanism)) => columns::columns(parts, strengths, mechanism, &physical.values),
+        (Action::Changes(all), _) => written::columns(all, model, rig.direction(), rig.omega(), &physical.written),
+        _ => vec![Vec::new(); strengths],
+    }
+}
+
 /// ∂(left-hand sides)/∂τ of the model so far times what is added to τ.
 fn advanced(setting: &Setting<'_>, state: &State, law: &Node) -> Column {
     let model = setting.model();
     let omega = setting.rig.omega();
-    let mut at = 0;
+    let places = model.term_places();
     let mut out = Vec::new();
     for (e, equation) in model.equations.iter().enumerate() {
         let mut sum = number(0.0);
-        for term in &equation.terms {
+        for (term, &at) in equation.terms.iter().zip(&places[e]) {
             let value = state.values.get(at).copied().unwrap_or(0.0);
-            at += 1;
             if let Some(slope) = model.in_seconds(&term.of, omega).derivative(Symbol::Tau) {
                 sum = add(sum, multiply(number(value), slope));
             }

@@ -20,15 +20,8 @@ use crate::model::model_file::weak_form::{Column, WeakForm};
 /// The weak form with further columns, and which global column each term of each equation is.
 fn weak_of(setting: &Setting<'_>, further: &[Vec<(usize, Node)>]) -> Result<(WeakForm, Vec<Vec<usize>>)> {
     let model = setting.model();
-    let mut at = 0;
-    let mut map: Vec<Vec<usize>> = model
-        .equations
-        .iter()
-        .map(|e| {
-            at += e.terms.len();
-            (at - e.terms.len()..at).collect()
-        })
-        .collect();
+    let at = model.coefficients().len();
+    let mut map = model.term_places();
     let mut extra: Vec<Vec<Column>> = vec![Vec::new(); model.equations.len()];
     for (k, column) in further.iter().enumerate() {
         for (e, of) in column {
@@ -53,7 +46,7 @@ fn spread(rows: &WindowRows, map: &[Vec<usize>], columns: usize, frequencies: us
         for r in 0..n {
             let from = &rows.equations[i][r * width..(r + 1) * width];
             let to = &mut out[(i * n + r) * (columns + 1)..(i * n + r + 1) * (columns + 1)];
-            map.iter().zip(from).for_each(|(&c, x)| to[c] = *x);
+            map.iter().zip(from).for_each(|(&c, x)| to[c] += *x);
             to[columns] = from[width - 1];
         }
     }
@@ -65,8 +58,22 @@ fn spread(rows: &WindowRows, map: &[Vec<usize>], columns: usize, frequencies: us
 /// # Errors
 /// An effect that the weak form cannot hold.
 pub fn build(setting: &Setting<'_>, state: &State, stretches: &[Stretch], further: &[&Candidate]) -> Result<Design> {
+    with_columns(setting, state, (stretches, further), &[])
+}
+
+/// The same with columns of no effect behind them.
+///
+/// # Errors
+/// As [`build`].
+pub fn with_columns(
+    setting: &Setting<'_>,
+    state: &State,
+    (stretches, further): (&[Stretch], &[&Candidate]),
+    behind: &[Vec<(usize, Node)>],
+) -> Result<Design> {
     let all: Vec<&Candidate> = state.chosen.iter().map(|k| &k.candidate).chain(further.iter().copied()).collect();
-    let parts: Vec<Vec<(usize, Node)>> = all.iter().flat_map(|c| c.columns(setting, state)).collect();
+    let mut parts: Vec<Vec<(usize, Node)>> = all.iter().flat_map(|c| c.columns(setting, state)).collect();
+    parts.extend_from_slice(behind);
     let own = state.values.len();
     let columns = own + parts.len();
     let (weak, map) = weak_of(setting, &parts)?;

@@ -8,7 +8,7 @@ use super::setting::Setting;
 use super::state::{Chosen, State};
 use crate::effects::columns::{self, Action, Span};
 use crate::effects::entry::{Entry, Form};
-use crate::effects::{catalogue, places};
+use crate::effects::{catalogue, places, written};
 use crate::error::{BadInput, Result};
 use crate::identify::model_file::own_keys;
 use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S, System};
@@ -133,13 +133,26 @@ pub struct Moving {
 /// A coefficient that is missing.
 pub fn motion(given: &IdentifiedModel, rig: &Rig, bound: &Bound, start_s: f64) -> Result<Option<Moving>> {
     let model = &*bound.model;
-    let Some(mechanism) = model.mechanism.as_deref() else { return Ok(None) };
-    let Some(file) = mechanism.file.as_deref() else { return Ok(None) };
     if given.effects.is_empty() {
         return Ok(None);
     }
-    let physical: Vec<f64> =
-        file.parameters.iter().map(|p| given.found_with.get(&p.name).copied().unwrap_or(f64::NAN)).collect();
+    let values: Vec<f64> =
+        model.coefficients().iter().map(|n| given.parameter(n).map_or(f64::NAN, |p| p.value)).collect();
+    let places = if written::applies(model) {
+        // What was found before effects had places in written equations does not tell the record's length.
+        if !given.found_with.contains_key(RECORD_S) {
+            return Ok(None);
+        }
+        written::mechanism(model, rig.direction(), rig.omega(), &values)
+    } else {
+        None
+    };
+    let Some(mechanism) = places.as_ref().or(model.mechanism.as_deref()) else { return Ok(None) };
+    let Some(file) = mechanism.file.as_deref() else { return Ok(None) };
+    let physical: Vec<f64> = match &places {
+        Some(_) => written::parameters(model, rig.direction(), rig.omega(), &values).unwrap_or_default(),
+        None => file.parameters.iter().map(|p| given.found_with.get(&p.name).copied().unwrap_or(f64::NAN)).collect(),
+    };
     let span = Span { start_s, length_s: given.found_with.get(RECORD_S).copied().unwrap_or(f64::NAN) };
     let mut terms: Vec<(usize, String, Node)> = Vec::new();
     let mut strengths: BTreeMap<String, f64> = BTreeMap::new();
@@ -150,16 +163,22 @@ pub fn motion(given: &IdentifiedModel, rig: &Rig, bound: &Bound, start_s: f64) -
         let found = places::of(entry, file, bound).into_iter().find(|p| p.name(file) == e.at);
         let (Some(place), Some(form)) = (found, form_of(entry, e)) else { return Ok(None) };
         let action = columns::action(entry, &form, place, mechanism, &physical, (rig.omega(), span));
-        match action {
+        let all = match &action {
             Ok(Some(Action::Force(parts))) => {
-                let all = columns::columns(&parts, entry.strengths.len(), mechanism, &physical);
+                Some(columns::columns(parts, entry.strengths.len(), mechanism, &physical))
+            }
+            Ok(Some(Action::Changes(all))) => Some(written::columns(all, model, rig.direction(), rig.omega(), &values)),
+            _ => None,
+        };
+        match (action, all) {
+            (_, Some(all)) => {
                 for (k, (column, strength)) in all.into_iter().zip(&e.strengths).enumerate() {
                     let name = format!("{}@{} {k}", e.id, e.at);
                     strengths.insert(name.clone(), *strength);
                     terms.extend(column.into_iter().map(|(equation, of)| (equation, name.clone(), of)));
                 }
             }
-            Ok(Some(_)) => left_out.push(format!("{}@{}", e.id, e.at)),
+            (Ok(Some(_)), None) => left_out.push(format!("{}@{}", e.id, e.at)),
             _ => return Ok(None),
         }
     }

@@ -1,4 +1,4 @@
-//! Explanations for a system derived from bodies: every effect of the catalogue at every joint, arm, encoder, at its drive and frame.
+//! Explanations for a system derived from bodies, or for written equations under a drive: every effect of the catalogue at every joint, arm, encoder, at its drive and frame.
 //!
 //! As for the built-in double pendulum, for any number of coordinates: the equations without dampings and the nominal dampings, tied over the
 //! equations, are fitted by the weak form; every candidate is added in turn and judged on blocks that were not fitted
@@ -16,6 +16,7 @@
 //! | `power` | what noise alone leaves, what sensors alone feign |
 //! | `residual` | where what is left sits |
 //! | `tell` | values, units, the model |
+//! | `unknown` | the shape of what has no name |
 
 mod candidates;
 mod correct;
@@ -26,11 +27,12 @@ mod residual;
 mod setting;
 mod state;
 mod tell;
+mod unknown;
 
 use self::candidates::Candidate;
 use self::setting::{Begun, Physical, Setting};
 use self::state::{Chosen, State};
-use super::decidability::{self, EXPLAINED_GAP, LOCKED, locked};
+use super::decidability::{self, EXPLAINED_GAP, FEWEST_BLOCKS, LOCKED, locked};
 use super::decision::{self, Choice, Offer};
 use super::design::Design;
 use super::explanation::{Details, Explanation, Found, Step, Verdict};
@@ -43,8 +45,6 @@ use crate::record::Record;
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
 
-/// Fewest whole windows for a decision.
-const FEWEST_BLOCKS: usize = 9;
 /// Step of integration as a share of the shortest horizon: 1e-8 of a smooth motion with a method of fifth order.
 const STEP: f64 = 0.01;
 /// Longer horizons of the gap, in units of the shortest.
@@ -62,6 +62,10 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
     let horizon_s = told::horizon(rig, settings, &setting.raw)?.min(setting.geometry.windows.length_s);
     let mut result = Explanation::new(horizon_s, warnings);
     describe(&setting, &state, &mut result);
+    let whole = whole_windows(&setting);
+    if whole < ranking::FOLDS {
+        return Ok(Some(decidability::too_short(result, whole, setting.geometry.windows.length_s)));
+    }
     let undecidable = undecidable(&setting, records);
     if let Some(model) = &settings.model {
         given::take(&setting, &mut state, model)?;
@@ -117,6 +121,9 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
     }
     tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.fit.covariance), &first, &mut result);
     decidability::decide(&mut result, undecidable, None);
+    if result.verdict == Verdict::Unexplained {
+        result.unknown = unknown::shape(&setting, &state, &outcome);
+    }
     if result.verdict != Verdict::NotDecidable {
         result.model = Some(tell::model(&setting, &state, &result)?);
     }
@@ -136,7 +143,8 @@ struct Outcome {
 fn start(setting: &Setting<'_>, first: &Identification, physical: Physical) -> Option<State> {
     let file = setting.file()?;
     let of_file: Vec<String> = file.nominal.iter().map(|n| n.value.clone()).collect();
-    let names = setting.rig.nominal.as_ref().unwrap_or(&of_file);
+    // Written equations hold their dampings as terms.
+    let names = setting.rig.nominal.as_ref().filter(|_| !setting.is_written()).unwrap_or(&of_file);
     let all = setting.candidates(&physical);
     let chosen: Vec<Chosen> = names
         .iter()
@@ -173,19 +181,20 @@ fn describe(setting: &Setting<'_>, state: &State, result: &mut Explanation) {
     };
 }
 
+/// Whole windows in the record.
+fn whole_windows(setting: &Setting<'_>) -> usize {
+    let window_s = setting.geometry.windows.length_s;
+    setting.raw.iter().map(|s| (s.len() as f64 * s.step_s / window_s) as usize).sum()
+}
+
 /// Why this record cannot decide, if it cannot.
 fn undecidable(setting: &Setting<'_>, records: &[Record]) -> Option<String> {
     let window_s = setting.geometry.windows.length_s;
-    let blocks: usize = setting.raw.iter().map(|s| (s.len() as f64 * s.step_s / window_s) as usize).sum();
+    let blocks = whole_windows(setting);
     if !records.is_empty() && records.iter().all(|r| locked(r, setting.rig)) {
         return Some(LOCKED.to_owned());
     }
-    (blocks < FEWEST_BLOCKS).then(|| {
-        format!(
-            "{blocks} windows of {window_s} s are too few to hold some back: record at least {} s",
-            window_s * (FEWEST_BLOCKS + 1) as f64
-        )
-    })
+    (blocks < FEWEST_BLOCKS).then(|| decidability::too_few(blocks, window_s))
 }
 
 /// Fits everything chosen, renews what rests on the coefficients, and builds the candidates' columns behind its own.

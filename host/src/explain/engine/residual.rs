@@ -9,14 +9,16 @@ use nalgebra::DVector;
 use super::setting::Setting;
 use super::state::State;
 use crate::effects::places;
+use crate::effects::written::{balance_scale, balance_unit as unit_of};
 use crate::explain::residual_map::{Axis, Map, Residual, Where, merge};
+use crate::identify::general;
 use crate::identify::general::balance_error::strong_series;
 use crate::identify::general::noise::{measure, smoothed};
 use crate::identify::general::series::System;
 use crate::identify::general::stretches::Stretch;
 use crate::identify::noise_bias::REPEATS;
 use crate::model::model_file::Space;
-use crate::model::model_file::expression::{Function, Node, Symbol, add, call, multiply, number, subtract, symbol};
+use crate::model::model_file::expression::{Function, Node, Symbol, add, call, multiply, number, symbol};
 use crate::model::model_file::tape::Tape;
 use crate::model::model_file::weak_form::WeakForm;
 use crate::system::bodies::Body;
@@ -28,17 +30,16 @@ use crate::system::polynomial::Polynomial;
 fn residuals(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> Vec<Node> {
     let model = setting.model();
     let omega = setting.rig.omega();
-    let mut k = 0;
+    let mut k = model.coefficients().len();
+    let places = model.term_places();
     let mut out: Vec<Node> = model
         .equations
         .iter()
-        .map(|e| {
-            let mut sum = multiply(number(-1.0), model.in_seconds(&e.balance, omega));
-            for term in &e.terms {
-                sum = add(sum, multiply(number(x[k]), model.in_seconds(&term.of, omega)));
-                k += 1;
-            }
-            sum
+        .zip(&places)
+        .map(|(e, at)| {
+            let balance = multiply(number(-1.0), model.in_seconds(&e.balance, omega));
+            let terms = e.terms.iter().zip(at);
+            terms.fold(balance, |sum, (t, &i)| add(sum, multiply(number(x[i]), model.in_seconds(&t.of, omega))))
         })
         .collect();
     for chosen in &state.chosen {
@@ -92,6 +93,20 @@ fn axes(setting: &Setting<'_>) -> (Vec<Axis>, Vec<Node>) {
     (axes, nodes)
 }
 
+/// Unit of what stands on the right-hand side of a written equation, in seconds.
+pub fn balance_unit(setting: &Setting<'_>, equation: usize) -> String {
+    let (coordinates, inputs) = general::channel_units(setting.model(), setting.rig, setting.whole);
+    unit_of(setting.model(), setting.rig.omega(), equation, &coordinates, &inputs)
+}
+
+/// Least and greatest value of an expression over the record.
+pub fn range(setting: &Setting<'_>, state: &State, of: &Node) -> (f64, f64) {
+    let tape = Tape::new(core::slice::from_ref(of));
+    let kernels = &setting.geometry.kernels;
+    let all = state.stretches.iter().flat_map(|s| strong_series(s, s.len(), &tape, kernels, &setting.circle)).flatten();
+    all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
+}
+
 /// Maps of all equations against all coordinates, and the places where they clearly disagree, largest first.
 pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> (Vec<Map>, Vec<Where>) {
     let (axes, nodes) = axes(setting);
@@ -102,7 +117,13 @@ pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> (Vec<Map>
         .enumerate()
         .map(|(e, r)| {
             let inertia = at(&mechanism.scales[e].1, &state.physical.values);
-            if known(e) { multiply(number(inertia), r) } else { subtract(r, number(0.0)) }
+            if known(e) {
+                multiply(number(inertia), r)
+            } else if setting.is_written() {
+                multiply(number(balance_scale(setting.model(), setting.rig.omega(), e)), r)
+            } else {
+                r
+            }
         })
         .collect();
     let count = residuals.len();
@@ -130,12 +151,13 @@ pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> (Vec<Map>
     for e in 0..count {
         let circle = setting.model().coordinates[mechanism.scales[e].0].space == Space::Circle;
         let unit = match (circle, known(e)) {
-            (true, true) => "N m",
-            (true, false) => "rad/s²",
-            (false, true) => "N",
-            (false, false) => "m/s²",
+            _ if setting.is_written() => balance_unit(setting, e),
+            (true, true) => "N m".to_owned(),
+            (true, false) => "rad/s²".to_owned(),
+            (false, true) => "N".to_owned(),
+            (false, false) => "m/s²".to_owned(),
         };
-        let residual = Residual { equation: e + 1, unit, values: &values[e], noise: &noise[e] };
+        let residual = Residual { equation: e + 1, unit: &unit, values: &values[e], noise: &noise[e] };
         residual.against(&axes, (&values[count..], &clean[count..]), &mut maps, &mut places);
     }
     (maps, merge(places))

@@ -1,20 +1,23 @@
-//! What stays the same while effects are added: the record, its sensors, the system without its dampings.
+//! What stays the same while effects are added: the record, its sensors, the system without its dampings (written equations stand as they
+//! are).
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::candidates::Candidate;
+use super::candidates::{Candidate, Column};
 use crate::effects::columns::Span;
 use crate::effects::entry::Entry;
-use crate::effects::{self, places};
+use crate::effects::{self, places, written};
 use crate::error::Result;
+use crate::explain::model_file::told;
 use crate::identify::general::noise::Sensors;
 use crate::identify::general::stretches::Stretch;
 use crate::identify::general::{self, Prepared};
 use crate::identify::{Geometry, Identification, Settings as IdentifySettings};
 use crate::model::model_file::ModelFile;
+use crate::model::model_file::expression::multiple;
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
@@ -45,6 +48,8 @@ pub struct Setting<'a> {
     pub entries: Vec<Arc<Entry>>,
     /// What is known of the rig.
     known: BTreeMap<String, f64>,
+    /// Places of written equations.
+    written: Option<Mechanism>,
 }
 
 /// A setting with what its identification gave.
@@ -66,6 +71,8 @@ pub struct Physical {
     pub values: Vec<f64>,
     /// Whether the inertia of each equation stays open.
     pub open: Vec<bool>,
+    /// Coefficients of written equations.
+    pub written: Vec<f64>,
 }
 
 impl<'a> Setting<'a> {
@@ -75,12 +82,7 @@ impl<'a> Setting<'a> {
     /// # Errors
     /// As [`crate::identify::identify`].
     pub fn begin(records: &[Record], rig: &'a Rig, whole: &'a Bound, most_windows: f64) -> Result<Option<Begun<'a>>> {
-        let Some(mechanism) = whole.model.mechanism.as_deref() else { return Ok(None) };
-        let Some(file) = mechanism.file.clone() else { return Ok(None) };
-        if file.written || whole.model.equations.len() != whole.model.coordinates.len() {
-            return Ok(None);
-        }
-        let Ok(base) = file.model(Some(&[]), rig.omega()) else { return Ok(None) };
+        let Some(base) = base(rig, whole, records.len()) else { return Ok(None) };
         let settings = IdentifySettings::default();
         let first = general::identify(records, rig, whole, &settings)?;
         let Prepared { stretches, sensors, geometry, warnings, .. } = general::prepare(records, rig, whole, &settings)?;
@@ -88,10 +90,21 @@ impl<'a> Setting<'a> {
         let (Some(start), Some(end)) = (raw.first(), raw.last()) else { return Ok(None) };
         let span =
             Span { start_s: start.start_s, length_s: (end.time(end.len()) - start.start_s).max(f64::MIN_POSITIVE) };
-        let known = mechanism.known(&rig.known, rig.says_gravity());
-        let known: BTreeMap<String, f64> = known.into_iter().map(|(k, v)| (k.to_owned(), v)).collect();
-        let Some(physical) = of_identification(mechanism, &first, &known) else { return Ok(None) };
+        let mechanism = whole.model.mechanism.as_deref();
+        let known: BTreeMap<String, f64> = mechanism.map_or_else(BTreeMap::new, |m| {
+            let known = m.known(&rig.known, rig.says_gravity());
+            known.into_iter().map(|(k, v)| (k.to_owned(), v)).collect()
+        });
         let circle = base.circle();
+        let (written, physical) = if written::applies(&base) {
+            let value = |n: &String| first.parameter(n).map_or(0.0, |p| p.value);
+            let values: Vec<f64> = base.coefficients().iter().map(value).collect();
+            let places = written::mechanism(&base, rig.direction(), rig.omega(), &values);
+            (places, of_equations(&base, rig, &values))
+        } else {
+            (None, mechanism.and_then(|m| of_identification(m, &first, &known)))
+        };
+        let Some(physical) = physical else { return Ok(None) };
         let setting = Self {
             rig,
             whole,
@@ -103,6 +116,7 @@ impl<'a> Setting<'a> {
             span,
             entries: effects::catalogue().iter().cloned().map(Arc::new).chain(rig.effects.iter().cloned()).collect(),
             known,
+            written,
         };
         Ok(Some(Begun { setting, first, physical, warnings }))
     }
@@ -114,12 +128,26 @@ impl<'a> Setting<'a> {
 
     /// What its coefficients are made of.
     pub fn mechanism(&self) -> Option<&Mechanism> {
-        self.bound.model.mechanism.as_deref()
+        self.written.as_ref().or(self.bound.model.mechanism.as_deref())
+    }
+
+    /// Whether the equations were written down, so that effects are told in their own units.
+    pub fn is_written(&self) -> bool {
+        self.written.is_some()
     }
 
     /// What it was derived from.
     pub fn file(&self) -> Option<&SystemFile> {
         self.mechanism().and_then(|m| m.file.as_deref())
+    }
+
+    /// Whether written equations have a column already: each of its parts is a multiple of one of the equation's own terms.
+    pub fn holds(&self, column: &Column) -> bool {
+        let model = self.model();
+        column.iter().all(|(e, of)| {
+            let mut own = model.equations[*e].terms.iter();
+            own.any(|t| multiple(of, &model.in_seconds(&t.of, self.rig.omega())).is_some())
+        })
     }
 
     /// Every candidate: each effect at each of its places in each of its forms.
@@ -138,6 +166,9 @@ impl<'a> Setting<'a> {
 
     /// Parameters of the system from coefficients of the equations without dampings.
     pub fn physical(&self, values: &DVector<f64>, covariance: &DMatrix<f64>) -> Option<Physical> {
+        if self.is_written() {
+            return of_equations(self.model(), self.rig, values.as_slice());
+        }
         let mechanism = self.mechanism()?;
         let names = self.model().coefficients();
         let identified = Identified { names: &names, values, covariance, metric: covariance };
@@ -145,11 +176,33 @@ impl<'a> Setting<'a> {
     }
 }
 
+/// The equations without nominal dampings; none where effects cannot be placed in them.
+fn base(rig: &Rig, whole: &Bound, records: usize) -> Option<ModelFile> {
+    let model = &*whole.model;
+    if model.equations.len() != model.coordinates.len() {
+        return None;
+    }
+    if written::applies(model) {
+        // A coefficient of its own for each record, and what is neither length nor angle, is beyond this way.
+        let own = records > 1 && model.equations.iter().flat_map(|e| &e.terms).any(|t| t.each_record);
+        let open = rig.drive.is_some() && !own && told::moves(rig, whole).iter().all(|m| *m);
+        return open.then(|| model.clone());
+    }
+    let file = model.mechanism.as_deref()?.file.clone()?;
+    if file.written { None } else { file.model(Some(&[]), rig.omega()).ok() }
+}
+
+/// What effects rest on in written equations.
+fn of_equations(model: &ModelFile, rig: &Rig, values: &[f64]) -> Option<Physical> {
+    let found = written::parameters(model, rig.direction(), rig.omega(), values)?;
+    Some(Physical { values: found, open: vec![true; model.equations.len()], written: values.to_vec() })
+}
+
 fn physical(mechanism: &Mechanism, b: &Identified<'_>, known: &BTreeMap<String, f64>) -> Option<Physical> {
     let known: BTreeMap<&str, f64> = known.iter().map(|(k, v)| (k.as_str(), *v)).collect();
     let fit = ties::fit(mechanism, b, &known)?;
     let own = mechanism.file.as_deref()?.parameters.len();
-    Some(Physical { values: fit.parameters[..own].to_vec(), open: fit.open_scales })
+    Some(Physical { values: fit.parameters[..own].to_vec(), open: fit.open_scales, written: Vec::new() })
 }
 
 /// Parameters behind an identification's coefficients.

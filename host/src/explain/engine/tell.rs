@@ -5,39 +5,24 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 
 use super::candidates::Candidate;
+use super::residual::balance_unit;
 use super::setting::{Physical, Setting};
 use super::state::State;
-use crate::effects::entry::Verb;
+use crate::effects::entry::{Verb, multiplied};
 use crate::effects::places::{self, Place};
 use crate::effects::value::{Reported, report};
+use crate::effects::written;
 use crate::error::Result;
 use crate::explain::explanation::{Explanation, Found};
 use crate::identify::Identification;
 use crate::identify::Parameter;
+use crate::identify::general;
 use crate::identify::model_file::own_keys;
 use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S, System};
 use crate::model::model_file::Space;
-use crate::model::model_file::expression::Symbol;
-use crate::model::model_file::units::Unit;
-use crate::system::bodies::Body;
+use crate::model::model_file::units::{self, Unit};
 use crate::system::mechanism::at;
 use crate::system::polynomial::Polynomial;
-
-/// The equation in whose inertia an effect's strength is told where no mass is known, and what it does work on.
-fn equation_of(setting: &Setting<'_>, place: Place) -> Option<(usize, Polynomial)> {
-    let file = setting.file()?;
-    let moves = match place {
-        Place::Joint(k) => file.joints[k].moves.value.clone(),
-        Place::Arm(k) => match &file.bodies[k].value {
-            Body::Arm { angle: Some(angle), .. } => angle.clone(),
-            _ => return None,
-        },
-        _ => return None,
-    };
-    let coordinate = (0..file.coordinates.len()).rev().find(|k| moves.moves(|s| s == Symbol::Coordinate(*k)))?;
-    let equation = setting.mechanism()?.scales.iter().position(|s| s.0 == coordinate)?;
-    Some((equation, moves))
-}
 
 /// Name of the inertia of an equation: of the quantity that it is, if there is one.
 fn inertia_name(setting: &Setting<'_>, equation: usize) -> String {
@@ -51,6 +36,13 @@ fn inertia_name(setting: &Setting<'_>, equation: usize) -> String {
 fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, String) {
     if let (true, Some(unit)) = (c.entry.verb != Verb::Force, &c.entry.unit) {
         return (1.0, unit.clone());
+    }
+    if c.entry.verb == Verb::Moves && setting.is_written() {
+        // In units of the drive's amplitude, which written equations hold only in products.
+        return match setting.rig.drive.and_then(|d| d.amplitude_m) {
+            Some(a) => (a, "m".to_owned()),
+            None => (1.0, "of the drive's amplitude".to_owned()),
+        };
     }
     let rad_or_m = |angle: bool| if angle { "rad" } else { "m" }.to_owned();
     match (c.entry.verb, c.entry.at) {
@@ -67,13 +59,39 @@ fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
     }
 }
 
+/// Factor and unit of a plain force at a place.
+pub fn of_force(setting: &Setting<'_>, physical: &Physical, place: Place) -> (f64, String) {
+    let Some((equation, moves)) = setting.mechanism().and_then(|m| places::equation(place, m)) else {
+        return (1.0, String::new());
+    };
+    let angle = setting.file().is_some_and(|f| places::is_angle(f, &moves));
+    if setting.is_written() {
+        let (model, omega) = (setting.model(), setting.rig.omega());
+        return (written::told_by(model, omega, equation, &physical.values), balance_unit(setting, equation));
+    }
+    let Some(mechanism) = setting.mechanism() else { return (1.0, String::new()) };
+    let unit = |known: bool| match (angle, known) {
+        (true, true) => "N m",
+        (true, false) => "rad/s²",
+        (false, true) => "N",
+        (false, false) => "m/s²",
+    };
+    if physical.open.get(equation).copied().unwrap_or(true) {
+        return (1.0 / at(&mechanism.scales[equation].1, &physical.values), unit(false).to_owned());
+    }
+    (1.0, unit(true).to_owned())
+}
+
 /// The same for a force.
 fn force(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, String) {
     let (Some((equation, moves)), Some(file), Some(mechanism)) =
-        (equation_of(setting, c.place), setting.file(), setting.mechanism())
+        (setting.mechanism().and_then(|m| places::equation(c.place, m)), setting.file(), setting.mechanism())
     else {
         return (1.0, String::new());
     };
+    if setting.is_written() {
+        return in_its_equation(setting, physical, c, (equation, &moves));
+    }
     let angle = places::is_angle(file, &moves);
     let work = if angle { "N m" } else { "N" };
     let coordinates: Vec<Unit> = file
@@ -82,7 +100,7 @@ fn force(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
         .map(|(c, _)| Unit::of_channel(if c.space == Space::Circle { "rad" } else { "m" }))
         .collect();
     // A strength's unit: that of the work over that of what it multiplies.
-    let of = crate::effects::entry::multiplied(&c.entry, &c.form, &moves, file.coordinates.len(), setting.rig.omega());
+    let of = multiplied(&c.entry, &c.form, &moves, file.coordinates.len(), setting.rig.omega());
     let unit = Unit::parse(work).unwrap_or_default();
     let per = of.and_then(|n| crate::model::model_file::units::of(&n, &coordinates, &[], true)).unwrap_or_default();
     // The entry's own unit is that of something that turns.
@@ -103,6 +121,33 @@ fn force(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
         return (1.0 / inertia, format!("{unit}/({} {mass})", inertia_name(setting, equation)));
     }
     (1.0, unit)
+}
+
+/// The same in the units of a written equation.
+fn in_its_equation(
+    setting: &Setting<'_>,
+    physical: &Physical,
+    c: &Candidate,
+    (equation, moves): (usize, &Polynomial),
+) -> (f64, String) {
+    let (model, omega) = (setting.model(), setting.rig.omega());
+    let factor = written::told_by(model, omega, equation, &physical.values);
+    let (coordinates, inputs) = general::channel_units(model, setting.rig, setting.whole);
+    let balance = model.in_seconds(&model.equations[equation].balance, omega);
+    let is_shape = c.entry.value.as_ref().is_some_and(|v| c.form.iter().any(|s| s.0 == *v));
+    let name = &model.coordinates[setting.mechanism().map_or(equation, |m| m.scales[equation].0)].name;
+    let inertia = setting.rig.known.get(&format!("J_{name}"));
+    let factor = factor * inertia.copied().unwrap_or(1.0);
+    let unit = if let (Some(_), false, Some(unit)) = (inertia, is_shape, &c.entry.unit) {
+        unit.clone()
+    } else if is_shape {
+        let angle = setting.file().is_some_and(|f| places::is_angle(f, moves));
+        if angle { "rad" } else { "m" }.to_owned()
+    } else {
+        multiplied(&c.entry, &c.form, moves, model.coordinates.len(), omega)
+            .map_or_else(String::new, |of| units::coefficient(&balance, &of, &coordinates, &inputs, true))
+    };
+    (factor, unit)
 }
 
 /// Value, standard error, parameters and unit of an effect with strengths `k` and their covariance.
@@ -182,12 +227,12 @@ pub fn parameters(
         at_column += d;
     }
     let own = setting.model().coefficients();
-    let Some(mechanism) = setting.whole.model.mechanism.as_deref() else { return };
+    let mechanism = setting.whole.model.mechanism.as_deref();
     for name in setting.whole.model.coefficients() {
         let unit = first.parameter(&name).map_or_else(String::new, |p| p.unit.clone());
         let (value, std_error) = match own.iter().position(|n| *n == name) {
             Some(i) => (x[i], covariance[(i, i)].max(0.0).sqrt()),
-            None => damping(mechanism, &name, &state.physical.values, &strengths),
+            None => mechanism.map_or((f64::NAN, f64::NAN), |m| damping(m, &name, &state.physical.values, &strengths)),
         };
         result.parameters.push(Parameter { name, value, std_error, unit });
     }
@@ -221,7 +266,9 @@ pub fn model(setting: &Setting<'_>, state: &State, result: &Explanation) -> Resu
     let mut found_with = BTreeMap::new();
     let none = result.effects.is_empty() && result.given.is_empty();
     if let (false, Some(file)) = (none, setting.file()) {
-        found_with.extend(file.parameters.iter().zip(&state.physical.values).map(|(p, v)| (p.name.clone(), *v)));
+        if !setting.is_written() {
+            found_with.extend(file.parameters.iter().zip(&state.physical.values).map(|(p, v)| (p.name.clone(), *v)));
+        }
         found_with.insert(RECORD_S.to_owned(), setting.span.length_s);
     }
     Ok(IdentifiedModel {

@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use crate::model::model_file::expression::{
-    Expression, Function, Node, Symbol, call, divide, multiply, number, power_whole, symbol,
+    Expression, Function, Node, Symbol, call, divide, multiple, multiply, number, power_whole, symbol,
 };
 use crate::model::model_file::{ModelFile, Space};
 
@@ -52,18 +52,8 @@ impl Sizes {
 }
 
 impl Effect {
-    /// An effect of a drive or an arm: it neither needs an angle nor dry contact, and does not take energy away.
-    pub(super) const fn of_drive(
-        id: &'static str,
-        equation: &'static str,
-        confirm: &'static str,
-        forms: fn(&Sizes, Node, Node) -> Vec<Form>,
-    ) -> Self {
-        Self { id, equation, confirm, circle: false, mechanical: false, dissipates: false, refines: None, forms }
-    }
-
     /// Its first form at a coordinate, for unit sizes.
-    pub(super) fn first_form(&self, x: Node) -> Option<Form> {
+    fn first_form(&self, x: Node) -> Option<Form> {
         let sizes = Sizes { speed: 1.0, gravity: Some(1.0), shape: None };
         (self.forms)(&sizes, x, symbol(Symbol::Rate(0))).into_iter().next()
     }
@@ -372,21 +362,6 @@ pub fn dissipative(coordinate: usize) -> Vec<Node> {
         .flat_map(|e| (e.forms)(&Sizes { speed: 1.0, gravity: Some(1.0), shape: None }, x.clone(), v.clone()))
         .filter_map(|(shape, mut columns)| if shape.is_none() { columns.pop() } else { None })
         .collect()
-}
-
-/// The number k for which a = k b, by their values at a few points; none where there is none.
-pub fn multiple(a: &Node, b: &Node) -> Option<f64> {
-    let at = |e: &Node, k: f64| {
-        e.value(&|s| match s {
-            Symbol::Coordinate(i) => 0.37 + 0.61 * k - 0.2 * i as f64,
-            Symbol::Rate(i) => -1.3 + 0.83 * k + 0.3 * i as f64,
-            Symbol::Acceleration(i) => 2.1 - 0.4 * k + i as f64,
-            Symbol::Input(i) => 0.9 + 1.7 * k * k - i as f64,
-            _ => 0.4 + 0.1 * k,
-        })
-    };
-    let ratios: Vec<f64> = (0..5).map(|k| at(a, f64::from(k)) / at(b, f64::from(k))).collect();
-    ratios.iter().all(|r| r.is_finite() && (r - ratios[0]).abs() < 1e-9 * (1.0 + ratios[0].abs())).then(|| ratios[0])
 }
 
 #[cfg(test)]

@@ -7,7 +7,6 @@ use super::candidates::{self, Candidate};
 use super::measure::Moving;
 use super::round::{Round, column_name, terms};
 use super::told::put_value;
-use super::{Beside, drive_effects};
 use crate::error::{BadInput, Result};
 use crate::explain::explanation::{Explanation, Found, Step};
 use crate::identify::general::track::Track;
@@ -20,16 +19,7 @@ use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 ///
 /// # Errors
 /// Other equations than the rig's, an effect that there is not.
-pub fn effects(
-    given: &IdentifiedModel,
-    model: &ModelFile,
-    speeds: &[f64],
-    beside: Option<&Beside>,
-) -> Result<Vec<Candidate>> {
-    let of_drive = beside.map_or_else(Vec::new, |b| {
-        let coefficient = |n: &str| given.parameter(n).map_or(0.0, |p| p.value);
-        drive_effects::candidates(model, b.omega, b.direction, &coefficient)
-    });
+pub fn effects(given: &IdentifiedModel, model: &ModelFile, speeds: &[f64]) -> Result<Vec<Candidate>> {
     let wanted = own_keys(model)?;
     match &given.system {
         System::Own(table) if *table == wanted => {}
@@ -51,11 +41,7 @@ pub fn effects(
         .map(|(k, e)| {
             // ψ follows from the strengths; what else there is, is the shape.
             let shape = e.parameters.iter().find(|(n, _)| *n != "psi").map(|(_, v)| *v);
-            let found = of_drive
-                .iter()
-                .find(|c| c.effect.id == e.id && c.at == e.at)
-                .cloned()
-                .or_else(|| candidates::candidate(model, &e.id, &e.at, shape, speeds));
+            let found = candidates::candidate(model, &e.id, &e.at, shape, speeds);
             found.filter(|c| c.columns.len() == e.strengths.len()).ok_or_else(|| {
                 BadInput::new(
                     format!("{}@{} with {} strengths", e.id, e.at, e.strengths.len()),
@@ -96,13 +82,8 @@ pub(super) fn by_name(given: &IdentifiedModel, chosen: &[Candidate]) -> BTreeMap
 ///
 /// # Errors
 /// A model of other equations; as [`EquationsOfMotion::with_columns`]; a coefficient that is missing.
-pub fn motion(
-    given: &IdentifiedModel,
-    model: &ModelFile,
-    omega: f64,
-    beside: Option<&Beside>,
-) -> Result<(EquationsOfMotion, Vec<f64>)> {
-    let chosen = effects(given, model, &vec![1.0; model.coordinates.len()], beside)?;
+pub fn motion(given: &IdentifiedModel, model: &ModelFile, omega: f64) -> Result<(EquationsOfMotion, Vec<f64>)> {
+    let chosen = effects(given, model, &vec![1.0; model.coordinates.len()])?;
     let motion = EquationsOfMotion::with_columns(model, omega, &terms(&chosen))?;
     let known = |name: &str| motion.coefficients().iter().any(|c| c == name || c == shared(name));
     if let Some(p) = given.parameters.iter().find(|p| !known(&p.name)) {

@@ -8,7 +8,7 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `candidates`, `drive_effects` | the effects |
+//! | `candidates` | the effects |
 //! | `round` | a round: what was chosen fitted, every candidate beside it |
 //! | `trajectories` | residuals of trajectories |
 //! | `fit` | least squares over blocks, signs kept |
@@ -21,7 +21,6 @@
 
 mod candidates;
 mod choose;
-mod drive_effects;
 mod fit;
 mod given;
 mod measure;
@@ -41,8 +40,9 @@ pub use self::given::motion as motion_of;
 use self::round::{Round, by_trajectories, by_weak_form, own_signs};
 
 use self::trajectories::{Columns, Trajectories};
-use super::decidability::{DIVERGED, LOCKED, locked};
+use super::decidability::{self, DIVERGED, FEWEST_BLOCKS, LOCKED, locked};
 use super::explanation::{Explanation, Step, Verdict};
+use super::ranking;
 use super::{Settings, singular};
 use crate::error::Result;
 use crate::identify::general::per_record::Split;
@@ -52,13 +52,11 @@ use crate::identify::general::{self, Prepared};
 use crate::identify::{Geometry, Settings as IdentifySettings};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::record::Record;
+use crate::rig::Rig;
 use crate::rig::measures::Bound;
-use crate::rig::{Direction, Rig};
 
 /// Most effects that are added.
 const MOST_EFFECTS: usize = 8;
-/// Fewest blocks for a decision.
-const FEWEST_BLOCKS: usize = 9;
 /// Share of its promise that an effect must keep.
 const LEAST_KEPT: f64 = 0.5;
 /// Length of a block, s.
@@ -104,30 +102,13 @@ pub(super) struct Setting<'a> {
     split: Split,
     circle: Vec<bool>,
     block_s: f64,
-    /// Whether what is told of effects is scaled by the caller.
-    scaled_elsewhere: bool,
 }
 
-/// What is known of a single pendulum beside its equation: effects of the drive are candidates then.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Beside {
-    /// Angular frequency of the drive, rad/s; 1 without one.
-    pub omega: f64,
-    /// Direction of the drive; none for a free one.
-    pub direction: Option<Direction>,
-}
-
-/// Explains one or several records of a model-file rig. `beside`: for a single pendulum.
+/// Explains one or several records of a model-file rig.
 ///
 /// # Errors
 /// As [`crate::identify::identify`]; a given model of other equations.
-pub fn explain(
-    records: &[Record],
-    rig: &Rig,
-    bound: &Bound,
-    settings: &Settings,
-    beside: Option<&Beside>,
-) -> Result<Explanation> {
+pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings) -> Result<Explanation> {
     let model = &*bound.model;
     let Prepared { stretches, record_of, sensors, geometry, warnings } =
         general::prepare(records, rig, bound, &IdentifySettings::default())?;
@@ -142,7 +123,6 @@ pub fn explain(
         split: Split::new(model, records.len()),
         circle: model.circle(),
         block_s: BLOCK_S.min(seconds / 12.0).max(geometry.windows.length_s),
-        scaled_elsewhere: beside.is_some(),
     };
     let horizon_s = told::horizon(rig, settings, &stretches)?;
     let along: Vec<Along> = stretches.iter().map(|s| Along::new(s, rig.drive.map_or(0.0, |_| rig.omega()))).collect();
@@ -150,13 +130,17 @@ pub fn explain(
     let speeds = told::speeds(&stretches);
     let mut result = Explanation::new(horizon_s, warnings);
     let mut chosen = match &settings.model {
-        Some(given) => given::effects(given, model, &speeds, beside)?,
+        Some(given) => given::effects(given, model, &speeds)?,
         None => Vec::new(),
     };
     if let Some(model) = &settings.model {
         given::measure(model, &setting, &chosen, &track, &mut result)?;
     }
     let unit = told::Unit::of(rig, bound);
+    let whole: usize = stretches.iter().map(|s| (s.len() as f64 * s.step_s / setting.block_s) as usize).sum();
+    if whole < 2 * ranking::FOLDS {
+        return Ok(decidability::too_short(result, whole, setting.block_s));
+    }
     result.gap.motion = measure::motion(&track, horizon_s, setting.block_s);
     result.gap.floor_in = unit.noise(&sensors.sigma);
     // For the same reason no simulation of a driven system is told.
@@ -169,29 +153,10 @@ pub fn explain(
     let signs = own_signs(&setting, &first);
     let known = first.coefficients(&[], |f| &f.all);
     let gravity = candidates::gravity(model, rig.omega(), &|n| known.get(n).copied().unwrap_or(0.0));
-    let mut every = candidates(model, rig.omega(), &speeds, &told::moves(rig, bound), &gravity);
-    if let Some(b) = beside {
-        let coefficient = |n: &str| known.get(n).copied().unwrap_or(0.0);
-        every.extend(drive_effects::candidates(model, b.omega, b.direction, &coefficient));
-    }
+    let every = candidates(model, rig.omega(), &speeds, &told::moves(rig, bound), &gravity);
     let mut trajectories = follow(&setting, &track, &first, records.len(), horizon_s);
     let open = |chosen: &[Candidate]| -> Vec<Candidate> {
         every.iter().filter(|c| !chosen.iter().any(|k| k.name() == c.name())).cloned().collect()
-    };
-    // A column that rests on the model's coefficients follows them.
-    let turn = |chosen: &mut [Candidate], round: &Round| -> bool {
-        let Some(b) = beside else { return false };
-        let found = round.coefficients(&[], |f| &f.all);
-        let coefficient = |n: &str| found.get(n).copied().unwrap_or(0.0);
-        let anew = drive_effects::candidates(model, b.omega, b.direction, &coefficient);
-        let mut turned = false;
-        for c in chosen.iter_mut().filter(|c| c.at == drive_effects::ARM) {
-            if let Some(n) = anew.iter().find(|n| n.name() == c.name()) {
-                c.columns.clone_from(&n.columns);
-                turned = true;
-            }
-        }
-        turned
     };
     let mut rest = open(&chosen);
     let mut start = first.coefficients(&[], |f| &f.all);
@@ -211,7 +176,7 @@ pub fn explain(
         Some(LOCKED.to_owned())
     } else {
         (blocks < FEWEST_BLOCKS)
-            .then(|| format!("{blocks} blocks of {:.3} s are too few to hold any out", setting.block_s))
+            .then(|| decidability::too_few(blocks, setting.block_s))
             .or_else(|| (model.equations.len() != model.coordinates.len()).then(|| UNPREDICTED.to_owned()))
     };
     measure::gap(&setting, &round, &chosen, &track, settings.model.is_some().then(|| "refit".to_owned()), &mut result)?;
@@ -231,7 +196,6 @@ pub fn explain(
             chosen.push(candidate);
             let left = open(&chosen);
             let kept = trajectories.as_ref().map(|t| t.states.clone());
-            turn(&mut chosen, &round);
             let tried = match trajectories.as_mut() {
                 Some(t) => {
                     // The last one chosen starts from nothing.
@@ -256,9 +220,6 @@ pub fn explain(
         let Some((found, new, left)) = next else { break };
         result.effects.push(found);
         (round, rest) = (new, left);
-        if turn(&mut chosen, &round) && trajectories.is_none() {
-            round = by_weak_form(&setting, &signs, Some(&round), &chosen, &rest)?;
-        }
         measure::gap(&setting, &round, &chosen, &track, chosen.last().map(Candidate::name), &mut result)?;
     }
     told::read_parameters(&setting, &round, &chosen, &mut result);

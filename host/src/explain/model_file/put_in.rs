@@ -5,7 +5,7 @@
 
 use super::candidates::{EFFECTS, candidate};
 use super::round::column_name;
-use super::told::balance_scale;
+use crate::effects::written::balance_scale;
 use crate::error::{BadInput, Result};
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::expression::Node;

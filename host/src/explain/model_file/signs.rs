@@ -3,9 +3,9 @@
 //! F = Σ λ_j X_j − Y, and q̈_i's inertia in equation e is m = ∂F_e/∂q̈_i at rest. A law v, sign v, v|v| or x² v of coordinate i there opposes the motion
 //! where its coefficient has the sign of m.
 
-use super::candidates::{Candidate, dissipative, multiple};
+use super::candidates::{Candidate, dissipative};
 use crate::model::model_file::ModelFile;
-use crate::model::model_file::expression::{Node, Symbol};
+use crate::model::model_file::expression::{Node, Symbol, multiple};
 
 /// Sign of the inertia of a coordinate in an equation, for coefficients by name; 0 where there is none.
 fn inertia(

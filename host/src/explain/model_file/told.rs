@@ -1,16 +1,17 @@
 //! What an explanation of a model file tells: units, horizon, parameters, values of effects.
 
 use super::Setting;
-use super::candidates::{Candidate, multiple};
+use super::candidates::Candidate;
 use super::fit::Held;
 use super::round::Round;
+use crate::effects::written::balance_scale;
 use crate::error::{BadInput, Result};
 use crate::explain::Settings;
 use crate::explain::explanation::{Explanation, Found, InUnit};
 use crate::identify::Parameter;
 use crate::identify::general;
 use crate::identify::general::stretches::Stretch;
-use crate::model::model_file::{ModelFile, units};
+use crate::model::model_file::units;
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
 
@@ -146,19 +147,10 @@ pub fn put_value(c: &Candidate, held: &Held, from: usize, scale: f64, found: &mu
 }
 
 /// What turns the strength of an effect into the unit that it is told in. Its column is in seconds; an equation whose primes are derivatives by the
-/// drive's phase is 1/Ω² (or 1/Ω) of one in seconds. A single pendulum's effects are scaled by what is known of it.
+/// drive's phase is 1/Ω² (or 1/Ω) of one in seconds.
 pub fn scale_of(setting: &Setting<'_>, c: &Candidate) -> f64 {
-    if setting.scaled_elsewhere {
-        return 1.0;
-    }
     let model = &*setting.bound.model;
     balance_scale(model, setting.rig.omega(), c.equation)
-}
-
-/// By how much an equation's right-hand side grows where its primes are derivatives by seconds: Ω² for −q″, 1 for a force.
-pub fn balance_scale(model: &ModelFile, omega: f64, equation: usize) -> f64 {
-    let balance = &model.equations[equation].balance;
-    multiple(balance, &model.in_seconds(balance, omega)).filter(|k| *k > 0.0).unwrap_or(1.0)
 }
 
 /// Unit of an effect's strength.

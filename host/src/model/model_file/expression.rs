@@ -237,6 +237,23 @@ pub fn negate(a: Node) -> Node {
     multiply(number(-1.0), a)
 }
 
+/// The number k for which a = k b, by their values at a few points; none where there is none.
+pub fn multiple(a: &Node, b: &Node) -> Option<f64> {
+    // Neither sums nor differences of two coordinates stand still from point to point.
+    let wave = |size: f64, k: f64, i: usize| size * (1.7 * k + 2.3 * i as f64 + 0.4 * k * i as f64 + 0.5).sin();
+    let at = |e: &Node, k: f64| {
+        e.value(&|s| match s {
+            Symbol::Coordinate(i) => wave(1.9, k, i),
+            Symbol::Rate(i) => wave(2.3, k + 0.7, i),
+            Symbol::Acceleration(i) => wave(3.1, k + 1.3, i),
+            Symbol::Input(i) => wave(1.3, k + 2.1, i),
+            _ => 0.4 + 0.1 * k,
+        })
+    };
+    let ratios: Vec<f64> = (0..8).map(|k| at(a, f64::from(k)) / at(b, f64::from(k))).collect();
+    ratios.iter().all(|r| r.is_finite() && (r - ratios[0]).abs() < 1e-9 * (1.0 + ratios[0].abs())).then(|| ratios[0])
+}
+
 /// What a hat is at a distance from its node.
 pub fn hat(distance: f64, width: f64, period: Option<f64>) -> f64 {
     let d = period.map_or(distance, |p| distance - p * (distance / p).round());

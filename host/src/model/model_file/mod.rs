@@ -223,6 +223,13 @@ impl ModelFile {
         out
     }
 
+    /// For each term of each equation, the place of its coefficient among [`ModelFile::coefficients`].
+    pub fn term_places(&self) -> Vec<Vec<usize>> {
+        let names = self.coefficients();
+        let place = |t: &Term| names.iter().position(|n| *n == t.name).unwrap_or(usize::MAX);
+        self.equations.iter().map(|e| e.terms.iter().map(place).collect()).collect()
+    }
+
     /// Whether each coordinate lies on S1.
     pub fn circle(&self) -> Vec<bool> {
         self.coordinates.iter().map(|c| c.space == Space::Circle).collect()

@@ -64,7 +64,7 @@ impl Outside for Surroundings {
 pub enum Extra<'a> {
     /// Terms, equation, name, expression in seconds, and their coefficients.
     Terms(&'a [(usize, String, Node)], &'a [f64]),
-    /// Effects of a system derived from bodies, `ID@PLACE=VALUE[,name=value]`.
+    /// Effects of the catalogue, `ID@PLACE=VALUE[,name=value]`.
     Effects(&'a [String]),
 }
 
@@ -84,9 +84,13 @@ pub fn columns(rig: &Rig, bound: &Bound, extra: Extra<'_>, seconds: f64, seed: u
         Extra::Terms(terms, strengths) => {
             PutIn { terms: terms.to_vec(), strengths: strengths.to_vec(), ..PutIn::default() }
         }
-        Extra::Effects(texts) => {
-            put_in::of(rig, bound, &plant.physical, texts, Span { start_s: 0.0, length_s: seconds })?
-        }
+        Extra::Effects(texts) => put_in::of(
+            rig,
+            bound,
+            (&plant.physical, &plant.coefficients),
+            texts,
+            Span { start_s: 0.0, length_s: seconds },
+        )?,
     };
     let motion = EquationsOfMotion::with_columns(model, rig.omega(), &put_in.terms)?;
     let coefficients = [&plant.coefficients[..], &put_in.strengths].concat();

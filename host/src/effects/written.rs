@@ -1,0 +1,456 @@
+//! Effects on equations that a user wrote down: where they act, and what a strength of one adds there.
+//!
+//! A written equation F_e = Σ λ_j X_j − Y = 0 is Lagrange's equation of coordinate q_e over some D_e. Mechanics
+//! makes D_e known up to one factor: inertias are symmetric, D_i ∂F_i/∂q̈_j = D_j ∂F_j/∂q̈_i, and so are forces that
+//! have a potential, D_i ∂F_i/∂q_j = D_j ∂F_j/∂q_i at rest (for coordinates that share no inertia). The first
+//! coordinate of those that are coupled has D = ±1, the sign of its inertia, so that its strengths are in the equation's own unit.
+//!
+//! * A force f along s adds −(f/D_e) ∂s/∂q_e, as for a system of bodies.
+//! * G_e, the part of F_e that the drive's phase moves at rest, is K_e(q) ÿ₀ with y₀ = a cos(τ − ψ): a base that moves by y
+//!   as well adds K_e ÿ along the drive, and K_e with all angles turned by a quarter across it.
+//! * Gravity is the part of F_e that rests on sines and cosines of angles alone: a frame that is turned by β
+//!   adds −β Σ_i ∂/∂φ_i of it, a centroid off the line of arm k β ∂(it + G_k)/∂φ_k in equation k.
+
+use core::f64::consts::{FRAC_PI_2, TAU};
+use std::sync::Arc;
+
+use super::columns::Span;
+use super::entry::{At, Entry, Form};
+use super::places::Place;
+use crate::model::model_file::expression::{
+    Expression, Function, Node, Symbol, add, as_number, multiple, multiply, negate, number, subtract, symbol,
+};
+use crate::model::model_file::units::{self, Unit};
+use crate::model::model_file::{ModelFile, Space};
+use crate::rig::Direction;
+use crate::system::bodies::Body;
+use crate::system::derivative::by_time;
+use crate::system::joints::Joint;
+use crate::system::language::{Gravity, Parameter, Placed, SystemFile};
+use crate::system::mechanism::{Mechanism, Named};
+use crate::system::polynomial::{Atom, Polynomial};
+use crate::system::words::{Value as Word, Words};
+
+/// States at which matrices are compared.
+const STATES: u32 = 16;
+/// Share by which coupled equations may break the symmetry of mechanics: coefficients are identified, with errors.
+const ASYMMETRY: f64 = 0.1;
+/// Size of an entry beside the diagonal, as a share of it, below which equations are not coupled.
+const UNCOUPLED: f64 = 1e-9;
+
+/// What a strength of one does beside forces.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Change {
+    /// Second derivatives by τ of the base's displacement along and across the drive, in units of the drive's amplitude.
+    Moves {
+        /// Along the drive.
+        along: Node,
+        /// Across it.
+        across: Node,
+    },
+    /// Turns the centroid of the arm with this coordinate.
+    Arm(usize, Node),
+    /// Turns gravity.
+    Frame(Node),
+}
+
+/// Whether effects find their places in a model's equations: written ones, one for each coordinate.
+pub fn applies(model: &ModelFile) -> bool {
+    let derived = model.mechanism.as_ref().is_some_and(|m| !m.coefficients.is_empty());
+    !derived && model.equations.len() == model.coordinates.len()
+}
+
+/// The left-hand sides Σ λ X − Y in seconds, for coefficients in the order of [`ModelFile::coefficients`].
+fn sides(model: &ModelFile, omega: f64, values: &[f64]) -> Vec<Node> {
+    let places = model.term_places();
+    model
+        .equations
+        .iter()
+        .zip(&places)
+        .map(|(e, at)| {
+            e.terms.iter().zip(at).fold(negate(model.in_seconds(&e.balance, omega)), |sum, (t, &k)| {
+                let value = values.get(k).copied().unwrap_or(0.0);
+                add(sum, multiply(number(value), model.in_seconds(&t.of, omega)))
+            })
+        })
+        .collect()
+}
+
+/// The parts of the left-hand sides at rest that the drive's phase does not move, and those that it does.
+fn at_rest(model: &ModelFile, omega: f64, values: &[f64]) -> Vec<[Node; 2]> {
+    let rest = |n: &Node| {
+        model.in_seconds(n, omega).replace(&|s| match s {
+            Symbol::Rate(_) | Symbol::Acceleration(_) | Symbol::Input(_) => number(0.0),
+            other => symbol(other),
+        })
+    };
+    let places = model.term_places();
+    model
+        .equations
+        .iter()
+        .zip(&places)
+        .map(|(e, at)| {
+            let terms = e.terms.iter().zip(at).map(|(t, &k)| (values.get(k).copied().unwrap_or(0.0), &t.of));
+            let mut out = [number(0.0), number(0.0)];
+            for (factor, of) in terms.chain([(-1.0, &e.balance)]) {
+                let part = rest(of);
+                let driven = usize::from(part.any(&|s| matches!(s, Symbol::Tau | Symbol::Time)));
+                out[driven] = add(out[driven].clone(), multiply(number(factor), part));
+            }
+            out
+        })
+        .collect()
+}
+
+/// The additive parts of an expression that hold a sine or cosine of a coordinate.
+fn of_angles(n: &Node) -> Node {
+    match &**n {
+        Expression::Add(a, b) => add(of_angles(a), of_angles(b)),
+        Expression::Subtract(a, b) => subtract(of_angles(a), of_angles(b)),
+        _ if turns(n) => n.clone(),
+        _ => number(0.0),
+    }
+}
+
+fn turns(n: &Node) -> bool {
+    match &**n {
+        Expression::Call(Function::Sin | Function::Cos, a) => a.any(&|s| matches!(s, Symbol::Coordinate(_))),
+        Expression::Call(_, a) => turns(a),
+        Expression::Add(a, b)
+        | Expression::Subtract(a, b)
+        | Expression::Multiply(a, b)
+        | Expression::Divide(a, b)
+        | Expression::Power(a, b) => turns(a) || turns(b),
+        _ => false,
+    }
+}
+
+/// Value of coordinate `k` in state `s`: spread over the circle by the golden ratio, and as far on a line.
+fn spread(s: u32, k: usize) -> f64 {
+    let turn =
+        (0.618_033_988_749_895 * f64::from(s + 1) + 0.414_213_562_373_095 * (k + 1) as f64 * f64::from(s + 2)).fract();
+    TAU * (turn - 0.5)
+}
+
+fn value(n: &Node, s: u32, tau: f64) -> f64 {
+    n.value(&|symbol| match symbol {
+        Symbol::Coordinate(k) => spread(s, k),
+        Symbol::Tau => tau,
+        _ => 0.0,
+    })
+}
+
+/// D_e of every equation, and the pairs of coordinates that are coupled; none where a coordinate has no inertia in its equation.
+pub fn inertias(model: &ModelFile, omega: f64, values: &[f64]) -> Option<(Vec<f64>, Vec<(usize, usize)>)> {
+    let n = model.coordinates.len();
+    let all = sides(model, omega, values);
+    let rest: Vec<Node> = at_rest(model, omega, values).into_iter().map(|[still, _]| still).collect();
+    let matrix = |of: &[Node], by: fn(usize) -> Symbol| -> Vec<Vec<Vec<f64>>> {
+        of.iter()
+            .map(|f| {
+                (0..n)
+                    .map(|j| {
+                        let slope = f.derivative_between_jumps(by(j)).unwrap_or_else(|| number(f64::NAN));
+                        (0..STATES).map(|s| value(&slope, s, 0.0)).collect()
+                    })
+                    .collect()
+            })
+            .collect()
+    };
+    let (inertia, stiffness) = (matrix(&all, Symbol::Acceleration), matrix(&rest, Symbol::Coordinate));
+    let own = |k: usize| inertia[k][k].iter().sum::<f64>();
+    let mut scales: Vec<Option<f64>> = vec![None; n];
+    let mut pairs = Vec::new();
+    for root in 0..n {
+        if scales[root].is_some() {
+            continue;
+        }
+        scales[root] = Some(sign_of(own(root))?);
+        let mut open = vec![root];
+        while let Some(i) = open.pop() {
+            for j in (0..n).filter(|&j| j != i) {
+                let ratio = ratio(&inertia, i, j).or_else(|| ratio(&stiffness, i, j));
+                let (Some(ratio), Some(at)) = (ratio, scales[i]) else { continue };
+                if !pairs.contains(&(i.min(j), i.max(j))) {
+                    pairs.push((i.min(j), i.max(j)));
+                }
+                if scales[j].is_none() {
+                    scales[j] = Some(at * ratio);
+                    open.push(j);
+                }
+            }
+        }
+    }
+    let scales = scales.into_iter().collect::<Option<Vec<f64>>>()?;
+    pairs.sort_unstable();
+    Some((scales, pairs))
+}
+
+fn sign_of(x: f64) -> Option<f64> {
+    if x > 0.0 {
+        Some(1.0)
+    } else if x < 0.0 {
+        Some(-1.0)
+    } else {
+        None
+    }
+}
+
+/// D_j/D_i from D_i m_ij = D_j m_ji; none where the two are not coupled or not symmetric for any ratio.
+fn ratio(m: &[Vec<Vec<f64>>], i: usize, j: usize) -> Option<f64> {
+    let (a, b) = (&m[i][j], &m[j][i]);
+    let square = |x: &[f64]| x.iter().map(|v| v * v).sum::<f64>();
+    let product: f64 = a.iter().zip(b).map(|(x, y)| x * y).sum();
+    let ratio = product / square(b);
+    let misfit: f64 = a.iter().zip(b).map(|(x, y)| (x - ratio * y).powi(2)).sum();
+    let coupled = square(a) > UNCOUPLED * square(&m[i][i]) && square(b) > UNCOUPLED * square(&m[j][j]);
+    (coupled && ratio.is_finite() && misfit < ASYMMETRY * ASYMMETRY * square(a)).then_some(ratio)
+}
+
+/// Values of what the mechanism of a written model rests on: D_e of every equation, then ψ.
+pub fn parameters(model: &ModelFile, direction: Option<Direction>, omega: f64, values: &[f64]) -> Option<Vec<f64>> {
+    let (mut out, _) = inertias(model, omega, values)?;
+    out.push(driven(model, &at_rest(model, omega, values), direction).psi);
+    Some(out)
+}
+
+/// Places of a written model: its own joints and arms where it names them; otherwise every coordinate is both, under its own name, and the
+/// difference of two that are coupled is a joint `q2-q1`.
+pub fn mechanism(model: &ModelFile, direction: Option<Direction>, omega: f64, values: &[f64]) -> Option<Mechanism> {
+    let (_, pairs) = inertias(model, omega, values)?;
+    let declared = model.mechanism.as_deref().and_then(|m| m.file.as_deref());
+    let coordinate = |k: usize| Polynomial::motion(Symbol::Coordinate(k));
+    let name = |k: usize| model.coordinates[k].name.clone();
+    let circle = |k: usize| model.coordinates[k].space == Space::Circle;
+    let joint = |name: String, moves: Polynomial| Joint { name, at: None, moves: Placed { value: moves, at: 0 } };
+    let n = model.coordinates.len();
+    let mut joints: Vec<Joint> = declared.map_or_else(Vec::new, |f| f.joints.clone());
+    if joints.is_empty() {
+        joints = (0..n).map(|k| joint(name(k), coordinate(k))).collect();
+        let alike = pairs.iter().filter(|(i, j)| circle(*i) == circle(*j));
+        joints.extend(
+            alike.map(|&(i, j)| joint(format!("{}-{}", name(j), name(i)), coordinate(j).minus(&coordinate(i)))),
+        );
+    }
+    let arm = |name: String, angle: Polynomial| {
+        let (from, along) = (vec![Polynomial::default(); 2], vec![Polynomial::default(); 2]);
+        let (mass, first_moment, inertia) = Default::default();
+        Placed { value: Body::Arm { name, angle: Some(angle), from, along, mass, first_moment, inertia }, at: 0 }
+    };
+    let mut bodies: Vec<Placed<Body>> = declared.map_or_else(Vec::new, |f| {
+        let named = f.bodies.iter().filter_map(|b| match &b.value {
+            Body::Free { name, turns: Some((angle, _)), .. } => Some(arm(name.clone(), angle.clone())),
+            _ => None,
+        });
+        named.collect()
+    });
+    if bodies.is_empty() {
+        bodies = (0..n).filter(|&k| circle(k)).map(|k| arm(name(k), coordinate(k))).collect();
+    }
+    let mut parameters: Vec<String> = (0..n).map(|k| format!("inertia of {}", name(k))).collect();
+    parameters.push("phase of the drive".to_owned());
+    let mut words = Words { parameters: parameters.clone(), ..Words::default() };
+    words.coordinates = (0..n).map(name).collect();
+    let driven = at_rest(model, omega, values).iter().any(|[_, g]| g.any(&|s| s == Symbol::Tau));
+    if let (Some(direction), true) = (direction, driven) {
+        let y = Polynomial::call(Function::Cos, Polynomial::motion(Symbol::Tau));
+        let still = Polynomial::default();
+        let base = if direction == Direction::Vertical { vec![still, y] } else { vec![y, still] };
+        words.points.push(("base".to_owned(), base));
+    }
+    let unit = |k: usize| if circle(k) { "angle" } else { "length" }.to_owned();
+    let file = SystemFile {
+        source: model.source.clone(),
+        name: model.name.clone(),
+        coordinates: (0..n).map(|k| (model.coordinates[k].clone(), unit(k))).collect(),
+        words,
+        parameters: parameters
+            .iter()
+            .map(|p| Parameter { name: p.clone(), unit: Unit::default(), declared: None })
+            .collect(),
+        gravity: Some(Gravity::Down),
+        bodies,
+        kinetic: None,
+        potential: None,
+        joints,
+        forces: Vec::new(),
+        sensors: Vec::new(),
+        quantities: Vec::new(),
+        nominal: Vec::new(),
+        written: true,
+        time: None,
+    };
+    Some(Mechanism {
+        parameters: parameters.into_iter().map(|name| Named { name, unit: Unit::default(), positive: false }).collect(),
+        scales: (0..n).map(|k| (k, Polynomial::atom(Atom::Parameter(k)))).collect(),
+        file: Some(Arc::new(file)),
+        ..Mechanism::default()
+    })
+}
+
+/// What each strength of an entry that is no force does at a place; none for forces, sensors and phases, whose columns do not depend on how the system was
+/// written, and where it does nothing.
+pub fn changes(
+    entry: &Entry,
+    form: &Form,
+    place: Place,
+    file: &SystemFile,
+    (span, omega, psi): (Span, f64, f64),
+) -> Option<Vec<Change>> {
+    let own = file.parameters.len();
+    let mut words = Words { parameters: vec![String::new(); own], ..Words::default() };
+    let time = Polynomial::motion(Symbol::Time).plus(&Polynomial::number(-span.start_s));
+    words.scalars.push(("t".to_owned(), time));
+    words.constants.push(("T".to_owned(), span.length_s));
+    let count = entry.strengths.len();
+    let by_strength = |law: &Polynomial| -> Vec<Node> {
+        let parts = law.by_parameters();
+        let of = |k: usize| parts.get(&vec![(Atom::Parameter(own + k), 1)]);
+        (0..count).map(|k| of(k).map_or_else(|| number(0.0), Polynomial::node)).collect()
+    };
+    match (place, entry.at) {
+        (Place::Drive, At::Drive) if entry.verb == super::entry::Verb::Moves => {
+            // The drive's own displacement in units of its amplitude.
+            let phase = Polynomial::motion(Symbol::Tau).plus(&Polynomial::number(-psi));
+            let y = Polynomial::call(Function::Cos, phase);
+            let axis = |up: f64| vec![Polynomial::number(up), Polynomial::number(1.0 - up)];
+            words.points = vec![("along".to_owned(), axis(1.0)), ("across".to_owned(), axis(0.0))];
+            words.constants.push(("size".to_owned(), 1.0));
+            words.scalars.push(("y".to_owned(), y));
+            let Ok(Word::Vector(law)) = entry.law(&words, form) else { return None };
+            let twice = |p: &Polynomial| {
+                let rate = by_time(p, 0, omega).ok()?;
+                Some(by_time(&rate, 0, omega).ok()?.scaled(1.0 / (omega * omega)))
+            };
+            let (along, across) = (by_strength(&twice(&law[0])?), by_strength(&twice(&law[1])?));
+            Some(along.into_iter().zip(across).map(|(along, across)| Change::Moves { along, across }).collect())
+        }
+        (Place::Arm(k), At::Arm) if entry.verb == super::entry::Verb::Turns => {
+            let Body::Arm { angle: Some(angle), .. } = &file.bodies[k].value else { return None };
+            let turned = (0..file.coordinates.len()).find(|&i| *angle == Polynomial::motion(Symbol::Coordinate(i)))?;
+            let Ok(Word::Scalar(law)) = entry.law(&words, form) else { return None };
+            Some(by_strength(&law).into_iter().map(|of| Change::Arm(turned, of)).collect())
+        }
+        (Place::Frame, At::Frame) => {
+            let Ok(Word::Scalar(law)) = entry.law(&words, form) else { return None };
+            Some(by_strength(&law).into_iter().map(Change::Frame).collect())
+        }
+        _ => None,
+    }
+}
+
+/// The drive's part of the left-hand sides as K_e(q) d²y₀/dτ², and its phase ψ.
+struct Driven {
+    /// K_e.
+    along: Vec<Node>,
+    /// K_e across the drive.
+    across: Vec<Node>,
+    /// Phase of y₀.
+    psi: f64,
+}
+
+fn driven(model: &ModelFile, parts: &[[Node; 2]], direction: Option<Direction>) -> Driven {
+    let at = |g: &Node, tau: f64| {
+        g.replace(&|s| match s {
+            Symbol::Tau => number(tau),
+            Symbol::Time => number(0.0),
+            other => symbol(other),
+        })
+    };
+    let pairs: Vec<[Node; 2]> = parts.iter().map(|[_, g]| [at(g, 0.0), at(g, FRAC_PI_2)]).collect();
+    let states = || pairs.iter().flat_map(|p| (0..STATES).map(move |s| [value(&p[0], s, 0.0), value(&p[1], s, 0.0)]));
+    let sum = |f: fn([f64; 2]) -> f64| states().map(f).sum::<f64>();
+    // The axis of the ellipse that cosine and sine draw.
+    let mut psi = 0.5 * (2.0 * sum(|[c, s]| c * s)).atan2(sum(|[c, s]| c * c - s * s));
+    let turn = if direction == Some(Direction::Vertical) { FRAC_PI_2 } else { -FRAC_PI_2 };
+    let turned = |n: &Node, by: f64| {
+        n.replace(&|s| match s {
+            Symbol::Coordinate(k) if model.coordinates[k].space == Space::Circle => {
+                add(symbol(Symbol::Coordinate(k)), number(by))
+            }
+            other => symbol(other),
+        })
+    };
+    // ÿ₀ = −Ω² a cos(τ − ψ): where the base goes up with gravity's own sign, a is positive.
+    let of = |psi: f64| -> Vec<Node> {
+        let mix =
+            |p: &[Node; 2]| add(multiply(number(-psi.cos()), p[0].clone()), multiply(number(-psi.sin()), p[1].clone()));
+        pairs.iter().map(mix).collect()
+    };
+    let up: f64 = of(psi)
+        .iter()
+        .zip(parts)
+        .map(|(k, [still, _])| {
+            let vertical = if direction == Some(Direction::Vertical) { k.clone() } else { turned(k, -FRAC_PI_2) };
+            (0..STATES).map(|s| value(&vertical, s, 0.0) * value(still, s, 0.0)).sum::<f64>()
+        })
+        .sum();
+    if up < 0.0 {
+        psi += core::f64::consts::PI;
+    }
+    let along = of(psi);
+    let across = along.iter().map(|k| turned(k, turn)).collect();
+    Driven { along, across, psi }
+}
+
+/// What each change adds to the left-hand sides, in seconds, for coefficients in the order of [`ModelFile::coefficients`].
+pub fn columns(
+    changes: &[Change],
+    model: &ModelFile,
+    direction: Option<Direction>,
+    omega: f64,
+    values: &[f64],
+) -> Vec<Vec<(usize, Node)>> {
+    let parts = at_rest(model, omega, values);
+    let slope = |n: &Node, k: usize| n.derivative_between_jumps(Symbol::Coordinate(k)).unwrap_or_else(|| number(0.0));
+    let kept = |all: Vec<(usize, Node)>| -> Vec<(usize, Node)> {
+        all.into_iter().filter(|(_, n)| as_number(n) != Some(0.0)).collect()
+    };
+    changes
+        .iter()
+        .map(|change| match change {
+            Change::Moves { along, across } => {
+                let drive = driven(model, &parts, direction);
+                let sum = |e: usize| {
+                    let first = multiply(drive.along[e].clone(), along.clone());
+                    add(first, multiply(drive.across[e].clone(), across.clone()))
+                };
+                kept((0..parts.len()).map(|e| (e, sum(e))).collect())
+            }
+            Change::Arm(k, law) => {
+                let [still, driven] = &parts[*k];
+                let turned = add(slope(&of_angles(still), *k), slope(&of_angles(driven), *k));
+                kept(vec![(*k, multiply(law.clone(), turned))])
+            }
+            Change::Frame(law) => {
+                let angles = (0..model.coordinates.len()).filter(|&k| model.coordinates[k].space == Space::Circle);
+                let of = |still: &Node| {
+                    let still = of_angles(still);
+                    angles.clone().fold(number(0.0), |sum, k| subtract(sum, slope(&still, k)))
+                };
+                kept(parts.iter().enumerate().map(|(e, [s, _])| (e, multiply(law.clone(), of(s)))).collect())
+            }
+        })
+        .collect()
+}
+
+/// By how much an equation's right-hand side grows where its primes are derivatives by seconds: Ω² for −q″, 1 for a force.
+pub fn balance_scale(model: &ModelFile, omega: f64, equation: usize) -> f64 {
+    let balance = &model.equations[equation].balance;
+    multiple(balance, &model.in_seconds(balance, omega)).filter(|k| *k > 0.0).unwrap_or(1.0)
+}
+
+/// Unit of what stands on the right-hand side of an equation, in seconds, for units of coordinates and inputs.
+pub fn balance_unit(model: &ModelFile, omega: f64, equation: usize, coordinates: &[Unit], inputs: &[Unit]) -> String {
+    let balance = model.in_seconds(&model.equations[equation].balance, omega);
+    units::of(&balance, coordinates, inputs, true).unwrap_or_default().to_string()
+}
+
+/// What turns the strength of a force into the unit of the equation that it is told in; `parameters`: see [`parameters`].
+pub fn told_by(model: &ModelFile, omega: f64, equation: usize, parameters: &[f64]) -> f64 {
+    balance_scale(model, omega, equation) / parameters.get(equation).copied().unwrap_or(1.0).abs()
+}
+
+#[cfg(test)]
+#[path = "written_tests.rs"]
+mod tests;

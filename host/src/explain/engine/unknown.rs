@@ -1,0 +1,129 @@
+//! What is left and has no name: its shape as a function of one coordinate.
+//!
+//! At each joint and each arm that is no joint by itself, a force is a sum of hat functions of the position, the velocity or the drive's phase, f(x) =
+//! Σ_k f_k Λ_k(x), added to the model and fitted with it; the pair of place and coordinate with the greatest held-out gain is told, as for the
+//! built-in double pendulum ([`crate::explain::unknown`]).
+
+use core::f64::consts::{PI, TAU};
+use std::sync::Arc;
+
+use super::design;
+use super::residual::range;
+use super::setting::Setting;
+use super::state::State;
+use super::{Outcome, tell};
+use crate::effects::places::{self, Place};
+use crate::explain::ranking;
+use crate::explain::unknown::{LEAST_GAIN, POINTS, RIDGE, Unknown};
+use crate::model::model_file::expression::{
+    Expression, Function, Node, Symbol, call, multiply, number, subtract, symbol,
+};
+use crate::system::bodies::Body;
+use crate::system::derivative::{by_time, partial};
+use crate::system::mechanism::at;
+use crate::system::polynomial::{Atom, Polynomial};
+
+/// A coordinate that a force may depend on.
+struct Coordinate {
+    name: String,
+    unit: &'static str,
+    of: Node,
+    angle: bool,
+}
+
+/// Places of forces: each joint, and each arm whose angle is no joint's.
+fn places_of(setting: &Setting<'_>) -> Vec<(Place, Polynomial)> {
+    let Some(file) = setting.file() else { return Vec::new() };
+    let joints: Vec<(Place, Polynomial)> =
+        file.joints.iter().enumerate().map(|(k, j)| (Place::Joint(k), j.moves.value.clone())).collect();
+    let arms = file.bodies.iter().enumerate().filter_map(|(k, b)| match &b.value {
+        Body::Arm { angle: Some(angle), .. } if joints.iter().all(|j| j.1 != *angle) => {
+            Some((Place::Arm(k), angle.clone()))
+        }
+        _ => None,
+    });
+    joints.iter().cloned().chain(arms).collect()
+}
+
+fn coordinates(setting: &Setting<'_>, place: Place, moves: &Polynomial) -> Vec<Coordinate> {
+    let Some(file) = setting.file() else { return Vec::new() };
+    let name = place.name(file);
+    let angle = places::is_angle(file, moves);
+    let x = if angle { call(Function::Wrap, moves.node()) } else { moves.node() };
+    let what = if angle { "angle" } else { "position" };
+    let mut out =
+        vec![Coordinate { name: format!("{what} of {name}"), unit: if angle { "rad" } else { "m" }, of: x, angle }];
+    if let Ok(rate) = by_time(moves, file.coordinates.len(), setting.rig.omega()) {
+        let unit = if angle { "rad/s" } else { "m/s" };
+        out.push(Coordinate { name: format!("velocity of {name}"), unit, of: rate.node(), angle: false });
+    }
+    if setting.rig.drive.is_some() {
+        let phase = call(Function::Wrap, symbol(Symbol::Tau));
+        out.push(Coordinate { name: "drive phase".to_owned(), unit: "rad", of: phase, angle: true });
+    }
+    out
+}
+
+/// A force of one at a place on the left-hand sides: for each equation, what multiplies it.
+fn shares(setting: &Setting<'_>, state: &State, moves: &Polynomial) -> Vec<(usize, Node)> {
+    let Some(mechanism) = setting.mechanism() else { return Vec::new() };
+    mechanism
+        .scales
+        .iter()
+        .enumerate()
+        .filter_map(|(e, (coordinate, scale))| {
+            let along = partial(moves, &Atom::Motion(Symbol::Coordinate(*coordinate))).ok()?;
+            let inertia = at(scale, &state.physical.values);
+            (!along.is_zero()).then(|| (e, multiply(number(-1.0 / inertia), along.node())))
+        })
+        .collect()
+}
+
+/// The shape that takes away most, if any takes away enough.
+pub fn shape(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<Unknown> {
+    let own = outcome.own.len();
+    let without = ranking::fit(&outcome.design, &outcome.own, &outcome.weights)?;
+    let total: f64 = without.held_out.iter().sum();
+    let mut best: Option<Unknown> = None;
+    for (place, moves) in places_of(setting) {
+        let shares = shares(setting, state, &moves);
+        for c in coordinates(setting, place, &moves) {
+            let (low, high) = if c.angle { (-PI, PI) } else { range(setting, state, &c.of) };
+            let count = if c.angle { POINTS - 1 } else { POINTS };
+            let width = (high - low) / (POINTS - 1) as f64;
+            if !(width > 0.0 && width.is_finite()) {
+                continue;
+            }
+            let hat = |k: usize| -> Node {
+                let from_node = subtract(c.of.clone(), number(low + k as f64 * width));
+                Arc::new(Expression::Hat { from_node, width, period: c.angle.then_some(TAU) })
+            };
+            let columns: Vec<Vec<(usize, Node)>> = (0..count)
+                .map(|k| shares.iter().map(|(e, share)| (*e, multiply(share.clone(), hat(k)))).collect())
+                .collect();
+            let design = design::with_columns(setting, state, (&state.stretches, &[]), &columns).ok()?;
+            let all: Vec<usize> = (0..own + count).collect();
+            let ridge: Vec<f64> = all.iter().map(|&i| if i < own { 0.0 } else { RIDGE }).collect();
+            let Some(fit) = ranking::fit_ridge(&design, &all, &outcome.weights, &ridge) else { continue };
+            let gain = (total - fit.held_out.iter().sum::<f64>()) / total;
+            if gain < best.as_ref().map_or(LEAST_GAIN, |b| b.held_out_gain) {
+                continue;
+            }
+            let (scale, unit) = tell::of_force(setting, &state.physical, place);
+            best = Some(Unknown {
+                at: setting.file().map_or_else(String::new, |f| place.name(f)),
+                against: c.name.clone(),
+                against_unit: c.unit,
+                unit,
+                points: (0..count)
+                    .map(|k| {
+                        let error = fit.covariance[(own + k, own + k)].max(0.0).sqrt();
+                        [low + k as f64 * width, scale * fit.all[own + k], 1.96 * scale.abs() * error]
+                    })
+                    .collect(),
+                held_out_gain: gain,
+            });
+        }
+    }
+    best
+}
