@@ -40,16 +40,16 @@ pub struct Arguments {
     /// Method.
     #[arg(long, value_enum, default_value_t)]
     method: Method,
-    /// Length of a window, s [default: 20 drive periods, or 4 s when free].
+    /// Length of a window, s [default: 20 drive periods, or from the motion when free].
     #[arg(long, value_name = "S")]
     window_s: Option<f64>,
-    /// Highest frequency of the test functions, Hz [default: 2 f_e, or the acceleration's 99 % when free].
+    /// Highest frequency of the test functions, Hz [default: 2 f_e, or from the motion when free].
     #[arg(long, value_name = "HZ")]
     max_frequency_hz: Option<f64>,
     /// End of the low-pass's pass band, Hz [default: where the signal sinks into the noise].
     #[arg(long, value_name = "HZ")]
     pass_hz: Option<f64>,
-    /// Length of the pieces of multiple shooting, s [default: 4 drive periods, 0.8 s when free].
+    /// Length of the pieces of multiple shooting, s [default: 4 drive periods, a fifth of a window when free].
     #[arg(long, value_name = "S")]
     segment_s: Option<f64>,
     /// Bounds of a parameter in multiple shooting, such as C11=0:1 (either side may be left out).

@@ -24,11 +24,13 @@ use crate::model::flow::{Flow, Outside, Work};
 use crate::model::weak::WeakModel;
 use crate::signal::angles::{AngleSegment, Phase};
 
-/// Longest step of integration: s, samples, and as a share of a drive period. What a solution leaves of its equations, its local error over the step,
-/// must be far below what the sensors leave; a test holds it.
-const STEP_S: f64 = 8e-3;
+/// Longest step of integration: samples, and shares of a drive period and of a window (which holds 20 drive periods or, of a free system, up to 10 of the motion's own). What
+/// a solution leaves of its equations, its local error over the step, must be far below what the sensors leave; a test holds it.
 const STEP_SAMPLES: f64 = 4.0;
 const STEPS: f64 = 25.0;
+const STEPS_IN_WINDOW: f64 = 500.0;
+/// Parts of a window after which a solution is rounded to a grid.
+const ROUNDINGS: f64 = 40.0;
 /// A share of a coefficient beyond which the simulated motion is another one than the record's, and nothing is concluded from it.
 const ANOTHER_MOTION: f64 = 0.1;
 /// Groups of neighbouring windows whose scatter tells that of the bias: neighbours share half of their samples.
@@ -96,9 +98,9 @@ pub(crate) fn from_solutions(
     Some(bias)
 }
 
-/// Longest step of integration under a drive of angular frequency `omega` (0 for none) for samples `spacing` apart, s.
-fn step_s(omega: f64, spacing: f64) -> f64 {
-    let most = STEP_S.min(STEP_SAMPLES * spacing);
+/// Longest step of integration under a drive of angular frequency `omega` (0 for none) for samples `spacing` apart and windows of `window_s`, s.
+fn step_s(omega: f64, spacing: f64, window_s: f64) -> f64 {
+    let most = (window_s / STEPS_IN_WINDOW).min(STEP_SAMPLES * spacing);
     if omega > 0.0 { (core::f64::consts::TAU / omega / STEPS).min(most) } else { most }
 }
 
@@ -122,20 +124,20 @@ pub(crate) fn cells(sigma: &[f64]) -> f64 {
     (300.0 / least.max(f64::MIN_POSITIVE.sqrt())).log2().ceil().clamp(18.0, 1000.0).exp2()
 }
 
-/// A solution from `state` at samples `spacing` apart (s), a row for each coordinate of `out`. Every tenth of a second the state is rounded to a grid of `cells` a rad (rad/s),
+/// A solution from `state` at samples `spacing` apart (s) over a window, a row for each coordinate of `out`. Forty times a window the state is rounded to a grid of `cells` a rad (rad/s),
 /// far below any sensor: otherwise a chaotic motion, which grows a rounding error by e in some tenths of a second, would be another one for every way to
 /// write the same equations. False where the equations have no solution or it leaves all bounds.
 pub(crate) fn solve<D: Dynamics + ?Sized>(
     (dynamics, parameters, outside): (&D, &[f64], Outside<'_>),
     mut state: Vec<f64>,
-    (start_s, spacing): (f64, f64),
+    (start_s, spacing, window_s): (f64, f64, f64),
     cells: f64,
     out: &mut [Vec<f64>],
 ) -> bool {
-    let flow = Flow::new(dynamics, parameters, outside, step_s(outside.omega, spacing));
+    let flow = Flow::new(dynamics, parameters, outside, step_s(outside.omega, spacing, window_s));
     let mut work = Work::plain(dynamics);
     let count = out.first().map_or(0, Vec::len);
-    let part = ((0.1 / spacing).round() as usize).max(1);
+    let part = ((window_s / ROUNDINGS / spacing).round() as usize).max(1);
     let mut from = 0;
     while from + 1 < count {
         work.set(&state);
@@ -179,7 +181,7 @@ fn motions(
             let state = state_at((0..n).map(|c| &segments[i].phi[c][first..first + 2 * reach + 1]), kernels)?;
             let omega = if matches!(out.phase, Phase::Clock(0.0)) { 0.0 } else { omega };
             let outside = Outside::drive(out.start_s, out.tau(0), omega + out.runaway.1);
-            let start = (segments[i].time(first + reach), out.step_s);
+            let start = (segments[i].time(first + reach), out.step_s, windows.length_s);
             solve((dynamics, parameters, outside), state, start, cells, &mut out.phi[..n]).then_some(out)
         })
         .collect::<Option<_>>()?;
@@ -215,7 +217,7 @@ mod tests {
             }
             states
         };
-        let (coarse, fine) = (flow(step_s(omega, 2e-3)), flow(4e-4));
+        let (coarse, fine) = (flow(step_s(omega, 2e-3, 4.0)), flow(4e-4));
         let (mut error, mut change) = (0.0, 0.0);
         for ((_, a), (from, b)) in coarse.iter().zip(&fine) {
             for i in 2..4 {

@@ -5,7 +5,7 @@
 //! has 32 samples at least, test functions end at an eighth of the rate, the pass band at two fifths.
 
 use super::Settings;
-use super::free_geometry::{Most, choose, stop_hz};
+use super::free_geometry::{Kind, choose, stop_hz};
 use super::windows::{Kernels, Windows};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
@@ -34,8 +34,7 @@ pub(super) fn geometry(
     let greatest = |f: fn(&noise::Noise) -> f64| noises.iter().flatten().map(f).fold(0.0_f64, f64::max);
     let default_window = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
     let asked = check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?;
-    let most = Most { top: 0.12, pass: 0.3 };
-    let free = band.filter(|_| rig.drive.is_none()).map(|b| choose(&b, stretches_s, rate, asked, most));
+    let free = band.filter(|_| rig.drive.is_none()).map(|b| choose(&b, stretches_s, rate, asked, Kind::Free));
     let length_s = asked.or(free.map(|f| f.length_s)).unwrap_or(default_window.max(32.0 * step_s));
     let hop_s = 0.5 * length_s;
     // Eight test functions at least; in a window too short for them, those that the rate allows.
@@ -46,7 +45,7 @@ pub(super) fn geometry(
     // The products of the regressors must keep everything up to the highest test frequency.
     let least = (1.5 * top).min(0.15 * rate);
     let default_pass = match free {
-        Some(f) => f.pass_hz.max(1.5 * top).min(0.3 * rate),
+        Some(f) => f.pass_hz.max(1.5 * top).min(Kind::Free.most()[1] * rate),
         None => (1.15 * greatest(|n| n.signal_end_hz)).max(least).min(0.25 * rate),
     };
     let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);

@@ -78,7 +78,7 @@ pub(crate) fn motions(
             let before = record.coordinates.iter().map(|x| &x[first..first + 2 * reach + 1]);
             let state = state_at(before, system.kernels)?;
             let outside = Outside::drive(out.start_s, out.tau(0), omega);
-            let start = (record.time(first + reach), out.step_s);
+            let start = (record.time(first + reach), out.step_s, windows.length_s);
             solve((motion, parameters, outside), state, start, cells, &mut out.coordinates).then_some(out)
         })
         .collect::<Option<_>>()?;

@@ -5,7 +5,7 @@
 //! low-pass up to two fifths.
 
 use crate::error::{BadInput, Result};
-use crate::identify::free_geometry::{Most, choose, stop_hz};
+use crate::identify::free_geometry::{Kind, choose, stop_hz};
 use crate::identify::windows::{Kernels, Windows};
 use crate::identify::{Geometry, Settings};
 use crate::rig::Rig;
@@ -45,8 +45,8 @@ pub fn geometry(
         None => 4.0,
     };
     let asked = check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?;
-    let most = if wide { Most { top: 0.2, pass: 0.4 } } else { Most { top: 0.12, pass: 0.3 } };
-    let free = band.filter(|_| rig.drive.is_none()).map(|b| choose(&b, stretches_s, rate, asked, most));
+    let kind = if wide { Kind::WithInputs } else { Kind::Free };
+    let free = band.filter(|_| rig.drive.is_none()).map(|b| choose(&b, stretches_s, rate, asked, kind));
     let length_s = asked.or(free.map(|f| f.length_s)).unwrap_or(default_window.max(32.0 * step_s));
     // Eight test functions at least; in a window too short for them, those that the rate allows.
     let free_top = wanted.min(most_top).max((8.0 / length_s).min(rate / if wide { 4.0 } else { 8.0 }));
@@ -61,7 +61,7 @@ pub fn geometry(
     // The products of the regressors must keep everything up to the highest test frequency.
     let least = (1.5 * top).min(if wide { 0.3 } else { 0.15 } * rate);
     let default_pass = match free {
-        Some(f) => f.pass_hz.max(1.5 * top).min(most.pass * rate),
+        Some(f) => f.pass_hz.max(1.5 * top).min(kind.most()[1] * rate),
         None => (1.15 * greatest(|n| n.signal_end_hz)).max(least).min(if wide { 0.4 } else { 0.25 } * rate),
     };
     let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);

@@ -22,8 +22,8 @@ use crate::warning::Warning;
 
 /// Ratio of residuals to the sensors' noise from which the model is said to miss something.
 const MISSES: f64 = 1.2;
-/// What stands for the drive's period in a free system, s.
-const FREE_PERIOD_S: f64 = 0.2;
+/// Part of a window that stands for the drive's period in a free system.
+const PERIODS: f64 = 20.0;
 /// Fewest samples of a piece.
 const FEWEST_SAMPLES: usize = 16;
 
@@ -48,11 +48,11 @@ pub fn identify(
             .remedy("Give the records one by one, or use --method weak"));
     }
     let first = super::identify(records, rig, bound, weak)?;
-    let Prepared { stretches, sensors, .. } = prepare(records, rig, bound, weak)?;
+    let Prepared { stretches, sensors, geometry, .. } = prepare(records, rig, bound, weak)?;
     let motion = EquationsOfMotion::new(model, rig.omega())?;
     let along: Vec<Along> = stretches.iter().map(|s| Along::new(s, rig.drive.map_or(0.0, |_| rig.omega()))).collect();
     let track = Track::new(&stretches, &along, rig, bound, &sensors);
-    let period_s = rig.drive.map_or(FREE_PERIOD_S, |d| 1.0 / d.frequency_hz);
+    let period_s = rig.drive.map_or(geometry.windows.length_s / PERIODS, |d| 1.0 / d.frequency_hz);
     let piece_s = settings.segment_s.unwrap_or((4.0 * period_s).max(FEWEST_SAMPLES as f64 * track.spacing_s));
     let longest = (0..stretches.len()).map(|k| track.samples(k)).max().unwrap_or(0) as f64 * track.spacing_s;
     let shortest = FEWEST_SAMPLES as f64 * track.spacing_s;

@@ -41,15 +41,15 @@ use track::{Geometry, Stretch};
 
 /// Ratio of residuals to the sensors' noise from which the model is said to miss something.
 const MISSES: f64 = 1.2;
-/// What stands for the drive's period in a free system, s.
-const FREE_PERIOD_S: f64 = 0.2;
+/// Part of a window that stands for the drive's period in a free system.
+const PERIODS: f64 = 20.0;
 /// Progress: rounds expected.
 const EXPECTED_ROUNDS: u64 = 16;
 
 /// Choices of multiple shooting.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Settings {
-    /// Length of the pieces at the last level, s; by default four drive periods, 0.8 s for a free system.
+    /// Length of the pieces at the last level, s; by default four drive periods, a fifth of a window for a free system.
     pub segment_s: Option<f64>,
     /// Bounds of parameters: name, lowest, highest. None by default.
     pub bounds: Vec<(String, f64, f64)>,
@@ -135,7 +135,7 @@ fn shoot<D: Dynamics>(
     progress: &ProgressBar,
 ) -> Result<(Outcome, Vec<f64>)> {
     let spacing_s = prepared.segments.first().map_or(1.0 / rig.sample_rate_hz, |s| s.step_s);
-    let period_s = rig.drive.map_or(FREE_PERIOD_S, |d| 1.0 / d.frequency_hz);
+    let period_s = rig.drive.map_or(prepared.geometry.windows.length_s / PERIODS, |d| 1.0 / d.frequency_hz);
     let piece_s = settings.segment_s.unwrap_or(4.0 * period_s);
     let longest = prepared.segments.iter().map(AngleSegment::len).max().unwrap_or(0) as f64 * spacing_s;
     if !(piece_s >= 16.0 * spacing_s && piece_s <= longest) {
