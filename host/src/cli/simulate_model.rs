@@ -13,7 +13,7 @@ use crate::error::{BadInput, Result};
 use crate::model::identified::{IdentifiedModel, System};
 use crate::motion::from_record::{self, Begin};
 use crate::motion::simulation::{self, LONGEST_S, MOST_SAMPLES, Solution};
-use crate::motion::{Acts, Motion, stand_in};
+use crate::motion::{Acts, Effect, Motion, stand_in};
 use crate::record::values::write_values_from;
 use crate::record::{ReadOptions, Record, metadata};
 use crate::rig::Rig;
@@ -148,7 +148,7 @@ fn summary(motion: &Motion, rig: &Rig, begin: &Begin, solution: &Solution, start
         initial: names.chain(rates).zip(begin.state.iter().copied()).collect(),
         step_s: solution.step_s,
         difference: solution.difference,
-        effects: motion.effects.iter().map(super::super::motion::Effect::name).collect(),
+        effects: motion.effects.iter().map(Effect::name).collect(),
         channels: shown
             .map(|c| Shown { name: c.name.clone(), measures: c.measures.clone(), unit: c.unit.clone() })
             .collect(),
@@ -169,7 +169,7 @@ fn said(s: &Summary, motion: &Motion, output: &Path) -> String {
         columns.join(", ")
     );
     let on_sensors: Vec<String> =
-        motion.effects.iter().filter(|e| matches!(e.acts, Acts::Sensor(..))).map(|e| e.name()).collect();
+        motion.effects.iter().filter(|e| matches!(e.acts, Acts::Sensor(..))).map(Effect::name).collect();
     if !on_sensors.is_empty() {
         out.push_str(&format!("{} change what the columns show, not the motion\n", on_sensors.join(", ")));
     }

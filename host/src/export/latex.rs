@@ -136,9 +136,9 @@ fn symbol_of(c: char) -> Option<String> {
 }
 
 /// Greek letters that have a command of their own.
-const SYMBOLS: [&str; 32] = [
+const SYMBOLS: [&str; 33] = [
     "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu", "xi", "pi", "rho", "sigma", "tau",
-    "upsilon", "phi", "chi", "psi", "omega", "Gamma", "Delta", "Theta", "Lambda", "Xi", "Pi", "Sigma", "Phi", "Psi",
+    "upsilon", "phi", "chi", "psi", "omega", "Gamma", "Delta", "Theta", "Lambda", "Xi", "Pi", "Sigma", "Phi", "Psi", "Omega",
 ];
 
 /// A name as a symbol: a Greek letter's command, what follows a letter or an underscore as an index.

@@ -1,6 +1,6 @@
 //! Modelica 3: the equations as they are, solved by the tool.
 
-use super::expression::{Level, Printer};
+use super::expression::Printer;
 use super::procedural::inline;
 use super::program::{Program, harmless};
 use super::{Language, Printed};
@@ -35,10 +35,6 @@ impl Language for Modelica {
             "type", "when", "while", "within", "time", "Real", "Integer", "Boolean", "String", "sin", "cos", "tan", "sqrt", "exp", "log", "abs", "sign", "tanh", "floor", "max",
             "wrap", "hat", "OMEGA", "tau", "pi",
         ]
-    }
-
-    fn power_needs(&self) -> [Level; 2] {
-        [Level::Atom, Level::Atom]
     }
 
     fn places(&self, p: &Program<'_>) -> Vec<(&'static str, String)> {

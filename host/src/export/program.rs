@@ -119,9 +119,10 @@ impl<'a> Program<'a> {
     pub fn new(motion: &'a Motion, language: &'static dyn Language, stem: &str) -> Result<Self> {
         EquationsOfMotion::new(&motion.file, motion.rig.omega())?;
         let mut names = Names::new(language.reserved());
-        let name = names.give(if stem.is_empty() { "model" } else { stem });
+        // A file's name is no name within it.
+        let name = Names::new(language.reserved()).give(if stem.is_empty() { "identified" } else { stem });
         let (units, input_units) = channel_units(&motion.file, &motion.rig, &motion.bound);
-        let omega = motion.omega().map(|w| (names.give("OMEGA"), w));
+        let omega = motion.omega().map(|w| ("OMEGA".to_owned(), w));
         let scaled = omega.is_some() && motion.file.prime_scale(motion.rig.omega()) != 1.0;
         let coordinates = motion
             .file
@@ -312,15 +313,18 @@ impl<'a> Program<'a> {
     /// A text as lines of comment.
     pub fn remark(&self, text: &str) -> String {
         let mark = self.language.remark();
-        let mut lines: Vec<String> = vec![String::new()];
-        for word in harmless(text).split(' ') {
-            let last = lines.len() - 1;
-            if !lines[last].is_empty() && lines[last].chars().count() + word.chars().count() > WIDE {
-                lines.push(format!("  {word}"));
-            } else {
-                let blank = if lines[last].is_empty() { "" } else { " " };
-                lines[last].push_str(&format!("{blank}{word}"));
+        let text = harmless(text);
+        let indent = " ".repeat(text.len() - text.trim_start_matches(' ').len());
+        let mut lines: Vec<String> = Vec::new();
+        for word in text.split_whitespace() {
+            match lines.last_mut() {
+                Some(last) if last.chars().count() + word.chars().count() < WIDE => last.push_str(&format!(" {word}")),
+                Some(_) => lines.push(format!("{indent}  {word}")),
+                None => lines.push(format!("{indent}{word}")),
             }
+        }
+        if lines.is_empty() {
+            lines.push(String::new());
         }
         lines.iter().map(|l| format!("{mark} {l}").trim_end().to_owned()).collect::<Vec<_>>().join("\n")
     }

@@ -6,9 +6,9 @@
 use super::{Acts, Motion};
 use crate::error::{BadInput, Result};
 use crate::identify::Settings as IdentifySettings;
+use crate::identify::general;
 use crate::identify::general::stretches::{Stretch, mixed};
 use crate::identify::general::track::{Along, Track};
-use crate::identify::general::{self};
 use crate::model::dynamics::Dynamics;
 use crate::record::Record;
 use crate::validate::moving::Moving;
@@ -71,8 +71,7 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
             .remedy("Begin elsewhere with --start, or give the model that was identified on this record")
     })?;
     // Pieces lose their whole turns.
-    for (k, circle) in motion.circle().into_iter().enumerate().filter(|c| c.1) {
-        debug_assert!(circle);
+    for (k, _) in motion.circle().into_iter().enumerate().filter(|c| c.1) {
         let turns = (measured[k] - state[k]) / core::f64::consts::TAU;
         state[k] += core::f64::consts::TAU * turns.round();
     }

@@ -14,7 +14,9 @@ use crate::record::Column;
 /// Difference between solutions at two steps that is exact, of the largest size of a coordinate (of 1 at least).
 const EXACT: f64 = 1e-11;
 /// Halvings of the step at most.
-const MOST_HALVINGS: u32 = 12;
+const MOST_HALVINGS: u32 = 10;
+/// Below this a difference that no longer falls is rounding.
+const ROUNDING: f64 = 1e-9;
 /// Time over which the step is sought, s.
 const SOUGHT_S: f64 = 1.0;
 /// Longest simulation, s, and most samples.
@@ -67,9 +69,10 @@ pub fn solve(motion: &Motion, begin: &Begin, count: usize) -> Result<Solution> {
     let mut before = run(step_s, sought);
     for _ in 0..MOST_HALVINGS {
         let finer = run(0.5 * step_s, sought);
+        let last = difference;
         difference = apart(before.as_deref(), finer.as_deref());
         (before, step_s) = (finer, 0.5 * step_s);
-        if difference < EXACT {
+        if difference < EXACT || (difference < ROUNDING && difference > 0.5 * last) {
             break;
         }
     }
@@ -82,7 +85,8 @@ pub fn solve(motion: &Motion, begin: &Begin, count: usize) -> Result<Solution> {
     })?;
     let mut columns = vec![Vec::with_capacity(count); inputs];
     let mut now = vec![0.0; inputs];
-    for i in 0..if inputs > 0 { count } else { 0 } {
+    let rows = if inputs > 0 { count } else { 0 };
+    for i in 0..rows {
         at(begin.time + i as f64 * begin.step_s, &mut now);
         columns.iter_mut().zip(&now).for_each(|(c, x)| c.push(*x));
     }

@@ -88,9 +88,9 @@ void f(double t, const double x[], const double u[], double dx[]) { f_held(t, x,
 
 // An example: change it to your needs.
 static const double X0[2*N] = { {{initial}} };  // {{state}}
-#define STEP_S 1e-4  // step of integration
+#define STEP_S 5e-5  // step of integration
 #define SECONDS 1.0
-#define EVERY 20  // steps between two lines
+#define EVERY 40  // steps between two lines
 
 // Inputs at time t.
 static void inputs(double t, double u[]) {

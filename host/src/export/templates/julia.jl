@@ -40,9 +40,9 @@ end
 
 # An example: change it to your needs.
 const X0 = [{{initial}}]  # {{state}}
-const STEP_S = 1e-4  # step of integration
+const STEP_S = 5e-5  # step of integration
 const SECONDS = 1.0
-const EVERY = 20  # steps between two lines
+const EVERY = 40  # steps between two lines
 
 "Inputs at time t."
 inputs(t) = [{{zeros}}]

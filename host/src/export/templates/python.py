@@ -79,9 +79,9 @@ def f(t, x, u, held=None):
 
 # An example: change it to your needs.
 X0 = [{{initial}}]  # {{state}}
-STEP_S = 1e-4  # step of integration
+STEP_S = 5e-5  # step of integration
 SECONDS = 1.0
-EVERY = 20  # steps between two lines
+EVERY = 40  # steps between two lines
 
 
 def inputs(t):
