@@ -72,7 +72,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         effects: motion.effects.iter().map(Effect::name).collect(),
     };
     arguments.out.write_json(&summary)?;
-    let effects = if summary.effects.is_empty() { String::new() } else { format!(", with {}", summary.effects.join(", ")) };
+    let effects =
+        if summary.effects.is_empty() { String::new() } else { format!(", with {}", summary.effects.join(", ")) };
     arguments.out.say(&format!(
         "{} as {} in {}: {} parameters{effects}\n",
         summary.model,

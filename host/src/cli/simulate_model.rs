@@ -57,7 +57,8 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
     files.record("-o", &arguments.output).check()?;
     let model = IdentifiedModel::read(path)?;
     // What is wrong in the model has no file yet; rigs and records name theirs.
-    let of_model = |e: BadInput| if e.place.as_deref().is_some_and(|p| p.starts_with("--")) { e } else { e.in_file(path) };
+    let of_model =
+        |e: BadInput| if e.place.as_deref().is_some_and(|p| p.starts_with("--")) { e } else { e.in_file(path) };
     let rig = match (given, &arguments.from) {
         (Some(rig), _) => rig,
         (None, Some(record)) => own_rig(&model, path, record)?,
@@ -105,7 +106,9 @@ fn from_given(motion: &Motion, initial: &[f64]) -> Result<Begin> {
         let names: Vec<&str> = motion.file.coordinates.iter().map(|c| c.name.as_str()).collect();
         let expected = format!("{} numbers: {}, then their rates a second", 2 * n, names.join(", "));
         let found: Vec<String> = state.iter().map(f64::to_string).collect();
-        return Err(BadInput::new(found.join(","), expected).at("--initial").remedy("Give one number for each, in SI units"));
+        return Err(BadInput::new(found.join(","), expected)
+            .at("--initial")
+            .remedy("Give one number for each, in SI units"));
     }
     let step_s = 1.0 / motion.rig.sample_rate_hz;
     Ok(Begin { time: 0.0, tau: 0.0, state, inputs: None, left_s: f64::INFINITY, step_s })
@@ -117,7 +120,11 @@ fn samples(seconds: Option<f64>, motion: &Motion, begin: &Begin) -> Result<usize
     let bound = if begin.inputs.is_some() { begin.left_s.min(most) } else { most };
     let seconds = seconds.unwrap_or(if begin.left_s.is_finite() { begin.left_s.min(most) } else { SECONDS });
     if !(seconds > 0.0 && seconds <= bound + 0.5 * begin.step_s) {
-        let why = if bound < most { format!(", where the record's {} ends", motion.file.inputs.join(", ")) } else { String::new() };
+        let why = if bound < most {
+            format!(", where the record's {} ends", motion.file.inputs.join(", "))
+        } else {
+            String::new()
+        };
         return Err(BadInput::new(seconds.to_string(), format!("seconds above 0, at most {bound}{why}"))
             .at("--seconds")
             .remedy("Give fewer seconds, or begin earlier with --start"));

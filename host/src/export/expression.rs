@@ -110,7 +110,8 @@ impl Printer<'_> {
             }
             E::Power(a, b) => {
                 let needs = l.power_needs();
-                let (text, level) = l.power(&self.operand(self.piece(a), needs[0]), &self.operand(self.piece(b), needs[1]));
+                let (text, level) =
+                    l.power(&self.operand(self.piece(a), needs[0]), &self.operand(self.piece(b), needs[1]));
                 Piece { negative: false, text, level }
             }
             E::Call(f, a) => atom(l.call(*f, &self.text(a))),

@@ -1,7 +1,8 @@
 //! LaTeX: the equations as a page sets them, a table of the parameters with their standard errors, the effects.
 
 use super::expression::{Level, Printer};
-use super::program::{Program, harmless};
+use super::program::Program;
+use super::remarks::harmless;
 use super::{Language, Printed};
 use crate::model::model_file::expression::{Function, Symbol};
 use crate::motion::Acts;
@@ -137,8 +138,9 @@ fn symbol_of(c: char) -> Option<String> {
 
 /// Greek letters that have a command of their own.
 const SYMBOLS: [&str; 33] = [
-    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu", "xi", "pi", "rho", "sigma", "tau",
-    "upsilon", "phi", "chi", "psi", "omega", "Gamma", "Delta", "Theta", "Lambda", "Xi", "Pi", "Sigma", "Phi", "Psi", "Omega",
+    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu", "xi",
+    "pi", "rho", "sigma", "tau", "upsilon", "phi", "chi", "psi", "omega", "Gamma", "Delta", "Theta", "Lambda", "Xi",
+    "Pi", "Sigma", "Phi", "Psi", "Omega",
 ];
 
 /// A name as a symbol: a Greek letter's command, what follows a letter or an underscore as an index.
@@ -162,7 +164,8 @@ fn derivative(own: &str, order: usize, primed: bool) -> String {
         (true, _) => format!("{symbol}''"),
         (false, n) => {
             // Dots stand above the letter, not above its index.
-            let (head, index) = symbol.split_once("_{").map_or((symbol.as_str(), String::new()), |(h, i)| (h, format!("_{{{i}")));
+            let (head, index) =
+                symbol.split_once("_{").map_or((symbol.as_str(), String::new()), |(h, i)| (h, format!("_{{{i}")));
             format!("\\{}ot{{{head}}}{index}", "d".repeat(n))
         }
     }
@@ -208,7 +211,12 @@ fn parameters(p: &Program<'_>) -> String {
             _ => "--".to_owned(),
         };
         let unit = if c.unit == "1" { "" } else { &c.unit };
-        rows.push(format!("  \\({}\\) & \\({minus}{}\\) & {error} & {} \\\\", name(&c.own), Latex.number(c.value.abs()), text(unit)));
+        rows.push(format!(
+            "  \\({}\\) & \\({minus}{}\\) & {error} & {} \\\\",
+            name(&c.own),
+            Latex.number(c.value.abs()),
+            text(unit)
+        ));
     }
     rows.join("\n")
 }
@@ -224,7 +232,10 @@ fn effects(p: &Program<'_>) -> String {
             Latex.number(e.told.value.abs()),
             text(&e.told.unit),
             if e.told.std_error.is_finite() {
-                format!("\\({}\\)", Latex.number(format!("{:.1e}", e.told.std_error).parse().unwrap_or(e.told.std_error)))
+                format!(
+                    "\\({}\\)",
+                    Latex.number(format!("{:.1e}", e.told.std_error).parse().unwrap_or(e.told.std_error))
+                )
             } else {
                 "not known".to_owned()
             },

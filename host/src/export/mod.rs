@@ -19,6 +19,7 @@ pub mod names;
 mod procedural;
 pub mod program;
 mod python;
+mod remarks;
 mod template;
 
 use std::path::Path;

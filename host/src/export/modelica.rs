@@ -2,7 +2,8 @@
 
 use super::expression::Printer;
 use super::procedural::inline;
-use super::program::{Program, harmless};
+use super::program::Program;
+use super::remarks::harmless;
 use super::{Language, Printed};
 use crate::model::model_file::expression::Symbol;
 
@@ -28,12 +29,86 @@ impl Language for Modelica {
 
     fn reserved(&self) -> &'static [&'static str] {
         &[
-            "algorithm", "and", "annotation", "block", "break", "class", "connect", "connector", "constant", "constrainedby", "der", "discrete", "each",
-            "else", "elseif", "elsewhen", "encapsulated", "end", "enumeration", "equation", "expandable", "extends", "external", "false", "final", "flow",
-            "for", "function", "if", "import", "impure", "in", "initial", "inner", "input", "loop", "model", "not", "operator", "or", "outer", "output",
-            "package", "parameter", "partial", "protected", "public", "pure", "record", "redeclare", "replaceable", "return", "stream", "then", "true",
-            "type", "when", "while", "within", "time", "Real", "Integer", "Boolean", "String", "sin", "cos", "tan", "sqrt", "exp", "log", "abs", "sign", "tanh", "floor", "max",
-            "wrap", "hat", "OMEGA", "tau", "pi",
+            "algorithm",
+            "and",
+            "annotation",
+            "block",
+            "break",
+            "class",
+            "connect",
+            "connector",
+            "constant",
+            "constrainedby",
+            "der",
+            "discrete",
+            "each",
+            "else",
+            "elseif",
+            "elsewhen",
+            "encapsulated",
+            "end",
+            "enumeration",
+            "equation",
+            "expandable",
+            "extends",
+            "external",
+            "false",
+            "final",
+            "flow",
+            "for",
+            "function",
+            "if",
+            "import",
+            "impure",
+            "in",
+            "initial",
+            "inner",
+            "input",
+            "loop",
+            "model",
+            "not",
+            "operator",
+            "or",
+            "outer",
+            "output",
+            "package",
+            "parameter",
+            "partial",
+            "protected",
+            "public",
+            "pure",
+            "record",
+            "redeclare",
+            "replaceable",
+            "return",
+            "stream",
+            "then",
+            "true",
+            "type",
+            "when",
+            "while",
+            "within",
+            "time",
+            "Real",
+            "Integer",
+            "Boolean",
+            "String",
+            "sin",
+            "cos",
+            "tan",
+            "sqrt",
+            "exp",
+            "log",
+            "abs",
+            "sign",
+            "tanh",
+            "floor",
+            "max",
+            "wrap",
+            "hat",
+            "OMEGA",
+            "tau",
+            "pi",
         ]
     }
 
@@ -55,9 +130,14 @@ fn quoted(text: &str) -> String {
 }
 
 fn parameters(p: &Program<'_>) -> String {
-    let omega =
-        p.omega.iter().map(|(n, w)| format!("  parameter Real {n} = {} \"rad/s; angular frequency of the drive\";", p.signed(*w)));
-    let own = p.constants.iter().map(|c| format!("  parameter Real {} = {} {};", c.name, p.signed(c.value), quoted(&c.about)));
+    let omega = p
+        .omega
+        .iter()
+        .map(|(n, w)| format!("  parameter Real {n} = {} \"rad/s; angular frequency of the drive\";", p.signed(*w)));
+    let own = p
+        .constants
+        .iter()
+        .map(|c| format!("  parameter Real {} = {} {};", c.name, p.signed(c.value), quoted(&c.about)));
     omega.chain(own).collect::<Vec<_>>().join("\n")
 }
 
@@ -72,7 +152,12 @@ fn variables(p: &Program<'_>) -> String {
     let mut out = Vec::new();
     for (i, c) in p.coordinates.iter().enumerate() {
         out.push(format!("  Real {}(start = {}, fixed = true) {};", c.name, initial[i], quoted(&c.unit)));
-        out.push(format!("  Real {}(start = {}, fixed = true) {};", c.rate, initial[n + i], quoted(&format!("{}/s", c.unit))));
+        out.push(format!(
+            "  Real {}(start = {}, fixed = true) {};",
+            c.rate,
+            initial[n + i],
+            quoted(&format!("{}/s", c.unit))
+        ));
         if p.scaled {
             out.push(format!("  Real {} \"d {}/d tau\";", c.prime, c.name));
             out.push(format!("  Real {} \"d2 {}/d tau2\";", second(p, i), c.name));
@@ -81,7 +166,11 @@ fn variables(p: &Program<'_>) -> String {
     if p.depends(|s| s == Symbol::Tau) {
         out.push(format!("  Real {} \"rad; phase of the drive\";", p.tau));
     }
-    out.extend(p.inputs.iter().map(|(n, unit)| format!("  Real {n} = 0.0 {};", quoted(&format!("{unit}; input, change it to your needs")))));
+    out.extend(
+        p.inputs.iter().map(|(n, unit)| {
+            format!("  Real {n} = 0.0 {};", quoted(&format!("{unit}; input, change it to your needs")))
+        }),
+    );
     out.join("\n")
 }
 
@@ -113,11 +202,7 @@ fn equations(p: &Program<'_>) -> String {
             let printed: Printed = printer.term(factor, &t.of, false);
             if t.constant.is_some() { left.push(printed) } else { right.push(printed) }
         }
-        let lines: Vec<String> = left
-            .iter()
-            .enumerate()
-            .map(|(k, t)| super::procedural::signed(t, k == 0))
-            .collect();
+        let lines: Vec<String> = left.iter().enumerate().map(|(k, t)| super::procedural::signed(t, k == 0)).collect();
         let right = if right.is_empty() { "0.0".to_owned() } else { inline(&right) };
         out.push(format!("  {} = {right};", lines.join("\n    ")));
     }

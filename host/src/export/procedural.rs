@@ -78,7 +78,11 @@ fn lines(indent: &str, all: &[String]) -> String {
 
 /// A statement with a comment behind it.
 fn told(l: &dyn Procedural, statement: &str, about: &str) -> String {
-    if about.is_empty() { statement.to_owned() } else { format!("{statement}  {} {}", l.remark(), super::program::harmless(about)) }
+    if about.is_empty() {
+        statement.to_owned()
+    } else {
+        format!("{statement}  {} {}", l.remark(), super::remarks::harmless(about))
+    }
 }
 
 /// Places that every language with statements fills alike.
@@ -96,7 +100,10 @@ pub fn places(l: &dyn Procedural, p: &Program<'_>) -> Vec<(&'static str, String)
         ("rates", rates(l, p).join(", ")),
         (
             "rates_assigned",
-            lines(l.indent(), &rates(l, p).iter().enumerate().map(|(i, r)| l.assign(&l.element("dx", i), r)).collect::<Vec<_>>()),
+            lines(
+                l.indent(),
+                &rates(l, p).iter().enumerate().map(|(i, r)| l.assign(&l.element("dx", i), r)).collect::<Vec<_>>(),
+            ),
         ),
         ("state", p.state().join(", ")),
         ("n", n.to_string()),
@@ -112,9 +119,10 @@ pub fn places(l: &dyn Procedural, p: &Program<'_>) -> Vec<(&'static str, String)
 }
 
 fn constants(l: &dyn Procedural, p: &Program<'_>) -> String {
-    let omega = p.omega.iter().map(|(name, value)| {
-        told(l, &l.constant(name, &p.signed(*value)), "rad/s; angular frequency of the drive")
-    });
+    let omega = p
+        .omega
+        .iter()
+        .map(|(name, value)| told(l, &l.constant(name, &p.signed(*value)), "rad/s; angular frequency of the drive"));
     let line = |c: &Constant| told(l, &l.constant(&c.name, &p.signed(c.value)), &c.about);
     lines(l.constant_indent(), &omega.chain(p.constants.iter().map(line)).collect::<Vec<_>>())
 }
@@ -174,7 +182,11 @@ fn right(l: &dyn Procedural, p: &Program<'_>) -> String {
     let mut out = Vec::new();
     for e in (0..p.coordinates.len()).filter(|e| !p.is_empty(*e, None)) {
         let (terms, target) = (p.sum(e, None), l.element("right", e));
-        out.push(if terms.len() == 1 { l.assign(&target, &inline(&terms)) } else { l.sum(&target, &terms, l.indent()) });
+        out.push(if terms.len() == 1 {
+            l.assign(&target, &inline(&terms))
+        } else {
+            l.sum(&target, &terms, l.indent())
+        });
     }
     lines(l.indent(), &out)
 }

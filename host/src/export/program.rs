@@ -2,16 +2,14 @@
 
 use super::expression::{Printer, uses};
 use super::names::Names;
+use super::remarks::{error_told, unit_told};
 use super::{Language, Printed};
-use crate::error::{BadInput, Result, plain};
+use crate::error::{BadInput, Result};
 use crate::identify::general::channel_units;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::expression::{Function, Node, Symbol, multiply, number};
 use crate::model::model_file::split::{Entry, Split};
-use crate::motion::{Acts, Effect, Motion};
-
-/// Longest line of a comment, characters.
-const WIDE: usize = 110;
+use crate::motion::Motion;
 
 /// A coordinate.
 pub struct Coordinate {
@@ -85,30 +83,6 @@ pub struct Program<'a> {
     pub tau: String,
     /// Name of the time.
     pub time: String,
-}
-
-/// A number as it is told in a comment.
-fn told(x: f64) -> String {
-    let digits = format!("{x:.5e}");
-    match digits.parse::<f64>() {
-        Ok(short) if (1e-3..1e5).contains(&short.abs()) || short == 0.0 => short.to_string(),
-        _ => format!("{:e}", digits.parse::<f64>().unwrap_or(x)),
-    }
-}
-
-/// A standard error in words.
-fn error_told(x: f64) -> String {
-    match x {
-        x if x.is_nan() => "standard error not known".to_owned(),
-        x if x.is_infinite() => "not determined by its record".to_owned(),
-        0.0 => "taken as known".to_owned(),
-        x => format!("standard error {x:.1e}"),
-    }
-}
-
-/// Unit of a coordinate or input in words.
-fn unit_told(unit: &str) -> String {
-    if unit == "1" || unit.is_empty() { "SI unit".to_owned() } else { plain(unit) }
 }
 
 impl<'a> Program<'a> {
@@ -249,14 +223,22 @@ impl<'a> Program<'a> {
 
     /// A number with its sign.
     pub fn signed(&self, x: f64) -> String {
-        if x.is_sign_negative() && x != 0.0 { format!("-{}", self.language.number(-x)) } else { self.language.number(x.abs()) }
+        if x.is_sign_negative() && x != 0.0 {
+            format!("-{}", self.language.number(-x))
+        } else {
+            self.language.number(x.abs())
+        }
     }
 
     /// The linear form of the rates whose sign a switch is.
     pub fn form(&self, k: usize) -> String {
         let mut out = String::new();
         for (w, c) in self.split.switches[k].iter().zip(&self.coordinates).filter(|(w, _)| **w != 0.0) {
-            let term = if w.abs() == 1.0 { c.rate.clone() } else { self.language.product(&self.language.number(w.abs()), &c.rate) };
+            let term = if w.abs() == 1.0 {
+                c.rate.clone()
+            } else {
+                self.language.product(&self.language.number(w.abs()), &c.rate)
+            };
             out.push_str(match (out.is_empty(), *w < 0.0) {
                 (true, false) => "",
                 (true, true) => "-",
@@ -278,76 +260,6 @@ impl<'a> Program<'a> {
         let rates = self.coordinates.iter().map(|c| c.rate.as_str());
         self.coordinates.iter().map(|c| c.name.as_str()).chain(rates).collect()
     }
-
-    /// The state with its units, for people.
-    pub fn state_told(&self) -> String {
-        let q: Vec<String> = self.coordinates.iter().map(|c| format!("{} ({})", c.name, c.unit)).collect();
-        let v: Vec<String> = self.coordinates.iter().map(|c| format!("{} ({}/s)", c.rate, c.unit)).collect();
-        format!("{}, {}", q.join(", "), v.join(", "))
-    }
-
-    /// Lines of comment that open the file: name, method, state, effects.
-    pub fn about(&self) -> String {
-        let m = self.motion;
-        let mut lines = vec![
-            format!("{}: equations of motion, identified (method: {}).", m.name, m.method),
-            format!("Written by `whirl export`, version {}.", env!("CARGO_PKG_VERSION")),
-            String::new(),
-            format!("State x: {}.", self.state_told()),
-        ];
-        if !self.inputs.is_empty() {
-            let list: Vec<String> = self.inputs.iter().map(|(n, unit)| format!("{n} ({unit})")).collect();
-            lines.push(format!("Inputs u: {}.", list.join(", ")));
-        }
-        if let Some((name, omega)) = &self.omega {
-            let hz = omega / core::f64::consts::TAU;
-            lines.push(format!("Drive: {} Hz, phase tau = {name} t.", told(hz)));
-        }
-        if !m.effects.is_empty() {
-            lines.push("Effects beside the nominal model:".to_owned());
-            lines.extend(m.effects.iter().map(effect_told));
-        }
-        lines.iter().map(|l| self.remark(l)).collect::<Vec<_>>().join("\n")
-    }
-
-    /// A text as lines of comment.
-    pub fn remark(&self, text: &str) -> String {
-        let mark = self.language.remark();
-        let text = harmless(text);
-        let indent = " ".repeat(text.len() - text.trim_start_matches(' ').len());
-        let mut lines: Vec<String> = Vec::new();
-        for word in text.split_whitespace() {
-            match lines.last_mut() {
-                Some(last) if last.chars().count() + word.chars().count() < WIDE => last.push_str(&format!(" {word}")),
-                Some(_) => lines.push(format!("{indent}  {word}")),
-                None => lines.push(format!("{indent}{word}")),
-            }
-        }
-        if lines.is_empty() {
-            lines.push(String::new());
-        }
-        lines.iter().map(|l| format!("{mark} {l}").trim_end().to_owned()).collect::<Vec<_>>().join("\n")
-    }
-}
-
-/// A text from a file as it may stand in a comment: on one line, and without a backslash at its end, which would join the next line to it.
-pub fn harmless(text: &str) -> String {
-    let text = plain(text);
-    if text.trim_end().ends_with(['\\', '/']) { format!("{}.", text.trim_end()) } else { text }
-}
-
-/// An effect in a line.
-fn effect_told(e: &Effect) -> String {
-    let mut out = format!("  {}: {}; value {} {}, {}", e.name(), e.equation, told(e.told.value), e.told.unit, error_told(e.told.std_error));
-    for (name, value) in &e.told.parameters {
-        out.push_str(&format!(", {name} = {}", told(*value)));
-    }
-    out.push_str(match e.acts {
-        Acts::Motion(_) => "",
-        Acts::Drive(_) => " (in the drive's phase)",
-        Acts::Sensor(..) => " (changes what the sensor shows, not the motion: it is not in the equations)",
-    });
-    out
 }
 
 /// Coefficients, then strengths.
@@ -357,7 +269,11 @@ fn constants(motion: &Motion, names: &mut Names) -> Result<Vec<Constant>> {
         out.push(Constant {
             name: names.give(&c.name),
             value: c.value,
-            about: format!("{}; {}", if c.unit == "1" || c.unit.is_empty() { "no unit" } else { &c.unit }, error_told(c.std_error)),
+            about: format!(
+                "{}; {}",
+                if c.unit == "1" || c.unit.is_empty() { "no unit" } else { &c.unit },
+                error_told(c.std_error)
+            ),
             own: c.name.clone(),
             std_error: c.std_error,
             unit: c.unit.clone(),

@@ -28,12 +28,93 @@ impl Language for Python {
 
     fn reserved(&self) -> &'static [&'static str] {
         &[
-            "False", "None", "True", "and", "as", "assert", "async", "await", "break", "class", "continue", "def", "del", "elif", "else", "except",
-            "finally", "for", "from", "global", "if", "import", "in", "is", "lambda", "nonlocal", "not", "or", "pass", "raise", "return", "try",
-            "while", "with", "yield", "print", "range", "len", "sum", "zip", "abs", "max", "min", "list", "any", "map", "float", "sin", "cos", "tan",
-            "sqrt", "exp", "log", "tanh", "pi", "floor", "round", "sign", "wrap", "hat", "solve", "f", "inputs", "t", "x", "u", "dx", "held", "h", "matrix",
-            "right", "acceleration", "N", "STEP_S", "SECONDS", "EVERY", "X0", "SWITCHES", "along", "hold", "turned", "released", "runge_kutta",
-            "step", "main", "OMEGA", "tau",
+            "False",
+            "None",
+            "True",
+            "and",
+            "as",
+            "assert",
+            "async",
+            "await",
+            "break",
+            "class",
+            "continue",
+            "def",
+            "del",
+            "elif",
+            "else",
+            "except",
+            "finally",
+            "for",
+            "from",
+            "global",
+            "if",
+            "import",
+            "in",
+            "is",
+            "lambda",
+            "nonlocal",
+            "not",
+            "or",
+            "pass",
+            "raise",
+            "return",
+            "try",
+            "while",
+            "with",
+            "yield",
+            "print",
+            "range",
+            "len",
+            "sum",
+            "zip",
+            "abs",
+            "max",
+            "min",
+            "list",
+            "any",
+            "map",
+            "float",
+            "sin",
+            "cos",
+            "tan",
+            "sqrt",
+            "exp",
+            "log",
+            "tanh",
+            "pi",
+            "floor",
+            "round",
+            "sign",
+            "wrap",
+            "hat",
+            "solve",
+            "f",
+            "inputs",
+            "t",
+            "x",
+            "u",
+            "dx",
+            "held",
+            "h",
+            "matrix",
+            "right",
+            "acceleration",
+            "N",
+            "STEP_S",
+            "SECONDS",
+            "EVERY",
+            "X0",
+            "SWITCHES",
+            "along",
+            "hold",
+            "turned",
+            "released",
+            "runge_kutta",
+            "step",
+            "main",
+            "OMEGA",
+            "tau",
         ]
     }
 
@@ -49,7 +130,8 @@ impl Language for Python {
             imports.extend(["floor", "pi"]);
         }
         imports.sort_unstable();
-        let import = if imports.is_empty() { String::new() } else { format!("from math import {}", imports.join(", ")) };
+        let import =
+            if imports.is_empty() { String::new() } else { format!("from math import {}", imports.join(", ")) };
         let mut out = procedural::places(self, p);
         out.push(("import", import));
         out
@@ -62,7 +144,8 @@ impl Procedural for Python {
     }
 
     fn sum(&self, target: &str, terms: &[Printed], indent: &str) -> String {
-        let all: Vec<String> = terms.iter().enumerate().map(|(k, t)| format!("{indent}    {}", signed(t, k == 0))).collect();
+        let all: Vec<String> =
+            terms.iter().enumerate().map(|(k, t)| format!("{indent}    {}", signed(t, k == 0))).collect();
         format!("{target} = (\n{}\n{indent})", all.join("\n"))
     }
 

@@ -62,7 +62,13 @@ fn effects(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Effec
         }
         let entry = entry(i, e, rig)?;
         let Some(place) = place(&e.at, rig) else {
-            return Err(bad(i, e, "", "a place of the double pendulum", "Write the model anew with `whirl explain -o`"));
+            return Err(bad(
+                i,
+                e,
+                "",
+                "a place of the double pendulum",
+                "Write the model anew with `whirl explain -o`",
+            ));
         };
         let of = |k: usize| on_mechanism((i, e), entry, place, &mechanism, &physical[k], (rig.omega(), span));
         let (first, second) = (of(0)?, of(1)?);
@@ -147,7 +153,10 @@ fn physical(model: &IdentifiedModel, rig: &Rig, mechanism: &Arc<Mechanism>, of: 
     if values.iter().all(|v| v.is_finite()) {
         return Ok(values);
     }
-    Err(BadInput::new("B11, B12, B21 or B22 of 0", "the coefficients of two arms that gravity pulls at and that are coupled")
-        .at("parameters")
-        .remedy("Identify the model anew: its effects rest on these coefficients"))
+    Err(BadInput::new(
+        "B11, B12, B21 or B22 of 0",
+        "the coefficients of two arms that gravity pulls at and that are coupled",
+    )
+    .at("parameters")
+    .remedy("Identify the model anew: its effects rest on these coefficients"))
 }

@@ -1,10 +1,10 @@
 //! Effects of a model's file as expressions: those of the catalogue on a mechanism, and those of model files on their coordinates.
 
 use super::{Acts, Effect, Strength};
+use crate::effects::catalogue;
 use crate::effects::columns::{self, Action, Span};
 use crate::effects::entry::Entry;
 use crate::effects::places::{self, Place};
-use crate::effects::catalogue;
 use crate::error::{BadInput, Result};
 use crate::explain::engine::given::form_of;
 use crate::explain::model_file::{Beside, effects_of};
@@ -15,7 +15,8 @@ use crate::system::mechanism::Mechanism;
 
 /// An error about effect `index` (from 0) of the model's file.
 pub fn bad(index: usize, e: &AddedEffect, found: &str, expected: &str, remedy: &str) -> BadInput {
-    let found = if found.is_empty() { format!("\"{}@{}\"", e.id, e.at) } else { format!("\"{}@{}\", {found}", e.id, e.at) };
+    let found =
+        if found.is_empty() { format!("\"{}@{}\"", e.id, e.at) } else { format!("\"{}@{}\", {found}", e.id, e.at) };
     BadInput::new(found, expected).at(format!("effect {}", index + 1)).remedy(remedy)
 }
 
@@ -60,7 +61,13 @@ pub fn of_own(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Ef
         let places = file.map_or_else(Vec::new, |f| places::of(entry, f, bound));
         let place = places.into_iter().find(|p| file.is_some_and(|f| p.name(f) == e.at));
         let Some(place) = place else {
-            return Err(bad(i, e, "", "a place of this system", "Give the rig file that the model was identified with"));
+            return Err(bad(
+                i,
+                e,
+                "",
+                "a place of this system",
+                "Give the rig file that the model was identified with",
+            ));
         };
         on_mechanism((i, e), entry, place, mechanism, &physical, (rig.omega(), span))
     })

@@ -36,7 +36,8 @@ pub struct Begin {
 /// # Errors
 /// A time that is in no stretch of it, a record that is too short, a motion that the model does not follow.
 pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<Begin> {
-    let prepared = general::prepare(std::slice::from_ref(record), &motion.rig, &motion.bound, &IdentifySettings::default())?;
+    let prepared =
+        general::prepare(std::slice::from_ref(record), &motion.rig, &motion.bound, &IdentifySettings::default())?;
     let stretches = &prepared.stretches;
     let at = start_s.or(stretches.first().map(|s| s.start_s)).unwrap_or(0.0);
     let within = |s: &&Stretch| at >= s.start_s - 0.5 * s.step_s && at < s.time(s.len());
@@ -61,14 +62,23 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
     let (equations, parameters) = motion.equations()?;
     let jumps = !equations.switches().is_empty();
     let names = equations.coefficients().to_vec();
-    let moving =
-        Moving { of_drive: vec![false; names.len()], names, left_out: Vec::new(), jumps, dynamics: Box::new(equations), parameters };
+    let moving = Moving {
+        of_drive: vec![false; names.len()],
+        names,
+        left_out: Vec::new(),
+        jumps,
+        dynamics: Box::new(equations),
+        parameters,
+    };
     let settings = Settings::default();
     let starts = Starts::new(&moving, course, motion.circle(), (period_s(&motion.rig, &prepared), omega), &settings);
     let mut state = starts.first_state(course, 0, &moving.parameters).ok_or_else(|| {
-        BadInput::new(format!("no solution of the model that follows the record from t = {at} s"), "a motion of this model")
-            .in_file(&record.path)
-            .remedy("Begin elsewhere with --start, or give the model that was identified on this record")
+        BadInput::new(
+            format!("no solution of the model that follows the record from t = {at} s"),
+            "a motion of this model",
+        )
+        .in_file(&record.path)
+        .remedy("Begin elsewhere with --start, or give the model that was identified on this record")
     })?;
     // Pieces lose their whole turns.
     for (k, _) in motion.circle().into_iter().enumerate().filter(|c| c.1) {

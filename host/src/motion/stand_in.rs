@@ -98,7 +98,8 @@ fn shipped(file: &ModelFile, omega: f64) -> Option<Arc<Mechanism>> {
             && base.inputs == file.inputs
             && base.equations.len() == file.equations.len()
             && base.equations.iter().zip(&file.equations).all(|(a, b)| {
-                a.balance == b.balance && a.terms.iter().all(|t| b.terms.iter().any(|o| o.name == t.name && o.of == t.of))
+                a.balance == b.balance
+                    && a.terms.iter().all(|t| b.terms.iter().any(|o| o.name == t.name && o.of == t.of))
             });
         base.mechanism.filter(|_| same)
     })

@@ -115,9 +115,8 @@ fn effects_of_the_double_pendulum_move_it_as_its_own_closures_do() {
 #[test]
 fn what_has_no_expression_or_belongs_elsewhere_is_refused_with_its_place() {
     let rig = rig("double-pendulum", "[drive]\ndirection = \"vertical\"\nfrequency_hz = 5.0");
-    let told = |e: AddedEffect| {
-        Motion::of(&double(vec![e]), Path::new("m.toml"), Some(&rig), 0.0).unwrap_err().to_string()
-    };
+    let told =
+        |e: AddedEffect| Motion::of(&double(vec![e]), Path::new("m.toml"), Some(&rig), 0.0).unwrap_err().to_string();
     let load = told(effect("load-dependent-friction", "joint2", 0.0, &[1.0], &[]));
     assert!(load.starts_with("effect 1: ") && load.contains("depends on accelerations"), "{load}");
     assert!(told(effect("rust", "joint1", 0.0, &[1.0], &[])).contains("\"rust@joint1\""));
@@ -142,7 +141,13 @@ fn what_acts_on_drive_and_sensors_stands_there() {
     let of = |tau: f64, time: f64| {
         let (equations, parameters) = motion.equations().unwrap();
         let mut a = [0.0; 2];
-        assert!(equations.acceleration(&parameters, &[0.3, 0.5], &[1.0, 2.0], &Instant { time, tau, inputs: &[] }, &mut a));
+        assert!(equations.acceleration(
+            &parameters,
+            &[0.3, 0.5],
+            &[1.0, 2.0],
+            &Instant { time, tau, inputs: &[] },
+            &mut a
+        ));
         a
     };
     let (ahead, turned) = (of(0.4, 25.0), of(0.4 + core::f64::consts::FRAC_PI_2, 0.0));

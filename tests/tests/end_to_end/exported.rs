@@ -30,9 +30,11 @@ impl Table {
 
 /// Runs a program and gives what it printed.
 fn printed(folder: &Path, program: &str, arguments: &[&str]) -> String {
-    let output = Command::new(program).current_dir(folder).args(arguments).output().unwrap_or_else(|e| {
-        panic!("{program} does not run ({e}): the exported code cannot be tried; install it")
-    });
+    let output = Command::new(program)
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .unwrap_or_else(|e| panic!("{program} does not run ({e}): the exported code cannot be tried; install it"));
     assert!(output.status.success(), "{program} {arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8(output.stdout).expect("UTF-8")
 }
@@ -58,7 +60,8 @@ fn agrees(folder: &Path, model: &str, columns: &[(&str, &str)]) {
     done(folder, &format!("export {model} --to python -o model.py"));
     let python = apart(&Table::of(&printed(folder, "python3", &["model.py"])), &own, columns);
     done(folder, &format!("export {model} --to c -o model.c"));
-    let flags = ["-std=c99", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-o", "model", "model.c", "-lm"];
+    let flags =
+        ["-std=c99", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Werror", "-o", "model", "model.c", "-lm"];
     printed(folder, "cc", &flags);
     let binary = folder.join("model").display().to_string();
     let c = apart(&Table::of(&printed(folder, &binary, &[])), &own, columns);
@@ -96,7 +99,8 @@ fn an_identified_double_pendulum_leaves_as_code_that_moves_alike() {
     done(at, "identify r.parquet --rig rig.toml -o model.toml");
     agrees(at, "model.toml", &[("phi1", "phi1"), ("phi2", "phi2")]);
     // From a record's state, it goes where the record goes, for a while; the drive's phase and the columns are the record's.
-    let said = done(at, "simulate --model model.toml --from r.parquet --start 5 --seconds 20 -o s.parquet --json s.json");
+    let said =
+        done(at, "simulate --model model.toml --from r.parquet --start 5 --seconds 20 -o s.parquet --json s.json");
     assert!(said.contains("count1 (count), count2 (count)"), "{said}");
     done(at, "simulate --model model.toml --rig rig.toml --from r.parquet --start 5 --seconds 0.5 -o s.csv");
     done(at, "simulate --rig rig.toml --seconds 24 --seed 1 -o r.csv");
@@ -132,7 +136,11 @@ fn an_explained_double_pendulum_leaves_with_its_effects() {
     std::fs::write(at.join("model.toml"), text.replace("strengths = [0.01]", "strengths = [0.0]")).unwrap();
     agrees(at, "model.toml", &[("phi1", "phi1"), ("phi2", "phi2")]);
     let code = std::fs::read_to_string(at.join("model.py")).unwrap();
-    for part in ["quadratic-drag@arm2: −k ω |ω|; value 2e-7 N m s², standard error 5.0e-10", "standard error 2.1e-5", "OMEGA = 31.41"] {
+    for part in [
+        "quadratic-drag@arm2: −k ω |ω|; value 2e-7 N m s², standard error 5.0e-10",
+        "standard error 2.1e-5",
+        "OMEGA = 31.41",
+    ] {
         assert!(code.contains(part), "no {part} in {code}");
     }
 }
@@ -177,7 +185,9 @@ fn the_other_languages_are_as_they_were() {
     let golden = repository("tests/golden/export");
     for model in ["double-pendulum", "oscillator"] {
         std::fs::copy(golden.join(format!("{model}.toml")), folder.path().join(format!("{model}.toml"))).unwrap();
-        for (language, extension) in [("julia", "jl"), ("modelica", "mo"), ("latex", "tex"), ("matlab", "m"), ("python", "py"), ("c", "c")] {
+        for (language, extension) in
+            [("julia", "jl"), ("modelica", "mo"), ("latex", "tex"), ("matlab", "m"), ("python", "py"), ("c", "c")]
+        {
             let name = format!("{}.{extension}", model.replace('-', "_"));
             done(folder.path(), &format!("export {model}.toml --to {language} -o {name}"));
             let text = std::fs::read_to_string(folder.path().join(&name)).unwrap();
@@ -205,15 +215,24 @@ fn what_cannot_leave_is_refused_with_one_line() {
     write("missing.toml", "B21 = ", "B31 = ");
     let own = std::fs::read_to_string(repository("tests/golden/export/oscillator.toml")).unwrap();
     std::fs::write(at.join("bodies.toml"), format!("{own}\n[found_with]\nmass = 1.0\n")).unwrap();
-    std::fs::write(at.join("more.toml"), own.replace("{ name = \"x\", space = \"R\" }", "{ name = \"x\", space = \"R\" }, { name = \"y\", space = \"R\" }"))
-        .unwrap();
+    std::fs::write(
+        at.join("more.toml"),
+        own.replace(
+            "{ name = \"x\", space = \"R\" }",
+            "{ name = \"x\", space = \"R\" }, { name = \"y\", space = \"R\" }",
+        ),
+    )
+    .unwrap();
     std::fs::write(at.join("r.csv"), "t,phi1,phi2\n0,0,0\n0.002,0,0\n").unwrap();
     let export = |model: &str| format!("export {model} --to python -o out.py");
     let simulate = |options: &str| format!("simulate --model m.toml -o out.csv {options}");
     for (arguments, told) in [
         (export("none.toml"), "none.toml"),
         (export("rust.toml"), "rust.toml: effect 1: found \"rust@arm2\""),
-        (export("load.toml"), "load.toml: effect 2: found \"load-dependent-friction@joint2\", whose force depends on accelerations"),
+        (
+            export("load.toml"),
+            "load.toml: effect 2: found \"load-dependent-friction@joint2\", whose force depends on accelerations",
+        ),
         (export("missing.toml"), "missing.toml: parameters.B31"),
         (export("bodies.toml"), "--rig RIG.toml"),
         (export("more.toml"), "1 equations for 2 coordinates"),
@@ -227,7 +246,11 @@ fn what_cannot_leave_is_refused_with_one_line() {
         assert_eq!((run.status, run.stdout.as_str()), (2, ""), "{arguments}: {run:?}");
         assert!(run.stderr.contains(told) && run.stderr.lines().count() == 1, "{arguments}: {}", run.stderr);
     }
-    for usage in ["export m.toml --to basic -o out.bas", "simulate --model m.toml --start 1 -o o.csv", "simulate --seconds 1 -o o.csv"] {
+    for usage in [
+        "export m.toml --to basic -o out.bas",
+        "simulate --model m.toml --start 1 -o o.csv",
+        "simulate --seconds 1 -o o.csv",
+    ] {
         assert_eq!(whirl(at, usage).status, 2, "{usage}");
     }
     assert!(!at.join("out.py").exists() && !at.join("out.csv").exists());
