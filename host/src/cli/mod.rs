@@ -9,6 +9,7 @@ mod device;
 mod device_list;
 mod device_set;
 mod explain;
+mod export;
 mod flash;
 mod flash_image;
 mod identify;
@@ -22,6 +23,7 @@ mod reduce;
 #[cfg(feature = "sim")]
 mod reproduce;
 mod simulate;
+mod simulate_model;
 mod validate;
 
 use std::io::Write;
@@ -57,7 +59,7 @@ struct Cli {
 enum Command {
     /// The whole line with nothing plugged in: simulated rig, firmware logic, frames, capture, identification, one report.
     Demo(demo::Arguments),
-    /// A record of a simulated rig, with effects put in if asked.
+    /// A record of a simulated rig, with effects put in if asked, or of an identified model.
     Simulate(simulate::Arguments),
     /// Records from a rig, surviving unplugging, accounting for every sample.
     Capture(capture::Arguments),
@@ -69,6 +71,8 @@ enum Command {
     Validate(validate::Arguments),
     /// Where simulation and measurement disagree, which effect is missing, the gap before and after.
     Explain(explain::Arguments),
+    /// An identified model as readable code, with its units, parameters and effects.
+    Export(export::Arguments),
     /// Ports and boards; a board's settings, kept in its flash; its zero.
     Device(device::Arguments),
     /// Builds a board's firmware and flashes it through a debug probe.
@@ -232,6 +236,7 @@ fn run(cli: Cli) -> Result<Answer> {
         Command::Identify(a) => identify::run(&a),
         Command::Validate(a) => validate::run(&a),
         Command::Explain(a) => explain::run(&a),
+        Command::Export(a) => export::run(&a),
         Command::Device(a) => device::run(&a),
         Command::Flash(a) => flash::run(&a),
         Command::Reduce(a) => reduce::run(&a),

@@ -1,4 +1,4 @@
-//! `whirl simulate`: a record of a simulated rig, with effects put in if asked.
+//! `whirl simulate`: a record of a simulated rig, with effects put in if asked; with `--model`, of an identified model.
 
 use std::path::PathBuf;
 
@@ -8,45 +8,74 @@ use super::Answer;
 use super::output::{Output, Replace};
 #[cfg(feature = "sim")]
 use super::outputs::Outputs;
-use crate::error::Result;
+use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// Rig file with a [plant].
-    #[arg(long, value_name = "RIG.toml")]
-    rig: PathBuf,
+    /// Rig file with a [plant]; with --model, the rig whose channels the record has (no [plant] is read then).
+    #[arg(long, value_name = "RIG.toml", required_unless_present = "model")]
+    pub(super) rig: Option<PathBuf>,
+    /// Identified model to simulate, by `identify -o` or `explain -o`.
+    #[arg(long, value_name = "MODEL.toml")]
+    pub(super) model: Option<PathBuf>,
+    /// With --model: begin in the state of this record, with its drive's phase and its inputs.
+    #[arg(long, value_name = "REC", requires = "model")]
+    pub(super) from: Option<PathBuf>,
+    /// With --from: time of the record at which to begin, s.
+    #[arg(long, value_name = "S", requires = "from", allow_negative_numbers = true)]
+    pub(super) start: Option<f64>,
+    /// With --model: coordinates, then rates a second, in SI units (default: angles 1 rad, others 0.1, at rest).
+    #[arg(
+        long,
+        value_name = "Q,…,V,…",
+        requires = "model",
+        conflicts_with = "from",
+        value_delimiter = ',',
+        allow_negative_numbers = true
+    )]
+    pub(super) initial: Vec<f64>,
     /// Effect to put in (may be given several times); `whirl list effects` shows them.
-    #[arg(long = "effect", value_name = "ID@PLACE=VALUE[,name=value]")]
+    #[arg(long = "effect", value_name = "ID@PLACE=VALUE[,name=value]", conflicts_with = "model")]
     effects: Vec<String>,
-    /// Length of the record, s.
-    #[arg(long, value_name = "S")]
-    seconds: f64,
+    /// Length of the record, s (with --from: to that record's end where nothing is said; with --model alone 10 s).
+    #[arg(long, value_name = "S", required_unless_present = "model")]
+    pub(super) seconds: Option<f64>,
     /// Seed of the initial state.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Record: Parquet, or CSV by extension (.csv, .csv.gz).
     #[arg(short, long, value_name = "REC")]
-    output: PathBuf,
+    pub(super) output: PathBuf,
     #[command(flatten)]
-    replace: Replace,
+    pub(super) replace: Replace,
     #[command(flatten)]
-    out: Output,
+    pub(super) out: Output,
 }
 
 /// Simulates and writes.
-#[cfg(feature = "sim")]
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let rig = Rig::read(&arguments.rig)?;
-    Outputs::of(&arguments.out, Some(arguments.replace)).reads_rig(&rig).record("-o", &arguments.output).check()?;
+    if let Some(model) = &arguments.model {
+        return super::simulate_model::run(arguments, model);
+    }
+    let (Some(path), Some(seconds)) = (&arguments.rig, arguments.seconds) else {
+        return Err(BadInput::new("neither --rig with --seconds nor --model", "one of them").at("simulate"));
+    };
+    plant(arguments, &Rig::read(path)?, seconds)
+}
+
+/// Simulates a rig's plant.
+#[cfg(feature = "sim")]
+fn plant(arguments: &Arguments, rig: &Rig, seconds: f64) -> Result<Answer> {
+    Outputs::of(&arguments.out, Some(arguments.replace)).reads_rig(rig).record("-o", &arguments.output).check()?;
     if let Some(bound) = &rig.bound {
-        return model_file(arguments, &rig, bound);
+        return model_file(arguments, rig, bound, seconds);
     }
     let summary = crate::simulate::record(
-        &rig,
+        rig,
         &arguments.effects,
-        arguments.seconds,
+        seconds,
         arguments.seed,
         &arguments.output,
         &super::progress::bar("simulating", 0),
@@ -63,7 +92,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
 
 /// Simulates a model file.
 #[cfg(feature = "sim")]
-fn model_file(arguments: &Arguments, rig: &Rig, bound: &crate::rig::measures::Bound) -> Result<Answer> {
+fn model_file(arguments: &Arguments, rig: &Rig, bound: &crate::rig::measures::Bound, seconds: f64) -> Result<Answer> {
     use crate::model::model_file::simulation::Extra;
     let derived = bound.model.mechanism.as_ref().is_some_and(|m| m.file.as_ref().is_some_and(|f| !f.written));
     let id = |text: &String| text.split('@').next().unwrap_or_default().to_owned();
@@ -79,14 +108,8 @@ fn model_file(arguments: &Arguments, rig: &Rig, bound: &crate::rig::measures::Bo
         put_in = crate::explain::model_file::put_in::terms(&bound.model, rig.omega(), &arguments.effects)?;
         Extra::Terms(&put_in.terms, &put_in.strengths)
     };
-    let samples = crate::model::model_file::simulation::record(
-        rig,
-        bound,
-        extra,
-        arguments.seconds,
-        arguments.seed,
-        &arguments.output,
-    )?;
+    let samples =
+        crate::model::model_file::simulation::record(rig, bound, extra, seconds, arguments.seed, &arguments.output)?;
     let seconds = samples as f64 / rig.sample_rate_hz;
     let summary =
         crate::simulate::Summary { samples, seconds, seed: arguments.seed, effects: arguments.effects.clone() };
@@ -97,16 +120,9 @@ fn model_file(arguments: &Arguments, rig: &Rig, bound: &crate::rig::measures::Bo
 
 /// Says that this build has no simulator.
 #[cfg(not(feature = "sim"))]
-pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let _ = (
-        Rig::read(&arguments.rig)?,
-        &arguments.effects,
-        arguments.seconds,
-        arguments.seed,
-        &arguments.output,
-        &arguments.out,
-        &arguments.replace,
-    );
-    Err(crate::error::BadInput::new("a build without the feature `sim`", "one with it")
+fn plant(arguments: &Arguments, rig: &Rig, _seconds: f64) -> Result<Answer> {
+    let _ = (&arguments.effects, arguments.seed);
+    Err(BadInput::new("a build without the feature `sim`", "one with it")
+        .in_file(&rig.path)
         .remedy("Build with `cargo build --release` (feature sim is on by default)"))
 }

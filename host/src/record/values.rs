@@ -27,28 +27,36 @@ const GROUP: usize = 1 << 16;
 /// # Errors
 /// A file that cannot be written, a full disk.
 pub fn write_values(path: &Path, rig: &Rig, columns: &[Column]) -> Result<()> {
+    write_values_from(path, rig, 0.0, columns)
+}
+
+/// The same from t = `start_s` on.
+///
+/// # Errors
+/// As [`write_values`].
+pub fn write_values_from(path: &Path, rig: &Rig, start_s: f64, columns: &[Column]) -> Result<()> {
     let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
     let io = |e: std::io::Error| BadInput::io(path, &e);
     if name.ends_with(".csv.gz") {
         let mut sink = BufWriter::new(GzEncoder::new(create_file(path)?, Compression::default()));
-        csv(&mut sink, rig, columns).map_err(io)?;
+        csv(&mut sink, rig, start_s, columns).map_err(io)?;
         sink.into_inner().map_err(|e| io(e.into_error()))?.finish().map(drop).map_err(io)
     } else if name.ends_with(".csv") {
         let mut sink = BufWriter::new(create_file(path)?);
-        csv(&mut sink, rig, columns).and_then(|()| sink.flush()).map_err(io)
+        csv(&mut sink, rig, start_s, columns).and_then(|()| sink.flush()).map_err(io)
     } else {
-        parquet(path, rig, columns).map_err(|e| BadInput::new(e.to_string(), "").in_file(path))
+        parquet(path, rig, start_s, columns).map_err(|e| BadInput::new(e.to_string(), "").in_file(path))
     }
 }
 
-fn csv(sink: &mut impl Write, rig: &Rig, columns: &[Column]) -> std::io::Result<()> {
+fn csv(sink: &mut impl Write, rig: &Rig, start_s: f64, columns: &[Column]) -> std::io::Result<()> {
     write!(sink, "t")?;
     for c in &rig.channel {
         write!(sink, ",{}", text_cell(&c.name))?;
     }
     writeln!(sink)?;
     for i in 0..columns.first().map_or(0, Column::len) {
-        write!(sink, "{}", i as f64 / rig.sample_rate_hz)?;
+        write!(sink, "{}", start_s + i as f64 / rig.sample_rate_hz)?;
         for c in columns {
             match c {
                 Column::Counts(x) => write!(sink, ",{}", x[i])?,
@@ -60,7 +68,7 @@ fn csv(sink: &mut impl Write, rig: &Rig, columns: &[Column]) -> std::io::Result<
     Ok(())
 }
 
-fn parquet(path: &Path, rig: &Rig, columns: &[Column]) -> std::result::Result<(), ParquetError> {
+fn parquet(path: &Path, rig: &Rig, start_s: f64, columns: &[Column]) -> std::result::Result<(), ParquetError> {
     let field = |name: &str, physical: Physical| {
         Type::primitive_type_builder(name, physical).with_repetition(Repetition::REQUIRED).build().map(Arc::new)
     };
@@ -80,7 +88,7 @@ fn parquet(path: &Path, rig: &Rig, columns: &[Column]) -> std::result::Result<()
     let count = columns.first().map_or(0, Column::len);
     for from in (0..count).step_by(GROUP) {
         let to = (from + GROUP).min(count);
-        let t: Vec<f64> = (from..to).map(|i| i as f64 / rig.sample_rate_hz).collect();
+        let t: Vec<f64> = (from..to).map(|i| start_s + i as f64 / rig.sample_rate_hz).collect();
         let mut group = writer.next_row_group()?;
         let mut place = 0;
         while let Some(mut column) = group.next_column()? {

@@ -107,7 +107,7 @@ fn known(rig: &Rig, model: &ModelFile) -> Result<()> {
     }
 }
 
-pub(super) fn bound(rig: &Rig, model: ModelFile) -> Result<Bound> {
+pub(crate) fn bound(rig: &Rig, model: ModelFile) -> Result<Bound> {
     let n = model.coordinates.len();
     let names =
         Names { coordinates: model.coordinates.iter().map(|c| c.name.clone()).collect(), inputs: model.inputs.clone() };

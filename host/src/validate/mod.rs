@@ -377,7 +377,7 @@ const FREE_PERIOD_S: f64 = 0.2;
 const FEWEST_SAMPLES: f64 = 8.0;
 
 /// The drive's period; in a free system of a user's own that of the highest frequency that the weak form takes into account.
-fn period_s(rig: &Rig, prepared: &Prepared) -> f64 {
+pub(crate) fn period_s(rig: &Rig, prepared: &Prepared) -> f64 {
     let windows = &prepared.geometry.windows;
     match (rig.drive, &rig.bound) {
         (Some(d), _) => 1.0 / d.frequency_hz,

@@ -6,6 +6,7 @@ mod demo;
 mod determinism;
 mod device;
 mod explained;
+mod exported;
 mod faulty_link;
 mod interface;
 mod interrupted;

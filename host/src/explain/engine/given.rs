@@ -19,7 +19,7 @@ use crate::rig::measures::Bound;
 use crate::system::mechanism::Mechanism;
 
 /// The shape parameters of an effect in a file; none where one is missing.
-fn form_of(entry: &Entry, e: &AddedEffect) -> Option<Form> {
+pub fn form_of(entry: &Entry, e: &AddedEffect) -> Option<Form> {
     entry
         .shapes
         .iter()

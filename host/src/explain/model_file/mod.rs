@@ -36,7 +36,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use self::candidates::{Candidate, candidates};
-pub use self::given::motion as motion_of;
+pub use self::given::{effects as effects_of, motion as motion_of};
 use self::round::{Round, by_trajectories, by_weak_form, own_signs};
 
 use self::trajectories::{Columns, Trajectories};

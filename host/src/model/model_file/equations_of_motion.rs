@@ -8,20 +8,11 @@
 use core::cell::RefCell;
 
 use super::ModelFile;
-use super::expression::{Function, Node, Symbol, as_number, call, multiply, number, symbol};
+use super::expression::{Function, Node, Symbol, as_number};
+use super::split::{Entry, Split};
 use super::tape::Tape;
 use crate::error::Result;
 use crate::model::dynamics::{Dynamics, Instant};
-
-/// Where a tape's output goes.
-#[derive(Clone, Copy, Debug)]
-struct Entry {
-    equation: usize,
-    /// Index of the coefficient; none for the balance.
-    coefficient: Option<usize>,
-    /// Acceleration that it multiplies; none for the rest.
-    acceleration: Option<usize>,
-}
 
 /// A model file that can be integrated.
 #[derive(Clone, Debug)]
@@ -76,7 +67,7 @@ impl EquationsOfMotion {
                 .remedy("A simulation needs one equation for each coordinate"));
         }
         let mut coefficients = model.coefficients();
-        let mut built = Built { n, ..Built::default() };
+        let mut built = Split::of(n);
         for (e, equation) in model.equations.iter().enumerate() {
             built.put(e, None, &model.in_seconds(&equation.balance, omega));
             for term in &equation.terms {
@@ -210,57 +201,6 @@ impl EquationsOfMotion {
                     entry.coefficient.map_or(-1.0, |c| parameters[c]) * slope * moved(entry);
             }
             Some(solve(&mut s.matrix, n, width, out))
-        })
-    }
-}
-
-/// What is gathered while compiling.
-#[derive(Default)]
-struct Built {
-    n: usize,
-    entries: Vec<Entry>,
-    nodes: Vec<Node>,
-    switches: Vec<Vec<f64>>,
-}
-
-impl Built {
-    /// Adds a term; terms are linear in accelerations: a file with others is refused.
-    fn put(&mut self, equation: usize, coefficient: Option<usize>, e: &Node) {
-        let e = self.held(e);
-        for i in 0..self.n {
-            if let Some(d) = e.derivative(Symbol::Acceleration(i))
-                && as_number(&d) != Some(0.0)
-            {
-                self.entries.push(Entry { equation, coefficient, acceleration: Some(i) });
-                self.nodes.push(d);
-            }
-        }
-        let rest = e.replace(&|s| if matches!(s, Symbol::Acceleration(_)) { number(0.0) } else { symbol(s) });
-        if as_number(&rest) != Some(0.0) {
-            self.entries.push(Entry { equation, coefficient, acceleration: None });
-            self.nodes.push(rest);
-        }
-    }
-
-    /// Signs of linear forms of the rates become switches.
-    fn held(&mut self, e: &Node) -> Node {
-        let (n, switches) = (self.n, &mut self.switches);
-        e.with_signs(&mut |a| {
-            let form: Option<Vec<f64>> =
-                (0..n).map(|i| a.derivative(Symbol::Rate(i)).and_then(|d| as_number(&d))).collect();
-            let linear = form.filter(|w| {
-                let at_zero = a.value(&|s| if let Symbol::Rate(_) = s { 0.0 } else { f64::NAN });
-                w.iter().any(|x| *x != 0.0) && at_zero == 0.0
-            });
-            let Some(mut w) = linear else { return call(Function::Sign, a.clone()) };
-            // sign(−x) = −sign x, and the size of x does not matter.
-            let first = w.iter().copied().find(|x| *x != 0.0).unwrap_or(1.0);
-            w.iter_mut().for_each(|x| *x /= first);
-            let k = switches.iter().position(|s| *s == w).unwrap_or_else(|| {
-                switches.push(w);
-                switches.len() - 1
-            });
-            multiply(number(first.signum()), symbol(Symbol::Held(k)))
         })
     }
 }

@@ -21,6 +21,7 @@
 //! | [`tape`] | evaluation over blocks of samples |
 //! | [`basis`] | unknown functions by harmonic or interpolation basis |
 //! | [`weak_form`] | all equations as series and parts for a sampling |
+//! | [`split`] | terms split into what multiplies accelerations and the rest |
 //! | [`equations_of_motion`] | accelerations: [`crate::model::dynamics::Dynamics`] |
 
 pub mod basis;
@@ -31,6 +32,7 @@ pub mod grammar;
 pub mod names;
 pub mod parser;
 pub mod simulation;
+pub mod split;
 pub mod tape;
 mod tautology;
 pub mod toml_place;
@@ -55,7 +57,8 @@ const MOST_NAMES: usize = 64;
 /// Most terms of one equation.
 const MOST_TERMS: usize = 200;
 /// Keys that an identified model written by `identify -o` has beside those of a model file.
-const IDENTIFIED_KEYS: [&str; 6] = ["model", "method", "drive_frequency_hz", "nominal", "parameters", "effect"];
+const IDENTIFIED_KEYS: [&str; 7] =
+    ["model", "method", "drive_frequency_hz", "nominal", "found_with", "parameters", "effect"];
 
 /// Where a coordinate lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,0 +1,184 @@
+//! `whirl simulate --model`: a record of an identified or explained model, from a record's state or from a given one.
+
+use core::f64::consts::TAU;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::Answer;
+use super::outputs::Outputs;
+use super::simulate::Arguments;
+use crate::error::{BadInput, Result};
+use crate::model::identified::{IdentifiedModel, System};
+use crate::motion::from_record::{self, Begin};
+use crate::motion::simulation::{self, LONGEST_S, MOST_SAMPLES, Solution};
+use crate::motion::{Acts, Effect, Motion, stand_in};
+use crate::record::values::write_values_from;
+use crate::record::{ReadOptions, Record, metadata};
+use crate::rig::Rig;
+
+/// Length where neither a record nor `--seconds` says one, s.
+const SECONDS: f64 = 10.0;
+
+/// What was simulated.
+#[derive(Debug, Serialize)]
+struct Summary {
+    model: String,
+    samples: u64,
+    seconds: f64,
+    sample_rate_hz: f64,
+    /// The record's t of the first sample, s.
+    start_s: f64,
+    /// Coordinates at the first sample, then rates a second, by name.
+    initial: BTreeMap<String, f64>,
+    /// Step of integration, s.
+    step_s: f64,
+    /// Difference to a solution with twice the step over the first second, of the largest size of a coordinate.
+    difference: f64,
+    effects: Vec<String>,
+    channels: Vec<Shown>,
+}
+
+#[derive(Debug, Serialize)]
+struct Shown {
+    name: String,
+    measures: String,
+    unit: String,
+}
+
+/// Simulates a model and writes its record.
+pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
+    let given = arguments.rig.as_ref().map(Rig::read).transpose()?;
+    let mut files = Outputs::of(&arguments.out, Some(arguments.replace)).reads([path]).reads(&arguments.from);
+    if let Some(rig) = &given {
+        files = files.reads_rig(rig);
+    }
+    files.record("-o", &arguments.output).check()?;
+    let model = IdentifiedModel::read(path)?;
+    // What is wrong in the model has no file yet; rigs and records name theirs.
+    let of_model =
+        |e: BadInput| if e.place.as_deref().is_some_and(|p| p.starts_with("--")) { e } else { e.in_file(path) };
+    let rig = match (given, &arguments.from) {
+        (Some(rig), _) => rig,
+        (None, Some(record)) => own_rig(&model, path, record)?,
+        (None, None) => stand_in::rig(&model, path).map_err(of_model)?,
+    };
+    let record = arguments.from.as_ref().map(|p| Record::read(p, &rig, &ReadOptions::default())).transpose()?;
+    let first_s = record.as_ref().and_then(|r| r.segments.first()).map_or(0.0, |s| s.start_s);
+    let motion = Motion::of(&model, path, Some(&rig), first_s).map_err(of_model)?;
+    let begin = match &record {
+        Some(record) => from_record::begin(&motion, record, arguments.start)?,
+        None => from_given(&motion, &arguments.initial)?,
+    };
+    let count = samples(arguments.seconds, &motion, &begin)?;
+    let bar = super::progress::bar("simulating", 0);
+    let solution = simulation::solve(&motion, &begin, count).map_err(of_model)?;
+    bar.finish_and_clear();
+    let columns = simulation::columns(&motion, &solution, begin.step_s)?;
+    let start_s = time_of(&motion, &begin);
+    let sample_rate_hz = 1.0 / begin.step_s;
+    write_values_from(&arguments.output, &Rig { sample_rate_hz, ..rig.clone() }, start_s, &columns)?;
+    let summary = summary(&motion, &rig, &begin, &solution, start_s);
+    arguments.out.write_json(&summary)?;
+    arguments.out.say(&said(&summary, &motion, &arguments.output));
+    Ok(Answer::Positive)
+}
+
+/// The rig that a record of whirl's own carries, for a built-in model.
+fn own_rig(model: &IdentifiedModel, path: &Path, record: &Path) -> Result<Rig> {
+    let text = metadata(record).map(|m| m.rig).filter(|t| !t.is_empty());
+    let rig = text.and_then(|text| Rig::parse(&text, record).ok());
+    match (rig, &model.system) {
+        (Some(rig), System::BuiltIn(id)) if rig.model == *id => Ok(rig),
+        _ => Err(BadInput::new("a record without a rig file", "the rig file that says what its columns measure")
+            .in_file(record)
+            .at("--from")
+            .remedy(format!("Name the rig file on which {} was identified: --rig RIG.toml", path.display()))),
+    }
+}
+
+/// A beginning at t = 0 in a given state, or in the example; inputs are 0.
+fn from_given(motion: &Motion, initial: &[f64]) -> Result<Begin> {
+    let n = motion.file.coordinates.len();
+    let state = if initial.is_empty() { motion.example() } else { initial.to_vec() };
+    if state.len() != 2 * n || !state.iter().all(|x| x.is_finite()) {
+        let names: Vec<&str> = motion.file.coordinates.iter().map(|c| c.name.as_str()).collect();
+        let expected = format!("{} numbers: {}, then their rates a second", 2 * n, names.join(", "));
+        let found: Vec<String> = state.iter().map(f64::to_string).collect();
+        return Err(BadInput::new(found.join(","), expected)
+            .at("--initial")
+            .remedy("Give one number for each, in SI units"));
+    }
+    let step_s = 1.0 / motion.rig.sample_rate_hz;
+    Ok(Begin { time: 0.0, tau: 0.0, state, inputs: None, left_s: f64::INFINITY, step_s })
+}
+
+/// How many samples: to the record's end where nothing else is said, and no longer where its inputs act.
+fn samples(seconds: Option<f64>, motion: &Motion, begin: &Begin) -> Result<usize> {
+    let most = LONGEST_S.min(MOST_SAMPLES * begin.step_s);
+    let bound = if begin.inputs.is_some() { begin.left_s.min(most) } else { most };
+    let seconds = seconds.unwrap_or(if begin.left_s.is_finite() { begin.left_s.min(most) } else { SECONDS });
+    if !(seconds > 0.0 && seconds <= bound + 0.5 * begin.step_s) {
+        let why = if bound < most {
+            format!(", where the record's {} ends", motion.file.inputs.join(", "))
+        } else {
+            String::new()
+        };
+        return Err(BadInput::new(seconds.to_string(), format!("seconds above 0, at most {bound}{why}"))
+            .at("--seconds")
+            .remedy("Give fewer seconds, or begin earlier with --start"));
+    }
+    // Bounded above.
+    Ok(((seconds / begin.step_s).round() as usize).max(1))
+}
+
+/// The t of the first sample: the record's own; where the device told the phase, the nearest at which τ = Ω t.
+fn time_of(motion: &Motion, begin: &Begin) -> f64 {
+    let Some(omega) = motion.omega() else { return begin.time };
+    let off = (begin.tau - omega * begin.time + core::f64::consts::PI).rem_euclid(TAU) - core::f64::consts::PI;
+    // A clock's own phase is off by rounding only.
+    if off.abs() < 1e-9 { begin.time } else { begin.time + off / omega }
+}
+
+fn summary(motion: &Motion, rig: &Rig, begin: &Begin, solution: &Solution, start_s: f64) -> Summary {
+    let names = motion.file.coordinates.iter().map(|c| c.name.clone());
+    let rates = motion.file.coordinates.iter().map(|c| format!("{} rate", c.name));
+    let count = solution.coordinates.first().map_or(0, Vec::len);
+    let shown = rig.channel.iter();
+    Summary {
+        model: motion.name.clone(),
+        samples: count as u64,
+        seconds: count as f64 * begin.step_s,
+        sample_rate_hz: 1.0 / begin.step_s,
+        start_s,
+        initial: names.chain(rates).zip(begin.state.iter().copied()).collect(),
+        step_s: solution.step_s,
+        difference: solution.difference,
+        effects: motion.effects.iter().map(Effect::name).collect(),
+        channels: shown
+            .map(|c| Shown { name: c.name.clone(), measures: c.measures.clone(), unit: c.unit.clone() })
+            .collect(),
+    }
+}
+
+/// The answer for people.
+fn said(s: &Summary, motion: &Motion, output: &Path) -> String {
+    let columns: Vec<String> = s.channels.iter().map(|c| format!("{} ({})", c.name, c.unit)).collect();
+    let mut out = format!(
+        "{} samples ({:.6} s from t = {:.6} s, {} Hz) of {} in {}\ncolumns: t (s), {}\n",
+        s.samples,
+        s.seconds,
+        s.start_s,
+        s.sample_rate_hz,
+        s.model,
+        output.display(),
+        columns.join(", ")
+    );
+    let on_sensors: Vec<String> =
+        motion.effects.iter().filter(|e| matches!(e.acts, Acts::Sensor(..))).map(Effect::name).collect();
+    if !on_sensors.is_empty() {
+        out.push_str(&format!("{} change what the columns show, not the motion\n", on_sensors.join(", ")));
+    }
+    out
+}

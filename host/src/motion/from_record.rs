@@ -1,0 +1,120 @@
+//! Where a simulation begins in a record: the state fitted to its samples, the drive's phase, the measured inputs from there on.
+//!
+//! The state is the one from which the model follows the first two drive periods best (for a free system, what stands for them: see [`crate::validate`]), sensors weighed by
+//! their noise. What effects make a sensor show beside its angle is taken off first, to first order in their strengths.
+
+use super::{Acts, Motion};
+use crate::error::{BadInput, Result};
+use crate::identify::Settings as IdentifySettings;
+use crate::identify::general;
+use crate::identify::general::stretches::{Stretch, mixed};
+use crate::identify::general::track::{Along, Track};
+use crate::model::dynamics::Dynamics;
+use crate::record::Record;
+use crate::validate::moving::Moving;
+use crate::validate::starts::{Course, Starts};
+use crate::validate::{Settings, period_s};
+
+/// Where a simulation begins.
+pub struct Begin {
+    /// Time, s.
+    pub time: f64,
+    /// Phase of the drive there, rad.
+    pub tau: f64,
+    /// Coordinates, then rates a second.
+    pub state: Vec<f64>,
+    /// Inputs from there on; none where the system has none, or where they are 0.
+    pub inputs: Option<Along>,
+    /// Length of the record from there on, s.
+    pub left_s: f64,
+    /// Spacing of the samples, s.
+    pub step_s: f64,
+}
+
+/// The beginning at time `start_s` of a record, or at its first sample.
+///
+/// # Errors
+/// A time that is in no stretch of it, a record that is too short, a motion that the model does not follow.
+pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<Begin> {
+    let prepared =
+        general::prepare(std::slice::from_ref(record), &motion.rig, &motion.bound, &IdentifySettings::default())?;
+    let stretches = &prepared.stretches;
+    let at = start_s.or(stretches.first().map(|s| s.start_s)).unwrap_or(0.0);
+    let within = |s: &&Stretch| at >= s.start_s - 0.5 * s.step_s && at < s.time(s.len());
+    let Some(stretch) = stretches.iter().find(within) else {
+        let spans: Vec<String> =
+            stretches.iter().take(4).map(|s| format!("{:.3} to {:.3} s", s.start_s, s.time(s.len()))).collect();
+        return Err(BadInput::new(format!("{at} s"), format!("a time of the record, {}", spans.join(", ")))
+            .in_file(&record.path)
+            .at("--start")
+            .remedy("Choose a time at which there are samples"));
+    };
+    // Half a step before the first sample at worst, and bounded by its length.
+    let first = ((at - stretch.start_s) / stretch.step_s - 1e-6).ceil().max(0.0) as usize;
+    let first = first.min(stretch.len().saturating_sub(1));
+    let mut part = [stretch.part(first, stretch.len())];
+    let measured: Vec<f64> = part[0].coordinates.iter().map(|x| x[0]).collect();
+    take_off(motion, &mut part[0]);
+    let omega = motion.omega().unwrap_or(0.0);
+    let along = [Along::new(&part[0], omega)];
+    let track = Track::new(&part, &along, &motion.rig, &motion.bound, &prepared.sensors);
+    let course = Course { stretches: &part, track: &track };
+    let (equations, parameters) = motion.equations()?;
+    let jumps = !equations.switches().is_empty();
+    let names = equations.coefficients().to_vec();
+    let moving = Moving {
+        of_drive: vec![false; names.len()],
+        names,
+        left_out: Vec::new(),
+        jumps,
+        dynamics: Box::new(equations),
+        parameters,
+    };
+    let settings = Settings::default();
+    let starts = Starts::new(&moving, course, motion.circle(), (period_s(&motion.rig, &prepared), omega), &settings);
+    let mut state = starts.first_state(course, 0, &moving.parameters).ok_or_else(|| {
+        BadInput::new(
+            format!("no solution of the model that follows the record from t = {at} s"),
+            "a motion of this model",
+        )
+        .in_file(&record.path)
+        .remedy("Begin elsewhere with --start, or give the model that was identified on this record")
+    })?;
+    // Pieces lose their whole turns.
+    for (k, _) in motion.circle().into_iter().enumerate().filter(|c| c.1) {
+        let turns = (measured[k] - state[k]) / core::f64::consts::TAU;
+        state[k] += core::f64::consts::TAU * turns.round();
+    }
+    let [part] = &part;
+    let inputs = (!part.inputs.is_empty()).then(|| Along::new(part, omega));
+    let (time, tau) = (part.start_s, if omega == 0.0 { 0.0 } else { part.tau(0) });
+    Ok(Begin { time, tau, state, inputs, left_s: part.len() as f64 * part.step_s, step_s: part.step_s })
+}
+
+/// Takes what effects add to the sensors off the coordinates.
+fn take_off(motion: &Motion, stretch: &mut Stretch) {
+    if !motion.effects.iter().any(|e| matches!(e.acts, Acts::Sensor(..))) {
+        return;
+    }
+    let shown = stretch.sensors(&motion.bound);
+    let own: Vec<Vec<f64>> = shown
+        .iter()
+        .enumerate()
+        .map(|(sensor, y)| {
+            let v = differences(y, stretch.step_s);
+            y.iter().zip(&v).map(|(y, v)| y - motion.sensor_adds(sensor, *y, *v)).collect()
+        })
+        .collect();
+    stretch.coordinates = mixed(&motion.bound.coordinates, &own);
+}
+
+/// Rates by central differences, one-sided at the ends.
+pub fn differences(x: &[f64], step_s: f64) -> Vec<f64> {
+    let last = x.len().saturating_sub(1);
+    (0..x.len())
+        .map(|i| {
+            let (a, b) = (i.saturating_sub(1), (i + 1).min(last));
+            if a == b { 0.0 } else { (x[b] - x[a]) / ((b - a) as f64 * step_s) }
+        })
+        .collect()
+}

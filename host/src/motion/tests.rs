@@ -1,0 +1,182 @@
+//! Built-in systems in full against their own equations of motion.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::*;
+use crate::model::dynamics::{Dynamics, Instant};
+use crate::model::single_pendulum_dynamics::SinglePendulum;
+use crate::validate::motion_model::MotionModel;
+
+fn rig(model: &str, drive: &str) -> Rig {
+    let text = format!(
+        "name = \"x\"\nmodel = \"{model}\"\nsample_rate_hz = 500.0\n{drive}\n[[channel]]\nname = \"a\"\nmeasures = \"theta1\"\nunit = \"rad\"\n"
+    );
+    let second = "[[channel]]\nname = \"b\"\nmeasures = \"theta2\"\nunit = \"rad\"\n";
+    let text = if model == "double-pendulum" { text + second } else { text };
+    Rig::parse(&text, Path::new("rig.toml")).unwrap()
+}
+
+fn parameter(name: &str, value: f64) -> Parameter {
+    Parameter { name: name.to_owned(), value, std_error: 1e-4, unit: "1".to_owned() }
+}
+
+/// A double pendulum whose coefficients obey no tie, with an effect.
+fn double(effects: Vec<AddedEffect>) -> IdentifiedModel {
+    let of = [
+        ("B11", 0.113),
+        ("B12", 0.071),
+        ("B13", -0.52),
+        ("B14", 0.11),
+        ("C11", 0.004),
+        ("C12", 0.003),
+        ("B21", 1.68),
+        ("B22", 0.26),
+        ("B23", -0.41),
+        ("B24", -0.07),
+        ("C2", 0.048),
+    ];
+    IdentifiedModel {
+        name: "x".to_owned(),
+        system: System::BuiltIn("double-pendulum".to_owned()),
+        method: "explain".to_owned(),
+        drive_frequency_hz: Some(5.0),
+        nominal: vec!["coulomb-friction@joint1".to_owned(), "viscous-friction@joint2".to_owned()],
+        parameters: of.iter().map(|(n, v)| parameter(n, *v)).collect(),
+        effects,
+        found_with: [("g".to_owned(), 9.81), ("record_s".to_owned(), 40.0)].into(),
+    }
+}
+
+fn effect(id: &str, at: &str, value: f64, strengths: &[f64], parameters: &[(&str, f64)]) -> AddedEffect {
+    AddedEffect {
+        id: id.to_owned(),
+        at: at.to_owned(),
+        value,
+        std_error: 0.0,
+        unit: String::new(),
+        strengths: strengths.to_vec(),
+        parameters: parameters.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect::<BTreeMap<_, _>>(),
+    }
+}
+
+const STATES: [([f64; 2], [f64; 2], f64); 5] = [
+    ([0.3, 2.0], [1.5, -4.0], 0.7),
+    ([-2.0, 7.0], [-3.0, 20.0], 2.9),
+    ([4.1, -5.2], [-11.0, 0.3], -1.2),
+    ([0.01, 0.5], [0.2, 0.21], 5.0),
+    ([-9.0, 3.3], [14.0, -25.0], 0.1),
+];
+
+#[test]
+fn effects_of_the_double_pendulum_move_it_as_its_own_closures_do() {
+    let rig = rig("double-pendulum", "[drive]\ndirection = \"vertical\"\nfrequency_hz = 5.0");
+    let all = [
+        effect("viscous-friction", "joint1", 0.0, &[0.4], &[]),
+        effect("coulomb-friction", "joint2", 0.0, &[2.0], &[]),
+        effect("stribeck-friction", "joint1", 0.0, &[3.0, 0.0], &[("v_s", 1.3)]),
+        effect("quadratic-drag", "arm2", 0.0, &[0.02], &[]),
+        effect("quadratic-drag", "arm1", 0.0, &[0.02], &[]),
+        effect("asymmetric-friction", "joint2", 0.0, &[0.8], &[]),
+        effect("torsion-spring", "joint2", 0.0, &[5.0], &[]),
+        effect("cubic-stiffness", "joint1", 0.0, &[2.0], &[]),
+        effect("quadratic-stiffness", "joint2", 0.0, &[1.0], &[]),
+        effect("backlash", "joint2", 0.75, &[30.0, 0.0], &[("k", 1e-3)]),
+        effect("cogging", "joint1", 0.0, &[1.0, -2.0], &[("n", 7.0), ("psi", -1.1)]),
+        effect("amplitude-dependent-damping", "joint1", 0.0, &[0.05], &[]),
+        effect("imbalance", "arm1", 0.0, &[0.06], &[]),
+        effect("constant-force", "joint1", 0.0, &[1.5], &[]),
+        effect("frame-tilt", "frame", 0.0, &[0.03], &[]),
+        effect("horizontal-motion", "drive", 0.0, &[1e-3, -2e-3], &[]),
+        effect("drive-harmonic-2", "drive", 0.0, &[0.02, 0.01], &[("phase", 0.4)]),
+        effect("drive-harmonic-3", "drive", 0.0, &[0.02, 0.01], &[("phase", 0.4)]),
+    ];
+    for one in std::iter::once(None).chain(all.iter().map(Some)) {
+        let model = double(one.cloned().into_iter().collect());
+        let closures = MotionModel::of(&model, &rig, [0.0, 40.0]).unwrap();
+        let motion = Motion::of(&model, Path::new("m.toml"), Some(&rig), 0.0).unwrap();
+        let alone = Motion::of(&model, Path::new("m.toml"), None, 0.0).unwrap();
+        let name = motion.effects.first().map_or_else(String::new, Effect::name);
+        for m in [&motion, &alone] {
+            let (equations, parameters) = m.equations().unwrap();
+            for (q, v, tau) in STATES {
+                let at = Instant { time: 7.0, tau, inputs: &[] };
+                let (mut wanted, mut got) = ([0.0; 2], [0.0; 2]);
+                assert!(closures.acceleration(&closures.parameters, &q, &v, &at, &mut wanted));
+                assert!(equations.acceleration(&parameters, &q, &v, &at, &mut got));
+                for (a, b) in got.iter().zip(wanted) {
+                    assert!((a - b).abs() < 1e-10 * (1.0 + b.abs()), "{name}: {got:?} {wanted:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_has_no_expression_or_belongs_elsewhere_is_refused_with_its_place() {
+    let rig = rig("double-pendulum", "[drive]\ndirection = \"vertical\"\nfrequency_hz = 5.0");
+    let told =
+        |e: AddedEffect| Motion::of(&double(vec![e]), Path::new("m.toml"), Some(&rig), 0.0).unwrap_err().to_string();
+    let load = told(effect("load-dependent-friction", "joint2", 0.0, &[1.0], &[]));
+    assert!(load.starts_with("effect 1: ") && load.contains("depends on accelerations"), "{load}");
+    assert!(told(effect("rust", "joint1", 0.0, &[1.0], &[])).contains("\"rust@joint1\""));
+    assert!(told(effect("quadratic-drag", "wing", 0.0, &[1.0], &[])).contains("\"quadratic-drag@wing\""));
+    assert!(told(effect("cogging", "joint1", 0.0, &[1.0], &[("n", 3.0)])).contains("2 strengths"));
+    let other = Rig { drive: None, ..rig.clone() };
+    let error = Motion::of(&double(Vec::new()), Path::new("m.toml"), Some(&other), 0.0).unwrap_err().to_string();
+    assert!(error.starts_with("drive_frequency_hz: found a drive of 5 Hz, expected no drive"), "{error}");
+}
+
+#[test]
+fn what_acts_on_drive_and_sensors_stands_there() {
+    let effects = vec![
+        effect("frequency-offset", "drive", 0.01, &[0.01], &[]),
+        effect("zero-offset", "encoder2", 0.02, &[0.02], &[]),
+        effect("imbalance", "arm2", 0.03, &[0.03], &[]),
+    ];
+    let motion = Motion::of(&double(effects), Path::new("m.toml"), None, 0.0).unwrap();
+    assert_eq!(motion.sensor_adds(0, 1.0, 2.0), 0.0);
+    assert!((motion.sensor_adds(1, 1.0, 2.0) - (0.02 - 0.03)).abs() < 1e-15);
+    // After 25 s the drive is a quarter turn ahead.
+    let of = |tau: f64, time: f64| {
+        let (equations, parameters) = motion.equations().unwrap();
+        let mut a = [0.0; 2];
+        assert!(equations.acceleration(
+            &parameters,
+            &[0.3, 0.5],
+            &[1.0, 2.0],
+            &Instant { time, tau, inputs: &[] },
+            &mut a
+        ));
+        a
+    };
+    let (ahead, turned) = (of(0.4, 25.0), of(0.4 + core::f64::consts::FRAC_PI_2, 0.0));
+    assert!((ahead[0] - turned[0]).abs() < 1e-9 && (ahead[1] - turned[1]).abs() < 1e-9, "{ahead:?} {turned:?}");
+}
+
+#[test]
+fn the_single_pendulum_moves_as_its_own_equation_does() {
+    let drive = "[drive]\ndirection = \"horizontal\"\nfrequency_hz = 2.0";
+    let rig = rig("single-pendulum", drive);
+    let names = ["c_r", "C11", "n_cos", "n_sin", "p_cos", "p_sin", "q_cos", "q_sin"];
+    let values = [0.036, 0.01, 0.02, -0.03, -1.52, 0.05, 0.04, 1.44];
+    let model = IdentifiedModel {
+        system: System::BuiltIn("single-pendulum".to_owned()),
+        drive_frequency_hz: Some(2.0),
+        nominal: vec!["viscous-friction@joint1".to_owned(), "coulomb-friction@joint1".to_owned()],
+        parameters: names.iter().zip(values).map(|(n, v)| parameter(n, v)).collect(),
+        found_with: BTreeMap::new(),
+        ..double(Vec::new())
+    };
+    let own = SinglePendulum::new(rig.omega(), true, &["c_r", "C11"]);
+    for motion in [Some(&rig), None].map(|r| Motion::of(&model, Path::new("m.toml"), r, 0.0).unwrap()) {
+        let (equations, parameters) = motion.equations().unwrap();
+        for (q, v, tau) in STATES {
+            let at = Instant { time: 0.0, tau, inputs: &[] };
+            let (mut wanted, mut got) = ([0.0], [0.0]);
+            assert!(own.acceleration(&values, &q[..1], &v[..1], &at, &mut wanted));
+            assert!(equations.acceleration(&parameters, &q[..1], &v[..1], &at, &mut got));
+            assert!((got[0] - wanted[0]).abs() < 1e-10 * (1.0 + wanted[0].abs()), "{got:?} {wanted:?}");
+        }
+    }
+}
