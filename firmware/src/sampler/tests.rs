@@ -281,6 +281,45 @@ fn requests_are_bounded_in_a_tick_and_answered_in_order() {
 }
 
 #[test]
+fn counts_that_were_latched_are_those_of_the_next_tick_alone() {
+    let mut bench = bench();
+    *bench.sampler.encoder1.counter_mut() = Counter(100);
+    *bench.sampler.encoder2.counter_mut() = Counter(200);
+    bench.sampler.latch();
+    // What moves between the latch and the tick is the next sample's.
+    *bench.sampler.encoder1.counter_mut() = Counter(107);
+    *bench.sampler.encoder2.counter_mut() = Counter(190);
+    bench.ticks(10);
+    let got: Vec<_> = samples(&bench.blocks()[0]).map(|sample| sample.counts).collect();
+    assert_eq!(got[..3], [[100, 200], [107, 190], [107, 190]]);
+}
+
+#[test]
+fn the_light_follows_host_and_shaker_over_each_second() {
+    let mut bench = bench();
+    // Ticks of a second in which it is on.
+    fn lit(bench: &mut Bench) -> usize {
+        (0..500)
+            .filter(|_| {
+                let on = bench.sampler.light();
+                bench.tick(0);
+                on
+            })
+            .count()
+    }
+    assert_eq!([lit(&mut bench), lit(&mut bench)], [30, 30]);
+    bench.request(Command::KeepAlive);
+    bench.ticks(500);
+    assert_eq!(lit(&mut bench), 470);
+    // Two seconds after the host was heard last.
+    bench.ticks(500);
+    assert_eq!(lit(&mut bench), 30);
+    bench.request(Command::Arm);
+    bench.ticks(500);
+    assert_eq!(lit(&mut bench), 250);
+}
+
+#[test]
 fn silence_of_the_host_is_told() {
     let mut bench = bench();
     bench.request(Command::Arm);
