@@ -62,6 +62,7 @@ fn a_whole_run() {
     assert_eq!(shaker.state(), ShakerState::Ramping);
     run(&mut shaker, 1);
     assert_eq!((shaker.state(), shaker.drive().amplitude_nanometre), (ShakerState::Running, 10_000_000));
+    assert_eq!(shaker.frequency_millihertz(), 5_000);
     run(&mut shaker, 500);
     done(&mut shaker, Command::Stop);
     assert_eq!(shaker.state(), ShakerState::Stopping);
