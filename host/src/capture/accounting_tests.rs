@@ -194,13 +194,29 @@ fn a_block_that_begins_before_its_time_gives_its_rest() {
 }
 
 #[test]
+fn a_late_block_takes_its_place_as_long_as_none_behind_it_has_left() {
+    let blocks = |behind: u32| {
+        let (mut a, mut out) = (Accounting::default(), vec![]);
+        for k in (0..1).chain(2..2 + behind).chain(1..2) {
+            a.block(block(k * 10, 10), &mut out);
+        }
+        a.finish(&mut out);
+        (a.losses().late, a.losses().dropped_late, a.losses().lost())
+    };
+    assert_eq!(blocks(WINDOW as u32), (10, 0, 0));
+    assert_eq!(blocks(WINDOW as u32 + 1), (0, 10, 10));
+}
+
+#[test]
 fn what_lies_before_the_first_block_is_not_of_the_record() {
     let (mut a, mut out) = (Accounting::default(), vec![]);
     a.block(block(1000, 10), &mut out);
-    assert_eq!(a.block(block(990, 10), &mut out), Verdict::AskHello);
-    assert_eq!(a.losses().dropped_late, 0);
-    // Too far before it to be of the order of sending.
-    assert_eq!(a.block(block(300, 10), &mut out), Verdict::AskHello);
+    for first in [990, 370] {
+        assert_eq!(a.block(block(first, 10), &mut out), Verdict::AskHello);
+        assert_eq!(a.losses().dropped_late, 0, "{first}");
+    }
+    // More than twice as far before it as a block is waited for.
+    assert_eq!(a.block(block(369, 10), &mut out), Verdict::AskHello);
     assert_eq!(a.losses().dropped_late, 10);
     a.finish(&mut out);
     // Once samples have left, none is early.
