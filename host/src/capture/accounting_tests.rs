@@ -86,6 +86,9 @@ fn a_restart_begins_a_new_stretch() {
     assert_eq!((l.restarts, l.received, l.overruns, l.lost()), (1, 30, 2, 3));
     assert_eq!(ticks(&out)[9..11], [509, 511]);
     assert_eq!(ticks(&out).last(), Some(&532));
+    // The new boot is told once, and before its first sample.
+    assert_eq!([a.begun(), a.begun()], [Some(511), None]);
+    assert_eq!([510, 511, 512].map(|tick| a.boot_before(tick)), [None, Some(511), None]);
 }
 
 #[test]
