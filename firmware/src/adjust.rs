@@ -125,6 +125,7 @@ mod tests {
         for (n, setting) in [
             Setting::CountsPerTurn { channel: 1, counts: 8_192 },
             Setting::Reversed { channel: 0, reversed: true },
+            Setting::Reversed { channel: 1, reversed: true },
             Setting::SampleRate { millihertz: 1_000_000 },
             Setting::AmplitudeLimit { micrometre: 9_000 },
             Setting::FrequencyLimit { millihertz: 12_000 },

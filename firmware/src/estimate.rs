@@ -341,6 +341,20 @@ mod tests {
     }
 
     #[test]
+    fn a_window_counts_for_what_is_left_of_it_and_errors_are_those_of_correlated_rows() {
+        let mut estimator = with_forget(900);
+        let outcomes = feed(&mut estimator, 0..6_200, 1);
+        let left: f32 = [1.0, 0.9, 0.81, 0.729, 0.6561].iter().sum();
+        assert!((estimator.first.rows() / (65.0 * left) - 1.0).abs() < 1e-5);
+        assert!((estimator.second.rows() / (65.0 * left) - 1.0).abs() < 1e-5);
+        let (told, plain) = (outcomes[4].first.unwrap(), estimator.first.solve(TOLERANCE).unwrap());
+        assert_eq!(told.values, plain.values);
+        for (told, plain) in told.std_errors.iter().zip(plain.std_errors) {
+            assert!((told / plain - 2.63_f32.sqrt()).abs() < 1e-3, "{told} {plain}");
+        }
+    }
+
+    #[test]
     fn a_gap_begins_windows_anew_and_another_amplitude_everything() {
         let mut estimator = with_forget(1_000);
         assert_eq!(feed(&mut estimator, 0..6_200, 1).len(), 5);

@@ -235,4 +235,17 @@ mod tests {
         identification.stream(Streamed::Samples);
         assert!(identification.take_rows().is_none());
     }
+
+    #[test]
+    fn rows_of_windows_that_a_gap_has_ended_are_dropped_and_counted() {
+        let mut identification = Identification::new(&Settings::default(), Estimator::IDLE).unwrap();
+        identification.stream(Streamed::Rows);
+        for tick in (0..2_020).step_by(BLOCK_LEN) {
+            identification.block(&block(tick));
+        }
+        assert_eq!(identification.take_rows().map(|rows| rows.window), Some(1));
+        identification.block(&block(5_000));
+        assert!(identification.take_rows().is_none());
+        assert_eq!(identification.dropped_frames() as usize, ROWS_MESSAGES - 1);
+    }
 }

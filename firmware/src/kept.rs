@@ -154,6 +154,18 @@ mod tests {
     }
 
     #[test]
+    fn every_zero_lasts_as_it_was() {
+        for source in [ZeroSource::PowerUp, ZeroSource::Commanded, ZeroSource::Carried] {
+            for (index, at_rest) in [(None, false), (None, true), (Some(0), false), (Some(u32::MAX), true)] {
+                let encoder = |count| KeptEncoder { count, zero: Zero { id: 0x0102_0304, source, index }, at_rest };
+                let kept = [encoder(i32::MIN), encoder(0x0506_0708)];
+                let place = to_bytes(9, &kept);
+                assert_eq!(newest(&[place, [0; KEPT_LEN]]), Some((9, kept)), "{source:?} {index:?} {at_rest}");
+            }
+        }
+    }
+
+    #[test]
     fn a_panic_s_text_lasts_and_is_cut_to_a_line() {
         let bytes = note(format_args!("panicked at src/rig.rs:12:5:\n{}", "x".repeat(200)));
         let text = read_note(&bytes).unwrap();

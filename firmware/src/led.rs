@@ -47,4 +47,20 @@ mod tests {
             assert!((0..1_000).all(|part| on(moving, true, part) == on(ShakerState::Running, true, part)));
         }
     }
+
+    #[test]
+    fn flashes_come_as_the_table_has_them() {
+        // Flashes that begin in a second, and thousandths of it that are lit.
+        for (state, host, flashes, lit) in [
+            (ShakerState::Disarmed, false, 1, 60),
+            (ShakerState::Disarmed, true, 1, 940),
+            (ShakerState::Armed, true, 2, 500),
+            (ShakerState::Running, true, 5, 500),
+            (ShakerState::Faulted, true, 3, 240),
+        ] {
+            let begins = |part: u32| on(state, host, part) && !on(state, host, (part + 999) % 1_000);
+            assert_eq!((0..1_000).filter(|&part| begins(part)).count(), flashes, "{state:?}");
+            assert_eq!((0..1_000).filter(|&part| on(state, host, part)).count(), lit, "{state:?}");
+        }
+    }
 }

@@ -143,6 +143,17 @@ mod tests {
     }
 
     #[test]
+    fn a_borrowed_counter_tells_what_the_counter_tells() {
+        let mut marked = Marked(10, Some(7));
+        let mut borrowed = &mut marked;
+        let tells = |counter: &mut dyn QuadratureCounter| (counter.count(), counter.index(), counter.index());
+        assert_eq!(tells(&mut borrowed), (10, Some(7), None));
+        assert_eq!(marked.1, None);
+        // One without a line for the index never has one.
+        assert_eq!(tells(&mut Script([3].iter())), (3, None, None));
+    }
+
+    #[test]
     fn the_index_is_placed_among_the_turns_and_only_on_the_way_up() {
         for (reversed, from, to, seen, want) in [
             (false, 65_500, 80, 10_u16, Some(10)),

@@ -240,6 +240,7 @@ mod tests {
 
     #[test]
     fn the_middle_of_a_count_is_its_angle() {
+        assert_eq!(scale(4).resolution(), PI / 2.0);
         assert_eq!(scale(4).radians(0), PI / 4.0);
         assert_eq!(scale(4).radians(-1), -PI / 4.0);
         assert_eq!(scale(4).wrapped_radians(2), -3.0 * PI / 4.0);
@@ -274,6 +275,19 @@ mod tests {
     }
 
     #[test]
+    fn rounding_at_odd_multiples_of_pi_leaves_no_angle_outside() {
+        for k in -2_000_i32..2_000 {
+            let mut angle = f64::from(2 * k + 1) * PI;
+            (0..4).for_each(|_| angle = angle.next_down());
+            for _ in 0..9 {
+                let wrapped = wrap(angle);
+                assert!((-PI..PI).contains(&wrapped) && wrapped.abs() > PI - 1e-10, "{angle}: {wrapped}");
+                angle = angle.next_up();
+            }
+        }
+    }
+
+    #[test]
     fn unwrapping_the_angle_survives_what_is_not_finite() {
         let mut unwrapper = AngleUnwrapper::default();
         assert_eq!(unwrapper.push(3.0), 3.0);
@@ -288,6 +302,9 @@ mod tests {
         // 1000 → 488 is half a turn back, and back again half a turn back: of two equal steps the negative.
         assert_eq!(list, [1020, 1023, 1026, 1000, 488, -24]);
         assert_eq!(Unwrapper::new(0), None);
+        // Begun anew, a value is taken as it is.
+        unwrapper.restart();
+        assert_eq!([1023, 2].map(|c| unwrapper.push(c)), [1023, 1026]);
     }
 
     #[test]

@@ -150,11 +150,15 @@ mod tests {
     fn limits_of_what_numbers_can_tell() {
         assert_eq!(events(&[0, 32_767]).0[1], SequenceEvent::Gap(32_766));
         assert_eq!(events(&[0, 32_768]).0[1], SequenceEvent::Restart);
+        assert_eq!(events(&[0, 32_768]).1, SequenceCounters { received: 2, restarts: 1, ..Default::default() });
         assert_eq!(events(&[100, 36]).0[1], SequenceEvent::Restart);
         assert_eq!(events(&[100, 37]).0[1], SequenceEvent::Late);
         assert_eq!(events(&[100, 37]).1.lost, 0);
         // A late frame from before the first was never counted as lost.
-        assert_eq!(events(&[10, 13, 8]).1, SequenceCounters { received: 3, lost: 2, late: 1, ..Default::default() });
+        for early in [8, 9] {
+            let want = SequenceCounters { received: 3, lost: 2, late: 1, ..Default::default() };
+            assert_eq!(events(&[10, 13, early]).1, want, "{early}");
+        }
     }
 
     #[test]

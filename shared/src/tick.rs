@@ -270,6 +270,61 @@ mod tests {
         let mut tracker = TickTracker::new();
         tracker.block(50, 10);
         assert!(tracker.hello(3, 0));
+        // At the very tick that is due.
+        let mut tracker = TickTracker::new();
+        tracker.block(50, 10);
+        assert!(!tracker.hello(3, 60));
+    }
+
+    #[test]
+    fn the_newest_block_again_is_a_duplicate() {
+        let mut tracker = TickTracker::new();
+        tracker.block(0, 10);
+        tracker.block(10, 10);
+        assert_eq!(tracker.block(10, 10), Placed { event: TickEvent::Duplicate, start: Some(10) });
+        assert_eq!((tracker.counters().received, tracker.counters().duplicate), (20, 10));
+    }
+
+    #[test]
+    fn a_gap_is_filled_from_its_middle_and_each_part_once() {
+        let mut tracker = TickTracker::new();
+        tracker.block(0, 10);
+        tracker.block(60, 10);
+        for (first, event) in [
+            (30, TickEvent::Late),
+            (10, TickEvent::Late),
+            (50, TickEvent::Late),
+            (30, TickEvent::Duplicate),
+            (20, TickEvent::Late),
+            (40, TickEvent::Late),
+            (40, TickEvent::Duplicate),
+        ] {
+            assert_eq!(tracker.block(first, 10).event, event, "{first}");
+        }
+        let want = TickCounters { received: 70, duplicate: 20, late: 50, ..TickCounters::default() };
+        assert_eq!(tracker.counters(), want);
+    }
+
+    #[test]
+    fn as_many_gaps_as_stated_are_remembered_and_nothing_else_takes_their_places() {
+        let mut tracker = TickTracker::new();
+        let gaps = GAPS as u32;
+        tracker.block(0, 10);
+        // One gap more than that: the oldest is forgotten.
+        for k in 0..=gaps {
+            tracker.block(40 + 40 * k, 10);
+        }
+        let end = 50 + 40 * gaps;
+        for first in (end..end + 400).step_by(10) {
+            tracker.block(first, 10);
+        }
+        assert_eq!(tracker.block(10, 10).event, TickEvent::Duplicate);
+        for k in 1..=gaps {
+            for first in [30 + 40 * k, 20 + 40 * k, 10 + 40 * k] {
+                assert_eq!(tracker.block(first, 10).event, TickEvent::Late, "{first}");
+            }
+        }
+        assert_eq!(tracker.counters().missing, 30);
     }
 
     #[test]

@@ -109,6 +109,8 @@ mod tests {
         }
         jump.advance(123_457);
         assert_eq!(steps, jump);
+        // (0xf000_0000 + 123 457 · 44 667 660) modulo 2³².
+        assert_eq!(jump.phase, 0xe3ea_ee0c);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Zeros, resets and settings, as a host sees them.
 
+use std::collections::BTreeSet;
 use std::vec::Vec;
 
 use super::*;
@@ -113,6 +114,9 @@ fn a_zero_that_was_commanded_has_an_id_of_its_own() {
     assert_eq!(ids.len(), 3);
     assert!(ids[0] != ids[1] && ids[1] != ids[2] && ids[0] != ids[2], "{ids:?}");
     assert_eq!(device.hellos()[2].zeros[1].source, ZeroSource::Commanded);
+    (0..64).for_each(|_| assert_eq!(device.command(Command::ZeroCounts), CommandResult::Done));
+    let ids: BTreeSet<u32> = device.hellos().iter().map(|hello| hello.zeros[0].id).collect();
+    assert_eq!(ids.len(), 3 + 64);
 }
 
 #[test]

@@ -207,7 +207,11 @@ fn silence_of_the_host_stops_the_shaker_and_is_reported() {
     rig.command(Command::Arm);
     rig.command(START);
     rig.run(1_000);
-    assert_eq!(rig.app.status().shaker, ShakerState::Running);
+    let status = rig.app.status();
+    assert_eq!(
+        (status.shaker, status.amplitude_nanometre, status.frequency_millihertz),
+        (ShakerState::Running, 15_525_000, 5_200)
+    );
     for _ in 0..2_000 {
         rig.sample(0);
         rig.transmit();
@@ -310,6 +314,34 @@ fn a_flood_of_commands_is_answered_in_full_and_starves_nothing() {
     rig.transmit();
     let first_block = rig.messages().skip(before).position(|message| matches!(message, DeviceMessage::Samples(_)));
     assert!(first_block <= Some(1), "{first_block:?}");
+}
+
+#[test]
+fn answers_that_find_no_room_are_told_in_the_status() {
+    let mut rig: Rig<BLOCKS, 2> = Rig::new();
+    for _ in 0..3 {
+        rig.command(Command::KeepAlive);
+    }
+    rig.sample(0);
+    assert_eq!(rig.app.status().dropped_frames, 2);
+}
+
+#[test]
+fn rows_are_streamed_instead_of_samples_for_as_long_as_that_is_asked() {
+    let mut rig = rig();
+    rig.command(Command::Arm);
+    rig.command(START);
+    rig.command(Command::Stream(Streamed::Rows));
+    rig.run(1);
+    let before = rig.samples().len();
+    // The ramp, and a window of twenty periods.
+    rig.run(2_500);
+    assert_eq!(rig.samples().len(), before);
+    let rows = rig.messages().filter(|message| matches!(message, DeviceMessage::Rows(_))).count();
+    assert_eq!(rows, crate::identification::ROWS_MESSAGES);
+    rig.command(Command::Stream(Streamed::Samples));
+    rig.run(100);
+    assert!(rig.samples().len() >= before + 90);
 }
 
 #[test]

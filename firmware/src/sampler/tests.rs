@@ -96,8 +96,8 @@ fn a_request_acts_from_the_next_tick_on() {
     bench.request(Command::Arm);
     bench.request(START);
     bench.tick(0);
-    // The sample of the tick that carried them out still says rest.
-    assert_eq!(bench.sampler.drive().phase_increment, 0);
+    // The sample of the tick that carried them out still says rest; the state is that of now.
+    assert_eq!(bench.sampler.drive(), Drive { state: ShakerState::Ramping, ..Drive::default() });
     bench.tick(0);
     let drive = bench.sampler.drive();
     assert_eq!((drive.phase, drive.phase_increment, drive.amplitude_nanometre), (0, 42_949_673, 0));
@@ -278,6 +278,45 @@ fn requests_are_bounded_in_a_tick_and_answered_in_order() {
     assert_eq!(first[2], Event::Ack(Ack { command_sequence: 9, result: CommandResult::WrongState }));
     assert_eq!(kinds(&bench.events()), ["Ack"]);
     assert_eq!(bench.sampler.snapshot().status.rejected_commands, 1);
+}
+
+#[test]
+fn counts_that_were_latched_are_those_of_the_next_tick_alone() {
+    let mut bench = bench();
+    *bench.sampler.encoder1.counter_mut() = Counter(100);
+    *bench.sampler.encoder2.counter_mut() = Counter(200);
+    bench.sampler.latch();
+    // What moves between the latch and the tick is the next sample's.
+    *bench.sampler.encoder1.counter_mut() = Counter(107);
+    *bench.sampler.encoder2.counter_mut() = Counter(190);
+    bench.ticks(10);
+    let got: Vec<_> = samples(&bench.blocks()[0]).map(|sample| sample.counts).collect();
+    assert_eq!(got[..3], [[100, 200], [107, 190], [107, 190]]);
+}
+
+#[test]
+fn the_light_follows_host_and_shaker_over_each_second() {
+    let mut bench = bench();
+    // Ticks of a second in which it is on.
+    fn lit(bench: &mut Bench) -> usize {
+        (0..500)
+            .filter(|_| {
+                let on = bench.sampler.light();
+                bench.tick(0);
+                on
+            })
+            .count()
+    }
+    assert_eq!([lit(&mut bench), lit(&mut bench)], [30, 30]);
+    bench.request(Command::KeepAlive);
+    bench.ticks(500);
+    assert_eq!(lit(&mut bench), 470);
+    // Two seconds after the host was heard last.
+    bench.ticks(500);
+    assert_eq!(lit(&mut bench), 30);
+    bench.request(Command::Arm);
+    bench.ticks(500);
+    assert_eq!(lit(&mut bench), 250);
 }
 
 #[test]

@@ -62,6 +62,7 @@ fn a_whole_run() {
     assert_eq!(shaker.state(), ShakerState::Ramping);
     run(&mut shaker, 1);
     assert_eq!((shaker.state(), shaker.drive().amplitude_nanometre), (ShakerState::Running, 10_000_000));
+    assert_eq!(shaker.frequency_millihertz(), 5_000);
     run(&mut shaker, 500);
     done(&mut shaker, Command::Stop);
     assert_eq!(shaker.state(), ShakerState::Stopping);
@@ -169,6 +170,24 @@ fn limits() {
 }
 
 #[test]
+fn the_limits_themselves_are_allowed() {
+    for (amplitude_micrometre, frequency_millihertz) in [(20_000, 1), (0, 20_000), (10_132, 10_000)] {
+        let mut shaker = shaker();
+        done(&mut shaker, Command::Arm);
+        done(&mut shaker, Command::Start { amplitude_micrometre, frequency_millihertz });
+        run(&mut shaker, 600);
+        let drive = shaker.drive();
+        assert_eq!((drive.state, drive.amplitude_nanometre), (ShakerState::Running, amplitude_micrometre * 1_000));
+    }
+    let mut shaker = shaker();
+    for (micrometre_per_s, ms) in [(1, 100), (20_000, 60_000)] {
+        done(&mut shaker, Command::SetRamp { micrometre_per_s });
+        done(&mut shaker, Command::SetHostTimeout { ms });
+        assert_eq!((shaker.ramp_micrometre_per_s(), shaker.host_timeout_ms()), (micrometre_per_s, ms));
+    }
+}
+
+#[test]
 fn while_it_moves_the_amplitude_may_change_and_nothing_else() {
     let mut shaker = running();
     for command in [
@@ -251,6 +270,38 @@ fn a_failing_output_faults_and_disarm_clears() {
     done(&mut shaker, Command::Disarm);
     assert_eq!(shaker.state(), ShakerState::Disarmed);
     done(&mut shaker, Command::Arm);
+}
+
+#[test]
+fn an_amplifier_that_stays_on_is_switched_off_as_soon_as_that_works() {
+    let mut shaker = running();
+    shaker.output.fail_write = true;
+    shaker.output.fail_enable = true;
+    run(&mut shaker, 3);
+    assert_eq!((shaker.state(), shaker.output.enabled), (ShakerState::Faulted, true));
+    shaker.output.fail_write = false;
+    run(&mut shaker, 1);
+    assert!(shaker.output.enabled);
+    shaker.output.fail_enable = false;
+    run(&mut shaker, 1);
+    assert_eq!((shaker.output.enabled, shaker.output.writes.last()), (false, Some(&0)));
+    // And is left alone then.
+    let writes = shaker.output.writes.len();
+    run(&mut shaker, 10);
+    assert_eq!(shaker.output.writes.len(), writes);
+}
+
+#[test]
+fn a_host_is_heard_from_its_first_command_to_its_time_out() {
+    let mut shaker = shaker();
+    assert!(!shaker.hears_host());
+    assert_eq!(shaker.command(START), CommandResult::WrongState);
+    assert!(!shaker.hears_host());
+    done(&mut shaker, Command::KeepAlive);
+    alone(&mut shaker, 999);
+    assert!(shaker.hears_host());
+    alone(&mut shaker, 1);
+    assert!(!shaker.hears_host());
 }
 
 #[test]

@@ -86,6 +86,26 @@ fn a_restart_begins_a_new_stretch() {
     assert_eq!((l.restarts, l.received, l.overruns, l.lost()), (1, 30, 2, 3));
     assert_eq!(ticks(&out)[9..11], [509, 511]);
     assert_eq!(ticks(&out).last(), Some(&532));
+    // The new boot is told once, and before its first sample.
+    assert_eq!([a.begun(), a.begun()], [Some(511), None]);
+    assert_eq!([510, 511, 512].map(|tick| a.boot_before(tick)), [None, Some(511), None]);
+}
+
+#[test]
+fn a_hello_that_is_no_restart_leaves_the_account_alone() {
+    let (mut a, mut out) = (Accounting::default(), vec![]);
+    // Before the first sample a restart is none of the record's.
+    a.hello(1, 0);
+    a.hello(2, 0);
+    a.status(&status(7, 0));
+    a.block(block(0, 10), &mut out);
+    a.hello(2, 10);
+    a.status(&status(9, 0));
+    a.block(block(15, 10), &mut out);
+    a.finish(&mut out);
+    let l = a.losses();
+    assert_eq!((l.restarts, l.overruns, l.lost_on_link, l.received), (0, 2, 3, 20));
+    assert_eq!((a.begun(), a.boot_before(15)), (None, None));
 }
 
 #[test]
@@ -158,4 +178,78 @@ fn what_comes_behind_its_time_or_from_nowhere_is_counted_and_not_kept() {
     assert_eq!((l.received, l.lost(), l.gaps), (700, 480, 1));
     assert_eq!((l.late, l.dropped_late, l.duplicates), (0, 490, 0));
     assert_eq!(l.received + l.lost(), 1180);
+}
+
+#[test]
+fn a_block_that_begins_before_its_time_gives_its_rest() {
+    let (mut a, mut out) = (Accounting::default(), vec![]);
+    a.block(block(0, 10), &mut out);
+    a.block(block(6, 10), &mut out);
+    a.finish(&mut out);
+    assert_eq!(ticks(&out), (0..16).collect::<Vec<_>>());
+    // Of the second block the samples from its fifth on, with their own counts and phases.
+    let (mut b, mut whole) = (Accounting::default(), vec![]);
+    b.block(block(6, 10), &mut whole);
+    b.finish(&mut whole);
+    assert_eq!(out[10..], whole[4..]);
+    let l = a.losses();
+    assert_eq!((l.received, l.duplicates, l.lost(), l.gaps), (16, 4, 0, 0));
+}
+
+#[test]
+fn a_late_block_takes_its_place_as_long_as_none_behind_it_has_left() {
+    let blocks = |behind: u32| {
+        let (mut a, mut out) = (Accounting::default(), vec![]);
+        for k in (0..1).chain(2..2 + behind).chain(1..2) {
+            a.block(block(k * 10, 10), &mut out);
+        }
+        a.finish(&mut out);
+        (a.losses().late, a.losses().dropped_late, a.losses().lost())
+    };
+    assert_eq!(blocks(WINDOW as u32), (10, 0, 0));
+    assert_eq!(blocks(WINDOW as u32 + 1), (0, 10, 10));
+}
+
+#[test]
+fn what_lies_before_the_first_block_is_not_of_the_record() {
+    let (mut a, mut out) = (Accounting::default(), vec![]);
+    a.block(block(1000, 10), &mut out);
+    for first in [990, 370] {
+        assert_eq!(a.block(block(first, 10), &mut out), Verdict::AskHello);
+        assert_eq!(a.losses().dropped_late, 0, "{first}");
+    }
+    // More than twice as far before it as a block is waited for.
+    assert_eq!(a.block(block(369, 10), &mut out), Verdict::AskHello);
+    assert_eq!(a.losses().dropped_late, 10);
+    a.finish(&mut out);
+    // Once samples have left, none is early.
+    a.block(block(980, 10), &mut out);
+    let l = a.losses();
+    assert_eq!((ticks(&out), l.received, l.dropped_late), ((1000..1010).collect(), 10, 20));
+}
+
+#[test]
+fn a_repeat_from_long_ago_asks_whether_the_device_has_restarted() {
+    let (mut a, mut out) = (Accounting::default(), vec![]);
+    for k in 0..200 {
+        a.block(block(k * 10, 10), &mut out);
+    }
+    assert_eq!(a.block(block(1000, 10), &mut out), Verdict::Fine);
+    assert_eq!(a.block(block(990, 10), &mut out), Verdict::AskHello);
+    assert_eq!(a.losses().duplicates, 20);
+}
+
+#[test]
+fn damage_accounts_for_no_more_than_its_frames_held() {
+    let (mut a, mut out) = (Accounting::default(), vec![]);
+    a.block(block(0, 10), &mut out);
+    a.bad_frame();
+    a.bad_frame();
+    a.block(block(50, 10), &mut out);
+    // Noise between two blocks that follow each other has damaged no sample.
+    a.bad_frame();
+    a.block(block(60, 10), &mut out);
+    a.finish(&mut out);
+    let l = a.losses();
+    assert_eq!((l.bad_frames, l.damaged, l.lost_on_link, l.gaps), (3, 20, 20, 1));
 }

@@ -114,7 +114,7 @@ impl Sieve {
 mod tests {
     use super::*;
     use whirl_shared::codec::encode;
-    use whirl_shared::frame::{Ack, CommandResult, Log, SampleBlock, Status};
+    use whirl_shared::frame::{Ack, CommandResult, Hello, Log, SampleBlock, Status};
 
     fn frame(message: DeviceMessage) -> Vec<u8> {
         let mut bytes = [0; MAX_FRAME];
@@ -181,5 +181,22 @@ mod tests {
             assert_eq!(recorded(&mut sieve, &bytes), bytes);
         }
         assert!(!sieve.push(0).is_some_and(|f| f.recorded));
+    }
+
+    #[test]
+    fn a_hello_is_recorded_for_twice_as_long_as_the_rest_and_damage_as_long_as_it() {
+        let (status, damaged) = (frame(DeviceMessage::Status(Status::default())), [7, 7, 7, 0]);
+        let hello = frame(DeviceMessage::Hello(Hello::default()));
+        let mut sieve = Sieve::default();
+        let mut total = 0;
+        while total < STALLED_BYTES / 2 {
+            total += recorded(&mut sieve, &status).len();
+        }
+        assert_eq!(recorded(&mut sieve, &damaged), damaged);
+        while !recorded(&mut sieve, &status).is_empty() {}
+        while !recorded(&mut sieve, &damaged).is_empty() {}
+        // It may tell of a restart.
+        let more: usize = (0..40_000).map(|_| recorded(&mut sieve, &hello).len()).sum();
+        assert!(more.abs_diff(STALLED_BYTES) <= 2 * MAX_FRAME, "{more}");
     }
 }

@@ -116,7 +116,7 @@ mod tests {
             jitter_s: 0.0,
             columns: vec![Column::Counts((0..n).collect()), Column::Values(vec![0.5; n as usize])],
             phase: Some((0..n as u32).collect()),
-            amplitude_nm: None,
+            amplitude_nm: Some((0..n as u32).map(|i| 7 * i).collect()),
         };
         Record {
             path: "r.csv".into(),
@@ -142,8 +142,8 @@ mod tests {
         let s = &r.segments;
         assert_eq!((s[0].first_tick, s[0].len(), s[1].first_tick, s[1].len()), (750, 250, 1100, 100));
         assert_eq!((&s[0].columns[0], s[0].start_s), (&Column::Counts((250..500).collect()), 1.5));
-        assert_eq!(s[0].phase.as_ref().unwrap()[0], 250);
-        assert_eq!((r.losses.received, r.losses.lost_on_link, r.losses.restarts), (350, 100, 1));
+        assert_eq!((s[0].phase.as_ref().unwrap()[0], s[0].amplitude_nm.as_ref().unwrap()[0]), (250, 7 * 250));
+        assert_eq!((r.losses.received, r.losses.lost_on_link, r.losses.gaps, r.losses.restarts), (350, 100, 1, 1));
         // 2.2 / 0.002 is no whole number in binary.
         let r = part(Some(2.2), None).unwrap();
         assert_eq!((r.segments.len(), r.segments[0].boot, r.samples(), r.losses.lost()), (1, 1, 400, 0));
@@ -157,5 +157,6 @@ mod tests {
         let e = Part { from_s: Some(2.0), to_s: Some(2.0) }.validate().unwrap_err().to_string();
         assert!(e.contains("--to") && e.contains("behind --from 2"), "{e}");
         assert!(Part { from_s: Some(f64::NAN), to_s: None }.validate().is_err());
+        assert!(Part { from_s: Some(2.0), to_s: Some(2.5) }.validate().is_ok());
     }
 }
