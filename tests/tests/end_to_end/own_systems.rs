@@ -302,8 +302,9 @@ fn written_equations_name_what_the_built_in_one_does() {
     done(at, &format!("explain r.parquet --rig {written} --model m.toml --most-effects 0 --json again.json"));
     let again = json(&at.join("again.json"));
     assert!(again["gap"]["steps"][0]["value"].as_f64().unwrap() < 1.1, "{}", again["gap"]);
-    done(at, &format!("validate r.parquet --rig {written} --model m.toml --starts 6 --json v.json"));
-    assert_eq!(json(&at.join("v.json"))["verdict"], "passed");
+    let run = whirl(at, &format!("validate r.parquet --rig {written} --model m.toml --starts 6 --json v.json"));
+    let horizon = json(&at.join("v.json"))["horizon"]["measured"]["quantiles_s"][2].as_f64();
+    assert!(run.status < 2 && horizon.is_some_and(|s| s > 1.0), "{horizon:?} {run:?}");
 }
 
 /// Nothing in the program knows of Furuta's pendulum or of this effect: both are files.

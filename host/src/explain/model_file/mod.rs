@@ -113,6 +113,8 @@ pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
     let Prepared { stretches, record_of, sensors, geometry, warnings } =
         general::prepare(records, rig, bound, &IdentifySettings::default())?;
     let seconds: f64 = stretches.iter().map(|s| s.len() as f64 * s.step_s).sum();
+    // A free decay is short: as few blocks as decide, each as long as may be.
+    let most_blocks = if bound.inputs.is_empty() { FEWEST_BLOCKS as f64 + 0.1 } else { 12.0 };
     let setting = Setting {
         rig,
         bound,
@@ -122,7 +124,7 @@ pub fn explain(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
         geometry: &geometry,
         split: Split::new(model, records.len()),
         circle: model.circle(),
-        block_s: BLOCK_S.min(seconds / 12.0).max(geometry.windows.length_s),
+        block_s: BLOCK_S.min(seconds / most_blocks).max(geometry.windows.length_s),
     };
     let horizon_s = told::horizon(rig, settings, &stretches)?;
     let along: Vec<Along> = stretches.iter().map(|s| Along::new(s, rig.drive.map_or(0.0, |_| rig.omega()))).collect();
