@@ -86,7 +86,9 @@ impl Program<'_> {
 /// A text from a file as it may stand in a comment: on one line, and without a backslash at its end, which would join the next line to it.
 pub fn harmless(text: &str) -> String {
     let text = plain(text);
-    if text.trim_end().ends_with(['\\', '/']) { format!("{}.", text.trim_end()) } else { text }
+    // `??/` is a backslash where C still has trigraphs.
+    let joins = text.trim_end().ends_with('\\') || text.trim_end().ends_with("??/");
+    if joins { format!("{}.", text.trim_end()) } else { text }
 }
 
 /// An effect in a line.
