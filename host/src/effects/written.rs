@@ -140,8 +140,16 @@ fn value(n: &Node, s: u32, tau: f64) -> f64 {
     })
 }
 
-/// D_e of every equation, and the pairs of coordinates that are coupled; none where a coordinate has no inertia in its equation.
-pub fn inertias(model: &ModelFile, omega: f64, values: &[f64]) -> Option<(Vec<f64>, Vec<(usize, usize)>)> {
+/// What written equations tell of inertias.
+pub struct Inertias {
+    /// D_e of every equation.
+    pub scales: Vec<f64>,
+    /// Pairs of coordinates that are coupled.
+    pub coupled: Vec<(usize, usize)>,
+}
+
+/// D_e of every equation, and what is coupled; none where a coordinate has no inertia in its equation.
+pub fn inertias(model: &ModelFile, omega: f64, values: &[f64]) -> Option<Inertias> {
     let n = model.coordinates.len();
     let all = sides(model, omega, values);
     let rest: Vec<Node> = at_rest(model, omega, values).into_iter().map(|[still, _]| still).collect();
@@ -160,7 +168,7 @@ pub fn inertias(model: &ModelFile, omega: f64, values: &[f64]) -> Option<(Vec<f6
     let (inertia, stiffness) = (matrix(&all, Symbol::Acceleration), matrix(&rest, Symbol::Coordinate));
     let own = |k: usize| inertia[k][k].iter().sum::<f64>();
     let mut scales: Vec<Option<f64>> = vec![None; n];
-    let mut pairs = Vec::new();
+    let mut coupled = Vec::new();
     for root in 0..n {
         if scales[root].is_some() {
             continue;
@@ -171,8 +179,8 @@ pub fn inertias(model: &ModelFile, omega: f64, values: &[f64]) -> Option<(Vec<f6
             for j in (0..n).filter(|&j| j != i) {
                 let ratio = ratio(&inertia, i, j).or_else(|| ratio(&stiffness, i, j));
                 let (Some(ratio), Some(at)) = (ratio, scales[i]) else { continue };
-                if !pairs.contains(&(i.min(j), i.max(j))) {
-                    pairs.push((i.min(j), i.max(j)));
+                if !coupled.contains(&(i.min(j), i.max(j))) {
+                    coupled.push((i.min(j), i.max(j)));
                 }
                 if scales[j].is_none() {
                     scales[j] = Some(at * ratio);
@@ -182,8 +190,8 @@ pub fn inertias(model: &ModelFile, omega: f64, values: &[f64]) -> Option<(Vec<f6
         }
     }
     let scales = scales.into_iter().collect::<Option<Vec<f64>>>()?;
-    pairs.sort_unstable();
-    Some((scales, pairs))
+    coupled.sort_unstable();
+    Some(Inertias { scales, coupled })
 }
 
 fn sign_of(x: f64) -> Option<f64> {
@@ -209,7 +217,7 @@ fn ratio(m: &[Vec<Vec<f64>>], i: usize, j: usize) -> Option<f64> {
 
 /// Values of what the mechanism of a written model rests on: D_e of every equation, then ψ.
 pub fn parameters(model: &ModelFile, direction: Option<Direction>, omega: f64, values: &[f64]) -> Option<Vec<f64>> {
-    let (mut out, _) = inertias(model, omega, values)?;
+    let mut out = inertias(model, omega, values)?.scales;
     out.push(driven(model, &at_rest(model, omega, values), direction).psi);
     Some(out)
 }
@@ -217,7 +225,7 @@ pub fn parameters(model: &ModelFile, direction: Option<Direction>, omega: f64, v
 /// Places of a written model: its own joints and arms where it names them; otherwise every coordinate is both, under its own name, and the
 /// difference of two that are coupled is a joint `q2-q1`.
 pub fn mechanism(model: &ModelFile, direction: Option<Direction>, omega: f64, values: &[f64]) -> Option<Mechanism> {
-    let (_, pairs) = inertias(model, omega, values)?;
+    let pairs = inertias(model, omega, values)?.coupled;
     let declared = model.mechanism.as_deref().and_then(|m| m.file.as_deref());
     let coordinate = |k: usize| Polynomial::motion(Symbol::Coordinate(k));
     let name = |k: usize| model.coordinates[k].name.clone();

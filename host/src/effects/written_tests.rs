@@ -123,11 +123,11 @@ fn coordinates_without_names_are_places_themselves() {
     let file = m.file.unwrap();
     let joints: Vec<&str> = file.joints.iter().map(|j| j.name.as_str()).collect();
     assert_eq!(joints, ["a", "b", "x", "b-a"]);
-    let (scales, pairs) = inertias(&model, 1.0, &values).unwrap();
-    assert_eq!(pairs, [(0, 1)]);
+    let Inertias { scales, coupled } = inertias(&model, 1.0, &values).unwrap();
+    assert_eq!(coupled, [(0, 1)]);
     assert!((scales[1] - 0.25).abs() < 1e-12 && scales[0] == 1.0 && scales[2] == 1.0, "{scales:?}");
     // What no mechanics could be is not coupled.
     let odd = text.replace("a''*cos(b - a)", "a''*sin(b - a)");
     let odd = ModelFile::parse(&odd, Path::new("m.toml")).unwrap();
-    assert!(inertias(&odd, 1.0, &values).unwrap().1.is_empty());
+    assert!(inertias(&odd, 1.0, &values).unwrap().coupled.is_empty());
 }

@@ -21,7 +21,7 @@ pub fn error_told(x: f64) -> String {
     match x {
         x if x.is_nan() => "standard error not known".to_owned(),
         x if x.is_infinite() => "not determined by its record".to_owned(),
-        x if x == 0.0 => "taken as known".to_owned(),
+        0.0 => "taken as known".to_owned(),
         x => format!("standard error {x:.1e}"),
     }
 }

@@ -24,12 +24,14 @@ use crate::model::flow::{Flow, Outside, Work};
 use crate::model::weak::WeakModel;
 use crate::signal::angles::{AngleSegment, Phase};
 
-/// Longest step of integration: samples, and shares of a drive period and of a window (which holds 20 drive periods or, of a free system, up to 10 of the motion's own). What
+/// Longest step of integration: samples; under a drive s, and as a share of its period; otherwise as a share of a window, which holds 3 to 10 periods of the motion. What
 /// a solution leaves of its equations, its local error over the step, must be far below what the sensors leave; a test holds it.
 const STEP_SAMPLES: f64 = 4.0;
+const STEP_S: f64 = 8e-3;
 const STEPS: f64 = 25.0;
 const STEPS_IN_WINDOW: f64 = 500.0;
-/// Parts of a window after which a solution is rounded to a grid.
+/// Time after which a solution is rounded to a grid: s under a drive, otherwise as a share of a window.
+const ROUNDED_S: f64 = 0.1;
 const ROUNDINGS: f64 = 40.0;
 /// A share of a coefficient beyond which the simulated motion is another one than the record's, and nothing is concluded from it.
 const ANOTHER_MOTION: f64 = 0.1;
@@ -100,8 +102,9 @@ pub(crate) fn from_solutions(
 
 /// Longest step of integration under a drive of angular frequency `omega` (0 for none) for samples `spacing` apart and windows of `window_s`, s.
 fn step_s(omega: f64, spacing: f64, window_s: f64) -> f64 {
-    let most = (window_s / STEPS_IN_WINDOW).min(STEP_SAMPLES * spacing);
-    if omega > 0.0 { (core::f64::consts::TAU / omega / STEPS).min(most) } else { most }
+    let most =
+        if omega > 0.0 { STEP_S.min(core::f64::consts::TAU / omega / STEPS) } else { window_s / STEPS_IN_WINDOW };
+    most.min(STEP_SAMPLES * spacing)
 }
 
 /// State at the sample in the middle of a kernel's span: each coordinate low-passed, then its rate.
@@ -124,7 +127,7 @@ pub(crate) fn cells(sigma: &[f64]) -> f64 {
     (300.0 / least.max(f64::MIN_POSITIVE.sqrt())).log2().ceil().clamp(18.0, 1000.0).exp2()
 }
 
-/// A solution from `state` at samples `spacing` apart (s) over a window, a row for each coordinate of `out`. Forty times a window the state is rounded to a grid of `cells` a rad (rad/s),
+/// A solution from `state` at samples `spacing` apart (s) over a window, a row for each coordinate of `out`. Every tenth of a second under a drive, forty times a window without, the state is rounded to a grid of `cells` a rad (rad/s),
 /// far below any sensor: otherwise a chaotic motion, which grows a rounding error by e in some tenths of a second, would be another one for every way to
 /// write the same equations. False where the equations have no solution or it leaves all bounds.
 pub(crate) fn solve<D: Dynamics + ?Sized>(
@@ -137,7 +140,8 @@ pub(crate) fn solve<D: Dynamics + ?Sized>(
     let flow = Flow::new(dynamics, parameters, outside, step_s(outside.omega, spacing, window_s));
     let mut work = Work::plain(dynamics);
     let count = out.first().map_or(0, Vec::len);
-    let part = ((window_s / ROUNDINGS / spacing).round() as usize).max(1);
+    let rounded_s = if outside.omega > 0.0 { ROUNDED_S } else { window_s / ROUNDINGS };
+    let part = ((rounded_s / spacing).round() as usize).max(1);
     let mut from = 0;
     while from + 1 < count {
         work.set(&state);

@@ -14,6 +14,9 @@ use crate::model::model_file::expression::Node;
 use crate::rig::Rig;
 use crate::system::mechanism::Mechanism;
 
+/// Columns of changes of written equations.
+pub type Changed<'a> = dyn Fn(&[Change]) -> Vec<Vec<(usize, Node)>> + 'a;
+
 /// An error about effect `index` (from 0) of the model's file.
 pub fn bad(index: usize, e: &AddedEffect, found: &str, expected: &str, remedy: &str) -> BadInput {
     let found =
@@ -132,7 +135,7 @@ pub fn on_mechanism(
     place: Place,
     (mechanism, physical): (&Mechanism, &[f64]),
     at: (f64, Span),
-    changed: &dyn Fn(&[Change]) -> Vec<Vec<(usize, Node)>>,
+    changed: &Changed<'_>,
 ) -> Result<Effect> {
     let remedy = "Write the model anew with `whirl explain -o`";
     let Some(mut form) = form_of(entry, e) else {

@@ -45,7 +45,7 @@ pub fn geometry(
         None => 4.0,
     };
     let asked = check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?;
-    let kind = if wide { Kind::WithInputs } else { Kind::Free };
+    let kind = if wide { Kind::WithInputs(wanted) } else { Kind::Free };
     let free = band.filter(|_| rig.drive.is_none()).map(|b| choose(&b, stretches_s, rate, asked, kind));
     let length_s = asked.or(free.map(|f| f.length_s)).unwrap_or(default_window.max(32.0 * step_s));
     // Eight test functions at least; in a window too short for them, those that the rate allows.
