@@ -38,10 +38,10 @@ pub fn named(names: &[String], values: &[f64], adds: Vec<Vec<(usize, Node)>>) ->
 /// An effect that there is not at this place, one that needs the bodies of a rig file that was not given.
 pub fn of_own(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Effect>> {
     let Some(bound) = &rig.bound else { return Ok(Vec::new()) };
-    if written::applies(&bound.model) {
+    let on_bodies = model.found_with.keys().any(|k| k != RECORD_S);
+    if written::applies(&bound.model) && !on_bodies {
         return of_written(model, model, rig, start_s);
     }
-    let on_bodies = !model.found_with.is_empty();
     let Some(mechanism) = bound.model.mechanism.as_deref().filter(|_| on_bodies) else {
         if let (true, Some(e)) = (on_bodies, model.effects.first()) {
             return Err(bad(

@@ -1,7 +1,7 @@
 //! A record of the model itself: its equations integrated from a state, as its rig's channels would show it, without noise.
 //!
 //! [`crate::model::flow`] integrates: Dormand and Prince's method of order 5 with equal steps, reversals under dry friction placed. The step is halved, from the sampling
-//! interval on, until two solutions over the first second differ by less than [`EXACT`] of what moves; a chaotic motion carries what is left of that on at its own rate.
+//! interval on, until two solutions over the first second differ by less than `EXACT` of what moves; a chaotic motion carries what is left of that on at its own rate.
 
 use super::Motion;
 use super::from_record::{Begin, differences};

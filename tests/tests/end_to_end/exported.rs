@@ -211,7 +211,11 @@ fn what_cannot_leave_is_refused_with_one_line() {
     };
     write("m.toml", "", "");
     write("rust.toml", "quadratic-drag", "rust");
-    write("load.toml", "\"torsion-spring\"", "\"load-dependent-friction\"");
+    write(
+        "load.toml",
+        "id = \"viscous-friction\"\nat = \"joint1\"",
+        "id = \"load-dependent-friction\"\nat = \"joint2\"",
+    );
     write("missing.toml", "B21 = ", "B31 = ");
     let own = std::fs::read_to_string(repository("tests/golden/export/oscillator.toml")).unwrap();
     std::fs::write(at.join("bodies.toml"), format!("{own}\n[found_with]\nmass = 1.0\n")).unwrap();

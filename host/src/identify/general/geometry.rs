@@ -1,6 +1,6 @@
 //! Windows and low-passes for a model file, from the settings, the rig and the coordinates' spectra.
 //!
-//! As for the built-in systems: driven windows of 20 T and test functions up to 2 f_e; when free all from the motion ([`crate::identify::free_geometry`]). A free system with
+//! As for the built-in systems: driven windows of 20 T and test functions up to 2 f_e; when free all from the motion (`identify/free_geometry.rs`). A free system with
 //! measured inputs may need more of the band, since a resonance may lie close to the Nyquist frequency: test functions up to a fifth of the sampling rate, the
 //! low-pass up to two fifths.
 
