@@ -121,11 +121,13 @@ fn spikes_and_slips() {
 #[test]
 fn slips_of_one_count_lie_below_the_noise_and_do_no_harm() {
     let (folder, clean) = base();
-    for (name, every) in [("one", 15_000), ("thirty", 970)] {
+    // Thirty leave so much more than noise that the answer is said not to stand, though its wide intervals hold.
+    for (name, every, status) in [("one", 15_000, 0), ("thirty", 970, 1)] {
         let mut rows = clean.clone();
         rows.iter_mut().enumerate().for_each(|(i, r)| r[1] += (i / every) as i64);
         write(name, &rows);
-        done(folder.path(), &format!("identify {name}.csv --rig rig.toml --json {name}.json"));
+        let run = whirl(folder.path(), &format!("identify {name}.csv --rig rig.toml --json {name}.json"));
+        assert_eq!(run.status, status, "{run:?}");
         right(name, &json(&folder.path().join(format!("{name}.json"))));
     }
 }

@@ -68,7 +68,7 @@ fn what_cannot_be_is_named() {
     rig_file(at, "chaotic.toml", "redundant.toml", &[("[known]", "[known]\nm1 = 0.1362\ne1 = 0.0127")]);
     identified(at, "base.csv --rig redundant.toml", 0, &[]);
     let run = whirl(at, "inspect base.csv --rig longer.toml");
-    assert!(run.status == 1 && run.stderr.contains("l1 = 63.5"), "{run:?}");
+    assert!(run.status == 1 && run.stderr.contains("instead of 64.77 mm"), "{run:?}");
     identified(at, "drag.csv --rig rig.toml", 1, &["tie-violated"]);
 }
 
