@@ -28,8 +28,8 @@ const CLEAR: f64 = 4.0;
 pub(super) const CHANCE: f64 = 1e-6;
 /// Ratio of residual to noise power from which something besides noise is left, as in `explain`.
 const BESIDE_NOISE: f64 = 2.0;
-/// Ratio from which what is missing has moved the coefficients beyond their standard errors, so that they do not stand: a residual of five times the sensors'. A
-/// second harmonic of 2 % in the drive (ratio 60) moves B11 by 7.5 of them, an eccentricity of 0.015 rad B22 by 12.
+/// Ratio from which the answer does not stand: a residual of five times the sensors'. A second harmonic of 2 % in the drive (ratio 71) moves B11 by 7.4 standard
+/// errors. It is no bound below which nothing has moved: an eccentricity of 0.015 rad (ratio 12) moves B22 by 12 of them, and is warned of.
 const MISLEADING: f64 = 25.0;
 
 /// Coefficients with their covariance.
