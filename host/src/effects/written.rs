@@ -9,7 +9,8 @@
 //! * G_e, the part of F_e that the drive's phase moves at rest, is K_e(q) ÿ₀ with y₀ = a cos(τ − ψ): a base that moves by y
 //!   as well adds K_e ÿ along the drive, and K_e with all angles turned by a quarter across it.
 //! * Gravity is the part of F_e that rests on sines and cosines of angles alone: a frame that is turned by β
-//!   adds −β Σ_i ∂/∂φ_i of it, a centroid off the line of arm k β ∂(it + G_k)/∂φ_k in equation k.
+//!   adds −β Σ_i ∂/∂φ_i of it, a centroid off the line of arm k β ∂(it + G_k)/∂φ_k in equation k. An arm on which no joint hangs turns with
+//!   all of itself: β ∂F_e/∂φ_k of what rests on angles in every equation, as if its encoder had another zero.
 
 use core::f64::consts::{FRAC_PI_2, TAU};
 use std::sync::Arc;
@@ -24,7 +25,7 @@ use crate::model::model_file::units::{self, Unit};
 use crate::model::model_file::{ModelFile, Space};
 use crate::rig::Direction;
 use crate::system::bodies::Body;
-use crate::system::derivative::by_time;
+use crate::system::derivative::{by_time, partial};
 use crate::system::joints::Joint;
 use crate::system::language::{Gravity, Parameter, Placed, SystemFile};
 use crate::system::mechanism::{Mechanism, Named};
@@ -48,8 +49,8 @@ pub enum Change {
         /// Across it.
         across: Node,
     },
-    /// Turns the centroid of the arm with this coordinate.
-    Arm(usize, Node),
+    /// Turns the centroid of the arm with this coordinate, on which nothing hangs or something does.
+    Arm(usize, bool, Node),
     /// Turns gravity.
     Frame(Node),
 }
@@ -107,6 +108,7 @@ fn of_angles(n: &Node) -> Node {
     match &**n {
         Expression::Add(a, b) => add(of_angles(a), of_angles(b)),
         Expression::Subtract(a, b) => subtract(of_angles(a), of_angles(b)),
+        Expression::Multiply(a, b) if as_number(a).is_some() => multiply(a.clone(), of_angles(b)),
         _ if turns(n) => n.clone(),
         _ => number(0.0),
     }
@@ -115,7 +117,7 @@ fn of_angles(n: &Node) -> Node {
 fn turns(n: &Node) -> bool {
     match &**n {
         Expression::Call(Function::Sin | Function::Cos, a) => a.any(&|s| matches!(s, Symbol::Coordinate(_))),
-        Expression::Call(_, a) => turns(a),
+        Expression::Call(_, a) | Expression::PowerWhole(a, _) => turns(a),
         Expression::Add(a, b)
         | Expression::Subtract(a, b)
         | Expression::Multiply(a, b)
@@ -337,7 +339,7 @@ pub fn changes(
             let Body::Arm { angle: Some(angle), .. } = &file.bodies[k].value else { return None };
             let turned = (0..file.coordinates.len()).find(|&i| *angle == Polynomial::motion(Symbol::Coordinate(i)))?;
             let Ok(Word::Scalar(law)) = entry.law(&words, form) else { return None };
-            Some(by_strength(&law).into_iter().map(|of| Change::Arm(turned, of)).collect())
+            Some(by_strength(&law).into_iter().map(|of| Change::Arm(turned, is_last(file, turned), of)).collect())
         }
         (Place::Frame, At::Frame) => {
             let Ok(Word::Scalar(law)) = entry.law(&words, form) else { return None };
@@ -345,6 +347,15 @@ pub fn changes(
         }
         _ => None,
     }
+}
+
+/// Whether no joint hangs on the arm of a coordinate: a joint that moves by the difference of two hangs on the one that is taken off. Where joints are not named, none is known
+/// to be the last.
+fn is_last(file: &SystemFile, coordinate: usize) -> bool {
+    let slope = |j: &Joint| partial(&j.moves.value, &Atom::Motion(Symbol::Coordinate(coordinate))).ok();
+    let hangs = |j: &Joint| slope(j).and_then(|s| s.as_number()).is_none_or(|s| s < 0.0);
+    // A joint that the file names stands somewhere in it.
+    file.joints.iter().all(|j| j.moves.at > 0) && !file.joints.iter().any(hangs)
 }
 
 /// The drive's part of the left-hand sides as K_e(q) d²y₀/dτ², and its phase ψ.
@@ -409,7 +420,7 @@ pub fn columns(
     omega: f64,
     values: &[f64],
 ) -> Vec<Vec<(usize, Node)>> {
-    let parts = at_rest(model, omega, values);
+    let (parts, all) = (at_rest(model, omega, values), sides(model, omega, values));
     let slope = |n: &Node, k: usize| n.derivative_between_jumps(Symbol::Coordinate(k)).unwrap_or_else(|| number(0.0));
     let kept = |all: Vec<(usize, Node)>| -> Vec<(usize, Node)> {
         all.into_iter().filter(|(_, n)| as_number(n) != Some(0.0)).collect()
@@ -425,7 +436,11 @@ pub fn columns(
                 };
                 kept((0..parts.len()).map(|e| (e, sum(e))).collect())
             }
-            Change::Arm(k, law) => {
+            Change::Arm(k, true, law) => {
+                let turned = |side: &Node| multiply(law.clone(), slope(&of_angles(side), *k));
+                kept(all.iter().enumerate().map(|(e, side)| (e, turned(side))).collect())
+            }
+            Change::Arm(k, false, law) => {
                 let [still, driven] = &parts[*k];
                 let turned = add(slope(&of_angles(still), *k), slope(&of_angles(driven), *k));
                 kept(vec![(*k, multiply(law.clone(), turned))])

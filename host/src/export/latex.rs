@@ -27,8 +27,8 @@ impl Language for Latex {
         "%"
     }
 
-    fn reserved(&self) -> &'static [&'static str] {
-        &[]
+    fn reserved(&self) -> &'static str {
+        ""
     }
 
     fn number(&self, x: f64) -> String {

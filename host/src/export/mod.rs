@@ -52,8 +52,8 @@ pub trait Language: Sync {
     /// What begins a line of comment.
     fn remark(&self) -> &'static str;
 
-    /// Words that a name may not be: keywords, functions, the template's own names.
-    fn reserved(&self) -> &'static [&'static str];
+    /// Words that a name may not be, blanks between them: keywords, functions, the template's own names.
+    fn reserved(&self) -> &'static str;
 
     /// A number, 0 or more, with the digits that give back the same bits.
     fn number(&self, x: f64) -> String {

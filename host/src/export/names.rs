@@ -60,9 +60,9 @@ pub struct Names {
 }
 
 impl Names {
-    /// No name that is reserved.
-    pub fn new(reserved: &[&str]) -> Self {
-        Self { taken: reserved.iter().map(|r| (*r).to_owned()).collect() }
+    /// No name that is reserved; blanks between them.
+    pub fn new(reserved: &str) -> Self {
+        Self { taken: reserved.split_whitespace().map(str::to_owned).collect() }
     }
 
     /// The name wanted, or one like it.
@@ -85,7 +85,7 @@ mod tests {
 
     #[test]
     fn names_are_plain_and_differ() {
-        let mut names = Names::new(&["x", "lambda"]);
+        let mut names = Names::new("x lambda");
         let given: Vec<String> =
             ["x", "x", "λ", "2a", "quadratic-drag@arm2", "é", "_y"].iter().map(|n| names.give(n)).collect();
         assert_eq!(given, ["x_", "x_2", "lambda_", "p2a", "quadratic_drag_arm2", "ue9", "p_y"]);
