@@ -93,23 +93,14 @@ fn plant(arguments: &Arguments, rig: &Rig, seconds: f64) -> Result<Answer> {
 /// Simulates a model file.
 #[cfg(feature = "sim")]
 fn model_file(arguments: &Arguments, rig: &Rig, bound: &crate::rig::measures::Bound, seconds: f64) -> Result<Answer> {
-    use crate::model::model_file::simulation::Extra;
-    let derived = bound.model.mechanism.as_ref().is_some_and(|m| m.file.as_ref().is_some_and(|f| !f.written));
-    let id = |text: &String| text.split('@').next().unwrap_or_default().to_owned();
-    let listed = arguments.effects.iter().all(|t| {
-        let (id, own) = (id(t), rig.effects.iter());
-        crate::effects::catalogue().iter().any(|e| e.id == id) || own.into_iter().any(|e| e.id == id)
-    });
-    let placed = rig.drive.is_some() && listed && crate::effects::written::applies(&bound.model);
-    let put_in;
-    let extra = if derived || placed {
-        Extra::Effects(&arguments.effects)
-    } else {
-        put_in = crate::explain::model_file::put_in::terms(&bound.model, rig.omega(), &arguments.effects)?;
-        Extra::Terms(&put_in.terms, &put_in.strengths)
-    };
-    let samples =
-        crate::model::model_file::simulation::record(rig, bound, extra, seconds, arguments.seed, &arguments.output)?;
+    let samples = crate::model::model_file::simulation::record(
+        rig,
+        bound,
+        &arguments.effects,
+        seconds,
+        arguments.seed,
+        &arguments.output,
+    )?;
     let seconds = samples as f64 / rig.sample_rate_hz;
     let summary =
         crate::simulate::Summary { samples, seconds, seed: arguments.seed, effects: arguments.effects.clone() };

@@ -105,8 +105,12 @@ pub fn of(rig: &Rig, bound: &Bound, (physical, own): (&[f64], &[f64]), texts: &[
     let mut out = PutIn::default();
     let (model, direction, omega) = (&*bound.model, rig.direction(), rig.omega());
     let places = if written::applies(model) { written::mechanism(model, direction, omega, own) } else { None };
-    let Some(mechanism) = places.as_ref().or(model.mechanism.as_deref()) else { return Ok(out) };
-    let Some(file) = mechanism.file.as_deref() else { return Ok(out) };
+    let Some(text) = texts.first() else { return Ok(out) };
+    let mechanism = places.as_ref().or(model.mechanism.as_deref());
+    let Some((mechanism, file)) = mechanism.and_then(|m| Some((m, m.file.as_deref()?))) else {
+        let expected = "one equation for each coordinate, and an inertia in each";
+        return Err(bad(text, "equations in which no effect has a place".to_owned(), expected.to_owned()));
+    };
     let found = places.as_ref().and_then(|_| written::parameters(model, direction, omega, own));
     let physical = found.as_deref().unwrap_or(physical);
     let entries: Vec<&Entry> = catalogue().iter().chain(rig.effects.iter().map(AsRef::as_ref)).collect();

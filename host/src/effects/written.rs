@@ -224,8 +224,8 @@ pub fn parameters(model: &ModelFile, direction: Option<Direction>, omega: f64, v
     Some(out)
 }
 
-/// Places of a written model: its own joints and arms where it names them; otherwise every coordinate is both, under its own name, and the
-/// difference of two that are coupled is a joint `q2-q1`.
+/// Places of a written model: its own joints and arms where it names them; otherwise every coordinate is both, under its own name (what moves along a line
+/// meets drag as well), and the difference of two that are coupled is a joint `q2-q1`.
 pub fn mechanism(model: &ModelFile, direction: Option<Direction>, omega: f64, values: &[f64]) -> Option<Mechanism> {
     let pairs = inertias(model, omega, values)?.coupled;
     let declared = model.mechanism.as_deref().and_then(|m| m.file.as_deref());
@@ -255,7 +255,7 @@ pub fn mechanism(model: &ModelFile, direction: Option<Direction>, omega: f64, va
         named.collect()
     });
     if bodies.is_empty() {
-        bodies = (0..n).filter(|&k| circle(k)).map(|k| arm(name(k), coordinate(k))).collect();
+        bodies = (0..n).map(|k| arm(name(k), coordinate(k))).collect();
     }
     let mut parameters: Vec<String> = (0..n).map(|k| format!("inertia of {}", name(k))).collect();
     parameters.push("phase of the drive".to_owned());

@@ -29,6 +29,9 @@ pub(super) const LOCKED: &str = "the motion repeats (locked to the drive): one o
 /// Why a fit that diverged cannot.
 pub(super) const DIVERGED: &str = "the fit diverged: the model's predictions miss by more than the record itself moves, so that nothing follows from them. See `whirl inspect` for the channels, and check units and signs in the rig file";
 
+/// Why what cannot be followed cannot.
+pub(super) const UNFOLLOWED: &str = "the model follows no part of the record, so that nothing can be predicted: see `whirl inspect` for the channels, and check units and signs in the rig file";
+
 /// Why a record of so many whole windows cannot.
 pub(super) fn too_few(blocks: usize, window_s: f64) -> String {
     let wanted = window_s * (FEWEST_BLOCKS + 1) as f64;
@@ -40,6 +43,14 @@ pub(super) fn too_few(blocks: usize, window_s: f64) -> String {
 pub(super) fn too_short(mut result: Explanation, blocks: usize, window_s: f64) -> Explanation {
     result.verdict = Verdict::NotDecidable;
     result.reason = too_few(blocks, window_s);
+    result
+}
+
+/// What is told of equations in which no effect has a place.
+pub(super) fn unplaced() -> Explanation {
+    let mut result = Explanation::new(0.0, Vec::new());
+    result.reason =
+        "nothing can be predicted: that takes one equation for each coordinate, and an inertia in each".to_owned();
     result
 }
 

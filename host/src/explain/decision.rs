@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::design::Design;
 use super::explanation::Ranked;
-use super::ranking::{self, Weights};
+use super::ranking::{self, Fit, Weights};
 
 /// Probability of naming anything on a record in which nothing is missing, over the whole list.
 pub(super) const FAMILY_WISE: f64 = 0.01;
@@ -18,11 +18,63 @@ const STRONG: f64 = 0.15;
 /// Difference of that held-out score, −2 ln of a likelihood ratio, up to which two candidates are not told apart: two standard errors, four, times the
 /// two and a half by which correlated neighbouring frequencies count too often.
 const CLOSE: f64 = 10.0;
+/// Share of a gain below which a difference is rounding.
+const EXACT: f64 = 1e-6;
+/// Share of a gain within which another's is the same: columns that are one and the same leave rounding errors without scatter.
+const ALIKE: f64 = 1e-3;
 /// Share above which the forms of one effect are told apart in this way as well, and the most forms judged below and above it.
 const OVERWHELMING: f64 = 0.75;
 const RERANKED: [usize; 2] = [20, 60];
 
+/// What candidates are judged by: rows whose columns are the model's own and every candidate's.
+pub(super) trait Evidence: Sync {
+    /// The fit of some columns; none where they are singular.
+    fn fit(&self, columns: &[usize]) -> Option<Fit>;
+
+    /// Held-out scores of the strongest candidates by weights from their own fits, infinite for the others, where weights rest on the fit. `scores`:
+    /// each one's gain, first column and number of columns.
+    fn rescored(&self, own: &[usize], most: usize, scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>>;
+
+    /// Least gain that is not as good as nothing, for a held-out sum of squares without it.
+    fn least_gain(&self, total: f64) -> f64;
+
+    /// Least gain in standard errors between blocks: where a model misses more than noise, a strength may be significant that predicts nothing better.
+    fn least_deviations(&self) -> f64;
+
+    /// Whether two candidates that are only supported together are looked for.
+    fn pairs(&self) -> bool;
+}
+
+/// Rows of the weak form, weighted by equation and frequency.
+pub(super) struct Rows<'a> {
+    pub(super) design: &'a Design,
+    pub(super) weights: &'a Weights,
+}
+
+impl Evidence for Rows<'_> {
+    fn fit(&self, columns: &[usize]) -> Option<Fit> {
+        ranking::fit(self.design, columns, self.weights)
+    }
+
+    fn rescored(&self, own: &[usize], most: usize, scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>> {
+        Some(reranked(self.design, own, self.weights, most, scores))
+    }
+
+    fn least_gain(&self, _total: f64) -> f64 {
+        0.0
+    }
+
+    fn least_deviations(&self) -> f64 {
+        0.0
+    }
+
+    fn pairs(&self) -> bool {
+        false
+    }
+}
+
 /// A candidate whose columns stand behind the model's own, in the order of the offers.
+#[derive(Clone, Debug)]
 pub(super) struct Offer {
     /// `ID@PLACE`; several forms of one effect have the same.
     pub(super) name: String,
@@ -32,6 +84,8 @@ pub(super) struct Offer {
     pub(super) positive: bool,
     /// Number of its shape parameters.
     pub(super) shapes: usize,
+    /// The simpler effect at the same place that it refines, `ID@PLACE`.
+    pub(super) refines: Option<String>,
 }
 
 /// What was chosen.
@@ -50,139 +104,269 @@ pub(super) struct Choice {
     pub(super) runner_up: Option<(String, f64)>,
 }
 
+/// A candidate's fit beside the model.
+struct Score {
+    index: usize,
+    gain: f64,
+    deviations: f64,
+    p: f64,
+    fit: Fit,
+}
+
+/// Two candidates beside the model.
+struct Pair<'a> {
+    first: &'a Score,
+    second: &'a Score,
+    /// The larger of their probabilities by chance, each beside the other.
+    p: f64,
+    gain: f64,
+    held_out: Vec<f64>,
+}
+
+/// Every candidate with its columns.
+struct Field<'a> {
+    evidence: &'a dyn Evidence,
+    own: &'a [usize],
+    offers: &'a [Offer],
+    /// First column of each, and their number.
+    places: Vec<(usize, usize)>,
+    plain: Fit,
+    total: f64,
+    blocks: f64,
+    scores: Vec<Score>,
+}
+
+impl<'a> Field<'a> {
+    fn new(evidence: &'a dyn Evidence, own: &'a [usize], offers: &'a [Offer], taken: &[String]) -> Option<Self> {
+        let plain = evidence.fit(own)?;
+        let total: f64 = plain.held_out.iter().sum();
+        let mut at = own.len();
+        let places: Vec<(usize, usize)> = offers
+            .iter()
+            .map(|o| {
+                at += o.strengths;
+                (at - o.strengths, o.strengths)
+            })
+            .collect();
+        let scores = (0..offers.len())
+            .into_par_iter()
+            .filter(|&i| !taken.contains(&offers[i].name))
+            .filter_map(|index| {
+                let (from, d) = places[index];
+                let columns: Vec<usize> = own.iter().copied().chain(from..from + d).collect();
+                let fit = evidence.fit(&columns)?;
+                let (mean, error) = ranking::gain(&plain.held_out, &fit.held_out);
+                let p = ranking::p_value(&fit, d);
+                Some(Score { index, gain: mean, deviations: mean / error.max(f64::MIN_POSITIVE), p, fit })
+            })
+            .collect();
+        let blocks = plain.held_out.len() as f64;
+        Some(Self { evidence, own, offers, places, plain, total, blocks, scores })
+    }
+
+    fn name(&self, s: &Score) -> &'a str {
+        &self.offers[s.index].name
+    }
+
+    /// A friction that feeds the motion is none, whatever it explains. The first strength stands where the candidate's own begin.
+    fn feeds(&self, s: &Score) -> bool {
+        let d = self.places[s.index].1;
+        self.offers[s.index].positive && s.fit.all[s.fit.all.len() - d] <= 0.0
+    }
+
+    /// Whether a gain of that much a block, with its standard error, is more than as good as nothing.
+    fn brings(&self, (gain, error): (f64, f64)) -> bool {
+        let clear = gain > self.evidence.least_deviations() * error;
+        gain > 0.0 && clear && gain * self.blocks > self.evidence.least_gain(self.total)
+    }
+
+    /// Whether a candidate by itself is.
+    fn stands(&self, s: &Score) -> bool {
+        self.brings((s.gain, s.gain / s.deviations.max(f64::MIN_POSITIVE)))
+    }
+
+    /// Two that only together are supported: each hides the other's trace while it is missing (a pendulum that Coulomb friction
+    /// stops and whose damping grows with the swing looks viscous). Each must be significant beside the other, over all pairs; the one that takes away
+    /// more by itself (of one and what refines it the simpler) comes first, with its probability.
+    fn pair<'b>(&'b self, order: &[&'b Score]) -> Option<(&'b Score, f64)> {
+        let refines = |a: &Score, b: &Score| self.offers[a.index].refines.as_deref() == Some(self.name(b));
+        // A refinement stands only beside what it refines, where that is on the list.
+        let bears = |a: &Score, b: &Score| refines(a, b) || !order.iter().any(|o| refines(a, o));
+        let all: Vec<(&Score, &Score)> = order
+            .iter()
+            .enumerate()
+            .flat_map(|(k, a)| order[k + 1..].iter().map(move |b| (*a, *b)))
+            .filter(|(a, b)| bears(a, b) && bears(b, a))
+            .collect();
+        let tests = all.len() as f64;
+        let range = |s: &Score| {
+            let (from, d) = self.places[s.index];
+            from..from + d
+        };
+        let fit = |first: &Score, last: &Score| -> Option<(f64, f64, Vec<f64>)> {
+            let columns: Vec<usize> = self.own.iter().copied().chain(range(first)).chain(range(last)).collect();
+            let fit = self.evidence.fit(&columns)?;
+            let d = self.places[last.index].1;
+            // One that would have to feed the motion is held at nothing.
+            let first_at = fit.all.len() - d - self.places[first.index].1;
+            if self.offers[first.index].positive && fit.all[first_at] <= 0.0 {
+                return None;
+            }
+            let (gain, _) = ranking::gain(&self.plain.held_out, &fit.held_out);
+            Some((ranking::p_value(&fit, d), gain, fit.held_out))
+        };
+        let scored: Vec<Pair<'_>> = all
+            .par_iter()
+            .filter_map(|&(a, b)| {
+                let ((p, gain, held_out), (q, ..)) = (fit(a, b)?, fit(b, a)?);
+                Some(Pair { first: a, second: b, p: p.max(q), gain, held_out })
+            })
+            .collect();
+        let supported: Vec<&Pair<'_>> = scored
+            .iter()
+            .filter(|x| {
+                let single = x.first.gain.max(x.second.gain).max(0.0);
+                let (_, error) = ranking::gain(&self.plain.held_out, &x.held_out);
+                x.p * tests < FAMILY_WISE && self.brings((x.gain - single, error))
+            })
+            .collect();
+        let best = supported.iter().max_by(|x, y| x.gain.total_cmp(&y.gain))?;
+        // Of those within a standard error the simplest, then those that stand first in the catalogue: its laws are in the order of how common they are.
+        let within = supported.iter().filter(|x| {
+            let (mean, error) = ranking::gain(&x.held_out, &best.held_out);
+            mean <= error
+        });
+        let size = |s: &Score| self.offers[s.index].strengths + self.offers[s.index].shapes;
+        let Pair { first: a, second: b, p, .. } =
+            within.min_by_key(|x| (size(x.first) + size(x.second), x.first.index.max(x.second.index)))?;
+        Some((if refines(a, b) { b } else { a }, *p))
+    }
+}
+
 /// The next effect; none where no candidate is supported. `taken`: what the model has already. `feigned` says whether the sensors
 /// alone give such strengths.
 pub(super) fn choose(
-    (design, own, weights): (&Design, &[usize], &Weights),
+    (evidence, own): (&dyn Evidence, &[usize]),
     offers: &[Offer],
     taken: &[String],
     step: usize,
     ranking_out: &mut Vec<Ranked>,
-    feigned_by_sensors: &dyn Fn(usize, &ranking::Fit) -> bool,
+    feigned_by_sensors: &dyn Fn(usize, &Fit) -> bool,
 ) -> Option<Choice> {
-    let plain = ranking::fit(design, own, weights)?;
-    let total: f64 = plain.held_out.iter().sum();
-    let mut at = own.len();
-    let places: Vec<(usize, usize)> = offers
-        .iter()
-        .map(|o| {
-            let d = o.strengths;
-            at += d;
-            (at - d, d)
-        })
-        .collect();
-    struct Score {
-        index: usize,
-        gain: f64,
-        deviations: f64,
-        p: f64,
-        held_out: Vec<f64>,
-        fit: ranking::Fit,
-    }
-    let scores: Vec<Score> = (0..offers.len())
-        .into_par_iter()
-        .filter(|&i| !taken.contains(&offers[i].name))
-        .filter_map(|index| {
-            let (from, d) = places[index];
-            let columns: Vec<usize> = own.iter().copied().chain(from..from + d).collect();
-            let fit = ranking::fit(design, &columns, weights)?;
-            let (mean, error) = ranking::gain(&plain.held_out, &fit.held_out);
-            let p = ranking::p_value(&fit, d);
-            Some(Score {
-                index,
-                gain: mean,
-                deviations: mean / error.max(f64::MIN_POSITIVE),
-                p,
-                held_out: fit.held_out.clone(),
-                fit,
-            })
-        })
-        .collect();
+    let field = Field::new(evidence, own, offers, taken)?;
+    let Field { total, blocks, scores, .. } = &field;
+    let (total, blocks) = (*total, *blocks);
     let tests = scores.len().max(1) as f64;
     let mut likelihood: BTreeMap<usize, f64> = BTreeMap::new();
     // The best form of each effect at each place.
     let mut best: BTreeMap<&str, &Score> = BTreeMap::new();
-    for s in &scores {
-        let entry = best.entry(&offers[s.index].name).or_insert(s);
+    for s in scores {
+        let entry = best.entry(field.name(s)).or_insert(s);
         if s.gain > entry.gain {
             *entry = s;
         }
     }
-    let blocks = plain.held_out.len() as f64;
     if let Some(winner) = best.values().max_by(|a, b| a.gain.total_cmp(&b.gain))
         && winner.gain * blocks > STRONG * total
     {
         // Weights from a model that misses this much are wrong, and so is the order that they give.
         let most = RERANKED[usize::from(winner.gain * blocks > OVERWHELMING * total)];
-        let again =
-            reranked(design, own, weights, most, &scores.iter().map(|s| (s.gain, places[s.index])).collect::<Vec<_>>());
-        for (name, entry) in &mut best {
-            let own_forms = scores.iter().zip(&again).filter(|(s, _)| offers[s.index].name == *name);
-            if let Some((form, _)) = own_forms.filter(|(_, j)| j.is_finite()).min_by(|a, b| a.1.total_cmp(b.1)) {
-                *entry = form;
+        let gains: Vec<_> = scores.iter().map(|s| (s.gain, field.places[s.index])).collect();
+        if let Some(again) = evidence.rescored(own, most, &gains) {
+            for (name, entry) in &mut best {
+                let own_forms = scores.iter().zip(&again).filter(|(s, _)| field.name(s) == *name);
+                if let Some((form, _)) = own_forms.filter(|(_, j)| j.is_finite()).min_by(|a, b| a.1.total_cmp(b.1)) {
+                    *entry = form;
+                }
             }
+            likelihood = scores.iter().zip(&again).map(|(s, j)| (s.index, *j)).collect();
         }
-        likelihood = scores.iter().zip(&again).map(|(s, j)| (s.index, *j)).collect();
     }
-    let mut order: Vec<(&&str, &&Score)> = best.iter().collect();
+    let mut order: Vec<&Score> = best.values().copied().collect();
     order.sort_by(|a, b| {
         let j = |s: &Score| likelihood.get(&s.index).copied().unwrap_or(f64::INFINITY);
-        j(a.1).total_cmp(&j(b.1)).then(b.1.gain.total_cmp(&a.1.gain))
+        j(a).total_cmp(&j(b)).then(b.gain.total_cmp(&a.gain))
     });
-    ranking_out.extend(order.iter().map(|(name, s)| Ranked {
-        name: (**name).to_owned(),
+    ranking_out.extend(order.iter().map(|s| Ranked {
+        name: field.name(s).to_owned(),
         gain: s.gain * blocks / total,
         deviations: s.deviations,
         p_value: s.p,
         step,
     }));
-    // The first strength stands where the candidate's own begin. A friction that feeds the motion is none, whatever it explains.
-    let feeds = |s: &Score| {
-        let (_, d) = places[s.index];
-        offers[s.index].positive && s.fit.all[s.fit.all.len() - d] < 0.0
-    };
     // Of those within a standard error of the best, the simplest (Breiman et al. 1984, the one-standard-error rule).
     let complexity = |s: &Score| {
         let o = &offers[s.index];
         o.strengths + o.shapes
     };
     let mut feigned: Vec<usize> = Vec::new();
-    let (name, winner) = loop {
+    let winner = loop {
         let significant =
-            |s: &Score| s.p * tests < FAMILY_WISE && s.gain > 0.0 && !feeds(s) && !feigned.contains(&s.index);
-        let (_, strongest) = order.iter().find(|(_, s)| significant(s))?;
-        let (name, winner) = order
-            .iter()
-            .filter(|(_, s)| significant(s))
-            .filter(|(_, s)| {
-                let (mean, error) = ranking::gain(&s.held_out, &strongest.held_out);
-                mean <= error
-            })
-            .min_by_key(|(_, s)| complexity(s))?;
+            |s: &Score| s.p * tests < FAMILY_WISE && field.stands(s) && !field.feeds(s) && !feigned.contains(&s.index);
+        let Some(strongest) = order.iter().find(|s| significant(s)) else { break None };
+        let within = order.iter().filter(|s| significant(s)).filter(|s| {
+            let (mean, error) = ranking::gain(&s.fit.held_out, &strongest.fit.held_out);
+            mean <= error
+        });
+        // A refinement is not named where what it refines does as well.
+        let within: Vec<&&Score> = within.collect();
+        let simpler = |s: &&&&Score| {
+            let refined = offers[s.index].refines.as_deref();
+            !within.iter().any(|o| Some(field.name(o)) == refined)
+        };
+        let Some(winner) = within.iter().filter(simpler).min_by_key(|s| complexity(s)).copied() else { break None };
+        // Of those that are one and the same beside the model the first of the catalogue.
+        let same = order.iter().filter(|s| significant(s) && complexity(s) == complexity(winner));
+        let same = same.filter(|s| (s.gain - winner.gain).abs() < EXACT * winner.gain).min_by_key(|s| s.index);
+        let winner = same.unwrap_or(winner);
         // What is overwhelming is no artefact of the sensors.
         let small = winner.gain * blocks < STRONG * total;
         if !(small && feigned_by_sensors(winner.index, &winner.fit)) {
-            break (name, winner);
+            break Some(*winner);
         }
         feigned.push(winner.index);
     };
-    let significant = |s: &Score| s.p * tests < FAMILY_WISE && s.gain > 0.0 && !feeds(s) && !feigned.contains(&s.index);
-    let runner_up = order.iter().find(|(n, _)| n != name).map(|(n, s)| ((**n).to_owned(), s.gain * blocks / total));
+    let share = |s: &Score| s.gain * blocks / total;
+    let runner_up = |than: &Score| {
+        order.iter().find(|s| field.name(s) != field.name(than)).map(|s| (field.name(s).to_owned(), share(s)))
+    };
+    let Some(winner) = winner else {
+        if !evidence.pairs() {
+            return None;
+        }
+        let (first, p_value) = field.pair(&order)?;
+        return Some(Choice {
+            index: first.index,
+            fit: first.fit.clone(),
+            p_value,
+            share: share(first),
+            twins: Vec::new(),
+            runner_up: runner_up(first),
+        });
+    };
+    let significant =
+        |s: &Score| s.p * tests < FAMILY_WISE && field.stands(s) && !field.feeds(s) && !feigned.contains(&s.index);
     let twins: Vec<String> = order
         .iter()
-        .filter(|(n, s)| n != name && significant(s))
-        .filter(|(_, s)| {
-            let (mean, error) = ranking::gain(&s.held_out, &winner.held_out);
+        .filter(|s| field.name(s) != field.name(winner) && significant(s))
+        .filter(|s| {
+            let (mean, error) = ranking::gain(&s.fit.held_out, &winner.fit.held_out);
             let worse = match (likelihood.get(&s.index), likelihood.get(&winner.index)) {
                 (Some(a), Some(b)) => a - b,
                 _ => f64::INFINITY,
             };
-            mean < 2.0 * error || worse < CLOSE
+            mean < 2.0 * error || worse < CLOSE || mean < ALIKE * winner.gain
         })
-        .map(|(n, _)| (**n).to_owned())
+        .map(|s| field.name(s).to_owned())
         .collect();
-    let share = winner.gain * blocks / total;
-    Some(Choice { index: winner.index, fit: winner.fit.clone(), p_value: winner.p, share, twins, runner_up })
+    Some(Choice {
+        index: winner.index,
+        fit: winner.fit.clone(),
+        p_value: winner.p,
+        share: share(winner),
+        twins,
+        runner_up: runner_up(winner),
+    })
 }
 
 /// Held-out score of the strongest candidates with weights from their own fits, infinite for the others: Σ n ln s² over equations and frequencies,

@@ -259,9 +259,9 @@ pub struct Explanation {
     pub maps_before: Vec<residual_map::Map>,
     /// Shape of what is left, where it has no name.
     pub unknown: Option<Unknown>,
-    /// Simulation errors of a model file; empty for built-in systems.
+    /// Errors of free runs; empty under a drive.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub simulation: Vec<super::model_file::Simulation>,
+    pub simulation: Vec<super::engine::simulation::Simulation>,
     /// How the numbers came about.
     pub details: Details,
     /// Effects of the model that was given, refitted.

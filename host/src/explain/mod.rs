@@ -22,7 +22,6 @@ pub mod forward;
 pub mod gap;
 mod given;
 pub mod ledger;
-pub mod model_file;
 mod naming;
 mod parameters;
 mod patched;
@@ -103,10 +102,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
 /// Explains records of a system in its way.
 fn any_system(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
     if let Some(bound) = &rig.bound {
-        if let Some(result) = engine::explain(records, rig, bound, settings)? {
-            return Ok(result);
-        }
-        return model_file::explain(records, rig, bound, settings);
+        return engine::explain(records, rig, bound, settings).map(|r| r.unwrap_or_else(decidability::unplaced));
     }
     if rig.model == "single-pendulum" {
         return single_pendulum::explain(records, rig, settings);

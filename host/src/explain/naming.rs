@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::DVector;
 
 use super::artefact;
-use super::decision::{self, Choice, Offer};
+use super::decision::{self, Choice, Offer, Rows};
 use super::design::{self, Design};
 use super::effects::{Compose, Context, Place, Scale, Variant};
 use super::explanation::{Found, Ranked};
@@ -80,12 +80,13 @@ pub(super) fn choose(
             strengths: v.variant.action.len(),
             positive: DISSIPATIVE.contains(&v.effect.id),
             shapes: v.variant.shape.len(),
+            refines: None,
         })
         .collect();
     let Outcome { design, weights, own, .. } = outcome;
     let feigned = |k: usize, fit: &ranking::Fit| artefact::feigned(state, outcome, sensors, &variants[k], fit);
     let Choice { index, fit, p_value, share, mut twins, runner_up } =
-        decision::choose((design, own, weights), &offers, &taken, step, ranking_out, &feigned)?;
+        decision::choose((&Rows { design, weights }, own), &offers, &taken, step, ranking_out, &feigned)?;
     let candidate = &variants[index];
     let name = candidate.name();
     for (a, b) in [("zero-offset@encoder2", "imbalance@arm2"), ("imbalance@arm2", "zero-offset@encoder2")] {

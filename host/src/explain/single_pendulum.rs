@@ -8,15 +8,15 @@
 use std::collections::BTreeMap;
 
 use super::Settings;
-use super::explanation::{Explanation, Found};
-use super::{engine, model_file};
+use super::explanation::Explanation;
+use super::{decidability, engine};
 use crate::effects::catalogue;
 use crate::effects::entry::Verb;
 use crate::error::{BadInput, Result};
 use crate::identify::model_file::own_keys;
 use crate::identify::system::System as Known;
 use crate::identify::{self, general};
-use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S, System};
+use crate::model::identified::{IdentifiedModel, RECORD_S, System};
 use crate::model::single_pendulum::DAMPINGS;
 use crate::record::Record;
 use crate::rig::{Direction, Rig, as_own};
@@ -87,30 +87,23 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         None => (as_own::single_pendulum(rig, &coefficients(&nominal), false)?, None),
     };
     let settings = Settings { model, ..settings.clone() };
-    if rig.drive.is_some() {
-        return driven(records, rig, own_rig, &settings, nominal);
-    }
-    let Some(bound) = &own_rig.bound else { return Err(no_channel(rig)) };
-    let mut out = model_file::explain(records, &own_rig, bound, &settings)?;
-    let scale = Scale::of(&out, rig);
+    let mut out = as_own_system(records, rig, own_rig, &settings)?;
     for found in &mut out.effects {
-        scale.tell(found);
-    }
-    for step in out.gap.steps.iter_mut().chain(out.simulation.iter_mut().flat_map(|s| &mut s.steps)) {
-        step.added = step.added.take().map(|n| renamed(&n));
-    }
-    for c in out.simulation.iter_mut().flat_map(|s| &mut s.parameters) {
-        c.name = renamed(&c.name);
-    }
-    for ranked in &mut out.ranking {
-        ranked.name = renamed(&ranked.name);
+        // Without a drive nothing tells a turned frame from a turned centroid or scale; under one nothing tells the last two.
+        let alike = ["imbalance@arm1", "zero-offset@encoder1", "frame-tilt@frame"];
+        let alike = if rig.drive.is_some() { &alike[..2] } else { &alike[..] };
+        let name = format!("{}@{}", found.id, found.at);
+        if alike.contains(&name.as_str()) {
+            for same in alike.iter().filter(|n| **n != name) {
+                if !found.indistinguishable_from.iter().any(|x| x == same) {
+                    found.indistinguishable_from.push((*same).to_owned());
+                }
+            }
+        }
     }
     if let Some(model) = &mut out.model {
         model.system = System::BuiltIn("single-pendulum".to_owned());
         model.nominal = nominal;
-        for e in &mut model.effects {
-            scale.tell_added(e);
-        }
     }
     Ok(out)
 }
@@ -119,23 +112,15 @@ fn no_channel(rig: &Rig) -> BadInput {
     BadInput::new("no channel", "a channel that measures theta1").in_file(&rig.path).at("channel")
 }
 
-/// The same under a drive: by every effect of the catalogue.
-fn driven(
-    records: &[Record],
-    rig: &Rig,
-    mut own_rig: Rig,
-    settings: &Settings,
-    nominal: Vec<String>,
-) -> Result<Explanation> {
+/// Explained by every effect of the catalogue, values in torques where the inertia is known.
+fn as_own_system(records: &[Record], rig: &Rig, mut own_rig: Rig, settings: &Settings) -> Result<Explanation> {
     let bound = own_rig.bound.clone().ok_or_else(|| no_channel(rig))?;
     let first = general::identify(records, &own_rig, &bound, &identify::Settings::default())?;
     let gravity = first.parameter("q_sin").map_or(f64::NAN, |p| p.value);
     if let Some(j) = inertia(rig, gravity) {
         let _ = own_rig.known.insert(format!("J_{ANGLE}"), j);
     }
-    let Some(mut out) = engine::explain(records, &own_rig, &bound, settings)? else {
-        return model_file::explain(records, &own_rig, &bound, settings);
-    };
+    let mut out = engine::explain(records, &own_rig, &bound, settings)?.unwrap_or_else(decidability::unplaced);
     // Gravity as the whole model has it, not the nominal one, tells the inertia.
     let last = out.parameters.iter().find(|p| p.name == "q_sin").map_or(gravity, |p| p.value);
     let factor = inertia(rig, last).zip(inertia(rig, gravity)).map_or(1.0, |(a, b)| a / b);
@@ -144,20 +129,6 @@ fn driven(
     }
     for e in out.model.iter_mut().flat_map(|m| &mut m.effects) {
         rescale(factor, &e.id, (&mut e.value, &mut e.std_error), &mut e.parameters);
-    }
-    for found in &mut out.effects {
-        let same = match found.id.as_str() {
-            "imbalance" => "zero-offset@encoder1",
-            "zero-offset" => "imbalance@arm1",
-            _ => continue,
-        };
-        if !found.indistinguishable_from.iter().any(|x| x == same) {
-            found.indistinguishable_from.push(same.to_owned());
-        }
-    }
-    if let Some(model) = &mut out.model {
-        model.system = System::BuiltIn("single-pendulum".to_owned());
-        model.nominal = nominal;
     }
     Ok(out)
 }
@@ -177,18 +148,6 @@ fn rescale(factor: f64, id: &str, (value, std_error): (&mut f64, &mut f64), para
     }
 }
 
-/// `ID@PLACE` (with what may follow) in the built-in's terms.
-fn renamed(name: &str) -> String {
-    let Some((id, place)) = name.split_once('@') else { return name.to_owned() };
-    let Some(rest) = place.strip_prefix(ANGLE) else { return name.to_owned() };
-    match id {
-        // S cos φ without the drive's share turned with it.
-        "imbalance" => format!("frame-tilt@frame{rest}"),
-        "quadratic-drag" => format!("{id}@arm1{rest}"),
-        _ => format!("{id}@joint1{rest}"),
-    }
-}
-
 /// Moment of inertia, kg m²: known, or from the known m e by gravity, q = m e g/(J Ω²).
 fn inertia(rig: &Rig, q_sin: f64) -> Option<f64> {
     let known = |name: &str| rig.known.get(name).copied();
@@ -197,69 +156,4 @@ fn inertia(rig: &Rig, q_sin: f64) -> Option<f64> {
         let g = known("g").unwrap_or(crate::rig::GRAVITY);
         Some(moment * g / (q_sin * rig.omega() * rig.omega())).filter(|j| j.is_finite() && *j > 0.0)
     })
-}
-
-/// Scales of what is told of a free one.
-struct Scale {
-    /// Moment of inertia, kg m², where it is known.
-    inertia: Option<f64>,
-    /// Gravity over the reduced length, s⁻².
-    gravity: f64,
-}
-
-impl Scale {
-    fn of(result: &Explanation, rig: &Rig) -> Self {
-        let gravity = result.parameters.iter().find(|p| p.name == "q_sin").map_or(0.0, |p| p.value);
-        Self { inertia: inertia(rig, gravity), gravity }
-    }
-
-    /// Factor and unit of an effect's value.
-    fn value(&self, id: &str, unit: &str) -> (f64, String) {
-        match (id, self.inertia) {
-            // Gravity turned by an angle: sin(φ − δ).
-            ("frame-tilt", _) => (-1.0 / self.gravity, "rad".to_owned()),
-            (_, Some(j)) => {
-                let told = match unit {
-                    "s⁻²" => "N m".to_owned(),
-                    "s⁻¹" => "N m s".to_owned(),
-                    "1" | "" => "N m s²".to_owned(),
-                    other => format!("kg m² {other}"),
-                };
-                (j, told)
-            }
-            (_, None) => (1.0, unit.to_owned()),
-        }
-    }
-
-    fn tell(&self, found: &mut Found) {
-        let name = renamed(&format!("{}@{}", found.id, found.at));
-        if let Some((id, at)) = name.split_once('@') {
-            (found.id, found.at) = (id.to_owned(), at.to_owned());
-        }
-        let (factor, unit) = self.value(&found.id, &found.unit);
-        (found.value, found.std_error, found.unit) = (factor * found.value, factor.abs() * found.std_error, unit);
-        for n in &mut found.indistinguishable_from {
-            *n = renamed(n);
-        }
-        if let Some((n, _)) = &mut found.runner_up {
-            *n = renamed(n);
-        }
-        // Without a drive nothing tells a turned frame from a turned centroid or scale.
-        if found.id == "frame-tilt" {
-            for same in ["imbalance@arm1", "zero-offset@encoder1"] {
-                if !found.indistinguishable_from.iter().any(|x| x == same) {
-                    found.indistinguishable_from.push(same.to_owned());
-                }
-            }
-        }
-    }
-
-    fn tell_added(&self, e: &mut AddedEffect) {
-        let name = renamed(&format!("{}@{}", e.id, e.at));
-        if let Some((id, at)) = name.split_once('@') {
-            (e.id, e.at) = (id.to_owned(), at.to_owned());
-        }
-        let (factor, unit) = self.value(&e.id, &e.unit);
-        (e.value, e.std_error, e.unit) = (factor * e.value, factor.abs() * e.std_error, unit);
-    }
 }

@@ -1,6 +1,6 @@
 //! Effects of a model's file as expressions: those of the catalogue on a mechanism, and those of model files on their coordinates.
 
-use super::{Acts, Effect, Strength};
+use super::{Acts, Effect, Strength, at_coordinates};
 use crate::effects::catalogue;
 use crate::effects::columns::{self, Action, Span};
 use crate::effects::entry::Entry;
@@ -8,7 +8,6 @@ use crate::effects::places::{self, Place};
 use crate::effects::written::{self, Change};
 use crate::error::{BadInput, Result};
 use crate::explain::engine::given::form_of;
-use crate::explain::model_file::effects_of;
 use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S};
 use crate::model::model_file::expression::Node;
 use crate::rig::Rig;
@@ -187,13 +186,14 @@ fn is_finite(of: &Node) -> bool {
 /// Other equations than the rig's, an effect that there is not.
 pub fn of_coordinates(own: &IdentifiedModel, told: &IdentifiedModel, rig: &Rig) -> Result<Vec<Effect>> {
     let Some(bound) = &rig.bound else { return Ok(Vec::new()) };
-    let found = effects_of(own, &bound.model, &vec![1.0; bound.model.coordinates.len()])?;
+    let found = at_coordinates::of(own, &bound.model)?;
     let list = found.into_iter().zip(&told.effects);
     let made = list.map(|(c, e)| {
         let names: Vec<String> = (1..=c.columns.len()).map(|k| k.to_string()).collect();
         let adds = c.columns.iter().map(|of| vec![(c.equation, of.clone())]).collect();
         let acts = Acts::Motion(named(&names, &e.strengths, adds));
-        Effect { told: e.clone(), equation: c.effect.equation.to_owned(), acts }
+        let equation = catalogue().iter().find(|x| x.id == e.id).map_or_else(String::new, |x| x.equation.clone());
+        Effect { told: e.clone(), equation, acts }
     });
     Ok(made.collect())
 }

@@ -12,10 +12,12 @@
 //! |---|---|
 //! | [`stand_in`] | a rig for a model that comes without its rig file |
 //! | [`effects`] | effects of the catalogue, and of model files, as expressions |
+//! | [`at_coordinates`] | effects of model files without places |
 //! | [`built_in`] | the built-in double pendulum with its effects |
 //! | [`from_record`] | the state, phase and inputs of a record |
 //! | [`simulation`] | a record of the model itself |
 
+pub mod at_coordinates;
 pub mod built_in;
 pub mod effects;
 pub mod from_record;

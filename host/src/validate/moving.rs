@@ -1,13 +1,16 @@
 //! An identified model as equations that can be integrated, whatever system it is of.
 
+use std::collections::BTreeMap;
+
 use super::motion_model::MotionModel;
 use crate::error::{BadInput, Result};
 use crate::explain::engine::given;
-use crate::explain::model_file::motion_of;
 use crate::explain::single_pendulum;
 use crate::model::dynamics::Dynamics;
 use crate::model::identified::{IdentifiedModel, System};
+use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::expression::Symbol;
+use crate::motion::at_coordinates;
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
 
@@ -78,11 +81,47 @@ impl Moving {
                 .at("model")
                 .remedy("Give a model that was identified on this rig"));
         }
-        let (motion, parameters) = motion_of(model, &bound.model, rig.omega())?;
+        let (motion, parameters) = at_its_coordinates(model, bound, rig.omega())?;
         let names = motion.coefficients().to_vec();
         let of_drive = of_drive(&names, bound);
         Ok(Self { dynamics: Box::new(motion), parameters, names, of_drive, left_out: Vec::new(), jumps: false })
     }
+}
+
+/// A model whose effects stand at coordinates, or which has none, and its parameters.
+fn at_its_coordinates(model: &IdentifiedModel, bound: &Bound, omega: f64) -> Result<(EquationsOfMotion, Vec<f64>)> {
+    let mut terms = Vec::new();
+    let mut strengths = BTreeMap::new();
+    for (k, (found, e)) in at_coordinates::of(model, &bound.model)?.into_iter().zip(&model.effects).enumerate() {
+        for (j, (of, s)) in found.columns.into_iter().zip(&e.strengths).enumerate() {
+            let name = format!("{}@{} {k} {j}", e.id, e.at);
+            strengths.insert(name.clone(), *s);
+            terms.push((found.equation, name, of));
+        }
+    }
+    let motion = EquationsOfMotion::with_columns(&bound.model, omega, &terms)?;
+    let all = motion.coefficients();
+    // A coefficient of its own for each record has the record's number behind it.
+    let short = |name: &str| match name.rsplit_once('_') {
+        Some((short, k)) if k.parse::<u32>().is_ok() => short.to_owned(),
+        _ => name.to_owned(),
+    };
+    let known = |name: &str| all.iter().any(|c| c == name || *c == short(name));
+    if let Some(p) = model.parameters.iter().find(|p| !known(&p.name)) {
+        return Err(BadInput::new("a parameter that the equations do not have", all.join(", "))
+            .at(format!("parameters.{}", p.name))
+            .remedy("Give a model that was identified on this rig, by the weak form or shooting"));
+    }
+    let value = |n: &String| {
+        let given = model.parameter(n).or_else(|| model.parameter(&format!("{n}_1"))).map(|p| p.value);
+        given.or_else(|| strengths.get(n).copied()).ok_or_else(|| {
+            BadInput::new(format!("no {n}"), all.join(", "))
+                .at(format!("parameters.{n}"))
+                .remedy("Write the model anew with `whirl identify -o`")
+        })
+    };
+    let parameters = all.iter().map(value).collect::<Result<_>>()?;
+    Ok((motion, parameters))
 }
 
 /// Which coefficients stand with the drive's phase.

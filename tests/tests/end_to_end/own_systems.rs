@@ -85,14 +85,14 @@ fn the_positioning_drive_gives_its_published_values() {
 }
 
 #[test]
-fn the_positioning_drive_lacks_three_effects_in_this_order() {
+fn the_positioning_drive_lacks_coulomb_friction_then_a_constant_force() {
     let Some(records) = records("measured positioning drive (EMPS)") else { return };
     let folder = tempfile::tempdir().unwrap();
     let out = explained(folder.path(), &records.join("emps/estimation.csv.gz"), &rig("emps-viscous.toml"), "");
-    assert_eq!(names(&out)[..3], ["coulomb-friction@q", "constant-force@q", "asymmetric-friction@q"]);
+    assert_eq!(names(&out)[..2], ["coulomb-friction@q", "constant-force@q"]);
     let steps: Vec<f64> =
         out["gap"]["steps"].as_array().unwrap().iter().map(|s| s["value"].as_f64().unwrap()).collect();
-    assert!(steps[..4].windows(2).all(|w| w[1] < w[0]), "{steps:?}");
+    assert!(steps[..3].windows(2).all(|w| w[1] < w[0]), "{steps:?}");
 }
 
 #[test]

@@ -57,6 +57,17 @@ impl Candidate {
         Some(candidate)
     }
 
+    /// Columns of an entry without shape parameters at a place, whatever the equations hold already.
+    pub fn plain_columns(setting: &Setting<'_>, entry: &Arc<Entry>, place: Place, physical: &Physical) -> Vec<Column> {
+        let action = Self::action_of(setting, entry, place, &Vec::new(), physical);
+        action.map_or_else(Vec::new, |a| at_values(setting, &a, entry.strengths.len(), physical))
+    }
+
+    /// Its columns but those of a sensor or the phase, none of them refined.
+    pub fn plain(&self, setting: &Setting<'_>, physical: &Physical) -> Vec<Column> {
+        self.at_values(setting, physical)
+    }
+
     /// Its columns but those of a sensor or the phase, at values of what they rest on and of the equations' own coefficients.
     fn at_values(&self, setting: &Setting<'_>, physical: &Physical) -> Vec<Column> {
         at_values(setting, &self.action, self.entry.strengths.len(), physical)
@@ -76,8 +87,12 @@ impl Candidate {
 
     /// `ID@PLACE`.
     pub fn name(&self, setting: &Setting<'_>) -> String {
-        let place = setting.file().map_or_else(String::new, |f| self.place.name(f));
-        format!("{}@{place}", self.entry.id)
+        format!("{}@{}", self.entry.id, self.place_name(setting))
+    }
+
+    /// What stands behind the `@`.
+    pub fn place_name(&self, setting: &Setting<'_>) -> String {
+        setting.file().map_or_else(String::new, |f| self.place.name(f))
     }
 
     /// The shape parameter that is refined: the only one that has bounds, of an effect with one strength.
@@ -194,11 +209,12 @@ fn advanced(setting: &Setting<'_>, state: &State, law: &Node) -> Column {
     let model = setting.model();
     let omega = setting.rig.omega();
     let places = model.term_places();
+    let values = setting.own.coefficients(&state.values, 0);
     let mut out = Vec::new();
     for (e, equation) in model.equations.iter().enumerate() {
         let mut sum = number(0.0);
         for (term, &at) in equation.terms.iter().zip(&places[e]) {
-            let value = state.values.get(at).copied().unwrap_or(0.0);
+            let value = values.get(at).copied().unwrap_or(0.0);
             if let Some(slope) = model.in_seconds(&term.of, omega).derivative(Symbol::Tau) {
                 sum = add(sum, multiply(number(value), slope));
             }

@@ -1,7 +1,7 @@
-//! Explanations for a system derived from bodies, or for written equations under a drive: every effect of the catalogue at every joint, arm, encoder, at its drive and frame.
+//! Explanations for any system of bodies or written equations: every effect of the catalogue at every joint, arm, encoder, at its drive and frame.
 //!
-//! As for the built-in double pendulum, for any number of coordinates: the equations without dampings and the nominal dampings, tied over the
-//! equations, are fitted by the weak form; every candidate is added in turn and judged on blocks that were not fitted
+//! The equations without dampings and the nominal dampings, tied over the
+//! equations, are fitted, under a drive by the weak form, otherwise by shooting ([`shooting`]); every candidate is added in turn and judged on blocks that were not fitted
 //! (`crate::explain::decision`); the best is added until nothing more is supported. Effects of sensors and of the drive's phase are taken
 //! off the record, which is then read again.
 //!
@@ -10,35 +10,43 @@
 //! | `setting` | the record, its sensors, the system |
 //! | `candidates` | effects at their places, their columns |
 //! | `state` | coefficients and what was added |
-//! | `design` | columns over all windows |
+//! | `design` | columns over all windows of the weak form |
+//! | `shooting` | columns of trajectories |
+//! | `evidence` | one fit and one choice over either |
+//! | `simulation` | free runs beyond what was fitted |
 //! | `correct` | sensor effects taken off |
 //! | `given` | a model to start from or to predict with |
+//! | `prediction` | the gap, free runs |
 //! | `power` | what noise alone leaves, what sensors alone feign |
 //! | `residual` | where what is left sits |
-//! | `tell` | values, units, the model |
+//! | `tell`, `units` | values, units, the model |
 //! | `unknown` | the shape of what has no name |
 
 mod candidates;
 mod correct;
 mod design;
+mod evidence;
 pub mod given;
 mod power;
+mod prediction;
 mod residual;
 mod setting;
+mod shooting;
+pub mod simulation;
 mod state;
 mod tell;
+mod units;
 mod unknown;
 
 use self::candidates::Candidate;
+use self::evidence::{Outcome, refit};
 use self::setting::{Begun, Physical, Setting};
 use self::state::{Chosen, State};
 use super::decidability::{self, EXPLAINED_GAP, FEWEST_BLOCKS, LOCKED, locked};
 use super::decision::{self, Choice, Offer};
-use super::design::Design;
 use super::explanation::{Details, Explanation, Found, Step, Verdict};
-use super::model_file::{prediction, told};
-use super::ranking::{self, Fit, Weights};
-use super::{LEAST_PROGRESS, MOST_EFFECTS, MOST_WINDOWS, Settings, singular};
+use super::ranking::{self, Fit};
+use super::{LEAST_PROGRESS, MOST_EFFECTS, MOST_WINDOWS, Settings};
 use crate::error::Result;
 use crate::identify::Identification;
 use crate::record::Record;
@@ -47,78 +55,105 @@ use crate::rig::measures::Bound;
 
 /// Step of integration as a share of the shortest horizon: 1e-8 of a smooth motion with a method of fifth order.
 const STEP: f64 = 0.01;
+/// Standard errors from nothing at which a name stands.
+const CLEAR: f64 = 2.0;
+/// Share of its promise at a strength of nothing that an effect must keep.
+const LEAST_KEPT: f64 = 0.5;
 /// Longer horizons of the gap, in units of the shortest.
 const LONGER: [f64; 3] = [2.0, 4.0, 8.0];
 
-/// Explains records of a rig whose system was derived from bodies; none where that way is not open to it.
+/// Explains records of a rig with a system of its own; none where effects find no place in its equations.
 ///
 /// # Errors
 /// As [`crate::identify::identify`].
 pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings) -> Result<Option<Explanation>> {
-    let Some(Begun { setting, first, physical, warnings }) = Setting::begin(records, rig, whole, MOST_WINDOWS)? else {
+    let Some(Begun { mut setting, first, physical, warnings }) = Setting::begin(records, rig, whole, MOST_WINDOWS)?
+    else {
         return Ok(None);
     };
     let Some(mut state) = start(&setting, &first, physical) else { return Ok(None) };
-    let horizon_s = told::horizon(rig, settings, &setting.raw)?.min(setting.geometry.windows.length_s);
-    let mut result = Explanation::new(horizon_s, warnings);
-    describe(&setting, &state, &mut result);
-    let whole = whole_windows(&setting);
-    if whole < ranking::FOLDS {
-        return Ok(Some(decidability::too_short(result, whole, setting.geometry.windows.length_s)));
+    let mut result = Explanation::new(units::horizon(rig, settings, &setting.raw)?, warnings);
+    let shortest = setting.geometry.windows.length_s;
+    if whole_windows(&setting, &state).0 < ranking::FOLDS {
+        return Ok(Some(decidability::too_short(result, whole_windows(&setting, &state).0, shortest)));
     }
-    let undecidable = undecidable(&setting, records);
     if let Some(model) = &settings.model {
         given::take(&setting, &mut state, model)?;
-        let value = gap(&setting, &state, &given::coefficients(&state), horizon_s);
+    }
+    if setting.shooting && shooting::settle(&setting, &mut state).is_none() {
+        // What no window can be followed in is left to the balance of forces.
+        setting.shooting = false;
+        if setting.own.names.len() > setting.model().coefficients().len() {
+            result.reason = decidability::UNFOLLOWED.to_owned();
+            return Ok(Some(result));
+        }
+    }
+    let (blocks, window_s) = whole_windows(&setting, &state);
+    result.gap.horizon_s = result.gap.horizon_s.min(window_s);
+    let horizon_s = result.gap.horizon_s;
+    describe(&setting, &state, window_s, &mut result);
+    let undecidable = undecidable(&setting, records, (blocks, window_s));
+    if settings.model.is_some() {
+        let value = gap(&setting, &state, &given::coefficients(&state), (horizon_s, window_s));
         result.gap.steps.push(Step { added: None, value });
     }
-    let mut kept: Option<(State, Outcome)> = None;
+    let most = if undecidable.is_some() { 0 } else { settings.most_effects.unwrap_or(MOST_EFFECTS) };
+    let refitted = || settings.model.is_some().then(|| "refit".to_owned());
+    let mut search = Search { most, refused: Vec::new(), kept: None };
+    let mut simulations = simulation::open(&setting);
     let mut before = Vec::new();
     let outcome = loop {
         let step = result.effects.len();
         let candidates = setting.candidates(&state.physical);
-        let outcome = refit(&setting, &mut state, candidates)?;
-        let gap = gap(&setting, &state, &outcome.fit.train, horizon_s);
-        // A wrong model makes many effects look significant: each must also bring predictions nearer, or it goes again.
-        let previous = result.gap.steps.last().map_or(f64::INFINITY, |s| s.value);
-        if gap > (1.0 - LEAST_PROGRESS) * previous
-            && previous > EXPLAINED_GAP
-            && !result.effects.is_empty()
-            && let Some((better, outcome)) = kept.take()
-        {
-            let _ = result.effects.pop();
-            state = better;
-            break outcome;
-        }
-        let refitted = || settings.model.is_some().then(|| "refit".to_owned());
-        let added = result.effects.last().map(|f| format!("{}@{}", f.id, f.at)).or_else(refitted);
-        result.gap.steps.push(Step { added, value: gap });
-        let ratio = power::ratio(&setting, &state, &outcome.design, &outcome.own, &outcome.fit.all)?;
-        if step == 0 {
-            result.residual_power[0] = ratio;
-            (result.maps, result.r#where) = residual::maps(&setting, &state, &outcome.fit.all);
-            before = longer(&setting, &state, &outcome.fit.train, horizon_s);
-        }
-        result.residual_power[1] = ratio;
-        let last = undecidable.is_some() || step == settings.most_effects.unwrap_or(MOST_EFFECTS);
-        let next = if last { None } else { choose(&setting, &state, &outcome, step, &mut result) };
+        let outcome = refit(&setting, &mut state, candidates);
+        let fit = outcome.as_ref().ok().map(|o| &o.fit.train);
+        let value = fit.map_or(f64::NAN, |x| gap(&setting, &state, x, (horizon_s, window_s)));
+        let kept = step == 0 || search.keeps(outcome.as_ref().ok(), value, &result);
+        let outcome = match (kept, search.kept.take()) {
+            (false, Some((better, outcome))) => {
+                let name = result.effects.pop().map(|f| format!("{}@{}", f.id, f.at));
+                search.refused.extend(name);
+                state = better;
+                if !setting.shooting {
+                    break outcome;
+                }
+                outcome
+            }
+            _ => {
+                let outcome = outcome?;
+                let added = result.effects.last().map(|f| format!("{}@{}", f.id, f.at)).or_else(refitted);
+                result.gap.steps.push(Step { added: added.clone(), value });
+                result.residual_power[1] = outcome.power(&setting, &state)?;
+                if step == 0 {
+                    result.residual_power[0] = result.residual_power[1];
+                    (result.maps, result.r#where) = residual::maps(&setting, &state, &outcome.fit.all);
+                    before = longer(&setting, &state, &outcome.fit.train, (horizon_s, window_s));
+                    simulation::measure(&setting, &state, &outcome, added, &mut simulations);
+                }
+                outcome
+            }
+        };
+        let last = result.effects.len() >= search.most;
+        let next = if last { None } else { choose(&setting, &state, &outcome, &search.refused, &mut result) };
         let Some((found, candidate)) = next else { break outcome };
         result.effects.push(found);
-        kept = Some((state.clone(), outcome));
+        search.kept = Some((state.clone(), outcome));
         let joined = Chosen::new(&setting, candidate, &state.physical);
         state.chosen.push(joined);
     };
-    let after = if result.effects.is_empty() {
-        before.clone()
-    } else {
-        longer(&setting, &state, &outcome.fit.train, horizon_s)
-    };
+    let outcome = without_traces(&setting, &mut state, outcome, (horizon_s, window_s), &mut result)?;
+    let x = &outcome.fit.train;
+    let none = result.effects.is_empty();
+    let after = if none { before.clone() } else { longer(&setting, &state, x, (horizon_s, window_s)) };
     result.gap.horizons = before.iter().zip(&after).map(|(b, a)| (b.0, b.1, a.1)).collect();
-    if !result.effects.is_empty() {
+    if !none {
         let after = residual::maps(&setting, &state, &outcome.fit.all);
         result.maps_before = core::mem::replace(&mut result.maps, after.0);
         result.where_before = core::mem::replace(&mut result.r#where, after.1);
+        let added = result.effects.last().map(|f| format!("{}@{}", f.id, f.at));
+        simulation::measure(&setting, &state, &outcome, added, &mut simulations);
     }
+    result.simulation = simulations;
     tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.fit.covariance), &first, &mut result);
     decidability::decide(&mut result, undecidable, None);
     if result.verdict == Verdict::Unexplained {
@@ -130,13 +165,71 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
     Ok(Some(result))
 }
 
-/// The last round: columns of the model and of the candidates, and the fit of the model's own.
-struct Outcome {
-    candidates: Vec<Candidate>,
-    design: Design,
-    weights: Weights,
-    own: Vec<usize>,
-    fit: Fit,
+/// Takes effects away again that beside those found after them are nothing: no name stands whose strengths are within two standard errors of none.
+fn without_traces(
+    setting: &Setting<'_>,
+    state: &mut State,
+    mut outcome: Outcome,
+    horizons: (f64, f64),
+    result: &mut Explanation,
+) -> Result<Outcome> {
+    while setting.shooting {
+        let mut at = state.values.len();
+        let mut weakest: Option<(usize, f64)> = None;
+        for (k, chosen) in state.chosen.iter().enumerate() {
+            let d = chosen.strengths.len();
+            // What is found as an increment has its strength in the state.
+            let applied = if chosen.candidate.is_applied() { 1.0 } else { 0.0 };
+            let clear = (0..chosen.candidate.entry.strengths.len()).map(|i| {
+                let error = outcome.fit.covariance[(at + i, at + i)].max(0.0).sqrt();
+                (outcome.fit.all[at + i] + applied * chosen.strengths[i]).abs() / error.max(f64::MIN_POSITIVE)
+            });
+            let clear = clear.fold(0.0, f64::max);
+            at += d;
+            if k >= state.nominal && clear < CLEAR && weakest.is_none_or(|w| clear < w.1) {
+                weakest = Some((k, clear));
+            }
+        }
+        let Some((k, _)) = weakest else { break };
+        let _ = state.chosen.remove(k);
+        let gone = result.effects.remove(k - state.nominal);
+        let name = format!("{}@{}", gone.id, gone.at);
+        result.gap.steps.retain(|s| s.added.as_ref() != Some(&name));
+        state.stretches = state.taken_off(setting, &setting.raw);
+        outcome = refit(setting, state, Vec::new())?;
+        let value = gap(setting, state, &outcome.fit.train, horizons);
+        if let Some(last) = result.gap.steps.last_mut() {
+            last.value = value;
+        }
+        result.residual_power[1] = outcome.power(setting, state)?;
+    }
+    Ok(outcome)
+}
+
+/// Where the search for effects stands.
+struct Search {
+    most: usize,
+    /// Effects that did not keep what they promised.
+    refused: Vec<String>,
+    /// The state before the last effect was added, and its fit.
+    kept: Option<(State, Outcome)>,
+}
+
+impl Search {
+    /// Whether the last effect stays: a wrong model makes many look significant, each must also bring predictions nearer.
+    fn keeps(&self, after: Option<&Outcome>, gap: f64, result: &Explanation) -> bool {
+        let (Some((_, before)), Some(after)) = (&self.kept, after) else { return false };
+        match (before.left(), after.left()) {
+            (Some(b), Some(a)) => {
+                let promised = result.effects.last().map_or(0.0, |f| f.held_out_gain);
+                a < (1.0 - LEAST_KEPT * promised.max(0.0)) * b
+            }
+            _ => {
+                let previous = result.gap.steps.last().map_or(f64::INFINITY, |s| s.value);
+                gap <= (1.0 - LEAST_PROGRESS) * previous || previous <= EXPLAINED_GAP
+            }
+        }
+    }
 }
 
 /// The state before anything is added; none where a nominal damping is not in the catalogue.
@@ -155,25 +248,26 @@ fn start(setting: &Setting<'_>, first: &Identification, physical: Physical) -> O
         .collect::<Option<_>>()?;
     let value = |n: &String| first.parameter(n).map_or(0.0, |p| p.value);
     Some(State {
-        values: setting.model().coefficients().iter().map(value).collect(),
+        values: setting.own.names.iter().map(value).collect(),
         physical,
         dampings: chosen.len(),
         nominal: chosen.len(),
         chosen,
         stretches: setting.raw.clone(),
+        followed: None,
     })
 }
 
 /// What is told of the record whatever comes.
-fn describe(setting: &Setting<'_>, state: &State, result: &mut Explanation) {
-    let window_s = setting.geometry.windows.length_s;
+fn describe(setting: &Setting<'_>, state: &State, window_s: f64, result: &mut Explanation) {
     result.gap.motion = state.on_track(setting, |t| prediction::motion(t, result.gap.horizon_s, window_s));
-    result.gap.floor_in = told::Unit::of(setting.rig, setting.whole).noise(&setting.sensors.sigma);
+    result.gap.floor_in = units::Unit::of(setting.rig, setting.whole).noise(&setting.sensors.sigma);
     let sigma = |k: usize| setting.sensors.sigma.get(k).copied().unwrap_or(0.0);
+    let weak_s = setting.geometry.windows.length_s;
     result.details = Details {
         samples: setting.raw.iter().map(crate::identify::general::stretches::Stretch::len).sum(),
         window_s,
-        max_frequency_hz: setting.geometry.windows.frequencies as f64 / window_s,
+        max_frequency_hz: setting.geometry.windows.frequencies as f64 / weak_s,
         pass_hz: setting.geometry.kernels.full.pass_hz,
         noise_rad: [sigma(0), sigma(1)],
         family_wise: decision::FAMILY_WISE,
@@ -181,47 +275,21 @@ fn describe(setting: &Setting<'_>, state: &State, result: &mut Explanation) {
     };
 }
 
-/// Whole windows in the record.
-fn whole_windows(setting: &Setting<'_>) -> usize {
+/// Whole windows in the record, and their length, s.
+fn whole_windows(setting: &Setting<'_>, state: &State) -> (usize, f64) {
+    if let (true, Some(followed)) = (setting.shooting, &state.followed) {
+        return followed.windows(setting);
+    }
     let window_s = setting.geometry.windows.length_s;
-    setting.raw.iter().map(|s| (s.len() as f64 * s.step_s / window_s) as usize).sum()
+    (setting.raw.iter().map(|s| (s.len() as f64 * s.step_s / window_s) as usize).sum(), window_s)
 }
 
 /// Why this record cannot decide, if it cannot.
-fn undecidable(setting: &Setting<'_>, records: &[Record]) -> Option<String> {
-    let window_s = setting.geometry.windows.length_s;
-    let blocks = whole_windows(setting);
+fn undecidable(setting: &Setting<'_>, records: &[Record], (blocks, window_s): (usize, f64)) -> Option<String> {
     if !records.is_empty() && records.iter().all(|r| locked(r, setting.rig)) {
         return Some(LOCKED.to_owned());
     }
     (blocks < FEWEST_BLOCKS).then(|| decidability::too_few(blocks, window_s))
-}
-
-/// Fits everything chosen, renews what rests on the coefficients, and builds the candidates' columns behind its own.
-fn refit(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>) -> Result<Outcome> {
-    let mut weights: Option<Weights> = None;
-    // The first rounds settle weights, linearised effects and forms; the last carries the candidates' columns as well.
-    let rounds = if state.chosen.iter().any(|k| k.candidate.is_refined()) { 4 } else { 2 };
-    for _ in 1..rounds {
-        let own: Vec<usize> = (0..state.own_columns()).collect();
-        let design = design::build(setting, state, &state.stretches, &[])?;
-        let used = weights.clone().unwrap_or_else(|| ranking::equal_weights(&design));
-        let fit = ranking::fit(&design, &own, &used).ok_or_else(singular)?;
-        // Weights from an unweighted fit are rough: once more.
-        let w = ranking::weights(&design, &own, &fit.all);
-        let fit = ranking::fit(&design, &own, &w).ok_or_else(singular)?;
-        weights = Some(ranking::weights(&design, &own, &fit.all));
-        state.take(setting, &fit.all);
-        state.renew(setting, &fit.all, &fit.covariance);
-    }
-    let own: Vec<usize> = (0..state.own_columns()).collect();
-    let further: Vec<&Candidate> = candidates.iter().collect();
-    let design = design::build(setting, state, &state.stretches, &further)?;
-    let used = weights.unwrap_or_else(|| ranking::equal_weights(&design));
-    let fit = ranking::fit(&design, &own, &used).ok_or_else(singular)?;
-    let weights = ranking::weights(&design, &own, &fit.all);
-    let fit = ranking::fit(&design, &own, &weights).ok_or_else(singular)?;
-    Ok(Outcome { candidates, design, weights, own, fit })
 }
 
 /// The next effect and what is told of it.
@@ -229,11 +297,13 @@ fn choose(
     setting: &Setting<'_>,
     state: &State,
     outcome: &Outcome,
-    step: usize,
+    refused: &[String],
     result: &mut Explanation,
 ) -> Option<(Found, Candidate)> {
-    let Outcome { candidates, design, weights, own, fit } = outcome;
-    let taken: Vec<String> = state.chosen.iter().map(|k| k.candidate.name(setting)).collect();
+    let step = result.effects.len();
+    let Outcome { candidates, evidence, own, fit } = outcome;
+    let taken: Vec<String> =
+        state.chosen.iter().map(|k| k.candidate.name(setting)).chain(refused.iter().cloned()).collect();
     let offers: Vec<Offer> = candidates
         .iter()
         .map(|c| Offer {
@@ -241,12 +311,13 @@ fn choose(
             strengths: c.strengths(),
             positive: c.entry.positive[0],
             shapes: c.form.len(),
+            refines: c.entry.refines.as_ref().map(|r| format!("{r}@{}", c.place_name(setting))),
         })
         .collect();
-    let feigned =
-        |k: usize, with: &Fit| power::feigned(setting, state, (design, weights, &fit.all), &candidates[k], with);
+    let feigned = |k: usize, with: &Fit| evidence.feigned(setting, state, &fit.all, &candidates[k], with);
+    let judged = evidence.judged();
     let Choice { index, fit, p_value, share, twins, runner_up } =
-        decision::choose((design, own, weights), &offers, &taken, step, &mut result.ranking, &feigned)?;
+        decision::choose((&*judged, own), &offers, &taken, step, &mut result.ranking, &feigned)?;
     let candidate = &candidates[index];
     let d = candidate.strengths();
     let from = fit.all.len() - d;
@@ -264,26 +335,21 @@ fn choose(
 }
 
 /// The gap of the model with coefficients `x`.
-fn gap(setting: &Setting<'_>, state: &State, x: &nalgebra::DVector<f64>, horizon_s: f64) -> f64 {
+fn gap(setting: &Setting<'_>, state: &State, x: &nalgebra::DVector<f64>, (horizon_s, block_s): (f64, f64)) -> f64 {
     let Some((motion, parameters)) = state.motion(setting, x) else { return f64::NAN };
-    let block_s = setting.geometry.windows.length_s;
     // A search for the step would follow every jump of a law; an instant off by half of this changes nothing that sensors see.
-    let step_s = setting.raw.first().map(|s| s.step_s.min(STEP * shortest_horizon(setting)));
-    let horizons = (horizon_s, block_s);
-    state.on_track(setting, |track| prediction::gap_with(&motion, &parameters, track, horizons, step_s))
-}
-
-/// The shortest horizon, s: a drive's period.
-fn shortest_horizon(setting: &Setting<'_>) -> f64 {
-    setting.rig.drive.map_or(0.2, |d| 1.0 / d.frequency_hz)
+    let shortest = setting.rig.drive.map_or(horizon_s, |d| 1.0 / d.frequency_hz);
+    let step_s = setting.raw.first().map(|s| s.step_s.min(STEP * shortest));
+    state.on_track(setting, |track| prediction::gap(&motion, &parameters, track, (horizon_s, block_s), step_s))
 }
 
 /// The same at longer horizons.
-fn longer(setting: &Setting<'_>, state: &State, x: &nalgebra::DVector<f64>, horizon_s: f64) -> Vec<(f64, f64)> {
-    LONGER
-        .iter()
-        .map(|f| f * horizon_s)
-        .filter(|h| *h <= setting.geometry.windows.length_s)
-        .map(|h| (h, gap(setting, state, x, h)))
-        .collect()
+fn longer(
+    setting: &Setting<'_>,
+    state: &State,
+    x: &nalgebra::DVector<f64>,
+    (horizon_s, block_s): (f64, f64),
+) -> Vec<(f64, f64)> {
+    let all = LONGER.iter().map(|f| f * horizon_s).filter(|h| *h <= block_s);
+    all.map(|h| (h, gap(setting, state, x, (h, block_s)))).collect()
 }

@@ -30,7 +30,8 @@ use crate::system::polynomial::Polynomial;
 fn residuals(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> Vec<Node> {
     let model = setting.model();
     let omega = setting.rig.omega();
-    let mut k = model.coefficients().len();
+    let mut k = state.values.len();
+    let values = setting.own.coefficients(&x.as_slice()[..k], 0);
     let places = model.term_places();
     let mut out: Vec<Node> = model
         .equations
@@ -39,7 +40,7 @@ fn residuals(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> Vec<Node
         .map(|(e, at)| {
             let balance = multiply(number(-1.0), model.in_seconds(&e.balance, omega));
             let terms = e.terms.iter().zip(at);
-            terms.fold(balance, |sum, (t, &i)| add(sum, multiply(number(x[i]), model.in_seconds(&t.of, omega))))
+            terms.fold(balance, |sum, (t, &i)| add(sum, multiply(number(values[i]), model.in_seconds(&t.of, omega))))
         })
         .collect();
     for chosen in &state.chosen {

@@ -7,24 +7,66 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::candidates::{Candidate, Column};
+use super::shooting::signs;
+use super::units;
 use crate::effects::columns::Span;
 use crate::effects::entry::Entry;
+use crate::effects::places::Place;
 use crate::effects::{self, places, written};
 use crate::error::Result;
-use crate::explain::model_file::told;
 use crate::identify::general::noise::Sensors;
 use crate::identify::general::stretches::Stretch;
 use crate::identify::general::{self, Prepared};
 use crate::identify::{Geometry, Identification, Settings as IdentifySettings};
 use crate::model::model_file::ModelFile;
-use crate::model::model_file::expression::multiple;
+use crate::model::model_file::expression::{Expression, Function, Node, Symbol, multiple};
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
 use crate::system::language::SystemFile;
 use crate::system::mechanism::Mechanism;
+use crate::system::polynomial::Polynomial;
 use crate::system::ties::{self, Identified};
 use crate::warning::Warning;
+
+/// Samples of which shooting follows some: more of a record is not looked at.
+const MOST_FOLLOWED: f64 = 120_000.0;
+
+/// The equations' own coefficients over several records: each once, or once for each record.
+#[derive(Clone, Debug)]
+pub struct Own {
+    /// Their names; a record's own are `name_1`, `name_2` …
+    pub names: Vec<String>,
+    /// For each record, the column of each of the model's coefficients.
+    pub of_record: Vec<Vec<usize>>,
+}
+
+impl Own {
+    fn new(model: &ModelFile, records: usize) -> Self {
+        let (mut names, mut of_record) = (Vec::new(), vec![Vec::new(); records.max(1)]);
+        for c in model.coefficients() {
+            let own = records > 1 && each_record(model, Some(&c));
+            for (r, columns) in of_record.iter_mut().enumerate() {
+                if own || r == 0 {
+                    names.push(if own { format!("{c}_{}", r + 1) } else { c.clone() });
+                }
+                columns.push(names.len() - 1);
+            }
+        }
+        Self { names, of_record }
+    }
+
+    /// Coefficients of the model in one record from values of the columns.
+    pub fn coefficients(&self, values: &[f64], record: usize) -> Vec<f64> {
+        let columns = &self.of_record[record.min(self.of_record.len() - 1)];
+        columns.iter().map(|&c| values.get(c).copied().unwrap_or(0.0)).collect()
+    }
+}
+
+/// Whether a coefficient (or any) is one for each record.
+fn each_record(model: &ModelFile, name: Option<&str>) -> bool {
+    model.equations.iter().flat_map(|e| &e.terms).any(|t| t.each_record && name.is_none_or(|n| n == t.name))
+}
 
 /// The record and the system.
 pub struct Setting<'a> {
@@ -36,6 +78,15 @@ pub struct Setting<'a> {
     pub bound: Bound,
     /// Steady, unbroken stretches.
     pub raw: Vec<Stretch>,
+    /// Record of each.
+    pub record_of: Vec<usize>,
+    /// Columns of the equations' own coefficients.
+    pub own: Own,
+    /// Whether candidates are judged by shooting: a drive keeps a system moving and may make it chaotic, so that rows of the weak form serve there; what is
+    /// free or follows measured inputs is predicted over long windows.
+    pub shooting: bool,
+    /// Signs that own coefficients keep; 0 for either.
+    pub signs: Vec<f64>,
     /// Noise of the sensors.
     pub sensors: Sensors,
     /// Windows and low-passes.
@@ -82,11 +133,15 @@ impl<'a> Setting<'a> {
     /// # Errors
     /// As [`crate::identify::identify`].
     pub fn begin(records: &[Record], rig: &'a Rig, whole: &'a Bound, most_windows: f64) -> Result<Option<Begun<'a>>> {
-        let Some(base) = base(rig, whole, records.len()) else { return Ok(None) };
+        let Some(base) = base(rig, whole) else { return Ok(None) };
         let settings = IdentifySettings::default();
         let first = general::identify(records, rig, whole, &settings)?;
-        let Prepared { stretches, sensors, geometry, warnings, .. } = general::prepare(records, rig, whole, &settings)?;
-        let raw = shorten(stretches, geometry.windows.hop_s * most_windows);
+        let Prepared { stretches, record_of, sensors, geometry, warnings } =
+            general::prepare(records, rig, whole, &settings)?;
+        let shooting = rig.drive.is_none() || (records.len() > 1 && each_record(&base, None));
+        let own = Own::new(&base, records.len());
+        let longest = if shooting { MOST_FOLLOWED / rig.sample_rate_hz } else { 0.0 };
+        let raw = shorten(stretches, longest.max(geometry.windows.hop_s * most_windows));
         let (Some(start), Some(end)) = (raw.first(), raw.last()) else { return Ok(None) };
         let span =
             Span { start_s: start.start_s, length_s: (end.time(end.len()) - start.start_s).max(f64::MIN_POSITIVE) };
@@ -97,19 +152,23 @@ impl<'a> Setting<'a> {
         });
         let circle = base.circle();
         let (written, physical) = if written::applies(&base) {
-            let value = |n: &String| first.parameter(n).map_or(0.0, |p| p.value);
-            let values: Vec<f64> = base.coefficients().iter().map(value).collect();
+            let columns: Vec<f64> = own.names.iter().map(|n| first.parameter(n).map_or(0.0, |p| p.value)).collect();
+            let values = own.coefficients(&columns, 0);
             let places = written::mechanism(&base, rig.direction(), rig.omega(), &values);
             (places, of_equations(&base, rig, &values))
         } else {
             (None, mechanism.and_then(|m| of_identification(m, &first, &known)))
         };
         let Some(physical) = physical else { return Ok(None) };
-        let setting = Self {
+        let mut setting = Self {
             rig,
             whole,
             bound: Bound { model: Arc::new(base), ..whole.clone() },
             raw,
+            record_of,
+            own,
+            shooting,
+            signs: Vec::new(),
             sensors,
             geometry,
             circle,
@@ -118,6 +177,7 @@ impl<'a> Setting<'a> {
             known,
             written,
         };
+        setting.signs = signs::own(&setting, &physical, &first);
         Ok(Some(Begun { setting, first, physical, warnings }))
     }
 
@@ -153,21 +213,55 @@ impl<'a> Setting<'a> {
     /// Every candidate: each effect at each of its places in each of its forms.
     pub fn candidates(&self, physical: &Physical) -> Vec<Candidate> {
         let Some(file) = self.file() else { return Vec::new() };
-        self.entries
-            .iter()
-            .flat_map(|entry| {
-                places::of(entry, file, &self.bound).into_iter().flat_map(move |place| {
-                    let forms = entry.forms().into_iter();
-                    forms.filter_map(move |form| Candidate::new(self, entry, place, form, physical))
-                })
-            })
-            .collect()
+        let moves = units::moves(self.rig, self.whole);
+        let mut out = Vec::new();
+        for entry in &self.entries {
+            for place in places::of(entry, file, &self.bound) {
+                let entry = self.sized(entry, place);
+                let all = entry.forms().into_iter().filter_map(|f| Candidate::new(self, &entry, place, f, physical));
+                // What is neither a length nor an angle has no friction.
+                out.extend(all.filter(|c| moves.iter().all(|m| *m) || !rubs(&c.plain(self, physical), &moves)));
+            }
+        }
+        out
+    }
+
+    /// An entry whose grid of a shape parameter holds the size of the motion: where it does not, as of a slow axis in metres, the grid is moved there.
+    fn sized(&self, entry: &Arc<Entry>, place: Place) -> Arc<Entry> {
+        let (Place::Joint(k), [shape]) = (place, &entry.shapes[..]) else { return entry.clone() };
+        let (Some(within), Some(file), true) = (shape.within, self.file(), self.shooting) else { return entry.clone() };
+        let size = self.size(&file.joints[k].moves.value, shape.name.starts_with('v'));
+        let (low, high) = (shape.grid[0], shape.grid[shape.grid.len() - 1]);
+        if !(size > 0.0 && size.is_finite()) || (2.0 * low..0.5 * high).contains(&size) {
+            return entry.clone();
+        }
+        let by = size / (low * high).sqrt();
+        let mut out = (**entry).clone();
+        out.shapes[0].grid.iter_mut().for_each(|x| *x *= by);
+        out.shapes[0].within = Some(within.map(|x| x * by));
+        Arc::new(out)
+    }
+
+    /// Rms of a joint's position, or of its velocity by differences over five samples.
+    fn size(&self, moves: &Polynomial, rate: bool) -> f64 {
+        let node = moves.node();
+        let (mut sum, mut count) = (0.0, 0.0_f64);
+        for s in &self.raw {
+            let at = |i: usize| node.value(&|x| if let Symbol::Coordinate(k) = x { s.coordinates[k][i] } else { 0.0 });
+            for i in (0..s.len().saturating_sub(5)).step_by(5) {
+                let x = if rate { (at(i + 5) - at(i)) / (5.0 * s.step_s) } else { at(i) };
+                sum += x * x;
+                count += 1.0;
+            }
+        }
+        (sum / count.max(1.0)).sqrt()
     }
 
     /// Parameters of the system from coefficients of the equations without dampings.
     pub fn physical(&self, values: &DVector<f64>, covariance: &DMatrix<f64>) -> Option<Physical> {
         if self.is_written() {
-            return of_equations(self.model(), self.rig, values.as_slice());
+            let values = self.own.coefficients(values.as_slice(), 0);
+            return of_equations(self.model(), self.rig, &values);
         }
         let mechanism = self.mechanism()?;
         let names = self.model().coefficients();
@@ -177,19 +271,34 @@ impl<'a> Setting<'a> {
 }
 
 /// The equations without nominal dampings; none where effects cannot be placed in them.
-fn base(rig: &Rig, whole: &Bound, records: usize) -> Option<ModelFile> {
+fn base(rig: &Rig, whole: &Bound) -> Option<ModelFile> {
     let model = &*whole.model;
     if model.equations.len() != model.coordinates.len() {
         return None;
     }
     if written::applies(model) {
-        // A coefficient of its own for each record, and what is neither length nor angle, is beyond this way.
-        let own = records > 1 && model.equations.iter().flat_map(|e| &e.terms).any(|t| t.each_record);
-        let open = rig.drive.is_some() && !own && told::moves(rig, whole).iter().all(|m| *m);
-        return open.then(|| model.clone());
+        return Some(model.clone());
     }
     let file = model.mechanism.as_deref()?.file.clone()?;
     if file.written { None } else { file.model(Some(&[]), rig.omega()).ok() }
+}
+
+/// Whether a column holds the sign or size of the rate of something that does not move.
+fn rubs(columns: &[Column], moves: &[bool]) -> bool {
+    fn holds(n: &Node, still: &dyn Fn(Symbol) -> bool) -> bool {
+        match &**n {
+            Expression::Call(Function::Sign | Function::Abs, a) => a.any(still),
+            Expression::Call(_, a) | Expression::PowerWhole(a, _) => holds(a, still),
+            Expression::Add(a, b)
+            | Expression::Subtract(a, b)
+            | Expression::Multiply(a, b)
+            | Expression::Divide(a, b)
+            | Expression::Power(a, b) => holds(a, still) || holds(b, still),
+            _ => false,
+        }
+    }
+    let still = |s: Symbol| matches!(s, Symbol::Rate(k) if !moves[k]);
+    columns.iter().flatten().any(|(_, of)| holds(of, &still))
 }
 
 /// What effects rest on in written equations.

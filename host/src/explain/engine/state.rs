@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 use super::candidates::Candidate;
 use super::correct;
 use super::setting::{Physical, Setting};
+use super::shooting::Followed;
 use crate::identify::general::stretches::Stretch;
 use crate::identify::general::track::{Along, Track};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
@@ -30,7 +31,7 @@ impl Chosen {
 /// Coefficients and what was computed with them.
 #[derive(Clone)]
 pub struct State {
-    /// Coefficients of the equations without dampings, equation by equation.
+    /// Coefficients of the equations without dampings, in the order of [`super::setting::Own`].
     pub values: Vec<f64>,
     /// Parameters of the system behind them.
     pub physical: Physical,
@@ -42,6 +43,8 @@ pub struct State {
     pub nominal: usize,
     /// The record with sensor effects found so far taken off.
     pub stretches: Vec<Stretch>,
+    /// The motion that shooting is linearised about.
+    pub followed: Option<Followed>,
 }
 
 impl State {
@@ -103,8 +106,18 @@ impl State {
         out
     }
 
-    /// The model's equations of motion, and its parameters at the coefficients `x` (the equations' own, then strengths).
+    /// The model's equations of motion, and its parameters at the coefficients `x` (the equations' own, then strengths), those of the first record.
     pub fn motion(&self, setting: &Setting<'_>, x: &DVector<f64>) -> Option<(EquationsOfMotion, Vec<f64>)> {
+        self.motion_of(setting, x, 0)
+    }
+
+    /// The same for any record.
+    pub fn motion_of(
+        &self,
+        setting: &Setting<'_>,
+        x: &DVector<f64>,
+        record: usize,
+    ) -> Option<(EquationsOfMotion, Vec<f64>)> {
         let n = self.values.len();
         let mut terms: Vec<(usize, String, Node)> = Vec::new();
         let mut strengths: Vec<(String, f64)> = Vec::new();
@@ -122,10 +135,11 @@ impl State {
         }
         let motion = EquationsOfMotion::with_columns(setting.model(), setting.rig.omega(), &terms).ok()?;
         let own = setting.model().coefficients();
+        let of_record = setting.own.coefficients(&x.as_slice()[..n], record);
         let value = |name: &String| {
             own.iter()
                 .position(|n| n == name)
-                .map(|i| x[i])
+                .map(|i| of_record[i])
                 .or_else(|| strengths.iter().find(|s| s.0 == *name).map(|s| s.1))
         };
         let values = motion.coefficients().iter().map(|n| value(n).unwrap_or(0.0)).collect();

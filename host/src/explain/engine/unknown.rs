@@ -7,13 +7,12 @@
 use core::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
-use super::design;
+use super::evidence::Outcome;
 use super::residual::range;
 use super::setting::Setting;
 use super::state::State;
-use super::{Outcome, tell};
+use super::tell;
 use crate::effects::places::{self, Place};
-use crate::explain::ranking;
 use crate::explain::unknown::{LEAST_GAIN, POINTS, RIDGE, Unknown};
 use crate::model::model_file::expression::{
     Expression, Function, Node, Symbol, call, multiply, number, subtract, symbol,
@@ -82,8 +81,7 @@ fn shares(setting: &Setting<'_>, state: &State, moves: &Polynomial) -> Vec<(usiz
 /// The shape that takes away most, if any takes away enough.
 pub fn shape(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<Unknown> {
     let own = outcome.own.len();
-    let without = ranking::fit(&outcome.design, &outcome.own, &outcome.weights)?;
-    let total: f64 = without.held_out.iter().sum();
+    let total: f64 = outcome.fit.held_out.iter().sum();
     let mut best: Option<Unknown> = None;
     for (place, moves) in places_of(setting) {
         let shares = shares(setting, state, &moves);
@@ -101,10 +99,7 @@ pub fn shape(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<
             let columns: Vec<Vec<(usize, Node)>> = (0..count)
                 .map(|k| shares.iter().map(|(e, share)| (*e, multiply(share.clone(), hat(k)))).collect())
                 .collect();
-            let design = design::with_columns(setting, state, (&state.stretches, &[]), &columns).ok()?;
-            let all: Vec<usize> = (0..own + count).collect();
-            let ridge: Vec<f64> = all.iter().map(|&i| if i < own { 0.0 } else { RIDGE }).collect();
-            let Some(fit) = ranking::fit_ridge(&design, &all, &outcome.weights, &ridge) else { continue };
+            let Some(fit) = outcome.evidence.with_columns(setting, state, own, &columns, RIDGE) else { continue };
             let gain = (total - fit.held_out.iter().sum::<f64>()) / total;
             if gain < best.as_ref().map_or(LEAST_GAIN, |b| b.held_out_gain) {
                 continue;

@@ -26,8 +26,7 @@ fn recovered(text: &str, seconds: f64, precise: &[&str], more: &[(&str, f64)]) -
     let rig = rig(text);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("r.parquet");
-    simulation::record(&rig, rig.bound.as_ref().unwrap(), simulation::Extra::Terms(&[], &[]), seconds, 1, &path)
-        .unwrap();
+    simulation::record(&rig, rig.bound.as_ref().unwrap(), &[], seconds, 1, &path).unwrap();
     let record = Record::read(&path, &rig, &ReadOptions::default()).unwrap();
     let result = identify(&[record], &rig, &Settings::default()).unwrap_or_else(|e| panic!("{e}"));
     let truth = truth(&rig);

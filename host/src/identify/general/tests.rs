@@ -14,8 +14,7 @@ fn rig(name: &str) -> Rig {
 fn simulated(rig: &Rig, seconds: f64, seed: u64) -> Record {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("r.parquet");
-    simulation::record(rig, rig.bound.as_ref().unwrap(), simulation::Extra::Terms(&[], &[]), seconds, seed, &path)
-        .unwrap();
+    simulation::record(rig, rig.bound.as_ref().unwrap(), &[], seconds, seed, &path).unwrap();
     Record::read(&path, rig, &ReadOptions::default()).unwrap()
 }
 

@@ -14,7 +14,7 @@ use self::plant::Plant;
 use super::equations_of_motion::EquationsOfMotion;
 use super::expression::{Node, Symbol};
 use crate::effects::columns::Span;
-use crate::effects::put_in::{self, PutIn};
+use crate::effects::put_in;
 use crate::error::{BadInput, Result};
 use crate::model::integrate::{Outside, Settings, solve};
 use crate::record::Column;
@@ -59,20 +59,12 @@ impl Outside for Surroundings {
     }
 }
 
-/// What the plant has beside the model's terms.
-#[derive(Clone, Copy, Debug)]
-pub enum Extra<'a> {
-    /// Terms, equation, name, expression in seconds, and their coefficients.
-    Terms(&'a [(usize, String, Node)], &'a [f64]),
-    /// Effects of the catalogue, `ID@PLACE=VALUE[,name=value]`.
-    Effects(&'a [String]),
-}
-
-/// One column for each channel of the rig, over `seconds` from t = 0 on.
+/// One column for each channel of the rig, over `seconds` from t = 0 on; `effects` are those of the catalogue, `ID@PLACE=VALUE[,name=value]`, that the plant has
+/// beside the model's terms.
 ///
 /// # Errors
 /// A plant that is missing or cannot be integrated, seconds out of range.
-pub fn columns(rig: &Rig, bound: &Bound, extra: Extra<'_>, seconds: f64, seed: u64) -> Result<Vec<Column>> {
+pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed: u64) -> Result<Vec<Column>> {
     let rate = rig.sample_rate_hz;
     if !(seconds > 0.0 && seconds <= LONGEST_S && seconds * rate <= MOST_SAMPLES) {
         let most = LONGEST_S.min(MOST_SAMPLES / rate);
@@ -80,18 +72,8 @@ pub fn columns(rig: &Rig, bound: &Bound, extra: Extra<'_>, seconds: f64, seed: u
     }
     let model = &*bound.model;
     let plant = Plant::of(rig, model, seconds, seed)?;
-    let put_in = match extra {
-        Extra::Terms(terms, strengths) => {
-            PutIn { terms: terms.to_vec(), strengths: strengths.to_vec(), ..PutIn::default() }
-        }
-        Extra::Effects(texts) => put_in::of(
-            rig,
-            bound,
-            (&plant.physical, &plant.coefficients),
-            texts,
-            Span { start_s: 0.0, length_s: seconds },
-        )?,
-    };
+    let span = Span { start_s: 0.0, length_s: seconds };
+    let put_in = put_in::of(rig, bound, (&plant.physical, &plant.coefficients), effects, span)?;
     let motion = EquationsOfMotion::with_columns(model, rig.omega(), &put_in.terms)?;
     let coefficients = [&plant.coefficients[..], &put_in.strengths].concat();
     let step = 1.0 / rate;
@@ -184,8 +166,8 @@ fn gauss(rng: &mut ChaCha8Rng) -> f64 {
 ///
 /// # Errors
 /// As [`columns`]; a file that cannot be written.
-pub fn record(rig: &Rig, bound: &Bound, extra: Extra<'_>, seconds: f64, seed: u64, output: &Path) -> Result<u64> {
-    let columns = columns(rig, bound, extra, seconds, seed)?;
+pub fn record(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed: u64, output: &Path) -> Result<u64> {
+    let columns = columns(rig, bound, effects, seconds, seed)?;
     write_values(output, rig, &columns)?;
     Ok(columns.first().map_or(0, Column::len) as u64)
 }

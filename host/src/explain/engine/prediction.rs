@@ -6,7 +6,6 @@
 
 use rayon::prelude::*;
 
-use super::trajectories::motion_power;
 use crate::identify::general::track::Track;
 use crate::identify::shooting::problem::Piece;
 use crate::identify::shooting::solve::{Bounds, minimise};
@@ -55,13 +54,8 @@ pub fn motion(track: &Track<'_>, horizon_s: f64, block_s: f64) -> Option<f64> {
 }
 
 /// The gap over windows of the horizon inside the held-out blocks (every third of `block_s`): rms of predicted minus measured over
-/// the noise, over the degrees of freedom that the fit of the initial state leaves.
-pub fn gap(motion: &EquationsOfMotion, parameters: &[f64], track: &Track<'_>, horizon_s: f64, block_s: f64) -> f64 {
-    gap_with(motion, parameters, track, (horizon_s, block_s), None)
-}
-
-/// The same with a step of integration that is given; otherwise it is sought.
-pub fn gap_with(
+/// the noise, over the degrees of freedom that the fit of the initial state leaves. The step of integration is sought where none is given.
+pub fn gap(
     motion: &EquationsOfMotion,
     parameters: &[f64],
     track: &Track<'_>,
@@ -131,4 +125,18 @@ pub fn simulate(
         })
         .fold(0.0, f64::max);
     Some((fit.parameters, error))
+}
+
+/// Mean square of a piece's motion about its mean, in units of the noise.
+fn motion_power(piece: &Piece, track: &Track<'_>) -> f64 {
+    let m = track.sensors.len();
+    let count = (piece.measured.len() / m.max(1)).max(1) as f64;
+    let sum: f64 = (0..m)
+        .map(|k| {
+            let of = || piece.measured.iter().skip(k).step_by(m);
+            let mean = of().sum::<f64>() / count;
+            of().map(|x| ((x - mean) / track.sigma[k]).powi(2)).sum::<f64>()
+        })
+        .sum();
+    sum / (count * m.max(1) as f64)
 }

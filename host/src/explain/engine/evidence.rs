@@ -1,0 +1,205 @@
+//! What candidates are judged by: rows of the weak form under a drive, windows of linearised shooting otherwise. One fit and one choice over either.
+
+use nalgebra::DVector;
+
+use super::candidates::{Candidate, Column};
+use super::setting::Setting;
+use super::shooting::blocks::Blocks;
+use super::state::State;
+use super::{design, power, shooting};
+use crate::error::Result;
+use crate::explain::decision::{self, Rows};
+use crate::explain::design::Design;
+use crate::explain::ranking::{self, Fit, Weights};
+use crate::explain::singular;
+
+/// Share of what is left above the sensors' noise that a candidate must take away in shooting: less is as good as nothing where a model misses more than noise.
+const LEAST_SHARE: f64 = 0.01;
+
+/// Standard errors between windows at which a gain counts.
+const LEAST_DEVIATIONS: f64 = 2.0;
+
+/// Columns of the model's own, of what was chosen, then of every candidate.
+pub enum Evidence {
+    /// Of the weak form, with their weights.
+    Weak(Design, Weights),
+    /// Of trajectories.
+    Shooting(Blocks),
+}
+
+/// The last round: columns of the model and of the candidates, and the fit of the model's own.
+pub struct Outcome {
+    pub candidates: Vec<Candidate>,
+    pub evidence: Evidence,
+    pub own: Vec<usize>,
+    pub fit: Fit,
+}
+
+impl decision::Evidence for Blocks {
+    fn fit(&self, columns: &[usize]) -> Option<Fit> {
+        Self::fit(self, columns)
+    }
+
+    fn rescored(&self, _own: &[usize], _most: usize, _scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>> {
+        None
+    }
+
+    fn least_gain(&self, total: f64) -> f64 {
+        LEAST_SHARE * (total - self.noise()).max(0.0)
+    }
+
+    fn least_deviations(&self) -> f64 {
+        LEAST_DEVIATIONS
+    }
+
+    fn pairs(&self) -> bool {
+        true
+    }
+}
+
+impl Evidence {
+    /// As the choice takes it.
+    pub(in crate::explain) fn judged(&self) -> Box<dyn decision::Evidence + '_> {
+        match self {
+            Self::Weak(design, weights) => Box::new(Rows { design, weights }),
+            Self::Shooting(blocks) => Box::new(Borrowed(blocks)),
+        }
+    }
+
+    /// Whether strengths of a candidate are those that a record without it shows as well: in rows that hold the sensors' noise in products. Shooting predicts what the sensors
+    /// show.
+    pub fn feigned(
+        &self,
+        setting: &Setting<'_>,
+        state: &State,
+        x: &DVector<f64>,
+        candidate: &Candidate,
+        fit: &Fit,
+    ) -> bool {
+        match self {
+            Self::Weak(design, weights) => power::feigned(setting, state, (design, weights, x), candidate, fit),
+            Self::Shooting(_) => false,
+        }
+    }
+
+    /// The same rows with columns of no effect behind the model's own, and the fit of all of them with a ridge on those columns.
+    pub fn with_columns(
+        &self,
+        setting: &Setting<'_>,
+        state: &State,
+        own: usize,
+        behind: &[Column],
+        ridge: f64,
+    ) -> Option<Fit> {
+        let all: Vec<usize> = (0..own + behind.len()).collect();
+        let ridges: Vec<f64> = all.iter().map(|&i| if i < own { 0.0 } else { ridge }).collect();
+        match self {
+            Self::Weak(_, weights) => {
+                let design = design::with_columns(setting, state, (&state.stretches, &[]), behind).ok()?;
+                ranking::fit_ridge(&design, &all, weights, &ridges)
+            }
+            Self::Shooting(_) => shooting::evidence(setting, state, &[], behind)?.fit_ridge(&all, &ridges),
+        }
+    }
+}
+
+/// Blocks that belong to someone else.
+struct Borrowed<'a>(&'a Blocks);
+
+impl decision::Evidence for Borrowed<'_> {
+    fn fit(&self, columns: &[usize]) -> Option<Fit> {
+        decision::Evidence::fit(self.0, columns)
+    }
+
+    fn rescored(&self, own: &[usize], most: usize, scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>> {
+        self.0.rescored(own, most, scores)
+    }
+
+    fn least_gain(&self, total: f64) -> f64 {
+        self.0.least_gain(total)
+    }
+
+    fn least_deviations(&self) -> f64 {
+        self.0.least_deviations()
+    }
+
+    fn pairs(&self) -> bool {
+        self.0.pairs()
+    }
+}
+
+impl Outcome {
+    /// Held-out sum of squares of shooting, in units that do not change from one step to the next; none for the weak form.
+    pub fn left(&self) -> Option<f64> {
+        match &self.evidence {
+            Evidence::Weak(..) => None,
+            Evidence::Shooting(blocks) => Some(blocks.held_out(&self.own)?),
+        }
+    }
+
+    /// Ratio of what is left to what the sensors' noise gives.
+    ///
+    /// # Errors
+    /// As [`design::residual`].
+    pub fn power(&self, setting: &Setting<'_>, state: &State) -> Result<f64> {
+        match &self.evidence {
+            Evidence::Weak(design, _) => power::ratio(setting, state, design, &self.own, &self.fit.all),
+            Evidence::Shooting(blocks) => {
+                // Over the long horizon.
+                let all = blocks.misfits(&self.fit.all);
+                Ok(all.iter().map(|w| w[0]).sum::<f64>() / all.len().max(1) as f64)
+            }
+        }
+    }
+}
+
+/// Fits everything chosen, renews what rests on the coefficients, and builds the candidates' columns behind its own.
+///
+/// # Errors
+/// Columns that the record does not determine.
+pub fn refit(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>) -> Result<Outcome> {
+    // The first rounds settle weights, linearised effects and forms; the last carries the candidates' columns as well.
+    let rounds = if state.chosen.iter().any(|k| k.candidate.is_refined()) { 4 } else { 2 };
+    if setting.shooting {
+        by_shooting(setting, state, candidates, rounds)
+    } else {
+        by_rows(setting, state, candidates, rounds)
+    }
+}
+
+fn by_rows(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>, rounds: usize) -> Result<Outcome> {
+    let mut weights: Option<Weights> = None;
+    for _ in 1..rounds {
+        let own: Vec<usize> = (0..state.own_columns()).collect();
+        let design = design::build(setting, state, &state.stretches, &[])?;
+        let used = weights.clone().unwrap_or_else(|| ranking::equal_weights(&design));
+        let fit = ranking::fit(&design, &own, &used).ok_or_else(singular)?;
+        // Weights from an unweighted fit are rough: once more.
+        let w = ranking::weights(&design, &own, &fit.all);
+        let fit = ranking::fit(&design, &own, &w).ok_or_else(singular)?;
+        weights = Some(ranking::weights(&design, &own, &fit.all));
+        state.take(setting, &fit.all);
+        state.renew(setting, &fit.all, &fit.covariance);
+    }
+    let own: Vec<usize> = (0..state.own_columns()).collect();
+    let further: Vec<&Candidate> = candidates.iter().collect();
+    let design = design::build(setting, state, &state.stretches, &further)?;
+    let used = weights.unwrap_or_else(|| ranking::equal_weights(&design));
+    let fit = ranking::fit(&design, &own, &used).ok_or_else(singular)?;
+    let weights = ranking::weights(&design, &own, &fit.all);
+    let fit = ranking::fit(&design, &own, &weights).ok_or_else(singular)?;
+    Ok(Outcome { candidates, evidence: Evidence::Weak(design, weights), own, fit })
+}
+
+fn by_shooting(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>, rounds: usize) -> Result<Outcome> {
+    for _ in 1..rounds {
+        let (x, covariance) = shooting::settle(setting, state).ok_or_else(singular)?;
+        state.take(setting, &x);
+        state.renew(setting, &x, &covariance);
+    }
+    let own: Vec<usize> = (0..state.own_columns()).collect();
+    let further: Vec<&Candidate> = candidates.iter().collect();
+    let blocks = shooting::evidence(setting, state, &further, &[]).ok_or_else(singular)?;
+    let fit = blocks.fit(&own).ok_or_else(singular)?;
+    Ok(Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit })
+}

@@ -1,0 +1,82 @@
+//! What acts from outside along a window of a stretch: time, the drive's phase, measured inputs.
+
+use crate::identify::general::stretches::Stretch;
+use crate::identify::general::track;
+use crate::model::dynamics::{Dynamics, Instant};
+use crate::model::flow::{Inputs, Outside};
+use crate::model::integrate::Outside as Outsider;
+use crate::model::model_file::equations_of_motion::EquationsOfMotion;
+
+/// A window's surroundings at the points of a path: every sample of it, or several to a sample.
+pub struct Along<'a> {
+    /// The stretch.
+    pub stretch: &'a Stretch,
+    /// Its inputs between samples.
+    pub between: &'a track::Along,
+    /// Sample of the stretch at which the window begins.
+    pub first: usize,
+    /// Angular frequency of the drive, rad/s; 0 without one.
+    pub omega: f64,
+    /// Points to a sample.
+    pub points: usize,
+}
+
+impl Along<'_> {
+    /// Time between two points, s.
+    pub fn spacing(&self) -> f64 {
+        self.stretch.step_s / self.points as f64
+    }
+
+    /// Time of a point, s.
+    pub fn time(&self, i: usize) -> f64 {
+        self.stretch.time(self.first) + i as f64 * self.spacing()
+    }
+
+    /// Phase of the drive there, rad.
+    pub fn tau(&self, i: usize) -> f64 {
+        let after = (i % self.points) as f64 * self.spacing();
+        if self.omega > 0.0 { self.stretch.tau(self.first + i / self.points) + self.omega * after } else { 0.0 }
+    }
+
+    /// Inputs at `count` points.
+    pub fn inputs(&self, count: usize) -> Vec<Vec<f64>> {
+        let mut out = vec![vec![0.0; count]; self.stretch.inputs.len()];
+        let mut at = vec![0.0; out.len()];
+        for i in 0..count {
+            if i % self.points == 0 {
+                at.iter_mut().zip(&self.stretch.inputs).for_each(|(u, x)| *u = x[self.first + i / self.points]);
+            } else {
+                Outsider::inputs(self.between, self.time(i), &mut at);
+            }
+            out.iter_mut().zip(&at).for_each(|(column, u)| column[i] = *u);
+        }
+        out
+    }
+
+    /// Surroundings from a point on; `at` gives inputs by time.
+    pub fn outside<'b>(&self, i: usize, at: &'b (dyn Fn(f64, &mut [f64]) + Sync)) -> Outside<'b> {
+        let count = self.stretch.inputs.len();
+        let inputs = (count > 0).then_some(Inputs { count, at });
+        Outside { origin: self.time(i), tau: self.tau(i), omega: self.omega, inputs }
+    }
+
+    /// Accelerations of the model at every state, n for each.
+    pub fn accelerations(
+        &self,
+        states: &[f64],
+        (motion, parameters): (&EquationsOfMotion, &[f64]),
+        inputs: &[Vec<f64>],
+    ) -> Option<Vec<f64>> {
+        let n = motion.degrees_of_freedom();
+        let mut out = vec![0.0; states.len() / 2];
+        let mut here = vec![0.0; inputs.len()];
+        for (i, (state, to)) in states.chunks_exact(2 * n).zip(out.chunks_exact_mut(n)).enumerate() {
+            here.iter_mut().zip(inputs).for_each(|(u, x)| *u = x[i]);
+            let at = Instant { time: self.time(i), tau: self.tau(i), inputs: &here };
+            if !motion.acceleration(parameters, &state[..n], &state[n..], &at, to) {
+                return None;
+            }
+        }
+        Some(out)
+    }
+}

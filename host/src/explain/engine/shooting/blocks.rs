@@ -1,0 +1,248 @@
+//! Least squares over windows whose Gram matrices are known: coefficients, jackknife covariance, and the residual of each window when it is not fitted.
+//!
+//! A window is a block; every third is one fold, as in [`crate::explain::ranking`]. Each has a Gram matrix for every horizon that it is predicted over, with a
+//! weight of its own. Coefficients of laws that take energy away
+//! may not come out with the sign of laws that give it: one that would is held at zero and the others are fitted again.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::explain::ranking::{FOLDS, Fit, solve, squares};
+
+/// Least share of a candidate's column that the model's own columns leave over.
+const SEPARABLE: f64 = 1e-4;
+
+/// A window over one horizon.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// Gram matrix of all columns and the target, in units of the noise.
+    pub gram: DMatrix<f64>,
+    /// Degrees of freedom: rows less the states that were eliminated.
+    pub freedom: f64,
+}
+
+/// Windows, each over every horizon, the longest first.
+#[derive(Clone, Debug)]
+pub struct Blocks {
+    windows: Vec<Vec<Part>>,
+    /// Weight of each part.
+    weights: Vec<Vec<f64>>,
+    /// Sign that each column's coefficient keeps; 0 for either.
+    signs: Vec<f64>,
+    /// Columns of increments, which have settled: a fit to two thirds of the blocks, whose predictions are not made with them, leaves them at nothing.
+    pub still: Vec<bool>,
+}
+
+/// The least-squares solution with signs kept (0: any), and what is held at zero.
+pub fn solve_signed(total: &DMatrix<f64>, signs: &[f64]) -> Option<(DVector<f64>, Vec<bool>)> {
+    let p = signs.len();
+    let mut held = vec![false; p];
+    loop {
+        let x = solve_free(total, &held)?;
+        // The one that is furthest on the wrong side, in units of what it adds.
+        let wrong = |i: usize| -signs[i] * x[i] * total[(i, i)].max(0.0).sqrt();
+        match (0..p).filter(|&i| wrong(i) > 0.0).max_by(|&a, &b| wrong(a).total_cmp(&wrong(b))) {
+            Some(i) => held[i] = true,
+            None => return Some((x, held)),
+        }
+    }
+}
+
+/// The solution of a Gram matrix with some coefficients held at zero.
+fn solve_free(total: &DMatrix<f64>, held: &[bool]) -> Option<DVector<f64>> {
+    let p = held.len();
+    let free: Vec<usize> = (0..p).filter(|i| !held[*i]).chain([p]).collect();
+    let part = DMatrix::from_fn(free.len(), free.len(), |i, j| total[(free[i], free[j])]);
+    let found = solve(&part)?;
+    let mut x = DVector::zeros(p);
+    free.iter().zip(found.iter()).for_each(|(&i, v)| x[i] = *v);
+    Some(x)
+}
+
+/// Some columns of a Gram matrix and its target.
+fn chosen(gram: &DMatrix<f64>, columns: &[usize]) -> DMatrix<f64> {
+    let (last, p) = (gram.nrows() - 1, columns.len());
+    let place = |i: usize| if i < p { columns[i] } else { last };
+    DMatrix::from_fn(p + 1, p + 1, |i, j| gram[(place(i), place(j))])
+}
+
+impl Blocks {
+    /// Blocks of equal weight.
+    pub fn new(windows: Vec<Vec<Part>>, signs: Vec<f64>) -> Self {
+        let weights = windows.iter().map(|w| vec![1.0; w.len()]).collect();
+        Self { windows, weights, signs, still: Vec::new() }
+    }
+
+    /// Mean square residual of each part in units of the noise, for coefficients of the first columns.
+    pub fn misfits(&self, x: &DVector<f64>) -> Vec<Vec<f64>> {
+        let places: Vec<usize> = (0..x.len()).collect();
+        let of = |p: &Part| squares(&chosen(&p.gram, &places), x) / p.freedom.max(1.0);
+        self.windows.iter().map(|w| w.iter().map(of).collect()).collect()
+    }
+
+    /// Weights 1/e², e² the mean square residual where it is above the noise: what a model lacks where the motion is large does not tell on what is small, and what adds up
+    /// over a long horizon not on a short one.
+    pub fn weigh(&mut self, misfits: &[Vec<f64>]) {
+        self.weights = misfits.iter().map(|w| w.iter().map(|e| 1.0 / e.max(1.0)).collect()).collect();
+    }
+
+    fn parts(&self) -> impl Iterator<Item = (&Part, f64)> {
+        self.windows.iter().flatten().zip(self.weights.iter().flatten().copied())
+    }
+
+    /// The weighted sum of squares that the sensors' noise alone gives.
+    pub fn noise(&self) -> f64 {
+        self.parts().map(|(p, w)| p.freedom * w).sum()
+    }
+
+    /// What is left of the parts when they are not fitted, whatever the weights: the geometric mean of the mean square residuals.
+    pub fn held_out(&self, columns: &[usize]) -> Option<f64> {
+        let (mut sum, mut count) = (0.0, 0.0_f64);
+        for fold in 0..FOLDS {
+            let x = self.without_fold(columns, fold)?;
+            for window in self.windows.iter().skip(fold).step_by(FOLDS) {
+                for p in window {
+                    let left = squares(&chosen(&p.gram, columns), &x) / p.freedom.max(1.0);
+                    sum += p.freedom * left.max(f64::MIN_POSITIVE).ln();
+                    count += p.freedom;
+                }
+            }
+        }
+        Some((sum / count.max(1.0)).exp())
+    }
+
+    fn without_fold(&self, columns: &[usize], fold: usize) -> Option<DVector<f64>> {
+        let p = columns.len();
+        let grams = self.grams(columns);
+        let kept = grams.iter().enumerate().filter(|(k, _)| k % FOLDS != fold);
+        let total = kept.fold(DMatrix::zeros(p + 1, p + 1), |s, (_, g)| s + g);
+        Some(solve_signed(&total, &self.signs_of(columns))?.0)
+    }
+
+    fn signs_of(&self, columns: &[usize]) -> Vec<f64> {
+        columns.iter().map(|c| self.signs.get(*c).copied().unwrap_or(0.0)).collect()
+    }
+
+    /// The same with a ridge on some columns: each adds its entry times their mean square to the normal matrix.
+    pub fn fit_ridge(&self, columns: &[usize], ridge: &[f64]) -> Option<Fit> {
+        let p = columns.len();
+        let total = self.grams(columns).iter().fold(DMatrix::<f64>::zeros(p + 1, p + 1), |s, g| s + g);
+        let on: Vec<usize> = (0..p).filter(|&i| ridge[i] > 0.0).collect();
+        let mean = on.iter().map(|&i| total[(i, i)]).sum::<f64>() / on.len().max(1) as f64;
+        let mut stiff = self.clone();
+        let share = 1.0 / self.windows.len().max(1) as f64;
+        for (window, weights) in stiff.windows.iter_mut().zip(&self.weights) {
+            if let (Some(part), Some(w)) = (window.first_mut(), weights.first()) {
+                for &i in &on {
+                    part.gram[(columns[i], columns[i])] += ridge[i] * mean * share / w;
+                }
+            }
+        }
+        stiff.fit(columns)
+    }
+
+    /// Weighted Gram matrices of some columns, window by window.
+    fn grams(&self, columns: &[usize]) -> Vec<DMatrix<f64>> {
+        let p = columns.len();
+        let both = self.windows.iter().zip(&self.weights);
+        both.map(|(window, weights)| {
+            let parts = window.iter().zip(weights);
+            parts.fold(DMatrix::zeros(p + 1, p + 1), |sum, (part, w)| sum + chosen(&part.gram, columns) * *w)
+        })
+        .collect()
+    }
+
+    /// Whether columns behind the own ones can be told from what these do together: a share of each is left that they do not explain.
+    pub fn separable(&self, own: usize, total: &DMatrix<f64>) -> bool {
+        let p = total.nrows() - 1;
+        let scale = DVector::from_fn(p, |i, _| total[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip());
+        let unit = DMatrix::from_fn(p, p, |i, j| total[(i, j)] * scale[i] * scale[j]);
+        let Some(factor) = unit.cholesky() else { return false };
+        (own..p).all(|i| factor.l_dirty()[(i, i)].powi(2) > SEPARABLE)
+    }
+
+    /// Fits some columns; none where they are singular or the blocks too few. What is held at zero has the standard error of a fit without bounds.
+    pub fn fit(&self, columns: &[usize]) -> Option<Fit> {
+        let p = columns.len();
+        let own = self.still.len();
+        let signs = self.signs_of(columns);
+        let parts = self.grams(columns);
+        let n = parts.len();
+        if n < FOLDS {
+            return None;
+        }
+        let zero = || DMatrix::<f64>::zeros(p + 1, p + 1);
+        let total = parts.iter().fold(zero(), |s, g| s + g);
+        if own > 0 && p > own && !self.separable(own, &total) {
+            return None;
+        }
+        let (all, held) = solve_signed(&total, &signs)?;
+        let mut held_out = vec![0.0; n];
+        let mut train = None;
+        for fold in 0..FOLDS {
+            let kept = parts.iter().enumerate().filter(|(k, _)| k % FOLDS != fold).fold(zero(), |s, (_, g)| s + g);
+            let x = solve_free(&kept, &held)?;
+            (fold..n).step_by(FOLDS).for_each(|k| held_out[k] = squares(&parts[k], &x));
+            if fold == 0 {
+                let still = |i: usize| self.still.get(columns[i]).copied().unwrap_or(false);
+                let without: Vec<bool> = (0..p).map(|i| held[i] || still(i)).collect();
+                train = Some(if without == held { x } else { solve_free(&kept, &without)? });
+            }
+        }
+        let jackknife = |held: &[bool], all: &DVector<f64>| -> Option<DMatrix<f64>> {
+            let mut covariance = DMatrix::zeros(p, p);
+            for part in &parts {
+                let change = solve_free(&(&total - part), held)? - all;
+                covariance += &change * change.transpose() * ((n - 1) as f64 / n as f64);
+            }
+            Some(covariance)
+        };
+        let mut covariance = jackknife(&held, &all)?;
+        if held.contains(&true) {
+            let free = vec![false; p];
+            let plain = jackknife(&free, &solve_free(&total, &free)?)?;
+            (0..p).filter(|i| held[*i]).for_each(|i| covariance[(i, i)] = plain[(i, i)]);
+        }
+        // Windows weigh alike: those in which a friction shows most are those that miss most without it.
+        Some(Fit { all, train: train?, covariance, blocks: n, effective: vec![n as f64; p], held_out })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// y = 2 a − b + c over blocks of random rows: free, all are found; with b ≥ 0 it is held, and the others are those of a fit without it.
+    #[test]
+    fn a_coefficient_of_the_wrong_sign_is_held_at_zero() {
+        let mut seed = 7_u32;
+        let mut random = move || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(seed >> 8) / f64::from(1 << 24) - 0.5
+        };
+        let grams: Vec<DMatrix<f64>> = (0..12)
+            .map(|_| {
+                let mut gram = DMatrix::zeros(4, 4);
+                for _ in 0..20 {
+                    let (a, b, c) = (random(), random(), random());
+                    let row = DVector::from_vec(vec![a, b, c, 2.0 * a - b + c + 0.01 * random()]);
+                    gram += &row * row.transpose();
+                }
+                gram
+            })
+            .collect();
+        let parts: Vec<Vec<Part>> = grams.iter().map(|g| vec![Part { gram: g.clone(), freedom: 20.0 }]).collect();
+        let blocks = |signs: [f64; 3]| Blocks::new(parts.clone(), signs.to_vec());
+        let free = blocks([0.0; 3]).fit(&[0, 1, 2]).unwrap();
+        assert!((free.all[1] + 1.0).abs() < 0.01, "{}", free.all);
+        let kept = blocks([1.0, 1.0, 0.0]).fit(&[0, 1, 2]).unwrap();
+        let without = blocks([0.0; 3]).fit(&[0, 2]).unwrap();
+        assert_eq!(kept.all[1], 0.0);
+        assert!((kept.all[0] - without.all[0]).abs() < 1e-12, "{}", kept.all);
+        assert!(kept.covariance[(1, 1)] > 0.0 && kept.held_out.iter().sum::<f64>() > 0.1);
+        // Blocks that leave ten times the noise count a tenth.
+        let mut weighed = blocks([0.0; 3]);
+        let misfits: Vec<Vec<f64>> = (0..12).map(|k| vec![if k < 6 { 0.5 } else { 10.0 }]).collect();
+        weighed.weigh(&misfits);
+        assert!((weighed.noise() - (6.0 * 20.0 + 6.0 * 2.0)).abs() < 1e-12);
+    }
+}

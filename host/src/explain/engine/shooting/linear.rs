@@ -1,0 +1,262 @@
+//! Shooting linearised about a path: a window's normal equations over all columns, its initial state eliminated.
+//!
+//! With states x_k of the path, the model's flow over one sample F, its slope A_k and the defects e_k = F(x_k) − x_{k+1}, the deviation δ of a solution of
+//! the model from the path obeys δ_{k+1} = A_k δ_k + e_k + U_k δp, U_k what a column's accelerations α do over a sample: Δ²(2α_k + α_{k+1})/6 for coordinates, Δ(α_k +
+//! α_{k+1})/2 for rates (over several points to a sample where samples are few). Sensors show S(q + δ_q) + Σ ε s(q): linear in δ_0, parameters, strengths and sensor laws alike. No
+//! solution has to be found first, and what is far from one still has its columns.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::along::Along;
+use crate::model::flow::{Flow, Work};
+use crate::model::model_file::equations_of_motion::EquationsOfMotion;
+
+/// Rows whose products are summed at once.
+const CHUNK: usize = 256;
+
+/// The model's flow about a window's path.
+pub struct Linear {
+    /// The path at every point: the samples' states, the model's own motion between them.
+    pub points: Vec<f64>,
+    /// A_k, 2n × 2n row after row, for each point but the last.
+    slopes: Vec<f64>,
+    /// e_k, 2n for each sample but the last.
+    defects: Vec<f64>,
+    /// Points to a sample.
+    each: usize,
+    /// Time between points, s.
+    spacing: f64,
+}
+
+/// What the sensors showed over a window, sensor after sensor for each sample, and how.
+pub struct Measured<'a> {
+    /// Values.
+    pub values: Vec<f64>,
+    /// Weights of the coordinates.
+    pub shown: &'a [Vec<f64>],
+    /// Noise.
+    pub sigma: &'a [f64],
+    /// Additions of columns to what a sensor shows: column, sensor, values.
+    pub laws: Vec<(usize, usize, Vec<f64>)>,
+}
+
+/// Normal equations of a window.
+pub struct Normal {
+    /// Gram matrix of the initial state, the columns and the target, all rows in units of the noise.
+    whole: DMatrix<f64>,
+    states: usize,
+    /// Rows.
+    pub rows: usize,
+}
+
+impl Linear {
+    /// None where the model has no solution somewhere.
+    pub fn new(states: &[f64], along: &Along<'_>, (motion, parameters): (&EquationsOfMotion, &[f64])) -> Option<Self> {
+        let m = 2 * crate::model::dynamics::Dynamics::degrees_of_freedom(motion);
+        let (each, spacing) = (along.points, along.spacing());
+        let at = |t: f64, out: &mut [f64]| crate::model::integrate::Outside::inputs(along.between, t, out);
+        let mut work = Work::by_state(motion);
+        let count = states.len() / m;
+        let points = count.saturating_sub(1) * each + 1;
+        let mut out = Self {
+            points: Vec::with_capacity(m * points),
+            slopes: Vec::with_capacity(m * m * points),
+            defects: Vec::with_capacity(m * count),
+            each,
+            spacing,
+        };
+        for k in 0..count.saturating_sub(1) {
+            let mut state = states[m * k..m * (k + 1)].to_vec();
+            for j in 0..each {
+                let point = k * each + j;
+                work.set(&state);
+                let flow = Flow::new(motion, parameters, along.outside(point, &at), spacing);
+                if !flow.carry(&mut work, along.time(point), spacing) {
+                    return None;
+                }
+                out.points.append(&mut state);
+                out.slopes.extend_from_slice(work.derivatives());
+                state.extend_from_slice(work.state());
+            }
+            out.defects.extend(state.iter().zip(&states[m * (k + 1)..]).map(|(a, b)| a - b));
+        }
+        out.points.extend_from_slice(&states[m * count.saturating_sub(1)..]);
+        out.slopes.iter().chain(&out.defects).all(|x| x.is_finite()).then_some(out)
+    }
+
+    /// What the columns' accelerations at both ends of a sample add to the state's row `i`.
+    fn push(to: &mut [f64], i: usize, alpha: [&[f64]; 2], (n, columns, spacing): (usize, usize, f64)) {
+        let of = |a: &'_ [f64], k: usize| -> core::ops::Range<usize> {
+            debug_assert!(a.len() >= (k + 1) * columns);
+            k * columns..(k + 1) * columns
+        };
+        let k = if i < n { i } else { i - n };
+        let (a, b) = (&alpha[0][of(alpha[0], k)], &alpha[1][of(alpha[1], k)]);
+        let (p, q) =
+            if i < n { (spacing * spacing / 3.0, spacing * spacing / 6.0) } else { (0.5 * spacing, 0.5 * spacing) };
+        to.iter_mut().zip(a.iter().zip(b)).for_each(|(t, (a, b))| *t += p * a + q * b);
+    }
+
+    /// The normal equations of the samples `first` … `end` over columns whose accelerations are `alpha` (see [`super::forcing::Forcing::along`]).
+    pub fn normal(
+        &self,
+        states: &[f64],
+        alpha: &[f64],
+        columns: usize,
+        measured: &Measured<'_>,
+        (first, end): (usize, usize),
+    ) -> Normal {
+        let sensors = measured.shown.len();
+        let n = measured.shown.first().map_or(0, Vec::len);
+        let m = 2 * n;
+        let width = m + columns + 1;
+        let mut z = vec![0.0; m * width];
+        (0..m).for_each(|i| z[i * width + i] = 1.0);
+        let mut next = z.clone();
+        let mut whole = DMatrix::zeros(width, width);
+        let mut chunk = DMatrix::zeros(width, CHUNK);
+        let mut filled = 0;
+        for k in first..end {
+            for s in 0..sensors {
+                let mut column = chunk.column_mut(filled);
+                let row = column.as_mut_slice();
+                row.fill(0.0);
+                let scale = 1.0 / measured.sigma[s];
+                for (j, w) in measured.shown[s].iter().enumerate().filter(|w| *w.1 != 0.0) {
+                    let f = w * scale;
+                    row.iter_mut().zip(&z[j * width..(j + 1) * width]).for_each(|(r, z)| *r += f * z);
+                }
+                let predicted: f64 = measured.shown[s].iter().zip(&states[m * k..]).map(|(w, q)| w * q).sum();
+                // The last column of z is what the defects add up to.
+                row[width - 1] = scale * (measured.values[k * sensors + s] - predicted) - row[width - 1];
+                for (c, _, law) in measured.laws.iter().filter(|l| l.1 == s) {
+                    row[m + c] += scale * law[k];
+                }
+                filled += 1;
+                if filled == CHUNK {
+                    whole.gemm(1.0, &chunk, &chunk.transpose(), 1.0);
+                    filled = 0;
+                }
+            }
+            if k + 1 == end {
+                break;
+            }
+            for point in k * self.each..(k + 1) * self.each {
+                let a = &self.slopes[m * m * point..];
+                let both = [&alpha[point * n * columns..], &alpha[(point + 1) * n * columns..]];
+                for i in 0..m {
+                    let to = &mut next[i * width..(i + 1) * width];
+                    to.fill(0.0);
+                    for j in 0..m {
+                        let f = a[i * m + j];
+                        if f != 0.0 {
+                            to.iter_mut().zip(&z[j * width..(j + 1) * width]).for_each(|(t, z)| *t += f * z);
+                        }
+                    }
+                    Self::push(&mut to[m..m + columns], i, both, (n, columns, self.spacing));
+                }
+                core::mem::swap(&mut z, &mut next);
+            }
+            for i in 0..m {
+                z[i * width + width - 1] += self.defects[m * k + i];
+            }
+        }
+        if filled > 0 {
+            let part = chunk.columns(0, filled).into_owned();
+            whole.gemm(1.0, &part, &part.transpose(), 1.0);
+        }
+        Normal { whole, states: m, rows: (end - first) * sensors }
+    }
+
+    /// The path moved by an initial step and a step of the columns; also the greatest rms movement of a sensor's reading in units of its noise.
+    pub fn moved(
+        &self,
+        states: &[f64],
+        alpha: &[f64],
+        (start, step): (&DVector<f64>, &DVector<f64>),
+        measured: &Measured<'_>,
+    ) -> (Vec<f64>, f64) {
+        let n = measured.shown.first().map_or(0, Vec::len);
+        let m = 2 * n;
+        let columns = step.len();
+        let count = states.len() / m;
+        let mut delta: Vec<f64> = start.iter().copied().collect();
+        let mut out = states.to_vec();
+        let mut squares = vec![0.0; measured.shown.len()];
+        let force = |k: usize| -> Vec<f64> {
+            (0..n)
+                .map(|i| {
+                    let row = &alpha[(k * n + i) * columns..(k * n + i + 1) * columns];
+                    row.iter().zip(step.iter()).map(|(a, p)| a * p).sum()
+                })
+                .collect()
+        };
+        let mut here = force(0);
+        for k in 0..count {
+            out[m * k..m * (k + 1)].iter_mut().zip(&delta).for_each(|(x, d)| *x += d);
+            for (s, weights) in measured.shown.iter().enumerate() {
+                let moved: f64 = weights.iter().zip(&delta).map(|(w, d)| w * d).sum();
+                squares[s] += (moved / measured.sigma[s]).powi(2);
+            }
+            if k + 1 == count {
+                break;
+            }
+            for point in k * self.each..(k + 1) * self.each {
+                let there = force(point + 1);
+                let a = &self.slopes[m * m * point..];
+                let mut next: Vec<f64> = (0..m).map(|i| (0..m).map(|j| a[i * m + j] * delta[j]).sum()).collect();
+                for i in 0..m {
+                    Self::push(&mut next[i..=i], i, [&here, &there], (n, 1, self.spacing));
+                }
+                (delta, here) = (next, there);
+            }
+            delta.iter_mut().zip(&self.defects[m * k..]).for_each(|(d, e)| *d += e);
+        }
+        let greatest = squares.iter().map(|s| (s / count.max(1) as f64).sqrt()).fold(0.0, f64::max);
+        (out, greatest)
+    }
+}
+
+impl Normal {
+    /// The same with the target moved to what columns at `x` add up to, so that its solution is the parameters themselves and not a step; columns behind `x` are not
+    /// moved.
+    pub fn at(&self, x: &[f64]) -> DMatrix<f64> {
+        let mut out = self.whole.clone();
+        let (m, last) = (self.states, out.nrows() - 1);
+        let p = DVector::from_column_slice(x);
+        let own = self.whole.view((0, m), (last + 1, x.len())) * &p;
+        let squares = (self.whole.view((last, m), (1, x.len())) * &p)[(0, 0)] * 2.0
+            + (p.transpose() * self.whole.view((m, m), (x.len(), x.len())) * &p)[(0, 0)];
+        for i in 0..last {
+            out[(i, last)] += own[i];
+            out[(last, i)] += own[i];
+        }
+        out[(last, last)] += squares;
+        out
+    }
+
+    /// A Gram matrix from [`Normal::at`] with the initial state eliminated; none where the record does not determine it.
+    pub fn reduced(&self, whole: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let m = self.states;
+        let rest = whole.nrows() - m;
+        let coupling = whole.view((0, m), (m, rest)).into_owned();
+        let solved = self.states_by(whole)?.solve(&coupling);
+        let mut out = whole.view((m, m), (rest, rest)) - coupling.transpose() * solved;
+        // Rounding leaves it unsymmetric.
+        let turned = out.transpose();
+        out = 0.5 * (out + turned);
+        out.iter().all(|x| x.is_finite()).then_some(out)
+    }
+
+    fn states_by(&self, whole: &DMatrix<f64>) -> Option<nalgebra::Cholesky<f64, nalgebra::Dyn>> {
+        whole.view((0, 0), (self.states, self.states)).into_owned().cholesky()
+    }
+
+    /// The initial step that goes with a step of the first columns.
+    pub fn start(&self, step: &DVector<f64>) -> Option<DVector<f64>> {
+        let m = self.states;
+        let last = self.whole.nrows() - 1;
+        let right = self.whole.view((0, last), (m, 1)).column(0) - self.whole.view((0, m), (m, step.len())) * step;
+        Some(self.states_by(&self.whole)?.solve(&right))
+    }
+}

@@ -1,0 +1,91 @@
+//! Free runs: the model fitted by simulation to the beginning of the longest stretch and continued to its end without touching the state.
+//!
+//! Of systems that are free or follow measured inputs; what a drive keeps moving may be chaotic, and no simulation follows it.
+
+use serde::Serialize;
+
+use super::evidence::Outcome;
+use super::prediction;
+use super::setting::Setting;
+use super::shooting::signs;
+use super::state::State;
+use super::units::Unit;
+use crate::explain::explanation::Step;
+
+/// Shares of the record that simulations are fitted to.
+const FITTED: [f64; 2] = [2.0 / 3.0, 0.75];
+
+/// Simulation errors: fitted to the beginning of the longest stretch, continued to its end.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Simulation {
+    /// Share of the stretch that was fitted.
+    pub fitted: f64,
+    /// Unit of the values.
+    pub unit: String,
+    /// Rms error over the rest, of the model as given and with everything that was added; the greatest over the sensors. NaN where no
+    /// simulation follows the record.
+    pub steps: Vec<Step>,
+    /// The coefficients of the last step as fitted by this simulation; those of effects by `ID@PLACE` and a number.
+    pub parameters: Vec<Coefficient>,
+}
+
+/// A coefficient.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Coefficient {
+    /// Name.
+    pub name: String,
+    /// Value, in the equation's own units.
+    pub value: f64,
+}
+
+/// Simulations to fill; none under a drive.
+pub fn open(setting: &Setting<'_>) -> Vec<Simulation> {
+    let unit = Unit::of(setting.rig, setting.whole).name;
+    let fitted: &[f64] = if setting.rig.drive.is_some() { &[] } else { &FITTED };
+    fitted
+        .iter()
+        .map(|f| Simulation { fitted: *f, unit: unit.clone(), steps: Vec::new(), parameters: Vec::new() })
+        .collect()
+}
+
+/// Measures a step.
+pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: Option<String>, all: &mut [Simulation]) {
+    if all.is_empty() {
+        return;
+    }
+    let longest = (0..state.stretches.len()).max_by_key(|&k| (state.stretches[k].len(), usize::MAX - k));
+    let record = longest.and_then(|k| setting.record_of.get(k).copied()).unwrap_or(0);
+    let Some((motion, parameters)) = state.motion_of(setting, &outcome.fit.all, record) else { return };
+    let own = setting.model().coefficients();
+    let kept = setting.own.coefficients(&setting.signs, record);
+    let sign_of = |name: &String| -> f64 {
+        if let Some(i) = own.iter().position(|n| n == name) {
+            return kept[i];
+        }
+        let place = |t: &str| t.parse::<usize>().ok();
+        let found = name.split_once(' ').and_then(|(a, b)| Some((place(a)?, place(b)?)));
+        found.and_then(|(k, j)| signs::of(&state.chosen.get(k)?.candidate).get(j).copied()).unwrap_or(0.0)
+    };
+    let names = motion.coefficients();
+    let signs: Vec<f64> = names.iter().map(sign_of).collect();
+    let unit = Unit::of(setting.rig, setting.whole);
+    let told = |name: &String| -> String {
+        let chosen = name.split_once(' ').and_then(|(a, b)| Some((state.chosen.get(a.parse::<usize>().ok()?)?, b)));
+        match chosen {
+            Some((k, column)) if !own.contains(name) => format!("{} {column}", k.candidate.name(setting)),
+            _ => name.clone(),
+        }
+    };
+    for simulation in all {
+        let found = longest.and_then(|k| {
+            state.on_track(setting, |track| {
+                prediction::simulate(&motion, (&parameters, &signs), track, k, simulation.fitted)
+            })
+        });
+        let value = found.as_ref().map_or(f64::NAN, |(_, error)| error * unit.factor);
+        simulation.steps.push(Step { added: added.clone(), value });
+        simulation.parameters = found.map_or_else(Vec::new, |(p, _)| {
+            names.iter().zip(p).map(|(name, value)| Coefficient { name: told(name), value }).collect()
+        });
+    }
+}

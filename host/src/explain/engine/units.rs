@@ -1,0 +1,76 @@
+//! Units and horizon in which an explanation is told.
+
+use crate::error::{BadInput, Result};
+use crate::explain::Settings;
+use crate::explain::explanation::InUnit;
+use crate::identify::general::stretches::Stretch;
+use crate::rig::Rig;
+use crate::rig::measures::Bound;
+
+/// Fewest samples of a horizon: an initial state is fitted to them.
+const FEWEST_SAMPLES: f64 = 16.0;
+
+/// Horizon of the gap: a drive's period, 0.2 s without one, but sixteen samples at least.
+pub fn horizon(rig: &Rig, settings: &Settings, stretches: &[Stretch]) -> Result<f64> {
+    let default = rig.drive.map_or(0.2, |d| 1.0 / d.frequency_hz);
+    let step = 1.0 / rig.sample_rate_hz;
+    let longest = stretches.iter().map(|s| s.len() as f64 * s.step_s).fold(0.0, f64::max);
+    match settings.horizon_s {
+        Some(h) if !(h >= FEWEST_SAMPLES * step && h <= longest) => {
+            Err(BadInput::new(h.to_string(), format!("seconds from {} to {longest}", FEWEST_SAMPLES * step))
+                .at("--horizon"))
+        }
+        h => Ok(h.unwrap_or(default).max(FEWEST_SAMPLES * step)),
+    }
+}
+
+/// SI unit of a coordinate.
+fn si_unit(rig: &Rig, bound: &Bound, coordinate: usize) -> String {
+    let row = (0..bound.sensors.len()).find(|&r| bound.shown[(r, coordinate)] != 0.0).unwrap_or(0);
+    match rig.channel[bound.sensors[row]].unit.as_str() {
+        "count" | "deg" => "rad",
+        "mm" | "um" => "m",
+        "mV" => "V",
+        other => other,
+    }
+    .to_owned()
+}
+
+/// Whether each coordinate is a length or an angle.
+pub fn moves(rig: &Rig, bound: &Bound) -> Vec<bool> {
+    (0..bound.model.coordinates.len()).map(|k| matches!(si_unit(rig, bound, k).as_str(), "rad" | "m")).collect()
+}
+
+/// The unit in which simulation errors are told: degrees where everything is an angle.
+pub struct Unit {
+    /// Its name.
+    pub name: String,
+    /// How many of it an SI unit is.
+    pub factor: f64,
+}
+
+impl Unit {
+    /// For a rig.
+    pub fn of(rig: &Rig, bound: &Bound) -> Self {
+        let units: Vec<String> = (0..bound.model.coordinates.len()).map(|k| si_unit(rig, bound, k)).collect();
+        match units.first() {
+            Some(first) if units.iter().all(|u| u == first) => {
+                let degrees = first == "rad";
+                Self {
+                    name: if degrees { "deg".to_owned() } else { first.clone() },
+                    factor: if degrees { 180.0 / core::f64::consts::PI } else { 1.0 },
+                }
+            }
+            _ => Self { name: "SI".to_owned(), factor: 1.0 },
+        }
+    }
+}
+
+impl Unit {
+    /// One noise floor, the rms noise of the sensors; none where they have no unit in common.
+    pub fn noise(&self, sigma: &[f64]) -> Option<InUnit> {
+        let rms = (sigma.iter().map(|s| s * s).sum::<f64>() / sigma.len() as f64).sqrt() * self.factor;
+        let unit = if self.name == "deg" { "°".to_owned() } else { self.name.clone() };
+        (self.name != "SI" && rms.is_finite() && rms > 0.0).then_some(InUnit { value: rms, unit })
+    }
+}
