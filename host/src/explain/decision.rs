@@ -168,6 +168,35 @@ impl<'a> Field<'a> {
         &self.offers[s.index].name
     }
 
+    /// The best form of each effect at each place, and, where weights from a model that misses much are wrong and so is the order that they give, scores
+    /// by weights of their own.
+    fn best(&self) -> (BTreeMap<&str, &Score>, BTreeMap<usize, f64>) {
+        let mut likelihood: BTreeMap<usize, f64> = BTreeMap::new();
+        let mut best: BTreeMap<&str, &Score> = BTreeMap::new();
+        for s in &self.scores {
+            let entry = best.entry(self.name(s)).or_insert(s);
+            if s.gain > entry.gain {
+                *entry = s;
+            }
+        }
+        let greatest = best.values().map(|s| s.gain * self.blocks).fold(0.0, f64::max);
+        if greatest > STRONG * self.total {
+            let most = RERANKED[usize::from(greatest > OVERWHELMING * self.total)];
+            let gains: Vec<_> = self.scores.iter().map(|s| (s.gain, self.places[s.index])).collect();
+            if let Some(again) = self.evidence.rescored(self.own, most, &gains) {
+                for (name, entry) in &mut best {
+                    let own_forms = self.scores.iter().zip(&again).filter(|(s, _)| self.name(s) == *name);
+                    let finite = own_forms.filter(|(_, j)| j.is_finite());
+                    if let Some((form, _)) = finite.min_by(|a, b| a.1.total_cmp(b.1)) {
+                        *entry = form;
+                    }
+                }
+                likelihood = self.scores.iter().zip(&again).map(|(s, j)| (s.index, *j)).collect();
+            }
+        }
+        (best, likelihood)
+    }
+
     /// A friction that feeds the motion is none, whatever it explains. The first strength stands where the candidate's own begin.
     fn feeds(&self, s: &Score) -> bool {
         let d = self.places[s.index].1;
@@ -254,34 +283,9 @@ pub(super) fn choose(
     feigned_by_sensors: &dyn Fn(usize, &Fit) -> bool,
 ) -> Option<Choice> {
     let field = Field::new(evidence, own, offers, taken)?;
-    let Field { total, blocks, scores, .. } = &field;
-    let (total, blocks) = (*total, *blocks);
-    let tests = scores.len().max(1) as f64;
-    let mut likelihood: BTreeMap<usize, f64> = BTreeMap::new();
-    // The best form of each effect at each place.
-    let mut best: BTreeMap<&str, &Score> = BTreeMap::new();
-    for s in scores {
-        let entry = best.entry(field.name(s)).or_insert(s);
-        if s.gain > entry.gain {
-            *entry = s;
-        }
-    }
-    if let Some(winner) = best.values().max_by(|a, b| a.gain.total_cmp(&b.gain))
-        && winner.gain * blocks > STRONG * total
-    {
-        // Weights from a model that misses this much are wrong, and so is the order that they give.
-        let most = RERANKED[usize::from(winner.gain * blocks > OVERWHELMING * total)];
-        let gains: Vec<_> = scores.iter().map(|s| (s.gain, field.places[s.index])).collect();
-        if let Some(again) = evidence.rescored(own, most, &gains) {
-            for (name, entry) in &mut best {
-                let own_forms = scores.iter().zip(&again).filter(|(s, _)| field.name(s) == *name);
-                if let Some((form, _)) = own_forms.filter(|(_, j)| j.is_finite()).min_by(|a, b| a.1.total_cmp(b.1)) {
-                    *entry = form;
-                }
-            }
-            likelihood = scores.iter().zip(&again).map(|(s, j)| (s.index, *j)).collect();
-        }
-    }
+    let (total, blocks) = (field.total, field.blocks);
+    let tests = field.scores.len().max(1) as f64;
+    let (best, likelihood) = field.best();
     let mut order: Vec<&Score> = best.values().copied().collect();
     order.sort_by(|a, b| {
         let j = |s: &Score| likelihood.get(&s.index).copied().unwrap_or(f64::INFINITY);

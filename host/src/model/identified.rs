@@ -91,6 +91,11 @@ impl IdentifiedModel {
         self.parameters.iter().find(|p| p.name == name)
     }
 
+    /// A coefficient by name; where each record has its own, that of the first.
+    pub fn coefficient(&self, name: &str) -> Option<&Parameter> {
+        self.parameter(name).or_else(|| self.parameter(&format!("{name}_1")))
+    }
+
     /// Values of the parameters, in order.
     pub fn values(&self) -> Vec<f64> {
         self.parameters.iter().map(|p| p.value).collect()

@@ -74,7 +74,7 @@ pub fn of_written(own: &IdentifiedModel, told: &IdentifiedModel, rig: &Rig, star
         return of_coordinates(own, told, rig);
     }
     let values: Vec<f64> =
-        model.coefficients().iter().map(|n| own.parameter(n).map_or(f64::NAN, |p| p.value)).collect();
+        model.coefficients().iter().map(|n| own.coefficient(n).map_or(f64::NAN, |p| p.value)).collect();
     let found =
         written::mechanism(model, direction, omega, &values).zip(written::parameters(model, direction, omega, &values));
     let Some((mechanism, parameters)) = found else { return of_coordinates(own, told, rig) };

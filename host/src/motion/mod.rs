@@ -212,7 +212,7 @@ fn coefficients(model: &IdentifiedModel, file: &ModelFile) -> Result<Vec<Paramet
             .remedy("Give a model that was identified by the weak form or shooting"));
     }
     let found = |name: &String| {
-        let p = model.parameter(name).or_else(|| model.parameter(&format!("{name}_1")));
+        let p = model.coefficient(name);
         p.map(|p| Parameter { name: name.clone(), ..p.clone() }).ok_or_else(|| {
             BadInput::new(format!("no {name}"), names.join(", "))
                 .at(format!("parameters.{name}"))

@@ -113,7 +113,7 @@ fn at_its_coordinates(model: &IdentifiedModel, bound: &Bound, omega: f64) -> Res
             .remedy("Give a model that was identified on this rig, by the weak form or shooting"));
     }
     let value = |n: &String| {
-        let given = model.parameter(n).or_else(|| model.parameter(&format!("{n}_1"))).map(|p| p.value);
+        let given = model.coefficient(n).map(|p| p.value);
         given.or_else(|| strengths.get(n).copied()).ok_or_else(|| {
             BadInput::new(format!("no {n}"), all.join(", "))
                 .at(format!("parameters.{n}"))

@@ -139,6 +139,49 @@ fn the_measured_single_pendulum_is_continued_to_half_a_degree() {
     assert!(found < three, "{found} {three}");
 }
 
+/// What linearised shooting tells of an oscillator is what shooting with the model itself tells: the same coefficients within a standard error, none larger.
+#[test]
+fn explanations_of_driven_oscillators_are_as_exact_as_shooting() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let rig = rig("duffing.toml");
+    done(folder, &format!("simulate --rig {rig} --seconds 40 --seed 11 -o r.csv"));
+    done(folder, &format!("identify r.csv --rig {rig} --method shooting --json i.json"));
+    let (one, other) = (explained(folder, &folder.join("r.csv"), &rig, ""), json(&folder.join("i.json")));
+    assert_eq!(one["verdict"], "nothing-missing", "{}", one["reason"]);
+    let power = one["residual_power"][1].as_f64().unwrap();
+    assert!((power - 1.0).abs() < 0.15, "{power}");
+    for (name, true_value) in [("m", 1.0), ("c", 0.4), ("k", 40.0), ("k3", 60.0)] {
+        let of = |out: &Value| {
+            let p = out["parameters"].as_array().unwrap().iter().find(|p| p["name"] == name).unwrap().clone();
+            (p["value"].as_f64().unwrap(), p["std_error"].as_f64().unwrap())
+        };
+        let ((a, a_error), (b, b_error)) = (of(&one), of(&other));
+        assert!((a - b).abs() < 2.0 * b_error && a_error < 1.5 * b_error, "{name}: {a} {a_error}, {b} {b_error}");
+        assert!((a - true_value).abs() < 5.0 * a_error, "{name}: {a} {a_error}");
+    }
+}
+
+/// On a cart with a pendulum, under a measured force, a drag at the pendulum and an encoder's offset are found together, with their values.
+#[test]
+fn a_drag_and_an_offset_are_found_together_on_a_cart_with_a_pendulum() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let rig = rig("cart-pendulum.toml");
+    let effects = "--effect quadratic-drag@theta=0.002 --effect zero-offset@encoder2=0.01";
+    done(folder, &format!("simulate --rig {rig} {effects} --seconds 40 --seed 7 -o r.csv"));
+    let out = explained(folder, &folder.join("r.csv"), &rig, "");
+    let mut found = names(&out);
+    found.sort();
+    assert_eq!(found, ["quadratic-drag@theta", "zero-offset@encoder2"], "{}", out["gap"]);
+    assert_eq!(out["verdict"], "explained", "{}", out["reason"]);
+    for e in out["effects"].as_array().unwrap() {
+        let wanted = if e["id"] == "zero-offset" { 0.01 } else { 0.002 };
+        let (value, error) = (e["value"].as_f64().unwrap(), e["std_error"].as_f64().unwrap());
+        assert!((value - wanted).abs() < 5.0 * error && error < 2e-3 * wanted, "{e}");
+    }
+}
+
 /// What is hidden is found at its coordinate; the model that is written starts the next explanation, which finds nothing more.
 #[test]
 fn effects_hidden_in_an_oscillator_are_found_written_and_read_again() {

@@ -45,7 +45,7 @@ impl Candidate {
         let candidate = Self { entry: entry.clone(), place, form, action, beside: None };
         if matches!(candidate.action, Action::Force(_) | Action::Changes(_)) {
             let all = candidate.at_values(setting, physical);
-            let holds = |of: &Node| pieces(of, setting.rig.omega(), &setting.circle).is_ok();
+            let holds = |of: &Node| setting.shooting || pieces(of, setting.rig.omega(), &setting.circle).is_ok();
             // Nothing that the weak form cannot hold, nothing that is nothing.
             if all.iter().any(|c| c.is_empty() || !c.iter().all(|(_, of)| holds(of))) {
                 return None;

@@ -4,7 +4,7 @@ use nalgebra::DVector;
 
 use super::candidates::{Candidate, Column};
 use super::setting::Setting;
-use super::shooting::blocks::Blocks;
+use super::shooting::batches::Batches;
 use super::state::State;
 use super::{design, power, shooting};
 use crate::error::Result;
@@ -24,7 +24,7 @@ pub enum Evidence {
     /// Of the weak form, with their weights.
     Weak(Design, Weights),
     /// Of trajectories.
-    Shooting(Blocks),
+    Shooting(Batches),
 }
 
 /// The last round: columns of the model and of the candidates, and the fit of the model's own.
@@ -35,9 +35,9 @@ pub struct Outcome {
     pub fit: Fit,
 }
 
-impl decision::Evidence for Blocks {
+impl decision::Evidence for &Batches {
     fn fit(&self, columns: &[usize]) -> Option<Fit> {
-        Self::fit(self, columns)
+        Batches::fit(self, columns)
     }
 
     fn rescored(&self, _own: &[usize], _most: usize, _scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>> {
@@ -45,7 +45,7 @@ impl decision::Evidence for Blocks {
     }
 
     fn least_gain(&self, total: f64) -> f64 {
-        LEAST_SHARE * (total - self.noise()).max(0.0)
+        LEAST_SHARE * (total - self.first().noise()).max(0.0)
     }
 
     fn least_deviations(&self) -> f64 {
@@ -62,7 +62,7 @@ impl Evidence {
     pub(in crate::explain) fn judged(&self) -> Box<dyn decision::Evidence + '_> {
         match self {
             Self::Weak(design, weights) => Box::new(Rows { design, weights }),
-            Self::Shooting(blocks) => Box::new(Borrowed(blocks)),
+            Self::Shooting(batches) => Box::new(batches),
         }
     }
 
@@ -103,37 +103,12 @@ impl Evidence {
     }
 }
 
-/// Blocks that belong to someone else.
-struct Borrowed<'a>(&'a Blocks);
-
-impl decision::Evidence for Borrowed<'_> {
-    fn fit(&self, columns: &[usize]) -> Option<Fit> {
-        decision::Evidence::fit(self.0, columns)
-    }
-
-    fn rescored(&self, own: &[usize], most: usize, scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>> {
-        self.0.rescored(own, most, scores)
-    }
-
-    fn least_gain(&self, total: f64) -> f64 {
-        self.0.least_gain(total)
-    }
-
-    fn least_deviations(&self) -> f64 {
-        self.0.least_deviations()
-    }
-
-    fn pairs(&self) -> bool {
-        self.0.pairs()
-    }
-}
-
 impl Outcome {
     /// Held-out sum of squares of shooting, in units that do not change from one step to the next; none for the weak form.
     pub fn left(&self) -> Option<f64> {
         match &self.evidence {
             Evidence::Weak(..) => None,
-            Evidence::Shooting(blocks) => Some(blocks.held_out(&self.own)?),
+            Evidence::Shooting(batches) => batches.first().held_out(&self.own),
         }
     }
 
@@ -144,9 +119,9 @@ impl Outcome {
     pub fn power(&self, setting: &Setting<'_>, state: &State) -> Result<f64> {
         match &self.evidence {
             Evidence::Weak(design, _) => power::ratio(setting, state, design, &self.own, &self.fit.all),
-            Evidence::Shooting(blocks) => {
+            Evidence::Shooting(batches) => {
                 // Over the long horizon.
-                let all = blocks.misfits(&self.fit.all);
+                let all = batches.first().misfits(&self.fit.all);
                 Ok(all.iter().map(|w| w[0]).sum::<f64>() / all.len().max(1) as f64)
             }
         }
@@ -192,14 +167,15 @@ fn by_rows(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>,
 }
 
 fn by_shooting(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>, rounds: usize) -> Result<Outcome> {
-    for _ in 1..rounds {
+    // What has just joined may move the path far: once more than the weak form.
+    for _ in 0..rounds {
         let (x, covariance) = shooting::settle(setting, state).ok_or_else(singular)?;
         state.take(setting, &x);
         state.renew(setting, &x, &covariance);
     }
     let own: Vec<usize> = (0..state.own_columns()).collect();
     let further: Vec<&Candidate> = candidates.iter().collect();
-    let blocks = shooting::evidence(setting, state, &further, &[]).ok_or_else(singular)?;
-    let fit = blocks.fit(&own).ok_or_else(singular)?;
-    Ok(Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit })
+    let batches = Batches::new(setting, state, &further).ok_or_else(singular)?;
+    let fit = batches.fit(&own).ok_or_else(singular)?;
+    Ok(Outcome { candidates, evidence: Evidence::Shooting(batches), own, fit })
 }

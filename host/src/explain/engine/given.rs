@@ -13,7 +13,8 @@ use crate::error::{BadInput, Result};
 use crate::identify::model_file::own_keys;
 use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S, System};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
-use crate::model::model_file::expression::Node;
+use crate::model::model_file::expression::{Node, multiple};
+use crate::motion::at_coordinates;
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
 use crate::system::mechanism::Mechanism;
@@ -47,17 +48,28 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
     }
     let mut by_name = BTreeMap::new();
     for name in setting.whole.model.coefficients() {
-        let Some(p) = model.parameter(&name) else { return bad(format!("no parameter {name}"), "every coefficient") };
+        let Some(p) = model.coefficient(&name) else {
+            return bad(format!("no parameter {name}"), "every coefficient");
+        };
         by_name.insert(name, p.value);
     }
-    state.values = setting.model().coefficients().iter().filter_map(|n| by_name.get(n).copied()).collect();
+    // A record's own coefficient starts from that of the first where the model knows fewer records.
+    let value = |n: &String| -> Option<f64> {
+        let short = n.rsplit_once('_').map_or(n.as_str(), |(short, _)| short);
+        let known = model.parameter(n).map(|p| p.value);
+        known.or_else(|| by_name.get(n).copied()).or_else(|| by_name.get(short).copied())
+    };
+    state.values = setting.own.names.iter().filter_map(value).collect();
     if let Some(mechanism) = setting.whole.model.mechanism.as_deref() {
         for k in &mut state.chosen {
             k.strengths[0] = damping(mechanism, &k.candidate.name(setting), &state.physical.values, &by_name);
         }
     }
     let all = setting.candidates(&state.physical);
-    for e in &model.effects {
+    // Earlier versions wrote what stands at a coordinate without where it acts.
+    let earlier = setting.is_written() && !model.found_with.contains_key(RECORD_S);
+    let as_written = if earlier { at_coordinates::of(model, setting.model())? } else { Vec::new() };
+    for (index, e) in model.effects.iter().enumerate() {
         let name = format!("{}@{}", e.id, e.at);
         let found = all.iter().find(|c| {
             c.name(setting) == name && (c.refined_shape().is_some() || form_of(&c.entry, e).as_ref() == Some(&c.form))
@@ -76,6 +88,15 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
             return bad(format!("{} strengths of {name}", e.strengths.len()), "as many as the effect has");
         }
         joined.strengths.iter_mut().zip(&e.strengths).for_each(|(to, from)| *to = *from);
+        if let Some(terms) = as_written.get(index) {
+            let columns = joined.candidate.plain(setting, &state.physical);
+            for ((to, from), (term, column)) in
+                joined.strengths.iter_mut().zip(&e.strengths).zip(terms.columns.iter().zip(&columns))
+            {
+                let own = column.iter().find(|c| c.0 == terms.equation);
+                *to = own.and_then(|(_, of)| multiple(term, of)).map_or(0.0, |k| k * from);
+            }
+        }
         state.chosen.push(joined);
     }
     state.nominal = state.chosen.len();
@@ -137,7 +158,7 @@ pub fn motion(given: &IdentifiedModel, rig: &Rig, bound: &Bound, start_s: f64) -
         return Ok(None);
     }
     let values: Vec<f64> =
-        model.coefficients().iter().map(|n| given.parameter(n).map_or(f64::NAN, |p| p.value)).collect();
+        model.coefficients().iter().map(|n| given.coefficient(n).map_or(f64::NAN, |p| p.value)).collect();
     let places = if written::applies(model) {
         // What was found before effects had places in written equations does not tell the record's length.
         if !given.found_with.contains_key(RECORD_S) {
@@ -187,7 +208,7 @@ pub fn motion(given: &IdentifiedModel, rig: &Rig, bound: &Bound, start_s: f64) -
         .coefficients()
         .iter()
         .map(|n| {
-            let value = given.parameter(n).map(|p| p.value).or_else(|| strengths.get(n).copied());
+            let value = given.coefficient(n).map(|p| p.value).or_else(|| strengths.get(n).copied());
             value.ok_or_else(|| {
                 BadInput::new(format!("no {n}"), motion.coefficients().join(", "))
                     .at(format!("parameters.{n}"))

@@ -55,6 +55,8 @@ use crate::rig::measures::Bound;
 
 /// Step of integration as a share of the shortest horizon: 1e-8 of a smooth motion with a method of fifth order.
 const STEP: f64 = 0.01;
+/// Share by which what a law without a shape leaves may exceed what one with a shape does.
+const AS_LITTLE: f64 = 0.01;
 /// Standard errors from nothing at which a name stands.
 const CLEAR: f64 = 2.0;
 /// Share of its promise at a strength of nothing that an effect must keep.
@@ -136,6 +138,7 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
         let last = result.effects.len() >= search.most;
         let next = if last { None } else { choose(&setting, &state, &outcome, &search.refused, &mut result) };
         let Some((found, candidate)) = next else { break outcome };
+        let (found, candidate) = simpler(&setting, &state, &outcome, found, candidate);
         result.effects.push(found);
         search.kept = Some((state.clone(), outcome));
         let joined = Chosen::new(&setting, candidate, &state.physical);
@@ -165,6 +168,61 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
     Ok(Some(result))
 }
 
+/// Of a law with a shape and one without at the same place, which held-out data do not tell apart to first order, the one without where it leaves as little when
+/// everything is refitted: Stribeck's friction at a velocity beyond the motion is Coulomb's.
+fn simpler(
+    setting: &Setting<'_>,
+    state: &State,
+    outcome: &Outcome,
+    mut found: Found,
+    candidate: Candidate,
+) -> (Found, Candidate) {
+    if !setting.shooting || candidate.refined_shape().is_none() {
+        return (found, candidate);
+    }
+    let plain = |c: &&Candidate| {
+        c.form.is_empty() && c.place == candidate.place && found.indistinguishable_from.contains(&c.name(setting))
+    };
+    let Some(other) = outcome.candidates.iter().find(plain).cloned() else { return (found, candidate) };
+    let left = |c: &Candidate| {
+        let mut trial = state.clone();
+        trial.chosen.push(Chosen::new(setting, c.clone(), &state.physical));
+        refit(setting, &mut trial, Vec::new()).ok().and_then(|o| o.left())
+    };
+    match (left(&candidate), left(&other)) {
+        (Some(shaped), Some(plain)) if plain <= (1.0 + AS_LITTLE) * shaped => {
+            let name = other.name(setting);
+            for twin in found.indistinguishable_from.iter_mut().filter(|t| **t == name) {
+                *twin = candidate.name(setting);
+            }
+            (found.id, found.equation) = (other.entry.id.clone(), other.entry.equation.clone());
+            found.confirm.clone_from(&other.entry.confirm);
+            (found, other)
+        }
+        _ => (found, candidate),
+    }
+}
+
+/// The effect that is furthest from being anything, if one is within [`CLEAR`] standard errors of nothing.
+fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<usize> {
+    let mut at = state.values.len();
+    let mut weakest: Option<(usize, f64)> = None;
+    for (k, chosen) in state.chosen.iter().enumerate() {
+        // What is found as an increment has its strength in the state.
+        let applied = if chosen.candidate.is_applied() { 1.0 } else { 0.0 };
+        let clear = (0..chosen.candidate.entry.strengths.len()).map(|i| {
+            let error = outcome.fit.covariance[(at + i, at + i)].max(0.0).sqrt();
+            (outcome.fit.all[at + i] + applied * chosen.strengths[i]).abs() / error.max(f64::MIN_POSITIVE)
+        });
+        let clear = clear.fold(0.0, f64::max);
+        at += chosen.strengths.len();
+        if k >= state.nominal && clear < CLEAR && weakest.is_none_or(|w| clear < w.1) {
+            weakest = Some((k, clear));
+        }
+    }
+    weakest.map(|w| w.0).filter(|_| setting.shooting)
+}
+
 /// Takes effects away again that beside those found after them are nothing: no name stands whose strengths are within two standard errors of none.
 fn without_traces(
     setting: &Setting<'_>,
@@ -173,24 +231,7 @@ fn without_traces(
     horizons: (f64, f64),
     result: &mut Explanation,
 ) -> Result<Outcome> {
-    while setting.shooting {
-        let mut at = state.values.len();
-        let mut weakest: Option<(usize, f64)> = None;
-        for (k, chosen) in state.chosen.iter().enumerate() {
-            let d = chosen.strengths.len();
-            // What is found as an increment has its strength in the state.
-            let applied = if chosen.candidate.is_applied() { 1.0 } else { 0.0 };
-            let clear = (0..chosen.candidate.entry.strengths.len()).map(|i| {
-                let error = outcome.fit.covariance[(at + i, at + i)].max(0.0).sqrt();
-                (outcome.fit.all[at + i] + applied * chosen.strengths[i]).abs() / error.max(f64::MIN_POSITIVE)
-            });
-            let clear = clear.fold(0.0, f64::max);
-            at += d;
-            if k >= state.nominal && clear < CLEAR && weakest.is_none_or(|w| clear < w.1) {
-                weakest = Some((k, clear));
-            }
-        }
-        let Some((k, _)) = weakest else { break };
+    while let Some(k) = without_trace(setting, state, &outcome) {
         let _ = state.chosen.remove(k);
         let gone = result.effects.remove(k - state.nominal);
         let name = format!("{}@{}", gone.id, gone.at);

@@ -323,11 +323,17 @@ fn solve(a: &mut [f64], n: usize, sides: usize, out: &mut [f64]) -> bool {
             }
         }
     }
+    // Row after row, so that all right-hand sides of one lie side by side.
     for k in (0..n).rev() {
-        for side in 0..sides {
-            let sum: f64 = (k + 1..n).map(|j| a[k * w + j] * out[j * sides + side]).sum();
-            out[k * sides + side] = (a[k * w + n + side] - sum) / a[k * w + k];
+        let (rows, below) = out.split_at_mut((k + 1) * sides);
+        let row = &mut rows[k * sides..];
+        row.copy_from_slice(&a[k * w + n..(k + 1) * w]);
+        for (j, found) in (k + 1..n).zip(below.chunks_exact(sides)) {
+            let f = a[k * w + j];
+            row.iter_mut().zip(found).for_each(|(x, y)| *x -= f * y);
         }
+        let pivot = a[k * w + k];
+        row.iter_mut().for_each(|x| *x /= pivot);
     }
     out[..n * sides].iter().all(|x| x.is_finite())
 }
