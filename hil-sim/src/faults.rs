@@ -7,7 +7,8 @@
 //!
 //! The truth is not what was drawn but what came of it: a frame has *survived* if between two zeros of the output there
 //! are exactly its bytes; otherwise it is *damaged* if any byte of it came out, and *vanished* if none did. (A doubled
-//! zero harms nobody; a lost zero takes the next frame with it.) The link decodes its clean input to know
+//! zero harms nobody; a lost zero takes the next frame with it. A receiver that opens its end anew ends a frame there, see
+//! [`FaultyLink::reopened`].) The link decodes its clean input to know
 //! which samples each frame carried. Memory is bounded whatever the input.
 
 mod account;
@@ -137,6 +138,16 @@ impl FaultyLink {
         self.unplugged_frames = 0;
     }
 
+    /// The receiver has opened its end anew, and begins a frame there as behind a zero: one that lacked its zero alone is whole,
+    /// and one that comes whole now is not spoiled by the rest of an earlier one.
+    pub fn reopened(&mut self) {
+        if !self.segment.is_empty() || self.spoiled {
+            self.segment.push(0);
+            self.segment_ends(true);
+            self.settle();
+        }
+    }
+
     /// What was done until now. Frames still on their way are not in it; [`Self::finish`] decides them.
     pub fn report(&self) -> &FaultReport {
         &self.report
@@ -250,20 +261,24 @@ impl FaultyLink {
             if self.contributors.last() != Some(&id) {
                 self.contributors.push(id);
             }
-            if byte != 0 && self.segment.len() < 2 * MAX_CHUNK {
-                continue;
-            }
-            let spoiled = std::mem::replace(&mut self.spoiled, byte != 0) || byte != 0;
-            let segment = std::mem::take(&mut self.segment);
-            for contributor in std::mem::take(&mut self.contributors) {
-                if let Some(frame) = self.pending.iter_mut().find(|frame| frame.id == contributor) {
-                    frame.came_out = true;
-                    frame.copies += u64::from(!spoiled && frame.clean == segment);
-                }
+            if byte == 0 || self.segment.len() >= 2 * MAX_CHUNK {
+                self.segment_ends(byte == 0);
             }
         }
         if let Some(frame) = self.pending.iter_mut().find(|frame| frame.id == id) {
             frame.came_out |= !bytes.is_empty();
+        }
+    }
+
+    /// Judges what came out since the last zero: of whom it is whole. Without a zero it was only too long to be kept.
+    fn segment_ends(&mut self, at_zero: bool) {
+        let spoiled = std::mem::replace(&mut self.spoiled, !at_zero) || !at_zero;
+        let segment = std::mem::take(&mut self.segment);
+        for contributor in std::mem::take(&mut self.contributors) {
+            if let Some(frame) = self.pending.iter_mut().find(|frame| frame.id == contributor) {
+                frame.came_out = true;
+                frame.copies += u64::from(!spoiled && frame.clean == segment);
+            }
         }
     }
 

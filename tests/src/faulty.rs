@@ -40,7 +40,10 @@ fn lock(faults: &Mutex<Faults>) -> MutexGuard<'_, Faults> {
 
 impl Source for FaultySource {
     fn open(&mut self) -> io::Result<Box<dyn Link>> {
-        Ok(Box::new(FaultyPort { inner: self.inner.open()?, faults: self.faults.clone(), rest: Vec::new() }))
+        let inner = self.inner.open()?;
+        // A capture ends the frame that was cut.
+        lock(&self.faults).down.reopened();
+        Ok(Box::new(FaultyPort { inner, faults: self.faults.clone(), rest: Vec::new() }))
     }
 
     fn now(&self) -> Instant {

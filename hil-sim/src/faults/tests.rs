@@ -159,3 +159,38 @@ fn noise_without_zeros_needs_no_memory() {
     link.finish();
     assert_eq!(link.report().samples.total(), 0);
 }
+
+#[test]
+fn a_receiver_that_opens_its_end_anew_ends_a_frame_there() {
+    // The plug is pulled somewhere in a frame and put in again somewhere in a later one; the receiver opens its end anew in between.
+    let settings = FaultSettings { unplug: 0.05, unplug_frames: 3, ..FaultSettings::default() };
+    let mut survived = [0; 2];
+    for seed in 0..400 {
+        for told in [false, true] {
+            let mut link = FaultyLink::new(settings, seed);
+            let (mut out, mut silent) = (Vec::new(), 0);
+            for frame in stream(60).split_inclusive(|byte| *byte == 0) {
+                let came = link.push(frame);
+                silent = if came.is_empty() { silent + 1 } else { 0 };
+                out.extend(came);
+                if silent == 1 {
+                    out.push(0);
+                    if told {
+                        link.reopened();
+                    }
+                }
+            }
+            out.extend(link.finish());
+            let report = link.report();
+            survived[usize::from(told)] += report.samples.survived;
+            if told {
+                let (ticks, _) = received(&out);
+                let lost = report.lost.iter().flat_map(|l| l.first_tick..l.first_tick + l.count);
+                assert!(lost.eq((0..600).filter(|tick| !ticks.contains(tick))), "seed {seed}");
+                assert_eq!(report.samples.survived, ticks.len() as u64, "seed {seed}");
+            }
+        }
+    }
+    // Frames that lacked their zero alone, and whole ones behind a cut one.
+    assert!(survived[1] > survived[0] + 100, "{survived:?}");
+}

@@ -265,7 +265,13 @@ impl Reader<'_> {
             (None, None) => return None,
         };
         let recoverable = !self.recover && (self.broken.is_some() || !rows.t.is_empty());
-        let found = format!("a truncated or damaged Parquet file ({why}); {}", rows.last_whole());
+        let whole = if self.broken.is_some() && rows.t.is_empty() && !self.recover {
+            // What follows may well be.
+            "no row before it is whole".to_owned()
+        } else {
+            rows.last_whole()
+        };
+        let found = format!("a truncated or damaged Parquet file ({why}); {whole}");
         let remedy = if recoverable {
             "Copy the file again, or read what is whole of it with --recover"
         } else {

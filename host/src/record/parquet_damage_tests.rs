@@ -78,6 +78,20 @@ fn one_flipped_bit_costs_its_row_group_and_is_named() {
 }
 
 #[test]
+fn a_flipped_bit_in_the_first_row_group_is_not_said_to_cost_all_rows() {
+    let (_dir, path) = dir();
+    write(&path, OWN, 0..0);
+    let mut bytes = std::fs::read(&path).unwrap();
+    let (start, length) = extent(&groups(&path)[0]).unwrap();
+    bytes[(start + length / 2) as usize] ^= 4;
+    std::fs::write(&path, &bytes).unwrap();
+    let e = read_with(&path, false).unwrap_err().to_string();
+    let parts = ["row group 1 of 4 (rows 1 to 2500)", "no row before it is whole", "--recover"];
+    assert!(parts.iter().all(|p| e.contains(p)), "{e}");
+    assert_eq!(as_written(&read_with(&path, true).unwrap()), 6500);
+}
+
+#[test]
 fn a_flipped_bit_anywhere_costs_at_most_its_row_group() {
     let (_dir, path) = dir();
     write(&path, OWN, 0..0);

@@ -9,6 +9,7 @@
 //! With σ² the variance that the same polynomial leaves beside the suspect, a hypothesis with k shapes costs rest/σ² + [`PRICE`] k. One that is no
 //! motion is believed where (a) z² = its gain over the cheapest motion exceeds the limit that [`super::tail`] derives from places spread over the
 //! record, (b) what it leaves is like what is left beside it, and (c) its size exceeds twice every bend that motion itself has in this record (impacts, play).
+//! A break's velocity is said to leap where without the bend z² more than that limit's would be left, and it exceeds twice those bends as well.
 //! W and the polynomial's degree are those with which the height of a step is least uncertain over the record: the better the smaller the band of the motion.
 
 use super::local_fit::{Fitted, Shape, Window, fit};
@@ -56,6 +57,8 @@ pub struct Found {
     pub size: f64,
     /// Its standard error.
     pub error: f64,
+    /// Of a break: by how much the velocity leaps, unit a sample; 0 where real motion leaps as much, or noise might.
+    pub bend: f64,
     /// Standard deviations by which it beats real motion.
     pub z: f64,
 }
@@ -140,6 +143,7 @@ impl Judge {
                 break;
             }
         }
+        found.iter_mut().filter(|f| f.bend.abs() <= 2.0 * bend).for_each(|f| f.bend = 0.0);
         found.sort_by_key(|f| (f.stretch, f.from));
         found
     }
@@ -169,9 +173,16 @@ impl Judge {
                 if best.as_ref().is_none_or(|b| c < b.0) {
                     let freedom = window.freedom().saturating_sub(shapes).max(1) as f64;
                     let error = variance.sqrt() * fitted.error;
-                    let (size, z) = (fitted.values[which], 0.0);
-                    let f =
-                        Found { stretch: suspect.stretch, from: first + from, to: first + to, kind, size, error, z };
+                    let f = Found {
+                        stretch: suspect.stretch,
+                        from: first + from,
+                        to: first + to,
+                        kind,
+                        size: fitted.values[which],
+                        error,
+                        bend: 0.0,
+                        z: 0.0,
+                    };
                     best = Some((c, f, fitted.rest / freedom / variance));
                 }
             };
@@ -203,6 +214,15 @@ impl Judge {
             return Some(Verdict::Motion(if motion.1 < LIKE { motion.2 } else { 0.0 }));
         }
         found.z = gain.sqrt();
+        if found.kind == Kind::Break {
+            let at = (found.from - first) as f64 - 0.5;
+            let [step, bend, curvature] =
+                [Shape::Step(at), Shape::Bend(at), Shape::Curvature(at)].map(|s| window.shape(s));
+            let (with, without) = (fit(&x, &[&step, &curvature, &bend]), fit(&x, &[&step, &curvature]));
+            if without.rest - with.rest > self.limit * self.limit * variance {
+                found.bend = with.values[2];
+            }
+        }
         (like < LIKE).then_some(Verdict::Fault(found))
     }
 

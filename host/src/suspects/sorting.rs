@@ -1,7 +1,8 @@
 //! Breaks of single channels, put together: what happens to all channels at one row is no encoder's slip.
 //!
 //! At a row where steps S_k are found, with v_k the mean of the increments on either side: S_k = m v_k for one whole m ≥ 1 in every channel that shows it
-//! means m rows missing there, S_k = −v_k a row that is there twice. Steps of two channels at one row that are neither are two records joined.
+//! means m rows missing there, S_k = −v_k a row that is there twice. Steps of two channels at one row that are neither are two records joined,
+//! and so is a step of one channel whose velocity leaps there: the others may have met by chance.
 //! A channel that takes no part must not contradict: abs(S_k − m v_k) within 5 of its own increments' scatter.
 
 use super::breaks::{Found, Kind};
@@ -45,7 +46,8 @@ pub fn sort(traces: &[Trace<'_>], found: &[Vec<Found>]) -> Vec<Event> {
         events.push(match rows(traces, &group) {
             Some(m) => Event::Rows(m, f.stretch, f.from),
             None if group.len() > 1 => Event::Joined(f.stretch, f.from),
-            None if f.kind == Kind::Break && traces.len() == 1 => Event::Joined(f.stretch, f.from),
+            // An encoder's slip leaves the velocity as it was.
+            None if f.kind == Kind::Break && (traces.len() == 1 || f.bend != 0.0) => Event::Joined(f.stretch, f.from),
             None => Event::Slip(channel, f),
         });
     }
@@ -111,5 +113,19 @@ mod tests {
         let mut x = motion();
         x.iter_mut().for_each(|c| drop(c.drain(9003..9590)));
         assert_eq!(events(&x), [Event::Joined(0, 9003)]);
+    }
+
+    #[test]
+    fn records_that_meet_by_chance_in_one_channel_are_joined() {
+        let mut x = motion();
+        x[0] = (0..20_000)
+            .map(|i| (900.0 * (core::f64::consts::TAU / 160.0 * f64::from(i)).sin()).floor() as i32)
+            .collect();
+        x.iter_mut().for_each(|c| drop(c.drain(9003..9163)));
+        assert_eq!(events(&x), [Event::Joined(0, 9003)]);
+        // A slip of one channel leaves its velocity as it was, however great it is.
+        let mut x = motion();
+        x[1][9000..].iter_mut().for_each(|c| *c -= 17_644);
+        assert!(matches!(events(&x)[..], [Event::Slip(1, f)] if f.from == 9000), "{:?}", events(&x));
     }
 }
