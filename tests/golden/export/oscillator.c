@@ -4,7 +4,7 @@
 // State x: x_ (SI unit), v_x (SI unit/s).
 // Inputs u: force (SI unit).
 // Effects beside the nominal model:
-//   cubic-stiffness@x: k x³; value 1.5 N/m³, standard error 2.0e-1
+//   cubic-stiffness@x: −k x³; value 1.5 N/m³, standard error 2.0e-1
 //
 // f(t, x, u, dx) writes the right-hand side dx/dt. Build and run the example at the end, which prints CSV:
 //     cc -O2 -std=c99 -o model THIS_FILE -lm && ./model

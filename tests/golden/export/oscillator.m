@@ -5,7 +5,7 @@ function [t, x, f] = oscillator(seconds, step_s, x)
 % State x: x_ (SI unit), v_x (SI unit/s).
 % Inputs u: force (SI unit).
 % Effects beside the nominal model:
-%   cubic-stiffness@x: k x³; value 1.5 N/m³, standard error 2.0e-1
+%   cubic-stiffness@x: −k x³; value 1.5 N/m³, standard error 2.0e-1
 %
 % [t, x, f] = oscillator integrates the example below and returns times t (s), states x (one row each) and
 % the right-hand side f(t, x, u); oscillator(seconds, step_s, x0) takes another length, step and initial state.

@@ -4,7 +4,7 @@
 // State x: x (SI unit), v_x (SI unit/s).
 // Inputs u: force (SI unit).
 // Effects beside the nominal model:
-//   cubic-stiffness@x: k x³; value 1.5 N/m³, standard error 2.0e-1
+//   cubic-stiffness@x: −k x³; value 1.5 N/m³, standard error 2.0e-1
 //
 // The equations as they were identified; the tool solves them for the accelerations. Simulate it as it is for an example.
 model oscillator "Duffing's oscillator, \"stiff\""

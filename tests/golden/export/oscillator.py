@@ -5,7 +5,7 @@
 # State x: x_ (SI unit), v_x (SI unit/s).
 # Inputs u: force (SI unit).
 # Effects beside the nominal model:
-#   cubic-stiffness@x: k x³; value 1.5 N/m³, standard error 2.0e-1
+#   cubic-stiffness@x: −k x³; value 1.5 N/m³, standard error 2.0e-1
 #
 # f(t, x, u) is the right-hand side dx/dt. Run this file to integrate the example at its end, printed as CSV.
 
