@@ -112,6 +112,14 @@ impl Outcome {
         }
     }
 
+    /// Coefficients from windows of shooting that end before a sample of a stretch.
+    pub fn until(&self, stretch: usize, sample: usize) -> Option<DVector<f64>> {
+        match &self.evidence {
+            Evidence::Weak(..) => None,
+            Evidence::Shooting(batches) => batches.first().until(&self.own, stretch, sample),
+        }
+    }
+
     /// Ratio of what is left to what the sensors' noise gives.
     ///
     /// # Errors

@@ -82,49 +82,90 @@ pub fn gap(
     if freedom > 0.0 { (sums.iter().flatten().sum::<f64>() / freedom).sqrt() } else { f64::NAN }
 }
 
-/// Parameters, each with its sign (0: either), and initial state fitted by simulation to the end of the first `share` of a stretch (its last
-/// [`MOST_FREE`] or [`MOST_DRIVEN`] samples), then simulated to the stretch's end without touching the state: the fitted parameters, and the rms
+/// A part of a stretch that a free run is fitted to, and where it ends: samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Span {
+    /// Stretch.
+    pub stretch: usize,
+    /// End of what is fitted.
+    pub fitted: usize,
+    /// End of what is predicted.
+    pub end: usize,
+}
+
+/// Step of integration for a free run from a piece on.
+fn step_of(motion: &EquationsOfMotion, parameters: &[f64], track: &Track<'_>, piece: &Piece, guess: &[f64]) -> f64 {
+    let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
+    let head = [track.problem(motion, PERIOD_S, &at).head(piece, STEP_SAMPLES)];
+    track.step_s(motion, &head, &[guess.to_vec()], parameters, (PERIOD_S, EXACT))
+}
+
+/// Rms of residuals behind `fitted` samples, of the sensor with the greatest.
+fn rms_behind(residuals: &[f64], fitted: usize, track: &Track<'_>) -> f64 {
+    let sensors = track.sensors.len();
+    let of = |k: usize| {
+        let rest = || residuals.iter().skip(fitted * sensors + k).step_by(sensors);
+        let mean = rest().map(|r| (r * track.sigma[k]).powi(2)).sum::<f64>() / (rest().count().max(1) as f64);
+        mean.sqrt()
+    };
+    (0..sensors).map(of).fold(0.0, f64::max)
+}
+
+/// Parameters as they are, a state fitted to the last `window` samples of what is fitted, then simulated without touching the state: the rms error over the rest.
+pub fn run(
+    motion: &EquationsOfMotion,
+    parameters: &[f64],
+    track: &Track<'_>,
+    span: Span,
+    window: usize,
+) -> Option<f64> {
+    let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
+    let window = window.clamp(64, span.fitted.max(64));
+    let first = span.fitted.checked_sub(window)?;
+    let (whole, guess) = track.piece(span.stretch, first, span.end - first)?;
+    let step_s = step_of(motion, parameters, track, &whole, &guess);
+    let problem = track.problem(motion, step_s, &at);
+    let lengths = [window / 16, window / 4, window].map(|l| l.max(16));
+    let mut room = problem.room(false);
+    let (state, _) = problem.fit_state(&problem.head(&whole, window), &guess, parameters, &lengths, &mut room)?;
+    let residuals = problem.residuals(&whole, &state, parameters, &mut room)?;
+    Some(rms_behind(&residuals, window, track))
+}
+
+/// Parameters, each with its sign (0: either; NaN: as it is), and initial state fitted by simulation to what is fitted (its last
+/// [`MOST_FREE`] or [`MOST_DRIVEN`] samples), then simulated without touching the state: the fitted parameters, and the rms
 /// error over the rest of the sensor with the greatest.
 pub fn simulate(
     motion: &EquationsOfMotion,
     (parameters, signs): (&[f64], &[f64]),
     track: &Track<'_>,
-    stretch: usize,
-    share: f64,
+    span: Span,
 ) -> Option<(Vec<f64>, f64)> {
     let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
-    let samples = track.samples(stretch);
-    let end = (share * samples as f64) as usize;
     let most = if track.is_driven() { MOST_DRIVEN } else { MOST_FREE };
-    let first = end.saturating_sub(most);
-    let fitted = end - first;
+    let first = span.fitted.saturating_sub(most);
+    let fitted = span.fitted - first;
     if fitted < 64 {
         return None;
     }
-    let (piece, guess) = track.piece(stretch, first, fitted)?;
-    let plain = track.problem(motion, PERIOD_S, &at);
-    let head = [plain.head(&piece, STEP_SAMPLES)];
-    let step_s = track.step_s(motion, &head, core::slice::from_ref(&guess), parameters, (PERIOD_S, EXACT));
+    let (piece, guess) = track.piece(span.stretch, first, fitted)?;
+    let step_s = step_of(motion, parameters, track, &piece, &guess);
     let problem = track.problem(motion, step_s, &at);
     // The state first, over longer and longer beginnings, then everything over the whole part.
     let lengths: Vec<usize> = (0..).map(|k| 64_usize << (2 * k)).take_while(|l| *l < fitted).chain([fitted]).collect();
     let (state, _) = problem.fit_state(&piece, &guess, parameters, &lengths, &mut problem.room(false))?;
     let bounds: Bounds = signs
         .iter()
-        .map(|s| [if *s > 0.0 { 0.0 } else { f64::NEG_INFINITY }, if *s < 0.0 { 0.0 } else { f64::INFINITY }])
+        .zip(parameters)
+        .map(|(s, p)| match *s {
+            s if s.is_nan() => [*p, *p],
+            s => [if s > 0.0 { 0.0 } else { f64::NEG_INFINITY }, if s < 0.0 { 0.0 } else { f64::INFINITY }],
+        })
         .collect();
     let fit = minimise(&problem, &[piece], (parameters, vec![state]), &bounds, TOLERANCE, ROUNDS, &mut || {})?;
-    let (whole, _) = track.piece(stretch, first, samples - first)?;
+    let (whole, _) = track.piece(span.stretch, first, span.end - first)?;
     let residuals = problem.residuals(&whole, fit.states.first()?, &fit.parameters, &mut problem.room(false))?;
-    let sensors = track.sensors.len();
-    let error = (0..sensors)
-        .map(|k| {
-            let rest = || residuals.iter().skip(fitted * sensors + k).step_by(sensors);
-            let mean = rest().map(|r| (r * track.sigma[k]).powi(2)).sum::<f64>() / (rest().count().max(1) as f64);
-            mean.sqrt()
-        })
-        .fold(0.0, f64::max);
-    Some((fit.parameters, error))
+    Some((fit.parameters, rms_behind(&residuals, fitted, track)))
 }
 
 /// Mean square of a piece's motion about its mean, in units of the noise.

@@ -1,16 +1,19 @@
-//! Free runs: the model fitted by simulation to the beginning of the longest stretch and continued to its end without touching the state.
+//! Free runs: the model fitted to the beginning of the longest stretch and continued to its end without touching the state.
+//!
+//! Fitted by the windows of shooting that lie in the beginning, with a state from the last of them; where there are too few, by simulation to all of it.
 //!
 //! Of systems that are free or follow measured inputs; what a drive keeps moving may be chaotic, and no simulation follows it.
 
 use serde::Serialize;
 
 use super::evidence::Outcome;
-use super::prediction;
+use super::prediction::{self, Span};
 use super::setting::Setting;
 use super::shooting::signs;
 use super::state::State;
 use super::units::Unit;
 use crate::explain::explanation::Step;
+use crate::identify::general::track::Track;
 
 /// Shares of the record that simulations are fitted to.
 const FITTED: [f64; 2] = [2.0 / 3.0, 0.75];
@@ -63,8 +66,13 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
             return kept[i];
         }
         let place = |t: &str| t.parse::<usize>().ok();
-        let found = name.split_once(' ').and_then(|(a, b)| Some((place(a)?, place(b)?)));
-        found.and_then(|(k, j)| signs::of(&state.chosen.get(k)?.candidate).get(j).copied()).unwrap_or(0.0)
+        let Some((k, j)) = name.split_once(' ').and_then(|(a, b)| Some((place(a)?, place(b)?))) else { return 0.0 };
+        let Some(chosen) = state.chosen.get(k) else { return 0.0 };
+        // What refines a shape is no strength of its own: it stays.
+        if j >= chosen.candidate.entry.strengths.len() {
+            return f64::NAN;
+        }
+        signs::of(&chosen.candidate).get(j).copied().unwrap_or(0.0)
     };
     let names = motion.coefficients();
     let signs: Vec<f64> = names.iter().map(sign_of).collect();
@@ -76,12 +84,18 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
             _ => name.clone(),
         }
     };
+    let Some(stretch) = longest else { return };
+    let samples = state.stretches[stretch].len();
+    let window = state.followed.as_ref().map_or(samples / 8, |f| f.samples());
     for simulation in all {
-        let found = longest.and_then(|k| {
-            state.on_track(setting, |track| {
-                prediction::simulate(&motion, (&parameters, &signs), track, k, simulation.fitted)
-            })
+        let span = Span { stretch, fitted: (simulation.fitted * samples as f64) as usize, end: samples };
+        let by_windows = outcome.until(stretch, span.fitted).and_then(|x| {
+            let (motion, parameters) = state.motion_of(setting, &x, record)?;
+            let run = |t: &Track<'_>| prediction::run(&motion, &parameters, t, span, window);
+            state.on_track(setting, run).map(|error| (parameters, error))
         });
+        let simulate = |t: &Track<'_>| prediction::simulate(&motion, (&parameters, &signs), t, span);
+        let found = by_windows.or_else(|| state.on_track(setting, simulate));
         let value = found.as_ref().map_or(f64::NAN, |(_, error)| error * unit.factor);
         simulation.steps.push(Step { added: added.clone(), value });
         simulation.parameters = found.map_or_else(Vec::new, |(p, _)| {

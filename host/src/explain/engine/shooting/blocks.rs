@@ -30,6 +30,8 @@ pub struct Blocks {
     signs: Vec<f64>,
     /// Columns of increments, which have settled: a fit to two thirds of the blocks, whose predictions are not made with them, leaves them at nothing.
     pub still: Vec<bool>,
+    /// Where each window lies: stretch, and the samples of it at which it begins and ends.
+    pub places: Vec<[usize; 3]>,
 }
 
 /// The least-squares solution with signs kept (0: any), and what is held at zero.
@@ -69,7 +71,7 @@ impl Blocks {
     /// Blocks of equal weight.
     pub fn new(windows: Vec<Vec<Part>>, signs: Vec<f64>) -> Self {
         let weights = windows.iter().map(|w| vec![1.0; w.len()]).collect();
-        Self { windows, weights, signs, still: Vec::new() }
+        Self { windows, weights, signs, still: Vec::new(), places: Vec::new() }
     }
 
     /// Mean square residual of each part in units of the noise, for coefficients of the first columns.
@@ -116,6 +118,25 @@ impl Blocks {
         let kept = grams.iter().enumerate().filter(|(k, _)| k % FOLDS != fold);
         let total = kept.fold(DMatrix::zeros(p + 1, p + 1), |s, (_, g)| s + g);
         Some(solve_signed(&total, &self.signs_of(columns))?.0)
+    }
+
+    /// Coefficients from the windows that end before a sample of a stretch (all of the other stretches), increments left at nothing; none where they are few.
+    pub fn until(&self, columns: &[usize], stretch: usize, sample: usize) -> Option<DVector<f64>> {
+        let p = columns.len();
+        let grams = self.grams(columns);
+        let kept: Vec<&DMatrix<f64>> = grams
+            .iter()
+            .zip(&self.places)
+            .filter(|(_, [s, _, end])| *s != stretch || *end <= sample)
+            .map(|(g, _)| g)
+            .collect();
+        if kept.len() < FOLDS {
+            return None;
+        }
+        let total = kept.into_iter().fold(DMatrix::zeros(p + 1, p + 1), |s, g| s + g);
+        let held = solve_signed(&total, &self.signs_of(columns))?.1;
+        let still = |i: usize| self.still.get(columns[i]).copied().unwrap_or(false);
+        solve_free(&total, &(0..p).map(|i| held[i] || still(i)).collect::<Vec<_>>())
     }
 
     fn signs_of(&self, columns: &[usize]) -> Vec<f64> {

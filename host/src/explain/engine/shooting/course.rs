@@ -218,7 +218,15 @@ impl<'a> Course<'a> {
         let (count, records) = self.columns(list)?;
         let of = |w: &Window| Some(self.solve(&paths[w.stretch], w, list, (count, &records))?.parts);
         let found: Vec<Option<Vec<Part>>> = all.par_iter().map(of).collect();
-        Some(Blocks::new(found.into_iter().flatten().collect(), signs))
+        let whole = |w: &Window| {
+            let first = paths[w.stretch].first + w.first;
+            [w.stretch, first, first + w.count]
+        };
+        let kept = found.into_iter().zip(all).filter_map(|(parts, w)| Some((parts?, whole(w))));
+        let (windows, places) = kept.unzip();
+        let mut blocks = Blocks::new(windows, signs);
+        blocks.places = places;
+        Some(blocks)
     }
 
     /// Rows of a window less the states that were eliminated.

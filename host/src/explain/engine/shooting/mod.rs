@@ -64,6 +64,11 @@ pub struct Followed {
 }
 
 impl Followed {
+    /// Samples of a window.
+    pub fn samples(&self) -> usize {
+        self.length.unwrap_or(0)
+    }
+
     /// How many windows, and the length of one, s.
     pub fn windows(&self, setting: &Setting<'_>) -> (usize, f64) {
         let step_s = setting.raw.first().map_or(0.0, |s| s.step_s);
