@@ -342,6 +342,8 @@ fn choose(
     result: &mut Explanation,
 ) -> Option<(Found, Candidate)> {
     let step = result.effects.len();
+    // A step that is chosen for again, after its effect was refused, is told once.
+    result.ranking.retain(|r| r.step != step);
     let Outcome { candidates, evidence, own, fit } = outcome;
     let taken: Vec<String> =
         state.chosen.iter().map(|k| k.candidate.name(setting)).chain(refused.iter().cloned()).collect();

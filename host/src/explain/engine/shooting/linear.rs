@@ -315,7 +315,7 @@ mod tests {
             Measured { values: stretch.coordinates[0].clone(), shown: &[vec![1.0]], sigma: &[1e-6], laws: Vec::new() };
         let along = Along { stretch: &stretch, between: &between, first: 0, omega: 0.0, points: 1 };
         let own = solution(&motion, &p, [1.0, -0.2]);
-        // Defects of a sixth of the oscillation's own size a second.
+        // A path with defects everywhere.
         let bent: Vec<f64> = own.iter().enumerate().map(|(i, x)| x + 1e-3 * (0.7 * i as f64).sin()).collect();
         for (path, passes) in [(own, 1), (bent, 3)] {
             let (mut states, mut found) = (path, p.to_vec());
@@ -331,7 +331,7 @@ mod tests {
                 states = linear.moved(&states, &alpha, (&start, &step), &measured).0;
             }
             for k in 0..4 {
-                // Columns are integrated by the trapezoidal rule: 1e-3 of them, where reversals fall between samples 2e-2.
+                // Columns are integrated by the trapezoidal rule, and reversals fall between samples.
                 assert!((found[k] - truth[k]).abs() < 0.03 * off[k].abs(), "{passes} {k}: {found:?} {truth:?}");
             }
         }

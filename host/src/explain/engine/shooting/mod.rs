@@ -3,7 +3,8 @@
 //! Each window of the record has an initial state of its own, which is eliminated; what is lacking is weighed as predictions miss it: a force
 //! that acts against the motion adds up over a window, where in the balance of forces it is a small share beside those that do not. No
 //! solution is searched for: the model is linearised about the smoothed record, solved, and linearised again about its own motion until that stands
-//! still ([`linear`]). Windows grow to their length in three stages; those in which the motion does not come to rest are left out, by that and never by their misfit.
+//! still ([`linear`]). Windows grow to their length in three stages; those in which the model has no solution are left out, and a path is not moved
+//! farther than a linearisation can mean.
 //!
 //! Each window is predicted over two horizons, its own length and a twelfth of it, with a weight for either: what adds up slowly shows in the long one, what is fast in the
 //! short one, where little of what else is lacking has added up.
@@ -34,8 +35,7 @@ use nalgebra::{DMatrix, DVector};
 
 use self::blocks::Blocks;
 use self::course::{Course, List};
-pub use self::path::Path;
-use self::path::{FEWEST_SAMPLES, windows};
+use self::path::{FEWEST_SAMPLES, Path, windows};
 use super::candidates::{Candidate, Column};
 use super::setting::Setting;
 use super::state::State;
@@ -53,6 +53,7 @@ const PASSES: [usize; 3] = [2, 2, 5];
 const STILL: f64 = 0.15;
 /// Share of the windows that may be left out.
 const MOST_LOST: f64 = 0.3;
+
 /// Paths, and the windows that they are followed in.
 #[derive(Clone, Debug)]
 pub struct Followed {
