@@ -241,7 +241,3 @@ pub fn columns(parts: &[Part], strengths: usize, mechanism: &Mechanism, paramete
     }
     out
 }
-
-#[cfg(test)]
-#[path = "columns_tests.rs"]
-mod tests;

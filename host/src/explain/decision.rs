@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::design::Design;
-use super::explanation::Ranked;
+use super::engine::design::Design;
+use super::explanation::{Ranked, Refused};
 use super::ranking::{self, Fit, Weights};
 
 /// Probability of naming anything on a record in which nothing is missing, over the whole list.
@@ -103,6 +103,11 @@ pub(super) struct Choice {
     /// The next best and its share.
     pub(super) runner_up: Option<(String, f64)>,
 }
+
+/// Most candidates of which it is told why they were not taken.
+const MOST_REFUSED: usize = 8;
+/// Probability by chance below which a candidate was close.
+const NEAR: f64 = 0.01;
 
 /// A candidate's fit beside the model.
 struct Score {
@@ -214,6 +219,28 @@ impl<'a> Field<'a> {
         self.brings((s.gain, s.gain / s.deviations.max(f64::MIN_POSITIVE)))
     }
 
+    /// Why candidates that were close are not taken, those that take away most first; `feigned`: those that the sensors alone give.
+    fn refusals(&self, order: &[&Score], feigned: &[usize]) -> Vec<Refused> {
+        let tests = self.scores.len().max(1) as f64;
+        let near = order.iter().filter(|s| s.p < NEAR && s.gain > 0.0).take(MOST_REFUSED);
+        near.filter_map(|s| {
+            let why = if self.feeds(s) {
+                "its strength comes out with the sign of a law that feeds the motion".to_owned()
+            } else if feigned.contains(&s.index) {
+                "records of the model without it, seen by the same sensors, show as much".to_owned()
+            } else if s.p * tests >= FAMILY_WISE {
+                format!("by chance with probability {:.1e}, and {tests} forms were tried", s.p)
+            } else if !self.stands(s) {
+                let share = 100.0 * s.gain * self.blocks / self.total;
+                format!("it takes away {share:.2} % of what is left where it was not fitted: as good as nothing")
+            } else {
+                return None;
+            };
+            Some(Refused::new(self.name(s), why))
+        })
+        .collect()
+    }
+
     /// Two that only together are supported: each hides the other's trace while it is missing (a pendulum that Coulomb friction
     /// stops and whose damping grows with the swing looks viscous). Each must be significant beside the other, over all pairs; the one that takes away
     /// more by itself (of one and what refines it the simpler) comes first, with its probability.
@@ -272,14 +299,14 @@ impl<'a> Field<'a> {
     }
 }
 
-/// The next effect; none where no candidate is supported. `taken`: what the model has already. `feigned` says whether the sensors
-/// alone give such strengths.
+/// The next effect, and why others were not taken; none where no candidate is supported. `taken`: what the model has already. `feigned_by_sensors` says whether
+/// the sensors alone give such strengths.
 pub(super) fn choose(
     (evidence, own): (&dyn Evidence, &[usize]),
     offers: &[Offer],
     taken: &[String],
     step: usize,
-    ranking_out: &mut Vec<Ranked>,
+    (ranking_out, refused): (&mut Vec<Ranked>, &mut Vec<Refused>),
     feigned_by_sensors: &dyn Fn(usize, &Fit) -> bool,
 ) -> Option<Choice> {
     let field = Field::new(evidence, own, offers, taken)?;
@@ -330,6 +357,7 @@ pub(super) fn choose(
         }
         feigned.push(winner.index);
     };
+    *refused = field.refusals(&order, &feigned);
     let share = |s: &Score| s.gain * blocks / total;
     let runner_up = |than: &Score| {
         order.iter().find(|s| field.name(s) != field.name(than)).map(|s| (field.name(s).to_owned(), share(s)))

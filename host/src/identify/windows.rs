@@ -278,31 +278,6 @@ fn step_at(x: &[f64], k: usize) -> f64 {
     if after > before { (x[after] - x[before]) / (after - before) as f64 } else { 0.0 }
 }
 
-/// Every series of a model over all samples that the low-passes reach, segment after segment.
-pub(crate) fn evaluate_all(segments: &[AngleSegment], model: &WeakModel, kernels: &Kernels) -> Vec<Vec<f64>> {
-    let reach = kernels.reach();
-    // Long segments in fixed pieces, so that transforms stay short.
-    const PIECE: usize = 20_000;
-    let pieces: Vec<(&AngleSegment, usize, usize)> = segments
-        .iter()
-        .filter(|s| s.len() > 2 * reach)
-        .flat_map(|s| {
-            let last = s.len() - reach;
-            (reach..last).step_by(PIECE).map(move |a| (s, a, (a + PIECE).min(last)))
-        })
-        .collect();
-    let convolution = convolution(kernels, PIECE);
-    let parts: Vec<Vec<Vec<f64>>> = pieces
-        .par_iter()
-        .map(|&(segment, first, last)| {
-            let mut series = Vec::new();
-            evaluate(segment, model, &convolution, (first, last), &mut convolution::Work::default(), &mut series);
-            series
-        })
-        .collect();
-    (0..model.series.len()).map(|k| parts.iter().flat_map(|p| p[k].iter().copied()).collect()).collect()
-}
-
 /// Samples worked through at once: what the series share stays in the first-level cache.
 const BLOCK: usize = 64;
 

@@ -7,11 +7,11 @@ use super::setting::Setting;
 use super::shooting::batches::Batches;
 use super::state::State;
 use super::{design, power, shooting};
-use crate::error::Result;
+use super::design::Design;
+use super::power::Power;
+use crate::error::{BadInput, Result};
 use crate::explain::decision::{self, Rows};
-use crate::explain::design::Design;
 use crate::explain::ranking::{self, Fit, Weights};
-use crate::explain::singular;
 
 /// Share of what is left above the sensors' noise that a candidate must take away in shooting: less is as good as nothing where a model misses more than noise.
 const LEAST_SHARE: f64 = 0.01;
@@ -82,6 +82,14 @@ impl Evidence {
         }
     }
 
+    /// The fit of another state with columns of no effect behind its own, by the weights of this one; none for trajectories.
+    pub fn of_other(&self, setting: &Setting<'_>, other: &State, behind: &[Column]) -> Option<Fit> {
+        let Self::Weak(_, weights) = self else { return None };
+        let design = design::with_columns(setting, other, (&other.stretches, &[]), behind).ok()?;
+        let all: Vec<usize> = (0..other.own_columns() + behind.len()).collect();
+        ranking::fit(&design, &all, weights)
+    }
+
     /// The same rows with columns of no effect behind the model's own, and the fit of all of them with a ridge on those columns.
     pub fn with_columns(
         &self,
@@ -112,28 +120,76 @@ impl Outcome {
         }
     }
 
-    /// Coefficients from windows of shooting that end before a sample of a stretch.
+    /// Coefficients from windows of shooting that end before a sample of a stretch, and from all other stretches.
     pub fn until(&self, stretch: usize, sample: usize) -> Option<DVector<f64>> {
         match &self.evidence {
             Evidence::Weak(..) => None,
-            Evidence::Shooting(batches) => batches.first().until(&self.own, stretch, sample),
-        }
-    }
-
-    /// Ratio of what is left to what the sensors' noise gives.
-    ///
-    /// # Errors
-    /// As [`design::residual`].
-    pub fn power(&self, setting: &Setting<'_>, state: &State) -> Result<f64> {
-        match &self.evidence {
-            Evidence::Weak(design, _) => power::ratio(setting, state, design, &self.own, &self.fit.all),
             Evidence::Shooting(batches) => {
-                // Over the long horizon.
-                let all = batches.first().misfits(&self.fit.all);
-                Ok(all.iter().map(|w| w[0]).sum::<f64>() / all.len().max(1) as f64)
+                batches.first().of_some(&self.own, |[s, _, end]| *s != stretch || *end <= sample)
             }
         }
     }
+
+    /// Coefficients from what lies before a sample of a stretch, the first `share` of the record.
+    pub fn before(&self, stretch: usize, sample: usize, share: f64) -> Option<DVector<f64>> {
+        match &self.evidence {
+            Evidence::Weak(design, weights) => {
+                let end = (share * design.windows.len() as f64) as usize;
+                ranking::fit_some(design, &self.own, weights, |k| k + 2 <= end)
+            }
+            Evidence::Shooting(batches) => {
+                batches.first().of_some(&self.own, |[s, _, end]| (*s, *end) <= (stretch, sample))
+            }
+        }
+    }
+
+    /// What is left beside what the sensors' noise gives.
+    ///
+    /// # Errors
+    /// As [`design::residual`].
+    pub fn power(&self, setting: &Setting<'_>, state: &State) -> Result<Left> {
+        match &self.evidence {
+            Evidence::Weak(design, _) => {
+                Ok(Left::Weak(power::power(setting, state, design, &self.own, &self.fit.all)?))
+            }
+            Evidence::Shooting(batches) => {
+                // Over the long horizon.
+                let all = batches.first().misfits(&self.fit.all);
+                Ok(Left::Shooting(all.iter().map(|w| w[0]).sum::<f64>() / all.len().max(1) as f64))
+            }
+        }
+    }
+}
+
+/// What is left of a record.
+pub enum Left {
+    /// Of the rows, by frequency.
+    Weak(Power),
+    /// Ratio to noise of the trajectories.
+    Shooting(f64),
+}
+
+impl Left {
+    /// Ratio to what the sensors' noise gives.
+    pub fn ratio(&self) -> f64 {
+        match self {
+            Self::Weak(power) => power.ratio,
+            Self::Shooting(ratio) => *ratio,
+        }
+    }
+
+    /// The rows, where there are any.
+    pub fn rows(&self) -> Option<&Power> {
+        match self {
+            Self::Weak(power) => Some(power),
+            Self::Shooting(_) => None,
+        }
+    }
+}
+
+fn singular() -> BadInput {
+    BadInput::new("a record that does not determine the nominal model", "motion in which every term takes part")
+        .remedy("See `whirl identify` for the terms that are missing")
 }
 
 /// Fits everything chosen, renews what rests on the coefficients, and builds the candidates' columns behind its own.

@@ -7,8 +7,11 @@ use super::blocks::Blocks;
 use super::evidence;
 use crate::explain::ranking::Fit;
 
-/// Most columns of candidates in a batch: 4 MB for each window and horizon.
+/// Most columns of candidates in a batch, and the entries of all its Gram matrices: 400 MB.
 const MOST_COLUMNS: usize = 700;
+const MOST_ENTRIES: f64 = 5e7;
+/// Horizons that windows are predicted over.
+const HORIZONS: f64 = 2.0;
 
 /// Candidates beside one another.
 struct Batch {
@@ -28,12 +31,14 @@ impl Batches {
     /// Columns of the model's own, of what was chosen, and of some candidates; none where nothing can be followed.
     pub fn new(setting: &Setting<'_>, state: &State, candidates: &[&Candidate]) -> Option<Self> {
         let own = state.own_columns();
+        let windows = state.followed.as_ref().map_or(1, |f| f.windows(setting).0).max(1) as f64;
+        let most = ((MOST_ENTRIES / (HORIZONS * windows)).sqrt() as usize).clamp(2 * own, MOST_COLUMNS.max(2 * own));
         let mut all = Vec::new();
         let (mut first, mut rest) = (own, candidates);
         loop {
             let (mut count, mut columns) = (0, 0);
             while let Some(c) = rest.get(count) {
-                if columns + c.strengths() > MOST_COLUMNS {
+                if count > 0 && columns + c.strengths() > most {
                     break;
                 }
                 columns += c.strengths();

@@ -120,16 +120,12 @@ impl Blocks {
         Some(solve_signed(&total, &self.signs_of(columns))?.0)
     }
 
-    /// Coefficients from the windows that end before a sample of a stretch (all of the other stretches), increments left at nothing; none where they are few.
-    pub fn until(&self, columns: &[usize], stretch: usize, sample: usize) -> Option<DVector<f64>> {
+    /// Coefficients from some windows (by stretch, first sample and the one behind the last), increments left at nothing; none where they are few.
+    pub fn of_some(&self, columns: &[usize], keep: impl Fn(&[usize; 3]) -> bool) -> Option<DVector<f64>> {
         let p = columns.len();
         let grams = self.grams(columns);
-        let kept: Vec<&DMatrix<f64>> = grams
-            .iter()
-            .zip(&self.places)
-            .filter(|(_, [s, _, end])| *s != stretch || *end <= sample)
-            .map(|(g, _)| g)
-            .collect();
+        let kept: Vec<&DMatrix<f64>> =
+            grams.iter().zip(&self.places).filter(|(_, place)| keep(place)).map(|(g, _)| g).collect();
         if kept.len() < FOLDS {
             return None;
         }
