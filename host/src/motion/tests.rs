@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::*;
-use crate::model::dynamics::{Dynamics, Instant};
 use crate::model::double_pendulum_dynamics::DoublePendulum;
+use crate::model::dynamics::{Dynamics, Instant};
 use crate::model::single_pendulum_dynamics::SinglePendulum;
 
 fn rig(model: &str, drive: &str) -> Rig {

@@ -34,8 +34,7 @@ impl Moving {
         let (equations, parameters) = motion.equations()?;
         let names = equations.coefficients().to_vec();
         let terms = || motion.file.equations.iter().flat_map(|e| &e.terms);
-        let of_drive =
-            names.iter().map(|n| terms().any(|t| t.name == *n && t.of.any(&|s| s == Symbol::Tau))).collect();
+        let of_drive = names.iter().map(|n| terms().any(|t| t.name == *n && t.of.any(&|s| s == Symbol::Tau))).collect();
         let of_sensors = motion.effects.iter().filter(|e| matches!(e.acts, Acts::Sensor(..)));
         let left_out = of_sensors.map(Effect::name).collect();
         Ok(Self { dynamics: Box::new(equations), parameters, names, of_drive, left_out })

@@ -69,15 +69,7 @@ impl<'a> Starts<'a> {
                 settings.tolerance_deg / TURN_DEG * span
             })
             .collect();
-        let mut out = Self {
-            equations,
-            circle,
-            period_s,
-            omega,
-            settings,
-            tolerance,
-            step_s: period_s / STEPS,
-        };
+        let mut out = Self { equations, circle, period_s, omega, settings, tolerance, step_s: period_s / STEPS };
         if omega == 0.0 {
             // Nothing says how fast a system of its own moves: found from the beginnings of some pieces.
             let (pieces, guesses) = out.pieces(record);

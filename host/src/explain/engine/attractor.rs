@@ -94,7 +94,8 @@ fn cloud(angles: &[Vec<f64>], at: &[usize], step_s: f64) -> Cloud {
     at.iter()
         .filter(|&&i| i >= REACH && i + REACH < count)
         .map(|&i| {
-            let of = |x: &Vec<f64>| [x[i].cos(), x[i].sin(), (x[i + REACH] - x[i - REACH]) / (2.0 * REACH as f64 * step_s)];
+            let of =
+                |x: &Vec<f64>| [x[i].cos(), x[i].sin(), (x[i + REACH] - x[i - REACH]) / (2.0 * REACH as f64 * step_s)];
             angles.iter().flat_map(of).collect()
         })
         .collect()

@@ -3,12 +3,12 @@
 use nalgebra::DVector;
 
 use super::candidates::{Candidate, Column};
+use super::design::Design;
+use super::power::Power;
 use super::setting::Setting;
 use super::shooting::batches::Batches;
 use super::state::State;
 use super::{design, power, shooting};
-use super::design::Design;
-use super::power::Power;
 use crate::error::{BadInput, Result};
 use crate::explain::decision::{self, Rows};
 use crate::explain::ranking::{self, Fit, Weights};

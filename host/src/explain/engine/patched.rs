@@ -30,7 +30,8 @@ pub fn patched(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Optio
             })
             .collect();
         let names: Vec<&str> = pieces.iter().map(|&k| state.chosen[k].candidate.entry.id.as_str()).collect();
-        let one = pieces.len() >= PATCHES || (pieces.len() > 1 && free_is_as_good(setting, state, outcome, joint, &pieces));
+        let one =
+            pieces.len() >= PATCHES || (pieces.len() > 1 && free_is_as_good(setting, state, outcome, joint, &pieces));
         one.then(|| (joint.name(file), names.join(", ")))
     })
 }

@@ -143,8 +143,7 @@ impl Model<'_> {
             .par_iter()
             .zip(&states)
             .filter_map(|(piece, state)| {
-                let left =
-                    problem.residuals(piece, &state.as_ref()?.0, self.parameters, &mut problem.room(false))?;
+                let left = problem.residuals(piece, &state.as_ref()?.0, self.parameters, &mut problem.room(false))?;
                 Some(left.iter().enumerate().map(|(i, r)| (r * track.sigma[i % sensors]).powi(2)).sum::<f64>())
             })
             .collect();
@@ -194,7 +193,8 @@ impl Model<'_> {
         let length = ((horizon_s / track.spacing_s).round() as usize).max(8) + 1;
         let mut room = problem.room(false);
         let head = problem.head(&piece, length);
-        let (state, _) = problem.fit_state(&head, &guess, self.parameters, &[(length / 4).max(8), length], &mut room)?;
+        let (state, _) =
+            problem.fit_state(&head, &guess, self.parameters, &[(length / 4).max(8), length], &mut room)?;
         let left = problem.residuals_until(&piece, &state, self.parameters, &mut room);
         let sensors = track.sensors.len();
         let of = |k: usize| {

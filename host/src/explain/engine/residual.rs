@@ -131,12 +131,7 @@ fn scales(setting: &Setting<'_>, state: &State) -> Vec<(f64, String)> {
 }
 
 /// Maps of all equations against all coordinates, and against frequency where the rows are known, and the places where they clearly disagree, largest first.
-pub fn maps(
-    setting: &Setting<'_>,
-    state: &State,
-    x: &DVector<f64>,
-    rows: Option<&Power>,
-) -> (Vec<Map>, Vec<Where>) {
+pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>, rows: Option<&Power>) -> (Vec<Map>, Vec<Where>) {
     let (axes, nodes) = axes(setting);
     let scales = scales(setting, state);
     let residuals: Vec<Node> =

@@ -138,7 +138,9 @@ impl<'a> Setting<'a> {
         let first = general::identify(records, rig, whole, &settings)?;
         let Prepared { stretches, record_of, sensors, geometry, warnings } =
             general::prepare(records, rig, whole, &settings)?;
-        let shooting = rig.drive.is_none() || (records.len() > 1 && each_record(&base, None)) || std::env::var_os("WHIRL_TRIAL").is_some();
+        let shooting = rig.drive.is_none()
+            || (records.len() > 1 && each_record(&base, None))
+            || std::env::var_os("WHIRL_TRIAL").is_some();
         let own = Own::new(&base, records.len());
         let longest = if shooting { MOST_FOLLOWED / rig.sample_rate_hz } else { 0.0 };
         let raw = shorten(stretches, longest.max(geometry.windows.hop_s * most_windows));

@@ -124,12 +124,16 @@ fn forecasts(body: &mut Html, e: &Explanation) {
         (Html::text("model"), Align::Left),
         (Html::text("gap / noise floors"), Align::Right),
     ];
-    heads.extend(
-        e.gap
-            .forecasts
-            .iter()
-            .map(|f| (Html::text(&format!("over {} s / {}", significant(f.horizon_s, 4), if f.unit == "deg" { "°" } else { &f.unit })), Align::Right)),
-    );
+    heads.extend(e.gap.forecasts.iter().map(|f| {
+        (
+            Html::text(&format!(
+                "over {} s / {}",
+                significant(f.horizon_s, 4),
+                if f.unit == "deg" { "°" } else { &f.unit }
+            )),
+            Align::Right,
+        )
+    }));
     let rows: Vec<Vec<Html>> = (0..first.steps.len())
         .map(|i| {
             let name = match &first.steps[i].added {

@@ -188,14 +188,14 @@ impl<'a> Course<'a> {
         let alpha = columns.forcing.along(&linear.points, &along, motion)?;
         let measured = self.measured(path, w, states, list);
         let normal = linear.normal(states, &alpha, count, &measured, (0, w.count));
-        let gram = normal.reduced(&normal.at(&list.x))?;
+        let gram = normal.reduced()?;
         let mut parts = vec![Part { gram, freedom: self.freedom(&normal) }];
         let short = w.count / SHORT;
         if short >= FEWEST_SAMPLES {
             let mut sum: Option<Part> = None;
             for k in 0..w.count / short {
                 let normal = linear.normal(states, &alpha, count, &measured, (k * short, (k + 1) * short));
-                let gram = normal.reduced(&normal.at(&list.x))?;
+                let gram = normal.reduced()?;
                 let freedom = self.freedom(&normal);
                 sum = Some(match sum {
                     Some(part) => Part { gram: part.gram + gram, freedom: part.freedom + freedom },
@@ -224,7 +224,7 @@ impl<'a> Course<'a> {
         };
         let kept = found.into_iter().zip(all).filter_map(|(parts, w)| Some((parts?, whole(w))));
         let (windows, places) = kept.unzip();
-        let mut blocks = Blocks::new(windows, signs);
+        let mut blocks = Blocks::new(windows, signs, list.x.clone());
         blocks.places = places;
         Some(blocks)
     }
@@ -234,11 +234,11 @@ impl<'a> Course<'a> {
         normal.rows as f64 - 2.0 * self.setting.circle.len() as f64
     }
 
-    /// Blocks of the windows that have a solution, and their numbers.
-    pub fn blocks(&self, solved: &[Option<Solved>], signs: Vec<f64>) -> (Blocks, Vec<usize>) {
+    /// Blocks of the windows that have a solution at coefficients `x`, and their numbers.
+    pub fn blocks(&self, solved: &[Option<Solved>], signs: Vec<f64>, x: &[f64]) -> (Blocks, Vec<usize>) {
         let kept: Vec<usize> = (0..solved.len()).filter(|&k| solved[k].is_some()).collect();
         let windows = solved.iter().flatten().map(|s| s.parts.clone()).collect();
-        (Blocks::new(windows, signs), kept)
+        (Blocks::new(windows, signs, x.to_vec()), kept)
     }
 
     /// Whether a moved path is one that the linearisation can mean.

@@ -218,29 +218,12 @@ impl Linear {
 }
 
 impl Normal {
-    /// The same with the target moved to what columns at `x` add up to, so that its solution is the parameters themselves and not a step; columns behind `x` are not
-    /// moved.
-    pub fn at(&self, x: &[f64]) -> DMatrix<f64> {
-        let mut out = self.whole.clone();
-        let (m, last) = (self.states, out.nrows() - 1);
-        let p = DVector::from_column_slice(x);
-        let own = self.whole.view((0, m), (last + 1, x.len())) * &p;
-        let squares = (self.whole.view((last, m), (1, x.len())) * &p)[(0, 0)] * 2.0
-            + (p.transpose() * self.whole.view((m, m), (x.len(), x.len())) * &p)[(0, 0)];
-        for i in 0..last {
-            out[(i, last)] += own[i];
-            out[(last, i)] += own[i];
-        }
-        out[(last, last)] += squares;
-        out
-    }
-
-    /// A Gram matrix from [`Normal::at`] with the initial state eliminated; none where the record does not determine it.
-    pub fn reduced(&self, whole: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-        let m = self.states;
+    /// The Gram matrix with the initial state eliminated; none where the record does not determine it.
+    pub fn reduced(&self) -> Option<DMatrix<f64>> {
+        let (m, whole) = (self.states, &self.whole);
         let rest = whole.nrows() - m;
         let coupling = whole.view((0, m), (m, rest)).into_owned();
-        let solved = self.states_by(whole)?.solve(&coupling);
+        let solved = self.states_by()?.solve(&coupling);
         let mut out = whole.view((m, m), (rest, rest)) - coupling.transpose() * solved;
         // Rounding leaves it unsymmetric.
         let turned = out.transpose();
@@ -248,8 +231,8 @@ impl Normal {
         out.iter().all(|x| x.is_finite()).then_some(out)
     }
 
-    fn states_by(&self, whole: &DMatrix<f64>) -> Option<nalgebra::Cholesky<f64, nalgebra::Dyn>> {
-        whole.view((0, 0), (self.states, self.states)).into_owned().cholesky()
+    fn states_by(&self) -> Option<nalgebra::Cholesky<f64, nalgebra::Dyn>> {
+        self.whole.view((0, 0), (self.states, self.states)).into_owned().cholesky()
     }
 
     /// The initial step that goes with a step of the first columns.
@@ -257,7 +240,7 @@ impl Normal {
         let m = self.states;
         let last = self.whole.nrows() - 1;
         let right = self.whole.view((0, last), (m, 1)).column(0) - self.whole.view((0, m), (m, step.len())) * step;
-        Some(self.states_by(&self.whole)?.solve(&right))
+        Some(self.states_by()?.solve(&right))
     }
 }
 
@@ -265,9 +248,9 @@ impl Normal {
 mod tests {
     use std::path::Path;
 
-    use super::super::blocks::solve_signed;
     use super::super::forcing::{Additions, Forcing};
     use super::*;
+    use crate::explain::ranking::solve;
     use crate::identify::general::stretches::Stretch;
     use crate::identify::general::track;
     use crate::model::model_file::ModelFile;
@@ -323,10 +306,8 @@ mod tests {
                 let linear = Linear::new(&states, &along, (&motion, &p)).unwrap();
                 let alpha = forcing.along(&linear.points, &along, (&motion, &p)).unwrap();
                 let normal = linear.normal(&states, &alpha, 4, &measured, (0, COUNT));
-                let gram = normal.reduced(&normal.at(&p)).unwrap();
-                let x = solve_signed(&gram, &[0.0; 4]).unwrap().0;
-                found = x.iter().copied().collect();
-                let step = DVector::from_iterator(4, (0..4).map(|k| x[k] - p[k]));
+                let step = solve(&normal.reduced().unwrap()).unwrap();
+                found = step.iter().zip(&p).map(|(s, p)| s + p).collect();
                 let start = normal.start(&step).unwrap();
                 states = linear.moved(&states, &alpha, (&start, &step), &measured).0;
             }

@@ -171,7 +171,7 @@ fn stage(
         // What is found as an increment was taken off the record after the last linearisation, not here.
         let list = List { x: x.clone(), further: &[], behind: &[] };
         let solved = course.solved(&followed.paths, &all, &list)?;
-        let (mut blocks, kept) = course.blocks(&solved, signs.to_vec());
+        let (mut blocks, kept) = course.blocks(&solved, signs.to_vec(), x);
         if (kept.len() as f64) < (1.0 - MOST_LOST) * all.len() as f64 {
             return None;
         }
