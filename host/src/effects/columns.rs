@@ -241,3 +241,7 @@ pub fn columns(parts: &[Part], strengths: usize, mechanism: &Mechanism, paramete
     }
     out
 }
+
+#[cfg(all(test, feature = "sim"))]
+#[path = "columns_tests.rs"]
+mod tests;

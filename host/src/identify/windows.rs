@@ -326,8 +326,6 @@ fn evaluate(
                 rate: [rate[0][k], rate[1][k]],
                 clear_rate: [clear[0][k], clear[1][k]],
                 clear_step: [clear_step[0][j], clear_step[1][j]],
-                turn: [rate[0][k] * segment.step_s, rate[1][k] * segment.step_s],
-                accel: [step_at(rate[0], k) / segment.step_s, step_at(rate[1], k) / segment.step_s],
                 sin: [sin[0][j], sin[1][j]],
                 cos: [cos[0][j], cos[1][j]],
                 sin_tau: sin[2][j],
@@ -382,7 +380,6 @@ mod tests {
             phi: [(0..3000).map(|i| x(i as f64 * step)).collect(), vec![0.0; 3000]],
             phase: Phase::Clock(0.0),
             relative: false,
-            runaway: (0.0, 0.0),
             count_rad: [None; 2],
         };
         let mut model = WeakModel::default();

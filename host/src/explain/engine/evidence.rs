@@ -1,4 +1,4 @@
-//! What candidates are judged by: rows of the weak form under a drive, windows of linearised shooting otherwise. One fit and one choice over either.
+//! What candidates are judged by: windows of linearised shooting; rows of the weak form where the model follows none. One fit and one choice over either.
 
 use nalgebra::DVector;
 

@@ -1,7 +1,7 @@
 //! Explanations for any system of bodies or written equations: every effect of the catalogue at every joint, arm, encoder, at its drive and frame.
 //!
 //! The equations without dampings and the nominal dampings, tied over the
-//! equations, are fitted, under a drive by the weak form, otherwise by shooting (`shooting`); every candidate is added in turn and judged on blocks that were not fitted
+//! equations, are fitted by shooting (`shooting`), by the weak form where the model follows no window; every candidate is added in turn and judged on blocks that were not fitted
 //! (`crate::explain::decision`); the best is added until nothing more is supported. Effects of sensors and of the drive's phase are taken
 //! off the record, which is then read again.
 //!

@@ -19,6 +19,7 @@ use crate::identify::general::stretches::Stretch;
 use crate::identify::general::{self, Prepared};
 use crate::identify::{Geometry, Identification, Settings as IdentifySettings};
 use crate::model::model_file::ModelFile;
+use crate::model::model_file::equations_of_motion::wrapped;
 use crate::model::model_file::expression::{Expression, Function, Node, Symbol, multiple};
 use crate::record::Record;
 use crate::rig::Rig;
@@ -82,8 +83,7 @@ pub struct Setting<'a> {
     pub record_of: Vec<usize>,
     /// Columns of the equations' own coefficients.
     pub own: Own,
-    /// Whether candidates are judged by shooting: a drive keeps a system moving and may make it chaotic, so that rows of the weak form serve there; what is
-    /// free or follows measured inputs is predicted over long windows.
+    /// Whether candidates are judged by shooting; rows of the weak form stand in where the model follows no window of the record.
     pub shooting: bool,
     /// Signs that own coefficients keep; 0 for either.
     pub signs: Vec<f64>,
@@ -138,11 +138,8 @@ impl<'a> Setting<'a> {
         let first = general::identify(records, rig, whole, &settings)?;
         let Prepared { stretches, record_of, sensors, geometry, warnings } =
             general::prepare(records, rig, whole, &settings)?;
-        let shooting = rig.drive.is_none()
-            || (records.len() > 1 && each_record(&base, None))
-            || std::env::var_os("WHIRL_TRIAL").is_some();
         let own = Own::new(&base, records.len());
-        let longest = if shooting { MOST_FOLLOWED / rig.sample_rate_hz } else { 0.0 };
+        let longest = MOST_FOLLOWED / rig.sample_rate_hz;
         let raw = shorten(stretches, longest.max(geometry.windows.hop_s * most_windows));
         let (Some(start), Some(end)) = (raw.first(), raw.last()) else { return Ok(None) };
         let span =
@@ -169,7 +166,7 @@ impl<'a> Setting<'a> {
             raw,
             record_of,
             own,
-            shooting,
+            shooting: true,
             signs: Vec::new(),
             sensors,
             geometry,
@@ -244,14 +241,19 @@ impl<'a> Setting<'a> {
         Arc::new(out)
     }
 
-    /// Rms of a joint's position, or of its velocity by differences over five samples.
+    /// Rms of a joint's position (within a turn where it is an angle), or of its velocity by differences over five samples.
     fn size(&self, moves: &Polynomial, rate: bool) -> f64 {
         let node = moves.node();
+        let turns = self.file().is_some_and(|f| places::is_angle(f, moves));
         let (mut sum, mut count) = (0.0, 0.0_f64);
         for s in &self.raw {
             let at = |i: usize| node.value(&|x| if let Symbol::Coordinate(k) = x { s.coordinates[k][i] } else { 0.0 });
             for i in (0..s.len().saturating_sub(5)).step_by(5) {
-                let x = if rate { (at(i + 5) - at(i)) / (5.0 * s.step_s) } else { at(i) };
+                let x = match (rate, turns) {
+                    (true, _) => (at(i + 5) - at(i)) / (5.0 * s.step_s),
+                    (false, true) => wrapped(at(i)),
+                    (false, false) => at(i),
+                };
                 sum += x * x;
                 count += 1.0;
             }

@@ -10,7 +10,8 @@
 //! short one, where little of what else is lacking has added up.
 //!
 //! Windows are as long as leaves [`BLOCKS`] of them, and ten periods of the motion at most (under measured inputs, whose windows of the weak form are those of
-//! transients, twenty of these).
+//! transients, twenty of these). What a drive keeps moving may be chaotic: there windows double from one period of the drive to eight, as long as they can be
+//! followed, and those of the last length that do not stand still are left out, by convergence and never by misfit (a reversal that only just happens).
 //!
 //! | file | what |
 //! |---|---|
