@@ -140,3 +140,25 @@ fn forces_agree_with_the_built_in_ones_on_random_states() {
     assert!(compared > 150_000, "{compared}");
     assert!(places::drive(&file).is_some());
 }
+
+/// A load is a load over an inertia: what lacks a mass is said to rest on it.
+#[test]
+fn a_load_rests_on_masses_and_lengths() {
+    let (mechanism, p) = mechanism();
+    let entry = catalogue().iter().find(|e| e.id == "load-dependent-friction").unwrap();
+    let names: Vec<&str> = mechanism.parameters.iter().map(|n| n.name.as_str()).collect();
+    for (joint, wanted) in [(1, vec!["l1", "m2", "e2", "a_c", "a_s", "g"]), (0, vec!["m1", "e1", "l1", "m2", "e2"])] {
+        let found = action(entry, &Vec::new(), Place::Joint(joint), &mechanism, &p, (OMEGA, SPAN)).unwrap();
+        let Some(Action::Force(parts)) = found else { panic!("joint {joint}") };
+        let quotients = quotients(&parts, &mechanism);
+        let holds = |name: &str| {
+            let at = names.iter().position(|n| *n == name).unwrap();
+            quotients.iter().any(|(n, _)| n.any(&|a| *a == Atom::Parameter(at)))
+        };
+        assert!(wanted.iter().all(|n| holds(n)), "joint {joint}: {quotients:?}");
+        assert_eq!(holds("m1"), joint == 0);
+        // Torques act on the equations of both sides.
+        assert_eq!(parts.len(), joint + 1);
+    }
+    assert!(entry.names(LOAD) && !entry.names("loa") && !catalogue()[0].names(LOAD));
+}
