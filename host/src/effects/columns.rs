@@ -18,6 +18,9 @@ use crate::system::mechanism::{Mechanism, at};
 use crate::system::polynomial::{Atom, Polynomial, Product};
 use crate::system::words::{Value as Word, Words};
 
+/// The word for the force across a joint.
+pub const LOAD: &str = "load";
+
 /// What a strength adds to one equation: a product of the system's parameters times an expression of the motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
@@ -28,7 +31,29 @@ pub struct Part {
     /// Parameters with their powers.
     product: Product,
     /// The expression.
-    of: Node,
+    of: Law,
+}
+
+/// An expression of the motion.
+#[derive(Clone, Debug, PartialEq)]
+enum Law {
+    /// One without parameters.
+    Motion(Node),
+    /// One with parameters inside functions, whose values are put in where columns are made: the load of a joint.
+    Parameters(Polynomial),
+}
+
+impl Law {
+    fn of(p: Polynomial) -> Self {
+        if p.has_parameter() { Self::Parameters(p) } else { Self::Motion(p.node()) }
+    }
+
+    fn at(&self, parameters: &[f64]) -> Node {
+        match self {
+            Self::Motion(of) => of.clone(),
+            Self::Parameters(of) => of.node_at(parameters),
+        }
+    }
 }
 
 /// How an effect in one form acts at a place.
@@ -91,6 +116,10 @@ pub fn action(
                 moves.clone()
             };
             words.scalars.extend([("x".to_owned(), x), ("v".to_owned(), rate)]);
+            if entry.names(LOAD) {
+                let Some(load) = places::load(file, k, omega) else { return Ok(None) };
+                words.scalars.push((LOAD.to_owned(), load));
+            }
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
             Ok(work(mechanism, &law, moves, own))
         }
@@ -135,6 +164,31 @@ pub fn action(
     }
 }
 
+/// Quotients N/D of sums of products of parameters that must be fixed for columns of these parts to be: what stands inside functions, over the inertia of the
+/// equation. A function of the load other than itself needs the inertia alone as well.
+pub fn quotients(parts: &[Part], mechanism: &Mechanism) -> Vec<(Polynomial, Polynomial)> {
+    fn inside(p: &Polynomial, per: &Polynomial, out: &mut Vec<(Polynomial, Polynomial)>) {
+        for (a, _) in p.terms().flat_map(|(product, _)| product) {
+            if let Atom::Call(_, q) | Atom::Sum(q) = a {
+                let own = q.by_motion().into_values().filter(Polynomial::has_own_parameter);
+                out.extend(own.map(|n| (n, per.clone())));
+                inside(q, per, out);
+            }
+        }
+    }
+    let mut out = Vec::new();
+    for part in parts {
+        let Law::Parameters(of) = &part.of else { continue };
+        let Some((_, inertia)) = mechanism.scales.get(part.equation) else { continue };
+        inside(of, inertia, &mut out);
+        let loads = |(a, n): &(Atom, i32)| *n != 1 && Polynomial::atom(a.clone()).has_parameter();
+        if of.terms().any(|(product, _)| product.iter().any(loads)) {
+            out.push((inertia.clone(), Polynomial::number(1.0)));
+        }
+    }
+    out
+}
+
 /// What each strength multiplies in a law without other parameters.
 fn by_strength(law: &Polynomial, own: usize, count: usize) -> Vec<Node> {
     let parts = law.by_parameters();
@@ -153,7 +207,7 @@ fn parts_of(e: &Polynomial, equation: usize, own: usize, out: &mut Vec<Part>) {
         if let [(strength, 1)] = strengths[..] {
             let rest: Product =
                 product.into_iter().filter(|(a, _)| !matches!(a, Atom::Parameter(k) if *k >= own)).collect();
-            out.push(Part { strength, equation, product: rest, of: of.node() });
+            out.push(Part { strength, equation, product: rest, of: Law::of(of) });
         }
     }
 }
@@ -216,10 +270,7 @@ fn turned_arm(file: &SystemFile, k: usize, by: &Polynomial) -> Option<SystemFile
 fn turned_frame(file: &SystemFile, by: &Polynomial) -> Option<SystemFile> {
     let mut out = file.clone();
     let components = file.words.points.first().map_or(2, |p| p.1.len());
-    let g = match file.words.parameters.iter().position(|n| n == "g") {
-        Some(k) => Polynomial::atom(Atom::Parameter(k)),
-        None => Polynomial::number(file.words.constants.iter().find(|c| c.0 == "g").map_or(0.0, |c| c.1)),
-    };
+    let g = file.gravity_strength();
     let mut pull = vec![Polynomial::default(); components];
     pull[0] = g.times(by).ok()?;
     pull[components - 1] = g.scaled(-1.0);
@@ -233,7 +284,7 @@ pub fn columns(parts: &[Part], strengths: usize, mechanism: &Mechanism, paramete
     let mut out: Vec<Vec<(usize, Node)>> = vec![Vec::new(); strengths];
     for part in parts {
         let factor = at(&Polynomial::product(part.product.clone(), 1.0), parameters) * scale[part.equation];
-        let of = multiply(number(factor), part.of.clone());
+        let of = multiply(number(factor), part.of.at(parameters));
         match out[part.strength].iter_mut().find(|c| c.0 == part.equation) {
             Some(c) => c.1 = add(c.1.clone(), of),
             None => out[part.strength].push((part.equation, of)),

@@ -18,12 +18,13 @@ const SPAN: Span = Span { start_s: 2.0, length_s: 40.0 };
 const SHORT_S: f64 = 1e-6;
 
 /// Effect on the rig, the strengths that it has in the catalogue.
-const EFFECTS: [(&str, &[f64]); 17] = [
+const EFFECTS: [(&str, &[f64]); 18] = [
     ("viscous-friction@joint1=1e-4", &[1e-4]),
     ("coulomb-friction@joint2=1e-4", &[1e-4]),
     ("stribeck-friction@joint1=1e-3,v_s=3", &[1e-3]),
     ("quadratic-drag@arm1=1e-4", &[1e-4]),
     ("quadratic-drag@arm2=1e-5", &[1e-5]),
+    ("load-dependent-friction@joint2=1e-4", &[1e-4]),
     ("constant-force@joint2=1e-3", &[1e-3]),
     ("asymmetric-friction@joint1=2e-3", &[2e-3]),
     ("torsion-spring@joint2=1e-3", &[1e-3]),
@@ -134,4 +135,26 @@ fn effects_move_the_pendulum_as_they_move_the_simulated_rig() {
             }
         }
     }
+}
+
+/// A load is a load over an inertia: what lacks a mass is said to rest on it.
+#[test]
+fn a_load_rests_on_masses_and_lengths() {
+    let (mechanism, p) = mechanism(&Parameters::PRINTED);
+    let entry = catalogue().iter().find(|e| e.id == "load-dependent-friction").unwrap();
+    let names: Vec<&str> = mechanism.parameters.iter().map(|n| n.name.as_str()).collect();
+    for (joint, wanted) in [(1, vec!["l1", "m2", "e2", "a_c", "a_s", "g"]), (0, vec!["m1", "e1", "l1", "m2", "e2"])] {
+        let found = action(entry, &Vec::new(), Place::Joint(joint), &mechanism, &p, (OMEGA, SPAN)).unwrap();
+        let Some(Action::Force(parts)) = found else { panic!("joint {joint}") };
+        let quotients = quotients(&parts, &mechanism);
+        let holds = |name: &str| {
+            let at = names.iter().position(|n| *n == name).unwrap();
+            quotients.iter().any(|(n, _)| n.any(&|a| *a == Atom::Parameter(at)))
+        };
+        assert!(wanted.iter().all(|n| holds(n)), "joint {joint}: {quotients:?}");
+        assert_eq!(holds("m1"), joint == 0);
+        // Torques act on the equations of both sides.
+        assert_eq!(parts.len(), joint + 1);
+    }
+    assert!(entry.names(LOAD) && !entry.names("loa") && !catalogue()[0].names(LOAD));
 }

@@ -273,7 +273,7 @@ pub(crate) fn rows_planned(source: &impl Stretches, equations: &[Equation], plan
 }
 
 /// Change of a sampled quantity over one step around sample k.
-fn step_at(x: &[f64], k: usize) -> f64 {
+pub(crate) fn step_at(x: &[f64], k: usize) -> f64 {
     let (before, after) = (k.saturating_sub(1), (k + 1).min(x.len() - 1));
     if after > before { (x[after] - x[before]) / (after - before) as f64 } else { 0.0 }
 }

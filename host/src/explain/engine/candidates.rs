@@ -8,7 +8,7 @@ use crate::effects::columns::{self, Action};
 use crate::effects::entry::{Entry, Form};
 use crate::effects::places::Place;
 use crate::effects::written;
-use crate::model::model_file::by_parts::pieces;
+use crate::model::model_file::by_parts::pieces_of_effect;
 use crate::model::model_file::expression::{Node, Symbol, add, multiply, number, subtract};
 
 /// Half the step, as a share of a shape parameter, over which a column's derivative by it is taken.
@@ -45,7 +45,8 @@ impl Candidate {
         let candidate = Self { entry: entry.clone(), place, form, action, beside: None };
         if matches!(candidate.action, Action::Force(_) | Action::Changes(_)) {
             let all = candidate.at_values(setting, physical);
-            let holds = |of: &Node| setting.shooting || pieces(of, setting.rig.omega(), &setting.circle).is_ok();
+            let holds =
+                |of: &Node| setting.shooting || pieces_of_effect(of, setting.rig.omega(), &setting.circle).is_ok();
             // Nothing that the weak form cannot hold, nothing that is nothing.
             if all.iter().any(|c| c.is_empty() || !c.iter().all(|(_, of)| holds(of))) {
                 return None;
@@ -82,7 +83,11 @@ impl Candidate {
     ) -> Option<Action> {
         let mechanism = setting.mechanism()?;
         let outside = (setting.rig.omega(), setting.span);
-        columns::action(entry, form, place, mechanism, &physical.values, outside).ok().flatten()
+        let action = columns::action(entry, form, place, mechanism, &physical.values, outside).ok().flatten()?;
+        match &action {
+            Action::Force(parts) if !physical.fixes(parts, mechanism) => None,
+            _ => Some(action),
+        }
     }
 
     /// `ID@PLACE`.

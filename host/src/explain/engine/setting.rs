@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 use super::candidates::{Candidate, Column};
 use super::shooting::signs;
 use super::units;
-use crate::effects::columns::Span;
+use crate::effects::columns::{self, Part, Span};
 use crate::effects::entry::Entry;
 use crate::effects::places::Place;
 use crate::effects::{self, places, written};
@@ -26,6 +26,7 @@ use crate::rig::Rig;
 use crate::rig::measures::Bound;
 use crate::system::language::SystemFile;
 use crate::system::mechanism::Mechanism;
+use crate::system::openness::Openness;
 use crate::system::polynomial::Polynomial;
 use crate::system::ties::{self, Identified};
 use crate::warning::Warning;
@@ -124,6 +125,15 @@ pub struct Physical {
     pub open: Vec<bool>,
     /// Coefficients of written equations.
     pub written: Vec<f64>,
+    /// What else of the parameters stays open.
+    pub openness: Openness,
+}
+
+impl Physical {
+    /// Whether the parameters that parts of columns hold inside functions are fixed.
+    pub fn fixes(&self, parts: &[Part], mechanism: &Mechanism) -> bool {
+        columns::quotients(parts, mechanism).iter().all(|(n, d)| !self.openness.is_open(n, d))
+    }
 }
 
 impl<'a> Setting<'a> {
@@ -308,14 +318,16 @@ fn rubs(columns: &[Column], moves: &[bool]) -> bool {
 /// What effects rest on in written equations.
 fn of_equations(model: &ModelFile, rig: &Rig, values: &[f64]) -> Option<Physical> {
     let found = written::parameters(model, rig.direction(), rig.omega(), values)?;
-    Some(Physical { values: found, open: vec![true; model.equations.len()], written: values.to_vec() })
+    let open = vec![true; model.equations.len()];
+    Some(Physical { values: found, open, written: values.to_vec(), openness: Openness::default() })
 }
 
 fn physical(mechanism: &Mechanism, b: &Identified<'_>, known: &BTreeMap<String, f64>) -> Option<Physical> {
     let known: BTreeMap<&str, f64> = known.iter().map(|(k, v)| (k.as_str(), *v)).collect();
     let fit = ties::fit(mechanism, b, &known)?;
     let own = mechanism.file.as_deref()?.parameters.len();
-    Some(Physical { values: fit.parameters[..own].to_vec(), open: fit.open_scales, written: Vec::new() })
+    let values = fit.parameters[..own].to_vec();
+    Some(Physical { values, open: fit.open_scales, written: Vec::new(), openness: fit.openness })
 }
 
 /// Parameters behind an identification's coefficients.

@@ -3,7 +3,7 @@
 //! Inputs pass through the same low-pass as the coordinates wherever they are part of a product, and stand as measured where they
 //! are linear: either way they are taken as band-limited, nothing is interpolated.
 
-use crate::identify::windows::{Kernels, Stretches};
+use crate::identify::windows::{Kernels, Stretches, step_at};
 use crate::model::model_file::equations_of_motion::wrapped;
 use crate::model::model_file::expression::Symbol;
 use crate::model::model_file::weak_form::WeakForm;
@@ -57,7 +57,7 @@ impl Stretches for System<'_> {
         let needed: Vec<usize> = (0..n + s.inputs.len())
             .filter(|&k| {
                 symbols.iter().any(|x| match *x {
-                    Symbol::Coordinate(i) | Symbol::Rate(i) | Symbol::ClearRate(i) => i == k,
+                    Symbol::Coordinate(i) | Symbol::Rate(i) | Symbol::ClearRate(i) | Symbol::Acceleration(i) => i == k,
                     Symbol::Input(i) | Symbol::InputRate(i) => n + i == k,
                     _ => false,
                 })
@@ -82,6 +82,13 @@ impl Stretches for System<'_> {
         let times: Vec<f64> =
             if symbols.contains(&Symbol::Time) { (first..last).map(|i| s.time(i)).collect() } else { Vec::new() };
         let filtered = |k: usize, output: usize| filtered[k].as_ref().map_or(&[][..], |f| &f[output][..]);
+        // Functions of accelerations, of effects only: by differences of the smoothed rates.
+        let accelerations: Vec<Vec<f64>> = (0..n)
+            .map(|i| {
+                let rate = if symbols.contains(&Symbol::Acceleration(i)) { filtered(i, 1) } else { &[] };
+                (0..rate.len()).map(|k| step_at(rate, k) / s.step_s).collect()
+            })
+            .collect();
         let columns: Vec<&[f64]> = symbols
             .iter()
             .map(|x| match *x {
@@ -94,8 +101,9 @@ impl Stretches for System<'_> {
                 Symbol::RawInput(k) => &s.inputs[k][first..last],
                 Symbol::Tau => &phase[..],
                 Symbol::Time => &times[..],
-                // Integration by parts leaves no acceleration; signs are held in simulations only.
-                Symbol::Acceleration(_) | Symbol::Held(_) => &[],
+                Symbol::Acceleration(i) => &accelerations[i],
+                // Signs are held in simulations only.
+                Symbol::Held(_) => &[],
             })
             .collect();
         *series = self.weak.tape.run(&columns, last - first);
