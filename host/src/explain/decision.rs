@@ -40,9 +40,24 @@ pub(super) trait Evidence: Sync {
 
     /// Least gain in standard errors between blocks: where a model misses more than noise, a strength may be significant that predicts nothing better.
     fn least_deviations(&self) -> f64;
+}
 
-    /// Whether two candidates that are only supported together are looked for.
-    fn pairs(&self) -> bool;
+impl<T: Evidence + ?Sized> Evidence for &T {
+    fn fit(&self, columns: &[usize]) -> Option<Fit> {
+        (**self).fit(columns)
+    }
+
+    fn rescored(&self, own: &[usize], most: usize, scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>> {
+        (**self).rescored(own, most, scores)
+    }
+
+    fn least_gain(&self, total: f64) -> f64 {
+        (**self).least_gain(total)
+    }
+
+    fn least_deviations(&self) -> f64 {
+        (**self).least_deviations()
+    }
 }
 
 /// Rows of the weak form, weighted by equation and frequency.
@@ -66,10 +81,6 @@ impl Evidence for Rows<'_> {
 
     fn least_deviations(&self) -> f64 {
         0.0
-    }
-
-    fn pairs(&self) -> bool {
-        false
     }
 }
 
@@ -244,7 +255,7 @@ impl<'a> Field<'a> {
     /// Two that only together are supported: each hides the other's trace while it is missing (a pendulum that Coulomb friction
     /// stops and whose damping grows with the swing looks viscous). Each must be significant beside the other, over all pairs; the one that takes away
     /// more by itself (of one and what refines it the simpler) comes first, with its probability.
-    fn pair<'b>(&'b self, order: &[&'b Score]) -> Option<(&'b Score, f64)> {
+    fn pair<'b>(&'b self, order: &[&'b Score], together: &dyn Evidence) -> Option<(&'b Score, f64)> {
         let refines = |a: &Score, b: &Score| self.offers[a.index].refines.as_deref() == Some(self.name(b));
         // A refinement stands only beside what it refines, where that is on the list.
         let bears = |a: &Score, b: &Score| refines(a, b) || !order.iter().any(|o| refines(a, o));
@@ -255,13 +266,18 @@ impl<'a> Field<'a> {
             .filter(|(a, b)| bears(a, b) && bears(b, a))
             .collect();
         let tests = all.len() as f64;
-        let range = |s: &Score| {
-            let (from, d) = self.places[s.index];
-            from..from + d
-        };
+        // Columns where candidates are together: in this order behind the own ones.
+        let mut at = self.own.len();
+        let mut ranges: BTreeMap<usize, core::ops::Range<usize>> = BTreeMap::new();
+        for s in order {
+            let d = self.places[s.index].1;
+            ranges.insert(s.index, at..at + d);
+            at += d;
+        }
+        let range = |s: &Score| ranges.get(&s.index).cloned().unwrap_or_default();
         let fit = |first: &Score, last: &Score| -> Option<(f64, f64, Vec<f64>)> {
             let columns: Vec<usize> = self.own.iter().copied().chain(range(first)).chain(range(last)).collect();
-            let fit = self.evidence.fit(&columns)?;
+            let fit = together.fit(&columns)?;
             let d = self.places[last.index].1;
             // One that would have to feed the motion is held at nothing.
             let first_at = fit.all.len() - d - self.places[first.index].1;
@@ -300,7 +316,7 @@ impl<'a> Field<'a> {
 }
 
 /// The next effect, and why others were not taken; none where no candidate is supported. `taken`: what the model has already. `feigned_by_sensors` says whether
-/// the sensors alone give such strengths.
+/// the sensors alone give such strengths, `together` gives what some of them are judged by beside one another, none where pairs are not looked for.
 pub(super) fn choose(
     (evidence, own): (&dyn Evidence, &[usize]),
     offers: &[Offer],
@@ -308,6 +324,7 @@ pub(super) fn choose(
     step: usize,
     (ranking_out, refused): (&mut Vec<Ranked>, &mut Vec<Refused>),
     feigned_by_sensors: &dyn Fn(usize, &Fit) -> bool,
+    together: &dyn Fn(&[usize]) -> Option<Box<dyn Evidence>>,
 ) -> Option<Choice> {
     let field = Field::new(evidence, own, offers, taken)?;
     let (total, blocks) = (field.total, field.blocks);
@@ -363,10 +380,8 @@ pub(super) fn choose(
         order.iter().find(|s| field.name(s) != field.name(than)).map(|s| (field.name(s).to_owned(), share(s)))
     };
     let Some(winner) = winner else {
-        if !evidence.pairs() {
-            return None;
-        }
-        let (first, p_value) = field.pair(&order)?;
+        let indices: Vec<usize> = order.iter().map(|s| s.index).collect();
+        let (first, p_value) = field.pair(&order, &*together(&indices)?)?;
         return Some(Choice {
             index: first.index,
             fit: first.fit.clone(),

@@ -6,7 +6,7 @@ use super::candidates::{Candidate, Column};
 use super::design::Design;
 use super::power::Power;
 use super::setting::Setting;
-use super::shooting::batches::Batches;
+use super::shooting::blocks::Blocks;
 use super::state::State;
 use super::{design, power, shooting};
 use crate::error::{BadInput, Result};
@@ -24,7 +24,7 @@ pub enum Evidence {
     /// Of the weak form, with their weights.
     Weak(Design, Weights),
     /// Of trajectories.
-    Shooting(Batches),
+    Shooting(Blocks),
 }
 
 /// The last round: columns of the model and of the candidates, and the fit of the model's own.
@@ -35,9 +35,9 @@ pub struct Outcome {
     pub fit: Fit,
 }
 
-impl decision::Evidence for &Batches {
+impl decision::Evidence for Blocks {
     fn fit(&self, columns: &[usize]) -> Option<Fit> {
-        Batches::fit(self, columns)
+        Blocks::fit(self, columns)
     }
 
     fn rescored(&self, _own: &[usize], _most: usize, _scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>> {
@@ -45,15 +45,11 @@ impl decision::Evidence for &Batches {
     }
 
     fn least_gain(&self, total: f64) -> f64 {
-        LEAST_SHARE * (total - self.first().noise()).max(0.0)
+        LEAST_SHARE * (total - self.noise()).max(0.0)
     }
 
     fn least_deviations(&self) -> f64 {
         LEAST_DEVIATIONS
-    }
-
-    fn pairs(&self) -> bool {
-        true
     }
 }
 
@@ -62,7 +58,7 @@ impl Evidence {
     pub(in crate::explain) fn judged(&self) -> Box<dyn decision::Evidence + '_> {
         match self {
             Self::Weak(design, weights) => Box::new(Rows { design, weights }),
-            Self::Shooting(batches) => Box::new(batches),
+            Self::Shooting(blocks) => Box::new(blocks),
         }
     }
 
@@ -82,14 +78,6 @@ impl Evidence {
         }
     }
 
-    /// The fit of another state with columns of no effect behind its own, by the weights of this one; none for trajectories.
-    pub fn of_other(&self, setting: &Setting<'_>, other: &State, behind: &[Column]) -> Option<Fit> {
-        let Self::Weak(_, weights) = self else { return None };
-        let design = design::with_columns(setting, other, (&other.stretches, &[]), behind).ok()?;
-        let all: Vec<usize> = (0..other.own_columns() + behind.len()).collect();
-        ranking::fit(&design, &all, weights)
-    }
-
     /// The same rows with columns of no effect behind the model's own, and the fit of all of them with a ridge on those columns.
     pub fn with_columns(
         &self,
@@ -106,7 +94,7 @@ impl Evidence {
                 let design = design::with_columns(setting, state, (&state.stretches, &[]), behind).ok()?;
                 ranking::fit_ridge(&design, &all, weights, &ridges)
             }
-            Self::Shooting(_) => shooting::evidence(setting, state, &[], behind)?.fit_ridge(&all, &ridges),
+            Self::Shooting(_) => shooting::evidence(setting, state, (&[], false), behind)?.fit_ridge(&all, &ridges),
         }
     }
 }
@@ -116,7 +104,23 @@ impl Outcome {
     pub fn left(&self) -> Option<f64> {
         match &self.evidence {
             Evidence::Weak(..) => None,
-            Evidence::Shooting(batches) => batches.first().held_out(&self.own),
+            Evidence::Shooting(blocks) => blocks.held_out(&self.own),
+        }
+    }
+
+    /// Whether another state with columns of no effect behind its own predicts what was not fitted as well.
+    pub fn is_matched(&self, setting: &Setting<'_>, other: &State, behind: &[Column]) -> bool {
+        let all: Vec<usize> = (0..other.own_columns() + behind.len()).collect();
+        match &self.evidence {
+            Evidence::Weak(_, weights) => {
+                let design = design::with_columns(setting, other, (&other.stretches, &[]), behind).ok();
+                let fit = design.and_then(|d| ranking::fit(&d, &all, weights));
+                fit.is_some_and(|free| ranking::gain(&self.fit.held_out, &free.held_out).0 >= 0.0)
+            }
+            Evidence::Shooting(_) => {
+                let free = shooting::evidence(setting, other, (&[], false), behind).and_then(|b| b.held_out(&all));
+                free.zip(self.left()).is_some_and(|(free, named)| free <= named)
+            }
         }
     }
 
@@ -124,9 +128,7 @@ impl Outcome {
     pub fn until(&self, stretch: usize, sample: usize) -> Option<DVector<f64>> {
         match &self.evidence {
             Evidence::Weak(..) => None,
-            Evidence::Shooting(batches) => {
-                batches.first().of_some(&self.own, |[s, _, end]| *s != stretch || *end <= sample)
-            }
+            Evidence::Shooting(blocks) => blocks.of_some(&self.own, |[s, _, end]| *s != stretch || *end <= sample),
         }
     }
 
@@ -137,9 +139,7 @@ impl Outcome {
                 let end = (share * design.windows.len() as f64) as usize;
                 ranking::fit_some(design, &self.own, weights, |k| k + 2 <= end)
             }
-            Evidence::Shooting(batches) => {
-                batches.first().of_some(&self.own, |[s, _, end]| (*s, *end) <= (stretch, sample))
-            }
+            Evidence::Shooting(blocks) => blocks.of_some(&self.own, |[s, _, end]| (*s, *end) <= (stretch, sample)),
         }
     }
 
@@ -152,9 +152,9 @@ impl Outcome {
             Evidence::Weak(design, _) => {
                 Ok(Left::Weak(power::power(setting, state, design, &self.own, &self.fit.all)?))
             }
-            Evidence::Shooting(batches) => {
+            Evidence::Shooting(blocks) => {
                 // Over the long horizon.
-                let all = batches.first().misfits(&self.fit.all);
+                let all = blocks.misfits(&self.fit.all);
                 Ok(Left::Shooting(all.iter().map(|w| w[0]).sum::<f64>() / all.len().max(1) as f64))
             }
         }
@@ -239,7 +239,7 @@ fn by_shooting(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candida
     }
     let own: Vec<usize> = (0..state.own_columns()).collect();
     let further: Vec<&Candidate> = candidates.iter().collect();
-    let batches = Batches::new(setting, state, &further).ok_or_else(singular)?;
-    let fit = batches.fit(&own).ok_or_else(singular)?;
-    Ok(Outcome { candidates, evidence: Evidence::Shooting(batches), own, fit })
+    let blocks = shooting::evidence(setting, state, (&further, false), &[]).ok_or_else(singular)?;
+    let fit = blocks.fit(&own).ok_or_else(singular)?;
+    Ok(Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit })
 }

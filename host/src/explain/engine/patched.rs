@@ -9,7 +9,6 @@ use super::candidates::Column;
 use super::setting::Setting;
 use super::state::State;
 use crate::effects::places::Place;
-use crate::explain::ranking;
 
 /// Effects that are a function of a joint's position.
 const OF_THE_POSITION: [&str; 6] =
@@ -53,6 +52,5 @@ fn free_is_as_good(setting: &Setting<'_>, state: &State, outcome: &Outcome, join
         at += 1;
         !pieces.contains(&(at - 1))
     });
-    let free = outcome.evidence.of_other(setting, &without, &harmonics);
-    free.is_some_and(|free| ranking::gain(&outcome.fit.held_out, &free.held_out).0 >= 0.0)
+    outcome.is_matched(setting, &without, &harmonics)
 }

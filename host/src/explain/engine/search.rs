@@ -5,7 +5,7 @@ use super::evidence::{Outcome, refit};
 use super::run::Run;
 use super::setting::Setting;
 use super::state::{Chosen, State};
-use super::tell;
+use super::{shooting, tell};
 use crate::error::Result;
 use crate::explain::decidability::EXPLAINED_GAP;
 use crate::explain::decision::{self, Choice, Offer};
@@ -151,9 +151,14 @@ fn choose(
         .collect();
     let feigned = |k: usize, with: &Fit| evidence.feigned(setting, state, &fit.all, &candidates[k], with);
     let judged = evidence.judged();
+    let together = |indices: &[usize]| -> Option<Box<dyn decision::Evidence>> {
+        let some: Vec<&Candidate> = indices.iter().map(|&i| &candidates[i]).collect();
+        let found = setting.shooting.then(|| shooting::evidence(setting, state, (&some, true), &[]));
+        Some(Box::new(found.flatten()?))
+    };
     let told = (&mut result.ranking, &mut result.refused);
     let Choice { index, fit, p_value, share, twins, runner_up } =
-        decision::choose((&*judged, own), &offers, &taken, step, told, &feigned)?;
+        decision::choose((&*judged, own), &offers, &taken, step, told, &feigned, &together)?;
     let candidate = &candidates[index];
     let d = candidate.strengths();
     let from = fit.all.len() - d;

@@ -9,6 +9,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::gram::Gram;
 use crate::explain::ranking::{FOLDS, Fit, solve, squares};
 
 /// Least share of a candidate's column that the model's own columns leave over.
@@ -17,8 +18,8 @@ const SEPARABLE: f64 = 1e-4;
 /// A window over one horizon.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// Gram matrix of all columns and the target, in units of the noise.
-    pub gram: DMatrix<f64>,
+    /// Gram matrix of the columns and the target, in units of the noise.
+    pub gram: Gram,
     /// Degrees of freedom: rows less the states that were eliminated.
     pub freedom: f64,
 }
@@ -69,13 +70,6 @@ fn solve_free(total: &DMatrix<f64>, held: &[bool], origin: &[f64]) -> Option<DVe
     Some(x)
 }
 
-/// Some columns of a Gram matrix and its target.
-fn chosen(gram: &DMatrix<f64>, columns: &[usize]) -> DMatrix<f64> {
-    let (last, p) = (gram.nrows() - 1, columns.len());
-    let place = |i: usize| if i < p { columns[i] } else { last };
-    DMatrix::from_fn(p + 1, p + 1, |i, j| gram[(place(i), place(j))])
-}
-
 impl Blocks {
     /// Blocks of equal weight.
     pub fn new(windows: Vec<Vec<Part>>, signs: Vec<f64>, origin: Vec<f64>) -> Self {
@@ -87,7 +81,7 @@ impl Blocks {
     pub fn misfits(&self, x: &DVector<f64>) -> Vec<Vec<f64>> {
         let places: Vec<usize> = (0..x.len()).collect();
         let step = x - DVector::from_vec(self.origin_of(&places));
-        let of = |p: &Part| squares(&chosen(&p.gram, &places), &step) / p.freedom.max(1.0);
+        let of = |p: &Part| squares(&p.gram.chosen(&places), &step) / p.freedom.max(1.0);
         self.windows.iter().map(|w| w.iter().map(of).collect()).collect()
     }
 
@@ -113,7 +107,7 @@ impl Blocks {
             let step = self.without_fold(columns, fold)?;
             for window in self.windows.iter().skip(fold).step_by(FOLDS) {
                 for p in window {
-                    let left = squares(&chosen(&p.gram, columns), &step) / p.freedom.max(1.0);
+                    let left = squares(&p.gram.chosen(columns), &step) / p.freedom.max(1.0);
                     sum += p.freedom * left.max(f64::MIN_POSITIVE).ln();
                     count += p.freedom;
                 }
@@ -166,7 +160,7 @@ impl Blocks {
         for (window, weights) in stiff.windows.iter_mut().zip(&self.weights) {
             if let (Some(part), Some(w)) = (window.first_mut(), weights.first()) {
                 for &i in &on {
-                    part.gram[(columns[i], columns[i])] += ridge[i] * mean * share / w;
+                    part.gram.stiffen(columns[i], ridge[i] * mean * share / w);
                 }
             }
         }
@@ -179,7 +173,7 @@ impl Blocks {
         let both = self.windows.iter().zip(&self.weights);
         both.map(|(window, weights)| {
             let parts = window.iter().zip(weights);
-            parts.fold(DMatrix::zeros(p + 1, p + 1), |sum, (part, w)| sum + chosen(&part.gram, columns) * *w)
+            parts.fold(DMatrix::zeros(p + 1, p + 1), |sum, (part, w)| sum + part.gram.chosen(columns) * *w)
         })
         .collect()
     }
@@ -273,7 +267,8 @@ mod tests {
                 gram
             })
             .collect();
-        let parts: Vec<Vec<Part>> = grams.iter().map(|g| vec![Part { gram: g.clone(), freedom: 20.0 }]).collect();
+        let parts: Vec<Vec<Part>> =
+            grams.iter().map(|g| vec![Part { gram: Gram::of_own(g.clone()), freedom: 20.0 }]).collect();
         let blocks = |signs: [f64; 3]| Blocks::new(parts.clone(), signs.to_vec(), Vec::new());
         let free = blocks([0.0; 3]).fit(&[0, 1, 2]).unwrap();
         assert!((free.all[1] + 1.0).abs() < 0.01, "{}", free.all);
@@ -285,7 +280,7 @@ mod tests {
         // The same about other coefficients: the target is what these leave.
         let about = [1.5, 0.4, 0.9];
         let moved: Vec<Vec<Part>> =
-            grams.iter().map(|g| vec![Part { gram: about_others(g, about), freedom: 20.0 }]).collect();
+            grams.iter().map(|g| vec![Part { gram: Gram::of_own(about_others(g, about)), freedom: 20.0 }]).collect();
         let other = Blocks::new(moved, vec![1.0, 1.0, 0.0], about.to_vec()).fit(&[0, 1, 2]).unwrap();
         assert!((other.all[1]).abs() < 1e-12 && (other.all[0] - kept.all[0]).abs() < 1e-9, "{}", other.all);
         assert!((other.held_out[3] / kept.held_out[3] - 1.0).abs() < 1e-6);

@@ -20,14 +20,15 @@
 //! | [`course`] | the record while columns are fitted to it |
 //! | [`forcing`] | accelerations by every column |
 //! | [`linear`] | a window's normal equations |
-//! | [`blocks`], [`batches`] | least squares over windows, for some candidates at a time |
+//! | [`gram`] | sums of products of the columns that are fitted together |
+//! | [`blocks`] | least squares over windows |
 //! | [`signs`] | coefficients that keep their sign |
 
 mod along;
-pub mod batches;
 pub mod blocks;
 mod course;
 mod forcing;
+mod gram;
 mod linear;
 mod path;
 pub mod signs;
@@ -170,7 +171,7 @@ fn stage(
     let mut out = None;
     for _ in 0..passes {
         // What is found as an increment was taken off the record after the last linearisation, not here.
-        let list = List { x: x.clone(), further: &[], behind: &[] };
+        let list = List { x: x.clone(), further: &[], behind: &[], together: false };
         let solved = course.solved(&followed.paths, &all, &list)?;
         let (mut blocks, kept) = course.blocks(&solved, signs.to_vec(), x);
         if (kept.len() as f64) < (1.0 - MOST_LOST) * all.len() as f64 {
@@ -232,8 +233,13 @@ fn is_applied(state: &State, count: usize) -> Vec<bool> {
     out
 }
 
-/// Gram matrices of the own columns, of further candidates and of columns of no effect, about the settled paths.
-pub fn evidence(setting: &Setting<'_>, state: &State, further: &[&Candidate], behind: &[Column]) -> Option<Blocks> {
+/// Gram matrices of the own columns, of further candidates (with one another where they are fitted `together`) and of columns of no effect, about the settled paths.
+pub fn evidence(
+    setting: &Setting<'_>,
+    state: &State,
+    (further, together): (&[&Candidate], bool),
+    behind: &[Column],
+) -> Option<Blocks> {
     let followed = state.followed.as_ref()?;
     let n = setting.circle.len();
     let lengths: Vec<usize> = followed.paths.iter().map(|p| p.len(n)).collect();
@@ -243,7 +249,7 @@ pub fn evidence(setting: &Setting<'_>, state: &State, further: &[&Candidate], be
         all.retain(|_| still.next().copied().unwrap_or(true));
     }
     let course = Course::new(setting, state);
-    let list = List { x: present(state), further, behind };
+    let list = List { x: present(state), further, behind, together };
     let mut blocks = course.reduced(&followed.paths, &all, &list, signs_of(setting, state, further, behind.len()))?;
     let own: Vec<usize> = (0..list.x.len()).collect();
     let fit = blocks.fit(&own)?;
