@@ -143,47 +143,30 @@ impl Outcome {
         }
     }
 
-    /// What is left beside what the sensors' noise gives.
+    /// Ratio of what is left to what the sensors' noise gives: over the long horizon, or in the rows of the weak form.
     ///
     /// # Errors
     /// As [`design::residual`].
-    pub fn power(&self, setting: &Setting<'_>, state: &State) -> Result<Left> {
+    pub fn power(&self, setting: &Setting<'_>, state: &State) -> Result<f64> {
         match &self.evidence {
-            Evidence::Weak(design, _) => {
-                Ok(Left::Weak(power::power(setting, state, design, &self.own, &self.fit.all)?))
-            }
+            Evidence::Weak(..) => Ok(self.rows(setting, state)?.ratio),
             Evidence::Shooting(blocks) => {
-                // Over the long horizon.
                 let all = blocks.misfits(&self.fit.all);
-                Ok(Left::Shooting(all.iter().map(|w| w[0]).sum::<f64>() / all.len().max(1) as f64))
+                Ok(all.iter().map(|w| w[0]).sum::<f64>() / all.len().max(1) as f64)
             }
         }
     }
-}
 
-/// What is left of a record.
-pub enum Left {
-    /// Of the rows, by frequency.
-    Weak(Power),
-    /// Ratio to noise of the trajectories.
-    Shooting(f64),
-}
-
-impl Left {
-    /// Ratio to what the sensors' noise gives.
-    pub fn ratio(&self) -> f64 {
-        match self {
-            Self::Weak(power) => power.ratio,
-            Self::Shooting(ratio) => *ratio,
+    /// What is left in the rows of the weak form, by frequency.
+    ///
+    /// # Errors
+    /// An effect that the weak form cannot hold.
+    pub fn rows(&self, setting: &Setting<'_>, state: &State) -> Result<Power> {
+        let x = &self.fit.all;
+        if let Evidence::Weak(design, _) = &self.evidence {
+            return power::power(setting, state, design, &self.own, x);
         }
-    }
-
-    /// The rows, where there are any.
-    pub fn rows(&self) -> Option<&Power> {
-        match self {
-            Self::Weak(power) => Some(power),
-            Self::Shooting(_) => None,
-        }
+        power::power(setting, state, &design::build(setting, state, &state.stretches, &[])?, &self.own, x)
     }
 }
 

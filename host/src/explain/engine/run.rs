@@ -3,6 +3,7 @@
 use nalgebra::DVector;
 
 use super::prediction::Model;
+use super::residual_map::{Map, Where};
 use super::search::named;
 use super::setting::Setting;
 use super::state::State;
@@ -102,6 +103,13 @@ impl<'a> Run<'a> {
         forecast::measure(&self.setting, &self.state, x, from, &mut self.result.gap.forecasts);
     }
 
+    /// Where model and record disagree: maps, and the clearest places.
+    fn places(&self, outcome: &Outcome) -> (Vec<Map>, Vec<Where>) {
+        // What the rows cannot hold has no map against frequency.
+        let rows = outcome.rows(&self.setting, &self.state).ok();
+        residual::maps(&self.setting, &self.state, &outcome.fit.all, rows.as_ref())
+    }
+
     /// Measures the model after a step, of which the gap is known.
     ///
     /// # Errors
@@ -110,12 +118,10 @@ impl<'a> Run<'a> {
         self.result.gap.steps.push(Step { added: added.clone(), value: gap });
         let x = forecast::fitted(&self.state, outcome);
         self.forecast(added.clone(), x.as_ref());
-        let left = outcome.power(&self.setting, &self.state)?;
-        self.result.residual_power[1] = left.ratio();
+        self.result.residual_power[1] = outcome.power(&self.setting, &self.state)?;
         if self.result.effects.is_empty() {
-            self.result.residual_power[0] = left.ratio();
-            (self.result.maps, self.result.r#where) =
-                residual::maps(&self.setting, &self.state, &outcome.fit.all, left.rows());
+            self.result.residual_power[0] = self.result.residual_power[1];
+            (self.result.maps, self.result.r#where) = self.places(outcome);
             self.before = self.longer(&outcome.fit.train);
             self.attractor(&outcome.fit.train);
             simulation::measure(&self.setting, &self.state, outcome, added, &mut self.result.simulation);
@@ -138,7 +144,7 @@ impl<'a> Run<'a> {
         self.result.gap.forecasts.iter_mut().for_each(|f| drop(f.steps.pop()));
         let x = forecast::fitted(&self.state, outcome);
         self.forecast(last, x.as_ref());
-        self.result.residual_power[1] = outcome.power(&self.setting, &self.state)?.ratio();
+        self.result.residual_power[1] = outcome.power(&self.setting, &self.state)?;
         Ok(())
     }
 
@@ -158,8 +164,7 @@ impl<'a> Run<'a> {
         self.result.gap.horizons = self.before.iter().zip(&after).map(|(b, a)| (b.0, b.1, a.1)).collect();
         if !none {
             self.attractor(x);
-            let left = outcome.power(&self.setting, &self.state)?;
-            let after = residual::maps(&self.setting, &self.state, &outcome.fit.all, left.rows());
+            let after = self.places(outcome);
             self.result.maps_before = core::mem::replace(&mut self.result.maps, after.0);
             self.result.where_before = core::mem::replace(&mut self.result.r#where, after.1);
             let added = self.result.effects.last().map(named);
