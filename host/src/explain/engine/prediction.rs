@@ -171,13 +171,17 @@ impl Model<'_> {
             .zip(&states)
             .filter_map(|(&(stretch, first), state)| {
                 let (state, _) = state.as_ref()?;
-                let most = (longest_s / track.spacing_s) as usize;
-                let count = most.min(track.samples(stretch) - first);
-                let (piece, _) = track.piece(stretch, first, count)?;
-                let left = problem.residuals_until(&piece, state, self.parameters, &mut problem.room(false));
-                let off = |(i, r): (usize, &f64)| (r * track.sigma[i % sensors]).abs() > tolerance[i % sensors];
-                let held = left.iter().enumerate().position(|x| off(x)).unwrap_or(left.len());
-                Some((held / sensors) as f64 * track.spacing_s)
+                let longest = ((longest_s / track.spacing_s) as usize).min(track.samples(stretch) - first);
+                // Longer and longer, since few hold to the end.
+                let lengths = [4, 16].map(|f| f * windows.length).into_iter().filter(|l| *l < longest);
+                lengths.chain([longest]).find_map(|count| {
+                    let (piece, _) = track.piece(stretch, first, count)?;
+                    let left = problem.residuals_until(&piece, state, self.parameters, &mut problem.room(false));
+                    let off = |(i, r): (usize, &f64)| (r * track.sigma[i % sensors]).abs() > tolerance[i % sensors];
+                    let held = left.iter().enumerate().position(off);
+                    let ended = held.or((left.len() < count * sensors || count == longest).then_some(left.len()))?;
+                    Some((ended / sensors) as f64 * track.spacing_s)
+                })
             })
             .collect();
         times.sort_by(f64::total_cmp);

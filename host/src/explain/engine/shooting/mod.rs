@@ -55,6 +55,8 @@ const PASSES: [usize; 3] = [2, 2, 5];
 const MOST_PERIODS: usize = 8;
 /// Movement of the path, in the sensors' noise or as a share of what is left, below which it stands still.
 const STILL: f64 = 0.15;
+/// Share of the windows under a drive that must have settled.
+const SETTLED: f64 = 0.9;
 /// Share of the windows that may be left out.
 const MOST_LOST: f64 = 0.3;
 
@@ -211,7 +213,9 @@ fn stage(
         let of = |(m, s): (&f64, &Option<_>)| if chaotic { *m < limit } else { s.is_some() };
         let still: Vec<bool> = movement.iter().zip(&solved).map(of).collect();
         out = Some((fit, still));
-        if greatest < limit {
+        // In chaos some windows never stand still.
+        let slowest = if chaotic { nearly_all(&mut movement) } else { greatest };
+        if slowest < limit {
             break;
         }
     }
@@ -221,6 +225,12 @@ fn stage(
     }
     *x = fit.all.iter().copied().collect();
     Some((fit.covariance, still))
+}
+
+/// What nine tenths of some numbers are below.
+fn nearly_all(of: &mut [f64]) -> f64 {
+    of.sort_by(f64::total_cmp);
+    of.get((SETTLED * of.len() as f64) as usize).copied().unwrap_or(f64::INFINITY)
 }
 
 /// Which of the own columns are found as increments.
