@@ -37,6 +37,11 @@ impl Run<'_> {
         loop {
             let candidates = self.setting.candidates(&self.state.physical);
             let outcome = refit(&self.setting, &mut self.state, candidates);
+            if outcome.is_err() && self.setting.shooting && self.result.effects.is_empty() {
+                // What no window can be followed in is left to the balance of forces.
+                self.setting.shooting = false;
+                continue;
+            }
             let gap = outcome.as_ref().map_or(f64::NAN, |o| self.gap(&o.fit.train));
             let kept = self.result.effects.is_empty() || search.keeps(outcome.as_ref().ok(), gap, &self.result);
             let outcome = match (kept, search.kept.take()) {

@@ -126,24 +126,37 @@ fn stages(setting: &Setting<'_>, full: usize) -> Vec<(usize, usize)> {
 
 /// Fits the model's own columns and what was chosen from the state's coefficients on, moving the paths with them; none where most windows cannot be followed.
 pub fn settle(setting: &Setting<'_>, state: &mut State) -> Option<(DVector<f64>, DMatrix<f64>)> {
-    let n = setting.circle.len();
-    let mut followed = state.followed.take().unwrap_or_else(|| Followed {
-        paths: state.stretches.iter().map(|s| Path::smoothed(s, &setting.geometry.kernels)).collect(),
-        length: None,
-        count: 0,
-        still: Vec::new(),
-    });
-    let lengths: Vec<usize> = followed.paths.iter().map(|p| p.len(n)).collect();
-    let stages: Vec<(usize, usize)> = match followed.length {
-        Some(length) => vec![(length, PASSES[2])],
-        None => stages(setting, longest(setting, &lengths)),
-    };
+    let before = state.followed.take();
+    // A model that has changed may no longer follow windows of that length about that path.
+    let goes_on = before.and_then(|f| f.length.and_then(|l| grown(setting, state, f, &[(l, PASSES[2])])));
+    let (followed, x, covariance) = goes_on.or_else(|| {
+        let fresh = Followed {
+            paths: state.stretches.iter().map(|s| Path::smoothed(s, &setting.geometry.kernels)).collect(),
+            length: None,
+            count: 0,
+            still: Vec::new(),
+        };
+        let n = setting.circle.len();
+        let lengths: Vec<usize> = fresh.paths.iter().map(|p| p.len(n)).collect();
+        grown(setting, state, fresh, &stages(setting, longest(setting, &lengths)))
+    })?;
+    state.followed = Some(followed);
+    Some((DVector::from_vec(x), covariance))
+}
+
+/// Fits in windows of one length after the other, as long as they can be followed.
+fn grown(
+    setting: &Setting<'_>,
+    state: &State,
+    mut followed: Followed,
+    stages: &[(usize, usize)],
+) -> Option<(Followed, Vec<f64>, DMatrix<f64>)> {
     let mut x = present(state);
     let own: Vec<usize> = (0..x.len()).collect();
     let signs = signs_of(setting, state, &[], 0);
+    let course = Course::new(setting, state);
     let mut last = None;
-    for (length, passes) in stages {
-        let course = Course::new(setting, state);
+    for &(length, passes) in stages {
         let (mut trial, mut moved) = (followed.clone(), x.clone());
         let Some(fit) = stage(&course, &mut trial, &mut moved, (length, passes), &own, &signs) else { break };
         trial.length = Some(length);
@@ -152,8 +165,7 @@ pub fn settle(setting: &Setting<'_>, state: &mut State) -> Option<(DVector<f64>,
     let (covariance, still) = last?;
     followed.count = still.iter().filter(|s| **s).count();
     followed.still = still;
-    state.followed = Some(followed);
-    Some((DVector::from_vec(x), covariance))
+    Some((followed, x, covariance))
 }
 
 /// Linearises and solves until paths stand still; the covariance, and which windows were followed.
