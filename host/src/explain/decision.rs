@@ -315,8 +315,11 @@ impl<'a> Field<'a> {
     }
 }
 
+/// What some offers are judged by beside one another, by their numbers; none where pairs are not looked for.
+pub(super) type Together<'a> = dyn Fn(&[usize]) -> Option<Box<dyn Evidence>> + 'a;
+
 /// The next effect, and why others were not taken; none where no candidate is supported. `taken`: what the model has already. `feigned_by_sensors` says whether
-/// the sensors alone give such strengths, `together` gives what some of them are judged by beside one another, none where pairs are not looked for.
+/// the sensors alone give such strengths, for `together` see [`Together`].
 pub(super) fn choose(
     (evidence, own): (&dyn Evidence, &[usize]),
     offers: &[Offer],
@@ -324,7 +327,7 @@ pub(super) fn choose(
     step: usize,
     (ranking_out, refused): (&mut Vec<Ranked>, &mut Vec<Refused>),
     feigned_by_sensors: &dyn Fn(usize, &Fit) -> bool,
-    together: &dyn Fn(&[usize]) -> Option<Box<dyn Evidence>>,
+    together: &Together<'_>,
 ) -> Option<Choice> {
     let field = Field::new(evidence, own, offers, taken)?;
     let (total, blocks) = (field.total, field.blocks);

@@ -69,7 +69,7 @@ fn in_file(model: &IdentifiedModel, rig: &Rig, bound: &Bound) -> Result<Identifi
 }
 
 /// Parameters of an explanation in the terms of (3.4): coefficients by their names, then dampings and effects in physical units as they were added.
-fn told(parameters: &mut Vec<Parameter>, omega: f64) {
+fn told(parameters: &mut [Parameter], omega: f64) {
     for (name, file, factor) in terms(omega) {
         if let Some(p) = parameters.iter_mut().find(|p| p.name == file) {
             name.clone_into(&mut p.name);
