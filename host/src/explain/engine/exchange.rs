@@ -24,6 +24,15 @@ pub struct Exchange {
     pub promised: f64,
     /// Share of what is left without either that it takes away.
     pub share: f64,
+    /// Others in that place that held-out data do not tell from it.
+    pub twins: Vec<String>,
+}
+
+/// A candidate in the place of what was taken away.
+struct Tried {
+    index: usize,
+    fit: Fit,
+    p: f64,
 }
 
 /// The best exchange of one of several effects for a candidate that is not `taken`; none where none predicts clearly better. Effects that were taken off the record stay.
@@ -47,19 +56,42 @@ pub fn best(setting: &Setting<'_>, state: &State, outcome: &Outcome, taken: &[St
         let rest: Vec<usize> = outcome.own.iter().copied().filter(|c| !gone.contains(c)).collect();
         let Some(neither) = without.fit(&rest) else { continue };
         let of = |&i: &usize| instead(&without, &rest, outcome, (i, &outcome.candidates[i], free[i]), &offers);
-        let tried: Vec<(usize, Fit, f64)> = offers.par_iter().filter_map(of).collect();
-        let sum = |fit: &Fit| fit.held_out.iter().sum::<f64>();
-        let best = tried.into_iter().min_by(|a, b| sum(&a.1).total_cmp(&sum(&b.1)));
-        found.extend(best.map(|(index, fit, p_value)| Exchange {
+        let tried: Vec<Tried> = offers.par_iter().filter_map(of).collect();
+        let Some((Tried { index, fit, p }, twins)) = simplest(setting, &outcome.candidates, tried) else { continue };
+        found.push(Exchange {
             gone: k,
             index,
-            p_value,
+            p_value: p,
             promised: 1.0 - sum(&fit) / sum(&outcome.fit),
             share: 1.0 - sum(&fit) / sum(&neither),
+            twins,
             fit,
-        }));
+        });
     }
     found.into_iter().max_by(|a, b| a.promised.total_cmp(&b.promised))
+}
+
+/// Sum of squares of what was not fitted.
+fn sum(fit: &Fit) -> f64 {
+    fit.held_out.iter().sum()
+}
+
+/// The simplest within a standard error of the best, and the names of others within two.
+fn simplest(setting: &Setting<'_>, candidates: &[Candidate], tried: Vec<Tried>) -> Option<(Tried, Vec<String>)> {
+    let best = tried.iter().min_by(|a, b| sum(&a.fit).total_cmp(&sum(&b.fit)))?.fit.held_out.clone();
+    let within = |t: &Tried, errors: f64| {
+        let (mean, error) = ranking::gain(&t.fit.held_out, &best);
+        mean <= errors * error
+    };
+    let size = |t: &Tried| candidates[t.index].strengths() + candidates[t.index].form.len();
+    let order = |a: &&Tried, b: &&Tried| size(a).cmp(&size(b)).then(sum(&a.fit).total_cmp(&sum(&b.fit)));
+    let winner = tried.iter().filter(|t| within(t, 1.0)).min_by(order)?.index;
+    let name = |t: &Tried| candidates[t.index].name(setting);
+    let mut twins: Vec<String> = tried.iter().filter(|t| within(t, 2.0)).map(name).collect();
+    twins.retain(|t| *t != candidates[winner].name(setting));
+    twins.sort();
+    twins.dedup();
+    Some((tried.into_iter().find(|t| t.index == winner)?, twins))
 }
 
 /// First column of each candidate.
@@ -79,7 +111,7 @@ fn instead(
     outcome: &Outcome,
     (index, candidate, first): (usize, &Candidate, usize),
     offers: &[usize],
-) -> Option<(usize, Fit, f64)> {
+) -> Option<Tried> {
     let d = candidate.strengths();
     let columns: Vec<usize> = rest.iter().copied().chain(first..first + d).collect();
     let fit = without.fit(&columns)?;
@@ -91,5 +123,5 @@ fn instead(
     let total: f64 = outcome.fit.held_out.iter().sum();
     let clear = gain > 0.0 && gain > without.least_deviations() * error;
     let counts = gain * fit.held_out.len() as f64 > without.least_gain(total);
-    (p * (offers.len() as f64) < FAMILY_WISE && clear && counts).then_some((index, fit, p))
+    (p * (offers.len() as f64) < FAMILY_WISE && clear && counts).then_some(Tried { index, fit, p })
 }

@@ -65,32 +65,39 @@ impl Run<'_> {
                     outcome
                 }
             };
-            if self.result.effects.len() >= most {
+            let effects = self.result.effects.clone();
+            // What was found while others were missing may have stood in for them.
+            if let Some((candidate, promised, gone)) = self.exchanged(&mut search, &outcome) {
+                self.join(&mut search, candidate, (outcome, effects, promised, Some(gone)));
+                continue;
+            }
+            if effects.len() >= most {
                 return Ok(outcome);
             }
             let next = choose(&self.setting, &self.state, &outcome, &search.names(), &mut self.result);
             self.result.refused.extend(search.refused.iter().cloned());
-            let effects = self.result.effects.clone();
-            let (candidate, promised, gone) = match next {
-                Some((found, candidate)) => {
-                    let (found, candidate) = simpler(&self.setting, &self.state, &outcome, found, candidate);
-                    let promised = found.held_out_gain;
-                    self.result.effects.push(found);
-                    (candidate, promised, None)
-                }
-                None => match self.exchanged(&mut search, &outcome) {
-                    Some((candidate, promised, gone)) => (candidate, promised, Some(gone)),
-                    None => return Ok(outcome),
-                },
-            };
-            let mut state = self.state.clone();
-            if let Some((k, _)) = gone {
-                let _ = state.chosen.remove(k);
-            }
-            state.chosen.push(Chosen::new(&self.setting, candidate, &self.state.physical));
-            let state = core::mem::replace(&mut self.state, state);
-            search.kept = Some(Before { state, outcome, effects, promised, gone: gone.map(|g| g.1) });
+            let Some((found, candidate)) = next else { return Ok(outcome) };
+            let (found, candidate) = simpler(&self.setting, &self.state, &outcome, found, candidate);
+            let promised = found.held_out_gain;
+            self.result.effects.push(found);
+            self.join(&mut search, candidate, (outcome, effects, promised, None));
         }
+    }
+
+    /// Puts a candidate into the model, in the place of another or beside the others, and keeps what there was before.
+    fn join(
+        &mut self,
+        search: &mut Search,
+        candidate: Candidate,
+        (outcome, effects, promised, gone): (Outcome, Vec<Found>, f64, Option<(usize, String)>),
+    ) {
+        let mut state = self.state.clone();
+        if let Some((k, _)) = gone {
+            let _ = state.chosen.remove(k);
+        }
+        state.chosen.push(Chosen::new(&self.setting, candidate, &self.state.physical));
+        let state = core::mem::replace(&mut self.state, state);
+        search.kept = Some(Before { state, outcome, effects, promised, gone: gone.map(|g| g.1) });
     }
 
     /// Another effect in the place of one that was found, which is told at the end of the others: the candidate, what it promises, and the number and the name of what goes.
@@ -98,14 +105,15 @@ impl Run<'_> {
         if search.exchanges >= MOST_EFFECTS {
             return None;
         }
-        search.exchanges += 1;
-        let taken = taken(&self.setting, &self.state, &search.names());
-        let Exchange { gone, index, fit, p_value, promised, share } =
+        let taken = taken(&self.setting, &self.state, &[search.names(), search.vain.clone()].concat());
+        let Exchange { gone, index, fit, p_value, promised, share, twins } =
             exchange::best(&self.setting, &self.state, outcome, &taken)?;
+        search.exchanges += 1;
         let candidate = outcome.candidates[index].clone();
         let old = named(&self.result.effects.remove(gone - self.state.nominal));
         let found = tell_of(&self.setting, &self.state, &candidate, &fit);
-        self.result.effects.push(Found { p_value, held_out_gain: share, ..found });
+        let found = Found { p_value, held_out_gain: share, indistinguishable_from: twins, ..found };
+        self.result.effects.push(found);
         Some((candidate, promised, (gone, old)))
     }
 
@@ -153,17 +161,19 @@ struct Search {
     /// Effects that did not keep what they promised.
     refused: Vec<Refused>,
     kept: Option<Before>,
+    /// Effects that were no better in the place of another.
+    vain: Vec<String>,
     /// Exchanges that were tried.
     exchanges: usize,
 }
 
 impl Search {
     fn refuse(&mut self, found: Option<&Found>, exchanged: bool) {
-        let why = if exchanged {
-            "in the place of another effect it brings predictions no nearer to the record"
-        } else {
-            "with it in the model predictions come no nearer to the record than without it"
-        };
+        if exchanged {
+            self.vain.extend(found.map(named));
+            return;
+        }
+        let why = "with it in the model predictions come no nearer to the record than without it";
         self.refused.extend(found.map(|f| Refused::new(&named(f), why.to_owned())));
     }
 
