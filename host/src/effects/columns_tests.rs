@@ -162,3 +162,103 @@ fn a_load_rests_on_masses_and_lengths() {
     }
     assert!(entry.names(LOAD) && !entry.names("loa") && !catalogue()[0].names(LOAD));
 }
+
+/// The value of a column in an equation.
+fn column_at(column: &[(usize, Node)], equation: usize, s: &Sample, tau: f64) -> f64 {
+    let of = |x: Symbol| match x {
+        Symbol::Coordinate(i) => s.phi[i],
+        Symbol::Rate(i) => s.rate[i],
+        Symbol::Acceleration(i) => s.accel[i],
+        Symbol::Tau => tau,
+        _ => s.time,
+    };
+    column.iter().find(|c| c.0 == equation).map_or(0.0, |(_, law)| law.value(&of))
+}
+
+/// Laws of one line at joint 2, written a second time, on both equations.
+#[test]
+fn laws_of_a_joint_are_those_of_the_table() {
+    let (mechanism, p) = mechanism();
+    let wrap = |x: f64| x - core::f64::consts::TAU * (x / core::f64::consts::TAU + 0.5).floor();
+    type Law = fn(f64, f64, f64, f64) -> f64;
+    let table: [(&str, &[(&str, f64)], &[Law]); 4] = [
+        ("friction-drift", &[], &[|_, v, _, share| -share * v.signum()]),
+        ("power-law-damping", &[("p", 1.5)], &[|_, v, _, _| -v.abs().powf(1.5) * v.signum()]),
+        ("power-law-damping", &[("p", 3.0)], &[|_, v, _, _| -v * v * v]),
+        ("stiffness-modulation", &[], &[|x, _, tau, _| -tau.cos() * x, |x, _, tau, _| -tau.sin() * x]),
+    ];
+    let (j1, j2) = (4.4e-4 + 0.04 * 0.0635 * 0.0635, 4.033e-5);
+    for (id, form, laws) in table {
+        let entry = catalogue().iter().find(|e| e.id == id).unwrap();
+        let form: Form = form.iter().map(|(n, x)| ((*n).to_owned(), *x)).collect();
+        let found = action(entry, &form, Place::Joint(1), &mechanism, &p, (OMEGA, SPAN)).unwrap();
+        let Some(Action::Force(parts)) = found else { panic!("{id}") };
+        let own = columns(&parts, laws.len(), &mechanism, &p);
+        let mut random = ChaCha8Rng::seed_from_u64(11);
+        for _ in 0..300 {
+            let (s, tau) = sample(&mut random);
+            let (x, v) = (wrap(s.phi[1] - s.phi[0]), s.rate[1] - s.rate[0]);
+            for (column, law) in own.iter().zip(laws) {
+                let force = law(x, v, tau, (s.time - SPAN.start_s) / SPAN.length_s);
+                // A torque in the joint acts on both arms, on the left-hand sides.
+                for (e, wanted) in [(0, force / j1), (1, -force / j2)] {
+                    let got = column_at(column, e, &s, tau);
+                    assert!((got - wanted).abs() < 1e-9 * (1.0 + wanted.abs()), "{id} {e}: {got} {wanted}");
+                }
+            }
+        }
+    }
+}
+
+/// Drag along the second arm against the sum over many short pieces of it; exact where the air meets all of it from one side.
+#[test]
+fn drag_along_an_arm_is_the_sum_over_its_pieces() {
+    const PIECES: u32 = 4000;
+    let (mechanism, p) = mechanism();
+    let entry = catalogue().iter().find(|e| e.id == "distributed-drag").unwrap();
+    let (j, length) = ([4.4e-4 + 0.04 * 0.0635 * 0.0635, 4.033e-5], 0.055);
+    for arm in [0, 1] {
+        let form: Form = vec![("length".to_owned(), length)];
+        let found = action(entry, &form, Place::Arm(arm), &mechanism, &p, (OMEGA, SPAN)).unwrap();
+        let Some(Action::Force(parts)) = found else { panic!("arm {arm}") };
+        let own = columns(&parts, 1, &mechanism, &p);
+        // The speeds rest on the base's motion and, for the second arm, on the first one's length.
+        let l1 = mechanism.parameters.iter().position(|n| n.name == "l1").unwrap();
+        let rests = quotients(&parts, &mechanism).iter().any(|(n, _)| n.any(&|a| *a == Atom::Parameter(l1)));
+        assert_eq!(rests, arm == 1);
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        for _ in 0..200 {
+            let (s, tau) = sample(&mut random);
+            let base = OMEGA * (-0.004 * tau.cos() - 0.0155 * tau.sin());
+            let at = |d: f64| -> (f64, [f64; 2]) {
+                let lever = if arm == 0 { [d, 0.0] } else { [0.0635 * (s.phi[1] - s.phi[0]).cos(), d] };
+                (base * s.phi[arm].sin() + lever[0] * s.rate[0] + lever[1] * s.rate[1], lever)
+            };
+            let mut wanted = [0.0; 2];
+            for i in 0..PIECES {
+                let (v, lever) = at(length * (f64::from(i) + 0.5) / f64::from(PIECES));
+                for (w, d) in wanted.iter_mut().zip(lever) {
+                    *w += v * v.abs() * d * length / f64::from(PIECES);
+                }
+            }
+            let one_side = at(0.0).0 * at(length).0 > 0.0;
+            let greatest = at(0.0).0.abs().max(at(length).0.abs());
+            for (e, w) in wanted.iter().enumerate() {
+                let (got, w) = (column_at(&own[0], e, &s, tau), w / j[e]);
+                let size = greatest * greatest * 0.06 * length / j[e];
+                let bound = if one_side { 1e-6 } else { 1e-2 };
+                assert!((got - w).abs() < bound * size, "arm {arm} equation {e}: {got} {w} {size}");
+            }
+        }
+    }
+}
+
+/// The first arm reaches to the elbow, the second is a rod of its period.
+#[test]
+fn lengths_of_arms_follow_from_the_parameters() {
+    let (mechanism, p) = mechanism();
+    let file = mechanism.file.as_deref().unwrap();
+    let length = |k: usize| crate::effects::along_an_arm::length(file, k, &p).unwrap();
+    assert!((length(0) - 0.0635).abs() < 1e-12);
+    assert!((length(1) - 1.5 * 4.033e-5 / (0.04 * 0.0267)).abs() < 1e-12, "{}", length(1));
+}

@@ -35,7 +35,8 @@ fn inertia_name(setting: &Setting<'_>, equation: usize) -> String {
 
 /// Unit of a strength of one whose law is that of the entry, and the factor that turns strengths into it.
 fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, String) {
-    if let (true, Some(unit)) = (c.entry.verb != Verb::Force, &c.entry.unit) {
+    let works = matches!(c.entry.verb, Verb::Force | Verb::Drags);
+    if let (false, Some(unit)) = (works, &c.entry.unit) {
         return (1.0, unit.clone());
     }
     if c.entry.verb == Verb::Moves && setting.is_written() {
@@ -56,7 +57,7 @@ fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
             (1.0, rad_or_m(circle))
         }
         (Verb::Advances, _) => (1.0, "rad".to_owned()),
-        (Verb::Force, _) => force(setting, physical, c),
+        (Verb::Force | Verb::Drags, _) => force(setting, physical, c),
     }
 }
 
