@@ -37,6 +37,11 @@ fn arm(file: &SystemFile, k: usize) -> Option<(&[Polynomial], &[Polynomial], [Po
     (from.len() == 2).then(|| (&from[..], &along[..], [up.scaled(-1.0), right.clone()]))
 }
 
+/// Whether the arm's end moves. Where it rests the speed at s is ω s, and a power of it does the work of that power of ω: what acts all along the arm is what acts on the arm.
+pub fn end_moves(file: &SystemFile, k: usize) -> bool {
+    arm(file, k).is_some_and(|(from, ..)| from.iter().any(|x| x.moves(|_| true)))
+}
+
 /// Additions to the left-hand sides; none where there is no such arm.
 ///
 /// # Errors

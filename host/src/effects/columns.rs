@@ -317,6 +317,6 @@ pub fn columns(parts: &[Part], strengths: usize, mechanism: &Mechanism, paramete
     out
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "sim"))]
 #[path = "columns_tests.rs"]
 mod tests;

@@ -19,6 +19,7 @@ use crate::identify::general::stretches::Stretch;
 use crate::identify::general::{self, Prepared};
 use crate::identify::{Geometry, Identification, Settings as IdentifySettings};
 use crate::model::model_file::ModelFile;
+use crate::model::model_file::equations_of_motion::wrapped;
 use crate::model::model_file::expression::{Expression, Function, Node, Symbol, multiple};
 use crate::record::Record;
 use crate::rig::Rig;
@@ -83,8 +84,7 @@ pub struct Setting<'a> {
     pub record_of: Vec<usize>,
     /// Columns of the equations' own coefficients.
     pub own: Own,
-    /// Whether candidates are judged by shooting: a drive keeps a system moving and may make it chaotic, so that rows of the weak form serve there; what is
-    /// free or follows measured inputs is predicted over long windows.
+    /// Whether candidates are judged by shooting; rows of the weak form stand in where the model follows no window of the record.
     pub shooting: bool,
     /// Signs that own coefficients keep; 0 for either.
     pub signs: Vec<f64>,
@@ -148,9 +148,8 @@ impl<'a> Setting<'a> {
         let first = general::identify(records, rig, whole, &settings)?;
         let Prepared { stretches, record_of, sensors, geometry, warnings } =
             general::prepare(records, rig, whole, &settings)?;
-        let shooting = rig.drive.is_none() || (records.len() > 1 && each_record(&base, None));
         let own = Own::new(&base, records.len());
-        let longest = if shooting { MOST_FOLLOWED / rig.sample_rate_hz } else { 0.0 };
+        let longest = MOST_FOLLOWED / rig.sample_rate_hz;
         let raw = shorten(stretches, longest.max(geometry.windows.hop_s * most_windows));
         let (Some(start), Some(end)) = (raw.first(), raw.last()) else { return Ok(None) };
         let span =
@@ -177,7 +176,7 @@ impl<'a> Setting<'a> {
             raw,
             record_of,
             own,
-            shooting,
+            shooting: true,
             signs: Vec::new(),
             sensors,
             geometry,
@@ -240,11 +239,14 @@ impl<'a> Setting<'a> {
         out
     }
 
-    /// An entry whose grid of a shape parameter holds the size of the motion: where it does not, as of a slow axis in metres, the grid is moved there. Lengths of an arm
-    /// are told in its own; none where that is not known.
+    /// An entry with the grid of its shape parameter in the size of what is there: of the motion, or of the arm that it acts along; none where that is not known, and where a
+    /// refinement is no other law than the simpler one, along an arm whose end rests.
     fn sized(&self, entry: &Arc<Entry>, place: Place, physical: &Physical) -> Option<Arc<Entry>> {
         let file = self.file()?;
         if let (Place::Arm(k), Verb::Drags) = (place, entry.verb) {
+            if entry.refines.is_some() && !along_an_arm::end_moves(file, k) {
+                return None;
+            }
             let length = along_an_arm::length(file, k, &physical.values)?;
             let mut out = (**entry).clone();
             let grids = out.shapes.iter_mut().filter(|s| s.name == LENGTH).flat_map(|s| &mut s.grid);
@@ -254,10 +256,16 @@ impl<'a> Setting<'a> {
         Some(self.as_large_as_the_motion(entry, place, file))
     }
 
+    /// An entry whose grid of a shape parameter holds the size of the motion: where it does not, as of a slow axis in metres, the grid is moved there.
     fn as_large_as_the_motion(&self, entry: &Arc<Entry>, place: Place, file: &SystemFile) -> Arc<Entry> {
         let (Place::Joint(k), [shape]) = (place, &entry.shapes[..]) else { return entry.clone() };
         let (Some(within), true) = (shape.within, self.shooting) else { return entry.clone() };
-        let size = self.size(&file.joints[k].moves.value, shape.name.starts_with('v'));
+        let rate = shape.name.starts_with('v');
+        // What a law of the velocity alone has beside it is no position: a power.
+        if !rate && !entry.names("x") {
+            return entry.clone();
+        }
+        let size = self.size(&file.joints[k].moves.value, rate);
         let (low, high) = (shape.grid[0], shape.grid[shape.grid.len() - 1]);
         if !(size > 0.0 && size.is_finite()) || (2.0 * low..0.5 * high).contains(&size) {
             return entry.clone();
@@ -269,14 +277,19 @@ impl<'a> Setting<'a> {
         Arc::new(out)
     }
 
-    /// Rms of a joint's position, or of its velocity by differences over five samples.
+    /// Rms of a joint's position (within a turn where it is an angle), or of its velocity by differences over five samples.
     fn size(&self, moves: &Polynomial, rate: bool) -> f64 {
         let node = moves.node();
+        let turns = self.file().is_some_and(|f| places::is_angle(f, moves));
         let (mut sum, mut count) = (0.0, 0.0_f64);
         for s in &self.raw {
             let at = |i: usize| node.value(&|x| if let Symbol::Coordinate(k) = x { s.coordinates[k][i] } else { 0.0 });
             for i in (0..s.len().saturating_sub(5)).step_by(5) {
-                let x = if rate { (at(i + 5) - at(i)) / (5.0 * s.step_s) } else { at(i) };
+                let x = match (rate, turns) {
+                    (true, _) => (at(i + 5) - at(i)) / (5.0 * s.step_s),
+                    (false, true) => wrapped(at(i)),
+                    (false, false) => at(i),
+                };
                 sum += x * x;
                 count += 1.0;
             }

@@ -204,7 +204,9 @@ impl EquationsOfMotion {
     fn slopes(&self, here: Here<'_>, accelerations: &mut [f64], out: &mut [f64]) -> Option<bool> {
         let (tape, places) = self.slopes.as_ref()?;
         let n = self.circle.len();
-        let width = 2 * n + self.coefficients.len();
+        // By coordinates and rates, and by coefficients where there is room for them.
+        let width = out.len() / n.max(1);
+        let by_coefficients = width > 2 * n;
         SCRATCH.with_borrow_mut(|s| {
             if !self.evaluate(s, here, accelerations) {
                 return Some(false);
@@ -220,7 +222,7 @@ impl EquationsOfMotion {
             let moved = |entry: &Entry| entry.acceleration.map_or(1.0, |i| accelerations[i]);
             let factor = |entry: &Entry| entry.coefficient.map_or(-1.0, |c| here.parameters[c]);
             for (entry, x) in self.entries.iter().zip(&s.outputs) {
-                if let Some(c) = entry.coefficient {
+                if let (true, Some(c)) = (by_coefficients, entry.coefficient) {
                     s.matrix[entry.equation * row + n + 2 * n + c] -= x * moved(entry);
                 }
                 if let Some(i) = entry.acceleration {
@@ -308,6 +310,10 @@ impl Dynamics for EquationsOfMotion {
             (0..n).for_each(|i| out[i * width + k] = (ahead[i] - behind[i]) / (2.0 * step));
         }
         true
+    }
+
+    fn takes_states_alone(&self) -> bool {
+        self.slopes.is_some()
     }
 
     fn linearise_held(
