@@ -154,6 +154,11 @@ impl Entry {
         out
     }
 
+    /// The shape parameters that have bounds, which are refined where the law has one strength.
+    pub fn bounded_shapes(&self) -> impl Iterator<Item = usize> {
+        self.shapes.iter().enumerate().filter(|(_, s)| s.within.is_some()).map(|(k, _)| k)
+    }
+
     /// Whether the law names a word.
     pub fn names(&self, word: &str) -> bool {
         self.law.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|w| w == word)

@@ -68,4 +68,17 @@ mod tests {
             assert!(e.refines.as_ref().is_none_or(|r| all.iter().any(|o| o.id == *r)), "{}", e.id);
         }
     }
+
+    /// A refinement steps by shares of the value, and a power of 0, 1 or 2 is another entry.
+    #[test]
+    fn grids_hold_neither_zero_where_they_are_refined_nor_other_laws() {
+        let mut refined = 0;
+        for (e, k) in catalogue().iter().flat_map(|e| e.bounded_shapes().map(move |k| (e, k))) {
+            assert!(!e.shapes[k].grid.contains(&0.0), "{} {}", e.id, e.shapes[k].name);
+            refined += 1;
+        }
+        assert!(refined >= 6, "{refined}");
+        let power = catalogue().iter().find(|e| e.id == "power-law-damping").unwrap();
+        assert!(power.shapes[0].grid.iter().all(|p| ![0.0, 1.0, 2.0].contains(p)), "{power:?}");
+    }
 }

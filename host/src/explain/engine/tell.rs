@@ -166,11 +166,11 @@ pub fn value(
     let d = c.entry.strengths.len();
     let mut form = c.form.clone();
     let mut moved = BTreeMap::new();
-    if let (true, Some(shape)) = (c.is_refined() && k[0] != 0.0, c.entry.shapes.iter().position(|s| s.within.is_some()))
-    {
+    let refined = if c.is_refined() && k[0] != 0.0 { c.refined_shapes() } else { Vec::new() };
+    for (i, shape) in (d..).zip(refined) {
         // What is left of the last Gauss–Newton step belongs to the value.
-        form[shape].1 += k[1] / k[0];
-        moved.insert(form[shape].0.clone(), covariance[(d, d)].max(0.0) / (k[0] * k[0]));
+        form[shape].1 += k[i] / k[0];
+        moved.insert(form[shape].0.clone(), covariance[(i, i)].max(0.0) / (k[0] * k[0]));
     }
     let own = covariance.view((0, 0), (d, d)).into_owned();
     (report(&c.entry, &form, (&k[..d], &own), factor, &moved), unit)
