@@ -9,6 +9,7 @@
 //! both signs drive it back: then the sign is the value in [−1, 1] that keeps its rate zero, until that leaves the interval. At such an instant derivatives jump
 //! by (a₊ − a₋) (w·δv)/(w·a₋), w·v being the rate (saltation; Filippov 1988).
 
+pub mod abreast;
 mod switching;
 
 use self::switching::solve_sign;

@@ -73,7 +73,7 @@ pub fn horizon<D: Dynamics + ?Sized>(
                 let head = problem.head(piece, fit);
                 let (state, _) = problem.fit_state(&head, guess, parameters, levels, work)?;
                 // A solution that ceases to exist ends the horizon where it does: no more samples come.
-                let residuals = problem.residuals_until(piece, &state, parameters, work);
+                let residuals = problem.residuals_until(piece, &state, parameters);
                 let samples = residuals.len() / sensors;
                 let off = |i: &usize| {
                     (0..sensors).any(|k| (residuals[i * sensors + k] * problem.sigma[k]).abs() > tolerance[k])

@@ -11,6 +11,7 @@
 //! | `candidates` | effects at their places, their columns |
 //! | `state` | coefficients and what was added |
 //! | `run`, `search` | from the first fit to the verdict, effect by effect |
+//! | `exchange` | one effect in the place of another |
 //! | `design` | columns over all windows of the weak form |
 //! | `shooting` | columns of trajectories |
 //! | `evidence` | one fit and one choice over either |
@@ -30,6 +31,7 @@ mod candidates;
 mod correct;
 pub mod design;
 mod evidence;
+mod exchange;
 mod forecast;
 pub mod given;
 mod patched;

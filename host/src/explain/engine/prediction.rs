@@ -143,7 +143,7 @@ impl Model<'_> {
             .par_iter()
             .zip(&states)
             .filter_map(|(piece, state)| {
-                let left = problem.residuals(piece, &state.as_ref()?.0, self.parameters, &mut problem.room(false))?;
+                let left = problem.residuals(piece, &state.as_ref()?.0, self.parameters)?;
                 Some(left.iter().enumerate().map(|(i, r)| (r * track.sigma[i % sensors]).powi(2)).sum::<f64>())
             })
             .collect();
@@ -176,7 +176,7 @@ impl Model<'_> {
                 let lengths = [4, 16].map(|f| f * windows.length).into_iter().filter(|l| *l < longest);
                 lengths.chain([longest]).find_map(|count| {
                     let (piece, _) = track.piece(stretch, first, count)?;
-                    let left = problem.residuals_until(&piece, state, self.parameters, &mut problem.room(false));
+                    let left = problem.residuals_until(&piece, state, self.parameters);
                     let off = |(i, r): (usize, &f64)| (r * track.sigma[i % sensors]).abs() > tolerance[i % sensors];
                     let held = left.iter().enumerate().position(off);
                     let ended = held.or((left.len() < count * sensors || count == longest).then_some(left.len()))?;
@@ -199,7 +199,7 @@ impl Model<'_> {
         let head = problem.head(&piece, length);
         let (state, _) =
             problem.fit_state(&head, &guess, self.parameters, &[(length / 4).max(8), length], &mut room)?;
-        let left = problem.residuals_until(&piece, &state, self.parameters, &mut room);
+        let left = problem.residuals_until(&piece, &state, self.parameters);
         let sensors = track.sensors.len();
         let of = |k: usize| {
             let both = left.iter().zip(&piece.measured).skip(k).step_by(sensors);
@@ -255,7 +255,7 @@ pub fn run(
     let lengths = [window / 16, window / 4, window].map(|l| l.max(16));
     let mut room = problem.room(false);
     let (state, _) = problem.fit_state(&problem.head(&whole, window), &guess, parameters, &lengths, &mut room)?;
-    let residuals = problem.residuals(&whole, &state, parameters, &mut room)?;
+    let residuals = problem.residuals(&whole, &state, parameters)?;
     Some(rms_behind(&residuals, window, track))
 }
 
@@ -291,7 +291,7 @@ pub fn simulate(
         .collect();
     let fit = minimise(&problem, &[piece], (parameters, vec![state]), &bounds, TOLERANCE, ROUNDS, &mut || {})?;
     let (whole, _) = track.piece(span.stretch, first, span.end - first)?;
-    let residuals = problem.residuals(&whole, fit.states.first()?, &fit.parameters, &mut problem.room(false))?;
+    let residuals = problem.residuals(&whole, fit.states.first()?, &fit.parameters)?;
     Some((fit.parameters, rms_behind(&residuals, fitted, track)))
 }
 

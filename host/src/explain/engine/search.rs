@@ -2,6 +2,7 @@
 
 use super::candidates::Candidate;
 use super::evidence::{Outcome, refit};
+use super::exchange::{self, Exchange};
 use super::run::Run;
 use super::setting::Setting;
 use super::state::{Chosen, State};
@@ -33,7 +34,7 @@ impl Run<'_> {
     pub fn search(&mut self, undecidable: bool, settings: &Settings) -> Result<Outcome> {
         let most = if undecidable { 0 } else { settings.most_effects.unwrap_or(MOST_EFFECTS) };
         let refitted = settings.model.is_some().then(|| "refit".to_owned());
-        let mut search = Search { refused: Vec::new(), kept: None };
+        let mut search = Search::default();
         loop {
             let candidates = self.setting.candidates(&self.state.physical);
             let outcome = refit(&self.setting, &mut self.state, candidates);
@@ -45,21 +46,22 @@ impl Run<'_> {
             let gap = outcome.as_ref().map_or(f64::NAN, |o| self.gap(&o.fit.train));
             let kept = self.result.effects.is_empty() || search.keeps(outcome.as_ref().ok(), gap, &self.result);
             let outcome = match (kept, search.kept.take()) {
-                (false, Some((better, outcome))) => {
-                    if let Some(f) = self.result.effects.pop() {
-                        search.refuse(&f);
-                    }
-                    self.state = better;
+                (false, Some(before)) => {
+                    search.refuse(self.result.effects.last(), before.gone.is_some());
+                    (self.result.effects, self.state) = (before.effects, before.state);
                     if !self.setting.shooting {
                         self.result.refused.extend(search.refused);
-                        return Ok(outcome);
+                        return Ok(before.outcome);
                     }
-                    outcome
+                    before.outcome
                 }
-                _ => {
+                (_, before) => {
                     let outcome = outcome?;
                     let added = self.result.effects.last().map(named).or_else(|| refitted.clone());
                     self.push(added, gap, &outcome)?;
+                    if let Some(gone) = before.and_then(|b| b.gone) {
+                        self.forget(&gone);
+                    }
                     outcome
                 }
             };
@@ -68,12 +70,51 @@ impl Run<'_> {
             }
             let next = choose(&self.setting, &self.state, &outcome, &search.names(), &mut self.result);
             self.result.refused.extend(search.refused.iter().cloned());
-            let Some((found, candidate)) = next else { return Ok(outcome) };
-            let (found, candidate) = simpler(&self.setting, &self.state, &outcome, found, candidate);
-            self.result.effects.push(found);
-            search.kept = Some((self.state.clone(), outcome));
-            let joined = Chosen::new(&self.setting, candidate, &self.state.physical);
-            self.state.chosen.push(joined);
+            let effects = self.result.effects.clone();
+            let (candidate, promised, gone) = match next {
+                Some((found, candidate)) => {
+                    let (found, candidate) = simpler(&self.setting, &self.state, &outcome, found, candidate);
+                    let promised = found.held_out_gain;
+                    self.result.effects.push(found);
+                    (candidate, promised, None)
+                }
+                None => match self.exchanged(&mut search, &outcome) {
+                    Some((candidate, promised, gone)) => (candidate, promised, Some(gone)),
+                    None => return Ok(outcome),
+                },
+            };
+            let mut state = self.state.clone();
+            if let Some((k, _)) = gone {
+                let _ = state.chosen.remove(k);
+            }
+            state.chosen.push(Chosen::new(&self.setting, candidate, &self.state.physical));
+            let state = core::mem::replace(&mut self.state, state);
+            search.kept = Some(Before { state, outcome, effects, promised, gone: gone.map(|g| g.1) });
+        }
+    }
+
+    /// Another effect in the place of one that was found, which is told at the end of the others: the candidate, what it promises, and the number and the name of what goes.
+    fn exchanged(&mut self, search: &mut Search, outcome: &Outcome) -> Option<(Candidate, f64, (usize, String))> {
+        if search.exchanges >= MOST_EFFECTS {
+            return None;
+        }
+        search.exchanges += 1;
+        let taken = taken(&self.setting, &self.state, &search.names());
+        let Exchange { gone, index, fit, p_value, promised, share } =
+            exchange::best(&self.setting, &self.state, outcome, &taken)?;
+        let candidate = outcome.candidates[index].clone();
+        let old = named(&self.result.effects.remove(gone - self.state.nominal));
+        let found = tell_of(&self.setting, &self.state, &candidate, &fit);
+        self.result.effects.push(Found { p_value, held_out_gain: share, ..found });
+        Some((candidate, promised, (gone, old)))
+    }
+
+    /// Takes the steps of an effect out of what is told, that another has taken the place of.
+    fn forget(&mut self, gone: &str) {
+        let forecasts = self.result.gap.forecasts.iter_mut().map(|f| &mut f.steps);
+        let simulations = self.result.simulation.iter_mut().map(|s| &mut s.steps);
+        for steps in forecasts.chain(simulations).chain([&mut self.result.gap.steps]) {
+            steps.retain(|s| s.added.as_deref() != Some(gone));
         }
     }
 
@@ -95,18 +136,35 @@ impl Run<'_> {
     }
 }
 
+/// What there was before the last effect was added.
+struct Before {
+    state: State,
+    outcome: Outcome,
+    effects: Vec<Found>,
+    /// Share of what is left that the effect should take away.
+    promised: f64,
+    /// What it takes the place of.
+    gone: Option<String>,
+}
+
 /// Where the search for effects stands.
+#[derive(Default)]
 struct Search {
     /// Effects that did not keep what they promised.
     refused: Vec<Refused>,
-    /// The state before the last effect was added, and its fit.
-    kept: Option<(State, Outcome)>,
+    kept: Option<Before>,
+    /// Exchanges that were tried.
+    exchanges: usize,
 }
 
 impl Search {
-    fn refuse(&mut self, found: &Found) {
-        let why = "with it in the model predictions come no nearer to the record than without it";
-        self.refused.push(Refused::new(&named(found), why.to_owned()));
+    fn refuse(&mut self, found: Option<&Found>, exchanged: bool) {
+        let why = if exchanged {
+            "in the place of another effect it brings predictions no nearer to the record"
+        } else {
+            "with it in the model predictions come no nearer to the record than without it"
+        };
+        self.refused.extend(found.map(|f| Refused::new(&named(f), why.to_owned())));
     }
 
     /// `ID@PLACE` of what was refused.
@@ -116,12 +174,9 @@ impl Search {
 
     /// Whether the last effect stays: a wrong model makes many look significant, each must also bring predictions nearer.
     fn keeps(&self, after: Option<&Outcome>, gap: f64, result: &Explanation) -> bool {
-        let (Some((_, before)), Some(after)) = (&self.kept, after) else { return false };
-        match (before.left(), after.left()) {
-            (Some(b), Some(a)) => {
-                let promised = result.effects.last().map_or(0.0, |f| f.held_out_gain);
-                a < (1.0 - LEAST_KEPT * promised.max(0.0)) * b
-            }
+        let (Some(before), Some(after)) = (&self.kept, after) else { return false };
+        match (before.outcome.left(), after.left()) {
+            (Some(b), Some(a)) => a < (1.0 - LEAST_KEPT * before.promised.max(0.0)) * b,
             _ => {
                 let previous = result.gap.steps.last().map_or(f64::INFINITY, |s| s.value);
                 gap <= (1.0 - LEAST_PROGRESS) * previous || previous <= EXPLAINED_GAP
@@ -142,8 +197,7 @@ fn choose(
     // A step that is chosen for again, after its effect was refused, is told once.
     result.ranking.retain(|r| r.step != step);
     let Outcome { candidates, evidence, own, fit } = outcome;
-    let taken: Vec<String> =
-        state.chosen.iter().map(|k| k.candidate.name(setting)).chain(refused.iter().cloned()).collect();
+    let taken = taken(setting, state, refused);
     let offers: Vec<Offer> = candidates
         .iter()
         .map(|c| Offer {
@@ -165,19 +219,28 @@ fn choose(
     let Choice { index, fit, p_value, share, twins, runner_up } =
         decision::choose((&*judged, own), &offers, &taken, step, told, &feigned, &together)?;
     let candidate = &candidates[index];
-    let d = candidate.strengths();
-    let from = fit.all.len() - d;
-    let strengths: Vec<f64> = fit.all.rows(from, d).iter().copied().collect();
-    let covariance = fit.covariance.view((from, from), (d, d)).into_owned();
-    let reported = tell::value(setting, &state.physical, candidate, &strengths, &covariance);
     let found = Found {
         p_value,
         held_out_gain: share,
         indistinguishable_from: twins,
         runner_up,
-        ..tell::found(setting, candidate, reported)
+        ..tell_of(setting, state, candidate, &fit)
     };
     Some((found, candidate.clone()))
+}
+
+/// Names of what the model has and of what was refused.
+fn taken(setting: &Setting<'_>, state: &State, refused: &[String]) -> Vec<String> {
+    state.chosen.iter().map(|k| k.candidate.name(setting)).chain(refused.iter().cloned()).collect()
+}
+
+/// What is told of a candidate whose strengths stand last in a fit.
+fn tell_of(setting: &Setting<'_>, state: &State, candidate: &Candidate, fit: &Fit) -> Found {
+    let d = candidate.strengths();
+    let from = fit.all.len() - d;
+    let strengths: Vec<f64> = fit.all.rows(from, d).iter().copied().collect();
+    let covariance = fit.covariance.view((from, from), (d, d)).into_owned();
+    tell::found(setting, candidate, tell::value(setting, &state.physical, candidate, &strengths, &covariance))
 }
 
 /// Of a law with a shape and one without at the same place, which held-out data do not tell apart to first order, the one without where it leaves as little when

@@ -121,22 +121,24 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
     }
 
     /// Residuals (predicted minus measured, in σ) of a piece, sensor after sensor for each sample. None where the solution does not reach its end.
-    pub fn residuals(&self, piece: &Piece, state: &[f64], parameters: &[f64], work: &mut Work) -> Option<Vec<f64>> {
-        let out = self.residuals_until(piece, state, parameters, work);
+    pub fn residuals(&self, piece: &Piece, state: &[f64], parameters: &[f64]) -> Option<Vec<f64>> {
+        let out = self.residuals_until(piece, state, parameters);
         (out.len() == piece.measured.len()).then_some(out)
     }
 
     /// The same up to where the solution ends.
-    pub fn residuals_until(&self, piece: &Piece, state: &[f64], parameters: &[f64], work: &mut Work) -> Vec<f64> {
+    pub fn residuals_until(&self, piece: &Piece, state: &[f64], parameters: &[f64]) -> Vec<f64> {
         let count = self.samples(piece);
+        let mut work = Work::plain(self.dynamics);
         work.set(state);
         let mut out = Vec::with_capacity(piece.measured.len());
-        let _reached = self.flow(piece, parameters).samples(work, piece.start_s, self.spacing_s, count, |i, sample| {
-            for (k, (sensor, sigma)) in self.sensors.iter().zip(self.sigma).enumerate() {
-                let predicted: f64 = sensor.iter().zip(sample).map(|(m, q)| m * q).sum();
-                out.push((predicted - piece.measured[i * self.sensors.len() + k]) / sigma);
-            }
-        });
+        let _reached =
+            self.flow(piece, parameters).samples(&mut work, piece.start_s, self.spacing_s, count, |i, sample| {
+                for (k, (sensor, sigma)) in self.sensors.iter().zip(self.sigma).enumerate() {
+                    let predicted: f64 = sensor.iter().zip(sample).map(|(m, q)| m * q).sum();
+                    out.push((predicted - piece.measured[i * self.sensors.len() + k]) / sigma);
+                }
+            });
         out
     }
 

@@ -188,10 +188,7 @@ fn residuals<D: Dynamics + ?Sized>(problem: &Problem<'_, D>, pieces: &[Piece], f
     pieces
         .par_iter()
         .zip(&fit.states)
-        .map_init(
-            || problem.room(false),
-            |work, (piece, state)| problem.residuals(piece, state, &fit.parameters, work).unwrap_or_default(),
-        )
+        .map(|(piece, state)| problem.residuals(piece, state, &fit.parameters).unwrap_or_default())
         .collect()
 }
 
@@ -226,11 +223,7 @@ pub fn integration_step<D: Dynamics + ?Sized>(
 ) -> f64 {
     let run = |step_s: f64| -> Vec<Option<Vec<f64>>> {
         let p = Problem { step_s, ..copy(problem) };
-        pieces
-            .par_iter()
-            .zip(guesses)
-            .map_init(|| p.room(false), |work, (piece, state)| p.residuals(piece, state, parameters, work))
-            .collect()
+        pieces.par_iter().zip(guesses).map(|(piece, state)| p.residuals(piece, state, parameters)).collect()
     };
     let mut step = period_s / 20.0;
     let mut coarse = run(step);

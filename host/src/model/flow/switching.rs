@@ -231,7 +231,7 @@ pub(super) fn solve_sign<D: Dynamics + ?Sized>(
 }
 
 /// Where the cubic through values and slopes (times the step) at both ends of [0, 1] first passes from above to below zero.
-fn crossing(ends: [f64; 2], slopes: [f64; 2]) -> Option<f64> {
+pub(super) fn crossing(ends: [f64; 2], slopes: [f64; 2]) -> Option<f64> {
     let value = |u: f64| {
         let (u2, u3) = (u * u, u * u * u);
         ends[0] * (1.0 - 3.0 * u2 + 2.0 * u3)

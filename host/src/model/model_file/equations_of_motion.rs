@@ -8,6 +8,8 @@
 //!
 //! The signs of linear forms of the rates (dry friction) are the switches of [`Dynamics`].
 
+pub mod abreast;
+
 use core::cell::RefCell;
 
 use super::ModelFile;

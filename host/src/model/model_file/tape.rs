@@ -32,6 +32,13 @@ enum Operation {
     Hat(usize, f64, Option<f64>),
 }
 
+/// Most points of [`Tape::over`].
+pub const MOST: usize = 128;
+
+/// Room for [`Tape::over`], and what it found.
+#[derive(Clone, Debug, Default)]
+pub struct Registers(Vec<f64>);
+
 /// Several expressions as one list of operations.
 #[derive(Clone, Debug)]
 pub struct Tape {
@@ -147,7 +154,7 @@ impl Tape {
         for start in (0..count).step_by(BLOCK) {
             let end = (start + BLOCK).min(count);
             let (from, to) = (start.saturating_sub(halo), (end + halo).min(count));
-            self.block(columns, from, to, &mut registers);
+            self.block::<{ BLOCK + 2 }>(columns, from, to, &mut registers);
             for (out, &r) in out.iter_mut().zip(&self.outputs) {
                 let at = r * (BLOCK + 2);
                 out[start..end].copy_from_slice(&registers[at + start - from..at + end - from]);
@@ -156,8 +163,18 @@ impl Tape {
         out
     }
 
-    fn block(&self, columns: &[&[f64]], from: usize, to: usize, registers: &mut [f64]) {
-        const STRIDE: usize = BLOCK + 2;
+    /// Values of every expression at `count` points that are no neighbours, [`MOST`] at most: [`Tape::output`] shows them.
+    pub fn over(&self, columns: &[&[f64]], count: usize, registers: &mut Registers) {
+        registers.0.resize(self.operations.len() * MOST, 0.0);
+        self.block::<MOST>(columns, 0, count, &mut registers.0);
+    }
+
+    /// What an expression came out as at every point of [`Tape::over`].
+    pub fn output<'a>(&self, k: usize, registers: &'a Registers) -> &'a [f64] {
+        &registers.0[self.outputs[k] * MOST..(self.outputs[k] + 1) * MOST]
+    }
+
+    fn block<const STRIDE: usize>(&self, columns: &[&[f64]], from: usize, to: usize, registers: &mut [f64]) {
         let n = to - from;
         for (k, operation) in self.operations.iter().enumerate() {
             let (before, rest) = registers.split_at_mut(k * STRIDE);

@@ -85,6 +85,17 @@ impl Blocks {
         self.windows.iter().map(|w| w.iter().map(of).collect()).collect()
     }
 
+    /// The same with some of the own columns' coefficients at nothing: columns that are not fitted then count as taken away.
+    #[must_use]
+    pub fn without(&self, gone: core::ops::Range<usize>) -> Self {
+        let mut out = self.clone();
+        for column in gone {
+            let Some(at) = out.origin.get_mut(column).map(core::mem::take) else { continue };
+            out.windows.iter_mut().flatten().for_each(|p| p.gram.retarget(column, at));
+        }
+        out
+    }
+
     /// Weights 1/e², e² the mean square residual where it is above the noise: what a model lacks where the motion is large does not tell on what is small, and what adds up
     /// over a long horizon not on a short one.
     pub fn weigh(&mut self, misfits: &[Vec<f64>]) {
@@ -190,7 +201,7 @@ impl Blocks {
     /// Fits some columns; none where they are singular or the blocks too few. What is held at zero has the standard error of a fit without bounds.
     pub fn fit(&self, columns: &[usize]) -> Option<Fit> {
         let p = columns.len();
-        let own = self.still.len();
+        let own = columns.iter().filter(|c| **c < self.still.len()).count();
         let signs = self.signs_of(columns);
         let parts = self.grams(columns);
         let n = parts.len();
@@ -284,6 +295,14 @@ mod tests {
         let other = Blocks::new(moved, vec![1.0, 1.0, 0.0], about.to_vec()).fit(&[0, 1, 2]).unwrap();
         assert!((other.all[1]).abs() < 1e-12 && (other.all[0] - kept.all[0]).abs() < 1e-9, "{}", other.all);
         assert!((other.held_out[3] / kept.held_out[3] - 1.0).abs() < 1e-6);
+        // The second column taken away, about coefficients that hold it: what the others are by themselves.
+        let about = [1.5, -0.8, 0.9];
+        let moved: Vec<Vec<Part>> =
+            grams.iter().map(|g| vec![Part { gram: Gram::of_own(about_others(g, about)), freedom: 20.0 }]).collect();
+        let blocks_about = Blocks::new(moved, vec![0.0; 3], about.to_vec());
+        let gone = blocks_about.without(1..2).fit(&[0, 2]).unwrap();
+        assert!((&gone.all - &without.all).amax() < 1e-9, "{} {}", gone.all, without.all);
+        assert!((gone.held_out[3] / without.held_out[3] - 1.0).abs() < 1e-6);
         // Blocks that leave ten times the noise count a tenth.
         let mut weighed = blocks([0.0; 3]);
         let misfits: Vec<Vec<f64>> = (0..12).map(|k| vec![if k < 6 { 0.5 } else { 10.0 }]).collect();

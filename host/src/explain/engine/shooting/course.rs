@@ -210,16 +210,14 @@ impl<'a> Course<'a> {
         let linear = Linear::new(states, &along, motion)?;
         let alpha = columns.forcing.along(&linear.points, &along, motion)?;
         let measured = self.measured(path, w, states, list);
-        let normal = linear.normal(states, &alpha, layout, &measured, (0, w.count));
-        let gram = normal.reduced()?;
-        let mut parts = vec![Part { gram, freedom: self.freedom(&normal) }];
-        let short = w.count / SHORT;
-        if short >= FEWEST_SAMPLES {
+        let short = if w.count / SHORT >= FEWEST_SAMPLES { w.count / SHORT } else { w.count };
+        let (normal, segments) = linear.normal(states, &alpha, layout, &measured, short);
+        let mut parts = vec![Part { gram: normal.reduced()?, freedom: self.freedom(&normal) }];
+        if short < w.count {
             let mut sum: Option<Part> = None;
-            for k in 0..w.count / short {
-                let normal = linear.normal(states, &alpha, layout, &measured, (k * short, (k + 1) * short));
-                let gram = normal.reduced()?;
-                let freedom = self.freedom(&normal);
+            for segment in &segments {
+                let gram = segment.reduced()?;
+                let freedom = self.freedom(segment);
                 match &mut sum {
                     Some(part) => {
                         part.gram.add(&gram);

@@ -75,6 +75,33 @@ impl Sums {
         }
     }
 
+    /// Adds these sums with the first columns, s, replaced: s = P s' + Q c + r for the first columns s' and the others c of `to`; `map` is [P | Q | −r], the last for
+    /// the target, which loses what r shows. With H the products of s with all, W = [Q | −r] and Y = H + ½ H_s W products of others gain WᵀY + YᵀW.
+    pub fn carried(&self, map: &DMatrix<f64>, to: &mut Self) {
+        let (m, own, columns) = (self.first, self.layout.own, self.layout.columns);
+        let (square, mut half) = self.of_first();
+        let (p, w) = (map.columns(0, m), map.columns(m, columns + 1));
+        half.gemm(0.5, &square, &w, 1.0);
+        let mut whole = half.clone();
+        whole.gemm(0.5, &square, &w, 1.0);
+        to.head.view_mut((0, 0), (m, m)).gemm(1.0, &p.transpose(), &(&square * p), 1.0);
+        to.head.view_mut((0, m), (m, columns + 1)).gemm(1.0, &p.transpose(), &whole, 1.0);
+        let both = |i: usize, j: usize| w.column(i).dot(&half.column(j)) + half.column(i).dot(&w.column(j));
+        for j in 0..=columns {
+            for i in 0..=own {
+                let of = if i < own { i } else { columns };
+                to.head[(m + i, m + j)] += self.head[(m + i, m + j)] + both(of, j);
+            }
+        }
+        for ((to, from), &(at, size)) in to.groups.iter_mut().zip(&self.groups).zip(&self.layout.groups) {
+            for i in 0..size {
+                for j in 0..=i {
+                    to[(i, j)] += from[(i, j)] + both(at + i, at + j);
+                }
+            }
+        }
+    }
+
     /// Products of the first with one another, with the columns, and with the target.
     pub fn of_first(&self) -> (DMatrix<f64>, DMatrix<f64>) {
         let (m, rest) = (self.first, self.layout.columns + 1);
@@ -147,6 +174,21 @@ impl Gram {
         out
     }
 
+    /// Adds a multiple of one of the own columns to the target.
+    pub fn retarget(&mut self, column: usize, by: f64) {
+        let Layout { own, columns, .. } = *self.0.layout;
+        let of: Vec<f64> = (0..columns).map(|j| self.at(column, j)).collect();
+        let (with_target, square) = (self.at(column, columns), of[column]);
+        let head = &mut self.0.head;
+        for (j, x) in of.iter().enumerate() {
+            head[(own, j)] += by * x;
+            if j < own {
+                head[(j, columns)] += by * x;
+            }
+        }
+        head[(own, columns)] += by * (2.0 * with_target + by * square);
+    }
+
     /// Adds to the square of a column.
     pub fn stiffen(&mut self, column: usize, by: f64) {
         let own = self.0.layout.own;
@@ -169,6 +211,36 @@ impl Gram {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Rows whose first columns are other ones' combinations, with all columns and the target: the sums are those of the rows themselves.
+    #[test]
+    fn first_columns_are_carried_to_others() {
+        let mut seed = 5_u32;
+        let mut random = move || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(seed >> 8) / f64::from(1 << 24) - 0.5
+        };
+        let rows = DMatrix::from_fn(8, 30, |_, _| random());
+        let map = DMatrix::from_fn(2, 8, |_, _| random());
+        let layout = Layout::new(2, &[1, 2]);
+        let (mut sums, mut direct, mut carried) =
+            (Sums::zeros(&layout, 2), Sums::zeros(&layout, 2), Sums::zeros(&layout, 2));
+        sums.push(&rows);
+        let mut other = rows.clone();
+        for (mut to, from) in other.column_iter_mut().zip(rows.column_iter()) {
+            let first = from.rows(0, 2).into_owned();
+            (0..8).for_each(|i| to[i] = map.column(i).dot(&first) + if i < 2 { 0.0 } else { from[i] });
+        }
+        direct.push(&other);
+        sums.carried(&map, &mut carried);
+        // Products of the others with the first stand in the first rows alone.
+        for (i, j) in (0..5).flat_map(|i| (0..6).map(move |j| (i, j))).filter(|(i, j)| *i < 2 || *j >= 2) {
+            assert!((carried.head[(i, j)] - direct.head[(i, j)]).abs() < 1e-12, "{i} {j}");
+        }
+        for (a, b) in carried.groups.iter().zip(&direct.groups) {
+            assert!((a - b).amax() < 1e-12);
+        }
+    }
 
     /// Two first columns, two own, candidates of one and two: the parts are those of the full matrix with the first eliminated.
     #[test]
@@ -200,6 +272,15 @@ mod tests {
             }
         }
         assert!(gram.chosen(&[2, 3])[(0, 1)].is_nan());
+        // The target and twice the second own column.
+        let mut moved = gram.clone();
+        moved.retarget(1, 2.0);
+        let change = |i: usize| wanted[(i, 5)] + 2.0 * wanted[(i, 1)];
+        let found = moved.chosen(&[0, 1, 4]);
+        for (i, x) in [0, 1, 4].into_iter().enumerate() {
+            assert!((found[(i, 3)] - change(x)).abs() < 1e-12);
+        }
+        assert!((found[(3, 3)] - change(5) - 2.0 * change(1)).abs() < 1e-12);
         let other = gram.clone();
         gram.add(&other);
         gram.stiffen(3, 1.0);

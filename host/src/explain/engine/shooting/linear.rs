@@ -5,12 +5,15 @@
 //! α_{k+1})/2 for rates (over several points to a sample where samples are few). Sensors show S(q + δ_q) + Σ ε s(q): linear in δ_0, parameters, strengths and sensor laws alike. No
 //! solution has to be found first, and what is far from one still has its columns.
 
+use core::ops::AddAssign;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
 use super::along::Along;
 use super::gram::{Gram, Layout, Sums};
+use crate::model::dynamics::Dynamics;
+use crate::model::flow::abreast::{self, MOST, Steps};
 use crate::model::flow::{Flow, Work};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
@@ -54,36 +57,71 @@ pub struct Normal {
 impl Linear {
     /// None where the model has no solution somewhere.
     pub fn new(states: &[f64], along: &Along<'_>, (motion, parameters): (&EquationsOfMotion, &[f64])) -> Option<Self> {
-        let m = 2 * crate::model::dynamics::Dynamics::degrees_of_freedom(motion);
+        let m = 2 * motion.degrees_of_freedom();
         let (each, spacing) = (along.points, along.spacing());
-        let at = |t: f64, out: &mut [f64]| crate::model::integrate::Outside::inputs(along.between, t, out);
-        let mut work = Work::by_state(motion);
         let count = states.len() / m;
         let points = count.saturating_sub(1) * each + 1;
         let mut out = Self {
             points: Vec::with_capacity(m * points),
-            slopes: Vec::with_capacity(m * m * points),
+            slopes: Vec::new(),
             defects: Vec::with_capacity(m * count),
             each,
             spacing,
         };
-        for k in 0..count.saturating_sub(1) {
-            let mut state = states[m * k..m * (k + 1)].to_vec();
-            for j in 0..each {
-                let point = k * each + j;
-                work.set(&state);
-                let flow = Flow::new(motion, parameters, along.outside(point, &at), spacing);
-                if !flow.carry(&mut work, along.time(point), spacing) {
-                    return None;
-                }
-                out.points.append(&mut state);
-                out.slopes.extend_from_slice(work.derivatives());
-                state.extend_from_slice(work.state());
+        out.points.resize(m * points.saturating_sub(1), 0.0);
+        out.slopes.resize(m * m * points.saturating_sub(1), 0.0);
+        let mut steps = motion.goes_abreast().then(|| Steps::new(motion));
+        let mut here = states[..m * count.saturating_sub(1)].to_vec();
+        for j in 0..each {
+            for (block, states) in here.chunks_mut(m * MOST).enumerate() {
+                let point = |i: usize| (block * MOST + i) * each + j;
+                out.step(states, steps.as_mut(), (along, motion, parameters), point)?;
             }
-            out.defects.extend(state.iter().zip(&states[m * (k + 1)..]).map(|(a, b)| a - b));
         }
+        out.defects.extend(here.iter().zip(&states[m..]).map(|(a, b)| a - b));
         out.points.extend_from_slice(&states[m * count.saturating_sub(1)..]);
         out.slopes.iter().chain(&out.defects).all(|x| x.is_finite()).then_some(out)
+    }
+
+    /// Carries states from their points to the next ones, and keeps both points and slopes.
+    fn step(
+        &mut self,
+        states: &mut [f64],
+        abreast: Option<&mut Steps>,
+        (along, motion, parameters): (&Along<'_>, &EquationsOfMotion, &[f64]),
+        point: impl Fn(usize) -> usize,
+    ) -> Option<()> {
+        let m = 2 * motion.degrees_of_freedom();
+        let (spacing, inputs) = (self.spacing, along.stretch.inputs.len());
+        let at = |t: f64, out: &mut [f64]| crate::model::integrate::Outside::inputs(along.between, t, out);
+        let steps = abreast.map(|steps| {
+            steps.set(states.chunks_exact(m));
+            let of = |i: usize| (along.time(point(i)), along.tau(point(i)));
+            steps.take((motion, parameters), of, &abreast::Outside { omega: along.omega, inputs, at: &at }, spacing);
+            steps
+        });
+        let mut alone = Work::by_state(motion);
+        for (i, state) in states.chunks_exact_mut(m).enumerate() {
+            let p = point(i);
+            self.points[m * p..m * (p + 1)].copy_from_slice(state);
+            let slopes = &mut self.slopes[m * m * p..m * m * (p + 1)];
+            match &steps {
+                Some(steps) if steps.whole[i] => {
+                    state.iter_mut().enumerate().for_each(|(c, x)| *x = steps.value(c, i));
+                    slopes.iter_mut().enumerate().for_each(|(c, x)| *x = steps.value(m + c, i));
+                }
+                _ => {
+                    alone.set(state);
+                    let flow = Flow::new(motion, parameters, along.outside(p, &at), spacing);
+                    if !flow.carry(&mut alone, along.time(p), spacing) {
+                        return None;
+                    }
+                    state.copy_from_slice(alone.state());
+                    slopes.copy_from_slice(alone.derivatives());
+                }
+            }
+        }
+        Some(())
     }
 
     /// What the columns' accelerations at both ends of a sample add to the state's row `i`.
@@ -99,25 +137,61 @@ impl Linear {
         to.iter_mut().zip(a.iter().zip(b)).for_each(|(t, (a, b))| *t += p * a + q * b);
     }
 
-    /// The normal equations of the samples `first` … `end` over columns whose accelerations are `alpha` (see [`super::forcing::Forcing::along`]).
+    /// The normal equations of a window over columns whose accelerations are `alpha` (see [`super::forcing::Forcing::along`]), and those of its segments of `segment`
+    /// samples, each with an initial state of its own.
     pub fn normal(
         &self,
         states: &[f64],
         alpha: &[f64],
         layout: &Arc<Layout>,
         measured: &Measured<'_>,
+        segment: usize,
+    ) -> (Normal, Vec<Normal>) {
+        let m = 2 * measured.shown.first().map_or(0, Vec::len);
+        let (count, width) = (states.len() / m, m + layout.columns + 1);
+        let mut whole = Normal { sums: Sums::zeros(layout, m), rows: 0 };
+        let mut parts = Vec::new();
+        // The segment's first state by the window's, the columns, and what defects add up to.
+        let mut map = DMatrix::identity(m, width);
+        for first in (0..count).step_by(segment) {
+            let end = (first + segment).min(count);
+            let (part, z) = self.segment(states, alpha, layout, measured, (first, end));
+            part.sums.carried(&map, &mut whole.sums);
+            whole.rows += part.rows;
+            if end - first == segment {
+                parts.push(part);
+            }
+            if end < count {
+                let z = DMatrix::from_row_slice(m, width, &z);
+                let mut next = z.columns(0, m) * &map;
+                next.columns_mut(m, layout.columns).add_assign(&z.columns(m, layout.columns));
+                next.column_mut(width - 1).axpy(-1.0, &z.column(width - 1), 1.0);
+                map = next;
+            }
+        }
+        (whole, parts)
+    }
+
+    /// Sums over the samples `first` … `end`, and what deviations there make of the state at `end`: m rows by the first state, the columns, and the defects.
+    fn segment(
+        &self,
+        states: &[f64],
+        alpha: &[f64],
+        layout: &Arc<Layout>,
+        measured: &Measured<'_>,
         (first, end): (usize, usize),
-    ) -> Normal {
+    ) -> (Normal, Vec<f64>) {
         let columns = layout.columns;
         let sensors = measured.shown.len();
         let n = measured.shown.first().map_or(0, Vec::len);
         let m = 2 * n;
         let width = m + columns + 1;
+        let last = states.len() / m - 1;
         let mut z = vec![0.0; m * width];
         (0..m).for_each(|i| z[i * width + i] = 1.0);
         let mut next = z.clone();
         let mut sums = Sums::zeros(layout, m);
-        let mut chunk = DMatrix::zeros(width, CHUNK);
+        let mut chunk = DMatrix::zeros(width, CHUNK.min((end - first) * sensors));
         let mut filled = 0;
         for k in first..end {
             for s in 0..sensors {
@@ -136,12 +210,12 @@ impl Linear {
                     row[m + c] += scale * law[k];
                 }
                 filled += 1;
-                if filled == CHUNK {
+                if filled == chunk.ncols() {
                     sums.push(&chunk);
                     filled = 0;
                 }
             }
-            if k + 1 == end {
+            if k == last {
                 break;
             }
             for point in k * self.each..(k + 1) * self.each {
@@ -167,7 +241,7 @@ impl Linear {
         if filled > 0 {
             sums.push(&chunk.columns(0, filled).into_owned());
         }
-        Normal { sums, rows: (end - first) * sensors }
+        (Normal { sums, rows: (end - first) * sensors }, z)
     }
 
     /// The path moved by an initial step and a step of the columns; also the greatest rms movement of a sensor's reading in units of its noise.
@@ -289,12 +363,13 @@ mod tests {
         let own = solution(&motion, &p, [1.0, -0.2]);
         // A path with defects everywhere.
         let bent: Vec<f64> = own.iter().enumerate().map(|(i, x)| x + 1e-3 * (0.7 * i as f64).sin()).collect();
-        for (path, passes) in [(own, 1), (bent, 3)] {
+        for (path, passes, segment) in [(own, 1, COUNT), (bent, 3, 33)] {
             let (mut states, mut found) = (path, p.to_vec());
             for _ in 0..passes {
                 let linear = Linear::new(&states, &along, (&motion, &p)).unwrap();
                 let alpha = forcing.along(&linear.points, &along, (&motion, &p)).unwrap();
-                let normal = linear.normal(&states, &alpha, &Layout::new(4, &[]), &measured, (0, COUNT));
+                let (normal, parts) = linear.normal(&states, &alpha, &Layout::new(4, &[]), &measured, segment);
+                assert_eq!(parts.len(), COUNT / segment);
                 let step = solve(&normal.reduced().unwrap().chosen(&[0, 1, 2, 3])).unwrap();
                 found = step.iter().zip(&p).map(|(s, p)| s + p).collect();
                 let start = normal.start(&step).unwrap();

@@ -1,0 +1,220 @@
+//! One step of Dormand and Prince's method from each of many states, side by side, with the derivatives by that state: the same step as [`super::Flow`] takes over one
+//! spacing. Steps in which a sign turns, or a rate begins at zero, are told and left to it.
+
+use super::switching::crossing;
+use super::{A, C};
+use crate::model::dynamics::Dynamics;
+use crate::model::model_file::equations_of_motion::EquationsOfMotion;
+use crate::model::model_file::equations_of_motion::abreast::{Abreast, Room};
+pub use crate::model::model_file::tape::MOST;
+
+/// States, their derivatives and the room that a step needs. Columns of [`MOST`] states: q (n), v (n), ∂q (n rows of 2n), ∂v (n rows of 2n).
+pub struct Steps {
+    n: usize,
+    count: usize,
+    y: Vec<f64>,
+    next: Vec<f64>,
+    k: [Vec<f64>; 7],
+    partials: Vec<f64>,
+    accelerations: Vec<f64>,
+    room: Room,
+    times: Vec<f64>,
+    taus: Vec<f64>,
+    inputs: Vec<Vec<f64>>,
+    signs: Vec<Vec<f64>>,
+    /// Which steps are whole: no sign turned and the equations had a solution.
+    pub whole: Vec<bool>,
+}
+
+/// What acts from outside: the drive's angular frequency (rad/s), and measured inputs by time.
+pub struct Outside<'a> {
+    /// rad/s; 0 without a drive.
+    pub omega: f64,
+    /// How many inputs.
+    pub inputs: usize,
+    /// Writes them.
+    pub at: &'a dyn Fn(f64, &mut [f64]),
+}
+
+impl Steps {
+    /// Room for a system.
+    pub fn new(motion: &EquationsOfMotion) -> Self {
+        let n = motion.degrees_of_freedom();
+        let length = 2 * n * (1 + 2 * n) * MOST;
+        Self {
+            n,
+            count: 0,
+            y: vec![0.0; length],
+            next: vec![0.0; length],
+            k: core::array::from_fn(|_| vec![0.0; length]),
+            partials: vec![0.0; 2 * n * n * MOST],
+            accelerations: vec![0.0; n * MOST],
+            room: Room::default(),
+            times: Vec::new(),
+            taus: Vec::new(),
+            inputs: Vec::new(),
+            signs: vec![vec![0.0; MOST]; motion.switches().len()],
+            whole: Vec::new(),
+        }
+    }
+
+    /// Begins with states at (q then v), derivatives the identity.
+    pub fn set<'a>(&mut self, states: impl Iterator<Item = &'a [f64]>) {
+        let m = 2 * self.n;
+        self.y.fill(0.0);
+        self.count = 0;
+        for (i, state) in states.take(MOST).enumerate() {
+            (0..m).for_each(|c| self.y[c * MOST + i] = state[c]);
+            (0..m).for_each(|c| self.y[(m + c * m + c) * MOST + i] = 1.0);
+            self.count = i + 1;
+        }
+    }
+
+    /// What a column holds for a state: q and v (2n), then the derivatives row after row (2n × 2n).
+    pub fn value(&self, column: usize, state: usize) -> f64 {
+        self.y[column * MOST + state]
+    }
+
+    /// One step of `h` seconds from every state, at its time (s) and phase of the drive (rad).
+    pub fn take(
+        &mut self,
+        (motion, parameters): (&EquationsOfMotion, &[f64]),
+        at: impl Fn(usize) -> (f64, f64),
+        outside: &Outside<'_>,
+        h: f64,
+    ) {
+        let (n, count) = (self.n, self.count);
+        self.whole = vec![true; count];
+        for (weights, signs) in motion.switches().iter().zip(&mut self.signs) {
+            for (i, sign) in signs.iter_mut().enumerate().take(count) {
+                let rate: f64 = weights.iter().enumerate().map(|(j, w)| w * self.y[(n + j) * MOST + i]).sum();
+                *sign = rate.signum();
+                self.whole[i] &= rate != 0.0;
+            }
+        }
+        let begins: Vec<(f64, f64)> = (0..count).map(at).collect();
+        self.rates((motion, parameters), &begins, outside, (0, 0.0));
+        for stage in 1..7 {
+            self.next.copy_from_slice(&self.y);
+            for (a, k) in A[stage].iter().zip(&self.k).filter(|(a, _)| **a != 0.0) {
+                let f = h * a;
+                self.next.iter_mut().zip(k).for_each(|(o, k)| *o += f * k);
+            }
+            // Rates at the end say only whether a sign turns.
+            if stage < 6 || !motion.switches().is_empty() {
+                self.rates((motion, parameters), &begins, outside, (stage, C[stage] * h));
+            }
+        }
+        for i in 0..count {
+            let form =
+                |x: &[f64], w: &[f64]| -> f64 { w.iter().enumerate().map(|(j, w)| w * x[(n + j) * MOST + i]).sum() };
+            for (w, signs) in motion.switches().iter().zip(&self.signs) {
+                let s = signs[i];
+                let ends = [s * form(&self.y, w), s * form(&self.next, w)];
+                let slopes = [s * h * form(&self.k[0], w), s * h * form(&self.k[6], w)];
+                self.whole[i] &= crossing(ends, slopes).is_none();
+            }
+            self.whole[i] &= (0..2 * n * (1 + 2 * n)).all(|c| self.next[c * MOST + i].is_finite());
+        }
+        core::mem::swap(&mut self.y, &mut self.next);
+    }
+
+    /// Rates of all columns into a stage, from the states (stage 0) or the attempted ones, `after` seconds after the beginnings.
+    fn rates(
+        &mut self,
+        (motion, parameters): (&EquationsOfMotion, &[f64]),
+        begins: &[(f64, f64)],
+        outside: &Outside<'_>,
+        (stage, after): (usize, f64),
+    ) {
+        let (n, m, count) = (self.n, 2 * self.n, self.count);
+        let Self { y, next, k, partials, accelerations, room, times, taus, inputs, signs, whole, .. } = self;
+        let y: &[f64] = if stage == 0 { y } else { next };
+        times.clear();
+        times.extend(begins.iter().map(|b| b.0 + after));
+        taus.clear();
+        taus.extend(begins.iter().map(|b| b.1 + outside.omega * after));
+        inputs.resize(outside.inputs, Vec::new());
+        if outside.inputs > 0 {
+            inputs.iter_mut().for_each(|u| u.resize(count, 0.0));
+            let mut here = vec![0.0; outside.inputs];
+            for (i, t) in times.iter().enumerate() {
+                (outside.at)(*t, &mut here);
+                inputs.iter_mut().zip(&here).for_each(|(u, x)| u[i] = *x);
+            }
+        }
+        let at = Abreast { count, states: &y[..m * MOST], times, taus, inputs, signs };
+        motion.linearise_abreast(parameters, &at, room, (accelerations, partials), whole);
+        let out = &mut k[stage];
+        out[..n * MOST].copy_from_slice(&y[n * MOST..m * MOST]);
+        out[n * MOST..m * MOST].copy_from_slice(accelerations);
+        // ∂q̇ = ∂v, ∂v̇ = ∂a/∂q ∂q + ∂a/∂v ∂v: the rows of ∂q lie before those of ∂v.
+        let (head, tail) = out[m * MOST..].split_at_mut(n * m * MOST);
+        head.copy_from_slice(&y[(m + n * m) * MOST..]);
+        tail.fill(0.0);
+        let derivatives = &y[m * MOST..];
+        for i in 0..n {
+            for j in 0..m {
+                let by = &partials[(i * m + j) * MOST..][..count];
+                for c in 0..m {
+                    let to = &mut tail[(i * m + c) * MOST..][..count];
+                    let of = &derivatives[(j * m + c) * MOST..][..count];
+                    to.iter_mut().zip(by.iter().zip(of)).for_each(|(t, (b, x))| *t += b * x);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::super::{Flow, Inputs, Outside as Along, Work};
+    use super::*;
+    use crate::model::model_file::ModelFile;
+
+    const TEXT: &str = "name = \"m\"\ninputs = [\"u\"]\ncoordinates = [{ name = \"p\", space = \"S1\" }, { name = \"x\", space = \"R\" }]\n\
+        [[equation]]\nbalance = \"-(1.5*p'' + 0.3*cos(p)*x'')\"\nterms = { g = \"sin(p)\", c = \"p'\", f = \"sign(p')\" }\n\
+        [[equation]]\nbalance = \"u - (x'' + 0.3*(cos(p)*p'' - sin(p)*p'^2))\"\nterms = { k = \"x\", d = \"sign(x' - p')\", t = \"cos(tau)\" }\n";
+
+    /// Steps side by side are those of [`Flow`] one by one, derivatives too; those in which friction turns are told, and no others.
+    #[test]
+    fn steps_are_those_that_are_taken_one_by_one() {
+        let model = ModelFile::parse(TEXT, Path::new("m.toml")).unwrap();
+        let motion = EquationsOfMotion::new(&model, 3.0).unwrap();
+        assert!(motion.goes_abreast());
+        let parameters = [4.0, 0.1, 0.3, 20.0, 0.2, 0.7];
+        let input = |t: f64, out: &mut [f64]| out[0] = (5.0 * t).sin();
+        let mut seed = 11_u32;
+        let mut random = move || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            8.0 * (f64::from(seed >> 8) / f64::from(1 << 24) - 0.5)
+        };
+        let mut states: Vec<Vec<f64>> = (0..100).map(|_| (0..4).map(|_| random()).collect()).collect();
+        states[7][2] = 0.0;
+        // Turns at once.
+        states[8] = vec![0.5, 0.1, 1e-4, 2.0];
+        let of = |i: usize| (0.01 * i as f64, 0.3 * i as f64);
+        let mut steps = Steps::new(&motion);
+        steps.set(states.iter().map(Vec::as_slice));
+        steps.take((&motion, &parameters), of, &Outside { omega: 3.0, inputs: 1, at: &input }, 0.004);
+        assert!(!steps.whole[7] && !steps.whole[8], "{:?}", &steps.whole[..9]);
+        assert!(steps.whole.iter().filter(|w| **w).count() > 90);
+        for (i, state) in states.iter().enumerate().filter(|(i, _)| steps.whole[*i]) {
+            let (time, tau) = of(i);
+            let along = Along { origin: time, tau, omega: 3.0, inputs: Some(Inputs { count: 1, at: &input }) };
+            let mut work = Work::by_state(&motion);
+            work.set(state);
+            assert!(Flow::new(&motion, &parameters, along, 0.004).carry(&mut work, time, 0.004));
+            let alone = work.state().iter().chain(work.derivatives());
+            for (c, x) in alone.enumerate() {
+                assert!(
+                    (steps.value(c, i) - x).abs() <= 1e-12 * x.abs().max(1.0),
+                    "{i} {c}: {} {x}",
+                    steps.value(c, i)
+                );
+            }
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! Accelerations and their partials at many states at once: every operation of the tapes is one loop over the states, a fraction of the work of going through them one by one.
+
+use super::{EquationsOfMotion, solve, wrapped};
+use crate::model::model_file::expression::Symbol;
+use crate::model::model_file::tape::{MOST, Registers};
+
+/// Many states side by side, at most [`MOST`]; each quantity is a column of all of them.
+pub struct Abreast<'a> {
+    /// How many.
+    pub count: usize,
+    /// Coordinates, then rates: 2n columns of [`MOST`] each.
+    pub states: &'a [f64],
+    /// Times, s.
+    pub times: &'a [f64],
+    /// Phases of the drive, rad.
+    pub taus: &'a [f64],
+    /// Measured inputs.
+    pub inputs: &'a [Vec<f64>],
+    /// Signs of [`crate::model::dynamics::Dynamics::switches`].
+    pub signs: &'a [Vec<f64>],
+}
+
+/// Room for such an evaluation.
+#[derive(Default)]
+pub struct Room {
+    entries: Registers,
+    slopes: Registers,
+    wrapped: Vec<Vec<f64>>,
+    matrix: Vec<f64>,
+    inverse: Vec<f64>,
+    right: Vec<f64>,
+}
+
+/// Nothing, where a symbol has no value.
+const ZEROS: [f64; MOST] = [0.0; MOST];
+
+/// The column that a symbol stands for.
+fn column<'a>(s: Symbol, at: &'a Abreast<'_>, wrapped: &'a [Vec<f64>], accelerations: &'a [f64]) -> &'a [f64] {
+    let count = at.count;
+    let n = wrapped.len();
+    let state = |k: usize| &at.states[k * MOST..k * MOST + count];
+    match s {
+        Symbol::Coordinate(i) if !wrapped[i].is_empty() => &wrapped[i],
+        Symbol::Coordinate(i) | Symbol::Raw(i) => state(i),
+        Symbol::Rate(i) | Symbol::ClearRate(i) => state(n + i),
+        Symbol::Acceleration(i) => &accelerations[i * MOST..i * MOST + count],
+        Symbol::Input(k) | Symbol::RawInput(k) => at.inputs.get(k).map_or(&ZEROS[..count], |x| &x[..count]),
+        Symbol::Tau => &at.taus[..count],
+        Symbol::Time => &at.times[..count],
+        Symbol::Held(k) => at.signs.get(k).map_or(&ZEROS[..count], |x| &x[..count]),
+        Symbol::InputRate(_) => &ZEROS[..count],
+    }
+}
+
+impl EquationsOfMotion {
+    /// Whether many states can be linearised at once: all slopes exist and no acceleration stands inside a function.
+    pub fn goes_abreast(&self) -> bool {
+        self.slopes.is_some() && !self.implicit
+    }
+
+    /// Accelerations (n columns of [`MOST`]) and their partials by coordinates and rates (n × 2n such columns, row after row) at every state; `exists` turns false
+    /// where there are none. Only for systems that go abreast ([`EquationsOfMotion::goes_abreast`]).
+    pub fn linearise_abreast(
+        &self,
+        parameters: &[f64],
+        at: &Abreast<'_>,
+        room: &mut Room,
+        (accelerations, partials): (&mut [f64], &mut [f64]),
+        exists: &mut [bool],
+    ) {
+        let Some((tape, places)) = self.slopes.as_ref() else {
+            exists.fill(false);
+            return;
+        };
+        let (n, count) = (self.circle.len(), at.count);
+        let Room { entries, slopes, wrapped: angles, matrix, inverse, right } = room;
+        angles.resize(n, Vec::new());
+        for (i, to) in angles.iter_mut().enumerate().filter(|(i, _)| self.circle[*i]) {
+            to.clear();
+            to.extend(at.states[i * MOST..i * MOST + count].iter().map(|x| wrapped(*x)));
+        }
+        let factor = |k: usize| self.entries[k].coefficient.map_or(-1.0, |c| parameters[c]);
+        // M (n × n columns), inverted state by state, and what stands beside the accelerations.
+        let columns: Vec<&[f64]> = self.tape.symbols().iter().map(|s| column(*s, at, angles, &[])).collect();
+        self.tape.over(&columns, count, entries);
+        matrix.clear();
+        matrix.resize(n * n * MOST, 0.0);
+        right.clear();
+        right.resize(n * MOST, 0.0);
+        for (k, entry) in self.entries.iter().enumerate() {
+            let (to, f) = match entry.acceleration {
+                Some(i) => (&mut matrix[(entry.equation * n + i) * MOST..], factor(k)),
+                None => (&mut right[entry.equation * MOST..], -factor(k)),
+            };
+            add(&mut to[..count], f, self.tape.output(k, entries));
+        }
+        invert(matrix, n, count, inverse, exists);
+        accelerations.fill(0.0);
+        multiply(inverse, right, accelerations, (n, 1, count));
+        // Slopes of the residual, with what multiplies an acceleration times that.
+        let columns: Vec<&[f64]> = tape.symbols().iter().map(|s| column(*s, at, angles, accelerations)).collect();
+        tape.over(&columns, count, slopes);
+        right.clear();
+        right.resize(n * 2 * n * MOST, 0.0);
+        for (o, &(k, j)) in places.iter().enumerate().filter(|(_, p)| p.1 < 2 * n) {
+            let entry = &self.entries[k];
+            let to = &mut right[(entry.equation * 2 * n + j) * MOST..][..count];
+            let slope = tape.output(o, slopes);
+            match entry.acceleration {
+                None => add(to, -factor(k), slope),
+                Some(i) => {
+                    let f = -factor(k);
+                    let moved = &accelerations[i * MOST..i * MOST + count];
+                    to.iter_mut().zip(slope.iter().zip(moved)).for_each(|(t, (s, a))| *t += f * s * a);
+                }
+            }
+        }
+        partials.fill(0.0);
+        multiply(inverse, right, partials, (n, 2 * n, count));
+    }
+}
+
+fn add(to: &mut [f64], f: f64, of: &[f64]) {
+    to.iter_mut().zip(of).for_each(|(t, x)| *t += f * x);
+}
+
+/// Inverses of n × n matrices, state by state, with pivots.
+fn invert(matrix: &[f64], n: usize, count: usize, inverse: &mut Vec<f64>, exists: &mut [bool]) {
+    inverse.clear();
+    inverse.resize(n * n * MOST, 0.0);
+    let (mut rows, mut found) = (vec![0.0; 2 * n * n], vec![0.0; n * n]);
+    for i in 0..count {
+        rows.fill(0.0);
+        for e in 0..n {
+            (0..n).for_each(|k| rows[e * 2 * n + k] = matrix[(e * n + k) * MOST + i]);
+            rows[e * 2 * n + n + e] = 1.0;
+        }
+        exists[i] &= solve(&mut rows, n, n, &mut found);
+        (0..n * n).for_each(|k| inverse[k * MOST + i] = found[k]);
+    }
+}
+
+/// Products of n × n and n × sides matrices, state by state.
+fn multiply(a: &[f64], b: &[f64], to: &mut [f64], (n, sides, count): (usize, usize, usize)) {
+    for e in 0..n {
+        for s in 0..sides {
+            let to = &mut to[(e * sides + s) * MOST..][..count];
+            for k in 0..n {
+                let (x, y) = (&a[(e * n + k) * MOST..][..count], &b[(k * sides + s) * MOST..][..count]);
+                to.iter_mut().zip(x.iter().zip(y)).for_each(|(t, (x, y))| *t += x * y);
+            }
+        }
+    }
+}
