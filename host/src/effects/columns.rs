@@ -4,6 +4,7 @@
 //! work on s adds −F ∂s/∂q_e. What displaces a point or turns a body or gravity changes T and V: the
 //! terms of E_e that are linear in the strength. Both hold products of the system's parameters, whose values come from the identification.
 
+use super::along_an_arm;
 use super::entry::{Entry, Form, Verb};
 use super::places::{self, Place};
 use super::written::{self, Change};
@@ -36,22 +37,29 @@ pub struct Part {
 
 /// An expression of the motion.
 #[derive(Clone, Debug, PartialEq)]
-enum Law {
+pub(super) enum Law {
     /// One without parameters.
     Motion(Node),
-    /// One with parameters inside functions, whose values are put in where columns are made: the load of a joint.
-    Parameters(Polynomial),
+    /// One with parameters inside functions, whose values are put in where columns are made: the load of a joint, fixed over the equation's inertia.
+    Load(Polynomial),
+    /// The same of speeds, fixed by themselves.
+    Speeds(Polynomial),
 }
 
 impl Law {
-    fn of(p: Polynomial) -> Self {
-        if p.has_parameter() { Self::Parameters(p) } else { Self::Motion(p.node()) }
+    fn of_load(p: Polynomial) -> Self {
+        if p.has_parameter() { Self::Load(p) } else { Self::Motion(p.node()) }
+    }
+
+    /// Of speeds, with the lengths in them.
+    pub(super) fn of_speeds(p: Polynomial) -> Self {
+        if p.has_parameter() { Self::Speeds(p) } else { Self::Motion(p.node()) }
     }
 
     fn at(&self, parameters: &[f64]) -> Node {
         match self {
             Self::Motion(of) => of.clone(),
-            Self::Parameters(of) => of.node_at(parameters),
+            Self::Load(of) | Self::Speeds(of) => of.node_at(parameters),
         }
     }
 }
@@ -130,6 +138,10 @@ pub fn action(
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
             Ok(work(mechanism, &law, angle, own))
         }
+        (Place::Arm(k), Verb::Drags) if !file.written => {
+            let found = along_an_arm::parts((entry, form), k, (mechanism, file), words, omega)?;
+            Ok(found.map(Action::Force))
+        }
         (Place::Drive, Verb::Moves) => {
             let Some(drive) = places::drive(file) else { return Ok(None) };
             let axis =
@@ -177,13 +189,19 @@ pub fn quotients(parts: &[Part], mechanism: &Mechanism) -> Vec<(Polynomial, Poly
         }
     }
     let mut out = Vec::new();
+    let one = Polynomial::number(1.0);
     for part in parts {
-        let Law::Parameters(of) = &part.of else { continue };
         let Some((_, inertia)) = mechanism.scales.get(part.equation) else { continue };
-        inside(of, inertia, &mut out);
-        let loads = |(a, n): &(Atom, i32)| *n != 1 && Polynomial::atom(a.clone()).has_parameter();
-        if of.terms().any(|(product, _)| product.iter().any(loads)) {
-            out.push((inertia.clone(), Polynomial::number(1.0)));
+        match &part.of {
+            Law::Motion(_) => {}
+            Law::Speeds(of) => inside(of, &one, &mut out),
+            Law::Load(of) => {
+                inside(of, inertia, &mut out);
+                let loads = |(a, n): &(Atom, i32)| *n != 1 && Polynomial::atom(a.clone()).has_parameter();
+                if of.terms().any(|(product, _)| product.iter().any(loads)) {
+                    out.push((inertia.clone(), one.clone()));
+                }
+            }
         }
     }
     out
@@ -198,7 +216,13 @@ fn by_strength(law: &Polynomial, own: usize, count: usize) -> Vec<Node> {
 }
 
 /// The parts of an expression of equation `equation` that are linear in one strength.
-fn parts_of(e: &Polynomial, equation: usize, own: usize, out: &mut Vec<Part>) {
+pub(super) fn parts_of(
+    e: &Polynomial,
+    equation: usize,
+    own: usize,
+    law: &dyn Fn(Polynomial) -> Law,
+    out: &mut Vec<Part>,
+) {
     for (product, of) in e.by_parameters() {
         let strengths: Vec<(usize, i32)> = product
             .iter()
@@ -207,7 +231,7 @@ fn parts_of(e: &Polynomial, equation: usize, own: usize, out: &mut Vec<Part>) {
         if let [(strength, 1)] = strengths[..] {
             let rest: Product =
                 product.into_iter().filter(|(a, _)| !matches!(a, Atom::Parameter(k) if *k >= own)).collect();
-            out.push(Part { strength, equation, product: rest, of: Law::of(of) });
+            out.push(Part { strength, equation, product: rest, of: law(of) });
         }
     }
 }
@@ -218,7 +242,7 @@ fn work(mechanism: &Mechanism, force: &Polynomial, on: &Polynomial, own: usize) 
     for (equation, (coordinate, _)) in mechanism.scales.iter().enumerate() {
         let along = partial(on, &Atom::Motion(Symbol::Coordinate(*coordinate))).ok()?;
         if !along.is_zero() {
-            parts_of(&force.times(&along).ok()?.scaled(-1.0), equation, own, &mut out);
+            parts_of(&force.times(&along).ok()?.scaled(-1.0), equation, own, &Law::of_load, &mut out);
         }
     }
     (!out.is_empty()).then_some(Action::Force(out))
@@ -231,7 +255,7 @@ fn changed(mechanism: &Mechanism, file: &SystemFile, own: usize, omega: f64) -> 
     for (equation, (coordinate, _)) in mechanism.scales.iter().enumerate() {
         for column in &equations[*coordinate] {
             let whole = column.of.times(&Polynomial::product(column.product.clone(), 1.0)).ok()?;
-            parts_of(&whole, equation, own, &mut out);
+            parts_of(&whole, equation, own, &Law::of_load, &mut out);
         }
     }
     (!out.is_empty()).then_some(Action::Force(out))

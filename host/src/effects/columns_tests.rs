@@ -1,4 +1,6 @@
-//! Columns of the catalogue against the simulated rig, which was written apart: what an effect does to the accelerations of a double pendulum on a base at rest.
+//! Columns of the catalogue against the simulated rig, which was written apart: what an effect does to the accelerations of a double pendulum, its base at rest and moving.
+
+use core::f64::consts::{PI, TAU};
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -6,7 +8,7 @@ use whirl_hil_sim::Effect;
 use whirl_hil_sim::Parameters;
 use whirl_hil_sim::plant::effects::combine;
 use whirl_hil_sim::plant::{Plant, TOLERANCE};
-use whirl_hil_sim::shaker::BaseMotion;
+use whirl_hil_sim::shaker::{BaseMotion, Command, Shaker, phase_increment};
 
 use super::*;
 use crate::effects::catalogue;
@@ -18,7 +20,7 @@ const SPAN: Span = Span { start_s: 2.0, length_s: 40.0 };
 const SHORT_S: f64 = 1e-6;
 
 /// Effect on the rig, the strengths that it has in the catalogue.
-const EFFECTS: [(&str, &[f64]); 18] = [
+const EFFECTS: [(&str, &[f64]); 26] = [
     ("viscous-friction@joint1=1e-4", &[1e-4]),
     ("coulomb-friction@joint2=1e-4", &[1e-4]),
     ("stribeck-friction@joint1=1e-3,v_s=3", &[1e-3]),
@@ -37,10 +39,52 @@ const EFFECTS: [(&str, &[f64]); 18] = [
     ("imbalance@arm1=1e-4", &[1e-4]),
     ("imbalance@arm2=1e-4", &[1e-4]),
     ("frame-tilt@frame=1e-4", &[1e-4]),
+    ("friction-drift@joint2=1e-3", &[1e-3]),
+    ("power-law-damping@joint1=1e-4,p=1.5", &[1e-4]),
+    ("power-law-damping@joint2=1e-5,p=0.5", &[1e-5]),
+    ("stiffness-modulation@joint1=2e-3,psi=0.4", &[2e-3 * 0.921_060_994_002_885, 2e-3 * 0.389_418_342_308_650_5]),
+    ("local-force@joint1=2e-3,x0=-2.9,d=0.3", &[2e-3]),
+    ("local-force@joint2=1e-3,x0=0.4,d=0.5", &[1e-3]),
+    ("distributed-drag@arm1=0.2,length=0.06", &[0.2]),
+    ("distributed-drag@arm2=0.02,length=0.05", &[0.02]),
 ];
 
-/// The shipped system with the rig's parameters.
-fn mechanism(p: &Parameters) -> (std::sync::Arc<Mechanism>, Vec<f64>) {
+/// A motion of the base as both sides have it.
+struct Base {
+    motion: BaseMotion,
+    /// a_c and a_s of the shipped system.
+    amplitudes: [f64; 2],
+    tau: f64,
+    time_s: f64,
+}
+
+impl Base {
+    /// At rest, at the record's beginning.
+    fn at_rest() -> Self {
+        Self { motion: BaseMotion::REST, amplitudes: [0.0; 2], tau: 0.0, time_s: SPAN.start_s }
+    }
+
+    /// Three eighths of a period into a motion of 15.5 mm, a quarter into the record.
+    fn that_moves() -> Self {
+        let (rate_hz, nanometre, psi, passed_s) = (500.0, 15_500_000, 0.25_f64, 0.25 * SPAN.length_s);
+        let command = Command {
+            phase: 3 << 29,
+            phase_increment: phase_increment(OMEGA / TAU, rate_hz).unwrap(),
+            amplitude_nanometre: [nanometre; 2],
+        };
+        let shaker = Shaker { psi, record_s: SPAN.length_s, ..Shaker::default() };
+        let a = 1e-9 * f64::from(nanometre);
+        Self {
+            motion: shaker.motion(command, passed_s, 1.0 / rate_hz),
+            amplitudes: [a * psi.cos(), a * psi.sin()],
+            tau: 0.75 * PI,
+            time_s: SPAN.start_s + passed_s,
+        }
+    }
+}
+
+/// The shipped system with the rig's parameters and the drive's amplitudes.
+fn mechanism(p: &Parameters, [a_c, a_s]: [f64; 2]) -> (std::sync::Arc<Mechanism>, Vec<f64>) {
     let text = library::text("double-pendulum").unwrap();
     let model = library::read("double-pendulum", text).unwrap().model(Some(&[]), OMEGA).unwrap();
     let mechanism = model.mechanism.unwrap();
@@ -52,7 +96,8 @@ fn mechanism(p: &Parameters) -> (std::sync::Arc<Mechanism>, Vec<f64>) {
         "m2" => p.m2,
         "e2" => p.e2,
         "J_2" => p.j_o2,
-        "a_c" | "a_s" => 0.0,
+        "a_c" => a_c,
+        "a_s" => a_s,
         "g" => p.g,
         other => panic!("{other}"),
     };
@@ -61,9 +106,9 @@ fn mechanism(p: &Parameters) -> (std::sync::Arc<Mechanism>, Vec<f64>) {
 }
 
 /// Angular accelerations of the rig at a state.
-fn accelerations(p: &Parameters, effects: &[Effect], state: [f64; 4]) -> [f64; 2] {
+fn accelerations(p: &Parameters, effects: &[Effect], state: [f64; 4], base: &BaseMotion) -> [f64; 2] {
     let mut plant = Plant::new(p, &combine(effects).unwrap(), state, TOLERANCE).unwrap();
-    plant.advance(&BaseMotion::REST, SHORT_S).unwrap();
+    plant.advance(base, SHORT_S).unwrap();
     let after = plant.state();
     [0, 1].map(|i: usize| (after[2 + i] - state[2 + i]) / SHORT_S)
 }
@@ -80,8 +125,18 @@ fn place(name: &str) -> Place {
 
 #[test]
 fn effects_move_the_pendulum_as_they_move_the_simulated_rig() {
+    agree(&Base::at_rest());
+}
+
+#[test]
+fn effects_move_the_pendulum_as_they_move_the_simulated_rig_on_a_base_that_moves() {
+    agree(&Base::that_moves());
+}
+
+/// Every effect against the rig on random states.
+fn agree(base: &Base) {
     let p = Parameters { tau_c1: 0.0, c_r2: 0.0, ..Parameters::PRINTED };
-    let (mechanism, values) = mechanism(&p);
+    let (mechanism, values) = mechanism(&p, base.amplitudes);
     for (text, strengths) in EFFECTS {
         let effect = Effect::parse(text).unwrap();
         let (name, rest) = text.split_once('=').unwrap();
@@ -105,8 +160,8 @@ fn effects_move_the_pendulum_as_they_move_the_simulated_rig() {
             if state[2].abs() < 0.01 || (state[3] - state[2]).abs() < 0.01 {
                 continue;
             }
-            let without = accelerations(&p, &[], state);
-            let with = accelerations(&p, std::slice::from_ref(&effect), state);
+            let without = accelerations(&p, &[], state, &base.motion);
+            let with = accelerations(&p, std::slice::from_ref(&effect), state, &base.motion);
             let mut left = [0.0; 2];
             for (k, column) in columns.iter().enumerate() {
                 for (e, of) in column {
@@ -115,6 +170,8 @@ fn effects_move_the_pendulum_as_they_move_the_simulated_rig() {
                             Symbol::Coordinate(i) => state[i],
                             Symbol::Rate(i) => state[2 + i],
                             Symbol::Acceleration(i) => with[i],
+                            Symbol::Tau => base.tau,
+                            Symbol::Time => base.time_s,
                             _ => 0.0,
                         });
                 }
@@ -140,7 +197,7 @@ fn effects_move_the_pendulum_as_they_move_the_simulated_rig() {
 /// A load is a load over an inertia: what lacks a mass is said to rest on it.
 #[test]
 fn a_load_rests_on_masses_and_lengths() {
-    let (mechanism, p) = mechanism(&Parameters::PRINTED);
+    let (mechanism, p) = mechanism(&Parameters::PRINTED, [0.0; 2]);
     let entry = catalogue().iter().find(|e| e.id == "load-dependent-friction").unwrap();
     let names: Vec<&str> = mechanism.parameters.iter().map(|n| n.name.as_str()).collect();
     for (joint, wanted) in [(1, vec!["l1", "m2", "e2", "a_c", "a_s", "g"]), (0, vec!["m1", "e1", "l1", "m2", "e2"])] {
@@ -157,4 +214,47 @@ fn a_load_rests_on_masses_and_lengths() {
         assert_eq!(parts.len(), joint + 1);
     }
     assert!(entry.names(LOAD) && !entry.names("loa") && !catalogue()[0].names(LOAD));
+}
+
+/// Drag along an arm rests on what moves its end: the drive, and for the second arm the length of the first.
+#[test]
+fn drag_along_an_arm_rests_on_what_moves_its_end() {
+    let (mechanism, p) = mechanism(&Parameters::PRINTED, [0.0155, 0.004]);
+    let entry = catalogue().iter().find(|e| e.id == "distributed-drag").unwrap();
+    let form: Form = vec![("length".to_owned(), 0.055)];
+    for (arm, wanted, others) in [(0, vec!["a_c", "a_s"], vec!["l1"]), (1, vec!["a_c", "a_s", "l1"], vec![])] {
+        let found = action(entry, &form, Place::Arm(arm), &mechanism, &p, (OMEGA, SPAN)).unwrap();
+        let Some(Action::Force(parts)) = found else { panic!("arm {arm}") };
+        let quotients = quotients(&parts, &mechanism);
+        let holds = |name: &&str| {
+            let at = mechanism.parameters.iter().position(|n| n.name == *name).unwrap();
+            quotients.iter().any(|(n, _)| n.any(&|a| *a == Atom::Parameter(at)))
+        };
+        assert!(wanted.iter().all(holds) && !others.iter().any(holds), "arm {arm}: {quotients:?}");
+        // Its work on the first arm as well.
+        assert_eq!(parts.iter().map(|p| p.equation).max(), Some(arm));
+        assert!(parts.iter().any(|p| p.equation == 0));
+    }
+}
+
+/// Where its end rests, the speed along an arm is ω s and drag all along it that of ω |ω|.
+#[test]
+fn the_end_of_the_first_arm_moves_under_a_drive_only() {
+    for (name, wanted) in [("double-pendulum", [true, true]), ("double-pendulum-free", [false, true])] {
+        let model = library::read(name, library::text(name).unwrap()).unwrap().model(Some(&[]), OMEGA).unwrap();
+        let mechanism = model.mechanism.unwrap();
+        let file = mechanism.file.as_deref().unwrap();
+        assert_eq!([0, 1].map(|k| along_an_arm::end_moves(file, k)), wanted, "{name}");
+    }
+}
+
+/// The first arm reaches to the elbow, the second is a rod of its period.
+#[test]
+fn lengths_of_arms_follow_from_the_parameters() {
+    let rig = Parameters::PRINTED;
+    let (mechanism, p) = mechanism(&rig, [0.0; 2]);
+    let file = mechanism.file.as_deref().unwrap();
+    let length = |k: usize| along_an_arm::length(file, k, &p).unwrap();
+    assert!((length(0) - rig.l1).abs() < 1e-12);
+    assert!((length(1) - 1.5 * rig.j_o2 / (rig.m2 * rig.e2)).abs() < 1e-12, "{}", length(1));
 }

@@ -40,11 +40,18 @@ const PLACES: [(&str, At, &[&str]); 5] = [
     ("encoder", At::Encoder, &["x", "v"]),
 ];
 
+/// Words of what acts all along an arm.
+const ALONG_AN_ARM: &[&str] = &["v", "s"];
+/// The shape parameter that says on how much of it.
+pub const LENGTH: &str = "length";
+
 /// How it acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verb {
     /// Does work.
     Force,
+    /// Does work all along an arm, a force per length.
+    Drags,
     /// Displaces the driven point.
     Moves,
     /// Advances the drive's phase.
@@ -56,8 +63,9 @@ pub enum Verb {
 }
 
 /// Verbs by key, and the places that have them.
-const VERBS: [(&str, Verb, &[At]); 5] = [
+const VERBS: [(&str, Verb, &[At]); 6] = [
     ("force", Verb::Force, &[At::Joint, At::Arm]),
+    ("drags", Verb::Drags, &[At::Arm]),
     ("moves", Verb::Moves, &[At::Drive]),
     ("advances", Verb::Advances, &[At::Drive]),
     ("turns", Verb::Turns, &[At::Arm, At::Frame]),
@@ -146,6 +154,11 @@ impl Entry {
         out
     }
 
+    /// The shape parameters that have bounds, which are refined where the law has one strength.
+    pub fn bounded_shapes(&self) -> impl Iterator<Item = usize> {
+        self.shapes.iter().enumerate().filter(|(_, s)| s.within.is_some()).map(|(k, _)| k)
+    }
+
     /// Whether the law names a word.
     pub fn names(&self, word: &str) -> bool {
         self.law.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|w| w == word)
@@ -196,7 +209,7 @@ pub fn read(source: &Source) -> Result<Vec<Entry>> {
 }
 
 fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<Entry> {
-    let known: Vec<&str> = KEYS.into_iter().chain(["advances"]).collect();
+    let known: Vec<&str> = KEYS.into_iter().chain(["advances", "drags"]).collect();
     r.source.known_keys(t, &known, "an effect")?;
     let id = r.source.text(r.source.required(t, at..at, "id", "a name such as \"magnet\"")?, "a name")?.to_owned();
     let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
@@ -230,6 +243,7 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
             .remedy("Say where the effect acts"));
     };
     let (verb, law, law_value) = law(r, t, at, *place_at)?;
+    let vocabulary = if verb == Verb::Drags { ALONG_AN_ARM } else { *vocabulary };
     let strengths = strengths(r, t, at)?;
     let positive = signs(r, t, &strengths)?;
     let shapes = shapes(r, t)?;
@@ -435,6 +449,13 @@ pub fn stand_ins(vocabulary: &[&str]) -> Words {
 
 /// Strengths enter linearly, and nothing stands without one but what a sensor ought to show.
 fn check(r: &Reader<'_>, e: &Entry, vocabulary: &[&str], at: &Value<'_>) -> Result<()> {
+    if e.verb == Verb::Drags && !e.shapes.iter().any(|s| s.name == LENGTH && s.grid.iter().all(|x| *x > 0.0)) {
+        let expected = format!("shape = {{ {LENGTH} = {{ grid = [1.0, 1.5], within = [0.001, 10.0] }} }}, above 0");
+        return Err(r
+            .source
+            .bad(at.span().start, "drags without a length of the arm", expected)
+            .remedy("Say on how much of the arm it acts; the grid is in lengths of the arm"));
+    }
     let words = stand_ins(vocabulary);
     let Some(form) = e.forms().into_iter().next() else { return Ok(()) };
     let read = e.law(&words, &form).map_err(|m| mistake(r.source, at, &e.law, m))?;
@@ -498,9 +519,14 @@ mod tests {
             ("force = \"-k*x\"\nshape = { n = { whole = [1, 30] }, m = { whole = [1, 30] } }", 6, "900 combinations"),
             ("force = \"-k*x\"\ncolour = \"red\"", 6, "colour"),
             ("force = \"-k*x\"\nvalue = \"k*q\"", 6, "q"),
+            ("drags = \"-k*v\"", 5, "drags at this place"),
         ] {
             let error = of(&format!("{head}{rest}\n")).unwrap_err().to_string();
             assert!(error.contains(told) && error.contains(&format!("line {line}")), "{rest}: {error}");
+        }
+        let arm = "[[effect]]\nid = \"air\"\nat = \"arm\"\nstrengths = [\"k\"]\n";
+        for (rest, told) in [("drags = \"-k*v\"", "without a length"), ("drags = \"-k*omega\"", "drags without")] {
+            assert!(of(&format!("{arm}{rest}\n")).unwrap_err().to_string().contains(told), "{rest}");
         }
         assert!(of("[[effect]]\nid = \"a b\"\n").unwrap_err().to_string().contains("small letters"));
         assert!(of("").unwrap_err().to_string().contains("[[effect]]"));

@@ -1,6 +1,6 @@
 //! The catalogue of physical effects that a system may have or miss: entries of `effects.toml`, and of a user's own files.
 //!
-//! An entry says how an effect acts, by one of five verbs: `force` does work at a joint or an arm, `moves` displaces the driven
+//! An entry says how an effect acts, by one of six verbs: `force` does work at a joint or an arm, `drags` all along an arm, `moves` displaces the driven
 //! point, `advances` the drive's phase, `turns` a body's centroid or gravity, `reads` is what an encoder shows. Its strengths enter
 //! linearly; shape parameters (the order of cogging, the velocity of Stribeck's law) are tried on a grid. What an entry
 //! adds to the equations of a system derived from bodies is in [`columns`]. `docs/effects.md` is the user's page.
@@ -12,8 +12,10 @@
 //! | [`places`] | where a system has joints, arms, a drive, a frame, encoders |
 //! | [`put_in`] | effects of a simulation |
 //! | [`columns`] | what an effect of strength one adds to every equation |
+//! | [`along_an_arm`] | the same for a force per length along an arm |
 //! | [`written`] | the same for equations that a user wrote down |
 
+pub mod along_an_arm;
 pub mod columns;
 pub mod entry;
 pub mod places;
@@ -65,5 +67,18 @@ mod tests {
             assert!(!all[..k].iter().any(|o| o.id == e.id), "{} twice", e.id);
             assert!(e.refines.as_ref().is_none_or(|r| all.iter().any(|o| o.id == *r)), "{}", e.id);
         }
+    }
+
+    /// A refinement steps by shares of the value, and a power of 0, 1 or 2 is another entry.
+    #[test]
+    fn grids_hold_neither_zero_where_they_are_refined_nor_other_laws() {
+        let mut refined = 0;
+        for (e, k) in catalogue().iter().flat_map(|e| e.bounded_shapes().map(move |k| (e, k))) {
+            assert!(!e.shapes[k].grid.contains(&0.0), "{} {}", e.id, e.shapes[k].name);
+            refined += 1;
+        }
+        assert!(refined >= 6, "{refined}");
+        let power = catalogue().iter().find(|e| e.id == "power-law-damping").unwrap();
+        assert!(power.shapes[0].grid.iter().all(|p| ![0.0, 1.0, 2.0].contains(p)), "{power:?}");
     }
 }

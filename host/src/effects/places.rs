@@ -1,7 +1,7 @@
 //! Where effects can act on a system derived from bodies: joints, arms, the driven point, gravity's frame, encoders.
 
 use super::columns::LOAD;
-use super::entry::{At, Entry};
+use super::entry::{At, Entry, Verb};
 use crate::model::model_file::Space;
 use crate::model::model_file::expression::{Function, Symbol};
 use crate::rig::measures::Bound;
@@ -99,6 +99,8 @@ pub fn of(entry: &Entry, file: &SystemFile, bound: &Bound) -> Vec<Place> {
             .collect(),
         At::Arm => (0..file.bodies.len())
             .filter(|&k| matches!(&file.bodies[k].value, Body::Arm { angle: Some(_), .. }))
+            // Arms of written equations are angles only.
+            .filter(|_| entry.verb != Verb::Drags || !file.written)
             .map(Place::Arm)
             .collect(),
         At::Drive => match drive(file) {

@@ -141,13 +141,15 @@ pub fn on_mechanism(
         let names: Vec<&str> = entry.shapes.iter().map(|s| s.name.as_str()).collect();
         return Err(bad(index, e, "without its shape", &names.join(", "), remedy));
     };
-    // What is left of the last step of a refined shape: the value of a file holds it, a parameter does not.
-    if let ([k, step], [_], Some(shape)) =
-        (&e.strengths[..], &entry.strengths[..], entry.shapes.iter().position(|s| s.within.is_some()))
+    // What is left of the last step of refined shapes: the value of a file holds it, a parameter does not.
+    if let ([k, steps @ ..], [_]) = (&e.strengths[..], &entry.strengths[..])
         && *k != 0.0
-        && entry.value.as_ref() != Some(&form[shape].0)
     {
-        form[shape].1 += step / k;
+        for (shape, step) in entry.bounded_shapes().zip(steps) {
+            if entry.value.as_ref() != Some(&form[shape].0) {
+                form[shape].1 += step / k;
+            }
+        }
     }
     let made = |acts: Acts| Effect { told: e.clone(), equation: entry.equation.clone(), acts };
     if e.strengths.len() < entry.strengths.len() {

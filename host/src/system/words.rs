@@ -41,6 +41,8 @@ pub struct Words {
     pub points: Vec<(String, Vec<Polynomial>)>,
     /// Further names for numbers that vary: the vocabulary of an effect's law.
     pub scalars: Vec<(String, Polynomial)>,
+    /// Whether parameters may stand inside functions, since their values are put in before anything is evaluated.
+    pub filled: bool,
 }
 
 /// The words that one expression may use.
@@ -143,7 +145,7 @@ impl Scoped<'_> {
 
     /// Refuses parameters inside what is not linear in them.
     fn inside(&self, a: &Polynomial, what: &str) -> Result<(), Fault> {
-        if self.1 == Scope::Parameters || !a.has_parameter() {
+        if self.1 == Scope::Parameters || self.0.filled || !a.has_parameter() {
             return Ok(());
         }
         let mut name = String::new();
@@ -333,6 +335,7 @@ mod tests {
             parameters: vec!["k".into(), "l".into()],
             constants: vec![("N".into(), 50.0)],
             scalars: Vec::new(),
+            filled: false,
             points: vec![("base".into(), vec![Polynomial::number(0.0), Polynomial::motion(Symbol::Input(0))])],
         }
     }

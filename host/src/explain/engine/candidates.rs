@@ -25,8 +25,8 @@ pub struct Candidate {
     pub form: Form,
     /// How it acts.
     action: Action,
-    /// The same at a smaller and a greater value of the shape parameter that is refined.
-    beside: Option<(f64, Box<[Action; 2]>)>,
+    /// The same at a smaller and a greater value of each shape parameter that is refined, and half the step between them.
+    beside: Vec<(f64, Box<[Action; 2]>)>,
 }
 
 /// Additions to the left-hand sides of one strength.
@@ -42,7 +42,7 @@ impl Candidate {
         physical: &Physical,
     ) -> Option<Self> {
         let action = Self::action_of(setting, entry, place, &form, physical)?;
-        let candidate = Self { entry: entry.clone(), place, form, action, beside: None };
+        let candidate = Self { entry: entry.clone(), place, form, action, beside: Vec::new() };
         if matches!(candidate.action, Action::Force(_) | Action::Changes(_)) {
             let all = candidate.at_values(setting, physical);
             let holds =
@@ -100,47 +100,48 @@ impl Candidate {
         setting.file().map_or_else(String::new, |f| self.place.name(f))
     }
 
-    /// The shape parameter that is refined: the only one that has bounds, of an effect with one strength.
-    pub fn refined_shape(&self) -> Option<usize> {
-        let mut with = self.entry.shapes.iter().enumerate().filter(|(_, s)| s.within.is_some());
-        match (with.next(), with.next()) {
-            (Some((k, _)), None) if self.entry.strengths.len() == 1 && matches!(self.action, Action::Force(_)) => {
-                Some(k)
-            }
-            _ => None,
-        }
+    /// The shape parameters that are refined: those that have bounds, of a force with one strength.
+    pub fn refined_shapes(&self) -> Vec<usize> {
+        let refines = self.entry.strengths.len() == 1 && matches!(self.action, Action::Force(_));
+        if refines { self.entry.bounded_shapes().collect() } else { Vec::new() }
     }
 
-    /// The same with a second strength, which multiplies the first column's derivative by the shape parameter.
+    /// The same with further strengths, which multiply the first column's derivatives by the shape parameters that are refined.
     #[must_use]
     pub fn refined(mut self, setting: &Setting<'_>, physical: &Physical) -> Self {
-        let Some(k) = self.refined_shape() else { return self };
-        let at = self.form[k].1;
-        let step = SHAPE_STEP * at.abs();
-        let side = |x: f64| {
-            let mut form = self.form.clone();
-            form[k].1 = x;
-            Self::action_of(setting, &self.entry, self.place, &form, physical)
+        let sides = |k: usize| {
+            let at = self.form[k].1;
+            let step = SHAPE_STEP * at.abs();
+            let side = |x: f64| {
+                let mut form = self.form.clone();
+                form[k].1 = x;
+                Self::action_of(setting, &self.entry, self.place, &form, physical)
+            };
+            (step > 0.0).then_some((step, Box::new([side(at - step)?, side(at + step)?])))
         };
-        if let (true, Some(low), Some(high)) = (step > 0.0, side(at - step), side(at + step)) {
-            self.beside = Some((step, Box::new([low, high])));
-        }
+        let all: Option<Vec<_>> = self.refined_shapes().into_iter().map(sides).collect();
+        self.beside = all.unwrap_or_default();
         self
     }
 
-    /// Whether it has a second strength by which its shape is refined.
+    /// Whether it has further strengths by which its shape is refined.
     pub fn is_refined(&self) -> bool {
-        self.beside.is_some()
+        !self.beside.is_empty()
     }
 
-    /// The candidate at a shape parameter moved by a step, at most by half and within its bounds.
+    /// The candidate at refined shape parameters moved by steps, at most by half each and within their bounds.
     #[must_use]
-    pub fn moved(&self, setting: &Setting<'_>, step: f64, physical: &Physical) -> Self {
-        let Some(k) = self.refined_shape() else { return self.clone() };
+    pub fn moved(&self, setting: &Setting<'_>, steps: &[f64], physical: &Physical) -> Self {
+        let shapes = self.refined_shapes();
+        if shapes.is_empty() {
+            return self.clone();
+        }
         let mut form = self.form.clone();
-        let limit = 0.5 * form[k].1.abs();
-        let [low, high] = self.entry.shapes[k].within.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-        form[k].1 = (form[k].1 + step.clamp(-limit, limit)).clamp(low, high);
+        for (k, step) in shapes.into_iter().zip(steps) {
+            let limit = 0.5 * form[k].1.abs();
+            let [low, high] = self.entry.shapes[k].within.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            form[k].1 = (form[k].1 + step.clamp(-limit, limit)).clamp(low, high);
+        }
         Self::new(setting, &self.entry, self.place, form, physical)
             .map_or_else(|| self.clone(), |c| c.refined(setting, physical))
     }
@@ -152,7 +153,7 @@ impl Candidate {
 
     /// Number of strengths.
     pub fn strengths(&self) -> usize {
-        self.entry.strengths.len() + usize::from(self.is_refined())
+        self.entry.strengths.len() + self.beside.len()
     }
 
     /// Whether strengths are applied to the data and found as increments, since the columns hold to first order only.
@@ -184,7 +185,7 @@ impl Candidate {
             other => at_values(setting, other, n, &state.physical),
         };
         let mut out = of(&self.action);
-        if let Some((step, sides)) = &self.beside {
+        for (step, sides) in &self.beside {
             let per = number(0.5 / step);
             let [low, high] = [of(&sides[0]), of(&sides[1])];
             out.push(

@@ -73,16 +73,18 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
     for (index, e) in model.effects.iter().enumerate() {
         let name = format!("{}@{}", e.id, e.at);
         let found = all.iter().find(|c| {
-            c.name(setting) == name && (c.refined_shape().is_some() || form_of(&c.entry, e).as_ref() == Some(&c.form))
+            c.name(setting) == name
+                && (!c.refined_shapes().is_empty() || form_of(&c.entry, e).as_ref() == Some(&c.form))
         });
         let Some(mut candidate) = found.cloned() else {
             return bad(format!("effect \"{name}\""), "effects of `whirl list effects` that this rig can have");
         };
-        if let (Some(shape), Some(form)) = (candidate.refined_shape(), form_of(&candidate.entry, e)) {
-            let step = form[shape].1 - candidate.form[shape].1;
+        let shapes = candidate.refined_shapes();
+        if let (false, Some(form)) = (shapes.is_empty(), form_of(&candidate.entry, e)) {
+            let steps: Vec<f64> = shapes.iter().map(|&k| form[k].1 - candidate.form[k].1).collect();
             candidate = candidate
                 .at(setting, form, &state.physical)
-                .unwrap_or_else(|| candidate.moved(setting, step, &state.physical));
+                .unwrap_or_else(|| candidate.moved(setting, &steps, &state.physical));
         }
         let mut joined = Chosen::new(setting, candidate, &state.physical);
         if e.strengths.len() > joined.strengths.len() {

@@ -11,8 +11,15 @@ use super::state::State;
 use crate::effects::places::Place;
 
 /// Effects that are a function of a joint's position.
-const OF_THE_POSITION: [&str; 6] =
-    ["torsion-spring", "cubic-stiffness", "quadratic-stiffness", "quintic-stiffness", "backlash", "cogging"];
+const OF_THE_POSITION: [&str; 7] = [
+    "torsion-spring",
+    "cubic-stiffness",
+    "quadratic-stiffness",
+    "quintic-stiffness",
+    "backlash",
+    "cogging",
+    "local-force",
+];
 /// So many of them at one joint are a series expansion of a shape, not so many causes.
 const PATCHES: usize = 3;
 /// Highest order of the free function.

@@ -262,7 +262,7 @@ fn simpler(
     mut found: Found,
     candidate: Candidate,
 ) -> (Found, Candidate) {
-    if !setting.shooting || candidate.refined_shape().is_none() {
+    if !setting.shooting || candidate.refined_shapes().is_empty() {
         return (found, candidate);
     }
     let plain = |c: &&Candidate| {

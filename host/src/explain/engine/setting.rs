@@ -10,9 +10,9 @@ use super::candidates::{Candidate, Column};
 use super::shooting::signs;
 use super::units;
 use crate::effects::columns::{self, Part, Span};
-use crate::effects::entry::Entry;
+use crate::effects::entry::{Entry, LENGTH, Verb};
 use crate::effects::places::Place;
-use crate::effects::{self, places, written};
+use crate::effects::{self, along_an_arm, places, written};
 use crate::error::Result;
 use crate::identify::general::noise::Sensors;
 use crate::identify::general::stretches::Stretch;
@@ -226,7 +226,11 @@ impl<'a> Setting<'a> {
         let mut out = Vec::new();
         for entry in &self.entries {
             for place in places::of(entry, file, &self.bound) {
-                let entry = self.sized(entry, place);
+                // What a record without a drive has no phase for.
+                if self.rig.drive.is_none() && entry.names("tau") {
+                    continue;
+                }
+                let Some(entry) = self.sized(entry, place, physical) else { continue };
                 let all = entry.forms().into_iter().filter_map(|f| Candidate::new(self, &entry, place, f, physical));
                 // What is neither a length nor an angle has no friction.
                 out.extend(all.filter(|c| moves.iter().all(|m| *m) || !rubs(&c.plain(self, physical), &moves)));
@@ -235,11 +239,33 @@ impl<'a> Setting<'a> {
         out
     }
 
+    /// An entry with the grid of its shape parameter in the size of what is there: of the motion, or of the arm that it acts along; none where that is not known, and where a
+    /// refinement is no other law than the simpler one, along an arm whose end rests.
+    fn sized(&self, entry: &Arc<Entry>, place: Place, physical: &Physical) -> Option<Arc<Entry>> {
+        let file = self.file()?;
+        if let (Place::Arm(k), Verb::Drags) = (place, entry.verb) {
+            if entry.refines.is_some() && !along_an_arm::end_moves(file, k) {
+                return None;
+            }
+            let length = along_an_arm::length(file, k, &physical.values)?;
+            let mut out = (**entry).clone();
+            let grids = out.shapes.iter_mut().filter(|s| s.name == LENGTH).flat_map(|s| &mut s.grid);
+            grids.for_each(|x| *x *= length);
+            return Some(Arc::new(out));
+        }
+        Some(self.as_large_as_the_motion(entry, place, file))
+    }
+
     /// An entry whose grid of a shape parameter holds the size of the motion: where it does not, as of a slow axis in metres, the grid is moved there.
-    fn sized(&self, entry: &Arc<Entry>, place: Place) -> Arc<Entry> {
+    fn as_large_as_the_motion(&self, entry: &Arc<Entry>, place: Place, file: &SystemFile) -> Arc<Entry> {
         let (Place::Joint(k), [shape]) = (place, &entry.shapes[..]) else { return entry.clone() };
-        let (Some(within), Some(file), true) = (shape.within, self.file(), self.shooting) else { return entry.clone() };
-        let size = self.size(&file.joints[k].moves.value, shape.name.starts_with('v'));
+        let (Some(within), true) = (shape.within, self.shooting) else { return entry.clone() };
+        let rate = shape.name.starts_with('v');
+        // What a law of the velocity alone has beside it is no position: a power.
+        if !rate && !entry.names("x") {
+            return entry.clone();
+        }
+        let size = self.size(&file.joints[k].moves.value, rate);
         let (low, high) = (shape.grid[0], shape.grid[shape.grid.len() - 1]);
         if !(size > 0.0 && size.is_finite()) || (2.0 * low..0.5 * high).contains(&size) {
             return entry.clone();

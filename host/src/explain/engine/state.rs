@@ -62,9 +62,10 @@ impl State {
         }
         for k in &mut self.chosen {
             if k.candidate.is_refined() && k.strengths[0] != 0.0 {
-                // A Gauss–Newton step of the form's parameter.
-                k.candidate = k.candidate.moved(setting, k.strengths[1] / k.strengths[0], &self.physical);
-                k.strengths[1] = 0.0;
+                // A Gauss–Newton step of the form's parameters.
+                let steps: Vec<f64> = k.strengths[1..].iter().map(|s| s / k.strengths[0]).collect();
+                k.candidate = k.candidate.moved(setting, &steps, &self.physical);
+                k.strengths[1..].fill(0.0);
             }
         }
     }

@@ -35,7 +35,8 @@ fn inertia_name(setting: &Setting<'_>, equation: usize) -> String {
 
 /// Unit of a strength of one whose law is that of the entry, and the factor that turns strengths into it.
 fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, String) {
-    if let (true, Some(unit)) = (c.entry.verb != Verb::Force, &c.entry.unit) {
+    let works = matches!(c.entry.verb, Verb::Force | Verb::Drags);
+    if let (false, Some(unit)) = (works, &c.entry.unit) {
         return (1.0, unit.clone());
     }
     if c.entry.verb == Verb::Moves && setting.is_written() {
@@ -56,7 +57,7 @@ fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
             (1.0, rad_or_m(circle))
         }
         (Verb::Advances, _) => (1.0, "rad".to_owned()),
-        (Verb::Force, _) => force(setting, physical, c),
+        (Verb::Force | Verb::Drags, _) => force(setting, physical, c),
     }
 }
 
@@ -165,11 +166,11 @@ pub fn value(
     let d = c.entry.strengths.len();
     let mut form = c.form.clone();
     let mut moved = BTreeMap::new();
-    if let (true, Some(shape)) = (c.is_refined() && k[0] != 0.0, c.entry.shapes.iter().position(|s| s.within.is_some()))
-    {
+    let refined = if c.is_refined() && k[0] != 0.0 { c.refined_shapes() } else { Vec::new() };
+    for (i, shape) in (d..).zip(refined) {
         // What is left of the last Gauss–Newton step belongs to the value.
-        form[shape].1 += k[1] / k[0];
-        moved.insert(form[shape].0.clone(), covariance[(d, d)].max(0.0) / (k[0] * k[0]));
+        form[shape].1 += k[i] / k[0];
+        moved.insert(form[shape].0.clone(), covariance[(i, i)].max(0.0) / (k[0] * k[0]));
     }
     let own = covariance.view((0, 0), (d, d)).into_owned();
     (report(&c.entry, &form, (&k[..d], &own), factor, &moved), unit)
