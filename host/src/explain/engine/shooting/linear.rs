@@ -87,19 +87,18 @@ impl Linear {
     fn step(
         &mut self,
         states: &mut [f64],
-        abreast: Option<&mut Steps>,
+        mut steps: Option<&mut Steps>,
         (along, motion, parameters): (&Along<'_>, &EquationsOfMotion, &[f64]),
         point: impl Fn(usize) -> usize,
     ) -> Option<()> {
         let m = 2 * motion.degrees_of_freedom();
         let (spacing, inputs) = (self.spacing, along.stretch.inputs.len());
         let at = |t: f64, out: &mut [f64]| crate::model::integrate::Outside::inputs(along.between, t, out);
-        let steps = abreast.map(|steps| {
+        if let Some(steps) = &mut steps {
             steps.set(states.chunks_exact(m));
             let of = |i: usize| (along.time(point(i)), along.tau(point(i)));
             steps.take((motion, parameters), of, &abreast::Outside { omega: along.omega, inputs, at: &at }, spacing);
-            steps
-        });
+        }
         let mut alone = Work::by_state(motion);
         for (i, state) in states.chunks_exact_mut(m).enumerate() {
             let p = point(i);
