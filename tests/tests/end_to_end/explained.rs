@@ -164,3 +164,64 @@ fn what_a_single_pendulum_lacks_is_named() {
         assert_eq!(e.model.unwrap().parameters[0].name, "c_r");
     }
 }
+
+/// A free double pendulum whose plant misses nothing but what is put in.
+const FREE: &str = r#"
+name = "free double pendulum"
+model = "double-pendulum-free"
+sample_rate_hz = 400.0
+channel = [{ name = "phi1", measures = "phi1", unit = "rad" }, { name = "phi2", measures = "phi2", unit = "rad" }]
+[known]
+m2 = 0.1376
+e2 = 0.11678
+g = 9.8086
+[nominal]
+effects = ["viscous-friction@joint1", "viscous-friction@joint2"]
+[plant]
+m1 = 0.1
+e1 = 0.1019
+J_1 = 1.54e-3
+l1 = 0.173
+m2 = 0.1376
+e2 = 0.11678
+J_2 = 3.153e-3
+g = 9.8086
+"viscous-friction@joint1" = 2e-4
+"viscous-friction@joint2" = 5e-6
+initial = [1.6, 2.2, 0.0, 0.0]
+noise = { phi1 = 1e-4, phi2 = 1e-4 }
+"#;
+
+/// Four effects, where the one found third (Stribeck's friction in joint 2, 2.66e-4 N m) stands in for two: it gives way once the others are there.
+#[test]
+fn an_effect_that_stood_in_for_others_gives_way() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    std::fs::write(here.join("rig.toml"), FREE).unwrap();
+    let hidden = "--effect stribeck-friction@joint1=1e-3,v_s=2 --effect coulomb-friction@joint2=3e-4 \
+                  --effect imbalance@arm1=0.002 --effect quadratic-drag@arm1=1e-5";
+    done(here, &format!("simulate --rig rig.toml {hidden} --seconds 30 --seed 77 -o r.parquet"));
+    done(here, "explain r.parquet --rig rig.toml --json e.json");
+    let e = json(&here.join("e.json"));
+    assert_eq!(e["verdict"], "explained", "{}", e["reason"]);
+    let truth = [
+        ("coulomb-friction@joint2", 3e-4),
+        ("imbalance@arm1", 0.002),
+        ("quadratic-drag@arm1", 1e-5),
+        ("stribeck-friction@joint1", 1e-3),
+    ];
+    let effects = e["effects"].as_array().unwrap();
+    assert_eq!(effects.len(), truth.len(), "{effects:?}");
+    for (name, value) in truth {
+        let of =
+            |f: &&serde_json::Value| format!("{}@{}", f["id"].as_str().unwrap(), f["at"].as_str().unwrap()) == name;
+        let found = effects.iter().find(of).unwrap_or_else(|| panic!("no {name}: {effects:?}"));
+        let (x, error) = (found["value"].as_f64().unwrap(), found["std_error"].as_f64().unwrap());
+        assert!((x - value).abs() < 4.0 * error && (x / value - 1.0).abs() < 0.01, "{name} {x} ± {error}");
+    }
+    // The steps tell what stands in the end, each once.
+    let steps = e["gap"]["steps"].as_array().unwrap();
+    let mut added: Vec<&str> = steps.iter().filter_map(|s| s["added"].as_str()).collect();
+    added.sort_unstable();
+    assert_eq!(added, truth.map(|t| t.0));
+}
