@@ -9,7 +9,8 @@ use super::output::{Output, Replace, print_warnings};
 use super::{Answer, Records};
 use crate::error::{BadInput, Result, tell};
 use crate::identify::{
-    ERROR_BOUND, Identification, Settings, from_rows, harmonic_balance, identify, model_file, presentation, shooting,
+    ERROR_BOUND, Identification, Settings, best::best, from_rows, harmonic_balance, identify, model_file, presentation,
+    shooting,
 };
 use crate::inspect::{InspectSettings, inspect};
 use crate::record::regression_rows::RowsRecord;
@@ -19,10 +20,9 @@ use crate::report::{Report, Results};
 use crate::rig::Rig;
 
 /// Methods.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum Method {
     /// Weak form.
-    #[default]
     Weak,
     /// Multiple-shooting maximum likelihood, started from the weak form.
     Shooting,
@@ -37,9 +37,9 @@ pub enum Method {
 pub struct Arguments {
     #[command(flatten)]
     records: Records,
-    /// Method.
-    #[arg(long, value_enum, default_value_t)]
-    method: Method,
+    /// Method [default: shooting where it stands, otherwise weak].
+    #[arg(long, value_enum)]
+    method: Option<Method>,
     /// Length of a window, s [default: 20 drive periods, or from the motion when free].
     #[arg(long, value_name = "S")]
     window_s: Option<f64>,
@@ -105,6 +105,9 @@ pub fn human(result: &Identification) -> String {
             ratios.join(" and ")
         );
     }
+    if let Some(why) = &result.not_by_shooting {
+        let _ = writeln!(text, "not by multiple shooting: {why}");
+    }
     if let Some(i) = &result.details.instruments {
         let _ = writeln!(text, "{}", presentation::instruments(i));
     }
@@ -130,7 +133,10 @@ fn of_rows(arguments: &Arguments, rig: &Rig, records: &[RowsRecord]) -> Result<A
             .at(*option)
             .remedy("Leave the option out"));
     }
-    if !matches!(arguments.method, Method::Weak) || !arguments.bound.is_empty() || arguments.records.resample {
+    if !matches!(arguments.method, None | Some(Method::Weak))
+        || !arguments.bound.is_empty()
+        || arguments.records.resample
+    {
         return Err(BadInput::new(
             "a method that needs samples, or an option of it",
             "--method weak: these are rows of the weak form",
@@ -164,16 +170,18 @@ fn of_rows(arguments: &Arguments, rig: &Rig, records: &[RowsRecord]) -> Result<A
 
 /// Identifies by the method asked for.
 fn by_method(arguments: &Arguments, records: &[Record], rig: &Rig, settings: &Settings) -> Result<Identification> {
-    match arguments.method {
-        Method::Weak => identify(records, rig, settings),
-        Method::Shooting => {
-            let choices = shooting::Settings { segment_s: arguments.segment_s, bounds: arguments.bound.clone() };
-            shooting::identify(records, rig, settings, &choices, &super::progress::bar("multiple shooting", 1))
-        }
-        Method::Frequency | Method::Upo => {
+    let choices = shooting::Settings { segment_s: arguments.segment_s, bounds: arguments.bound.clone() };
+    let bar = super::progress::bar("multiple shooting", 1);
+    // What only shooting heeds asks for it.
+    let asked = arguments.segment_s.is_some() || !arguments.bound.is_empty();
+    match arguments.method.or(asked.then_some(Method::Shooting)) {
+        None => best(records, rig, settings, &choices, &bar),
+        Some(Method::Weak) => identify(records, rig, settings),
+        Some(Method::Shooting) => shooting::identify(records, rig, settings, &choices, &bar),
+        Some(method @ (Method::Frequency | Method::Upo)) => {
             let longest = records.iter().map(|r| r.longest_segment_s()).fold(0.0, f64::max);
             let periods = longest * rig.drive.map_or(0.0, |d| d.frequency_hz);
-            let settings = arguments.balance.settings(rig, arguments.method == Method::Upo, periods)?;
+            let settings = arguments.balance.settings(rig, method == Method::Upo, periods)?;
             harmonic_balance::identify(records, rig, &settings)
         }
     }

@@ -1,9 +1,10 @@
 //! From a record to the coefficients of the equations of motion, with standard errors.
 //!
-//! The default method is the weak form (method: [`windows`], least squares and covariance: [`regression`]), from the
-//! measured angles alone. Physical parameters follow where quantities are known ([`physical_parameters`]).
+//! From the measured angles alone: the weak form (method: [`windows`], least squares and covariance: [`regression`]) gives the start, and by default
+//! multiple shooting ([`shooting`]) the answer wherever it stands ([`best`]). Physical parameters follow where quantities are known ([`physical_parameters`]).
 
 mod assembly;
+pub mod best;
 pub mod boots;
 pub mod chain_bias;
 pub mod energy_balance;
@@ -215,6 +216,9 @@ pub struct Identification {
     /// How multiple shooting came about them, where it did.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shooting: Option<shooting::Details>,
+    /// Why these are the weak form's numbers, where no method was asked for: see [`best`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub not_by_shooting: Option<String>,
     /// Things noticed.
     pub warnings: Vec<Warning>,
     /// Residuals, equation by equation.
@@ -468,6 +472,7 @@ pub fn weak_form(records: &[Record], rig: &Rig, settings: &Settings) -> Result<I
             ..Details::of(&solution, rows.len(), (&windows, &kernels), sigma.to_vec(), bias.as_ref())
         },
         shooting: None,
+        not_by_shooting: None,
         warnings,
         residuals: (0..model.equations.len())
             .map(|e| Residuals {

@@ -1,4 +1,5 @@
 //! Another effect in the place of one that was found while others were missing: a search that adds one after the other takes what stands in for several, and would keep it.
+//! Of nested laws that predict alike the simpler stays: Stribeck's friction at a velocity beyond the motion is Coulomb's, a damping of power 2 is a drag.
 
 use rayon::prelude::*;
 
@@ -6,11 +7,14 @@ use super::candidates::Candidate;
 use super::evidence::{Evidence, Outcome};
 use super::setting::Setting;
 use super::shooting::blocks::Blocks;
-use super::state::State;
+use super::state::{Chosen, State};
 use crate::explain::decision::{Evidence as _, FAMILY_WISE};
 use crate::explain::ranking::{self, Fit};
 
-/// An effect that predicts what was not fitted better than one of those found.
+/// Share by which what a simpler law leaves may exceed what the other does.
+const AS_LITTLE: f64 = 0.01;
+
+/// An effect in the place of one of those found.
 pub struct Exchange {
     /// What it takes the place of, by its number among the chosen.
     pub gone: usize,
@@ -20,7 +24,7 @@ pub struct Exchange {
     pub fit: Fit,
     /// Probability by chance.
     pub p_value: f64,
-    /// Share of what is left that it takes away more than the other.
+    /// Share of what is left that it takes away more than the other; what it may leave more, with a minus, where it is simpler.
     pub promised: f64,
     /// Share of what is left without either that it takes away.
     pub share: f64,
@@ -35,30 +39,40 @@ struct Tried {
     p: f64,
 }
 
-/// The best exchange of one of several effects for a candidate that is not `taken`; none where none predicts clearly better. Effects that were taken off the record stay.
+/// The best exchange of an effect for a candidate that is not `taken`: of one of several for what predicts clearly better, and is no refinement of it; where there is
+/// none, for a simpler law that predicts as well. Effects that were taken off the record stay.
 pub fn best(setting: &Setting<'_>, state: &State, outcome: &Outcome, taken: &[String]) -> Option<Exchange> {
     let Evidence::Shooting(blocks) = &outcome.evidence else { return None };
-    if state.chosen.len() < state.nominal + 2 {
-        return None;
-    }
     let free: Vec<usize> = places(&outcome.candidates, outcome.own.len());
     let offers: Vec<usize> =
         (0..outcome.candidates.len()).filter(|&i| !taken.contains(&outcome.candidates[i].name(setting))).collect();
+    let several = state.chosen.len() > state.nominal + 1;
     let mut at = state.values.len();
-    let mut found: Vec<Exchange> = Vec::new();
-    for (k, chosen) in state.chosen.iter().enumerate() {
-        let gone = at..at + chosen.strengths.len();
+    let (mut better, mut simpler): (Vec<Exchange>, Vec<Exchange>) = (Vec::new(), Vec::new());
+    for (k, Chosen { candidate: old, strengths }) in state.chosen.iter().enumerate() {
+        let gone = at..at + strengths.len();
         at = gone.end;
-        if k < state.nominal || chosen.candidate.is_applied() {
+        if k < state.nominal || old.is_applied() || !(several || size(old) > 1) {
             continue;
         }
         let without = blocks.without(gone.clone());
         let rest: Vec<usize> = outcome.own.iter().copied().filter(|c| !gone.contains(c)).collect();
         let Some(neither) = without.fit(&rest) else { continue };
-        let of = |&i: &usize| instead(&without, &rest, outcome, (i, &outcome.candidates[i], free[i]), &offers);
+        let refines = |c: &Candidate| c.place == old.place && c.entry.refines.as_ref() == Some(&old.entry.id);
+        let of = |&i: &usize| {
+            let c = &outcome.candidates[i];
+            if refines(c) || !(several || size(c) < size(old)) {
+                return None;
+            }
+            instead(&without, &rest, (i, c, free[i]), offers.len())
+        };
         let tried: Vec<Tried> = offers.par_iter().filter_map(of).collect();
-        let Some((Tried { index, fit, p }, twins)) = simplest(setting, &outcome.candidates, tried) else { continue };
-        found.push(Exchange {
+        let (clear, others): (Vec<Tried>, Vec<Tried>) = tried.into_iter().partition(|t| brings(&without, outcome, t));
+        let as_good = |t: &Tried| {
+            let (loss, error) = ranking::gain(&t.fit.held_out, &outcome.fit.held_out);
+            size(&outcome.candidates[t.index]) < size(old) && loss <= error
+        };
+        let exchange = |(Tried { index, fit, p }, twins): (Tried, Vec<String>)| Exchange {
             gone: k,
             index,
             p_value: p,
@@ -66,9 +80,24 @@ pub fn best(setting: &Setting<'_>, state: &State, outcome: &Outcome, taken: &[St
             share: 1.0 - sum(&fit) / sum(&neither),
             twins,
             fit,
-        });
+        };
+        if several {
+            better.extend(simplest(setting, &outcome.candidates, clear).map(exchange));
+        }
+        let others: Vec<Tried> = others.into_iter().filter(as_good).collect();
+        simpler.extend(simplest(setting, &outcome.candidates, others).map(exchange).map(|e| Exchange {
+            promised: -AS_LITTLE,
+            twins: [vec![old.name(setting)], e.twins].concat(),
+            ..e
+        }));
     }
-    found.into_iter().max_by(|a, b| a.promised.total_cmp(&b.promised))
+    let most = |a: &Exchange, b: &Exchange| a.promised.total_cmp(&b.promised).then(a.share.total_cmp(&b.share));
+    better.into_iter().max_by(most).or_else(|| simpler.into_iter().max_by(most))
+}
+
+/// Strengths and shape parameters of a candidate, without those by which a shape is refined.
+fn size(c: &Candidate) -> usize {
+    c.entry.strengths.len() + c.form.len()
 }
 
 /// Sum of squares of what was not fitted.
@@ -83,8 +112,8 @@ fn simplest(setting: &Setting<'_>, candidates: &[Candidate], tried: Vec<Tried>) 
         let (mean, error) = ranking::gain(&t.fit.held_out, &best);
         mean <= errors * error
     };
-    let size = |t: &Tried| candidates[t.index].strengths() + candidates[t.index].form.len();
-    let order = |a: &&Tried, b: &&Tried| size(a).cmp(&size(b)).then(sum(&a.fit).total_cmp(&sum(&b.fit)));
+    let size_of = |t: &Tried| size(&candidates[t.index]);
+    let order = |a: &&Tried, b: &&Tried| size_of(a).cmp(&size_of(b)).then(sum(&a.fit).total_cmp(&sum(&b.fit)));
     let winner = tried.iter().filter(|t| within(t, 1.0)).min_by(order)?.index;
     let name = |t: &Tried| candidates[t.index].name(setting);
     let mut twins: Vec<String> = tried.iter().filter(|t| within(t, 2.0)).map(name).collect();
@@ -104,13 +133,12 @@ fn places(candidates: &[Candidate], own: usize) -> Vec<usize> {
     candidates.iter().map(first).collect()
 }
 
-/// The fit with a candidate in the place of what was taken away, where it is supported and clearly better.
+/// The fit with a candidate in the place of what was taken away, where it is supported.
 fn instead(
     without: &Blocks,
     rest: &[usize],
-    outcome: &Outcome,
     (index, candidate, first): (usize, &Candidate, usize),
-    offers: &[usize],
+    offers: usize,
 ) -> Option<Tried> {
     let d = candidate.strengths();
     let columns: Vec<usize> = rest.iter().copied().chain(first..first + d).collect();
@@ -119,9 +147,12 @@ fn instead(
         return None;
     }
     let p = ranking::p_value(&fit, d);
-    let (gain, error) = ranking::gain(&outcome.fit.held_out, &fit.held_out);
-    let total: f64 = outcome.fit.held_out.iter().sum();
+    (p * (offers as f64) < FAMILY_WISE).then_some(Tried { index, fit, p })
+}
+
+/// Whether a candidate predicts what was not fitted clearly better than what is in its place.
+fn brings(without: &Blocks, outcome: &Outcome, t: &Tried) -> bool {
+    let (gain, error) = ranking::gain(&outcome.fit.held_out, &t.fit.held_out);
     let clear = gain > 0.0 && gain > without.least_deviations() * error;
-    let counts = gain * fit.held_out.len() as f64 > without.least_gain(total);
-    (p * (offers.len() as f64) < FAMILY_WISE && clear && counts).then_some(Tried { index, fit, p })
+    clear && gain * t.fit.held_out.len() as f64 > without.least_gain(sum(&outcome.fit))
 }

@@ -14,8 +14,6 @@ use crate::explain::explanation::{Explanation, Found, Refused};
 use crate::explain::ranking::Fit;
 use crate::explain::{LEAST_PROGRESS, MOST_EFFECTS, Settings};
 
-/// Share by which what a law without a shape leaves may exceed what one with a shape does.
-const AS_LITTLE: f64 = 0.01;
 /// Standard errors from nothing at which a name stands.
 const CLEAR: f64 = 2.0;
 /// Share of its promise at a strength of nothing that an effect must keep.
@@ -77,7 +75,6 @@ impl Run<'_> {
             let next = choose(&self.setting, &self.state, &outcome, &search.names(), &mut self.result);
             self.result.refused.extend(search.refused.iter().cloned());
             let Some((found, candidate)) = next else { return Ok(outcome) };
-            let (found, candidate) = simpler(&self.setting, &self.state, &outcome, found, candidate);
             let promised = found.held_out_gain;
             self.result.effects.push(found);
             self.join(&mut search, candidate, (outcome, effects, promised, None));
@@ -149,7 +146,7 @@ struct Before {
     state: State,
     outcome: Outcome,
     effects: Vec<Found>,
-    /// Share of what is left that the effect should take away.
+    /// Share of what is left that the effect should take away; with a minus, what it may leave more.
     promised: f64,
     /// What it takes the place of.
     gone: Option<String>,
@@ -186,7 +183,8 @@ impl Search {
     fn keeps(&self, after: Option<&Outcome>, gap: f64, result: &Explanation) -> bool {
         let (Some(before), Some(after)) = (&self.kept, after) else { return false };
         match (before.outcome.left(), after.left()) {
-            (Some(b), Some(a)) => a < (1.0 - LEAST_KEPT * before.promised.max(0.0)) * b,
+            (Some(b), Some(a)) if before.promised < 0.0 => a <= (1.0 - before.promised) * b,
+            (Some(b), Some(a)) => a < (1.0 - LEAST_KEPT * before.promised) * b,
             _ => {
                 let previous = result.gap.steps.last().map_or(f64::INFINITY, |s| s.value);
                 gap <= (1.0 - LEAST_PROGRESS) * previous || previous <= EXPLAINED_GAP
@@ -251,41 +249,6 @@ fn tell_of(setting: &Setting<'_>, state: &State, candidate: &Candidate, fit: &Fi
     let strengths: Vec<f64> = fit.all.rows(from, d).iter().copied().collect();
     let covariance = fit.covariance.view((from, from), (d, d)).into_owned();
     tell::found(setting, candidate, tell::value(setting, &state.physical, candidate, &strengths, &covariance))
-}
-
-/// Of a law with a shape and one without at the same place, which held-out data do not tell apart to first order, the one without where it leaves as little when
-/// everything is refitted: Stribeck's friction at a velocity beyond the motion is Coulomb's.
-fn simpler(
-    setting: &Setting<'_>,
-    state: &State,
-    outcome: &Outcome,
-    mut found: Found,
-    candidate: Candidate,
-) -> (Found, Candidate) {
-    if !setting.shooting || candidate.refined_shapes().is_empty() {
-        return (found, candidate);
-    }
-    let plain = |c: &&Candidate| {
-        c.form.is_empty() && c.place == candidate.place && found.indistinguishable_from.contains(&c.name(setting))
-    };
-    let Some(other) = outcome.candidates.iter().find(plain).cloned() else { return (found, candidate) };
-    let left = |c: &Candidate| {
-        let mut trial = state.clone();
-        trial.chosen.push(Chosen::new(setting, c.clone(), &state.physical));
-        refit(setting, &mut trial, Vec::new()).ok().and_then(|o| o.left())
-    };
-    match (left(&candidate), left(&other)) {
-        (Some(shaped), Some(plain)) if plain <= (1.0 + AS_LITTLE) * shaped => {
-            let name = other.name(setting);
-            for twin in found.indistinguishable_from.iter_mut().filter(|t| **t == name) {
-                *twin = candidate.name(setting);
-            }
-            (found.id, found.equation) = (other.entry.id.clone(), other.entry.equation.clone());
-            found.confirm.clone_from(&other.entry.confirm);
-            (found, other)
-        }
-        _ => (found, candidate),
-    }
 }
 
 /// The effect that is furthest from being anything, if one is within [`CLEAR`] standard errors of nothing.

@@ -302,6 +302,7 @@ pub fn identify(records: &[Record], rig: &Rig, bound: &Bound, settings: &Setting
             ..Details::of(&solution, rows.len(), (&windows, &kernels), sigma, bias.as_ref())
         },
         shooting: None,
+        not_by_shooting: None,
         balance: None,
         warnings,
         residuals: (0..model.equations.len())

@@ -1,0 +1,77 @@
+//! The default: multiple shooting wherever it comes to rest and leaves nothing but the sensors' noise, and the weak form otherwise.
+//!
+//! Where the equations hold, shooting's standard errors are near the bound of Cramér and Rao, those of the weak form 2 to 80 times as large. Where they miss something, what
+//! is missing adds up along a piece, and the weak form, which weighs it where it acts, is the sounder start.
+
+use indicatif::ProgressBar;
+
+use super::{Identification, Settings, identify, shooting};
+use crate::error::Result;
+use crate::record::Record;
+use crate::report::format::significant;
+use crate::rig::Rig;
+
+/// Most samples that are shot over by default: some seconds of work, beyond which the weak form's errors are small as well.
+const MOST_SAMPLES: usize = 200_000;
+/// Share of the pieces that may be lost.
+const MOST_LOST: f64 = 0.1;
+/// Ratio of residuals to the sensors' noise up to which they are nothing but noise.
+const NOISE: f64 = 1.2;
+/// Warnings of the weak form that shooting gives by itself, or that are about its windows.
+const OF_WEAK: [&str; 3] = ["few-windows", "periodic-record", "undetermined"];
+
+/// Identifies a system by shooting where that stands, otherwise by the weak form with the reason in `not_by_shooting`.
+///
+/// # Errors
+/// As [`identify`].
+pub fn best(
+    records: &[Record],
+    rig: &Rig,
+    weak: &Settings,
+    choices: &shooting::Settings,
+    progress: &ProgressBar,
+) -> Result<Identification> {
+    let mut first = identify(records, rig, weak)?;
+    let by_shooting = match unsuited(&first) {
+        Some(why) => Err(why),
+        None => match shooting::identify(records, rig, weak, choices, progress) {
+            Ok(found) => unsettled(&found).map_or(Ok(found), Err),
+            Err(error) => Err(error.found),
+        },
+    };
+    match by_shooting {
+        Ok(mut found) => {
+            let known: Vec<&str> = found.warnings.iter().map(|w| w.id).collect();
+            let further = first.warnings.drain(..).filter(|w| !known.contains(&w.id) && !OF_WEAK.contains(&w.id));
+            let further: Vec<_> = further.collect();
+            found.warnings.extend(further);
+            Ok(found)
+        }
+        Err(why) => {
+            first.not_by_shooting = Some(why);
+            Ok(first)
+        }
+    }
+}
+
+/// Why shooting is not tried.
+fn unsuited(first: &Identification) -> Option<String> {
+    if let Some(w) = first.warnings.iter().find(|w| w.invalidates || w.id == "model-misses-something") {
+        return Some(w.text.clone());
+    }
+    (first.record.samples > MOST_SAMPLES)
+        .then(|| format!("{} samples are more than {MOST_SAMPLES}; --method shooting takes all", first.record.samples))
+}
+
+/// Why its result does not stand.
+fn unsettled(found: &Identification) -> Option<String> {
+    let s = found.shooting.as_ref()?;
+    let worst = s.noise_ratio.iter().copied().fold(0.0, f64::max);
+    if !s.converged {
+        return Some(format!("{} rounds did not come to rest", s.rounds));
+    }
+    if s.lost as f64 > MOST_LOST * (s.lost + s.pieces) as f64 {
+        return Some(format!("{} of {} pieces could not be followed", s.lost, s.lost + s.pieces));
+    }
+    (worst > NOISE).then(|| format!("its residuals are {} times the sensors' noise", significant(worst, 3)))
+}
