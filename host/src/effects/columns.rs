@@ -4,11 +4,14 @@
 //! work on s adds −F ∂s/∂q_e. What displaces a point or turns a body or gravity changes T and V: the
 //! terms of E_e that are linear in the strength. Both hold products of the system's parameters, whose values come from the identification.
 
+use std::sync::Arc;
+
 use super::entry::{Entry, Form, Verb};
 use super::places::{self, Place};
 use super::written::{self, Change};
 use crate::model::model_file::expression::Function;
 use crate::model::model_file::expression::{Node, Symbol, add, multiply, number};
+use crate::model::model_file::memory::Memory;
 use crate::model::model_file::parser::Mistake;
 use crate::system::bodies::Body;
 use crate::system::derivative::{by_time, partial};
@@ -92,14 +95,14 @@ pub fn action(
             };
             words.scalars.extend([("x".to_owned(), x), ("v".to_owned(), rate)]);
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
-            Ok(work(mechanism, &law, moves, own))
+            remembering(entry, (&words, form), work(mechanism, &law, moves, own))
         }
         (Place::Arm(k), Verb::Force) => {
             let Body::Arm { angle: Some(angle), .. } = &file.bodies[k].value else { return Ok(None) };
             let Ok(rate) = by_time(angle, n, omega) else { return Ok(None) };
             words.scalars.push(("omega".to_owned(), rate));
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
-            Ok(work(mechanism, &law, angle, own))
+            remembering(entry, (&words, form), work(mechanism, &law, angle, own))
         }
         (Place::Drive, Verb::Moves) => {
             let Some(drive) = places::drive(file) else { return Ok(None) };
@@ -132,6 +135,34 @@ pub fn action(
             Ok(Some(Action::Reads { sensor, laws }))
         }
         _ => Ok(None),
+    }
+}
+
+/// A force whose states are followed by the laws of their rates.
+fn remembering(
+    entry: &Entry,
+    (words, form): (&Words, &Form),
+    force: Option<Action>,
+) -> Result<Option<Action>, Mistake> {
+    let Some(Action::Force(mut parts)) = force else { return Ok(force) };
+    if !entry.states.is_empty() {
+        let with = entry.remembering(words, form)?;
+        parts.iter_mut().for_each(|p| p.of = with(&p.of));
+    }
+    Ok(Some(Action::Force(parts)))
+}
+
+impl Action {
+    /// The same with each state of an effect that remembers replaced.
+    #[must_use]
+    pub fn with_memories(self, with: &dyn Fn(&Arc<Memory>, usize) -> Node) -> Self {
+        match self {
+            Self::Force(mut parts) => {
+                parts.iter_mut().for_each(|p| p.of = p.of.with_memories(with));
+                Self::Force(parts)
+            }
+            other => other,
+        }
     }
 }
 

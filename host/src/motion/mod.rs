@@ -153,8 +153,23 @@ impl Motion {
     /// Equations that can be integrated, and their parameters.
     ///
     /// # Errors
-    /// A number of equations that differs from that of the coordinates.
+    /// A number of equations that differs from that of the coordinates; an effect with states of its own.
     pub fn equations(&self) -> Result<(EquationsOfMotion, Vec<f64>)> {
+        let (extra, parameters) = self.columns();
+        Ok((EquationsOfMotion::with_columns(&self.file, self.rig.omega(), &extra)?, parameters))
+    }
+
+    /// The same with the states of effects that remember, [`EquationsOfMotion::hidden`], beside the coordinates.
+    ///
+    /// # Errors
+    /// A number of equations that differs from that of the coordinates.
+    pub fn following(&self) -> Result<(EquationsOfMotion, Vec<f64>)> {
+        let (extra, parameters) = self.columns();
+        Ok((EquationsOfMotion::following(&self.file, self.rig.omega(), &extra)?, parameters))
+    }
+
+    /// What effects add to the equations, and all parameters.
+    fn columns(&self) -> (Vec<(usize, String, Node)>, Vec<f64>) {
         let mut parameters: Vec<f64> = self.coefficients.iter().map(|c| c.value).collect();
         let mut extra = Vec::new();
         for (k, (effect, strength)) in self.strengths().enumerate().filter(|(_, s)| !s.1.adds.is_empty()) {
@@ -162,7 +177,7 @@ impl Motion {
             extra.extend(strength.adds.iter().map(|(e, of)| (*e, name.clone(), of.clone())));
             parameters.push(strength.value);
         }
-        Ok((EquationsOfMotion::with_columns(&self.file, self.rig.omega(), &extra)?, parameters))
+        (extra, parameters)
     }
 
     /// A state to begin with where none is given: every angle 1 rad, every other coordinate 0.1 of its unit, at rest.

@@ -59,7 +59,7 @@ fn usage_errors_end_with_status_2_and_lists_with_0() {
         "asymmetric-friction torsion-spring cubic-stiffness quadratic-stiffness backlash cogging",
         "amplitude-dependent-damping imbalance constant-force frame-tilt horizontal-motion vertical-motion",
         "drive-harmonic-2 drive-harmonic-3 amplitude-drift frequency-offset zero-offset scale-error eccentricity",
-        "channel-delay",
+        "channel-delay dahl-friction",
     ]
     .iter()
     .flat_map(|line| line.split(' '))

@@ -307,6 +307,7 @@ mod tests {
             inputs: Vec::new(),
             phase: Phase::Clock(0.0),
             amplitude_nm: None,
+            history: None,
         };
         let between = track::Along::new(&stretch, 0.0);
         let terms: Additions = model.equations[0].terms.iter().enumerate().map(|(k, t)| (k, 0, t.of.clone())).collect();

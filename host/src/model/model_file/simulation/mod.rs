@@ -74,7 +74,8 @@ pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed:
     let plant = Plant::of(rig, model, seconds, seed)?;
     let span = Span { start_s: 0.0, length_s: seconds };
     let put_in = put_in::of(rig, bound, (&plant.physical, &plant.coefficients), effects, span)?;
-    let motion = EquationsOfMotion::with_columns(model, rig.omega(), &put_in.terms)?;
+    let motion = EquationsOfMotion::following(model, rig.omega(), &put_in.terms)?;
+    let initial = motion.with_states(&plant.initial, &[]);
     let coefficients = [&plant.coefficients[..], &put_in.strengths].concat();
     let step = 1.0 / rate;
     // Both bounded above.
@@ -102,7 +103,7 @@ pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed:
         inputs: model.inputs.len(),
         finest: FINEST,
     };
-    let states = solve(&motion, &coefficients, &plant.initial, &surroundings, &settings).ok_or_else(|| {
+    let mut states = solve(&motion, &coefficients, &initial, &surroundings, &settings).ok_or_else(|| {
         BadInput::new(
             "a motion that leaves the finite numbers, or a singular mass matrix",
             "a plant that can be simulated",
@@ -111,6 +112,12 @@ pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed:
         .at("[plant]")
         .remedy("Correct the coefficients, the initial state or the inputs")
     })?;
+    // States of effects are no part of what is shown.
+    let (n, all) = (model.coordinates.len(), initial.len() / 2);
+    for y in &mut states {
+        y.copy_within(all..all + n, n);
+        y.truncate(2 * n);
+    }
     let states = &states[settle..];
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut inputs = vec![vec![0.0; count]; model.inputs.len()];
