@@ -73,7 +73,7 @@ impl EquationsOfMotion {
             return Err(model
                 .bad("an effect with states of its own (such as dahl-friction)", "effects without `states`")
                 .at("effect")
-                .remedy("Follow it with `whirl simulate --model`, or leave the effect out here"));
+                .remedy("`whirl simulate --model` with --initial follows it; leave the effect out here"));
         }
         Self::following(model, omega, extra)
     }
