@@ -48,6 +48,25 @@ pub struct Command {
 /// Most terms of the motion along the drive; more are refused when effects are read.
 pub(crate) const MAX_TERMS: usize = 8;
 
+/// The base at one instant, and what else a law may depend on beside the state.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moment {
+    /// Acceleration (ẍ_b, ÿ_b), m/s².
+    pub acceleration: [f64; 2],
+    /// Velocity, m/s.
+    pub velocity: [f64; 2],
+    /// The device's phase τ, rad.
+    pub phase: f64,
+    /// Share of the record that has passed; 0 before it.
+    pub share: f64,
+}
+
+impl From<[f64; 2]> for Moment {
+    fn from(acceleration: [f64; 2]) -> Self {
+        Self { acceleration, ..Self::default() }
+    }
+}
+
 /// c(t) cos(n θ(t) − β) with c linear in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Term {
@@ -67,6 +86,8 @@ pub struct BaseMotion {
     terms: [Term; MAX_TERMS],
     used: usize,
     across: [f64; 2],
+    /// Share of the record that has passed, and its rate, 1/s.
+    share: [f64; 2],
 }
 
 impl BaseMotion {
@@ -79,7 +100,36 @@ impl BaseMotion {
         terms: [Term { order: 0.0, lag: 0.0, share: 0.0 }; MAX_TERMS],
         used: 0,
         across: [0.0; 2],
+        share: [0.0; 2],
     };
+
+    /// The base at t seconds after the tick; its velocity only where it is asked for.
+    pub fn at(&self, t: f64, with_velocity: bool) -> Moment {
+        Moment {
+            acceleration: self.acceleration(t),
+            velocity: if with_velocity { self.velocity(t) } else { [0.0; 2] },
+            phase: self.phase + self.omega * t,
+            share: self.share[0] + self.share[1] * t,
+        }
+    }
+
+    /// Velocity (ẋ_b, ẏ_b) at t seconds after the tick, m/s.
+    pub fn velocity(&self, t: f64) -> [f64; 2] {
+        if self.omega == 0.0 {
+            return [0.0; 2];
+        }
+        let theta = self.phase + self.omega * t;
+        let [c0, c1, c2] = self.amplitude;
+        let (c, rate) = (c0 + t * (c1 + t * c2), c1 + 2.0 * c2 * t);
+        let one = |m: &Term| {
+            let (sin, cos) = libm::sincos(m.order * theta - m.lag);
+            m.share * (rate * cos - c * m.order * self.omega * sin)
+        };
+        let along: f64 = self.terms[..self.used].iter().map(one).sum();
+        let (sin, cos) = libm::sincos(theta);
+        let across = self.omega * (self.across[1] * cos - self.across[0] * sin);
+        if self.horizontal { [along, across] } else { [across, along] }
+    }
 
     /// Acceleration (ẍ_b, ÿ_b) at t seconds after the tick, m/s².
     pub fn acceleration(&self, t: f64) -> [f64; 2] {
@@ -122,6 +172,7 @@ impl BaseMotion {
         let [c0, c1, c2] = self.amplitude;
         let mut later = *self;
         later.phase += self.omega * seconds;
+        later.share[0] += self.share[1] * seconds;
         later.amplitude = [c0 + seconds * (c1 + seconds * c2), c1 + 2.0 * c2 * seconds, c2];
         later
     }
@@ -141,6 +192,9 @@ impl Shaker {
         if offset != 0.0 {
             let turns = offset * time_s;
             motion.phase += TAU * (turns - turns.floor());
+        }
+        if time_s >= 0.0 && self.record_s > 0.0 {
+            motion.share = [time_s / self.record_s, 1.0 / self.record_s];
         }
         let [now, next] = command.amplitude_nanometre.map(|nm| f64::from(nm) * 1e-9);
         let rate = (next - now) / tick_s;

@@ -11,6 +11,7 @@ use core::f64::consts::{PI, TAU};
 use super::State;
 use super::dynamics::{Forces, Mechanics};
 use super::laws::Since;
+use crate::shaker::Moment;
 
 /// State of the dry friction in a joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -115,7 +116,7 @@ impl Mode {
 
 /// Decides which of the joints at rest stick. `released` is a joint that has just broken loose and must not stick again
 /// at this instant.
-pub(super) fn settle(mechanics: &Mechanics, base: [f64; 2], y: &State, mode: &mut Mode, released: Option<usize>) {
+pub(super) fn settle(mechanics: &Mechanics, base: Moment, y: &State, mode: &mut Mode, released: Option<usize>) {
     const OPTIONS: [Dry; 3] = [Dry::Stick, Dry::Slip(1.0), Dry::Slip(-1.0)];
     let v = velocities(y);
     let open = [0, 1].map(|i| mode.dry[i].is_some() && v[i] == 0.0);
@@ -154,7 +155,8 @@ fn violation(mechanics: &Mechanics, joint: usize, mode: &Mode, forces: &Forces) 
     match mode.dry[joint] {
         Some(Dry::Stick) => {
             let margin = stick_margin(mechanics, joint, forces);
-            let level = mechanics.joints[joint].dry_level(-sign(forces.dry[joint]), 0.0, forces.load[joint]);
+            let would_move = -sign(forces.dry[joint]);
+            let level = mechanics.joints[joint].dry_level(would_move, 0.0, forces.load[joint], forces.share);
             if margin >= 0.0 { 0.0 } else { -margin / (level + f64::MIN_POSITIVE) }
         }
         Some(Dry::Slip(direction)) => {
@@ -170,5 +172,5 @@ pub(super) fn stick_margin(mechanics: &Mechanics, joint: usize, forces: &Forces)
     let torque = forces.dry[joint];
     // Friction against motion in the positive direction is negative.
     let would_move = -sign(torque);
-    mechanics.joints[joint].dry_level(would_move, 0.0, forces.load[joint]) - torque.abs()
+    mechanics.joints[joint].dry_level(would_move, 0.0, forces.load[joint], forces.share) - torque.abs()
 }

@@ -9,12 +9,14 @@ use super::State;
 use super::contact::{Dry, Mode};
 use super::laws::{Additions, JointLaw};
 use super::parameters::{ParameterError, Parameters};
+use crate::shaker::{BaseMotion, Moment};
 
 /// Parameters and effects, ready for evaluation.
 #[derive(Clone, Debug)]
 pub(super) struct Mechanics {
     pub(super) joints: [JointLaw; 2],
     pub(super) drag: [f64; 2],
+    air: [Vec<(f64, f64)>; 2],
     /// Corners of each joint's torque inside (−π, π).
     pub(super) corners: [Vec<f64>; 2],
     parameters: Parameters,
@@ -34,6 +36,8 @@ pub(super) struct Forces {
     pub(super) dry: [f64; 2],
     /// Radial force in each joint, N (0 where no law needs it).
     pub(super) load: [f64; 2],
+    /// Share of the record that has passed.
+    pub(super) share: f64,
 }
 
 /// Sines and cosines of one state.
@@ -44,6 +48,24 @@ struct Geometry {
     centroid: [[f64; 2]; 2],
     cos_delta: f64,
     sin_delta: f64,
+}
+
+/// ∫ v |v| ds and ∫ v |v| s ds for v = v0 + w s from 0 to a length: by Simpson's rule on either side of v = 0, where it is exact.
+fn moments(v0: f64, w: f64, length: f64) -> [f64; 2] {
+    let still = -v0 / w;
+    let middle = if still > 0.0 && still < length { still } else { length };
+    let mut sums = [0.0; 2];
+    for (from, to) in [(0.0, middle), (middle, length)] {
+        let at = |s: f64| {
+            let v = v0 + w * s;
+            [v * v.abs(), v * v.abs() * s]
+        };
+        let (a, b, c) = (at(from), at(0.5 * (from + to)), at(to));
+        for (k, sum) in sums.iter_mut().enumerate() {
+            *sum += (to - from) / 6.0 * (a[k] + 4.0 * b[k] + c[k]);
+        }
+    }
+    sums
 }
 
 /// (cos, sin) of the sum of two angles.
@@ -62,6 +84,7 @@ impl Mechanics {
             loaded: joints.iter().any(|j| j.per_load != 0.0),
             joints,
             drag: additions.drag,
+            air: additions.air.clone(),
             parameters: *parameters,
             h: parameters.h(),
             imbalance: additions.imbalance.map(|beta| {
@@ -77,7 +100,7 @@ impl Mechanics {
         for (i, joint) in self.joints.iter().enumerate() {
             let at_rest: f64 = joint.stribeck.iter().map(|s| s.0).sum();
             for level in joint.level {
-                let least = level.min(level + at_rest);
+                let least = level.min(level + at_rest) + joint.drift.min(0.0);
                 if !(least >= 0.0 && least.is_finite()) {
                     let name = format!("dry friction in joint {}", i + 1);
                     return Err(ParameterError::new(&name, least, "a level of 0 or more in both directions"));
@@ -96,9 +119,16 @@ impl Mechanics {
         Geometry { arm, centroid, cos_delta: c1 * c2 + s1 * s2, sin_delta: s2 * c1 - c2 * s1 }
     }
 
-    /// Accelerations at a state, under the base's acceleration (ẍ_b, ÿ_b) in m/s².
-    pub(super) fn forces(&self, base: [f64; 2], y: &State, mode: &Mode) -> Forces {
+    /// The base at t seconds after the tick, as far as laws need it.
+    pub(super) fn moment(&self, base: &BaseMotion, t: f64) -> Moment {
+        base.at(t, self.air.iter().any(|a| !a.is_empty()))
+    }
+
+    /// Accelerations at a state, on a base that moves so (or has this acceleration (ẍ_b, ÿ_b) in m/s²).
+    pub(super) fn forces(&self, base: impl Into<Moment>, y: &State, mode: &Mode) -> Forces {
         let p = &self.parameters;
+        let moment: Moment = base.into();
+        let base = moment.acceleration;
         let geometry = self.geometry(y);
         let (w1, w2) = (y[2], y[3]);
         let gamma = [self.gravity[0] - base[0], self.gravity[1] - base[1]];
@@ -106,8 +136,8 @@ impl Mechanics {
         let x1 = y[0] - mode.turn[0];
         let x2 = y[1] - y[0] - mode.turn[1];
         let v = [w1, w2 - w1];
-        let mut t1 = self.joints[0].smooth(x1, mode.middle[0], v[0]);
-        let mut t2 = self.joints[1].smooth(x2, mode.middle[1], v[1]);
+        let mut t1 = self.joints[0].smooth(x1, mode.middle[0], v[0], moment.phase);
+        let mut t2 = self.joints[1].smooth(x2, mode.middle[1], v[1], moment.phase);
         t1 += self.joints[0].remembered(y[0], &mode.since[0]);
         t2 += self.joints[1].remembered(y[1] - y[0], &mode.since[1]);
         let mut q1 = t1 - t2 + self.h * w2 * w2 * geometry.sin_delta;
@@ -117,8 +147,11 @@ impl Mechanics {
         q2 += p.m2 * p.e2 * along(geometry.centroid[1]);
         q2 -= self.drag[1] * mode.drag_sign[1] * w2 * w2;
 
+        let [a1, a2] = self.air_torques(&geometry, moment.velocity, y);
+        (q1, q2) = (q1 + a1, q2 + a2);
+
         let coupling = self.h * geometry.cos_delta;
-        let mut forces = Forces::default();
+        let mut forces = Forces { share: moment.share, ..Forces::default() };
         self.solve(coupling, [q1, q2], &v, mode, &mut forces);
         if self.loaded {
             // Friction depends on the load, the load on the acceleration: a contraction, since the radius at which
@@ -140,7 +173,7 @@ impl Mechanics {
     fn solve(&self, coupling: f64, q: [f64; 2], v: &[f64; 2], mode: &Mode, forces: &mut Forces) {
         let (j1, j2) = (self.parameters.j_o1, self.parameters.j_o2);
         let slip = |i: usize, forces: &Forces| match mode.dry[i] {
-            Some(Dry::Slip(sign)) => -sign * self.joints[i].dry_level(sign, v[i], forces.load[i]),
+            Some(Dry::Slip(sign)) => -sign * self.joints[i].dry_level(sign, v[i], forces.load[i], forces.share),
             _ => 0.0,
         };
         let stuck = |i: usize| mode.dry[i] == Some(Dry::Stick);
@@ -169,6 +202,25 @@ impl Mechanics {
                 forces.dry = [-q[0] - q[1], -q[1]];
             }
         }
+    }
+
+    /// Torques of the drag along the arms: at distance s from its joint an arm moves across itself by v(s) = v(0) + ω s and feels −k v |v| a length, whose work
+    /// on arm 2 is work on arm 1 as well, l1 cos Δ for a turn of one.
+    fn air_torques(&self, geometry: &Geometry, base: [f64; 2], y: &State) -> [f64; 2] {
+        let mut torques = [0.0; 2];
+        let across = |[cos, sin]: [f64; 2]| base[0] * cos + base[1] * sin;
+        let l1 = self.parameters.l1;
+        let [[c1, s1], [c2, s2]] = geometry.arm;
+        let lever = l1 * (c1 * c2 + s1 * s2);
+        for &(k, length) in &self.air[0] {
+            torques[0] -= k * moments(across(geometry.arm[0]), y[2], length)[1];
+        }
+        for &(k, length) in &self.air[1] {
+            let [force, torque] = moments(across(geometry.arm[1]) + lever * y[2], y[3], length);
+            torques[0] -= k * lever * force;
+            torques[1] -= k * torque;
+        }
+        torques
     }
 
     /// Size of the force in each joint across its axis, N: what the arms below need to be moved as they are.

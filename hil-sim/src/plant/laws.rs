@@ -17,7 +17,8 @@ pub(super) struct Since {
 }
 
 /// Torque in one joint, as a function of its angle x (wrapped to [−π, π)) and its relative velocity v:
-/// `constant − viscous v − quadratic_damping x² v − k1 x − k2 x² − k3 x³ − backlash(x) − Σ A sin(n x + ψ) + dry`.
+/// `constant − viscous v − quadratic_damping x² v − Σ c |v|^p sign v − k1 x − k2 x² − k3 x³ − A cos(τ − ψ) x − backlash(x) − Σ A sin(n x + ψ) − Σ k u exp(−(u/d)²)
+/// + dry`, u the angle from x0, wrapped.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JointLaw {
     /// Constant torque, N m.
@@ -28,6 +29,12 @@ pub struct JointLaw {
     pub amplitude_damping: f64,
     /// Stiffnesses of first, second and third order, N m/rad, N m/rad², N m/rad³.
     pub stiffness: [f64; 3],
+    /// Damping by a power of the velocity: strength and power.
+    pub power: Vec<(f64, f64)>,
+    /// Stiffness that the drive's phase modulates: parts with cos τ and sin τ, N m/rad.
+    pub modulation: [f64; 2],
+    /// A spring near one angle: stiffness (N m/rad), angle and reach (rad).
+    pub local: Vec<(f64, f64, f64)>,
     /// Play: half width of the dead zone (rad) and stiffness beyond it (N m/rad).
     pub backlash: Vec<(f64, f64)>,
     /// Cogging: amplitude (N m), order, phase (rad).
@@ -40,17 +47,20 @@ pub struct JointLaw {
     pub dahl: Vec<(f64, f64)>,
     /// Dry friction per newton of radial force, m.
     pub per_load: f64,
+    /// What the level of dry friction gains over the record, N m.
+    pub drift: f64,
 }
 
 impl JointLaw {
     /// Whether the torque depends on the wrapped angle other than periodically, so that it has a corner at ±π.
     pub(super) fn wraps(&self) -> bool {
-        self.amplitude_damping != 0.0 || self.stiffness != [0.0; 3] || !self.backlash.is_empty()
+        let modulated = self.modulation != [0.0; 2];
+        self.amplitude_damping != 0.0 || self.stiffness != [0.0; 3] || !self.backlash.is_empty() || modulated
     }
 
     /// Whether there is dry friction.
     pub(super) fn is_dry(&self) -> bool {
-        self.level != [0.0; 2] || !self.stribeck.is_empty() || self.per_load != 0.0
+        self.level != [0.0; 2] || !self.stribeck.is_empty() || self.per_load != 0.0 || self.drift != 0.0
     }
 
     /// State of Dahl's element k at an angle: dz/dx = (1 − s z)/d from z₀ at x₀ on, s the direction of motion, so that
@@ -84,9 +94,9 @@ impl JointLaw {
         corners
     }
 
-    /// Torque without dry friction. `middle` is any angle of the smooth stretch that x is in: beyond its ends the law
+    /// Torque without dry friction at the drive's phase. `middle` is any angle of the smooth stretch that x is in: beyond its ends the law
     /// is continued smoothly, so that a step may overshoot a corner before the corner is located.
-    pub(super) fn smooth(&self, x: f64, middle: f64, v: f64) -> f64 {
+    pub(super) fn smooth(&self, x: f64, middle: f64, v: f64, phase: f64) -> f64 {
         let [k1, k2, k3] = self.stiffness;
         let mut torque = self.constant - (self.viscous + self.amplitude_damping * x * x) * v;
         torque -= x * (k1 + x * (k2 + x * k3));
@@ -100,12 +110,23 @@ impl JointLaw {
         for &(amplitude, order, phase) in &self.cogging {
             torque -= amplitude * libm::sin(order * x + phase);
         }
+        for &(strength, power) in &self.power {
+            torque -= strength * libm::pow(v.abs(), power) * if v < 0.0 { -1.0 } else { 1.0 };
+        }
+        for &(k, at, reach) in &self.local {
+            let u = x - at - 2.0 * PI * libm::floor((x - at + PI) / (2.0 * PI));
+            torque -= k * u * libm::exp(-(u / reach) * (u / reach));
+        }
+        if self.modulation != [0.0; 2] {
+            let (sin, cos) = libm::sincos(phase);
+            torque -= (self.modulation[0] * cos + self.modulation[1] * sin) * x;
+        }
         torque
     }
 
-    /// Level of the dry friction that opposes motion in the direction `sign` (±1) at velocity v under a radial force.
-    pub(super) fn dry_level(&self, sign: f64, v: f64, load: f64) -> f64 {
-        let mut level = self.level[usize::from(sign < 0.0)] + self.per_load * load;
+    /// Level of the dry friction that opposes motion in the direction `sign` (±1) at velocity v under a radial force, after a share of the record.
+    pub(super) fn dry_level(&self, sign: f64, v: f64, load: f64, share: f64) -> f64 {
+        let mut level = self.level[usize::from(sign < 0.0)] + self.per_load * load + self.drift * share;
         for &(at_rest, v_s) in &self.stribeck {
             let ratio = v / v_s;
             level += at_rest * libm::exp(-ratio * ratio);
@@ -158,6 +179,8 @@ pub struct Additions {
     pub joints: [JointLaw; 2],
     /// Quadratic drag of each arm, N m s².
     pub drag: [f64; 2],
+    /// Drag along each arm, per length: strength (kg/m²) and the length from the arm's joint over which it acts (m).
+    pub air: [Vec<(f64, f64)>; 2],
     /// Angle of each arm's centroid off its line, rad.
     pub imbalance: [f64; 2],
     /// Angle at which the arms would hang, rad.

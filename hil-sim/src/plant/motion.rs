@@ -58,7 +58,7 @@ struct Stretch<'a> {
 
 impl Stretch<'_> {
     fn rate(&self, t: f64, y: &State) -> State {
-        let forces = self.mechanics.forces(self.base.acceleration(t), y, self.mode);
+        let forces = self.mechanics.forces(self.mechanics.moment(self.base, t), y, self.mode);
         [y[2], y[3], forces.alpha[0], forces.alpha[1]]
     }
 
@@ -81,7 +81,7 @@ impl Stretch<'_> {
             Event::Dry(i) => match self.mode.dry[i] {
                 Some(Dry::Slip(sign)) => sign * velocities(y)[i],
                 Some(Dry::Stick) => {
-                    let forces = self.mechanics.forces(self.base.acceleration(t), y, self.mode);
+                    let forces = self.mechanics.forces(self.mechanics.moment(self.base, t), y, self.mode);
                     stick_margin(self.mechanics, i, &forces) / (forces.dry[i].abs() + f64::MIN_POSITIVE)
                 }
                 None => f64::INFINITY,
@@ -314,8 +314,8 @@ impl Plant {
                     // Both arms were moving as one; keep their velocities equal to the last digit.
                     self.state[3] = self.state[2];
                 }
-                let acceleration = base.acceleration(t);
-                contact::settle(&self.mechanics, acceleration, &self.state, &mut self.mode, released);
+                let moment = self.mechanics.moment(base, t);
+                contact::settle(&self.mechanics, moment, &self.state, &mut self.mode, released);
             }
             Event::Lower(i) => self.mode.next_stretch(&self.mechanics, i, false),
             Event::Upper(i) => self.mode.next_stretch(&self.mechanics, i, true),
@@ -329,6 +329,6 @@ impl Plant {
 
     /// Lets joints that rest decide whether they stick.
     pub(super) fn settle_contacts(&mut self, base: &BaseMotion) {
-        contact::settle(&self.mechanics, base.acceleration(0.0), &self.state, &mut self.mode, None);
+        contact::settle(&self.mechanics, self.mechanics.moment(base, 0.0), &self.state, &mut self.mode, None);
     }
 }

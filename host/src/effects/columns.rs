@@ -10,7 +10,7 @@ use super::entry::{Entry, Form, Verb};
 use super::places::{self, Place};
 use super::written::{self, Change};
 use crate::model::model_file::expression::Function;
-use crate::model::model_file::expression::{Node, Symbol, add, multiply, number};
+use crate::model::model_file::expression::{Node, Symbol, add, multiply, number, symbol};
 use crate::model::model_file::memory::Memory;
 use crate::model::model_file::parser::Mistake;
 use crate::system::bodies::Body;
@@ -20,6 +20,9 @@ use crate::system::language::{Gravity, SystemFile};
 use crate::system::mechanism::{Mechanism, at};
 use crate::system::polynomial::{Atom, Polynomial, Product};
 use crate::system::words::{Value as Word, Words};
+
+/// The word for the force across a joint.
+pub const LOAD: &str = "load";
 
 /// What a strength adds to one equation: a product of the system's parameters times an expression of the motion.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,7 +34,42 @@ pub struct Part {
     /// Parameters with their powers.
     product: Product,
     /// The expression.
-    of: Node,
+    of: Law,
+    /// What stands for each [`Symbol::State`] in it.
+    states: Vec<Node>,
+}
+
+impl Part {
+    /// The expression at values of the parameters.
+    fn at(&self, parameters: &[f64]) -> Node {
+        let of = self.of.at(parameters);
+        if self.states.is_empty() {
+            return of;
+        }
+        of.replace(&|s| if let Symbol::State(k) = s { self.states[k].clone() } else { symbol(s) })
+    }
+}
+
+/// An expression of the motion.
+#[derive(Clone, Debug, PartialEq)]
+enum Law {
+    /// One without parameters.
+    Motion(Node),
+    /// One with parameters inside functions, whose values are put in where columns are made: the load of a joint.
+    Parameters(Polynomial),
+}
+
+impl Law {
+    fn of(p: Polynomial) -> Self {
+        if p.has_parameter() { Self::Parameters(p) } else { Self::Motion(p.node()) }
+    }
+
+    fn at(&self, parameters: &[f64]) -> Node {
+        match self {
+            Self::Motion(of) => of.clone(),
+            Self::Parameters(of) => of.node_at(parameters),
+        }
+    }
 }
 
 /// How an effect in one form acts at a place.
@@ -94,6 +132,10 @@ pub fn action(
                 moves.clone()
             };
             words.scalars.extend([("x".to_owned(), x), ("v".to_owned(), rate)]);
+            if entry.names(LOAD) {
+                let Some(load) = places::load(file, k, omega) else { return Ok(None) };
+                words.scalars.push((LOAD.to_owned(), load));
+            }
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
             remembering(entry, (&words, form), work(mechanism, &law, moves, own))
         }
@@ -138,7 +180,7 @@ pub fn action(
     }
 }
 
-/// A force whose states are followed by the laws of their rates.
+/// A force whose states are followed by the laws of their rates; none where these hold parameters of the system, whose values change as it is identified.
 fn remembering(
     entry: &Entry,
     (words, form): (&Words, &Form),
@@ -146,8 +188,8 @@ fn remembering(
 ) -> Result<Option<Action>, Mistake> {
     let Some(Action::Force(mut parts)) = force else { return Ok(force) };
     if !entry.states.is_empty() {
-        let with = entry.remembering(words, form)?;
-        parts.iter_mut().for_each(|p| p.of = with(&p.of));
+        let Some(states) = entry.followed(words, form)? else { return Ok(None) };
+        parts.iter_mut().for_each(|p| p.states.clone_from(&states));
     }
     Ok(Some(Action::Force(parts)))
 }
@@ -155,15 +197,43 @@ fn remembering(
 impl Action {
     /// The same with each state of an effect that remembers replaced.
     #[must_use]
-    pub fn with_memories(self, with: &dyn Fn(&Arc<Memory>, usize) -> Node) -> Self {
-        match self {
-            Self::Force(mut parts) => {
-                parts.iter_mut().for_each(|p| p.of = p.of.with_memories(with));
-                Self::Force(parts)
+    pub fn with_memories(mut self, with: &dyn Fn(&Arc<Memory>, usize) -> Node) -> Self {
+        if let Self::Force(parts) = &mut self {
+            parts.iter_mut().flat_map(|p| &mut p.states).for_each(|s| *s = s.with_memories(with));
+        }
+        self
+    }
+
+    /// What stands for states in it.
+    pub fn states(&self) -> &[Node] {
+        // All parts have the same.
+        if let Self::Force(parts) = self { parts.first().map_or(&[], |p| &p.states) } else { &[] }
+    }
+}
+
+/// Quotients N/D of sums of products of parameters that must be fixed for columns of these parts to be: what stands inside functions, over the inertia of the
+/// equation. A function of the load other than itself needs the inertia alone as well.
+pub fn quotients(parts: &[Part], mechanism: &Mechanism) -> Vec<(Polynomial, Polynomial)> {
+    fn inside(p: &Polynomial, per: &Polynomial, out: &mut Vec<(Polynomial, Polynomial)>) {
+        for (a, _) in p.terms().flat_map(|(product, _)| product) {
+            if let Atom::Call(_, q) | Atom::Sum(q) = a {
+                let own = q.by_motion().into_values().filter(Polynomial::has_own_parameter);
+                out.extend(own.map(|n| (n, per.clone())));
+                inside(q, per, out);
             }
-            other => other,
         }
     }
+    let mut out = Vec::new();
+    for part in parts {
+        let Law::Parameters(of) = &part.of else { continue };
+        let Some((_, inertia)) = mechanism.scales.get(part.equation) else { continue };
+        inside(of, inertia, &mut out);
+        let loads = |(a, n): &(Atom, i32)| *n != 1 && Polynomial::atom(a.clone()).has_parameter();
+        if of.terms().any(|(product, _)| product.iter().any(loads)) {
+            out.push((inertia.clone(), Polynomial::number(1.0)));
+        }
+    }
+    out
 }
 
 /// What each strength multiplies in a law without other parameters.
@@ -184,7 +254,7 @@ fn parts_of(e: &Polynomial, equation: usize, own: usize, out: &mut Vec<Part>) {
         if let [(strength, 1)] = strengths[..] {
             let rest: Product =
                 product.into_iter().filter(|(a, _)| !matches!(a, Atom::Parameter(k) if *k >= own)).collect();
-            out.push(Part { strength, equation, product: rest, of: of.node() });
+            out.push(Part { strength, equation, product: rest, of: Law::of(of), states: Vec::new() });
         }
     }
 }
@@ -247,10 +317,7 @@ fn turned_arm(file: &SystemFile, k: usize, by: &Polynomial) -> Option<SystemFile
 fn turned_frame(file: &SystemFile, by: &Polynomial) -> Option<SystemFile> {
     let mut out = file.clone();
     let components = file.words.points.first().map_or(2, |p| p.1.len());
-    let g = match file.words.parameters.iter().position(|n| n == "g") {
-        Some(k) => Polynomial::atom(Atom::Parameter(k)),
-        None => Polynomial::number(file.words.constants.iter().find(|c| c.0 == "g").map_or(0.0, |c| c.1)),
-    };
+    let g = file.gravity_strength();
     let mut pull = vec![Polynomial::default(); components];
     pull[0] = g.times(by).ok()?;
     pull[components - 1] = g.scaled(-1.0);
@@ -264,7 +331,7 @@ pub fn columns(parts: &[Part], strengths: usize, mechanism: &Mechanism, paramete
     let mut out: Vec<Vec<(usize, Node)>> = vec![Vec::new(); strengths];
     for part in parts {
         let factor = at(&Polynomial::product(part.product.clone(), 1.0), parameters) * scale[part.equation];
-        let of = multiply(number(factor), part.of.clone());
+        let of = multiply(number(factor), part.at(parameters));
         match out[part.strength].iter_mut().find(|c| c.0 == part.equation) {
             Some(c) => c.1 = add(c.1.clone(), of),
             None => out[part.strength].push((part.equation, of)),
@@ -273,6 +340,6 @@ pub fn columns(parts: &[Part], strengths: usize, mechanism: &Mechanism, paramete
     out
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "sim"))]
 #[path = "columns_tests.rs"]
 mod tests;

@@ -2,6 +2,7 @@
 
 use toml::de::{DeTable, DeValue};
 
+use super::columns::LOAD;
 use crate::error::Result;
 use crate::model::model_file::expression::{Node, Symbol, number, symbol};
 use crate::model::model_file::parser::parse;
@@ -32,7 +33,7 @@ pub enum At {
 
 /// Kinds of places by name, and the words of each.
 const PLACES: [(&str, At, &[&str]); 5] = [
-    ("joint", At::Joint, &["x", "v", "t"]),
+    ("joint", At::Joint, &["x", "v", "t", LOAD]),
     ("arm", At::Arm, &["omega"]),
     ("drive", At::Drive, &["y", "size", "t"]),
     ("frame", At::Frame, &[]),
@@ -148,6 +149,11 @@ impl Entry {
         out
     }
 
+    /// Whether the law names a word.
+    pub fn names(&self, word: &str) -> bool {
+        has_word(&self.law, word)
+    }
+
     /// The law in the words of a place: shape parameters are numbers, strengths the parameters from `words.parameters.len()`
     /// on.
     ///
@@ -173,6 +179,11 @@ impl Entry {
         words.scalars.extend(self.states.iter().enumerate().map(state));
         words
     }
+}
+
+/// Whether a law names a word.
+pub(super) fn has_word(law: &str, word: &str) -> bool {
+    law.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|w| w == word)
 }
 
 /// Reads every `[[effect]]` of a file.
@@ -405,7 +416,7 @@ fn shapes(r: &Reader<'_>, t: &DeTable<'_>) -> Result<Vec<Shape>> {
     Ok(out)
 }
 
-/// What an effect's first strength multiplies, in the words of a displacement: for its unit.
+/// What an effect's first strength multiplies, in the words of a displacement: for its unit. The load, N, is the first input.
 pub fn multiplied(e: &Entry, form: &Form, on: &Polynomial, coordinates: usize, omega: f64) -> Option<Node> {
     let rate = by_time(on, coordinates, omega).ok()?;
     let mut words = Words::default();
@@ -415,6 +426,7 @@ pub fn multiplied(e: &Entry, form: &Form, on: &Polynomial, coordinates: usize, o
         ("v".to_owned(), rate.clone()),
         ("omega".to_owned(), rate),
         ("t".to_owned(), time),
+        (LOAD.to_owned(), Polynomial::motion(Symbol::Input(0))),
     ];
     words.constants.push(("T".to_owned(), 1.0));
     let Ok(Word::Scalar(law)) = e.law(&words, form) else { return None };

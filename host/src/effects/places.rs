@@ -1,8 +1,9 @@
 //! Where effects can act on a system derived from bodies: joints, arms, the driven point, gravity's frame, encoders.
 
+use super::columns::LOAD;
 use super::entry::{At, Entry};
 use crate::model::model_file::Space;
-use crate::model::model_file::expression::Symbol;
+use crate::model::model_file::expression::{Function, Symbol};
 use crate::rig::measures::Bound;
 use crate::system::bodies::Body;
 use crate::system::language::{Gravity, SystemFile};
@@ -75,12 +76,25 @@ fn turns(file: &SystemFile, p: &Polynomial) -> bool {
         .any(|k| file.coordinates[k].0.space == Space::Circle && p.moves(|s| s == Symbol::Coordinate(k)))
 }
 
+/// The size of the force across a joint, √(F_x² + F_y²), with the system's parameters in it; none where that is not known (see [`SystemFile::reaction`]), and
+/// where something slides: what a guide carries is not all of it. `omega` is dτ/dt, rad/s.
+pub fn load(file: &SystemFile, joint: usize, omega: f64) -> Option<Polynomial> {
+    if !is_angle(file, &file.joints[joint].moves.value) {
+        return None;
+    }
+    let force = file.reaction(joint, omega)?;
+    // Squares that are not multiplied out stay above zero whatever rounding does.
+    let squares = force.into_iter().filter(|f| !f.is_zero()).map(|f| Polynomial::product(vec![(Atom::Sum(f), 2)], 1.0));
+    Some(Polynomial::call(Function::Sqrt, squares.fold(Polynomial::default(), |sum, s| sum.plus(&s))))
+}
+
 /// Every place of an entry; `bound` has the sensors.
 pub fn of(entry: &Entry, file: &SystemFile, bound: &Bound) -> Vec<Place> {
     let vertical = |d: &Drive| d.along + 1 == d.components;
     match entry.at {
         At::Joint => (0..file.joints.len())
             .filter(|&k| !entry.turning || turns(file, &file.joints[k].moves.value))
+            .filter(|&k| !entry.names(LOAD) || load(file, k, 1.0).is_some())
             .map(Place::Joint)
             .collect(),
         At::Arm => (0..file.bodies.len())

@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use toml::de::DeTable;
 
-use super::entry::{Entry, Form, Verb, stand_ins};
+use super::columns::LOAD;
+use super::entry::{Entry, Form, Verb, has_word, stand_ins};
 use crate::error::Result;
-use crate::model::model_file::expression::{Expression, Node, Symbol, symbol};
+use crate::model::model_file::expression::{Expression, Node, Symbol};
 use crate::model::model_file::memory::Memory;
 use crate::model::model_file::parser::parse;
 use crate::model::model_file::{check_name, mistake};
@@ -37,23 +38,22 @@ impl Entry {
         self.states.iter().enumerate().map(one).collect()
     }
 
-    /// A law of the motion with the states in it followed by the laws of their rates.
+    /// What stands for each state in the words of a place: itself, followed by the laws of the rates. None where these hold parameters of the system, whose values
+    /// are found while the states are followed already.
     ///
     /// # Errors
     /// As [`Entry::rates`].
-    pub fn remembering(
+    pub fn followed(
         &self,
         words: &Words,
         form: &Form,
-    ) -> core::result::Result<impl Fn(&Node) -> Node, crate::model::model_file::parser::Mistake> {
+    ) -> core::result::Result<Option<Vec<Node>>, crate::model::model_file::parser::Mistake> {
         let rates = self.rates(words, form).map_err(|(_, m)| m)?;
+        if rates.iter().any(Polynomial::has_parameter) {
+            return Ok(None);
+        }
         let memory = Arc::new(Memory::new(rates.iter().map(Polynomial::node).collect()));
-        Ok(move |of: &Node| {
-            of.replace(&|s| match s {
-                Symbol::State(k) => Arc::new(Expression::Memory(memory.clone(), k)),
-                other => symbol(other),
-            })
-        })
+        Ok(Some((0..rates.len()).map(|k| Arc::new(Expression::Memory(memory.clone(), k))).collect()))
     }
 }
 
@@ -102,7 +102,7 @@ pub fn check(r: &Reader<'_>, t: &DeTable<'_>, e: &Entry, vocabulary: &[&str]) ->
         Some((_, _, v)) => mistake(r.source, v, &e.states[k].1, m),
         None => r.source.bad(0, m.found, m.expected).remedy(m.remedy),
     })?;
-    for ((rate, (name, _)), (_, _, v)) in rates.iter().zip(&e.states).zip(&all) {
+    for ((rate, (name, law)), (_, _, v)) in rates.iter().zip(&e.states).zip(&all) {
         let bad = |found: String, expected: &str, remedy: &str| {
             Err(r.source.bad(v.span().start, found, expected).remedy(remedy))
         };
@@ -114,9 +114,11 @@ pub fn check(r: &Reader<'_>, t: &DeTable<'_>, e: &Entry, vocabulary: &[&str]) ->
                 "Strengths stand in force; make it a shape, or scale the state",
             );
         }
-        if rate.moves(|s| matches!(s, Symbol::Time | Symbol::Tau)) {
+        let time = rate.moves(|s| matches!(s, Symbol::Time | Symbol::Tau)).then_some("a time");
+        let load = (vocabulary.contains(&LOAD) && has_word(law, LOAD)).then_some("the load");
+        if let Some(found) = time.or(load) {
             let expected = "a law of the motion, the states and shapes";
-            return bad(format!("a time in the law of {name}"), expected, "States follow the motion alone");
+            return bad(format!("{found} in the law of {name}"), expected, "States follow the motion alone");
         }
     }
     let force = match e.law(&words, &form) {
@@ -162,6 +164,7 @@ mod tests {
             ("force = \"-F*z\"\nstates = { z = \"(v - abs(v)*zz)/d\" }", 7, "zz"),
             ("force = \"-F*z\"\nstates = { z = \"v - F*z\" }", 7, "strength in the law of z"),
             ("force = \"-F*z\"\nstates = { z = \"v - t*z\" }", 7, "a time in the law of z"),
+            ("force = \"-F*z\"\nstates = { z = \"v - load*z\" }", 7, "the load in the law of z"),
             ("force = \"-F*v/d\"\nstates = { z = \"v - z/d\" }", 7, "does not use"),
             ("force = \"-F*d\"\nstates = { d = \"v\" }", 7, "second time"),
             ("force = \"-F*v\"\nstates = { v = \"v\" }", 7, "second time"),

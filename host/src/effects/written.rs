@@ -232,7 +232,10 @@ pub fn mechanism(model: &ModelFile, direction: Option<Direction>, omega: f64, va
     let coordinate = |k: usize| Polynomial::motion(Symbol::Coordinate(k));
     let name = |k: usize| model.coordinates[k].name.clone();
     let circle = |k: usize| model.coordinates[k].space == Space::Circle;
-    let joint = |name: String, moves: Polynomial| Joint { name, at: None, moves: Placed { value: moves, at: 0 } };
+    let joint = |name: String, moves: Polynomial| {
+        let moves = Placed { value: moves, at: 0 };
+        Joint { name, at: None, moves, carries: Vec::new() }
+    };
     let n = model.coordinates.len();
     let mut joints: Vec<Joint> = declared.map_or_else(Vec::new, |f| f.joints.clone());
     if joints.is_empty() {

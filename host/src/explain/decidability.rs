@@ -1,12 +1,11 @@
 //! Whether a record can decide at all, and the verdict.
 
-use super::comparison::Comparison;
-use super::explanation::{Explanation, Verdict};
-use crate::identify::Identification;
+use super::explanation::{DecidedBy, Explanation, Verdict};
 use crate::inspect::InspectSettings;
 use crate::inspect::motion;
 use crate::inspect::periodicity::{Kind, periodicity};
 use crate::record::Record;
+use crate::report::format::significant;
 use crate::rig::Rig;
 
 /// Gap (in noise floors) up to which a model counts as explaining the record.
@@ -21,13 +20,17 @@ pub(super) const FEWEST_BLOCKS: usize = 9;
 /// Share of a record that must repeat for its motion to count as locked.
 const LOCKED_SHARE: f64 = 0.5;
 /// Condition number of an equation's columns from which its coefficients are hardly separable.
-const WORST_CONDITION: f64 = 100.0;
+pub(super) const WORST_CONDITION: f64 = 100.0;
 
 /// Why a locked record cannot.
 pub(super) const LOCKED: &str = "the motion repeats (locked to the drive): one orbit cannot tell effects apart. Change the drive until the motion is chaotic";
 
 /// Why a fit that diverged cannot.
 pub(super) const DIVERGED: &str = "the fit diverged: the model's predictions miss by more than the record itself moves, so that nothing follows from them. See `whirl inspect` for the channels, and check units and signs in the rig file";
+
+/// Why a record whose motion is poor cannot.
+pub(super) const POOR: &str =
+    "the motion does not visit enough of the state space: the nominal coefficients themselves are hardly separable";
 
 /// Why what cannot be followed cannot.
 pub(super) const UNFOLLOWED: &str = "the model follows no part of the record, so that nothing can be predicted: see `whirl inspect` for the channels, and check units and signs in the rig file";
@@ -39,40 +42,12 @@ pub(super) fn too_few(blocks: usize, window_s: f64) -> String {
     format!("{blocks} whole {few} too few to hold some back ({window_s} s each): record at least {wanted} s")
 }
 
-/// What is told of a record that is too short for any fit.
-pub(super) fn too_short(mut result: Explanation, blocks: usize, window_s: f64) -> Explanation {
-    result.verdict = Verdict::NotDecidable;
-    result.reason = too_few(blocks, window_s);
-    result
-}
-
 /// What is told of equations in which no effect has a place.
 pub(super) fn unplaced() -> Explanation {
     let mut result = Explanation::new(0.0, Vec::new());
     result.reason =
         "nothing can be predicted: that takes one equation for each coordinate, and an inertia in each".to_owned();
     result
-}
-
-/// Why this record cannot decide, if it cannot.
-pub(super) fn undecidable(
-    records: &[Record],
-    rig: &Rig,
-    first: &Identification,
-    comparison: &Comparison<'_>,
-) -> Option<String> {
-    let window_s = comparison.geometry.windows.length_s;
-    let blocks: usize = comparison.raw.iter().map(|s| (s.len() as f64 * s.step_s / window_s) as usize).sum();
-    if !records.is_empty() && records.iter().all(|r| locked(r, rig)) {
-        return Some(LOCKED.to_owned());
-    }
-    if blocks < FEWEST_BLOCKS || comparison.held_out.is_empty() {
-        return Some(too_few(blocks, window_s));
-    }
-    if first.details.condition.iter().any(|k| *k > WORST_CONDITION) {
-        return Some("the motion does not visit enough of the state space: the nominal coefficients themselves are hardly separable".to_owned());
-    }
-    None
 }
 
 /// Whether most of a record repeats. It is the motion that is looked at, not the residuals: those of a wrong model repeat wherever the motion
@@ -96,7 +71,7 @@ pub(super) fn locked(record: &Record, rig: &Rig) -> bool {
 }
 
 /// The verdict and its reason from everything that was measured. `patched`: a joint at which several effects stand for one shape, and their names.
-pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, patched: Option<(&'static str, String)>) {
+pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, patched: Option<(String, String)>) {
     let power = result.residual_power[1];
     let horizon_s = result.gap.horizon_s;
     let far =
@@ -117,6 +92,9 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, patc
         noise += &format!(", over {:.3} s by {}", h.0, result.gap.told(h.2));
     }
     let undecidable = undecidable.or_else(|| diverged.then(|| DIVERGED.to_owned()));
+    if undecidable.is_none() {
+        result.decided_by = decided_by(result, gap, power);
+    }
     (result.verdict, result.reason) = match (undecidable, left, result.effects.is_empty()) {
         (Some(reason), ..) => {
             result.effects.clear();
@@ -132,4 +110,18 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, patc
         ),
         (None, false, false) => (Verdict::Explained, noise),
     };
+}
+
+/// The number that is largest beside its limit.
+fn decided_by(result: &Explanation, gap: f64, power: f64) -> Option<DecidedBy> {
+    let over = |horizon_s: f64, value: f64| {
+        let what = format!("gap over {} s, noise floors", significant(horizon_s, 4));
+        DecidedBy { what, value, limit: EXPLAINED_GAP }
+    };
+    let horizon_s = result.gap.horizon_s;
+    let longer = result.gap.horizons.iter().filter(|h| h.0 <= VERDICT_HORIZONS * horizon_s);
+    let what = "power of what is left over that of the sensors' noise".to_owned();
+    let all = longer.map(|h| over(h.0, h.2));
+    let all = all.chain([over(horizon_s, gap), DecidedBy { what, value: power, limit: EXPLAINED_POWER }]);
+    all.filter(|d| d.value.is_finite()).max_by(|a, b| (a.value / a.limit).total_cmp(&(b.value / b.limit)))
 }

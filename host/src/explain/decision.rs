@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::design::Design;
-use super::explanation::Ranked;
+use super::engine::design::Design;
+use super::explanation::{Ranked, Refused};
 use super::ranking::{self, Fit, Weights};
 
 /// Probability of naming anything on a record in which nothing is missing, over the whole list.
@@ -40,9 +40,24 @@ pub(super) trait Evidence: Sync {
 
     /// Least gain in standard errors between blocks: where a model misses more than noise, a strength may be significant that predicts nothing better.
     fn least_deviations(&self) -> f64;
+}
 
-    /// Whether two candidates that are only supported together are looked for.
-    fn pairs(&self) -> bool;
+impl<T: Evidence + ?Sized> Evidence for &T {
+    fn fit(&self, columns: &[usize]) -> Option<Fit> {
+        (**self).fit(columns)
+    }
+
+    fn rescored(&self, own: &[usize], most: usize, scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>> {
+        (**self).rescored(own, most, scores)
+    }
+
+    fn least_gain(&self, total: f64) -> f64 {
+        (**self).least_gain(total)
+    }
+
+    fn least_deviations(&self) -> f64 {
+        (**self).least_deviations()
+    }
 }
 
 /// Rows of the weak form, weighted by equation and frequency.
@@ -66,10 +81,6 @@ impl Evidence for Rows<'_> {
 
     fn least_deviations(&self) -> f64 {
         0.0
-    }
-
-    fn pairs(&self) -> bool {
-        false
     }
 }
 
@@ -103,6 +114,11 @@ pub(super) struct Choice {
     /// The next best and its share.
     pub(super) runner_up: Option<(String, f64)>,
 }
+
+/// Most candidates of which it is told why they were not taken.
+const MOST_REFUSED: usize = 8;
+/// Probability by chance below which a candidate was close.
+const NEAR: f64 = 0.01;
 
 /// A candidate's fit beside the model.
 struct Score {
@@ -214,10 +230,32 @@ impl<'a> Field<'a> {
         self.brings((s.gain, s.gain / s.deviations.max(f64::MIN_POSITIVE)))
     }
 
+    /// Why candidates that were close are not taken, those that take away most first; `feigned`: those that the sensors alone give.
+    fn refusals(&self, order: &[&Score], feigned: &[usize]) -> Vec<Refused> {
+        let tests = self.scores.len().max(1) as f64;
+        let near = order.iter().filter(|s| s.p < NEAR && s.gain > 0.0).take(MOST_REFUSED);
+        near.filter_map(|s| {
+            let why = if self.feeds(s) {
+                "its strength comes out with the sign of a law that feeds the motion".to_owned()
+            } else if feigned.contains(&s.index) {
+                "records of the model without it, seen by the same sensors, show as much".to_owned()
+            } else if s.p * tests >= FAMILY_WISE {
+                format!("by chance with probability {:.1e}, and {tests} forms were tried", s.p)
+            } else if !self.stands(s) {
+                let share = 100.0 * s.gain * self.blocks / self.total;
+                format!("it takes away {share:.2} % of what is left where it was not fitted: as good as nothing")
+            } else {
+                return None;
+            };
+            Some(Refused::new(self.name(s), why))
+        })
+        .collect()
+    }
+
     /// Two that only together are supported: each hides the other's trace while it is missing (a pendulum that Coulomb friction
     /// stops and whose damping grows with the swing looks viscous). Each must be significant beside the other, over all pairs; the one that takes away
     /// more by itself (of one and what refines it the simpler) comes first, with its probability.
-    fn pair<'b>(&'b self, order: &[&'b Score]) -> Option<(&'b Score, f64)> {
+    fn pair<'b>(&'b self, order: &[&'b Score], together: &dyn Evidence) -> Option<(&'b Score, f64)> {
         let refines = |a: &Score, b: &Score| self.offers[a.index].refines.as_deref() == Some(self.name(b));
         // A refinement stands only beside what it refines, where that is on the list.
         let bears = |a: &Score, b: &Score| refines(a, b) || !order.iter().any(|o| refines(a, o));
@@ -228,13 +266,18 @@ impl<'a> Field<'a> {
             .filter(|(a, b)| bears(a, b) && bears(b, a))
             .collect();
         let tests = all.len() as f64;
-        let range = |s: &Score| {
-            let (from, d) = self.places[s.index];
-            from..from + d
-        };
+        // Columns where candidates are together: in this order behind the own ones.
+        let mut at = self.own.len();
+        let mut ranges: BTreeMap<usize, core::ops::Range<usize>> = BTreeMap::new();
+        for s in order {
+            let d = self.places[s.index].1;
+            ranges.insert(s.index, at..at + d);
+            at += d;
+        }
+        let range = |s: &Score| ranges.get(&s.index).cloned().unwrap_or_default();
         let fit = |first: &Score, last: &Score| -> Option<(f64, f64, Vec<f64>)> {
             let columns: Vec<usize> = self.own.iter().copied().chain(range(first)).chain(range(last)).collect();
-            let fit = self.evidence.fit(&columns)?;
+            let fit = together.fit(&columns)?;
             let d = self.places[last.index].1;
             // One that would have to feed the motion is held at nothing.
             let first_at = fit.all.len() - d - self.places[first.index].1;
@@ -272,15 +315,19 @@ impl<'a> Field<'a> {
     }
 }
 
-/// The next effect; none where no candidate is supported. `taken`: what the model has already. `feigned` says whether the sensors
-/// alone give such strengths.
+/// What some offers are judged by beside one another, by their numbers; none where pairs are not looked for.
+pub(super) type Together<'a> = dyn Fn(&[usize]) -> Option<Box<dyn Evidence>> + 'a;
+
+/// The next effect, and why others were not taken; none where no candidate is supported. `taken`: what the model has already. `feigned_by_sensors` says whether
+/// the sensors alone give such strengths, for `together` see [`Together`].
 pub(super) fn choose(
     (evidence, own): (&dyn Evidence, &[usize]),
     offers: &[Offer],
     taken: &[String],
     step: usize,
-    ranking_out: &mut Vec<Ranked>,
+    (ranking_out, refused): (&mut Vec<Ranked>, &mut Vec<Refused>),
     feigned_by_sensors: &dyn Fn(usize, &Fit) -> bool,
+    together: &Together<'_>,
 ) -> Option<Choice> {
     let field = Field::new(evidence, own, offers, taken)?;
     let (total, blocks) = (field.total, field.blocks);
@@ -330,15 +377,14 @@ pub(super) fn choose(
         }
         feigned.push(winner.index);
     };
+    *refused = field.refusals(&order, &feigned);
     let share = |s: &Score| s.gain * blocks / total;
     let runner_up = |than: &Score| {
         order.iter().find(|s| field.name(s) != field.name(than)).map(|s| (field.name(s).to_owned(), share(s)))
     };
     let Some(winner) = winner else {
-        if !evidence.pairs() {
-            return None;
-        }
-        let (first, p_value) = field.pair(&order)?;
+        let indices: Vec<usize> = order.iter().map(|s| s.index).collect();
+        let (first, p_value) = field.pair(&order, &*together(&indices)?)?;
         return Some(Choice {
             index: first.index,
             fit: first.fit.clone(),

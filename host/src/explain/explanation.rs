@@ -4,11 +4,10 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::attractor::Attractor;
-use super::comparison::Measured;
 use super::decidability::EXPLAINED_GAP;
-use super::residual_map;
-use super::unknown::Unknown;
+use super::engine::attractor::Attractor;
+use super::engine::residual_map;
+use super::engine::unknown::Unknown;
 use crate::identify::Parameter;
 use crate::model::identified::{AddedEffect, IdentifiedModel};
 use crate::report::format::{quantity, significant};
@@ -169,21 +168,6 @@ impl Gap {
             _ => format!("{} noise floors", significant(value, 3)),
         }
     }
-
-    /// Takes over what was measured after a step.
-    pub(super) fn push(&mut self, added: Option<String>, measured: &Measured) {
-        self.steps.push(Step { added: added.clone(), value: measured.gap });
-        if self.forecasts.is_empty() {
-            self.forecasts = measured
-                .forecasts
-                .iter()
-                .map(|f| Forecast { horizon_s: f.0, unit: "deg", steps: Vec::new() })
-                .collect();
-        }
-        for (forecast, (_, value)) in self.forecasts.iter_mut().zip(&measured.forecasts) {
-            forecast.steps.push(Step { added: added.clone(), value: *value });
-        }
-    }
 }
 
 /// Rms error of predictions over a horizon on the record's last 30 %, after fitting the first 70 %; initial states are fitted to each window.
@@ -192,7 +176,7 @@ pub struct Forecast {
     /// Horizon, s.
     pub horizon_s: f64,
     /// Unit of the values.
-    pub unit: &'static str,
+    pub unit: String,
     /// The same steps as the gap's.
     pub steps: Vec<Step>,
 }
@@ -231,6 +215,36 @@ pub struct Ranked {
     pub step: usize,
 }
 
+/// A candidate that was close and is not in the model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Refused {
+    /// Effect.
+    pub id: String,
+    /// Place.
+    pub at: String,
+    /// Why it is not.
+    pub why: String,
+}
+
+impl Refused {
+    /// For `ID@PLACE`.
+    pub(super) fn new(name: &str, why: String) -> Self {
+        let (id, at) = name.split_once('@').unwrap_or((name, ""));
+        Self { id: id.to_owned(), at: at.to_owned(), why }
+    }
+}
+
+/// The number that made a verdict: of those that were compared with a limit the one that is largest beside it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DecidedBy {
+    /// What was compared.
+    pub what: String,
+    /// Its value.
+    pub value: f64,
+    /// The limit: above it something is left.
+    pub limit: f64,
+}
+
 /// Result.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Explanation {
@@ -238,6 +252,8 @@ pub struct Explanation {
     pub verdict: Verdict,
     /// Why.
     pub reason: String,
+    /// The number behind the verdict; none where nothing could be decided.
+    pub decided_by: Option<DecidedBy>,
     /// Effects in the order in which they were added.
     pub effects: Vec<Found>,
     /// The gap.
@@ -253,6 +269,8 @@ pub struct Explanation {
     pub residual_power: [f64; 2],
     /// Best candidates of each step.
     pub ranking: Vec<Ranked>,
+    /// Candidates that were close in the last step, or were taken and given up, and why.
+    pub refused: Vec<Refused>,
     /// Residual maps, for the figures.
     pub maps: Vec<residual_map::Map>,
     /// The same maps before any effect was added; empty where none was.
@@ -314,6 +332,7 @@ impl Explanation {
         Self {
             verdict: Verdict::NotDecidable,
             reason: String::new(),
+            decided_by: None,
             effects: Vec::new(),
             gap,
             r#where: Vec::new(),
@@ -321,6 +340,7 @@ impl Explanation {
             parameters: Vec::new(),
             residual_power: [f64::NAN; 2],
             ranking: Vec::new(),
+            refused: Vec::new(),
             maps: Vec::new(),
             maps_before: Vec::new(),
             unknown: None,

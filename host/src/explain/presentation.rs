@@ -2,8 +2,8 @@
 
 use std::fmt::Write;
 
-use super::attractor::{Attractor, TOLERANCE_DEG};
-use super::residual_map::Where;
+use super::engine::attractor::{Attractor, TOLERANCE_DEG};
+use super::engine::residual_map::Where;
 use super::{Explanation, Verdict};
 use crate::report::format::{plus_minus, significant};
 
@@ -63,8 +63,9 @@ pub fn human(e: &Explanation) -> String {
     for f in e.gap.forecasts.iter().filter(|f| !f.steps.is_empty()) {
         let _ = writeln!(
             out,
-            "error over {} s on the last 30 %, first 70 % fitted, in degrees:",
-            significant(f.horizon_s, 4)
+            "error over {} s on the last 30 %, first 70 % fitted, in {}:",
+            significant(f.horizon_s, 4),
+            if f.unit == "deg" { "degrees" } else { &f.unit }
         );
         for s in &f.steps {
             let _ =

@@ -8,7 +8,7 @@
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-use super::design::{Design, Window};
+use super::engine::design::{Design, Window};
 
 /// Folds of the cross-validation.
 pub const FOLDS: usize = 3;

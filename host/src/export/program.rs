@@ -8,7 +8,8 @@ use crate::error::{BadInput, Result};
 use crate::identify::general::channel_units;
 use crate::model::model_file::expression::{Function, Node, Symbol, multiply, number};
 use crate::model::model_file::split::{Entry, Split};
-use crate::motion::Motion;
+use crate::motion::effects::bad;
+use crate::motion::{Acts, Motion};
 
 /// A coordinate.
 pub struct Coordinate {
@@ -84,14 +85,30 @@ pub struct Program<'a> {
     pub time: String,
 }
 
+/// Refuses an effect whose force is a function of accelerations: code holds a mass matrix and a right-hand side.
+fn solvable(motion: &Motion) -> Result<()> {
+    for (index, effect) in motion.effects.iter().enumerate() {
+        let Acts::Motion(list) = &effect.acts else { continue };
+        let laws = list.iter().flat_map(|s| &s.adds);
+        if laws.into_iter().any(|(_, of)| !of.is_linear_in_accelerations()) {
+            let remedy = "Leave this effect out of the file, or simulate it with `whirl simulate --model`";
+            let expected = "an effect that is linear in accelerations";
+            return Err(bad(index, &effect.told, "whose force depends on accelerations", expected, remedy));
+        }
+    }
+    Ok(())
+}
+
 impl<'a> Program<'a> {
     /// Prepares a model for a language; `stem` is the stem of the file's name.
     ///
     /// # Errors
-    /// A number of equations that differs from that of the coordinates, a coefficient that is no finite number.
+    /// A number of equations that differs from that of the coordinates, a coefficient that is no finite number, an effect whose accelerations the equations cannot be
+    /// solved for.
     pub fn new(motion: &'a Motion, language: &'static dyn Language, stem: &str) -> Result<Self> {
         // Refuses what code cannot follow: too few equations, effects with states.
         motion.equations()?;
+        solvable(motion)?;
         let mut names = Names::new(language.reserved());
         // A file's name is no name within it.
         let name = Names::new(language.reserved()).give(if stem.is_empty() { "identified" } else { stem });

@@ -184,7 +184,7 @@ fn motions(
             let mut out = segments[i].part(first + reach, last - reach);
             let state = state_at((0..n).map(|c| &segments[i].phi[c][first..first + 2 * reach + 1]), kernels)?;
             let omega = if matches!(out.phase, Phase::Clock(0.0)) { 0.0 } else { omega };
-            let outside = Outside::drive(out.start_s, out.tau(0), omega + out.runaway.1);
+            let outside = Outside::drive(out.start_s, out.tau(0), omega);
             let start = (segments[i].time(first + reach), out.step_s, windows.length_s);
             solve((dynamics, parameters, outside), state, start, cells, &mut out.phi[..n]).then_some(out)
         })

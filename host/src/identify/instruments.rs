@@ -71,7 +71,6 @@ fn half(s: &AngleSegment, first: usize) -> AngleSegment {
             Phase::Clock(omega) => Phase::Clock(*omega),
         },
         relative: s.relative,
-        runaway: s.runaway,
         count_rad: s.count_rad,
     }
 }
@@ -221,7 +220,6 @@ mod tests {
             phi: [(0..7).map(f64::from).collect(), vec![0.0; 7]],
             phase: Phase::Device((0..7).collect()),
             relative: false,
-            runaway: (0.0, 0.0),
             count_rad: [None; 2],
         };
         let (even, odd) = (half(&s, 0), half(&s, 1));

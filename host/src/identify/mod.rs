@@ -239,11 +239,6 @@ impl Identification {
     }
 }
 
-/// A damping of the nominal model by its `ID@PLACE`.
-pub fn damping(name: &str) -> Option<&'static Damping> {
-    DAMPINGS.iter().find(|d| d.id == name)
-}
-
 /// The nominal dampings of a rig.
 pub fn dampings(rig: &Rig) -> Result<Vec<&'static Damping>> {
     let names: Vec<&str> = match &rig.nominal {
@@ -252,7 +247,7 @@ pub fn dampings(rig: &Rig) -> Result<Vec<&'static Damping>> {
     };
     let mut out: Vec<&'static Damping> = Vec::new();
     for name in names {
-        let damping = damping(name).ok_or_else(|| {
+        let damping = DAMPINGS.iter().find(|d| d.id == name).ok_or_else(|| {
             let ids: Vec<&str> = DAMPINGS.iter().map(|d| d.id).collect();
             BadInput::new(format!("\"{name}\""), format!("one of {}", ids.join(", ")))
                 .in_file(&rig.path)

@@ -100,7 +100,6 @@ mod tests {
             phi: [x.clone(), x.iter().enumerate().map(|(i, x)| x + i as f64 * 0.01).collect()],
             phase: Phase::Clock(0.0),
             relative: true,
-            runaway: (0.0, 0.0),
             count_rad: [Some(q), Some(q)],
         }
     }

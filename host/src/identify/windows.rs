@@ -273,34 +273,9 @@ pub(crate) fn rows_planned(source: &impl Stretches, equations: &[Equation], plan
 }
 
 /// Change of a sampled quantity over one step around sample k.
-fn step_at(x: &[f64], k: usize) -> f64 {
+pub(crate) fn step_at(x: &[f64], k: usize) -> f64 {
     let (before, after) = (k.saturating_sub(1), (k + 1).min(x.len() - 1));
     if after > before { (x[after] - x[before]) / (after - before) as f64 } else { 0.0 }
-}
-
-/// Every series of a model over all samples that the low-passes reach, segment after segment.
-pub(crate) fn evaluate_all(segments: &[AngleSegment], model: &WeakModel, kernels: &Kernels) -> Vec<Vec<f64>> {
-    let reach = kernels.reach();
-    // Long segments in fixed pieces, so that transforms stay short.
-    const PIECE: usize = 20_000;
-    let pieces: Vec<(&AngleSegment, usize, usize)> = segments
-        .iter()
-        .filter(|s| s.len() > 2 * reach)
-        .flat_map(|s| {
-            let last = s.len() - reach;
-            (reach..last).step_by(PIECE).map(move |a| (s, a, (a + PIECE).min(last)))
-        })
-        .collect();
-    let convolution = convolution(kernels, PIECE);
-    let parts: Vec<Vec<Vec<f64>>> = pieces
-        .par_iter()
-        .map(|&(segment, first, last)| {
-            let mut series = Vec::new();
-            evaluate(segment, model, &convolution, (first, last), &mut convolution::Work::default(), &mut series);
-            series
-        })
-        .collect();
-    (0..model.series.len()).map(|k| parts.iter().flat_map(|p| p[k].iter().copied()).collect()).collect()
 }
 
 /// Samples worked through at once: what the series share stays in the first-level cache.
@@ -351,8 +326,6 @@ fn evaluate(
                 rate: [rate[0][k], rate[1][k]],
                 clear_rate: [clear[0][k], clear[1][k]],
                 clear_step: [clear_step[0][j], clear_step[1][j]],
-                turn: [rate[0][k] * segment.step_s, rate[1][k] * segment.step_s],
-                accel: [step_at(rate[0], k) / segment.step_s, step_at(rate[1], k) / segment.step_s],
                 sin: [sin[0][j], sin[1][j]],
                 cos: [cos[0][j], cos[1][j]],
                 sin_tau: sin[2][j],
@@ -407,7 +380,6 @@ mod tests {
             phi: [(0..3000).map(|i| x(i as f64 * step)).collect(), vec![0.0; 3000]],
             phase: Phase::Clock(0.0),
             relative: false,
-            runaway: (0.0, 0.0),
             count_rad: [None; 2],
         };
         let mut model = WeakModel::default();

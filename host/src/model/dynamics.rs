@@ -87,6 +87,11 @@ pub trait Dynamics: Sync {
         self.partials(parameters, q, v, at, out)
     }
 
+    /// Whether [`Dynamics::linearise_held`] also takes room for 2n partials a row, those by coordinates and rates alone: what a state's own variational equations need.
+    fn takes_states_alone(&self) -> bool {
+        false
+    }
+
     /// Accelerations and partials with the signs held, at once: what variational equations need. Override it where the two share work.
     fn linearise_held(
         &self,

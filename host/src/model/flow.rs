@@ -101,6 +101,7 @@ impl Work {
         let (n, count) = (dynamics.degrees_of_freedom(), dynamics.parameter_count());
         let length = 2 * n * (1 + columns);
         let switches = dynamics.switches().len();
+        let alone = first_parameter.is_none() && dynamics.takes_states_alone();
         Self {
             n,
             columns,
@@ -108,7 +109,7 @@ impl Work {
             y: vec![0.0; length],
             next: vec![0.0; length],
             k: core::array::from_fn(|_| vec![0.0; length]),
-            partials: vec![0.0; n * (2 * n + count)],
+            partials: vec![0.0; n * (2 * n + if alone { 0 } else { count })],
             inputs: Vec::new(),
             modes: vec![Mode::Slides(1.0); switches],
             signs: vec![0.0; switches],
@@ -275,7 +276,7 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         let instant = self.instant(time, inputs);
         let (q, v) = y[..2 * n].split_at(n);
         let p = self.parameters;
-        let width = 2 * n + p.len();
+        let width = partials.len() / n.max(1);
         for (s, m) in signs.iter_mut().zip(modes.iter()) {
             *s = if let Mode::Slides(sign) = m { *sign } else { 0.0 };
         }

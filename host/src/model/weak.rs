@@ -22,10 +22,6 @@ pub struct Sample {
     pub clear_rate: [f64; 2],
     /// Change of `clear_rate` over one sampling step, rad/s: where within a step a velocity changes sign.
     pub clear_step: [f64; 2],
-    /// Change of φ1, φ2 over one sampling step, rad: where within a step a wrapped angle jumps. 0 where the jump is located otherwise.
-    pub turn: [f64; 2],
-    /// φ̈1, φ̈2, rad/s², by differences of the smoothed rates (for laws that depend on loads, weakly).
-    pub accel: [f64; 2],
     /// sin φ1, sin φ2.
     pub sin: [f64; 2],
     /// cos φ1, cos φ2.

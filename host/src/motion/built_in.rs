@@ -1,11 +1,9 @@
 //! The built-in double pendulum with its effects, as expressions: its equations (3.4) written out as a model file, its effects by the catalogue's laws.
 //!
-//! The catalogue's laws act on a mechanism. The file of a built-in model has ratios of inertias only, so that the mechanism is one with J_o2 = 1: then the strengths of
-//! the built-in's torques, over J_o2, are the catalogue's own. With l the lever S_i/J_oi = B_i2 Ω²/g:
+//! The catalogue's laws act on a mechanism, whose parameters stand with the effects. Files of earlier versions have ratios of inertias only, and strengths of torques
+//! over J_o2: their mechanism is one with J_o2 = 1, on which the catalogue's laws have these strengths. With l the lever S_i/J_oi = B_i2 Ω²/g:
 //! J_o1 = B21/B11, S2 = l_2, S1 = l_1 J_o1, l1 = B21/S2, and m1 e1 = m2 l1 = S1/2, which of both does not matter. The base's amplitude is each equation's
-//! own, a_c = −B_i3/l_i and a_s = −B_i4/l_i, as identified: columns of equation i are taken from a mechanism with those.
-
-use std::sync::Arc;
+//! own there, a_c = −B_i3/l_i and a_s = −B_i4/l_i, as identified: columns of equation i are taken from a mechanism with those.
 
 use super::effects::{bad, entry, on_mechanism};
 use super::{Acts, Effect, Strength};
@@ -48,15 +46,12 @@ fn effects(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Effec
     let text = library::text("double-pendulum").unwrap_or_default();
     let shipped = library::read("double-pendulum", text)?.model(Some(&[]), rig.omega())?;
     let Some(mechanism) = shipped.mechanism else { return Ok(Vec::new()) };
+    let earlier = is_earlier(model);
     let physical: [Vec<f64>; 2] = [physical(model, rig, &mechanism, 0)?, physical(model, rig, &mechanism, 1)?];
     let span = Span { start_s, length_s: model.found_with.get(RECORD_S).copied().unwrap_or(f64::NAN) };
     let list = model.effects.iter().enumerate();
     list.map(|(i, e)| {
-        if e.id == "load-dependent-friction" {
-            let remedy = "Leave this effect out of the file, or identify the double pendulum as a system file";
-            return Err(bad(i, e, "whose force depends on accelerations", "an effect with a law of its own", remedy));
-        }
-        if e.id == "imbalance" && e.at == "arm2" {
+        if earlier && e.id == "imbalance" && e.at == "arm2" {
             // Found as what encoder 2 shows, of the opposite sign.
             return Ok(turned_encoder(e, rig));
         }
@@ -76,8 +71,8 @@ fn effects(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Effec
         let (first, second) = (of(0)?, of(1)?);
         let acts = match (first.acts, second.acts) {
             (Acts::Motion(a), Acts::Motion(b)) => {
-                // The built-in's imbalance is told of the whole of S1.
-                let share = if e.id == "imbalance" { 1.0 / OWN_SHARE } else { 1.0 };
+                // The imbalance of earlier versions is told of the whole of S1.
+                let share = if earlier && e.id == "imbalance" { 1.0 / OWN_SHARE } else { 1.0 };
                 Acts::Motion(a.into_iter().zip(b).map(|(a, b)| joined(a, b, rig.omega(), share)).collect())
             }
             (other, _) => other,
@@ -85,6 +80,11 @@ fn effects(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Effec
         Ok(Effect { acts, ..second })
     })
     .collect()
+}
+
+/// Whether a model holds no mechanism that its effects act on.
+pub fn is_earlier(model: &IdentifiedModel) -> bool {
+    !model.found_with.contains_key("J_2") || !model.found_with.contains_key("J_1")
 }
 
 /// The first equation's part of one and the second's of the other, over Ω² as the equations are.
@@ -125,33 +125,38 @@ fn place(name: &str, rig: &Rig) -> Option<Place> {
     })
 }
 
-/// Parameters of the mechanism with J_o2 = 1, its base moving as equation `of` says.
-fn physical(model: &IdentifiedModel, rig: &Rig, mechanism: &Arc<Mechanism>, of: usize) -> Result<Vec<f64>> {
-    let b = |i: usize, k: usize| model.parameter(&format!("B{i}{k}")).map_or(0.0, |p| p.value);
+/// Parameters of the mechanism: those that stand with the model, otherwise those with J_o2 = 1, its base moving as equation `of` says.
+///
+/// # Errors
+/// A model of an earlier version without gravity or coupling.
+pub fn physical(model: &IdentifiedModel, rig: &Rig, mechanism: &Mechanism, of: usize) -> Result<Vec<f64>> {
+    let names: Vec<&str> = mechanism.file.iter().flat_map(|f| &f.parameters).map(|p| p.name.as_str()).collect();
     let known = |n: &str| model.found_with.get(n).or_else(|| rig.known.get(n)).copied();
     let g = known("g").unwrap_or(crate::rig::GRAVITY);
+    if !is_earlier(model) {
+        // A base at rest has no amplitude; g stands there where the file names it.
+        let rest = |n: &str| if n == "g" { g } else { 0.0 };
+        return Ok(names.iter().map(|n| model.found_with.get(*n).copied().unwrap_or_else(|| rest(n))).collect());
+    }
+    let b = |i: usize, k: usize| model.parameter(&format!("B{i}{k}")).map_or(0.0, |p| p.value);
     let lever = |i: usize| b(i, 2) * rig.omega().powi(2) / g;
     let inertia = b(2, 1) / b(1, 1);
     let (s1, s2) = (lever(1) * inertia, lever(2));
     let l1 = b(2, 1) / s2;
     let m2 = (1.0 - OWN_SHARE) * s1 / l1;
-    let file = mechanism.file.as_deref();
-    let values: Vec<f64> = file
-        .iter()
-        .flat_map(|f| &f.parameters)
-        .map(|p| match p.name.as_str() {
-            "m1" | "J_2" => 1.0,
-            "e1" => OWN_SHARE * s1,
-            "l1" => l1,
-            "m2" => m2,
-            "e2" => s2 / m2,
-            "J_1" => inertia - m2 * l1 * l1,
-            "a_c" => -b(of + 1, 3) / lever(of + 1),
-            "a_s" => -b(of + 1, 4) / lever(of + 1),
-            "g" => g,
-            _ => f64::NAN,
-        })
-        .collect();
+    let value = |name: &&str| match *name {
+        "m1" | "J_2" => 1.0,
+        "e1" => OWN_SHARE * s1,
+        "l1" => l1,
+        "m2" => m2,
+        "e2" => s2 / m2,
+        "J_1" => inertia - m2 * l1 * l1,
+        "a_c" => -b(of + 1, 3) / lever(of + 1),
+        "a_s" => -b(of + 1, 4) / lever(of + 1),
+        "g" => g,
+        _ => f64::NAN,
+    };
+    let values: Vec<f64> = names.iter().map(value).collect();
     if values.iter().all(|v| v.is_finite()) {
         return Ok(values);
     }

@@ -9,7 +9,6 @@ use crate::identify::Settings as IdentifySettings;
 use crate::identify::general;
 use crate::identify::general::stretches::{Stretch, mixed};
 use crate::identify::general::track::{Along, Track};
-use crate::model::dynamics::Dynamics;
 use crate::record::Record;
 use crate::validate::moving::Moving;
 use crate::validate::starts::{Course, Starts};
@@ -60,13 +59,11 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
     let track = Track::new(&part, &along, &motion.rig, &motion.bound, &prepared.sensors);
     let course = Course { stretches: &part, track: &track };
     let (equations, parameters) = motion.equations()?;
-    let jumps = !equations.switches().is_empty();
     let names = equations.coefficients().to_vec();
     let moving = Moving {
         of_drive: vec![false; names.len()],
         names,
         left_out: Vec::new(),
-        jumps,
         dynamics: Box::new(equations),
         parameters,
     };

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::model::double_pendulum::Damping;
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::toml_place::Source;
-use crate::system;
+use crate::system::{self, library};
 
 /// The rig of a single pendulum with its equation (2.6) written out: `dampings` by the names of their coefficients (`c_r`, `C11`). With `all`, the terms of
 /// a base that moves any way and of a centroid off the arm's line; otherwise those of the rig file's direction and of gravity alone.
@@ -78,6 +78,24 @@ pub fn double_pendulum(rig: &Rig, dampings: &[&Damping]) -> Result<Rig> {
         let _ = write!(equations, "\n[[equation]]\nbalance = \"-phi{n}''\"\n[equation.terms]\n{}\n", terms.join("\n"));
     }
     bound(rig, &["phi1", "phi2"], &equations)
+}
+
+/// The rig of a double pendulum with the system file that ships with the program, with nominal dampings by their ids.
+///
+/// # Errors
+/// Channels that do not measure both angles, dampings that are not in the list of effects.
+pub fn double_pendulum_of_bodies(rig: &Rig, nominal: &[String]) -> Result<Rig> {
+    let name = if rig.drive.is_some() { "double-pendulum" } else { "double-pendulum-free" };
+    let text = library::text(name).unwrap_or_default().to_owned();
+    let model = system::model_of(Source { text, path: rig.path.clone() }, Some(nominal), rig.omega())?;
+    let mut bound = measures::bound(rig, model)?;
+    if bound.shown[(0, 1)] != 0.0 {
+        // Encoder 1 is that of arm 1, whatever the order of the channels.
+        bound.sensors.reverse();
+        bound.shown.swap_rows(0, 1);
+        bound.coordinates.swap_columns(0, 1);
+    }
+    Ok(Rig { bound: Some(Arc::new(bound)), nominal: Some(nominal.to_vec()), ..rig.clone() })
 }
 
 /// The rig of a built-in system with its coordinates alone: its equations say nothing of the system.

@@ -25,8 +25,6 @@ pub struct AngleSegment {
     pub phase: Phase,
     /// Whether the second sensor measures arm 2 relative to arm 1, so that the first one's noise is in φ2 as well.
     pub relative: bool,
-    /// A drive that runs ahead of the recorded phase by `rate` (rad/s) from time `from` (s) on: (from, rate).
-    pub runaway: (f64, f64),
     /// Size of one count of each sensor, rad; `None` for a sensor that does not count.
     pub count_rad: [Option<f64>; 2],
 }
@@ -73,7 +71,6 @@ impl AngleSegment {
             phi: [first, second],
             phase: self.phase.clone(),
             relative: self.relative,
-            runaway: self.runaway,
             count_rad: self.count_rad,
         }
     }
@@ -94,18 +91,16 @@ impl AngleSegment {
                 Phase::Clock(w) => Phase::Clock(*w),
             },
             relative: self.relative,
-            runaway: self.runaway,
             count_rad: self.count_rad,
         }
     }
 
     /// τ of the drive at sample i, rad.
     pub fn tau(&self, i: usize) -> f64 {
-        let recorded = match &self.phase {
+        match &self.phase {
             Phase::Device(turns) => f64::from(turns[i]) * (TAU / 4_294_967_296.0),
             Phase::Clock(omega) => omega * self.time(i),
-        };
-        recorded + self.runaway.1 * (self.time(i) - self.runaway.0)
+        }
     }
 }
 
@@ -132,7 +127,6 @@ pub fn single_pendulum_angle(record: &Record, rig: &Rig) -> Result<Vec<AngleSegm
                 _ => Phase::Clock(omega),
             },
             relative: false,
-            runaway: (0.0, 0.0),
             count_rad: [(channel.unit == "count").then(|| channel.scale()), None],
             phi: [phi.clone(), vec![0.0; phi.len()]],
         }
@@ -177,7 +171,6 @@ pub fn double_pendulum_angles(record: &Record, rig: &Rig) -> Result<Vec<AngleSeg
             phi: [phi1, phi2],
             phase,
             relative: second_name == "theta2",
-            runaway: (0.0, 0.0),
             count_rad,
         });
     }

@@ -50,7 +50,7 @@ fn even_step(segment: &AngleSegment, first: usize, last: usize) -> Option<f64> {
     if last > segment.len() || last - first > BLOCK {
         return None;
     }
-    let recorded = match &segment.phase {
+    Some(match &segment.phase {
         Phase::Clock(omega) => omega * segment.step_s,
         Phase::Device(turns) => {
             let turns = &turns[first..last];
@@ -61,8 +61,7 @@ fn even_step(segment: &AngleSegment, first: usize, last: usize) -> Option<f64> {
             }
             f64::from(step.cast_signed()) * (TAU / 4_294_967_296.0)
         }
-    };
-    Some(recorded + segment.runaway.1 * segment.step_s)
+    })
 }
 
 #[cfg(test)]
@@ -77,7 +76,6 @@ mod tests {
             phi: [vec![0.0; 300], vec![0.0; 300]],
             phase: Phase::Clock(31.7),
             relative: false,
-            runaway: (3.0, 0.02),
             count_rad: [None; 2],
         };
         let even: Vec<u32> = (0..300u32).map(|k| 4_000_000_000_u32.wrapping_add(k.wrapping_mul(43_000_111))).collect();

@@ -8,6 +8,7 @@ use toml::de::DeTable;
 use super::derivative::{NoDerivative, by_time};
 use super::language::{Placed, Reader, SystemFile};
 use super::polynomial::Polynomial;
+use super::reactions::Carried;
 use super::words::Scope;
 use crate::error::Result;
 use crate::model::model_file::Space;
@@ -26,6 +27,8 @@ pub struct Joint {
     pub at: Option<String>,
     /// The coordinate across it.
     pub moves: Placed<Polynomial>,
+    /// The bodies that hang on it; see [`super::reactions`].
+    pub carries: Vec<Carried>,
 }
 
 /// Reads the joints.
@@ -64,7 +67,7 @@ pub fn read(r: &Reader<'_>, top: &DeTable<'_>) -> Result<Vec<Joint>> {
                 Some(text.to_owned())
             }
         };
-        out.push(Joint { name, at, moves: Placed { value: moves, at: r.source.inside(v, 0) } });
+        out.push(Joint { name, at, moves: Placed { value: moves, at: r.source.inside(v, 0) }, carries: Vec::new() });
     }
     Ok(out)
 }

@@ -49,10 +49,7 @@ pub fn without(file: &SystemFile, at: usize, e: NoDerivative) -> BadInput {
 
 /// T and V of the whole system.
 fn energies(file: &SystemFile, omega: f64) -> Result<(Polynomial, Polynomial)> {
-    let g = match file.words.parameters.iter().position(|n| n == "g") {
-        Some(k) => Polynomial::atom(Atom::Parameter(k)),
-        None => Polynomial::number(file.words.constants.iter().find(|c| c.0 == "g").map_or(0.0, |c| c.1)),
-    };
+    let g = file.gravity_strength();
     let (mut kinetic, mut potential) = (Polynomial::default(), Polynomial::default());
     for body in &file.bodies {
         let (t, v) = body

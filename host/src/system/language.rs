@@ -11,7 +11,7 @@ use super::polynomial::Polynomial;
 pub use super::reader::Reader;
 use super::sensors::{self, Sensor};
 use super::words::{Scope, Words};
-use super::{equations, points};
+use super::{equations, points, reactions};
 use crate::error::{BadInput, Result};
 use crate::model::model_file::toml_place::{Source, Value};
 use crate::model::model_file::units::Unit;
@@ -234,7 +234,8 @@ impl SystemFile {
         let gravity = r.gravity(top)?;
         let bodies = bodies::read(&r, top)?;
         let (kinetic, potential) = (r.energy(top, "kinetic")?, r.energy(top, "potential")?);
-        let joints = joints::read(&r, top)?;
+        let mut joints = joints::read(&r, top)?;
+        reactions::find(&r, top, &bodies, &mut joints);
         let forces = forces::read(&r, top)?;
         let sensors = sensors::read(&r, top)?;
         let quantities = super::mechanism::quantities(&r, top, &parameters)?;

@@ -32,11 +32,12 @@
 //! | [`words`] | names, vectors and functions in expressions |
 //! | [`language`], [`reader`] | the file's keys |
 //! | [`points`], [`bodies`], [`joints`], [`forces`], [`sensors`] | what they hold |
+//! | [`reactions`] | what a joint carries, and the force across it |
 //! | [`lagrange`] | equations of motion, product by product |
 //! | [`base_parameters`] | which products a record can tell apart |
 //! | [`equations`] | the equations as a model file |
 //! | [`mechanism`] | coefficients as functions of parameters, quantities |
-//! | [`ties`], [`open_directions`] | parameters from coefficients, and what stays open |
+//! | [`ties`], [`open_directions`], [`openness`] | parameters from coefficients, and what stays open |
 //! | [`library`] | systems that ship with the program |
 
 pub mod base_parameters;
@@ -50,8 +51,10 @@ pub mod language;
 pub mod library;
 pub mod mechanism;
 pub mod open_directions;
+pub mod openness;
 pub mod points;
 pub mod polynomial;
+pub mod reactions;
 pub mod reader;
 pub mod sensors;
 pub mod ties;

@@ -243,6 +243,11 @@ impl Polynomial {
         self.any(&|a| matches!(a, Atom::Parameter(_)))
     }
 
+    /// Whether a parameter is a factor of one of its products.
+    pub fn has_own_parameter(&self) -> bool {
+        self.0.keys().flatten().any(|(a, _)| matches!(a, Atom::Parameter(_)))
+    }
+
     /// Whether it holds a symbol of the motion that satisfies a condition.
     pub fn moves(&self, wanted: impl Fn(Symbol) -> bool) -> bool {
         self.any(&|a| matches!(a, Atom::Motion(s) if wanted(*s)))
@@ -255,16 +260,22 @@ impl Polynomial {
 
     /// The same as an expression; parameters are not numbers in it.
     pub fn node(&self) -> Node {
+        self.node_at(&[])
+    }
+
+    /// The same as an expression at values of the parameters; one without a value is not a number.
+    pub fn node_at(&self, parameters: &[f64]) -> Node {
+        let of = |p: &Self| p.node_at(parameters);
         let mut sum: Option<Node> = None;
         for (product, c) in self.terms() {
             let mut factors: Option<Node> = None;
             for (a, n) in product {
                 let base = match a {
-                    Atom::Parameter(_) => number(f64::NAN),
+                    Atom::Parameter(k) => number(parameters.get(*k).copied().unwrap_or(f64::NAN)),
                     Atom::Motion(s) => symbol(*s),
-                    Atom::Call(f, p) => call(*f, p.node()),
-                    Atom::Sum(p) => p.node(),
-                    Atom::Power(a, b) => power(a.node(), b.node()),
+                    Atom::Call(f, p) => call(*f, of(p)),
+                    Atom::Sum(p) => of(p),
+                    Atom::Power(a, b) => power(of(a), of(b)),
                     // Only quantities hold it.
                     Atom::Atan2(..) => number(f64::NAN),
                 };
@@ -285,6 +296,17 @@ impl Polynomial {
             });
         }
         sum.unwrap_or_else(|| number(0.0))
+    }
+
+    /// The symbols of the motion and the rest apart: what of the parameters each product of the motion has as its factor.
+    pub fn by_motion(&self) -> BTreeMap<Product, Self> {
+        let mut out: BTreeMap<Product, Self> = BTreeMap::new();
+        for (p, c) in self.terms() {
+            let (own, rest): (Product, Product) = p.iter().cloned().partition(|(a, _)| matches!(a, Atom::Parameter(_)));
+            out.entry(rest).or_default().put(own, c);
+        }
+        out.retain(|_, e| !e.is_zero());
+        out
     }
 
     /// Parameters and the rest apart: Σ (product of parameters) × (sum of the motion).

@@ -17,7 +17,8 @@ use rand_chacha::ChaCha8Rng;
 
 use super::derivative::partial;
 use super::mechanism::{Mechanism, at};
-use super::open_directions::{NULL, is_open, null_space, unit_columns, wanted};
+use super::open_directions::{NULL, null_space, unit_columns, wanted};
+use super::openness::Openness;
 use super::polynomial::{Atom, Polynomial};
 use crate::identify::Parameter;
 
@@ -52,6 +53,8 @@ pub struct Fit {
     pub parameters: Vec<f64>,
     /// Whether the inertia by which each equation was divided stays open.
     pub open_scales: Vec<bool>,
+    /// What else of the parameters is fixed.
+    pub openness: Openness,
     /// Least distance of the ties.
     pub misfit: f64,
     /// Its degrees of freedom.
@@ -59,14 +62,14 @@ pub struct Fit {
 }
 
 /// A function of the parameters with its derivatives by the free ones.
-struct Row {
+pub(super) struct Row {
     numerator: Polynomial,
     denominator: Polynomial,
     slopes: Vec<(Polynomial, Polynomial)>,
 }
 
 impl Row {
-    fn new(numerator: &Polynomial, denominator: &Polynomial, free: &[usize]) -> Option<Self> {
+    pub(super) fn new(numerator: &Polynomial, denominator: &Polynomial, free: &[usize]) -> Option<Self> {
         let slope = |k: &usize| {
             let by = Atom::Parameter(*k);
             Some((partial(numerator, &by).ok()?, partial(denominator, &by).ok()?))
@@ -82,7 +85,7 @@ impl Row {
         at(&self.numerator, p) / at(&self.denominator, p)
     }
 
-    fn gradient(&self, p: &[f64]) -> Vec<f64> {
+    pub(super) fn gradient(&self, p: &[f64]) -> Vec<f64> {
         let (n, d) = (at(&self.numerator, p), at(&self.denominator, p));
         self.slopes.iter().map(|(a, b)| (at(a, p) * d - n * at(b, p)) / (d * d)).collect()
     }
@@ -285,7 +288,16 @@ fn report(
     }
     let gain = DMatrix::from_fn(free.len(), rows.len(), |r, c| gain[(r, c)] / norms[r]) * white;
     let covariance = &gain * sigma * gain.transpose();
-    let mut out = Fit { misfit, freedom: rows.len().saturating_sub(rank), ..Fit::default() };
+    let never = |k: &usize| !free.contains(k) && !known.contains_key(mechanism.parameters[*k].name.as_str());
+    let openness = Openness {
+        free: free.clone(),
+        never: (0..mechanism.parameters.len()).filter(never).collect(),
+        directions: open.clone(),
+        stretches: (0..free.len()).map(|j| problem.stretch(p, j) / scale[j]).collect(),
+        parameters: p.to_vec(),
+    };
+    let freedom = rows.len().saturating_sub(rank);
+    let mut out = Fit { misfit, freedom, openness: openness.clone(), ..Fit::default() };
     let one = Polynomial::number(1.0);
     let own =
         mechanism.parameters.iter().enumerate().map(|(k, n)| (&n.name, &n.unit, Polynomial::atom(Atom::Parameter(k))));
@@ -295,9 +307,8 @@ fn report(
         let row = Row::new(value, &one, free)?;
         let slopes: Vec<f64> = row.gradient(p).iter().enumerate().map(|(j, x)| x * problem.stretch(p, j)).collect();
         let slopes = DVector::from_vec(slopes);
-        let alone = value.any(&|a| matches!(a, Atom::Parameter(k) if !free.contains(k) && !known.contains_key(mechanism.parameters[*k].name.as_str())));
         let scaled = DVector::from_fn(free.len(), |j, _| slopes[j] / scale[j]);
-        Some((alone || is_open(&open, &scaled), row, slopes, scaled))
+        Some((openness.is_open(value, &one), row, slopes, scaled))
     };
     out.parameters = p.to_vec();
     out.open_scales = mechanism.scales.iter().map(|(_, d)| Some(is_left_open(d)?.0)).collect::<Option<_>>()?;

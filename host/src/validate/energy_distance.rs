@@ -88,9 +88,9 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
 }
 
 /// The largest lag, over the features, at which the autocorrelation first falls below [`UNRELATED`] (or two standard errors of no correlation at all, where that is more); at
-/// most a fortieth of the series, so that at least twenty blocks are left.
+/// most a sixteenth of the series, so that at least eight blocks are left, whose exchanges are still thousands: a chaotic motion may dwell near an orbit for long.
 fn decorrelation(x: &[Vec<f64>]) -> usize {
-    let most = (x.len() / 40).max(1);
+    let most = (x.len() / 16).max(1);
     let unrelated = UNRELATED.max(2.0 / (x.len().max(1) as f64).sqrt());
     let features = x.first().map_or(0, Vec::len);
     (0..features)

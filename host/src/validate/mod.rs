@@ -16,7 +16,6 @@ mod checks;
 mod diagram;
 pub mod energy_distance;
 pub mod horizon;
-pub mod motion_model;
 pub mod moving;
 pub mod natural_frequencies;
 pub mod presentation;
@@ -258,7 +257,7 @@ pub fn validate(
     let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
     let course = |stretches: &[Stretch]| -> Vec<Along> { stretches.iter().map(|s| Along::new(s, omega)).collect() };
     let prepared = general::prepare(records, rig, bound, &IdentifySettings::default())?;
-    let equations = Moving::of(model, rig, span_s(&prepared.stretches))?;
+    let equations = Moving::of(model, rig, prepared.stretches.first().map_or(0.0, |s| s.start_s))?;
     let mut warnings = prepared.warnings.clone();
     if !equations.left_out.is_empty() {
         warnings.push(Warning::new(
@@ -362,13 +361,6 @@ pub fn validate(
         out.verdict = Verdict::Failed;
     }
     Ok(out)
-}
-
-/// Time of the first sample and length of a record, s: what a drift along it is told against.
-fn span_s(stretches: &[Stretch]) -> [f64; 2] {
-    let first = stretches.first().map_or(0.0, |s| s.start_s);
-    let end = stretches.last().map_or(0.0, |s| s.time(s.len()));
-    [first, (end - first).max(f64::MIN_POSITIVE)]
 }
 
 /// What stands for the drive's period in a free pendulum, s.

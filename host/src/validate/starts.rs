@@ -15,8 +15,8 @@ use crate::model::flow::{Flow, Inputs, Outside};
 use crate::phase_space::orbit_refinement::{RefinedOrbit, refine};
 use crate::phase_space::survey::PhaseSpace;
 
-/// Steps of integration a drive period; four times as many where effects jump with a velocity's sign.
-const STEPS: [f64; 2] = [50.0, 200.0];
+/// Steps of integration a drive period.
+const STEPS: f64 = 50.0;
 /// Share of the span by which a coordinate on a line may be off where an angle may be off by a turn: 30° are a twelfth of both.
 const TURN_DEG: f64 = 360.0;
 
@@ -69,15 +69,7 @@ impl<'a> Starts<'a> {
                 settings.tolerance_deg / TURN_DEG * span
             })
             .collect();
-        let mut out = Self {
-            equations,
-            circle,
-            period_s,
-            omega,
-            settings,
-            tolerance,
-            step_s: period_s / STEPS[usize::from(equations.jumps)],
-        };
+        let mut out = Self { equations, circle, period_s, omega, settings, tolerance, step_s: period_s / STEPS };
         if omega == 0.0 {
             // Nothing says how fast a system of its own moves: found from the beginnings of some pieces.
             let (pieces, guesses) = out.pieces(record);

@@ -103,3 +103,45 @@ pub(super) const AMPLITUDE_DEPENDENT: EffectInfo = EffectInfo {
     range: Range::NOT_NEGATIVE,
     apply: |a, place, value, _| a.joints[place.index()].amplitude_damping += value,
 };
+
+pub(super) const POWER_LAW: EffectInfo = EffectInfo {
+    id: "power-law-damping",
+    places: JOINTS,
+    unit: "N m (s/rad)^p",
+    parameters: &[ParameterInfo {
+        name: "p",
+        unit: "",
+        default: 1.5,
+        meaning: "power of the velocity",
+        range: Range::between(0.2, 4.0),
+    }],
+    equation: "-c |v|^p sign v",
+    range: Range::NOT_NEGATIVE,
+    apply: |a, place, value, p| a.joints[place.index()].power.push((value, p[0])),
+};
+
+pub(super) const DRIFT: EffectInfo = EffectInfo {
+    id: "friction-drift",
+    places: JOINTS,
+    unit: "N m",
+    parameters: &[],
+    equation: "-eps t/T_record sign v, from the record's start",
+    range: Range::ANY,
+    apply: |a, place, value, _| a.joints[place.index()].drift += value,
+};
+
+pub(super) const DISTRIBUTED_DRAG: EffectInfo = EffectInfo {
+    id: "distributed-drag",
+    places: ARMS,
+    unit: "kg/m^2",
+    parameters: &[ParameterInfo {
+        name: "length",
+        unit: "m",
+        default: 0.06,
+        meaning: "length from the arm's joint over which the air acts",
+        range: Range { least: 0.0, greatest: 10.0, above: true, whole: false },
+    }],
+    equation: "-k v|v| a length along the arm, v the speed there across the arm; its work on both arms",
+    range: Range::NOT_NEGATIVE,
+    apply: |a, place, value, p| a.air[place.index()].push((value, p[0])),
+};

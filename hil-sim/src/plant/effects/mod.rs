@@ -177,6 +177,11 @@ pub const LIST: &[EffectInfo] = &[
     sensors::SCALE_ERROR,
     sensors::ECCENTRICITY,
     sensors::CHANNEL_DELAY,
+    friction::DISTRIBUTED_DRAG,
+    friction::DRIFT,
+    friction::POWER_LAW,
+    stiffness::LOCAL,
+    stiffness::MODULATION,
 ];
 
 /// Most effects at once; a bound on what a command line can ask for.

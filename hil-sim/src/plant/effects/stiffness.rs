@@ -68,3 +68,37 @@ pub(super) const COGGING: EffectInfo = EffectInfo {
     range: Range::ANY,
     apply: |a, place, value, p| a.joints[place.index()].cogging.push((value, p[0], p[1])),
 };
+
+pub(super) const MODULATION: EffectInfo = EffectInfo {
+    id: "stiffness-modulation",
+    places: JOINTS,
+    unit: "N m/rad",
+    parameters: &[PSI],
+    equation: "-A cos(tau - psi) x",
+    range: Range::ANY,
+    apply: |a, place, value, p| {
+        let (sin, cos) = libm::sincos(p[0]);
+        a.joints[place.index()].modulation[0] += value * cos;
+        a.joints[place.index()].modulation[1] += value * sin;
+    },
+};
+
+pub(super) const LOCAL: EffectInfo = EffectInfo {
+    id: "local-force",
+    places: JOINTS,
+    unit: "N m/rad",
+    parameters: &[
+        ParameterInfo { name: "x0", unit: "rad", default: 0.0, meaning: "angle", range: Range::between(-3.2, 3.2) },
+        ParameterInfo {
+            name: "d",
+            unit: "rad",
+            default: 0.3,
+            meaning: "reach",
+            // The law is cut where it is farthest, at (π/d)² of its exponent.
+            range: Range { least: 0.01, greatest: 0.8, above: false, whole: false },
+        },
+    ],
+    equation: "-k u exp(-(u/d)^2), u = x - x0 wrapped",
+    range: Range::ANY,
+    apply: |a, place, value, p| a.joints[place.index()].local.push((value, p[0], p[1])),
+};

@@ -3,6 +3,7 @@
 use core::f64::consts::PI;
 
 use super::*;
+use crate::shaker::Moment;
 
 const STATES: [State; 4] =
     [[0.4, 2.1, 3.0, -11.0], [-2.8, 0.3, -1.5, -0.4], [7.0, -12.5, 0.2, 19.0], [1.0, 0.9, -6.0, -5.0]];
@@ -26,7 +27,7 @@ fn torque(effects: &[&str], y: &State) -> [f64; 2] {
 #[test]
 fn joint_torques_are_those_of_the_table_and_act_on_both_arms() {
     type Law = fn(f64, f64) -> f64;
-    let laws: [(&str, &str, Law); 12] = [
+    let laws: [(&str, &str, Law); 14] = [
         ("viscous-friction", "3e-5", |_, v| -3e-5 * v),
         ("coulomb-friction", "2e-4", |_, v| -2e-4 * v.signum()),
         ("stribeck-friction", "1e-3,v_s=2", |_, v| -1e-3 * (-(v / 2.0) * (v / 2.0)).exp() * v.signum()),
@@ -38,6 +39,11 @@ fn joint_torques_are_those_of_the_table_and_act_on_both_arms() {
         ("cogging", "1e-3,n=7,psi=0.4", |x, _| -1e-3 * (7.0 * x + 0.4).sin()),
         ("backlash", "0.5,k=2e-3", |x, _| -2e-3 * (x.abs() - 0.5).max(0.0) * x.signum()),
         ("constant-force", "-4e-4", |_, _| -4e-4),
+        ("power-law-damping", "3e-5,p=1.4", |_, v| -3e-5 * v.abs().powf(1.4) * v.signum()),
+        ("local-force", "2e-3,x0=-2.9,d=0.5", |x, _| {
+            let u = if x > 0.24 { x + 2.9 - 2.0 * PI } else { x + 2.9 };
+            -2e-3 * u * (-(u / 0.5) * (u / 0.5)).exp()
+        }),
         ("constant-force", "1e-4", |_, _| 1e-4),
     ];
     let wrap = |x: f64| x - 2.0 * PI * ((x + PI) / (2.0 * PI)).floor();
@@ -56,6 +62,70 @@ fn joint_torques_are_those_of_the_table_and_act_on_both_arms() {
             assert!((got[i] + 2e-6 * w * w.abs()).abs() + got[1 - i].abs() < 1e-12, "drag of {arm}: {got:?}");
         }
     }
+}
+
+/// M α for the change of acceleration that an effect makes on a base that moves.
+fn torque_at(effect: &str, y: &State, moment: Moment) -> [f64; 2] {
+    let p = Parameters::PRINTED;
+    let alpha = |effects: &[&str]| {
+        let effects: Vec<Effect> = effects.iter().map(|text| Effect::parse(text).unwrap()).collect();
+        let mechanics = Mechanics::new(&p, &combine(&effects).unwrap());
+        mechanics.forces(moment, y, &Mode::at(&mechanics, y)).alpha
+    };
+    let (with, without) = (alpha(&[effect]), alpha(&[]));
+    let (d1, d2) = (with[0] - without[0], with[1] - without[1]);
+    let coupling = p.h() * (y[1] - y[0]).cos();
+    [p.j_o1 * d1 + coupling * d2, coupling * d1 + p.j_o2 * d2]
+}
+
+/// Against the sum over many short pieces of the arm, each with its own point and velocity.
+#[test]
+fn drag_along_an_arm_is_the_sum_over_its_pieces() {
+    const PIECES: i32 = 20_000;
+    let l1 = Parameters::PRINTED.l1;
+    let moment = Moment { velocity: [0.3, -0.8], ..Moment::default() };
+    for y in STATES {
+        for (arm, k, length) in [(0, 2e-2, 0.08), (1, 3e-2, 0.05)] {
+            let mut wanted = [0.0; 2];
+            let (t1, t2) = ([y[0].cos(), y[0].sin()], [y[1].cos(), y[1].sin()]);
+            let across = if arm == 0 { t1 } else { t2 };
+            for i in 0..PIECES {
+                let s = length * (f64::from(i) + 0.5) / f64::from(PIECES);
+                // Point and its derivatives by both angles.
+                let by = if arm == 0 {
+                    [[s * t1[0], s * t1[1]], [0.0; 2]]
+                } else {
+                    [[l1 * t1[0], l1 * t1[1]], [s * t2[0], s * t2[1]]]
+                };
+                let velocity = [0, 1].map(|c: usize| moment.velocity[c] + by[0][c] * y[2] + by[1][c] * y[3]);
+                let v = velocity[0] * across[0] + velocity[1] * across[1];
+                let force = -k * v * v.abs() * length / f64::from(PIECES);
+                for (w, d) in wanted.iter_mut().zip(by) {
+                    *w += force * (d[0] * across[0] + d[1] * across[1]);
+                }
+            }
+            let got = torque_at(&format!("distributed-drag@arm{}={k},length={length}", arm + 1), &y, moment);
+            let size = wanted[0].abs() + wanted[1].abs();
+            assert!(
+                (got[0] - wanted[0]).abs() + (got[1] - wanted[1]).abs() < 1e-6 * size,
+                "{arm} {y:?}: {got:?} {wanted:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn drift_and_modulation_follow_the_record_and_the_phase() {
+    let y = STATES[0];
+    let moment = Moment { phase: 0.7, share: 0.25, ..Moment::default() };
+    let got = torque_at("friction-drift@joint2=4e-4", &y, moment);
+    let wanted = 1e-4;
+    // The joint turns backward in this state.
+    assert!((got[0] + wanted).abs() + (got[1] - wanted).abs() < 1e-12, "{got:?}");
+    let got = torque_at("stiffness-modulation@joint1=2e-3,psi=0.3", &y, moment);
+    assert!((got[0] + 2e-3 * f64::cos(0.4) * y[0]).abs() + got[1].abs() < 1e-12, "{got:?}");
+    let pushes = combine(&[Effect::parse("friction-drift@joint2=-1e-5").unwrap()]).unwrap();
+    assert!(Plant::new(&Parameters::PRINTED, &pushes, [0.0; 4], TOLERANCE).is_err());
 }
 
 #[test]

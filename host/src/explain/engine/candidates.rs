@@ -1,16 +1,16 @@
 //! A candidate: an effect at a place in one form, and its columns.
 
-use core::cell::Cell;
 use std::sync::Arc;
 
+use super::memory;
 use super::setting::{Physical, Setting};
 use super::state::State;
 use crate::effects::columns::{self, Action};
 use crate::effects::entry::{Entry, Form};
 use crate::effects::places::Place;
 use crate::effects::written;
-use crate::model::model_file::by_parts::{gather, pieces};
-use crate::model::model_file::expression::{Node, Symbol, add, multiply, number, subtract, symbol};
+use crate::model::model_file::by_parts::pieces_of_effect;
+use crate::model::model_file::expression::{Expression, Node, Symbol, add, multiply, number, subtract};
 
 /// Half the step, as a share of a shape parameter, over which a column's derivative by it is taken.
 const SHAPE_STEP: f64 = 1e-3;
@@ -46,7 +46,8 @@ impl Candidate {
         let candidate = Self { entry: entry.clone(), place, form, action, beside: None };
         if matches!(candidate.action, Action::Force(_) | Action::Changes(_)) {
             let all = candidate.at_values(setting, physical);
-            let holds = |of: &Node| setting.shooting || pieces(of, setting.rig.omega(), &setting.circle).is_ok();
+            let holds =
+                |of: &Node| setting.shooting || pieces_of_effect(of, setting.rig.omega(), &setting.circle).is_ok();
             // Nothing that the weak form cannot hold, nothing that is nothing.
             if all.iter().any(|c| c.is_empty() || !c.iter().all(|(_, of)| holds(of))) {
                 return None;
@@ -84,38 +85,17 @@ impl Candidate {
         let mechanism = setting.mechanism()?;
         let outside = (setting.rig.omega(), setting.span);
         let action = columns::action(entry, form, place, mechanism, &physical.values, outside).ok().flatten()?;
-        if entry.states.is_empty() {
-            return Some(action);
+        match &action {
+            Action::Force(parts) if !physical.fixes(parts, mechanism) => None,
+            _ => memory::numbered(setting, action),
         }
-        let slow = Cell::new(true);
-        let action = action.with_memories(&|memory, state| {
-            slow.set(slow.get() && memory.settles_s() >= setting.least_settling_s());
-            symbol(Symbol::Memory(setting.laws.number(memory, state)))
-        });
-        slow.get().then_some(action)
     }
 
-    /// Numbers of the states in its columns, sorted.
-    pub fn remembered(&self, setting: &Setting<'_>, physical: &Physical) -> Vec<usize> {
-        if self.entry.states.is_empty() {
-            return Vec::new();
-        }
+    /// Numbers of the states in its columns.
+    pub fn remembered(&self) -> impl Iterator<Item = usize> {
         let sides = self.beside.iter().flat_map(|(_, sides)| sides.iter());
-        let mut symbols = Vec::new();
-        for action in std::iter::once(&self.action).chain(sides) {
-            let columns = at_values(setting, action, self.entry.strengths.len(), physical);
-            columns.iter().flatten().for_each(|(_, of)| gather(of, &mut symbols));
-        }
-        let numbers = symbols.into_iter().filter_map(|s| if let Symbol::Memory(k) = s { Some(k) } else { None });
-        let mut out: Vec<usize> = numbers.collect();
-        out.sort_unstable();
-        out.dedup();
-        out
-    }
-
-    /// Whether its states, if it has any, stay within the finite numbers.
-    pub fn is_followed(&self, setting: &Setting<'_>, physical: &Physical) -> bool {
-        self.remembered(setting, physical).into_iter().all(|k| setting.follows(k))
+        let states = std::iter::once(&self.action).chain(sides).flat_map(Action::states);
+        states.filter_map(|s| if let Expression::Symbol(Symbol::Memory(k)) = **s { Some(k) } else { None })
     }
 
     /// `ID@PLACE`.

@@ -10,12 +10,53 @@ use super::correct;
 use super::setting::Setting;
 use super::state::State;
 use crate::error::Result;
-use crate::explain::design::{Design, Window};
 use crate::identify::general::series::System;
 use crate::identify::general::stretches::Stretch;
-use crate::identify::windows::{WindowRows, row_count, rows_of};
+use crate::identify::windows::{WindowRows, frequency_of_row, row_count, rows_of};
 use crate::model::model_file::expression::Node;
 use crate::model::model_file::weak_form::{Column, WeakForm};
+
+/// All columns over all windows.
+pub struct Design {
+    /// Number of columns; a row is that many values and then the target.
+    pub columns: usize,
+    /// Rows of a window: those of the first equation, then those of the next.
+    pub rows: usize,
+    /// Frequencies above zero.
+    pub frequencies: usize,
+    /// Windows in order of time.
+    pub windows: Vec<Window>,
+}
+
+/// Rows of one window.
+pub struct Window {
+    /// Unbroken stretch.
+    pub run: usize,
+    /// Number within the stretch; consecutive ones overlap by half.
+    pub index: usize,
+    /// `rows` × (`columns` + 1) values.
+    pub values: Vec<f64>,
+}
+
+impl Window {
+    /// Block of one window's length: even windows are one, odd ones lie in two.
+    pub fn blocks(&self) -> (usize, usize) {
+        (self.run + self.index / 2, self.run + self.index.div_ceil(2))
+    }
+}
+
+impl Design {
+    /// Number of equations.
+    pub fn equations(&self) -> usize {
+        self.rows / row_count(self.frequencies)
+    }
+
+    /// Equation and frequency of a row.
+    pub fn place_of_row(&self, row: usize) -> (usize, usize) {
+        let n = row_count(self.frequencies);
+        (row / n, frequency_of_row(row % n))
+    }
+}
 
 /// The weak form with further columns, and which global column each term of each equation is.
 fn weak_of(setting: &Setting<'_>, further: &[Vec<(usize, Node)>]) -> Result<(WeakForm, Vec<Vec<usize>>)> {

@@ -1,17 +1,17 @@
-//! What candidates are judged by: rows of the weak form under a drive, windows of linearised shooting otherwise. One fit and one choice over either.
+//! What candidates are judged by: windows of linearised shooting; rows of the weak form where the model follows none. One fit and one choice over either.
 
 use nalgebra::DVector;
 
 use super::candidates::{Candidate, Column};
+use super::design::Design;
+use super::power::Power;
 use super::setting::Setting;
-use super::shooting::batches::Batches;
+use super::shooting::blocks::Blocks;
 use super::state::State;
 use super::{design, power, shooting};
-use crate::error::Result;
+use crate::error::{BadInput, Result};
 use crate::explain::decision::{self, Rows};
-use crate::explain::design::Design;
 use crate::explain::ranking::{self, Fit, Weights};
-use crate::explain::singular;
 
 /// Share of what is left above the sensors' noise that a candidate must take away in shooting: less is as good as nothing where a model misses more than noise.
 const LEAST_SHARE: f64 = 0.01;
@@ -24,7 +24,7 @@ pub enum Evidence {
     /// Of the weak form, with their weights.
     Weak(Design, Weights),
     /// Of trajectories.
-    Shooting(Batches),
+    Shooting(Blocks),
 }
 
 /// The last round: columns of the model and of the candidates, and the fit of the model's own.
@@ -35,9 +35,9 @@ pub struct Outcome {
     pub fit: Fit,
 }
 
-impl decision::Evidence for &Batches {
+impl decision::Evidence for Blocks {
     fn fit(&self, columns: &[usize]) -> Option<Fit> {
-        Batches::fit(self, columns)
+        Blocks::fit(self, columns)
     }
 
     fn rescored(&self, _own: &[usize], _most: usize, _scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>> {
@@ -45,15 +45,11 @@ impl decision::Evidence for &Batches {
     }
 
     fn least_gain(&self, total: f64) -> f64 {
-        LEAST_SHARE * (total - self.first().noise()).max(0.0)
+        LEAST_SHARE * (total - self.noise()).max(0.0)
     }
 
     fn least_deviations(&self) -> f64 {
         LEAST_DEVIATIONS
-    }
-
-    fn pairs(&self) -> bool {
-        true
     }
 }
 
@@ -62,7 +58,7 @@ impl Evidence {
     pub(in crate::explain) fn judged(&self) -> Box<dyn decision::Evidence + '_> {
         match self {
             Self::Weak(design, weights) => Box::new(Rows { design, weights }),
-            Self::Shooting(batches) => Box::new(batches),
+            Self::Shooting(blocks) => Box::new(blocks),
         }
     }
 
@@ -98,7 +94,7 @@ impl Evidence {
                 let design = design::with_columns(setting, state, (&state.stretches, &[]), behind).ok()?;
                 ranking::fit_ridge(&design, &all, weights, &ridges)
             }
-            Self::Shooting(_) => shooting::evidence(setting, state, &[], behind)?.fit_ridge(&all, &ridges),
+            Self::Shooting(_) => shooting::evidence(setting, state, (&[], false), behind)?.fit_ridge(&all, &ridges),
         }
     }
 }
@@ -108,32 +104,75 @@ impl Outcome {
     pub fn left(&self) -> Option<f64> {
         match &self.evidence {
             Evidence::Weak(..) => None,
-            Evidence::Shooting(batches) => batches.first().held_out(&self.own),
+            Evidence::Shooting(blocks) => blocks.held_out(&self.own),
         }
     }
 
-    /// Coefficients from windows of shooting that end before a sample of a stretch.
+    /// Whether another state with columns of no effect behind its own predicts what was not fitted as well.
+    pub fn is_matched(&self, setting: &Setting<'_>, other: &State, behind: &[Column]) -> bool {
+        let all: Vec<usize> = (0..other.own_columns() + behind.len()).collect();
+        match &self.evidence {
+            Evidence::Weak(_, weights) => {
+                let design = design::with_columns(setting, other, (&other.stretches, &[]), behind).ok();
+                let fit = design.and_then(|d| ranking::fit(&d, &all, weights));
+                fit.is_some_and(|free| ranking::gain(&self.fit.held_out, &free.held_out).0 >= 0.0)
+            }
+            Evidence::Shooting(_) => {
+                let free = shooting::evidence(setting, other, (&[], false), behind).and_then(|b| b.held_out(&all));
+                free.zip(self.left()).is_some_and(|(free, named)| free <= named)
+            }
+        }
+    }
+
+    /// Coefficients from windows of shooting that end before a sample of a stretch, and from all other stretches.
     pub fn until(&self, stretch: usize, sample: usize) -> Option<DVector<f64>> {
         match &self.evidence {
             Evidence::Weak(..) => None,
-            Evidence::Shooting(batches) => batches.first().until(&self.own, stretch, sample),
+            Evidence::Shooting(blocks) => blocks.of_some(&self.own, |[s, _, end]| *s != stretch || *end <= sample),
         }
     }
 
-    /// Ratio of what is left to what the sensors' noise gives.
+    /// Coefficients from what lies before a sample of a stretch, the first `share` of the record.
+    pub fn before(&self, stretch: usize, sample: usize, share: f64) -> Option<DVector<f64>> {
+        match &self.evidence {
+            Evidence::Weak(design, weights) => {
+                let end = (share * design.windows.len() as f64) as usize;
+                ranking::fit_some(design, &self.own, weights, |k| k + 2 <= end)
+            }
+            Evidence::Shooting(blocks) => blocks.of_some(&self.own, |[s, _, end]| (*s, *end) <= (stretch, sample)),
+        }
+    }
+
+    /// Ratio of what is left to what the sensors' noise gives: over the long horizon, or in the rows of the weak form.
     ///
     /// # Errors
     /// As [`design::residual`].
     pub fn power(&self, setting: &Setting<'_>, state: &State) -> Result<f64> {
         match &self.evidence {
-            Evidence::Weak(design, _) => power::ratio(setting, state, design, &self.own, &self.fit.all),
-            Evidence::Shooting(batches) => {
-                // Over the long horizon.
-                let all = batches.first().misfits(&self.fit.all);
+            Evidence::Weak(..) => Ok(self.rows(setting, state)?.ratio),
+            Evidence::Shooting(blocks) => {
+                let all = blocks.misfits(&self.fit.all);
                 Ok(all.iter().map(|w| w[0]).sum::<f64>() / all.len().max(1) as f64)
             }
         }
     }
+
+    /// What is left in the rows of the weak form, by frequency.
+    ///
+    /// # Errors
+    /// An effect that the weak form cannot hold.
+    pub fn rows(&self, setting: &Setting<'_>, state: &State) -> Result<Power> {
+        let x = &self.fit.all;
+        if let Evidence::Weak(design, _) = &self.evidence {
+            return power::power(setting, state, design, &self.own, x);
+        }
+        power::power(setting, state, &design::build(setting, state, &state.stretches, &[])?, &self.own, x)
+    }
+}
+
+fn singular() -> BadInput {
+    BadInput::new("a record that does not determine the nominal model", "motion in which every term takes part")
+        .remedy("See `whirl identify` for the terms that are missing")
 }
 
 /// Fits everything chosen, renews what rests on the coefficients, and builds the candidates' columns behind its own.
@@ -183,7 +222,7 @@ fn by_shooting(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candida
     }
     let own: Vec<usize> = (0..state.own_columns()).collect();
     let further: Vec<&Candidate> = candidates.iter().collect();
-    let batches = Batches::new(setting, state, &further).ok_or_else(singular)?;
-    let fit = batches.fit(&own).ok_or_else(singular)?;
-    Ok(Outcome { candidates, evidence: Evidence::Shooting(batches), own, fit })
+    let blocks = shooting::evidence(setting, state, (&further, false), &[]).ok_or_else(singular)?;
+    let fit = blocks.fit(&own).ok_or_else(singular)?;
+    Ok(Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit })
 }

@@ -1,22 +1,18 @@
-//! A model that is given: its coefficients and effects become the state that is compared and extended, or equations to predict with.
+//! A model that is given: its coefficients and effects become the state that is compared and extended.
 
 use std::collections::BTreeMap;
 
 use nalgebra::DVector;
 
-use super::setting::Setting;
+use super::candidates::Candidate;
+use super::setting::{Physical, Setting};
 use super::state::{Chosen, State};
-use crate::effects::columns::{self, Action, Span};
 use crate::effects::entry::{Entry, Form};
-use crate::effects::{catalogue, places, written};
 use crate::error::{BadInput, Result};
 use crate::identify::model_file::own_keys;
 use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S, System};
-use crate::model::model_file::equations_of_motion::EquationsOfMotion;
-use crate::model::model_file::expression::{Node, multiple};
+use crate::model::model_file::expression::multiple;
 use crate::motion::at_coordinates;
-use crate::rig::Rig;
-use crate::rig::measures::Bound;
 use crate::system::mechanism::Mechanism;
 
 /// The shape parameters of an effect in a file; none where one is missing.
@@ -45,6 +41,11 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
         System::Own(table) if *table == own_keys(&setting.whole.model)? => {}
         System::Own(_) => return bad("other equations".to_owned(), "those of the rig's model file"),
         System::BuiltIn(id) => return bad(format!("a model of \"{id}\""), "a model of the rig's own system"),
+    }
+    let frequency = setting.rig.drive.map(|d| d.frequency_hz);
+    if model.drive_frequency_hz != frequency {
+        let text = |f: Option<f64>| f.map_or("no drive".to_owned(), |f| format!("a drive of {f} Hz"));
+        return bad(text(model.drive_frequency_hz), &format!("{}, as in the rig file", text(frequency)));
     }
     let mut by_name = BTreeMap::new();
     for name in setting.whole.model.coefficients() {
@@ -87,7 +88,10 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
         if e.strengths.len() > joined.strengths.len() {
             return bad(format!("{} strengths of {name}", e.strengths.len()), "as many as the effect has");
         }
-        joined.strengths.iter_mut().zip(&e.strengths).for_each(|(to, from)| *to = *from);
+        let factors = factors(setting, state, &joined.candidate, model);
+        for (k, (to, from)) in joined.strengths.iter_mut().zip(&e.strengths).enumerate() {
+            *to = factors.get(k).copied().flatten().unwrap_or(1.0) * from;
+        }
         if let Some(terms) = as_written.get(index) {
             let columns = joined.candidate.plain(setting, &state.physical);
             for ((to, from), (term, column)) in
@@ -102,6 +106,27 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
     state.nominal = state.chosen.len();
     state.stretches = state.taken_off(setting, &setting.raw);
     Ok(())
+}
+
+/// What strengths of a model on a mechanism of other parameters are multiplied with for the same law here; none where that is no factor.
+fn factors(setting: &Setting<'_>, state: &State, c: &Candidate, model: &IdentifiedModel) -> Vec<Option<f64>> {
+    let there: Option<Vec<f64>> = setting
+        .file()
+        .filter(|_| !setting.is_written())
+        .and_then(|f| f.parameters.iter().map(|p| model.found_with.get(&p.name).copied()).collect());
+    let Some(values) = there else { return Vec::new() };
+    let there = Physical { values, ..state.physical.clone() };
+    let Some(other) = Candidate::new(setting, &c.entry, c.place, c.form.clone(), &there) else { return Vec::new() };
+    let (theirs, own) = (other.plain(setting, &there), c.plain(setting, &state.physical));
+    theirs
+        .iter()
+        .zip(&own)
+        .map(|(theirs, own)| {
+            // The equation in whose inertia it is told comes last.
+            let (e, of) = theirs.last()?;
+            multiple(of, &own.iter().find(|o| o.0 == *e)?.1)
+        })
+        .collect()
 }
 
 /// Strength of a nominal damping from the coefficients that it gives: from the largest, which is known best.
@@ -135,86 +160,4 @@ pub fn coefficients(state: &State) -> DVector<f64> {
         k.strengths.iter().map(move |s| if applied { 0.0 } else { *s })
     });
     DVector::from_iterator(state.own_columns(), state.values.iter().copied().chain(strengths))
-}
-
-/// A model as equations of motion with its parameters, and effects that do not act on the motion.
-pub struct Moving {
-    /// The equations.
-    pub motion: EquationsOfMotion,
-    /// Their parameters.
-    pub parameters: Vec<f64>,
-    /// `ID@PLACE` of those left out.
-    pub left_out: Vec<String>,
-}
-
-/// The rig's whole equations with the effects of a model; none where an effect is not one of the catalogue at a place of a system that was derived
-/// from bodies.
-///
-/// # Errors
-/// A coefficient that is missing.
-pub fn motion(given: &IdentifiedModel, rig: &Rig, bound: &Bound, start_s: f64) -> Result<Option<Moving>> {
-    let model = &*bound.model;
-    if given.effects.is_empty() {
-        return Ok(None);
-    }
-    let values: Vec<f64> =
-        model.coefficients().iter().map(|n| given.coefficient(n).map_or(f64::NAN, |p| p.value)).collect();
-    let places = if written::applies(model) {
-        // What was found before effects had places in written equations does not tell the record's length.
-        if !given.found_with.contains_key(RECORD_S) {
-            return Ok(None);
-        }
-        written::mechanism(model, rig.direction(), rig.omega(), &values)
-    } else {
-        None
-    };
-    let Some(mechanism) = places.as_ref().or(model.mechanism.as_deref()) else { return Ok(None) };
-    let Some(file) = mechanism.file.as_deref() else { return Ok(None) };
-    let physical: Vec<f64> = match &places {
-        Some(_) => written::parameters(model, rig.direction(), rig.omega(), &values).unwrap_or_default(),
-        None => file.parameters.iter().map(|p| given.found_with.get(&p.name).copied().unwrap_or(f64::NAN)).collect(),
-    };
-    let span = Span { start_s, length_s: given.found_with.get(RECORD_S).copied().unwrap_or(f64::NAN) };
-    let mut terms: Vec<(usize, String, Node)> = Vec::new();
-    let mut strengths: BTreeMap<String, f64> = BTreeMap::new();
-    let mut left_out = Vec::new();
-    for e in &given.effects {
-        let entries = catalogue().iter().chain(rig.effects.iter().map(AsRef::as_ref));
-        let Some(entry) = entries.into_iter().find(|x| x.id == e.id) else { return Ok(None) };
-        let found = places::of(entry, file, bound).into_iter().find(|p| p.name(file) == e.at);
-        let (Some(place), Some(form)) = (found, form_of(entry, e)) else { return Ok(None) };
-        let action = columns::action(entry, &form, place, mechanism, &physical, (rig.omega(), span));
-        let all = match &action {
-            Ok(Some(Action::Force(parts))) => {
-                Some(columns::columns(parts, entry.strengths.len(), mechanism, &physical))
-            }
-            Ok(Some(Action::Changes(all))) => Some(written::columns(all, model, rig.direction(), rig.omega(), &values)),
-            _ => None,
-        };
-        match (action, all) {
-            (_, Some(all)) => {
-                for (k, (column, strength)) in all.into_iter().zip(&e.strengths).enumerate() {
-                    let name = format!("{}@{} {k}", e.id, e.at);
-                    strengths.insert(name.clone(), *strength);
-                    terms.extend(column.into_iter().map(|(equation, of)| (equation, name.clone(), of)));
-                }
-            }
-            (Ok(Some(_)), None) => left_out.push(format!("{}@{}", e.id, e.at)),
-            _ => return Ok(None),
-        }
-    }
-    let motion = EquationsOfMotion::with_columns(model, rig.omega(), &terms)?;
-    let parameters = motion
-        .coefficients()
-        .iter()
-        .map(|n| {
-            let value = given.coefficient(n).map(|p| p.value).or_else(|| strengths.get(n).copied());
-            value.ok_or_else(|| {
-                BadInput::new(format!("no {n}"), motion.coefficients().join(", "))
-                    .at(format!("parameters.{n}"))
-                    .remedy("Write the model anew with `whirl identify -o`")
-            })
-        })
-        .collect::<Result<_>>()?;
-    Ok(Some(Moving { motion, parameters, left_out }))
 }

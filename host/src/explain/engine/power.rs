@@ -1,17 +1,24 @@
 //! What is left in the rows against what the sensors' noise alone leaves, and whether an effect is one of the sensors' alone.
 //!
-//! The smoothed record is measured again by the same sensors with their grids shifted. For an effect the model without it is integrated over
-//! stretches like the record's and analysed in the same way: see [`crate::explain::artefact`] for the test.
+//! The smoothed record is measured again by the same sensors with their grids shifted.
+//!
+//! Few counts and the low-pass bend the columns of a law that jumps; the longer the record, the surer is the strength that this feigns. So the model without the
+//! effect is integrated over stretches like the record's, from its states at their starts, measured by the same sensors and analysed in the same way, the effect's columns
+//! among the others: a parametric bootstrap of the null hypothesis (Davison and Hinkley 1997, section 4.2). With s the strengths found, Σ their covariance and δ the
+//! mean over R repeats whose grids are shifted, as in [`crate::identify::noise_bias`], the effect stands where
+//!
+//! (s − δ)ᵀ Σ⁻¹ (s − δ) / (1 + c/R) > 9   or   δᵀ Σ⁻¹ δ < sᵀ Σ⁻¹ s / 9,
+//!
+//! c the record's windows over those simulated (at most 64): what is left must be three standard errors, or what is feigned no more than a third.
 
 use nalgebra::DVector;
 
 use super::candidates::Candidate;
-use super::design;
+use super::design::{self, Design};
+use super::residual_map::{CLEARLY, Map, Where, merge};
 use super::setting::Setting;
 use super::state::State;
 use crate::error::Result;
-use crate::explain::artefact;
-use crate::explain::design::Design;
 use crate::explain::ranking::{self, Fit, Weights};
 use crate::identify::chain_bias::cells;
 use crate::identify::general::chain;
@@ -21,11 +28,27 @@ use crate::identify::general::stretches::Stretch;
 use crate::identify::noise_bias::REPEATS;
 use crate::model::model_file::weak_form::WeakForm;
 
-/// Ratio of residual to noise power in the rows, averaged over equations and frequencies.
+/// Squares of the standard errors that must be left, and of the share that may be feigned.
+const LEFT: f64 = 9.0;
+const FEIGNED: f64 = 1.0 / 9.0;
+/// Most places of a map against frequency.
+const MOST_PLACES: usize = 4;
+
+/// Power of the rows' residuals, by equation and frequency.
+pub struct Power {
+    /// Ratio to what the sensors' noise alone gives, averaged over equations and frequencies.
+    pub ratio: f64,
+    /// Mean square residual.
+    found: Vec<Vec<f64>>,
+    /// What noise alone gives.
+    noise: Vec<Vec<f64>>,
+}
+
+/// Power of the rows' residuals for coefficients `x` of some columns beside what the sensors' noise alone gives.
 ///
 /// # Errors
 /// As [`design::residual`].
-pub fn ratio(setting: &Setting<'_>, state: &State, design: &Design, own: &[usize], x: &DVector<f64>) -> Result<f64> {
+pub fn power(setting: &Setting<'_>, state: &State, design: &Design, own: &[usize], x: &DVector<f64>) -> Result<Power> {
     let weak = WeakForm::new(setting.model(), setting.rig.omega(), &[])?;
     let kernels = &setting.geometry.kernels;
     let system = System { stretches: &state.stretches, weak: &weak, kernels, circle: &setting.circle };
@@ -44,17 +67,42 @@ pub fn ratio(setting: &Setting<'_>, state: &State, design: &Design, own: &[usize
             }
         }
     }
-    let found = ranking::mean_squares(design, own, x);
-    let (mut sum, mut n) = (0.0, 0.0);
-    for e in 0..design.equations() {
-        for m in 0..=design.frequencies {
-            if noise[e][m] > 0.0 {
-                sum += found[e][m] * count[e][m] / noise[e][m];
-                n += 1.0;
-            }
-        }
+    for (noise, count) in noise.iter_mut().flatten().zip(count.iter().flatten()) {
+        *noise /= count.max(1.0);
     }
-    Ok(if n > 0.0 { sum / n } else { f64::INFINITY })
+    let found = ranking::mean_squares(design, own, x);
+    let both = || found.iter().flatten().zip(noise.iter().flatten()).filter(|(_, n)| **n > 0.0);
+    let n = both().count() as f64;
+    let ratio = if n > 0.0 { both().map(|(f, n)| f / n).sum::<f64>() / n } else { f64::INFINITY };
+    Ok(Power { ratio, found, noise })
+}
+
+impl Power {
+    /// Maps of each equation's residual against frequency: rms over windows of the rows' residual at each frequency of the test functions, as an amplitude, and
+    /// the frequencies at which it clearly exceeds noise. `scales`: what turns each equation into the unit that it is told in.
+    pub fn by_frequency(&self, window_s: f64, scales: &[(f64, String)]) -> (Vec<Map>, Vec<Where>) {
+        let step = 1.0 / window_s;
+        let (mut maps, mut places) = (Vec::new(), Vec::new());
+        for (e, (scale, unit)) in scales.iter().enumerate() {
+            // A row is ∫ w Y dt; ∫ sin⁴(πu) over a window is 3/8 of its length, half of an amplitude at its frequency.
+            let scale = scale.abs() / (0.375 * window_s) * 2.0;
+            let mut bins = Vec::new();
+            for (m, (f, n)) in self.found[e].iter().zip(&self.noise[e]).enumerate() {
+                let (value, band) = (scale * f.sqrt(), scale * 1.96 * n.sqrt());
+                let at = m as f64 * step;
+                bins.push([at, value, band]);
+                if value > CLEARLY * band {
+                    let (from, to) = ((at - 0.5 * step).max(0.0), at + 0.5 * step);
+                    places.push(Where { equation: e + 1, against: "frequency".to_owned(), from, to, value, band });
+                }
+            }
+            let against = "frequency".to_owned();
+            maps.push(Map { equation: e + 1, against, against_unit: "Hz", unit: unit.clone(), bins });
+        }
+        let mut places = merge(places);
+        places.truncate(MOST_PLACES);
+        (maps, places)
+    }
 }
 
 /// Whether strengths of a candidate (the last coefficients of `fit`) are those that a record without it shows as well.
@@ -71,7 +119,20 @@ pub fn feigned(
     }
     let d = candidate.strengths();
     let Some((mean, windows)) = on_its_own(setting, state, weights, x, candidate) else { return false };
-    artefact::is_feigned(fit, d, &mean, design.windows.len() as f64 / windows.max(1) as f64)
+    is_feigned(fit, d, &mean, design.windows.len() as f64 / windows.max(1) as f64)
+}
+
+/// Whether the last `d` strengths of a fit are feigned, `mean` being those of records without the effect; `share`: the record's windows over
+/// those simulated.
+fn is_feigned(fit: &Fit, d: usize, mean: &DVector<f64>, share: f64) -> bool {
+    let from = fit.all.len() - d;
+    let found = fit.all.rows(from, d).into_owned();
+    let Some(factor) = fit.covariance.view((from, from), (d, d)).into_owned().cholesky() else { return false };
+    let wald = |x: &DVector<f64>| x.dot(&factor.solve(x));
+    if wald(mean) < FEIGNED * wald(&found) {
+        return false;
+    }
+    wald(&(found - mean)) < LEFT * (1.0 + share / REPEATS as f64)
 }
 
 /// The candidate's mean strengths on records of the model itself, and the windows of each.

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use crate::identify::general::track::Track;
 use crate::identify::shooting::problem::Piece;
 use crate::identify::shooting::solve::{Bounds, minimise};
+use crate::model::dynamics::Dynamics;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
 /// Most windows of the gap.
@@ -27,59 +28,185 @@ const EXACT: f64 = 1e-4;
 /// What stands for a drive's period in the search for the step of integration, s.
 const PERIOD_S: f64 = 0.2;
 
-/// Windows of the horizon inside the held-out blocks (every third of `block_s`), with guesses of their states, and the samples of each.
-fn windows(track: &Track<'_>, horizon_s: f64, block_s: f64) -> Option<(Vec<Piece>, Vec<Vec<f64>>, usize)> {
+/// Where predictions are made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Part {
+    /// Inside the held-out blocks: every third, s each.
+    HeldOut(f64),
+    /// From a sample of a stretch on, and in every later stretch.
+    From(usize, usize),
+}
+
+/// Windows that predictions are made in.
+struct Windows {
+    pieces: Vec<Piece>,
+    /// Guesses of their states.
+    guesses: Vec<Vec<f64>>,
+    /// Stretch and first sample of each.
+    places: Vec<(usize, usize)>,
+    /// Samples of each.
+    length: usize,
+}
+
+/// At most `most` windows of a horizon in a part of the record, spread evenly.
+fn windows(track: &Track<'_>, horizon_s: f64, part: Part, most: usize) -> Option<Windows> {
     let length = ((horizon_s / track.spacing_s).round() as usize).max(8) + 1;
     let all = track.cut(length, (length / 12).clamp(3, 16))?;
     let values = length * track.sensors.len();
-    let mut kept = Vec::new();
-    for (k, piece) in all.pieces.iter().enumerate() {
-        let block = (track.since_begin(all.stretch[k], piece) / block_s).floor() as i64;
-        if piece.measured.len() == values && block.rem_euclid(3) == 0 {
-            kept.push(k);
-        }
-    }
-    let stride = kept.len().div_ceil(MOST_WINDOWS).max(1);
-    let (pieces, guesses) =
-        kept.into_iter().step_by(stride).map(|k| (all.pieces[k].clone(), all.guesses[k].clone())).unzip();
-    Some((pieces, guesses, length))
+    let place = |k: usize| {
+        let since_s = track.since_begin(all.stretch[k], &all.pieces[k]);
+        (all.stretch[k], (since_s / track.spacing_s).round() as usize)
+    };
+    let kept: Vec<usize> = (0..all.pieces.len())
+        .filter(|&k| all.pieces[k].measured.len() == values)
+        .filter(|&k| match part {
+            Part::HeldOut(block_s) => {
+                let block = (track.since_begin(all.stretch[k], &all.pieces[k]) / block_s).floor() as i64;
+                block.rem_euclid(3) == 0
+            }
+            Part::From(stretch, sample) => place(k) >= (stretch, sample),
+        })
+        .collect();
+    let stride = kept.len().div_ceil(most).max(1);
+    let kept: Vec<usize> = kept.into_iter().step_by(stride).collect();
+    Some(Windows {
+        places: kept.iter().map(|&k| place(k)).collect(),
+        guesses: kept.iter().map(|&k| all.guesses[k].clone()).collect(),
+        pieces: kept.into_iter().map(|k| all.pieces[k].clone()).collect(),
+        length,
+    })
 }
 
 /// Rms motion about the mean over the gap's windows, over the noise; none where that is no number.
 pub fn motion(track: &Track<'_>, horizon_s: f64, block_s: f64) -> Option<f64> {
-    let (pieces, ..) = windows(track, horizon_s, block_s)?;
-    let sum: f64 = pieces.iter().map(|p| motion_power(p, track)).sum();
-    let rms = (sum / pieces.len() as f64).sqrt();
+    let windows = windows(track, horizon_s, Part::HeldOut(block_s), MOST_WINDOWS)?;
+    let sum: f64 = windows.pieces.iter().map(|p| motion_power(p, track)).sum();
+    let rms = (sum / windows.pieces.len() as f64).sqrt();
     (rms.is_finite() && rms > 0.0).then_some(rms)
 }
 
-/// The gap over windows of the horizon inside the held-out blocks (every third of `block_s`): rms of predicted minus measured over
-/// the noise, over the degrees of freedom that the fit of the initial state leaves. The step of integration is sought where none is given.
-pub fn gap(
-    motion: &EquationsOfMotion,
-    parameters: &[f64],
-    track: &Track<'_>,
-    (horizon_s, block_s): (f64, f64),
-    step_s: Option<f64>,
-) -> f64 {
-    let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
-    let Some((pieces, guesses, length)) = windows(track, horizon_s, block_s) else { return f64::NAN };
-    let values = length * track.sensors.len();
-    let sought = || track.step_s(motion, &pieces, &guesses, parameters, (PERIOD_S.min(horizon_s), EXACT_GAP));
-    let problem = track.problem(motion, step_s.unwrap_or_else(sought), &at);
-    let lengths = [(length / 4).max(8), length];
-    let sums: Vec<Option<f64>> = pieces
-        .par_iter()
-        .zip(&guesses)
-        .map_init(
-            || problem.room(false),
-            |work, (piece, guess)| {
-                problem.fit_state(piece, guess, parameters, &lengths, work).map(|f| f.1 * values as f64)
-            },
-        )
-        .collect();
-    let freedom = sums.iter().flatten().count() as f64 * (values as f64 - problem.states() as f64);
-    if freedom > 0.0 { (sums.iter().flatten().sum::<f64>() / freedom).sqrt() } else { f64::NAN }
+/// A model that predicts: its equations, their parameters, and the step of integration, which is sought where none is given.
+#[derive(Clone, Copy)]
+pub struct Model<'a> {
+    /// Equations.
+    pub motion: &'a EquationsOfMotion,
+    /// Values.
+    pub parameters: &'a [f64],
+    /// Step, s.
+    pub step_s: Option<f64>,
+}
+
+/// A window's fitted state, and the mean square residual that is left; none where the model has no solution.
+type State = Option<(Vec<f64>, f64)>;
+
+impl Model<'_> {
+    /// Fits the states of windows; the problem that they were fitted in has this step.
+    fn states(&self, track: &Track<'_>, windows: &Windows, horizon_s: f64) -> (Vec<State>, f64) {
+        let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
+        let (pieces, guesses) = (&windows.pieces, &windows.guesses);
+        let sought =
+            || track.step_s(self.motion, pieces, guesses, self.parameters, (PERIOD_S.min(horizon_s), EXACT_GAP));
+        let step_s = self.step_s.unwrap_or_else(sought);
+        let problem = track.problem(self.motion, step_s, &at);
+        let lengths = [(windows.length / 4).max(8), windows.length];
+        let found = pieces
+            .par_iter()
+            .zip(guesses)
+            .map_init(
+                || problem.room(false),
+                |work, (piece, guess)| problem.fit_state(piece, guess, self.parameters, &lengths, work),
+            )
+            .collect();
+        (found, step_s)
+    }
+
+    /// The gap over windows of the horizon inside the held-out blocks: rms of predicted minus measured over
+    /// the noise, over the degrees of freedom that the fit of the initial state leaves.
+    pub fn gap(&self, track: &Track<'_>, (horizon_s, block_s): (f64, f64)) -> f64 {
+        let Some(windows) = windows(track, horizon_s, Part::HeldOut(block_s), MOST_WINDOWS) else { return f64::NAN };
+        let values = (windows.length * track.sensors.len()) as f64;
+        let states = 2.0 * self.motion.degrees_of_freedom() as f64;
+        let left: Vec<f64> = self.states(track, &windows, horizon_s).0.into_iter().flatten().map(|s| s.1).collect();
+        let freedom = left.len() as f64 * (values - states);
+        if freedom > 0.0 { (left.iter().sum::<f64>() * values / freedom).sqrt() } else { f64::NAN }
+    }
+
+    /// Rms of predicted minus measured over windows in a part of the record, over all sensors, SI; none where there is no window.
+    pub fn error(&self, track: &Track<'_>, horizon_s: f64, part: Part, most: usize) -> Option<f64> {
+        let windows = windows(track, horizon_s, part, most).filter(|w| !w.pieces.is_empty())?;
+        let (states, step_s) = self.states(track, &windows, horizon_s);
+        let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
+        let problem = track.problem(self.motion, step_s, &at);
+        let sensors = track.sensors.len().max(1);
+        let squares: Vec<f64> = windows
+            .pieces
+            .par_iter()
+            .zip(&states)
+            .filter_map(|(piece, state)| {
+                let left = problem.residuals(piece, &state.as_ref()?.0, self.parameters, &mut problem.room(false))?;
+                Some(left.iter().enumerate().map(|(i, r)| (r * track.sigma[i % sensors]).powi(2)).sum::<f64>())
+            })
+            .collect();
+        let values = (squares.len() * windows.length * sensors) as f64;
+        Some((squares.iter().sum::<f64>() / values).sqrt())
+    }
+
+    /// How long predictions from held-out windows, whose states were fitted over the horizon, hold until a sensor is off by its tolerance: the median, s. They run for
+    /// `longest_s` at most.
+    pub fn holds_s(
+        &self,
+        track: &Track<'_>,
+        (horizon_s, block_s): (f64, f64),
+        tolerance: &[f64],
+        longest_s: f64,
+    ) -> Option<f64> {
+        let windows = windows(track, horizon_s, Part::HeldOut(block_s), MOST_WINDOWS)?;
+        let (states, step_s) = self.states(track, &windows, horizon_s);
+        let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
+        let problem = track.problem(self.motion, step_s, &at);
+        let sensors = track.sensors.len().max(1);
+        let mut times: Vec<f64> = windows
+            .places
+            .par_iter()
+            .zip(&states)
+            .filter_map(|(&(stretch, first), state)| {
+                let (state, _) = state.as_ref()?;
+                let longest = ((longest_s / track.spacing_s) as usize).min(track.samples(stretch) - first);
+                // Longer and longer, since few hold to the end.
+                let lengths = [4, 16].map(|f| f * windows.length).into_iter().filter(|l| *l < longest);
+                lengths.chain([longest]).find_map(|count| {
+                    let (piece, _) = track.piece(stretch, first, count)?;
+                    let left = problem.residuals_until(&piece, state, self.parameters, &mut problem.room(false));
+                    let off = |(i, r): (usize, &f64)| (r * track.sigma[i % sensors]).abs() > tolerance[i % sensors];
+                    let held = left.iter().enumerate().position(off);
+                    let ended = held.or((left.len() < count * sensors || count == longest).then_some(left.len()))?;
+                    Some((ended / sensors) as f64 * track.spacing_s)
+                })
+            })
+            .collect();
+        times.sort_by(f64::total_cmp);
+        times.get(times.len() / 2).copied()
+    }
+
+    /// What the sensors would show of a stretch from its first state, fitted over a horizon, sensor by sensor; shorter where the solution ends.
+    pub fn shown(&self, track: &Track<'_>, stretch: usize, horizon_s: f64) -> Option<Vec<Vec<f64>>> {
+        let (piece, guess) = track.piece(stretch, 0, track.samples(stretch))?;
+        let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
+        let step_s = self.step_s.unwrap_or_else(|| step_of(self.motion, self.parameters, track, &piece, &guess));
+        let problem = track.problem(self.motion, step_s, &at);
+        let length = ((horizon_s / track.spacing_s).round() as usize).max(8) + 1;
+        let mut room = problem.room(false);
+        let head = problem.head(&piece, length);
+        let (state, _) =
+            problem.fit_state(&head, &guess, self.parameters, &[(length / 4).max(8), length], &mut room)?;
+        let left = problem.residuals_until(&piece, &state, self.parameters, &mut room);
+        let sensors = track.sensors.len();
+        let of = |k: usize| {
+            let both = left.iter().zip(&piece.measured).skip(k).step_by(sensors);
+            both.map(|(r, y)| r * track.sigma[k] + y).collect()
+        };
+        Some((0..sensors).map(of).collect())
+    }
 }
 
 /// A part of a stretch that a free run is fitted to, and where it ends: samples.

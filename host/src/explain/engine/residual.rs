@@ -2,15 +2,16 @@
 //! drive's phase and time.
 //!
 //! r_e = D_e (Σ λ X − Y) with smoothed coordinates, rates and accelerations, a force or torque where the equation's inertia D_e is known. Bins and bands are those
-//! of [`crate::explain::residual_map`].
+//! of [`super::residual_map`].
 
 use nalgebra::DVector;
 
+use super::power::Power;
+use super::residual_map::{Axis, Map, Residual, Where, merge};
 use super::setting::Setting;
 use super::state::State;
 use crate::effects::places;
 use crate::effects::written::{balance_scale, balance_unit as unit_of};
-use crate::explain::residual_map::{Axis, Map, Residual, Where, merge};
 use crate::identify::general;
 use crate::identify::general::balance_error::strong_series;
 use crate::identify::general::noise::{measure, smoothed};
@@ -108,25 +109,33 @@ pub fn range(setting: &Setting<'_>, state: &State, of: &Node) -> (f64, f64) {
     all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
 }
 
-/// Maps of all equations against all coordinates, and the places where they clearly disagree, largest first.
-pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> (Vec<Map>, Vec<Where>) {
-    let (axes, nodes) = axes(setting);
-    let Some(mechanism) = setting.mechanism() else { return (Vec::new(), Vec::new()) };
-    let known = |e: usize| !state.physical.open.get(e).copied().unwrap_or(true);
-    let residuals: Vec<Node> = residuals(setting, state, x)
-        .into_iter()
-        .enumerate()
-        .map(|(e, r)| {
-            let inertia = at(&mechanism.scales[e].1, &state.physical.values);
-            if known(e) {
-                multiply(number(inertia), r)
-            } else if setting.is_written() {
-                multiply(number(balance_scale(setting.model(), setting.rig.omega(), e)), r)
-            } else {
-                r
+/// What turns each equation into the unit that its residual is told in: its inertia where that is known.
+fn scales(setting: &Setting<'_>, state: &State) -> Vec<(f64, String)> {
+    let Some(mechanism) = setting.mechanism() else { return Vec::new() };
+    let of = |(e, (coordinate, inertia)): (usize, &(usize, Polynomial))| {
+        let circle = setting.model().coordinates[*coordinate].space == Space::Circle;
+        let known = !state.physical.open.get(e).copied().unwrap_or(true);
+        let inertia = at(inertia, &state.physical.values);
+        match (circle, known) {
+            _ if setting.is_written() => {
+                let scale = balance_scale(setting.model(), setting.rig.omega(), e);
+                (if known { inertia } else { scale }, balance_unit(setting, e))
             }
-        })
-        .collect();
+            (true, true) => (inertia, "N m".to_owned()),
+            (true, false) => (1.0, "rad/s²".to_owned()),
+            (false, true) => (inertia, "N".to_owned()),
+            (false, false) => (1.0, "m/s²".to_owned()),
+        }
+    };
+    mechanism.scales.iter().enumerate().map(of).collect()
+}
+
+/// Maps of all equations against all coordinates, and against frequency where the rows are known, and the places where they clearly disagree, largest first.
+pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>, rows: Option<&Power>) -> (Vec<Map>, Vec<Where>) {
+    let (axes, nodes) = axes(setting);
+    let scales = scales(setting, state);
+    let residuals: Vec<Node> =
+        residuals(setting, state, x).into_iter().zip(&scales).map(|(r, s)| multiply(number(s.0), r)).collect();
     let count = residuals.len();
     let tape = Tape::new(&[residuals, nodes].concat());
     let kernels = &setting.geometry.kernels;
@@ -149,17 +158,15 @@ pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> (Vec<Map>
         }
     }
     let (mut maps, mut places) = (Vec::new(), Vec::new());
-    for e in 0..count {
-        let circle = setting.model().coordinates[mechanism.scales[e].0].space == Space::Circle;
-        let unit = match (circle, known(e)) {
-            _ if setting.is_written() => balance_unit(setting, e),
-            (true, true) => "N m".to_owned(),
-            (true, false) => "rad/s²".to_owned(),
-            (false, true) => "N".to_owned(),
-            (false, false) => "m/s²".to_owned(),
-        };
-        let residual = Residual { equation: e + 1, unit: &unit, values: &values[e], noise: &noise[e] };
+    for (e, (_, unit)) in scales.iter().enumerate() {
+        let residual = Residual { equation: e + 1, unit, values: &values[e], noise: &noise[e] };
         residual.against(&axes, (&values[count..], &clean[count..]), &mut maps, &mut places);
     }
-    (maps, merge(places))
+    let mut places = merge(places);
+    if let Some(power) = rows {
+        let (more, found) = power.by_frequency(setting.geometry.windows.length_s, &scales);
+        maps.extend(more);
+        places.extend(found);
+    }
+    (maps, places)
 }

@@ -8,9 +8,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::candidates::{Candidate, Column};
+use super::memory;
 use super::shooting::signs;
 use super::units;
-use crate::effects::columns::Span;
+use crate::effects::columns::{self, Part, Span};
 use crate::effects::entry::Entry;
 use crate::effects::places::Place;
 use crate::effects::{self, places, written};
@@ -21,22 +22,20 @@ use crate::identify::general::stretches::Stretch;
 use crate::identify::general::{self, Prepared};
 use crate::identify::{Geometry, Identification, Settings as IdentifySettings};
 use crate::model::model_file::ModelFile;
+use crate::model::model_file::equations_of_motion::wrapped;
 use crate::model::model_file::expression::{Expression, Function, Node, Symbol, multiple};
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
 use crate::system::language::SystemFile;
 use crate::system::mechanism::Mechanism;
+use crate::system::openness::Openness;
 use crate::system::polynomial::Polynomial;
 use crate::system::ties::{self, Identified};
 use crate::warning::Warning;
 
 /// Samples of which shooting follows some: more of a record is not looked at.
 const MOST_FOLLOWED: f64 = 120_000.0;
-
-/// Shortest time in which a state of an effect may settle, s and samples.
-const SETTLING_S: f64 = 0.01;
-const SETTLING_SAMPLES: f64 = 5.0;
 
 /// The equations' own coefficients over several records: each once, or once for each record.
 #[derive(Clone, Debug)]
@@ -88,8 +87,7 @@ pub struct Setting<'a> {
     pub record_of: Vec<usize>,
     /// Columns of the equations' own coefficients.
     pub own: Own,
-    /// Whether candidates are judged by shooting: a drive keeps a system moving and may make it chaotic, so that rows of the weak form serve there; what is
-    /// free or follows measured inputs is predicted over long windows.
+    /// Whether candidates are judged by shooting; rows of the weak form stand in where the model follows no window of the record.
     pub shooting: bool,
     /// Signs that own coefficients keep; 0 for either.
     pub signs: Vec<f64>,
@@ -132,6 +130,15 @@ pub struct Physical {
     pub open: Vec<bool>,
     /// Coefficients of written equations.
     pub written: Vec<f64>,
+    /// What else of the parameters stays open.
+    pub openness: Openness,
+}
+
+impl Physical {
+    /// Whether the parameters that parts of columns hold inside functions are fixed.
+    pub fn fixes(&self, parts: &[Part], mechanism: &Mechanism) -> bool {
+        columns::quotients(parts, mechanism).iter().all(|(n, d)| !self.openness.is_open(n, d))
+    }
 }
 
 impl<'a> Setting<'a> {
@@ -146,9 +153,8 @@ impl<'a> Setting<'a> {
         let first = general::identify(records, rig, whole, &settings)?;
         let Prepared { stretches, record_of, sensors, geometry, warnings } =
             general::prepare(records, rig, whole, &settings)?;
-        let shooting = rig.drive.is_none() || (records.len() > 1 && each_record(&base, None));
         let own = Own::new(&base, records.len());
-        let longest = if shooting { MOST_FOLLOWED / rig.sample_rate_hz } else { 0.0 };
+        let longest = MOST_FOLLOWED / rig.sample_rate_hz;
         let mut raw = shorten(stretches, longest.max(geometry.windows.hop_s * most_windows));
         let (Some(start), Some(end)) = (raw.first(), raw.last()) else { return Ok(None) };
         let span =
@@ -180,7 +186,7 @@ impl<'a> Setting<'a> {
             raw,
             record_of,
             own,
-            shooting,
+            shooting: true,
             signs: Vec::new(),
             sensors,
             geometry,
@@ -235,32 +241,16 @@ impl<'a> Setting<'a> {
                 let all = entry.forms().into_iter().filter_map(|f| Candidate::new(self, &entry, place, f, physical));
                 // What is neither a length nor an angle has no friction.
                 out.extend(all.filter(|c| {
-                    let rubs = || rubs(&c.plain(self, physical), &moves) || rubs(&self.laws_of(c, physical), &moves);
+                    let rubs = || rubs(&c.plain(self, physical), &moves) || rubs(&memory::laws(self, c), &moves);
                     moves.iter().all(|m| *m) || !rubs()
                 }));
             }
         }
         // What remembers is followed along the record, each form once.
-        let good: Vec<bool> = out.par_iter().map(|c| c.is_followed(self, physical)).collect();
+        let good: Vec<bool> = out.par_iter().map(|c| memory::is_followed(self, c)).collect();
         let mut good = good.into_iter();
         out.retain(|_| good.next().unwrap_or(false));
         out
-    }
-
-    /// Laws of a candidate's states, as columns.
-    fn laws_of(&self, c: &Candidate, physical: &Physical) -> Vec<Column> {
-        let laws = c.remembered(self, physical).into_iter().filter_map(|k| self.laws.law(k));
-        laws.map(|(m, _)| m.rates().iter().map(|r| (0, r.clone())).collect()).collect()
-    }
-
-    /// Whether a state stays within the finite numbers along the whole record.
-    pub fn follows(&self, number: usize) -> bool {
-        self.raw.iter().all(|s| s.history.as_ref().is_some_and(|h| h.is_finite(number)))
-    }
-
-    /// The shortest time in which a state may settle, s: one that settles faster is its own rate, and the rate of a force acts like an inertia.
-    pub fn least_settling_s(&self) -> f64 {
-        SETTLING_S.max(SETTLING_SAMPLES / self.rig.sample_rate_hz)
     }
 
     /// An entry whose grid of a shape parameter holds the size of the motion: where it does not, as of a slow axis in metres, the grid is moved there.
@@ -282,14 +272,19 @@ impl<'a> Setting<'a> {
         scaled(entry, size / (low * high).sqrt())
     }
 
-    /// Rms of a joint's position, or of its velocity by differences over five samples.
+    /// Rms of a joint's position (within a turn where it is an angle), or of its velocity by differences over five samples.
     fn size(&self, moves: &Polynomial, rate: bool) -> f64 {
         let node = moves.node();
+        let turns = self.file().is_some_and(|f| places::is_angle(f, moves));
         let (mut sum, mut count) = (0.0, 0.0_f64);
         for s in &self.raw {
             let at = |i: usize| node.value(&|x| if let Symbol::Coordinate(k) = x { s.coordinates[k][i] } else { 0.0 });
             for i in (0..s.len().saturating_sub(5)).step_by(5) {
-                let x = if rate { (at(i + 5) - at(i)) / (5.0 * s.step_s) } else { at(i) };
+                let x = match (rate, turns) {
+                    (true, _) => (at(i + 5) - at(i)) / (5.0 * s.step_s),
+                    (false, true) => wrapped(at(i)),
+                    (false, false) => at(i),
+                };
                 sum += x * x;
                 count += 1.0;
             }
@@ -354,14 +349,16 @@ fn rubs(columns: &[Column], moves: &[bool]) -> bool {
 /// What effects rest on in written equations.
 fn of_equations(model: &ModelFile, rig: &Rig, values: &[f64]) -> Option<Physical> {
     let found = written::parameters(model, rig.direction(), rig.omega(), values)?;
-    Some(Physical { values: found, open: vec![true; model.equations.len()], written: values.to_vec() })
+    let open = vec![true; model.equations.len()];
+    Some(Physical { values: found, open, written: values.to_vec(), openness: Openness::default() })
 }
 
 fn physical(mechanism: &Mechanism, b: &Identified<'_>, known: &BTreeMap<String, f64>) -> Option<Physical> {
     let known: BTreeMap<&str, f64> = known.iter().map(|(k, v)| (k.as_str(), *v)).collect();
     let fit = ties::fit(mechanism, b, &known)?;
     let own = mechanism.file.as_deref()?.parameters.len();
-    Some(Physical { values: fit.parameters[..own].to_vec(), open: fit.open_scales, written: Vec::new() })
+    let values = fit.parameters[..own].to_vec();
+    Some(Physical { values, open: fit.open_scales, written: Vec::new(), openness: fit.openness })
 }
 
 /// Parameters behind an identification's coefficients.

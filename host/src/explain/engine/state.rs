@@ -142,7 +142,7 @@ impl State {
                 other => symbol(other),
             });
         }
-        let motion = EquationsOfMotion::following(setting.model(), setting.rig.omega(), &terms).ok()?;
+        let motion = EquationsOfMotion::with_columns(setting.model(), setting.rig.omega(), &terms).ok()?;
         let values = self.parameters(setting, x, record, &motion, &strengths);
         let numbers = motion.hidden().iter().map(|(m, j)| setting.laws.number(m, *j)).collect();
         Some((motion, values, numbers))
@@ -189,8 +189,8 @@ impl State {
     }
 
     /// Numbers of the states of everything chosen, sorted: those that [`State::motion`] takes from the record.
-    pub fn remembered(&self, setting: &Setting<'_>) -> Vec<usize> {
-        let all = self.chosen.iter().flat_map(|k| k.candidate.remembered(setting, &self.physical));
+    pub fn remembered(&self) -> Vec<usize> {
+        let all = self.chosen.iter().flat_map(|k| k.candidate.remembered());
         let mut out: Vec<usize> = all.collect();
         out.sort_unstable();
         out.dedup();
@@ -200,7 +200,7 @@ impl State {
     /// Calls with the record as pieces for predictions.
     pub fn on_track<T>(&self, setting: &Setting<'_>, then: impl FnOnce(&Track<'_>) -> T) -> T {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
-        let numbers = self.remembered(setting);
+        let numbers = self.remembered();
         let along: Vec<Along> = self.stretches.iter().map(|s| Along::remembering(s, omega, &numbers)).collect();
         then(&Track::new(&self.stretches, &along, setting.rig, &setting.bound, &setting.sensors))
     }

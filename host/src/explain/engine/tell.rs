@@ -8,6 +8,7 @@ use super::candidates::Candidate;
 use super::residual::balance_unit;
 use super::setting::{Physical, Setting};
 use super::state::State;
+use crate::effects::columns::LOAD;
 use crate::effects::entry::{Verb, multiplied};
 use crate::effects::places::{self, Place};
 use crate::effects::value::{Reported, report};
@@ -99,10 +100,11 @@ fn force(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
         .iter()
         .map(|(c, _)| Unit::of_channel(if c.space == Space::Circle { "rad" } else { "m" }))
         .collect();
+    let newton = [Unit::parse("N").unwrap_or_default()];
     // A strength's unit: that of the work over that of what it multiplies.
     let of = multiplied(&c.entry, &c.form, &moves, file.coordinates.len(), setting.rig.omega());
     let unit = Unit::parse(work).unwrap_or_default();
-    let per = of.and_then(|n| crate::model::model_file::units::of(&n, &coordinates, &[], true)).unwrap_or_default();
+    let per = of.and_then(|n| crate::model::model_file::units::of(&n, &coordinates, &newton, true)).unwrap_or_default();
     // The entry's own unit is that of something that turns.
     let own = c.entry.unit.clone().filter(|_| angle);
     // Where a shape is the value, a position, no inertia is in its unit.
@@ -112,7 +114,8 @@ fn force(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
         None if is_shape => if angle { "rad" } else { "m" }.to_owned(),
         None => unit.times(&per, -1.0).to_string(),
     };
-    if physical.open.get(equation).copied().unwrap_or(true) {
+    // A load is a force: over the inertia it is fixed, or the effect is not offered.
+    if physical.open.get(equation).copied().unwrap_or(true) && !c.entry.names(LOAD) {
         let inertia = at(&mechanism.scales[equation].1, &physical.values);
         let mass = if angle { "kg m²" } else { "kg" };
         if is_shape {

@@ -3,7 +3,7 @@
 //! Inputs pass through the same low-pass as the coordinates wherever they are part of a product, and stand as measured where they
 //! are linear: either way they are taken as band-limited, nothing is interpolated.
 
-use crate::identify::windows::{Kernels, Stretches};
+use crate::identify::windows::{Kernels, Stretches, step_at};
 use crate::model::model_file::equations_of_motion::wrapped;
 use crate::model::model_file::expression::Symbol;
 use crate::model::model_file::weak_form::WeakForm;
@@ -57,7 +57,7 @@ impl Stretches for System<'_> {
         let needed: Vec<usize> = (0..n + s.inputs.len())
             .filter(|&k| {
                 symbols.iter().any(|x| match *x {
-                    Symbol::Coordinate(i) | Symbol::Rate(i) | Symbol::ClearRate(i) => i == k,
+                    Symbol::Coordinate(i) | Symbol::Rate(i) | Symbol::ClearRate(i) | Symbol::Acceleration(i) => i == k,
                     Symbol::Input(i) | Symbol::InputRate(i) => n + i == k,
                     _ => false,
                 })
@@ -86,6 +86,13 @@ impl Stretches for System<'_> {
             .map(|x| if let Symbol::Memory(k) = *x { s.remembered(k, first, last - first) } else { Vec::new() })
             .collect();
         let filtered = |k: usize, output: usize| filtered[k].as_ref().map_or(&[][..], |f| &f[output][..]);
+        // Functions of accelerations, of effects only: by differences of the smoothed rates.
+        let accelerations: Vec<Vec<f64>> = (0..n)
+            .map(|i| {
+                let rate = if symbols.contains(&Symbol::Acceleration(i)) { filtered(i, 1) } else { &[] };
+                (0..rate.len()).map(|k| step_at(rate, k) / s.step_s).collect()
+            })
+            .collect();
         let columns: Vec<&[f64]> = symbols
             .iter()
             .zip(&remembered)
@@ -100,8 +107,9 @@ impl Stretches for System<'_> {
                 Symbol::Tau => &phase[..],
                 Symbol::Time => &times[..],
                 Symbol::Memory(_) => &remembered[..],
-                // Integration by parts leaves no acceleration; signs are held in simulations only, states stand in laws of their own.
-                Symbol::Acceleration(_) | Symbol::Held(_) | Symbol::State(_) => &[],
+                Symbol::Acceleration(i) => &accelerations[i],
+                // Signs are held in simulations only, states stand in laws of their own.
+                Symbol::Held(_) | Symbol::State(_) => &[],
             })
             .collect();
         *series = self.weak.tape.run(&columns, last - first);

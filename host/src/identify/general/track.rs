@@ -187,7 +187,12 @@ impl<'a> Track<'a> {
         for (k, s) in self.stretches.iter().enumerate() {
             let measured =
                 Measured { start_s: self.begins[k], sensors: s.sensors(self.bound), tau: Box::new(move |i| s.tau(i)) };
-            let (pieces, guesses) = cut(&[measured], &geometry, length, (length / 4).max(16))?;
+            let (pieces, mut guesses) = cut(&[measured], &geometry, length, (length / 4).max(16))?;
+            for (piece, guess) in pieces.iter().zip(&mut guesses) {
+                let since_s = piece.start_s - self.begins[k];
+                // Not negative; rounded.
+                self.with_states(s, (since_s / self.spacing_s).round() as usize, guess);
+            }
             out.stretch.extend(std::iter::repeat_n(k, pieces.len()));
             out.pieces.extend(pieces);
             out.guesses.extend(guesses);
@@ -223,14 +228,15 @@ impl<'a> Track<'a> {
         let measured = Measured { start_s, sensors, tau: Box::new(move |i| s.tau(first + i)) };
         let (mut pieces, mut guesses) = cut(&[measured], &geometry, count, count)?;
         let mut guess = guesses.pop()?;
-        if !self.hidden.is_empty() {
-            // A state of an effect is the rate of a coordinate that nothing shows.
-            let n = guess.len() / 2;
-            let still = vec![0.0; self.hidden.len()];
-            guess.splice(n..n, still);
-            guess.extend(self.hidden.iter().map(|k| s.remembered(*k, first, 1)[0]));
-        }
+        self.with_states(s, first, &mut guess);
         Some((pieces.pop()?, guess))
+    }
+
+    /// Puts the states that are followed with the motion into a guess at a sample of a stretch: each is the rate of a coordinate that nothing shows.
+    fn with_states(&self, s: &Stretch, first: usize, guess: &mut Vec<f64>) {
+        let n = guess.len() / 2;
+        guess.splice(n..n, self.hidden.iter().map(|_| 0.0));
+        guess.extend(self.hidden.iter().map(|k| s.remembered(*k, first, 1)[0]));
     }
 
     /// Samples of a stretch.

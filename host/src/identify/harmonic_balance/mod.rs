@@ -349,15 +349,7 @@ fn segment(s: Stretch, bound: &Bound) -> AngleSegment {
     let none = vec![0.0; s.len()];
     let mut coordinates = s.coordinates.into_iter();
     let phi = [coordinates.next().unwrap_or_default(), coordinates.next().unwrap_or(none)];
-    AngleSegment {
-        start_s: s.start_s,
-        step_s: s.step_s,
-        phi,
-        phase: s.phase,
-        relative,
-        runaway: (0.0, 0.0),
-        count_rad: [None; 2],
-    }
+    AngleSegment { start_s: s.start_s, step_s: s.step_s, phi, phase: s.phase, relative, count_rad: [None; 2] }
 }
 
 #[cfg(test)]

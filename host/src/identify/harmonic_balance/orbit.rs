@@ -199,7 +199,6 @@ mod tests {
             ],
             phase: Phase::Clock(TAU / (0.01 * period)),
             relative: false,
-            runaway: (0.0, 0.0),
             count_rad: [None; 2],
         }
     }

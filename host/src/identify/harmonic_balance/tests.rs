@@ -22,7 +22,6 @@ fn single(periods: usize) -> AngleSegment {
         step_s: step,
         phase: Phase::Clock(1.0),
         relative: false,
-        runaway: (0.0, 0.0),
         count_rad: [None; 2],
         phi: [phi.clone(), vec![0.0; phi.len()]],
     }
@@ -38,15 +37,7 @@ fn double(seconds: f64) -> AngleSegment {
         phi[1].push(s.angles[0] + s.angles[1]);
         turns.push(s.phase);
     }
-    AngleSegment {
-        start_s: 0.0,
-        step_s: 2e-3,
-        phase: Phase::Device(turns),
-        relative: true,
-        runaway: (0.0, 0.0),
-        count_rad: [None; 2],
-        phi,
-    }
+    AngleSegment { start_s: 0.0, step_s: 2e-3, phase: Phase::Device(turns), relative: true, count_rad: [None; 2], phi }
 }
 
 fn value(b: &Balance, name: &str) -> (f64, f64) {

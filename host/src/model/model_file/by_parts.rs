@@ -98,6 +98,19 @@ fn is_rate(s: Symbol) -> bool {
 /// # Errors
 /// What of it cannot be integrated.
 pub fn pieces(e: &Node, omega: f64, circle: &[bool]) -> Result<Vec<Piece>, String> {
+    split(e, (omega, circle), false)
+}
+
+/// The same for a column of an effect: a function of accelerations (a joint's load) is a value, of accelerations by differences of the smoothed rates. What effects add is
+/// weak, so that this costs little.
+///
+/// # Errors
+/// As [`pieces`].
+pub fn pieces_of_effect(e: &Node, omega: f64, circle: &[bool]) -> Result<Vec<Piece>, String> {
+    split(e, (omega, circle), true)
+}
+
+fn split(e: &Node, (omega, circle): (f64, &[bool]), functions: bool) -> Result<Vec<Piece>, String> {
     let mut out: Vec<Piece> = Vec::new();
     let mut values = number(0.0);
     let mut first = number(0.0);
@@ -124,6 +137,11 @@ pub fn pieces(e: &Node, omega: f64, circle: &[bool]) -> Result<Vec<Piece>, Strin
                 }
             }
             [q] => {
+                if functions && matches!(**q, E::Call(..)) {
+                    let whole = s.factors.iter().fold(number(s.number), |p, f| multiply(p, f.clone()));
+                    values = add(values, whole);
+                    continue;
+                }
                 let E::Symbol(Symbol::Acceleration(i)) = **q else {
                     return Err(match **q {
                         E::Call(..) => "an acceleration inside a function",
@@ -338,6 +356,16 @@ mod tests {
             let m = pieces(&node(text), 1.0, &[false, false]).unwrap_err();
             assert!(m.contains(part), "{text}: {m}");
         }
+    }
+
+    /// A function of accelerations is a value where an effect brings it in, and only there.
+    #[test]
+    fn functions_of_accelerations_are_values_of_effects() {
+        let e = node("2*sign(q')*sqrt(q''^2 + (p'' + 9)^2) + q''");
+        let list = pieces_of_effect(&e, 1.0, &[false, false]).unwrap();
+        assert_eq!(list.iter().map(|p| p.order).collect::<Vec<_>>(), [Order::Second, Order::Value]);
+        assert!(list[1].of.accelerates() && pieces(&e, 1.0, &[false, false]).is_err());
+        assert!(pieces_of_effect(&node("q''^2"), 1.0, &[false, false]).is_err());
     }
 
     #[test]

@@ -3,10 +3,13 @@
 //! With F_e = Σ_j λ_j X_j − Y, M_ei = ∂F_e/∂q̈_i and r_e = −F_e without accelerations; the partial derivatives of q̈ by anything x are
 //! −M⁻¹ ∂F/∂x at the accelerations found. LU with partial pivoting; a pivot below 1e-12 of the row's size counts as singular.
 //!
+//! A column of an effect may hold accelerations inside a function (a joint's load): it is then evaluated at the accelerations found so far, from zero on, until
+//! these stand still to 1e-12, in twenty passes at most; such laws are weak, and three or four do. The same holds of M in the partial derivatives, M + ∂F/∂q̈.
+//!
 //! The signs of linear forms of the rates (dry friction) are the switches of [`Dynamics`].
 //!
 //! A state z of an effect that remembers is followed as the rate of a further coordinate, whose acceleration is the law of dz/dt: coordinates are then those of
-//! the model and one for each state, on which nothing else depends ([`EquationsOfMotion::following`]).
+//! the model and one for each state, on which nothing else depends ([`EquationsOfMotion::hidden`]).
 
 use core::cell::RefCell;
 use std::sync::Arc;
@@ -20,6 +23,10 @@ use super::tape::Tape;
 use crate::error::Result;
 use crate::model::dynamics::{Dynamics, Instant};
 
+/// Most passes in which accelerations inside functions are found, and the share of their size to which they stand still.
+const MOST_PASSES: usize = 20;
+const STILL: f64 = 1e-12;
+
 /// A model file that can be integrated.
 #[derive(Clone, Debug)]
 pub struct EquationsOfMotion {
@@ -28,8 +35,10 @@ pub struct EquationsOfMotion {
     switches: Vec<Vec<f64>>,
     tape: Tape,
     entries: Vec<Entry>,
-    /// Derivatives of entries by coordinates (0 … n) and rates (n … 2n): tape, and entry and variable of each output. None where
-    /// some factor has no derivative.
+    /// Whether an entry holds accelerations.
+    implicit: bool,
+    /// Derivatives of entries by coordinates (0 … n), rates (n … 2n) and accelerations (2n … 3n): tape, and entry and variable of each output. None
+    /// where some factor has no derivative.
     slopes: Option<(Tape, Vec<(usize, usize)>)>,
     /// Number of measured inputs, and of the states that come behind them, followed along a record.
     inputs: usize,
@@ -46,6 +55,17 @@ struct Scratch {
     outputs: Vec<f64>,
     slopes: Vec<f64>,
     matrix: Vec<f64>,
+    next: Vec<f64>,
+}
+
+/// What accelerations are functions of.
+#[derive(Clone, Copy)]
+struct Here<'a> {
+    parameters: &'a [f64],
+    q: &'a [f64],
+    v: &'a [f64],
+    at: &'a Instant<'a>,
+    signs: &'a [f64],
 }
 
 thread_local! {
@@ -62,27 +82,11 @@ impl EquationsOfMotion {
     }
 
     /// As [`EquationsOfMotion::new`], with further terms `(equation, coefficient, expression in seconds)` on the left-hand sides;
-    /// their coefficients follow the file's own.
-    ///
-    /// # Errors
-    /// As [`EquationsOfMotion::new`]; an effect that remembers, for whose states there is no room.
-    pub fn with_columns(model: &ModelFile, omega: f64, extra: &[(usize, String, Node)]) -> Result<Self> {
-        let mut states = Vec::new();
-        extra.iter().for_each(|(_, _, of)| of.memories(&mut states));
-        if !states.is_empty() {
-            return Err(model
-                .bad("an effect with states of its own (such as dahl-friction)", "effects without `states`")
-                .at("effect")
-                .remedy("`whirl simulate --model` with --initial follows it; leave the effect out here"));
-        }
-        Self::following(model, omega, extra)
-    }
-
-    /// The same with the states of effects that remember followed as well: see the head of this file.
+    /// their coefficients follow the file's own. States of effects that remember are followed as well: see the head of this file.
     ///
     /// # Errors
     /// As [`EquationsOfMotion::new`].
-    pub fn following(model: &ModelFile, omega: f64, extra: &[(usize, String, Node)]) -> Result<Self> {
+    pub fn with_columns(model: &ModelFile, omega: f64, extra: &[(usize, String, Node)]) -> Result<Self> {
         let n = model.coordinates.len();
         if model.equations.len() != n {
             return Err(model
@@ -119,7 +123,8 @@ impl EquationsOfMotion {
             let rate = memory.rates()[*state].replace(&own);
             built.put(n + k, None, &subtract(rate, symbol(Symbol::Acceleration(n + k))));
         }
-        let variables: Vec<Symbol> = (0..all).map(Symbol::Coordinate).chain((0..all).map(Symbol::Rate)).collect();
+        let states = (0..all).map(Symbol::Coordinate).chain((0..all).map(Symbol::Rate));
+        let variables: Vec<Symbol> = states.chain((0..all).map(Symbol::Acceleration)).collect();
         let mut slopes = Some((Vec::new(), Vec::new()));
         for (k, node) in built.nodes.iter().enumerate() {
             for (j, by) in variables.iter().enumerate() {
@@ -143,6 +148,7 @@ impl EquationsOfMotion {
             hidden,
             switches: built.switches,
             tape: Tape::new(&built.nodes),
+            implicit: built.nodes.iter().any(|node| node.accelerates()),
             entries: built.entries,
             slopes: slopes.map(|(nodes, places)| (Tape::new(&nodes), places)),
         })
@@ -179,12 +185,14 @@ impl EquationsOfMotion {
     }
 
     /// Puts the symbols' values into `into`.
-    fn values(&self, tape: &Tape, q: &[f64], v: &[f64], at: &Instant<'_>, signs: &[f64], into: &mut Vec<f64>) {
+    fn values(&self, tape: &Tape, here: Here<'_>, accelerations: &[f64], into: &mut Vec<f64>) {
+        let Here { q, v, at, signs, .. } = here;
         into.clear();
         into.extend(tape.symbols().iter().map(|s| match *s {
             Symbol::Coordinate(i) if self.circle[i] => wrapped(q[i]),
             Symbol::Coordinate(i) | Symbol::Raw(i) => q[i],
             Symbol::Rate(i) | Symbol::ClearRate(i) => v[i],
+            Symbol::Acceleration(i) => accelerations[i],
             Symbol::Input(k) | Symbol::RawInput(k) => at.inputs.get(k).copied().unwrap_or(0.0),
             Symbol::Tau => at.tau,
             Symbol::Time => at.time,
@@ -193,32 +201,23 @@ impl EquationsOfMotion {
                 let place = self.remembered.iter().position(|r| *r == k);
                 place.and_then(|j| at.inputs.get(self.inputs + j)).copied().unwrap_or(f64::NAN)
             }
-            Symbol::Acceleration(_) | Symbol::InputRate(_) => 0.0,
+            Symbol::InputRate(_) => 0.0,
             // Only laws of states hold them, where they became rates.
             Symbol::State(_) => f64::NAN,
         }));
     }
 
-    /// Entries, then accelerations; false where they do not exist.
-    fn evaluate(
-        &self,
-        s: &mut Scratch,
-        parameters: &[f64],
-        q: &[f64],
-        v: &[f64],
-        at: &Instant<'_>,
-        signs: &[f64],
-        out: &mut [f64],
-    ) -> bool {
+    /// Entries at the accelerations `guess`, and the accelerations that follow; false where they do not exist.
+    fn pass(&self, s: &mut Scratch, here: Here<'_>, guess: &[f64], out: &mut [f64]) -> bool {
         let n = self.circle.len();
-        self.values(&self.tape, q, v, at, signs, &mut s.values);
+        self.values(&self.tape, here, guess, &mut s.values);
         s.outputs.clear();
         s.outputs.resize(self.entries.len(), 0.0);
         self.tape.at(&s.values, &mut s.registers, &mut s.outputs);
         s.matrix.clear();
         s.matrix.resize(n * (n + 1), 0.0);
         for (entry, x) in self.entries.iter().zip(&s.outputs) {
-            let x = entry.coefficient.map_or(-*x, |c| parameters[c] * x);
+            let x = entry.coefficient.map_or(-*x, |c| here.parameters[c] * x);
             match entry.acceleration {
                 Some(i) => s.matrix[entry.equation * (n + 1) + i] += x,
                 None => s.matrix[entry.equation * (n + 1) + n] -= x,
@@ -227,25 +226,43 @@ impl EquationsOfMotion {
         solve(&mut s.matrix, n, 1, out)
     }
 
+    /// Entries, then accelerations; false where they do not exist.
+    fn evaluate(&self, s: &mut Scratch, here: Here<'_>, out: &mut [f64]) -> bool {
+        if !self.implicit {
+            return self.pass(s, here, &[], out);
+        }
+        out.fill(0.0);
+        let mut next = core::mem::take(&mut s.next);
+        next.resize(out.len(), 0.0);
+        let mut found = false;
+        for _ in 0..MOST_PASSES {
+            if !self.pass(s, here, out, &mut next) {
+                break;
+            }
+            let moved = next.iter().zip(&*out).fold(0.0_f64, |m, (a, b)| m.max((a - b).abs()));
+            let size = next.iter().fold(0.0_f64, |m, a| m.max(a.abs()));
+            out.copy_from_slice(&next);
+            found = moved <= STILL * size;
+            if found {
+                break;
+            }
+        }
+        s.next = next;
+        found
+    }
+
     /// As [`Dynamics::linearise_held`]; none where slopes do not exist.
-    fn slopes(
-        &self,
-        parameters: &[f64],
-        q: &[f64],
-        v: &[f64],
-        at: &Instant<'_>,
-        signs: &[f64],
-        accelerations: &mut [f64],
-        out: &mut [f64],
-    ) -> Option<bool> {
+    fn slopes(&self, here: Here<'_>, accelerations: &mut [f64], out: &mut [f64]) -> Option<bool> {
         let (tape, places) = self.slopes.as_ref()?;
         let n = self.circle.len();
-        let width = 2 * n + self.coefficients.len();
+        // By coordinates and rates, and by coefficients where there is room for them.
+        let width = out.len() / n.max(1);
+        let by_coefficients = width > 2 * n;
         SCRATCH.with_borrow_mut(|s| {
-            if !self.evaluate(s, parameters, q, v, at, signs, accelerations) {
+            if !self.evaluate(s, here, accelerations) {
                 return Some(false);
             }
-            self.values(tape, q, v, at, signs, &mut s.values);
+            self.values(tape, here, accelerations, &mut s.values);
             s.slopes.clear();
             s.slopes.resize(places.len(), 0.0);
             tape.at(&s.values, &mut s.registers, &mut s.slopes);
@@ -254,18 +271,22 @@ impl EquationsOfMotion {
             s.matrix.clear();
             s.matrix.resize(n * row, 0.0);
             let moved = |entry: &Entry| entry.acceleration.map_or(1.0, |i| accelerations[i]);
+            let factor = |entry: &Entry| entry.coefficient.map_or(-1.0, |c| here.parameters[c]);
             for (entry, x) in self.entries.iter().zip(&s.outputs) {
-                if let Some(c) = entry.coefficient {
+                if let (true, Some(c)) = (by_coefficients, entry.coefficient) {
                     s.matrix[entry.equation * row + n + 2 * n + c] -= x * moved(entry);
                 }
                 if let Some(i) = entry.acceleration {
-                    s.matrix[entry.equation * row + i] += entry.coefficient.map_or(-1.0, |c| parameters[c]) * x;
+                    s.matrix[entry.equation * row + i] += factor(entry) * x;
                 }
             }
             for (&(k, j), slope) in places.iter().zip(&s.slopes) {
                 let entry = &self.entries[k];
-                s.matrix[entry.equation * row + n + j] -=
-                    entry.coefficient.map_or(-1.0, |c| parameters[c]) * slope * moved(entry);
+                let slope = factor(entry) * slope * moved(entry);
+                match j.checked_sub(2 * n) {
+                    Some(i) => s.matrix[entry.equation * row + i] += slope,
+                    None => s.matrix[entry.equation * row + n + j] -= slope,
+                }
             }
             Some(solve(&mut s.matrix, n, width, out))
         })
@@ -302,7 +323,7 @@ impl Dynamics for EquationsOfMotion {
         signs: &[f64],
         out: &mut [f64],
     ) -> bool {
-        SCRATCH.with_borrow_mut(|s| self.evaluate(s, parameters, q, v, at, signs, out))
+        SCRATCH.with_borrow_mut(|s| self.evaluate(s, Here { parameters, q, v, at, signs }, out))
     }
 
     fn partials_held(
@@ -315,7 +336,7 @@ impl Dynamics for EquationsOfMotion {
         out: &mut [f64],
     ) -> bool {
         let mut accelerations = vec![0.0; self.circle.len()];
-        if let Some(done) = self.slopes(parameters, q, v, at, signs, &mut accelerations, out) {
+        if let Some(done) = self.slopes(Here { parameters, q, v, at, signs }, &mut accelerations, out) {
             return done;
         }
         // Hats have corners: central differences with the signs held.
@@ -342,6 +363,10 @@ impl Dynamics for EquationsOfMotion {
         true
     }
 
+    fn takes_states_alone(&self) -> bool {
+        self.slopes.is_some()
+    }
+
     fn linearise_held(
         &self,
         parameters: &[f64],
@@ -352,7 +377,7 @@ impl Dynamics for EquationsOfMotion {
         acceleration: &mut [f64],
         partials: &mut [f64],
     ) -> bool {
-        if let Some(done) = self.slopes(parameters, q, v, at, signs, acceleration, partials) {
+        if let Some(done) = self.slopes(Here { parameters, q, v, at, signs }, acceleration, partials) {
             return done;
         }
         self.acceleration_held(parameters, q, v, at, signs, acceleration)
@@ -441,92 +466,5 @@ fn solve(a: &mut [f64], n: usize, sides: usize, out: &mut [f64]) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::path::Path;
-
-    use super::*;
-
-    /// The double pendulum's accelerations satisfy its equations, coefficient by coefficient.
-    #[test]
-    fn accelerations_satisfy_the_equations() {
-        let text = r#"
-name = "double pendulum"
-coordinates = [{ name = "p", space = "S1" }, { name = "q", space = "S1" }]
-inputs = ["u"]
-[[equation]]
-balance = "u - p''"
-terms = { B1 = "q''*cos(q - p) - q'^2*sin(q - p)", B2 = "sin(p)", C = "p' - q'" }
-[[equation]]
-balance = "-q''"
-terms = { B3 = "p''*cos(q - p) + p'^2*sin(q - p)", B4 = "sin(q)*cos(tau)", D = "q' - p'" }
-"#;
-        let model = ModelFile::parse(text, Path::new("m.toml")).unwrap();
-        let motion = EquationsOfMotion::new(&model, 3.0).unwrap();
-        assert_eq!(motion.coefficients(), ["B1", "B2", "C", "B3", "B4", "D"]);
-        let p = [0.12, 40.0, 0.3, 1.6, 90.0, 0.5];
-        let (q, v) = ([0.7, 7.1], [2.0, -3.0]);
-        let at = Instant { time: 0.0, tau: 0.4, inputs: &[5.0] };
-        let mut a = [0.0; 2];
-        assert!(motion.acceleration(&p, &q, &v, &at, &mut a));
-        // Primes are by τ = 3 t.
-        let (v, a) = (v.map(|x| x / 3.0), a.map(|x| x / 9.0));
-        let d = q[1] - q[0];
-        let e1 =
-            p[0] * (a[1] * d.cos() - v[1] * v[1] * d.sin()) + p[1] * q[0].sin() + p[2] * (v[0] - v[1]) - 5.0 + a[0];
-        let e2 = p[3] * (a[0] * d.cos() + v[0] * v[0] * d.sin())
-            + p[4] * q[1].sin() * 0.4_f64.cos()
-            + p[5] * (v[1] - v[0])
-            + a[1];
-        assert!(e1.abs() < 1e-12 && e2.abs() < 1e-12, "{e1:e} {e2:e}");
-        assert!(!motion.acceleration(&[f64::NAN; 6], &q, &v, &at, &mut [0.0; 2]));
-    }
-
-    /// Analytic partials against differences, with friction held; switches are found whatever their scale.
-    #[test]
-    fn partials_agree_with_differences() {
-        let text = r#"
-name = "two"
-coordinates = [{ name = "x", space = "R" }, { name = "y", space = "S1" }]
-inputs = ["u"]
-[[equation]]
-balance = "u"
-terms = { m = "(2 + cos(y))*x'' + y''*sin(y)", k = "x^3", c = "sign(x' - y')*(1 + x^2)", d = "x'*abs(x')" }
-[[equation]]
-balance = "-2*y''"
-terms = { h = "x''*sin(y)", g = "sin(y)", e = "sign(2*y' - 2*x')" }
-"#;
-        let model = ModelFile::parse(text, Path::new("m.toml")).unwrap();
-        let motion = EquationsOfMotion::new(&model, 1.0).unwrap();
-        assert_eq!(motion.switches(), [vec![1.0, -1.0]]);
-        let p = [3.0, 0.7, 0.2, 0.1, 0.4, 9.0, 0.3];
-        let (q, v) = ([0.7, 2.1], [2.0, -3.0]);
-        let at = Instant { time: 0.0, tau: 0.0, inputs: &[5.0] };
-        let mut analytic = vec![0.0; 2 * 11];
-        assert!(motion.partials(&p, &q, &v, &at, &mut analytic));
-        struct Plain<'a>(&'a EquationsOfMotion);
-        impl Dynamics for Plain<'_> {
-            fn degrees_of_freedom(&self) -> usize {
-                2
-            }
-            fn parameter_count(&self) -> usize {
-                7
-            }
-            fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
-                self.0.acceleration(p, q, v, at, out)
-            }
-        }
-        let mut differences = vec![0.0; 2 * 11];
-        assert!(Plain(&motion).partials(&p, &q, &v, &at, &mut differences));
-        for (a, d) in analytic.iter().zip(&differences) {
-            assert!((a - d).abs() < 1e-6 * (1.0 + a.abs()), "{analytic:?} {differences:?}");
-        }
-        // The held sign enters linearly.
-        let accel = |sign: f64| {
-            let mut out = [0.0; 2];
-            assert!(motion.acceleration_held(&p, &q, &v, &at, &[sign], &mut out));
-            out
-        };
-        let (a, b, c) = (accel(-1.0), accel(0.0), accel(1.0));
-        assert!((a[0] + c[0] - 2.0 * b[0]).abs() < 1e-12 && a[0] != c[0]);
-    }
-}
+#[path = "equations_of_motion_tests.rs"]
+mod tests;

@@ -307,6 +307,12 @@ impl Expression {
         self.any(&|s| matches!(s, Symbol::Acceleration(_)))
     }
 
+    /// Whether its derivatives by accelerations hold none.
+    pub fn is_linear_in_accelerations(&self) -> bool {
+        let bends = |s: Symbol| self.derivative(s).is_none_or(|d| d.accelerates());
+        !self.any(&|s| matches!(s, Symbol::Acceleration(_)) && bends(s))
+    }
+
     /// The same with each symbol replaced; the laws of a memory stay.
     pub fn replace(&self, with: &dyn Fn(Symbol) -> Node) -> Node {
         self.rebuilt(with, &|m, k| Arc::new(E::Memory(m.clone(), k)))

@@ -289,8 +289,8 @@ mod tests {
         let model = ModelFile::parse(text, std::path::Path::new("m.toml")).unwrap();
         let state = std::sync::Arc::new(Expression::Memory(std::sync::Arc::new(dahl(0.05)), 0));
         let terms = [(0, "F".to_owned(), state)];
-        assert!(EquationsOfMotion::with_columns(&model, 1.0, &terms).unwrap_err().to_string().contains("states"));
-        let motion = EquationsOfMotion::following(&model, 1.0, &terms).unwrap();
+        let motion = EquationsOfMotion::with_columns(&model, 1.0, &terms).unwrap();
+        assert_eq!(motion.hidden().len(), 1);
         let step_s = 0.005;
         let settings = Settings { start_s: 0.0, step_s, count: 1000, tolerance: 1e-10, inputs: 0, finest: 400.0 };
         let initial = motion.with_states(&[1.0, 0.0], &[]);

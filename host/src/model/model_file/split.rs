@@ -1,6 +1,7 @@
 //! Terms of an equation split into what multiplies each acceleration and the rest, with the signs of dry friction as switches.
 //!
-//! X = Σ_i ∂X/∂q̈_i q̈_i + X without accelerations, since terms are linear in accelerations (a file with others is refused). The sign of a linear form w·v of
+//! X = Σ_i ∂X/∂q̈_i q̈_i + X without accelerations, since terms are linear in accelerations (a file with others is refused); an effect's column that is not, as the load of
+//! a joint, stays whole. The sign of a linear form w·v of
 //! the rates becomes [`Symbol::Held`], which an integrator holds between the zeros of that form.
 
 use super::expression::{Node, Symbol, as_number, call, multiply, number, symbol};
@@ -38,10 +39,13 @@ impl Split {
     /// Adds a term of an equation.
     pub fn put(&mut self, equation: usize, coefficient: Option<usize>, e: &Node) {
         let e = self.held(e);
+        if !e.is_linear_in_accelerations() {
+            self.entries.push(Entry { equation, coefficient, acceleration: None });
+            self.nodes.push(e);
+            return;
+        }
         for i in 0..self.n {
-            if let Some(d) = e.derivative(Symbol::Acceleration(i))
-                && as_number(&d) != Some(0.0)
-            {
+            if let Some(d) = e.derivative(Symbol::Acceleration(i)).filter(|d| as_number(d) != Some(0.0)) {
                 self.entries.push(Entry { equation, coefficient, acceleration: Some(i) });
                 self.nodes.push(d);
             }

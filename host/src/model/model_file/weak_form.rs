@@ -1,7 +1,7 @@
 //! A model file's equations as series and parts, for one drive frequency: what [`crate::identify::windows`] turns into rows.
 
 use super::ModelFile;
-use super::by_parts::pieces;
+use super::by_parts::{pieces, pieces_of_effect};
 use super::expression::{Node, Symbol};
 use super::tape::Tape;
 use crate::error::Result;
@@ -46,8 +46,9 @@ impl WeakForm {
     pub fn new(model: &ModelFile, omega: f64, extra: &[Vec<Column>]) -> Result<Self> {
         let circle = model.circle();
         let mut series = Series::default();
-        let mut parts = |e: &Node| -> Result<Vec<Part>> {
-            let list = pieces(e, omega, &circle).map_err(|m| model.bad(m, "a term that can be integrated by parts"))?;
+        let mut parts = |e: &Node, effect: bool| -> Result<Vec<Part>> {
+            let list = if effect { pieces_of_effect(e, omega, &circle) } else { pieces(e, omega, &circle) };
+            let list = list.map_err(|m| model.bad(m, "a term that can be integrated by parts"))?;
             Ok(list
                 .into_iter()
                 .map(|p| Part { series: series.index(p.of.with_clear_signs()), order: p.order, factor: p.factor })
@@ -55,13 +56,13 @@ impl WeakForm {
         };
         let mut equations = Vec::with_capacity(model.equations.len());
         for (e, equation) in model.equations.iter().enumerate() {
-            let own = equation.terms.iter().map(|t| (t.name.clone(), model.in_seconds(&t.of, omega)));
-            let more = extra.get(e).into_iter().flatten().map(|c| (c.name.clone(), c.of.clone()));
+            let own = equation.terms.iter().map(|t| (t.name.clone(), model.in_seconds(&t.of, omega), false));
+            let more = extra.get(e).into_iter().flatten().map(|c| (c.name.clone(), c.of.clone(), true));
             let mut terms = Vec::new();
-            for (name, of) in own.chain(more) {
-                terms.push(Term { name, unit: "", parts: parts(&of)? });
+            for (name, of, effect) in own.chain(more) {
+                terms.push(Term { name, unit: "", parts: parts(&of, effect)? });
             }
-            let target = parts(&model.in_seconds(&equation.balance, omega))?;
+            let target = parts(&model.in_seconds(&equation.balance, omega), false)?;
             equations.push(Equation { terms, target });
         }
         Ok(Self { tape: Tape::new(&series.0), equations })

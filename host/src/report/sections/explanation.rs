@@ -1,7 +1,7 @@
 //! An explanation: verdict, effects, the gap before and after, what each candidate explains, where the disagreement sits.
 
-use crate::explain::residual_map::Map;
-use crate::explain::unknown::Unknown;
+use crate::explain::engine::residual_map::Map;
+use crate::explain::engine::unknown::Unknown;
 use crate::explain::{Explanation, Found, Ranked, Verdict};
 use crate::report::figures::Figure;
 use crate::report::figures::axis::Axis;
@@ -113,7 +113,7 @@ fn one(body: &mut Html, e: &Explanation) {
     }
 }
 
-/// Errors of forecasts in degrees, a column for each horizon.
+/// Errors of forecasts, a column for each horizon.
 fn forecasts(body: &mut Html, e: &Explanation) {
     let Some(first) = e.gap.forecasts.first() else { return };
     body.paragraph(
@@ -124,12 +124,16 @@ fn forecasts(body: &mut Html, e: &Explanation) {
         (Html::text("model"), Align::Left),
         (Html::text("gap / noise floors"), Align::Right),
     ];
-    heads.extend(
-        e.gap
-            .forecasts
-            .iter()
-            .map(|f| (Html::text(&format!("over {} s / °", significant(f.horizon_s, 4))), Align::Right)),
-    );
+    heads.extend(e.gap.forecasts.iter().map(|f| {
+        (
+            Html::text(&format!(
+                "over {} s / {}",
+                significant(f.horizon_s, 4),
+                if f.unit == "deg" { "°" } else { &f.unit }
+            )),
+            Align::Right,
+        )
+    }));
     let rows: Vec<Vec<Html>> = (0..first.steps.len())
         .map(|i| {
             let name = match &first.steps[i].added {

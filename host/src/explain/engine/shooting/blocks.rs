@@ -1,11 +1,15 @@
 //! Least squares over windows whose Gram matrices are known: coefficients, jackknife covariance, and the residual of each window when it is not fitted.
 //!
+//! Gram matrices are of increments from the coefficients that the columns were taken at: where motion is chaotic columns grow so large that what is left would be the small
+//! difference of large numbers otherwise.
+//!
 //! A window is a block; every third is one fold, as in [`crate::explain::ranking`]. Each has a Gram matrix for every horizon that it is predicted over, with a
 //! weight of its own. Coefficients of laws that take energy away
 //! may not come out with the sign of laws that give it: one that would is held at zero and the others are fitted again.
 
 use nalgebra::{DMatrix, DVector};
 
+use super::gram::Gram;
 use crate::explain::ranking::{FOLDS, Fit, solve, squares};
 
 /// Least share of a candidate's column that the model's own columns leave over.
@@ -14,8 +18,8 @@ const SEPARABLE: f64 = 1e-4;
 /// A window over one horizon.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// Gram matrix of all columns and the target, in units of the noise.
-    pub gram: DMatrix<f64>,
+    /// Gram matrix of the columns and the target, in units of the noise.
+    pub gram: Gram,
     /// Degrees of freedom: rows less the states that were eliminated.
     pub freedom: f64,
 }
@@ -28,56 +32,56 @@ pub struct Blocks {
     weights: Vec<Vec<f64>>,
     /// Sign that each column's coefficient keeps; 0 for either.
     signs: Vec<f64>,
+    /// Coefficients that the first columns were taken at; zero for the others.
+    origin: Vec<f64>,
     /// Columns of increments, which have settled: a fit to two thirds of the blocks, whose predictions are not made with them, leaves them at nothing.
     pub still: Vec<bool>,
     /// Where each window lies: stretch, and the samples of it at which it begins and ends.
     pub places: Vec<[usize; 3]>,
 }
 
-/// The least-squares solution with signs kept (0: any), and what is held at zero.
-pub fn solve_signed(total: &DMatrix<f64>, signs: &[f64]) -> Option<(DVector<f64>, Vec<bool>)> {
+/// The least-squares increments with the signs of coefficients kept (0: any), which are those of `origin` before, and what is held at zero.
+fn solve_signed(total: &DMatrix<f64>, signs: &[f64], origin: &[f64]) -> Option<(DVector<f64>, Vec<bool>)> {
     let p = signs.len();
     let mut held = vec![false; p];
     loop {
-        let x = solve_free(total, &held)?;
+        let x = solve_free(total, &held, origin)?;
         // The one that is furthest on the wrong side, in units of what it adds.
-        let wrong = |i: usize| -signs[i] * x[i] * total[(i, i)].max(0.0).sqrt();
-        match (0..p).filter(|&i| wrong(i) > 0.0).max_by(|&a, &b| wrong(a).total_cmp(&wrong(b))) {
+        let wrong = |i: usize| -signs[i] * (origin[i] + x[i]) * total[(i, i)].max(0.0).sqrt();
+        match (0..p).filter(|&i| !held[i] && wrong(i) > 0.0).max_by(|&a, &b| wrong(a).total_cmp(&wrong(b))) {
             Some(i) => held[i] = true,
             None => return Some((x, held)),
         }
     }
 }
 
-/// The solution of a Gram matrix with some coefficients held at zero.
-fn solve_free(total: &DMatrix<f64>, held: &[bool]) -> Option<DVector<f64>> {
+/// The solution of a Gram matrix, some coefficients held at zero.
+fn solve_free(total: &DMatrix<f64>, held: &[bool], origin: &[f64]) -> Option<DVector<f64>> {
     let p = held.len();
     let free: Vec<usize> = (0..p).filter(|i| !held[*i]).chain([p]).collect();
-    let part = DMatrix::from_fn(free.len(), free.len(), |i, j| total[(free[i], free[j])]);
+    let mut part = DMatrix::from_fn(free.len(), free.len(), |i, j| total[(free[i], free[j])]);
+    let last = free.len() - 1;
+    for k in (0..p).filter(|k| held[*k]) {
+        (0..last).for_each(|i| part[(i, last)] += total[(free[i], k)] * origin[k]);
+    }
     let found = solve(&part)?;
-    let mut x = DVector::zeros(p);
+    let mut x = DVector::from_fn(p, |i, _| if held[i] { -origin[i] } else { 0.0 });
     free.iter().zip(found.iter()).for_each(|(&i, v)| x[i] = *v);
     Some(x)
 }
 
-/// Some columns of a Gram matrix and its target.
-fn chosen(gram: &DMatrix<f64>, columns: &[usize]) -> DMatrix<f64> {
-    let (last, p) = (gram.nrows() - 1, columns.len());
-    let place = |i: usize| if i < p { columns[i] } else { last };
-    DMatrix::from_fn(p + 1, p + 1, |i, j| gram[(place(i), place(j))])
-}
-
 impl Blocks {
     /// Blocks of equal weight.
-    pub fn new(windows: Vec<Vec<Part>>, signs: Vec<f64>) -> Self {
+    pub fn new(windows: Vec<Vec<Part>>, signs: Vec<f64>, origin: Vec<f64>) -> Self {
         let weights = windows.iter().map(|w| vec![1.0; w.len()]).collect();
-        Self { windows, weights, signs, still: Vec::new(), places: Vec::new() }
+        Self { windows, weights, signs, origin, still: Vec::new(), places: Vec::new() }
     }
 
     /// Mean square residual of each part in units of the noise, for coefficients of the first columns.
     pub fn misfits(&self, x: &DVector<f64>) -> Vec<Vec<f64>> {
         let places: Vec<usize> = (0..x.len()).collect();
-        let of = |p: &Part| squares(&chosen(&p.gram, &places), x) / p.freedom.max(1.0);
+        let step = x - DVector::from_vec(self.origin_of(&places));
+        let of = |p: &Part| squares(&p.gram.chosen(&places), &step) / p.freedom.max(1.0);
         self.windows.iter().map(|w| w.iter().map(of).collect()).collect()
     }
 
@@ -100,10 +104,10 @@ impl Blocks {
     pub fn held_out(&self, columns: &[usize]) -> Option<f64> {
         let (mut sum, mut count) = (0.0, 0.0_f64);
         for fold in 0..FOLDS {
-            let x = self.without_fold(columns, fold)?;
+            let step = self.without_fold(columns, fold)?;
             for window in self.windows.iter().skip(fold).step_by(FOLDS) {
                 for p in window {
-                    let left = squares(&chosen(&p.gram, columns), &x) / p.freedom.max(1.0);
+                    let left = squares(&p.gram.chosen(columns), &step) / p.freedom.max(1.0);
                     sum += p.freedom * left.max(f64::MIN_POSITIVE).ln();
                     count += p.freedom;
                 }
@@ -117,30 +121,32 @@ impl Blocks {
         let grams = self.grams(columns);
         let kept = grams.iter().enumerate().filter(|(k, _)| k % FOLDS != fold);
         let total = kept.fold(DMatrix::zeros(p + 1, p + 1), |s, (_, g)| s + g);
-        Some(solve_signed(&total, &self.signs_of(columns))?.0)
+        Some(solve_signed(&total, &self.signs_of(columns), &self.origin_of(columns))?.0)
     }
 
-    /// Coefficients from the windows that end before a sample of a stretch (all of the other stretches), increments left at nothing; none where they are few.
-    pub fn until(&self, columns: &[usize], stretch: usize, sample: usize) -> Option<DVector<f64>> {
+    /// Coefficients from some windows (by stretch, first sample and the one behind the last), increments left at nothing; none where they are few.
+    pub fn of_some(&self, columns: &[usize], keep: impl Fn(&[usize; 3]) -> bool) -> Option<DVector<f64>> {
         let p = columns.len();
         let grams = self.grams(columns);
-        let kept: Vec<&DMatrix<f64>> = grams
-            .iter()
-            .zip(&self.places)
-            .filter(|(_, [s, _, end])| *s != stretch || *end <= sample)
-            .map(|(g, _)| g)
-            .collect();
+        let kept: Vec<&DMatrix<f64>> =
+            grams.iter().zip(&self.places).filter(|(_, place)| keep(place)).map(|(g, _)| g).collect();
         if kept.len() < FOLDS {
             return None;
         }
         let total = kept.into_iter().fold(DMatrix::zeros(p + 1, p + 1), |s, g| s + g);
-        let held = solve_signed(&total, &self.signs_of(columns))?.1;
+        let origin = self.origin_of(columns);
+        let held = solve_signed(&total, &self.signs_of(columns), &origin)?.1;
         let still = |i: usize| self.still.get(columns[i]).copied().unwrap_or(false);
-        solve_free(&total, &(0..p).map(|i| held[i] || still(i)).collect::<Vec<_>>())
+        let held: Vec<bool> = (0..p).map(|i| held[i] || still(i)).collect();
+        Some(solve_free(&total, &held, &origin)? + DVector::from_vec(origin))
     }
 
     fn signs_of(&self, columns: &[usize]) -> Vec<f64> {
         columns.iter().map(|c| self.signs.get(*c).copied().unwrap_or(0.0)).collect()
+    }
+
+    fn origin_of(&self, columns: &[usize]) -> Vec<f64> {
+        columns.iter().map(|c| self.origin.get(*c).copied().unwrap_or(0.0)).collect()
     }
 
     /// The same with a ridge on some columns: each adds its entry times their mean square to the normal matrix.
@@ -154,7 +160,7 @@ impl Blocks {
         for (window, weights) in stiff.windows.iter_mut().zip(&self.weights) {
             if let (Some(part), Some(w)) = (window.first_mut(), weights.first()) {
                 for &i in &on {
-                    part.gram[(columns[i], columns[i])] += ridge[i] * mean * share / w;
+                    part.gram.stiffen(columns[i], ridge[i] * mean * share / w);
                 }
             }
         }
@@ -167,7 +173,7 @@ impl Blocks {
         let both = self.windows.iter().zip(&self.weights);
         both.map(|(window, weights)| {
             let parts = window.iter().zip(weights);
-            parts.fold(DMatrix::zeros(p + 1, p + 1), |sum, (part, w)| sum + chosen(&part.gram, columns) * *w)
+            parts.fold(DMatrix::zeros(p + 1, p + 1), |sum, (part, w)| sum + part.gram.chosen(columns) * *w)
         })
         .collect()
     }
@@ -196,23 +202,24 @@ impl Blocks {
         if own > 0 && p > own && !self.separable(own, &total) {
             return None;
         }
-        let (all, held) = solve_signed(&total, &signs)?;
+        let origin = self.origin_of(columns);
+        let (all, held) = solve_signed(&total, &signs, &origin)?;
         let mut held_out = vec![0.0; n];
         let mut train = None;
         for fold in 0..FOLDS {
             let kept = parts.iter().enumerate().filter(|(k, _)| k % FOLDS != fold).fold(zero(), |s, (_, g)| s + g);
-            let x = solve_free(&kept, &held)?;
+            let x = solve_free(&kept, &held, &origin)?;
             (fold..n).step_by(FOLDS).for_each(|k| held_out[k] = squares(&parts[k], &x));
             if fold == 0 {
                 let still = |i: usize| self.still.get(columns[i]).copied().unwrap_or(false);
                 let without: Vec<bool> = (0..p).map(|i| held[i] || still(i)).collect();
-                train = Some(if without == held { x } else { solve_free(&kept, &without)? });
+                train = Some(if without == held { x } else { solve_free(&kept, &without, &origin)? });
             }
         }
         let jackknife = |held: &[bool], all: &DVector<f64>| -> Option<DMatrix<f64>> {
             let mut covariance = DMatrix::zeros(p, p);
             for part in &parts {
-                let change = solve_free(&(&total - part), held)? - all;
+                let change = solve_free(&(&total - part), held, &origin)? - all;
                 covariance += &change * change.transpose() * ((n - 1) as f64 / n as f64);
             }
             Some(covariance)
@@ -220,17 +227,26 @@ impl Blocks {
         let mut covariance = jackknife(&held, &all)?;
         if held.contains(&true) {
             let free = vec![false; p];
-            let plain = jackknife(&free, &solve_free(&total, &free)?)?;
+            let plain = jackknife(&free, &solve_free(&total, &free, &origin)?)?;
             (0..p).filter(|i| held[*i]).for_each(|i| covariance[(i, i)] = plain[(i, i)]);
         }
         // Windows weigh alike: those in which a friction shows most are those that miss most without it.
-        Some(Fit { all, train: train?, covariance, blocks: n, effective: vec![n as f64; p], held_out })
+        let origin = DVector::from_vec(origin);
+        let (all, train) = (all + &origin, train? + origin);
+        Some(Fit { all, train, covariance, blocks: n, effective: vec![n as f64; p], held_out })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A Gram matrix of three columns with what coefficients leave of the target.
+    fn about_others(gram: &DMatrix<f64>, x: [f64; 3]) -> DMatrix<f64> {
+        let mut change = DMatrix::identity(4, 4);
+        (0..3).for_each(|i| change[(i, 3)] = -x[i]);
+        change.transpose() * gram * change
+    }
 
     /// y = 2 a − b + c over blocks of random rows: free, all are found; with b ≥ 0 it is held, and the others are those of a fit without it.
     #[test]
@@ -251,8 +267,9 @@ mod tests {
                 gram
             })
             .collect();
-        let parts: Vec<Vec<Part>> = grams.iter().map(|g| vec![Part { gram: g.clone(), freedom: 20.0 }]).collect();
-        let blocks = |signs: [f64; 3]| Blocks::new(parts.clone(), signs.to_vec());
+        let parts: Vec<Vec<Part>> =
+            grams.iter().map(|g| vec![Part { gram: Gram::of_own(g.clone()), freedom: 20.0 }]).collect();
+        let blocks = |signs: [f64; 3]| Blocks::new(parts.clone(), signs.to_vec(), Vec::new());
         let free = blocks([0.0; 3]).fit(&[0, 1, 2]).unwrap();
         assert!((free.all[1] + 1.0).abs() < 0.01, "{}", free.all);
         let kept = blocks([1.0, 1.0, 0.0]).fit(&[0, 1, 2]).unwrap();
@@ -260,6 +277,13 @@ mod tests {
         assert_eq!(kept.all[1], 0.0);
         assert!((kept.all[0] - without.all[0]).abs() < 1e-12, "{}", kept.all);
         assert!(kept.covariance[(1, 1)] > 0.0 && kept.held_out.iter().sum::<f64>() > 0.1);
+        // The same about other coefficients: the target is what these leave.
+        let about = [1.5, 0.4, 0.9];
+        let moved: Vec<Vec<Part>> =
+            grams.iter().map(|g| vec![Part { gram: Gram::of_own(about_others(g, about)), freedom: 20.0 }]).collect();
+        let other = Blocks::new(moved, vec![1.0, 1.0, 0.0], about.to_vec()).fit(&[0, 1, 2]).unwrap();
+        assert!((other.all[1]).abs() < 1e-12 && (other.all[0] - kept.all[0]).abs() < 1e-9, "{}", other.all);
+        assert!((other.held_out[3] / kept.held_out[3] - 1.0).abs() < 1e-6);
         // Blocks that leave ten times the noise count a tenth.
         let mut weighed = blocks([0.0; 3]);
         let misfits: Vec<Vec<f64>> = (0..12).map(|k| vec![if k < 6 { 0.5 } else { 10.0 }]).collect();

@@ -1,5 +1,7 @@
 //! The record while columns are fitted to it: windows linearised about their paths.
 
+use std::sync::Arc;
+
 use nalgebra::DVector;
 use rayon::prelude::*;
 
@@ -9,6 +11,7 @@ use super::super::state::State;
 use super::along::Along;
 use super::blocks::{Blocks, Part};
 use super::forcing::{Additions, Forcing};
+use super::gram::Layout;
 use super::linear::{Linear, Measured, Normal};
 use super::path::{FEWEST_SAMPLES, Path, Window};
 use crate::identify::general::track;
@@ -64,13 +67,27 @@ pub struct List<'a> {
     pub further: &'a [&'a Candidate],
     /// Columns of no effect.
     pub behind: &'a [Column],
+    /// Whether candidates are fitted together.
+    pub together: bool,
+}
+
+impl List<'_> {
+    /// Which columns are fitted together.
+    fn layout(&self) -> Arc<Layout> {
+        let mut sizes: Vec<usize> = self.further.iter().map(|c| c.strengths()).collect();
+        sizes.push(self.behind.len());
+        if self.together {
+            sizes = vec![sizes.iter().sum()];
+        }
+        Layout::new(self.x.len(), &sizes)
+    }
 }
 
 impl<'a> Course<'a> {
     /// For the state's stretches.
     pub fn new(setting: &'a Setting<'a>, state: &'a State) -> Self {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
-        let numbers = state.remembered(setting);
+        let numbers = state.remembered();
         let between = state.stretches.iter().map(|s| track::Along::remembering(s, omega, &numbers)).collect();
         let shown = state.stretches.iter().map(|s| s.sensors(&setting.bound)).collect();
         let (weights, sigma) = state.on_track(setting, |t| (t.sensors.clone(), t.sigma.clone()));
@@ -88,7 +105,7 @@ impl<'a> Course<'a> {
     }
 
     /// Columns of a list for every record.
-    fn columns(&self, list: &List<'_>) -> Option<(usize, Vec<Columns>)> {
+    fn columns(&self, list: &List<'_>) -> Option<(Arc<Layout>, Vec<Columns>)> {
         let (setting, state) = (self.setting, self.state);
         let model = setting.model();
         let own = setting.own.names.len();
@@ -128,7 +145,7 @@ impl<'a> Course<'a> {
                 Some(Columns { motion, parameters, forcing })
             })
             .collect::<Option<Vec<_>>>()?;
-        Some((count, records))
+        Some((list.layout(), records))
     }
 
     /// What the sensors showed over a window, and what columns of sensors add there.
@@ -178,7 +195,13 @@ impl<'a> Course<'a> {
     }
 
     /// A window linearised; none where that is not possible.
-    fn solve(&self, path: &Path, w: &Window, list: &List<'_>, (count, records): (usize, &[Columns])) -> Option<Solved> {
+    fn solve(
+        &self,
+        path: &Path,
+        w: &Window,
+        list: &List<'_>,
+        (layout, records): (&Arc<Layout>, &[Columns]),
+    ) -> Option<Solved> {
         let n = self.setting.circle.len();
         let record = self.setting.record_of.get(w.stretch).copied().unwrap_or(0);
         let columns = records.get(record)?;
@@ -188,20 +211,23 @@ impl<'a> Course<'a> {
         let linear = Linear::new(states, &along, motion)?;
         let alpha = columns.forcing.along(&linear.points, &along, motion)?;
         let measured = self.measured(path, w, states, list);
-        let normal = linear.normal(states, &alpha, count, &measured, (0, w.count));
-        let gram = normal.reduced(&normal.at(&list.x))?;
+        let normal = linear.normal(states, &alpha, layout, &measured, (0, w.count));
+        let gram = normal.reduced()?;
         let mut parts = vec![Part { gram, freedom: self.freedom(&normal) }];
         let short = w.count / SHORT;
         if short >= FEWEST_SAMPLES {
             let mut sum: Option<Part> = None;
             for k in 0..w.count / short {
-                let normal = linear.normal(states, &alpha, count, &measured, (k * short, (k + 1) * short));
-                let gram = normal.reduced(&normal.at(&list.x))?;
+                let normal = linear.normal(states, &alpha, layout, &measured, (k * short, (k + 1) * short));
+                let gram = normal.reduced()?;
                 let freedom = self.freedom(&normal);
-                sum = Some(match sum {
-                    Some(part) => Part { gram: part.gram + gram, freedom: part.freedom + freedom },
-                    None => Part { gram, freedom },
-                });
+                match &mut sum {
+                    Some(part) => {
+                        part.gram.add(&gram);
+                        part.freedom += freedom;
+                    }
+                    None => sum = Some(Part { gram, freedom }),
+                }
             }
             parts.extend(sum);
         }
@@ -210,14 +236,14 @@ impl<'a> Course<'a> {
 
     /// All windows linearised.
     pub fn solved(&self, paths: &[Path], all: &[Window], list: &List<'_>) -> Option<Vec<Option<Solved>>> {
-        let (count, records) = self.columns(list)?;
-        Some(all.par_iter().map(|w| self.solve(&paths[w.stretch], w, list, (count, &records))).collect())
+        let (layout, records) = self.columns(list)?;
+        Some(all.par_iter().map(|w| self.solve(&paths[w.stretch], w, list, (&layout, &records))).collect())
     }
 
     /// Gram matrices of all windows, without what they were made of: with every candidate's columns that would be much.
     pub fn reduced(&self, paths: &[Path], all: &[Window], list: &List<'_>, signs: Vec<f64>) -> Option<Blocks> {
-        let (count, records) = self.columns(list)?;
-        let of = |w: &Window| Some(self.solve(&paths[w.stretch], w, list, (count, &records))?.parts);
+        let (layout, records) = self.columns(list)?;
+        let of = |w: &Window| Some(self.solve(&paths[w.stretch], w, list, (&layout, &records))?.parts);
         let found: Vec<Option<Vec<Part>>> = all.par_iter().map(of).collect();
         let whole = |w: &Window| {
             let first = paths[w.stretch].first + w.first;
@@ -225,7 +251,7 @@ impl<'a> Course<'a> {
         };
         let kept = found.into_iter().zip(all).filter_map(|(parts, w)| Some((parts?, whole(w))));
         let (windows, places) = kept.unzip();
-        let mut blocks = Blocks::new(windows, signs);
+        let mut blocks = Blocks::new(windows, signs, list.x.clone());
         blocks.places = places;
         Some(blocks)
     }
@@ -235,11 +261,11 @@ impl<'a> Course<'a> {
         normal.rows as f64 - 2.0 * self.setting.circle.len() as f64
     }
 
-    /// Blocks of the windows that have a solution, and their numbers.
-    pub fn blocks(&self, solved: &[Option<Solved>], signs: Vec<f64>) -> (Blocks, Vec<usize>) {
+    /// Blocks of the windows that have a solution at coefficients `x`, and their numbers.
+    pub fn blocks(&self, solved: &[Option<Solved>], signs: Vec<f64>, x: &[f64]) -> (Blocks, Vec<usize>) {
         let kept: Vec<usize> = (0..solved.len()).filter(|&k| solved[k].is_some()).collect();
         let windows = solved.iter().flatten().map(|s| s.parts.clone()).collect();
-        (Blocks::new(windows, signs), kept)
+        (Blocks::new(windows, signs, x.to_vec()), kept)
     }
 
     /// Whether a moved path is one that the linearisation can mean.

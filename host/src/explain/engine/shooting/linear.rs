@@ -5,9 +5,12 @@
 //! α_{k+1})/2 for rates (over several points to a sample where samples are few). Sensors show S(q + δ_q) + Σ ε s(q): linear in δ_0, parameters, strengths and sensor laws alike. No
 //! solution has to be found first, and what is far from one still has its columns.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::along::Along;
+use super::gram::{Gram, Layout, Sums};
 use crate::model::flow::{Flow, Work};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
@@ -42,9 +45,8 @@ pub struct Measured<'a> {
 
 /// Normal equations of a window.
 pub struct Normal {
-    /// Gram matrix of the initial state, the columns and the target, all rows in units of the noise.
-    whole: DMatrix<f64>,
-    states: usize,
+    /// Sums of products of the initial state, the columns and the target, all rows in units of the noise.
+    sums: Sums,
     /// Rows.
     pub rows: usize,
 }
@@ -102,10 +104,11 @@ impl Linear {
         &self,
         states: &[f64],
         alpha: &[f64],
-        columns: usize,
+        layout: &Arc<Layout>,
         measured: &Measured<'_>,
         (first, end): (usize, usize),
     ) -> Normal {
+        let columns = layout.columns;
         let sensors = measured.shown.len();
         let n = measured.shown.first().map_or(0, Vec::len);
         let m = 2 * n;
@@ -113,7 +116,7 @@ impl Linear {
         let mut z = vec![0.0; m * width];
         (0..m).for_each(|i| z[i * width + i] = 1.0);
         let mut next = z.clone();
-        let mut whole = DMatrix::zeros(width, width);
+        let mut sums = Sums::zeros(layout, m);
         let mut chunk = DMatrix::zeros(width, CHUNK);
         let mut filled = 0;
         for k in first..end {
@@ -134,7 +137,7 @@ impl Linear {
                 }
                 filled += 1;
                 if filled == CHUNK {
-                    whole.gemm(1.0, &chunk, &chunk.transpose(), 1.0);
+                    sums.push(&chunk);
                     filled = 0;
                 }
             }
@@ -162,10 +165,9 @@ impl Linear {
             }
         }
         if filled > 0 {
-            let part = chunk.columns(0, filled).into_owned();
-            whole.gemm(1.0, &part, &part.transpose(), 1.0);
+            sums.push(&chunk.columns(0, filled).into_owned());
         }
-        Normal { whole, states: m, rows: (end - first) * sensors }
+        Normal { sums, rows: (end - first) * sensors }
     }
 
     /// The path moved by an initial step and a step of the columns; also the greatest rms movement of a sensor's reading in units of its noise.
@@ -218,46 +220,16 @@ impl Linear {
 }
 
 impl Normal {
-    /// The same with the target moved to what columns at `x` add up to, so that its solution is the parameters themselves and not a step; columns behind `x` are not
-    /// moved.
-    pub fn at(&self, x: &[f64]) -> DMatrix<f64> {
-        let mut out = self.whole.clone();
-        let (m, last) = (self.states, out.nrows() - 1);
-        let p = DVector::from_column_slice(x);
-        let own = self.whole.view((0, m), (last + 1, x.len())) * &p;
-        let squares = (self.whole.view((last, m), (1, x.len())) * &p)[(0, 0)] * 2.0
-            + (p.transpose() * self.whole.view((m, m), (x.len(), x.len())) * &p)[(0, 0)];
-        for i in 0..last {
-            out[(i, last)] += own[i];
-            out[(last, i)] += own[i];
-        }
-        out[(last, last)] += squares;
-        out
-    }
-
-    /// A Gram matrix from [`Normal::at`] with the initial state eliminated; none where the record does not determine it.
-    pub fn reduced(&self, whole: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-        let m = self.states;
-        let rest = whole.nrows() - m;
-        let coupling = whole.view((0, m), (m, rest)).into_owned();
-        let solved = self.states_by(whole)?.solve(&coupling);
-        let mut out = whole.view((m, m), (rest, rest)) - coupling.transpose() * solved;
-        // Rounding leaves it unsymmetric.
-        let turned = out.transpose();
-        out = 0.5 * (out + turned);
-        out.iter().all(|x| x.is_finite()).then_some(out)
-    }
-
-    fn states_by(&self, whole: &DMatrix<f64>) -> Option<nalgebra::Cholesky<f64, nalgebra::Dyn>> {
-        whole.view((0, 0), (self.states, self.states)).into_owned().cholesky()
+    /// The Gram matrix with the initial state eliminated; none where the record does not determine it.
+    pub fn reduced(&self) -> Option<Gram> {
+        self.sums.reduced()
     }
 
     /// The initial step that goes with a step of the first columns.
     pub fn start(&self, step: &DVector<f64>) -> Option<DVector<f64>> {
-        let m = self.states;
-        let last = self.whole.nrows() - 1;
-        let right = self.whole.view((0, last), (m, 1)).column(0) - self.whole.view((0, m), (m, step.len())) * step;
-        Some(self.states_by(&self.whole)?.solve(&right))
+        let (square, coupling) = self.sums.of_first();
+        let right = coupling.column(coupling.ncols() - 1) - coupling.columns(0, step.len()) * step;
+        Some(square.cholesky()?.solve(&right))
     }
 }
 
@@ -265,9 +237,9 @@ impl Normal {
 mod tests {
     use std::path::Path;
 
-    use super::super::blocks::solve_signed;
     use super::super::forcing::{Additions, Forcing};
     use super::*;
+    use crate::explain::ranking::solve;
     use crate::identify::general::stretches::Stretch;
     use crate::identify::general::track;
     use crate::model::model_file::ModelFile;
@@ -323,11 +295,9 @@ mod tests {
             for _ in 0..passes {
                 let linear = Linear::new(&states, &along, (&motion, &p)).unwrap();
                 let alpha = forcing.along(&linear.points, &along, (&motion, &p)).unwrap();
-                let normal = linear.normal(&states, &alpha, 4, &measured, (0, COUNT));
-                let gram = normal.reduced(&normal.at(&p)).unwrap();
-                let x = solve_signed(&gram, &[0.0; 4]).unwrap().0;
-                found = x.iter().copied().collect();
-                let step = DVector::from_iterator(4, (0..4).map(|k| x[k] - p[k]));
+                let normal = linear.normal(&states, &alpha, &Layout::new(4, &[]), &measured, (0, COUNT));
+                let step = solve(&normal.reduced().unwrap().chosen(&[0, 1, 2, 3])).unwrap();
+                found = step.iter().zip(&p).map(|(s, p)| s + p).collect();
                 let start = normal.start(&step).unwrap();
                 states = linear.moved(&states, &alpha, (&start, &step), &measured).0;
             }

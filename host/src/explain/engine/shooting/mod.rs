@@ -10,7 +10,8 @@
 //! short one, where little of what else is lacking has added up.
 //!
 //! Windows are as long as leaves [`BLOCKS`] of them, and ten periods of the motion at most (under measured inputs, whose windows of the weak form are those of
-//! transients, twenty of these).
+//! transients, twenty of these). What a drive keeps moving may be chaotic: there windows double from one period of the drive to eight, as long as they can be
+//! followed, and those of the last length that do not stand still are left out, by convergence and never by misfit (a reversal that only just happens).
 //!
 //! | file | what |
 //! |---|---|
@@ -19,14 +20,15 @@
 //! | [`course`] | the record while columns are fitted to it |
 //! | [`forcing`] | accelerations by every column |
 //! | [`linear`] | a window's normal equations |
-//! | [`blocks`], [`batches`] | least squares over windows, for some candidates at a time |
+//! | [`gram`] | sums of products of the columns that are fitted together |
+//! | [`blocks`] | least squares over windows |
 //! | [`signs`] | coefficients that keep their sign |
 
 mod along;
-pub mod batches;
 pub mod blocks;
 mod course;
 mod forcing;
+mod gram;
 mod linear;
 mod path;
 pub mod signs;
@@ -49,8 +51,12 @@ const MOST_SAMPLES: usize = 60_000;
 /// Parts of the full length in which windows grow, and most linearisations at each.
 const STAGES: [f64; 3] = [0.25, 0.5, 1.0];
 const PASSES: [usize; 3] = [2, 2, 5];
+/// Longest window under a drive, in its periods.
+const MOST_PERIODS: usize = 8;
 /// Movement of the path, in the sensors' noise or as a share of what is left, below which it stands still.
 const STILL: f64 = 0.15;
+/// Share of the windows under a drive that must have settled.
+const SETTLED: f64 = 0.9;
 /// Share of the windows that may be left out.
 const MOST_LOST: f64 = 0.3;
 
@@ -62,6 +68,8 @@ pub struct Followed {
     length: Option<usize>,
     /// Windows of the last fit.
     count: usize,
+    /// Which windows of that length were followed until they stood still; empty where all count.
+    still: Vec<bool>,
 }
 
 impl Followed {
@@ -102,41 +110,65 @@ fn longest(setting: &Setting<'_>, lengths: &[usize]) -> usize {
     wished.max(2 * FEWEST_SAMPLES).min(lengths.iter().copied().max().unwrap_or(0))
 }
 
+/// Lengths in which windows grow to their full one, and most linearisations at each. What a drive keeps moving may be chaotic: its windows double from
+/// one period on, as long as they can be followed.
+fn stages(setting: &Setting<'_>, full: usize) -> Vec<(usize, usize)> {
+    let step_s = setting.raw.first().map_or(1.0, |s| s.step_s);
+    if let Some(drive) = setting.rig.drive {
+        let period = (1.0 / (drive.frequency_hz * step_s)).ceil() as usize;
+        let most = full.min(MOST_PERIODS * period);
+        let doubled = (0..usize::BITS).map(|k| period.max(2 * FEWEST_SAMPLES) << k);
+        return doubled.take_while(|l| *l <= most).map(|l| (l, PASSES[2])).collect();
+    }
+    let of = |(share, passes): (f64, usize)| ((share * full as f64) as usize, passes);
+    STAGES.into_iter().zip(PASSES).map(of).filter(|s| s.0 >= 2 * FEWEST_SAMPLES).collect()
+}
+
 /// Fits the model's own columns and what was chosen from the state's coefficients on, moving the paths with them; none where most windows cannot be followed.
 pub fn settle(setting: &Setting<'_>, state: &mut State) -> Option<(DVector<f64>, DMatrix<f64>)> {
-    let n = setting.circle.len();
-    let mut followed = state.followed.take().unwrap_or_else(|| Followed {
-        paths: state.stretches.iter().map(|s| Path::smoothed(s, &setting.geometry.kernels)).collect(),
-        length: None,
-        count: 0,
-    });
-    let lengths: Vec<usize> = followed.paths.iter().map(|p| p.len(n)).collect();
-    let stages: Vec<(usize, usize)> = match followed.length {
-        Some(length) => vec![(length, PASSES[2])],
-        None => {
-            let full = longest(setting, &lengths);
-            let of = |(share, passes): (f64, usize)| ((share * full as f64) as usize, passes);
-            STAGES.into_iter().zip(PASSES).map(of).filter(|s| s.0 >= 2 * FEWEST_SAMPLES).collect()
-        }
-    };
+    let before = state.followed.take();
+    // A model that has changed may no longer follow windows of that length about that path.
+    let goes_on = before.and_then(|f| f.length.and_then(|l| grown(setting, state, f, &[(l, PASSES[2])])));
+    let (followed, x, covariance) = goes_on.or_else(|| {
+        let fresh = Followed {
+            paths: state.stretches.iter().map(|s| Path::smoothed(s, &setting.geometry.kernels)).collect(),
+            length: None,
+            count: 0,
+            still: Vec::new(),
+        };
+        let n = setting.circle.len();
+        let lengths: Vec<usize> = fresh.paths.iter().map(|p| p.len(n)).collect();
+        grown(setting, state, fresh, &stages(setting, longest(setting, &lengths)))
+    })?;
+    state.followed = Some(followed);
+    Some((DVector::from_vec(x), covariance))
+}
+
+/// Fits in windows of one length after the other, as long as they can be followed.
+fn grown(
+    setting: &Setting<'_>,
+    state: &State,
+    mut followed: Followed,
+    stages: &[(usize, usize)],
+) -> Option<(Followed, Vec<f64>, DMatrix<f64>)> {
     let mut x = present(state);
     let own: Vec<usize> = (0..x.len()).collect();
     let signs = signs_of(setting, state, &[], 0);
+    let course = Course::new(setting, state);
     let mut last = None;
-    for (length, passes) in stages {
-        let course = Course::new(setting, state);
+    for &(length, passes) in stages {
         let (mut trial, mut moved) = (followed.clone(), x.clone());
         let Some(fit) = stage(&course, &mut trial, &mut moved, (length, passes), &own, &signs) else { break };
         trial.length = Some(length);
         (followed, x, last) = (trial, moved, Some(fit));
     }
-    let (covariance, count) = last?;
-    followed.count = count;
-    state.followed = Some(followed);
-    Some((DVector::from_vec(x), covariance))
+    let (covariance, still) = last?;
+    followed.count = still.iter().filter(|s| **s).count();
+    followed.still = still;
+    Some((followed, x, covariance))
 }
 
-/// Linearises and solves until paths stand still; the covariance, and how many windows were followed.
+/// Linearises and solves until paths stand still; the covariance, and which windows were followed.
 fn stage(
     course: &Course<'_>,
     followed: &mut Followed,
@@ -144,17 +176,18 @@ fn stage(
     (length, passes): (usize, usize),
     own: &[usize],
     signs: &[f64],
-) -> Option<(DMatrix<f64>, usize)> {
+) -> Option<(DMatrix<f64>, Vec<bool>)> {
     let n = course.setting.circle.len();
     let lengths: Vec<usize> = followed.paths.iter().map(|p| p.len(n)).collect();
     let all = windows(&lengths, length, MOST_SAMPLES);
     let applied: Vec<bool> = is_applied(course.state, own.len());
+    let chaotic = course.setting.rig.drive.is_some();
     let mut out = None;
     for _ in 0..passes {
         // What is found as an increment was taken off the record after the last linearisation, not here.
-        let list = List { x: x.clone(), further: &[], behind: &[] };
+        let list = List { x: x.clone(), further: &[], behind: &[], together: false };
         let solved = course.solved(&followed.paths, &all, &list)?;
-        let (mut blocks, kept) = course.blocks(&solved, signs.to_vec());
+        let (mut blocks, kept) = course.blocks(&solved, signs.to_vec(), x);
         if (kept.len() as f64) < (1.0 - MOST_LOST) * all.len() as f64 {
             return None;
         }
@@ -164,6 +197,7 @@ fn stage(
         let misfits = blocks.misfits(&fit.all);
         let step = DVector::from_iterator(own.len(), own.iter().map(|&c| fit.all[c] - x[c]));
         let (mut greatest, mut near) = (0.0_f64, 0);
+        let mut movement = vec![f64::INFINITY; all.len()];
         for &k in &kept {
             let (w, Some(s)) = (&all[k], &solved[k]) else { continue };
             let path = &mut followed.paths[w.stretch];
@@ -175,6 +209,7 @@ fn stage(
             if course.is_near(&states, &after) {
                 path.states[range].copy_from_slice(&after);
                 greatest = greatest.max(moved);
+                movement[k] = moved;
                 near += 1;
             }
         }
@@ -185,14 +220,29 @@ fn stage(
         for (c, (to, from)) in x.iter_mut().zip(fit.all.iter()).enumerate() {
             *to = if applied[c] { *to } else { *from };
         }
-        out = Some((fit, kept.len()));
-        if greatest < STILL * left.max(1.0) {
+        let limit = STILL * left.max(1.0);
+        // By convergence, never by misfit.
+        let of = |(m, s): (&f64, &Option<_>)| if chaotic { *m < limit } else { s.is_some() };
+        let still: Vec<bool> = movement.iter().zip(&solved).map(of).collect();
+        out = Some((fit, still));
+        // In chaos some windows never stand still.
+        let slowest = if chaotic { nearly_all(&mut movement) } else { greatest };
+        if slowest < limit {
             break;
         }
     }
-    let (fit, count) = out?;
+    let (fit, still) = out?;
+    if (still.iter().filter(|s| **s).count() as f64) < (1.0 - MOST_LOST) * all.len() as f64 {
+        return None;
+    }
     *x = fit.all.iter().copied().collect();
-    Some((fit.covariance, count))
+    Some((fit.covariance, still))
+}
+
+/// What nine tenths of some numbers are below.
+fn nearly_all(of: &mut [f64]) -> f64 {
+    of.sort_by(f64::total_cmp);
+    of.get((SETTLED * of.len() as f64) as usize).copied().unwrap_or(f64::INFINITY)
 }
 
 /// Which of the own columns are found as increments.
@@ -205,14 +255,23 @@ fn is_applied(state: &State, count: usize) -> Vec<bool> {
     out
 }
 
-/// Gram matrices of the own columns, of further candidates and of columns of no effect, about the settled paths.
-pub fn evidence(setting: &Setting<'_>, state: &State, further: &[&Candidate], behind: &[Column]) -> Option<Blocks> {
+/// Gram matrices of the own columns, of further candidates (with one another where they are fitted `together`) and of columns of no effect, about the settled paths.
+pub fn evidence(
+    setting: &Setting<'_>,
+    state: &State,
+    (further, together): (&[&Candidate], bool),
+    behind: &[Column],
+) -> Option<Blocks> {
     let followed = state.followed.as_ref()?;
     let n = setting.circle.len();
     let lengths: Vec<usize> = followed.paths.iter().map(|p| p.len(n)).collect();
-    let all = windows(&lengths, followed.length?, MOST_SAMPLES);
+    let mut all = windows(&lengths, followed.length?, MOST_SAMPLES);
+    if followed.still.len() == all.len() {
+        let mut still = followed.still.iter();
+        all.retain(|_| still.next().copied().unwrap_or(true));
+    }
     let course = Course::new(setting, state);
-    let list = List { x: present(state), further, behind };
+    let list = List { x: present(state), further, behind, together };
     let mut blocks = course.reduced(&followed.paths, &all, &list, signs_of(setting, state, further, behind.len()))?;
     let own: Vec<usize> = (0..list.x.len()).collect();
     let fit = blocks.fit(&own)?;

@@ -74,7 +74,7 @@ pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed:
     let plant = Plant::of(rig, model, seconds, seed)?;
     let span = Span { start_s: 0.0, length_s: seconds };
     let put_in = put_in::of(rig, bound, (&plant.physical, &plant.coefficients), effects, span)?;
-    let motion = EquationsOfMotion::following(model, rig.omega(), &put_in.terms)?;
+    let motion = EquationsOfMotion::with_columns(model, rig.omega(), &put_in.terms)?;
     let initial = motion.with_states(&plant.initial, &[]);
     let coefficients = [&plant.coefficients[..], &put_in.strengths].concat();
     let step = 1.0 / rate;

@@ -1,0 +1,164 @@
+//! Explanations for the built-in double pendulum: the system file that ships with the program, told in the built-in's terms.
+//!
+//! Its equations are over Ω² and in derivatives by τ = Ω t, (3.4); those of the file are divided by their inertias only. A coefficient x of the file is
+//! B = ± x/Ω^k there, with k and the sign of [`COEFFICIENTS`] and [`dampings`].
+
+use super::Settings;
+use super::explanation::Explanation;
+use super::{decidability, engine};
+use crate::error::{BadInput, Result};
+use crate::identify::Parameter;
+use crate::identify::model_file::{double_pendulum as checked, own_keys};
+use crate::identify::system::System as Known;
+use crate::model::double_pendulum::DAMPINGS;
+use crate::model::identified::{IdentifiedModel, System};
+use crate::motion::built_in::{is_earlier, physical};
+use crate::record::Record;
+use crate::rig::measures::Bound;
+use crate::rig::{Rig, as_own};
+
+/// Coefficients of (3.4), those of the system file, the power of Ω between them, and the sign.
+const COEFFICIENTS: [(&str, &str, i32, f64); 8] = [
+    ("B11", "phi1_l1_m2_e2", 0, 1.0),
+    ("B12", "phi1_m1_e1_g", 2, 1.0),
+    ("B13", "phi1_m1_e1_a_c", 0, -1.0),
+    ("B14", "phi1_m1_e1_a_s", 0, -1.0),
+    ("B21", "phi2_l1_m2_e2", 0, 1.0),
+    ("B22", "phi2_m2_e2_g", 2, 1.0),
+    ("B23", "phi2_m2_e2_a_c", 0, -1.0),
+    ("B24", "phi2_m2_e2_a_s", 0, -1.0),
+];
+
+/// The same of the dampings: name in (3.4), name in the system file, power of Ω.
+fn dampings() -> impl Iterator<Item = (&'static str, String, i32)> {
+    DAMPINGS.iter().flat_map(|d| {
+        let of = move |(i, name): (usize, Option<&'static str>)| {
+            let file = format!("phi{}_{}", i + 1, d.id.replace(['-', '@'], "_"));
+            Some((name?, file, if d.is_viscous() { 1 } else { 2 }))
+        };
+        d.names.into_iter().enumerate().filter_map(of)
+    })
+}
+
+/// Coefficients in each other's terms: name here, name in the file, and what a value of the file is multiplied with.
+fn terms(omega: f64) -> Vec<(&'static str, String, f64)> {
+    let base = COEFFICIENTS.iter().map(|(name, file, k, sign)| (*name, (*file).to_owned(), sign / omega.powi(*k)));
+    base.chain(dampings().map(|(name, file, k)| (name, file, 1.0 / omega.powi(k)))).collect()
+}
+
+/// A model in the terms of the system file.
+fn in_file(model: &IdentifiedModel, rig: &Rig, bound: &Bound) -> Result<IdentifiedModel> {
+    let mut out = model.clone();
+    out.system = System::Own(own_keys(&bound.model)?);
+    out.nominal.clear();
+    out.parameters = terms(rig.omega())
+        .into_iter()
+        .filter_map(|(name, file, factor)| {
+            let p = model.parameter(name)?;
+            let (value, std_error) = (p.value / factor, (p.std_error / factor).abs());
+            Some(Parameter { name: file, value, std_error, unit: String::new() })
+        })
+        .collect();
+    let mechanism = bound.model.mechanism.as_deref();
+    if let (true, false, Some(mechanism)) = (is_earlier(model), model.effects.is_empty(), mechanism) {
+        let values = physical(model, rig, mechanism, 0)?;
+        let names = mechanism.file.iter().flat_map(|f| &f.parameters);
+        out.found_with.extend(names.zip(values).map(|(p, v)| (p.name.clone(), v)));
+    }
+    Ok(out)
+}
+
+/// Parameters of an explanation in the terms of (3.4): coefficients by their names, then dampings and effects in physical units as they were added.
+fn told(parameters: &mut [Parameter], omega: f64) {
+    for (name, file, factor) in terms(omega) {
+        if let Some(p) = parameters.iter_mut().find(|p| p.name == file) {
+            name.clone_into(&mut p.name);
+            (p.value, p.std_error) = (p.value * factor, (p.std_error * factor).abs());
+            "1".clone_into(&mut p.unit);
+        }
+    }
+    parameters.sort_by(|a, b| match (a.name.contains('@'), b.name.contains('@')) {
+        (false, false) => a.name.cmp(&b.name),
+        (a, b) => a.cmp(&b),
+    });
+}
+
+/// Explains one or several records of a double pendulum.
+///
+/// # Errors
+/// As [`super::explain`].
+pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
+    let nominal = match &settings.model {
+        Some(model) => {
+            checked(model).map_err(|e| e.at("--model").remedy("Give a model that was identified on this rig"))?;
+            model.nominal.clone()
+        }
+        None => Known::of(rig)?.nominal(),
+    };
+    let own_rig = as_own::double_pendulum_of_bodies(rig, &nominal)?;
+    let Some(bound) = own_rig.bound.clone() else {
+        return Err(BadInput::new("no channel", "channels that measure both angles").in_file(&rig.path).at("channel"));
+    };
+    let model = settings.model.as_ref().map(|m| in_file(m, rig, &bound)).transpose()?;
+    let settings = Settings { model, ..settings.clone() };
+    let mut out = engine::explain(records, &own_rig, &bound, &settings)?.unwrap_or_else(decidability::unplaced);
+    told(&mut out.parameters, rig.omega());
+    if let Some(model) = &mut out.model {
+        model.system = System::BuiltIn("double-pendulum".to_owned());
+        model.nominal = nominal;
+        told(&mut model.parameters, rig.omega());
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::model::double_pendulum_dynamics::DoublePendulum;
+    use crate::model::dynamics::{Dynamics, Instant};
+    use crate::model::model_file::equations_of_motion::EquationsOfMotion;
+
+    /// Coefficients of the file have the accelerations of (3.4) with those that they are told as, driven and free, with every damping.
+    #[test]
+    fn the_system_file_moves_as_the_built_in_equations_do() {
+        for drive in ["[drive]\ndirection = \"vertical\"\nfrequency_hz = 5.0\n", ""] {
+            let channel = |name: &str, what: &str| {
+                format!("[[channel]]\nname = \"{name}\"\nmeasures = \"{what}\"\nunit = \"rad\"\n")
+            };
+            let text = format!(
+                "name = \"x\"\nmodel = \"double-pendulum\"\nsample_rate_hz = 500.0\n{drive}{}{}",
+                channel("a", "theta2"),
+                channel("b", "theta1")
+            );
+            let rig = Rig::parse(&text, Path::new("rig.toml")).unwrap();
+            let nominal: Vec<String> = DAMPINGS.iter().map(|d| d.id.to_owned()).collect();
+            let own = as_own::double_pendulum_of_bodies(&rig, &nominal).unwrap();
+            let bound = own.bound.unwrap();
+            // Encoder 1 is that of arm 1.
+            assert_eq!(bound.sensors, [1, 0]);
+            let motion = EquationsOfMotion::new(&bound.model, rig.omega()).unwrap();
+            // Couplings of arms that there may be: B11 B21 < 1.
+            let value = |(k, n): (usize, &String)| if n.ends_with("l1_m2_e2") { 0.4 } else { 0.3 + 0.17 * k as f64 };
+            let values: Vec<f64> = motion.coefficients().iter().enumerate().map(value).collect();
+            let named = motion.coefficients().iter().zip(&values);
+            let mut parameters: Vec<Parameter> = named
+                .map(|(n, v)| Parameter { name: n.clone(), value: *v, std_error: 0.0, unit: String::new() })
+                .collect();
+            told(&mut parameters, rig.omega());
+            let all: Vec<_> = DAMPINGS.iter().collect();
+            let built_in = DoublePendulum::new(rig.omega(), rig.drive.is_some(), &all);
+            let of = |n: &String| parameters.iter().find(|p| p.name == *n).unwrap_or_else(|| panic!("{n}")).value;
+            let built_in_values: Vec<f64> = built_in.names().iter().map(of).collect();
+            assert_eq!(parameters.len(), built_in_values.len());
+            for (q, v, tau) in [([0.3, 2.0], [1.5, -4.0], 0.7), ([-2.0, 7.0], [-3.0, 20.0], 2.9)] {
+                let at = Instant { time: 0.0, tau, inputs: &[] };
+                let (mut a, mut b) = ([0.0; 2], [0.0; 2]);
+                assert!(motion.acceleration(&values, &q, &v, &at, &mut a));
+                assert!(built_in.acceleration(&built_in_values, &q, &v, &at, &mut b));
+                assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9 * (1.0 + b.abs())), "{a:?} {b:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! Beyond short windows: how long predictions hold, and whether the model's attractor is the record's, before and after.
+//!
+//! Of systems that turn. *Prediction horizon*: from held-out windows whose initial state was fitted the model runs on freely until any sensor's angle is off by 30°;
+//! the median time over the windows. *Poincaré section*: model and record at each period of the drive, as points (cos, sin of each sensor's angle, its velocity over its
+//! scatter); the energy distance between the two clouds with its permutation test ([`crate::validate::energy_distance`]).
+
+use nalgebra::DVector;
+use serde::Serialize;
+
+use super::prediction::Model;
+use super::setting::Setting;
+use super::state::State;
+use crate::identify::general::stretches::Stretch;
+use crate::validate::energy_distance::energy_test;
+
+/// Angle by which a prediction may be off, degrees.
+pub const TOLERANCE_DEG: f64 = 30.0;
+/// Longest prediction, in horizons of the gap.
+const LONGEST: f64 = 60.0;
+/// Seed of the permutation test.
+const SEED: u64 = 1;
+/// Samples to either side over which velocities of a section are taken.
+const REACH: usize = 2;
+
+/// How far a model follows the record beyond short windows.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Attractor {
+    /// Median prediction horizon, s.
+    pub prediction_horizon_s: f64,
+    /// Energy distance of the Poincaré sections; none for a free system or a short record.
+    pub section_distance: Option<f64>,
+    /// Probability of at least this distance by chance.
+    pub section_p_value: Option<f64>,
+}
+
+/// Measures a model with coefficients `x`; none where something does not turn or nothing can be predicted.
+pub fn measure(
+    setting: &Setting<'_>,
+    state: &State,
+    x: &DVector<f64>,
+    horizons: (f64, f64),
+    step_s: Option<f64>,
+) -> Option<Attractor> {
+    if !setting.circle.iter().all(|c| *c) {
+        return None;
+    }
+    let (motion, parameters, hidden) = state.free_motion_of(setting, x, 0)?;
+    let model = Model { motion: &motion, parameters: &parameters, step_s };
+    let tolerance = vec![TOLERANCE_DEG.to_radians(); setting.bound.sensors.len()];
+    state.on_free_track(setting, hidden, |track| {
+        let prediction_horizon_s = model.holds_s(track, horizons, &tolerance, LONGEST * horizons.0)?;
+        let longest = (0..state.stretches.len()).max_by_key(|&k| (state.stretches[k].len(), usize::MAX - k))?;
+        let test = setting.rig.drive.and_then(|_| {
+            let shown = model.shown(track, longest, horizons.0)?;
+            let [measured, simulated] = sections(setting, &state.stretches[longest], &shown)?;
+            energy_test(&measured, &simulated, SEED)
+        });
+        Some(Attractor {
+            prediction_horizon_s,
+            section_distance: test.map(|t| t.distance),
+            section_p_value: test.map(|t| t.p_value),
+        })
+    })
+}
+
+/// Points of a section: cos, sin and velocity of each angle.
+type Cloud = Vec<Vec<f64>>;
+
+/// Sections of a stretch and of what the model shows of it; none where the model has none over all of it.
+fn sections(setting: &Setting<'_>, stretch: &Stretch, shown: &[Vec<f64>]) -> Option<[Cloud; 2]> {
+    let count = stretch.len();
+    if shown.iter().any(|s| s.len() < count) {
+        return None;
+    }
+    // Where the drive's phase begins a new turn.
+    let part = |i: usize| (stretch.tau(i) / core::f64::consts::TAU).rem_euclid(1.0);
+    let crossings: Vec<usize> = (1..count).filter(|&i| part(i) < part(i - 1)).collect();
+    let measured = stretch.sensors(&setting.bound);
+    let mut clouds = [&measured[..], shown].map(|of| cloud(of, &crossings, stretch.step_s));
+    for k in 0..measured.len() {
+        let all: Vec<f64> = clouds.iter().flatten().map(|p| p[3 * k + 2]).collect();
+        let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
+        let scatter = (all.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / all.len().max(1) as f64).sqrt();
+        if scatter > 0.0 {
+            clouds.iter_mut().flatten().for_each(|p| p[3 * k + 2] /= scatter);
+        }
+    }
+    clouds.iter().flatten().flatten().all(|v| v.is_finite()).then_some(clouds)
+}
+
+/// Points at some samples: cos, sin and velocity of each angle.
+fn cloud(angles: &[Vec<f64>], at: &[usize], step_s: f64) -> Cloud {
+    let count = angles.first().map_or(0, Vec::len);
+    at.iter()
+        .filter(|&&i| i >= REACH && i + REACH < count)
+        .map(|&i| {
+            let of =
+                |x: &Vec<f64>| [x[i].cos(), x[i].sin(), (x[i + REACH] - x[i - REACH]) / (2.0 * REACH as f64 * step_s)];
+            angles.iter().flat_map(of).collect()
+        })
+        .collect()
+}

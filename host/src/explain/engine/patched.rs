@@ -1,0 +1,56 @@
+//! Whether effects at a joint are one shape of its position in pieces.
+//!
+//! A function of a position that has no name can be put together from those that have: a spring, a play, a ripple. Several of them at one joint that turns are held against
+//! a free function, the harmonics up to [`ORDERS`] in their place: where that does no worse on parts of the record that were not fitted, for all that it
+//! has more to fit, nothing speaks for the pieces. From [`PATCHES`] on they are an expansion in any case.
+
+use super::Outcome;
+use super::candidates::Column;
+use super::setting::Setting;
+use super::state::State;
+use crate::effects::places::Place;
+
+/// Effects that are a function of a joint's position.
+const OF_THE_POSITION: [&str; 6] =
+    ["torsion-spring", "cubic-stiffness", "quadratic-stiffness", "quintic-stiffness", "backlash", "cogging"];
+/// So many of them at one joint are a series expansion of a shape, not so many causes.
+const PATCHES: usize = 3;
+/// Highest order of the free function.
+const ORDERS: f64 = 8.0;
+
+/// A joint at which a shape of the position was patched together from several effects, and their names.
+pub fn patched(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<(String, String)> {
+    let file = setting.file()?;
+    (0..file.joints.len()).map(Place::Joint).find_map(|joint| {
+        let pieces: Vec<usize> = (state.nominal..state.chosen.len())
+            .filter(|&k| {
+                let c = &state.chosen[k].candidate;
+                c.place == joint && OF_THE_POSITION.contains(&c.entry.id.as_str())
+            })
+            .collect();
+        let names: Vec<&str> = pieces.iter().map(|&k| state.chosen[k].candidate.entry.id.as_str()).collect();
+        let one =
+            pieces.len() >= PATCHES || (pieces.len() > 1 && free_is_as_good(setting, state, outcome, joint, &pieces));
+        one.then(|| (joint.name(file), names.join(", ")))
+    })
+}
+
+/// Whether harmonics in the place of the pieces predict held-out parts as well.
+fn free_is_as_good(setting: &Setting<'_>, state: &State, outcome: &Outcome, joint: Place, pieces: &[usize]) -> bool {
+    let harmonics: Vec<Column> = outcome
+        .candidates
+        .iter()
+        .filter(|c| c.place == joint && c.entry.id == "cogging" && c.form.iter().all(|s| s.1 <= ORDERS))
+        .flat_map(|c| c.plain(setting, &state.physical))
+        .collect();
+    if harmonics.is_empty() {
+        return false;
+    }
+    let mut without = state.clone();
+    let mut at = 0;
+    without.chosen.retain(|_| {
+        at += 1;
+        !pieces.contains(&(at - 1))
+    });
+    outcome.is_matched(setting, &without, &harmonics)
+}

@@ -1,0 +1,185 @@
+//! Residuals against coordinates: means in bins with the band that the sensors' noise alone gives, and the clearest places.
+//!
+//! The mean of a residual in each of 24 bins of a coordinate is compared with the band (95 %) that noise alone gives: the smoothed record is
+//! measured again by the same sensors with their grids shifted, and what this does to the mean of a bin is a draw of its noise.
+
+use core::f64::consts::{PI, TAU};
+
+use serde::Serialize;
+
+/// Bins of a map.
+const BINS: usize = 24;
+/// A bin counts as disagreeing from this many bands on.
+pub const CLEARLY: f64 = 1.6;
+/// Fewest samples of a bin that is shown.
+const LEAST_SAMPLES: f64 = 100.0;
+
+/// A stretch of a coordinate in which an equation's residual exceeds what noise gives.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Where {
+    /// Equation, from 1.
+    pub equation: usize,
+    /// Coordinate.
+    pub against: String,
+    /// From.
+    pub from: f64,
+    /// To.
+    pub to: f64,
+    /// Mean residual there, N m (or rad/s² where no mass is known).
+    pub value: f64,
+    /// Band (95 %) of the sensors' noise alone.
+    pub band: f64,
+}
+
+/// The residual of an equation against a coordinate.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Map {
+    /// Equation, from 1.
+    pub equation: usize,
+    /// Coordinate.
+    pub against: String,
+    /// Unit of the coordinate.
+    pub against_unit: &'static str,
+    /// Unit of the residual.
+    pub unit: String,
+    /// Centre, mean residual, band of each bin that holds samples.
+    pub bins: Vec<[f64; 3]>,
+}
+
+impl Map {
+    /// Whether `other` shows the same equation against the same coordinate.
+    pub fn of(&self, other: &Self) -> bool {
+        self.equation == other.equation && self.against == other.against
+    }
+}
+
+/// A coordinate that residuals are looked at against.
+pub struct Axis {
+    /// Name.
+    pub name: String,
+    /// Unit.
+    pub unit: &'static str,
+    /// Whether it runs from −π to π.
+    pub turn: bool,
+}
+
+/// The residual of an equation over a record, and what the sensors' noise adds to it over the smoothed one, repeat by repeat.
+pub struct Residual<'a> {
+    /// Equation, from 1.
+    pub equation: usize,
+    /// Unit.
+    pub unit: &'a str,
+    /// Over the record.
+    pub values: &'a [f64],
+    /// Over the smoothed record.
+    pub noise: &'a [Vec<f64>],
+}
+
+impl Residual<'_> {
+    /// Its means in bins of every coordinate, over the record and over the smoothed one, and the bins in which they clearly exceed noise.
+    pub fn against(
+        &self,
+        axes: &[Axis],
+        (along, clean): (&[Vec<f64>], &[Vec<f64>]),
+        maps: &mut Vec<Map>,
+        places: &mut Vec<Where>,
+    ) {
+        for ((axis, at), clean) in axes.iter().zip(along).zip(clean) {
+            let (low, high) = if axis.turn {
+                (-PI, PI)
+            } else {
+                at.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)))
+            };
+            if high <= low || !(high - low).is_finite() {
+                continue;
+            }
+            let bin = |x: f64| (((x - low) / (high - low) * BINS as f64) as usize).min(BINS - 1);
+            let mut sums = [(0.0, 0.0); BINS];
+            for (x, r) in at.iter().zip(self.values) {
+                let s = &mut sums[bin(*x)];
+                (s.0, s.1) = (s.0 + r, s.1 + 1.0);
+            }
+            let draws = self.draws(clean, (low, high), &bin);
+            let overall = draws.iter().fold((0.0, 0.0), |t, d| (t.0 + d.0, t.1 + d.1));
+            // Without a draw nothing is known of the noise.
+            if overall.1 == 0.0 {
+                continue;
+            }
+            let mut bins = Vec::new();
+            for b in 0..BINS {
+                let (sum, n) = sums[b];
+                // A bin with few samples says little.
+                if n < LEAST_SAMPLES {
+                    continue;
+                }
+                // Four draws a bin are few: its neighbours' count with it.
+                let near = draws[b.saturating_sub(1)..=(b + 1).min(BINS - 1)]
+                    .iter()
+                    .fold((0.0, 0.0), |t, d| (t.0 + d.0, t.1 + d.1));
+                let (power, count) = if near.1 >= 8.0 { near } else { overall };
+                let band = 1.96 * (power / f64::max(count, 1.0) / n).sqrt();
+                let width = (high - low) / BINS as f64;
+                let from = low + b as f64 * width;
+                bins.push([from + 0.5 * width, sum / n, band]);
+                if (sum / n).abs() > CLEARLY * band {
+                    places.push(Where {
+                        equation: self.equation,
+                        against: axis.name.clone(),
+                        from,
+                        to: from + width,
+                        value: sum / n,
+                        band,
+                    });
+                }
+            }
+            maps.push(Map {
+                equation: self.equation,
+                against: axis.name.clone(),
+                against_unit: axis.unit,
+                unit: self.unit.to_owned(),
+                bins,
+            });
+        }
+    }
+
+    /// For each bin the sum of n · mean² over repeats and their number: each repeat is one draw of what noise does to that mean, and the
+    /// variance of a mean falls with the number of samples, n · mean² does not.
+    fn draws(&self, clean: &[f64], (low, high): (f64, f64), bin: &dyn Fn(f64) -> usize) -> [(f64, f64); BINS] {
+        let mut draws = [(0.0, 0.0); BINS];
+        for repeat in self.noise {
+            let mut means = [(0.0, 0.0); BINS];
+            for (x, r) in clean.iter().zip(repeat).filter(|(x, _)| **x >= low && **x <= high) {
+                let m = &mut means[bin(*x)];
+                (m.0, m.1) = (m.0 + r, m.1 + 1.0);
+            }
+            for (draw, (sum, n)) in draws.iter_mut().zip(means).filter(|(_, (_, n))| *n >= 50.0) {
+                (draw.0, draw.1) = (draw.0 + sum * sum / n, draw.1 + 1.0);
+            }
+        }
+        draws
+    }
+}
+
+/// Neighbouring bins of one sign become one place; the twelve clearest are kept.
+pub fn merge(places: Vec<Where>) -> Vec<Where> {
+    let mut out: Vec<Where> = Vec::new();
+    for p in places {
+        match out.last_mut() {
+            Some(last)
+                if last.equation == p.equation
+                    && last.against == p.against
+                    && (last.to - p.from).abs() < 1e-9 * TAU.max(p.from.abs())
+                    && last.value.signum() == p.value.signum() =>
+            {
+                last.to = p.to;
+                if p.value.abs() / p.band > last.value.abs() / last.band {
+                    (last.value, last.band) = (p.value, p.band);
+                }
+            }
+            _ => out.push(p),
+        }
+    }
+    out.sort_by(|a, b| (b.value.abs() / b.band).total_cmp(&(a.value.abs() / a.band)));
+    out.truncate(12);
+    out
+}

@@ -1,0 +1,184 @@
+//! From the first fit to the verdict: what is measured after each step, and what is told at the end.
+
+use nalgebra::DVector;
+
+use super::prediction::Model;
+use super::residual_map::{Map, Where};
+use super::search::named;
+use super::setting::Setting;
+use super::state::State;
+use super::{Outcome, attractor, forecast, given, patched, prediction, residual, simulation, tell, units, unknown};
+use crate::error::Result;
+use crate::explain::explanation::{Details, Explanation, Step, Verdict};
+use crate::explain::{Settings, decidability, decision, ranking};
+use crate::identify::Identification;
+use crate::identify::general::stretches::Stretch;
+
+/// Step of integration as a share of the shortest horizon: 1e-8 of a smooth motion with a method of fifth order.
+const STEP: f64 = 0.01;
+/// Longer horizons of the gap, in units of the shortest.
+const LONGER: [f64; 3] = [2.0, 4.0, 8.0];
+
+/// An explanation that is being made.
+pub struct Run<'a> {
+    /// The record and the system.
+    pub setting: Setting<'a>,
+    /// The model so far.
+    pub state: State,
+    /// What is told.
+    pub result: Explanation,
+    /// Horizon of the gap, and length of a block of which every third is held out, s.
+    horizons: (f64, f64),
+    /// The gap at longer horizons before anything was added.
+    before: Vec<(f64, f64)>,
+}
+
+impl<'a> Run<'a> {
+    /// Before anything was fitted; blocks are windows of `window_s`.
+    pub fn new(
+        setting: Setting<'a>,
+        state: State,
+        mut result: Explanation,
+        window_s: f64,
+        settings: &Settings,
+    ) -> Self {
+        let horizon_s = result.gap.horizon_s.min(window_s);
+        result.gap.horizon_s = horizon_s;
+        result.gap.motion = state.on_track(&setting, |t| prediction::motion(t, horizon_s, window_s));
+        result.gap.floor_in = units::Unit::of(setting.rig, setting.whole).noise(&setting.sensors.sigma);
+        result.gap.forecasts = forecast::open(&setting, settings, horizon_s);
+        result.simulation = simulation::open(&setting);
+        let sigma = |k: usize| setting.sensors.sigma.get(k).copied().unwrap_or(0.0);
+        result.details = Details {
+            samples: setting.raw.iter().map(Stretch::len).sum(),
+            window_s,
+            max_frequency_hz: setting.geometry.windows.frequencies as f64 / setting.geometry.windows.length_s,
+            pass_hz: setting.geometry.kernels.full.pass_hz,
+            noise_rad: [sigma(0), sigma(1)],
+            family_wise: decision::FAMILY_WISE,
+            folds: ranking::FOLDS,
+        };
+        Self { setting, state, result, horizons: (horizon_s, window_s), before: Vec::new() }
+    }
+
+    /// A search for the step would follow every jump of a law; an instant off by half of this changes nothing that sensors see.
+    fn step_s(&self) -> Option<f64> {
+        let shortest = self.setting.rig.drive.map_or(self.horizons.0, |d| 1.0 / d.frequency_hz);
+        self.setting.raw.first().map(|s| s.step_s.min(STEP * shortest))
+    }
+
+    /// The gap of the model with coefficients `x` at a horizon.
+    fn gap_at(&self, x: &DVector<f64>, horizon_s: f64) -> f64 {
+        let Some((motion, parameters)) = self.state.motion(&self.setting, x) else { return f64::NAN };
+        let model = Model { motion: &motion, parameters: &parameters, step_s: self.step_s() };
+        self.state.on_track(&self.setting, |track| model.gap(track, (horizon_s, self.horizons.1)))
+    }
+
+    /// The gap of the model with coefficients `x`.
+    pub fn gap(&self, x: &DVector<f64>) -> f64 {
+        self.gap_at(x, self.horizons.0)
+    }
+
+    /// The same at longer horizons.
+    fn longer(&self, x: &DVector<f64>) -> Vec<(f64, f64)> {
+        let all = LONGER.iter().map(|f| f * self.horizons.0).filter(|h| *h <= self.horizons.1);
+        all.map(|h| (h, self.gap_at(x, h))).collect()
+    }
+
+    fn attractor(&mut self, x: &DVector<f64>) {
+        let found = attractor::measure(&self.setting, &self.state, x, self.horizons, self.step_s());
+        self.result.gap.attractor.extend(found);
+    }
+
+    /// Measures a model that was given as it is.
+    pub fn as_given(&mut self) {
+        let x = given::coefficients(&self.state);
+        let value = self.gap(&x);
+        self.result.gap.steps.push(Step { added: None, value });
+        self.forecast(None, Some(&x));
+    }
+
+    fn forecast(&mut self, added: Option<String>, x: Option<&DVector<f64>>) {
+        let from = (added, self.horizons.0, self.step_s());
+        forecast::measure(&self.setting, &self.state, x, from, &mut self.result.gap.forecasts);
+    }
+
+    /// Where model and record disagree: maps, and the clearest places.
+    fn places(&self, outcome: &Outcome) -> (Vec<Map>, Vec<Where>) {
+        // What the rows cannot hold has no map against frequency.
+        let rows = outcome.rows(&self.setting, &self.state).ok();
+        residual::maps(&self.setting, &self.state, &outcome.fit.all, rows.as_ref())
+    }
+
+    /// Measures the model after a step, of which the gap is known.
+    ///
+    /// # Errors
+    /// Columns that the weak form cannot hold.
+    pub fn push(&mut self, added: Option<String>, gap: f64, outcome: &Outcome) -> Result<()> {
+        self.result.gap.steps.push(Step { added: added.clone(), value: gap });
+        let x = forecast::fitted(&self.state, outcome);
+        self.forecast(added.clone(), x.as_ref());
+        self.result.residual_power[1] = outcome.power(&self.setting, &self.state)?;
+        if self.result.effects.is_empty() {
+            self.result.residual_power[0] = self.result.residual_power[1];
+            (self.result.maps, self.result.r#where) = self.places(outcome);
+            self.before = self.longer(&outcome.fit.train);
+            self.attractor(&outcome.fit.train);
+            simulation::measure(&self.setting, &self.state, outcome, added, &mut self.result.simulation);
+        }
+        Ok(())
+    }
+
+    /// Tells again what is left after the last step, an effect of which was taken away.
+    ///
+    /// # Errors
+    /// As [`Run::push`].
+    pub fn replace_last(&mut self, gone: &str, outcome: &Outcome) -> Result<()> {
+        let forecasts = self.result.gap.forecasts.iter_mut().map(|f| &mut f.steps);
+        for steps in forecasts.chain([&mut self.result.gap.steps]) {
+            steps.retain(|s| s.added.as_deref() != Some(gone));
+        }
+        let value = self.gap(&outcome.fit.train);
+        let last = self.result.gap.steps.pop().and_then(|s| s.added);
+        self.result.gap.steps.push(Step { added: last.clone(), value });
+        self.result.gap.forecasts.iter_mut().for_each(|f| drop(f.steps.pop()));
+        let x = forecast::fitted(&self.state, outcome);
+        self.forecast(last, x.as_ref());
+        self.result.residual_power[1] = outcome.power(&self.setting, &self.state)?;
+        Ok(())
+    }
+
+    /// The verdict, and everything that is told of the last model.
+    ///
+    /// # Errors
+    /// As [`Run::push`]; a model file that is no longer readable.
+    pub fn finish(
+        mut self,
+        outcome: &Outcome,
+        first: &Identification,
+        undecidable: Option<String>,
+    ) -> Result<Explanation> {
+        let x = &outcome.fit.train;
+        let none = self.result.effects.is_empty();
+        let after = if none { self.before.clone() } else { self.longer(x) };
+        self.result.gap.horizons = self.before.iter().zip(&after).map(|(b, a)| (b.0, b.1, a.1)).collect();
+        if !none {
+            self.attractor(x);
+            let after = self.places(outcome);
+            self.result.maps_before = core::mem::replace(&mut self.result.maps, after.0);
+            self.result.where_before = core::mem::replace(&mut self.result.r#where, after.1);
+            let added = self.result.effects.last().map(named);
+            simulation::measure(&self.setting, &self.state, outcome, added, &mut self.result.simulation);
+        }
+        let Self { setting, state, mut result, .. } = self;
+        tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.fit.covariance), first, &mut result);
+        decidability::decide(&mut result, undecidable, patched::patched(&setting, &state, outcome));
+        if result.verdict == Verdict::Unexplained {
+            result.unknown = unknown::shape(&setting, &state, outcome);
+        }
+        if result.verdict != Verdict::NotDecidable {
+            result.model = Some(tell::model(&setting, &state, &result)?);
+        }
+        Ok(result)
+    }
+}

@@ -1,0 +1,208 @@
+//! Gram matrices of the model's own columns with everything, and of candidates with themselves: two candidates that are never fitted together need no product, which
+//! is most of the work where there are hundreds.
+
+use std::sync::Arc;
+
+use nalgebra::DMatrix;
+
+/// Which columns are fitted together: the own ones, which come first, with all; those of a group with one another.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// Own columns.
+    pub own: usize,
+    /// All columns.
+    pub columns: usize,
+    /// First column of each group and their number.
+    groups: Vec<(usize, usize)>,
+    /// Group of each column behind the own ones.
+    group_of: Vec<usize>,
+}
+
+impl Layout {
+    /// Groups of some sizes behind own columns.
+    pub fn new(own: usize, sizes: &[usize]) -> Arc<Self> {
+        let mut at = own;
+        let (mut groups, mut group_of) = (Vec::with_capacity(sizes.len()), Vec::new());
+        for (k, size) in sizes.iter().enumerate() {
+            groups.push((at, *size));
+            group_of.resize(group_of.len() + size, k);
+            at += size;
+        }
+        Arc::new(Self { own, columns: at, groups, group_of })
+    }
+}
+
+/// Sums of products over rows that begin with `first` columns more than the layout has (an initial state), which go with all.
+#[derive(Clone, Debug)]
+pub struct Sums {
+    layout: Arc<Layout>,
+    first: usize,
+    /// The first, the own columns and the target with all columns and the target.
+    head: DMatrix<f64>,
+    groups: Vec<DMatrix<f64>>,
+}
+
+/// The same of the layout's columns and the target alone.
+#[derive(Clone, Debug)]
+pub struct Gram(Sums);
+
+impl Sums {
+    /// Nothing yet.
+    pub fn zeros(layout: &Arc<Layout>, first: usize) -> Self {
+        Self {
+            head: DMatrix::zeros(first + layout.own + 1, first + layout.columns + 1),
+            groups: layout.groups.iter().map(|g| DMatrix::zeros(g.1, g.1)).collect(),
+            layout: layout.clone(),
+            first,
+        }
+    }
+
+    /// Adds rows, each a column of `rows`: the first, the layout's columns, the target.
+    pub fn push(&mut self, rows: &DMatrix<f64>) {
+        let (own, width) = (self.first + self.layout.own, rows.nrows());
+        let turned = rows.transpose();
+        self.head.rows_mut(0, own).gemm(1.0, &rows.rows(0, own), &turned, 1.0);
+        self.head.rows_mut(own, 1).gemm(1.0, &rows.rows(width - 1, 1), &turned, 1.0);
+        for row in rows.as_slice().chunks_exact(width) {
+            for (&(at, size), group) in self.layout.groups.iter().zip(&mut self.groups) {
+                let part = &row[self.first + at..self.first + at + size];
+                for (i, a) in part.iter().enumerate() {
+                    for (j, b) in part[..=i].iter().enumerate() {
+                        group[(i, j)] += a * b;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Products of the first with one another, with the columns, and with the target.
+    pub fn of_first(&self) -> (DMatrix<f64>, DMatrix<f64>) {
+        let (m, rest) = (self.first, self.layout.columns + 1);
+        (self.head.view((0, 0), (m, m)).into_owned(), self.head.view((0, m), (m, rest)).into_owned())
+    }
+
+    /// The same with the first eliminated; none where the rows do not determine them.
+    pub fn reduced(&self) -> Option<Gram> {
+        let (m, own, columns) = (self.first, self.layout.own, self.layout.columns);
+        let (square, coupling) = self.of_first();
+        let solved = square.cholesky()?.solve(&coupling);
+        let mut out = Self::zeros(&self.layout, 0);
+        let column = |i: usize| if i < own { i } else { columns };
+        for i in 0..=own {
+            for j in 0..=columns {
+                let taken = coupling.column(column(i)).dot(&solved.column(j));
+                out.head[(i, j)] = self.head[(m + i, m + j)] - taken;
+            }
+        }
+        for ((to, from), &(at, size)) in out.groups.iter_mut().zip(&self.groups).zip(&self.layout.groups) {
+            for i in 0..size {
+                for j in 0..=i {
+                    to[(i, j)] = from[(i, j)] - coupling.column(at + i).dot(&solved.column(at + j));
+                }
+            }
+        }
+        let finite = out.head.iter().chain(out.groups.iter().flatten()).all(|x| x.is_finite());
+        finite.then_some(Gram(out))
+    }
+}
+
+impl Gram {
+    /// Of own columns alone, from the matrix of all products with the target last.
+    #[cfg(test)]
+    pub fn of_own(whole: DMatrix<f64>) -> Self {
+        let layout = Layout::new(whole.nrows() - 1, &[]);
+        Self(Sums { head: whole, groups: Vec::new(), layout, first: 0 })
+    }
+
+    /// The product of two columns, or of one and the target, whose number is that of the columns; no number for two that are never fitted together.
+    fn at(&self, i: usize, j: usize) -> f64 {
+        let Sums { layout, head, groups, .. } = &self.0;
+        let (own, target) = (layout.own, layout.columns);
+        let (low, high) = (i.min(j), i.max(j));
+        if low < own {
+            return head[(low, high)];
+        }
+        if high == target {
+            return head[(own, low)];
+        }
+        let group = layout.group_of[low - own];
+        if group != layout.group_of[high - own] {
+            return f64::NAN;
+        }
+        let from = layout.groups[group].0;
+        groups[group][(high - from, low - from)]
+    }
+
+    /// The matrix of some columns and the target.
+    pub fn chosen(&self, columns: &[usize]) -> DMatrix<f64> {
+        let p = columns.len();
+        let place = |i: usize| if i < p { columns[i] } else { self.0.layout.columns };
+        let mut out = DMatrix::zeros(p + 1, p + 1);
+        for i in 0..=p {
+            for j in 0..=i {
+                let x = self.at(place(i), place(j));
+                (out[(i, j)], out[(j, i)]) = (x, x);
+            }
+        }
+        out
+    }
+
+    /// Adds to the square of a column.
+    pub fn stiffen(&mut self, column: usize, by: f64) {
+        let own = self.0.layout.own;
+        if column < own {
+            self.0.head[(column, column)] += by;
+            return;
+        }
+        let group = self.0.layout.group_of[column - own];
+        let at = column - self.0.layout.groups[group].0;
+        self.0.groups[group][(at, at)] += by;
+    }
+
+    /// Adds another of the same layout.
+    pub fn add(&mut self, other: &Self) {
+        self.0.head += &other.0.head;
+        self.0.groups.iter_mut().zip(&other.0.groups).for_each(|(a, b)| *a += b);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two first columns, two own, candidates of one and two: the parts are those of the full matrix with the first eliminated.
+    #[test]
+    fn parts_are_those_of_the_full_matrix() {
+        let mut seed = 3_u32;
+        let mut random = move || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(seed >> 8) / f64::from(1 << 24) - 0.5
+        };
+        let rows = DMatrix::from_fn(8, 40, |_, _| random());
+        let layout = Layout::new(2, &[1, 2]);
+        let mut sums = Sums::zeros(&layout, 2);
+        sums.push(&rows.columns(0, 25).into_owned());
+        sums.push(&rows.columns(25, 15).into_owned());
+        let mut gram = sums.reduced().unwrap();
+        let full = &rows * rows.transpose();
+        let (a, b) = (full.view((0, 0), (2, 2)).into_owned(), full.view((0, 2), (2, 6)).into_owned());
+        let wanted = full.view((2, 2), (6, 6)) - b.transpose() * a.try_inverse().unwrap() * &b;
+        let first = gram.chosen(&[0, 1, 2]);
+        let second = gram.chosen(&[0, 1, 3, 4]);
+        for (i, x) in [0, 1, 2, 5].into_iter().enumerate() {
+            for (j, y) in [0, 1, 2, 5].into_iter().enumerate() {
+                assert!((first[(i, j)] - wanted[(x, y)]).abs() < 1e-12);
+            }
+        }
+        for (i, x) in [0, 1, 3, 4, 5].into_iter().enumerate() {
+            for (j, y) in [0, 1, 3, 4, 5].into_iter().enumerate() {
+                assert!((second[(i, j)] - wanted[(x, y)]).abs() < 1e-12);
+            }
+        }
+        assert!(gram.chosen(&[2, 3])[(0, 1)].is_nan());
+        let other = gram.clone();
+        gram.add(&other);
+        gram.stiffen(3, 1.0);
+        assert!((gram.chosen(&[3])[(0, 0)] - 2.0 * wanted[(3, 3)] - 1.0).abs() < 1e-12);
+    }
+}
