@@ -89,7 +89,7 @@ fn dahls_friction_in_a_system_of_bodies_is_named() {
     close(&out, 0.02, 0.1);
 }
 
-/// With a distance far below what the sensor resolves it is Coulomb's friction, and named so; Coulomb's own stays what it is.
+/// With a distance far below what the sensor resolves it is Coulomb's friction, and named so; Coulomb's own stays what it is. One too short to be followed is refused.
 #[test]
 fn what_follows_a_reversal_at_once_is_coulombs_friction() {
     let folder = tempfile::tempdir().unwrap();
@@ -97,4 +97,8 @@ fn what_follows_a_reversal_at_once_is_coulombs_friction() {
         let out = explained(folder.path(), &rig("duffing.toml"), &format!("--effect {effect}"), 60, 3);
         assert_eq!(names(&out), ["coulomb-friction@x"], "{effect}: {}", out["gap"]);
     }
+    let rig = rig("duffing.toml");
+    let run =
+        whirl(folder.path(), &format!("simulate --rig {rig} --effect dahl-friction@x=0.8,d=1e-9 --seconds 5 -o s.csv"));
+    assert!(run.status == 2 && run.stderr.contains("states of effects must take more than"), "{run:?}");
 }

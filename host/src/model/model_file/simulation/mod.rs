@@ -30,6 +30,20 @@ const MOST_SAMPLES: f64 = 2e7;
 const TOLERANCE: f64 = 1e-10;
 /// Steps within one sampling interval at most: how finely reversals under dry friction are placed.
 const FINEST: f64 = 400.0;
+/// The same where effects have states: one that settles within less than a third of such a step would swing up instead.
+const FINEST_OF_STATES: f64 = 4000.0;
+
+/// What to do about a motion that has no solution.
+fn unsolved(settings: &Settings) -> String {
+    let remedy = "Correct the coefficients, the initial state or the inputs";
+    if settings.finest <= FINEST {
+        return remedy.to_owned();
+    }
+    let least_s = settings.step_s / settings.finest / 3.0;
+    format!(
+        "{remedy}; states of effects must take more than {least_s:.1e} s to settle: give them a greater distance or time"
+    )
+}
 
 /// An input as it acts: few sines are summed, many tabled.
 enum Acting {
@@ -101,7 +115,7 @@ pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed:
         count: settle + count,
         tolerance: TOLERANCE,
         inputs: model.inputs.len(),
-        finest: FINEST,
+        finest: if motion.hidden().is_empty() { FINEST } else { FINEST_OF_STATES },
     };
     let mut states = solve(&motion, &coefficients, &initial, &surroundings, &settings).ok_or_else(|| {
         BadInput::new(
@@ -110,7 +124,7 @@ pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed:
         )
         .in_file(&rig.path)
         .at("[plant]")
-        .remedy("Correct the coefficients, the initial state or the inputs")
+        .remedy(unsolved(&settings))
     })?;
     // States of effects are no part of what is shown.
     let (n, all) = (model.coordinates.len(), initial.len() / 2);
