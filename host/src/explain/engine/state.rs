@@ -13,6 +13,9 @@ use crate::identify::general::track::{Along, Track};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::expression::{Expression, Node, Symbol, symbol};
 
+/// Additions to the left-hand sides: equation, name of the strength, expression in seconds.
+type Terms = Vec<(usize, String, Node)>;
+
 /// An effect in the model.
 #[derive(Clone)]
 pub struct Chosen {
@@ -169,9 +172,9 @@ impl State {
     }
 
     /// What everything chosen adds to the equations, and the strengths by name.
-    fn terms(&self, setting: &Setting<'_>, x: &DVector<f64>) -> (Vec<(usize, String, Node)>, Vec<(String, f64)>) {
+    fn terms(&self, setting: &Setting<'_>, x: &DVector<f64>) -> (Terms, Vec<(String, f64)>) {
         let n = self.values.len();
-        let mut terms: Vec<(usize, String, Node)> = Vec::new();
+        let mut terms: Terms = Vec::new();
         let mut strengths: Vec<(String, f64)> = Vec::new();
         let mut at = n;
         for (index, k) in self.chosen.iter().enumerate() {
