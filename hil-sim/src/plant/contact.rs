@@ -10,6 +10,7 @@ use core::f64::consts::{PI, TAU};
 
 use super::State;
 use super::dynamics::{Forces, Mechanics};
+use super::laws::Since;
 use crate::shaker::Moment;
 
 /// State of the dry friction in a joint.
@@ -34,6 +35,8 @@ pub(super) struct Mode {
     pub(super) stretch: [[f64; 2]; 2],
     /// Its middle.
     pub(super) middle: [f64; 2],
+    /// What each joint remembers.
+    pub(super) since: [Since; 2],
     turns: [i64; 2],
     index: [usize; 2],
 }
@@ -62,6 +65,8 @@ impl Mode {
             turn: [0.0; 2],
             stretch: [[-PI, PI]; 2],
             middle: [0.0; 2],
+            // Memories begin at 0.
+            since: [0, 1].map(|i| Since { angle: angles(y)[i], sign: sign(v[i]), ..Since::default() }),
             turns: [0; 2],
             index: [0; 2],
         };
@@ -90,6 +95,7 @@ impl Mode {
     /// Takes whole turns out of a joint's angle.
     pub(super) fn take_turns(&mut self, mechanics: &Mechanics, joint: usize, turns: i64) {
         if turns != 0 {
+            self.since[joint].angle -= turns as f64 * TAU;
             self.place(mechanics, joint, self.turns[joint].saturating_sub(turns), self.index[joint]);
         }
     }

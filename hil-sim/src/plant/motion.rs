@@ -4,7 +4,8 @@
 //! * s v of a slipping joint with dry friction (then it sticks or reverses),
 //! * the margin of the torque that holds a sticking joint (then it breaks loose),
 //! * the distance of a joint's angle to a corner of its torque (play, or ±π where the torque is not periodic),
-//! * s φ̇ of an arm with quadratic drag (the second derivative jumps).
+//! * s φ̇ of an arm with quadratic drag (the second derivative jumps),
+//! * s v of a joint with a memory, whose curve turns there.
 //!
 //! A step is accepted whole if none of these became negative in it. Whether one dips below zero and returns within the step
 //! is seen on the cubic through its values and slopes at both ends and then checked on the true solution. A zero is
@@ -32,9 +33,10 @@ enum Event {
     Lower(usize),
     Upper(usize),
     Drag(usize),
+    Memory(usize),
 }
 
-const EVENTS: [Event; 8] = [
+const EVENTS: [Event; 10] = [
     Event::Dry(0),
     Event::Dry(1),
     Event::Lower(0),
@@ -43,6 +45,8 @@ const EVENTS: [Event; 8] = [
     Event::Upper(1),
     Event::Drag(0),
     Event::Drag(1),
+    Event::Memory(0),
+    Event::Memory(1),
 ];
 
 /// One smooth stretch of the motion: what the event functions and the derivative depend on.
@@ -63,6 +67,7 @@ impl Stretch<'_> {
             Event::Dry(i) => self.mode.dry[i].is_some(),
             Event::Lower(i) | Event::Upper(i) => self.mechanics.joints[i].wraps(),
             Event::Drag(i) => self.mechanics.drag[i] != 0.0,
+            Event::Memory(i) => !self.mechanics.joints[i].dahl.is_empty(),
         }
     }
 
@@ -92,6 +97,7 @@ impl Stretch<'_> {
             Event::Lower(i) => x(i) - self.mode.stretch[i][0],
             Event::Upper(i) => self.mode.stretch[i][1] - x(i),
             Event::Drag(i) => self.mode.drag_sign[i] * y[2 + i],
+            Event::Memory(i) => self.mode.since[i].sign * velocities(y)[i],
             Event::Dry(_) => self.distance(event, 0.0, y),
         }
     }
@@ -314,6 +320,10 @@ impl Plant {
             Event::Lower(i) => self.mode.next_stretch(&self.mechanics, i, false),
             Event::Upper(i) => self.mode.next_stretch(&self.mechanics, i, true),
             Event::Drag(i) => self.mode.drag_sign[i] = -self.mode.drag_sign[i],
+            Event::Memory(i) => {
+                let angle = contact::angles(&self.state)[i];
+                self.mode.since[i] = self.mechanics.joints[i].reversed(angle, &self.mode.since[i]);
+            }
         }
     }
 

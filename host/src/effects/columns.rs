@@ -4,12 +4,15 @@
 //! work on s adds −F ∂s/∂q_e. What displaces a point or turns a body or gravity changes T and V: the
 //! terms of E_e that are linear in the strength. Both hold products of the system's parameters, whose values come from the identification.
 
+use std::sync::Arc;
+
 use super::along_an_arm;
 use super::entry::{Entry, Form, Verb};
 use super::places::{self, Place};
 use super::written::{self, Change};
 use crate::model::model_file::expression::Function;
-use crate::model::model_file::expression::{Node, Symbol, add, multiply, number};
+use crate::model::model_file::expression::{Node, Symbol, add, multiply, number, symbol};
+use crate::model::model_file::memory::Memory;
 use crate::model::model_file::parser::Mistake;
 use crate::system::bodies::Body;
 use crate::system::derivative::{by_time, partial};
@@ -33,6 +36,19 @@ pub struct Part {
     product: Product,
     /// The expression.
     of: Law,
+    /// What stands for each [`Symbol::State`] in it.
+    states: Vec<Node>,
+}
+
+impl Part {
+    /// The expression at values of the parameters.
+    fn at(&self, parameters: &[f64]) -> Node {
+        let of = self.of.at(parameters);
+        if self.states.is_empty() {
+            return of;
+        }
+        of.replace(&|s| if let Symbol::State(k) = s { self.states[k].clone() } else { symbol(s) })
+    }
 }
 
 /// An expression of the motion.
@@ -129,14 +145,14 @@ pub fn action(
                 words.scalars.push((LOAD.to_owned(), load));
             }
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
-            Ok(work(mechanism, &law, moves, own))
+            remembering(entry, (&words, form), work(mechanism, &law, moves, own))
         }
         (Place::Arm(k), Verb::Force) => {
             let Body::Arm { angle: Some(angle), .. } = &file.bodies[k].value else { return Ok(None) };
             let Ok(rate) = by_time(angle, n, omega) else { return Ok(None) };
             words.scalars.push(("omega".to_owned(), rate));
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
-            Ok(work(mechanism, &law, angle, own))
+            remembering(entry, (&words, form), work(mechanism, &law, angle, own))
         }
         (Place::Arm(k), Verb::Drags) if !file.written => {
             let found = along_an_arm::parts((entry, form), k, (mechanism, file), words, omega)?;
@@ -173,6 +189,37 @@ pub fn action(
             Ok(Some(Action::Reads { sensor, laws }))
         }
         _ => Ok(None),
+    }
+}
+
+/// A force whose states are followed by the laws of their rates; none where these hold parameters of the system, whose values change as it is identified.
+fn remembering(
+    entry: &Entry,
+    (words, form): (&Words, &Form),
+    force: Option<Action>,
+) -> Result<Option<Action>, Mistake> {
+    let Some(Action::Force(mut parts)) = force else { return Ok(force) };
+    if !entry.states.is_empty() {
+        let Some(states) = entry.followed(words, form)? else { return Ok(None) };
+        parts.iter_mut().for_each(|p| p.states.clone_from(&states));
+    }
+    Ok(Some(Action::Force(parts)))
+}
+
+impl Action {
+    /// The same with each state of an effect that remembers replaced.
+    #[must_use]
+    pub fn with_memories(mut self, with: &dyn Fn(&Arc<Memory>, usize) -> Node) -> Self {
+        if let Self::Force(parts) = &mut self {
+            parts.iter_mut().flat_map(|p| &mut p.states).for_each(|s| *s = s.with_memories(with));
+        }
+        self
+    }
+
+    /// What stands for states in it.
+    pub fn states(&self) -> &[Node] {
+        // All parts have the same.
+        if let Self::Force(parts) = self { parts.first().map_or(&[], |p| &p.states) } else { &[] }
     }
 }
 
@@ -231,7 +278,7 @@ pub(super) fn parts_of(
         if let [(strength, 1)] = strengths[..] {
             let rest: Product =
                 product.into_iter().filter(|(a, _)| !matches!(a, Atom::Parameter(k) if *k >= own)).collect();
-            out.push(Part { strength, equation, product: rest, of: law(of) });
+            out.push(Part { strength, equation, product: rest, of: law(of), states: Vec::new() });
         }
     }
 }
@@ -308,7 +355,7 @@ pub fn columns(parts: &[Part], strengths: usize, mechanism: &Mechanism, paramete
     let mut out: Vec<Vec<(usize, Node)>> = vec![Vec::new(); strengths];
     for part in parts {
         let factor = at(&Polynomial::product(part.product.clone(), 1.0), parameters) * scale[part.equation];
-        let of = multiply(number(factor), part.of.at(parameters));
+        let of = multiply(number(factor), part.at(parameters));
         match out[part.strength].iter_mut().find(|c| c.0 == part.equation) {
             Some(c) => c.1 = add(c.1.clone(), of),
             None => out[part.strength].push((part.equation, of)),

@@ -12,6 +12,7 @@ use whirl_hil_sim::shaker::{BaseMotion, Command, Shaker, phase_increment};
 
 use super::*;
 use crate::effects::catalogue;
+use crate::model::model_file::toml_place::Source;
 use crate::system::library;
 
 const OMEGA: f64 = 31.4;
@@ -257,4 +258,38 @@ fn lengths_of_arms_follow_from_the_parameters() {
     let length = |k: usize| along_an_arm::length(file, k, &p).unwrap();
     assert!((length(0) - rig.l1).abs() < 1e-12);
     assert!((length(1) - 1.5 * rig.j_o2 / (rig.m2 * rig.e2)).abs() < 1e-12, "{}", length(1));
+}
+
+/// A force of load and state is the load's own times the state, whose law is that of its place.
+#[test]
+fn a_state_multiplies_what_stands_beside_it() {
+    let (mechanism, p) = mechanism(&Parameters::PRINTED, [0.0; 2]);
+    let read = |law: &str| {
+        let head = "[[effect]]\nid = \"m\"\nat = \"joint\"\nstrengths = [\"mu\"]\nshape = { d = { grid = [0.2], within = [0.1, 1.0] } }\n";
+        let path = std::path::Path::new("m.toml").to_path_buf();
+        crate::effects::entry::read(&Source { text: format!("{head}{law}\n"), path }).unwrap().remove(0)
+    };
+    let of = |entry: &Entry| {
+        let form = entry.forms().remove(0);
+        let found = action(entry, &form, Place::Joint(1), &mechanism, &p, (OMEGA, SPAN)).unwrap().unwrap();
+        let numbered = found.with_memories(&|memory, k| {
+            let rate = memory.rates()[k].value(&|s| match s {
+                Symbol::Rate(i) => [0.5, -1.5][i],
+                Symbol::State(_) => 0.25,
+                _ => f64::NAN,
+            });
+            assert!((rate - (-2.0 - 2.0 * 0.25) / 0.2).abs() < 1e-12, "{rate}");
+            number(0.25)
+        });
+        let Action::Force(parts) = numbered else { panic!("{}", entry.law) };
+        columns(&parts, 1, &mechanism, &p).remove(0)
+    };
+    let with = of(&read("force = \"-mu*load*z\"\nstates = { z = \"(v - abs(v)*z)/d\" }"));
+    let without = of(&read("force = \"-mu*load*d\""));
+    assert_eq!(with.len(), 2);
+    for ((e, with), (_, without)) in with.iter().zip(&without) {
+        let value = |n: &Node| n.value(&|s| if let Symbol::Acceleration(i) = s { 3.0 - i as f64 } else { 0.7 });
+        let (with, wanted) = (value(with), value(without) * 0.25 / 0.2);
+        assert!(wanted != 0.0 && (with - wanted).abs() < 1e-12 * wanted.abs(), "equation {e}: {with} {wanted}");
+    }
 }

@@ -4,7 +4,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::columns::LOAD;
 use crate::error::Result;
-use crate::model::model_file::expression::{Node, Symbol};
+use crate::model::model_file::expression::{Node, Symbol, number, symbol};
 use crate::model::model_file::parser::parse;
 use crate::model::model_file::toml_place::{Source, Value, described};
 use crate::model::model_file::{check_name, mistake};
@@ -100,6 +100,8 @@ pub struct Entry {
     pub positive: Vec<bool>,
     /// Shape parameters.
     pub shapes: Vec<Shape>,
+    /// Internal states, each with the law of its rate; they begin at 0.
+    pub states: Vec<(String, String)>,
     /// What is reported of strengths and shapes; the first strength where nothing else is said.
     pub value: Option<String>,
     /// Further names that are reported.
@@ -120,12 +122,13 @@ pub struct Entry {
     pub confirm: String,
 }
 
-const KEYS: [&str; 18] = [
+const KEYS: [&str; 19] = [
     "id",
     "at",
     "strengths",
     "sign",
     "shape",
+    "states",
     "value",
     "also",
     "refines",
@@ -161,7 +164,7 @@ impl Entry {
 
     /// Whether the law names a word.
     pub fn names(&self, word: &str) -> bool {
-        self.law.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|w| w == word)
+        has_word(&self.law, word)
     }
 
     /// The law in the words of a place: shape parameters are numbers, strengths the parameters from `words.parameters.len()`
@@ -174,11 +177,26 @@ impl Entry {
         words: &Words,
         form: &Form,
     ) -> core::result::Result<Word, crate::model::model_file::parser::Mistake> {
+        let rates = self.rates(words, form).map_err(|(_, m)| m)?;
+        let mut words = self.words(words, form);
+        words.scalars.extend(self.states.iter().zip(rates).map(|((name, _), rate)| (format!("{name}'"), rate)));
+        parse(&self.law, &Scoped(&words, Scope::Motion))
+    }
+
+    /// The words of a place with shape parameters, strengths and states.
+    pub(super) fn words(&self, words: &Words, form: &Form) -> Words {
         let mut words = words.clone();
         words.parameters.extend(self.strengths.iter().cloned());
         words.constants.extend(form.iter().cloned());
-        parse(&self.law, &Scoped(&words, Scope::Motion))
+        let state = |(k, (name, _)): (usize, &(String, String))| (name.clone(), Polynomial::motion(Symbol::State(k)));
+        words.scalars.extend(self.states.iter().enumerate().map(state));
+        words
     }
+}
+
+/// Whether a law names a word.
+pub(super) fn has_word(law: &str, word: &str) -> bool {
+    law.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|w| w == word)
 }
 
 /// Reads every `[[effect]]` of a file.
@@ -255,6 +273,8 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
             .bad(here, format!("{forms} combinations of shapes"), format!("at most {MOST_FORMS}"))
             .remedy("Shorten the grids; what has bounds is refined anyway"));
     }
+    let names: Vec<String> = strengths.iter().cloned().chain(shapes.iter().map(|s| s.name.clone())).collect();
+    let states = super::states::read(r, t, (verb, vocabulary), &names)?;
     let turning = t.get("turning").is_some_and(|v| matches!(v.get_ref(), DeValue::Boolean(true)));
     let entry = Entry {
         equation: text("equation")?.unwrap_or_else(|| law.clone()),
@@ -271,9 +291,11 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
         strengths,
         positive,
         shapes,
+        states,
         turning,
         alias: false,
     };
+    super::states::check(r, t, &entry, vocabulary)?;
     check(r, &entry, vocabulary, law_value)?;
     super::value::check(&entry).map_err(|(key, m)| match t.get(key.as_str()) {
         Some(v) => mistake(r.source, v, "", m),
@@ -422,7 +444,15 @@ pub fn multiplied(e: &Entry, form: &Form, on: &Polynomial, coordinates: usize, o
     ];
     words.constants.push(("T".to_owned(), 1.0));
     let Ok(Word::Scalar(law)) = e.law(&words, form) else { return None };
-    law.by_parameters().get(&vec![(Atom::Parameter(0), 1)]).map(Polynomial::node)
+    let of = law.by_parameters().get(&vec![(Atom::Parameter(0), 1)]).map(Polynomial::node)?;
+    // A state has the unit of the displacement, but that of a strength which is a force by itself none.
+    let is_force = e.unit.as_deref() == Some("N m");
+    let state = |s: Symbol| match s {
+        Symbol::State(_) if is_force => number(1.0),
+        Symbol::State(_) => on.node(),
+        other => symbol(other),
+    };
+    Some(of.replace(&state))
 }
 
 /// Words of a place with stand-ins for what it offers.

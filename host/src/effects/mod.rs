@@ -8,6 +8,7 @@
 //! | file | what |
 //! |---|---|
 //! | [`entry`] | an entry, read and checked |
+//! | [`states`] | internal states of an effect |
 //! | [`value`] | strengths to what is reported |
 //! | [`places`] | where a system has joints, arms, a drive, a frame, encoders |
 //! | [`put_in`] | effects of a simulation |
@@ -20,6 +21,7 @@ pub mod columns;
 pub mod entry;
 pub mod places;
 pub mod put_in;
+pub mod states;
 pub mod value;
 pub mod written;
 

@@ -115,6 +115,8 @@ impl Printer<'_> {
                 Piece { negative: false, text, level }
             }
             E::Call(f, a) => atom(l.call(*f, &self.text(a))),
+            // Models with states are refused before they come here.
+            E::Memory(..) => atom("nan".to_owned()),
             E::Hat { from_node, width, period } => atom(l.hat(&self.text(from_node), *width, *period)),
         }
     }
@@ -123,7 +125,7 @@ impl Printer<'_> {
 /// Whether a function stands somewhere in an expression; none for the hats of an interpolation basis.
 pub fn uses(e: &Node, wanted: Option<Function>) -> bool {
     match &**e {
-        E::Number(_) | E::Symbol(_) => false,
+        E::Number(_) | E::Symbol(_) | E::Memory(..) => false,
         E::Add(a, b) | E::Subtract(a, b) | E::Multiply(a, b) | E::Divide(a, b) | E::Power(a, b) => {
             uses(a, wanted) || uses(b, wanted)
         }

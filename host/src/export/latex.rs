@@ -188,7 +188,8 @@ fn equations(p: &Program<'_>) -> String {
                 Symbol::Input(k) | Symbol::RawInput(k) | Symbol::InputRate(k) => name(&p.motion.file.inputs[k]),
                 Symbol::Tau => "\\tau".to_owned(),
                 Symbol::Time => "t".to_owned(),
-                Symbol::Held(_) => String::new(),
+                // Models with states are refused before they come here.
+                Symbol::Held(_) | Symbol::State(_) | Symbol::Memory(_) => String::new(),
             };
             let printer = Printer { language: &Latex, symbol: &symbol };
             let factor = t.constant.map_or_else(String::new, |c| name(&p.constants[c].own));

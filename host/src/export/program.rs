@@ -6,7 +6,6 @@ use super::remarks::{error_told, unit_told};
 use super::{Language, Printed};
 use crate::error::{BadInput, Result};
 use crate::identify::general::channel_units;
-use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::expression::{Function, Node, Symbol, multiply, number};
 use crate::model::model_file::split::{Entry, Split};
 use crate::motion::effects::bad;
@@ -107,7 +106,8 @@ impl<'a> Program<'a> {
     /// A number of equations that differs from that of the coordinates, a coefficient that is no finite number, an effect whose accelerations the equations cannot be
     /// solved for.
     pub fn new(motion: &'a Motion, language: &'static dyn Language, stem: &str) -> Result<Self> {
-        EquationsOfMotion::new(&motion.file, motion.rig.omega())?;
+        // Refuses what code cannot follow: too few equations, effects with states.
+        motion.equations()?;
         solvable(motion)?;
         let mut names = Names::new(language.reserved());
         // A file's name is no name within it.
@@ -207,6 +207,8 @@ impl<'a> Program<'a> {
             Symbol::Held(k) => self.signs[k].clone(),
             // Split terms have none.
             Symbol::Acceleration(_) => String::new(),
+            // Models with states are refused in the beginning.
+            Symbol::State(_) | Symbol::Memory(_) => String::new(),
         }
     }
 

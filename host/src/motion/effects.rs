@@ -9,7 +9,7 @@ use crate::effects::written::{self, Change};
 use crate::error::{BadInput, Result};
 use crate::explain::engine::given::form_of;
 use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S};
-use crate::model::model_file::expression::Node;
+use crate::model::model_file::expression::{Node, number};
 use crate::rig::Rig;
 use crate::system::mechanism::Mechanism;
 
@@ -177,9 +177,9 @@ pub fn on_mechanism(
     }
 }
 
-/// Whether an expression is a number at some state.
+/// Whether an expression is a number at some state, of its own states as well.
 fn is_finite(of: &Node) -> bool {
-    of.value(&|_| 0.3).is_finite()
+    of.with_memories(&|_, _| number(0.3)).value(&|_| 0.3).is_finite()
 }
 
 /// Effects at the coordinates of a model file; `told` tells them, `own` in the terms of the rig's equations.

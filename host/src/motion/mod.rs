@@ -75,6 +75,14 @@ impl Effect {
     pub fn name(&self) -> String {
         format!("{}@{}", self.told.id, self.told.at)
     }
+
+    /// Whether it has states of its own.
+    fn remembers(&self) -> bool {
+        let Acts::Motion(list) = &self.acts else { return false };
+        let mut states = Vec::new();
+        list.iter().flat_map(|s| &s.adds).for_each(|(_, of)| of.memories(&mut states));
+        !states.is_empty()
+    }
 }
 
 /// An identified model in full.
@@ -150,11 +158,29 @@ impl Motion {
         })
     }
 
-    /// Equations that can be integrated, and their parameters.
+    /// Equations that can be integrated over the coordinates alone, and their parameters.
+    ///
+    /// # Errors
+    /// A number of equations that differs from that of the coordinates; an effect with states of its own.
+    pub fn equations(&self) -> Result<(EquationsOfMotion, Vec<f64>)> {
+        if let Some((index, e)) = self.effects.iter().enumerate().find(|(_, e)| e.remembers()) {
+            let remedy = "`whirl simulate --model` with --initial follows it; leave the effect out of the file here";
+            return Err(effects::bad(
+                index,
+                &e.told,
+                "which has states of its own",
+                "effects without `states`",
+                remedy,
+            ));
+        }
+        self.following()
+    }
+
+    /// The same with the states of effects that remember, [`EquationsOfMotion::hidden`], behind the coordinates.
     ///
     /// # Errors
     /// A number of equations that differs from that of the coordinates.
-    pub fn equations(&self) -> Result<(EquationsOfMotion, Vec<f64>)> {
+    pub fn following(&self) -> Result<(EquationsOfMotion, Vec<f64>)> {
         let mut parameters: Vec<f64> = self.coefficients.iter().map(|c| c.value).collect();
         let mut extra = Vec::new();
         for (k, (effect, strength)) in self.strengths().enumerate().filter(|(_, s)| !s.1.adds.is_empty()) {

@@ -42,7 +42,9 @@ pub struct Solution {
 /// # Errors
 /// A motion that leaves the finite numbers, or a singular mass matrix.
 pub fn solve(motion: &Motion, begin: &Begin, count: usize) -> Result<Solution> {
-    let (equations, parameters) = motion.equations()?;
+    let (equations, parameters) = motion.following()?;
+    // States of effects begin at 0.
+    let state = equations.with_states(&begin.state, &[]);
     let inputs = motion.file.inputs.len();
     let at = |t: f64, out: &mut [f64]| match &begin.inputs {
         Some(along) => along.inputs(t, out),
@@ -57,7 +59,7 @@ pub fn solve(motion: &Motion, begin: &Begin, count: usize) -> Result<Solution> {
     let run = |step_s: f64, count: usize| -> Option<Vec<Vec<f64>>> {
         let flow = Flow::new(&equations, &parameters, outside, step_s);
         let mut work = Work::plain(&equations);
-        work.set(&begin.state);
+        work.set(&state);
         let mut out = vec![Vec::with_capacity(count); motion.file.coordinates.len()];
         let good = flow.samples(&mut work, begin.time, begin.step_s, count, |_, q| {
             out.iter_mut().zip(q).for_each(|(x, q)| x.push(*q));

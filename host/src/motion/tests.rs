@@ -194,3 +194,30 @@ fn the_single_pendulum_moves_as_its_own_equation_does() {
         }
     }
 }
+
+/// A state stands behind the coordinates with the law of its rate; where there is no room for it the effect is refused.
+#[test]
+fn a_state_of_an_effect_is_followed_or_refused() {
+    let rig = rig("double-pendulum", "[drive]\ndirection = \"vertical\"\nfrequency_hz = 5.0");
+    let of = |e: AddedEffect| Motion::of(&double(vec![e]), Path::new("m.toml"), Some(&rig), 0.0).unwrap();
+    let dahl = of(effect("dahl-friction", "joint1", 3.0, &[3.0], &[("d", 0.1)]));
+    let error = dahl.equations().unwrap_err().to_string();
+    assert!(error.starts_with("effect 1: found \"dahl-friction@joint1\", which has states of its own"), "{error}");
+    let (equations, parameters) = dahl.following().unwrap();
+    for (q, v, tau) in STATES {
+        let at = Instant { time: 7.0, tau, inputs: &[] };
+        let state = equations.with_states(&[q, v].concat(), &[0.4]);
+        assert_eq!(state, [q[0], q[1], 0.0, v[0], v[1], 0.4]);
+        let mut got = [0.0; 3];
+        assert!(equations.acceleration(&parameters, &state[..3], &state[3..], &at, &mut got));
+        let rate = (v[0] - v[0].abs() * 0.4) / 0.1;
+        // The torque of 3 · 0.4 as that of viscous friction at this rate.
+        let viscous = of(effect("viscous-friction", "joint1", 0.0, &[3.0 * 0.4 / v[0]], &[]));
+        let (plain, values) = viscous.equations().unwrap();
+        let mut wanted = [0.0, 0.0, rate];
+        assert!(plain.acceleration(&values, &q, &v, &at, &mut wanted[..2]));
+        for (a, b) in got.iter().zip(wanted) {
+            assert!((a - b).abs() < 1e-9 * (1.0 + b.abs()), "{got:?} {wanted:?}");
+        }
+    }
+}

@@ -233,6 +233,13 @@ impl Grammar for Scoped<'_> {
         } else {
             None
         };
+        // A rate that has a name of its own: that of an effect's state.
+        if motion
+            && primes == 1
+            && let Some((_, p)) = w.scalars.iter().find(|p| p.0.strip_suffix('\'') == Some(name))
+        {
+            return scalar(p.clone());
+        }
         match found {
             Some(_) if primes > 0 => Err(self.derivative(name, primes)),
             Some(v) => Ok(Some(v)),

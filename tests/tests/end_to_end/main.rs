@@ -11,6 +11,7 @@ mod faulty_link;
 mod interface;
 mod interrupted;
 mod measured;
+mod memory;
 mod outputs;
 mod own_systems;
 mod program;

@@ -154,6 +154,7 @@ pub const LIST: &[EffectInfo] = &[
     friction::VISCOUS,
     friction::COULOMB,
     friction::STRIBECK,
+    friction::DAHL,
     friction::LOAD_DEPENDENT,
     friction::QUADRATIC_DRAG,
     friction::ASYMMETRIC,
@@ -189,7 +190,7 @@ pub const MAX_EFFECTS: usize = 32;
 /// The sum of effects.
 ///
 /// # Errors
-/// More than [`MAX_EFFECTS`] of them, more harmonics of the drive than there is room for, motion across the drive in
+/// More than [`MAX_EFFECTS`] of them, more harmonics of the drive or elements of Dahl's in a joint than there is room for, motion across the drive in
 /// two directions, more than one half of a second of delay in all.
 pub fn combine(effects: &[Effect]) -> Result<Additions, EffectError> {
     if effects.len() > MAX_EFFECTS {
@@ -206,6 +207,9 @@ pub fn combine(effects: &[Effect]) -> Result<Additions, EffectError> {
     }
     if additions.drive.harmonics.len() >= crate::shaker::MAX_TERMS {
         return Err(EffectError::new("drive-harmonic", &additions.drive.harmonics.len().to_string(), "at most 7"));
+    }
+    if let Some(joint) = additions.joints.iter().find(|j| j.dahl.len() > crate::plant::laws::MOST_DAHL) {
+        return Err(EffectError::new("dahl-friction", &joint.dahl.len().to_string(), "at most 4 in a joint"));
     }
     if additions.delay_s.abs() > 0.5 {
         return Err(EffectError::new("channel-delay", &additions.delay_s.to_string(), "at most 0.5 s in all"));

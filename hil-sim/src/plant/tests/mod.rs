@@ -3,6 +3,7 @@
 mod analytic;
 mod balance;
 mod effect_laws;
+mod memory;
 mod sticking;
 
 use super::effects::{Effect, combine};

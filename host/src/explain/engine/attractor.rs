@@ -44,10 +44,10 @@ pub fn measure(
     if !setting.circle.iter().all(|c| *c) {
         return None;
     }
-    let (motion, parameters) = state.motion(setting, x)?;
+    let (motion, parameters, hidden) = state.free_motion_of(setting, x, 0)?;
     let model = Model { motion: &motion, parameters: &parameters, step_s };
     let tolerance = vec![TOLERANCE_DEG.to_radians(); setting.bound.sensors.len()];
-    state.on_track(setting, |track| {
+    state.on_free_track(setting, hidden, |track| {
         let prediction_horizon_s = model.holds_s(track, horizons, &tolerance, LONGEST * horizons.0)?;
         let longest = (0..state.stretches.len()).max_by_key(|&k| (state.stretches[k].len(), usize::MAX - k))?;
         let test = setting.rig.drive.and_then(|_| {

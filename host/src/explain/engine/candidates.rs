@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::memory;
 use super::setting::{Physical, Setting};
 use super::state::State;
 use crate::effects::columns::{self, Action};
@@ -9,7 +10,7 @@ use crate::effects::entry::{Entry, Form};
 use crate::effects::places::Place;
 use crate::effects::written;
 use crate::model::model_file::by_parts::pieces_of_effect;
-use crate::model::model_file::expression::{Node, Symbol, add, multiply, number, subtract};
+use crate::model::model_file::expression::{Expression, Node, Symbol, add, multiply, number, subtract};
 
 /// Half the step, as a share of a shape parameter, over which a column's derivative by it is taken.
 const SHAPE_STEP: f64 = 1e-3;
@@ -86,8 +87,15 @@ impl Candidate {
         let action = columns::action(entry, form, place, mechanism, &physical.values, outside).ok().flatten()?;
         match &action {
             Action::Force(parts) if !physical.fixes(parts, mechanism) => None,
-            _ => Some(action),
+            _ => memory::numbered(setting, action),
         }
+    }
+
+    /// Numbers of the states in its columns.
+    pub fn remembered(&self) -> impl Iterator<Item = usize> {
+        let sides = self.beside.iter().flat_map(|(_, sides)| sides.iter());
+        let states = std::iter::once(&self.action).chain(sides).flat_map(Action::states);
+        states.filter_map(|s| if let Expression::Symbol(Symbol::Memory(k)) = **s { Some(k) } else { None })
     }
 
     /// `ID@PLACE`.

@@ -5,8 +5,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use super::candidates::{Candidate, Column};
+use super::memory;
 use super::shooting::signs;
 use super::units;
 use crate::effects::columns::{self, Part, Span};
@@ -14,6 +16,7 @@ use crate::effects::entry::{Entry, LENGTH, Verb};
 use crate::effects::places::Place;
 use crate::effects::{self, along_an_arm, places, written};
 use crate::error::Result;
+use crate::identify::general::history::{History, Laws};
 use crate::identify::general::noise::Sensors;
 use crate::identify::general::stretches::Stretch;
 use crate::identify::general::{self, Prepared};
@@ -102,6 +105,8 @@ pub struct Setting<'a> {
     known: BTreeMap<String, f64>,
     /// Places of written equations.
     written: Option<Mechanism>,
+    /// States of effects that remember.
+    pub laws: Arc<Laws>,
 }
 
 /// A setting with what its identification gave.
@@ -150,7 +155,7 @@ impl<'a> Setting<'a> {
             general::prepare(records, rig, whole, &settings)?;
         let own = Own::new(&base, records.len());
         let longest = MOST_FOLLOWED / rig.sample_rate_hz;
-        let raw = shorten(stretches, longest.max(geometry.windows.hop_s * most_windows));
+        let mut raw = shorten(stretches, longest.max(geometry.windows.hop_s * most_windows));
         let (Some(start), Some(end)) = (raw.first(), raw.last()) else { return Ok(None) };
         let span =
             Span { start_s: start.start_s, length_s: (end.time(end.len()) - start.start_s).max(f64::MIN_POSITIVE) };
@@ -160,6 +165,11 @@ impl<'a> Setting<'a> {
             known.into_iter().map(|(k, v)| (k.to_owned(), v)).collect()
         });
         let circle = base.circle();
+        let laws = Arc::new(Laws::default());
+        for s in &mut raw {
+            let at = (s.start_s, s.step_s);
+            s.history = Some(Arc::new(History::new(&s.coordinates, at, &geometry.kernels, &circle, &laws)));
+        }
         let (written, physical) = if written::applies(&base) {
             let columns: Vec<f64> = own.names.iter().map(|n| first.parameter(n).map_or(0.0, |p| p.value)).collect();
             let values = own.coefficients(&columns, 0);
@@ -185,6 +195,7 @@ impl<'a> Setting<'a> {
             entries: effects::catalogue().iter().cloned().map(Arc::new).chain(rig.effects.iter().cloned()).collect(),
             known,
             written,
+            laws,
         };
         setting.signs = signs::own(&setting, &physical, &first);
         Ok(Some(Begun { setting, first, physical, warnings }))
@@ -233,9 +244,16 @@ impl<'a> Setting<'a> {
                 let Some(entry) = self.sized(entry, place, physical) else { continue };
                 let all = entry.forms().into_iter().filter_map(|f| Candidate::new(self, &entry, place, f, physical));
                 // What is neither a length nor an angle has no friction.
-                out.extend(all.filter(|c| moves.iter().all(|m| *m) || !rubs(&c.plain(self, physical), &moves)));
+                out.extend(all.filter(|c| {
+                    let rubs = || rubs(&c.plain(self, physical), &moves) || rubs(&memory::laws(self, c), &moves);
+                    moves.iter().all(|m| *m) || !rubs()
+                }));
             }
         }
+        // What remembers is followed along the record, each form once.
+        let good: Vec<bool> = out.par_iter().map(|c| memory::is_followed(self, c)).collect();
+        let mut good = good.into_iter();
+        out.retain(|_| good.next().unwrap_or(false));
         out
     }
 
@@ -259,22 +277,25 @@ impl<'a> Setting<'a> {
     /// An entry whose grid of a shape parameter holds the size of the motion: where it does not, as of a slow axis in metres, the grid is moved there.
     fn as_large_as_the_motion(&self, entry: &Arc<Entry>, place: Place, file: &SystemFile) -> Arc<Entry> {
         let (Place::Joint(k), [shape]) = (place, &entry.shapes[..]) else { return entry.clone() };
-        let (Some(within), true) = (shape.within, self.shooting) else { return entry.clone() };
+        if shape.within.is_none() || !self.shooting {
+            return entry.clone();
+        }
         let rate = shape.name.starts_with('v');
         // What a law of the velocity alone has beside it is no position: a power.
-        if !rate && !entry.names("x") {
+        if !rate && !entry.names("x") && entry.states.is_empty() {
             return entry.clone();
         }
         let size = self.size(&file.joints[k].moves.value, rate);
         let (low, high) = (shape.grid[0], shape.grid[shape.grid.len() - 1]);
+        if !entry.states.is_empty() {
+            // Distances of what remembers are far below the motion: those of the list are for a motion of about one. Times stay.
+            let by = if shape.name.starts_with('T') || (0.1..10.0).contains(&size) { 1.0 } else { size };
+            return if by > 0.0 && by.is_finite() { scaled(entry, by) } else { entry.clone() };
+        }
         if !(size > 0.0 && size.is_finite()) || (2.0 * low..0.5 * high).contains(&size) {
             return entry.clone();
         }
-        let by = size / (low * high).sqrt();
-        let mut out = (**entry).clone();
-        out.shapes[0].grid.iter_mut().for_each(|x| *x *= by);
-        out.shapes[0].within = Some(within.map(|x| x * by));
-        Arc::new(out)
+        scaled(entry, size / (low * high).sqrt())
     }
 
     /// Rms of a joint's position (within a turn where it is an angle), or of its velocity by differences over five samples.
@@ -321,6 +342,16 @@ fn base(rig: &Rig, whole: &Bound) -> Option<ModelFile> {
     }
     let file = model.mechanism.as_deref()?.file.clone()?;
     if file.written { None } else { file.model(Some(&[]), rig.omega()).ok() }
+}
+
+/// An entry with its first shape's values and bounds multiplied.
+fn scaled(entry: &Arc<Entry>, by: f64) -> Arc<Entry> {
+    let mut out = (**entry).clone();
+    if let Some(shape) = out.shapes.first_mut() {
+        shape.grid.iter_mut().for_each(|x| *x *= by);
+        shape.within = shape.within.map(|w| w.map(|x| x * by));
+    }
+    Arc::new(out)
 }
 
 /// Whether a column holds the sign or size of the rate of something that does not move.

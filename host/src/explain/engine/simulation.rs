@@ -58,7 +58,7 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
     }
     let longest = (0..state.stretches.len()).max_by_key(|&k| (state.stretches[k].len(), usize::MAX - k));
     let record = longest.and_then(|k| setting.record_of.get(k).copied()).unwrap_or(0);
-    let Some((motion, parameters)) = state.motion_of(setting, &outcome.fit.all, record) else { return };
+    let Some((motion, parameters, hidden)) = state.free_motion_of(setting, &outcome.fit.all, record) else { return };
     let own = setting.model().coefficients();
     let kept = setting.own.coefficients(&setting.signs, record);
     let sign_of = |name: &String| -> f64 {
@@ -90,12 +90,12 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
     for simulation in all {
         let span = Span { stretch, fitted: (simulation.fitted * samples as f64) as usize, end: samples };
         let by_windows = outcome.until(stretch, span.fitted).and_then(|x| {
-            let (motion, parameters) = state.motion_of(setting, &x, record)?;
+            let (motion, parameters, hidden) = state.free_motion_of(setting, &x, record)?;
             let run = |t: &Track<'_>| prediction::run(&motion, &parameters, t, span, window);
-            state.on_track(setting, run).map(|error| (parameters, error))
+            state.on_free_track(setting, hidden, run).map(|error| (parameters, error))
         });
         let simulate = |t: &Track<'_>| prediction::simulate(&motion, (&parameters, &signs), t, span);
-        let found = by_windows.or_else(|| state.on_track(setting, simulate));
+        let found = by_windows.or_else(|| state.on_free_track(setting, hidden.clone(), simulate));
         let value = found.as_ref().map_or(f64::NAN, |(_, error)| error * unit.factor);
         simulation.steps.push(Step { added: added.clone(), value });
         simulation.parameters = found.map_or_else(Vec::new, |(p, _)| {

@@ -1,5 +1,7 @@
 //! The model while effects are added to it: coefficients, effects with their strengths, and the record with sensor effects taken off.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::candidates::Candidate;
@@ -9,7 +11,10 @@ use super::shooting::Followed;
 use crate::identify::general::stretches::Stretch;
 use crate::identify::general::track::{Along, Track};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
-use crate::model::model_file::expression::Node;
+use crate::model::model_file::expression::{Expression, Node, Symbol, symbol};
+
+/// Additions to the left-hand sides: equation, name of the strength, expression in seconds.
+type Terms = Vec<(usize, String, Node)>;
 
 /// An effect in the model.
 #[derive(Clone)]
@@ -119,8 +124,58 @@ impl State {
         x: &DVector<f64>,
         record: usize,
     ) -> Option<(EquationsOfMotion, Vec<f64>)> {
+        let (terms, strengths) = self.terms(setting, x);
+        let motion = EquationsOfMotion::with_columns(setting.model(), setting.rig.omega(), &terms).ok()?;
+        let values = self.parameters(setting, x, record, &motion, &strengths);
+        Some((motion, values))
+    }
+
+    /// The same for a free run, which follows the states of effects with its own motion; also their numbers.
+    pub fn free_motion_of(
+        &self,
+        setting: &Setting<'_>,
+        x: &DVector<f64>,
+        record: usize,
+    ) -> Option<(EquationsOfMotion, Vec<f64>, Vec<usize>)> {
+        let (mut terms, strengths) = self.terms(setting, x);
+        for (_, _, of) in &mut terms {
+            *of = of.replace(&|s| match s {
+                Symbol::Memory(k) => {
+                    setting.laws.law(k).map_or_else(|| symbol(s), |(m, j)| Arc::new(Expression::Memory(m, j)))
+                }
+                other => symbol(other),
+            });
+        }
+        let motion = EquationsOfMotion::with_columns(setting.model(), setting.rig.omega(), &terms).ok()?;
+        let values = self.parameters(setting, x, record, &motion, &strengths);
+        let numbers = motion.hidden().iter().map(|(m, j)| setting.laws.number(m, *j)).collect();
+        Some((motion, values, numbers))
+    }
+
+    /// Values of an equation's coefficients: the record's own, then strengths.
+    fn parameters(
+        &self,
+        setting: &Setting<'_>,
+        x: &DVector<f64>,
+        record: usize,
+        motion: &EquationsOfMotion,
+        strengths: &[(String, f64)],
+    ) -> Vec<f64> {
+        let own = setting.model().coefficients();
+        let of_record = setting.own.coefficients(&x.as_slice()[..self.values.len()], record);
+        let value = |name: &String| {
+            own.iter()
+                .position(|n| n == name)
+                .map(|i| of_record[i])
+                .or_else(|| strengths.iter().find(|s| s.0 == *name).map(|s| s.1))
+        };
+        motion.coefficients().iter().map(|n| value(n).unwrap_or(0.0)).collect()
+    }
+
+    /// What everything chosen adds to the equations, and the strengths by name.
+    fn terms(&self, setting: &Setting<'_>, x: &DVector<f64>) -> (Terms, Vec<(String, f64)>) {
         let n = self.values.len();
-        let mut terms: Vec<(usize, String, Node)> = Vec::new();
+        let mut terms: Terms = Vec::new();
         let mut strengths: Vec<(String, f64)> = Vec::new();
         let mut at = n;
         for (index, k) in self.chosen.iter().enumerate() {
@@ -134,23 +189,35 @@ impl State {
                 at += 1;
             }
         }
-        let motion = EquationsOfMotion::with_columns(setting.model(), setting.rig.omega(), &terms).ok()?;
-        let own = setting.model().coefficients();
-        let of_record = setting.own.coefficients(&x.as_slice()[..n], record);
-        let value = |name: &String| {
-            own.iter()
-                .position(|n| n == name)
-                .map(|i| of_record[i])
-                .or_else(|| strengths.iter().find(|s| s.0 == *name).map(|s| s.1))
-        };
-        let values = motion.coefficients().iter().map(|n| value(n).unwrap_or(0.0)).collect();
-        Some((motion, values))
+        (terms, strengths)
+    }
+
+    /// Numbers of the states of everything chosen, sorted: those that [`State::motion`] takes from the record.
+    pub fn remembered(&self) -> Vec<usize> {
+        let all = self.chosen.iter().flat_map(|k| k.candidate.remembered());
+        let mut out: Vec<usize> = all.collect();
+        out.sort_unstable();
+        out.dedup();
+        out
     }
 
     /// Calls with the record as pieces for predictions.
     pub fn on_track<T>(&self, setting: &Setting<'_>, then: impl FnOnce(&Track<'_>) -> T) -> T {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
-        let along: Vec<Along> = self.stretches.iter().map(|s| Along::new(s, omega)).collect();
+        let numbers = self.remembered();
+        let along: Vec<Along> = self.stretches.iter().map(|s| Along::remembering(s, omega, &numbers)).collect();
         then(&Track::new(&self.stretches, &along, setting.rig, &setting.bound, &setting.sensors))
+    }
+
+    /// The same for equations that follow some states of effects themselves: [`State::free_motion_of`].
+    pub fn on_free_track<T>(
+        &self,
+        setting: &Setting<'_>,
+        numbers: Vec<usize>,
+        then: impl FnOnce(&Track<'_>) -> T,
+    ) -> T {
+        let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
+        let along: Vec<Along> = self.stretches.iter().map(|s| Along::new(s, omega)).collect();
+        then(&Track::new(&self.stretches, &along, setting.rig, &setting.bound, &setting.sensors).hiding(numbers))
     }
 }

@@ -130,16 +130,23 @@ pub fn strong_series(s: &Stretch, length: usize, tape: &Tape, kernels: &Kernels,
     } else {
         Vec::new()
     };
+    let remembered: Vec<Vec<f64>> = tape
+        .symbols()
+        .iter()
+        .map(|x| if let Symbol::Memory(k) = *x { s.remembered(k, lost, count) } else { Vec::new() })
+        .collect();
     let columns: Vec<&[f64]> = tape
         .symbols()
         .iter()
-        .map(|x| match *x {
+        .zip(&remembered)
+        .map(|(x, remembered)| match *x {
             Symbol::Coordinate(i) | Symbol::Raw(i) => &coordinates[i][0][..],
             Symbol::Rate(i) | Symbol::ClearRate(i) => &coordinates[i][1],
             Symbol::Acceleration(i) => &coordinates[i][2],
             Symbol::Input(k) | Symbol::RawInput(k) => &inputs[k][0],
             Symbol::InputRate(k) => &inputs[k][1],
-            Symbol::Tau | Symbol::Held(_) => &phase,
+            Symbol::Memory(_) => remembered,
+            Symbol::Tau | Symbol::Held(_) | Symbol::State(_) => &phase,
             Symbol::Time => &times,
         })
         .collect();

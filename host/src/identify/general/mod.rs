@@ -6,6 +6,7 @@
 pub mod balance_error;
 pub mod chain;
 pub mod geometry;
+pub mod history;
 pub mod noise;
 pub mod per_record;
 pub mod physical;

@@ -81,6 +81,10 @@ impl Stretches for System<'_> {
             if symbols.contains(&Symbol::Tau) { (first..last).map(|i| s.tau(i)).collect() } else { Vec::new() };
         let times: Vec<f64> =
             if symbols.contains(&Symbol::Time) { (first..last).map(|i| s.time(i)).collect() } else { Vec::new() };
+        let remembered: Vec<Vec<f64>> = symbols
+            .iter()
+            .map(|x| if let Symbol::Memory(k) = *x { s.remembered(k, first, last - first) } else { Vec::new() })
+            .collect();
         let filtered = |k: usize, output: usize| filtered[k].as_ref().map_or(&[][..], |f| &f[output][..]);
         // Functions of accelerations, of effects only: by differences of the smoothed rates.
         let accelerations: Vec<Vec<f64>> = (0..n)
@@ -91,7 +95,8 @@ impl Stretches for System<'_> {
             .collect();
         let columns: Vec<&[f64]> = symbols
             .iter()
-            .map(|x| match *x {
+            .zip(&remembered)
+            .map(|(x, remembered)| match *x {
                 Symbol::Coordinate(i) => filtered(i, 0),
                 Symbol::Rate(i) => filtered(i, 1),
                 Symbol::ClearRate(i) => filtered(i, 2),
@@ -101,9 +106,10 @@ impl Stretches for System<'_> {
                 Symbol::RawInput(k) => &s.inputs[k][first..last],
                 Symbol::Tau => &phase[..],
                 Symbol::Time => &times[..],
+                Symbol::Memory(_) => &remembered[..],
                 Symbol::Acceleration(i) => &accelerations[i],
-                // Signs are held in simulations only.
-                Symbol::Held(_) => &[],
+                // Signs are held in simulations only, states stand in laws of their own.
+                Symbol::Held(_) | Symbol::State(_) => &[],
             })
             .collect();
         *series = self.weak.tape.run(&columns, last - first);

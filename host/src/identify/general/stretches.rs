@@ -1,7 +1,9 @@
 //! A record in the coordinates and inputs of a model file: unbroken stretches in SI units.
 
 use core::f64::consts::TAU;
+use std::sync::Arc;
 
+use super::history::History;
 use crate::error::{BadInput, Result};
 use crate::model::model_file::Space;
 use crate::record::Record;
@@ -24,6 +26,8 @@ pub struct Stretch {
     pub phase: Phase,
     /// Commanded amplitude of the base, nm, where the device recorded it.
     pub amplitude_nm: Option<Vec<u32>>,
+    /// States of effects that remember, where some are looked for.
+    pub history: Option<Arc<History>>,
 }
 
 impl Stretch {
@@ -50,6 +54,12 @@ impl Stretch {
         }
     }
 
+    /// A followed state of an effect at `count` samples from `first` on; NaN where nothing is followed.
+    pub fn remembered(&self, number: usize, first: usize, count: usize) -> Vec<f64> {
+        let nothing = || vec![f64::NAN; count];
+        self.history.as_ref().map_or_else(nothing, |h| h.since(number, self.time(first), count))
+    }
+
     /// The samples first … last as a stretch of their own.
     pub fn part(&self, first: usize, last: usize) -> Self {
         let cut = |list: &[Vec<f64>]| list.iter().map(|x| x[first..last].to_vec()).collect();
@@ -63,6 +73,7 @@ impl Stretch {
                 Phase::Clock(w) => Phase::Clock(*w),
             },
             amplitude_nm: self.amplitude_nm.as_ref().map(|a| a[first..last].to_vec()),
+            history: self.history.clone(),
         }
     }
 
@@ -127,6 +138,7 @@ pub fn of(record: &Record, rig: &Rig, bound: &Bound) -> Result<Vec<Stretch>> {
                     _ => Phase::Clock(omega),
                 },
                 amplitude_nm: s.amplitude_nm.clone(),
+                history: None,
             }
         })
         .collect())

@@ -25,6 +25,9 @@ const LEAST_NOISE: f64 = 1e-9;
 /// What acts along a stretch: its inputs between their samples, and the phase.
 pub struct Along {
     inputs: Vec<BandLimited>,
+    /// States of effects that were followed along the record, behind the inputs: lines from sample to sample, since they may have corners.
+    remembered: Vec<Vec<f64>>,
+    step_s: f64,
     start_s: f64,
     tau: f64,
     omega: f64,
@@ -33,8 +36,24 @@ pub struct Along {
 impl Along {
     /// For a stretch and a drive of angular frequency `omega` (0 for a free system).
     pub fn new(s: &Stretch, omega: f64) -> Self {
-        let inputs = s.inputs.iter().map(|x| BandLimited::new(x, s.start_s, s.step_s)).collect();
-        Self { inputs, start_s: s.start_s, tau: if s.is_empty() { 0.0 } else { s.tau(0) }, omega }
+        Self::remembering(s, omega, &[])
+    }
+
+    /// The same with followed states of effects, by their numbers, behind the inputs.
+    pub fn remembering(s: &Stretch, omega: f64, numbers: &[usize]) -> Self {
+        Self {
+            inputs: s.inputs.iter().map(|x| BandLimited::new(x, s.start_s, s.step_s)).collect(),
+            remembered: numbers.iter().map(|k| s.remembered(*k, 0, s.len())).collect(),
+            step_s: s.step_s,
+            start_s: s.start_s,
+            tau: if s.is_empty() { 0.0 } else { s.tau(0) },
+            omega,
+        }
+    }
+
+    /// Number of inputs, followed states among them.
+    pub fn count(&self) -> usize {
+        self.inputs.len() + self.remembered.len()
     }
 }
 
@@ -45,6 +64,14 @@ impl Outside for Along {
 
     fn inputs(&self, time: f64, out: &mut [f64]) {
         out.iter_mut().zip(&self.inputs).for_each(|(o, i)| *o = i.value(time));
+        let at = ((time - self.start_s) / self.step_s).max(0.0);
+        let line = |x: &[f64]| {
+            // Not below 0; the cast cuts the fraction, or saturates far beyond the end.
+            let i = (at as usize).min(x.len().saturating_sub(2));
+            let (a, b) = (x.get(i).copied().unwrap_or(f64::NAN), x.get(i + 1).or(x.last()).copied());
+            a + (at - i as f64).min(1.0) * (b.unwrap_or(a) - a)
+        };
+        out.iter_mut().skip(self.inputs.len()).zip(&self.remembered).for_each(|(o, x)| *o = line(x));
     }
 }
 
@@ -60,8 +87,10 @@ pub struct Pieces {
 
 /// All stretches on one axis of time.
 pub struct Track<'a> {
-    /// What each sensor shows of the coordinates.
+    /// What each sensor shows of the coordinates, states of effects behind them.
     pub sensors: Vec<Vec<f64>>,
+    /// Numbers of the states that are followed with the motion.
+    hidden: Vec<usize>,
     /// Noise of each sensor.
     pub sigma: Vec<f64>,
     /// Spacing of the samples, s.
@@ -110,7 +139,35 @@ impl<'a> Track<'a> {
             })
             .collect();
         let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
-        Self { sensors, sigma, spacing_s, size, omega, inputs: bound.inputs.len(), along, stretches, bound, begins }
+        let hidden = Vec::new();
+        Self {
+            hidden,
+            sensors,
+            sigma,
+            spacing_s,
+            size,
+            omega,
+            inputs: along.first().map_or(bound.inputs.len(), Along::count),
+            along,
+            stretches,
+            bound,
+            begins,
+        }
+    }
+
+    /// For equations that follow some states of effects with the motion: no sensor shows them.
+    #[must_use]
+    pub fn hiding(mut self, numbers: Vec<usize>) -> Self {
+        let n = self.bound.model.coordinates.len();
+        self.sensors.iter_mut().for_each(|s| s.resize(n + numbers.len(), 0.0));
+        self.hidden = numbers;
+        self
+    }
+
+    /// What the sensors show of the model's own coordinates.
+    fn shown(&self) -> Vec<Vec<f64>> {
+        let n = self.bound.model.coordinates.len();
+        self.sensors.iter().map(|s| s[..n].to_vec()).collect()
     }
 
     /// Inputs at a time of the axis.
@@ -124,12 +181,18 @@ impl<'a> Track<'a> {
     /// Pieces of `length` samples; none where the sensors do not give the coordinates.
     pub fn cut(&self, length: usize, guess: usize) -> Option<Pieces> {
         let angles = self.bound.model.circle();
-        let geometry = Geometry { sensors: &self.sensors, angles: &angles, spacing_s: self.spacing_s, guess };
+        let shown = self.shown();
+        let geometry = Geometry { sensors: &shown, angles: &angles, spacing_s: self.spacing_s, guess };
         let mut out = Pieces { pieces: Vec::new(), guesses: Vec::new(), stretch: Vec::new() };
         for (k, s) in self.stretches.iter().enumerate() {
             let measured =
                 Measured { start_s: self.begins[k], sensors: s.sensors(self.bound), tau: Box::new(move |i| s.tau(i)) };
-            let (pieces, guesses) = cut(&[measured], &geometry, length, (length / 4).max(16))?;
+            let (pieces, mut guesses) = cut(&[measured], &geometry, length, (length / 4).max(16))?;
+            for (piece, guess) in pieces.iter().zip(&mut guesses) {
+                let since_s = piece.start_s - self.begins[k];
+                // Not negative; rounded.
+                self.with_states(s, (since_s / self.spacing_s).round() as usize, guess);
+            }
             out.stretch.extend(std::iter::repeat_n(k, pieces.len()));
             out.pieces.extend(pieces);
             out.guesses.extend(guesses);
@@ -157,13 +220,23 @@ impl<'a> Track<'a> {
     pub fn piece(&self, stretch: usize, first: usize, count: usize) -> Option<(Piece, Vec<f64>)> {
         let angles = self.bound.model.circle();
         let guess = (count / 16).clamp(3, 8);
-        let geometry = Geometry { sensors: &self.sensors, angles: &angles, spacing_s: self.spacing_s, guess };
+        let shown = self.shown();
+        let geometry = Geometry { sensors: &shown, angles: &angles, spacing_s: self.spacing_s, guess };
         let s = self.stretches.get(stretch)?;
         let sensors = s.part(first, first + count).sensors(self.bound);
         let start_s = self.begins[stretch] + first as f64 * self.spacing_s;
         let measured = Measured { start_s, sensors, tau: Box::new(move |i| s.tau(first + i)) };
         let (mut pieces, mut guesses) = cut(&[measured], &geometry, count, count)?;
-        Some((pieces.pop()?, guesses.pop()?))
+        let mut guess = guesses.pop()?;
+        self.with_states(s, first, &mut guess);
+        Some((pieces.pop()?, guess))
+    }
+
+    /// Puts the states that are followed with the motion into a guess at a sample of a stretch: each is the rate of a coordinate that nothing shows.
+    fn with_states(&self, s: &Stretch, first: usize, guess: &mut Vec<f64>) {
+        let n = guess.len() / 2;
+        guess.splice(n..n, self.hidden.iter().map(|_| 0.0));
+        guess.extend(self.hidden.iter().map(|k| s.remembered(*k, first, 1)[0]));
     }
 
     /// Samples of a stretch.
@@ -173,7 +246,7 @@ impl<'a> Track<'a> {
 
     /// Whether something from outside acts on the system.
     pub fn is_driven(&self) -> bool {
-        self.inputs > 0 || self.omega > 0.0
+        !self.bound.inputs.is_empty() || self.omega > 0.0
     }
 
     /// Time from the beginning of its stretch to a piece, s.

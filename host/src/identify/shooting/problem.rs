@@ -6,6 +6,8 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::solve::damped;
+
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Inputs, Outside, Work};
 
@@ -179,7 +181,7 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
             let mut damping = 1e-6;
             for _ in 0..20 {
                 let mut normal = share.normal.clone();
-                (0..normal.nrows()).for_each(|i| normal[(i, i)] *= 1.0 + damping);
+                (0..normal.nrows()).for_each(|i| normal[(i, i)] = damped(normal[(i, i)], damping));
                 let Some(factor) = normal.cholesky() else { break };
                 let step = factor.solve(&share.gradient);
                 // In units of the residuals' scatter: what this step still promises.

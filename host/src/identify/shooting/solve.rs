@@ -49,7 +49,8 @@ pub struct Reduced {
 pub fn reduce(share: &Share, x: usize, damping: f64) -> Option<Reduced> {
     let p = share.gradient.len() - x;
     let mut own_block = share.normal.view((0, 0), (x, x)).into_owned();
-    (0..x).for_each(|i| own_block[(i, i)] *= 1.0 + damping);
+    // What no sensor feels stays where it is.
+    (0..x).for_each(|i| own_block[(i, i)] = damped(own_block[(i, i)], damping));
     let factor = own_block.cholesky()?;
     let coupling = share.normal.view((0, x), (x, p)).into_owned();
     let own = share.gradient.rows(0, x).into_owned();
@@ -69,6 +70,11 @@ impl Reduced {
     pub fn own_step(&self, step: &DVector<f64>) -> DVector<f64> {
         -self.factor.solve(&(&self.own + &self.coupling * step))
     }
+}
+
+/// A diagonal element with damping; 1 where nothing depends on the unknown.
+pub fn damped(diagonal: f64, damping: f64) -> f64 {
+    if diagonal == 0.0 { 1.0 } else { diagonal * (1.0 + damping) }
 }
 
 /// Solves a symmetric system scaled to unit diagonal, the unknowns in `held` left at zero. None where it is singular.

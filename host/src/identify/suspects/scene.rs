@@ -125,6 +125,7 @@ impl Scene {
                 inputs: Vec::new(),
                 phase: s.phase,
                 amplitude_nm: None,
+                history: None,
             })
             .collect();
         let record_of = vec![0; stretches.len()];

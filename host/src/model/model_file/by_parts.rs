@@ -295,7 +295,7 @@ mod tests {
             Symbol::Acceleration(_) => -0.49 * (0.7 * t).cos(),
             Symbol::Input(_) | Symbol::RawInput(_) => (2.1 * t).sin(),
             Symbol::InputRate(_) => 2.1 * (2.1 * t).cos(),
-            Symbol::Tau | Symbol::Held(_) => 3.0 * t,
+            Symbol::Tau | Symbol::Held(_) | Symbol::State(_) | Symbol::Memory(_) => 3.0 * t,
             Symbol::Time => t,
         }
     }

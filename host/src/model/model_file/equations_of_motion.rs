@@ -7,13 +7,19 @@
 //! these stand still to 1e-12, in twenty passes at most; such laws are weak, and three or four do. The same holds of M in the partial derivatives, M + ∂F/∂q̈.
 //!
 //! The signs of linear forms of the rates (dry friction) are the switches of [`Dynamics`].
+//!
+//! A state z of an effect that remembers is followed as the rate of a further coordinate, whose acceleration is the law of dz/dt: coordinates are then those of
+//! the model and one for each state, on which nothing else depends ([`EquationsOfMotion::hidden`]).
 
 pub mod abreast;
 
 use core::cell::RefCell;
+use std::sync::Arc;
 
 use super::ModelFile;
-use super::expression::{Function, Node, Symbol, as_number};
+use super::by_parts::gather;
+use super::expression::{Function, Node, Symbol, as_number, subtract, symbol};
+use super::memory::Memory;
 use super::split::{Entry, Split};
 use super::tape::Tape;
 use crate::error::Result;
@@ -36,6 +42,11 @@ pub struct EquationsOfMotion {
     /// Derivatives of entries by coordinates (0 … n), rates (n … 2n) and accelerations (2n … 3n): tape, and entry and variable of each output. None
     /// where some factor has no derivative.
     slopes: Option<(Tape, Vec<(usize, usize)>)>,
+    /// Number of measured inputs, and of the states that come behind them, followed along a record.
+    inputs: usize,
+    remembered: Vec<usize>,
+    /// States that are followed with the motion.
+    hidden: Vec<(Arc<Memory>, usize)>,
 }
 
 /// Room for one evaluation.
@@ -73,7 +84,7 @@ impl EquationsOfMotion {
     }
 
     /// As [`EquationsOfMotion::new`], with further terms `(equation, coefficient, expression in seconds)` on the left-hand sides;
-    /// their coefficients follow the file's own.
+    /// their coefficients follow the file's own. States of effects that remember are followed as well: see the head of this file.
     ///
     /// # Errors
     /// As [`EquationsOfMotion::new`].
@@ -89,7 +100,9 @@ impl EquationsOfMotion {
                 .remedy("A simulation needs one equation for each coordinate"));
         }
         let mut coefficients = model.coefficients();
-        let mut built = Split::of(n);
+        let hidden = hidden(extra);
+        let all = n + hidden.len();
+        let mut built = Split::of(all);
         for (e, equation) in model.equations.iter().enumerate() {
             built.put(e, None, &model.in_seconds(&equation.balance, omega));
             for term in &equation.terms {
@@ -102,10 +115,18 @@ impl EquationsOfMotion {
                 coefficients.push(name.clone());
                 coefficients.len() - 1
             });
-            built.put(*e, Some(index), of);
+            built.put(*e, Some(index), &with_rates(of, &hidden, n));
         }
-        let states = (0..n).map(Symbol::Coordinate).chain((0..n).map(Symbol::Rate));
-        let variables: Vec<Symbol> = states.chain((0..n).map(Symbol::Acceleration)).collect();
+        for (k, (memory, state)) in hidden.iter().enumerate() {
+            let own = |s: Symbol| match s {
+                Symbol::State(j) => state_rate(&hidden, memory, j, n),
+                other => symbol(other),
+            };
+            let rate = memory.rates()[*state].replace(&own);
+            built.put(n + k, None, &subtract(rate, symbol(Symbol::Acceleration(n + k))));
+        }
+        let states = (0..all).map(Symbol::Coordinate).chain((0..all).map(Symbol::Rate));
+        let variables: Vec<Symbol> = states.chain((0..all).map(Symbol::Acceleration)).collect();
         let mut slopes = Some((Vec::new(), Vec::new()));
         for (k, node) in built.nodes.iter().enumerate() {
             for (j, by) in variables.iter().enumerate() {
@@ -123,7 +144,10 @@ impl EquationsOfMotion {
         }
         Ok(Self {
             coefficients,
-            circle: model.circle(),
+            circle: [model.circle(), vec![false; hidden.len()]].concat(),
+            inputs: model.inputs.len(),
+            remembered: remembered(extra),
+            hidden,
             switches: built.switches,
             tape: Tape::new(&built.nodes),
             implicit: built.nodes.iter().any(|node| node.accelerates()),
@@ -135,6 +159,27 @@ impl EquationsOfMotion {
     /// Names of the parameters, in the order of [`Dynamics::acceleration`]'s `parameters`.
     pub fn coefficients(&self) -> &[String] {
         &self.coefficients
+    }
+
+    /// Numbers of the states that come behind the measured inputs, followed along a record.
+    pub fn remembered(&self) -> &[usize] {
+        &self.remembered
+    }
+
+    /// States that are followed with the motion: each a coordinate behind the model's, whose rate it is.
+    pub fn hidden(&self) -> &[(Arc<Memory>, usize)] {
+        &self.hidden
+    }
+
+    /// A state of the model (coordinates, then rates) with those of its effects, `states` or at 0 where none are given.
+    pub fn with_states(&self, of_model: &[f64], states: &[f64]) -> Vec<f64> {
+        let n = of_model.len() / 2;
+        let own = (0..self.hidden.len()).map(|k| states.get(k).copied().unwrap_or(0.0));
+        let mut out = of_model[..n].to_vec();
+        out.resize(n + self.hidden.len(), 0.0);
+        out.extend_from_slice(&of_model[n..]);
+        out.extend(own);
+        out
     }
 
     fn signs(&self, v: &[f64]) -> Vec<f64> {
@@ -154,7 +199,13 @@ impl EquationsOfMotion {
             Symbol::Tau => at.tau,
             Symbol::Time => at.time,
             Symbol::Held(k) => signs.get(k).copied().unwrap_or(0.0),
+            Symbol::Memory(k) => {
+                let place = self.remembered.iter().position(|r| *r == k);
+                place.and_then(|j| at.inputs.get(self.inputs + j)).copied().unwrap_or(f64::NAN)
+            }
             Symbol::InputRate(_) => 0.0,
+            // Only laws of states hold them, where they became rates.
+            Symbol::State(_) => f64::NAN,
         }));
     }
 
@@ -334,6 +385,41 @@ impl Dynamics for EquationsOfMotion {
         self.acceleration_held(parameters, q, v, at, signs, acceleration)
             && self.partials_held(parameters, q, v, at, signs, partials)
     }
+}
+
+/// Every state of the memories in some terms.
+fn hidden(extra: &[(usize, String, Node)]) -> Vec<(Arc<Memory>, usize)> {
+    let mut found = Vec::new();
+    extra.iter().for_each(|(_, _, of)| of.memories(&mut found));
+    let mut out: Vec<(Arc<Memory>, usize)> = Vec::new();
+    for (memory, _) in found {
+        if !out.iter().any(|(m, _)| *m == memory) {
+            out.extend((0..memory.len()).map(|k| (memory.clone(), k)));
+        }
+    }
+    out
+}
+
+/// The rate that stands for a state behind `n` coordinates.
+fn state_rate(hidden: &[(Arc<Memory>, usize)], memory: &Arc<Memory>, state: usize, n: usize) -> Node {
+    let place = hidden.iter().position(|(m, k)| m == memory && *k == state);
+    place.map_or_else(|| symbol(Symbol::State(state)), |k| symbol(Symbol::Rate(n + k)))
+}
+
+/// A term with its states as rates.
+fn with_rates(of: &Node, hidden: &[(Arc<Memory>, usize)], n: usize) -> Node {
+    of.with_memories(&|m, k| state_rate(hidden, m, k, n))
+}
+
+/// Numbers of followed states in some terms, sorted.
+fn remembered(extra: &[(usize, String, Node)]) -> Vec<usize> {
+    let mut symbols = Vec::new();
+    extra.iter().for_each(|(_, _, of)| gather(of, &mut symbols));
+    let numbers = symbols.into_iter().filter_map(|s| if let Symbol::Memory(k) = s { Some(k) } else { None });
+    let mut out: Vec<usize> = numbers.collect();
+    out.sort_unstable();
+    out.dedup();
+    out
 }
 
 /// An angle wrapped to [−π, π).

@@ -5,6 +5,8 @@
 
 use std::sync::Arc;
 
+use super::memory::Memory;
+
 /// A shared expression.
 pub type Node = Arc<Expression>;
 
@@ -34,6 +36,10 @@ pub enum Symbol {
     ClearRate(usize),
     /// Sign of switch k of the equations of motion (dry friction), held by an integrator.
     Held(usize),
+    /// State k of an effect with a memory (inside the laws of its rates only).
+    State(usize),
+    /// State of an effect with a memory, followed along the record under this number (explanations only): see [`super::memory`].
+    Memory(usize),
 }
 
 /// Functions of one argument.
@@ -131,6 +137,8 @@ pub enum Expression {
         /// Period of the grid.
         period: Option<f64>,
     },
+    /// State k of an effect with a memory, by the laws of its rates.
+    Memory(Arc<Memory>, usize),
 }
 
 use Expression as E;
@@ -247,6 +255,7 @@ pub fn multiple(a: &Node, b: &Node) -> Option<f64> {
             Symbol::Rate(i) => wave(2.3, k + 0.7, i),
             Symbol::Acceleration(i) => wave(3.1, k + 1.3, i),
             Symbol::Input(i) => wave(1.3, k + 2.1, i),
+            Symbol::Memory(i) => wave(1.1, k + 2.9, i),
             _ => 0.4 + 0.1 * k,
         })
     };
@@ -264,7 +273,7 @@ impl Expression {
     /// Direct parts.
     fn children(&self) -> [Option<&Node>; 2] {
         match self {
-            E::Number(_) | E::Symbol(_) => [None, None],
+            E::Number(_) | E::Symbol(_) | E::Memory(..) => [None, None],
             E::Add(a, b) | E::Subtract(a, b) | E::Multiply(a, b) | E::Divide(a, b) | E::Power(a, b) => {
                 [Some(a), Some(b)]
             }
@@ -280,6 +289,19 @@ impl Expression {
         }
     }
 
+    /// States of effects with a memory in it, each once, in the order in which they stand.
+    pub fn memories(&self, into: &mut Vec<(Arc<Memory>, usize)>) {
+        match self {
+            E::Memory(m, k) if !into.iter().any(|(n, j)| (n, j) == (m, k)) => into.push((m.clone(), *k)),
+            _ => self.children().into_iter().flatten().for_each(|c| c.memories(into)),
+        }
+    }
+
+    /// The same with each state of an effect with a memory replaced.
+    pub fn with_memories(&self, with: &dyn Fn(&Arc<Memory>, usize) -> Node) -> Node {
+        self.rebuilt(&symbol, with)
+    }
+
     /// Whether it holds an acceleration.
     pub fn accelerates(&self) -> bool {
         self.any(&|s| matches!(s, Symbol::Acceleration(_)))
@@ -291,12 +313,17 @@ impl Expression {
         !self.any(&|s| matches!(s, Symbol::Acceleration(_)) && bends(s))
     }
 
-    /// The same with each symbol replaced.
+    /// The same with each symbol replaced; the laws of a memory stay.
     pub fn replace(&self, with: &dyn Fn(Symbol) -> Node) -> Node {
-        let r = |a: &Node| a.replace(with);
+        self.rebuilt(with, &|m, k| Arc::new(E::Memory(m.clone(), k)))
+    }
+
+    fn rebuilt(&self, with: &dyn Fn(Symbol) -> Node, memory: &dyn Fn(&Arc<Memory>, usize) -> Node) -> Node {
+        let r = |a: &Node| a.rebuilt(with, memory);
         match self {
             E::Number(x) => number(*x),
             E::Symbol(s) => with(*s),
+            E::Memory(m, k) => memory(m, *k),
             E::Add(a, b) => add(r(a), r(b)),
             E::Subtract(a, b) => subtract(r(a), r(b)),
             E::Multiply(a, b) => multiply(r(a), r(b)),
@@ -325,6 +352,7 @@ impl Expression {
             E::Call(Function::Sign, a) => with(a),
             E::Number(x) => number(*x),
             E::Symbol(s) => symbol(*s),
+            E::Memory(m, k) => Arc::new(E::Memory(m.clone(), *k)),
             E::Add(a, b) => add(r(a), r(b)),
             E::Subtract(a, b) => subtract(r(a), r(b)),
             E::Multiply(a, b) => multiply(r(a), r(b)),
@@ -391,6 +419,8 @@ impl Expression {
                 multiply(outer, a.derive(by, between)?)
             }
             E::Hat { .. } => return None,
+            // It holds no symbol of its own.
+            E::Memory(..) => number(0.0),
         })
     }
 
@@ -407,6 +437,8 @@ impl Expression {
             E::PowerWhole(a, n) => a.value(of).powi(*n),
             E::Call(f, a) => f.value(a.value(of)),
             E::Hat { from_node, width, period } => hat(from_node.value(of), *width, *period),
+            // What is to come of it must be put in its place first.
+            E::Memory(..) => f64::NAN,
         }
     }
 }

@@ -18,6 +18,7 @@
 //! | [`parser`], [`grammar`], [`names`] | text to expressions, errors at the character; what names mean |
 //! | [`expression`] | the tree, derivatives |
 //! | [`by_parts`] | weak form of a term |
+//! | [`memory`] | states of effects that remember |
 //! | [`tape`] | evaluation over blocks of samples |
 //! | [`basis`] | unknown functions by harmonic or interpolation basis |
 //! | [`weak_form`] | all equations as series and parts for a sampling |
@@ -29,6 +30,7 @@ pub mod by_parts;
 pub mod equations_of_motion;
 pub mod expression;
 pub mod grammar;
+pub mod memory;
 pub mod names;
 pub mod parser;
 pub mod simulation;

@@ -90,6 +90,8 @@ impl Builder {
         let r = match &**e {
             E::Number(x) => self.push((0, x.to_bits(), 0, 0), Operation::Number(*x)),
             E::Symbol(s) => self.symbol(*s),
+            // A state that nothing follows has no value: never one that is silently wrong.
+            E::Memory(..) => self.push((0, f64::NAN.to_bits(), 0, 0), Operation::Number(f64::NAN)),
             E::Add(a, b) => two(2, a, b, Operation::Add),
             E::Subtract(a, b) => two(3, a, b, Operation::Subtract),
             E::Multiply(a, b) => two(4, a, b, Operation::Multiply),

@@ -23,6 +23,7 @@ fn value(symbol: Symbol, point: usize) -> f64 {
         Symbol::InputRate(i) | Symbol::Held(i) => (4, i),
         Symbol::Tau => (5, 0),
         Symbol::Time => (5, 1),
+        Symbol::State(i) | Symbol::Memory(i) => (6, i),
     };
     // Steps that no small whole numbers relate, another for each symbol.
     let root = ((6 * i + kind) as f64 + 0.5).sqrt() * core::f64::consts::E.sqrt();

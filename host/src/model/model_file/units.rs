@@ -129,7 +129,7 @@ pub fn of(e: &Node, coordinates: &[Unit], inputs: &[Unit], time: bool) -> Option
             Symbol::Acceleration(i) => per(get(coordinates, i), -2.0),
             Symbol::Input(k) | Symbol::RawInput(k) => get(inputs, k),
             Symbol::InputRate(k) => get(inputs, k).times(&Unit::second(-1.0), 1.0),
-            Symbol::Tau | Symbol::Held(_) => Unit::default(),
+            Symbol::Tau | Symbol::Held(_) | Symbol::State(_) | Symbol::Memory(_) => Unit::default(),
             Symbol::Time => Unit::second(1.0),
         }),
         E::Add(a, b) | E::Subtract(a, b) => rec(a).or_else(|| rec(b)),
@@ -148,7 +148,7 @@ pub fn of(e: &Node, coordinates: &[Unit], inputs: &[Unit], time: bool) -> Option
         },
         E::Call(Function::Abs | Function::Wrap, a) => rec(a),
         E::Call(Function::Sqrt, a) => rec(a).map(|u| u.power(0.5)),
-        E::Call(..) | E::Hat { .. } => Some(Unit::default()),
+        E::Call(..) | E::Hat { .. } | E::Memory(..) => Some(Unit::default()),
     }
 }
 

@@ -40,22 +40,32 @@ impl Along<'_> {
 
     /// Inputs at `count` points.
     pub fn inputs(&self, count: usize) -> Vec<Vec<f64>> {
-        let mut out = vec![vec![0.0; count]; self.stretch.inputs.len()];
+        let mut out = vec![vec![0.0; count]; self.between.count()];
         let mut at = vec![0.0; out.len()];
         for i in 0..count {
+            // At a sample only what has no samples of its own lies between.
+            if i % self.points > 0 || at.len() > self.stretch.inputs.len() {
+                Outsider::inputs(self.between, self.time(i), &mut at);
+            }
             if i % self.points == 0 {
                 at.iter_mut().zip(&self.stretch.inputs).for_each(|(u, x)| *u = x[self.first + i / self.points]);
-            } else {
-                Outsider::inputs(self.between, self.time(i), &mut at);
             }
             out.iter_mut().zip(&at).for_each(|(column, u)| column[i] = *u);
         }
         out
     }
 
+    /// A followed state of an effect at `count` points, lines from sample to sample.
+    pub fn remembered(&self, number: usize, count: usize) -> Vec<f64> {
+        let all = self.stretch.remembered(number, self.first, count.div_ceil(self.points) + 1);
+        let share = |i: usize| (i % self.points) as f64 / self.points as f64;
+        let at = |i: usize| (all[i / self.points], all[i / self.points + 1]);
+        (0..count).map(|i| at(i).0 + share(i) * (at(i).1 - at(i).0)).collect()
+    }
+
     /// Surroundings from a point on; `at` gives inputs by time.
     pub fn outside<'b>(&self, i: usize, at: &'b (dyn Fn(f64, &mut [f64]) + Sync)) -> Outside<'b> {
-        let count = self.stretch.inputs.len();
+        let count = self.between.count();
         let inputs = (count > 0).then_some(Inputs { count, at });
         Outside { origin: self.time(i), tau: self.tau(i), omega: self.omega, inputs }
     }

@@ -87,7 +87,8 @@ impl<'a> Course<'a> {
     /// For the state's stretches.
     pub fn new(setting: &'a Setting<'a>, state: &'a State) -> Self {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
-        let between = state.stretches.iter().map(|s| track::Along::new(s, omega)).collect();
+        let numbers = state.remembered();
+        let between = state.stretches.iter().map(|s| track::Along::remembering(s, omega, &numbers)).collect();
         let shown = state.stretches.iter().map(|s| s.sensors(&setting.bound)).collect();
         let (weights, sigma) = state.on_track(setting, |t| (t.sensors.clone(), t.sigma.clone()));
         Self { setting, state, between, shown, weights, sigma, omega }

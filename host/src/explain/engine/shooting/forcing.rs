@@ -81,7 +81,8 @@ impl Forcing {
                     Symbol::Input(k) | Symbol::RawInput(k) => inputs[k].clone(),
                     Symbol::Tau => (0..count).map(|i| along.tau(i)).collect(),
                     Symbol::Time => (0..count).map(|i| along.time(i)).collect(),
-                    Symbol::InputRate(_) | Symbol::Held(_) => vec![0.0; count],
+                    Symbol::Memory(k) => along.remembered(k, count),
+                    Symbol::InputRate(_) | Symbol::Held(_) | Symbol::State(_) => vec![0.0; count],
                 }
             })
             .collect();

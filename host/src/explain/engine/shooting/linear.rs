@@ -92,7 +92,7 @@ impl Linear {
         point: impl Fn(usize) -> usize,
     ) -> Option<()> {
         let m = 2 * motion.degrees_of_freedom();
-        let (spacing, inputs) = (self.spacing, along.stretch.inputs.len());
+        let (spacing, inputs) = (self.spacing, along.between.count());
         let at = |t: f64, out: &mut [f64]| crate::model::integrate::Outside::inputs(along.between, t, out);
         if let Some(steps) = &mut steps {
             steps.set(states.chunks_exact(m));
@@ -352,6 +352,7 @@ mod tests {
             inputs: Vec::new(),
             phase: Phase::Clock(0.0),
             amplitude_nm: None,
+            history: None,
         };
         let between = track::Along::new(&stretch, 0.0);
         let terms: Additions = model.equations[0].terms.iter().enumerate().map(|(k, t)| (k, 0, t.of.clone())).collect();

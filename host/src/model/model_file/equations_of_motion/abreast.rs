@@ -34,8 +34,17 @@ pub struct Room {
 /// Nothing, where a symbol has no value.
 const ZEROS: [f64; MOST] = [0.0; MOST];
 
-/// The column that a symbol stands for.
-fn column<'a>(s: Symbol, at: &'a Abreast<'_>, wrapped: &'a [Vec<f64>], accelerations: &'a [f64]) -> &'a [f64] {
+/// What has no value.
+const UNKNOWN: [f64; MOST] = [f64::NAN; MOST];
+
+/// The column that a symbol stands for; `remembered` are the numbers of followed states, whose values come behind `inputs`.
+fn column<'a>(
+    s: Symbol,
+    at: &'a Abreast<'_>,
+    (inputs, remembered): (usize, &[usize]),
+    wrapped: &'a [Vec<f64>],
+    accelerations: &'a [f64],
+) -> &'a [f64] {
     let count = at.count;
     let n = wrapped.len();
     let state = |k: usize| &at.states[k * MOST..k * MOST + count];
@@ -48,7 +57,13 @@ fn column<'a>(s: Symbol, at: &'a Abreast<'_>, wrapped: &'a [Vec<f64>], accelerat
         Symbol::Tau => &at.taus[..count],
         Symbol::Time => &at.times[..count],
         Symbol::Held(k) => at.signs.get(k).map_or(&ZEROS[..count], |x| &x[..count]),
+        Symbol::Memory(k) => {
+            let place = remembered.iter().position(|r| *r == k);
+            place.and_then(|j| at.inputs.get(inputs + j)).map_or(&UNKNOWN[..count], |x| &x[..count])
+        }
         Symbol::InputRate(_) => &ZEROS[..count],
+        // Only laws of states hold them, where they became rates.
+        Symbol::State(_) => &UNKNOWN[..count],
     }
 }
 
@@ -73,6 +88,7 @@ impl EquationsOfMotion {
             return;
         };
         let (n, count) = (self.circle.len(), at.count);
+        let behind = (self.inputs, &self.remembered[..]);
         let Room { entries, slopes, wrapped: angles, matrix, inverse, right } = room;
         angles.resize(n, Vec::new());
         for (i, to) in angles.iter_mut().enumerate().filter(|(i, _)| self.circle[*i]) {
@@ -81,7 +97,7 @@ impl EquationsOfMotion {
         }
         let factor = |k: usize| self.entries[k].coefficient.map_or(-1.0, |c| parameters[c]);
         // M (n × n columns), inverted state by state, and what stands beside the accelerations.
-        let columns: Vec<&[f64]> = self.tape.symbols().iter().map(|s| column(*s, at, angles, &[])).collect();
+        let columns: Vec<&[f64]> = self.tape.symbols().iter().map(|s| column(*s, at, behind, angles, &[])).collect();
         self.tape.over(&columns, count, entries);
         matrix.clear();
         matrix.resize(n * n * MOST, 0.0);
@@ -98,7 +114,8 @@ impl EquationsOfMotion {
         accelerations.fill(0.0);
         multiply(inverse, right, accelerations, (n, 1, count));
         // Slopes of the residual, with what multiplies an acceleration times that.
-        let columns: Vec<&[f64]> = tape.symbols().iter().map(|s| column(*s, at, angles, accelerations)).collect();
+        let columns: Vec<&[f64]> =
+            tape.symbols().iter().map(|s| column(*s, at, behind, angles, accelerations)).collect();
         tape.over(&columns, count, slopes);
         right.clear();
         right.resize(n * 2 * n * MOST, 0.0);

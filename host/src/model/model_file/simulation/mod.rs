@@ -30,6 +30,20 @@ const MOST_SAMPLES: f64 = 2e7;
 const TOLERANCE: f64 = 1e-10;
 /// Steps within one sampling interval at most: how finely reversals under dry friction are placed.
 const FINEST: f64 = 400.0;
+/// The same where effects have states: one that settles within less than a third of such a step would swing up instead.
+const FINEST_OF_STATES: f64 = 4000.0;
+
+/// What to do about a motion that has no solution.
+fn unsolved(settings: &Settings) -> String {
+    let remedy = "Correct the coefficients, the initial state or the inputs";
+    if settings.finest <= FINEST {
+        return remedy.to_owned();
+    }
+    let least_s = settings.step_s / settings.finest / 3.0;
+    format!(
+        "{remedy}; states of effects must take more than {least_s:.1e} s to settle: give them a greater distance or time"
+    )
+}
 
 /// An input as it acts: few sines are summed, many tabled.
 enum Acting {
@@ -75,6 +89,7 @@ pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed:
     let span = Span { start_s: 0.0, length_s: seconds };
     let put_in = put_in::of(rig, bound, (&plant.physical, &plant.coefficients), effects, span)?;
     let motion = EquationsOfMotion::with_columns(model, rig.omega(), &put_in.terms)?;
+    let initial = motion.with_states(&plant.initial, &[]);
     let coefficients = [&plant.coefficients[..], &put_in.strengths].concat();
     let step = 1.0 / rate;
     // Both bounded above.
@@ -100,17 +115,23 @@ pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed:
         count: settle + count,
         tolerance: TOLERANCE,
         inputs: model.inputs.len(),
-        finest: FINEST,
+        finest: if motion.hidden().is_empty() { FINEST } else { FINEST_OF_STATES },
     };
-    let states = solve(&motion, &coefficients, &plant.initial, &surroundings, &settings).ok_or_else(|| {
+    let mut states = solve(&motion, &coefficients, &initial, &surroundings, &settings).ok_or_else(|| {
         BadInput::new(
             "a motion that leaves the finite numbers, or a singular mass matrix",
             "a plant that can be simulated",
         )
         .in_file(&rig.path)
         .at("[plant]")
-        .remedy("Correct the coefficients, the initial state or the inputs")
+        .remedy(unsolved(&settings))
     })?;
+    // States of effects are no part of what is shown.
+    let (n, all) = (model.coordinates.len(), initial.len() / 2);
+    for y in &mut states {
+        y.copy_within(all..all + n, n);
+        y.truncate(2 * n);
+    }
     let states = &states[settle..];
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut inputs = vec![vec![0.0; count]; model.inputs.len()];

@@ -1,0 +1,117 @@
+//! What effects that remember have seen of a stretch: their states, each followed once along the smoothed motion.
+
+use std::sync::{Arc, OnceLock, RwLock};
+
+use crate::identify::windows::Kernels;
+use crate::model::model_file::memory::{Course, Memory};
+
+/// Laws of states by number: [`crate::model::model_file::expression::Symbol::Memory`].
+#[derive(Debug, Default)]
+pub struct Laws(RwLock<Vec<(Arc<Memory>, usize)>>);
+
+impl Laws {
+    /// The number of a state, a new one for one that is not known yet.
+    pub fn number(&self, memory: &Arc<Memory>, state: usize) -> usize {
+        let mut all = self.0.write().unwrap_or_else(std::sync::PoisonError::into_inner);
+        all.iter().position(|(m, k)| m == memory && *k == state).unwrap_or_else(|| {
+            all.push((memory.clone(), state));
+            all.len() - 1
+        })
+    }
+
+    /// The law of a number.
+    pub fn law(&self, number: usize) -> Option<(Arc<Memory>, usize)> {
+        self.0.read().unwrap_or_else(std::sync::PoisonError::into_inner).get(number).cloned()
+    }
+}
+
+/// A state's values at the samples, once they were asked for; none where it leaves the finite numbers.
+type Values = Arc<OnceLock<Option<Vec<f64>>>>;
+
+/// The smoothed motion of a stretch with the states that were followed along it.
+#[derive(Debug)]
+pub struct History {
+    start_s: f64,
+    step_s: f64,
+    coordinates: Vec<Vec<f64>>,
+    rates: Vec<Vec<f64>>,
+    circle: Vec<bool>,
+    laws: Arc<Laws>,
+    series: RwLock<Vec<Values>>,
+}
+
+/// A signal with its mirror images through its end points, `reach` samples on either side: what a low-pass that keeps the motion's direction needs there.
+fn extended(x: &[f64], reach: usize) -> Vec<f64> {
+    let (Some(first), Some(last)) = (x.first(), x.last()) else { return Vec::new() };
+    let at = |i: usize| x[i.min(x.len() - 1)];
+    let before = (1..=reach).rev().map(|i| 2.0 * first - at(i));
+    let after = (1..=reach).map(|i| 2.0 * last - x[(x.len() - 1).saturating_sub(i)]);
+    before.chain(x.iter().copied()).chain(after).collect()
+}
+
+impl History {
+    /// Of a stretch of `coordinates` that begins at `start_s` with samples `step_s` apart.
+    pub fn new(
+        coordinates: &[Vec<f64>],
+        (start_s, step_s): (f64, f64),
+        kernels: &Kernels,
+        circle: &[bool],
+        laws: &Arc<Laws>,
+    ) -> Self {
+        let smoothed = coordinates.iter().map(|x| {
+            let (mut smooth, mut slope) = (Vec::new(), Vec::new());
+            kernels.full.apply(&extended(x, kernels.full.reach()), &mut smooth, &mut slope);
+            (smooth, slope)
+        });
+        let (coordinates, rates) = smoothed.unzip();
+        Self {
+            start_s,
+            step_s,
+            coordinates,
+            rates,
+            circle: circle.to_vec(),
+            laws: laws.clone(),
+            series: RwLock::default(),
+        }
+    }
+
+    fn values(&self, number: usize) -> Values {
+        if let Some(known) = self.series.read().unwrap_or_else(std::sync::PoisonError::into_inner).get(number) {
+            return known.clone();
+        }
+        let mut all = self.series.write().unwrap_or_else(std::sync::PoisonError::into_inner);
+        while all.len() <= number {
+            all.push(Arc::default());
+        }
+        all[number].clone()
+    }
+
+    fn followed<T>(&self, number: usize, then: impl FnOnce(&[f64]) -> T) -> Option<T> {
+        let values = self.values(number);
+        let all = values.get_or_init(|| {
+            let (memory, state) = self.laws.law(number)?;
+            let (coordinates, rates) = (&self.coordinates, &self.rates);
+            let course = Course { coordinates, rates, step_s: self.step_s, circle: &self.circle };
+            let mut all = memory.follow(&course)?;
+            (state < all.len()).then(|| all.swap_remove(state))
+        });
+        all.as_deref().map(then)
+    }
+
+    /// Whether a state stays within the finite numbers.
+    pub fn is_finite(&self, number: usize) -> bool {
+        self.followed(number, |_| ()).is_some()
+    }
+
+    /// A state at `count` samples from a time on; beyond the stretch as at its ends, NaN where it leaves the finite numbers.
+    pub fn since(&self, number: usize, start_s: f64, count: usize) -> Vec<f64> {
+        let first = ((start_s - self.start_s) / self.step_s).round();
+        // Rounded; the cast cuts nothing but what lies before the stretch.
+        let first = first.max(0.0) as usize;
+        let found = self.followed(number, |all| {
+            let last = all.len().saturating_sub(1);
+            (first..first + count).map(|i| all.get(i.min(last)).copied().unwrap_or(f64::NAN)).collect()
+        });
+        found.unwrap_or_else(|| vec![f64::NAN; count])
+    }
+}

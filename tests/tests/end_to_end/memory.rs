@@ -1,0 +1,104 @@
+//! Effects with states: hidden, named with their values, written, read again; what is simpler is named where it does as well.
+
+use std::path::Path;
+
+use serde_json::Value;
+use whirl_tests::repository;
+
+use super::program::{done, json, whirl};
+
+fn rig(name: &str) -> String {
+    repository("rigs").join(name).display().to_string()
+}
+
+/// Simulates a rig with an effect and explains the record; the JSON.
+fn explained(folder: &Path, rig: &str, effect: &str, seconds: u32, seed: u32) -> Value {
+    done(folder, &format!("simulate --rig {rig} {effect} --seconds {seconds} --seed {seed} -o r.csv --force"));
+    done(folder, &format!("explain r.csv --rig {rig} --json out.json -o model.toml --force"));
+    json(&folder.join("out.json"))
+}
+
+fn names(out: &Value) -> Vec<String> {
+    let list = out["effects"].as_array().unwrap();
+    list.iter().map(|e| format!("{}@{}", e["id"].as_str().unwrap(), e["at"].as_str().unwrap())).collect()
+}
+
+/// Value within three standard errors and a share of the truth, and the state's distance within a share of its own.
+fn close(out: &Value, value: f64, d: f64) {
+    let e = &out["effects"][0];
+    let (found, error) = (e["value"].as_f64().unwrap(), e["std_error"].as_f64().unwrap());
+    assert!((found - value).abs() < 3.0 * error && error < 0.05 * value, "{e}");
+    assert!((e["parameters"]["d"].as_f64().unwrap() / d - 1.0).abs() < 0.3, "{e}");
+}
+
+/// Dahl's friction on an oscillator of written equations: named, written, taken again, simulated from the file; what cannot follow it says so.
+#[test]
+fn dahls_friction_on_an_oscillator_is_named_written_and_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let rig = rig("duffing.toml");
+    let out = explained(folder, &rig, "--effect dahl-friction@x=1.5,d=0.05", 60, 3);
+    assert_eq!(names(&out), ["dahl-friction@x"], "{}", out["gap"]);
+    assert_eq!(out["effects"][0]["unit"], "N");
+    close(&out, 1.5, 0.05);
+    // Its free run follows the state by itself.
+    let steps = out["simulation"][0]["steps"].as_array().unwrap();
+    assert!(steps.last().unwrap()["value"].as_f64().unwrap() < 1e-3, "{steps:?}");
+    done(folder, &format!("explain r.csv --rig {rig} --model model.toml --json again.json"));
+    let again = json(&folder.join("again.json"));
+    assert_eq!(again["verdict"], "nothing-missing", "{} {}", again["reason"], again["gap"]);
+    done(folder, &format!("simulate --model model.toml --rig {rig} --seconds 2 -o free.csv"));
+    for command in ["export model.toml --to python -o m.py", "validate r.csv --model model.toml"] {
+        let run = whirl(folder, &format!("{command} --rig {rig}"));
+        assert!(run.status == 2 && run.stderr.contains("states of its own"), "{command}: {run:?}");
+    }
+}
+
+/// A cart with a pendulum, from bodies; with a known mass values are physical.
+const CART: &str = r#"
+name = "cart"
+model = "cart-pendulum"
+sample_rate_hz = 200.0
+channel = [
+    { name = "x", measures = "x", unit = "mm" },
+    { name = "theta", measures = "theta", unit = "count", counts_per_turn = 4096 },
+    { name = "force", measures = "force", unit = "N" },
+]
+[plant]
+M = 1.0
+m = 0.2
+e = 0.3
+J = 0.024
+k = 20.0
+g = 9.81
+"viscous-friction@rail" = 0.8
+"viscous-friction@pivot" = 0.0012
+initial = [0.0, 0.4, 0.0, 0.0]
+noise = { x = 0.02 }
+settle_s = 5.0
+input.force = [{ kind = "random", rms = 4.0, from_hz = 0.2, to_hz = 3.0 }]
+"#;
+
+#[test]
+fn dahls_friction_in_a_system_of_bodies_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("cart.toml"), CART).unwrap();
+    let out = explained(folder.path(), "cart.toml", "--effect dahl-friction@pivot=0.02,d=0.1", 60, 7);
+    assert_eq!(names(&out), ["dahl-friction@pivot"], "{}", out["gap"]);
+    assert_eq!(out["effects"][0]["unit"], "N m");
+    close(&out, 0.02, 0.1);
+}
+
+/// With a distance far below what the sensor resolves it is Coulomb's friction, and named so; Coulomb's own stays what it is. One too short to be followed is refused.
+#[test]
+fn what_follows_a_reversal_at_once_is_coulombs_friction() {
+    let folder = tempfile::tempdir().unwrap();
+    for effect in ["dahl-friction@x=0.8,d=1e-5", "coulomb-friction@x=0.8"] {
+        let out = explained(folder.path(), &rig("duffing.toml"), &format!("--effect {effect}"), 60, 3);
+        assert_eq!(names(&out), ["coulomb-friction@x"], "{effect}: {}", out["gap"]);
+    }
+    let rig = rig("duffing.toml");
+    let run =
+        whirl(folder.path(), &format!("simulate --rig {rig} --effect dahl-friction@x=0.8,d=1e-9 --seconds 5 -o s.csv"));
+    assert!(run.status == 2 && run.stderr.contains("states of effects must take more than"), "{run:?}");
+}
