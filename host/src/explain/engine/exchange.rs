@@ -39,8 +39,8 @@ struct Tried {
     p: f64,
 }
 
-/// The best exchange of an effect for a candidate that is not `taken`: of one of several for what predicts clearly better, and is no refinement of it; where there is
-/// none, for a simpler law that predicts as well. Effects that were taken off the record stay.
+/// The best exchange of an effect for a candidate that is not `taken`: of one of several for what predicts clearly better and is not larger; where there is none, for a
+/// simpler law that predicts as well. Effects that were taken off the record stay.
 pub fn best(setting: &Setting<'_>, state: &State, outcome: &Outcome, taken: &[String]) -> Option<Exchange> {
     let Evidence::Shooting(blocks) = &outcome.evidence else { return None };
     let free: Vec<usize> = places(&outcome.candidates, outcome.own.len());
@@ -58,10 +58,10 @@ pub fn best(setting: &Setting<'_>, state: &State, outcome: &Outcome, taken: &[St
         let without = blocks.without(gone.clone());
         let rest: Vec<usize> = outcome.own.iter().copied().filter(|c| !gone.contains(c)).collect();
         let Some(neither) = without.fit(&rest) else { continue };
-        let refines = |c: &Candidate| c.place == old.place && c.entry.refines.as_ref() == Some(&old.entry.id);
         let of = |&i: &usize| {
             let c = &outcome.candidates[i];
-            if refines(c) || !(several || size(c) < size(old)) {
+            // A larger law joins beside the old one first, which then goes if it is nothing.
+            if size(c) > size(old) || !(several || size(c) < size(old)) {
                 return None;
             }
             instead(&without, &rest, (i, c, free[i]), offers.len())
@@ -70,7 +70,8 @@ pub fn best(setting: &Setting<'_>, state: &State, outcome: &Outcome, taken: &[St
         let (clear, others): (Vec<Tried>, Vec<Tried>) = tried.into_iter().partition(|t| brings(&without, outcome, t));
         let as_good = |t: &Tried| {
             let (loss, error) = ranking::gain(&t.fit.held_out, &outcome.fit.held_out);
-            size(&outcome.candidates[t.index]) < size(old) && loss <= error
+            let near = loss <= 2.0 * error || sum(&t.fit) <= (1.0 + AS_LITTLE) * sum(&outcome.fit);
+            size(&outcome.candidates[t.index]) < size(old) && near
         };
         let exchange = |(Tried { index, fit, p }, twins): (Tried, Vec<String>)| Exchange {
             gone: k,

@@ -14,6 +14,8 @@ use crate::explain::explanation::{Explanation, Found, Refused};
 use crate::explain::ranking::Fit;
 use crate::explain::{LEAST_PROGRESS, MOST_EFFECTS, Settings};
 
+/// Most exchanges that are tried.
+const MOST_EXCHANGES: usize = 16;
 /// Standard errors from nothing at which a name stands.
 const CLEAR: f64 = 2.0;
 /// Share of its promise at a strength of nothing that an effect must keep.
@@ -57,6 +59,8 @@ impl Run<'_> {
                     let outcome = outcome?;
                     let added = self.result.effects.last().map(named).or_else(|| refitted.clone());
                     self.push(added, gap, &outcome)?;
+                    // Beside another effect what was no better may be.
+                    search.vain.clear();
                     if let Some(gone) = before.and_then(|b| b.gone) {
                         self.forget(&gone);
                     }
@@ -99,7 +103,7 @@ impl Run<'_> {
 
     /// Another effect in the place of one that was found, which is told at the end of the others: the candidate, what it promises, and the number and the name of what goes.
     fn exchanged(&mut self, search: &mut Search, outcome: &Outcome) -> Option<(Candidate, f64, (usize, String))> {
-        if search.exchanges >= MOST_EFFECTS {
+        if search.exchanges >= MOST_EXCHANGES {
             return None;
         }
         let taken = taken(&self.setting, &self.state, &[search.names(), search.vain.clone()].concat());
@@ -258,8 +262,9 @@ fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Opt
     for (k, chosen) in state.chosen.iter().enumerate() {
         // What is found as an increment has its strength in the state.
         let applied = if chosen.candidate.is_applied() { 1.0 } else { 0.0 };
-        let clear = (0..chosen.candidate.entry.strengths.len()).map(|i| {
-            let error = outcome.fit.covariance[(at + i, at + i)].max(0.0).sqrt();
+        let errors =
+            errors_at_shape(&outcome.fit, at, (chosen.candidate.entry.strengths.len(), chosen.strengths.len()));
+        let clear = errors.iter().enumerate().map(|(i, error)| {
             (outcome.fit.all[at + i] + applied * chosen.strengths[i]).abs() / error.max(f64::MIN_POSITIVE)
         });
         let clear = clear.fold(0.0, f64::max);
@@ -269,4 +274,16 @@ fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Opt
         }
     }
     weakest.map(|w| w.0).filter(|_| setting.shooting)
+}
+
+/// Standard errors of an effect's strengths, the first of its columns from `at` on, with its shape held: at a strength of nothing there is no shape.
+fn errors_at_shape(fit: &Fit, at: usize, (strengths, columns): (usize, usize)) -> Vec<f64> {
+    let own = fit.covariance.view((at, at), (strengths, strengths)).into_owned();
+    let by = fit.covariance.view((at, at + strengths), (strengths, columns - strengths)).into_owned();
+    let shape = fit.covariance.view((at + strengths, at + strengths), (columns - strengths, columns - strengths));
+    let held = match shape.into_owned().try_inverse() {
+        Some(inverse) => &own - &by * inverse * by.transpose(),
+        None => own.clone(),
+    };
+    (0..strengths).map(|i| held[(i, i)].max(0.0).sqrt()).collect()
 }
