@@ -9,6 +9,7 @@ use super::setting::Setting;
 use super::shooting::blocks::Blocks;
 use super::state::{Chosen, State};
 use crate::explain::decision::{Evidence as _, FAMILY_WISE};
+use crate::explain::explanation::Found;
 use crate::explain::ranking::{self, Fit};
 
 /// Share by which what a simpler law leaves may exceed what the other does.
@@ -40,8 +41,13 @@ struct Tried {
 }
 
 /// The best exchange of an effect for a candidate that is not `taken`: of one of several for what predicts clearly better and is not larger; where there is none, for a
-/// simpler law that predicts as well. Effects that were taken off the record stay.
-pub fn best(setting: &Setting<'_>, state: &State, outcome: &Outcome, taken: &[String]) -> Option<Exchange> {
+/// simpler law that predicts as well. `effects`: those found, in their order. Effects that were taken off the record stay.
+pub fn best(
+    setting: &Setting<'_>,
+    state: &State,
+    outcome: &Outcome,
+    (taken, effects): (&[String], &[Found]),
+) -> Option<Exchange> {
     let Evidence::Shooting(blocks) = &outcome.evidence else { return None };
     let free: Vec<usize> = places(&outcome.candidates, outcome.own.len());
     let offers: Vec<usize> =
@@ -70,8 +76,14 @@ pub fn best(setting: &Setting<'_>, state: &State, outcome: &Outcome, taken: &[St
         let (clear, others): (Vec<Tried>, Vec<Tried>) = tried.into_iter().partition(|t| brings(&without, outcome, t));
         let as_good = |t: &Tried| {
             let (loss, error) = ranking::gain(&t.fit.held_out, &outcome.fit.held_out);
-            let near = loss <= 2.0 * error || sum(&t.fit) <= (1.0 + AS_LITTLE) * sum(&outcome.fit);
-            size(&outcome.candidates[t.index]) < size(old) && near
+            let new = &outcome.candidates[t.index];
+            // Columns of laws that jump, or remember, hold to first order only: what was not told apart in the beginning is tried.
+            let twin = || {
+                let twins = effects.get(k - state.nominal).map_or(&[][..], |f| &f.indistinguishable_from);
+                new.place == old.place && new.form.is_empty() && twins.contains(&new.name(setting))
+            };
+            size(new) < size(old)
+                && (loss <= 2.0 * error || sum(&t.fit) <= (1.0 + AS_LITTLE) * sum(&outcome.fit) || twin())
         };
         let exchange = |(Tried { index, fit, p }, twins): (Tried, Vec<String>)| Exchange {
             gone: k,

@@ -108,7 +108,7 @@ impl Run<'_> {
         }
         let taken = taken(&self.setting, &self.state, &[search.names(), search.vain.clone()].concat());
         let Exchange { gone, index, fit, p_value, promised, share, twins } =
-            exchange::best(&self.setting, &self.state, outcome, &taken)?;
+            exchange::best(&self.setting, &self.state, outcome, (&taken, &self.result.effects))?;
         search.exchanges += 1;
         let candidate = outcome.candidates[index].clone();
         let old = named(&self.result.effects.remove(gone - self.state.nominal));

@@ -77,7 +77,7 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
     let names = motion.coefficients();
     let signs: Vec<f64> = names.iter().map(sign_of).collect();
     let unit = Unit::of(setting.rig, setting.whole);
-    let told = |name: &String| -> String {
+    let told_name = |name: &String| -> String {
         let chosen = name.split_once(' ').and_then(|(a, b)| Some((state.chosen.get(a.parse::<usize>().ok()?)?, b)));
         match chosen {
             Some((k, column)) if !own.contains(name) => format!("{} {column}", k.candidate.name(setting)),
@@ -98,8 +98,11 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
         let found = by_windows.or_else(|| state.on_free_track(setting, hidden.clone(), simulate));
         let value = found.as_ref().map_or(f64::NAN, |(_, error)| error * unit.factor);
         simulation.steps.push(Step { added: added.clone(), value });
+        // What refines a shape is no coefficient: its sign is no number.
+        let all = names.iter().zip(&signs);
         simulation.parameters = found.map_or_else(Vec::new, |(p, _)| {
-            names.iter().zip(p).map(|(name, value)| Coefficient { name: told(name), value }).collect()
+            let told = all.zip(p).filter(|((_, sign), _)| !sign.is_nan());
+            told.map(|((name, _), value)| Coefficient { name: told_name(name), value }).collect()
         });
     }
 }
