@@ -103,5 +103,9 @@ fn what_follows_a_reversal_at_once_is_not_told_from_coulombs_friction() {
         let told = found == [coulomb] || !alone && found.len() == 1 && twins.iter().any(|t| t == coulomb);
         assert!(told, "{effect}: {found:?} {twins:?} {}", out["gap"]);
         assert!((e["value"].as_f64().unwrap() / 0.8 - 1.0).abs() < 0.01, "{e}");
-    }
+    } // One too short to be followed is refused.
+    let rig = rig("duffing.toml");
+    let run =
+        whirl(folder.path(), &format!("simulate --rig {rig} --effect dahl-friction@x=0.8,d=1e-9 --seconds 5 -o s.csv"));
+    assert!(run.status == 2 && run.stderr.contains("states of effects must take more than"), "{run:?}");
 }
