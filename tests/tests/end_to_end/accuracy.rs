@@ -2,6 +2,8 @@
 
 use whirl_tests::accuracy::{coverage, table};
 
+use super::program::{done, json, whirl};
+
 /// Seeds for each drive frequency; `--example identification_table` prints what this test holds.
 const SEEDS: u64 = 20;
 
@@ -15,4 +17,33 @@ fn parameters_of_the_chaotic_rig_are_found_with_honest_standard_errors() {
     }
     let (comparisons, within, worst) = coverage(&table);
     assert!(within as f64 >= 0.98 * comparisons as f64, "{within} of {comparisons} within 3, the farthest at {worst}");
+}
+
+/// Without a method: shooting where it stands, near the bound of Cramér and Rao; the weak form where the model misses something, and it says so.
+#[test]
+fn the_default_is_shooting_where_it_stands() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let rig = whirl_tests::repository("rigs/chaotic.toml");
+    let rig = rig.display();
+    done(here, &format!("simulate --rig {rig} --seconds 40 --seed 12 -o clean.parquet"));
+    done(here, &format!("identify clean.parquet --rig {rig} --json clean.json"));
+    let out = json(&here.join("clean.json"));
+    assert_eq!(out["method"], "shooting", "{}", out["not_by_shooting"]);
+    let bounds = out["shooting"]["cramer_rao"].as_array().unwrap();
+    for (name, bound) in out["correlation_names"].as_array().unwrap().iter().zip(bounds) {
+        let p = out["parameters"].as_array().unwrap().iter().find(|p| p["name"] == *name).unwrap();
+        let (error, bound) = (p["std_error"].as_f64().unwrap(), bound.as_f64().unwrap());
+        assert!(bound > 0.0 && error < 1.5 * bound, "{name}: {error} over {bound}");
+    }
+    done(here, &format!("identify clean.parquet --rig {rig} --method weak --json weak.json"));
+    assert_eq!(json(&here.join("weak.json"))["method"], "weak");
+    done(
+        here,
+        &format!("simulate --rig {rig} --effect quadratic-drag@arm2=2e-7 --seconds 40 --seed 12 -o drag.parquet"),
+    );
+    let run = whirl(here, &format!("identify drag.parquet --rig {rig} --json drag.json"));
+    assert!(run.status < 2 && run.stdout.contains("not by multiple shooting: "), "{run:?}");
+    let out = json(&here.join("drag.json"));
+    assert!(out["method"] == "weak" && out["not_by_shooting"].is_string(), "{}", out["method"]);
 }
