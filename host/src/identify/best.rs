@@ -15,8 +15,6 @@ use crate::rig::Rig;
 const MOST_SAMPLES: usize = 200_000;
 /// Share of the pieces that may be lost.
 const MOST_LOST: f64 = 0.1;
-/// Ratio of residuals to the sensors' noise up to which they are nothing but noise.
-const NOISE: f64 = 1.2;
 /// Warnings of the weak form that shooting gives by itself, or that are about its windows.
 const OF_WEAK: [&str; 3] = ["few-windows", "periodic-record", "undetermined"];
 
@@ -73,5 +71,5 @@ fn unsettled(found: &Identification) -> Option<String> {
     if s.lost as f64 > MOST_LOST * (s.lost + s.pieces) as f64 {
         return Some(format!("{} of {} pieces could not be followed", s.lost, s.lost + s.pieces));
     }
-    (worst > NOISE).then(|| format!("its residuals are {} times the sensors' noise", significant(worst, 3)))
+    (worst > shooting::MISSES).then(|| format!("its residuals are {} times the sensors' noise", significant(worst, 3)))
 }

@@ -9,7 +9,7 @@
 //! |---|---|
 //! | `setting` | the record, its sensors, the system |
 //! | `candidates` | effects at their places, their columns |
-//! | `memory` | effects with states of their own
+//! | `memory` | effects with states of their own |
 //! | `state` | coefficients and what was added |
 //! | `run`, `search` | from the first fit to the verdict, effect by effect |
 //! | `exchange` | one effect in the place of another |

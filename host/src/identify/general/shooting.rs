@@ -10,7 +10,7 @@ use super::track::{Along, Pieces, Track};
 use super::{Prepared, correlation, physical, prepare};
 use crate::error::{BadInput, Result};
 use crate::identify::shooting::run::{self, Failure, Outcome, REPEATING};
-use crate::identify::shooting::{Details, Settings, told};
+use crate::identify::shooting::{Details, MISSES, Settings, told};
 use crate::identify::{Identification, Settings as WeakSettings, identifiability};
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
@@ -20,8 +20,6 @@ use crate::rig::measures::Bound;
 use crate::system::ties::Identified;
 use crate::warning::Warning;
 
-/// Ratio of residuals to the sensors' noise from which the model is said to miss something.
-const MISSES: f64 = 1.2;
 /// Part of a window that stands for the drive's period in a free system.
 const PERIODS: f64 = 20.0;
 /// Fewest samples of a piece.

@@ -40,7 +40,7 @@ use run::{Failure, Outcome, REPEATING};
 use track::{Geometry, Stretch};
 
 /// Ratio of residuals to the sensors' noise from which the model is said to miss something.
-const MISSES: f64 = 1.2;
+pub const MISSES: f64 = 1.2;
 /// Part of a window that stands for the drive's period in a free system.
 const PERIODS: f64 = 20.0;
 /// Progress: rounds expected.
