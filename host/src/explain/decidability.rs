@@ -10,8 +10,12 @@ use crate::rig::Rig;
 
 /// Gap (in noise floors) up to which a model counts as explaining the record.
 pub(super) const EXPLAINED_GAP: f64 = 1.3;
-/// Ratio of residual to noise power in the rows up to which nothing counts as left.
+/// Ratio of residual to noise power in the rows of the weak form up to which nothing counts as left.
 const EXPLAINED_POWER: f64 = 2.0;
+/// Standard errors by which the same of trajectories may exceed that of records which the model itself makes: 3e-5 by chance.
+const CLEAR: f64 = 4.0;
+/// Ratio to theirs up to which it is nothing in any case: a sensor's noise is not known to 2 %.
+const ALIKE: f64 = 1.05;
 /// Horizons of the gap that count for the verdict, in units of the shortest: chaos makes longer ones show weaker effects.
 const VERDICT_HORIZONS: f64 = 4.5;
 /// Fewest whole windows for a decision: fewer leave the jackknife and the folds too little.
@@ -70,21 +74,43 @@ pub(super) fn locked(record: &Record, rig: &Rig) -> bool {
     }
 }
 
-/// The verdict and its reason from everything that was measured. `patched`: a joint at which several effects stand for one shape, and their names.
-pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, patched: Option<(String, String)>) {
+/// What is left of the last model, beside its power and the gap.
+#[derive(Default)]
+pub(super) struct Left {
+    /// A joint at which several effects stand for one shape, and their names.
+    pub patched: Option<(String, String)>,
+    /// A shape without a name that predicts clearly better, in words.
+    pub shape: Option<String>,
+    /// Power in records that the model itself makes, and the standard error of the difference; none for the weak form.
+    pub remade: Option<(f64, f64)>,
+}
+
+impl Left {
+    /// Power up to which nothing counts as left.
+    fn most_power(&self) -> f64 {
+        self.remade.map_or(EXPLAINED_POWER, |(mean, error)| (mean + CLEAR * error).max(ALIKE * mean))
+    }
+}
+
+/// The verdict and its reason from everything that was measured.
+pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, rest: Left) {
     let power = result.residual_power[1];
+    let most_power = rest.most_power();
     let horizon_s = result.gap.horizon_s;
     let far =
         result.gap.horizons.iter().filter(|h| h.0 <= VERDICT_HORIZONS * horizon_s).map(|h| h.2).fold(0.0, f64::max);
     let diverged = result.settle();
     let gap = result.gap.steps.last().map_or(f64::NAN, |s| s.value);
     // Every comparison fails for what is not a number: it is left over then.
-    let within = gap <= EXPLAINED_GAP && far <= EXPLAINED_GAP && power <= EXPLAINED_POWER;
+    let within = gap <= EXPLAINED_GAP && far <= EXPLAINED_GAP && power <= most_power;
     let left = !within;
     let mut noise = format!(
         "what is left has {power:.2} times the power that the sensors' noise gives, and predictions over {horizon_s:.3} s miss by {}",
         result.gap.told(gap)
     );
+    if let Some((mean, _)) = rest.remade.filter(|_| power > most_power) {
+        noise += &format!(" (in records that the model itself makes it is {mean:.2}, and up to {most_power:.2} would be chance)");
+    }
     // Where longer predictions decided, their number is told.
     if far > EXPLAINED_GAP
         && let Some(h) = result.gap.horizons.iter().find(|h| h.2 >= far)
@@ -93,7 +119,7 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, patc
     }
     let undecidable = undecidable.or_else(|| diverged.then(|| DIVERGED.to_owned()));
     if undecidable.is_none() {
-        result.decided_by = decided_by(result, gap, power);
+        result.decided_by = decided_by(result, gap, (power, most_power));
     }
     (result.verdict, result.reason) = match (undecidable, left, result.effects.is_empty()) {
         (Some(reason), ..) => {
@@ -101,8 +127,11 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, patc
             (Verdict::NotDecidable, reason)
         }
         (None, true, _) => (Verdict::Unexplained, format!("{noise}; no effect of the list accounts for it")),
+        (None, false, _) if let Some(shape) = rest.shape => {
+            (Verdict::Unexplained, format!("{noise}, but {shape}: no effect of the list accounts for it"))
+        }
         (None, false, true) => (Verdict::NothingMissing, noise),
-        (None, false, false) if let Some((joint, names)) = patched => (
+        (None, false, false) if let Some((joint, names)) = rest.patched => (
             Verdict::Unexplained,
             format!(
                 "{noise}, but it took {names} to get there: one shape of {joint}'s angle that has no name in the list"
@@ -113,7 +142,7 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, patc
 }
 
 /// The number that is largest beside its limit.
-fn decided_by(result: &Explanation, gap: f64, power: f64) -> Option<DecidedBy> {
+fn decided_by(result: &Explanation, gap: f64, (power, most_power): (f64, f64)) -> Option<DecidedBy> {
     let over = |horizon_s: f64, value: f64| {
         let what = format!("gap over {} s, noise floors", significant(horizon_s, 4));
         DecidedBy { what, value, limit: EXPLAINED_GAP }
@@ -122,6 +151,6 @@ fn decided_by(result: &Explanation, gap: f64, power: f64) -> Option<DecidedBy> {
     let longer = result.gap.horizons.iter().filter(|h| h.0 <= VERDICT_HORIZONS * horizon_s);
     let what = "power of what is left over that of the sensors' noise".to_owned();
     let all = longer.map(|h| over(h.0, h.2));
-    let all = all.chain([over(horizon_s, gap), DecidedBy { what, value: power, limit: EXPLAINED_POWER }]);
+    let all = all.chain([over(horizon_s, gap), DecidedBy { what, value: power, limit: most_power }]);
     all.filter(|d| d.value.is_finite()).max_by(|a, b| (a.value / a.limit).total_cmp(&(b.value / b.limit)))
 }

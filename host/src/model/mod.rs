@@ -9,6 +9,7 @@ pub mod integrate;
 pub mod model_file;
 pub mod single_pendulum;
 pub mod single_pendulum_dynamics;
+pub mod vectors;
 pub mod weak;
 
 /// Built-in models: id, and what it is with its equations.

@@ -2,7 +2,8 @@
 //!
 //! The power spectral density of the angle is estimated from its second difference (which whirling leaves stationary),
 //! S_φ(f) = S_ΔΔφ(f) / |2 sin(π f Δt)|⁴, averaged over Hann windows with half overlap (Welch, 1967). Noise of encoders
-//! is close to white, so that its level is the median of S_φ over the top of the band; the signal ends where S_φ,
+//! is close to white, so that its level is the median of S_φ over the top of the band, over what the median of such an estimate is beside its mean
+//! ((1 − 2/9ν)³ for χ² of ν degrees of freedom, Wilson and Hilferty 1931: 0.89 for three windows); the signal ends where S_φ,
 //! averaged over a few bins, last exceeds that level by a factor.
 
 use realfft::RealFftPlanner;
@@ -12,6 +13,8 @@ use realfft::RealFftPlanner;
 pub struct Noise {
     /// Standard deviation of white noise on each sample, rad.
     pub sigma: f64,
+    /// Standard error of its square, as a share of it.
+    pub square_error: f64,
     /// Highest frequency at which the signal stands above the noise, Hz.
     pub signal_end_hz: f64,
     /// Highest frequency at which its density is a hundred times the noise's, Hz.
@@ -74,7 +77,10 @@ pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: 
         .collect();
     let mut top: Vec<f64> = angle[size * 3 / 10..size * 19 / 40].to_vec();
     top.sort_by(f64::total_cmp);
-    let floor = top[top.len() / 2];
+    // Degrees of freedom of a bin (Welch's count for half-overlapping Hann pieces, as in `spectrum::threshold`); neighbours share a bin and a half.
+    let freedom: f64 = if stride > size / 2 || count < 2.0 { 2.0 * count } else { 36.0 * count * count / (19.0 * count - 1.0) };
+    let floor = top[top.len() / 2] / (1.0 - 2.0 / (9.0 * freedom)).powi(3);
+    let square_error = (core::f64::consts::FRAC_PI_2 * 2.0 / freedom * 1.5 / top.len() as f64).sqrt();
     let bin_hz = 1.0 / (size as f64 * step_s);
     let reach = 4;
     let end = |ratio: f64| {
@@ -95,6 +101,7 @@ pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: 
         .unwrap_or(last);
     Some(Noise {
         sigma: floor.sqrt(),
+        square_error,
         signal_end_hz: last as f64 * bin_hz,
         clear_end_hz: clear as f64 * bin_hz,
         acceleration_99_hz: busy as f64 * bin_hz,
@@ -135,6 +142,26 @@ mod tests {
             .collect();
         let noise = estimate(std::iter::once(&x[..]), step).unwrap();
         assert!((noise.sigma / (q / 12f64.sqrt()) - 1.0).abs() < 0.2, "{}", noise.sigma);
+    }
+
+    /// Over 200 records of few windows the level has no bias, and its error is the one told.
+    #[test]
+    fn the_level_of_a_short_record_is_right_within_its_error() {
+        for samples in [700, 5000, 9000] {
+            let squares: Vec<(f64, f64)> = (0..200)
+                .map(|seed| {
+                    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+                    let x: Vec<f64> = (0..samples).map(|_| rng.random::<f64>() - 0.5).collect();
+                    let noise = estimate(std::iter::once(&x[..]), 5e-3).unwrap();
+                    (12.0 * noise.sigma * noise.sigma, noise.square_error)
+                })
+                .collect();
+            let mean = squares.iter().map(|s| s.0).sum::<f64>() / 200.0;
+            let scatter = (squares.iter().map(|s| (s.0 - mean).powi(2)).sum::<f64>() / 199.0).sqrt();
+            let told = squares[0].1;
+            assert!((mean - 1.0).abs() < 0.25 * told + 0.005, "{samples}: {mean}, {told}");
+            assert!((0.75..1.3).contains(&(scatter / told)), "{samples}: {scatter}, {told}");
+        }
     }
 
     #[test]

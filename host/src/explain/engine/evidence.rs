@@ -78,23 +78,40 @@ impl Evidence {
         }
     }
 
-    /// The same rows with columns of no effect behind the model's own, and the fit of all of them with a ridge on those columns.
-    pub fn with_columns(
+    /// Whether trajectories are judged.
+    pub fn is_shooting(&self) -> bool {
+        matches!(self, Self::Shooting(_))
+    }
+
+    /// Fits of the same rows with each of some groups of columns of no effect behind the model's own, with a ridge on the group's.
+    pub fn with_groups(
         &self,
         setting: &Setting<'_>,
         state: &State,
         own: usize,
-        behind: &[Column],
+        groups: &[Vec<Column>],
         ridge: f64,
-    ) -> Option<Fit> {
-        let all: Vec<usize> = (0..own + behind.len()).collect();
-        let ridges: Vec<f64> = all.iter().map(|&i| if i < own { 0.0 } else { ridge }).collect();
+    ) -> Vec<Option<Fit>> {
+        let ridges = |count: usize| [vec![0.0; own], vec![ridge; count]].concat();
         match self {
             Self::Weak(_, weights) => {
-                let design = design::with_columns(setting, state, (&state.stretches, &[]), behind).ok()?;
-                ranking::fit_ridge(&design, &all, weights, &ridges)
+                let one = |group: &Vec<Column>| {
+                    let design = design::with_columns(setting, state, (&state.stretches, &[]), group).ok()?;
+                    let all: Vec<usize> = (0..own + group.len()).collect();
+                    ranking::fit_ridge(&design, &all, weights, &ridges(group.len()))
+                };
+                groups.iter().map(one).collect()
             }
-            Self::Shooting(_) => shooting::evidence(setting, state, (&[], false), behind)?.fit_ridge(&all, &ridges),
+            Self::Shooting(_) => {
+                let blocks = shooting::evidence(setting, state, (&[], false), groups);
+                let mut at = own;
+                let one = |group: &Vec<Column>| {
+                    let all: Vec<usize> = (0..own).chain(at..at + group.len()).collect();
+                    at += group.len();
+                    blocks.as_ref()?.fit_ridge(&all, &ridges(group.len()))
+                };
+                groups.iter().map(one).collect()
+            }
         }
     }
 }
@@ -118,7 +135,8 @@ impl Outcome {
                 fit.is_some_and(|free| ranking::gain(&self.fit.held_out, &free.held_out).0 >= 0.0)
             }
             Evidence::Shooting(_) => {
-                let free = shooting::evidence(setting, other, (&[], false), behind).and_then(|b| b.held_out(&all));
+                let behind = [behind.to_vec()];
+                let free = shooting::evidence(setting, other, (&[], false), &behind).and_then(|b| b.held_out(&all));
                 free.zip(self.left()).is_some_and(|(free, named)| free <= named)
             }
         }

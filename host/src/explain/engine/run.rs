@@ -7,9 +7,10 @@ use super::residual_map::{Map, Where};
 use super::search::named;
 use super::setting::Setting;
 use super::state::State;
-use super::{Outcome, attractor, forecast, given, patched, prediction, residual, simulation, tell, units, unknown};
+use super::{Outcome, attractor, forecast, given, patched, prediction, residual, shooting, simulation, tell, units, unknown};
 use crate::error::Result;
 use crate::explain::explanation::{Details, Explanation, Step, Verdict};
+use crate::explain::decidability::Left;
 use crate::explain::{Settings, decidability, decision, ranking};
 use crate::identify::Identification;
 use crate::identify::general::stretches::Stretch;
@@ -172,10 +173,14 @@ impl<'a> Run<'a> {
         }
         let Self { setting, state, mut result, .. } = self;
         tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.fit.covariance), first, &mut result);
-        decidability::decide(&mut result, undecidable, patched::patched(&setting, &state, outcome));
-        if result.verdict == Verdict::Unexplained {
-            result.unknown = unknown::shape(&setting, &state, outcome);
-        }
+        let shape = if undecidable.is_none() { unknown::shape(&setting, &state, outcome) } else { None };
+        let rest = Left {
+            patched: patched::patched(&setting, &state, outcome),
+            shape: shape.as_ref().filter(|s| s.is_clear).map(|s| s.unknown.told()),
+            remade: outcome.evidence.is_shooting().then(|| shooting::remade(&setting, &state)).flatten(),
+        };
+        decidability::decide(&mut result, undecidable, rest);
+        result.unknown = shape.map(|s| s.unknown).filter(|_| result.verdict == Verdict::Unexplained);
         if result.verdict != Verdict::NotDecidable {
             result.model = Some(tell::model(&setting, &state, &result)?);
         }

@@ -206,7 +206,9 @@ impl State {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
         let numbers = self.remembered();
         let along: Vec<Along> = self.stretches.iter().map(|s| Along::remembering(s, omega, &numbers)).collect();
-        then(&Track::new(&self.stretches, &along, setting.rig, &setting.bound, &setting.sensors))
+        let known = |stretch, sample| self.followed.as_ref()?.at(setting, stretch, sample);
+        let track = Track::new(&self.stretches, &along, setting.rig, &setting.bound, &setting.sensors);
+        then(&track.knowing(&known))
     }
 
     /// The same for equations that follow some states of effects themselves: [`State::free_motion_of`].

@@ -5,21 +5,27 @@
 //! greatest held-out gain is told, with the standard error of every f_k by the jackknife over blocks. A shape is known only up to
 //! what the model's own terms can absorb (a sine of an arm's angle is gravity, a straight line in a velocity viscous friction); a small ridge keeps
 //! those directions at zero.
+//!
+//! A shape that predicts clearly better than the model with everything that it names is left over, however little it is beside the noise: where nothing is missing, or what is
+//! has its right name, its many strengths only make predictions worse.
 
 use core::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
 use serde::Serialize;
 
+use super::candidates::Column;
 use super::evidence::Outcome;
 use super::residual::range;
 use super::setting::Setting;
 use super::state::State;
 use super::tell;
 use crate::effects::places::{self, Place};
+use crate::explain::ranking::{self, Fit};
 use crate::model::model_file::expression::{
     Expression, Function, Node, Symbol, call, multiply, number, subtract, symbol,
 };
+use crate::report::format::significant;
 use crate::system::bodies::Body;
 use crate::system::derivative::{by_time, partial};
 use crate::system::mechanism::at;
@@ -31,6 +37,8 @@ const POINTS: usize = 17;
 const RIDGE: f64 = 1e-4;
 /// Least share of the held-out residual power that a shape must take away to be told.
 const LEAST_GAIN: f64 = 0.05;
+/// Standard errors between blocks from which a shape's gain is clear: 3e-5 by chance for each shape.
+const CLEAR: f64 = 4.0;
 
 /// A torque of unknown origin as a function of one coordinate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -47,6 +55,15 @@ pub struct Unknown {
     pub points: Vec<[f64; 3]>,
     /// Share of the held-out residual power that it takes away.
     pub held_out_gain: f64,
+}
+
+impl Unknown {
+    /// In words.
+    pub fn told(&self) -> String {
+        let share = significant(100.0 * self.held_out_gain, 2);
+        let Self { at, against, .. } = self;
+        format!("a force at {at} that depends on the {against} takes away {share} % of what is left where it was not fitted")
+    }
 }
 
 /// A coordinate that a force may depend on.
@@ -105,47 +122,81 @@ fn shares(setting: &Setting<'_>, state: &State, moves: &Polynomial) -> Vec<(usiz
         .collect()
 }
 
-/// The shape that takes away most, if any takes away enough.
-pub fn shape(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<Unknown> {
-    let own = outcome.own.len();
-    let total: f64 = outcome.fit.held_out.iter().sum();
-    let mut best: Option<Unknown> = None;
-    for (place, moves) in places_of(setting) {
-        let shares = shares(setting, state, &moves);
-        for c in coordinates(setting, place, &moves) {
-            let (low, high) = if c.angle { (-PI, PI) } else { range(setting, state, &c.of) };
-            let count = if c.angle { POINTS - 1 } else { POINTS };
-            let width = (high - low) / (POINTS - 1) as f64;
-            if !(width > 0.0 && width.is_finite()) {
-                continue;
-            }
-            let hat = |k: usize| -> Node {
-                let from_node = subtract(c.of.clone(), number(low + k as f64 * width));
-                Arc::new(Expression::Hat { from_node, width, period: c.angle.then_some(TAU) })
-            };
-            let columns: Vec<Vec<(usize, Node)>> = (0..count)
-                .map(|k| shares.iter().map(|(e, share)| (*e, multiply(share.clone(), hat(k)))).collect())
-                .collect();
-            let Some(fit) = outcome.evidence.with_columns(setting, state, own, &columns, RIDGE) else { continue };
-            let gain = (total - fit.held_out.iter().sum::<f64>()) / total;
-            if gain < best.as_ref().map_or(LEAST_GAIN, |b| b.held_out_gain) {
-                continue;
-            }
-            let (scale, unit) = tell::of_force(setting, &state.physical, place);
-            best = Some(Unknown {
-                at: setting.file().map_or_else(String::new, |f| place.name(f)),
-                against: c.name.clone(),
-                against_unit: c.unit,
-                unit,
-                points: (0..count)
-                    .map(|k| {
-                        let error = fit.covariance[(own + k, own + k)].max(0.0).sqrt();
-                        [low + k as f64 * width, scale * fit.all[own + k], 1.96 * scale.abs() * error]
-                    })
-                    .collect(),
-                held_out_gain: gain,
-            });
+/// Hat functions of one coordinate at one place.
+struct Hats {
+    place: Place,
+    coordinate: Coordinate,
+    /// Where the first stands, and how far they are apart.
+    low: f64,
+    width: f64,
+    columns: Vec<Column>,
+}
+
+impl Hats {
+    /// None where the coordinate does not move.
+    fn new(setting: &Setting<'_>, state: &State, place: Place, shares: &[(usize, Node)], of: Coordinate) -> Option<Self> {
+        let (low, high) = if of.angle { (-PI, PI) } else { range(setting, state, &of.of) };
+        let count = if of.angle { POINTS - 1 } else { POINTS };
+        let width = (high - low) / (POINTS - 1) as f64;
+        if !(width > 0.0 && width.is_finite()) {
+            return None;
+        }
+        let hat = |k: usize| -> Node {
+            let from_node = subtract(of.of.clone(), number(low + k as f64 * width));
+            Arc::new(Expression::Hat { from_node, width, period: of.angle.then_some(TAU) })
+        };
+        let column = |k: usize| shares.iter().map(|(e, share)| (*e, multiply(share.clone(), hat(k)))).collect();
+        let columns = (0..count).map(column).collect();
+        Some(Self { place, coordinate: of, low, width, columns })
+    }
+
+    /// What a fit with them behind `own` columns tells.
+    fn told(&self, setting: &Setting<'_>, state: &State, own: usize, fit: &Fit, held_out_gain: f64) -> Unknown {
+        let (scale, unit) = tell::of_force(setting, &state.physical, self.place);
+        let point = |k: usize| {
+            let error = fit.covariance[(own + k, own + k)].max(0.0).sqrt();
+            [self.low + k as f64 * self.width, scale * fit.all[own + k], 1.96 * scale.abs() * error]
+        };
+        Unknown {
+            at: setting.file().map_or_else(String::new, |f| self.place.name(f)),
+            against: self.coordinate.name.clone(),
+            against_unit: self.coordinate.unit,
+            unit,
+            points: (0..self.columns.len()).map(point).collect(),
+            held_out_gain,
         }
     }
-    best
+}
+
+/// A shape, and whether it predicts clearly better than the model without it.
+pub struct Shape {
+    /// What is told of it.
+    pub unknown: Unknown,
+    /// Whether its gain is clear, from one block to the other.
+    pub is_clear: bool,
+}
+
+/// The shape that takes away most, if any takes away enough or is clear.
+pub fn shape(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<Shape> {
+    let own = outcome.own.len();
+    let all: Vec<Hats> = places_of(setting)
+        .into_iter()
+        .flat_map(|(place, moves)| {
+            let shares = shares(setting, state, &moves);
+            let hats = |c| Hats::new(setting, state, place, &shares, c);
+            coordinates(setting, place, &moves).into_iter().filter_map(hats).collect::<Vec<_>>()
+        })
+        .collect();
+    let groups: Vec<Vec<Column>> = all.iter().map(|h| h.columns.clone()).collect();
+    let total: f64 = outcome.fit.held_out.iter().sum();
+    let fits = outcome.evidence.with_groups(setting, state, own, &groups, RIDGE);
+    let found = all.iter().zip(fits).filter_map(|(hats, fit)| {
+        let fit = fit?;
+        let (mean, error) = ranking::gain(&outcome.fit.held_out, &fit.held_out);
+        let share = mean * fit.held_out.len() as f64 / total;
+        let is_clear = outcome.evidence.is_shooting() && mean > CLEAR * error;
+        (share > LEAST_GAIN || is_clear)
+            .then(|| Shape { unknown: hats.told(setting, state, own, &fit, share), is_clear })
+    });
+    found.max_by(|a, b| a.unknown.held_out_gain.total_cmp(&b.unknown.held_out_gain))
 }

@@ -75,6 +75,24 @@ impl History {
         }
     }
 
+    /// The same where the motion is known better: parts of `states`, coordinates and then rates at every sample, each behind the sample at which it begins. Only the states
+    /// of some numbers are followed anew.
+    #[must_use]
+    pub fn moved<'a>(&self, parts: impl Iterator<Item = (usize, &'a [f64])>, numbers: &[usize]) -> Self {
+        let n = self.coordinates.len();
+        let (mut coordinates, mut rates) = (self.coordinates.clone(), self.rates.clone());
+        for (first, states) in parts {
+            for (i, state) in states.chunks_exact(2 * n).enumerate() {
+                coordinates.iter_mut().zip(&state[..n]).for_each(|(x, q)| x[first + i] = *q);
+                rates.iter_mut().zip(&state[n..]).for_each(|(x, v)| x[first + i] = *v);
+            }
+        }
+        let known = self.series.read().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let kept = known.iter().enumerate().map(|(k, v)| if numbers.contains(&k) { Values::default() } else { v.clone() });
+        let series = RwLock::new(kept.collect());
+        Self { coordinates, rates, circle: self.circle.clone(), laws: self.laws.clone(), series, ..*self }
+    }
+
     fn values(&self, number: usize) -> Values {
         if let Some(known) = self.series.read().unwrap_or_else(std::sync::PoisonError::into_inner).get(number) {
             return known.clone();

@@ -104,13 +104,16 @@ pub fn prepare(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
         }
         return Err(error);
     }
+    let counted = |&i: &usize| Some(&rig.channel[i]).filter(|c| c.unit == "count").map(crate::rig::Channel::scale);
+    let count: Vec<Option<f64>> = bound.sensors.iter().map(counted).collect();
+    let error = |(n, count): (&Option<spectral::Noise>, &Option<f64>)| match count {
+        Some(_) => 0.0,
+        None => n.map_or(0.0, |n| n.square_error),
+    };
     let sensors = Sensors {
-        count: bound
-            .sensors
-            .iter()
-            .map(|&i| Some(&rig.channel[i]).filter(|c| c.unit == "count").map(crate::rig::Channel::scale))
-            .collect(),
         sigma: noises.iter().map(|n| n.map_or(0.0, |n| n.sigma)).collect(),
+        square_error: noises.iter().zip(&count).map(error).collect(),
+        count,
     };
     Ok(Prepared { stretches, record_of, sensors, geometry, warnings })
 }

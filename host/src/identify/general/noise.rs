@@ -18,6 +18,8 @@ pub struct Sensors {
     pub count: Vec<Option<f64>>,
     /// Standard deviation.
     pub sigma: Vec<f64>,
+    /// Standard error of its square as a share of it; nothing for a sensor that counts, whose noise is that of its grid.
+    pub square_error: Vec<f64>,
 }
 
 /// Shift of a sensor's grid in a repeat, in counts: each sensor gets every quarter, in one of several orders.

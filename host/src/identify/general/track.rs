@@ -104,7 +104,12 @@ pub struct Track<'a> {
     bound: &'a Bound,
     /// Where each stretch begins on the axis, s.
     begins: Vec<f64>,
+    /// States that are known better than from the sensors' slopes, by stretch and sample.
+    known: Option<Known<'a>>,
 }
+
+/// Coordinates and rates by stretch and sample, where they are known.
+pub type Known<'a> = &'a (dyn Fn(usize, usize) -> Option<Vec<f64>> + Sync);
 
 impl<'a> Track<'a> {
     /// Lays out the stretches; `along` is one for each.
@@ -152,7 +157,14 @@ impl<'a> Track<'a> {
             stretches,
             bound,
             begins,
+            known: None,
         }
+    }
+
+    /// With guesses of states from what is known.
+    #[must_use]
+    pub fn knowing(self, known: Known<'a>) -> Self {
+        Self { known: Some(known), ..self }
     }
 
     /// For equations that follow some states of effects with the motion: no sensor shows them.
@@ -191,7 +203,7 @@ impl<'a> Track<'a> {
             for (piece, guess) in pieces.iter().zip(&mut guesses) {
                 let since_s = piece.start_s - self.begins[k];
                 // Not negative; rounded.
-                self.with_states(s, (since_s / self.spacing_s).round() as usize, guess);
+                self.improve((k, (since_s / self.spacing_s).round() as usize), guess);
             }
             out.stretch.extend(std::iter::repeat_n(k, pieces.len()));
             out.pieces.extend(pieces);
@@ -228,12 +240,21 @@ impl<'a> Track<'a> {
         let measured = Measured { start_s, sensors, tau: Box::new(move |i| s.tau(first + i)) };
         let (mut pieces, mut guesses) = cut(&[measured], &geometry, count, count)?;
         let mut guess = guesses.pop()?;
-        self.with_states(s, first, &mut guess);
+        self.improve((stretch, first), &mut guess);
         Some((pieces.pop()?, guess))
     }
 
-    /// Puts the states that are followed with the motion into a guess at a sample of a stretch: each is the rate of a coordinate that nothing shows.
-    fn with_states(&self, s: &Stretch, first: usize, guess: &mut Vec<f64>) {
+    /// Puts what is known into a guess at a sample of a stretch, and the states that are followed with the motion: each is the rate of a coordinate that nothing shows.
+    fn improve(&self, (stretch, first): (usize, usize), guess: &mut Vec<f64>) {
+        let Some(s) = self.stretches.get(stretch) else { return };
+        if let Some(known) = self.known.and_then(|known| known(stretch, first)).filter(|k| k.len() == guess.len()) {
+            let circle = self.bound.model.circle();
+            for (k, (to, x)) in guess.iter_mut().zip(known).enumerate() {
+                // Pieces begin in the first turn.
+                let turns = if circle.get(k).is_some_and(|c| *c) { ((*to - x) / TAU).round() } else { 0.0 };
+                *to = x + TAU * turns;
+            }
+        }
         let n = guess.len() / 2;
         guess.splice(n..n, self.hidden.iter().map(|_| 0.0));
         guess.extend(self.hidden.iter().map(|k| s.remembered(*k, first, 1)[0]));

@@ -114,6 +114,7 @@ impl Scene {
         let sensors = Sensors {
             count: bound.sensors.iter().map(|i| p.segments.first().and_then(|s| s.count_rad[angle(i)])).collect(),
             sigma: bound.sensors.iter().map(|i| p.sigma[angle(i)]).collect(),
+            square_error: vec![0.0; bound.sensors.len()],
         };
         let stretches: Vec<Stretch> = p
             .segments

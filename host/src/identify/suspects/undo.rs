@@ -129,7 +129,7 @@ impl Undo {
 
     /// What it does to the sensors' counts and noise.
     pub fn sensors(&self, sensors: &mut Sensors) {
-        let Sensors { count, sigma } = sensors;
+        let Sensors { count, sigma, .. } = sensors;
         match self {
             Self::Exchange(a, b, f) if *a < sigma.len() && *b < sigma.len() => {
                 count.swap(*a, *b);

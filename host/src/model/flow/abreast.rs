@@ -7,6 +7,7 @@ use crate::model::dynamics::Dynamics;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::equations_of_motion::abreast::{Abreast, Room};
 pub use crate::model::model_file::tape::MOST;
+use crate::model::vectors::{add_products, add_scaled};
 
 /// States, their derivatives and the room that a step needs. Columns of [`MOST`] states: q (n), v (n), ∂q (n rows of 2n), ∂v (n rows of 2n).
 pub struct Steps {
@@ -75,6 +76,11 @@ impl Steps {
         self.y[column * MOST + state]
     }
 
+    /// Acceleration of a coordinate at a state that the last step began from.
+    pub fn acceleration(&self, coordinate: usize, state: usize) -> f64 {
+        self.k[0][(self.n + coordinate) * MOST + state]
+    }
+
     /// One step of `h` seconds from every state, at its time (s) and phase of the drive (rad).
     pub fn take(
         &mut self,
@@ -98,7 +104,7 @@ impl Steps {
             self.next.copy_from_slice(&self.y);
             for (a, k) in A[stage].iter().zip(&self.k).filter(|(a, _)| **a != 0.0) {
                 let f = h * a;
-                self.next.iter_mut().zip(k).for_each(|(o, k)| *o += f * k);
+                add_scaled(&mut self.next, f, k);
             }
             // Rates at the end say only whether a sign turns.
             if stage < 6 || !motion.switches().is_empty() {
@@ -159,7 +165,7 @@ impl Steps {
                 for c in 0..m {
                     let to = &mut tail[(i * m + c) * MOST..][..count];
                     let of = &derivatives[(j * m + c) * MOST..][..count];
-                    to.iter_mut().zip(by.iter().zip(of)).for_each(|(t, (b, x))| *t += b * x);
+                    add_products(to, by, of);
                 }
             }
         }

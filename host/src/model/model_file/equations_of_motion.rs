@@ -430,7 +430,7 @@ pub fn wrapped(x: f64) -> f64 {
 
 /// Solves an n × n system with `sides` right-hand sides in the columns behind it, row after row; `out` holds the solutions likewise. False where it is singular or
 /// not finite.
-fn solve(a: &mut [f64], n: usize, sides: usize, out: &mut [f64]) -> bool {
+pub fn solve(a: &mut [f64], n: usize, sides: usize, out: &mut [f64]) -> bool {
     let w = n + sides;
     let size = a.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     if !a.iter().all(|x| x.is_finite()) || size == 0.0 {

@@ -7,8 +7,11 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use pulp::{Arch, NullaryFnOnce};
+
 use super::expression::{Expression as E, Function, Node, Symbol, hat};
 use crate::model::weak::mean_sign;
+use crate::signal::sin_cos::sin_cos;
 
 /// Samples of a block.
 const BLOCK: usize = 256;
@@ -177,50 +180,7 @@ impl Tape {
     }
 
     fn block<const STRIDE: usize>(&self, columns: &[&[f64]], from: usize, to: usize, registers: &mut [f64]) {
-        let n = to - from;
-        for (k, operation) in self.operations.iter().enumerate() {
-            let (before, rest) = registers.split_at_mut(k * STRIDE);
-            let (own, after) = rest.split_at_mut(STRIDE);
-            let out = &mut own[..n];
-            let get = |r: usize| &before[r * STRIDE..r * STRIDE + n];
-            macro_rules! each {
-                ($a:expr, $f:expr) => {
-                    out.iter_mut().zip(get($a)).for_each(|(o, &a)| *o = $f(a))
-                };
-                ($a:expr, $b:expr, $f:expr) => {
-                    out.iter_mut().zip(get($a)).zip(get($b)).for_each(|((o, &a), &b)| *o = $f(a, b))
-                };
-            }
-            match *operation {
-                Operation::Number(x) => out.fill(x),
-                Operation::Load(c) => out.copy_from_slice(&columns[c][from..to]),
-                Operation::Add(a, b) => each!(a, b, |a: f64, b: f64| a + b),
-                Operation::Subtract(a, b) => each!(a, b, |a: f64, b: f64| a - b),
-                Operation::Multiply(a, b) => each!(a, b, |a: f64, b: f64| a * b),
-                Operation::Divide(a, b) => each!(a, b, |a: f64, b: f64| a / b),
-                Operation::Power(a, b) => each!(a, b, f64::powf),
-                Operation::PowerWhole(a, 2) => each!(a, |a: f64| a * a),
-                Operation::PowerWhole(a, 3) => each!(a, |a: f64| a * a * a),
-                Operation::PowerWhole(a, p) => each!(a, |a: f64| a.powi(p)),
-                Operation::SinCos(a) => {
-                    for ((o, c), x) in out.iter_mut().zip(&mut after[..n]).zip(get(a)) {
-                        (*o, *c) = x.sin_cos();
-                    }
-                }
-                Operation::Second => {}
-                Operation::Call(Function::Sign, a) => {
-                    let x = get(a);
-                    for (i, o) in out.iter_mut().enumerate() {
-                        let (b, f) = (i.saturating_sub(1), (i + 1).min(n - 1));
-                        let step = if f > b { (x[f] - x[b]) / (f - b) as f64 } else { 0.0 };
-                        *o = mean_sign(x[i], step);
-                    }
-                }
-                Operation::Call(Function::Abs, a) => each!(a, f64::abs),
-                Operation::Call(f, a) => each!(a, |a: f64| f.value(a)),
-                Operation::Hat(a, width, period) => each!(a, |a: f64| hat(a, width, period)),
-            }
-        }
+        Arch::new().dispatch(Block::<STRIDE> { operations: &self.operations, columns, from, to, registers });
     }
 
     /// Values of every expression at one point (signs are plain signs). `values` has one entry for each of
@@ -251,6 +211,64 @@ impl Tape {
             registers.push(value);
         }
         out.iter_mut().zip(&self.outputs).for_each(|(o, &r)| *o = registers[r]);
+    }
+}
+
+/// A block of samples or points, every operation over all of them; compiled for each kind of vectors that processors have (pulp).
+struct Block<'a, const STRIDE: usize> {
+    operations: &'a [Operation],
+    columns: &'a [&'a [f64]],
+    from: usize,
+    to: usize,
+    registers: &'a mut [f64],
+}
+
+impl<const STRIDE: usize> NullaryFnOnce for Block<'_, STRIDE> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { operations, columns, from, to, registers } = self;
+        let n = to - from;
+        for (k, operation) in operations.iter().enumerate() {
+            let (before, rest) = registers.split_at_mut(k * STRIDE);
+            let (own, after) = rest.split_at_mut(STRIDE);
+            let out = &mut own[..n];
+            let get = |r: usize| &before[r * STRIDE..r * STRIDE + n];
+            macro_rules! each {
+                ($a:expr, $f:expr) => {
+                    out.iter_mut().zip(get($a)).for_each(|(o, &a)| *o = $f(a))
+                };
+                ($a:expr, $b:expr, $f:expr) => {
+                    out.iter_mut().zip(get($a)).zip(get($b)).for_each(|((o, &a), &b)| *o = $f(a, b))
+                };
+            }
+            match *operation {
+                Operation::Number(x) => out.fill(x),
+                Operation::Load(c) => out.copy_from_slice(&columns[c][from..to]),
+                Operation::Add(a, b) => each!(a, b, |a: f64, b: f64| a + b),
+                Operation::Subtract(a, b) => each!(a, b, |a: f64, b: f64| a - b),
+                Operation::Multiply(a, b) => each!(a, b, |a: f64, b: f64| a * b),
+                Operation::Divide(a, b) => each!(a, b, |a: f64, b: f64| a / b),
+                Operation::Power(a, b) => each!(a, b, f64::powf),
+                Operation::PowerWhole(a, 2) => each!(a, |a: f64| a * a),
+                Operation::PowerWhole(a, 3) => each!(a, |a: f64| a * a * a),
+                Operation::PowerWhole(a, p) => each!(a, |a: f64| a.powi(p)),
+                Operation::SinCos(a) => sin_cos(get(a), out, &mut after[..n]),
+                Operation::Second => {}
+                Operation::Call(Function::Sign, a) => {
+                    let x = get(a);
+                    for (i, o) in out.iter_mut().enumerate() {
+                        let (b, f) = (i.saturating_sub(1), (i + 1).min(n - 1));
+                        let step = if f > b { (x[f] - x[b]) / (f - b) as f64 } else { 0.0 };
+                        *o = mean_sign(x[i], step);
+                    }
+                }
+                Operation::Call(Function::Abs, a) => each!(a, f64::abs),
+                Operation::Call(f, a) => each!(a, |a: f64| f.value(a)),
+                Operation::Hat(a, width, period) => each!(a, |a: f64| hat(a, width, period)),
+            }
+        }
     }
 }
 

@@ -70,23 +70,18 @@ impl Along<'_> {
         Outside { origin: self.time(i), tau: self.tau(i), omega: self.omega, inputs }
     }
 
-    /// Accelerations of the model at every state, n for each.
-    pub fn accelerations(
+    /// Acceleration of the model at the state of a point; false where there is none.
+    pub fn acceleration(
         &self,
-        states: &[f64],
+        i: usize,
+        state: &[f64],
         (motion, parameters): (&EquationsOfMotion, &[f64]),
-        inputs: &[Vec<f64>],
-    ) -> Option<Vec<f64>> {
+        to: &mut [f64],
+    ) -> bool {
         let n = motion.degrees_of_freedom();
-        let mut out = vec![0.0; states.len() / 2];
-        let mut here = vec![0.0; inputs.len()];
-        for (i, (state, to)) in states.chunks_exact(2 * n).zip(out.chunks_exact_mut(n)).enumerate() {
-            here.iter_mut().zip(inputs).for_each(|(u, x)| *u = x[i]);
-            let at = Instant { time: self.time(i), tau: self.tau(i), inputs: &here };
-            if !motion.acceleration(parameters, &state[..n], &state[n..], &at, to) {
-                return None;
-            }
-        }
-        Some(out)
+        let mut inputs = vec![0.0; self.between.count()];
+        Outsider::inputs(self.between, self.time(i), &mut inputs);
+        let at = Instant { time: self.time(i), tau: self.tau(i), inputs: &inputs };
+        motion.acceleration(parameters, &state[..n], &state[n..], &at, to)
     }
 }

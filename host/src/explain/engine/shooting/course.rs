@@ -65,8 +65,8 @@ pub struct List<'a> {
     pub x: Vec<f64>,
     /// Candidates.
     pub further: &'a [&'a Candidate],
-    /// Columns of no effect.
-    pub behind: &'a [Column],
+    /// Groups of columns of no effect.
+    pub behind: &'a [Vec<Column>],
     /// Whether candidates are fitted together.
     pub together: bool,
 }
@@ -75,7 +75,7 @@ impl List<'_> {
     /// Which columns are fitted together.
     fn layout(&self) -> Arc<Layout> {
         let mut sizes: Vec<usize> = self.further.iter().map(|c| c.strengths()).collect();
-        sizes.push(self.behind.len());
+        sizes.extend(self.behind.iter().map(Vec::len));
         if self.together {
             sizes = vec![sizes.iter().sum()];
         }
@@ -92,6 +92,12 @@ impl<'a> Course<'a> {
         let shown = state.stretches.iter().map(|s| s.sensors(&setting.bound)).collect();
         let (weights, sigma) = state.on_track(setting, |t| (t.sensors.clone(), t.sigma.clone()));
         Self { setting, state, between, shown, weights, sigma, omega }
+    }
+
+    /// The same where sensors showed something else, by stretch and sensor.
+    #[must_use]
+    pub fn showing(self, shown: Vec<Vec<Vec<f64>>>) -> Self {
+        Self { shown, ..self }
     }
 
     fn along(&self, path: &Path, w: &Window) -> Along<'_> {
@@ -111,7 +117,7 @@ impl<'a> Course<'a> {
         let own = setting.own.names.len();
         let all = state.chosen.iter().map(|k| &k.candidate).chain(list.further.iter().copied());
         let mut parts: Vec<Column> = all.flat_map(|c| c.columns(setting, state)).collect();
-        parts.extend_from_slice(list.behind);
+        parts.extend(list.behind.iter().flatten().cloned());
         let count = own + parts.len();
         let shared: Additions = parts
             .into_iter()
@@ -209,7 +215,7 @@ impl<'a> Course<'a> {
         let along = self.along(path, w);
         let motion = (&columns.motion, &columns.parameters[..]);
         let linear = Linear::new(states, &along, motion)?;
-        let alpha = columns.forcing.along(&linear.points, &along, motion)?;
+        let alpha = columns.forcing.along((&linear.points, &linear.accelerations), &along)?;
         let measured = self.measured(path, w, states, list);
         let short = if w.count / SHORT >= FEWEST_SAMPLES { w.count / SHORT } else { w.count };
         let (normal, segments) = linear.normal(states, &alpha, layout, &measured, short);

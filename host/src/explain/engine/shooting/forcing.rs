@@ -1,10 +1,8 @@
 //! What a coefficient or strength of one does to the accelerations along a window: α_c = −M⁻¹ X_c, M_ei = ∂F_e/∂q̈_i.
 
-use nalgebra::DMatrix;
-
 use super::along::Along;
 use crate::model::model_file::ModelFile;
-use crate::model::model_file::equations_of_motion::{EquationsOfMotion, wrapped};
+use crate::model::model_file::equations_of_motion::{solve, wrapped};
 use crate::model::model_file::expression::{Node, Symbol, add, multiply, number};
 use crate::model::model_file::tape::Tape;
 
@@ -61,12 +59,10 @@ impl Forcing {
     }
 
     /// Accelerations by every column at every point: for each n rows of the columns. None where M is singular.
-    pub fn along(&self, states: &[f64], along: &Along<'_>, motion: (&EquationsOfMotion, &[f64])) -> Option<Vec<f64>> {
+    pub fn along(&self, (states, accelerations): (&[f64], &[f64]), along: &Along<'_>) -> Option<Vec<f64>> {
         let n = self.coordinates;
         let count = states.len() / (2 * n);
-        let accelerates = self.tape.symbols().iter().any(|s| matches!(s, Symbol::Acceleration(_)));
         let inputs = along.inputs(count);
-        let accelerations = if accelerates { along.accelerations(states, motion, &inputs)? } else { Vec::new() };
         let series: Vec<Vec<f64>> = self
             .tape
             .symbols()
@@ -89,12 +85,21 @@ impl Forcing {
         let columns: Vec<&[f64]> = series.iter().map(Vec::as_slice).collect();
         let values = self.tape.run(&columns, count);
         let mut out = vec![0.0; count * n * self.columns];
+        let (mut matrix, mut inverse) = (vec![0.0; 2 * n * n], vec![0.0; n * n]);
         for i in 0..count {
-            let inverse = DMatrix::from_fn(n, n, |e, k| values[e * n + k][i]).try_inverse()?;
+            for e in 0..n {
+                let row = &mut matrix[e * 2 * n..(e + 1) * 2 * n];
+                row.iter_mut().enumerate().for_each(|(k, x)| {
+                    *x = if k < n { values[e * n + k][i] } else { f64::from(u8::from(k - n == e)) };
+                });
+            }
+            if !solve(&mut matrix, n, n, &mut inverse) {
+                return None;
+            }
             let rows = &mut out[i * n * self.columns..(i + 1) * n * self.columns];
             for (&(column, equation), value) in self.places.iter().zip(&values[n * n..]) {
                 for k in 0..n {
-                    rows[k * self.columns + column] -= inverse[(k, equation)] * value[i];
+                    rows[k * self.columns + column] -= inverse[k * n + equation] * value[i];
                 }
             }
         }

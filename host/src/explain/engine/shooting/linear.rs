@@ -16,6 +16,7 @@ use crate::model::dynamics::Dynamics;
 use crate::model::flow::abreast::{self, MOST, Steps};
 use crate::model::flow::{Flow, Work};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
+use crate::model::vectors::{add_scaled, add_two};
 
 /// Rows whose products are summed at once.
 const CHUNK: usize = 256;
@@ -24,6 +25,8 @@ const CHUNK: usize = 256;
 pub struct Linear {
     /// The path at every point: the samples' states, the model's own motion between them.
     pub points: Vec<f64>,
+    /// Accelerations there, n for each.
+    pub accelerations: Vec<f64>,
     /// A_k, 2n × 2n row after row, for each point but the last.
     slopes: Vec<f64>,
     /// e_k, 2n for each sample but the last.
@@ -63,6 +66,7 @@ impl Linear {
         let points = count.saturating_sub(1) * each + 1;
         let mut out = Self {
             points: Vec::with_capacity(m * points),
+            accelerations: vec![0.0; m / 2 * points],
             slopes: Vec::new(),
             defects: Vec::with_capacity(m * count),
             each,
@@ -79,7 +83,12 @@ impl Linear {
             }
         }
         out.defects.extend(here.iter().zip(&states[m..]).map(|(a, b)| a - b));
-        out.points.extend_from_slice(&states[m * count.saturating_sub(1)..]);
+        let last = &states[m * count.checked_sub(1)?..];
+        out.points.extend_from_slice(last);
+        let to = &mut out.accelerations[m / 2 * (points - 1)..];
+        if !along.acceleration(points - 1, last, (motion, parameters), to) {
+            return None;
+        }
         out.slopes.iter().chain(&out.defects).all(|x| x.is_finite()).then_some(out)
     }
 
@@ -104,12 +113,17 @@ impl Linear {
             let p = point(i);
             self.points[m * p..m * (p + 1)].copy_from_slice(state);
             let slopes = &mut self.slopes[m * m * p..m * m * (p + 1)];
+            let accelerations = &mut self.accelerations[m / 2 * p..m / 2 * (p + 1)];
             match &steps {
                 Some(steps) if steps.whole[i] => {
+                    accelerations.iter_mut().enumerate().for_each(|(c, x)| *x = steps.acceleration(c, i));
                     state.iter_mut().enumerate().for_each(|(c, x)| *x = steps.value(c, i));
                     slopes.iter_mut().enumerate().for_each(|(c, x)| *x = steps.value(m + c, i));
                 }
                 _ => {
+                    if !along.acceleration(p, state, (motion, parameters), accelerations) {
+                        return None;
+                    }
                     alone.set(state);
                     let flow = Flow::new(motion, parameters, along.outside(p, &at), spacing);
                     if !flow.carry(&mut alone, along.time(p), spacing) {
@@ -133,7 +147,7 @@ impl Linear {
         let (a, b) = (&alpha[0][of(alpha[0], k)], &alpha[1][of(alpha[1], k)]);
         let (p, q) =
             if i < n { (spacing * spacing / 3.0, spacing * spacing / 6.0) } else { (0.5 * spacing, 0.5 * spacing) };
-        to.iter_mut().zip(a.iter().zip(b)).for_each(|(t, (a, b))| *t += p * a + q * b);
+        add_two(to, (p, a), (q, b));
     }
 
     /// The normal equations of a window over columns whose accelerations are `alpha` (see [`super::forcing::Forcing::along`]), and those of its segments of `segment`
@@ -200,7 +214,7 @@ impl Linear {
                 let scale = 1.0 / measured.sigma[s];
                 for (j, w) in measured.shown[s].iter().enumerate().filter(|w| *w.1 != 0.0) {
                     let f = w * scale;
-                    row.iter_mut().zip(&z[j * width..(j + 1) * width]).for_each(|(r, z)| *r += f * z);
+                    add_scaled(row, f, &z[j * width..(j + 1) * width]);
                 }
                 let predicted: f64 = measured.shown[s].iter().zip(&states[m * k..]).map(|(w, q)| w * q).sum();
                 // The last column of z is what the defects add up to.
@@ -226,7 +240,7 @@ impl Linear {
                     for j in 0..m {
                         let f = a[i * m + j];
                         if f != 0.0 {
-                            to.iter_mut().zip(&z[j * width..(j + 1) * width]).for_each(|(t, z)| *t += f * z);
+                            add_scaled(to, f, &z[j * width..(j + 1) * width]);
                         }
                     }
                     Self::push(&mut to[m..m + columns], i, both, (n, columns, self.spacing));
@@ -367,7 +381,7 @@ mod tests {
             let (mut states, mut found) = (path, p.to_vec());
             for _ in 0..passes {
                 let linear = Linear::new(&states, &along, (&motion, &p)).unwrap();
-                let alpha = forcing.along(&linear.points, &along, (&motion, &p)).unwrap();
+                let alpha = forcing.along((&linear.points, &linear.accelerations), &along).unwrap();
                 let (normal, parts) = linear.normal(&states, &alpha, &Layout::new(4, &[]), &measured, segment);
                 assert_eq!(parts.len(), COUNT / segment);
                 let step = solve(&normal.reduced().unwrap().chosen(&[0, 1, 2, 3])).unwrap();

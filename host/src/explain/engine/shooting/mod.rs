@@ -22,6 +22,7 @@
 //! | [`linear`] | a window's normal equations |
 //! | [`gram`] | sums of products of the columns that are fitted together |
 //! | [`blocks`] | least squares over windows |
+//! | [`remade`](mod@remade) | what is left of records that the model itself makes |
 //! | [`signs`] | coefficients that keep their sign |
 
 mod along;
@@ -31,13 +32,17 @@ mod forcing;
 mod gram;
 mod linear;
 mod path;
+mod remade;
 pub mod signs;
+
+use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
 use self::blocks::Blocks;
 use self::course::{Course, List};
-use self::path::{FEWEST_SAMPLES, Path, windows};
+use self::path::{FEWEST_SAMPLES, Path, Window, windows};
+pub use self::remade::remade;
 use super::candidates::{Candidate, Column};
 use super::setting::Setting;
 use super::state::State;
@@ -76,6 +81,28 @@ impl Followed {
     /// Samples of a window.
     pub fn samples(&self) -> usize {
         self.length.unwrap_or(0)
+    }
+
+    /// The windows that were followed until they stood still.
+    fn kept(&self, setting: &Setting<'_>) -> Option<Vec<Window>> {
+        let n = setting.circle.len();
+        let lengths: Vec<usize> = self.paths.iter().map(|p| p.len(n)).collect();
+        let mut all = windows(&lengths, self.length?, MOST_SAMPLES);
+        if self.still.len() == all.len() {
+            let mut still = self.still.iter();
+            all.retain(|_| still.next().copied().unwrap_or(true));
+        }
+        Some(all)
+    }
+
+    /// Coordinates and rates of the path at a sample of a stretch, in windows that were followed.
+    pub fn at(&self, setting: &Setting<'_>, stretch: usize, sample: usize) -> Option<Vec<f64>> {
+        let path = self.paths.get(stretch)?;
+        let at = sample.checked_sub(path.first)?;
+        let kept = self.kept(setting)?;
+        let holds = |w: &Window| w.stretch == stretch && (w.first..w.first + w.count).contains(&at);
+        let m = 2 * setting.circle.len();
+        kept.iter().any(holds).then(|| path.states[m * at..m * (at + 1)].to_vec())
     }
 
     /// How many windows, and the length of one, s.
@@ -140,8 +167,21 @@ pub fn settle(setting: &Setting<'_>, state: &mut State) -> Option<(DVector<f64>,
         let lengths: Vec<usize> = fresh.paths.iter().map(|p| p.len(n)).collect();
         grown(setting, state, fresh, &stages(setting, longest(setting, &lengths)))
     })?;
+    remember(setting, state, &followed);
     state.followed = Some(followed);
     Some((DVector::from_vec(x), covariance))
+}
+
+/// Follows the states of effects in the model along the windows' own motion: that of the record is blurred where a velocity turns its sign.
+fn remember(setting: &Setting<'_>, state: &mut State, followed: &Followed) {
+    let numbers = state.remembered();
+    let (Some(kept), false) = (followed.kept(setting), numbers.is_empty()) else { return };
+    let m = 2 * setting.circle.len();
+    for (k, (stretch, path)) in state.stretches.iter_mut().zip(&followed.paths).enumerate() {
+        let own = kept.iter().filter(|w| w.stretch == k);
+        let parts = own.map(|w| (path.first + w.first, &path.states[m * w.first..m * (w.first + w.count)]));
+        stretch.history = stretch.history.as_ref().map(|h| Arc::new(h.moved(parts, &numbers)));
+    }
 }
 
 /// Fits in windows of one length after the other, as long as they can be followed.
@@ -255,24 +295,20 @@ fn is_applied(state: &State, count: usize) -> Vec<bool> {
     out
 }
 
-/// Gram matrices of the own columns, of further candidates (with one another where they are fitted `together`) and of columns of no effect, about the settled paths.
+/// Gram matrices of the own columns, of further candidates (with one another where they are fitted `together`) and of groups of columns of
+/// no effect, about the settled paths. Columns of no effect are fitted with those of their group.
 pub fn evidence(
     setting: &Setting<'_>,
     state: &State,
     (further, together): (&[&Candidate], bool),
-    behind: &[Column],
+    behind: &[Vec<Column>],
 ) -> Option<Blocks> {
     let followed = state.followed.as_ref()?;
-    let n = setting.circle.len();
-    let lengths: Vec<usize> = followed.paths.iter().map(|p| p.len(n)).collect();
-    let mut all = windows(&lengths, followed.length?, MOST_SAMPLES);
-    if followed.still.len() == all.len() {
-        let mut still = followed.still.iter();
-        all.retain(|_| still.next().copied().unwrap_or(true));
-    }
+    let all = followed.kept(setting)?;
     let course = Course::new(setting, state);
     let list = List { x: present(state), further, behind, together };
-    let mut blocks = course.reduced(&followed.paths, &all, &list, signs_of(setting, state, further, behind.len()))?;
+    let count = behind.iter().map(Vec::len).sum();
+    let mut blocks = course.reduced(&followed.paths, &all, &list, signs_of(setting, state, further, count))?;
     let own: Vec<usize> = (0..list.x.len()).collect();
     let fit = blocks.fit(&own)?;
     blocks.weigh(&blocks.misfits(&fit.all));

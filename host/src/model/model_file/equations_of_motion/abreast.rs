@@ -3,6 +3,7 @@
 use super::{EquationsOfMotion, solve, wrapped};
 use crate::model::model_file::expression::Symbol;
 use crate::model::model_file::tape::{MOST, Registers};
+use crate::model::vectors::{add_products, add_scaled};
 
 /// Many states side by side, at most [`MOST`]; each quantity is a column of all of them.
 pub struct Abreast<'a> {
@@ -108,7 +109,7 @@ impl EquationsOfMotion {
                 Some(i) => (&mut matrix[(entry.equation * n + i) * MOST..], factor(k)),
                 None => (&mut right[entry.equation * MOST..], -factor(k)),
             };
-            add(&mut to[..count], f, self.tape.output(k, entries));
+            add_scaled(&mut to[..count], f, self.tape.output(k, entries));
         }
         invert(matrix, n, count, inverse, exists);
         accelerations.fill(0.0);
@@ -124,7 +125,7 @@ impl EquationsOfMotion {
             let to = &mut right[(entry.equation * 2 * n + j) * MOST..][..count];
             let slope = tape.output(o, slopes);
             match entry.acceleration {
-                None => add(to, -factor(k), slope),
+                None => add_scaled(to, -factor(k), slope),
                 Some(i) => {
                     let f = -factor(k);
                     let moved = &accelerations[i * MOST..i * MOST + count];
@@ -135,10 +136,6 @@ impl EquationsOfMotion {
         partials.fill(0.0);
         multiply(inverse, right, partials, (n, 2 * n, count));
     }
-}
-
-fn add(to: &mut [f64], f: f64, of: &[f64]) {
-    to.iter_mut().zip(of).for_each(|(t, x)| *t += f * x);
 }
 
 /// Inverses of n × n matrices, state by state, with pivots.
@@ -164,7 +161,7 @@ fn multiply(a: &[f64], b: &[f64], to: &mut [f64], (n, sides, count): (usize, usi
             let to = &mut to[(e * sides + s) * MOST..][..count];
             for k in 0..n {
                 let (x, y) = (&a[(e * n + k) * MOST..][..count], &b[(k * sides + s) * MOST..][..count]);
-                to.iter_mut().zip(x.iter().zip(y)).for_each(|(t, (x, y))| *t += x * y);
+                add_products(to, x, y);
             }
         }
     }

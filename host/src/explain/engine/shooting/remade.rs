@@ -1,0 +1,59 @@
+//! What is left of records that the model itself makes, seen by the same sensors: the paths of its windows, measured again with shifted grids or other noise, and fitted in the
+//! same way (a parametric bootstrap; Davison and Hinkley 1997, section 4.2). Counts that stand while the motion is slow are no white noise, so that a right model does not leave exactly 1.
+
+use nalgebra::DVector;
+
+use super::super::setting::Setting;
+use super::super::state::State;
+use super::course::{Course, List};
+use super::path::Path;
+use super::{Followed, present, signs_of};
+use crate::identify::general::noise::measure;
+use crate::identify::general::stretches::Stretch;
+
+/// Records that are made; every other one has its noise with the opposite sign.
+const RECORDS: usize = 2;
+
+/// The stretch on its path.
+fn on_path(s: &Stretch, path: &Path) -> Stretch {
+    let n = s.coordinates.len();
+    let mut out = s.clone();
+    for (k, x) in out.coordinates.iter_mut().enumerate() {
+        let along = path.states.iter().skip(k).step_by(2 * n);
+        x.iter_mut().skip(path.first).zip(along).for_each(|(x, q)| *x = *q);
+    }
+    out
+}
+
+/// Power over that of the noise in every window of a record that the model made.
+fn powers(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize) -> Option<Vec<f64>> {
+    let of = |(i, (s, path)): (usize, (&Stretch, &Path))| {
+        measure(&on_path(s, path), repeat, &setting.bound, &setting.sensors, i as u64).sensors(&setting.bound)
+    };
+    let seen = state.stretches.iter().zip(&followed.paths).enumerate().map(of).collect();
+    let course = Course::new(setting, state).showing(seen);
+    let list = List { x: present(state), further: &[], behind: &[], together: false };
+    let signs = signs_of(setting, state, &[], 0);
+    let mut blocks = course.reduced(&followed.paths, &followed.kept(setting)?, &list, signs)?;
+    let own: Vec<usize> = (0..list.x.len()).collect();
+    let fitted = blocks.fit(&own)?.all;
+    blocks.weigh(&blocks.misfits(&fitted));
+    let fitted: DVector<f64> = blocks.fit(&own)?.all;
+    Some(blocks.misfits(&fitted).iter().map(|w| w[0]).collect())
+}
+
+/// Mean power over that of the noise in such records, at least 1, and the standard error of what one record's power differs by from it: by chance, and because the noise itself
+/// is estimated.
+pub fn remade(setting: &Setting<'_>, state: &State) -> Option<(f64, f64)> {
+    let followed = state.followed.as_ref()?;
+    let all: Vec<Vec<f64>> = (0..RECORDS).map(|r| powers(setting, state, followed, r)).collect::<Option<_>>()?;
+    let windows = all.first()?.len() as f64;
+    let count = windows * RECORDS as f64;
+    let mean = all.iter().flatten().sum::<f64>() / count;
+    let variance = all.iter().flatten().map(|p| (p - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+    // A counter may have more noise than its grid.
+    let mean = mean.max(1.0);
+    let of_noise = setting.sensors.square_error.iter().fold(0.0_f64, |m, e| m.max(*e));
+    let error = (variance * (1.0 / windows + 1.0 / count)).sqrt().hypot(mean * of_noise);
+    (mean.is_finite() && error.is_finite()).then_some((mean, error))
+}
