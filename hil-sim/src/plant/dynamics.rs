@@ -136,8 +136,8 @@ impl Mechanics {
         let x1 = y[0] - mode.turn[0];
         let x2 = y[1] - y[0] - mode.turn[1];
         let v = [w1, w2 - w1];
-        let mut t1 = self.joints[0].smooth(x1, mode.middle[0], v[0], moment.phase);
-        let mut t2 = self.joints[1].smooth(x2, mode.middle[1], v[1], moment.phase);
+        let mut t1 = self.joints[0].smooth(x1, mode.middle[0], v[0], &moment);
+        let mut t2 = self.joints[1].smooth(x2, mode.middle[1], v[1], &moment);
         t1 += mode.since[0].torque(&self.joints[0].memories, y[0], v[0]);
         t2 += mode.since[1].torque(&self.joints[1].memories, y[1] - y[0], v[1]);
         let mut q1 = t1 - t2 + self.h * w2 * w2 * geometry.sin_delta;

@@ -1,12 +1,13 @@
 //! What effects compile to: torques in a joint, additions to the arms, the base's motion and the encoders.
 
-use core::f64::consts::PI;
+use core::f64::consts::{PI, TAU};
 
 use super::memory::Memory;
+use crate::shaker::Moment;
 
 /// Torque in one joint, as a function of its angle x (wrapped to [−π, π)) and its relative velocity v:
-/// `constant − viscous v − quadratic_damping x² v − Σ c |v|^p sign v − k1 x − k2 x² − k3 x³ − A cos(τ − ψ) x − backlash(x) − Σ A sin(n x + ψ) − Σ k u exp(−(u/d)²)
-/// + dry + remembered`, u the angle from x0, wrapped.
+/// `constant − Σ (C cos 2πft + S sin 2πft) − viscous v − quadratic_damping x² v − Σ c |v|^p sign v − k1 x − k2 x² − k3 x³ − A cos(τ − ψ) x − backlash(x) − Σ A sin(n x + ψ) − Σ k u exp(−(u/d)²)
+/// + dry + remembered`, t the record's time, u the angle from x0, wrapped.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JointLaw {
     /// Constant torque, N m.
@@ -33,6 +34,8 @@ pub struct JointLaw {
     pub stribeck: Vec<(f64, f64)>,
     /// Elements with a memory.
     pub memories: Vec<Memory>,
+    /// Tones in the laboratory's time: parts with cos 2πft and sin 2πft (N m) and frequency f (Hz).
+    pub tones: Vec<(f64, f64, f64)>,
     /// Dry friction per newton of radial force, m.
     pub per_load: f64,
     /// What the level of dry friction gains over the record, N m.
@@ -59,9 +62,9 @@ impl JointLaw {
         corners
     }
 
-    /// Torque without dry friction and memory at the drive's phase. `middle` is any angle of the smooth stretch that x is in: beyond its ends the law
+    /// Torque without dry friction and memory at a moment. `middle` is any angle of the smooth stretch that x is in: beyond its ends the law
     /// is continued smoothly, so that a step may overshoot a corner before the corner is located.
-    pub(super) fn smooth(&self, x: f64, middle: f64, v: f64, phase: f64) -> f64 {
+    pub(super) fn smooth(&self, x: f64, middle: f64, v: f64, moment: &Moment) -> f64 {
         let [k1, k2, k3] = self.stiffness;
         let mut torque = self.constant - (self.viscous + self.amplitude_damping * x * x) * v;
         torque -= x * (k1 + x * (k2 + x * k3));
@@ -83,8 +86,12 @@ impl JointLaw {
             torque -= k * u * libm::exp(-(u / reach) * (u / reach));
         }
         if self.modulation != [0.0; 2] {
-            let (sin, cos) = libm::sincos(phase);
+            let (sin, cos) = libm::sincos(moment.phase);
             torque -= (self.modulation[0] * cos + self.modulation[1] * sin) * x;
+        }
+        for &(with_cos, with_sin, frequency) in &self.tones {
+            let (sin, cos) = libm::sincos(TAU * frequency * moment.time);
+            torque -= with_cos * cos + with_sin * sin;
         }
         torque
     }

@@ -187,6 +187,7 @@ pub const LIST: &[EffectInfo] = &[
     memory::HYSTERESIS,
     memory::PLAY,
     memory::LUGRE,
+    forces::TONE,
 ];
 
 /// Most effects at once; a bound on what a command line can ask for.

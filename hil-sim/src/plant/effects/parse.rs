@@ -158,6 +158,8 @@ mod tests {
         assert!(told("play@joint1=1e-3,b=-0.1").contains("b of play"));
         assert!(told("lugre-friction@joint1=1e-2,s0=1").contains("s1, d, v_s, r"));
         assert!(told("lugre-friction@joint1=1e-2,d=1e-6").contains("0.0001"));
+        assert!(told("tone@drive=1e-3").contains("joint1, joint2"));
+        assert!(told("tone@joint1=1e-3,f=-1").contains("Hz"));
     }
 
     #[test]
