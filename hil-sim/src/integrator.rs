@@ -72,11 +72,6 @@ impl<const N: usize> Integrator<N> {
         Self { tolerance, next_step: f64::INFINITY }
     }
 
-    /// Forgets the step size, so that what follows depends on the state alone.
-    pub fn restart(&mut self) {
-        self.next_step = f64::INFINITY;
-    }
-
     /// One accepted step from (t, y), at most `longest` long.
     ///
     /// # Errors

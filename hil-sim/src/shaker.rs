@@ -59,6 +59,8 @@ pub struct Moment {
     pub phase: f64,
     /// Share of the record that has passed; 0 before it.
     pub share: f64,
+    /// Time since the record's start, s; negative before it.
+    pub time: f64,
 }
 
 impl From<[f64; 2]> for Moment {
@@ -88,6 +90,8 @@ pub struct BaseMotion {
     across: [f64; 2],
     /// Share of the record that has passed, and its rate, 1/s.
     share: [f64; 2],
+    /// Time of the tick since the record's start, s.
+    time: f64,
 }
 
 impl BaseMotion {
@@ -101,6 +105,7 @@ impl BaseMotion {
         used: 0,
         across: [0.0; 2],
         share: [0.0; 2],
+        time: 0.0,
     };
 
     /// The base at t seconds after the tick; its velocity only where it is asked for.
@@ -110,6 +115,7 @@ impl BaseMotion {
             velocity: if with_velocity { self.velocity(t) } else { [0.0; 2] },
             phase: self.phase + self.omega * t,
             share: self.share[0] + self.share[1] * t,
+            time: self.time + t,
         }
     }
 
@@ -173,6 +179,7 @@ impl BaseMotion {
         let mut later = *self;
         later.phase += self.omega * seconds;
         later.share[0] += self.share[1] * seconds;
+        later.time += seconds;
         later.amplitude = [c0 + seconds * (c1 + seconds * c2), c1 + 2.0 * c2 * seconds, c2];
         later
     }
@@ -182,6 +189,7 @@ impl Shaker {
     /// The base's motion from the tick at `time_s` of the record to the next one, `tick_s` later.
     pub fn motion(&self, command: Command, time_s: f64, tick_s: f64) -> BaseMotion {
         let mut motion = BaseMotion::REST;
+        motion.time = time_s;
         motion.horizontal = self.direction == Direction::Horizontal;
         let offset = self.additions.frequency_offset_hz;
         if command.phase_increment != 0 {

@@ -10,7 +10,7 @@ use core::f64::consts::{PI, TAU};
 
 use super::State;
 use super::dynamics::{Forces, Mechanics};
-use super::laws::Since;
+use super::memory::{MOST, Since};
 use crate::shaker::Moment;
 
 /// State of the dry friction in a joint.
@@ -65,8 +65,7 @@ impl Mode {
             turn: [0.0; 2],
             stretch: [[-PI, PI]; 2],
             middle: [0.0; 2],
-            // Memories begin at 0.
-            since: [0, 1].map(|i| Since { angle: angles(y)[i], sign: sign(v[i]), ..Since::default() }),
+            since: [0, 1].map(|i| Since::start(&mechanics.joints[i].memories, angles(y)[i], sign(v[i]))),
             turns: [0; 2],
             index: [0; 2],
         };
@@ -77,6 +76,15 @@ impl Mode {
             let index = mechanics.corners[i].iter().filter(|&&c| c <= x).count();
             // Angles beyond 2⁶³ turns saturate; their sine is noise long before.
             mode.place(mechanics, i, turns as i64, index);
+        }
+        mode
+    }
+
+    /// The mode with other states of what the joints remember, one joint's after the other's.
+    pub(super) fn remembering(&self, states: &[f64]) -> Self {
+        let mut mode = *self;
+        for (since, states) in mode.since.iter_mut().zip(states.chunks_exact(MOST)) {
+            since.states.copy_from_slice(states);
         }
         mode
     }

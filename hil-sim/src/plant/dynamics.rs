@@ -136,10 +136,10 @@ impl Mechanics {
         let x1 = y[0] - mode.turn[0];
         let x2 = y[1] - y[0] - mode.turn[1];
         let v = [w1, w2 - w1];
-        let mut t1 = self.joints[0].smooth(x1, mode.middle[0], v[0], moment.phase);
-        let mut t2 = self.joints[1].smooth(x2, mode.middle[1], v[1], moment.phase);
-        t1 += self.joints[0].remembered(y[0], &mode.since[0]);
-        t2 += self.joints[1].remembered(y[1] - y[0], &mode.since[1]);
+        let mut t1 = self.joints[0].smooth(x1, mode.middle[0], v[0], &moment);
+        let mut t2 = self.joints[1].smooth(x2, mode.middle[1], v[1], &moment);
+        t1 += mode.since[0].torque(&self.joints[0].memories, y[0], v[0]);
+        t2 += mode.since[1].torque(&self.joints[1].memories, y[1] - y[0], v[1]);
         let mut q1 = t1 - t2 + self.h * w2 * w2 * geometry.sin_delta;
         q1 += p.m1 * p.e1 * along(geometry.centroid[0]) + p.m2 * p.l1 * along(geometry.arm[0]);
         q1 -= self.drag[0] * mode.drag_sign[0] * w1 * w1;

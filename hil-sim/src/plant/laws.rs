@@ -1,24 +1,13 @@
 //! What effects compile to: torques in a joint, additions to the arms, the base's motion and the encoders.
 
-use core::f64::consts::PI;
+use core::f64::consts::{PI, TAU};
 
-/// Most elements with a memory in one joint.
-pub const MOST_DAHL: usize = 4;
-
-/// What a joint remembers of its motion: Dahl's elements follow closed curves of the angle from one reversal to the next.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Since {
-    /// Angle of the joint at the last reversal, rad, whole turns taken out as of the state.
-    pub(super) angle: f64,
-    /// Direction of motion since then (±1).
-    pub(super) sign: f64,
-    /// State z of every element at that angle.
-    pub(super) states: [f64; MOST_DAHL],
-}
+use super::memory::Memory;
+use crate::shaker::Moment;
 
 /// Torque in one joint, as a function of its angle x (wrapped to [−π, π)) and its relative velocity v:
-/// `constant − viscous v − quadratic_damping x² v − Σ c |v|^p sign v − k1 x − k2 x² − k3 x³ − A cos(τ − ψ) x − backlash(x) − Σ A sin(n x + ψ) − Σ k u exp(−(u/d)²)
-/// + dry`, u the angle from x0, wrapped.
+/// `constant − Σ (C cos 2πft + S sin 2πft) − viscous v − quadratic_damping x² v − Σ c |v|^p sign v − k1 x − k2 x² − k3 x³ − A cos(τ − ψ) x − backlash(x) − Σ A sin(n x + ψ) − Σ k u exp(−(u/d)²)
+/// + dry + remembered`, t the record's time, u the angle from x0, wrapped.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JointLaw {
     /// Constant torque, N m.
@@ -43,8 +32,10 @@ pub struct JointLaw {
     pub level: [f64; 2],
     /// Stribeck's part of the dry friction: level at v = 0 (N m) and velocity v_s (rad/s).
     pub stribeck: Vec<(f64, f64)>,
-    /// Dahl's friction: level (N m) and presliding distance (rad).
-    pub dahl: Vec<(f64, f64)>,
+    /// Elements with a memory.
+    pub memories: Vec<Memory>,
+    /// Tones in the laboratory's time: parts with cos 2πft and sin 2πft (N m) and frequency f (Hz).
+    pub tones: Vec<(f64, f64, f64)>,
     /// Dry friction per newton of radial force, m.
     pub per_load: f64,
     /// What the level of dry friction gains over the record, N m.
@@ -63,29 +54,6 @@ impl JointLaw {
         self.level != [0.0; 2] || !self.stribeck.is_empty() || self.per_load != 0.0 || self.drift != 0.0
     }
 
-    /// State of Dahl's element k at an angle: dz/dx = (1 − s z)/d from z₀ at x₀ on, s the direction of motion, so that
-    /// z = s − (s − z₀) exp(−s (x − x₀)/d).
-    fn dahl_state(&self, k: usize, angle: f64, since: &Since) -> f64 {
-        let distance = self.dahl.get(k).map_or(1.0, |e| e.1);
-        let travelled = since.sign * (angle - since.angle);
-        since.sign - (since.sign - since.states[k]) * libm::exp(-travelled / distance)
-    }
-
-    /// Torque of what remembers: −F z of every element of Dahl's.
-    pub(super) fn remembered(&self, angle: f64, since: &Since) -> f64 {
-        let elements = self.dahl.iter().take(MOST_DAHL).enumerate();
-        -elements.map(|(k, (level, _))| level * self.dahl_state(k, angle, since)).sum::<f64>()
-    }
-
-    /// The memory after a reversal at an angle.
-    pub(super) fn reversed(&self, angle: f64, since: &Since) -> Since {
-        let mut states = since.states;
-        for (k, z) in states.iter_mut().enumerate().take(self.dahl.len()) {
-            *z = self.dahl_state(k, angle, since);
-        }
-        Since { angle, sign: -since.sign, states }
-    }
-
     /// Angles inside (−π, π) at which the torque has a corner, ascending.
     pub(super) fn corners(&self) -> Vec<f64> {
         let mut corners: Vec<f64> = self.backlash.iter().flat_map(|&(b, _)| [-b, b]).filter(|b| b.abs() < PI).collect();
@@ -94,9 +62,9 @@ impl JointLaw {
         corners
     }
 
-    /// Torque without dry friction at the drive's phase. `middle` is any angle of the smooth stretch that x is in: beyond its ends the law
+    /// Torque without dry friction and memory at a moment. `middle` is any angle of the smooth stretch that x is in: beyond its ends the law
     /// is continued smoothly, so that a step may overshoot a corner before the corner is located.
-    pub(super) fn smooth(&self, x: f64, middle: f64, v: f64, phase: f64) -> f64 {
+    pub(super) fn smooth(&self, x: f64, middle: f64, v: f64, moment: &Moment) -> f64 {
         let [k1, k2, k3] = self.stiffness;
         let mut torque = self.constant - (self.viscous + self.amplitude_damping * x * x) * v;
         torque -= x * (k1 + x * (k2 + x * k3));
@@ -118,8 +86,12 @@ impl JointLaw {
             torque -= k * u * libm::exp(-(u / reach) * (u / reach));
         }
         if self.modulation != [0.0; 2] {
-            let (sin, cos) = libm::sincos(phase);
+            let (sin, cos) = libm::sincos(moment.phase);
             torque -= (self.modulation[0] * cos + self.modulation[1] * sin) * x;
+        }
+        for &(with_cos, with_sin, frequency) in &self.tones {
+            let (sin, cos) = libm::sincos(TAU * frequency * moment.time);
+            torque -= with_cos * cos + with_sin * sin;
         }
         torque
     }

@@ -15,6 +15,7 @@
 //! |---|---|
 //! | `parameters` | the nominal rig and its limits |
 //! | `laws` | torques in a joint, additions to arms, base and encoders: what effects compile to |
+//! | `memory` | torques in a joint that depend on its past motion |
 //! | `dynamics` | accelerations for a given state of the dry friction |
 //! | `contact` | which joints stick, and which way the others slip |
 //! | `motion` | integration over an interval, events located |
@@ -24,14 +25,15 @@ mod contact;
 mod dynamics;
 pub mod effects;
 mod laws;
+mod memory;
 mod motion;
 mod parameters;
 
 pub use contact::Dry;
 pub use laws::{Additions, DriveAdditions, JointLaw, SensorLaw};
+pub use memory::Memory;
 pub use parameters::{ParameterError, Parameters};
 
-use crate::integrator::{Integrator, Tolerance};
 use contact::Mode;
 use dynamics::Mechanics;
 
@@ -49,7 +51,7 @@ pub struct Plant {
     state: State,
     turns: [i64; 2],
     mode: Mode,
-    integrator: Integrator<4>,
+    tolerance: f64,
 }
 
 impl Plant {
@@ -73,16 +75,7 @@ impl Plant {
         }
         let mechanics = Mechanics::new(parameters, additions);
         mechanics.validate()?;
-        let mut plant = Self {
-            mode: Mode::at(&mechanics, &state),
-            mechanics,
-            state,
-            turns: [0; 2],
-            integrator: Integrator::new(Tolerance {
-                absolute: [tolerance; 4],
-                relative: [0.0, 0.0, tolerance, tolerance],
-            }),
-        };
+        let mut plant = Self { mode: Mode::at(&mechanics, &state), mechanics, state, turns: [0; 2], tolerance };
         plant.settle_contacts(&crate::shaker::BaseMotion::REST);
         Ok(plant)
     }

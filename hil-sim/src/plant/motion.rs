@@ -5,7 +5,10 @@
 //! * the margin of the torque that holds a sticking joint (then it breaks loose),
 //! * the distance of a joint's angle to a corner of its torque (play, or ±π where the torque is not periodic),
 //! * s φ̇ of an arm with quadratic drag (the second derivative jumps),
-//! * s v of a joint with a memory, whose curve turns there.
+//! * s v of a joint with a memory, whose curve ends there,
+//! * the distance of such a joint's angle to a corner of its curve.
+//!
+//! States of a memory that depend on more than the angle are integrated beside the four of the arms ([`WITH_MEMORY`] in all).
 //!
 //! A step is accepted whole if none of these became negative in it. Whether one dips below zero and returns within the step
 //! is seen on the cubic through its values and slopes at both ends and then checked on the true solution. A zero is
@@ -14,12 +17,17 @@
 
 use core::f64::consts::TAU;
 
-use super::contact::{self, Dry, Mode, stick_margin, velocities};
-use super::dynamics::Mechanics;
+use super::contact::{self, Dry, Mode, stick_margin};
+use super::dynamics::{Forces, Mechanics};
+use super::memory::{MOST, Memory};
 use super::{Plant, State};
-use crate::integrator::{IntegrationError, Integrator, Step};
+use crate::integrator::{IntegrationError, Integrator, Step, Tolerance};
 use crate::shaker::BaseMotion;
 
+/// States of the arms.
+const ARMS: usize = 4;
+/// States of the arms and of all that the joints can remember.
+const WITH_MEMORY: usize = ARMS + 2 * MOST;
 /// Most events in one interval. A rattling joint has tens in a second.
 const MAX_EVENTS: u32 = 1000;
 /// Mean step below which the plant counts as too stiff, s. It bounds the work for a second of the rig.
@@ -33,10 +41,11 @@ enum Event {
     Lower(usize),
     Upper(usize),
     Drag(usize),
-    Memory(usize),
+    Reversal(usize),
+    Corner(usize),
 }
 
-const EVENTS: [Event; 10] = [
+const EVENTS: [Event; 12] = [
     Event::Dry(0),
     Event::Dry(1),
     Event::Lower(0),
@@ -45,8 +54,10 @@ const EVENTS: [Event; 10] = [
     Event::Upper(1),
     Event::Drag(0),
     Event::Drag(1),
-    Event::Memory(0),
-    Event::Memory(1),
+    Event::Reversal(0),
+    Event::Reversal(1),
+    Event::Corner(0),
+    Event::Corner(1),
 ];
 
 /// One smooth stretch of the motion: what the event functions and the derivative depend on.
@@ -57,9 +68,26 @@ struct Stretch<'a> {
 }
 
 impl Stretch<'_> {
-    fn rate(&self, t: f64, y: &State) -> State {
-        let forces = self.mechanics.forces(self.mechanics.moment(self.base, t), y, self.mode);
-        [y[2], y[3], forces.alpha[0], forces.alpha[1]]
+    fn forces<const N: usize>(&self, t: f64, y: &[f64; N]) -> Forces {
+        let (moment, state) = (self.mechanics.moment(self.base, t), arms(y));
+        if N == ARMS {
+            return self.mechanics.forces(moment, &state, self.mode);
+        }
+        self.mechanics.forces(moment, &state, &self.mode.remembering(&y[ARMS..]))
+    }
+
+    fn rate<const N: usize>(&self, t: f64, y: &[f64; N]) -> [f64; N] {
+        let forces = self.forces(t, y);
+        let mut rate = [0.0; N];
+        rate[..ARMS].copy_from_slice(&[y[2], y[3], forces.alpha[0], forces.alpha[1]]);
+        let memories = y[ARMS..].chunks_exact(MOST).zip(rate[ARMS..].chunks_exact_mut(MOST));
+        for (i, (states, rates)) in memories.enumerate() {
+            let (v, sign) = (velocities(y)[i], self.mode.since[i].sign);
+            for ((memory, z), rate) in self.mechanics.joints[i].memories.iter().zip(states).zip(rates) {
+                *rate = memory.rate(*z, v, sign);
+            }
+        }
+        rate
     }
 
     fn active(&self, event: Event) -> bool {
@@ -67,7 +95,8 @@ impl Stretch<'_> {
             Event::Dry(i) => self.mode.dry[i].is_some(),
             Event::Lower(i) | Event::Upper(i) => self.mechanics.joints[i].wraps(),
             Event::Drag(i) => self.mechanics.drag[i] != 0.0,
-            Event::Memory(i) => !self.mechanics.joints[i].dahl.is_empty(),
+            Event::Reversal(i) => !self.mechanics.joints[i].memories.is_empty(),
+            Event::Corner(i) => self.mode.since[i].corner.is_finite(),
         }
     }
 
@@ -76,12 +105,12 @@ impl Stretch<'_> {
     }
 
     /// The event function of a state: positive inside the stretch. Sticking: margin as a share of the level.
-    fn distance(&self, event: Event, t: f64, y: &State) -> f64 {
+    fn distance<const N: usize>(&self, event: Event, t: f64, y: &[f64; N]) -> f64 {
         match event {
             Event::Dry(i) => match self.mode.dry[i] {
                 Some(Dry::Slip(sign)) => sign * velocities(y)[i],
                 Some(Dry::Stick) => {
-                    let forces = self.mechanics.forces(self.mechanics.moment(self.base, t), y, self.mode);
+                    let forces = self.forces(t, y);
                     stick_margin(self.mechanics, i, &forces) / (forces.dry[i].abs() + f64::MIN_POSITIVE)
                 }
                 None => f64::INFINITY,
@@ -91,27 +120,36 @@ impl Stretch<'_> {
     }
 
     /// The event functions that are linear in the state, and, applied to the state's rate, their slopes.
-    fn linear(&self, event: Event, y: &State) -> f64 {
-        let x = |i: usize| contact::angles(y)[i] - self.mode.turn[i];
+    fn linear<const N: usize>(&self, event: Event, y: &[f64; N]) -> f64 {
+        let x = |i: usize| angles(y)[i] - self.mode.turn[i];
         match event {
             Event::Lower(i) => x(i) - self.mode.stretch[i][0],
             Event::Upper(i) => self.mode.stretch[i][1] - x(i),
             Event::Drag(i) => self.mode.drag_sign[i] * y[2 + i],
-            Event::Memory(i) => self.mode.since[i].sign * velocities(y)[i],
+            Event::Reversal(i) => self.mode.since[i].sign * velocities(y)[i],
+            Event::Corner(i) => self.mode.since[i].left_to_corner(angles(y)[i]),
             Event::Dry(_) => self.distance(event, 0.0, y),
         }
     }
 
-    fn slope(&self, event: Event, rate: &State) -> f64 {
+    fn slope<const N: usize>(&self, event: Event, rate: &[f64; N]) -> f64 {
         match event {
-            Event::Lower(i) => contact::angles(rate)[i],
-            Event::Upper(i) => -contact::angles(rate)[i],
+            Event::Lower(i) => angles(rate)[i],
+            Event::Upper(i) => -angles(rate)[i],
+            Event::Corner(i) => -self.mode.since[i].sign * angles(rate)[i],
             _ => self.linear(event, rate),
         }
     }
 
     /// The earliest zero of an event function within a step, as a time from the step's start.
-    fn event_in(&self, event: Event, integrator: &Integrator<4>, t: f64, y: &State, step: &Step<4>) -> Option<f64> {
+    fn event_in<const N: usize>(
+        &self,
+        event: Event,
+        integrator: &Integrator<N>,
+        t: f64,
+        y: &[f64; N],
+        step: &Step<N>,
+    ) -> Option<f64> {
         let at = |h: f64| {
             let state = integrator.inside(|t, y| self.rate(t, y), t, y, &step.start_rate, h);
             self.distance(event, t + h, &state)
@@ -160,9 +198,22 @@ impl Stretch<'_> {
     }
 }
 
+/// The arms' part of a state.
+fn arms<const N: usize>(y: &[f64; N]) -> State {
+    [y[0], y[1], y[2], y[3]]
+}
+
+fn angles<const N: usize>(y: &[f64; N]) -> [f64; 2] {
+    contact::angles(&arms(y))
+}
+
+fn velocities<const N: usize>(y: &[f64; N]) -> [f64; 2] {
+    contact::velocities(&arms(y))
+}
+
 /// The state a share of the way along a straight line.
-fn mix(from: &State, to: &State, share: f64) -> State {
-    [0, 1, 2, 3].map(|i| from[i] + share * (to[i] - from[i]))
+fn mix<const N: usize>(from: &[f64; N], to: &[f64; N], share: f64) -> [f64; N] {
+    core::array::from_fn(|i| from[i] + share * (to[i] - from[i]))
 }
 
 /// Extremes inside (0, 1) of the cubic through the values and slopes at 0 and 1: place and value.
@@ -224,13 +275,43 @@ impl Plant {
     /// # Errors
     /// A state that is no longer finite, a system too stiff, friction that chatters. The state is then as far as it came.
     pub fn advance(&mut self, base: &BaseMotion, duration: f64) -> Result<(), IntegrationError> {
-        self.integrator.restart();
-        // A free pendulum decays without end; below this arithmetic gets slow, and nothing is lost.
-        for value in &mut self.state {
-            if value.abs() < 1e-200 {
-                *value = 0.0;
+        if self.mechanics.joints.iter().any(|joint| joint.memories.iter().any(Memory::flows)) {
+            self.advance_all::<WITH_MEMORY>(base, duration)
+        } else {
+            self.advance_all::<ARMS>(base, duration)
+        }
+    }
+
+    /// The first N states, those of the arms and then, where they are integrated, those of the joints' memories.
+    fn states<const N: usize>(&self) -> [f64; N] {
+        let memory = self.mode.since.iter().flat_map(|since| since.states);
+        let mut all = self.state.into_iter().chain(memory);
+        core::array::from_fn(|_| all.next().unwrap_or(0.0))
+    }
+
+    fn set_states<const N: usize>(&mut self, y: &[f64; N]) {
+        self.state = arms(y);
+        self.mode = self.mode.remembering(&y[ARMS..]);
+    }
+
+    /// Admissible errors of [`Self::states`]: angles may whirl, and their tolerance must not grow with the turns.
+    fn tolerances<const N: usize>(&self) -> Tolerance<N> {
+        let mut tolerance = Tolerance { absolute: [self.tolerance; N], relative: [self.tolerance; N] };
+        tolerance.relative[..2].fill(0.0);
+        for (joint, absolute) in self.mechanics.joints.iter().zip(tolerance.absolute[ARMS..].chunks_exact_mut(MOST)) {
+            for (memory, absolute) in joint.memories.iter().zip(absolute) {
+                *absolute *= memory.scale();
             }
         }
+        tolerance
+    }
+
+    fn advance_all<const N: usize>(&mut self, base: &BaseMotion, duration: f64) -> Result<(), IntegrationError> {
+        // A new one, so that what follows depends on the state alone.
+        let mut integrator = Integrator::new(self.tolerances::<N>());
+        // A free pendulum decays without end; below this arithmetic gets slow, and nothing is lost.
+        let states = self.states::<N>();
+        self.set_states(&states.map(|value| if value.abs() < 1e-200 { 0.0 } else { value }));
         let mut t = 0.0;
         let mut events = 0;
         // `as` saturates, so that an absurd duration ends all the same.
@@ -243,19 +324,21 @@ impl Plant {
             self.take_turns();
             events += self.overdue(base, t)?;
             let stretch = Stretch { mechanics: &self.mechanics, mode: &self.mode, base };
-            let step = self.integrator.step(|t, y| stretch.rate(t, y), t, &self.state, left)?;
+            let y = self.states::<N>();
+            let step = integrator.step(|t, y| stretch.rate(t, y), t, &y, left)?;
             let first = EVENTS
                 .into_iter()
                 .filter(|&event| stretch.active(event))
-                .filter_map(|event| Some((stretch.event_in(event, &self.integrator, t, &self.state, &step)?, event)))
+                .filter_map(|event| Some((stretch.event_in(event, &integrator, t, &y, &step)?, event)))
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             match first {
                 None => {
-                    self.state = step.end;
+                    self.set_states(&step.end);
                     t = if step.h >= left { duration } else { t + step.h };
                 }
                 Some((h, event)) => {
-                    self.state = self.integrator.inside(|t, y| stretch.rate(t, y), t, &self.state, &step.start_rate, h);
+                    let end = integrator.inside(|t, y| stretch.rate(t, y), t, &y, &step.start_rate, h);
+                    self.set_states(&end);
                     t += h;
                     self.pass(event, base, t);
                     events += 1;
@@ -320,11 +403,16 @@ impl Plant {
             Event::Lower(i) => self.mode.next_stretch(&self.mechanics, i, false),
             Event::Upper(i) => self.mode.next_stretch(&self.mechanics, i, true),
             Event::Drag(i) => self.mode.drag_sign[i] = -self.mode.drag_sign[i],
-            Event::Memory(i) => {
-                let angle = contact::angles(&self.state)[i];
-                self.mode.since[i] = self.mechanics.joints[i].reversed(angle, &self.mode.since[i]);
-            }
+            Event::Reversal(i) => self.start_curves(i, -self.mode.since[i].sign),
+            Event::Corner(i) => self.start_curves(i, self.mode.since[i].sign),
         }
+    }
+
+    /// Lets what a joint remembers follow new curves from here on.
+    fn start_curves(&mut self, joint: usize, sign: f64) {
+        let angle = angles(&self.state)[joint];
+        let since = &mut self.mode.since[joint];
+        *since = since.restarted(&self.mechanics.joints[joint].memories, angle, sign);
     }
 
     /// Lets joints that rest decide whether they stick.

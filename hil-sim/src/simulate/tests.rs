@@ -180,3 +180,27 @@ fn what_cannot_be_integrated_ends_with_an_error() {
     });
     assert!(matches!(result, Err(SimulationError::Integration { .. })), "{result:?}");
 }
+
+/// J θ″ = −(C cos ωt + S sin ωt) without gravity, t = 0 at the record's first sample, whatever the settling.
+#[test]
+fn a_tone_runs_in_the_laboratory_s_time() {
+    let (c, s, j, settle) = (3e-3, -2e-3, 2e-3, 0.5);
+    let omega = 3.7 * std::f64::consts::TAU;
+    let settings = SimulationSettings {
+        parameters: Parameters::single(0.2, 0.05, j, 0.0, 0.0),
+        drive: None,
+        initial: [0.4, 0.0, 1.0, 0.0],
+        settle_s: settle,
+        sample_rate_hz: 100.0,
+        ..with(&["tone@joint1=3e-3,S=-2e-3,f=3.7"])
+    };
+    let (sin, cos) = (-omega * settle).sin_cos();
+    let drift = 1.0 + (c * sin - s * cos) / (j * omega);
+    for (i, sample) in simulate(&settings, 300).iter().enumerate() {
+        let t = i as f64 / 100.0;
+        let (sin_t, cos_t) = (omega * t).sin_cos();
+        let swung = (c * (cos_t - cos) + s * (sin_t - sin)) / (j * omega * omega);
+        let want = 0.4 + drift * (t + settle) + swung;
+        assert!((sample.angles[0] - want).abs() < 1e-9, "{t}: {} {want}", sample.angles[0]);
+    }
+}

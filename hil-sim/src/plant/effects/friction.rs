@@ -46,22 +46,6 @@ pub(super) const STRIBECK: EffectInfo = EffectInfo {
     apply: |a, place, value, p| a.joints[place.index()].stribeck.push((value, p[0])),
 };
 
-pub(super) const DAHL: EffectInfo = EffectInfo {
-    id: "dahl-friction",
-    places: JOINTS,
-    unit: "N m",
-    parameters: &[ParameterInfo {
-        name: "d",
-        unit: "rad",
-        default: 0.02,
-        meaning: "presliding distance, over which friction follows a reversal",
-        range: Range { least: 1e-6, greatest: 10.0, above: false, whole: false },
-    }],
-    equation: "-F z, dz/dt = (v - |v| z)/d",
-    range: Range::NOT_NEGATIVE,
-    apply: |a, place, value, p| a.joints[place.index()].dahl.push((value, p[0])),
-};
-
 pub(super) const LOAD_DEPENDENT: EffectInfo = EffectInfo {
     id: "load-dependent-friction",
     places: JOINTS,

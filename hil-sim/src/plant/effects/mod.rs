@@ -10,6 +10,7 @@ mod drive;
 mod forces;
 mod friction;
 mod geometry;
+mod memory;
 mod parse;
 mod sensors;
 mod stiffness;
@@ -154,7 +155,7 @@ pub const LIST: &[EffectInfo] = &[
     friction::VISCOUS,
     friction::COULOMB,
     friction::STRIBECK,
-    friction::DAHL,
+    memory::DAHL,
     friction::LOAD_DEPENDENT,
     friction::QUADRATIC_DRAG,
     friction::ASYMMETRIC,
@@ -182,6 +183,11 @@ pub const LIST: &[EffectInfo] = &[
     friction::POWER_LAW,
     stiffness::LOCAL,
     stiffness::MODULATION,
+    memory::RELAXATION,
+    memory::HYSTERESIS,
+    memory::PLAY,
+    memory::LUGRE,
+    forces::TONE,
 ];
 
 /// Most effects at once; a bound on what a command line can ask for.
@@ -190,8 +196,8 @@ pub const MAX_EFFECTS: usize = 32;
 /// The sum of effects.
 ///
 /// # Errors
-/// More than [`MAX_EFFECTS`] of them, more harmonics of the drive or elements of Dahl's in a joint than there is room for, motion across the drive in
-/// two directions, more than one half of a second of delay in all.
+/// More than [`MAX_EFFECTS`] of them, more harmonics of the drive or elements with a memory in a joint than there is room for, motion across
+/// the drive in two directions, more than one half of a second of delay in all.
 pub fn combine(effects: &[Effect]) -> Result<Additions, EffectError> {
     if effects.len() > MAX_EFFECTS {
         return Err(EffectError::new("effects", &format!("{} of them", effects.len()), "at most 32 at once"));
@@ -208,8 +214,9 @@ pub fn combine(effects: &[Effect]) -> Result<Additions, EffectError> {
     if additions.drive.harmonics.len() >= crate::shaker::MAX_TERMS {
         return Err(EffectError::new("drive-harmonic", &additions.drive.harmonics.len().to_string(), "at most 7"));
     }
-    if let Some(joint) = additions.joints.iter().find(|j| j.dahl.len() > crate::plant::laws::MOST_DAHL) {
-        return Err(EffectError::new("dahl-friction", &joint.dahl.len().to_string(), "at most 4 in a joint"));
+    if let Some(joint) = additions.joints.iter().find(|j| j.memories.len() > crate::plant::memory::MOST) {
+        let found = format!("{} of them", joint.memories.len());
+        return Err(EffectError::new("effects with a memory", &found, "at most 4 in a joint"));
     }
     if additions.delay_s.abs() > 0.5 {
         return Err(EffectError::new("channel-delay", &additions.delay_s.to_string(), "at most 0.5 s in all"));

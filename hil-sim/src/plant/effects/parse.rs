@@ -150,6 +150,16 @@ mod tests {
         assert!(told("cogging@joint1=1e-4,n=2,n=3").contains("second"));
         assert!(told("stribeck-friction@joint1=1e-4,v_s=0").contains("above 0"));
         assert!(told("channel-delay@encoder1=0.001").contains("encoder2"));
+        assert!(told("relaxation@arm1=1e-3").contains("joint1, joint2"));
+        assert!(told("relaxation@joint1=-1e-3").contains("a number from 0"));
+        assert!(told("relaxation@joint1=1e-3,T_r=0").contains("T_r of relaxation"));
+        assert!(told("hysteresis@joint2=1e-3,d=0.1").contains("b, c"));
+        assert!(told("hysteresis@joint2=1e-3,c=1.1").contains("from -1 to 1"));
+        assert!(told("play@joint1=1e-3,b=-0.1").contains("b of play"));
+        assert!(told("lugre-friction@joint1=1e-2,s0=1").contains("s1, d, v_s, r"));
+        assert!(told("lugre-friction@joint1=1e-2,d=1e-6").contains("0.0001"));
+        assert!(told("tone@drive=1e-3").contains("joint1, joint2"));
+        assert!(told("tone@joint1=1e-3,f=-1").contains("Hz"));
     }
 
     #[test]
@@ -169,5 +179,12 @@ mod tests {
         assert!(super::super::combine(&many).is_err());
         let harmonics = vec![parse("drive-harmonic-2@drive=0.1"); 8];
         assert!(super::super::combine(&harmonics).is_err());
+        let mut memories =
+            vec![parse("play@joint2=1e-3"), parse("relaxation@joint2=1e-3"), parse("relaxation@joint1=1e-3")];
+        memories.extend(vec![parse("dahl-friction@joint2=1e-3"); 2]);
+        assert!(super::super::combine(&memories).is_ok());
+        memories.push(parse("hysteresis@joint2=1e-3"));
+        let error = super::super::combine(&memories).unwrap_err().to_string();
+        assert_eq!(error, "effects with a memory: found 5 of them, expected at most 4 in a joint");
     }
 }

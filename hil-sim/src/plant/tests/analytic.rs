@@ -91,7 +91,7 @@ fn samples_are_right_to_1e_8_over_a_drive_period() {
     let mut worst = 0.0f64;
     for _ in 0..20 {
         let mut fine = plant.clone();
-        fine.integrator = Integrator::new(Tolerance { absolute: [1e-14; 4], relative: [0.0; 4] });
+        fine.tolerance = 1e-14;
         for _ in 0..100 {
             let motion = drive.next();
             plant.advance(&motion, TICK).unwrap();
