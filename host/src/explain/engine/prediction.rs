@@ -40,8 +40,9 @@ pub enum Part {
 /// Windows that predictions are made in.
 struct Windows {
     pieces: Vec<Piece>,
-    /// Guesses of their states.
+    /// Guesses of their states, and whether each is as good as a fit over a short beginning.
     guesses: Vec<Vec<f64>>,
+    known: Vec<bool>,
     /// Stretch and first sample of each.
     places: Vec<(usize, usize)>,
     /// Samples of each.
@@ -72,6 +73,7 @@ fn windows(track: &Track<'_>, horizon_s: f64, part: Part, most: usize) -> Option
     Some(Windows {
         places: kept.iter().map(|&k| place(k)).collect(),
         guesses: kept.iter().map(|&k| all.guesses[k].clone()).collect(),
+        known: kept.iter().map(|&k| all.known[k]).collect(),
         pieces: kept.into_iter().map(|k| all.pieces[k].clone()).collect(),
         length,
     })
@@ -112,9 +114,13 @@ impl Model<'_> {
         let found = pieces
             .par_iter()
             .zip(guesses)
+            .zip(&windows.known)
             .map_init(
                 || problem.room(false),
-                |work, (piece, guess)| problem.fit_state(piece, guess, self.parameters, &lengths, work),
+                |work, ((piece, guess), known)| {
+                    let lengths = &lengths[usize::from(*known)..];
+                    problem.fit_state(piece, guess, self.parameters, lengths, work)
+                },
             )
             .collect();
         (found, step_s)

@@ -83,6 +83,8 @@ pub struct Pieces {
     pub guesses: Vec<Vec<f64>>,
     /// Stretch.
     pub stretch: Vec<usize>,
+    /// Whether the guess is what was known.
+    pub known: Vec<bool>,
 }
 
 /// All stretches on one axis of time.
@@ -195,7 +197,7 @@ impl<'a> Track<'a> {
         let angles = self.bound.model.circle();
         let shown = self.shown();
         let geometry = Geometry { sensors: &shown, angles: &angles, spacing_s: self.spacing_s, guess };
-        let mut out = Pieces { pieces: Vec::new(), guesses: Vec::new(), stretch: Vec::new() };
+        let mut out = Pieces { pieces: Vec::new(), guesses: Vec::new(), stretch: Vec::new(), known: Vec::new() };
         for (k, s) in self.stretches.iter().enumerate() {
             let measured =
                 Measured { start_s: self.begins[k], sensors: s.sensors(self.bound), tau: Box::new(move |i| s.tau(i)) };
@@ -203,7 +205,7 @@ impl<'a> Track<'a> {
             for (piece, guess) in pieces.iter().zip(&mut guesses) {
                 let since_s = piece.start_s - self.begins[k];
                 // Not negative; rounded.
-                self.improve((k, (since_s / self.spacing_s).round() as usize), guess);
+                out.known.push(self.improve((k, (since_s / self.spacing_s).round() as usize), guess));
             }
             out.stretch.extend(std::iter::repeat_n(k, pieces.len()));
             out.pieces.extend(pieces);
@@ -240,14 +242,16 @@ impl<'a> Track<'a> {
         let measured = Measured { start_s, sensors, tau: Box::new(move |i| s.tau(first + i)) };
         let (mut pieces, mut guesses) = cut(&[measured], &geometry, count, count)?;
         let mut guess = guesses.pop()?;
-        self.improve((stretch, first), &mut guess);
+        let _known = self.improve((stretch, first), &mut guess);
         Some((pieces.pop()?, guess))
     }
 
-    /// Puts what is known into a guess at a sample of a stretch, and the states that are followed with the motion: each is the rate of a coordinate that nothing shows.
-    fn improve(&self, (stretch, first): (usize, usize), guess: &mut Vec<f64>) {
-        let Some(s) = self.stretches.get(stretch) else { return };
-        if let Some(known) = self.known.and_then(|known| known(stretch, first)).filter(|k| k.len() == guess.len()) {
+    /// Puts what is known into a guess at a sample of a stretch, if it is, and the states that are followed with the motion: each is the rate of a coordinate that nothing shows.
+    fn improve(&self, (stretch, first): (usize, usize), guess: &mut Vec<f64>) -> bool {
+        let Some(s) = self.stretches.get(stretch) else { return false };
+        let known = self.known.and_then(|known| known(stretch, first)).filter(|k| k.len() == guess.len());
+        let is_known = known.is_some();
+        if let Some(known) = known {
             let circle = self.bound.model.circle();
             for (k, (to, x)) in guess.iter_mut().zip(known).enumerate() {
                 // Pieces begin in the first turn.
@@ -258,6 +262,7 @@ impl<'a> Track<'a> {
         let n = guess.len() / 2;
         guess.splice(n..n, self.hidden.iter().map(|_| 0.0));
         guess.extend(self.hidden.iter().map(|k| s.remembered(*k, first, 1)[0]));
+        is_known
     }
 
     /// Samples of a stretch.

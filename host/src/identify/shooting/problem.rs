@@ -11,6 +11,9 @@ use super::solve::damped;
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Inputs, Outside, Work};
 
+/// What a step of a state still promises, in squared standard errors, at which its fit stops: a tenth of one.
+const STILL: f64 = 1e-2;
+
 /// A stretch of the record that is followed from one initial state.
 #[derive(Clone, Debug)]
 pub struct Piece {
@@ -186,7 +189,7 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
                 let step = factor.solve(&share.gradient);
                 // In units of the residuals' scatter: what this step still promises.
                 let promise = step.dot(&share.gradient);
-                if promise < 1e-3 {
+                if promise < STILL {
                     break;
                 }
                 let trial: Vec<f64> = state.iter().zip(step.iter()).map(|(x, d)| x - d).collect();

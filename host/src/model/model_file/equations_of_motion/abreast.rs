@@ -140,8 +140,10 @@ impl EquationsOfMotion {
 
 /// Inverses of n × n matrices, state by state, with pivots.
 fn invert(matrix: &[f64], n: usize, count: usize, inverse: &mut Vec<f64>, exists: &mut [bool]) {
-    inverse.clear();
     inverse.resize(n * n * MOST, 0.0);
+    if n == 2 {
+        return invert_two(matrix, count, inverse, exists);
+    }
     let (mut rows, mut found) = (vec![0.0; 2 * n * n], vec![0.0; n * n]);
     for i in 0..count {
         rows.fill(0.0);
@@ -151,6 +153,22 @@ fn invert(matrix: &[f64], n: usize, count: usize, inverse: &mut Vec<f64>, exists
         }
         exists[i] &= solve(&mut rows, n, n, &mut found);
         (0..n * n).for_each(|k| inverse[k * MOST + i] = found[k]);
+    }
+}
+
+/// Least determinant of a matrix of two rows beside the product of its rows' sizes.
+const SINGULAR: f64 = 1e-12;
+
+/// The same of 2 × 2 matrices by their determinants.
+fn invert_two(matrix: &[f64], count: usize, inverse: &mut [f64], exists: &mut [bool]) {
+    let [a, b, c, d] = core::array::from_fn(|k| &matrix[k * MOST..k * MOST + count]);
+    for i in 0..count {
+        let (a, b, c, d) = (a[i], b[i], c[i], d[i]);
+        let determinant = a * d - b * c;
+        exists[i] &= determinant.abs() > SINGULAR * a.abs().max(b.abs()) * c.abs().max(d.abs());
+        for (k, x) in [d, -b, -c, a].into_iter().enumerate() {
+            inverse[k * MOST + i] = x / determinant;
+        }
     }
 }
 
