@@ -81,6 +81,8 @@ pub struct Shape {
     pub grid: Vec<f64>,
     /// Bounds of its refinement; none for a whole number, which is not refined.
     pub within: Option<[f64; 2]>,
+    /// Whether the values are the frequencies, Hz, of lines in what is left of a record; `grid` then only stands for them.
+    pub of_lines: bool,
 }
 
 /// An effect.
@@ -391,14 +393,14 @@ fn numbers(r: &Reader<'_>, v: &Value<'_>, least: usize) -> Result<Vec<f64>> {
 
 fn shapes(r: &Reader<'_>, t: &DeTable<'_>) -> Result<Vec<Shape>> {
     let mut out = Vec::new();
-    let example = "shape = { v_s = { grid = [0.1, 1.0], within = [0.01, 10.0] } }, or { n = { whole = [1, 60] } }";
+    let example = "shape = { v_s = { grid = [0.1, 1.0], within = [0.01, 10.0] } }, { n = { whole = [1, 60] } }, or { f = { lines = [0.1, 100.0] } }";
     for (name, at, v) in r.table(t, "shape", example)? {
         let DeValue::Table(keys) = v.get_ref() else {
             return Err(r.source.bad(at, described(v.get_ref()), example).remedy("Give a grid, or whole numbers"));
         };
-        r.source.known_keys(keys, &["grid", "within", "whole"], "a shape parameter")?;
-        let shape = match (keys.get("grid"), keys.get("whole")) {
-            (Some(g), None) => {
+        r.source.known_keys(keys, &["grid", "within", "whole", "lines"], "a shape parameter")?;
+        let shape = match (keys.get("grid"), keys.get("whole"), keys.get("lines")) {
+            (Some(g), None, None) => {
                 let grid = numbers(r, g, 1)?;
                 let within = keys.get("within").map(|w| numbers(r, w, 2)).transpose()?;
                 let all = (f64::NEG_INFINITY, f64::INFINITY);
@@ -409,9 +411,20 @@ fn shapes(r: &Reader<'_>, t: &DeTable<'_>) -> Result<Vec<Shape>> {
                         .bad(at, format!("a grid of {name} outside of {low} to {high}"), "a grid within its bounds")
                         .remedy("Correct within"));
                 }
-                Shape { name: name.to_owned(), grid, within: within.map(|w| [w[0], w[1]]) }
+                Shape { name: name.to_owned(), grid, within: within.map(|w| [w[0], w[1]]), of_lines: false }
             }
-            (None, Some(w)) => {
+            (None, None, Some(l)) => {
+                let ends = numbers(r, l, 2)?;
+                if !(ends[0] > 0.0 && ends[1] > ends[0]) {
+                    return Err(r
+                        .source
+                        .bad(l.span().start, described(l.get_ref()), "two frequencies in Hz, [from, to], above 0")
+                        .remedy("Correct them"));
+                }
+                let middle = (ends[0] * ends[1]).sqrt();
+                Shape { name: name.to_owned(), grid: vec![middle], within: Some([ends[0], ends[1]]), of_lines: true }
+            }
+            (None, Some(w), None) => {
                 let ends = numbers(r, w, 2)?;
                 let whole = ends.iter().all(|x| x.fract() == 0.0 && x.abs() <= 1000.0);
                 if !whole || ends[1] < ends[0] || ends[1] - ends[0] >= MOST_FORMS as f64 {
@@ -421,7 +434,7 @@ fn shapes(r: &Reader<'_>, t: &DeTable<'_>) -> Result<Vec<Shape>> {
                         .remedy("Correct them"));
                 }
                 let (from, to) = (ends[0] as i32, ends[1] as i32); // whole, at most 1000
-                Shape { name: name.to_owned(), grid: (from..=to).map(f64::from).collect(), within: None }
+                Shape { name: name.to_owned(), grid: (from..=to).map(f64::from).collect(), within: None, of_lines: false }
             }
             _ => return Err(r.source.bad(at, format!("the shape {name}"), example).remedy("Give one of them")),
         };

@@ -18,6 +18,7 @@ mod program;
 mod reduced;
 mod suspects_equations;
 mod suspects_record;
+mod unnamed;
 mod unplugged;
 mod validated;
 mod verdicts;

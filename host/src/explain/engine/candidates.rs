@@ -14,6 +14,8 @@ use crate::model::model_file::expression::{Expression, Node, Symbol, add, multip
 
 /// Half the step, as a share of a shape parameter, over which a column's derivative by it is taken.
 const SHAPE_STEP: f64 = 1e-3;
+/// The same of a frequency, whose phase adds up over the record.
+const LINE_STEP: f64 = 1e-7;
 
 /// An effect at a place in one form.
 #[derive(Clone)]
@@ -110,8 +112,21 @@ impl Candidate {
 
     /// The shape parameters that are refined: those that have bounds, of a force with one strength.
     pub fn refined_shapes(&self) -> Vec<usize> {
-        let refines = self.entry.strengths.len() == 1 && matches!(self.action, Action::Force(_));
-        if refines { self.entry.bounded_shapes().collect() } else { Vec::new() }
+        if matches!(self.action, Action::Force(_)) { self.entry.bounded_shapes().collect() } else { Vec::new() }
+    }
+
+    /// How many of the strengths have columns by which shapes are refined: the first, or all of them where they are parts of one amplitude.
+    fn leading(&self) -> usize {
+        if self.entry.value.is_some() { self.entry.strengths.len() } else { 1 }
+    }
+
+    /// The Gauss–Newton steps of the refined shapes, from the strengths s_i and those of the columns s_i ∂/∂shape beside them: Σ s_i b_i / Σ s_i².
+    pub fn steps(&self, strengths: &[f64]) -> Vec<f64> {
+        let (own, beside) = strengths.split_at(self.entry.strengths.len().min(strengths.len()));
+        let leading = &own[..self.leading().min(own.len())];
+        let square: f64 = leading.iter().map(|s| s * s).sum();
+        let of = |b: &[f64]| leading.iter().zip(b).map(|(s, b)| s * b).sum::<f64>() / square;
+        if square > 0.0 { beside.chunks(leading.len()).map(of).collect() } else { Vec::new() }
     }
 
     /// The same with further strengths, which multiply the first column's derivatives by the shape parameters that are refined.
@@ -119,7 +134,7 @@ impl Candidate {
     pub fn refined(mut self, setting: &Setting<'_>, physical: &Physical) -> Self {
         let sides = |k: usize| {
             let at = self.form[k].1;
-            let step = SHAPE_STEP * at.abs();
+            let step = if self.entry.shapes[k].of_lines { LINE_STEP } else { SHAPE_STEP } * at.abs();
             let side = |x: f64| {
                 let mut form = self.form.clone();
                 form[k].1 = x;
@@ -161,7 +176,7 @@ impl Candidate {
 
     /// Number of strengths.
     pub fn strengths(&self) -> usize {
-        self.entry.strengths.len() + self.beside.len()
+        self.entry.strengths.len() + self.leading() * self.beside.len()
     }
 
     /// Whether strengths are applied to the data and found as increments, since the columns hold to first order only.
@@ -193,13 +208,13 @@ impl Candidate {
             other => at_values(setting, other, n, &state.physical),
         };
         let mut out = of(&self.action);
-        for (step, sides) in &self.beside {
+        for (lead, (step, sides)) in self.beside.iter().flat_map(|b| (0..self.leading()).map(move |lead| (lead, b))) {
             let per = number(0.5 / step);
             let [low, high] = [of(&sides[0]), of(&sides[1])];
             out.push(
-                high[0]
+                high[lead]
                     .iter()
-                    .zip(&low[0])
+                    .zip(&low[lead])
                     .map(|((e, h), (_, l))| (*e, multiply(per.clone(), subtract(h.clone(), l.clone()))))
                     .collect(),
             );

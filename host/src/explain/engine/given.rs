@@ -66,7 +66,8 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
             k.strengths[0] = damping(mechanism, &k.candidate.name(setting), &state.physical.values, &by_name);
         }
     }
-    let all = setting.candidates(&state.physical);
+    let lines: Vec<f64> = model.effects.iter().filter_map(|e| e.parameters.get("f").copied()).collect();
+    let all = setting.candidates(&state.physical, &lines);
     // Earlier versions wrote what stands at a coordinate without where it acts.
     let earlier = setting.is_written() && !model.found_with.contains_key(RECORD_S);
     let as_written = if earlier { at_coordinates::of(model, setting.model())? } else { Vec::new() };

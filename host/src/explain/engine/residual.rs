@@ -6,6 +6,7 @@
 
 use nalgebra::DVector;
 
+use super::given;
 use super::power::Power;
 use super::residual_map::{Axis, Map, Residual, Where, merge};
 use super::setting::Setting;
@@ -22,6 +23,7 @@ use crate::model::model_file::Space;
 use crate::model::model_file::expression::{Function, Node, Symbol, add, call, multiply, number, symbol};
 use crate::model::model_file::tape::Tape;
 use crate::model::model_file::weak_form::WeakForm;
+use crate::signal::spectrum;
 use crate::system::bodies::Body;
 use crate::system::derivative::by_time;
 use crate::system::mechanism::at;
@@ -107,6 +109,28 @@ pub fn range(setting: &Setting<'_>, state: &State, of: &Node) -> (f64, f64) {
     let kernels = &setting.geometry.kernels;
     let all = state.stretches.iter().flat_map(|s| strong_series(s, s.len(), &tape, kernels, &setting.circle)).flatten();
     all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
+}
+
+/// Most lines of an equation's residual.
+const MOST_LINES: usize = 3;
+
+/// Frequencies, Hz, of lines in what is left of the longest stretch, up to where the low-pass lets motion through; none where no effect asks for them.
+pub fn lines(setting: &Setting<'_>, state: &State) -> Vec<f64> {
+    let longest = state.stretches.iter().max_by_key(|s| s.len()).filter(|_| setting.looks_at_lines());
+    let Some(stretch) = longest else { return Vec::new() };
+    let tape = Tape::new(&residuals(setting, state, &given::coefficients(state)));
+    let kernels = &setting.geometry.kernels;
+    let mut out: Vec<f64> = Vec::new();
+    for series in strong_series(stretch, stretch.len(), &tape, kernels, &setting.circle) {
+        // One piece, so that lines are as narrow as the record allows.
+        let piece = spectrum::fast_length(series.len());
+        let Ok(density) = spectrum::welch(&[&series], 1.0 / stretch.step_s, piece) else { continue };
+        let found = spectrum::lines(&density, MOST_LINES);
+        out.extend(found.iter().map(|l| l.frequency_hz).filter(|f| *f < kernels.full.pass_hz));
+    }
+    out.sort_by(f64::total_cmp);
+    out.dedup_by(|a, b| (*a - *b).abs() * stretch.len() as f64 * stretch.step_s < 1.0);
+    out
 }
 
 /// What turns each equation into the unit that its residual is told in: its inertia where that is known.

@@ -6,7 +6,7 @@ use super::exchange::{self, Exchange};
 use super::run::Run;
 use super::setting::Setting;
 use super::state::{Chosen, State};
-use super::{shooting, tell};
+use super::{residual, shooting, tell};
 use crate::error::Result;
 use crate::explain::decidability::EXPLAINED_GAP;
 use crate::explain::decision::{self, Choice, Offer};
@@ -36,7 +36,8 @@ impl Run<'_> {
         let refitted = settings.model.is_some().then(|| "refit".to_owned());
         let mut search = Search::default();
         loop {
-            let candidates = self.setting.candidates(&self.state.physical);
+            let lines = residual::lines(&self.setting, &self.state);
+            let candidates = self.setting.candidates(&self.state.physical, &lines);
             let outcome = refit(&self.setting, &mut self.state, candidates);
             if outcome.is_err() && self.setting.shooting && self.result.effects.is_empty() {
                 // What no window can be followed in is left to the balance of forces.

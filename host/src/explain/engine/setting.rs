@@ -230,8 +230,13 @@ impl<'a> Setting<'a> {
         })
     }
 
-    /// Every candidate: each effect at each of its places in each of its forms.
-    pub fn candidates(&self, physical: &Physical) -> Vec<Candidate> {
+    /// Whether a candidate's form is looked for among the lines of what is left.
+    pub fn looks_at_lines(&self) -> bool {
+        self.entries.iter().any(|e| e.shapes.iter().any(|s| s.of_lines))
+    }
+
+    /// Every candidate: each effect at each of its places in each of its forms; `lines` are the frequencies, Hz, of lines in what is left.
+    pub fn candidates(&self, physical: &Physical, lines: &[f64]) -> Vec<Candidate> {
         let Some(file) = self.file() else { return Vec::new() };
         let moves = units::moves(self.rig, self.whole);
         let mut out = Vec::new();
@@ -241,7 +246,7 @@ impl<'a> Setting<'a> {
                 if self.rig.drive.is_none() && entry.names("tau") {
                     continue;
                 }
-                let Some(entry) = self.sized(entry, place, physical) else { continue };
+                let Some(entry) = self.sized(entry, place, physical).map(|e| with_lines(e, lines)) else { continue };
                 let all = entry.forms().into_iter().filter_map(|f| Candidate::new(self, &entry, place, f, physical));
                 // What is neither a length nor an angle has no friction.
                 out.extend(all.filter(|c| {
@@ -385,6 +390,19 @@ fn physical(mechanism: &Mechanism, b: &Identified<'_>, known: &BTreeMap<String, 
     let own = mechanism.file.as_deref()?.parameters.len();
     let values = fit.parameters[..own].to_vec();
     Some(Physical { values, open: fit.open_scales, written: Vec::new(), openness: fit.openness })
+}
+
+/// An entry whose forms are those of some lines, where it takes them from there.
+fn with_lines(entry: Arc<Entry>, lines: &[f64]) -> Arc<Entry> {
+    if entry.shapes.iter().all(|s| !s.of_lines) {
+        return entry;
+    }
+    let mut out = (*entry).clone();
+    for s in out.shapes.iter_mut().filter(|s| s.of_lines) {
+        let [low, high] = s.within.unwrap_or([0.0, f64::INFINITY]);
+        s.grid = lines.iter().copied().filter(|f| (low..=high).contains(f)).collect();
+    }
+    Arc::new(out)
 }
 
 /// Parameters behind an identification's coefficients.

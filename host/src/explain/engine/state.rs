@@ -66,11 +66,11 @@ impl State {
             self.physical = physical;
         }
         for k in &mut self.chosen {
-            if k.candidate.is_refined() && k.strengths[0] != 0.0 {
+            let steps = k.candidate.steps(&k.strengths);
+            if k.candidate.is_refined() && !steps.is_empty() {
                 // A Gauss–Newton step of the form's parameters.
-                let steps: Vec<f64> = k.strengths[1..].iter().map(|s| s / k.strengths[0]).collect();
                 k.candidate = k.candidate.moved(setting, &steps, &self.physical);
-                k.strengths[1..].fill(0.0);
+                k.strengths[k.candidate.entry.strengths.len()..].fill(0.0);
             }
         }
     }
