@@ -181,10 +181,10 @@ fn what_cannot_be_integrated_ends_with_an_error() {
     assert!(matches!(result, Err(SimulationError::Integration { .. })), "{result:?}");
 }
 
-/// J θ″ = −(C cos ωt + S sin ωt) without gravity, t = 0 at the record's first sample, whatever the settling.
+/// J θ″ = −A cos(ωt − ψ) = −(C cos ωt + S sin ωt) without gravity, t = 0 at the record's first sample, whatever the settling.
 #[test]
 fn a_tone_runs_in_the_laboratory_s_time() {
-    let (c, s, j, settle) = (3e-3, -2e-3, 2e-3, 0.5);
+    let (c, s, j, settle) = (3e-3_f64, -2e-3_f64, 2e-3, 0.5);
     let omega = 3.7 * std::f64::consts::TAU;
     let settings = SimulationSettings {
         parameters: Parameters::single(0.2, 0.05, j, 0.0, 0.0),
@@ -192,7 +192,7 @@ fn a_tone_runs_in_the_laboratory_s_time() {
         initial: [0.4, 0.0, 1.0, 0.0],
         settle_s: settle,
         sample_rate_hz: 100.0,
-        ..with(&["tone@joint1=3e-3,S=-2e-3,f=3.7"])
+        ..with(&[&format!("tone@joint1={},f=3.7,psi={}", f64::hypot(c, s), f64::atan2(s, c))])
     };
     let (sin, cos) = (-omega * settle).sin_cos();
     let drift = 1.0 + (c * sin - s * cos) / (j * omega);

@@ -18,16 +18,13 @@ pub(super) const TONE: EffectInfo = EffectInfo {
     places: JOINTS,
     unit: "N m",
     parameters: &[
-        ParameterInfo {
-            name: "S",
-            unit: "N m",
-            default: 0.0,
-            meaning: "the part with sin 2 pi f t",
-            range: Range::ANY,
-        },
         ParameterInfo { name: "f", unit: "Hz", default: 1.0, meaning: "frequency", range: Range::between(0.0, 1e4) },
+        ParameterInfo { name: "psi", unit: "rad", default: 0.0, meaning: "phase", range: Range::ANY },
     ],
-    equation: "-(C cos 2 pi f t + S sin 2 pi f t), t the laboratory's time from the record's start",
+    equation: "-A cos(2 pi f t - psi), t the laboratory's time from the record's start",
     range: Range::ANY,
-    apply: |a, place, value, p| a.joints[place.index()].tones.push((value, p[0], p[1])),
+    apply: |a, place, value, p| {
+        let (sin, cos) = libm::sincos(p[1]);
+        a.joints[place.index()].tones.push((value * cos, value * sin, p[0]));
+    },
 };

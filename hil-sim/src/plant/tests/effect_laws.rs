@@ -125,11 +125,10 @@ fn drift_modulation_and_tones_follow_the_record_the_phase_and_the_time() {
     let got = torque_at("stiffness-modulation@joint1=2e-3,psi=0.3", &y, moment);
     assert!((got[0] + 2e-3 * f64::cos(0.4) * y[0]).abs() + got[1].abs() < 1e-12, "{got:?}");
     let moment = Moment { time: 12.3, ..moment };
-    let (sin, cos) = (2.0 * PI * 1.7 * 12.3).sin_cos();
-    let wanted = -(2e-3 * cos - 1e-3 * sin);
-    let got = torque_at("tone@joint1=2e-3,S=-1e-3,f=1.7", &y, moment);
+    let wanted = -2e-3 * f64::cos(2.0 * PI * 1.7 * 12.3 - 0.6);
+    let got = torque_at("tone@joint1=2e-3,f=1.7,psi=0.6", &y, moment);
     assert!((got[0] - wanted).abs() + got[1].abs() < 1e-12, "{got:?} {wanted}");
-    let got = torque_at("tone@joint2=2e-3,S=-1e-3,f=1.7", &y, moment);
+    let got = torque_at("tone@joint2=2e-3,f=1.7,psi=0.6", &y, moment);
     assert!((got[0] + wanted).abs() + (got[1] - wanted).abs() < 1e-12, "{got:?} {wanted}");
     let pushes = combine(&[Effect::parse("friction-drift@joint2=-1e-5").unwrap()]).unwrap();
     assert!(Plant::new(&Parameters::PRINTED, &pushes, [0.0; 4], TOLERANCE).is_err());

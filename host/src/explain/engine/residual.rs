@@ -111,8 +111,24 @@ pub fn range(setting: &Setting<'_>, state: &State, of: &Node) -> (f64, f64) {
     all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
 }
 
-/// Most lines of an equation's residual.
-const MOST_LINES: usize = 3;
+/// Most lines of an equation's residual, and how far they stand above their surroundings: noise has some that do, which the decision passes over.
+const MOST_LINES: usize = 4;
+const PROMINENT: f64 = 8.0;
+
+/// The most prominent lines of a series up to a frequency, Hz.
+fn lines_of(series: &[f64], rate_hz: f64, most_hz: f64) -> Vec<f64> {
+    // One piece, so that lines are as narrow as the record allows.
+    let Ok(density) = spectrum::welch(&[series], rate_hz, spectrum::fast_length(series.len())) else { return Vec::new() };
+    let d = &density.density;
+    let peaks = (3..d.len().saturating_sub(1)).filter(|&m| d[m] > d[m - 1] && d[m] >= d[m + 1]);
+    let mut found: Vec<spectrum::Line> = peaks
+        .take_while(|m| density.frequency(*m) < most_hz)
+        .filter_map(|m| spectrum::line_at(&density, m))
+        .filter(|l| l.prominence > PROMINENT)
+        .collect();
+    found.sort_by(|a, b| b.prominence.total_cmp(&a.prominence));
+    found.iter().take(MOST_LINES).map(|l| l.frequency_hz).collect()
+}
 
 /// Frequencies, Hz, of lines in what is left of the longest stretch, up to where the low-pass lets motion through; none where no effect asks for them.
 pub fn lines(setting: &Setting<'_>, state: &State) -> Vec<f64> {
@@ -122,11 +138,7 @@ pub fn lines(setting: &Setting<'_>, state: &State) -> Vec<f64> {
     let kernels = &setting.geometry.kernels;
     let mut out: Vec<f64> = Vec::new();
     for series in strong_series(stretch, stretch.len(), &tape, kernels, &setting.circle) {
-        // One piece, so that lines are as narrow as the record allows.
-        let piece = spectrum::fast_length(series.len());
-        let Ok(density) = spectrum::welch(&[&series], 1.0 / stretch.step_s, piece) else { continue };
-        let found = spectrum::lines(&density, MOST_LINES);
-        out.extend(found.iter().map(|l| l.frequency_hz).filter(|f| *f < kernels.full.pass_hz));
+        out.extend(lines_of(&series, 1.0 / stretch.step_s, kernels.full.pass_hz));
     }
     out.sort_by(f64::total_cmp);
     out.dedup_by(|a, b| (*a - *b).abs() * stretch.len() as f64 * stretch.step_s < 1.0);
