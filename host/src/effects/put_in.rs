@@ -88,6 +88,11 @@ fn shaped(text: &str, entry: &Entry, given: &Text<'_>) -> Result<(Form, Vec<f64>
             let angle = entry.also.first().and_then(|a| given.parameters.get(&a.0).copied()).unwrap_or(0.0);
             vec![given.value * angle.cos(), given.value * angle.sin()]
         }
+        // Without a law of its own the value is the first strength.
+        (names, None) => {
+            let of = |(k, n): (usize, &String)| if k == 0 { given.value } else { one(n).unwrap_or(0.0) };
+            names.iter().enumerate().map(of).collect()
+        }
         (names, _) => names.iter().map(|n| one(n).unwrap_or(0.0)).collect(),
     };
     if strengths.iter().all(|s| *s == 0.0) && given.value != 0.0 {

@@ -85,7 +85,13 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
     if let Some(model) = &settings.model {
         given::take(&setting, &mut state, model)?;
     }
-    if setting.shooting && shooting::settle(&setting, &mut state).is_none() {
+    let given = settings.model.is_some().then(|| state.clone());
+    let settled = if setting.shooting { shooting::settle(&setting, &mut state) } else { None };
+    if let Some((x, covariance)) = settled {
+        // The paths go with these coefficients: from others a chaotic window may be led astray.
+        state.take(&setting, &x);
+        state.renew(&setting, &x, &covariance);
+    } else if setting.shooting {
         // What no window can be followed in is left to the balance of forces.
         setting.shooting = false;
         if setting.own.names.len() > setting.model().coefficients().len() {
@@ -96,8 +102,10 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
     let (blocks, window_s) = whole_windows(&setting, &state);
     let undecidable = undecidable(&setting, records, &first, (blocks, window_s));
     let mut run = Run::new(setting, state, result, window_s, settings);
-    if settings.model.is_some() {
+    if let Some(given) = given {
+        let fitted = core::mem::replace(&mut run.state, given);
         run.as_given();
+        run.state = fitted;
     }
     let outcome = run.search(undecidable.is_some(), settings)?;
     let outcome = run.without_traces(outcome)?;
