@@ -434,7 +434,12 @@ fn shapes(r: &Reader<'_>, t: &DeTable<'_>) -> Result<Vec<Shape>> {
                         .remedy("Correct them"));
                 }
                 let (from, to) = (ends[0] as i32, ends[1] as i32); // whole, at most 1000
-                Shape { name: name.to_owned(), grid: (from..=to).map(f64::from).collect(), within: None, of_lines: false }
+                Shape {
+                    name: name.to_owned(),
+                    grid: (from..=to).map(f64::from).collect(),
+                    within: None,
+                    of_lines: false,
+                }
             }
             _ => return Err(r.source.bad(at, format!("the shape {name}"), example).remedy("Give one of them")),
         };

@@ -109,7 +109,9 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, rest
         result.gap.told(gap)
     );
     if let Some((mean, _)) = rest.remade.filter(|_| power > most_power) {
-        noise += &format!(" (in records that the model itself makes it is {mean:.2}, and up to {most_power:.2} would be chance)");
+        noise += &format!(
+            " (in records that the model itself makes it is {mean:.2}, and up to {most_power:.2} would be chance)"
+        );
     }
     // Where longer predictions decided, their number is told.
     if far > EXPLAINED_GAP

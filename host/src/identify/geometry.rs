@@ -72,8 +72,13 @@ mod tests {
         for rate in [2.0, 20.0, 64.0, 100.0, 1e4] {
             rig.sample_rate_hz = rate;
             for busy in [0.0, 0.3 * rate, f64::NAN] {
-                let noise =
-                    noise::Noise { sigma: 1e-3, square_error: 0.1, signal_end_hz: busy, clear_end_hz: busy, acceleration_99_hz: busy };
+                let noise = noise::Noise {
+                    sigma: 1e-3,
+                    square_error: 0.1,
+                    signal_end_hz: busy,
+                    clear_end_hz: busy,
+                    acceleration_99_hz: busy,
+                };
                 for window_s in [None, Some(0.5), Some(1.0), Some(3.0)] {
                     let settings = Settings { window_s, ..Settings::default() };
                     match geometry(&rig, &settings, &[Some(noise), None], 1.0 / rate, (None, &[])) {

@@ -78,7 +78,8 @@ pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: 
     let mut top: Vec<f64> = angle[size * 3 / 10..size * 19 / 40].to_vec();
     top.sort_by(f64::total_cmp);
     // Degrees of freedom of a bin (Welch's count for half-overlapping Hann pieces, as in `spectrum::threshold`); neighbours share a bin and a half.
-    let freedom: f64 = if stride > size / 2 || count < 2.0 { 2.0 * count } else { 36.0 * count * count / (19.0 * count - 1.0) };
+    let freedom: f64 =
+        if stride > size / 2 || count < 2.0 { 2.0 * count } else { 36.0 * count * count / (19.0 * count - 1.0) };
     let floor = top[top.len() / 2] / (1.0 - 2.0 / (9.0 * freedom)).powi(3);
     let square_error = (core::f64::consts::FRAC_PI_2 * 2.0 / freedom * 1.5 / top.len() as f64).sqrt();
     let bin_hz = 1.0 / (size as f64 * step_s);

@@ -25,6 +25,7 @@
 //! | `residual`, `residual_map` | where what is left sits |
 //! | `patched` | a shape put together from several effects |
 //! | `tell`, `units` | values, units, the model |
+//! | `tones` | frequencies of what runs in the laboratory's time |
 //! | `unknown` | the shape of what has no name |
 
 pub mod attractor;
@@ -48,6 +49,7 @@ mod shooting;
 pub mod simulation;
 mod state;
 mod tell;
+mod tones;
 mod units;
 pub mod unknown;
 

@@ -118,7 +118,9 @@ const PROMINENT: f64 = 8.0;
 /// The most prominent lines of a series up to a frequency, Hz.
 fn lines_of(series: &[f64], rate_hz: f64, most_hz: f64) -> Vec<f64> {
     // One piece, so that lines are as narrow as the record allows.
-    let Ok(density) = spectrum::welch(&[series], rate_hz, spectrum::fast_length(series.len())) else { return Vec::new() };
+    let Ok(density) = spectrum::welch(&[series], rate_hz, spectrum::fast_length(series.len())) else {
+        return Vec::new();
+    };
     let d = &density.density;
     let peaks = (3..d.len().saturating_sub(1)).filter(|&m| d[m] > d[m - 1] && d[m] >= d[m + 1]);
     let mut found: Vec<spectrum::Line> = peaks

@@ -7,10 +7,12 @@ use super::residual_map::{Map, Where};
 use super::search::named;
 use super::setting::Setting;
 use super::state::State;
-use super::{Outcome, attractor, forecast, given, patched, prediction, residual, shooting, simulation, tell, units, unknown};
+use super::{
+    Outcome, attractor, forecast, given, patched, prediction, residual, shooting, simulation, tell, units, unknown,
+};
 use crate::error::Result;
-use crate::explain::explanation::{Details, Explanation, Step, Verdict};
 use crate::explain::decidability::Left;
+use crate::explain::explanation::{Details, Explanation, Step, Verdict};
 use crate::explain::{Settings, decidability, decision, ranking};
 use crate::identify::Identification;
 use crate::identify::general::stretches::Stretch;

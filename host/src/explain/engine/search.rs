@@ -1,12 +1,12 @@
 //! The search for effects: one after the other, each kept where it keeps what it promised, none that is nothing beside the others in the end.
 
 use super::candidates::Candidate;
-use super::evidence::{Outcome, refit};
+use super::evidence::{Evidence, Outcome, refit};
 use super::exchange::{self, Exchange};
 use super::run::Run;
 use super::setting::Setting;
 use super::state::{Chosen, State};
-use super::{residual, shooting, tell};
+use super::{residual, shooting, tell, tones};
 use crate::error::Result;
 use crate::explain::decidability::EXPLAINED_GAP;
 use crate::explain::decision::{self, Choice, Offer};
@@ -79,11 +79,28 @@ impl Run<'_> {
             }
             let next = choose(&self.setting, &self.state, &outcome, &search.names(), &mut self.result);
             self.result.refused.extend(search.refused.iter().cloned());
+            let next = next.or_else(|| self.tone(&search, &outcome));
             let Some((found, candidate)) = next else { return Ok(outcome) };
             let promised = found.held_out_gain;
             self.result.effects.push(found);
             self.join(&mut search, candidate, (outcome, effects, promised, None));
         }
+    }
+
+    /// A force in the laboratory's time, where nothing else is supported.
+    fn tone(&mut self, search: &Search, outcome: &Outcome) -> Option<(Found, Candidate)> {
+        let candidates = tones::candidates(&self.setting, &self.state, outcome);
+        let further: Vec<&Candidate> = candidates.iter().collect();
+        let blocks =
+            shooting::evidence(&self.setting, &self.state, (&further, false), &[]).filter(|_| !further.is_empty())?;
+        let (own, fit) = (outcome.own.clone(), outcome.fit.clone());
+        let outcome = Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit };
+        let told = (self.result.ranking.clone(), self.result.refused.clone());
+        let next = choose(&self.setting, &self.state, &outcome, &search.names(), &mut self.result);
+        if next.is_none() {
+            (self.result.ranking, self.result.refused) = told;
+        }
+        next
     }
 
     /// Puts a candidate into the model, in the place of another or beside the others, and keeps what there was before.

@@ -62,7 +62,9 @@ impl Unknown {
     pub fn told(&self) -> String {
         let share = significant(100.0 * self.held_out_gain, 2);
         let Self { at, against, .. } = self;
-        format!("a force at {at} that depends on the {against} takes away {share} % of what is left where it was not fitted")
+        format!(
+            "a force at {at} that depends on the {against} takes away {share} % of what is left where it was not fitted"
+        )
     }
 }
 
@@ -134,7 +136,13 @@ struct Hats {
 
 impl Hats {
     /// None where the coordinate does not move.
-    fn new(setting: &Setting<'_>, state: &State, place: Place, shares: &[(usize, Node)], of: Coordinate) -> Option<Self> {
+    fn new(
+        setting: &Setting<'_>,
+        state: &State,
+        place: Place,
+        shares: &[(usize, Node)],
+        of: Coordinate,
+    ) -> Option<Self> {
         let (low, high) = if of.angle { (-PI, PI) } else { range(setting, state, &of.of) };
         let count = if of.angle { POINTS - 1 } else { POINTS };
         let width = (high - low) / (POINTS - 1) as f64;

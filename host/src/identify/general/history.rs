@@ -88,7 +88,8 @@ impl History {
             }
         }
         let known = self.series.read().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let kept = known.iter().enumerate().map(|(k, v)| if numbers.contains(&k) { Values::default() } else { v.clone() });
+        let kept =
+            known.iter().enumerate().map(|(k, v)| if numbers.contains(&k) { Values::default() } else { v.clone() });
         let series = RwLock::new(kept.collect());
         Self { coordinates, rates, circle: self.circle.clone(), laws: self.laws.clone(), series, ..*self }
     }
