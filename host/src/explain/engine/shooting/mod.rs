@@ -62,6 +62,8 @@ const MOST_PERIODS: usize = 8;
 const STILL: f64 = 0.15;
 /// Share of the windows under a drive that must have settled.
 const SETTLED: f64 = 0.9;
+/// What is left of a window, beside the median of all, from which its path is taken to have been led astray.
+const ASTRAY: f64 = 10.0;
 /// Share of the windows that may be left out.
 const MOST_LOST: f64 = 0.3;
 
@@ -75,6 +77,8 @@ pub struct Followed {
     count: usize,
     /// Which windows of that length were followed until they stood still; empty where all count.
     still: Vec<bool>,
+    /// What is left of each, in units of the noise's power; no number where the model has no solution.
+    left: Vec<f64>,
 }
 
 impl Followed {
@@ -156,12 +160,14 @@ pub fn settle(setting: &Setting<'_>, state: &mut State) -> Option<(DVector<f64>,
     let before = state.followed.take();
     // A model that has changed may no longer follow windows of that length about that path.
     let goes_on = before.and_then(|f| f.length.and_then(|l| grown(setting, state, f, &[(l, PASSES[2])])));
+    let goes_on = goes_on.map(|found| back_from_astray(setting, state, found));
     let (followed, x, covariance) = goes_on.or_else(|| {
         let fresh = Followed {
             paths: state.stretches.iter().map(|s| Path::smoothed(s, &setting.geometry.kernels)).collect(),
             length: None,
             count: 0,
             still: Vec::new(),
+            left: Vec::new(),
         };
         let n = setting.circle.len();
         let lengths: Vec<usize> = fresh.paths.iter().map(|p| p.len(n)).collect();
@@ -170,6 +176,36 @@ pub fn settle(setting: &Setting<'_>, state: &mut State) -> Option<(DVector<f64>,
     remember(setting, state, &followed);
     state.followed = Some(followed);
     Some((DVector::from_vec(x), covariance))
+}
+
+/// A fit in windows: paths, coefficients, covariance.
+type Fitted = (Followed, Vec<f64>, DMatrix<f64>);
+
+/// Where a few windows are left far worse than the others, once more with these about the smoothed record: a path that was settled with another model may lead to another solution. Kept
+/// where less is left.
+fn back_from_astray(setting: &Setting<'_>, state: &State, found: Fitted) -> Fitted {
+    let (followed, ..) = &found;
+    let mut sorted: Vec<f64> = followed.left.iter().copied().filter(|l| l.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let Some(&middle) = sorted.get(sorted.len() / 2) else { return found };
+    let far: Vec<bool> = followed.left.iter().map(|l| *l > ASTRAY * middle.max(1.0)).collect();
+    let (Some(length), true) = (followed.length, far.contains(&true)) else { return found };
+    let m = 2 * setting.circle.len();
+    let lengths: Vec<usize> = followed.paths.iter().map(|p| p.len(m / 2)).collect();
+    let mut again = followed.clone();
+    for (k, (s, path)) in state.stretches.iter().zip(&mut again.paths).enumerate() {
+        let smoothed = Path::smoothed(s, &setting.geometry.kernels);
+        let windows = windows(&lengths, length, MOST_SAMPLES);
+        for (w, _) in windows.iter().zip(&far).filter(|(w, far)| **far && w.stretch == k) {
+            let range = m * w.first..m * (w.first + w.count);
+            path.states[range.clone()].copy_from_slice(&smoothed.states[range]);
+        }
+    }
+    let mean = |f: &Followed| f.left.iter().filter(|l| l.is_finite()).sum::<f64>() / f.count.max(1) as f64;
+    match grown(setting, state, again, &[(length, PASSES[2])]) {
+        Some(back) if mean(&back.0) < mean(followed) => back,
+        _ => found,
+    }
 }
 
 /// Follows the states of effects in the model along the windows' own motion: that of the record is blurred where a velocity turns its sign.
@@ -185,12 +221,7 @@ fn remember(setting: &Setting<'_>, state: &mut State, followed: &Followed) {
 }
 
 /// Fits in windows of one length after the other, as long as they can be followed.
-fn grown(
-    setting: &Setting<'_>,
-    state: &State,
-    mut followed: Followed,
-    stages: &[(usize, usize)],
-) -> Option<(Followed, Vec<f64>, DMatrix<f64>)> {
+fn grown(setting: &Setting<'_>, state: &State, mut followed: Followed, stages: &[(usize, usize)]) -> Option<Fitted> {
     let mut x = present(state);
     let own: Vec<usize> = (0..x.len()).collect();
     let signs = signs_of(setting, state, &[], 0);
@@ -202,13 +233,14 @@ fn grown(
         trial.length = Some(length);
         (followed, x, last) = (trial, moved, Some(fit));
     }
-    let (covariance, still) = last?;
+    let (covariance, still, left) = last?;
+    followed.left = left;
     followed.count = still.iter().filter(|s| **s).count();
     followed.still = still;
     Some((followed, x, covariance))
 }
 
-/// Linearises and solves until paths stand still; the covariance, and which windows were followed.
+/// Linearises and solves until paths stand still; the covariance, which windows were followed, and what is left of each.
 fn stage(
     course: &Course<'_>,
     followed: &mut Followed,
@@ -216,7 +248,7 @@ fn stage(
     (length, passes): (usize, usize),
     own: &[usize],
     signs: &[f64],
-) -> Option<(DMatrix<f64>, Vec<bool>)> {
+) -> Option<(DMatrix<f64>, Vec<bool>, Vec<f64>)> {
     let n = course.setting.circle.len();
     let lengths: Vec<usize> = followed.paths.iter().map(|p| p.len(n)).collect();
     let all = windows(&lengths, length, MOST_SAMPLES);
@@ -264,19 +296,21 @@ fn stage(
         // By convergence, never by misfit.
         let of = |(m, s): (&f64, &Option<_>)| if chaotic { *m < limit } else { s.is_some() };
         let still: Vec<bool> = movement.iter().zip(&solved).map(of).collect();
-        out = Some((fit, still));
+        let mut of_window = vec![f64::NAN; all.len()];
+        kept.iter().zip(&misfits).for_each(|(&k, m)| of_window[k] = m[0]);
+        out = Some((fit, still, of_window));
         // In chaos some windows never stand still.
         let slowest = if chaotic { nearly_all(&mut movement) } else { greatest };
         if slowest < limit {
             break;
         }
     }
-    let (fit, still) = out?;
+    let (fit, still, of_window) = out?;
     if (still.iter().filter(|s| **s).count() as f64) < (1.0 - MOST_LOST) * all.len() as f64 {
         return None;
     }
     *x = fit.all.iter().copied().collect();
-    Some((fit.covariance, still))
+    Some((fit.covariance, still, of_window))
 }
 
 /// What nine tenths of some numbers are below.
