@@ -89,6 +89,33 @@ fn dahls_friction_in_a_system_of_bodies_is_named() {
     close(&out, 0.02, 0.1);
 }
 
+/// A spring that relaxes, one that yields, and a tone whose frequency nobody told: each named with its value and its shape.
+#[test]
+fn springs_that_remember_and_a_tone_are_named_with_their_shapes() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, value, shapes) in [
+        ("relaxation@x", 3.0, &[("T_r", 0.1)][..]),
+        ("hysteresis@x", 5.0, &[("b", 3.0), ("c", 0.3)]),
+        ("tone@x", 0.3, &[("f", 2.7183), ("psi", 0.4)]),
+    ] {
+        let all: Vec<String> = shapes.iter().map(|(n, x)| format!("{n}={x}")).collect();
+        let effect = format!("--effect {name}={value},{}", all.join(","));
+        let out = explained(folder.path(), &rig("duffing.toml"), &effect, 60, 6);
+        assert_eq!(
+            (names(&out), out["verdict"].as_str()),
+            (vec![name.to_owned()], Some("explained")),
+            "{}",
+            out["reason"]
+        );
+        let e = &out["effects"][0];
+        let (found, error) = (e["value"].as_f64().unwrap(), e["std_error"].as_f64().unwrap());
+        assert!((found - value).abs() < 4.0 * error && error < 0.01 * value, "{e}");
+        for (n, x) in shapes {
+            assert!((e["parameters"][n].as_f64().unwrap() / x - 1.0).abs() < 0.02, "{e}");
+        }
+    }
+}
+
 /// A distance far below what the sensor resolves is Coulomb's friction to the record: one is named, of the right size, and the other is listed as not told apart. Coulomb's own
 /// stays what it is.
 #[test]

@@ -24,26 +24,34 @@ fn truth(rig: &Rig, name: &str) -> f64 {
     v.as_float().or_else(|| v.as_integer().map(|i| i as f64)).unwrap()
 }
 
-/// Each coefficient within four standard errors, no standard error above a share of the value (unless that is near zero), most within 1.96.
-fn recovered(name: &str, seconds: f64, share: f64) -> Identification {
+/// Each coefficient within four standard errors, no standard error above a share of the value (unless that is near zero), most within 1.96 over all seeds.
+fn recovered_of(name: &str, seconds: f64, share: f64, seeds: &[u64]) -> Identification {
     let rig = rig(name);
-    let result = identify(&[simulated(&rig, seconds, 1)], &rig, &Settings::default()).unwrap();
-    assert_eq!(result.model, rig.bound.as_ref().unwrap().model.name);
-    let mut inside = 0;
-    for p in &result.parameters {
-        let true_value = truth(&rig, &p.name);
-        // Cubes of a signal that reaches half the Nyquist frequency pass the low-pass to about a thousandth.
-        let band = if name == "silverbox.toml" { 1e-3 * true_value.abs() } else { 0.0 };
-        let z = (p.value - true_value) / p.std_error.max(0.25 * band);
-        assert!(z.abs() < 4.0, "{name}: {} = {} ± {}, true {true_value}: {z:.1} σ", p.name, p.value, p.std_error);
-        if true_value != 0.0 {
-            let relative = p.std_error / true_value.abs();
-            assert!(relative < share, "{name}: {} ± {:.2} %", p.name, 100.0 * relative);
+    let (mut inside, mut count, mut last) = (0, 0, None);
+    for seed in seeds {
+        let result = identify(&[simulated(&rig, seconds, *seed)], &rig, &Settings::default()).unwrap();
+        assert_eq!(result.model, rig.bound.as_ref().unwrap().model.name);
+        for p in &result.parameters {
+            let true_value = truth(&rig, &p.name);
+            // Cubes of a signal that reaches half the Nyquist frequency pass the low-pass to about a thousandth.
+            let band = if name == "silverbox.toml" { 1e-3 * true_value.abs() } else { 0.0 };
+            let z = (p.value - true_value) / p.std_error.max(0.25 * band);
+            assert!(z.abs() < 4.0, "{name}: {} = {} ± {}, true {true_value}: {z:.1} σ", p.name, p.value, p.std_error);
+            if true_value != 0.0 {
+                let relative = p.std_error / true_value.abs();
+                assert!(relative < share, "{name}: {} ± {:.2} %", p.name, 100.0 * relative);
+            }
+            inside += usize::from(z.abs() < 1.96);
+            count += 1;
         }
-        inside += usize::from(z.abs() < 1.96);
+        last = Some(result);
     }
-    assert!(inside * 4 >= result.parameters.len() * 3, "{name}: {inside} of {}", result.parameters.len());
-    result
+    assert!(inside * 4 >= count * 3, "{name}: {inside} of {count}");
+    last.unwrap()
+}
+
+fn recovered(name: &str, seconds: f64, share: f64) -> Identification {
+    recovered_of(name, seconds, share, &[1])
 }
 
 #[test]
@@ -72,5 +80,6 @@ fn every_kind_of_excitation_identifies_the_oscillator() {
 #[test]
 fn benchmarks_are_recovered_when_simulated() {
     recovered("emps.toml", 20.0, 0.05);
-    recovered("silverbox.toml", 20.0, 0.2);
+    // Errors of its stiffnesses go together: one record says little of how often they are inside.
+    recovered_of("silverbox.toml", 20.0, 0.2, &[1, 2, 3, 4]);
 }
