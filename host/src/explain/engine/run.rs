@@ -175,14 +175,18 @@ impl<'a> Run<'a> {
         }
         let Self { setting, state, mut result, .. } = self;
         tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.fit.covariance), first, &mut result);
-        let shape = if undecidable.is_none() { unknown::shape(&setting, &state, outcome) } else { None };
+        let by_shooting = outcome.evidence.is_shooting();
+        let shape = (by_shooting && undecidable.is_none()).then(|| unknown::shape(&setting, &state, outcome)).flatten();
         let rest = Left {
             patched: patched::patched(&setting, &state, outcome),
             shape: shape.as_ref().filter(|s| s.is_clear).map(|s| s.unknown.told()),
-            remade: outcome.evidence.is_shooting().then(|| shooting::remade(&setting, &state)).flatten(),
+            remade: by_shooting.then(|| shooting::remade(&setting, &state)).flatten(),
         };
         decidability::decide(&mut result, undecidable, rest);
-        result.unknown = shape.map(|s| s.unknown).filter(|_| result.verdict == Verdict::Unexplained);
+        if result.verdict == Verdict::Unexplained {
+            let shape = if by_shooting { shape } else { unknown::shape(&setting, &state, outcome) };
+            result.unknown = shape.map(|s| s.unknown);
+        }
         if result.verdict != Verdict::NotDecidable {
             result.model = Some(tell::model(&setting, &state, &result)?);
         }
