@@ -96,7 +96,7 @@ fn springs_that_remember_and_a_tone_are_named_with_their_shapes() {
     for (name, value, shapes) in [
         ("relaxation@x", 3.0, &[("T_r", 0.1)][..]),
         ("hysteresis@x", 5.0, &[("b", 3.0), ("c", 0.3)]),
-        ("tone@x", 0.3, &[("f", 2.7183), ("psi", 0.4)]),
+        ("tone@x", 0.3, &[("f", 2.73), ("psi", 0.4)]),
     ] {
         let all: Vec<String> = shapes.iter().map(|(n, x)| format!("{n}={x}")).collect();
         let effect = format!("--effect {name}={value},{}", all.join(","));
