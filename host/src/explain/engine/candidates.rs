@@ -116,7 +116,7 @@ impl Candidate {
     }
 
     /// How many of the strengths have columns by which shapes are refined: the first, or all of them where they are parts of one amplitude.
-    fn leading(&self) -> usize {
+    pub fn leading(&self) -> usize {
         if self.entry.value.is_some() { self.entry.strengths.len() } else { 1 }
     }
 

@@ -166,11 +166,15 @@ pub fn value(
     let d = c.entry.strengths.len();
     let mut form = c.form.clone();
     let mut moved = BTreeMap::new();
-    let refined = if c.is_refined() && k[0] != 0.0 { c.refined_shapes() } else { Vec::new() };
-    for (i, shape) in (d..).zip(refined) {
+    let leading = c.leading();
+    let square: f64 = k[..leading].iter().map(|s| s * s).sum();
+    for (n, (shape, step)) in c.refined_shapes().into_iter().zip(c.steps(k)).enumerate() {
         // What is left of the last Gauss–Newton step belongs to the value.
-        form[shape].1 += k[i] / k[0];
-        moved.insert(form[shape].0.clone(), covariance[(i, i)].max(0.0) / (k[0] * k[0]));
+        let [low, high] = c.entry.shapes[shape].within.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        form[shape].1 = (form[shape].1 + step).clamp(low, high);
+        let at = d + n * leading;
+        let variance: f64 = (0..leading).map(|i| k[i] * k[i] * covariance[(at + i, at + i)].max(0.0)).sum();
+        moved.insert(form[shape].0.clone(), variance / (square * square));
     }
     let own = covariance.view((0, 0), (d, d)).into_owned();
     (report(&c.entry, &form, (&k[..d], &own), factor, &moved), unit)
