@@ -83,7 +83,6 @@ fn shaped(text: &str, entry: &Entry, given: &Text<'_>) -> Result<(Form, Vec<f64>
         if is_value(name) { Some(given.value) } else { named }
     };
     let strengths = match (&entry.strengths[..], &entry.value) {
-        ([_], None) => vec![given.value],
         ([_, _], Some(v)) if v.contains("sqrt") => {
             let angle = entry.also.first().and_then(|a| given.parameters.get(&a.0).copied()).unwrap_or(0.0);
             vec![given.value * angle.cos(), given.value * angle.sin()]

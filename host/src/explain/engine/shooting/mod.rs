@@ -192,10 +192,10 @@ fn back_from_astray(setting: &Setting<'_>, state: &State, found: Fitted) -> Fitt
     let (Some(length), true) = (followed.length, far.contains(&true)) else { return found };
     let m = 2 * setting.circle.len();
     let lengths: Vec<usize> = followed.paths.iter().map(|p| p.len(m / 2)).collect();
+    let windows = windows(&lengths, length, MOST_SAMPLES);
     let mut again = followed.clone();
     for (k, (s, path)) in state.stretches.iter().zip(&mut again.paths).enumerate() {
         let smoothed = Path::smoothed(s, &setting.geometry.kernels);
-        let windows = windows(&lengths, length, MOST_SAMPLES);
         for (w, _) in windows.iter().zip(&far).filter(|(w, far)| **far && w.stretch == k) {
             let range = m * w.first..m * (w.first + w.count);
             path.states[range.clone()].copy_from_slice(&smoothed.states[range]);
