@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::identify::WeakForm;
 use super::output::{Output, Replace, print_warnings, write_file};
 use super::{Answer, Records};
 use crate::error::{BadInput, Result};
@@ -22,6 +23,8 @@ pub struct Arguments {
     /// Horizons at which the last 30 % of the record is predicted after fitting the first 70 %, s [default: 1 and 4 of the gap's; 0.2 and 2.667 when free].
     #[arg(long, value_name = "S", value_delimiter = ',')]
     forecast: Vec<f64>,
+    #[command(flatten)]
+    weak: WeakForm,
     /// Most effects that are added [default: 8].
     #[arg(long, value_name = "N")]
     most_effects: Option<usize>,
@@ -64,6 +67,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let settings = Settings {
         horizon_s: arguments.horizon,
         forecast_s: arguments.forecast.clone(),
+        weak: arguments.weak.settings(),
         most_effects: arguments.most_effects,
         model,
     };

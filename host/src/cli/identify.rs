@@ -32,14 +32,9 @@ pub enum Method {
     Upo,
 }
 
-/// Arguments of `identify`.
-#[derive(Debug, Args)]
-pub struct Arguments {
-    #[command(flatten)]
-    records: Records,
-    /// Method [default: shooting where it stands, otherwise weak].
-    #[arg(long, value_enum)]
-    method: Option<Method>,
+/// Choices of the weak form.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct WeakForm {
     /// Length of a window, s [default: 20 drive periods, or from the motion when free].
     #[arg(long, value_name = "S")]
     window_s: Option<f64>,
@@ -49,6 +44,25 @@ pub struct Arguments {
     /// End of the low-pass's pass band, Hz [default: where the signal sinks into the noise].
     #[arg(long, value_name = "HZ")]
     pass_hz: Option<f64>,
+}
+
+impl WeakForm {
+    /// As the pipeline takes them.
+    pub fn settings(&self) -> Settings {
+        Settings { window_s: self.window_s, max_frequency_hz: self.max_frequency_hz, pass_hz: self.pass_hz }
+    }
+}
+
+/// Arguments of `identify`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    #[command(flatten)]
+    records: Records,
+    /// Method [default: shooting where it stands, otherwise weak].
+    #[arg(long, value_enum)]
+    method: Option<Method>,
+    #[command(flatten)]
+    weak: WeakForm,
     /// Length of the pieces of multiple shooting, s [default: 4 drive periods, a fifth of a window when free].
     #[arg(long, value_name = "S")]
     segment_s: Option<f64>,
@@ -123,9 +137,9 @@ pub fn human(result: &Identification) -> String {
 /// Identifies from regression rows alone.
 fn of_rows(arguments: &Arguments, rig: &Rig, records: &[RowsRecord]) -> Result<Answer> {
     let options = [
-        ("--window-s", arguments.window_s),
-        ("--max-frequency-hz", arguments.max_frequency_hz),
-        ("--pass-hz", arguments.pass_hz),
+        ("--window-s", arguments.weak.window_s),
+        ("--max-frequency-hz", arguments.weak.max_frequency_hz),
+        ("--pass-hz", arguments.weak.pass_hz),
         ("--segment-s", arguments.segment_s),
     ];
     if let Some((option, value)) = options.iter().find_map(|(option, value)| Some((option, (*value)?))) {
@@ -198,11 +212,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         return of_rows(arguments, &rig, &records);
     }
     let records = arguments.records.read_for(&rig)?;
-    let settings = Settings {
-        window_s: arguments.window_s,
-        max_frequency_hz: arguments.max_frequency_hz,
-        pass_hz: arguments.pass_hz,
-    };
+    let settings = arguments.weak.settings();
     let result = match by_method(arguments, &records, &rig, &settings) {
         Ok(result) => result,
         Err(error) => return arguments.records.failed(&records, error, &arguments.out),

@@ -171,9 +171,10 @@ impl<'a> Field<'a> {
                 let (from, d) = places[index];
                 let columns: Vec<usize> = own.iter().copied().chain(from..from + d).collect();
                 let fit = evidence.fit(&columns)?;
-                let (mean, error) = ranking::gain(&plain.held_out, &fit.held_out);
+                let (mean, _) = ranking::gain(&plain.held_out, &fit.held_out);
+                let deviations = ranking::deviations(&plain.held_out, &fit.held_out);
                 let p = ranking::p_value(&fit, d);
-                Some(Score { index, gain: mean, deviations: mean / error.max(f64::MIN_POSITIVE), p, fit })
+                Some(Score { index, gain: mean, deviations, p, fit })
             })
             .collect();
         let blocks = plain.held_out.len() as f64;
@@ -219,15 +220,14 @@ impl<'a> Field<'a> {
         self.offers[s.index].positive && s.fit.all[s.fit.all.len() - d] <= 0.0
     }
 
-    /// Whether a gain of that much a block, with its standard error, is more than as good as nothing.
-    fn brings(&self, (gain, error): (f64, f64)) -> bool {
-        let clear = gain > self.evidence.least_deviations() * error;
-        gain > 0.0 && clear && gain * self.blocks > self.evidence.least_gain(self.total)
+    /// Whether a gain of that much a block is more than as good as nothing.
+    fn is_something(&self, gain: f64) -> bool {
+        gain > 0.0 && gain * self.blocks > self.evidence.least_gain(self.total)
     }
 
-    /// Whether a candidate by itself is.
+    /// Whether a candidate's gain by itself is, and clear of how it scatters from block to block.
     fn stands(&self, s: &Score) -> bool {
-        self.brings((s.gain, s.gain / s.deviations.max(f64::MIN_POSITIVE)))
+        s.deviations > self.evidence.least_deviations() && self.is_something(s.gain)
     }
 
     /// Why candidates that were close are not taken, those that take away most first; `feigned`: those that the sensors alone give.
@@ -243,7 +243,8 @@ impl<'a> Field<'a> {
                 format!("by chance with probability {:.1e}, and {tests} forms were tried", s.p)
             } else if !self.stands(s) {
                 let share = 100.0 * s.gain * self.blocks / self.total;
-                format!("it takes away {share:.2} % of what is left where it was not fitted: as good as nothing")
+                let why = if self.is_something(s.gain) { "but not from block to block" } else { "as good as nothing" };
+                format!("it takes away {share:.2} % of what is left where it was not fitted, {why}")
             } else {
                 return None;
             };
@@ -299,7 +300,9 @@ impl<'a> Field<'a> {
             .filter(|x| {
                 let single = x.first.gain.max(x.second.gain).max(0.0);
                 let (_, error) = ranking::gain(&self.plain.held_out, &x.held_out);
-                x.p * tests < FAMILY_WISE && self.brings((x.gain - single, error))
+                let more = x.gain - single;
+                let clear = more > self.evidence.least_deviations() * error;
+                x.p * tests < FAMILY_WISE && clear && self.is_something(more)
             })
             .collect();
         let best = supported.iter().max_by(|x, y| x.gain.total_cmp(&y.gain))?;

@@ -16,6 +16,9 @@ pub const FOLDS: usize = 3;
 /// Fewest blocks that a coefficient counts as resting on: the jackknife's variance is itself too large where leverage is uneven, so that fewer would punish twice.
 const LEAST_EFFECTIVE: f64 = 8.0;
 
+/// Share of the mean below which what is left of a block is nothing.
+const RELATIVE_FLOOR: f64 = 1e-6;
+
 /// Weights of rows, by equation and frequency.
 pub type Weights = Vec<Vec<f64>>;
 
@@ -232,6 +235,15 @@ pub fn gain(without: &[f64], with: &[f64]) -> (f64, f64) {
     let mean = d.iter().sum::<f64>() / n;
     let variance = d.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n * (n - 1.0)).max(1.0);
     (mean, variance.sqrt())
+}
+
+/// The gain in standard errors between blocks: that of the sums of squares, or that of their logarithms where it is more, to which a block that one model misses by far counts
+/// no more than any other.
+pub fn deviations(without: &[f64], with: &[f64]) -> f64 {
+    let of = |(mean, error): (f64, f64)| mean / error.max(f64::MIN_POSITIVE);
+    let least = RELATIVE_FLOOR * without.iter().sum::<f64>() / without.len().max(1) as f64;
+    let logarithms = |x: &[f64]| x.iter().map(|x| x.max(least).max(f64::MIN_POSITIVE).ln()).collect::<Vec<f64>>();
+    of(gain(without, with)).max(of(gain(&logarithms(without), &logarithms(with))))
 }
 
 /// Equal weights.

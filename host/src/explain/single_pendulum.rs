@@ -13,9 +13,9 @@ use super::{decidability, engine};
 use crate::effects::catalogue;
 use crate::effects::entry::Verb;
 use crate::error::{BadInput, Result};
+use crate::identify::general;
 use crate::identify::model_file::own_keys;
 use crate::identify::system::System as Known;
-use crate::identify::{self, general};
 use crate::model::identified::{IdentifiedModel, RECORD_S, System};
 use crate::model::single_pendulum::DAMPINGS;
 use crate::record::Record;
@@ -115,7 +115,7 @@ fn no_channel(rig: &Rig) -> BadInput {
 /// Explained by every effect of the catalogue, values in torques where the inertia is known.
 fn as_own_system(records: &[Record], rig: &Rig, mut own_rig: Rig, settings: &Settings) -> Result<Explanation> {
     let bound = own_rig.bound.clone().ok_or_else(|| no_channel(rig))?;
-    let first = general::identify(records, &own_rig, &bound, &identify::Settings::default())?;
+    let first = general::identify(records, &own_rig, &bound, &settings.weak)?;
     let gravity = first.parameter("q_sin").map_or(f64::NAN, |p| p.value);
     if let Some(j) = inertia(rig, gravity) {
         let _ = own_rig.known.insert(format!("J_{ANGLE}"), j);

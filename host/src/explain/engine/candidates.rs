@@ -120,13 +120,18 @@ impl Candidate {
         if self.entry.value.is_some() { self.entry.strengths.len() } else { 1 }
     }
 
-    /// The Gauss–Newton steps of the refined shapes, from the strengths s_i and those of the columns s_i ∂/∂shape beside them: Σ s_i b_i / Σ s_i².
+    /// The Gauss–Newton steps of the refined shapes, from the strengths s_i and those of the columns s_i ∂/∂shape beside them: Σ s_i b_i / Σ s_i². Where a strength that keeps its
+    /// sign is held at nothing beside them the shape is far off: without end in their direction.
     pub fn steps(&self, strengths: &[f64]) -> Vec<f64> {
         let (own, beside) = strengths.split_at(self.entry.strengths.len().min(strengths.len()));
         let leading = &own[..self.leading().min(own.len())];
         let square: f64 = leading.iter().map(|s| s * s).sum();
         let of = |b: &[f64]| leading.iter().zip(b).map(|(s, b)| s * b).sum::<f64>() / square;
-        if square > 0.0 { beside.chunks(leading.len()).map(of).collect() } else { Vec::new() }
+        if square > 0.0 {
+            return beside.chunks(leading.len()).map(of).collect();
+        }
+        let sign = self.entry.positive[0] && leading.len() == 1;
+        if sign { beside.iter().map(|b| if *b == 0.0 { 0.0 } else { b * f64::INFINITY }).collect() } else { Vec::new() }
     }
 
     /// The same with further strengths, which multiply the first column's derivatives by the shape parameters that are refined.

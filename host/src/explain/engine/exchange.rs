@@ -40,8 +40,8 @@ struct Tried {
     p: f64,
 }
 
-/// The best exchange of an effect for a candidate that is not `taken`: of one of several for what predicts clearly better and is not larger; where there is none, for a
-/// simpler law that predicts as well. `effects`: those found, in their order. Effects that were taken off the record stay.
+/// The best exchange of an effect for a candidate that is not `taken`: for what predicts clearly better and is not larger (simpler where it is the only one); where there is none, for
+/// a simpler law that predicts as well. `effects`: those found, in their order. Effects that were taken off the record stay.
 pub fn best(
     setting: &Setting<'_>,
     state: &State,
@@ -94,9 +94,7 @@ pub fn best(
             twins,
             fit,
         };
-        if several {
-            better.extend(simplest(setting, &outcome.candidates, clear).map(exchange));
-        }
+        better.extend(simplest(setting, &outcome.candidates, clear).map(exchange));
         let others: Vec<Tried> = others.into_iter().filter(as_good).collect();
         simpler.extend(simplest(setting, &outcome.candidates, others).map(exchange).map(|e| Exchange {
             promised: -AS_LITTLE,

@@ -62,44 +62,65 @@ use super::explanation::Explanation;
 use super::{MOST_WINDOWS, Settings, ranking};
 use crate::error::Result;
 use crate::identify::Identification;
+use crate::identify::general::noise::Sensors;
 use crate::identify::known_quantities::CONTRADICTED;
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
+
+/// An explanation, or the sensors' noise with which it is to be made again.
+enum Attempt {
+    Done(Option<Explanation>),
+    Quieter(Sensors),
+}
 
 /// Explains records of a rig; none where effects find no place in its equations.
 ///
 /// # Errors
 /// As [`crate::identify::identify`].
 pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings) -> Result<Option<Explanation>> {
-    let Some(Begun { mut setting, first, physical, warnings }) = Setting::begin(records, rig, whole, MOST_WINDOWS)?
+    let mut sensors = None;
+    // What is told is in units of the noise: once more from the beginning where the model found leaves less than was taken for it.
+    for last in [false, true] {
+        match attempt(records, rig, whole, settings, (sensors, last))? {
+            Attempt::Done(result) => return Ok(result),
+            Attempt::Quieter(found) => sensors = Some(found),
+        }
+    }
+    Ok(None)
+}
+
+/// One attempt, with the sensors' noise if it is known better than by their spectra; the last stands whatever it leaves.
+fn attempt(
+    records: &[Record],
+    rig: &Rig,
+    whole: &Bound,
+    settings: &Settings,
+    (sensors, last): (Option<Sensors>, bool),
+) -> Result<Attempt> {
+    let Some(Begun { mut setting, first, physical, warnings }) =
+        Setting::begin(records, rig, whole, (MOST_WINDOWS, &settings.weak))?
     else {
-        return Ok(None);
+        return Ok(Attempt::Done(None));
     };
-    let Some(mut state) = start(&setting, &first, physical) else { return Ok(None) };
+    if let Some(sensors) = sensors {
+        setting.sensors = sensors;
+    }
+    let Some(mut state) = start(&setting, &first, physical) else { return Ok(Attempt::Done(None)) };
     let mut result = Explanation::new(units::horizon(rig, settings, &setting.raw)?, warnings);
     result.warnings.extend(first.warnings.iter().filter(|w| w.id == CONTRADICTED).cloned());
     let (blocks, window_s) = whole_windows(&setting, &state);
     if blocks < ranking::FOLDS {
         result.reason = decidability::too_few(blocks, window_s);
-        return Ok(Some(result));
+        return Ok(Attempt::Done(Some(result)));
     }
     if let Some(model) = &settings.model {
         given::take(&setting, &mut state, model)?;
     }
     let given = settings.model.is_some().then(|| state.clone());
-    let settled = if setting.shooting { shooting::settle(&setting, &mut state) } else { None };
-    if let Some((x, covariance)) = settled {
-        // The paths go with these coefficients: from others a chaotic window may be led astray.
-        state.take(&setting, &x);
-        state.renew(&setting, &x, &covariance);
-    } else if setting.shooting {
-        // What no window can be followed in is left to the balance of forces.
-        setting.shooting = false;
-        if setting.own.names.len() > setting.model().coefficients().len() {
-            result.reason = decidability::UNFOLLOWED.to_owned();
-            return Ok(Some(result));
-        }
+    if !settled(&mut setting, &mut state) {
+        result.reason = decidability::UNFOLLOWED.to_owned();
+        return Ok(Attempt::Done(Some(result)));
     }
     let (blocks, window_s) = whole_windows(&setting, &state);
     let undecidable = undecidable(&setting, records, &first, (blocks, window_s));
@@ -110,8 +131,29 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
         run.state = fitted;
     }
     let outcome = run.search(undecidable.is_some(), settings)?;
-    let outcome = run.without_traces(outcome)?;
-    run.finish(&outcome, &first, undecidable).map(Some)
+    let quieter = || shooting::quieter(&run.setting, &run.state);
+    if let Some(sensors) = (!last && outcome.evidence.is_shooting()).then(quieter).flatten() {
+        return Ok(Attempt::Quieter(sensors));
+    }
+    run.finish(&outcome, &first, undecidable).map(|r| Attempt::Done(Some(r)))
+}
+
+/// The model before anything is added, fitted in windows as long as can be followed; where there is none the balance of forces is left. False where that cannot hold it.
+fn settled(setting: &mut Setting<'_>, state: &mut State) -> bool {
+    let mut settled = shooting::settle(setting, state);
+    if let Some(sensors) = settled.as_ref().and_then(|_| shooting::quieter(setting, state)) {
+        setting.sensors = sensors;
+        settled = shooting::settle(setting, state);
+    }
+    if let Some((x, covariance)) = settled {
+        // The paths go with these coefficients: from others a chaotic window may be led astray.
+        state.take(setting, &x);
+        state.renew(setting, &x, &covariance);
+        return true;
+    }
+    // What no window can be followed in is left to the balance of forces.
+    setting.shooting = false;
+    setting.own.names.len() <= setting.model().coefficients().len()
 }
 
 /// The state before anything is added; none where a nominal damping is not in the catalogue.

@@ -58,8 +58,11 @@ fn windows(track: &Track<'_>, horizon_s: f64, part: Part, most: usize) -> Option
         let since_s = track.since_begin(all.stretch[k], &all.pieces[k]);
         (all.stretch[k], (since_s / track.spacing_s).round() as usize)
     };
+    // Where states are known from windows that were followed, one whose start has to be sought, and may not be found, decides nothing.
+    let known = all.known.iter().filter(|k| **k).count();
+    let only_known = 2 * known >= all.known.len();
     let kept: Vec<usize> = (0..all.pieces.len())
-        .filter(|&k| all.pieces[k].measured.len() == values)
+        .filter(|&k| all.pieces[k].measured.len() == values && (!only_known || all.known[k]))
         .filter(|&k| match part {
             Part::HeldOut(block_s) => {
                 let block = (track.since_begin(all.stretch[k], &all.pieces[k]) / block_s).floor() as i64;

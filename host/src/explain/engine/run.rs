@@ -64,10 +64,11 @@ impl<'a> Run<'a> {
         Self { setting, state, result, horizons: (horizon_s, window_s), before: Vec::new() }
     }
 
-    /// A search for the step would follow every jump of a law; an instant off by half of this changes nothing that sensors see.
+    /// A search for the step would follow every jump of a law; an instant off by half of this changes nothing that sensors see. Where a period has few samples, the step between the
+    /// points at which columns are integrated.
     fn step_s(&self) -> Option<f64> {
         let shortest = self.setting.rig.drive.map_or(self.horizons.0, |d| 1.0 / d.frequency_hz);
-        self.setting.raw.first().map(|s| s.step_s.min(STEP * shortest))
+        self.setting.raw.first().map(|s| (s.step_s / self.setting.points() as f64).min(STEP * shortest))
     }
 
     /// The gap of the model with coefficients `x` at a horizon.

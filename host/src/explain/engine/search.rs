@@ -16,6 +16,8 @@ use crate::explain::{LEAST_PROGRESS, MOST_EFFECTS, Settings};
 
 /// Most exchanges that are tried.
 const MOST_EXCHANGES: usize = 16;
+/// Times that the search goes on after effects were taken away.
+const MOST_RESUMED: usize = 3;
 /// Standard errors from nothing at which a name stands.
 const CLEAR: f64 = 2.0;
 /// Share of its promise at a strength of nothing that an effect must keep.
@@ -27,7 +29,8 @@ pub fn named(f: &Found) -> String {
 }
 
 impl Run<'_> {
-    /// Adds effects until nothing more is supported; none where nothing can be decided.
+    /// Adds effects until nothing more is supported, none where nothing can be decided, and takes away those that are nothing beside the others: what had stood in for another
+    /// makes room for it.
     ///
     /// # Errors
     /// A record that does not determine the nominal model.
@@ -35,7 +38,32 @@ impl Run<'_> {
         let most = if undecidable { 0 } else { settings.most_effects.unwrap_or(MOST_EFFECTS) };
         let refitted = settings.model.is_some().then(|| "refit".to_owned());
         let mut search = Search::default();
+        let mut outcome = self.added(&mut search, most, refitted.as_ref(), None)?;
+        for _ in 0..MOST_RESUMED {
+            let (cleared, gone) = self.without_traces(&mut search, outcome)?;
+            if !gone {
+                return Ok(cleared);
+            }
+            outcome = self.added(&mut search, most, None, Some(cleared))?;
+        }
+        Ok(self.without_traces(&mut search, outcome)?.0)
+    }
+
+    /// Adds effects until nothing more is supported, from an outcome that is known already or from the state.
+    fn added(
+        &mut self,
+        search: &mut Search,
+        most: usize,
+        refitted: Option<&String>,
+        mut known: Option<Outcome>,
+    ) -> Result<Outcome> {
         loop {
+            if let Some(outcome) = known.take() {
+                match self.next(search, outcome, most) {
+                    Some(outcome) => return Ok(outcome),
+                    None => continue,
+                }
+            }
             let lines = residual::lines(&self.setting, &self.state);
             let candidates = self.setting.candidates(&self.state.physical, &lines);
             let outcome = refit(&self.setting, &mut self.state, candidates);
@@ -51,14 +79,14 @@ impl Run<'_> {
                     search.refuse(self.result.effects.last(), before.gone.is_some());
                     (self.result.effects, self.state) = (before.effects, before.state);
                     if !self.setting.shooting {
-                        self.result.refused.extend(search.refused);
+                        self.result.refused.extend(core::mem::take(&mut search.refused));
                         return Ok(before.outcome);
                     }
                     before.outcome
                 }
                 (_, before) => {
                     let outcome = outcome?;
-                    let added = self.result.effects.last().map(named).or_else(|| refitted.clone());
+                    let added = self.result.effects.last().map(named).or_else(|| refitted.cloned());
                     self.push(added, gap, &outcome)?;
                     // Beside another effect what was no better may be.
                     search.vain.clear();
@@ -68,23 +96,31 @@ impl Run<'_> {
                     outcome
                 }
             };
-            let effects = self.result.effects.clone();
-            // What was found while others were missing may have stood in for them.
-            if let Some((candidate, promised, gone)) = self.exchanged(&mut search, &outcome) {
-                self.join(&mut search, candidate, (outcome, effects, promised, Some(gone)));
-                continue;
-            }
-            if effects.len() >= most {
+            if let Some(outcome) = self.next(search, outcome, most) {
                 return Ok(outcome);
             }
-            let next = choose(&self.setting, &self.state, &outcome, &search.names(), &mut self.result);
-            self.result.refused.extend(search.refused.iter().cloned());
-            let next = next.or_else(|| self.tone(&search, &outcome));
-            let Some((found, candidate)) = next else { return Ok(outcome) };
-            let promised = found.held_out_gain;
-            self.result.effects.push(found);
-            self.join(&mut search, candidate, (outcome, effects, promised, None));
         }
+    }
+
+    /// Puts the next effect into the model, or another in the place of one that was found; the outcome as it is where nothing more is supported.
+    fn next(&mut self, search: &mut Search, outcome: Outcome, most: usize) -> Option<Outcome> {
+        let effects = self.result.effects.clone();
+        // What was found while others were missing may have stood in for them.
+        if let Some((candidate, promised, gone)) = self.exchanged(search, &outcome) {
+            self.join(search, candidate, (outcome, effects, promised, Some(gone)));
+            return None;
+        }
+        if effects.len() >= most {
+            return Some(outcome);
+        }
+        let next = choose(&self.setting, &self.state, &outcome, &search.names(), &mut self.result);
+        self.result.refused.extend(search.refused.iter().cloned());
+        let next = next.or_else(|| self.tone(search, &outcome));
+        let Some((found, candidate)) = next else { return Some(outcome) };
+        let promised = found.held_out_gain;
+        self.result.effects.push(found);
+        self.join(search, candidate, (outcome, effects, promised, None));
+        None
     }
 
     /// A force in the laboratory's time, where nothing else is supported.
@@ -145,21 +181,24 @@ impl Run<'_> {
         }
     }
 
-    /// Takes effects away again that beside those found after them are nothing: no name stands whose strengths are within two standard errors of none.
-    ///
-    /// # Errors
-    /// As [`Run::search`].
-    pub fn without_traces(&mut self, mut outcome: Outcome) -> Result<Outcome> {
+    /// Takes effects away again that beside those found after them are nothing: no name stands whose strengths are within two standard errors of none. Also whether there were any.
+    fn without_traces(&mut self, search: &mut Search, mut outcome: Outcome) -> Result<(Outcome, bool)> {
+        let mut any = false;
         while let Some(k) = without_trace(&self.setting, &self.state, &outcome) {
+            any = true;
             let _ = self.state.chosen.remove(k);
             let gone = named(&self.result.effects.remove(k - self.state.nominal));
-            let why = "beside the effects found after it its strength is within two standard errors of nothing";
-            self.result.refused.push(Refused::new(&gone, why.to_owned()));
+            let why = "beside the other effects its strength is within two standard errors of nothing";
+            let refused = Refused::new(&gone, why.to_owned());
+            self.result.refused.push(refused.clone());
+            search.refused.push(refused);
             self.state.stretches = self.state.taken_off(&self.setting, &self.setting.raw);
-            outcome = refit(&self.setting, &mut self.state, Vec::new())?;
+            let lines = residual::lines(&self.setting, &self.state);
+            let candidates = self.setting.candidates(&self.state.physical, &lines);
+            outcome = refit(&self.setting, &mut self.state, candidates)?;
             self.replace_last(&gone, &outcome)?;
         }
-        Ok(outcome)
+        Ok((outcome, any))
     }
 }
 

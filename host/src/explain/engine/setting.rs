@@ -34,6 +34,9 @@ use crate::system::polynomial::Polynomial;
 use crate::system::ties::{self, Identified};
 use crate::warning::Warning;
 
+/// Turn of the low-pass's highest frequency between two points, rad: columns are integrated to (0.4)²/12, 1 % of what is fastest. Most points to a sample.
+const MOST_TURN: f64 = 0.4;
+const MOST_POINTS: f64 = 16.0;
 /// Samples of which shooting follows some: more of a record is not looked at.
 const MOST_FOLLOWED: f64 = 120_000.0;
 
@@ -147,12 +150,16 @@ impl<'a> Setting<'a> {
     ///
     /// # Errors
     /// As [`crate::identify::identify`].
-    pub fn begin(records: &[Record], rig: &'a Rig, whole: &'a Bound, most_windows: f64) -> Result<Option<Begun<'a>>> {
+    pub fn begin(
+        records: &[Record],
+        rig: &'a Rig,
+        whole: &'a Bound,
+        (most_windows, settings): (f64, &IdentifySettings),
+    ) -> Result<Option<Begun<'a>>> {
         let Some(base) = base(rig, whole) else { return Ok(None) };
-        let settings = IdentifySettings::default();
-        let first = general::identify(records, rig, whole, &settings)?;
+        let first = general::identify(records, rig, whole, settings)?;
         let Prepared { stretches, record_of, sensors, geometry, warnings } =
-            general::prepare(records, rig, whole, &settings)?;
+            general::prepare(records, rig, whole, settings)?;
         let own = Own::new(&base, records.len());
         let longest = MOST_FOLLOWED / rig.sample_rate_hz;
         let mut raw = shorten(stretches, longest.max(geometry.windows.hop_s * most_windows));
@@ -199,6 +206,13 @@ impl<'a> Setting<'a> {
         };
         setting.signs = signs::own(&setting, &physical, &first);
         Ok(Some(Begun { setting, first, physical, warnings }))
+    }
+
+    /// Points to a sample: so many that what the low-pass lets through turns by little between two.
+    pub fn points(&self) -> usize {
+        let spacing = self.raw.first().map_or(1.0, |s| s.step_s);
+        let turn = core::f64::consts::TAU * self.geometry.kernels.full.pass_hz * spacing;
+        (turn / MOST_TURN).ceil().clamp(1.0, MOST_POINTS) as usize
     }
 
     /// The system without dampings.

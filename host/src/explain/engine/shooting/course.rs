@@ -23,9 +23,6 @@ use crate::model::model_file::tape::Tape;
 const SHORT: usize = 12;
 /// Movement of an angle, rad, beyond which a linearisation says nothing.
 const FARTHEST_RAD: f64 = 0.7;
-/// Turn of the low-pass's highest frequency between two points, rad: columns are integrated to (0.4)²/12, 1 % of what is fastest. Most points to a sample.
-const MOST_TURN: f64 = 0.4;
-const MOST_POINTS: f64 = 16.0;
 
 /// The record while columns are fitted to it.
 pub struct Course<'a> {
@@ -100,13 +97,24 @@ impl<'a> Course<'a> {
         Self { shown, ..self }
     }
 
+    /// Mean square of what the sensors showed about its mean, over the noise's.
+    pub fn motion_power(&self) -> f64 {
+        let of = |k: usize| {
+            let all = || self.shown.iter().flat_map(|s| &s[k]);
+            let count = all().count().max(1) as f64;
+            let mean = all().sum::<f64>() / count;
+            all().map(|x| (x - mean).powi(2)).sum::<f64>() / (count * self.sigma[k].powi(2))
+        };
+        (0..self.sigma.len()).map(of).sum::<f64>() / self.sigma.len().max(1) as f64
+    }
+
     fn along(&self, path: &Path, w: &Window) -> Along<'_> {
         Along {
             stretch: &self.state.stretches[w.stretch],
             between: &self.between[w.stretch],
             first: path.first + w.first,
             omega: self.omega,
-            points: self.points(),
+            points: self.setting.points(),
         }
     }
 
@@ -191,13 +199,6 @@ impl<'a> Course<'a> {
             at += c.strengths();
         }
         Measured { values, shown: &self.weights, sigma: &self.sigma, laws }
-    }
-
-    /// Points to a sample: so many that what the low-pass lets through turns by little between two.
-    fn points(&self) -> usize {
-        let spacing = self.state.stretches.first().map_or(1.0, |s| s.step_s);
-        let turn = core::f64::consts::TAU * self.setting.geometry.kernels.full.pass_hz * spacing;
-        (turn / MOST_TURN).ceil().clamp(1.0, MOST_POINTS) as usize
     }
 
     /// A window linearised; none where that is not possible.

@@ -11,7 +11,8 @@
 //!
 //! Windows are as long as leaves [`BLOCKS`] of them, and ten periods of the motion at most (under measured inputs, whose windows of the weak form are those of
 //! transients, twenty of these). What a drive keeps moving may be chaotic: there windows double from one period of the drive to eight, as long as they can be
-//! followed, and those of the last length that do not stand still are left out, by convergence and never by misfit (a reversal that only just happens).
+//! followed, and those of the last length that do not stand still are left out, by convergence and never by misfit (a reversal that only just happens). Other windows grow while
+//! what is left of them is small beside the motion, and on with the model that gets better.
 //!
 //! | file | what |
 //! |---|---|
@@ -22,6 +23,7 @@
 //! | [`linear`] | a window's normal equations |
 //! | [`gram`] | sums of products of the columns that are fitted together |
 //! | [`blocks`] | least squares over windows |
+//! | [`quieter`](mod@quieter) | the sensors' noise where it was taken for too much |
 //! | [`remade`](mod@remade) | what is left of records that the model itself makes |
 //! | [`signs`] | coefficients that keep their sign |
 
@@ -32,6 +34,7 @@ mod forcing;
 mod gram;
 mod linear;
 mod path;
+mod quieter;
 mod remade;
 pub mod signs;
 
@@ -42,6 +45,7 @@ use nalgebra::{DMatrix, DVector};
 use self::blocks::Blocks;
 use self::course::{Course, List};
 use self::path::{FEWEST_SAMPLES, Path, Window, windows};
+pub use self::quieter::quieter;
 pub use self::remade::remade;
 use super::candidates::{Candidate, Column};
 use super::setting::Setting;
@@ -64,6 +68,8 @@ const STILL: f64 = 0.15;
 const SETTLED: f64 = 0.9;
 /// What is left of a window, beside the median of all, from which its path is taken to have been led astray.
 const ASTRAY: f64 = 10.0;
+/// What is left of windows, as a share of the motion's rms, from which longer ones would be linearised too far from what the model does.
+const FAR: f64 = 0.15;
 /// Share of the windows that may be left out.
 const MOST_LOST: f64 = 0.3;
 
@@ -158,8 +164,18 @@ fn stages(setting: &Setting<'_>, full: usize) -> Vec<(usize, usize)> {
 /// Fits the model's own columns and what was chosen from the state's coefficients on, moving the paths with them; none where most windows cannot be followed.
 pub fn settle(setting: &Setting<'_>, state: &mut State) -> Option<(DVector<f64>, DMatrix<f64>)> {
     let before = state.followed.take();
-    // A model that has changed may no longer follow windows of that length about that path.
-    let goes_on = before.and_then(|f| f.length.and_then(|l| grown(setting, state, f, &[(l, PASSES[2])])));
+    let n = setting.circle.len();
+    let of_full = |paths: &[Path]| {
+        let lengths: Vec<usize> = paths.iter().map(|p| p.len(n)).collect();
+        stages(setting, longest(setting, &lengths))
+    };
+    // A model that has changed may no longer follow windows of that length about that path; one that was far off may now follow longer ones.
+    let goes_on = before.and_then(|f| {
+        let length = f.length?;
+        let longer = of_full(&f.paths).into_iter().filter(|s| setting.rig.drive.is_none() && s.0 > length);
+        let all: Vec<(usize, usize)> = std::iter::once((length, PASSES[2])).chain(longer).collect();
+        grown(setting, state, f, &all)
+    });
     let goes_on = goes_on.map(|found| back_from_astray(setting, state, found));
     let (followed, x, covariance) = goes_on.or_else(|| {
         let fresh = Followed {
@@ -169,9 +185,8 @@ pub fn settle(setting: &Setting<'_>, state: &mut State) -> Option<(DVector<f64>,
             still: Vec::new(),
             left: Vec::new(),
         };
-        let n = setting.circle.len();
-        let lengths: Vec<usize> = fresh.paths.iter().map(|p| p.len(n)).collect();
-        grown(setting, state, fresh, &stages(setting, longest(setting, &lengths)))
+        let all = of_full(&fresh.paths);
+        grown(setting, state, fresh, &all)
     })?;
     remember(setting, state, &followed);
     state.followed = Some(followed);
@@ -220,18 +235,32 @@ fn remember(setting: &Setting<'_>, state: &mut State, followed: &Followed) {
     }
 }
 
-/// Fits in windows of one length after the other, as long as they can be followed.
+/// Mean over windows that have a number.
+fn mean_of(left: &[f64]) -> f64 {
+    let all = left.iter().filter(|l| l.is_finite());
+    all.clone().sum::<f64>() / all.count().max(1) as f64
+}
+
+/// Fits in windows of one length after the other, as long as they can be followed and what is left is small beside the motion.
 fn grown(setting: &Setting<'_>, state: &State, mut followed: Followed, stages: &[(usize, usize)]) -> Option<Fitted> {
     let mut x = present(state);
     let own: Vec<usize> = (0..x.len()).collect();
     let signs = signs_of(setting, state, &[], 0);
     let course = Course::new(setting, state);
-    let mut last = None;
+    let far = FAR * FAR * course.motion_power();
+    let mut last: Option<(DMatrix<f64>, Vec<bool>, Vec<f64>)> = None;
     for &(length, passes) in stages {
         let (mut trial, mut moved) = (followed.clone(), x.clone());
         let Some(fit) = stage(&course, &mut trial, &mut moved, (length, passes), &own, &signs) else { break };
+        let is_far = setting.rig.drive.is_none() && mean_of(&fit.2) > far;
+        if is_far && last.is_some() {
+            break;
+        }
         trial.length = Some(length);
         (followed, x, last) = (trial, moved, Some(fit));
+        if is_far {
+            break;
+        }
     }
     let (covariance, still, left) = last?;
     followed.left = left;
