@@ -108,7 +108,7 @@ pub fn path_of(table: &Path) -> PathBuf {
 const ANEW: &str = "Begin anew with --force instead of --resume, or name another table";
 
 impl Found {
-    /// Reads a journal, if there is one and it is not empty.
+    /// Reads a journal, if there is one with a whole first line.
     ///
     /// # Errors
     /// A file that is no journal of a batch, a damaged line.
@@ -120,7 +120,9 @@ impl Found {
         let mut file = files::open(path, "the journal of a batch", ANEW)?;
         std::io::Read::read_to_end(&mut file, &mut bytes).map_err(|e| BadInput::io(path, &e))?;
         let whole = bytes.iter().rposition(|b| *b == b'\n').map_or(0, |last| last + 1);
-        if bytes.is_empty() {
+        let begun = b"{\"format\":";
+        if whole == 0 && bytes.iter().zip(begun).all(|(a, b)| a == b) {
+            // Killed before the first line was whole: nothing was done yet.
             return Ok(None);
         }
         let bad = |line: usize, e: &dyn std::fmt::Display| {
@@ -314,6 +316,10 @@ mod tests {
         assert_eq!(header().run(&records), Header { shard: None, ..header() }.run(&records));
         assert_ne!(header().run(&records), header().run(&records[..1]));
         assert_ne!(header().run(&records), changed.run(&records));
+        std::fs::write(&path, "{\"format\":1,\"com").unwrap();
+        assert!(Found::read(&path).unwrap().is_none());
+        std::fs::write(&path, "my notes").unwrap();
+        assert!(Found::read(&path).is_err());
         std::fs::write(&path, "{\"a\":1}\n").unwrap();
         assert!(Found::read(&path).unwrap_err().to_string().contains("line 1"));
     }

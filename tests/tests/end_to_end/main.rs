@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod bad_input;
+mod batch;
 mod demo;
 mod determinism;
 mod device;
