@@ -11,6 +11,7 @@ mod exported;
 mod faulty_link;
 mod interface;
 mod interrupted;
+mod json_page;
 mod measured;
 mod memory;
 mod outputs;
