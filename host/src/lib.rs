@@ -1,5 +1,6 @@
 //! From encoder counts to a trusted equation of motion, and to the physical effect that the model is missing.
 
+pub mod batch;
 pub mod boards;
 pub mod capture;
 pub mod cli;

@@ -1,8 +1,8 @@
 //! `whirl completions SHELL`: completions for a shell, on standard output.
 
-use clap::{Args, CommandFactory};
+use clap::Args;
 
-use super::{Answer, Cli};
+use super::Answer;
 use crate::error::Result;
 
 /// Arguments of `completions`.
@@ -15,7 +15,7 @@ pub struct Arguments {
 /// Prints the completions.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let mut script = Vec::new();
-    clap_complete::generate(arguments.shell, &mut Cli::command(), "whirl", &mut script);
+    clap_complete::generate(arguments.shell, &mut super::command(), "whirl", &mut script);
     super::output::print(&String::from_utf8_lossy(&script));
     Ok(Answer::Positive)
 }

@@ -231,7 +231,7 @@ fn show(link: &Link) -> Result<Answer> {
     let device = Device::of(&hello);
     let out = link.out();
     out.write_json(&serde_json::json!({
-        "format": 1, "from": from, "device": device, "shaker": shaker_word(&status), "tick": status.tick,
+        "from": from, "device": device, "shaker": shaker_word(&status), "tick": status.tick,
         "counts": counts, "bad_frames": status.bad_frames, "overruns": status.overruns, "warnings": warnings,
     }))?;
     print_warnings(&warnings);
@@ -301,7 +301,7 @@ fn zero(link: &Link) -> Result<Answer> {
     let out = link.out();
     let id = after.zeros.first().map_or(0, |zero| zero.id);
     out.write_json(&serde_json::json!({
-        "format": 1, "from": from, "zero_id": id, "tick": after.tick, "counts_moved_before": moved,
+        "from": from, "zero_id": id, "tick": after.tick, "counts_moved_before": moved,
         "device": device, "warnings": warnings,
     }))?;
     print_warnings(&warnings);

@@ -100,7 +100,7 @@ pub fn run(link: &Link) -> Result<Answer> {
         list.push(Port { from, usb: usb(&port).map(|(_, text)| text), device, why });
     }
     let out = link.out();
-    out.write_json(&serde_json::json!({ "format": 1, "ports": list, "warnings": [] }))?;
+    out.write_json(&serde_json::json!({ "ports": list, "warnings": [] }))?;
     out.say(&human(&list));
     Ok(Answer::Positive)
 }

@@ -58,7 +58,7 @@ pub fn run(link: &Link, arguments: &Arguments) -> Result<Answer> {
     let device = Device::of(&after);
     let out = link.out();
     out.write_json(&serde_json::json!({
-        "format": 1, "from": from, "set": changes.iter().map(|c| &c.text).collect::<Vec<_>>(),
+        "from": from, "set": changes.iter().map(|c| &c.text).collect::<Vec<_>>(),
         "in_force": !arguments.no_restart, "device": device, "warnings": warnings,
     }))?;
     print_warnings(&warnings);

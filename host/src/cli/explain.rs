@@ -4,16 +4,21 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::batch::{Parts, Single};
 use super::identify::WeakForm;
 use super::output::{Output, Replace, print_warnings, write_file};
-use super::{Answer, Records};
+use super::{Analysed, Answer, Judgement, Records};
+use crate::batch::answers;
+use crate::batch::row::Row;
 use crate::error::{BadInput, Result};
-use crate::explain::{Settings, Verdict, explain, ledger, presentation};
+use crate::explain::{Explanation, Settings, Verdict, explain, ledger, presentation};
 use crate::model::identified::IdentifiedModel;
 use crate::report::{Report, Results};
+use crate::rig::Rig;
+use crate::warning::Warning;
 
 /// Arguments of `explain`.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct Arguments {
     #[command(flatten)]
     records: Records,
@@ -46,18 +51,17 @@ pub struct Arguments {
     out: Output,
 }
 
-/// Reads, explains, writes.
-pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (mut rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
-    files
-        .reads(&arguments.model)
-        .result("-o", arguments.output.as_ref())
-        .result("--ledger", arguments.ledger.as_ref())
-        .check()?;
+/// What an explanation needs beside the records.
+pub struct Ready {
+    rig: Rig,
+    settings: Settings,
+}
+
+/// Reads what is the same for every record.
+fn prepare(arguments: &Arguments, mut rig: Rig) -> Result<Ready> {
     for file in &arguments.effects {
         rig.add_effects(file)?;
     }
-    let records = arguments.records.read_for(&rig)?;
     for h in &arguments.forecast {
         if !(h.is_finite() && *h > 0.0 && *h <= 1e4) {
             return Err(BadInput::new(h.to_string(), "seconds above 0 (at most 10 000)").at("--forecast"));
@@ -71,7 +75,39 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         most_effects: arguments.most_effects,
         model,
     };
-    let result = match explain(&records, &rig, &settings) {
+    Ok(Ready { rig, settings })
+}
+
+/// Reads the records and explains them.
+fn analyse(arguments: &Arguments, ready: &Ready) -> Result<Analysed<Explanation>> {
+    let records = arguments.records.read_for(&ready.rig)?;
+    let result = explain(&records, &ready.rig, &ready.settings);
+    Ok(Analysed { records, result })
+}
+
+/// What makes the answer negative.
+fn judge(arguments: &Arguments, result: &Explanation, lost: u64) -> Judgement {
+    if result.verdict == Verdict::NotDecidable {
+        // The answer itself says why.
+        return Judgement::negative(None);
+    }
+    Judgement::of(&result.warnings).and(arguments.records.judge(lost))
+}
+
+/// Reads, explains, writes.
+pub fn run(arguments: &Arguments) -> Result<Answer> {
+    let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
+    files
+        .reads(&arguments.model)
+        .result("-o", arguments.output.as_ref())
+        .result("--ledger", arguments.ledger.as_ref())
+        .check()?;
+    let ready = prepare(arguments, rig)?;
+    let analysed = analyse(arguments, &ready)?;
+    let lost = analysed.lost();
+    let Analysed { records, result } = analysed;
+    let Ready { rig, settings } = ready;
+    let result = match result {
         Ok(result) => result,
         Err(error) => return arguments.records.failed(&records, error, &arguments.out),
     };
@@ -91,8 +127,44 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         results.add(result.clone());
         Report::of(format!("Explanation: {}", rig.name), names.join(", "), &results).write(path)?;
     }
-    if result.verdict == Verdict::NotDecidable {
-        return Ok(Answer::Negative);
+    Ok(judge(arguments, &result, lost).tell())
+}
+
+impl Single for Arguments {
+    const NAME: &'static str = "explain";
+    type Ready = Ready;
+    type Result = Explanation;
+
+    fn parts(&self) -> Parts<'_> {
+        Parts { records: &self.records, out: &self.out, replace: self.replace }
     }
-    Ok(Answer::that_stands(&result.warnings).and(arguments.records.answer(&records)))
+
+    fn records_mut(&mut self) -> &mut Records {
+        &mut self.records
+    }
+
+    fn one_each(&self) -> Option<&'static str> {
+        self.output.as_ref().map(|_| "-o").or(self.ledger.as_ref().map(|_| "--ledger"))
+    }
+
+    fn reads(&self) -> Vec<PathBuf> {
+        self.effects.iter().chain(&self.model).cloned().collect()
+    }
+
+    fn prepare(&self, rig: Rig) -> Result<Ready> {
+        prepare(self, rig)
+    }
+
+    fn analyse(&self, ready: &Ready) -> Result<Analysed<Explanation>> {
+        analyse(self, ready)
+    }
+
+    fn judge(&self, result: &Explanation, lost: u64) -> Judgement {
+        judge(self, result, lost)
+    }
+
+    fn cells(row: &mut Row, result: &Explanation) -> Vec<Warning> {
+        answers::explanation(row, result);
+        result.warnings.clone()
+    }
 }

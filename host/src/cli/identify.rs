@@ -5,9 +5,12 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::batch::{Parts, Single};
 use super::output::{Output, Replace, print_warnings};
-use super::{Answer, Records};
-use crate::error::{BadInput, Result, tell};
+use super::{Analysed, Answer, Judgement, Records};
+use crate::batch::answers;
+use crate::batch::row::Row;
+use crate::error::{BadInput, Result};
 use crate::identify::{
     ERROR_BOUND, Identification, Settings, best::best, from_rows, harmonic_balance, identify, model_file, presentation,
     shooting,
@@ -18,6 +21,7 @@ use crate::record::{ReadOptions, Record};
 use crate::report::format::{plus_minus, significant};
 use crate::report::{Report, Results};
 use crate::rig::Rig;
+use crate::warning::Warning;
 
 /// Methods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -54,7 +58,7 @@ impl WeakForm {
 }
 
 /// Arguments of `identify`.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct Arguments {
     #[command(flatten)]
     records: Records,
@@ -135,7 +139,7 @@ pub fn human(result: &Identification) -> String {
 }
 
 /// Identifies from regression rows alone.
-fn of_rows(arguments: &Arguments, rig: &Rig, records: &[RowsRecord]) -> Result<Answer> {
+fn of_rows(arguments: &Arguments, rig: &Rig, records: &[RowsRecord]) -> Result<Identification> {
     let options = [
         ("--window-s", arguments.weak.window_s),
         ("--max-frequency-hz", arguments.weak.max_frequency_hz),
@@ -158,28 +162,7 @@ fn of_rows(arguments: &Arguments, rig: &Rig, records: &[RowsRecord]) -> Result<A
         .at("--method")
         .remedy("Capture samples: leave --rows out"));
     }
-    let result = from_rows::identify(records, rig)?;
-    print_warnings(&result.warnings);
-    arguments.out.write_json(&result)?;
-    arguments.out.say(&human(&result));
-    if let Some(path) = &arguments.output {
-        model_file::identified_model(&result, rig)?.write(path)?;
-    }
-    if let Some(path) = &arguments.out.report {
-        let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
-        let mut results = Results::new();
-        results.add(presentation::table(&result, "", &|_| None)).add(presentation::residuals(&result));
-        Report::of(format!("Identification: {}", rig.name), names.join(", "), &results).write(path)?;
-    }
-    if !result.within_bound() {
-        tell(format_args!("the identification error exceeds its bound of {:.0} %", 100.0 * ERROR_BOUND));
-        return Ok(Answer::Negative);
-    }
-    if arguments.records.strict && result.record.lost > 0 {
-        super::tell_missing(result.record.lost);
-        return Ok(Answer::Negative);
-    }
-    Ok(Answer::that_stands(&result.warnings))
+    from_rows::identify(records, rig)
 }
 
 /// Identifies by the method asked for.
@@ -201,19 +184,34 @@ fn by_method(arguments: &Arguments, records: &[Record], rig: &Rig, settings: &Se
     }
 }
 
+/// Reads and identifies.
+fn analyse(arguments: &Arguments, rig: &Rig) -> Result<Analysed<Identification>> {
+    let options = ReadOptions { recover: arguments.records.recover, ..ReadOptions::default() };
+    if let Some(rows) = from_rows::read(&arguments.records.records, &options)? {
+        return Ok(Analysed { records: Vec::new(), result: of_rows(arguments, rig, &rows) });
+    }
+    let records = arguments.records.read_for(rig)?;
+    let result = by_method(arguments, &records, rig, &arguments.weak.settings());
+    Ok(Analysed { records, result })
+}
+
+/// What makes the answer negative.
+fn judge(arguments: &Arguments, result: &Identification, lost: u64) -> Judgement {
+    if !result.within_bound() {
+        let bound = 100.0 * ERROR_BOUND;
+        return Judgement::negative(Some(format!("the identification error exceeds its bound of {bound:.0} %")));
+    }
+    Judgement::of(&result.warnings).and(arguments.records.judge(lost))
+}
+
 /// Reads, identifies, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
     files.result("-o", arguments.output.as_ref()).check()?;
-    if let Some(records) = from_rows::read(
-        &arguments.records.records,
-        &ReadOptions { recover: arguments.records.recover, ..ReadOptions::default() },
-    )? {
-        return of_rows(arguments, &rig, &records);
-    }
-    let records = arguments.records.read_for(&rig)?;
-    let settings = arguments.weak.settings();
-    let result = match by_method(arguments, &records, &rig, &settings) {
+    let analysed = analyse(arguments, &rig)?;
+    let lost = analysed.lost();
+    let Analysed { records, result } = analysed;
+    let result = match result {
         Ok(result) => result,
         Err(error) => return arguments.records.failed(&records, error, &arguments.out),
     };
@@ -224,7 +222,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         model_file::identified_model(&result, &rig)?.write(path)?;
     }
     if let Some(path) = &arguments.out.report {
-        let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
+        let names: Vec<String> = arguments.records.records.iter().map(|p| p.display().to_string()).collect();
         let mut results = Results::new();
         results.add(presentation::table(&result, "", &|_| None)).add(presentation::residuals(&result));
         // A report of an identification also shows what was identified from.
@@ -233,9 +231,41 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         }
         Report::of(format!("Identification: {}", rig.name), names.join(", "), &results).write(path)?;
     }
-    if !result.within_bound() {
-        tell(format_args!("the identification error exceeds its bound of {:.0} %", 100.0 * ERROR_BOUND));
-        return Ok(Answer::Negative);
+    let lost = if records.is_empty() { result.record.lost } else { lost };
+    Ok(judge(arguments, &result, lost).tell())
+}
+
+impl Single for Arguments {
+    const NAME: &'static str = "identify";
+    type Ready = Rig;
+    type Result = Identification;
+
+    fn parts(&self) -> Parts<'_> {
+        Parts { records: &self.records, out: &self.out, replace: self.replace }
     }
-    Ok(Answer::that_stands(&result.warnings).and(arguments.records.answer(&records)))
+
+    fn records_mut(&mut self) -> &mut Records {
+        &mut self.records
+    }
+
+    fn one_each(&self) -> Option<&'static str> {
+        self.output.as_ref().map(|_| "-o")
+    }
+
+    fn prepare(&self, rig: Rig) -> Result<Rig> {
+        Ok(rig)
+    }
+
+    fn analyse(&self, rig: &Rig) -> Result<Analysed<Identification>> {
+        analyse(self, rig)
+    }
+
+    fn judge(&self, result: &Identification, lost: u64) -> Judgement {
+        judge(self, result, lost.max(result.record.lost))
+    }
+
+    fn cells(row: &mut Row, result: &Identification) -> Vec<Warning> {
+        answers::identification(row, result);
+        result.warnings.clone()
+    }
 }

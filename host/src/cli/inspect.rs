@@ -55,7 +55,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     // One record, one object; several, a list of them.
     match &inspections[..] {
         [one] => arguments.out.write_json(one)?,
-        several => arguments.out.write_json(&several)?,
+        several => arguments.out.write_json_list(several)?,
     }
     arguments.out.say(&text);
     if let Some(path) = &arguments.out.report {

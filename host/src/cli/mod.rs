@@ -2,6 +2,7 @@
 //!
 //! Exit status: 0 done; 1 done and the answer is negative; 2 bad input or usage, with one message on standard error.
 
+mod batch;
 mod capture;
 mod completions;
 mod demo;
@@ -30,7 +31,7 @@ use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
 
 use crate::error::{BadInput, Result, tell};
 use crate::record::Record;
@@ -71,6 +72,9 @@ enum Command {
     Validate(validate::Arguments),
     /// Where simulation and measurement disagree, which effect is missing, the gap before and after.
     Explain(explain::Arguments),
+    /// Many records, one row each, in one table.
+    #[command(subcommand)]
+    Batch(Box<batch::What>),
     /// An identified model as readable code, with its units, parameters and effects.
     Export(export::Arguments),
     /// Ports and boards; a board's settings, kept in its flash; its zero.
@@ -100,17 +104,62 @@ pub enum Answer {
 impl Answer {
     /// The negative answer, said with its reason, where a warning says that the answer cannot stand.
     fn that_stands(warnings: &[Warning]) -> Self {
-        let reasons: Vec<&str> = warnings.iter().filter(|w| w.invalidates).map(|w| w.id).collect();
-        if reasons.is_empty() {
-            return Self::Positive;
-        }
-        tell(format_args!("this answer cannot stand: {} (see the warnings)", reasons.join(", ")));
-        Self::Negative
+        Judgement::of(warnings).tell()
     }
 
     /// Positive where both are.
     fn and(self, other: Self) -> Self {
         if self == Self::Positive { other } else { self }
+    }
+}
+
+/// Whether an answer is negative, and what is said where it is, not yet said.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Judgement {
+    negative: bool,
+    told: Vec<String>,
+}
+
+impl Judgement {
+    /// Negative, for a reason that the answer itself may give already.
+    fn negative(told: Option<String>) -> Self {
+        Self { negative: true, told: told.into_iter().collect() }
+    }
+
+    /// Negative where a warning says that the answer cannot stand.
+    fn of(warnings: &[Warning]) -> Self {
+        let reasons: Vec<&str> = warnings.iter().filter(|w| w.invalidates).map(|w| w.id).collect();
+        if reasons.is_empty() {
+            return Self::default();
+        }
+        Self::negative(Some(format!("this answer cannot stand: {} (see the warnings)", reasons.join(", "))))
+    }
+
+    /// Negative where either is.
+    fn and(mut self, other: Self) -> Self {
+        self.negative |= other.negative;
+        self.told.extend(other.told);
+        self
+    }
+
+    /// Says it.
+    fn tell(self) -> Answer {
+        self.told.iter().for_each(tell);
+        if self.negative { Answer::Negative } else { Answer::Positive }
+    }
+}
+
+/// What became of an analysis of records that could be read: its result, or why there is none.
+struct Analysed<T> {
+    /// The records; none where they hold rows instead of samples.
+    records: Vec<Record>,
+    result: Result<T>,
+}
+
+impl<T> Analysed<T> {
+    /// Missing samples.
+    fn lost(&self) -> u64 {
+        self.records.iter().map(|r| r.losses.lost()).sum()
     }
 }
 
@@ -188,25 +237,30 @@ impl Records {
 
     /// The same for so many missing samples.
     fn answer_for(&self, lost: u64) -> Answer {
-        if self.strict && lost > 0 {
-            tell_missing(lost);
-            return Answer::Negative;
+        self.judge(lost).tell()
+    }
+
+    /// Negative under `--strict` where samples are missing.
+    fn judge(&self, lost: u64) -> Judgement {
+        if !self.strict || lost == 0 {
+            return Judgement::default();
         }
-        Answer::Positive
+        let (samples, are) = if lost == 1 { ("sample", "is") } else { ("samples", "are") };
+        Judgement::negative(Some(format!("{lost} {samples} {are} missing (--strict)")))
     }
 }
 
-/// Says that samples are missing where none may.
-fn tell_missing(lost: u64) {
-    let (samples, are) = if lost == 1 { ("sample", "is") } else { ("samples", "are") };
-    tell(format_args!("{lost} {samples} {are} missing (--strict)"));
+/// The command line with all its subcommands.
+fn command() -> clap::Command {
+    Cli::command().mut_subcommand("batch", batch::without_single_outputs)
 }
 
 /// Parses, runs, reports.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let matches = command().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     progress::set_quiet(cli.quiet);
-    match run(cli).and_then(|answer| output::all_said().map(|()| answer)) {
+    match run(cli, &matches).and_then(|answer| output::all_said().map(|()| answer)) {
         Ok(Answer::Positive) => ExitCode::SUCCESS,
         Ok(Answer::Negative) => ExitCode::from(1),
         Err(error) => {
@@ -218,7 +272,7 @@ pub fn main() -> ExitCode {
     }
 }
 
-fn run(cli: Cli) -> Result<Answer> {
+fn run(cli: Cli, matches: &ArgMatches) -> Result<Answer> {
     if cli.threads > 1024 {
         return Err(BadInput::new(cli.threads.to_string(), "at most 1024").at("--threads"));
     }
@@ -236,6 +290,7 @@ fn run(cli: Cli) -> Result<Answer> {
         Command::Identify(a) => identify::run(&a),
         Command::Validate(a) => validate::run(&a),
         Command::Explain(a) => explain::run(&a),
+        Command::Batch(a) => batch::run(&a, matches),
         Command::Export(a) => export::run(&a),
         Command::Device(a) => device::run(&a),
         Command::Flash(a) => flash::run(&a),
@@ -249,10 +304,8 @@ fn run(cli: Cli) -> Result<Answer> {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     #[test]
     fn no_command_has_two_options_of_one_name() {
-        super::Cli::command().debug_assert();
+        super::command().debug_assert();
     }
 }

@@ -30,12 +30,36 @@ pub struct Replace {
     pub force: bool,
 }
 
+/// Version of what whirl writes as JSON, the first key of every object: docs/json.md tells the others.
+pub const FORMAT: u32 = 1;
+
+/// A result with the version of its keys.
+#[derive(Serialize)]
+struct Versioned<'a, T> {
+    format: u32,
+    #[serde(flatten)]
+    result: &'a T,
+}
+
 impl Output {
-    /// Writes the JSON if asked for.
+    /// Writes the JSON of a result with named fields if asked for; its first key is `format`.
     ///
     /// # Errors
     /// A file that cannot be written.
     pub fn write_json<T: Serialize>(&self, result: &T) -> Result<()> {
+        self.write(&Versioned { format: FORMAT, result })
+    }
+
+    /// Writes the JSON of several results, as a list of objects, if asked for.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write_json_list<T: Serialize>(&self, results: &[T]) -> Result<()> {
+        let list: Vec<_> = results.iter().map(|result| Versioned { format: FORMAT, result }).collect();
+        self.write(&list)
+    }
+
+    fn write<T: Serialize>(&self, result: &T) -> Result<()> {
         let Some(path) = &self.json else { return Ok(()) };
         let mut text = serde_json::to_string_pretty(result)
             .map_err(|e| BadInput::new(e.to_string(), "a result that can be written as JSON").in_file(path))?;

@@ -80,6 +80,17 @@ impl Outputs {
         self.add(option, Kind::Again, Some(path))
     }
 
+    /// A table of many records: replaces one of its kind, and nothing else unasked.
+    pub fn table_of_rows(self, option: &'static str, path: &Path) -> Self {
+        let kind = if crate::batch::table::Table::is_at(path) { Kind::Again } else { Kind::Result };
+        self.add(option, kind, Some(path))
+    }
+
+    /// The same with the journal beside it, whose writer knows what it replaces.
+    pub fn batch(self, option: &'static str, path: &Path) -> Self {
+        self.table_of_rows(option, path).again(option, &crate::batch::journal::path_of(path))
+    }
+
     fn add<P: AsRef<Path>>(mut self, option: &'static str, kind: Kind, path: Option<P>) -> Self {
         self.planned.extend(path.map(|p| Planned { option, kind, path: p.as_ref().to_path_buf() }));
         self

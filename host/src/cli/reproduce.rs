@@ -44,7 +44,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         arguments.out.say(&r.text());
         done.push(r);
     }
-    arguments.out.write_json(&done)?;
+    arguments.out.write_json_list(&done)?;
     if let Some(path) = &arguments.out.report {
         let mut report =
             Report::new("Reproduction", "the dissertation's tables and figures: printed, reproduced, true");

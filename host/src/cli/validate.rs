@@ -4,17 +4,21 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::batch::{Parts, Single};
 use super::output::{Output, Replace, print_warnings};
-use super::{Answer, Records};
-use crate::error::{Result, tell};
+use super::{Analysed, Answer, Judgement, Records};
+use crate::batch::answers;
+use crate::batch::row::Row;
+use crate::error::Result;
 use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::report::{Report, Results};
 use crate::rig::Rig;
-use crate::validate::{Beside, Settings, Verdict, presentation, validate};
+use crate::validate::{Beside, Settings, Validation, Verdict, presentation, validate};
+use crate::warning::Warning;
 
 /// Arguments of `validate`.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct Arguments {
     #[command(flatten)]
     records: Records,
@@ -60,11 +64,16 @@ fn range(text: &str) -> std::result::Result<(String, f64, f64), String> {
     }
 }
 
-/// Reads, validates, writes.
-pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
-    files.reads([&arguments.model]).reads(&arguments.free).check()?;
-    let records = arguments.records.read_for(&rig)?;
+/// What a validation needs beside the records.
+pub struct Ready {
+    rig: Rig,
+    model: IdentifiedModel,
+    free: Option<Record>,
+    settings: Settings,
+}
+
+/// Reads what is the same for every record.
+fn prepare(arguments: &Arguments, rig: Rig) -> Result<Ready> {
     let model = IdentifiedModel::read(&arguments.model)?;
     let free_rig = Rig { drive: None, ..rig.clone() };
     let options = arguments.records.options();
@@ -75,13 +84,39 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         seed: arguments.seed,
         bifurcation: arguments.bifurcation.clone(),
     };
+    Ok(Ready { rig, model, free, settings })
+}
+
+/// Reads the records and validates the model on them.
+fn analyse(arguments: &Arguments, ready: &Ready) -> Result<Analysed<Validation>> {
+    let records = arguments.records.read_for(&ready.rig)?;
     let bar = super::progress::bar("validating", 0);
-    let beside = Beside { free: free.as_ref(), inspection: None, progress: Some(&bar) };
-    let result = validate(&records, &rig, &model, beside, &settings).map_err(|e| {
+    let beside = Beside { free: ready.free.as_ref(), inspection: None, progress: Some(&bar) };
+    let result = validate(&records, &ready.rig, &ready.model, beside, &ready.settings).map_err(|e| {
         // What is wrong in the model has no file yet; records and rig name theirs.
         if e.place.as_deref().is_some_and(|p| p.starts_with("--")) { e } else { e.in_file(&arguments.model) }
     })?;
     bar.finish_and_clear();
+    Ok(Analysed { records, result: Ok(result) })
+}
+
+/// What makes the answer negative.
+fn judge(arguments: &Arguments, result: &Validation, lost: u64) -> Judgement {
+    if result.verdict == Verdict::Failed {
+        return Judgement::negative(Some("the model fails its validation".to_owned()));
+    }
+    Judgement::of(&result.warnings).and(arguments.records.judge(lost))
+}
+
+/// Reads, validates, writes.
+pub fn run(arguments: &Arguments) -> Result<Answer> {
+    let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
+    files.reads([&arguments.model]).reads(&arguments.free).check()?;
+    let ready = prepare(arguments, rig)?;
+    let analysed = analyse(arguments, &ready)?;
+    let lost = analysed.lost();
+    let Analysed { records, result } = analysed;
+    let result = result?;
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;
     arguments.out.say(&presentation::human(&result));
@@ -89,13 +124,44 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
         let mut results = Results::new();
         results.add(result.clone());
-        let mut page = Report::of(format!("Validation: {}", rig.name), names.join(", "), &results);
-        page.fact("Rig", &rig.name).fact("Model", arguments.model.display().to_string());
+        let mut page = Report::of(format!("Validation: {}", ready.rig.name), names.join(", "), &results);
+        page.fact("Rig", &ready.rig.name).fact("Model", arguments.model.display().to_string());
         page.write(path)?;
     }
-    if result.verdict == Verdict::Failed {
-        tell("the model fails its validation");
-        return Ok(Answer::Negative);
+    Ok(judge(arguments, &result, lost).tell())
+}
+
+impl Single for Arguments {
+    const NAME: &'static str = "validate";
+    type Ready = Ready;
+    type Result = Validation;
+
+    fn parts(&self) -> Parts<'_> {
+        Parts { records: &self.records, out: &self.out, replace: self.replace }
     }
-    Ok(Answer::that_stands(&result.warnings).and(arguments.records.answer(&records)))
+
+    fn records_mut(&mut self) -> &mut Records {
+        &mut self.records
+    }
+
+    fn reads(&self) -> Vec<PathBuf> {
+        self.free.iter().chain([&self.model]).cloned().collect()
+    }
+
+    fn prepare(&self, rig: Rig) -> Result<Ready> {
+        prepare(self, rig)
+    }
+
+    fn analyse(&self, ready: &Ready) -> Result<Analysed<Validation>> {
+        analyse(self, ready)
+    }
+
+    fn judge(&self, result: &Validation, lost: u64) -> Judgement {
+        judge(self, result, lost)
+    }
+
+    fn cells(row: &mut Row, result: &Validation) -> Vec<Warning> {
+        answers::validation(row, result);
+        result.warnings.clone()
+    }
 }

@@ -69,6 +69,9 @@ pub struct IdentifiedModel {
 /// Key in [`IdentifiedModel::found_with`] of the length of the record that effects were found on, s: a drift's unit of time.
 pub const RECORD_S: &str = "record_s";
 
+/// Version of the file; one without is of the first.
+const FORMAT: i64 = 1;
+
 /// A number in TOML with the fewest digits that give back the same bits.
 fn number(x: f64) -> String {
     if x.is_nan() { "nan".to_owned() } else { format!("{x:?}") } // "inf" and "1e300" are TOML as they are
@@ -105,6 +108,7 @@ impl IdentifiedModel {
     pub fn to_toml(&self) -> String {
         let mut out = String::new();
         // Writing into a string cannot fail.
+        let _ = writeln!(out, "format = {FORMAT}");
         let _ = writeln!(out, "name = {}", text(&self.name));
         if let System::BuiltIn(id) = &self.system {
             let _ = writeln!(out, "model = {}", text(id));
@@ -117,7 +121,7 @@ impl IdentifiedModel {
         let _ = writeln!(out, "nominal = [{}]", list.join(", "));
         if let System::Own(table) = &self.system {
             // Plain keys first, inline; tables after them would end the top level.
-            for (k, v) in table.iter().filter(|(k, _)| *k != "equation") {
+            for (k, v) in table.iter().filter(|(k, _)| !["equation", "format"].contains(&k.as_str())) {
                 let _ = writeln!(out, "{} = {}", key(k), v);
             }
             if let Some(Value::Array(equations)) = table.get("equation") {
@@ -194,6 +198,10 @@ impl IdentifiedModel {
             let line = e.span().map_or(0, |s| source.get(..s.start).unwrap_or("").matches('\n').count() + 1);
             BadInput::new(e.message().replace('\n', " ").trim().to_owned(), "").at(format!("line {line}"))
         })?;
+        match table.remove("format") {
+            None | Some(Value::Integer(FORMAT)) => {}
+            Some(v) => return Err(bad("format", &v, &format!("{FORMAT}, which this version of whirl reads"))),
+        }
         let name = take_text(&mut table, "", "name")?;
         let method = take_text(&mut table, "", "method")?;
         let drive_frequency_hz = match table.remove("drive_frequency_hz") {
@@ -431,7 +439,8 @@ mod tests {
             ("drive_frequency_hz = 5.0", "drive_frequency_hz = 0.0", "drive_frequency_hz", "0"),
             ("id = ", "idd = ", "effect 1, id", "no id"),
             ("strengths = [0.0051, ", "strengths = [true, ", "effect 1, strengths", "true"),
-            ("name = ", "name = = ", "line 1", ""),
+            ("name = ", "name = = ", "line 2", ""),
+            ("format = 1", "format = 2", "format", "2"),
             ("nominal = [", "more = 1\nnominal = [", "more", "1"),
         ] {
             assert!(good.contains(from), "{from}");

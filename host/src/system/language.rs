@@ -223,7 +223,7 @@ impl SystemFile {
     pub fn from_source(source: Source) -> Result<Self> {
         let table = source.table()?;
         let top = table.get_ref();
-        source.known_keys(top, &[&KEYS[..], &["equation"]].concat(), "a system file")?;
+        source.known_keys(top, &[&KEYS[..], &["equation", "format"]].concat(), "a system file")?;
         let mut r = Reader { source: &source, words: Words::default() };
         let name = source.required(top, table.span(), "name", "a name for people")?;
         let name = source.text(name, "a name for people")?.to_owned();

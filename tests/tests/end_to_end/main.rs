@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod bad_input;
+mod batch;
 mod demo;
 mod determinism;
 mod device;
@@ -10,6 +11,7 @@ mod exported;
 mod faulty_link;
 mod interface;
 mod interrupted;
+mod json_page;
 mod measured;
 mod memory;
 mod outputs;

@@ -59,8 +59,8 @@ const MOST_NAMES: usize = 64;
 /// Most terms of one equation.
 const MOST_TERMS: usize = 200;
 /// Keys that an identified model written by `identify -o` has beside those of a model file.
-const IDENTIFIED_KEYS: [&str; 7] =
-    ["model", "method", "drive_frequency_hz", "nominal", "found_with", "parameters", "effect"];
+const IDENTIFIED_KEYS: [&str; 8] =
+    ["format", "model", "method", "drive_frequency_hz", "nominal", "found_with", "parameters", "effect"];
 
 /// Where a coordinate lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,0 +1,46 @@
+//! `whirl batch merge`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::page::Summary;
+use crate::batch::merge::merge;
+use crate::batch::table::{Layout, Table};
+use crate::cli::Answer;
+use crate::cli::output::{Output, Replace, write_file};
+use crate::cli::outputs::Outputs;
+use crate::error::{Result, tell};
+
+/// Arguments of `batch merge`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Tables of shards, in any order.
+    #[arg(required = true, value_name = "TABLE")]
+    tables: Vec<PathBuf>,
+    /// Table of all their rows.
+    #[arg(long, value_name = "TABLE.parquet|.csv")]
+    out: PathBuf,
+    #[command(flatten)]
+    replace: Replace,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// Reads, merges, writes. The exit status is 0 wherever a whole table was made: what is in it was answered before.
+pub fn run(arguments: &Arguments) -> Result<Answer> {
+    let layout = Layout::of(&arguments.out)?;
+    Outputs::of(&arguments.output, Some(arguments.replace))
+        .reads(&arguments.tables)
+        .table_of_rows("--out", &arguments.out)
+        .check()?;
+    let tables = arguments.tables.iter().map(|path| Ok((path.clone(), Table::read(path)?)));
+    let merged = merge(tables.collect::<Result<_>>()?)?;
+    write_file(&arguments.out, &merged.table.bytes(layout)?)?;
+    Summary::of(&merged.table, &arguments.out, merged.of).give(&arguments.output)?;
+    if merged.missing.is_empty() {
+        return Ok(Answer::Positive);
+    }
+    tell(merged.told());
+    Ok(Answer::Negative)
+}

@@ -1,0 +1,87 @@
+//! docs/json.md names every key that a real result has, and every result and file has its version.
+
+use std::collections::BTreeSet;
+
+use serde_json::Value;
+use whirl_tests::repository;
+
+use super::program::{json, rig_file, whirl};
+
+/// Objects whose keys are names of things, not of results.
+const FREE: [&str; 4] = ["known", "verdicts", "initial", "options"];
+
+/// Words between backticks.
+fn named() -> BTreeSet<String> {
+    let page = std::fs::read_to_string(repository("docs/json.md")).unwrap();
+    let code = page.split('`').skip(1).step_by(2);
+    let words = code.flat_map(|c| c.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == '-')));
+    words.map(str::to_owned).collect()
+}
+
+/// Paths of keys that are not named.
+fn unnamed(value: &Value, path: &str, named: &BTreeSet<String>, out: &mut BTreeSet<String>) {
+    match value {
+        Value::Array(list) => list.iter().for_each(|v| unnamed(v, &format!("{path}[]"), named, out)),
+        Value::Object(object) => {
+            for (key, v) in object {
+                let of_warning = ["id", "text", "advice", "invalidates"].contains(&key.as_str());
+                if path.ends_with("warnings[]") && !of_warning {
+                    continue;
+                }
+                let here = format!("{path}.{key}");
+                if !named.contains(key) {
+                    out.insert(here.clone());
+                }
+                if !FREE.contains(&key.as_str()) && !(key == "parameters" && v.is_object()) {
+                    unnamed(v, &here, named, out);
+                }
+            }
+        }
+        _ => {}
+    }
+}
+
+#[test]
+fn every_key_of_real_results_stands_on_the_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    rig_file(at, "chaotic.toml", "rig.toml", &[("settle_s = 20.0", "settle_s = 1.0")]);
+    let named = named();
+    for (name, command) in [
+        ("simulate", "simulate --rig rig.toml --effect quadratic-drag@arm2=2e-7 --seconds 40 --seed 1 -o r.parquet"),
+        ("capture", "capture --from sim --rig rig.toml --seconds 2 -o c.parquet"),
+        ("inspect", "inspect r.parquet --rig rig.toml"),
+        ("identify", "identify r.parquet --rig rig.toml -o model.toml"),
+        ("frequency", "identify r.parquet --rig rig.toml --method frequency"),
+        ("validate", "validate r.parquet --rig rig.toml --model model.toml --starts 8"),
+        ("explain", "explain r.parquet --rig rig.toml --most-effects 1 --ledger ledger.json"),
+        ("reduce", "reduce r.parquet --rig rig.toml"),
+        ("export", "export model.toml --to c -o model.c"),
+        ("simulate-model", "simulate --model model.toml --seconds 1 -o s.csv"),
+        ("batch", "batch identify r.parquet c.parquet --rig rig.toml --method weak --out t.csv"),
+        ("merge", "batch merge t.csv --out m.csv"),
+    ] {
+        let run = whirl(at, &format!("{command} --json {name}.json"));
+        assert!(run.status < 2, "{command}: {run:?}");
+    }
+    let mut missing = BTreeSet::new();
+    let mut results = 0;
+    for entry in std::fs::read_dir(at).unwrap() {
+        let path = entry.unwrap().path();
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        if name.ends_with(".json") {
+            let result = json(&path);
+            assert_eq!(result["format"], 1, "{name}");
+            assert_eq!(result.as_object().unwrap().keys().next().unwrap(), "format", "{name}: the first key");
+            unnamed(&result, &name, &named, &mut missing);
+            results += 1;
+        }
+    }
+    assert_eq!(results, 13);
+    assert!(missing.is_empty(), "not in docs/json.md: {missing:#?}");
+    // A word that no page would have is missed.
+    unnamed(&serde_json::json!({ "no_such_key": 1 }), "", &named, &mut missing);
+    assert_eq!(missing.len(), 1);
+    assert!(std::fs::read_to_string(at.join("model.toml")).unwrap().starts_with("format = 1\n"));
+    assert!(std::fs::read_to_string(at.join("t.csv.journal")).unwrap().starts_with("{\"format\":1,"));
+}
