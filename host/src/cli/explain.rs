@@ -16,6 +16,9 @@ use crate::report::{Report, Results};
 pub struct Arguments {
     #[command(flatten)]
     records: Records,
+    /// Rig file (`whirl init` writes one from a record).
+    #[arg(long, value_name = "RIG.toml")]
+    rig: PathBuf,
     /// Horizon of the gap, s [default: one drive period, 0.2 s when free].
     #[arg(long, value_name = "S")]
     horizon: Option<f64>,
@@ -45,7 +48,7 @@ pub struct Arguments {
 
 /// Reads, explains, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (mut rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
+    let (mut rig, files) = arguments.records.begin(&arguments.rig, &arguments.out, Some(arguments.replace))?;
     files
         .reads(&arguments.model)
         .result("-o", arguments.output.as_ref())

@@ -37,6 +37,9 @@ pub enum Method {
 pub struct Arguments {
     #[command(flatten)]
     records: Records,
+    /// Rig file (`whirl init` writes one from a record).
+    #[arg(long, value_name = "RIG.toml")]
+    rig: PathBuf,
     /// Method [default: shooting where it stands, otherwise weak].
     #[arg(long, value_enum)]
     method: Option<Method>,
@@ -189,7 +192,7 @@ fn by_method(arguments: &Arguments, records: &[Record], rig: &Rig, settings: &Se
 
 /// Reads, identifies, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
+    let (rig, files) = arguments.records.begin(&arguments.rig, &arguments.out, Some(arguments.replace))?;
     files.result("-o", arguments.output.as_ref()).check()?;
     if let Some(records) = from_rows::read(
         &arguments.records.records,

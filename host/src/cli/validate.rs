@@ -18,6 +18,9 @@ use crate::validate::{Beside, Settings, Verdict, presentation, validate};
 pub struct Arguments {
     #[command(flatten)]
     records: Records,
+    /// Rig file (`whirl init` writes one from a record).
+    #[arg(long, value_name = "RIG.toml")]
+    rig: PathBuf,
     /// Identified model, by `identify -o` or `explain -o`.
     #[arg(long, value_name = "MODEL.toml")]
     model: PathBuf,
@@ -62,7 +65,7 @@ fn range(text: &str) -> std::result::Result<(String, f64, f64), String> {
 
 /// Reads, validates, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
+    let (rig, files) = arguments.records.begin(&arguments.rig, &arguments.out, Some(arguments.replace))?;
     files.reads([&arguments.model]).reads(&arguments.free).check()?;
     let records = arguments.records.read_for(&rig)?;
     let model = IdentifiedModel::read(&arguments.model)?;
