@@ -4,14 +4,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::Answer;
 use super::output::{Output, Replace, write_file};
 use super::outputs::Outputs;
+use super::{Answer, Columns};
 use crate::error::{BadInput, Result};
 use crate::init::{Settings, draft, write};
 use crate::record::ReadOptions;
 use crate::record::formats;
-use crate::rig::choices::{Choices, pair};
 
 /// Arguments of `init`.
 #[derive(Debug, Args)]
@@ -22,12 +21,8 @@ pub struct Arguments {
     /// The system: `whirl list models`, or a model file [default: by the number of angles, one or two].
     #[arg(long, value_name = "NAME|FILE")]
     system: Option<String>,
-    /// The column of the time, its unit behind a colon where it needs one (clock:ms).
-    #[arg(long, value_name = "COLUMN")]
-    time: Option<String>,
-    /// The column that shows a quantity, such as theta1="Angle (deg)"; may be given several times.
-    #[arg(long, value_name = "MEASURE=COLUMN", value_parser = pair)]
-    map: Vec<(String, String)>,
+    #[command(flatten)]
+    columns: Columns,
     /// The rig file that is written.
     #[arg(short, long, value_name = "RIG.toml")]
     output: PathBuf,
@@ -53,7 +48,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         .check()?;
     let settings = Settings {
         system: arguments.system.clone(),
-        choices: Choices { time: arguments.time.clone(), map: arguments.map.clone() },
+        choices: arguments.columns.choices(),
         options: ReadOptions { recover: arguments.recover, resample: false },
         output: arguments.output.clone(),
         needs_system: true,

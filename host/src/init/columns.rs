@@ -87,7 +87,7 @@ pub(super) fn extent(parts: &[&[f64]]) -> Extent {
 }
 
 /// Looks at every column.
-pub fn look(raw: &Raw) -> Vec<Seen> {
+pub(super) fn look(raw: &Raw) -> Vec<Seen> {
     let columns = raw.record.channels.iter().enumerate();
     columns.map(|(i, c)| one(&c.name, i, &raw.values(i))).collect()
 }

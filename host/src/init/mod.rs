@@ -18,7 +18,7 @@ use serde::Serialize;
 use self::columns::Seen;
 use crate::error::{BadInput, Result};
 use crate::record::names::TimeChoice;
-use crate::record::{ReadOptions, Record, metadata};
+use crate::record::{ReadOptions, metadata};
 use crate::rig::choices::Choices;
 use crate::rig::{Direction, Rig};
 
@@ -240,8 +240,7 @@ pub fn rate_of(path: &Path, time: &TimeChoice, options: &ReadOptions) -> Result<
     if let Some(m) = metadata(path).filter(|m| m.sample_rate_hz > 0.0) {
         return Ok(m.sample_rate_hz);
     }
-    let record = Record::read(path, &Rig::of_columns(&[], time.clone()), options)?;
-    Ok(raw::nice_rate(&record))
+    raw::rate_of(path, time, options)
 }
 
 /// The error for a record in which nothing could be a channel.

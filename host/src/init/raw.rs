@@ -6,7 +6,7 @@ use super::{Settings, Statement};
 use crate::error::{BadInput, Result};
 use crate::record::formats::{self, Listed};
 use crate::record::names::{self, TimeChoice};
-use crate::record::{Column, Record};
+use crate::record::{Column, ReadOptions, Record};
 use crate::report::format::{count, significant};
 use crate::rig::Rig;
 
@@ -54,31 +54,18 @@ fn read_columns(path: &Path, columns: &[String], time: &TimeChoice, settings: &S
 pub(super) fn read(path: &Path, settings: &Settings) -> Result<Raw> {
     let mut time = TimeChoice { column: settings.choices.time.clone(), unit: None };
     let listed = formats::columns(path, &time)?;
-    let own = DEVICE.iter().all(|d| listed.iter().any(|l| l.name == *d));
-    let mut numbers: Vec<String> = numbers(&listed, own);
-    let mut unused: Vec<Statement> = listed
-        .iter()
-        .filter(|l| !l.is_number && !l.name.is_empty())
-        .map(|l| Statement::new(&l.name, "not used", "its cells are no numbers, or it is the time"))
-        .collect();
     let all: Vec<String> = listed.iter().map(|l| l.name.clone()).collect();
-    let mut why = Vec::new();
+    let mut numbers = numbers(&listed);
     let called = names::time_column(&all, &time, path);
-    let is_clock = |name: &String| called.as_ref().is_ok_and(|t| t.name == *name);
-    numbers.retain(|n| !is_clock(n));
-    let first = read_columns(path, &numbers, &time, settings);
-    let mut record = match (first, &called) {
+    let clock = called.as_ref().ok().map(|t| t.name.clone());
+    numbers.retain(|n| Some(n) != clock.as_ref());
+    let mut why = Vec::new();
+    let mut record = match (read_columns(path, &numbers, &time, settings), &called) {
         (Ok(record), _) => record,
         (Err(e), Err(_)) if settings.choices.time.is_none() => {
             let (found, record) = time_by_values(path, &numbers, settings).ok_or(e)?;
-            why.push(
-                Statement::new(
-                    &found,
-                    "the time",
-                    "no column is called a time, and this is the first that increases evenly from row to row",
-                )
-                .to_check(),
-            );
+            let text = "no column is called a time, and this is the first that increases evenly from row to row";
+            why.push(Statement::new(&found, "the time", text).to_check());
             numbers.retain(|n| *n != found);
             time.column = Some(found);
             record
@@ -89,21 +76,40 @@ pub(super) fn read(path: &Path, settings: &Settings) -> Result<Raw> {
     if !sparse.is_empty() {
         numbers.retain(|n| !sparse.contains(n));
         record = read_columns(path, &numbers, &time, settings)?;
-        unused.extend(sparse.into_iter().map(|n| Statement::new(n, "not used", "many of its cells are empty")));
     }
-    let name = time.column.clone().or_else(|| called.ok().map(|c| c.name));
-    let said = name.as_ref().is_some_and(|n| names::split(n).1.is_some());
-    if !said && !LIKELY.contains(&record.sample_rate_hz) && time.unit.is_none() {
-        other_unit(&mut record, &mut time, &mut why, name.as_deref().unwrap_or("t"));
+    if let Some(name) = clock.clone() {
+        // COLUMN:UNIT.
+        let unit = time.column.as_ref().and_then(|c| c.strip_prefix(&name)?.strip_prefix(':'));
+        time.unit = unit.map(str::to_owned);
+        time.column = Some(name).filter(|n| n != "t");
     }
-    if let Some(n) = name.filter(|n| n != "t") {
-        time.column = Some(n);
+    let name = time.column.clone().or(clock).unwrap_or_else(|| "t".to_owned());
+    // A column of dates says itself what it counts.
+    let dated = listed.iter().any(|l| l.name == name && !l.is_number);
+    let said = dated || time.unit.is_some() || names::split(&name).1.is_some();
+    if !said && !LIKELY.contains(&record.sample_rate_hz) {
+        other_unit(&mut record, &mut time, &mut why, &name);
     }
+    let not_numbers = listed.iter().filter(|l| !l.is_number && !l.name.is_empty() && l.name != name);
+    let mut unused: Vec<Statement> =
+        not_numbers.map(|l| Statement::new(&l.name, "not used", "its cells are no numbers")).collect();
+    unused.extend(sparse.into_iter().map(|n| Statement::new(n, "not used", "many of its cells are empty")));
     Ok(Raw { path: path.to_path_buf(), record, time, why, unused })
 }
 
+/// The sampling rate that a record's own time says, Hz.
+pub(super) fn rate_of(path: &Path, time: &TimeChoice, options: &ReadOptions) -> Result<f64> {
+    let listed = formats::columns(path, time)?;
+    let all: Vec<String> = listed.iter().map(|l| l.name.clone()).collect();
+    let clock = names::time_column(&all, time, path).ok().map(|t| t.name);
+    let any: Vec<String> = numbers(&listed).into_iter().filter(|n| Some(n) != clock.as_ref()).take(1).collect();
+    let record = Record::read(path, &Rig::of_columns(&any, time.clone()), options)?;
+    Ok(nice_rate(&record))
+}
+
 /// Columns that may be channels.
-fn numbers(listed: &[Listed], own: bool) -> Vec<String> {
+fn numbers(listed: &[Listed]) -> Vec<String> {
+    let own = DEVICE.iter().all(|d| listed.iter().any(|l| l.name == *d));
     let once = |name: &str| listed.iter().filter(|l| l.name == name).count() == 1;
     let device = |name: &str| own && DEVICE.contains(&name);
     let fits = |l: &&Listed| l.is_number && !l.name.is_empty() && once(&l.name) && !device(&l.name);

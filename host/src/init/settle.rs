@@ -76,25 +76,14 @@ fn readings(draft: &Draft, unknown: &[usize], settings: &Settings) -> Vec<Draft>
         let orders = [["theta1", "theta2"], ["phi1", "phi2"], ["theta2", "theta1"], ["phi2", "phi1"]];
         out = orders.iter().map(|order| measuring(draft, order)).collect();
     }
-    if draft.model.as_deref() == Some("single-pendulum")
-        && let Some(d) = draft.drive.as_ref().filter(|d| d.direction == Direction::Horizontal)
-    {
-        // To and fro once in a drive period, or in two of a vertical drive.
-        let mut twice = draft.clone();
-        twice.drive = Some(super::DraftDrive {
-            direction: Direction::Vertical,
-            frequency_hz: 2.0 * d.frequency_hz,
-            why: d.why.clone(),
-        });
-        out.push(twice);
-    }
-    if draft.model.as_deref() == Some("double-pendulum") {
-        // Its equations have a vertical drive only.
-        for d in out.iter_mut().filter_map(|d| d.drive.as_mut()) {
-            if d.direction == Direction::Horizontal {
-                (d.direction, d.frequency_hz) = (Direction::Vertical, d.frequency_hz);
-            }
-        }
+    if let Some(d) = draft.drive.as_ref().filter(|d| d.direction == Direction::Horizontal) {
+        // To and fro once in a drive period, or in two of a vertical drive. The double pendulum's equations have a vertical drive only.
+        let drive = |direction: Direction, times: f64| {
+            let other = super::DraftDrive { direction, frequency_hz: times * d.frequency_hz, why: d.why.clone() };
+            out.iter().map(|draft| Draft { drive: Some(other.clone()), ..draft.clone() }).collect::<Vec<_>>()
+        };
+        let once = if draft.model.as_deref() == Some("double-pendulum") { Direction::Vertical } else { d.direction };
+        out = [drive(once, 1.0), drive(Direction::Vertical, 2.0)].concat();
     }
     if unknown.is_empty() {
         return out;

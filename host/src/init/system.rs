@@ -98,13 +98,13 @@ pub(super) fn choose(raw: &Raw, seen: &[Seen], settings: &Settings) -> Result<Ch
         }
         return as_they_stand(raw, seen);
     };
-    let (model, needs) = named(model, &settings.output)?;
+    let (model, mut needs) = named(model, &settings.output)?;
     let mut why = Vec::new();
     if settings.system.is_none() {
         let text = format!("{angles} column{} of angles", if angles == 1 { "" } else { "s" });
         why.push(Statement::new("model", &model, format!("{text}; another system is told by --system")));
     }
-    let columns = assign(raw, seen, &needs, settings)?;
+    let columns = assign(raw, seen, &mut needs, settings)?;
     let mut unused = Vec::new();
     for s in seen.iter().filter(|s| !columns.iter().any(|c| c.index == s.index)) {
         let why = if matches!(s.kind, Kind::Angle | Kind::Length | Kind::Input) {
@@ -139,6 +139,10 @@ fn channel(seen: &Seen, measures: &str) -> DraftChannel {
             Statement::new(&seen.name, text, "nothing in the record shows them; this is the commonest").to_check(),
         );
     }
+    if seen.unit == "1" {
+        let text = "neither its name nor its values say its unit; give one of those that docs/rig-file.md lists";
+        why.push(Statement::new(&seen.name, "numbers without a unit", text).to_check());
+    }
     DraftChannel {
         name: seen.name.clone(),
         measures: measures.to_owned(),
@@ -150,7 +154,7 @@ fn channel(seen: &Seen, measures: &str) -> DraftChannel {
 }
 
 /// The column of each quantity: the one that `--map` says, that is called so, or the next of its kind.
-fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &Needs, settings: &Settings) -> Result<Vec<&'a Seen>> {
+fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &mut Needs, settings: &Settings) -> Result<Vec<&'a Seen>> {
     let mut out: Vec<Option<&Seen>> = vec![None; needs.list.len()];
     for (measure, column) in &settings.choices.map {
         let names: Vec<String> = seen.iter().map(|s| s.name.clone()).collect();
@@ -162,6 +166,7 @@ fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &Needs, settings: &Settings) -
             return Err(BadInput::new(format!("\"{measure}\""), format!("one of {}", list.join(", "))).at("--map"));
         };
         out[k] = Some(found);
+        needs.list[k].name.clone_from(measure);
     }
     let mut free: Vec<&Seen> = seen
         .iter()

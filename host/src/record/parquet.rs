@@ -43,7 +43,7 @@ pub(super) const FORMAT: Format = Format {
     columns: |path, _| {
         let io = |e: std::io::Error| BadInput::io(path, &e).remedy("Name a record that exists and can be read");
         let source = Arc::new(ParquetSource::new(super::formats::open(path)?).map_err(io)?);
-        Ok(listed(&guarded(path, || structure(&source, path, false))?.schema))
+        Ok(listed(&guarded(path, || structure(&source, path, false))?))
     },
     read,
     stream: Some(Streamed { open, rows: rows_of }),

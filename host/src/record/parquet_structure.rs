@@ -291,9 +291,11 @@ fn flat(schema: &SchemaDescriptor) -> (Vec<String>, Vec<usize>) {
 }
 
 /// The columns of a file, and whether they are numbers.
-pub(super) fn listed(schema: &SchemaDescriptor) -> Vec<Listed> {
+pub(super) fn listed(structure: &Structure) -> Vec<Listed> {
+    let schema = &structure.schema;
     let (names, places) = flat(schema);
-    let number = |i: usize| not_a_number(&schema.column(i)).is_none() && !is_time(&schema.column(i));
+    let timed = |i: usize| is_time(&schema.column(i)) || structure.durations.contains_key(schema.column(i).name());
+    let number = |i: usize| not_a_number(&schema.column(i)).is_none() && !timed(i);
     names.into_iter().zip(places).map(|(name, i)| Listed { name, is_number: number(i) }).collect()
 }
 

@@ -13,6 +13,7 @@ mod interrupted;
 mod measured;
 mod memory;
 mod outputs;
+mod own_file;
 mod own_systems;
 mod program;
 mod reduced;
