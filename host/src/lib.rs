@@ -10,6 +10,7 @@ pub mod explain;
 pub mod export;
 pub mod files;
 pub mod identify;
+pub mod init;
 pub mod inspect;
 pub mod model;
 pub mod motion;

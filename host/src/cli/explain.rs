@@ -22,6 +22,9 @@ use crate::warning::Warning;
 pub struct Arguments {
     #[command(flatten)]
     records: Records,
+    /// Rig file (`whirl init` writes one from a record).
+    #[arg(long, value_name = "RIG.toml")]
+    rig: PathBuf,
     /// Horizon of the gap, s [default: one drive period, 0.2 s when free].
     #[arg(long, value_name = "S")]
     horizon: Option<f64>,
@@ -96,7 +99,7 @@ fn judge(arguments: &Arguments, result: &Explanation, lost: u64) -> Judgement {
 
 /// Reads, explains, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
+    let (rig, files) = arguments.records.begin(&arguments.rig, &arguments.out, Some(arguments.replace))?;
     files
         .reads(&arguments.model)
         .result("-o", arguments.output.as_ref())
@@ -136,7 +139,7 @@ impl Single for Arguments {
     type Result = Explanation;
 
     fn parts(&self) -> Parts<'_> {
-        Parts { records: &self.records, out: &self.out, replace: self.replace }
+        Parts { records: &self.records, rig: &self.rig, out: &self.out, replace: self.replace }
     }
 
     fn records_mut(&mut self) -> &mut Records {

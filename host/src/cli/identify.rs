@@ -62,6 +62,9 @@ impl WeakForm {
 pub struct Arguments {
     #[command(flatten)]
     records: Records,
+    /// Rig file (`whirl init` writes one from a record).
+    #[arg(long, value_name = "RIG.toml")]
+    rig: PathBuf,
     /// Method [default: shooting where it stands, otherwise weak].
     #[arg(long, value_enum)]
     method: Option<Method>,
@@ -206,7 +209,7 @@ fn judge(arguments: &Arguments, result: &Identification, lost: u64) -> Judgement
 
 /// Reads, identifies, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
+    let (rig, files) = arguments.records.begin(&arguments.rig, &arguments.out, Some(arguments.replace))?;
     files.result("-o", arguments.output.as_ref()).check()?;
     let analysed = analyse(arguments, &rig)?;
     let lost = analysed.lost();
@@ -241,7 +244,7 @@ impl Single for Arguments {
     type Result = Identification;
 
     fn parts(&self) -> Parts<'_> {
-        Parts { records: &self.records, out: &self.out, replace: self.replace }
+        Parts { records: &self.records, rig: &self.rig, out: &self.out, replace: self.replace }
     }
 
     fn records_mut(&mut self) -> &mut Records {

@@ -1,12 +1,14 @@
 //! `whirl inspect`: rates, losses, spectra, phase portraits, periodicity of a record.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use super::output::{Output, Replace, print_warnings};
+use super::outputs::Outputs;
 use super::{Answer, Records};
 use crate::error::Result;
+use crate::init::{Settings, draft, write};
 use crate::inspect::{InspectSettings, Inspection, inspect};
 use crate::record::Record;
 use crate::record::formats::ReadOptions;
@@ -18,6 +20,9 @@ use crate::rig::Rig;
 pub struct Arguments {
     #[command(flatten)]
     records: Records,
+    /// Rig file [default: the one that the record carries, or what its columns show, as `whirl init` would write it].
+    #[arg(long, value_name = "RIG.toml")]
+    rig: Option<PathBuf>,
     #[command(flatten)]
     replace: Replace,
     #[command(flatten)]
@@ -35,10 +40,33 @@ pub fn report_of(record: &Path, rig: &Rig, report: &Path) -> Result<()> {
     Report::of(format!("Inspection: {}", rig.name), record.display().to_string(), &results).write(report)
 }
 
+/// The rig of a record for which no rig file is given: what it is taken for is said first.
+fn assumed(arguments: &Arguments) -> Result<Rig> {
+    let records = &arguments.records;
+    let settings = Settings {
+        choices: records.columns.choices(),
+        options: records.options(),
+        output: PathBuf::from("rig.toml"),
+        ..Settings::default()
+    };
+    let draft = draft(&records.records[0], &settings)?;
+    arguments.out.say(&format!("{}\n", write::human(&draft)));
+    draft.rig()
+}
+
 /// Reads, inspects, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
-    files.check()?;
+    let rig = match &arguments.rig {
+        Some(path) => {
+            let (rig, files) = arguments.records.begin(path, &arguments.out, Some(arguments.replace))?;
+            files.check()?;
+            rig
+        }
+        None => {
+            Outputs::of(&arguments.out, Some(arguments.replace)).reads(&arguments.records.records).check()?;
+            assumed(arguments)?
+        }
+    };
     let records = arguments.records.read_for(&rig)?;
     let all: Result<Vec<Inspection>> = records.iter().map(|r| inspect(r, &rig, &InspectSettings::default())).collect();
     let inspections = match all {

@@ -15,6 +15,7 @@ mod flash;
 mod flash_image;
 mod identify;
 mod identify_balance;
+mod init;
 mod inspect;
 mod list;
 pub mod output;
@@ -28,7 +29,7 @@ mod simulate_model;
 mod validate;
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{ArgMatches, Args, CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -37,7 +38,9 @@ use crate::error::{BadInput, Result, tell};
 use crate::record::Record;
 use crate::record::cut::Part;
 use crate::record::formats::ReadOptions;
+use crate::record::names::TimeChoice;
 use crate::rig::Rig;
+use crate::rig::choices::{self, Choices};
 use crate::warning::Warning;
 use output::{Output, Replace};
 use outputs::Outputs;
@@ -64,6 +67,8 @@ enum Command {
     Simulate(simulate::Arguments),
     /// Records from a rig, surviving unplugging, accounting for every sample.
     Capture(capture::Arguments),
+    /// A commented rig file from what a record shows: columns, units, rate, resolution, drive.
+    Init(init::Arguments),
     /// Rates, losses, spectra, phase portraits, periodicity of a record.
     Inspect(inspect::Arguments),
     /// Parameters with standard errors.
@@ -163,15 +168,31 @@ impl<T> Analysed<T> {
     }
 }
 
+/// Which column is what, beside the rig file.
+#[derive(Clone, Debug, Default, Args)]
+struct Columns {
+    /// The column of the time, its unit behind a colon where it needs one (clock:ms).
+    #[arg(long, value_name = "COLUMN")]
+    time: Option<String>,
+    /// The column that shows a quantity, such as theta1="Angle (deg)"; may be given several times.
+    #[arg(long, value_name = "MEASURE=COLUMN", value_parser = choices::pair)]
+    map: Vec<(String, String)>,
+}
+
+impl Columns {
+    fn choices(&self) -> Choices {
+        Choices { time: self.time.clone(), map: self.map.clone() }
+    }
+}
+
 /// Records and the rig that they belong to: what most commands begin with.
 #[derive(Clone, Debug, Args)]
 struct Records {
-    /// Records: whirl's Parquet, CSV (also gzipped) with a header row and a column t in seconds, NumPy's .npz, MATLAB's .mat.
+    /// Records: Parquet, CSV (also gzipped), NumPy's .npz and .npy, MATLAB's .mat.
     #[arg(required = true, value_name = "REC")]
     records: Vec<PathBuf>,
-    /// Rig file.
-    #[arg(long, value_name = "RIG.toml")]
-    rig: PathBuf,
+    #[command(flatten)]
+    columns: Columns,
     /// Read what is whole of a truncated or damaged file; the rest is a gap.
     #[arg(long)]
     recover: bool,
@@ -196,10 +217,20 @@ impl Records {
     }
 
     /// The rig, and what the command reads and writes as far as the options of all commands say.
-    fn begin(&self, out: &Output, replace: Option<Replace>) -> Result<(Rig, Outputs)> {
-        let rig = Rig::read(&self.rig)?;
+    fn begin(&self, rig: &Path, out: &Output, replace: Option<Replace>) -> Result<(Rig, Outputs)> {
+        let rig = self.rig(rig)?;
         let files = Outputs::of(out, replace).reads(&self.records).reads_rig(&rig);
         Ok((rig, files))
+    }
+
+    /// The rig, with what the command line says of columns.
+    fn rig(&self, rig: &Path) -> Result<Rig> {
+        Rig::read_for(rig, &self.columns.choices(), &mut |time| self.rate(time))
+    }
+
+    /// The rate of the first record, Hz, rounded as far as its clock allows: for a rig file that says none.
+    fn rate(&self, time: &TimeChoice) -> Result<Option<f64>> {
+        crate::init::rate_of(&self.records[0], time, &self.options()).map(Some)
     }
 
     /// Reads the records.
@@ -286,6 +317,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<Answer> {
         Command::Demo(a) => demo::run(&a),
         Command::Simulate(a) => simulate::run(&a),
         Command::Capture(a) => capture::run(&a),
+        Command::Init(a) => init::run(&a),
         Command::Inspect(a) => inspect::run(&a),
         Command::Identify(a) => identify::run(&a),
         Command::Validate(a) => validate::run(&a),

@@ -32,6 +32,9 @@ enum Choice {
 pub struct Arguments {
     #[command(flatten)]
     records: Records,
+    /// Rig file (`whirl init` writes one from a record).
+    #[arg(long, value_name = "RIG.toml")]
+    rig: PathBuf,
     /// Modes to keep [default: as many as hold the share of --energy].
     #[arg(long, value_name = "N")]
     modes: Option<usize>,
@@ -188,7 +191,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         }),
     };
     let records = &arguments.records;
-    let (rig, files) = records.begin(&arguments.out, None)?;
+    let (rig, files) = records.begin(&arguments.rig, &arguments.out, None)?;
     files.table("--curves", arguments.curves.as_ref()).check()?;
     let long = arguments.stream || long::is_long(&records.records, &rig)?;
     if long && !records.part().is_all() {

@@ -22,6 +22,9 @@ use crate::warning::Warning;
 pub struct Arguments {
     #[command(flatten)]
     records: Records,
+    /// Rig file (`whirl init` writes one from a record).
+    #[arg(long, value_name = "RIG.toml")]
+    rig: PathBuf,
     /// Identified model, by `identify -o` or `explain -o`.
     #[arg(long, value_name = "MODEL.toml")]
     model: PathBuf,
@@ -110,7 +113,7 @@ fn judge(arguments: &Arguments, result: &Validation, lost: u64) -> Judgement {
 
 /// Reads, validates, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, files) = arguments.records.begin(&arguments.out, Some(arguments.replace))?;
+    let (rig, files) = arguments.records.begin(&arguments.rig, &arguments.out, Some(arguments.replace))?;
     files.reads([&arguments.model]).reads(&arguments.free).check()?;
     let ready = prepare(arguments, rig)?;
     let analysed = analyse(arguments, &ready)?;
@@ -137,7 +140,7 @@ impl Single for Arguments {
     type Result = Validation;
 
     fn parts(&self) -> Parts<'_> {
-        Parts { records: &self.records, out: &self.out, replace: self.replace }
+        Parts { records: &self.records, rig: &self.rig, out: &self.out, replace: self.replace }
     }
 
     fn records_mut(&mut self) -> &mut Records {

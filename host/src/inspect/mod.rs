@@ -106,7 +106,8 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     settings.validate()?;
     let rate = record.sample_rate_hz;
     check(record)?;
-    if rig.bound.is_none() {
+    // Columns of which no system is known are inspected as they stand.
+    if rig.bound.is_none() && !rig.model.is_empty() {
         known_model(rig)?;
     }
     let drive_hz = rig.drive.map(|d| d.frequency_hz);

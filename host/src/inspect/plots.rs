@@ -162,6 +162,8 @@ mod tests {
             measures: "theta1".into(),
             unit: "rad".into(),
             counts_per_turn: None,
+            gain: None,
+            offset: None,
         };
         let segment = |k: i64| Segment {
             first_tick: 20 * k,

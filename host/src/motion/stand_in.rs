@@ -28,6 +28,8 @@ pub fn rig(model: &IdentifiedModel, path: &Path) -> Result<Rig> {
         measures: name.to_owned(),
         unit: unit.to_owned(),
         counts_per_turn: None,
+        gain: None,
+        offset: None,
     };
     let (id, file, channel) = match &model.system {
         System::BuiltIn(id) => {
@@ -59,6 +61,7 @@ pub fn rig(model: &IdentifiedModel, path: &Path) -> Result<Rig> {
         name: model.name.clone(),
         model: id,
         sample_rate_hz: RATE_HZ,
+        time: crate::record::names::TimeChoice::default(),
         drive,
         channel,
         known: [("g".to_owned(), crate::rig::GRAVITY)].into(),

@@ -1,12 +1,13 @@
-//! Records as named arrays (`.npz`, `.mat`): `t` in seconds, or a scalar `fs` (Hz) or `dt` (s), and an array for each channel.
+//! Records as named arrays (`.npz`, `.npy`, `.mat`): the time, or a scalar `fs` (Hz) or `dt` (s), and an array for each channel.
 //!
-//! All arrays are vectors of one length. Without `t`, sample i was taken at i/fs, and the message of the reader says so.
+//! All arrays are vectors of one length. Without a time, sample i was taken at i/fs, and the message of the reader says so.
 
 use std::path::Path;
 
-use super::formats::ReadOptions;
-use super::rows::{Cell, ROW_LIMIT, Rows, missing_column};
-use super::{Record, segments};
+use super::csv::EXACT;
+use super::formats::{Listed, ReadOptions};
+use super::rows::{Cell, ROW_LIMIT, Rows, is_numbered};
+use super::{Record, names, segments};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 use crate::warning::Warning;
@@ -25,6 +26,14 @@ impl Array {
         match self {
             Self::Integers(x) => x.len(),
             Self::Floats(x) => x.len(),
+        }
+    }
+
+    /// A value of the time; counts from the first where binary64 cannot hold it.
+    fn seconds(&self, i: usize) -> f64 {
+        match self {
+            Self::Integers(x) if x[0].unsigned_abs() as f64 >= EXACT => x[i].saturating_sub(x[0]) as f64,
+            other => other.value(i),
         }
     }
 
@@ -63,6 +72,12 @@ impl Shape {
     }
 }
 
+/// The arrays of a file, and whether they may be channels: vectors of numbers that are more than one.
+pub(super) fn listed(names: &[String], mut get: impl FnMut(&str) -> Result<Array>) -> Vec<Listed> {
+    let mut number = |name: &str| get(name).is_ok_and(|a| a.len() > 1);
+    names.iter().map(|name| Listed { name: name.clone(), is_number: number(name) }).collect()
+}
+
 /// Makes the record from the arrays of a file.
 pub(super) fn record(
     path: &Path,
@@ -73,10 +88,8 @@ pub(super) fn record(
 ) -> Result<Record> {
     let mut warnings = Vec::new();
     let has = |name: &str| names.iter().any(|n| n == name);
-    if let Some(c) = rig.channel.iter().find(|c| !has(&c.name)) {
-        return Err(missing_column(path, &c.name, names));
-    }
-    let columns: Vec<Array> = rig.channel.iter().map(|c| get(&c.name)).collect::<Result<_>>()?;
+    let found = rig.channel.iter().map(|c| names::find(names, &c.name, path)).collect::<Result<Vec<usize>>>()?;
+    let columns: Vec<Array> = found.into_iter().map(|i| get(&names[i])).collect::<Result<_>>()?;
     let count = columns.first().map_or(0, Array::len);
     for (c, a) in rig.channel.iter().zip(&columns) {
         if a.len() != count {
@@ -99,40 +112,51 @@ pub(super) fn record(
         .at(format!("array {name}"))
         .remedy("Save t in seconds instead")),
     };
-    let step = if has("t") {
+    let called = names::time_column(names, &rig.time, path);
+    let step = if called.is_ok() || rig.time.column.is_some() {
         None
     } else if has("fs") {
         Some(1.0 / scalar("fs", &get("fs")?)?)
     } else if has("dt") {
         Some(scalar("dt", &get("dt")?)?)
     } else {
-        return Err(missing_column(path, "t", names).remedy("Save t in seconds, or a scalar fs (Hz) or dt (s)"));
+        None
     };
-    let time = match step {
-        None => get("t")?,
+    let (time, name, per_second) = match step {
+        None => {
+            let hint = |e: BadInput| match e.remedy.as_str() {
+                _ if rig.time.column.is_some() || is_numbered(names) => e,
+                _ => e.remedy(
+                    "Save t in seconds, or a scalar fs (Hz) or dt (s); or say which array is the time: --time NAME",
+                ),
+            };
+            let called = called.map_err(hint)?;
+            (get(&called.name)?, called.name, called.per_second.unwrap_or(1.0))
+        }
         Some(step) => {
             warnings.push(Warning::new(
                 "no-time",
                 format!("no array t: samples are taken as {step} s apart (fs or dt)"),
                 "Gaps cannot be seen this way; save t where there are any",
             ));
-            Array::Floats((0..count).map(|i| i as f64 * step).collect())
+            (Array::Floats((0..count).map(|i| i as f64 * step).collect()), "t".to_owned(), 1.0)
         }
     };
     if time.len() != count {
         return Err(BadInput::new(
-            format!("{} values in t, {count} in {}", time.len(), rig.channel[0].name),
+            format!("{} values in {name}, {count} in the channels", time.len()),
             "one time a sample",
         )
         .in_file(path)
-        .at("array t")
-        .remedy("Save t of the same samples"));
+        .at(format!("array {name}"))
+        .remedy("Save the time of the same samples"));
     }
     let mut rows = Rows::new(path, rig, "sample", false);
     rows.resample = options.resample;
+    rows.time_name = name;
     for i in 0..count {
         let place = (i + 1) as u64;
-        let t = time.value(i);
+        let t = time.seconds(i) / per_second;
         rows.check_time(place, t)?;
         let cells: Vec<Cell> = columns
             .iter()

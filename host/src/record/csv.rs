@@ -1,9 +1,10 @@
-//! Records as CSV, plain or gzipped: a header row, a column `t` in seconds, one column for each channel of the rig.
+//! Records as CSV, plain or gzipped: a column of the time, one column for each channel of the rig.
 //!
-//! - Delimiter: `,`, or `;` or a tab where the header has no `,`; with `;` a decimal comma is taken too. A byte-order mark, CRLF,
-//!   quoted cells (within one line), blank lines and further columns are accepted.
+//! - The head (header row, delimiter, comments, what an instrument writes before): [`super::csv_head`]. Where the delimiter is no comma
+//!   a decimal comma is taken too. A byte-order mark, CRLF, quoted cells (within one line), blank lines and further columns are accepted.
+//! - The time: a number, in the unit that the column's name or the rig file says, or a date ([`super::dates`]); dates count from the first.
 //! - An empty cell or `NaN` of a channel is a gap; anything else that is not a number, and an infinite one, is an error.
-//! - `t` must increase from row to row; it need not start at 0.
+//! - Times must increase from row to row; it need not start at 0.
 //! - A last line that is torn (no line feed, and cells missing or broken), a truncated gzip stream and one whose checksum is
 //!   wrong are errors that name the last whole row; with [`ReadOptions::recover`] the rows up to there are read.
 //! - whirl's own CSV has the columns `tick`, `phase` and `amplitude_nm` too; they are then used as the device's.
@@ -16,25 +17,29 @@ use std::path::Path;
 
 use flate2::bufread::MultiGzDecoder;
 
-use super::csv_write::is_formula;
-use super::formats::{Format, ReadOptions, open, shown};
+use super::csv_head::{self, Head, LOOK_AT, number_of};
+use super::formats::{Format, Listed, ReadOptions, open, shown};
 use super::lines::{Cells, LINE_LIMIT, Line, Lines};
-use super::rows::{Cell, Rows, missing_column};
+use super::names::{self, TimeChoice};
+use super::rows::{Cell, Rows};
 use super::stream::{Source, Streamed};
-use super::{Column, Losses, Metadata, Record, segments};
+use super::{Column, Losses, Metadata, Record, dates, segments};
 use crate::capture::interrupted::ticks_behind;
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 use crate::warning::Warning;
 
+/// Whole numbers up to which binary64 holds each.
+pub(super) const EXACT: f64 = 9_007_199_254_740_992.0;
 /// Columns that only whirl's own CSV has.
 pub(super) const OWN_COLUMNS: [&str; 3] = ["tick", "phase", "amplitude_nm"];
 
 pub(super) const FORMAT: Format = Format {
     id: "csv",
-    about: "CSV with a header row and a column t in seconds (.csv)",
-    extensions: &["csv", "tsv", "txt"],
+    about: "CSV with a column for the time (.csv, .tsv, .txt, .lvm)",
+    extensions: &["csv", "tsv", "lvm", "dat", "txt"],
     is: |head| !head.iter().any(|&b| b < 9 || (b > 13 && b < 32)),
+    columns: |path, time| listed(plain(path)?, path, time),
     read: |path, rig, options| Reader::open(plain(path)?, path, rig, options)?.read(rig, options),
     stream: Some(Streamed {
         open: |path, rig, options| Ok(Box::new(Reader::open(plain(path)?, path, rig, options)?)),
@@ -47,6 +52,7 @@ pub(super) const GZIP: Format = Format {
     about: "gzipped CSV (.csv.gz)",
     extensions: &["csv.gz", "tsv.gz", "gz"],
     is: |head| head.starts_with(&[0x1f, 0x8b]),
+    columns: |path, time| listed(gzipped(path)?, path, time),
     read: |path, rig, options| Reader::open(gzipped(path)?, path, rig, options)?.read(rig, options),
     stream: Some(Streamed {
         open: |path, rig, options| Ok(Box::new(Reader::open(gzipped(path)?, path, rig, options)?)),
@@ -82,6 +88,8 @@ struct Layout {
     delimiter: u8,
     width: usize,
     t: usize,
+    time: String,
+    per_second: f64,
     channels: Vec<usize>,
     own: Option<[usize; 3]>,
 }
@@ -89,6 +97,8 @@ struct Layout {
 /// One row, parsed but not yet taken.
 struct Row {
     t: f64,
+    /// The time as it stands, where it counts from the first one (a date, a count too long for binary64).
+    tick: Option<i64>,
     cells: Vec<Cell>,
     own: (i64, u32, u32),
 }
@@ -108,24 +118,25 @@ struct Reader<'a, R> {
 impl<'a, R: BufRead> Reader<'a, R> {
     fn open(reader: R, path: &'a Path, rig: &Rig, options: &ReadOptions) -> Result<Self> {
         let mut lines = Lines::new(reader);
-        let mut cells = Cells::default();
-        let layout = loop {
-            match lines.advance() {
-                Line::Whole { .. } if lines.bytes.trim_ascii().is_empty() => {}
-                Line::Whole { .. } => break header(&lines.bytes, lines.number, path, rig, &mut cells)?,
-                Line::End => {
-                    return Err(BadInput::new("no line", "a header row")
-                        .in_file(path)
-                        .at("start of file")
-                        .remedy("Record again, or export the data with the header"));
-                }
-                Line::TooLong => return Err(too_long(path, lines.number)),
-                Line::Broken(e) => return Err(broken(&e, path, "no row is whole").0),
-            }
-        };
-        let row = Row { t: 0.0, cells: Vec::with_capacity(rig.channel.len()), own: (0, 0, 0) };
+        let head = head(&mut lines, path, rig)?;
+        let layout = layout(&head, path, rig)?;
+        let mut warnings = Vec::new();
+        if head.passed_over > 0 {
+            let (were, lines) = if head.passed_over == 1 { ("was", "line") } else { ("were", "lines") };
+            warnings.push(Warning::new(
+                "head-passed-over",
+                format!(
+                    "{} {lines} before the rows, which begin behind line {}, {were} passed over; the columns are {}",
+                    head.passed_over,
+                    head.lines,
+                    head.names.join(", ")
+                ),
+                "Right where an instrument writes a head of its own",
+            ));
+        }
+        let row = Row { t: 0.0, tick: None, cells: Vec::with_capacity(rig.channel.len()), own: (0, 0, 0) };
         let recover = options.recover;
-        Ok(Self { lines, cells, layout, row, path, recover, ended: false, warnings: Vec::new() })
+        Ok(Self { lines, cells: Cells::default(), layout, row, path, recover, ended: false, warnings })
     }
 
     fn read(mut self, rig: &Rig, options: &ReadOptions) -> Result<Record> {
@@ -167,7 +178,7 @@ impl<'a, R: BufRead> Reader<'a, R> {
                 self.warnings.push(recovered(&error, advice));
                 Ok(false)
             }
-            Line::Whole { .. } if self.lines.bytes.trim_ascii().is_empty() => Ok(true),
+            Line::Whole { .. } if csv_head::is_no_row(&self.lines.bytes) => Ok(true),
             Line::Whole { ended } => {
                 let parsed = parse(&self.lines.bytes, number, &self.layout, rows, &mut self.cells, &mut self.row);
                 // A line cut right behind a delimiter has all of its cells, the last one empty.
@@ -207,6 +218,9 @@ impl<'a, R: BufRead> Reader<'a, R> {
 
 impl<R: BufRead> Source for Reader<'_, R> {
     fn fill(&mut self, rows: &mut Rows<'_>, most: usize) -> Result<bool> {
+        if rows.time_name != self.layout.time {
+            rows.time_name.clone_from(&self.layout.time);
+        }
         let until = rows.t.len().saturating_add(most);
         while !self.ended && rows.t.len() < until {
             self.ended = !self.next(rows)?;
@@ -235,42 +249,73 @@ impl<R: BufRead> Source for Reader<'_, R> {
     }
 }
 
-/// Reads the header row.
-fn header(line: &[u8], number: u64, path: &Path, rig: &Rig, cells: &mut Cells) -> Result<Layout> {
-    let line = line.strip_prefix(b"\xef\xbb\xbf").unwrap_or(line);
-    let delimiter = [b',', b';', b'\t'].into_iter().find(|d| line.contains(d)).unwrap_or(b',');
-    let bad = |found: String, expected: &str| BadInput::new(found, expected).in_file(path).at(format!("line {number}"));
-    if !cells.split(line, delimiter) {
-        return Err(bad("a quote that does not end on its line".to_owned(), "a header row").remedy("Mend the header"));
-    }
-    // As `csv_write` puts an apostrophe before what a spreadsheet would compute.
-    let name = |i: usize| {
-        let cell = String::from_utf8_lossy(cells.get(i)).into_owned();
-        cell.strip_prefix('\'').filter(|c| is_formula(c)).map(str::to_owned).unwrap_or(cell)
-    };
-    let names: Vec<String> = (0..cells.len()).map(name).collect();
-    let find = |wanted: &str| -> Result<usize> {
-        let mut places = names.iter().enumerate().filter(|(_, n)| *n == wanted).map(|(i, _)| i);
-        let Some(first) = places.next() else {
-            if names.iter().all(|n| n.replace(',', ".").parse::<f64>().is_ok()) {
-                return Err(bad(format!("{} (numbers)", shown(line)), "a header row that names the columns")
-                    .remedy("Add a first line such as t,count1,count2"));
-            }
-            return Err(missing_column(path, wanted, &names));
-        };
-        if places.next().is_some() {
-            return Err(bad(format!("the column {wanted} twice"), "each column once").remedy("Rename one of them"));
-        }
-        Ok(first)
-    };
-    let t = find("t")?;
-    let channels = rig.channel.iter().map(|c| find(&c.name)).collect::<Result<Vec<usize>>>()?;
+/// Where the columns stand.
+fn layout(head: &Head, path: &Path, rig: &Rig) -> Result<Layout> {
+    let names = &head.names;
+    let t = names::time_column(names, &rig.time, path)?;
+    let channels = rig.channel.iter().map(|c| names::find(names, &c.name, path)).collect::<Result<Vec<usize>>>()?;
     let own = OWN_COLUMNS.map(|name| names.iter().position(|n| n == name));
     let own = match own {
         [Some(a), Some(b), Some(c)] => Some([a, b, c]),
         _ => None,
     };
-    Ok(Layout { delimiter, width: names.len(), t, channels, own })
+    let per_second = t.per_second.unwrap_or(1.0);
+    Ok(Layout { delimiter: head.delimiter, width: names.len(), t: t.index, time: t.name, per_second, channels, own })
+}
+
+/// The head of a file, its lines passed over.
+fn head<R: BufRead>(lines: &mut Lines<R>, path: &Path, rig: &Rig) -> Result<Head> {
+    let mut ahead = lines.look_ahead(LOOK_AT);
+    if let Some(first) = ahead.first_mut() {
+        *first = first.strip_prefix(b"\xef\xbb\xbf").unwrap_or(first);
+    }
+    let wanted: Vec<&str> = rig.channel.iter().map(|c| c.name.as_str()).collect();
+    if let Some(head) = csv_head::find(&ahead, &rig.time, &wanted) {
+        for _ in 0..head.lines {
+            lines.advance();
+        }
+        return Ok(head);
+    }
+    loop {
+        match lines.advance() {
+            Line::Whole { .. } if csv_head::is_no_row(&lines.bytes) => {}
+            Line::Whole { .. } => {
+                let line = lines.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&lines.bytes);
+                return csv_head::plain(line).ok_or_else(|| {
+                    BadInput::new("a quote that does not end on its line", "a header row")
+                        .in_file(path)
+                        .at(format!("line {}", lines.number))
+                        .remedy("Mend the header")
+                });
+            }
+            Line::End => {
+                return Err(BadInput::new("no line", "a header row")
+                    .in_file(path)
+                    .at("start of file")
+                    .remedy("Record again, or export the data with the header"));
+            }
+            Line::TooLong => return Err(too_long(path, lines.number)),
+            Line::Broken(e) => return Err(broken(&e, path, "no row is whole").0),
+        }
+    }
+}
+
+/// Columns of a file, and whether the first rows have numbers in them.
+fn listed<R: BufRead>(reader: R, path: &Path, time: &TimeChoice) -> Result<Vec<Listed>> {
+    let mut lines = Lines::new(reader);
+    let rig = Rig::of_columns(&[], time.clone());
+    let head = head(&mut lines, path, &rig)?;
+    let mut cells = Cells::default();
+    let mut number = vec![None; head.names.len()];
+    for line in lines.look_ahead(LOOK_AT).into_iter().filter(|l| !csv_head::is_no_row(l)) {
+        if !cells.split(line, head.delimiter) || cells.len() != number.len() {
+            continue;
+        }
+        for (i, n) in number.iter_mut().enumerate().filter(|(i, _)| !cells.get(*i).is_empty()) {
+            *n = Some(n.unwrap_or(true) && number_of(cells.get(i), csv_head::decimal_comma(head.delimiter)).is_some());
+        }
+    }
+    Ok(head.names.into_iter().zip(number).map(|(name, n)| Listed { name, is_number: n == Some(true) }).collect())
 }
 
 /// Parses one row into `row`; nothing is taken yet, so that a torn line leaves no half row.
@@ -287,16 +332,8 @@ fn parse(line: &[u8], number: u64, layout: &Layout, rows: &Rows<'_>, cells: &mut
                 .remedy("Mend the line; a text with the delimiter in it must be in quotes"),
         ));
     }
-    let comma = layout.delimiter == b';';
-    row.t = match number_of(cells.get(layout.t), comma) {
-        Some(t) => t,
-        None if cells.get(layout.t).is_empty() => f64::NAN,
-        None => {
-            return Err(rows
-                .bad(number, "t", shown(cells.get(layout.t)), "a time in seconds")
-                .remedy("Write t as seconds, such as 0.002, not as a date"));
-        }
-    };
+    let comma = csv_head::decimal_comma(layout.delimiter);
+    (row.t, row.tick) = time_of(number, cells.get(layout.t), layout, rows)?;
     rows.check_time(number, row.t)?;
     row.cells.clear();
     for (k, &place) in layout.channels.iter().enumerate() {
@@ -344,7 +381,32 @@ fn parse(line: &[u8], number: u64, layout: &Layout, rows: &Rows<'_>, cells: &mut
     Ok(())
 }
 
+/// A cell of the time in seconds, NaN where it is empty, and as it stands where it counts from the first one.
+fn time_of(number: u64, text: &[u8], layout: &Layout, rows: &Rows<'_>) -> Result<(f64, Option<i64>)> {
+    let comma = csv_head::decimal_comma(layout.delimiter);
+    let from_origin = |v: i64, per_second: f64| {
+        let origin = rows.time_origin.unwrap_or(v);
+        ((i128::from(v) - i128::from(origin)) as f64 / per_second, Some(v))
+    };
+    if let Some(t) = number_of(text, comma) {
+        let long = t.abs() >= EXACT || rows.time_origin.is_some();
+        let whole = if long { core::str::from_utf8(text).ok().and_then(|s| s.parse::<i64>().ok()) } else { None };
+        return Ok(whole.map_or((t / layout.per_second, None), |v| from_origin(v, layout.per_second)));
+    }
+    let text = core::str::from_utf8(text).unwrap_or_default();
+    match dates::nanoseconds(text) {
+        Some(v) => Ok(from_origin(v, 1e9)),
+        None if text.is_empty() => Ok((f64::NAN, None)),
+        None => Err(rows
+            .bad(number, &layout.time, shown(text.as_bytes()), "a time in seconds")
+            .remedy("Write the time as a number, such as 0.002, or as a date such as 2026-11-23T12:00:00.002")),
+    }
+}
+
 fn take(rows: &mut Rows<'_>, number: u64, row: &Row) {
+    if let Some(v) = row.tick {
+        rows.time_origin.get_or_insert(v);
+    }
     rows.push_time(number, row.t);
     for (k, &cell) in row.cells.iter().enumerate() {
         rows.push_cell(number, k, cell);
@@ -354,15 +416,6 @@ fn take(rows: &mut Rows<'_>, number: u64, row: &Row) {
         d.phase.push(row.own.1);
         d.amplitude_nm.push(row.own.2);
     }
-}
-
-/// A cell as a number; none where it is not one.
-fn number_of(text: &[u8], decimal_comma: bool) -> Option<f64> {
-    let text = core::str::from_utf8(text).ok()?;
-    if decimal_comma && text.contains(',') {
-        return text.replacen(',', ".", 1).parse().ok();
-    }
-    text.parse().ok()
 }
 
 fn too_long(path: &Path, number: u64) -> BadInput {

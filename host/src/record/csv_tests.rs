@@ -122,7 +122,7 @@ fn each_bad_input_has_its_message() {
         (good.replace("3.010,15,", "3.010,"), &["line 7", "3 cells", "4 as in the header"]),
         (good.replace("3.010,15,", "3.010,\"15,"), &["line 7", "quote"]),
         (good.replace("count1", "cuont1"), &["header", "\"cuont1\"", "column count1", "Did you mean cuont1?"]),
-        (good.replace("t,count1", "time,count1"), &["header", "a column t"]),
+        (good.replace("t,count1", "tame,count1"), &["header", "a column t", "--time"]),
         (good.replace("extra", "count1"), &["the column count1 twice"]),
         (good.lines().skip(1).map(|l| format!("{}\n", l.replace('x', "0"))).collect(), &["header row", "t,count1"]),
         ("t,count1,angle\n".to_owned(), &["no row", "below the header"]),
@@ -136,7 +136,7 @@ fn each_bad_input_has_its_message() {
         ),
         (
             (0..50).fold("t,count1,angle\n".to_owned(), |s, i| s + &format!("{},{i},0.1\n", i * 2)),
-            &["500 Hz", "seconds"],
+            &["times 2 apart", "The time is in ms", "time_unit"],
         ),
     ];
     for (text, parts) in cases {

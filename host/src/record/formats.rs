@@ -7,6 +7,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::Record;
+use super::names::TimeChoice;
 use super::stream::Streamed;
 use crate::error::{BadInput, Result};
 use crate::files;
@@ -21,6 +22,15 @@ pub struct ReadOptions {
     pub resample: bool,
 }
 
+/// A column of a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Listed {
+    /// Its name.
+    pub name: String,
+    /// Whether its cells are numbers, so that it may be a channel.
+    pub is_number: bool,
+}
+
 /// A file format for records.
 pub struct Format {
     /// Short name.
@@ -31,6 +41,8 @@ pub struct Format {
     pub extensions: &'static [&'static str],
     /// Whether a file with these first bytes (up to 512) is of this format, whatever its name.
     pub is: fn(&[u8]) -> bool,
+    /// Its columns.
+    pub columns: fn(&Path, &TimeChoice) -> Result<Vec<Listed>>,
     /// Reads it.
     pub read: fn(&Path, &Rig, &ReadOptions) -> Result<Record>,
     /// Reads it block by block, where the format allows that.
@@ -43,6 +55,7 @@ pub static FORMATS: &[Format] = &[
     super::parquet::FORMAT,
     super::csv::GZIP,
     super::npz::FORMAT,
+    super::npy::FORMAT,
     super::mat::FORMAT,
     super::csv::FORMAT,
 ];
@@ -64,6 +77,14 @@ pub(super) fn with_journal(e: BadInput, path: &Path, rig: &Rig) -> BadInput {
         }
         _ => e,
     }
+}
+
+/// The columns of a file, the time's and the device's among them.
+///
+/// # Errors
+/// As [`read`], as far as the file's head goes.
+pub fn columns(path: &Path, time: &TimeChoice) -> Result<Vec<Listed>> {
+    of(path).and_then(|format| (format.columns)(path, time))
 }
 
 /// The format of a file.
@@ -98,7 +119,7 @@ pub fn of(path: &Path) -> Result<&'static Format> {
             )
             .in_file(path)
             .at("start of file")
-            .remedy("Export the record as CSV with a header row and a column t in seconds"))
+            .remedy("Export the record as CSV with a header row and a column for the time"))
         }
     }
 }
@@ -131,7 +152,9 @@ pub fn recorded(path: &Path) -> Option<&'static str> {
     }
     let text = std::str::from_utf8(&head).ok()?.trim_start_matches('\u{feff}').trim_start();
     let header = text.lines().next().unwrap_or_default();
-    if header.contains([',', ';', '\t']) && header.split([',', ';', '\t']).any(|c| c.trim().trim_matches('"') == "t") {
+    if header.contains([',', ';', '\t'])
+        && header.split([',', ';', '\t']).any(|c| super::names::is_time(c.trim().trim_matches('"')))
+    {
         return Some("a record");
     }
     let table: toml::Table = toml::from_str(text).ok()?;
@@ -149,7 +172,7 @@ pub fn is_named_as_record(path: &Path) -> bool {
         .iter()
         .flat_map(|f| f.extensions)
         .chain(&["frames", "estimates.jsonl"])
-        .any(|e| *e != "txt" && name.ends_with(&format!(".{e}")))
+        .any(|e| !["txt", "dat"].contains(e) && name.ends_with(&format!(".{e}")))
 }
 
 /// The first bytes of a file, printable.

@@ -3,10 +3,13 @@
 //! A line longer than [`LINE_LIMIT`] is an error, so that neither a binary file nor a decompression bomb fills memory. The end
 //! of the lines says whether the last one was torn or the stream beneath broke off.
 
+use std::collections::VecDeque;
 use std::io::{BufRead, Read};
 
 /// Longest line accepted, bytes.
 pub(super) const LINE_LIMIT: usize = 1 << 20;
+/// Bytes that are read ahead at most, but for the last line.
+const AHEAD: usize = 2 << 20;
 
 /// What the next line is.
 pub(super) enum Line {
@@ -30,17 +33,41 @@ pub(super) struct Lines<R> {
     pub(super) bytes: Vec<u8>,
     /// Number of the present line, from 1.
     pub(super) number: u64,
+    /// Lines that were looked at and are still to come.
+    ahead: VecDeque<(Line, Vec<u8>)>,
 }
 
 impl<R: BufRead> Lines<R> {
     pub(super) fn new(reader: R) -> Self {
-        Self { reader, bytes: Vec::with_capacity(256), number: 0 }
+        Self { reader, bytes: Vec::with_capacity(256), number: 0, ahead: VecDeque::new() }
+    }
+
+    /// The next lines, as many as are whole, without moving on.
+    pub(super) fn look_ahead(&mut self, most: usize) -> Vec<&[u8]> {
+        let whole = |line: &Line| matches!(line, Line::Whole { .. });
+        let mut held: usize = self.ahead.iter().map(|(_, bytes)| bytes.len()).sum();
+        while self.ahead.len() < most && held < AHEAD && self.ahead.back().is_none_or(|(line, _)| whole(line)) {
+            let line = self.read();
+            held += self.bytes.len();
+            self.ahead.push_back((line, std::mem::take(&mut self.bytes)));
+        }
+        self.ahead.iter().take_while(|(line, _)| whole(line)).map(|(_, bytes)| bytes.as_slice()).collect()
     }
 
     /// Moves on to the next line.
     pub(super) fn advance(&mut self) -> Line {
-        self.bytes.clear();
         self.number += 1;
+        match self.ahead.pop_front() {
+            Some((line, bytes)) => {
+                self.bytes = bytes;
+                line
+            }
+            None => self.read(),
+        }
+    }
+
+    fn read(&mut self) -> Line {
+        self.bytes.clear();
         let got = (&mut self.reader).take(LINE_LIMIT as u64 + 1).read_until(b'\n', &mut self.bytes);
         match got {
             Err(e) => Line::Broken(e),
@@ -79,6 +106,20 @@ impl Cells {
         let mut closed = true;
         if line.contains(&b'"') {
             closed = self.split_quoted(line, delimiter);
+        } else if delimiter == b' ' {
+            // Any number of blanks, and tabs among them.
+            let mut from = None;
+            for (i, b) in line.iter().enumerate() {
+                match (b.is_ascii_whitespace(), from) {
+                    (false, None) => from = Some(i),
+                    (true, Some(start)) => {
+                        self.ends.push((start, i));
+                        from = None;
+                    }
+                    _ => {}
+                }
+            }
+            self.ends.extend(from.map(|start| (start, line.len())));
         } else {
             let mut from = 0;
             for (i, &b) in line.iter().enumerate() {

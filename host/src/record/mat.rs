@@ -25,6 +25,11 @@ pub(super) const FORMAT: Format = Format {
     about: "MATLAB file of version 5 with variables t and one a channel (.mat)",
     extensions: &["mat"],
     is: |head| head.starts_with(b"MATLAB ") && head.len() >= 128,
+    columns: |path, _| {
+        let (mut file, little, places) = opened(path)?;
+        let names: Vec<String> = places.keys().cloned().collect();
+        Ok(arrays::listed(&names, |name| of_file(&mut file, little, &places, path, name)))
+    },
     read,
     stream: None,
 };
@@ -137,17 +142,33 @@ fn head<R: Read>(s: &mut Source<R>) -> std::io::Result<Head> {
 }
 
 fn read(path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
+    let (mut file, little, places) = opened(path)?;
+    let names: Vec<String> = places.keys().cloned().collect();
+    arrays::record(path, rig, &names, options, |name| of_file(&mut file, little, &places, path, name))
+}
+
+/// The file, whether it is little-endian, and its variables.
+fn opened(path: &Path) -> Result<(BufReader<File>, bool, BTreeMap<String, Place>)> {
     let io = |e: std::io::Error| BadInput::io(path, &e).remedy("Name a record that exists and can be read");
     let file = super::formats::open(path)?;
     let length = file.metadata().map_err(io)?.len();
     let mut file = BufReader::new(file);
     let little = header(&mut file, path)?;
     let places = variables(&mut file, little, length, path)?;
-    let names: Vec<String> = places.keys().cloned().collect();
-    arrays::record(path, rig, &names, options, |name| match places.get(name) {
-        Some(place) => variable(&mut file, little, *place, path, name),
+    Ok((file, little, places))
+}
+
+fn of_file(
+    file: &mut BufReader<File>,
+    little: bool,
+    places: &BTreeMap<String, Place>,
+    path: &Path,
+    name: &str,
+) -> Result<Array> {
+    match places.get(name) {
+        Some(place) => variable(file, little, *place, path, name),
         None => Err(damaged(path, &format!("variable {name}"), "missing")),
-    })
+    }
 }
 
 fn damaged(path: &Path, place: &str, what: impl std::fmt::Display) -> BadInput {

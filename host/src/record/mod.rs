@@ -7,14 +7,19 @@
 //! [`Record::read`] takes every format in [`formats::FORMATS`]; [`writer::RecordWriter`] writes whirl's own.
 
 mod arrays;
+mod arrow_schema;
 mod csv;
+mod csv_head;
 mod csv_write;
 pub mod cut;
 mod damage;
+mod dates;
 pub mod device_boot;
 pub mod formats;
 mod lines;
 mod mat;
+pub mod names;
+mod npy;
 mod npz;
 mod parquet;
 mod parquet_cells;

@@ -25,6 +25,11 @@ pub(super) const FORMAT: Format = Format {
     about: "NumPy archive with arrays t and one a channel (.npz)",
     extensions: &["npz"],
     is: |head| head.starts_with(b"PK\x03\x04") || head.starts_with(b"PK\x05\x06"),
+    columns: |path, _| {
+        let (mut file, entries) = opened(path)?;
+        let names: Vec<String> = entries.keys().cloned().collect();
+        Ok(arrays::listed(&names, |name| of_archive(&mut file, &entries, path, name)))
+    },
     read,
     stream: None,
 };
@@ -56,17 +61,25 @@ fn invalid(text: impl Into<String>) -> Error {
 }
 
 fn read(path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
+    let (mut file, entries) = opened(path)?;
+    let names: Vec<String> = entries.keys().cloned().collect();
+    arrays::record(path, rig, &names, options, |name| of_archive(&mut file, &entries, path, name))
+}
+
+/// The file and its arrays.
+fn opened(path: &Path) -> Result<(BufReader<File>, BTreeMap<String, Entry>)> {
     let io = |e: Error| BadInput::io(path, &e).remedy("Name a record that exists");
     let file = super::formats::open(path)?;
     let length = file.metadata().map_err(io)?.len();
     let mut file = BufReader::new(file);
     let entries = directory(&mut file, length).map_err(|e| damaged(path, "end of file", e))?;
-    let names: Vec<String> = entries.keys().cloned().collect();
-    arrays::record(path, rig, &names, options, |name| {
-        let place = format!("array {name}");
-        let Some(entry) = entries.get(name) else { return Err(damaged(path, &place, "missing")) };
-        array(&mut file, *entry, path, name).map_err(|e| damaged(path, &place, e))?
-    })
+    Ok((file, entries))
+}
+
+fn of_archive(file: &mut BufReader<File>, entries: &BTreeMap<String, Entry>, path: &Path, name: &str) -> Result<Array> {
+    let place = format!("array {name}");
+    let Some(entry) = entries.get(name) else { return Err(damaged(path, &place, "missing")) };
+    array(file, *entry, path, name).map_err(|e| damaged(path, &place, e))?
 }
 
 /// Little-endian numbers in a slice; 0 beyond its end.
@@ -158,7 +171,7 @@ fn array(file: &mut BufReader<File>, entry: Entry, path: &Path, name: &str) -> I
         other => return Err(invalid(format!("compression method {other}"))),
     };
     let mut reader = Checked { inner: inner.take(entry.size), crc: Crc::new() };
-    let (kind, shape) = header(&mut reader)?;
+    let (kind, shape, _) = header(&mut reader)?;
     let place = format!("array {name}");
     let count = match Shape(shape).checked(path, name) {
         Ok(n) => n,
@@ -193,8 +206,8 @@ impl<R: Read> Read for Checked<R> {
     }
 }
 
-/// Type and shape of a `.npy` file.
-fn header(reader: &mut impl Read) -> IoResult<(String, Vec<u64>)> {
+/// Type and shape of a `.npy` file, and whether its columns follow each other.
+pub(super) fn header(reader: &mut impl Read) -> IoResult<(String, Vec<u64>, bool)> {
     let mut start = [0; 8];
     reader.read_exact(&mut start)?;
     if !start.starts_with(b"\x93NUMPY") {
@@ -223,13 +236,13 @@ fn header(reader: &mut impl Read) -> IoResult<(String, Vec<u64>)> {
         inside.split(',').map(str::trim).filter(|s| !s.is_empty()).map(|s| s.parse::<u64>().ok()).collect()
     });
     match (kind, shape) {
-        (Some(kind), Some(shape)) => Ok((kind, shape)),
+        (Some(kind), Some(shape)) => Ok((kind, shape, after("'fortran_order'").is_some_and(|r| r.starts_with("True")))),
         _ => Err(invalid("a header without descr or shape")),
     }
 }
 
 /// How the bytes of a value are read.
-struct Decode {
+pub(super) struct Decode {
     big: bool,
     kind: u8,
     width: usize,
@@ -237,7 +250,7 @@ struct Decode {
 
 impl Decode {
     /// From NumPy's type such as `<f8`.
-    fn of(text: &str) -> Option<Self> {
+    pub(super) fn of(text: &str) -> Option<Self> {
         let [order, kind, width] = text.as_bytes() else { return None };
         let width = usize::from(width.checked_sub(b'0')?);
         let known = matches!((kind, width), (b'f', 4 | 8) | (b'i' | b'u', 1 | 2 | 4 | 8));
@@ -249,7 +262,7 @@ impl Decode {
     }
 
     /// Reads `count` values; room grows with what the file really holds.
-    fn read(&self, reader: &mut impl Read, count: usize) -> IoResult<Array> {
+    pub(super) fn read(&self, reader: &mut impl Read, count: usize) -> IoResult<Array> {
         let (mut integers, mut floats) = (Vec::new(), Vec::new());
         let (mut chunk, mut left) = (Vec::new(), count);
         while left > 0 {

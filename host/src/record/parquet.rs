@@ -1,6 +1,7 @@
 //! Records as Parquet: whirl's own ([`super::parquet_write`]) and anybody's with a column `t` and the rig's columns.
 //!
-//! - `t`: DOUBLE or FLOAT in seconds, an integer in seconds, or a timestamp. Channels: 32- or 64-bit integers, FLOAT or DOUBLE; a
+//! - The time: DOUBLE, FLOAT or an integer in the unit that its name or the rig file says (seconds otherwise), a point in time, a time of day,
+//!   or a length of time as pandas and polars write it ([`super::arrow_schema`]). Channels: 32- or 64-bit integers, FLOAT or DOUBLE; a
 //!   null or NaN is a gap. Compression: any that is common. Nested columns are not read.
 //! - Row groups of up to 16 MiB are read at once. In a file as whirl wrote it `t` is not decoded but follows from the ticks, as it was made.
 //! - A record of whirl's own brings its ticks, the drive's phase, its metadata and losses. Its row groups carry checksums,
@@ -26,7 +27,7 @@ use super::parquet_cells::Cells;
 use super::parquet_chunks::{Chunk, Failure, PART, caught, decode_all, open_group, read_part, rows_in, take};
 use super::parquet_salvage::salvage;
 use super::parquet_source::Source as ParquetSource;
-use super::parquet_structure::{Columns, Structure, check_rig, columns, leaf, own_metadata, structure};
+use super::parquet_structure::{Columns, Structure, check_rig, columns, leaf, listed, own_metadata, structure};
 use super::rows::Rows;
 use super::stream::{Source, Streamed};
 use super::{Losses, Metadata, Record, quiet, segments};
@@ -36,9 +37,14 @@ use crate::warning::Warning;
 
 pub(super) const FORMAT: Format = Format {
     id: "parquet",
-    about: "Parquet, whirl's own or with a column t in seconds (.parquet)",
+    about: "Parquet, whirl's own or with a column for the time (.parquet)",
     extensions: &["parquet", "pq"],
     is: |head| head.starts_with(b"PAR1"),
+    columns: |path, _| {
+        let io = |e: std::io::Error| BadInput::io(path, &e).remedy("Name a record that exists and can be read");
+        let source = Arc::new(ParquetSource::new(super::formats::open(path)?).map_err(io)?);
+        Ok(listed(&guarded(path, || structure(&source, path, false))?))
+    },
     read,
     stream: Some(Streamed { open, rows: rows_of }),
 };
@@ -112,7 +118,7 @@ impl<'a> Reader<'a> {
         let own = structure.metadata.is_some() && OWN_COLUMNS.iter().all(|c| leaf(&structure.schema, c).is_some());
         let rate =
             structure.metadata.as_ref().map(|m| m.sample_rate_hz).filter(|r| structure.written_by_whirl && *r > 0.0);
-        let columns = columns(&structure.schema, path, rig, own, rate)?;
+        let columns = columns(&structure, path, rig, own, rate)?;
         let recover = options.recover;
         Ok(Self {
             source,
@@ -284,6 +290,10 @@ impl Reader<'_> {
 impl Source for Reader<'_> {
     fn fill(&mut self, rows: &mut Rows<'_>, most: usize) -> Result<bool> {
         let path = self.path;
+        rows.per_second = self.columns.time.per_second.unwrap_or(1.0);
+        if rows.time_name != self.columns.time.name {
+            rows.time_name.clone_from(&self.columns.time.name);
+        }
         guarded(path, || match caught(|| self.part(rows, most)) {
             Ok(more) => Ok(more),
             Err(failure) => self.broke(failure, rows),

@@ -6,7 +6,7 @@ use parquet::data_type::DataType;
 use parquet::schema::types::ColumnDescriptor;
 
 use super::Column;
-use super::csv::OWN_COLUMNS;
+use super::csv::{EXACT, OWN_COLUMNS};
 use super::parquet_chunks::Failure;
 use super::rows::{Cell, Rows};
 use crate::error::Result;
@@ -88,18 +88,16 @@ pub(super) fn decode(
         None => Meaning::Plain,
         Some(LogicalType::Integer(i)) if i.is_signed => Meaning::Plain,
         Some(LogicalType::Integer(_)) => Meaning::Unsigned,
-        Some(LogicalType::Timestamp(t)) => Meaning::Timestamp(match t.unit {
-            TimeUnit::MILLIS => 1e3,
-            TimeUnit::MICROS => 1e6,
-            TimeUnit::NANOS => 1e9,
-        }),
+        Some(LogicalType::Timestamp(t)) => Meaning::Timestamp(ticks(t.unit)),
+        Some(LogicalType::Time(t)) => Meaning::Timestamp(ticks(t.unit)),
         Some(other) => return Err(unfit(column, &format!("{other:?}"))),
     };
     match reader {
         ColumnReader::Int32ColumnReader(r) => Ok(match (Run::read(r, column, count)?, meaning) {
             (Run { values, there: None }, Meaning::Unsigned) => Cells::Unsigned(values),
-            (Run { values, there: None }, _) => Cells::Short(values),
+            (Run { values, there: None }, Meaning::Plain) => Cells::Short(values),
             (run, Meaning::Unsigned) => run.mixed(|v| Number::Integer(i64::from(v.cast_unsigned()))),
+            (run, Meaning::Timestamp(rate)) => run.mixed(|v| Number::Timestamp(i64::from(v), rate)),
             (run, _) => run.mixed(|v| Number::Integer(i64::from(v))),
         }),
         ColumnReader::Int64ColumnReader(r) => Ok(match (Run::read(r, column, count)?, meaning) {
@@ -121,6 +119,20 @@ pub(super) fn decode(
         }),
         _ => Err(unfit(column, &column.physical_type().to_string())),
     }
+}
+
+fn ticks(unit: TimeUnit) -> f64 {
+    match unit {
+        TimeUnit::MILLIS => 1e3,
+        TimeUnit::MICROS => 1e6,
+        TimeUnit::NANOS => 1e9,
+    }
+}
+
+/// Whether a column is one of points in time, or of times of a day.
+pub(super) fn is_time(column: &ColumnDescriptor) -> bool {
+    matches!(column.logical_type_ref(), Some(LogicalType::Timestamp(_) | LogicalType::Time(_)))
+        && matches!(column.physical_type(), Physical::INT32 | Physical::INT64)
 }
 
 fn unfit(column: &ColumnDescriptor, kind: &str) -> Failure {
@@ -178,7 +190,7 @@ impl<T: Copy> Run<T> {
 impl Rows<'_> {
     /// Takes a run of cells of the column `t`, whose first row is `first` (from 0).
     pub(super) fn take_times(&mut self, first: usize, cells: Cells) -> Result<()> {
-        if let Cells::Reals(t) = &cells {
+        if let (Cells::Reals(t), true) = (&cells, self.per_second == 1.0) {
             let after = self.t.last().is_none_or(|last| t.first().is_some_and(|t| t > last));
             // Infinity would have to be the last, a NaN is no later than anything.
             let good = after && t.windows(2).all(|w| w[1] > w[0]) && t.iter().all(|t| t.is_finite());
@@ -261,8 +273,13 @@ impl Rows<'_> {
     fn seconds(&mut self, number: Number) -> f64 {
         match number {
             Number::Null => f64::NAN,
-            Number::Real(v) => v,
-            Number::Integer(v) => v as f64,
+            Number::Real(v) => v / self.per_second,
+            // A clock that counts since 1970 in nanoseconds has more digits than binary64.
+            Number::Integer(v) if self.time_origin.is_some() || v.unsigned_abs() as f64 >= EXACT => {
+                let origin = *self.time_origin.get_or_insert(v);
+                v.saturating_sub(origin) as f64 / self.per_second
+            }
+            Number::Integer(v) => v as f64 / self.per_second,
             Number::Timestamp(v, rate) => {
                 let origin = *self.time_origin.get_or_insert(v);
                 // Differences of years in nanoseconds fit into 64 bits.

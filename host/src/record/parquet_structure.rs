@@ -4,6 +4,7 @@
 //! checksum: where the footer is missing, or may not be believed, they are used instead. A footer that somebody else wrote is all
 //! that there is.
 
+use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::panic::AssertUnwindSafe;
 use std::path::Path;
@@ -13,12 +14,14 @@ use parquet::errors::ParquetError;
 use parquet::file::metadata::{ParquetMetaData, ParquetMetaDataReader, RowGroupMetaData};
 use parquet::schema::types::SchemaDescriptor;
 
+use super::arrow_schema::durations;
 use super::csv::OWN_COLUMNS;
-use super::parquet_cells::not_a_number;
+use super::formats::Listed;
+use super::names::{self, TimeChoice, TimeColumn};
+use super::parquet_cells::{is_time, not_a_number};
 use super::parquet_recovery::{Marker, crc_of_range, crc32, extent, marker_at, scan, stated_crc};
 use super::parquet_source::{Held, Source};
 use super::parquet_write::KEY;
-use super::rows::missing_column;
 use super::{DeviceBoot, Losses, Metadata, quiet};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
@@ -44,6 +47,8 @@ pub(super) struct Structure {
     pub(super) losses: Option<Losses>,
     /// The file itself is whirl's, and not rewritten by another program that kept the metadata: it has markers.
     pub(super) written_by_whirl: bool,
+    /// Units in a second, for each column of lengths of time.
+    pub(super) durations: BTreeMap<String, f64>,
     /// Why the footer is not used.
     pub(super) truncated: Option<String>,
 }
@@ -77,7 +82,8 @@ pub(super) fn structure(source: &Arc<Source>, path: &Path, recover: bool) -> Res
         }
         groups = merged(groups, markers);
     }
-    Ok(Structure { schema, groups, written_by_whirl, metadata, losses, truncated: None })
+    let durations = durations(&file);
+    Ok(Structure { schema, groups, written_by_whirl, metadata, losses, durations, truncated: None })
 }
 
 fn markers(source: &Arc<Source>, path: &Path) -> Result<Vec<Marker>> {
@@ -125,7 +131,15 @@ fn by_markers(source: &Arc<Source>, path: &Path, why: &str) -> Result<Structure>
         metadata.device = newest("device").map(|m| device(&m.metadata)).unwrap_or_default();
     }
     let groups = marked(markers);
-    Ok(Structure { schema, groups, metadata, losses: None, written_by_whirl: true, truncated: Some(why.to_owned()) })
+    Ok(Structure {
+        schema,
+        groups,
+        metadata,
+        losses: None,
+        written_by_whirl: true,
+        durations: BTreeMap::new(),
+        truncated: Some(why.to_owned()),
+    })
 }
 
 /// The row groups of footer and markers together: those that markers describe, and, where there are fewer of them than the footer has, the others.
@@ -251,6 +265,8 @@ pub(super) struct Columns {
     t: usize,
     pub(super) channels: Vec<usize>,
     own: Option<[usize; 3]>,
+    /// The column of the time.
+    pub(super) time: TimeColumn,
     /// Sampling rate by which t follows from the tick, Hz, where the file is as whirl wrote it.
     pub(super) rate: Option<f64>,
 }
@@ -264,28 +280,69 @@ impl Columns {
     }
 }
 
-/// Finds the columns.
-pub(super) fn columns(
-    schema: &SchemaDescriptor,
+/// Names of the columns that are not nested, and their places in the schema.
+fn flat(schema: &SchemaDescriptor) -> (Vec<String>, Vec<usize>) {
+    let flat = |i: &usize| {
+        let c = schema.column(*i);
+        c.path().parts().len() == 1 && c.max_rep_level() == 0 && c.max_def_level() <= 1
+    };
+    let places: Vec<usize> = (0..schema.num_columns()).filter(flat).collect();
+    (places.iter().map(|i| schema.column(*i).name().to_owned()).collect(), places)
+}
+
+/// The columns of a file, and whether they are numbers.
+pub(super) fn listed(structure: &Structure) -> Vec<Listed> {
+    let schema = &structure.schema;
+    let (names, places) = flat(schema);
+    let timed = |i: usize| is_time(&schema.column(i)) || structure.durations.contains_key(schema.column(i).name());
+    let number = |i: usize| not_a_number(&schema.column(i)).is_none() && !timed(i);
+    names.into_iter().zip(places).map(|(name, i)| Listed { name, is_number: number(i) }).collect()
+}
+
+/// The column of the time: by its name, or the only one that is of points or lengths of time by its type.
+fn time(
+    structure: &Structure,
+    names: &[String],
+    places: &[usize],
+    choice: &TimeChoice,
     path: &Path,
-    rig: &Rig,
-    own: bool,
-    rate: Option<f64>,
-) -> Result<Columns> {
-    let names: Vec<String> = schema.columns().iter().map(|c| c.path().string()).collect();
-    let find = |name: &str| {
-        let index = leaf(schema, name).ok_or_else(|| missing_column(path, name, &names))?;
-        match not_a_number(&schema.column(index)) {
+) -> Result<TimeColumn> {
+    let typed =
+        |i: &usize| is_time(&structure.schema.column(places[*i])) || structure.durations.contains_key(&names[*i]);
+    let mut time = names::time_column(names, choice, path).or_else(|e| {
+        let found: Vec<usize> = (0..names.len()).filter(typed).collect();
+        match found[..] {
+            [index] if choice.column.is_none() && !names.iter().any(|n| names::is_time(n)) => {
+                Ok(TimeColumn { index, name: names[index].clone(), per_second: None })
+            }
+            _ => Err(e),
+        }
+    })?;
+    time.per_second = time.per_second.or_else(|| structure.durations.get(&time.name).copied());
+    Ok(TimeColumn { index: places[time.index], ..time })
+}
+
+/// Finds the columns.
+pub(super) fn columns(structure: &Structure, path: &Path, rig: &Rig, own: bool, rate: Option<f64>) -> Result<Columns> {
+    let schema = &structure.schema;
+    let (names, places) = flat(schema);
+    let checked = |index: usize, time: bool| {
+        let column = schema.column(index);
+        match not_a_number(&column) {
             None => Ok(index),
+            Some(_) if time && is_time(&column) => Ok(index),
             Some(kind) => Err(BadInput::new(format!("the type {kind}"), "numbers: INT32, INT64, FLOAT or DOUBLE")
                 .in_file(path)
-                .at(format!("column {name}"))
+                .at(format!("column {}", column.name()))
                 .remedy("Convert the column to numbers and save it again (in pandas: df[name].astype(\"float64\"))")),
         }
     };
+    let find = |name: &str| checked(places[names::find(&names, name, path)?], false);
     let own = if own { Some([find(OWN_COLUMNS[0])?, find(OWN_COLUMNS[1])?, find(OWN_COLUMNS[2])?]) } else { None };
     let channels = rig.channel.iter().map(|c| find(&c.name)).collect::<Result<_>>()?;
-    Ok(Columns { t: find("t")?, channels, own, rate: rate.filter(|_| own.is_some()) })
+    let choice = if own.is_some() { &TimeChoice::default() } else { &rig.time };
+    let time = time(structure, &names, &places, choice, path)?;
+    Ok(Columns { t: checked(time.index, true)?, time, channels, own, rate: rate.filter(|_| own.is_some()) })
 }
 
 /// Verifies a row group of whirl's own by the checksum in the marker behind it. `held`: its bytes and what follows them, where they were read at once.

@@ -30,13 +30,16 @@ pub(super) const FORMAT: Format = Format {
     about: "whirl's regression rows (identify only)",
     extensions: &["rows.jsonl"],
     is,
-    read: |path, _, _| {
-        Err(BadInput::new("regression rows", "samples")
-            .in_file(path)
-            .remedy("`whirl identify` works from rows; for everything else capture again without --rows"))
-    },
+    columns: |path, _| Err(no_samples(path)),
+    read: |path, _, _| Err(no_samples(path)),
     stream: None,
 };
+
+fn no_samples(path: &Path) -> BadInput {
+    BadInput::new("regression rows", "samples")
+        .in_file(path)
+        .remedy("`whirl identify` works from rows; for everything else capture again without --rows")
+}
 
 /// Whether these are the first bytes of such a file.
 fn is(head: &[u8]) -> bool {

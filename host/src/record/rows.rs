@@ -52,6 +52,10 @@ pub(super) struct Rows<'a> {
     pub(super) device: Option<DeviceColumns>,
     /// First timestamp of a column of timestamps, from which they count.
     pub(super) time_origin: Option<i64>,
+    /// Units of the time in a second.
+    pub(super) per_second: f64,
+    /// The column of the time, for messages.
+    pub(super) time_name: String,
     /// Whether an uneven clock is to be made even.
     pub(super) resample: bool,
     /// Rows that stand before those that are here: taken already, block by block, or damaged.
@@ -78,6 +82,8 @@ impl<'a> Rows<'a> {
             first_missing: None,
             device: own.then(DeviceColumns::default),
             time_origin: None,
+            per_second: 1.0,
+            time_name: "t".to_owned(),
             resample: false,
             passed: 0,
             damage: Damage::default(),
@@ -182,25 +188,26 @@ impl<'a> Rows<'a> {
 
     /// Checks a time against the one before it.
     pub(super) fn check_time(&self, place: u64, t: f64) -> Result<()> {
+        let name = self.time_name.as_str();
         if t.is_nan() {
             return Err(self
-                .bad(place, "t", "NaN".to_owned(), "a time in seconds")
+                .bad(place, name, "NaN".to_owned(), "a time in seconds")
                 .remedy("A time cannot be missing: leave the row out (that is a gap) or mend it"));
         }
         if t.is_infinite() {
-            return Err(self.bad(place, "t", t.to_string(), "a finite time in seconds").remedy("Mend this row"));
+            return Err(self.bad(place, name, t.to_string(), "a finite time in seconds").remedy("Mend this row"));
         }
         if let Some(&before) = self.t.last()
             && t <= before
         {
             let found = if t == before { format!("{t} a second time") } else { format!("{t} after {before}") };
             return Err(self
-                .bad(place, "t", found, "a time later than the row before")
-                .remedy("Sort the rows by t, or split the file where its clock was set back"));
+                .bad(place, name, found, "a time later than the row before")
+                .remedy("Sort the rows by time, or split the file where its clock was set back"));
         }
         if self.t.len() >= self.limit {
             return Err(self
-                .bad(place, "t", format!("more than {} rows", self.limit), "a record that fits into memory")
+                .bad(place, name, format!("more than {} rows", self.limit), "a record that fits into memory")
                 .remedy("Split the file"));
         }
         Ok(())
@@ -292,15 +299,25 @@ pub(super) fn missing_column(path: &Path, wanted: &str, header: &[String]) -> Ba
         .min()
         .filter(|(d, h)| *d <= wanted.len().div_ceil(2).max(1) && !h.is_empty());
     let remedy = match (wanted, close) {
-        ("t", Some((_, h))) => format!("Rename the column {h} to t if it holds the time in seconds"),
-        ("t", None) => "Add a column t with the time in seconds".to_owned(),
-        (_, Some((_, h))) => format!("Did you mean {h}? Set it as the channel's name in the rig file"),
-        (_, None) => "Set the channel's name in the rig file to one of these columns".to_owned(),
+        ("t", Some((_, h))) if !is_numbered(header) => {
+            format!("If the column {h} holds the time, say --time \"{h}\", or time = \"{h}\" in the rig file")
+        }
+        ("t", _) if is_numbered(header) => {
+            "The file has no header row that names its columns: say --time c1 (or time = \"c1\" in the rig file) where the first holds the time, or add a row such as t,count1,count2".to_owned()
+        }
+        ("t", _) => "Say which one is the time: --time COLUMN, or time = \"COLUMN\" in the rig file; or add a column t in seconds".to_owned(),
+        (_, Some((_, h))) => format!("Did you mean {h}? Set it as the channel's name in the rig file, or say --map MEASURE=COLUMN"),
+        (_, None) => "Set the channel's name in the rig file to one of these columns, or say --map MEASURE=COLUMN".to_owned(),
     };
     BadInput::new(format!("the columns {}{more}", list.join(", ")), format!("a column {wanted}"))
         .in_file(path)
         .at("header")
         .remedy(remedy)
+}
+
+/// Whether the columns have no names, but are c1, c2, ….
+pub(super) fn is_numbered(header: &[String]) -> bool {
+    header.iter().enumerate().all(|(i, h)| *h == format!("c{}", i + 1))
 }
 
 /// Levenshtein distance of two short names (longer ones are cut to 64 characters).

@@ -9,7 +9,7 @@ use std::path::Path;
 use super::rows::{DeviceColumns, Rows};
 use super::{Column, Losses, Metadata, Record, Segment, time_fit, unwrap};
 use crate::error::{BadInput, Result};
-use crate::rig::{Channel, Rig};
+use crate::rig::{Channel, Rig, UNKNOWN_RATE};
 use crate::suspects::{self, Numbering};
 use crate::warning::Warning;
 
@@ -25,14 +25,15 @@ pub(super) fn assemble(
     stored_losses: Option<Losses>,
     mut warnings: Vec<Warning>,
 ) -> Result<Record> {
-    if rows.resample && !rows.t.is_empty() {
+    if rows.resample && !rows.t.is_empty() && rows.rig.sample_rate_hz != UNKNOWN_RATE {
         super::resample::even(&mut rows, &mut warnings);
     }
     let rig = rows.rig;
-    let nominal = 1.0 / rig.sample_rate_hz;
     if rows.t.is_empty() {
         return Err(no_row(rows.path));
     }
+    scaled(&mut rows)?;
+    let nominal = nominal_step(&rows);
     let rough = time_fit::rough_step(&rows.t, nominal).unwrap_or(nominal);
     let mut losses = Losses::default();
     let ranges = split(&rows, rough, &mut losses);
@@ -141,9 +142,37 @@ pub(super) fn assemble(
         metadata,
     };
     let first_rows = ranges.iter().map(|r| r.start).collect();
+    if rig.sample_rate_hz == UNKNOWN_RATE {
+        // Columns of which nothing is known yet: what they may do is not known either.
+        return Ok(record);
+    }
     let (word, places) = if rows.resample { ("resampled row", vec![]) } else { (rows.word, rows.places) };
     suspects::examine(&mut record, rig, &Numbering { word, first_rows, places });
     Ok(record)
+}
+
+/// The step that the rig file says; where it says none, the middle one of the rows.
+fn nominal_step(rows: &Rows<'_>) -> f64 {
+    if rows.rig.sample_rate_hz != UNKNOWN_RATE {
+        return 1.0 / rows.rig.sample_rate_hz;
+    }
+    let mut steps: Vec<f64> = rows.t.windows(2).map(|w| w[1] - w[0]).collect();
+    if steps.is_empty() {
+        return 1.0;
+    }
+    let middle = steps.len() / 2;
+    *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Applies the channels' gains and offsets.
+fn scaled(rows: &mut Rows<'_>) -> Result<()> {
+    for k in 0..rows.columns.len() {
+        if let Err(i) = rows.rig.channel[k].apply(&mut rows.columns[k]) {
+            let place = (rows.passed + i + 1) as u64;
+            return Err(rows.beyond(place, k, "a count that leaves 32 bits with the channel's offset".to_owned()));
+        }
+    }
+    Ok(())
 }
 
 /// The error for a stretch whose rows follow each other otherwise than those of the record do: names the first that does.
@@ -248,7 +277,24 @@ pub(super) fn gap_warning(losses: &Losses, segments: u64) -> Warning {
 pub(super) fn check_rate(path: &Path, rig: &Rig, count: u64, step: f64) -> Result<f64> {
     let (rate, nominal) = (1.0 / step, rig.sample_rate_hz);
     let near = (rate / nominal - 1.0).abs() <= RATE_TOLERANCE;
+    if nominal == UNKNOWN_RATE {
+        return Ok(rate);
+    }
     if count > 1 && !near {
+        let other = [("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("min", 1.0 / 60.0)]
+            .into_iter()
+            .find(|(_, n)| (rate * n / nominal - 1.0).abs() <= RATE_TOLERANCE);
+        if let Some((unit, _)) = other {
+            return Err(BadInput::new(
+                format!("times {step} apart"),
+                format!("{} s, as sample_rate_hz = {nominal} of {} says", 1.0 / nominal, rig.path.display()),
+            )
+            .in_file(path)
+            .at("time")
+            .remedy(format!(
+                "The time is in {unit}: say time_unit = \"{unit}\" in the rig file, or --time COLUMN:{unit}"
+            )));
+        }
         return Err(BadInput::new(
             format!("rows {step:.9} s apart ({rate:.6} Hz)"),
             format!("{nominal} Hz (sample_rate_hz of {}) within 0.5 %", rig.path.display()),

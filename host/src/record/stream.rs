@@ -122,6 +122,10 @@ fn blocks(path: &Path, rig: &Rig, options: &ReadOptions, take: &mut dyn FnMut(&B
                 Column::Values(v) => Column::Values(v[range.clone()].to_vec()),
                 Column::Counts(c) => Column::Counts(c[range.clone()].to_vec()),
             };
+            rig.channel[k].apply(&mut part).map_err(|i| {
+                let place = (rows.passed + range.start + i + 1) as u64;
+                rows.beyond(place, k, "a count that leaves 32 bits with the channel's offset".to_owned())
+            })?;
             if let Some(modulus) = moduli[k] {
                 wraps[k] += unwrap::column(&mut part, modulus, &mut carried[k]).map_err(|i| {
                     let place = (rows.passed + range.start + i + 1) as u64;

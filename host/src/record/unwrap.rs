@@ -135,7 +135,14 @@ mod tests {
     use super::*;
 
     fn channel(unit: &str, n: Option<u32>) -> Channel {
-        Channel { name: "c".into(), measures: "theta1".into(), unit: unit.into(), counts_per_turn: n }
+        Channel {
+            name: "c".into(),
+            measures: "theta1".into(),
+            unit: unit.into(),
+            counts_per_turn: n,
+            gain: None,
+            offset: None,
+        }
     }
 
     #[test]

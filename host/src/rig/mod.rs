@@ -4,6 +4,8 @@
 //! `[plant]` is kept as text and read only by `simulate` and `demo` ([`plant`]): an identification cannot peek at the truth.
 
 pub mod as_own;
+mod checks;
+pub mod choices;
 pub mod measures;
 pub mod plant;
 pub mod single_plant;
@@ -14,11 +16,14 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use self::choices::Choices;
 use crate::effects;
 use crate::effects::entry::{Entry, MOST_FORMS};
 use crate::error::{BadInput, Result};
 use crate::files;
 use crate::model::model_file::toml_place;
+use crate::record::Column;
+use crate::record::names::TimeChoice;
 
 /// Standard gravity used where a rig file gives none, m/s².
 pub const GRAVITY: f64 = 9.81;
@@ -43,6 +48,9 @@ pub const KNOWN: &[(&str, &str)] = &[
     ("a", "m"),
     ("g", "m/s²"),
 ];
+
+/// The rate of a rig of which none is known yet: a record that is read with it tells its own.
+pub const UNKNOWN_RATE: f64 = 0.0;
 
 /// Direction of the base's motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -80,6 +88,12 @@ pub struct Channel {
     /// Counts a turn, for unit `count`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub counts_per_turn: Option<u32>,
+    /// What the column's values are multiplied by to be in the unit; 1 where none. For counts 1 or −1 (mounted the other way round).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain: Option<f64>,
+    /// What is added then, in the unit; 0 where none. For counts a whole number.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub offset: Option<f64>,
 }
 
 impl Channel {
@@ -96,6 +110,33 @@ impl Channel {
             "kN" => 1e3,
             _ => 1.0,
         }
+    }
+
+    /// Whether values are taken as they stand.
+    pub fn is_plain(&self) -> bool {
+        self.gain.unwrap_or(1.0) == 1.0 && self.offset.unwrap_or(0.0) == 0.0
+    }
+
+    /// Applies gain and offset to values as they stand in a file. A count c, which stands for [c, c + 1), becomes −c − 1 for gain −1.
+    ///
+    /// # Errors
+    /// Index of a count that leaves 32 bits.
+    pub fn apply(&self, column: &mut Column) -> core::result::Result<(), usize> {
+        if self.is_plain() {
+            return Ok(());
+        }
+        let (gain, offset) = (self.gain.unwrap_or(1.0), self.offset.unwrap_or(0.0));
+        match column {
+            Column::Values(v) => v.iter_mut().for_each(|v| *v = gain * *v + offset),
+            Column::Counts(c) => {
+                for (i, c) in c.iter_mut().enumerate() {
+                    let turned = if gain < 0.0 { -1 - i64::from(*c) } else { i64::from(*c) };
+                    // Checked to be whole and within 32 bits when the rig file was read.
+                    *c = i32::try_from(turned + offset as i64).map_err(|_| i)?;
+                }
+            }
+        }
+        Ok(())
     }
 }
 
@@ -115,7 +156,12 @@ struct Nominal {
 struct RigFile {
     name: String,
     model: String,
-    sample_rate_hz: f64,
+    #[serde(default)]
+    sample_rate_hz: Option<f64>,
+    #[serde(default)]
+    time: Option<String>,
+    #[serde(default)]
+    time_unit: Option<String>,
     #[serde(default)]
     drive: Option<Drive>,
     channel: Vec<Channel>,
@@ -129,6 +175,9 @@ struct RigFile {
     plant: Option<toml::Table>,
 }
 
+/// Gives the sampling rate of what is read beside a rig file without one, Hz, from its time; none where nothing is.
+pub type RateOf<'a> = dyn FnMut(&TimeChoice) -> Result<Option<f64>> + 'a;
+
 /// A rig: what a rig file says, checked.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Rig {
@@ -136,8 +185,11 @@ pub struct Rig {
     pub name: String,
     /// Model id or path to a model file.
     pub model: String,
-    /// Sampling rate, Hz.
+    /// Sampling rate, Hz. [`UNKNOWN_RATE`] while a record is read whose rate is not known yet.
     pub sample_rate_hz: f64,
+    /// Which column is the time.
+    #[serde(skip)]
+    pub time: TimeChoice,
     /// Base motion; none for a free system.
     pub drive: Option<Drive>,
     /// Measured columns.
@@ -187,9 +239,24 @@ impl Rig {
     /// # Errors
     /// Names the file, the line or key, the value found and the one expected.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
-        let path = path.as_ref();
+        Self::read_for(path.as_ref(), &Choices::default(), &mut |_| Ok(None))
+    }
+
+    /// The same with what a command's options say of the columns. `rate` is asked for the sampling rate where the file has none.
+    ///
+    /// # Errors
+    /// As [`Rig::read`]; a choice that does not fit; what `rate` ends with.
+    pub fn read_for(path: &Path, choices: &Choices, rate: &mut RateOf<'_>) -> Result<Self> {
         let text = files::read_text(path, "a rig file", "Name a rig file that exists; shipped ones are in rigs/")?;
-        let mut rig = Self::parse(&text, path)?;
+        Self::of_text(&text, path, choices, rate)
+    }
+
+    /// The same from a rig file's text; `path` is used for messages and for relative paths.
+    ///
+    /// # Errors
+    /// As [`Rig::read_for`].
+    pub fn of_text(text: &str, path: &Path, choices: &Choices, rate: &mut RateOf<'_>) -> Result<Self> {
+        let mut rig = Self::parse_for(text, path, choices, rate)?;
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
         for file in core::mem::take(&mut rig.effect_files) {
             rig.add_effects(&folder.join(file))?;
@@ -234,99 +301,23 @@ impl Rig {
     /// # Errors
     /// As [`Rig::read`].
     pub fn parse(text: &str, path: &Path) -> Result<Self> {
-        let file: RigFile = toml::from_str(text).map_err(|e| {
-            let place = e.span().map_or_else(
-                || "rig file".to_owned(),
-                |span| {
-                    let before = &text[..span.start.min(text.len())];
-                    let line = before.matches('\n').count() + 1;
-                    let column = before.len() - before.rfind('\n').map_or(0, |i| i + 1) + 1;
-                    format!("line {line}, column {column}")
-                },
-            );
-            let message = e.message().replace('\n', " ");
-            BadInput::new(message.trim().to_owned(), "")
-                .in_file(path)
-                .at(place)
-                .remedy("Correct this key; the keys of a rig file are listed in docs/rig-file.md")
-        })?;
-        let bad = |place: &str, found: String, expected: &str| {
-            Err(BadInput::new(found, expected).in_file(path).at(place).remedy("Correct the rig file"))
+        Self::parse_for(text, path, &Choices::default(), &mut |_| Ok(None))
+    }
+
+    fn parse_for(text: &str, path: &Path, choices: &Choices, rate: &mut RateOf<'_>) -> Result<Self> {
+        let mut file = checks::table(text, path)?;
+        choices.apply(&mut file, path)?;
+        let time = TimeChoice { column: file.time, unit: file.time_unit };
+        checks::time(&time, path)?;
+        let sample_rate_hz = match file.sample_rate_hz {
+            Some(rate) => rate,
+            None => rate(&time)?.ok_or_else(|| checks::no_rate(path))?,
         };
-        if !RATES.contains(&file.sample_rate_hz) {
-            return bad("sample_rate_hz", file.sample_rate_hz.to_string(), "a rate in Hz above 0 (1e-6 to 1e7)");
-        }
+        checks::rate(sample_rate_hz, path)?;
         if let Some(drive) = &file.drive {
-            let f = drive.frequency_hz;
-            if !RATES.contains(&f) {
-                return bad(
-                    "drive.frequency_hz",
-                    f.to_string(),
-                    "a frequency in Hz above 0, 1e-6 to 1e7 (leave [drive] out for a free system)",
-                );
-            }
-            if f < file.sample_rate_hz / MOST_A_PERIOD {
-                return bad(
-                    "drive.frequency_hz",
-                    f.to_string(),
-                    &format!("at least a millionth of the sampling rate, {} Hz", file.sample_rate_hz / MOST_A_PERIOD),
-                );
-            }
-            if f > file.sample_rate_hz / 10.0 {
-                return bad(
-                    "drive.frequency_hz",
-                    f.to_string(),
-                    &format!("at most a tenth of the sampling rate, {} Hz", file.sample_rate_hz / 10.0),
-                );
-            }
-            if let Some(a) = drive.amplitude_m
-                && a != 0.0
-                && !QUANTITIES.contains(&a)
-            {
-                return bad("drive.amplitude_m", a.to_string(), "an amplitude in metres, 0 or more (1e-30 to 1e30)");
-            }
+            checks::drive(drive, sample_rate_hz, path)?;
         }
-        if file.channel.is_empty() {
-            return bad("channel", "no [[channel]]".to_owned(), "one [[channel]] for each measured column");
-        }
-        for (i, c) in file.channel.iter().enumerate() {
-            let place = |key: &str| format!("channel {} (\"{}\"), {key}", i + 1, c.name);
-            if c.name.is_empty() {
-                return bad(&place("name"), "an empty name".to_owned(), "the column's name");
-            }
-            if c.name.chars().any(char::is_control) {
-                return bad(&place("name"), "a control character".to_owned(), "the column's name, on one line");
-            }
-            if file.channel[..i].iter().any(|o| o.name == c.name) {
-                return bad(&place("name"), format!("\"{}\" a second time", c.name), "a column named once");
-            }
-            if file.channel[..i].iter().any(|o| o.measures == c.measures) {
-                return bad(
-                    &place("measures"),
-                    format!("\"{}\" a second time", c.measures),
-                    "a quantity measured once",
-                );
-            }
-            if !UNITS.contains(&c.unit.as_str()) {
-                return bad(&place("unit"), format!("\"{}\"", c.unit), &format!("one of {}", UNITS.join(", ")));
-            }
-            match (c.unit.as_str(), c.counts_per_turn) {
-                ("count", None) => {
-                    return bad(
-                        &place("counts_per_turn"),
-                        "nothing".to_owned(),
-                        "the encoder's counts a turn (unit is \"count\")",
-                    );
-                }
-                (_, Some(0)) => {
-                    return bad(&place("counts_per_turn"), "0".to_owned(), "the encoder's counts a turn, 1 or more");
-                }
-                (unit, Some(n)) if unit != "count" => {
-                    return bad(&place("counts_per_turn"), n.to_string(), &format!("no such key with unit \"{unit}\""));
-                }
-                _ => {}
-            }
-        }
+        checks::channels(&file.channel, path)?;
         // The quantities of a model file are its own: see [`measures::bind`].
         if !measures::is_file(&file.model) {
             check_known(&file.known, path)?;
@@ -337,7 +328,8 @@ impl Rig {
         let rig = Self {
             name: file.name,
             model: file.model,
-            sample_rate_hz: file.sample_rate_hz,
+            sample_rate_hz,
+            time,
             drive: file.drive,
             channel: file.channel,
             known,
@@ -350,6 +342,33 @@ impl Rig {
         };
         measures::check_built_in(&rig)?;
         Ok(rig)
+    }
+
+    /// A rig of columns as they stand, of which nothing is known yet: no model, no unit, no rate.
+    pub fn of_columns(columns: &[String], time: TimeChoice) -> Self {
+        let channel = |name: &String| Channel {
+            name: name.clone(),
+            measures: name.clone(),
+            unit: "1".to_owned(),
+            counts_per_turn: None,
+            gain: None,
+            offset: None,
+        };
+        Self {
+            name: "columns".to_owned(),
+            model: String::new(),
+            sample_rate_hz: UNKNOWN_RATE,
+            time,
+            drive: None,
+            channel: columns.iter().map(channel).collect(),
+            known: BTreeMap::new(),
+            nominal: None,
+            effects: Vec::new(),
+            effect_files: Vec::new(),
+            text: String::new(),
+            path: PathBuf::new(),
+            bound: None,
+        }
     }
 
     /// Whether the rig file itself gives g.

@@ -50,7 +50,7 @@ fn cells_and_columns() {
     let header = good(at)[0].clone();
     assert_eq!(header, "t,count1,count2,tick,phase,amplitude_nm");
     with_cell(at, "column.csv", 1, 2, "velocity");
-    with_cell(at, "time.csv", 1, 0, "time");
+    with_cell(at, "time.csv", 1, 0, "clock");
     with_cell(at, "text.csv", 101, 2, "x7");
     with_cell(at, "type.csv", 101, 2, "99999999999");
     with_cell(at, "nan.csv", 101, 0, "NaN");

@@ -15,6 +15,7 @@ mod json_page;
 mod measured;
 mod memory;
 mod outputs;
+mod own_file;
 mod own_systems;
 mod program;
 mod reduced;

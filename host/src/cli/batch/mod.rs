@@ -76,6 +76,7 @@ fn shard(text: &str) -> std::result::Result<Shard, String> {
 /// What every command has.
 pub struct Parts<'a> {
     pub records: &'a Records,
+    pub rig: &'a std::path::Path,
     pub out: &'a Output,
     pub replace: Replace,
 }

@@ -232,7 +232,7 @@ pub fn run<C: Single>(batch: &Of<C>, matches: Option<&ArgMatches>) -> Result<Ans
             .remedy(format!("Leave it out, or run `whirl {}` on the one record", C::NAME)));
     }
     let layout = Layout::of(&batch.out)?;
-    let rig = Rig::read(&parts.records.rig)?;
+    let rig = parts.records.rig(parts.rig)?;
     Outputs::of(parts.out, Some(parts.replace))
         .reads(&parts.records.records)
         .reads(batch.single.reads())

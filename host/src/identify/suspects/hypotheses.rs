@@ -9,7 +9,7 @@ use crate::model::model_file::Space;
 use crate::rig::Channel;
 
 /// Counts a turn that encoders are sold with, lines and their quadrature.
-const COUNTS: [u32; 32] = [
+pub(crate) const COUNTS: [u32; 32] = [
     100, 128, 200, 250, 256, 360, 400, 500, 512, 600, 720, 800, 1000, 1024, 1200, 1250, 1440, 1600, 1800, 2000, 2048,
     2400, 2500, 3600, 4000, 4096, 5000, 7200, 8000, 8192, 10_000, 16_384,
 ];

@@ -27,6 +27,8 @@ use crate::warning::Warning;
 use arrow::Known;
 use scene::Scene;
 
+pub(crate) use hypotheses::COUNTS;
+
 /// Most windows that are looked at.
 const WINDOWS: usize = 64;
 /// ln of residual over noise power from which something is looked for: clean records of the
@@ -39,6 +41,18 @@ const PHASE: f64 = 1e-4;
 const RATE: f64 = 1e-3;
 fn no_equations(rig: &Rig) -> BadInput {
     BadInput::new(format!("\"{}\"", rig.model), "a system with equations").in_file(&rig.path).at("model")
+}
+
+/// Windows on which readings of a record are compared.
+const FEW: usize = 12;
+
+/// How well the equations of a rig fit the beginning of a record, as the mean of ln(residual/noise power) (0: as well as the sensors allow);
+/// none where they cannot be fitted. Of two readings of one record it speaks for the lower.
+pub fn misfit(record: &Record, rig: &Rig) -> Option<f64> {
+    let window_s = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
+    let part = beginning(core::slice::from_ref(record), 0.5 * (FEW + 4) as f64 * window_s);
+    let scene = Scene::new(&part, rig).ok()?.first(FEW);
+    scene.misfit().map(|m| m.log).filter(|m| m.is_finite())
 }
 
 /// Suspects of records of a rig; none where the rig's equations cannot be identified from them.

@@ -1,0 +1,77 @@
+//! `whirl init`: a commented rig file from what a record shows.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::output::{Output, Replace, write_file};
+use super::outputs::Outputs;
+use super::{Answer, Columns};
+use crate::error::{BadInput, Result};
+use crate::init::{Settings, draft, write};
+use crate::record::ReadOptions;
+use crate::record::formats;
+
+/// Arguments of `init`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Records of one rig; the first is looked at, the others must have its columns.
+    #[arg(required = true, value_name = "REC")]
+    records: Vec<PathBuf>,
+    /// The system: `whirl list models`, or a model file [default: by the number of angles, one or two].
+    #[arg(long, value_name = "NAME|FILE")]
+    system: Option<String>,
+    #[command(flatten)]
+    columns: Columns,
+    /// The rig file that is written.
+    #[arg(short, long, value_name = "RIG.toml")]
+    output: PathBuf,
+    /// Read what is whole of a truncated or damaged file.
+    #[arg(long)]
+    recover: bool,
+    #[command(flatten)]
+    replace: Replace,
+    #[command(flatten)]
+    out: Output,
+}
+
+/// Looks at the record, writes the rig file.
+pub fn run(arguments: &Arguments) -> Result<Answer> {
+    if arguments.out.report.is_some() {
+        return Err(BadInput::new("--report", "no report of a rig file")
+            .at("--report")
+            .remedy("`whirl inspect` writes one of the record"));
+    }
+    Outputs::of(&arguments.out, Some(arguments.replace))
+        .reads(&arguments.records)
+        .record("-o", &arguments.output)
+        .check()?;
+    let settings = Settings {
+        system: arguments.system.clone(),
+        choices: arguments.columns.choices(),
+        options: ReadOptions { recover: arguments.recover, resample: false },
+        output: arguments.output.clone(),
+        needs_system: true,
+    };
+    let first = &arguments.records[0];
+    let draft = draft(first, &settings)?;
+    for other in &arguments.records[1..] {
+        let names: Vec<String> = formats::columns(other, &draft.time)?.into_iter().map(|l| l.name).collect();
+        for c in &draft.channels {
+            crate::record::names::find(&names, &c.name, other)?;
+        }
+    }
+    // What is written must be a rig file.
+    draft.rig()?;
+    write_file(&arguments.output, write::text(&draft).as_bytes())?;
+    let checks = draft.statements().iter().filter(|s| s.check).count();
+    arguments
+        .out
+        .write_json(&serde_json::json!({ "format": 1, "rig": arguments.output, "draft": draft, "to_check": checks }))?;
+    arguments.out.say(&write::human(&draft));
+    let (record, rig) = (first.display(), arguments.output.display());
+    arguments.out.say(&format!(
+        "{rig} is written. Next: whirl inspect {record} --rig {rig}, then whirl identify {record} --rig {rig}\n"
+    ));
+    Ok(Answer::Positive)
+}

@@ -1,0 +1,191 @@
+//! What each column is, from its name and its values.
+
+use serde::Serialize;
+
+use super::Statement;
+use super::counts::{self, Wrap};
+use super::raw::Raw;
+use crate::inspect::motion::quantisation_step;
+use crate::record::{Column, names};
+use crate::report::format::significant;
+
+/// Words in a name that say an angle.
+const ANGLES: [&str; 19] = [
+    "theta", "phi", "angle", "winkel", "enc", "count", "rot", "alpha", "beta", "gamma", "psi", "pend", "arm", "joint",
+    "gelenk", "zähl", "θ", "φ", "ϕ",
+];
+/// Range of whole numbers up to which they may be states or marks rather than counts.
+const MARKS: f64 = 20.0;
+
+/// What a column is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// An angle.
+    Angle,
+    /// A displacement.
+    Length,
+    /// Something that is not a displacement: a voltage, a force, a current.
+    Input,
+    /// A velocity, a temperature: nothing that a channel may measure.
+    Other,
+    /// Numbers that say nothing of themselves.
+    Unknown,
+    /// Rises by one from row to row.
+    Counter,
+    /// Does not change.
+    Constant,
+}
+
+impl Kind {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Angle => "an angle",
+            Self::Length => "a displacement",
+            Self::Input => "an input",
+            Self::Other => "a rate or another quantity that no channel measures",
+            Self::Unknown => "numbers whose name and values do not say what they are",
+            Self::Counter => "counts the rows",
+            Self::Constant => "does not change",
+        }
+    }
+}
+
+/// A column that was looked at.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// Its name.
+    pub name: String,
+    /// Its place among the columns that were read.
+    pub index: usize,
+    /// What it is.
+    pub kind: Kind,
+    /// Unit for the rig file.
+    pub unit: &'static str,
+    /// Value in that unit over the column's.
+    pub factor: f64,
+    /// Counts a turn, where the values show them.
+    pub counts: Option<u32>,
+    /// Why.
+    pub why: Vec<Statement>,
+}
+
+/// Least, greatest, largest step between neighbours.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Extent {
+    pub low: f64,
+    pub high: f64,
+    pub leap: f64,
+}
+
+pub(super) fn extent(parts: &[&[f64]]) -> Extent {
+    let all = parts.iter().flat_map(|p| p.iter());
+    let (low, high) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    let leap = parts.iter().flat_map(|p| p.windows(2)).map(|w| (w[1] - w[0]).abs()).fold(0.0, f64::max);
+    Extent { low, high, leap }
+}
+
+/// Looks at every column.
+pub(super) fn look(raw: &Raw) -> Vec<Seen> {
+    let columns = raw.record.channels.iter().enumerate();
+    columns.map(|(i, c)| one(&c.name, i, &raw.values(i))).collect()
+}
+
+fn one(name: &str, index: usize, parts: &[&[f64]]) -> Seen {
+    let e = extent(parts);
+    let mut seen =
+        Seen { name: name.to_owned(), index, kind: Kind::Unknown, unit: "1", factor: 1.0, counts: None, why: vec![] };
+    if e.high <= e.low {
+        seen.kind = Kind::Constant;
+    } else if parts.iter().all(|p| p.windows(2).all(|w| w[1] - w[0] == 1.0)) {
+        seen.kind = Kind::Counter;
+    } else if let Some((unit, text)) = names::split(name).1.and_then(|text| names::unit(&text).map(|unit| (unit, text)))
+    {
+        by_unit(&mut seen, unit, &text, parts);
+    } else {
+        by_values(&mut seen, parts, e);
+    }
+    seen
+}
+
+/// A column whose name has a unit.
+fn by_unit(seen: &mut Seen, unit: names::NamedUnit, text: &str, parts: &[&[f64]]) {
+    let Some(name) = unit.unit else {
+        seen.kind = Kind::Other;
+        return;
+    };
+    (seen.unit, seen.factor) = (name, unit.factor);
+    seen.kind = match name {
+        "count" | "rad" | "deg" => Kind::Angle,
+        "m" | "mm" | "um" => Kind::Length,
+        "1" => Kind::Unknown,
+        _ => Kind::Input,
+    };
+    if name == "count" {
+        return counted(seen, parts, extent(parts));
+    }
+    let mut why = format!("its name says {text}");
+    let turn = match name {
+        "deg" => Some(360.0),
+        "rad" => Some(core::f64::consts::TAU),
+        _ => None,
+    };
+    if let Some(n) = turn.and_then(|turn| counts::of_step(step(parts), turn / unit.factor)) {
+        why.push_str(&format!("; its values are steps of 1/{n} of a turn"));
+    }
+    seen.why.push(Statement::new(&seen.name, format!("{} in {name}", seen.kind.words()), why));
+}
+
+fn step(parts: &[&[f64]]) -> f64 {
+    let columns: Vec<Column> = parts.iter().map(|p| Column::Values(p.to_vec())).collect();
+    quantisation_step(&columns.iter().collect::<Vec<_>>(), 1.0)
+}
+
+/// A column whose name has no unit.
+fn by_values(seen: &mut Seen, parts: &[&[f64]], e: Extent) {
+    let small = seen.name.to_lowercase();
+    let called = ANGLES.iter().any(|a| small.contains(a));
+    let whole = parts.iter().all(|p| p.iter().all(|x| x.fract() == 0.0));
+    if whole && e.high - e.low > MARKS {
+        return counted(seen, parts, e);
+    }
+    let turns = [("rad", core::f64::consts::TAU), ("deg", 360.0)];
+    if let Some((unit, turn)) = turns.into_iter().find(|(_, turn)| counts::wraps(parts, *turn)) {
+        (seen.kind, seen.unit) = (Kind::Angle, unit);
+        let why = format!("its values leap by a whole turn of {} {unit}", significant(turn, 4));
+        seen.why.push(Statement::new(&seen.name, format!("an angle in {unit}"), why));
+        return;
+    }
+    let q = step(parts);
+    let stepped = turns.into_iter().find_map(|(unit, turn)| counts::of_step(q, turn).map(|n| (unit, n)));
+    if let Some((unit, n)) = stepped.filter(|_| called) {
+        (seen.kind, seen.unit) = (Kind::Angle, unit);
+        let why = format!(
+            "its name says an angle, and its values are steps of {}, 1/{n} of a turn in {unit}",
+            significant(q, 4)
+        );
+        seen.why.push(Statement::new(&seen.name, format!("an angle in {unit}"), why));
+    } else if called {
+        let size = e.low.abs().max(e.high.abs());
+        let unit = if size > 13.0 { "deg" } else { "rad" };
+        (seen.kind, seen.unit) = (Kind::Angle, unit);
+        let why = format!("its name says an angle, and its values go to {}", significant(size, 3));
+        seen.why.push(Statement::new(&seen.name, format!("an angle in {unit}"), why).to_check());
+    }
+}
+
+/// Whole numbers: counts of an encoder.
+fn counted(seen: &mut Seen, parts: &[&[f64]], e: Extent) {
+    (seen.kind, seen.unit) = (Kind::Angle, "count");
+    let range = format!("whole numbers from {} to {}", e.low, e.high);
+    let why = match counts::wrapped(parts, e) {
+        Some(Wrap::Turn(n)) => {
+            seen.counts = Some(n);
+            format!("{range} that leap by {n}: the encoder's turn")
+        }
+        Some(Wrap::Counter) => format!("{range} that leap by 65536: a counter of 16 bits"),
+        None => range,
+    };
+    seen.why.push(Statement::new(&seen.name, "an angle in counts", why));
+}

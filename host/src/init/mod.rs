@@ -1,0 +1,257 @@
+//! A rig file from a record alone: what its columns, its time and its motion show, each with the reason for it.
+//!
+//! What can be seen is written as found: the rate, units, counts a turn, a drive's frequency, which column is which angle. What
+//! cannot is guessed and marked `CHECK`; the file works as it stands.
+
+pub mod columns;
+mod counts;
+mod drive;
+mod raw;
+mod settle;
+mod system;
+pub mod write;
+
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use self::columns::Seen;
+use crate::error::{BadInput, Result};
+use crate::record::names::TimeChoice;
+use crate::record::{ReadOptions, metadata};
+use crate::rig::choices::Choices;
+use crate::rig::{Direction, Rig};
+
+/// A statement of the rig file, why it was made, and whether it is a guess.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Statement {
+    /// What was taken for granted: `t`, `count1`, `drive`, ….
+    pub of: String,
+    /// What it is taken for.
+    pub taken_for: String,
+    /// Why.
+    pub why: String,
+    /// Whether the record cannot show it, so that a person must look at it.
+    pub check: bool,
+}
+
+impl Statement {
+    fn new(of: impl Into<String>, taken_for: impl Into<String>, why: impl Into<String>) -> Self {
+        Self { of: of.into(), taken_for: taken_for.into(), why: why.into(), check: false }
+    }
+
+    fn to_check(mut self) -> Self {
+        self.check = true;
+        self
+    }
+}
+
+/// A channel of the rig file that is drafted.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DraftChannel {
+    /// Column.
+    pub name: String,
+    /// What it measures.
+    pub measures: String,
+    /// Unit.
+    pub unit: String,
+    /// Counts a turn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub counts_per_turn: Option<u32>,
+    /// Factor to the unit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gain: Option<f64>,
+    /// Why, a sentence each.
+    pub why: Vec<Statement>,
+}
+
+/// A drive that was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DraftDrive {
+    /// Direction.
+    pub direction: Direction,
+    /// Frequency, Hz.
+    pub frequency_hz: f64,
+    /// Why.
+    pub why: Vec<Statement>,
+}
+
+/// A rig file that is drafted.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Draft {
+    /// The record.
+    pub record: PathBuf,
+    /// Where the rig file is to stand.
+    #[serde(skip)]
+    pub at: PathBuf,
+    /// Name for people.
+    pub name: String,
+    /// Model id or path; none where the columns leave it open.
+    pub model: Option<String>,
+    /// Why that model.
+    pub why_model: Vec<Statement>,
+    /// Sampling rate, Hz.
+    pub sample_rate_hz: f64,
+    /// Column and unit of the time, where the name `t` in seconds does not say it.
+    pub time: TimeChoice,
+    /// Why that rate and time.
+    pub why_time: Vec<Statement>,
+    /// Drive; none for a system at rest.
+    pub drive: Option<DraftDrive>,
+    /// Channels.
+    pub channels: Vec<DraftChannel>,
+    /// Columns that are not used, and why.
+    pub unused: Vec<Statement>,
+    /// The rig file that the record itself carries, which is then all that is written.
+    #[serde(skip)]
+    pub stored: Option<String>,
+}
+
+/// What a draft begins with.
+#[derive(Clone, Debug, Default)]
+pub struct Settings {
+    /// Model id or file; none where it follows from the number of angles.
+    pub system: Option<String>,
+    /// Choices of columns.
+    pub choices: Choices,
+    /// How the record is read.
+    pub options: ReadOptions,
+    /// Where the rig file is to stand: paths in it are relative to that.
+    pub output: PathBuf,
+    /// Whether a system must be found (a rig file needs one, an inspection does not).
+    pub needs_system: bool,
+}
+
+impl Draft {
+    /// All statements, those about the time first.
+    pub fn statements(&self) -> Vec<&Statement> {
+        let channels = self.channels.iter().flat_map(|c| &c.why);
+        let drive = self.drive.iter().flat_map(|d| &d.why);
+        self.why_time.iter().chain(&self.why_model).chain(drive).chain(channels).chain(&self.unused).collect()
+    }
+
+    /// The rig that the draft is, as if its file stood where it is to stand.
+    ///
+    /// # Errors
+    /// As [`Rig::read`].
+    pub fn rig(&self) -> Result<Rig> {
+        let rig = Rig::of_text(&write::text(self), &self.at, &Choices::default(), &mut |_| Ok(None))?;
+        // A model of no name stands for columns as they are.
+        Ok(if self.model.is_none() && self.stored.is_none() { Rig { model: String::new(), ..rig } } else { rig })
+    }
+}
+
+/// Drafts the rig file of a record.
+///
+/// # Errors
+/// A record that cannot be read, without a time or without a column that could be a channel; a system that does not fit its
+/// columns or that must be told.
+pub fn draft(path: &Path, settings: &Settings) -> Result<Draft> {
+    if settings.system.is_none()
+        && let Some(stored) = stored(path, &settings.output)
+    {
+        return Ok(stored);
+    }
+    let raw = raw::read(path, settings)?;
+    let seen = columns::look(&raw);
+    let (sample_rate_hz, why_rate) = raw::rate(&raw);
+    let chosen = system::choose(&raw, &seen, settings)?;
+    let mut why_time = raw.why.clone();
+    why_time.push(why_rate);
+    let stem = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let mut draft = Draft {
+        record: path.to_path_buf(),
+        at: settings.output.clone(),
+        name: stem.split('.').next().unwrap_or_default().to_owned(),
+        model: chosen.model,
+        why_model: chosen.why,
+        sample_rate_hz,
+        time: raw.time.clone(),
+        why_time,
+        drive: None,
+        channels: chosen.channels,
+        unused: raw.unused.iter().cloned().chain(chosen.unused).collect(),
+        stored: None,
+    };
+    if chosen.may_be_driven {
+        draft.drive = drive::find(&raw, &seen);
+    }
+    if draft.model.is_some() {
+        settle::settle(&mut draft, &seen, settings)?;
+    }
+    Ok(draft)
+}
+
+/// The rig file that one of whirl's own records carries.
+fn stored(path: &Path, at: &Path) -> Option<Draft> {
+    let metadata = metadata(path)?;
+    let text = without_plant(&metadata.rig);
+    let rig = Rig::parse(&text, path).ok()?;
+    let why = Statement::new("rig file", rig.name.clone(), "the record carries the rig file that it was captured with");
+    Some(Draft {
+        record: path.to_path_buf(),
+        at: at.to_path_buf(),
+        name: rig.name,
+        model: Some(rig.model),
+        why_model: vec![why],
+        sample_rate_hz: rig.sample_rate_hz,
+        time: TimeChoice::default(),
+        why_time: Vec::new(),
+        drive: rig.drive.map(|d| DraftDrive { direction: d.direction, frequency_hz: d.frequency_hz, why: Vec::new() }),
+        channels: rig
+            .channel
+            .into_iter()
+            .map(|c| DraftChannel {
+                name: c.name,
+                measures: c.measures,
+                unit: c.unit,
+                counts_per_turn: c.counts_per_turn,
+                gain: c.gain,
+                why: Vec::new(),
+            })
+            .collect(),
+        unused: Vec::new(),
+        stored: Some(text),
+    })
+}
+
+/// A rig file without the truth about a simulated rig.
+fn without_plant(text: &str) -> String {
+    let mut inside = false;
+    let mut out = String::with_capacity(text.len());
+    for line in text.lines() {
+        let start = line.trim_start();
+        if start.starts_with('[') {
+            inside = start.starts_with("[plant]") || start.starts_with("[plant.") || start.starts_with("[[plant.");
+        }
+        if !inside {
+            out.push_str(line);
+            out.push('\n');
+        }
+    }
+    out
+}
+
+/// The sampling rate that a record's own time says, Hz, rounded as far as its clock allows.
+///
+/// # Errors
+/// A record that cannot be read, or whose time cannot be found.
+pub fn rate_of(path: &Path, time: &TimeChoice, options: &ReadOptions) -> Result<f64> {
+    if let Some(m) = metadata(path).filter(|m| m.sample_rate_hz > 0.0) {
+        return Ok(m.sample_rate_hz);
+    }
+    raw::rate_of(path, time, options)
+}
+
+/// The error for a record in which nothing could be a channel.
+fn nothing_to_measure(path: &Path, seen: &[Seen]) -> BadInput {
+    let list: Vec<String> = seen.iter().map(|s| format!("{} ({})", s.name, s.kind.words())).collect();
+    let found = if list.is_empty() { "no column of numbers but the time".to_owned() } else { list.join(", ") };
+    BadInput::new(found, "a column that moves")
+        .in_file(path)
+        .at("columns")
+        .remedy("Export the angles or displacements, one column each, beside the time")
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,198 @@
+//! What the equations of motion decide: of all readings of a record, the one that they fit.
+//!
+//! Counts a turn, whether angles are relative or absolute, which column is which arm and of which frequency a drive is all leave the equations
+//! a residual where they are wrong ([`crate::identify::suspects`]). Where two readings fit alike, nothing is decided and the statement is
+//! one to check.
+
+use rayon::prelude::*;
+
+use super::columns::Seen;
+use super::counts::likely;
+use super::{Draft, Settings, Statement};
+use crate::error::Result;
+use crate::identify::suspects;
+use crate::record::Record;
+use crate::record::cut::Part;
+use crate::report::format::significant;
+use crate::rig::Direction;
+
+/// Seconds that are looked at of a free system; drive periods of a driven one.
+const FREE_S: f64 = 40.0;
+const PERIODS: f64 = 200.0;
+/// By how much less the best reading must leave, in ln(residual/noise power).
+const CLEARLY: f64 = 0.15;
+
+/// A reading that was tried.
+struct Tried {
+    draft: Draft,
+    left: f64,
+}
+
+/// Settles what the equations tell.
+pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings) -> Result<()> {
+    let rig = draft.rig()?;
+    let mut record = Record::read(&draft.record, &rig, &settings.options)?;
+    let start = record.segments.first().map_or(0.0, |s| s.start_s);
+    let length = draft.drive.as_ref().map_or(FREE_S, |d| PERIODS / d.frequency_hz);
+    // Without a bound that fits, all of it is looked at.
+    let _ = record.cut(&Part { from_s: None, to_s: Some(start + length) });
+    let open = |name: &str| seen.iter().any(|s| s.name == name && s.unit == "count" && s.counts.is_none());
+    let unknown: Vec<usize> = (0..draft.channels.len()).filter(|k| open(&draft.channels[*k].name)).collect();
+    let mut tried = try_all(readings(draft, &unknown, settings), &record);
+    if tried.is_empty() {
+        return Ok(());
+    }
+    tried.sort_by(|a, b| a.left.total_cmp(&b.left));
+    let best = tried[0].draft.clone();
+    let left = tried[0].left;
+    let next = |differs: &dyn Fn(&Draft) -> bool| {
+        tried.iter().find(|t| differs(&t.draft)).map_or(f64::INFINITY, |t| t.left) - left
+    };
+    let counts = next(&|d| unknown.iter().any(|k| d.channels[*k].counts_per_turn != best.channels[*k].counts_per_turn));
+    let measures = next(&|d| d.channels.iter().zip(&best.channels).any(|(a, b)| a.measures != b.measures));
+    let frequency = next(&|d| frequency(d) != frequency(&best));
+    *draft = best;
+    for k in unknown {
+        tell_counts(draft, k, counts);
+    }
+    if measures.is_finite() {
+        tell_measures(draft, measures);
+    }
+    if frequency.is_finite() {
+        tell_drive(draft, frequency);
+    }
+    refine(draft, &record);
+    Ok(())
+}
+
+fn frequency(draft: &Draft) -> Option<f64> {
+    draft.drive.as_ref().map(|d| d.frequency_hz)
+}
+
+/// All readings that are possible.
+fn readings(draft: &Draft, unknown: &[usize], settings: &Settings) -> Vec<Draft> {
+    let mut out = vec![draft.clone()];
+    if draft.model.as_deref() == Some("double-pendulum") && settings.choices.map.is_empty() {
+        let orders = [["theta1", "theta2"], ["phi1", "phi2"], ["theta2", "theta1"], ["phi2", "phi1"]];
+        out = orders.iter().map(|order| measuring(draft, order)).collect();
+    }
+    if let Some(d) = draft.drive.as_ref().filter(|d| d.direction == Direction::Horizontal) {
+        // To and fro once in a drive period, or in two of a vertical drive. The double pendulum's equations have a vertical drive only.
+        let drive = |direction: Direction, times: f64| {
+            let other = super::DraftDrive { direction, frequency_hz: times * d.frequency_hz, why: d.why.clone() };
+            out.iter().map(|draft| Draft { drive: Some(other.clone()), ..draft.clone() }).collect::<Vec<_>>()
+        };
+        let once = if draft.model.as_deref() == Some("double-pendulum") { Direction::Vertical } else { d.direction };
+        out = [drive(once, 1.0), drive(Direction::Vertical, 2.0)].concat();
+    }
+    if unknown.is_empty() {
+        return out;
+    }
+    let with = |d: &Draft, n: u32| {
+        let mut d = d.clone();
+        unknown.iter().for_each(|k| d.channels[*k].counts_per_turn = Some(n));
+        d
+    };
+    out.iter()
+        .flat_map(|d| likely().into_iter().filter(|n| *n >= 200).map(|n| with(d, n)).collect::<Vec<_>>())
+        .collect()
+}
+
+fn measuring(draft: &Draft, order: &[&str]) -> Draft {
+    let mut d = draft.clone();
+    d.channels.iter_mut().zip(order).for_each(|(c, m)| c.measures = (*m).to_owned());
+    d
+}
+
+fn try_all(list: Vec<Draft>, record: &Record) -> Vec<Tried> {
+    let one = |draft: Draft| {
+        let rig = draft.rig().ok()?;
+        let record = Record { channels: rig.channel.clone(), ..record.clone() };
+        Some(Tried { left: suspects::misfit(&record, &rig)?, draft })
+    };
+    let tried: Vec<Option<Tried>> = list.into_par_iter().map(one).collect();
+    tried.into_iter().flatten().collect()
+}
+
+fn beside(by: f64) -> String {
+    if by.is_finite() {
+        return format!("every other leaves at least {} times the residual", significant((by / 2.0).exp(), 3));
+    }
+    "no other fits".to_owned()
+}
+
+fn tell_counts(draft: &mut Draft, k: usize, by: f64) {
+    let c = &mut draft.channels[k];
+    let n = c.counts_per_turn.unwrap_or_default();
+    c.why.retain(|w| !w.check);
+    let text = format!("{n} counts a turn");
+    c.why.push(if by > CLEARLY {
+        Statement::new(&c.name, text, format!("the equations of motion fit with them; {}", beside(by)))
+    } else {
+        Statement::new(
+            &c.name,
+            text,
+            "the equations of motion fit nearly as well with others: see the encoder's data sheet",
+        )
+        .to_check()
+    });
+}
+
+fn tell_measures(draft: &mut Draft, by: f64) {
+    for c in &mut draft.channels {
+        let what = match c.measures.as_str() {
+            "theta1" | "phi1" => "the angle of arm 1",
+            "theta2" => "the angle of arm 2 relative to arm 1",
+            _ => "the absolute angle of arm 2",
+        };
+        c.why.push(if by > CLEARLY {
+            Statement::new(&c.name, what, format!("the equations of motion fit so; {}", beside(by)))
+        } else {
+            Statement::new(&c.name, what, "the equations of motion fit nearly as well otherwise").to_check()
+        });
+    }
+}
+
+fn tell_drive(draft: &mut Draft, by: f64) {
+    let Some(d) = &mut draft.drive else { return };
+    let text = format!("{} Hz", d.frequency_hz);
+    let told = Statement::new("drive", text, format!("the equations of motion fit so; {}", beside(by)));
+    d.why.push(if by > CLEARLY { told } else { told.to_check() });
+}
+
+/// What the equations say of the finished reading: the drive's direction and a frequency that is off.
+fn refine(draft: &mut Draft, record: &Record) {
+    let Ok(rig) = draft.rig() else { return };
+    let record = Record { channels: rig.channel.clone(), ..record.clone() };
+    for w in suspects::examine(core::slice::from_ref(&record), &rig) {
+        let Some(d) = &mut draft.drive else { return };
+        if w.id == "drive-direction" && rig.model == "single-pendulum" {
+            d.direction = if d.direction == Direction::Vertical { Direction::Horizontal } else { Direction::Vertical };
+            d.why.retain(|s| !s.check);
+            let name = if d.direction == Direction::Vertical { "vertical" } else { "horizontal" };
+            d.why.push(Statement::new(
+                "drive",
+                name,
+                "the equations of motion show the drive's force in that direction",
+            ));
+        } else if let ("drive-frequency", Some(hz)) =
+            (w.id, w.details.get("value_hz").and_then(serde_json::Value::as_f64))
+        {
+            let error = w.details.get("std_error_hz").and_then(serde_json::Value::as_f64).unwrap_or(0.0);
+            d.frequency_hz = super::raw::nice(hz, (2.0 * error / hz).max(1e-9));
+            d.why.push(Statement::new(
+                "drive",
+                format!("{} Hz", d.frequency_hz),
+                "the equations of motion fit best with it",
+            ));
+        }
+    }
+    // A vertical drive is the only one that the double pendulum's equations have.
+    if rig.model == "double-pendulum"
+        && let Some(d) = &mut draft.drive
+    {
+        d.why.retain(|s| !s.check);
+        let why = "the double pendulum's equations have no other; one that moves sideways needs a model file";
+        d.why.push(Statement::new("drive", "vertical", why).to_check());
+    }
+}

@@ -1,0 +1,238 @@
+//! Which system a record is of, and which column shows which of its coordinates and inputs.
+
+use std::path::Path;
+
+use super::columns::{Kind, Seen};
+use super::raw::{Raw, no_such_column};
+use super::{DraftChannel, Settings, Statement};
+use crate::error::{BadInput, Result};
+use crate::model::MODELS;
+use crate::model::model_file::toml_place::{self, Source};
+use crate::model::model_file::{self, Space};
+use crate::system::{self, library};
+
+/// Counts a turn where nothing shows them: the commonest encoder, 1024 lines counted four times.
+pub(super) const COMMON: u32 = 4096;
+
+/// What was chosen.
+pub(super) struct Chosen {
+    pub model: Option<String>,
+    pub why: Vec<Statement>,
+    pub channels: Vec<DraftChannel>,
+    pub unused: Vec<Statement>,
+    /// Whether a drive is to be looked for.
+    pub may_be_driven: bool,
+}
+
+/// A quantity that needs a channel.
+struct Need {
+    name: String,
+    kind: Kind,
+}
+
+/// What a system needs.
+struct Needs {
+    list: Vec<Need>,
+    phase: bool,
+}
+
+fn built_in(id: &str) -> Option<Needs> {
+    let angles: &[&str] = match id {
+        "single-pendulum" => &["theta1"],
+        "double-pendulum" => &["theta1", "theta2"],
+        _ => return None,
+    };
+    let list = angles.iter().map(|n| Need { name: (*n).to_owned(), kind: Kind::Angle }).collect();
+    Some(Needs { list, phase: true })
+}
+
+fn of_source(source: Source) -> Result<Needs> {
+    let model = system::model_of(source, None, 1.0)?;
+    let coordinate = |c: &model_file::Coordinate| Need {
+        name: c.name.clone(),
+        kind: if c.space == Space::Circle { Kind::Angle } else { Kind::Length },
+    };
+    let inputs = model.inputs.iter().map(|u| Need { name: u.clone(), kind: Kind::Input });
+    let phase = model.uses_phase();
+    Ok(Needs { list: model.coordinates.iter().map(coordinate).chain(inputs).collect(), phase })
+}
+
+/// The model as the rig file names it, and what it needs.
+fn named(system: &str, output: &Path) -> Result<(String, Needs)> {
+    if let Some(needs) = built_in(system) {
+        return Ok((system.to_owned(), needs));
+    }
+    if let (false, Some(text)) = (model_file::is_path(system), library::text(system)) {
+        let source = Source { text: text.to_owned(), path: Path::new(system).to_path_buf() };
+        return Ok((system.to_owned(), of_source(source)?));
+    }
+    if !model_file::is_path(system) {
+        let names: Vec<&str> = MODELS.iter().map(|m| m.0).chain(library::all().iter().map(|l| l.0)).collect();
+        return Err(BadInput::new(format!("\"{system}\""), format!("one of {}, or a model file", names.join(", ")))
+            .at("--system")
+            .remedy("`whirl list models` says what they are"));
+    }
+    let needs = of_source(toml_place::read(Path::new(system), "a model file")?)?;
+    // Paths in a rig file are relative to it.
+    let here = output.parent().is_none_or(|p| p.as_os_str().is_empty());
+    let path = if here {
+        Path::new(system).to_path_buf()
+    } else {
+        Path::new(system).canonicalize().unwrap_or_else(|_| system.into())
+    };
+    Ok((path.display().to_string(), needs))
+}
+
+/// Chooses the system and assigns columns.
+pub(super) fn choose(raw: &Raw, seen: &[Seen], settings: &Settings) -> Result<Chosen> {
+    let angles = seen.iter().filter(|s| s.kind == Kind::Angle).count();
+    let guess = match angles {
+        1 => Some("single-pendulum"),
+        2 => Some("double-pendulum"),
+        _ => None,
+    };
+    let model = settings.system.as_deref().or(guess);
+    let Some(model) = model else {
+        if settings.needs_system {
+            return Err(untold(raw, seen, angles));
+        }
+        return as_they_stand(raw, seen);
+    };
+    let (model, mut needs) = named(model, &settings.output)?;
+    let mut why = Vec::new();
+    if settings.system.is_none() {
+        let text = format!("{angles} column{} of angles", if angles == 1 { "" } else { "s" });
+        why.push(Statement::new("model", &model, format!("{text}; another system is told by --system")));
+    }
+    let columns = assign(raw, seen, &mut needs, settings)?;
+    let mut unused = Vec::new();
+    for s in seen.iter().filter(|s| !columns.iter().any(|c| c.index == s.index)) {
+        let why = if matches!(s.kind, Kind::Angle | Kind::Length | Kind::Input) {
+            format!("{}, which {model} has no place for", s.kind.words())
+        } else {
+            s.kind.words().to_owned()
+        };
+        unused.push(Statement::new(&s.name, "not used", why));
+    }
+    let channels = columns.iter().zip(&needs.list).map(|(s, n)| channel(s, &n.name)).collect();
+    Ok(Chosen { model: Some(model), why, channels, unused, may_be_driven: needs.phase })
+}
+
+/// A channel for each column that moves, of no system.
+fn as_they_stand(raw: &Raw, seen: &[Seen]) -> Result<Chosen> {
+    let moves = |s: &&Seen| !matches!(s.kind, Kind::Counter | Kind::Constant);
+    let channels: Vec<DraftChannel> = seen.iter().filter(moves).map(|s| channel(s, &s.name)).collect();
+    if channels.is_empty() {
+        return Err(super::nothing_to_measure(&raw.path, seen));
+    }
+    let left = seen.iter().filter(|s| !moves(s)).map(|s| Statement::new(&s.name, "not used", s.kind.words()));
+    Ok(Chosen { model: None, why: Vec::new(), channels, unused: left.collect(), may_be_driven: false })
+}
+
+fn channel(seen: &Seen, measures: &str) -> DraftChannel {
+    let mut why = seen.why.clone();
+    let mut counts_per_turn = seen.counts;
+    if seen.unit == "count" && counts_per_turn.is_none() {
+        counts_per_turn = Some(COMMON);
+        let text = format!("{COMMON} counts a turn");
+        why.push(
+            Statement::new(&seen.name, text, "nothing in the record shows them; this is the commonest").to_check(),
+        );
+    }
+    if seen.unit == "1" {
+        let text = "neither its name nor its values say its unit; give one of those that docs/rig-file.md lists";
+        why.push(Statement::new(&seen.name, "numbers without a unit", text).to_check());
+    }
+    DraftChannel {
+        name: seen.name.clone(),
+        measures: measures.to_owned(),
+        unit: seen.unit.to_owned(),
+        counts_per_turn,
+        gain: (seen.factor != 1.0).then_some(seen.factor),
+        why,
+    }
+}
+
+/// The column of each quantity: the one that `--map` says, that is called so, or the next of its kind.
+fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &mut Needs, settings: &Settings) -> Result<Vec<&'a Seen>> {
+    let mut out: Vec<Option<&Seen>> = vec![None; needs.list.len()];
+    for (measure, column) in &settings.choices.map {
+        let names: Vec<String> = seen.iter().map(|s| s.name.clone()).collect();
+        let found = seen.iter().find(|s| s.name == *column);
+        let found = found.ok_or_else(|| no_such_column(&raw.path, column, &names))?;
+        let Some(k) = needs.list.iter().position(|n| n.name == *measure || n.name == measure.replace("phi", "theta"))
+        else {
+            let list: Vec<&str> = needs.list.iter().map(|n| n.name.as_str()).collect();
+            return Err(BadInput::new(format!("\"{measure}\""), format!("one of {}", list.join(", "))).at("--map"));
+        };
+        out[k] = Some(found);
+        needs.list[k].name.clone_from(measure);
+    }
+    let mut free: Vec<&Seen> = seen
+        .iter()
+        .filter(|s| !matches!(s.kind, Kind::Counter | Kind::Constant | Kind::Other))
+        .filter(|s| !out.iter().flatten().any(|o| o.index == s.index))
+        .collect();
+    for (k, need) in needs.list.iter().enumerate().filter(|(k, _)| out[*k].is_none()).collect::<Vec<_>>() {
+        if let Some(i) = free.iter().position(|s| same_name(&s.name, &need.name)) {
+            out[k] = Some(free.remove(i));
+        }
+    }
+    // First those whose kind fits, then any whose kind nothing says.
+    for wanted in [false, true] {
+        for (k, need) in needs.list.iter().enumerate() {
+            let fits = |s: &&Seen| if wanted { s.kind == Kind::Unknown } else { s.kind == need.kind };
+            if out[k].is_none()
+                && let Some(i) = free.iter().position(fits)
+            {
+                out[k] = Some(free.remove(i));
+            }
+        }
+    }
+    match out.iter().position(Option::is_none) {
+        None => Ok(out.into_iter().flatten().collect()),
+        Some(k) => {
+            let list: Vec<String> = seen.iter().map(|s| format!("{} ({})", s.name, s.kind.words())).collect();
+            Err(BadInput::new(
+                list.join(", "),
+                format!("a column for {}, {}", needs.list[k].name, needs.list[k].kind.words()),
+            )
+            .in_file(&raw.path)
+            .at("columns")
+            .remedy(format!(
+                "Say which one it is: --map {}=COLUMN; or name another system with --system",
+                needs.list[k].name
+            )))
+        }
+    }
+}
+
+fn same_name(column: &str, need: &str) -> bool {
+    let base = crate::record::names::split(column).0;
+    base.eq_ignore_ascii_case(need)
+}
+
+/// The error for columns that leave the system open: lists systems with as many coordinates and inputs.
+fn untold(raw: &Raw, seen: &[Seen], angles: usize) -> BadInput {
+    let usable = |s: &&Seen| matches!(s.kind, Kind::Angle | Kind::Length | Kind::Input | Kind::Unknown);
+    let columns: Vec<String> = seen.iter().filter(usable).map(|s| format!("{} ({})", s.name, s.kind.words())).collect();
+    if columns.is_empty() {
+        return super::nothing_to_measure(&raw.path, seen);
+    }
+    let fits = |text: &str, name: &str| {
+        let source = Source { text: text.to_owned(), path: Path::new(name).to_path_buf() };
+        of_source(source).is_ok_and(|n| {
+            n.list.len() == columns.len() && n.list.iter().filter(|n| n.kind == Kind::Angle).count() >= angles
+        })
+    };
+    let names: Vec<&str> =
+        library::all().iter().filter(|(name, text)| fits(text, name)).map(|(name, _)| *name).collect();
+    let expected = if names.is_empty() { "a system that has so many channels".to_owned() } else { names.join(", ") };
+    BadInput::new(
+        format!("{} channels: {}", columns.len(), columns.join(", ")),
+        format!("to be told the system: {expected}, or a model file"),
+    )
+    .in_file(&raw.path)
+    .at("--system")
+    .remedy("Name it with --system; `whirl list models` says what each is")
+}

@@ -1,0 +1,82 @@
+//! Tests of drafts from small files; whole records are in the end-to-end tests.
+
+use super::*;
+
+fn drafted(name: &str, text: &str, system: Option<&str>) -> Result<Draft> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    std::fs::write(&path, text).unwrap();
+    let settings = Settings {
+        system: system.map(str::to_owned),
+        output: folder.path().join("rig.toml"),
+        needs_system: true,
+        ..Settings::default()
+    };
+    draft(&path, &settings)
+}
+
+fn rows(n: usize, f: impl Fn(f64) -> String) -> String {
+    (0..n).map(|i| f(i as f64) + "\n").collect()
+}
+
+fn channel<'a>(draft: &'a Draft, name: &str) -> &'a DraftChannel {
+    draft.channels.iter().find(|c| c.name == name).unwrap_or_else(|| panic!("no {name}"))
+}
+
+#[test]
+fn units_come_from_names_and_values() {
+    let text = format!(
+        "time_ms,x_mm,Force (N),note,row\n{}",
+        rows(3000, |i| format!("{},{:.3},{:.3},a,{i}", 2.0 * i, 10.0 * (0.02 * i).sin(), (0.05 * i).cos()))
+    );
+    let d = drafted("a.csv", &text, Some("positioning-drive")).unwrap();
+    assert_eq!((d.sample_rate_hz, d.time.column.as_deref(), d.time.unit.as_deref()), (500.0, Some("time_ms"), None));
+    assert_eq!((channel(&d, "x_mm").unit.as_str(), channel(&d, "x_mm").measures.as_str()), ("mm", "q"));
+    assert_eq!((channel(&d, "Force (N)").unit.as_str(), channel(&d, "Force (N)").measures.as_str()), ("N", "force"));
+    let unused: Vec<&str> = d.unused.iter().map(|s| s.of.as_str()).collect();
+    assert_eq!(unused, ["note", "row"]);
+    let rig = d.rig().unwrap();
+    assert_eq!((rig.channel.len(), rig.sample_rate_hz), (2, 500.0));
+}
+
+#[test]
+fn a_time_without_name_or_unit_is_found_and_marked() {
+    let text = rows(3000, |i| format!("{},{:.4}", 2000.0 * i, (0.02 * i).sin()));
+    let d = drafted("bare.csv", &text, Some("positioning-drive")).unwrap_err().to_string();
+    assert!(d.contains("a column for") && d.contains("--map"), "{d}");
+    let text = rows(3000, |i| format!("{},{:.4},{:.3}", 2000.0 * i, (0.02 * i).sin(), (0.07 * i).cos()));
+    let d = drafted("bare.csv", &text, Some("positioning-drive")).unwrap();
+    assert_eq!((d.time.column.as_deref(), d.time.unit.as_deref(), d.sample_rate_hz), (Some("c1"), Some("us"), 500.0));
+    assert!(d.why_time.iter().any(|s| s.check && s.taken_for == "the time"));
+    assert!(d.channels.iter().all(|c| c.unit == "1" && c.why.iter().any(|s| s.check)));
+    assert!(write::text(&d).contains("# CHECK: a time in us"));
+}
+
+#[test]
+fn the_truth_of_a_simulated_rig_stays_out() {
+    let text = "name = \"x\"\n[plant]\nm1 = 1\n[[plant.input]]\nb = 2\n[known]\nm2 = 3\n";
+    assert_eq!(without_plant(text), "name = \"x\"\n[known]\nm2 = 3\n");
+}
+
+#[test]
+fn numbers_are_rounded_within_their_error() {
+    assert_eq!(raw::nice(499.999_97, 1e-6), 500.0);
+    assert_eq!(raw::nice(610.351_6, 1e-8), 610.351_6);
+    assert_eq!(raw::nice(5.000_21, 1e-4), 5.0);
+}
+
+#[test]
+fn what_a_column_is_called_cannot_break_the_file() {
+    let name = "a\"b = # [x]";
+    let text = format!(
+        "t;{}\n{}",
+        "angle 'q' # [x] (deg)",
+        rows(3000, |i| format!("{};{:.4}", 0.01 * i, 40.0 * (0.03 * i).sin()))
+    );
+    let d = drafted("odd.csv", &text, None).unwrap();
+    assert_eq!(d.rig().unwrap().channel[0].name, "angle 'q' # [x] (deg)");
+    let mut d = d;
+    d.channels[0].name = name.to_owned();
+    d.name = "two\nlines".to_owned();
+    assert_eq!(d.rig().unwrap().channel[0].name, name);
+}

@@ -1,0 +1,303 @@
+//! Names of columns as people and instruments write them: `theta1_deg`, `Winkel 1 (deg)`, `time_ms`, `Time [s]`.
+//!
+//! A unit may stand at the end of a name, in brackets or behind `_`, a blank, `/` or `-`. What the time is called is known in some
+//! spellings; what anything else is called, and what it measures, only the rig file says.
+
+use std::path::Path;
+
+use super::rows::missing_column;
+use crate::error::{BadInput, Result};
+
+/// What the time is called, without its unit, in small letters.
+const TIMES: [&str; 16] = [
+    "t",
+    "time",
+    "times",
+    "timestamp",
+    "time stamp",
+    "datetime",
+    "date time",
+    "elapsed",
+    "elapsed time",
+    "relative time",
+    "zeit",
+    "zeitstempel",
+    "temps",
+    "tiempo",
+    "x value",
+    "index level 0",
+];
+
+/// Units of time: what they are called, and how many there are in a second.
+const TIME_UNITS: [(&str, &[&str], f64); 6] = [
+    ("s", &["s", "sec", "secs", "second", "seconds", "sek", "sekunden"], 1.0),
+    ("ms", &["ms", "msec", "millis", "milliseconds", "millisecond"], 1e3),
+    ("us", &["us", "µs", "μs", "usec", "micros", "microseconds", "microsecond"], 1e6),
+    ("ns", &["ns", "nsec", "nanos", "nanoseconds", "nanosecond"], 1e9),
+    ("min", &["min", "mins", "minute", "minutes"], 1.0 / 60.0),
+    ("h", &["h", "hour", "hours"], 1.0 / 3600.0),
+];
+
+/// A unit in a column's name: the rig file's unit, and by how much a value is multiplied to be in it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NamedUnit {
+    /// A unit of [`crate::rig::UNITS`]; none for what no channel can have (a rate, a temperature).
+    pub unit: Option<&'static str>,
+    /// Value in that unit over the column's value.
+    pub factor: f64,
+}
+
+/// Spellings of units: exact ones first, those in small letters behind.
+const UNITS: [(&[&str], Option<&str>, f64); 24] = [
+    (&["deg", "degs", "degree", "degrees", "°", "grad"], Some("deg"), 1.0),
+    (&["rad", "rads", "radian", "radians"], Some("rad"), 1.0),
+    (&["mrad"], Some("rad"), 1e-3),
+    (&["rev", "revs", "turn", "turns", "revolutions"], Some("deg"), 360.0),
+    (&["count", "counts", "cnt", "cnts", "inc", "increments", "pulses", "ticks"], Some("count"), 1.0),
+    (&["m", "meter", "metre", "meters", "metres"], Some("m"), 1.0),
+    (&["cm"], Some("m"), 1e-2),
+    (&["mm"], Some("mm"), 1.0),
+    (&["um", "µm", "μm"], Some("um"), 1.0),
+    (&["V", "volt", "volts"], Some("V"), 1.0),
+    (&["mV"], Some("mV"), 1.0),
+    (&["N", "newton"], Some("N"), 1.0),
+    (&["mN"], Some("mN"), 1.0),
+    (&["kN"], Some("kN"), 1.0),
+    (&["A", "amp", "amps"], Some("A"), 1.0),
+    (&["mA"], Some("A"), 1e-3),
+    (&["m/s", "mps"], Some("m/s"), 1.0),
+    (&["m/s2", "m/s²", "m/s^2"], Some("m/s2"), 1.0),
+    (&["g"], Some("m/s2"), 9.80665),
+    (&["rad/s", "rads/s"], None, 1.0),
+    (&["deg/s", "°/s", "dps"], None, 1.0),
+    (&["rpm", "Hz", "kHz"], None, 1.0),
+    (&["°C", "degC", "K", "C"], None, 1.0),
+    (&["1", "-"], Some("1"), 1.0),
+];
+
+/// How many of a unit of time there are in a second; none for what is no unit of time.
+pub fn per_second(unit: &str) -> Option<f64> {
+    let small = unit.trim().to_lowercase();
+    TIME_UNITS.iter().find(|(_, names, _)| names.contains(&small.as_str())).map(|(_, _, n)| *n)
+}
+
+/// Units of time that may be named, for messages.
+pub fn time_units() -> String {
+    TIME_UNITS.map(|(name, _, _)| name).join(", ")
+}
+
+/// What a text for a unit means; none where it is none that is known.
+pub fn unit(text: &str) -> Option<NamedUnit> {
+    let text = text.trim();
+    let small = text.to_lowercase();
+    let of = |t: &str, single: bool| {
+        // A single letter is taken as it stands: N is newton, n is nothing.
+        UNITS
+            .iter()
+            .find(|(names, _, _)| names.iter().any(|n| *n == t || (single && n.chars().count() > 2 && *n == small)))
+    };
+    of(text, true).map(|(_, unit, factor)| NamedUnit { unit: *unit, factor: *factor })
+}
+
+/// A name without its unit, and the unit's text where one stands in it.
+pub fn split(name: &str) -> (String, Option<String>) {
+    let name = name.trim();
+    for (open, close) in [('(', ')'), ('[', ']'), ('<', '>'), ('{', '}')] {
+        if let Some(inner) = name.strip_suffix(close)
+            && let Some(at) = inner.rfind(open)
+        {
+            return (inner[..at].trim().to_owned(), Some(inner[at + open.len_utf8()..].trim().to_owned()));
+        }
+    }
+    // Behind a comma or a slash with blanks around: "Time, s", "x / mm".
+    for separator in [", ", " / ", " in "] {
+        if let Some((base, last)) = name.rsplit_once(separator)
+            && (unit(last).is_some() || per_second(last).is_some())
+        {
+            return (base.trim().to_owned(), Some(last.trim().to_owned()));
+        }
+    }
+    if let Some((base, last)) = name.rsplit_once(['_', ' ', '/', '-'])
+        && !base.is_empty()
+        && last.parse::<f64>().is_err()
+        && (unit(last).is_some() || per_second(last).is_some())
+    {
+        return (base.trim().to_owned(), Some(last.to_owned()));
+    }
+    (name.to_owned(), None)
+}
+
+/// A name in small letters, its separators as single blanks.
+fn plain(name: &str) -> String {
+    let words: Vec<&str> =
+        name.split(|c: char| c.is_whitespace() || "_-.:".contains(c)).filter(|w| !w.is_empty()).collect();
+    words.join(" ").to_lowercase()
+}
+
+/// Whether a column's name says that it is the time.
+pub fn is_time(name: &str) -> bool {
+    let (base, unit) = split(name);
+    unit.is_none_or(|u| per_second(&u).is_some()) && TIMES.contains(&plain(&base).as_str())
+}
+
+/// Which column is the time and what it is counted in, as a rig file or an option says.
+#[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct TimeChoice {
+    /// The column; none where it is to be found by its name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub column: Option<String>,
+    /// Its unit, as it was written; none where its name or its type says it, or it is in seconds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<String>,
+}
+
+/// The column of the time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TimeColumn {
+    /// Its place among the columns.
+    pub index: usize,
+    /// Its name.
+    pub name: String,
+    /// How many of its units there are in a second, where somebody says so.
+    pub per_second: Option<f64>,
+}
+
+/// Finds the column of the time: the one chosen, or `t`, or the only one that is called so.
+///
+/// # Errors
+/// A chosen column that is not there, none that is called so, several, a unit of time that is none.
+pub fn time_column(names: &[String], choice: &TimeChoice, path: &Path) -> Result<TimeColumn> {
+    let (wanted, behind) = match &choice.column {
+        // COLUMN:UNIT, unless a column is called so itself.
+        Some(c) if !names.contains(c) => match c.rsplit_once(':') {
+            Some((column, unit)) if per_second(unit).is_some() => (Some(column), Some(unit)),
+            _ => (Some(c.as_str()), None),
+        },
+        Some(c) => (Some(c.as_str()), None),
+        None => (None, None),
+    };
+    let index = match wanted {
+        Some(c) => find(names, c, path)?,
+        None => called_time(names, path)?,
+    };
+    let name = names[index].clone();
+    let stated = behind.or(choice.unit.as_deref());
+    let in_name = split(&name).1;
+    let per_second = match (stated, &in_name) {
+        (Some(text), _) => Some(per_second(text).ok_or_else(|| {
+            BadInput::new(format!("\"{text}\""), format!("a unit of time: {}", time_units()))
+                .at("time_unit")
+                .remedy("Correct the rig file")
+        })?),
+        (None, Some(text)) => per_second(text),
+        (None, None) => None,
+    };
+    Ok(TimeColumn { index, name, per_second })
+}
+
+/// The only column that is called like a time.
+fn called_time(names: &[String], path: &Path) -> Result<usize> {
+    if let Some(i) = names.iter().position(|n| n == "t") {
+        return match names.iter().skip(i + 1).any(|n| n == "t") {
+            true => Err(twice(path, "t")),
+            false => Ok(i),
+        };
+    }
+    let called: Vec<usize> = (0..names.len()).filter(|i| is_time(&names[*i])).collect();
+    match called[..] {
+        [one] => Ok(one),
+        [] => Err(missing_column(path, "t", names)),
+        [first, ..] => {
+            let list: Vec<String> = called.iter().map(|i| format!("\"{}\"", names[*i])).collect();
+            Err(BadInput::new(format!("{}, which all may be the time", list.join(" and ")), "one column for the time")
+                .in_file(path)
+                .at("header")
+                .remedy(format!("Say which: --time \"{0}\", or time = \"{0}\" in the rig file", names[first])))
+        }
+    }
+}
+
+fn twice(path: &Path, name: &str) -> BadInput {
+    BadInput::new(format!("the column {name} twice"), "each column once")
+        .in_file(path)
+        .at("header")
+        .remedy("Rename one of them")
+}
+
+/// The column of a name: as it stands, or the only one that differs in letters' case, separators or a unit at its end alone.
+///
+/// # Errors
+/// None, or one twice.
+pub fn find(names: &[String], wanted: &str, path: &Path) -> Result<usize> {
+    let mut exact = (0..names.len()).filter(|i| names[*i] == wanted);
+    if let Some(first) = exact.next() {
+        return if exact.next().is_some() { Err(twice(path, wanted)) } else { Ok(first) };
+    }
+    let like = |f: &dyn Fn(&str) -> String| {
+        let found: Vec<usize> = (0..names.len()).filter(|i| f(&names[*i]) == f(wanted)).collect();
+        if let [one] = found[..] { Some(one) } else { None }
+    };
+    like(&plain).ok_or_else(|| missing_column(path, wanted, names))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(list: &[&str]) -> Vec<String> {
+        list.iter().map(|n| (*n).to_owned()).collect()
+    }
+
+    fn time(list: &[&str]) -> Result<(usize, Option<f64>)> {
+        time_column(&names(list), &TimeChoice::default(), Path::new("r.csv")).map(|c| (c.index, c.per_second))
+    }
+
+    #[test]
+    fn units_are_told_from_names() {
+        for (name, base, text) in [
+            ("theta1_deg", "theta1", "deg"),
+            ("Winkel 1 (deg)", "Winkel 1", "deg"),
+            ("Angle [rad]", "Angle", "rad"),
+            ("x / mm", "x", "mm"),
+            ("Time, s", "Time", "s"),
+            ("x_mm", "x", "mm"),
+            ("phi (°)", "phi", "°"),
+        ] {
+            assert_eq!(split(name), (base.to_owned(), Some(text.to_owned())), "{name}");
+        }
+        for name in ["count1", "theta_1", "encoder", "phi2", "arm-2", "u", "x0"] {
+            assert_eq!(split(name).1, None, "{name}");
+        }
+        assert_eq!(unit("Degrees").unwrap(), NamedUnit { unit: Some("deg"), factor: 1.0 });
+        assert_eq!(unit("cm").unwrap(), NamedUnit { unit: Some("m"), factor: 0.01 });
+        assert_eq!(unit("rad/s").unwrap().unit, None);
+        assert_eq!((unit("n"), unit("furlong")), (None, None));
+    }
+
+    #[test]
+    fn the_time_is_found_by_its_names() {
+        assert_eq!(time(&["x", "t", "time"]).unwrap(), (1, None));
+        assert_eq!(time(&["Time (s)", "Winkel 1 (deg)"]).unwrap(), (0, Some(1.0)));
+        assert_eq!(time(&["a", "time_ms"]).unwrap(), (1, Some(1e3)));
+        assert_eq!(time(&["a", "Timestamp"]).unwrap(), (1, None));
+        assert_eq!(time(&["a", "Zeit [µs]"]).unwrap(), (1, Some(1e6)));
+        assert_eq!(time(&["theta", "__index_level_0__"]).unwrap(), (1, None));
+        let both = time(&["time", "timestamp", "x"]).unwrap_err().to_string();
+        assert!(both.contains("\"time\" and \"timestamp\"") && both.contains("--time \"time\""), "{both}");
+        assert!(time(&["temperature", "x"]).is_err() && time(&["t", "t"]).is_err());
+    }
+
+    #[test]
+    fn a_choice_of_time_may_say_its_unit() {
+        let choose = |column: &str, unit: Option<&str>| {
+            let choice = TimeChoice { column: Some(column.into()), unit: unit.map(Into::into) };
+            time_column(&names(&["clock", "a:ms", "x"]), &choice, Path::new("r.csv"))
+        };
+        assert_eq!(choose("clock", Some("ns")).unwrap().per_second, Some(1e9));
+        assert_eq!(choose("clock:us", None).unwrap().per_second, Some(1e6));
+        assert_eq!(choose("a:ms", None).unwrap().index, 1);
+        assert_eq!(choose("Clock", None).unwrap().index, 0);
+        assert!(choose("clock", Some("fortnight")).unwrap_err().to_string().contains("a unit of time: s, ms"));
+        assert!(choose("none", None).is_err());
+    }
+}
