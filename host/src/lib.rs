@@ -24,5 +24,6 @@ pub mod signal;
 pub mod simulate;
 pub mod suspects;
 pub mod system;
+pub mod terminal_view;
 pub mod validate;
 pub mod warning;
