@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::output::{Output, Replace, print_warnings, write_file};
-use super::{Answer, Records};
+use super::{Answer, Records, progress};
 use crate::error::{BadInput, Result};
 use crate::explain::{Settings, Verdict, explain, ledger, presentation};
 use crate::model::identified::IdentifiedModel;
@@ -67,7 +67,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         most_effects: arguments.most_effects,
         model,
     };
-    let result = match explain(&records, &rig, &settings) {
+    let looked = progress::during("looking for the effect that is missing", || explain(&records, &rig, &settings));
+    let result = match looked {
         Ok(result) => result,
         Err(error) => return arguments.records.failed(&records, error, &arguments.out),
     };

@@ -16,6 +16,7 @@ mod identify;
 mod identify_balance;
 mod inspect;
 mod list;
+mod man;
 pub mod output;
 mod outputs;
 pub mod progress;
@@ -86,6 +87,8 @@ enum Command {
     List(list::Arguments),
     /// Completions for a shell.
     Completions(completions::Arguments),
+    /// Manual pages.
+    Man(man::Arguments),
 }
 
 /// Whether a command's answer is positive (exit status 0) or negative (1).
@@ -244,6 +247,7 @@ fn run(cli: Cli) -> Result<Answer> {
         Command::Reproduce(a) => reproduce::run(&a),
         Command::List(a) => list::run(&a),
         Command::Completions(a) => completions::run(&a),
+        Command::Man(a) => man::run(&a),
     }
 }
 

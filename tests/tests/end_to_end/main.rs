@@ -10,6 +10,8 @@ mod exported;
 mod faulty_link;
 mod interface;
 mod interrupted;
+#[cfg(target_os = "linux")]
+mod live;
 mod measured;
 mod memory;
 mod outputs;
