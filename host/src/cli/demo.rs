@@ -28,7 +28,7 @@ use crate::rig::plant::Plant;
 use crate::validate::{Beside, Settings as ValidateSettings, validate};
 
 /// The simulated rig.
-const RIG: &str = include_str!("../../../rigs/chaotic.toml");
+const RIG: &str = include_str!("../../rigs/chaotic.toml");
 /// The effect that the simulated rig hides.
 const HIDDEN: &str = "quadratic-drag@arm2=2e-7";
 /// Length of the record, s.

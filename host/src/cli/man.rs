@@ -23,8 +23,7 @@ type Page = (String, Vec<u8>);
 
 /// Prints the program's page, or writes all of them.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let mut pages = Vec::new();
-    collect(&Cli::command(), "whirl", &mut pages)?;
+    let pages = all()?;
     let Some(folder) = &arguments.output else {
         if let Some((_, text)) = pages.first() {
             print(&String::from_utf8_lossy(text));
@@ -40,15 +39,21 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
 
 /// The page of a command and those of the commands below it.
 fn collect(command: &Command, name: &str, pages: &mut Vec<Page>) -> Result<()> {
-    // Clap wants names that live as long as the program.
-    let page = command.clone().name(name.to_owned()).bin_name(name.replace('-', " ")).display_name(name.to_owned());
     let mut text = Vec::new();
-    Man::new(page).render(&mut text).map_err(|e| BadInput::new(e.to_string(), "a manual page"))?;
+    Man::new(command.clone().display_name(name))
+        .render(&mut text)
+        .map_err(|e| BadInput::new(e.to_string(), "a page"))?;
     pages.push((format!("{name}.1"), text));
-    for below in command.get_subcommands().filter(|c| c.get_name() != "help") {
-        collect(below, &format!("{name}-{}", below.get_name()), pages)?;
-    }
-    Ok(())
+    command.get_subcommands().try_for_each(|below| collect(below, &format!("{name}-{}", below.get_name()), pages))
+}
+
+/// The pages of all commands, that of the program first.
+fn all() -> Result<Vec<Page>> {
+    let mut program = Cli::command().disable_help_subcommand(true);
+    program.build();
+    let mut pages = Vec::new();
+    collect(&program, "whirl", &mut pages)?;
+    Ok(pages)
 }
 
 fn write(folder: &Path, pages: &[Page]) -> Result<()> {
@@ -63,8 +68,7 @@ mod tests {
 
     #[test]
     fn every_command_has_a_page_that_names_its_options() {
-        let mut pages = Vec::new();
-        collect(&Cli::command(), "whirl", &mut pages).unwrap();
+        let pages = all().unwrap();
         let of = |name: &str| {
             let (_, text) = pages.iter().find(|(n, _)| n == name).unwrap();
             String::from_utf8(text.clone()).unwrap().replace("\\-", "-")

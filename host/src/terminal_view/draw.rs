@@ -15,6 +15,9 @@ pub(super) const SMALLEST: (u16, u16) = (80, 24);
 /// From this width on there is room for both arms.
 pub(super) const WIDE: u16 = 140;
 
+/// From this height on there is room for several lines that were told.
+const TALL: u16 = 40;
+
 /// Bold.
 pub(super) fn strong() -> Style {
     Style::new().add_modifier(Modifier::BOLD)
@@ -31,15 +34,21 @@ pub(super) fn draw(frame: &mut Frame<'_>, scene: &Scene) {
     if area.width < SMALLEST.0 || area.height < SMALLEST.1 {
         return too_small(frame, area);
     }
-    let rows =
-        Layout::vertical([Constraint::Length(1), Constraint::Fill(1), Constraint::Length(1), Constraint::Length(1)]);
-    let [head, page, told, keys] = rows.areas(area);
+    let told = told_lines(scene, if area.height < TALL { 1 } else { 4 });
+    let rows = Layout::vertical([
+        Constraint::Length(1),
+        Constraint::Fill(1),
+        // A handful.
+        Constraint::Length(told.len() as u16),
+        Constraint::Length(1),
+    ]);
+    let [head, page, below, keys] = rows.areas(area);
     frame.render_widget(Paragraph::new(head_line(scene, head.width)), head);
     match scene.page {
         Page::Motion => motion_page::draw(frame, page, scene),
         Page::FirstLight => light_page::draw(frame, page, scene),
     }
-    frame.render_widget(Paragraph::new(told_line(scene)), told);
+    frame.render_widget(Paragraph::new(told), below);
     frame.render_widget(Paragraph::new(keys_line(scene)), keys);
 }
 
@@ -100,14 +109,17 @@ fn clock(seconds: f64) -> String {
     }
 }
 
-/// The end that is waited for, otherwise what was told last.
-fn told_line(scene: &Scene) -> Line<'static> {
-    let precision = scene.standing.as_ref().and_then(|s| s.precision.as_ref()).map(|p| format!(" until {}", p.words()));
-    match (precision, scene.lines.back()) {
-        (Some(precision), _) => Line::styled(precision, strong()),
-        (None, Some(line)) => Line::from(format!(" told: {line}")),
-        (None, None) => Line::from(" nothing told by the device or the link"),
+/// The end that is waited for, and the newest lines that were told.
+fn told_lines(scene: &Scene, most: usize) -> Vec<Line<'static>> {
+    let precision = scene.standing.as_ref().and_then(|s| s.precision.as_ref());
+    let mut lines: Vec<_> =
+        precision.map(|p| Line::styled(format!(" until {}", p.words()), strong())).into_iter().collect();
+    if scene.lines.is_empty() {
+        lines.push(Line::from(" told: nothing yet, by the device or the link"));
     }
+    let newest = scene.lines.iter().skip(scene.lines.len().saturating_sub(most));
+    lines.extend(newest.map(|line| Line::from(format!(" told: {line}"))));
+    lines
 }
 
 fn keys_line(scene: &Scene) -> Line<'static> {
