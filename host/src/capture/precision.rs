@@ -1,13 +1,15 @@
 //! A capture that goes on until a parameter is known well enough: `--until C2=1%`.
 //!
-//! The device tells a parameter's value and standard error every second window, over windows that it forgets by λ. A standard
-//! error σ over a weight W = (1 − λⁿ)/(1 − λ) of n windows says that each window gives the information 1/(σ² W). With the mean
-//! of that over the estimates, the N windows of the record determine the parameter to
+//! The device tells a parameter's value and standard error every second window, over windows that
+//! it forgets by λ. A standard error σ over a weight W = (1 − λⁿ)/(1 − λ) of n windows says that
+//! each window gives the information 1/(σ² W). With the mean of that over the estimates, the N
+//! windows of the record determine the parameter to
 //!
-//! σ_rec = 1/√(N · mean(1/(σ² W))), which falls as 1/√N: what is still to be recorded is T (σ_rec/σ_wanted)² − T.
+//! σ_rec = 1/√(N · mean(1/(σ² W))), which falls as 1/√N: what is still to be recorded is T
+//! (σ_rec/σ_wanted)² − T.
 //!
-//! The precision asked for is that of the 95 % interval, 1.96 σ over the value's size. It is what the device's own method would give;
-//! `whirl identify` on the record does better.
+//! The precision asked for is that of the 95 % interval, 1.96 σ over the value's size. It is what
+//! the device's own method would give; `whirl identify` on the record does better.
 
 use serde::Serialize;
 use whirl_shared::regressor::NAMES;
@@ -17,7 +19,8 @@ use crate::error::{BadInput, Result};
 use crate::report::format::{Z95, duration, significant};
 use crate::warning::Warning;
 
-/// Precision above which nothing is said of the time left, as a share: the value is hardly told from 0.
+/// Precision above which nothing is said of the time left, as a share: the value is hardly told
+/// from 0.
 const HARDLY_KNOWN: f64 = 1.0;
 
 /// A parameter, and the half-width of its 95 % interval at which a capture ends.
@@ -73,7 +76,8 @@ pub struct Precision {
     pub name: String,
     /// Half-width of the 95 % interval asked for, % of the value.
     pub asked_percent: f64,
-    /// As the record until now would give it, by the device's method, %; none where the device has no estimate.
+    /// As the record until now would give it, by the device's method, %; none where the device has
+    /// no estimate.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub percent: Option<f64>,
     /// Device time still to be recorded, s; none where that cannot be said yet.

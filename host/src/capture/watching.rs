@@ -19,7 +19,8 @@ impl Session<'_> {
         self.notices.clear();
     }
 
-    /// Leaves a copy for those who look on, who may hold a simulated rig to our time; never waits for them.
+    /// Leaves a copy for those who look on, who may hold a simulated rig to our time; never waits
+    /// for them.
     pub(super) fn be_seen(&mut self, recorder: &Recorder<'_>, now: Instant) {
         let simulated = self.source.is_simulated();
         let due = match &mut self.feeder {

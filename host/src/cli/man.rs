@@ -13,7 +13,8 @@ use crate::error::{BadInput, Result};
 /// Arguments of `man`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// Folder for the pages of all commands, `whirl.1`, `whirl-capture.1` …, such as ~/.local/share/man/man1 [default: the program's page on standard output].
+    /// Folder for the pages of all commands, `whirl.1`, `whirl-capture.1` …, such as
+    /// ~/.local/share/man/man1 [default: the program's page on standard output].
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
 }

@@ -1,4 +1,5 @@
-//! Progress on standard error, one line that fits the terminal, where one is there and nobody asked for quiet.
+//! Progress on standard error, one line that fits the terminal, where one is there and nobody asked
+//! for quiet.
 
 use std::borrow::Cow;
 use std::io::IsTerminal;
@@ -42,7 +43,8 @@ pub fn bar(what: &'static str, length: u64) -> ProgressBar {
     bar
 }
 
-/// Says what is being done, and for how long already, while it is done: for work whose length is not known beforehand.
+/// Says what is being done, and for how long already, while it is done: for work whose length is
+/// not known beforehand.
 pub fn during<T>(what: impl Into<Cow<'static, str>>, work: impl FnOnce() -> T) -> T {
     if !seen() {
         return work();

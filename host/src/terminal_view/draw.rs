@@ -136,7 +136,7 @@ fn keys_line(scene: &Scene) -> Line<'static> {
     if scene.standing.as_ref().is_some_and(|s| s.simulated) {
         keys.push(("f", if scene.hurry { "real time" } else { "fast" }));
     }
-    keys.push(("q", "end in order: shaker to rest, record closed"));
+    keys.push(("q", "end in order"));
     let mut spans = Vec::new();
     for (key, what) in keys {
         spans.push(Span::styled(format!(" {key} "), Style::new().reversed()));

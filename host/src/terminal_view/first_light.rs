@@ -1,7 +1,7 @@
 //! First light: each arm is turned by hand, and what its encoder says of it is put into words.
 //!
-//! An arm that hangs, is turned and hangs again has turned by whole turns. So the counts between two rests say what a turn is, up
-//! to where friction holds the arm: [`SLACK_DEG`].
+//! An arm that hangs, is turned and hangs again has turned by whole turns. So the counts between
+//! two rests say what a turn is, up to where friction holds the arm: [`SLACK_DEG`].
 
 /// How far from its lowest point friction may hold an arm, degrees.
 const SLACK_DEG: f64 = 10.0;

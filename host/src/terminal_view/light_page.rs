@@ -1,4 +1,5 @@
-//! First light: turn each arm by hand and see that its encoder counts, which way, and how far a turn is.
+//! First light: turn each arm by hand and see that its encoder counts, which way, and how far a
+//! turn is.
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};

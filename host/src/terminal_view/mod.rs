@@ -1,8 +1,8 @@
 //! `whirl capture --live`: what is captured, in the terminal, while it is captured.
 //!
-//! The view has a thread of its own, which takes a bounded copy ([`Feed`]) ten times a second, draws it and hears keys. The recording
-//! never waits for it: not for the copy, not for a terminal that takes nothing more; where the terminal is gone the view ends and
-//! the recording goes on.
+//! The view has a thread of its own, which takes a bounded copy ([`Feed`]) ten times a second,
+//! draws it and hears keys. The recording never waits for it: not for the copy, not for a terminal
+//! that takes nothing more; where the terminal is gone the view ends and the recording goes on.
 
 mod draw;
 mod first_light;
@@ -27,7 +27,8 @@ use crate::rig::Rig;
 
 /// Time between two pictures.
 const BETWEEN: Duration = Duration::from_millis(100);
-/// How long the view may take to give the terminal back; one that takes nothing more is left alone then.
+/// How long the view may take to give the terminal back; one that takes nothing more is left alone
+/// then.
 const FAREWELL: Duration = Duration::from_secs(2);
 
 /// A view that runs.
@@ -148,7 +149,8 @@ impl Looker {
         }
     }
 
-    /// Ctrl-C, which the terminal does not make a signal now: the first ends in order, the second at once; the journal stays.
+    /// Ctrl-C, which the terminal does not make a signal now: the first ends in order, the second
+    /// at once; the journal stays.
     fn end_or_leave(&self) {
         if self.stop.swap(true, Ordering::Relaxed) {
             ratatui::restore();

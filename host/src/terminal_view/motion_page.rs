@@ -1,4 +1,5 @@
-//! The page of a capture that runs: angles, phase portrait, Poincaré section; samples, drive, estimate.
+//! The page of a capture that runs: angles, phase portrait, Poincaré section; samples, drive,
+//! estimate.
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -98,7 +99,7 @@ fn angles(frame: &mut Frame<'_>, area: Rect, scene: &Scene) {
     let n = scene.arms.len().max(1);
     // The time's axis, below the last one, takes two rows.
     let rows: Vec<Constraint> = (0..n)
-        .map(|i| if i + 1 == n { Constraint::Length((inside.height + 2) / n as u16 + 1) } else { Constraint::Fill(1) })
+        .map(|i| if i + 1 == n { Constraint::Length((inside.height + 2) / n as u16) } else { Constraint::Fill(1) })
         .collect();
     let places = Layout::vertical(rows).split(inside);
     for (i, place) in places.iter().enumerate().take(scene.arms.len()) {

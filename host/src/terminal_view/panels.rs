@@ -194,10 +194,11 @@ pub(super) fn estimate(scene: &Scene, width: u16) -> Vec<Line<'static>> {
     lines
 }
 
-/// Two parameters a line, with the percentage where it fits.
+/// Two parameters a line.
 fn short(parameters: &[Parameter]) -> Vec<Line<'static>> {
     let rows = parameters.len().div_ceil(2);
-    let cell = |p: &Parameter| format!("{:<3} {:<17}", p.name, plus_minus(p.value, Z95 * p.std_error));
+    let number = |p: &Parameter| plus_minus(p.value, Z95 * p.std_error).replace(" ± ", "±");
+    let cell = |p: &Parameter| format!("{:<4}{:<18}", p.name, number(p));
     (0..rows)
         .map(|i| {
             let cells = [i, i + rows].into_iter().filter_map(|k| parameters.get(k)).map(cell);

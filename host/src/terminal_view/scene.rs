@@ -1,8 +1,10 @@
-//! What is on the screen, from what a capture has shown: the last seconds of each angle, its Poincaré section, first light.
+//! What is on the screen, from what a capture has shown: the last seconds of each angle, its
+//! Poincaré section, first light.
 //!
-//! Rates are differences over 2·lag samples, lag about a fortieth of a drive period (10 ms without a drive): for the eye alone. A section
-//! is stroboscopic: a point where the device's own phase passes 0, linear between the samples before and behind it, while samples are
-//! recorded. Memory is bounded: [`LONGEST_S`] of samples, [`MOST_POINTS`] points a section.
+//! Rates are differences over 2·lag samples, lag about a fortieth of a drive period (10 ms without
+//! a drive): for the eye alone. A section is stroboscopic: a point where the device's own phase
+//! passes 0, linear between the samples before and behind it, while samples are recorded. Memory is
+//! bounded: [`LONGEST_S`] of samples, [`MOST_POINTS`] points a section.
 
 use std::collections::VecDeque;
 
@@ -177,7 +179,8 @@ impl Scene {
         self.strobe();
     }
 
-    /// Puts a point into each section where the phase has passed 0 in the middle of the newest samples.
+    /// Puts a point into each section where the phase has passed 0 in the middle of the newest
+    /// samples.
     fn strobe(&mut self) {
         let Some(i) = self.history.len().checked_sub(self.lag + 1).filter(|i| *i > self.lag) else { return };
         let (before, now) = (self.history[i - 1].sample, self.history[i].sample);
