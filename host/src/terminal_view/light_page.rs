@@ -59,7 +59,7 @@ fn encoder(scene: &Scene, arm: &Arm, i: usize) -> Vec<Line<'static>> {
     let mut lines = vec![
         named("measures", arm.measures.to_owned()),
         named("now", arm.turning.direction().to_owned()),
-        named("count", format!("{count}, {}°", fixed(degrees(f64::from(count) + 0.5, turn), 1))),
+        named("count", format!("{}, {}°", fixed(f64::from(count), 0), fixed(degrees(f64::from(count) + 0.5, turn), 1))),
         named("from here", format!("{} counts, {}", signed(arm.turning.since_mark()), turns(arm.turning.since_mark()))),
         named("reached", format!("{} … {} turns", fixed(least as f64 / turn, 2), fixed(greatest as f64 / turn, 2))),
         named("check", judged(arm.turning.between_rests, arm.counts_per_turn)),
