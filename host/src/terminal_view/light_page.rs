@@ -16,7 +16,7 @@ use crate::report::format::fixed;
 pub(super) fn draw(frame: &mut Frame<'_>, area: Rect, scene: &Scene) {
     let [how, encoders] = Layout::vertical([Constraint::Length(8), Constraint::Fill(1)]).areas(area);
     frame.render_widget(
-        Paragraph::new(instructions(scene)).wrap(Wrap { trim: true }).block(titled(" first light ")),
+        Paragraph::new(instructions(scene)).wrap(Wrap { trim: false }).block(titled(" first light ")),
         how,
     );
     let columns = Layout::horizontal(vec![Constraint::Fill(1); scene.arms.len().max(1)]).split(encoders);
@@ -34,10 +34,10 @@ fn instructions(scene: &Scene) -> Vec<Line<'static>> {
         ];
     }
     [
-        "1  Let both arms hang still. Zero is there where θ reads 0°; `whirl device zero` sets it.",
-        "2  Turn an arm by one whole turn and let it hang again: the check names its counts.",
-        "   A relative encoder 2 counts arm 1's turns too: hold arm 1 while you turn arm 2.",
-        "3  Turn both arms the same way: both must count the same way. Where one does not,",
+        "1  Let both arms hang: θ reads 0° there, or `whirl device zero` sets it.",
+        "2  Turn one arm by one whole turn and let it hang again: see `check`.",
+        "   An encoder 2 that is relative counts arm 1's turns too: hold arm 1 still.",
+        "3  Turn both the same way: both must count the same way. Where one does not,",
         "   `whirl device set reversed1=true` (or reversed2) turns its sign.",
         "r  counts anew from here.",
     ]

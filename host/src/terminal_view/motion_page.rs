@@ -5,12 +5,15 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::symbols::Marker;
 use ratatui::text::Line;
-use ratatui::widgets::{Axis, Chart, Dataset, GraphType, Paragraph};
+use ratatui::widgets::{Axis, Chart, Dataset, GraphType, Paragraph, Wrap};
 
 use super::draw::{WIDE, titled};
 use super::panels;
-use super::scene::Scene;
-use crate::report::format::{count, significant};
+use super::scene::{Arm, Scene};
+use crate::report::format::{count, shortest};
+
+/// An arm that goes beyond this, degrees, is shown on the whole turn.
+const WHOLE_FROM: f64 = 50.0;
 
 /// Draws the page.
 pub(super) fn draw(frame: &mut Frame<'_>, area: Rect, scene: &Scene) {
@@ -53,7 +56,10 @@ fn wide(frame: &mut Frame<'_>, area: Rect, scene: &Scene) {
 
 fn estimate(frame: &mut Frame<'_>, area: Rect, scene: &Scene) {
     let lines = panels::estimate(scene, area.width.saturating_sub(2));
-    frame.render_widget(Paragraph::new(lines).block(titled(" device's own estimate, ± is 95 % ")), area);
+    let text = Paragraph::new(lines).block(titled(" device's own estimate, ± is 95 % "));
+    // Tables are cut, sentences go on.
+    let told = scene.standing.as_ref().and_then(|s| s.estimate.as_ref()).is_some_and(|e| e.reason.is_none());
+    frame.render_widget(if told { text } else { text.wrap(Wrap { trim: true }) }, area);
 }
 
 /// An axis with its ends, and 0, told.
@@ -61,15 +67,17 @@ fn axis(ends: [f64; 2], labels: Vec<String>) -> Axis<'static> {
     Axis::default().bounds(ends).labels(labels)
 }
 
-/// −180 to 180 degrees.
-fn circle() -> Axis<'static> {
-    axis([-180.0, 180.0], ["−180", "0", "180"].map(str::to_owned).to_vec())
+/// An angle's axis, degrees: as far as the arm has gone, or the whole turn.
+fn angle(arm: &Arm) -> Axis<'static> {
+    let end = if arm.widest > WHOLE_FROM { 180.0 } else { nice(arm.widest) };
+    let word = shortest(end);
+    axis([-end, end], vec![format!("−{word}"), "0".to_owned(), word])
 }
 
 /// A rate's axis: so far as arms have gone, rounded up.
 fn rates(fastest: f64) -> Axis<'static> {
     let top = nice(fastest);
-    let word = significant(top, 2);
+    let word = shortest(top);
     axis([-top, top], vec![format!("−{word}"), "0".to_owned(), word])
 }
 
@@ -106,7 +114,7 @@ fn angles(frame: &mut Frame<'_>, area: Rect, scene: &Scene) {
         let points = scene.angles(i);
         let span = scene.span_s();
         let labels = if i + 1 == n { vec![format!("−{span} s"), "now".to_owned()] } else { Vec::new() };
-        let y = circle().title(Line::from(scene.arms[i].symbol.clone()));
+        let y = angle(&scene.arms[i]).title(Line::from(scene.arms[i].symbol.clone()));
         frame.render_widget(chart(&points, axis([-span, 0.0], labels), y), *place);
     }
 }
@@ -121,7 +129,7 @@ fn portrait(frame: &mut Frame<'_>, area: Rect, scene: &Scene, arm: usize) {
         return frame.render_widget(block, area);
     }
     let points = scene.portrait(arm);
-    let (x, y) = (circle().title(format!("{} °", of.symbol)), rates(of.fastest).title(format!("{}′ °/s", of.symbol)));
+    let (x, y) = (angle(of).title(format!("{} °", of.symbol)), rates(of.fastest).title(format!("{}′ °/s", of.symbol)));
     frame.render_widget(chart(&points, x, y).block(block), area);
 }
 
@@ -142,10 +150,10 @@ fn section(frame: &mut Frame<'_>, area: Rect, scene: &Scene, arm: usize) {
         } else {
             "the drive rests: a point comes each time its phase passes 0"
         };
-        let text = Paragraph::new(why).wrap(ratatui::widgets::Wrap { trim: true }).block(block);
+        let text = Paragraph::new(why).wrap(Wrap { trim: true }).block(block);
         return frame.render_widget(text, area);
     }
-    let (x, y) = (circle().title(format!("{} °", of.symbol)), rates(of.fastest).title(format!("{}′ °/s", of.symbol)));
+    let (x, y) = (angle(of).title(format!("{} °", of.symbol)), rates(of.fastest).title(format!("{}′ °/s", of.symbol)));
     frame.render_widget(chart(&points, x, y).block(block), area);
 }
 

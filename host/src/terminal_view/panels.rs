@@ -11,7 +11,7 @@ use super::scene::Scene;
 use crate::capture::estimates::Status as Known;
 use crate::error::plain;
 use crate::identify::Parameter;
-use crate::report::format::{Z95, count, fixed, plus_minus, significant};
+use crate::report::format::{Z95, count, fixed, plus_minus, shortest, significant};
 
 /// Says why no motion is shown, where there is none.
 pub(super) fn no_samples(frame: &mut Frame<'_>, area: Rect, scene: &Scene) -> bool {
@@ -68,7 +68,7 @@ pub(super) fn samples_at_length(scene: &Scene) -> Vec<Line<'static>> {
                 plural(l.restarts, "restart", "restarts")
             ),
         ),
-        line("rate", format!("{} Hz", significant(scene.rate_hz, 4))),
+        line("rate", format!("{} Hz", shortest(scene.rate_hz))),
     ]
 }
 
@@ -128,9 +128,9 @@ fn limits(scene: &Scene) -> String {
     let Some(l) = scene.hello.as_ref().map(|h| h.limits) else { return "–".to_owned() };
     format!(
         "{} mm, {} Hz, {} m/s²",
-        significant(f64::from(l.amplitude_micrometre) * 1e-3, 4),
-        significant(f64::from(l.frequency_millihertz) * 1e-3, 4),
-        significant(f64::from(l.acceleration_millimetre_per_s2) * 1e-3, 4)
+        shortest(f64::from(l.amplitude_micrometre) * 1e-3),
+        shortest(f64::from(l.frequency_millihertz) * 1e-3),
+        shortest(f64::from(l.acceleration_millimetre_per_s2) * 1e-3)
     )
 }
 
@@ -169,10 +169,9 @@ fn parameter(p: &Parameter) -> String {
 pub(super) fn estimate(scene: &Scene, width: u16) -> Vec<Line<'static>> {
     let Some(standing) = &scene.standing else { return Vec::new() };
     let Some(e) = &standing.estimate else {
-        return vec![
-            Line::from("none yet: it takes windows of twenty drive periods"),
-            Line::from("(double pendulum on a vertical drive alone)"),
-        ];
+        return vec![Line::from(
+            "none yet: it takes some windows of twenty drive periods, of a double pendulum on a vertical drive",
+        )];
     };
     if let Some(reason) = &e.reason {
         let what = if e.status == Known::TooFewWindows { "none yet" } else { "not identifiable" };

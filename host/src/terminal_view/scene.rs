@@ -49,8 +49,9 @@ pub(super) struct Arm {
     pub(super) turning: Turning,
     /// Angle (degrees, −180 to 180) and rate (degrees a second) at phase 0.
     pub(super) section: VecDeque<(f64, f64)>,
-    /// Greatest rate seen, degrees a second.
+    /// Greatest rate seen, degrees a second, and greatest angle from 0, degrees.
     pub(super) fastest: f64,
+    pub(super) widest: f64,
 }
 
 /// A sample with what was found of it; the rate is that in the middle of those around it.
@@ -109,6 +110,7 @@ impl Scene {
             turning: Turning::default(),
             section: VecDeque::new(),
             fastest: 0.0,
+            widest: 0.0,
         });
         let span_s = rig.drive.map_or(0.4, |d| 1.0 / d.frequency_hz);
         // Bounded by the samples that are kept; rates are at most 1e7 Hz.
@@ -192,6 +194,7 @@ impl Scene {
             let moved = f64::from(now.counts[k].wrapping_sub(before.counts[k]));
             let arm = &mut self.arms[k];
             arm.fastest = arm.fastest.max(later.abs());
+            arm.widest = arm.widest.max(degrees(f64::from(now.counts[k]) + 0.5, turn).abs());
             if passed {
                 let count = f64::from(before.counts[k]) + share.clamp(0.0, 1.0) * moved;
                 arm.section

@@ -105,12 +105,12 @@ fn the_view_shows_a_capture_and_q_ends_it_in_order() {
     for (size, portrait) in [((80, 24), "phase θ₁"), ((160, 50), "phase portrait of θ₂")] {
         let folder = tempfile::tempdir().unwrap();
         quick_rig(folder.path());
-        let arguments = "capture --live --from sim --rig rig.toml -o r.parquet --until C2=0.5% --json r.json";
+        let arguments = "capture --live --from sim --rig rig.toml -o r.parquet --until C2=0.002% --json r.json";
         let mut run = OnTerminal::start(folder.path(), arguments, size);
         run.until("recording", |t| t.contains("recording") && t.contains("recorded, until q"));
         // A rig in real time would need minutes for its first estimate.
         run.press("f");
-        let text = run.until("estimate", |t| t.contains("B11") && t.contains("still") && t.contains("C2 to ±0.5"));
+        let text = run.until("estimate", |t| t.contains("B11") && t.contains("still") && t.contains("C2 to ±0.002"));
         run.press("f");
         println!("{text}");
         for part in [
@@ -144,7 +144,7 @@ fn the_view_shows_a_capture_and_q_ends_it_in_order() {
         let out = json(&folder.path().join("r.json"));
         assert_eq!((&out["losses"]["lost_on_link"], &out["until"]["reached"]), (&0.into(), &false.into()));
         assert!(!folder.path().join("r.parquet.frames").exists());
-        let inspected = whirl(folder.path(), "inspect r.parquet --rig rig.toml");
+        let inspected = whirl(folder.path(), "inspect r.parquet --rig rig.toml --to 20");
         assert_eq!(inspected.status, 0, "{inspected:?}");
     }
 }
@@ -170,12 +170,12 @@ fn the_precision_asked_for_ends_a_capture() {
     quick_rig(folder.path());
     let loose = whirl(
         folder.path(),
-        "capture --until C2=5% --seconds 600 --from sim --rig rig.toml -o loose.parquet --json loose.json --strict",
+        "capture --until C2=0.04% --seconds 600 --from sim --rig rig.toml -o loose.parquet --json loose.json --strict",
     );
     assert_eq!(loose.status, 0, "{loose:?}");
     let out = json(&folder.path().join("loose.json"));
     let (percent, loose_s) = (out["until"]["percent"].as_f64().unwrap(), out["duration_s"].as_f64().unwrap());
-    assert!(percent <= 5.0 && loose_s < 600.0 && out["until"]["reached"] == true && out["complete"] == true, "{out}");
+    assert!(percent <= 0.04 && loose_s < 600.0 && out["until"]["reached"] == true && out["complete"] == true, "{out}");
     // Half of that takes about four times as long.
     let half = format!(
         "capture --until C2={}% --seconds 900 --from sim --rig rig.toml -o half.parquet --json half.json",
