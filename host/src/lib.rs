@@ -26,5 +26,6 @@ pub mod signal;
 pub mod simulate;
 pub mod suspects;
 pub mod system;
+pub mod terminal_view;
 pub mod validate;
 pub mod warning;

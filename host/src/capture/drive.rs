@@ -124,6 +124,11 @@ impl Drive {
         matches!(self.step, Step::Clearing | Step::Arming | Step::Starting | Step::Ramping)
     }
 
+    /// Whether it is brought to rest, for the progress line.
+    pub(super) fn stopping(&self) -> bool {
+        matches!(self.step, Step::Stopping | Step::Disarming | Step::Resting)
+    }
+
     /// Ramps down and disarms.
     pub(super) fn stop(&mut self, commands: &mut Commands, now: Instant) {
         if self.active() {

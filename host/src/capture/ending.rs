@@ -3,6 +3,7 @@
 use super::interrupted::NextStep;
 use super::journal::path_of;
 use super::live::{STOPPING, Session};
+use super::precision::Precision;
 use super::recorder::Recorder;
 use super::{CaptureOutcome, outcome};
 use crate::error::{BadInput, Result};
@@ -44,7 +45,8 @@ impl Session<'_> {
     /// Ends record and journal.
     pub(super) fn finish(mut self, recorder: Recorder<'_>, result: Result<()>) -> Result<CaptureOutcome> {
         let (settings, recorded) = (self.settings, recorder.has_samples());
-        let seconds = recorder.seconds();
+        let until = self.precision(&recorder);
+        let seconds = recorder.seconds().filter(|_| !until.as_ref().is_some_and(|until| until.reached));
         let (source, options) = (recorder.source().to_owned(), recorder.options().to_vec());
         let finished = recorder.finish();
         let journal = self.journal.take();
@@ -81,7 +83,9 @@ impl Session<'_> {
             short.advice = format!("The record is whole as far as it goes. {}", resume_advice(&next));
         }
         self.add_warnings(&mut done.warnings);
+        done.warnings.extend(until.as_ref().and_then(Precision::missed));
         Ok(CaptureOutcome {
+            until,
             frames: (settings.keep_frames || interrupted).then_some(frames),
             bytes: self.bytes,
             reconnections: self.reconnections,

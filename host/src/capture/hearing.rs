@@ -80,6 +80,9 @@ impl Session<'_> {
         let Ok(envelope) = frame.message else { return Ok(()) };
         self.reconnections += u64::from(core::mem::take(&mut self.reopened));
         self.retry.1 = Duration::from_millis(50);
+        if let Some(feeder) = &mut self.feeder {
+            feeder.message(&envelope.message);
+        }
         match envelope.message {
             DeviceMessage::Hello(hello) => {
                 self.device_tick = hello.tick;

@@ -39,6 +39,9 @@ pub(super) fn options(settings: &CaptureSettings) -> Vec<String> {
         words.extend([EFFECT.to_owned(), effect.clone()]);
     }
     words.extend(settings.rows.then(|| "--rows".to_owned()));
+    if let Some(until) = &settings.until {
+        words.extend(["--until".to_owned(), until.to_string()]);
+    }
     match settings.amplitude_m {
         _ if !settings.drive => words.push("--no-drive".to_owned()),
         Some(amplitude) => words.extend(["--amplitude-m".to_owned(), amplitude.to_string()]),

@@ -9,10 +9,12 @@ use whirl_shared::frame::{Command, Hello};
 use super::commands::Commands;
 use super::device::check_hello;
 use super::drive::{Drive, Target};
+use super::feed::Feeder;
 use super::gate::Gate;
 use super::interrupted;
 use super::journal::{Journal, Terms, essentials};
 use super::no_device::{Heard, Wire};
+use super::precision::Progression;
 use super::recorder::Recorder;
 use super::sieve::Sieve;
 use super::source::{Link, Source};
@@ -61,6 +63,11 @@ pub(super) struct Session<'a> {
     /// When the link is to be opened next, and the pause after that.
     pub(super) retry: (Instant, Duration),
     pub(super) lost_because: String,
+    /// Where people look on.
+    pub(super) feeder: Option<Feeder>,
+    /// What the end waits for, and the estimates that were taken into it.
+    pub(super) until: Option<Progression>,
+    pub(super) estimates: u64,
 }
 
 /// Captures until the end, a fault or the stop flag.
@@ -127,12 +134,15 @@ pub(super) fn run(
         streamed: None,
         retry: (now, Duration::from_millis(50)),
         lost_because: String::new(),
+        feeder: settings.feed.clone().map(Feeder::new),
+        until: settings.until.clone().map(Progression::new),
+        estimates: 0,
     };
     // A zero ends whatever the device may have of a cut frame.
     session.commands.reconnected(now);
     let result = session.capture(&mut recorder, progress);
     session.stop_drive(&mut recorder);
-    progress(&session.progress(&recorder));
+    session.tell(&recorder, progress);
     session.finish(recorder, result)
 }
 
@@ -168,7 +178,7 @@ impl Session<'_> {
                 return Err(error);
             }
             let now = self.source.now();
-            if recorder.ended() || self.settings.stop.load(Ordering::Relaxed) {
+            if recorder.ended() || self.settings.stop.load(Ordering::Relaxed) || self.is_precise(recorder) {
                 return Ok(());
             }
             if self.hello.is_none() || recorder.ask_hello {
@@ -202,8 +212,7 @@ impl Session<'_> {
             self.watch(now)?;
             if told.elapsed() > Duration::from_millis(200) {
                 told = Instant::now();
-                progress(&self.progress(recorder));
-                self.notices.clear();
+                self.tell(recorder, progress);
             }
         }
     }
@@ -241,6 +250,7 @@ impl Session<'_> {
     /// Sends what is to be sent, reads once and takes what came.
     pub(super) fn turn(&mut self, recorder: &mut Recorder<'_>) -> Result<()> {
         let now = self.source.now();
+        self.be_seen(recorder, now);
         if self.link.is_none() {
             return self.reopen(recorder, now);
         }
@@ -296,7 +306,9 @@ impl Session<'_> {
     }
 
     pub(super) fn progress(&self, recorder: &Recorder<'_>) -> Progress {
-        let state = if self.link.is_none() {
+        let state = if self.drive.stopping() {
+            "stopping the drive"
+        } else if self.link.is_none() {
             "link lost, trying again"
         } else if self.stall.told() {
             "no new samples"
@@ -304,6 +316,8 @@ impl Session<'_> {
             "waiting for the device"
         } else if self.drive.starting() {
             "starting the drive"
+        } else if !recorder.recording() {
+            "settling"
         } else {
             "recording"
         };
@@ -314,7 +328,10 @@ impl Session<'_> {
             lost,
             device_s: recorder.ticks() as f64 / self.rig.sample_rate_hz,
             target_s: recorder.seconds(),
-            estimate: recorder.newest_estimate().map(super::estimates::DeviceEstimate::brief),
+            estimate: match self.precision(recorder) {
+                Some(precision) => Some(precision.words()),
+                None => recorder.newest_estimate().map(super::estimates::DeviceEstimate::brief),
+            },
             notices: self.notices.clone(),
         }
     }

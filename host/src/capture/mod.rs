@@ -20,6 +20,7 @@ mod device;
 mod drive;
 mod ending;
 pub mod estimates;
+pub mod feed;
 mod file;
 mod gate;
 mod hearing;
@@ -27,6 +28,7 @@ pub mod interrupted;
 pub mod journal;
 mod live;
 mod no_device;
+pub mod precision;
 pub mod progress;
 mod recorder;
 mod replay;
@@ -40,6 +42,7 @@ pub mod source;
 mod stall;
 pub mod talk;
 mod tcp;
+mod watching;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -48,6 +51,8 @@ use std::sync::atomic::AtomicBool;
 use serde::Serialize;
 
 use self::drive::Target;
+use self::feed::Feed;
+use self::precision::{Precision, Until};
 use self::recorder::Finished;
 use crate::error::{BadInput, Result};
 use crate::record::{DeviceLine, Losses};
@@ -89,6 +94,10 @@ pub struct CaptureSettings {
     pub resume: bool,
     /// Keep the journal after a clean end. Default false.
     pub keep_frames: bool,
+    /// End once the device's estimate says that a parameter is known so well.
+    pub until: Option<Until>,
+    /// Where a copy of what comes is left for people to see, while it comes. A simulated rig then runs in real time.
+    pub feed: Option<Arc<Feed>>,
     /// Set from elsewhere (Ctrl-C) to end the capture in order.
     pub stop: Arc<AtomicBool>,
 }
@@ -111,6 +120,8 @@ impl CaptureSettings {
             restart_drive: false,
             resume: false,
             keep_frames: false,
+            until: None,
+            feed: None,
             stop: Arc::default(),
         }
     }
@@ -179,8 +190,11 @@ pub struct CaptureOutcome {
     /// What the device said, its first lines.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub device_log: Vec<DeviceLine>,
-    /// Whether `seconds` was reached (true where none was asked for).
+    /// Whether `seconds`, or before it the precision of `until`, was reached (true where no time was asked for).
     pub complete: bool,
+    /// Of the parameter whose precision was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub until: Option<Precision>,
     /// Things noticed.
     pub warnings: Vec<Warning>,
 }
@@ -225,8 +239,14 @@ pub fn run_from(
                 .at("--resume")
                 .remedy("Name the device of the interrupted capture; without --resume the bytes are made a record"));
         }
+        if settings.until.is_some() {
+            return Err(BadInput::new(format!("--until from {}", settings.from), "a device")
+                .at("--until")
+                .remedy("Leave it out: all that a file holds is taken"));
+        }
         return replay::run(settings, rig, source, progress);
     }
+    settings.until.as_ref().map_or(Ok(()), |until| until.check(rig))?;
     let target = target(settings, rig)?;
     let unknown = target.is_none() && settings.drive && rig.drive.is_some();
     let mut outcome = live::run(settings, rig, source, target, progress)?;
@@ -313,6 +333,7 @@ fn outcome(settings: &CaptureSettings, finished: Finished, seconds: Option<f64>)
         rows: finished.rows,
         device_log: finished.lines,
         complete,
+        until: None,
         warnings,
     })
 }

@@ -39,7 +39,8 @@ pub fn on_terminal() -> Box<dyn FnMut(&Progress)> {
     }
     let bar = ProgressBar::new(0);
     let template = |text| ProgressStyle::with_template(text).unwrap_or_else(|_| ProgressStyle::default_bar());
-    let (bounded, endless) = (template("{bar:30} {pos}/{len} s  {msg}"), template("{spinner} {pos} s  {msg}"));
+    let (bounded, endless) =
+        (template("{bar:20} {pos}/{len} s  {wide_msg}"), template("{spinner} {pos} s  {wide_msg}"));
     bar.set_style(endless);
     bar.enable_steady_tick(Duration::from_millis(200));
     let mut has_length = false;

@@ -305,6 +305,16 @@ impl<'a> Recorder<'a> {
         self.estimates.push(DeviceEstimate::new(estimate, tick, rate))
     }
 
+    /// Whether samples go into the record.
+    pub(super) fn recording(&self) -> bool {
+        self.recording
+    }
+
+    /// Estimates of the device until now.
+    pub(super) fn estimates(&self) -> u64 {
+        self.estimates.count
+    }
+
     /// The device's newest estimate.
     pub(super) fn newest_estimate(&self) -> Option<&DeviceEstimate> {
         self.estimates.last.as_ref()

@@ -10,13 +10,16 @@ use super::Answer;
 use super::output::{Output, Replace, print_warnings};
 use super::outputs::Outputs;
 use crate::capture::estimates;
+use crate::capture::feed::Feed;
 use crate::capture::journal::path_of;
+use crate::capture::precision::Until;
 #[cfg(feature = "sim")]
 use crate::capture::sim::Simulated;
 use crate::capture::{CaptureOutcome, CaptureSettings, Progress, run as capture};
 use crate::error::{BadInput, Result, plain};
 use crate::report::format::{count, duration};
 use crate::rig::Rig;
+use crate::terminal_view::View;
 
 /// Arguments of `capture`.
 #[derive(Debug, Args)]
@@ -60,6 +63,12 @@ pub struct Arguments {
     /// Keep the journal of raw frames (REC.frames) after a clean end.
     #[arg(long)]
     keep_frames: bool,
+    /// End once the device's own estimate of a parameter is so narrow: ± (95 %) over the value, such as C2=1%.
+    #[arg(long, value_name = "NAME=X%")]
+    until: Option<Until>,
+    /// Show the motion, the drive, losses and the device's estimate in the terminal meanwhile; a simulated rig then runs in real time.
+    #[arg(long)]
+    live: bool,
     /// Effect to put into a simulated rig (source sim).
     #[arg(long = "effect", value_name = "ID@PLACE=VALUE[,name=value]")]
     effects: Vec<String>,
@@ -102,6 +111,9 @@ pub fn human(outcome: &CaptureOutcome) -> String {
     ));
     if let Some(frames) = &outcome.frames {
         text.push_str(&format!("its journal is kept: {}\n", frames.display()));
+    }
+    if let Some(until) = &outcome.until {
+        text.push_str(&format!("until {}\n", until.words()));
     }
     if let Some(rows) = &outcome.rows {
         text.push_str(&format!(
@@ -178,36 +190,18 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
             .at("--report")
             .remedy("A report shows samples; `whirl identify --report` makes one from rows"));
     }
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    // Ctrl-C, SIGTERM and SIGHUP end the capture in order; the second one ends the program at once: the journal stays.
-    ctrlc::set_handler(move || {
-        if flag.swap(true, Ordering::Relaxed) {
-            std::process::exit(130);
+    if arguments.live {
+        View::possible()?;
+        if arguments.from.starts_with("file:") {
+            return Err(BadInput::new(format!("--live from {}", plain(&arguments.from)), "a device")
+                .at("--live")
+                .remedy("Leave it out; `whirl inspect` shows what a record holds"));
         }
-    })
-    .map_err(|e| BadInput::new(e.to_string(), "to be told of Ctrl-C and of the end of the session"))?;
-    let settings = CaptureSettings {
-        seconds: arguments.seconds,
-        reconnect_s: arguments.reconnect_s,
-        handshake_s: arguments.handshake_s,
-        amplitude_m: arguments.amplitude_m,
-        drive: !arguments.no_drive,
-        wait_for_drive: !arguments.from_first_sample,
-        effects: arguments.effects.clone(),
-        rows: arguments.rows,
-        restart_drive: arguments.restart_drive,
-        resume: arguments.resume,
-        keep_frames: arguments.keep_frames,
-        stop,
-        ..CaptureSettings::new(arguments.from.clone(), arguments.output.clone())
-    };
-    let mut progress = super::progress::of_capture();
-    let outcome = if arguments.effects.is_empty() {
-        capture(&settings, &rig, &mut *progress)?
-    } else {
-        from_simulated(&settings, &rig, &arguments.effects, &mut *progress)?
-    };
+    }
+    let stop = Arc::new(AtomicBool::new(false));
+    end_on_signals(&stop)?;
+    let settings = settings_of(arguments, stop);
+    let outcome = shown(arguments, &rig, &settings)?;
     // First what others wait for: a terminal may be gone.
     arguments.out.write_json(&outcome)?;
     print_warnings(&outcome.warnings);
@@ -224,6 +218,60 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     })
 }
 
+/// Ctrl-C, SIGTERM and SIGHUP end the capture in order; the second one ends the program at once: the journal stays.
+fn end_on_signals(stop: &Arc<AtomicBool>) -> Result<()> {
+    let flag = Arc::clone(stop);
+    ctrlc::set_handler(move || {
+        if flag.swap(true, Ordering::Relaxed) {
+            std::process::exit(130);
+        }
+    })
+    .map_err(|e| BadInput::new(e.to_string(), "to be told of Ctrl-C and of the end of the session"))
+}
+
+/// How the capture is made.
+fn settings_of(arguments: &Arguments, stop: Arc<AtomicBool>) -> CaptureSettings {
+    CaptureSettings {
+        seconds: arguments.seconds,
+        reconnect_s: arguments.reconnect_s,
+        handshake_s: arguments.handshake_s,
+        amplitude_m: arguments.amplitude_m,
+        drive: !arguments.no_drive,
+        wait_for_drive: !arguments.from_first_sample,
+        effects: arguments.effects.clone(),
+        rows: arguments.rows,
+        restart_drive: arguments.restart_drive,
+        resume: arguments.resume,
+        keep_frames: arguments.keep_frames,
+        until: arguments.until.clone(),
+        feed: arguments.live.then(Arc::default),
+        stop,
+        ..CaptureSettings::new(arguments.from.clone(), arguments.output.clone())
+    }
+}
+
+/// Captures, with a line of progress or the view in the terminal meanwhile.
+fn shown(arguments: &Arguments, rig: &Rig, settings: &CaptureSettings) -> Result<CaptureOutcome> {
+    let run = |progress: &mut dyn FnMut(&Progress)| {
+        if arguments.effects.is_empty() {
+            capture(settings, rig, progress)
+        } else {
+            from_simulated(settings, rig, &arguments.effects, progress)
+        }
+    };
+    let Some(feed) = &settings.feed else { return run(&mut *super::progress::of_capture()) };
+    let view = begin_view(arguments, rig, feed, settings)?;
+    let outcome = run(&mut |_| {});
+    // What the view has shown and taken away again.
+    view.end().iter().for_each(crate::error::tell);
+    outcome
+}
+
+fn begin_view(arguments: &Arguments, rig: &Rig, feed: &Arc<Feed>, settings: &CaptureSettings) -> Result<View> {
+    let title = plain(&arguments.output.to_string_lossy());
+    View::begin(rig, &title, Arc::clone(feed), Arc::clone(&settings.stop))
+}
+
 /// What is missing of a record in which nothing was to be missing.
 fn short_of(outcome: &CaptureOutcome) -> Option<String> {
     let l = &outcome.losses;
@@ -233,6 +281,9 @@ fn short_of(outcome: &CaptureOutcome) -> Option<String> {
     match () {
         () if l.lost() > 0 => Some(of(l.lost(), "is missing", "are missing")),
         () if l.dropped_late > 0 => Some(of(l.dropped_late, "came too late", "came too late")),
+        () if outcome.until.as_ref().is_some_and(|until| !until.reached) => {
+            Some("the precision that was asked for is not reached".to_owned())
+        }
         () if !outcome.complete => {
             Some(format!("fewer samples came than were asked for: {}", duration(outcome.duration_s)))
         }

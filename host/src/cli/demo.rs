@@ -10,6 +10,7 @@ use clap::Args;
 use super::Answer;
 use super::output::{Output, Replace};
 use super::outputs::Outputs;
+use super::progress::during;
 use crate::capture::CaptureSettings;
 use crate::error::{BadInput, Result};
 use crate::explain::{Settings as ExplainSettings, explain};
@@ -27,7 +28,7 @@ use crate::rig::plant::Plant;
 use crate::validate::{Beside, Settings as ValidateSettings, validate};
 
 /// The simulated rig.
-const RIG: &str = include_str!("../../../rigs/chaotic.toml");
+const RIG: &str = include_str!("../../rigs/chaotic.toml");
 /// The effect that the simulated rig hides.
 const HIDDEN: &str = "quadratic-drag@arm2=2e-7";
 /// Length of the record, s.
@@ -73,23 +74,24 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let captured = super::capture::from_simulated(&settings, &rig, &hidden, &mut *super::progress::of_capture())?;
     out.say(&super::capture::human(&captured));
     let record = Record::read(&record_path, &rig, &ReadOptions::default())?;
-    let inspection = inspect(&record, &rig, &InspectSettings::default())?;
+    let inspection = during("1 of 6: inspecting the record", || inspect(&record, &rig, &InspectSettings::default()))?;
     out.say(&format!("\ninspect\n{}", crate::inspect::text::text(&inspection)));
     let records = [record];
-    let identified = identify(&records, &rig, &Settings::default())?;
+    let identified = during("2 of 6: identifying the parameters", || identify(&records, &rig, &Settings::default()))?;
     out.say(&format!("\nidentify\n{}", super::identify::human(&identified)));
-    let check = |model: &IdentifiedModel| {
+    let check = |what: &'static str, model: &IdentifiedModel| {
         let beside = Beside { inspection: Some(&inspection), ..Beside::default() };
-        validate(&records, &rig, model, beside, &ValidateSettings::default())
+        during(what, || validate(&records, &rig, model, beside, &ValidateSettings::default()))
     };
-    let validated = check(&identified_model(&identified, &rig)?)?;
+    let validated = check("3 of 6: validating the model", &identified_model(&identified, &rig)?)?;
     out.say(&format!("\nvalidate\n{}", crate::validate::presentation::human(&validated)));
-    let reduced = reduce(&records, &rig, &ReduceSettings::default())?;
+    let reduced = during("4 of 6: reducing", || reduce(&records, &rig, &ReduceSettings::default()))?;
     out.say(&format!("\nreduce\n{}", super::reduce::human(&reduced)));
-    let explained = explain(&records, &rig, &ExplainSettings::default())?;
+    let looking = "5 of 6: looking for the effect that is missing";
+    let explained = during(looking, || explain(&records, &rig, &ExplainSettings::default()))?;
     out.say(&format!("\nexplain\n{}", crate::explain::presentation::human(&explained)));
     let explained_model = explained.model.as_ref().filter(|m| !m.effects.is_empty());
-    let again = explained_model.map(check).transpose()?;
+    let again = explained_model.map(|model| check("6 of 6: validating the model with it", model)).transpose()?;
     if let Some(again) = &again {
         out.say(&format!(
             "\nvalidate the model with what was missing\n{}",

@@ -18,7 +18,7 @@ use crate::rig::Rig;
 use crate::warning::Warning;
 
 /// The rig behind `--from sim` where no rig file is given.
-const SIMULATED: &str = include_str!("../../../rigs/chaotic.toml");
+const SIMULATED: &str = include_str!("../../rigs/chaotic.toml");
 /// How long the arms are watched before their place becomes zero.
 const WATCHED: Duration = Duration::from_millis(500);
 /// Counts by which an encoder trembles about an edge while its arm hangs still.

@@ -7,7 +7,7 @@ use clap::Args;
 use super::batch::{Parts, Single};
 use super::identify::WeakForm;
 use super::output::{Output, Replace, print_warnings, write_file};
-use super::{Analysed, Answer, Judgement, Records};
+use super::{Analysed, Answer, Judgement, Records, progress};
 use crate::batch::answers;
 use crate::batch::row::Row;
 use crate::error::{BadInput, Result};
@@ -106,7 +106,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         .result("--ledger", arguments.ledger.as_ref())
         .check()?;
     let ready = prepare(arguments, rig)?;
-    let analysed = analyse(arguments, &ready)?;
+    let analysed = progress::during("looking for the effect that is missing", || analyse(arguments, &ready))?;
     let lost = analysed.lost();
     let Analysed { records, result } = analysed;
     let Ready { rig, settings } = ready;

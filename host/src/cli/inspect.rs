@@ -68,7 +68,9 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         }
     };
     let records = arguments.records.read_for(&rig)?;
-    let all: Result<Vec<Inspection>> = records.iter().map(|r| inspect(r, &rig, &InspectSettings::default())).collect();
+    let all: Result<Vec<Inspection>> = super::progress::during("inspecting", || {
+        records.iter().map(|r| inspect(r, &rig, &InspectSettings::default())).collect()
+    });
     let inspections = match all {
         Ok(inspections) => inspections,
         Err(error) => return arguments.records.failed(&records, error, &arguments.out),

@@ -18,6 +18,7 @@ mod identify_balance;
 mod init;
 mod inspect;
 mod list;
+mod man;
 pub mod output;
 mod outputs;
 pub mod progress;
@@ -95,6 +96,8 @@ enum Command {
     List(list::Arguments),
     /// Completions for a shell.
     Completions(completions::Arguments),
+    /// Manual pages.
+    Man(man::Arguments),
 }
 
 /// Whether a command's answer is positive (exit status 0) or negative (1).
@@ -331,6 +334,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<Answer> {
         Command::Reproduce(a) => reproduce::run(&a),
         Command::List(a) => list::run(&a),
         Command::Completions(a) => completions::run(&a),
+        Command::Man(a) => man::run(&a),
     }
 }
 

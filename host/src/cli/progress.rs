@@ -1,7 +1,10 @@
-//! Progress bars on standard error, where a terminal is there and nobody asked for quiet.
+//! Progress on standard error, one line that fits the terminal, where one is there and nobody asked
+//! for quiet.
 
+use std::borrow::Cow;
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
@@ -10,6 +13,11 @@ static QUIET: AtomicBool = AtomicBool::new(false);
 /// Whether progress bars are wanted at all.
 pub fn set_quiet(quiet: bool) {
     QUIET.store(quiet, Ordering::Relaxed);
+}
+
+/// Whether somebody sees them.
+fn seen() -> bool {
+    !QUIET.load(Ordering::Relaxed) && std::io::stderr().is_terminal()
 }
 
 /// What a capture tells of its progress: shown on a terminal, unless quiet is wanted.
@@ -23,12 +31,12 @@ pub fn of_capture() -> Box<dyn FnMut(&crate::capture::Progress)> {
 
 /// A bar over `length` steps that says what is being done; hidden where no terminal is there.
 pub fn bar(what: &'static str, length: u64) -> ProgressBar {
-    let bar = if QUIET.load(Ordering::Relaxed) || !std::io::stderr().is_terminal() {
-        ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::hidden())
-    } else {
+    let bar = if seen() {
         ProgressBar::new(length)
+    } else {
+        ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::hidden())
     };
-    if let Ok(style) = ProgressStyle::with_template("{msg:<24} [{bar:32}] {percent:>3} % {eta_precise}") {
+    if let Ok(style) = ProgressStyle::with_template("{msg} [{wide_bar}] {percent:>3} % {eta_precise}") {
         bar.set_style(style.progress_chars("━╸ "));
     }
     bar.set_message(what);
@@ -42,4 +50,21 @@ pub fn of_records(length: u64) -> ProgressBar {
         line.set_style(style.progress_chars("━╸ "));
     }
     line
+}
+
+/// Says what is being done, and for how long already, while it is done: for work whose length is
+/// not known beforehand.
+pub fn during<T>(what: impl Into<Cow<'static, str>>, work: impl FnOnce() -> T) -> T {
+    if !seen() {
+        return work();
+    }
+    let bar = ProgressBar::new_spinner();
+    if let Ok(style) = ProgressStyle::with_template("{spinner} {elapsed_precise} {wide_msg}") {
+        bar.set_style(style);
+    }
+    bar.set_message(what);
+    bar.enable_steady_tick(Duration::from_millis(120));
+    let done = work();
+    bar.finish_and_clear();
+    done
 }

@@ -205,10 +205,13 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let (result, lost) = if long {
         let numbers = records.records.iter().map(|p| Ok(stream::size(p, &rig)?.unwrap_or(0))).sum::<Result<u64>>()?;
         let bar = super::progress::bar("reading", numbers / rig.channel.len().max(1) as u64);
-        long::reduce(&records.records, &rig, &records.options(), &settings, &|n| bar.inc(n))?
+        let reduced = long::reduce(&records.records, &rig, &records.options(), &settings, &|n| bar.inc(n));
+        bar.finish_and_clear();
+        reduced?
     } else {
         let read = records.read_for(&rig)?;
-        (reduce(&read, &rig, &settings)?, read.iter().map(|r| r.losses.lost()).sum())
+        let reduced = super::progress::during("reducing", || reduce(&read, &rig, &settings))?;
+        (reduced, read.iter().map(|r| r.losses.lost()).sum())
     };
     print_warnings(&result.warnings);
     let stands = Answer::that_stands(&result.warnings);

@@ -39,8 +39,10 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         arguments.ids.iter().map(|id| by_id(id)).collect::<Result<Vec<_>>>()?
     };
     let mut done: Vec<Reproduction> = Vec::with_capacity(chosen.len());
-    for item in chosen {
-        let r = (item.run)()?;
+    let all = chosen.len();
+    for (i, item) in chosen.into_iter().enumerate() {
+        let what = format!("reproducing {} ({} of {all})", item.id, i + 1);
+        let r = super::progress::during(what, item.run)?;
         arguments.out.say(&r.text());
         done.push(r);
     }

@@ -172,7 +172,7 @@ pub fn double_with(text: &str, samples: usize, seed: u64) -> Result<Data> {
 
 /// `rigs/chaotic.toml` with encoders of so many counts a turn.
 pub fn chaotic(counts: u32) -> String {
-    include_str!("../../../rigs/chaotic.toml").replace("4096", &counts.to_string())
+    include_str!("../../rigs/chaotic.toml").replace("4096", &counts.to_string())
 }
 
 /// The seed's record of the double pendulum: 670 000 samples, 1024 counts, at 1.35 times the printed amplitude.

@@ -12,6 +12,8 @@ mod faulty_link;
 mod interface;
 mod interrupted;
 mod json_page;
+#[cfg(target_os = "linux")]
+mod live;
 mod measured;
 mod memory;
 mod outputs;

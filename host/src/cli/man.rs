@@ -1,0 +1,82 @@
+//! `whirl man`: manual pages, of the program or, into a folder, of every command.
+
+use std::path::{Path, PathBuf};
+
+use clap::{Args, Command, CommandFactory};
+use clap_mangen::Man;
+
+use super::output::{print, write_file};
+use super::outputs::Outputs;
+use super::{Answer, Cli};
+use crate::error::{BadInput, Result};
+
+/// Arguments of `man`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Folder for the pages of all commands, `whirl.1`, `whirl-capture.1` …, such as
+    /// ~/.local/share/man/man1 [default: the program's page on standard output].
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+}
+
+/// A page and its file's name.
+type Page = (String, Vec<u8>);
+
+/// Prints the program's page, or writes all of them.
+pub fn run(arguments: &Arguments) -> Result<Answer> {
+    let pages = all()?;
+    let Some(folder) = &arguments.output else {
+        if let Some((_, text)) = pages.first() {
+            print(&String::from_utf8_lossy(text));
+        }
+        return Ok(Answer::Positive);
+    };
+    std::fs::create_dir_all(folder)
+        .map_err(|e| BadInput::io(folder, &e).at("-o").remedy("Name a folder that can be written to"))?;
+    write(folder, &pages)?;
+    print(&format!("{} manual pages in {}\n", pages.len(), crate::error::plain(&folder.to_string_lossy())));
+    Ok(Answer::Positive)
+}
+
+/// The page of a command and those of the commands below it.
+fn collect(command: &Command, name: &str, pages: &mut Vec<Page>) -> Result<()> {
+    let mut text = Vec::new();
+    Man::new(command.clone().display_name(name))
+        .render(&mut text)
+        .map_err(|e| BadInput::new(e.to_string(), "a page"))?;
+    pages.push((format!("{name}.1"), text));
+    command.get_subcommands().try_for_each(|below| collect(below, &format!("{name}-{}", below.get_name()), pages))
+}
+
+/// The pages of all commands, that of the program first.
+fn all() -> Result<Vec<Page>> {
+    let mut program = Cli::command().disable_help_subcommand(true);
+    program.build();
+    let mut pages = Vec::new();
+    collect(&program, "whirl", &mut pages)?;
+    Ok(pages)
+}
+
+fn write(folder: &Path, pages: &[Page]) -> Result<()> {
+    let paths: Vec<PathBuf> = pages.iter().map(|(name, _)| folder.join(name)).collect();
+    paths.iter().fold(Outputs::default(), |files, path| files.result("-o", Some(path))).check()?;
+    paths.iter().zip(pages).try_for_each(|(path, (_, text))| write_file(path, text))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_command_has_a_page_that_names_its_options() {
+        let pages = all().unwrap();
+        let of = |name: &str| {
+            let (_, text) = pages.iter().find(|(n, _)| n == name).unwrap();
+            String::from_utf8(text.clone()).unwrap().replace("\\-", "-")
+        };
+        assert!(of("whirl.1").contains("capture"));
+        assert!(of("whirl-capture.1").contains("--live") && of("whirl-capture.1").contains("--until"));
+        assert!(of("whirl-device-set.1").contains("whirl device set"), "{}", of("whirl-device-set.1"));
+        assert_eq!(pages.len(), 1 + Cli::command().get_subcommands().count() + 4);
+    }
+}
