@@ -4,11 +4,14 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::output::{Output, Replace, print_warnings, write_file};
+use super::output::{Output, Replace, command_line, print_warnings, write_file};
 use super::{Answer, Records};
 use crate::error::{BadInput, Result};
+use crate::explain::card::card;
 use crate::explain::{Settings, Verdict, explain, ledger, presentation};
 use crate::model::identified::IdentifiedModel;
+use crate::report::sections::provenance::Provenance;
+use crate::report::sections::warnings::Warnings;
 use crate::report::{Report, Results};
 
 /// Arguments of `explain`.
@@ -73,7 +76,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     };
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;
-    arguments.out.say(&presentation::human(&result));
+    let card = card(&result, &rig);
+    arguments.out.say(&presentation::human(&result, &card));
     if let (Some(path), Some(model)) = (&arguments.output, &result.model) {
         model.write(path)?;
     }
@@ -84,7 +88,13 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     if let Some(path) = &arguments.out.report {
         let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
         let mut results = Results::new();
-        results.add(result.clone());
+        let provenance = Provenance::of(&command_line()).with("rig file", rig.path.display());
+        let provenance = arguments.model.iter().fold(provenance, |all, m| all.with("model file", m.display()));
+        results
+            .add(card)
+            .add(Warnings { warnings: result.warnings.clone() })
+            .add(result.clone())
+            .add(provenance.records(&records));
         Report::of(format!("Explanation: {}", rig.name), names.join(", "), &results).write(path)?;
     }
     if result.verdict == Verdict::NotDecidable {

@@ -6,6 +6,7 @@
 mod assembly;
 pub mod best;
 pub mod boots;
+pub mod card;
 pub mod chain_bias;
 pub mod energy_balance;
 mod free_geometry;
