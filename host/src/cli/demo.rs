@@ -132,10 +132,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let explained_model = explained.model.as_ref().filter(|m| !m.effects.is_empty());
     let again = explained_model.map(check).transpose()?;
     if let Some(again) = &again {
-        line += &format!(
-            "\nvalidate the model with what was missing\n{}",
-            crate::validate::presentation::human(again)
-        );
+        line += &format!("\nvalidate the model with what was missing\n{}", crate::validate::presentation::human(again));
     }
     steps.finish_and_clear();
     // The answer first, then the line that led to it.

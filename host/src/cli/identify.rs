@@ -9,8 +9,8 @@ use super::output::{Output, Replace, command_line, print_warnings};
 use super::{Answer, Records};
 use crate::error::{BadInput, Result, tell};
 use crate::identify::{
-    ERROR_BOUND, Identification, Settings, best::best, card::card, from_rows, harmonic_balance, identify, model_file, presentation,
-    shooting,
+    ERROR_BOUND, Identification, Settings, best::best, card::card, from_rows, harmonic_balance, identify, model_file,
+    presentation, shooting,
 };
 use crate::inspect::{InspectSettings, inspect};
 use crate::record::regression_rows::RowsRecord;
@@ -29,9 +29,9 @@ pub enum Method {
     Weak,
     /// Multiple-shooting maximum likelihood, started from the weak form.
     Shooting,
-    /// Harmonic balance of long pieces (chapter 4).
+    /// Harmonic balance of long pieces.
     Frequency,
-    /// Harmonic balance of extracted unstable periodic orbits (chapters 2 and 3).
+    /// Harmonic balance of extracted unstable periodic orbits.
     Upo,
 }
 

@@ -4,13 +4,16 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::output::{Output, Replace, print_warnings};
+use super::output::{Output, Replace, command_line, print_warnings};
 use super::{Answer, Records};
 use crate::error::{Result, tell};
 use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
+use crate::report::sections::provenance::Provenance;
+use crate::report::sections::warnings::Warnings;
 use crate::report::{Report, Results};
 use crate::rig::Rig;
+use crate::validate::card::card;
 use crate::validate::{Beside, Settings, Verdict, presentation, validate};
 
 /// Arguments of `validate`.
@@ -84,14 +87,19 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     bar.finish_and_clear();
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;
-    arguments.out.say(&presentation::human(&result));
+    let card = card(&result, &model, &rig);
+    arguments.out.say(&format!("{}\nWhat it rests on\n{}", card.text(), presentation::human(&result)));
     if let Some(path) = &arguments.out.report {
         let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
         let mut results = Results::new();
-        results.add(result.clone());
-        let mut page = Report::of(format!("Validation: {}", rig.name), names.join(", "), &results);
-        page.fact("Rig", &rig.name).fact("Model", arguments.model.display().to_string());
-        page.write(path)?;
+        let provenance = Provenance::of(&command_line())
+            .with("rig file", rig.path.display())
+            .with("model file", arguments.model.display())
+            .with("seed", arguments.seed)
+            .records(&records);
+        let warnings = Warnings { warnings: result.warnings.clone() };
+        results.add(card).add(warnings).add(result.clone()).add(provenance);
+        Report::of(format!("Validation: {}", rig.name), names.join(", "), &results).write(path)?;
     }
     if result.verdict == Verdict::Failed {
         tell("the model fails its validation");

@@ -103,9 +103,13 @@ fn deciding(e: &Explanation) -> String {
             let (value, limit) = (significant(d.value, 3), significant(d.limit, 3));
             match d.what.strip_prefix("gap over ").and_then(|w| w.split_once(',')) {
                 Some((horizon, _)) => {
-                    format!("predictions over {horizon} miss by {value} times the sensors' noise (up to {limit} would be noise)")
+                    format!(
+                        "predictions over {horizon} miss by {value} times the sensors' noise (up to {limit} would be noise)"
+                    )
                 }
-                None => format!("what is left has {value} times the power of the sensors' noise (up to {limit} would be noise)"),
+                None => format!(
+                    "what is left has {value} times the power of the sensors' noise (up to {limit} would be noise)"
+                ),
             }
         }
         _ => {
@@ -150,9 +154,10 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
             Some("refit") => "refitted to this record".to_owned(),
             Some(added) => format!("with {}", names::effect(added)),
         };
-        let also = same.and_then(|f| f.steps.get(i).map(|s| (s.value, &f.unit))).map_or_else(String::new, |(v, unit)| {
-            format!(", {}{}", significant(v, 3), if unit == "deg" { "°".to_owned() } else { format!(" {unit}") })
-        });
+        let also =
+            same.and_then(|f| f.steps.get(i).map(|s| (s.value, &f.unit))).map_or_else(String::new, |(v, unit)| {
+                format!(", {}{}", significant(v, 3), if unit == "deg" { "°".to_owned() } else { format!(" {unit}") })
+            });
         GapBar { name, value: step.value, told: format!("{}{also}", e.gap.told(step.value)) }
     };
     (heading, e.gap.steps.iter().enumerate().map(bar).collect())
@@ -170,7 +175,10 @@ fn undecided(e: &Explanation) -> Vec<String> {
         ));
     }
     for p in e.parameters.iter().filter(|p| p.std_error.is_infinite()) {
-        out.push(format!("{} cannot be determined from this record alone: record a motion of larger amplitude.", p.name));
+        out.push(format!(
+            "{} cannot be determined from this record alone: record a motion of larger amplitude.",
+            p.name
+        ));
     }
     if e.verdict == Verdict::Unexplained {
         for w in e.r#where.iter().take(MOST_PLACES) {
@@ -238,10 +246,12 @@ mod tests {
     fn an_open_verdict_tells_the_number_that_decided_it() {
         let mut e = explained();
         e.verdict = Verdict::Unexplained;
-        e.decided_by =
-            Some(DecidedBy { what: "gap over 0.4 s, noise floors".to_owned(), value: 2.11, limit: 1.3 });
+        e.decided_by = Some(DecidedBy { what: "gap over 0.4 s, noise floors".to_owned(), value: 2.11, limit: 1.3 });
         let told = card(&e, &rig()).verdict;
-        assert!(told.contains("predictions over 0.4 s miss by 2.11 times the sensors' noise (up to 1.30 would be noise)"), "{told}");
+        assert!(
+            told.contains("predictions over 0.4 s miss by 2.11 times the sensors' noise (up to 1.30 would be noise)"),
+            "{told}"
+        );
         // Where no number is above its limit none is given as the cause.
         e.decided_by = Some(DecidedBy { what: "gap over 0.2 s, noise floors".to_owned(), value: 1.0, limit: 1.3 });
         e.reason = "what is left has 0.99 times the power, but a torque at joint2 predicts better: no effect of the list accounts for it".to_owned();

@@ -52,8 +52,12 @@ pub fn human(e: &Explanation, card: &Card) -> String {
             if f.unit == "deg" { "degrees" } else { &f.unit }
         );
         for s in &f.steps {
-            let _ =
-                writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("the model as it was"), significant(s.value, 3));
+            let _ = writeln!(
+                out,
+                "  {:<34} {}",
+                s.added.as_deref().unwrap_or("the model as it was"),
+                significant(s.value, 3)
+            );
         }
     }
     for f in &e.simulation {
@@ -64,8 +68,12 @@ pub fn human(e: &Explanation, card: &Card) -> String {
             f.unit
         );
         for s in &f.steps {
-            let _ =
-                writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("the model as it was"), significant(s.value, 3));
+            let _ = writeln!(
+                out,
+                "  {:<34} {}",
+                s.added.as_deref().unwrap_or("the model as it was"),
+                significant(s.value, 3)
+            );
         }
     }
     if let Some(u) = &e.unknown {

@@ -273,7 +273,10 @@ pub fn written_out(motion: &Motion) -> Option<WrittenOut> {
         let alone = motion.strengths().filter(|(e, _)| e.name() == effect.name()).count() == 1;
         constants.push((strength.value, if alone { relative * strength.value.abs() } else { f64::NAN }, None));
     }
-    let mut out = WrittenOut { equations: vec![WrittenEquation::default(); motion.file.equations.len()], ..WrittenOut::default() };
+    let mut out = WrittenOut {
+        equations: vec![WrittenEquation::default(); motion.file.equations.len()],
+        ..WrittenOut::default()
+    };
     for t in terms(motion) {
         let equation = &mut out.equations[t.equation];
         let Some((value, std_error, name)) = t.constant.map(|c| constants[c]) else {

@@ -13,7 +13,8 @@ use crate::rig::Rig;
 pub fn card(result: &Identification, rig: &Rig) -> Card {
     let equations = identified_model(result, rig).ok().and_then(|m| equations(&m, rig));
     let row = |p: &Parameter| {
-        let multiplies = || equations.as_ref().and_then(|w| w.multiplies.get(&p.name)).map(|m| format!("multiplies, {m}"));
+        let multiplies =
+            || equations.as_ref().and_then(|w| w.multiplies.get(&p.name)).map(|m| format!("multiplies, {m}"));
         CardRow {
             symbol: p.name.clone(),
             plain: names::parameter(&p.name).map(str::to_owned).or_else(multiplies).unwrap_or_default(),
@@ -61,7 +62,9 @@ fn undecided(result: &Identification) -> Vec<String> {
     let told = |group: &Vec<String>| {
         let all: Vec<String> = group.iter().map(|n| symbol_plain(n)).collect();
         match &all[..] {
-            [one] => format!("{one} cannot be determined from this record alone: a larger amplitude or a longer record would."),
+            [one] => format!(
+                "{one} cannot be determined from this record alone: a larger amplitude or a longer record would."
+            ),
             _ => format!(
                 "{} trade off against each other, and this record does not separate them: a larger amplitude does, or one of them measured otherwise \
                  ([known] in the rig file).",

@@ -89,7 +89,10 @@ pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Opt
             }
         );
     }
-    notes.push(format!("Identification error, largest residual over largest value, equation by equation: {}.", error(result)));
+    notes.push(format!(
+        "Identification error, largest residual over largest value, equation by equation: {}.",
+        error(result)
+    ));
     if let Some(i) = &d.instruments {
         notes.push(instruments(i));
     }

@@ -9,6 +9,7 @@ use std::path::Path;
 use super::rows::{DeviceColumns, Rows};
 use super::{Column, Losses, Metadata, Record, Segment, time_fit, unwrap};
 use crate::error::{BadInput, Result};
+use crate::report::format::significant;
 use crate::rig::{Channel, Rig};
 use crate::suspects::{self, Numbering};
 use crate::warning::Warning;
@@ -235,12 +236,27 @@ pub(super) fn unwrapped_warning(c: &Channel, modulus: f64, wraps: u64) -> Warnin
     )
 }
 
+/// A count with its noun.
+fn plural(count: u64, noun: &str) -> String {
+    let ending = match (count, noun.ends_with("ch")) {
+        (1, _) => "",
+        (_, true) => "es",
+        (_, false) => "s",
+    };
+    format!("{count} {noun}{ending}")
+}
+
 /// Gaps that were found.
 pub(super) fn gap_warning(losses: &Losses, segments: u64) -> Warning {
     Warning::new(
         "gaps",
-        format!("{} gaps in t with {} rows missing; {segments} segments", losses.gaps, losses.lost_on_link),
-        "Segments are used one by one; nothing is interpolated",
+        format!(
+            "{} in t: {} missing, {} left",
+            plural(losses.gaps, "gap"),
+            plural(losses.lost_on_link, "row"),
+            plural(segments, "unbroken stretch")
+        ),
+        "Each stretch is used by itself; nothing is interpolated",
     )
 }
 
@@ -250,16 +266,30 @@ pub(super) fn check_rate(path: &Path, rig: &Rig, count: u64, step: f64) -> Resul
     let near = (rate / nominal - 1.0).abs() <= RATE_TOLERANCE;
     if count > 1 && !near {
         return Err(BadInput::new(
-            format!("rows {step:.9} s apart ({rate:.6} Hz)"),
+            format!("rows {} s apart ({} Hz)", significant(step, 7), significant(rate, 7)),
             format!("{nominal} Hz (sample_rate_hz of {}) within 0.5 %", rig.path.display()),
         )
         .in_file(path)
         .at("column t")
-        .remedy(format!(
-            "Set sample_rate_hz = {rate:.6} in the rig file if that is the record's rate; t must be in seconds. A clock that is uneven on purpose is made even by --resample"
-        )));
+        .remedy(rate_remedy(rate, nominal)));
     }
     Ok(rate)
+}
+
+/// What to do where the record's rate, Hz, is not the rig file's.
+fn rate_remedy(rate: f64, nominal: f64) -> String {
+    // A rate that is off by a thousand or more is another unit of time.
+    let unit =
+        [(1e3, "ms"), (1e6, "µs"), (1e9, "ns")].into_iter().find(|(k, _)| (rate * k / nominal - 1.0).abs() < 0.05);
+    match unit {
+        Some((factor, unit)) => {
+            format!("t is in {unit}, it seems: divide it by {factor:.0}, since t must be in seconds")
+        }
+        None => format!(
+            "Set sample_rate_hz = {} in the rig file if that is the record's rate; t must be in seconds. A clock that is uneven on purpose is made even by --resample",
+            crate::report::format::shortest(rate)
+        ),
+    }
 }
 
 /// One segment's part of a column.

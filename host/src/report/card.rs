@@ -87,7 +87,11 @@ impl CardRow {
 
     /// Name in a terminal.
     fn name(&self) -> String {
-        if self.symbol.is_empty() { self.plain.clone() } else { format!("{}, {}", symbol_plain(&self.symbol), self.plain) }
+        if self.symbol.is_empty() {
+            self.plain.clone()
+        } else {
+            format!("{}, {}", symbol_plain(&self.symbol), self.plain)
+        }
     }
 }
 
@@ -298,7 +302,8 @@ fn picture(p: &Compared) -> Figure {
     let mut below = Panel::new("predicted − measured", time(), Axis::linear(format!("error / {}", p.unit)));
     below.rules.push(Rule { vertical: false, at: 0.0, label: String::new() });
     let alone = p.after.is_empty();
-    let names = [if alone { "predicted by the model" } else { "predicted by the old model" }, "predicted by the new model"];
+    let names =
+        [if alone { "predicted by the model" } else { "predicted by the old model" }, "predicted by the new model"];
     for (k, (name, errors)) in names.iter().zip([&p.before, &p.after]).enumerate().filter(|(_, (_, e))| !e.is_empty()) {
         let colour = [2, 0][k];
         let shown: Vec<f64> = p.measured.iter().zip(errors).map(|(y, e)| y + e).collect();
@@ -311,8 +316,8 @@ fn picture(p: &Compared) -> Figure {
         panel.rules.push(Rule { vertical: true, at: p.fitted_s, label });
     }
     let caption = format!(
-        "Measured, and predicted of the same seconds (from {} s of the record on, which were not fitted). Each prediction begins with an initial state fitted to \
-         the first {} s and then runs on freely.",
+        "Measured, and predicted of the same seconds (from {} s of the record on, where a part begins that was not fitted). Each prediction has an initial \
+         state fitted to the first {} s and then runs on freely.",
         significant(p.from_s, 4),
         significant(p.fitted_s, 2)
     );
@@ -324,11 +329,8 @@ mod tests {
     use super::*;
 
     fn card() -> Card {
-        let term = |negative, text: &str| WrittenTerm {
-            negative,
-            mathml: format!("<mi>{text}</mi>"),
-            text: text.to_owned(),
-        };
+        let term =
+            |negative, text: &str| WrittenTerm { negative, mathml: format!("<mi>{text}</mi>"), text: text.to_owned() };
         let equation = WrittenEquation { left: vec![term(false, "a"), term(true, "b")], right: Vec::new() };
         let row = |symbol: &str, before, after| CardRow {
             symbol: symbol.to_owned(),
@@ -340,7 +342,11 @@ mod tests {
         let bar = |name: &str, value| GapBar { name: name.to_owned(), value, told: format!("{value} noise floors") };
         Card {
             verdict: "The model misses a drag & more.".to_owned(),
-            equations: Some(WrittenOut { equations: vec![equation], notes: vec!["A note.".into()], ..WrittenOut::default() }),
+            equations: Some(WrittenOut {
+                equations: vec![equation],
+                notes: vec!["A note.".into()],
+                ..WrittenOut::default()
+            }),
             parameters: vec![row("C2", Some((0.05455, 4e-5)), (0.048493, 5.5e-6)), row("", None, (2e-7, 2e-11))],
             gap: ("Gap over 0.2 s".to_owned(), vec![bar("before", 4.5), bar("after", 1.0)]),
             picture: Some(Compared {
@@ -364,7 +370,8 @@ mod tests {
         assert!(text.starts_with("The model misses a drag & more.\n\nEquations of motion\n  a − b = 0\n"), "{text}");
         assert!(text.contains("0.05455 ± 0.00008  →  0.048493 ± 0.000011"), "{text}");
         assert!(text.contains("C₂, friction") && text.contains("−11 %") && text.contains("  new\n"), "{text}");
-        let length = |name: &str| text.lines().find(|l| l.starts_with(&format!("  {name} "))).unwrap().matches('█').count();
+        let length =
+            |name: &str| text.lines().find(|l| l.starts_with(&format!("  {name} "))).unwrap().matches('█').count();
         assert_eq!((length("before"), length("after")), (40, 9), "{text}");
         assert!(text.contains("To confirm it\n  Swing") && !text.contains("Not decided"), "{text}");
     }
@@ -380,7 +387,10 @@ mod tests {
 
     #[test]
     fn long_equations_break_between_terms() {
-        let term = |k: usize| WrittenTerm { negative: k % 2 == 1, mathml: String::new(), text: "0.123 sin(φ₁) cos(τ)".into() };
+        let term =
+            |k: usize| WrittenTerm {
+                negative: k % 2 == 1, mathml: String::new(), text: "0.123 sin(φ₁) cos(τ)".into()
+            };
         let e = WrittenEquation { left: (0..12).map(term).collect(), right: vec![term(0)] };
         let text = lines(&e);
         assert!(text.lines().count() > 2 && text.lines().all(|l| l.chars().count() <= WIDE), "{text}");

@@ -373,10 +373,7 @@ mod tests {
         assert_eq!(symbol_plain_marked("phi1", Mark::DoublePrime), "φ₁″");
         assert_eq!(symbol_plain_marked("q", Mark::Dot), "q\u{307}");
         assert_eq!(symbol_plain_marked("position", Mark::DoubleDot), "position¨");
-        assert_eq!(
-            symbol_mathml("phi1", Mark::Prime),
-            "<msubsup><mi>φ</mi><mtext>1</mtext><mo>′</mo></msubsup>"
-        );
+        assert_eq!(symbol_mathml("phi1", Mark::Prime), "<msubsup><mi>φ</mi><mtext>1</mtext><mo>′</mo></msubsup>");
         assert_eq!(symbol_mathml("a<b", Mark::None), "<mi>a&lt;b</mi>");
         assert_eq!(
             mathml_number("2.00·10⁻⁷"),

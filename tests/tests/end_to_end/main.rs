@@ -14,6 +14,7 @@ mod measured;
 mod memory;
 mod outputs;
 mod own_systems;
+mod pages;
 mod program;
 mod reduced;
 mod suspects_equations;

@@ -8,7 +8,8 @@ use super::search::named;
 use super::setting::Setting;
 use super::state::State;
 use super::{
-    Outcome, attractor, compared, forecast, given, patched, prediction, residual, shooting, simulation, tell, units, unknown,
+    Outcome, attractor, compared, forecast, given, patched, prediction, residual, shooting, simulation, tell, units,
+    unknown,
 };
 use crate::error::Result;
 use crate::explain::decidability::Left;

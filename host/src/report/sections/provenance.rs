@@ -32,12 +32,8 @@ impl Provenance {
     /// With records: file, samples, CRC-32 of the samples' bytes.
     pub fn records(self, records: &[Record]) -> Self {
         records.iter().fold(self, |all, r| {
-            let told = format!(
-                "{} ({} samples, CRC-32 {:08x})",
-                r.path.display(),
-                count(r.samples() as u64),
-                checksum(r)
-            );
+            let told =
+                format!("{} ({} samples, CRC-32 {:08x})", r.path.display(), count(r.samples() as u64), checksum(r));
             all.with("record", told)
         })
     }
