@@ -126,7 +126,7 @@ fn a_chaotic_record_is_described() {
         text.contains("29\u{202f}863 samples at 500 Hz") && text.contains("lost       137: 137 on the link"),
         "{text}"
     );
-    assert!(text.contains("5 Hz stated, ") && text.lines().count() == 12, "{text}");
+    assert!(text.contains("5 Hz stated, ") && text.lines().count() == 13, "{text}");
     let space = &found.phase_space;
     assert_eq!(space.coordinates.iter().map(|c| c.name.as_str()).collect::<Vec<_>>(), ["theta1", "theta2"]);
     assert!(space.coordinates.iter().all(|c| (3..=100).contains(&c.delay) && c.mutual_information.bits.len() == 100));
