@@ -31,6 +31,7 @@ use crate::report::{Report, Results};
 use crate::rig::Rig;
 use crate::rig::plant::Plant;
 use crate::validate::{Beside, Settings as ValidateSettings, validate};
+use crate::warning::Warning;
 
 /// The simulated rig.
 const RIG: &str = include_str!("../../../rigs/chaotic.toml");
@@ -60,6 +61,21 @@ pub struct Arguments {
 /// Whether a record is one of this demo's, which the seed makes again.
 fn is_a_demo_s(record: &Path) -> bool {
     crate::record::metadata(record).is_some_and(|m| m.rig == RIG && m.source.starts_with("sim:"))
+}
+
+/// Warnings of the answer, then those of the model as it was, which the answer has dealt with.
+fn warnings(explained: &Explanation, identified: &Identification) -> Vec<Warning> {
+    let dealt_with = |w: &Warning| Warning {
+        text: format!("Of the model as it was, before anything was added: {}", w.text),
+        advice: if explained.effects.is_empty() {
+            w.advice.clone()
+        } else {
+            "The answer above is what came of it".to_owned()
+        },
+        ..w.clone()
+    };
+    let earlier = identified.warnings.iter().filter(|w| !explained.warnings.contains(w)).map(dealt_with);
+    explained.warnings.iter().cloned().chain(earlier).collect()
 }
 
 /// The model's own parameters beside the truth: those of the model with what was missing where it was found.
@@ -150,7 +166,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         .add(explained.clone())
         .add(inspection.clone())
         .add(reduced.clone())
-        .add(Warnings { warnings: explained.warnings.iter().chain(&identified.warnings).cloned().collect() })
+        .add(Warnings { warnings: warnings(&explained, &identified) })
         .add(Truth { table: last_table(&explained, &identified, &truth), hidden: hidden.to_vec() })
         .add(
             Provenance::of("demo")

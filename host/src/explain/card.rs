@@ -9,7 +9,7 @@ use crate::identify::Parameter;
 use crate::model::identified::IdentifiedModel;
 use crate::motion::Motion;
 use crate::report::card::{Card, CardRow, GapBar};
-use crate::report::format::{Z95, plus_minus, significant};
+use crate::report::format::{Z95, plus_minus, shortest, significant};
 use crate::report::names;
 use crate::rig::Rig;
 
@@ -53,11 +53,14 @@ fn capitalised(text: &str) -> String {
     letters.next().map_or_else(String::new, |c| c.to_uppercase().chain(letters).collect())
 }
 
+/// What a number of noise floors is a multiple of.
+const NOISE: &str = " times the sensors' noise";
+
 /// How far predictions miss, in a sentence.
 fn miss(gap: &Gap, value: f64) -> String {
     // Told in the sensors' own unit where the noise says nothing.
     match gap.told(value).strip_suffix(" noise floors") {
-        Some(number) => format!("{number} times the sensors' noise"),
+        Some(number) => format!("{number}{NOISE}"),
         None => gap.told(value),
     }
 }
@@ -72,10 +75,13 @@ fn sentence(e: &Explanation) -> String {
         .collect();
     let found = if found.len() > 1 { found.join("; ") } else { found.concat() };
     let steps = &e.gap.steps;
-    let over = format!("predictions over {} s", significant(e.gap.horizon_s, 3));
+    let over = format!("predictions over {} s", shortest(e.gap.horizon_s));
     let change = match (steps.first(), steps.last()) {
         (Some(first), Some(last)) if steps.len() > 1 => {
-            format!("{over} miss by {} instead of {}", miss(&e.gap, last.value), miss(&e.gap, first.value))
+            let (before, after) = (miss(&e.gap, first.value), miss(&e.gap, last.value));
+            // The same words are not said twice.
+            let before = if after.ends_with(NOISE) { before.trim_end_matches(NOISE) } else { &before };
+            format!("{over} miss by {after} instead of {before}")
         }
         (_, Some(last)) => format!("{over} miss by {}", miss(&e.gap, last.value)),
         _ => String::new(),
@@ -145,7 +151,7 @@ fn parameters(e: &Explanation, equations: Option<&WrittenOut>) -> Vec<CardRow> {
 fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
     let heading = format!(
         "How far predictions over {} s miss, where they were not fitted (1 noise floor is what the sensors' noise alone leaves)",
-        significant(e.gap.horizon_s, 3)
+        shortest(e.gap.horizon_s)
     );
     let same = e.gap.forecasts.iter().find(|f| f.horizon_s == e.gap.horizon_s && f.steps.len() == e.gap.steps.len());
     let bar = |(i, step): (usize, &super::Step)| {
@@ -192,11 +198,11 @@ fn undecided(e: &Explanation) -> Vec<String> {
                 significant(w.band, 2)
             ));
         }
+        for r in e.refused.iter().take(MOST_REFUSED) {
+            let name = names::effect(&if r.at.is_empty() { r.id.clone() } else { format!("{}@{}", r.id, r.at) });
+            out.push(format!("Close, but not taken: {name} ({}).", r.why));
+        }
         out.push("Describe a law of your own in a file and try it with --effects FILE.toml, or record slower and larger motions.".to_owned());
-    }
-    for r in e.refused.iter().take(MOST_REFUSED) {
-        let name = names::effect(&if r.at.is_empty() { r.id.clone() } else { format!("{}@{}", r.id, r.at) });
-        out.push(format!("Close, but not taken: {name} ({}).", r.why));
     }
     out
 }
@@ -232,8 +238,8 @@ mod tests {
         let card = card(&explained(), &rig());
         assert_eq!(
             card.verdict,
-            "The model lacks quadratic drag on arm 2, (2.0000 ± 0.0004)·10⁻⁷ N m s² (± is 95 %); with it, predictions over 0.200 s miss by 1.00 times \
-             the sensors' noise instead of 4.50 times the sensors' noise, and nothing but noise is left."
+            "The model lacks quadratic drag on arm 2, (2.0000 ± 0.0004)·10⁻⁷ N m s² (± is 95 %); with it, predictions over 0.2 s miss by 1.00 times \
+             the sensors' noise instead of 4.50, and nothing but noise is left."
         );
         let row = &card.parameters[0];
         assert_eq!((row.before, row.after, row.unit.as_str()), (Some((0.05455, 4e-5)), (0.048493, 5.6e-6), ""));

@@ -6,7 +6,8 @@ use super::engine::attractor::{Attractor, TOLERANCE_DEG};
 use super::engine::residual_map::Where;
 use super::{Explanation, Verdict};
 use crate::report::card::Card;
-use crate::report::format::{percent, significant, symbol_plain};
+use crate::report::format::{percent, shortest, significant, symbol_plain};
+use crate::report::names;
 
 /// The answer for people: its card first, then what it rests on.
 pub fn human(e: &Explanation, card: &Card) -> String {
@@ -48,14 +49,14 @@ pub fn human(e: &Explanation, card: &Card) -> String {
         let _ = writeln!(
             out,
             "error of predictions over {} s on the last 30 % of the record, the first 70 % fitted, in {}:",
-            significant(f.horizon_s, 4),
+            shortest(f.horizon_s),
             if f.unit == "deg" { "degrees" } else { &f.unit }
         );
         for s in &f.steps {
             let _ = writeln!(
                 out,
                 "  {:<34} {}",
-                s.added.as_deref().unwrap_or("the model as it was"),
+                s.added.as_deref().map_or_else(|| "the model as it was".to_owned(), with),
                 significant(s.value, 3)
             );
         }
@@ -71,7 +72,7 @@ pub fn human(e: &Explanation, card: &Card) -> String {
             let _ = writeln!(
                 out,
                 "  {:<34} {}",
-                s.added.as_deref().unwrap_or("the model as it was"),
+                s.added.as_deref().map_or_else(|| "the model as it was".to_owned(), with),
                 significant(s.value, 3)
             );
         }
@@ -103,6 +104,11 @@ pub fn human(e: &Explanation, card: &Card) -> String {
         departures(&mut out, &e.r#where, 5);
     }
     out
+}
+
+/// A step in words.
+fn with(added: &str) -> String {
+    if added == "refit" { "refitted to this record".to_owned() } else { format!("with {}", names::effect(added)) }
 }
 
 /// The clearest places, a line each.

@@ -12,6 +12,7 @@ use super::expression::{Level, Printer};
 use super::program::terms;
 use super::{Notation, Printed};
 use crate::identify::general::channel_units;
+use crate::model::model_file::Space;
 use crate::model::model_file::expression::{
     Expression as E, FUNCTIONS, Function, Node, Symbol, call, divide, multiply, number, power_whole, subtract,
 };
@@ -66,7 +67,7 @@ impl Notation for MathMl {
 
     fn product(&self, a: &str, b: &str) -> String {
         // Numbers side by side would read as one.
-        let between = if b.starts_with("<mn>") { "<mo>·</mo>" } else { "<mo>&#x2062;</mo>" };
+        let between = if b.starts_with("<mn>") { "<mo>·</mo>" } else { "<mspace width=.17em></mspace>" };
         format!("{a}{between}{b}")
     }
 
@@ -313,15 +314,23 @@ fn notes(w: &Writer<'_>) -> Vec<String> {
     let motion = w.motion;
     let (units, inputs) = channel_units(&motion.file, &motion.rig, &motion.bound);
     let name = |n: &String, unit: String| {
-        let unit = if unit.is_empty() || unit == "1" { "SI unit".to_owned() } else { unit };
-        format!("{} ({unit})", symbol_plain(n))
+        if unit.is_empty() { symbol_plain(n) } else { format!("{} ({unit})", symbol_plain(n)) }
     };
-    let coordinates = motion.file.coordinates.iter().zip(&units).map(|(c, u)| name(&c.name, u.to_string()));
-    let inputs = motion.file.inputs.iter().zip(&inputs).map(|(n, u)| name(n, u.to_string()));
+    let coordinates = motion.file.coordinates.iter().zip(&units).map(|(c, u)| {
+        // An angle has no dimension, and is in radians.
+        let unit = if c.space == Space::Circle { "rad".to_owned() } else { u.to_string() };
+        name(&c.name, if unit == "1" { String::new() } else { unit })
+    });
+    let inputs = motion
+        .file
+        .inputs
+        .iter()
+        .zip(&inputs)
+        .map(|(n, u)| name(n, Some(u.to_string()).filter(|u| u != "1").unwrap_or_default()));
     let symbols: Vec<String> = coordinates.chain(inputs).collect();
-    let mut out = vec![format!("Measured: {}. A dot is a derivative by time (in 1/s).", symbols.join(", "))];
+    let mut out = vec![format!("Coordinates: {}. A dot is a derivative by time (in 1/s).", symbols.join(", "))];
     if let Some(omega) = motion.omega() {
-        let hz = significant(omega / core::f64::consts::TAU, 5);
+        let hz = shortest(omega / core::f64::consts::TAU);
         let rate = significant(omega, 5);
         let primes = if w.scaled { " A prime ′ is a derivative by τ." } else { "" };
         out.push(format!("τ = Ω t is the drive's phase, Ω = 2π · {hz} Hz = {rate} rad/s.{primes}"));
@@ -404,7 +413,7 @@ mod tests {
             assert!(open.is_empty(), "{}", t.mathml);
         }
         assert_eq!(all.multiplies["B12"], "in equation 1: sin(φ₁)");
-        assert!(all.notes.iter().any(|n| n.contains("2π · 5.0000 Hz")), "{:?}", all.notes);
+        assert!(all.notes.iter().any(|n| n.contains("2π · 5 Hz = 31.416 rad/s")), "{:?}", all.notes);
     }
 
     #[test]

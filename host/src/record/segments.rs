@@ -9,7 +9,7 @@ use std::path::Path;
 use super::rows::{DeviceColumns, Rows};
 use super::{Column, Losses, Metadata, Record, Segment, time_fit, unwrap};
 use crate::error::{BadInput, Result};
-use crate::report::format::significant;
+use crate::report::format::shortest;
 use crate::rig::{Channel, Rig};
 use crate::suspects::{self, Numbering};
 use crate::warning::Warning;
@@ -266,7 +266,7 @@ pub(super) fn check_rate(path: &Path, rig: &Rig, count: u64, step: f64) -> Resul
     let near = (rate / nominal - 1.0).abs() <= RATE_TOLERANCE;
     if count > 1 && !near {
         return Err(BadInput::new(
-            format!("rows {} s apart ({} Hz)", significant(step, 7), significant(rate, 7)),
+            format!("rows {} s apart ({} Hz)", shortest(step), shortest(rate)),
             format!("{nominal} Hz (sample_rate_hz of {}) within 0.5 %", rig.path.display()),
         )
         .in_file(path)
@@ -287,7 +287,7 @@ fn rate_remedy(rate: f64, nominal: f64) -> String {
         }
         None => format!(
             "Set sample_rate_hz = {} in the rig file if that is the record's rate; t must be in seconds. A clock that is uneven on purpose is made even by --resample",
-            crate::report::format::shortest(rate)
+            shortest(rate)
         ),
     }
 }
@@ -297,5 +297,23 @@ fn cut(column: &Column, range: &Range<usize>) -> Column {
     match column {
         Column::Values(v) => Column::Values(v[range.clone()].to_vec()),
         Column::Counts(c) => Column::Counts(c[range.clone()].to_vec()),
+    }
+}
+
+#[cfg(test)]
+mod rate_tests {
+    use super::*;
+
+    #[test]
+    fn another_unit_of_time_is_named() {
+        assert!(rate_remedy(500.0 / 1e9, 500.0).starts_with("t is in ns, it seems: divide it by 1000000000"));
+        assert!(rate_remedy(0.5, 500.0).starts_with("t is in ms"));
+        assert!(rate_remedy(250.0, 500.0).starts_with("Set sample_rate_hz = 250 in the rig file"));
+    }
+
+    #[test]
+    fn counts_have_their_plurals() {
+        assert_eq!((plural(1, "gap"), plural(2, "gap")), ("1 gap".to_owned(), "2 gaps".to_owned()));
+        assert_eq!(plural(3, "unbroken stretch"), "3 unbroken stretches");
     }
 }

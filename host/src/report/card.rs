@@ -79,7 +79,7 @@ impl CardRow {
         let (after, other) = self.after;
         let change = 100.0 * (after / before - 1.0);
         // A change within the errors is none.
-        if !change.is_finite() || (after - before).abs() < Z95 * error.hypot(other) {
+        if !change.is_finite() || after.abs() < Z95 * other || (after - before).abs() < Z95 * error.hypot(other) {
             return String::new();
         }
         format!("{}{} %", if change > 0.0 { "+" } else { "" }, significant(change, 2))
@@ -312,7 +312,7 @@ fn picture(p: &Compared) -> Figure {
         below.series.push(Series::new(*name, Shape::Line, t, errors.clone()).colour(colour));
     }
     for panel in [&mut above, &mut below] {
-        let label = if panel.shares_x { "initial state fitted up to here".to_owned() } else { String::new() };
+        let label = if panel.shares_x { String::new() } else { "initial state fitted up to here".to_owned() };
         panel.rules.push(Rule { vertical: true, at: p.fitted_s, label });
     }
     let caption = format!(

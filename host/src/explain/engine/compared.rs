@@ -17,6 +17,8 @@ const MOST: usize = 15;
 const POINTS: usize = 600;
 /// Shortest and longest part shown, in horizons of the gap.
 const SPAN: [f64; 2] = [4.0, 20.0];
+/// Share of the median time for which predictions of the last model hold: beyond it chaos parts any two motions.
+const HELD: f64 = 0.6;
 
 /// What was measured, and what was predicted of it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -51,7 +53,7 @@ pub fn compare(
     holds_s: Option<f64>,
 ) -> Option<Compared> {
     let [least, most] = SPAN.map(|f| f * horizons.0);
-    let span_s = holds_s.unwrap_or(2.0 * least).clamp(least, most).min(horizons.1);
+    let span_s = holds_s.map_or(2.0 * least, |h| HELD * h).clamp(least, most).min(horizons.1);
     let run = |(state, x): Stage<'_>| -> Vec<((usize, usize), Vec<f64>)> {
         let Some((motion, parameters, hidden)) = state.free_motion_of(setting, x, 0) else { return Vec::new() };
         let model = Model { motion: &motion, parameters: &parameters, step_s };
