@@ -112,7 +112,7 @@ impl Session<'_> {
             warnings.push(Warning::new(
                 "reconnected",
                 format!("the link was lost {times} (last: {})", self.lost_because),
-                "The gaps are marked and counted; see to the cable",
+                "The gaps are marked and counted; check the cable",
             ));
         }
     }

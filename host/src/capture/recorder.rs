@@ -474,15 +474,16 @@ impl<'a> Recorder<'a> {
             self.warnings.push(Warning::new(
                 "samples-lost",
                 format!(
-                    "{} samples are missing in {} gaps: {} lost on the link, {} damaged, {} overrun, {} dropped by the device",
+                    "{} samples are missing in {} gap{}: {} lost on the link, {} damaged, {} overrun, {} dropped by the device",
                     losses.lost(),
                     losses.gaps,
+                    if losses.gaps == 1 { "" } else { "s" },
                     losses.lost_on_link,
                     losses.damaged,
                     losses.overruns,
                     losses.dropped_by_device
                 ),
-                "Each gap ends a segment; see to cable and baud rate (lost, damaged) or to the firmware's load (overrun, dropped)",
+                "Nothing is interpolated; check cable and baud rate (lost, damaged) or the firmware's load (overrun, dropped)",
             ));
         }
         let rows = self.rows.as_ref().map(|rows| RowsOutcome {

@@ -13,19 +13,26 @@ use super::outputs::Outputs;
 use super::progress::during;
 use crate::capture::CaptureSettings;
 use crate::error::{BadInput, Result};
-use crate::explain::{Settings as ExplainSettings, explain};
+use crate::explain::card::card as explain_card;
+use crate::explain::ledger::checksum;
+use crate::explain::{Explanation, Settings as ExplainSettings, explain};
+use crate::identify::card::card as identify_card;
 use crate::identify::model_file::identified_model;
-use crate::identify::{Settings, identify, presentation};
+use crate::identify::{Identification, Settings, identify, presentation};
 use crate::inspect::{InspectSettings, inspect};
 use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::record::formats::ReadOptions;
 use crate::reduce::{ReduceSettings, reduce};
+use crate::report::sections::parameters::{Parameter, ParameterTable};
+use crate::report::sections::provenance::Provenance;
 use crate::report::sections::truth::Truth;
+use crate::report::sections::warnings::Warnings;
 use crate::report::{Report, Results};
 use crate::rig::Rig;
 use crate::rig::plant::Plant;
 use crate::validate::{Beside, Settings as ValidateSettings, validate};
+use crate::warning::Warning;
 
 /// The simulated rig.
 const RIG: &str = include_str!("../../rigs/chaotic.toml");
@@ -55,6 +62,41 @@ fn is_a_demo_s(record: &Path) -> bool {
     crate::record::metadata(record).is_some_and(|m| m.rig == RIG && m.source.starts_with("sim:"))
 }
 
+/// Warnings of the answer, then those of the model as it was, which the answer has dealt with.
+fn warnings(explained: &Explanation, identified: &Identification) -> Vec<Warning> {
+    let dealt_with = |w: &Warning| Warning {
+        text: format!("Of the model as it was, before anything was added: {}", w.text),
+        advice: if explained.effects.is_empty() {
+            w.advice.clone()
+        } else {
+            "The answer above is what came of it".to_owned()
+        },
+        ..w.clone()
+    };
+    let earlier = identified.warnings.iter().filter(|w| !explained.warnings.contains(w)).map(dealt_with);
+    explained.warnings.iter().cloned().chain(earlier).collect()
+}
+
+/// The model's own parameters beside the truth: those of the model with what was missing where it was found.
+fn last_table(
+    explained: &Explanation,
+    identified: &Identification,
+    truth: &dyn Fn(&str) -> Option<f64>,
+) -> ParameterTable {
+    if explained.effects.is_empty() {
+        return presentation::table(identified, "", truth);
+    }
+    let own = explained.parameters.iter().filter(|p| !p.name.contains('@'));
+    let beside = |p: &crate::identify::Parameter| Parameter {
+        name: p.name.clone(),
+        value: p.value,
+        std_error: p.std_error,
+        unit: p.unit.clone(),
+        truth: truth(&p.name),
+    };
+    ParameterTable { heading: String::new(), parameters: own.map(beside).collect(), notes: Vec::new() }
+}
+
 /// Runs the line.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let out = Output { json: arguments.json.clone(), report: None };
@@ -65,66 +107,71 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let (record_path, report) = (folder.join("record.parquet"), folder.join("report.html"));
     let of = if is_a_demo_s(&record_path) { Outputs::again } else { Outputs::record };
     of(Outputs::of(&out, Some(arguments.replace)), "-o", &record_path).result("-o", Some(&report)).check()?;
-    out.say(&format!("capture: {SECONDS} s of the simulated rig, through the firmware's logic and the wire format\n"));
     let settings = CaptureSettings {
         seconds: Some(SECONDS),
         ..CaptureSettings::new(format!("sim:{}", arguments.seed), record_path.clone())
     };
     let hidden = [HIDDEN.to_owned()];
     let captured = super::capture::from_simulated(&settings, &rig, &hidden, &mut *super::progress::of_capture())?;
-    out.say(&super::capture::human(&captured));
+    let mut line = format!(
+        "capture: {SECONDS} s of the simulated rig, through the firmware's logic and the wire format\n{}",
+        super::capture::human(&captured)
+    );
     let record = Record::read(&record_path, &rig, &ReadOptions::default())?;
     let inspection = during("1 of 6: inspecting the record", || inspect(&record, &rig, &InspectSettings::default()))?;
-    out.say(&format!("\ninspect\n{}", crate::inspect::text::text(&inspection)));
+    line += &format!("\ninspect\n{}", crate::inspect::text::text(&inspection));
     let records = [record];
     let identified = during("2 of 6: identifying the parameters", || identify(&records, &rig, &Settings::default()))?;
-    out.say(&format!("\nidentify\n{}", super::identify::human(&identified)));
+    line += &format!("\nidentify\n{}", super::identify::human(&identified, &identify_card(&identified, &rig)));
     let check = |what: &'static str, model: &IdentifiedModel| {
         let beside = Beside { inspection: Some(&inspection), ..Beside::default() };
         during(what, || validate(&records, &rig, model, beside, &ValidateSettings::default()))
     };
     let validated = check("3 of 6: validating the model", &identified_model(&identified, &rig)?)?;
-    out.say(&format!("\nvalidate\n{}", crate::validate::presentation::human(&validated)));
+    line += &format!("\nvalidate\n{}", crate::validate::presentation::human(&validated));
     let reduced = during("4 of 6: reducing", || reduce(&records, &rig, &ReduceSettings::default()))?;
-    out.say(&format!("\nreduce\n{}", super::reduce::human(&reduced)));
+    line += &format!("\nreduce\n{}", super::reduce::human(&reduced));
     let looking = "5 of 6: looking for the effect that is missing";
     let explained = during(looking, || explain(&records, &rig, &ExplainSettings::default()))?;
-    out.say(&format!("\nexplain\n{}", crate::explain::presentation::human(&explained)));
+    let card = explain_card(&explained, &rig);
     let explained_model = explained.model.as_ref().filter(|m| !m.effects.is_empty());
     let again = explained_model.map(|model| check("6 of 6: validating the model with it", model)).transpose()?;
     if let Some(again) = &again {
-        out.say(&format!(
-            "\nvalidate the model with what was missing\n{}",
-            crate::validate::presentation::human(again)
-        ));
+        line += &format!("\nvalidate the model with what was missing\n{}", crate::validate::presentation::human(again));
     }
+    // The answer first, then the line that led to it.
+    out.say(&format!("{}\nThe line that led to it\n{line}", crate::explain::presentation::human(&explained, &card)));
 
     // Every answer is there: now the truth may be read, for the last table.
     let plant = Plant::of(&rig)?;
     let truth = |name: &str| plant.truth(name, rig.omega());
     let mut results = Results::new();
     results
-        .add(presentation::table(&identified, "", &|_| None))
+        .add(card)
+        .add(presentation::table(&identified, "The model as it was, before anything was added", &|_| None))
         .add(presentation::residuals(&identified))
         .add(validated.clone())
         .add(explained.clone())
         .add(inspection.clone())
         .add(reduced.clone())
-        .add(Truth { table: presentation::table(&identified, "", &truth), hidden: hidden.to_vec() });
+        .add(Warnings { warnings: warnings(&explained, &identified) })
+        .add(Truth { table: last_table(&explained, &identified, &truth), hidden: hidden.to_vec() })
+        .add(
+            Provenance::of("demo")
+                .with("seed", arguments.seed)
+                .with("rig file", rig.path.display())
+                .with("hidden effect", HIDDEN)
+                .with("firmware", &captured.firmware)
+                .with("record", format!("record.parquet (CRC-32 {:08x})", checksum(&records[0]))),
+        );
     if let Some(again) = &again {
         results.add(again.clone());
     }
-    let mut page = Report::of(
+    let page = Report::of(
         "whirl demo",
         "a simulated double pendulum on a shaker, from encoder edges to the effect that the model is missing",
         &results,
     );
-    page.fact("Rig", &rig.name)
-        .fact(
-            "Record",
-            format!("{} s, {} samples, {} missing", SECONDS, captured.losses.received, captured.losses.lost()),
-        )
-        .fact("Firmware", &captured.firmware);
     page.write(&report)?;
     out.write_json(&serde_json::json!({
         "capture": captured, "inspect": inspection, "identify": identified, "validate": validated, "reduce": reduced,

@@ -6,13 +6,16 @@ use clap::Args;
 
 use super::batch::{Parts, Single};
 use super::identify::WeakForm;
-use super::output::{Output, Replace, print_warnings, write_file};
+use super::output::{Output, Replace, command_line, print_warnings, write_file};
 use super::{Analysed, Answer, Judgement, Records, progress};
 use crate::batch::answers;
 use crate::batch::row::Row;
 use crate::error::{BadInput, Result};
+use crate::explain::card::card;
 use crate::explain::{Explanation, Settings, Verdict, explain, ledger, presentation};
 use crate::model::identified::IdentifiedModel;
+use crate::report::sections::provenance::Provenance;
+use crate::report::sections::warnings::Warnings;
 use crate::report::{Report, Results};
 use crate::rig::Rig;
 use crate::warning::Warning;
@@ -116,7 +119,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     };
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;
-    arguments.out.say(&presentation::human(&result));
+    let card = card(&result, &rig);
+    arguments.out.say(&presentation::human(&result, &card));
     if let (Some(path), Some(model)) = (&arguments.output, &result.model) {
         model.write(path)?;
     }
@@ -127,7 +131,13 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     if let Some(path) = &arguments.out.report {
         let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
         let mut results = Results::new();
-        results.add(result.clone());
+        let provenance = Provenance::of(&command_line()).with("rig file", rig.path.display());
+        let provenance = arguments.model.iter().fold(provenance, |all, m| all.with("model file", m.display()));
+        results
+            .add(card)
+            .add(Warnings { warnings: result.warnings.clone() })
+            .add(result.clone())
+            .add(provenance.records(&records));
         Report::of(format!("Explanation: {}", rig.name), names.join(", "), &results).write(path)?;
     }
     Ok(judge(arguments, &result, lost).tell())

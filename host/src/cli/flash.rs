@@ -46,8 +46,8 @@ fn flash(board: &boards::Board, _: &str, given: Option<(PathBuf, Kind)>) -> Resu
         Some((path, _)) => (path.display().to_string(), ""),
         None => (format!("whirl-{}.bin", board.id), " (`cargo run -p whirl-board-build -- images` makes it)"),
     };
-    Err(BadInput::new("a whirl without a debug probe's library", "a whirl built with --features probe").remedy(format!(
-        "This build cannot flash: build it with `cargo build --release --features probe`, or copy {image}{made} onto the \
+    Err(BadInput::new("a build that cannot flash", "a build with --features probe").remedy(format!(
+        "Build it with `cargo build --release --features probe`, or copy {image}{made} onto the \
          drive that the board shows on USB, see docs/boards.md"
     )))
 }

@@ -6,19 +6,22 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 use super::batch::{Parts, Single};
-use super::output::{Output, Replace, print_warnings};
+use super::output::{Output, Replace, command_line, print_warnings};
 use super::{Analysed, Answer, Judgement, Records};
 use crate::batch::answers;
 use crate::batch::row::Row;
 use crate::error::{BadInput, Result};
 use crate::identify::{
-    ERROR_BOUND, Identification, Settings, best::best, from_rows, harmonic_balance, identify, model_file, presentation,
-    shooting,
+    ERROR_BOUND, Identification, Settings, best::best, card::card, from_rows, harmonic_balance, identify, model_file,
+    presentation, shooting,
 };
 use crate::inspect::{InspectSettings, inspect};
 use crate::record::regression_rows::RowsRecord;
 use crate::record::{ReadOptions, Record};
-use crate::report::format::{plus_minus, significant};
+use crate::report::card::Card;
+use crate::report::format::significant;
+use crate::report::sections::provenance::Provenance;
+use crate::report::sections::warnings::Warnings;
 use crate::report::{Report, Results};
 use crate::rig::Rig;
 use crate::warning::Warning;
@@ -30,9 +33,9 @@ pub enum Method {
     Weak,
     /// Multiple-shooting maximum likelihood, started from the weak form.
     Shooting,
-    /// Harmonic balance of long pieces (chapter 4).
+    /// Harmonic balance of long pieces.
     Frequency,
-    /// Harmonic balance of extracted unstable periodic orbits (chapters 2 and 3).
+    /// Harmonic balance of extracted unstable periodic orbits.
     Upo,
 }
 
@@ -97,46 +100,39 @@ fn bound(text: &str) -> std::result::Result<(String, f64, f64), String> {
     if low <= high { Ok((name.to_owned(), low, high)) } else { Err(format!("{low} is not below {high}")) }
 }
 
-/// The answer for people.
-pub fn human(result: &Identification) -> String {
-    let mut text = String::new();
+/// The answer for people: its card first, then what it rests on.
+pub fn human(result: &Identification, card: &Card) -> String {
+    let mut text = card.text();
     let r = &result.record;
     let _ = writeln!(
         text,
-        "{} by {} from {} samples in {} stretch{}{}",
-        result.model,
+        "\nWhat it rests on\n{} of {} samples in {} unbroken stretch{}{}",
         crate::identify::presentation::method_name(&result.method),
         r.samples,
         r.segments,
         if r.segments == 1 { "" } else { "es" },
         if r.lost > 0 { format!(", {} lost", r.lost) } else { String::new() }
     );
-    for p in &result.parameters {
-        let unit = if p.unit == "1" { "" } else { &p.unit };
-        let _ = writeln!(text, "  {:<7} {} {unit}", p.name, plus_minus(p.value, 1.96 * p.std_error));
-    }
-    let _ = writeln!(text, "{}; ± is 1.96 standard errors", presentation::error(result));
+    let _ = writeln!(text, "{}", presentation::error(result));
     if let Some(s) = &result.shooting {
         let ratios: Vec<String> = s.noise_ratio.iter().map(|r| significant(*r, 3)).collect();
         let _ = writeln!(
             text,
-            "{} pieces of {} s; residuals are {} times the sensors' noise",
+            "{} piece{} of {} s; what the fit leaves is {} times the sensors' noise",
             s.pieces,
+            if s.pieces == 1 { "" } else { "s" },
             s.levels_s.last().map_or_else(String::new, |l| significant(*l, 3)),
             ratios.join(" and ")
         );
     }
     if let Some(why) = &result.not_by_shooting {
-        let _ = writeln!(text, "not by multiple shooting: {why}");
+        let _ = writeln!(text, "Multiple shooting was not used: {why}");
     }
     if let Some(i) = &result.details.instruments {
         let _ = writeln!(text, "{}", presentation::instruments(i));
     }
     if let Some(account) = &result.balance {
         text.push_str(&super::identify_balance::human(account));
-    }
-    for group in &result.groups_not_separable {
-        let _ = writeln!(text, "not told apart or not determined by this record: {}", group.join(", "));
     }
     text
 }
@@ -220,14 +216,17 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     };
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;
-    arguments.out.say(&human(&result));
+    let card = card(&result, &rig);
+    arguments.out.say(&human(&result, &card));
     if let Some(path) = &arguments.output {
         model_file::identified_model(&result, &rig)?.write(path)?;
     }
     if let Some(path) = &arguments.out.report {
         let names: Vec<String> = arguments.records.records.iter().map(|p| p.display().to_string()).collect();
         let mut results = Results::new();
-        results.add(presentation::table(&result, "", &|_| None)).add(presentation::residuals(&result));
+        results.add(card).add(presentation::table(&result, "", &|_| None)).add(presentation::residuals(&result));
+        results.add(Warnings { warnings: result.warnings.clone() });
+        results.add(Provenance::of(&command_line()).with("rig file", rig.path.display()).records(&records));
         // A report of an identification also shows what was identified from.
         for record in &records {
             results.add(inspect(record, &rig, &InspectSettings::default())?);

@@ -18,7 +18,7 @@ enum Derivatives {
     Fourier,
     /// Fourier series of exp(iθ).
     Circle,
-    /// Five-point differences (3.29), (3.30).
+    /// Five-point differences.
     FivePoint,
 }
 
@@ -28,7 +28,7 @@ enum Energy {
     /// The harmonic balance's dampings stand.
     #[default]
     None,
-    /// Each equation by itself, as in Table 3.11.
+    /// Each equation by itself.
     Equations,
     /// Both equations together, coupling cancelled.
     Coupled,
@@ -41,13 +41,13 @@ pub struct BalanceArguments {
     /// Length of a piece, drive periods (frequency) [default: 100; 60 for the single pendulum; less where the record is short].
     #[arg(long, value_name = "N")]
     piece_periods: Option<usize>,
-    /// Tolerance e of (3.24), share of the span (upo).
+    /// How closely an orbit must close, as a share of the angle's range (upo).
     #[arg(long, value_name = "E", default_value_t = 0.05)]
     tolerance: f64,
     /// Longest period of an orbit, drive periods (upo).
     #[arg(long, value_name = "K", default_value_t = 16)]
     longest_period: usize,
-    /// Delay T_d, samples (upo) [default: first clear minimum of the average mutual information].
+    /// Delay of the embedding, samples (upo) [default: first clear minimum of the average mutual information].
     #[arg(long, value_name = "SAMPLES")]
     delay: Option<usize>,
     /// Velocities and accelerations.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::output::{Output, Replace, print_warnings};
+use super::output::{Output, Replace, command_line, print_warnings};
 use super::outputs::Outputs;
 use super::{Answer, Records};
 use crate::error::Result;
@@ -12,6 +12,8 @@ use crate::init::{Settings, draft, write};
 use crate::inspect::{InspectSettings, Inspection, inspect};
 use crate::record::Record;
 use crate::record::formats::ReadOptions;
+use crate::report::card::Card;
+use crate::report::sections::provenance::Provenance;
 use crate::report::{Report, Results};
 use crate::rig::Rig;
 
@@ -36,7 +38,8 @@ pub struct Arguments {
 pub fn report_of(record: &Path, rig: &Rig, report: &Path) -> Result<()> {
     let read = Record::read(record, rig, &ReadOptions::default())?;
     let mut results = Results::new();
-    results.add(inspect(&read, rig, &InspectSettings::default())?);
+    let inspection = inspect(&read, rig, &InspectSettings::default())?;
+    results.add(Card { verdict: crate::inspect::text::sentence(&inspection), ..Card::default() }).add(inspection);
     Report::of(format!("Inspection: {}", rig.name), record.display().to_string(), &results).write(report)
 }
 
@@ -80,6 +83,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     for i in &inspections {
         print_warnings(&i.warnings);
         text.push_str(&crate::inspect::text::text(i));
+        results.add(Card { verdict: crate::inspect::text::sentence(i), ..Card::default() });
         results.add(i.clone());
     }
     // One record, one object; several, a list of them.
@@ -90,6 +94,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     arguments.out.say(&text);
     if let Some(path) = &arguments.out.report {
         let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
+        results.add(Provenance::of(&command_line()).with("rig file", rig.path.display()).records(&records));
         Report::of(format!("Inspection: {}", rig.name), names.join(", "), &results).write(path)?;
     }
     let all: Vec<_> = inspections.into_iter().flat_map(|i| i.warnings).collect();

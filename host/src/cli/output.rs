@@ -129,6 +129,21 @@ fn is_standard_output(path: &Path) -> bool {
     path.as_os_str() == "-"
 }
 
+/// The command line without the program and without the number of threads, which changes nothing.
+pub fn command_line() -> String {
+    let mut out: Vec<String> = Vec::new();
+    let mut words = std::env::args().skip(1);
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--threads" => drop(words.next()),
+            "--quiet" => {}
+            w if w.starts_with("--threads=") => {}
+            _ => out.push(word),
+        }
+    }
+    plain_lines(&out.join(" "))
+}
+
 /// Writes a file whole: beside its name first, then renamed, so that no half-written result is left behind.
 ///
 /// # Errors

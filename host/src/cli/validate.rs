@@ -5,15 +5,18 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::batch::{Parts, Single};
-use super::output::{Output, Replace, print_warnings};
+use super::output::{Output, Replace, command_line, print_warnings};
 use super::{Analysed, Answer, Judgement, Records};
 use crate::batch::answers;
 use crate::batch::row::Row;
 use crate::error::Result;
 use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
+use crate::report::sections::provenance::Provenance;
+use crate::report::sections::warnings::Warnings;
 use crate::report::{Report, Results};
 use crate::rig::Rig;
+use crate::validate::card::card;
 use crate::validate::{Beside, Settings, Validation, Verdict, presentation, validate};
 use crate::warning::Warning;
 
@@ -122,14 +125,19 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let result = result?;
     print_warnings(&result.warnings);
     arguments.out.write_json(&result)?;
-    arguments.out.say(&presentation::human(&result));
+    let card = card(&result, &ready.model, &ready.rig);
+    arguments.out.say(&format!("{}\nWhat it rests on\n{}", card.text(), presentation::human(&result)));
     if let Some(path) = &arguments.out.report {
         let names: Vec<String> = records.iter().map(|r| r.path.display().to_string()).collect();
         let mut results = Results::new();
-        results.add(result.clone());
-        let mut page = Report::of(format!("Validation: {}", ready.rig.name), names.join(", "), &results);
-        page.fact("Rig", &ready.rig.name).fact("Model", arguments.model.display().to_string());
-        page.write(path)?;
+        let provenance = Provenance::of(&command_line())
+            .with("rig file", ready.rig.path.display())
+            .with("model file", arguments.model.display())
+            .with("seed", arguments.seed)
+            .records(&records);
+        let warnings = Warnings { warnings: result.warnings.clone() };
+        results.add(card).add(warnings).add(result.clone()).add(provenance);
+        Report::of(format!("Validation: {}", ready.rig.name), names.join(", "), &results).write(path)?;
     }
     Ok(judge(arguments, &result, lost).tell())
 }

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::engine::design::Design;
 use super::explanation::{Ranked, Refused};
 use super::ranking::{self, Fit, Weights};
+use crate::report::format::significant;
 
 /// Probability of naming anything on a record in which nothing is missing, over the whole list.
 pub(super) const FAMILY_WISE: f64 = 0.01;
@@ -240,7 +241,7 @@ impl<'a> Field<'a> {
             } else if feigned.contains(&s.index) {
                 "records of the model without it, seen by the same sensors, show as much".to_owned()
             } else if s.p * tests >= FAMILY_WISE {
-                format!("by chance with probability {:.1e}, and {tests} forms were tried", s.p)
+                format!("by chance with probability {}, and {tests} forms were tried", significant(s.p, 2))
             } else if !self.stands(s) {
                 let share = 100.0 * s.gain * self.blocks / self.total;
                 let why = if self.is_something(s.gain) { "but not from block to block" } else { "as good as nothing" };

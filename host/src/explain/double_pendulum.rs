@@ -103,6 +103,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     let settings = Settings { model, ..settings.clone() };
     let mut out = engine::explain(records, &own_rig, &bound, &settings)?.unwrap_or_else(decidability::unplaced);
     told(&mut out.parameters, rig.omega());
+    told(&mut out.parameters_before, rig.omega());
     if let Some(model) = &mut out.model {
         model.system = System::BuiltIn("double-pendulum".to_owned());
         model.nominal = nominal;

@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::decidability::EXPLAINED_GAP;
 use super::engine::attractor::Attractor;
+use super::engine::compared::Compared;
 use super::engine::residual_map;
 use super::engine::unknown::Unknown;
 use crate::identify::Parameter;
@@ -264,6 +265,10 @@ pub struct Explanation {
     pub where_before: Vec<residual_map::Where>,
     /// Parameters of the model with its effects.
     pub parameters: Vec<Parameter>,
+    /// Parameters of the fitted model before any effect was added.
+    pub parameters_before: Vec<Parameter>,
+    /// What was measured over some seconds, and what the models before and after predict of them.
+    pub prediction: Option<Compared>,
     /// Ratio of residual to noise power in the rows, before and after; left out where there is none.
     #[serde(skip_serializing_if = "has_nan")]
     pub residual_power: [f64; 2],
@@ -338,6 +343,8 @@ impl Explanation {
             r#where: Vec::new(),
             where_before: Vec::new(),
             parameters: Vec::new(),
+            parameters_before: Vec::new(),
+            prediction: None,
             residual_power: [f64::NAN; 2],
             ranking: Vec::new(),
             refused: Vec::new(),

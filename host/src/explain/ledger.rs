@@ -43,7 +43,7 @@ fn value(x: &impl Serialize) -> Value {
 }
 
 /// CRC-32 (ISO-HDLC) over the samples of all columns, little-endian.
-fn checksum(record: &Record) -> u32 {
+pub fn checksum(record: &Record) -> u32 {
     let crc = flate2::Crc::new();
     let crc = record.segments.iter().fold(crc, |mut crc, s| {
         crc.update(&s.start_s.to_le_bytes());

@@ -8,6 +8,7 @@
 //! 4. What is left is compared with what the sensors' noise alone leaves, located ([`engine::residual_map`]), and, where it
 //!    has no name, drawn as a function of one coordinate ([`engine::unknown`]).
 
+pub mod card;
 mod decidability;
 mod decision;
 mod double_pendulum;
@@ -75,6 +76,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         result.warnings.retain(|w| w.id != CONTRADICTED && !of_record.contains(w));
         result.gap.attractor.clear();
         result.gap.forecasts.clear();
+        result.prediction = None;
     }
     suspected::tell_in(&mut result, of_record.into_iter().chain(suspects).collect());
     Ok(result)

@@ -5,41 +5,26 @@ use std::fmt::Write;
 use super::engine::attractor::{Attractor, TOLERANCE_DEG};
 use super::engine::residual_map::Where;
 use super::{Explanation, Verdict};
-use crate::report::format::{plus_minus, significant};
+use crate::report::card::Card;
+use crate::report::format::{percent, shortest, significant, symbol_plain};
+use crate::report::names;
 
-/// The answer for people.
-pub fn human(e: &Explanation) -> String {
-    let mut out = String::new();
-    let verdict = match e.verdict {
-        Verdict::NothingMissing => "nothing is missing",
-        Verdict::Explained => "explained",
-        Verdict::Unexplained => "unexplained: something is missing that has no name in the list",
-        Verdict::NotDecidable => "not decidable from this record",
-    };
-    let _ = writeln!(out, "{verdict}: {}", e.reason);
+/// The answer for people: its card first, then what it rests on.
+pub fn human(e: &Explanation, card: &Card) -> String {
+    let mut out = card.text();
+    out.push_str("\nWhat it rests on\n");
     for f in &e.effects {
         let parameters: Vec<String> =
-            f.parameters.iter().map(|(k, v)| format!(", {k} = {}", significant(*v, 3))).collect();
+            f.parameters.iter().map(|(k, v)| format!(", {} = {}", symbol_plain(k), significant(*v, 3))).collect();
         let _ = writeln!(
             out,
-            "  {}@{} = {} {}{}   ({})",
+            "  {}@{} adds {}{}; alone it explains {} of what was left where it was not fitted",
             f.id,
             f.at,
-            plus_minus(f.value, 1.96 * f.std_error),
-            f.unit,
+            f.equation,
             parameters.concat(),
-            f.equation
+            percent(f.held_out_gain, 2)
         );
-        if !f.indistinguishable_from.is_empty() {
-            let _ = writeln!(out, "    not told apart from {}", f.indistinguishable_from.join(", "));
-        }
-        let _ = writeln!(out, "    to confirm: {}", f.confirm);
-    }
-    if !e.gap.steps.is_empty() {
-        let _ = writeln!(out, "gap over {} s:", significant(e.gap.horizon_s, 3));
-    }
-    for s in &e.gap.steps {
-        let _ = writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("nominal model"), e.gap.told(s.value));
     }
     if let Some(before) = e.gap.attractor.first() {
         let both = |f: &dyn Fn(&Attractor) -> Option<f64>| -> String {
@@ -48,13 +33,13 @@ pub fn human(e: &Explanation) -> String {
         };
         let _ = writeln!(
             out,
-            "predictions hold to {TOLERANCE_DEG} degrees for {} s",
+            "free predictions stay within {TOLERANCE_DEG}° for {} s (median)",
             both(&|a| Some(a.prediction_horizon_s))
         );
         if before.section_distance.is_some() {
             let _ = writeln!(
                 out,
-                "energy distance between the Poincaré sections of model and record: {} (probability by chance {})",
+                "distance between the Poincaré sections of model and record: {} (energy distance; by chance with probability {})",
                 both(&|a| a.section_distance),
                 both(&|a| a.section_p_value)
             );
@@ -63,32 +48,40 @@ pub fn human(e: &Explanation) -> String {
     for f in e.gap.forecasts.iter().filter(|f| !f.steps.is_empty()) {
         let _ = writeln!(
             out,
-            "error over {} s on the last 30 %, first 70 % fitted, in {}:",
-            significant(f.horizon_s, 4),
+            "error of predictions over {} s on the last 30 % of the record, the first 70 % fitted, in {}:",
+            shortest(f.horizon_s),
             if f.unit == "deg" { "degrees" } else { &f.unit }
         );
         for s in &f.steps {
-            let _ =
-                writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("nominal model"), significant(s.value, 3));
+            let _ = writeln!(
+                out,
+                "  {:<34} {}",
+                s.added.as_deref().map_or_else(|| "the model as it was".to_owned(), with),
+                significant(s.value, 3)
+            );
         }
     }
     for f in &e.simulation {
         let _ = writeln!(
             out,
-            "error of a simulation over the rest, first {} % fitted, in {}:",
+            "error of one simulation to the record's end, its first {} % fitted, in {}:",
             significant(100.0 * f.fitted, 2),
             f.unit
         );
         for s in &f.steps {
-            let _ =
-                writeln!(out, "  {:<34} {}", s.added.as_deref().unwrap_or("nominal model"), significant(s.value, 3));
+            let _ = writeln!(
+                out,
+                "  {:<34} {}",
+                s.added.as_deref().map_or_else(|| "the model as it was".to_owned(), with),
+                significant(s.value, 3)
+            );
         }
     }
     if let Some(u) = &e.unknown {
         let clear = u.points.iter().filter(|p| p[1].abs() > p[2]).count();
         let _ = writeln!(
             out,
-            "what is left looks most like a torque at {} that depends on the {}: it takes away {} % of the held-out residual ({clear} of {} points clear of their bands)",
+            "what is left looks most like a torque at {} that depends on the {}: it explains {} % of what was not fitted ({clear} of {} points are clear of noise)",
             u.at,
             u.against,
             significant(100.0 * u.held_out_gain, 2),
@@ -96,7 +89,7 @@ pub fn human(e: &Explanation) -> String {
         );
     }
     if !e.where_before.is_empty() {
-        let _ = writeln!(out, "before the first effect was added the model disagreed most here:");
+        let _ = writeln!(out, "before anything was added the model disagreed most here:");
         // One place for each coordinate; a drift in time says least about the cause.
         let mut clearest: Vec<Where> = Vec::new();
         for w in e.where_before.iter().filter(|w| w.against != "time") {
@@ -113,12 +106,17 @@ pub fn human(e: &Explanation) -> String {
     out
 }
 
+/// A step in words.
+fn with(added: &str) -> String {
+    if added == "refit" { "refitted to this record".to_owned() } else { format!("with {}", names::effect(added)) }
+}
+
 /// The clearest places, a line each.
 fn departures(out: &mut String, places: &[Where], most: usize) {
     for w in places.iter().take(most) {
         let _ = writeln!(
             out,
-            "  equation {} departs by {} at {} {} … {} (noise: ± {})",
+            "  equation {} is off by {} at {} {} … {} (noise alone: within ± {})",
             w.equation,
             significant(w.value, 2),
             w.against,

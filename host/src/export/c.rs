@@ -3,11 +3,29 @@
 use super::expression::Level;
 use super::procedural::{self, Procedural, signed};
 use super::program::Program;
-use super::{Language, Printed};
+use super::{Language, Notation, Printed};
 use crate::model::model_file::expression::{FUNCTIONS, Function};
 
 /// See [`super::LANGUAGES`].
 pub struct C;
+
+impl Notation for C {
+    fn power(&self, a: &str, n: &str) -> (String, Level) {
+        (format!("pow({a}, {n})"), Level::Atom)
+    }
+
+    fn power_needs(&self) -> [Level; 2] {
+        [Level::Sum, Level::Sum]
+    }
+
+    fn call(&self, f: Function, a: &str) -> String {
+        if f == Function::Abs {
+            return format!("fabs({a})");
+        }
+        let known = FUNCTIONS.iter().find(|x| x.1 == f);
+        format!("{}({a})", known.map_or("", |x| x.0))
+    }
+}
 
 impl Language for C {
     fn id(&self) -> &'static str {
@@ -35,22 +53,6 @@ impl Language for C {
          EVERY X0 SWITCHES along hold turned released runge_kutta rate step OMEGA tau NULL HUGE PI index \
          time signal exit div remove rename stdin stdout stderr EOF NAN INFINITY linux unix RATE gains \
          any_turned pipe read write k i"
-    }
-
-    fn power(&self, a: &str, n: &str) -> (String, Level) {
-        (format!("pow({a}, {n})"), Level::Atom)
-    }
-
-    fn power_needs(&self) -> [Level; 2] {
-        [Level::Sum, Level::Sum]
-    }
-
-    fn call(&self, f: Function, a: &str) -> String {
-        if f == Function::Abs {
-            return format!("fabs({a})");
-        }
-        let known = FUNCTIONS.iter().find(|x| x.1 == f);
-        format!("{}({a})", known.map_or("", |x| x.0))
     }
 
     fn places(&self, p: &Program<'_>) -> Vec<(&'static str, String)> {

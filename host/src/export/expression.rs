@@ -1,6 +1,6 @@
 //! Expressions of a model as text of a language: the tree is walked once, with brackets where they are needed and signs drawn forward.
 
-use super::{Language, Printed};
+use super::{Notation, Printed};
 use crate::model::model_file::expression::{Expression as E, Function, Node, Symbol};
 
 /// How tightly a text binds.
@@ -26,7 +26,7 @@ struct Piece {
 /// Prints expressions in a language; `symbol` names what they depend on.
 pub struct Printer<'a> {
     /// The language.
-    pub language: &'a dyn Language,
+    pub language: &'a dyn Notation,
     /// Names of the symbols.
     pub symbol: &'a dyn Fn(Symbol) -> String,
 }
@@ -35,7 +35,7 @@ impl Printer<'_> {
     /// The text of an expression.
     pub fn text(&self, e: &Node) -> String {
         let p = self.piece(e);
-        if p.negative { format!("-{}", self.at_least(p, Level::Product)) } else { p.text }
+        if p.negative { self.language.negated(&self.at_least(p, Level::Product)) } else { p.text }
     }
 
     /// A factor times an expression, as a term of a sum; without its factor where that is empty.
@@ -61,18 +61,17 @@ impl Printer<'_> {
         if !p.negative {
             return self.at_least(p, level);
         }
-        let text = format!("-{}", self.at_least(p, Level::Product));
-        self.language.bracketed(&text)
+        self.language.bracketed(&self.language.negated(&self.at_least(p, Level::Product)))
     }
 
     fn sum(&self, a: &Node, b: &Node, minus: bool) -> Piece {
         let (a, b) = (self.piece(a), self.piece(b));
-        let sign = if b.negative == minus { '+' } else { '-' };
+        let minus = b.negative != minus;
         // What is subtracted, and what has a sign before it, is one term.
-        let least = if sign == '-' || b.negative { Level::Product } else { Level::Sum };
+        let least = if minus || b.negative { Level::Product } else { Level::Sum };
         let second = self.at_least(b, least);
-        let first = if a.negative { format!("-{}", self.at_least(a, Level::Product)) } else { a.text };
-        Piece { negative: false, text: format!("{first} {sign} {second}"), level: Level::Sum }
+        let first = if a.negative { self.language.negated(&self.at_least(a, Level::Product)) } else { a.text };
+        Piece { negative: false, text: self.language.added(&first, &second, minus), level: Level::Sum }
     }
 
     fn piece(&self, e: &Node) -> Piece {

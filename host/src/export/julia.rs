@@ -2,10 +2,12 @@
 
 use super::procedural::{self, Procedural};
 use super::program::Program;
-use super::{Language, Printed};
+use super::{Language, Notation, Printed};
 
 /// See [`super::LANGUAGES`].
 pub struct Julia;
+
+impl Notation for Julia {}
 
 impl Language for Julia {
     fn id(&self) -> &'static str {

@@ -3,34 +3,14 @@
 use super::expression::{Level, Printer};
 use super::program::Program;
 use super::remarks::harmless;
-use super::{Language, Printed};
+use super::{Language, Notation, Printed};
 use crate::model::model_file::expression::{Function, Symbol};
 use crate::motion::Acts;
 
 /// See [`super::LANGUAGES`].
 pub struct Latex;
 
-impl Language for Latex {
-    fn id(&self) -> &'static str {
-        "latex"
-    }
-
-    fn about(&self) -> &'static str {
-        "LaTeX (amsmath)"
-    }
-
-    fn template(&self) -> &'static str {
-        include_str!("templates/latex.tex")
-    }
-
-    fn remark(&self) -> &'static str {
-        "%"
-    }
-
-    fn reserved(&self) -> &'static str {
-        ""
-    }
-
+impl Notation for Latex {
     fn number(&self, x: f64) -> String {
         let text = format!("{x:?}");
         match text.split_once('e') {
@@ -88,6 +68,28 @@ impl Language for Latex {
 
     fn bracketed(&self, a: &str) -> String {
         format!("\\left({a}\\right)")
+    }
+}
+
+impl Language for Latex {
+    fn id(&self) -> &'static str {
+        "latex"
+    }
+
+    fn about(&self) -> &'static str {
+        "LaTeX (amsmath)"
+    }
+
+    fn template(&self) -> &'static str {
+        include_str!("templates/latex.tex")
+    }
+
+    fn remark(&self) -> &'static str {
+        "%"
+    }
+
+    fn reserved(&self) -> &'static str {
+        ""
     }
 
     fn places(&self, p: &Program<'_>) -> Vec<(&'static str, String)> {

@@ -2,10 +2,12 @@
 
 use super::procedural::{self, Procedural, signed};
 use super::program::Program;
-use super::{Language, Printed};
+use super::{Language, Notation, Printed};
 
 /// See [`super::LANGUAGES`].
 pub struct Matlab;
+
+impl Notation for Matlab {}
 
 impl Language for Matlab {
     fn id(&self) -> &'static str {

@@ -21,6 +21,7 @@ pub mod program;
 mod python;
 mod remarks;
 mod template;
+pub mod written_out;
 
 use std::path::Path;
 
@@ -38,23 +39,8 @@ pub struct Printed {
     pub text: String,
 }
 
-/// How a language writes what a model is made of.
-pub trait Language: Sync {
-    /// Name behind `--to`.
-    fn id(&self) -> &'static str;
-
-    /// What it is, for lists.
-    fn about(&self) -> &'static str;
-
-    /// The text around a model, with its places.
-    fn template(&self) -> &'static str;
-
-    /// What begins a line of comment.
-    fn remark(&self) -> &'static str;
-
-    /// Words that a name may not be, blanks between them: keywords, functions, the template's own names.
-    fn reserved(&self) -> &'static str;
-
+/// How expressions are written.
+pub trait Notation: Sync {
     /// A number, 0 or more, with the digits that give back the same bits.
     fn number(&self, x: f64) -> String {
         format!("{x:?}")
@@ -100,6 +86,34 @@ pub trait Language: Sync {
     fn bracketed(&self, a: &str) -> String {
         format!("({a})")
     }
+
+    /// What has a minus sign before it.
+    fn negated(&self, a: &str) -> String {
+        format!("-{a}")
+    }
+
+    /// A sum or difference.
+    fn added(&self, a: &str, b: &str, minus: bool) -> String {
+        format!("{a} {} {b}", if minus { '-' } else { '+' })
+    }
+}
+
+/// How a language writes what a model is made of.
+pub trait Language: Notation {
+    /// Name behind `--to`.
+    fn id(&self) -> &'static str;
+
+    /// What it is, for lists.
+    fn about(&self) -> &'static str;
+
+    /// The text around a model, with its places.
+    fn template(&self) -> &'static str;
+
+    /// What begins a line of comment.
+    fn remark(&self) -> &'static str;
+
+    /// Words that a name may not be, blanks between them: keywords, functions, the template's own names.
+    fn reserved(&self) -> &'static str;
 
     /// Fills the places of the template: pairs of place and text.
     fn places(&self, program: &Program<'_>) -> Vec<(&'static str, String)>;

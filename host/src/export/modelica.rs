@@ -4,11 +4,13 @@ use super::expression::Printer;
 use super::procedural::inline;
 use super::program::Program;
 use super::remarks::harmless;
-use super::{Language, Printed};
+use super::{Language, Notation, Printed};
 use crate::model::model_file::expression::Symbol;
 
 /// See [`super::LANGUAGES`].
 pub struct Modelica;
+
+impl Notation for Modelica {}
 
 impl Language for Modelica {
     fn id(&self) -> &'static str {

@@ -321,7 +321,7 @@ fn constants(motion: &Motion, names: &mut Names) -> Result<Vec<Constant>> {
 }
 
 /// Every term; those of effects behind the file's own.
-fn terms(motion: &Motion) -> Vec<Term> {
+pub(super) fn terms(motion: &Motion) -> Vec<Term> {
     let names = motion.file.coefficients();
     let mut out = Vec::new();
     for (equation, e) in motion.file.equations.iter().enumerate() {

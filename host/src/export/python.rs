@@ -3,11 +3,17 @@
 use super::expression::Level;
 use super::procedural::{self, Procedural, signed};
 use super::program::Program;
-use super::{Language, Printed};
+use super::{Language, Notation, Printed};
 use crate::model::model_file::expression::{FUNCTIONS, Function};
 
 /// See [`super::LANGUAGES`].
 pub struct Python;
+
+impl Notation for Python {
+    fn power(&self, a: &str, n: &str) -> (String, Level) {
+        (format!("{a}**{n}"), Level::Power)
+    }
+}
 
 impl Language for Python {
     fn id(&self) -> &'static str {
@@ -32,10 +38,6 @@ impl Language for Python {
          print range len sum zip abs max min list any map float sin cos tan sqrt exp log tanh pi floor \
          round sign wrap hat solve f inputs t x u dx held h matrix right acceleration N STEP_S SECONDS \
          EVERY X0 SWITCHES along hold turned released runge_kutta step main OMEGA tau"
-    }
-
-    fn power(&self, a: &str, n: &str) -> (String, Level) {
-        (format!("{a}**{n}"), Level::Power)
     }
 
     fn places(&self, p: &Program<'_>) -> Vec<(&'static str, String)> {

@@ -100,7 +100,7 @@ pub fn judge(result: &mut Identification, rig: &Rig) {
             Warning::new(
                 "model-misses-something",
                 format!(
-                    "these equations do not describe this record: the identification error is {}, where its sensors explain {}",
+                    "These equations do not describe this record: the identification error is {}, where its sensors explain {}",
                     percent(&result.identification_error),
                     percent(&result.details.expected_error)
                 ),
@@ -254,14 +254,14 @@ impl Ties {
     fn warnings(&self) -> Vec<Warning> {
         let told = match self.opposed {
             Some((a, b)) => format!(
-                "these coefficients contradict each other: friction in joint 2 would brake one arm and drive the other ({} and {}; χ² {}, expected {})",
+                "These coefficients contradict each other: friction in joint 2 would brake one arm and drive the other ({} and {}; χ² {}, expected {})",
                 significant(a, 3),
                 significant(b, 3),
                 significant(self.statistic, 5),
                 self.freedom
             ),
             None => format!(
-                "these coefficients contradict each other (χ² {}, expected {}): the equations miss something",
+                "These coefficients contradict each other (χ² {}, expected {}): the equations miss something",
                 significant(self.statistic, 5),
                 self.freedom
             ),

@@ -6,6 +6,7 @@
 mod assembly;
 pub mod best;
 pub mod boots;
+pub mod card;
 pub mod chain_bias;
 pub mod energy_balance;
 mod free_geometry;
@@ -50,13 +51,16 @@ use windows::{Kernels, Windows};
 
 /// Methods of identification: name, what it does.
 pub const METHODS: &[(&str, &str)] = &[
-    ("weak", "weak form: sin⁴ windows over 20 T (4 s when free), integrated by parts; least squares per equation"),
+    (
+        "weak",
+        "weak form: sin⁴ windows over 20 drive periods (4 s when free), integrated by parts; least squares per equation",
+    ),
     (
         "shooting",
-        "multiple-shooting maximum likelihood from the weak form's start: pieces of 1T, 2T, 4T, quantisation as noise",
+        "multiple-shooting maximum likelihood from the weak form's start: pieces of 1, 2 and 4 drive periods, quantisation as noise",
     ),
-    ("frequency", "harmonic balance of long pieces of nT, closed or not (chapter 4)"),
-    ("upo", "harmonic balance of extracted unstable periodic orbits (chapters 2 and 3)"),
+    ("frequency", "harmonic balance of long pieces of n drive periods, closed or not"),
+    ("upo", "harmonic balance of extracted unstable periodic orbits"),
 ];
 
 /// Choices of the weak form. `None`: chosen from the record, as each says.

@@ -5,6 +5,9 @@ use crate::report::format::significant;
 use crate::report::sections::parameters::{Parameter, ParameterTable};
 use crate::report::sections::residuals::{EquationResiduals, ResidualSet};
 
+/// χ² over its degrees of freedom above which coefficients contradict each other: by chance below 10⁻⁴ for four degrees of freedom.
+const TOO_LARGE: f64 = 6.0;
+
 /// A method in words.
 pub fn method_name(method: &str) -> &str {
     match method {
@@ -33,12 +36,12 @@ pub fn error(result: &Identification) -> String {
     let list = |of: &[f64]| of.iter().map(|e| format!("{:.2} %", 100.0 * e)).collect::<Vec<_>>().join(", ");
     let expected = &result.details.expected_error;
     format!(
-        "identification error {}{} (bound {:.0} %)",
+        "the equations balance to {} of their largest term{} (up to {:.0} % is taken)",
         list(&result.identification_error),
         if expected.is_empty() {
             String::new()
         } else {
-            format!(", where this record's sensors explain {}", list(expected))
+            format!(", of which this record's sensors explain {}", list(expected))
         },
         100.0 * ERROR_BOUND
     )
@@ -86,19 +89,23 @@ pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Opt
             }
         );
     }
-    notes.push(format!("ε = ‖e‖∞/‖q̂‖∞ of each equation: {}.", error(result)));
+    notes.push(format!(
+        "Identification error, largest residual over largest value, equation by equation: {}.",
+        error(result)
+    ));
     if let Some(i) = &d.instruments {
         notes.push(instruments(i));
     }
     if let Some((misfit, freedom)) = d.ties_misfit {
         notes.push(format!(
-            "Physical parameters obey the ties B11/B21 = J_o2/J_o1 = C12/C2 and B12/B15 = B22/B25; the coefficients depart from them by χ² = {}, {freedom} \
-             expected.",
+            "{} (χ² = {}, expected {freedom}): arms with moments of inertia J_o1 and J_o2 have B11/B21 = J_o2/J_o1 = C12/C2 and B12/B15 = B22/B25.",
+            if misfit > TOO_LARGE * freedom as f64 {
+                "The coefficients contradict each other, so that the equations miss something; run `whirl explain`"
+            } else {
+                "The coefficients agree with each other"
+            },
             significant(misfit, 4)
         ));
-    }
-    for group in &result.groups_not_separable {
-        notes.push(format!("Not told apart, or not determined, by this record: {}.", group.join(", ")));
     }
     ParameterTable {
         heading: heading.to_owned(),

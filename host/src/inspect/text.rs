@@ -46,11 +46,38 @@ pub fn range(c: &Coordinate) -> String {
     }
 }
 
-/// The inspection in a few lines: record, losses, drive, motion, one line for each coordinate. Ends with a line break;
+/// What was found, one sentence.
+pub fn sentence(inspection: &Inspection) -> String {
+    let r = &inspection.record;
+    let whole = match (r.segments, r.lost) {
+        (1, 0) => "whole".to_owned(),
+        (n, lost) => {
+            let plural = |k: u64, one: &str, many: &str| format!("{} {}", count(k), if k == 1 { one } else { many });
+            format!(
+                "in {}, {} missing",
+                plural(n as u64, "unbroken stretch", "unbroken stretches"),
+                plural(lost, "sample", "samples")
+            )
+        }
+    };
+    let drive = match inspection.drive.as_ref().and_then(|d| d.agrees) {
+        Some(true) => ", the drive is as the rig file says",
+        Some(false) => ", the drive is not at the rig file's frequency",
+        None => "",
+    };
+    let noticed = match inspection.warnings.len() {
+        0 => String::new(),
+        1 => "; one warning".to_owned(),
+        n => format!("; {n} warnings"),
+    };
+    format!("The record of {} is {whole}; its motion: {}{drive}{noticed}.", duration(r.duration_s), motion(inspection))
+}
+
+/// The inspection in a few lines: its sentence, record, losses, drive, motion, one line for each coordinate. Ends with a line break;
 /// warnings are left to standard error.
 pub fn text(inspection: &Inspection) -> String {
     let r = &inspection.record;
-    let mut out = String::new();
+    let mut out = format!("{}\n", sentence(inspection));
     let mut line = |name: &str, value: String| {
         let _ = writeln!(out, "{name:<10} {value}");
     };

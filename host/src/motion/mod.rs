@@ -77,7 +77,7 @@ impl Effect {
     }
 
     /// Whether it has states of its own.
-    fn remembers(&self) -> bool {
+    pub fn remembers(&self) -> bool {
         let Acts::Motion(list) = &self.acts else { return false };
         let mut states = Vec::new();
         list.iter().flat_map(|s| &s.adds).for_each(|(_, of)| of.memories(&mut states));

@@ -35,7 +35,7 @@ pub fn text(space: &PhaseSpace) -> String {
         let divergence = match (l.divergence_per_second, l.fit_window_s) {
             (Some(v), Some([a, b])) => {
                 format!(
-                    "; slope of the divergence {} /s over {} … {} s, which tends to lie low",
+                    "; from how neighbours part: {} /s over {} … {} s (a cruder estimate, usually too small)",
                     significant(v, 2),
                     significant(a, 3),
                     significant(b, 3)

@@ -8,13 +8,15 @@ pub fn weak_minima(name: &str, minima: &[Minimum], delay: usize, weak: bool, rat
     let listed: Vec<String> = minima.iter().take(8).map(|m| format!("{} ({:.1} %)", m.lag, 100.0 * m.depth)).collect();
     let message = match (minima.is_empty(), weak) {
         (true, _) => {
-            format!("{name}: the mutual information has no minimum; T_d {delay} samples is where it has decayed")
+            format!(
+                "{name}: no clear delay (its mutual information has no minimum); the {delay} samples after which it has decayed are used"
+            )
         }
         (_, true) => {
-            format!("{name}: all minima of the mutual information are weak, at lags {} (depth)", listed.join(", "))
+            format!("{name}: no clear delay (minima of the mutual information, all weak: lag {})", listed.join(", "))
         }
         _ => format!(
-            "{name}: the first minima of the mutual information are weak; minima at lags {} (depth), T_d {delay} samples taken",
+            "{name}: no clear delay (minima of the mutual information: lag {}; the first are weak); {delay} samples are used",
             listed.join(", ")
         ),
     };
@@ -22,7 +24,7 @@ pub fn weak_minima(name: &str, minima: &[Minimum], delay: usize, weak: bool, rat
         "weak-minima",
         message,
         format!(
-            "For a driven system about a quarter of the drive period serves as well; {delay} samples are {:.4} s",
+            "The delay ({delay} samples are {:.4} s) affects exponent and dimension only; under a drive a quarter of its period serves as well",
             delay as f64 / rate
         ),
     )

@@ -132,7 +132,7 @@ fn each_bad_input_has_its_message() {
         ("t,count1,angle\n0,,1\n0.002,,1\n".to_owned(), &["no row with a value in every channel"]),
         (
             (0..50).fold("t,count1,angle\n".to_owned(), |s, i| s + &format!("{},{i},0.1\n", f64::from(i) * 0.004)),
-            &["250.0", "500 Hz", "sample_rate_hz = 250.0"],
+            &["250 Hz", "500 Hz", "sample_rate_hz = 250 in"],
         ),
         (
             (0..50).fold("t,count1,angle\n".to_owned(), |s, i| s + &format!("{},{i},0.1\n", i * 2)),

@@ -277,6 +277,11 @@ impl Reader<'_> {
         } else {
             rows.last_whole()
         };
+        if let Some(codec) = codec_left_out(&why) {
+            let found = format!("columns compressed with {codec}, which this build cannot read");
+            let remedy = "Save the file again with snappy (in pandas: compression=\"snappy\")";
+            return Some(BadInput::new(found, "snappy, or none").in_file(self.path).at(place).remedy(remedy));
+        }
         let found = format!("a truncated or damaged Parquet file ({why}); {whole}");
         let remedy = if recoverable {
             "Copy the file again, or read what is whole of it with --recover"
@@ -285,6 +290,12 @@ impl Reader<'_> {
         };
         Some(BadInput::new(found, "a whole one").in_file(self.path).at(place).remedy(remedy))
     }
+}
+
+/// The compression that the library was built without, as its error tells.
+fn codec_left_out(why: &str) -> Option<&str> {
+    let rest = why.split_once("Disabled feature at compile time: ")?.1;
+    rest.split(|c: char| !c.is_alphanumeric()).next().filter(|name| !name.is_empty())
 }
 
 impl Source for Reader<'_> {

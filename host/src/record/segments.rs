@@ -9,6 +9,7 @@ use std::path::Path;
 use super::rows::{DeviceColumns, Rows};
 use super::{Column, Losses, Metadata, Record, Segment, time_fit, unwrap};
 use crate::error::{BadInput, Result};
+use crate::report::format::shortest;
 use crate::rig::{Channel, Rig, UNKNOWN_RATE};
 use crate::suspects::{self, Numbering};
 use crate::warning::Warning;
@@ -264,12 +265,27 @@ pub(super) fn unwrapped_warning(c: &Channel, modulus: f64, wraps: u64) -> Warnin
     )
 }
 
+/// A count with its noun.
+fn plural(count: u64, noun: &str) -> String {
+    let ending = match (count, noun.ends_with("ch")) {
+        (1, _) => "",
+        (_, true) => "es",
+        (_, false) => "s",
+    };
+    format!("{count} {noun}{ending}")
+}
+
 /// Gaps that were found.
 pub(super) fn gap_warning(losses: &Losses, segments: u64) -> Warning {
     Warning::new(
         "gaps",
-        format!("{} gaps in t with {} rows missing; {segments} segments", losses.gaps, losses.lost_on_link),
-        "Segments are used one by one; nothing is interpolated",
+        format!(
+            "{} in t: {} missing, {} left",
+            plural(losses.gaps, "gap"),
+            plural(losses.lost_on_link, "row"),
+            plural(segments, "unbroken stretch")
+        ),
+        "Each stretch is used by itself; nothing is interpolated",
     )
 }
 
@@ -296,16 +312,30 @@ pub(super) fn check_rate(path: &Path, rig: &Rig, count: u64, step: f64) -> Resul
             )));
         }
         return Err(BadInput::new(
-            format!("rows {step:.9} s apart ({rate:.6} Hz)"),
+            format!("rows {} s apart ({} Hz)", shortest(step), shortest(rate)),
             format!("{nominal} Hz (sample_rate_hz of {}) within 0.5 %", rig.path.display()),
         )
         .in_file(path)
         .at("column t")
-        .remedy(format!(
-            "Set sample_rate_hz = {rate:.6} in the rig file if that is the record's rate; t must be in seconds. A clock that is uneven on purpose is made even by --resample"
-        )));
+        .remedy(rate_remedy(rate, nominal)));
     }
     Ok(rate)
+}
+
+/// What to do where the record's rate, Hz, is not the rig file's.
+fn rate_remedy(rate: f64, nominal: f64) -> String {
+    // A rate that is off by a thousand or more is another unit of time.
+    let unit =
+        [(1e3, "ms"), (1e6, "µs"), (1e9, "ns")].into_iter().find(|(k, _)| (rate * k / nominal - 1.0).abs() < 0.05);
+    match unit {
+        Some((factor, unit)) => {
+            format!("t is in {unit}, it seems: divide it by {factor:.0}, since t must be in seconds")
+        }
+        None => format!(
+            "Set sample_rate_hz = {} in the rig file if that is the record's rate; t must be in seconds. A clock that is uneven on purpose is made even by --resample",
+            shortest(rate)
+        ),
+    }
 }
 
 /// One segment's part of a column.
@@ -313,5 +343,23 @@ fn cut(column: &Column, range: &Range<usize>) -> Column {
     match column {
         Column::Values(v) => Column::Values(v[range.clone()].to_vec()),
         Column::Counts(c) => Column::Counts(c[range.clone()].to_vec()),
+    }
+}
+
+#[cfg(test)]
+mod rate_tests {
+    use super::*;
+
+    #[test]
+    fn another_unit_of_time_is_named() {
+        assert!(rate_remedy(500.0 / 1e9, 500.0).starts_with("t is in ns, it seems: divide it by 1000000000"));
+        assert!(rate_remedy(0.5, 500.0).starts_with("t is in ms"));
+        assert!(rate_remedy(250.0, 500.0).starts_with("Set sample_rate_hz = 250 in the rig file"));
+    }
+
+    #[test]
+    fn counts_have_their_plurals() {
+        assert_eq!((plural(1, "gap"), plural(2, "gap")), ("1 gap".to_owned(), "2 gaps".to_owned()));
+        assert_eq!(plural(3, "unbroken stretch"), "3 unbroken stretches");
     }
 }

@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 /// Width of a 95 % interval in standard errors.
 pub const Z95: f64 = 1.96;
 
-/// Superscript of a power of ten.
-fn superscript(exponent: i32) -> String {
+/// A whole number as a superscript: `⁻⁶`.
+pub fn superscript(exponent: i32) -> String {
     exponent
         .to_string()
         .chars()
@@ -248,6 +248,80 @@ pub fn symbol_plain(name: &str) -> String {
     out
 }
 
+/// A mark of a derivative.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mark {
+    /// None.
+    None,
+    /// By the drive's phase, `φ′`.
+    Prime,
+    /// Twice by it.
+    DoublePrime,
+    /// By time, `φ̇`.
+    Dot,
+    /// Twice by it.
+    DoubleDot,
+}
+
+/// A symbol with a mark in plain Unicode: `φ₁″`, `φ̇₁`.
+pub fn symbol_plain_marked(name: &str, mark: Mark) -> String {
+    let symbol = symbol_plain(name);
+    let mut letters = symbol.chars();
+    let first = letters.next().map_or(String::new(), |c| c.to_string());
+    // A dot stands above one letter; a word has it behind.
+    let single = parts(name).len() == 1 && parts(name)[0].0.chars().count() == 1;
+    let above = |dots: char, behind: char| {
+        if single { format!("{first}{dots}{}", letters.as_str()) } else { format!("{symbol}{behind}") }
+    };
+    match mark {
+        Mark::None => symbol,
+        Mark::Prime => format!("{symbol}′"),
+        Mark::DoublePrime => format!("{symbol}″"),
+        Mark::Dot => above('\u{307}', '˙'),
+        Mark::DoubleDot => above('\u{308}', '¨'),
+    }
+}
+
+/// A symbol with a mark as MathML: `<msub><mi>φ</mi><mn>1</mn></msub>`.
+pub fn symbol_mathml(name: &str, mark: Mark) -> String {
+    let all = parts(name);
+    let last = all.len() - 1;
+    let of = |(i, (base, sub)): (usize, &(String, String))| {
+        let mark = if i == last { mark } else { Mark::None };
+        let base = format!("<mi>{}</mi>", super::html::escape(base));
+        let base = match mark {
+            Mark::Dot => format!("<mover>{base}<mo stretchy=false>˙</mo></mover>"),
+            Mark::DoubleDot => format!("<mover>{base}<mo stretchy=false>¨</mo></mover>"),
+            _ => base,
+        };
+        let prime = match mark {
+            Mark::Prime => "<mo>′</mo>",
+            Mark::DoublePrime => "<mo>″</mo>",
+            _ => "",
+        };
+        let sub = format!("<mtext>{}</mtext>", super::html::escape(sub));
+        match (sub.len() > "<mtext></mtext>".len(), prime.is_empty()) {
+            (false, true) => base,
+            (true, true) => format!("<msub>{base}{sub}</msub>"),
+            (false, false) => format!("<msup>{base}{prime}</msup>"),
+            (true, false) => format!("<msubsup>{base}{sub}{prime}</msubsup>"),
+        }
+    };
+    all.iter().enumerate().map(of).collect()
+}
+
+/// A number as [`significant`] writes it, as MathML: `<mn>2.5</mn>`, a power of ten as a power.
+pub fn mathml_number(text: &str) -> String {
+    let mn = |t: &str| match t.strip_prefix('−') {
+        Some(rest) => format!("<mo>−</mo><mn>{rest}</mn>"),
+        None => format!("<mn>{t}</mn>"),
+    };
+    let Some((digits, power)) = text.split_once("·10") else { return mn(text) };
+    let exponent = (-400..400).find(|e| superscript(*e) == power).unwrap_or(0);
+    let exponent = fixed(f64::from(exponent), 0);
+    format!("{}<mo>·</mo><msup><mn>10</mn><mrow>{}</mrow></msup>", mn(digits), mn(&exponent))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -296,5 +370,14 @@ mod tests {
         assert_eq!(symbol_svg("phi2"), "φ_{2}");
         assert_eq!(symbol_svg("position"), "position");
         assert_eq!(symbol_html("n_cos"), "<i>n</i><sub>cos</sub>");
+        assert_eq!(symbol_plain_marked("phi1", Mark::DoublePrime), "φ₁″");
+        assert_eq!(symbol_plain_marked("q", Mark::Dot), "q\u{307}");
+        assert_eq!(symbol_plain_marked("position", Mark::DoubleDot), "position¨");
+        assert_eq!(symbol_mathml("phi1", Mark::Prime), "<msubsup><mi>φ</mi><mtext>1</mtext><mo>′</mo></msubsup>");
+        assert_eq!(symbol_mathml("a<b", Mark::None), "<mi>a&lt;b</mi>");
+        assert_eq!(
+            mathml_number("2.00·10⁻⁷"),
+            "<mn>2.00</mn><mo>·</mo><msup><mn>10</mn><mrow><mo>−</mo><mn>7</mn></mrow></msup>"
+        );
     }
 }

@@ -99,6 +99,25 @@ impl Html {
         self
     }
 
+    /// Appends a table of named bars from 0: heading of names and bars; name, value, the value in words. What is no number has no bar.
+    pub fn bars(&mut self, heads: [&str; 2], bars: &[(String, f64, String)]) -> &mut Self {
+        let most = bars.iter().map(|b| b.1).filter(|v| v.is_finite()).fold(0.0, f64::max);
+        let [name, value] = heads.map(escape);
+        self.0.push_str(&format!(
+            "<div class=scroll><table class=bars><thead><tr><th>{name}</th><th>{value}</th></tr></thead><tbody>\n"
+        ));
+        for (name, value, told) in bars {
+            let share = if *value > 0.0 && value.is_finite() && most > 0.0 { 100.0 * value / most } else { 0.0 };
+            self.0.push_str(&format!(
+                "<tr><td>{}</td><td><span class=bar><span style=\"width:{share:.1}%\"></span></span> {}</td></tr>\n",
+                escape(name),
+                escape(told)
+            ));
+        }
+        self.0.push_str("</tbody></table></div>\n");
+        self
+    }
+
     /// Appends a list of name and value pairs, set in columns.
     pub fn facts(&mut self, facts: &[(&str, String)]) -> &mut Self {
         self.0.push_str("<dl class=facts>");

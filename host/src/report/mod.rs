@@ -4,9 +4,11 @@
 //! ([`sections::SECTIONS`]) over them, and a section whose result is not there leaves itself out. A new section is one
 //! file in `sections/` and one line there.
 
+pub mod card;
 pub mod figures;
 pub mod format;
 pub mod html;
+pub mod names;
 pub mod sections;
 
 use std::any::Any;
@@ -82,6 +84,9 @@ struct Page<'a> {
     subtitle: &'a str,
     facts: &'a [(String, String)],
     sections: &'a [Section],
+    /// The section that the contents stand behind; none where they open the page.
+    answer: Option<&'a String>,
+    contents: String,
     version: &'static str,
     style: &'static str,
 }
@@ -115,6 +120,15 @@ impl Report {
         self
     }
 
+    /// Links to the sections; none where there is one only.
+    fn contents(&self) -> String {
+        if self.sections.len() < 2 {
+            return String::new();
+        }
+        let link = |s: &Section| format!("<a href=\"#{}\">{}</a>", html::escape(&s.id), html::escape(&s.title));
+        format!("\n<nav>{}</nav>", self.sections.iter().map(link).collect::<String>())
+    }
+
     /// The whole document.
     ///
     /// # Errors
@@ -125,6 +139,8 @@ impl Report {
             subtitle: &self.subtitle,
             facts: &self.facts,
             sections: &self.sections,
+            answer: self.sections.first().map(|s| &s.id).filter(|id| *id == "answer"),
+            contents: self.contents(),
             version: env!("CARGO_PKG_VERSION"),
             style: include_str!("../../templates/report.css"),
         }

@@ -12,6 +12,7 @@
 //! - `lyapunov-exponent`, `correlation-dimension`: the two records' values differ by more than three standard errors and by more than a third;
 //! - `natural-frequencies` (with a free vibration): one differs by more than 10 %.
 
+pub mod card;
 mod checks;
 mod diagram;
 pub mod energy_distance;

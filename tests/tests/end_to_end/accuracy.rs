@@ -43,7 +43,7 @@ fn the_default_is_shooting_where_it_stands() {
         &format!("simulate --rig {rig} --effect quadratic-drag@arm2=2e-7 --seconds 40 --seed 12 -o drag.parquet"),
     );
     let run = whirl(here, &format!("identify drag.parquet --rig {rig} --json drag.json"));
-    assert!(run.status < 2 && run.stdout.contains("not by multiple shooting: "), "{run:?}");
+    assert!(run.status < 2 && run.stdout.contains("Multiple shooting was not used: "), "{run:?}");
     let out = json(&here.join("drag.json"));
     assert!(out["method"] == "weak" && out["not_by_shooting"].is_string(), "{}", out["method"]);
 }

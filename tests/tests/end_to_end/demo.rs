@@ -5,7 +5,7 @@ use super::program::{done, json};
 #[test]
 fn the_demo_ends_with_one_report_that_puts_the_truth_beside_the_answer() {
     let folder = tempfile::tempdir().unwrap();
-    done(folder.path(), "demo -o out --json out.json");
+    let told = done(folder.path(), "demo -o out --json out.json");
     let pages: Vec<_> = std::fs::read_dir(folder.path().join("out"))
         .unwrap()
         .map(|e| e.unwrap().path())
@@ -19,9 +19,23 @@ fn the_demo_ends_with_one_report_that_puts_the_truth_beside_the_answer() {
         assert!(!page.contains(fetched), "{fetched}");
     }
     assert!(page.matches("<sub>22</sub></td>").count() >= 2, "identified, and beside the truth");
+    // The answer comes first, in the terminal and in the page: what is missing, and C2 as the model with it has it.
+    for text in [&told, &page] {
+        let answer = text.find("The model lacks quadratic drag on arm 2").expect("the answer");
+        let line = text.find("unbroken stretch").expect("what was captured");
+        assert!(answer < line, "{answer} {line}");
+        assert!(
+            text[answer..line].contains("0.0484") || text[answer..line].contains("0.0485"),
+            "{}",
+            &text[answer..line]
+        );
+    }
+    assert!(told.starts_with("The model lacks"), "{told}");
+    assert!(page.contains("<math>") && page.contains("predicted by the new model"));
     // The truth stands behind everything else, with the hidden effect.
-    let truth = page.find("quadratic-drag@arm2").expect("the hidden effect is told");
-    assert!(page[truth..].contains("found − true"));
+    let truth = page.find("id=\"truth\"").expect("the truth");
+    assert!(page[truth..].contains("quadratic-drag@arm2") && page[truth..].contains("found − true"));
+    assert!(!page[..truth].contains("found − true"));
     let out = json(&folder.path().join("out.json"));
     let parameters = out["identify"]["parameters"].as_array().unwrap();
     let b22 = parameters.iter().find(|p| p["name"] == "B22").unwrap()["value"].as_f64().unwrap();

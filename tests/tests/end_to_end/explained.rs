@@ -56,6 +56,16 @@ fn a_hidden_drag_is_named_with_its_strength_and_the_gap_closes() {
         assert!((p.value - truth).abs() < 4.0 * p.std_error, "{p:?}: true {truth}");
         assert!((p.value / truth - 1.0).abs() < allowed, "{p:?}: true {truth}");
     }
+    // C2 stood in for the drag: it is told before and after.
+    let before = e.parameters_before.iter().find(|p| p.name == "C2").unwrap();
+    assert!(before.value > 1.05 * e.parameters.iter().find(|p| p.name == "C2").unwrap().value, "{before:?}");
+    // Over the same seconds the new model stays with the record for longer than the old one.
+    let p = e.prediction.as_ref().expect("a picture of the gap");
+    let rms = |x: &[f64]| (x.iter().map(|v| v * v).sum::<f64>() / x.len() as f64).sqrt();
+    assert!(
+        p.t.len() == p.measured.len() && p.after.len() == p.t.len() && rms(&p.before) > 2.0 * rms(&p.after),
+        "{p:?}"
+    );
     // The model with it also holds for longer, and its attractor is the record's.
     let [before, after] = e.gap.attractor[..] else { panic!("{:?}", e.gap.attractor) };
     assert!(after.prediction_horizon_s > 1.3 * before.prediction_horizon_s, "{before:?} {after:?}");

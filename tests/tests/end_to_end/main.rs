@@ -19,6 +19,7 @@ mod memory;
 mod outputs;
 mod own_file;
 mod own_systems;
+mod pages;
 mod program;
 mod reduced;
 mod suspects_equations;

@@ -189,8 +189,11 @@ impl Outcome {
 }
 
 fn singular() -> BadInput {
-    BadInput::new("a record that does not determine the nominal model", "motion in which every term takes part")
-        .remedy("See `whirl identify` for the terms that are missing")
+    BadInput::new(
+        "too little motion, or too few windows, to fit the model and hold some back",
+        "motion in which every term takes part",
+    )
+    .remedy("Record longer or with a larger amplitude; `whirl inspect` shows what each channel does")
 }
 
 /// Fits everything chosen, renews what rests on the coefficients, and builds the candidates' columns behind its own.

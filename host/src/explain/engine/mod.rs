@@ -20,6 +20,7 @@
 //! | `correct` | sensor effects taken off |
 //! | `given` | a model to start from or to predict with |
 //! | `prediction` | the gap, free runs |
+//! | `compared` | the gap as one picture |
 //! | `forecast`, `attractor` | the last 30 %, how long predictions hold, Poincaré sections |
 //! | `power` | what noise alone leaves, what sensors alone feign |
 //! | `residual`, `residual_map` | where what is left sits |
@@ -30,6 +31,7 @@
 
 pub mod attractor;
 mod candidates;
+pub mod compared;
 mod correct;
 pub mod design;
 mod evidence;

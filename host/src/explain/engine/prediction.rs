@@ -197,6 +197,35 @@ impl Model<'_> {
         times.get(times.len() / 2).copied()
     }
 
+    /// Free predictions from at most `most` held-out windows, whose states were fitted over the horizon: stretch and first sample of each, and predicted minus
+    /// measured over `span_s` (where the record goes on for so long), SI, sensor after sensor within a sample; shorter where the solution ends.
+    pub fn free(
+        &self,
+        track: &Track<'_>,
+        (horizon_s, block_s): (f64, f64),
+        span_s: f64,
+        most: usize,
+    ) -> Vec<((usize, usize), Vec<f64>)> {
+        let Some(windows) = windows(track, horizon_s, Part::HeldOut(block_s), most) else { return Vec::new() };
+        let (states, step_s) = self.states(track, &windows, horizon_s);
+        let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
+        let problem = track.problem(self.motion, step_s, &at);
+        let (sensors, count) = (track.sensors.len().max(1), (span_s / track.spacing_s).round() as usize + 1);
+        let places = windows.places.par_iter().zip(&states);
+        places
+            .filter_map(|(&(stretch, first), state)| {
+                let (state, _) = state.as_ref()?;
+                if first + count > track.samples(stretch) {
+                    return None;
+                }
+                let (piece, _) = track.piece(stretch, first, count)?;
+                let left = problem.residuals_until(&piece, state, self.parameters);
+                let left = left.iter().enumerate().map(|(i, r)| r * track.sigma[i % sensors]).collect();
+                Some(((stretch, first), left))
+            })
+            .collect()
+    }
+
     /// What the sensors would show of a stretch from its first state, fitted over a horizon, sensor by sensor; shorter where the solution ends.
     pub fn shown(&self, track: &Track<'_>, stretch: usize, horizon_s: f64) -> Option<Vec<Vec<f64>>> {
         let (piece, guess) = track.piece(stretch, 0, track.samples(stretch))?;

@@ -1,6 +1,6 @@
 //! From the first fit to the verdict: what is measured after each step, and what is told at the end.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 
 use super::prediction::Model;
 use super::residual_map::{Map, Where};
@@ -8,7 +8,8 @@ use super::search::named;
 use super::setting::Setting;
 use super::state::State;
 use super::{
-    Outcome, attractor, forecast, given, patched, prediction, residual, shooting, simulation, tell, units, unknown,
+    Outcome, attractor, compared, forecast, given, patched, prediction, residual, shooting, simulation, tell, units,
+    unknown,
 };
 use crate::error::Result;
 use crate::explain::decidability::Left;
@@ -34,6 +35,15 @@ pub struct Run<'a> {
     horizons: (f64, f64),
     /// The gap at longer horizons before anything was added.
     before: Vec<(f64, f64)>,
+    /// The model before anything was added.
+    first: Option<First>,
+}
+
+/// The fitted model before anything was added.
+struct First {
+    state: State,
+    /// Coefficients of all windows, their covariance, and coefficients of the windows that predictions are made without.
+    fit: (DVector<f64>, DMatrix<f64>, DVector<f64>),
 }
 
 impl<'a> Run<'a> {
@@ -61,7 +71,7 @@ impl<'a> Run<'a> {
             family_wise: decision::FAMILY_WISE,
             folds: ranking::FOLDS,
         };
-        Self { setting, state, result, horizons: (horizon_s, window_s), before: Vec::new() }
+        Self { setting, state, result, horizons: (horizon_s, window_s), before: Vec::new(), first: None }
     }
 
     /// A search for the step would follow every jump of a law; an instant off by half of this changes nothing that sensors see. Where a period has few samples, the step between the
@@ -126,6 +136,8 @@ impl<'a> Run<'a> {
         if self.result.effects.is_empty() {
             self.result.residual_power[0] = self.result.residual_power[1];
             (self.result.maps, self.result.r#where) = self.places(outcome);
+            let fit = (outcome.fit.all.clone(), outcome.fit.covariance.clone(), outcome.fit.train.clone());
+            self.first = Some(First { state: self.state.clone(), fit });
             self.before = self.longer(&outcome.fit.train);
             self.attractor(&outcome.fit.train);
             simulation::measure(&self.setting, &self.state, outcome, added, &mut self.result.simulation);
@@ -152,6 +164,18 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
+    /// What the first model has beside the last one with coefficients `x`: its parameters, and predictions of the same seconds by both.
+    fn compare(&mut self, identified: &Identification, x: &DVector<f64>) {
+        let Some(First { state, fit }) = self.first.take() else { return };
+        let mut told = Explanation::new(self.horizons.0, Vec::new());
+        tell::parameters(&self.setting, &state, (&fit.0, &fit.1), identified, &mut told);
+        self.result.parameters_before = told.parameters;
+        let after = (!self.result.effects.is_empty()).then_some((&self.state, x));
+        let holds_s = self.result.gap.attractor.last().map(|a| a.prediction_horizon_s);
+        let how = (self.horizons, self.step_s());
+        self.result.prediction = compared::compare(&self.setting, (&state, &fit.2), after, how, holds_s);
+    }
+
     /// The verdict, and everything that is told of the last model.
     ///
     /// # Errors
@@ -174,6 +198,7 @@ impl<'a> Run<'a> {
             let added = self.result.effects.last().map(named);
             simulation::measure(&self.setting, &self.state, outcome, added, &mut self.result.simulation);
         }
+        self.compare(first, x);
         let Self { setting, state, mut result, .. } = self;
         tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.fit.covariance), first, &mut result);
         let by_shooting = outcome.evidence.is_shooting();

@@ -19,6 +19,13 @@ pub mod scatter;
 use super::html::escape;
 use canvas::{Layout, Panel};
 
+/// Width of a drawing for a phone, CSS pixels.
+const NARROW: f64 = 380.0;
+/// Longest drawing that is there twice, bytes.
+const MOST_TWICE: usize = 60_000;
+/// Most names along an axis of a narrow drawing.
+const MOST_NAMES: usize = 5;
+
 /// A drawn figure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
@@ -26,6 +33,8 @@ pub struct Figure {
     pub caption: String,
     /// The drawing.
     pub svg: String,
+    /// The same for a narrow screen, panels one below the other; none where it would make the page much larger.
+    pub narrow: Option<String>,
     /// The plotted numbers, CSV with quantity and unit in the header.
     pub csv: String,
     /// Rows of the CSV, without its header.
@@ -38,7 +47,13 @@ impl Figure {
         let caption = caption.into();
         let (csv, rows) = numbers(panels);
         let svg = canvas::draw(layout, panels, &plain(&caption));
-        Self { caption, svg, csv, rows }
+        // Names along an axis of one's own would run into each other.
+        let named = panels.iter().filter_map(|p| p.x.ticks.as_ref()).any(|t| t.len() > MOST_NAMES);
+        let narrow = (svg.len() <= MOST_TWICE && !named).then(|| {
+            let one = Layout { columns: 1, width: NARROW, ..*layout };
+            canvas::draw(&one, panels, &plain(&caption))
+        });
+        Self { caption, svg, narrow, csv, rows }
     }
 
     /// The figure as HTML: drawing, caption, numbers to download.
@@ -46,11 +61,22 @@ impl Figure {
         format!(
             "<figure><div class=plot>{}</div><figcaption>{}</figcaption>\n<details><summary>Numbers</summary>\
              <a download=\"figure.csv\" href=\"data:text/csv;charset=utf-8,{}\">CSV, {} rows</a></details></figure>\n",
-            self.svg,
+            self.drawings(),
             subscripts(&escape(&self.caption)),
             percent_encoded(&self.csv),
             super::format::count(self.rows as u64),
         )
+    }
+}
+
+impl Figure {
+    /// The drawing for wide and, where there is one, that for narrow screens.
+    fn drawings(&self) -> String {
+        let classed = |svg: &str, class: &str| svg.replacen("<svg ", &format!("<svg class={class} "), 1);
+        match &self.narrow {
+            Some(narrow) => classed(&self.svg, "wide") + &classed(narrow, "narrow"),
+            None => classed(&self.svg, "scrolls"),
+        }
     }
 }
 

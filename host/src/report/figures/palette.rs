@@ -19,7 +19,10 @@ pub const SOFT: RGBColor = RGBColor(110, 119, 130);
 /// Grid.
 pub const GRID: RGBColor = RGBColor(230, 233, 237);
 
+/// Index of what was measured, in the colour of text.
+pub const MEASURED: usize = usize::MAX;
+
 /// Colour of series i; they repeat after six.
 pub fn series(i: usize) -> RGBColor {
-    SERIES[i % SERIES.len()]
+    if i == MEASURED { INK } else { SERIES[i % SERIES.len()] }
 }

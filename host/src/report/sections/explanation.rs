@@ -2,17 +2,17 @@
 
 use crate::explain::engine::residual_map::Map;
 use crate::explain::engine::unknown::Unknown;
-use crate::explain::{Explanation, Found, Ranked, Verdict};
+use crate::explain::{Explanation, Found, Ranked};
 use crate::report::figures::Figure;
 use crate::report::figures::axis::Axis;
-use crate::report::figures::bars::{self, Bar};
 use crate::report::figures::panel::{Layout, Panel, Rule, Series, Shape};
 use crate::report::format::{Z95, percent, plus_minus, significant};
 use crate::report::html::{Align, Html};
+use crate::report::names;
 use crate::report::{Results, SectionKind};
 
 /// Registration.
-pub const SECTION: SectionKind = SectionKind { id: "explanation", title: "What the model is missing", render };
+pub const SECTION: SectionKind = SectionKind { id: "explanation", title: "What the answer rests on", render };
 
 fn render(results: &Results) -> Option<Html> {
     let mut body = Html::new();
@@ -22,44 +22,10 @@ fn render(results: &Results) -> Option<Html> {
     (body != Html::new()).then_some(body)
 }
 
-fn verdict(e: &Explanation) -> &'static str {
-    match e.verdict {
-        Verdict::NothingMissing => "Nothing is missing",
-        Verdict::Explained => "Explained",
-        Verdict::Unexplained => "Unexplained: something is missing that has no name in the list",
-        Verdict::NotDecidable => "Not decidable from this record",
-    }
-}
-
 fn one(body: &mut Html, e: &Explanation) {
-    body.paragraph(&format!("{}: {}.", verdict(e), e.reason));
+    body.paragraph(&format!("{}.", e.reason.trim_end_matches('.')));
     if !e.effects.is_empty() {
         effects(body, &e.effects);
-    }
-    let bar = |name: &str, value: f64| Bar { name: name.to_owned(), value, low: value, high: value };
-    // Names of several effects do not fit under the bars: they are in the table below.
-    let few = e.gap.steps.len() <= 3;
-    let steps: Vec<Bar> = e
-        .gap
-        .steps
-        .iter()
-        .enumerate()
-        .map(|(i, s)| match &s.added {
-            Some(name) if few => bar(name, s.value),
-            None if few => bar("nominal model", s.value),
-            _ => bar(&i.to_string(), s.value),
-        })
-        .collect();
-    if !steps.is_empty() {
-        body.figure(&bars::bars(
-            &format!(
-                "The gap before and after each step: predicted minus measured angle over {} s on blocks that were not fitted, in units of what the \
-                 sensors' noise alone leaves (1).",
-                significant(e.gap.horizon_s, 3)
-            ),
-            Axis::linear("gap / noise floors"),
-            &steps,
-        ));
     }
     if !e.gap.horizons.is_empty() {
         let rows: Vec<Vec<Html>> = e
@@ -73,32 +39,7 @@ fn one(body: &mut Html, e: &Explanation) {
     }
     forecasts(body, e);
     attractor(body, e);
-    let first: Vec<&Ranked> = e.ranking.iter().filter(|r| r.step == 0 && r.gain > 0.0).take(8).collect();
-    if !first.is_empty() {
-        let numbered: Vec<Bar> =
-            first.iter().enumerate().map(|(i, r)| bar(&(i + 1).to_string(), 100.0 * r.gain)).collect();
-        body.figure(&bars::bars(
-            "What each candidate alone takes away of the residual on held-out blocks, the nominal model refitted with it.",
-            Axis::linear("held-out residual power / %"),
-            &numbered,
-        ));
-        let rows: Vec<Vec<Html>> = first
-            .iter()
-            .enumerate()
-            .map(|(i, r)| {
-                let p = if r.p_value < 1e-12 { "< 10⁻¹²".to_owned() } else { significant(r.p_value, 2) };
-                [(i + 1).to_string(), r.name.clone(), percent(r.gain, 2), p].iter().map(|t| Html::text(t)).collect()
-            })
-            .collect();
-        let head = |t: &str, a| (Html::text(t), a);
-        let heads = [
-            head("", Align::Right),
-            head("candidate", Align::Left),
-            head("held-out gain", Align::Right),
-            head("probability by chance", Align::Right),
-        ];
-        body.table(&heads, &rows);
-    }
+    ranking(body, e);
     if let Some(u) = &e.unknown {
         unknown(body, u);
     }
@@ -111,6 +52,21 @@ fn one(body: &mut Html, e: &Explanation) {
             &panels,
         ));
     }
+}
+
+/// What each candidate of the first step takes away.
+fn ranking(body: &mut Html, e: &Explanation) {
+    let first: Vec<&Ranked> = e.ranking.iter().filter(|r| r.step == 0 && r.gain > 0.0).take(8).collect();
+    if first.is_empty() {
+        return;
+    }
+    body.heading("What each candidate alone explains");
+    body.paragraph("Share of what the model leaves on parts of the record that were not fitted, the model refitted with the candidate:");
+    let told = |r: &&Ranked| {
+        let chance = if r.p_value < 1e-12 { "below 10⁻¹²".to_owned() } else { significant(r.p_value, 2) };
+        (names::effect(&r.name), r.gain, format!("{} (by chance: {chance})", percent(r.gain, 2)))
+    };
+    body.bars(["candidate", "explains"], &first.iter().map(told).collect::<Vec<_>>());
 }
 
 /// Errors of forecasts, a column for each horizon.
@@ -137,9 +93,9 @@ fn forecasts(body: &mut Html, e: &Explanation) {
     let rows: Vec<Vec<Html>> = (0..first.steps.len())
         .map(|i| {
             let name = match &first.steps[i].added {
-                Some(name) if name == "refit" => name.clone(),
-                Some(name) => format!("+ {name}"),
-                None => "nominal".to_owned(),
+                Some(name) if name == "refit" => "refitted to this record".to_owned(),
+                Some(name) => format!("+ {}", names::effect(name)),
+                None => "the model as it was".to_owned(),
             };
             let values = e.gap.forecasts.iter().filter_map(|f| f.steps.get(i)).map(|s| significant(s.value, 3));
             let gap = e.gap.steps.get(i).map_or_else(String::new, |s| significant(s.value, 3));
@@ -236,9 +192,6 @@ fn effects(body: &mut Html, found: &[Found]) {
         })
         .collect();
     body.table(&heads, &rows);
-    for f in found {
-        body.paragraph(&format!("To confirm {}@{} in the laboratory: {}.", f.id, f.at, f.confirm));
-    }
 }
 
 fn map(m: &Map, before: Option<&Map>) -> Panel {

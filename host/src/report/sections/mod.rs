@@ -1,11 +1,13 @@
 //! Sections of a report: one file each, one line in [`SECTIONS`], printed in this order.
 
+pub mod answer;
 pub mod explanation;
 pub mod histories;
 pub mod losses;
 pub mod parameters;
 pub mod phase_space;
 pub mod portraits;
+pub mod provenance;
 pub mod record;
 pub mod reduction;
 pub mod residuals;
@@ -18,17 +20,19 @@ use super::SectionKind;
 
 /// Every section, in the order of a report.
 pub static SECTIONS: &[SectionKind] = &[
-    parameters::SECTION,
-    residuals::SECTION,
-    validation::SECTION,
-    explanation::SECTION,
-    reduction::SECTION,
+    answer::SECTION,
     warnings::SECTION,
+    explanation::SECTION,
     record::SECTION,
     losses::SECTION,
     histories::SECTION,
     portraits::SECTION,
     spectra::SECTION,
     phase_space::SECTION,
+    parameters::SECTION,
+    residuals::SECTION,
+    validation::SECTION,
+    reduction::SECTION,
     truth::SECTION,
+    provenance::SECTION,
 ];

@@ -216,9 +216,9 @@ fn correlation(body: &mut Html, space: &PhaseSpace) {
 fn catalogue(body: &mut Html, space: &PhaseSpace) {
     let Some(o) = &space.orbits else { return };
     body.paragraph(&format!(
-        "Unstable periodic orbits by (3.24), tolerance {} % of the span, periods up to {}: {} closing stretches are {} distinct orbits.{}",
-        significant(100.0 * o.settings.tolerance, 2),
+        "Unstable periodic orbits: stretches of up to {} drive periods that close to within {} % of the angles' range. {} such stretches are {} distinct orbits.{}",
         o.settings.longest,
+        significant(100.0 * o.settings.tolerance, 2),
         o.recurrences,
         o.orbits.len(),
         if o.orbits.len() > ROWS { format!(" The first {ROWS} are listed.") } else { String::new() }

@@ -24,8 +24,7 @@ fn render(results: &Results) -> Option<Html> {
     body.paragraph("The simulated rig's own parameters, read only after every number above was there.");
     if !truth.hidden.is_empty() {
         body.paragraph(&format!(
-            "The rig has an effect that the identified model lacks: {}. Parameters that stand in for it lie several σ from the truth; \
-             that is what a missing effect does to a model.",
+            "Hidden in the rig: {}. Below are the parameters of the last model; σ is the standard error.",
             truth.hidden.join(", ")
         ));
     }

@@ -1,0 +1,277 @@
+//! The card of an explanation: see [`crate::report::card`].
+
+use std::path::Path;
+
+use super::explanation::{Found, Gap};
+use super::{Explanation, Verdict};
+use crate::export::written_out::{WrittenOut, written_out};
+use crate::identify::Parameter;
+use crate::model::identified::IdentifiedModel;
+use crate::motion::Motion;
+use crate::report::card::{Card, CardRow, GapBar};
+use crate::report::format::{Z95, plus_minus, shortest, significant};
+use crate::report::names;
+use crate::rig::Rig;
+
+/// Most candidates that were close of which it is told why they were not taken.
+const MOST_REFUSED: usize = 3;
+/// Most places where what is left sits.
+const MOST_PLACES: usize = 2;
+
+/// The card of an explanation of a rig.
+pub fn card(e: &Explanation, rig: &Rig) -> Card {
+    let mut out = Card { verdict: sentence(e), ..Card::default() };
+    if e.verdict != Verdict::NotDecidable {
+        out.equations = e.model.as_ref().and_then(|m| equations(m, rig));
+        out.parameters = parameters(e, out.equations.as_ref());
+        out.gap = gap(e);
+        out.picture = e.prediction.clone();
+        let test = |f: &Found| format!("{}: {}.", capitalised(&names::effect(&name_of(f))), f.confirm);
+        out.confirm = e.effects.iter().filter(|f| !f.confirm.is_empty()).map(test).collect();
+    }
+    out.undecided = undecided(e);
+    out
+}
+
+/// The equations of a model with its numbers in them; none where it cannot be written out.
+pub fn equations(model: &IdentifiedModel, rig: &Rig) -> Option<WrittenOut> {
+    let motion = Motion::of(model, Path::new(""), Some(rig), 0.0).ok()?;
+    let mut out = written_out(&motion)?;
+    if out.multiplies.contains_key("B11") {
+        let powers = if rig.drive.is_some() { " and Ω² (viscous friction: Ω), and have no unit" } else { "" };
+        out.notes.push(format!("B and C are torques divided by the arm's moment of inertia{powers}."));
+    }
+    Some(out)
+}
+
+fn name_of(f: &Found) -> String {
+    format!("{}@{}", f.id, f.at)
+}
+
+fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |c| c.to_uppercase().chain(letters).collect())
+}
+
+/// What a number of noise floors is a multiple of.
+const NOISE: &str = " times the sensors' noise";
+
+/// How far predictions miss, in a sentence.
+fn miss(gap: &Gap, value: f64) -> String {
+    // Told in the sensors' own unit where the noise says nothing.
+    match gap.told(value).strip_suffix(" noise floors") {
+        Some(number) => format!("{number}{NOISE}"),
+        None => gap.told(value),
+    }
+}
+
+/// What was found, one sentence.
+fn sentence(e: &Explanation) -> String {
+    let found: Vec<String> = e
+        .effects
+        .iter()
+        .map(|f| format!("{}, {} {}", names::effect(&name_of(f)), plus_minus(f.value, Z95 * f.std_error), f.unit))
+        .map(|t| format!("{} (± is 95 %)", t.trim_end()))
+        .collect();
+    let found = if found.len() > 1 { found.join("; ") } else { found.concat() };
+    let steps = &e.gap.steps;
+    let over = format!("predictions over {} s", shortest(e.gap.horizon_s));
+    let change = match (steps.first(), steps.last()) {
+        (Some(first), Some(last)) if steps.len() > 1 => {
+            let (before, after) = (miss(&e.gap, first.value), miss(&e.gap, last.value));
+            // The same words are not said twice.
+            let before = if after.ends_with(NOISE) { before.trim_end_matches(NOISE) } else { &before };
+            format!("{over} miss by {after} instead of {before}")
+        }
+        (_, Some(last)) => format!("{over} miss by {}", miss(&e.gap, last.value)),
+        _ => String::new(),
+    };
+    match e.verdict {
+        Verdict::Explained => {
+            let it = if e.effects.len() == 1 { "it" } else { "them" };
+            format!("The model lacks {found}; with {it}, {change}, and nothing but noise is left.")
+        }
+        Verdict::NothingMissing => format!("Nothing is missing: {change}, which is noise alone."),
+        Verdict::Unexplained => {
+            let far = if found.is_empty() { String::new() } else { format!(" Found so far: {found}; {change}.") };
+            format!("Something is missing that has no name in the list of effects: {}.{far}", deciding(e))
+        }
+        Verdict::NotDecidable => {
+            format!("This record cannot decide what the model lacks: {}.", e.reason.trim_end_matches('.'))
+        }
+    }
+}
+
+/// What made an `unexplained` verdict: the number that is above its limit, otherwise the reason that is no number.
+fn deciding(e: &Explanation) -> String {
+    match &e.decided_by {
+        Some(d) if d.value > d.limit => {
+            let (value, limit) = (significant(d.value, 3), significant(d.limit, 3));
+            match d.what.strip_prefix("gap over ").and_then(|w| w.split_once(',')) {
+                Some((horizon, _)) => {
+                    format!(
+                        "predictions over {horizon} miss by {value} times the sensors' noise (up to {limit} would be noise)"
+                    )
+                }
+                None => format!(
+                    "what is left has {value} times the power of the sensors' noise (up to {limit} would be noise)"
+                ),
+            }
+        }
+        _ => {
+            let told = e.reason.split_once(", but ").map_or(e.reason.as_str(), |r| r.1);
+            told.trim_end_matches(": no effect of the list accounts for it").trim_end_matches('.').to_owned()
+        }
+    }
+}
+
+/// The model's own parameters, then effects, before and after.
+fn parameters(e: &Explanation, equations: Option<&WrittenOut>) -> Vec<CardRow> {
+    let row = |p: &Parameter| {
+        let before = e.parameters_before.iter().find(|b| b.name == p.name).map(|b| (b.value, b.std_error));
+        let found = e.effects.iter().find(|f| name_of(f) == p.name);
+        let effect = p.name.contains('@');
+        let multiplies = || equations.and_then(|w| w.multiplies.get(&p.name)).map(|m| format!("multiplies, {m}"));
+        let plain = match effect {
+            true => capitalised(&names::effect(&p.name)),
+            false => names::parameter(&p.name).map(str::to_owned).or_else(multiplies).unwrap_or_default(),
+        };
+        CardRow {
+            symbol: if effect { String::new() } else { p.name.clone() },
+            plain,
+            before,
+            after: found.map_or((p.value, p.std_error), |f| (f.value, f.std_error)),
+            unit: if p.unit == "1" { String::new() } else { p.unit.clone() },
+        }
+    };
+    e.parameters.iter().map(row).collect()
+}
+
+/// The gap at each step, in noise floors and, where a forecast measured the same horizon, in the sensors' unit.
+fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
+    let heading = format!(
+        "How far predictions over {} s miss, where they were not fitted (1 noise floor is what the sensors' noise alone leaves)",
+        shortest(e.gap.horizon_s)
+    );
+    let same = e.gap.forecasts.iter().find(|f| f.horizon_s == e.gap.horizon_s && f.steps.len() == e.gap.steps.len());
+    let bar = |(i, step): (usize, &super::Step)| {
+        let name = match step.added.as_deref() {
+            None => "the model as it was".to_owned(),
+            Some("refit") => "refitted to this record".to_owned(),
+            Some(added) => format!("with {}", names::effect(added)),
+        };
+        let also =
+            same.and_then(|f| f.steps.get(i).map(|s| (s.value, &f.unit))).map_or_else(String::new, |(v, unit)| {
+                format!(", {}{}", significant(v, 3), if unit == "deg" { "°".to_owned() } else { format!(" {unit}") })
+            });
+        GapBar { name, value: step.value, told: format!("{}{also}", e.gap.told(step.value)) }
+    };
+    (heading, e.gap.steps.iter().enumerate().map(bar).collect())
+}
+
+/// What could not be decided, and what to do for it.
+fn undecided(e: &Explanation) -> Vec<String> {
+    let mut out = Vec::new();
+    for f in e.effects.iter().filter(|f| !f.indistinguishable_from.is_empty()) {
+        let others: Vec<String> = f.indistinguishable_from.iter().map(|n| names::effect(n)).collect();
+        out.push(format!(
+            "This record does not tell {} from {}: the laboratory test of each does (`whirl list effects`).",
+            names::effect(&name_of(f)),
+            names::listed(&others)
+        ));
+    }
+    for p in e.parameters.iter().filter(|p| p.std_error.is_infinite()) {
+        out.push(format!(
+            "{} cannot be determined from this record alone: record a motion of larger amplitude.",
+            p.name
+        ));
+    }
+    if e.verdict == Verdict::Unexplained {
+        for w in e.r#where.iter().take(MOST_PLACES) {
+            out.push(format!(
+                "What is left sits in equation {} at {} {} … {}: {}, where noise would be within ± {}.",
+                w.equation,
+                w.against,
+                significant(w.from, 3),
+                significant(w.to, 3),
+                significant(w.value, 2),
+                significant(w.band, 2)
+            ));
+        }
+        for r in e.refused.iter().take(MOST_REFUSED) {
+            let name = names::effect(&if r.at.is_empty() { r.id.clone() } else { format!("{}@{}", r.id, r.at) });
+            out.push(format!("Close, but not taken: {name} ({}).", r.why));
+        }
+        out.push("Describe a law of your own in a file and try it with --effects FILE.toml, or record slower and larger motions.".to_owned());
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::explanation::{DecidedBy, InUnit, Step};
+    use super::*;
+
+    fn explained() -> Explanation {
+        let mut e = Explanation::new(0.2, Vec::new());
+        e.verdict = Verdict::Explained;
+        let mut found = Found::empty("quadratic-drag", "arm2", "N m s²".to_owned());
+        (found.value, found.std_error) = (2e-7, 2e-11);
+        found.confirm = "repeat with a paper sail".to_owned();
+        found.indistinguishable_from = vec!["viscous-friction@joint1".to_owned()];
+        e.effects.push(found);
+        let step = |added: Option<&str>, value| Step { added: added.map(str::to_owned), value };
+        e.gap.floor_in = Some(InUnit { value: 0.02, unit: "°".to_owned() });
+        e.gap.steps = vec![step(None, 4.5), step(Some("quadratic-drag@arm2"), 1.0)];
+        let p = |value, std_error| Parameter { name: "C2".to_owned(), value, std_error, unit: "1".to_owned() };
+        e.parameters = vec![p(0.048493, 5.6e-6)];
+        e.parameters_before = vec![p(0.05455, 4e-5)];
+        e
+    }
+
+    fn rig() -> Rig {
+        Rig::parse(include_str!("../../../rigs/chaotic.toml"), Path::new("rig.toml")).unwrap()
+    }
+
+    #[test]
+    fn the_sentence_says_what_and_by_how_much() {
+        let card = card(&explained(), &rig());
+        assert_eq!(
+            card.verdict,
+            "The model lacks quadratic drag on arm 2, (2.0000 ± 0.0004)·10⁻⁷ N m s² (± is 95 %); with it, predictions over 0.2 s miss by 1.00 times \
+             the sensors' noise instead of 4.50, and nothing but noise is left."
+        );
+        let row = &card.parameters[0];
+        assert_eq!((row.before, row.after, row.unit.as_str()), (Some((0.05455, 4e-5)), (0.048493, 5.6e-6), ""));
+        assert!(row.plain.contains("viscous friction in joint 2"));
+        assert_eq!(card.confirm, ["Quadratic drag on arm 2: repeat with a paper sail."]);
+        assert!(card.undecided[0].contains("viscous friction in joint 1"), "{:?}", card.undecided);
+    }
+
+    #[test]
+    fn an_open_verdict_tells_the_number_that_decided_it() {
+        let mut e = explained();
+        e.verdict = Verdict::Unexplained;
+        e.decided_by = Some(DecidedBy { what: "gap over 0.4 s, noise floors".to_owned(), value: 2.11, limit: 1.3 });
+        let told = card(&e, &rig()).verdict;
+        assert!(
+            told.contains("predictions over 0.4 s miss by 2.11 times the sensors' noise (up to 1.30 would be noise)"),
+            "{told}"
+        );
+        // Where no number is above its limit none is given as the cause.
+        e.decided_by = Some(DecidedBy { what: "gap over 0.2 s, noise floors".to_owned(), value: 1.0, limit: 1.3 });
+        e.reason = "what is left has 0.99 times the power, but a torque at joint2 predicts better: no effect of the list accounts for it".to_owned();
+        let told = card(&e, &rig()).verdict;
+        assert!(told.contains("a torque at joint2 predicts better.") && !told.contains("0.99"), "{told}");
+    }
+
+    #[test]
+    fn what_cannot_be_decided_has_no_numbers() {
+        let mut e = explained();
+        (e.verdict, e.reason) = (Verdict::NotDecidable, "the motion is locked".to_owned());
+        e.effects.clear();
+        let card = card(&e, &rig());
+        assert_eq!(card.verdict, "This record cannot decide what the model lacks: the motion is locked.");
+        assert!(card.parameters.is_empty() && card.gap.1.is_empty() && card.equations.is_none());
+    }
+}

@@ -1,0 +1,431 @@
+//! Equations of motion with their numbers in them, for people: as MathML for a page and as plain text for a terminal.
+//!
+//! Each equation is a list of terms, so that a page or a terminal may break lines between them. A coefficient and the numbers that its expression begins with are
+//! one number, with the digits that its standard error warrants. What is no force in the equations (an effect of a sensor or of the drive's phase, one
+//! that remembers) stands below them in words.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::expression::{Level, Printer};
+use super::program::terms;
+use super::{Notation, Printed};
+use crate::identify::general::channel_units;
+use crate::model::model_file::Space;
+use crate::model::model_file::expression::{
+    Expression as E, FUNCTIONS, Function, Node, Symbol, call, divide, multiply, number, power_whole, subtract,
+};
+use crate::motion::{Acts, Effect, Motion};
+use crate::report::format::{
+    Mark, Z95, mathml_number, quantity, shortest, significant, symbol_mathml, symbol_plain, symbol_plain_marked,
+    to_digits_of,
+};
+use crate::report::names;
+
+/// A term as it stands behind its sign.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct WrittenTerm {
+    /// Whether it is subtracted.
+    pub negative: bool,
+    /// As MathML, without the element `math` around it.
+    pub mathml: String,
+    /// As plain text.
+    pub text: String,
+}
+
+/// One equation.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct WrittenEquation {
+    /// Terms of the left-hand side.
+    pub left: Vec<WrittenTerm>,
+    /// Terms of the right-hand side; 0 where there are none.
+    pub right: Vec<WrittenTerm>,
+}
+
+/// The equations of a model, its numbers in them.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct WrittenOut {
+    /// The equations.
+    pub equations: Vec<WrittenEquation>,
+    /// What the symbols mean, and what is not in the equations: a sentence each.
+    pub notes: Vec<String>,
+    /// What each coefficient multiplies, by its name: `in equation 1: sin(φ₁)`.
+    pub multiplies: BTreeMap<String, String>,
+}
+
+/// MathML.
+struct MathMl;
+
+/// Text in plain Unicode.
+struct Text;
+
+impl Notation for MathMl {
+    fn number(&self, x: f64) -> String {
+        mathml_number(&told(x))
+    }
+
+    fn product(&self, a: &str, b: &str) -> String {
+        // Numbers side by side would read as one.
+        let between = if b.starts_with("<mn>") { "<mo>·</mo>" } else { "<mspace width=.17em></mspace>" };
+        format!("{a}{between}{b}")
+    }
+
+    fn quotient(&self, a: &str, b: &str) -> (String, Level) {
+        (format!("<mfrac><mrow>{a}</mrow><mrow>{b}</mrow></mfrac>"), Level::Power)
+    }
+
+    fn quotient_needs(&self) -> [Level; 2] {
+        [Level::Sum, Level::Sum]
+    }
+
+    fn power(&self, a: &str, n: &str) -> (String, Level) {
+        let exponent = if n.starts_with('<') { n.to_owned() } else { mathml_number(n) };
+        (format!("<msup><mrow>{a}</mrow><mrow>{exponent}</mrow></msup>"), Level::Power)
+    }
+
+    fn power_needs(&self) -> [Level; 2] {
+        [Level::Atom, Level::Sum]
+    }
+
+    fn call(&self, f: Function, a: &str) -> String {
+        match f {
+            Function::Sqrt => format!("<msqrt>{a}</msqrt>"),
+            Function::Abs => format!("<mrow><mo stretchy=false>|</mo>{a}<mo stretchy=false>|</mo></mrow>"),
+            f => format!("<mi>{}</mi><mo>&#x2061;</mo>{}", name_of(f), self.bracketed(a)),
+        }
+    }
+
+    fn hat(&self, d: &str, width: f64, _period: Option<f64>) -> String {
+        format!("<mi>hat</mi><mo>&#x2061;</mo>{}", self.bracketed(&self.quotient(d, &self.number(width)).0))
+    }
+
+    fn bracketed(&self, a: &str) -> String {
+        format!("<mrow><mo stretchy=false>(</mo>{a}<mo stretchy=false>)</mo></mrow>")
+    }
+
+    fn negated(&self, a: &str) -> String {
+        format!("<mo>−</mo>{a}")
+    }
+
+    fn added(&self, a: &str, b: &str, minus: bool) -> String {
+        format!("{a}<mo>{}</mo>{b}", if minus { '−' } else { '+' })
+    }
+}
+
+impl Notation for Text {
+    fn number(&self, x: f64) -> String {
+        told(x)
+    }
+
+    fn product(&self, a: &str, b: &str) -> String {
+        let digit = b.chars().next().is_some_and(|c| c.is_ascii_digit());
+        format!("{a}{}{b}", if digit { "·" } else { " " })
+    }
+
+    fn power(&self, a: &str, n: &str) -> (String, Level) {
+        let text = match n.trim_matches(['(', ')']).parse() {
+            Ok(whole) => format!("{a}{}", crate::report::format::superscript(whole)),
+            Err(_) => format!("{a}^{n}"),
+        };
+        (text, Level::Power)
+    }
+
+    fn call(&self, f: Function, a: &str) -> String {
+        match f {
+            Function::Abs => format!("|{a}|"),
+            f => format!("{}({a})", name_of(f)),
+        }
+    }
+
+    fn hat(&self, d: &str, width: f64, _period: Option<f64>) -> String {
+        format!("hat(({d})/{})", self.number(width))
+    }
+
+    fn negated(&self, a: &str) -> String {
+        format!("−{a}")
+    }
+
+    fn added(&self, a: &str, b: &str, minus: bool) -> String {
+        format!("{a} {} {b}", if minus { '−' } else { '+' })
+    }
+}
+
+/// A number inside an expression: five digits tell all that a person reads there.
+fn told(x: f64) -> String {
+    let rounded: f64 = format!("{x:.4e}").parse().unwrap_or(x);
+    if rounded == 0.0 || (1e-3..1e6).contains(&rounded) { shortest(rounded) } else { significant(x, 5) }
+}
+
+/// Name of a function.
+fn name_of(f: Function) -> &'static str {
+    FUNCTIONS.iter().find(|x| x.1 == f).map_or("", |x| x.0)
+}
+
+/// The number that an expression begins with, and the rest of it.
+fn factored(e: &Node) -> (f64, Node) {
+    let whole = || (1.0, e.clone());
+    let sum = |a: &Node, b: &Node, sign: f64| {
+        let ((x, a), (y, b)) = (factored(a), factored(b));
+        if x.abs() != y.abs() || x == 0.0 {
+            return whole();
+        }
+        // k a + k b is k (a + b); what comes first has no sign.
+        (x, if sign * y * x.signum() > 0.0 { crate::model::model_file::expression::add(a, b) } else { subtract(a, b) })
+    };
+    match &**e {
+        E::Number(x) => (*x, number(1.0)),
+        E::Multiply(a, b) => {
+            let ((x, a), (y, b)) = (factored(a), factored(b));
+            (x * y, multiply(a, b))
+        }
+        E::Divide(a, b) => {
+            let ((x, a), (y, b)) = (factored(a), factored(b));
+            if y == 0.0 { whole() } else { (x / y, divide(a, b)) }
+        }
+        E::PowerWhole(a, n) => {
+            let (x, a) = factored(a);
+            let k = x.powi(*n);
+            if k.is_finite() && k != 0.0 { (k, power_whole(a, *n)) } else { whole() }
+        }
+        E::Call(Function::Abs, a) => {
+            let (x, a) = factored(a);
+            (x.abs(), call(Function::Abs, a))
+        }
+        E::Call(Function::Sign, a) => {
+            let (x, a) = factored(a);
+            (x.signum(), call(Function::Sign, a))
+        }
+        E::Add(a, b) => sum(a, b, 1.0),
+        E::Subtract(a, b) => sum(a, b, -1.0),
+        _ => whole(),
+    }
+}
+
+/// A model being written.
+struct Writer<'a> {
+    motion: &'a Motion,
+    /// Whether primes are d/dτ of a drive.
+    scaled: bool,
+}
+
+impl Writer<'_> {
+    fn symbol(&self, s: Symbol, primed: bool, as_mathml: bool) -> String {
+        let file = &self.motion.file;
+        let told = |name: &str, mark: Mark| {
+            if as_mathml { symbol_mathml(name, mark) } else { symbol_plain_marked(name, mark) }
+        };
+        let rate = if primed && self.scaled { Mark::Prime } else { Mark::Dot };
+        let twice = if primed && self.scaled { Mark::DoublePrime } else { Mark::DoubleDot };
+        match s {
+            Symbol::Coordinate(i) | Symbol::Raw(i) => told(&file.coordinates[i].name, Mark::None),
+            Symbol::Rate(i) | Symbol::ClearRate(i) => told(&file.coordinates[i].name, rate),
+            Symbol::Acceleration(i) => told(&file.coordinates[i].name, twice),
+            Symbol::Input(k) | Symbol::RawInput(k) => told(&file.inputs[k], Mark::None),
+            Symbol::InputRate(k) => told(&file.inputs[k], Mark::Dot),
+            Symbol::Tau => told("tau", Mark::None),
+            Symbol::Time => told("t", Mark::None),
+            // What has states is told in words.
+            Symbol::Held(_) | Symbol::State(_) | Symbol::Memory(_) => told("z", Mark::None),
+        }
+    }
+
+    /// A term: a number (with its text) times an expression.
+    fn term(&self, (negative, digits): (bool, Option<&str>), e: &Node, primed: bool) -> WrittenTerm {
+        let print = |notation: &dyn Notation, as_mathml: bool| -> Printed {
+            let symbol = |s: Symbol| self.symbol(s, primed, as_mathml);
+            let factor = match digits {
+                Some(digits) if as_mathml => mathml_number(digits),
+                Some(digits) => digits.to_owned(),
+                None => String::new(),
+            };
+            Printer { language: notation, symbol: &symbol }.term(&factor, e, negative)
+        };
+        let (mathml, text) = (print(&MathMl, true), print(&Text, false));
+        WrittenTerm { negative: text.negative, mathml: mathml.text, text: text.text }
+    }
+
+    /// The expression that a coefficient multiplies.
+    fn multiplied(&self, equation: usize, e: &Node, primed: bool) -> String {
+        let term = self.term((false, None), e, primed);
+        format!("in equation {}: {}{}", equation + 1, if term.negative { "−" } else { "" }, term.text)
+    }
+}
+
+/// Digits of a coefficient times the number that its expression begins with.
+fn digits(value: f64, std_error: f64, factor: f64) -> String {
+    let known = std_error.is_finite() && std_error > 0.0;
+    let x = (value * factor).abs();
+    if known && value != 0.0 { to_digits_of(x, (Z95 * std_error * factor).abs()) } else { told(x) }
+}
+
+/// Writes a model out; none where its equations are not as many as its coordinates.
+pub fn written_out(motion: &Motion) -> Option<WrittenOut> {
+    if motion.file.equations.len() != motion.file.coordinates.len() {
+        return None;
+    }
+    let scaled = motion.omega().is_some() && motion.file.prime_scale(motion.rig.omega()) != 1.0;
+    let writer = Writer { motion, scaled };
+    // Coefficients, then strengths: value, standard error, name.
+    let mut constants: Vec<(f64, f64, Option<&str>)> =
+        motion.coefficients.iter().map(|c| (c.value, c.std_error, Some(c.name.as_str()))).collect();
+    for (effect, strength) in motion.strengths().filter(|s| !s.1.adds.is_empty()) {
+        let relative = (effect.told.std_error / effect.told.value).abs();
+        let alone = motion.strengths().filter(|(e, _)| e.name() == effect.name()).count() == 1;
+        constants.push((strength.value, if alone { relative * strength.value.abs() } else { f64::NAN }, None));
+    }
+    let mut out = WrittenOut {
+        equations: vec![WrittenEquation::default(); motion.file.equations.len()],
+        ..WrittenOut::default()
+    };
+    for t in terms(motion) {
+        let equation = &mut out.equations[t.equation];
+        let Some((value, std_error, name)) = t.constant.map(|c| constants[c]) else {
+            // A balance of accelerations stands on the left, where a reader looks for them.
+            if t.of.accelerates() {
+                let (factor, rest) = factored(&t.of);
+                let own = told(factor.abs());
+                let sign = factor > 0.0;
+                equation.left.insert(0, writer.term((sign, (own != "1").then_some(own.as_str())), &rest, t.primed));
+            } else {
+                equation.right.push(writer.term((false, None), &t.of, t.primed));
+            }
+            continue;
+        };
+        if let Some(name) = name {
+            let told = writer.multiplied(t.equation, &t.of, t.primed);
+            out.multiplies.entry(name.to_owned()).or_insert(told);
+        }
+        let mut states = Vec::new();
+        t.of.memories(&mut states);
+        if value == 0.0 || !states.is_empty() {
+            continue;
+        }
+        let (factor, rest) = factored(&t.of);
+        let number = digits(value, std_error, factor);
+        equation.left.push(writer.term((value * factor < 0.0, Some(&number)), &rest, t.primed));
+    }
+    out.notes = notes(&writer);
+    Some(out)
+}
+
+/// What the symbols mean, and what acts beside the equations.
+fn notes(w: &Writer<'_>) -> Vec<String> {
+    let motion = w.motion;
+    let (units, inputs) = channel_units(&motion.file, &motion.rig, &motion.bound);
+    let name = |n: &String, unit: String| {
+        if unit.is_empty() { symbol_plain(n) } else { format!("{} ({unit})", symbol_plain(n)) }
+    };
+    let coordinates = motion.file.coordinates.iter().zip(&units).map(|(c, u)| {
+        // An angle has no dimension, and is in radians.
+        let unit = if c.space == Space::Circle { "rad".to_owned() } else { u.to_string() };
+        name(&c.name, if unit == "1" { String::new() } else { unit })
+    });
+    let inputs = motion
+        .file
+        .inputs
+        .iter()
+        .zip(&inputs)
+        .map(|(n, u)| name(n, Some(u.to_string()).filter(|u| u != "1").unwrap_or_default()));
+    let symbols: Vec<String> = coordinates.chain(inputs).collect();
+    let mut out = vec![format!("Coordinates: {}. A dot is a derivative by time (in 1/s).", symbols.join(", "))];
+    if let Some(omega) = motion.omega() {
+        let hz = shortest(omega / core::f64::consts::TAU);
+        let rate = significant(omega, 5);
+        let primes = if w.scaled { " A prime ′ is a derivative by τ." } else { "" };
+        out.push(format!("τ = Ω t is the drive's phase, Ω = 2π · {hz} Hz = {rate} rad/s.{primes}"));
+    }
+    out.extend(motion.effects.iter().filter_map(beside));
+    out
+}
+
+/// An effect that is no force in the equations, in words.
+fn beside(e: &Effect) -> Option<String> {
+    let told = |how: &str| {
+        let shapes: Vec<String> =
+            e.told.parameters.iter().map(|(k, v)| format!(", {} = {}", symbol_plain(k), significant(*v, 4))).collect();
+        let name = names::effect(&e.name());
+        Some(format!("{how}: {name}, {} ({}){}.", quantity(e.told.value, &e.told.unit, 4), e.equation, shapes.concat()))
+    };
+    match &e.acts {
+        Acts::Sensor(..) => told("Not in the equations, since only the sensor shows it"),
+        Acts::Drive(_) => told("In the drive's phase"),
+        Acts::Motion(_) if e.remembers() => told("Also in the equations, with a memory of its own"),
+        Acts::Motion(_) => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::identify::Parameter;
+    use crate::model::identified::{IdentifiedModel, System};
+
+    fn double_pendulum(effects: Vec<crate::model::identified::AddedEffect>) -> WrittenOut {
+        let names = ["B11", "B12", "B13", "B14", "C11", "C12", "B21", "B22", "B23", "B24", "C2"];
+        let value = |i: usize| if i == 3 { -0.5 } else { 0.25 + 0.01 * i as f64 };
+        let parameter = |(i, n): (usize, &&str)| Parameter {
+            name: (*n).to_owned(),
+            value: value(i),
+            std_error: 1e-5,
+            unit: "1".to_owned(),
+        };
+        let model = IdentifiedModel {
+            name: "rig".to_owned(),
+            system: System::BuiltIn("double-pendulum".to_owned()),
+            method: "weak".to_owned(),
+            drive_frequency_hz: Some(5.0),
+            nominal: vec!["coulomb-friction@joint1".to_owned(), "viscous-friction@joint2".to_owned()],
+            parameters: names.iter().enumerate().map(parameter).collect(),
+            effects,
+            found_with: BTreeMap::new(),
+        };
+        written_out(&Motion::of(&model, Path::new("m.toml"), None, 0.0).unwrap()).unwrap()
+    }
+
+    /// The text of an equation's left-hand side.
+    fn text(e: &WrittenEquation) -> String {
+        e.left.iter().map(|t| format!(" {} {}", if t.negative { '−' } else { '+' }, t.text)).collect()
+    }
+
+    #[test]
+    fn numbers_stand_in_the_equations() {
+        let all = double_pendulum(Vec::new());
+        assert_eq!(all.equations.len(), 2);
+        let first = text(&all.equations[0]);
+        assert!(first.starts_with(" + φ₁″ + 0.250000 (φ₂″ cos(φ₂ − φ₁) − φ₂′² sin(φ₂ − φ₁))"), "{first}");
+        assert!(first.contains("+ 0.260000 sin(φ₁)") && first.contains("− 0.500000 sin(φ₁) sin(τ)"), "{first}");
+        assert!(all.equations[0].right.is_empty() && !first.contains('"'), "{first}");
+        let mathml = &all.equations[0].left[1].mathml;
+        assert!(mathml.starts_with("<mn>0.250000</mn>") && mathml.contains("<mi>cos</mi>"), "{mathml}");
+        // Tags are closed in the order in which they were opened.
+        for t in all.equations.iter().flat_map(|e| &e.left) {
+            let mut open: Vec<&str> = Vec::new();
+            for tag in t.mathml.split('<').skip(1) {
+                let tag = tag.split_once('>').unwrap().0;
+                match tag.strip_prefix('/') {
+                    Some(name) => assert_eq!(open.pop(), Some(name), "{}", t.mathml),
+                    None => open.push(tag.split(' ').next().unwrap()),
+                }
+            }
+            assert!(open.is_empty(), "{}", t.mathml);
+        }
+        assert_eq!(all.multiplies["B12"], "in equation 1: sin(φ₁)");
+        assert!(all.notes.iter().any(|n| n.contains("2π · 5 Hz = 31.416 rad/s")), "{:?}", all.notes);
+    }
+
+    #[test]
+    fn numbers_that_an_expression_begins_with_join_the_coefficient() {
+        let x = || crate::model::model_file::expression::symbol(Symbol::Rate(0));
+        let y = || crate::model::model_file::expression::symbol(Symbol::Rate(1));
+        let e = multiply(number(2.0), multiply(x(), call(Function::Abs, multiply(number(-3.0), x()))));
+        let (k, rest) = factored(&e);
+        assert_eq!((k, &rest), (6.0, &multiply(x(), call(Function::Abs, x()))));
+        let (k, rest) = factored(&subtract(multiply(number(0.5), x()), multiply(number(0.5), y())));
+        assert_eq!((k, rest), (0.5, subtract(x(), y())));
+        let (k, rest) = factored(&subtract(multiply(number(0.5), x()), y()));
+        assert!(k == 1.0 && matches!(*rest, E::Subtract(..)));
+    }
+}

@@ -1,0 +1,109 @@
+//! The card of an identification: see [`crate::report::card`].
+
+use super::model_file::identified_model;
+use super::presentation::{error, method_name};
+use super::{Identification, Parameter};
+use crate::explain::card::equations;
+use crate::report::card::{Card, CardRow};
+use crate::report::format::{Z95, count, significant, symbol_plain};
+use crate::report::names;
+use crate::rig::Rig;
+
+/// The card of an identification of a rig.
+pub fn card(result: &Identification, rig: &Rig) -> Card {
+    let equations = identified_model(result, rig).ok().and_then(|m| equations(&m, rig));
+    let row = |p: &Parameter| {
+        let multiplies =
+            || equations.as_ref().and_then(|w| w.multiplies.get(&p.name)).map(|m| format!("multiplies, {m}"));
+        CardRow {
+            symbol: p.name.clone(),
+            plain: names::parameter(&p.name).map(str::to_owned).or_else(multiplies).unwrap_or_default(),
+            before: None,
+            after: (p.value, p.std_error),
+            unit: if p.unit == "1" { String::new() } else { p.unit.clone() },
+        }
+    };
+    let parameters = result.parameters.iter().map(row).collect();
+    Card { verdict: sentence(result), parameters, equations, undecided: undecided(result), ..Card::default() }
+}
+
+/// What was identified, how well, and whether it stands.
+fn sentence(result: &Identification) -> String {
+    let mut known: Vec<f64> = result
+        .parameters
+        .iter()
+        .map(|p| (Z95 * p.std_error / p.value).abs())
+        .filter(|r| r.is_finite() && *r > 0.0)
+        .collect();
+    known.sort_by(f64::total_cmp);
+    let precision = known.get(known.len() / 2).map_or_else(String::new, |median| {
+        format!(", half of its parameters to ± {} % or better", significant(100.0 * median, 2))
+    });
+    let stands = if let Some(w) = result.warnings.iter().find(|w| w.invalidates) {
+        format!("but this answer cannot stand: {}", w.text.trim_end_matches('.'))
+    } else if !result.within_bound() {
+        "but its equations do not balance on this record: something is missing, run `whirl explain`".to_owned()
+    } else if result.warnings.iter().any(|w| w.id == "model-misses-something") {
+        "but these equations miss something: run `whirl explain`".to_owned()
+    } else {
+        "and its equations describe the record".to_owned()
+    };
+    format!(
+        "The {} was identified from {} samples by {}{precision}, {stands} ({}).",
+        result.model.replace('-', " "),
+        count(result.record.samples as u64),
+        method_name(&result.method),
+        error(result)
+    )
+}
+
+/// What this record does not determine, and what would.
+fn undecided(result: &Identification) -> Vec<String> {
+    let told = |group: &Vec<String>| {
+        let all: Vec<String> = group.iter().map(|n| symbol_plain(n)).collect();
+        match &all[..] {
+            [one] => format!(
+                "{one} cannot be determined from this record alone: a larger amplitude or a longer record would."
+            ),
+            _ => format!(
+                "{} trade off against each other, and this record does not separate them: a larger amplitude does, or one of them measured otherwise \
+                 ([known] in the rig file).",
+                names::listed(&all)
+            ),
+        }
+    };
+    result.groups_not_separable.iter().map(told).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::warning::Warning;
+
+    fn identified() -> Identification {
+        let p = |name: &str, value, std_error| Parameter { name: name.into(), value, std_error, unit: "1".into() };
+        Identification {
+            model: "double-pendulum".to_owned(),
+            method: "weak".to_owned(),
+            parameters: vec![p("B11", 0.11312, 2e-5), p("B14", 0.0, 1e-5), p("B22", 0.2632, 1e-5)],
+            identification_error: vec![0.003, 0.004],
+            groups_not_separable: vec![vec!["B14".to_owned()], vec!["B11".to_owned(), "B22".to_owned()]],
+            ..Identification::default()
+        }
+    }
+
+    #[test]
+    fn the_sentence_says_how_well_and_whether_it_stands() {
+        let rig = Rig::parse(include_str!("../../../rigs/chaotic.toml"), Path::new("rig.toml")).unwrap();
+        let mut result = identified();
+        let told = card(&result, &rig);
+        assert!(told.verdict.contains("half of its parameters to ± 0.035 % or better"), "{}", told.verdict);
+        assert!(told.verdict.contains("and its equations describe the record"), "{}", told.verdict);
+        assert!(told.undecided[0].starts_with("B₁₄ cannot be determined"), "{:?}", told.undecided);
+        assert!(told.undecided[1].starts_with("B₁₁ and B₂₂ trade off"), "{:?}", told.undecided);
+        result.warnings.push(Warning::new("x", "time runs backwards", "").invalidating());
+        assert!(card(&result, &rig).verdict.contains("cannot stand: time runs backwards"));
+    }
+}

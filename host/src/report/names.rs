@@ -1,0 +1,113 @@
+//! Plain names of effects and of the parameters of the systems that ship, for people who do not know the symbols.
+
+/// An effect `ID@PLACE` in plain words: `quadratic drag on arm 2`.
+pub fn effect(name: &str) -> String {
+    let Some((id, at)) = name.split_once('@') else { return name.to_owned() };
+    let words = id
+        .split('-')
+        .map(|w| match w {
+            "coulomb" => "Coulomb",
+            "stribeck" => "Stribeck",
+            "dahl" => "Dahl",
+            "lugre" => "LuGre",
+            other => other,
+        })
+        .collect::<Vec<_>>()
+        .join(" ");
+    let letters = at.trim_end_matches(|c: char| c.is_ascii_digit());
+    let number = &at[letters.len()..];
+    let numbered = |word: &str| if number.is_empty() { format!("the {word}") } else { format!("{word} {number}") };
+    match letters {
+        "joint" => format!("{words} in {}", numbered("joint")),
+        "arm" => format!("{words} on {}", numbered("arm")),
+        "encoder" => format!("{words} of {}", numbered("encoder")),
+        // The id says of what it is already.
+        "drive" if words.starts_with("drive ") => words,
+        "drive" | "frame" => format!("{words} of the {letters}"),
+        _ => format!("{words} at {at}"),
+    }
+}
+
+/// Several names in a sentence: `a`, `a and b`, `a, b and c`.
+pub fn listed(names: &[String]) -> String {
+    match names {
+        [] => String::new(),
+        [one] => one.clone(),
+        [first @ .., last] => format!("{} and {last}", first.join(", ")),
+    }
+}
+
+/// What a parameter of a pendulum or a physical quantity is; none for a name of somebody's own.
+pub fn parameter(name: &str) -> Option<&'static str> {
+    Some(match name {
+        "B11" => "how strongly arm 2 pulls at arm 1",
+        "B21" => "how strongly arm 1 pulls at arm 2",
+        "B12" => "gravity on arm 1",
+        "B22" => "gravity on arm 2",
+        "B13" => "drive on arm 1, in phase",
+        "B14" => "drive on arm 1, a quarter period off",
+        "B15" => "drive on arm 1, amplitude",
+        "B23" => "drive on arm 2, in phase",
+        "B24" => "drive on arm 2, a quarter period off",
+        "B25" => "drive on arm 2, amplitude",
+        "C11" => "dry friction in joint 1",
+        "C12" => "viscous friction in joint 2, as arm 1 feels it",
+        "C2" => "viscous friction in joint 2, as arm 2 feels it",
+        "C13" => "viscous friction in joint 1",
+        "C14" => "dry friction in joint 2, as arm 1 feels it",
+        "C4" => "dry friction in joint 2, as arm 2 feels it",
+        "c_r" => "viscous friction in the joint",
+        "n_cos" | "n_sin" => "drive on the arm, in phase",
+        "p_cos" | "p_sin" => "drive on the arm, a quarter period off",
+        "q_sin" => "gravity on the arm",
+        "q_cos" => "gravity across the arm's line",
+        "J_o1" => "moment of inertia of arm 1 about its joint",
+        "J_o2" => "moment of inertia of arm 2 about its joint",
+        "m1" => "mass of arm 1",
+        "m2" => "mass of arm 2",
+        "e1" => "distance of arm 1's centroid from its joint",
+        "e2" => "distance of arm 2's centroid from its joint",
+        "m1e1" => "mass of arm 1 times its centroid's distance",
+        "l1" => "length of arm 1 from joint to joint",
+        "a" => "amplitude of the drive",
+        "psi" => "phase of the drive",
+        "g" => "acceleration of gravity",
+        "tau_c1" => "dry friction torque in joint 1",
+        "tau_c2" => "dry friction torque in joint 2",
+        "c_r1" => "viscous friction in joint 1",
+        "c_r2" => "viscous friction in joint 2",
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn effects_have_plain_names() {
+        for (name, plain) in [
+            ("quadratic-drag@arm2", "quadratic drag on arm 2"),
+            ("coulomb-friction@joint1", "Coulomb friction in joint 1"),
+            ("zero-offset@encoder2", "zero offset of encoder 2"),
+            ("drive-harmonic-2@drive", "drive harmonic 2"),
+            ("frame-tilt@frame", "frame tilt of the frame"),
+            ("cubic-stiffness@q", "cubic stiffness at q"),
+            ("refit", "refit"),
+        ] {
+            assert_eq!(effect(name), plain);
+        }
+        let names = ["a", "b", "c"].map(str::to_owned);
+        assert_eq!((listed(&names), listed(&names[..1])), ("a, b and c".to_owned(), "a".to_owned()));
+    }
+
+    #[test]
+    fn every_coefficient_of_the_double_pendulum_has_one() {
+        for d in crate::model::double_pendulum::DAMPINGS {
+            assert!(d.names.iter().flatten().all(|n| parameter(n).is_some()), "{}", d.id);
+        }
+        for n in ["B11", "B12", "B13", "B14", "B15", "B21", "B22", "B23", "B24", "B25"] {
+            assert!(parameter(n).is_some(), "{n}");
+        }
+    }
+}
