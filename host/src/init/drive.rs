@@ -164,7 +164,7 @@ fn stands(x: &[f64], rate: f64, hz: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::{Rng, SeedableRng};
+    use rand::{RngExt, SeedableRng};
 
     #[test]
     fn a_line_that_stands_is_told_from_one_that_dies_or_wanders() {

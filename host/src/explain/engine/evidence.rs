@@ -6,6 +6,7 @@ use super::candidates::{Candidate, Column};
 use super::design::Design;
 use super::power::Power;
 use super::setting::Setting;
+use super::shooting::Followed;
 use super::shooting::blocks::Blocks;
 use super::state::State;
 use super::{design, power, shooting};
@@ -18,6 +19,10 @@ const LEAST_SHARE: f64 = 0.01;
 
 /// Standard errors between windows at which a gain counts.
 const LEAST_DEVIATIONS: f64 = 2.0;
+
+/// Most rounds of shooting after something has joined, and the share of what is left by which it falls while it still does.
+const MOST_ROUNDS: usize = 12;
+const STILL_FALLS: f64 = 0.005;
 
 /// Columns of the model's own, of what was chosen, then of every candidate.
 pub enum Evidence {
@@ -235,11 +240,18 @@ fn by_rows(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>,
 }
 
 fn by_shooting(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>, rounds: usize) -> Result<Outcome> {
-    // What has just joined may move the path far: once more than the weak form.
-    for _ in 0..rounds {
+    // What has just joined may move the path far: once more than the weak form, and on while less and less is left.
+    let mut left = f64::INFINITY;
+    for round in 0..MOST_ROUNDS {
         let (x, covariance) = shooting::settle(setting, state).ok_or_else(singular)?;
         state.take(setting, &x);
         state.renew(setting, &x, &covariance);
+        let now = state.followed.as_ref().map_or(f64::NAN, Followed::left);
+        let falls = now < (1.0 - STILL_FALLS) * left;
+        if round + 1 >= rounds && !falls {
+            break;
+        }
+        left = now;
     }
     let own: Vec<usize> = (0..state.own_columns()).collect();
     let further: Vec<&Candidate> = candidates.iter().collect();

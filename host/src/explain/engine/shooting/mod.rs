@@ -93,6 +93,11 @@ impl Followed {
         self.length.unwrap_or(0)
     }
 
+    /// Mean of what is left of the windows, in units of the noise's power.
+    pub fn left(&self) -> f64 {
+        mean_of(&self.left)
+    }
+
     /// The windows that were followed until they stood still.
     fn kept(&self, setting: &Setting<'_>) -> Option<Vec<Window>> {
         let n = setting.circle.len();
@@ -216,9 +221,8 @@ fn back_from_astray(setting: &Setting<'_>, state: &State, found: Fitted) -> Fitt
             path.states[range.clone()].copy_from_slice(&smoothed.states[range]);
         }
     }
-    let mean = |f: &Followed| f.left.iter().filter(|l| l.is_finite()).sum::<f64>() / f.count.max(1) as f64;
     match grown(setting, state, again, &[(length, PASSES[2])]) {
-        Some(back) if mean(&back.0) < mean(followed) => back,
+        Some(back) if back.0.left() < followed.left() => back,
         _ => found,
     }
 }
