@@ -224,7 +224,7 @@ mod tests {
     fn without_a_header_columns_are_numbered() {
         assert_eq!(names("0.0,1.0\n0.1,1.1\n0.2,1.3\n"), (',', list(&["c1", "c2"]), 0, 0));
         assert_eq!(names("0,0;1,0\n0,1;1,1\n0,2;1,3\n"), (';', list(&["c1", "c2"]), 0, 0));
-        assert_eq!(names("# a note\n0  1.0\n1  1.1\n2  1.3\n"), (' ', list(&["c1", "c2"]), 1, 0));
+        assert_eq!(names("# a note of mine\n0  1.0\n1  1.1\n2  1.3\n"), (' ', list(&["c1", "c2"]), 1, 0));
     }
 
     #[test]

@@ -121,7 +121,7 @@ fn bad_archives_are_told() {
         assert!(parts.iter().all(|p| message.contains(p)), "{parts:?}: {message}");
     };
     told(&good(true, 0, 500, None), &["r.npz", "a column t", "fs (Hz)"]);
-    told(&good(true, 40, 500, None), &["array t", "40 values in t, 500 in q"]);
+    told(&good(true, 40, 500, None), &["array t", "40 values in t, 500 in the channels"]);
     told(&good(true, 500, 7, None), &["array c", "7 values in c"]);
     told(&good(true, 0, 500, Some(-1.0)), &["array fs", "found -1", "above 0"]);
     let loud = archive(false, &[("q", npy("<\u{1b}8", "(5,)", &[0; 40])), ("c", npy("<i4", "(5,)", &[0; 20]))]);

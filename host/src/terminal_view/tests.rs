@@ -135,7 +135,7 @@ fn first_light_says_what_each_encoder_does() {
         "encoder 1: θ₁",
         "arm 2 against arm 1",
         "counts up (+)",
-        "11.998 turns",
+        "12.002 turns",
         "not seen yet",
         "as wired",
         "power-up",
