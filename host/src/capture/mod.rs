@@ -218,6 +218,8 @@ pub struct RowsOutcome {
 /// is a readable record, and the message says so.
 pub fn run(settings: &CaptureSettings, rig: &Rig, progress: &mut dyn FnMut(&Progress)) -> Result<CaptureOutcome> {
     settings.validate()?;
+    // Before the device is spoken to.
+    settings.until.as_ref().map_or(Ok(()), |until| until.check(rig))?;
     let mut source = source::parse(&settings.from, rig)?;
     run_from(settings, rig, &mut *source, progress)
 }

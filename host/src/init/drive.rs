@@ -1,7 +1,7 @@
 //! A drive's frequency from the motion alone: a line that stands over the whole record.
 //!
 //! What is locked to a drive makes a line as narrow as the record is long, whose phase goes on from its beginning to its end, and which does
-//! not die away; a free motion's lines wander with its amplitude. Looked at are the squares of the angles' velocities, which keep the line of a
+//! not die away; a free motion's lines wander with its amplitude. The equations of motion decide which of them is one ([`super::settle`]). Looked at are the squares of the angles' velocities, which keep the line of a
 //! vertical drive in chaos (see [`crate::inspect::drive_check`]), and the velocities themselves. Neither needs the angles' scale.
 
 use super::columns::{Kind, Seen};
@@ -19,62 +19,67 @@ const COHERENT: f64 = 0.8;
 /// Least amplitude in the last half over that in the first.
 const LASTS: f64 = 0.5;
 /// Score from which a line is one: standard deviations above the other bins.
-const CLEAR: f64 = 8.0;
+const CLEAR: f64 = 5.0;
 /// Fewest drive periods in a record.
 const PERIODS: f64 = 30.0;
-/// Lines that are looked at.
+/// Lines that are looked at, and the bins within which two are one.
 const MOST: usize = 12;
+const APART: usize = 3;
+/// Of those, how many may stand for a vertical drive, and for a horizontal one.
+const MOST_EVEN: usize = 4;
+const MOST_ODD: usize = 2;
 
-/// The drive of a record; none where no line stands.
-pub(super) fn find(raw: &Raw, seen: &[Seen]) -> Option<DraftDrive> {
-    let stretch = (0..raw.record.segments.len()).max_by_key(|s| raw.record.segments[*s].len())?;
-    let segment = &raw.record.segments[stretch];
-    let rate = 1.0 / segment.step_s;
+/// What may drive a record.
+#[derive(Debug, Default)]
+pub(super) struct Drives {
+    /// The drive whose phase the device recorded.
+    pub known: Option<DraftDrive>,
+    /// Drives that would make the lines of the motion's spectrum, the clearest lines first: the equations of motion decide.
+    pub possible: Vec<DraftDrive>,
+}
+
+/// Looks for the drive of a record.
+pub(super) fn find(raw: &Raw, seen: &[Seen]) -> Drives {
     if let Some(hz) = crate::inspect::drive_check::phase_frequency(&raw.record).filter(|f| *f > 0.0) {
         let why = Statement::new("drive", format!("{} Hz", nice(hz, 1e-7)), "the device recorded the drive's phase");
-        return Some(DraftDrive { direction: Direction::Vertical, frequency_hz: nice(hz, 1e-7), why: vec![why] });
+        let known = DraftDrive { direction: Direction::Vertical, frequency_hz: nice(hz, 1e-7), why: vec![why] };
+        return Drives { known: Some(known), possible: Vec::new() };
     }
-    let angles: Vec<&Seen> = seen.iter().filter(|s| s.kind == Kind::Angle).collect();
+    let Some(stretch) = (0..raw.record.segments.len()).max_by_key(|s| raw.record.segments[*s].len()) else {
+        return Drives::default();
+    };
+    let rate = 1.0 / raw.record.segments[stretch].step_s;
+    let angles = seen.iter().filter(|s| s.kind == Kind::Angle);
     let velocities: Vec<Vec<f64>> =
-        angles.iter().filter_map(|s| Some(velocity(raw.values(s.index).get(stretch)?, s))).collect();
+        angles.filter_map(|s| Some(velocity(raw.values(s.index).get(stretch)?, s))).collect();
     let squares: Vec<Vec<f64>> = velocities.iter().map(|v| v.iter().map(|v| v * v).collect()).collect();
-    let even = line(&squares, rate);
-    let odd = line(&velocities, rate);
-    let (hz, direction, why) = match (even, odd) {
-        // Under a horizontal drive the velocity has the drive's line and its square twice that.
-        (even, Some(odd))
-            if even.is_none_or(|e| near(e.hz, 2.0 * odd.hz, odd.resolution) || odd.score > 2.0 * e.score) =>
-        {
-            (odd, Direction::Horizontal, "the velocity has it")
-        }
-        (Some(even), _) => (even, Direction::Vertical, "the square of the velocity has it"),
-        (None, _) => return None,
-    };
-    let f = nice(hz.hz, 0.05 * hz.resolution / hz.hz);
+    let even = lines(&squares, rate).into_iter().take(MOST_EVEN);
+    let odd = lines(&velocities, rate).into_iter().take(MOST_ODD);
+    let even = even.map(|l| of_line(&l, Direction::Vertical, "the square of the velocity has it"));
+    // Under a horizontal drive the velocity has the drive's line.
+    let odd = odd.map(|l| of_line(&l, Direction::Horizontal, "the velocity has it"));
+    Drives { known: None, possible: even.chain(odd).collect() }
+}
+
+/// The drive that a line would stand for.
+fn of_line(line: &Line, direction: Direction, why: &str) -> DraftDrive {
+    let f = nice(line.hz, 0.05 * line.resolution / line.hz);
+    let phase = if line.stands { " over the whole record in one phase" } else { "" };
     let text = format!(
-        "a line at {} Hz stands over the whole record in one phase ({why}; {} standard deviations above its surroundings)",
-        significant(hz.hz, 6),
-        significant(hz.score, 2)
+        "a line at {} Hz stands{phase} ({why}; {} standard deviations above its surroundings)",
+        significant(line.hz, 6),
+        significant(line.score, 2)
     );
-    let direction_why = match direction {
-        Direction::Horizontal => {
-            "a motion that goes once to and fro in a drive period; a vertical drive of twice the frequency may do the same"
-        }
-        Direction::Vertical => "a line in the square of the velocity alone is what a vertical drive leaves",
+    let (name, direction_why) = match direction {
+        Direction::Horizontal => (
+            "horizontal",
+            "a motion that goes once to and fro in a drive period; a vertical drive of twice the frequency may do the same",
+        ),
+        Direction::Vertical => ("vertical", "a line in the square of the velocity is what a vertical drive leaves"),
     };
-    Some(DraftDrive {
-        direction,
-        frequency_hz: f,
-        why: vec![
-            Statement::new("drive", format!("{f} Hz"), text),
-            Statement::new(
-                "drive",
-                if direction == Direction::Vertical { "vertical" } else { "horizontal" },
-                direction_why,
-            )
-            .to_check(),
-        ],
-    })
+    let why =
+        vec![Statement::new("drive", format!("{f} Hz"), text), Statement::new("drive", name, direction_why).to_check()];
+    DraftDrive { direction, frequency_hz: f, why }
 }
 
 /// Velocity in the column's units a second, turns undone.
@@ -99,21 +104,19 @@ struct Line {
     hz: f64,
     score: f64,
     resolution: f64,
+    /// Whether it goes on in one phase and does not die away.
+    stands: bool,
 }
 
-fn near(a: f64, b: f64, resolution: f64) -> bool {
-    (a - b).abs() < 1.5 * resolution
-}
-
-/// The line with the greatest score that stands in all series together.
-fn line(series: &[Vec<f64>], rate: f64) -> Option<Line> {
-    let piece = spectrum::fast_length(series.iter().map(Vec::len).min()?);
+/// The lines of all series together: those that stand first, then by their score.
+fn lines(series: &[Vec<f64>], rate: f64) -> Vec<Line> {
+    let Some(piece) = series.iter().map(Vec::len).min().map(spectrum::fast_length) else { return Vec::new() };
     let densities: Vec<Density> =
         series.iter().filter_map(|x| spectrum::welch(&[x.get(..piece)?], rate, piece).ok()).collect();
-    let bin_hz = densities.first()?.bin_hz;
+    let Some(bin_hz) = densities.first().map(|d| d.bin_hz) else { return Vec::new() };
     let (from, to) = (PERIODS as usize, (0.1 * rate / bin_hz) as usize);
     if to < from + 50 {
-        return None;
+        return Vec::new();
     }
     let sums: Vec<f64> = (from..=to)
         .map(|m| {
@@ -126,12 +129,19 @@ fn line(series: &[Vec<f64>], rate: f64) -> Option<Line> {
     let mut order: Vec<usize> = (0..sums.len()).collect();
     order.sort_by(|a, b| sums[*b].total_cmp(&sums[*a]));
     let score = |i: usize| (sums[i] - middle) / spread.max(1e-9);
-    order.into_iter().take(MOST).filter(|i| score(*i) > CLEAR).find_map(|i| {
-        let lines = densities.iter().enumerate().filter_map(|(k, d)| Some((k, spectrum::line_at(d, from + i)?)));
-        let (k, best) = lines.max_by(|a, b| a.1.prominence.total_cmp(&b.1.prominence))?;
-        let hz = stands(&series[k], rate, best.frequency_hz)?;
-        Some(Line { hz, score: score(i), resolution: bin_hz })
-    })
+    let mut out: Vec<(usize, Line)> = Vec::new();
+    for i in order.into_iter().take_while(|i| score(*i) > CLEAR) {
+        if out.len() == MOST || out.iter().any(|(j, _)| i.abs_diff(*j) <= APART) {
+            continue;
+        }
+        let found = densities.iter().enumerate().filter_map(|(k, d)| Some((k, spectrum::line_at(d, from + i)?)));
+        let Some((k, best)) = found.max_by(|a, b| a.1.prominence.total_cmp(&b.1.prominence)) else { continue };
+        let stands = stands(&series[k], rate, best.frequency_hz);
+        let hz = stands.unwrap_or(best.frequency_hz);
+        out.push((i, Line { hz, score: score(i), resolution: bin_hz, stands: stands.is_some() }));
+    }
+    out.sort_by_key(|(_, l)| !l.stands);
+    out.into_iter().map(|(_, l)| l).collect()
 }
 
 /// The frequency of a line that goes on in one phase over all parts of a series; none where it does not.
@@ -174,13 +184,13 @@ mod tests {
         let n = 20_000;
         let t = |i: usize| i as f64 / rate;
         let stand: Vec<f64> = (0..n).map(|i| 0.3 * (31.4 * t(i)).sin() + 2.0 * noise()).collect();
-        let found = line(&[stand], rate).unwrap();
-        assert!((found.hz - 31.4 / core::f64::consts::TAU).abs() < 0.1 * found.resolution, "{found:?}");
+        let found = lines(&[stand], rate)[0];
+        assert!(found.stands && (found.hz - 31.4 / core::f64::consts::TAU).abs() < 0.1 * found.resolution, "{found:?}");
         let dies: Vec<f64> = (0..n).map(|i| (-0.05 * t(i)).exp() * (31.4 * t(i)).sin() + 0.1 * noise()).collect();
-        assert!(line(&[dies], rate).is_none());
+        assert!(lines(&[dies], rate).iter().all(|l| !l.stands));
         let wanders: Vec<f64> = (0..n).map(|i| (31.4 * t(i) + 0.02 * t(i).powi(2)).sin() + 0.1 * noise()).collect();
-        assert!(line(&[wanders], rate).is_none());
+        assert!(lines(&[wanders], rate).iter().all(|l| !l.stands));
         let nothing: Vec<f64> = (0..n).map(|_| noise()).collect();
-        assert!(line(&[nothing], rate).is_none());
+        assert!(lines(&[nothing], rate).iter().all(|l| !l.stands || l.score < 8.0));
     }
 }

@@ -173,11 +173,11 @@ pub fn draft(path: &Path, settings: &Settings) -> Result<Draft> {
         unused: raw.unused.iter().cloned().chain(chosen.unused).collect(),
         stored: None,
     };
-    if chosen.may_be_driven {
-        draft.drive = drive::find(&raw, &seen);
-    }
+    let drive::Drives { known, possible } =
+        if chosen.may_be_driven { drive::find(&raw, &seen) } else { drive::Drives::default() };
+    draft.drive = known;
     if draft.model.is_some() {
-        settle::settle(&mut draft, &seen, settings)?;
+        settle::settle(&mut draft, &seen, (settings, &possible))?;
     }
     Ok(draft)
 }

@@ -64,7 +64,8 @@ pub(super) fn read(path: &Path, settings: &Settings) -> Result<Raw> {
         (Ok(record), _) => record,
         (Err(e), Err(_)) if settings.choices.time.is_none() => {
             let (found, record) = time_by_values(path, &numbers, settings).ok_or(e)?;
-            let text = "no column is called a time, and this is the first that increases evenly from row to row";
+            let called = if all.iter().any(|n| names::is_time(n)) { "more than one column is" } else { "no column is" };
+            let text = format!("{called} called a time, and this is the first that increases evenly from row to row");
             why.push(Statement::new(&found, "the time", text).to_check());
             numbers.retain(|n| *n != found);
             time.column = Some(found);

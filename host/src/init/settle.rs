@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::columns::Seen;
 use super::counts::likely;
-use super::{Draft, Settings, Statement};
+use super::{Draft, DraftDrive, Settings, Statement};
 use crate::error::Result;
 use crate::identify::suspects;
 use crate::record::Record;
@@ -19,6 +19,10 @@ use crate::rig::Direction;
 /// Seconds that are looked at of a free system; drive periods of a driven one.
 const FREE_S: f64 = 40.0;
 const PERIODS: f64 = 200.0;
+/// Drive periods of the slowest drive that is possible.
+const FEW_PERIODS: f64 = 60.0;
+/// By how much less a reading with a drive must leave than all without, in ln(residual/noise power): ten times less power.
+const DRIVEN: f64 = 2.3;
 /// By how much less the best reading must leave, in ln(residual/noise power).
 const CLEARLY: f64 = 0.15;
 
@@ -28,21 +32,27 @@ struct Tried {
     left: f64,
 }
 
-/// Settles what the equations tell.
-pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings) -> Result<()> {
+/// Settles what the equations tell; a drive is one of those that are possible, or none.
+pub(super) fn settle(draft: &mut Draft, seen: &[Seen], (settings, possible): (&Settings, &[DraftDrive])) -> Result<()> {
     let rig = draft.rig()?;
     let mut record = Record::read(&draft.record, &rig, &settings.options)?;
     let start = record.segments.first().map_or(0.0, |s| s.start_s);
-    let length = draft.drive.as_ref().map_or(FREE_S, |d| PERIODS / d.frequency_hz);
+    let slowest = possible.iter().map(|d| d.frequency_hz).fold(f64::INFINITY, f64::min);
+    let length = draft.drive.as_ref().map_or(FREE_S.max(FEW_PERIODS / slowest), |d| PERIODS / d.frequency_hz);
     // Without a bound that fits, all of it is looked at.
     let _ = record.cut(&Part { from_s: None, to_s: Some(start + length) });
     let open = |name: &str| seen.iter().any(|s| s.name == name && s.unit == "count" && s.counts.is_none());
     let unknown: Vec<usize> = (0..draft.channels.len()).filter(|k| open(&draft.channels[*k].name)).collect();
-    let mut tried = try_all(readings(draft, &unknown, settings), &record);
+    let mut tried = try_all(readings(draft, &unknown, (settings, possible)), &record);
     if tried.is_empty() {
         return Ok(());
     }
     tried.sort_by(|a, b| a.left.total_cmp(&b.left));
+    // A drive adds terms, which take something away even where there is none.
+    let at_rest = tried.iter().find(|t| t.draft.drive.is_none()).map_or(f64::INFINITY, |t| t.left);
+    if at_rest - tried[0].left < DRIVEN {
+        tried.retain(|t| t.draft.drive.is_none());
+    }
     let best = tried[0].draft.clone();
     let left = tried[0].left;
     let next = |differs: &dyn Fn(&Draft) -> bool| {
@@ -70,21 +80,16 @@ fn frequency(draft: &Draft) -> Option<f64> {
 }
 
 /// All readings that are possible.
-fn readings(draft: &Draft, unknown: &[usize], settings: &Settings) -> Vec<Draft> {
+fn readings(draft: &Draft, unknown: &[usize], (settings, possible): (&Settings, &[DraftDrive])) -> Vec<Draft> {
     let mut out = vec![draft.clone()];
     if draft.model.as_deref() == Some("double-pendulum") && settings.choices.map.is_empty() {
         let orders = [["theta1", "theta2"], ["phi1", "phi2"], ["theta2", "theta1"], ["phi2", "phi1"]];
         out = orders.iter().map(|order| measuring(draft, order)).collect();
     }
-    if let Some(d) = draft.drive.as_ref().filter(|d| d.direction == Direction::Horizontal) {
-        // To and fro once in a drive period, or in two of a vertical drive. The double pendulum's equations have a vertical drive only.
-        let drive = |direction: Direction, times: f64| {
-            let other = super::DraftDrive { direction, frequency_hz: times * d.frequency_hz, why: d.why.clone() };
-            out.iter().map(|draft| Draft { drive: Some(other.clone()), ..draft.clone() }).collect::<Vec<_>>()
-        };
-        let once = if draft.model.as_deref() == Some("double-pendulum") { Direction::Vertical } else { d.direction };
-        out = [drive(once, 1.0), drive(Direction::Vertical, 2.0)].concat();
-    }
+    let drives = possible.iter().flat_map(|d| drives_of(draft, d)).map(Some).chain([draft.drive.clone()]);
+    let with_drive =
+        |drive: Option<DraftDrive>| out.iter().map(|d| Draft { drive: drive.clone(), ..d.clone() }).collect::<Vec<_>>();
+    out = drives.flat_map(with_drive).collect();
     if unknown.is_empty() {
         return out;
     }
@@ -96,6 +101,17 @@ fn readings(draft: &Draft, unknown: &[usize], settings: &Settings) -> Vec<Draft>
     out.iter()
         .flat_map(|d| likely().into_iter().filter(|n| *n >= 200).map(|n| with(d, n)).collect::<Vec<_>>())
         .collect()
+}
+
+/// A drive that is possible, or what else makes its line: a motion goes to and fro once in a period of a horizontal drive, or in two of a vertical one.
+fn drives_of(draft: &Draft, d: &DraftDrive) -> Vec<DraftDrive> {
+    if d.direction == Direction::Vertical {
+        return vec![d.clone()];
+    }
+    let drive = |direction, times: f64| DraftDrive { direction, frequency_hz: times * d.frequency_hz, ..d.clone() };
+    // The double pendulum's equations have a vertical drive only.
+    let once = if draft.model.as_deref() == Some("double-pendulum") { Direction::Vertical } else { d.direction };
+    vec![drive(once, 1.0), drive(Direction::Vertical, 2.0)]
 }
 
 fn measuring(draft: &Draft, order: &[&str]) -> Draft {

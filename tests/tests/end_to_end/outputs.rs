@@ -158,7 +158,7 @@ fn an_output_is_a_file_in_a_folder_that_can_be_written_to() {
     }
     assert!(!at.join("-").exists());
     let printed = done(at, "identify r.csv --rig rig.toml --json -");
-    assert!(printed.starts_with("{\n  \"model\""), "{printed}");
+    assert!(printed.starts_with("{\n  \"format\": 1,\n  \"model\""), "{printed}");
     // A device takes results as it always did.
     #[cfg(unix)]
     {

@@ -230,8 +230,10 @@ fn what_a_file_leaves_open_is_asked_for() {
     let three = rows(&|t| format!("{t:.2},{:.4},{:.4},{:.4}", t.sin(), (1.3 * t).sin(), (1.7 * t).sin()));
     let e = told("three.csv", &format!("t,phi1,phi2,phi3\n{three}"));
     assert!(e.contains("--system") && e.contains("triple-pendulum"), "{e}");
-    let e = told("two.csv", &format!("time,timestamp,phi1,phi2\n{three}"));
-    assert!(e.contains("\"time\" and \"timestamp\"") && e.contains("--time"), "{e}");
+    // Of two that are called a time the one that is one.
+    std::fs::write(at.join("two.csv"), format!("time,timestamp,phi1,phi2\n{three}")).unwrap();
+    let said = done(at, "init two.csv -o two.toml");
+    assert!(said.contains("more than one column is called a time"), "{said}");
     let e = told("none.csv", &format!("a,b\n{}", rows(&|t| format!("{:.4},{:.4}", t.sin(), t.cos()))));
     assert!(e.contains("--time COLUMN"), "{e}");
     let e = told("still.csv", &format!("t,angle\n{}", rows(&|t| format!("{t:.2},1"))));
