@@ -135,7 +135,7 @@ fn first_light_says_what_each_encoder_does() {
         "encoder 1: θ₁",
         "arm 2 against arm 1",
         "counts up (+)",
-        "12.002 turns",
+        "11.998 turns",
         "not seen yet",
         "as wired",
         "power-up",
@@ -145,6 +145,6 @@ fn first_light_says_what_each_encoder_does() {
     let at_rest = |tick| crate::capture::feed::SeenSample { phase_increment: 0, amplitude_nm: 0, ..sample(tick) };
     scene.take(Seen { samples: vec![at_rest(6_001)], ..Seen::default() });
     let text = screen(&scene, 80, 24);
-    assert!(text.contains("Turn an arm by one whole turn") && text.contains("whirl device zero"), "{text}");
+    assert!(text.contains("Turn one arm by one whole turn") && text.contains("whirl device zero"), "{text}");
     println!("{text}");
 }
