@@ -171,7 +171,7 @@ fn by_values(seen: &mut Seen, parts: &[&[f64]], e: Extent) {
         let unit = if size > 13.0 { "deg" } else { "rad" };
         (seen.kind, seen.unit) = (Kind::Angle, unit);
         let why = format!("its name says an angle, and its values go to {}", significant(size, 3));
-        seen.why.push(Statement::new(&seen.name, format!("an angle in {unit}"), why).to_check());
+        seen.why.push(Statement::new(&seen.name, format!("an angle in {unit}"), why).unsure());
     }
 }
 

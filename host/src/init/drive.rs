@@ -78,7 +78,7 @@ fn of_line(line: &Line, direction: Direction, why: &str) -> DraftDrive {
         Direction::Vertical => ("vertical", "a line in the square of the velocity is what a vertical drive leaves"),
     };
     let why =
-        vec![Statement::new("drive", format!("{f} Hz"), text), Statement::new("drive", name, direction_why).to_check()];
+        vec![Statement::new("drive", format!("{f} Hz"), text), Statement::new("drive", name, direction_why).unsure()];
     DraftDrive { direction, frequency_hz: f, why }
 }
 

@@ -40,7 +40,7 @@ impl Statement {
         Self { of: of.into(), taken_for: taken_for.into(), why: why.into(), check: false }
     }
 
-    fn to_check(mut self) -> Self {
+    fn unsure(mut self) -> Self {
         self.check = true;
         self
     }

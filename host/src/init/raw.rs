@@ -66,7 +66,7 @@ pub(super) fn read(path: &Path, settings: &Settings) -> Result<Raw> {
             let (found, record) = time_by_values(path, &numbers, settings).ok_or(e)?;
             let called = if all.iter().any(|n| names::is_time(n)) { "more than one column is" } else { "no column is" };
             let text = format!("{called} called a time, and this is the first that increases evenly from row to row");
-            why.push(Statement::new(&found, "the time", text).to_check());
+            why.push(Statement::new(&found, "the time", text).unsure());
             numbers.retain(|n| *n != found);
             time.column = Some(found);
             record
@@ -159,7 +159,7 @@ fn other_unit(record: &mut Record, time: &mut TimeChoice, why: &mut Vec<Statemen
     time.unit = Some(unit.to_owned());
     let step = significant(1.0 / rate, 6);
     let text = format!("no unit is said; rows {step} apart would be {} Hz in seconds", significant(rate, 3));
-    why.push(Statement::new(name, format!("a time in {unit}"), text).to_check());
+    why.push(Statement::new(name, format!("a time in {unit}"), text).unsure());
 }
 
 /// The rate, rounded as far as the clock allows.

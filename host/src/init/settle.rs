@@ -150,7 +150,7 @@ fn tell_counts(draft: &mut Draft, k: usize, by: f64) {
             text,
             "the equations of motion fit nearly as well with others: see the encoder's data sheet",
         )
-        .to_check()
+        .unsure()
     });
 }
 
@@ -164,7 +164,7 @@ fn tell_measures(draft: &mut Draft, by: f64) {
         c.why.push(if by > CLEARLY {
             Statement::new(&c.name, what, format!("the equations of motion fit so; {}", beside(by)))
         } else {
-            Statement::new(&c.name, what, "the equations of motion fit nearly as well otherwise").to_check()
+            Statement::new(&c.name, what, "the equations of motion fit nearly as well otherwise").unsure()
         });
     }
 }
@@ -173,7 +173,7 @@ fn tell_drive(draft: &mut Draft, by: f64) {
     let Some(d) = &mut draft.drive else { return };
     let text = format!("{} Hz", d.frequency_hz);
     let told = Statement::new("drive", text, format!("the equations of motion fit so; {}", beside(by)));
-    d.why.push(if by > CLEARLY { told } else { told.to_check() });
+    d.why.push(if by > CLEARLY { told } else { told.unsure() });
 }
 
 /// What the equations say of the finished reading: the drive's direction and a frequency that is off.
@@ -209,6 +209,6 @@ fn refine(draft: &mut Draft, record: &Record) {
     {
         d.why.retain(|s| !s.check);
         let why = "the double pendulum's equations have no other; one that moves sideways needs a model file";
-        d.why.push(Statement::new("drive", "vertical", why).to_check());
+        d.why.push(Statement::new("drive", "vertical", why).unsure());
     }
 }

@@ -135,13 +135,11 @@ fn channel(seen: &Seen, measures: &str) -> DraftChannel {
     if seen.unit == "count" && counts_per_turn.is_none() {
         counts_per_turn = Some(COMMON);
         let text = format!("{COMMON} counts a turn");
-        why.push(
-            Statement::new(&seen.name, text, "nothing in the record shows them; this is the commonest").to_check(),
-        );
+        why.push(Statement::new(&seen.name, text, "nothing in the record shows them; this is the commonest").unsure());
     }
     if seen.unit == "1" {
         let text = "neither its name nor its values say its unit; give one of those that docs/rig-file.md lists";
-        why.push(Statement::new(&seen.name, "numbers without a unit", text).to_check());
+        why.push(Statement::new(&seen.name, "numbers without a unit", text).unsure());
     }
     DraftChannel {
         name: seen.name.clone(),

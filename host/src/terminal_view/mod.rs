@@ -14,7 +14,7 @@ mod scene;
 use std::io::IsTerminal;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 
 use ratatui::DefaultTerminal;
@@ -76,10 +76,7 @@ impl View {
     /// Gives the terminal back; what was told meanwhile.
     pub fn end(self) -> Vec<String> {
         self.over.store(true, Ordering::Relaxed);
-        match self.done.recv_timeout(FAREWELL) {
-            Ok(lines) => lines,
-            Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => Vec::new(),
-        }
+        self.done.recv_timeout(FAREWELL).unwrap_or_default()
     }
 }
 

@@ -161,16 +161,13 @@ impl Scene {
 
     fn sample(&mut self, sample: SeenSample) {
         let ahead = self.history.back().map(|last| sample.tick.wrapping_sub(last.sample.tick));
-        match ahead {
+        if let Some(ahead @ (0 | 0x8000_0000..)) = ahead {
             // A repeated block, or one that comes late.
-            Some(0 | 0x8000_0000..) => {
-                if ahead.is_some_and(|ahead| ahead == 0 || ahead > u32::MAX - LATE) {
-                    return;
-                }
-                // A device that has restarted.
-                self.history.clear();
+            if ahead == 0 || ahead > u32::MAX - LATE {
+                return;
             }
-            _ => {}
+            // A device that has restarted.
+            self.history.clear();
         }
         self.history.push_back(Kept { sample, follows: ahead == Some(1) });
         let most = ((LONGEST_S * self.rate_hz) as usize).clamp(1, MOST_SAMPLES) + 2 * self.lag + 2;

@@ -32,7 +32,8 @@ fn unnamed(value: &Value, path: &str, named: &BTreeSet<String>, out: &mut BTreeS
                 if !named.contains(key) {
                     out.insert(here.clone());
                 }
-                if !FREE.contains(&key.as_str()) && !(key == "parameters" && v.is_object()) {
+                let of_a_form = key == "parameters" && v.is_object();
+                if !FREE.contains(&key.as_str()) && !of_a_form {
                     unnamed(v, &here, named, out);
                 }
             }

@@ -72,7 +72,7 @@ use crate::rig::measures::Bound;
 
 /// An explanation, or the sensors' noise with which it is to be made again.
 enum Attempt {
-    Done(Option<Explanation>),
+    Done(Option<Box<Explanation>>),
     Quieter(Sensors),
 }
 
@@ -85,7 +85,7 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
     // What is told is in units of the noise: once more from the beginning where the model found leaves less than was taken for it.
     for last in [false, true] {
         match attempt(records, rig, whole, settings, (sensors, last))? {
-            Attempt::Done(result) => return Ok(result),
+            Attempt::Done(result) => return Ok(result.map(|r| *r)),
             Attempt::Quieter(found) => sensors = Some(found),
         }
     }
@@ -114,7 +114,7 @@ fn attempt(
     let (blocks, window_s) = whole_windows(&setting, &state);
     if blocks < ranking::FOLDS {
         result.reason = decidability::too_few(blocks, window_s);
-        return Ok(Attempt::Done(Some(result)));
+        return Ok(Attempt::Done(Some(Box::new(result))));
     }
     if let Some(model) = &settings.model {
         given::take(&setting, &mut state, model)?;
@@ -122,7 +122,7 @@ fn attempt(
     let given = settings.model.is_some().then(|| state.clone());
     if !settled(&mut setting, &mut state) {
         result.reason = decidability::UNFOLLOWED.to_owned();
-        return Ok(Attempt::Done(Some(result)));
+        return Ok(Attempt::Done(Some(Box::new(result))));
     }
     let (blocks, window_s) = whole_windows(&setting, &state);
     let undecidable = undecidable(&setting, records, &first, (blocks, window_s));
@@ -137,7 +137,7 @@ fn attempt(
     if let Some(sensors) = (!last && outcome.evidence.is_shooting()).then(quieter).flatten() {
         return Ok(Attempt::Quieter(sensors));
     }
-    run.finish(&outcome, &first, undecidable).map(|r| Attempt::Done(Some(r)))
+    run.finish(&outcome, &first, undecidable).map(|r| Attempt::Done(Some(Box::new(r))))
 }
 
 /// The model before anything is added, fitted in windows as long as can be followed; where there is none the balance of forces is left. False where that cannot hold it.
