@@ -5,7 +5,7 @@
 //! ```
 //!
 //! The session keeps what is new in a batch and hands it over when the feed is free at that moment; where it is not, the batch waits.
-//! Nobody who takes, slowly or never, holds the recording up: batch and feed hold the newest [`MOST_SAMPLES`], older ones go unseen.
+//! Nobody who takes, slowly or never, holds the recording up: batch and feed hold the newest `MOST_SAMPLES`, older ones go unseen.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError, TryLockError};

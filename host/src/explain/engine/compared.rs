@@ -1,7 +1,7 @@
 //! The gap as one picture: what a sensor measured over some seconds, and what the models before and after predict of them.
 //!
 //! Both models run on freely from a window that was not fitted; the initial state of each is fitted to the window's beginning, of the gap's horizon. Of up to
-//! [`MOST`] windows the one is shown whose prediction before is off by the median.
+//! `MOST` windows the one is shown whose prediction before is off by the median.
 
 use nalgebra::DVector;
 use serde::Serialize;
