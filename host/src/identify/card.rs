@@ -1,7 +1,7 @@
 //! The card of an identification: see [`crate::report::card`].
 
 use super::model_file::identified_model;
-use super::presentation::{error, method_name};
+use super::presentation::method_name;
 use super::{Identification, Parameter};
 use crate::explain::card::equations;
 use crate::report::card::{Card, CardRow};
@@ -27,6 +27,15 @@ pub fn card(result: &Identification, rig: &Rig) -> Card {
     Card { verdict: sentence(result), parameters, equations, undecided: undecided(result), ..Card::default() }
 }
 
+/// A sentence as part of another: a word begins with a small letter, a symbol stays.
+fn inside(text: &str) -> String {
+    let mut letters = text.chars();
+    match (letters.next(), letters.clone().next()) {
+        (Some(first), Some(second)) if second.is_lowercase() => first.to_lowercase().chain(letters).collect(),
+        _ => text.to_owned(),
+    }
+}
+
 /// What was identified, how well, and whether it stands.
 fn sentence(result: &Identification) -> String {
     let mut known: Vec<f64> = result
@@ -40,7 +49,7 @@ fn sentence(result: &Identification) -> String {
         format!(", half of its parameters to ± {} % or better", significant(100.0 * median, 2))
     });
     let stands = if let Some(w) = result.warnings.iter().find(|w| w.invalidates) {
-        format!("but this answer cannot stand: {}", w.text.trim_end_matches('.'))
+        format!("but this answer cannot stand: {}", inside(w.text.trim_end_matches('.')))
     } else if !result.within_bound() {
         "but its equations do not balance on this record: something is missing, run `whirl explain`".to_owned()
     } else if result.warnings.iter().any(|w| w.id == "model-misses-something") {
@@ -49,11 +58,10 @@ fn sentence(result: &Identification) -> String {
         "and its equations describe the record".to_owned()
     };
     format!(
-        "The {} was identified from {} samples by {}{precision}, {stands} ({}).",
+        "The {} was identified from {} samples by {}{precision}, {stands}.",
         result.model.replace('-', " "),
         count(result.record.samples as u64),
-        method_name(&result.method),
-        error(result)
+        method_name(&result.method)
     )
 }
 
@@ -103,7 +111,7 @@ mod tests {
         assert!(told.verdict.contains("and its equations describe the record"), "{}", told.verdict);
         assert!(told.undecided[0].starts_with("B₁₄ cannot be determined"), "{:?}", told.undecided);
         assert!(told.undecided[1].starts_with("B₁₁ and B₂₂ trade off"), "{:?}", told.undecided);
-        result.warnings.push(Warning::new("x", "time runs backwards", "").invalidating());
+        result.warnings.push(Warning::new("x", "Time runs backwards", "").invalidating());
         assert!(card(&result, &rig).verdict.contains("cannot stand: time runs backwards"));
     }
 }

@@ -102,7 +102,7 @@ fn a_browser_shows_reports_whole_and_fetches_nothing() {
         let (found, log) = seen(browser, here, &page);
         assert_eq!(found.len(), 2, "{name}: {log}");
         for (view, width) in found.iter().zip([1280, 390]) {
-            assert!((view["width"].as_u64().unwrap()).abs_diff(width) <= 20, "{name}: {view}");
+            assert!(view["width"].as_u64().unwrap().abs_diff(width) <= 20, "{name}: {view}");
             assert!(view["drawn"].as_u64().unwrap() >= 2, "{name}: {view}");
             assert_eq!(view["out"], serde_json::json!([]), "{name} at {width} px: {view}");
             assert!(view["letters"].as_f64().unwrap() > 8.0, "{name} at {width} px: {view}");
