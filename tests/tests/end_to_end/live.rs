@@ -52,18 +52,18 @@ impl OnTerminal {
         Self { child, keys, bytes, screen: vt100::Parser::new(rows, columns, 0) }
     }
 
-    /// The screen once it satisfies `is`.
-    fn until(&mut self, what: &str, is: impl Fn(&str) -> bool) -> String {
+    /// The screen once every part stands on it: it arrives in pieces.
+    fn until(&mut self, parts: &[&str]) -> String {
         let begun = Instant::now();
         loop {
             if let Ok(bytes) = self.bytes.recv_timeout(Duration::from_millis(50)) {
                 self.screen.process(&bytes);
             }
             let text = self.screen.screen().contents().replace('\u{202f}', " ");
-            if is(&text) {
+            let Some(missing) = parts.iter().find(|part| !text.contains(*part)) else {
                 return text;
-            }
-            assert!(begun.elapsed() < PATIENCE, "no {what}:\n{text}");
+            };
+            assert!(begun.elapsed() < PATIENCE, "no {missing}:\n{text}");
         }
     }
 
@@ -107,13 +107,13 @@ fn the_view_shows_a_capture_and_q_ends_it_in_order() {
         quick_rig(folder.path());
         let arguments = "capture --live --from sim --rig rig.toml -o r.parquet --until C2=0.002% --json r.json";
         let mut run = OnTerminal::start(folder.path(), arguments, size);
-        run.until("recording", |t| t.contains("recording") && t.contains("recorded, until q"));
+        run.until(&["recording", "recorded, until q"]);
         // A rig in real time would need minutes for its first estimate.
         run.press("f");
-        let text = run.until("estimate", |t| t.contains("B11") && t.contains("still") && t.contains("C2 to ±0.002"));
-        run.press("f");
-        println!("{text}");
-        for part in [
+        let text = run.until(&[
+            "B11",
+            "still",
+            "C2 to ±0.002",
             portrait,
             "θ₂",
             "°/s",
@@ -125,18 +125,14 @@ fn the_view_shows_a_capture_and_q_ends_it_in_order() {
             "enabled, running",
             "15.525 mm of 15.525 asked",
             "5.000 Hz",
-            "C2",
-            "±",
             "end in order",
             "now",
-        ] {
-            assert!(text.contains(part), "{size:?}: {part}\n{text}");
-        }
+        ]);
+        run.press("f");
+        println!("{text}");
         assert!(dots(&text) > 40, "{text}");
         run.press("\t");
-        let light = run.until("first light", |t| t.contains("first light"));
-        println!("{light}");
-        assert!(light.contains("THE SHAKER IS ON") && light.contains("encoder 2: θ₂"), "{light}");
+        println!("{}", run.until(&["first light", "THE SHAKER IS ON", "encoder 2: θ₂"]));
         run.press("q");
         let (status, after) = run.end();
         assert_eq!(status, Some(0), "{after}");
@@ -155,8 +151,7 @@ fn control_c_ends_it_too_and_a_small_terminal_says_so() {
     quick_rig(folder.path());
     let arguments = "capture --live --no-drive --from sim --rig rig.toml -o r.parquet";
     let mut run = OnTerminal::start(folder.path(), arguments, (40, 10));
-    let text = run.until("size", |t| t.contains("40 × 10"));
-    assert!(text.contains("80 × 24"), "{text}");
+    run.until(&["40 × 10", "80 × 24"]);
     std::thread::sleep(Duration::from_secs(3));
     run.press("\x03");
     let (status, after) = run.end();
