@@ -5,9 +5,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::batch::{Parts, Single};
-use super::output::{Output, Replace, command_line, print_warnings};
-use super::{Analysed, Answer, Judgement, Records};
+use super::Judgement;
+use super::single::{Analysed, Common, Named, Single};
 use crate::batch::answers;
 use crate::batch::row::Row;
 use crate::error::{BadInput, Result};
@@ -18,11 +17,9 @@ use crate::identify::{
 use crate::inspect::{InspectSettings, inspect};
 use crate::record::regression_rows::RowsRecord;
 use crate::record::{ReadOptions, Record};
+use crate::report::Results;
 use crate::report::card::Card;
 use crate::report::format::significant;
-use crate::report::sections::provenance::Provenance;
-use crate::report::sections::warnings::Warnings;
-use crate::report::{Report, Results};
 use crate::rig::Rig;
 use crate::warning::Warning;
 
@@ -64,10 +61,7 @@ impl WeakForm {
 #[derive(Clone, Debug, Args)]
 pub struct Arguments {
     #[command(flatten)]
-    records: Records,
-    /// Rig file (`whirl init` writes one from a record).
-    #[arg(long, value_name = "RIG.toml")]
-    rig: PathBuf,
+    common: Common,
     /// Method [default: shooting where it stands, otherwise weak].
     #[arg(long, value_enum)]
     method: Option<Method>,
@@ -84,10 +78,6 @@ pub struct Arguments {
     output: Option<PathBuf>,
     #[command(flatten)]
     balance: super::identify_balance::BalanceArguments,
-    #[command(flatten)]
-    replace: Replace,
-    #[command(flatten)]
-    out: Output,
 }
 
 /// NAME=LOW:HIGH.
@@ -152,7 +142,7 @@ fn of_rows(arguments: &Arguments, rig: &Rig, records: &[RowsRecord]) -> Result<I
     }
     if !matches!(arguments.method, None | Some(Method::Weak))
         || !arguments.bound.is_empty()
-        || arguments.records.resample
+        || arguments.common.records.resample
     {
         return Err(BadInput::new(
             "a method that needs samples, or an option of it",
@@ -183,75 +173,28 @@ fn by_method(arguments: &Arguments, records: &[Record], rig: &Rig, settings: &Se
     }
 }
 
-/// Reads and identifies.
-fn analyse(arguments: &Arguments, rig: &Rig) -> Result<Analysed<Identification>> {
-    let options = ReadOptions { recover: arguments.records.recover, ..ReadOptions::default() };
-    if let Some(rows) = from_rows::read(&arguments.records.records, &options)? {
-        return Ok(Analysed { records: Vec::new(), result: of_rows(arguments, rig, &rows) });
+impl AsRef<Self> for Rig {
+    fn as_ref(&self) -> &Self {
+        self
     }
-    let records = arguments.records.read_for(rig)?;
-    let result = by_method(arguments, &records, rig, &arguments.weak.settings());
-    Ok(Analysed { records, result })
-}
-
-/// What makes the answer negative.
-fn judge(arguments: &Arguments, result: &Identification, lost: u64) -> Judgement {
-    if !result.within_bound() {
-        let bound = 100.0 * ERROR_BOUND;
-        return Judgement::negative(Some(format!("the identification error exceeds its bound of {bound:.0} %")));
-    }
-    Judgement::of(&result.warnings).and(arguments.records.judge(lost))
-}
-
-/// Reads, identifies, writes.
-pub fn run(arguments: &Arguments) -> Result<Answer> {
-    let (rig, files) = arguments.records.begin(&arguments.rig, &arguments.out, Some(arguments.replace))?;
-    files.result("-o", arguments.output.as_ref()).check()?;
-    let analysed = analyse(arguments, &rig)?;
-    let lost = analysed.lost();
-    let Analysed { records, result } = analysed;
-    let result = match result {
-        Ok(result) => result,
-        Err(error) => return arguments.records.failed(&records, error, &arguments.out),
-    };
-    print_warnings(&result.warnings);
-    arguments.out.write_json(&result)?;
-    let card = card(&result, &rig);
-    arguments.out.say(&human(&result, &card));
-    if let Some(path) = &arguments.output {
-        model_file::identified_model(&result, &rig)?.write(path)?;
-    }
-    if let Some(path) = &arguments.out.report {
-        let names: Vec<String> = arguments.records.records.iter().map(|p| p.display().to_string()).collect();
-        let mut results = Results::new();
-        results.add(card).add(presentation::table(&result, "", &|_| None)).add(presentation::residuals(&result));
-        results.add(Warnings { warnings: result.warnings.clone() });
-        results.add(Provenance::of(&command_line()).with("rig file", rig.path.display()).records(&records));
-        // A report of an identification also shows what was identified from.
-        for record in &records {
-            results.add(inspect(record, &rig, &InspectSettings::default())?);
-        }
-        Report::of(format!("Identification: {}", rig.name), names.join(", "), &results).write(path)?;
-    }
-    let lost = if records.is_empty() { result.record.lost } else { lost };
-    Ok(judge(arguments, &result, lost).tell())
 }
 
 impl Single for Arguments {
     const NAME: &'static str = "identify";
+    const HEADING: &'static str = "Identification";
     type Ready = Rig;
     type Result = Identification;
 
-    fn parts(&self) -> Parts<'_> {
-        Parts { records: &self.records, rig: &self.rig, out: &self.out, replace: self.replace }
+    fn common(&self) -> &Common {
+        &self.common
     }
 
-    fn records_mut(&mut self) -> &mut Records {
-        &mut self.records
+    fn common_mut(&mut self) -> &mut Common {
+        &mut self.common
     }
 
-    fn one_each(&self) -> Option<&'static str> {
-        self.output.as_ref().map(|_| "-o")
+    fn writes(&self) -> Vec<Named<'_>> {
+        self.output.iter().map(|path| ("-o", path.as_path())).collect()
     }
 
     fn prepare(&self, rig: Rig) -> Result<Rig> {
@@ -259,15 +202,52 @@ impl Single for Arguments {
     }
 
     fn analyse(&self, rig: &Rig) -> Result<Analysed<Identification>> {
-        analyse(self, rig)
+        let asked = &self.common.records;
+        let options = ReadOptions { recover: asked.recover, ..ReadOptions::default() };
+        if let Some(rows) = from_rows::read(&asked.records, &options)? {
+            return Ok(Analysed { records: Vec::new(), result: of_rows(self, rig, &rows) });
+        }
+        let records = asked.read_for(rig)?;
+        let result = by_method(self, &records, rig, &self.weak.settings());
+        Ok(Analysed { records, result })
+    }
+
+    fn warnings(result: &Identification) -> &[Warning] {
+        &result.warnings
     }
 
     fn judge(&self, result: &Identification, lost: u64) -> Judgement {
-        judge(self, result, lost.max(result.record.lost))
+        if !result.within_bound() {
+            let bound = 100.0 * ERROR_BOUND;
+            return Judgement::negative(Some(format!("the identification error exceeds its bound of {bound:.0} %")));
+        }
+        // Rows tell themselves what is missing.
+        self.stands(result, lost.max(result.record.lost))
     }
 
-    fn cells(row: &mut Row, result: &Identification) -> Vec<Warning> {
+    fn card(rig: &Rig, result: &Identification) -> Card {
+        card(result, rig)
+    }
+
+    fn human(result: &Identification, card: &Card) -> String {
+        human(result, card)
+    }
+
+    fn write(&self, rig: &Rig, _records: &[Record], result: &Identification) -> Result<()> {
+        let Some(path) = &self.output else { return Ok(()) };
+        model_file::identified_model(result, rig)?.write(path)
+    }
+
+    /// A report of an identification also shows what was identified from.
+    fn show(rig: &Rig, records: &[Record], result: &Identification, into: &mut Results) -> Result<()> {
+        into.add(presentation::table(result, "", &|_| None)).add(presentation::residuals(result));
+        for record in records {
+            into.add(inspect(record, rig, &InspectSettings::default())?);
+        }
+        Ok(())
+    }
+
+    fn cells(row: &mut Row, result: &Identification) {
         answers::identification(row, result);
-        result.warnings.clone()
     }
 }

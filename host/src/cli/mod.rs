@@ -27,6 +27,7 @@ mod reduce;
 mod reproduce;
 mod simulate;
 mod simulate_model;
+mod single;
 mod validate;
 
 use std::io::Write;
@@ -154,20 +155,6 @@ impl Judgement {
     fn tell(self) -> Answer {
         self.told.iter().for_each(tell);
         if self.negative { Answer::Negative } else { Answer::Positive }
-    }
-}
-
-/// What became of an analysis of records that could be read: its result, or why there is none.
-struct Analysed<T> {
-    /// The records; none where they hold rows instead of samples.
-    records: Vec<Record>,
-    result: Result<T>,
-}
-
-impl<T> Analysed<T> {
-    /// Missing samples.
-    fn lost(&self) -> u64 {
-        self.records.iter().map(|r| r.losses.lost()).sum()
     }
 }
 
@@ -322,9 +309,9 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<Answer> {
         Command::Capture(a) => capture::run(&a),
         Command::Init(a) => init::run(&a),
         Command::Inspect(a) => inspect::run(&a),
-        Command::Identify(a) => identify::run(&a),
-        Command::Validate(a) => validate::run(&a),
-        Command::Explain(a) => explain::run(&a),
+        Command::Identify(a) => single::run(&a),
+        Command::Validate(a) => single::run(&a),
+        Command::Explain(a) => single::run(&a),
         Command::Batch(a) => batch::run(&a, matches),
         Command::Export(a) => export::run(&a),
         Command::Device(a) => device::run(&a),

@@ -11,6 +11,7 @@
 
 mod c;
 pub mod expression;
+mod for_people;
 mod julia;
 mod latex;
 mod matlab;

@@ -18,12 +18,13 @@ use std::path::Path;
 use flate2::bufread::MultiGzDecoder;
 
 use super::csv_head::{self, Head, LOOK_AT, number_of};
+use super::csv_row::{Layout, Row, layout, parse, take};
 use super::formats::{Format, Listed, ReadOptions, open, shown};
 use super::lines::{Cells, LINE_LIMIT, Line, Lines};
-use super::names::{self, TimeChoice};
-use super::rows::{Cell, Rows};
+use super::names::TimeChoice;
+use super::rows::Rows;
 use super::stream::{Source, Streamed};
-use super::{Column, Losses, Metadata, Record, dates, segments};
+use super::{Losses, Metadata, Record, segments};
 use crate::capture::interrupted::ticks_behind;
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
@@ -81,26 +82,6 @@ fn rows_of(path: &Path, times: u64) -> Option<u64> {
     }
     let lines = head.iter().filter(|b| **b == b'\n').count().max(1) as u64;
     Some(length / (head.len() as u64 / lines).max(1))
-}
-
-/// Where the columns of interest stand.
-struct Layout {
-    delimiter: u8,
-    width: usize,
-    t: usize,
-    time: String,
-    per_second: f64,
-    channels: Vec<usize>,
-    own: Option<[usize; 3]>,
-}
-
-/// One row, parsed but not yet taken.
-struct Row {
-    t: f64,
-    /// The time as it stands, where it counts from the first one (a date, a count too long for binary64).
-    tick: Option<i64>,
-    cells: Vec<Cell>,
-    own: (i64, u32, u32),
 }
 
 /// Reads rows, all at once or some at a time.
@@ -249,20 +230,6 @@ impl<R: BufRead> Source for Reader<'_, R> {
     }
 }
 
-/// Where the columns stand.
-fn layout(head: &Head, path: &Path, rig: &Rig) -> Result<Layout> {
-    let names = &head.names;
-    let t = names::time_column(names, &rig.time, path)?;
-    let channels = rig.channel.iter().map(|c| names::find(names, &c.name, path)).collect::<Result<Vec<usize>>>()?;
-    let own = OWN_COLUMNS.map(|name| names.iter().position(|n| n == name));
-    let own = match own {
-        [Some(a), Some(b), Some(c)] => Some([a, b, c]),
-        _ => None,
-    };
-    let per_second = t.per_second.unwrap_or(1.0);
-    Ok(Layout { delimiter: head.delimiter, width: names.len(), t: t.index, time: t.name, per_second, channels, own })
-}
-
 /// The head of a file, its lines passed over.
 fn head<R: BufRead>(lines: &mut Lines<R>, path: &Path, rig: &Rig) -> Result<Head> {
     let mut ahead = lines.look_ahead(LOOK_AT);
@@ -316,106 +283,6 @@ fn listed<R: BufRead>(reader: R, path: &Path, time: &TimeChoice) -> Result<Vec<L
         }
     }
     Ok(head.names.into_iter().zip(number).map(|(name, n)| Listed { name, is_number: n == Some(true) }).collect())
-}
-
-/// Parses one row into `row`; nothing is taken yet, so that a torn line leaves no half row.
-fn parse(line: &[u8], number: u64, layout: &Layout, rows: &Rows<'_>, cells: &mut Cells, row: &mut Row) -> Result<()> {
-    let at_line = |e: BadInput| e.in_file(rows.path).at(format!("line {number}"));
-    if !cells.split(line, layout.delimiter) {
-        return Err(at_line(
-            BadInput::new("a quote that does not end on its line", "closed quotes").remedy("Mend the line"),
-        ));
-    }
-    if cells.len() != layout.width {
-        return Err(at_line(
-            BadInput::new(format!("{} cells", cells.len()), format!("{} as in the header", layout.width))
-                .remedy("Mend the line; a text with the delimiter in it must be in quotes"),
-        ));
-    }
-    let comma = csv_head::decimal_comma(layout.delimiter);
-    (row.t, row.tick) = time_of(number, cells.get(layout.t), layout, rows)?;
-    rows.check_time(number, row.t)?;
-    row.cells.clear();
-    for (k, &place) in layout.channels.iter().enumerate() {
-        let text = cells.get(place);
-        let counts = matches!(rows.columns[k], Column::Counts(_));
-        let integer = if counts { core::str::from_utf8(text).ok().and_then(|s| s.parse::<i64>().ok()) } else { None };
-        let cell = match integer {
-            Some(value) => rows.check_integer(number, k, value)?,
-            None if text.is_empty() => Cell::Missing,
-            None => match number_of(text, comma) {
-                Some(value) => rows.check_number(number, k, value)?,
-                None => {
-                    let c = &rows.rig.channel[k];
-                    return Err(rows
-                        .bad(number, &c.name, shown(text), &format!("a number in {}", c.unit))
-                        .remedy("Mend the cell, or leave it empty (that is a gap)"));
-                }
-            },
-        };
-        row.cells.push(cell);
-    }
-    if let Some(own) = layout.own {
-        let whole = |i: usize, low: i64, high: i64| {
-            let text = cells.get(own[i]);
-            core::str::from_utf8(text)
-                .ok()
-                .and_then(|s| s.parse::<i64>().ok())
-                .filter(|v| (low..=high).contains(v))
-                .ok_or_else(|| {
-                    rows.bad(number, OWN_COLUMNS[i], shown(text), &format!("a whole number from {low} to {high}"))
-                        .remedy("Mend the cell, or remove the column (t is used then)")
-                })
-        };
-        let high = i64::from(u32::MAX);
-        // In range of u32: both casts are exact.
-        row.own = (whole(0, i64::MIN, i64::MAX)?, whole(1, 0, high)? as u32, whole(2, 0, high)? as u32);
-        if let Some(&before) = rows.device.as_ref().and_then(|d| d.tick.last())
-            && row.own.0 <= before
-        {
-            return Err(rows
-                .bad(number, "tick", format!("{} after {before}", row.own.0), "a tick later than the row before")
-                .remedy("Sort the rows by tick, or remove the column (t is used then)"));
-        }
-    }
-    Ok(())
-}
-
-/// A cell of the time in seconds, NaN where it is empty, and as it stands where it counts from the first one.
-fn time_of(number: u64, text: &[u8], layout: &Layout, rows: &Rows<'_>) -> Result<(f64, Option<i64>)> {
-    let comma = csv_head::decimal_comma(layout.delimiter);
-    let from_origin = |v: i64, per_second: f64| {
-        let origin = rows.time_origin.unwrap_or(v);
-        ((i128::from(v) - i128::from(origin)) as f64 / per_second, Some(v))
-    };
-    if let Some(t) = number_of(text, comma) {
-        let long = t.abs() >= EXACT || rows.time_origin.is_some();
-        let whole = if long { core::str::from_utf8(text).ok().and_then(|s| s.parse::<i64>().ok()) } else { None };
-        return Ok(whole.map_or((t / layout.per_second, None), |v| from_origin(v, layout.per_second)));
-    }
-    let text = core::str::from_utf8(text).unwrap_or_default();
-    match dates::nanoseconds(text) {
-        Some(v) => Ok(from_origin(v, 1e9)),
-        None if text.is_empty() => Ok((f64::NAN, None)),
-        None => Err(rows
-            .bad(number, &layout.time, shown(text.as_bytes()), "a time in seconds")
-            .remedy("Write the time as a number, such as 0.002, or as a date such as 2026-11-23T12:00:00.002")),
-    }
-}
-
-fn take(rows: &mut Rows<'_>, number: u64, row: &Row) {
-    if let Some(v) = row.tick {
-        rows.time_origin.get_or_insert(v);
-    }
-    rows.push_time(number, row.t);
-    for (k, &cell) in row.cells.iter().enumerate() {
-        rows.push_cell(number, k, cell);
-    }
-    if let Some(d) = &mut rows.device {
-        d.tick.push(row.own.0);
-        d.phase.push(row.own.1);
-        d.amplitude_nm.push(row.own.2);
-    }
 }
 
 fn too_long(path: &Path, number: u64) -> BadInput {

@@ -10,6 +10,7 @@ mod arrays;
 mod arrow_schema;
 mod csv;
 mod csv_head;
+mod csv_row;
 mod csv_write;
 pub mod cut;
 mod damage;

@@ -49,71 +49,13 @@ pub(super) fn assemble(
     let step = time_fit::pooled_step(&sums).unwrap_or(rough);
     let rate = check_rate(rows.path, rig, rows.t.len() as u64, step)?;
 
-    let mut device = rows.device.take();
-    // A record without a gap is not copied.
-    let whole = ranges.len() == 1 && ranges[0] == (0..rows.t.len());
     // A record of whirl's own knows its clock; all others are fitted.
     let own_step =
-        metadata.as_ref().map(|m| m.sample_rate_hz).filter(|r| *r > 0.0 && device.is_some()).map(|r| 1.0 / r);
+        metadata.as_ref().map(|m| m.sample_rate_hz).filter(|r| *r > 0.0 && rows.device.is_some()).map(|r| 1.0 / r);
     let rate = own_step.map_or(rate, |step| 1.0 / step);
-    let mut segments = Vec::with_capacity(ranges.len());
-    let moduli: Vec<Option<f64>> = if metadata.is_some() {
-        vec![None; rig.channel.len()]
-    } else {
-        rows.columns.iter().zip(&rig.channel).map(|(c, ch)| unwrap::modulus(c, ch, &ranges)).collect()
-    };
-    let mut wraps = vec![0u64; rig.channel.len()];
-    for (range, sums) in ranges.iter().zip(&sums) {
-        let t = &rows.t[range.clone()];
-        let clock = match own_step {
-            Some(step_s) => time_fit::Clock { start_s: t[0], step_s, jitter_s: 0.0 },
-            None => time_fit::clock(t, sums, step),
-        };
-        if !(0.5 * step..=2.0 * step).contains(&clock.step_s) {
-            return Err(other_clock(&rows, range, step));
-        }
-        let mut columns = Vec::with_capacity(rows.columns.len());
-        let parts: Vec<Column> = if whole {
-            std::mem::take(&mut rows.columns)
-        } else {
-            rows.columns.iter().map(|c| cut(c, range)).collect()
-        };
-        for (k, mut part) in parts.into_iter().enumerate() {
-            if let Some(modulus) = moduli[k] {
-                wraps[k] += unwrap::column(&mut part, modulus, &mut unwrap::Carry::default()).map_err(|i| {
-                    let place = (rows.passed + range.start + i + 1) as u64;
-                    rows.beyond(place, k, "a count that leaves 32 bits when unwrapped".to_owned())
-                })?;
-            }
-            columns.push(part);
-        }
-        let mut own = |column: fn(&mut DeviceColumns) -> &mut Vec<u32>| {
-            device.as_mut().map(column).map(|c| if whole { std::mem::take(c) } else { c[range.clone()].to_vec() })
-        };
-        let (phase, amplitude_nm) = (own(|d| &mut d.phase), own(|d| &mut d.amplitude_nm));
-        let first_tick = match &device {
-            Some(d) => d.tick[range.start],
-            // Saturates for absurdly long gaps.
-            None => ((t[0] - rows.t[0]) / step).round() as i64,
-        };
-        segments.push(Segment {
-            first_tick,
-            boot: metadata.as_ref().filter(|_| device.is_some()).map_or(0, |m| m.boot_at(first_tick)),
-            start_s: clock.start_s,
-            step_s: clock.step_s,
-            jitter_s: clock.jitter_s,
-            columns,
-            phase,
-            amplitude_nm,
-        });
-    }
-    for (k, modulus) in moduli.iter().enumerate() {
-        if let Some(m) = modulus
-            && wraps[k] > 0
-        {
-            warnings.push(unwrapped_warning(&rig.channel[k], *m, wraps[k]));
-        }
-    }
+    let clocks = clocks(&rows, &ranges, &sums, own_step, step)?;
+    let columns = columns(&mut rows, &ranges, metadata.is_some(), &mut warnings)?;
+    let segments = segments(&mut rows, &ranges, clocks, columns, metadata.as_ref(), step);
     losses.received = segments.iter().map(|s| s.len() as u64).sum();
     if losses.gaps > 0 {
         warnings.push(gap_warning(&losses, segments.len() as u64));
@@ -126,13 +68,7 @@ pub(super) fn assemble(
             "Print t with more digits; if the samples themselves were taken unevenly, read them with --resample",
         ));
     }
-    if let Some(stored) = stored_losses {
-        let nan_rows = losses.nan_rows;
-        losses = Losses { received: losses.received, nan_rows, ..stored };
-        rows.damage.count(&mut losses, true);
-    } else {
-        rows.damage.count(&mut losses, false);
-    }
+    let losses = accounted(&rows, losses, stored_losses);
     let mut record = Record {
         path: rows.path.to_path_buf(),
         sample_rate_hz: rate,
@@ -150,6 +86,111 @@ pub(super) fn assemble(
     let (word, places) = if rows.resample { ("resampled row", vec![]) } else { (rows.word, rows.places) };
     suspects::examine(&mut record, rig, &Numbering { word, first_rows, places });
     Ok(record)
+}
+
+/// The clock of each stretch.
+fn clocks(
+    rows: &Rows<'_>,
+    ranges: &[Range<usize>],
+    sums: &[time_fit::Sums],
+    own_step: Option<f64>,
+    step: f64,
+) -> Result<Vec<time_fit::Clock>> {
+    let clock = |(range, sums): (&Range<usize>, &time_fit::Sums)| {
+        let t = &rows.t[range.clone()];
+        let clock = match own_step {
+            Some(step_s) => time_fit::Clock { start_s: t[0], step_s, jitter_s: 0.0 },
+            None => time_fit::clock(t, sums, step),
+        };
+        if (0.5 * step..=2.0 * step).contains(&clock.step_s) { Ok(clock) } else { Err(other_clock(rows, range, step)) }
+    };
+    ranges.iter().zip(sums).map(clock).collect()
+}
+
+/// The channels of each stretch, wrapped angles made continuous (whirl's own records are: `own`). A record without a gap is not copied.
+fn columns(
+    rows: &mut Rows<'_>,
+    ranges: &[Range<usize>],
+    own: bool,
+    warnings: &mut Vec<Warning>,
+) -> Result<Vec<Vec<Column>>> {
+    let modulus = |(column, channel): (&Column, &Channel)| unwrap::modulus(column, channel, ranges).filter(|_| !own);
+    let moduli: Vec<Option<f64>> = rows.columns.iter().zip(&rows.rig.channel).map(modulus).collect();
+    let mut wraps = vec![0u64; moduli.len()];
+    let mut out = Vec::with_capacity(ranges.len());
+    for range in ranges {
+        let mut parts: Vec<Column> = if is_whole(rows, ranges) {
+            std::mem::take(&mut rows.columns)
+        } else {
+            rows.columns.iter().map(|c| cut(c, range)).collect()
+        };
+        for (k, part) in parts.iter_mut().enumerate() {
+            let Some(modulus) = moduli[k] else { continue };
+            wraps[k] += unwrap::column(part, modulus, &mut unwrap::Carry::default()).map_err(|i| {
+                let place = (rows.passed + range.start + i + 1) as u64;
+                rows.beyond(place, k, "a count that leaves 32 bits when unwrapped".to_owned())
+            })?;
+        }
+        out.push(parts);
+    }
+    for ((modulus, wraps), channel) in moduli.iter().zip(wraps).zip(&rows.rig.channel) {
+        if let Some(m) = modulus.filter(|_| wraps > 0) {
+            warnings.push(unwrapped_warning(channel, m, wraps));
+        }
+    }
+    Ok(out)
+}
+
+/// Whether one stretch holds all rows.
+fn is_whole(rows: &Rows<'_>, ranges: &[Range<usize>]) -> bool {
+    ranges.len() == 1 && ranges[0] == (0..rows.t.len())
+}
+
+/// The stretches with their clocks, channels and what the device told.
+fn segments(
+    rows: &mut Rows<'_>,
+    ranges: &[Range<usize>],
+    clocks: Vec<time_fit::Clock>,
+    columns: Vec<Vec<Column>>,
+    metadata: Option<&Metadata>,
+    step: f64,
+) -> Vec<Segment> {
+    let whole = is_whole(rows, ranges);
+    let mut device = rows.device.take();
+    let parts = ranges.iter().zip(clocks).zip(columns);
+    let segment = |((range, clock), columns): ((&Range<usize>, time_fit::Clock), Vec<Column>)| {
+        let mut own = |column: fn(&mut DeviceColumns) -> &mut Vec<u32>| {
+            device.as_mut().map(column).map(|c| if whole { std::mem::take(c) } else { c[range.clone()].to_vec() })
+        };
+        let (phase, amplitude_nm) = (own(|d| &mut d.phase), own(|d| &mut d.amplitude_nm));
+        let first_tick = match &device {
+            Some(d) => d.tick[range.start],
+            // Saturates for absurdly long gaps.
+            None => ((rows.t[range.start] - rows.t[0]) / step).round() as i64,
+        };
+        Segment {
+            first_tick,
+            boot: metadata.filter(|_| device.is_some()).map_or(0, |m| m.boot_at(first_tick)),
+            start_s: clock.start_s,
+            step_s: clock.step_s,
+            jitter_s: clock.jitter_s,
+            columns,
+            phase,
+            amplitude_nm,
+        }
+    };
+    parts.map(segment).collect()
+}
+
+/// What was lost: as the record's own account says, where it has one, with the rows found empty or damaged.
+fn accounted(rows: &Rows<'_>, found: Losses, stored: Option<Losses>) -> Losses {
+    let own = stored.is_some();
+    let mut losses = match stored {
+        Some(stored) => Losses { received: found.received, nan_rows: found.nan_rows, ..stored },
+        None => found,
+    };
+    rows.damage.count(&mut losses, own);
+    losses
 }
 
 /// The step that the rig file says; where it says none, the middle one of the rows.

@@ -11,12 +11,8 @@ use std::path::PathBuf;
 
 use clap::{ArgMatches, Args, Subcommand};
 
-use super::output::{Output, Replace};
-use super::{Analysed, Answer, Judgement, Records, explain, identify, validate};
-use crate::batch::row::Row;
+use super::{Answer, explain, identify, validate};
 use crate::error::Result;
-use crate::rig::Rig;
-use crate::warning::Warning;
 
 /// What is done with many records.
 #[derive(Debug, Subcommand)]
@@ -71,45 +67,6 @@ fn shard(text: &str) -> std::result::Result<Shard, String> {
         "{} is not from 1 to {}: shards are 1/{} to {}/{}",
         shard.number, shard.of, shard.of, shard.of, shard.of
     ))
-}
-
-/// What every command has.
-pub struct Parts<'a> {
-    pub records: &'a Records,
-    pub rig: &'a std::path::Path,
-    pub out: &'a Output,
-    pub replace: Replace,
-}
-
-/// A command that answers for one record.
-pub trait Single: Args + Clone + Sync {
-    /// Its name.
-    const NAME: &'static str;
-    /// What is read once for all records.
-    type Ready: Sync;
-    /// Its result.
-    type Result;
-
-    /// What every command has.
-    fn parts(&self) -> Parts<'_>;
-    /// The records.
-    fn records_mut(&mut self) -> &mut Records;
-    /// An option that was given and that writes a file for each record.
-    fn one_each(&self) -> Option<&'static str> {
-        None
-    }
-    /// Files that it reads beside records and rig.
-    fn reads(&self) -> Vec<PathBuf> {
-        Vec::new()
-    }
-    /// Reads what is the same for every record.
-    fn prepare(&self, rig: Rig) -> Result<Self::Ready>;
-    /// Reads the records and analyses them.
-    fn analyse(&self, ready: &Self::Ready) -> Result<Analysed<Self::Result>>;
-    /// What makes the answer negative; so many samples are missing.
-    fn judge(&self, result: &Self::Result, lost: u64) -> Judgement;
-    /// Fills the row; the warnings.
-    fn cells(row: &mut Row, result: &Self::Result) -> Vec<Warning>;
 }
 
 /// Does it.

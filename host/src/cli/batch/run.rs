@@ -11,14 +11,15 @@ use std::time::Instant;
 use clap::ArgMatches;
 use indicatif::ProgressBar;
 
+use super::Of;
 use super::page::Summary;
-use super::{Of, Single};
 use crate::batch::journal::{Found, Header, Journal, path_of};
 use crate::batch::row::{Row, WALL};
 use crate::batch::table::{Layout, Table};
 use crate::batch::{FORMAT, hash};
 use crate::cli::outputs::Outputs;
-use crate::cli::{Analysed, Answer, output, progress};
+use crate::cli::single::{Analysed, Common, Single};
+use crate::cli::{Answer, output, progress};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 
@@ -118,7 +119,7 @@ fn names(warnings: &[crate::warning::Warning]) -> String {
 /// The row of one record, as the command alone answers for it.
 fn answer<C: Single>(single: &C, ready: &C::Ready, record: &Path) -> Row {
     let mut one = single.clone();
-    one.records_mut().records = vec![record.to_path_buf()];
+    one.common_mut().records.records = vec![record.to_path_buf()];
     let mut row = Row::default();
     let analysed = match one.analyse(ready) {
         Ok(analysed) => analysed,
@@ -137,11 +138,11 @@ fn answer<C: Single>(single: &C, ready: &C::Ready, record: &Path) -> Row {
     }
     match result {
         Ok(result) => {
-            let warnings = C::cells(&mut row, &result);
+            C::cells(&mut row, &result);
             let judgement = one.judge(&result, lost);
             row.integer("exit_status", i64::from(judgement.negative));
             row.text("error", judgement.told.join("; "));
-            row.text("warnings", names(&warnings));
+            row.text("warnings", names(C::warnings(&result)));
         }
         Err(error) => {
             let warnings: Vec<_> = records.iter().flat_map(|r| r.warnings.clone()).collect();
@@ -225,17 +226,17 @@ fn misused(rows: &[(usize, Row)]) -> Option<BadInput> {
 
 /// Runs a batch.
 pub fn run<C: Single>(batch: &Of<C>, matches: Option<&ArgMatches>) -> Result<Answer> {
-    let parts = batch.single.parts();
-    if let Some(option) = batch.single.one_each() {
+    let Common { records, rig, replace, out } = batch.single.common();
+    if let Some((option, _)) = batch.single.writes().first() {
         return Err(BadInput::new("one file for many records", "the table alone")
-            .at(option)
+            .at(*option)
             .remedy(format!("Leave it out, or run `whirl {}` on the one record", C::NAME)));
     }
     let layout = Layout::of(&batch.out)?;
-    let rig = parts.records.rig(parts.rig)?;
-    Outputs::of(parts.out, Some(parts.replace))
-        .reads(&parts.records.records)
-        .reads(batch.single.reads())
+    let rig = records.rig(rig)?;
+    Outputs::of(out, Some(*replace))
+        .reads(&records.records)
+        .reads(batch.single.reads().into_iter().map(|(_, path)| path))
         .reads_rig(&rig)
         .batch("--out", &batch.out)
         .check()?;
@@ -248,9 +249,9 @@ pub fn run<C: Single>(batch: &Of<C>, matches: Option<&ArgMatches>) -> Result<Ans
         shard: batch.shard.map(|s| format!("{}/{}", s.number, s.of)),
     };
     let ready = batch.single.prepare(rig)?;
-    parts.records.part().validate()?;
-    let (journal, found) = open(&batch.out, &header, batch.resume, parts.replace.force)?;
-    let all = &parts.records.records;
+    records.part().validate()?;
+    let (journal, found) = open(&batch.out, &header, batch.resume, replace.force)?;
+    let all = &records.records;
     let shard = batch.shard.unwrap_or(super::Shard { number: 1, of: 1 });
     let tasks = all.iter().enumerate().map(|(i, path)| Task { index: i + 1, path });
     let tasks: Vec<Task<'_>> = tasks.skip(shard.number - 1).step_by(shard.of).collect();
@@ -283,5 +284,5 @@ pub fn run<C: Single>(batch: &Of<C>, matches: Option<&ArgMatches>) -> Result<Ans
     let table = Table::new(C::NAME, rows.collect());
     output::write_file(&batch.out, &table.bytes(layout)?)?;
     journal.finish()?;
-    Summary::of(&table, &batch.out, all.len()).give(parts.out)
+    Summary::of(&table, &batch.out, all.len()).give(out)
 }

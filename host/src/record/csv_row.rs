@@ -1,0 +1,160 @@
+//! One row of a CSV: its cells by the columns of interest, parsed whole before anything of it is taken.
+
+use std::path::Path;
+
+use super::csv::{EXACT, OWN_COLUMNS};
+use super::csv_head::{self, Head, number_of};
+use super::formats::shown;
+use super::lines::Cells;
+use super::rows::{Cell, Rows};
+use super::{Column, dates, names};
+use crate::error::{BadInput, Result};
+use crate::rig::Rig;
+
+/// Where the columns of interest stand.
+pub(super) struct Layout {
+    pub(super) delimiter: u8,
+    pub(super) width: usize,
+    pub(super) t: usize,
+    pub(super) time: String,
+    pub(super) per_second: f64,
+    pub(super) channels: Vec<usize>,
+    pub(super) own: Option<[usize; 3]>,
+}
+
+/// One row, parsed but not yet taken.
+pub(super) struct Row {
+    pub(super) t: f64,
+    /// The time as it stands, where it counts from the first one (a date, a count too long for binary64).
+    pub(super) tick: Option<i64>,
+    pub(super) cells: Vec<Cell>,
+    pub(super) own: (i64, u32, u32),
+}
+
+/// Where the columns stand.
+pub(super) fn layout(head: &Head, path: &Path, rig: &Rig) -> Result<Layout> {
+    let names = &head.names;
+    let t = names::time_column(names, &rig.time, path)?;
+    let channels = rig.channel.iter().map(|c| names::find(names, &c.name, path)).collect::<Result<Vec<usize>>>()?;
+    let own = OWN_COLUMNS.map(|name| names.iter().position(|n| n == name));
+    let own = match own {
+        [Some(a), Some(b), Some(c)] => Some([a, b, c]),
+        _ => None,
+    };
+    let per_second = t.per_second.unwrap_or(1.0);
+    Ok(Layout { delimiter: head.delimiter, width: names.len(), t: t.index, time: t.name, per_second, channels, own })
+}
+
+/// Parses one row into `row`; nothing is taken yet, so that a torn line leaves no half row.
+pub(super) fn parse(
+    line: &[u8],
+    number: u64,
+    layout: &Layout,
+    rows: &Rows<'_>,
+    cells: &mut Cells,
+    row: &mut Row,
+) -> Result<()> {
+    let at_line = |e: BadInput| e.in_file(rows.path).at(format!("line {number}"));
+    if !cells.split(line, layout.delimiter) {
+        return Err(at_line(
+            BadInput::new("a quote that does not end on its line", "closed quotes").remedy("Mend the line"),
+        ));
+    }
+    if cells.len() != layout.width {
+        return Err(at_line(
+            BadInput::new(format!("{} cells", cells.len()), format!("{} as in the header", layout.width))
+                .remedy("Mend the line; a text with the delimiter in it must be in quotes"),
+        ));
+    }
+    let comma = csv_head::decimal_comma(layout.delimiter);
+    (row.t, row.tick) = time_of(number, cells.get(layout.t), layout, rows)?;
+    rows.check_time(number, row.t)?;
+    row.cells.clear();
+    for (k, &place) in layout.channels.iter().enumerate() {
+        let text = cells.get(place);
+        let counts = matches!(rows.columns[k], Column::Counts(_));
+        let integer = if counts { core::str::from_utf8(text).ok().and_then(|s| s.parse::<i64>().ok()) } else { None };
+        let cell = match integer {
+            Some(value) => rows.check_integer(number, k, value)?,
+            None if text.is_empty() => Cell::Missing,
+            None => match number_of(text, comma) {
+                Some(value) => rows.check_number(number, k, value)?,
+                None => {
+                    let c = &rows.rig.channel[k];
+                    return Err(rows
+                        .bad(number, &c.name, shown(text), &format!("a number in {}", c.unit))
+                        .remedy("Mend the cell, or leave it empty (that is a gap)"));
+                }
+            },
+        };
+        row.cells.push(cell);
+    }
+    if let Some(places) = layout.own {
+        row.own = own(number, places, cells, rows)?;
+    }
+    Ok(())
+}
+
+/// What only whirl's own CSV has: tick, phase, amplitude in nm.
+fn own(number: u64, places: [usize; 3], cells: &Cells, rows: &Rows<'_>) -> Result<(i64, u32, u32)> {
+    let whole = |i: usize, low: i64, high: i64| {
+        let text = cells.get(places[i]);
+        core::str::from_utf8(text)
+            .ok()
+            .and_then(|s| s.parse::<i64>().ok())
+            .filter(|v| (low..=high).contains(v))
+            .ok_or_else(|| {
+                rows.bad(number, OWN_COLUMNS[i], shown(text), &format!("a whole number from {low} to {high}"))
+                    .remedy("Mend the cell, or remove the column (t is used then)")
+            })
+    };
+    let high = i64::from(u32::MAX);
+    // In range of u32: both casts are exact.
+    let row = (whole(0, i64::MIN, i64::MAX)?, whole(1, 0, high)? as u32, whole(2, 0, high)? as u32);
+    if let Some(&before) = rows.device.as_ref().and_then(|d| d.tick.last())
+        && row.0 <= before
+    {
+        return Err(rows
+            .bad(number, "tick", format!("{} after {before}", row.0), "a tick later than the row before")
+            .remedy("Sort the rows by tick, or remove the column (t is used then)"));
+    }
+    Ok(row)
+}
+
+/// A cell of the time in seconds, NaN where it is empty, and as it stands where it counts from the first one.
+fn time_of(number: u64, text: &[u8], layout: &Layout, rows: &Rows<'_>) -> Result<(f64, Option<i64>)> {
+    let comma = csv_head::decimal_comma(layout.delimiter);
+    let from_origin = |v: i64, per_second: f64| {
+        let origin = rows.time_origin.unwrap_or(v);
+        ((i128::from(v) - i128::from(origin)) as f64 / per_second, Some(v))
+    };
+    if let Some(t) = number_of(text, comma) {
+        let long = t.abs() >= EXACT || rows.time_origin.is_some();
+        let whole = if long { core::str::from_utf8(text).ok().and_then(|s| s.parse::<i64>().ok()) } else { None };
+        return Ok(whole.map_or((t / layout.per_second, None), |v| from_origin(v, layout.per_second)));
+    }
+    let text = core::str::from_utf8(text).unwrap_or_default();
+    match dates::nanoseconds(text) {
+        Some(v) => Ok(from_origin(v, 1e9)),
+        None if text.is_empty() => Ok((f64::NAN, None)),
+        None => Err(rows
+            .bad(number, &layout.time, shown(text.as_bytes()), "a time in seconds")
+            .remedy("Write the time as a number, such as 0.002, or as a date such as 2026-11-23T12:00:00.002")),
+    }
+}
+
+/// Takes a row that was parsed.
+pub(super) fn take(rows: &mut Rows<'_>, number: u64, row: &Row) {
+    if let Some(v) = row.tick {
+        rows.time_origin.get_or_insert(v);
+    }
+    rows.push_time(number, row.t);
+    for (k, &cell) in row.cells.iter().enumerate() {
+        rows.push_cell(number, k, cell);
+    }
+    if let Some(d) = &mut rows.device {
+        d.tick.push(row.own.0);
+        d.phase.push(row.own.1);
+        d.amplitude_nm.push(row.own.2);
+    }
+}
