@@ -13,7 +13,7 @@ use crate::error::{BadInput, Result};
 use crate::model::identified::{IdentifiedModel, System};
 use crate::motion::from_record::{self, Begin};
 use crate::motion::simulation::{self, LONGEST_S, MOST_SAMPLES, Solution};
-use crate::motion::{Acts, Effect, Motion, stand_in};
+use crate::motion::{Effect, Motion, stand_in};
 use crate::record::values::write_values_from;
 use crate::record::{ReadOptions, Record, metadata};
 use crate::rig::Rig;
@@ -175,8 +175,7 @@ fn said(s: &Summary, motion: &Motion, output: &Path) -> String {
         output.display(),
         columns.join(", ")
     );
-    let on_sensors: Vec<String> =
-        motion.effects.iter().filter(|e| matches!(e.acts, Acts::Sensor(..))).map(Effect::name).collect();
+    let on_sensors: Vec<String> = motion.effects.iter().filter(|e| e.is_of_the_record()).map(Effect::name).collect();
     if !on_sensors.is_empty() {
         out.push_str(&format!("{} change what the columns show, not the motion\n", on_sensors.join(", ")));
     }

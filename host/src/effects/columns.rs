@@ -92,6 +92,13 @@ pub enum Action {
         /// Additions.
         laws: Vec<Node>,
     },
+    /// On what is recorded of a measured input: additions to it, as for a sensor.
+    Records {
+        /// Input.
+        input: usize,
+        /// Additions.
+        laws: Vec<Node>,
+    },
     /// On the drive's phase: radians by t for each strength.
     Advances(Vec<Node>),
     /// On the left-hand sides of written equations, whose coefficients take part.
@@ -181,12 +188,16 @@ pub fn action(
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
             Ok(turned_frame(file, &law).and_then(|f| changed(mechanism, &f, own, omega)))
         }
-        (Place::Encoder(sensor), Verb::Reads) => {
+        (Place::Encoder(_) | Place::Input(_), Verb::Reads) => {
             let x = Polynomial::motion(Symbol::Coordinate(0));
             words.scalars.extend([("x".to_owned(), x.clone()), ("v".to_owned(), Polynomial::motion(Symbol::Rate(0)))]);
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
             let laws = by_strength(&law.minus(&x), own, entry.strengths.len());
-            Ok(Some(Action::Reads { sensor, laws }))
+            Ok(Some(match place {
+                Place::Input(input) => Action::Records { input, laws },
+                Place::Encoder(sensor) => Action::Reads { sensor, laws },
+                _ => return Ok(None),
+            }))
         }
         _ => Ok(None),
     }

@@ -29,15 +29,18 @@ pub enum At {
     Frame,
     /// A sensor.
     Encoder,
+    /// A measured input.
+    Input,
 }
 
 /// Kinds of places by name, and the words of each.
-const PLACES: [(&str, At, &[&str]); 5] = [
+const PLACES: [(&str, At, &[&str]); 6] = [
     ("joint", At::Joint, &["x", "v", "t", LOAD]),
     ("arm", At::Arm, &["omega"]),
     ("drive", At::Drive, &["y", "size", "t"]),
     ("frame", At::Frame, &[]),
     ("encoder", At::Encoder, &["x", "v"]),
+    ("input", At::Input, &["x", "v"]),
 ];
 
 /// Words of what acts all along an arm.
@@ -58,7 +61,7 @@ pub enum Verb {
     Advances,
     /// Turns a centroid or gravity.
     Turns,
-    /// Is what a sensor shows.
+    /// Is what a sensor shows, or what is recorded of an input.
     Reads,
 }
 
@@ -69,7 +72,7 @@ const VERBS: [(&str, Verb, &[At]); 6] = [
     ("moves", Verb::Moves, &[At::Drive]),
     ("advances", Verb::Advances, &[At::Drive]),
     ("turns", Verb::Turns, &[At::Arm, At::Frame]),
-    ("reads", Verb::Reads, &[At::Encoder]),
+    ("reads", Verb::Reads, &[At::Encoder, At::Input]),
 ];
 
 /// A parameter that fixes an effect's form.
@@ -254,12 +257,12 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
         };
         return Ok(Entry { id, alias: true, ..same.clone() });
     }
-    let place = r.source.required(t, at..at, "at", "joint, arm, drive, frame or encoder")?;
-    let name = r.source.text(place, "joint, arm, drive, frame or encoder")?;
+    let place = r.source.required(t, at..at, "at", "joint, arm, drive, frame, encoder or input")?;
+    let name = r.source.text(place, "joint, arm, drive, frame, encoder or input")?;
     let Some((_, place_at, vocabulary)) = PLACES.iter().find(|p| p.0 == name) else {
         return Err(r
             .source
-            .bad(place.span().start, format!("the place \"{name}\""), "joint, arm, drive, frame or encoder")
+            .bad(place.span().start, format!("the place \"{name}\""), "joint, arm, drive, frame, encoder or input")
             .remedy("Say where the effect acts"));
     };
     let (verb, law, law_value) = law(r, t, at, *place_at)?;

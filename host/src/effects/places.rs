@@ -1,4 +1,4 @@
-//! Where effects can act on a system derived from bodies: joints, arms, the driven point, gravity's frame, encoders.
+//! Where effects can act on a system derived from bodies: joints, arms, the driven point, gravity's frame, encoders, measured inputs.
 
 use super::columns::LOAD;
 use super::entry::{At, Entry, Verb};
@@ -23,6 +23,8 @@ pub enum Place {
     Frame,
     /// Sensor, by its number among the rig's.
     Encoder(usize),
+    /// Measured input, by its number.
+    Input(usize),
 }
 
 impl Place {
@@ -36,6 +38,7 @@ impl Place {
             Self::Drive => "drive".to_owned(),
             Self::Frame => "frame".to_owned(),
             Self::Encoder(k) => format!("encoder{}", k + 1),
+            Self::Input(k) => file.words.inputs[k].clone(),
         }
     }
 }
@@ -128,6 +131,7 @@ pub fn of(entry: &Entry, file: &SystemFile, bound: &Bound) -> Vec<Place> {
             .filter(|&k| !entry.turning || shows_angle(file, bound, k))
             .map(Place::Encoder)
             .collect(),
+        At::Input => (0..bound.inputs.len().min(file.words.inputs.len())).map(Place::Input).collect(),
     }
 }
 

@@ -264,6 +264,7 @@ pub fn mechanism(model: &ModelFile, direction: Option<Direction>, omega: f64, va
     parameters.push("phase of the drive".to_owned());
     let mut words = Words { parameters: parameters.clone(), ..Words::default() };
     words.coordinates = (0..n).map(name).collect();
+    words.inputs.clone_from(&model.inputs);
     let driven = at_rest(model, omega, values).iter().any(|[_, g]| g.any(&|s| s == Symbol::Tau));
     if let (Some(direction), true) = (direction, driven) {
         let y = Polynomial::call(Function::Cos, Polynomial::motion(Symbol::Tau));

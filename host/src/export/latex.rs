@@ -5,7 +5,6 @@ use super::program::Program;
 use super::remarks::harmless;
 use super::{Language, Notation, Printed};
 use crate::model::model_file::expression::{Function, Symbol};
-use crate::motion::Acts;
 
 /// See [`super::LANGUAGES`].
 pub struct Latex;
@@ -226,7 +225,7 @@ fn parameters(p: &Program<'_>) -> String {
 
 fn effects(p: &Program<'_>) -> String {
     let item = |e: &crate::motion::Effect| {
-        let beside = if matches!(e.acts, Acts::Sensor(..)) { ", on the sensor only" } else { "" };
+        let beside = if e.is_of_the_record() { ", on the record only" } else { "" };
         format!(
             "  \\item {}: {}; \\({}{}\\) {}, standard error {}{beside}",
             text(&e.name()),

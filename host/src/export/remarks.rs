@@ -107,6 +107,7 @@ fn effect_told(e: &Effect) -> String {
     out.push_str(match e.acts {
         Acts::Motion(_) => "",
         Acts::Drive(_) => " (in the drive's phase)",
+        Acts::Input(..) => " (changes what is recorded of the input, not the motion: it is not in the equations)",
         Acts::Sensor(..) => " (changes what the sensor shows, not the motion: it is not in the equations)",
     });
     out

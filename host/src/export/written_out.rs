@@ -242,6 +242,7 @@ fn beside(e: &Effect) -> Option<String> {
     };
     match &e.acts {
         Acts::Sensor(..) => told("Not in the equations, since only the sensor shows it"),
+        Acts::Input(..) => told("Not in the equations, since only the record of the input shows it"),
         Acts::Drive(_) => told("In the drive's phase"),
         Acts::Motion(_) if e.remembers() => told("Also in the equations, with a memory of its own"),
         Acts::Motion(_) => None,

@@ -173,6 +173,7 @@ pub fn on_mechanism(
         }
         Ok(Some(Action::Advances(list))) => Ok(made(Acts::Drive(laws(list)))),
         Ok(Some(Action::Reads { sensor, laws: list })) => Ok(made(Acts::Sensor(sensor, laws(list)))),
+        Ok(Some(Action::Records { input, laws: list })) => Ok(made(Acts::Input(input, laws(list)))),
         _ => Err(bad(index, e, "which adds nothing there", "an effect that acts there", remedy)),
     }
 }

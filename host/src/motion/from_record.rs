@@ -5,6 +5,7 @@
 
 use super::{Acts, Motion};
 use crate::error::{BadInput, Result};
+use crate::explain::engine::correct;
 use crate::identify::Settings as IdentifySettings;
 use crate::identify::general;
 use crate::identify::general::stretches::{Stretch, mixed};
@@ -88,8 +89,15 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
     Ok(Begin { time, tau, state, inputs, left_s: part.len() as f64 * part.step_s, step_s: part.step_s })
 }
 
-/// Takes what effects add to the sensors off the coordinates.
+/// Takes what effects add to sensors and inputs off the coordinates and inputs.
 fn take_off(motion: &Motion, stretch: &mut Stretch) {
+    for e in &motion.effects {
+        if let Acts::Input(k, laws) = &e.acts {
+            for (law, strength) in laws {
+                *stretch = correct::input(stretch, *k, law, *strength);
+            }
+        }
+    }
     if !motion.effects.iter().any(|e| matches!(e.acts, Acts::Sensor(..))) {
         return;
     }

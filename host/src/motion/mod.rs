@@ -57,6 +57,8 @@ pub enum Acts {
     /// What a sensor shows beside its angle or length: the sensor's number among the rig's, and strength times law of x and v
     /// ([`Symbol::Coordinate`] and [`Symbol::Rate`] 0).
     Sensor(usize, Vec<(Node, f64)>),
+    /// What is recorded of a measured input beside its value: its number, and strength times law of it and of its rate, as for a sensor.
+    Input(usize, Vec<(Node, f64)>),
 }
 
 /// An effect of the model.
@@ -74,6 +76,11 @@ impl Effect {
     /// `ID@PLACE`.
     pub fn name(&self) -> String {
         format!("{}@{}", self.told.id, self.told.at)
+    }
+
+    /// Whether it changes what is recorded alone, not the motion.
+    pub fn is_of_the_record(&self) -> bool {
+        matches!(self.acts, Acts::Sensor(..) | Acts::Input(..))
     }
 
     /// Whether it has states of its own.
@@ -200,16 +207,21 @@ impl Motion {
 
     /// What a sensor adds to what it ought to show, for its angle or length x and the rate v of that.
     pub fn sensor_adds(&self, sensor: usize, x: f64, v: f64) -> f64 {
-        let mut sum = 0.0;
-        for e in &self.effects {
-            if let Acts::Sensor(k, laws) = &e.acts
-                && *k == sensor
-            {
-                let of = |law: &Node| law.value(&|s| if matches!(s, Symbol::Rate(_)) { v } else { x });
-                sum += laws.iter().map(|(law, strength)| strength * of(law)).sum::<f64>();
-            }
-        }
-        sum
+        let of = |acts: &'_ Acts| matches!(acts, Acts::Sensor(k, _) if *k == sensor);
+        self.adds(&of, x, v)
+    }
+
+    /// What the record of an input adds to its value u, for the rate v of that.
+    pub fn input_adds(&self, input: usize, u: f64, v: f64) -> f64 {
+        let of = |acts: &'_ Acts| matches!(acts, Acts::Input(k, _) if *k == input);
+        self.adds(&of, u, v)
+    }
+
+    fn adds(&self, of: &dyn Fn(&Acts) -> bool, x: f64, v: f64) -> f64 {
+        let value = |law: &Node| law.value(&|s| if matches!(s, Symbol::Rate(_)) { v } else { x });
+        let sum = |laws: &[(Node, f64)]| laws.iter().map(|(law, strength)| strength * value(law)).sum::<f64>();
+        let all = self.effects.iter().filter(|e| of(&e.acts));
+        all.map(|e| if let Acts::Sensor(_, laws) | Acts::Input(_, laws) = &e.acts { sum(laws) } else { 0.0 }).sum()
     }
 }
 

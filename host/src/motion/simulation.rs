@@ -117,7 +117,10 @@ pub fn columns(motion: &Motion, solution: &Solution, step_s: f64) -> Result<Vec<
         .map(|(k, c)| {
             let scale = c.scale();
             if let Some(input) = motion.bound.inputs.iter().position(|i| *i == k) {
-                return Ok(Column::Values(solution.inputs[input].iter().map(|u| u / scale).collect()));
+                let u = &solution.inputs[input];
+                let v = differences(u, step_s);
+                let shown = u.iter().zip(&v).map(|(u, v)| (u + motion.input_adds(input, *u, *v)) / scale);
+                return Ok(Column::Values(shown.collect()));
             }
             let sensor = motion.bound.sensors.iter().position(|i| *i == k).unwrap_or(0);
             let x = &shown[sensor];

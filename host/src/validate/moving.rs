@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::model::dynamics::Dynamics;
 use crate::model::identified::IdentifiedModel;
 use crate::model::model_file::expression::Symbol;
-use crate::motion::{Acts, Effect, Motion};
+use crate::motion::{Effect, Motion};
 use crate::rig::Rig;
 
 /// Equations of motion with their parameters.
@@ -35,8 +35,7 @@ impl Moving {
         let names = equations.coefficients().to_vec();
         let terms = || motion.file.equations.iter().flat_map(|e| &e.terms);
         let of_drive = names.iter().map(|n| terms().any(|t| t.name == *n && t.of.any(&|s| s == Symbol::Tau))).collect();
-        let of_sensors = motion.effects.iter().filter(|e| matches!(e.acts, Acts::Sensor(..)));
-        let left_out = of_sensors.map(Effect::name).collect();
+        let left_out = motion.effects.iter().filter(|e| e.is_of_the_record()).map(Effect::name).collect();
         Ok(Self { dynamics: Box::new(equations), parameters, names, of_drive, left_out })
     }
 }

@@ -10,7 +10,7 @@ use crate::effects::entry::{Entry, Form};
 use crate::effects::places::Place;
 use crate::effects::written;
 use crate::model::model_file::by_parts::pieces_of_effect;
-use crate::model::model_file::expression::{Expression, Node, Symbol, add, multiply, number, subtract};
+use crate::model::model_file::expression::{Expression, Node, Symbol, add, multiply, number, subtract, symbol};
 
 /// Half the step, as a share of a shape parameter, over which a column's derivative by it is taken.
 const SHAPE_STEP: f64 = 1e-3;
@@ -45,6 +45,15 @@ impl Candidate {
         physical: &Physical,
     ) -> Option<Self> {
         let action = Self::action_of(setting, entry, place, &form, physical)?;
+        // An input's rate would have to be known beside it.
+        if let Action::Records { input, .. } = action
+            && setting.model().equations.iter().any(|e| {
+                let rate = |s: Symbol| s == Symbol::InputRate(input);
+                e.balance.any(&rate) || e.terms.iter().any(|t| t.of.any(&rate))
+            })
+        {
+            return None;
+        }
         let candidate = Self { entry: entry.clone(), place, form, action, beside: Vec::new() };
         if matches!(candidate.action, Action::Force(_) | Action::Changes(_)) {
             let all = candidate.at_values(setting, physical);
@@ -197,6 +206,14 @@ impl Candidate {
         }
     }
 
+    /// What it adds to the record of an input: which, and a law for each strength.
+    pub fn records(&self) -> Option<(usize, &[Node])> {
+        match &self.action {
+            Action::Records { input, laws } => Some((*input, laws)),
+            _ => None,
+        }
+    }
+
     /// What it adds to the drive's phase: radians by time for each strength.
     pub fn advances(&self) -> Option<&[Node]> {
         match &self.action {
@@ -209,7 +226,10 @@ impl Candidate {
     pub fn columns(&self, setting: &Setting<'_>, state: &State) -> Vec<Column> {
         let n = self.entry.strengths.len();
         let of = |action: &Action| match action {
-            Action::Advances(laws) => laws.iter().map(|law| advanced(setting, state, law)).collect(),
+            Action::Advances(laws) => laws.iter().map(|law| outside(setting, state, Symbol::Tau, law)).collect(),
+            Action::Records { input, laws } => {
+                laws.iter().map(|law| outside(setting, state, Symbol::Input(*input), &taken_off(law, *input))).collect()
+            }
             other => at_values(setting, other, n, &state.physical),
         };
         let mut out = of(&self.action);
@@ -238,8 +258,18 @@ fn at_values(setting: &Setting<'_>, action: &Action, strengths: usize, physical:
     }
 }
 
-/// ∂(left-hand sides)/∂τ of the model so far times what is added to τ.
-fn advanced(setting: &Setting<'_>, state: &State, law: &Node) -> Column {
+/// What is taken off an input so that what an effect added to its record is gone.
+fn taken_off(law: &Node, input: usize) -> Node {
+    let of = law.replace(&|s| match s {
+        Symbol::Coordinate(_) => symbol(Symbol::Input(input)),
+        Symbol::Rate(_) => symbol(Symbol::InputRate(input)),
+        other => symbol(other),
+    });
+    multiply(number(-1.0), of)
+}
+
+/// ∂(left-hand sides)/∂u of the model so far times what is added to u: the drive's phase or an input.
+fn outside(setting: &Setting<'_>, state: &State, u: Symbol, law: &Node) -> Column {
     let model = setting.model();
     let omega = setting.rig.omega();
     let places = model.term_places();
@@ -249,11 +279,11 @@ fn advanced(setting: &Setting<'_>, state: &State, law: &Node) -> Column {
         let mut sum = number(0.0);
         for (term, &at) in equation.terms.iter().zip(&places[e]) {
             let value = values.get(at).copied().unwrap_or(0.0);
-            if let Some(slope) = model.in_seconds(&term.of, omega).derivative(Symbol::Tau) {
+            if let Some(slope) = model.in_seconds(&term.of, omega).derivative(u) {
                 sum = add(sum, multiply(number(value), slope));
             }
         }
-        if let Some(slope) = model.in_seconds(&equation.balance, omega).derivative(Symbol::Tau) {
+        if let Some(slope) = model.in_seconds(&equation.balance, omega).derivative(u) {
             sum = subtract(sum, slope);
         }
         out.push((e, multiply(sum, law.clone())));

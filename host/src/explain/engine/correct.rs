@@ -1,4 +1,4 @@
-//! The record read again with an effect of its sensors or of its drive's phase taken off.
+//! The record read again with an effect of its sensors, of its inputs or of its drive's phase taken off.
 
 use core::f64::consts::TAU;
 
@@ -32,28 +32,39 @@ pub fn sensor(s: &Stretch, bound: &Bound, sensor: usize, law: &Node, strength: f
         return s.clone();
     }
     let mut shown = s.sensors(bound);
-    let seen = shown[sensor].clone();
+    shown[sensor] = freed(s, &shown[sensor], law, strength);
+    Stretch { coordinates: mixed(&bound.coordinates, &shown), ..s.clone() }
+}
+
+/// A stretch with what is recorded of an input freed of `strength` times a law's addition.
+pub fn input(s: &Stretch, input: usize, law: &Node, strength: f64) -> Stretch {
+    let mut out = s.clone();
+    if strength != 0.0 && !s.is_empty() {
+        out.inputs[input] = freed(s, &s.inputs[input], law, strength);
+    }
+    out
+}
+
+/// A series of a stretch freed of `strength` times a law's addition.
+fn freed(s: &Stretch, seen: &[f64], law: &Node, strength: f64) -> Vec<f64> {
     if let Some(k) = delay(law) {
-        let between = BandLimited::new(&seen, s.start_s, s.step_s);
-        let by = -k * strength;
-        for (i, x) in shown[sensor].iter_mut().enumerate() {
-            *x = between.value(s.time(i) + by);
-        }
-    } else {
-        let moves = matches!(**law, Expression::Number(_));
-        for _ in 0..if moves { 1 } else { INVERSIONS } {
-            let before = shown[sensor].clone();
-            for (i, x) in shown[sensor].iter_mut().enumerate() {
-                let added = law.value(&|symbol| match symbol {
-                    Symbol::Coordinate(_) => before[i],
-                    Symbol::Rate(_) => rate(&before, i, s.step_s),
-                    _ => s.time(i),
-                });
-                *x = seen[i] - strength * added;
-            }
+        let between = BandLimited::new(seen, s.start_s, s.step_s);
+        return (0..seen.len()).map(|i| between.value(s.time(i) - k * strength)).collect();
+    }
+    let mut out = seen.to_vec();
+    let moves = matches!(**law, Expression::Number(_));
+    for _ in 0..if moves { 1 } else { INVERSIONS } {
+        let before = out.clone();
+        for (i, x) in out.iter_mut().enumerate() {
+            let added = law.value(&|symbol| match symbol {
+                Symbol::Coordinate(_) => before[i],
+                Symbol::Rate(_) => rate(&before, i, s.step_s),
+                _ => s.time(i),
+            });
+            *x = seen[i] - strength * added;
         }
     }
-    Stretch { coordinates: mixed(&bound.coordinates, &shown), ..s.clone() }
+    out
 }
 
 /// A strength that moves what a sensor shows by 1e-4 rad at most.

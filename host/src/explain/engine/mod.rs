@@ -32,7 +32,7 @@
 pub mod attractor;
 mod candidates;
 pub mod compared;
-mod correct;
+pub mod correct;
 pub mod design;
 mod evidence;
 mod exchange;

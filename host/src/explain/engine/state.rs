@@ -103,6 +103,11 @@ impl State {
                     out = out.iter().map(|g| correct::sensor(g, &setting.bound, sensor, law, *s)).collect();
                 }
             }
+            if let Some((input, laws)) = k.candidate.records() {
+                for (law, s) in laws.iter().zip(&k.strengths) {
+                    out = out.iter().map(|g| correct::input(g, input, law, *s)).collect();
+                }
+            }
             if let Some(laws) = k.candidate.advances() {
                 for (law, s) in laws.iter().zip(&k.strengths) {
                     out = out.iter().map(|g| correct::phase(g, law, *s)).collect();

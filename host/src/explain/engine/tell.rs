@@ -9,7 +9,7 @@ use super::residual::balance_unit;
 use super::setting::{Physical, Setting};
 use super::state::State;
 use crate::effects::columns::LOAD;
-use crate::effects::entry::{Verb, multiplied};
+use crate::effects::entry::{At, Verb, multiplied};
 use crate::effects::places::{self, Place};
 use crate::effects::value::{Reported, report};
 use crate::effects::written;
@@ -50,6 +50,11 @@ fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
     match (c.entry.verb, c.entry.at) {
         (Verb::Turns, _) => (1.0, "rad".to_owned()),
         (Verb::Moves, _) => (1.0, "m".to_owned()),
+        (Verb::Reads, At::Input) => {
+            let (_, inputs) = general::channel_units(setting.model(), setting.rig, setting.whole);
+            let Place::Input(k) = c.place else { return (1.0, String::new()) };
+            (1.0, inputs.get(k).map_or_else(String::new, ToString::to_string))
+        }
         (Verb::Reads, _) => {
             let sensor = if let Place::Encoder(k) = c.place { k } else { 0 };
             let circle =

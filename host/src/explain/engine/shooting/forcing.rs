@@ -5,6 +5,7 @@ use crate::model::model_file::ModelFile;
 use crate::model::model_file::equations_of_motion::{solve, wrapped};
 use crate::model::model_file::expression::{Node, Symbol, add, multiply, number};
 use crate::model::model_file::tape::Tape;
+use crate::motion::from_record::differences;
 
 /// What stands on the left-hand sides: column, equation, expression in seconds.
 pub type Additions = Vec<(usize, usize, Node)>;
@@ -78,7 +79,8 @@ impl Forcing {
                     Symbol::Tau => (0..count).map(|i| along.tau(i)).collect(),
                     Symbol::Time => (0..count).map(|i| along.time(i)).collect(),
                     Symbol::Memory(k) => along.remembered(k, count),
-                    Symbol::InputRate(_) | Symbol::Held(_) | Symbol::State(_) => vec![0.0; count],
+                    Symbol::InputRate(k) => differences(&inputs[k], along.spacing()),
+                    Symbol::Held(_) | Symbol::State(_) => vec![0.0; count],
                 }
             })
             .collect();
