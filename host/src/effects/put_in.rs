@@ -23,6 +23,8 @@ pub struct PutIn {
     pub strengths: Vec<f64>,
     /// What sensors add to what they show: sensor, law of x and v, strength.
     pub reads: Vec<(usize, Node, f64)>,
+    /// What the record of an input adds to it: input, law as for a sensor, strength.
+    pub records: Vec<(usize, Node, f64)>,
     /// What runs ahead in the drive's phase: law of time, strength.
     pub advances: Vec<(Node, f64)>,
 }
@@ -161,6 +163,9 @@ pub fn of(rig: &Rig, bound: &Bound, (physical, own): (&[f64], &[f64]), texts: &[
             }
             (Ok(Some(Action::Reads { sensor, laws })), None) => {
                 out.reads.extend(laws.into_iter().zip(strengths).map(|(law, s)| (sensor, law, s)));
+            }
+            (Ok(Some(Action::Records { input, laws })), None) => {
+                out.records.extend(laws.into_iter().zip(strengths).map(|(law, s)| (input, law, s)));
             }
             (Ok(Some(Action::Advances(laws))), None) => out.advances.extend(laws.into_iter().zip(strengths)),
             _ => {

@@ -376,3 +376,32 @@ fn an_effect_of_ones_own_is_found_on_a_system_of_ones_own() {
     let listed = whirl(at, "list effects --effects magnet.toml");
     assert!(listed.stdout.contains("magnet"), "{}", listed.stdout);
 }
+
+/// A delay of what is recorded of an input is named with its value; its offset is a constant force as well, which is said.
+#[test]
+fn records_of_inputs_that_are_late_or_off_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = repository("rigs").join("duffing.toml").display().to_string();
+    for (effect, value, first) in [
+        ("input-delay@force=0.0007", 0.0007, "input-delay@force"),
+        ("input-offset@force=0.3", -0.3, "constant-force@x"),
+    ] {
+        done(folder.path(), &format!("simulate --rig {rig} --effect {effect} --seconds 60 --seed 5 -o r.csv --force"));
+        done(folder.path(), &format!("explain r.csv --rig {rig} --json out.json -o m.toml --force"));
+        let out = json(&folder.path().join("out.json"));
+        let effects = out["effects"].as_array().unwrap();
+        let name = |e: &serde_json::Value| format!("{}@{}", e["id"].as_str().unwrap(), e["at"].as_str().unwrap());
+        assert_eq!(effects.iter().map(name).collect::<Vec<_>>(), [first], "{effect}: {}", out["gap"]);
+        assert_eq!(out["verdict"], "explained", "{effect}");
+        let (found, error) = (effects[0]["value"].as_f64().unwrap(), effects[0]["std_error"].as_f64().unwrap());
+        assert!((found - value).abs() < 3.5 * error && error < 0.02 * value.abs(), "{}", effects[0]);
+        if first != effect.split('=').next().unwrap() {
+            let twins = effects[0]["indistinguishable_from"].to_string();
+            assert!(twins.contains("input-offset@force"), "{twins}");
+        }
+        // The model written goes on: with it nothing is missing, and it makes records of its own.
+        done(folder.path(), &format!("explain r.csv --rig {rig} --model m.toml --json again.json"));
+        assert_eq!(json(&folder.path().join("again.json"))["verdict"], "nothing-missing", "{effect}");
+        done(folder.path(), &format!("simulate --model m.toml --rig {rig} --from r.csv --seconds 5 -o s.csv --force"));
+    }
+}

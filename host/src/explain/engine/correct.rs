@@ -14,7 +14,7 @@ const REACH: usize = 6;
 const INVERSIONS: usize = 3;
 
 /// k where a law is k v: a sensor that is late.
-fn delay(law: &Node) -> Option<f64> {
+pub fn delay(law: &Node) -> Option<f64> {
     let at_rest = law.replace(&|s| if s == Symbol::Rate(0) { number(0.0) } else { symbol(s) });
     let slope = law.derivative(Symbol::Rate(0)).and_then(|d| as_number(&d))?;
     (as_number(&at_rest) == Some(0.0)).then_some(slope)

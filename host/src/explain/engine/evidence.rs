@@ -248,7 +248,7 @@ fn by_shooting(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candida
         state.renew(setting, &x, &covariance);
         let now = state.followed.as_ref().map_or(f64::NAN, Followed::left);
         let falls = now < (1.0 - STILL_FALLS) * left;
-        if round + 1 >= rounds && !falls {
+        if round + 1 >= rounds && !falls && !state.still_moves(&x, &covariance) {
             break;
         }
         left = now;

@@ -16,6 +16,9 @@ use crate::model::model_file::expression::{Expression, Node, Symbol, symbol};
 /// Additions to the left-hand sides: equation, name of the strength, expression in seconds.
 type Terms = Vec<(usize, String, Node)>;
 
+/// Share of its standard error by which an increment may move, and is settled.
+const SMALL_INCREMENT: f64 = 0.3;
+
 /// An effect in the model.
 #[derive(Clone)]
 pub struct Chosen {
@@ -92,6 +95,17 @@ impl State {
         if applied {
             self.stretches = self.taken_off(setting, &setting.raw);
         }
+    }
+
+    /// Whether what is taken off the record moved by more than a share of its standard error: its columns hold to first order only.
+    pub fn still_moves(&self, x: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
+        let mut at = self.values.len();
+        self.chosen.iter().any(|k| {
+            let own = at..at + k.strengths.len();
+            at = own.end;
+            k.candidate.is_applied()
+                && own.into_iter().any(|i| x[i].abs() > SMALL_INCREMENT * covariance[(i, i)].max(0.0).sqrt())
+        })
     }
 
     /// Stretches with the sensor effects so far taken off.

@@ -14,6 +14,8 @@ use crate::warning::Warning;
 const GROWS: f64 = 5.0;
 /// Distance within which a number of counts is a whole one.
 const WHOLE: f64 = 0.05;
+/// Samples within which a delay is taken for half a one.
+const HELD: f64 = 0.05;
 
 /// The warning for what was found.
 pub(super) fn tell(scene: &Scene, before: &Misfit, found: &Finding) -> Warning {
@@ -212,7 +214,11 @@ fn lag(
             plus_minus(1e3 * delay_s.abs(), 1e3 * error),
             significant((delay_s / step_s).abs(), 3)
         ),
-        "Sample both at the same instant, or shift that column by so much, and run again",
+        if (delay_s / step_s + 0.5).abs() < HELD {
+            "Half a sample early is an output that is held from each sample to the next: record what really acts (a current, a force), or sample faster"
+        } else {
+            "Sample both at the same instant, or shift that column by so much, and run again"
+        },
     )
     .with("channel", name.as_str())
     .with("value_s", delay_s)

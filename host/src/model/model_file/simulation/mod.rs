@@ -16,6 +16,7 @@ use super::expression::{Node, Symbol};
 use crate::effects::columns::Span;
 use crate::effects::put_in;
 use crate::error::{BadInput, Result};
+use crate::explain::engine::correct::delay;
 use crate::model::integrate::{Outside, Settings, solve};
 use crate::record::Column;
 use crate::record::values::write_values;
@@ -134,19 +135,13 @@ pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed:
     }
     let states = &states[settle..];
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut inputs = vec![vec![0.0; count]; model.inputs.len()];
-    let mut at = vec![0.0; model.inputs.len()];
-    for i in 0..count {
-        surroundings.inputs(i as f64 * step, &mut at);
-        at.iter().zip(&mut inputs).for_each(|(x, column)| column[i] = *x);
-    }
     rig.channel
         .iter()
         .enumerate()
         .map(|(k, c)| {
             rng.set_stream(k as u64);
             let shown: Vec<f64> = match bound.inputs.iter().position(|&i| i == k) {
-                Some(input) => inputs[input].clone(),
+                Some(input) => recorded(&surroundings, (input, model.inputs.len()), &put_in.records, (step, count)),
                 None => {
                     let row = bound.sensors.iter().position(|&i| i == k).unwrap_or(0);
                     let laws: Vec<&(usize, Node, f64)> = put_in.reads.iter().filter(|r| r.0 == row).collect();
@@ -175,6 +170,25 @@ fn shown_with(bound: &Bound, row: usize, y: &[f64], laws: &[&(usize, Node, f64)]
     let v = if laws.is_empty() { 0.0 } else { of(&y[n..]) };
     let added = |law: &Node| law.value(&|s| if matches!(s, Symbol::Rate(_)) { v } else { x });
     x + laws.iter().map(|(_, law, k)| k * added(law)).sum::<f64>()
+}
+
+/// What is recorded of an input, with what its laws add; delays shift it.
+fn recorded(
+    surroundings: &Surroundings,
+    (input, inputs): (usize, usize),
+    laws: &[(usize, Node, f64)],
+    (step, count): (f64, usize),
+) -> Vec<f64> {
+    let own = || laws.iter().filter(|l| l.0 == input);
+    let ahead: f64 = own().filter_map(|(_, law, k)| delay(law).map(|d| d * k)).sum();
+    let mut at = vec![0.0; inputs];
+    let mut one = |i: usize| {
+        surroundings.inputs(i as f64 * step + ahead, &mut at);
+        let u = at[input];
+        let plain = own().filter(|(_, law, _)| delay(law).is_none());
+        u + plain.map(|(_, law, k)| k * law.value(&|_| u)).sum::<f64>()
+    };
+    (0..count).map(&mut one).collect()
 }
 
 /// A standard normal number (Box and Muller).
