@@ -5,6 +5,7 @@ use super::program::Program;
 use super::remarks::harmless;
 use super::{Language, Notation, Printed};
 use crate::model::model_file::expression::{Function, Symbol};
+use crate::motion::Acts;
 
 /// See [`super::LANGUAGES`].
 pub struct Latex;
@@ -225,7 +226,11 @@ fn parameters(p: &Program<'_>) -> String {
 
 fn effects(p: &Program<'_>) -> String {
     let item = |e: &crate::motion::Effect| {
-        let beside = if e.is_of_the_record() { ", on the record only" } else { "" };
+        let beside = match e.acts {
+            Acts::Sensor(..) => ", on the sensor only",
+            Acts::Input(..) => ", on the record of the input only",
+            Acts::Motion(_) | Acts::Drive(_) => "",
+        };
         format!(
             "  \\item {}: {}; \\({}{}\\) {}, standard error {}{beside}",
             text(&e.name()),
