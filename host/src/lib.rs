@@ -15,6 +15,7 @@ pub mod inspect;
 pub mod model;
 pub mod motion;
 pub mod phase_space;
+pub mod plan;
 pub mod record;
 pub mod reduce;
 pub mod report;

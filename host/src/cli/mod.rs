@@ -21,6 +21,7 @@ mod list;
 mod man;
 pub mod output;
 mod outputs;
+mod plan;
 pub mod progress;
 mod reduce;
 #[cfg(feature = "sim")]
@@ -88,6 +89,8 @@ enum Command {
     Device(device::Arguments),
     /// Builds a board's firmware and flashes it through a debug probe.
     Flash(flash::Arguments),
+    /// The next experiment: what to set, how long, and what it will tell.
+    Plan(plan::Arguments),
     /// Modes, a reduced-order model, its frequency–energy curve.
     Reduce(reduce::Arguments),
     /// The dissertation's tables and figures: printed, reproduced, true, side by side.
@@ -316,6 +319,7 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<Answer> {
         Command::Export(a) => export::run(&a),
         Command::Device(a) => device::run(&a),
         Command::Flash(a) => flash::run(&a),
+        Command::Plan(a) => plan::run(&a),
         Command::Reduce(a) => reduce::run(&a),
         #[cfg(feature = "sim")]
         Command::Reproduce(a) => reproduce::run(&a),

@@ -68,8 +68,22 @@ fn in_file(model: &IdentifiedModel, rig: &Rig, bound: &Bound) -> Result<Identifi
     Ok(out)
 }
 
+/// A rig and a model of it in the built-in's terms as those of the system file.
+///
+/// # Errors
+/// A model of another system, channels that do not measure both angles.
+pub fn own(model: &IdentifiedModel, rig: &Rig) -> Result<(Rig, IdentifiedModel)> {
+    checked(model).map_err(|e| e.at("--model").remedy("Give a model that was identified on this rig"))?;
+    let own_rig = as_own::double_pendulum_of_bodies(rig, &model.nominal)?;
+    let Some(bound) = own_rig.bound.clone() else {
+        return Err(BadInput::new("no channel", "channels that measure both angles").in_file(&rig.path).at("channel"));
+    };
+    let model = in_file(model, rig, &bound)?;
+    Ok((own_rig, model))
+}
+
 /// Parameters of an explanation in the terms of (3.4): coefficients by their names, then dampings and effects in physical units as they were added.
-fn told(parameters: &mut [Parameter], omega: f64) {
+pub fn told(parameters: &mut [Parameter], omega: f64) {
     for (name, file, factor) in terms(omega) {
         if let Some(p) = parameters.iter_mut().find(|p| p.name == file) {
             name.clone_into(&mut p.name);

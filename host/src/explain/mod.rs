@@ -11,7 +11,7 @@
 pub mod card;
 mod decidability;
 mod decision;
-mod double_pendulum;
+pub mod double_pendulum;
 pub mod engine;
 mod explanation;
 pub mod ledger;

@@ -12,6 +12,7 @@
 //! | `memory` | effects with states of their own |
 //! | `state` | coefficients and what was added |
 //! | `run`, `search` | from the first fit to the verdict, effect by effect |
+//! | `expected` | what a record that the model makes would tell |
 //! | `exchange` | one effect in the place of another |
 //! | `design` | columns over all windows of the weak form |
 //! | `shooting` | columns of trajectories |
@@ -36,6 +37,7 @@ pub mod correct;
 pub mod design;
 mod evidence;
 mod exchange;
+pub mod expected;
 mod forecast;
 pub mod given;
 mod memory;

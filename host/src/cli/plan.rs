@@ -1,0 +1,90 @@
+//! `whirl plan`: the next experiment: what to set, how long, and what it will tell.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::output::{Output, Replace, write_file};
+use super::outputs::Outputs;
+use super::{Answer, Judgement, progress};
+use crate::error::{BadInput, Result};
+use crate::model::identified::IdentifiedModel;
+use crate::plan::goals::{Goals, Limits, Precise};
+use crate::plan::{Settings, plan, presentation};
+use crate::record::{ReadOptions, Record};
+use crate::rig::Rig;
+
+/// Arguments of `plan`.
+#[derive(Debug, Args)]
+pub struct Arguments {
+    /// Rig file.
+    #[arg(long, value_name = "RIG.toml")]
+    rig: PathBuf,
+    /// Identified model, by `identify -o` or `explain -o`: what is planned for.
+    #[arg(long, value_name = "MODEL.toml")]
+    model: Option<PathBuf>,
+    /// Effects to tell from one another, one of them in the model.
+    #[arg(long, value_name = "ID@PLACE", value_delimiter = ',')]
+    tell: Vec<String>,
+    /// Parameters and the 95 % interval wanted, such as C11=0.5%.
+    #[arg(long, value_name = "NAME=X%", value_delimiter = ',', value_parser = Precise::parse)]
+    precise: Vec<Precise>,
+    /// What the rig may be set to (docs/plan.md) [default: near the model's own drive, at most 1.6 times its acceleration].
+    #[arg(long, value_name = "FILE.toml")]
+    limits: Option<PathBuf>,
+    /// A record of the rig: its channels' noise is that of the next (needed where channels do not count).
+    #[arg(long, value_name = "REC")]
+    record: Option<PathBuf>,
+    /// Settings that are simulated and looked at.
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = clap::value_parser!(u16).range(1..=500))]
+    budget: u16,
+    /// Seed of what is drawn.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u64,
+    /// The plan, for `whirl capture --plan`.
+    #[arg(short, value_name = "PLAN.toml")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    replace: Replace,
+    #[command(flatten)]
+    out: Output,
+}
+
+/// Plans.
+pub fn run(arguments: &Arguments) -> Result<Answer> {
+    let rig = Rig::read(&arguments.rig)?;
+    let inputs = arguments.model.iter().chain(&arguments.limits).chain(&arguments.record);
+    let files = Outputs::of(&arguments.out, Some(arguments.replace)).reads_rig(&rig).reads(inputs);
+    files.result("-o", arguments.output.as_ref()).check()?;
+    let Some(path) = &arguments.model else {
+        return Err(BadInput::new("no model", "an identified model of this rig").at("--model").remedy(format!(
+            "Identify a record first: whirl identify REC --rig {} -o MODEL.toml",
+            arguments.rig.display()
+        )));
+    };
+    let model = IdentifiedModel::read(path)?;
+    let limits = arguments.limits.as_ref().map(|p| Limits::read(p)).transpose()?.unwrap_or_default();
+    let record = arguments.record.as_ref().map(|p| Record::read(p, &rig, &ReadOptions::default())).transpose()?;
+    let settings = Settings {
+        goals: Goals { tell: arguments.tell.clone(), precise: arguments.precise.clone() },
+        limits,
+        record: record.as_ref(),
+        budget: usize::from(arguments.budget),
+        seed: arguments.seed,
+    };
+    let bar = progress::bar("simulating settings", 0);
+    let found = plan(&rig, &model, &settings, &|done, all| {
+        bar.set_length(all);
+        bar.set_position(done);
+    });
+    bar.finish_and_clear();
+    let found = found?;
+    arguments.out.write_json(&found)?;
+    arguments.out.say(&presentation::human(&found));
+    if let Some(path) = &arguments.output {
+        write_file(path, presentation::to_toml(&found).as_bytes())?;
+    }
+    let reason = || Judgement::negative(Some("no planned record reaches every goal".to_owned()));
+    let decides = found.best.as_ref().is_some_and(|b| b.decides);
+    Ok(if decides { Answer::Positive } else { reason().tell() })
+}

@@ -1,0 +1,134 @@
+//! What a record would tell: standard errors of a model's parameters and effects on it, and how far its effects could be told from others.
+//!
+//! The record is one that the model itself made ([`crate::plan::trial`]). It goes the way of every record: sensors' noise, windows, shooting from the smoothed record
+//! on, and the covariance of a jackknife over windows. An effect with strengths a and covariance S, fitted with a rival beside it, stands √(aᵀ S⁻¹ a) standard errors
+//! from zero: so much better than its best-fitting rival it explains the record (the square is the rise of the weighted sum of squares without it: T-optimality, Atkinson and
+//! Fedorov 1975).
+
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+use super::candidates::Candidate;
+use super::setting::{Begun, Setting};
+use super::state::State;
+use super::{given, settled, shooting, start, tell};
+use crate::error::Result;
+use crate::explain::MOST_WINDOWS;
+use crate::explain::explanation::Explanation;
+use crate::identify::{Parameter, Settings as IdentifySettings};
+use crate::model::identified::IdentifiedModel;
+use crate::record::Record;
+use crate::rig::Rig;
+
+/// How clearly an effect of the model would show.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Separation {
+    /// The effect, `ID@PLACE`.
+    pub effect: String,
+    /// What it is told from; none: from nothing missing.
+    pub from: Option<String>,
+    /// Standard errors between them.
+    pub deviations: f64,
+}
+
+/// What a record would tell.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Expected {
+    /// Parameters of the model with their standard errors.
+    pub parameters: Vec<Parameter>,
+    /// Every effect of the model from nothing and from each rival.
+    pub separations: Vec<Separation>,
+    /// Windows, and the length of one, s.
+    pub windows: (usize, f64),
+}
+
+/// √(aᵀ S⁻¹ a).
+fn deviations(a: &DVector<f64>, covariance: &DMatrix<f64>) -> Option<f64> {
+    let solved = covariance.clone().cholesky()?.solve(a);
+    Some(a.dot(&solved).max(0.0).sqrt())
+}
+
+/// Strengths of what was chosen behind the dampings, with their columns.
+fn effects(setting: &Setting<'_>, state: &State) -> Vec<(String, core::ops::Range<usize>, DVector<f64>)> {
+    let mut at = state.values.len();
+    let mut out = Vec::new();
+    for (k, chosen) in state.chosen.iter().enumerate() {
+        let own = at..at + chosen.strengths.len();
+        at = own.end;
+        if k >= state.dampings {
+            // What refines a form is no strength.
+            let leading = chosen.candidate.entry.strengths.len().min(own.len());
+            let values = DVector::from_column_slice(&chosen.strengths[..leading]);
+            out.push((chosen.candidate.name(setting), own.start..own.start + leading, values));
+        }
+    }
+    out
+}
+
+/// What a record would tell of a model that made it, and how far its effects stand from `rivals`; none where it is not followed.
+///
+/// # Errors
+/// A record that cannot be identified, a model of another rig.
+pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel, rivals: &[String]) -> Result<Option<Expected>> {
+    let Some(whole) = rig.bound.as_deref() else { return Ok(None) };
+    let records = [record];
+    let begun = Setting::begin(&records, rig, whole, (MOST_WINDOWS, &IdentifySettings::default()))?;
+    let Some(Begun { mut setting, first, physical, .. }) = begun else { return Ok(None) };
+    let Some(mut state) = start(&setting, &first, physical) else { return Ok(None) };
+    given::take(&setting, &mut state, model)?;
+    if !settled(&mut setting, &mut state) || !setting.shooting {
+        return Ok(None);
+    }
+    let all = setting.candidates(&state.physical, &[]);
+    let own = state.own_columns();
+    let effects = effects(&setting, &state);
+    let wanted: Vec<&Candidate> = all.iter().filter(|c| rivals.contains(&c.name(&setting))).collect();
+    let mut separations = Vec::new();
+    let Some(blocks) = shooting::evidence(&setting, &state, (&wanted, false), &[]) else { return Ok(None) };
+    let columns: Vec<usize> = (0..own).collect();
+    let Some(fit) = blocks.fit(&columns) else { return Ok(None) };
+    for (name, range, values) in &effects {
+        let part = |covariance: &DMatrix<f64>| {
+            covariance.view((range.start, range.start), (range.len(), range.len())).into_owned()
+        };
+        let alone = deviations(values, &part(&fit.covariance)).unwrap_or(0.0);
+        separations.push(Separation { effect: name.clone(), from: None, deviations: alone });
+        let mut at = own;
+        for c in &wanted {
+            let behind = at..at + c.strengths();
+            at = behind.end;
+            let rival = c.name(&setting);
+            if rival == *name {
+                continue;
+            }
+            // What cannot be fitted beside it is not told from it.
+            let both: Vec<usize> = columns.iter().copied().chain(behind).collect();
+            let apart = blocks.fit(&both).and_then(|f| deviations(values, &part(&f.covariance))).unwrap_or(0.0);
+            let same = separations.iter_mut().find(|s| s.effect == *name && s.from.as_deref() == Some(&rival));
+            match same {
+                // Of several forms the one that is hardest to tell.
+                Some(s) => s.deviations = s.deviations.min(apart),
+                None => separations.push(Separation { effect: name.clone(), from: Some(rival), deviations: apart }),
+            }
+        }
+    }
+    let windows = state.followed.as_ref().map_or((0, 0.0), |f| f.windows(&setting));
+    let mut told = Explanation::new(1.0, Vec::new());
+    tell::parameters(&setting, &state, (&fit.all, &fit.covariance), &first, &mut told);
+    Ok(Some(Expected { parameters: told.parameters, separations, windows }))
+}
+
+/// Names of all effects that a rig can have, `ID@PLACE`.
+///
+/// # Errors
+/// As [`expected`].
+pub fn candidates(record: Record, rig: &Rig) -> Result<Vec<String>> {
+    let Some(whole) = rig.bound.as_deref() else { return Ok(Vec::new()) };
+    let records = [record];
+    let begun = Setting::begin(&records, rig, whole, (MOST_WINDOWS, &IdentifySettings::default()))?;
+    let Some(Begun { setting, physical, .. }) = begun else { return Ok(Vec::new()) };
+    let mut out: Vec<String> = setting.candidates(&physical, &[]).iter().map(|c| c.name(&setting)).collect();
+    out.sort();
+    out.dedup();
+    Ok(out)
+}

@@ -1,0 +1,134 @@
+//! What the next experiment shall tell, and what it may do.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{BadInput, Result};
+use crate::files;
+
+/// Standard errors in half of a 95 % interval.
+pub const TO_95: f64 = 1.96;
+
+/// A parameter's wanted interval.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Precise {
+    /// The parameter.
+    pub name: String,
+    /// Half of its 95 % interval over its value.
+    pub share: f64,
+}
+
+impl Precise {
+    /// `NAME=X%`.
+    ///
+    /// # Errors
+    /// The text, and what was expected.
+    pub fn parse(text: &str) -> core::result::Result<Self, String> {
+        let parts = || {
+            let (name, percent) = text.split_once('=')?;
+            let share = percent.trim().strip_suffix('%')?.trim().parse::<f64>().ok()? / 100.0;
+            let good = !name.trim().is_empty() && share > 0.0 && share < 1.0;
+            good.then(|| Self { name: name.trim().to_owned(), share })
+        };
+        parts().ok_or_else(|| format!("\"{text}\" is not NAME=X%, such as C11=0.5%"))
+    }
+}
+
+/// What an experiment shall tell.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Goals {
+    /// Effects to be told from one another, `ID@PLACE`.
+    pub tell: Vec<String>,
+    /// Parameters and their intervals.
+    pub precise: Vec<Precise>,
+}
+
+/// What the rig may be set to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Limits {
+    /// Drive frequencies, Hz.
+    pub frequency_hz: Option<[f64; 2]>,
+    /// Amplitudes of the base, m.
+    pub amplitude_m: Option<[f64; 2]>,
+    /// The same in units of the amplitude at which the model was identified.
+    pub amplitude_factor: Option<[f64; 2]>,
+    /// Greatest acceleration of the base, m/s².
+    pub acceleration_m_s2: Option<f64>,
+    /// Longest record, s.
+    pub seconds: Option<f64>,
+}
+
+impl Limits {
+    /// Reads a limits file.
+    ///
+    /// # Errors
+    /// Names the file, the key, the value and what was expected.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = files::read_text(path, "a limits file", "Name a file with lines such as frequency_hz = [2.0, 8.0]")?;
+        let out: Self = toml::from_str(&text).map_err(|e| {
+            BadInput::new(
+                e.to_string(),
+                "frequency_hz, amplitude_m or amplitude_factor as [low, high]; acceleration_m_s2, seconds as numbers",
+            )
+            .in_file(path)
+            .remedy("Correct the limits file (docs/plan.md)")
+        })?;
+        let ranges = [
+            ("frequency_hz", out.frequency_hz),
+            ("amplitude_m", out.amplitude_m),
+            ("amplitude_factor", out.amplitude_factor),
+        ];
+        for (key, range) in ranges {
+            if let Some([low, high]) = range.filter(|[l, h]| !(*l > 0.0 && l <= h && h.is_finite())) {
+                return Err(BadInput::new(format!("[{low}, {high}]"), "two numbers above 0, the lower first")
+                    .in_file(path)
+                    .at(key)
+                    .remedy("Correct the limits file"));
+            }
+        }
+        for (key, value) in [("acceleration_m_s2", out.acceleration_m_s2), ("seconds", out.seconds)] {
+            if let Some(x) = value.filter(|x| !(*x > 0.0 && x.is_finite())) {
+                return Err(BadInput::new(x.to_string(), "a number above 0")
+                    .in_file(path)
+                    .at(key)
+                    .remedy("Correct the limits file"));
+            }
+        }
+        Ok(out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_interval_is_a_name_and_a_share() {
+        assert_eq!(Precise::parse("C11=0.5%").unwrap(), Precise { name: "C11".into(), share: 0.005 });
+        for bad in ["C11", "C11=0.5", "=1%", "C11=0%", "C11=100%", "C11=nan%"] {
+            assert!(Precise::parse(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn limits_are_checked() {
+        let file = |text: &str| {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join("limits.toml");
+            std::fs::write(&path, text).unwrap();
+            Limits::read(&path).map_err(|e| e.to_string())
+        };
+        assert_eq!(file("frequency_hz = [2.0, 8.0]\nseconds = 300.0\n").unwrap().seconds, Some(300.0));
+        for (bad, place) in [
+            ("frequency_hz = [8.0, 2.0]", "frequency_hz"),
+            ("amplitude_m = [0.0, 1.0]", "amplitude_m"),
+            ("seconds = nan", "seconds"),
+            ("speed = 3", "speed"),
+        ] {
+            let said = file(bad).unwrap_err();
+            assert!(said.contains(place) && said.contains("limits.toml"), "{said}");
+        }
+    }
+}

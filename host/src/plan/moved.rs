@@ -1,0 +1,122 @@
+//! A rig and its model at another setting of the drive: what the same bodies do under another frequency and amplitude.
+//!
+//! In seconds every term keeps its coefficient; those of a base that moves grow with its acceleration a Ω². In derivatives by τ = Ω t a term of p primes stands
+//! over Ω^(2 − p). Coefficients of equations that were derived from bodies hold no Ω: the base's acceleration is in their columns.
+//!
+//! Limits: written equations in seconds with a force F cos τ are taken as those of a base too; a plan for these holds at the frequency of the record alone.
+
+use super::Setting;
+use crate::error::{BadInput, Result};
+use crate::explain::{double_pendulum, single_pendulum};
+use crate::model::identified::{IdentifiedModel, System};
+use crate::model::model_file::expression::{Node, Symbol};
+use crate::model::model_file::{Equation, ModelFile, Term, Time};
+use crate::rig::Rig;
+use crate::rig::choices::Choices;
+
+/// Parameters of a system of bodies that are the base's amplitude.
+const AMPLITUDES: [&str; 2] = ["a_c", "a_s"];
+
+/// A rig with its model, both of a file's equations.
+pub struct Own {
+    /// The rig, bound to the equations.
+    pub rig: Rig,
+    /// The model in their terms.
+    pub model: IdentifiedModel,
+}
+
+/// A rig and a model in the terms of a file: built-in ones as those that they stand for.
+///
+/// # Errors
+/// A model of another rig.
+pub fn own(rig: &Rig, model: &IdentifiedModel) -> Result<Own> {
+    let (rig, model) = match (&rig.bound, &model.system) {
+        (Some(_), System::Own(_)) => (rig.clone(), model.clone()),
+        (None, System::BuiltIn(_)) if rig.model == "single-pendulum" => single_pendulum::own(model, rig)?,
+        (None, System::BuiltIn(_)) => double_pendulum::own(model, rig)?,
+        _ => {
+            return Err(BadInput::new(
+                format!("a model of another system than \"{}\"", rig.model),
+                "a model of this rig",
+            )
+            .at("--model")
+            .remedy("Give a model that was identified with this rig file"));
+        }
+    };
+    Ok(Own { rig, model })
+}
+
+/// The rig at another setting; that of a free system, and of a drive that stays as it is, is the same.
+fn rig_at(rig: &Rig, setting: &Setting) -> Result<Rig> {
+    let (Some(drive), Some(frequency_hz)) = (rig.drive, setting.frequency_hz) else { return Ok(rig.clone()) };
+    let mut table: toml::Table =
+        toml::from_str(&rig.text).map_err(|e| BadInput::new(e.to_string(), "a rig file").in_file(&rig.path))?;
+    if let Some(own) = table.get_mut("drive").and_then(toml::Value::as_table_mut) {
+        own.insert("frequency_hz".to_owned(), frequency_hz.into());
+        if let (Some(a), Some(factor)) = (drive.amplitude_m, setting.amplitude_factor) {
+            own.insert("amplitude_m".to_owned(), (a * factor).into());
+        }
+    }
+    table.insert("sample_rate_hz".to_owned(), rig.sample_rate_hz.into());
+    let rate = rig.sample_rate_hz;
+    Rig::of_text(&table.to_string(), &rig.path, &Choices::default(), &mut |_| Ok(Some(rate)))
+}
+
+/// Power of the unit of time in an expression: X(q, s q̇, s² q̈) = s^p X(q, q̇, q̈).
+fn primes(of: &Node) -> i32 {
+    let at = |s: f64| {
+        of.value(&|symbol| match symbol {
+            Symbol::Coordinate(k) => 0.7 + 0.31 * k as f64,
+            Symbol::Rate(k) => s * (1.3 - 0.4 * k as f64),
+            Symbol::Acceleration(k) => s * s * (0.9 + 0.7 * k as f64),
+            Symbol::Tau => 0.4,
+            _ => 0.6,
+        })
+    };
+    let ratio = (at(2.0) / at(1.0)).abs();
+    if ratio.is_finite() && ratio > 0.0 { ratio.log2().round() as i32 } else { 0 }
+}
+
+/// What a coefficient is multiplied with.
+fn factor(model: &ModelFile, (equation, term): (&Equation, &Term), times: f64, amplitude: f64) -> f64 {
+    let driven = term.of.any(&|s| s == Symbol::Tau);
+    let base = if driven { amplitude } else { 1.0 };
+    let derived = model.mechanism.as_ref().is_some_and(|m| !m.coefficients.is_empty());
+    match (model.time, derived, driven) {
+        // What is over Ω² has the base's acceleration over Ω² as well.
+        (Time::Phase, false, true) => base,
+        (Time::Phase, false, false) => times.powi(primes(&term.of) - primes(&equation.balance)),
+        (_, false, true) => base * times * times,
+        _ => base,
+    }
+}
+
+/// The rig and its model at a setting.
+///
+/// # Errors
+/// A rig that cannot be had at it, such as one whose samples do not resolve the drive.
+pub fn at(rig: &Rig, model: &IdentifiedModel, setting: &Setting) -> Result<Own> {
+    let first = own(rig, model)?;
+    let (Some(drive), Some(frequency_hz)) = (rig.drive, setting.frequency_hz) else { return Ok(first) };
+    let amplitude = setting.amplitude_factor.unwrap_or(1.0);
+    let moved = rig_at(rig, setting)?;
+    // The equations anew for that frequency; a model of the built-in terms names its own there.
+    let there = own(&moved, &IdentifiedModel { drive_frequency_hz: Some(frequency_hz), ..model.clone() })?;
+    let mut out = first.model;
+    let Some(bound) = &first.rig.bound else { return Ok(Own { rig: there.rig, model: out }) };
+    let times = frequency_hz / drive.frequency_hz;
+    for equation in &bound.model.equations {
+        for term in &equation.terms {
+            let by = factor(&bound.model, (equation, term), times, amplitude);
+            for p in out.parameters.iter_mut().filter(|p| p.name == term.name) {
+                (p.value, p.std_error) = (p.value * by, p.std_error * by.abs());
+            }
+        }
+    }
+    for (_, value) in out.found_with.iter_mut().filter(|(name, _)| AMPLITUDES.contains(&name.as_str())) {
+        *value *= amplitude;
+    }
+    out.drive_frequency_hz = Some(frequency_hz);
+    out.system = there.model.system;
+    Ok(Own { rig: there.rig, model: out })
+}

@@ -1,0 +1,196 @@
+//! A plan for people, and as the file that a capture runs.
+
+use std::fmt::Write as _;
+
+use super::{APART, Plan, Proposal, Setting};
+
+/// "tell A from B and C".
+pub fn told_apart(names: &[String]) -> String {
+    match names {
+        [] => String::new(),
+        [one] => format!("show {one} at {APART} standard errors"),
+        [first, others @ ..] => format!("tell {first} from {} at {APART} standard errors", others.join(" and ")),
+    }
+}
+
+/// A setting in one phrase.
+pub fn setting(s: &Setting) -> String {
+    if let Some(pose) = &s.pose {
+        let degrees: Vec<String> = pose.iter().map(|x| format!("{:.0}", x.to_degrees())).collect();
+        return format!("let go at rest from {} degrees", degrees.join(" and "));
+    }
+    let Some(f) = s.frequency_hz else { return "as it is".to_owned() };
+    match (s.amplitude_m, s.amplitude_factor) {
+        (Some(a), _) => format!("{f:.2} Hz at {:.2} mm", 1e3 * a),
+        (None, Some(k)) => format!("{f:.2} Hz at {k:.2} of the present amplitude"),
+        (None, None) => format!("{f:.2} Hz"),
+    }
+}
+
+/// A length.
+pub fn length(seconds: f64) -> String {
+    if seconds >= 120.0 { format!("{:.1} minutes", seconds / 60.0) } else { format!("{seconds:.0} s") }
+}
+
+/// The plan in one line; none where nothing is proposed.
+pub fn line(plan: &Plan) -> Option<String> {
+    let best = plan.best.as_ref()?;
+    let mut out = format!("{}, for {}", setting(&best.setting), length(best.seconds));
+    if plan.goals.tell.is_empty() {
+        return Some(out);
+    }
+    let nearest = |p: &Proposal| {
+        let told = p.separations.iter().filter(|s| plan.goals.tell.contains(&s.effect));
+        told.map(|s| s.deviations).fold(f64::INFINITY, f64::min)
+    };
+    let names = &plan.goals.tell;
+    let what = if names.len() == 1 {
+        format!("show {}", names[0])
+    } else {
+        format!("tell {} from {}", names[0], names[1..].join(" and "))
+    };
+    let _ = write!(out, ", would {what} at {:.1} standard errors", nearest(best));
+    if let Some(now) = &plan.unchanged {
+        let _ = write!(out, "; as it is set now, in the same time, {:.1}", nearest(now));
+    }
+    Some(out)
+}
+
+fn proposal(out: &mut String, p: &Proposal) {
+    for g in &p.goals {
+        let time = g.seconds.map_or("cannot be reached here".to_owned(), length);
+        let _ = writeln!(out, "  to {}: {time}", g.goal);
+    }
+    for s in &p.separations {
+        let from = s.from.as_ref().map_or("nothing missing".to_owned(), Clone::clone);
+        let _ = writeln!(out, "  {} from {from}: {:.1} standard errors", s.effect, s.deviations);
+    }
+    let _ = writeln!(out, "  {:<28} {:>13} {:>12} (95 %)", "parameter", "value", "±");
+    for q in &p.parameters {
+        let _ = writeln!(out, "  {:<28} {:>13.6e} {:>12.2e} {}", q.name, q.value, 1.96 * q.std_error, q.unit);
+    }
+}
+
+/// The whole plan.
+pub fn human(plan: &Plan) -> String {
+    let Some(best) = &plan.best else {
+        return format!(
+            "{}: no setting was found at which the model moves chaotically and a record of it can be followed\nWiden the limits (--limits), or look at more settings (--budget)\n",
+            plan.rig
+        );
+    };
+    let mut out = format!("The next experiment: {}\n", line(plan).unwrap_or_default());
+    if !best.decides {
+        let _ = writeln!(out, "This does not reach every goal within the longest record that is allowed");
+    }
+    if let Some(c) = best.chaos {
+        let [low, high] = c.interval;
+        let _ = writeln!(
+            out,
+            "chaotic in {} of {} draws of parameters and initial states (95 %: {:.2} to {:.2}), an arm goes round in {}",
+            c.chaotic, c.draws, low, high, c.whirling
+        );
+    }
+    let _ = writeln!(
+        out,
+        "\nWhat a record of {} there would tell (the worst of {} simulated)",
+        length(best.seconds),
+        best.draws
+    );
+    proposal(&mut out, best);
+    if let Some(now) = &plan.unchanged {
+        let _ = writeln!(out, "\nAs it is set now ({}), in the same time", setting(&now.setting));
+        proposal(&mut out, now);
+    }
+    if !plan.others.is_empty() {
+        let _ = writeln!(out, "\nOther settings");
+        for p in plan.others.iter().take(5) {
+            let _ = writeln!(
+                out,
+                "  {}: {}{}",
+                setting(&p.setting),
+                length(p.seconds),
+                if p.decides { "" } else { ", which does not reach every goal" }
+            );
+        }
+    }
+    if !plan.map.is_empty() {
+        out.push_str("\nMotion over frequency and amplitude (c chaotic, C chaotic and going round, + for some draws, . locked)\n");
+        out.push_str(&map(plan));
+    }
+    out
+}
+
+/// The map in letters, amplitudes downwards.
+fn map(plan: &Plan) -> String {
+    let mut frequencies: Vec<f64> = plan.map.iter().filter_map(|p| p.setting.frequency_hz).collect();
+    let mut amplitudes: Vec<f64> = plan.map.iter().filter_map(|p| p.setting.amplitude_factor).collect();
+    for list in [&mut frequencies, &mut amplitudes] {
+        list.sort_by(f64::total_cmp);
+        list.dedup();
+    }
+    let mut out = String::from("  Hz       ");
+    frequencies.iter().for_each(|f| drop(write!(out, "{f:>6.2}")));
+    out.push('\n');
+    for a in amplitudes.iter().rev() {
+        let at = |f: &f64| {
+            plan.map.iter().find(|p| p.setting.frequency_hz == Some(*f) && p.setting.amplitude_factor == Some(*a))
+        };
+        let in_m = frequencies.iter().find_map(|f| at(f)?.setting.amplitude_m);
+        let _ = write!(out, "  {:<9}", in_m.map_or(format!("x {a:.2}"), |m| format!("{:.2} mm", 1e3 * m)));
+        for f in &frequencies {
+            let letter = at(f).map_or(' ', |p| match p.chaos {
+                c if c.chaotic == 0 => '.',
+                c if c.chaotic < c.draws => '+',
+                c if c.whirling > 0 => 'C',
+                _ => 'c',
+            });
+            let _ = write!(out, "{letter:>6}");
+        }
+        out.push('\n');
+    }
+    out
+}
+
+/// The plan as a file: what is set and for how long, best first.
+pub fn to_toml(plan: &Plan) -> String {
+    let mut out =
+        format!("# The next experiment on {}: run it with `whirl capture --plan`.\n", plan.rig.replace('\n', " "));
+    if let Some(line) = line(plan) {
+        let _ = writeln!(out, "# {line}");
+    }
+    let quoted =
+        |list: &[String]| list.iter().map(|s| toml::Value::from(s.as_str()).to_string()).collect::<Vec<_>>().join(", ");
+    let _ = writeln!(
+        out,
+        "format = 1\nrig = {}\ntell = [{}]",
+        toml::Value::from(plan.rig.as_str()),
+        quoted(&plan.goals.tell)
+    );
+    let precise: Vec<String> = plan.goals.precise.iter().map(|p| format!("{}={}%", p.name, 100.0 * p.share)).collect();
+    let _ = writeln!(out, "precise = [{}]\nseed = {}", quoted(&precise), plan.seed);
+    for p in plan.best.iter().chain(plan.others.iter().take(2)) {
+        out.push_str("\n[[run]]\n");
+        let mut number = |key: &str, x: Option<f64>| {
+            if let Some(x) = x {
+                let _ = writeln!(out, "{key} = {x:?}");
+            }
+        };
+        number("frequency_hz", p.setting.frequency_hz);
+        number("amplitude_m", p.setting.amplitude_m);
+        number("amplitude_factor", p.setting.amplitude_factor);
+        number("seconds", Some(p.seconds.ceil()));
+        if let Some(pose) = &p.setting.pose {
+            let _ = writeln!(out, "pose = {pose:?}");
+        }
+        let _ = writeln!(out, "decides = {}", p.decides);
+        if let Some(c) = p.chaos {
+            let _ = writeln!(out, "chaotic = {:?}", c.chaotic as f64 / c.draws.max(1) as f64);
+        }
+        out.push_str("[run.std_errors]\n");
+        for q in &p.parameters {
+            let _ = writeln!(out, "{} = {:?}", toml::Value::from(q.name.as_str()), q.std_error);
+        }
+    }
+    out
+}
