@@ -22,17 +22,17 @@ use crate::rig::Rig;
 use crate::terminal_view::View;
 
 /// Arguments of `capture`.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub struct Arguments {
     /// Source: serial:/dev/ttyACM0[@BAUD], tcp:HOST:PORT, rtt[:CHIP], sim[:SEED], file:FRAMES.
     #[arg(long, value_name = "SOURCE")]
     from: String,
     /// Rig file.
     #[arg(long, value_name = "RIG.toml")]
-    rig: PathBuf,
+    pub(super) rig: PathBuf,
     /// Record: Parquet, or CSV by extension.
     #[arg(short, long, value_name = "REC")]
-    output: PathBuf,
+    pub(super) output: PathBuf,
     /// Device time to record, s [default: until Ctrl-C, or the end of a file].
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
@@ -66,19 +66,22 @@ pub struct Arguments {
     /// End once the device's own estimate of a parameter is so narrow: ± (95 %) over the value, such as C2=1%.
     #[arg(long, value_name = "NAME=X%")]
     until: Option<Until>,
+    /// Run the records of a plan (`whirl plan -o`) one after the other, REC-1, REC-2 …, until what was asked is decided.
+    #[arg(long, value_name = "PLAN.toml", conflicts_with_all = ["seconds", "amplitude_m", "no_drive", "rows", "resume", "until", "live", "report"])]
+    plan: Option<PathBuf>,
     /// Show the motion, the drive, losses and the device's estimate in the terminal meanwhile; a simulated rig then runs in real time.
     #[arg(long)]
     live: bool,
     /// Effect to put into a simulated rig (source sim).
     #[arg(long = "effect", value_name = "ID@PLACE=VALUE[,name=value]")]
-    effects: Vec<String>,
+    pub(super) effects: Vec<String>,
     /// Exit with status 1 where samples are missing, or fewer came than were asked for.
     #[arg(long)]
     strict: bool,
     #[command(flatten)]
     replace: Replace,
     #[command(flatten)]
-    out: Output,
+    pub(super) out: Output,
 }
 
 fn plural(n: u64, word: &str) -> String {
@@ -167,7 +170,7 @@ pub fn from_simulated(
 
 /// What is read and written: the record, its journal and the device's estimates beside it. A record is made again from its own journal
 /// without more ado; where a journal is left of a capture that did not end, the recorder says what to do with it.
-fn files(arguments: &Arguments, rig: &Rig) -> Outputs {
+pub(super) fn files(arguments: &Arguments, rig: &Rig) -> Outputs {
     let (record, journal) = (&arguments.output, path_of(&arguments.output));
     let frames = arguments.from.strip_prefix("file:").map(Path::new);
     let of = if frames.map_or(journal.exists(), |frames| crate::files::same(frames, &journal)) {
@@ -183,6 +186,9 @@ fn files(arguments: &Arguments, rig: &Rig) -> Outputs {
 
 /// Captures.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
+    if let Some(plan) = &arguments.plan {
+        return super::capture_plan::run(arguments, plan);
+    }
     let rig = Rig::read(&arguments.rig)?;
     files(arguments, &rig).check()?;
     if arguments.rows && arguments.out.report.is_some() {
@@ -219,7 +225,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
 }
 
 /// Ctrl-C, SIGTERM and SIGHUP end the capture in order; the second one ends the program at once: the journal stays.
-fn end_on_signals(stop: &Arc<AtomicBool>) -> Result<()> {
+pub(super) fn end_on_signals(stop: &Arc<AtomicBool>) -> Result<()> {
     let flag = Arc::clone(stop);
     ctrlc::set_handler(move || {
         if flag.swap(true, Ordering::Relaxed) {
@@ -230,7 +236,7 @@ fn end_on_signals(stop: &Arc<AtomicBool>) -> Result<()> {
 }
 
 /// How the capture is made.
-fn settings_of(arguments: &Arguments, stop: Arc<AtomicBool>) -> CaptureSettings {
+pub(super) fn settings_of(arguments: &Arguments, stop: Arc<AtomicBool>) -> CaptureSettings {
     CaptureSettings {
         seconds: arguments.seconds,
         reconnect_s: arguments.reconnect_s,

@@ -4,6 +4,7 @@
 
 mod batch;
 mod capture;
+mod capture_plan;
 mod completions;
 mod demo;
 mod device;

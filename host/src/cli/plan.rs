@@ -9,7 +9,7 @@ use super::outputs::Outputs;
 use super::{Answer, Judgement, progress};
 use crate::error::{BadInput, Result};
 use crate::model::identified::IdentifiedModel;
-use crate::plan::goals::{Goals, Limits, Precise};
+use crate::plan::goals::{Goals, Limits, Precise, Tell};
 use crate::plan::{Settings, plan, presentation};
 use crate::record::{ReadOptions, Record};
 use crate::rig::Rig;
@@ -23,9 +23,9 @@ pub struct Arguments {
     /// Identified model, by `identify -o` or `explain -o`: what is planned for.
     #[arg(long, value_name = "MODEL.toml")]
     model: Option<PathBuf>,
-    /// Effects to tell from one another, one of them in the model.
-    #[arg(long, value_name = "ID@PLACE", value_delimiter = ',')]
-    tell: Vec<String>,
+    /// Effects to tell from one another: one of them in the model, or of the size that it would have.
+    #[arg(long, value_name = "ID@PLACE[=VALUE]", value_delimiter = ',', value_parser = Tell::parse)]
+    tell: Vec<Tell>,
     /// Parameters and the 95 % interval wanted, such as C11=0.5%.
     #[arg(long, value_name = "NAME=X%", value_delimiter = ',', value_parser = Precise::parse)]
     precise: Vec<Precise>,
@@ -66,7 +66,11 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let limits = arguments.limits.as_ref().map(|p| Limits::read(p)).transpose()?.unwrap_or_default();
     let record = arguments.record.as_ref().map(|p| Record::read(p, &rig, &ReadOptions::default())).transpose()?;
     let settings = Settings {
-        goals: Goals { tell: arguments.tell.clone(), precise: arguments.precise.clone() },
+        goals: Goals {
+            tell: arguments.tell.iter().map(|t| t.name.clone()).collect(),
+            precise: arguments.precise.clone(),
+        },
+        sizes: arguments.tell.clone(),
         limits,
         record: record.as_ref(),
         budget: usize::from(arguments.budget),

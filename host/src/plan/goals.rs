@@ -35,6 +35,33 @@ impl Precise {
     }
 }
 
+/// An effect that is asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tell {
+    /// `ID@PLACE`.
+    pub name: String,
+    /// Its size in its own unit, where the model does not have it.
+    pub size: Option<f64>,
+}
+
+impl Tell {
+    /// `ID@PLACE` or `ID@PLACE=VALUE`.
+    ///
+    /// # Errors
+    /// The text, and what was expected.
+    pub fn parse(text: &str) -> core::result::Result<Self, String> {
+        let (name, size) = match text.split_once('=') {
+            Some((name, size)) => (name.trim(), Some(size.trim().parse::<f64>().unwrap_or(f64::NAN))),
+            None => (text.trim(), None),
+        };
+        let placed = name.split_once('@').is_some_and(|(id, at)| !id.is_empty() && !at.is_empty());
+        if !placed || size.is_some_and(|x| !(x.is_finite() && x != 0.0)) {
+            return Err(format!("\"{text}\" is not ID@PLACE or ID@PLACE=VALUE, such as eccentricity@encoder1=0.002"));
+        }
+        Ok(Self { name: name.to_owned(), size })
+    }
+}
+
 /// What an experiment shall tell.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Goals {
@@ -109,6 +136,16 @@ mod tests {
         assert_eq!(Precise::parse("C11=0.5%").unwrap(), Precise { name: "C11".into(), share: 0.005 });
         for bad in ["C11", "C11=0.5", "=1%", "C11=0%", "C11=100%", "C11=nan%"] {
             assert!(Precise::parse(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn an_effect_is_a_name_at_a_place() {
+        let found = Tell::parse("cogging@joint1=-2e-4").unwrap();
+        assert_eq!((found.name.as_str(), found.size), ("cogging@joint1", Some(-2e-4)));
+        assert_eq!(Tell::parse("cogging@joint1").unwrap().size, None);
+        for bad in ["cogging", "@joint1", "cogging@", "cogging@joint1=", "cogging@joint1=0", "cogging@joint1=nan"] {
+            assert!(Tell::parse(bad).is_err(), "{bad}");
         }
     }
 

@@ -16,17 +16,18 @@ pub mod goals;
 mod moved;
 pub mod presentation;
 mod trial;
+pub mod written;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
-use self::goals::{Goals, Limits, TO_95};
+use self::goals::{Goals, Limits, TO_95, Tell};
 use self::moved::Own;
 use self::trial::Made;
 pub use self::trial::Share;
 use crate::error::{BadInput, Result};
 use crate::explain::double_pendulum;
-use crate::explain::engine::expected::{Expected, Separation, expected};
+use crate::explain::engine::expected::{Expected, Separation, expected, with_effect};
 use crate::identify::Parameter;
 use crate::identify::general;
 use crate::model::identified::{IdentifiedModel, System};
@@ -53,6 +54,8 @@ const FURTHER: usize = 2;
 const FINALISTS: usize = 3;
 /// Draws of the chaotic share of what is proposed.
 const SHARE_DRAWS: usize = 12;
+/// Records by which an effect's size is put into the model, at most.
+const TRIES: usize = 4;
 /// Poses from which a free system is let go, as angles.
 const POSE_GRID: [f64; 6] = [0.6, 1.2, 1.8, 2.4, 2.8, -2.0];
 
@@ -132,6 +135,8 @@ pub struct Plan {
 pub struct Settings<'a> {
     /// What it shall tell.
     pub goals: Goals,
+    /// Effects with the sizes that they would have.
+    pub sizes: Vec<Tell>,
     /// What the rig may be set to.
     pub limits: Limits,
     /// A record of the rig, whose channels' noise is taken; needed where a channel does not count.
@@ -145,7 +150,7 @@ pub struct Settings<'a> {
 /// What all settings have in common.
 struct Task<'a> {
     rig: &'a Rig,
-    model: &'a IdentifiedModel,
+    model: IdentifiedModel,
     settings: &'a Settings<'a>,
     noise: Vec<f64>,
     /// Amplitude of the base at which the model was identified, m.
@@ -196,7 +201,7 @@ fn spaced([low, high]: [f64; 2], count: usize) -> Vec<f64> {
 
 impl Task<'_> {
     fn at(&self, setting: &Setting) -> Result<Own> {
-        moved::at(self.rig, self.model, setting)
+        moved::at(self.rig, &self.model, setting)
     }
 
     fn setting(&self, frequency_hz: f64, amplitude_factor: f64) -> Setting {
@@ -270,13 +275,7 @@ impl Task<'_> {
     /// What one draw of a record would tell, scaled to no length yet; none where it cannot be followed.
     fn look(&self, setting: &Setting, draw: usize) -> Option<Expected> {
         let own = self.at(setting).ok()?;
-        let made = Made {
-            seconds: self.looked_at_s(),
-            pose: setting.pose.as_deref(),
-            noise: &self.noise,
-            seed: (self.settings.seed, draw),
-        };
-        let record = trial::record(&own, &made).ok()?;
+        let record = trial::record(&own, &self.made(setting, draw)).ok()?;
         let mut found = expected(record, &own.rig, &own.model, &self.settings.goals.tell).ok()??;
         if matches!(&self.model.system, System::BuiltIn(id) if id == "double-pendulum") {
             double_pendulum::told(&mut found.parameters, own.rig.omega());
@@ -284,6 +283,50 @@ impl Task<'_> {
         let known = |p: &Parameter| p.std_error.is_finite() && p.value.is_finite();
         found.parameters.retain(known);
         (!found.parameters.is_empty()).then_some(found)
+    }
+
+    /// Puts effects of given sizes into the model, by a record of it that can be followed.
+    fn put_in(&mut self, good: &[Setting]) -> Result<()> {
+        let has = |m: &IdentifiedModel, name: &str| m.effects.iter().any(|e| format!("{}@{}", e.id, e.at) == name);
+        for tell in &self.settings.sizes {
+            let Some(size) = tell.size.filter(|_| !has(&self.model, &tell.name)) else { continue };
+            let mut last = None;
+            for setting in std::iter::once(&self.unchanged()).chain(good).take(TRIES) {
+                let own = self.at(setting)?;
+                let made = self.made(setting, 0);
+                match trial::record(&own, &made).and_then(|r| with_effect(r, &own.rig, &own.model, (&tell.name, size)))
+                {
+                    Ok(Some(found)) => {
+                        self.model.effects = found.effects;
+                        self.model.found_with = found.found_with;
+                        let back = setting.amplitude_factor.unwrap_or(1.0);
+                        moved::scale_amplitude(&mut self.model, 1.0 / back);
+                        last = None;
+                        break;
+                    }
+                    Ok(None) => {}
+                    Err(e) => last = Some(e),
+                }
+            }
+            if let Some(e) = last {
+                return Err(e);
+            }
+            if !has(&self.model, &tell.name) {
+                return Err(
+                    BadInput::new(format!("\"{}\"", tell.name), "an effect that this rig can have").at("--tell")
+                );
+            }
+        }
+        Ok(())
+    }
+
+    fn made<'b>(&'b self, setting: &'b Setting, draw: usize) -> Made<'b> {
+        Made {
+            seconds: self.looked_at_s(),
+            pose: setting.pose.as_deref(),
+            noise: &self.noise,
+            seed: (self.settings.seed, draw),
+        }
     }
 
     fn looked_at_s(&self) -> f64 {
@@ -388,9 +431,14 @@ pub fn plan(
     step: &(dyn Fn(u64, u64) + Sync),
 ) -> Result<Plan> {
     let own = moved::own(rig, model)?;
-    check_goals(&settings.goals, model)?;
-    let task =
-        Task { rig, model, settings, noise: noise(rig, &own, settings.record)?, amplitude_m: amplitude_m(rig, model) };
+    check_goals(settings, model)?;
+    let mut task = Task {
+        rig,
+        model: model.clone(),
+        settings,
+        noise: noise(rig, &own, settings.record)?,
+        amplitude_m: amplitude_m(rig, model),
+    };
     let done = std::sync::atomic::AtomicU64::new(0);
     let grid = task.grid()?;
     let budget = settings.budget.max(1);
@@ -412,11 +460,10 @@ pub fn plan(
     } else {
         task.poses(&own)
     };
-    let mut looked: Vec<Setting> = vec![task.unchanged()];
-    if rig.drive.is_none() {
-        looked.clear();
-    }
-    looked.extend(thinned(&good, budget));
+    task.put_in(&good)?;
+    let now = task.unchanged();
+    let begin = usize::from(rig.drive.is_some());
+    let looked: Vec<Setting> = std::iter::once(now.clone()).take(begin).chain(thinned(&good, budget)).collect();
     let first: Vec<Option<Expected>> = looked
         .par_iter()
         .map(|s| {
@@ -426,9 +473,11 @@ pub fn plan(
         })
         .collect();
     let unchanged = first.first().and_then(Option::as_ref).filter(|_| rig.drive.is_some()).cloned();
-    let begin = usize::from(rig.drive.is_some());
+    // Where it moves chaotically, what is set now is as good as any other.
+    let stays = task.at(&now).and_then(|own| trial::share(&own, settings.seed, MAP_DRAWS))?;
+    let first_good = if stays.is_some_and(|s| s.chaotic == s.draws) { 0 } else { begin };
     let mut ranked: Vec<(Setting, Vec<Expected>)> =
-        looked.iter().zip(first).skip(begin).filter_map(|(s, e)| Some((s.clone(), vec![e?]))).collect();
+        looked.iter().zip(first).skip(first_good).filter_map(|(s, e)| Some((s.clone(), vec![e?]))).collect();
     ranked.sort_by(|a, b| task.score(&a.1).total_cmp(&task.score(&b.1)));
     let further: Vec<Vec<Option<Expected>>> = ranked
         .par_iter()
@@ -470,21 +519,16 @@ pub fn plan(
 }
 
 /// Refuses goals that the model does not have.
-fn check_goals(goals: &Goals, model: &IdentifiedModel) -> Result<()> {
+fn check_goals(settings: &Settings<'_>, model: &IdentifiedModel) -> Result<()> {
+    let goals = &settings.goals;
     let names: Vec<String> = model.effects.iter().map(|e| format!("{}@{}", e.id, e.at)).collect();
-    if !goals.tell.is_empty() && !goals.tell.iter().any(|t| names.contains(t)) {
+    let sized = settings.sizes.iter().any(|t| t.size.is_some());
+    if !goals.tell.is_empty() && !sized && !goals.tell.iter().any(|t| names.contains(t)) {
         let has = if names.is_empty() { "no effect".to_owned() } else { names.join(", ") };
-        return Err(BadInput::new(
-            format!("{} for a model with {has}", goals.tell.join(",")),
-            "an effect that the model has among them",
-        )
-        .at("--tell")
-        .remedy("Give the model that `whirl explain -o` wrote; it has the effect with its size"));
-    }
-    if let Some(name) =
-        goals.tell.iter().find(|t| t.split_once('@').is_none_or(|(id, at)| id.is_empty() || at.is_empty()))
-    {
-        return Err(BadInput::new(format!("\"{name}\""), "ID@PLACE, such as eccentricity@encoder1").at("--tell"));
+        let found = format!("{} for a model with {has}", goals.tell.join(","));
+        return Err(BadInput::new(found, "an effect that the model has, or one with its size")
+            .at("--tell")
+            .remedy("Give the model that `whirl explain -o` wrote, or the size that it would have: ID@PLACE=VALUE"));
     }
     if let Some(p) = goals.precise.iter().find(|p| model.parameter(&p.name).is_none()) {
         let all: Vec<&str> = model.parameters.iter().map(|p| p.name.as_str()).collect();

@@ -46,16 +46,28 @@ pub fn own(rig: &Rig, model: &IdentifiedModel) -> Result<Own> {
     Ok(Own { rig, model })
 }
 
-/// The rig at another setting; that of a free system, and of a drive that stays as it is, is the same.
-fn rig_at(rig: &Rig, setting: &Setting) -> Result<Rig> {
-    let (Some(drive), Some(frequency_hz)) = (rig.drive, setting.frequency_hz) else { return Ok(rig.clone()) };
+/// The rig at another setting, and its plant, if it has one, let go from the pose; one without a drive, or with nothing to set, is the same.
+///
+/// # Errors
+/// A frequency that its samples do not resolve.
+pub fn rig_at(rig: &Rig, setting: &Setting) -> Result<Rig> {
+    if setting.frequency_hz.is_none() && setting.pose.is_none() {
+        return Ok(rig.clone());
+    }
     let mut table: toml::Table =
         toml::from_str(&rig.text).map_err(|e| BadInput::new(e.to_string(), "a rig file").in_file(&rig.path))?;
-    if let Some(own) = table.get_mut("drive").and_then(toml::Value::as_table_mut) {
+    let drive = table.get_mut("drive").and_then(toml::Value::as_table_mut);
+    if let (Some(own), Some(was), Some(frequency_hz)) = (drive, rig.drive, setting.frequency_hz) {
         own.insert("frequency_hz".to_owned(), frequency_hz.into());
-        if let (Some(a), Some(factor)) = (drive.amplitude_m, setting.amplitude_factor) {
-            own.insert("amplitude_m".to_owned(), (a * factor).into());
+        let scaled = || Some(was.amplitude_m? * setting.amplitude_factor?);
+        // Where the rig file says none the record is to identify it.
+        if let Some(a) = was.amplitude_m.and(setting.amplitude_m).or_else(scaled) {
+            own.insert("amplitude_m".to_owned(), a.into());
         }
+    }
+    if let (Some(plant), Some(pose)) = (table.get_mut("plant").and_then(toml::Value::as_table_mut), &setting.pose) {
+        let state = pose.iter().copied().chain(pose.iter().map(|_| 0.0));
+        plant.insert("initial".to_owned(), state.map(toml::Value::from).collect::<Vec<_>>().into());
     }
     table.insert("sample_rate_hz".to_owned(), rig.sample_rate_hz.into());
     let rate = rig.sample_rate_hz;
@@ -91,6 +103,12 @@ fn factor(model: &ModelFile, (equation, term): (&Equation, &Term), times: f64, a
     }
 }
 
+/// Multiplies the base's amplitude on which a model's effects rest.
+pub fn scale_amplitude(model: &mut IdentifiedModel, by: f64) {
+    let own = model.found_with.iter_mut().filter(|(name, _)| AMPLITUDES.contains(&name.as_str()));
+    own.for_each(|(_, value)| *value *= by);
+}
+
 /// The rig and its model at a setting.
 ///
 /// # Errors
@@ -113,9 +131,7 @@ pub fn at(rig: &Rig, model: &IdentifiedModel, setting: &Setting) -> Result<Own> 
             }
         }
     }
-    for (_, value) in out.found_with.iter_mut().filter(|(name, _)| AMPLITUDES.contains(&name.as_str())) {
-        *value *= amplitude;
-    }
+    scale_amplitude(&mut out, amplitude);
     out.drive_frequency_hz = Some(frequency_hz);
     out.system = there.model.system;
     Ok(Own { rig: there.rig, model: out })

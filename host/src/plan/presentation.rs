@@ -4,6 +4,9 @@ use std::fmt::Write as _;
 
 use super::{APART, Plan, Proposal, Setting};
 
+/// Length below which times are not told, s.
+const SIMULATED_S: f64 = 20.0;
+
 /// "tell A from B and C".
 pub fn told_apart(names: &[String]) -> String {
     match names {
@@ -58,7 +61,12 @@ pub fn line(plan: &Plan) -> Option<String> {
 
 fn proposal(out: &mut String, p: &Proposal) {
     for g in &p.goals {
-        let time = g.seconds.map_or("cannot be reached here".to_owned(), length);
+        // Below what was simulated nothing is known.
+        let time = match g.seconds {
+            None => "cannot be reached here".to_owned(),
+            Some(s) if s < p.seconds.min(SIMULATED_S) => format!("less than {}", length(SIMULATED_S)),
+            Some(s) => length(s),
+        };
         let _ = writeln!(out, "  to {}: {time}", g.goal);
     }
     for s in &p.separations {
@@ -130,7 +138,9 @@ fn map(plan: &Plan) -> String {
         list.dedup();
     }
     let mut out = String::from("  Hz       ");
-    frequencies.iter().for_each(|f| drop(write!(out, "{f:>6.2}")));
+    for f in &frequencies {
+        let _ = write!(out, "{f:>6.2}");
+    }
     out.push('\n');
     for a in amplitudes.iter().rev() {
         let at = |f: &f64| {

@@ -12,11 +12,11 @@ use super::candidates::Candidate;
 use super::setting::{Begun, Setting};
 use super::state::State;
 use super::{given, settled, shooting, start, tell};
-use crate::error::Result;
+use crate::error::{BadInput, Result};
 use crate::explain::MOST_WINDOWS;
 use crate::explain::explanation::Explanation;
 use crate::identify::{Parameter, Settings as IdentifySettings};
-use crate::model::identified::IdentifiedModel;
+use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S};
 use crate::record::Record;
 use crate::rig::Rig;
 
@@ -118,17 +118,53 @@ pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel, rivals: &[St
     Ok(Some(Expected { parameters: told.parameters, separations, windows }))
 }
 
-/// Names of all effects that a rig can have, `ID@PLACE`.
+/// A model with an effect of a given size in it, in the effect's first form; `record` is one that the model without it made.
 ///
 /// # Errors
-/// As [`expected`].
-pub fn candidates(record: Record, rig: &Rig) -> Result<Vec<String>> {
-    let Some(whole) = rig.bound.as_deref() else { return Ok(Vec::new()) };
+/// As [`expected`]; an effect that the rig cannot have, or whose size is no strength.
+pub fn with_effect(
+    record: Record,
+    rig: &Rig,
+    model: &IdentifiedModel,
+    (name, size): (&str, f64),
+) -> Result<Option<IdentifiedModel>> {
+    let Some(whole) = rig.bound.as_deref() else { return Ok(None) };
     let records = [record];
     let begun = Setting::begin(&records, rig, whole, (MOST_WINDOWS, &IdentifySettings::default()))?;
-    let Some(Begun { setting, physical, .. }) = begun else { return Ok(Vec::new()) };
-    let mut out: Vec<String> = setting.candidates(&physical, &[]).iter().map(|c| c.name(&setting)).collect();
-    out.sort();
-    out.dedup();
-    Ok(out)
+    let Some(Begun { setting, first, physical, .. }) = begun else { return Ok(None) };
+    let Some(mut state) = start(&setting, &first, physical) else { return Ok(None) };
+    given::take(&setting, &mut state, model)?;
+    let all = setting.candidates(&state.physical, &[]);
+    let Some(candidate) = all.iter().find(|c| c.name(&setting) == name) else {
+        return Err(BadInput::new(format!("\"{name}\""), "an effect of `whirl list effects` that this rig can have")
+            .at("--tell"));
+    };
+    if candidate.entry.value.is_some() {
+        return Err(BadInput::new(format!("{name}={size}"), "an effect whose size is a strength")
+            .at("--tell")
+            .remedy("Give a model that has it, by `whirl explain -o`, and its name alone"));
+    }
+    let candidate = candidate.clone().refined(&setting, &state.physical);
+    let mut strengths = vec![0.0; candidate.strengths()];
+    strengths[0] = 1.0;
+    let nothing = DMatrix::zeros(strengths.len(), strengths.len());
+    let (one, unit) = tell::value(&setting, &state.physical, &candidate, &strengths, &nothing);
+    strengths.truncate(candidate.entry.strengths.len());
+    strengths[0] = size / one.value;
+    let (id, at) = name.split_once('@').unwrap_or((name, ""));
+    let mut out = model.clone();
+    if let (Some(file), false) = (setting.file(), setting.is_written()) {
+        out.found_with.extend(file.parameters.iter().zip(&state.physical.values).map(|(p, v)| (p.name.clone(), *v)));
+    }
+    out.found_with.insert(RECORD_S.to_owned(), setting.span.length_s);
+    out.effects.push(AddedEffect {
+        id: id.to_owned(),
+        at: at.to_owned(),
+        value: size,
+        std_error: 0.0,
+        unit,
+        strengths,
+        parameters: one.parameters,
+    });
+    Ok(Some(out))
 }
