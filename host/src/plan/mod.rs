@@ -23,6 +23,7 @@ use serde::Serialize;
 
 use self::goals::{Goals, Limits, TO_95, Tell};
 use self::moved::Own;
+pub use self::moved::rig_at;
 use self::trial::Made;
 pub use self::trial::Share;
 use crate::error::{BadInput, Result};
@@ -48,6 +49,9 @@ const MAP_DRAWS: usize = 3;
 /// Where nothing else is said: frequencies and amplitudes beside those of the model, and acceleration.
 const AROUND: [[f64; 2]; 2] = [[0.6, 1.6], [0.5, 1.6]];
 const HARDER: f64 = 1.6;
+/// Steps of frequencies, Hz, and amplitudes, m.
+const FREQUENCY_STEP_HZ: f64 = 0.01;
+const AMPLITUDE_STEP_M: f64 = 1e-5;
 /// Further draws of the settings that are best.
 const FURTHER: usize = 2;
 /// Settings that are looked at again with further draws.
@@ -68,7 +72,7 @@ pub struct Setting {
     pub amplitude_factor: Option<f64>,
     /// The same in m, where it is known.
     pub amplitude_m: Option<f64>,
-    /// Coordinates from which a free system is let go at rest, rad or m.
+    /// Coordinates from which a free system is let go at rest, rad or m (with rates behind them where it is not at rest).
     pub pose: Option<Vec<f64>>,
 }
 
@@ -124,6 +128,8 @@ pub struct Plan {
     pub unchanged: Option<Proposal>,
     /// Other settings that were looked at, best first.
     pub others: Vec<Proposal>,
+    /// How much wider than by the sensors' noise alone all intervals are taken, for what the model does not explain; 1 where no record was given.
+    pub wider: f64,
     /// Locked, chaotic and whirling motion over frequency and amplitude.
     pub map: Vec<MapPoint>,
     /// Seed.
@@ -155,6 +161,8 @@ struct Task<'a> {
     noise: Vec<f64>,
     /// Amplitude of the base at which the model was identified, m.
     amplitude_m: Option<f64>,
+    /// How much wider the model's own intervals are than those of a record of it.
+    wider: f64,
 }
 
 /// The base's amplitude, m: the rig file's, or as identified.
@@ -193,6 +201,12 @@ fn noise(rig: &Rig, own: &Own, record: Option<&Record>) -> Result<Vec<f64>> {
     Ok(out)
 }
 
+/// Coordinates, then rates, with which a record begins.
+fn start_of(own: &Own, record: &Record) -> Result<Vec<f64>> {
+    let motion = crate::motion::Motion::of(&own.model, &own.rig.path, Some(&own.rig), 0.0)?;
+    Ok(crate::motion::from_record::begin(&motion, record, None)?.state)
+}
+
 /// Evenly spaced numbers.
 fn spaced([low, high]: [f64; 2], count: usize) -> Vec<f64> {
     let step = if count > 1 { (high - low) / (count - 1) as f64 } else { 0.0 };
@@ -210,6 +224,20 @@ impl Task<'_> {
             amplitude_factor: Some(amplitude_factor),
             amplitude_m: self.amplitude_m.map(|a| a * amplitude_factor),
             pose: None,
+        }
+    }
+
+    /// The same in steps that a device takes and a person reads, inside the limits.
+    fn rounded(&self, frequency_hz: f64, amplitude_factor: f64) -> Setting {
+        let down = |x: f64, step: f64| (x / step + 1e-6).floor() * step;
+        let frequency_hz = (1e3 * down(frequency_hz, FREQUENCY_STEP_HZ)).round() / 1e3;
+        match self.amplitude_m {
+            Some(a) => {
+                let step = AMPLITUDE_STEP_M.min(0.01 * a * amplitude_factor);
+                let in_m = down(a * amplitude_factor, step);
+                Setting { amplitude_m: Some(in_m), ..self.setting(frequency_hz, in_m / a) }
+            }
+            None => self.setting(frequency_hz, amplitude_factor),
         }
     }
 
@@ -254,7 +282,7 @@ impl Task<'_> {
         let mut out = Vec::new();
         for f in spaced(frequencies, GRID[0]) {
             let within = spaced(amplitudes, GRID[1]).into_iter().filter(|a| hard(f, *a) <= most * (1.0 + 1e-9));
-            out.extend(within.map(|a| self.setting(f, a)));
+            out.extend(within.map(|a| self.rounded(f, a)));
         }
         Ok(out)
     }
@@ -282,7 +310,27 @@ impl Task<'_> {
         }
         let known = |p: &Parameter| p.std_error.is_finite() && p.value.is_finite();
         found.parameters.retain(known);
+        found.parameters.iter_mut().for_each(|p| p.std_error *= self.wider);
+        found.separations.iter_mut().for_each(|s| s.deviations /= self.wider);
         (!found.parameters.is_empty()).then_some(found)
+    }
+
+    /// How much wider the model's standard errors are than those that a record of the model itself would have, over the length of the record that it is of: what the model
+    /// does not explain is in its own. Median over its coefficients, 1 at least.
+    fn widened(&self, record: &Record) -> Result<f64> {
+        let now = self.unchanged();
+        let own = self.at(&now)?;
+        let pose = if self.rig.drive.is_none() { Some(start_of(&own, record)?) } else { None };
+        let setting = Setting { pose, ..now };
+        let Some(found) = self.look(&setting, 0) else { return Ok(1.0) };
+        let shorter = (self.looked_at_s() / record.duration_s().max(self.looked_at_s())).sqrt();
+        let ratio = |p: &Parameter| {
+            let given = self.model.parameter(&p.name).filter(|g| g.std_error > 0.0)?;
+            Some(given.std_error / (p.std_error * shorter)).filter(|r| r.is_finite())
+        };
+        let mut all: Vec<f64> = found.parameters.iter().filter_map(ratio).collect();
+        all.sort_by(f64::total_cmp);
+        Ok(all.get(all.len() / 2).copied().unwrap_or(1.0).max(1.0))
     }
 
     /// Puts effects of given sizes into the model, by a record of it that can be followed.
@@ -438,6 +486,7 @@ pub fn plan(
         settings,
         noise: noise(rig, &own, settings.record)?,
         amplitude_m: amplitude_m(rig, model),
+        wider: 1.0,
     };
     let done = std::sync::atomic::AtomicU64::new(0);
     let grid = task.grid()?;
@@ -461,6 +510,9 @@ pub fn plan(
         task.poses(&own)
     };
     task.put_in(&good)?;
+    if let Some(record) = settings.record {
+        task.wider = task.widened(record)?;
+    }
     let now = task.unchanged();
     let begin = usize::from(rig.drive.is_some());
     let looked: Vec<Setting> = std::iter::once(now.clone()).take(begin).chain(thinned(&good, budget)).collect();
@@ -513,6 +565,7 @@ pub fn plan(
         best,
         unchanged,
         others: proposals,
+        wider: task.wider,
         map,
         seed: settings.seed,
     })

@@ -46,7 +46,7 @@ pub fn own(rig: &Rig, model: &IdentifiedModel) -> Result<Own> {
     Ok(Own { rig, model })
 }
 
-/// The rig at another setting, and its plant, if it has one, let go from the pose; one without a drive, or with nothing to set, is the same.
+/// The rig at another setting, and its simulated plant, if it has one, with it; one without a drive, or with nothing to set, is the same.
 ///
 /// # Errors
 /// A frequency that its samples do not resolve.
@@ -65,9 +65,16 @@ pub fn rig_at(rig: &Rig, setting: &Setting) -> Result<Rig> {
             own.insert("amplitude_m".to_owned(), a.into());
         }
     }
-    if let (Some(plant), Some(pose)) = (table.get_mut("plant").and_then(toml::Value::as_table_mut), &setting.pose) {
-        let state = pose.iter().copied().chain(pose.iter().map(|_| 0.0));
-        plant.insert("initial".to_owned(), state.map(toml::Value::from).collect::<Vec<_>>().into());
+    if let Some(plant) = table.get_mut("plant").and_then(toml::Value::as_table_mut) {
+        if let Some(pose) = &setting.pose {
+            let state = pose.iter().copied().chain(pose.iter().map(|_| 0.0));
+            plant.insert("initial".to_owned(), state.map(toml::Value::from).collect::<Vec<_>>().into());
+        }
+        if let (Some(a), Some(factor)) =
+            (plant.get("amplitude_m").and_then(toml::Value::as_float), setting.amplitude_factor)
+        {
+            plant.insert("amplitude_m".to_owned(), (a * factor).into());
+        }
     }
     table.insert("sample_rate_hz".to_owned(), rig.sample_rate_hz.into());
     let rate = rig.sample_rate_hz;

@@ -59,7 +59,7 @@ pub fn line(plan: &Plan) -> Option<String> {
     Some(out)
 }
 
-fn proposal(out: &mut String, p: &Proposal) {
+fn proposal(out: &mut String, p: &Proposal, tell: &[String]) {
     for g in &p.goals {
         // Below what was simulated nothing is known.
         let time = match g.seconds {
@@ -69,7 +69,7 @@ fn proposal(out: &mut String, p: &Proposal) {
         };
         let _ = writeln!(out, "  to {}: {time}", g.goal);
     }
-    for s in &p.separations {
+    for s in p.separations.iter().filter(|s| s.from.is_none() || tell.contains(&s.effect)) {
         let from = s.from.as_ref().map_or("nothing missing".to_owned(), Clone::clone);
         let _ = writeln!(out, "  {} from {from}: {:.1} standard errors", s.effect, s.deviations);
     }
@@ -105,10 +105,17 @@ pub fn human(plan: &Plan) -> String {
         length(best.seconds),
         best.draws
     );
-    proposal(&mut out, best);
+    proposal(&mut out, best, &plan.goals.tell);
     if let Some(now) = &plan.unchanged {
         let _ = writeln!(out, "\nAs it is set now ({}), in the same time", setting(&now.setting));
-        proposal(&mut out, now);
+        proposal(&mut out, now, &plan.goals.tell);
+    }
+    if plan.wider > 1.05 {
+        let _ = writeln!(
+            out,
+            "\nWhat the model does not explain of the record makes all intervals {:.1} times as wide as the sensors' noise alone would",
+            plan.wider
+        );
     }
     if !plan.others.is_empty() {
         let _ = writeln!(out, "\nOther settings");

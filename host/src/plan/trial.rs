@@ -141,7 +141,7 @@ pub fn record(own: &Own, made: &Made<'_>) -> Result<Record> {
     let (seed, draw) = made.seed;
     let motion = Motion::of(&drawn(&own.model, seed, draw), &own.rig.path, Some(&own.rig), 0.0)?;
     let state = match made.pose {
-        Some(pose) => pose.iter().copied().chain(pose.iter().map(|_| 0.0)).collect(),
+        Some(pose) => pose.iter().copied().chain(core::iter::repeat(0.0)).take(2 * motion.circle().len()).collect(),
         None => start(&motion, seed, draw),
     };
     let step_s = 1.0 / own.rig.sample_rate_hz;

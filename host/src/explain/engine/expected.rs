@@ -98,7 +98,8 @@ pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel, rivals: &[St
             let behind = at..at + c.strengths();
             at = behind.end;
             let rival = c.name(&setting);
-            if rival == *name {
+            // What the model has is fitted beside it anyway.
+            if effects.iter().any(|e| e.0 == rival) {
                 continue;
             }
             // What cannot be fitted beside it is not told from it.
@@ -139,16 +140,20 @@ pub fn with_effect(
         return Err(BadInput::new(format!("\"{name}\""), "an effect of `whirl list effects` that this rig can have")
             .at("--tell"));
     };
-    if candidate.entry.value.is_some() {
+    let candidate = candidate.clone().refined(&setting, &state.physical);
+    let mut strengths = vec![0.0; candidate.strengths()];
+    let nothing = DMatrix::zeros(strengths.len(), strengths.len());
+    let mut of = |strength: f64| {
+        strengths[0] = strength;
+        tell::value(&setting, &state.physical, &candidate, &strengths, &nothing)
+    };
+    let ((one, unit), (two, _)) = (of(1.0), of(2.0));
+    let is_a_strength = one.value.is_normal() && (two.value / one.value - 2.0).abs() < 1e-9;
+    if !is_a_strength {
         return Err(BadInput::new(format!("{name}={size}"), "an effect whose size is a strength")
             .at("--tell")
             .remedy("Give a model that has it, by `whirl explain -o`, and its name alone"));
     }
-    let candidate = candidate.clone().refined(&setting, &state.physical);
-    let mut strengths = vec![0.0; candidate.strengths()];
-    strengths[0] = 1.0;
-    let nothing = DMatrix::zeros(strengths.len(), strengths.len());
-    let (one, unit) = tell::value(&setting, &state.physical, &candidate, &strengths, &nothing);
     strengths.truncate(candidate.entry.strengths.len());
     strengths[0] = size / one.value;
     let (id, at) = name.split_once('@').unwrap_or((name, ""));
