@@ -18,6 +18,8 @@ pub mod presentation;
 mod trial;
 pub mod written;
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -58,6 +60,8 @@ const FURTHER: usize = 2;
 const FINALISTS: usize = 3;
 /// Draws of the chaotic share of what is proposed.
 const SHARE_DRAWS: usize = 12;
+/// Effects that were not named of which is told how near they are.
+const NEAREST: usize = 3;
 /// Records by which an effect's size is put into the model, at most.
 const TRIES: usize = 4;
 /// Poses from which a free system is let go, as angles.
@@ -163,6 +167,8 @@ struct Task<'a> {
     amplitude_m: Option<f64>,
     /// How much wider the model's own intervals are than those of a record of it.
     wider: f64,
+    /// Effects from which those asked for are to be told: those named, and every other of the list that some setting tells.
+    rivals: BTreeSet<String>,
 }
 
 /// The base's amplitude, m: the rig file's, or as identified.
@@ -203,7 +209,7 @@ fn noise(rig: &Rig, own: &Own, record: Option<&Record>) -> Result<Vec<f64>> {
 
 /// Coordinates, then rates, with which a record begins.
 fn start_of(own: &Own, record: &Record) -> Result<Vec<f64>> {
-    let motion = crate::motion::Motion::of(&own.model, &own.rig.path, Some(&own.rig), 0.0)?;
+    let motion = trial::without_memory(own, &own.model)?;
     Ok(crate::motion::from_record::begin(&motion, record, None)?.state)
 }
 
@@ -304,7 +310,7 @@ impl Task<'_> {
     fn look(&self, setting: &Setting, draw: usize) -> Option<Expected> {
         let own = self.at(setting).ok()?;
         let record = trial::record(&own, &self.made(setting, draw)).ok()?;
-        let mut found = expected(record, &own.rig, &own.model, &self.settings.goals.tell).ok()??;
+        let mut found = expected(record, &own.rig, &own.model).ok()??;
         if matches!(&self.model.system, System::BuiltIn(id) if id == "double-pendulum") {
             double_pendulum::told(&mut found.parameters, own.rig.omega());
         }
@@ -385,6 +391,31 @@ impl Task<'_> {
         self.settings.limits.seconds.unwrap_or(LONGEST_S)
     }
 
+    /// Whether it belongs to what was asked.
+    fn is_asked(&self, s: &Separation) -> bool {
+        self.settings.goals.tell.contains(&s.effect) && s.from.as_ref().is_none_or(|n| self.rivals.contains(n))
+    }
+
+    /// The hardest of what is to be told.
+    fn nearest<'b>(&self, all: &'b [Separation]) -> Option<&'b Separation> {
+        all.iter().filter(|s| self.is_asked(s)).min_by(|a, b| a.deviations.total_cmp(&b.deviations))
+    }
+
+    /// Adds every effect of the list that some setting tells from what was asked: another that none tells stands for the same motion.
+    fn add_rivals(&mut self, all: &[Option<Expected>]) {
+        let mut most: BTreeMap<&str, f64> = BTreeMap::new();
+        let asked = |s: &&Separation| self.settings.goals.tell.contains(&s.effect);
+        for s in all.iter().flatten().flat_map(|e| &e.separations).filter(asked) {
+            if let Some(from) = &s.from {
+                let own = most.entry(from).or_insert(0.0);
+                *own = own.max(s.deviations);
+            }
+        }
+        let longest = (self.longest_s() / self.looked_at_s()).sqrt();
+        let told = most.into_iter().filter(|(_, d)| d * longest >= APART).map(|(n, _)| n.to_owned());
+        self.rivals.extend(told);
+    }
+
     /// Time that each goal takes by what draws would tell, the worst of them.
     fn times(&self, all: &[Expected]) -> Vec<Reached> {
         let looked = self.looked_at_s();
@@ -393,13 +424,8 @@ impl Task<'_> {
         };
         let goals = &self.settings.goals;
         let apart = |e: &Expected| {
-            let told = |s: &&Separation| {
-                let rival = |n: &String| s.from.as_ref() == Some(n);
-                let own = goals.tell.contains(&s.effect);
-                own && (s.from.is_none() || goals.tell.iter().any(rival))
-            };
-            let nearest = e.separations.iter().filter(told).map(|s| s.deviations).fold(f64::INFINITY, f64::min);
-            (nearest > 0.0 && nearest.is_finite()).then(|| looked * (APART / nearest).powi(2))
+            let nearest = self.nearest(&e.separations)?.deviations;
+            (nearest > 0.0).then(|| looked * (APART / nearest).powi(2))
         };
         let mut out = Vec::new();
         if !goals.tell.is_empty() {
@@ -449,6 +475,14 @@ impl Task<'_> {
             let worst = all.iter().filter_map(|e| e.separations.iter().find(same));
             s.deviations = worst.map(|q| q.deviations).fold(f64::INFINITY, f64::min) / shorter;
         }
+        separations.sort_by(|a, b| a.deviations.total_cmp(&b.deviations));
+        let named = |s: &Separation| s.from.as_ref().is_none_or(|n| self.settings.goals.tell.contains(n));
+        let mut others = 0;
+        separations.retain(|s| {
+            let other = self.is_asked(s) && !named(s);
+            others += usize::from(other);
+            named(s) || (other && others <= NEAREST)
+        });
         Proposal {
             setting: setting.clone(),
             seconds,
@@ -487,6 +521,7 @@ pub fn plan(
         noise: noise(rig, &own, settings.record)?,
         amplitude_m: amplitude_m(rig, model),
         wider: 1.0,
+        rivals: settings.goals.tell.iter().cloned().collect(),
     };
     let done = std::sync::atomic::AtomicU64::new(0);
     let grid = task.grid()?;
@@ -525,6 +560,7 @@ pub fn plan(
         })
         .collect();
     let unchanged = first.first().and_then(Option::as_ref).filter(|_| rig.drive.is_some()).cloned();
+    task.add_rivals(&first);
     // Where it moves chaotically, what is set now is as good as any other.
     let stays = task.at(&now).and_then(|own| trial::share(&own, settings.seed, MAP_DRAWS))?;
     let first_good = if stays.is_some_and(|s| s.chaotic == s.draws) { 0 } else { begin };

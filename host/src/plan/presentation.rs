@@ -42,19 +42,18 @@ pub fn line(plan: &Plan) -> Option<String> {
     if plan.goals.tell.is_empty() {
         return Some(out);
     }
-    let nearest = |p: &Proposal| {
-        let told = p.separations.iter().filter(|s| plan.goals.tell.contains(&s.effect));
-        told.map(|s| s.deviations).fold(f64::INFINITY, f64::min)
-    };
-    let names = &plan.goals.tell;
-    let what = if names.len() == 1 {
-        format!("show {}", names[0])
-    } else {
-        format!("tell {} from {}", names[0], names[1..].join(" and "))
-    };
-    let _ = write!(out, ", would {what} at {:.1} standard errors", nearest(best));
-    if let Some(now) = &plan.unchanged {
-        let _ = write!(out, "; as it is set now, in the same time, {:.1}", nearest(now));
+    let asked = |s: &&super::Separation| plan.goals.tell.contains(&s.effect);
+    let nearest =
+        |p: &Proposal| p.separations.iter().filter(asked).min_by(|a, b| a.deviations.total_cmp(&b.deviations)).cloned();
+    let Some(s) = nearest(best) else { return Some(out) };
+    let from = s.from.as_ref().map_or("nothing missing".to_owned(), Clone::clone);
+    let _ = write!(
+        out,
+        ", would tell {} from {from}, which is nearest to it, at {:.1} standard errors",
+        s.effect, s.deviations
+    );
+    if let Some(there) = plan.unchanged.as_ref().and_then(nearest) {
+        let _ = write!(out, "; as it is set now, in the same time, {:.1}", there.deviations);
     }
     Some(out)
 }

@@ -84,13 +84,23 @@ pub fn start(motion: &Motion, seed: u64, draw: usize) -> Vec<f64> {
     out
 }
 
+/// The motion of a model without effects that have states of their own.
+///
+/// # Errors
+/// A model that does not move on this rig.
+pub fn without_memory(own: &Own, model: &IdentifiedModel) -> Result<Motion> {
+    let mut motion = Motion::of(model, &own.rig.path, Some(&own.rig), 0.0)?;
+    motion.effects.retain(|e| !e.remembers());
+    Ok(motion)
+}
+
 /// Which of some draws move chaotically; none for a system without a drive or a model that cannot be integrated.
 pub fn share(own: &Own, seed: u64, draws: usize) -> Result<Option<Share>> {
     let Some(drive) = own.rig.drive else { return Ok(None) };
     let period_s = 1.0 / drive.frequency_hz;
     let (mut chaotic, mut whirling, mut sum, mut counted) = (0, 0, 0.0, 0);
     for draw in 0..draws {
-        let motion = Motion::of(&drawn(&own.model, seed, draw), &own.rig.path, Some(&own.rig), 0.0)?;
+        let motion = without_memory(own, &drawn(&own.model, seed, draw))?;
         let (equations, parameters) = motion.equations()?;
         let outside = Outside::drive(0.0, 0.0, own.rig.omega());
         let flow = Flow::new(&equations, &parameters, outside, period_s / STEPS);

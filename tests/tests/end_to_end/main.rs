@@ -20,6 +20,7 @@ mod outputs;
 mod own_file;
 mod own_systems;
 mod pages;
+mod planned;
 mod program;
 mod reduced;
 mod suspects_equations;

@@ -5,7 +5,10 @@
 //! from zero: so much better than its best-fitting rival it explains the record (the square is the rise of the weighted sum of squares without it: T-optimality, Atkinson and
 //! Fedorov 1975).
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 use serde::Serialize;
 
 use super::candidates::Candidate;
@@ -65,11 +68,11 @@ fn effects(setting: &Setting<'_>, state: &State) -> Vec<(String, core::ops::Rang
     out
 }
 
-/// What a record would tell of a model that made it, and how far its effects stand from `rivals`; none where it is not followed.
+/// What a record would tell of a model that made it, and how far its effects stand from every other of the list; none where it is not followed.
 ///
 /// # Errors
 /// A record that cannot be identified, a model of another rig.
-pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel, rivals: &[String]) -> Result<Option<Expected>> {
+pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel) -> Result<Option<Expected>> {
     let Some(whole) = rig.bound.as_deref() else { return Ok(None) };
     let records = [record];
     let begun = Setting::begin(&records, rig, whole, (MOST_WINDOWS, &IdentifySettings::default()))?;
@@ -82,37 +85,56 @@ pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel, rivals: &[St
     let all = setting.candidates(&state.physical, &[]);
     let own = state.own_columns();
     let effects = effects(&setting, &state);
-    let wanted: Vec<&Candidate> = all.iter().filter(|c| rivals.contains(&c.name(&setting))).collect();
-    let mut separations = Vec::new();
-    let Some(blocks) = shooting::evidence(&setting, &state, (&wanted, false), &[]) else { return Ok(None) };
+    // What the model has is fitted beside it anyway.
+    let is_rival = |c: &&Candidate| !state.chosen.iter().any(|k| k.candidate.name(&setting) == c.name(&setting));
+    let rivals: Vec<&Candidate> = all.iter().filter(is_rival).collect();
+    let Some(blocks) = shooting::evidence(&setting, &state, (&rivals, false), &[]) else { return Ok(None) };
     let columns: Vec<usize> = (0..own).collect();
     let Some(fit) = blocks.fit(&columns) else { return Ok(None) };
-    for (name, range, values) in &effects {
-        let part = |covariance: &DMatrix<f64>| {
-            covariance.view((range.start, range.start), (range.len(), range.len())).into_owned()
+    let of = |range: &core::ops::Range<usize>, values: &DVector<f64>, covariance: &DMatrix<f64>| {
+        let own = covariance.view((range.start, range.start), (range.len(), range.len())).into_owned();
+        deviations(values, &own).unwrap_or(0.0)
+    };
+    let alone = |(name, range, values): &(String, _, _)| Separation {
+        effect: name.clone(),
+        from: None,
+        deviations: of(range, values, &fit.covariance),
+    };
+    let mut separations: Vec<Separation> = effects.iter().map(alone).collect();
+    let mut begin = own;
+    let mut beside = Vec::new();
+    for c in &rivals {
+        beside.push(begin..begin + c.strengths());
+        begin += c.strengths();
+    }
+    let asked = if effects.is_empty() { &[][..] } else { &rivals[..] };
+    let beside_all = |behind: &core::ops::Range<usize>, gone: &core::ops::Range<usize>| {
+        let both: Vec<usize> = columns.iter().copied().filter(|c| !gone.contains(c)).chain(behind.clone()).collect();
+        blocks.fit(&both).map(|f| f.covariance)
+    };
+    // What the equations hold already is no rival; what can be fitted only without the effect is the same as it.
+    let from_rival = |behind: &core::ops::Range<usize>| -> Vec<Option<f64>> {
+        let together = beside_all(behind, &(0..0));
+        let one = |(_, range, values): &(String, core::ops::Range<usize>, DVector<f64>)| match &together {
+            Some(covariance) => Some(of(range, values, covariance)),
+            None => beside_all(behind, range).map(|_| 0.0),
         };
-        let alone = deviations(values, &part(&fit.covariance)).unwrap_or(0.0);
-        separations.push(Separation { effect: name.clone(), from: None, deviations: alone });
-        let mut at = own;
-        for c in &wanted {
-            let behind = at..at + c.strengths();
-            at = behind.end;
-            let rival = c.name(&setting);
-            // What the model has is fitted beside it anyway.
-            if effects.iter().any(|e| e.0 == rival) {
-                continue;
-            }
-            // What cannot be fitted beside it is not told from it.
-            let both: Vec<usize> = columns.iter().copied().chain(behind).collect();
-            let apart = blocks.fit(&both).and_then(|f| deviations(values, &part(&f.covariance))).unwrap_or(0.0);
-            let same = separations.iter_mut().find(|s| s.effect == *name && s.from.as_deref() == Some(&rival));
-            match same {
-                // Of several forms the one that is hardest to tell.
-                Some(s) => s.deviations = s.deviations.min(apart),
-                None => separations.push(Separation { effect: name.clone(), from: Some(rival), deviations: apart }),
-            }
+        effects.iter().map(one).collect()
+    };
+    let apart: Vec<Vec<Option<f64>>> = beside.par_iter().take(asked.len()).map(from_rival).collect();
+    let mut nearest: BTreeMap<(usize, String), f64> = BTreeMap::new();
+    for (c, all) in asked.iter().zip(&apart) {
+        for (k, found) in all.iter().enumerate().filter_map(|(k, d)| Some((k, (*d)?))) {
+            // Of several forms the one that is hardest to tell.
+            let least = nearest.entry((k, c.name(&setting))).or_insert(f64::INFINITY);
+            *least = least.min(found);
         }
     }
+    separations.extend(nearest.into_iter().map(|((k, rival), deviations)| Separation {
+        effect: effects[k].0.clone(),
+        from: Some(rival),
+        deviations,
+    }));
     let windows = state.followed.as_ref().map_or((0, 0.0), |f| f.windows(&setting));
     let mut told = Explanation::new(1.0, Vec::new());
     tell::parameters(&setting, &state, (&fit.all, &fit.covariance), &first, &mut told);
