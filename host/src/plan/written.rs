@@ -131,7 +131,7 @@ mod tests {
     fn a_plan_is_checked_key_by_key() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("plan.toml");
-        let mut read = |text: &str| {
+        let read = |text: &str| {
             std::fs::write(&path, text).unwrap();
             PlanFile::read(&path).map_err(|e| e.to_string())
         };

@@ -8,7 +8,7 @@ use whirl_tests::repository;
 use super::program::{json, rig_file, whirl};
 
 /// Objects whose keys are names of things, not of results.
-const FREE: [&str; 4] = ["known", "verdicts", "initial", "options"];
+const FREE: [&str; 5] = ["known", "verdicts", "initial", "options", "std_errors"];
 
 /// Words between backticks.
 fn named() -> BTreeSet<String> {
@@ -48,6 +48,8 @@ fn every_key_of_real_results_stands_on_the_page() {
     let at = folder.path();
     rig_file(at, "chaotic.toml", "rig.toml", &[("settle_s = 20.0", "settle_s = 1.0")]);
     let named = named();
+    let run = "frequency_hz = 5.0\namplitude_m = 0.0155\nseconds = 1.0\npose = [0.1]\n[run.std_errors]\nC2 = 0.1\n";
+    std::fs::write(at.join("short.toml"), format!("format = 1\nrig = \"x\"\n[[run]]\n{run}")).unwrap();
     for (name, command) in [
         ("simulate", "simulate --rig rig.toml --effect quadratic-drag@arm2=2e-7 --seconds 40 --seed 1 -o r.parquet"),
         ("capture", "capture --from sim --rig rig.toml --seconds 2 -o c.parquet"),
@@ -57,6 +59,8 @@ fn every_key_of_real_results_stands_on_the_page() {
         ("validate", "validate r.parquet --rig rig.toml --model model.toml --starts 8"),
         ("explain", "explain r.parquet --rig rig.toml --most-effects 1 --ledger ledger.json"),
         ("reduce", "reduce r.parquet --rig rig.toml"),
+        ("plan", "plan --rig rig.toml --model model.toml --precise C2=0.5% --budget 2 -o plan.toml"),
+        ("planned", "capture --from sim --rig rig.toml --plan short.toml -o p.parquet"),
         ("export", "export model.toml --to c -o model.c"),
         ("simulate-model", "simulate --model model.toml --seconds 1 -o s.csv"),
         ("batch", "batch identify r.parquet c.parquet --rig rig.toml --method weak --out t.csv"),
@@ -78,7 +82,7 @@ fn every_key_of_real_results_stands_on_the_page() {
             results += 1;
         }
     }
-    assert_eq!(results, 13);
+    assert_eq!(results, 15);
     assert!(missing.is_empty(), "not in docs/json.md: {missing:#?}");
     // A word that no page would have is missed.
     unnamed(&serde_json::json!({ "no_such_key": 1 }), "", &named, &mut missing);
