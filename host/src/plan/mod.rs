@@ -4,7 +4,7 @@
 //! parameters' standard errors ([`trial`]), it makes a record as the rig's channels would show it, and that record is looked at as every record is
 //! ([`crate::explain::engine::expected`]): standard errors of parameters, and standard errors between an effect and its rivals. Standard errors fall with the root of the
 //! record's length, which gives the time that each goal takes. The setting that reaches all goals first is proposed; further draws of its initial state and
-//! parameters tell how much that depends on them, and the worst of them counts.
+//! parameters tell how much that depends on them: lengths and separations are those that one more record has with a probability of 97.5 %.
 //!
 //! Sources: Atkinson and Fedorov (1975), *Biometrika* 62, 57 (discrimination by the best-fitting rival); Atkinson, Donev and Tobias (2007), *Optimum Experimental Designs, with
 //! SAS*, ch. 10 (D_s-optimality). Without goals the mean logarithm of the parameters' relative standard errors is minimised (D-optimality on a diagonal).
@@ -38,10 +38,10 @@ use crate::rig::Rig;
 /// Standard errors at which effects are told apart.
 pub const APART: f64 = 5.0;
 /// Draws at each setting of the map.
-const MAP_DRAWS: usize = 3;
+const MAP_DRAWS: usize = 4;
 /// Settings that are looked at again, and their further draws.
 const FINALISTS: usize = 3;
-const FURTHER: usize = 2;
+const FURTHER: usize = 3;
 /// Draws of the chaotic share of what is proposed.
 const SHARE_DRAWS: usize = 12;
 

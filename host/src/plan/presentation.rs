@@ -100,7 +100,7 @@ pub fn human(plan: &Plan) -> String {
     }
     let _ = writeln!(
         out,
-        "\nWhat a record of {} there would tell (the worst of {} simulated)",
+        "\nWhat a record of {} there would tell (by {} simulated; separations are at least so large, at 97.5 %)",
         length(best.seconds),
         best.draws
     );

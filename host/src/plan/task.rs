@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use statrs::distribution::{ContinuousCDF, StudentsT};
+
 use super::goals::TO_95;
 use super::moved::{self, Own};
 use super::trial::{self, Made};
@@ -18,6 +20,8 @@ use crate::rig::Rig;
 const LOOKED_AT_S: [f64; 2] = [40.0, 20.0];
 /// Longest record that is proposed where nothing else is said, s.
 const LONGEST_S: f64 = 1800.0;
+/// Probability with which a planned record tells what was asked.
+const PROBABLE: f64 = 0.975;
 /// Length that is proposed where no goal is given, s.
 const WITHOUT_GOAL_S: f64 = 240.0;
 /// Frequencies and amplitudes of the map.
@@ -34,6 +38,19 @@ const NEAREST: usize = 3;
 const TRIES: usize = 4;
 /// Poses from which a free system is let go, as angles.
 const POSE_GRID: [f64; 6] = [0.6, 1.2, 1.8, 2.4, 2.8, -2.0];
+
+/// What one more of some positive numbers is below (`side` 1) or above (−1) with a probability of 97.5 %, if their logarithms are normal: Student's prediction interval. Their
+/// geometric mean for `side` 0. Zero where one is zero; one alone says nothing of others.
+fn bound(all: &[f64], side: f64) -> f64 {
+    if all.iter().any(|x| !(*x > 0.0)) {
+        return 0.0;
+    }
+    let n = all.len() as f64;
+    let mean = all.iter().map(|x| x.ln()).sum::<f64>() / n;
+    let Ok(student) = StudentsT::new(0.0, 1.0, n - 1.0) else { return mean.exp() };
+    let square = all.iter().map(|x| (x.ln() - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    (mean + side * student.inverse_cdf(PROBABLE) * (square * (1.0 + 1.0 / n)).sqrt()).exp()
+}
 
 /// What all settings have in common.
 pub struct Task<'a> {
@@ -338,8 +355,10 @@ impl<'a> Task<'a> {
     /// Time that each goal takes by what draws would tell, the worst of them.
     fn times(&self, all: &[Expected]) -> Vec<Reached> {
         let looked = self.looked_at_s();
+        // The time after which one more record would have it, with a probability of 97.5 %.
         let worst = |of: &dyn Fn(&Expected) -> Option<f64>| -> Option<f64> {
-            all.iter().map(of).try_fold(0.0_f64, |most, x| Some(most.max(x?))).filter(|x| x.is_finite())
+            let times: Option<Vec<f64>> = all.iter().map(of).collect();
+            Some(bound(&times?, 1.0)).filter(|x| x.is_finite())
         };
         let goals = &self.settings.goals;
         let apart = |e: &Expected| {
@@ -385,14 +404,14 @@ impl<'a> Task<'a> {
         let first = &all[0];
         let mut parameters = first.parameters.clone();
         for p in &mut parameters {
-            let worst = all.iter().filter_map(|e| e.parameters.iter().find(|q| q.name == p.name));
-            p.std_error = shorter * worst.map(|q| q.std_error).fold(0.0, f64::max);
+            let own = all.iter().filter_map(|e| e.parameters.iter().find(|q| q.name == p.name));
+            p.std_error = shorter * bound(&own.map(|q| q.std_error).collect::<Vec<_>>(), 0.0);
         }
         let mut separations = first.separations.clone();
         for s in &mut separations {
             let same = |e: &&Separation| e.effect == s.effect && e.from == s.from;
-            let worst = all.iter().filter_map(|e| e.separations.iter().find(same));
-            s.deviations = worst.map(|q| q.deviations).fold(f64::INFINITY, f64::min) / shorter;
+            let own = all.iter().filter_map(|e| e.separations.iter().find(same));
+            s.deviations = bound(&own.map(|q| q.deviations).collect::<Vec<_>>(), -1.0) / shorter;
         }
         separations.sort_by(|a, b| a.deviations.total_cmp(&b.deviations));
         let named = |s: &Separation| s.from.as_ref().is_none_or(|n| self.settings.goals.tell.contains(n));
@@ -412,5 +431,22 @@ impl<'a> Task<'a> {
             goals,
             draws: all.len(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_more_is_within_the_bounds_of_a_prediction() {
+        // Of 1, e² and e⁴: logarithms 0, 2, 4; mean 2, sd 2; t of 2 degrees of freedom at 97.5 % is 4.3027.
+        let e = core::f64::consts::E;
+        let all = [1.0, e.powi(2), e.powi(4)];
+        let half = 4.302_653 * 2.0 * (4.0_f64 / 3.0).sqrt();
+        assert!((bound(&all, 0.0).ln() - 2.0).abs() < 1e-12);
+        assert!((bound(&all, 1.0).ln() - 2.0 - half).abs() < 1e-4, "{}", bound(&all, 1.0).ln());
+        assert!((bound(&all, -1.0).ln() - 2.0 + half).abs() < 1e-4);
+        assert_eq!((bound(&[3.0], -1.0), bound(&[3.0, 0.0], 1.0)), (3.0, 0.0));
     }
 }

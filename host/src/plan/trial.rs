@@ -53,6 +53,9 @@ fn wilson(k: usize, n: usize) -> [f64; 2] {
     [(middle - half).max(0.0), (middle + half).min(1.0)]
 }
 
+/// How far from hanging a rig may be when its shaker starts, rad.
+const NEAR_REST: f64 = 0.3;
+
 /// A number of the standard normal distribution.
 fn gauss(rng: &mut ChaCha8Rng) -> f64 {
     // The quantile of a uniform number strictly between 0 and 1.
@@ -69,17 +72,17 @@ pub fn drawn(model: &IdentifiedModel, seed: u64, draw: usize) -> IdentifiedModel
     out
 }
 
-/// A state at rest: angles anywhere on the circle, other coordinates within 0.1.
+/// A state at rest: in every other draw near where a rig hangs when its shaker starts, in the others angles anywhere on the circle. Where attractors coexist the two may
+/// end on different ones.
 pub fn start(motion: &Motion, seed: u64, draw: usize) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed.wrapping_add(7919 * draw as u64));
     let circle = motion.circle();
-    let mut out: Vec<f64> =
-        circle
-            .iter()
-            .map(|c| {
-                if *c { rng.random_range(-core::f64::consts::PI..core::f64::consts::PI) } else { 0.1 * gauss(&mut rng) }
-            })
-            .collect();
+    let mut one = |circle: &bool| match (circle, draw % 2) {
+        (true, 0) => NEAR_REST * gauss(&mut rng),
+        (true, _) => rng.random_range(-core::f64::consts::PI..core::f64::consts::PI),
+        (false, _) => 0.1 * gauss(&mut rng),
+    };
+    let mut out: Vec<f64> = circle.iter().map(&mut one).collect();
     out.extend(circle.iter().map(|_| 0.0));
     out
 }

@@ -48,7 +48,8 @@ fn every_key_of_real_results_stands_on_the_page() {
     let at = folder.path();
     rig_file(at, "chaotic.toml", "rig.toml", &[("settle_s = 20.0", "settle_s = 1.0")]);
     let named = named();
-    let run = "frequency_hz = 5.0\namplitude_m = 0.0155\nseconds = 1.0\npose = [0.1]\n[run.std_errors]\nC2 = 0.1\n";
+    let run =
+        "frequency_hz = 5.0\namplitude_m = 0.0155\nseconds = 1.0\npose = [0.1, 0.2]\n[run.std_errors]\nC2 = 0.1\n";
     std::fs::write(at.join("short.toml"), format!("format = 1\nrig = \"x\"\n[[run]]\n{run}")).unwrap();
     for (name, command) in [
         ("simulate", "simulate --rig rig.toml --effect quadratic-drag@arm2=2e-7 --seconds 40 --seed 1 -o r.parquet"),
