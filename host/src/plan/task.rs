@@ -352,6 +352,17 @@ impl<'a> Task<'a> {
         self.rivals.extend(told);
     }
 
+    /// How far effects stand from others at least in one more record, by draws of it.
+    fn separations(&self, all: &[Expected]) -> Vec<Separation> {
+        let mut out: Vec<Separation> = all.first().map(|e| e.separations.clone()).unwrap_or_default();
+        for s in &mut out {
+            let same = |e: &&Separation| e.effect == s.effect && e.from == s.from;
+            let own = all.iter().filter_map(|e| e.separations.iter().find(same));
+            s.deviations = bound(&own.map(|q| q.deviations).collect::<Vec<_>>(), -1.0);
+        }
+        out
+    }
+
     /// Time that each goal takes by what draws would tell, the worst of them.
     fn times(&self, all: &[Expected]) -> Vec<Reached> {
         let looked = self.looked_at_s();
@@ -361,13 +372,12 @@ impl<'a> Task<'a> {
             Some(bound(&times?, 1.0)).filter(|x| x.is_finite())
         };
         let goals = &self.settings.goals;
-        let apart = |e: &Expected| {
-            let nearest = self.nearest(&e.separations)?.deviations;
-            (nearest > 0.0).then(|| looked * (APART / nearest).powi(2))
-        };
+        let bounded = self.separations(all);
+        let nearest = self.nearest(&bounded).map(|s| s.deviations).filter(|d| *d > 0.0);
+        let apart = nearest.map(|d| looked * (APART / d).powi(2));
         let mut out = Vec::new();
         if !goals.tell.is_empty() {
-            out.push(Reached { goal: presentation::told_apart(&goals.tell), seconds: worst(&apart) });
+            out.push(Reached { goal: presentation::told_apart(&goals.tell), seconds: apart });
         }
         for p in &goals.precise {
             let narrow = |e: &Expected| {
@@ -407,12 +417,8 @@ impl<'a> Task<'a> {
             let own = all.iter().filter_map(|e| e.parameters.iter().find(|q| q.name == p.name));
             p.std_error = shorter * bound(&own.map(|q| q.std_error).collect::<Vec<_>>(), 0.0);
         }
-        let mut separations = first.separations.clone();
-        for s in &mut separations {
-            let same = |e: &&Separation| e.effect == s.effect && e.from == s.from;
-            let own = all.iter().filter_map(|e| e.separations.iter().find(same));
-            s.deviations = bound(&own.map(|q| q.deviations).collect::<Vec<_>>(), -1.0) / shorter;
-        }
+        let mut separations = self.separations(all);
+        separations.iter_mut().for_each(|s| s.deviations /= shorter);
         separations.sort_by(|a, b| a.deviations.total_cmp(&b.deviations));
         let named = |s: &Separation| s.from.as_ref().is_none_or(|n| self.settings.goals.tell.contains(n));
         let mut others = 0;
