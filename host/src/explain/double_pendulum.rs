@@ -1,7 +1,7 @@
 //! Explanations for the built-in double pendulum: the system file that ships with the program, told in the built-in's terms.
 //!
 //! Its equations are over Ω² and in derivatives by τ = Ω t, (3.4); those of the file are divided by their inertias only. A coefficient x of the file is
-//! B = ± x/Ω^k there, with k and the sign of [`COEFFICIENTS`] and [`dampings`].
+//! B = ± x/Ω^k there, with k and the sign of `COEFFICIENTS` and `dampings`.
 
 use super::Settings;
 use super::explanation::Explanation;

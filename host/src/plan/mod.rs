@@ -1,7 +1,7 @@
 //! The next experiment: what to set, how long, and what it will tell.
 //!
-//! The identified model is moved to other settings of the drive ([`moved`]), or let go from other poses where there is none. Where its motion is chaotic for every draw of its
-//! parameters' standard errors ([`trial`]), it makes a record as the rig's channels would show it, and that record is looked at as every record is
+//! The identified model is moved to other settings of the drive (`moved`), or let go from other poses where there is none. Where its motion is chaotic for every draw of its
+//! parameters' standard errors (`trial`), it makes a record as the rig's channels would show it, and that record is looked at as every record is
 //! ([`crate::explain::engine::expected`]): standard errors of parameters, and standard errors between an effect and its rivals. Standard errors fall with the root of the
 //! record's length, which gives the time that each goal takes. The setting that reaches all goals first is proposed; further draws of its initial state and
 //! parameters tell how much that depends on them: lengths and separations are those that one more record has with a probability of 97.5 %.
@@ -10,7 +10,7 @@
 //! SAS*, ch. 10 (D_s-optimality). Without goals the mean logarithm of the parameters' relative standard errors is minimised (D-optimality on a diagonal).
 //!
 //! Limits: parameters are drawn by their standard errors without their correlations; waveform, direction and exchanged masses are not searched; of a force that drives
-//! written equations the frequency is not changed rightly ([`moved`]).
+//! written equations the frequency is not changed rightly (`moved`).
 
 pub mod goals;
 mod moved;

@@ -42,7 +42,7 @@ const POSE_GRID: [f64; 6] = [0.6, 1.2, 1.8, 2.4, 2.8, -2.0];
 /// What one more of some positive numbers is below (`side` 1) or above (−1) with a probability of 97.5 %, if their logarithms are normal: Student's prediction interval. Their
 /// geometric mean for `side` 0. Zero where one is zero; one alone says nothing of others.
 fn bound(all: &[f64], side: f64) -> f64 {
-    if all.iter().any(|x| !(*x > 0.0)) {
+    if !all.iter().all(|x| *x > 0.0) {
         return 0.0;
     }
     let n = all.len() as f64;

@@ -1,6 +1,6 @@
 //! What a record would tell: standard errors of a model's parameters and effects on it, and how far its effects could be told from others.
 //!
-//! The record is one that the model itself made ([`crate::plan::trial`]). It goes the way of every record: sensors' noise, windows, shooting from the smoothed record
+//! The record is one that the model itself made ([`crate::plan`]). It goes the way of every record: sensors' noise, windows, shooting from the smoothed record
 //! on, and the covariance of a jackknife over windows. An effect with strengths a and covariance S, fitted with a rival beside it, stands √(aᵀ S⁻¹ a) standard errors
 //! from zero: so much better than its best-fitting rival it explains the record (the square is the rise of the weighted sum of squares without it: T-optimality, Atkinson and
 //! Fedorov 1975).
