@@ -18,7 +18,7 @@ use serde::Serialize;
 use self::columns::Seen;
 use crate::error::{BadInput, Result};
 use crate::record::names::TimeChoice;
-use crate::record::{ReadOptions, metadata};
+use crate::record::{ReadOptions, Record, metadata};
 use crate::rig::choices::Choices;
 use crate::rig::{Direction, Rig};
 
@@ -241,6 +241,14 @@ pub fn rate_of(path: &Path, time: &TimeChoice, options: &ReadOptions) -> Result<
         return Ok(m.sample_rate_hz);
     }
     raw::rate_of(path, time, options)
+}
+
+/// A record's columns of numbers as they stand, before anything is known of them, and the column and unit of its time.
+///
+/// # Errors
+/// A record that cannot be read, or whose time cannot be found.
+pub fn columns_of(path: &Path, settings: &Settings) -> Result<(Record, TimeChoice)> {
+    raw::read(path, settings).map(|raw| (raw.record, raw.time))
 }
 
 /// The error for a record in which nothing could be a channel.
