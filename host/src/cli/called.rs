@@ -65,9 +65,11 @@ where
 {
     let (answered, said) = said::during(told(words), || single::answer(arguments));
     let (answer, answered) = answered?;
-    let words = words.to_vec();
+    // Options may stand before the records alone, where a `--` says that no more of them come.
+    let (name, rest) = words.split_at(words.len().min(1));
+    let (name, rest) = (name.to_vec(), rest.to_vec());
     let writer = answered.map(|answered| -> crate::api::Writer {
-        Box::new(move |further| write(&answered, &[&words, further].concat(), own))
+        Box::new(move |further| write(&answered, &[&name, further, &rest].concat(), own))
     });
     Ok(Called { positive: answer == Answer::Positive, said, writer })
 }

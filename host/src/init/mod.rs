@@ -248,6 +248,10 @@ pub fn rate_of(path: &Path, time: &TimeChoice, options: &ReadOptions) -> Result<
 /// # Errors
 /// A record that cannot be read, or whose time cannot be found.
 pub fn columns_of(path: &Path, settings: &Settings) -> Result<(Record, TimeChoice)> {
+    // Counts are read as the rig file says that a record of whirl's own carries.
+    if let Some(rig) = metadata(path).and_then(|m| Rig::parse(&m.rig, path).ok()) {
+        return Record::read(path, &rig, &settings.options).map(|record| (record, TimeChoice::default()));
+    }
     raw::read(path, settings).map(|raw| (raw.record, raw.time))
 }
 
