@@ -182,7 +182,7 @@ impl Columns {
 fn columns(py: Python<'_>, path: PathBuf, time: Option<String>, recover: bool, resample: bool) -> PyResult<Columns> {
     let choices = Choices { time, map: Vec::new() };
     let settings = Settings { choices, options: ReadOptions { recover, resample }, ..Settings::default() };
-    waited(py, move || Ok(columns_of(&path, &settings)?)).map(|(record, _)| Columns { record })
+    waited(py, move || Ok(columns_of(&path, &settings)?)).map(|record| Columns { record })
 }
 
 /// The metadata of one of whirl's own records, as JSON.

@@ -53,7 +53,7 @@ def _answer(kind: type[A], command: str, sources: Sequence[Source], options: dic
     records = [read(source) for source in sources]
     said = _call(command, records, _reading(records, options))
     result = json.loads(said.json or "{}")
-    if "error" in result and not result.get("parameters"):
+    if isinstance(result, dict) and isinstance(result.get("error"), str):
         error = Error(result["error"])
         error.json = result  # type: ignore[attr-defined]
         raise error
