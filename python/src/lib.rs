@@ -164,10 +164,13 @@ impl Columns {
     /// The values of a column by its number, binary64.
     fn values<'py>(&self, py: Python<'py>, column: usize) -> Bound<'py, PyBytes> {
         let columns = self.record.segments.iter().filter_map(|s| s.columns.get(column));
-        bytes(py, columns.flat_map(|c| match c {
-            Column::Values(v) => v.clone(),
-            Column::Counts(c) => c.iter().map(|c| f64::from(*c)).collect(),
-        }))
+        bytes(
+            py,
+            columns.flat_map(|c| match c {
+                Column::Values(v) => v.clone(),
+                Column::Counts(c) => c.iter().map(|c| f64::from(*c)).collect(),
+            }),
+        )
     }
 
     /// What was noticed on reading: id, text, advice.

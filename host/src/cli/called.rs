@@ -16,7 +16,9 @@ const OF_PRINTING: [&str; 5] = ["help", "version", "quiet", "threads", "json"];
 fn usage(error: &clap::Error) -> Error {
     let text = error.render().to_string();
     let text = text.strip_prefix("error: ").unwrap_or(&text);
-    Error::Usage(text.split("\n\nUsage:").next().and_then(|t| t.split("\n\nFor more").next()).unwrap_or(text).to_owned())
+    Error::Usage(
+        text.split("\n\nUsage:").next().and_then(|t| t.split("\n\nFor more").next()).unwrap_or(text).to_owned(),
+    )
 }
 
 fn parse(words: &[OsString]) -> Result<Command> {
