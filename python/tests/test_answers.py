@@ -68,7 +68,7 @@ def test_a_model_is_saved_simulated_exported(record, rig, tmp_path):
         m.save(rig)
     run = m.simulate(seconds=2, initial=[1.0, 0.5, 0.0, -0.1])
     assert len(run) == 1000 and run.rate == 500 and list(run.columns) == ["count1", "count2"]
-    again = m.simulate(from_=record, start=5.0, seconds=0.02, output=tmp_path / "run.csv")
+    again = whirl.explain(record, rig=rig).simulate(from_=record, start=5.0, seconds=0.02, output=tmp_path / "run.csv")
     assert abs(again["count1"][0] - record["count1"][np.searchsorted(record.t, 5.0 - 1e-9)]) <= 2
     with pytest.raises(whirl.Error, match="4 numbers") as caught:
         m.simulate(initial=np.zeros(3))
