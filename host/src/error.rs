@@ -75,8 +75,12 @@ pub(crate) fn short_numbers(text: &str) -> String {
 }
 
 /// One line on standard error, `whirl: TEXT`. One that is full or closed is no reason to end otherwise than without the line.
+/// Kept where a program called ([`crate::said`]).
 pub fn tell(text: impl fmt::Display) {
-    let _ = writeln!(std::io::stderr().lock(), "whirl: {}", cut(&plain(&text.to_string()), LINE));
+    let line = cut(&plain(&text.to_string()), LINE);
+    if crate::said::kept(|said| said.told.push(line.clone())).is_none() {
+        let _ = writeln!(std::io::stderr().lock(), "whirl: {line}");
+    }
 }
 
 /// Result of anything that reads what a user or a wire supplied.

@@ -1,5 +1,6 @@
 //! From encoder counts to a trusted equation of motion, and to the physical effect that the model is missing.
 
+pub mod api;
 pub mod batch;
 pub mod boards;
 pub mod capture;
@@ -22,6 +23,7 @@ pub mod report;
 #[cfg(feature = "sim")]
 pub mod reproduce;
 pub mod rig;
+pub mod said;
 pub mod signal;
 #[cfg(feature = "sim")]
 pub mod simulate;

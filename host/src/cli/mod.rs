@@ -3,6 +3,7 @@
 //! Exit status: 0 done; 1 done and the answer is negative; 2 bad input or usage, with one message on standard error.
 
 mod batch;
+pub(crate) mod called;
 mod capture;
 mod capture_plan;
 mod completions;

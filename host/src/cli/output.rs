@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use crate::error::{BadInput, Result, obeyed, plain_lines, short_numbers, tell};
 use crate::files;
+use crate::said;
 use crate::warning::Warning;
 
 /// Options that every command with results has.
@@ -60,11 +61,16 @@ impl Output {
     }
 
     fn write<T: Serialize>(&self, result: &T) -> Result<()> {
-        let Some(path) = &self.json else { return Ok(()) };
+        let called = said::kept(|_| ()).is_some();
+        if self.json.is_none() && !called {
+            return Ok(());
+        }
         let mut text = serde_json::to_string_pretty(result)
-            .map_err(|e| BadInput::new(e.to_string(), "a result that can be written as JSON").in_file(path))?;
+            .map_err(|e| BadInput::new(e.to_string(), "a result that can be written as JSON").at("--json"))?;
         text.push('\n');
         let text = as_escapes(&text);
+        said::kept(|said| said.json = Some(text.clone()));
+        let Some(path) = &self.json else { return Ok(()) };
         if is_standard_output(path) {
             let mut out = std::io::stdout().lock();
             return match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -86,6 +92,9 @@ impl Output {
 
 /// Prints a text of whirl's own, as it stands.
 pub fn print(text: &str) {
+    if said::kept(|said| said.text.push_str(text)).is_some() {
+        return;
+    }
     let mut out = std::io::stdout().lock();
     note_failure(out.write_all(text.as_bytes()).and_then(|()| out.flush()));
 }
@@ -132,7 +141,8 @@ fn is_standard_output(path: &Path) -> bool {
 /// The command line without the program and without the number of threads, which changes nothing.
 pub fn command_line() -> String {
     let mut out: Vec<String> = Vec::new();
-    let mut words = std::env::args().skip(1);
+    let called = said::kept(|said| said.command_line.clone());
+    let mut words = called.unwrap_or_else(|| std::env::args().skip(1).collect()).into_iter();
     while let Some(word) = words.next() {
         match word.as_str() {
             "--threads" => drop(words.next()),
@@ -169,6 +179,9 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
 
 /// Warnings, on standard error.
 pub fn print_warnings(warnings: &[Warning]) {
+    if said::kept(|said| said.warnings.extend_from_slice(warnings)).is_some() {
+        return;
+    }
     for w in warnings {
         tell(format_args!("warning: {}. {}", short_numbers(&w.text), w.advice));
     }

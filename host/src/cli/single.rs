@@ -126,25 +126,53 @@ fn report<C: Single>(
     Report::of(format!("{}: {}", C::HEADING, rig.name), names.join(", "), &results).write(path)
 }
 
-/// Reads, analyses, says, writes.
-pub fn run<C: Single>(arguments: &C) -> Result<Answer> {
+/// An answer with everything that it is written out from.
+pub struct Answered<C: Single> {
+    ready: C::Ready,
+    records: Vec<Record>,
+    result: C::Result,
+}
+
+impl<C: Single> Answered<C> {
+    /// Says the answer and writes the files that the arguments name.
+    pub fn write(&self, arguments: &C) -> Result<()> {
+        let Self { ready, records, result } = self;
+        let out = &arguments.common().out;
+        out.write_json(result)?;
+        let card = C::card(ready, result);
+        out.say(&C::human(result, &card));
+        arguments.write(ready, records, result)?;
+        report(arguments, ready, records, result, card)
+    }
+}
+
+/// The rig, once what is read and written has been checked.
+pub fn check<C: Single>(arguments: &C) -> Result<Rig> {
     let Common { records, rig, replace, out } = arguments.common();
     let (rig, files) = records.begin(rig, out, Some(*replace))?;
     let files = files.reads(arguments.reads().into_iter().map(|(_, path)| path));
     arguments.writes().into_iter().fold(files, |all, (option, path)| all.result(option, Some(path))).check()?;
-    let ready = arguments.prepare(rig)?;
+    Ok(rig)
+}
+
+/// Reads, analyses, says, writes; the answer, where there is one, is kept.
+pub fn answer<C: Single>(arguments: &C) -> Result<(Answer, Option<Answered<C>>)> {
+    let ready = arguments.prepare(check(arguments)?)?;
     let analysed = arguments.analyse(&ready)?;
     let lost = analysed.lost();
-    let Analysed { records: read, result } = analysed;
+    let Analysed { records, result } = analysed;
+    let common = arguments.common();
     let result = match result {
         Ok(result) => result,
-        Err(error) => return records.failed(&read, error, out),
+        Err(error) => return common.records.failed(&records, error, &common.out).map(|answer| (answer, None)),
     };
     print_warnings(C::warnings(&result));
-    out.write_json(&result)?;
-    let card = C::card(&ready, &result);
-    out.say(&C::human(&result, &card));
-    arguments.write(&ready, &read, &result)?;
-    report(arguments, &ready, &read, &result, card)?;
-    Ok(arguments.judge(&result, lost).tell())
+    let answered = Answered { ready, records, result };
+    answered.write(arguments)?;
+    Ok((arguments.judge(&answered.result, lost).tell(), Some(answered)))
+}
+
+/// The same for the program.
+pub fn run<C: Single>(arguments: &C) -> Result<Answer> {
+    answer(arguments).map(|(answer, _)| answer)
 }

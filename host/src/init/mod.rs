@@ -18,7 +18,7 @@ use serde::Serialize;
 use self::columns::Seen;
 use crate::error::{BadInput, Result};
 use crate::record::names::TimeChoice;
-use crate::record::{ReadOptions, metadata};
+use crate::record::{ReadOptions, Record, metadata};
 use crate::rig::choices::Choices;
 use crate::rig::{Direction, Rig};
 
@@ -241,6 +241,21 @@ pub fn rate_of(path: &Path, time: &TimeChoice, options: &ReadOptions) -> Result<
         return Ok(m.sample_rate_hz);
     }
     raw::rate_of(path, time, options)
+}
+
+/// A record's columns of numbers as they stand, before anything is known of them; its rate is rounded as far as its clock allows.
+///
+/// # Errors
+/// A record that cannot be read, or whose time cannot be found.
+pub fn columns_of(path: &Path, settings: &Settings) -> Result<Record> {
+    // Counts are read as the rig file says that a record of whirl's own carries.
+    let carried = metadata(path).and_then(|m| Rig::parse(&m.rig, path).ok());
+    let mut record = match carried {
+        Some(rig) => Record::read(path, &rig, &settings.options)?,
+        None => raw::read(path, settings)?.record,
+    };
+    record.sample_rate_hz = raw::nice_rate(&record);
+    Ok(record)
 }
 
 /// The error for a record in which nothing could be a channel.

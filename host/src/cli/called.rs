@@ -1,0 +1,98 @@
+//! Commands called as functions ([`crate::api`]).
+
+use std::ffi::OsString;
+
+use clap::FromArgMatches;
+
+use super::single::{self, Answered, Single};
+use super::{Answer, Cli, Command, progress};
+use crate::api::{Called, CommandOption, Error, Result};
+use crate::said;
+
+/// Options that say how something is printed, and with how many threads it is done.
+const OF_PRINTING: [&str; 5] = ["help", "version", "quiet", "threads", "json"];
+
+/// As a program that calls sees it, without clap's "error: " and its hint at `--help`.
+fn usage(error: &clap::Error) -> Error {
+    let text = error.render().to_string();
+    let text = text.strip_prefix("error: ").unwrap_or(&text);
+    Error::Usage(
+        text.split("\n\nUsage:").next().and_then(|t| t.split("\n\nFor more").next()).unwrap_or(text).to_owned(),
+    )
+}
+
+fn parse(words: &[OsString]) -> Result<Command> {
+    let line = std::iter::once(OsString::from("whirl")).chain(words.iter().cloned());
+    let matches = super::command().try_get_matches_from(line).map_err(|e| usage(&e))?;
+    let cli = Cli::from_arg_matches(&matches).map_err(|e| usage(&e))?;
+    if cli.threads > 0 {
+        return Err(Error::Usage("--threads is for the program: RAYON_NUM_THREADS says it here".to_owned()));
+    }
+    Ok(cli.command)
+}
+
+fn told(words: &[OsString]) -> Vec<String> {
+    words.iter().map(|w| w.to_string_lossy().into_owned()).collect()
+}
+
+/// Calls a command.
+pub fn call(words: &[OsString]) -> Result<Called> {
+    progress::set_quiet(true);
+    match parse(words)? {
+        Command::Identify(a) => kept(words, &a, |c| if let Command::Identify(a) = c { Some(a) } else { None }),
+        Command::Validate(a) => kept(words, &a, |c| if let Command::Validate(a) = c { Some(a) } else { None }),
+        Command::Explain(a) => kept(words, &a, |c| if let Command::Explain(a) = c { Some(a) } else { None }),
+        Command::Inspect(a) => plain(words, || super::inspect::run(&a)),
+        Command::Init(a) => plain(words, || super::init::run(&a)),
+        Command::Simulate(a) => plain(words, || super::simulate::run(&a)),
+        Command::Reduce(a) => plain(words, || super::reduce::run(&a)),
+        Command::Export(a) => plain(words, || super::export::run(&a)),
+        Command::List(a) => plain(words, || super::list::run(&a)),
+        _ => Err(Error::Usage("this command is for the program alone".to_owned())),
+    }
+}
+
+/// A command of whose answer nothing is kept.
+fn plain(words: &[OsString], run: impl FnOnce() -> crate::error::Result<Answer>) -> Result<Called> {
+    let (answer, said) = said::during(told(words), run);
+    Ok(Called { positive: answer? == Answer::Positive, said, writer: None })
+}
+
+/// A command whose answer is kept; `own` finds its arguments.
+fn kept<C>(words: &[OsString], arguments: &C, own: fn(Command) -> Option<C>) -> Result<Called>
+where
+    C: Single + 'static,
+    C::Ready: Send,
+    C::Result: Send + Sync,
+{
+    let (answered, said) = said::during(told(words), || single::answer(arguments));
+    let (answer, answered) = answered?;
+    // Options may stand before the records alone, where a `--` says that no more of them come.
+    let (name, rest) = words.split_at(words.len().min(1));
+    let (name, rest) = (name.to_vec(), rest.to_vec());
+    let writer = answered.map(|answered| -> crate::api::Writer {
+        Box::new(move |further| write(&answered, &[&name, further, &rest].concat(), own))
+    });
+    Ok(Called { positive: answer == Answer::Positive, said, writer })
+}
+
+/// Writes an answer out by a command line that differs from its own by files that are written.
+fn write<C: Single>(answered: &Answered<C>, words: &[OsString], own: fn(Command) -> Option<C>) -> Result<()> {
+    let Some(arguments) = own(parse(words)?) else { return Ok(()) };
+    single::check(&arguments)?;
+    said::during(told(words), || answered.write(&arguments)).0.map_err(Error::from)
+}
+
+/// Options of a command.
+pub fn options(command: &str) -> Vec<CommandOption> {
+    let mut all = super::command();
+    all.build();
+    let Some(command) = all.find_subcommand(command) else { return Vec::new() };
+    let wanted = command.get_arguments().filter(|a| !OF_PRINTING.contains(&a.get_id().as_str()));
+    let option = |a: &clap::Arg| CommandOption {
+        name: a.get_long().map_or_else(|| a.get_id().to_string(), str::to_owned),
+        help: a.get_help().map(ToString::to_string).unwrap_or_default(),
+        takes_value: a.get_action().takes_values(),
+    };
+    wanted.map(option).collect()
+}
