@@ -10,7 +10,7 @@ use super::trial::{self, Made};
 use super::{APART, Proposal, Reached, Setting, Settings, presentation};
 use crate::error::{BadInput, Result};
 use crate::explain::double_pendulum;
-use crate::explain::engine::expected::{Expected, MOST_SAMPLES, Separation, expected, with_effect};
+use crate::explain::engine::expected::{Expected, Separation, expected, with_effect};
 use crate::identify::{Parameter, general};
 use crate::model::identified::{IdentifiedModel, System};
 use crate::record::Record;
@@ -20,6 +20,8 @@ use crate::rig::Rig;
 const LOOKED_AT_S: [f64; 2] = [40.0, 20.0];
 /// Probability with which a planned record tells what was asked.
 const PROBABLE: f64 = 0.975;
+/// Longest record that is proposed where nothing else is said, s.
+const LONGEST_S: f64 = 1800.0;
 /// Length that is proposed where no goal is given, s.
 const WITHOUT_GOAL_S: f64 = 240.0;
 /// Frequencies and amplitudes of the map.
@@ -322,9 +324,7 @@ impl<'a> Task<'a> {
     }
 
     fn longest_s(&self) -> f64 {
-        // What is longer is thinned by shooting: its standard errors fall no further.
-        let followed = MOST_SAMPLES as f64 / self.rig.sample_rate_hz;
-        self.settings.limits.seconds.unwrap_or(f64::INFINITY).min(followed).max(self.looked_at_s())
+        self.settings.limits.seconds.unwrap_or(LONGEST_S)
     }
 
     /// Whether it belongs to what was asked.
@@ -408,7 +408,7 @@ impl<'a> Task<'a> {
         let goals = self.times(all);
         let wanted = goals.iter().map(|r| r.seconds.unwrap_or(f64::INFINITY)).fold(0.0, f64::max);
         let longest = self.longest_s();
-        let own = if goals.is_empty() { WITHOUT_GOAL_S.min(longest) } else { wanted.max(self.looked_at_s()) };
+        let own = if goals.is_empty() { WITHOUT_GOAL_S } else { wanted.max(self.looked_at_s()) };
         let seconds = seconds.unwrap_or_else(|| own.min(longest));
         let shorter = (self.looked_at_s() / seconds).sqrt();
         let first = &all[0];

@@ -13,7 +13,6 @@ use serde::Serialize;
 
 use super::candidates::Candidate;
 use super::setting::{Begun, Setting};
-pub use super::shooting::MOST_SAMPLES;
 use super::state::State;
 use super::{given, settled, shooting, start, tell};
 use crate::error::{BadInput, Result};
@@ -80,12 +79,8 @@ pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel) -> Result<Op
     let Some(Begun { mut setting, first, physical, .. }) = begun else { return Ok(None) };
     let Some(mut state) = start(&setting, &first, physical) else { return Ok(None) };
     given::take(&setting, &mut state, model)?;
-    // With the sensors' noise as the model leaves it, windows may be longer than by that of the spectra: once more from the smoothed record, as an explanation begins anew.
-    for _ in 0..2 {
-        state.followed = None;
-        if !settled(&mut setting, &mut state) || !setting.shooting {
-            return Ok(None);
-        }
+    if !settled(&mut setting, &mut state) || !setting.shooting {
+        return Ok(None);
     }
     let all = setting.candidates(&state.physical, &[]);
     let own = state.own_columns();

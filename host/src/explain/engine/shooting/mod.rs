@@ -56,7 +56,7 @@ const BLOCKS: f64 = 20.0;
 /// Longest window under measured inputs, in windows of the weak form.
 const TRANSIENTS: f64 = 20.0;
 /// Most samples that are followed.
-pub const MOST_SAMPLES: usize = 60_000;
+const MOST_SAMPLES: usize = 60_000;
 /// Parts of the full length in which windows grow, and most linearisations at each.
 const STAGES: [f64; 3] = [0.25, 0.5, 1.0];
 const PASSES: [usize; 3] = [2, 2, 5];
