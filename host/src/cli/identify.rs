@@ -118,9 +118,6 @@ pub fn human(result: &Identification, card: &Card) -> String {
     if let Some(why) = &result.not_by_shooting {
         let _ = writeln!(text, "Multiple shooting was not used: {why}");
     }
-    if let Some(i) = &result.details.instruments {
-        let _ = writeln!(text, "{}", presentation::instruments(i));
-    }
     if let Some(account) = &result.balance {
         text.push_str(&super::identify_balance::human(account));
     }

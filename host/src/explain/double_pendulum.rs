@@ -8,7 +8,7 @@ use super::explanation::Explanation;
 use super::{decidability, engine};
 use crate::error::{BadInput, Result};
 use crate::identify::Parameter;
-use crate::identify::model_file::{double_pendulum as checked, own_keys};
+use crate::identify::model_file::{check_double_pendulum as checked, own_keys};
 use crate::identify::system::System as Known;
 use crate::model::double_pendulum::DAMPINGS;
 use crate::model::identified::{IdentifiedModel, System};

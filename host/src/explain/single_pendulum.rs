@@ -13,9 +13,9 @@ use super::{decidability, engine};
 use crate::effects::catalogue;
 use crate::effects::entry::Verb;
 use crate::error::{BadInput, Result};
-use crate::identify::general;
 use crate::identify::model_file::own_keys;
 use crate::identify::system::System as Known;
+use crate::identify::weak_form;
 use crate::model::identified::{IdentifiedModel, RECORD_S, System};
 use crate::model::single_pendulum::DAMPINGS;
 use crate::record::Record;
@@ -50,7 +50,7 @@ pub fn own(model: &IdentifiedModel, rig: &Rig) -> Result<(Rig, IdentifiedModel)>
         _ => ["n_sin", "p_sin"],
     };
     let all = model.parameter("q_cos").is_some() || across.iter().any(|n| model.parameter(n).is_some());
-    let rig = as_own::single_pendulum(rig, &coefficients(&model.nominal), all)?;
+    let rig = written(rig, &model.nominal, all)?;
     let Some(bound) = &rig.bound else { return bad("no channel".to_owned(), "a channel that measures theta1") };
     let mut out = model.clone();
     out.system = System::Own(own_keys(&bound.model)?);
@@ -84,7 +84,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
             let (rig, model) = own(model, rig)?;
             (rig, Some(model))
         }
-        None => (as_own::single_pendulum(rig, &coefficients(&nominal), false)?, None),
+        None => (written(rig, &nominal, false)?, None),
     };
     let settings = Settings { model, ..settings.clone() };
     let mut out = as_own_system(records, rig, own_rig, &settings)?;
@@ -108,6 +108,12 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     Ok(out)
 }
 
+/// The rig with its equation written out; its inertia is found below, nothing else is known there.
+fn written(rig: &Rig, nominal: &[String], all: bool) -> Result<Rig> {
+    let own = as_own::single_pendulum(rig, &coefficients(nominal), all)?;
+    Ok(Rig { known: BTreeMap::new(), ..own })
+}
+
 fn no_channel(rig: &Rig) -> BadInput {
     BadInput::new("no channel", "a channel that measures theta1").in_file(&rig.path).at("channel")
 }
@@ -115,7 +121,7 @@ fn no_channel(rig: &Rig) -> BadInput {
 /// Explained by every effect of the catalogue, values in torques where the inertia is known.
 fn as_own_system(records: &[Record], rig: &Rig, mut own_rig: Rig, settings: &Settings) -> Result<Explanation> {
     let bound = own_rig.bound.clone().ok_or_else(|| no_channel(rig))?;
-    let first = general::identify(records, &own_rig, &bound, &settings.weak)?;
+    let first = weak_form(records, &own_rig, &settings.weak)?;
     let gravity = first.parameter("q_sin").map_or(f64::NAN, |p| p.value);
     if let Some(j) = inertia(rig, gravity) {
         let _ = own_rig.known.insert(format!("J_{ANGLE}"), j);

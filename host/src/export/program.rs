@@ -5,7 +5,7 @@ use super::names::Names;
 use super::remarks::{error_told, unit_told};
 use super::{Language, Printed};
 use crate::error::{BadInput, Result};
-use crate::identify::general::channel_units;
+use crate::identify::units::channel_units;
 use crate::model::model_file::expression::{Function, Node, Symbol, multiply, number};
 use crate::model::model_file::split::{Entry, Split};
 use crate::motion::effects::bad;

@@ -12,7 +12,7 @@ use super::expression::Printer;
 use super::for_people::{MathMl, Text, told};
 use super::program::terms;
 use super::{Notation, Printed};
-use crate::identify::general::channel_units;
+use crate::identify::units::channel_units;
 use crate::model::model_file::Space;
 use crate::model::model_file::expression::{
     Expression as E, Function, Node, Symbol, call, divide, multiply, number, power_whole, subtract,

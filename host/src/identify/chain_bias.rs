@@ -16,13 +16,17 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::noise_bias::{Bias, REPEATS, from_rows, measure, places};
-use super::regression::RunSums;
-use super::windows::{Kernels, Plan, WindowRows, Windows, rows_with};
+use super::noise_bias::{Bias, REPEATS, from_rows, places};
+use super::regression::{RunSums, Solution};
+use super::remeasured::{Sensors, measure};
+use super::series::System;
+use super::stretches::Stretch;
+use super::ties;
+use super::windows::{Kernels, Plan, Stretches, WindowRows, Windows, rows_planned};
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Outside, Work};
-use crate::model::weak::WeakModel;
-use crate::signal::angles::{AngleSegment, Phase};
+use crate::rig::Rig;
+use crate::rig::measures::Bound;
 
 /// Longest step of integration: samples; under a drive s, and as a share of its period; otherwise as a share of a window, which holds 3 to 10 periods of the motion. What
 /// a solution leaves of its equations, its local error over the step, must be far below what the sensors leave; a test holds it.
@@ -38,30 +42,37 @@ const ANOTHER_MOTION: f64 = 0.1;
 /// Groups of neighbouring windows whose scatter tells that of the bias: neighbours share half of their samples.
 const GROUPS: usize = 8;
 
-/// Measures the bias. `coefficients`: of all equations, one after the other, in the order of `dynamics`' parameters; `omega`: the drive's angular frequency, rad/s.
-/// `sigma`: each sensor's noise, rad. None where the model's motion is not like the record's.
+/// Measures the bias of a solution's coefficients; `names`: of all columns. `None` where the model
+/// moves otherwise than the record. Not for systems with measured inputs, whose noise a solution would
+/// take for motion. `motion`: the equations, with the names of their coefficients.
 pub fn estimate(
-    (dynamics, omega): (&dyn Dynamics, f64),
-    coefficients: &DVector<f64>,
-    segments: &[AngleSegment],
-    model: &WeakModel,
-    kernels: &Kernels,
+    system: &System<'_>,
     windows: &Windows,
-    weights: &[Vec<f64>],
-    sigma: [f64; 2],
+    (rig, bound): (&Rig, &Bound),
+    sensors: &Sensors,
+    (motion, coefficients): (&dyn Dynamics, &[String]),
+    (names, solution): (&[String], &Solution),
 ) -> Option<Bias> {
-    let motions = motions((dynamics, omega), coefficients.as_slice(), segments, kernels, windows, cells(&sigma))?;
-    let terms: Vec<usize> = model.equations.iter().map(|e| e.terms.len()).collect();
-    let plan = Plan::new(kernels, windows, motions.first()?.step_s, 1);
-    let plain = rows_with(&motions, model, &plan);
+    let found = DVector::from_iterator(names.len(), solution.coefficients.iter().flat_map(|c| c.iter().copied()));
+    let (own, values, _) = ties::tie(names, &found, &solution.covariance, &solution.metric);
+    let value_of = |name: &String| own.iter().position(|n| n == name).map(|i| values[i]);
+    let parameters: Vec<f64> = coefficients.iter().map(value_of).collect::<Option<_>>()?;
+    let columns: Vec<f64> = names.iter().map(value_of).collect::<Option<_>>()?;
+    let motions = motions(motion, &parameters, system, windows, rig, cells(&sensors.sigma))?;
+    let terms: Vec<usize> = system.weak.equations.iter().map(|e| e.terms.len()).collect();
+    let plan = Plan::new(system.kernels, windows, system.step_s(0), 1);
+    let rows = |stretches: &[Stretch]| -> Vec<WindowRows> {
+        rows_planned(&System { stretches, ..*system }, &system.weak.equations, &plan)
+    };
+    let plain = rows(&motions);
     let measured = (0..REPEATS)
         .map(|r| {
-            let seen: Vec<AngleSegment> =
-                motions.par_iter().enumerate().map(|(i, s)| measure(s, r, sigma, i as u64)).collect();
-            rows_with(&seen, model, &plan)
+            let seen: Vec<Stretch> =
+                motions.par_iter().enumerate().map(|(i, s)| measure(s, r, bound, sensors, i as u64)).collect();
+            rows(&seen)
         })
         .collect();
-    from_solutions(motions.len(), plain, measured, &terms, weights, coefficients)
+    from_solutions(motions.len(), plain, measured, &terms, &solution.weights, &DVector::from_vec(columns))
 }
 
 /// The bias from the rows of `motions` solutions with the parameters `coefficients`, as they are and measured [`REPEATS`] times.
@@ -162,31 +173,31 @@ pub(crate) fn solve<D: Dynamics + ?Sized>(
     true
 }
 
-/// Solutions of the model over one window each, spread over the record, from the smoothed record's state at the start.
-fn motions(
-    (dynamics, omega): (&dyn Dynamics, f64),
+/// Solutions over one window each from the smoothed record's states.
+pub(crate) fn motions(
+    motion: &dyn Dynamics,
     parameters: &[f64],
-    segments: &[AngleSegment],
-    kernels: &Kernels,
+    system: &System<'_>,
     windows: &Windows,
+    rig: &Rig,
     cells: f64,
-) -> Option<Vec<AngleSegment>> {
-    if parameters.len() != dynamics.parameter_count() {
+) -> Option<Vec<Stretch>> {
+    if system.count() == 0 {
         return None;
     }
-    let n = dynamics.degrees_of_freedom();
-    let reach = kernels.clear.reach();
-    let lengths: Vec<usize> = segments.iter().map(AngleSegment::len).collect();
-    let spacing = segments.first()?.step_s;
-    let found: Vec<AngleSegment> = places(&lengths, kernels, windows, spacing, 1)
+    let reach = system.kernels.clear.reach();
+    let omega = rig.drive.map_or(0.0, |_| rig.omega());
+    let lengths: Vec<usize> = system.stretches.iter().map(Stretch::len).collect();
+    let found: Vec<Stretch> = places(&lengths, system.kernels, windows, system.step_s(0), 1)
         .into_par_iter()
         .map(|(i, first, last)| {
-            let mut out = segments[i].part(first + reach, last - reach);
-            let state = state_at((0..n).map(|c| &segments[i].phi[c][first..first + 2 * reach + 1]), kernels)?;
-            let omega = if matches!(out.phase, Phase::Clock(0.0)) { 0.0 } else { omega };
+            let record = &system.stretches[i];
+            let mut out = record.part(first + reach, last - reach);
+            let before = record.coordinates.iter().map(|x| &x[first..first + 2 * reach + 1]);
+            let state = state_at(before, system.kernels)?;
             let outside = Outside::drive(out.start_s, out.tau(0), omega);
-            let start = (segments[i].time(first + reach), out.step_s, windows.length_s);
-            solve((dynamics, parameters, outside), state, start, cells, &mut out.phi[..n]).then_some(out)
+            let start = (record.time(first + reach), out.step_s, windows.length_s);
+            solve((motion, parameters, outside), state, start, cells, &mut out.coordinates).then_some(out)
         })
         .collect::<Option<_>>()?;
     (!found.is_empty()).then_some(found)

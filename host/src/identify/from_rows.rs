@@ -12,14 +12,15 @@ use whirl_shared::regressor::weights;
 use whirl_shared::waveform::exact_frequency;
 
 use super::regression::{self, Unsolvable};
-use super::system::System;
+use super::units::units_of;
 use super::windows::{WindowRows, frequency_of_row};
-use super::{Details, Identification, Parameter, RecordUse, Residuals, identifiability, ordered_parameters};
+use super::{Details, Identification, RecordUse, Residuals, built_in, identifiability};
 use crate::capture::estimates::unfit;
 use crate::error::{BadInput, Result};
 use crate::record::ReadOptions;
 use crate::record::regression_rows::{RowsRecord, Window, holds_rows};
 use crate::rig::Rig;
+use crate::system::ties::Identified;
 use crate::warning::Warning;
 
 /// Greatest relative difference of the drive's frequency from the rig file's.
@@ -132,8 +133,9 @@ pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
             "They were left out; capture with one amplitude to use all of them",
         ));
     }
-    let system = System::of(rig)?;
-    let model = system.weak_model(rig);
+    let own = built_in::written(rig)?;
+    let bound = built_in::bound(&own)?;
+    let model = &*bound.model;
     let terms: Vec<usize> = model.equations.iter().map(|e| e.terms.len()).collect();
     let frequencies = count / 2;
     let solution = regression::solve(&rows, &terms, frequencies).map_err(|e| match e {
@@ -159,30 +161,11 @@ pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
         ));
     }
     let names: Vec<String> = model.equations.iter().flat_map(|e| e.terms.iter().map(|t| t.name.clone())).collect();
-    let units: Vec<&str> = model.equations.iter().flat_map(|e| e.terms.iter().map(|t| t.unit)).collect();
+    let units: Vec<String> = units_of(model, &own, bound).into_iter().flatten().collect();
     let values = DVector::from_iterator(names.len(), solution.coefficients.iter().flat_map(|c| c.iter().copied()));
     let covariance = &solution.covariance;
-    let mut parameters = ordered_parameters(&names, &units, &values, covariance);
-    let mut ties_misfit = None;
-    if let Some(fit) = system.physical(&names, &values, covariance, &solution.metric, rig) {
-        ties_misfit = Some((fit.misfit, fit.freedom));
-        parameters.extend(fit.parameters.iter().map(|p| Parameter {
-            name: p.name.to_owned(),
-            value: p.value,
-            std_error: p.std_error,
-            unit: p.unit.to_owned(),
-        }));
-    }
-    let deviation = |i: usize| covariance[(i, i)].max(0.0).sqrt();
-    let correlation = (0..names.len())
-        .map(|i| {
-            let one = |j: usize| {
-                let scale = deviation(i) * deviation(j);
-                if scale > 0.0 { covariance[(i, j)] / scale } else { f64::from(u8::from(i == j)) }
-            };
-            (0..names.len()).map(one).collect()
-        })
-        .collect();
+    let identified = Identified { names: &names, values: &values, covariance, metric: &solution.metric };
+    let (parameters, ties_misfit) = built_in::parameters(rig, (&identified, &units), &mut warnings);
     let length_s = f64::from(window_ticks) / rig.sample_rate_hz;
     let mut result = Identification {
         model: model.name.clone(),
@@ -198,7 +181,7 @@ pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
             lost: records.iter().map(|r| r.footer.losses.lost()).sum(),
             segments: runs,
         },
-        correlation,
+        correlation: identifiability::correlation(covariance),
         correlation_names: names,
         details: Details {
             window_s: length_s,

@@ -1,52 +1,72 @@
-//! Windows and low-passes for a built-in system, from the settings, the rig and the angles' spectra.
+//! Windows and low-passes, from the settings, the rig and the coordinates' spectra.
 //!
-//! Windows of 20 T, test functions up to 2 f_e, the low-pass up to where the signal sinks into the noise; when free all of it from the motion
-//! ([`super::free_geometry`]), or where no motion stands above the noise windows of 4 s. All of it within what the sampling rate allows: a window
-//! has 32 samples at least, test functions end at an eighth of the rate, the pass band at two fifths.
+//! Under a drive windows of 20 T, test functions up to 2 f_e, the low-pass up to where the signal
+//! sinks into the noise; when free all of it from the motion ([`super::free_geometry`]), or where
+//! no motion stands above the noise windows of 4 s. All of it within what the sampling rate allows:
+//! a window has 32 samples at least, test functions end at an eighth of the rate, the pass band at
+//! two fifths. A free system with measured inputs may need more of the band, since a resonance may
+//! lie close to the Nyquist frequency: test functions up to a fifth of the sampling rate.
 
 use super::Settings;
 use super::free_geometry::{Kind, choose, stop_hz};
+use super::prepared::Geometry;
 use super::windows::{Kernels, Windows};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 use crate::signal::band::Band;
 use crate::signal::low_pass::Kernel;
-use crate::signal::noise;
+use crate::signal::noise::Noise;
+
+/// Most frequencies of the test functions.
+const MOST_FREQUENCIES: usize = 400;
 
 /// Chooses.
 ///
 /// # Errors
 /// A setting out of range.
-pub(super) fn geometry(
+pub fn geometry(
     rig: &Rig,
     settings: &Settings,
-    noises: &[Option<noise::Noise>; 2],
+    noises: &[Option<Noise>],
+    inputs: bool,
     step_s: f64,
     (band, stretches_s): (Option<Band>, &[f64]),
-) -> Result<(Windows, Kernels)> {
-    let rate = rig.sample_rate_hz;
+) -> Result<Geometry> {
+    let rate = 1.0 / step_s;
     let check = |option: &str, value: Option<f64>, low: f64, high: f64| match value {
         Some(v) if !(v >= low && v <= high) => {
             Err(BadInput::new(v.to_string(), format!("a value from {low} to {high}")).at(option.to_owned()))
         }
         v => Ok(v),
     };
-    let greatest = |f: fn(&noise::Noise) -> f64| noises.iter().flatten().map(f).fold(0.0_f64, f64::max);
-    let default_window = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
+    let greatest = |f: fn(&Noise) -> f64| noises.iter().flatten().map(f).fold(0.0_f64, f64::max);
+    let wide = inputs && rig.drive.is_none();
+    let most_top = if wide { rate / 5.0 } else { rate / 16.0 };
+    let wanted = greatest(|n| n.acceleration_99_hz);
+    let default_window = match rig.drive {
+        Some(d) => 20.0 / d.frequency_hz,
+        None if inputs => (30.0 / wanted.max(1e-9 * rate).min(most_top)).min(4.0),
+        None => 4.0,
+    };
     let asked = check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?;
-    let free = band.filter(|_| rig.drive.is_none()).map(|b| choose(&b, stretches_s, rate, asked, Kind::Free));
+    let kind = if wide { Kind::WithInputs(wanted) } else { Kind::Free };
+    let free = band.filter(|_| rig.drive.is_none()).map(|b| choose(&b, stretches_s, rate, asked, kind));
     let length_s = asked.or(free.map(|f| f.length_s)).unwrap_or(default_window.max(32.0 * step_s));
-    let hop_s = 0.5 * length_s;
     // Eight test functions at least; in a window too short for them, those that the rate allows.
-    let free_top = greatest(|n| n.acceleration_99_hz).min(rate / 16.0).max((8.0 / length_s).min(rate / 8.0));
-    let top = check("--max-frequency-hz", settings.max_frequency_hz, 2.0 / length_s, rate / 8.0)?
-        .unwrap_or_else(|| rig.drive.map_or(free.map_or(free_top, |f| f.top_hz), |d| 2.0 * d.frequency_hz));
-    let frequencies = ((top * length_s).round() as usize).clamp(2, 400);
+    let free_top = wanted.min(most_top).max((8.0 / length_s).min(rate / if wide { 4.0 } else { 8.0 }));
+    let top = check(
+        "--max-frequency-hz",
+        settings.max_frequency_hz,
+        2.0 / length_s,
+        if wide { rate / 4.0 } else { rate / 8.0 },
+    )?
+    .unwrap_or_else(|| rig.drive.map_or(free.map_or(free_top, |f| f.top_hz), |d| 2.0 * d.frequency_hz));
+    let frequencies = ((top * length_s).round() as usize).clamp(2, MOST_FREQUENCIES);
     // The products of the regressors must keep everything up to the highest test frequency.
-    let least = (1.5 * top).min(0.15 * rate);
+    let least = (1.5 * top).min(if wide { 0.3 } else { 0.15 } * rate);
     let default_pass = match free {
-        Some(f) => f.pass_hz.max(1.5 * top).min(Kind::Free.most()[1] * rate),
-        None => (1.15 * greatest(|n| n.signal_end_hz)).max(least).min(0.25 * rate),
+        Some(f) => f.pass_hz.max(1.5 * top).min(kind.most()[1] * rate),
+        None => (1.15 * greatest(|n| n.signal_end_hz)).max(least).min(if wide { 0.4 } else { 0.25 } * rate),
     };
     let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);
     let stop = match free {
@@ -54,9 +74,11 @@ pub(super) fn geometry(
         None => (1.5 * pass).max(pass + 2.5 * top).min(0.45 * rate),
     };
     let clear = greatest(|n| n.clear_end_hz).max(least.min(pass)).min(pass);
-    let kernels =
-        Kernels { full: Kernel::design(step_s, pass, stop), clear: Kernel::design(step_s, clear, clear + stop - pass) };
-    Ok((Windows { length_s, hop_s, frequencies }, kernels))
+    let kernels = Kernels {
+        full: Kernel::design(step_s, pass, stop),
+        clear: Kernel::design(step_s, clear, (clear + stop - pass).min(0.48 * rate)),
+    };
+    Ok(Geometry { windows: Windows { length_s, hop_s: 0.5 * length_s, frequencies }, kernels })
 }
 
 #[cfg(test)]
@@ -72,7 +94,7 @@ mod tests {
         for rate in [2.0, 20.0, 64.0, 100.0, 1e4] {
             rig.sample_rate_hz = rate;
             for busy in [0.0, 0.3 * rate, f64::NAN] {
-                let noise = noise::Noise {
+                let noise = Noise {
                     sigma: 1e-3,
                     square_error: 0.1,
                     signal_end_hz: busy,
@@ -81,8 +103,8 @@ mod tests {
                 };
                 for window_s in [None, Some(0.5), Some(1.0), Some(3.0)] {
                     let settings = Settings { window_s, ..Settings::default() };
-                    match geometry(&rig, &settings, &[Some(noise), None], 1.0 / rate, (None, &[])) {
-                        Ok((windows, kernels)) => {
+                    match geometry(&rig, &settings, &[Some(noise), None], false, 1.0 / rate, (None, &[])) {
+                        Ok(Geometry { windows, kernels }) => {
                             assert!(windows.frequencies >= 2 && windows.length_s >= 32.0 / rate, "{rate} {window_s:?}");
                             assert!(
                                 windows.frequencies as f64 / windows.length_s <= 0.15 * rate,

@@ -12,6 +12,16 @@ pub const CORRELATION: f64 = 0.9;
 /// Relative standard error from which a coefficient counts as not determined.
 pub const RELATIVE_ERROR: f64 = 0.2;
 
+/// Correlation matrix of a covariance.
+pub fn correlation(covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {
+    let n = covariance.nrows();
+    let at = |i: usize, j: usize| {
+        let d = (covariance[(i, i)] * covariance[(j, j)]).sqrt();
+        if d > 0.0 { covariance[(i, j)] / d } else { f64::from(u8::from(i == j)) }
+    };
+    (0..n).map(|i| (0..n).map(|j| at(i, j)).collect()).collect()
+}
+
 /// The sets, each in the coefficients' order.
 pub fn groups_not_separable(names: &[String], values: &DVector<f64>, covariance: &DMatrix<f64>) -> Vec<Vec<String>> {
     let n = names.len();

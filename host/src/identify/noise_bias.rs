@@ -19,26 +19,19 @@
 //! long record costs no more. The noise is seeded: the same record gives the same bytes.
 
 use nalgebra::{DMatrix, DVector};
-use pulp::{Arch, NullaryFnOnce};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use super::regression::{RunSums, Solution, noise_alone, weighted_rms};
-use super::windows::{Kernels, Plan, WindowRows, Windows, rows_with, samples_needed};
-use crate::model::weak::WeakModel;
-use crate::signal::angles::AngleSegment;
+use super::windows::{Kernels, WindowRows, Windows, samples_needed};
 
 /// Number of repeats with independent-looking errors.
-pub(crate) const REPEATS: usize = SHIFTS.len();
+pub(crate) const REPEATS: usize = 4;
 /// t₀.₉₇₅(3)/1.96 for four repeats.
 const STRETCH_T: f64 = 3.182 / 1.96;
 /// Most windows on which the bias is measured.
 const MOST_WINDOWS: usize = 64;
 /// Windows taken together, so that they share their smoothed samples.
 pub(crate) const STRETCH: usize = 8;
-/// Shifts of the two encoders' grids, in counts: each encoder gets every quarter, in another order.
-const SHIFTS: [[f64; 2]; 4] = [[0.125, 0.375], [0.375, 0.875], [0.625, 0.125], [0.875, 0.625]];
 
 /// The bias of all coefficients, concatenated over the equations.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,30 +82,6 @@ pub(crate) fn with_noise_that_fits(
     measure(sigma)
 }
 
-/// Measures the bias. `sigma` is the standard deviation of each sensor's noise, rad (used where it does not count).
-/// `None` where it cannot be measured (too few windows to solve for the coefficients).
-pub fn estimate(
-    segments: &[AngleSegment],
-    model: &WeakModel,
-    kernels: &Kernels,
-    windows: &Windows,
-    weights: &[Vec<f64>],
-    sigma: [f64; 2],
-) -> Option<Bias> {
-    let truth = smoothed_stretches(segments, kernels, windows);
-    let terms: Vec<usize> = model.equations.iter().map(|e| e.terms.len()).collect();
-    let plan = Plan::new(kernels, windows, truth.first()?.step_s, STRETCH);
-    let plain = rows_with(&truth, model, &plan);
-    let repeats: Vec<Vec<WindowRows>> = (0..SHIFTS.len())
-        .map(|r| {
-            let measured: Vec<AngleSegment> =
-                truth.iter().enumerate().map(|(i, s)| measure(s, r, sigma, i as u64)).collect();
-            rows_with(&measured, model, &plan)
-        })
-        .collect();
-    from_rows(truth.len(), &plain, &repeats, &terms, weights)
-}
-
 /// The bias from the rows of known motions, as they are (`plain`) and measured again (`repeats_rows`, [`REPEATS`] times); their `run` is the stretch.
 pub(crate) fn from_rows(
     stretches: usize,
@@ -157,26 +126,6 @@ pub(crate) fn from_rows(
     Some(Bias { value, covariance, spread, residual, noise, error })
 }
 
-/// Smoothed stretches of a few windows each, spread evenly over the record.
-pub(crate) fn smoothed_stretches(segments: &[AngleSegment], kernels: &Kernels, windows: &Windows) -> Vec<AngleSegment> {
-    let Some(step) = segments.first().map(|s| s.step_s) else { return Vec::new() };
-    let reach = kernels.clear.reach();
-    let lengths: Vec<usize> = segments.iter().map(AngleSegment::len).collect();
-    let mut unused = Vec::new();
-    places(&lengths, kernels, windows, step, STRETCH)
-        .into_iter()
-        .map(|(i, first, last)| {
-            let mut out = segments[i].part(first + reach, last - reach);
-            for c in 0..2 {
-                let mut smooth = Vec::new();
-                kernels.clear.apply(&segments[i].phi[c][first..last], &mut smooth, &mut unused);
-                out.phi[c] = smooth;
-            }
-            out
-        })
-        .collect()
-}
-
 /// Where stretches of `together` windows lie in segments of these lengths: segment, first sample, end.
 pub(crate) fn places(
     lengths: &[usize],
@@ -200,45 +149,4 @@ pub(crate) fn places(
     }
     let count = all.len().min(MOST_WINDOWS / together);
     (0..count).map(|k| all[k * all.len() / count]).collect()
-}
-
-/// Angles as an encoder of `count` rad a count gives them, its grid shifted by `shift` rad.
-struct Counts<'a> {
-    angles: &'a mut [f64],
-    count: f64,
-    shift: f64,
-}
-
-impl NullaryFnOnce for Counts<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let Self { angles, count, shift } = self;
-        angles.iter_mut().for_each(|x| *x = (((*x + shift) / count).floor() + 0.5) * count - shift);
-    }
-}
-
-/// The segment as its sensors would measure it in repeat `r`.
-pub(crate) fn measure(truth: &AngleSegment, r: usize, sigma: [f64; 2], stream: u64) -> AngleSegment {
-    let mut sensors = truth.sensors();
-    for (c, sensor) in sensors.iter_mut().enumerate() {
-        if let Some(count) = truth.count_rad[c] {
-            let shift = SHIFTS[r][c] * count;
-            Arch::new().dispatch(Counts { angles: sensor, count, shift });
-        } else {
-            let mut rng = ChaCha8Rng::seed_from_u64(0x5eed + (r / 2) as u64);
-            rng.set_stream(2 * stream + c as u64);
-            // Uniform with variance σ²: half width σ√3; every other repeat has the opposite sign.
-            let width = 2.0 * 3f64.sqrt() * sigma[c] * if r.is_multiple_of(2) { 1.0 } else { -1.0 };
-            for x in sensor.iter_mut() {
-                *x += width * (rng.random::<f64>() - 0.5);
-            }
-        }
-    }
-    let [first, mut second] = sensors;
-    if truth.relative {
-        second.iter_mut().zip(&first).for_each(|(b, a)| *b += a);
-    }
-    truth.with(first, second)
 }

@@ -20,17 +20,6 @@ pub fn method_name(method: &str) -> &str {
     }
 }
 
-/// What heavy noise led to, in words.
-pub fn instruments(i: &super::instruments::Instruments) -> String {
-    format!(
-        "The noise ({:.3} rad) is heavy: even samples serve as instruments for odd ones and the other way round, in {} windows, and the {:.2} % that noise \
-         takes from cos θ and sin θ are given back.",
-        i.noise_rad,
-        i.windows,
-        100.0 * (1.0 - i.attenuation)
-    )
-}
-
 /// The identification error, and what the sensors' noise explains of it.
 pub fn error(result: &Identification) -> String {
     let list = |of: &[f64]| of.iter().map(|e| format!("{:.2} %", 100.0 * e)).collect::<Vec<_>>().join(", ");
@@ -93,9 +82,6 @@ pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Opt
         "Identification error, largest residual over largest value, equation by equation: {}.",
         error(result)
     ));
-    if let Some(i) = &d.instruments {
-        notes.push(instruments(i));
-    }
     if let Some((misfit, freedom)) = d.ties_misfit {
         notes.push(format!(
             "{} (χ² = {}, expected {freedom}): arms with moments of inertia J_o1 and J_o2 have B11/B21 = J_o2/J_o1 = C12/C2 and B12/B15 = B22/B25.",

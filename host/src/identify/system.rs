@@ -1,18 +1,12 @@
-//! The built-in systems that an identification knows: their angles, equations, nominal dampings and physical parameters.
+//! The built-in systems that an identification knows: their nominal dampings and physical parameters.
 
 use nalgebra::{DMatrix, DVector};
 
-use super::{dampings, physical_parameters, single_parameters};
+use super::{physical_parameters, single_parameters};
 use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::{self, Damping};
-use crate::model::double_pendulum_dynamics::DoublePendulum;
-use crate::model::dynamics::Dynamics;
 use crate::model::single_pendulum;
-use crate::model::single_pendulum_dynamics::SinglePendulum;
-use crate::model::weak::WeakModel;
-use crate::record::Record;
 use crate::rig::{Direction, Rig};
-use crate::signal::angles::{AngleSegment, double_pendulum_angles, single_pendulum_angle};
 use physical_parameters::PhysicalFit;
 
 /// A system with the dampings of its nominal model.
@@ -59,43 +53,6 @@ impl System {
         }
     }
 
-    /// Number of angles.
-    pub fn angles(&self) -> usize {
-        match self {
-            Self::Single(_) => 1,
-            Self::Double(_) => 2,
-        }
-    }
-
-    /// Its angles in a record, segment by segment.
-    ///
-    /// # Errors
-    /// Channels that the rig does not measure.
-    pub fn segments(&self, record: &Record, rig: &Rig) -> Result<Vec<AngleSegment>> {
-        match self {
-            Self::Single(_) => single_pendulum_angle(record, rig),
-            Self::Double(_) => double_pendulum_angles(record, rig),
-        }
-    }
-
-    /// Its equations in the weak form.
-    pub fn weak_model(&self, rig: &Rig) -> WeakModel {
-        let (omega, driven) = (rig.omega(), rig.drive.is_some());
-        match self {
-            Self::Single(dampings) => single_pendulum::weak_model(omega, driven, dampings, 1),
-            Self::Double(dampings) => double_pendulum::weak_model(omega, driven, dampings),
-        }
-    }
-
-    /// Its equations as they are integrated.
-    pub fn dynamics(&self, rig: &Rig) -> Box<dyn Dynamics> {
-        let (omega, driven) = (rig.omega(), rig.drive.is_some());
-        match self {
-            Self::Single(dampings) => Box::new(SinglePendulum::new(omega, driven, dampings)),
-            Self::Double(dampings) => Box::new(DoublePendulum::new(omega, driven, dampings)),
-        }
-    }
-
     /// Physical parameters from coefficients and what is known; `None` where nothing follows.
     pub fn physical(
         &self,
@@ -110,6 +67,31 @@ impl System {
             Self::Double(_) => physical_parameters::fit(names, values, covariance, metric, &rig.known, rig.omega()),
         }
     }
+}
+
+/// The nominal dampings of a rig.
+pub fn dampings(rig: &Rig) -> Result<Vec<&'static Damping>> {
+    let names: Vec<&str> = match &rig.nominal {
+        Some(list) => list.iter().map(String::as_str).collect(),
+        None => double_pendulum::DEFAULT_DAMPINGS.to_vec(),
+    };
+    let mut out: Vec<&'static Damping> = Vec::new();
+    for name in names {
+        let damping = double_pendulum::DAMPINGS.iter().find(|d| d.id == name).ok_or_else(|| {
+            let ids: Vec<&str> = double_pendulum::DAMPINGS.iter().map(|d| d.id).collect();
+            BadInput::new(format!("\"{name}\""), format!("one of {}", ids.join(", ")))
+                .in_file(&rig.path)
+                .at("nominal.effects")
+                .remedy("Correct the nominal model's dampings")
+        })?;
+        if out.contains(&damping) {
+            return Err(BadInput::new(format!("\"{name}\" a second time"), "each effect once")
+                .in_file(&rig.path)
+                .at("nominal.effects"));
+        }
+        out.push(damping);
+    }
+    Ok(out)
 }
 
 fn single_dampings(rig: &Rig) -> Result<Vec<&'static str>> {
@@ -138,7 +120,7 @@ mod tests {
 
     use super::*;
     use crate::identify::{Settings, identify};
-    use crate::record::ReadOptions;
+    use crate::record::{ReadOptions, Record};
     use crate::rig::single_plant::SinglePlant;
 
     fn rig() -> Rig {

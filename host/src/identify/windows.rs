@@ -15,12 +15,9 @@ use realfft::num_complex::Complex64;
 
 use super::assembly::Assembly;
 use super::transforms::{self, Transforms, good_length};
-use crate::model::weak::{Block, Equation, Sample, WeakModel};
-use crate::signal::angles::{AngleSegment, Phase};
-use crate::signal::drive_phase::Turn;
+use crate::model::weak::Equation;
 use crate::signal::fast_convolution::{self as convolution, FastConvolution, Output};
 use crate::signal::low_pass::Kernel;
-use crate::signal::sin_cos;
 
 /// Geometry of the windows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,47 +105,6 @@ pub(crate) trait Stretches: Sync {
     );
 }
 
-/// The double pendulum's angles with its model.
-struct Pendulum<'a> {
-    segments: &'a [AngleSegment],
-    model: &'a WeakModel,
-}
-
-impl Stretches for Pendulum<'_> {
-    fn count(&self) -> usize {
-        self.segments.len()
-    }
-    fn samples(&self, stretch: usize) -> usize {
-        self.segments[stretch].len()
-    }
-    fn step_s(&self, stretch: usize) -> f64 {
-        self.segments[stretch].step_s
-    }
-    fn time(&self, stretch: usize, sample: usize) -> f64 {
-        self.segments[stretch].time(sample)
-    }
-    fn evaluate(
-        &self,
-        stretch: usize,
-        convolution: &FastConvolution,
-        range: (usize, usize),
-        work: &mut convolution::Work,
-        series: &mut Vec<Vec<f64>>,
-    ) {
-        evaluate(&self.segments[stretch], self.model, convolution, range, work, series);
-    }
-}
-
-/// Rows of every window of every segment, in order of time; the same on any number of threads.
-pub fn rows(segments: &[AngleSegment], model: &WeakModel, kernels: &Kernels, windows: &Windows) -> Vec<WindowRows> {
-    rows_of(&Pendulum { segments, model }, &model.equations, kernels, windows)
-}
-
-/// As [`rows`] with a plan made before.
-pub(crate) fn rows_with(segments: &[AngleSegment], model: &WeakModel, plan: &Plan) -> Vec<WindowRows> {
-    rows_planned(&Pendulum { segments, model }, &model.equations, plan)
-}
-
 /// The convolution with every low-pass's outputs: smooth, slope, clear slope; `count` of each at a time.
 fn convolution(kernels: &Kernels, count: usize) -> FastConvolution {
     let outputs = [(&kernels.full, Output::Smooth), (&kernels.full, Output::Slope), (&kernels.clear, Output::Slope)];
@@ -193,7 +149,7 @@ impl Plan {
     }
 }
 
-/// As [`rows`], for any system.
+/// Rows of every window of every stretch, in order of time; the same on any number of threads.
 pub(crate) fn rows_of(
     source: &impl Stretches,
     equations: &[Equation],
@@ -211,7 +167,7 @@ pub(crate) fn rows_of(
     rows_planned(source, equations, &Plan::new(kernels, windows, step_s, together))
 }
 
-/// As [`rows`] with a plan made before.
+/// As [`rows_of`] with a plan made before.
 pub(crate) fn rows_planned(source: &impl Stretches, equations: &[Equation], plan: &Plan) -> Vec<WindowRows> {
     let Plan { windows, step_s, length, transforms: transform, convolution } = plan;
     let (step_s, length) = (*step_s, *length);
@@ -278,94 +234,46 @@ pub(crate) fn step_at(x: &[f64], k: usize) -> f64 {
     if after > before { (x[after] - x[before]) / (after - before) as f64 } else { 0.0 }
 }
 
-/// Samples worked through at once: what the series share stays in the first-level cache.
-const BLOCK: usize = 64;
-
-/// Every series of the model at samples first … last of a segment.
-fn evaluate(
-    segment: &AngleSegment,
-    model: &WeakModel,
-    convolution: &FastConvolution,
-    (first, last): (usize, usize),
-    work: &mut convolution::Work,
-    series: &mut Vec<Vec<f64>>,
-) {
-    let reach = convolution.reach();
-    convolution.apply([0, 1].map(|i: usize| &segment.phi[i][first - reach..last + reach]), work);
-    let [phi, rate, clear] = [0, 1, 2].map(|k: usize| [0, 1].map(|i: usize| &work.outputs[k][i][..]));
-    let n = last - first;
-    series.resize_with(model.series.len(), Vec::new);
-    series.iter_mut().for_each(|s| s.resize(n, 0.0));
-    let driven = !matches!(segment.phase, Phase::Clock(0.0));
-    let mut samples: Vec<Sample> = Vec::new();
-    let (mut sin, mut cos) = ([[0.0; BLOCK]; 3], [[0.0; BLOCK]; 3]);
-    cos[2] = [1.0; BLOCK];
-    let (mut sin_delta, mut cos_delta) = ([0.0; BLOCK], [0.0; BLOCK]);
-    let mut clear_step = [[0.0; BLOCK]; 2];
-    let mut turn = Turn::default();
-    let one_by_one = model.needs_samples();
-    for from in (0..n).step_by(BLOCK) {
-        let to = (from + BLOCK).min(n);
-        let here = ..to - from;
-        for i in 0..2 {
-            sin_cos::smooth(&phi[i][from..to], &mut sin[i][here], &mut cos[i][here]);
-            steps(clear[i], from, &mut clear_step[i][here]);
-        }
-        if driven {
-            turn.drive(segment, (first + from, first + to), &mut sin[2], &mut cos[2]);
-        }
-        for j in 0..to - from {
-            sin_delta[j] = sin[1][j] * cos[0][j] - cos[1][j] * sin[0][j];
-            cos_delta[j] = cos[1][j] * cos[0][j] + sin[1][j] * sin[0][j];
-        }
-        if one_by_one {
-            samples.clear();
-            samples.extend((from..to).zip(0..).map(|(k, j)| Sample {
-                raw: [segment.phi[0][first + k], segment.phi[1][first + k]],
-                phi: [phi[0][k], phi[1][k]],
-                rate: [rate[0][k], rate[1][k]],
-                clear_rate: [clear[0][k], clear[1][k]],
-                clear_step: [clear_step[0][j], clear_step[1][j]],
-                sin: [sin[0][j], sin[1][j]],
-                cos: [cos[0][j], cos[1][j]],
-                sin_tau: sin[2][j],
-                cos_tau: cos[2][j],
-                time: segment.time(first + k),
-            }));
-        }
-        let block = Block {
-            raw: [0, 1].map(|i: usize| &segment.phi[i][first + from..first + to]),
-            rate: [0, 1].map(|i: usize| &rate[i][from..to]),
-            clear_rate: [0, 1].map(|i: usize| &clear[i][from..to]),
-            clear_step: [0, 1].map(|i: usize| &clear_step[i][here]),
-            sin: [0, 1].map(|i: usize| &sin[i][here]),
-            delta: [&sin_delta[here], &cos_delta[here]],
-            tau: [&sin[2][here], &cos[2][here]],
-            samples: &samples,
-        };
-        for (column, f) in series.iter_mut().zip(&model.series) {
-            f.evaluate(&block, &mut column[from..to]);
-        }
-    }
-}
-
-/// [`step_at`] for a run of samples from `from` on.
-fn steps(x: &[f64], from: usize, out: &mut [f64]) {
-    let to = from + out.len();
-    if from > 0 && to < x.len() {
-        let (before, after) = (&x[from - 1..to - 1], &x[from + 1..=to]);
-        out.iter_mut().zip(before.iter().zip(after)).for_each(|(o, (a, b))| *o = 0.5 * (b - a));
-    } else {
-        out.iter_mut().zip(from..).for_each(|(o, k)| *o = step_at(x, k));
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use core::f64::consts::TAU;
 
     use super::*;
-    use crate::model::weak::{Order, Term};
+    use crate::model::weak::{Order, Part, Term};
+
+    /// One signal, as it is and its low-passed slope.
+    struct Signal {
+        x: Vec<f64>,
+        step_s: f64,
+    }
+
+    impl Stretches for Signal {
+        fn count(&self) -> usize {
+            1
+        }
+        fn samples(&self, _: usize) -> usize {
+            self.x.len()
+        }
+        fn step_s(&self, _: usize) -> f64 {
+            self.step_s
+        }
+        fn time(&self, _: usize, sample: usize) -> f64 {
+            sample as f64 * self.step_s
+        }
+        fn evaluate(
+            &self,
+            _: usize,
+            convolution: &FastConvolution,
+            (first, last): (usize, usize),
+            work: &mut convolution::Work,
+            series: &mut Vec<Vec<f64>>,
+        ) {
+            let reach = convolution.reach();
+            let part = &self.x[first - reach..last + reach];
+            convolution.apply([part, part], work);
+            *series = vec![self.x[first..last].to_vec(), work.outputs[1][0].clone()];
+        }
+    }
 
     /// ∫ w ẍ and ∫ w ẋ of a known signal equal direct quadrature of its exact derivatives.
     #[test]
@@ -374,29 +282,17 @@ mod tests {
         let x = |t: f64| 40.0 * t + (7.0 * t).sin() + 0.3 * (23.0 * t).cos();
         let dx = |t: f64| 40.0 + 7.0 * (7.0 * t).cos() - 6.9 * (23.0 * t).sin();
         let ddx = |t: f64| -49.0 * (7.0 * t).sin() - 158.7 * (23.0 * t).cos();
-        let segment = AngleSegment {
-            start_s: 0.0,
-            step_s: step,
-            phi: [(0..3000).map(|i| x(i as f64 * step)).collect(), vec![0.0; 3000]],
-            phase: Phase::Clock(0.0),
-            relative: false,
-            count_rad: [None; 2],
-        };
-        let mut model = WeakModel::default();
-        let second = model.part("x", |s| s.raw[0], Order::Second, 1.0);
-        let first = model.part("x", |s| s.raw[0], Order::First, 1.0);
-        let value = model.part("rate", |s| s.rate[0], Order::Value, 1.0);
-        model.equations.push(Equation {
-            terms: vec![
-                Term { name: "a".into(), unit: "1", parts: vec![first] },
-                Term { name: "b".into(), unit: "1", parts: vec![value] },
-            ],
-            target: vec![second],
-        });
+        let signal = Signal { x: (0..3000).map(|i| x(i as f64 * step)).collect(), step_s: step };
+        let part = |series, order| vec![Part { series, order, factor: 1.0 }];
+        let term = |name: &str, parts| Term { name: name.into(), unit: "1", parts };
+        let equations = [Equation {
+            terms: vec![term("a", part(0, Order::First)), term("b", part(1, Order::Value))],
+            target: part(0, Order::Second),
+        }];
         let kernel = Kernel::design(step, 60.0, 90.0);
         let windows = Windows { length_s: 4.0, hop_s: 2.0, frequencies: 12 };
         let kernels = Kernels { full: kernel.clone(), clear: kernel.clone() };
-        let out = rows(&[segment], &model, &kernels, &windows);
+        let out = rows_of(&signal, &equations, &kernels, &windows);
         assert_eq!(out.len(), 1);
         for row in 0..row_count(12) {
             let m = frequency_of_row(row);

@@ -8,7 +8,6 @@ pub mod identified;
 pub mod integrate;
 pub mod model_file;
 pub mod single_pendulum;
-pub mod single_pendulum_dynamics;
 pub mod vectors;
 pub mod weak;
 

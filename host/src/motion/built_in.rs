@@ -10,7 +10,7 @@ use super::{Acts, Effect, Strength};
 use crate::effects::columns::Span;
 use crate::effects::places::Place;
 use crate::error::{BadInput, Result};
-use crate::identify::model_file::{double_pendulum as checked, own_keys};
+use crate::identify::model_file::{check_double_pendulum as checked, own_keys};
 use crate::model::double_pendulum::{DAMPINGS, Damping};
 use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S, System};
 use crate::model::model_file::expression::{Node, multiply, number};

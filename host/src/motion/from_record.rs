@@ -7,9 +7,9 @@ use super::{Acts, Motion};
 use crate::error::{BadInput, Result};
 use crate::explain::engine::correct;
 use crate::identify::Settings as IdentifySettings;
-use crate::identify::general;
-use crate::identify::general::stretches::{Stretch, mixed};
-use crate::identify::general::track::{Along, Track};
+use crate::identify::prepare;
+use crate::identify::stretches::{Stretch, mixed};
+use crate::identify::track::{Along, Track};
 use crate::record::Record;
 use crate::validate::moving::Moving;
 use crate::validate::starts::{Course, Starts};
@@ -36,8 +36,7 @@ pub struct Begin {
 /// # Errors
 /// A time that is in no stretch of it, a record that is too short, a motion that the model does not follow.
 pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<Begin> {
-    let prepared =
-        general::prepare(std::slice::from_ref(record), &motion.rig, &motion.bound, &IdentifySettings::default())?;
+    let prepared = prepare(std::slice::from_ref(record), &motion.rig, &motion.bound, &IdentifySettings::default())?;
     let stretches = &prepared.stretches;
     let at = start_s.or(stretches.first().map(|s| s.start_s)).unwrap_or(0.0);
     let within = |s: &&Stretch| at >= s.start_s - 0.5 * s.step_s && at < s.time(s.len());

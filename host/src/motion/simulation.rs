@@ -6,7 +6,7 @@
 use super::Motion;
 use super::from_record::{Begin, differences};
 use crate::error::{BadInput, Result};
-use crate::identify::general::stretches::mixed;
+use crate::identify::stretches::mixed;
 use crate::model::flow::{Flow, Inputs, Outside, Work};
 use crate::model::integrate::Outside as _;
 use crate::record::Column;

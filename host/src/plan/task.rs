@@ -11,7 +11,7 @@ use super::{APART, Proposal, Reached, Setting, Settings, presentation};
 use crate::error::{BadInput, Result};
 use crate::explain::double_pendulum;
 use crate::explain::engine::expected::{Expected, Separation, expected, with_effect};
-use crate::identify::{Parameter, general};
+use crate::identify::{Parameter, prepare};
 use crate::model::identified::{IdentifiedModel, System};
 use crate::record::Record;
 use crate::rig::Rig;
@@ -93,8 +93,7 @@ fn noise(rig: &Rig, own: &Own, record: Option<&Record>) -> Result<Vec<f64>> {
             .at("--record")
             .remedy("Name a record of this rig: --record REC; its noise is that of the next"));
     };
-    let prepared =
-        general::prepare(std::slice::from_ref(record), &own.rig, bound, &crate::identify::Settings::default())?;
+    let prepared = prepare(std::slice::from_ref(record), &own.rig, bound, &crate::identify::Settings::default())?;
     for (sensor, channel) in bound.sensors.iter().enumerate() {
         let sigma = prepared.sensors.sigma.get(sensor).copied().unwrap_or(0.0);
         out[*channel] = sigma / rig.channel[*channel].scale().abs();

@@ -5,9 +5,11 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
+use nalgebra::DMatrix;
+
 use super::measures::Bound;
-use super::{Direction, Rig, measures};
-use crate::error::Result;
+use super::{Direction, Rig};
+use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::Damping;
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::toml_place::Source;
@@ -37,16 +39,11 @@ pub fn single_pendulum(rig: &Rig, dampings: &[&str], all: bool) -> Result<Rig> {
     }
     terms.push("q_sin = \"sin(phi1)\"");
     let equation = format!("\n[[equation]]\nbalance = \"-phi1''\"\nterms = {{ {} }}\n", terms.join(", "));
-    let mut out = bound(rig, &["phi1"], &equation)?;
     // Effects act at its joint and its arm, by the built-in's names.
     let names = "coordinates = { phi1 = \"angle\" }\n[[joint]]\nname = \"joint1\"\nmoves = \"phi1\"\n[[body]]\nname = \"arm1\"\nangle = \"phi1\"\n";
     let text = format!("name = \"{}\"\ntime = \"tau\"\n{names}{equation}", rig.model);
     let source = Source { text, path: rig.path.clone() };
-    if let Some(bound) = &mut out.bound {
-        *bound = Arc::new(Bound { model: Arc::new(system::model_of(source, None, rig.omega())?), ..(**bound).clone() });
-    }
-    out.known.clear();
-    Ok(out)
+    with_model(rig, system::model_of(source, None, rig.omega())?)
 }
 
 /// The rig of a double pendulum with its equations (3.4) written out, with some dampings.
@@ -88,14 +85,8 @@ pub fn double_pendulum_of_bodies(rig: &Rig, nominal: &[String]) -> Result<Rig> {
     let name = if rig.drive.is_some() { "double-pendulum" } else { "double-pendulum-free" };
     let text = library::text(name).unwrap_or_default().to_owned();
     let model = system::model_of(Source { text, path: rig.path.clone() }, Some(nominal), rig.omega())?;
-    let mut bound = measures::bound(rig, model)?;
-    if bound.shown[(0, 1)] != 0.0 {
-        // Encoder 1 is that of arm 1, whatever the order of the channels.
-        bound.sensors.reverse();
-        bound.shown.swap_rows(0, 1);
-        bound.coordinates.swap_columns(0, 1);
-    }
-    Ok(Rig { bound: Some(Arc::new(bound)), nominal: Some(nominal.to_vec()), ..rig.clone() })
+    let out = with_model(rig, model)?;
+    Ok(Rig { channel: rig.channel.clone(), nominal: Some(nominal.to_vec()), ..out })
 }
 
 /// The rig of a built-in system with its coordinates alone: its equations say nothing of the system.
@@ -115,7 +106,33 @@ pub fn coordinates(rig: &Rig) -> Result<Rig> {
 fn bound(rig: &Rig, coordinates: &[&str], equations: &str) -> Result<Rig> {
     let list: Vec<String> = coordinates.iter().map(|c| format!("{{ name = \"{c}\", space = \"S1\" }}")).collect();
     let text = format!("name = \"{}\"\ncoordinates = [{}]\n{equations}", rig.model, list.join(", "));
-    let mut out = rig.clone();
+    with_model(rig, ModelFile::parse(&text, &rig.path)?)
+}
+
+/// The rig with a model whose coordinates are the absolute angles of its arms, in their order.
+fn with_model(rig: &Rig, model: ModelFile) -> Result<Rig> {
+    let n = model.coordinates.len();
+    let (mut sensors, mut shown) = (Vec::new(), DMatrix::identity(n, n));
+    for k in 0..n {
+        let names = ["theta", "phi"].map(|w| format!("{w}{}", k + 1));
+        let channel = |name: &String| rig.channel.iter().position(|c| c.measures == *name);
+        let found = names.iter().find_map(channel).ok_or_else(|| {
+            let expected = format!("a [[channel]] that measures {} or {}", names[0], names[1]);
+            BadInput::new("no such channel", expected)
+                .in_file(&rig.path)
+                .at("channel")
+                .remedy("Each arm's angle needs a channel")
+        })?;
+        // An encoder on arm 1 shows arm 2 relative to it.
+        if k > 0 && rig.channel[found].measures == names[0] {
+            shown[(k, k - 1)] = -1.0;
+        }
+        sensors.push(found);
+    }
+    // Ones on the diagonal and nothing above it.
+    let coordinates = shown.clone().try_inverse().unwrap_or_else(|| DMatrix::identity(n, n));
+    let bound = Bound { model: Arc::new(model), sensors, shown, coordinates, inputs: Vec::new() };
+    let mut out = Rig { bound: Some(Arc::new(bound)), ..rig.clone() };
     for c in &mut out.channel {
         c.measures = match c.measures.as_str() {
             "theta1" => "phi1",
@@ -124,7 +141,6 @@ fn bound(rig: &Rig, coordinates: &[&str], equations: &str) -> Result<Rig> {
         }
         .to_owned();
     }
-    out.bound = Some(Arc::new(measures::bound(&out, ModelFile::parse(&text, &rig.path)?)?));
     Ok(out)
 }
 

@@ -36,9 +36,9 @@ use self::sections::SectionComparison;
 use self::starts::{Course, Starts};
 use crate::error::{BadInput, Result};
 use crate::identify::Settings as IdentifySettings;
-use crate::identify::general::stretches::{self, Stretch};
-use crate::identify::general::track::{Along, Track};
-use crate::identify::general::{self, Prepared};
+use crate::identify::stretches::{self, Stretch};
+use crate::identify::track::{Along, Track};
+use crate::identify::{self, Prepared};
 use crate::inspect::{InspectSettings, Inspection, inspect};
 use crate::model::flow::{Flow, Outside};
 use crate::model::identified::{IdentifiedModel, System};
@@ -257,7 +257,7 @@ pub fn validate(
     let circle = bound.model.circle();
     let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
     let course = |stretches: &[Stretch]| -> Vec<Along> { stretches.iter().map(|s| Along::new(s, omega)).collect() };
-    let prepared = general::prepare(records, rig, bound, &IdentifySettings::default())?;
+    let prepared = identify::prepare(records, rig, bound, &IdentifySettings::default())?;
     let equations = Moving::of(model, rig, prepared.stretches.first().map_or(0.0, |s| s.start_s))?;
     let mut warnings = prepared.warnings.clone();
     if !equations.left_out.is_empty() {

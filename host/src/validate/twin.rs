@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::identify::general::noise::Sensors;
-use crate::identify::general::stretches::{Stretch, mixed};
+use crate::identify::remeasured::Sensors;
+use crate::identify::stretches::{Stretch, mixed};
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Outside, Work};
 use crate::record::{Column, Losses, Record, Segment};

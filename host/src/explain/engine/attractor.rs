@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::prediction::Model;
 use super::setting::Setting;
 use super::state::State;
-use crate::identify::general::stretches::Stretch;
+use crate::identify::stretches::Stretch;
 use crate::validate::energy_distance::energy_test;
 
 /// Angle by which a prediction may be off, degrees.

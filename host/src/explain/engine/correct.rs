@@ -2,7 +2,7 @@
 
 use core::f64::consts::TAU;
 
-use crate::identify::general::stretches::{Stretch, mixed};
+use crate::identify::stretches::{Stretch, mixed};
 use crate::model::model_file::expression::{Expression, Node, Symbol, as_number, number, symbol};
 use crate::rig::measures::Bound;
 use crate::signal::angles::Phase;

@@ -32,7 +32,7 @@ pub fn open(setting: &Setting<'_>, settings: &Settings, horizon_s: f64) -> Vec<F
 
 /// The sample at which what is fitted ends, and its stretch.
 fn split(state: &State) -> (usize, usize) {
-    let all: usize = state.stretches.iter().map(crate::identify::general::stretches::Stretch::len).sum();
+    let all: usize = state.stretches.iter().map(crate::identify::stretches::Stretch::len).sum();
     let mut left = (FITTED * all as f64) as usize;
     for (k, s) in state.stretches.iter().enumerate() {
         if left < s.len() {

@@ -1,4 +1,4 @@
-//! Effects with states: each state has a number in the setting and is followed once along every stretch ([`crate::identify::general::history`]).
+//! Effects with states: each state has a number in the setting and is followed once along every stretch ([`crate::identify::history`]).
 
 use super::candidates::{Candidate, Column};
 use super::setting::Setting;

@@ -20,12 +20,12 @@ use super::setting::Setting;
 use super::state::State;
 use crate::error::Result;
 use crate::explain::ranking::{self, Fit, Weights};
+use crate::identify::chain_bias;
 use crate::identify::chain_bias::cells;
-use crate::identify::general::chain;
-use crate::identify::general::noise::{measure, smoothed};
-use crate::identify::general::series::System;
-use crate::identify::general::stretches::Stretch;
 use crate::identify::noise_bias::REPEATS;
+use crate::identify::remeasured::{measure, smoothed};
+use crate::identify::series::System;
+use crate::identify::stretches::Stretch;
 use crate::model::model_file::weak_form::WeakForm;
 
 /// Squares of the standard errors that must be left, and of the share that may be feigned.
@@ -148,7 +148,7 @@ fn on_its_own(
     let kernels = &setting.geometry.kernels;
     let system = System { stretches: &state.stretches, weak: &weak, kernels, circle: &setting.circle };
     let cells = cells(&setting.sensors.sigma);
-    let motions = chain::motions(&motion, &parameters, &system, &setting.geometry.windows, setting.rig, cells)?;
+    let motions = chain_bias::motions(&motion, &parameters, &system, &setting.geometry.windows, setting.rig, cells)?;
     let d = candidate.strengths();
     let columns: Vec<usize> = (0..state.own_columns() + d).collect();
     let mut sum = DVector::zeros(d);

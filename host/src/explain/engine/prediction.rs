@@ -6,9 +6,9 @@
 
 use rayon::prelude::*;
 
-use crate::identify::general::track::Track;
 use crate::identify::shooting::problem::Piece;
 use crate::identify::shooting::solve::{Bounds, minimise};
+use crate::identify::track::Track;
 use crate::model::dynamics::Dynamics;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 

@@ -13,12 +13,12 @@ use super::setting::Setting;
 use super::state::State;
 use crate::effects::places;
 use crate::effects::written::{balance_scale, balance_unit as unit_of};
-use crate::identify::general;
-use crate::identify::general::balance_error::strong_series;
-use crate::identify::general::noise::{measure, smoothed};
-use crate::identify::general::series::System;
-use crate::identify::general::stretches::Stretch;
+use crate::identify::balance_error::strong_series;
 use crate::identify::noise_bias::REPEATS;
+use crate::identify::remeasured::{measure, smoothed};
+use crate::identify::series::System;
+use crate::identify::stretches::Stretch;
+use crate::identify::units::channel_units;
 use crate::model::model_file::Space;
 use crate::model::model_file::expression::{Function, Node, Symbol, add, call, multiply, number, symbol};
 use crate::model::model_file::tape::Tape;
@@ -99,7 +99,7 @@ fn axes(setting: &Setting<'_>) -> (Vec<Axis>, Vec<Node>) {
 
 /// Unit of what stands on the right-hand side of a written equation, in seconds.
 pub fn balance_unit(setting: &Setting<'_>, equation: usize) -> String {
-    let (coordinates, inputs) = general::channel_units(setting.model(), setting.rig, setting.whole);
+    let (coordinates, inputs) = channel_units(setting.model(), setting.rig, setting.whole);
     unit_of(setting.model(), setting.rig.omega(), equation, &coordinates, &inputs)
 }
 

@@ -16,7 +16,7 @@ use crate::explain::decidability::Left;
 use crate::explain::explanation::{Details, Explanation, Step, Verdict};
 use crate::explain::{Settings, decidability, decision, ranking};
 use crate::identify::Identification;
-use crate::identify::general::stretches::Stretch;
+use crate::identify::stretches::Stretch;
 
 /// Step of integration as a share of the shortest horizon: 1e-8 of a smooth motion with a method of fifth order.
 const STEP: f64 = 0.01;

@@ -16,10 +16,10 @@ use crate::effects::entry::{Entry, LENGTH, Verb};
 use crate::effects::places::Place;
 use crate::effects::{self, along_an_arm, places, written};
 use crate::error::Result;
-use crate::identify::general::history::{History, Laws};
-use crate::identify::general::noise::Sensors;
-use crate::identify::general::stretches::Stretch;
-use crate::identify::general::{self, Prepared};
+use crate::identify::history::{History, Laws};
+use crate::identify::remeasured::Sensors;
+use crate::identify::stretches::Stretch;
+use crate::identify::{self, Prepared};
 use crate::identify::{Geometry, Identification, Settings as IdentifySettings};
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::equations_of_motion::wrapped;
@@ -157,9 +157,9 @@ impl<'a> Setting<'a> {
         (most_windows, settings): (f64, &IdentifySettings),
     ) -> Result<Option<Begun<'a>>> {
         let Some(base) = base(rig, whole) else { return Ok(None) };
-        let first = general::identify(records, rig, whole, settings)?;
+        let first = identify::weak_form(records, rig, settings)?;
         let Prepared { stretches, record_of, sensors, geometry, warnings } =
-            general::prepare(records, rig, whole, settings)?;
+            identify::prepare(records, rig, whole, settings)?;
         let own = Own::new(&base, records.len());
         let longest = MOST_FOLLOWED / rig.sample_rate_hz;
         let mut raw = shorten(stretches, longest.max(geometry.windows.hop_s * most_windows));

@@ -13,7 +13,7 @@ use super::shooting::signs;
 use super::state::State;
 use super::units::Unit;
 use crate::explain::explanation::Step;
-use crate::identify::general::track::Track;
+use crate::identify::track::Track;
 
 /// Shares of the record that simulations are fitted to.
 const FITTED: [f64; 2] = [2.0 / 3.0, 0.75];

@@ -8,8 +8,8 @@ use super::candidates::Candidate;
 use super::correct;
 use super::setting::{Physical, Setting};
 use super::shooting::Followed;
-use crate::identify::general::stretches::Stretch;
-use crate::identify::general::track::{Along, Track};
+use crate::identify::stretches::Stretch;
+use crate::identify::track::{Along, Track};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::expression::{Expression, Node, Symbol, symbol};
 

@@ -17,8 +17,8 @@ use crate::error::Result;
 use crate::explain::explanation::{Explanation, Found};
 use crate::identify::Identification;
 use crate::identify::Parameter;
-use crate::identify::general;
 use crate::identify::model_file::own_keys;
+use crate::identify::units::channel_units;
 use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S, System};
 use crate::model::model_file::Space;
 use crate::model::model_file::units::{self, Unit};
@@ -51,7 +51,7 @@ fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
         (Verb::Turns, _) => (1.0, "rad".to_owned()),
         (Verb::Moves, _) => (1.0, "m".to_owned()),
         (Verb::Reads, At::Input) => {
-            let (_, inputs) = general::channel_units(setting.model(), setting.rig, setting.whole);
+            let (_, inputs) = channel_units(setting.model(), setting.rig, setting.whole);
             let Place::Input(k) = c.place else { return (1.0, String::new()) };
             (1.0, inputs.get(k).map_or_else(String::new, ToString::to_string))
         }
@@ -141,7 +141,7 @@ fn in_its_equation(
 ) -> (f64, String) {
     let (model, omega) = (setting.model(), setting.rig.omega());
     let factor = written::told_by(model, omega, equation, &physical.values);
-    let (coordinates, inputs) = general::channel_units(model, setting.rig, setting.whole);
+    let (coordinates, inputs) = channel_units(model, setting.rig, setting.whole);
     let balance = model.in_seconds(&model.equations[equation].balance, omega);
     let is_shape = c.entry.value.as_ref().is_some_and(|v| c.form.iter().any(|s| s.0 == *v));
     let name = &model.coordinates[setting.mechanism().map_or(equation, |m| m.scales[equation].0)].name;

@@ -3,7 +3,7 @@
 use crate::error::{BadInput, Result};
 use crate::explain::Settings;
 use crate::explain::explanation::InUnit;
-use crate::identify::general::stretches::Stretch;
+use crate::identify::stretches::Stretch;
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
 

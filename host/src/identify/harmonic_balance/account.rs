@@ -1,6 +1,7 @@
 //! What a harmonic balance tells: the contract's result, and beside it the orbits, the trail of the optimisation, the unknown functions
 //! with their bands, the dampings before and after the energy balance.
 
+use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
 
 use serde::Serialize;
@@ -10,12 +11,12 @@ use super::orbits::Found;
 use super::settings::{Orbits, Settings};
 use super::solve::{HeldOut, Trail, residual};
 use super::{Balance, Orbit};
-use crate::identify::system::System;
-use crate::identify::{
-    Details, Identification, Parameter, RecordUse, Residuals, correlation_of, identifiability, ordered_parameters,
-};
+use crate::identify::units::units_of;
+use crate::identify::{Details, Identification, RecordUse, Residuals, built_in, identifiability};
 use crate::record::Record;
 use crate::rig::Rig;
+use crate::rig::measures::Bound;
+use crate::system::ties::Identified;
 use crate::warning::Warning;
 
 /// Points at which an unknown function is given.
@@ -156,29 +157,29 @@ fn residuals(balance: &Balance, drive_hz: f64) -> Vec<Residuals> {
         .collect()
 }
 
-/// The contract's result; `system`: none for a model file.
+/// The contract's result in the terms of `rig`, of which `own` has the equations.
 pub fn identification(
-    system: Option<&System>,
+    (rig, own, bound): (&Rig, &Rig, &Bound),
     records: &[Record],
-    rig: &Rig,
     settings: &Settings,
     balance: Balance,
     account: Account,
     mut warnings: Vec<Warning>,
 ) -> Identification {
-    let Balance { names, units, values, covariance, .. } = &balance;
+    let Balance { names, values, covariance, .. } = &balance;
     let groups = identifiability::groups_not_separable(names, values, covariance);
-    let mut parameters = ordered_parameters(names, units, values, covariance);
-    let mut ties_misfit = None;
-    if let Some(fit) = system.and_then(|s| s.physical(names, values, covariance, &balance.metric, rig)) {
-        ties_misfit = (fit.freedom > 0).then_some((fit.misfit, fit.freedom));
-        parameters.extend(fit.parameters.iter().map(|p| Parameter {
-            name: p.name.to_owned(),
-            value: p.value,
-            std_error: p.std_error,
-            unit: p.unit.to_owned(),
-        }));
-    }
+    let written = bound
+        .model
+        .equations
+        .iter()
+        .flat_map(|e| &e.terms)
+        .zip(units_of(&bound.model, own, bound).into_iter().flatten());
+    let written: BTreeMap<&str, String> = written.map(|(t, unit)| (t.name.as_str(), unit)).collect();
+    // A function series has more terms than the equations that are written out.
+    let unit = |n: &String| written.get(n.as_str()).cloned().unwrap_or_else(|| "1".to_owned());
+    let units: Vec<String> = names.iter().map(unit).collect();
+    let identified = Identified { names, values, covariance, metric: &balance.metric };
+    let (parameters, ties_misfit) = built_in::parameters(rig, (&identified, &units), &mut warnings);
     let not_reached: Vec<String> = balance
         .fits
         .iter()
@@ -214,11 +215,7 @@ pub fn identification(
     let all: usize = balance.fits.iter().map(|f| f.kept.len()).sum();
     let top = balance.rows.iter().flat_map(|r| &r.ids).map(|i| i.subharmonic as f64 / i.periods as f64);
     Identification {
-        model: match system {
-            Some(System::Single(_)) => "single-pendulum".to_owned(),
-            Some(System::Double(_)) => "double-pendulum".to_owned(),
-            None => rig.bound.as_ref().map_or_else(String::new, |b| b.model.name.clone()),
-        },
+        model: bound.model.name.clone(),
         method: match settings.orbits {
             Orbits::Unstable { .. } => "upo",
             Orbits::Pieces { .. } => "frequency",
@@ -229,7 +226,7 @@ pub fn identification(
         equations_dropped: all - used,
         groups_not_separable: groups,
         record: RecordUse::of(records),
-        correlation: correlation_of(covariance),
+        correlation: identifiability::correlation(covariance),
         correlation_names: names.clone(),
         details: Details {
             window_s: periods / drive_hz,
@@ -238,7 +235,7 @@ pub fn identification(
             pass_hz: cut_off,
             stop_hz: cut_off,
             sign_pass_hz: cut_off,
-            noise_rad: vec![0.0; system.map_or_else(|| rig.channel.len(), System::angles)],
+            noise_rad: vec![0.0; bound.sensors.len()],
             noise_bias: Vec::new(),
             condition: balance.fits.iter().map(|f| f.condition).collect(),
             repetition: 0.0,

@@ -32,10 +32,10 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use super::energy_balance;
-use super::general::stretches::{self, Stretch};
-use super::general::units_of;
+use super::prepared::keep_steady_drive;
+use super::stretches::{self, Stretch};
 use super::system::System;
+use super::{built_in, energy_balance};
 use crate::error::{BadInput, Result};
 use crate::record::Record;
 use crate::rig::Rig;
@@ -251,11 +251,12 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<su
         .at("--energy-balance")
         .remedy("Leave --energy-balance out"));
     }
-    let system = if rig.bound.is_some() { None } else { Some(System::of(rig)?) };
-    let equations = match (&system, &rig.bound) {
-        (None, Some(bound)) => own::equations(&bound.model, rig.omega())?,
-        (Some(system), _) => equations(system, settings),
-        (None, None) => Equations::default(),
+    let own = built_in::written(rig)?;
+    let bound = built_in::bound(&own)?;
+    let equations = if rig.bound.is_some() {
+        own::equations(&bound.model, rig.omega())?
+    } else {
+        equations(&System::of(rig)?, settings)
     };
     let Some(drive) = rig.drive else {
         return Err(BadInput::new("no [drive]", "a driven system: orbits repeat with the drive")
@@ -273,23 +274,15 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<su
     let (records, restarted) = super::boots::of_known_zero(records);
     let records = &*records;
     warnings.extend(restarted);
-    let mut segments = Vec::new();
+    let mut parts = Vec::new();
     for record in records {
-        match (&system, &rig.bound) {
-            (Some(system), _) => segments.extend(system.segments(record, rig)?),
-            (None, Some(bound)) => {
-                segments.extend(stretches::of(record, rig, bound)?.into_iter().map(|s| segment(s, bound)))
-            }
-            (None, None) => {}
-        }
+        parts.extend(stretches::of(record, &own, bound)?);
     }
-    super::keep_steady_drive(records, &mut segments, rig, &mut warnings)?;
+    let mut record_of = vec![0; parts.len()];
+    keep_steady_drive(records, &mut parts, &mut record_of, &mut warnings)?;
+    let segments: Vec<AngleSegment> = parts.into_iter().map(|s| segment(s, bound)).collect();
     let period = rig.sample_rate_hz / drive.frequency_hz;
-    let coordinates = match (&system, &rig.bound) {
-        (Some(system), _) => system.angles(),
-        (None, Some(bound)) => bound.model.coordinates.len().min(2),
-        (None, None) => 0,
-    };
+    let coordinates = bound.model.coordinates.len().min(2);
     let found = orbits::find(&segments, &equations.circle[..coordinates], period, &settings.orbits);
     let file = records.first().map(|r| r.path.clone()).unwrap_or_default();
     if found.orbits.is_empty() {
@@ -331,15 +324,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<su
         })
         .collect();
     let account = Account::new(settings, &found, rig, &equations, &solved, equation_accounts);
-    let mut out = identification(system.as_ref(), records, rig, settings, solved, account, warnings);
-    if let Some(bound) = &rig.bound {
-        let units = units_of(&bound.model, rig, bound);
-        let terms = bound.model.equations.iter().flat_map(|e| &e.terms).zip(units.into_iter().flatten());
-        for (term, unit) in terms {
-            out.parameters.iter_mut().filter(|p| p.name == term.name).for_each(|p| p.unit.clone_from(&unit));
-        }
-    }
-    Ok(out)
+    Ok(identification((rig, &own, bound), records, settings, solved, account, warnings))
 }
 
 /// A stretch of a model file's record as a segment of at most two coordinates.

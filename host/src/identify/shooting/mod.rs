@@ -15,34 +15,33 @@ pub mod run;
 pub mod solve;
 pub mod track;
 
-use core::f64::consts::TAU;
-
 use indicatif::ProgressBar;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use serde::Serialize;
 
+use super::per_record::Split;
+use super::prepared::{Prepared, prepare_moving};
 use super::regression::{frequency_dots, identification_error};
-use super::system::System;
-use super::windows;
-use super::{
-    Identification, Parameter, Prepared, Residuals, Settings as WeakSettings, identifiability, prepare_system,
-};
+use super::series::System;
+use super::stretches::Stretch;
+use super::track::{Along, Pieces, Track};
+use super::{Identification, Residuals, Settings as WeakSettings, built_in, identifiability, windows};
 use crate::error::{BadInput, Result};
-use crate::model::double_pendulum_dynamics::DoublePendulum;
 use crate::model::dynamics::Dynamics;
-use crate::model::single_pendulum_dynamics::SinglePendulum;
+use crate::model::model_file::weak_form::WeakForm;
 use crate::record::Record;
 use crate::rig::Rig;
-use crate::signal::angles::AngleSegment;
+use crate::rig::measures::Bound;
+use crate::system::ties::Identified;
 use crate::warning::Warning;
-use problem::Problem;
 use run::{Failure, Outcome, REPEATING};
-use track::{Geometry, Stretch};
 
 /// Ratio of residuals to the sensors' noise from which the model is said to miss something.
 pub const MISSES: f64 = 1.2;
 /// Part of a window that stands for the drive's period in a free system.
 const PERIODS: f64 = 20.0;
+/// Fewest samples of a piece.
+const FEWEST_SAMPLES: usize = 16;
 /// Progress: rounds expected.
 const EXPECTED_ROUNDS: u64 = 16;
 
@@ -82,7 +81,8 @@ pub struct Details {
 /// Identifies a system by multiple shooting from the weak form's result.
 ///
 /// # Errors
-/// As the weak form; bounds on a parameter that there is not; a record that no solution of the model follows.
+/// As the weak form; equations that cannot be integrated; coefficients for each record; bounds on a
+/// coefficient that there is not; a record that no solution of the model follows.
 pub fn identify(
     records: &[Record],
     rig: &Rig,
@@ -90,90 +90,67 @@ pub fn identify(
     settings: &Settings,
     progress: &ProgressBar,
 ) -> Result<Identification> {
-    if let Some(bound) = &rig.bound {
-        return super::general::shooting::identify(records, rig, bound, weak, settings, progress);
+    let own = built_in::written(rig)?;
+    let bound = built_in::bound(&own)?;
+    let model = &*bound.model;
+    let each = records.len() > 1 && model.equations.iter().flat_map(|e| &e.terms).any(|t| t.each_record);
+    if each {
+        return Err(model
+            .bad("each = \"record\"", "coefficients that all records share, for multiple shooting")
+            .remedy("Give the records one by one, or use --method weak"));
     }
-    let system = System::of(rig)?;
     let first = super::identify(records, rig, weak)?;
-    let prepared = prepare_system(&system, records, rig, weak)?;
-    let (omega, driven) = (rig.omega(), rig.drive.is_some());
-    let located = |e: BadInput| match records.first() {
-        Some(r) if e.place.is_none() => e.in_file(&r.path),
-        _ => e,
-    };
-    match &system {
-        System::Single(dampings) => {
-            let equations = SinglePendulum::new(omega, driven, dampings);
-            let sensors = [vec![1.0]];
-            let outcome =
-                shoot(&equations, equations.names(), &sensors, &[true], &prepared, rig, &first, settings, progress)
-                    .map_err(located)?;
-            finish(first, &system, equations.names(), equations.units(), &prepared, rig, outcome)
+    let prepared = prepare_moving(records, &own, bound, weak)?;
+    let (motion, names) = built_in::equations_of_motion(rig, &own, bound)?;
+    let shot = shoot((&*motion, &names), (&own, bound), &prepared, &first, settings, progress).map_err(|e| {
+        match records.first() {
+            Some(r) if e.place.is_none() => e.in_file(&r.path),
+            _ => e,
         }
-        System::Double(dampings) => {
-            let equations = DoublePendulum::new(omega, driven, dampings);
-            let relative = prepared.segments.iter().any(|s| s.relative);
-            let sensors = [vec![1.0, 0.0], if relative { vec![-1.0, 1.0] } else { vec![0.0, 1.0] }];
-            let outcome =
-                shoot(&equations, equations.names(), &sensors, &[true; 2], &prepared, rig, &first, settings, progress)
-                    .map_err(located)?;
-            finish(first, &system, equations.names(), equations.units(), &prepared, rig, outcome)
-        }
-    }
+    })?;
+    finish(first, (rig, &own, bound), &names, &prepared, shot)
+}
+
+/// A run with the length of its pieces at each level, s.
+struct Shot {
+    outcome: Outcome,
+    levels_s: Vec<f64>,
 }
 
 /// Pieces, start, bounds, levels; then the run.
-fn shoot<D: Dynamics>(
-    dynamics: &D,
-    names: &[String],
-    sensors: &[Vec<f64>],
-    angles: &[bool],
+fn shoot(
+    (motion, names): (&dyn Dynamics, &[String]),
+    (rig, bound): (&Rig, &Bound),
     prepared: &Prepared,
-    rig: &Rig,
     first: &Identification,
     settings: &Settings,
     progress: &ProgressBar,
-) -> Result<(Outcome, Vec<f64>)> {
-    let spacing_s = prepared.segments.first().map_or(1.0 / rig.sample_rate_hz, |s| s.step_s);
-    let period_s = rig.drive.map_or(prepared.geometry.windows.length_s / PERIODS, |d| 1.0 / d.frequency_hz);
-    let piece_s = settings.segment_s.unwrap_or(4.0 * period_s);
-    let longest = prepared.segments.iter().map(AngleSegment::len).max().unwrap_or(0) as f64 * spacing_s;
-    if !(piece_s >= 16.0 * spacing_s && piece_s <= longest) {
-        return Err(BadInput::new(format!("{piece_s} s"), format!("{} to {longest} s", 16.0 * spacing_s))
+) -> Result<Shot> {
+    let Prepared { stretches, sensors, geometry, .. } = prepared;
+    let omega = rig.drive.map_or(0.0, |_| rig.omega());
+    let along: Vec<Along> = stretches.iter().map(|s| Along::new(s, omega)).collect();
+    let track = Track::new(stretches, &along, rig, bound, sensors);
+    let period_s = rig.drive.map_or(geometry.windows.length_s / PERIODS, |d| 1.0 / d.frequency_hz);
+    let shortest = FEWEST_SAMPLES as f64 * track.spacing_s;
+    let piece_s = settings.segment_s.unwrap_or((4.0 * period_s).max(shortest));
+    let longest = (0..stretches.len()).map(|k| track.samples(k)).max().unwrap_or(0) as f64 * track.spacing_s;
+    if !(piece_s >= shortest && piece_s <= longest) {
+        return Err(BadInput::new(format!("{piece_s} s"), format!("{shortest} to {longest} s"))
             .at("--segment-s")
             .remedy("A piece needs at least 16 samples, and cannot be longer than the longest unbroken stretch"));
     }
-    let length = (piece_s / spacing_s).round() as usize;
-    let mut levels: Vec<usize> = [4, 2, 1].iter().map(|d| length / d).filter(|l| *l >= 16).collect();
+    let length = (piece_s / track.spacing_s).round() as usize;
+    let mut levels: Vec<usize> = [4, 2, 1].iter().map(|d| length / d).filter(|l| *l >= FEWEST_SAMPLES).collect();
     levels.dedup();
-    let sigma: Vec<f64> = (0..sensors.len())
-        .map(|k| {
-            let count = prepared.segments.first().and_then(|s| s.count_rad.get(k).copied().flatten());
-            let sigma = count.map_or(prepared.sigma[k], |q| q / 12f64.sqrt());
-            // A sensor without noise is not possible; without a scale the weights would be infinite.
-            if sigma > 0.0 && sigma.is_finite() { sigma } else { 1e-6 }
-        })
-        .collect();
-    let stretches: Vec<Stretch<'_>> = prepared
-        .segments
-        .iter()
-        .map(|s| Stretch {
-            start_s: s.start_s,
-            sensors: s.sensors().into_iter().take(sensors.len()).collect(),
-            tau: Box::new(|i| s.tau(i)),
-        })
-        .collect();
-    let guess = ((0.05 * period_s / spacing_s).round() as usize).clamp(4, 16).min(levels[0]);
-    let geometry = Geometry { sensors, angles, spacing_s, guess };
-    let (pieces, guesses) = track::cut(&stretches, &geometry, length, (length / 4).max(16))
+    let guess = ((0.05 * period_s / track.spacing_s).round() as usize).clamp(4, 16).min(levels[0]);
+    let Pieces { pieces, guesses, .. } = track
+        .cut(length, guess)
         .ok_or_else(|| BadInput::new("sensors that do not give all coordinates", "one sensor for each coordinate"))?;
     let start: Vec<f64> = names
         .iter()
         .map(|n| {
-            first
-                .parameter(n)
-                .map(|p| p.value)
-                .ok_or_else(|| BadInput::new(format!("no {n}"), "a start by the weak form"))
+            let found = first.parameter(n).map(|p| p.value);
+            found.ok_or_else(|| BadInput::new(format!("no {n}"), "a start by the weak form"))
         })
         .collect::<Result<_>>()?;
     let mut bounds = vec![[f64::NEG_INFINITY, f64::INFINITY]; names.len()];
@@ -183,23 +160,23 @@ fn shoot<D: Dynamics>(
         })?;
         bounds[i] = [*low, *high];
     }
-    let problem = Problem {
-        dynamics,
-        sensors,
-        sigma: &sigma,
-        spacing_s,
-        step_s: period_s,
-        omega: rig.drive.map_or(0.0, |d| TAU * d.frequency_hz),
-        inputs: None,
-    };
+    let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
+    let problem = track.problem(motion, period_s, &at);
     progress.set_length(EXPECTED_ROUNDS);
     let mut tick = || {
         if progress.position() + 1 < EXPECTED_ROUNDS {
             progress.inc(1);
         }
     };
-    let levels_s = levels.iter().map(|l| *l as f64 * spacing_s).collect();
-    let outcome = run::run(problem, pieces, guesses, &start, &bounds, &levels, &mut tick).map_err(|e| match e {
+    let levels_s = levels.iter().map(|l| *l as f64 * track.spacing_s).collect();
+    let outcome = run::run(problem, pieces, guesses, &start, &bounds, &levels, &mut tick);
+    progress.finish_and_clear();
+    Ok(Shot { outcome: outcome.map_err(failed)?, levels_s })
+}
+
+/// A run that gave nothing, in words.
+fn failed(why: Failure) -> BadInput {
+    match why {
         Failure::NothingFollows => BadInput::new(
             "no piece of the record that a solution of the model follows",
             "motion that the model describes over a piece",
@@ -209,19 +186,11 @@ fn shoot<D: Dynamics>(
             BadInput::new("a parameter that the record does not determine", "motion in which every term takes part")
                 .remedy("See `whirl inspect`: is an arm at rest, is the motion locked to the drive?")
         }
-    })?;
-    progress.finish_and_clear();
-    Ok((outcome, levels_s))
+    }
 }
 
 /// What a run has to tell: residuals (in the sensors' noise), pieces lost and used, rounds, whether they came to rest, blocks of the jackknife.
-pub(crate) fn told(
-    worst: f64,
-    (lost, used): (usize, usize),
-    rounds: usize,
-    converged: bool,
-    blocks: usize,
-) -> Vec<Warning> {
+fn told(worst: f64, (lost, used): (usize, usize), rounds: usize, converged: bool, blocks: usize) -> Vec<Warning> {
     let mut warnings = Vec::new();
     if worst > MISSES {
         warnings.push(Warning::new(
@@ -257,15 +226,13 @@ pub(crate) fn told(
 /// The run's result in the place of the weak form's.
 fn finish(
     first: Identification,
-    system: &System,
+    (rig, own, bound): (&Rig, &Rig, &Bound),
     names: &[String],
-    units: &[&'static str],
     prepared: &Prepared,
-    rig: &Rig,
-    (outcome, levels_s): (Outcome, Vec<f64>),
+    Shot { outcome, levels_s }: Shot,
 ) -> Result<Identification> {
     let Outcome { fit, covariance, noise_ratio, lost, repetition, step_s, values, rounds } = outcome;
-    let vector = DVector::from_vec(fit.parameters.clone());
+    let found = DVector::from_vec(fit.parameters.clone());
     let estimate = &covariance.estimate;
     let mut warnings: Vec<Warning> = prepared.warnings.clone();
     let worst = noise_ratio.iter().copied().fold(0.0, f64::max);
@@ -278,55 +245,30 @@ fn finish(
         ));
     }
     warnings.extend(told(worst, (lost, fit.states.len()), rounds, fit.converged, covariance.blocks));
-    let mut parameters = super::ordered_parameters(names, units, &vector, estimate);
-    let mut ties_misfit = None;
-    if let Some(physical) = system.physical(names, &vector, estimate, &covariance.bound, rig) {
-        ties_misfit = Some((physical.misfit, physical.freedom));
-        parameters.extend(physical.parameters.iter().map(|p| Parameter {
-            name: p.name.to_owned(),
-            value: p.value,
-            std_error: p.std_error,
-            unit: p.unit.to_owned(),
-        }));
-        if !physical.undetermined.is_empty() {
-            warnings.push(Warning::new(
-                "undetermined",
-                format!("the known quantities leave {} open", physical.undetermined.join(", ")),
-                "Add what is known (a mass, a length, an amplitude) to [known] in the rig file",
-            ));
-        }
-    }
-    // ε of the balance equations, with these parameters in them.
-    let windows = prepared.geometry.windows;
-    let model = system.weak_model(rig);
-    let rows = windows::rows(&prepared.segments, &model, &prepared.geometry.kernels, &windows);
-    let mut at = 0;
-    let (mut errors, mut residuals) = (Vec::new(), Vec::new());
-    for (e, equation) in model.equations.iter().enumerate() {
-        let coefficients = vector.rows(at, equation.terms.len()).into_owned();
-        at += equation.terms.len();
-        errors.push(identification_error(&rows, e, &coefficients));
-        let (rms, dots) = frequency_dots(&rows, e, &coefficients, windows.frequencies, 2000);
-        residuals.push(Residuals { frequency_step_hz: 1.0 / windows.length_s, rms, dots });
-    }
-    let samples: usize = prepared.segments.iter().map(AngleSegment::len).sum();
-    let sensors = noise_ratio.len();
-    let mut details = first.details.clone();
-    details.repetition = repetition;
-    details.jackknife_blocks = covariance.blocks;
-    details.ties_misfit = ties_misfit;
-    details.condition = vec![covariance.condition];
-    details.noise_bias = Vec::new();
-    // Its own residuals tell what is left (`noise_ratio`).
-    details.residual_over_noise = None;
+    let unit = |n: &String| first.parameter(n).map_or_else(String::new, |p| p.unit.clone());
+    let units: Vec<String> = names.iter().map(unit).collect();
+    let identified = Identified { names, values: &found, covariance: estimate, metric: &covariance.bound };
+    let (parameters, ties_misfit) = built_in::parameters(rig, (&identified, &units), &mut warnings);
+    let (identification_error, residuals) = balances(names, &found, (own, bound), prepared)?;
+    let given: usize = prepared.stretches.iter().map(Stretch::len).sum::<usize>() * noise_ratio.len();
+    let details = super::Details {
+        repetition,
+        jackknife_blocks: covariance.blocks,
+        ties_misfit,
+        condition: vec![covariance.condition],
+        noise_bias: Vec::new(),
+        // Its own residuals tell what is left (`noise_ratio`).
+        residual_over_noise: None,
+        ..first.details.clone()
+    };
     let mut result = Identification {
         method: "shooting".to_owned(),
         parameters,
-        identification_error: errors,
+        identification_error,
         equations_used: values,
-        equations_dropped: (samples * sensors).saturating_sub(values),
-        groups_not_separable: identifiability::groups_not_separable(names, &vector, estimate),
-        correlation: correlation(estimate),
+        equations_dropped: given.saturating_sub(values),
+        groups_not_separable: identifiability::groups_not_separable(names, &found, estimate),
+        correlation: identifiability::correlation(estimate),
         correlation_names: names.to_vec(),
         details,
         shooting: Some(Details {
@@ -348,11 +290,23 @@ fn finish(
     Ok(result)
 }
 
-fn correlation(covariance: &DMatrix<f64>) -> Vec<Vec<f64>> {
-    let n = covariance.nrows();
-    let at = |i: usize, j: usize| {
-        let d = (covariance[(i, i)] * covariance[(j, j)]).sqrt();
-        if d > 0.0 { covariance[(i, j)] / d } else { f64::from(u8::from(i == j)) }
+/// ε of the balance equations with these coefficients in them, and their residuals.
+fn balances(
+    names: &[String],
+    found: &DVector<f64>,
+    (rig, bound): (&Rig, &Bound),
+    prepared: &Prepared,
+) -> Result<(Vec<f64>, Vec<Residuals>)> {
+    let weak = WeakForm::new(&bound.model, rig.omega(), &[])?;
+    let circle = bound.model.circle();
+    let super::Geometry { windows, kernels } = &prepared.geometry;
+    let system = System { stretches: &prepared.stretches, weak: &weak, kernels, circle: &circle };
+    let rows = windows::rows_of(&system, &weak.equations, kernels, windows);
+    let columns = Split::new(&bound.model, 1).tied(names, found);
+    let one = |(e, coefficients): (usize, &DVector<f64>)| {
+        let (rms, dots) = frequency_dots(&rows, e, coefficients, windows.frequencies, 2000);
+        let residuals = Residuals { frequency_step_hz: 1.0 / windows.length_s, rms, dots };
+        (identification_error(&rows, e, coefficients), residuals)
     };
-    (0..n).map(|i| (0..n).map(|j| at(i, j)).collect()).collect()
+    Ok(columns.iter().enumerate().map(one).unzip())
 }

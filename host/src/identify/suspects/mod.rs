@@ -113,7 +113,7 @@ pub fn after(records: &[Record], rig: &Rig, result: &Identification) -> Vec<Warn
         let feeds = own.bound.as_ref().is_some_and(|b| arrow::feeds(&b.model, own.omega(), &known));
         !feeds && direction::other(&own, &known).is_none()
     };
-    if fits && scene::written_out(rig).is_ok_and(plausible) {
+    if fits && super::built_in::written(rig).is_ok_and(|own| plausible(own.into_owned())) {
         return stated(records, rig);
     }
     examine(records, rig)

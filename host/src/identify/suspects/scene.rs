@@ -16,17 +16,17 @@ use nalgebra::{DMatrix, DVector};
 use super::hypotheses;
 use super::undo::{self, Undo};
 use crate::error::Result;
-use crate::identify::general::noise::{Sensors, measure, smoothed};
-use crate::identify::general::per_record::Split;
-use crate::identify::general::series::System;
-use crate::identify::general::stretches::Stretch;
-use crate::identify::system::System as BuiltIn;
+use crate::identify::per_record::Split;
+use crate::identify::prepared::{Geometry, prepare_moving};
+use crate::identify::remeasured::{Sensors, measure, smoothed};
+use crate::identify::series::System;
+use crate::identify::stretches::Stretch;
 use crate::identify::windows::{Plan, Stretches, WindowRows, frequency_of_row, rows_of, rows_planned, samples_needed};
-use crate::identify::{Geometry, Settings, general, noise_bias, prepare_system, regression};
+use crate::identify::{Settings, built_in, noise_bias, regression};
 use crate::model::model_file::weak_form::WeakForm;
 use crate::record::Record;
+use crate::rig::Rig;
 use crate::rig::measures::Bound;
-use crate::rig::{Rig, as_own};
 use crate::signal::noise;
 
 /// Least residual that counts, as a share of the equation's right-hand side at that frequency:
@@ -70,20 +70,6 @@ pub(super) struct Misfit {
 /// Mean square of what the sensors' noise adds to the residuals of each equation, by frequency.
 pub(super) type Noise = Vec<Vec<f64>>;
 
-/// A rig whose system is written out as a model file.
-///
-/// # Errors
-/// A model that there is not, channels that do not measure its angles.
-pub(super) fn written_out(rig: &Rig) -> Result<Rig> {
-    if rig.bound.is_some() {
-        return Ok(rig.clone());
-    }
-    match BuiltIn::of(rig)? {
-        BuiltIn::Single(dampings) => as_own::single_pendulum(rig, &dampings, true),
-        BuiltIn::Double(dampings) => as_own::double_pendulum(rig, &dampings),
-    }
-}
-
 impl Scene {
     /// The records of a rig, none where the rig has no equations of its own (a built-in system
     /// without channels for it).
@@ -91,60 +77,22 @@ impl Scene {
     /// # Errors
     /// As an identification.
     pub fn new(records: &[Record], rig: &Rig) -> Result<Self> {
-        let settings = Settings::default();
-        if let Some(bound) = &rig.bound {
-            let p = general::prepare(records, rig, bound, &settings)?;
-            return Self::of(
-                rig.clone(),
-                bound.clone(),
-                p.stretches,
-                p.record_of,
-                p.sensors,
-                p.geometry,
-                records.len(),
-            );
-        }
-        let (system, mut own) = (BuiltIn::of(rig)?, written_out(rig)?);
-        own.channel.clone_from(&rig.channel);
+        let own = built_in::written(rig)?;
         let bound = own.bound.clone().ok_or_else(|| super::no_equations(rig))?;
-        let p = prepare_system(&system, records, rig, &settings)?;
-        let n = bound.model.coordinates.len();
-        // Built-in systems have their angles in order, whatever that of the channels.
-        let angle = |i: &usize| usize::from(rig.channel[*i].measures.ends_with('2'));
-        let sensors = Sensors {
-            count: bound.sensors.iter().map(|i| p.segments.first().and_then(|s| s.count_rad[angle(i)])).collect(),
-            sigma: bound.sensors.iter().map(|i| p.sigma[angle(i)]).collect(),
-            square_error: vec![0.0; bound.sensors.len()],
-        };
-        let stretches: Vec<Stretch> = p
-            .segments
-            .into_iter()
-            .map(|s| Stretch {
-                start_s: s.start_s,
-                step_s: s.step_s,
-                coordinates: s.phi.into_iter().take(n).collect(),
-                inputs: Vec::new(),
-                phase: s.phase,
-                amplitude_nm: None,
-                history: None,
-            })
-            .collect();
-        let record_of = vec![0; stretches.len()];
-        Self::of(own, bound, stretches, record_of, sensors, p.geometry, records.len())
-    }
-
-    fn of(
-        rig: Rig,
-        bound: Arc<Bound>,
-        stretches: Vec<Stretch>,
-        record_of: Vec<usize>,
-        sensors: Sensors,
-        geometry: Geometry,
-        records: usize,
-    ) -> Result<Self> {
+        let p = prepare_moving(records, &own, &bound, &Settings::default())?;
         let weak = Arc::new(WeakForm::new(&bound.model, rig.omega(), &[])?);
-        let split = Split::new(&bound.model, records);
-        let mut out = Self { stretches, record_of, sensors, geometry, rig, bound, weak, split };
+        let split = Split::new(&bound.model, records.len());
+        let mut out = Self {
+            stretches: p.stretches,
+            record_of: p.record_of,
+            sensors: p.sensors,
+            geometry: p.geometry,
+            // Mistakes are told in the rig file's own words.
+            rig: Rig { channel: rig.channel.clone(), ..own.into_owned() },
+            bound,
+            weak,
+            split,
+        };
         out.noise_of_scrambled();
         Ok(out)
     }

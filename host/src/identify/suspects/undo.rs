@@ -7,8 +7,8 @@
 
 use core::f64::consts::TAU;
 
-use crate::identify::general::noise::Sensors;
-use crate::identify::general::stretches::{Stretch, mixed};
+use crate::identify::remeasured::Sensors;
+use crate::identify::stretches::{Stretch, mixed};
 use crate::model::model_file::Space;
 use crate::rig::measures::Bound;
 use crate::signal::angles::Phase;

@@ -345,6 +345,17 @@ impl Expression {
         })
     }
 
+    /// The same with coordinates as they were measured, where nothing but coordinates (and time and
+    /// phase) is in it; otherwise as it is.
+    pub fn with_measured_coordinates(&self) -> Node {
+        let moves = |s: Symbol| !matches!(s, Symbol::Coordinate(_) | Symbol::Raw(_) | Symbol::Tau | Symbol::Time);
+        let moved = self.any(&moves);
+        self.replace(&|s| match s {
+            Symbol::Coordinate(i) if !moved => symbol(Symbol::Raw(i)),
+            other => symbol(other),
+        })
+    }
+
     /// The same with the sign of each argument replaced.
     pub fn with_signs(&self, with: &mut dyn FnMut(&Node) -> Node) -> Node {
         let mut r = |a: &Node| a.with_signs(with);

@@ -44,6 +44,19 @@ impl WeakForm {
     /// # Errors
     /// A term that cannot be integrated by parts (only further columns can bring one in: a file is checked when it is read).
     pub fn new(model: &ModelFile, omega: f64, extra: &[Vec<Column>]) -> Result<Self> {
+        Self::with(model, omega, extra, |e| e)
+    }
+
+    /// The same with functions of coordinates alone as measured: what a record without noise needs,
+    /// whose low-pass would leave its ripple in them.
+    ///
+    /// # Errors
+    /// As [`WeakForm::new`].
+    pub fn unsmoothed(model: &ModelFile, omega: f64) -> Result<Self> {
+        Self::with(model, omega, &[], |e| e.with_measured_coordinates())
+    }
+
+    fn with(model: &ModelFile, omega: f64, extra: &[Vec<Column>], series_of: fn(Node) -> Node) -> Result<Self> {
         let circle = model.circle();
         let mut series = Series::default();
         let mut parts = |e: &Node, effect: bool| -> Result<Vec<Part>> {
@@ -51,7 +64,7 @@ impl WeakForm {
             let list = list.map_err(|m| model.bad(m, "a term that can be integrated by parts"))?;
             Ok(list
                 .into_iter()
-                .map(|p| Part { series: series.index(p.of.with_clear_signs()), order: p.order, factor: p.factor })
+                .map(|p| Part { series: series.index(series_of(p.of.with_clear_signs())), order: p.order, factor: p.factor })
                 .collect())
         };
         let mut equations = Vec::with_capacity(model.equations.len());

@@ -1,7 +1,7 @@
 //! What acts from outside along a window of a stretch: time, the drive's phase, measured inputs.
 
-use crate::identify::general::stretches::Stretch;
-use crate::identify::general::track;
+use crate::identify::stretches::Stretch;
+use crate::identify::track;
 use crate::model::dynamics::{Dynamics, Instant};
 use crate::model::flow::{Inputs, Outside};
 use crate::model::integrate::Outside as Outsider;

@@ -14,7 +14,7 @@ use super::forcing::{Additions, Forcing};
 use super::gram::Layout;
 use super::linear::{Linear, Measured, Normal};
 use super::path::{FEWEST_SAMPLES, Path, Window};
-use crate::identify::general::track;
+use crate::identify::track;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::expression::{Node, Symbol};
 use crate::model::model_file::tape::Tape;

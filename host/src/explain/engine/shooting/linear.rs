@@ -327,8 +327,8 @@ mod tests {
     use super::super::forcing::{Additions, Forcing};
     use super::*;
     use crate::explain::ranking::solve;
-    use crate::identify::general::stretches::Stretch;
-    use crate::identify::general::track;
+    use crate::identify::stretches::Stretch;
+    use crate::identify::track;
     use crate::model::model_file::ModelFile;
     use crate::signal::angles::Phase;
 

@@ -2,7 +2,7 @@
 //!
 //! At first the record's own low-passed coordinates and their slopes; then what the model's linearised solutions are, window by window.
 
-use crate::identify::general::stretches::Stretch;
+use crate::identify::stretches::Stretch;
 use crate::identify::windows::Kernels;
 
 /// Fewest samples of a window: an initial state and what is left of it.

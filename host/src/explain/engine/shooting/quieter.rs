@@ -3,7 +3,7 @@
 
 use super::super::setting::Setting;
 use super::super::state::State;
-use crate::identify::general::noise::Sensors;
+use crate::identify::remeasured::Sensors;
 
 /// Standard errors by which what is left must fall short of the level.
 const CLEAR: f64 = 4.0;

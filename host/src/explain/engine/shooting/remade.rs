@@ -8,8 +8,8 @@ use super::super::state::State;
 use super::course::{Course, List};
 use super::path::Path;
 use super::{Followed, present, signs_of};
-use crate::identify::general::noise::measure;
-use crate::identify::general::stretches::Stretch;
+use crate::identify::remeasured::measure;
+use crate::identify::stretches::Stretch;
 
 /// Records that are made; every other one has its noise with the opposite sign.
 const RECORDS: usize = 2;

@@ -1,6 +1,6 @@
 //! Parameters and quantities of a system behind the coefficients that were identified: [`crate::system::ties`].
 
-use crate::identify::Parameter;
+use super::Parameter;
 use crate::model::model_file::ModelFile;
 use crate::rig::Rig;
 use crate::system::ties::{self, Identified};

@@ -3,7 +3,7 @@
 //! Inputs pass through the same low-pass as the coordinates wherever they are part of a product, and stand as measured where they
 //! are linear: either way they are taken as band-limited, nothing is interpolated.
 
-use crate::identify::windows::{Kernels, Stretches, step_at};
+use super::windows::{Kernels, Stretches, step_at};
 use crate::model::model_file::equations_of_motion::wrapped;
 use crate::model::model_file::expression::Symbol;
 use crate::model::model_file::weak_form::WeakForm;

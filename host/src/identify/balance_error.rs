@@ -9,7 +9,7 @@ use realfft::RealFftPlanner;
 
 use super::per_record::Split;
 use super::stretches::Stretch;
-use crate::identify::windows::Kernels;
+use super::windows::Kernels;
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::equations_of_motion::wrapped;
 use crate::model::model_file::expression::{Node, Symbol};

@@ -5,11 +5,11 @@
 
 use core::f64::consts::TAU;
 
-use super::noise::Sensors;
+use super::remeasured::Sensors;
+use super::shooting::problem::{Piece, Problem};
+use super::shooting::run::integration_step;
+use super::shooting::track::{Geometry, Stretch as Measured, cut};
 use super::stretches::Stretch;
-use crate::identify::shooting::problem::{Piece, Problem};
-use crate::identify::shooting::run::integration_step;
-use crate::identify::shooting::track::{Geometry, Stretch as Measured, cut};
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::Inputs;
 use crate::model::integrate::Outside;

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock, RwLock};
 
-use crate::identify::windows::Kernels;
+use super::windows::Kernels;
 use crate::model::model_file::memory::{Course, Memory};
 
 /// Laws of states by number: [`crate::model::model_file::expression::Symbol::Memory`].

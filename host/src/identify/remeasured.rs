@@ -1,14 +1,16 @@
-//! The bias of sensor noise for a model file: the method of [`crate::identify::noise_bias`] over any number of sensors.
+//! Known motions measured again by every sensor: rows of a record that was smoothed and taken as the
+//! truth, for the bias of [`super::noise_bias`] and for what noise leaves in each equation.
 
 use nalgebra::DVector;
+use pulp::{Arch, NullaryFnOnce};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::noise_bias::{Bias, REPEATS, STRETCH, from_rows, places};
 use super::per_record::Split;
 use super::series::System;
 use super::stretches::{Stretch, mixed};
-use crate::identify::noise_bias::{Bias, REPEATS, STRETCH, from_rows, places};
-use crate::identify::windows::{Kernels, Plan, Stretches, WindowRows, Windows, frequency_of_row, rows_planned};
+use super::windows::{Kernels, Plan, Stretches, WindowRows, Windows, frequency_of_row, rows_planned};
 use crate::rig::measures::Bound;
 
 /// One count of each sensor (none for one that does not count) and the noise of each, in SI.
@@ -147,6 +149,23 @@ pub fn smoothed(system: &System<'_>, windows: &Windows) -> (Vec<Stretch>, Vec<us
         .unzip()
 }
 
+/// Angles as an encoder of `count` rad a count gives them, its grid shifted by `shift` rad.
+struct Counts<'a> {
+    angles: &'a mut [f64],
+    count: f64,
+    shift: f64,
+}
+
+impl NullaryFnOnce for Counts<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { angles, count, shift } = self;
+        angles.iter_mut().for_each(|x| *x = (((*x + shift) / count).floor() + 0.5) * count - shift);
+    }
+}
+
 /// The stretch as its sensors would measure it in a repeat.
 pub fn measure(truth: &Stretch, repeat: usize, bound: &Bound, sensors: &Sensors, stream: u64) -> Stretch {
     let mut shown = truth.sensors(bound);
@@ -154,9 +173,7 @@ pub fn measure(truth: &Stretch, repeat: usize, bound: &Bound, sensors: &Sensors,
     for (c, sensor) in shown.iter_mut().enumerate() {
         if let Some(count) = sensors.count[c] {
             let shift = shift(repeat, c) * count;
-            for x in sensor.iter_mut() {
-                *x = (((*x + shift) / count).floor() + 0.5) * count - shift;
-            }
+            Arch::new().dispatch(Counts { angles: sensor, count, shift });
         } else {
             let mut rng = ChaCha8Rng::seed_from_u64(0x5eed + (repeat / 2) as u64);
             rng.set_stream(n * stream + c as u64);

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::super::{Identification, Settings, identify};
+use super::{Identification, Settings, identify};
 use crate::model::model_file::simulation;
 use crate::record::{ReadOptions, Record};
 use crate::rig::Rig;

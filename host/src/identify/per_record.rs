@@ -2,7 +2,7 @@
 
 use nalgebra::DVector;
 
-use crate::identify::windows::WindowRows;
+use super::windows::WindowRows;
 use crate::model::model_file::ModelFile;
 
 /// How an equation's terms spread over columns.

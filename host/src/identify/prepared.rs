@@ -1,0 +1,198 @@
+//! Records made ready: unbroken stretches of steady drive, the noise of their sensors, windows and
+//! low-passes.
+
+use rayon::prelude::*;
+
+use super::geometry::geometry;
+use super::remeasured::Sensors;
+use super::stretches::{self, Stretch};
+use super::windows::{Kernels, Windows, samples_needed};
+use super::{Settings, boots, free_geometry, standstill};
+use crate::error::{BadInput, Result};
+use crate::record::Record;
+use crate::rig::measures::Bound;
+use crate::rig::{Channel, Rig};
+use crate::signal::noise::{self, Noise};
+use crate::warning::Warning;
+
+/// Windows and low-passes of an analysis.
+#[derive(Clone, Debug)]
+pub struct Geometry {
+    /// Test functions.
+    pub windows: Windows,
+    /// Low-passes.
+    pub kernels: Kernels,
+}
+
+/// A record made ready for the weak form.
+#[derive(Clone, Debug)]
+pub struct Prepared {
+    /// Unbroken stretches of steady drive.
+    pub stretches: Vec<Stretch>,
+    /// Record of each stretch.
+    pub record_of: Vec<usize>,
+    /// Noise of the sensors.
+    pub sensors: Sensors,
+    /// Windows and low-passes.
+    pub geometry: Geometry,
+    /// Things noticed.
+    pub warnings: Vec<Warning>,
+}
+
+/// Stretches, noise, windows and low-passes of one or several records.
+///
+/// # Errors
+/// Settings out of range, channels that are not there, a shaker that never moved, records shorter
+/// than one window.
+pub fn prepare(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings) -> Result<Prepared> {
+    let out = Steady::of(records, rig, bound)?;
+    let found = out.measured(rig, bound, settings)?;
+    out.ready(found, rig, records)
+}
+
+/// The same without what [`standstill`] leaves out: stretches in which dry friction may hold a joint.
+///
+/// # Errors
+/// As [`prepare`].
+pub fn prepare_moving(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings) -> Result<Prepared> {
+    let mut out = Steady::of(records, rig, bound)?;
+    let mut found = out.measured(rig, bound, settings)?;
+    let moving = (bound, &found.sensors.count[..], found.geometry.windows.length_s);
+    if standstill::leave_out(&mut out.stretches, &mut out.record_of, moving, &mut out.warnings) {
+        found = out.measured(rig, bound, settings)?;
+    }
+    out.ready(found, rig, records)
+}
+
+/// Stretches of steady drive.
+struct Steady {
+    stretches: Vec<Stretch>,
+    record_of: Vec<usize>,
+    warnings: Vec<Warning>,
+}
+
+/// What they show of the sensors, and what follows for the analysis.
+struct Measured {
+    sensors: Sensors,
+    geometry: Geometry,
+}
+
+impl Steady {
+    fn of(records: &[Record], rig: &Rig, bound: &Bound) -> Result<Self> {
+        let mut warnings: Vec<Warning> = records.iter().flat_map(|r| r.warnings.clone()).collect();
+        let (records, restarted) = boots::of_known_zero(records);
+        let records = &*records;
+        warnings.extend(restarted);
+        let (mut stretches, mut record_of) = (Vec::new(), Vec::new());
+        for (k, record) in records.iter().enumerate() {
+            for s in stretches::of(record, rig, bound)? {
+                stretches.push(s);
+                record_of.push(k);
+            }
+        }
+        if rig.drive.is_some() {
+            keep_steady_drive(records, &mut stretches, &mut record_of, &mut warnings)?;
+        }
+        Ok(Self { stretches, record_of, warnings })
+    }
+
+    fn measured(&self, rig: &Rig, bound: &Bound, settings: &Settings) -> Result<Measured> {
+        let step_s = 1.0 / rig.sample_rate_hz;
+        let shown: Vec<Vec<Vec<f64>>> = self.stretches.iter().map(|s| s.sensors(bound)).collect();
+        let of_sensor = |i: usize| shown.iter().map(move |s| &s[i][..]);
+        let numbers: Vec<usize> = (0..bound.sensors.len()).collect();
+        let noises: Vec<Option<Noise>> = numbers.par_iter().map(|i| noise::estimate(of_sensor(*i), step_s)).collect();
+        let free = rig.drive.is_none();
+        let band = if free { free_geometry::band(numbers.iter().map(|i| of_sensor(*i)), step_s) } else { None };
+        drop(shown);
+        let lengths: Vec<f64> = self.stretches.iter().map(|s| s.len() as f64 * s.step_s).collect();
+        let inputs = !bound.inputs.is_empty();
+        let geometry = geometry(rig, settings, &noises, inputs, step_s, (band, &lengths))?;
+        let counted = |&i: &usize| Some(&rig.channel[i]).filter(|c| c.unit == "count").map(Channel::scale);
+        let count: Vec<Option<f64>> = bound.sensors.iter().map(counted).collect();
+        let error = |(n, count): (&Option<Noise>, &Option<f64>)| match count {
+            Some(_) => 0.0,
+            None => n.map_or(0.0, |n| n.square_error),
+        };
+        let sensors = Sensors {
+            sigma: noises.iter().map(|n| n.map_or(0.0, |n| n.sigma)).collect(),
+            square_error: noises.iter().zip(&count).map(error).collect(),
+            count,
+        };
+        Ok(Measured { sensors, geometry })
+    }
+
+    fn ready(self, found: Measured, rig: &Rig, records: &[Record]) -> Result<Prepared> {
+        let Measured { sensors, geometry } = found;
+        let step_s = 1.0 / rig.sample_rate_hz;
+        let needed = samples_needed(&geometry.windows, &geometry.kernels, step_s);
+        let longest = self.stretches.iter().map(Stretch::len).max().unwrap_or(0);
+        if longest < needed {
+            let mut error = BadInput::new(
+                format!("{longest} samples ({:.3} s) in the longest unbroken stretch", longest as f64 * step_s),
+                format!(
+                    "at least {needed} ({:.3} s): one window of {:.3} s and the low-pass's reach on either side",
+                    needed as f64 * step_s,
+                    geometry.windows.length_s
+                ),
+            )
+            .remedy("Record longer, or choose a shorter window with --window-s");
+            if let Some(r) = records.first() {
+                error = error.in_file(&r.path);
+            }
+            return Err(error);
+        }
+        let Self { stretches, record_of, warnings } = self;
+        Ok(Prepared { stretches, record_of, sensors, geometry, warnings })
+    }
+}
+
+/// Cuts stretches to those over which the device's drive ran steadily.
+pub(super) fn keep_steady_drive(
+    records: &[Record],
+    stretches: &mut Vec<Stretch>,
+    record_of: &mut Vec<usize>,
+    warnings: &mut Vec<Warning>,
+) -> Result<()> {
+    if stretches.iter().any(|s| s.amplitude_nm.is_none()) {
+        return Ok(());
+    }
+    let Some(target) = stretches.iter().filter_map(|s| s.amplitude_nm.as_ref()?.iter().copied().max()).max() else {
+        return Ok(());
+    };
+    if target == 0 {
+        let path = records.first().map(|r| r.path.clone()).unwrap_or_default();
+        return Err(BadInput::new(
+            "a record whose shaker never moved",
+            "motion of the base, since the rig file has [drive]",
+        )
+        .in_file(path)
+        .remedy("Start the shaker during the capture, or leave [drive] out of the rig file"));
+    }
+    let steady = |s: &Stretch| s.amplitude_nm.iter().flatten().all(|a| *a == target);
+    if stretches.iter().all(steady) {
+        return Ok(());
+    }
+    let (mut kept, mut from, mut dropped) = (Vec::new(), Vec::new(), 0);
+    for (s, record) in stretches.drain(..).zip(record_of.drain(..)) {
+        let mut start = 0;
+        for run in s.amplitude_nm.clone().unwrap_or_default().chunk_by(|a, b| a == b) {
+            if run[0] == target {
+                kept.push(s.part(start, start + run.len()));
+                from.push(record);
+            } else {
+                dropped += run.len();
+            }
+            start += run.len();
+        }
+    }
+    if dropped > 0 {
+        warnings.push(Warning::new(
+            "drive-not-steady",
+            format!("{dropped} samples were taken while the shaker's amplitude was not {} µm", f64::from(target) / 1e3),
+            "They were left out; start the capture when the shaker runs to use all of it",
+        ));
+    }
+    (*stretches, *record_of) = (kept, from);
+    Ok(())
+}
