@@ -49,6 +49,7 @@ fn record(rig: &Rig, counts: &[[i32; 2]], phase: &[u32]) -> Record {
         losses: Losses::default(),
         warnings: vec![],
         metadata: None,
+        numbering: None,
     }
 }
 

@@ -12,7 +12,7 @@ use crate::batch::row::Row;
 use crate::error::{BadInput, Result};
 use crate::identify::{
     ERROR_BOUND, Identification, Settings, best::best, card::card, from_rows, harmonic_balance, identify, model_file,
-    presentation, shooting,
+    presentation, shooting, slips,
 };
 use crate::inspect::{InspectSettings, inspect};
 use crate::record::regression_rows::RowsRecord;
@@ -160,7 +160,10 @@ fn by_method(arguments: &Arguments, records: &[Record], rig: &Rig, settings: &Se
     match arguments.method.or(asked.then_some(Method::Shooting)) {
         None => best(records, rig, settings, &choices, &bar),
         Some(Method::Weak) => identify(records, rig, settings),
-        Some(Method::Shooting) => shooting::identify(records, rig, settings, &choices, &bar),
+        Some(Method::Shooting) => {
+            let shoot = |records: &[Record]| shooting::identify(records, rig, settings, &choices, &bar);
+            slips::without(records, shoot).map(|found| found.0)
+        }
         Some(method @ (Method::Frequency | Method::Upo)) => {
             let longest = records.iter().map(|r| r.longest_segment_s()).fold(0.0, f64::max);
             let periods = longest * rig.drive.map_or(0.0, |d| d.frequency_hz);

@@ -61,6 +61,8 @@ pub struct Settings {
 pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
     let of_record: Vec<Warning> = records.iter().flat_map(|r| &r.warnings).filter(|w| w.invalidates).cloned().collect();
     let suspects = identify::suspects::examine(records, rig);
+    let slipped = if suspects.iter().any(suspected::grave) { None } else { identify::slips::taken_back(records, rig) };
+    let (records, slips) = slipped.as_ref().map_or((records, &[][..]), |(mended, told)| (&mended[..], &told[..]));
     let mut result = if !of_record.is_empty() || suspects.iter().any(suspected::grave) {
         // No effect is looked for where one would be dressed up.
         let settings = Settings { most_effects: Some(0), ..settings.clone() };
@@ -78,6 +80,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         result.gap.forecasts.clear();
         result.prediction = None;
     }
+    result.warnings.extend_from_slice(slips);
     suspected::tell_in(&mut result, of_record.into_iter().chain(suspects).collect());
     Ok(result)
 }

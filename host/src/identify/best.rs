@@ -5,20 +5,24 @@
 
 use indicatif::ProgressBar;
 
-use super::{Identification, Settings, identify, shooting};
+use super::{Identification, Settings, identify, shooting, slips};
 use crate::error::Result;
 use crate::record::Record;
 use crate::report::format::significant;
 use crate::rig::Rig;
+use crate::warning::Warning;
 
 /// Most samples that are shot over by default: some seconds of work, beyond which the weak form's errors are small as well.
 const MOST_SAMPLES: usize = 200_000;
 /// Share of the pieces that may be lost.
 const MOST_LOST: f64 = 0.1;
+/// Warning of the weak form that more is left than the sensors' noise.
+const MISSES_SOMETHING: &str = "model-misses-something";
 /// Warnings of the weak form that shooting gives by itself, or that are about its windows.
 const OF_WEAK: [&str; 3] = ["few-windows", "periodic-record", "undetermined"];
 
-/// Identifies a system by shooting where that stands, otherwise by the weak form with the reason in `not_by_shooting`.
+/// Identifies a system by shooting where that stands, otherwise by the weak form with the reason in
+/// `not_by_shooting`; slips of single counts that shooting shows are taken back ([`slips`]).
 ///
 /// # Errors
 /// As [`identify`].
@@ -29,13 +33,30 @@ pub fn best(
     choices: &shooting::Settings,
     progress: &ProgressBar,
 ) -> Result<Identification> {
+    slips::without(records, |records| once(records, rig, weak, choices, progress)).map(|found| found.0)
+}
+
+/// The same of records as they are.
+pub(super) fn once(
+    records: &[Record],
+    rig: &Rig,
+    weak: &Settings,
+    choices: &shooting::Settings,
+    progress: &ProgressBar,
+) -> Result<Identification> {
     let mut first = identify(records, rig, weak)?;
-    let by_shooting = match unsuited(&first) {
-        Some(why) => Err(why),
-        None => match shooting::identify(records, rig, weak, choices, progress) {
-            Ok(found) => unsettled(&found).map_or(Ok(found), Err),
-            Err(error) => Err(error.found),
-        },
+    let refused = unsuited(&first);
+    let mut found_slips = Vec::new();
+    let by_shooting = if refused.is_some() && !may_slip(&first, rig) {
+        Err(refused.unwrap_or_default())
+    } else {
+        match shooting::identify(records, rig, weak, choices, progress) {
+            Ok(found) => {
+                found_slips.clone_from(&found.slips);
+                refused.or_else(|| unsettled(&found)).map_or(Ok(found), Err)
+            }
+            Err(error) => Err(refused.unwrap_or(error.found)),
+        }
     };
     match by_shooting {
         Ok(mut found) => {
@@ -47,6 +68,7 @@ pub fn best(
         }
         Err(why) => {
             first.not_by_shooting = Some(why);
+            first.slips = found_slips;
             Ok(first)
         }
     }
@@ -54,11 +76,20 @@ pub fn best(
 
 /// Why shooting is not tried.
 fn unsuited(first: &Identification) -> Option<String> {
-    if let Some(w) = first.warnings.iter().find(|w| w.invalidates || w.id == "model-misses-something") {
+    if let Some(w) = first.warnings.iter().find(|w| w.invalidates || w.id == MISSES_SOMETHING) {
         return Some(w.text.clone());
     }
     (first.record.samples > MOST_SAMPLES)
         .then(|| format!("{} samples are more than {MOST_SAMPLES}; --method shooting takes all", first.record.samples))
+}
+
+/// Whether what the equations leave may be slips of single counts, which shooting shows.
+fn may_slip(first: &Identification, rig: &Rig) -> bool {
+    let other = |w: &Warning| w.invalidates && w.id != MISSES_SOMETHING;
+    first.record.samples <= MOST_SAMPLES
+        && first.warnings.iter().any(|w| w.id == MISSES_SOMETHING)
+        && !first.warnings.iter().any(other)
+        && rig.channel.iter().any(|c| c.unit == "count")
 }
 
 /// Why its result does not stand.

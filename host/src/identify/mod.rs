@@ -32,6 +32,7 @@ pub mod result;
 pub mod series;
 pub mod shooting;
 pub mod single_parameters;
+pub mod slips;
 mod standstill;
 pub mod stretches;
 pub mod suspects;

@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::windows::{Kernels, Windows};
-use super::{harmonic_balance, noise_bias, regression, shooting};
+use super::{harmonic_balance, noise_bias, regression, shooting, slips};
 use crate::record::Record;
 use crate::warning::Warning;
 
@@ -155,6 +155,9 @@ pub struct Identification {
     pub warnings: Vec<Warning>,
     /// Residuals, equation by equation.
     pub residuals: Vec<Residuals>,
+    /// Slips of single counts that shooting found and that still stand in the record.
+    #[serde(skip)]
+    pub slips: Vec<slips::Placed>,
     /// What a harmonic balance tells beside the parameters.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub balance: Option<harmonic_balance::account::Account>,

@@ -75,14 +75,12 @@ impl Outside for Along {
     }
 }
 
-/// Pieces of a record with their guessed states and the stretch that each is from.
+/// Pieces of a record with their guessed states.
 pub struct Pieces {
     /// Pieces.
     pub pieces: Vec<Piece>,
     /// First guess of each one's state.
     pub guesses: Vec<Vec<f64>>,
-    /// Stretch.
-    pub stretch: Vec<usize>,
     /// Whether the guess is what was known.
     pub known: Vec<bool>,
 }
@@ -197,7 +195,7 @@ impl<'a> Track<'a> {
         let angles = self.bound.model.circle();
         let shown = self.shown();
         let geometry = Geometry { sensors: &shown, angles: &angles, spacing_s: self.spacing_s, guess };
-        let mut out = Pieces { pieces: Vec::new(), guesses: Vec::new(), stretch: Vec::new(), known: Vec::new() };
+        let mut out = Pieces { pieces: Vec::new(), guesses: Vec::new(), known: Vec::new() };
         for (k, s) in self.stretches.iter().enumerate() {
             let measured =
                 Measured { start_s: self.begins[k], sensors: s.sensors(self.bound), tau: Box::new(move |i| s.tau(i)) };
@@ -207,8 +205,7 @@ impl<'a> Track<'a> {
                 // Not negative; rounded.
                 out.known.push(self.improve((k, (since_s / self.spacing_s).round() as usize), guess));
             }
-            out.stretch.extend(std::iter::repeat_n(k, pieces.len()));
-            out.pieces.extend(pieces);
+            out.pieces.extend(pieces.into_iter().map(|p| Piece { stretch: k, ..p }));
             out.guesses.extend(guesses);
         }
         Some(out)
@@ -243,7 +240,7 @@ impl<'a> Track<'a> {
         let (mut pieces, mut guesses) = cut(&[measured], &geometry, count, count)?;
         let mut guess = guesses.pop()?;
         let _known = self.improve((stretch, first), &mut guess);
-        Some((pieces.pop()?, guess))
+        Some((Piece { stretch, ..pieces.pop()? }, guess))
     }
 
     /// Puts what is known into a guess at a sample of a stretch, if it is, and the states that are followed with the motion: each is the rate of a coordinate that nothing shows.
@@ -276,8 +273,8 @@ impl<'a> Track<'a> {
     }
 
     /// Time from the beginning of its stretch to a piece, s.
-    pub fn since_begin(&self, stretch: usize, piece: &Piece) -> f64 {
-        piece.start_s - self.begins[stretch]
+    pub fn since_begin(&self, piece: &Piece) -> f64 {
+        piece.start_s - self.begins[piece.stretch]
     }
 
     /// The least-squares problem; `at` is [`Track::inputs`].

@@ -174,6 +174,7 @@ mod tests {
             losses: Losses::default(),
             warnings: Vec::new(),
             metadata: None,
+            numbering: None,
         };
         let hz = phase_frequency(&record).unwrap();
         assert!((hz - 5.0).abs() < 1e-6, "{hz}");

@@ -165,6 +165,11 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     if !rig.known.is_empty() && !warnings.iter().any(|w| w.invalidates) {
         warnings.extend(crate::identify::suspects::known(record, rig));
     }
+    if !warnings.iter().any(|w| w.invalidates)
+        && let Some((_, slips)) = crate::identify::slips::taken_back(std::slice::from_ref(record), rig)
+    {
+        warnings.extend(slips);
+    }
     Ok(Inspection { record: summary, coordinates, drive, periodicity, warnings, phase_space, plots })
 }
 

@@ -183,6 +183,7 @@ mod tests {
             losses: Losses::default(),
             warnings: Vec::new(),
             metadata: None,
+            numbering: None,
         };
         let motion = &super::super::motion::motions(&record)[0];
         let c = describe(motion, None, 1000.0, Some(5.0), 4);

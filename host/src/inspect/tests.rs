@@ -79,6 +79,7 @@ fn record(rig: &Rig, columns: [Vec<i32>; 2]) -> Record {
         losses: Losses { received, ..Losses::default() },
         warnings: Vec::new(),
         metadata: None,
+        numbering: None,
     }
 }
 

@@ -191,6 +191,7 @@ pub fn record(own: &Own, made: &Made<'_>) -> Result<Record> {
         segments: vec![segment],
         warnings: Vec::new(),
         metadata: None,
+        numbering: None,
     })
 }
 

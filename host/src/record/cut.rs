@@ -126,6 +126,7 @@ mod tests {
             losses: Losses { received: 900, overruns: 100, ..Losses::default() },
             warnings: Vec::new(),
             metadata: None,
+            numbering: None,
         }
     }
 

@@ -43,6 +43,7 @@ pub mod values;
 pub mod writer;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
@@ -52,6 +53,7 @@ pub use self::parquet::metadata;
 pub use self::writer::RecordWriter;
 use crate::error::Result;
 use crate::rig::{Channel, Rig};
+use crate::suspects::Numbering;
 use crate::warning::Warning;
 
 /// A measured record.
@@ -71,6 +73,8 @@ pub struct Record {
     pub warnings: Vec<Warning>,
     /// Metadata of a record of whirl's own.
     pub metadata: Option<Metadata>,
+    /// How its rows are counted in the file that it was read from.
+    pub numbering: Option<Arc<Numbering>>,
 }
 
 /// An unbroken, evenly spaced stretch.

@@ -5,6 +5,7 @@
 
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use super::rows::{DeviceColumns, Rows};
 use super::{Column, Losses, Metadata, Record, Segment, time_fit, unwrap};
@@ -77,6 +78,7 @@ pub(super) fn assemble(
         losses,
         warnings,
         metadata,
+        numbering: None,
     };
     let first_rows = ranges.iter().map(|r| r.start).collect();
     if rig.sample_rate_hz == UNKNOWN_RATE {
@@ -84,7 +86,10 @@ pub(super) fn assemble(
         return Ok(record);
     }
     let (word, places) = if rows.resample { ("resampled row", vec![]) } else { (rows.word, rows.places) };
-    suspects::examine(&mut record, rig, &Numbering { word, first_rows, places });
+    let stretches = record.segments.iter().map(|s| (s.start_s, s.step_s, s.len())).collect();
+    let numbering = Numbering { word, first_rows, places, stretches };
+    suspects::examine(&mut record, rig, &numbering);
+    record.numbering = Some(Arc::new(numbering));
     Ok(record)
 }
 

@@ -69,6 +69,7 @@ fn record(rig: &Rig, step_s: f64, columns: Vec<Column>, phase: Option<Vec<u32>>)
         losses: Losses::default(),
         warnings: Vec::new(),
         metadata: None,
+        numbering: None,
     }
 }
 

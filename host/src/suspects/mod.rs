@@ -24,7 +24,7 @@ mod words;
 use rayon::prelude::*;
 
 use self::frozen::Run;
-use self::mending::Mending;
+pub(crate) use self::mending::Mending;
 use self::trace::{Samples, Trace};
 use self::words::Told;
 use crate::record::{Column, Record};
@@ -43,6 +43,8 @@ pub struct Numbering {
     pub first_rows: Vec<usize>,
     /// From row (from 0) on, places are so numbered: (row, its place), increasing.
     pub places: Vec<(usize, u64)>,
+    /// Start (s), spacing (s) and samples of each segment as it was read, before anything was cut.
+    pub stretches: Vec<(f64, f64, usize)>,
 }
 
 impl Numbering {
@@ -52,6 +54,16 @@ impl Numbering {
         let k = self.places.partition_point(|p| p.0 <= row);
         let (from, place) = k.checked_sub(1).map_or((0, 1), |k| self.places[k]);
         place + (row - from) as u64
+    }
+
+    /// Place of the sample at a time of the record, s.
+    pub fn at_time(&self, time_s: f64) -> Option<u64> {
+        let near = |(start, step, count): &(f64, f64, usize)| {
+            let sample = ((time_s - start) / step).round();
+            // Neither negative nor beyond the segment.
+            (sample >= 0.0 && sample < *count as f64).then_some(sample as usize)
+        };
+        self.stretches.iter().enumerate().find_map(|(k, s)| near(s).map(|sample| self.place(k, sample)))
     }
 }
 

@@ -145,7 +145,7 @@ mod tests {
         };
         let wobble = |i: usize| if i.is_multiple_of(2) { 1e-4 } else { -1e-4 };
         let measured: Vec<f64> = (0..800).map(|i| 0.5 * (-2.0 * 0.01 * i as f64).exp() + wobble(i)).collect();
-        let piece = Piece { start_s: 3.0, tau: 0.0, measured };
+        let piece = Piece { start_s: 3.0, tau: 0.0, stretch: 0, measured };
         let bar = ProgressBar::hidden();
         let run =
             |a: f64| horizon(&problem, std::slice::from_ref(&piece), &[vec![0.5, -1.0]], &[a], &[20, 40], &[0.3], &bar);

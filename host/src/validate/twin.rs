@@ -80,5 +80,6 @@ pub fn record<D: Dynamics + ?Sized>(
         losses: Losses { received: count as u64, ..Losses::default() },
         warnings: Vec::new(),
         metadata: None,
+        numbering: None,
     })
 }

@@ -118,17 +118,35 @@ fn spikes_and_slips() {
     }
 }
 
+/// Slips of one count lie below the noise of any sample: the equations show them, to a few rows.
 #[test]
-fn slips_of_one_count_lie_below_the_noise_and_do_no_harm() {
+fn slips_of_one_count_are_named_and_taken_back() {
     let (folder, clean) = base();
-    // Thirty leave so much more than noise that the answer is said not to stand, though its wide intervals hold.
-    for (name, every, status) in [("one", 15_000, 0), ("thirty", 970, 1)] {
+    for (name, every) in [("one", 15_000), ("thirty", 970)] {
         let mut rows = clean.clone();
         rows.iter_mut().enumerate().for_each(|(i, r)| r[1] += (i / every) as i64);
         write(name, &rows);
-        let run = whirl(folder.path(), &format!("identify {name}.csv --rig rig.toml --json {name}.json"));
-        assert_eq!(run.status, status, "{run:?}");
-        right(name, &json(&folder.path().join(format!("{name}.json"))));
+        let wanted: Vec<i64> = (1..30_000 / every).map(|k| (k * every) as i64 + 2).collect();
+        for command in ["identify", "inspect", "explain"] {
+            // Looking for effects takes its time: once is enough.
+            if command == "explain" && name == "thirty" {
+                continue;
+            }
+            let line = format!("{command} {name}.csv --rig rig.toml --json {name}-{command}.json");
+            done(folder.path(), &line);
+            let result = json(&folder.path().join(format!("{name}-{command}.json")));
+            let told = warning(&result, "count-slip");
+            assert_eq!(told["channel"], "count2");
+            let list =
+                |key: &str| told[key].as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect::<Vec<_>>();
+            let (at, sizes) = (list("rows"), list("sizes"));
+            let near = |row: &i64| at.iter().zip(&sizes).any(|(a, s)| (*a - *row as f64).abs() <= 8.0 && *s == 1.0);
+            let found = wanted.iter().filter(|row| near(row)).count();
+            assert!(found * 10 >= wanted.len() * 9 && at.len() == found, "{name} {command}: {told}");
+            if command == "identify" {
+                right(name, &result);
+            }
+        }
     }
 }
 

@@ -55,8 +55,8 @@ fn windows(track: &Track<'_>, horizon_s: f64, part: Part, most: usize) -> Option
     let all = track.cut(length, (length / 12).clamp(3, 16))?;
     let values = length * track.sensors.len();
     let place = |k: usize| {
-        let since_s = track.since_begin(all.stretch[k], &all.pieces[k]);
-        (all.stretch[k], (since_s / track.spacing_s).round() as usize)
+        let since_s = track.since_begin(&all.pieces[k]);
+        (all.pieces[k].stretch, (since_s / track.spacing_s).round() as usize)
     };
     // Where states are known from windows that were followed, one whose start has to be sought, and may not be found, decides nothing.
     let known = all.known.iter().filter(|k| **k).count();
@@ -65,7 +65,7 @@ fn windows(track: &Track<'_>, horizon_s: f64, part: Part, most: usize) -> Option
         .filter(|&k| all.pieces[k].measured.len() == values && (!only_known || all.known[k]))
         .filter(|&k| match part {
             Part::HeldOut(block_s) => {
-                let block = (track.since_begin(all.stretch[k], &all.pieces[k]) / block_s).floor() as i64;
+                let block = (track.since_begin(&all.pieces[k]) / block_s).floor() as i64;
                 block.rem_euclid(3) == 0
             }
             Part::From(stretch, sample) => place(k) >= (stretch, sample),

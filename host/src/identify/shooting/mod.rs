@@ -23,6 +23,7 @@ use super::per_record::Split;
 use super::prepared::{Prepared, prepare_moving};
 use super::regression::{frequency_dots, identification_error};
 use super::series::System;
+use super::slips::{self, Slip};
 use super::stretches::Stretch;
 use super::track::{Along, Pieces, Track};
 use super::{Identification, Residuals, Settings as WeakSettings, built_in, identifiability, windows};
@@ -34,6 +35,7 @@ use crate::rig::Rig;
 use crate::rig::measures::Bound;
 use crate::system::ties::Identified;
 use crate::warning::Warning;
+use problem::Piece;
 use run::{Failure, Outcome, REPEATING};
 
 /// Ratio of residuals to the sensors' noise from which the model is said to miss something.
@@ -111,10 +113,11 @@ pub fn identify(
     finish(first, (rig, &own, bound), &names, &prepared, shot)
 }
 
-/// A run with the length of its pieces at each level, s.
+/// A run with the length of its pieces at each level, s, and the slips that it shows.
 struct Shot {
     outcome: Outcome,
     levels_s: Vec<f64>,
+    slips: Vec<Slip>,
 }
 
 /// Pieces, start, bounds, levels; then the run.
@@ -171,7 +174,12 @@ fn shoot(
     let levels_s = levels.iter().map(|l| *l as f64 * track.spacing_s).collect();
     let outcome = run::run(problem, pieces, guesses, &start, &bounds, &levels, &mut tick);
     progress.finish_and_clear();
-    Ok(Shot { outcome: outcome.map_err(failed)?, levels_s })
+    let outcome = outcome.map_err(failed)?;
+    let problem = track.problem(motion, outcome.step_s, &at);
+    let first = |p: &Piece| (track.since_begin(p) / track.spacing_s).round() as usize;
+    let fit = &outcome.fit;
+    let slips = slips::find(&problem, (&outcome.pieces, &fit.states), &fit.parameters, &first, &sensors.count);
+    Ok(Shot { outcome, levels_s, slips })
 }
 
 /// A run that gave nothing, in words.
@@ -229,9 +237,9 @@ fn finish(
     (rig, own, bound): (&Rig, &Rig, &Bound),
     names: &[String],
     prepared: &Prepared,
-    Shot { outcome, levels_s }: Shot,
+    Shot { outcome, levels_s, slips }: Shot,
 ) -> Result<Identification> {
-    let Outcome { fit, covariance, noise_ratio, lost, repetition, step_s, values, rounds } = outcome;
+    let Outcome { fit, covariance, noise_ratio, lost, repetition, step_s, values, rounds, .. } = outcome;
     let found = DVector::from_vec(fit.parameters.clone());
     let estimate = &covariance.estimate;
     let mut warnings: Vec<Warning> = prepared.warnings.clone();
@@ -284,6 +292,7 @@ fn finish(
         }),
         warnings,
         residuals,
+        slips: slips::placed(&slips, bound, prepared),
         ..first
     };
     super::judgement::judge(&mut result, rig);

@@ -21,6 +21,8 @@ pub struct Piece {
     pub start_s: f64,
     /// Phase of the drive there, rad.
     pub tau: f64,
+    /// Stretch of the record from which it is.
+    pub stretch: usize,
     /// Measured values, sensor after sensor for each sample.
     pub measured: Vec<f64>,
 }
@@ -131,7 +133,64 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
         (out.len() == piece.measured.len()).then_some(out)
     }
 
-    /// The same up to where the solution ends.
+    /// Residuals of a piece with their derivatives by its state (2n columns), both in σ. None where
+    /// the solution does not reach its end.
+    pub fn linear(&self, piece: &Piece, state: &[f64], parameters: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        let (n, sensors) = (self.dynamics.degrees_of_freedom(), self.sensors.len());
+        let count = self.samples(piece);
+        let (mut residuals, mut by) = (DVector::zeros(count * sensors), DMatrix::zeros(count * sensors, 2 * n));
+        let mut work = self.room(false);
+        work.set(state);
+        let flow = self.flow(piece, parameters);
+        let whole = flow.samples(&mut work, piece.start_s, self.spacing_s, count, |i, sample| {
+            let (q, derivatives) = sample.split_at(n);
+            for (k, (sensor, sigma)) in self.sensors.iter().zip(self.sigma).enumerate() {
+                let row = i * sensors + k;
+                residuals[row] = -piece.measured[row] / sigma;
+                for (j, m) in sensor.iter().enumerate().filter(|m| *m.1 != 0.0) {
+                    residuals[row] += m * q[j] / sigma;
+                    let derivatives = &derivatives[j * 2 * n..(j + 1) * 2 * n];
+                    derivatives.iter().enumerate().for_each(|(c, d)| by[(row, c)] += m * d / sigma);
+                }
+            }
+        });
+        whole.then_some((residuals, by))
+    }
+
+    /// The piece from sample `half` of one to sample `half` of the next, and the first one's solution
+    /// from `state` at its beginning. None where the solution does not reach it.
+    pub fn joined(
+        &self,
+        (a, b): (&Piece, &Piece),
+        state: &[f64],
+        parameters: &[f64],
+        half: usize,
+    ) -> Option<(Piece, Vec<f64>)> {
+        let sensors = self.sensors.len();
+        let mut work = Work::plain(self.dynamics);
+        work.set(state);
+        let ahead_s = half as f64 * self.spacing_s;
+        if !self.flow(a, parameters).carry(&mut work, a.start_s, ahead_s) {
+            return None;
+        }
+        let state = work.state().to_vec();
+        // Each piece begins in the first turn: the second is told in the turns of the first.
+        let end = self.samples(a);
+        let turned: Vec<f64> = (0..sensors)
+            .map(|k| {
+                let last = a.measured[(end - 1) * sensors + k];
+                let step = b.measured.get(k).map_or(0.0, |x| x - last);
+                core::f64::consts::TAU * (step / core::f64::consts::TAU).round()
+            })
+            .collect();
+        let second = b.measured.iter().take(half * sensors).enumerate().map(|(i, x)| x - turned[i % sensors]);
+        let measured = a.measured[half * sensors..].iter().copied().chain(second).collect();
+        let piece =
+            Piece { start_s: a.start_s + ahead_s, tau: a.tau + self.omega * ahead_s, stretch: a.stretch, measured };
+        Some((piece, state))
+    }
+
+    /// Residuals up to where the solution ends.
     pub fn residuals_until(&self, piece: &Piece, state: &[f64], parameters: &[f64]) -> Vec<f64> {
         let count = self.samples(piece);
         let mut work = Work::plain(self.dynamics);

@@ -34,6 +34,8 @@ const MOST_ROUNDS: usize = 30;
 pub struct Outcome {
     /// The minimum.
     pub fit: Fit,
+    /// The pieces that were followed, one for each of its states.
+    pub pieces: Vec<Piece>,
     /// Standard errors.
     pub covariance: Covariance,
     /// Rms residual of each sensor in units of the noise that was given.
@@ -124,6 +126,7 @@ pub fn run<D: Dynamics + ?Sized>(
                 values: pieces.iter().map(|p| p.measured.len()).sum(),
                 rounds,
                 fit,
+                pieces,
             });
         }
         sigma.iter_mut().zip(&ratio).for_each(|(s, r)| *s *= if *r > 0.0 { *r } else { 1.0 });

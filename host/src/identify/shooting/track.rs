@@ -47,7 +47,7 @@ pub fn cut(
     let (n, channels) = (geometry.angles.len(), geometry.sensors.len());
     let (mut pieces, mut states) = (Vec::new(), Vec::new());
     let fit = parabola(geometry.guess, geometry.spacing_s)?;
-    for stretch in stretches {
+    for (k, stretch) in stretches.iter().enumerate() {
         let all = stretch.sensors.iter().map(Vec::len).min().unwrap_or(0);
         let mut first = 0;
         while first < all {
@@ -77,6 +77,7 @@ pub fn cut(
             pieces.push(Piece {
                 start_s: stretch.start_s + first as f64 * geometry.spacing_s,
                 tau: (stretch.tau)(first),
+                stretch: k,
                 measured,
             });
             states.push(state);

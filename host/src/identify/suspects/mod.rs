@@ -200,6 +200,7 @@ fn beginning(records: &[Record], seconds: f64) -> Vec<Record> {
             losses: record.losses.clone(),
             warnings: Vec::new(),
             metadata: None,
+            numbering: None,
         });
     }
     out

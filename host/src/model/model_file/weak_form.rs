@@ -64,7 +64,11 @@ impl WeakForm {
             let list = list.map_err(|m| model.bad(m, "a term that can be integrated by parts"))?;
             Ok(list
                 .into_iter()
-                .map(|p| Part { series: series.index(series_of(p.of.with_clear_signs())), order: p.order, factor: p.factor })
+                .map(|p| Part {
+                    series: series.index(series_of(p.of.with_clear_signs())),
+                    order: p.order,
+                    factor: p.factor,
+                })
                 .collect())
         };
         let mut equations = Vec::with_capacity(model.equations.len());

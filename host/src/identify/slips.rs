@@ -1,0 +1,291 @@
+//! Slips of single counts, which lie below the noise of any sample and show in what the equations
+//! leave of many.
+//!
+//! An encoder that loses or gains c counts is off by them from then on. In the residuals r of a
+//! piece of [`super::shooting`] (predicted minus measured, in the sensors' σ) that is a step of
+//! height −s at sample j of sensor k, s being c counts in σ, beside what the piece's own state takes
+//! of it. With Q an orthonormal basis of the residuals' derivatives by that state and L samples,
+//!
+//! R = −Σ_{i≥j} (r − Q Qᵀ r)_ik,  S = L − j − |Σ_{i≥j} Q_ik|²,  gain = 2 s R − s² S
+//!
+//! is what the step takes off the sum of squares; c is the whole number of counts nearest to R/S.
+//! A step is believed whose gain exceeds [`LIMIT`] and beside which the piece is like what noise
+//! leaves ([`LIKE`]): a model that misses something leaves more. Pieces overlap by half, since a
+//! step at the end of a piece is taken for its state.
+//!
+//! Limits: the place is right to a few samples; two slips within half a piece are found one after the
+//! other; sensors that count alone.
+
+use std::borrow::Cow;
+
+use indicatif::ProgressBar;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use super::prepared::Prepared;
+use super::shooting::problem::{Piece, Problem};
+use super::{Identification, Settings, best, built_in, shooting};
+use crate::error::Result;
+use crate::model::dynamics::Dynamics;
+use crate::record::{Column, Record};
+use crate::rig::Rig;
+use crate::rig::measures::Bound;
+use crate::suspects::Mending;
+use crate::warning::Warning;
+
+/// Least gain in units of the noise's variance: eight standard deviations, by chance 10⁻¹⁵ a look.
+const LIMIT: f64 = 64.0;
+/// Mean square of a piece without its step, in units of the noise's variance.
+const LIKE: f64 = 1.44;
+/// Samples within which two pieces show one step.
+const SAME: usize = 12;
+/// Times that what is found is taken back and everything identified again.
+const MOST_ROUNDS: usize = 4;
+/// Most samples of all records that are looked at where nobody asked for a fit by shooting.
+const MOST_SAMPLES: usize = 200_000;
+/// Places that a text names.
+const NAMED: usize = 3;
+
+/// A step of one sensor by whole counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Slip {
+    /// Sensor, in the order of the rig's equations.
+    pub sensor: usize,
+    /// Stretch of the prepared record.
+    pub stretch: usize,
+    /// Sample of the stretch from which on it is off.
+    pub sample: usize,
+    /// By how many counts.
+    pub counts: f64,
+    /// What it takes off the sum of squares, in units of the noise's variance.
+    pub gain: f64,
+}
+
+/// The same in a record.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placed {
+    /// Record.
+    pub record: usize,
+    /// Channel of the record.
+    pub channel: usize,
+    /// Time of the first sample that is off, s.
+    pub time_s: f64,
+    /// By how many counts.
+    pub counts: f64,
+}
+
+/// Slips in what a fit leaves. `states`: the fitted state of each piece; `first`: the sample of its
+/// stretch at which a piece begins; `count`: size of one count of each sensor.
+pub fn find<D: Dynamics + ?Sized>(
+    problem: &Problem<'_, D>,
+    (pieces, states): (&[Piece], &[Vec<f64>]),
+    parameters: &[f64],
+    first: &(dyn Fn(&Piece) -> usize + Sync),
+    count: &[Option<f64>],
+) -> Vec<Slip> {
+    let between = overlapping(problem, (pieces, states), parameters);
+    let all: Vec<(&Piece, &Vec<f64>)> = pieces.iter().zip(states).chain(between.iter().map(|(p, s)| (p, s))).collect();
+    let found: Vec<Option<Slip>> =
+        all.par_iter().map(|(piece, state)| in_piece(problem, piece, state, parameters, first(piece), count)).collect();
+    let mut found: Vec<Slip> = found.into_iter().flatten().collect();
+    found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+    let mut kept: Vec<Slip> = Vec::new();
+    for f in found {
+        let same = |k: &Slip| k.sensor == f.sensor && k.stretch == f.stretch && k.sample.abs_diff(f.sample) <= SAME;
+        if !kept.iter().any(same) {
+            kept.push(f);
+        }
+    }
+    kept.sort_by_key(|k| (k.stretch, k.sample));
+    kept
+}
+
+/// Pieces half of which are of one piece and half of the next, with their states.
+fn overlapping<D: Dynamics + ?Sized>(
+    problem: &Problem<'_, D>,
+    (pieces, states): (&[Piece], &[Vec<f64>]),
+    parameters: &[f64],
+) -> Vec<(Piece, Vec<f64>)> {
+    let sensors = problem.sensors.len().max(1);
+    let one = |k: usize| {
+        let (a, b) = (&pieces[k], &pieces[k + 1]);
+        let half = a.measured.len() / sensors / 2;
+        let spans_s = (a.measured.len() / sensors) as f64 * problem.spacing_s;
+        let follows = a.stretch == b.stretch && (b.start_s - a.start_s - spans_s).abs() < 0.5 * problem.spacing_s;
+        if !follows || half < 8 {
+            return None;
+        }
+        let (piece, guess) = problem.joined((a, b), &states[k], parameters, half)?;
+        let samples = piece.measured.len() / sensors;
+        let mut room = problem.room(false);
+        let (state, _) = problem.fit_state(&piece, &guess, parameters, &[samples / 2, samples], &mut room)?;
+        Some((piece, state))
+    };
+    (0..pieces.len().saturating_sub(1)).into_par_iter().filter_map(one).collect()
+}
+
+/// The greatest step of a piece, if it is believed.
+fn in_piece<D: Dynamics + ?Sized>(
+    problem: &Problem<'_, D>,
+    piece: &Piece,
+    state: &[f64],
+    parameters: &[f64],
+    first: usize,
+    count: &[Option<f64>],
+) -> Option<Slip> {
+    let (residuals, basis) = left(problem, piece, state, parameters)?;
+    let sensors = problem.sensors.len();
+    let samples = residuals.len() / sensors;
+    let cost = residuals.norm_squared();
+    let mut best: Option<Slip> = None;
+    for (k, size) in count.iter().enumerate() {
+        let Some(size) = size.map(|q| q / problem.sigma[k]) else { continue };
+        let (mut sum, mut of_basis) = (0.0, DVector::zeros(basis.ncols()));
+        for j in (1..samples).rev() {
+            let row = j * sensors + k;
+            sum -= residuals[row];
+            of_basis += basis.row(row).transpose();
+            let free = (samples - j) as f64 - of_basis.norm_squared();
+            let counts = (sum / (free * size)).round();
+            if !(free > 1.0 && counts != 0.0) {
+                continue;
+            }
+            let step = counts * size;
+            let gain = 2.0 * step * sum - step * step * free;
+            if gain > best.map_or(LIMIT, |b| b.gain) {
+                best = Some(Slip { sensor: k, stretch: piece.stretch, sample: first + j, counts, gain });
+            }
+        }
+    }
+    let freedom = (residuals.len() - basis.ncols()).max(1) as f64;
+    best.filter(|b| cost - b.gain < LIKE * freedom)
+}
+
+/// Residuals without what the piece's state takes of them, and an orthonormal basis of that.
+fn left<D: Dynamics + ?Sized>(
+    problem: &Problem<'_, D>,
+    piece: &Piece,
+    state: &[f64],
+    parameters: &[f64],
+) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let (residuals, mut derivatives) = problem.linear(piece, state, parameters)?;
+    // Scaled, since positions and rates differ by orders of magnitude.
+    for mut column in derivatives.column_iter_mut() {
+        let norm = column.norm();
+        if norm > 0.0 {
+            column /= norm;
+        }
+    }
+    let basis = derivatives.qr().q();
+    let taken = &basis * (basis.transpose() * &residuals);
+    let left = residuals - taken;
+    left.iter().all(|x| x.is_finite()).then_some((left, basis))
+}
+
+/// Where slips stand in the records.
+pub fn placed(slips: &[Slip], bound: &Bound, prepared: &Prepared) -> Vec<Placed> {
+    let one = |s: &Slip| {
+        let (record, channel) = (prepared.record_of[s.stretch], bound.sensors[s.sensor]);
+        Placed { record, channel, time_s: prepared.stretches[s.stretch].time(s.sample), counts: s.counts }
+    };
+    slips.iter().map(one).collect()
+}
+
+/// Runs an identification, takes back the slips that it finds, and runs it again until it finds no
+/// more; the records as they then are. Each channel's slips are told by a warning.
+///
+/// # Errors
+/// Those of `run`.
+pub fn without<'a>(
+    records: &'a [Record],
+    mut run: impl FnMut(&[Record]) -> Result<Identification>,
+) -> Result<(Identification, Cow<'a, [Record]>)> {
+    let mut mended = Cow::Borrowed(records);
+    let mut all: Vec<Placed> = Vec::new();
+    let mut found = run(&mended)?;
+    for _ in 0..MOST_ROUNDS {
+        if found.slips.is_empty() {
+            break;
+        }
+        take_back(mended.to_mut(), &found.slips);
+        all.extend(&found.slips);
+        found = run(&mended)?;
+    }
+    found.warnings.extend(warnings(records, &all));
+    Ok((found, mended))
+}
+
+/// Takes slips back.
+fn take_back(records: &mut [Record], slips: &[Placed]) {
+    for slip in slips {
+        let record = &mut records[slip.record];
+        let at = |(k, s): (usize, &crate::record::Segment)| {
+            let sample = ((slip.time_s - s.start_s) / s.step_s).round();
+            // Neither negative nor beyond the segment.
+            (sample >= 0.0 && sample < s.len() as f64).then_some((k, sample as usize))
+        };
+        let Some((segment, sample)) = record.segments.iter().enumerate().find_map(at) else { continue };
+        if !matches!(record.segments[segment].columns[slip.channel], Column::Counts(_)) {
+            continue;
+        }
+        let mut mending = Mending::default();
+        mending.take_back(slip.channel, segment, sample, slip.counts);
+        mending.apply(record);
+    }
+}
+
+/// One warning for each channel of each record.
+fn warnings(records: &[Record], slips: &[Placed]) -> Vec<Warning> {
+    let mut told = Vec::new();
+    for (r, record) in records.iter().enumerate() {
+        for (c, channel) in record.channels.iter().enumerate() {
+            let mut here: Vec<Placed> = slips.iter().filter(|s| (s.record, s.channel) == (r, c)).copied().collect();
+            here.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+            let Some(first) = here.first() else { continue };
+            let word = record.numbering.as_ref().map_or("sample", |n| n.word);
+            let row = |s: &Placed| record.numbering.as_ref().and_then(|n| n.at_time(s.time_s));
+            let one = |s: &Placed| {
+                let time = (s.time_s * 1e6).round() / 1e6;
+                let unit = if s.counts.abs() == 1.0 { "count" } else { "counts" };
+                let place =
+                    row(s).map_or_else(|| format!("t = {time} s"), |row| format!("{word} {row} (t = {time} s)"));
+                format!("{place} by {:+} {unit}", s.counts)
+            };
+            let list: Vec<String> = here.iter().take(NAMED).map(one).collect();
+            let more = if here.len() > NAMED { format!(" and {} more", here.len() - NAMED) } else { String::new() };
+            let times = if here.len() == 1 { String::new() } else { format!(", {} times", here.len()) };
+            let text = format!("{} slips by a step that stays{times}: near {}{more}", channel.name, list.join(", "));
+            let mut warning = Warning::new(
+                "count-slip",
+                text,
+                "The equations show the steps, their places to a few rows; they are taken back. Look at the encoder's signals: counts were lost or gained",
+            )
+            .with("channel", channel.name.clone())
+            .with("value", first.counts)
+            .with("sizes", here.iter().map(|s| s.counts).collect::<Vec<f64>>());
+            if let Some(rows) = here.iter().map(row).collect::<Option<Vec<u64>>>() {
+                warning = warning.with("row", rows[0]).with("rows", rows);
+            }
+            told.push(warning);
+        }
+    }
+    told
+}
+
+/// Records without the slips that their rig's equations show, and what is to be said of them; none
+/// where there are none, or where nothing can be identified.
+pub fn taken_back(records: &[Record], rig: &Rig) -> Option<(Vec<Record>, Vec<Warning>)> {
+    let samples: usize = records.iter().map(Record::samples).sum();
+    let own = built_in::written(rig).ok()?;
+    let counts = built_in::bound(&own).ok()?.sensors.iter().any(|c| rig.channel[*c].unit == "count");
+    if !counts || samples > MOST_SAMPLES || records.iter().flat_map(|r| &r.warnings).any(|w| w.invalidates) {
+        return None;
+    }
+    let before: usize = records.iter().map(|r| r.warnings.iter().filter(|w| w.id == "count-slip").count()).sum();
+    let (weak, choices) = (Settings::default(), shooting::Settings::default());
+    let run = |records: &[Record]| best::once(records, rig, &weak, &choices, &ProgressBar::hidden());
+    let (found, mended) = without(records, run).ok()?;
+    let Cow::Owned(mended) = mended else { return None };
+    let warnings = found.warnings.into_iter().filter(|w| w.id == "count-slip").skip(before).collect();
+    Some((mended, warnings))
+}
