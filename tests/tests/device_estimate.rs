@@ -1,9 +1,10 @@
 //! The device's own estimate against the host's weak form, on the same windows of the same simulated records.
 
 use whirl::identify::regression::Solution;
+use whirl::identify::series::System;
 use whirl::identify::windows::WindowRows;
-use whirl::identify::{Settings as IdentifySettings, dampings, prepare, regression, windows};
-use whirl::model::double_pendulum::weak_model;
+use whirl::identify::{Settings as IdentifySettings, built_in, prepare, regression, windows};
+use whirl::model::model_file::weak_form::WeakForm;
 use whirl::record::{Column, Losses, Record, Segment};
 use whirl::rig::Rig;
 use whirl_firmware::Settings;
@@ -64,12 +65,16 @@ struct Host {
 
 impl Host {
     fn new(rig: &Rig, counts: &[[i32; 2]], phase: &[u32]) -> Self {
-        let prepared = prepare(&[record(rig, counts, phase)], rig, &IdentifySettings::default()).unwrap();
+        let own = built_in::written(rig).unwrap();
+        let bound = built_in::bound(&own).unwrap();
+        let prepared = prepare(&[record(rig, counts, phase)], &own, bound, &IdentifySettings::default()).unwrap();
         let geometry = &prepared.geometry;
-        let model = weak_model(rig.omega(), true, &dampings(rig).unwrap());
-        let rows = windows::rows(&prepared.segments, &model, &geometry.kernels, &geometry.windows);
-        let terms = model.equations.iter().map(|e| e.terms.len()).collect();
-        let names = model.equations.iter().flat_map(|e| e.terms.iter().map(|t| t.name.clone())).collect();
+        let weak = WeakForm::new(&bound.model, rig.omega(), &[]).unwrap();
+        let (kernels, circle) = (&geometry.kernels, bound.model.circle());
+        let system = System { stretches: &prepared.stretches, weak: &weak, kernels, circle: &circle };
+        let rows = windows::rows_of(&system, &weak.equations, kernels, &geometry.windows);
+        let terms = weak.equations.iter().map(|e| e.terms.len()).collect();
+        let names = weak.equations.iter().flat_map(|e| e.terms.iter().map(|t| t.name.clone())).collect();
         let first_sample = geometry.kernels.reach();
         Self { rows, terms, frequencies: geometry.windows.frequencies, names, first_sample }
     }

@@ -45,18 +45,22 @@ pub(super) fn once(
     progress: &ProgressBar,
 ) -> Result<Identification> {
     let mut first = identify(records, rig, weak)?;
-    let refused = unsuited(&first);
     let mut found_slips = Vec::new();
-    let by_shooting = if refused.is_some() && !may_slip(&first, rig) {
-        Err(refused.unwrap_or_default())
-    } else {
-        match shooting::identify(records, rig, weak, choices, progress) {
+    let by_shooting = match unsuited(&first) {
+        Some(why) => {
+            if may_slip(&first, rig) {
+                // What cannot be followed shows none.
+                found_slips = shooting::slips(records, rig, weak, &first, progress).unwrap_or_default();
+            }
+            Err(why)
+        }
+        None => match shooting::identify(records, rig, weak, choices, progress) {
             Ok(found) => {
                 found_slips.clone_from(&found.slips);
-                refused.or_else(|| unsettled(&found)).map_or(Ok(found), Err)
+                unsettled(&found).map_or(Ok(found), Err)
             }
-            Err(error) => Err(refused.unwrap_or(error.found)),
-        }
+            Err(error) => Err(error.found),
+        },
     };
     match by_shooting {
         Ok(mut found) => {

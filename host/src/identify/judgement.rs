@@ -11,7 +11,8 @@
 //! *Noise.* The sensors' noise alone, put through the whole chain ([`super::noise_bias`]), tells what ε and which residual power
 //! a record would have if the equations were right.
 //!
-//! Limits: double and single pendulum; nothing tells which signs the coefficients of a model file must have.
+//! Limits: inertias and ties of the double and single pendulum; of systems from bodies the signs of nominal
+//! frictions and of masses. Nothing tells which signs the coefficients of written equations must have.
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
@@ -19,6 +20,8 @@ use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use super::{Identification, known_quantities};
 use crate::report::format::{plus_minus, significant};
 use crate::rig::Rig;
+use crate::system::mechanism::{Coefficient, Mechanism};
+use crate::system::polynomial::Atom;
 use crate::warning::Warning;
 
 /// Standard errors by which a sign must be wrong: by chance once in thirty thousand coefficients.
@@ -26,6 +29,8 @@ const CLEAR: f64 = 4.0;
 /// Probability below which nothing is chance. The least found on 120 clean records (three rigs, 1024 and 4096 counts, 20 to 120 s)
 /// was 0.009 for the ties and 10⁻⁴ for a known length; a hidden drag of 2·10⁻⁶ N m s² gave 10⁻²⁰.
 pub(super) const CHANCE: f64 = 1e-6;
+/// Effects that can but brake.
+const BRAKES: [&str; 3] = ["viscous-friction", "coulomb-friction", "quadratic-drag"];
 /// Ratio of residual to noise power from which something besides noise is left, as in `explain`.
 const BESIDE_NOISE: f64 = 2.0;
 /// Ratio from which the answer does not stand: a residual of five times the sensors'. A second harmonic of 2 % in the drive (ratio 71) moves B11 by 7.4 standard
@@ -84,6 +89,10 @@ pub fn judge(result: &mut Identification, rig: &Rig) {
             found.extend(t.warnings());
         }
         found.extend(known_quantities::contradicted(&c, rig, spread));
+        result.warnings.extend(found);
+    }
+    if let Some(mechanism) = rig.bound.as_ref().and_then(|b| b.model.mechanism.as_deref()) {
+        let found = dampings_of(mechanism, &Coefficients::of(result));
         result.warnings.extend(found);
     }
     let negative = physical_signs(result, rig);
@@ -162,6 +171,41 @@ fn signs(c: &Coefficients<'_>) -> Vec<Warning> {
             );
             out.push(
                 warning.invalidating().with("parameter", "B11 B21").with("value", product).with("std_error", error),
+            );
+        }
+    }
+    out
+}
+
+/// Coefficients of a system from bodies that are the strength of a friction over an inertia, with a
+/// sign that no rig has.
+fn dampings_of(mechanism: &Mechanism, c: &Coefficients<'_>) -> Vec<Warning> {
+    let brakes = |name: &str| BRAKES.iter().any(|id| name.split('@').next() == Some(id));
+    let strength = |of: &Coefficient| {
+        let of_one = |k: &usize| {
+            let other = |a: &Atom| *a != Atom::Parameter(*k);
+            of.numerator.any(&|a| *a == Atom::Parameter(*k)) && !of.numerator.any(&other)
+        };
+        (0..mechanism.parameters.len()).find(of_one).map(|k| mechanism.parameters[k].name.as_str())
+    };
+    let ones = vec![1.0; mechanism.parameters.len()];
+    let mut out = Vec::new();
+    for of in &mechanism.coefficients {
+        let Some(friction) = strength(of).filter(|name| brakes(name)) else { continue };
+        let Some((value, i)) = c.at(&of.name) else { continue };
+        let turned = mechanism.value(&of.name, &ones).is_some_and(|x| x < 0.0);
+        let brakes_by = if turned { -value } else { value };
+        if brakes_by < -CLEAR * c.error(i) {
+            out.push(
+                Warning::new(
+                    "negative-damping",
+                    format!("{} = {}: {friction} would drive the motion instead of braking it", of.name, plus_minus(value, 1.96 * c.error(i))),
+                    "Does time run backwards, is a sign reversed or a channel late? If not, the equations miss something: run `whirl explain`",
+                )
+                .invalidating()
+                .with("parameter", of.name.clone())
+                .with("value", value)
+                .with("std_error", c.error(i)),
             );
         }
     }
@@ -276,6 +320,8 @@ impl Ties {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use std::path::Path;
+
     use super::*;
     use crate::identify::{Details, Parameter};
 
@@ -333,6 +379,34 @@ pub(super) mod tests {
         assert_eq!(ids(&[("B11", -1.0002)])[0], "negative-inertia");
         assert!(ids(&[("B11", 0.9)]).contains(&"negative-inertia"));
         assert_eq!(ids(&[("B22", -0.263)])[0], "negative-gravity");
+    }
+
+    #[test]
+    fn frictions_of_a_system_from_bodies_brake() {
+        let rig =
+            Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/double-pendulum-from-bodies.toml")).unwrap();
+        let mechanism = rig.bound.unwrap().model.mechanism.clone().unwrap();
+        let names: Vec<String> = mechanism.coefficients.iter().map(|c| c.name.clone()).collect();
+        let strengths = vec![1.0; mechanism.parameters.len()];
+        let n = names.len();
+        let of = |changed: &str, factor: f64| {
+            let value = |n: &String| mechanism.value(n, &strengths).unwrap() * if n == changed { factor } else { 1.0 };
+            let c = Coefficients {
+                names: &names,
+                values: DVector::from_iterator(n, names.iter().map(value)),
+                covariance: DMatrix::identity(n, n) * 1e-2,
+                blocks: 0,
+            };
+            dampings_of(&mechanism, &c).iter().map(|w| w.details["parameter"].clone()).collect::<Vec<_>>()
+        };
+        assert!(of("", 1.0).is_empty());
+        let dampings: Vec<&String> = names.iter().filter(|n| n.contains("friction")).collect();
+        assert_eq!(dampings.len(), 3, "{names:?}");
+        for name in dampings {
+            assert_eq!(of(name, -1.0), [serde_json::Value::from(name.clone())]);
+            // A third of a standard error is chance, the wrong sign of gravity another matter.
+            assert!(of(name, -0.03).is_empty());
+        }
     }
 
     #[test]

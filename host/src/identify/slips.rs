@@ -3,8 +3,9 @@
 //!
 //! An encoder that loses or gains c counts is off by them from then on. In the residuals r of a
 //! piece of [`super::shooting`] (predicted minus measured, in the sensors' σ) that is a step of
-//! height −s at sample j of sensor k, s being c counts in σ, beside what the piece's own state takes
-//! of it. With Q an orthonormal basis of the residuals' derivatives by that state and L samples,
+//! height −s at sample j of sensor k, s being c counts in σ, beside what the piece's own state and
+//! an offset of the sensor take of it. With Q an orthonormal basis of the residuals' derivatives by
+//! these and L samples,
 //!
 //! R = −Σ_{i≥j} (r − Q Qᵀ r)_ik,  S = L − j − |Σ_{i≥j} Q_ik|²,  gain = 2 s R − s² S
 //!
@@ -39,8 +40,9 @@ const LIMIT: f64 = 64.0;
 const LIKE: f64 = 1.44;
 /// Samples within which two pieces show one step.
 const SAME: usize = 12;
-/// Times that what is found is taken back and everything identified again.
-const MOST_ROUNDS: usize = 4;
+/// Times that what is found is taken back and everything identified again: where slips are many, the
+/// offsets that they leave hide the later ones at first.
+const MOST_ROUNDS: usize = 8;
 /// Most samples of all records that are looked at where nobody asked for a fit by shooting.
 const MOST_SAMPLES: usize = 200_000;
 /// Places that a text names.
@@ -83,6 +85,9 @@ pub fn find<D: Dynamics + ?Sized>(
     first: &(dyn Fn(&Piece) -> usize + Sync),
     count: &[Option<f64>],
 ) -> Vec<Slip> {
+    if count.iter().all(Option::is_none) {
+        return Vec::new();
+    }
     let between = overlapping(problem, (pieces, states), parameters);
     let all: Vec<(&Piece, &Vec<f64>)> = pieces.iter().zip(states).chain(between.iter().map(|(p, s)| (p, s))).collect();
     let found: Vec<Option<Slip>> =
@@ -161,14 +166,20 @@ fn in_piece<D: Dynamics + ?Sized>(
     best.filter(|b| cost - b.gain < LIKE * freedom)
 }
 
-/// Residuals without what the piece's state takes of them, and an orthonormal basis of that.
+/// Residuals without what the piece's state and a constant offset of each sensor take of them, and an
+/// orthonormal basis of that: behind a slip every piece has an offset, which is no step.
 fn left<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     piece: &Piece,
     state: &[f64],
     parameters: &[f64],
 ) -> Option<(DVector<f64>, DMatrix<f64>)> {
-    let (residuals, mut derivatives) = problem.linear(piece, state, parameters)?;
+    let (residuals, by_state) = problem.linear(piece, state, parameters)?;
+    let (states, sensors) = (by_state.ncols(), problem.sensors.len());
+    let mut derivatives = by_state.resize_horizontally(states + sensors, 0.0);
+    for row in 0..residuals.len() {
+        derivatives[(row, states + row % sensors)] = 1.0;
+    }
     // Scaled, since positions and rates differ by orders of magnitude.
     for mut column in derivatives.column_iter_mut() {
         let norm = column.norm();

@@ -81,7 +81,7 @@ impl Kernels {
 }
 
 /// Unbroken stretches whose series can be evaluated: what rows are made of.
-pub(crate) trait Stretches: Sync {
+pub trait Stretches: Sync {
     /// Number of stretches.
     fn count(&self) -> usize;
 
@@ -150,7 +150,7 @@ impl Plan {
 }
 
 /// Rows of every window of every stretch, in order of time; the same on any number of threads.
-pub(crate) fn rows_of(
+pub fn rows_of(
     source: &impl Stretches,
     equations: &[Equation],
     kernels: &Kernels,

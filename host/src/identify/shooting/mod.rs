@@ -14,6 +14,7 @@ pub mod problem;
 pub mod run;
 pub mod solve;
 pub mod track;
+mod with_offsets;
 
 use indicatif::ProgressBar;
 use nalgebra::DVector;
@@ -23,7 +24,7 @@ use super::per_record::Split;
 use super::prepared::{Prepared, prepare_moving};
 use super::regression::{frequency_dots, identification_error};
 use super::series::System;
-use super::slips::{self, Slip};
+use super::slips::{self, Placed, Slip};
 use super::stretches::Stretch;
 use super::track::{Along, Pieces, Track};
 use super::{Identification, Residuals, Settings as WeakSettings, built_in, identifiability, windows};
@@ -35,8 +36,9 @@ use crate::rig::Rig;
 use crate::rig::measures::Bound;
 use crate::system::ties::Identified;
 use crate::warning::Warning;
-use problem::Piece;
+use problem::{Piece, Problem};
 use run::{Failure, Outcome, REPEATING};
+use with_offsets::WithOffsets;
 
 /// Ratio of residuals to the sensors' noise from which the model is said to miss something.
 pub const MISSES: f64 = 1.2;
@@ -104,13 +106,45 @@ pub fn identify(
     let first = super::identify(records, rig, weak)?;
     let prepared = prepare_moving(records, &own, bound, weak)?;
     let (motion, names) = built_in::equations_of_motion(rig, &own, bound)?;
-    let shot = shoot((&*motion, &names), (&own, bound), &prepared, &first, settings, progress).map_err(|e| {
-        match records.first() {
-            Some(r) if e.place.is_none() => e.in_file(&r.path),
-            _ => e,
-        }
+    let given = Given { motion: &*motion, names: &names, rig: &own, bound, prepared: &prepared, first: &first };
+    let shot = shoot(&given, false, settings, progress).map_err(|e| match records.first() {
+        Some(r) if e.place.is_none() => e.in_file(&r.path),
+        _ => e,
     })?;
     finish(first, (rig, &own, bound), &names, &prepared, shot)
+}
+
+/// Slips that shooting shows where every piece has its sensors' zeros to itself: where slips before
+/// it would otherwise spoil the parameters. `first`: the weak form's result.
+///
+/// # Errors
+/// As [`identify`].
+pub fn slips(
+    records: &[Record],
+    rig: &Rig,
+    weak: &WeakSettings,
+    first: &Identification,
+    progress: &ProgressBar,
+) -> Result<Vec<Placed>> {
+    let own = built_in::written(rig)?;
+    let bound = built_in::bound(&own)?;
+    let prepared = prepare_moving(records, &own, bound, weak)?;
+    let (motion, names) = built_in::equations_of_motion(rig, &own, bound)?;
+    let given = Given { motion: &*motion, names: &names, rig: &own, bound, prepared: &prepared, first };
+    let shot = shoot(&given, true, &Settings::default(), progress)?;
+    Ok(slips::placed(&shot.slips, bound, &prepared))
+}
+
+/// What a run starts from.
+struct Given<'a> {
+    motion: &'a dyn Dynamics,
+    /// Names of its parameters.
+    names: &'a [String],
+    rig: &'a Rig,
+    bound: &'a Bound,
+    prepared: &'a Prepared,
+    /// The weak form's result.
+    first: &'a Identification,
 }
 
 /// A run with the length of its pieces at each level, s, and the slips that it shows.
@@ -120,15 +154,10 @@ struct Shot {
     slips: Vec<Slip>,
 }
 
-/// Pieces, start, bounds, levels; then the run.
-fn shoot(
-    (motion, names): (&dyn Dynamics, &[String]),
-    (rig, bound): (&Rig, &Bound),
-    prepared: &Prepared,
-    first: &Identification,
-    settings: &Settings,
-    progress: &ProgressBar,
-) -> Result<Shot> {
+/// Pieces, start, bounds, levels; then the run, `offsets` saying whether every piece has its sensors'
+/// zeros to itself.
+fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &ProgressBar) -> Result<Shot> {
+    let Given { motion, names, rig, bound, prepared, first } = *given;
     let Prepared { stretches, sensors, geometry, .. } = prepared;
     let omega = rig.drive.map_or(0.0, |_| rig.omega());
     let along: Vec<Along> = stretches.iter().map(|s| Along::new(s, omega)).collect();
@@ -146,7 +175,7 @@ fn shoot(
     let mut levels: Vec<usize> = [4, 2, 1].iter().map(|d| length / d).filter(|l| *l >= FEWEST_SAMPLES).collect();
     levels.dedup();
     let guess = ((0.05 * period_s / track.spacing_s).round() as usize).clamp(4, 16).min(levels[0]);
-    let Pieces { pieces, guesses, .. } = track
+    let Pieces { pieces, mut guesses, .. } = track
         .cut(length, guess)
         .ok_or_else(|| BadInput::new("sensors that do not give all coordinates", "one sensor for each coordinate"))?;
     let start: Vec<f64> = names
@@ -164,7 +193,15 @@ fn shoot(
         bounds[i] = [*low, *high];
     }
     let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
-    let problem = track.problem(motion, period_s, &at);
+    let wide = offsets.then(|| WithOffsets::new(motion, track.sensors.len()));
+    let (motion, shown) = match &wide {
+        Some(wide) => (wide as &dyn Dynamics, wide.sensors(&track.sensors)),
+        None => (motion, track.sensors.clone()),
+    };
+    if let Some(wide) = &wide {
+        guesses.iter_mut().for_each(|g| *g = wide.state(g));
+    }
+    let problem = Problem { sensors: &shown, ..track.problem(motion, period_s, &at) };
     progress.set_length(EXPECTED_ROUNDS);
     let mut tick = || {
         if progress.position() + 1 < EXPECTED_ROUNDS {
@@ -175,7 +212,7 @@ fn shoot(
     let outcome = run::run(problem, pieces, guesses, &start, &bounds, &levels, &mut tick);
     progress.finish_and_clear();
     let outcome = outcome.map_err(failed)?;
-    let problem = track.problem(motion, outcome.step_s, &at);
+    let problem = Problem { sensors: &shown, ..track.problem(motion, outcome.step_s, &at) };
     let first = |p: &Piece| (track.since_begin(p) / track.spacing_s).round() as usize;
     let fit = &outcome.fit;
     let slips = slips::find(&problem, (&outcome.pieces, &fit.states), &fit.parameters, &first, &sensors.count);
