@@ -20,7 +20,10 @@ const COUNTS: f64 = 1.5;
 /// How long it must, as a share of a window: two and a half periods of a drive.
 const STILL: f64 = 0.125;
 
-/// Splits stretches at standstills, unless no window of `window_s` would be left; whether it did.
+/// Share of the windows in motion that must be left.
+const WORTH: f64 = 0.25;
+
+/// Splits stretches at standstills, unless too few windows of `window_s` would be left; whether it did.
 /// `count`: size of one count of each sensor. Warns of what is left out.
 pub fn leave_out(
     stretches: &mut Vec<Stretch>,
@@ -46,7 +49,11 @@ pub fn leave_out(
         }
         left_out_s += still.iter().map(|(a, b)| b - a).sum::<usize>() as f64 * stretch.step_s;
     }
-    if !kept.iter().any(|s| s.len() as f64 * s.step_s > window_s) {
+    // A motion that stops and goes would be left in pieces too short for a window.
+    let room = |list: &[Stretch]| list.iter().map(|s| (s.len() as f64 * s.step_s - window_s).max(0.0)).sum::<f64>();
+    let moves = |list: &[Stretch]| list.iter().map(|s| s.len() as f64 * s.step_s).sum::<f64>();
+    let share = moves(&kept) / moves(stretches);
+    if room(&kept) <= WORTH * share * room(stretches) {
         return false;
     }
     warnings.push(Warning::new(
@@ -151,6 +158,9 @@ mod tests {
         assert!(leave_out(&mut stretches, &mut records, (&bound, &COUNT, 3.0), &mut warnings));
         assert!(stretches.len() == 1 && (stretches[0].len() as i64 - 2000).abs() < 30 && warnings.len() == 1);
         assert_eq!(records, [3]);
+        // Stop and go: what is left would have no room for windows.
+        let mut goes = vec![stretch(|t| if t % 2.0 < 1.3 { (7.0 * t).sin() } else { 0.1 })];
+        assert!(!leave_out(&mut goes, &mut records, (&bound, &COUNT, 3.0), &mut warnings) && goes.len() == 1);
         // Nothing long enough would be left: what to say of such a record is for others to decide.
         let mut all = vec![stretch(|_| 0.1)];
         assert!(!leave_out(&mut all, &mut records, (&bound, &COUNT, 3.0), &mut warnings));
