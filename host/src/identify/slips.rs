@@ -15,7 +15,7 @@
 //! step at the end of a piece is taken for its state.
 //!
 //! Limits: the place is right to a few samples; two slips within half a piece are found one after the
-//! other; sensors that count alone.
+//! other; sensors that count alone; nothing is said where the equations miss something besides.
 
 use std::borrow::Cow;
 
@@ -36,13 +36,14 @@ use crate::warning::Warning;
 
 /// Least gain in units of the noise's variance: eight standard deviations, by chance 10⁻¹⁵ a look.
 const LIMIT: f64 = 64.0;
-/// Mean square of a piece without its step, in units of the noise's variance.
-const LIKE: f64 = 1.44;
+/// Mean square of a piece without its step, in units of what the pieces leave in the middle (of the
+/// noise's variance where that is more): five standard deviations of it for 400 samples of two sensors.
+const LIKE: f64 = 1.25;
 /// Samples within which two pieces show one step.
 const SAME: usize = 12;
 /// Times that what is found is taken back and everything identified again: where slips are many, the
 /// offsets that they leave hide the later ones at first.
-const MOST_ROUNDS: usize = 8;
+const MOST_ROUNDS: usize = 4;
 /// Most samples of all records that are looked at where nobody asked for a fit by shooting.
 const MOST_SAMPLES: usize = 200_000;
 /// Places that a text names.
@@ -90,9 +91,15 @@ pub fn find<D: Dynamics + ?Sized>(
     }
     let between = overlapping(problem, (pieces, states), parameters);
     let all: Vec<(&Piece, &Vec<f64>)> = pieces.iter().zip(states).chain(between.iter().map(|(p, s)| (p, s))).collect();
-    let found: Vec<Option<Slip>> =
-        all.par_iter().map(|(piece, state)| in_piece(problem, piece, state, parameters, first(piece), count)).collect();
-    let mut found: Vec<Slip> = found.into_iter().flatten().collect();
+    let steps: Vec<Step> = all
+        .par_iter()
+        .filter_map(|(piece, state)| in_piece(problem, piece, state, parameters, first(piece), count))
+        .collect();
+    let mut left: Vec<f64> = steps.iter().map(|s| s.before).collect();
+    left.sort_by(f64::total_cmp);
+    let usual = left.get(left.len() / 2).map_or(1.0, |m| m.max(1.0));
+    let believed = |s: &Step| s.slip.filter(|_| s.behind < LIKE * usual);
+    let mut found: Vec<Slip> = steps.iter().filter_map(believed).collect();
     found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let mut kept: Vec<Slip> = Vec::new();
     for f in found {
@@ -129,7 +136,15 @@ fn overlapping<D: Dynamics + ?Sized>(
     (0..pieces.len().saturating_sub(1)).into_par_iter().filter_map(one).collect()
 }
 
-/// The greatest step of a piece, if it is believed.
+/// The greatest step of a piece, if any exceeds the limit, and the mean squares that the piece leaves
+/// with and without it.
+struct Step {
+    slip: Option<Slip>,
+    before: f64,
+    behind: f64,
+}
+
+/// Looks for the greatest step of a piece.
 fn in_piece<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     piece: &Piece,
@@ -137,7 +152,7 @@ fn in_piece<D: Dynamics + ?Sized>(
     parameters: &[f64],
     first: usize,
     count: &[Option<f64>],
-) -> Option<Slip> {
+) -> Option<Step> {
     let (residuals, basis) = left(problem, piece, state, parameters)?;
     let sensors = problem.sensors.len();
     let samples = residuals.len() / sensors;
@@ -163,7 +178,8 @@ fn in_piece<D: Dynamics + ?Sized>(
         }
     }
     let freedom = (residuals.len() - basis.ncols()).max(1) as f64;
-    best.filter(|b| cost - b.gain < LIKE * freedom)
+    let behind = (cost - best.map_or(0.0, |b| b.gain)) / freedom;
+    Some(Step { slip: best, before: cost / freedom, behind })
 }
 
 /// Residuals without what the piece's state and a constant offset of each sensor take of them, and an
@@ -203,7 +219,8 @@ pub fn placed(slips: &[Slip], bound: &Bound, prepared: &Prepared) -> Vec<Placed>
 }
 
 /// Runs an identification, takes back the slips that it finds, and runs it again until it finds no
-/// more; the records as they then are. Each channel's slips are told by a warning.
+/// more; the records as they then are. Each channel's slips are told by a warning. Where the equations
+/// miss something all the same, what looked like slips may be that: nothing is taken back.
 ///
 /// # Errors
 /// Those of `run`.
@@ -211,19 +228,34 @@ pub fn without<'a>(
     records: &'a [Record],
     mut run: impl FnMut(&[Record]) -> Result<Identification>,
 ) -> Result<(Identification, Cow<'a, [Record]>)> {
-    let mut mended = Cow::Borrowed(records);
-    let mut all: Vec<Placed> = Vec::new();
-    let mut found = run(&mended)?;
-    for _ in 0..MOST_ROUNDS {
-        if found.slips.is_empty() {
-            break;
-        }
-        take_back(mended.to_mut(), &found.slips);
-        all.extend(&found.slips);
-        found = run(&mended)?;
+    let plain = run(records)?;
+    if plain.slips.is_empty() {
+        return Ok((plain, Cow::Borrowed(records)));
     }
-    found.warnings.extend(warnings(records, &all));
-    Ok((found, mended))
+    let (mut mended, mut all) = (records.to_vec(), Vec::new());
+    let mut slips = plain.slips.clone();
+    for _ in 0..MOST_ROUNDS {
+        take_back(&mut mended, &slips);
+        all.append(&mut slips);
+        let mut found = run(&mended)?;
+        if found.slips.is_empty() {
+            if !explains(&found) {
+                break;
+            }
+            found.warnings.extend(warnings(records, &all));
+            return Ok((found, Cow::Owned(mended)));
+        }
+        slips.clone_from(&found.slips);
+    }
+    Ok((plain, Cow::Borrowed(records)))
+}
+
+/// Whether the equations leave nothing but the sensors' noise.
+fn explains(found: &Identification) -> bool {
+    let noise = |s: &shooting::Details| s.converged && s.noise_ratio.iter().all(|r| *r < shooting::MISSES);
+    found.not_by_shooting.is_none()
+        && found.shooting.as_ref().is_some_and(noise)
+        && !found.warnings.iter().any(|w| w.invalidates)
 }
 
 /// Takes slips back.

@@ -150,6 +150,19 @@ fn slips_of_one_count_are_named_and_taken_back() {
     }
 }
 
+/// What the equations miss is no slip, although single pieces of it look like one.
+#[test]
+fn a_missing_effect_is_not_told_as_slips() {
+    let (folder, _) = base();
+    let effect = "stribeck-friction@joint2=2e-4,v_s=1";
+    done(folder.path(), &format!("simulate --rig rig.toml --effect {effect} --seconds 40 --seed 57 -o stribeck.csv"));
+    let run = whirl(folder.path(), "identify stribeck.csv --rig rig.toml --json stribeck.json");
+    assert!(run.status < 2, "{run:?}");
+    let result = json(&folder.path().join("stribeck.json"));
+    let ids: Vec<&str> = result["warnings"].as_array().unwrap().iter().map(|w| w["id"].as_str().unwrap()).collect();
+    assert!(ids.contains(&"model-misses-something") && !ids.contains(&"count-slip"), "{ids:?}");
+}
+
 #[test]
 fn bits_rows_and_held_samples() {
     named("bit2", |x| x.iter_mut().for_each(|r| r[1] |= 4), "stuck-bit", None, 1);
