@@ -273,10 +273,15 @@ fn npz(arrays: &[Vec<u8>; 3]) -> Vec<u8> {
 /// A LabVIEW measurement of the columns t, count1 and count2, in two segments.
 fn lvm(columns: &[Vec<f64>; 3]) -> Vec<u8> {
     let end = "***End_of_Header***\t\n";
-    let mut out = format!("LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n{end}\t\n");
+    let mut out = format!(
+        "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n{end}\t\n"
+    );
     for i in 0..1000 {
         if i % 500 == 0 {
-            out += &format!("Channels\t2\nDate\t2026/11/23\nTime\t12:00:0{}.25\nX0\t0\nDelta_X\t0.002\n{end}X_Value\tcount1\tcount2\tComment\n", i / 500);
+            out += &format!(
+                "Channels\t2\nDate\t2026/11/23\nTime\t12:00:0{}.25\nX0\t0\nDelta_X\t0.002\n{end}X_Value\tcount1\tcount2\tComment\n",
+                i / 500
+            );
         }
         out += &format!("{:.3}\t{}\t{}\n", columns[0][i % 500], columns[1][i], columns[2][i]);
     }

@@ -162,13 +162,9 @@ impl Bench {
         match input {
             Input::Decoder => Ok(decoder(bytes)),
             Input::Console => Ok(console(bytes)),
-            Input::Csv
-            | Input::CsvGz
-            | Input::Parquet
-            | Input::Npz
-            | Input::Mat
-            | Input::Hdf5
-            | Input::Lvm => self.record(input, bytes, depth),
+            Input::Csv | Input::CsvGz | Input::Parquet | Input::Npz | Input::Mat | Input::Hdf5 | Input::Lvm => {
+                self.record(input, bytes, depth)
+            }
             Input::Rig => self.rig(&text()?),
             Input::Model => model(&text()?),
             Input::Effect => self.effect(&text()?),

@@ -109,7 +109,9 @@ fn tried(page: &Path) -> (usize, Vec<String>) {
         SHORTER.iter().for_each(|(from, to)| short = short.replace(from, to));
         let run = run(folder.path(), &short);
         let fine = match WITHOUT.iter().find(|(part, _)| command.contains(part)) {
-            Some((_, says)) => run.status == 0 || (run.status == 2 && run.stderr.contains(says) && !run.stderr.contains("Usage")),
+            Some((_, says)) => {
+                run.status == 0 || (run.status == 2 && run.stderr.contains(says) && !run.stderr.contains("Usage"))
+            }
             // A record so short may leave an answer open.
             None => run.status < 2,
         };
@@ -142,7 +144,9 @@ fn commands_within_the_text_are_there() {
         for command in inline(&std::fs::read_to_string(&page).unwrap()) {
             count += 1;
             let words: Vec<&str> = command.split(' ').skip(1).collect();
-            let called = words.iter().take_while(|w| w.chars().all(|c| c.is_ascii_lowercase() || c == '-') && !w.starts_with('-'));
+            let called = words
+                .iter()
+                .take_while(|w| w.chars().all(|c| c.is_ascii_lowercase() || c == '-') && !w.starts_with('-'));
             // Of `batch merge` and `device set` the second word is a command too.
             let most = if ["batch", "device", "list"].contains(words.first().unwrap_or(&"")) { 2 } else { 1 };
             let sub = called.take(most).copied().collect::<Vec<_>>().join(" ");
@@ -150,7 +154,8 @@ fn commands_within_the_text_are_there() {
             if run.status != 0 {
                 wrong.push(format!("{}: {command}: no command {sub}", page.display()));
             }
-            let options = words.iter().map(|w| w.trim_matches(|c| "[]()|,.;".contains(c)).split('=').next().unwrap_or_default());
+            let options =
+                words.iter().map(|w| w.trim_matches(|c| "[]()|,.;".contains(c)).split('=').next().unwrap_or_default());
             for option in options.filter(|w| w.starts_with("--") && w.len() > 2) {
                 if !run.stdout.contains(option) {
                     wrong.push(format!("{}: {command}: no option {option}", page.display()));

@@ -69,7 +69,8 @@ fn schemas(at: &std::path::Path) {
         let before = std::fs::read(&path).ok().map(|b| serde_json::from_slice::<Value>(&b).unwrap());
         let results: Vec<Value> = names.iter().map(|n| json(&at.join(format!("{n}.json")))).collect();
         let bless = std::env::var_os("WHIRL_BLESS").is_some();
-        let now = schema::schema(&page, command, &if bless { results.iter().collect() } else { vec![] }, before.as_ref());
+        let now =
+            schema::schema(&page, command, &if bless { results.iter().collect() } else { vec![] }, before.as_ref());
         if bless {
             std::fs::create_dir_all(&folder).unwrap();
             std::fs::write(&path, serde_json::to_string_pretty(&now).unwrap() + "\n").unwrap();

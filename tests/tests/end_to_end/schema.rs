@@ -33,7 +33,8 @@ pub fn page(text: &str) -> Page {
             path = rest.split('`').next().unwrap_or_default().to_owned();
         } else if let Some((keys, what)) = line.strip_prefix("| `").and_then(|l| l.split_once(" | ")) {
             let what = what.trim_end_matches(" |");
-            let keys: Vec<String> = keys.split('`').step_by(2).filter(|k| !k.trim().is_empty()).map(str::to_owned).collect();
+            let keys: Vec<String> =
+                keys.split('`').step_by(2).filter(|k| !k.trim().is_empty()).map(str::to_owned).collect();
             let table = page.entry(command.clone()).or_default().entry(path.clone()).or_default();
             keys.into_iter().for_each(|key| table.push((key, of_words(what))));
         }
@@ -59,7 +60,10 @@ fn of_words(what: &str) -> Key {
     Key {
         null: what.contains("`null`"),
         left_out: what.to_lowercase().contains("left out"),
-        text: text.replace(" Left out where there is none.", "").replace(" `null` where there is none.", "").replace('`', ""),
+        text: text
+            .replace(" Left out where there is none.", "")
+            .replace(" `null` where there is none.", "")
+            .replace('`', ""),
         as_of,
     }
 }
@@ -124,7 +128,8 @@ fn object(page: &Page, command: &str, path: &str, found: &[&Value], before: Opti
 /// Adds a type, where types are told at all.
 fn with_type(schema: &mut Map<String, Value>, kind: &str) {
     if let Some(of) = schema.get("type").cloned() {
-        let mut all = if of.is_string() { BTreeSet::from([of.as_str().unwrap_or_default().to_owned()]) } else { strings(&of) };
+        let mut all =
+            if of.is_string() { BTreeSet::from([of.as_str().unwrap_or_default().to_owned()]) } else { strings(&of) };
         all.insert(kind.to_owned());
         schema.insert("type".into(), types(&all));
     }
@@ -249,7 +254,10 @@ mod tests {
         };
         assert!(told(result.clone()).is_empty());
         assert_eq!(told(json!({ "format": 2, "a": null, "list": [{}], "warnings": 3 })).len(), 3);
-        assert_eq!(told(json!({ "format": 1, "a": "1", "list": [], "warnings": [] })), ["x.a: string instead of [\"null\",\"number\"]"]);
+        assert_eq!(
+            told(json!({ "format": 1, "a": "1", "list": [], "warnings": [] })),
+            ["x.a: string instead of [\"null\",\"number\"]"]
+        );
         // Built again from itself it stays as it is.
         assert_eq!(super::schema(&page, "x", &[], Some(&schema)), schema);
     }
