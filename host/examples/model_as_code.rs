@@ -1,6 +1,6 @@
 //! A model that leaves: a record of the shipped rig, its identified model as a file, and that model as Python and C.
 //!
-//! `cargo run --release -p whirl --example model_as_code`
+//! `cargo run --release -p whirl-cli --example model_as_code`
 
 use std::ffi::OsString;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! Commands as functions: a CSV as a lab's own program writes it, `init`, `identify`, and the answer for people and as JSON.
 //!
-//! `cargo run --release -p whirl --example own_file_to_answer`
+//! `cargo run --release -p whirl-cli --example own_file_to_answer`
 
 use std::ffi::OsString;
 use std::fmt::Write as _;

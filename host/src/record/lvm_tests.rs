@@ -37,7 +37,8 @@ fn one_column_of_times_none_and_one_a_channel() {
     let one = format!("{HEAD}{}", segment("12:00:00.5", "X_Value\tAngle\tForce\tComment"));
     let one =
         one + &rows(0..60, |i, t, x| format!("{t:.6}\t{x:.6}\t1.5{}", if i == 0 { "\tbegun by hand" } else { "" }));
-    let none = one.replace("X_Columns\tOne", "X_Columns\tNo").lines().map(|l| match l.split_once('\t') {
+    let none = one.replace("X_Columns\tOne", "X_Columns\tNo");
+    let none = none.lines().map(|l| match l.split_once('\t') {
         Some((t, rest)) if t.contains("0.") => format!("\t{rest}\r\n"),
         _ => format!("{l}\r\n"),
     });

@@ -71,22 +71,28 @@ fn of_words(what: &str) -> Key {
 /// Paths that are maps from names of things: their keys are no keys of results.
 const MAPS: [&str; 7] = ["known", "verdicts", "initial", "options", "std_errors", "settings.known", "goals"];
 
-/// Builds the schema of a command's result from the page, with the types of real results and of the schema that there was.
+/// Builds the schema of a command's result from the page, with the types of real results and of the schema that there was. What is required is so where
+/// nothing went wrong with the record: otherwise `error` says what.
 pub fn schema(page: &Page, command: &str, results: &[&Value], before: Option<&Value>) -> Value {
-    let mut schema = object(page, command, "", results, before, 0);
+    let before = before.cloned().map(|mut b| {
+        b["required"] = b["else"]["required"].take();
+        b
+    });
+    let mut schema = object(page, command, "", results, before.as_ref(), 0);
     schema["properties"]["format"] = json!({ "const": 1, "description": "Version of the result." });
-    require(&mut schema, "format");
-    let mut out = Map::new();
-    out.insert("$schema".into(), json!("https://json-schema.org/draft/2020-12/schema"));
-    out.insert("title".into(), json!(format!("whirl {command}: the result as JSON")));
-    out.extend(schema.as_object().cloned().unwrap_or_default());
-    Value::Object(out)
-}
-
-fn require(schema: &mut Value, key: &str) {
-    let mut all: BTreeSet<String> = strings(&schema["required"]);
-    all.insert(key.to_owned());
-    schema["required"] = json!(all);
+    schema["properties"]["error"] = json!({
+        "type": "string",
+        "description": "Where a record is at fault, so that nothing could be computed: the message. Only format, parameters and warnings stand beside it.",
+    });
+    json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": format!("whirl {command}: the result as JSON"),
+        "type": "object",
+        "required": ["format"],
+        "if": { "required": ["error"] },
+        "else": { "required": schema["required"] },
+        "properties": schema["properties"],
+    })
 }
 
 fn strings(list: &Value) -> BTreeSet<String> {
@@ -215,7 +221,11 @@ pub fn violations(value: &Value, schema: &Value, path: &str, out: &mut Vec<Strin
         }
     }
     if let Some(object) = value.as_object() {
-        for key in strings(schema.get("required").unwrap_or(&Value::Null)) {
+        let mut required = strings(schema.get("required").unwrap_or(&Value::Null));
+        if let Some(otherwise) = schema.get("else").filter(|_| !object.contains_key("error")) {
+            required.extend(strings(&otherwise["required"]));
+        }
+        for key in required {
             if !object.contains_key(&key) {
                 out.push(format!("{path}.{key}: missing"));
             }
@@ -243,7 +253,8 @@ mod tests {
         );
         let result = json!({ "format": 1, "a": 1.5, "list": [{ "d": "x" }], "warnings": [], "b": 2 });
         let schema = schema(&page, "x", &[&result], None);
-        assert_eq!(schema["required"], json!(["a", "format", "list", "warnings"]));
+        assert_eq!(schema["else"]["required"], json!(["a", "list", "warnings"]));
+        assert_eq!(schema["required"], json!(["format"]));
         assert_eq!(schema["properties"]["a"]["type"], json!(["null", "number"]));
         assert_eq!(schema["properties"]["list"]["items"]["properties"]["d"]["type"], "string");
         assert_eq!(schema["properties"]["b"]["description"], "Two.");
@@ -253,6 +264,7 @@ mod tests {
             out
         };
         assert!(told(result.clone()).is_empty());
+        assert!(told(json!({ "format": 1, "parameters": [], "warnings": [], "error": "a dead channel" })).is_empty());
         assert_eq!(told(json!({ "format": 2, "a": null, "list": [{}], "warnings": 3 })).len(), 3);
         assert_eq!(
             told(json!({ "format": 1, "a": "1", "list": [], "warnings": [] })),
