@@ -151,13 +151,13 @@ fn variable(file: &mut BufReader<File>, little: bool, place: Place, path: &Path,
     let at = format!("variable {name}");
     let outer = with_array(file, little, place, |s| {
         let head = head(s)?;
-        Ok(checked(&head, place, path, name).map(|(skipped, count)| values(s, skipped, count)))
+        Ok(checked(&head, place, path, name).map(|part| values(s, part)))
     });
     outer.map_err(|e| damaged(path, &at, e))??.map_err(|e| damaged(path, &at, e))
 }
 
-/// How many values come before those of an array, or of its column, that can be a channel, and how many these are.
-fn checked(head: &Head, place: Place, path: &Path, name: &str) -> Result<(usize, usize)> {
+/// What can be a channel of an array, itself or one of its columns: how many values come before, how many these are, and how many the array has.
+fn checked(head: &Head, place: Place, path: &Path, name: &str) -> Result<[usize; 3]> {
     let (what, remedy) = match (head.class, place.column) {
         (1, _) => {
             ("an empty cell array, or one too deep within others", "Save the vector itself as a variable of its own")
@@ -174,23 +174,23 @@ fn checked(head: &Head, place: Place, path: &Path, name: &str) -> Result<(usize,
         (6..=15, _) if head.complex => ("a complex array", "Save its real part, real(x)"),
         (6..=15, None) => {
             let whole = head.shape.checked(path, name);
-            return whole.map(|count| (0, count)).map_err(|e| match head.shape.columns() {
+            return whole.map(|count| [0, count, count]).map_err(|e| match head.shape.columns() {
                 Some(_) => e.remedy(format!("Name one of its columns: \"{name}(:,1)\"")),
                 None => e,
             });
         }
         (6..=15, Some(k)) => {
-            let (rows, _) = head.shape.columns().unwrap_or((0, 0));
+            let (rows, columns) = head.shape.columns().unwrap_or((0, 0));
             // As many as fit into memory: the walk lists no others.
-            return Ok((k * rows, rows));
+            return Ok([k * rows, rows, rows * columns]);
         }
         _ => ("something unknown", "Save the vector itself as a variable of its own"),
     };
     Err(BadInput::new(what, "a vector of real numbers").in_file(path).at(format!("variable {name}")).remedy(remedy))
 }
 
-/// The real part, so many values of it. Values are stored in the smallest type that holds them, whatever the array's class.
-fn values<R: Read>(s: &mut Source<R>, skipped: usize, count: usize) -> std::io::Result<Array> {
+/// The real part: `count` of its `all` values, behind those that are skipped. Values are stored in the smallest type that holds them, whatever the array's class.
+fn values<R: Read>(s: &mut Source<R>, [skipped, count, all]: [usize; 3]) -> std::io::Result<Array> {
     let (kind, size, small) = s.tag()?;
     let width = match kind {
         1 | 2 => 1,
@@ -199,13 +199,11 @@ fn values<R: Read>(s: &mut Source<R>, skipped: usize, count: usize) -> std::io::
         9 | 12 | 13 => 8,
         other => return Err(invalid(format!("values of type {other}"))),
     };
-    // A column of a matrix has others behind it.
-    let needed = width as u64 * (skipped as u64 + count as u64);
-    if u64::from(size) < needed {
-        return Err(invalid(format!("{size} bytes for {} values of {width} bytes", skipped + count)));
+    if u64::from(size) != width as u64 * all as u64 {
+        return Err(invalid(format!("{size} bytes for {all} values of {width} bytes")));
     }
     let mut chunk = match small {
-        Some(d) => d[(skipped * width).min(4)..(needed as usize).min(4)].to_vec(),
+        Some(d) => d[(skipped * width).min(4)..((skipped + count) * width).min(4)].to_vec(),
         None => {
             s.skip(width as u64 * skipped as u64)?;
             Vec::new()
