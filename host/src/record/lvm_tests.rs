@@ -76,7 +76,7 @@ fn segments_stand_where_their_clock_says() {
     assert!((r.segments[1].start_s - 2.0).abs() < 1e-9, "{}", r.segments[1].start_s);
     assert_eq!(r.segments[1].columns[0], Column::Values((200..260).map(swing).collect()));
     let message = read(&(first + &segment("12:00:02.5", "X_Value\tOther\tForce")), "Angle").unwrap_err().to_string();
-    assert!(message.contains("a segment of the columns Other, Force"), "{message}");
+    assert!(message.contains("a segment of the columns \"Other, Force\""), "{message}");
 }
 
 #[test]

@@ -227,9 +227,9 @@ fn twice(path: &Path, name: &str) -> BadInput {
         .remedy("Rename one of them")
 }
 
-/// The name of a field behind the structures that it stands in: `t` of `run.data.t`.
+/// The name of a field or dataset behind the structures or groups that it stands in: `t` of `run.data.t` and of `run/t`.
 fn last_part(name: &str) -> Option<&str> {
-    name.rsplit_once('.').map(|(_, last)| last)
+    name.rsplit_once(['.', '/']).map(|(_, last)| last)
 }
 
 /// The column of a name: as it stands, or the only one that differs in letters' case and separators alone, or the only field of a structure that is called so.

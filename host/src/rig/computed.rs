@@ -86,6 +86,12 @@ pub(crate) fn sources(channels: &[Channel], path: &Path) -> Result<Sources> {
                 .at(format!("channel {} (\"{}\"), character {at} of its name", i + 1, channel.name))
                 .remedy(remedy)
         })?;
+        if !node.any(&|_| true) {
+            return Err(BadInput::new("an expression without a column", "names of columns in it, such as =2*a - b")
+                .in_file(path)
+                .at(format!("channel {} (\"{}\")", i + 1, channel.name))
+                .remedy("A column whose own name begins with = stands in braces: ={=name}"));
+        }
         columns = names.columns.into_inner();
         from.push(From::Expression(node));
     }
@@ -271,6 +277,7 @@ mod tests {
             ("=a'", &["a derivative of a"]),
             ("={}", &["a column's name in braces"]),
             ("=", &["nothing"]),
+            ("=1+1", &["channel 1", "without a column"]),
         ] {
             let message = rig(&[(name, "mm")]).unwrap_err().to_string().replace('"', "\\\"");
             assert!(parts.iter().all(|p| message.contains(p)), "{name}: {message}");
