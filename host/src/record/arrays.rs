@@ -82,10 +82,12 @@ impl Shape {
     }
 }
 
-/// The arrays of a file, and whether they may be channels: vectors of numbers that are more than one.
+/// The arrays of a file, and whether they may be channels: vectors of numbers that are more than one, the longest ones of the file (others are no
+/// columns beside them).
 pub(super) fn listed(names: &[String], mut get: impl FnMut(&str) -> Result<Array>) -> Vec<Listed> {
-    let mut number = |name: &str| get(name).is_ok_and(|a| a.len() > 1);
-    names.iter().map(|name| Listed { name: name.clone(), is_number: number(name) }).collect()
+    let lengths: Vec<usize> = names.iter().map(|name| get(name).map_or(0, |a| a.len())).collect();
+    let longest = lengths.iter().copied().max().unwrap_or(0).max(2);
+    std::iter::zip(names, lengths).map(|(name, n)| Listed { name: name.clone(), is_number: n == longest }).collect()
 }
 
 /// Makes the record from the arrays of a file.
