@@ -80,16 +80,22 @@ pub fn schema(page: &Page, command: &str, results: &[&Value], before: Option<&Va
     });
     let mut schema = object(page, command, "", results, before.as_ref(), 0);
     schema["properties"]["format"] = json!({ "const": 1, "description": "Version of the result." });
-    schema["properties"]["error"] = json!({
-        "type": "string",
-        "description": "Where a record is at fault, so that nothing could be computed: the message. Only format, parameters and warnings stand beside it.",
-    });
+    let message = "Where a record is at fault, so that nothing could be computed: the message. Only format, parameters and warnings stand beside it.";
+    match schema["properties"].get_mut("error").and_then(Value::as_object_mut) {
+        // A result that has a key of this name.
+        Some(own) => {
+            let told = own["description"].as_str().unwrap_or_default().to_owned();
+            own.insert("description".into(), json!(format!("{told} As a string: {message}")));
+            with_type(own, "string");
+        }
+        None => schema["properties"]["error"] = json!({ "type": "string", "description": message }),
+    }
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": format!("whirl {command}: the result as JSON"),
         "type": "object",
         "required": ["format"],
-        "if": { "required": ["error"] },
+        "if": { "required": ["error"], "properties": { "error": { "type": "string" } } },
         "else": { "required": schema["required"] },
         "properties": schema["properties"],
     })
@@ -222,7 +228,7 @@ pub fn violations(value: &Value, schema: &Value, path: &str, out: &mut Vec<Strin
     }
     if let Some(object) = value.as_object() {
         let mut required = strings(schema.get("required").unwrap_or(&Value::Null));
-        if let Some(otherwise) = schema.get("else").filter(|_| !object.contains_key("error")) {
+        if let Some(otherwise) = schema.get("else").filter(|_| !object.get("error").is_some_and(Value::is_string)) {
             required.extend(strings(&otherwise["required"]));
         }
         for key in required {
