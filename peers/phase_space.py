@@ -5,7 +5,7 @@ cKDTree (false nearest neighbours, largest Lyapunov exponent).
     whirl simulate --rig rigs/chaotic.toml --seconds 1340 --seed 1 -o record.csv
     pip install numpy scipy numba
     python3 peers/phase_space.py record.csv
-    WHIRL_BENCH_RECORD=record.csv cargo bench -p whirl --bench phase_space
+    WHIRL_BENCH_RECORD=record.csv cargo bench -p whirl-cli --bench phase_space
 
 Times are medians of several runs, wall clock, all cores. cKDTree gets the least work that the method allows: the two nearest
 (itself and one more), no Theiler window, angles on the circle by its `boxsize`; the Lyapunov script the same series, delay,

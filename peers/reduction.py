@@ -1,4 +1,4 @@
-"""Proper orthogonal decomposition by the method of snapshots in numpy's BLAS: the peer of `cargo bench -p whirl --bench reduction`.
+"""Proper orthogonal decomposition by the method of snapshots in numpy's BLAS: the peer of `cargo bench -p whirl-cli --bench reduction`.
 
 Median of the wall times of a few runs, on records of the same sizes made in the same way.
 """

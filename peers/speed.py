@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Public counterparts of `cargo bench -p whirl`, on the same record in the same run.
+"""Public counterparts of `cargo bench -p whirl-cli`, on the same record in the same run.
 
     whirl simulate --rig rigs/chaotic.toml --seconds 1340 --seed 1 -o record.csv
     whirl simulate --rig rigs/chaotic.toml --seconds 1340 --seed 1 -o record.parquet
     pip install numpy scipy numba diffrax
     python3 peers/speed.py record.csv
-    WHIRL_BENCH_RECORD=record.csv WHIRL_BENCH_PARQUET=record.parquet cargo bench -p whirl
+    WHIRL_BENCH_RECORD=record.csv WHIRL_BENCH_PARQUET=record.parquet cargo bench -p whirl-cli
 
 Medians of several runs, wall clock, all cores. Identification: the weak form with sin^4 windows in numpy, from an .npy file (written from
 the CSV beforehand) to parameters. Integration: scipy's LSODA with a right-hand side

@@ -66,6 +66,8 @@ pub struct Samples {
     rows: Vec<u8>,
     rigs: Vec<Vec<u8>>,
     models: Vec<Vec<u8>>,
+    hdf5: Vec<Vec<u8>>,
+    lvm: Vec<u8>,
     commands: Vec<u8>,
 }
 
@@ -107,7 +109,9 @@ impl Samples {
             own_csv,
             parquet,
             foreign: foreign(&folder.path().join("f.parquet"), &columns),
+            lvm: lvm(&columns),
             columns,
+            hdf5: shipped("tests/golden/records", &["plain-7.3.mat", "octave.h5"]),
             frames: std::fs::read(journal::path_of(&path)).expect("a journal"),
             rows,
             rigs: shipped("rigs", &["chaotic.toml", "seed.toml", "single-pendulum.toml", "emps.toml"]),
@@ -126,7 +130,9 @@ impl Samples {
             Input::CsvGz => gzip(&self.csv),
             Input::Parquet => if rng.random() { &self.parquet } else { &self.foreign }.clone(),
             Input::Npz => npz(&self.columns.each_ref().map(|c| npy(c))),
-            Input::Mat => mat(&self.columns),
+            Input::Mat => mat(&self.columns, rng.random()),
+            Input::Hdf5 => any(&self.hdf5, rng),
+            Input::Lvm => self.lvm.clone(),
             Input::Rig => any(&self.rigs, rng),
             Input::Model if rng.random_range(0..3) == 0 => SAVED.as_bytes().to_vec(),
             Input::Model => any(&self.models, rng),
@@ -264,27 +270,52 @@ fn npz(arrays: &[Vec<u8>; 3]) -> Vec<u8> {
     out
 }
 
-/// MATLAB's level 5 format with the vectors t, count1 and count2.
-fn mat(columns: &[Vec<f64>; 3]) -> Vec<u8> {
+/// A LabVIEW measurement of the columns t, count1 and count2, in two segments.
+fn lvm(columns: &[Vec<f64>; 3]) -> Vec<u8> {
+    let end = "***End_of_Header***\t\n";
+    let mut out = format!(
+        "LabVIEW Measurement\t\nWriter_Version\t2\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n{end}\t\n"
+    );
+    for i in 0..1000 {
+        if i % 500 == 0 {
+            out += &format!(
+                "Channels\t2\nDate\t2026/11/23\nTime\t12:00:0{}.25\nX0\t0\nDelta_X\t0.002\n{end}X_Value\tcount1\tcount2\tComment\n",
+                i / 500
+            );
+        }
+        out += &format!("{:.3}\t{}\t{}\n", columns[0][i % 500], columns[1][i], columns[2][i]);
+    }
+    out.into_bytes()
+}
+
+/// A MATLAB file of version 5 with the variables t, count1 and count2, or with t and a structure of the two others.
+fn mat(columns: &[Vec<f64>; 3], structure: bool) -> Vec<u8> {
     let element = |kind: u32, data: &[u8]| {
         let mut out = [kind.to_le_bytes(), (data.len() as u32).to_le_bytes()].concat();
         out.extend(data);
         out.resize(out.len().next_multiple_of(8), 0);
         out
     };
+    let head = |class: u32, rows: usize, name: &str| {
+        let sizes = [(rows as u32).to_le_bytes(), 1_u32.to_le_bytes()].concat();
+        [element(6, &[class.to_le_bytes(), [0; 4]].concat()), element(5, &sizes), element(1, name.as_bytes())].concat()
+    };
+    let array = |name: &str, column: &[f64]| {
+        let numbers: Vec<u8> = column.iter().flat_map(|x| x.to_le_bytes()).collect();
+        element(14, &[head(6, column.len(), name), element(9, &numbers)].concat())
+    };
     let mut out = b"MATLAB 5.0 MAT-file, written by a test".to_vec();
     out.resize(124, b' ');
     out.extend([0, 1, b'I', b'M']);
-    for (name, column) in ["t", "count1", "count2"].iter().zip(columns) {
-        let numbers: Vec<u8> = column.iter().flat_map(|x| x.to_le_bytes()).collect();
-        let sizes = [(column.len() as u32).to_le_bytes(), 1_u32.to_le_bytes()].concat();
-        let body = [
-            element(6, &[6_u32.to_le_bytes(), [0; 4]].concat()),
-            element(5, &sizes),
-            element(1, name.as_bytes()),
-            element(9, &numbers),
-        ];
-        out.extend(element(14, &body.concat()));
+    out.extend(array("t", &columns[0]));
+    if structure {
+        let names = [&b"count1\0\0"[..], b"count2\0\0"].concat();
+        let fields = [element(5, &8_u32.to_le_bytes()), element(1, &names)].concat();
+        let parts = [array("", &columns[1]), array("", &columns[2])].concat();
+        out.extend(element(14, &[head(2, 1, "run"), fields, parts].concat()));
+    } else {
+        out.extend(array("count1", &columns[1]));
+        out.extend(array("count2", &columns[2]));
     }
     out
 }

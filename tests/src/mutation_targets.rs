@@ -42,6 +42,10 @@ pub enum Input {
     Npz,
     /// A record as MATLAB's file.
     Mat,
+    /// A record as HDF5, MATLAB's or another.
+    Hdf5,
+    /// A record as LabVIEW writes it.
+    Lvm,
     /// A rig file.
     Rig,
     /// A model file, or a saved model.
@@ -56,7 +60,7 @@ pub enum Input {
 
 impl Input {
     /// Every kind.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 14] = [
         Self::Decoder,
         Self::Console,
         Self::Csv,
@@ -64,6 +68,8 @@ impl Input {
         Self::Parquet,
         Self::Npz,
         Self::Mat,
+        Self::Hdf5,
+        Self::Lvm,
         Self::Rig,
         Self::Model,
         Self::Effect,
@@ -83,6 +89,8 @@ impl Input {
             Self::Parquet => "r.parquet",
             Self::Npz => "r.npz",
             Self::Mat => "r.mat",
+            Self::Hdf5 => "r.h5",
+            Self::Lvm => "r.lvm",
             Self::Rows => "r.rows.jsonl",
             _ => "r.frames",
         }
@@ -154,7 +162,9 @@ impl Bench {
         match input {
             Input::Decoder => Ok(decoder(bytes)),
             Input::Console => Ok(console(bytes)),
-            Input::Csv | Input::CsvGz | Input::Parquet | Input::Npz | Input::Mat => self.record(input, bytes, depth),
+            Input::Csv | Input::CsvGz | Input::Parquet | Input::Npz | Input::Mat | Input::Hdf5 | Input::Lvm => {
+                self.record(input, bytes, depth)
+            }
             Input::Rig => self.rig(&text()?),
             Input::Model => model(&text()?),
             Input::Effect => self.effect(&text()?),

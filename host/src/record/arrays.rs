@@ -6,11 +6,14 @@ use std::path::Path;
 
 use super::csv::EXACT;
 use super::formats::{Listed, ReadOptions};
-use super::rows::{Cell, ROW_LIMIT, Rows, is_numbered};
+use super::rows::{Cell, ROW_LIMIT, Rows, is_numbered, sources};
 use super::{Record, names, segments};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 use crate::warning::Warning;
+
+/// Most columns of a matrix that are taken one by one.
+const MOST_COLUMNS: usize = 64;
 
 /// A vector read from a file.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,6 +59,13 @@ impl Shape {
         (long <= 1).then(|| self.0.iter().copied().fold(1, u64::saturating_mul))
     }
 
+    /// Rows and columns of a matrix that is higher than wide and fits into memory; none for everything else.
+    pub(super) fn columns(&self) -> Option<(usize, usize)> {
+        let [rows, columns] = self.0[..] else { return None };
+        let (rows, columns) = (usize::try_from(rows).ok()?, usize::try_from(columns).ok()?);
+        (columns > 1 && columns <= MOST_COLUMNS && rows > columns && rows <= ROW_LIMIT).then_some((rows, columns))
+    }
+
     /// The number of elements of a vector that may be read.
     pub(super) fn checked(&self, path: &Path, name: &str) -> Result<usize> {
         let bad =
@@ -72,10 +82,12 @@ impl Shape {
     }
 }
 
-/// The arrays of a file, and whether they may be channels: vectors of numbers that are more than one.
+/// The arrays of a file, and whether they may be channels: vectors of numbers that are more than one, the longest ones of the file (others are no
+/// columns beside them).
 pub(super) fn listed(names: &[String], mut get: impl FnMut(&str) -> Result<Array>) -> Vec<Listed> {
-    let mut number = |name: &str| get(name).is_ok_and(|a| a.len() > 1);
-    names.iter().map(|name| Listed { name: name.clone(), is_number: number(name) }).collect()
+    let lengths: Vec<usize> = names.iter().map(|name| get(name).map_or(0, |a| a.len())).collect();
+    let longest = lengths.iter().copied().max().unwrap_or(0).max(2);
+    std::iter::zip(names, lengths).map(|(name, n)| Listed { name: name.clone(), is_number: n == longest }).collect()
 }
 
 /// Makes the record from the arrays of a file.
@@ -88,13 +100,14 @@ pub(super) fn record(
 ) -> Result<Record> {
     let mut warnings = Vec::new();
     let has = |name: &str| names.iter().any(|n| n == name);
-    let found = rig.channel.iter().map(|c| names::find(names, &c.name, path)).collect::<Result<Vec<usize>>>()?;
+    let read = sources(rig).columns;
+    let found = read.iter().map(|c| names::find(names, &c.name, path)).collect::<Result<Vec<usize>>>()?;
     let columns: Vec<Array> = found.into_iter().map(|i| get(&names[i])).collect::<Result<_>>()?;
     let count = columns.first().map_or(0, Array::len);
-    for (c, a) in rig.channel.iter().zip(&columns) {
+    for (c, a) in read.iter().zip(&columns) {
         if a.len() != count {
             return Err(BadInput::new(
-                format!("{} values in {}, {count} in {}", a.len(), c.name, rig.channel[0].name),
+                format!("{} values in {}, {count} in {}", a.len(), c.name, read[0].name),
                 "arrays of one length",
             )
             .in_file(path)

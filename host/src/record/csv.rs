@@ -22,7 +22,7 @@ use super::csv_row::{Layout, Row, layout, parse, take};
 use super::formats::{Format, Listed, ReadOptions, open, shown};
 use super::lines::{Cells, LINE_LIMIT, Line, Lines};
 use super::names::TimeChoice;
-use super::rows::Rows;
+use super::rows::{Rows, sources};
 use super::stream::{Source, Streamed};
 use super::{Losses, Metadata, Record, segments};
 use crate::capture::interrupted::ticks_behind;
@@ -115,7 +115,7 @@ impl<'a, R: BufRead> Reader<'a, R> {
                 "Right where an instrument writes a head of its own",
             ));
         }
-        let row = Row { t: 0.0, tick: None, cells: Vec::with_capacity(rig.channel.len()), own: (0, 0, 0) };
+        let row = Row { t: 0.0, tick: None, cells: Vec::with_capacity(layout.channels.len()), own: (0, 0, 0) };
         let recover = options.recover;
         Ok(Self { lines, cells: Cells::default(), layout, row, path, recover, ended: false, warnings })
     }
@@ -236,7 +236,8 @@ fn head<R: BufRead>(lines: &mut Lines<R>, path: &Path, rig: &Rig) -> Result<Head
     if let Some(first) = ahead.first_mut() {
         *first = first.strip_prefix(b"\xef\xbb\xbf").unwrap_or(first);
     }
-    let wanted: Vec<&str> = rig.channel.iter().map(|c| c.name.as_str()).collect();
+    let sources = sources(rig);
+    let wanted: Vec<&str> = sources.columns.iter().map(|c| c.name.as_str()).collect();
     if let Some(head) = csv_head::find(&ahead, &rig.time, &wanted) {
         for _ in 0..head.lines {
             lines.advance();

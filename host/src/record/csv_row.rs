@@ -6,7 +6,7 @@ use super::csv::{EXACT, OWN_COLUMNS};
 use super::csv_head::{self, Head, number_of};
 use super::formats::shown;
 use super::lines::Cells;
-use super::rows::{Cell, Rows};
+use super::rows::{Cell, Rows, sources};
 use super::{Column, dates, names};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
@@ -35,7 +35,8 @@ pub(super) struct Row {
 pub(super) fn layout(head: &Head, path: &Path, rig: &Rig) -> Result<Layout> {
     let names = &head.names;
     let t = names::time_column(names, &rig.time, path)?;
-    let channels = rig.channel.iter().map(|c| names::find(names, &c.name, path)).collect::<Result<Vec<usize>>>()?;
+    let columns = sources(rig).columns;
+    let channels = columns.iter().map(|c| names::find(names, &c.name, path)).collect::<Result<Vec<usize>>>()?;
     let own = OWN_COLUMNS.map(|name| names.iter().position(|n| n == name));
     let own = match own {
         [Some(a), Some(b), Some(c)] => Some([a, b, c]),
@@ -80,7 +81,7 @@ pub(super) fn parse(
             None => match number_of(text, comma) {
                 Some(value) => rows.check_number(number, k, value)?,
                 None => {
-                    let c = &rows.rig.channel[k];
+                    let c = &rows.sources.columns[k];
                     return Err(rows
                         .bad(number, &c.name, shown(text), &format!("a number in {}", c.unit))
                         .remedy("Mend the cell, or leave it empty (that is a gap)"));

@@ -56,7 +56,9 @@ pub static FORMATS: &[Format] = &[
     super::csv::GZIP,
     super::npz::FORMAT,
     super::npy::FORMAT,
+    super::hdf5::FORMAT,
     super::mat::FORMAT,
+    super::lvm::FORMAT,
     super::csv::FORMAT,
 ];
 

@@ -2,10 +2,11 @@
 //!
 //! Layout after "MAT-File Format" (The MathWorks): a header of 128 bytes whose last two tell the byte order, then elements, each a tag (type,
 //! size) and its bytes; an element of type 15 is another one compressed by zlib; one of type 14 is an array: flags, dimensions, name, real
-//! part. Only the variables that a rig names are read, the others are stepped over. Memory is that of these variables.
+//! part. What stands in structures and cell arrays has the name by which MATLAB takes it out ([`super::mat_walk`]). Only the variables
+//! that a rig names are read, the others are stepped over. Memory is that of these variables.
 //!
 //! *Why not a crate*: matfile 0.5 inflates compressed elements without bound and unwraps on some input; matio-rs needs a C library.
-//! Not read: version 4, version 7.3 (HDF5), structures, cells, sparse and complex arrays; each says so.
+//! Not read: version 4, objects (tables and timeseries among them), sparse and complex arrays; each says so. Version 7.3: [`super::hdf5`].
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -15,8 +16,9 @@ use std::path::Path;
 use flate2::read::ZlibDecoder;
 
 use super::Record;
-use super::arrays::{self, Array, Shape};
+use super::arrays::{self, Array};
 use super::formats::{Format, ReadOptions};
+use super::mat_walk::{self, ARRAY, Head, Place, Source, head, invalid};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 
@@ -34,112 +36,9 @@ pub(super) const FORMAT: Format = Format {
     stream: None,
 };
 
-const ARRAY: u32 = 14;
 const COMPRESSED: u32 = 15;
 /// Most variables of a file.
 const MOST_VARIABLES: usize = 100_000;
-/// Longest name, bytes.
-const LONGEST_NAME: u32 = 1 << 10;
-/// Most dimensions.
-const MOST_DIMENSIONS: u32 = 32;
-
-/// Where a variable stands.
-#[derive(Clone, Copy, Debug)]
-struct Place {
-    offset: u64,
-    size: u32,
-    compressed: bool,
-}
-
-/// Reads numbers in the file's byte order.
-struct Source<R> {
-    reader: R,
-    little: bool,
-}
-
-impl<R: Read> Source<R> {
-    fn bytes<const N: usize>(&mut self) -> std::io::Result<[u8; N]> {
-        let mut b = [0; N];
-        self.reader.read_exact(&mut b)?;
-        if !self.little {
-            b.reverse();
-        }
-        Ok(b)
-    }
-
-    fn u32(&mut self) -> std::io::Result<u32> {
-        Ok(u32::from_le_bytes(self.bytes()?))
-    }
-
-    /// Type, size, and the four bytes of a small element where it is one.
-    fn tag(&mut self) -> std::io::Result<(u32, u32, Option<[u8; 4]>)> {
-        let first = self.u32()?;
-        if first >> 16 != 0 {
-            let mut data = [0; 4];
-            self.reader.read_exact(&mut data)?;
-            return Ok((first & 0xffff, (first >> 16).min(4), Some(data)));
-        }
-        Ok((first, self.u32()?, None))
-    }
-
-    fn skip(&mut self, count: u64) -> std::io::Result<()> {
-        let copied = std::io::copy(&mut (&mut self.reader).take(count), &mut std::io::sink())?;
-        if copied < count { Err(std::io::ErrorKind::UnexpectedEof.into()) } else { Ok(()) }
-    }
-
-    /// The bytes of a short element and its padding.
-    fn short(&mut self, limit: u32) -> std::io::Result<(u32, Vec<u8>)> {
-        let (kind, size, small) = self.tag()?;
-        if let Some(data) = small {
-            return Ok((kind, data[..size as usize].to_vec()));
-        }
-        if size > limit {
-            return Err(invalid(format!("an element of {size} bytes where at most {limit} are")));
-        }
-        let mut data = vec![0; size as usize];
-        self.reader.read_exact(&mut data)?;
-        self.skip(u64::from(size.wrapping_neg() & 7))?;
-        Ok((kind, data))
-    }
-}
-
-fn invalid(text: String) -> std::io::Error {
-    std::io::Error::new(std::io::ErrorKind::InvalidData, text)
-}
-
-/// Class, whether complex, dimensions and name of an array.
-struct Head {
-    class: u8,
-    complex: bool,
-    shape: Shape,
-    name: String,
-}
-
-fn head<R: Read>(s: &mut Source<R>) -> std::io::Result<Head> {
-    let (_, flags) = s.short(16)?;
-    let (_, dimensions) = s.short(4 * MOST_DIMENSIONS)?;
-    let (_, name) = s.short(LONGEST_NAME)?;
-    if flags.len() < 4 {
-        return Err(invalid("an array without flags".to_owned()));
-    }
-    let flags = if s.little { [flags[0], flags[1]] } else { [flags[3], flags[2]] };
-    let shape = dimensions
-        .chunks_exact(4)
-        .map(|b| {
-            let mut b = [b[0], b[1], b[2], b[3]];
-            if !s.little {
-                b.reverse();
-            }
-            u64::from(u32::from_le_bytes(b))
-        })
-        .collect();
-    Ok(Head {
-        class: flags[0],
-        complex: flags[1] & 0x08 != 0,
-        shape: Shape(shape),
-        name: String::from_utf8_lossy(&name).into_owned(),
-    })
-}
 
 fn read(path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
     let (mut file, little, places) = opened(path)?;
@@ -182,12 +81,6 @@ fn damaged(path: &Path, place: &str, what: impl std::fmt::Display) -> BadInput {
 fn header(file: &mut BufReader<File>, path: &Path) -> Result<bool> {
     let mut head = [0; 128];
     file.read_exact(&mut head).map_err(|e| damaged(path, "header", e))?;
-    if head.starts_with(b"MATLAB 7.3") {
-        return Err(BadInput::new("a MATLAB file of version 7.3 (HDF5)", "one of version 5")
-            .in_file(path)
-            .at("header")
-            .remedy("Save it again with save -v7"));
-    }
     let little = match &head[126..128] {
         b"IM" => true,
         b"MI" => false,
@@ -211,16 +104,16 @@ fn variables(file: &mut BufReader<File>, little: bool, length: u64, path: &Path)
         let at = format!("byte {offset}");
         let bad = |e: std::io::Error| damaged(path, &at, e);
         file.seek(SeekFrom::Start(offset)).map_err(bad)?;
-        let (kind, size, small) = Source { reader: &mut *file, little }.tag().map_err(bad)?;
+        let (kind, size, small) = Source::new(&mut *file, little).tag().map_err(bad)?;
         let start = offset + 8;
         let end = start + if small.is_some() { 0 } else { u64::from(size) };
         if end > length {
             return Err(damaged(path, &at, format!("an element of {size} bytes, {} left", length - start.min(length))));
         }
         if kind == ARRAY || kind == COMPRESSED {
-            let place = Place { offset: start, size, compressed: kind == COMPRESSED };
-            let name = with_array(file, little, place, |s| Ok(head(s)?.name)).map_err(bad)?;
-            out.insert(name, place);
+            let place = Place { offset: start, size, compressed: kind == COMPRESSED, inner: 0, column: None };
+            let top = Place { inner: 0, ..place };
+            with_array(file, little, top, |s| mat_walk::walk(s, place, None, 0, &mut out)).map_err(bad)?;
         }
         // Compressed elements are not padded.
         offset = if kind == COMPRESSED { end } else { end + (end.wrapping_neg() & 7) };
@@ -241,13 +134,15 @@ fn with_array<T>(
     file.seek(SeekFrom::Start(place.offset))?;
     let part: Take<&mut BufReader<File>> = file.take(u64::from(place.size));
     let reader: Box<dyn Read + '_> = if place.compressed { Box::new(ZlibDecoder::new(part)) } else { Box::new(part) };
-    let mut source = Source { reader, little };
+    let mut source = Source::new(reader, little);
     if place.compressed {
         let (kind, _, _) = source.tag()?;
         if kind != ARRAY {
             return Err(invalid(format!("an element of type {kind} within a compressed one")));
         }
+        source.at = 0;
     }
+    source.skip(place.inner)?;
     f(&mut source)
 }
 
@@ -256,31 +151,46 @@ fn variable(file: &mut BufReader<File>, little: bool, place: Place, path: &Path,
     let at = format!("variable {name}");
     let outer = with_array(file, little, place, |s| {
         let head = head(s)?;
-        Ok(checked(&head, path, name).map(|count| values(s, count)))
+        Ok(checked(&head, place, path, name).map(|part| values(s, part)))
     });
     outer.map_err(|e| damaged(path, &at, e))??.map_err(|e| damaged(path, &at, e))
 }
 
-/// The number of values of an array that can be a channel.
-fn checked(head: &Head, path: &Path, name: &str) -> Result<usize> {
-    let what = match head.class {
-        1 => "a cell array",
-        2 => "a structure",
-        3 => "an object",
-        4 => "a text",
-        5 => "a sparse array",
-        6..=15 if head.complex => "a complex array",
-        6..=15 => return head.shape.checked(path, name),
-        _ => "something unknown",
+/// What can be a channel of an array, itself or one of its columns: how many values come before, how many these are, and how many the array has.
+fn checked(head: &Head, place: Place, path: &Path, name: &str) -> Result<[usize; 3]> {
+    let (what, remedy) = match (head.class, place.column) {
+        (1, _) => {
+            ("an empty cell array, or one too deep within others", "Save the vector itself as a variable of its own")
+        }
+        (2, _) => {
+            ("an empty structure, or one too deep within others", "Save the vector itself as a variable of its own")
+        }
+        (3 | 17, _) => (
+            "an object",
+            "Save what is in it: T = table2struct(T, \"ToScalar\", true) of a table, t = ts.Time and x = ts.Data of a timeseries",
+        ),
+        (4, _) => ("a text", "Save the vector itself as a variable of its own"),
+        (5, _) => ("a sparse array", "Save it as full(x)"),
+        (6..=15, _) if head.complex => ("a complex array", "Save its real part, real(x)"),
+        (6..=15, None) => {
+            let whole = head.shape.checked(path, name);
+            return whole.map(|count| [0, count, count]).map_err(|e| match head.shape.columns() {
+                Some(_) => e.remedy(format!("Name one of its columns: \"{name}(:,1)\"")),
+                None => e,
+            });
+        }
+        (6..=15, Some(k)) => {
+            let (rows, columns) = head.shape.columns().unwrap_or((0, 0));
+            // As many as fit into memory: the walk lists no others.
+            return Ok([k * rows, rows, rows * columns]);
+        }
+        _ => ("something unknown", "Save the vector itself as a variable of its own"),
     };
-    Err(BadInput::new(what, "a vector of real numbers")
-        .in_file(path)
-        .at(format!("variable {name}"))
-        .remedy("Save the vector itself as a variable of its own"))
+    Err(BadInput::new(what, "a vector of real numbers").in_file(path).at(format!("variable {name}")).remedy(remedy))
 }
 
-/// The real part. Values are stored in the smallest type that holds them, whatever the array's class.
-fn values<R: Read>(s: &mut Source<R>, count: usize) -> std::io::Result<Array> {
+/// The real part: `count` of its `all` values, behind those that are skipped. Values are stored in the smallest type that holds them, whatever the array's class.
+fn values<R: Read>(s: &mut Source<R>, [skipped, count, all]: [usize; 3]) -> std::io::Result<Array> {
     let (kind, size, small) = s.tag()?;
     let width = match kind {
         1 | 2 => 1,
@@ -289,17 +199,23 @@ fn values<R: Read>(s: &mut Source<R>, count: usize) -> std::io::Result<Array> {
         9 | 12 | 13 => 8,
         other => return Err(invalid(format!("values of type {other}"))),
     };
-    if u64::from(size) != width as u64 * count as u64 {
-        return Err(invalid(format!("{size} bytes for {count} values of {width} bytes")));
+    if u64::from(size) != width as u64 * all as u64 {
+        return Err(invalid(format!("{size} bytes for {all} values of {width} bytes")));
     }
-    let mut chunk = small.map_or_else(Vec::new, |d| d[..size as usize].to_vec());
+    let mut chunk = match small {
+        Some(d) => d[(skipped * width).min(4)..((skipped + count) * width).min(4)].to_vec(),
+        None => {
+            s.skip(width as u64 * skipped as u64)?;
+            Vec::new()
+        }
+    };
     let (mut integers, mut floats) = (Vec::new(), Vec::new());
     let mut left = count;
     while left > 0 {
         let now = left.min(1 << 16);
         if small.is_none() {
             chunk.resize(now * width, 0);
-            s.reader.read_exact(&mut chunk)?;
+            s.exact(&mut chunk)?;
         }
         for bytes in chunk.chunks_exact(width).take(now) {
             let mut b = [0; 8];

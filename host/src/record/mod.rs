@@ -8,6 +8,7 @@
 
 mod arrays;
 mod arrow_schema;
+mod computing;
 mod csv;
 mod csv_head;
 mod csv_row;
@@ -17,8 +18,11 @@ mod damage;
 mod dates;
 pub mod device_boot;
 pub mod formats;
+mod hdf5;
 mod lines;
+mod lvm;
 mod mat;
+mod mat_walk;
 pub mod names;
 mod npy;
 mod npz;

@@ -203,7 +203,10 @@ fn called_time(names: &[String], path: &Path) -> Result<usize> {
             false => Ok(i),
         };
     }
-    let called: Vec<usize> = (0..names.len()).filter(|i| is_time(&names[*i])).collect();
+    let mut called: Vec<usize> = (0..names.len()).filter(|i| is_time(&names[*i])).collect();
+    if called.is_empty() {
+        called = (0..names.len()).filter(|i| last_part(&names[*i]).is_some_and(is_time)).collect();
+    }
     match called[..] {
         [one] => Ok(one),
         [] => Err(missing_column(path, "t", names)),
@@ -224,7 +227,12 @@ fn twice(path: &Path, name: &str) -> BadInput {
         .remedy("Rename one of them")
 }
 
-/// The column of a name: as it stands, or the only one that differs in letters' case, separators or a unit at its end alone.
+/// The name of a field or dataset behind the structures or groups that it stands in: `t` of `run.data.t` and of `run/t`.
+fn last_part(name: &str) -> Option<&str> {
+    name.rsplit_once(['.', '/']).map(|(_, last)| last)
+}
+
+/// The column of a name: as it stands, or the only one that differs in letters' case and separators alone, or the only field of a structure that is called so.
 ///
 /// # Errors
 /// None, or one twice.
@@ -237,7 +245,11 @@ pub fn find(names: &[String], wanted: &str, path: &Path) -> Result<usize> {
         let found: Vec<usize> = (0..names.len()).filter(|i| f(&names[*i]) == f(wanted)).collect();
         if let [one] = found[..] { Some(one) } else { None }
     };
-    like(&plain).ok_or_else(|| missing_column(path, wanted, names))
+    let field = || {
+        let fields: Vec<usize> = (0..names.len()).filter(|i| last_part(&names[*i]) == Some(wanted)).collect();
+        if let [one] = fields[..] { Some(one) } else { None }
+    };
+    like(&plain).or_else(field).ok_or_else(|| missing_column(path, wanted, names))
 }
 
 #[cfg(test)]
@@ -282,6 +294,8 @@ mod tests {
         assert_eq!(time(&["a", "Timestamp"]).unwrap(), (1, None));
         assert_eq!(time(&["a", "Zeit [µs]"]).unwrap(), (1, Some(1e6)));
         assert_eq!(time(&["theta", "__index_level_0__"]).unwrap(), (1, None));
+        assert_eq!(time(&["run.x", "run.time_ms"]).unwrap(), (1, Some(1e3)));
+        assert!(time(&["a.t", "b.t"]).unwrap_err().to_string().contains("--time \"a.t\""));
         let both = time(&["time", "timestamp", "x"]).unwrap_err().to_string();
         assert!(both.contains("\"time\" and \"timestamp\"") && both.contains("--time \"time\""), "{both}");
         assert!(time(&["temperature", "x"]).is_err() && time(&["t", "t"]).is_err());

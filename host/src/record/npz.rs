@@ -253,12 +253,19 @@ impl Decode {
     pub(super) fn of(text: &str) -> Option<Self> {
         let [order, kind, width] = text.as_bytes() else { return None };
         let width = usize::from(width.checked_sub(b'0')?);
+        matches!(order, b'<' | b'>' | b'|' | b'=').then_some(())?;
+        Self::new(*order == b'>', *kind, width)
+    }
+
+    /// Of values of so many bytes of a kind, `f`, `i` or `u`; none for those that are not read.
+    pub(super) fn new(big: bool, kind: u8, width: usize) -> Option<Self> {
         let known = matches!((kind, width), (b'f', 4 | 8) | (b'i' | b'u', 1 | 2 | 4 | 8));
-        (known && matches!(order, b'<' | b'>' | b'|' | b'=')).then_some(Self {
-            big: *order == b'>',
-            kind: *kind,
-            width,
-        })
+        known.then_some(Self { big, kind, width })
+    }
+
+    /// Bytes of a value.
+    pub(super) fn width(&self) -> usize {
+        self.width
     }
 
     /// Reads `count` values; room grows with what the file really holds.

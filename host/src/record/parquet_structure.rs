@@ -22,6 +22,7 @@ use super::parquet_cells::{is_time, not_a_number};
 use super::parquet_recovery::{Marker, crc_of_range, crc32, extent, marker_at, scan, stated_crc};
 use super::parquet_source::{Held, Source};
 use super::parquet_write::KEY;
+use super::rows::sources;
 use super::{DeviceBoot, Losses, Metadata, quiet};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
@@ -339,7 +340,7 @@ pub(super) fn columns(structure: &Structure, path: &Path, rig: &Rig, own: bool, 
     };
     let find = |name: &str| checked(places[names::find(&names, name, path)?], false);
     let own = if own { Some([find(OWN_COLUMNS[0])?, find(OWN_COLUMNS[1])?, find(OWN_COLUMNS[2])?]) } else { None };
-    let channels = rig.channel.iter().map(|c| find(&c.name)).collect::<Result<_>>()?;
+    let channels = sources(rig).columns.iter().map(|c| find(&c.name)).collect::<Result<_>>()?;
     let choice = if own.is_some() { &TimeChoice::default() } else { &rig.time };
     let time = time(structure, &names, &places, choice, path)?;
     Ok(Columns { t: checked(time.index, true)?, time, channels, own, rate: rate.filter(|_| own.is_some()) })

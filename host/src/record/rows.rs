@@ -8,6 +8,7 @@ use std::path::Path;
 use super::Column;
 use super::damage::Damage;
 use crate::error::{BadInput, Result};
+use crate::rig::computed::{self, Sources};
 use crate::rig::{Channel, Rig};
 
 /// Most rows that are read from one file: a bound on memory, 4.6 days at 500 Hz.
@@ -39,14 +40,16 @@ pub(super) struct DeviceColumns {
 pub(super) struct Rows<'a> {
     pub(super) path: &'a Path,
     pub(super) rig: &'a Rig,
+    /// The columns that are read, and what becomes of them.
+    pub(super) sources: Sources,
     /// "line" or "row": what `place` counts.
     pub(super) word: &'static str,
     pub(super) t: Vec<f64>,
-    /// One for each channel of the rig; a missing cell is 0 or NaN.
+    /// One for each column that is read; a missing cell is 0 or NaN.
     pub(super) columns: Vec<Column>,
-    /// Rows with a missing cell, for each channel, increasing.
+    /// Rows with a missing cell, for each column, increasing.
     pub(super) missing: Vec<Vec<usize>>,
-    /// Place and channel of the first missing cell.
+    /// Place and column of the first missing cell.
     pub(super) first_missing: Option<(u64, usize)>,
     /// Ticks, phases and amplitudes of a record of whirl's own.
     pub(super) device: Option<DeviceColumns>,
@@ -72,13 +75,15 @@ pub(super) struct Rows<'a> {
 impl<'a> Rows<'a> {
     pub(super) fn new(path: &'a Path, rig: &'a Rig, word: &'static str, own: bool) -> Self {
         let column = |c: &Channel| if c.unit == "count" { Column::Counts(vec![]) } else { Column::Values(vec![]) };
+        let sources = sources(rig);
         Self {
             path,
             rig,
             word,
             t: vec![],
-            columns: rig.channel.iter().map(column).collect(),
-            missing: vec![vec![]; rig.channel.len()],
+            columns: sources.columns.iter().map(column).collect(),
+            missing: vec![vec![]; sources.columns.len()],
+            sources,
             first_missing: None,
             device: own.then(DeviceColumns::default),
             time_origin: None,
@@ -230,7 +235,7 @@ impl<'a> Rows<'a> {
 
     /// Checks a number for channel `channel`.
     pub(super) fn check_number(&self, place: u64, channel: usize, value: f64) -> Result<Cell> {
-        let c = &self.rig.channel[channel];
+        let c = &self.sources.columns[channel];
         if value.is_nan() {
             return Ok(Cell::Missing);
         }
@@ -265,7 +270,7 @@ impl<'a> Rows<'a> {
 
     /// The error for a count beyond its type.
     pub(super) fn beyond(&self, place: u64, channel: usize, found: String) -> BadInput {
-        let name = &self.rig.channel[channel].name;
+        let name = &self.sources.columns[channel].name;
         self.bad(place, name, found, "a count within 32 bits, −2147483648 to 2147483647")
             .remedy("Mend the cell; a counter that overflowed must be unwrapped before it is recorded")
     }
@@ -286,6 +291,14 @@ impl<'a> Rows<'a> {
             (Column::Values(c), _) => c.push(f64::NAN),
         }
     }
+}
+
+/// The columns that are read for a rig. Its expressions were checked when it was read; one that was not is looked for as a column.
+pub(super) fn sources(rig: &Rig) -> Sources {
+    computed::sources(&rig.channel, &rig.path).unwrap_or_else(|_| Sources {
+        columns: rig.channel.clone(),
+        channels: (0..rig.channel.len()).map(computed::From::Column).collect(),
+    })
 }
 
 /// The error for a column that a file does not have: lists those it has, and the closest as the remedy.

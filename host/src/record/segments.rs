@@ -27,6 +27,7 @@ pub(super) fn assemble(
     stored_losses: Option<Losses>,
     mut warnings: Vec<Warning>,
 ) -> Result<Record> {
+    super::computing::compute(&mut rows)?;
     if rows.resample && !rows.t.is_empty() && rows.rig.sample_rate_hz != UNKNOWN_RATE {
         super::resample::even(&mut rows, &mut warnings);
     }

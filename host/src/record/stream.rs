@@ -12,7 +12,7 @@ use super::formats::{self, ReadOptions};
 use super::rows::Rows;
 use super::{Column, Losses, Metadata, segments, time_fit, unwrap};
 use crate::error::{BadInput, Result};
-use crate::rig::Rig;
+use crate::rig::{Rig, computed};
 use crate::warning::Warning;
 
 /// Numbers in a block, about: rows times channels.
@@ -68,7 +68,7 @@ pub struct Summary {
 /// # Errors
 /// A file that cannot be opened or is of no known format.
 pub fn size(path: &Path, rig: &Rig) -> Result<Option<u64>> {
-    let streamed = formats::of(path)?.stream;
+    let streamed = formats::of(path)?.stream.filter(|_| !computed::any(&rig.channel));
     Ok(streamed.and_then(|s| (s.rows)(path)).map(|n| n.saturating_mul(rig.channel.len() as u64)))
 }
 
@@ -93,6 +93,12 @@ fn blocks(path: &Path, rig: &Rig, options: &ReadOptions, take: &mut dyn FnMut(&B
             .in_file(path)
             .at("column t")
             .remedy("Resample the record before it is handed in, or cut it into shorter ones"));
+    }
+    if let Some(c) = rig.channel.iter().find(|c| computed::expression(c).is_some()) {
+        return Err(BadInput::new(format!("the computed channel \"{}\"", c.name), "channels that are columns")
+            .in_file(&rig.path)
+            .at(format!("channel \"{}\"", c.name))
+            .remedy("Channels are computed only where a record is read as a whole: cut it into shorter ones, or compute the column before"));
     }
     let mut source = (streamed.open)(path, rig, options)?;
     let own = source.metadata().is_some();

@@ -17,7 +17,7 @@ use parquet::schema::types::Type;
 use super::Column;
 use super::csv_write::{create_file, text_cell};
 use crate::error::{BadInput, Result};
-use crate::rig::Rig;
+use crate::rig::{Rig, computed};
 
 /// Rows of a Parquet row group.
 const GROUP: usize = 1 << 16;
@@ -35,6 +35,7 @@ pub fn write_values(path: &Path, rig: &Rig, columns: &[Column]) -> Result<()> {
 /// # Errors
 /// As [`write_values`].
 pub fn write_values_from(path: &Path, rig: &Rig, start_s: f64, columns: &[Column]) -> Result<()> {
+    computed::refuse(&rig.channel, &rig.path)?;
     let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
     let io = |e: std::io::Error| BadInput::io(path, &e);
     if name.ends_with(".csv.gz") {
@@ -130,10 +131,10 @@ mod tests {
             assert_eq!(record.segments[0].columns, columns, "{name}");
         }
         // A name that a spreadsheet would compute comes back, too.
-        let formula = Rig::parse(&text.replace("name = \"q\"", "name = \"=1+1\""), Path::new("rig.toml")).unwrap();
+        let formula = Rig::parse(&text.replace("name = \"q\"", "name = \"+1+1\""), Path::new("rig.toml")).unwrap();
         let path = folder.path().join("f.csv");
         write_values(&path, &formula, &columns).unwrap();
-        assert!(std::fs::read_to_string(&path).unwrap().starts_with("t,'=1+1,c\n"));
+        assert!(std::fs::read_to_string(&path).unwrap().starts_with("t,'+1+1,c\n"));
         assert_eq!(Record::read(&path, &formula, &ReadOptions::default()).unwrap().segments[0].columns, columns);
         assert!(write_values(&folder.path().join("no/a.csv"), &rig, &columns).is_err());
     }

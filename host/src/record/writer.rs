@@ -6,7 +6,7 @@ use super::csv_write::CsvWriter;
 use super::parquet_write::ParquetWriter;
 use super::{DeviceBoot, DeviceLine, Losses, Metadata};
 use crate::error::{BadInput, Result};
-use crate::rig::Rig;
+use crate::rig::{Rig, computed};
 
 /// One sample of whirl's own records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,6 +43,7 @@ impl RecordWriter {
     /// A file that cannot be written; a channel whose unit is not `count`.
     pub fn create(path: impl AsRef<Path>, metadata: &Metadata, rig: &Rig) -> Result<Self> {
         let path = path.as_ref();
+        computed::refuse(&rig.channel, &rig.path)?;
         if let Some(c) = rig.channel.iter().find(|c| c.unit != "count") {
             return Err(BadInput::new(
                 format!("unit \"{}\"", c.unit),

@@ -1,4 +1,5 @@
-//! Self-contained offline reports: one HTML file with inline SVG, no script, nothing fetched, the same bytes every time.
+//! Self-contained offline reports: one HTML file with inline SVG, nothing fetched, the same bytes every time. One small script within it reads out and
+//! enlarges figures; the page is whole without it.
 //!
 //! Results go into [`Results`] as the analyses return them; [`Report::of`] runs every registered section
 //! ([`sections::SECTIONS`]) over them, and a section whose result is not there leaves itself out. A new section is one
@@ -89,6 +90,7 @@ struct Page<'a> {
     contents: String,
     version: &'static str,
     style: &'static str,
+    script: &'static str,
 }
 
 impl Report {
@@ -143,6 +145,7 @@ impl Report {
             contents: self.contents(),
             version: env!("CARGO_PKG_VERSION"),
             style: include_str!("../../templates/report.css"),
+            script: include_str!("../../templates/report.js"),
         }
         .render()
         // The template engine takes the last line break away.
@@ -185,7 +188,8 @@ mod tests {
                 || page.contains("<title>a &lt;b&gt; &amp; c</title>")
         );
         assert!(!page.contains("<i>") && page.contains("&lt;body&gt;"));
-        for fetched in ["<script", "http-equiv", "<link", "src=", "@import", "url("] {
+        assert_eq!(page.matches("<script>").count(), 1);
+        for fetched in ["<script ", "http-equiv", "<link", "src=", "@import", "url("] {
             assert!(!page.contains(fetched), "{fetched}");
         }
         assert_eq!(page, report.render().unwrap());

@@ -116,7 +116,7 @@ pub(super) fn channels(channels: &[Channel], path: &Path) -> Result<()> {
         counts(c, path, &place)?;
         scale(c, path, &place)?;
     }
-    Ok(())
+    super::computed::sources(channels, path).map(drop)
 }
 
 fn counts(c: &Channel, path: &Path, place: &dyn Fn(&str) -> String) -> Result<()> {

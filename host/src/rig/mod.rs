@@ -6,6 +6,7 @@
 pub mod as_own;
 mod checks;
 pub mod choices;
+pub mod computed;
 pub mod measures;
 pub mod plant;
 pub mod single_plant;
@@ -79,7 +80,7 @@ pub struct Drive {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Channel {
-    /// Name of the column.
+    /// Name of the column; with `=` before it an expression over columns ([`computed`]).
     pub name: String,
     /// What the column measures, in the model's terms (`theta1`, `theta2`, `phi1`, `phi2`).
     pub measures: String,

@@ -6,6 +6,7 @@ use serde_json::Value;
 use whirl_tests::repository;
 
 use super::program::{json, rig_file, whirl};
+use super::schema;
 
 /// Objects whose keys are names of things, not of results.
 const FREE: [&str; 5] = ["known", "verdicts", "initial", "options", "std_errors"];
@@ -40,6 +41,52 @@ fn unnamed(value: &Value, path: &str, named: &BTreeSet<String>, out: &mut BTreeS
         }
         _ => {}
     }
+}
+
+/// Results of the test below by the command whose schema they follow.
+const RESULTS: [(&str, &str, &[&str]); 12] = [
+    ("simulate", "simulate", &["simulate"]),
+    ("simulate --model", "simulate-model", &["simulate-model"]),
+    ("capture", "capture", &["capture", "planned"]),
+    ("inspect", "inspect", &["inspect"]),
+    ("identify", "identify", &["identify", "frequency"]),
+    ("validate", "validate", &["validate"]),
+    ("explain", "explain", &["explain"]),
+    ("explain --ledger", "explain-ledger", &["ledger"]),
+    ("reduce", "reduce", &["reduce"]),
+    ("plan", "plan", &["plan"]),
+    ("export", "export", &["export"]),
+    ("batch", "batch", &["batch", "merge"]),
+];
+
+/// `docs/schemas` holds what the page and the results say, and the results follow it. `WHIRL_BLESS=1` writes it anew.
+fn schemas(at: &std::path::Path) {
+    let page = schema::page(&std::fs::read_to_string(repository("docs/json.md")).unwrap());
+    let folder = repository("docs/schemas");
+    let mut wrong = Vec::new();
+    for (command, file, names) in RESULTS {
+        let path = folder.join(format!("{file}.json"));
+        let before = std::fs::read(&path).ok().map(|b| serde_json::from_slice::<Value>(&b).unwrap());
+        let results: Vec<Value> = names.iter().map(|n| json(&at.join(format!("{n}.json")))).collect();
+        let bless = std::env::var_os("WHIRL_BLESS").is_some();
+        let now =
+            schema::schema(&page, command, &if bless { results.iter().collect() } else { vec![] }, before.as_ref());
+        if bless {
+            std::fs::create_dir_all(&folder).unwrap();
+            std::fs::write(&path, serde_json::to_string_pretty(&now).unwrap() + "\n").unwrap();
+        }
+        if before.as_ref().is_some_and(|b| *b != now) || (before.is_none() && !bless) {
+            wrong.push(format!("{} is not what docs/json.md says: WHIRL_BLESS=1 writes it anew", path.display()));
+        }
+        results.iter().for_each(|r| schema::violations(r, &now, command, &mut wrong));
+        // One that lacks a key is seen.
+        let mut less = results[0].clone();
+        less.as_object_mut().unwrap().remove("format");
+        let mut seen = Vec::new();
+        schema::violations(&less, &now, command, &mut seen);
+        assert_eq!(seen.len(), 1, "{command}: {seen:?}");
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
 #[test]
@@ -84,6 +131,7 @@ fn every_key_of_real_results_stands_on_the_page() {
         }
     }
     assert_eq!(results, 15);
+    schemas(at);
     assert!(missing.is_empty(), "not in docs/json.md: {missing:#?}");
     // A word that no page would have is missed.
     unnamed(&serde_json::json!({ "no_such_key": 1 }), "", &named, &mut missing);

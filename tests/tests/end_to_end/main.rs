@@ -6,6 +6,8 @@ mod batch;
 mod demo;
 mod determinism;
 mod device;
+#[cfg(unix)]
+mod documented;
 mod explained;
 mod exported;
 mod faulty_link;
@@ -23,6 +25,7 @@ mod pages;
 mod planned;
 mod program;
 mod reduced;
+mod schema;
 mod suspects_equations;
 mod suspects_record;
 mod unnamed;

@@ -38,7 +38,25 @@ function measure(frame) {
         out.push('"' + t.textContent + '" leaves its drawing by ' + [r.left - b.left, b.right - r.right].map(Math.round));
     }
   }
-  return JSON.stringify({ width: wide, drawn, letters, out });
+  return JSON.stringify({ width: wide, drawn, letters, out, used: used(d), links: d.querySelectorAll('a[download$=".svg"]').length });
+}
+// Uses the first figure as a mouse would: what is read out, what is shown after a rectangle was drawn, and after a double click.
+function used(d) {
+  const svg = [...d.querySelectorAll('figure svg[data-panels]')].find(s => s.getBoundingClientRect().width > 0);
+  const r = svg.getBoundingClientRect(), whole = svg.getAttribute('viewBox');
+  const [l, t, w, h] = svg.dataset.panels.split(';')[0].split(' ').map(Number), scale = r.width / svg.viewBox.baseVal.width;
+  const send = (kind, x, y) => svg.dispatchEvent(new d.defaultView.PointerEvent(kind,
+    { clientX: r.left + scale * (l + x * w), clientY: r.top + scale * (t + y * h), pointerType: 'mouse', button: 0, bubbles: true }));
+  const seen = [];
+  send('pointermove', 0.5, 0.5);
+  seen.push(svg.nextElementSibling?.textContent ?? '');
+  send('pointerdown', 0.25, 0.25);
+  send('pointermove', 0.75, 0.75);
+  send('pointerup', 0.75, 0.75);
+  seen.push(svg.getAttribute('viewBox') !== whole);
+  svg.dispatchEvent(new d.defaultView.MouseEvent('dblclick'));
+  seen.push(svg.getAttribute('viewBox') === whole);
+  return seen;
 }
 addEventListener('load', () => {
   document.getElementById('found').textContent = [...document.querySelectorAll('iframe')].map(measure).join('\n');
@@ -48,12 +66,13 @@ addEventListener('load', () => {
 /// What a browser finds in a page at two widths, and what it logs.
 fn seen(browser: &str, folder: &Path, page: &str) -> (Vec<serde_json::Value>, String) {
     let escaped = page.replace('&', "&amp;").replace('"', "&quot;");
-    let frame =
-        |width: u32| format!("<iframe width={width} height=900 style=\"border:0\" srcdoc=\"{escaped}\"></iframe>");
+    let frame = |width: u32, of: &str| {
+        format!("<iframe {of} width={width} height=900 style=\"border:0\" srcdoc=\"{escaped}\"></iframe>")
+    };
     let host = format!(
         "<!DOCTYPE html><meta charset=utf-8><pre id=found></pre>{}{}<script>{MEASURE}</script>",
-        frame(1280),
-        frame(390)
+        frame(1280, ""),
+        frame(390, "") + &frame(1280, "sandbox=allow-same-origin")
     );
     let file = folder.join("host.html");
     std::fs::write(&file, host).unwrap();
@@ -100,19 +119,26 @@ fn a_browser_shows_reports_whole_and_fetches_nothing() {
     for name in ["explain.html", "identify.html"] {
         let page = std::fs::read_to_string(here.join(name)).unwrap();
         let (found, log) = seen(browser, here, &page);
-        assert_eq!(found.len(), 2, "{name}: {log}");
-        for (view, width) in found.iter().zip([1280, 390]) {
+        assert_eq!(found.len(), 3, "{name}: {log}");
+        for (view, (width, script)) in found.iter().zip([(1280, true), (390, true), (1280, false)]) {
+            let read = view["used"][0].as_str().unwrap();
+            assert_eq!(read.contains("across ") && read.contains("up "), script, "{name}: {view}");
+            assert_eq!((&view["used"][1], &view["used"][2]), (&script.into(), &true.into()), "{name}: {view}");
+            assert_eq!(view["links"].as_u64().unwrap() >= 2, script, "{name}: {view}");
             assert!(view["width"].as_u64().unwrap().abs_diff(width) <= 20, "{name}: {view}");
             assert!(view["drawn"].as_u64().unwrap() >= 2, "{name}: {view}");
             assert_eq!(view["out"], serde_json::json!([]), "{name} at {width} px: {view}");
             assert!(view["letters"].as_f64().unwrap() > 8.0, "{name} at {width} px: {view}");
         }
-        assert!(!log.contains("CONSOLE"), "{name}: {log}");
+        // What the sandbox of the last frame says of the script that it does not run is no error of the page.
+        let said: Vec<&str> = log.lines().filter(|l| l.contains("CONSOLE") && !l.contains("sandboxed")).collect();
+        assert!(said.is_empty(), "{name}: {said:?}");
         let net = std::fs::read_to_string(here.join("net.json")).unwrap();
         let fetched: Vec<&str> = net.split("\"url\":\"").skip(1).filter_map(|u| u.split('"').next()).collect();
         let strange: Vec<&&str> = fetched.iter().filter(|u| u.starts_with("http") && page.contains(**u)).collect();
         assert!(strange.is_empty(), "{name} fetches {strange:?}");
-        for fetches in ["<script", "<link", "src=", "url(", "@import", "http-equiv"] {
+        assert_eq!(page.matches("<script").count(), 1, "{name}: one script, its own");
+        for fetches in ["<script ", "<link", "src=", "url(", "@import", "http-equiv"] {
             assert!(!page.contains(fetches), "{name} holds {fetches}");
         }
     }

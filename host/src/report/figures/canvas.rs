@@ -106,6 +106,7 @@ pub fn draw(layout: &Layout, panels: &[Panel], alternative: &str) -> String {
             };
     }
     let mut svg = String::new();
+    let mut places = Vec::with_capacity(panels.len());
     {
         let size = ((layout.width * U) as u32, ((y + 2.0) * U) as u32);
         let root = SVGBackend::with_string(&mut svg, size).into_drawing_area();
@@ -116,12 +117,22 @@ pub fn draw(layout: &Layout, panels: &[Panel], alternative: &str) -> String {
         for (i, (panel, (x, y))) in panels.iter().zip(&axes).enumerate() {
             let left = (i % columns) as f64 * cell + lefts[i % columns];
             let frame = (left, tops[i / columns], (cell - lefts[i % columns] - 14.0).max(20.0), layout.height);
+            places.push(place(frame, x, y));
             draw_axes(&pen, panel, x, y, frame);
             draw_marks(&root, panel, x, y, frame);
         }
         let _ = root.present();
     }
-    compact::compact(&svg, alternative)
+    compact::compact(&svg, alternative).replacen("<svg ", &format!("<svg data-panels=\"{}\" ", places.join(";")), 1)
+}
+
+/// Where a panel lies in the drawing's units and what it ranges over, for the page's script: left, top, width, height, low and high of both axes in the
+/// coordinates that are drawn, 1 for an axis of logarithms.
+fn place(frame: (f64, f64, f64, f64), x: &Fixed, y: &Fixed) -> String {
+    let log = |a: &Fixed| u8::from(a.scale == super::axis::Scale::Log);
+    let units = [frame.0, frame.1, frame.2, frame.3].map(|v| (v * U).round().to_string()).join(" ");
+    let ends = [x.low, x.high, y.low, y.high].map(|v| format::shortest(v).replace('−', "-")).join(" ");
+    format!("{units} {ends} {} {}", log(x), log(y))
 }
 
 /// Legend entries, each name once, broken into rows that fit.

@@ -60,9 +60,10 @@ impl Figure {
     pub fn html(&self) -> String {
         format!(
             "<figure><div class=plot>{}</div><figcaption>{}</figcaption>\n<details><summary>Numbers</summary>\
-             <a download=\"figure.csv\" href=\"data:text/csv;charset=utf-8,{}\">CSV, {} rows</a></details></figure>\n",
+             <a download=\"{}.csv\" href=\"data:text/csv;charset=utf-8,{}\">CSV, {} rows</a></details></figure>\n",
             self.drawings(),
             subscripts(&escape(&self.caption)),
+            file_name(&self.caption),
             percent_encoded(&self.csv),
             super::format::count(self.rows as u64),
         )
@@ -78,6 +79,22 @@ impl Figure {
             None => classed(&self.svg, "scrolls"),
         }
     }
+}
+
+/// Most letters of a file's name.
+const MOST_LETTERS: usize = 48;
+
+/// A name for a figure's files: the caption's first words, in small letters with hyphens between them.
+fn file_name(caption: &str) -> String {
+    let mut out = String::new();
+    for word in plain(caption).split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()) {
+        if !out.is_empty() && out.chars().count() + word.chars().count() > MOST_LETTERS {
+            break;
+        }
+        out.extend((!out.is_empty()).then_some('-'));
+        out.extend(word.chars().take(MOST_LETTERS).flat_map(char::to_lowercase));
+    }
+    if out.is_empty() { "figure".to_owned() } else { out }
 }
 
 /// `_{…}` as HTML subscripts; the text is escaped already.
@@ -187,6 +204,14 @@ mod tests {
         assert_eq!(lines[2], "1,,2");
         assert_eq!(lines[3], "2,-1.25,3");
         let html = figure.html();
+        assert!(html.contains("download=\"φ1-x.csv\""), "{html}");
+        let long = "Angle on the circle against velocity (slopes of cubics over 5 samples).";
+        assert_eq!(file_name(long), "angle-on-the-circle-against-velocity-slopes-of");
+        assert_eq!(file_name(" … "), "figure");
+        // One panel: where it lies, and 0 to 2 s across with a margin.
+        let panels = figure.svg.split("data-panels=\"").nth(1).unwrap().split('"').next().unwrap();
+        let numbers: Vec<f64> = panels.split(' ').map(|n| n.parse().unwrap()).collect();
+        assert_eq!((numbers.len(), numbers[4], numbers[5], numbers[8]), (10, -0.08, 2.08, 0.0), "{panels}");
         assert!(html.contains("φ<sub>1</sub> &lt;x&gt;") && !html.contains("<b>") && !html.contains("<x>"));
     }
 
