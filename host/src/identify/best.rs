@@ -55,10 +55,16 @@ pub(super) fn once(
             Err(why)
         }
         None => match shooting::identify(records, rig, weak, choices, progress) {
-            Ok(found) => {
-                found_slips.clone_from(&found.slips);
-                unsettled(&found).map_or(Ok(found), Err)
-            }
+            Ok(found) => match unsettled(&found) {
+                None => Ok(found),
+                Some(why) => {
+                    // Parameters that slips have spoiled show the wrong ones.
+                    if !found.slips.is_empty() {
+                        found_slips = shooting::slips(records, rig, weak, &first, progress).unwrap_or_default();
+                    }
+                    Err(why)
+                }
+            },
             Err(error) => Err(error.found),
         },
     };

@@ -245,6 +245,10 @@ pub fn without<'a>(
             found.warnings.extend(warnings(records, &all));
             return Ok((found, Cow::Owned(mended)));
         }
+        if found.slips.len() >= all.len() {
+            // Taking them back leads nowhere.
+            break;
+        }
         slips.clone_from(&found.slips);
     }
     Ok((plain, Cow::Borrowed(records)))
