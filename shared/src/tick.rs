@@ -191,6 +191,22 @@ impl TickTracker {
         true
     }
 
+    /// Where a tick of the present boot lies; `None` before its first block that came, and before that block.
+    #[must_use]
+    pub fn place(&self, tick: u32) -> Option<u64> {
+        let (device, extended) = self.expected.filter(|_| !self.restarted)?;
+        let ahead = tick.wrapping_sub(device).cast_signed();
+        extended.checked_add_signed(i64::from(ahead)).filter(|place| *place >= self.origin)
+    }
+
+    /// The device's tick at a place of the present boot: the other way round.
+    #[must_use]
+    pub fn device_tick(&self, place: u64) -> Option<u32> {
+        let (device, extended) = self.expected.filter(|_| !self.restarted)?;
+        // Modulo 2³², as the device counts.
+        Some(device.wrapping_add(place.wrapping_sub(extended) as u32))
+    }
+
     /// Extended tick that should come next; `None` before the first block.
     #[must_use]
     pub fn expected(&self) -> Option<u64> {
@@ -224,6 +240,25 @@ mod tests {
         let want = TickCounters { received: 45, missing: 0, duplicate: 25, late: 10, restarts: 0, unplaced: 0 };
         assert_eq!(tracker.counters(), want);
         assert_eq!(tracker.expected(), Some(0x1_0000_0028));
+    }
+
+    #[test]
+    fn a_tick_of_this_boot_has_its_place_and_the_other_way_round() {
+        let mut tracker = TickTracker::new();
+        assert_eq!((tracker.place(0), tracker.device_tick(0)), (None, None));
+        tracker.hello(1, 0);
+        tracker.block(u32::MAX - 4, 10);
+        tracker.block(25, 10);
+        for (tick, place) in [(u32::MAX - 4, 0xffff_fffb), (3, 0x1_0000_0003), (40, 0x1_0000_0028)] {
+            assert_eq!((tracker.place(tick), tracker.device_tick(place)), (Some(place), Some(tick)));
+        }
+        // Before the first block; then no tick has a place until the other boot's first block has come.
+        assert_eq!(tracker.place(u32::MAX - 5), None);
+        tracker.hello(2, 0);
+        assert_eq!((tracker.place(3), tracker.device_tick(0x1_0000_0003)), (None, None));
+        tracker.block(7, 10);
+        assert_eq!((tracker.place(6), tracker.place(9)), (None, Some(0x1_0000_002c)));
+        assert_eq!(tracker.device_tick(0x1_0000_002c), Some(9));
     }
 
     #[test]
