@@ -181,6 +181,9 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
         self.identification.block(&block);
         self.allowance.sampled(sample_count(&block));
         self.passed = self.passed.wrapping_add(self.history.push(block));
+        if self.identification.streamed() == Streamed::Rows {
+            self.history.pass();
+        }
         true
     }
 
@@ -192,10 +195,7 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
         self.keep_up(blocks);
         match self.identification.streamed() {
             Streamed::Samples => self.history.stream().map(DeviceMessage::Samples),
-            Streamed::Rows => {
-                self.history.pass();
-                self.identification.take_rows().map(DeviceMessage::Rows)
-            }
+            Streamed::Rows => self.identification.take_rows().map(DeviceMessage::Rows),
         }
     }
 
