@@ -159,6 +159,12 @@ fn after_ten_seconds_without_a_link_nothing_is_missing() {
 }
 
 #[test]
+fn seventeen_seconds_are_not_too_long_for_what_a_nucleo_board_keeps() {
+    let (done, record, _) = capture(60.0, &[5_000..13_500], FaultSettings::default(), 0.0);
+    assert_eq!((done.losses.received, done.losses.lost(), record.segments.len()), (30_000, 0, 1), "{done:?}");
+}
+
+#[test]
 fn of_a_longer_outage_exactly_what_the_device_no_longer_has_is_missing() {
     let (done, record, missing) = capture(120.0, &[5_000..25_000], FaultSettings::default(), 0.0);
     let l = &done.losses;
