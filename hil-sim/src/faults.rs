@@ -301,19 +301,8 @@ impl FaultyLink {
                 (0, false) => Fate::Vanished,
             };
             self.report.frames.add(fate, frame.copies, 1);
-            match frame.samples {
-                Some((first_tick, count, true)) => {
-                    if fate == Fate::Survived && self.report.restored.len() < MAX_LOST {
-                        self.report.restored.push((first_tick, count));
-                    }
-                }
-                Some((first_tick, count, false)) => {
-                    self.report.samples.add(fate, frame.copies, u64::from(count));
-                    if fate != Fate::Survived && self.report.lost.len() < MAX_LOST {
-                        self.report.lost.push(LostSamples { first_tick, count, fate });
-                    }
-                }
-                None => {}
+            if let Some((first_tick, count, again)) = frame.samples {
+                self.report.settle(LostSamples { first_tick, count, fate }, frame.copies, again);
             }
             self.pending.pop_front();
         }

@@ -116,6 +116,21 @@ pub struct FaultReport {
 }
 
 impl FaultReport {
+    /// The fate of samples is known, of which so many whole copies came out; they were sent again, or streamed.
+    pub(super) fn settle(&mut self, samples: LostSamples, copies: u64, again: bool) {
+        let survived = samples.fate == Fate::Survived;
+        if again {
+            if survived && self.restored.len() < MAX_LOST {
+                self.restored.push((samples.first_tick, samples.count));
+            }
+            return;
+        }
+        self.samples.add(samples.fate, copies, u64::from(samples.count));
+        if !survived && self.lost.len() < MAX_LOST {
+            self.lost.push(samples);
+        }
+    }
+
     /// Ticks whose samples did not come out in any frame, in order of size (of a device that does not restart).
     pub fn missing(&self) -> Vec<u32> {
         let restored: BTreeSet<u32> = self.restored.iter().flat_map(|&(first, count)| ticks(first, count)).collect();

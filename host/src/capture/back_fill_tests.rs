@@ -1,7 +1,5 @@
 //! Links that are unplugged: what the device still has is in the record.
 
-use std::ops::Range;
-
 use whirl_shared::codec::Decoder;
 use whirl_shared::frame::DeviceMessage;
 
@@ -15,7 +13,8 @@ struct Unplugged {
 }
 
 struct Line {
-    out_at: Vec<Range<u32>>,
+    /// Ticks from and to which it is out.
+    out_at: Vec<(u32, u32)>,
     out: bool,
     decoder: Decoder<DeviceMessage>,
     faults: FaultyLink,
@@ -60,7 +59,7 @@ impl Link for Plug {
                     if let Some(Ok(envelope)) = line.decoder.push(byte)
                         && let DeviceMessage::Samples(block) = envelope.message
                     {
-                        line.out = line.out_at.iter().any(|ticks| ticks.contains(&block.first_tick));
+                        line.out = line.out_at.iter().any(|(from, to)| (*from..*to).contains(&block.first_tick));
                     }
                 }
                 if line.out {
@@ -97,7 +96,7 @@ impl Link for Plug {
 /// A capture of `seconds` of the rig that swings by itself, its record, and what the link says is missing in it.
 fn capture(
     seconds: f64,
-    out_at: &[Range<u32>],
+    out_at: &[(u32, u32)],
     faults: FaultSettings,
     up_rate: f64,
 ) -> (CaptureOutcome, Record, Vec<u32>) {
@@ -147,7 +146,7 @@ fn counts(record: &Record) -> Vec<Vec<i32>> {
 fn after_ten_seconds_without_a_link_nothing_is_missing() {
     let none = FaultSettings::default();
     let (_, whole, _) = capture(40.0, &[], none, 0.0);
-    let (done, record, missing) = capture(40.0, &[5_000..10_000], none, 0.0);
+    let (done, record, missing) = capture(40.0, &[(5_000, 10_000)], none, 0.0);
     let l = &done.losses;
     assert_eq!((l.received, l.lost(), l.gaps, missing.len()), (20_000, 0, 0, 0), "{l:?}");
     assert!((4_990..=5_020).contains(&l.restored) && done.complete && done.reconnections > 0, "{done:?}");
@@ -160,13 +159,13 @@ fn after_ten_seconds_without_a_link_nothing_is_missing() {
 
 #[test]
 fn seventeen_seconds_are_not_too_long_for_what_a_nucleo_board_keeps() {
-    let (done, record, _) = capture(60.0, &[5_000..13_500], FaultSettings::default(), 0.0);
+    let (done, record, _) = capture(60.0, &[(5_000, 13_500)], FaultSettings::default(), 0.0);
     assert_eq!((done.losses.received, done.losses.lost(), record.segments.len()), (30_000, 0, 1), "{done:?}");
 }
 
 #[test]
 fn of_a_longer_outage_exactly_what_the_device_no_longer_has_is_missing() {
-    let (done, record, missing) = capture(120.0, &[5_000..25_000], FaultSettings::default(), 0.0);
+    let (done, record, missing) = capture(120.0, &[(5_000, 25_000)], FaultSettings::default(), 0.0);
     let l = &done.losses;
     // It keeps 1024 blocks of ten, of which some are overwritten while the others are sent.
     let kept = 20_000 - missing.len();
@@ -180,7 +179,7 @@ fn of_a_longer_outage_exactly_what_the_device_no_longer_has_is_missing() {
 
 #[test]
 fn an_outage_over_the_end_is_made_good_before_the_capture_ends() {
-    let (done, record, _) = capture(30.0, &[13_000..16_000], FaultSettings::default(), 0.0);
+    let (done, record, _) = capture(30.0, &[(13_000, 16_000)], FaultSettings::default(), 0.0);
     assert_eq!((done.losses.received, done.losses.lost(), done.complete), (15_000, 0, true), "{:?}", done.losses);
     assert_eq!(record.segments.len(), 1);
 }
@@ -196,7 +195,7 @@ fn what_is_sent_again_may_be_lost_damaged_and_doubled_too() {
         drop_byte: 2e-4,
         ..FaultSettings::default()
     };
-    let (done, _, missing) = capture(120.0, &[4_000..9_000, 30_000..32_000], faults, 0.01);
+    let (done, _, missing) = capture(120.0, &[(4_000, 9_000), (30_000, 32_000)], faults, 0.01);
     let l = &done.losses;
     // An unplugging of 14 s, and thousands of frames that the link lost besides; a last gap may stay.
     assert!(l.restored > 8_000 && missing.len() < 50 && l.bad_frames > 100 && l.duplicates > 500, "{l:?}");

@@ -82,6 +82,38 @@ fn a_serial_port_that_is_unplugged_for_a_moment_leaves_nothing_out_and_the_clock
     assert!(off.min(4_294_967_296.0 - off) < 2.0 * ticks as f64, "{turned} after {ticks} ticks, expected {expected}");
 }
 
+#[cfg(unix)]
+#[test]
+fn a_capture_that_was_killed_has_what_the_device_still_keeps_when_it_is_resumed() {
+    use whirl_hil_sim::transport::pty::PseudoTerminal;
+    let folder = tempfile::tempdir().unwrap();
+    rig_file(folder.path(), "chaotic.toml", "rig.toml", &[]);
+    let port = folder.path().join("tty");
+    let server = Server::start(virtual_rig(), PseudoTerminal::new(&port).unwrap(), None, Pace::RealTime).unwrap();
+    let start = |more: &[&str]| {
+        let mut command = command();
+        command.current_dir(folder.path()).arg("capture").args(["--from", &format!("serial:{}", port.display())]);
+        command.args("--rig rig.toml --no-drive --seconds 6 -o r.parquet --json out.json".split(' ')).args(more);
+        command.stdout(std::process::Stdio::piped()).stderr(std::process::Stdio::piped()).spawn().unwrap()
+    };
+    let mut child = start(&[]);
+    let journal = folder.path().join("r.parquet.frames");
+    let begun = std::time::Instant::now();
+    while std::fs::metadata(&journal).map_or(0, |m| m.len()) < 9_000 {
+        assert!(begun.elapsed().as_secs() < 60, "nothing is captured");
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    // The device goes on meanwhile.
+    std::thread::sleep(std::time::Duration::from_millis(1_500));
+    let run = Run::from(start(&["--resume"]).wait_with_output().unwrap());
+    let (record, out, longest) = accounted(folder.path(), &run);
+    server.stop().unwrap();
+    assert_eq!((longest, record.segments.len(), record.samples()), (0, 1, 3_000), "{out}");
+    assert!(record.losses.restored >= 700, "{out}");
+}
+
 #[test]
 fn tcp_as_fast_as_the_host_reads() {
     let folder = tempfile::tempdir().unwrap();
