@@ -3,7 +3,7 @@
 //!
 //! A ring: a new block takes the place of the oldest. The stream goes on behind the last block that it took; what it leaves
 //! waiting for longer than [`BACKLOG`] blocks is passed over, so that the stream is never stale for long, and is only kept.
-//! What the host asks for is looked for by its ticks, and sent oldest first ([`History::again`]); blocks that are overwritten
+//! What the host asks for is looked for by its ticks, and sent oldest first; blocks that are overwritten
 //! meanwhile are left out of the answer.
 //!
 //! Limits: ticks are compared in wrapping arithmetic, right while the ring spans less than 2³¹ of them.

@@ -7,7 +7,7 @@
 //! and the rows of the window that is complete go in the places of blocks.
 //!
 //! Every block is kept, too, and sent again where the host asks for it ([`crate::history`]): when nothing else waits, and
-//! while the line has room ([`crate::allowance`]).
+//! while the line has room (`allowance.rs`).
 
 use core::borrow::BorrowMut;
 use core::fmt::Write;
