@@ -1,10 +1,14 @@
 //! Both halves as one, for a single thread: host tests, simulators, the emulated board.
 
+use core::borrow::BorrowMut;
+
 use heapless::spsc::Queue;
 use whirl_shared::frame::{SampleBlock, Status};
 
 use crate::adjust::Words;
+use crate::estimate::Estimator;
 use crate::event::{Event, Request};
+use crate::history::KEPT;
 use crate::kept::Kept;
 use crate::link::Link;
 use crate::output::ShakerOutput;
@@ -20,11 +24,20 @@ pub const EVENTS: usize = 32;
 /// Slots of the request queue that boards use.
 pub const REQUESTS: usize = 16;
 
-/// The whole application. The const parameters are the queues' slots, of which one each stays empty.
+/// The whole application. The const parameters are the queues' slots, of which one each stays empty; `K` is memory for the
+/// blocks that are kept.
 #[derive(Debug)]
-pub struct App<C1, C2, O, const B: usize = BLOCKS, const E: usize = EVENTS, const R: usize = REQUESTS> {
+pub struct App<
+    C1,
+    C2,
+    O,
+    const B: usize = BLOCKS,
+    const E: usize = EVENTS,
+    const R: usize = REQUESTS,
+    K = [SampleBlock; KEPT],
+> {
     sampler: Sampler<C1, C2, O>,
-    link: Link,
+    link: Link<Estimator, K>,
     blocks: Queue<SampleBlock, B>,
     events: Queue<Event, E>,
     requests: Queue<Request, R>,
@@ -38,22 +51,6 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> App<C1, C2, 
     pub fn new(settings: Settings, counter1: C1, counter2: C2, output: O) -> Result<Self, SettingsError> {
         Self::with_queues(settings, counter1, counter2, output)
     }
-
-    /// As [`App::new`], where the settings are not those of the image.
-    ///
-    /// # Errors
-    /// A setting that is not possible.
-    pub fn with_built_in(
-        settings: &Settings,
-        built_in: &Settings,
-        counter1: C1,
-        counter2: C2,
-        output: O,
-    ) -> Result<Self, SettingsError> {
-        let mut app = Self::new(settings.clone(), counter1, counter2, output)?;
-        app.sampler.set_built_in(built_in);
-        Ok(app)
-    }
 }
 
 impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput, const B: usize, const E: usize, const R: usize>
@@ -64,13 +61,40 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput, const B: usi
     /// # Errors
     /// A setting that is not possible.
     pub fn with_queues(settings: Settings, counter1: C1, counter2: C2, output: O) -> Result<Self, SettingsError> {
+        Self::with_memory(&settings, counter1, counter2, output, [SampleBlock::EMPTY; KEPT])
+    }
+}
+
+impl<C1, C2, O, K, const B: usize, const E: usize, const R: usize> App<C1, C2, O, B, E, R, K>
+where
+    C1: QuadratureCounter,
+    C2: QuadratureCounter,
+    O: ShakerOutput,
+    K: BorrowMut<[SampleBlock]>,
+{
+    /// As [`App::new`], with queues of other lengths, and other memory for the blocks that are kept.
+    ///
+    /// # Errors
+    /// A setting that is not possible; memory for no block.
+    pub fn with_memory(
+        settings: &Settings,
+        counter1: C1,
+        counter2: C2,
+        output: O,
+        memory: K,
+    ) -> Result<Self, SettingsError> {
         Ok(Self {
-            sampler: Sampler::new(&settings, counter1, counter2, output)?,
-            link: Link::new(&settings)?,
+            sampler: Sampler::new(settings, counter1, counter2, output)?,
+            link: Link::with(settings, Estimator::IDLE, memory)?,
             blocks: Queue::new(),
             events: Queue::new(),
             requests: Queue::new(),
         })
+    }
+
+    /// The settings of the image, where those in force are others.
+    pub fn set_built_in(&mut self, built_in: &Settings) {
+        self.sampler.set_built_in(built_in);
     }
 
     /// One sampling tick; see [`Sampler::tick`].
@@ -87,6 +111,11 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput, const B: usi
     /// [`whirl_shared::codec::MAX_FRAME`] bytes; with less, nothing is taken and `None` returned.
     pub fn poll_transmit(&mut self, out: &mut [u8]) -> Option<usize> {
         self.link.poll_transmit(out, &mut self.blocks, &mut self.events)
+    }
+
+    /// Takes a block in without sending any, see [`Link::keep_up`]; whether there was one.
+    pub fn keep_up(&mut self) -> bool {
+        self.link.keep_up(&mut self.blocks)
     }
 
     /// The drive at the last tick: the phase, increment and amplitude that its sample carries and from which its
@@ -138,6 +167,8 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput, const B: usi
     }
 }
 
+#[cfg(test)]
+mod back_fill_tests;
 #[cfg(test)]
 mod lasting_tests;
 #[cfg(test)]

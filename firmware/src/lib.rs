@@ -28,6 +28,7 @@ pub mod app;
 pub mod dac;
 pub mod estimate;
 pub mod event;
+pub mod history;
 pub mod identification;
 pub mod kept;
 pub mod led;
@@ -46,6 +47,7 @@ pub mod store;
 pub mod sweep;
 pub mod zero;
 
+mod allowance;
 mod block_builder;
 mod console;
 mod stream;

@@ -5,11 +5,15 @@
 //!
 //! Every block goes through the device's own identification before it is sent; where the host has asked for rows, it is not sent,
 //! and the rows of the window that is complete go in the places of blocks.
+//!
+//! Every block is kept, too, and sent again where the host asks for it ([`crate::history`]): when nothing else waits, and
+//! while the line has room (`allowance.rs`).
 
 use core::borrow::BorrowMut;
 use core::fmt::Write;
 
 use heapless::{Deque, String};
+use whirl_shared::block::sample_count;
 use whirl_shared::encoder::CountScale;
 use whirl_shared::frame::{
     Ack, BLOCK_LEN, CHANNELS, Command, CommandResult, DeviceMessage, Hello, Log, PROTOCOL_VERSION, ResetCause,
@@ -17,9 +21,11 @@ use whirl_shared::frame::{
 };
 
 use crate::adjust::Words;
+use crate::allowance::Allowance;
 use crate::console::Console;
 use crate::estimate::Estimator;
 use crate::event::{Event, Notice, Present, Request, Snapshot};
+use crate::history::{Again, History, KEPT};
 use crate::identification::Identification;
 use crate::queue::{Sink, Source};
 use crate::settings::{Settings, SettingsError};
@@ -31,17 +37,27 @@ pub const FIRMWARE: &str = concat!("whirl-firmware ", env!("CARGO_PKG_VERSION"))
 
 /// Answers of this half that wait for the link.
 const OWN_EVENTS: usize = 8;
+/// How often the link must have had nothing to send before a block is sent again: boards ask once a millisecond, and so have
+/// no such block in the tick of one that is streamed.
+const QUIET: u8 = 2;
 
-/// The thread half. `E` is an [`Estimator`] of its own, or a reference to one ([`Identification`]).
+/// The thread half. `E` is an [`Estimator`] of its own, or a reference to one ([`Identification`]); `K` is memory for the
+/// blocks that are kept, its own or a reference.
 #[derive(Debug)]
-pub struct Link<E = Estimator> {
+pub struct Link<E = Estimator, K = [SampleBlock; KEPT]> {
     settings: Settings,
     scales: [CountScale; CHANNELS],
     console: Console,
     stream: Stream,
     own: Deque<Event, OWN_EVENTS>,
     identification: Identification<E>,
+    history: History<K>,
+    allowance: Allowance,
+    /// How often there was nothing to send since the last block.
+    quiet: u8,
     block_next: bool,
+    /// Samples that the stream has passed over, wrapping.
+    passed: u32,
     dropped: u32,
     rejected: u32,
     to_keep: Option<(Words, Present)>,
@@ -54,17 +70,21 @@ impl Link {
     /// # Errors
     /// A setting that is not possible.
     pub fn new(settings: &Settings) -> Result<Self, SettingsError> {
-        Self::with(settings, Estimator::IDLE)
+        Self::with(settings, Estimator::IDLE, [SampleBlock::EMPTY; KEPT])
     }
 }
 
-impl<E: BorrowMut<Estimator>> Link<E> {
-    /// As [`Link::new`], with an estimator, which begins anew.
+impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
+    /// As [`Link::new`], with an estimator, which begins anew, and memory for blocks.
     ///
     /// # Errors
-    /// A setting that is not possible.
-    pub fn with(settings: &Settings, estimator: E) -> Result<Self, SettingsError> {
+    /// A setting that is not possible; memory for no block.
+    pub fn with(settings: &Settings, estimator: E, memory: K) -> Result<Self, SettingsError> {
         settings.validate()?;
+        let history = History::new(memory);
+        if history.room() == 0 {
+            return Err(SettingsError { field: "memory (blocks)", found: 0, min: 1, max: u32::MAX });
+        }
         let [Some(scale1), Some(scale2)] = settings.counts_per_turn.map(CountScale::new) else {
             return Err(SettingsError { field: "counts_per_turn", found: 0, min: 1, max: u32::MAX });
         };
@@ -76,7 +96,11 @@ impl<E: BorrowMut<Estimator>> Link<E> {
             stream: Stream::new(),
             own: Deque::new(),
             identification,
+            history,
+            allowance: Allowance::new(settings.baud, settings.sample_rate_millihertz),
+            quiet: 0,
             block_next: false,
+            passed: 0,
             dropped: 0,
             rejected: 0,
             to_keep: None,
@@ -104,9 +128,15 @@ impl<E: BorrowMut<Estimator>> Link<E> {
                 self.rejected = self.rejected.wrapping_add(1);
                 let ack = Ack { command_sequence: request.sequence, result: CommandResult::WrongState };
                 self.put_own(Event::Ack(ack));
-            } else if let Command::Stream(streamed) = request.command {
-                // This half's own; the other one answers.
-                self.identification.stream(streamed);
+                continue;
+            }
+            // This half's own; the other one answers.
+            match request.command {
+                Command::Stream(streamed) => self.identification.stream(streamed),
+                Command::BackFill { boot_id, first_tick, ticks } if boot_id == self.settings.boot_id => {
+                    self.history.ask(first_tick, ticks);
+                }
+                _ => {}
             }
         }
     }
@@ -128,26 +158,60 @@ impl<E: BorrowMut<Estimator>> Link<E> {
             Some(message) => message,
             None => match self.other(events) {
                 Some(message) => message,
-                None => self.streamed(blocks)?,
+                None => match self.streamed(blocks) {
+                    Some(message) => message,
+                    None => self.again()?,
+                },
             },
         };
-        self.block_next = !matches!(message, DeviceMessage::Samples(_) | DeviceMessage::Rows(_));
-        self.stream.encode(message, out)
+        use DeviceMessage::{Restored, Rows, Samples};
+        self.block_next = !matches!(message, Samples(_) | Rows(_));
+        if matches!(message, Samples(_) | Rows(_) | Restored(_)) {
+            self.quiet = 0;
+        }
+        let length = self.stream.encode(message, out)?;
+        self.allowance.sent(length);
+        Some(length)
     }
 
-    /// The next message of the stream: rows that wait, or a block. Blocks that are not sent are taken one at a time, so that this
-    /// stays short.
+    /// Takes a block in, without sending any: for a link that takes nothing at the moment. Whether there was one; one at a
+    /// time, so that this stays short.
+    pub fn keep_up(&mut self, blocks: &mut impl Source<SampleBlock>) -> bool {
+        let Some(block) = blocks.take() else { return false };
+        self.identification.block(&block);
+        self.allowance.sampled(sample_count(&block));
+        self.passed = self.passed.wrapping_add(self.history.push(block));
+        if self.identification.streamed() == Streamed::Rows {
+            self.history.pass();
+        }
+        true
+    }
+
+    /// The next message of the stream: rows that wait, or a block. Blocks are taken in one at a time, so that this stays short.
     fn streamed(&mut self, blocks: &mut impl Source<SampleBlock>) -> Option<DeviceMessage> {
-        let identification = &mut self.identification;
-        if let Some(rows) = identification.take_rows() {
+        if let Some(rows) = self.identification.take_rows() {
             return Some(DeviceMessage::Rows(rows));
         }
-        let block = blocks.take()?;
-        identification.block(&block);
-        match identification.streamed() {
-            Streamed::Samples => Some(DeviceMessage::Samples(block)),
-            Streamed::Rows => identification.take_rows().map(DeviceMessage::Rows),
+        self.keep_up(blocks);
+        match self.identification.streamed() {
+            Streamed::Samples => self.history.stream().map(DeviceMessage::Samples),
+            Streamed::Rows => self.identification.take_rows().map(DeviceMessage::Rows),
         }
+    }
+
+    /// What the host has asked for again, where nothing else waits.
+    fn again(&mut self) -> Option<DeviceMessage> {
+        if self.quiet < QUIET {
+            self.quiet += 1;
+            return None;
+        }
+        if !self.allowance.is_enough() {
+            return None;
+        }
+        Some(match self.history.again()? {
+            Again::Block(block) => DeviceMessage::Restored(block),
+            Again::Done(end) => DeviceMessage::BackFilled(end),
+        })
     }
 
     /// The next message beside the stream.
@@ -188,6 +252,7 @@ impl<E: BorrowMut<Estimator>> Link<E> {
         let Snapshot { status, turning } = snapshot;
         let rate = self.settings.sample_rate_millihertz;
         Status {
+            dropped_samples: status.dropped_samples.wrapping_add(self.passed),
             dropped_frames: status
                 .dropped_frames
                 .wrapping_add(self.dropped)
@@ -197,6 +262,7 @@ impl<E: BorrowMut<Estimator>> Link<E> {
             samples_sent: self.stream.samples_sent(),
             rms_angle_mrad: [0, 1].map(|i| turning[i].rms_mrad(self.scales[i])),
             turns_per_minute_milli: [0, 1].map(|i| turning[i].turns_per_minute_milli(self.scales[i], rate)),
+            kept_from: self.history.oldest().unwrap_or(status.tick),
             ..status
         }
     }

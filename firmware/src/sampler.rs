@@ -243,6 +243,12 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
         if let (CommandResult::Done, Command::Set(setting)) = (result, request.command) {
             result = self.keep(setting, events);
         }
+        if let Command::BackFill { boot_id, .. } = request.command
+            && boot_id != self.boot_id
+        {
+            // The ticks of another boot.
+            result = CommandResult::WrongState;
+        }
         if result != CommandResult::Done {
             self.rejected = self.rejected.wrapping_add(1);
         }

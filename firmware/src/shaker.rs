@@ -224,10 +224,13 @@ impl<O: ShakerOutput> Shaker<O> {
 
     /// Carries a command out, or refuses it and changes nothing.
     ///
-    /// `Hello`, `KeepAlive`, `Status`, `Stream`, `ZeroCounts`, `Set` and `Restart` only ask whether they may be carried out.
+    /// `Hello`, `KeepAlive`, `Status`, `Stream`, `BackFill`, `ZeroCounts`, `Set` and `Restart` only ask whether they may be
+    /// carried out.
     pub fn command(&mut self, command: Command) -> CommandResult {
         let result = match command {
-            Command::Hello | Command::KeepAlive | Command::Status | Command::Stream(_) => CommandResult::Done,
+            Command::Hello | Command::KeepAlive | Command::Status | Command::Stream(_) | Command::BackFill { .. } => {
+                CommandResult::Done
+            }
             Command::Arm => self.arm(),
             Command::Disarm => self.command_disarm(),
             Command::Start { amplitude_micrometre, frequency_millihertz } => {

@@ -31,8 +31,8 @@ const MAX_CHUNK: usize = 4096;
 struct Pending {
     id: u64,
     clean: Vec<u8>,
-    /// First tick and number of its samples.
-    samples: Option<(u32, u32)>,
+    /// First tick and number of its samples, and whether they are sent again.
+    samples: Option<(u32, u32, bool)>,
     came_out: bool,
     copies: u64,
     /// Its bytes have all been sent.
@@ -158,10 +158,11 @@ impl FaultyLink {
         self.next_id += 1;
         let mut samples = None;
         for &byte in &clean {
-            if let Some(Ok(envelope)) = self.decoder.push(byte)
-                && let DeviceMessage::Samples(block) = envelope.message
-            {
-                samples = Some((block.first_tick, sample_count(&block)));
+            let Some(Ok(envelope)) = self.decoder.push(byte) else { continue };
+            match envelope.message {
+                DeviceMessage::Samples(block) => samples = Some((block.first_tick, sample_count(&block), false)),
+                DeviceMessage::Restored(block) => samples = Some((block.first_tick, sample_count(&block), true)),
+                _ => {}
             }
         }
         let bytes = self.damaged(&clean);
@@ -300,11 +301,8 @@ impl FaultyLink {
                 (0, false) => Fate::Vanished,
             };
             self.report.frames.add(fate, frame.copies, 1);
-            if let Some((first_tick, count)) = frame.samples {
-                self.report.samples.add(fate, frame.copies, u64::from(count));
-                if fate != Fate::Survived && self.report.lost.len() < MAX_LOST {
-                    self.report.lost.push(LostSamples { first_tick, count, fate });
-                }
+            if let Some((first_tick, count, again)) = frame.samples {
+                self.report.settle(LostSamples { first_tick, count, fate }, frame.copies, again);
             }
             self.pending.pop_front();
         }

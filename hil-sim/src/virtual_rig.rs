@@ -8,16 +8,18 @@
 //! straight line from the previous tick's value to this tick's (one tick behind the device while it ramps, equal to it
 //! when it runs). Times of drifting effects count from power-on.
 //!
-//! Output is held up to [`RigSettings::output_limit`] bytes. Beyond that the firmware's link is not emptied, its queue
-//! fills, and the firmware counts what it drops: what a slow link does to a real device.
+//! Output is held up to [`RigSettings::output_limit`] bytes. Beyond that the firmware's link is not emptied, blocks wait in
+//! its memory, and the firmware counts those that the stream passes over: what a slow link does to a real device.
 
 use std::collections::VecDeque;
 
 use whirl_firmware::adjust::Words;
+use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
+use whirl_firmware::history::KEPT;
 use whirl_firmware::settings::{Boot, SettingsError};
 use whirl_firmware::{App, Settings, ShakerOutput};
 use whirl_shared::codec::MAX_FRAME;
-use whirl_shared::frame::{ResetCause, SettingsSource, Status};
+use whirl_shared::frame::{ResetCause, SampleBlock, SettingsSource, Status};
 
 use crate::bench::{Bench, BenchSettings, SecondEncoder};
 use crate::encoder::Encoder;
@@ -50,12 +52,15 @@ pub struct RigSettings {
     pub tolerance: f64,
     /// The device's own settings: sampling rate, counts a turn, limits of the shaker, host time-out.
     pub device: Settings,
+    /// Blocks that the device keeps for the host to ask for again.
+    pub kept_blocks: usize,
     /// Most bytes held for [`VirtualRig::take_output`].
     pub output_limit: usize,
 }
 
 impl Default for RigSettings {
-    /// The printed rig, vertical, 500 Hz, 4096 counts, unperturbed; 64 kB of output (15 s).
+    /// The printed rig, vertical, 500 Hz, 4096 counts, unperturbed; as many blocks kept as a NUCLEO board keeps (20 s), 64 kB
+    /// of output (15 s).
     fn default() -> Self {
         Self {
             parameters: Parameters::PRINTED,
@@ -68,6 +73,7 @@ impl Default for RigSettings {
             record_s: 120.0,
             tolerance: TOLERANCE,
             device: Settings { board: "virtual rig", boot_id: 1, ..Settings::default() },
+            kept_blocks: KEPT,
             output_limit: 65_536,
         }
     }
@@ -87,10 +93,13 @@ impl ShakerOutput for PowerStage {
     }
 }
 
+/// The device, with its blocks in memory of its own.
+type Device = App<Encoder, Encoder, PowerStage, BLOCKS, EVENTS, REQUESTS, Vec<SampleBlock>>;
+
 /// Firmware and plant.
 #[derive(Debug)]
 pub struct VirtualRig {
-    app: App<Encoder, Encoder, PowerStage>,
+    app: Device,
     device: Settings,
     /// As the device was made, and what its flash holds.
     image: Settings,
@@ -105,6 +114,7 @@ pub struct VirtualRig {
     latency_us: u32,
     output: VecDeque<u8>,
     output_limit: usize,
+    kept_blocks: usize,
 }
 
 fn setting_error(error: SettingsError) -> ParameterError {
@@ -150,7 +160,7 @@ impl VirtualRig {
         let bench = bench_of(settings)?;
         let shown = bench.shown();
         let encoders = [0, 1].map(|i| Encoder::new(settings.device.counts_per_turn[i], shown[i]));
-        let app = Self::boot(&settings.device, &settings.device, encoders)?;
+        let app = Self::boot(&settings.device, &settings.device, encoders, settings.kept_blocks)?;
         Ok(Self {
             app,
             image: settings.device.clone(),
@@ -165,6 +175,7 @@ impl VirtualRig {
             latency_us: 0,
             output: VecDeque::new(),
             output_limit: settings.output_limit,
+            kept_blocks: settings.kept_blocks,
         })
     }
 
@@ -172,8 +183,12 @@ impl VirtualRig {
         device: &Settings,
         image: &Settings,
         [first, second]: [Encoder; 2],
-    ) -> Result<App<Encoder, Encoder, PowerStage>, ParameterError> {
-        App::with_built_in(device, image, first, second, PowerStage::default()).map_err(setting_error)
+        kept_blocks: usize,
+    ) -> Result<Device, ParameterError> {
+        let memory = vec![SampleBlock::EMPTY; kept_blocks];
+        let mut app = App::with_memory(device, first, second, PowerStage::default(), memory).map_err(setting_error)?;
+        app.set_built_in(image);
+        Ok(app)
     }
 
     /// One tick: the firmware samples, then the plant moves on to the next tick.
@@ -225,6 +240,7 @@ impl VirtualRig {
                 },
             }
         }
+        while self.app.keep_up() {}
     }
 
     /// What the device has sent since the last call: whole frames.
@@ -294,7 +310,7 @@ impl VirtualRig {
         self.device.boot = Boot { settings: source, ..boot };
         let encoders = self.app.counters_mut();
         let encoders = [encoders.0.clone(), encoders.1.clone()];
-        self.app = Self::boot(&self.device, &self.image, encoders)?;
+        self.app = Self::boot(&self.device, &self.image, encoders, self.kept_blocks)?;
         self.command = Command::default();
         self.missed = 0;
         self.to_miss = 0;

@@ -51,7 +51,7 @@ const HELLO: usize = HEAD
     + 2 * U32
     + 1;
 const SAMPLES: usize = HEAD + 4 * U32 + CHANNELS * U32 + 1 + (BLOCK_LEN - 1) * CHANNELS * U16;
-const STATUS: usize = HEAD + 7 * U32 + 2 + 3 * U32 + 2 * CHANNELS * U32;
+const STATUS: usize = HEAD + 7 * U32 + 2 + 3 * U32 + 2 * CHANNELS * U32 + U32;
 const LOG: usize = HEAD + U32 + 1 + TEXT;
 const ESTIMATE: usize = HEAD + 5 * U32 + U16 + 2 * (1 + 2 * 4) + (UNKNOWNS1 + UNKNOWNS2) * 2 * 4;
 const ROWS: usize = HEAD + 5 * U32 + 2 + 1 + ROWS_LEN * ROW_LEN * 3;

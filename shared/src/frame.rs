@@ -13,6 +13,8 @@
 //! | 4 | [`Log`] | device → host | rarely |
 //! | 5 | [`Estimate`] | device → host | every second window of the device's identification: every twenty drive periods |
 //! | 6 | [`Rows`] | device → host | instead of samples, where the host asks for it: after every window |
+//! | 7 | [`DeviceMessage::Restored`] | device → host | a block of samples again, because the host has asked for it ([`Command::BackFill`]) |
+//! | 8 | [`BackFilled`] | device → host | behind the last block that was asked for |
 //! | 0 | [`Command`] | host → device | |
 //!
 //! Adding a message or a field: append it at the end of its enum or struct, add it to [`SCHEMA`], raise
@@ -30,7 +32,7 @@ pub use regression::{Estimate, Rows};
 pub use setting::Setting;
 
 /// Version of the wire protocol; raised at every change of the layout.
-pub const PROTOCOL_VERSION: u16 = 3;
+pub const PROTOCOL_VERSION: u16 = 4;
 /// Samples in a full block. Ten samples a frame keep the worst case well under the rate of a 115 200 baud link.
 pub const BLOCK_LEN: usize = 10;
 /// Number of encoders.
@@ -42,7 +44,7 @@ pub const PANIC_LEN: usize = 80;
 
 /// The layout in words: what [`SCHEMA_HASH`] is computed from.
 pub const SCHEMA: &str = concat!(
-    "whirl 3;envelope{sequence:u16,message};",
+    "whirl 4;envelope{sequence:u16,message};",
     "device[hello{protocol:u16,schema:u32,boot_id:u32,tick:u32,firmware:str,board:str,sample_rate_millihertz:u32,",
     "counts_per_turn:[u32;2],block_len:u8,limits{amplitude_micrometre:u32,frequency_millihertz:u32,ramp_micrometre_per_s:u32,",
     "acceleration_millimetre_per_s2:u32},host_timeout_ms:u32,zeros:[{id:u32,source:enum[power_up,commanded,carried],index:option(u32)};2],",
@@ -50,19 +52,20 @@ pub const SCHEMA: &str = concat!(
     "settings:enum[built_in,kept,changed,refused,not_kept]}|samples{first_tick:u32,phase:u32,phase_increment:u32,amplitude_nanometre:u32,first:[i32;2],deltas:[[i16;2]]}|",
     "status{tick:u32,overruns:u32,dropped_samples:u32,dropped_frames:u32,bad_frames:u32,rejected_commands:u32,",
     "samples_sent:u32,shaker:enum[disarmed,armed,ramping,running,stopping,faulted],stop_cause:enum[none,command,host_silent,limit,fault],",
-    "amplitude_nanometre:u32,frequency_millihertz:u32,latency_max_us:u32,rms_angle_mrad:[u32;2],turns_per_minute_milli:[i32;2]}|",
+    "amplitude_nanometre:u32,frequency_millihertz:u32,latency_max_us:u32,rms_angle_mrad:[u32;2],turns_per_minute_milli:[i32;2],kept_from:u32}|",
     "ack{command_sequence:u16,result:enum[done,out_of_range{limit:u32},wrong_state,unsupported]}|log{tick:u32,level:u8,text:str}|",
     "estimate{tick:u32,window_ticks:u32,windows:u32,forget_per_mille:u16,phase_increment:u32,amplitude_nanometre:u32,",
     "first:enum[known{unknowns:[{value:[u8;4],std_error:[u8;4]};6],condition:[u8;4],residual_rms:[u8;4]},too_few_windows,",
     "undetermined(u8),repeating],second:enum[known{unknowns:[{value:[u8;4],std_error:[u8;4]};5],condition:[u8;4],",
     "residual_rms:[u8;4]},too_few_windows,undetermined(u8),repeating]}|",
     "rows{tick:u32,window_ticks:u32,window:u32,phase_increment:u32,amplitude_nanometre:u32,frequency:u8,last_frequency:u8,",
-    "rows:[[[u8;3];13]]}];",
+    "rows:[[[u8;3];13]]}|restored(samples)|back_filled{first_tick:u32,ticks:u32,samples:u32}];",
     "host[command{hello|keep_alive|arm|disarm|start{amplitude_micrometre:u32,frequency_millihertz:u32}|stop|",
     "set_ramp{micrometre_per_s:u32}|set_host_timeout{ms:u32}|zero_counts|status|stream(enum[samples,rows])|",
     "set(enum[counts_per_turn{channel:u8,counts:u32},reversed{channel:u8,reversed:bool},sample_rate{millihertz:u32},",
     "amplitude_limit{micrometre:u32},frequency_limit{millihertz:u32},ramp_limit{micrometre_per_s:u32},",
-    "acceleration_limit{millimetre_per_s2:u32},host_timeout{ms:u32},full_scale{micrometre:u32},baud{rate:u32},built_in])|restart}]"
+    "acceleration_limit{millimetre_per_s2:u32},host_timeout{ms:u32},full_scale{micrometre:u32},baud{rate:u32},built_in])|restart|",
+    "back_fill{boot_id:u32,first_tick:u32,ticks:u32}}]"
 );
 
 /// FNV-1a hash of [`SCHEMA`]: two sides with the same value lay messages out alike.
@@ -106,6 +109,10 @@ pub enum DeviceMessage {
     Estimate(Estimate),
     /// Regression rows.
     Rows(Rows),
+    /// Encoder counts that were asked for again ([`Command::BackFill`]).
+    Restored(SampleBlock),
+    /// All that the device has of what was asked for has been sent.
+    BackFilled(BackFilled),
 }
 
 /// Everything that a host sends.
@@ -131,6 +138,29 @@ pub struct SampleBlock {
     pub first: [i32; CHANNELS],
     /// Differences from sample to sample.
     pub deltas: Vec<[i16; CHANNELS], { BLOCK_LEN - 1 }>,
+}
+
+impl SampleBlock {
+    /// A sample at rest at tick 0: what memory for blocks begins with.
+    pub const EMPTY: Self = Self {
+        first_tick: 0,
+        phase: 0,
+        phase_increment: 0,
+        amplitude_nanometre: 0,
+        first: [0; CHANNELS],
+        deltas: Vec::new(),
+    };
+}
+
+/// The end of the answer to a [`Command::BackFill`]: all that the device still has of these ticks has been sent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BackFilled {
+    /// First tick that was asked for.
+    pub first_tick: u32,
+    /// Number of ticks that were asked for.
+    pub ticks: u32,
+    /// Samples of these ticks that the device had, and has sent: of the other ticks it has none (any more).
+    pub samples: u32,
 }
 
 /// State of the shaker.
@@ -174,7 +204,7 @@ pub struct Status {
     pub tick: u32,
     /// Ticks missed by the sampler.
     pub overruns: u32,
-    /// Samples dropped because the block queue was full.
+    /// Samples that were not streamed because the link took nothing; as long as they are kept they can be asked for.
     pub dropped_samples: u32,
     /// Other frames dropped because their queue was full.
     pub dropped_frames: u32,
@@ -198,6 +228,8 @@ pub struct Status {
     pub rms_angle_mrad: [u32; CHANNELS],
     /// Preview: mean turning rate over the last second, 10⁻³ turns a minute.
     pub turns_per_minute_milli: [i32; CHANNELS],
+    /// Tick of the oldest sample that can be asked for again; that of this status where there is none.
+    pub kept_from: u32,
 }
 
 /// A command.
@@ -241,6 +273,16 @@ pub enum Command {
     Set(Setting),
     /// Reset; refused unless the shaker is disarmed.
     Restart,
+    /// Send samples again, as [`DeviceMessage::Restored`], behind everything else that is to be sent. It takes the place of
+    /// what was asked for before; refused where the boot is another one.
+    BackFill {
+        /// [`Hello::boot_id`] of the boot whose ticks these are.
+        boot_id: u32,
+        /// First tick.
+        first_tick: u32,
+        /// Number of ticks.
+        ticks: u32,
+    },
 }
 
 /// What a device streams.

@@ -16,6 +16,7 @@ fn main() {
     println!("damaged              {}", l.damaged);
     println!("overruns, dropped    {}, {}", l.overruns, l.dropped_by_device);
     println!("sum                  {}", l.received + l.lost());
+    println!("restored             {} (among the received)", l.restored);
     println!("repeated             {} (not in the sum)", l.duplicates);
     println!("gaps                 {}", l.gaps);
     println!("ticks on which the capture and the fault injector disagree: {}", account.disagreements);

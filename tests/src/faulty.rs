@@ -141,13 +141,13 @@ pub fn capture(rig: &Rig, seconds: f64, seed: u64) -> Account {
     for pair in record.segments.windows(2) {
         missing.extend(pair[0].first_tick + pair[0].len() as i64..pair[1].first_tick);
     }
-    let mut taken: Vec<i64> = injected
-        .lost
-        .iter()
-        .flat_map(|lost| (0..lost.count).map(move |i| i64::from(lost.first_tick) + i64::from(i)))
+    // Neither as it was streamed nor as it was sent again.
+    let taken: Vec<i64> = injected
+        .missing()
+        .into_iter()
+        .map(i64::from)
         .filter(|tick| (outcome.first_tick..=outcome.last_tick).contains(tick))
         .collect();
-    taken.sort_unstable();
     let disagreements = missing.iter().filter(|t| taken.binary_search(t).is_err()).count()
         + taken.iter().filter(|t| missing.binary_search(t).is_err()).count();
     let ticks = outcome.last_tick.abs_diff(outcome.first_tick) + 1;

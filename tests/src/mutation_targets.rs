@@ -364,7 +364,7 @@ fn rewrite(message: &mut DeviceMessage, x: u32, rng: &mut ChaCha8Rng) {
             // Longer texts do not fit, which is as good.
             _ => drop(h.firmware.push_str("\x1b[2J\n\u{202e}")),
         },
-        DeviceMessage::Samples(s) => match rng.random_range(0..6) {
+        DeviceMessage::Samples(s) | DeviceMessage::Restored(s) => match rng.random_range(0..6) {
             0 => s.first_tick = x,
             1 => s.phase_increment = x,
             2 => s.amplitude_nanometre = x,
@@ -372,10 +372,11 @@ fn rewrite(message: &mut DeviceMessage, x: u32, rng: &mut ChaCha8Rng) {
             4 => s.deltas.iter_mut().for_each(|d| d[1] = x as i16),
             _ => s.deltas.truncate(x as usize % 4),
         },
-        DeviceMessage::Status(s) => match rng.random_range(0..4) {
+        DeviceMessage::Status(s) => match rng.random_range(0..5) {
             0 => s.tick = x,
             1 => s.overruns = x,
             2 => s.dropped_samples = x,
+            3 => s.kept_from = x,
             _ => s.samples_sent = x,
         },
         DeviceMessage::Log(l) => drop(l.text.push_str("\x1b[2J\nINFO all is well")),

@@ -10,8 +10,8 @@ use whirl_hil_sim::{RigSettings, VirtualRig};
 use whirl_shared::codec::Decoder;
 use whirl_shared::frame::regression::{EquationEstimate, Unknown};
 use whirl_shared::frame::{
-    Command, CommandResult, DeviceMessage, Hello, PROTOCOL_VERSION, SCHEMA, SCHEMA_HASH, Setting, Status, Streamed,
-    Zero,
+    Command, CommandResult, DeviceMessage, Hello, PROTOCOL_VERSION, SCHEMA, SCHEMA_HASH, SampleBlock, Setting, Status,
+    Streamed, Zero,
 };
 
 /// What the Python decoder reads, a value each frame; none where there is no Python.
@@ -56,6 +56,10 @@ fn hello(h: &Hello) -> Value {
     ])
 }
 
+fn block(b: &SampleBlock) -> Value {
+    json!([[b.first_tick, b.phase, b.phase_increment, b.amplitude_nanometre], b.first, b.deltas])
+}
+
 fn status(s: &Status) -> Value {
     let counters = [s.tick, s.overruns, s.dropped_samples, s.dropped_frames, s.bad_frames, s.rejected_commands];
     let rest = [
@@ -69,7 +73,7 @@ fn status(s: &Status) -> Value {
         s.rms_angle_mrad[1],
     ];
     let counters = [&counters[..], &rest[..]].concat();
-    json!([counters, s.turns_per_minute_milli])
+    json!([counters, s.turns_per_minute_milli, s.kept_from])
 }
 
 fn equation<const N: usize>(equation: &EquationEstimate<[Unknown; N]>) -> Value {
@@ -92,9 +96,9 @@ fn in_rust(frames: &[u8]) -> Vec<Value> {
     let envelopes = frames.iter().filter_map(|&byte| decoder.push(byte)).map(Result::unwrap);
     let fields = |message: &DeviceMessage| match message {
         DeviceMessage::Hello(h) => (0, hello(h)),
-        DeviceMessage::Samples(b) => {
-            (1, json!([[b.first_tick, b.phase, b.phase_increment, b.amplitude_nanometre], b.first, b.deltas]))
-        }
+        DeviceMessage::Samples(b) => (1, block(b)),
+        DeviceMessage::Restored(b) => (7, block(b)),
+        DeviceMessage::BackFilled(end) => (8, json!([end.first_tick, end.ticks, end.samples])),
         DeviceMessage::Status(s) => (2, status(s)),
         DeviceMessage::Ack(ack) => {
             let command = ack.command_sequence;
@@ -155,7 +159,8 @@ fn a_decoder_written_from_the_documentation_reads_every_message() {
         .drive(40, 9_000, 400, 15_525, 5_000)
         .command(5_000, Command::Stream(Streamed::Rows))
         .command(7_500, Command::Stream(Streamed::Samples))
-        .command(7_600, Command::ZeroCounts);
+        .command(7_600, Command::ZeroCounts)
+        .command(8_000, Command::BackFill { boot_id: 1, first_tick: 3_995, ticks: 60 });
     let mut frames = on_this_machine(&RigSettings::default(), &script, 12_000).unwrap();
     // After a silence of the host, and a restart by the watchdog: log lines.
     let mut rig = VirtualRig::new(&RigSettings::default()).unwrap();
@@ -169,7 +174,7 @@ fn a_decoder_written_from_the_documentation_reads_every_message() {
         assert!(same(read, wanted), "frame {n}: {read} for {wanted}");
     }
     let seen: std::collections::BTreeSet<u64> = read.iter().map(|frame| frame[1].as_u64().unwrap()).collect();
-    assert_eq!(seen.into_iter().collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 6]);
+    assert_eq!(seen.into_iter().collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
 }
 
 #[test]
@@ -178,8 +183,8 @@ fn the_documentation_names_the_protocol_and_its_schema() {
     assert!(text.starts_with(&format!("# Wire protocol {PROTOCOL_VERSION}\n")));
     assert!(text.contains(&format!("`{SCHEMA_HASH:08x}`")), "the schema's hash is {SCHEMA_HASH:08x}");
     // Every command by its number.
-    for n in 0..=12 {
+    for n in 0..=13 {
         assert!(text.contains(&format!("\n| {n} |")), "command {n}");
     }
-    assert!(SCHEMA.starts_with("whirl 3;"));
+    assert!(SCHEMA.starts_with("whirl 4;"));
 }

@@ -26,11 +26,12 @@ class Payload:
         return [kind] + (self.many(2 * n + 2, self.f32) if kind == 0 else [self.u8()] if kind == 2 else [])
     def hello(self): return [self.many(4, self.u), self.text(), self.text(), self.many(3, self.u), self.u8(), self.many(5, self.u), self.many(2, self.zero), self.u(), self.text(), self.many(2, self.u8), self.many(3, self.u)]
     def samples(self): return [self.many(4, self.u), self.many(2, self.i), self.many(self.u(), lambda: self.many(2, self.i))]
-    def status(self): return [self.many(14, self.u), self.many(2, self.i)]
+    def status(self): return [self.many(14, self.u), self.many(2, self.i), self.u()]
     def ack(self): command, result = self.u(), self.u(); return [command, result] + ([self.u()] if result == 1 else [])
     def log(self): return [self.u(), self.u8(), self.text()]
     def estimate(self): return [self.many(6, self.u), self.equation(6), self.equation(5)]
     def rows(self): return [self.many(5, self.u), self.many(2, self.u8), self.many(self.u(), lambda: self.many(13, self.f24))]
+    def back_filled(self): return self.many(3, self.u)
 
 for frame in sys.stdin.buffer.read().split(b"\0")[:-1]:
     checked = cobs(frame)
@@ -38,6 +39,6 @@ for frame in sys.stdin.buffer.read().split(b"\0")[:-1]:
     assert zlib.crc32(payload) == int.from_bytes(crc, "little")
     p = Payload(payload)
     sequence, message = p.u(), p.u()
-    fields = [p.hello, p.samples, p.status, p.ack, p.log, p.estimate, p.rows][message]()
+    fields = [p.hello, p.samples, p.status, p.ack, p.log, p.estimate, p.rows, p.samples, p.back_filled][message]()
     assert p.at == len(payload), (message, p.at, len(payload))
     print(json.dumps([sequence, message, fields]))

@@ -23,6 +23,7 @@ use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::dac::DacShaker;
 use whirl_firmware::estimate::Estimator;
 use whirl_firmware::event::{Event, Request};
+use whirl_firmware::history::KEPT;
 use whirl_firmware::link::Link;
 use whirl_firmware::pacing::{Pacer, Passed, Schedule};
 use whirl_firmware::sampler::Sampler;
@@ -88,7 +89,7 @@ impl Interrupt {
 
 /// What the thread owns.
 struct Thread {
-    link: Link<&'static mut Estimator>,
+    link: Link<&'static mut Estimator, &'static mut [SampleBlock]>,
     blocks: Consumer<'static, SampleBlock>,
     events: Consumer<'static, Event>,
     requests: Producer<'static, Request>,
@@ -202,6 +203,7 @@ fn assemble(
     watchdog: IndependentWatchdog<'static, IWDG>,
 ) -> Option<(Thread, RingBufferedUartRx<'static>, Producer<'static, u8>)> {
     static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
+    static MEMORY: ConstStaticCell<[SampleBlock; KEPT]> = ConstStaticCell::new([SampleBlock::EMPTY; KEPT]);
     static QUEUE_BLOCKS: StaticCell<Queue<SampleBlock, BLOCKS>> = StaticCell::new();
     static QUEUE_EVENTS: StaticCell<Queue<Event, EVENTS>> = StaticCell::new();
     static QUEUE_REQUESTS: StaticCell<Queue<Request, REQUESTS>> = StaticCell::new();
@@ -218,7 +220,8 @@ fn assemble(
     let output = DacShaker::new(parts.dac, parts.enable, settings.full_scale_micrometre.saturating_mul(1_000));
     let mut sampler = Sampler::new(settings, parts.encoder1, parts.encoder2, output).ok()?;
     sampler.set_built_in(built_in);
-    let link = Link::with(settings, ESTIMATOR.take()).ok()?;
+    let memory: &mut [SampleBlock] = MEMORY.take();
+    let link = Link::with(settings, ESTIMATOR.take(), memory).ok()?;
     let period = parts.schedule.period();
     defmt::info!("{=str}, build {=str}, boot {=u32:08x}", settings.board, settings.build, settings.boot_id);
     defmt::info!("reset by {}", settings.boot.reset);

@@ -18,8 +18,10 @@ struct Device {
 
 impl Device {
     fn boot(settings: &Settings, built_in: &Settings) -> Self {
-        let app = App::with_built_in(settings, built_in, Indexed::default(), Indexed::default(), Recorder::default());
-        Self { app: app.unwrap(), host: Host::new(), counts: [0; 2] }
+        let app = App::new(settings.clone(), Indexed::default(), Indexed::default(), Recorder::default());
+        let mut app = app.unwrap();
+        app.set_built_in(built_in);
+        Self { app, host: Host::new(), counts: [0; 2] }
     }
 
     fn new() -> Self {

@@ -2,7 +2,7 @@
 
 use whirl_shared::block::sample_count;
 use whirl_shared::codec::Decoder;
-use whirl_shared::frame::{Ack, DeviceMessage, Estimate, Hello, Log, Rows, Status};
+use whirl_shared::frame::{Ack, BackFilled, DeviceMessage, Estimate, Hello, Log, Rows, SampleBlock, Status};
 use whirl_shared::sequence::{SequenceCounters, SequenceTracker};
 use whirl_shared::tick::{TickCounters, TickTracker};
 
@@ -31,6 +31,10 @@ pub struct Sent {
     pub estimates: Vec<Estimate>,
     /// All regression rows.
     pub rows: Vec<Rows>,
+    /// Blocks that were sent again.
+    pub restored: Vec<SampleBlock>,
+    /// The ends of answers to questions for blocks.
+    pub back_filled: Vec<BackFilled>,
 }
 
 impl Sent {
@@ -61,6 +65,8 @@ impl Sent {
                 DeviceMessage::Log(log) => sent.logs.push(log),
                 DeviceMessage::Estimate(estimate) => sent.estimates.push(estimate),
                 DeviceMessage::Rows(rows) => sent.rows.push(rows),
+                DeviceMessage::Restored(block) => sent.restored.push(block),
+                DeviceMessage::BackFilled(end) => sent.back_filled.push(end),
             }
         }
         sent.samples = ticks.counters();

@@ -1,5 +1,7 @@
 //! What a faulty link is to do, and the account of what came of it.
 
+use std::collections::BTreeSet;
+
 /// Probabilities of faults, each for every frame or every byte.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FaultSettings {
@@ -105,10 +107,41 @@ pub struct FaultReport {
     pub unplugged: u64,
     /// Frames of all kinds.
     pub frames: Fates,
-    /// Samples in them.
+    /// Samples in them, as they were streamed.
     pub samples: Fates,
-    /// Blocks that did not survive, in order; at most [`MAX_LOST`] of them.
+    /// Streamed blocks that did not survive, in order; at most [`MAX_LOST`] of them.
     pub lost: Vec<LostSamples>,
+    /// First tick and number of samples of the blocks that were sent again and came out whole, in order; at most [`MAX_LOST`].
+    pub restored: Vec<(u32, u32)>,
+}
+
+impl FaultReport {
+    /// The fate of samples is known, of which so many whole copies came out; they were sent again, or streamed.
+    pub(super) fn settle(&mut self, samples: LostSamples, copies: u64, again: bool) {
+        let survived = samples.fate == Fate::Survived;
+        if again {
+            if survived && self.restored.len() < MAX_LOST {
+                self.restored.push((samples.first_tick, samples.count));
+            }
+            return;
+        }
+        self.samples.add(samples.fate, copies, u64::from(samples.count));
+        if !survived && self.lost.len() < MAX_LOST {
+            self.lost.push(samples);
+        }
+    }
+
+    /// Ticks whose samples did not come out in any frame, in order of size (of a device that does not restart).
+    pub fn missing(&self) -> Vec<u32> {
+        let restored: BTreeSet<u32> = self.restored.iter().flat_map(|&(first, count)| ticks(first, count)).collect();
+        let lost = self.lost.iter().flat_map(|lost| ticks(lost.first_tick, lost.count));
+        let missing: BTreeSet<u32> = lost.filter(|tick| !restored.contains(tick)).collect();
+        missing.into_iter().collect()
+    }
+}
+
+fn ticks(first: u32, count: u32) -> impl Iterator<Item = u32> {
+    (0..count).map(move |i| first.wrapping_add(i))
 }
 
 /// Most entries of [`FaultReport::lost`].

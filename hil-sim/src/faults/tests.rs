@@ -194,3 +194,30 @@ fn a_receiver_that_opens_its_end_anew_ends_a_frame_there() {
     // Frames that lacked their zero alone, and whole ones behind a cut one.
     assert!(survived[1] > survived[0] + 100, "{survived:?}");
 }
+
+#[test]
+fn what_is_sent_again_makes_good_what_was_lost() {
+    let frame = |sequence: u16, message: fn(SampleBlock) -> DeviceMessage, first_tick: u32| {
+        let block = SampleBlock { first_tick, deltas: (1..10).map(|k| [k, k]).collect(), ..SampleBlock::EMPTY };
+        let mut buffer = [0; MAX_FRAME];
+        let length = encode(&Envelope { sequence, message: message(block) }, &mut buffer).unwrap();
+        buffer[..length].to_vec()
+    };
+    let mut link = FaultyLink::new(FaultSettings::default(), 1);
+    link.push(&frame(0, DeviceMessage::Samples, 0));
+    link.unplug();
+    for (n, first) in [10, 20, 30].into_iter().enumerate() {
+        link.push(&frame(n as u16 + 1, DeviceMessage::Samples, first));
+    }
+    // One that is sent again while the plug is still out is lost again.
+    link.push(&frame(4, DeviceMessage::Restored, 30));
+    link.replug();
+    for (n, first) in [20, 15].into_iter().enumerate() {
+        link.push(&frame(n as u16 + 5, DeviceMessage::Restored, first));
+    }
+    link.finish();
+    let report = link.report();
+    assert_eq!((report.samples.survived, report.samples.vanished), (10, 30));
+    assert_eq!(report.restored, [(20, 10), (15, 10)]);
+    assert_eq!(report.missing(), [10, 11, 12, 13, 14, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39]);
+}

@@ -112,7 +112,7 @@ impl Session<'_> {
             warnings.push(Warning::new(
                 "reconnected",
                 format!("the link was lost {times} (last: {})", self.lost_because),
-                "The gaps are marked and counted; check the cable",
+                "Gaps that the device could not fill again are marked and counted; check the cable",
             ));
         }
     }

@@ -44,6 +44,8 @@ pub(super) enum Fault {
     Deaf,
     OtherEncoder,
     OtherRate,
+    /// It says that it keeps all, and gives nothing of it.
+    NeverRestores,
 }
 
 #[derive(Debug)]
@@ -123,6 +125,8 @@ impl State {
 
     fn status(&mut self) {
         self.status.tick = self.tick;
+        // It keeps nothing.
+        self.status.kept_from = if self.always == Some(Fault::NeverRestores) { 0 } else { self.tick };
         let status = self.status.clone();
         self.next_status = self.tick + 500;
         self.send(DeviceMessage::Status(status), None);

@@ -170,7 +170,13 @@ impl Feeder {
             }
             DeviceMessage::Hello(hello) => self.batch.hello = Some(hello.clone()),
             DeviceMessage::Status(status) => self.batch.status = Some(status.clone()),
-            DeviceMessage::Ack(_) | DeviceMessage::Log(_) | DeviceMessage::Estimate(_) | DeviceMessage::Rows(_) => {}
+            // What is sent again is of times that have been shown.
+            DeviceMessage::Ack(_)
+            | DeviceMessage::Log(_)
+            | DeviceMessage::Estimate(_)
+            | DeviceMessage::Rows(_)
+            | DeviceMessage::Restored(_)
+            | DeviceMessage::BackFilled(_) => {}
         }
     }
 

@@ -132,6 +132,8 @@ impl Session<'_> {
                 self.drive.outcome(outcome, &mut self.commands, now)?;
             }
             DeviceMessage::Log(log) => self.show(&log),
+            DeviceMessage::Restored(_) => self.back_fill.heard(now),
+            DeviceMessage::BackFilled(_) => self.back_fill.over(),
             DeviceMessage::Estimate(_) => {}
         }
         Ok(())

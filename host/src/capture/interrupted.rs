@@ -278,7 +278,7 @@ pub(super) fn noticed(settings: &CaptureSettings, recorder: &Recorder<'_>) -> Op
         Warning::new(
             "resumed",
             format!("the record goes on behind {had} samples of an interrupted capture{terms}"),
-            "The gap between is marked and counted",
+            "What the device still has of the time between is restored; the rest is a gap, marked and counted",
         )
         .with("samples_before", had),
     )

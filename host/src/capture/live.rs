@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use whirl_shared::frame::{Command, Hello};
 
+use super::back_fill::{self, BackFill};
 use super::commands::Commands;
 use super::device::check_hello;
 use super::drive::{Drive, Target};
@@ -38,6 +39,7 @@ pub(super) struct Session<'a> {
     pub(super) link: Option<Box<dyn Link>>,
     pub(super) commands: Commands,
     pub(super) drive: Drive,
+    pub(super) back_fill: BackFill,
     pub(super) journal: Option<Journal>,
     pub(super) sieve: Sieve,
     pub(super) gate: Gate,
@@ -115,6 +117,7 @@ pub(super) fn run(
         link: Some(link),
         commands: Commands::new(first),
         drive: Drive::new(target, settings.restart_drive, now),
+        back_fill: BackFill::default(),
         journal: Some(journal),
         sieve: Sieve::default(),
         gate: Gate::default(),
@@ -171,7 +174,7 @@ impl Session<'_> {
         }
         // People's time.
         let mut told = Instant::now();
-        let (mut asked, mut reached) = (None::<Instant>, None::<Instant>);
+        let (mut asked, mut passed, mut reached) = (None::<Instant>, None::<Instant>, None::<Instant>);
         loop {
             self.turn(recorder)?;
             if let Some(error) = self.source.failed() {
@@ -208,6 +211,20 @@ impl Session<'_> {
             if self.hello.is_some() && self.link.is_some() {
                 self.drive.poll(&mut self.commands, now)?;
                 self.keep_alive(now);
+                if let Some(command) = self.back_fill.ask(recorder.gap(), now) {
+                    self.commands.send(command);
+                }
+            }
+            if recorder.passed_end() && !recorder.reached_end() {
+                if passed.is_none() {
+                    // What is still to be restored needs no drive.
+                    self.drive.stop(&mut self.commands, now);
+                }
+                let since = now.duration_since(*passed.get_or_insert(now));
+                let stalled = self.stall.lasts(now).as_secs_f64() > self.settings.reconnect_s;
+                if stalled || since > back_fill::LONGEST {
+                    return Ok(());
+                }
             }
             self.watch(now)?;
             if told.elapsed() > Duration::from_millis(200) {
@@ -295,6 +312,7 @@ impl Session<'_> {
                 self.heard = Heard::default();
                 self.retry.0 = now + SILENCE;
                 self.commands.reconnected(now);
+                self.back_fill.over();
                 self.drive.reconnected(now)?;
                 self.ask_hello();
                 // The frame that was cut must not spoil the next one.
@@ -318,6 +336,8 @@ impl Session<'_> {
             "starting the drive"
         } else if !recorder.recording() {
             "settling"
+        } else if self.back_fill.is_under_way() {
+            "recording, and asking for what the link lost"
         } else {
             "recording"
         };

@@ -15,6 +15,7 @@
 //! - What an interrupted capture leaves can be made a record, or gone on with, see [`interrupted`].
 
 mod accounting;
+mod back_fill;
 mod commands;
 mod device;
 mod drive;

@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 
 use whirl_shared::codec::Decoder;
 use whirl_shared::frame::{
-    CHANNELS, DeviceMessage, Envelope, Estimate, Hello, Log, Rows, SampleBlock, ShakerState, Status,
+    BackFilled, CHANNELS, DeviceMessage, Envelope, Estimate, Hello, Log, Rows, SampleBlock, ShakerState, Status,
 };
 
 use super::RowsOutcome;
 use super::accounting::{Accounting, Taken, Verdict};
+use super::back_fill::Gap;
 use super::device::{self, check_hello, level};
 use super::estimates::{self, DeviceEstimate, Estimates};
 use super::journal::Terms;
@@ -21,6 +22,8 @@ use crate::record::{DeviceBoot, DeviceLine, Losses, Metadata, RecordWriter};
 use crate::rig::Rig;
 use crate::warning::Warning;
 
+/// How long a gap waits to be filled, counted in the samples that come meanwhile, s.
+const PATIENCE_S: f64 = 6.0;
 /// Boots that are told of: a device that restarts more often is broken.
 const MOST_BOOTS: usize = 1000;
 
@@ -105,7 +108,7 @@ impl<'a> Recorder<'a> {
             begin_at: None,
             settle,
             decoder: Decoder::new(),
-            accounting: Accounting::new(limit),
+            accounting: Accounting::new(limit, (PATIENCE_S * rig.sample_rate_hz) as u64),
             hello: None,
             newest_hello: None,
             boots: Vec::new(),
@@ -171,6 +174,8 @@ impl<'a> Recorder<'a> {
                 DeviceMessage::Estimate(estimate) => self.estimate(estimate)?,
                 DeviceMessage::Rows(rows) => self.rows(rows)?,
                 DeviceMessage::Log(log) => self.line(log),
+                DeviceMessage::Restored(block) => self.restored(block)?,
+                DeviceMessage::BackFilled(end) => self.back_filled(end)?,
                 DeviceMessage::Ack(_) => {}
             },
         }
@@ -253,11 +258,39 @@ impl<'a> Recorder<'a> {
         if !self.recording {
             return Ok(());
         }
-        if self.accounting.block(block.clone(), &mut self.taken) == Verdict::AskHello {
+        if self.accounting.block(block, &mut self.taken) == Verdict::AskHello {
             self.ask_hello = true;
         }
         self.note_boot();
         self.write()
+    }
+
+    /// Takes what the device has sent again.
+    fn restored(&mut self, block: &SampleBlock) -> Result<()> {
+        if self.rows.is_none() && self.recording {
+            self.accounting.restored(block, &mut self.taken);
+        }
+        self.write()
+    }
+
+    fn back_filled(&mut self, end: &BackFilled) -> Result<()> {
+        if self.rows.is_none() && self.recording {
+            self.accounting.back_filled(end, &mut self.taken);
+        }
+        self.write()
+    }
+
+    /// The first ticks that are missing and may be had from the device.
+    pub(super) fn gap(&self) -> Option<Gap> {
+        if self.rows.is_some() || !self.recording || self.ended {
+            return None;
+        }
+        let open = self.accounting.open()?;
+        Some(Gap {
+            boot_id: self.newest_hello.as_ref()?.boot_id,
+            first_tick: self.accounting.device_tick(open.start)?,
+            ticks: u32::try_from(open.end.abs_diff(open.start)).unwrap_or(u32::MAX),
+        })
     }
 
     /// Keeps what the device told of a boot of which the first samples have come.
@@ -365,8 +398,13 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Whether the last sample to be recorded has come (or is known to be lost).
+    /// Whether the last sample to be recorded has come, or is known to be lost, and nothing before it is waited for.
     pub(super) fn reached_end(&self) -> bool {
+        self.passed_end() && self.accounting.open().is_none()
+    }
+
+    /// Whether the device is behind the last sample to be recorded.
+    pub(super) fn passed_end(&self) -> bool {
         if let Some(rows) = &self.rows {
             return rows.full;
         }

@@ -16,7 +16,12 @@ fn message(rng: &mut rand_chacha::ChaCha8Rng, hello: &Hello) -> DeviceMessage {
         1 => u32::MAX - rng.next_u32() % 100,
         _ => rng.next_u32() % 5000,
     };
-    match rng.next_u32() % 8 {
+    match rng.next_u32() % 11 {
+        10 => DeviceMessage::BackFilled(BackFilled {
+            first_tick: tick,
+            ticks: rng.next_u32() % 1000,
+            samples: rng.next_u32() % 1000,
+        }),
         0 => DeviceMessage::Hello(Hello { boot_id: rng.next_u32() % 3, tick, ..hello.clone() }),
         1 => DeviceMessage::Status(Status {
             tick,
@@ -25,18 +30,20 @@ fn message(rng: &mut rand_chacha::ChaCha8Rng, hello: &Hello) -> DeviceMessage {
             shaker: ShakerState::Running,
             amplitude_nanometre: 1_000_000,
             frequency_millihertz: 5000,
+            kept_from: tick.wrapping_sub(rng.next_u32() % 1000),
             ..Status::default()
         }),
-        _ => {
+        kind => {
             let n = rng.next_u32() as usize % BLOCK_LEN;
-            DeviceMessage::Samples(SampleBlock {
+            let block = SampleBlock {
                 first_tick: tick,
                 phase: rng.next_u32(),
                 phase_increment: rng.next_u32(),
                 amplitude_nanometre: rng.next_u32(),
                 first: [rng.next_u32().cast_signed(), i32::MAX],
                 deltas: (0..n).map(|_| [rng.next_u32() as i16, i16::MAX]).collect(),
-            })
+            };
+            if kind > 7 { DeviceMessage::Restored(block) } else { DeviceMessage::Samples(block) }
         }
     }
 }

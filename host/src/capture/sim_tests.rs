@@ -1,5 +1,8 @@
 //! Captures of the simulated rig, with and without a faulty link between.
 
+#[path = "back_fill_tests.rs"]
+mod back_fill_tests;
+
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
@@ -270,13 +273,13 @@ fn faulty_capture(seconds: f64, faults: FaultSettings, seed: u64) -> (CaptureOut
     for w in r.segments.windows(2) {
         missing.extend(w[0].first_tick + w[0].len() as i64..w[1].first_tick);
     }
-    let mut taken: Vec<i64> = report
-        .lost
-        .iter()
-        .flat_map(|lost| (0..lost.count).map(move |i| i64::from(lost.first_tick) + i64::from(i)))
+    // Neither as it was streamed nor as it was sent again.
+    let taken: Vec<i64> = report
+        .missing()
+        .into_iter()
+        .map(i64::from)
         .filter(|t| (done.first_tick..=done.last_tick).contains(t))
         .collect();
-    taken.sort_unstable();
     assert!(missing == taken, "{} and {} ticks of {done:?}", missing.len(), taken.len());
     assert_eq!(l.restarts + l.overruns + l.dropped_by_device, 0);
     // The record made again from the journal is the same.
@@ -293,7 +296,7 @@ fn each_sample_of_ten_minutes_with_every_fault_is_accounted_for() {
     let l = &done.losses;
     // The last samples may be among the missing.
     assert!((298_000..=300_000).contains(&(l.received + l.lost())), "{l:?}");
-    assert!(l.lost_on_link > 5000 && l.damaged > 500 && l.duplicates > 200 && l.late > 200, "{l:?}");
+    assert!(l.restored > 5500 && l.lost() < 100 && l.duplicates > 200 && l.late > 200, "{l:?}");
     assert!(done.reconnections > 2 && report.unplugged > 10, "{done:?}");
 }
 
@@ -301,7 +304,7 @@ fn each_sample_of_ten_minutes_with_every_fault_is_accounted_for() {
 fn every_sample_behind_a_faulty_link_is_accounted_for() {
     for seed in 1..3 {
         let (done, report) = faulty_capture(20.0, FaultSettings { unplug: 1e-3, ..FaultSettings::EVERYTHING }, seed);
-        assert!(done.losses.lost() > 50 && report.samples.damaged > 0, "{:?}", done.losses);
+        assert!(done.losses.restored > 50 && report.samples.damaged > 0, "{:?}", done.losses);
     }
 }
 
@@ -342,7 +345,8 @@ fn unplugged_capture(from: &str, server: Server, dir: &tempfile::TempDir, rig: &
     let l = &done.losses;
     assert!(done.complete && done.reconnections >= 2, "{done:?}");
     assert_eq!(l.received + l.lost(), 40_000);
-    assert!(l.lost_on_link + l.damaged >= 1400 && l.overruns == 26 && l.restarts == 0, "{l:?}");
+    // A rig at the client's pace is ahead of it by what the line holds: an answer may come too late.
+    assert!(l.lost_on_link + l.damaged + l.restored >= 1400 && l.overruns == 26 && l.restarts == 0, "{l:?}");
     let r = Record::read(&done.record, rig, &ReadOptions::default()).unwrap();
     assert_eq!((&r.losses, r.segments.len() as u64), (l, l.gaps + 1));
     assert!(!whirl_moves(server));

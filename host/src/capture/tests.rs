@@ -170,6 +170,22 @@ fn an_unplugged_link_is_found_again() {
 }
 
 #[test]
+fn a_device_that_keeps_all_and_gives_nothing_does_not_hold_up_the_end() {
+    let run = Run::new(true, 6.0);
+    // One gap in the middle, one across the end.
+    let mut fake = Fake::with(&[(0, Fault::NeverRestores), (1500, Fault::Silence(300)), (3_300, Fault::Silence(200))]);
+    let begun = std::time::Instant::now();
+    let done = run.capture(&mut fake).unwrap();
+    assert!(begun.elapsed().as_secs() < 10, "{:?}", begun.elapsed());
+    let l = &done.losses;
+    assert_eq!((l.received + l.lost(), l.restored), (done.last_tick.abs_diff(done.first_tick) + 1, 0));
+    assert!(l.lost() >= 280 && l.gaps >= 1, "{l:?}");
+    check_samples(&run.read());
+    run.replay_is_identical();
+    assert!(fake.state().at_rest());
+}
+
+#[test]
 fn a_link_that_stays_away_leaves_a_readable_record() {
     let mut run = Run::new(false, 100.0);
     run.settings.reconnect_s = 0.3;

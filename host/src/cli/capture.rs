@@ -112,6 +112,12 @@ pub fn human(outcome: &CaptureOutcome) -> String {
         plural(l.gaps, "gap"),
         plural(l.restarts, "restart")
     ));
+    if l.restored > 0 {
+        text.push_str(&format!(
+            "restored {}: the link had lost them, and the device has sent them again\n",
+            count(l.restored)
+        ));
+    }
     if let Some(frames) = &outcome.frames {
         text.push_str(&format!("its journal is kept: {}\n", frames.display()));
     }

@@ -178,6 +178,8 @@ pub struct Losses {
     pub duplicates: u64,
     /// Samples that arrived out of order (kept, in their place).
     pub late: u64,
+    /// Samples that the link had lost and the device has sent again (kept, in their place; they are among the received ones).
+    pub restored: u64,
     /// Samples that arrived when their place had been passed, or whose place on the device's clock could not be told: not in
     /// the record. Those between its first and last tick are among the missing ones above.
     pub dropped_late: u64,

@@ -59,7 +59,15 @@ pub(super) fn samples_at_length(scene: &Scene) -> Vec<Line<'static>> {
         line("missing", format!("{} in {}", count(s.progress.lost), plural(l.gaps, "gap", "gaps"))),
         line("of these", format!("{} on the link, {} damaged", count(l.lost_on_link), count(l.damaged))),
         line("", format!("{} overruns, {} dropped", count(l.overruns), count(l.dropped_by_device))),
-        line("besides", format!("{} repeated, {} too late", count(l.duplicates), count(l.dropped_late))),
+        line(
+            "besides",
+            format!(
+                "{} restored, {} repeated, {} too late",
+                count(l.restored),
+                count(l.duplicates),
+                count(l.dropped_late)
+            ),
+        ),
         line(
             "link",
             format!(

@@ -14,7 +14,7 @@ fn text<const N: usize>() -> String<N> {
 }
 
 /// The longest message of each kind: every varint at its full length.
-fn longest() -> [DeviceMessage; 7] {
+fn longest() -> [DeviceMessage; 9] {
     let mut deltas = Vec::new();
     while deltas.push([i16::MIN; CHANNELS]).is_ok() {}
     let mut rows = Vec::new();
@@ -22,6 +22,14 @@ fn longest() -> [DeviceMessage; 7] {
     let float = Binary32([9; 4]);
     let unknown = Unknown { value: float, std_error: float };
     let all = u32::MAX;
+    let block = SampleBlock {
+        first_tick: all,
+        phase: all,
+        phase_increment: all,
+        amplitude_nanometre: all,
+        first: [i32::MIN; CHANNELS],
+        deltas,
+    };
     [
         DeviceMessage::Hello(Hello {
             protocol: u16::MAX,
@@ -48,14 +56,7 @@ fn longest() -> [DeviceMessage; 7] {
             baud: all,
             settings: SettingsSource::NotKept,
         }),
-        DeviceMessage::Samples(SampleBlock {
-            first_tick: all,
-            phase: all,
-            phase_increment: all,
-            amplitude_nanometre: all,
-            first: [i32::MIN; CHANNELS],
-            deltas,
-        }),
+        DeviceMessage::Samples(block.clone()),
         DeviceMessage::Status(Status {
             tick: all,
             overruns: all,
@@ -71,6 +72,7 @@ fn longest() -> [DeviceMessage; 7] {
             latency_max_us: all,
             rms_angle_mrad: [all; CHANNELS],
             turns_per_minute_milli: [i32::MIN; CHANNELS],
+            kept_from: all,
         }),
         DeviceMessage::Ack(Ack { command_sequence: u16::MAX, result: CommandResult::OutOfRange { limit: all } }),
         DeviceMessage::Log(Log { tick: all, level: u8::MAX, text: text() }),
@@ -94,6 +96,8 @@ fn longest() -> [DeviceMessage; 7] {
             last_frequency: u8::MAX,
             rows,
         }),
+        DeviceMessage::Restored(block),
+        DeviceMessage::BackFilled(BackFilled { first_tick: all, ticks: all, samples: all }),
     ]
 }
 
@@ -103,22 +107,23 @@ fn frame<M: Serialize>(message: M) -> StdVec<u8> {
     out[..length].to_vec()
 }
 
-fn worst_lengths() -> [usize; 7] {
+fn worst_lengths() -> [usize; 9] {
     longest().map(|message| frame(message).len())
 }
 
 #[test]
 fn the_longest_messages_have_the_stated_lengths() {
-    let [hello, samples, status, ack, log, estimate, rows] = worst_lengths();
+    let [hello, samples, status, ack, log, estimate, rows, restored, back_filled] = worst_lengths();
     assert_eq!(
         [hello, samples, status, log, estimate, rows],
         [HELLO, SAMPLES, STATUS, LOG, ESTIMATE, ROWS].map(frame_len)
     );
     assert_eq!(MAX_FRAME, worst_lengths().into_iter().max().unwrap_or(0));
-    assert!(ack < log);
-    assert_eq!(MAX_SAMPLES_FRAME, samples);
-    let start = Command::Start { amplitude_micrometre: u32::MAX, frequency_millihertz: u32::MAX };
-    assert!(frame(HostMessage::Command(start)).len() <= MAX_FRAME);
+    assert!(ack < log && back_filled < log);
+    assert_eq!([MAX_SAMPLES_FRAME; 2], [samples, restored]);
+    let all = u32::MAX;
+    let ask = Command::BackFill { boot_id: all, first_tick: all, ticks: all };
+    assert!(frame(HostMessage::Command(ask)).len() <= MAX_FRAME);
     // COBS' second overhead byte begins with the 254th byte.
     assert_eq!([frame_len(249), frame_len(250)], [249 + 4 + 2, 250 + 4 + 3]);
 }
@@ -131,7 +136,7 @@ fn occupancy(bytes_per_second: usize) -> f64 {
 /// Beside the stream: a status a second, ten commands a second with their answers, estimates at the greatest frequency of the
 /// drive that boards allow (20 Hz: one every twenty periods).
 fn beside_the_stream() -> usize {
-    let [_, _, status, ack, _, estimate, _] = worst_lengths();
+    let [_, _, status, ack, _, estimate, ..] = worst_lengths();
     status + 10 * ack + estimate
 }
 
@@ -147,7 +152,7 @@ fn the_wire_is_at_most_seventy_percent_full_at_115200_baud() {
 
 #[test]
 fn the_wire_is_at_most_seventy_percent_full_with_rows_too() {
-    let [.., rows] = worst_lengths();
+    let [.., rows, _, _] = worst_lengths();
     // m from 0 to 32, two in a message; a window every ten periods.
     let window = 33usize.div_ceil(2) * rows;
     for (frequency_hz, most) in [(5, 0.20), (20, 0.70)] {

@@ -10,9 +10,9 @@ use serde::de::DeserializeOwned;
 use whirl_shared::codec::{CRC, Decoder, MAX_FRAME, encode};
 use whirl_shared::frame::regression::{Binary24, Binary32, EquationEstimate, ROWS_LEN, Unknown};
 use whirl_shared::frame::{
-    Ack, BLOCK_LEN, Command, CommandResult, DeviceMessage, Envelope, Estimate, Hello, HostMessage, Log, ResetCause,
-    Rows, SampleBlock, Setting, SettingsSource, ShakerLimits, ShakerState, Status, StopCause, Streamed, Zero,
-    ZeroSource,
+    Ack, BLOCK_LEN, BackFilled, Command, CommandResult, DeviceMessage, Envelope, Estimate, Hello, HostMessage, Log,
+    ResetCause, Rows, SampleBlock, Setting, SettingsSource, ShakerLimits, ShakerState, Status, StopCause, Streamed,
+    Zero, ZeroSource,
 };
 
 /// A seeded source of numbers and messages.
@@ -131,6 +131,7 @@ impl Source {
             latency_max_us: self.any(),
             rms_angle_mrad: self.pair(|n| n),
             turns_per_minute_milli: self.pair(|n| n as i32),
+            kept_from: self.any(),
         }
     }
 
@@ -184,7 +185,7 @@ impl Source {
     }
 
     pub fn device(&mut self) -> Envelope<DeviceMessage> {
-        let message = match self.below(10) {
+        let message = match self.below(12) {
             0 => DeviceMessage::Hello(self.hello()),
             1 => DeviceMessage::Status(self.status()),
             2 => DeviceMessage::Ack(Ack {
@@ -199,13 +200,17 @@ impl Source {
             3 => DeviceMessage::Log(Log { tick: self.any(), level: self.any() as u8, text: self.text() }),
             4 => DeviceMessage::Estimate(self.estimate()),
             5 => DeviceMessage::Rows(self.rows()),
+            6 => DeviceMessage::Restored(self.block()),
+            7 => {
+                DeviceMessage::BackFilled(BackFilled { first_tick: self.any(), ticks: self.any(), samples: self.any() })
+            }
             _ => DeviceMessage::Samples(self.block()),
         };
         Envelope { sequence: self.any() as u16, message }
     }
 
     pub fn host(&mut self) -> Envelope<HostMessage> {
-        let command = match self.below(14) {
+        let command = match self.below(15) {
             0 => Command::Hello,
             1 => Command::KeepAlive,
             2 => Command::Arm,
@@ -219,6 +224,7 @@ impl Source {
             10 => Command::Stream(Streamed::Rows),
             11 => Command::Set(self.setting()),
             12 => Command::Restart,
+            13 => Command::BackFill { boot_id: self.any(), first_tick: self.any(), ticks: self.any() },
             _ => Command::Status,
         };
         Envelope { sequence: self.any() as u16, message: HostMessage::Command(command) }

@@ -16,7 +16,9 @@ fn every_sample_of_a_long_capture_through_every_fault_is_accounted_for() {
     // Each kind of fault was there.
     let drawn = &account.injected;
     assert!(drawn.drawn_frames.iter().chain(&drawn.drawn_bytes).all(|n| *n > 0) && drawn.unplugged > 0, "{drawn:?}");
-    assert!(l.lost_on_link > 0 && l.damaged > 0 && l.gaps > 0 && l.duplicates > 0, "{l:?}");
+    assert!(drawn.samples.damaged > 0 && drawn.samples.vanished > 0 && l.duplicates > 0, "{l:?}");
+    // The device has sent again what was lost; the unpluggings are shorter than what it keeps.
+    assert!(l.restored > 10_000 && l.lost() < 200, "{l:?}");
     assert_eq!((l.restarts, l.overruns, l.dropped_by_device), (0, 0, 0));
 }
 

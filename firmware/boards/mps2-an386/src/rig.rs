@@ -15,6 +15,7 @@ use whirl_board_mps2_an386::{semihosting, stack};
 use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::estimate::Estimator;
 use whirl_firmware::event::{Event, Request};
+use whirl_firmware::history::KEPT;
 use whirl_firmware::link::Link;
 use whirl_firmware::lock_step::{self, Order};
 use whirl_firmware::pacing::{Pacer, Passed};
@@ -45,6 +46,8 @@ struct Interrupt {
 
 static INTERRUPT: Mutex<RefCell<Option<Interrupt>>> = Mutex::new(RefCell::new(None));
 static EXIT: AtomicBool = AtomicBool::new(false);
+/// Interrupts so far.
+static TICKS: AtomicU32 = AtomicU32::new(0);
 /// Ticks for which the link takes nothing.
 static BLOCKED: AtomicU32 = AtomicU32::new(0);
 
@@ -91,6 +94,7 @@ impl Interrupt {
             // A test that sends more than the thread takes finds its commands unanswered.
             let _ = self.host.enqueue(byte);
         }
+        TICKS.store(self.tick, Relaxed);
         self.obey(reply.order);
     }
 
@@ -136,7 +140,7 @@ impl Interrupt {
 
 /// What the thread owns.
 struct Thread {
-    link: Link<&'static mut Estimator>,
+    link: Link<&'static mut Estimator, &'static mut [SampleBlock]>,
     blocks: Consumer<'static, SampleBlock>,
     events: Consumer<'static, Event>,
     requests: Producer<'static, Request>,
@@ -147,6 +151,9 @@ impl Thread {
     /// Sends what waits, takes what has come.
     fn turn(&mut self) {
         let mut frame = [0; MAX_FRAME];
+        if BLOCKED.load(Relaxed) > 0 {
+            self.link.keep_up(&mut self.blocks);
+        }
         while BLOCKED.load(Relaxed) == 0 {
             let Some(length) = self.link.poll_transmit(&mut frame, &mut self.blocks, &mut self.events) else { break };
             for &byte in &frame[..length] {
@@ -191,6 +198,7 @@ fn settings() -> [Settings; 2] {
 
 fn start() -> Option<Thread> {
     static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
+    static MEMORY: ConstStaticCell<[SampleBlock; KEPT]> = ConstStaticCell::new([SampleBlock::EMPTY; KEPT]);
     static QUEUE_BLOCKS: StaticCell<Queue<SampleBlock, BLOCKS>> = StaticCell::new();
     static QUEUE_EVENTS: StaticCell<Queue<Event, EVENTS>> = StaticCell::new();
     static QUEUE_REQUESTS: StaticCell<Queue<Request, REQUESTS>> = StaticCell::new();
@@ -202,7 +210,8 @@ fn start() -> Option<Thread> {
     let [settings, built_in] = settings();
     let mut sampler = Sampler::new(&settings, Counter(0), Counter(1), Output).ok()?;
     sampler.set_built_in(&built_in);
-    let link = Link::with(&settings, ESTIMATOR.take()).ok()?;
+    let memory: &mut [SampleBlock] = MEMORY.take();
+    let link = Link::with(&settings, ESTIMATOR.take(), memory).ok()?;
     let period = (u64::from(CLOCK_HZ) * 1_000 / u64::from(settings.sample_rate_millihertz)) as u32;
     machine::start_clock();
     let plant = Plant::open()?;
@@ -231,8 +240,14 @@ fn start() -> Option<Thread> {
 fn main() -> ! {
     stack::paint();
     let Some(mut thread) = start() else { panic!("no plant: the pipes to_plant and from_plant cannot be opened") };
+    // A turn in each tick, as a real board's thread has one in each millisecond.
+    let mut turned = None;
     while !EXIT.load(Relaxed) {
-        thread.turn();
+        let tick = Some(TICKS.load(Relaxed));
+        if turned != tick {
+            turned = tick;
+            thread.turn();
+        }
         cortex_m::asm::nop();
     }
     thread.turn();

@@ -33,6 +33,9 @@ const RTT_UP: usize = 4_608;
 const RTT_DOWN: usize = 256;
 const RTT_MESSAGES: usize = 1_024;
 
+/// Blocks that are kept for the host to ask for again: 80 s of samples at 500 Hz, half of the memory.
+const KEPT: usize = 4_000;
+
 /// What the interrupt owns.
 struct Interrupt {
     sampler: Sampler<Decoder<0>, Decoder<1>, DacShaker<Player<Registers>, Output<'static>>>,
@@ -73,7 +76,7 @@ impl Interrupt {
 
 /// What the thread owns.
 struct Thread {
-    link: Link<&'static mut Estimator>,
+    link: Link<&'static mut Estimator, &'static mut [SampleBlock]>,
     blocks: Consumer<'static, SampleBlock>,
     events: Consumer<'static, Event>,
     requests: Producer<'static, Request>,
@@ -96,6 +99,10 @@ impl Thread {
             }
             let n = self.rtt.1.read(&mut bytes);
             self.link.receive(&bytes[..n], &mut self.requests);
+            if !self.port.ready() {
+                // An unplugged port takes nothing; what the host will ask for is kept meanwhile.
+                self.link.keep_up(&mut self.blocks);
+            }
             while self.port.ready()
                 && let Some(n) = self.link.poll_transmit(&mut frame, &mut self.blocks, &mut self.events)
             {
@@ -137,6 +144,7 @@ impl Thread {
 
 fn assemble(parts: board::Parts, rtt: (UpChannel, DownChannel), dog: Dog, spawner: Spawner) -> Option<Thread> {
     static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
+    static MEMORY: ConstStaticCell<[SampleBlock; KEPT]> = ConstStaticCell::new([SampleBlock::EMPTY; KEPT]);
     static QUEUE_BLOCKS: StaticCell<Queue<SampleBlock, BLOCKS>> = StaticCell::new();
     static QUEUE_EVENTS: StaticCell<Queue<Event, EVENTS>> = StaticCell::new();
     static QUEUE_REQUESTS: StaticCell<Queue<Request, REQUESTS>> = StaticCell::new();
@@ -148,7 +156,8 @@ fn assemble(parts: board::Parts, rtt: (UpChannel, DownChannel), dog: Dog, spawne
     let output = DacShaker::new(parts.player, parts.enable, settings.full_scale_micrometre.saturating_mul(1_000));
     let mut sampler = Sampler::new(settings, parts.encoder1, parts.encoder2, output).ok()?;
     sampler.set_built_in(built_in);
-    let link = Link::with(settings, ESTIMATOR.take()).ok()?;
+    let memory: &mut [SampleBlock] = MEMORY.take();
+    let link = Link::with(settings, ESTIMATOR.take(), memory).ok()?;
     defmt::info!("{=str}, build {=str}, boot {=u32:08x}", settings.board, settings.build, settings.boot_id);
     defmt::info!("reset by {}", settings.boot.reset);
     let port = usb::start(parts.usb, parts.serial, spawner)?;

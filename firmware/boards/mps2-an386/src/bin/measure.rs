@@ -22,6 +22,7 @@ mod on_target {
     use whirl_firmware::dac::{Converter, DacShaker};
     use whirl_firmware::estimate::{Estimator, FREQUENCIES, STEPS};
     use whirl_firmware::event::{Event, Request};
+    use whirl_firmware::history::KEPT;
     use whirl_firmware::link::Link;
     use whirl_firmware::sampler::Sampler;
     use whirl_firmware::sweep::BEYOND;
@@ -139,7 +140,9 @@ mod on_target {
         let shaker = DacShaker::new(Points([0; POINTS + BEYOND]), Pin, 25_000_000);
         // Ten turns a second of 4096 counts at 500 Hz.
         let mut sampler = Sampler::new(&settings, Whirling(0, 82), Whirling(0, 65_454), shaker).ok()?;
-        let mut link = Link::with(&settings, ESTIMATOR.take()).ok()?;
+        static MEMORY: ConstStaticCell<[SampleBlock; KEPT]> = ConstStaticCell::new([SampleBlock::EMPTY; KEPT]);
+        let memory: &mut [SampleBlock] = MEMORY.take();
+        let mut link = Link::with(&settings, ESTIMATOR.take(), memory).ok()?;
         static QUEUE_BLOCKS: ConstStaticCell<Queue<SampleBlock, BLOCKS>> = ConstStaticCell::new(Queue::new());
         static QUEUE_EVENTS: ConstStaticCell<Queue<Event, EVENTS>> = ConstStaticCell::new(Queue::new());
         static QUEUE_REQUESTS: ConstStaticCell<Queue<Request, REQUESTS>> = ConstStaticCell::new(Queue::new());
@@ -174,9 +177,21 @@ mod on_target {
                 all.take(|| link.poll_transmit(&mut frame, taken, events));
             }
         }
+        // Then the host asks for all of it again. Nothing else is sent, so that the line has room.
+        let mut again = Meter::default();
+        let ask = Command::BackFill { boot_id: settings.boot_id, first_tick: 0, ticks: 5_000 };
+        let length = encode(&Envelope { sequence: 0, message: HostMessage::Command(ask) }, &mut command).ok()?;
+        hearing.take(|| link.receive(&command[..length], requests));
+        for _ in 0..2_000 {
+            sampler.tick(0, 0, blocks, events, requests);
+            while events.dequeue().is_some() {}
+            link.keep_up(blocks);
+            again.take(|| link.poll_transmit(&mut frame, none, events));
+        }
         sampling.tell("interrupt: sampling, shaker with its points, blocks, one command");
         keeping.tell("interrupt: what lasts over a reset");
         block.tell("stream: the frame of a block, every ten ticks");
+        again.tell("stream: a block that is sent again");
         other.tell("stream: other frames of a tick, estimates too");
         hearing.tell("thread: one command");
         all.tell("thread: all of a block, ten samples' estimate too");
