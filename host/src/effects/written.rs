@@ -12,14 +12,19 @@
 //!   adds −β Σ_i ∂/∂φ_i of it, a centroid off the line of arm k β ∂(it + G_k)/∂φ_k in equation k. An arm on which no joint hangs turns with
 //!   all of itself: β ∂F_e/∂φ_k of what rests on angles in every equation, as if its encoder had another zero.
 
-use core::f64::consts::{FRAC_PI_2, TAU};
+mod inertias;
+mod left_hand_sides;
+
+use core::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
+pub use self::inertias::{Inertias, inertias};
+use self::left_hand_sides::{STATES, at_rest, of_angles, sides, value};
 use super::columns::Span;
 use super::entry::{At, Entry, Form};
 use super::places::Place;
 use crate::model::model_file::expression::{
-    Expression, Function, Node, Symbol, add, as_number, multiple, multiply, negate, number, subtract, symbol,
+    Function, Node, Symbol, add, as_number, multiple, multiply, number, subtract, symbol,
 };
 use crate::model::model_file::units::{self, Unit};
 use crate::model::model_file::{ModelFile, Space};
@@ -31,13 +36,6 @@ use crate::system::language::{Gravity, Parameter, Placed, SystemFile};
 use crate::system::mechanism::{Mechanism, Named};
 use crate::system::polynomial::{Atom, Polynomial};
 use crate::system::words::{Value as Word, Words};
-
-/// States at which matrices are compared.
-const STATES: u32 = 16;
-/// Share by which coupled equations may break the symmetry of mechanics: coefficients are identified, with errors.
-const ASYMMETRY: f64 = 0.1;
-/// Size of an entry beside the diagonal, as a share of it, below which equations are not coupled.
-const UNCOUPLED: f64 = 1e-9;
 
 /// What a strength of one does beside forces.
 #[derive(Clone, Debug, PartialEq)]
@@ -59,162 +57,6 @@ pub enum Change {
 pub fn applies(model: &ModelFile) -> bool {
     let derived = model.mechanism.as_ref().is_some_and(|m| !m.coefficients.is_empty());
     !derived && model.equations.len() == model.coordinates.len()
-}
-
-/// The left-hand sides Σ λ X − Y in seconds, for coefficients in the order of [`ModelFile::coefficients`].
-fn sides(model: &ModelFile, omega: f64, values: &[f64]) -> Vec<Node> {
-    let places = model.term_places();
-    model
-        .equations
-        .iter()
-        .zip(&places)
-        .map(|(e, at)| {
-            e.terms.iter().zip(at).fold(negate(model.in_seconds(&e.balance, omega)), |sum, (t, &k)| {
-                let value = values.get(k).copied().unwrap_or(0.0);
-                add(sum, multiply(number(value), model.in_seconds(&t.of, omega)))
-            })
-        })
-        .collect()
-}
-
-/// The parts of the left-hand sides at rest that the drive's phase does not move, and those that it does.
-fn at_rest(model: &ModelFile, omega: f64, values: &[f64]) -> Vec<[Node; 2]> {
-    let rest = |n: &Node| {
-        model.in_seconds(n, omega).replace(&|s| match s {
-            Symbol::Rate(_) | Symbol::Acceleration(_) | Symbol::Input(_) => number(0.0),
-            other => symbol(other),
-        })
-    };
-    let places = model.term_places();
-    model
-        .equations
-        .iter()
-        .zip(&places)
-        .map(|(e, at)| {
-            let terms = e.terms.iter().zip(at).map(|(t, &k)| (values.get(k).copied().unwrap_or(0.0), &t.of));
-            let mut out = [number(0.0), number(0.0)];
-            for (factor, of) in terms.chain([(-1.0, &e.balance)]) {
-                let part = rest(of);
-                let driven = usize::from(part.any(&|s| matches!(s, Symbol::Tau | Symbol::Time)));
-                out[driven] = add(out[driven].clone(), multiply(number(factor), part));
-            }
-            out
-        })
-        .collect()
-}
-
-/// The additive parts of an expression that hold a sine or cosine of a coordinate.
-fn of_angles(n: &Node) -> Node {
-    match &**n {
-        Expression::Add(a, b) => add(of_angles(a), of_angles(b)),
-        Expression::Subtract(a, b) => subtract(of_angles(a), of_angles(b)),
-        Expression::Multiply(a, b) if as_number(a).is_some() => multiply(a.clone(), of_angles(b)),
-        _ if turns(n) => n.clone(),
-        _ => number(0.0),
-    }
-}
-
-fn turns(n: &Node) -> bool {
-    match &**n {
-        Expression::Call(Function::Sin | Function::Cos, a) => a.any(&|s| matches!(s, Symbol::Coordinate(_))),
-        Expression::Call(_, a) | Expression::PowerWhole(a, _) => turns(a),
-        Expression::Add(a, b)
-        | Expression::Subtract(a, b)
-        | Expression::Multiply(a, b)
-        | Expression::Divide(a, b)
-        | Expression::Power(a, b) => turns(a) || turns(b),
-        _ => false,
-    }
-}
-
-/// Value of coordinate `k` in state `s`: spread over the circle by the golden ratio, and as far on a line.
-fn spread(s: u32, k: usize) -> f64 {
-    let turn =
-        (0.618_033_988_749_895 * f64::from(s + 1) + 0.414_213_562_373_095 * (k + 1) as f64 * f64::from(s + 2)).fract();
-    TAU * (turn - 0.5)
-}
-
-fn value(n: &Node, s: u32, tau: f64) -> f64 {
-    n.value(&|symbol| match symbol {
-        Symbol::Coordinate(k) => spread(s, k),
-        Symbol::Tau => tau,
-        _ => 0.0,
-    })
-}
-
-/// What written equations tell of inertias.
-pub struct Inertias {
-    /// D_e of every equation.
-    pub scales: Vec<f64>,
-    /// Pairs of coordinates that are coupled.
-    pub coupled: Vec<(usize, usize)>,
-}
-
-/// D_e of every equation, and what is coupled; none where a coordinate has no inertia in its equation.
-pub fn inertias(model: &ModelFile, omega: f64, values: &[f64]) -> Option<Inertias> {
-    let n = model.coordinates.len();
-    let all = sides(model, omega, values);
-    let rest: Vec<Node> = at_rest(model, omega, values).into_iter().map(|[still, _]| still).collect();
-    let matrix = |of: &[Node], by: fn(usize) -> Symbol| -> Vec<Vec<Vec<f64>>> {
-        of.iter()
-            .map(|f| {
-                (0..n)
-                    .map(|j| {
-                        let slope = f.derivative_between_jumps(by(j)).unwrap_or_else(|| number(f64::NAN));
-                        (0..STATES).map(|s| value(&slope, s, 0.0)).collect()
-                    })
-                    .collect()
-            })
-            .collect()
-    };
-    let (inertia, stiffness) = (matrix(&all, Symbol::Acceleration), matrix(&rest, Symbol::Coordinate));
-    let own = |k: usize| inertia[k][k].iter().sum::<f64>();
-    let mut scales: Vec<Option<f64>> = vec![None; n];
-    let mut coupled = Vec::new();
-    for root in 0..n {
-        if scales[root].is_some() {
-            continue;
-        }
-        scales[root] = Some(sign_of(own(root))?);
-        let mut open = vec![root];
-        while let Some(i) = open.pop() {
-            for j in (0..n).filter(|&j| j != i) {
-                let ratio = ratio(&inertia, i, j).or_else(|| ratio(&stiffness, i, j));
-                let (Some(ratio), Some(at)) = (ratio, scales[i]) else { continue };
-                if !coupled.contains(&(i.min(j), i.max(j))) {
-                    coupled.push((i.min(j), i.max(j)));
-                }
-                if scales[j].is_none() {
-                    scales[j] = Some(at * ratio);
-                    open.push(j);
-                }
-            }
-        }
-    }
-    let scales = scales.into_iter().collect::<Option<Vec<f64>>>()?;
-    coupled.sort_unstable();
-    Some(Inertias { scales, coupled })
-}
-
-fn sign_of(x: f64) -> Option<f64> {
-    if x > 0.0 {
-        Some(1.0)
-    } else if x < 0.0 {
-        Some(-1.0)
-    } else {
-        None
-    }
-}
-
-/// D_j/D_i from D_i m_ij = D_j m_ji; none where the two are not coupled or not symmetric for any ratio.
-fn ratio(m: &[Vec<Vec<f64>>], i: usize, j: usize) -> Option<f64> {
-    let (a, b) = (&m[i][j], &m[j][i]);
-    let square = |x: &[f64]| x.iter().map(|v| v * v).sum::<f64>();
-    let product: f64 = a.iter().zip(b).map(|(x, y)| x * y).sum();
-    let ratio = product / square(b);
-    let misfit: f64 = a.iter().zip(b).map(|(x, y)| (x - ratio * y).powi(2)).sum();
-    let coupled = square(a) > UNCOUPLED * square(&m[i][i]) && square(b) > UNCOUPLED * square(&m[j][j]);
-    (coupled && ratio.is_finite() && misfit < ASYMMETRY * ASYMMETRY * square(a)).then_some(ratio)
 }
 
 /// Values of what the mechanism of a written model rests on: D_e of every equation, then ψ.

@@ -1,13 +1,15 @@
 //! Which effect is added next: every candidate is added in turn, everything refitted, and the best of those that are significant
 //! over the whole list is taken; the simplest within a standard error of it, since simpler ones explain as much.
 
+mod evidence;
+
 use std::collections::BTreeMap;
 
 use rayon::prelude::*;
 
-use super::engine::design::Design;
+pub(super) use self::evidence::{Evidence, Rows};
 use super::explanation::{Ranked, Refused};
-use super::ranking::{self, Fit, Weights};
+use super::ranking::{self, Fit};
 use crate::report::format::significant;
 
 /// Probability of naming anything on a record in which nothing is missing, over the whole list.
@@ -26,64 +28,6 @@ const ALIKE: f64 = 1e-3;
 /// Share above which the forms of one effect are told apart in this way as well, and the most forms judged below and above it.
 const OVERWHELMING: f64 = 0.75;
 const RERANKED: [usize; 2] = [20, 60];
-
-/// What candidates are judged by: rows whose columns are the model's own and every candidate's.
-pub(super) trait Evidence: Sync {
-    /// The fit of some columns; none where they are singular.
-    fn fit(&self, columns: &[usize]) -> Option<Fit>;
-
-    /// Held-out scores of the strongest candidates by weights from their own fits, infinite for the others, where weights rest on the fit. `scores`:
-    /// each one's gain, first column and number of columns.
-    fn rescored(&self, own: &[usize], most: usize, scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>>;
-
-    /// Least gain that is not as good as nothing, for a held-out sum of squares without it.
-    fn least_gain(&self, total: f64) -> f64;
-
-    /// Least gain in standard errors between blocks: where a model misses more than noise, a strength may be significant that predicts nothing better.
-    fn least_deviations(&self) -> f64;
-}
-
-impl<T: Evidence + ?Sized> Evidence for &T {
-    fn fit(&self, columns: &[usize]) -> Option<Fit> {
-        (**self).fit(columns)
-    }
-
-    fn rescored(&self, own: &[usize], most: usize, scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>> {
-        (**self).rescored(own, most, scores)
-    }
-
-    fn least_gain(&self, total: f64) -> f64 {
-        (**self).least_gain(total)
-    }
-
-    fn least_deviations(&self) -> f64 {
-        (**self).least_deviations()
-    }
-}
-
-/// Rows of the weak form, weighted by equation and frequency.
-pub(super) struct Rows<'a> {
-    pub(super) design: &'a Design,
-    pub(super) weights: &'a Weights,
-}
-
-impl Evidence for Rows<'_> {
-    fn fit(&self, columns: &[usize]) -> Option<Fit> {
-        ranking::fit(self.design, columns, self.weights)
-    }
-
-    fn rescored(&self, own: &[usize], most: usize, scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>> {
-        Some(reranked(self.design, own, self.weights, most, scores))
-    }
-
-    fn least_gain(&self, _total: f64) -> f64 {
-        0.0
-    }
-
-    fn least_deviations(&self) -> f64 {
-        0.0
-    }
-}
 
 /// A candidate whose columns stand behind the model's own, in the order of the offers.
 #[derive(Clone, Debug)]
@@ -421,33 +365,4 @@ pub(super) fn choose(
         twins,
         runner_up: runner_up(winner),
     })
-}
-
-/// Held-out score of the strongest candidates with weights from their own fits, infinite for the others: Σ n ln s² over equations and frequencies,
-/// the concentrated likelihood when the variance of each frequency is unknown. Smaller is better.
-fn reranked(
-    design: &Design,
-    own: &[usize],
-    weights: &Weights,
-    most: usize,
-    scores: &[(f64, (usize, usize))],
-) -> Vec<f64> {
-    let mut gains: Vec<f64> = scores.iter().map(|s| s.0).collect();
-    gains.sort_by(|a, b| b.total_cmp(a));
-    let least = gains.get(most - 1).or(gains.last()).copied().unwrap_or(f64::INFINITY);
-    scores
-        .par_iter()
-        .map(|&(gain, (from, d))| {
-            if gain < least {
-                return f64::INFINITY;
-            }
-            let columns: Vec<usize> = own.iter().copied().chain(from..from + d).collect();
-            let mut w = weights.clone();
-            for _ in 0..3 {
-                let Some(fit) = ranking::fit_some(design, &columns, &w, |_| true) else { return f64::INFINITY };
-                w = ranking::weights(design, &columns, &fit);
-            }
-            ranking::held_out_likelihood(design, &columns, &w).unwrap_or(f64::INFINITY)
-        })
-        .collect()
 }

@@ -1,9 +1,12 @@
 //! What all settings of a plan have in common: rig, model, noise, limits; what a record at one of them would tell.
 
+mod grid;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
+use self::grid::amplitude_m;
 use super::goals::TO_95;
 use super::moved::{self, Own};
 use super::trial::{self, Made};
@@ -24,21 +27,10 @@ const PROBABLE: f64 = 0.975;
 const LONGEST_S: f64 = 1800.0;
 /// Length that is proposed where no goal is given, s.
 const WITHOUT_GOAL_S: f64 = 240.0;
-/// Frequencies and amplitudes of the map.
-const GRID: [usize; 2] = [8, 6];
-/// Where nothing else is said: frequencies and amplitudes beside those of the model, and acceleration.
-const AROUND: [[f64; 2]; 2] = [[0.6, 1.6], [0.5, 1.6]];
-const HARDER: f64 = 1.6;
-/// Steps of frequencies, Hz, and amplitudes, m.
-const FREQUENCY_STEP_HZ: f64 = 0.01;
-const AMPLITUDE_STEP_M: f64 = 1e-5;
 /// Effects that were not named of which is told how near they are.
 const NEAREST: usize = 3;
 /// Records by which an effect's size is put into the model, at most.
 const TRIES: usize = 4;
-/// Poses from which a free system is let go, as angles.
-const POSE_GRID: [f64; 6] = [0.6, 1.2, 1.8, 2.4, 2.8, -2.0];
-
 /// What one more of some positive numbers is below (`side` 1) or above (−1) with a probability of 97.5 %, if their logarithms are normal: Student's prediction interval. Their
 /// geometric mean for `side` 0. Zero where one is zero; one alone says nothing of others.
 fn bound(all: &[f64], side: f64) -> f64 {
@@ -64,20 +56,6 @@ pub struct Task<'a> {
     pub wider: f64,
     /// Effects from which those asked for are to be told: those named, and every other of the list that some setting tells.
     rivals: BTreeSet<String>,
-}
-
-/// The base's amplitude, m: the rig file's, or as identified.
-fn amplitude_m(rig: &Rig, model: &IdentifiedModel) -> Option<f64> {
-    let drive = rig.drive?;
-    let value = |n: &str| model.parameter(n).map(|p| p.value);
-    let found = || Some(model.found_with.get("a_c")?.hypot(*model.found_with.get("a_s")?));
-    let identified = || {
-        // a = B_23 l, with l = B_22 Ω²/g the second arm's lever over its inertia.
-        let built_in = matches!(&model.system, System::BuiltIn(id) if id == "double-pendulum");
-        let lever = value("B22")? * rig.omega().powi(2) / rig.known.get("g").copied().unwrap_or(crate::rig::GRAVITY);
-        built_in.then_some(value("B23")?.hypot(value("B24")?) / lever.abs())
-    };
-    drive.amplitude_m.or_else(found).or_else(identified).filter(|a| a.is_finite() && *a > 0.0)
 }
 
 /// Rms noise of each channel that does not count, in its own unit.
@@ -107,12 +85,6 @@ fn start_of(own: &Own, record: &Record) -> Result<Vec<f64>> {
     Ok(crate::motion::from_record::begin(&motion, record, None)?.state)
 }
 
-/// Evenly spaced numbers.
-fn spaced([low, high]: [f64; 2], count: usize) -> Vec<f64> {
-    let step = if count > 1 { (high - low) / (count - 1) as f64 } else { 0.0 };
-    (0..count).map(|k| low + k as f64 * step).collect()
-}
-
 impl<'a> Task<'a> {
     /// What all settings of a plan have in common.
     ///
@@ -137,95 +109,6 @@ impl<'a> Task<'a> {
     /// A rig that cannot be had at it.
     pub fn at(&self, setting: &Setting) -> Result<Own> {
         moved::at(self.rig, &self.model, setting)
-    }
-
-    fn setting(&self, frequency_hz: f64, amplitude_factor: f64) -> Setting {
-        Setting {
-            frequency_hz: Some(frequency_hz),
-            amplitude_factor: Some(amplitude_factor),
-            amplitude_m: self.amplitude_m.map(|a| a * amplitude_factor),
-            pose: None,
-        }
-    }
-
-    /// The same in steps that a device takes and a person reads, inside the limits.
-    fn rounded(&self, frequency_hz: f64, amplitude_factor: f64) -> Setting {
-        let down = |x: f64, step: f64| (x / step + 1e-6).floor() * step;
-        let frequency_hz = (1e3 * down(frequency_hz, FREQUENCY_STEP_HZ)).round() / 1e3;
-        match self.amplitude_m {
-            Some(a) => {
-                let step = AMPLITUDE_STEP_M.min(0.01 * a * amplitude_factor);
-                let in_m = down(a * amplitude_factor, step);
-                Setting { amplitude_m: Some(in_m), ..self.setting(frequency_hz, in_m / a) }
-            }
-            None => self.setting(frequency_hz, amplitude_factor),
-        }
-    }
-
-    /// The setting of the model.
-    pub fn unchanged(&self) -> Setting {
-        self.rig.drive.map_or_else(Setting::default, |d| self.setting(d.frequency_hz, 1.0))
-    }
-
-    /// Settings of the drive within the limits.
-    ///
-    /// # Errors
-    /// Limits in m where the model's amplitude is not known.
-    pub fn grid(&self) -> Result<Vec<Setting>> {
-        let Some(drive) = self.rig.drive else { return Ok(Vec::new()) };
-        let limits = &self.settings.limits;
-        let around = |x: f64, [low, high]: [f64; 2]| [low * x, high * x];
-        let frequencies = limits.frequency_hz.unwrap_or_else(|| around(drive.frequency_hz, AROUND[0]));
-        let amplitudes = match (limits.amplitude_m, self.amplitude_m, limits.amplitude_factor) {
-            (Some([low, high]), Some(a), _) => [low / a, high / a],
-            (Some(_), None, _) => {
-                return Err(BadInput::new(
-                    "amplitude_m, where the amplitude of the model is not known",
-                    "amplitude_factor",
-                )
-                .at("--limits")
-                .remedy("Give amplitude_factor in the limits file, or amplitude_m in the rig file's [drive]"));
-            }
-            (None, _, factor) => factor.unwrap_or(AROUND[1]),
-        };
-        // What the shaker does now and a little more, unless something is said.
-        let now = drive.frequency_hz.powi(2);
-        let most = match (limits.acceleration_m_s2, self.amplitude_m) {
-            (Some(most), Some(a)) => most / (a * core::f64::consts::TAU.powi(2) * now),
-            (Some(_), None) => {
-                return Err(BadInput::new(
-                    "acceleration_m_s2, where the amplitude of the model is not known",
-                    "amplitude_factor",
-                )
-                .at("--limits")
-                .remedy("Give amplitude_m in the rig file's [drive]"));
-            }
-            _ => HARDER,
-        };
-        let hard = |f: f64, a: f64| a * f * f / now;
-        let mut out = Vec::new();
-        for f in spaced(frequencies, GRID[0]) {
-            let within = spaced(amplitudes, GRID[1]).into_iter().filter(|a| hard(f, *a) <= most * (1.0 + 1e-9));
-            out.extend(within.map(|a| self.rounded(f, a)));
-        }
-        Ok(out)
-    }
-
-    /// Poses of a free system, spread over all of its coordinates.
-    ///
-    /// # Errors
-    /// A model of another rig.
-    pub fn poses(&self) -> Result<Vec<Setting>> {
-        let own = self.at(&Setting::default())?;
-        let Some(bound) = own.rig.bound.as_deref() else { return Ok(Vec::new()) };
-        let circle = bound.model.circle();
-        let of = |k: usize, i: usize| {
-            let x = POSE_GRID[(k / POSE_GRID.len().pow(i as u32)) % POSE_GRID.len()];
-            if circle[i] { x } else { 0.1 * x }
-        };
-        let count = POSE_GRID.len().pow(circle.len().min(3) as u32);
-        let all = (0..count).map(|k| (0..circle.len()).map(|i| of(k, i)).collect());
-        Ok(all.map(|pose| Setting { pose: Some(pose), ..Setting::default() }).collect())
     }
 
     /// What one draw of a record would tell, scaled to no length yet; none where it cannot be followed.
@@ -440,19 +323,5 @@ impl<'a> Task<'a> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn one_more_is_within_the_bounds_of_a_prediction() {
-        // Of 1, e² and e⁴: logarithms 0, 2, 4; mean 2, sd 2; t of 2 degrees of freedom at 97.5 % is 4.3027.
-        let e = core::f64::consts::E;
-        let all = [1.0, e.powi(2), e.powi(4)];
-        let half = 4.302_653 * 2.0 * (4.0_f64 / 3.0).sqrt();
-        assert!((bound(&all, 0.0).ln() - 2.0).abs() < 1e-12);
-        assert!((bound(&all, 1.0).ln() - 2.0 - half).abs() < 1e-4, "{}", bound(&all, 1.0).ln());
-        assert!((bound(&all, -1.0).ln() - 2.0 + half).abs() < 1e-4);
-        assert!((bound(&[3.0], -1.0) - 3.0).abs() < 1e-12);
-        assert_eq!(bound(&[3.0, 0.0], 1.0), 0.0);
-    }
-}
+#[path = "task_tests.rs"]
+mod tests;

@@ -4,19 +4,15 @@
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
-use rustfft::FftPlanner;
-use whirl_hil_sim::{Parameters, Simulation, SimulationSettings};
+use whirl_hil_sim::Parameters;
 
+use super::chapter3_frequencies::table_3_10;
+use super::chapter3_orbits::table_3_5;
 use super::data::{self, Data};
 use super::{Item, Reproduction, Row};
-use crate::error::{BadInput, Result};
+use crate::error::Result;
 use crate::identify::Identification;
-use crate::identify::harmonic_balance::fourier::Fourier;
-use crate::identify::harmonic_balance::orbit::{MARGIN, Orbit, State, motion};
-use crate::identify::harmonic_balance::orbits;
-use crate::identify::harmonic_balance::rows::kept as passes;
 use crate::identify::harmonic_balance::settings::{Differentiation, EnergyBalance, Orbits, Settings};
-use crate::signal::angles::double_pendulum_angles;
 
 /// Items of this file.
 pub static ITEMS: &[Item] = &[
@@ -127,7 +123,7 @@ const AMPLITUDE: &str = "The printed values belong to the experiment at 1.15 cm,
 const ORBITS: &str =
     "This rig recurs far more often than the experiment, which gave six orbits at 5 %: most are of short periods.";
 
-fn table(id: &str, title: &str, rows: Vec<Row>, notes: &[&str]) -> Reproduction {
+pub(super) fn table(id: &str, title: &str, rows: Vec<Row>, notes: &[&str]) -> Reproduction {
     Reproduction {
         id: id.into(),
         title: title.into(),
@@ -248,89 +244,6 @@ fn table_3_4() -> Result<Reproduction> {
     ))
 }
 
-/// Orbits of the seed's record at a tolerance, and of its exact angles over the same stretches.
-pub(super) fn found_orbits(tolerance: f64) -> Result<Vec<Orbit>> {
-    let data = data::double()?;
-    let segments = double_pendulum_angles(&data.records[0], &data.rig)?;
-    Ok(orbits::find(&segments, &[true; 2], PERIOD, &extraction(tolerance)).orbits)
-}
-
-/// The best closing orbit of a period (the `index`-th best).
-pub(super) fn orbit_of(all: &[Orbit], period: usize, index: usize) -> Result<&Orbit> {
-    let mut of: Vec<&Orbit> = all.iter().filter(|o| o.periods == period).collect();
-    of.sort_by(|a, b| a.closing_error.total_cmp(&b.closing_error));
-    of.get(index).copied().ok_or_else(|| BadInput::new(format!("{} orbits of period {period}", of.len()), "more"))
-}
-
-/// y = φ2′² sin Δ and φ1′, φ1″ along an orbit, with or without the low-pass.
-pub(super) fn along(orbit: &Orbit, filtered: bool, how: Differentiation) -> [Vec<f64>; 3] {
-    let fourier = Fourier::new(&mut FftPlanner::new(), orbit.len());
-    let keep = passes(orbit.len(), filtered.then_some(0.2));
-    let m = motion(orbit, &fourier, how, keep, [true; 2]);
-    let each = |f: &dyn Fn(&State) -> f64| m.states.iter().map(f).collect::<Vec<f64>>();
-    let sin = each(&|s| (s.angle[1] - s.angle[0]).sin());
-    let sin = keep.map_or(sin.clone(), |k| fourier.low_pass(&sin, k));
-    let y = m.states.iter().zip(&sin).map(|(s, sin)| s.rate[1] * s.rate[1] * sin).collect();
-    [each(&|s| s.rate[0]), each(&|s| s.accel[0]), y]
-}
-
-/// The same stretch of the angles before they were counted.
-fn exact(orbit: &Orbit, data: &Data) -> Orbit {
-    let start = (orbit.start_s * data.rig.sample_rate_hz).round() as usize - MARGIN;
-    let phi = [0, 1].map(|c: usize| data.exact[c][start..start + orbit.phi[c].len()].to_vec());
-    Orbit { phi, ..orbit.clone() }
-}
-
-fn table_3_5() -> Result<Reproduction> {
-    let data = data::double()?;
-    let all = found_orbits(0.05)?;
-    let orbit = orbit_of(&all, 9, 0)?;
-    let fourier = Fourier::new(&mut FftPlanner::new(), orbit.len());
-    let of = |y: &[f64]| fourier.of_real(y);
-    let how = Differentiation::Fourier;
-    let (without, with) = (of(&along(orbit, false, how)[2]), of(&along(orbit, true, how)[2]));
-    let truth = of(&along(&exact(orbit, data), false, Differentiation::FivePoint)[2]);
-    let printed = [
-        [-3.2486, -0.3087, 0.0328, 0.0],
-        [-34.0713, -27.1330, 17.7370, 17.7403],
-        [-15.6946, -8.6732, -23.6908, -23.2652],
-        [-31.2079, -24.1696, -10.2571, -10.6034],
-    ];
-    let mut rows = Vec::new();
-    for (i, p) in printed.iter().enumerate() {
-        let j = i + 1;
-        let (cos, sin) = (
-            |c: &[rustfft::num_complex::Complex64]| 2.0 * c[j].re,
-            |c: &[rustfft::num_complex::Complex64]| -2.0 * c[j].im,
-        );
-        rows.push(Row::new(
-            format!("cos {j}x, without filter"),
-            "",
-            Some(p[0]),
-            Some(cos(&without)),
-            Some(cos(&truth)),
-        ));
-        rows.push(Row::new(format!("cos {j}x, with filter"), "", Some(p[1]), Some(cos(&with)), Some(cos(&truth))));
-        rows.push(Row::new(
-            format!("sin {j}x, without filter"),
-            "",
-            Some(p[2]),
-            Some(sin(&without)),
-            Some(sin(&truth)),
-        ));
-        rows.push(Row::new(format!("sin {j}x, with filter"), "", Some(p[3]), Some(sin(&with)), Some(sin(&truth))));
-    }
-    Ok(table(
-        "table-3.5",
-        "Fourier coefficients of y = φ2′² sin(φ2 − φ1) of an orbit of period 9",
-        rows,
-        &[
-            "Another orbit in another unit: the seed gives neither. Compare the two columns' differences. True: the angles before they were counted, \
-             differentiated by five points, so that neither counts nor the jump are in it.",
-        ],
-    ))
-}
-
 fn table_3_6() -> Result<Reproduction> {
     let data = data::double()?;
     let found = data.balance(&Settings { low_pass: None, ..settings(0.05) })?;
@@ -434,99 +347,6 @@ fn table_3_9() -> Result<Reproduction> {
     ))
 }
 
-/// Natural frequencies (3.34), Hz.
-pub(super) fn natural_frequencies(b: [f64; 4], drive_hz: f64) -> Option<[f64; 2]> {
-    let [b11, b12, b21, b22] = b;
-    // det [[b12 − λ, −b11 λ], [−b21 λ, b22 − λ]] = 0.
-    let (p, q, r) = (1.0 - b11 * b21, -(b12 + b22), b12 * b22);
-    let root = (q * q - 4.0 * p * r).sqrt();
-    let of = |lambda: f64| lambda.sqrt() * drive_hz;
-    let f = [of((-q - root) / (2.0 * p)), of((-q + root) / (2.0 * p))];
-    f.iter().all(|f| f.is_finite()).then_some(f)
-}
-
-fn frequencies_of(get: impl Fn(&str) -> Option<f64>) -> Option<[f64; 2]> {
-    natural_frequencies([get("B11")?, get("B12")?, get("B21")?, get("B22")?], 5.0)
-}
-
-/// The two strongest lines of a small free vibration of the plant, Hz, by a Hann-windowed spectrum of φ1 over 60 s.
-fn free_vibration() -> Result<[f64; 2]> {
-    let failed = |e: whirl_hil_sim::SimulationError| BadInput::new(e.to_string(), "a rig that can be simulated");
-    let mut rig = Simulation::new(&SimulationSettings {
-        parameters: Parameters { tau_c1: 0.0, c_r2: 0.0, ..Parameters::PRINTED },
-        drive: None,
-        initial: [0.02, -0.05, 0.0, 0.0],
-        settle_s: 0.0,
-        seed: None,
-        sample_rate_hz: 50.0,
-        ..SimulationSettings::default()
-    })
-    .map_err(failed)?;
-    let n = 3000;
-    let mut x = Vec::with_capacity(n);
-    for _ in 0..n {
-        x.push(rig.next_sample().map_err(failed)?.angles[0]);
-    }
-    let amplitude = |f: f64| {
-        let z: rustfft::num_complex::Complex64 = x
-            .iter()
-            .enumerate()
-            .map(|(i, x)| {
-                let window = 0.5 - 0.5 * (TAU * i as f64 / n as f64).cos();
-                rustfft::num_complex::Complex64::from_polar(x * window, -TAU * f * i as f64 / 50.0)
-            })
-            .sum();
-        z.norm()
-    };
-    let peak = |from: f64, to: f64| {
-        let grid = (0..400).map(|i| from + (to - from) * f64::from(i) / 399.0);
-        grid.max_by(|a, b| amplitude(*a).total_cmp(&amplitude(*b))).unwrap_or(from)
-    };
-    Ok([peak(0.8, 2.0), peak(2.2, 4.0)])
-}
-
-fn table_3_10() -> Result<Reproduction> {
-    let data = data::double()?;
-    let truth = frequencies_of(|n| data.truth(n));
-    let seed = frequencies_of(|n| value(optimised().ok()?, n));
-    let best = frequencies_of(|n| value(weak().ok()?, n));
-    let free = free_vibration()?;
-    let mut rows = Vec::new();
-    for (i, (identified, vibration, printed_truth)) in
-        [(1.336, 1.25, 1.292), (2.904, 3.00, 2.940)].into_iter().enumerate()
-    {
-        let name = format!("f_n{}", i + 1);
-        let row =
-            Row::new(format!("{name}, identified"), "Hz", Some(identified), seed.map(|f| f[i]), truth.map(|f| f[i]));
-        rows.push(row.ours(best.map(|f| f[i])));
-        rows.push(Row::new(
-            format!("{name}, free vibration"),
-            "Hz",
-            Some(vibration),
-            Some(free[i]),
-            truth.map(|f| f[i]),
-        ));
-        let recomputed = natural_frequencies([0.1167, 0.0781, 1.6149, 0.2562], 5.0).map(|f| f[i]);
-        rows.push(Row::new(format!("{name}, from Table 3.3 as printed"), "Hz", Some(identified), recomputed, None));
-        rows.push(Row::new(
-            format!("{name}, printed as true"),
-            "Hz",
-            Some(printed_truth),
-            truth.map(|f| f[i]),
-            truth.map(|f| f[i]),
-        ));
-    }
-    Ok(table(
-        "table-3.10",
-        "natural frequencies of the linearised system",
-        rows,
-        &[
-            "Table 3.3's values give 1.348 and 2.912 Hz, not the printed 1.336 and 2.904. The free vibration is the frictionless plant's.",
-            "The second line of (3.32) should read B22 φ2 and + C2.",
-        ],
-    ))
-}
-
 fn table_3_11() -> Result<Reproduction> {
     let data = data::double()?;
     let seed = data.balance(&Settings { energy_balance: EnergyBalance::Equations, ..settings(0.05) })?;
@@ -555,32 +375,5 @@ fn table_3_11() -> Result<Reproduction> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn natural_frequencies_of_the_printed_table() {
-        let f = natural_frequencies([0.1167, 0.0781, 1.6149, 0.2562], 5.0).unwrap();
-        assert!((f[0] - 1.348).abs() < 1e-3 && (f[1] - 2.912).abs() < 1e-3, "{f:?}");
-        // Uncoupled, they are those of the two arms.
-        let f = natural_frequencies([0.0, 0.04, 0.0, 0.25], 5.0).unwrap();
-        assert!((f[0] - 1.0).abs() < 1e-12 && (f[1] - 2.5).abs() < 1e-12);
-    }
-
-    #[test]
-    fn the_free_vibration_has_the_linear_systems_lines() {
-        let truth = frequencies_of(|n| data::double().unwrap().truth(n)).unwrap();
-        let free = free_vibration().unwrap();
-        for (a, b) in free.iter().zip(truth) {
-            assert!((a / b - 1.0).abs() < 5e-3, "{a} {b}");
-        }
-    }
-
-    #[test]
-    fn the_seeds_method_shows_the_seeds_weakness_and_the_weak_form_does_not() {
-        let data = data::double().unwrap();
-        let truth = data.truth("B21").unwrap();
-        let error = |f: &Identification| (value(f, "B21").unwrap() / truth - 1.0).abs();
-        assert!(error(optimised().unwrap()) > 0.05 && error(weak().unwrap()) < 1e-3);
-    }
-}
+#[path = "chapter3_tests.rs"]
+mod tests;

@@ -2,9 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use super::chapter3::{
-    DELAY, PERIOD, along, error_rows, found_orbits, optimised, orbit_of, plain, settings as seed_settings,
-};
+use super::chapter3::{DELAY, PERIOD, error_rows, optimised, plain, settings as seed_settings};
+use super::chapter3_orbits::{along, found_orbits, orbit_of};
 use super::data;
 use super::drawing::{angles, curve, residuals, views};
 use super::{Item, Reproduction, Row};

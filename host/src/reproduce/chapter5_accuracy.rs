@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::chapter5::{Case, mass_pendulum, two_mass};
 use super::chapter5_beyond::beam;
-use super::chapter5_figures::{blind_history_error, polar_history_error};
+use super::chapter5_histories::{blind_history_error, polar_history_error};
 use super::{Item, Reproduction, Row};
 use crate::error::{BadInput, Result};
 use crate::reduce::normal_mode::{self, Member};

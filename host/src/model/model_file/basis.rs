@@ -41,14 +41,14 @@ pub fn terms(
     )?;
     let kind = source.required(table, span.clone(), "basis", "\"harmonic\" or \"interpolation\"")?;
     let of_value = source.required(table, span.clone(), "of", "what the function depends on, such as \"q\"")?;
-    let of = super::expression_of(source, of_value, names, "an expression")?;
+    let of = super::reading::expression_of(source, of_value, names, "an expression")?;
     if of.accelerates() {
         return Err(source
             .bad(of_value.span().start, "a function of an acceleration", "of coordinates, velocities or inputs")
             .remedy("Choose what the function depends on"));
     }
     let times = match table.get("times") {
-        Some(v) => super::expression_of(source, v, names, "a factor")?,
+        Some(v) => super::reading::expression_of(source, v, names, "a factor")?,
         None => number(1.0),
     };
     let get = |key: &str, low: f64, high: f64| -> Result<Option<f64>> {

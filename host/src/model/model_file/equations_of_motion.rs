@@ -12,12 +12,15 @@
 //! the model and one for each state, on which nothing else depends ([`EquationsOfMotion::hidden`]).
 
 pub mod abreast;
+mod linear_systems;
+mod memories;
 
 use core::cell::RefCell;
 use std::sync::Arc;
 
+pub use self::linear_systems::solve;
+use self::memories::{hidden, remembered, state_rate, with_rates};
 use super::ModelFile;
-use super::by_parts::gather;
 use super::expression::{Function, Node, Symbol, as_number, subtract, symbol};
 use super::memory::Memory;
 use super::split::{Entry, Split};
@@ -387,106 +390,10 @@ impl Dynamics for EquationsOfMotion {
     }
 }
 
-/// Every state of the memories in some terms.
-fn hidden(extra: &[(usize, String, Node)]) -> Vec<(Arc<Memory>, usize)> {
-    let mut found = Vec::new();
-    extra.iter().for_each(|(_, _, of)| of.memories(&mut found));
-    let mut out: Vec<(Arc<Memory>, usize)> = Vec::new();
-    for (memory, _) in found {
-        if !out.iter().any(|(m, _)| *m == memory) {
-            out.extend((0..memory.len()).map(|k| (memory.clone(), k)));
-        }
-    }
-    out
-}
-
-/// The rate that stands for a state behind `n` coordinates.
-fn state_rate(hidden: &[(Arc<Memory>, usize)], memory: &Arc<Memory>, state: usize, n: usize) -> Node {
-    let place = hidden.iter().position(|(m, k)| m == memory && *k == state);
-    place.map_or_else(|| symbol(Symbol::State(state)), |k| symbol(Symbol::Rate(n + k)))
-}
-
-/// A term with its states as rates.
-fn with_rates(of: &Node, hidden: &[(Arc<Memory>, usize)], n: usize) -> Node {
-    of.with_memories(&|m, k| state_rate(hidden, m, k, n))
-}
-
-/// Numbers of followed states in some terms, sorted.
-fn remembered(extra: &[(usize, String, Node)]) -> Vec<usize> {
-    let mut symbols = Vec::new();
-    extra.iter().for_each(|(_, _, of)| gather(of, &mut symbols));
-    let numbers = symbols.into_iter().filter_map(|s| if let Symbol::Memory(k) = s { Some(k) } else { None });
-    let mut out: Vec<usize> = numbers.collect();
-    out.sort_unstable();
-    out.dedup();
-    out
-}
-
 /// An angle wrapped to [−π, π).
 pub fn wrapped(x: f64) -> f64 {
     let tau = core::f64::consts::TAU;
     x - tau * (x / tau + 0.5).floor()
-}
-
-/// Solves an n × n system with `sides` right-hand sides in the columns behind it, row after row; `out` holds the solutions likewise. False where it is singular or
-/// not finite.
-pub fn solve(a: &mut [f64], n: usize, sides: usize, out: &mut [f64]) -> bool {
-    let w = n + sides;
-    if n == 2 {
-        return solve_two(a, sides, out);
-    }
-    let size = a.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-    if !a.iter().all(|x| x.is_finite()) || size == 0.0 {
-        return false;
-    }
-    for k in 0..n {
-        let row_size = (0..n).map(|j| a[k * w + j].abs()).fold(0.0, f64::max);
-        let pivot = (k..n).max_by(|&i, &j| a[i * w + k].abs().total_cmp(&a[j * w + k].abs())).unwrap_or(k);
-        if a[pivot * w + k].abs() <= 1e-12 * row_size || a[pivot * w + k] == 0.0 {
-            return false;
-        }
-        if pivot != k {
-            (0..w).for_each(|j| a.swap(k * w + j, pivot * w + j));
-        }
-        for i in k + 1..n {
-            let f = a[i * w + k] / a[k * w + k];
-            if f != 0.0 {
-                (k..w).for_each(|j| a[i * w + j] -= f * a[k * w + j]);
-            }
-        }
-    }
-    // Row after row, so that all right-hand sides of one lie side by side.
-    for k in (0..n).rev() {
-        let (rows, below) = out.split_at_mut((k + 1) * sides);
-        let row = &mut rows[k * sides..];
-        row.copy_from_slice(&a[k * w + n..(k + 1) * w]);
-        for (j, found) in (k + 1..n).zip(below.chunks_exact(sides)) {
-            let f = a[k * w + j];
-            row.iter_mut().zip(found).for_each(|(x, y)| *x -= f * y);
-        }
-        let pivot = a[k * w + k];
-        row.iter_mut().for_each(|x| *x /= pivot);
-    }
-    out[..n * sides].iter().all(|x| x.is_finite())
-}
-
-/// The same of two rows: [`solve`] without its loops, which are most of the work there.
-fn solve_two(a: &mut [f64], sides: usize, out: &mut [f64]) -> bool {
-    let w = 2 + sides;
-    let (first, second) = a.split_at_mut(w);
-    let (top, low) = if first[0].abs() >= second[0].abs() { (first, second) } else { (second, &mut *first) };
-    let size = |row: &[f64]| row[0].abs().max(row[1].abs());
-    let f = low[0] / top[0];
-    let pivot = low[1] - f * top[1];
-    if !(top[0] != 0.0 && pivot.abs() > 1e-12 * size(low)) {
-        return false;
-    }
-    let (x, y) = out.split_at_mut(sides);
-    for (k, (x, y)) in x.iter_mut().zip(&mut y[..sides]).enumerate() {
-        *y = (low[2 + k] - f * top[2 + k]) / pivot;
-        *x = (top[2 + k] - top[1] * *y) / top[0];
-    }
-    out[..2 * sides].iter().all(|x| x.is_finite())
 }
 
 #[cfg(test)]

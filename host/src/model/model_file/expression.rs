@@ -3,8 +3,13 @@
 //! Nodes are shared (`Arc`), so that what integration by parts makes of an expression costs little. Constructors fold
 //! constants and drop neutral elements; nothing else is rearranged, so that an expression is evaluated as it was written.
 
+mod construct;
+
 use std::sync::Arc;
 
+pub use self::construct::{
+    add, as_number, call, divide, multiply, negate, number, power, power_whole, subtract, symbol,
+};
 use super::memory::Memory;
 
 /// A shared expression.
@@ -142,108 +147,6 @@ pub enum Expression {
 }
 
 use Expression as E;
-
-/// A number.
-pub fn number(x: f64) -> Node {
-    Arc::new(E::Number(x))
-}
-
-/// A symbol.
-pub fn symbol(s: Symbol) -> Node {
-    Arc::new(E::Symbol(s))
-}
-
-/// The number that a node is, if it is one.
-pub fn as_number(a: &Node) -> Option<f64> {
-    match **a {
-        E::Number(x) => Some(x),
-        _ => None,
-    }
-}
-
-/// a + b.
-pub fn add(a: Node, b: Node) -> Node {
-    match (as_number(&a), as_number(&b)) {
-        (Some(x), Some(y)) => number(x + y),
-        (Some(0.0), _) => b,
-        (_, Some(0.0)) => a,
-        _ => Arc::new(E::Add(a, b)),
-    }
-}
-
-/// a − b.
-pub fn subtract(a: Node, b: Node) -> Node {
-    match (as_number(&a), as_number(&b)) {
-        (Some(x), Some(y)) => number(x - y),
-        (_, Some(0.0)) => a,
-        (Some(0.0), _) => multiply(number(-1.0), b),
-        _ => Arc::new(E::Subtract(a, b)),
-    }
-}
-
-/// a b.
-pub fn multiply(a: Node, b: Node) -> Node {
-    match (as_number(&a), as_number(&b)) {
-        (Some(x), Some(y)) => number(x * y),
-        (Some(x), _) | (_, Some(x)) if x == 0.0 => number(0.0),
-        (Some(1.0), _) => b,
-        (_, Some(1.0)) => a,
-        // A number comes first, and numbers join.
-        (None, Some(_)) => multiply(b, a),
-        (Some(x), None) => {
-            if let E::Multiply(c, d) = &*b
-                && let Some(y) = as_number(c)
-            {
-                return multiply(number(x * y), d.clone());
-            }
-            Arc::new(E::Multiply(a, b))
-        }
-        _ => Arc::new(E::Multiply(a, b)),
-    }
-}
-
-/// a/b.
-pub fn divide(a: Node, b: Node) -> Node {
-    match (as_number(&a), as_number(&b)) {
-        (Some(x), Some(y)) => number(x / y),
-        (_, Some(1.0)) => a,
-        (Some(0.0), _) => number(0.0),
-        _ => Arc::new(E::Divide(a, b)),
-    }
-}
-
-/// aᵇ.
-pub fn power(a: Node, b: Node) -> Node {
-    match (as_number(&a), as_number(&b)) {
-        (Some(x), Some(y)) => number(x.powf(y)),
-        (_, Some(y)) if y.fract() == 0.0 && y.abs() <= 1000.0 => power_whole(a, y as i32),
-        (_, Some(0.5)) => call(Function::Sqrt, a),
-        _ => Arc::new(E::Power(a, b)),
-    }
-}
-
-/// aⁿ.
-pub fn power_whole(a: Node, n: i32) -> Node {
-    match (as_number(&a), n) {
-        (Some(x), _) => number(x.powi(n)),
-        (_, 0) => number(1.0),
-        (_, 1) => a,
-        _ => Arc::new(E::PowerWhole(a, n)),
-    }
-}
-
-/// f(a).
-pub fn call(f: Function, a: Node) -> Node {
-    match as_number(&a) {
-        Some(x) => number(f.value(x)),
-        None => Arc::new(E::Call(f, a)),
-    }
-}
-
-/// −a.
-pub fn negate(a: Node) -> Node {
-    multiply(number(-1.0), a)
-}
 
 /// The number k for which a = k b, by their values at a few points; none where there is none.
 pub fn multiple(a: &Node, b: &Node) -> Option<f64> {
@@ -455,47 +358,5 @@ impl Expression {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Derivatives of every function and operation against central differences.
-    #[test]
-    fn derivatives_agree_with_differences() {
-        let x = || symbol(Symbol::Coordinate(0));
-        let y = || symbol(Symbol::Rate(0));
-        let mut all: Vec<Node> = FUNCTIONS
-            .iter()
-            .filter(|f| f.1 != Function::Sign)
-            .map(|f| call(f.1, add(multiply(x(), multiply(y(), number(0.2))), number(0.3))))
-            .collect();
-        all.push(divide(add(x(), number(2.0)), subtract(y(), multiply(x(), x()))));
-        all.push(power(add(x(), number(1.0)), add(y(), x())));
-        all.push(power(multiply(x(), y()), number(-3.0)));
-        for e in &all {
-            for by in [Symbol::Coordinate(0), Symbol::Rate(0)] {
-                let at = |shift: f64| {
-                    e.value(&|s| {
-                        let base = if s == Symbol::Coordinate(0) { 0.7 } else { 1.9 };
-                        base + if s == by { shift } else { 0.0 }
-                    })
-                };
-                let expected = (at(1e-5) - at(-1e-5)) / 2e-5;
-                let got =
-                    e.derivative(by).expect("smooth").value(&|s| if s == Symbol::Coordinate(0) { 0.7 } else { 1.9 });
-                assert!((got - expected).abs() < 1e-8 * (1.0 + expected.abs()), "{e:?} {got} {expected}");
-            }
-        }
-        assert!(call(Function::Sign, x()).derivative(Symbol::Coordinate(0)).is_none());
-        assert_eq!(as_number(&call(Function::Sign, x()).derivative(Symbol::Rate(0)).unwrap()), Some(0.0));
-    }
-
-    #[test]
-    fn numbers_fold_and_join() {
-        let x = symbol(Symbol::Coordinate(0));
-        let e = multiply(number(2.0), multiply(x.clone(), number(3.0)));
-        assert_eq!(e, multiply(number(6.0), x.clone()));
-        assert_eq!(as_number(&multiply(number(0.0), x.clone())), Some(0.0));
-        assert_eq!(subtract(x.clone(), number(0.0)), x);
-        assert!((hat(6.2, 0.5, Some(6.0)) - 0.6).abs() < 1e-12);
-    }
-}
+#[path = "expression_tests.rs"]
+mod tests;

@@ -1,0 +1,48 @@
+//! Mistakes of effect entries with their places, and the combinations of shape parameters.
+
+use std::path::Path;
+
+use super::*;
+use crate::error::Result;
+use crate::model::model_file::toml_place::Source;
+
+fn of(text: &str) -> Result<Vec<Entry>> {
+    read(&Source { text: text.to_owned(), path: Path::new("e.toml").to_path_buf() })
+}
+
+#[test]
+fn mistakes_are_told_with_their_place() {
+    let head = "[[effect]]\nid = \"magnet\"\nat = \"joint\"\nstrengths = [\"k\"]\n";
+    for (rest, line, told) in [
+        ("", 1, "without a law"),
+        ("force = \"-k*z\"", 5, "z"),
+        ("force = \"-k*x\"\nreads = \"x + k\"", 5, "one law"),
+        ("moves = \"k*along\"", 5, "moves at this place"),
+        ("force = \"-k^2*x\"", 5, "one strength as a factor"),
+        ("force = \"x\"", 5, "one strength as a factor"),
+        ("force = \"-k*x\"\nsign = { q = \"+\" }", 6, "the name q"),
+        ("force = \"-k*x\"\nshape = { n = { whole = [1, 1e9] } }", 6, "whole numbers"),
+        ("force = \"-k*x\"\nshape = { n = { grid = [1.0], within = [2.0, 3.0] } }", 6, "outside"),
+        ("force = \"-k*x\"\nshape = { n = { whole = [1, 30] }, m = { whole = [1, 30] } }", 6, "900 combinations"),
+        ("force = \"-k*x\"\ncolour = \"red\"", 6, "colour"),
+        ("force = \"-k*x\"\nvalue = \"k*q\"", 6, "q"),
+        ("drags = \"-k*v\"", 5, "drags at this place"),
+    ] {
+        let error = of(&format!("{head}{rest}\n")).unwrap_err().to_string();
+        assert!(error.contains(told) && error.contains(&format!("line {line}")), "{rest}: {error}");
+    }
+    let arm = "[[effect]]\nid = \"air\"\nat = \"arm\"\nstrengths = [\"k\"]\n";
+    for (rest, told) in [("drags = \"-k*v\"", "without a length"), ("drags = \"-k*omega\"", "drags without")] {
+        assert!(of(&format!("{arm}{rest}\n")).unwrap_err().to_string().contains(told), "{rest}");
+    }
+    assert!(of("[[effect]]\nid = \"a b\"\n").unwrap_err().to_string().contains("small letters"));
+    assert!(of("").unwrap_err().to_string().contains("[[effect]]"));
+}
+
+#[test]
+fn forms_are_all_combinations() {
+    let text = "[[effect]]\nid = \"m\"\nat = \"joint\"\nstrengths = [\"k\"]\nforce = \"-k*exp(-x/d)*sin(n*x)\"\nshape = { d = { grid = [0.1, 0.2] }, n = { whole = [1, 3] } }\n";
+    let e = of(text).unwrap().remove(0);
+    assert_eq!(e.forms().len(), 6);
+    assert_eq!(e.forms()[5], [("d".to_owned(), 0.2), ("n".to_owned(), 3.0)]);
+}

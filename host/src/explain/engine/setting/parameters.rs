@@ -1,0 +1,115 @@
+//! The equations' own coefficients over several records, and the parameters p of the system behind them: b(p) = b for systems from bodies
+//! ([`crate::system::ties`]), D_e of every equation for written ones ([`written`]). SI units.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::Setting;
+use crate::effects::columns::{self, Part};
+use crate::effects::written;
+use crate::identify::Identification;
+use crate::model::model_file::ModelFile;
+use crate::rig::Rig;
+use crate::system::mechanism::Mechanism;
+use crate::system::openness::Openness;
+use crate::system::ties::{self, Identified};
+
+/// The equations' own coefficients over several records: each once, or once for each record.
+#[derive(Clone, Debug)]
+pub struct Own {
+    /// Their names; a record's own are `name_1`, `name_2` …
+    pub names: Vec<String>,
+    /// For each record, the column of each of the model's coefficients.
+    pub of_record: Vec<Vec<usize>>,
+}
+
+impl Own {
+    pub(super) fn new(model: &ModelFile, records: usize) -> Self {
+        let (mut names, mut of_record) = (Vec::new(), vec![Vec::new(); records.max(1)]);
+        for c in model.coefficients() {
+            let own = records > 1 && each_record(model, Some(&c));
+            for (r, columns) in of_record.iter_mut().enumerate() {
+                if own || r == 0 {
+                    names.push(if own { format!("{c}_{}", r + 1) } else { c.clone() });
+                }
+                columns.push(names.len() - 1);
+            }
+        }
+        Self { names, of_record }
+    }
+
+    /// Coefficients of the model in one record from values of the columns.
+    pub fn coefficients(&self, values: &[f64], record: usize) -> Vec<f64> {
+        let columns = &self.of_record[record.min(self.of_record.len() - 1)];
+        columns.iter().map(|&c| values.get(c).copied().unwrap_or(0.0)).collect()
+    }
+}
+
+/// Whether a coefficient (or any) is one for each record.
+fn each_record(model: &ModelFile, name: Option<&str>) -> bool {
+    model.equations.iter().flat_map(|e| &e.terms).any(|t| t.each_record && name.is_none_or(|n| n == t.name))
+}
+
+/// Parameters of the system behind its coefficients.
+#[derive(Clone, Debug)]
+pub struct Physical {
+    /// All parameters of the file, those that stay open among them.
+    pub values: Vec<f64>,
+    /// Whether the inertia of each equation stays open.
+    pub open: Vec<bool>,
+    /// Coefficients of written equations.
+    pub written: Vec<f64>,
+    /// What else of the parameters stays open.
+    pub openness: Openness,
+}
+
+impl Physical {
+    /// Whether the parameters that parts of columns hold inside functions are fixed.
+    pub fn fixes(&self, parts: &[Part], mechanism: &Mechanism) -> bool {
+        columns::quotients(parts, mechanism).iter().all(|(n, d)| !self.openness.is_open(n, d))
+    }
+}
+
+impl Setting<'_> {
+    /// Parameters of the system from coefficients of the equations without dampings.
+    pub fn physical(&self, values: &DVector<f64>, covariance: &DMatrix<f64>) -> Option<Physical> {
+        if self.is_written() {
+            let values = self.own.coefficients(values.as_slice(), 0);
+            return of_equations(self.model(), self.rig, &values);
+        }
+        let mechanism = self.mechanism()?;
+        let names = self.model().coefficients();
+        let identified = Identified { names: &names, values, covariance, metric: covariance };
+        physical(mechanism, &identified, &self.known)
+    }
+}
+
+/// What effects rest on in written equations.
+pub(super) fn of_equations(model: &ModelFile, rig: &Rig, values: &[f64]) -> Option<Physical> {
+    let found = written::parameters(model, rig.direction(), rig.omega(), values)?;
+    let open = vec![true; model.equations.len()];
+    Some(Physical { values: found, open, written: values.to_vec(), openness: Openness::default() })
+}
+
+fn physical(mechanism: &Mechanism, b: &Identified<'_>, known: &BTreeMap<String, f64>) -> Option<Physical> {
+    let known: BTreeMap<&str, f64> = known.iter().map(|(k, v)| (k.as_str(), *v)).collect();
+    let fit = ties::fit(mechanism, b, &known)?;
+    let own = mechanism.file.as_deref()?.parameters.len();
+    let values = fit.parameters[..own].to_vec();
+    Some(Physical { values, open: fit.open_scales, written: Vec::new(), openness: fit.openness })
+}
+
+/// Parameters behind an identification's coefficients.
+pub(super) fn of_identification(
+    mechanism: &Mechanism,
+    first: &Identification,
+    known: &BTreeMap<String, f64>,
+) -> Option<Physical> {
+    let names = &first.correlation_names;
+    let of = |n: &String| first.parameter(n);
+    let values = DVector::from_iterator(names.len(), names.iter().map(|n| of(n).map_or(0.0, |p| p.value)));
+    let errors: Vec<f64> = names.iter().map(|n| of(n).map_or(0.0, |p| p.std_error)).collect();
+    let covariance = DMatrix::from_fn(names.len(), names.len(), |i, j| first.correlation[i][j] * errors[i] * errors[j]);
+    physical(mechanism, &Identified { names, values: &values, covariance: &covariance, metric: &covariance }, known)
+}

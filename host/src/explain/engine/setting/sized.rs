@@ -1,0 +1,100 @@
+//! Entries whose forms are those of what is there: shape parameters in the size of the motion (rms, in the joint's unit or its rate's) or of the arm
+//! (m), and frequencies (Hz) of lines in what is left of the record.
+
+use std::sync::Arc;
+
+use super::Physical;
+use super::Setting;
+use crate::effects::entry::{Entry, LENGTH, Verb};
+use crate::effects::places::Place;
+use crate::effects::{along_an_arm, places};
+use crate::model::model_file::equations_of_motion::wrapped;
+use crate::model::model_file::expression::Symbol;
+use crate::system::language::SystemFile;
+use crate::system::polynomial::Polynomial;
+
+impl Setting<'_> {
+    /// An entry with the grid of its shape parameter in the size of what is there: of the motion, or of the arm that it acts along; none where that is not known, and where a
+    /// refinement is no other law than the simpler one, along an arm whose end rests.
+    pub(super) fn sized(&self, entry: &Arc<Entry>, place: Place, physical: &Physical) -> Option<Arc<Entry>> {
+        let file = self.file()?;
+        if let (Place::Arm(k), Verb::Drags) = (place, entry.verb) {
+            if entry.refines.is_some() && !along_an_arm::end_moves(file, k) {
+                return None;
+            }
+            let length = along_an_arm::length(file, k, &physical.values)?;
+            let mut out = (**entry).clone();
+            let grids = out.shapes.iter_mut().filter(|s| s.name == LENGTH).flat_map(|s| &mut s.grid);
+            grids.for_each(|x| *x *= length);
+            return Some(Arc::new(out));
+        }
+        Some(self.as_large_as_the_motion(entry, place, file))
+    }
+
+    /// An entry whose grid of a shape parameter holds the size of the motion: where it does not, as of a slow axis in metres, the grid is moved there.
+    fn as_large_as_the_motion(&self, entry: &Arc<Entry>, place: Place, file: &SystemFile) -> Arc<Entry> {
+        let (Place::Joint(k), [shape]) = (place, &entry.shapes[..]) else { return entry.clone() };
+        if shape.within.is_none() || !self.shooting {
+            return entry.clone();
+        }
+        let rate = shape.name.starts_with('v');
+        // What a law of the velocity alone has beside it is no position: a power.
+        if !rate && !entry.names("x") && entry.states.is_empty() {
+            return entry.clone();
+        }
+        let size = self.size(&file.joints[k].moves.value, rate);
+        let (low, high) = (shape.grid[0], shape.grid[shape.grid.len() - 1]);
+        if !entry.states.is_empty() {
+            // Distances of what remembers are far below the motion: those of the list are for a motion of about one. Times stay.
+            let by = if shape.name.starts_with('T') || (0.1..10.0).contains(&size) { 1.0 } else { size };
+            return if by > 0.0 && by.is_finite() { scaled(entry, by) } else { entry.clone() };
+        }
+        if !(size > 0.0 && size.is_finite()) || (2.0 * low..0.5 * high).contains(&size) {
+            return entry.clone();
+        }
+        scaled(entry, size / (low * high).sqrt())
+    }
+
+    /// Rms of a joint's position (within a turn where it is an angle), or of its velocity by differences over five samples.
+    fn size(&self, moves: &Polynomial, rate: bool) -> f64 {
+        let node = moves.node();
+        let turns = self.file().is_some_and(|f| places::is_angle(f, moves));
+        let (mut sum, mut count) = (0.0, 0.0_f64);
+        for s in &self.raw {
+            let at = |i: usize| node.value(&|x| if let Symbol::Coordinate(k) = x { s.coordinates[k][i] } else { 0.0 });
+            for i in (0..s.len().saturating_sub(5)).step_by(5) {
+                let x = match (rate, turns) {
+                    (true, _) => (at(i + 5) - at(i)) / (5.0 * s.step_s),
+                    (false, true) => wrapped(at(i)),
+                    (false, false) => at(i),
+                };
+                sum += x * x;
+                count += 1.0;
+            }
+        }
+        (sum / count.max(1.0)).sqrt()
+    }
+}
+
+/// An entry with its first shape's values and bounds multiplied.
+fn scaled(entry: &Arc<Entry>, by: f64) -> Arc<Entry> {
+    let mut out = (**entry).clone();
+    if let Some(shape) = out.shapes.first_mut() {
+        shape.grid.iter_mut().for_each(|x| *x *= by);
+        shape.within = shape.within.map(|w| w.map(|x| x * by));
+    }
+    Arc::new(out)
+}
+
+/// An entry whose forms are those of some lines, where it takes them from there.
+pub(super) fn with_lines(entry: Arc<Entry>, lines: &[f64]) -> Arc<Entry> {
+    if entry.shapes.iter().all(|s| !s.of_lines) {
+        return entry;
+    }
+    let mut out = (*entry).clone();
+    for s in out.shapes.iter_mut().filter(|s| s.of_lines) {
+        let [low, high] = s.within.unwrap_or([0.0, f64::INFINITY]);
+        s.grid = lines.iter().copied().filter(|f| (low..=high).contains(f)).collect();
+    }
+    Arc::new(out)
+}
