@@ -1,8 +1,9 @@
 //! Settings that a host may change, and the words in which they are kept.
 //!
-//! A change is checked together with all the others as they will be in force, and takes force at the next boot: rate, counts
-//! and limits never change under a run. What is kept is a list of words behind the number of its layout; another layout, or
-//! values that are not possible, are as if nothing had been kept.
+//! A change is checked together with all the others as they will be in force, and takes force at
+//! the next boot: rate, counts and limits never change under a run. What is kept is a list of words
+//! behind the number of its layout; another layout, or values that are not possible, are as if
+//! nothing had been kept.
 
 use whirl_shared::frame::{CommandResult, Setting, ShakerLimits};
 

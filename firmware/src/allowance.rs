@@ -1,8 +1,9 @@
 //! What the stream leaves of the line for samples that are sent again.
 //!
-//! Time is told by the samples: each brings the bytes of its tick at [`PERCENT`] of the line, every frame takes its own,
-//! and a block is sent again only where there are bytes left for the longest. No more than [`BURST`] bytes are saved up. So any
-//! time T that ends with such a block has at most `BURST + PERCENT·T` bytes in it, however much the rest is.
+//! Time is told by the samples: each brings the bytes of its tick at [`PERCENT`] of the line, every
+//! frame takes its own, and a block is sent again only where there are bytes left for the longest.
+//! No more than [`BURST`] bytes are saved up. So any time T that ends with such a block has at most
+//! `BURST + PERCENT·T` bytes in it, however much the rest is.
 //!
 //! ```text
 //! bytes left ← min(bytes left + PERCENT/100 · baud/10 · samples/rate, BURST), then − bytes of each frame
@@ -10,9 +11,11 @@
 
 use whirl_shared::codec::MAX_SAMPLES_FRAME;
 
-/// Share of the line (ten bits a byte) that is filled up: with [`BURST`] less than 70 % of 115 200 baud in any second.
+/// Share of the line (ten bits a byte) that is filled up: with [`BURST`] less than 70 % of 115 200
+/// baud in any second.
 pub(crate) const PERCENT: u32 = 67;
-/// Most bytes that are saved up: three blocks, so that what is left beside one block of the stream is there behind the next.
+/// Most bytes that are saved up: three blocks, so that what is left beside one block of the stream
+/// is there behind the next.
 pub(crate) const BURST: usize = 3 * MAX_SAMPLES_FRAME;
 
 /// 1/256 of a byte: a tick's share is not a whole number of bytes.

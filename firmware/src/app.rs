@@ -24,8 +24,8 @@ pub const EVENTS: usize = 32;
 /// Slots of the request queue that boards use.
 pub const REQUESTS: usize = 16;
 
-/// The whole application. The const parameters are the queues' slots, of which one each stays empty; `K` is memory for the
-/// blocks that are kept.
+/// The whole application. The const parameters are the queues' slots, of which one each stays
+/// empty; `K` is memory for the blocks that are kept.
 #[derive(Debug)]
 pub struct App<
     C1,
@@ -72,7 +72,8 @@ where
     O: ShakerOutput,
     K: BorrowMut<[SampleBlock]>,
 {
-    /// As [`App::new`], with queues of other lengths, and other memory for the blocks that are kept.
+    /// As [`App::new`], with queues of other lengths, and other memory for the blocks that are
+    /// kept.
     ///
     /// # Errors
     /// A setting that is not possible; memory for no block.
@@ -118,9 +119,10 @@ where
         self.link.keep_up(&mut self.blocks)
     }
 
-    /// The drive at the last tick: the phase, increment and amplitude that its sample carries and from which its
-    /// displacement was computed, with the state that the shaker is in now. Until the next tick the base follows
-    /// `amplitude · cos(phase + u · phase_increment)`, u from 0 to 1.
+    /// The drive at the last tick: the phase, increment and amplitude that its sample carries and
+    /// from which its displacement was computed, with the state that the shaker is in now. Until
+    /// the next tick the base follows `amplitude · cos(phase + u · phase_increment)`, u from 0
+    /// to 1.
     pub fn drive(&self) -> Drive {
         self.sampler.drive()
     }

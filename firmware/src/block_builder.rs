@@ -1,7 +1,7 @@
 //! Consecutive samples → blocks.
 //!
-//! A block can hold samples as long as ticks follow each other, the drive's settings stay and no encoder moves by more
-//! than a 16-bit difference from one tick to the next.
+//! A block can hold samples as long as ticks follow each other, the drive's settings stay and no
+//! encoder moves by more than a 16-bit difference from one tick to the next.
 
 use whirl_shared::block::sample_count;
 use whirl_shared::frame::{BLOCK_LEN, CHANNELS, SampleBlock};

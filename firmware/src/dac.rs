@@ -15,7 +15,8 @@ pub trait Converter {
     /// Sets the output, which stands from now on; `code` is at most [`Self::MAX`].
     fn set(&mut self, code: u16);
 
-    /// Points of a tick that it plays by a clock of its own, evenly, the first at the tick; 1 where it cannot.
+    /// Points of a tick that it plays by a clock of its own, evenly, the first at the tick; 1 where
+    /// it cannot.
     fn points(&self) -> usize {
         1
     }
@@ -52,8 +53,8 @@ impl<E: fmt::Debug> fmt::Display for DacShakerError<E> {
     }
 }
 
-/// The shaker's set point as a voltage: half of the range is rest, its ends are −full scale and +full scale. The enable pin
-/// is active high.
+/// The shaker's set point as a voltage: half of the range is rest, its ends are −full scale
+/// and +full scale. The enable pin is active high.
 #[derive(Debug)]
 pub struct DacShaker<D, E> {
     converter: D,
@@ -178,7 +179,8 @@ mod tests {
         let sweep = Sweep { phase: 1 << 30, phase_increment: 1 << 24, amplitude_nanometre: [500_000; 2] };
         shaker.sweep(&sweep).unwrap();
         let played = shaker.converter.played;
-        // Points that are out already are left alone; the one at the next tick is exact; what follows goes on.
+        // Points that are out already are left alone; the one at the next tick is exact; what
+        // follows goes on.
         assert_eq!(played[..2], [7, 7]);
         assert_eq!(Some(played[4]), shaker.scale.code(sweep.ends()[1]));
         assert!(played[2..].windows(2).all(|pair| pair[0] > pair[1]), "{played:?}");

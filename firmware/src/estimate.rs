@@ -1,17 +1,20 @@
 //! Identification in real time: the device's own estimate of the double pendulum's parameters.
 //!
-//! Samples go into the [`Regressor`] (weak form, windows of [`PERIODS`] drive periods that overlap by half); the rows of each
-//! complete window go into one [`LeastSquares`] an equation, which forgets by λ a window; after each window there is an
-//! estimate with standard errors, or the statement that an unknown is not identifiable. Fixed memory, `f32`.
+//! Samples go into the [`Regressor`] (weak form, windows of [`PERIODS`] drive periods that overlap
+//! by half); the rows of each complete window go into one [`LeastSquares`] an equation, which
+//! forgets by λ a window; after each window there is an estimate with standard errors, or the
+//! statement that an unknown is not identifiable. Fixed memory, `f32`.
 //!
-//! A rig that is locked to its drive repeats itself: a window whose targets differ from those of one of the [`HISTORY`] windows before
-//! by less than [`REPEATING`] of their sum of squares brings nothing new, and counted as new it would make the standard errors
-//! too small. It is left out, and there is no estimate as long as that lasts. With three windows remembered, motions of period 1, 2, 3,
-//! 4, 5, 6, 10, 15, 20 and 30 times the drive's are seen.
+//! A rig that is locked to its drive repeats itself: a window whose targets differ from those of
+//! one of the [`HISTORY`] windows before by less than [`REPEATING`] of their sum of squares brings
+//! nothing new, and counted as new it would make the standard errors too small. It is left out, and
+//! there is no estimate as long as that lasts. With three windows remembered, motions of period 1,
+//! 2, 3, 4, 5, 6, 10, 15, 20 and 30 times the drive's are seen.
 //!
-//! Cost a sample: 12·34 complex multiply-adds. What follows the end of a window is done one frequency with each of the next
-//! samples, first the comparison, then the fit: no sample costs much more than another, and the outcome comes [`STEPS`] samples
-//! later. It belongs into the thread, not into the sampling interrupt.
+//! Cost a sample: 12·34 complex multiply-adds. What follows the end of a window is done one
+//! frequency with each of the next samples, first the comparison, then the fit: no sample costs
+//! much more than another, and the outcome comes [`STEPS`] samples later. It belongs into the
+//! thread, not into the sampling interrupt.
 
 use whirl_shared::block::samples;
 use whirl_shared::encoder::CountScale;
@@ -31,15 +34,18 @@ pub const FREQUENCIES: usize = HARMONICS - 2;
 pub const HISTORY: usize = 3;
 /// Samples between the end of a window and its outcome.
 pub const STEPS: usize = 2 * (FREQUENCIES + 1) + 1;
-/// Rows of neighbouring frequencies share most of their test functions' spectrum, so that their residuals are correlated: with
-/// a the coefficients of sin⁴ the correlations at distance d are r_d = Σ a_k a_{k+d}/Σ a_k², and the variances of the
-/// estimates are 1 + 2 Σ r_d² = 2.63 times those of independent rows: this is the root.
+/// Rows of neighbouring frequencies share most of their test functions' spectrum, so that their
+/// residuals are correlated: with a the coefficients of sin⁴ the correlations at distance d are
+/// r_d = Σ a_k a_{k+d}/Σ a_k², and the variances of the estimates are 1 + 2 Σ r_d² = 2.63 times
+/// those of independent rows: this is the root.
 const CORRELATED_ROWS: f32 = 1.622;
-/// What is left of a column, once those before it are taken out, below which its unknown is not identifiable.
+/// What is left of a column, once those before it are taken out, below which its unknown is not
+/// identifiable.
 const TOLERANCE: f32 = 3e-3;
 
-/// Share of the targets' sum of squares that is new in a window that repeats an earlier one; 2 where they have nothing in common.
-/// Of a motion that repeats exactly, what is left is the rounding of windows to whole ticks: 2 % at most with 96 ticks a period.
+/// Share of the targets' sum of squares that is new in a window that repeats an earlier one; 2
+/// where they have nothing in common. Of a motion that repeats exactly, what is left is the
+/// rounding of windows to whole ticks: 2 % at most with 96 ticks a period.
 pub const REPEATING: f32 = 0.04;
 
 /// A window of the regression.
@@ -99,7 +105,8 @@ pub struct Estimator {
 }
 
 impl Estimator {
-    /// One without settings, to be set up in its place: all of it zero, so that a device needs neither stack nor flash for it.
+    /// One without settings, to be set up in its place: all of it zero, so that a device needs
+    /// neither stack nor flash for it.
     pub const IDLE: Self = Self {
         regressor: Regressor::idle(),
         first: LeastSquares::of_zero(0.0),
@@ -162,7 +169,8 @@ impl Estimator {
         match self.regressor.push(tick, counts, phase, phase_increment) {
             Pushed::Taken => {}
             Pushed::Began => {
-                // The next windows lie elsewhere on the drive's period: those before cannot be compared with.
+                // The next windows lie elsewhere on the drive's period: those before cannot be
+                // compared with.
                 self.window.number = 0;
                 self.step = Step::Nothing;
             }
@@ -210,7 +218,8 @@ impl Estimator {
         None
     }
 
-    /// Compares the targets at m with those of earlier windows, and puts them in place of the oldest.
+    /// Compares the targets at m with those of earlier windows, and puts them in place of the
+    /// oldest.
     fn compare(&mut self, m: usize) {
         let Some(targets) = self.regressor.targets_at(m) else { return };
         for (target, k) in targets.iter().flatten().zip(0_usize..) {
@@ -253,8 +262,8 @@ impl Estimator {
         }
     }
 
-    /// Takes a block; the outcome of the last window that ends in it. A block during a ramp holds samples of other amplitudes
-    /// than its first one's; the next block then differs from it.
+    /// Takes a block; the outcome of the last window that ends in it. A block during a ramp holds
+    /// samples of other amplitudes than its first one's; the next block then differs from it.
     pub fn block(&mut self, block: &SampleBlock) -> Option<Outcome> {
         let mut last = None;
         for sample in samples(block) {

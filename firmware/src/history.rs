@@ -1,12 +1,13 @@
-//! Blocks in memory: those that wait for the link, and those that were streamed and are kept, so that the host can ask for
-//! them again.
+//! Blocks in memory: those that wait for the link, and those that were streamed and are kept, so
+//! that the host can ask for them again.
 //!
-//! A ring: a new block takes the place of the oldest. The stream goes on behind the last block that it took; what it leaves
-//! waiting for longer than [`BACKLOG`] blocks is passed over, so that the stream is never stale for long, and is only kept.
-//! What the host asks for is looked for by its ticks, and sent oldest first; blocks that are overwritten
-//! meanwhile are left out of the answer.
+//! A ring: a new block takes the place of the oldest. The stream goes on behind the last block that
+//! it took; what it leaves waiting for longer than [`BACKLOG`] blocks is passed over, so that the
+//! stream is never stale for long, and is only kept. What the host asks for is looked for by its
+//! ticks, and sent oldest first; blocks that are overwritten meanwhile are left out of the answer.
 //!
-//! Limits: ticks are compared in wrapping arithmetic, right while the ring spans less than 2³¹ of them.
+//! Limits: ticks are compared in wrapping arithmetic, right while the ring spans less than 2³¹ of
+//! them.
 
 use core::borrow::BorrowMut;
 
@@ -15,7 +16,8 @@ use whirl_shared::frame::{BackFilled, SampleBlock};
 
 /// Blocks that boards with 128 kB of memory keep: 20.5 s of samples at 500 Hz, 64 bytes each.
 pub const KEPT: usize = 1_024;
-/// Blocks that may wait for the link before the stream leaves the oldest of them out: 1.3 s of samples at 500 Hz.
+/// Blocks that may wait for the link before the stream leaves the oldest of them out: 1.3 s of
+/// samples at 500 Hz.
 pub const BACKLOG: usize = 63;
 
 /// The ring, in memory that `K` gives.
@@ -62,7 +64,8 @@ impl<K: BorrowMut<[SampleBlock]>> History<K> {
         self.slots.borrow().len()
     }
 
-    /// Takes a block. The samples of the one that the stream passes over for it, 0 where it keeps up.
+    /// Takes a block. The samples of the one that the stream passes over for it, 0 where it keeps
+    /// up.
     pub fn push(&mut self, block: SampleBlock) -> u32 {
         let room = self.room();
         let mut passed = 0;
@@ -218,7 +221,8 @@ mod tests {
             let mut history = ring(16, 20, from);
             let at = |n: u32| from.wrapping_add(n);
             assert_eq!(history.oldest(), Some(at(40)));
-            // All; more than all; from the middle of a block to the middle of another; nothing any more; nothing yet.
+            // All; more than all; from the middle of a block to the middle of another; nothing any
+            // more; nothing yet.
             for (first, ticks, blocks, samples) in [
                 (40, 160, 4..20, 160),
                 (0, 1_000, 4..20, 160),

@@ -1,8 +1,9 @@
 //! What the thread half does with the [`Estimator`]: feeds it, and makes its messages.
 //!
-//! An [`Estimate`] after every second window, which is every twenty drive periods. The rows of a window, if they are asked for, are made
-//! two frequencies at a time as the link takes them; those that it has not taken when the next window is complete are counted as
-//! dropped frames, and so is an estimate that the next one overtakes.
+//! An [`Estimate`] after every second window, which is every twenty drive periods. The rows of a
+//! window, if they are asked for, are made two frequencies at a time as the link takes them; those
+//! that it has not taken when the next window is complete are counted as dropped frames, and so is
+//! an estimate that the next one overtakes.
 
 use core::borrow::BorrowMut;
 
@@ -18,8 +19,8 @@ const TOGETHER: usize = 2;
 /// Messages of a window's rows.
 pub const ROWS_MESSAGES: usize = (FREQUENCIES + 1).div_ceil(TOGETHER);
 
-/// The estimator and what waits for the link. `E` is an [`Estimator`] of its own, or a reference to one: on a board it is a static,
-/// since it is large.
+/// The estimator and what waits for the link. `E` is an [`Estimator`] of its own, or a reference to
+/// one: on a board it is a static, since it is large.
 #[derive(Debug)]
 pub struct Identification<E = Estimator> {
     estimator: E,
@@ -214,7 +215,8 @@ mod tests {
         let mut windows = Vec::new();
         for tick in (0..6_100).step_by(BLOCK_LEN) {
             identification.block(&block(tick));
-            // The third window finds the link blocked after two messages; estimates are never taken.
+            // The third window finds the link blocked after two messages; estimates are never
+            // taken.
             let most = if (4_009..5_009).contains(&(tick + 9)) { 2 } else { usize::MAX };
             let open = !(4_020..=5_000).contains(&tick);
             for rows in core::iter::from_fn(|| if open { identification.take_rows() } else { None }).take(most) {

@@ -1,8 +1,10 @@
-//! What lasts over a reset, in memory that nothing initialises: both counts with their zeros, and the text of a panic.
+//! What lasts over a reset, in memory that nothing initialises: both counts with their zeros, and
+//! the text of a panic.
 //!
-//! Such memory holds noise after power-on, and may be torn in the middle of being written. So all of it goes by a checksum
-//! (CRC-32, as the frames'), and the counts, which are written at every tick, go to two places in turn, each with a number:
-//! the newer one that is whole counts. All numbers are little-endian.
+//! Such memory holds noise after power-on, and may be torn in the middle of being written. So all
+//! of it goes by a checksum (CRC-32, as the frames'), and the counts, which are written at every
+//! tick, go to two places in turn, each with a number: the newer one that is whole counts. All
+//! numbers are little-endian.
 
 use core::fmt::{self, Write};
 

@@ -1,6 +1,7 @@
 //! The rig's application: samples two encoders, drives the shaker, talks to the host.
 //!
-//! It is generic over embedded-hal 1 traits and allocates nothing. Two halves are joined by lock-free queues:
+//! It is generic over embedded-hal 1 traits and allocates nothing. Two halves are joined by
+//! lock-free queues:
 //!
 //! ```text
 //!  interrupt, 500 Hz                              thread
@@ -12,12 +13,13 @@
 //!  └───────────────────────────┘   requests   └──────────────────────┘
 //! ```
 //!
-//! A board owns [`sampler::Sampler`] in its sampling interrupt and [`link::Link`] in its thread, with
-//! `heapless::spsc` queues split between them; a host test, a simulator or an emulated board owns both as one
-//! [`app::App`]. The bytes that come out are the same.
+//! A board owns [`sampler::Sampler`] in its sampling interrupt and [`link::Link`] in its thread,
+//! with `heapless::spsc` queues split between them; a host test, a simulator or an emulated board
+//! owns both as one [`app::App`]. The bytes that come out are the same.
 //!
-//! The order within a tick is fixed: read both encoders → the sample carries the drive's phase at this tick → write the
-//! displacement of this tick → advance phase and ramp → carry out requests, which act from the next tick on.
+//! The order within a tick is fixed: read both encoders → the sample carries the drive's phase at
+//! this tick → write the displacement of this tick → advance phase and ramp → carry out requests,
+//! which act from the next tick on.
 #![no_std]
 
 #[cfg(test)]

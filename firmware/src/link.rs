@@ -1,13 +1,14 @@
 //! The thread half: bytes from the host to requests, events and blocks to frames.
 //!
-//! At boot the first frame is a hello. Other messages go before blocks, but never two in a row while blocks wait, so
-//! that a flood of commands cannot starve the samples.
+//! At boot the first frame is a hello. Other messages go before blocks, but never two in a row
+//! while blocks wait, so that a flood of commands cannot starve the samples.
 //!
-//! Every block goes through the device's own identification before it is sent; where the host has asked for rows, it is not sent,
-//! and the rows of the window that is complete go in the places of blocks.
+//! Every block goes through the device's own identification before it is sent; where the host has
+//! asked for rows, it is not sent, and the rows of the window that is complete go in the places of
+//! blocks.
 //!
-//! Every block is kept, too, and sent again where the host asks for it ([`crate::history`]): when nothing else waits, and
-//! while the line has room (`allowance.rs`).
+//! Every block is kept, too, and sent again where the host asks for it ([`crate::history`]): when
+//! nothing else waits, and while the line has room (`allowance.rs`).
 
 use core::borrow::BorrowMut;
 use core::fmt::Write;
@@ -37,12 +38,12 @@ pub const FIRMWARE: &str = concat!("whirl-firmware ", env!("CARGO_PKG_VERSION"))
 
 /// Answers of this half that wait for the link.
 const OWN_EVENTS: usize = 8;
-/// How often the link must have had nothing to send before a block is sent again: boards ask once a millisecond, and so have
-/// no such block in the tick of one that is streamed.
+/// How often the link must have had nothing to send before a block is sent again: boards ask once a
+/// millisecond, and so have no such block in the tick of one that is streamed.
 const QUIET: u8 = 2;
 
-/// The thread half. `E` is an [`Estimator`] of its own, or a reference to one ([`Identification`]); `K` is memory for the
-/// blocks that are kept, its own or a reference.
+/// The thread half. `E` is an [`Estimator`] of its own, or a reference to one ([`Identification`]);
+/// `K` is memory for the blocks that are kept, its own or a reference.
 #[derive(Debug)]
 pub struct Link<E = Estimator, K = [SampleBlock; KEPT]> {
     settings: Settings,
@@ -118,8 +119,8 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
         Ok(link)
     }
 
-    /// Takes bytes from the host and passes on the commands in them. A command that finds the queue full is refused as
-    /// [`CommandResult::WrongState`]: nothing changed.
+    /// Takes bytes from the host and passes on the commands in them. A command that finds the queue
+    /// full is refused as [`CommandResult::WrongState`]: nothing changed.
     pub fn receive(&mut self, bytes: &[u8], requests: &mut impl Sink<Request>) {
         for &byte in bytes {
             let Some(request) = self.console.push(byte) else { continue };
@@ -143,7 +144,8 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
 
     /// The next frame, if there is one, written to `out`; its length.
     ///
-    /// `out` must hold [`whirl_shared::codec::MAX_FRAME`] bytes; with less, nothing is taken and `None` returned.
+    /// `out` must hold [`whirl_shared::codec::MAX_FRAME`] bytes; with less, nothing is taken and
+    /// `None` returned.
     pub fn poll_transmit(
         &mut self,
         out: &mut [u8],
@@ -174,8 +176,8 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
         Some(length)
     }
 
-    /// Takes a block in, without sending any: for a link that takes nothing at the moment. Whether there was one; one at a
-    /// time, so that this stays short.
+    /// Takes a block in, without sending any: for a link that takes nothing at the moment. Whether
+    /// there was one; one at a time, so that this stays short.
     pub fn keep_up(&mut self, blocks: &mut impl Source<SampleBlock>) -> bool {
         let Some(block) = blocks.take() else { return false };
         self.identification.block(&block);
@@ -187,7 +189,8 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
         true
     }
 
-    /// The next message of the stream: rows that wait, or a block. Blocks are taken in one at a time, so that this stays short.
+    /// The next message of the stream: rows that wait, or a block. Blocks are taken in one at a
+    /// time, so that this stays short.
     fn streamed(&mut self, blocks: &mut impl Source<SampleBlock>) -> Option<DeviceMessage> {
         if let Some(rows) = self.identification.take_rows() {
             return Some(DeviceMessage::Rows(rows));

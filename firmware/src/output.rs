@@ -12,13 +12,15 @@ pub trait ShakerOutput {
     /// What can go wrong.
     type Error;
 
-    /// Sets the base's displacement, nm, positive upward (vertical drive) or toward positive angle (horizontal drive).
+    /// Sets the base's displacement, nm, positive upward (vertical drive) or toward positive angle
+    /// (horizontal drive).
     ///
     /// # Errors
     /// Whatever keeps the displacement from being set; the shaker then goes into its faulted state.
     fn write(&mut self, displacement_nanometre: i32) -> Result<(), Self::Error>;
 
-    /// Moves the base from this tick to the next. An output that has no clock of its own stands where the tick is.
+    /// Moves the base from this tick to the next. An output that has no clock of its own stands
+    /// where the tick is.
     ///
     /// # Errors
     /// As for [`Self::write`].
@@ -26,7 +28,8 @@ pub trait ShakerOutput {
         self.write(sweep.start())
     }
 
-    /// Switches the power amplifier; outputs without a switch do nothing. It is on from arming to disarming.
+    /// Switches the power amplifier; outputs without a switch do nothing. It is on from arming to
+    /// disarming.
     ///
     /// # Errors
     /// As for [`Self::write`].

@@ -1,16 +1,18 @@
 //! Which tick is this? A free clock tells how many ticks have passed since the last interrupt.
 //!
-//! A timer's interrupt flag says that a tick is due, not how many: an interrupt that was held up for longer than a period
-//! comes once. The free clock counts in step with the tick's timer, from the same source, and like that timer goes on
-//! while a debugger holds the processor (the processor's own cycle counter does not: after a halt nobody knows how many
-//! ticks it lasted). The tick is the number of whole periods on it, so that one reading tells everything: a processor that
-//! is held between two instructions cannot make two readings contradict each other.
+//! A timer's interrupt flag says that a tick is due, not how many: an interrupt that was held up
+//! for longer than a period comes once. The free clock counts in step with the tick's timer, from
+//! the same source, and like that timer goes on while a debugger holds the processor (the
+//! processor's own cycle counter does not: after a halt nobody knows how many ticks it lasted). The
+//! tick is the number of whole periods on it, so that one reading tells everything: a processor
+//! that is held between two instructions cannot make two readings contradict each other.
 //!
-//! The board clears the interrupt's flag first and reads the clock then. A tick that falls between is told at once, and
-//! its own interrupt finds nothing new. The counters count for a tick only where the clock before and after they were read
-//! shows the same one ([`Pacer::latch`]).
+//! The board clears the interrupt's flag first and reads the clock then. A tick that falls between
+//! is told at once, and its own interrupt finds nothing new. The counters count for a tick only
+//! where the clock before and after they were read shows the same one ([`Pacer::latch`]).
 //!
-//! Limits: the clock wraps at 2³² (200 s at 21.25 MHz); an outage longer than that is told too short by whole wraps.
+//! Limits: the clock wraps at 2³² (200 s at 21.25 MHz); an outage longer than that is told too
+//! short by whole wraps.
 
 /// Counts the ticks that an interrupt has missed. All times in clocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,8 +33,8 @@ pub struct Passed {
 }
 
 impl Pacer {
-    /// Ticks of so many clocks (0 counts as 1), the first one period after `start`, at which tick's timer and clock were
-    /// started: the clock first, or at once.
+    /// Ticks of so many clocks (0 counts as 1), the first one period after `start`, at which tick's
+    /// timer and clock were started: the clock first, or at once.
     #[must_use]
     pub const fn new(period: u32, start: u32) -> Self {
         Self { period: if period == 0 { 1 } else { period }, due: start, latency: 0 }
@@ -48,8 +50,9 @@ impl Pacer {
         Some(Passed { missed, latency })
     }
 
-    /// An interrupt, with the counters that belong to its tick: `latch` reads them, again where the tick has gone meanwhile, since a
-    /// debugger may halt between any two instructions. None where the tick has been told already.
+    /// An interrupt, with the counters that belong to its tick: `latch` reads them, again where the
+    /// tick has gone meanwhile, since a debugger may halt between any two instructions. None where
+    /// the tick has been told already.
     pub fn latch(&mut self, mut clock: impl FnMut() -> u32, mut latch: impl FnMut()) -> Option<Passed> {
         let mut told: Option<Passed> = None;
         loop {
@@ -88,8 +91,9 @@ impl Pacer {
     }
 }
 
-/// Splits the clocks of a tick into a timer's prescaler and reload value, both as written to its registers (one less than they
-/// divide by), so that the tick is exact. `None` where there is no such pair of 16 bits each.
+/// Splits the clocks of a tick into a timer's prescaler and reload value, both as written to its
+/// registers (one less than they divide by), so that the tick is exact. `None` where there is no
+/// such pair of 16 bits each.
 #[must_use]
 pub fn divide(clocks: u32) -> Option<(u16, u16)> {
     (1..=65_536_u32).take_while(|&prescaler| prescaler <= clocks).find_map(|prescaler| {
@@ -115,8 +119,8 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// At a timer's clock and a sampling rate; the greatest number of points that divides a tick exactly and is not above
-    /// `points_per_second`. `None` where the rate cannot be had exactly.
+    /// At a timer's clock and a sampling rate; the greatest number of points that divides a tick
+    /// exactly and is not above `points_per_second`. `None` where the rate cannot be had exactly.
     #[must_use]
     pub fn new(timer_hertz: u32, rate_millihertz: u32, points_per_second: u32) -> Option<Self> {
         let (clocks, rate) = (u64::from(timer_hertz) * 1_000, u64::from(rate_millihertz).max(1));
@@ -170,7 +174,8 @@ mod tests {
         assert_eq!((pacer.same_tick(5_006), pacer.same_tick(5_007)), (true, false));
     }
 
-    /// A processor that a debugger halts, its interrupt flag, and a tick's timer that runs on. Times in ns, which are clocks.
+    /// A processor that a debugger halts, its interrupt flag, and a tick's timer that runs on.
+    /// Times in ns, which are clocks.
     struct Halted {
         now: u64,
         /// When the halt comes, and how long it lasts.
@@ -260,7 +265,8 @@ mod tests {
         }
     }
 
-    /// What a cycle counter makes of it, which stands while the processor is halted: the model tells the difference.
+    /// What a cycle counter makes of it, which stands while the processor is halted: the model
+    /// tells the difference.
     #[test]
     fn a_clock_that_stands_in_a_halt_would_be_wrong_each_time() {
         let wrong_halts = halts().filter(|&halt| {

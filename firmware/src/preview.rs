@@ -1,7 +1,8 @@
 //! Previews for the status: rms of each wrapped angle, and mean turning rate, over a second.
 //!
-//! The interrupt half adds up integers, exactly; the thread half turns them into mrad and turns a minute with micromath.
-//! Reduced precision (below 0.5 %), for people to look at: neither recorded as data nor used for any result.
+//! The interrupt half adds up integers, exactly; the thread half turns them into mrad and turns a
+//! minute with micromath. Reduced precision (below 0.5 %), for people to look at: neither recorded
+//! as data nor used for any result.
 
 use micromath::F32;
 use whirl_shared::encoder::CountScale;

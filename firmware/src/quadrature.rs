@@ -1,20 +1,20 @@
 //! Hardware quadrature counters, extended to multi-turn counts.
 //!
-//! embedded-hal 1 has no trait for a quadrature counter, so here is one. Limit: less than 2¹⁵ counts between two
-//! readings (at 500 Hz and 4096 counts a turn: 4000 turns a second).
+//! embedded-hal 1 has no trait for a quadrature counter, so here is one. Limit: less than 2¹⁵
+//! counts between two readings (at 500 Hz and 4096 counts a turn: 4000 turns a second).
 
 use whirl_shared::encoder::{Direction, MultiTurn};
 
 /// A 16-bit counter of quadrature edges that wraps.
 ///
-/// Reading cannot fail and takes a constant time: it is the first thing in the sampling interrupt. A counter of more
-/// bits gives its low 16.
+/// Reading cannot fail and takes a constant time: it is the first thing in the sampling interrupt.
+/// A counter of more bits gives its low 16.
 pub trait QuadratureCounter {
     /// The present count, modulo 2¹⁶.
     fn count(&mut self) -> u16;
 
-    /// The count that the hardware held when the encoder's index mark last came, told once. Counters without a line for
-    /// the index have none.
+    /// The count that the hardware held when the encoder's index mark last came, told once.
+    /// Counters without a line for the index have none.
     fn index(&mut self) -> Option<u16> {
         None
     }
@@ -61,8 +61,8 @@ impl<C: QuadratureCounter> Encoder<C> {
         self.turns.update(latched)
     }
 
-    /// The multi-turn position of the index mark, where it has come since it was last asked for and the encoder turns up.
-    /// `latched` is the last reading.
+    /// The multi-turn position of the index mark, where it has come since it was last asked for and
+    /// the encoder turns up. `latched` is the last reading.
     pub fn index(&mut self, latched: u16) -> Option<i32> {
         let seen = self.counter.index()?;
         // The mark is less than a tick's motion away.

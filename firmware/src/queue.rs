@@ -1,7 +1,7 @@
 //! What joins the two halves: one end puts, the other takes, neither waits.
 //!
-//! The traits let the same code run on the two ends of a split `heapless::spsc::Queue` (a board: interrupt and thread)
-//! and on a whole one (an [`crate::app::App`]).
+//! The traits let the same code run on the two ends of a split `heapless::spsc::Queue` (a board:
+//! interrupt and thread) and on a whole one (an [`crate::app::App`]).
 
 use heapless::spsc::{Consumer, Producer, Queue};
 

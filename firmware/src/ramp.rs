@@ -1,7 +1,8 @@
 //! Linear change of the shaker's amplitude, in integers.
 //!
-//! n ticks after a ramp's start the amplitude has moved by ⌊n · rate / f_s⌋ nm, the rate in nm/s: never further than
-//! the straight line of the set rate, and exactly on it over whole seconds, whatever the sampling rate.
+//! n ticks after a ramp's start the amplitude has moved by ⌊n · rate / f_s⌋ nm, the rate in nm/s:
+//! never further than the straight line of the set rate, and exactly on it over whole seconds,
+//! whatever the sampling rate.
 
 /// An amplitude on its way to another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -94,7 +95,8 @@ mod tests {
 
     #[test]
     fn each_ramp_begins_its_own_line() {
-        // 0.6 nm a tick: one nanometre in two ticks, also after what was left over of the last ramp.
+        // 0.6 nm a tick: one nanometre in two ticks, also after what was left over of the last
+        // ramp.
         let mut ramp = Ramp::new(3, 5_000_000);
         for target in [100, 200, 300, 0] {
             ramp.go_to(target);
@@ -119,7 +121,8 @@ mod tests {
                 ramp.step();
                 let moved = u128::from(ramp.amplitude().abs_diff(from));
                 prop_assert!(moved * u128::from(sampling) <= n * u128::from(rate) * 1_000_000);
-                // Toward the target, and at most a nanometre of quantisation above the rate in any one tick.
+                // Toward the target, and at most a nanometre of quantisation above the rate in any
+                // one tick.
                 prop_assert!(ramp.amplitude().abs_diff(to) <= last.abs_diff(to));
                 let step = u128::from(ramp.amplitude().abs_diff(last));
                 prop_assert!(step.saturating_sub(1) * u128::from(sampling) <= u128::from(rate) * 1_000_000);

@@ -4,10 +4,12 @@
 //! 2. the sample carries the drive's phase, increment and amplitude at this tick;
 //! 3. the shaker writes this tick's displacement, then phase, ramp and watchdog advance;
 //! 4. the sample goes into the block, a full block into its queue;
-//! 5. requests are carried out; they act from the next tick on. Their answers go into the event queue.
+//! 5. requests are carried out; they act from the next tick on. Their answers go into the event
+//!    queue.
 //!
-//! A block also ends early: where ticks were missed, where the drive's settings change or a ramp starts or ends, where
-//! counts are zeroed. A queue that is full is counted, in samples or frames; nothing waits.
+//! A block also ends early: where ticks were missed, where the drive's settings change or a ramp
+//! starts or ends, where counts are zeroed. A queue that is full is counted, in samples or frames;
+//! nothing waits.
 //!
 //! Time: bounded; a tick does at most one cosine and [`REQUESTS_PER_TICK`] requests.
 
@@ -108,16 +110,17 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
         self.settings[1] = built_in.clone();
     }
 
-    /// Reads both counters now, for the next tick. A board that can be held up between its clock and its counters reads
-    /// again until both belong together.
+    /// Reads both counters now, for the next tick. A board that can be held up between its clock
+    /// and its counters reads again until both belong together.
     pub fn latch(&mut self) {
         self.latched = Some([self.encoder1.latch(), self.encoder2.latch()]);
     }
 
     /// One sampling tick.
     ///
-    /// `missed` is the number of ticks that have passed without a call since the last one; `latency_us` the delay from
-    /// the tick to the counters' reading, as far as the board can tell it.
+    /// `missed` is the number of ticks that have passed without a call since the last one;
+    /// `latency_us` the delay from the tick to the counters' reading, as far as the board can tell
+    /// it.
     pub fn tick(
         &mut self,
         missed: u32,
@@ -263,7 +266,8 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
                 self.encoder1.zero();
                 self.encoder2.zero();
                 self.last_counts = None;
-                // Each of a boot's zeros has an id of its own, and none that of another boot but by chance.
+                // Each of a boot's zeros has an id of its own, and none that of another boot but by
+                // chance.
                 let id = (self.boot_id ^ self.tick.wrapping_add(1)).wrapping_mul(0x0100_0193);
                 self.references.iter_mut().for_each(|reference| reference.set_zero(id));
                 self.put_event(Event::Hello(self.present()), events);

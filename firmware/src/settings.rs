@@ -20,7 +20,8 @@ pub const COUNTS_PER_TURN_MAX: u32 = 1 << 20;
 /// Greatest amplitude that fits into 32 bits of nm, µm.
 pub const AMPLITUDE_MAX_MICROMETRE: u32 = 2_147_483;
 
-/// Least and greatest rate of the serial port, baud: a full block every 20 ms takes 61 % of 115 200.
+/// Least and greatest rate of the serial port, baud: a full block every 20 ms takes 61 % of
+/// 115 200.
 pub const BAUD: [u32; 2] = [57_600, 2_000_000];
 
 /// Settings of the application.
@@ -28,7 +29,8 @@ pub const BAUD: [u32; 2] = [57_600, 2_000_000];
 pub struct Settings {
     /// Board name, at most [`TEXT_LEN`] bytes.
     pub board: &'static str,
-    /// Id of the image's sources, told after the firmware's version; at most [`BUILD_LEN`] bytes, empty where there is none.
+    /// Id of the image's sources, told after the firmware's version; at most [`BUILD_LEN`] bytes,
+    /// empty where there is none.
     pub build: &'static str,
     /// Changes at every boot.
     pub boot_id: u32,
@@ -40,14 +42,15 @@ pub struct Settings {
     pub reversed: [bool; CHANNELS],
     /// What the shaker may do; the ramp rate is also the one in force at boot.
     pub limits: ShakerLimits,
-    /// Displacement of the base at the set point's highest voltage, µm: for boards that have such an output.
+    /// Displacement of the base at the set point's highest voltage, µm: for boards that have such
+    /// an output.
     pub full_scale_micrometre: u32,
     /// Rate of the serial port, baud: for boards that have one.
     pub baud: u32,
     /// The shaker stops when no valid command has come for this long, ms.
     pub host_timeout_ms: u32,
-    /// What a window of the device's own estimate counts for after the next one, thousandths: 1000 averages for ever, 900 over some
-    /// ten windows.
+    /// What a window of the device's own estimate counts for after the next one, thousandths: 1000
+    /// averages for ever, 900 over some ten windows.
     pub forget_per_mille: u16,
     /// What came before this boot.
     pub boot: Boot,

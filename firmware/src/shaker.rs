@@ -11,11 +11,13 @@
 //!  Faulted ◀── the output fails or a limit would be exceeded, from anywhere
 //! ```
 //!
-//! Displacement y = a cos φ: φ is the phase accumulator ([`whirl_shared::waveform`]), a the ramp ([`crate::ramp`]). φ
-//! starts at 0 with every start and advances while the shaker moves and only then. The frequency cannot change while it
-//! moves. Amplitude, frequency and acceleration a(2πf)² are limited; a refused command changes nothing.
+//! Displacement y = a cos φ: φ is the phase accumulator ([`whirl_shared::waveform`]), a the ramp
+//! ([`crate::ramp`]). φ starts at 0 with every start and advances while the shaker moves and only
+//! then. The frequency cannot change while it moves. Amplitude, frequency and acceleration a(2πf)²
+//! are limited; a refused command changes nothing.
 //!
-//! The watchdog counts sampling ticks, missed ones too, since the last command that was carried out.
+//! The watchdog counts sampling ticks, missed ones too, since the last command that was carried
+//! out.
 
 use whirl_shared::frame::{Command, CommandResult, ShakerLimits, ShakerState, StopCause};
 use whirl_shared::waveform::{self, PhaseAccumulator};
@@ -61,8 +63,8 @@ pub struct Shaker<O> {
 }
 
 impl<O: ShakerOutput> Shaker<O> {
-    /// Disarmed, with the output at zero and its amplifier off; faulted where that fails. The settings are taken as
-    /// validated.
+    /// Disarmed, with the output at zero and its amplifier off; faulted where that fails. The
+    /// settings are taken as validated.
     pub fn new(settings: &Settings, output: O) -> Self {
         let mut shaker = Self {
             output,
@@ -224,8 +226,8 @@ impl<O: ShakerOutput> Shaker<O> {
 
     /// Carries a command out, or refuses it and changes nothing.
     ///
-    /// `Hello`, `KeepAlive`, `Status`, `Stream`, `BackFill`, `ZeroCounts`, `Set` and `Restart` only ask whether they may be
-    /// carried out.
+    /// `Hello`, `KeepAlive`, `Status`, `Stream`, `BackFill`, `ZeroCounts`, `Set` and `Restart` only
+    /// ask whether they may be carried out.
     pub fn command(&mut self, command: Command) -> CommandResult {
         let result = match command {
             Command::Hello | Command::KeepAlive | Command::Status | Command::Stream(_) | Command::BackFill { .. } => {

@@ -1,12 +1,15 @@
-//! Settings in flash that is erased page by page, worn evenly and safe against a power cut at any write.
+//! Settings in flash that is erased page by page, worn evenly and safe against a power cut at any
+//! write.
 //!
-//! Two pages. Each change is appended behind the last one as a record of its own; when a page is full the other one is
-//! erased and takes the next. The record with the highest number whose checksum is right counts. So a page is erased once
-//! in as many changes as two pages hold (64 for pages of 2 kB: 10 000 erasures are 640 000 changes), and the newest
-//! whole record is never on the page that is being erased.
+//! Two pages. Each change is appended behind the last one as a record of its own; when a page is
+//! full the other one is erased and takes the next. The record with the highest number whose
+//! checksum is right counts. So a page is erased once in as many changes as two pages hold (64 for
+//! pages of 2 kB: 10 000 erasures are 640 000 changes), and the newest whole record is never on the
+//! page that is being erased.
 //!
-//! A record, little-endian: number u32, words, CRC-32 over both, padded to what the flash writes at once. Its place counts
-//! as free where every byte reads 0xFF; a torn record is skipped like a damaged one.
+//! A record, little-endian: number u32, words, CRC-32 over both, padded to what the flash writes at
+//! once. Its place counts as free where every byte reads 0xFF; a torn record is skipped like a
+//! damaged one.
 
 use embedded_storage::nor_flash::NorFlash;
 use whirl_shared::codec::CRC;

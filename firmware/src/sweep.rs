@@ -1,28 +1,30 @@
 //! The base's displacement from one tick to the next, and the points by which a converter plays it.
 //!
-//! A set point that stands from tick to tick is a staircase: beside the drive at f it holds images at f_s ± f, whose
-//! amplitudes are f/(f_s ± f) of the drive's and whose accelerations are (f_s ± f)/f times its own: 99 and 101 at 5 Hz and
-//! 500 Hz. Played at n points a tick they are gone; those of the points lie n times as high, below a converter's step.
+//! A set point that stands from tick to tick is a staircase: beside the drive at f it holds images
+//! at f_s ± f, whose amplitudes are f/(f_s ± f) of the drive's and whose accelerations are (f_s ±
+//! f)/f times its own: 99 and 101 at 5 Hz and 500 Hz. Played at n points a tick they are gone;
+//! those of the points lie n times as high, below a converter's step.
 //!
-//! Between the ticks y(u), u from 0 to 1, is the cubic with the values and the slopes of a(u) cos φ(u) at both ends, the
-//! phase φ running evenly and the amplitude a along a line. At the ticks it is [`whirl_shared::waveform::displacement`], bit for bit:
-//! what the host knows. Error in between: a ω⁴/384, ω the advance of the phase in a tick (1.1e-5 a at 20 Hz and 500 Hz).
+//! Between the ticks y(u), u from 0 to 1, is the cubic with the values and the slopes of a(u) cos
+//! φ(u) at both ends, the phase φ running evenly and the amplitude a along a line. At the ticks it
+//! is [`whirl_shared::waveform::displacement`], bit for bit: what the host knows. Error in between:
+//! a ω⁴/384, ω the advance of the phase in a tick (1.1e-5 a at 20 Hz and 500 Hz).
 //!
-//! The points go on a little beyond the next tick, for an interrupt that is late; then the last one stands. When the ticks
-//! come again the points approach the curve from what stands, by at most [`CATCH_UP`] times the drive's greatest step from
-//! point to point.
+//! The points go on a little beyond the next tick, for an interrupt that is late; then the last one
+//! stands. When the ticks come again the points approach the curve from what stands, by at most
+//! [`CATCH_UP`] times the drive's greatest step from point to point.
 
 use core::f32::consts::TAU;
 
 use whirl_shared::waveform::{cos_sin, displacement};
 
-/// Points that are played beyond a tick when the next one does not come: 0.2 ms of them at 40 kHz, some ten times the
-/// longest latency.
+/// Points that are played beyond a tick when the next one does not come: 0.2 ms of them at 40 kHz,
+/// some ten times the longest latency.
 pub const BEYOND: usize = 8;
 /// How much faster than the drive itself the points may go while they catch up.
 pub const CATCH_UP: f32 = 2.0;
-/// Points a second that boards aim at: far above what a shaker follows, and a code's time is longer than a converter's
-/// settling.
+/// Points a second that boards aim at: far above what a shaker follows, and a code's time is longer
+/// than a converter's settling.
 pub const POINTS_PER_SECOND: u32 = 40_000;
 
 /// The drive from a tick to the next.
@@ -68,7 +70,8 @@ impl Sweep {
     }
 }
 
-/// How displacements become codes: half of the range is rest, its ends are −full scale and +full scale.
+/// How displacements become codes: half of the range is rest, its ends are −full scale and +full
+/// scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scale {
     /// Greatest code.
@@ -92,8 +95,9 @@ impl Scale {
         f32::from(self.max) / (2.0 * self.full_nanometre.max(1) as f32)
     }
 
-    /// Writes the codes of a sweep, of which a tick takes `n`, behind point `now`, at which `standing` is the code that
-    /// stands. Codes before are left as they are. None where the sweep leaves the full scale.
+    /// Writes the codes of a sweep, of which a tick takes `n`, behind point `now`, at which
+    /// `standing` is the code that stands. Codes before are left as they are. None where the sweep
+    /// leaves the full scale.
     #[must_use]
     pub fn fill(self, sweep: &Sweep, codes: &mut [u16], n: usize, now: usize, standing: u16) -> Option<()> {
         let ends = sweep.ends();
@@ -172,7 +176,8 @@ mod tests {
             Self { codes: [2_048; N + BEYOND], tick: 0, from: 0, held: 2_048, played: Vec::new() }
         }
 
-        /// The interrupt of a tick, `late` points after it, and `busy` more until the points are there.
+        /// The interrupt of a tick, `late` points after it, and `busy` more until the points are
+        /// there.
         fn tick(&mut self, tick: u32, late: usize, busy: usize, sweep: &Sweep) {
             self.play_to(tick, late);
             let standing = self.held;
@@ -205,7 +210,8 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(2);
         let mut player = Player::new();
         for tick in 0..2_000 {
-            // The interrupt's latency is some points now and then, and the points are there one point later.
+            // The interrupt's latency is some points now and then, and the points are there one
+            // point later.
             let late = (random.next_u32() % (BEYOND as u32 - 1)) as usize * usize::from(tick % 3 == 0);
             player.tick(tick, late, usize::from(tick % 5 == 0), &sweep(tick));
         }
@@ -242,7 +248,8 @@ mod tests {
         (0..250).for_each(|tick| player.tick(tick, 0, 0, &sweep(tick)));
         let played = image(&|point| f64::from(player.played[8_000 + point]));
         for (stairs, played) in stairs.into_iter().zip(played) {
-            // Their acceleration is 99² and 101² times this: 99 times the drive's before, a tenth of it now at most.
+            // Their acceleration is 99² and 101² times this: 99 times the drive's before, a tenth
+            // of it now at most.
             assert!((0.0098..0.0103).contains(&stairs), "{stairs}");
             assert!(played < 1e-5, "{played}");
         }
@@ -261,7 +268,8 @@ mod tests {
             }
             tick += random.next_u32() % 100;
         }
-        // The drive's own steps are 12.7 mm · 2π 5 Hz / 40 kHz, 0.999 codes; where the points come late by one, twice as many.
+        // The drive's own steps are 12.7 mm · 2π 5 Hz / 40 kHz, 0.999 codes; where the points come
+        // late by one, twice as many.
         let own = f64::from(sweep(0).step(N) * SCALE.codes_per_nanometre());
         assert!((own - 0.9988).abs() < 1e-3, "{own}");
         let slew = 2.0 * (f64::from(CATCH_UP) * own + 1.0);

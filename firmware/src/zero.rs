@@ -1,22 +1,24 @@
 //! Where an encoder's zero is from, whether its arm rests, and what its index mark says.
 //!
-//! The counters know nothing of where an arm hangs: zero is the pose at power-up, or that of a command. Whether counts of
-//! two boots have the same zero is told by the zero's id. Over a reset that leaves the memory alone ([`keeps_memory`]) the
-//! count is carried ([`crate::kept`]): of an arm that rests nothing is lost, of one that turns what it turned meanwhile, so
-//! that its zero has another id.
+//! The counters know nothing of where an arm hangs: zero is the pose at power-up, or that of a
+//! command. Whether counts of two boots have the same zero is told by the zero's id. Over a reset
+//! that leaves the memory alone ([`keeps_memory`]) the count is carried ([`crate::kept`]): of an
+//! arm that rests nothing is lost, of one that turns what it turned meanwhile, so that its zero has
+//! another id.
 //!
-//! An index mark is seen once a turn. It is taken where the arm turns up, since a mark is some counts wide and its two
-//! edges lie at different ones. Its count is told to the host; if it is found elsewhere later, counts have been lost or
-//! won (noise on a line, a hand that turned too fast), which is told once.
+//! An index mark is seen once a turn. It is taken where the arm turns up, since a mark is some
+//! counts wide and its two edges lie at different ones. Its count is told to the host; if it is
+//! found elsewhere later, counts have been lost or won (noise on a line, a hand that turned too
+//! fast), which is told once.
 
 use whirl_shared::frame::{ResetCause, Zero, ZeroSource};
 
-/// Counts by which an index may be found beside its first place: half a line, since the mark's edge and those of the lines
-/// pass filters of their own.
+/// Counts by which an index may be found beside its first place: half a line, since the mark's edge
+/// and those of the lines pass filters of their own.
 const INDEX_TOLERANCE: u32 = 2;
 
-/// Whether memory and the encoders' supply have lasted over a reset. Not over the reset pin: a button may be held while
-/// arms turn, and so may a debugger.
+/// Whether memory and the encoders' supply have lasted over a reset. Not over the reset pin: a
+/// button may be held while arms turn, and so may a debugger.
 #[must_use]
 pub const fn keeps_memory(cause: ResetCause) -> bool {
     matches!(cause, ResetCause::Software | ResetCause::Watchdog | ResetCause::Panic)
@@ -53,7 +55,8 @@ pub struct Reference {
     count: i32,
     anchor: i32,
     resting_ticks: u32,
-    /// Ticks within one count of each other that are rest: a second, longer than any swing's turning point.
+    /// Ticks within one count of each other that are rest: a second, longer than any swing's
+    /// turning point.
     rest_ticks: u32,
     slip_told: bool,
 }

@@ -1,4 +1,5 @@
-//! Any bytes to both decoders of the wire: every byte accounted for, whatever decodes encodes again.
+//! Any bytes to both decoders of the wire: every byte accounted for, whatever decodes encodes
+//! again.
 #![no_main]
 
 use whirl_tests::mutation_targets::{Input, one};

@@ -1,9 +1,10 @@
-//! What the presets do: largest Lyapunov exponent, how often arm 1 is beyond 90°, how often arm 2 turns over.
+//! What the presets do: largest Lyapunov exponent, how often arm 1 is beyond 90°, how often arm 2
+//! turns over.
 //!
-//! The exponent is that of two neighbouring trajectories, renormalised once a drive period (G. Benettin, L. Galgani,
-//! J.-M. Strelcyn, Phys. Rev. A 14 (1976) 2338), over 600 periods (120 s) after 100 of
-//! settling, for each of 20 seeds: mean and range over the seeds. Long records differ: a chaotic history now and then spends
-//! minutes near an orbit on which arm 1 whirls.
+//! The exponent is that of two neighbouring trajectories, renormalised once a drive period (G.
+//! Benettin, L. Galgani, J.-M. Strelcyn, Phys. Rev. A 14 (1976) 2338), over 600 periods (120 s)
+//! after 100 of settling, for each of 20 seeds: mean and range over the seeds. Long records differ:
+//! a chaotic history now and then spends minutes near an orbit on which arm 1 whirls.
 //!
 //! `cargo run --release -p whirl-hil-sim --example chaos [AMPLITUDE_CM …]`
 

@@ -1,19 +1,21 @@
-//! What the times of an encoder's edges would add to its counts: the errors of C11 and B12 with and without them, for an
-//! even encoder and for uneven ones.
+//! What the times of an encoder's edges would add to its counts: the errors of C11 and B12 with and
+//! without them, for an even encoder and for uneven ones.
 //!
 //! `cargo run --release -p whirl-hil-sim --example edge_times -- [RECORDS]`
 //!
-//! Method. A record of the chaotic rig is read twice: as counts at the ticks, and as angles at the ticks interpolated between
-//! the edges before and after (a cubic through two on either side, within the present count). An efficient
-//! estimator is taken, to first order: with r the errors of the angles that were read, the errors of the parameters are
+//! Method. A record of the chaotic rig is read twice: as counts at the ticks, and as angles at the
+//! ticks interpolated between the edges before and after (a cubic through two on either side,
+//! within the present count). An efficient estimator is taken, to first order: with r the errors of
+//! the angles that were read, the errors of the parameters are
 //!
 //! ```text
 //! (Σ Jᵀ P J)⁻¹ Σ Jᵀ P r
 //! ```
 //!
-//! over pieces of a second, J the derivatives of the trajectory by what is unknown in all pieces (S1, H, S2, J_o2, τ_c1, c_r2, the drive's
-//! amplitude and phase, both zeros), P the projection that takes out the piece's own initial state. This is what multiple shooting
-//! comes to where the errors are small.
+//! over pieces of a second, J the derivatives of the trajectory by what is unknown in all pieces
+//! (S1, H, S2, J_o2, τ_c1, c_r2, the drive's amplitude and phase, both zeros), P the projection
+//! that takes out the piece's own initial state. This is what multiple shooting comes to where the
+//! errors are small.
 
 use std::f64::consts::TAU;
 
@@ -28,7 +30,8 @@ const ARC_MINUTE: f64 = TAU / 21_600.0;
 /// Samples of a piece, and pieces of a record.
 const PIECE: usize = 500;
 const PIECES: usize = 60;
-/// Unknowns of a piece's own, and those of all pieces: e1 l1 e2 J_o2 τ_c1 c_r2 amplitude phase zero 1, zero 2.
+/// Unknowns of a piece's own, and those of all pieces: e1 l1 e2 J_o2 τ_c1 c_r2 amplitude phase zero
+/// 1, zero 2.
 const OWN: usize = 4;
 const COMMON: usize = 10;
 const ALL: usize = OWN + COMMON;
@@ -37,7 +40,8 @@ const ALL: usize = OWN + COMMON;
 struct Disc {
     /// Four edges of each line: A and B are not a quarter apart, nor as long high as low.
     within_line: [f64; 4],
-    /// Amplitude and phase of waves a turn: the pattern's centre beside the shaft's, its rings uneven.
+    /// Amplitude and phase of waves a turn: the pattern's centre beside the shaft's, its rings
+    /// uneven.
     waves: Vec<(f64, f64)>,
 }
 
@@ -80,7 +84,8 @@ impl Disc {
 fn edges(disc: &Disc, motion: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let mut found = Vec::new();
     for (tick, pair) in motion.windows(2).enumerate() {
-        // The cubic with the angles and rates of both ticks, in parts so short that it turns back in few of them.
+        // The cubic with the angles and rates of both ticks, in parts so short that it turns back
+        // in few of them.
         let [(y0, d0), (y1, d1)] = [pair[0], pair[1]].map(|(angle, rate)| (angle, rate / RATE_HZ));
         let (c2, c3) = (3.0 * (y1 - y0) - 2.0 * d0 - d1, 2.0 * (y0 - y1) + d0 + d1);
         let at = |u: f64| y0 + u * (d0 + u * (c2 + u * c3));
@@ -153,7 +158,8 @@ fn derivatives(initial: [f64; 4], phase: u32) -> Result<Vec<[[f64; 2]; ALL]>, Si
     let mut table = vec![[[0.0; 2]; ALL]; PIECE];
     for k in 0..ALL {
         let (mut unknowns, mut initial) = (PRINTED, initial);
-        // Small against what bends the trajectory, large against its tolerance; the amplitude in whole nanometres.
+        // Small against what bends the trajectory, large against its tolerance; the amplitude in
+        // whole nanometres.
         let step = match k {
             10 => 1e-7,
             0..OWN | 11.. => 1e-6,
@@ -175,8 +181,8 @@ fn derivatives(initial: [f64; 4], phase: u32) -> Result<Vec<[[f64; 2]; ALL]>, Si
     Ok(table)
 }
 
-/// Solves the normal equations of several right sides in place, by Gauss's elimination from the first unknown on. Of the first
-/// `upto` unknowns only, they are taken out of the others.
+/// Solves the normal equations of several right sides in place, by Gauss's elimination from the
+/// first unknown on. Of the first `upto` unknowns only, they are taken out of the others.
 fn eliminate<const R: usize>(matrix: &mut [[f64; ALL]; ALL], right: &mut [[f64; R]; ALL], upto: usize) {
     for k in 0..upto {
         for row in k + 1..ALL {
@@ -252,7 +258,8 @@ fn main() -> Result<(), SimulationError> {
     let records = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(12_u64).max(1);
     let kinds =
         [("even", 0.0, 0.0), ("edges of a line", 0.18 * STEP, 0.0), ("10' a turn", 0.18 * STEP, 10.0 * ARC_MINUTE)];
-    // By kind and reading: rms of the angle's error, and the errors of both parameters in each record.
+    // By kind and reading: rms of the angle's error, and the errors of both parameters in each
+    // record.
     let mut angle = [[0.0; 2]; 3];
     let mut found: [[Vec<[f64; 2]>; 2]; 3] = Default::default();
     for seed in 1..=records {

@@ -5,9 +5,10 @@
 //! cargo run --release -p whirl-hil-sim --example emulated_rig -- \
 //!     target/thumbv7em-none-eabihf/release/whirl-board-mps2-an386 --seconds 3600 -o hour.frames
 //! ```
-//! drives the shaker (5 Hz, 15.525 mm), accounts for every sample and compares all bytes with those of the firmware on this
-//! machine. With `--port PORT` the board's stream is at `whirl capture --from tcp:127.0.0.1:PORT` instead, until `--seconds`
-//! are over or the capture goes.
+//! drives the shaker (5 Hz, 15.525 mm), accounts for every sample and compares all bytes with those
+//! of the firmware on this machine. With `--port PORT` the board's stream is at
+//! `whirl capture --from tcp:127.0.0.1:PORT` instead, until `--seconds` are over or the capture
+//! goes.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

@@ -1,4 +1,5 @@
-//! An hour of the driven rig through a link with every kind of fault: what came out against the link's own account.
+//! An hour of the driven rig through a link with every kind of fault: what came out against the
+//! link's own account.
 //!
 //! `cargo run --release -p whirl-hil-sim --example faulty_hour [SEED]`
 

@@ -1,13 +1,14 @@
-//! Serves the virtual rig (the firmware's logic, the printed double pendulum, 4096 counts a turn, 500 Hz, in real time) where a
-//! capture can find it, until it is ended with Ctrl-C:
+//! Serves the virtual rig (the firmware's logic, the printed double pendulum, 4096 counts a turn,
+//! 500 Hz, in real time) where a capture can find it, until it is ended with Ctrl-C:
 //!
 //! ```text
 //! cargo run --release -p whirl-hil-sim --example serve -- --tcp 127.0.0.1:7777
 //! cargo run --release -p whirl-hil-sim --example serve -- --pty /tmp/whirl-rig
 //! ```
 //!
-//! and then `whirl capture --from tcp:127.0.0.1:7777 …` or `--from serial:/tmp/whirl-rig …`. With `--faults SEED` the line drops,
-//! flips, doubles, truncates and reorders; with `--unplug-every S` it is unplugged for a second that often.
+//! and then `whirl capture --from tcp:127.0.0.1:7777 …` or `--from serial:/tmp/whirl-rig …`. With
+//! `--faults SEED` the line drops, flips, doubles, truncates and reorders; with `--unplug-every S`
+//! it is unplugged for a second that often.
 
 use std::process::ExitCode;
 use std::time::Duration;

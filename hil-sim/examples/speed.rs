@@ -1,5 +1,5 @@
-//! Time of a simulated record: 22 minutes of the chaotic rig at 500 Hz, 670 000 samples, straight from the plant and
-//! through the firmware in lock-step.
+//! Time of a simulated record: 22 minutes of the chaotic rig at 500 Hz, 670 000 samples, straight
+//! from the plant and through the firmware in lock-step.
 //!
 //! `cargo run --release -p whirl-hil-sim --example speed`
 

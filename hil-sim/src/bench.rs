@@ -1,8 +1,10 @@
-//! Plant, shaker and encoders' errors together, one tick at a time: what the direct simulation and the virtual rig share.
-//! Both take the same steps, so that from the same state under the same drive they give the same counts.
+//! Plant, shaker and encoders' errors together, one tick at a time: what the direct simulation and
+//! the virtual rig share. Both take the same steps, so that from the same state under the same
+//! drive they give the same counts.
 //!
-//! A channel delay d = k T + r (0 ≤ r < T the tick) is kept by ending an integration step r before each tick and holding the
-//! angles of k ticks. A negative delay holds encoder 1 back instead: the bench then runs [`Bench::lead`] ticks ahead.
+//! A channel delay d = k T + r (0 ≤ r < T the tick) is kept by ending an integration step r before
+//! each tick and holding the angles of k ticks. A negative delay holds encoder 1 back instead: the
+//! bench then runs [`Bench::lead`] ticks ahead.
 
 use std::collections::VecDeque;
 

@@ -1,13 +1,15 @@
 //! A quadrature encoder and the decoder behind it.
 //!
-//! An encoder of L lines shows two square waves A and B, a quarter of a line apart. With q = ⌊θ·4L/2π⌋ (the number of
-//! edges since θ = 0) the pair (A, B) is 00, 10, 11, 01 for q mod 4 = 0, 1, 2, 3. The decoder sees the pair alone and
-//! holds a 16-bit counter, as a timer in encoder mode does:
+//! An encoder of L lines shows two square waves A and B, a quarter of a line apart. With q =
+//! ⌊θ·4L/2π⌋ (the number of edges since θ = 0) the pair (A, B) is 00, 10, 11, 01 for q mod 4 = 0,
+//! 1, 2, 3. The decoder sees the pair alone and holds a 16-bit counter, as a timer in encoder mode
+//! does:
 //! * ×4 counts every edge: N = 4L, count = ⌊θ·4L/2π⌋ mod 2¹⁶;
 //! * ×1 counts the edge of B while A is low: N = L, count = ⌊θ·L/2π⌋ mod 2¹⁶.
 //!
-//! A pair that differs in both lines at once cannot come from one edge: it is counted as illegal and moves nothing. Angles
-//! in rad. There is no hysteresis and no bounce: an arm that trembles about an edge counts up and down, and is right.
+//! A pair that differs in both lines at once cannot come from one edge: it is counted as illegal
+//! and moves nothing. Angles in rad. There is no hysteresis and no bounce: an arm that trembles
+//! about an edge counts up and down, and is right.
 
 use core::f64::consts::TAU;
 
@@ -53,7 +55,8 @@ impl Disc {
     }
 
     fn quarter_of(lines: u32, angle: f64) -> i64 {
-        // Four times the quotient is exact, so that both decodings agree with `count_of` to the last digit.
+        // Four times the quotient is exact, so that both decodings agree with `count_of` to the
+        // last digit.
         libm::floor(angle * (f64::from(lines) / TAU) * 4.0) as i64
     }
 
@@ -62,10 +65,11 @@ impl Disc {
         pair(self.quarter)
     }
 
-    /// Turns the disc to an angle, edge by edge. What lies between the present angle and the new one does not matter: every
-    /// way there that returns makes edges that cancel.
+    /// Turns the disc to an angle, edge by edge. What lies between the present angle and the new
+    /// one does not matter: every way there that returns makes edges that cancel.
     ///
-    /// Whole rounds of a 16-bit counter (2¹⁸ edges), which it could not tell, are left out, so that no jump takes long.
+    /// Whole rounds of a 16-bit counter (2¹⁸ edges), which it could not tell, are left out, so that
+    /// no jump takes long.
     pub fn turn_to(&mut self, angle: f64, mut edge: impl FnMut(bool, bool)) {
         let target = Self::quarter_of(self.lines, angle);
         let distance = i128::from(target) - i128::from(self.quarter);
@@ -142,11 +146,11 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// An encoder of so many counts a turn after decoding, at an angle: ×4 of a quarter as many lines where that is a whole
-    /// number above 256 (4096 counts: 1024 lines), otherwise ×1.
+    /// An encoder of so many counts a turn after decoding, at an angle: ×4 of a quarter as many
+    /// lines where that is a whole number above 256 (4096 counts: 1024 lines), otherwise ×1.
     ///
-    /// The counter starts within half a turn of zero and so that count 0 begins at θ = 0, as on a board that has found the
-    /// index mark.
+    /// The counter starts within half a turn of zero and so that count 0 begins at θ = 0, as on a
+    /// board that has found the index mark.
     pub fn new(counts_per_turn: u32, angle: f64) -> Self {
         let (decoding, lines) = if counts_per_turn.is_multiple_of(4) && counts_per_turn > 1024 {
             (Decoding::X4, counts_per_turn / 4)

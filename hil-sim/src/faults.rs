@@ -1,15 +1,17 @@
 //! A link that damages what it carries, and knows what it has done.
 //!
-//! Frames are what lies between zero bytes. For every frame the link draws, in this order: drop it whole, duplicate it,
-//! truncate it (its zero too), swap two neighbouring frames, swap two of its bytes; then for every byte: drop, flip one bit,
-//! duplicate. Unplugging swallows everything from the middle of a frame to the middle of a later one. Draws come from
-//! one seeded ChaCha8, so that a run repeats.
+//! Frames are what lies between zero bytes. For every frame the link draws, in this order: drop it
+//! whole, duplicate it, truncate it (its zero too), swap two neighbouring frames, swap two of its
+//! bytes; then for every byte: drop, flip one bit, duplicate. Unplugging swallows everything from
+//! the middle of a frame to the middle of a later one. Draws come from one seeded ChaCha8, so that
+//! a run repeats.
 //!
-//! The truth is not what was drawn but what came of it: a frame has *survived* if between two zeros of the output there
-//! are exactly its bytes; otherwise it is *damaged* if any byte of it came out, and *vanished* if none did. (A doubled
-//! zero harms nobody; a lost zero takes the next frame with it. A receiver that opens its end anew ends a frame there, see
-//! [`FaultyLink::reopened`].) The link decodes its clean input to know
-//! which samples each frame carried. Memory is bounded whatever the input.
+//! The truth is not what was drawn but what came of it: a frame has *survived* if between two zeros
+//! of the output there are exactly its bytes; otherwise it is *damaged* if any byte of it came out,
+//! and *vanished* if none did. (A doubled zero harms nobody; a lost zero takes the next frame with
+//! it. A receiver that opens its end anew ends a frame there, see [`FaultyLink::reopened`].) The
+//! link decodes its clean input to know which samples each frame carried. Memory is bounded
+//! whatever the input.
 
 mod account;
 
@@ -84,7 +86,8 @@ impl FaultyLink {
 
     /// True with a probability.
     fn chance(&mut self, probability: f64) -> bool {
-        // 53 random bits; none are drawn for what never happens, so that a fault left out changes no other.
+        // 53 random bits; none are drawn for what never happens, so that a fault left out changes
+        // no other.
         probability > 0.0 && ((self.random.next_u64() >> 11) as f64) < probability * 9_007_199_254_740_992.0
     }
 
@@ -109,7 +112,8 @@ impl FaultyLink {
         out
     }
 
-    /// Ends the input: what was held back comes out, and every fate is decided (bytes that no zero ended are damaged).
+    /// Ends the input: what was held back comes out, and every fate is decided (bytes that no zero
+    /// ended are damaged).
     pub fn finish(&mut self) -> Vec<u8> {
         let mut out = Vec::new();
         if !self.input.is_empty() {
@@ -138,8 +142,9 @@ impl FaultyLink {
         self.unplugged_frames = 0;
     }
 
-    /// The receiver has opened its end anew, and begins a frame there as behind a zero: one that lacked its zero alone is whole,
-    /// and one that comes whole now is not spoiled by the rest of an earlier one.
+    /// The receiver has opened its end anew, and begins a frame there as behind a zero: one that
+    /// lacked its zero alone is whole, and one that comes whole now is not spoiled by the rest of
+    /// an earlier one.
     pub fn reopened(&mut self) {
         if !self.segment.is_empty() || self.spoiled {
             self.segment.push(0);
@@ -148,7 +153,8 @@ impl FaultyLink {
         }
     }
 
-    /// What was done until now. Frames still on their way are not in it; [`Self::finish`] decides them.
+    /// What was done until now. Frames still on their way are not in it; [`Self::finish`] decides
+    /// them.
     pub fn report(&self) -> &FaultReport {
         &self.report
     }
@@ -271,7 +277,8 @@ impl FaultyLink {
         }
     }
 
-    /// Judges what came out since the last zero: of whom it is whole. Without a zero it was only too long to be kept.
+    /// Judges what came out since the last zero: of whom it is whole. Without a zero it was only
+    /// too long to be kept.
     fn segment_ends(&mut self, at_zero: bool) {
         let spoiled = std::mem::replace(&mut self.spoiled, !at_zero) || !at_zero;
         let segment = std::mem::take(&mut self.segment);

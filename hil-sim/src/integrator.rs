@@ -1,12 +1,14 @@
 //! An embedded Runge–Kutta integrator of order 8 with adaptive steps.
 //!
-//! Method: Dormand and Prince's 8(5,3) pair in the form of E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary
-//! Differential Equations I*, second edition, 1993, section II.10 (DOP853): twelve stages, error estimates of orders 5
-//! and 3 combined into `h·e5²/√(e5² + e3²/100)`. There is no dense output: whoever needs the solution at a time (a sample,
-//! the instant at which friction changes its sign) ends a step there, which costs twelve evaluations and keeps order 8.
+//! Method: Dormand and Prince's 8(5,3) pair in the form of E. Hairer, S. P. Nørsett, G.
+//! Wanner, *Solving Ordinary Differential Equations I*, second edition, 1993, section II.10
+//! (DOP853): twelve stages, error estimates of orders 5 and 3 combined into
+//! `h·e5²/√(e5² + e3²/100)`. There is no dense output: whoever needs the solution at a time (a
+//! sample, the instant at which friction changes its sign) ends a step there, which costs twelve
+//! evaluations and keeps order 8.
 //!
-//! Time in s, states in the caller's units. Every loop is bounded and a value that is not finite is an error, so that
-//! integration ends on any input.
+//! Time in s, states in the caller's units. Every loop is bounded and a value that is not finite is
+//! an error, so that integration ends on any input.
 
 /// Why an integration ended early.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -17,7 +19,8 @@ pub enum IntegrationError {
         /// Time at which it was seen.
         seconds: f64,
     },
-    /// The step size fell below the resolution of the time, or more than [`MAX_STEPS`] steps were needed.
+    /// The step size fell below the resolution of the time, or more than [`MAX_STEPS`] steps were
+    /// needed.
     #[error("no step is small enough {seconds} s into the interval: the system is too stiff for this integrator")]
     TooStiff {
         /// Time at which it was seen.
@@ -89,19 +92,22 @@ impl<const N: usize> Integrator<N> {
         }
         let mut h = longest.min(self.next_step);
         let mut rejected = false;
-        // A rejected step shrinks by at least 0.9; 400 of them pass from years to the smallest step.
+        // A rejected step shrinks by at least 0.9; 400 of them pass from years to the smallest
+        // step.
         for _ in 0..400 {
             let (end, error) = stages(&mut f, t, y, &start_rate, h, &self.tolerance);
             if error <= 1.0 {
                 let grow = if error > 0.0 { (SAFETY / eighth_root(error)).clamp(SHRINK, GROW) } else { GROW };
                 let grow = if rejected { grow.min(1.0) } else { grow };
-                // A step cut short by `longest` says little about longer ones, but never asks for a shorter one.
+                // A step cut short by `longest` says little about longer ones, but never asks for a
+                // shorter one.
                 self.next_step =
                     if h < self.next_step && grow >= 1.0 { self.next_step.max(h * grow) } else { h * grow };
                 return Ok(Step { h, start_rate, end });
             }
             rejected = true;
-            // An infinite or undefined error means that the step left the domain: shrink as far as allowed.
+            // An infinite or undefined error means that the step left the domain: shrink as far as
+            // allowed.
             let shrink = if error.is_finite() { (SAFETY / eighth_root(error)).clamp(SHRINK, 0.9) } else { SHRINK };
             h *= shrink;
             if h < SMALLEST_STEP {
@@ -115,7 +121,8 @@ impl<const N: usize> Integrator<N> {
         Err(IntegrationError::TooStiff { seconds: t })
     }
 
-    /// The state a given short time later, by one step without error control. For times inside an accepted step.
+    /// The state a given short time later, by one step without error control. For times inside an
+    /// accepted step.
     pub fn inside(
         &self,
         mut f: impl FnMut(f64, &[f64; N]) -> [f64; N],

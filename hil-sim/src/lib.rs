@@ -14,9 +14,9 @@
 //! | [`faults`] | a link that damages what it carries, and knows what it did |
 //! | [`transport`] | ways to the virtual rig: in process, TCP, pseudo-terminal |
 //!
-//! Nothing here is shared with the host's analysis: the plant is written from the Lagrangian, with its own integrator.
-//! Everything is deterministic; transcendental functions come from `libm` by name, so that a seed gives the same counts
-//! on every machine.
+//! Nothing here is shared with the host's analysis: the plant is written from the Lagrangian, with
+//! its own integrator. Everything is deterministic; transcendental functions come from `libm` by
+//! name, so that a seed gives the same counts on every machine.
 
 mod bench;
 #[cfg(unix)]

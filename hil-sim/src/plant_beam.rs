@@ -1,9 +1,11 @@
-//! A clamped–clamped beam whose ends cannot move, so that it stretches: w⁗ + ẅ − ½ (∫w′²) w″ = 0, lengths along the beam in
-//! its length, deflections in √(I/A), time such that the first linear frequency is 1. Galerkin with its first eight linear
-//! modes: q̈_i = −(β_i⁴/β_1⁴) q_i − ½ (qᵀGq)(Gq)_i/β_1⁴ − d q̇_i, G_ij = ∫ψ_i′ ψ_j′.
+//! A clamped–clamped beam whose ends cannot move, so that it stretches: w⁗ + ẅ − ½ (∫w′²) w″ = 0,
+//! lengths along the beam in its length, deflections in √(I/A), time such that the first linear
+//! frequency is 1. Galerkin with its first eight linear modes: q̈_i = −(β_i⁴/β_1⁴) q_i − ½
+//! (qᵀGq)(Gq)_i/β_1⁴ − d q̇_i, G_ij = ∫ψ_i′ ψ_j′.
 //!
-//! The modes are those of a uniform clamped beam, cos βL cosh βL = 1, of unit mean square. Checked against the frequencies
-//! of the clamped beam's first nonlinear mode (1.022259 at a centre deflection of 1.00 and so on).
+//! The modes are those of a uniform clamped beam, cos βL cosh βL = 1, of unit mean square. Checked
+//! against the frequencies of the clamped beam's first nonlinear mode (1.022259 at a centre
+//! deflection of 1.00 and so on).
 
 use crate::plant_oscillator::Oscillator;
 use libm::{cos, cosh, exp, sin};

@@ -1,6 +1,6 @@
-//! A chain of 60 masses between fixed ends, each on a hardening spring to the ground:
-//! ẍ_i = −g x_i − γ x_i³ + κ (x_{i−1} − 2x_i + x_{i+1}) − d ẋ_i + F φ_i cos Ωt, with φ the chain's first linear mode of
-//! unit norm. Dimensionless.
+//! A chain of 60 masses between fixed ends, each on a hardening spring to the ground: ẍ_i = −g
+//! x_i − γ x_i³ + κ (x_{i−1} − 2x_i + x_{i+1}) − d ẋ_i + F φ_i cos Ωt, with φ the chain's first
+//! linear mode of unit norm. Dimensionless.
 
 use crate::plant_oscillator::Oscillator;
 use libm::{cos, sin};

@@ -1,8 +1,9 @@
 //! A block on a spring that carries a pendulum (the seed's (5.18), Table 5.2), in physical units.
 //!
-//! Block m1 at horizontal position X on a spring k; point mass m2 at the end of a massless bar of length l, angle θ from
-//! hanging. From the Lagrangian ½(m1+m2) Ẋ² + m2 l Ẋ θ̇ cos θ + ½ m2 l² θ̇² − ½ k X² − m2 g l (1 − cos θ):
-//! (m1+m2) Ẍ + m2 l (θ̈ cos θ − θ̇² sin θ) + k X = 0, m2 l² θ̈ + m2 l Ẍ cos θ + m2 g l sin θ = 0.
+//! Block m1 at horizontal position X on a spring k; point mass m2 at the end of a massless bar of
+//! length l, angle θ from hanging. From the Lagrangian ½(m1+m2) Ẋ² + m2 l Ẋ θ̇ cos θ + ½ m2 l²
+//! θ̇² − ½ k X² − m2 g l (1 − cos θ): (m1+m2) Ẍ + m2 l (θ̈ cos θ − θ̇² sin θ) + k X = 0, m2 l² θ̈ +
+//! m2 l Ẍ cos θ + m2 g l sin θ = 0.
 
 use crate::plant_oscillator::Oscillator;
 use libm::{cos, sin};
@@ -37,7 +38,8 @@ impl Oscillator<4> for MassPendulum {
         let [x, q, vx, vq] = *y;
         let (s, c) = (sin(q), cos(q));
         let Self { m1, m2, k, l, g } = *self;
-        // The bar's tension from the bob's motion, then the block's balance: eliminating θ̈ leaves (m1 + m2 sin²θ) Ẍ.
+        // The bar's tension from the bob's motion, then the block's balance: eliminating θ̈ leaves
+        // (m1 + m2 sin²θ) Ẍ.
         let block = (m2 * l * vq * vq * s + m2 * g * s * c - k * x) / (m1 + m2 * s * s);
         [vx, vq, block, -(block * c + g * s) / l]
     }

@@ -1,8 +1,9 @@
-//! Free and forced oscillators of several degrees of freedom: what the systems of `plant_two_mass`, `plant_mass_pendulum`,
-//! `plant_chain` and `plant_beam` have in common, and how a record of one is taken.
+//! Free and forced oscillators of several degrees of freedom: what the systems of `plant_two_mass`,
+//! `plant_mass_pendulum`, `plant_chain` and `plant_beam` have in common, and how a record of one is
+//! taken.
 //!
-//! A state holds the coordinates first, then their velocities. Times and lengths are in the plant's own units, SI or
-//! dimensionless, as its file says.
+//! A state holds the coordinates first, then their velocities. Times and lengths are in the plant's
+//! own units, SI or dimensionless, as its file says.
 
 use crate::integrator::{IntegrationError, Integrator, Tolerance};
 
@@ -15,8 +16,8 @@ pub trait Oscillator<const N: usize> {
     fn energy(&self, state: &[f64; N]) -> f64;
 }
 
-/// Samples of an oscillator, the initial state first: `count` states, `step` apart, local error 1e-11 relative to
-/// `size`, the state's greatest entry at the start.
+/// Samples of an oscillator, the initial state first: `count` states, `step` apart, local error
+/// 1e-11 relative to `size`, the state's greatest entry at the start.
 ///
 /// # Errors
 /// A state that leaves the finite numbers.

@@ -2,8 +2,8 @@
 //! θ″ + c_r θ′ + (1/r²) sin θ − f sin τ cos θ = 0, c_r = 2ξ/r, a prime being d/dτ and τ = Ω t.
 //!
 //! The same pendulum in physical units is the double pendulum's plant with a second arm of no mass
-//! ([`Parameters::single`]): J θ̈ + c θ̇ + m e (g sin θ + ẍ_b cos θ) = 0 with x_b = a sin τ gives c_r = c/(J Ω),
-//! 1/r² = m e g/(J Ω²), f = m e a/J.
+//! ([`Parameters::single`]): J θ̈ + c θ̇ + m e (g sin θ + ẍ_b cos θ) = 0 with x_b = a sin τ gives
+//! c_r = c/(J Ω), 1/r² = m e g/(J Ω²), f = m e a/J.
 
 use crate::plant::Parameters;
 use crate::plant_oscillator::Oscillator;
@@ -20,7 +20,8 @@ pub struct SinglePendulum {
 }
 
 impl Default for SinglePendulum {
-    /// The seed's: r = 0.8333, c = 2ξ = 0.03, f = 1.52; c_r = 0.036 and 1/r² = 1.44 are the one consistent reading.
+    /// The seed's: r = 0.8333, c = 2ξ = 0.03, f = 1.52; c_r = 0.036 and 1/r² = 1.44 are the one
+    /// consistent reading.
     fn default() -> Self {
         Self { friction: 0.036, stiffness: 1.44, drive: 1.52 }
     }
@@ -39,8 +40,9 @@ impl Oscillator<2> for SinglePendulum {
 }
 
 impl Parameters {
-    /// A single pendulum: arm 2 has no mass and nothing touches it, so that it stays where it is. `j_o1` about joint 1,
-    /// kg m². Viscous friction in joint 1 is the effect `viscous-friction@joint1`.
+    /// A single pendulum: arm 2 has no mass and nothing touches it, so that it stays where it is.
+    /// `j_o1` about joint 1, kg m². Viscous friction in joint 1 is the effect
+    /// `viscous-friction@joint1`.
     pub fn single(m1: f64, e1: f64, j_o1: f64, tau_c1: f64, g: f64) -> Self {
         // The smallest mass that is above zero; m2·l1 adds nothing to m1·e1.
         Self { m1, e1, l1: 1.0, m2: f64::MIN_POSITIVE, e2: 0.0, j_o1, j_o2: 1.0, tau_c1, c_r2: 0.0, g }
@@ -65,7 +67,8 @@ mod tests {
         }
     }
 
-    /// Two plants written apart: the dimensionless one, and the double pendulum's with a massless second arm on the shaker.
+    /// Two plants written apart: the dimensionless one, and the double pendulum's with a massless
+    /// second arm on the shaker.
     #[test]
     fn the_massless_second_arm_leaves_a_single_pendulum() {
         let (f_e, j, m, e, g) = (1.25, 2.0e-3, 0.2, 0.05, 9.81);

@@ -1,4 +1,5 @@
-//! A forced oscillator with a small cubic stiffness (the seed's (6.1)): ẍ + kx + cẋ + a x³ = F cos ωt. Dimensionless.
+//! A forced oscillator with a small cubic stiffness (the seed's (6.1)): ẍ + kx + cẋ + a x³ = F cos
+//! ωt. Dimensionless.
 
 use core::f64::consts::TAU;
 

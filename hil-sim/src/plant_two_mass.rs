@@ -13,7 +13,8 @@ pub struct TwoMass;
 impl Oscillator<4> for TwoMass {
     fn rate(&self, _t: f64, y: &[f64; 4]) -> [f64; 4] {
         let [x1, x2, v1, v2] = *y;
-        // Spring to the ground with its cubic part, spring between the masses, spring to the other wall.
+        // Spring to the ground with its cubic part, spring between the masses, spring to the other
+        // wall.
         let ground = x1 + x1 * x1 * x1;
         let between = x2 - x1;
         [v1, v2, between - ground, -between - x2]

@@ -1,10 +1,11 @@
 //! The base's motion between two ticks: an ideal reconstruction of what the device commands.
 //!
 //! Along the drive, with θ the device's phase and ψ the shaker's lag,
-//! `d(t) = a(t) [cos(θ − ψ) + Σ r cos(n θ − β)]`, and across it `A cos θ + B sin θ` (while the phase advances). The drive
-//! is vertical (y_b = d, upward) or horizontal (x_b = a sin(θ − ψ), toward positive angle, that is ψ + π/2 in the place
-//! of ψ). The phase advances evenly from tick to tick; the amplitude follows a straight line between ticks, and its
-//! corners, which are impulses of the base's velocity of at most the ramp's rate (mm/s), are left out of the
+//! `d(t) = a(t) [cos(θ − ψ) + Σ r cos(n θ − β)]`, and across it `A cos θ + B sin θ` (while the
+//! phase advances). The drive is vertical (y_b = d, upward) or horizontal (x_b = a sin(θ − ψ),
+//! toward positive angle, that is ψ + π/2 in the place of ψ). The phase advances evenly from tick
+//! to tick; the amplitude follows a straight line between ticks, and its corners, which are
+//! impulses of the base's velocity of at most the ramp's rate (mm/s), are left out of the
 //! acceleration. Phases in rad, displacements in m, times in s from the tick.
 
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -226,8 +227,8 @@ impl Shaker {
     }
 }
 
-/// Advance of the phase in one tick for a frequency, turns · 2⁻³², rounded to the nearest as the device does it.
-/// `None` unless 0 < f < rate/2.
+/// Advance of the phase in one tick for a frequency, turns · 2⁻³², rounded to the nearest as the
+/// device does it. `None` unless 0 < f < rate/2.
 pub fn phase_increment(frequency_hz: f64, sample_rate_hz: f64) -> Option<u32> {
     let turns = frequency_hz / sample_rate_hz;
     let increment = (turns * 4_294_967_296.0).round();

@@ -1,13 +1,13 @@
 //! Samples of a simulated rig straight from the plant, without firmware or link.
 //!
-//! The counts are those that the virtual rig gives for the same plant once it runs steadily: the phase advances by the
-//! device's integer increment, the amplitude is the device's whole nanometres, and the plant takes the same steps. The
-//! drive runs at full amplitude from the start of the settling time. Tick 0 is the record's first sample; settling has
-//! negative times.
+//! The counts are those that the virtual rig gives for the same plant once it runs steadily: the
+//! phase advances by the device's integer increment, the amplitude is the device's whole
+//! nanometres, and the plant takes the same steps. The drive runs at full amplitude from the start
+//! of the settling time. Tick 0 is the record's first sample; settling has negative times.
 //!
-//! The seed perturbs the initial state: uniformly by up to [`ANGLE_SPREAD`] in both angles and [`RATE_SPREAD`] in both
-//! rates (ChaCha8, in the order φ1, φ2, φ̇1, φ̇2). After some tens of drive periods of chaos histories of
-//! different seeds are independent.
+//! The seed perturbs the initial state: uniformly by up to [`ANGLE_SPREAD`] in both angles and
+//! [`RATE_SPREAD`] in both rates (ChaCha8, in the order φ1, φ2, φ̇1, φ̇2). After some tens of drive
+//! periods of chaos histories of different seeds are independent.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -69,7 +69,8 @@ pub struct SimulationSettings {
 }
 
 impl Default for SimulationSettings {
-    /// The chaotic preset: the printed rig at 1.35 times the amplitude, 500 Hz, 4096 counts, 120 s, seed 1.
+    /// The chaotic preset: the printed rig at 1.35 times the amplitude, 500 Hz, 4096 counts, 120 s,
+    /// seed 1.
     fn default() -> Self {
         Self {
             parameters: Parameters::PRINTED,
@@ -165,8 +166,8 @@ impl Simulation {
     /// Sets the rig up and lets it settle.
     ///
     /// # Errors
-    /// A parameter, setting or effect that cannot be, with its name, value and what is expected; a plant that cannot be
-    /// integrated through the settling time.
+    /// A parameter, setting or effect that cannot be, with its name, value and what is expected; a
+    /// plant that cannot be integrated through the settling time.
     pub fn new(settings: &SimulationSettings) -> Result<Self, SimulationError> {
         let rate = settings.sample_rate_hz;
         check("sample_rate_hz", rate, 1.0..=1e5, "Hz")?;

@@ -1,15 +1,17 @@
 //! The firmware and the plant in lock-step, one tick at a time.
 //!
-//! In every tick the firmware reads the counters as they stand, and commands the drive; then the plant moves on to the next
-//! tick under that drive, and the encoders turn with it, edge by edge. Nothing depends on wall time: a run is the same at
-//! every repeat.
+//! In every tick the firmware reads the counters as they stand, and commands the drive; then the
+//! plant moves on to the next tick under that drive, and the encoders turn with it, edge by edge.
+//! Nothing depends on wall time: a run is the same at every repeat.
 //!
-//! The base follows `a(t) cos(phase)` between ticks with the firmware's phase and increment; the amplitude goes along a
-//! straight line from the previous tick's value to this tick's (one tick behind the device while it ramps, equal to it
-//! when it runs). Times of drifting effects count from power-on.
+//! The base follows `a(t) cos(phase)` between ticks with the firmware's phase and increment; the
+//! amplitude goes along a straight line from the previous tick's value to this tick's (one tick
+//! behind the device while it ramps, equal to it when it runs). Times of drifting effects count
+//! from power-on.
 //!
-//! Output is held up to [`RigSettings::output_limit`] bytes. Beyond that the firmware's link is not emptied, blocks wait in
-//! its memory, and the firmware counts those that the stream passes over: what a slow link does to a real device.
+//! Output is held up to [`RigSettings::output_limit`] bytes. Beyond that the firmware's link is not
+//! emptied, blocks wait in its memory, and the firmware counts those that the stream passes over:
+//! what a slow link does to a real device.
 
 use std::collections::VecDeque;
 
@@ -50,7 +52,8 @@ pub struct RigSettings {
     pub record_s: f64,
     /// Tolerance of the integration, rad and rad/s.
     pub tolerance: f64,
-    /// The device's own settings: sampling rate, counts a turn, limits of the shaker, host time-out.
+    /// The device's own settings: sampling rate, counts a turn, limits of the shaker, host
+    /// time-out.
     pub device: Settings,
     /// Blocks that the device keeps for the host to ask for again.
     pub kept_blocks: usize,
@@ -59,8 +62,8 @@ pub struct RigSettings {
 }
 
 impl Default for RigSettings {
-    /// The printed rig, vertical, 500 Hz, 4096 counts, unperturbed; as many blocks kept as a NUCLEO board keeps (20 s), 64 kB
-    /// of output (15 s).
+    /// The printed rig, vertical, 500 Hz, 4096 counts, unperturbed; as many blocks kept as a NUCLEO
+    /// board keeps (20 s), 64 kB of output (15 s).
     fn default() -> Self {
         Self {
             parameters: Parameters::PRINTED,
@@ -154,8 +157,8 @@ impl VirtualRig {
     /// A rig that has just been switched on: shaker disarmed, a hello waiting to be sent.
     ///
     /// # Errors
-    /// A parameter, setting or effect that cannot be. A negative channel delay is refused: a device cannot show its first
-    /// encoder before it is sampled ([`crate::Simulation`] can).
+    /// A parameter, setting or effect that cannot be. A negative channel delay is refused: a device
+    /// cannot show its first encoder before it is sampled ([`crate::Simulation`] can).
     pub fn new(settings: &RigSettings) -> Result<Self, SimulationError> {
         let bench = bench_of(settings)?;
         let shown = bench.shown();
@@ -260,12 +263,14 @@ impl VirtualRig {
         self.app.receive(bytes);
     }
 
-    /// The sampler misses the next `ticks` ticks: the rig moves, the firmware does not run, and finds out afterwards.
+    /// The sampler misses the next `ticks` ticks: the rig moves, the firmware does not run, and
+    /// finds out afterwards.
     pub fn miss_ticks(&mut self, ticks: u32) {
         self.to_miss = self.to_miss.saturating_add(ticks);
     }
 
-    /// Delay from tick to sample that the firmware is told, µs. (The counters are read at the tick all the same.)
+    /// Delay from tick to sample that the firmware is told, µs. (The counters are read at the tick
+    /// all the same.)
     pub fn set_latency(&mut self, microseconds: u32) {
         self.latency_us = microseconds;
     }
@@ -275,9 +280,10 @@ impl VirtualRig {
         self.app.output_mut().broken = broken;
     }
 
-    /// The device is reset by its watchdog: tick 0, another boot id, shaker off, settings that were kept in force. The base
-    /// stops where it is, the arms go on; the counts are carried over, with their zeros where the arms rest. What was queued
-    /// in the firmware is gone; what it had sent is not.
+    /// The device is reset by its watchdog: tick 0, another boot id, shaker off, settings that were
+    /// kept in force. The base stops where it is, the arms go on; the counts are carried over, with
+    /// their zeros where the arms rest. What was queued in the firmware is gone; what it had sent
+    /// is not.
     ///
     /// # Errors
     /// None that [`Self::new`] has not excluded.

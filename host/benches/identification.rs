@@ -1,7 +1,8 @@
-//! Speed of identification, from file to parameters, and of the integration of a double pendulum, 670 000 samples each;
-//! `peers/speed.py` runs the public counterparts.
+//! Speed of identification, from file to parameters, and of the integration of a double pendulum,
+//! 670 000 samples each; `peers/speed.py` runs the public counterparts.
 //!
-//! The record is `WHIRL_BENCH_PARQUET` (that `whirl simulate --rig rigs/chaotic.toml --seconds 1340 --seed 1 -o record.parquet` wrote);
+//! The record is `WHIRL_BENCH_PARQUET` (that
+//! `whirl simulate --rig rigs/chaotic.toml --seconds 1340 --seed 1 -o record.parquet` wrote);
 //! without it, the same is simulated first.
 
 use std::hint::black_box;
@@ -10,7 +11,7 @@ use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use whirl::identify::harmonic_balance::settings::Settings as BalanceSettings;
-use whirl::identify::{Settings, angular_frequency, harmonic_balance, identify};
+use whirl::identify::{Settings, harmonic_balance, identify};
 use whirl::model::double_pendulum::{DAMPINGS, DEFAULT_DAMPINGS};
 use whirl::model::double_pendulum_dynamics::DoublePendulum;
 use whirl::model::flow::{Flow, Outside, Work};
@@ -31,7 +32,8 @@ fn simulated() -> PathBuf {
     path
 }
 
-/// Coefficients of the double pendulum of `peers/speed.py`: B11 B12 B13 B14 C11 C12, B21 B22 B23 B24 C2.
+/// Coefficients of the double pendulum of `peers/speed.py`: B11 B12 B13 B14 C11 C12, B21 B22 B23
+/// B24 C2.
 const COEFFICIENTS: [f64; 11] = [
     0.11321869783,
     0.07085065502,
@@ -48,7 +50,7 @@ const COEFFICIENTS: [f64; 11] = [
 
 /// Angles of `samples` samples at 500 Hz with steps of at most `step_s`.
 fn integrate(step_s: f64, samples: usize) -> Vec<[f64; 2]> {
-    let omega = angular_frequency(5.0);
+    let omega = core::f64::consts::TAU * 5.0;
     let dampings: Vec<_> = DAMPINGS.iter().filter(|d| DEFAULT_DAMPINGS.contains(&d.id)).collect();
     let pendulum = DoublePendulum::new(omega, true, &dampings);
     let flow = Flow::new(&pendulum, &COEFFICIENTS, Outside::drive(0.0, 0.0, omega), step_s);

@@ -1,8 +1,9 @@
-//! Speed of the phase-space statistics on one record of 670 000 samples; `peers/phase_space.py` runs the public
-//! counterparts on the same record.
+//! Speed of the phase-space statistics on one record of 670 000 samples; `peers/phase_space.py`
+//! runs the public counterparts on the same record.
 //!
-//! The record is `WHIRL_BENCH_RECORD` (a CSV that `whirl simulate --rig rigs/chaotic.toml --seconds 1340 --seed 1 -o record.csv`
-//! wrote); without it, the same is simulated first.
+//! The record is `WHIRL_BENCH_RECORD` (a CSV that
+//! `whirl simulate --rig rigs/chaotic.toml --seconds 1340 --seed 1 -o record.csv` wrote); without
+//! it, the same is simulated first.
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,5 @@
-//! Proper orthogonal decomposition of 200 × 20 000 and 2000 × 20 000; `peers/reduction.py` is numpy's method of snapshots on the same.
+//! Proper orthogonal decomposition of 200 × 20 000 and 2000 × 20 000; `peers/reduction.py` is
+//! numpy's method of snapshots on the same.
 
 use std::cell::LazyCell;
 use std::hint::black_box;
@@ -26,7 +27,8 @@ fn record(channels: usize, samples: usize) -> Vec<Vec<f64>> {
 
 fn pod(c: &mut Criterion) {
     for (channels, samples) in [(200, 20_000), (2000, 20_000)] {
-        // Made when it is asked for: making the large one takes longer than the small one's measurement.
+        // Made when it is asked for: making the large one takes longer than the small one's
+        // measurement.
         let record = LazyCell::new(|| record(channels, samples));
         c.bench_function(&format!("pod {channels} x {samples}"), |b| {
             let slices: Vec<&[f64]> = record.iter().map(Vec::as_slice).collect();

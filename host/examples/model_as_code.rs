@@ -1,4 +1,5 @@
-//! A model that leaves: a record of the shipped rig, its identified model as a file, and that model as Python and C.
+//! A model that leaves: a record of the shipped rig, its identified model as a file, and that model
+//! as Python and C.
 //!
 //! `cargo run --release -p whirl-cli --example model_as_code`
 

@@ -1,4 +1,5 @@
-//! Commands as functions: a CSV as a lab's own program writes it, `init`, `identify`, and the answer for people and as JSON.
+//! Commands as functions: a CSV as a lab's own program writes it, `init`, `identify`, and the
+//! answer for people and as JSON.
 //!
 //! `cargo run --release -p whirl-cli --example own_file_to_answer`
 
@@ -14,7 +15,8 @@ fn call(words: &str) -> Result<Called, Error> {
     api::call(&words)
 }
 
-/// A pendulum that swings freely from 2 rad, θ″ = −45 sin θ − 0.05 θ′, in steps of 0.1 ms, written every 2 ms.
+/// A pendulum that swings freely from 2 rad, θ″ = −45 sin θ − 0.05 θ′, in steps of 0.1 ms, written
+/// every 2 ms.
 fn record() -> String {
     let (mut angle, mut rate, h) = (2.0_f64, 0.0_f64, 1e-4);
     let acceleration = |angle: f64, rate: f64| -45.0 * angle.sin() - 0.05 * rate;

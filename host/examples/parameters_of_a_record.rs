@@ -1,7 +1,8 @@
-//! The library's own types: a rig file, a record, an identification, each parameter with its 95 % interval.
+//! The library's own types: a rig file, a record, an identification, each parameter with its 95 %
+//! interval.
 //!
-//! `cargo run --release -p whirl-cli --example parameters_of_a_record [RECORD RIG.toml]`; without arguments it takes a record of the shipped rig that it
-//! simulates first.
+//! `cargo run --release -p whirl-cli --example parameters_of_a_record [RECORD RIG.toml]`; without
+//! arguments it takes a record of the shipped rig that it simulates first.
 
 use std::path::{Path, PathBuf};
 

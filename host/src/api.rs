@@ -1,5 +1,6 @@
-//! Commands as functions, for programs that hold whirl as a library: words of a command line go in, what the command says comes out.
-//! The way is the program's own, so that every option has the same meaning and the same checks.
+//! Commands as functions, for programs that hold whirl as a library: words of a command line go in,
+//! what the command says comes out. The way is the program's own, so that every option has the same
+//! meaning and the same checks.
 
 use std::ffi::OsString;
 use std::fmt;
@@ -10,7 +11,8 @@ pub use crate::said::Said;
 /// Why a command ended with exit status 2.
 #[derive(Clone, Debug)]
 pub enum Error {
-    /// A command line that is none: an option that does not exist, a value of another kind, one that is missing.
+    /// A command line that is none: an option that does not exist, a value of another kind, one
+    /// that is missing.
     Usage(String),
     /// Bad input.
     Input(Box<BadInput>),
@@ -36,7 +38,8 @@ impl From<BadInput> for Error {
 /// Result of a call.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// An answer that can be written out when it is known: what the options of further words name, as though they had been given.
+/// An answer that can be written out when it is known: what the options of further words name, as
+/// though they had been given.
 pub(crate) type Writer = Box<dyn Fn(&[OsString]) -> Result<()> + Send + Sync>;
 
 /// What became of a call.
@@ -49,8 +52,9 @@ pub struct Called {
 }
 
 impl Called {
-    /// Writes what further options of `identify`, `explain` or `validate` name (`--report FILE.html`, `-o MODEL.toml`, `--ledger FILE`,
-    /// `--json FILE`), as though they had been given at the call; nothing is computed again.
+    /// Writes what further options of `identify`, `explain` or `validate` name
+    /// (`--report FILE.html`, `-o MODEL.toml`, `--ledger FILE`, `--json FILE`), as though they had
+    /// been given at the call; nothing is computed again.
     ///
     /// # Errors
     /// As the command's own with those options; a command or an answer of which nothing is kept.
@@ -62,8 +66,9 @@ impl Called {
     }
 }
 
-/// Calls a command with the words that would stand behind `whirl`. Nothing is printed and no progress is shown; what it says on this
-/// thread is kept. `--threads` is refused: the caller's pool of rayon's is used, whose number of threads changes no result.
+/// Calls a command with the words that would stand behind `whirl`. Nothing is printed and no
+/// progress is shown; what it says on this thread is kept. `--threads` is refused: the caller's
+/// pool of rayon's is used, whose number of threads changes no result.
 ///
 /// # Errors
 /// Where the program would end with exit status 2.
@@ -82,7 +87,8 @@ pub struct CommandOption {
     pub takes_value: bool,
 }
 
-/// The options of a command, without those that are of printing; none for a name that is no command.
+/// The options of a command, without those that are of printing; none for a name that is no
+/// command.
 pub fn options(command: &str) -> Vec<CommandOption> {
     crate::cli::called::options(command)
 }

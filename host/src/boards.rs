@@ -9,7 +9,8 @@ pub struct Board {
     pub package: &'static str,
     /// The chip, as debug probes know it; none where there is nothing to be flashed.
     pub chip: Option<&'static str>,
-    /// The target that its firmware is built for, as rustup knows it; empty where that is this machine.
+    /// The target that its firmware is built for, as rustup knows it; empty where that is this
+    /// machine.
     pub target: &'static str,
     /// What it is.
     pub about: &'static str,

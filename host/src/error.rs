@@ -1,7 +1,9 @@
-//! The one error that a person sees for bad input: file, place, value found, value expected, remedy (exit status 2).
+//! The one error that a person sees for bad input: file, place, value found, value expected, remedy
+//! (exit status 2).
 //!
-//! What a message quotes comes from files, devices and wires that may be hostile: [`plain`] shows control characters instead of
-//! obeying them, [`brief`] also cuts what is long, and [`tell`] is how a line gets to standard error.
+//! What a message quotes comes from files, devices and wires that may be hostile: [`plain`] shows
+//! control characters instead of obeying them, [`brief`] also cuts what is long, and [`tell`] is
+//! how a line gets to standard error.
 
 use std::fmt;
 use std::io::Write as _;
@@ -11,17 +13,19 @@ use std::path::{Path, PathBuf};
 const SHOWN: usize = 300;
 /// Characters of a whole message.
 const LINE: usize = 2000;
-/// Digits of a number that are shown as they stand: one in 64 bits has at most 20, a shortest binary64 near 1 at most 24.
+/// Digits of a number that are shown as they stand: one in 64 bits has at most 20, a shortest
+/// binary64 near 1 at most 24.
 const DIGITS: usize = 24;
 
-/// Whether a terminal would obey this character instead of showing it: C0, DEL, C1, and Unicode's marks of line, paragraph and
-/// direction, with which a text can be made to look like another.
+/// Whether a terminal would obey this character instead of showing it: C0, DEL, C1, and Unicode's
+/// marks of line, paragraph and direction, with which a text can be made to look like another.
 pub(crate) fn obeyed(c: char) -> bool {
     c.is_control()
         || matches!(c, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}' | '\u{feff}')
 }
 
-/// A text as it may stand on a terminal, on one line: what a terminal would obey is written as an escape (`\n`, `\u{1b}`).
+/// A text as it may stand on a terminal, on one line: what a terminal would obey is written as an
+/// escape (`\n`, `\u{1b}`).
 pub fn plain(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -74,8 +78,8 @@ pub(crate) fn short_numbers(text: &str) -> String {
     out + rest
 }
 
-/// One line on standard error, `whirl: TEXT`. One that is full or closed is no reason to end otherwise than without the line.
-/// Kept where a program called ([`crate::said`]).
+/// One line on standard error, `whirl: TEXT`. One that is full or closed is no reason to end
+/// otherwise than without the line. Kept where a program called ([`crate::said`]).
 pub fn tell(text: impl fmt::Display) {
     let line = cut(&plain(&text.to_string()), LINE);
     if crate::said::kept(|said| said.told.push(line.clone())).is_none() {

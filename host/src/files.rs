@@ -1,6 +1,7 @@
 //! Files by name: regular ones to read, and whether two names are one file.
 //!
-//! A device, pipe or socket has no length, may never end and may never answer: it is refused before it is opened.
+//! A device, pipe or socket has no length, may never end and may never answer: it is refused before
+//! it is opened.
 
 use std::fs::{File, Metadata};
 use std::io::Read;
@@ -8,7 +9,8 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{BadInput, Result};
 
-/// Longest text file that is read (rig, model, effects), bytes: a thousand times the longest that ships.
+/// Longest text file that is read (rig, model, effects), bytes: a thousand times the longest that
+/// ships.
 const LONGEST_TEXT: u64 = 1 << 20;
 /// Most links from name to name that are followed, as Linux does.
 const MOST_LINKS: usize = 40;
@@ -19,7 +21,8 @@ const MOST_LINKS: usize = 40;
 /// A file that is not there or may not be read; a folder, device, pipe or socket.
 pub fn open(path: &Path, what: &str, remedy: &str) -> Result<File> {
     let io = |e: std::io::Error| BadInput::io(path, &e).remedy(remedy);
-    // A pipe would wait for its writer once it is opened: the name is asked first, the open file again.
+    // A pipe would wait for its writer once it is opened: the name is asked first, the open file
+    // again.
     regular(path, what, &std::fs::metadata(path).map_err(io)?)?;
     let file = File::open(path).map_err(io)?;
     regular(path, what, &file.metadata().map_err(io)?)?;
@@ -75,7 +78,8 @@ fn kind(_: &Metadata) -> &'static str {
     "a device"
 }
 
-/// The file that a name leads to, links followed, whether it is there yet or not; none where its folder is not there.
+/// The file that a name leads to, links followed, whether it is there yet or not; none where its
+/// folder is not there.
 pub fn resolve(path: &Path) -> Option<PathBuf> {
     let mut path = path.to_path_buf();
     for _ in 0..MOST_LINKS {
@@ -95,7 +99,8 @@ pub fn resolve(path: &Path) -> Option<PathBuf> {
     None
 }
 
-/// Whether two names lead to one file: by name, by link, or by two names of the file itself (hard links).
+/// Whether two names lead to one file: by name, by link, or by two names of the file itself (hard
+/// links).
 pub fn same(a: &Path, b: &Path) -> bool {
     if let (Ok(a), Ok(b)) = (std::fs::metadata(a), std::fs::metadata(b))
         && identity(&a).is_some_and(|id| identity(&b) == Some(id))
@@ -116,7 +121,8 @@ fn identity(_: &Metadata) -> Option<(u64, u64)> {
     None
 }
 
-/// Whether a name stands for a device, pipe or socket, or for what this program was handed open (`/dev/stdout`).
+/// Whether a name stands for a device, pipe or socket, or for what this program was handed open
+/// (`/dev/stdout`).
 pub fn is_special(path: &Path) -> bool {
     std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
         || ((path.starts_with("/dev") || path.starts_with("/proc")) && path.exists())

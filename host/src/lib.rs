@@ -1,4 +1,5 @@
-//! From encoder counts to a trusted equation of motion, and to the physical effect that the model is missing.
+//! From encoder counts to a trusted equation of motion, and to the physical effect that the model
+//! is missing.
 
 pub mod api;
 pub mod batch;

@@ -1,4 +1,5 @@
-//! What a command says, kept for a program that calls it as a function ([`crate::api`]) instead of printed.
+//! What a command says, kept for a program that calls it as a function ([`crate::api`]) instead of
+//! printed.
 
 use std::cell::RefCell;
 
@@ -30,7 +31,8 @@ pub(crate) fn during<T>(command_line: Vec<String>, work: impl FnOnce() -> T) -> 
     (done, SAID.take().unwrap_or_default())
 }
 
-/// Hands what is kept on this thread to `f`; none where nothing is, and what is said is to be printed.
+/// Hands what is kept on this thread to `f`; none where nothing is, and what is said is to be
+/// printed.
 pub(crate) fn kept<T>(f: impl FnOnce(&mut Said) -> T) -> Option<T> {
     SAID.with_borrow_mut(|said| said.as_mut().map(f))
 }

@@ -1,5 +1,5 @@
-//! Records of a simulated rig, straight from hil-sim's plant. The only room, with `capture`'s source `sim` and the demo, that sees
-//! a rig file's `[plant]`.
+//! Records of a simulated rig, straight from hil-sim's plant. The only room, with `capture`'s
+//! source `sim` and the demo, that sees a rig file's `[plant]`.
 
 use std::path::Path;
 

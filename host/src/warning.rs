@@ -1,4 +1,5 @@
-//! Typed warnings: what was noticed, and what to do about it. They go to standard error, into reports and into JSON.
+//! Typed warnings: what was noticed, and what to do about it. They go to standard error, into
+//! reports and into JSON.
 
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -15,7 +16,8 @@ pub struct Warning {
     /// Whether the answer beside it cannot stand: the exit status is then 1.
     #[serde(skip_serializing_if = "core::ops::Not::not")]
     pub invalidates: bool,
-    /// What the text says, as numbers: row, time, channel, value (keys as the warning's id needs them).
+    /// What the text says, as numbers: row, time, channel, value (keys as the warning's id needs
+    /// them).
     #[serde(flatten)]
     pub details: Map<String, Value>,
 }

@@ -1,5 +1,5 @@
-//! The extension module behind the Python package `whirl`: words of a command line go in, what the command says comes out
-//! ([`whirl::api`]). Names, types and tables are Python's, in `whirl/`.
+//! The extension module behind the Python package `whirl`: words of a command line go in, what the
+//! command says comes out ([`whirl::api`]). Names, types and tables are Python's, in `whirl/`.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -44,7 +44,8 @@ fn raised(py: Python<'_>, error: api::Error) -> PyErr {
     raised
 }
 
-/// Works on a thread of its own, so that other threads of Python go on and Ctrl-C is heard; work that is left then ends unheard.
+/// Works on a thread of its own, so that other threads of Python go on and Ctrl-C is heard; work
+/// that is left then ends unheard.
 fn waited<T: Send + 'static>(py: Python<'_>, work: impl FnOnce() -> api::Result<T> + Send + 'static) -> PyResult<T> {
     let (done, mut result) = channel();
     Builder::new().stack_size(STACK).spawn(move || done.send(work()).is_ok())?;

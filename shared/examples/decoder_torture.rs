@@ -1,11 +1,12 @@
-//! Feeds the decoders a given number of good, damaged and random bytes, half of them in each direction.
+//! Feeds the decoders a given number of good, damaged and random bytes, half of them in each
+//! direction.
 //!
 //! ```text
 //! cargo run --release -p whirl-shared --example decoder_torture -- [BYTES] [SEED]
 //! ```
 //!
-//! Ends with exit status 0 and an account where every byte was accounted for and every intact frame came out as it was
-//! sent; panics otherwise. The same seed gives the same digest on every machine.
+//! Ends with exit status 0 and an account where every byte was accounted for and every intact frame
+//! came out as it was sent; panics otherwise. The same seed gives the same digest on every machine.
 
 #[path = "../tests/support/mod.rs"]
 mod support;

@@ -1,7 +1,8 @@
 //! The samples of a [`SampleBlock`], one by one.
 //!
-//! Sample i: tick `first_tick + i`, phase `phase + i·phase_increment`, counts `first + Σ_{n<i} deltas[n]`, all in
-//! wrapping arithmetic (ticks and phases modulo 2³², counts modulo 2³² in two's complement).
+//! Sample i: tick `first_tick + i`, phase `phase + i·phase_increment`, counts
+//! `first + Σ_{n<i} deltas[n]`, all in wrapping arithmetic (ticks and phases modulo 2³², counts
+//! modulo 2³² in two's complement).
 
 use crate::frame::{CHANNELS, SampleBlock};
 

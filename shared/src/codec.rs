@@ -1,14 +1,16 @@
 //! Messages ↔ bytes: `COBS(postcard(Envelope) ‖ CRC-32/ISO-HDLC, little endian) ‖ 0x00`.
 //!
-//! COBS takes every zero out of a frame, so that a zero byte always ends one: whatever was damaged, the decoder is in
-//! step again after the next zero. The checksum covers the postcard bytes. A frame is at most [`MAX_FRAME`] bytes, and
-//! a decoder holds one frame and nothing else.
+//! COBS takes every zero out of a frame, so that a zero byte always ends one: whatever was damaged,
+//! the decoder is in step again after the next zero. The checksum covers the postcard bytes. A
+//! frame is at most [`MAX_FRAME`] bytes, and a decoder holds one frame and nothing else.
 //!
-//! Limits: CRC-32 lets a damaged frame through with probability 2⁻³² at random damage (any burst of up to 32 bits is
-//! found); a zero that is put into a frame or lost from its end costs the frames on both sides of it.
+//! Limits: CRC-32 lets a damaged frame through with probability 2⁻³² at random damage (any burst of
+//! up to 32 bits is found); a zero that is put into a frame or lost from its end costs the frames
+//! on both sides of it.
 //!
-//! Source: COBS, S. Cheshire and M. Baker, IEEE/ACM Trans. Networking 7 (1999) 159; CRC-32/ISO-HDLC is the checksum
-//! of Ethernet and zlib (polynomial 0x04C11DB7 reflected, initial value and final xor 0xFFFFFFFF).
+//! Source: COBS, S. Cheshire and M. Baker, IEEE/ACM Trans. Networking 7 (1999) 159; CRC-32/ISO-HDLC
+//! is the checksum of Ethernet and zlib (polynomial 0x04C11DB7 reflected, initial value and final
+//! xor 0xFFFFFFFF).
 
 use core::fmt;
 use core::marker::PhantomData;
@@ -60,8 +62,8 @@ const fn max(a: usize, b: usize) -> usize {
     if a > b { a } else { b }
 }
 
-/// Length on the wire of a frame whose postcard bytes number `payload`, at worst: the checksum, one COBS byte for
-/// every 254 begun, and the zero.
+/// Length on the wire of a frame whose postcard bytes number `payload`, at worst: the checksum, one
+/// COBS byte for every 254 begun, and the zero.
 #[must_use]
 pub const fn frame_len(payload: usize) -> usize {
     let checked = payload + CRC_LEN;
@@ -79,7 +81,8 @@ pub const MAX_SAMPLES_FRAME: usize = frame_len(SAMPLES);
 pub enum EncodeError {
     /// The frame does not fit into the buffer; [`MAX_FRAME`] bytes always do.
     BufferTooSmall,
-    /// The message cannot be expressed in postcard (not possible with the messages of [`crate::frame`]).
+    /// The message cannot be expressed in postcard (not possible with the messages of
+    /// [`crate::frame`]).
     NotSerialisable,
 }
 
@@ -97,7 +100,8 @@ impl core::error::Error for EncodeError {}
 /// Encodes one frame, its terminating zero included, and returns its length.
 ///
 /// # Errors
-/// [`EncodeError::BufferTooSmall`] where `out` is shorter than the frame; `out` then holds part of it.
+/// [`EncodeError::BufferTooSmall`] where `out` is shorter than the frame; `out` then holds part of
+/// it.
 pub fn encode<M: Serialize>(envelope: &Envelope<M>, out: &mut [u8]) -> Result<usize, EncodeError> {
     let cobs = Cobs::try_new(Slice::new(out)).map_err(|_| EncodeError::BufferTooSmall)?;
     match postcard::serialize_with_flavor(envelope, CrcModifier::new(cobs, CRC.digest())) {
@@ -115,7 +119,8 @@ pub enum FrameError {
     BadChecksum,
     /// The bytes between two zeros are not COBS: a part is missing.
     BadCobs,
-    /// The checksum is right but the bytes are no message of this version, or bytes are left over after it.
+    /// The checksum is right but the bytes are no message of this version, or bytes are left over
+    /// after it.
     Malformed,
     /// No zero came within the longest frame.
     Oversize,
@@ -134,7 +139,8 @@ impl fmt::Display for FrameError {
 
 impl core::error::Error for FrameError {}
 
-/// What a decoder has seen since it was made. Frames without bytes (two zeros in a row) are counted nowhere.
+/// What a decoder has seen since it was made. Frames without bytes (two zeros in a row) are counted
+/// nowhere.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DecoderCounters {
     /// Messages decoded.
@@ -159,7 +165,8 @@ impl DecoderCounters {
     }
 }
 
-/// Finds messages in a stream of bytes. `N` is the length of the longest frame that is accepted, its zero included.
+/// Finds messages in a stream of bytes. `N` is the length of the longest frame that is accepted,
+/// its zero included.
 ///
 /// Whatever the bytes, it neither panics nor grows, and it is in step again after the next zero.
 #[derive(Clone, Debug)]
@@ -257,7 +264,8 @@ impl<M: DeserializeOwned, const N: usize> Decoder<M, N> {
         self.since_zero
     }
 
-    /// Forgets the bytes of a frame that has not ended (after the link was opened anew), counting them as discarded.
+    /// Forgets the bytes of a frame that has not ended (after the link was opened anew), counting
+    /// them as discarded.
     pub fn abandon(&mut self) {
         self.counters.bytes_discarded = self.counters.bytes_discarded.saturating_add(self.since_zero);
         self.used = 0;

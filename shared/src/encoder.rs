@@ -1,11 +1,12 @@
 //! Counts ↔ angles on the circle and on the line.
 //!
-//! A count c says that the angle lies in [c, c+1) counts: θ = (c + ½)·2π/N, in radians, N counts a turn. Wrapped angles
-//! lie in [−π, π). Counts stay integers as long as they can: wrapping and unwrapping them is exact.
+//! A count c says that the angle lies in [c, c+1) counts: θ = (c + ½)·2π/N, in radians, N counts a
+//! turn. Wrapped angles lie in [−π, π). Counts stay integers as long as they can: wrapping and
+//! unwrapping them is exact.
 //!
-//! Limits: a 16-bit hardware counter is followed over any number of turns as long as it moves by less than 2¹⁵ counts
-//! between two readings; multi-turn counts of 32 bits wrap after 2³¹ counts (29 h at 5 turns a second of 4096 counts),
-//! which [`Unwrapper::wrapping32`] extends.
+//! Limits: a 16-bit hardware counter is followed over any number of turns as long as it moves by
+//! less than 2¹⁵ counts between two readings; multi-turn counts of 32 bits wrap after 2³¹ counts
+//! (29 h at 5 turns a second of 4096 counts), which [`Unwrapper::wrapping32`] extends.
 
 use core::f64::consts::{PI, TAU};
 use core::num::NonZeroU32;
@@ -47,7 +48,8 @@ impl CountScale {
     /// The same on the circle, [−π, π), rad: the turns are taken off in integers.
     #[must_use]
     pub fn wrapped_radians(self, count: i64) -> f64 {
-        // The middle of a count is never at ±π for even N; for odd N the middle count's is exactly −π or π.
+        // The middle of a count is never at ±π for even N; for odd N the middle count's is exactly
+        // −π or π.
         let angle = self.radians(self.wrapped(count));
         if angle >= PI { angle - TAU } else { angle }
     }
@@ -61,7 +63,8 @@ impl CountScale {
         if rest >= n - half { rest - n } else { rest }
     }
 
-    /// The count in which an (unwrapped) angle lies, ⌊θN/2π⌋; `None` where θ is not finite or beyond ±2⁵³ counts.
+    /// The count in which an (unwrapped) angle lies, ⌊θN/2π⌋; `None` where θ is not finite or
+    /// beyond ±2⁵³ counts.
     #[must_use]
     pub fn count(self, radians: f64) -> Option<i64> {
         let counts = libm::floor(radians / TAU * f64::from(self.counts_per_turn()));
@@ -71,7 +74,8 @@ impl CountScale {
 
 /// An angle wrapped to [−π, π); NaN where it is not finite.
 ///
-/// The error is that of one rounding of 2π times the number of turns: at most 1e-15 rad for each turn taken off.
+/// The error is that of one rounding of 2π times the number of turns: at most 1e-15 rad for each
+/// turn taken off.
 #[must_use]
 pub fn wrap(radians: f64) -> f64 {
     let wrapped = radians - TAU * libm::floor((radians + PI) / TAU);
@@ -94,8 +98,8 @@ pub struct AngleUnwrapper {
 }
 
 impl AngleUnwrapper {
-    /// The angle nearest to the last one that differs from `radians` by whole turns. What is not finite is returned as
-    /// it is and forgotten.
+    /// The angle nearest to the last one that differs from `radians` by whole turns. What is not
+    /// finite is returned as it is and forgotten.
     pub fn push(&mut self, radians: f64) -> f64 {
         if !radians.is_finite() {
             return radians;
@@ -109,8 +113,8 @@ impl AngleUnwrapper {
     }
 }
 
-/// Follows an integer that is known modulo a period. Steps of up to half a period are followed; of two equally long
-/// ones the negative is taken.
+/// Follows an integer that is known modulo a period. Steps of up to half a period are followed; of
+/// two equally long ones the negative is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Unwrapper {
     period: i64,
@@ -130,8 +134,8 @@ impl Unwrapper {
         Self { period: 1 << 32, last: None }
     }
 
-    /// The value nearest to the last one that is equal to `value` modulo the period; the first is taken as it is.
-    /// Saturates at the ends of `i64`.
+    /// The value nearest to the last one that is equal to `value` modulo the period; the first is
+    /// taken as it is. Saturates at the ends of `i64`.
     pub fn push(&mut self, value: i64) -> i64 {
         let unwrapped = match self.last {
             Some(last) => {
@@ -187,8 +191,8 @@ impl Direction {
 
 /// Extends a 16-bit hardware counter to multi-turn counts of 32 bits, both wrapping.
 ///
-/// The first reading is taken with its sign ([−2¹⁵, 2¹⁵)), so that the zero of the hardware counter is the zero of the
-/// position.
+/// The first reading is taken with its sign ([−2¹⁵, 2¹⁵)), so that the zero of the hardware counter
+/// is the zero of the position.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MultiTurn {
     last: u16,
@@ -299,7 +303,8 @@ mod tests {
     fn unwrapping_modulo_a_turn() {
         let mut unwrapper = Unwrapper::new(1024).unwrap();
         let list = [1020, 1023, 2, 1000, 488, 1000].map(|c| unwrapper.push(c));
-        // 1000 → 488 is half a turn back, and back again half a turn back: of two equal steps the negative.
+        // 1000 → 488 is half a turn back, and back again half a turn back: of two equal steps the
+        // negative.
         assert_eq!(list, [1020, 1023, 1026, 1000, 488, -24]);
         assert_eq!(Unwrapper::new(0), None);
         // Begun anew, a value is taken as it is.

@@ -1,8 +1,9 @@
 //! The messages between device and host, one table of them.
 //!
-//! Every frame on the wire is `COBS(postcard(Envelope) ‖ CRC-32) ‖ 0x00`, see [`crate::codec`]. Integers are
-//! postcard varints (zigzag where signed). All fields are integers, but for the results of the device's own identification
-//! ([`regression`]), which are floats by their bits: nothing on the wire depends on a rounding mode.
+//! Every frame on the wire is `COBS(postcard(Envelope) ‖ CRC-32) ‖ 0x00`, see [`crate::codec`].
+//! Integers are postcard varints (zigzag where signed). All fields are integers, but for the
+//! results of the device's own identification ([`regression`]), which are floats by their bits:
+//! nothing on the wire depends on a rounding mode.
 //!
 //! | id | message | direction | when |
 //! |---|---|---|---|
@@ -17,8 +18,9 @@
 //! | 8 | [`BackFilled`] | device → host | behind the last block that was asked for |
 //! | 0 | [`Command`] | host → device | |
 //!
-//! Adding a message or a field: append it at the end of its enum or struct, add it to [`SCHEMA`], raise
-//! [`PROTOCOL_VERSION`]. [`SCHEMA_HASH`] is sent in [`Hello`], so that a host never misreads an unknown layout.
+//! Adding a message or a field: append it at the end of its enum or struct, add it to [`SCHEMA`],
+//! raise [`PROTOCOL_VERSION`]. [`SCHEMA_HASH`] is sent in [`Hello`], so that a host never misreads
+//! an unknown layout.
 
 pub mod hello;
 pub mod regression;
@@ -33,7 +35,8 @@ pub use setting::Setting;
 
 /// Version of the wire protocol; raised at every change of the layout.
 pub const PROTOCOL_VERSION: u16 = 4;
-/// Samples in a full block. Ten samples a frame keep the worst case well under the rate of a 115 200 baud link.
+/// Samples in a full block. Ten samples a frame keep the worst case well under the rate of a
+/// 115 200 baud link.
 pub const BLOCK_LEN: usize = 10;
 /// Number of encoders.
 pub const CHANNELS: usize = 2;
@@ -91,7 +94,8 @@ pub struct Envelope<M> {
 }
 
 /// Everything that a device sends.
-// A block is much larger than a log line; boxing is not possible without an allocator and the queue holds mostly blocks.
+// A block is much larger than a log line; boxing is not possible without an allocator and the queue
+// holds mostly blocks.
 #[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum DeviceMessage {
@@ -122,8 +126,8 @@ pub enum HostMessage {
     Command(Command),
 }
 
-/// Consecutive samples of both encoders. Sample i was taken at tick `first_tick + i`, when the drive's phase was
-/// `phase + i·phase_increment` (turns · 2⁻³², wrapping).
+/// Consecutive samples of both encoders. Sample i was taken at tick `first_tick + i`, when the
+/// drive's phase was `phase + i·phase_increment` (turns · 2⁻³², wrapping).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SampleBlock {
     /// Tick of the first sample, wrapping at 2³².
@@ -152,14 +156,16 @@ impl SampleBlock {
     };
 }
 
-/// The end of the answer to a [`Command::BackFill`]: all that the device still has of these ticks has been sent.
+/// The end of the answer to a [`Command::BackFill`]: all that the device still has of these ticks
+/// has been sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BackFilled {
     /// First tick that was asked for.
     pub first_tick: u32,
     /// Number of ticks that were asked for.
     pub ticks: u32,
-    /// Samples of these ticks that the device had, and has sent: of the other ticks it has none (any more).
+    /// Samples of these ticks that the device had, and has sent: of the other ticks it has none
+    /// (any more).
     pub samples: u32,
 }
 
@@ -204,7 +210,8 @@ pub struct Status {
     pub tick: u32,
     /// Ticks missed by the sampler.
     pub overruns: u32,
-    /// Samples that were not streamed because the link took nothing; as long as they are kept they can be asked for.
+    /// Samples that were not streamed because the link took nothing; as long as they are kept they
+    /// can be asked for.
     pub dropped_samples: u32,
     /// Other frames dropped because their queue was full.
     pub dropped_frames: u32,
@@ -224,11 +231,13 @@ pub struct Status {
     pub frequency_millihertz: u32,
     /// Greatest delay from tick to sample since the last status, µs.
     pub latency_max_us: u32,
-    /// Preview: rms of each wrapped angle over the last second, mrad (reduced precision; never used for results).
+    /// Preview: rms of each wrapped angle over the last second, mrad (reduced precision; never used
+    /// for results).
     pub rms_angle_mrad: [u32; CHANNELS],
     /// Preview: mean turning rate over the last second, 10⁻³ turns a minute.
     pub turns_per_minute_milli: [i32; CHANNELS],
-    /// Tick of the oldest sample that can be asked for again; that of this status where there is none.
+    /// Tick of the oldest sample that can be asked for again; that of this status where there is
+    /// none.
     pub kept_from: u32,
 }
 
@@ -243,7 +252,8 @@ pub enum Command {
     Arm,
     /// Stop and forbid starting; clears a fault.
     Disarm,
-    /// Ramp to an amplitude at a frequency. While running: ramp to the new amplitude; the frequency must be the same.
+    /// Ramp to an amplitude at a frequency. While running: ramp to the new amplitude; the frequency
+    /// must be the same.
     Start {
         /// Amplitude of the base, µm.
         amplitude_micrometre: u32,
@@ -268,13 +278,14 @@ pub enum Command {
     Status,
     /// What is to be streamed from now on, whatever the shaker does.
     Stream(Streamed),
-    /// Keep a setting, in force from the next boot on; refused unless the shaker is disarmed. A [`Hello`] tells whether it
-    /// was kept.
+    /// Keep a setting, in force from the next boot on; refused unless the shaker is disarmed. A
+    /// [`Hello`] tells whether it was kept.
     Set(Setting),
     /// Reset; refused unless the shaker is disarmed.
     Restart,
-    /// Send samples again, as [`DeviceMessage::Restored`], behind everything else that is to be sent. It takes the place of
-    /// what was asked for before; refused where the boot is another one.
+    /// Send samples again, as [`DeviceMessage::Restored`], behind everything else that is to be
+    /// sent. It takes the place of what was asked for before; refused where the boot is another
+    /// one.
     BackFill {
         /// [`Hello::boot_id`] of the boot whose ticks these are.
         boot_id: u32,
@@ -291,7 +302,8 @@ pub enum Streamed {
     /// Every sample ([`SampleBlock`]); so it is at boot.
     #[default]
     Samples,
-    /// The regression rows of every window ([`Rows`]) instead: a third of the bytes at a drive of 5 Hz.
+    /// The regression rows of every window ([`Rows`]) instead: a third of the bytes at a drive of 5
+    /// Hz.
     Rows,
 }
 

@@ -1,21 +1,24 @@
 //! Fixed-size banks of harmonic accumulators, one pass over the samples.
 //!
-//! For C signals x_c and the M harmonics j = 1 … M of the sub-harmonic base ω/k, over a window of L ticks n = 0 … L − 1:
+//! For C signals x_c and the M harmonics j = 1 … M of the sub-harmonic base ω/k, over a window of L
+//! ticks n = 0 … L − 1:
 //!
 //! ```text
 //!   S_cj = Σ_n w_n x_c(n) e^{−ijφ_n},   φ_n = φ_0 + n Δφ,   Δφ = ω/(k f_s),   w_n = sin⁴(πn/L) or 1
 //! ```
 //!
-//! j = 0 (Σ w x) is kept too. The base need not be commensurate with the sampling rate: Δφ is an integer of 64 bits in
-//! turns · 2⁻⁶⁴, and so is φ.
+//! j = 0 (Σ w x) is kept too. The base need not be commensurate with the sampling rate: Δφ is an
+//! integer of 64 bits in turns · 2⁻⁶⁴, and so is φ.
 //!
-//! The phasors are advanced by recurrence, z ← z·r, and renormalised to first order, z ← z(3 − |z|²)/2, which keeps |z| = 1
-//! but lets the phase walk off with the rounding of r. So each tick one phasor in turn is set from the exact integer
-//! phase jφ_n: each has been through at most M recurrences, whatever the length of the record. Error of a phasor: at
-//! most 1.5(M + 2)ε in length and phase together, ε = 1.2e-7 (`f32`) or 2.3e-16 (`f64`).
+//! The phasors are advanced by recurrence, z ← z·r, and renormalised to first order, z ←
+//! z(3 − |z|²)/2, which keeps |z| = 1 but lets the phase walk off with the rounding of r. So each
+//! tick one phasor in turn is set from the exact integer phase jφ_n: each has been through at most
+//! M recurrences, whatever the length of the record. Error of a phasor: at most 1.5(M + 2)ε in
+//! length and phase together, ε = 1.2e-7 (`f32`) or 2.3e-16 (`f64`).
 //!
-//! Cost: C·M complex multiply-adds, M complex multiplications and two sines and cosines a tick; no allocation. Sums are
-//! plain: their rounding error is at most L ε/2 · Σ|w x|, of the order of √L ε in practice.
+//! Cost: C·M complex multiply-adds, M complex multiplications and two sines and cosines a tick; no
+//! allocation. Sums are plain: their rounding error is at most L ε/2 · Σ|w x|, of the order of √L ε
+//! in practice.
 
 use crate::real::{Real, cos_sin_turns};
 
@@ -41,8 +44,8 @@ pub struct HarmonicSettings {
 }
 
 impl HarmonicSettings {
-    /// From the drive's increment (turns · 2⁻³², [`crate::waveform`]) and k, rounded to 2⁻⁶⁴ turns; `None` where k or
-    /// the length is zero.
+    /// From the drive's increment (turns · 2⁻³², [`crate::waveform`]) and k, rounded to 2⁻⁶⁴ turns;
+    /// `None` where k or the length is zero.
     #[must_use]
     pub fn of_drive(increment: u32, k: u32, length: u32, window: Window) -> Option<Self> {
         let turns = u64::from(increment) << 32;
@@ -50,8 +53,9 @@ impl HarmonicSettings {
         (length > 0).then_some(Self { increment, length, window })
     }
 
-    /// From the drive's frequency and the sampling rate in mHz, and k: the nearest increment to f/(k f_s). `None` where k,
-    /// the rate or the length is zero or the frequency is not below the sampling rate.
+    /// From the drive's frequency and the sampling rate in mHz, and k: the nearest increment to
+    /// f/(k f_s). `None` where k, the rate or the length is zero or the frequency is not below the
+    /// sampling rate.
     #[must_use]
     pub fn of_frequency(
         frequency_millihertz: u32,
@@ -99,7 +103,8 @@ fn product<T: Real>(a: [T; 2], b: [T; 2]) -> [T; 2] {
 }
 
 impl<T: Real, const C: usize, const M: usize> HarmonicBank<T, C, M> {
-    /// A bank of length 0, to be set up in its place: all of it zero, so that a device needs neither stack nor flash for it.
+    /// A bank of length 0, to be set up in its place: all of it zero, so that a device needs
+    /// neither stack nor flash for it.
     #[must_use]
     pub const fn idle() -> Self {
         Self {
@@ -124,7 +129,8 @@ impl<T: Real, const C: usize, const M: usize> HarmonicBank<T, C, M> {
         bank
     }
 
-    /// Empties the bank for other settings; its first sample has phase 0. A length of zero counts as 1.
+    /// Empties the bank for other settings; its first sample has phase 0. A length of zero counts
+    /// as 1.
     pub fn set_up(&mut self, settings: HarmonicSettings) {
         self.settings = HarmonicSettings { length: settings.length.max(1), ..settings };
         let length = u64::from(self.settings.length);
@@ -148,8 +154,9 @@ impl<T: Real, const C: usize, const M: usize> HarmonicBank<T, C, M> {
         self.weight = T::zero();
     }
 
-    /// Takes the next sample of every signal; whether the window is complete with it. A complete bank takes no more
-    /// until [`Self::restart`]. After a gap in the samples the window is lost: restart.
+    /// Takes the next sample of every signal; whether the window is complete with it. A complete
+    /// bank takes no more until [`Self::restart`]. After a gap in the samples the window is lost:
+    /// restart.
     pub fn push(&mut self, signals: [T; C]) -> bool {
         if self.complete() {
             return true;

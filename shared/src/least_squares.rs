@@ -1,16 +1,18 @@
 //! Recursive least squares in square-root form, of fixed size, with forgetting, on nalgebra.
 //!
-//! For rows a·x ≈ b the upper triangle R and the vector z with RᵀR = Σ γ aᵀa, Rᵀz = Σ γ aᵀb are kept, and the sum of squares ρ² of
-//! the residuals. A row is rotated in by P Givens rotations; forgetting by λ multiplies R, z and ρ by √λ. The normal matrix is never
-//! formed: what `f32` can hold of a condition number is not halved. Solution by back substitution; covariance s² R⁻¹R⁻ᵀ.
+//! For rows a·x ≈ b the upper triangle R and the vector z with RᵀR = Σ γ aᵀa, Rᵀz = Σ γ aᵀb are
+//! kept, and the sum of squares ρ² of the residuals. A row is rotated in by P Givens rotations;
+//! forgetting by λ multiplies R, z and ρ by √λ. The normal matrix is never formed: what `f32` can
+//! hold of a condition number is not halved. Solution by back substitution; covariance s² R⁻¹R⁻ᵀ.
 //!
-//! The condition that is told is that of the triangle with its columns scaled to unit length, in the Frobenius norm, over P:
-//! κ = ‖R̂‖‖R̂⁻¹‖/P = √(Σ vᵢ/P), vᵢ the variance inflation of unknown i. It is 1 where the columns are orthogonal, and the
-//! 2-norm's condition number lies between κ and P κ.
+//! The condition that is told is that of the triangle with its columns scaled to unit length, in
+//! the Frobenius norm, over P: κ = ‖R̂‖‖R̂⁻¹‖/P = √(Σ vᵢ/P), vᵢ the variance inflation of unknown
+//! i. It is 1 where the columns are orthogonal, and the 2-norm's condition number lies between κ
+//! and P κ.
 //!
-//! (Golub and Van Loan, *Matrix Computations*, 5.1.8 and 6.5.) No allocation; P(P + 3)/2 rotations' worth of arithmetic a row.
-//! Products of whole matrices are not used: for these nalgebra takes other instructions on a host than on a device, and the results are to
-//! have the same bits.
+//! (Golub and Van Loan, *Matrix Computations*, 5.1.8 and 6.5.) No allocation; P(P + 3)/2 rotations'
+//! worth of arithmetic a row. Products of whole matrices are not used: for these nalgebra takes
+//! other instructions on a host than on a device, and the results are to have the same bits.
 
 use nalgebra::linalg::givens::GivensRotation;
 use nalgebra::{ArrayStorage, RealField, SMatrix, SVector, Vector2, convert};
@@ -35,7 +37,8 @@ pub enum NoEstimate {
     TooFewRows,
     /// An unknown that the rows do not determine, by its index.
     NotIdentifiable(usize),
-    /// The motion repeats itself: new rows say what earlier ones said. (Not found here, but by who makes the rows.)
+    /// The motion repeats itself: new rows say what earlier ones said. (Not found here, but by who
+    /// makes the rows.)
     Repeating,
 }
 
@@ -120,8 +123,9 @@ impl<T: RealField + Copy, const P: usize> LeastSquares<T, P> {
         self.weight
     }
 
-    /// The estimate. An unknown is not identifiable where what is left of its column, once the columns before it are taken out,
-    /// is below `tolerance` times the column (1e-3 is fit for `f32`).
+    /// The estimate. An unknown is not identifiable where what is left of its column, once the
+    /// columns before it are taken out, is below `tolerance` times the column (1e-3 is fit for
+    /// `f32`).
     ///
     /// # Errors
     /// [`NoEstimate`].

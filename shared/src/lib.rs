@@ -13,8 +13,9 @@
 //! | [`regressor`] | regression rows of the double pendulum, in the weak form |
 //! | [`least_squares`] | recursive least squares in square-root form, on nalgebra |
 //!
-//! Everything is `no_std`, allocates nothing and uses a bounded amount of memory. Transcendental functions come from
-//! `libm` by name, not from the platform, so that device and host agree to the last bit.
+//! Everything is `no_std`, allocates nothing and uses a bounded amount of memory. Transcendental
+//! functions come from `libm` by name, not from the platform, so that device and host agree to the
+//! last bit.
 #![no_std]
 
 #[cfg(test)]

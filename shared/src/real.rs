@@ -1,10 +1,11 @@
 //! Real numbers of either precision with the same results on every platform.
 //!
-//! `num_traits::Float` uses the platform's sine wherever any crate of a build turns its `std` feature on. What the
-//! device computes must come out alike on the host, so in double precision cosine and sine are taken from `libm` by name; in
-//! single precision they are polynomials (S. L. Moshier's, of the Cephes library's sinf and cosf), of which every operation is rounded
-//! alike everywhere. Their argument is a binary fraction of a turn: reducing it to an octant is exact in integers, whatever the
-//! number of turns.
+//! `num_traits::Float` uses the platform's sine wherever any crate of a build turns its `std`
+//! feature on. What the device computes must come out alike on the host, so in double precision
+//! cosine and sine are taken from `libm` by name; in single precision they are polynomials (S. L.
+//! Moshier's, of the Cephes library's sinf and cosf), of which every operation is rounded alike
+//! everywhere. Their argument is a binary fraction of a turn: reducing it to an octant is exact in
+//! integers, whatever the number of turns.
 
 use num_traits::{Float, FloatConst};
 
@@ -28,14 +29,16 @@ pub trait Real: Float + FloatConst + sealed::Sealed {
     fn from_f64(value: f64) -> Self;
 }
 
-/// cos x ≈ 1 − x²/2 + x⁴·(C4 + C6 x² + C8 x⁴), sin x ≈ x + x³·(S3 + S5 x² + S7 x⁴) on ±π/4: coefficients of least greatest error.
+/// cos x ≈ 1 − x²/2 + x⁴·(C4 + C6 x² + C8 x⁴), sin x ≈ x + x³·(S3 + S5 x² + S7 x⁴) on ±π/4:
+/// coefficients of least greatest error.
 const COS: [f32; 3] = [4.166_664_6e-2, -1.388_731_6e-3, 2.443_315_7e-5];
 const SIN: [f32; 3] = [-1.666_665_5e-1, 8.332_161e-3, -1.951_529_6e-4];
 
 impl Real for f32 {
     const ZERO: Self = 0.0;
 
-    // libm's computes in double precision, which a processor with single precision alone emulates at ten times the cost.
+    // libm's computes in double precision, which a processor with single precision alone emulates
+    // at ten times the cost.
     fn cos_sin_octant(angle: Self) -> (Self, Self) {
         let square = angle * angle;
         let cos = 1.0 - 0.5 * square + square * square * (COS[0] + square * (COS[1] + square * COS[2]));
@@ -72,7 +75,8 @@ impl Real for f64 {
 
 /// cos and sin of `turns`·2⁻⁶⁴ turns.
 ///
-/// The error is below 1.2e-7 for `f32` and 3.5e-16 for `f64` (two roundings of the angle, one of the result), at any angle.
+/// The error is below 1.2e-7 for `f32` and 3.5e-16 for `f64` (two roundings of the angle, one of
+/// the result), at any angle.
 #[must_use]
 pub fn cos_sin_turns<T: Real>(turns: u64) -> (T, T) {
     // Nearest quarter turn and the signed rest within ±1/8 turn.
@@ -102,7 +106,8 @@ mod tests {
 
     #[test]
     fn error_bounds_hold_all_round_the_circle() {
-        // An odd stride visits the circle evenly; the reference is the double-precision libm on a reduced angle.
+        // An odd stride visits the circle evenly; the reference is the double-precision libm on a
+        // reduced angle.
         let (mut worst32, mut worst64) = (0.0_f64, 0.0_f64);
         let mut turns = 12_345_u64;
         for _ in 0..200_000 {

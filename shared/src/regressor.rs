@@ -1,7 +1,9 @@
-//! Regression rows of the driven double pendulum in the weak form, accumulated sample by sample in fixed memory.
+//! Regression rows of the driven double pendulum in the weak form, accumulated sample by sample in
+//! fixed memory.
 //!
-//! With τ = Ω t and the test functions w_m(u) = sin⁴(πu) e^{−2πimu}, u ∈ [0, 1] over a window of n drive periods, the
-//! equations of motion (3.4) give, for every m = 0 … M, one complex row an equation:
+//! With τ = Ω t and the test functions w_m(u) = sin⁴(πu) e^{−2πimu}, u ∈ [0, 1] over a window of n
+//! drive periods, the equations of motion (3.4) give, for every m = 0 … M, one complex row an
+//! equation:
 //!
 //! ```text
 //! F(φ1′) + B11 [F(φ2′ cos Δ) − V(φ1′φ2′ sin Δ)] + B12 V(sin φ1) + B13 V(sin φ1 cos τ) + B14 V(sin φ1 sin τ)
@@ -10,21 +12,24 @@
 //!        + C2 V(φ2′ − φ1′) = 0,          V(s) = ∫ w_m s,   F(s) = −∫ w_m′ s = ∫ w_m s′
 //! ```
 //!
-//! As sin⁴(πu) = Σ a_k e^{−2πiku}, a = (1, −4, 6, −4, 1)/16, each integral is a combination of five harmonics of the plain
-//! sums S(n) = Σ s e^{−2πint/L}. A [`HarmonicBank`] keeps those of half a window; two halves are a window, S = S₁ + (−1)ⁿ S₂, so
-//! that windows overlap by half at the cost of one.
+//! As sin⁴(πu) = Σ a_k e^{−2πiku}, a = (1, −4, 6, −4, 1)/16, each integral is a combination of five
+//! harmonics of the plain sums S(n) = Σ s e^{−2πint/L}. A [`HarmonicBank`] keeps those of half a
+//! window; two halves are a window, S = S₁ + (−1)ⁿ S₂, so that windows overlap by half at the cost
+//! of one.
 //!
-//! Velocities are slopes of polynomials through samples around the middle one (Savitzky and Golay), so that a sample's row is
-//! [`Regressor::DELAY`] samples late: of degree 6 through fifteen, which is flat to 0.1 % up to a tenth of the sampling rate and has a
-//! quarter of the noise of a difference of neighbours; for signs, on which noise tells most, of degree 4 through nineteen. A sign is
-//! its mean over the sampling step in which the velocity passes zero.
+//! Velocities are slopes of polynomials through samples around the middle one (Savitzky and Golay),
+//! so that a sample's row is [`Regressor::DELAY`] samples late: of degree 6 through fifteen, which
+//! is flat to 0.1 % up to a tenth of the sampling rate and has a quarter of the noise of a
+//! difference of neighbours; for signs, on which noise tells most, of degree 4 through nineteen. A
+//! sign is its mean over the sampling step in which the velocity passes zero.
 //!
-//! Rows carry weights, m₀ the drive's frequency: 1/(1 + 1.5 (m/m₀)³) in the first equation, 1/(1 + (m/m₀)²) in the second. So the host's
-//! residuals grow on records of the chaotic rig, where the noise of counts in F(φ′) grows like the square of the frequency and friction
-//! adds to it.
+//! Rows carry weights, m₀ the drive's frequency: 1/(1 + 1.5 (m/m₀)³) in the first equation, 1/(1 +
+//! (m/m₀)²) in the second. So the host's residuals grow on records of the chaotic rig, where the
+//! noise of counts in F(φ′) grows like the square of the frequency and friction adds to it.
 //!
-//! Limits: encoder 1 on the frame, encoder 2 on arm 1; the drive's increment is constant within a window. A gap or a change of
-//! the drive starts the windows anew. Angles enter as counts, exactly; sums are of type `T`.
+//! Limits: encoder 1 on the frame, encoder 2 on arm 1; the drive's increment is constant within a
+//! window. A gap or a change of the drive starts the windows anew. Angles enter as counts, exactly;
+//! sums are of type `T`.
 
 use crate::encoder::CountScale;
 use crate::harmonics::{HarmonicBank, HarmonicSettings, Window};
@@ -40,12 +45,14 @@ pub const UNKNOWNS2: usize = 5;
 pub const NAMES: [&str; UNKNOWNS1 + UNKNOWNS2] =
     ["B11", "B12", "B13", "B14", "C11", "C12", "B21", "B22", "B23", "B24", "C2"];
 
-/// Slope of a polynomial of degree 6 through fifteen points, from the middle on (the other half is its negative), and its divisor.
+/// Slope of a polynomial of degree 6 through fifteen points, from the middle on (the other half is
+/// its negative), and its divisor.
 const SLOPE: [i32; 7] = [175_125, 279_975, 266_401, 130_506, -65_229, -169_819, 78_351];
 const SLOPE_DIVISOR: f64 = 2_519_400.0;
 /// The same of degree 4 through nineteen points; its divisor does not matter to a sign.
 const CLEAR_SLOPE: [i32; 9] = [2_816, 5_363, 7_372, 8_574, 8_700, 7_481, 4_648, -68, -6_936];
-/// Samples held: the reach of the clear slope on either side, of the samples next to the middle too.
+/// Samples held: the reach of the clear slope on either side, of the samples next to the middle
+/// too.
 const POINTS: usize = 2 * CLEAR_SLOPE.len() + 3;
 const MIDDLE: usize = POINTS / 2;
 /// a_k.
@@ -115,7 +122,8 @@ pub struct Regressor<T: Real, const B: usize> {
     length: u32,
     /// Counts' slope to rad/s.
     rate_scale: [T; 2],
-    /// The clear slope of encoder 1, in its own unit, at the sample before the middle one and at the middle one.
+    /// The clear slope of encoder 1, in its own unit, at the sample before the middle one and at
+    /// the middle one.
     clear: [T; 2],
     factors: Factors<T>,
 }
@@ -133,7 +141,8 @@ impl<T: Real, const B: usize> Sums<T, B> {
     }
 }
 
-/// What depends on the window's length and the drive alone, kept so that a device without double precision works it out once.
+/// What depends on the window's length and the drive alone, kept so that a device without double
+/// precision works it out once.
 #[derive(Clone, Copy, Debug)]
 struct Factors<T> {
     /// a_k over the window's ticks.
@@ -147,7 +156,8 @@ struct Factors<T> {
 }
 
 impl<T: Real, const B: usize> Regressor<T, B> {
-    /// One without settings, to be set up in its place: all of it zero, so that a device needs neither stack nor flash for it.
+    /// One without settings, to be set up in its place: all of it zero, so that a device needs
+    /// neither stack nor flash for it.
     #[must_use]
     pub const fn idle() -> Self {
         let zero = T::ZERO;
@@ -259,7 +269,8 @@ impl<T: Real, const B: usize> Regressor<T, B> {
         if follows { Pushed::Taken } else { Pushed::Began }
     }
 
-    /// The half that is complete becomes the one before; whether there is a window now. S = S₁ + (−1)ⁿ S₂.
+    /// The half that is complete becomes the one before; whether there is a window now. S = S₁ +
+    /// (−1)ⁿ S₂.
     fn turn_over(&mut self) -> bool {
         let (sums, plain) = self.bank.sums();
         for series in 0..SERIES {
@@ -308,7 +319,8 @@ impl<T: Real, const B: usize> Regressor<T, B> {
         let [before, clear] = self.clear;
         let after = self.slope(0, MIDDLE + 1, &CLEAR_SLOPE);
         self.clear = [clear, after];
-        // The velocity changes by half of after − before over the step around the middle: clamp(2v/|step|).
+        // The velocity changes by half of after − before over the step around the middle:
+        // clamp(2v/|step|).
         let (four, change) = (T::from_i32(4) * clear, (after - before).abs());
         let one = T::one();
         let sign = if four.abs() < change {
@@ -343,8 +355,8 @@ impl<T: Real, const B: usize> Regressor<T, B> {
         ])
     }
 
-    /// The rows of the last complete window at m, from the real and from the imaginary part (which is zero at m = 0); `None` beyond
-    /// [`Self::FREQUENCIES`] or before there is a window.
+    /// The rows of the last complete window at m, from the real and from the imaginary part (which
+    /// is zero at m = 0); `None` beyond [`Self::FREQUENCIES`] or before there is a window.
     #[must_use]
     pub fn rows_at(&self, m: usize) -> Option<[Row<T>; 2]> {
         if self.halves < 2 || m > Self::FREQUENCIES {

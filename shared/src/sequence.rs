@@ -1,6 +1,7 @@
 //! Lost, repeated and late frames from their numbers, in wrapping arithmetic.
 //!
-//! The number of a frame is compared with that of the newest one by their difference d modulo 2¹⁶ in [−2¹⁵, 2¹⁵):
+//! The number of a frame is compared with that of the newest one by their difference d modulo 2¹⁶
+//! in [−2¹⁵, 2¹⁵):
 //!
 //! | d | means |
 //! |---|---|
@@ -9,9 +10,10 @@
 //! | 0 … −63 | seen already: repeated; not seen: late, and one lost frame fewer |
 //! | −64 … −2¹⁵ | the sender has started anew |
 //!
-//! Limits: numbers alone cannot tell a gap of 2¹⁵ frames or more from a restart (10 minutes at the device's 52 frames a
-//! second), nor a restart within the first 64 frames from repeats. The device's boot id tells restarts
-//! ([`SequenceTracker::restart_at`]), and [`crate::tick`] counts what is missing in samples over any outage.
+//! Limits: numbers alone cannot tell a gap of 2¹⁵ frames or more from a restart (10 minutes at the
+//! device's 52 frames a second), nor a restart within the first 64 frames from repeats. The
+//! device's boot id tells restarts ([`SequenceTracker::restart_at`]), and [`crate::tick`] counts
+//! what is missing in samples over any outage.
 
 /// Frames back from the newest one for which it is remembered whether they came.
 pub const HISTORY: u16 = 64;
@@ -103,8 +105,8 @@ impl SequenceTracker {
         SequenceEvent::Late
     }
 
-    /// The sender is known to have started anew (another boot id in its hello), and this frame is its first here. To be
-    /// called instead of [`Self::observe`].
+    /// The sender is known to have started anew (another boot id in its hello), and this frame is
+    /// its first here. To be called instead of [`Self::observe`].
     pub fn restart_at(&mut self, sequence: u16) -> SequenceEvent {
         self.counters.restarts += 1;
         self.begin(sequence);

@@ -1,13 +1,15 @@
 //! The device's 32-bit sampling ticks as one line of 64-bit ticks that never runs backwards.
 //!
-//! A block of samples is placed by the difference between its first tick and the one expected, modulo 2³², in
-//! [−2³¹, 2³¹): zero continues, a positive one is a gap of so many samples, a negative one is late or repeated. After a
-//! restart of the device (another boot id) its ticks begin at 0 again; they are put directly behind the last one known,
-//! which is the shortest the outage can have been: its true length is known to no clock of the device.
+//! A block of samples is placed by the difference between its first tick and the one expected,
+//! modulo 2³², in [−2³¹, 2³¹): zero continues, a positive one is a gap of so many samples, a
+//! negative one is late or repeated. After a restart of the device (another boot id) its ticks
+//! begin at 0 again; they are put directly behind the last one known, which is the shortest the
+//! outage can have been: its true length is known to no clock of the device.
 //!
-//! Limits: gaps of 2³¹ ticks or more (49 days at 500 Hz) are ambiguous. Blocks more than [`LATE_LIMIT`] ticks behind are
-//! not placed: the device has probably restarted without its hello having come, and should be asked for one. The last
-//! [`GAPS`] gaps are remembered; what comes late for an older one counts as repeated.
+//! Limits: gaps of 2³¹ ticks or more (49 days at 500 Hz) are ambiguous. Blocks more than
+//! [`LATE_LIMIT`] ticks behind are not placed: the device has probably restarted without its hello
+//! having come, and should be asked for one. The last [`GAPS`] gaps are remembered; what comes late
+//! for an older one counts as repeated.
 
 use heapless::Deque;
 
@@ -89,9 +91,11 @@ impl TickTracker {
         Self::default()
     }
 
-    /// Takes boot id and tick of a hello; whether the device has restarted since the last block or hello.
+    /// Takes boot id and tick of a hello; whether the device has restarted since the last block or
+    /// hello.
     ///
-    /// Where blocks came before the first hello, a hello whose tick lies before theirs is from another boot.
+    /// Where blocks came before the first hello, a hello whose tick lies before theirs is from
+    /// another boot.
     pub fn hello(&mut self, boot_id: u32, tick: u32) -> bool {
         let restarted = match (self.boot_id.replace(boot_id), self.expected) {
             (Some(before), _) => before != boot_id,
@@ -191,7 +195,8 @@ impl TickTracker {
         true
     }
 
-    /// Where a tick of the present boot lies; `None` before its first block that came, and before that block.
+    /// Where a tick of the present boot lies; `None` before its first block that came, and before
+    /// that block.
     #[must_use]
     pub fn place(&self, tick: u32) -> Option<u64> {
         let (device, extended) = self.expected.filter(|_| !self.restarted)?;

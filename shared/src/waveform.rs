@@ -1,11 +1,12 @@
 //! The drive's phase and displacement: y = a cos τ, the phase τ an integer.
 //!
-//! The phase is an accumulator of 32 bits in turns · 2⁻³²; each tick adds `increment` = round(f·2³²/f_s), f and f_s in
-//! mHz. What the device adds up is therefore what the host knows, exactly, at any later tick. Rounding the increment
-//! moves the frequency by at most f_s·2⁻³³ (5.8e-8 Hz at 500 Hz); [`exact_frequency`] gives the frequency that results.
+//! The phase is an accumulator of 32 bits in turns · 2⁻³²; each tick adds `increment` =
+//! round(f·2³²/f_s), f and f_s in mHz. What the device adds up is therefore what the host knows,
+//! exactly, at any later tick. Rounding the increment moves the frequency by at most f_s·2⁻³³
+//! (5.8e-8 Hz at 500 Hz); [`exact_frequency`] gives the frequency that results.
 //!
-//! cos comes after an exact reduction to an octant ([`crate::real`]); the displacement in nm is rounded once.
-//! Error of the displacement: at most 0.5 nm + 1.2e-7 a.
+//! cos comes after an exact reduction to an octant ([`crate::real`]); the displacement in nm is
+//! rounded once. Error of the displacement: at most 0.5 nm + 1.2e-7 a.
 
 use core::f64::consts::TAU;
 
@@ -59,13 +60,15 @@ pub fn cos_sin<T: Real>(phase: u32) -> (T, T) {
     cos_sin_turns(u64::from(phase) << 32)
 }
 
-/// The base's displacement a cos τ in nm, upward positive (for a vertical drive); saturates at ±(2³¹ − 1) nm.
+/// The base's displacement a cos τ in nm, upward positive (for a vertical drive); saturates at
+/// ±(2³¹ − 1) nm.
 ///
 /// The phase, the amplitude and the product are integers; only the cosine is in single precision.
 #[must_use]
 pub fn displacement(amplitude_nanometre: u32, phase: u32) -> i32 {
     let (cos, _) = cos_sin::<f32>(phase);
-    // A product with a power of two is exact, so cos·2³¹ is an integer for |cos| ≥ 2⁻⁷ and rounded below 2⁻³¹ otherwise.
+    // A product with a power of two is exact, so cos·2³¹ is an integer for |cos| ≥ 2⁻⁷ and rounded
+    // below 2⁻³¹ otherwise.
     let fixed = (cos * 2_147_483_648.0) as i64;
     let product = i64::from(amplitude_nanometre) * fixed;
     // Half away from zero, so that the waveform is symmetric.
@@ -142,7 +145,8 @@ mod tests {
 
     #[test]
     fn harmonics_of_the_drive_sample_are_below_a_ten_millionth() {
-        // One turn of 1000 samples: the amplitude at 2ω and 3ω of what is written is rounding alone.
+        // One turn of 1000 samples: the amplitude at 2ω and 3ω of what is written is rounding
+        // alone.
         let (n, a) = (1000_u32, 15_525_000_u32);
         for order in [0_u64, 2, 3, 5] {
             let (mut re, mut im) = (0.0, 0.0);

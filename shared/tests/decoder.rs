@@ -1,4 +1,5 @@
-//! The decoder under seeded damage, in the time of an ordinary test; `examples/decoder_torture.rs` runs longer.
+//! The decoder under seeded damage, in the time of an ordinary test; `examples/decoder_torture.rs`
+//! runs longer.
 
 mod support;
 
@@ -50,7 +51,8 @@ proptest! {
         prop_assert_eq!(got, vec![Ok(host)]);
     }
 
-    /// A single flipped bit is always noticed: as an error, or (where it makes or removes a zero) as several.
+    /// A single flipped bit is always noticed: as an error, or (where it makes or removes a zero)
+    /// as several.
     #[test]
     fn one_flipped_bit_never_gives_a_message(seed in any::<u64>(), place in any::<proptest::sample::Index>(), bit in 0_u8..8) {
         let envelope = Source::new(seed).device();

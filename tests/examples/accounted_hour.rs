@@ -1,4 +1,5 @@
-//! One simulated hour (or as many seconds as are asked for) through every kind of link fault, every sample accounted for.
+//! One simulated hour (or as many seconds as are asked for) through every kind of link fault, every
+//! sample accounted for.
 //! `cargo run --release -p whirl-tests --example accounted_hour [SECONDS] [SEED]`
 
 use whirl_tests::accuracy::chaotic_rig;

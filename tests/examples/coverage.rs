@@ -1,4 +1,5 @@
-//! The table of coverage: how often 95 % intervals of weak form and shooting hold the truth, over seeded records of the chaotic rig.
+//! The table of coverage: how often 95 % intervals of weak form and shooting hold the truth, over
+//! seeded records of the chaotic rig.
 //! `cargo run --release -p whirl-tests --example coverage [SEEDS] [COUNTS] [SECONDS] [weak|shooting]`
 
 use whirl_tests::coverage::{Method, tally};

@@ -1,6 +1,8 @@
-//! The battery of hidden effects: how often what is hidden is what is named, and how often something is named where nothing is hidden.
-//! `cargo run --release -p whirl-tests --example explain_battery -- RESULTS.csv [SEEDS] [FILTER]`. Results are appended as they come; what is in
-//! the file already is not run again, so that a long battery may be interrupted.
+//! The battery of hidden effects: how often what is hidden is what is named, and how often
+//! something is named where nothing is hidden.
+//! `cargo run --release -p whirl-tests --example explain_battery -- RESULTS.csv [SEEDS] [FILTER]`.
+//! Results are appended as they come; what is in the file already is not run again, so that a long
+//! battery may be interrupted.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -40,7 +42,8 @@ fn main() {
     summary(&lines);
 }
 
-/// One result: verdict, score, effects named, twins of the first, gap before and after, detectability, error in standard errors.
+/// One result: verdict, score, effects named, twins of the first, gap before and after,
+/// detectability, error in standard errors.
 fn line(case: &Case, said: &Said) -> String {
     format!(
         "{:?}\t{}\t{}\t{}\t{:.3}\t{:.3}\t{:.2}\t{:.2}",
@@ -76,8 +79,9 @@ fn score(case: &Case, said: &Said) -> &'static str {
     }
 }
 
-/// Pairs that no record tells apart: an offset of encoder 2 turns arm 2's line as an imbalance does; with a Coulomb level in the joint, a level that differs with
-/// direction is that level and a constant force.
+/// Pairs that no record tells apart: an offset of encoder 2 turns arm 2's line as an imbalance
+/// does; with a Coulomb level in the joint, a level that differs with direction is that level and a
+/// constant force.
 fn equivalent(a: &str, b: &str) -> bool {
     [["zero-offset@encoder2", "imbalance@arm2"], ["asymmetric-friction@joint1", "constant-force@joint1"]]
         .iter()
@@ -86,7 +90,8 @@ fn equivalent(a: &str, b: &str) -> bool {
 
 fn summary(lines: &[(Case, String)]) {
     let mut groups: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
-    // How often an effect is named by how clearly it shows on held-out data: named first, named as a twin, all.
+    // How often an effect is named by how clearly it shows on held-out data: named first, named as
+    // a twin, all.
     let mut curve = [[0_usize; 3]; EDGES.len() + 1];
     for (case, line) in lines {
         let fields: Vec<&str> = line.split('\t').collect();

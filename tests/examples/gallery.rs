@@ -1,4 +1,5 @@
-//! Makes the pictures of `docs/gallery.md`: a record of each rig in it, simulated, and the phase portraits of its inspection.
+//! Makes the pictures of `docs/gallery.md`: a record of each rig in it, simulated, and the phase
+//! portraits of its inspection.
 //!
 //! `cargo run --release -p whirl-tests --example gallery`
 

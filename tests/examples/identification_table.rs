@@ -1,5 +1,6 @@
-//! The table of measured accuracy: 120 s of the chaotic rig at 4096 counts, 20 seeds, at 5 Hz and at 5.2 Hz, where a period is no
-//! whole number of samples. `cargo run --release -p whirl-tests --example identification_table [SEEDS]`
+//! The table of measured accuracy: 120 s of the chaotic rig at 4096 counts, 20 seeds, at 5 Hz and
+//! at 5.2 Hz, where a period is no whole number of samples.
+//! `cargo run --release -p whirl-tests --example identification_table [SEEDS]`
 
 use whirl_tests::accuracy::{ALL, INDEPENDENT, coverage, table};
 

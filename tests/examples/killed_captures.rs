@@ -1,4 +1,5 @@
-//! Two hundred captures (or as many as are asked for) killed at random moments, made records, and resumed.
+//! Two hundred captures (or as many as are asked for) killed at random moments, made records, and
+//! resumed.
 //! `cargo build -p whirl-cli && cargo run -p whirl-tests --example killed_captures [COUNT] [SEED]`
 
 use std::time::Instant;

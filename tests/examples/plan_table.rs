@@ -1,4 +1,5 @@
-//! The table of docs/plan.md: rigs of the simulator whose first record cannot decide, what was planned, and what the planned record showed.
+//! The table of docs/plan.md: rigs of the simulator whose first record cannot decide, what was
+//! planned, and what the planned record showed.
 //! `cargo run --release -p whirl-tests --example plan_table [BUDGET]`
 
 use indicatif::ProgressBar;
@@ -14,7 +15,8 @@ use whirl::rig::Rig;
 use whirl::simulate;
 use whirl_tests::repository;
 
-/// Why the first record cannot decide, the rig, its record's length in s, the effect that is hidden, and what it may be taken for.
+/// Why the first record cannot decide, the rig, its record's length in s, the effect that is
+/// hidden, and what it may be taken for.
 const CASES: [(&str, &str, f64, &str, &str); 20] = [
     ("locked", "seed", 60.0, "eccentricity@encoder1=0.004", "zero-offset@encoder1"),
     ("locked", "seed", 60.0, "eccentricity@encoder2=0.004", "zero-offset@encoder2"),

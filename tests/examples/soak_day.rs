@@ -1,5 +1,6 @@
-//! A simulated day (or as many hours as are asked for) through every kind of link fault, piece by piece, each sample accounted for, and the
-//! memory that this took. `cargo run --release -p whirl-tests --example soak_day [HOURS] [SEED]`
+//! A simulated day (or as many hours as are asked for) through every kind of link fault, piece by
+//! piece, each sample accounted for, and the memory that this took.
+//! `cargo run --release -p whirl-tests --example soak_day [HOURS] [SEED]`
 
 use std::time::Instant;
 

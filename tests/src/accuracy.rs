@@ -1,4 +1,5 @@
-//! The accuracy of the whole line on records whose truth is known: simulated, written, read, identified, compared.
+//! The accuracy of the whole line on records whose truth is known: simulated, written, read,
+//! identified, compared.
 
 use indicatif::ProgressBar;
 use rayon::prelude::*;
@@ -9,8 +10,8 @@ use whirl::rig::plant::Plant;
 
 use crate::repository;
 
-/// Coefficients that are estimated on their own (B15 and B25 follow from B13, B14 and B23, B24): those whose standard errors are
-/// compared.
+/// Coefficients that are estimated on their own (B15 and B25 follow from B13, B14 and B23, B24):
+/// those whose standard errors are compared.
 pub const INDEPENDENT: [&str; 11] = ["B11", "B12", "B13", "B14", "B21", "B22", "B23", "B24", "C11", "C12", "C2"];
 /// Every coefficient of the double pendulum, in the order of the report.
 pub const ALL: [&str; 13] = ["B11", "B12", "B13", "B14", "B15", "B21", "B22", "B23", "B24", "B25", "C11", "C12", "C2"];
@@ -30,7 +31,8 @@ pub struct Comparison {
     pub truth: f64,
     /// Standard error.
     pub std_error: f64,
-    /// What the error is divided by: the truth's size, or, for B14 and B24, which are 0 here, that of B15 and B25.
+    /// What the error is divided by: the truth's size, or, for B14 and B24, which are 0 here, that
+    /// of B15 and B25.
     pub scale: f64,
 }
 
@@ -45,7 +47,8 @@ impl Comparison {
         (self.value - self.truth).abs() / self.std_error
     }
 
-    /// The relative error that issue and README allow: 0.2 % for every B, 0.5 % for C12 and C2, 3 % for C11.
+    /// The relative error that issue and README allow: 0.2 % for every B, 0.5 % for C12 and C2, 3 %
+    /// for C11.
     pub fn allowed(&self) -> f64 {
         match self.name {
             "C11" => 0.03,
@@ -79,7 +82,8 @@ pub fn identified(rig: &Rig, seed: u64, seconds: f64) -> Identification {
     identify(&[record], rig, &Settings::default()).expect("an identification")
 }
 
-/// 120 s of the chaotic rig for each frequency and seed, every coefficient beside its truth. Runs on all threads.
+/// 120 s of the chaotic rig for each frequency and seed, every coefficient beside its truth. Runs
+/// on all threads.
 ///
 /// # Panics
 /// If a record cannot be simulated or identified, or a coefficient is missing.
@@ -113,7 +117,8 @@ pub fn table(frequencies_hz: &[f64], seeds: std::ops::RangeInclusive<u64>) -> Ve
         .collect()
 }
 
-/// How well the standard errors cover the truth: comparisons, those within 3 standard errors, the greatest deviation.
+/// How well the standard errors cover the truth: comparisons, those within 3 standard errors, the
+/// greatest deviation.
 pub fn coverage(table: &[Comparison]) -> (usize, usize, f64) {
     let independent = table.iter().filter(|c| INDEPENDENT.contains(&c.name));
     independent.fold((0, 0, 0.0), |(all, within, worst), c| {

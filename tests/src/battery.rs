@@ -1,5 +1,6 @@
-//! The battery of hidden effects: every effect that the simulator has, at three strengths, two resolutions, two lengths and several seeds, and
-//! records in which nothing is hidden. Each is explained, and what was said is compared with what was hidden.
+//! The battery of hidden effects: every effect that the simulator has, at three strengths, two
+//! resolutions, two lengths and several seeds, and records in which nothing is hidden. Each is
+//! explained, and what was said is compared with what was hidden.
 
 use std::path::Path;
 
@@ -147,8 +148,9 @@ impl Case {
     }
 }
 
-/// Every effect at a third, once and three times its strength, at 4096 and 1024 counts, 120 and 60 s, as many records with nothing hidden as effects, and others with
-/// nothing hidden: longer ones, at 5.2 Hz, free.
+/// Every effect at a third, once and three times its strength, at 4096 and 1024 counts, 120 and 60
+/// s, as many records with nothing hidden as effects, and others with nothing hidden: longer ones,
+/// at 5.2 Hz, free.
 pub fn cases(seeds: core::ops::RangeInclusive<u64>) -> Vec<Case> {
     let mut out = Vec::new();
     for seed in seeds {
@@ -210,7 +212,8 @@ pub struct Said {
     pub gap: [f64; 2],
     /// Held-out gain of the first hidden effect over its standard error, in the first step.
     pub deviations: f64,
-    /// (Value found − value hidden)/standard error, where the first effect was named rightly and its scale is known.
+    /// (Value found − value hidden)/standard error, where the first effect was named rightly and
+    /// its scale is known.
     pub error_sigmas: f64,
 }
 

@@ -1,5 +1,5 @@
-//! A capture of the simulated rig through a link with every kind of fault, held against the link's own account, tick by tick.
-//! Time is the rig's own.
+//! A capture of the simulated rig through a link with every kind of fault, held against the link's
+//! own account, tick by tick. Time is the rig's own.
 
 use std::io;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -107,11 +107,13 @@ pub struct Account {
     pub injected: FaultReport,
     /// Ticks between the first and the last sample, both included.
     pub ticks: u64,
-    /// Missing ticks of the record that the link did not take, and ticks that it took and the record has nevertheless.
+    /// Missing ticks of the record that the link did not take, and ticks that it took and the
+    /// record has nevertheless.
     pub disagreements: usize,
 }
 
-/// Captures `seconds` through every kind of fault, in both directions, and compares the two accounts.
+/// Captures `seconds` through every kind of fault, in both directions, and compares the two
+/// accounts.
 ///
 /// # Panics
 /// If the capture fails, or its record cannot be read.

@@ -1,4 +1,5 @@
-//! Captures that are killed (SIGKILL) at any moment, made records, and resumed; held against one that was not interrupted.
+//! Captures that are killed (SIGKILL) at any moment, made records, and resumed; held against one
+//! that was not interrupted.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -98,7 +99,8 @@ impl Whole {
     /// Kills a capture at a random moment, makes its record of a copy, and resumes it.
     ///
     /// # Panics
-    /// Where a sample whose bytes were journalled is not in a record, a step fails, or a message does not tell the next one.
+    /// Where a sample whose bytes were journalled is not in a record, a step fails, or a message
+    /// does not tell the next one.
     pub fn kill(&self, seed: u64) -> Killed {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         // From the first instruction to a little behind the end.
@@ -121,7 +123,8 @@ impl Whole {
             return Killed { ended: at(&record).exists(), ..Killed::default() };
         };
         let samples = self.journalled(&journal);
-        // The next capture is told what to do, or nothing is in its way; the journal stays as it is.
+        // The next capture is told what to do, or nothing is in its way; the journal stays as it
+        // is.
         if samples > 0 {
             let (status, told) = self.run(&live, &record);
             assert!(

@@ -1,5 +1,5 @@
-//! End-to-end tests over the whole line, from encoder edges to the report: what the tests in `tests/` and the longer
-//! runs in `examples/` share.
+//! End-to-end tests over the whole line, from encoder edges to the report: what the tests in
+//! `tests/` and the longer runs in `examples/` share.
 //!
 //! | module | what |
 //! |---|---|

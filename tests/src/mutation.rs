@@ -42,7 +42,8 @@ const WORDS: &[u64] = &[0, 1, 0x7fff_ffff, 0x8000_0000, u32::MAX as u64, 1 << 62
 /// Longest run that one mutation adds, bytes.
 const LONG: usize = 1 << 16;
 
-/// Bytes with one to three mutations, mostly one: it goes deeper than several, which are sooner refused.
+/// Bytes with one to three mutations, mostly one: it goes deeper than several, which are sooner
+/// refused.
 pub fn mutated(bytes: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
     let mut out = bytes.to_vec();
     for _ in 0..[1, 1, 1, 2, 3][rng.random_range(0..5)] {

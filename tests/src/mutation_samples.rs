@@ -141,7 +141,8 @@ impl Samples {
         }
     }
 
-    /// A spoilt input. Where a checksum or a compression stands around the contents, these are spoilt before in half of the rounds.
+    /// A spoilt input. Where a checksum or a compression stands around the contents, these are
+    /// spoilt before in half of the rounds.
     pub fn spoilt(&self, input: Input, rng: &mut ChaCha8Rng) -> Vec<u8> {
         match input {
             Input::CsvGz if rng.random() => gzip(&mutated(&self.csv, rng)),
@@ -193,7 +194,8 @@ fn gzip(bytes: &[u8]) -> Vec<u8> {
     out.write_all(bytes).and_then(|()| out.finish()).expect("memory")
 }
 
-/// A Parquet file as others write it: row groups of 2000 rows in pages of 500, through dictionaries.
+/// A Parquet file as others write it: row groups of 2000 rows in pages of 500, through
+/// dictionaries.
 fn foreign(path: &Path, columns: &[Vec<f64>; 3]) -> Vec<u8> {
     let schema = "message m { required double t; required int64 count1; optional double count2; }";
     let schema = Arc::new(parse_message_type(schema).expect("a schema"));
@@ -288,7 +290,8 @@ fn lvm(columns: &[Vec<f64>; 3]) -> Vec<u8> {
     out.into_bytes()
 }
 
-/// A MATLAB file of version 5 with the variables t, count1 and count2, or with t and a structure of the two others.
+/// A MATLAB file of version 5 with the variables t, count1 and count2, or with t and a structure of
+/// the two others.
 fn mat(columns: &[Vec<f64>; 3], structure: bool) -> Vec<u8> {
     let element = |kind: u32, data: &[u8]| {
         let mut out = [kind.to_le_bytes(), (data.len() as u32).to_le_bytes()].concat();

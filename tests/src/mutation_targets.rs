@@ -1,4 +1,5 @@
-//! What takes bytes from outside: one entry for each kind of input, as the replays of mutated inputs and the fuzz targets call it.
+//! What takes bytes from outside: one entry for each kind of input, as the replays of mutated
+//! inputs and the fuzz targets call it.
 
 use std::path::PathBuf;
 use std::sync::LazyLock;
@@ -303,7 +304,8 @@ impl ShakerOutput for Displacement {
     }
 }
 
-/// The firmware, which gets these bytes between its ticks: the base never leaves its limits, and what is sent decodes.
+/// The firmware, which gets these bytes between its ticks: the base never leaves its limits, and
+/// what is sent decodes.
 fn console(bytes: &[u8]) -> Vec<Warning> {
     let settings = Settings::default();
     let mut app = App::new(settings.clone(), Still, Still, Displacement(0)).expect("the default settings");
@@ -326,7 +328,8 @@ fn console(bytes: &[u8]) -> Vec<Warning> {
     Vec::new()
 }
 
-/// The wire's bytes with what its messages say changed, each frame whole: the decoder lets them through.
+/// The wire's bytes with what its messages say changed, each frame whole: the decoder lets them
+/// through.
 pub fn rewritten(bytes: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
     let mut decoder: Decoder<DeviceMessage> = Decoder::new();
     let mut messages: Vec<Envelope<DeviceMessage>> =

@@ -1,4 +1,5 @@
-//! The device's own estimate against the host's weak form, on the same windows of the same simulated records.
+//! The device's own estimate against the host's weak form, on the same windows of the same
+//! simulated records.
 
 use whirl::identify::regression::Solution;
 use whirl::identify::series::System;
@@ -54,7 +55,8 @@ fn record(rig: &Rig, counts: &[[i32; 2]], phase: &[u32]) -> Record {
     }
 }
 
-/// The host's rows of every window, the terms of its equations, and the sample at which the first window begins.
+/// The host's rows of every window, the terms of its equations, and the sample at which the first
+/// window begins.
 struct Host {
     rows: Vec<WindowRows>,
     terms: Vec<usize>,
@@ -139,7 +141,8 @@ fn each_of_twenty_windows_alone_gives_what_it_gives_the_host() {
         let (counts, phase) = simulated(seed);
         let host = Host::new(&rig, &counts, &phase);
         let outcomes = device(&counts, &phase, host.first_sample, 0);
-        // A single window does not tell how the residuals grow with frequency: the weights are those of the record.
+        // A single window does not tell how the residuals grow with frequency: the weights are
+        // those of the record.
         let weights = host.solve(0..host.rows.len()).weights;
         for n in (0..outcomes.len()).skip(3).take(WINDOWS) {
             for d in deviations(&outcomes[n], &host.values(n..n + 1, &weights)) {

@@ -1,7 +1,7 @@
 //! The firmware's image on an emulated Cortex-M4F, against the simulated plant.
 //!
-//! Needs `qemu-system-arm` and the target thumbv7em-none-eabihf. Without them the tests say that they did not run; with
-//! `WHIRL_EMULATOR=required` (as `./check` sets it) they fail instead.
+//! Needs `qemu-system-arm` and the target thumbv7em-none-eabihf. Without them the tests say that
+//! they did not run; with `WHIRL_EMULATOR=required` (as `./check` sets it) they fail instead.
 #![cfg(unix)]
 
 #[path = "emulated/back_fill.rs"]
@@ -43,7 +43,8 @@ fn driven(ticks: u32) -> Script {
     Script::new().drive(0, ticks, 10_000, 15_525, 5_000)
 }
 
-/// FNV-1a over the fields of all samples and the numbers of all estimates: what the golden file holds.
+/// FNV-1a over the fields of all samples and the numbers of all estimates: what the golden file
+/// holds.
 fn digest(frames: &[u8]) -> u64 {
     let mut hash = 0xcbf2_9ce4_8422_2325_u64;
     let mut decoder = Decoder::<DeviceMessage>::new();
@@ -70,8 +71,8 @@ fn digest(frames: &[u8]) -> u64 {
     hash
 }
 
-/// Runs the chaotic rig on the emulated board: every sample is there, the tick's period is exact, and all bytes are those of the
-/// firmware on this machine.
+/// Runs the chaotic rig on the emulated board: every sample is there, the tick's period is exact,
+/// and all bytes are those of the firmware on this machine.
 fn exact(image: PathBuf, ticks: u32) -> Emulation {
     let folder = tempfile::tempdir().unwrap();
     let mut settings = EmulatorSettings {
@@ -128,7 +129,8 @@ fn identified(frames: &[u8], name: &str, folder: &Path, rig: &Rig) -> String {
     serde_json::to_string(&result).unwrap()
 }
 
-/// The host's result from the emulated board's capture is, digit for digit, that from the firmware on this machine.
+/// The host's result from the emulated board's capture is, digit for digit, that from the firmware
+/// on this machine.
 fn identified_alike(emulated: &[u8], here: &[u8]) {
     let rig = Rig::read(Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../rigs/chaotic.toml"))).unwrap();
     let folder = tempfile::tempdir().unwrap();
@@ -156,7 +158,8 @@ fn a_minute_is_that_of_the_firmware_on_this_machine_byte_for_byte() {
     assert_eq!(text, std::fs::read_to_string(&golden).unwrap_or_default(), "WHIRL_BLESS=1 accepts what has changed");
 }
 
-/// Ten minutes or so: `WHIRL_EMULATOR=required cargo test --release -p whirl-tests --test emulated an_hour -- --ignored --nocapture`.
+/// Ten minutes or so:
+/// `WHIRL_EMULATOR=required cargo test --release -p whirl-tests --test emulated an_hour -- --ignored --nocapture`.
 #[test]
 #[ignore = "takes ten minutes"]
 fn an_hour_loses_nothing_and_is_identified_alike() {

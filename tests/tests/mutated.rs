@@ -1,7 +1,9 @@
-//! Mutated inputs of every kind: each ends in an answer or in an error of one line, in bounded time and memory, without a panic.
+//! Mutated inputs of every kind: each ends in an answer or in an error of one line, in bounded time
+//! and memory, without a panic.
 //!
-//! 500 seeds a kind; `WHIRL_SEEDS=20000` tries as many (from `WHIRL_FIRST_SEED` on). What fails says its seed. The same entries stand behind the targets in `fuzz/`,
-//! which need a nightly toolchain.
+//! 500 seeds a kind; `WHIRL_SEEDS=20000` tries as many (from `WHIRL_FIRST_SEED` on). What fails
+//! says its seed. The same entries stand behind the targets in `fuzz/`, which need a nightly
+//! toolchain.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Mutex;

@@ -1,5 +1,5 @@
-//! The wire's documentation: a decoder in Python that was written from it (`tests/wire/decode.py`) reads what the firmware
-//! sends as the program's own does.
+//! The wire's documentation: a decoder in Python that was written from it (`tests/wire/decode.py`)
+//! reads what the firmware sends as the program's own does.
 
 use std::io::Write;
 use std::process::{Command as Process, Stdio};

@@ -1,6 +1,7 @@
 //! Linker arguments, memory layout and build id.
 
-/// As much as the NUCLEO-F446RE has flash, less the settings' pages (`src/flash.rs`), and RAM, of the machine's 4 MB each.
+/// As much as the NUCLEO-F446RE has flash, less the settings' pages (`src/flash.rs`), and RAM, of
+/// the machine's 4 MB each.
 const MEMORY: &str =
     "MEMORY\n{\n  FLASH : ORIGIN = 0x00000000, LENGTH = 508K\n  RAM : ORIGIN = 0x20000000, LENGTH = 128K\n}\n";
 

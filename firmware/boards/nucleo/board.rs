@@ -6,8 +6,9 @@
 //! | processor, timers | 170 MHz, 170 MHz | 180 MHz, 90 MHz |
 //! | settings | pages 126 and 127 of bank 2 | sectors 6 and 7 |
 //!
-//! Pins are the same on both: encoder 1 A, B, index on PB6, PB7, PB9 (TIM4), encoder 2 on PC6, PC7, PC8 (TIM3), shaker and
-//! enable on PA4 and PB10, light on PA5, serial port on PA2 and PA3. TIM5 is the free clock, TIM7 that of the points.
+//! Pins are the same on both: encoder 1 A, B, index on PB6, PB7, PB9 (TIM4), encoder 2 on PC6, PC7,
+//! PC8 (TIM3), shaker and enable on PA4 and PB10, light on PA5, serial port on PA2 and PA3. TIM5 is
+//! the free clock, TIM7 that of the points.
 
 use embassy_stm32::Config;
 use embassy_stm32::flash::{Blocking, Flash, MAX_ERASE_SIZE};
@@ -37,8 +38,9 @@ pub const NAME: &str = "nucleo-g474re";
 #[cfg(chip = "f446re")]
 pub const NAME: &str = "nucleo-f446re";
 
-/// Where the settings are kept: the last two pages or sectors, bytes from the flash's begin. On the G474 they are in the
-/// bank that no program runs from, so that nothing stands still while they are written.
+/// Where the settings are kept: the last two pages or sectors, bytes from the flash's begin. On the
+/// G474 they are in the bank that no program runs from, so that nothing stands still while they are
+/// written.
 const SETTINGS_AT: u32 = 512 * 1024 - 2 * MAX_ERASE_SIZE as u32;
 /// Greatest sampling rate, mHz: the thread's work of a sample takes 17 000 instructions at most.
 const RATE_MAX_MILLIHERTZ: u32 = 2_000_000;
@@ -87,8 +89,9 @@ pub struct Parts {
     pub schedule: Schedule,
 }
 
-/// The watchdog, from the first instructions on: a crystal that does not start ends in a reset, not in silence. A debugger's
-/// halt stops it, and the points of the shaker with it; the tick, the free clock and the encoders go on.
+/// The watchdog, from the first instructions on: a crystal that does not start ends in a reset, not
+/// in silence. A debugger's halt stops it, and the points of the shaker with it; the tick, the free
+/// clock and the encoders go on.
 pub fn watch() -> IndependentWatchdog<'static, peripherals::IWDG> {
     #[cfg(chip = "g474re")]
     pac::DBGMCU.apb1lfzr().modify(|w| {
@@ -106,8 +109,8 @@ pub fn watch() -> IndependentWatchdog<'static, peripherals::IWDG> {
     watchdog
 }
 
-/// Lets the watchdog wait for the time that the flash takes at most (2 s for a sector of the F446, twice that here), or as
-/// always.
+/// Lets the watchdog wait for the time that the flash takes at most (2 s for a sector of the F446,
+/// twice that here), or as always.
 pub fn watch_longer(longer: bool) {
     use embassy_stm32::pac::iwdg::vals::{Key, Pr};
     let watchdog = pac::IWDG;

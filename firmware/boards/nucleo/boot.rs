@@ -10,8 +10,8 @@ pub fn id() -> u32 {
     lasting::boot_id(embassy_stm32::uid::uid())
 }
 
-/// Why the chip was reset. The flags are cleared, so that the next reset shows its own. A reset from within pulls the pin
-/// too, and power sets more than its own flag: the order decides.
+/// Why the chip was reset. The flags are cleared, so that the next reset shows its own. A reset
+/// from within pulls the pin too, and power sets more than its own flag: the order decides.
 fn cause() -> ResetCause {
     let flags = pac::RCC.csr().read();
     pac::RCC.csr().modify(|w| w.set_rmvf(true));

@@ -1,5 +1,5 @@
-//! What happens when nothing can go on: the shaker is silenced first, then the cause is left for the next boot and told, then
-//! the watchdog resets.
+//! What happens when nothing can go on: the shaker is silenced first, then the cause is left for
+//! the next boot and told, then the watchdog resets.
 
 use core::fmt;
 use core::panic::PanicInfo;
@@ -13,7 +13,8 @@ use crate::hardware::REST;
 
 static ENTERED: AtomicBool = AtomicBool::new(false);
 
-/// Amplifier off, no more points, set point at rest: by registers, since whoever owns them may be the one who panicked.
+/// Amplifier off, no more points, set point at rest: by registers, since whoever owns them may be
+/// the one who panicked.
 fn silence() {
     pac::GPIOB.bsrr().write(|w| w.set_br(10, true));
     pac::TIM7.dier().write(|w| w.set_ude(false));

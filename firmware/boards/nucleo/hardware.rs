@@ -15,11 +15,13 @@ use whirl_firmware::dac::Converter;
 
 use crate::player::Player;
 
-/// A level counts when eight samples at a 32nd of the timer's clock agree: 1.5 µs at 170 MHz, 2.8 µs at 90 MHz. The shortest
-/// time between edges is 12 µs (4096 counts a turn at 20 turns a second).
+/// A level counts when eight samples at a 32nd of the timer's clock agree: 1.5 µs at 170 MHz, 2.8
+/// µs at 90 MHz. The shortest time between edges is 12 µs (4096 counts a turn at 20 turns a
+/// second).
 const FILTER: FilterValue = FilterValue::FDTS_DIV32_N8;
 
-/// Inputs are pulled up, so that a line that is not wired, or whose buffer has no supply, is a level and no noise.
+/// Inputs are pulled up, so that a line that is not wired, or whose buffer has no supply, is a
+/// level and no noise.
 pub fn pulled_up() -> qei::Config {
     let mut config = qei::Config::default();
     config.ch1_pull = Pull::Up;
@@ -36,8 +38,8 @@ macro_rules! encoder {
         }
 
         impl $name {
-            /// Takes a counter that was set up for its pins, and the pin of the index, on whose rising edge the timer
-            /// holds its count.
+            /// Takes a counter that was set up for its pins, and the pin of the index, on whose
+            /// rising edge the timer holds its count.
             pub fn new(qei: Qei<'static, $timer>, index: Peri<'static, impl TimerPin<$timer, $channel>>) -> Self {
                 // A pin that is dropped is disconnected.
                 core::mem::forget(CapturePin::<'static, $timer, $channel>::new(index, Pull::Up));

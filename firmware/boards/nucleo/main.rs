@@ -10,8 +10,9 @@
 //! | stream | USART2 by DMA: the ST-LINK's serial port; RTT channel 1 beside it |
 //! | messages | defmt, RTT channel 0 |
 //!
-//! Pins: `board.rs`, and docs/boards.md with the wiring. The watchdog resets the board when the tick or the thread stands
-//! still for 100 ms; after a reset, as after a panic, the enable pin is low.
+//! Pins: `board.rs`, and docs/boards.md with the wiring. The watchdog resets the board when the
+//! tick or the thread stands still for 100 ms; after a reset, as after a panic, the enable pin is
+//! low.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

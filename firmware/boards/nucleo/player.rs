@@ -1,9 +1,10 @@
-//! The shaker's points: TIM7 asks for one at each of its updates, and DMA brings it from memory to the converter.
+//! The shaker's points: TIM7 asks for one at each of its updates, and DMA brings it from memory to
+//! the converter.
 //!
-//! Each tick's points are a run of their own, not a ring: where the next tick does not come (a debugger, an erasure of the
-//! flash), the converter stands at the last point, and does not play the last tick over and over. TIM7 runs in step with the
-//! tick's timer, and a run begins with the point whose time comes next, so that latency moves nothing. A debugger's halt
-//! stops TIM7 too.
+//! Each tick's points are a run of their own, not a ring: where the next tick does not come (a
+//! debugger, an erasure of the flash), the converter stands at the last point, and does not play
+//! the last tick over and over. TIM7 runs in step with the tick's timer, and a run begins with the
+//! point whose time comes next, so that latency moves nothing. A debugger's halt stops TIM7 too.
 
 use embassy_stm32::pac;
 use static_cell::ConstStaticCell;

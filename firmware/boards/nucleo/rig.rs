@@ -101,8 +101,8 @@ struct Thread {
     petted_at: u32,
 }
 
-/// Takes the serial port's bytes. A task of its own, so that no read is given up half-way: bytes that come while one is
-/// would be lost.
+/// Takes the serial port's bytes. A task of its own, so that no read is given up half-way: bytes
+/// that come while one is would be lost.
 #[embassy_executor::task]
 async fn hear(mut from_host: RingBufferedUartRx<'static>, mut heard: Producer<'static, u8>) -> ! {
     let mut bytes = [0; 64];
@@ -136,7 +136,8 @@ impl Thread {
             let n = self.rtt.1.read(&mut bytes);
             self.link.receive(&bytes[..n], &mut self.requests);
             while let Some(n) = self.link.poll_transmit(&mut frame, &mut self.blocks, &mut self.events) {
-                // Nobody may be listening here; a channel that is full drops the whole frame, which its numbers show.
+                // Nobody may be listening here; a channel that is full drops the whole frame, which
+                // its numbers show.
                 self.rtt.0.write(&frame[..n]);
                 if let Err(error) = self.to_host.write(&frame[..n]).await {
                     defmt::warn!("serial port: {}", error);
@@ -174,7 +175,8 @@ impl Thread {
     }
 }
 
-/// Starts the free clock, the tick and the points, in this order; what the free clock showed when the tick began.
+/// Starts the free clock, the tick and the points, in this order; what the free clock showed when
+/// the tick began.
 fn start(
     parts: &(TickTimer<'static, TIM5>, TickTimer<'static, TIM6>, TickTimer<'static, TIM7>),
     with: Schedule,
@@ -238,7 +240,8 @@ fn assemble(
         ticks: 0,
     };
     cortex_m::interrupt::free(|section| INTERRUPT.borrow(section).replace(Some(interrupt)));
-    // SAFETY: the interrupt's handler and all that it uses are there, and no critical section of ours is open.
+    // SAFETY: the interrupt's handler and all that it uses are there, and no critical section of
+    // ours is open.
     unsafe { interrupt::TIM6_DAC.enable() };
     let (to_host, from_host) = split(parts.uart, RING.init([0; RECEIVE_RING]));
     let store = parts.store;
@@ -251,7 +254,8 @@ fn split(uart: Uart<'static, Async>, ring: &'static mut [u8]) -> (UartTx<'static
     (to_host, from_host.into_ring_buffered(ring))
 }
 
-/// RTT: messages on channel 0, the product's stream on channel 1, the host's bytes on channel 0 down.
+/// RTT: messages on channel 0, the product's stream on channel 1, the host's bytes on channel 0
+/// down.
 fn rtt() -> (UpChannel, DownChannel) {
     let channels = rtt_target::rtt_init! {
         up: {

@@ -39,8 +39,8 @@ pub fn sums_have_the_same_bits() {
 const SUMS: u32 = 0x429a_a55c;
 
 pub fn phasors_do_not_drift() {
-    // The drive is the tenth harmonic. Its phase over many windows is exact, and so is that of the bank, whatever came before:
-    // Σ w cos² = Σ w / 2 = 3 L / 16.
+    // The drive is the tenth harmonic. Its phase over many windows is exact, and so is that of the
+    // bank, whatever came before: Σ w cos² = Σ w / 2 = 3 L / 16.
     let mut bank = bank(10);
     let Some(increment) = phase_increment(5_000, 500_000) else { panic!("increment") };
     let mut drive = PhaseAccumulator { phase: 0, increment };

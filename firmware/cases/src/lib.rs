@@ -1,12 +1,15 @@
-//! Cases that are run on the host, by `cargo test`, and on the emulated Cortex-M4F, each in a fresh machine.
+//! Cases that are run on the host, by `cargo test`, and on the emulated Cortex-M4F, each in a fresh
+//! machine.
 //!
-//! The runner on the target is our own (`firmware/boards/mps2-an386/src/bin/cases.rs`, `tests/tests/emulated/programs.rs`): the case's
-//! index goes in by semihosting's command line, the exit status comes out. embedded-test 0.7 works by the same means, but its runner is
-//! probe-rs, which drives a chip behind a debug probe; for QEMU it takes embedded-test-qemu-runner, a program that would have to be
-//! installed beside cargo before any test can run. The macro below gives the same cases to both sides without it.
+//! The runner on the target is our own (`firmware/boards/mps2-an386/src/bin/cases.rs`,
+//! `tests/tests/emulated/programs.rs`): the case's index goes in by semihosting's command line, the
+//! exit status comes out. embedded-test 0.7 works by the same means, but its runner is probe-rs,
+//! which drives a chip behind a debug probe; for QEMU it takes embedded-test-qemu-runner, a program
+//! that would have to be installed beside cargo before any test can run. The macro below gives the
+//! same cases to both sides without it.
 //!
-//! A case is a plain function that panics where it fails. What depends on rounding is compared by its bits: both must compute the
-//! same.
+//! A case is a plain function that panics where it fails. What depends on rounding is compared by
+//! its bits: both must compute the same.
 #![no_std]
 
 #[cfg(test)]

@@ -7,7 +7,8 @@ use whirl_shared::block::{Sample, samples};
 use whirl_shared::codec::MAX_FRAME;
 use whirl_shared::frame::*;
 
-/// A device that keeps so many blocks, and the messages that come from it, each with the tick in which it came.
+/// A device that keeps so many blocks, and the messages that come from it, each with the tick in
+/// which it came.
 struct Device {
     app: App<Counter, Counter, Recorder, BLOCKS, EVENTS, REQUESTS, Vec<SampleBlock>>,
     host: Host,
@@ -89,7 +90,8 @@ fn what_was_streamed_is_sent_again_exactly_and_the_stream_goes_first() {
     }
     assert_eq!(device.restored(), device.truth[1_000..6_000]);
     assert_eq!(device.ends(), [BackFilled { first_tick: 1_000, ticks: 5_000, samples: 5_000 }]);
-    // Every block of the stream came in the tick in which it would have come, and none that was sent again with it.
+    // Every block of the stream came in the tick in which it would have come, and none that was
+    // sent again with it.
     assert_eq!(device.streamed(), quiet.streamed());
     let of = |tick| device.came.iter().filter(move |(at, _)| *at == tick);
     for (tick, _) in device.streamed() {

@@ -115,11 +115,13 @@ fn everything_arrives_exactly() {
     rig.command(Command::Stop);
     rig.run(750);
 
-    // Counts, ticks and phases, bit for bit; what is not in a full block yet may be missing at the end.
+    // Counts, ticks and phases, bit for bit; what is not in a full block yet may be missing at the
+    // end.
     let got = rig.samples();
     assert!(rig.truth.len() - got.len() < BLOCK_LEN);
     assert_equal(&got, &rig.truth[..got.len()]);
-    // 250 ticks at rest, then the tick that starts it; the phase is that of 5.2 Hz rounded to 2⁻³² turns.
+    // 250 ticks at rest, then the tick that starts it; the phase is that of 5.2 Hz rounded to 2⁻³²
+    // turns.
     for (n, sample) in got.iter().enumerate().skip(251).take(5_000) {
         assert_eq!(sample.phase, 44_667_660_u32.wrapping_mul(n as u32 - 251));
     }
@@ -360,7 +362,8 @@ fn the_status_previews_angle_and_turning_rate() {
     let status =
         rig.messages().filter_map(|m| if let DeviceMessage::Status(s) = m { Some(s) } else { None }).last().unwrap();
     assert_eq!((status.tick, status.latency_max_us), (1_000, 12));
-    // Encoder 2 turns by −1237 of 4096 counts a tick: −9060 turns a minute, spread evenly over the circle.
+    // Encoder 2 turns by −1237 of 4096 counts a tick: −9060 turns a minute, spread evenly over the
+    // circle.
     assert!((f64::from(status.turns_per_minute_milli[1]) / -9_059_937.5 - 1.0).abs() < 1e-3);
     assert!((f64::from(status.rms_angle_mrad[1]) / 1_813.8 - 1.0).abs() < 0.01);
 }

@@ -381,7 +381,8 @@ proptest! {
                 let after = shaker.drive();
                 let written = &shaker.output.writes[writes..];
                 let moved = after.amplitude_nanometre.abs_diff(before.amplitude_nanometre);
-                // Never faster than the greatest rate (20 mm/s at 500 Hz are 40 µm a tick), but for a cut-off.
+                // Never faster than the greatest rate (20 mm/s at 500 Hz are 40 µm a tick), but for
+                // a cut-off.
                 prop_assert!(moved <= 40_000 || shaker.state() == ShakerState::Faulted);
                 prop_assert!(written.iter().all(|y| y.unsigned_abs() <= before.amplitude_nanometre));
                 prop_assert!(moving || written.iter().all(|&y| y == 0));

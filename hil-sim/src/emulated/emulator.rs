@@ -1,7 +1,7 @@
 //! Starts QEMU with an image, is the plant at the other end of its pipes, and ends with it.
 //!
-//! Needs `qemu-system-arm` (7.2 or newer) and a Unix system. Instructions are counted (`-icount shift=5`: 32 ns each), so
-//! that the board's time depends on nothing but its program.
+//! Needs `qemu-system-arm` (7.2 or newer) and a Unix system. Instructions are counted
+//! (`-icount shift=5`: 32 ns each), so that the board's time depends on nothing but its program.
 
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
@@ -25,7 +25,8 @@ use crate::virtual_rig::RigSettings;
 pub enum Serial {
     /// Into [`Emulation::frames`]; nothing comes from there.
     Kept,
-    /// A TCP port of this machine, on which the emulator listens; it starts when somebody has connected.
+    /// A TCP port of this machine, on which the emulator listens; it starts when somebody has
+    /// connected.
     Tcp(u16),
 }
 
@@ -36,7 +37,8 @@ pub struct EmulatorSettings {
     pub image: PathBuf,
     /// The emulator: `qemu-system-arm`, or where it is.
     pub qemu: PathBuf,
-    /// A folder for pipes and output, which must be there; files of earlier runs in it are replaced.
+    /// A folder for pipes and output, which must be there; files of earlier runs in it are
+    /// replaced.
     pub folder: PathBuf,
     /// The rig.
     pub rig: RigSettings,

@@ -1,4 +1,5 @@
-//! The firmware on an emulated board (QEMU's mps2-an386, a Cortex-M4F), in lock-step with the plant.
+//! The firmware on an emulated board (QEMU's mps2-an386, a Cortex-M4F), in lock-step with the
+//! plant.
 //!
 //! ```text
 //!  plant ──counts──▶ from_plant ──▶ ┌──────────────┐
@@ -6,9 +7,9 @@
 //!        ◀──drive── to_plant ◀───── └──────────────┘
 //! ```
 //!
-//! The pipes are semihosting files of the image; while the board waits for the plant its clock stands still. With the
-//! [`Script`] as the only host, a run's bytes are the same at every repeat, and the same as those of [`crate::VirtualRig`]
-//! under that script ([`on_this_machine`]).
+//! The pipes are semihosting files of the image; while the board waits for the plant its clock
+//! stands still. With the [`Script`] as the only host, a run's bytes are the same at every repeat,
+//! and the same as those of [`crate::VirtualRig`] under that script ([`on_this_machine`]).
 
 mod emulator;
 mod plant;

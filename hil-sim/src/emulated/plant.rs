@@ -23,7 +23,8 @@ pub struct EmulatedPlant {
 }
 
 impl EmulatedPlant {
-    /// A plant at power-on. Of the device's settings those of the image count; here are only its rate and its encoders.
+    /// A plant at power-on. Of the device's settings those of the image count; here are only its
+    /// rate and its encoders.
     ///
     /// # Errors
     /// As [`crate::VirtualRig::new`].
@@ -41,11 +42,12 @@ impl EmulatedPlant {
         })
     }
 
-    /// Moves on to the request's tick, under the drive of the tick before it; ticks that the board has missed go by under
-    /// the phase that runs on. Both counters as they then stand.
+    /// Moves on to the request's tick, under the drive of the tick before it; ticks that the board
+    /// has missed go by under the phase that runs on. Both counters as they then stand.
     ///
     /// # Errors
-    /// A request that contradicts itself or the one before; a plant that cannot be integrated further.
+    /// A request that contradicts itself or the one before; a plant that cannot be integrated
+    /// further.
     pub fn exchange(&mut self, request: &Request) -> Result<[u16; 2], SimulationError> {
         let refused = |problem: &str| SimulationError::Board { tick: request.tick, problem: problem.to_owned() };
         if u64::from(request.tick) < self.ticks {

@@ -37,7 +37,8 @@ impl Script {
         script
     }
 
-    /// Any bytes, after a tick's sample; at most [`HOST_BYTES`] at one tick, what is beyond comes a tick later.
+    /// Any bytes, after a tick's sample; at most [`HOST_BYTES`] at one tick, what is beyond comes a
+    /// tick later.
     #[must_use]
     pub fn bytes(mut self, mut tick: u32, bytes: &[u8]) -> Self {
         for &byte in bytes {
@@ -49,7 +50,8 @@ impl Script {
         self
     }
 
-    /// Arms and starts the shaker after a tick, and keeps it alive, every `every` ticks, until another tick.
+    /// Arms and starts the shaker after a tick, and keeps it alive, every `every` ticks, until
+    /// another tick.
     #[must_use]
     pub fn drive(
         self,
@@ -83,7 +85,8 @@ impl Script {
     }
 }
 
-/// What the firmware sends on this machine ([`VirtualRig`]) in so many ticks under a script, whose orders are not carried out.
+/// What the firmware sends on this machine ([`VirtualRig`]) in so many ticks under a script, whose
+/// orders are not carried out.
 ///
 /// # Errors
 /// As [`VirtualRig`].
@@ -98,8 +101,8 @@ pub fn on_this_machine(rig: &RigSettings, script: &Script, ticks: u32) -> Result
     Ok(frames)
 }
 
-/// The settings of the emulated board's image, for [`on_this_machine`]; its build is taken from what it says in its hello
-/// (`whirl-firmware 0.1.0 (1a2b3c4d)`).
+/// The settings of the emulated board's image, for [`on_this_machine`]; its build is taken from
+/// what it says in its hello (`whirl-firmware 0.1.0 (1a2b3c4d)`).
 pub fn board_settings(firmware: &str) -> Settings {
     let build = firmware.split_once(" (").and_then(|(_, rest)| rest.strip_suffix(')')).unwrap_or_default();
     Settings {

@@ -111,12 +111,14 @@ pub struct FaultReport {
     pub samples: Fates,
     /// Streamed blocks that did not survive, in order; at most [`MAX_LOST`] of them.
     pub lost: Vec<LostSamples>,
-    /// First tick and number of samples of the blocks that were sent again and came out whole, in order; at most [`MAX_LOST`].
+    /// First tick and number of samples of the blocks that were sent again and came out whole, in
+    /// order; at most [`MAX_LOST`].
     pub restored: Vec<(u32, u32)>,
 }
 
 impl FaultReport {
-    /// The fate of samples is known, of which so many whole copies came out; they were sent again, or streamed.
+    /// The fate of samples is known, of which so many whole copies came out; they were sent again,
+    /// or streamed.
     pub(super) fn settle(&mut self, samples: LostSamples, copies: u64, again: bool) {
         let survived = samples.fate == Fate::Survived;
         if again {
@@ -131,7 +133,8 @@ impl FaultReport {
         }
     }
 
-    /// Ticks whose samples did not come out in any frame, in order of size (of a device that does not restart).
+    /// Ticks whose samples did not come out in any frame, in order of size (of a device that does
+    /// not restart).
     pub fn missing(&self) -> Vec<u32> {
         let restored: BTreeSet<u32> = self.restored.iter().flat_map(|&(first, count)| ticks(first, count)).collect();
         let lost = self.lost.iter().flat_map(|lost| ticks(lost.first_tick, lost.count));

@@ -162,7 +162,8 @@ fn noise_without_zeros_needs_no_memory() {
 
 #[test]
 fn a_receiver_that_opens_its_end_anew_ends_a_frame_there() {
-    // The plug is pulled somewhere in a frame and put in again somewhere in a later one; the receiver opens its end anew in between.
+    // The plug is pulled somewhere in a frame and put in again somewhere in a later one; the
+    // receiver opens its end anew in between.
     let settings = FaultSettings { unplug: 0.05, unplug_frames: 3, ..FaultSettings::default() };
     let mut survived = [0; 2];
     for seed in 0..400 {

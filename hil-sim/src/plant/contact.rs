@@ -1,10 +1,11 @@
-//! The discrete state of the plant: which joints stick, which way others slip, and on which smooth stretch of its torque
-//! each joint is.
+//! The discrete state of the plant: which joints stick, which way others slip, and on which smooth
+//! stretch of its torque each joint is.
 //!
-//! Coulomb's law is set-valued at v = 0: the friction torque is whatever holds the joint, up to the level. It is kept
-//! as such, without a smoothed sign: a joint whose v is exactly zero sticks if the torque that holds it is within the
-//! level (for its direction), otherwise it slips in the direction in which it then accelerates. With constant levels the
-//! choice exists and is unique, also for both joints together (the accelerations minimise a strictly convex function).
+//! Coulomb's law is set-valued at v = 0: the friction torque is whatever holds the joint, up to the
+//! level. It is kept as such, without a smoothed sign: a joint whose v is exactly zero sticks if
+//! the torque that holds it is within the level (for its direction), otherwise it slips in the
+//! direction in which it then accelerates. With constant levels the choice exists and is unique,
+//! also for both joints together (the accelerations minimise a strictly convex function).
 
 use core::f64::consts::{PI, TAU};
 
@@ -122,8 +123,8 @@ impl Mode {
     }
 }
 
-/// Decides which of the joints at rest stick. `released` is a joint that has just broken loose and must not stick again
-/// at this instant.
+/// Decides which of the joints at rest stick. `released` is a joint that has just broken loose and
+/// must not stick again at this instant.
 pub(super) fn settle(mechanics: &Mechanics, base: Moment, y: &State, mode: &mut Mode, released: Option<usize>) {
     const OPTIONS: [Dry; 3] = [Dry::Stick, Dry::Slip(1.0), Dry::Slip(-1.0)];
     let v = velocities(y);
@@ -157,8 +158,8 @@ pub(super) fn settle(mechanics: &Mechanics, base: Moment, y: &State, mode: &mut 
     }
 }
 
-/// By how much a joint at rest contradicts its assumed state, as a share of the friction level, or of it and the joint's
-/// own acceleration.
+/// By how much a joint at rest contradicts its assumed state, as a share of the friction level, or
+/// of it and the joint's own acceleration.
 fn violation(mechanics: &Mechanics, joint: usize, mode: &Mode, forces: &Forces) -> f64 {
     match mode.dry[joint] {
         Some(Dry::Stick) => {

@@ -1,9 +1,9 @@
 //! Accelerations of both arms for a given state of the dry friction.
 //!
 //! With M = [J_o1, H cos Δ; H cos Δ, J_o2] and dry torques f1, f2 in the joints,
-//! `M α = q + (f1 − f2, f2)`: where a joint slips its f is known and α follows; where it sticks its relative
-//! acceleration is zero and f follows. Gravity and base enter through the apparent gravity γ = g − (ẍ_b, ÿ_b): a mass
-//! moment S at angle φ has the torque S γ·(cos φ, sin φ).
+//! `M α = q + (f1 − f2, f2)`: where a joint slips its f is known and α follows; where it sticks its
+//! relative acceleration is zero and f follows. Gravity and base enter through the apparent gravity
+//! γ = g − (ẍ_b, ÿ_b): a mass moment S at angle φ has the torque S γ·(cos φ, sin φ).
 
 use super::State;
 use super::contact::{Dry, Mode};
@@ -50,7 +50,8 @@ struct Geometry {
     sin_delta: f64,
 }
 
-/// ∫ v |v| ds and ∫ v |v| s ds for v = v0 + w s from 0 to a length: by Simpson's rule on either side of v = 0, where it is exact.
+/// ∫ v |v| ds and ∫ v |v| s ds for v = v0 + w s from 0 to a length: by Simpson's rule on either
+/// side of v = 0, where it is exact.
 fn moments(v0: f64, w: f64, length: f64) -> [f64; 2] {
     let still = -v0 / w;
     let middle = if still > 0.0 && still < length { still } else { length };
@@ -124,7 +125,8 @@ impl Mechanics {
         base.at(t, self.air.iter().any(|a| !a.is_empty()))
     }
 
-    /// Accelerations at a state, on a base that moves so (or has this acceleration (ẍ_b, ÿ_b) in m/s²).
+    /// Accelerations at a state, on a base that moves so (or has this acceleration (ẍ_b, ÿ_b) in
+    /// m/s²).
     pub(super) fn forces(&self, base: impl Into<Moment>, y: &State, mode: &Mode) -> Forces {
         let p = &self.parameters;
         let moment: Moment = base.into();
@@ -154,8 +156,9 @@ impl Mechanics {
         let mut forces = Forces { share: moment.share, ..Forces::default() };
         self.solve(coupling, [q1, q2], &v, mode, &mut forces);
         if self.loaded {
-            // Friction depends on the load, the load on the acceleration: a contraction, since the radius at which
-            // friction acts is far smaller than an arm. Where it is not one, the bound ends it.
+            // Friction depends on the load, the load on the acceleration: a contraction, since the
+            // radius at which friction acts is far smaller than an arm. Where it is not one, the
+            // bound ends it.
             for _ in 0..60 {
                 let load = self.loads(gamma, &geometry, y, forces.alpha);
                 let change = (load[0] - forces.load[0]).abs() + (load[1] - forces.load[1]).abs();
@@ -204,8 +207,9 @@ impl Mechanics {
         }
     }
 
-    /// Torques of the drag along the arms: at distance s from its joint an arm moves across itself by v(s) = v(0) + ω s and feels −k v |v| a length, whose work
-    /// on arm 2 is work on arm 1 as well, l1 cos Δ for a turn of one.
+    /// Torques of the drag along the arms: at distance s from its joint an arm moves across itself
+    /// by v(s) = v(0) + ω s and feels −k v |v| a length, whose work on arm 2 is work on arm 1 as
+    /// well, l1 cos Δ for a turn of one.
     fn air_torques(&self, geometry: &Geometry, base: [f64; 2], y: &State) -> [f64; 2] {
         let mut torques = [0.0; 2];
         let across = |[cos, sin]: [f64; 2]| base[0] * cos + base[1] * sin;
@@ -223,10 +227,12 @@ impl Mechanics {
         torques
     }
 
-    /// Size of the force in each joint across its axis, N: what the arms below need to be moved as they are.
+    /// Size of the force in each joint across its axis, N: what the arms below need to be moved as
+    /// they are.
     fn loads(&self, gamma: [f64; 2], geometry: &Geometry, y: &State, alpha: [f64; 2]) -> [f64; 2] {
         let p = &self.parameters;
-        // Acceleration of a point at distance r on a line at (cos, sin): r (α t − ω² n), t = (cos, sin), n = (sin, −cos).
+        // Acceleration of a point at distance r on a line at (cos, sin): r (α t − ω² n), t = (cos,
+        // sin), n = (sin, −cos).
         let point = |r: f64, [cos, sin]: [f64; 2], alpha: f64, w: f64| {
             [r * (alpha * cos - w * w * sin), r * (alpha * sin + w * w * cos)]
         };

@@ -1,11 +1,13 @@
-//! What effects compile to: torques in a joint, additions to the arms, the base's motion and the encoders.
+//! What effects compile to: torques in a joint, additions to the arms, the base's motion and the
+//! encoders.
 
 use core::f64::consts::{PI, TAU};
 
 use super::memory::Memory;
 use crate::shaker::Moment;
 
-/// Torque in one joint, as a function of its angle x (wrapped to [−π, π)) and its relative velocity v:
+/// Torque in one joint, as a function of its angle x (wrapped to [−π, π)) and its relative velocity
+/// v:
 /// `constant − Σ (C cos 2πft + S sin 2πft) − viscous v − quadratic_damping x² v − Σ c |v|^p sign v − k1 x − k2 x² − k3 x³ − A cos(τ − ψ) x − backlash(x) − Σ A sin(n x + ψ) − Σ k u exp(−(u/d)²)
 /// + dry + remembered`, t the record's time, u the angle from x0, wrapped.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,7 +45,8 @@ pub struct JointLaw {
 }
 
 impl JointLaw {
-    /// Whether the torque depends on the wrapped angle other than periodically, so that it has a corner at ±π.
+    /// Whether the torque depends on the wrapped angle other than periodically, so that it has a
+    /// corner at ±π.
     pub(super) fn wraps(&self) -> bool {
         let modulated = self.modulation != [0.0; 2];
         self.amplitude_damping != 0.0 || self.stiffness != [0.0; 3] || !self.backlash.is_empty() || modulated
@@ -62,8 +65,9 @@ impl JointLaw {
         corners
     }
 
-    /// Torque without dry friction and memory at a moment. `middle` is any angle of the smooth stretch that x is in: beyond its ends the law
-    /// is continued smoothly, so that a step may overshoot a corner before the corner is located.
+    /// Torque without dry friction and memory at a moment. `middle` is any angle of the smooth
+    /// stretch that x is in: beyond its ends the law is continued smoothly, so that a step may
+    /// overshoot a corner before the corner is located.
     pub(super) fn smooth(&self, x: f64, middle: f64, v: f64, moment: &Moment) -> f64 {
         let [k1, k2, k3] = self.stiffness;
         let mut torque = self.constant - (self.viscous + self.amplitude_damping * x * x) * v;
@@ -96,7 +100,8 @@ impl JointLaw {
         torque
     }
 
-    /// Level of the dry friction that opposes motion in the direction `sign` (±1) at velocity v under a radial force, after a share of the record.
+    /// Level of the dry friction that opposes motion in the direction `sign` (±1) at velocity v
+    /// under a radial force, after a share of the record.
     pub(super) fn dry_level(&self, sign: f64, v: f64, load: f64, share: f64) -> f64 {
         let mut level = self.level[usize::from(sign < 0.0)] + self.per_load * load + self.drift * share;
         for &(at_rest, v_s) in &self.stribeck {
@@ -151,7 +156,8 @@ pub struct Additions {
     pub joints: [JointLaw; 2],
     /// Quadratic drag of each arm, N m s².
     pub drag: [f64; 2],
-    /// Drag along each arm, per length: strength (kg/m²) and the length from the arm's joint over which it acts (m).
+    /// Drag along each arm, per length: strength (kg/m²) and the length from the arm's joint over
+    /// which it acts (m).
     pub air: [Vec<(f64, f64)>; 2],
     /// Angle of each arm's centroid off its line, rad.
     pub imbalance: [f64; 2],

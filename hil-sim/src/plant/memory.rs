@@ -1,21 +1,24 @@
 //! Elements of a joint that remember its motion: torques of a state z that begins at 0.
 //!
-//! Where z depends on the angle and on the direction of motion alone, it follows a closed curve of the angle from one
-//! reversal, or corner of the curve, to the next. Where it depends on time or on the speed, it is integrated with
-//! the motion. z in rad, torques in N m; v is the joint's relative velocity.
+//! Where z depends on the angle and on the direction of motion alone, it follows a closed curve of
+//! the angle from one reversal, or corner of the curve, to the next. Where it depends on time or on
+//! the speed, it is integrated with the motion. z in rad, torques in N m; v is the joint's relative
+//! velocity.
 
 use core::f64::consts::{PI, TAU};
 
 /// Most elements with a memory in one joint.
 pub const MOST: usize = 4;
-/// A corner of a curve that is nearer than this counts as reached, rad. It is that of the events' distances.
+/// A corner of a curve that is nearer than this counts as reached, rad. It is that of the events'
+/// distances.
 const REACHED: f64 = 1e-12;
 
 /// An element with a memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Memory {
-    /// −k z, dz/dt = v − b (|v| z + c v |z|): Bouc's hysteresis (1967) as Wen generalised it (1976), of exponent 1. Dahl's
-    /// friction (1968) of level F and presliding distance d has k = F/d, b = 1/d, c = 0.
+    /// −k z, dz/dt = v − b (|v| z + c v |z|): Bouc's hysteresis (1967) as Wen generalised it
+    /// (1976), of exponent 1. Dahl's friction (1968) of level F and presliding distance d has k =
+    /// F/d, b = 1/d, c = 0.
     Hysteresis {
         /// k, N m/rad.
         stiffness: f64,
@@ -24,8 +27,8 @@ pub enum Memory {
         /// c, −1 to 1: by how much z approaches its bound at another rate than it leaves it.
         shape: f64,
     },
-    /// −k z, dz/dt = v where the angle x pushes, s (x − z) ≥ b with s = sign v, and 0 inside the play. x is counted on
-    /// through whole turns, from the start's within [−π, π).
+    /// −k z, dz/dt = v where the angle x pushes, s (x − z) ≥ b with s = sign v, and 0 inside the
+    /// play. x is counted on through whole turns, from the start's within [−π, π).
     Play {
         /// k, N m/rad.
         stiffness: f64,
@@ -39,8 +42,8 @@ pub enum Memory {
         /// T, s.
         time: f64,
     },
-    /// −s0 z − s1 dz/dt, dz/dt = v − |v| z/g, g = d (1 + r exp(−(v/v_s)²)): LuGre friction (Canudas de Wit, Olsson,
-    /// Åström, Lischinsky 1995).
+    /// −s0 z − s1 dz/dt, dz/dt = v − |v| z/g, g = d (1 + r exp(−(v/v_s)²)): LuGre friction (Canudas
+    /// de Wit, Olsson, Åström, Lischinsky 1995).
     Lugre {
         /// s0, N m/rad.
         stiffness: f64,
@@ -95,8 +98,9 @@ impl Memory {
         }
     }
 
-    /// z a distance after its curve's start. All is counted in the direction of motion; `lag` is x − z at the start. The curve goes on
-    /// smoothly beyond its corner, so that a step may overshoot the corner before it is located.
+    /// z a distance after its curve's start. All is counted in the direction of motion; `lag` is
+    /// x − z at the start. The curve goes on smoothly beyond its corner, so that a step may
+    /// overshoot the corner before it is located.
     fn followed(&self, z: f64, lag: f64, travelled: f64) -> f64 {
         match *self {
             Self::Hysteresis { rate, shape, .. } => {
@@ -123,7 +127,8 @@ impl Memory {
     }
 }
 
-/// What a joint remembers: where its curves started, and z of every element there (of those that are integrated: z now).
+/// What a joint remembers: where its curves started, and z of every element there (of those that
+/// are integrated: z now).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Since {
     /// Angle of the joint at the curves' start, rad, whole turns taken out as of the state.
@@ -175,7 +180,8 @@ impl Since {
         memories.iter().zip(self.states).map(|(m, z)| m.torque(self.now(m, z, angle), v, self.sign)).sum()
     }
 
-    /// The memory with curves that start at an angle, beyond which the joint moves in the direction `sign`.
+    /// The memory with curves that start at an angle, beyond which the joint moves in the direction
+    /// `sign`.
     pub(super) fn restarted(&self, memories: &[Memory], angle: f64, sign: f64) -> Self {
         let mut states = self.states;
         for (z, memory) in states.iter_mut().zip(memories) {

@@ -1,15 +1,16 @@
 //! The vertically (or horizontally) driven double pendulum in physical units.
 //!
-//! Absolute angles φ1, φ2 (0 hangs down), Δ = φ2 − φ1, base displacement (x_b, y_b), y upward. From the Lagrangian
-//! (method section 1.2), with L = ½ J_o1 φ̇1² + ½ J_o2 φ̇2² + H φ̇1 φ̇2 cos Δ + (base and gravity terms):
+//! Absolute angles φ1, φ2 (0 hangs down), Δ = φ2 − φ1, base displacement (x_b, y_b), y upward. From
+//! the Lagrangian (method section 1.2), with L = ½ J_o1 φ̇1² + ½ J_o2 φ̇2² + H φ̇1 φ̇2 cos Δ +
+//! (base and gravity terms):
 //! ```text
 //! J_o1 φ̈1 + H φ̈2 cos Δ − H φ̇2² sin Δ + S1 ((g + ÿ_b) sin φ1 + ẍ_b cos φ1) = T1 − T2 + D1
 //! J_o2 φ̈2 + H φ̈1 cos Δ + H φ̇1² sin Δ + S2 ((g + ÿ_b) sin φ2 + ẍ_b cos φ2) = T2 + D2
 //! H = m2 e2 l1,  S1 = m1 e1 + m2 l1,  S2 = m2 e2
 //! ```
-//! T_j is the torque in joint j on the arm below it (and, with the opposite sign, on the arm above it), D_i the drag
-//! of arm i. The nominal rig has T1 = −τ_c1 sign φ̇1 and T2 = −c_r2 (φ̇2 − φ̇1); everything else is an effect
-//! ([`effects`]). Units: SI throughout, angles in rad.
+//! T_j is the torque in joint j on the arm below it (and, with the opposite sign, on the arm above
+//! it), D_i the drag of arm i. The nominal rig has T1 = −τ_c1 sign φ̇1 and T2 = −c_r2 (φ̇2 − φ̇1);
+//! everything else is an effect ([`effects`]). Units: SI throughout, angles in rad.
 //!
 //! | file | concern |
 //! |---|---|
@@ -47,7 +48,8 @@ pub const TOLERANCE: f64 = 1e-11;
 #[derive(Clone, Debug)]
 pub struct Plant {
     mechanics: Mechanics,
-    /// Angles without the whole turns in `turns`, so that their resolution does not fall with the turns.
+    /// Angles without the whole turns in `turns`, so that their resolution does not fall with the
+    /// turns.
     state: State,
     turns: [i64; 2],
     mode: Mode,
@@ -55,8 +57,8 @@ pub struct Plant {
 }
 
 impl Plant {
-    /// A pendulum at rest under its parameters and the plant's share of `additions` (what effects act on the drive
-    /// and on the encoders is for [`crate::simulate`] and [`crate::shaker`]).
+    /// A pendulum at rest under its parameters and the plant's share of `additions` (what effects
+    /// act on the drive and on the encoders is for [`crate::simulate`] and [`crate::shaker`]).
     ///
     /// # Errors
     /// Parameters that no two rigid arms can have, a state or a tolerance that is not finite.

@@ -1,19 +1,23 @@
 //! Integration over an interval, ended and restarted at every event.
 //!
-//! Between events the system is smooth and the eighth-order steps of [`crate::integrator`] apply. Events are zeros of
+//! Between events the system is smooth and the eighth-order steps of [`crate::integrator`] apply.
+//! Events are zeros of
 //! * s v of a slipping joint with dry friction (then it sticks or reverses),
 //! * the margin of the torque that holds a sticking joint (then it breaks loose),
-//! * the distance of a joint's angle to a corner of its torque (play, or ±π where the torque is not periodic),
+//! * the distance of a joint's angle to a corner of its torque (play, or ±π where the torque is not
+//!   periodic),
 //! * s φ̇ of an arm with quadratic drag (the second derivative jumps),
 //! * s v of a joint with a memory, whose curve ends there,
 //! * the distance of such a joint's angle to a corner of its curve.
 //!
-//! States of a memory that depend on more than the angle are integrated beside the four of the arms ([`WITH_MEMORY`] in all).
+//! States of a memory that depend on more than the angle are integrated beside the four of the arms
+//! ([`WITH_MEMORY`] in all).
 //!
-//! A step is accepted whole if none of these became negative in it. Whether one dips below zero and returns within the step
-//! is seen on the cubic through its values and slopes at both ends and then checked on the true solution. A zero is
-//! found by bracketed secants whose every trial is a full Runge–Kutta step from the step's start, so that the state at
-//! the event has the order of the method.
+//! A step is accepted whole if none of these became negative in it. Whether one dips below zero and
+//! returns within the step is seen on the cubic through its values and slopes at both ends and then
+//! checked on the true solution. A zero is found by bracketed secants whose every trial is a full
+//! Runge–Kutta step from the step's start, so that the state at the event has the order of the
+//! method.
 
 mod events;
 
@@ -32,7 +36,8 @@ const ARMS: usize = 4;
 const WITH_MEMORY: usize = ARMS + 2 * MOST;
 /// Most events in one interval. A rattling joint has tens in a second.
 const MAX_EVENTS: u32 = 1000;
-/// Mean step below which the plant counts as too stiff, s. It bounds the work for a second of the rig.
+/// Mean step below which the plant counts as too stiff, s. It bounds the work for a second of the
+/// rig.
 const SHORTEST_MEAN_STEP: f64 = 4e-6;
 
 /// The arms' part of a state.
@@ -49,12 +54,14 @@ fn velocities<const N: usize>(y: &[f64; N]) -> [f64; 2] {
 }
 
 impl Plant {
-    /// Moves the pendulum through `duration` seconds of the base's motion, which starts at the motion's own time 0.
+    /// Moves the pendulum through `duration` seconds of the base's motion, which starts at the
+    /// motion's own time 0.
     ///
     /// The result depends on the state alone, not on how the pendulum came there.
     ///
     /// # Errors
-    /// A state that is no longer finite, a system too stiff, friction that chatters. The state is then as far as it came.
+    /// A state that is no longer finite, a system too stiff, friction that chatters. The state is
+    /// then as far as it came.
     pub fn advance(&mut self, base: &BaseMotion, duration: f64) -> Result<(), IntegrationError> {
         if self.mechanics.joints.iter().any(|joint| joint.memories.iter().any(Memory::flows)) {
             self.advance_all::<WITH_MEMORY>(base, duration)
@@ -63,7 +70,8 @@ impl Plant {
         }
     }
 
-    /// The first N states, those of the arms and then, where they are integrated, those of the joints' memories.
+    /// The first N states, those of the arms and then, where they are integrated, those of the
+    /// joints' memories.
     fn states<const N: usize>(&self) -> [f64; N] {
         let memory = self.mode.since.iter().flat_map(|since| since.states);
         let mut all = self.state.into_iter().chain(memory);
@@ -75,7 +83,8 @@ impl Plant {
         self.mode = self.mode.remembering(&y[ARMS..]);
     }
 
-    /// Admissible errors of [`Self::states`]: angles may whirl, and their tolerance must not grow with the turns.
+    /// Admissible errors of [`Self::states`]: angles may whirl, and their tolerance must not grow
+    /// with the turns.
     fn tolerances<const N: usize>(&self) -> Tolerance<N> {
         let mut tolerance = Tolerance { absolute: [self.tolerance; N], relative: [self.tolerance; N] };
         tolerance.relative[..2].fill(0.0);
@@ -132,7 +141,8 @@ impl Plant {
         Err(IntegrationError::TooStiff { seconds: t })
     }
 
-    /// Takes whole turns out of angles beyond ±2π, lest their resolution fall below that of the events.
+    /// Takes whole turns out of angles beyond ±2π, lest their resolution fall below that of the
+    /// events.
     fn take_turns(&mut self) {
         let mut taken = [0_i64; 2];
         for i in 0..2 {
@@ -147,7 +157,8 @@ impl Plant {
         self.mode.take_turns(&self.mechanics, 1, taken[1].saturating_sub(taken[0]));
     }
 
-    /// Events that are due before a step, after the base's motion has changed at once. Returns how many there were.
+    /// Events that are due before a step, after the base's motion has changed at once. Returns how
+    /// many there were.
     fn overdue(&mut self, base: &BaseMotion, t: f64) -> Result<u32, IntegrationError> {
         for count in 0..MAX_EVENTS {
             let stretch = Stretch { mechanics: &self.mechanics, mode: &self.mode, base };

@@ -93,7 +93,8 @@ fn a_delayed_channel_shows_what_the_other_showed_before() {
 
 #[test]
 fn exactly_equivalent_pairs_give_the_same_angles() {
-    // imbalance@arm2 of beta and zero-offset@encoder2 of −beta, with the arm started where its centroid is.
+    // imbalance@arm2 of beta and zero-offset@encoder2 of −beta, with the arm started where its
+    // centroid is.
     let beta = 0.05;
     let imbalance = free(&["imbalance@arm2=0.05"], [0.4, 1.0, 0.0, 0.0]);
     let offset = free(&["zero-offset@encoder2=-0.05"], [0.4, 1.0 + beta, 0.0, 0.0]);
@@ -181,7 +182,8 @@ fn what_cannot_be_integrated_ends_with_an_error() {
     assert!(matches!(result, Err(SimulationError::Integration { .. })), "{result:?}");
 }
 
-/// J θ″ = −A cos(ωt − ψ) = −(C cos ωt + S sin ωt) without gravity, t = 0 at the record's first sample, whatever the settling.
+/// J θ″ = −A cos(ωt − ψ) = −(C cos ωt + S sin ωt) without gravity, t = 0 at the record's first
+/// sample, whatever the settling.
 #[test]
 fn a_tone_runs_in_the_laboratory_s_time() {
     let (c, s, j, settle) = (3e-3_f64, -2e-3_f64, 2e-3, 0.5);

@@ -1,7 +1,8 @@
 //! A rig that is read and written like a port, in the caller's own thread and without any clock.
 //!
-//! A read that finds nothing waiting runs the rig until it sends something (at most a second of the rig's time, after
-//! which the read times out); a write is heard at the rig's next tick. Runs repeat byte by byte.
+//! A read that finds nothing waiting runs the rig until it sends something (at most a second of the
+//! rig's time, after which the read times out); a write is heard at the rig's next tick. Runs
+//! repeat byte by byte.
 
 use std::collections::VecDeque;
 use std::io::{self, Read, Write};
@@ -43,8 +44,8 @@ impl LockStep {
         self.faults.as_mut()
     }
 
-    /// Ends the line: the rig stands still, what the link held back can be read, and the link's account is complete. What the
-    /// device has queued but not sent is not part of it.
+    /// Ends the line: the rig stands still, what the link held back can be read, and the link's
+    /// account is complete. What the device has queued but not sent is not part of it.
     pub fn finish(&mut self) -> Vec<u8> {
         self.carry();
         if let Some(faults) = &mut self.faults {

@@ -1,7 +1,8 @@
 //! A pair of connected ends within one process, like a serial line without a driver.
 //!
-//! Each direction holds a bounded number of bytes: a full one blocks its writer until the other end reads. When an end
-//! is dropped the other one reads what is left and then 0 bytes, and its writes fail with `BrokenPipe`.
+//! Each direction holds a bounded number of bytes: a full one blocks its writer until the other end
+//! reads. When an end is dropped the other one reads what is left and then 0 bytes, and its writes
+//! fail with `BrokenPipe`.
 
 use std::collections::VecDeque;
 use std::io::{self, Read, Write};
@@ -22,7 +23,8 @@ struct State {
 
 impl Channel {
     fn lock(&self) -> MutexGuard<'_, State> {
-        // A poisoned lock means that the other thread panicked between two whole changes: the bytes are in order.
+        // A poisoned lock means that the other thread panicked between two whole changes: the bytes
+        // are in order.
         self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 

@@ -1,11 +1,13 @@
 //! A rig behind a pseudo-terminal, which a host opens as it opens a serial port.
 //!
-//! The terminal is raw from the start (no echo, no translation). Its name changes with every pair, so a symbolic link of a
-//! fixed name points to it. Unplugging closes the pair and takes the link away: a host that has it open gets an error (`EIO`
-//! or an end), a host that opens it finds nothing, as with a USB adapter. Replugging makes a new pair under the same link.
+//! The terminal is raw from the start (no echo, no translation). Its name changes with every pair,
+//! so a symbolic link of a fixed name points to it. Unplugging closes the pair and takes the link
+//! away: a host that has it open gets an error (`EIO` or an end), a host that opens it finds
+//! nothing, as with a USB adapter. Replugging makes a new pair under the same link.
 //!
-//! A pseudo-terminal does not tell whether anybody has it open: it counts as connected while it is plugged in, and what
-//! nobody reads fills the system's buffer (4 kB on Linux), after which nothing more goes.
+//! A pseudo-terminal does not tell whether anybody has it open: it counts as connected while it is
+//! plugged in, and what nobody reads fills the system's buffer (4 kB on Linux), after which nothing
+//! more goes.
 
 use std::fs::File;
 use std::io::{self, Read, Write};
@@ -33,7 +35,8 @@ pub struct PseudoTerminal {
 }
 
 impl PseudoTerminal {
-    /// Makes a terminal that is found at `link`. A symbolic link that is there is replaced; anything else is left alone.
+    /// Makes a terminal that is found at `link`. A symbolic link that is there is replaced;
+    /// anything else is left alone.
     ///
     /// # Errors
     /// No terminal to be had, or something other than a symbolic link at `link`.

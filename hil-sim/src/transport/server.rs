@@ -7,13 +7,14 @@
 //! | client too slow | [`crate::RigSettings::output_limit`] bytes are held, then the firmware's queue fills and counts its drops | the rig waits |
 //! | client commands | act when they arrive | act when they arrive: up to the line's buffers later in the rig's time |
 //!
-//! The client's pace leaves the rig at most [`AHEAD`] bytes and the system's buffers ahead of the client (tens of seconds of
-//! the rig's time): set the device's host time-out accordingly (60 s is its greatest), and let the host send its signs
-//! of life by the rig's time, not the wall's.
+//! The client's pace leaves the rig at most [`AHEAD`] bytes and the system's buffers ahead of the
+//! client (tens of seconds of the rig's time): set the device's host time-out accordingly (60 s is
+//! its greatest), and let the host send its signs of life by the rig's time, not the wall's.
 //!
-//! [`Server::unplug_for`] pulls the plug for so many ticks of the rig: the rig goes on meanwhile, and what it sends is lost.
-//! A fault in the line itself is a [`FaultyLink`]; its account ends where its bytes are handed to the transport, so what a
-//! pulled plug takes from the buffers behind it is not in it.
+//! [`Server::unplug_for`] pulls the plug for so many ticks of the rig: the rig goes on meanwhile,
+//! and what it sends is lost. A fault in the line itself is a [`FaultyLink`]; its account ends
+//! where its bytes are handed to the transport, so what a pulled plug takes from the buffers behind
+//! it is not in it.
 
 use std::io;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -43,7 +44,8 @@ pub const AHEAD: usize = 2048;
 const NAP: Duration = Duration::from_millis(1);
 /// Time for which a pulled plug stays out at least, so that a host can see it.
 const UNPLUGGED: Duration = Duration::from_millis(100);
-/// Ticks that are caught up at once after the thread was kept from running; more are missed by the sampler.
+/// Ticks that are caught up at once after the thread was kept from running; more are missed by the
+/// sampler.
 const CATCH_UP: u64 = 500;
 
 /// Why a server ended.
@@ -118,7 +120,8 @@ impl Server {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// Pulls the plug for so many ticks of the rig (and at least a tenth of a second of the wall's), then plugs in again.
+    /// Pulls the plug for so many ticks of the rig (and at least a tenth of a second of the
+    /// wall's), then plugs in again.
     pub fn unplug_for(&self, ticks: u64) {
         // A rig that has ended has nothing to be unplugged.
         let _ = self.requests.send(Request::Unplug(ticks));
@@ -220,7 +223,8 @@ impl Worker {
         let due = origin + (start.elapsed().as_secs_f64() / self.rig.tick_s()) as u64;
         let behind = due.saturating_sub(self.rig.ticks());
         if behind > CATCH_UP {
-            // The thread was kept from running: the sampler has missed what a real one would have missed.
+            // The thread was kept from running: the sampler has missed what a real one would have
+            // missed.
             self.rig.miss_ticks(u32::try_from(behind - CATCH_UP).unwrap_or(u32::MAX));
         }
         for _ in 0..behind {
@@ -244,7 +248,8 @@ impl Worker {
     /// Sends what waits. True if anything went.
     fn speak(&mut self) -> Result<bool, ServerError> {
         let connected = self.line.connected();
-        // In real time a client that does not keep up leaves its bytes in the rig, which counts what it must drop.
+        // In real time a client that does not keep up leaves its bytes in the rig, which counts
+        // what it must drop.
         if self.waiting.len() < AHEAD {
             let sent = self.rig.take_output();
             match &mut self.faults {

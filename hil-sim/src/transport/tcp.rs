@@ -1,7 +1,8 @@
 //! A rig behind a listening socket.
 //!
-//! One client at a time: while one is connected others are turned away; when it has gone the next may come, and it
-//! begins in the middle of the stream. The socket's send buffer is kept small, so that a slow client is noticed soon.
+//! One client at a time: while one is connected others are turned away; when it has gone the next
+//! may come, and it begins in the middle of the stream. The socket's send buffer is kept small, so
+//! that a slow client is noticed soon.
 
 use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream, ToSocketAddrs};

@@ -1,4 +1,5 @@
-//! The cells of an identification, an explanation and a validation, under the names that their JSON has.
+//! The cells of an identification, an explanation and a validation, under the names that their JSON
+//! has.
 
 use std::fmt::Write;
 

@@ -1,8 +1,10 @@
-//! Rows that are done, in a file beside the table (`TABLE.journal`): a batch that was killed goes on from them.
+//! Rows that are done, in a file beside the table (`TABLE.journal`): a batch that was killed goes
+//! on from them.
 //!
-//! JSON lines. The first says what the batch is: command, version, hash of the rig, options, shard. Then one for each record that is
-//! done, handed to the disk before the next is begun, with the record's hash: one that changed since is done anew. A line that was cut
-//! off counts as not there. The last line of a batch that came to its end says so.
+//! JSON lines. The first says what the batch is: command, version, hash of the rig, options, shard.
+//! Then one for each record that is done, handed to the disk before the next is begun, with the
+//! record's hash: one that changed since is done anew. A line that was cut off counts as not there.
+//! The last line of a batch that came to its end says so.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs::{File, OpenOptions};

@@ -1,5 +1,5 @@
-//! Many records, one table: a row for each record, whatever finished first, and the same bytes whether the
-//! table was made in one go, resumed, or merged from shards.
+//! Many records, one table: a row for each record, whatever finished first, and the same bytes
+//! whether the table was made in one go, resumed, or merged from shards.
 //!
 //! | file | what |
 //! |---|---|

@@ -1,4 +1,5 @@
-//! The table as Parquet: every column may be empty, one row group, nothing in it that changes from run to run.
+//! The table as Parquet: every column may be empty, one row group, nothing in it that changes from
+//! run to run.
 
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! A record's row, and which columns a table has.
 //!
-//! A column's kind follows from its name alone, and which columns there are from the cells that rows have: so a table that was read
-//! again, or merged, is laid out as the one that was computed.
+//! A column's kind follows from its name alone, and which columns there are from the cells that
+//! rows have: so a table that was read again, or merged, is laid out as the one that was computed.
 
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -229,8 +229,8 @@ impl Row {
     }
 }
 
-/// The columns of a table: fixed ones, parameters with their errors as they come up, as many effects as the most that were found,
-/// units, and seconds of work where there are any.
+/// The columns of a table: fixed ones, parameters with their errors as they come up, as many
+/// effects as the most that were found, units, and seconds of work where there are any.
 pub fn columns(command: &str, rows: &[Row]) -> Vec<String> {
     let own = OWN.iter().find(|(name, _)| *name == command).map_or(&[][..], |(_, own)| own);
     let mut out: Vec<String> = FIRST.iter().chain(own).map(|(name, _)| (*name).to_owned()).collect();

@@ -1,20 +1,27 @@
 //! Where each sample between the first and the last tick has gone: received, or missing and why.
 //!
-//! Blocks are placed on one line of 64-bit ticks ([`whirl_shared::tick::TickTracker`]) and held back until [`WINDOW`] later ones
-//! have come, so that a late block still takes its place; then their samples leave in order, each tick once.
+//! Blocks are placed on one line of 64-bit ticks ([`whirl_shared::tick::TickTracker`]) and held
+//! back until [`WINDOW`] later ones have come, so that a late block still takes its place; then
+//! their samples leave in order, each tick once.
 //!
-//! What lies behind a gap is held back for longer, as long as the gap may be filled by samples that the device sends again
-//! (`super::back_fill` asks for them). It is not waited for any more where
-//! - the device says that it does not keep these ticks any more ([`Status::kept_from`]), or never had them ([`BackFilled`]);
+//! What lies behind a gap is held back for longer, as long as the gap may be filled by samples that
+//! the device sends again (`super::back_fill` asks for them). It is not waited for any more where
+//! - the device says that it does not keep these ticks any more ([`Status::kept_from`]), or never
+//!   had them ([`BackFilled`]);
 //! - it has answered [`FRUITLESS`] times and nothing new came;
-//! - so many samples of the stream have come since the last one that was restored as the account's patience says;
+//! - so many samples of the stream have come since the last one that was restored as the account's
+//!   patience says;
 //! - [`MOST_HELD`] blocks are held back, or the device has restarted.
 //!
-//! All this is decided by what the device has sent, so that a journal gives the same account as the capture that wrote it.
+//! All this is decided by what the device has sent, so that a journal gives the same account as the
+//! capture that wrote it.
 //!
-//! Missing samples are told apart in this order, which keeps received + missing equal to the ticks from first to last:
-//! 1. overruns and dropped samples, as far as the device's counters report them (less those that were restored);
-//! 2. damaged: for each gap at most [`BLOCK_LEN`] samples for each frame that was refused since the block before;
+//! Missing samples are told apart in this order, which keeps received + missing equal to the ticks
+//! from first to last:
+//! 1. overruns and dropped samples, as far as the device's counters report them (less those that
+//!    were restored);
+//! 2. damaged: for each gap at most [`BLOCK_LEN`] samples for each frame that was refused since the
+//!    block before;
 //! 3. lost on the link: the rest.
 
 use std::collections::BTreeMap;
@@ -97,7 +104,8 @@ pub(super) enum Verdict {
 }
 
 impl Accounting {
-    /// An account of at most `limit` ticks, in which a gap waits for so many samples of the stream to be filled.
+    /// An account of at most `limit` ticks, in which a gap waits for so many samples of the stream
+    /// to be filled.
     pub(super) fn new(limit: Option<i64>, patience: u64) -> Self {
         Self { limit, patience, ..Self::default() }
     }
@@ -160,7 +168,8 @@ impl Accounting {
     }
 
     fn unplaced(&mut self, block: &SampleBlock) -> Verdict {
-        // The first blocks may come in another order than they were sent in: what lies before the record is not of it.
+        // The first blocks may come in another order than they were sent in: what lies before the
+        // record is not of it.
         let before = self.tracker.expected().map_or(0, |newest| (newest as u32).wrapping_sub(block.first_tick));
         let early = self.restarts == 0 && before as usize <= 2 * WINDOW * BLOCK_LEN && self.losses.received == 0;
         self.losses.dropped_late += if early { 0 } else { sample_count(block).into() };
@@ -337,7 +346,8 @@ impl Accounting {
         self.begun.take()
     }
 
-    /// Where the sample of a tick is the first of its boot to leave: the tick at which that boot begins.
+    /// Where the sample of a tick is the first of its boot to leave: the tick at which that boot
+    /// begins.
     pub(super) fn boot_before(&mut self, tick: i64) -> Option<i64> {
         let begun = self.boots.partition_point(|first| *first <= tick);
         self.boots.drain(..begun).next_back()

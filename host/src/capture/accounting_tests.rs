@@ -172,7 +172,8 @@ fn what_comes_behind_its_time_or_from_nowhere_is_counted_and_not_kept() {
     for k in (0..10).chain(58..118).chain(10..58) {
         a.block(&block(k * 10, 10), &mut out);
     }
-    // A device that has restarted and has not said so: 2000 ticks and more behind nothing of this boot.
+    // A device that has restarted and has not said so: 2000 ticks and more behind nothing of this
+    // boot.
     assert_eq!(a.block(&block(u32::MAX - 5000, 10), &mut out), Verdict::AskHello);
     a.finish(&mut out);
     let l = a.losses();
@@ -255,7 +256,8 @@ fn damage_accounts_for_no_more_than_its_frames_held() {
     assert_eq!((l.bad_frames, l.damaged, l.lost_on_link, l.gaps), (3, 20, 20, 1));
 }
 
-/// An account in which a gap waits for 1000 samples, with the ticks from 0 on, and those from 600 to 650 and from 700 on.
+/// An account in which a gap waits for 1000 samples, with the ticks from 0 on, and those from 600
+/// to 650 and from 700 on.
 fn waiting() -> (Accounting, Vec<Taken>) {
     let (mut a, mut out) = (Accounting::new(None, 1_000), vec![]);
     a.hello(1, 0);

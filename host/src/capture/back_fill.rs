@@ -1,8 +1,9 @@
 //! Asks the device for what the link has lost, one gap at a time, from the earliest on.
 //!
-//! What is missing, and for how long it is worth asking, says the account ([`super::accounting`]); here is only when to ask. A
-//! question or an answer may be lost as anything else on the link: where nothing of an answer comes for [`SILENCE`], it is asked
-//! for again, for as long as the account waits.
+//! What is missing, and for how long it is worth asking, says the account ([`super::accounting`]);
+//! here is only when to ask. A question or an answer may be lost as anything else on the link:
+//! where nothing of an answer comes for [`SILENCE`], it is asked for again, for as long as the
+//! account waits.
 
 use std::time::{Duration, Instant};
 

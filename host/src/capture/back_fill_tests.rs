@@ -6,7 +6,8 @@ use whirl_shared::frame::DeviceMessage;
 use super::*;
 use crate::record::Column;
 
-/// A simulated rig whose link is unplugged while the device's samples are of some ticks, and faulty otherwise.
+/// A simulated rig whose link is unplugged while the device's samples are of some ticks, and faulty
+/// otherwise.
 struct Unplugged {
     inner: Simulated,
     line: Arc<Mutex<Line>>,
@@ -93,7 +94,8 @@ impl Link for Plug {
     }
 }
 
-/// A capture of `seconds` of the rig that swings by itself, its record, and what the link says is missing in it.
+/// A capture of `seconds` of the rig that swings by itself, its record, and what the link says is
+/// missing in it.
 fn capture(
     seconds: f64,
     out_at: &[(u32, u32)],
@@ -197,6 +199,7 @@ fn what_is_sent_again_may_be_lost_damaged_and_doubled_too() {
     };
     let (done, _, missing) = capture(120.0, &[(4_000, 9_000), (30_000, 32_000)], faults, 0.01);
     let l = &done.losses;
-    // An unplugging of 14 s, and thousands of frames that the link lost besides; a last gap may stay.
+    // An unplugging of 14 s, and thousands of frames that the link lost besides; a last gap may
+    // stay.
     assert!(l.restored > 8_000 && missing.len() < 50 && l.bad_frames > 100 && l.duplicates > 500, "{l:?}");
 }

@@ -1,8 +1,10 @@
-//! The shaker during a capture: arm, start, wait until it runs, keep it alive, stop and disarm at the end.
+//! The shaker during a capture: arm, start, wait until it runs, keep it alive, stop and disarm at
+//! the end.
 //!
-//! The device stops by itself when the host is silent, so that a host that died leaves a shaker at rest. Where the link was lost for
-//! longer than that, or the device has restarted, the shaker stays off, and a warning says so: people may be at the rig by then. It is
-//! started again only where that was asked for.
+//! The device stops by itself when the host is silent, so that a host that died leaves a shaker at
+//! rest. Where the link was lost for longer than that, or the device has restarted, the shaker
+//! stays off, and a warning says so: people may be at the rig by then. It is started again only
+//! where that was asked for.
 
 use std::time::{Duration, Instant};
 
@@ -98,7 +100,8 @@ impl Drive {
     /// The link is there again: patience begins anew.
     ///
     /// # Errors
-    /// It was lost while the shaker was being started, and is not to be started again: it would move when nobody expects it.
+    /// It was lost while the shaker was being started, and is not to be started again: it would
+    /// move when nobody expects it.
     pub(super) fn reconnected(&mut self, now: Instant) -> Result<()> {
         self.since = now;
         if self.starting() && !self.restart {

@@ -1,4 +1,5 @@
-//! The end of a capture: the shaker at rest, the record whole, the journal removed or kept, the next step told.
+//! The end of a capture: the shaker at rest, the record whole, the journal removed or kept, the
+//! next step told.
 
 use super::interrupted::NextStep;
 use super::journal::path_of;
@@ -27,8 +28,8 @@ impl Session<'_> {
         let begun = self.source.now();
         self.drive.stop(&mut self.commands, begun);
         while !self.drive.off() && self.link.is_some() && self.source.now().duration_since(begun) < STOPPING {
-            // The record is over; only answers are of interest, and a fault here has nobody to be told to who does not
-            // know of it: the device's watchdog stops the shaker.
+            // The record is over; only answers are of interest, and a fault here has nobody to be
+            // told to who does not know of it: the device's watchdog stops the shaker.
             if self.turn_after_end(recorder).is_err() {
                 return;
             }

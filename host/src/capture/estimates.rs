@@ -1,8 +1,8 @@
-//! The device's own estimates: as they come from the wire, in a file beside the record (`REC.estimates.jsonl`, a JSON object a line), and
-//! in words.
+//! The device's own estimates: as they come from the wire, in a file beside the record
+//! (`REC.estimates.jsonl`, a JSON object a line), and in words.
 //!
-//! They are of the double pendulum with the default dampings on a vertical drive. Where the rig file describes another system they are
-//! not taken.
+//! They are of the double pendulum with the default dampings on a vertical drive. Where the rig
+//! file describes another system they are not taken.
 
 use std::fs::File;
 use std::io::Write;

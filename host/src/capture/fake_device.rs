@@ -1,5 +1,5 @@
-//! A device in memory that keeps to the protocol, with faults by script. It is written from the protocol's text, not from the
-//! firmware. Each read moves its clock on by 20 ticks.
+//! A device in memory that keeps to the protocol, with faults by script. It is written from the
+//! protocol's text, not from the firmware. Each read moves its clock on by 20 ticks.
 
 use std::collections::VecDeque;
 use std::io;

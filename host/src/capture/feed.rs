@@ -1,11 +1,13 @@
-//! What a capture shows of itself while it runs: a bounded copy, handed over where nobody has to wait for it.
+//! What a capture shows of itself while it runs: a bounded copy, handed over where nobody has to
+//! wait for it.
 //!
 //! ```text
 //! session ─ offer ─▶ batch ── try_lock ──▶ Feed ── take ──▶ view (a thread of its own)
 //! ```
 //!
-//! The session keeps what is new in a batch and hands it over when the feed is free at that moment; where it is not, the batch waits.
-//! Nobody who takes, slowly or never, holds the recording up: batch and feed hold the newest `MOST_SAMPLES`, older ones go unseen.
+//! The session keeps what is new in a batch and hands it over when the feed is free at that moment;
+//! where it is not, the batch waits. Nobody who takes, slowly or never, holds the recording up:
+//! batch and feed hold the newest `MOST_SAMPLES`, older ones go unseen.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError, TryLockError};

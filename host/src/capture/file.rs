@@ -1,7 +1,9 @@
-//! `file:FRAMES`: bytes of the wire that were recorded before, such as the journal of a capture that crashed.
+//! `file:FRAMES`: bytes of the wire that were recorded before, such as the journal of a capture
+//! that crashed.
 //!
-//! whirl's journals begin with a line of their own (see [`super::journal`]), which makes the record come out as it would have
-//! at capture, byte for byte; a file without it is taken as the wire's bytes from the first on.
+//! whirl's journals begin with a line of their own (see [`super::journal`]), which makes the record
+//! come out as it would have at capture, byte for byte; a file without it is taken as the wire's
+//! bytes from the first on.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};

@@ -1,8 +1,9 @@
 //! Only a device that answers is listened to.
 //!
-//! What a link holds when it is opened (a probe's ring buffer, a port's or a network bridge's queue) may be of an earlier boot, or
-//! of another session: its ticks and counts are not those of the rig as it is. So nothing is recorded until a hello has come
-//! behind the acknowledgement of a hello command of this session; commands are numbered from a number of the session's own.
+//! What a link holds when it is opened (a probe's ring buffer, a port's or a network bridge's
+//! queue) may be of an earlier boot, or of another session: its ticks and counts are not those of
+//! the rig as it is. So nothing is recorded until a hello has come behind the acknowledgement of a
+//! hello command of this session; commands are numbered from a number of the session's own.
 
 use whirl_shared::frame::{DeviceMessage, Hello};
 

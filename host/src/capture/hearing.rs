@@ -1,4 +1,5 @@
-//! What a live capture does with what it hears: frame by frame into journal and record, and answers to it.
+//! What a live capture does with what it hears: frame by frame into journal and record, and answers
+//! to it.
 
 use std::time::{Duration, Instant};
 
@@ -30,7 +31,8 @@ impl Session<'_> {
                 continue;
             }
             if let Ok(DeviceMessage::Hello(hello)) = frame.message.as_ref().map(|envelope| &envelope.message) {
-                // One that does not fit ends the capture, and must not stand in the way of resuming it.
+                // One that does not fit ends the capture, and must not stand in the way of resuming
+                // it.
                 check_hello(hello, self.rig).map_err(|e| e.in_file(&self.settings.from))?;
                 if let Some(target) = self.drive.target() {
                     check_drive(hello, target, self.rig)?;
@@ -154,7 +156,8 @@ impl Session<'_> {
         }
     }
 
-    /// Tells the device what to stream, not more often than it can answer: what comes shows whether it has heard.
+    /// Tells the device what to stream, not more often than it can answer: what comes shows whether
+    /// it has heard.
     fn stream(&mut self, now: Instant) {
         if self.streamed.is_none_or(|t| now.duration_since(t) > Duration::from_millis(300)) {
             let streamed = if self.settings.rows { Streamed::Rows } else { Streamed::Samples };
@@ -163,7 +166,8 @@ impl Session<'_> {
         }
     }
 
-    /// Tells the device that the host is there, by the host's clock and by the device's (a simulated one may be faster).
+    /// Tells the device that the host is there, by the host's clock and by the device's (a
+    /// simulated one may be faster).
     pub(super) fn keep_alive(&mut self, now: Instant) {
         let by_device = self.hello.as_ref().is_some_and(|h| {
             let quarter = u64::from(h.host_timeout_ms) * u64::from(h.sample_rate_millihertz) / 4_000_000;

@@ -1,4 +1,5 @@
-//! Devices and wires in memory that do what they should not. Time is the wire's own: each read takes 20 ms of it.
+//! Devices and wires in memory that do what they should not. Time is the wire's own: each read
+//! takes 20 ms of it.
 
 use std::collections::VecDeque;
 use std::io;

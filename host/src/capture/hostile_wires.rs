@@ -1,4 +1,5 @@
-//! Devices and wires that do what they should not: each ends in bounded time and memory with one clear message, or with a record.
+//! Devices and wires that do what they should not: each ends in bounded time and memory with one
+//! clear message, or with a record.
 
 use std::time::{Duration, Instant};
 

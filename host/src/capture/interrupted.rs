@@ -8,7 +8,8 @@
 //! | a journal with samples | refuses, with the three commands | goes on in it | makes REC, removes the journal |
 //! | a journal that is being written | refuses | refuses | refuses |
 //!
-//! The record itself (none, a part, whole) does not matter to any of these: the journal is the truth, and it is on the disk before the record.
+//! The record itself (none, a part, whole) does not matter to any of these: the journal is the
+//! truth, and it is on the disk before the record.
 
 use std::fs::File;
 use std::io::Read;
@@ -113,8 +114,9 @@ pub fn whole_again(record: &Path, rig: &Path) -> Option<String> {
     usable.then(|| make_command(record, &quoted(&rig.display().to_string())))
 }
 
-/// Ticks by which the journal beside a record goes on behind the record's last one: of a capture that was interrupted, or is under way.
-/// None where there is no journal of this rig's, or it holds nothing more.
+/// Ticks by which the journal beside a record goes on behind the record's last one: of a capture
+/// that was interrupted, or is under way. None where there is no journal of this rig's, or it holds
+/// nothing more.
 pub fn ticks_behind(record: &Path, rig: &Rig, last_tick: i64) -> Option<u64> {
     let path = journal::path_of(record);
     let Ok(Start::Terms(terms)) = journal::terms_of(&path) else { return None };
@@ -131,7 +133,8 @@ pub fn ticks_behind(record: &Path, rig: &Rig, last_tick: i64) -> Option<u64> {
     u64::try_from(newest.checked_sub(last_tick)?).ok().filter(|ticks| *ticks > 0)
 }
 
-/// Bytes of a journal behind its first line, handed on one by one until `take` says that it has enough.
+/// Bytes of a journal behind its first line, handed on one by one until `take` says that it has
+/// enough.
 fn each_byte(path: &Path, mut take: impl FnMut(u8) -> Result<bool>) -> Result<()> {
     let io = |e: std::io::Error| BadInput::io(path, &e);
     let mut file = File::open(path).map_err(io)?;
@@ -180,7 +183,8 @@ pub(super) type Opened = (Journal, Option<Warning>);
 /// The journal of a new capture.
 ///
 /// # Errors
-/// One with samples stands in its place; one that is being written; a folder that cannot be written.
+/// One with samples stands in its place; one that is being written; a folder that cannot be
+/// written.
 pub(super) fn begin(settings: &CaptureSettings, rig: &Rig, terms: &Terms) -> Result<Opened> {
     let (record, path) = (&settings.output, journal::path_of(&settings.output));
     if !path.exists() {
@@ -214,7 +218,8 @@ pub(super) fn begin(settings: &CaptureSettings, rig: &Rig, terms: &Terms) -> Res
 /// The terms of the capture that is to be resumed; none where it ended before they were written.
 ///
 /// # Errors
-/// No journal; one that is no journal; a source, rig file or drive that differs from the interrupted capture's.
+/// No journal; one that is no journal; a source, rig file or drive that differs from the
+/// interrupted capture's.
 pub(super) fn to_resume(settings: &CaptureSettings, rig: &Rig, target: Option<Target>) -> Result<Option<Terms>> {
     let path = journal::path_of(&settings.output);
     let anew = "Leave --resume out to capture anew";
@@ -241,7 +246,8 @@ pub(super) fn to_resume(settings: &CaptureSettings, rig: &Rig, target: Option<Ta
             .at(what)
             .remedy("Resume with the same source, rig file and drive, or capture into another file"))
     };
-    // A port may have another name once it was plugged in again; what kind it is, and a simulated rig's seed, matter.
+    // A port may have another name once it was plugged in again; what kind it is, and a simulated
+    // rig's seed, matter.
     let kind = |source: &str| source.split(':').next().map(str::to_owned).unwrap_or_default();
     let (old, new) = (&terms.source, &settings.from);
     if kind(old) != kind(new) || (kind(old) == "sim" && old != new) {
@@ -284,7 +290,8 @@ pub(super) fn noticed(settings: &CaptureSettings, recorder: &Recorder<'_>) -> Op
     )
 }
 
-/// Takes up the journal of `record`: all of it goes into the recorder, then what comes is appended to it.
+/// Takes up the journal of `record`: all of it goes into the recorder, then what comes is appended
+/// to it.
 ///
 /// # Errors
 /// A journal that is being written, or does not fit the rig file.

@@ -154,7 +154,8 @@ fn a_journal_cut_anywhere_is_made_a_record_and_resumed() {
         let done = run.capture(&mut later).unwrap();
         run.settings.resume = false;
         assert!(done.losses.received >= before, "{cut}: {done:?}");
-        // A device that has restarted has at least its own ticks missing: they may reach beyond the end.
+        // A device that has restarted has at least its own ticks missing: they may reach beyond the
+        // end.
         let fits = k % 2 == 0 || before < 1850;
         if fits {
             assert!(done.complete && !frames.exists(), "{cut}: {done:?}");

@@ -1,10 +1,12 @@
-//! The journal of a capture: every byte of the wire, in a file beside the record (`REC.frames`), from which the record can be
-//! made again: `whirl capture --from file:REC.frames --rig RIG.toml -o REC`.
+//! The journal of a capture: every byte of the wire, in a file beside the record (`REC.frames`),
+//! from which the record can be made again:
+//! `whirl capture --from file:REC.frames --rig RIG.toml -o REC`.
 //!
-//! It begins with `whirl-frames 1 `, the capture's terms as JSON, and a zero byte; then come the wire's bytes up to the one
-//! with which the recording ended: whole frames, without those that say nothing (see `super::sieve`). Where the link was lost or the capture
-//! was resumed, a zero byte may stand between what came before and after, so that a frame that was cut does not spoil the next one. A record
-//! is a function of these bytes and the rig file alone.
+//! It begins with `whirl-frames 1 `, the capture's terms as JSON, and a zero byte; then come the
+//! wire's bytes up to the one with which the recording ended: whole frames, without those that say
+//! nothing (see `super::sieve`). Where the link was lost or the capture was resumed, a zero byte
+//! may stand between what came before and after, so that a frame that was cut does not spoil the
+//! next one. A record is a function of these bytes and the rig file alone.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Write};
@@ -40,16 +42,19 @@ pub struct Terms {
     pub seconds: Option<f64>,
     /// Record only from the moment on at which the drive runs so: amplitude µm, frequency mHz.
     pub from_drive: Option<(u32, u32)>,
-    /// Record only when that long has gone by since then (or since the first sample), s of device time.
+    /// Record only when that long has gone by since then (or since the first sample), s of device
+    /// time.
     pub settle_s: f64,
     /// Samples before a hello are not recorded.
     pub hello_first: bool,
     /// Regression rows are recorded, not samples.
     pub rows: bool,
-    /// Options of the command that a continuation must have too, beside source, rig file and record.
+    /// Options of the command that a continuation must have too, beside source, rig file and
+    /// record.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub options: Vec<String>,
-    /// What of rig file and drive a continuation must share, in words; empty in a journal that does not say.
+    /// What of rig file and drive a continuation must share, in words; empty in a journal that does
+    /// not say.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub rig: Vec<String>,
 }
@@ -75,15 +80,16 @@ pub fn path_of(record: &Path) -> PathBuf {
     name.into()
 }
 
-/// A journal that is being written; no other program takes it as its own meanwhile (a lock on the file says so).
+/// A journal that is being written; no other program takes it as its own meanwhile (a lock on the
+/// file says so).
 pub(super) struct Journal {
     path: PathBuf,
     file: File,
     sync: Sync,
 }
 
-/// Brings what was written to the disk every half second, beside the capture: a disk that is slow for a moment must not
-/// keep the link from being read.
+/// Brings what was written to the disk every half second, beside the capture: a disk that is slow
+/// for a moment must not keep the link from being read.
 struct Sync {
     /// Something was written since the last time.
     dirty: Arc<AtomicBool>,
@@ -175,7 +181,8 @@ impl Journal {
         (&self.file).write_all(bytes).map_err(|e| fault(&self.path, &e))
     }
 
-    /// Appends bytes of the wire; they are with the operating system when this returns, and on the disk within a second.
+    /// Appends bytes of the wire; they are with the operating system when this returns, and on the
+    /// disk within a second.
     pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
         self.append(bytes)?;
         self.sync.dirty.store(true, Ordering::Release);
@@ -196,7 +203,8 @@ impl Journal {
     }
 }
 
-/// Takes the journal's lock. Where a file system has none, this goes on without: the journal is never overwritten anyhow.
+/// Takes the journal's lock. Where a file system has none, this goes on without: the journal is
+/// never overwritten anyhow.
 fn lock(file: &File, path: &Path) -> Result<()> {
     match file.try_lock() {
         Err(TryLockError::WouldBlock) => Err(busy(path)),
@@ -220,7 +228,8 @@ pub(super) fn remove(path: &Path) -> Result<()> {
     std::fs::remove_file(path).map_err(|e| BadInput::io(path, &e))
 }
 
-/// Terms of a journal file; none where it does not begin like one. A capture that was killed at once leaves a start that was cut.
+/// Terms of a journal file; none where it does not begin like one. A capture that was killed at
+/// once leaves a start that was cut.
 pub(super) fn terms_of(path: &Path) -> Result<Start> {
     let mut start = Vec::new();
     let io = |e: std::io::Error| BadInput::io(path, &e);
@@ -236,7 +245,8 @@ pub(super) fn terms_of(path: &Path) -> Result<Start> {
 pub(super) enum Start {
     /// With a capture's terms.
     Terms(Box<Terms>),
-    /// Like a journal whose capture ended before its first line was written: it holds nothing of the wire.
+    /// Like a journal whose capture ended before its first line was written: it holds nothing of
+    /// the wire.
     Cut,
     /// With the wire's bytes.
     Raw,
@@ -249,7 +259,8 @@ pub(super) fn is_cut(start: &[u8]) -> bool {
     begins || within
 }
 
-/// Terms at the start of a journal, and where the wire's bytes begin; none for bytes without such a start.
+/// Terms at the start of a journal, and where the wire's bytes begin; none for bytes without such a
+/// start.
 ///
 /// # Errors
 /// A start that is damaged.

@@ -6,12 +6,15 @@
 //!                      └─────▶ session: hello, drive, keep-alives, reconnection ─▶ commands to the device
 //! ```
 //!
-//! - A link that drops is tried again, with growing pauses, for `reconnect_s`; the device's clock goes on, the gap is marked and
-//!   counted. A device that restarts begins a new segment.
-//! - Where the rig has `[drive]` and its amplitude is known, the shaker is armed and started, recording begins when it runs, and
-//!   it is stopped at the end, after an error and on Ctrl-C. The device's own watchdog covers the rest.
-//! - Nothing is recorded before the device has answered (`gate`). One that answers and brings nothing new is told, and given up (`stall`).
-//! - The record is a function of the journal, see [`journal`]; it grows by what matters (`sieve`). Memory is flat.
+//! - A link that drops is tried again, with growing pauses, for `reconnect_s`; the device's clock
+//!   goes on, the gap is marked and counted. A device that restarts begins a new segment.
+//! - Where the rig has `[drive]` and its amplitude is known, the shaker is armed and started,
+//!   recording begins when it runs, and it is stopped at the end, after an error and on Ctrl-C. The
+//!   device's own watchdog covers the rest.
+//! - Nothing is recorded before the device has answered (`gate`). One that answers and brings
+//!   nothing new is told, and given up (`stall`).
+//! - The record is a function of the journal, see [`journal`]; it grows by what matters (`sieve`).
+//!   Memory is flat.
 //! - What an interrupted capture leaves can be made a record, or gone on with, see [`interrupted`].
 
 mod accounting;
@@ -79,25 +82,31 @@ pub struct CaptureSettings {
     pub amplitude_m: Option<f64>,
     /// Start the shaker where the rig has a drive. Default true.
     pub drive: bool,
-    /// Record from the moment on at which the shaker runs at its amplitude, not from the first sample. Default true.
+    /// Record from the moment on at which the shaker runs at its amplitude, not from the first
+    /// sample. Default true.
     pub wait_for_drive: bool,
-    /// Device time for which the running drive (or, without one, the rig) is left to itself before recording, s; before that
-    /// of the source (`sim` takes it from `[plant]`, others have none).
+    /// Device time for which the running drive (or, without one, the rig) is left to itself before
+    /// recording, s; before that of the source (`sim` takes it from `[plant]`, others have none).
     pub settle_s: Option<f64>,
-    /// Effects put into a simulated rig, as the command line has them: for the commands that are told after an interruption.
+    /// Effects put into a simulated rig, as the command line has them: for the commands that are
+    /// told after an interruption.
     pub effects: Vec<String>,
-    /// Record the regression rows of the device's own identification instead of samples. Default false.
+    /// Record the regression rows of the device's own identification instead of samples. Default
+    /// false.
     pub rows: bool,
-    /// Start the shaker again where it has stopped by itself: after the link was lost, or the device has restarted. Default false: who
-    /// comes near a rig that stands still is to find it so.
+    /// Start the shaker again where it has stopped by itself: after the link was lost, or the
+    /// device has restarted. Default false: who comes near a rig that stands still is to find it
+    /// so.
     pub restart_drive: bool,
-    /// Go on in the record of a capture that was interrupted, on the terms of its journal. Default false.
+    /// Go on in the record of a capture that was interrupted, on the terms of its journal. Default
+    /// false.
     pub resume: bool,
     /// Keep the journal after a clean end. Default false.
     pub keep_frames: bool,
     /// End once the device's estimate says that a parameter is known so well.
     pub until: Option<Until>,
-    /// Where a copy of what comes is left for people to see, while it comes. A simulated rig then runs in real time.
+    /// Where a copy of what comes is left for people to see, while it comes. A simulated rig then
+    /// runs in real time.
     pub feed: Option<Arc<Feed>>,
     /// Set from elsewhere (Ctrl-C) to end the capture in order.
     pub stop: Arc<AtomicBool>,
@@ -185,13 +194,15 @@ pub struct CaptureOutcome {
     /// The last of them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub estimate: Option<estimates::DeviceEstimate>,
-    /// Windows of rows, where these were recorded instead of samples; `losses` are then those of the samples under them.
+    /// Windows of rows, where these were recorded instead of samples; `losses` are then those of
+    /// the samples under them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rows: Option<RowsOutcome>,
     /// What the device said, its first lines.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub device_log: Vec<DeviceLine>,
-    /// Whether `seconds`, or before it the precision of `until`, was reached (true where no time was asked for).
+    /// Whether `seconds`, or before it the precision of `until`, was reached (true where no time
+    /// was asked for).
     pub complete: bool,
     /// Of the parameter whose precision was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -214,9 +225,10 @@ pub struct RowsOutcome {
 /// Captures a record.
 ///
 /// # Errors
-/// Settings, source or rig file that cannot be; a device that is silent, speaks another protocol or has other encoders than the
-/// rig file says; a wire with noise; a link that is lost for longer than `reconnect_s`; a full disk. What was captured until then
-/// is a readable record, and the message says so.
+/// Settings, source or rig file that cannot be; a device that is silent, speaks another protocol or
+/// has other encoders than the rig file says; a wire with noise; a link that is lost for longer
+/// than `reconnect_s`; a full disk. What was captured until then is a readable record, and the
+/// message says so.
 pub fn run(settings: &CaptureSettings, rig: &Rig, progress: &mut dyn FnMut(&Progress)) -> Result<CaptureOutcome> {
     settings.validate()?;
     // Before the device is spoken to.

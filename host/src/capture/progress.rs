@@ -24,7 +24,8 @@ pub struct Progress {
     pub notices: Vec<String>,
 }
 
-/// What is to be told at once, on standard error. One that takes nothing more does not end a capture.
+/// What is to be told at once, on standard error. One that takes nothing more does not end a
+/// capture.
 pub fn tell(progress: &Progress) {
     let mut err = std::io::stderr().lock();
     for notice in &progress.notices {
@@ -32,7 +33,8 @@ pub fn tell(progress: &Progress) {
     }
 }
 
-/// A progress bar on standard error where that is a terminal; otherwise only what is to be told at once.
+/// A progress bar on standard error where that is a terminal; otherwise only what is to be told at
+/// once.
 pub fn on_terminal() -> Box<dyn FnMut(&Progress)> {
     if !std::io::stderr().is_terminal() {
         return Box::new(tell);

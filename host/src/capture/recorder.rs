@@ -1,5 +1,5 @@
-//! Bytes of the wire into a record. What comes out depends on the bytes, the terms and the rig file alone, never on clocks, so
-//! that a journal gives the same record as the capture that wrote it.
+//! Bytes of the wire into a record. What comes out depends on the bytes, the terms and the rig file
+//! alone, never on clocks, so that a journal gives the same record as the capture that wrote it.
 
 use std::path::{Path, PathBuf};
 
@@ -214,7 +214,8 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// A tick of the device on the record's line: the low 32 bits are the device's, but for restarts, which the next block puts right.
+    /// A tick of the device on the record's line: the low 32 bits are the device's, but for
+    /// restarts, which the next block puts right.
     fn on_line(&self, tick: u32) -> i64 {
         let newest = match &self.rows {
             Some(rows) => rows.last_tick(),
@@ -398,7 +399,8 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// Whether the last sample to be recorded has come, or is known to be lost, and nothing before it is waited for.
+    /// Whether the last sample to be recorded has come, or is known to be lost, and nothing before
+    /// it is waited for.
     pub(super) fn reached_end(&self) -> bool {
         self.passed_end() && self.accounting.open().is_none()
     }

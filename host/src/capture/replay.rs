@@ -97,7 +97,8 @@ pub(super) fn run(
     })?;
     let frames = (own && (part || settings.keep_frames)).then(|| path.clone().into());
     if own && frames.is_none() {
-        // The record is whole and on the disk: its journal is of no further use, and would stand in the next capture's way.
+        // The record is whole and on the disk: its journal is of no further use, and would stand in
+        // the next capture's way.
         journal::remove(std::path::Path::new(&path))?;
     }
     if own && part && !settings.keep_frames {

@@ -1,7 +1,7 @@
 //! Regression rows of the wire into a record of rows: messages into windows, windows into runs.
 //!
-//! A window counts only whole: one of which a message is missing, doubled or not finite is lost, and counted. A run ends where a window
-//! does not follow the one before by half of its length.
+//! A window counts only whole: one of which a message is missing, doubled or not finite is lost,
+//! and counted. A run ends where a window does not follow the one before by half of its length.
 
 use std::path::PathBuf;
 
@@ -31,7 +31,8 @@ pub(super) struct RowsRecorder {
     last: Option<(u32, Window)>,
     /// The device has restarted since the last window.
     restarted: bool,
-    /// The device's tick of the newest window seen, and where that is on the record's line; what is added to its ticks before that is known.
+    /// The device's tick of the newest window seen, and where that is on the record's line; what is
+    /// added to its ticks before that is known.
     line: Option<(u32, i64)>,
     base: i64,
     /// Ticks to record.
@@ -97,7 +98,8 @@ impl RowsRecorder {
         self.lost_since_window += dropped;
     }
 
-    /// The device is at a tick: the recording begins there if it has not, and ends where its time is over, whether windows come or not.
+    /// The device is at a tick: the recording begins there if it has not, and ends where its time
+    /// is over, whether windows come or not.
     pub(super) fn time(&mut self, tick: u32) {
         let placed = self.place(tick);
         let begin = *self.begin.get_or_insert(placed);
@@ -123,7 +125,8 @@ impl RowsRecorder {
                 p.rows.extend(&rows.rows);
                 p.next_frequency += rows.rows.len() / 2;
             }
-            // A message that was repeated on the way, or one that comes behind a gap: then the window is lost.
+            // A message that was repeated on the way, or one that comes behind a gap: then the
+            // window is lost.
             Some(p) if p.tick == tick => {
                 if frequency > p.next_frequency {
                     p.next_frequency = usize::MAX;
@@ -176,7 +179,8 @@ impl RowsRecorder {
             Some((number, last)) => {
                 let ahead = window.tick - last.tick;
                 let same_run = !self.restarted && rows.window == number.wrapping_add(1) && ahead == half;
-                // Of the same stretch of the device, but some are missing; those that came in part are counted already.
+                // Of the same stretch of the device, but some are missing; those that came in part
+                // are counted already.
                 let missing = i64::from(rows.window.wrapping_sub(*number).wrapping_sub(1));
                 if !same_run && !self.restarted && (missing + 1).saturating_mul(half) == ahead {
                     self.lost += missing.unsigned_abs().saturating_sub(self.lost_since_window);

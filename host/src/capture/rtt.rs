@@ -1,7 +1,7 @@
 //! `rtt[:CHIP]`: the stream through a debug probe: RTT channel 1 up, channel 0 down.
 //!
-//! The firmware's messages for people are channel 0 up, which is left alone. Reading halts nothing: the probe reads the
-//! target's memory while it runs.
+//! The firmware's messages for people are channel 0 up, which is left alone. Reading halts nothing:
+//! the probe reads the target's memory while it runs.
 
 use super::source::{SourceKind, bad};
 

@@ -1,7 +1,8 @@
-//! A device's settings by name, as `whirl device set KEY=VALUE` takes and `whirl device show` prints them: SI units, channels from 1.
+//! A device's settings by name, as `whirl device set KEY=VALUE` takes and `whirl device show`
+//! prints them: SI units, channels from 1.
 //!
-//! The wire carries whole numbers in small units (mHz, µm, ms): a value that is no whole number of them is refused, not rounded. What a
-//! value may be the device knows; this knows the names.
+//! The wire carries whole numbers in small units (mHz, µm, ms): a value that is no whole number of
+//! them is refused, not rounded. What a value may be the device knows; this knows the names.
 
 use serde::Serialize;
 use whirl_shared::frame::{Hello, Setting};
@@ -175,7 +176,8 @@ pub fn names() -> String {
     names.join(", ")
 }
 
-/// Reads `KEY=VALUE` for a device with so many encoders. A key of an encoder without a number means all encoders.
+/// Reads `KEY=VALUE` for a device with so many encoders. A key of an encoder without a number means
+/// all encoders.
 ///
 /// # Errors
 /// No such key, no such encoder, a value of another kind or finer than the device keeps.
@@ -248,7 +250,8 @@ fn wire(value: f64, scale: f64) -> Option<u32> {
     (exact && (0.0..=f64::from(u32::MAX)).contains(&whole)).then_some(whole as u32)
 }
 
-/// Name, unit, the value on the wire, and a limit on the wire in the setting's unit, for what a device refuses.
+/// Name, unit, the value on the wire, and a limit on the wire in the setting's unit, for what a
+/// device refuses.
 pub fn limit(setting: Setting, limit: u32) -> (String, String, u32, f64) {
     let of_encoder = |id: &str, channel: u8, value: u32| {
         (format!("{id}{}", u32::from(channel) + 1), String::new(), value, f64::from(limit))

@@ -1,13 +1,16 @@
 //! Frames of the wire, and which of them are recorded.
 //!
-//! A device or a line may send without end what says nothing. The journal grows by what can matter to the record only:
-//! - a frame is at most as long as the decoder must see to refuse it; of zeros in a row, none but the one that ends a frame;
-//! - of frames refused in a row, the first [`MOST_REFUSED`]: more than any gap's account of damaged samples uses (see
-//!   [`super::accounting`]), which then counts what is missing as lost;
+//! A device or a line may send without end what says nothing. The journal grows by what can matter
+//! to the record only:
+//! - a frame is at most as long as the decoder must see to refuse it; of zeros in a row, none but
+//!   the one that ends a frame;
+//! - of frames refused in a row, the first [`MOST_REFUSED`]: more than any gap's account of damaged
+//!   samples uses (see [`super::accounting`]), which then counts what is missing as lost;
 //! - answers to commands never, lines for people up to [`MOST_LINES`];
 //! - while no new sample comes, [`STALLED_BYTES`].
 //!
-//! What is left out of the journal is not recorded either, so that the record stays a function of the journal.
+//! What is left out of the journal is not recorded either, so that the record stays a function of
+//! the journal.
 
 use whirl_shared::block::sample_count;
 use whirl_shared::codec::{Decoder, FrameError, MAX_FRAME};
@@ -47,7 +50,8 @@ pub(super) struct Sieve {
 impl Sieve {
     /// Takes a byte; the one that ends a frame gives it.
     pub(super) fn push(&mut self, byte: u8) -> Option<Frame> {
-        // MAX_FRAME bytes without a zero are one too many for any frame: the decoder refuses what has them.
+        // MAX_FRAME bytes without a zero are one too many for any frame: the decoder refuses what
+        // has them.
         if byte == 0 || self.bytes.len() < MAX_FRAME {
             self.bytes.push(byte);
         }
@@ -176,7 +180,8 @@ mod tests {
             assert_eq!(recorded(&mut sieve, &block(500)), block(500));
             let repeated: usize = (0..100_000).map(|_| recorded(&mut sieve, &bytes).len()).sum();
             assert!(repeated <= STALLED_BYTES && repeated > STALLED_BYTES - MAX_FRAME, "{repeated}");
-            // What is new is recorded all the same, over the wrap of the ticks too, and opens the way for the rest.
+            // What is new is recorded all the same, over the wrap of the ticks too, and opens the
+            // way for the rest.
             assert_eq!(recorded(&mut sieve, &block(510)), block(510));
             assert_eq!(recorded(&mut sieve, &bytes), bytes);
         }

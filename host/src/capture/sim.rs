@@ -1,7 +1,9 @@
-//! `sim`: the rig of `[plant]`, simulated, with the firmware's own logic in lock-step, over an in-process pipe.
+//! `sim`: the rig of `[plant]`, simulated, with the firmware's own logic in lock-step, over an
+//! in-process pipe.
 //!
-//! Time is the device's: each read moves the rig on until it has sent something, and the session's clock with it. A capture from
-//! `sim` is therefore the same, byte for byte, at every repeat and on any machine.
+//! Time is the device's: each read moves the rig on until it has sent something, and the session's
+//! clock with it. A capture from `sim` is therefore the same, byte for byte, at every repeat and on
+//! any machine.
 
 use super::source::{SourceKind, bad};
 
@@ -48,7 +50,8 @@ mod with_rig {
     use crate::rig::plant::Plant;
     use crate::rig::{Direction as RigDirection, Rig};
 
-    /// Ticks of one read at most without a byte, as other links have a time-out: the host has to say now and then that it is there.
+    /// Ticks of one read at most without a byte, as other links have a time-out: the host has to
+    /// say now and then that it is there.
     const PATIENCE_TICKS: u32 = 50;
 
     /// The simulated rig as a source.
@@ -58,7 +61,8 @@ mod with_rig {
         settle_s: f64,
     }
 
-    /// The rig, and why it moves no more where its plant could not be integrated; time goes by without it then.
+    /// The rig, and why it moves no more where its plant could not be integrated; time goes by
+    /// without it then.
     struct Plugged {
         rig: VirtualRig,
         failed: Option<BadInput>,
@@ -89,8 +93,8 @@ mod with_rig {
     }
 
     impl Simulated {
-        /// The rig of `[plant]` with effects, perturbed by a seed. `record_s` is what an amplitude drift refers to (120 s where
-        /// none is given).
+        /// The rig of `[plant]` with effects, perturbed by a seed. `record_s` is what an amplitude
+        /// drift refers to (120 s where none is given).
         ///
         /// # Errors
         /// A rig file without `[plant]`; parameters, channels or effects that cannot be simulated.
@@ -106,7 +110,8 @@ mod with_rig {
             Ok(Self { rig: Arc::new(Mutex::new(plugged)), start: Instant::now(), settle_s })
         }
 
-        /// The virtual rig's settings for a rig file, for [`Simulated::new`] and for servers of a simulated rig.
+        /// The virtual rig's settings for a rig file, for [`Simulated::new`] and for servers of a
+        /// simulated rig.
         ///
         /// # Errors
         /// As [`Simulated::new`].
@@ -193,7 +198,8 @@ mod with_rig {
         }
 
         fn resumed(&mut self) {
-            // It cannot fail with settings that made the rig; if it did, the same boot would go on, whose repeats are not recorded.
+            // It cannot fail with settings that made the rig; if it did, the same boot would go on,
+            // whose repeats are not recorded.
             let _ = lock(&self.rig).rig.restart();
         }
 

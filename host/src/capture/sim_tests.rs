@@ -67,7 +67,8 @@ fn the_device_s_own_estimates_stand_beside_the_record() {
     assert_eq!(path, estimates::path_of(&settings.output));
     let text = std::fs::read_to_string(&path).unwrap();
     let all: Vec<serde_json::Value> = text.lines().map(|l| serde_json::from_str(l).unwrap()).collect();
-    // Every twenty periods, which are 4 s; the drive has run for longer than the record, so that numbers are there at once.
+    // Every twenty periods, which are 4 s; the drive has run for longer than the record, so that
+    // numbers are there at once.
     assert!((6..=7).contains(&all.len()), "{text}");
     for (a, b) in all.iter().zip(&all[1..]) {
         assert_eq!(b["tick"].as_i64().unwrap() - a["tick"].as_i64().unwrap(), 2_000);
@@ -316,7 +317,8 @@ fn a_rig_without_plant_is_refused() {
     assert!(e.contains("[plant]"), "{e}");
 }
 
-/// Captures 80 s through a line of the system while its plug is pulled twice and the sampler misses ticks.
+/// Captures 80 s through a line of the system while its plug is pulled twice and the sampler misses
+/// ticks.
 fn unplugged_capture(from: &str, server: Server, dir: &tempfile::TempDir, rig: &Rig) {
     let mut settings = CaptureSettings::new(from, dir.path().join("r.parquet"));
     settings.seconds = Some(80.0);
@@ -345,7 +347,8 @@ fn unplugged_capture(from: &str, server: Server, dir: &tempfile::TempDir, rig: &
     let l = &done.losses;
     assert!(done.complete && done.reconnections >= 2, "{done:?}");
     assert_eq!(l.received + l.lost(), 40_000);
-    // A rig at the client's pace is ahead of it by what the line holds: an answer may come too late.
+    // A rig at the client's pace is ahead of it by what the line holds: an answer may come too
+    // late.
     assert!(l.lost_on_link + l.damaged + l.restored >= 1400 && l.overruns == 26 && l.restarts == 0, "{l:?}");
     let r = Record::read(&done.record, rig, &ReadOptions::default()).unwrap();
     assert_eq!((&r.losses, r.segments.len() as u64), (l, l.gaps + 1));

@@ -9,8 +9,9 @@ use crate::rig::Rig;
 
 /// An open connection to a device (or to what stands for one).
 pub trait Link: Send {
-    /// Reads what is there. `Ok(0)` says that the stream has ended; an error of kind `TimedOut` or `WouldBlock` that nothing came
-    /// for now (a call waits 100 ms at most); any other that the connection is gone.
+    /// Reads what is there. `Ok(0)` says that the stream has ended; an error of kind `TimedOut` or
+    /// `WouldBlock` that nothing came for now (a call waits 100 ms at most); any other that the
+    /// connection is gone.
     ///
     /// # Errors
     /// As above.
@@ -31,12 +32,14 @@ pub trait Source: Send {
     /// The connection cannot be made now.
     fn open(&mut self) -> io::Result<Box<dyn Link>>;
 
-    /// Where its bytes were recorded before: nothing is sent, its end is the end, and no journal is kept.
+    /// Where its bytes were recorded before: nothing is sent, its end is the end, and no journal is
+    /// kept.
     fn is_replay(&self) -> bool {
         false
     }
 
-    /// The time by which the device lives; a simulated one brings its own, so that a run is the same at every repeat.
+    /// The time by which the device lives; a simulated one brings its own, so that a run is the
+    /// same at every repeat.
     fn now(&self) -> Instant {
         Instant::now()
     }
@@ -56,7 +59,8 @@ pub trait Source: Send {
         0.0
     }
 
-    /// What it gives goes on in the record of an earlier session: a simulated device has restarted since.
+    /// What it gives goes on in the record of an earlier session: a simulated device has restarted
+    /// since.
     fn resumed(&mut self) {}
 
     /// Why it will never send again, where that is known: nothing is tried again then.

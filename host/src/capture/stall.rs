@@ -1,4 +1,5 @@
-//! A device that is there and brings nothing: it answers, repeats itself or sends what is no frame, but no new sample comes.
+//! A device that is there and brings nothing: it answers, repeats itself or sends what is no frame,
+//! but no new sample comes.
 
 use std::time::{Duration, Instant};
 

@@ -1,7 +1,8 @@
-//! A few words with a device, without a recording: its hello, commands with their answers, whether its arms move.
+//! A few words with a device, without a recording: its hello, commands with their answers, whether
+//! its arms move.
 //!
-//! It listens as a capture does: only to what answers its own commands (`super::gate`), and it opens a link that drops anew, as a
-//! board's own USB port does when the board restarts.
+//! It listens as a capture does: only to what answers its own commands (`super::gate`), and it
+//! opens a link that drops anew, as a board's own USB port does when the board restarts.
 
 use std::io::ErrorKind;
 use std::time::{Duration, Instant};
@@ -35,7 +36,8 @@ pub struct Talk {
 }
 
 impl Talk {
-    /// Opens a source; `rig` matters to a simulated one. A device may take so long for each of its answers.
+    /// Opens a source; `rig` matters to a simulated one. A device may take so long for each of its
+    /// answers.
     ///
     /// # Errors
     /// A source that cannot be, cannot be opened or is a file.
@@ -235,7 +237,8 @@ impl Talk {
         }
     }
 
-    /// As [`Self::ask`], for commands that want a shaker that is disarmed: one that rests and is armed, or has a fault, is disarmed.
+    /// As [`Self::ask`], for commands that want a shaker that is disarmed: one that rests and is
+    /// armed, or has a fault, is disarmed.
     ///
     /// # Errors
     /// A shaker that moves; no answer.

@@ -45,10 +45,12 @@ pub struct Arguments {
     /// Record from the first sample on, also while the shaker starts.
     #[arg(long)]
     from_first_sample: bool,
-    /// Record the device's regression rows instead of samples: a third of the bytes, for `whirl identify` alone.
+    /// Record the device's regression rows instead of samples: a third of the bytes, for
+    /// `whirl identify` alone.
     #[arg(long)]
     rows: bool,
-    /// Start the shaker again where it has stopped by itself, after a lost link or a restart of the device. Without this it stays off.
+    /// Start the shaker again where it has stopped by itself, after a lost link or a restart of the
+    /// device. Without this it stays off.
     #[arg(long, conflicts_with = "no_drive")]
     restart_drive: bool,
     /// How long a lost link is tried again, s.
@@ -57,19 +59,23 @@ pub struct Arguments {
     /// How long the device may take to answer at the start, s.
     #[arg(long, value_name = "S", default_value_t = 5.0)]
     handshake_s: f64,
-    /// Go on in the record of a capture that was interrupted (killed, stopped or lost its device): from its journal, on its terms.
+    /// Go on in the record of a capture that was interrupted (killed, stopped or lost its device):
+    /// from its journal, on its terms.
     #[arg(long)]
     resume: bool,
     /// Keep the journal of raw frames (REC.frames) after a clean end.
     #[arg(long)]
     keep_frames: bool,
-    /// End once the device's own estimate of a parameter is so narrow: ± (95 %) over the value, such as C2=1%.
+    /// End once the device's own estimate of a parameter is so narrow: ± (95 %) over the value,
+    /// such as C2=1%.
     #[arg(long, value_name = "NAME=X%")]
     until: Option<Until>,
-    /// Run the records of a plan (`whirl plan -o`) one after the other, REC-1, REC-2 …, until what was asked is decided.
+    /// Run the records of a plan (`whirl plan -o`) one after the other, REC-1, REC-2 …, until what
+    /// was asked is decided.
     #[arg(long, value_name = "PLAN.toml", conflicts_with_all = ["seconds", "amplitude_m", "no_drive", "rows", "resume", "until", "live", "report"])]
     plan: Option<PathBuf>,
-    /// Show the motion, the drive, losses and the device's estimate in the terminal meanwhile; a simulated rig then runs in real time.
+    /// Show the motion, the drive, losses and the device's estimate in the terminal meanwhile; a
+    /// simulated rig then runs in real time.
     #[arg(long)]
     live: bool,
     /// Effect to put into a simulated rig (source sim).
@@ -137,7 +143,8 @@ pub fn human(outcome: &CaptureOutcome) -> String {
     text
 }
 
-/// Captures from a simulated rig with effects put into it; the seed is that of `sim:SEED`, 1 without one.
+/// Captures from a simulated rig with effects put into it; the seed is that of `sim:SEED`, 1
+/// without one.
 ///
 /// # Errors
 /// Another source; effects that are not to be had; what a capture reports.
@@ -174,8 +181,9 @@ pub fn from_simulated(
     Err(BadInput::new("a build without the feature `sim`", "one with it").remedy("Build with `cargo build --release`"))
 }
 
-/// What is read and written: the record, its journal and the device's estimates beside it. A record is made again from its own journal
-/// without more ado; where a journal is left of a capture that did not end, the recorder says what to do with it.
+/// What is read and written: the record, its journal and the device's estimates beside it. A record
+/// is made again from its own journal without more ado; where a journal is left of a capture that
+/// did not end, the recorder says what to do with it.
 pub(super) fn files(arguments: &Arguments, rig: &Rig) -> Outputs {
     let (record, journal) = (&arguments.output, path_of(&arguments.output));
     let frames = arguments.from.strip_prefix("file:").map(Path::new);
@@ -230,7 +238,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     })
 }
 
-/// Ctrl-C, SIGTERM and SIGHUP end the capture in order; the second one ends the program at once: the journal stays.
+/// Ctrl-C, SIGTERM and SIGHUP end the capture in order; the second one ends the program at once:
+/// the journal stays.
 pub(super) fn end_on_signals(stop: &Arc<AtomicBool>) -> Result<()> {
     let flag = Arc::clone(stop);
     ctrlc::set_handler(move || {

@@ -49,7 +49,8 @@ fn path_of(output: &Path, index: usize, count: usize) -> PathBuf {
     output.with_file_name(format!("{stem}-{}{extension}", index + 1))
 }
 
-/// Effects that a record shows, and whether they tell those that were asked for: one of them is found, and no other of them could stand in its place.
+/// Effects that a record shows, and whether they tell those that were asked for: one of them is
+/// found, and no other of them could stand in its place.
 fn told(record: &Path, rig: &Rig, tell: &[String]) -> Result<(Vec<String>, bool)> {
     if tell.is_empty() {
         return Ok((Vec::new(), false));

@@ -1,7 +1,8 @@
-//! `whirl demo`: the whole line with nothing plugged in, from a simulated rig through the firmware's logic to one report.
+//! `whirl demo`: the whole line with nothing plugged in, from a simulated rig through the
+//! firmware's logic to one report.
 //!
-//! The rig hides an effect that the identified model does not have. Its truth is read once, after every answer is there, for the report's
-//! last table.
+//! The rig hides an effect that the identified model does not have. Its truth is read once, after
+//! every answer is there, for the report's last table.
 
 use std::path::{Path, PathBuf};
 
@@ -77,7 +78,8 @@ fn warnings(explained: &Explanation, identified: &Identification) -> Vec<Warning
     explained.warnings.iter().cloned().chain(earlier).collect()
 }
 
-/// The model's own parameters beside the truth: those of the model with what was missing where it was found.
+/// The model's own parameters beside the truth: those of the model with what was missing where it
+/// was found.
 fn last_table(
     explained: &Explanation,
     identified: &Identification,

@@ -48,7 +48,8 @@ enum What {
 /// How a device is reached, and where the result goes.
 #[derive(Clone, Debug, Args)]
 pub struct Link {
-    /// Device: serial:/dev/ttyACM0[@BAUD], tcp:HOST:PORT, rtt[:CHIP], sim[:SEED] [default: the one board that is plugged in].
+    /// Device: serial:/dev/ttyACM0[@BAUD], tcp:HOST:PORT, rtt[:CHIP], sim[:SEED] [default: the one
+    /// board that is plugged in].
     #[arg(long, value_name = "SOURCE", global = true)]
     pub(super) from: Option<String>,
     /// Rig file, for --from sim.

@@ -1,7 +1,7 @@
 //! `whirl device list`: serial ports, and the boards that answer on them.
 //!
-//! Only ports of makers whose boards whirl knows are asked, and one named with `--from`: to other devices a strange byte may mean
-//! something.
+//! Only ports of makers whose boards whirl knows are asked, and one named with `--from`: to other
+//! devices a strange byte may mean something.
 
 use serde::Serialize;
 use serialport::{SerialPortInfo, SerialPortType};
@@ -11,8 +11,8 @@ use super::device::{Device, Link};
 use crate::capture::talk::Talk;
 use crate::error::{BadInput, Result, plain};
 
-/// USB vendors whose ports may be a board's: ST (the ST-LINK of a NUCLEO), Raspberry Pi, pid.codes, and the id that embassy's
-/// examples use.
+/// USB vendors whose ports may be a board's: ST (the ST-LINK of a NUCLEO), Raspberry Pi, pid.codes,
+/// and the id that embassy's examples use.
 const VENDORS: [u16; 4] = [0x0483, 0x2e8a, 0x1209, 0xc0de];
 /// How long a port that was not named may take for an answer, s.
 const SHORT_S: f64 = 1.5;

@@ -1,7 +1,8 @@
 //! `whirl device set KEY=VALUE…`: settings kept in a board's flash, then in force.
 //!
-//! The device checks each change together with all others as they will be, keeps it, and takes it at its next start. It is restarted
-//! here, and what it then says of itself is held against what was asked for.
+//! The device checks each change together with all others as they will be, keeps it, and takes it
+//! at its next start. It is restarted here, and what it then says of itself is held against what
+//! was asked for.
 
 use std::time::Duration;
 
@@ -17,16 +18,19 @@ use crate::capture::talk::Talk;
 use crate::error::{BadInput, Result};
 use crate::warning::Warning;
 
-/// How long a board may take to erase a page of its flash and write it: 2 s on the slowest, and its start.
+/// How long a board may take to erase a page of its flash and write it: 2 s on the slowest, and its
+/// start.
 const KEEPING: Duration = Duration::from_secs(5);
 
 /// Arguments of `device set`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// Settings, such as counts_per_turn1=4096; `settings=built-in` takes all as the image has them.
+    /// Settings, such as counts_per_turn1=4096; `settings=built-in` takes all as the image has
+    /// them.
     #[arg(required = true, value_name = "KEY=VALUE")]
     changes: Vec<String>,
-    /// Leave the board running with its present settings; the new ones take force when it starts next.
+    /// Leave the board running with its present settings; the new ones take force when it starts
+    /// next.
     #[arg(long)]
     no_restart: bool,
 }

@@ -1,4 +1,5 @@
-//! `whirl explain`: where simulation and measurement disagree, which effect is missing, the gap before and after.
+//! `whirl explain`: where simulation and measurement disagree, which effect is missing, the gap
+//! before and after.
 
 use std::path::PathBuf;
 
@@ -28,7 +29,8 @@ pub struct Arguments {
     /// Horizon of the gap, s [default: one drive period, 0.2 s when free].
     #[arg(long, value_name = "S")]
     horizon: Option<f64>,
-    /// Horizons at which the last 30 % of the record is predicted after fitting the first 70 %, s [default: 1 and 4 of the gap's; 0.2 and 2.667 when free].
+    /// Horizons at which the last 30 % of the record is predicted after fitting the first 70 %, s
+    /// [default: 1 and 4 of the gap's; 0.2 and 2.667 when free].
     #[arg(long, value_name = "S", value_delimiter = ',')]
     forecast: Vec<f64>,
     #[command(flatten)]
@@ -36,7 +38,8 @@ pub struct Arguments {
     /// Most effects that are added [default: 8].
     #[arg(long, value_name = "N")]
     most_effects: Option<usize>,
-    /// Start from this model, as `whirl identify -o` or an earlier `explain -o` wrote it, instead of the rig file's nominal one.
+    /// Start from this model, as `whirl identify -o` or an earlier `explain -o` wrote it, instead
+    /// of the rig file's nominal one.
     #[arg(long, value_name = "MODEL.toml")]
     model: Option<PathBuf>,
     /// Look for the effects of this file too (docs/effects.md); may be given several times.

@@ -23,7 +23,8 @@ pub struct Arguments {
     /// Language.
     #[arg(long, value_name = "LANGUAGE", value_parser = clap::builder::PossibleValuesParser::new(LANGUAGES.iter().map(|l| l.id())))]
     to: String,
-    /// Rig file on which the model was identified: units of what is no angle; effects on bodies of one's own, effects of one's own need it.
+    /// Rig file on which the model was identified: units of what is no angle; effects on bodies of
+    /// one's own, effects of one's own need it.
     #[arg(long, value_name = "RIG.toml")]
     rig: Option<PathBuf>,
     /// Code.

@@ -1,4 +1,5 @@
-//! `whirl flash`: builds a board's firmware, or takes a file of it, and flashes it through a debug probe.
+//! `whirl flash`: builds a board's firmware, or takes a file of it, and flashes it through a debug
+//! probe.
 
 use std::path::PathBuf;
 
@@ -15,7 +16,8 @@ pub struct Arguments {
     /// Board: see `whirl list boards`.
     #[arg(long, value_name = "BOARD")]
     board: String,
-    /// Image to flash: .elf, .bin or .uf2 [default: it is built from the repository in which this is called].
+    /// Image to flash: .elf, .bin or .uf2 [default: it is built from the repository in which this
+    /// is called].
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
 }

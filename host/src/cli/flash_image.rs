@@ -1,8 +1,8 @@
-//! Files that a board is flashed with: `.elf` as cargo builds them, `.bin` and `.uf2` as `cargo run -p whirl-board-build` makes them. The
-//! content decides, not the name.
+//! Files that a board is flashed with: `.elf` as cargo builds them, `.bin` and `.uf2` as
+//! `cargo run -p whirl-board-build` makes them. The content decides, not the name.
 //!
-//! What would leave a board without firmware is refused before the probe is asked for: a file that is cut, is for another processor, or
-//! for another board.
+//! What would leave a board without firmware is refused before the probe is asked for: a file that
+//! is cut, is for another processor, or for another board.
 
 use std::path::Path;
 
@@ -112,7 +112,8 @@ fn kind(bytes: &[u8], chip: Option<&Chip>) -> core::result::Result<Kind, &'stati
             || !bytes.chunks(UF2_BLOCK).all(whole);
         return if cut { Err("a UF2 file that is cut") } else { Ok(Kind::Uf2) };
     }
-    // The flash's bytes begin with the initial stack pointer and the reset vector, whose lowest bit says Thumb.
+    // The flash's bytes begin with the initial stack pointer and the reset vector, whose lowest bit
+    // says Thumb.
     let chip = chip.ok_or("a file that is neither ELF nor UF2")?;
     let starts = word(bytes, 0).zip(word(bytes, 4)).is_some_and(|(stack, reset)| {
         (RAM..=RAM + RAM_MOST).contains(&stack)

@@ -67,7 +67,8 @@ pub struct Arguments {
     method: Option<Method>,
     #[command(flatten)]
     weak: WeakForm,
-    /// Length of the pieces of multiple shooting, s [default: 4 drive periods, a fifth of a window when free].
+    /// Length of the pieces of multiple shooting, s [default: 4 drive periods, a fifth of a window
+    /// when free].
     #[arg(long, value_name = "S")]
     segment_s: Option<f64>,
     /// Bounds of a parameter in multiple shooting, such as C11=0:1 (either side may be left out).

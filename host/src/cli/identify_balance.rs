@@ -38,7 +38,8 @@ enum Energy {
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Harmonic balance (--method frequency or upo)")]
 pub struct BalanceArguments {
-    /// Length of a piece, drive periods (frequency) [default: 100; 60 for the single pendulum; less where the record is short].
+    /// Length of a piece, drive periods (frequency) [default: 100; 60 for the single pendulum; less
+    /// where the record is short].
     #[arg(long, value_name = "N")]
     piece_periods: Option<usize>,
     /// How closely an orbit must close, as a share of the angle's range (upo).
@@ -47,7 +48,8 @@ pub struct BalanceArguments {
     /// Longest period of an orbit, drive periods (upo).
     #[arg(long, value_name = "K", default_value_t = 16)]
     longest_period: usize,
-    /// Delay of the embedding, samples (upo) [default: first clear minimum of the average mutual information].
+    /// Delay of the embedding, samples (upo) [default: first clear minimum of the average mutual
+    /// information].
     #[arg(long, value_name = "SAMPLES")]
     delay: Option<usize>,
     /// Velocities and accelerations.
@@ -56,7 +58,8 @@ pub struct BalanceArguments {
     /// Cut-off of the low-pass before products are formed, share of the sampling rate, or none.
     #[arg(long, value_name = "SHARE|none", default_value = "0.2")]
     low_pass: String,
-    /// Sub-harmonics: up-to:F (times f_e), largest:N (a drive period, in the acceleration's spectrum), harmonics:N (of f_e alone).
+    /// Sub-harmonics: up-to:F (times f_e), largest:N (a drive period, in the acceleration's
+    /// spectrum), harmonics:N (of f_e alone).
     #[arg(long, value_name = "SET", default_value = "up-to:1")]
     subharmonics: String,
     /// Leaves the mean (j = 0) out.
@@ -100,7 +103,8 @@ fn choice<'a>(option: &str, text: &'a str, words: &[&str], expected: &str) -> Re
 }
 
 impl BalanceArguments {
-    /// The settings, for orbits that close (`unstable`) or pieces of a record of so many drive periods unbroken.
+    /// The settings, for orbits that close (`unstable`) or pieces of a record of so many drive
+    /// periods unbroken.
     pub fn settings(&self, rig: &Rig, unstable: bool, longest: f64) -> Result<Settings> {
         let usual = if rig.model == "single-pendulum" { 60 } else { 100 };
         let orbits = if unstable {

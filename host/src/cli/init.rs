@@ -18,7 +18,8 @@ pub struct Arguments {
     /// Records of one rig; the first is looked at, the others must have its columns.
     #[arg(required = true, value_name = "REC")]
     records: Vec<PathBuf>,
-    /// The system: `whirl list models`, or a model file [default: by the number of angles, one or two].
+    /// The system: `whirl list models`, or a model file [default: by the number of angles, one or
+    /// two].
     #[arg(long, value_name = "NAME|FILE")]
     system: Option<String>,
     #[command(flatten)]

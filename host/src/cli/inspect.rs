@@ -22,7 +22,8 @@ use crate::rig::Rig;
 pub struct Arguments {
     #[command(flatten)]
     records: Records,
-    /// Rig file [default: the one that the record carries, or what its columns show, as `whirl init` would write it].
+    /// Rig file [default: the one that the record carries, or what its columns show, as
+    /// `whirl init` would write it].
     #[arg(long, value_name = "RIG.toml")]
     rig: Option<PathBuf>,
     #[command(flatten)]

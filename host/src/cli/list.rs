@@ -28,7 +28,8 @@ pub enum What {
 pub struct Arguments {
     /// What to list.
     what: What,
-    /// Print the file of one model (a system file to copy and change), or with effects the file of all effects.
+    /// Print the file of one model (a system file to copy and change), or with effects the file of
+    /// all effects.
     #[arg(long, value_name = "NAME", num_args = 0..=1, default_missing_value = "")]
     show: Option<String>,
     /// List the effects of this file too (docs/effects.md); may be given several times.
@@ -95,7 +96,8 @@ fn show(out: &super::output::Output, what: What, name: &str) -> Result<Answer> {
     Ok(Answer::Positive)
 }
 
-/// Prints every effect: those that a simulated rig can have, with their parameters, then the others, then a user's.
+/// Prints every effect: those that a simulated rig can have, with their parameters, then the
+/// others, then a user's.
 fn effects(out: &super::output::Output, files: &[PathBuf]) -> Result<()> {
     let simulated = simulated(out);
     let mut entries = catalogue().to_vec();

@@ -1,6 +1,8 @@
-//! Commands: one file each, each with its arguments and `run()`; one line each in the enum `Command`.
+//! Commands: one file each, each with its arguments and `run()`; one line each in the enum
+//! `Command`.
 //!
-//! Exit status: 0 done; 1 done and the answer is negative; 2 bad input or usage, with one message on standard error.
+//! Exit status: 0 done; 1 done and the answer is negative; 2 bad input or usage, with one message
+//! on standard error.
 
 mod batch;
 pub(crate) mod called;
@@ -50,7 +52,8 @@ use crate::warning::Warning;
 use output::{Output, Replace};
 use outputs::Outputs;
 
-/// From encoder counts to a trusted equation of motion, and to the physical effect that the model is missing.
+/// From encoder counts to a trusted equation of motion, and to the physical effect that the model
+/// is missing.
 #[derive(Debug, Parser)]
 #[command(name = "whirl", version, about, max_term_width = 110, propagate_version = true)]
 struct Cli {
@@ -66,7 +69,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// The whole line with nothing plugged in: simulated rig, firmware logic, frames, capture, identification, one report.
+    /// The whole line with nothing plugged in: simulated rig, firmware logic, frames, capture,
+    /// identification, one report.
     Demo(demo::Arguments),
     /// A record of a simulated rig, with effects put in if asked, or of an identified model.
     Simulate(simulate::Arguments),
@@ -80,7 +84,8 @@ enum Command {
     Identify(identify::Arguments),
     /// Whether an identified model moves as the measured system does.
     Validate(validate::Arguments),
-    /// Where simulation and measurement disagree, which effect is missing, the gap before and after.
+    /// Where simulation and measurement disagree, which effect is missing, the gap before and
+    /// after.
     Explain(explain::Arguments),
     /// Many records, one row each, in one table.
     #[command(subcommand)]
@@ -116,7 +121,8 @@ pub enum Answer {
 }
 
 impl Answer {
-    /// The negative answer, said with its reason, where a warning says that the answer cannot stand.
+    /// The negative answer, said with its reason, where a warning says that the answer cannot
+    /// stand.
     fn that_stands(warnings: &[Warning]) -> Self {
         Judgement::of(warnings).tell()
     }
@@ -223,7 +229,8 @@ impl Records {
         Rig::read_for(rig, &self.columns.choices(), &mut |time| self.rate(time))
     }
 
-    /// The rate of the first record, Hz, rounded as far as its clock allows: for a rig file that says none.
+    /// The rate of the first record, Hz, rounded as far as its clock allows: for a rig file that
+    /// says none.
     fn rate(&self, time: &TimeChoice) -> Result<Option<f64>> {
         crate::init::rate_of(&self.records[0], time, &self.options()).map(Some)
     }
@@ -244,7 +251,8 @@ impl Records {
         ReadOptions { recover: self.recover, resample: self.resample }
     }
 
-    /// What an analysis ends with that failed: where the record itself is at fault, its warnings say why, and the answer is negative.
+    /// What an analysis ends with that failed: where the record itself is at fault, its warnings
+    /// say why, and the answer is negative.
     fn failed(&self, records: &[Record], error: BadInput, out: &Output) -> Result<Answer> {
         let warnings: Vec<Warning> = records.iter().flat_map(|r| r.warnings.clone()).collect();
         if !warnings.iter().any(|w| w.invalidates) {
@@ -256,7 +264,8 @@ impl Records {
         Ok(Answer::that_stands(&warnings))
     }
 
-    /// The answer for complete records, or the negative one under `--strict` where samples are missing.
+    /// The answer for complete records, or the negative one under `--strict` where samples are
+    /// missing.
     fn answer(&self, records: &[Record]) -> Answer {
         self.answer_for(records.iter().map(|r| r.losses.lost()).sum())
     }

@@ -1,4 +1,5 @@
-//! Where results go: a short answer for people on standard output, `--json FILE`, `--report FILE.html`.
+//! Where results go: a short answer for people on standard output, `--json FILE`,
+//! `--report FILE.html`.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -23,7 +24,8 @@ pub struct Output {
     pub report: Option<PathBuf>,
 }
 
-/// The option of every command but `reduce`, whose `--force` is that on the structure: there nothing recorded is replaced.
+/// The option of every command but `reduce`, whose `--force` is that on the structure: there
+/// nothing recorded is replaced.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub struct Replace {
     /// Replace a record or rig file that an output names (never one that this command reads).
@@ -31,7 +33,8 @@ pub struct Replace {
     pub force: bool,
 }
 
-/// Version of what whirl writes as JSON, the first key of every object: docs/json.md tells the others.
+/// Version of what whirl writes as JSON, the first key of every object: docs/json.md tells the
+/// others.
 pub const FORMAT: u32 = 1;
 
 /// A result with the version of its keys.
@@ -120,7 +123,8 @@ pub fn all_said() -> Result<()> {
     UNSAID.lock().ok().and_then(|mut unsaid| unsaid.take()).map_or(Ok(()), Err)
 }
 
-/// JSON in which what a terminal would obey (DEL, C1, marks of direction) is written as `\\uXXXX`, as C0 is already.
+/// JSON in which what a terminal would obey (DEL, C1, marks of direction) is written as `\\uXXXX`,
+/// as C0 is already.
 fn as_escapes(json: &str) -> String {
     let mut out = String::with_capacity(json.len());
     for c in json.chars() {
@@ -154,7 +158,8 @@ pub fn command_line() -> String {
     plain_lines(&out.join(" "))
 }
 
-/// Writes a file whole: beside its name first, then renamed, so that no half-written result is left behind.
+/// Writes a file whole: beside its name first, then renamed, so that no half-written result is left
+/// behind.
 ///
 /// # Errors
 /// A folder that does not exist, a full disk, missing rights.

@@ -1,5 +1,5 @@
-//! What a command is going to read and write, checked before anything runs: no output is an input or another output, none replaces a
-//! record unasked, and every output's folder can be written to.
+//! What a command is going to read and write, checked before anything runs: no output is an input
+//! or another output, none replaces a record unasked, and every output's folder can be written to.
 
 use std::path::{Path, PathBuf};
 

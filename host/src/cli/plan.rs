@@ -23,16 +23,19 @@ pub struct Arguments {
     /// Identified model, by `identify -o` or `explain -o`: what is planned for.
     #[arg(long, value_name = "MODEL.toml")]
     model: Option<PathBuf>,
-    /// Effects to tell from one another: one of them in the model, or of the size that it would have.
+    /// Effects to tell from one another: one of them in the model, or of the size that it would
+    /// have.
     #[arg(long, value_name = "ID@PLACE[=VALUE]", value_delimiter = ',', value_parser = Tell::parse)]
     tell: Vec<Tell>,
     /// Parameters and the 95 % interval wanted, such as C11=0.5%.
     #[arg(long, value_name = "NAME=X%", value_delimiter = ',', value_parser = Precise::parse)]
     precise: Vec<Precise>,
-    /// What the rig may be set to (docs/plan.md) [default: near the model's own drive, at most 1.6 times its acceleration].
+    /// What the rig may be set to (docs/plan.md) [default: near the model's own drive, at most 1.6
+    /// times its acceleration].
     #[arg(long, value_name = "FILE.toml")]
     limits: Option<PathBuf>,
-    /// A record of the rig: its channels' noise is that of the next (needed where channels do not count).
+    /// A record of the rig: its channels' noise is that of the next (needed where channels do not
+    /// count).
     #[arg(long, value_name = "REC")]
     record: Option<PathBuf>,
     /// Settings that are simulated and looked at.

@@ -43,7 +43,8 @@ pub fn bar(what: &'static str, length: u64) -> ProgressBar {
     bar
 }
 
-/// A line over `length` records: how many are done, what is told of them, time left; hidden where no terminal is there.
+/// A line over `length` records: how many are done, what is told of them, time left; hidden where
+/// no terminal is there.
 pub fn of_records(length: u64) -> ProgressBar {
     let line = bar("", length);
     if let Ok(style) = ProgressStyle::with_template("{pos} of {len} records{msg} [{bar:32}] {eta_precise} left") {

@@ -41,19 +41,23 @@ pub struct Arguments {
     /// Share of the energy that the kept modes hold [default: 0.999].
     #[arg(long, value_name = "SHARE")]
     energy: Option<f64>,
-    /// How minor coordinates follow the major one [default: polar where the releases are close to periodic, otherwise none].
+    /// How minor coordinates follow the major one [default: polar where the releases are close to
+    /// periodic, otherwise none].
     #[arg(long, value_enum)]
     constraint: Option<Choice>,
     /// Masses of the channels, for mass-weighted modes: m1,m2,…
     #[arg(long, value_name = "M,…", value_delimiter = ',')]
     masses: Option<Vec<f64>>,
-    /// Take the records block by block, in little memory: modes and energies without a model [default: beyond 16.8 million numbers].
+    /// Take the records block by block, in little memory: modes and energies without a model
+    /// [default: beyond 16.8 million numbers].
     #[arg(long)]
     stream: bool,
-    /// The response of the polar model to a force F b cos Ωt: its amplitude F, in the unit of mass × coordinate/s² (unit masses unless known).
+    /// The response of the polar model to a force F b cos Ωt: its amplitude F, in the unit of mass
+    /// × coordinate/s² (unit masses unless known).
     #[arg(long, value_name = "F")]
     force: Option<f64>,
-    /// Where the force acts, one number a channel: b1,b2,… [default: along the first mode, of unit length].
+    /// Where the force acts, one number a channel: b1,b2,… [default: along the first mode, of unit
+    /// length].
     #[arg(long, value_name = "B,…", value_delimiter = ',', allow_hyphen_values = true, requires = "force")]
     force_shape: Option<Vec<f64>>,
     /// Damping c in 1/s, in proportion to mass [default: from the decays].

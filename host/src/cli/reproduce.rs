@@ -1,4 +1,5 @@
-//! `whirl reproduce`: the seed's tables and figures, printed, reproduced and true values side by side.
+//! `whirl reproduce`: the seed's tables and figures, printed, reproduced and true values side by
+//! side.
 
 use clap::Args;
 

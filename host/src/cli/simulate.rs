@@ -1,4 +1,5 @@
-//! `whirl simulate`: a record of a simulated rig, with effects put in if asked; with `--model`, of an identified model.
+//! `whirl simulate`: a record of a simulated rig, with effects put in if asked; with `--model`, of
+//! an identified model.
 
 use std::path::PathBuf;
 
@@ -14,7 +15,8 @@ use crate::rig::Rig;
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// Rig file with a [plant]; with --model, the rig whose channels the record has (no [plant] is read then).
+    /// Rig file with a [plant]; with --model, the rig whose channels the record has (no [plant] is
+    /// read then).
     #[arg(long, value_name = "RIG.toml", required_unless_present = "model")]
     pub(super) rig: Option<PathBuf>,
     /// Identified model to simulate, by `identify -o` or `explain -o`.
@@ -26,7 +28,8 @@ pub struct Arguments {
     /// With --from: time of the record at which to begin, s.
     #[arg(long, value_name = "S", requires = "from", allow_negative_numbers = true)]
     pub(super) start: Option<f64>,
-    /// With --model: coordinates, then rates a second, in SI units (default: angles 1 rad, others 0.1, at rest).
+    /// With --model: coordinates, then rates a second, in SI units (default: angles 1 rad, others
+    /// 0.1, at rest).
     #[arg(
         long,
         value_name = "Q,…,V,…",
@@ -39,7 +42,8 @@ pub struct Arguments {
     /// Effect to put in (may be given several times); `whirl list effects` shows them.
     #[arg(long = "effect", value_name = "ID@PLACE=VALUE[,name=value]", conflicts_with = "model")]
     effects: Vec<String>,
-    /// Length of the record, s (with --from: to that record's end where nothing is said; with --model alone 10 s).
+    /// Length of the record, s (with --from: to that record's end where nothing is said;
+    /// with --model alone 10 s).
     #[arg(long, value_name = "S", required_unless_present = "model")]
     pub(super) seconds: Option<f64>,
     /// Seed of the initial state.

@@ -1,4 +1,5 @@
-//! `whirl simulate --model`: a record of an identified or explained model, from a record's state or from a given one.
+//! `whirl simulate --model`: a record of an identified or explained model, from a record's state or
+//! from a given one.
 
 use core::f64::consts::TAU;
 use std::collections::BTreeMap;
@@ -34,7 +35,8 @@ struct Summary {
     initial: BTreeMap<String, f64>,
     /// Step of integration, s.
     step_s: f64,
-    /// Difference to a solution with twice the step over the first second, of the largest size of a coordinate.
+    /// Difference to a solution with twice the step over the first second, of the largest size of a
+    /// coordinate.
     difference: f64,
     effects: Vec<String>,
     channels: Vec<Shown>,
@@ -114,7 +116,8 @@ fn from_given(motion: &Motion, initial: &[f64]) -> Result<Begin> {
     Ok(Begin { time: 0.0, tau: 0.0, state, inputs: None, left_s: f64::INFINITY, step_s })
 }
 
-/// How many samples: to the record's end where nothing else is said, and no longer where its inputs act.
+/// How many samples: to the record's end where nothing else is said, and no longer where its inputs
+/// act.
 fn samples(seconds: Option<f64>, motion: &Motion, begin: &Begin) -> Result<usize> {
     let most = LONGEST_S.min(MOST_SAMPLES * begin.step_s);
     let bound = if begin.inputs.is_some() { begin.left_s.min(most) } else { most };
@@ -133,7 +136,8 @@ fn samples(seconds: Option<f64>, motion: &Motion, begin: &Begin) -> Result<usize
     Ok(((seconds / begin.step_s).round() as usize).max(1))
 }
 
-/// The t of the first sample: the record's own; where the device told the phase, the nearest at which τ = Ω t.
+/// The t of the first sample: the record's own; where the device told the phase, the nearest at
+/// which τ = Ω t.
 fn time_of(motion: &Motion, begin: &Begin) -> f64 {
     let Some(omega) = motion.omega() else { return begin.time };
     let off = (begin.tau - omega * begin.time + core::f64::consts::PI).rem_euclid(TAU) - core::f64::consts::PI;

@@ -1,5 +1,6 @@
-//! What `identify`, `explain` and `validate` have in common: records and a rig file go in; an answer for people, JSON, a report and
-//! an exit status come out. Each command says what is its own ([`Single`]); `whirl batch` answers for many records by the same parts.
+//! What `identify`, `explain` and `validate` have in common: records and a rig file go in; an
+//! answer for people, JSON, a report and an exit status come out. Each command says what is its own
+//! ([`Single`]); `whirl batch` answers for many records by the same parts.
 
 use std::path::{Path, PathBuf};
 
@@ -99,7 +100,8 @@ pub trait Single: Args + Clone + Sync {
     /// Fills its row of a batch.
     fn cells(row: &mut Row, result: &Self::Result);
 
-    /// Negative where a warning says that the answer cannot stand, and under `--strict` where samples are missing.
+    /// Negative where a warning says that the answer cannot stand, and under `--strict` where
+    /// samples are missing.
     fn stands(&self, result: &Self::Result, lost: u64) -> Judgement {
         Judgement::of(Self::warnings(result)).and(self.common().records.judge(lost))
     }

@@ -38,12 +38,14 @@ pub struct Arguments {
     /// Seed of the permutation test.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
-    /// Bifurcation diagram over a factor on a parameter (drive: on all of the base's motion), such as drive=0.5:1.5.
+    /// Bifurcation diagram over a factor on a parameter (drive: on all of the base's motion), such
+    /// as drive=0.5:1.5.
     #[arg(long, value_name = "NAME=LOW:HIGH", value_parser = range)]
     bifurcation: Option<(String, f64, f64)>,
 }
 
-/// Greatest factor of a bifurcation diagram: a motion a hundred times as fast is still integrated in its time.
+/// Greatest factor of a bifurcation diagram: a motion a hundred times as fast is still integrated
+/// in its time.
 const MOST_TIMES: f64 = 100.0;
 
 /// NAME=LOW:HIGH.

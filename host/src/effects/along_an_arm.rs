@@ -1,11 +1,15 @@
-//! Forces all along an arm: what a force per length f(v, s) across the arm adds, v the speed across the arm at distance s from its end `from`, that end's own velocity
-//! included.
+//! Forces all along an arm: what a force per length f(v, s) across the arm adds, v the speed across
+//! the arm at distance s from its end `from`, that end's own velocity included.
 //!
-//! Its work on coordinate q is ∫ f(v(s), s) n·∂r/∂q ds from 0 to the length, n the unit vector across the arm: a sum over six points of Gauss and Legendre, exact where
-//! f is a polynomial of degree eleven along the arm (where the speed changes its sign on the arm, |v| has a corner, and a thousandth is lost).
+//! Its work on coordinate q is ∫ f(v(s), s) n·∂r/∂q ds from 0 to the length, n the unit vector
+//! across the arm: a sum over six points of Gauss and Legendre, exact where f is a polynomial of
+//! degree eleven along the arm (where the speed changes its sign on the arm, |v| has a corner, and
+//! a thousandth is lost).
 //!
-//! Lengths on the grid of an entry are in lengths of the arm: from its end to where another arm begins on its line, or, for the last arm, one and a half of
-//! the pendulum's reduced length J/S, that of a rod of even thickness; both follow from what a record of an arm that swings determines.
+//! Lengths on the grid of an entry are in lengths of the arm: from its end to where another arm
+//! begins on its line, or, for the last arm, one and a half of the pendulum's reduced length J/S,
+//! that of a rod of even thickness; both follow from what a record of an arm that swings
+//! determines.
 
 use super::columns::{Law, Part, parts_of};
 use super::entry::{Entry, Form, LENGTH};
@@ -37,7 +41,8 @@ fn arm(file: &SystemFile, k: usize) -> Option<(&[Polynomial], &[Polynomial], [Po
     (from.len() == 2).then(|| (&from[..], &along[..], [up.scaled(-1.0), right.clone()]))
 }
 
-/// Whether the arm's end moves. Where it rests the speed at s is ω s, and a power of it does the work of that power of ω: what acts all along the arm is what acts on the arm.
+/// Whether the arm's end moves. Where it rests the speed at s is ω s, and a power of it does the
+/// work of that power of ω: what acts all along the arm is what acts on the arm.
 pub fn end_moves(file: &SystemFile, k: usize) -> bool {
     arm(file, k).is_some_and(|(from, ..)| from.iter().any(|x| x.moves(|_| true)))
 }
@@ -88,7 +93,8 @@ fn dot(across: &[Polynomial; 2], of: impl Fn(usize) -> Option<Polynomial>) -> Op
     Some(x?.plus(&y?))
 }
 
-/// Length of an arm, m, at values of the parameters: to where another begins on its line, the farthest of them; of the last arm that of a rod of its period.
+/// Length of an arm, m, at values of the parameters: to where another begins on its line, the
+/// farthest of them; of the last arm that of a rod of its period.
 pub fn length(file: &SystemFile, k: usize, parameters: &[f64]) -> Option<f64> {
     let (from, along, _) = arm(file, k)?;
     let begins = |other: &Body| {

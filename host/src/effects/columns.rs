@@ -1,8 +1,11 @@
-//! What an effect of strength one adds to the left-hand side of every equation of a system derived from bodies.
+//! What an effect of strength one adds to the left-hand side of every equation of a system derived
+//! from bodies.
 //!
-//! Equation e is E_e/D_e = 0, E_e Lagrange's expression and D_e its own inertia (see [`crate::system::equations`]). A force F that does
-//! work on s adds −F ∂s/∂q_e. What displaces a point or turns a body or gravity changes T and V: the
-//! terms of E_e that are linear in the strength. Both hold products of the system's parameters, whose values come from the identification.
+//! Equation e is E_e/D_e = 0, E_e Lagrange's expression and D_e its own inertia (see
+//! [`crate::system::equations`]). A force F that does work on s adds −F ∂s/∂q_e. What displaces a
+//! point or turns a body or gravity changes T and V: the terms of E_e that are linear in the
+//! strength. Both hold products of the system's parameters, whose values come from the
+//! identification.
 
 use std::sync::Arc;
 
@@ -25,7 +28,8 @@ use crate::system::words::{Value as Word, Words};
 /// The word for the force across a joint.
 pub const LOAD: &str = "load";
 
-/// What a strength adds to one equation: a product of the system's parameters times an expression of the motion.
+/// What a strength adds to one equation: a product of the system's parameters times an expression
+/// of the motion.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
     /// Which strength.
@@ -56,7 +60,8 @@ impl Part {
 pub(super) enum Law {
     /// One without parameters.
     Motion(Node),
-    /// One with parameters inside functions, whose values are put in where columns are made: the load of a joint, fixed over the equation's inertia.
+    /// One with parameters inside functions, whose values are put in where columns are made: the
+    /// load of a joint, fixed over the equation's inertia.
     Load(Polynomial),
     /// The same of speeds, fixed by themselves.
     Speeds(Polynomial),
@@ -85,7 +90,8 @@ impl Law {
 pub enum Action {
     /// On the left-hand sides.
     Force(Vec<Part>),
-    /// On what a sensor shows: additions to it by x and v ([`Symbol::Coordinate`] and [`Symbol::Rate`] 0), one for each strength.
+    /// On what a sensor shows: additions to it by x and v ([`Symbol::Coordinate`] and
+    /// [`Symbol::Rate`] 0), one for each strength.
     Reads {
         /// Sensor.
         sensor: usize,
@@ -203,7 +209,8 @@ pub fn action(
     }
 }
 
-/// A force whose states are followed by the laws of their rates; none where these hold parameters of the system, whose values change as it is identified.
+/// A force whose states are followed by the laws of their rates; none where these hold parameters
+/// of the system, whose values change as it is identified.
 fn remembering(
     entry: &Entry,
     (words, form): (&Words, &Form),
@@ -234,8 +241,9 @@ impl Action {
     }
 }
 
-/// Quotients N/D of sums of products of parameters that must be fixed for columns of these parts to be: what stands inside functions, over the inertia of the
-/// equation. A function of the load other than itself needs the inertia alone as well.
+/// Quotients N/D of sums of products of parameters that must be fixed for columns of these parts to
+/// be: what stands inside functions, over the inertia of the equation. A function of the load other
+/// than itself needs the inertia alone as well.
 pub fn quotients(parts: &[Part], mechanism: &Mechanism) -> Vec<(Polynomial, Polynomial)> {
     fn inside(p: &Polynomial, per: &Polynomial, out: &mut Vec<(Polynomial, Polynomial)>) {
         for (a, _) in p.terms().flat_map(|(product, _)| product) {
@@ -360,7 +368,8 @@ fn turned_frame(file: &SystemFile, by: &Polynomial) -> Option<SystemFile> {
     Some(out)
 }
 
-/// Columns of the parts at values of the parameters: for each strength its additions to the equations.
+/// Columns of the parts at values of the parameters: for each strength its additions to the
+/// equations.
 pub fn columns(parts: &[Part], strengths: usize, mechanism: &Mechanism, parameters: &[f64]) -> Vec<Vec<(usize, Node)>> {
     let scale: Vec<f64> = mechanism.scales.iter().map(|(_, d)| 1.0 / at(d, parameters)).collect();
     let mut out: Vec<Vec<(usize, Node)>> = vec![Vec::new(); strengths];

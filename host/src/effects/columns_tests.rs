@@ -1,4 +1,5 @@
-//! Columns of the catalogue against the simulated rig, which was written apart: what an effect does to the accelerations of a double pendulum, its base at rest and moving.
+//! Columns of the catalogue against the simulated rig, which was written apart: what an effect does
+//! to the accelerations of a double pendulum, its base at rest and moving.
 
 use core::f64::consts::{PI, TAU};
 
@@ -217,7 +218,8 @@ fn a_load_rests_on_masses_and_lengths() {
     assert!(entry.names(LOAD) && !entry.names("loa") && !catalogue()[0].names(LOAD));
 }
 
-/// Drag along an arm rests on what moves its end: the drive, and for the second arm the length of the first.
+/// Drag along an arm rests on what moves its end: the drive, and for the second arm the length of
+/// the first.
 #[test]
 fn drag_along_an_arm_rests_on_what_moves_its_end() {
     let (mechanism, p) = mechanism(&Parameters::PRINTED, [0.0155, 0.004]);

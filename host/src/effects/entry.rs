@@ -1,4 +1,5 @@
-//! An effect's entry: where it acts and how, its law, strengths, shapes and states; [`read`] reads and checks them.
+//! An effect's entry: where it acts and how, its law, strengths, shapes and states; [`read`] reads
+//! and checks them.
 
 mod reading;
 
@@ -10,7 +11,8 @@ use crate::system::derivative::by_time;
 use crate::system::polynomial::{Atom, Polynomial};
 use crate::system::words::{Scope, Scoped, Value as Word, Words};
 
-/// Most values of a shape parameter, and most forms of an entry and of all that a user adds: bounds what a file can ask for.
+/// Most values of a shape parameter, and most forms of an entry and of all that a user adds: bounds
+/// what a file can ask for.
 pub const MOST_FORMS: usize = 400;
 
 /// Where an effect acts.
@@ -59,7 +61,8 @@ pub struct Shape {
     pub grid: Vec<f64>,
     /// Bounds of its refinement; none for a whole number, which is not refined.
     pub within: Option<[f64; 2]>,
-    /// Whether the values are the frequencies, Hz, of lines in what is left of a record; `grid` then only stands for them.
+    /// Whether the values are the frequencies, Hz, of lines in what is left of a record; `grid`
+    /// then only stands for them.
     pub of_lines: bool,
 }
 
@@ -125,8 +128,8 @@ impl Entry {
         has_word(&self.law, word)
     }
 
-    /// The law in the words of a place: shape parameters are numbers, strengths the parameters from `words.parameters.len()`
-    /// on.
+    /// The law in the words of a place: shape parameters are numbers, strengths the parameters from
+    /// `words.parameters.len()` on.
     ///
     /// # Errors
     /// The first mistake in the law.
@@ -157,7 +160,8 @@ pub(super) fn has_word(law: &str, word: &str) -> bool {
     law.split(|c: char| !(c.is_alphanumeric() || c == '_')).any(|w| w == word)
 }
 
-/// What an effect's first strength multiplies, in the words of a displacement: for its unit. The load, N, is the first input.
+/// What an effect's first strength multiplies, in the words of a displacement: for its unit. The
+/// load, N, is the first input.
 pub fn multiplied(e: &Entry, form: &Form, on: &Polynomial, coordinates: usize, omega: f64) -> Option<Node> {
     let rate = by_time(on, coordinates, omega).ok()?;
     let mut words = Words::default();
@@ -172,7 +176,8 @@ pub fn multiplied(e: &Entry, form: &Form, on: &Polynomial, coordinates: usize, o
     words.constants.push(("T".to_owned(), 1.0));
     let Ok(Word::Scalar(law)) = e.law(&words, form) else { return None };
     let of = law.by_parameters().get(&vec![(Atom::Parameter(0), 1)]).map(Polynomial::node)?;
-    // A state has the unit of the displacement, but that of a strength which is a force by itself none.
+    // A state has the unit of the displacement, but that of a strength which is a force by itself
+    // none.
     let is_force = e.unit.as_deref() == Some("N m");
     let state = |s: Symbol| match s {
         Symbol::State(_) if is_force => number(1.0),

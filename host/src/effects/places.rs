@@ -1,4 +1,5 @@
-//! Where effects can act on a system derived from bodies: joints, arms, the driven point, gravity's frame, encoders, measured inputs.
+//! Where effects can act on a system derived from bodies: joints, arms, the driven point, gravity's
+//! frame, encoders, measured inputs.
 
 use super::columns::LOAD;
 use super::entry::{At, Entry, Verb};
@@ -79,8 +80,9 @@ fn turns(file: &SystemFile, p: &Polynomial) -> bool {
         .any(|k| file.coordinates[k].0.space == Space::Circle && p.moves(|s| s == Symbol::Coordinate(k)))
 }
 
-/// The size of the force across a joint, √(F_x² + F_y²), with the system's parameters in it; none where that is not known (see [`SystemFile::reaction`]), and
-/// where something slides: what a guide carries is not all of it. `omega` is dτ/dt, rad/s.
+/// The size of the force across a joint, √(F_x² + F_y²), with the system's parameters in it; none
+/// where that is not known (see [`SystemFile::reaction`]), and where something slides: what a guide
+/// carries is not all of it. `omega` is dτ/dt, rad/s.
 pub fn load(file: &SystemFile, joint: usize, omega: f64) -> Option<Polynomial> {
     if !is_angle(file, &file.joints[joint].moves.value) {
         return None;
@@ -139,7 +141,8 @@ fn shows_angle(file: &SystemFile, bound: &Bound, sensor: usize) -> bool {
     (0..file.coordinates.len()).any(|k| bound.shown[(sensor, k)] != 0.0 && file.coordinates[k].0.space == Space::Circle)
 }
 
-/// The equation in whose inertia a force at a place is told where no mass is known, and what it does work on.
+/// The equation in whose inertia a force at a place is told where no mass is known, and what it
+/// does work on.
 pub fn equation(place: Place, mechanism: &Mechanism) -> Option<(usize, Polynomial)> {
     let file = mechanism.file.as_deref()?;
     let moves = match place {
@@ -162,7 +165,8 @@ pub fn is_angle(file: &SystemFile, p: &Polynomial) -> bool {
             .any(|k| file.coordinates[k].0.space == Space::Line && p.moves(|s| s == Symbol::Coordinate(k)))
 }
 
-/// Amplitude of the driven point for values of the parameters: of its first harmonic, √2 times the rms over a period.
+/// Amplitude of the driven point for values of the parameters: of its first harmonic, √2 times the
+/// rms over a period.
 pub fn size(y: &Polynomial, parameters: &[f64]) -> f64 {
     const POINTS: u32 = 64;
     let at = |k: u32| {

@@ -1,7 +1,7 @@
 //! Effects put into the simulation of a system derived from bodies: `ID@PLACE=VALUE[,name=value]`.
 //!
-//! The value and the parameters are those that an explanation tells, in SI: the amplitude of cogging with `n` and `psi`, the half width of
-//! backlash with `k`.
+//! The value and the parameters are those that an explanation tells, in SI: the amplitude of
+//! cogging with `n` and `psi`, the half width of backlash with `k`.
 
 use std::collections::BTreeMap;
 
@@ -102,8 +102,8 @@ fn shaped(text: &str, entry: &Entry, given: &Text<'_>) -> Result<(Form, Vec<f64>
     Ok((form, strengths))
 }
 
-/// Reads effects for a rig whose system was derived from bodies, `physical` the values of the system's parameters, or written down, `own` those of its
-/// coefficients.
+/// Reads effects for a rig whose system was derived from bodies, `physical` the values of the
+/// system's parameters, or written down, `own` those of its coefficients.
 ///
 /// # Errors
 /// Names the effect, what is wrong in it and what could stand there.

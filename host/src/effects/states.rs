@@ -1,4 +1,5 @@
-//! Internal states of an effect: `states = { z = "(v - abs(v)*z)/d" }`, each with the law of its rate; they begin at 0.
+//! Internal states of an effect: `states = { z = "(v - abs(v)*z)/d" }`, each with the law of its
+//! rate; they begin at 0.
 
 use std::sync::Arc;
 
@@ -38,8 +39,9 @@ impl Entry {
         self.states.iter().enumerate().map(one).collect()
     }
 
-    /// What stands for each state in the words of a place: itself, followed by the laws of the rates. None where these hold parameters of the system, whose values
-    /// are found while the states are followed already.
+    /// What stands for each state in the words of a place: itself, followed by the laws of the
+    /// rates. None where these hold parameters of the system, whose values are found while the
+    /// states are followed already.
     ///
     /// # Errors
     /// As [`Entry::rates`].

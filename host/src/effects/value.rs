@@ -1,5 +1,5 @@
-//! What is reported of an effect: its value and further parameters from strengths and shape, with standard errors by
-//! the gradient, s² = gᵀ C g.
+//! What is reported of an effect: its value and further parameters from strengths and shape, with
+//! standard errors by the gradient, s² = gᵀ C g.
 
 use std::collections::BTreeMap;
 
@@ -46,8 +46,9 @@ pub fn check(entry: &Entry) -> Result<(), (String, Mistake)> {
     Ok(())
 }
 
-/// Value at strengths `k` with their covariance; `scale` is what a strength of one is in the unit that is told (values that are shapes
-/// or angles between strengths do not have it). `moved`: shape parameters that were refined, by name, with the variance of each.
+/// Value at strengths `k` with their covariance; `scale` is what a strength of one is in the unit
+/// that is told (values that are shapes or angles between strengths do not have it). `moved`: shape
+/// parameters that were refined, by name, with the variance of each.
 pub fn report(
     entry: &Entry,
     form: &Form,

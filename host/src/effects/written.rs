@@ -1,16 +1,20 @@
-//! Effects on equations that a user wrote down: where they act, and what a strength of one adds there.
+//! Effects on equations that a user wrote down: where they act, and what a strength of one adds
+//! there.
 //!
-//! A written equation F_e = Σ λ_j X_j − Y = 0 is Lagrange's equation of coordinate q_e over some D_e. Mechanics
-//! makes D_e known up to one factor: inertias are symmetric, D_i ∂F_i/∂q̈_j = D_j ∂F_j/∂q̈_i, and so are forces that
-//! have a potential, D_i ∂F_i/∂q_j = D_j ∂F_j/∂q_i at rest (for coordinates that share no inertia). The first
-//! coordinate of those that are coupled has D = ±1, the sign of its inertia, so that its strengths are in the equation's own unit.
+//! A written equation F_e = Σ λ_j X_j − Y = 0 is Lagrange's equation of coordinate q_e over some
+//! D_e. Mechanics makes D_e known up to one factor: inertias are symmetric, D_i ∂F_i/∂q̈_j = D_j
+//! ∂F_j/∂q̈_i, and so are forces that have a potential, D_i ∂F_i/∂q_j = D_j ∂F_j/∂q_i at rest (for
+//! coordinates that share no inertia). The first coordinate of those that are coupled has D = ±1,
+//! the sign of its inertia, so that its strengths are in the equation's own unit.
 //!
 //! * A force f along s adds −(f/D_e) ∂s/∂q_e, as for a system of bodies.
-//! * G_e, the part of F_e that the drive's phase moves at rest, is K_e(q) ÿ₀ with y₀ = a cos(τ − ψ): a base that moves by y
-//!   as well adds K_e ÿ along the drive, and K_e with all angles turned by a quarter across it.
-//! * Gravity is the part of F_e that rests on sines and cosines of angles alone: a frame that is turned by β
-//!   adds −β Σ_i ∂/∂φ_i of it, a centroid off the line of arm k β ∂(it + G_k)/∂φ_k in equation k. An arm on which no joint hangs turns with
-//!   all of itself: β ∂F_e/∂φ_k of what rests on angles in every equation, as if its encoder had another zero.
+//! * G_e, the part of F_e that the drive's phase moves at rest, is K_e(q) ÿ₀ with y₀ = a cos(τ −
+//!   ψ): a base that moves by y as well adds K_e ÿ along the drive, and K_e with all angles turned
+//!   by a quarter across it.
+//! * Gravity is the part of F_e that rests on sines and cosines of angles alone: a frame that is
+//!   turned by β adds −β Σ_i ∂/∂φ_i of it, a centroid off the line of arm k β ∂(it + G_k)/∂φ_k in
+//!   equation k. An arm on which no joint hangs turns with all of itself: β ∂F_e/∂φ_k of what rests
+//!   on angles in every equation, as if its encoder had another zero.
 
 mod inertias;
 mod left_hand_sides;
@@ -40,14 +44,16 @@ use crate::system::words::{Value as Word, Words};
 /// What a strength of one does beside forces.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Change {
-    /// Second derivatives by τ of the base's displacement along and across the drive, in units of the drive's amplitude.
+    /// Second derivatives by τ of the base's displacement along and across the drive, in units of
+    /// the drive's amplitude.
     Moves {
         /// Along the drive.
         along: Node,
         /// Across it.
         across: Node,
     },
-    /// Turns the centroid of the arm with this coordinate, on which nothing hangs or something does.
+    /// Turns the centroid of the arm with this coordinate, on which nothing hangs or something
+    /// does.
     Arm(usize, bool, Node),
     /// Turns gravity.
     Frame(Node),
@@ -66,8 +72,9 @@ pub fn parameters(model: &ModelFile, direction: Option<Direction>, omega: f64, v
     Some(out)
 }
 
-/// Places of a written model: its own joints and arms where it names them; otherwise every coordinate is both, under its own name (what moves along a line
-/// meets drag as well), and the difference of two that are coupled is a joint `q2-q1`.
+/// Places of a written model: its own joints and arms where it names them; otherwise every
+/// coordinate is both, under its own name (what moves along a line meets drag as well), and the
+/// difference of two that are coupled is a joint `q2-q1`.
 pub fn mechanism(model: &ModelFile, direction: Option<Direction>, omega: f64, values: &[f64]) -> Option<Mechanism> {
     let pairs = inertias(model, omega, values)?.coupled;
     let declared = model.mechanism.as_deref().and_then(|m| m.file.as_deref());
@@ -144,8 +151,8 @@ pub fn mechanism(model: &ModelFile, direction: Option<Direction>, omega: f64, va
     })
 }
 
-/// What each strength of an entry that is no force does at a place; none for forces, sensors and phases, whose columns do not depend on how the system was
-/// written, and where it does nothing.
+/// What each strength of an entry that is no force does at a place; none for forces, sensors and
+/// phases, whose columns do not depend on how the system was written, and where it does nothing.
 pub fn changes(
     entry: &Entry,
     form: &Form,
@@ -195,8 +202,8 @@ pub fn changes(
     }
 }
 
-/// Whether no joint hangs on the arm of a coordinate: a joint that moves by the difference of two hangs on the one that is taken off. Where joints are not named, none is known
-/// to be the last.
+/// Whether no joint hangs on the arm of a coordinate: a joint that moves by the difference of two
+/// hangs on the one that is taken off. Where joints are not named, none is known to be the last.
 fn is_last(file: &SystemFile, coordinate: usize) -> bool {
     let slope = |j: &Joint| partial(&j.moves.value, &Atom::Motion(Symbol::Coordinate(coordinate))).ok();
     let hangs = |j: &Joint| slope(j).and_then(|s| s.as_number()).is_none_or(|s| s < 0.0);
@@ -258,7 +265,8 @@ fn driven(model: &ModelFile, parts: &[[Node; 2]], direction: Option<Direction>) 
     Driven { along, across, psi }
 }
 
-/// What each change adds to the left-hand sides, in seconds, for coefficients in the order of [`ModelFile::coefficients`].
+/// What each change adds to the left-hand sides, in seconds, for coefficients in the order of
+/// [`ModelFile::coefficients`].
 pub fn columns(
     changes: &[Change],
     model: &ModelFile,
@@ -303,19 +311,22 @@ pub fn columns(
         .collect()
 }
 
-/// By how much an equation's right-hand side grows where its primes are derivatives by seconds: Ω² for −q″, 1 for a force.
+/// By how much an equation's right-hand side grows where its primes are derivatives by seconds: Ω²
+/// for −q″, 1 for a force.
 pub fn balance_scale(model: &ModelFile, omega: f64, equation: usize) -> f64 {
     let balance = &model.equations[equation].balance;
     multiple(balance, &model.in_seconds(balance, omega)).filter(|k| *k > 0.0).unwrap_or(1.0)
 }
 
-/// Unit of what stands on the right-hand side of an equation, in seconds, for units of coordinates and inputs.
+/// Unit of what stands on the right-hand side of an equation, in seconds, for units of coordinates
+/// and inputs.
 pub fn balance_unit(model: &ModelFile, omega: f64, equation: usize, coordinates: &[Unit], inputs: &[Unit]) -> String {
     let balance = model.in_seconds(&model.equations[equation].balance, omega);
     units::of(&balance, coordinates, inputs, true).unwrap_or_default().to_string()
 }
 
-/// What turns the strength of a force into the unit of the equation that it is told in; `parameters`: see [`parameters`].
+/// What turns the strength of a force into the unit of the equation that it is told in;
+/// `parameters`: see [`parameters`].
 pub fn told_by(model: &ModelFile, omega: f64, equation: usize, parameters: &[f64]) -> f64 {
     balance_scale(model, omega, equation) / parameters.get(equation).copied().unwrap_or(1.0).abs()
 }

@@ -1,4 +1,5 @@
-//! Columns of written equations against those of the same pendulum's bodies, effect by effect, on random states.
+//! Columns of written equations against those of the same pendulum's bodies, effect by effect, on
+//! random states.
 
 use std::path::Path;
 
@@ -40,7 +41,8 @@ fn coefficients(model: &ModelFile) -> Vec<f64> {
     model.coefficients().iter().map(|n| of(n)).collect()
 }
 
-/// Places with the names of the written model's joints and arms, and columns of both, at values of the motion.
+/// Places with the names of the written model's joints and arms, and columns of both, at values of
+/// the motion.
 fn states() -> Vec<impl Fn(Symbol) -> f64> {
     let mut random = ChaCha8Rng::seed_from_u64(3);
     (0..200)
@@ -78,7 +80,8 @@ fn effects_on_written_equations_are_those_of_the_bodies() {
     let mut compared = 0;
     for entry in catalogue().iter().filter(|e| !matches!(e.verb, Verb::Reads | Verb::Advances)) {
         for place in places::of(entry, &names, bound) {
-            // Only the part of arm 1 that hangs on it alone would turn, which written equations do not tell.
+            // Only the part of arm 1 that hangs on it alone would turn, which written equations do
+            // not tell.
             if entry.id == "imbalance" && place.name(&names) == "arm1" {
                 continue;
             }
@@ -91,7 +94,8 @@ fn effects_on_written_equations_are_those_of_the_bodies() {
                 }
             };
             let (wanted, got) = (of(&bodies, &PARAMETERS), of(&places_of, &own));
-            // A strength of one: a torque over J_o1 and Ω², an angle, the drive's amplitude, a share of it.
+            // A strength of one: a torque over J_o1 and Ω², an angle, the drive's amplitude, a
+            // share of it.
             let per = match entry.verb {
                 Verb::Force => j1,
                 Verb::Moves if entry.unit.is_none() => a / (OMEGA * OMEGA),

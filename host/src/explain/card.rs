@@ -102,7 +102,8 @@ fn sentence(e: &Explanation) -> String {
     }
 }
 
-/// What made an `unexplained` verdict: the number that is above its limit, otherwise the reason that is no number.
+/// What made an `unexplained` verdict: the number that is above its limit, otherwise the reason
+/// that is no number.
 fn deciding(e: &Explanation) -> String {
     match &e.decided_by {
         Some(d) if d.value > d.limit => {
@@ -147,7 +148,8 @@ fn parameters(e: &Explanation, equations: Option<&WrittenOut>) -> Vec<CardRow> {
     e.parameters.iter().map(row).collect()
 }
 
-/// The gap at each step, in noise floors and, where a forecast measured the same horizon, in the sensors' unit.
+/// The gap at each step, in noise floors and, where a forecast measured the same horizon, in the
+/// sensors' unit.
 fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
     let heading = format!(
         "How far predictions over {} s miss, where they were not fitted (1 noise floor is what the sensors' noise alone leaves)",

@@ -10,13 +10,16 @@ use crate::rig::Rig;
 
 /// Gap (in noise floors) up to which a model counts as explaining the record.
 pub(super) const EXPLAINED_GAP: f64 = 1.3;
-/// Ratio of residual to noise power in the rows of the weak form up to which nothing counts as left.
+/// Ratio of residual to noise power in the rows of the weak form up to which nothing counts as
+/// left.
 const EXPLAINED_POWER: f64 = 2.0;
-/// Standard errors by which the same of trajectories may exceed that of records which the model itself makes: 3e-5 by chance.
+/// Standard errors by which the same of trajectories may exceed that of records which the model
+/// itself makes: 3e-5 by chance.
 const CLEAR: f64 = 4.0;
 /// Ratio to theirs up to which it is nothing in any case: a sensor's noise is not known to 2 %.
 const ALIKE: f64 = 1.05;
-/// Horizons of the gap that count for the verdict, in units of the shortest: chaos makes longer ones show weaker effects.
+/// Horizons of the gap that count for the verdict, in units of the shortest: chaos makes longer
+/// ones show weaker effects.
 const VERDICT_HORIZONS: f64 = 4.5;
 /// Fewest whole windows for a decision: fewer leave the jackknife and the folds too little.
 pub(super) const FEWEST_BLOCKS: usize = 9;
@@ -54,8 +57,8 @@ pub(super) fn unplaced() -> Explanation {
     result
 }
 
-/// Whether most of a record repeats. It is the motion that is looked at, not the residuals: those of a wrong model repeat wherever the motion
-/// comes back near an earlier state.
+/// Whether most of a record repeats. It is the motion that is looked at, not the residuals: those
+/// of a wrong model repeat wherever the motion comes back near an earlier state.
 pub(super) fn locked(record: &Record, rig: &Rig) -> bool {
     let Some(drive) = rig.drive else { return false };
     let motions = motion::motions(record);
@@ -81,7 +84,8 @@ pub(super) struct Left {
     pub patched: Option<(String, String)>,
     /// A shape without a name that predicts clearly better, in words.
     pub shape: Option<String>,
-    /// Power in records that the model itself makes, and the standard error of the difference; none for the weak form.
+    /// Power in records that the model itself makes, and the standard error of the difference; none
+    /// for the weak form.
     pub remade: Option<(f64, f64)>,
 }
 

@@ -1,5 +1,6 @@
-//! Which effect is added next: every candidate is added in turn, everything refitted, and the best of those that are significant
-//! over the whole list is taken; the simplest within a standard error of it, since simpler ones explain as much.
+//! Which effect is added next: every candidate is added in turn, everything refitted, and the best
+//! of those that are significant over the whole list is taken; the simplest within a standard error
+//! of it, since simpler ones explain as much.
 
 mod evidence;
 
@@ -15,17 +16,20 @@ use crate::report::format::significant;
 /// Probability of naming anything on a record in which nothing is missing, over the whole list.
 pub(super) const FAMILY_WISE: f64 = 0.01;
 
-/// Share of the held-out residual power from which weights are estimated anew with each candidate: those of a model that misses so much misjudge forms that
-/// are close to each other.
+/// Share of the held-out residual power from which weights are estimated anew with each candidate:
+/// those of a model that misses so much misjudge forms that are close to each other.
 const STRONG: f64 = 0.15;
-/// Difference of that held-out score, −2 ln of a likelihood ratio, up to which two candidates are not told apart: two standard errors, four, times the
-/// two and a half by which correlated neighbouring frequencies count too often.
+/// Difference of that held-out score, −2 ln of a likelihood ratio, up to which two candidates are
+/// not told apart: two standard errors, four, times the two and a half by which correlated
+/// neighbouring frequencies count too often.
 const CLOSE: f64 = 10.0;
 /// Share of a gain below which a difference is rounding.
 const EXACT: f64 = 1e-6;
-/// Share of a gain within which another's is the same: columns that are one and the same leave rounding errors without scatter.
+/// Share of a gain within which another's is the same: columns that are one and the same leave
+/// rounding errors without scatter.
 const ALIKE: f64 = 1e-3;
-/// Share above which the forms of one effect are told apart in this way as well, and the most forms judged below and above it.
+/// Share above which the forms of one effect are told apart in this way as well, and the most forms
+/// judged below and above it.
 const OVERWHELMING: f64 = 0.75;
 const RERANKED: [usize; 2] = [20, 60];
 
@@ -36,7 +40,8 @@ pub(super) struct Offer {
     pub(super) name: String,
     /// Number of its columns.
     pub(super) strengths: usize,
-    /// Whether its first strength is positive: a friction that feeds the motion is none, whatever it explains.
+    /// Whether its first strength is positive: a friction that feeds the motion is none, whatever
+    /// it explains.
     pub(super) positive: bool,
     /// Number of its shape parameters.
     pub(super) shapes: usize,
@@ -130,8 +135,8 @@ impl<'a> Field<'a> {
         &self.offers[s.index].name
     }
 
-    /// The best form of each effect at each place, and, where weights from a model that misses much are wrong and so is the order that they give, scores
-    /// by weights of their own.
+    /// The best form of each effect at each place, and, where weights from a model that misses much
+    /// are wrong and so is the order that they give, scores by weights of their own.
     fn best(&self) -> (BTreeMap<&str, &Score>, BTreeMap<usize, f64>) {
         let mut likelihood: BTreeMap<usize, f64> = BTreeMap::new();
         let mut best: BTreeMap<&str, &Score> = BTreeMap::new();
@@ -159,7 +164,8 @@ impl<'a> Field<'a> {
         (best, likelihood)
     }
 
-    /// A friction that feeds the motion is none, whatever it explains. The first strength stands where the candidate's own begin.
+    /// A friction that feeds the motion is none, whatever it explains. The first strength stands
+    /// where the candidate's own begin.
     fn feeds(&self, s: &Score) -> bool {
         let d = self.places[s.index].1;
         self.offers[s.index].positive && s.fit.all[s.fit.all.len() - d] <= 0.0
@@ -175,7 +181,8 @@ impl<'a> Field<'a> {
         s.deviations > self.evidence.least_deviations() && self.is_something(s.gain)
     }
 
-    /// Why candidates that were close are not taken, those that take away most first; `feigned`: those that the sensors alone give.
+    /// Why candidates that were close are not taken, those that take away most first; `feigned`:
+    /// those that the sensors alone give.
     fn refusals(&self, order: &[&Score], feigned: &[usize]) -> Vec<Refused> {
         let tests = self.scores.len().max(1) as f64;
         let near = order.iter().filter(|s| s.p < NEAR && s.gain > 0.0).take(MOST_REFUSED);
@@ -198,9 +205,10 @@ impl<'a> Field<'a> {
         .collect()
     }
 
-    /// Two that only together are supported: each hides the other's trace while it is missing (a pendulum that Coulomb friction
-    /// stops and whose damping grows with the swing looks viscous). Each must be significant beside the other, over all pairs; the one that takes away
-    /// more by itself (of one and what refines it the simpler) comes first, with its probability.
+    /// Two that only together are supported: each hides the other's trace while it is missing (a
+    /// pendulum that Coulomb friction stops and whose damping grows with the swing looks viscous).
+    /// Each must be significant beside the other, over all pairs; the one that takes away more by
+    /// itself (of one and what refines it the simpler) comes first, with its probability.
     fn pair<'b>(&'b self, order: &[&'b Score], together: &dyn Evidence) -> Option<(&'b Score, f64)> {
         let refines = |a: &Score, b: &Score| self.offers[a.index].refines.as_deref() == Some(self.name(b));
         // A refinement stands only beside what it refines, where that is on the list.
@@ -251,7 +259,8 @@ impl<'a> Field<'a> {
             })
             .collect();
         let best = supported.iter().max_by(|x, y| x.gain.total_cmp(&y.gain))?;
-        // Of those within a standard error the simplest, then those that stand first in the catalogue: its laws are in the order of how common they are.
+        // Of those within a standard error the simplest, then those that stand first in the
+        // catalogue: its laws are in the order of how common they are.
         let within = supported.iter().filter(|x| {
             let (mean, error) = ranking::gain(&x.held_out, &best.held_out);
             mean <= error
@@ -263,11 +272,13 @@ impl<'a> Field<'a> {
     }
 }
 
-/// What some offers are judged by beside one another, by their numbers; none where pairs are not looked for.
+/// What some offers are judged by beside one another, by their numbers; none where pairs are not
+/// looked for.
 pub(super) type Together<'a> = dyn Fn(&[usize]) -> Option<Box<dyn Evidence>> + 'a;
 
-/// The next effect, and why others were not taken; none where no candidate is supported. `taken`: what the model has already. `feigned_by_sensors` says whether
-/// the sensors alone give such strengths, for `together` see [`Together`].
+/// The next effect, and why others were not taken; none where no candidate is supported. `taken`:
+/// what the model has already. `feigned_by_sensors` says whether the sensors alone give such
+/// strengths, for `together` see [`Together`].
 pub(super) fn choose(
     (evidence, own): (&dyn Evidence, &[usize]),
     offers: &[Offer],
@@ -293,7 +304,8 @@ pub(super) fn choose(
         p_value: s.p,
         step,
     }));
-    // Of those within a standard error of the best, the simplest (Breiman et al. 1984, the one-standard-error rule).
+    // Of those within a standard error of the best, the simplest (Breiman et al. 1984, the
+    // one-standard-error rule).
     let complexity = |s: &Score| {
         let o = &offers[s.index];
         o.strengths + o.shapes

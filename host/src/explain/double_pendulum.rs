@@ -1,7 +1,9 @@
-//! Explanations for the built-in double pendulum: the system file that ships with the program, told in the built-in's terms.
+//! Explanations for the built-in double pendulum: the system file that ships with the program, told
+//! in the built-in's terms.
 //!
-//! Its equations are over Ω² and in derivatives by τ = Ω t, (3.4); those of the file are divided by their inertias only. A coefficient x of the file is
-//! B = ± x/Ω^k there, with k and the sign of `COEFFICIENTS` and `dampings`.
+//! Its equations are over Ω² and in derivatives by τ = Ω t, (3.4); those of the file are divided by
+//! their inertias only. A coefficient x of the file is B = ± x/Ω^k there, with k and the sign of
+//! `COEFFICIENTS` and `dampings`.
 
 use super::Settings;
 use super::explanation::Explanation;
@@ -40,7 +42,8 @@ fn dampings() -> impl Iterator<Item = (&'static str, String, i32)> {
     })
 }
 
-/// Coefficients in each other's terms: name here, name in the file, and what a value of the file is multiplied with.
+/// Coefficients in each other's terms: name here, name in the file, and what a value of the file is
+/// multiplied with.
 fn terms(omega: f64) -> Vec<(&'static str, String, f64)> {
     let base = COEFFICIENTS.iter().map(|(name, file, k, sign)| (*name, (*file).to_owned(), sign / omega.powi(*k)));
     base.chain(dampings().map(|(name, file, k)| (name, file, 1.0 / omega.powi(k)))).collect()
@@ -82,7 +85,8 @@ pub fn own(model: &IdentifiedModel, rig: &Rig) -> Result<(Rig, IdentifiedModel)>
     Ok((own_rig, model))
 }
 
-/// Parameters of an explanation in the terms of (3.4): coefficients by their names, then dampings and effects in physical units as they were added.
+/// Parameters of an explanation in the terms of (3.4): coefficients by their names, then dampings
+/// and effects in physical units as they were added.
 pub fn told(parameters: &mut [Parameter], omega: f64) {
     for (name, file, factor) in terms(omega) {
         if let Some(p) = parameters.iter_mut().find(|p| p.name == file) {
@@ -135,7 +139,8 @@ mod tests {
     use crate::model::dynamics::{Dynamics, Instant};
     use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
-    /// Coefficients of the file have the accelerations of (3.4) with those that they are told as, driven and free, with every damping.
+    /// Coefficients of the file have the accelerations of (3.4) with those that they are told as,
+    /// driven and free, with every damping.
     #[test]
     fn the_system_file_moves_as_the_built_in_equations_do() {
         for drive in ["[drive]\ndirection = \"vertical\"\nfrequency_hz = 5.0\n", ""] {

@@ -120,7 +120,8 @@ pub struct Gap {
     /// One noise floor in the sensors' own unit, where they share one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub floor_in: Option<InUnit>,
-    /// How much the record itself moves over the same windows, about its mean, in `unit`: predictions that miss by more diverged.
+    /// How much the record itself moves over the same windows, about its mean, in `unit`:
+    /// predictions that miss by more diverged.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motion: Option<f64>,
     /// Horizon, s.
@@ -148,14 +149,15 @@ pub struct InUnit {
 const MANY_FLOORS: f64 = 100.0;
 
 impl Gap {
-    /// Whether predictions that miss by `value` say less than the record's mean would. Where nothing is known of the
-    /// motion, whether it is a number at all.
+    /// Whether predictions that miss by `value` say less than the record's mean would. Where
+    /// nothing is known of the motion, whether it is a number at all.
     pub(super) fn diverged(&self, value: f64) -> bool {
         let most = self.motion.map_or(f64::MAX, |m| m.max(EXPLAINED_GAP));
         value.is_nan() || value > most
     }
 
-    /// A value in words: in noise floors, or, where these are so many that they tell nothing, in the sensors' own unit.
+    /// A value in words: in noise floors, or, where these are so many that they tell nothing, in
+    /// the sensors' own unit.
     pub fn told(&self, value: f64) -> String {
         if self.diverged(value) {
             return "no prediction: the fit diverged".to_owned();
@@ -171,7 +173,8 @@ impl Gap {
     }
 }
 
-/// Rms error of predictions over a horizon on the record's last 30 %, after fitting the first 70 %; initial states are fitted to each window.
+/// Rms error of predictions over a horizon on the record's last 30 %, after fitting the first 70 %;
+/// initial states are fitted to each window.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Forecast {
     /// Horizon, s.
@@ -235,7 +238,8 @@ impl Refused {
     }
 }
 
-/// The number that made a verdict: of those that were compared with a limit the one that is largest beside it.
+/// The number that made a verdict: of those that were compared with a limit the one that is largest
+/// beside it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DecidedBy {
     /// What was compared.
@@ -269,7 +273,8 @@ pub struct Explanation {
     pub parameters_before: Vec<Parameter>,
     /// What was measured over some seconds, and what the models before and after predict of them.
     pub prediction: Option<Compared>,
-    /// Ratio of residual to noise power in the rows, before and after; left out where there is none.
+    /// Ratio of residual to noise power in the rows, before and after; left out where there is
+    /// none.
     #[serde(skip_serializing_if = "has_nan")]
     pub residual_power: [f64; 2],
     /// Best candidates of each step.
@@ -302,7 +307,8 @@ fn has_nan(of: &[f64; 2]) -> bool {
 }
 
 impl Explanation {
-    /// Whether the last fit diverged; what is not a number is then left out, so that nothing of it is told.
+    /// Whether the last fit diverged; what is not a number is then left out, so that nothing of it
+    /// is told.
     pub(super) fn settle(&mut self) -> bool {
         let diverged = self.gap.steps.last().is_none_or(|s| self.gap.diverged(s.value));
         let (all, gap) = (self.gap.steps.len(), self.gap.clone());

@@ -1,12 +1,17 @@
-//! Where simulation and measurement disagree, which physical effect is missing, and the model with it.
+//! Where simulation and measurement disagree, which physical effect is missing, and the model with
+//! it.
 //!
-//! 1. The nominal model (the equations and the rig's nominal dampings, with the ties that a torque in a joint obeys) is fitted.
-//! 2. Every effect of the catalogue ([`crate::effects`]) at every place is added in turn, everything refitted, and judged on blocks of the record that were not
-//!    fitted ([`ranking`]). Among those that are significant over the whole list (family-wise 1 %), the simplest within a standard error of the greatest
-//!    held-out gain is added; others that held-out data cannot tell from it are named with it. This repeats until nothing more is supported.
+//! 1. The nominal model (the equations and the rig's nominal dampings, with the ties that a torque
+//!    in a joint obeys) is fitted.
+//! 2. Every effect of the catalogue ([`crate::effects`]) at every place is added in turn,
+//!    everything refitted, and judged on blocks of the record that were not fitted ([`ranking`]).
+//!    Among those that are significant over the whole list (family-wise 1 %), the simplest within a
+//!    standard error of the greatest held-out gain is added; others that held-out data cannot tell
+//!    from it are named with it. This repeats until nothing more is supported.
 //! 3. The gap before and after each step, on held-out blocks, in units of the sensors' noise.
-//! 4. What is left is compared with what the sensors' noise alone leaves, located ([`engine::residual_map`]), and, where it
-//!    has no name, drawn as a function of one coordinate ([`engine::unknown`]).
+//! 4. What is left is compared with what the sensors' noise alone leaves, located
+//!    ([`engine::residual_map`]), and, where it has no name, drawn as a function of one coordinate
+//!    ([`engine::unknown`]).
 
 pub mod card;
 mod decidability;
@@ -44,9 +49,11 @@ const MOST_WINDOWS: f64 = 300.0;
 pub struct Settings {
     /// Horizon of the gap, s; by default one drive period, 0.2 s when free.
     pub horizon_s: Option<f64>,
-    /// Horizons of the forecasts, s: the first 70 % of the record is fitted, the last 30 % predicted. By default 1 and 4 of the gap's, 1 and 40/3 (2.667 s) when free.
+    /// Horizons of the forecasts, s: the first 70 % of the record is fitted, the last 30 %
+    /// predicted. By default 1 and 4 of the gap's, 1 and 40/3 (2.667 s) when free.
     pub forecast_s: Vec<f64>,
-    /// Windows, test functions and low-pass of the weak form that everything starts from; shooting's windows follow from them.
+    /// Windows, test functions and low-pass of the weak form that everything starts from;
+    /// shooting's windows follow from them.
     pub weak: identify::Settings,
     /// Most effects that are added; 8 by default.
     pub most_effects: Option<usize>,
@@ -54,7 +61,8 @@ pub struct Settings {
     pub model: Option<IdentifiedModel>,
 }
 
-/// Explains one or several records of the same rig; a mistake in the record or the rig file that the equations show is told first.
+/// Explains one or several records of the same rig; a mistake in the record or the rig file that
+/// the equations show is told first.
 ///
 /// # Errors
 /// As [`identify::identify`]; a `model` that is not of this rig.

@@ -1,9 +1,12 @@
-//! How much a candidate explains: least squares on two thirds of the record, judged on the last, three times over.
+//! How much a candidate explains: least squares on two thirds of the record, judged on the last,
+//! three times over.
 //!
-//! *Held-out gain*: the weighted sum of squared residuals, on blocks of one window's length that were not fitted, without the candidate minus with it,
-//! the nominal coefficients refitted both times so that they cannot hide it. *Significance*: Wald's statistic kᵀ C⁻¹ k of its strengths
-//! with the jackknife's covariance over blocks of consecutive windows, against Student's t or Fisher's F with the number of blocks that the strengths
-//! effectively rest on, since those are few.
+//! *Held-out gain*: the weighted sum of squared residuals, on blocks of one window's length that
+//! were not fitted, without the candidate minus with it, the nominal coefficients refitted both
+//! times so that they cannot hide it. *Significance*: Wald's statistic kᵀ C⁻¹ k of its strengths
+//! with the jackknife's covariance over blocks of consecutive windows, against Student's t or
+//! Fisher's F with the number of blocks that the strengths effectively rest on, since those are
+//! few.
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
@@ -13,7 +16,8 @@ use super::engine::design::{Design, Window};
 /// Folds of the cross-validation.
 pub const FOLDS: usize = 3;
 
-/// Fewest blocks that a coefficient counts as resting on: the jackknife's variance is itself too large where leverage is uneven, so that fewer would punish twice.
+/// Fewest blocks that a coefficient counts as resting on: the jackknife's variance is itself too
+/// large where leverage is uneven, so that fewer would punish twice.
 const LEAST_EFFECTIVE: f64 = 8.0;
 
 /// Share of the mean below which what is left of a block is nothing.
@@ -88,12 +92,14 @@ pub struct Fit {
     pub held_out: Vec<f64>,
 }
 
-/// Fits columns and judges them on held-out blocks; none where they are singular or the windows too few.
+/// Fits columns and judges them on held-out blocks; none where they are singular or the windows too
+/// few.
 pub fn fit(design: &Design, columns: &[usize], weights: &Weights) -> Option<Fit> {
     fit_ridge(design, columns, weights, &[])
 }
 
-/// The same with a ridge: each column's mean square over the fitted windows times its entry in `ridge` is added to the normal matrix.
+/// The same with a ridge: each column's mean square over the fitted windows times its entry in
+/// `ridge` is added to the normal matrix.
 pub fn fit_ridge(design: &Design, columns: &[usize], weights: &Weights, ridge: &[f64]) -> Option<Fit> {
     let solve = |gram: &DMatrix<f64>| {
         if ridge.is_empty() {
@@ -147,9 +153,11 @@ pub fn fit_ridge(design: &Design, columns: &[usize], weights: &Weights, ridge: &
     Some(Fit { all, train: train?, covariance, blocks: n, effective, held_out })
 }
 
-/// Blocks that each coefficient rests on: (Σ h_b)²/Σ h_b², h_b = vᵀ G_b v the share of block b's rows in the coefficient's variance, v the coefficient's row of
-/// the inverse normal matrix. A force that shows in a few events only (friction at reversals) rests on the few blocks that hold them, and its
-/// jackknife variance is known no better than that (Bell and McCaffrey 2002; Imbens and Kolesár 2016).
+/// Blocks that each coefficient rests on: (Σ h_b)²/Σ h_b², h_b = vᵀ G_b v the share of block b's
+/// rows in the coefficient's variance, v the coefficient's row of the inverse normal matrix. A
+/// force that shows in a few events only (friction at reversals) rests on the few blocks that hold
+/// them, and its jackknife variance is known no better than that (Bell and McCaffrey 2002; Imbens
+/// and Kolesár 2016).
 fn effective_blocks(total: &DMatrix<f64>, blocks: &[&[DMatrix<f64>]]) -> Vec<f64> {
     let p = total.nrows() - 1;
     (0..p)
@@ -185,7 +193,8 @@ pub fn fit_some(
     solve(&total)
 }
 
-/// Σ n ln s² over equations and frequencies, s² the mean square residual on held-out blocks; none where a fit is singular.
+/// Σ n ln s² over equations and frequencies, s² the mean square residual on held-out blocks; none
+/// where a fit is singular.
 pub fn held_out_likelihood(design: &Design, columns: &[usize], weights: &Weights) -> Option<f64> {
     let mut sums = vec![vec![0.0; design.frequencies + 1]; design.equations()];
     let mut counts = sums.clone();
@@ -210,7 +219,8 @@ pub fn held_out_likelihood(design: &Design, columns: &[usize], weights: &Weights
     Some(both.filter(|(s, n)| **s > 0.0 && **n > 0.0).map(|(s, n)| n * (s / n).ln()).sum())
 }
 
-/// Probability that strengths of zero give a Wald statistic as large, for the last `d` coefficients of a fit.
+/// Probability that strengths of zero give a Wald statistic as large, for the last `d` coefficients
+/// of a fit.
 pub fn p_value(fit: &Fit, d: usize) -> f64 {
     let p = fit.all.len();
     let k = fit.all.rows(p - d, d).into_owned();
@@ -237,8 +247,9 @@ pub fn gain(without: &[f64], with: &[f64]) -> (f64, f64) {
     (mean, variance.sqrt())
 }
 
-/// The gain in standard errors between blocks: that of the sums of squares, or that of their logarithms where it is more, to which a block that one model misses by far counts
-/// no more than any other.
+/// The gain in standard errors between blocks: that of the sums of squares, or that of their
+/// logarithms where it is more, to which a block that one model misses by far counts no more than
+/// any other.
 pub fn deviations(without: &[f64], with: &[f64]) -> f64 {
     let of = |(mean, error): (f64, f64)| mean / error.max(f64::MIN_POSITIVE);
     let least = RELATIVE_FLOOR * without.iter().sum::<f64>() / without.len().max(1) as f64;

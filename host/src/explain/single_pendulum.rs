@@ -1,9 +1,12 @@
-//! Explanations for the built-in single pendulum: its equation written out, explained as a system of one's own, told in the built-in's terms.
+//! Explanations for the built-in single pendulum: its equation written out, explained as a system
+//! of one's own, told in the built-in's terms.
 //!
-//! The nominal model is θ″ with the rig file's dampings, gravity and the drive in its direction; what the identification adds to that (motion across the drive, a
-//! centroid off the arm's line) are effects here. Places: `joint1`, `arm1`, `encoder1`, `drive`, `frame`.
+//! The nominal model is θ″ with the rig file's dampings, gravity and the drive in its direction;
+//! what the identification adds to that (motion across the drive, a centroid off the arm's line)
+//! are effects here. Places: `joint1`, `arm1`, `encoder1`, `drive`, `frame`.
 //!
-//! Values are physical where `[known]` has `J_o1`, or m1 e1 from which gravity gives it, otherwise divided by it.
+//! Values are physical where `[known]` has `J_o1`, or m1 e1 from which gravity gives it, otherwise
+//! divided by it.
 
 use std::collections::BTreeMap;
 
@@ -89,7 +92,8 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     let settings = Settings { model, ..settings.clone() };
     let mut out = as_own_system(records, rig, own_rig, &settings)?;
     for found in &mut out.effects {
-        // Without a drive nothing tells a turned frame from a turned centroid or scale; under one nothing tells the last two.
+        // Without a drive nothing tells a turned frame from a turned centroid or scale; under one
+        // nothing tells the last two.
         let alike = ["imbalance@arm1", "zero-offset@encoder1", "frame-tilt@frame"];
         let alike = if rig.drive.is_some() { &alike[..2] } else { &alike[..] };
         let name = format!("{}@{}", found.id, found.at);

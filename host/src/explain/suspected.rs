@@ -1,7 +1,9 @@
-//! What an explanation does with the mistakes in a record or rig file that the equations show ([`crate::identify::suspects`]).
+//! What an explanation does with the mistakes in a record or rig file that the equations show
+//! ([`crate::identify::suspects`]).
 //!
-//! Some are effects as well: a late channel, a scale that is a little off. What is in the explained model as an effect keeps that
-//! name, and the answer stands. Any other comes first: no effect is named where one would be dressed up for it.
+//! Some are effects as well: a late channel, a scale that is a little off. What is in the explained
+//! model as an effect keeps that name, and the answer stands. Any other comes first: no effect is
+//! named where one would be dressed up for it.
 
 use super::{Explanation, Verdict};
 use crate::warning::Warning;
@@ -24,7 +26,8 @@ pub(super) fn tell_in(result: &mut Explanation, suspects: Vec<Warning>) {
         .into_iter()
         .filter(|s| !(settled && effect_of(s).is_some_and(|id| has(result, id))))
         .map(|s| {
-            // Where another effect leaves nothing but noise, a suspect that is one as well is only a second reading.
+            // Where another effect leaves nothing but noise, a suspect that is one as well is only
+            // a second reading.
             let second = settled && effect_of(&s).is_some();
             Warning { invalidates: s.invalidates && !second, ..s }
         })

@@ -1,4 +1,5 @@
-//! Expressions of a model as text of a language: the tree is walked once, with brackets where they are needed and signs drawn forward.
+//! Expressions of a model as text of a language: the tree is walked once, with brackets where they
+//! are needed and signs drawn forward.
 
 use super::{Notation, Printed};
 use crate::model::model_file::expression::{Expression as E, Function, Node, Symbol};
@@ -121,7 +122,8 @@ impl Printer<'_> {
     }
 }
 
-/// Whether a function stands somewhere in an expression; none for the hats of an interpolation basis.
+/// Whether a function stands somewhere in an expression; none for the hats of an interpolation
+/// basis.
 pub fn uses(e: &Node, wanted: Option<Function>) -> bool {
     match &**e {
         E::Number(_) | E::Symbol(_) | E::Memory(..) => false,

@@ -1,4 +1,5 @@
-//! LaTeX: the equations as a page sets them, a table of the parameters with their standard errors, the effects.
+//! LaTeX: the equations as a page sets them, a table of the parameters with their standard errors,
+//! the effects.
 
 use super::expression::{Level, Printer};
 use super::program::Program;
@@ -145,7 +146,8 @@ const SYMBOLS: [&str; 33] = [
     "Pi", "Sigma", "Phi", "Psi", "Omega",
 ];
 
-/// A name as a symbol: a Greek letter's command, what follows a letter or an underscore as an index.
+/// A name as a symbol: a Greek letter's command, what follows a letter or an underscore as an
+/// index.
 fn name(own: &str) -> String {
     let plain = super::names::plain(own);
     let letters: String = plain.chars().take_while(char::is_ascii_alphabetic).collect();

@@ -1,11 +1,15 @@
-//! An identified model as readable code: units, parameters with their standard errors, effects by name, a right-hand side f(t, x, u), an example that integrates it.
+//! An identified model as readable code: units, parameters with their standard errors, effects by
+//! name, a right-hand side f(t, x, u), an example that integrates it.
 //!
-//! There is one way for all systems and languages: a [`crate::motion::Motion`] becomes a [`program::Program`] (names, constants, terms split into mass matrix and
-//! right-hand side), whose expressions are printed by walking the tree once ([`expression`]), through a [`Language`] that knows how its products, powers,
-//! functions and statements are written. What does not depend on the model (the Runge–Kutta step, reversals under dry friction) stands in a language's template.
+//! There is one way for all systems and languages: a [`crate::motion::Motion`] becomes a
+//! [`program::Program`] (names, constants, terms split into mass matrix and right-hand side), whose
+//! expressions are printed by walking the tree once ([`expression`]), through a [`Language`] that
+//! knows how its products, powers, functions and statements are written. What does not depend on
+//! the model (the Runge–Kutta step, reversals under dry friction) stands in a language's template.
 //!
-//! x is q, then q̇; with M q″ = r each equation of the model solved for its accelerations, q̈ = Ω² q″ where a prime is d/dτ. Agreement with `whirl simulate --model` is tested:
-//! 1e-9 over a second for Python and C.
+//! x is q, then q̇; with M q″ = r each equation of the model solved for its accelerations, q̈ = Ω²
+//! q″ where a prime is d/dτ. Agreement with `whirl simulate --model` is tested: 1e-9 over a second
+//! for Python and C.
 //!
 //! To add a language: a file with its [`Language`], its template, and a line in [`LANGUAGES`].
 
@@ -113,7 +117,8 @@ pub trait Language: Notation {
     /// What begins a line of comment.
     fn remark(&self) -> &'static str;
 
-    /// Words that a name may not be, blanks between them: keywords, functions, the template's own names.
+    /// Words that a name may not be, blanks between them: keywords, functions, the template's own
+    /// names.
     fn reserved(&self) -> &'static str;
 
     /// Fills the places of the template: pairs of place and text.
@@ -135,10 +140,12 @@ pub fn language(id: &str) -> Result<&'static dyn Language> {
     })
 }
 
-/// The code of a model; `file` is what it will be called: where a language names what a file holds after it, its stem gives the name.
+/// The code of a model; `file` is what it will be called: where a language names what a file holds
+/// after it, its stem gives the name.
 ///
 /// # Errors
-/// A number of equations that differs from that of the coordinates, a coefficient that is no finite number.
+/// A number of equations that differs from that of the coordinates, a coefficient that is no finite
+/// number.
 pub fn code(motion: &Motion, language: &'static dyn Language, file: &Path) -> Result<String> {
     let stem = file.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let program = Program::new(motion, language, &stem)?;

@@ -1,4 +1,5 @@
-//! What languages with statements share: constants, names taken off the state, sums one term a line, the right-hand side's places.
+//! What languages with statements share: constants, names taken off the state, sums one term a
+//! line, the right-hand side's places.
 
 use super::program::{Constant, Program};
 use super::{Language, Printed};
@@ -39,7 +40,8 @@ pub trait Procedural: Language {
     /// Element (i, j) (from 0) of a matrix.
     fn entry(&self, matrix: &str, i: usize, j: usize) -> String;
 
-    /// A sum over several lines; `terms` are two at least, `indent` is what stands before the statement.
+    /// A sum over several lines; `terms` are two at least, `indent` is what stands before the
+    /// statement.
     fn sum(&self, target: &str, terms: &[Printed], indent: &str) -> String;
 
     /// The sign of dry friction k: held by the integrator, or that of a form of the rates.

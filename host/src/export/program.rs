@@ -1,4 +1,5 @@
-//! What a model is made of, ready to be printed: names, constants with their comments, terms split into mass matrix and right-hand side.
+//! What a model is made of, ready to be printed: names, constants with their comments, terms split
+//! into mass matrix and right-hand side.
 
 use super::expression::{Printer, uses};
 use super::names::Names;
@@ -41,7 +42,8 @@ pub struct Constant {
     pub unit: String,
 }
 
-/// A term of an equation as the model's file has it: coefficient (none for the balance), expression, whether primes are its derivatives.
+/// A term of an equation as the model's file has it: coefficient (none for the balance),
+/// expression, whether primes are its derivatives.
 pub struct Term {
     /// Equation.
     pub equation: usize,
@@ -85,7 +87,8 @@ pub struct Program<'a> {
     pub time: String,
 }
 
-/// Refuses an effect whose force is a function of accelerations: code holds a mass matrix and a right-hand side.
+/// Refuses an effect whose force is a function of accelerations: code holds a mass matrix and a
+/// right-hand side.
 fn solvable(motion: &Motion) -> Result<()> {
     for (index, effect) in motion.effects.iter().enumerate() {
         let Acts::Motion(list) = &effect.acts else { continue };
@@ -103,8 +106,8 @@ impl<'a> Program<'a> {
     /// Prepares a model for a language; `stem` is the stem of the file's name.
     ///
     /// # Errors
-    /// A number of equations that differs from that of the coordinates, a coefficient that is no finite number, an effect whose accelerations the equations cannot be
-    /// solved for.
+    /// A number of equations that differs from that of the coordinates, a coefficient that is no
+    /// finite number, an effect whose accelerations the equations cannot be solved for.
     pub fn new(motion: &'a Motion, language: &'static dyn Language, stem: &str) -> Result<Self> {
         // Refuses what code cannot follow: too few equations, effects with states.
         motion.equations()?;
@@ -212,7 +215,8 @@ impl<'a> Program<'a> {
         }
     }
 
-    /// Terms of the mass matrix' element (e, i), or with no acceleration those of the right-hand side of equation e.
+    /// Terms of the mass matrix' element (e, i), or with no acceleration those of the right-hand
+    /// side of equation e.
     pub fn sum(&self, equation: usize, acceleration: Option<usize>) -> Vec<Printed> {
         let wanted = |e: &Entry| e.equation == equation && e.acceleration == acceleration;
         let all = self.split.entries.iter().zip(&self.split.nodes).zip(&self.primed);

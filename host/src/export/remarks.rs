@@ -1,4 +1,5 @@
-//! What a model's code says in comments: what it is, its state, its effects. Texts come from files and are made harmless first.
+//! What a model's code says in comments: what it is, its state, its effects. Texts come from files
+//! and are made harmless first.
 
 use super::program::Program;
 use crate::error::plain;
@@ -83,7 +84,8 @@ impl Program<'_> {
     }
 }
 
-/// A text from a file as it may stand in a comment: on one line, and without a backslash at its end, which would join the next line to it.
+/// A text from a file as it may stand in a comment: on one line, and without a backslash at its
+/// end, which would join the next line to it.
 pub fn harmless(text: &str) -> String {
     let text = plain(text);
     // `??/` is a backslash where C still has trigraphs.

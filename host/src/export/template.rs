@@ -1,4 +1,5 @@
-//! Templates: `{{place}}` is replaced by a text, a part from a line `{{#part}}` to a line `{{/part}}` stands only where a model needs it.
+//! Templates: `{{place}}` is replaced by a text, a part from a line `{{#part}}` to a line
+//! `{{/part}}` stands only where a model needs it.
 
 /// The template with its places filled and the parts that are wanted.
 pub fn filled(template: &str, places: &[(&'static str, String)], sections: &[(&'static str, bool)]) -> String {

@@ -1,8 +1,10 @@
-//! Equations of motion with their numbers in them, for people: as MathML for a page and as plain text for a terminal.
+//! Equations of motion with their numbers in them, for people: as MathML for a page and as plain
+//! text for a terminal.
 //!
-//! Each equation is a list of terms, so that a page or a terminal may break lines between them. A coefficient and the numbers that its expression begins with are
-//! one number, with the digits that its standard error warrants. What is no force in the equations (an effect of a sensor or of the drive's phase, one
-//! that remembers) stands below them in words.
+//! Each equation is a list of terms, so that a page or a terminal may break lines between them. A
+//! coefficient and the numbers that its expression begins with are one number, with the digits that
+//! its standard error warrants. What is no force in the equations (an effect of a sensor or of the
+//! drive's phase, one that remembers) stands below them in words.
 
 use std::collections::BTreeMap;
 

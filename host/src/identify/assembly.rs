@@ -1,4 +1,5 @@
-//! Rows of the weak form's equations from the transforms of a window's series: ∫ w_m⁽ᵖ⁾ s dt for every frequency m, see [`super::windows`].
+//! Rows of the weak form's equations from the transforms of a window's series: ∫ w_m⁽ᵖ⁾ s dt for
+//! every frequency m, see [`super::windows`].
 
 use core::f64::consts::TAU;
 
@@ -46,7 +47,8 @@ impl Assembly {
         Self { frequencies, step_s, slope: TAU / (length as f64 * step_s), pairs, equations }
     }
 
-    /// Rows of all equations from the bins of a window, series after series, each with M + 3 of them.
+    /// Rows of all equations from the bins of a window, series after series, each with M + 3 of
+    /// them.
     pub fn rows(&self, bins: &[Complex64]) -> Vec<Vec<f64>> {
         let each = self.frequencies + 3;
         // Bins −2 … M + 2 of the derivative: a real series has S(−n) = conj S(n).

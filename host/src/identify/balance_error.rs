@@ -1,8 +1,10 @@
-//! How much of the measured right-hand side the identified model leaves: ‖Y − Σ λ_j X_j‖/‖Y‖ over the record's samples.
+//! How much of the measured right-hand side the identified model leaves: ‖Y − Σ λ_j X_j‖/‖Y‖ over
+//! the record's samples.
 //!
-//! For a drive whose right-hand side is a force this is the relative force error. Velocities and accelerations come from the
-//! low-passed coordinates (its derivative kernel once and twice), inputs through the same low-pass; both sides are then compared in the band
-//! that holds 99.5 % of the right-hand side's power, since above it there is little but noise.
+//! For a drive whose right-hand side is a force this is the relative force error. Velocities and
+//! accelerations come from the low-passed coordinates (its derivative kernel once and twice),
+//! inputs through the same low-pass; both sides are then compared in the band that holds 99.5 % of
+//! the right-hand side's power, since above it there is little but noise.
 
 use nalgebra::DVector;
 use realfft::RealFftPlanner;
@@ -92,7 +94,8 @@ fn band(x: &[f64], step_s: f64) -> f64 {
     last.unwrap_or(power.len()) as f64 / (size as f64 * step_s)
 }
 
-/// Every expression of a tape over the first samples of a stretch, without the ends that the low-passes reach.
+/// Every expression of a tape over the first samples of a stretch, without the ends that the
+/// low-passes reach.
 pub fn strong_series(s: &Stretch, length: usize, tape: &Tape, kernels: &Kernels, circle: &[bool]) -> Vec<Vec<f64>> {
     let reach = kernels.full.reach();
     // The derivative kernel is applied twice.

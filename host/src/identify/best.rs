@@ -1,7 +1,9 @@
-//! The default: multiple shooting wherever it comes to rest and leaves nothing but the sensors' noise, and the weak form otherwise.
+//! The default: multiple shooting wherever it comes to rest and leaves nothing but the sensors'
+//! noise, and the weak form otherwise.
 //!
-//! Where the equations hold, shooting's standard errors are near the bound of Cramér and Rao, those of the weak form 2 to 80 times as large. Where they miss something, what
-//! is missing adds up along a piece, and the weak form, which weighs it where it acts, is the sounder start.
+//! Where the equations hold, shooting's standard errors are near the bound of Cramér and Rao, those
+//! of the weak form 2 to 80 times as large. Where they miss something, what is missing adds up
+//! along a piece, and the weak form, which weighs it where it acts, is the sounder start.
 
 use indicatif::ProgressBar;
 
@@ -12,7 +14,8 @@ use crate::report::format::significant;
 use crate::rig::Rig;
 use crate::warning::Warning;
 
-/// Most samples that are shot over by default: some seconds of work, beyond which the weak form's errors are small as well.
+/// Most samples that are shot over by default: some seconds of work, beyond which the weak form's
+/// errors are small as well.
 const MOST_SAMPLES: usize = 200_000;
 /// Share of the pieces that may be lost.
 const MOST_LOST: f64 = 0.1;

@@ -1,10 +1,12 @@
 //! Stretches that count from one zero.
 //!
-//! An incremental encoder counts from where it stood when its device started, or where it was told to. After a restart within a record
-//! that may be another place, by an offset that nobody knows: pooled as if the zero were one, B12 of the chaotic rig came out as 0.0057
-//! for 0.0708. The device tells where its zeros are from ([`crate::record::DeviceBoot`]): boots whose zeros have the same ids, as after a
-//! watchdog's reset of arms that rested, are pooled; others are kept apart, and of those the longest is used, the first of equals. Where
-//! a record does not tell zeros, every boot has one of its own.
+//! An incremental encoder counts from where it stood when its device started, or where it was told
+//! to. After a restart within a record that may be another place, by an offset that nobody knows:
+//! pooled as if the zero were one, B12 of the chaotic rig came out as 0.0057 for 0.0708. The device
+//! tells where its zeros are from ([`crate::record::DeviceBoot`]): boots whose zeros have the same
+//! ids, as after a watchdog's reset of arms that rested, are pooled; others are kept apart, and of
+//! those the longest is used, the first of equals. Where a record does not tell zeros, every boot
+//! has one of its own.
 //!
 //! Limits: within one record; several records are taken as they are given.
 
@@ -42,7 +44,8 @@ fn longest(groups: &[Group]) -> Option<&Group> {
     groups.iter().reduce(|best, group| if group.seconds > best.seconds { group } else { best })
 }
 
-/// When stretches are, for people: `0.000 to 12.000 s, 20.000 to 30.000 s`; of many, the first ones.
+/// When stretches are, for people: `0.000 to 12.000 s, 20.000 to 30.000 s`; of many, the first
+/// ones.
 fn times(segments: &[&Segment]) -> String {
     const SHOWN: usize = 3;
     let time = |s: &&Segment| format!("{:.3} to {:.3} s", s.start_s, s.start_s + s.duration_s());
@@ -53,7 +56,8 @@ fn times(segments: &[&Segment]) -> String {
     words.join(", ")
 }
 
-/// The records, of each what counts from its longest zero, and a warning for each of which something is left out.
+/// The records, of each what counts from its longest zero, and a warning for each of which
+/// something is left out.
 pub fn of_known_zero(records: &[Record]) -> (Cow<'_, [Record]>, Vec<Warning>) {
     let all: Vec<Vec<Group>> = records.iter().map(groups).collect();
     if all.iter().all(|groups| groups.len() <= 1) {

@@ -64,8 +64,8 @@ pub fn equations_of_motion(rig: &Rig, own: &Rig, bound: &Bound) -> Result<(Box<d
 }
 
 /// Coefficients with standard errors as they are told, and behind them what follows from them and
-/// `[known]`; the ties' misfit with its degrees of freedom, where there are any. A built-in system's are ordered
-/// by name, B_i5 = √(B_i3² + B_i4²) among them.
+/// `[known]`; the ties' misfit with its degrees of freedom, where there are any. A built-in
+/// system's are ordered by name, B_i5 = √(B_i3² + B_i4²) among them.
 pub fn parameters(
     rig: &Rig,
     (identified, units): (&Identified<'_>, &[String]),
@@ -132,7 +132,8 @@ mod tests {
     use crate::model::double_pendulum::DAMPINGS;
     use crate::model::dynamics::Instant;
 
-    /// What is compiled by hand moves as the equations that are written out, free and driven, with every damping; its partials too.
+    /// What is compiled by hand moves as the equations that are written out, free and driven, with
+    /// every damping; its partials too.
     #[test]
     fn compiled_equations_are_those_written_out() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/chaotic.toml");

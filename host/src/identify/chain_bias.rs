@@ -1,17 +1,22 @@
-//! The bias of the whole chain from motion to coefficients, measured on motions of the identified model and taken off.
+//! The bias of the whole chain from motion to coefficients, measured on motions of the identified
+//! model and taken off.
 //!
-//! What [`super::noise_bias`] measures on the smoothed record is the sensors' share. The smoothing itself has one more: dry friction bends a velocity where a joint turns back, and
-//! a low-pass rounds that off, so that the friction comes out different by some tenths of a per cent at few counts. The smoothed record has lost
-//! those bends; a solution of the model has them. So the identified model is integrated over windows like the record's, from its states at their starts, measured by the sensors
-//! and identified again (a parametric bootstrap estimate of bias, Efron and Tibshirani 1993, ch. 10):
+//! What [`super::noise_bias`] measures on the smoothed record is the sensors' share. The smoothing
+//! itself has one more: dry friction bends a velocity where a joint turns back, and a low-pass
+//! rounds that off, so that the friction comes out different by some tenths of a per cent at few
+//! counts. The smoothed record has lost those bends; a solution of the model has them. So the
+//! identified model is integrated over windows like the record's, from its states at their starts,
+//! measured by the sensors and identified again (a parametric bootstrap estimate of bias, Efron and
+//! Tibshirani 1993, ch. 10):
 //!
 //! δ = [λ(solution) − λ] + [(1/R) Σ_r λ(sensor_r(solution)) − λ(solution)],   corrected λ − δ
 //!
-//! Each part is shrunk where it is not larger than its scatter over groups of windows, which goes into the covariance.
-//! Every window has a solution of its own, so that a chaotic motion has no time to make a rounding error visible: two ways to write the
-//! same equations have the same bias.
+//! Each part is shrunk where it is not larger than its scatter over groups of windows, which goes
+//! into the covariance. Every window has a solution of its own, so that a chaotic motion has no
+//! time to make a rounding error visible: two ways to write the same equations have the same bias.
 //!
-//! Limits: the model must be one that can be integrated, and stay finite; a solution leaves the record after some Lyapunov times but keeps to the same kind of motion.
+//! Limits: the model must be one that can be integrated, and stay finite; a solution leaves the
+//! record after some Lyapunov times but keeps to the same kind of motion.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -28,23 +33,28 @@ use crate::model::flow::{Flow, Outside, Work};
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
 
-/// Longest step of integration: samples; under a drive s, and as a share of its period; otherwise as a share of a window, which holds 3 to 10 periods of the motion. What
-/// a solution leaves of its equations, its local error over the step, must be far below what the sensors leave; a test holds it.
+/// Longest step of integration: samples; under a drive s, and as a share of its period; otherwise
+/// as a share of a window, which holds 3 to 10 periods of the motion. What a solution leaves of its
+/// equations, its local error over the step, must be far below what the sensors leave; a test holds
+/// it.
 const STEP_SAMPLES: f64 = 4.0;
 const STEP_S: f64 = 8e-3;
 const STEPS: f64 = 25.0;
 const STEPS_IN_WINDOW: f64 = 500.0;
-/// Time after which a solution is rounded to a grid: s under a drive, otherwise as a share of a window.
+/// Time after which a solution is rounded to a grid: s under a drive, otherwise as a share of a
+/// window.
 const ROUNDED_S: f64 = 0.1;
 const ROUNDINGS: f64 = 40.0;
-/// A share of a coefficient beyond which the simulated motion is another one than the record's, and nothing is concluded from it.
+/// A share of a coefficient beyond which the simulated motion is another one than the record's, and
+/// nothing is concluded from it.
 const ANOTHER_MOTION: f64 = 0.1;
-/// Groups of neighbouring windows whose scatter tells that of the bias: neighbours share half of their samples.
+/// Groups of neighbouring windows whose scatter tells that of the bias: neighbours share half of
+/// their samples.
 const GROUPS: usize = 8;
 
 /// Measures the bias of a solution's coefficients; `names`: of all columns. `None` where the model
-/// moves otherwise than the record. Not for systems with measured inputs, whose noise a solution would
-/// take for motion. `motion`: the equations, with the names of their coefficients.
+/// moves otherwise than the record. Not for systems with measured inputs, whose noise a solution
+/// would take for motion. `motion`: the equations, with the names of their coefficients.
 pub fn estimate(
     system: &System<'_>,
     windows: &Windows,
@@ -75,7 +85,8 @@ pub fn estimate(
     from_solutions(motions.len(), plain, measured, &terms, &solution.weights, &DVector::from_vec(columns))
 }
 
-/// The bias from the rows of `motions` solutions with the parameters `coefficients`, as they are and measured [`REPEATS`] times.
+/// The bias from the rows of `motions` solutions with the parameters `coefficients`, as they are
+/// and measured [`REPEATS`] times.
 pub(crate) fn from_solutions(
     motions: usize,
     mut plain: Vec<WindowRows>,
@@ -111,7 +122,8 @@ pub(crate) fn from_solutions(
     Some(bias)
 }
 
-/// Longest step of integration under a drive of angular frequency `omega` (0 for none) for samples `spacing` apart and windows of `window_s`, s.
+/// Longest step of integration under a drive of angular frequency `omega` (0 for none) for samples
+/// `spacing` apart and windows of `window_s`, s.
 fn step_s(omega: f64, spacing: f64, window_s: f64) -> f64 {
     let most =
         if omega > 0.0 { STEP_S.min(core::f64::consts::TAU / omega / STEPS) } else { window_s / STEPS_IN_WINDOW };
@@ -131,16 +143,19 @@ pub(crate) fn state_at<'a>(coordinates: impl Iterator<Item = &'a [f64]>, kernels
     Some(state)
 }
 
-/// Grid of the states of [`solve`], as cells a radian: a power of two, some hundred times finer than the least noisy sensor.
+/// Grid of the states of [`solve`], as cells a radian: a power of two, some hundred times finer
+/// than the least noisy sensor.
 pub(crate) fn cells(sigma: &[f64]) -> f64 {
     let least = sigma.iter().copied().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
     let least = if least.is_finite() { least } else { 0.0 };
     (300.0 / least.max(f64::MIN_POSITIVE.sqrt())).log2().ceil().clamp(18.0, 1000.0).exp2()
 }
 
-/// A solution from `state` at samples `spacing` apart (s) over a window, a row for each coordinate of `out`. Every tenth of a second under a drive, forty times a window without, the state is rounded to a grid of `cells` a rad (rad/s),
-/// far below any sensor: otherwise a chaotic motion, which grows a rounding error by e in some tenths of a second, would be another one for every way to
-/// write the same equations. False where the equations have no solution or it leaves all bounds.
+/// A solution from `state` at samples `spacing` apart (s) over a window, a row for each coordinate
+/// of `out`. Every tenth of a second under a drive, forty times a window without, the state is
+/// rounded to a grid of `cells` a rad (rad/s), far below any sensor: otherwise a chaotic motion,
+/// which grows a rounding error by e in some tenths of a second, would be another one for every way
+/// to write the same equations. False where the equations have no solution or it leaves all bounds.
 pub(crate) fn solve<D: Dynamics + ?Sized>(
     (dynamics, parameters, outside): (&D, &[f64], Outside<'_>),
     mut state: Vec<f64>,
@@ -209,7 +224,8 @@ mod tests {
     use crate::model::double_pendulum::{DAMPINGS, DEFAULT_DAMPINGS};
     use crate::model::double_pendulum_dynamics::DoublePendulum;
 
-    /// Over a tenth of a second, at which the states are rounded, steps of this length change velocities by far less than accelerations do in that time.
+    /// Over a tenth of a second, at which the states are rounded, steps of this length change
+    /// velocities by far less than accelerations do in that time.
     #[test]
     fn steps_are_short_enough() {
         let omega = 31.4;

@@ -1,17 +1,21 @@
 //! Energy balance: a second step for small terms, after the harmonic balance.
 //!
-//! *Dampings* (3.35) to (3.38). Multiplied by φ_e′ and integrated over an orbit, an equation becomes Σ_j λ_j W_j = −ΔK, W_j = ∫ X_j φ_e′ dτ.
-//! Over an orbit that closes ΔK and the conservative terms vanish; what dissipates then equals what the drive feeds in, with the other
-//! coefficients taken from the harmonic balance. Each equation by itself is the seed's way; its coupling moved to the right is as large as
-//! the drive's share, and C12/C2 need not obey the tie. In the sum J_o1·(first)·φ1′ + J_o2·(second)·φ2′ the coupling is the change of
-//! H φ1′ φ2′ cos Δ and cancels over an orbit. Divided by J_o1, with ρ = J_o2/J_o1 = B11/B21:
+//! *Dampings* (3.35) to (3.38). Multiplied by φ_e′ and integrated over an orbit, an equation
+//! becomes Σ_j λ_j W_j = −ΔK, W_j = ∫ X_j φ_e′ dτ. Over an orbit that closes ΔK and the
+//! conservative terms vanish; what dissipates then equals what the drive feeds in, with the other
+//! coefficients taken from the harmonic balance. Each equation by itself is the seed's way; its
+//! coupling moved to the right is as large as the drive's share, and C12/C2 need not obey the tie.
+//! In the sum J_o1·(first)·φ1′ + J_o2·(second)·φ2′ the coupling is the change of H φ1′ φ2′ cos Δ
+//! and cancels over an orbit. Divided by J_o1, with ρ = J_o2/J_o1 = B11/B21:
 //!
-//! C11 ∫|φ1′| + C12 ∫(φ2′ − φ1′)² = −Δ[½φ1′² + ½ρφ2′² + B11 φ1′ φ2′ cos Δ − B12 cos φ1 − ρB22 cos φ2] − (drive's work), C2 = C12/ρ.
+//! C11 ∫|φ1′| + C12 ∫(φ2′ − φ1′)² = −Δ[½φ1′² + ½ρφ2′² + B11 φ1′ φ2′ cos Δ − B12 cos φ1 − ρB22 cos
+//! φ2] − (drive's work), C2 = C12/ρ.
 //!
 //! The energies at both ends are measured, so that pieces need not close.
 //!
-//! *Small stiffness* (6.2), (6.3). Multiplied by x instead, ẍ + kx + cẋ + a xᵐ = f(t) gives over a closed orbit
-//! a ∫ x^{m+1} = ∫ ẋ² − k ∫ x² + ∫ f x, in which no acceleration and no damping is left.
+//! *Small stiffness* (6.2), (6.3). Multiplied by x instead, ẍ + kx + cẋ + a xᵐ = f(t) gives over a
+//! closed orbit a ∫ x^{m+1} = ∫ ẋ² − k ∫ x² + ∫ f x, in which no acceleration and no damping is
+//! left.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -21,7 +25,8 @@ use super::harmonic_balance::rows::Expanded;
 use super::harmonic_balance::settings::EnergyBalance;
 use crate::model::double_pendulum::DAMPINGS;
 
-/// Solves rows (columns and target) by least squares; `None` where they do not determine the unknowns.
+/// Solves rows (columns and target) by least squares; `None` where they do not determine the
+/// unknowns.
 fn least_squares(rows: &[Vec<f64>], columns: usize) -> Option<Vec<f64>> {
     if columns == 0 {
         return Some(Vec::new());
@@ -44,8 +49,8 @@ fn least_squares(rows: &[Vec<f64>], columns: usize) -> Option<Vec<f64>> {
     Some((0..columns).map(|c| x[c] / scale[c]).collect())
 }
 
-/// Dampings by the energy balance over `orbits`; the other coefficients, and dampings that are `known`, stay as they are. `None` where
-/// the orbits do not determine them.
+/// Dampings by the energy balance over `orbits`; the other coefficients, and dampings that are
+/// `known`, stay as they are. `None` where the orbits do not determine them.
 pub fn dampings(
     equations: &Equations,
     orbits: &[&Expanded],
@@ -158,7 +163,8 @@ fn coupled(
     Some(out)
 }
 
-/// One closed orbit of an oscillator under a known force, evenly sampled over exactly one period, in one unit of time.
+/// One closed orbit of an oscillator under a known force, evenly sampled over exactly one period,
+/// in one unit of time.
 #[derive(Clone, Debug)]
 pub struct ForcedOrbit {
     /// x.
@@ -169,8 +175,9 @@ pub struct ForcedOrbit {
     pub period: f64,
 }
 
-/// a of ẍ + kx + cẋ + a xᵐ = f(t) by (6.3), over several orbits, with its standard error (jackknife over orbits; infinite for a single one).
-/// Velocities come from the Fourier series. `None` without orbits, or where x rests.
+/// a of ẍ + kx + cẋ + a xᵐ = f(t) by (6.3), over several orbits, with its standard error (jackknife
+/// over orbits; infinite for a single one). Velocities come from the Fourier series. `None` without
+/// orbits, or where x rests.
 pub fn small_stiffness(orbits: &[ForcedOrbit], k: f64, power: i32) -> Option<(f64, f64)> {
     let rows: Vec<(f64, f64)> = orbits
         .iter()

@@ -1,26 +1,33 @@
-//! Windows, test functions and low-pass of a free system, from where its motion lies in the spectrum ([`crate::signal::band`]).
+//! Windows, test functions and low-pass of a free system, from where its motion lies in the
+//! spectrum ([`crate::signal::band`]).
 //!
-//! With f_d the dominant frequency, f_99 below which lie 99 % of the acceleration's power, f_10 and f_2 where the motion is ten times and twice the noise:
-//! windows of 10/f_d, shorter until there are fourteen of them, not below 3/f_d; test functions up to max(f_99, min(√(f_99 f_10), 3.5 f_d), 1.5 f_d, 3/L);
-//! the low-pass up to max(1.15 min(f_2, 1.6 f_10), 1.5 of that), its reach a tenth of the longest stretch at most. Measured inputs may excite a system far above its own
-//! frequency: test functions then go up to where 99 % of the acceleration's power lie over the white top of the band, f_10 at most, in windows of 30 of its
-//! periods (20/f_d and a fifth of the record at most): on a measured positioning drive that gives mass, friction
-//! and offset within 0.4 % of the published ones. So nothing rests on
-//! seconds: a clock that runs a thousand times slower gives the same windows in samples. The rule was set on 12 measured records and 12 simulated
-//! systems in a prototype whose windows start every quarter; here they start every half, and are therefore twice as many.
+//! With f_d the dominant frequency, f_99 below which lie 99 % of the acceleration's power, f_10 and
+//! f_2 where the motion is ten times and twice the noise: windows of 10/f_d, shorter until there
+//! are fourteen of them, not below 3/f_d; test functions up to max(f_99, min(√(f_99 f_10), 3.5
+//! f_d), 1.5 f_d, 3/L); the low-pass up to max(1.15 min(f_2, 1.6 f_10), 1.5 of that), its reach a
+//! tenth of the longest stretch at most. Measured inputs may excite a system far above its own
+//! frequency: test functions then go up to where 99 % of the acceleration's power lie over the
+//! white top of the band, f_10 at most, in windows of 30 of its periods (20/f_d and a fifth of the
+//! record at most): on a measured positioning drive that gives mass, friction and offset within 0.4
+//! % of the published ones. So nothing rests on seconds: a clock that runs a thousand times slower
+//! gives the same windows in samples. The rule was set on 12 measured records and 12 simulated
+//! systems in a prototype whose windows start every quarter; here they start every half, and are
+//! therefore twice as many.
 
 use crate::signal::band::Band;
 
 /// Periods of the dominant frequency in a window, as wished and at least.
 const PERIODS: f64 = 10.0;
 const FEWEST_PERIODS: f64 = 3.0;
-/// Windows that a record should hold: half of them overlapping, they give the jackknife and the folds of an explanation some 27 blocks.
+/// Windows that a record should hold: half of them overlapping, they give the jackknife and the
+/// folds of an explanation some 27 blocks.
 const WINDOWS: f64 = 14.0;
 /// Length of a window under measured inputs in periods of the highest test frequency.
 const TRANSIENT: f64 = 30.0;
 /// Fewest of them.
 const FEWEST_TRANSIENTS: f64 = 5.0;
-/// Reach of the low-pass times the width of its transition, and the share of the longest stretch that it may take on either side.
+/// Reach of the low-pass times the width of its transition, and the share of the longest stretch
+/// that it may take on either side.
 const REACH: f64 = 4.0;
 const MOST_REACH: f64 = 0.1;
 
@@ -40,7 +47,8 @@ pub(super) struct Choice {
 pub(super) enum Kind {
     /// Nothing.
     Free,
-    /// Measured inputs, which may excite what lies far above the motion's own frequency: where 99 % of the acceleration's power lie over the white top of the band, Hz.
+    /// Measured inputs, which may excite what lies far above the motion's own frequency: where 99 %
+    /// of the acceleration's power lie over the white top of the band, Hz.
     WithInputs(f64),
 }
 
@@ -54,7 +62,8 @@ impl Kind {
     }
 }
 
-/// Chooses for a motion; `stretches_s` are the lengths of the unbroken stretches, `length_s` a window that was asked for.
+/// Chooses for a motion; `stretches_s` are the lengths of the unbroken stretches, `length_s` a
+/// window that was asked for.
 pub(super) fn choose(band: &Band, stretches_s: &[f64], rate: f64, length_s: Option<f64>, kind: Kind) -> Choice {
     let fd = band.dominant_hz;
     let whole: f64 = stretches_s.iter().sum();

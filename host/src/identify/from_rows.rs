@@ -1,9 +1,12 @@
-//! Identification from regression rows that the device has summed (`whirl capture --rows`), without any sample.
+//! Identification from regression rows that the device has summed (`whirl capture --rows`), without
+//! any sample.
 //!
-//! The rows are those of the weak form with windows of twenty drive periods and frequencies up to 1.6 of the drive's; the device's weights
-//! are taken off them again, and what follows is what follows for the host's own rows ([`super::regression`]): weights from the
-//! residuals, covariance from leaving out blocks of windows. What needs samples is left out: the bias by the sensors' noise is neither
-//! measured nor taken off. On simulated records of the chaotic rig at 4096 counts it is far below the standard errors.
+//! The rows are those of the weak form with windows of twenty drive periods and frequencies up to
+//! 1.6 of the drive's; the device's weights are taken off them again, and what follows is what
+//! follows for the host's own rows ([`super::regression`]): weights from the residuals, covariance
+//! from leaving out blocks of windows. What needs samples is left out: the bias by the sensors'
+//! noise is neither measured nor taken off. On simulated records of the chaotic rig at 4096 counts
+//! it is far below the standard errors.
 
 use std::path::Path;
 
@@ -77,7 +80,8 @@ fn frequency_differs(path: &Path, found: f64, rig: &Rig, expected: f64) -> BadIn
 /// Identifies the double pendulum from records of rows.
 ///
 /// # Errors
-/// A rig that is not what the device identifies, another drive, too few windows, a record in which a coefficient's column vanishes.
+/// A rig that is not what the device identifies, another drive, too few windows, a record in which
+/// a coefficient's column vanishes.
 pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
     if let Some(error) = unfit(rig) {
         return Err(error

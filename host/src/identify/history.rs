@@ -1,4 +1,5 @@
-//! What effects that remember have seen of a stretch: their states, each followed once along the smoothed motion.
+//! What effects that remember have seen of a stretch: their states, each followed once along the
+//! smoothed motion.
 
 use std::sync::{Arc, OnceLock, RwLock};
 
@@ -25,7 +26,8 @@ impl Laws {
     }
 }
 
-/// A state's values at the samples, once they were asked for; none where it leaves the finite numbers.
+/// A state's values at the samples, once they were asked for; none where it leaves the finite
+/// numbers.
 type Values = Arc<OnceLock<Option<Vec<f64>>>>;
 
 /// The smoothed motion of a stretch with the states that were followed along it.
@@ -40,7 +42,8 @@ pub struct History {
     series: RwLock<Vec<Values>>,
 }
 
-/// A signal with its mirror images through its end points, `reach` samples on either side: what a low-pass that keeps the motion's direction needs there.
+/// A signal with its mirror images through its end points, `reach` samples on either side: what a
+/// low-pass that keeps the motion's direction needs there.
 fn extended(x: &[f64], reach: usize) -> Vec<f64> {
     let (Some(first), Some(last)) = (x.first(), x.last()) else { return Vec::new() };
     let at = |i: usize| x[i.min(x.len() - 1)];
@@ -75,8 +78,9 @@ impl History {
         }
     }
 
-    /// The same where the motion is known better: parts of `states`, coordinates and then rates at every sample, each behind the sample at which it begins. Only the states
-    /// of some numbers are followed anew.
+    /// The same where the motion is known better: parts of `states`, coordinates and then rates at
+    /// every sample, each behind the sample at which it begins. Only the states of some numbers are
+    /// followed anew.
     #[must_use]
     pub fn moved<'a>(&self, parts: impl Iterator<Item = (usize, &'a [f64])>, numbers: &[usize]) -> Self {
         let n = self.coordinates.len();
@@ -122,7 +126,8 @@ impl History {
         self.followed(number, |_| ()).is_some()
     }
 
-    /// A state at `count` samples from a time on; beyond the stretch as at its ends, NaN where it leaves the finite numbers.
+    /// A state at `count` samples from a time on; beyond the stretch as at its ends, NaN where it
+    /// leaves the finite numbers.
     pub fn since(&self, number: usize, start_s: f64, count: usize) -> Vec<f64> {
         let first = ((start_s - self.start_s) / self.step_s).round();
         // Rounded; the cast cuts nothing but what lies before the stretch.

@@ -1,9 +1,11 @@
 //! Which coefficients a record does not tell apart.
 //!
-//! A set of coefficients is named where the correlation of two of them exceeds 0.9 in size (chains of such pairs make one
-//! set) or where a standard error exceeds 20 % of the value. The two parts of the base's amplitude, B_i3 and B_i4, are components
-//! of one vector whose direction depends on where τ starts: their standard errors are compared with its length B_i5. So are the
-//! coefficients of a function series: n and p, the drive's two parts, with the size of both together, q with its own.
+//! A set of coefficients is named where the correlation of two of them exceeds 0.9 in size (chains
+//! of such pairs make one set) or where a standard error exceeds 20 % of the value. The two parts
+//! of the base's amplitude, B_i3 and B_i4, are components of one vector whose direction depends on
+//! where τ starts: their standard errors are compared with its length B_i5. So are the coefficients
+//! of a function series: n and p, the drive's two parts, with the size of both together, q with its
+//! own.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -1,18 +1,22 @@
-//! Whether identified coefficients can be those of a rig, and whether the equations describe the record.
+//! Whether identified coefficients can be those of a rig, and whether the equations describe the
+//! record.
 //!
-//! *Signs.* Dampings take energy away, moments of inertia are positive, and so is the kinetic energy: B11 B21 = H²/(J_o1 J_o2)
-//! lies between 0 and 1. A coefficient on the wrong side of that by `CLEAR` standard errors cannot be a rig's.
+//! *Signs.* Dampings take energy away, moments of inertia are positive, and so is the kinetic
+//! energy: B11 B21 = H²/(J_o1 J_o2) lies between 0 and 1. A coefficient on the wrong side of that
+//! by `CLEAR` standard errors cannot be a rig's.
 //!
-//! *Ties.* A torque in joint 2 acts on both arms, and the drive on both alike: C12 B21 = C2 B11, B13 B22 = B23 B12 and
-//! B14 B22 = B24 B12 (3.23), whatever is known of masses and lengths. With h what the ties miss by and S its covariance from the
-//! jackknife over G blocks, hᵀ S⁻¹ h (G − d)/(d (G − 1)) has Fisher's F distribution with d and G − d degrees of freedom
-//! (Hotelling 1931). Where that is less likely than `CHANCE`, the equations miss something.
+//! *Ties.* A torque in joint 2 acts on both arms, and the drive on both alike: C12 B21 = C2 B11,
+//! B13 B22 = B23 B12 and B14 B22 = B24 B12 (3.23), whatever is known of masses and lengths. With h
+//! what the ties miss by and S its covariance from the jackknife over G blocks, hᵀ S⁻¹ h (G − d)/(d
+//! (G − 1)) has Fisher's F distribution with d and G − d degrees of freedom (Hotelling 1931). Where
+//! that is less likely than `CHANCE`, the equations miss something.
 //!
-//! *Noise.* The sensors' noise alone, put through the whole chain ([`super::noise_bias`]), tells what ε and which residual power
-//! a record would have if the equations were right.
+//! *Noise.* The sensors' noise alone, put through the whole chain ([`super::noise_bias`]), tells
+//! what ε and which residual power a record would have if the equations were right.
 //!
-//! Limits: inertias and ties of the double and single pendulum; of systems from bodies the signs of nominal
-//! frictions and of masses. Nothing tells which signs the coefficients of written equations must have.
+//! Limits: inertias and ties of the double and single pendulum; of systems from bodies the signs of
+//! nominal frictions and of masses. Nothing tells which signs the coefficients of written equations
+//! must have.
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
@@ -26,15 +30,18 @@ use crate::warning::Warning;
 
 /// Standard errors by which a sign must be wrong: by chance once in thirty thousand coefficients.
 const CLEAR: f64 = 4.0;
-/// Probability below which nothing is chance. The least found on 120 clean records (three rigs, 1024 and 4096 counts, 20 to 120 s)
-/// was 0.009 for the ties and 10⁻⁴ for a known length; a hidden drag of 2·10⁻⁶ N m s² gave 10⁻²⁰.
+/// Probability below which nothing is chance. The least found on 120 clean records (three rigs,
+/// 1024 and 4096 counts, 20 to 120 s) was 0.009 for the ties and 10⁻⁴ for a known length; a hidden
+/// drag of 2·10⁻⁶ N m s² gave 10⁻²⁰.
 pub(super) const CHANCE: f64 = 1e-6;
 /// Effects that can but brake.
 const BRAKES: [&str; 3] = ["viscous-friction", "coulomb-friction", "quadratic-drag"];
 /// Ratio of residual to noise power from which something besides noise is left, as in `explain`.
 const BESIDE_NOISE: f64 = 2.0;
-/// Ratio from which the answer does not stand: a residual of five times the sensors'. A second harmonic of 2 % in the drive (ratio 71) moves B11 by 7.4 standard
-/// errors. It is no bound below which nothing has moved: an eccentricity of 0.015 rad (ratio 12) moves B22 by 12 of them, and is warned of.
+/// Ratio from which the answer does not stand: a residual of five times the sensors'. A second
+/// harmonic of 2 % in the drive (ratio 71) moves B11 by 7.4 standard errors. It is no bound below
+/// which nothing has moved: an eccentricity of 0.015 rad (ratio 12) moves B22 by 12 of them, and is
+/// warned of.
 const MISLEADING: f64 = 25.0;
 
 /// Coefficients with their covariance.
@@ -102,7 +109,8 @@ pub fn judge(result: &mut Identification, rig: &Rig) {
     if let Some(ratio) = result.details.residual_over_noise.filter(|_| !inputs)
         && ratio > BESIDE_NOISE
     {
-        // What a model misses comes back wherever the motion does: it is no sign of a periodic record.
+        // What a model misses comes back wherever the motion does: it is no sign of a periodic
+        // record.
         let percent =
             |of: &[f64]| of.iter().map(|e| format!("{} %", significant(100.0 * e, 2))).collect::<Vec<_>>().join(", ");
         let warning =

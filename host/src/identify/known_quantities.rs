@@ -1,12 +1,15 @@
 //! Whether what is said to be known agrees with the record.
 //!
-//! Gravity fixes lengths: B21/B22 = l1 Ω²/g, B25/B22 = a Ω²/g, and B22 = g m2 e2/(J_o2 Ω²), B12/B11 = g (m1 e1 + m2 l1)/(m2 e2 l1 Ω²). Where all quantities of such a relation are
-//! said to be known, R = 1 tests them, R the relation's two sides divided. ln R over its standard error (from the coefficients' covariance,
-//! widened by how much their own ties are missed) has Student's t distribution over the jackknife's blocks. One wrong quantity q that stands
-//! in R with power n would agree as q R^(−1/n); a time base off by κ changes every Ω² by κ⁻².
+//! Gravity fixes lengths: B21/B22 = l1 Ω²/g, B25/B22 = a Ω²/g, and B22 = g m2 e2/(J_o2 Ω²),
+//! B12/B11 = g (m1 e1 + m2 l1)/(m2 e2 l1 Ω²). Where all quantities of such a relation are said to
+//! be known, R = 1 tests them, R the relation's two sides divided. ln R over its standard error
+//! (from the coefficients' covariance, widened by how much their own ties are missed) has Student's
+//! t distribution over the jackknife's blocks. One wrong quantity q that stands in R with power n
+//! would agree as q R^(−1/n); a time base off by κ changes every Ω² by κ⁻².
 //!
-//! Masses alone scale with each other: no motion shows one. What a body can be is known all the same: its moment of inertia is at least that of its centroid's
-//! mass, and no material is denser than osmium.
+//! Masses alone scale with each other: no motion shows one. What a body can be is known all the
+//! same: its moment of inertia is at least that of its centroid's mass, and no material is denser
+//! than osmium.
 //!
 //! Limits: relations in which two quantities are wrong name each of them by itself.
 
@@ -27,7 +30,8 @@ const DENSEST: f64 = 22_590.0;
 /// Length of a body along its axis, in radii, beyond which none is built that swings across it.
 const LONGEST: f64 = 10.0;
 
-/// Quantities that are not told as wrong: gravity is the last to be, and a product stands beside its factors.
+/// Quantities that are not told as wrong: gravity is the last to be, and a product stands beside
+/// its factors.
 const HELD: [&str; 2] = ["g", "m2 l1"];
 
 /// A quantity in a relation: name, unit, power.
@@ -119,7 +123,8 @@ const SINGLE: &[Relation] = &[
     },
 ];
 
-/// A warning for every relation that the record contradicts. `spread`: by how much standard errors are widened.
+/// A warning for every relation that the record contradicts. `spread`: by how much standard errors
+/// are widened.
 pub(super) fn contradicted(c: &Coefficients<'_>, rig: &Rig, spread: f64) -> Vec<Warning> {
     let mut known = rig.known.clone();
     known.entry("g".to_owned()).or_insert(GRAVITY);
@@ -237,7 +242,8 @@ impl Relation {
     }
 }
 
-/// Value of a quantity of a relation and the one that would agree, by a factor; of a sum its first part, the other as it is known.
+/// Value of a quantity of a relation and the one that would agree, by a factor; of a sum its first
+/// part, the other as it is known.
 fn named(known: &BTreeMap<String, f64>, name: &str, factor: f64) -> [f64; 2] {
     let whole = known[name];
     match name.split_once(" + ") {

@@ -1,7 +1,9 @@
 //! From a record to the coefficients of the equations of motion, with standard errors.
 //!
-//! From the measured angles alone: the weak form (method: [`windows`], least squares and covariance: [`regression`]) gives the start, and by default
-//! multiple shooting ([`shooting`]) the answer wherever it stands ([`best`]). Physical parameters follow where quantities are known ([`physical_parameters`]).
+//! From the measured angles alone: the weak form (method: [`windows`], least squares and
+//! covariance: [`regression`]) gives the start, and by default multiple shooting ([`shooting`]) the
+//! answer wherever it stands ([`best`]). Physical parameters follow where quantities are known
+//! ([`physical_parameters`]).
 
 mod assembly;
 pub mod balance_error;
@@ -74,14 +76,16 @@ pub const METHODS: &[(&str, &str)] = &[
 pub struct Settings {
     /// Length of a window, s; by default 20 drive periods, or 4 s for a free system.
     pub window_s: Option<f64>,
-    /// Highest frequency of the test functions, Hz; by default 2 f_e, or for a free system the frequency below which lie 99 % of
-    /// the acceleration's power.
+    /// Highest frequency of the test functions, Hz; by default 2 f_e, or for a free system the
+    /// frequency below which lie 99 % of the acceleration's power.
     pub max_frequency_hz: Option<f64>,
-    /// End of the low-pass's pass band, Hz; by default 1.15 times the frequency at which the signal sinks into the sensors' noise.
+    /// End of the low-pass's pass band, Hz; by default 1.15 times the frequency at which the signal
+    /// sinks into the sensors' noise.
     pub pass_hz: Option<f64>,
 }
 
-/// Identifies a system from one or several records of the same rig by the weak form, and says what the record or the rig file seems to have wrong.
+/// Identifies a system from one or several records of the same rig by the weak form, and says what
+/// the record or the rig file seems to have wrong.
 ///
 /// # Errors
 /// As [`weak_form()`].

@@ -1,4 +1,5 @@
-//! An identification as a model file (`identify -o`), and whether a model file is that of a built-in system.
+//! An identification as a model file (`identify -o`), and whether a model file is that of a
+//! built-in system.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +10,8 @@ use crate::model::identified::{IdentifiedModel, System};
 use crate::model::model_file::ModelFile;
 use crate::rig::Rig;
 
-/// The identified coefficients as a model file; derived and physical parameters stay with the identification.
+/// The identified coefficients as a model file; derived and physical parameters stay with the
+/// identification.
 ///
 /// # Errors
 /// A nominal damping that there is not.
@@ -49,8 +51,8 @@ pub fn own_keys(model: &ModelFile) -> Result<toml::Table> {
 /// Checks that a model file is one of the built-in double pendulum: its dampings and coefficients.
 ///
 /// # Errors
-/// Another model, a damping that there is not, a parameter that is missing or does not belong to the
-/// equations. Without the file's name.
+/// Another model, a damping that there is not, a parameter that is missing or does not belong to
+/// the equations. Without the file's name.
 pub fn check_double_pendulum(model: &IdentifiedModel) -> Result<()> {
     match &model.system {
         System::BuiltIn(id) if id == "double-pendulum" => {}

@@ -1,22 +1,29 @@
 //! The bias that sensor noise puts into least squares, measured by simulation and taken off.
 //!
-//! Noise in the regressors shrinks a coefficient by the ratio of noise to signal in its column, and jumping laws (Coulomb
-//! friction) react to it in their own way. The bias is a property of motion and sensor, so it is measured by measuring a known motion again:
-//! the record θ̂, smoothed to the band in which it stands clear of noise, is taken as the truth, the sensors are applied to it R times, and
+//! Noise in the regressors shrinks a coefficient by the ratio of noise to signal in its column, and
+//! jumping laws (Coulomb friction) react to it in their own way. The bias is a property of motion
+//! and sensor, so it is measured by measuring a known motion again: the record θ̂, smoothed to the
+//! band in which it stands clear of noise, is taken as the truth, the sensors are applied to it R
+//! times, and
 //!
 //! δ = (1/R) Σ_r λ(sensor_r(θ̂)) − λ(θ̂),   corrected λ − δ
 //!
-//! (a parametric bootstrap estimate of bias, Efron and Tibshirani 1993, ch. 10). An encoder counts θ̂ on a grid shifted by r/R of a
-//! count: over the shifts the quantisation errors cancel to first order (their mean is the sawtooth of a count R times
-//! finer), and what is left is the bias. This keeps what no independent noise has: at a reversal the count stands still. Other sensors get
-//! white noise of the size found in the spectrum, in pairs of opposite sign, whose first order cancels too.
+//! (a parametric bootstrap estimate of bias, Efron and Tibshirani 1993, ch. 10). An encoder counts
+//! θ̂ on a grid shifted by r/R of a count: over the shifts the quantisation errors cancel to first
+//! order (their mean is the sawtooth of a count R times finer), and what is left is the bias. This
+//! keeps what no independent noise has: at a reversal the count stands still. Other sensors get
+//! white noise of the size found in the spectrum, in pairs of opposite sign, whose first order
+//! cancels too.
 //!
-//! The noise of a sensor that does not count comes from the spectrum, where the tail of a motion sampled coarsely looks like noise. Noise so large would leave
-//! larger residuals than the record has: the weights are one over the record's mean square residuals, so that those of the repeats have a weighted rms
-//! ρ of 1 where the noise is right. Where ρ > 2 the bias is measured again with the noise divided by ρ.
+//! The noise of a sensor that does not count comes from the spectrum, where the tail of a motion
+//! sampled coarsely looks like noise. Noise so large would leave larger residuals than the record
+//! has: the weights are one over the record's mean square residuals, so that those of the repeats
+//! have a weighted rms ρ of 1 where the noise is right. Where ρ > 2 the bias is measured again with
+//! the noise divided by ρ.
 //!
-//! The bias does not depend on the record's length: it is measured on at most 64 windows spread over the record, so that a
-//! long record costs no more. The noise is seeded: the same record gives the same bytes.
+//! The bias does not depend on the record's length: it is measured on at most 64 windows spread
+//! over the record, so that a long record costs no more. The noise is seeded: the same record gives
+//! the same bytes.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -38,14 +45,18 @@ pub(crate) const STRETCH: usize = 8;
 pub struct Bias {
     /// What to take off: δ, shrunk by 1 − var δ/δ² (to 0 where δ is not larger than its scatter).
     pub value: DVector<f64>,
-    /// Covariance of δ, from leaving out one stretch at a time: it belongs to what is known of the coefficients.
+    /// Covariance of δ, from leaving out one stretch at a time: it belongs to what is known of the
+    /// coefficients.
     pub covariance: DMatrix<f64>,
-    /// Covariance of the coefficients over the repeats, stretched by t₀.₉₇₅(R−1)/1.96: what a motion that repeats cannot average out, since it
-    /// meets the encoders' grids at the same points each time, and where these lie is not known.
+    /// Covariance of the coefficients over the repeats, stretched by t₀.₉₇₅(R−1)/1.96: what a
+    /// motion that repeats cannot average out, since it meets the encoders' grids at the same
+    /// points each time, and where these lie is not known.
     pub spread: DMatrix<f64>,
-    /// ρ: weighted rms residual over the repeats, 1 where the noise assumed leaves residuals like the record's.
+    /// ρ: weighted rms residual over the repeats, 1 where the noise assumed leaves residuals like
+    /// the record's.
     pub residual: f64,
-    /// The same of the noise alone: what the repeats' residuals have beside those of the motion as it is.
+    /// The same of the noise alone: what the repeats' residuals have beside those of the motion as
+    /// it is.
     pub noise: f64,
     /// ε of each equation that the noise alone gives.
     pub error: Vec<f64>,
@@ -66,8 +77,9 @@ impl Bias {
 /// ρ above which the assumed noise is not the record's.
 const TOO_MUCH: f64 = 2.0;
 
-/// The bias with the noise `sigma` of each sensor, or, where such noise leaves residuals larger than the record's, with as much less. `sigma` then becomes
-/// what it was measured with. `counted`: for each sensor whether its noise is known from its counts.
+/// The bias with the noise `sigma` of each sensor, or, where such noise leaves residuals larger
+/// than the record's, with as much less. `sigma` then becomes what it was measured with. `counted`:
+/// for each sensor whether its noise is known from its counts.
 pub(crate) fn with_noise_that_fits(
     sigma: &mut [f64],
     counted: &[bool],
@@ -82,7 +94,8 @@ pub(crate) fn with_noise_that_fits(
     measure(sigma)
 }
 
-/// The bias from the rows of known motions, as they are (`plain`) and measured again (`repeats_rows`, [`REPEATS`] times); their `run` is the stretch.
+/// The bias from the rows of known motions, as they are (`plain`) and measured again
+/// (`repeats_rows`, [`REPEATS`] times); their `run` is the stretch.
 pub(crate) fn from_rows(
     stretches: usize,
     plain_rows: &[WindowRows],
@@ -126,7 +139,8 @@ pub(crate) fn from_rows(
     Some(Bias { value, covariance, spread, residual, noise, error })
 }
 
-/// Where stretches of `together` windows lie in segments of these lengths: segment, first sample, end.
+/// Where stretches of `together` windows lie in segments of these lengths: segment, first sample,
+/// end.
 pub(crate) fn places(
     lengths: &[usize],
     kernels: &Kernels,

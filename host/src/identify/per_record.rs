@@ -1,4 +1,5 @@
-//! Coefficients of their own for each record (`offset = { of = "1", each = "record" }`): columns that are zero elsewhere.
+//! Coefficients of their own for each record (`offset = { of = "1", each = "record" }`): columns
+//! that are zero elsewhere.
 
 use nalgebra::DVector;
 
@@ -42,7 +43,8 @@ impl Split {
         self.terms.iter().map(|e| e.iter().map(|t| self.width(t.1)).sum()).collect()
     }
 
-    /// Names of all columns, equation by equation; a record's own coefficients are `name_1`, `name_2` …
+    /// Names of all columns, equation by equation; a record's own coefficients are `name_1`,
+    /// `name_2` …
     pub fn names(&self) -> Vec<String> {
         self.terms
             .iter()

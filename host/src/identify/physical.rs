@@ -1,4 +1,5 @@
-//! Parameters and quantities of a system behind the coefficients that were identified: [`crate::system::ties`].
+//! Parameters and quantities of a system behind the coefficients that were identified:
+//! [`crate::system::ties`].
 
 use super::Parameter;
 use crate::model::model_file::ModelFile;
@@ -9,7 +10,8 @@ use crate::warning::Warning;
 /// Id of the warning about what stays open.
 pub const OPEN: &str = "undetermined";
 
-/// Adds the parameters and quantities to those reported; the ties' misfit with its degrees of freedom, where there are any.
+/// Adds the parameters and quantities to those reported; the ties' misfit with its degrees of
+/// freedom, where there are any.
 pub fn add(
     rig: &Rig,
     model: &ModelFile,

@@ -50,7 +50,8 @@ pub fn prepare(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
     out.ready(found, rig, records)
 }
 
-/// The same without what [`standstill`] leaves out: stretches in which dry friction may hold a joint.
+/// The same without what [`standstill`] leaves out: stretches in which dry friction may hold a
+/// joint.
 ///
 /// # Errors
 /// As [`prepare`].

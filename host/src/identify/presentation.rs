@@ -5,7 +5,8 @@ use crate::report::format::significant;
 use crate::report::sections::parameters::{Parameter, ParameterTable};
 use crate::report::sections::residuals::{EquationResiduals, ResidualSet};
 
-/// χ² over its degrees of freedom above which coefficients contradict each other: by chance below 10⁻⁴ for four degrees of freedom.
+/// χ² over its degrees of freedom above which coefficients contradict each other: by chance below
+/// 10⁻⁴ for four degrees of freedom.
 const TOO_LARGE: f64 = 6.0;
 
 /// A method in words.

@@ -1,18 +1,22 @@
-//! Weighted least squares over the rows of many windows, with a covariance that holds for correlated residuals.
+//! Weighted least squares over the rows of many windows, with a covariance that holds for
+//! correlated residuals.
 //!
-//! *Weights.* The sensors' noise enters a row through ∫ ẅ φ and grows with frequency. Each frequency m is weighted by
-//! 1/s_m², s_m² the mean square residual of its rows over all windows (two rounds, starting from equal weights).
+//! *Weights.* The sensors' noise enters a row through ∫ ẅ φ and grows with frequency. Each
+//! frequency m is weighted by 1/s_m², s_m² the mean square residual of its rows over all windows
+//! (two rounds, starting from equal weights).
 //!
-//! *Covariance.* Rows of one window share the same noise and neighbouring windows overlap, so residuals are taken as
-//! independent only between blocks of consecutive windows. The covariance is the delete-one-block jackknife
-//! C = (G−1)/G Σ_g (λ₍₋g₎ − λ)(λ₍₋g₎ − λ)ᵀ over all equations at once (Efron and Stein 1981; for clustered regression it is
-//! the CR3 estimator of Bell and McCaffrey 2002, valid with few clusters). Standard errors are stretched by
-//! t₀.₉₇₅(G−1)/1.96, so that ± 1.96 of them is a 95 % interval.
+//! *Covariance.* Rows of one window share the same noise and neighbouring windows overlap, so
+//! residuals are taken as independent only between blocks of consecutive windows. The covariance is
+//! the delete-one-block jackknife C = (G−1)/G Σ_g (λ₍₋g₎ − λ)(λ₍₋g₎ − λ)ᵀ over all equations at
+//! once (Efron and Stein 1981; for clustered regression it is the CR3 estimator of Bell and
+//! McCaffrey 2002, valid with few clusters). Standard errors are stretched by t₀.₉₇₅(G−1)/1.96, so
+//! that ± 1.96 of them is a 95 % interval.
 //!
-//! *Repeating records.* On a periodic orbit the quantisation error repeats from window to window and does not average out.
-//! The greatest mean correlation ρ of weighted residuals between windows that do not overlap measures it. Where ρ > 0.2,
-//! ρ times the covariance that a single window would give is added (and what [`super::noise_bias`] finds), C₁ = (N/n)⁻¹ · 2.63, N the normal matrix over n windows and
-//! 2.63 = Σ corr² of sin⁴ rows at neighbouring frequencies.
+//! *Repeating records.* On a periodic orbit the quantisation error repeats from window to window
+//! and does not average out. The greatest mean correlation ρ of weighted residuals between windows
+//! that do not overlap measures it. Where ρ > 0.2, ρ times the covariance that a single window
+//! would give is added (and what [`super::noise_bias`] finds), C₁ = (N/n)⁻¹ · 2.63, N the normal
+//! matrix over n windows and 2.63 = Σ corr² of sin⁴ rows at neighbouring frequencies.
 
 mod normal_equations;
 mod residuals;
@@ -41,10 +45,11 @@ pub struct Solution {
     pub coefficients: Vec<DVector<f64>>,
     /// Joint covariance over the concatenated coefficients.
     pub covariance: DMatrix<f64>,
-    /// Covariance that independent residuals with the weights' variances would give: less true than `covariance` but free of its
-    /// scatter, so the better metric for combining coefficients.
+    /// Covariance that independent residuals with the weights' variances would give: less true than
+    /// `covariance` but free of its scatter, so the better metric for combining coefficients.
     pub metric: DMatrix<f64>,
-    /// Weighted, column-scaled condition number of each equation's normal matrix (square root of the ratio of eigenvalues).
+    /// Weighted, column-scaled condition number of each equation's normal matrix (square root of
+    /// the ratio of eigenvalues).
     pub condition: Vec<f64>,
     /// ε = ‖e‖∞/‖q̂‖∞ of each equation.
     pub error: Vec<f64>,
@@ -85,7 +90,8 @@ pub fn solve(windows: &[WindowRows], terms: &[usize], frequencies: usize) -> Res
 /// Departures from the defaults of [`solve`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options<'a> {
-    /// Weights of each equation and frequency, instead of those from the residuals; empty for an equation that has none.
+    /// Weights of each equation and frequency, instead of those from the residuals; empty for an
+    /// equation that has none.
     pub weights: Option<&'a [Vec<f64>]>,
     /// Windows that a block of the jackknife spans at least (a twelfth of all at most).
     pub block: usize,
@@ -223,7 +229,8 @@ impl RunSums {
         Self { runs: sums.into_iter().map(|run| run.into_iter().map(Normal::complete).collect()).collect() }
     }
 
-    /// Coefficients of all equations, concatenated, from all runs but one (or from all). None where the rest does not determine them.
+    /// Coefficients of all equations, concatenated, from all runs but one (or from all). None where
+    /// the rest does not determine them.
     pub(crate) fn solve(&self, without: Option<usize>) -> Option<DVector<f64>> {
         let equations = self.runs.first()?.len();
         let mut out = Vec::new();

@@ -4,7 +4,8 @@ use super::*;
 use crate::identify::windows::frequency_of_row;
 use rand::{RngExt, SeedableRng};
 
-/// Windows of random columns whose target has noise that grows with frequency and is shared inside a window.
+/// Windows of random columns whose target has noise that grows with frequency and is shared inside
+/// a window.
 fn windows(seed: u64, n: usize, frequencies: usize, truth: &[f64]) -> Vec<WindowRows> {
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
     let p = truth.len();

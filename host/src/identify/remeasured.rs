@@ -1,5 +1,5 @@
-//! Known motions measured again by every sensor: rows of a record that was smoothed and taken as the
-//! truth, for the bias of [`super::noise_bias`] and for what noise leaves in each equation.
+//! Known motions measured again by every sensor: rows of a record that was smoothed and taken as
+//! the truth, for the bias of [`super::noise_bias`] and for what noise leaves in each equation.
 
 use nalgebra::DVector;
 use pulp::{Arch, NullaryFnOnce};
@@ -20,11 +20,13 @@ pub struct Sensors {
     pub count: Vec<Option<f64>>,
     /// Standard deviation.
     pub sigma: Vec<f64>,
-    /// Standard error of its square as a share of it; nothing for a sensor that counts, whose noise is that of its grid.
+    /// Standard error of its square as a share of it; nothing for a sensor that counts, whose noise
+    /// is that of its grid.
     pub square_error: Vec<f64>,
 }
 
-/// Shift of a sensor's grid in a repeat, in counts: each sensor gets every quarter, in one of several orders.
+/// Shift of a sensor's grid in a repeat, in counts: each sensor gets every quarter, in one of
+/// several orders.
 fn shift(repeat: usize, sensor: usize) -> f64 {
     const ORDERS: [[f64; REPEATS]; 4] = [
         [0.125, 0.375, 0.625, 0.875],
@@ -43,7 +45,8 @@ pub struct Remeasured {
 }
 
 impl Remeasured {
-    /// Smooths parts of the record, takes them as the truth and measures them again with every sensor's noise.
+    /// Smooths parts of the record, takes them as the truth and measures them again with every
+    /// sensor's noise.
     pub fn new(
         system: &System<'_>,
         windows: &Windows,
@@ -77,8 +80,9 @@ impl Remeasured {
         from_rows(self.stretches, &self.plain, &self.repeats, terms, weights)
     }
 
-    /// Noise against signal in the columns of equation `e`, for each frequency: the greatest, over the columns, of the noise's mean square
-    /// there over the column's own over all frequencies. It needs no coefficients, so that weights by it cannot favour small ones.
+    /// Noise against signal in the columns of equation `e`, for each frequency: the greatest, over
+    /// the columns, of the noise's mean square there over the column's own over all frequencies. It
+    /// needs no coefficients, so that weights by it cannot favour small ones.
     pub fn share(&self, e: usize, columns: usize, frequencies: usize) -> Vec<f64> {
         let mut noise = vec![vec![0.0; frequencies + 1]; columns];
         let mut count = vec![0.0_f64; frequencies + 1];
@@ -107,7 +111,8 @@ impl Remeasured {
             .collect()
     }
 
-    /// Mean square of what the sensors' noise adds to the residuals of equation `e`, for each frequency.
+    /// Mean square of what the sensors' noise adds to the residuals of equation `e`, for each
+    /// frequency.
     pub fn power(&self, e: usize, coefficients: &DVector<f64>, frequencies: usize) -> Vec<f64> {
         let p = coefficients.len();
         let (mut sum, mut count) = (vec![0.0; frequencies + 1], vec![0.0_f64; frequencies + 1]);
@@ -126,7 +131,8 @@ impl Remeasured {
     }
 }
 
-/// Stretches of a few windows each, smoothed to the clear band and spread evenly over the record, and the stretch that each is from.
+/// Stretches of a few windows each, smoothed to the clear band and spread evenly over the record,
+/// and the stretch that each is from.
 pub fn smoothed(system: &System<'_>, windows: &Windows) -> (Vec<Stretch>, Vec<usize>) {
     let kernels: &Kernels = system.kernels;
     if system.count() == 0 {

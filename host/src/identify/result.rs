@@ -67,21 +67,25 @@ pub struct Details {
     pub repetition: f64,
     /// Blocks of the jackknife; 0 where there are too few windows.
     pub jackknife_blocks: usize,
-    /// Misfit of the ties between the coefficients and its degrees of freedom, where physical parameters were fitted.
+    /// Misfit of the ties between the coefficients and its degrees of freedom, where physical
+    /// parameters were fitted.
     pub ties_misfit: Option<(f64, usize)>,
-    /// ε of each equation that the sensors' noise alone would give; empty where it could not be simulated.
+    /// ε of each equation that the sensors' noise alone would give; empty where it could not be
+    /// simulated.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub expected_error: Vec<f64>,
     /// Weighted residual power over that which the sensors' noise alone leaves in the same rows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub residual_over_noise: Option<f64>,
-    /// Share of the right-hand side that the model leaves, over all samples, of each equation of a model file.
+    /// Share of the right-hand side that the model leaves, over all samples, of each equation of a
+    /// model file.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub balance_error: Vec<f64>,
 }
 
 impl Details {
-    /// How the weak form's numbers came about: from so many windows, with each sensor's noise and the bias taken off.
+    /// How the weak form's numbers came about: from so many windows, with each sensor's noise and
+    /// the bias taken off.
     pub(super) fn of(
         solution: &regression::Solution,
         count: usize,

@@ -1,7 +1,9 @@
-//! A model file's series over a stretch: low-passed coordinates, their slopes, inputs and phase into the tape.
+//! A model file's series over a stretch: low-passed coordinates, their slopes, inputs and phase
+//! into the tape.
 //!
-//! Inputs pass through the same low-pass as the coordinates wherever they are part of a product, and stand as measured where they
-//! are linear: either way they are taken as band-limited, nothing is interpolated.
+//! Inputs pass through the same low-pass as the coordinates wherever they are part of a product,
+//! and stand as measured where they are linear: either way they are taken as band-limited, nothing
+//! is interpolated.
 
 use super::windows::{Kernels, Stretches, step_at};
 use crate::model::model_file::equations_of_motion::wrapped;
@@ -53,7 +55,8 @@ impl Stretches for System<'_> {
         let (from, to) = (first - reach, last + reach);
         let symbols = self.weak.tape.symbols();
         let n = s.coordinates.len();
-        // Smoothed signals that some series needs: coordinates, then inputs; the convolution takes them in pairs.
+        // Smoothed signals that some series needs: coordinates, then inputs; the convolution takes
+        // them in pairs.
         let needed: Vec<usize> = (0..n + s.inputs.len())
             .filter(|&k| {
                 symbols.iter().any(|x| match *x {

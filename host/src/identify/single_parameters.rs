@@ -1,8 +1,9 @@
-//! Physical parameters of a single pendulum from its coefficients: with m e = m1·e1,
-//! q_sin = m e g/(J Ω²), amplitude of the drive's term f = m e a/J, c_r = c_r1/(J Ω), C11 = τ_c1/(J Ω²).
+//! Physical parameters of a single pendulum from its coefficients: with m e = m1·e1, q_sin = m e
+//! g/(J Ω²), amplitude of the drive's term f = m e a/J, c_r = c_r1/(J Ω), C11 = τ_c1/(J Ω²).
 //!
-//! a = f g/(q_sin Ω²) follows without knowing a mass. With m e (or m1 and e1) known, J = m e g/(q_sin Ω²); with J known,
-//! m e = q_sin J Ω²/g; then c_r1 and τ_c1. Standard errors by linear propagation of the coefficients' covariance.
+//! a = f g/(q_sin Ω²) follows without knowing a mass. With m e (or m1 and e1) known, J = m e
+//! g/(q_sin Ω²); with J known, m e = q_sin J Ω²/g; then c_r1 and τ_c1. Standard errors by linear
+//! propagation of the coefficients' covariance.
 
 use nalgebra::{DMatrix, DVector};
 

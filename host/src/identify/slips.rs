@@ -14,8 +14,8 @@
 //! leaves ([`LIKE`]): a model that misses something leaves more. Pieces overlap by half, since a
 //! step at the end of a piece is taken for its state.
 //!
-//! Limits: the place is right to a few samples; two slips within half a piece are found one after the
-//! other; sensors that count alone; nothing is said where the equations miss something besides.
+//! Limits: the place is right to a few samples; two slips within half a piece are found one after
+//! the other; sensors that count alone; nothing is said where the equations miss something besides.
 
 use std::borrow::Cow;
 
@@ -37,12 +37,13 @@ use crate::warning::Warning;
 /// Least gain in units of the noise's variance: eight standard deviations, by chance 10⁻¹⁵ a look.
 const LIMIT: f64 = 64.0;
 /// Mean square of a piece without its step, in units of what the pieces leave in the middle (of the
-/// noise's variance where that is more): five standard deviations of it for 400 samples of two sensors.
+/// noise's variance where that is more): five standard deviations of it for 400 samples of two
+/// sensors.
 const LIKE: f64 = 1.25;
 /// Samples within which two pieces show one step.
 const SAME: usize = 12;
-/// Times that what is found is taken back and everything identified again: where slips are many, the
-/// offsets that they leave hide the later ones at first.
+/// Times that what is found is taken back and everything identified again: where slips are many,
+/// the offsets that they leave hide the later ones at first.
 const MOST_ROUNDS: usize = 4;
 /// Most samples of all records that are looked at where nobody asked for a fit by shooting.
 const MOST_SAMPLES: usize = 200_000;
@@ -136,8 +137,8 @@ fn overlapping<D: Dynamics + ?Sized>(
     (0..pieces.len().saturating_sub(1)).into_par_iter().filter_map(one).collect()
 }
 
-/// The greatest step of a piece, if any exceeds the limit, and the mean squares that the piece leaves
-/// with and without it.
+/// The greatest step of a piece, if any exceeds the limit, and the mean squares that the piece
+/// leaves with and without it.
 struct Step {
     slip: Option<Slip>,
     before: f64,
@@ -182,8 +183,8 @@ fn in_piece<D: Dynamics + ?Sized>(
     Some(Step { slip: best, before: cost / freedom, behind })
 }
 
-/// Residuals without what the piece's state and a constant offset of each sensor take of them, and an
-/// orthonormal basis of that: behind a slip every piece has an offset, which is no step.
+/// Residuals without what the piece's state and a constant offset of each sensor take of them, and
+/// an orthonormal basis of that: behind a slip every piece has an offset, which is no step.
 fn left<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     piece: &Piece,
@@ -219,8 +220,9 @@ pub fn placed(slips: &[Slip], bound: &Bound, prepared: &Prepared) -> Vec<Placed>
 }
 
 /// Runs an identification, takes back the slips that it finds, and runs it again until it finds no
-/// more; the records as they then are. Each channel's slips are told by a warning. Where the equations
-/// miss something all the same, what looked like slips may be that: nothing is taken back.
+/// more; the records as they then are. Each channel's slips are told by a warning. Where the
+/// equations miss something all the same, what looked like slips may be that: nothing is taken
+/// back.
 ///
 /// # Errors
 /// Those of `run`.

@@ -1,7 +1,7 @@
 //! Stretches in which a joint stands still are left out.
 //!
-//! Dry friction holds a joint with whatever torque it takes up to its level: −τ sign φ̇ with
-//! sign 0 = 0 is then no equation of motion, and what friction holds would be charged to every other
+//! Dry friction holds a joint with whatever torque it takes up to its level: −τ sign φ̇ with sign
+//! 0 = 0 is then no equation of motion, and what friction holds would be charged to every other
 //! term. A count that does not change says nothing of the motion either, and its quantisation error
 //! is a constant. A joint stands still where its encoder stays within [`COUNTS`] for [`STILL`] of a
 //! window, which holds several periods of the motion. Only sensors that count are looked at.
@@ -23,8 +23,8 @@ const STILL: f64 = 0.125;
 /// Share of the windows in motion that must be left.
 const WORTH: f64 = 0.25;
 
-/// Splits stretches at standstills, unless too few windows of `window_s` would be left; whether it did.
-/// `count`: size of one count of each sensor. Warns of what is left out.
+/// Splits stretches at standstills, unless too few windows of `window_s` would be left; whether it
+/// did. `count`: size of one count of each sensor. Warns of what is left out.
 pub fn leave_out(
     stretches: &mut Vec<Stretch>,
     record_of: &mut Vec<usize>,

@@ -54,7 +54,8 @@ impl Stretch {
         }
     }
 
-    /// A followed state of an effect at `count` samples from `first` on; NaN where nothing is followed.
+    /// A followed state of an effect at `count` samples from `first` on; NaN where nothing is
+    /// followed.
     pub fn remembered(&self, number: usize, first: usize, count: usize) -> Vec<f64> {
         let nothing = || vec![f64::NAN; count];
         self.history.as_ref().map_or_else(nothing, |h| h.since(number, self.time(first), count))

@@ -1,4 +1,5 @@
-//! The built-in systems that an identification knows: their nominal dampings and physical parameters.
+//! The built-in systems that an identification knows: their nominal dampings and physical
+//! parameters.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -22,7 +23,8 @@ impl System {
     /// The system of a rig.
     ///
     /// # Errors
-    /// A model that is none of them, a drive that it cannot have, dampings that are unknown or named twice.
+    /// A model that is none of them, a drive that it cannot have, dampings that are unknown or
+    /// named twice.
     pub fn of(rig: &Rig) -> Result<Self> {
         match rig.model.as_str() {
             "double-pendulum" => {

@@ -20,8 +20,8 @@ fn truth(rig: &Rig) -> BTreeMap<String, f64> {
     table["plant"].as_table().unwrap().iter().filter_map(|(k, v)| Some((k.clone(), v.as_float()?))).collect()
 }
 
-/// Identified from a simulated record; every parameter that is reported, and the quantities `more`, are within 3.5
-/// standard errors of the truth, those of `precise` have standard errors below 2 %.
+/// Identified from a simulated record; every parameter that is reported, and the quantities `more`,
+/// are within 3.5 standard errors of the truth, those of `precise` have standard errors below 2 %.
 fn recovered(text: &str, seconds: f64, precise: &[&str], more: &[(&str, f64)]) -> Identification {
     let rig = rig(text);
     let folder = tempfile::tempdir().unwrap();
@@ -143,7 +143,8 @@ settle_s = 1.0
 input.current = [{ kind = "random", rms = 1.5, from_hz = 0.2, to_hz = 4.0 }]
 "#;
     let result = recovered(text, 60.0, &["S"], &[]);
-    // Beside a measured input the standard error does not cover this: 7e-5 of the value, six times the error told.
+    // Beside a measured input the standard error does not cover this: 7e-5 of the value, six times
+    // the error told.
     assert!((result.parameter("J").unwrap().value / 0.1 - 1.0).abs() < 2e-4);
     assert!(result.parameter("J_load").is_none() && result.parameter("J").unwrap().unit == "kg m²");
 }
@@ -164,8 +165,8 @@ fn what_a_system_does_not_know_is_refused() {
     assert!(message.contains("nominal.effects: found the nominal effect \"cogging\""), "{message}");
 }
 
-/// The double pendulum from its bodies against the program's own on one record: coefficient by coefficient, over their
-/// ratio by the physical parameters.
+/// The double pendulum from its bodies against the program's own on one record: coefficient by
+/// coefficient, over their ratio by the physical parameters.
 #[cfg(feature = "sim")]
 #[test]
 fn the_double_pendulum_is_identified_as_the_built_in_one() {

@@ -1,12 +1,14 @@
 //! Coefficients that stand in several equations: one value for all of them.
 //!
-//! Equations are solved one by one; with θ their coefficients, C what ties them to the shared ones p (θ = C p) and W the inverse of the metric,
-//! p = (CᵀWC)⁻¹CᵀW θ: the generalised least squares that solving all equations at once would give. Its covariance is A Σ Aᵀ.
+//! Equations are solved one by one; with θ their coefficients, C what ties them to the shared ones
+//! p (θ = C p) and W the inverse of the metric, p = (CᵀWC)⁻¹CᵀW θ: the generalised least squares
+//! that solving all equations at once would give. Its covariance is A Σ Aᵀ.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Values and covariance of the coefficients named in `names`, each name once, in order of first appearance. The metric is the covariance
-/// of independent residuals; where nothing is shared everything stays as it is.
+/// Values and covariance of the coefficients named in `names`, each name once, in order of first
+/// appearance. The metric is the covariance of independent residuals; where nothing is shared
+/// everything stays as it is.
 pub fn tie(
     names: &[String],
     values: &DVector<f64>,

@@ -1,7 +1,9 @@
-//! Records of a model file as pieces for shooting: sensors, their noise, inputs between the samples.
+//! Records of a model file as pieces for shooting: sensors, their noise, inputs between the
+//! samples.
 //!
-//! Without inputs the stretches of one record keep their times. Otherwise they are laid behind one another on one axis of time, so that measured inputs, which are looked up by time, are those of the
-//! right record.
+//! Without inputs the stretches of one record keep their times. Otherwise they are laid behind one
+//! another on one axis of time, so that measured inputs, which are looked up by time, are those of
+//! the right record.
 
 use core::f64::consts::TAU;
 
@@ -25,7 +27,8 @@ const LEAST_NOISE: f64 = 1e-9;
 /// What acts along a stretch: its inputs between their samples, and the phase.
 pub struct Along {
     inputs: Vec<BandLimited>,
-    /// States of effects that were followed along the record, behind the inputs: lines from sample to sample, since they may have corners.
+    /// States of effects that were followed along the record, behind the inputs: lines from sample
+    /// to sample, since they may have corners.
     remembered: Vec<Vec<f64>>,
     step_s: f64,
     start_s: f64,
@@ -139,7 +142,8 @@ impl<'a> Track<'a> {
         let sigma = (0..sensors.len())
             .map(|k| {
                 let sigma = noise.count[k].map_or(noise.sigma[k], |q| q / 12f64.sqrt());
-                // A sensor without noise is not possible; without a scale the weights would be infinite.
+                // A sensor without noise is not possible; without a scale the weights would be
+                // infinite.
                 sigma.max(LEAST_NOISE * size[k]).max(1e-12)
             })
             .collect();
@@ -211,8 +215,8 @@ impl<'a> Track<'a> {
         Some(out)
     }
 
-    /// The step of integration at which solutions over some pieces are exact to the noise, or to a share `exact` of what each sensor shows where
-    /// that is more: noise may be as good as nothing.
+    /// The step of integration at which solutions over some pieces are exact to the noise, or to a
+    /// share `exact` of what each sensor shows where that is more: noise may be as good as nothing.
     pub fn step_s<D: Dynamics + ?Sized>(
         &self,
         dynamics: &D,
@@ -243,7 +247,8 @@ impl<'a> Track<'a> {
         Some((Piece { stretch, ..pieces.pop()? }, guess))
     }
 
-    /// Puts what is known into a guess at a sample of a stretch, if it is, and the states that are followed with the motion: each is the rate of a coordinate that nothing shows.
+    /// Puts what is known into a guess at a sample of a stretch, if it is, and the states that are
+    /// followed with the motion: each is the rate of a coordinate that nothing shows.
     fn improve(&self, (stretch, first): (usize, usize), guess: &mut Vec<f64>) -> bool {
         let Some(s) = self.stretches.get(stretch) else { return false };
         let known = self.known.and_then(|known| known(stretch, first)).filter(|k| k.len() == guess.len());

@@ -1,10 +1,13 @@
 //! The lowest bins of discrete Fourier transforms of many windows.
 //!
-//! S(k) = Σ_j x_j e^{−2πijk/N}, k = 0 … K − 1, with K far below N: a product with the matrix of cosines and sines takes fewer operations than a fast transform of
-//! all N bins, and runs at the speed of a matrix product. A window is two halves, S(k) = P₁(k) + (−1)ᵏ P₂(k), P(k) = Σ_{j < N/2} x_j e^{−2πijk/N}, and windows that overlap by
-//! half share theirs. About N/4 cosines are even and sines odd for even k, and the other way round for odd k, so that a half is folded before it is multiplied:
-//! P(k) = x_0 + Σ_{0 < j ≤ N/4} (x_j ± x_{N/2−j}) e^{…}, + for the cosines of even and the sines of odd k.
-//! Where many bins are wanted, or N is long, a fast transform (realfft) is used.
+//! S(k) = Σ_j x_j e^{−2πijk/N}, k = 0 … K − 1, with K far below N: a product with the matrix of
+//! cosines and sines takes fewer operations than a fast transform of all N bins, and runs at the
+//! speed of a matrix product. A window is two halves, S(k) = P₁(k) + (−1)ᵏ P₂(k), P(k) = Σ_{j <
+//! N/2} x_j e^{−2πijk/N}, and windows that overlap by half share theirs. About N/4 cosines are even
+//! and sines odd for even k, and the other way round for odd k, so that a half is folded before it
+//! is multiplied: P(k) = x_0 + Σ_{0 < j ≤ N/4} (x_j ± x_{N/2−j}) e^{…}, + for the cosines of even
+//! and the sines of odd k. Where many bins are wanted, or N is long, a fast transform (realfft) is
+//! used.
 
 use core::f64::consts::TAU;
 use std::sync::Arc;
@@ -23,8 +26,9 @@ const LARGEST: usize = 1 << 20;
 /// Longest window that is looked for, samples: more than a record may have rows.
 const LONGEST: f64 = (1_u64 << 28) as f64;
 
-/// The even number nearest to `target` that is a multiple of 4 and a product of 2, 3 and 5: fast by either way (the window's length is
-/// free). A window beyond every record, or of no length in numbers, is as long as a quarter of what can be counted: none fits.
+/// The even number nearest to `target` that is a multiple of 4 and a product of 2, 3 and 5: fast by
+/// either way (the window's length is free). A window beyond every record, or of no length in
+/// numbers, is as long as a quarter of what can be counted: none fits.
 pub fn good_length(target: f64) -> usize {
     if target.is_nan() || target > LONGEST {
         return usize::MAX / 4;
@@ -60,7 +64,8 @@ enum Way {
 
 /// A column of N/4 + 1 entries for each bin.
 struct Matrices {
-    /// Cosines of even and sines of odd bins, for what is folded with a plus; cosines of odd and sines of even bins, for the minus.
+    /// Cosines of even and sines of odd bins, for what is folded with a plus; cosines of odd and
+    /// sines of even bins, for the minus.
     folded: [Vec<f64>; 2],
     /// Transform of a half whose samples are all 1.
     ones: Vec<Complex64>,
@@ -95,7 +100,8 @@ impl Transforms {
         Way::Fast(RealFftPlanner::<f64>::new().plan_fft_forward(length))
     }
 
-    /// Bins 0 … K − 1 of windows of the planned length: for each group of signals and each of its windows' first samples (rising), signal after signal.
+    /// Bins 0 … K − 1 of windows of the planned length: for each group of signals and each of its
+    /// windows' first samples (rising), signal after signal.
     pub fn apply(&self, groups: &[(&[Vec<f64>], &[usize])], work: &mut Work, out: &mut Vec<Complex64>) {
         out.clear();
         match &self.way {
@@ -227,7 +233,8 @@ impl NullaryFnOnce for Fold<'_> {
             let (a, b) = (a - offset, b - offset);
             (*plus, *minus) = (a + b, a - b);
         }
-        // The middle is its own mirror image: it stands once, in the sums where its factor is not 0.
+        // The middle is its own mirror image: it stands once, in the sums where its factor is
+        // not 0.
         (plus[middle], minus[middle]) = (x[middle] - offset, 0.0);
     }
 }

@@ -65,7 +65,8 @@ impl Fitted {
         let split = per_record::Split::new(model, records.len());
         let (terms, names) = (split.terms(), split.names());
         let told = |e: Unsolvable| unsolvable(e, (&terms, &names), model, records);
-        // What a model lacks varies as slowly as the motion: blocks of 4 s where windows are shorter.
+        // What a model lacks varies as slowly as the motion: blocks of 4 s where windows are
+        // shorter.
         let block = if bound.inputs.is_empty() { 0 } else { (4.0 / windows.hop_s).ceil() as usize };
         let options = Options { weights: None, block };
         let fit = |weak: &WeakForm| {
@@ -96,7 +97,8 @@ impl Fitted {
         let mut sigma = sensors.sigma.clone();
         let weights = &solution.weights;
         let bias = if bound.inputs.is_empty() {
-            // Where the equations cannot be integrated, the smoothed record takes the place of their motion.
+            // Where the equations cannot be integrated, the smoothed record takes the place of
+            // their motion.
             let motion = built_in::equations_of_motion(rig, own, bound).ok();
             let counted: Vec<bool> = sensors.count.iter().map(Option::is_some).collect();
             with_noise_that_fits(&mut sigma, &counted, |sigma| {
@@ -109,7 +111,8 @@ impl Fitted {
                 whole.or_else(|| smoothed().bias(&terms, weights))
             })
         } else {
-            // Its weights are not those of residuals, so that these do not tell how large the noise is.
+            // Its weights are not those of residuals, so that these do not tell how large the noise
+            // is.
             remeasured().bias(&terms, weights)
         };
         let plain = solution.coefficients.clone();
@@ -141,7 +144,8 @@ impl Fitted {
         let unit_of =
             |name: &String| names.iter().position(|n| n == name).map_or_else(String::new, |i| units[i].clone());
         let units: Vec<String> = shared.iter().map(unit_of).collect();
-        // Where an equation shares a coefficient with another, the metric is not that of the shared ones.
+        // Where an equation shares a coefficient with another, the metric is not that of the shared
+        // ones.
         let metric = if shared.len() == names.len() { &solution.metric } else { &covariance };
         let identified = Identified { names: &shared, values: &values, covariance: &covariance, metric };
         let (parameters, ties_misfit) = built_in::parameters(rig, (&identified, &units), &mut warnings);
@@ -229,7 +233,8 @@ fn few_windows(solution: &Solution, windows: usize) -> Option<Warning> {
     })
 }
 
-/// Weights of the equations that hold an input, see [`noise_weights`]; the others keep their own weights (empty here).
+/// Weights of the equations that hold an input, see [`noise_weights`]; the others keep their own
+/// weights (empty here).
 fn input_weights(
     model: &ModelFile,
     rows: &[WindowRows],
@@ -247,10 +252,11 @@ fn input_weights(
     Ok(weights)
 }
 
-/// Weights 1/(N_m + c): N_m is what the sensors' noise gives at frequency m (it grows with it, as
-/// ∫ ẅ q does), c what is left, spread evenly over the frequencies: an input's own noise is white there, and what the model lacks is then
-/// weighed as in a plain least squares of the right-hand side (a weight by the residual itself would turn away from the frequencies at which
-/// the system moves).
+/// Weights 1/(N_m + c): N_m is what the sensors' noise gives at frequency m (it grows with it, as ∫
+/// ẅ q does), c what is left, spread evenly over the frequencies: an input's own noise is white
+/// there, and what the model lacks is then weighed as in a plain least squares of the right-hand
+/// side (a weight by the residual itself would turn away from the frequencies at which the system
+/// moves).
 pub(crate) fn noise_weights(
     rows: &[WindowRows],
     terms: &[usize],

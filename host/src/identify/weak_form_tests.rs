@@ -24,7 +24,8 @@ fn truth(rig: &Rig, name: &str) -> f64 {
     v.as_float().or_else(|| v.as_integer().map(|i| i as f64)).unwrap()
 }
 
-/// Each coefficient within four standard errors, no standard error above a share of the value (unless that is near zero), most within 1.96 over all seeds.
+/// Each coefficient within four standard errors, no standard error above a share of the value
+/// (unless that is near zero), most within 1.96 over all seeds.
 fn recovered_of(name: &str, seconds: f64, share: f64, seeds: &[u64]) -> Identification {
     let rig = rig(name);
     let (mut inside, mut count, mut last) = (0, 0, None);
@@ -33,7 +34,8 @@ fn recovered_of(name: &str, seconds: f64, share: f64, seeds: &[u64]) -> Identifi
         assert_eq!(result.model, rig.bound.as_ref().unwrap().model.name);
         for p in &result.parameters {
             let true_value = truth(&rig, &p.name);
-            // Cubes of a signal that reaches half the Nyquist frequency pass the low-pass to about a thousandth.
+            // Cubes of a signal that reaches half the Nyquist frequency pass the low-pass to about
+            // a thousandth.
             let band = if name == "silverbox.toml" { 1e-3 * true_value.abs() } else { 0.0 };
             let z = (p.value - true_value) / p.std_error.max(0.25 * band);
             assert!(z.abs() < 4.0, "{name}: {} = {} ± {}, true {true_value}: {z:.1} σ", p.name, p.value, p.std_error);

@@ -1,14 +1,15 @@
 //! Test functions of the weak form and the rows that they give.
 //!
-//! w_m(u) = sin⁴(πu) e^{−2πimu}, u ∈ [0, 1] over a window of length L, m = 0 … M: smooth, vanishing with three derivatives
-//! at both ends. As sin⁴(πu) = Σ_{k=−2}^{2} a_k e^{−2πiku} with a = (1, −4, 6, −4, 1)/16, every ∫ w_m s, ∫ ẇ_m s, ∫ ẅ_m s is a
-//! combination of five bins of the plain discrete Fourier transform S of the series s on the window:
-//! ∫ w_m⁽ᵖ⁾ s dt = Δt Σ_k a_k (−2πi(m+k)/L)ᵖ S(m+k). One transform a series and window (`transforms`)
-//! serves all m, terms and equations (`assembly`). The sums are trapezoidal and, the integrand vanishing at both ends, of
+//! w_m(u) = sin⁴(πu) e^{−2πimu}, u ∈ [0, 1] over a window of length L, m = 0 … M: smooth, vanishing
+//! with three derivatives at both ends. As sin⁴(πu) = Σ_{k=−2}^{2} a_k e^{−2πiku} with a = (1, −4,
+//! 6, −4, 1)/16, every ∫ w_m s, ∫ ẇ_m s, ∫ ẅ_m s is a combination of five bins of the plain
+//! discrete Fourier transform S of the series s on the window: ∫ w_m⁽ᵖ⁾ s dt = Δt Σ_k a_k
+//! (−2πi(m+k)/L)ᵖ S(m+k). One transform a series and window (`transforms`) serves all m, terms and
+//! equations (`assembly`). The sums are trapezoidal and, the integrand vanishing at both ends, of
 //! higher order.
 //!
-//! Windows start every half window, at multiples of ten drive periods (rounded to samples), so that windows of a periodic
-//! record repeat and can be recognised as repeating.
+//! Windows start every half window, at multiples of ten drive periods (rounded to samples), so that
+//! windows of a periodic record repeat and can be recognised as repeating.
 
 use rayon::prelude::*;
 use realfft::num_complex::Complex64;
@@ -105,7 +106,8 @@ pub trait Stretches: Sync {
     );
 }
 
-/// The convolution with every low-pass's outputs: smooth, slope, clear slope; `count` of each at a time.
+/// The convolution with every low-pass's outputs: smooth, slope, clear slope; `count` of each at a
+/// time.
 fn convolution(kernels: &Kernels, count: usize) -> FastConvolution {
     let outputs = [(&kernels.full, Output::Smooth), (&kernels.full, Output::Slope), (&kernels.clear, Output::Slope)];
     FastConvolution::new(&outputs, count)
@@ -182,7 +184,8 @@ pub(crate) fn rows_planned(source: &impl Stretches, equations: &[Equation], plan
             places.push(Place { segment, start, index });
         }
     }
-    // Groups of neighbours, and as many groups together as make a matrix product worth while: fixed, whatever the threads.
+    // Groups of neighbours, and as many groups together as make a matrix product worth while:
+    // fixed, whatever the threads.
     let groups: Vec<&[Place]> = places.chunk_by(|a, b| a.segment == b.segment).flat_map(|c| c.chunks(GROUP)).collect();
     let mut tasks: Vec<&[&[Place]]> = Vec::new();
     let mut rest = &groups[..];

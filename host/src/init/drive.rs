@@ -1,8 +1,11 @@
 //! A drive's frequency from the motion alone: a line that stands over the whole record.
 //!
-//! What is locked to a drive makes a line as narrow as the record is long, whose phase goes on from its beginning to its end, and which does
-//! not die away; a free motion's lines wander with its amplitude. The equations of motion decide which of them is one ([`super::settle`]). Looked at are the squares of the angles' velocities, which keep the line of a
-//! vertical drive in chaos (see [`crate::inspect::drive_check`]), and the velocities themselves. Neither needs the angles' scale.
+//! What is locked to a drive makes a line as narrow as the record is long, whose phase goes on from
+//! its beginning to its end, and which does not die away; a free motion's lines wander with its
+//! amplitude. The equations of motion decide which of them is one ([`super::settle`]). Looked at
+//! are the squares of the angles' velocities, which keep the line of a vertical drive in chaos (see
+//! [`crate::inspect::drive_check`]), and the velocities themselves. Neither needs the angles'
+//! scale.
 
 use super::columns::{Kind, Seen};
 use super::raw::{Raw, nice};
@@ -34,7 +37,8 @@ const MOST_ODD: usize = 2;
 pub(super) struct Drives {
     /// The drive whose phase the device recorded.
     pub known: Option<DraftDrive>,
-    /// Drives that would make the lines of the motion's spectrum, the clearest lines first: the equations of motion decide.
+    /// Drives that would make the lines of the motion's spectrum, the clearest lines first: the
+    /// equations of motion decide.
     pub possible: Vec<DraftDrive>,
 }
 
@@ -144,7 +148,8 @@ fn lines(series: &[Vec<f64>], rate: f64) -> Vec<Line> {
     out.into_iter().map(|(_, l)| l).collect()
 }
 
-/// The frequency of a line that goes on in one phase over all parts of a series; none where it does not.
+/// The frequency of a line that goes on in one phase over all parts of a series; none where it does
+/// not.
 fn stands(x: &[f64], rate: f64, hz: f64) -> Option<f64> {
     let length = x.len() / PARTS;
     let turn = |f: f64, k: usize| core::f64::consts::TAU * (f * (k * length) as f64 / rate).fract();

@@ -1,7 +1,8 @@
-//! A rig file from a record alone: what its columns, its time and its motion show, each with the reason for it.
+//! A rig file from a record alone: what its columns, its time and its motion show, each with the
+//! reason for it.
 //!
-//! What can be seen is written as found: the rate, units, counts a turn, a drive's frequency, which column is which angle. What
-//! cannot is guessed and marked `CHECK`; the file works as it stands.
+//! What can be seen is written as found: the rate, units, counts a turn, a drive's frequency, which
+//! column is which angle. What cannot is guessed and marked `CHECK`; the file works as it stands.
 
 pub mod columns;
 mod counts;
@@ -144,8 +145,8 @@ impl Draft {
 /// Drafts the rig file of a record.
 ///
 /// # Errors
-/// A record that cannot be read, without a time or without a column that could be a channel; a system that does not fit its
-/// columns or that must be told.
+/// A record that cannot be read, without a time or without a column that could be a channel; a
+/// system that does not fit its columns or that must be told.
 pub fn draft(path: &Path, settings: &Settings) -> Result<Draft> {
     if settings.system.is_none()
         && let Some(stored) = stored(path, &settings.output)
@@ -243,7 +244,8 @@ pub fn rate_of(path: &Path, time: &TimeChoice, options: &ReadOptions) -> Result<
     raw::rate_of(path, time, options)
 }
 
-/// A record's columns of numbers as they stand, before anything is known of them; its rate is rounded as far as its clock allows.
+/// A record's columns of numbers as they stand, before anything is known of them; its rate is
+/// rounded as far as its clock allows.
 ///
 /// # Errors
 /// A record that cannot be read, or whose time cannot be found.

@@ -12,13 +12,15 @@ use crate::rig::Rig;
 
 /// Columns that whirl's own CSV has beside the channels.
 const DEVICE: [&str; 3] = ["tick", "phase", "amplitude_nm"];
-/// Share of rows without a value from which a column is left out, so that it does not break the others' stretches.
+/// Share of rows without a value from which a column is left out, so that it does not break the
+/// others' stretches.
 const SPARSE: f64 = 0.05;
 /// Rates that a measured pendulum is likely to have, Hz.
 const LIKELY: core::ops::RangeInclusive<f64> = 5.0..=50_000.0;
 /// Most columns that are tried as the time.
 const MOST_TRIED: usize = 40;
-/// Greatest rms deviation from an even clock of a column that is taken for the time by its values alone, steps.
+/// Greatest rms deviation from an even clock of a column that is taken for the time by its values
+/// alone, steps.
 const EVEN: f64 = 0.1;
 
 /// Columns as they stand.

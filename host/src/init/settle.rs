@@ -1,8 +1,9 @@
 //! What the equations of motion decide: of all readings of a record, the one that they fit.
 //!
-//! Counts a turn, whether angles are relative or absolute, which column is which arm and of which frequency a drive is all leave the equations
-//! a residual where they are wrong ([`crate::identify::suspects`]). Where two readings fit alike, nothing is decided and the statement is
-//! one to check.
+//! Counts a turn, whether angles are relative or absolute, which column is which arm and of which
+//! frequency a drive is all leave the equations a residual where they are wrong
+//! ([`crate::identify::suspects`]). Where two readings fit alike, nothing is decided and the
+//! statement is one to check.
 
 use rayon::prelude::*;
 
@@ -21,7 +22,8 @@ const FREE_S: f64 = 40.0;
 const PERIODS: f64 = 200.0;
 /// Drive periods of the slowest drive that is possible.
 const FEW_PERIODS: f64 = 60.0;
-/// By how much less a reading with a drive must leave than all without, in ln(residual/noise power): ten times less power.
+/// By how much less a reading with a drive must leave than all without, in ln(residual/noise
+/// power): ten times less power.
 const DRIVEN: f64 = 2.3;
 /// By how much less the best reading must leave, in ln(residual/noise power).
 const CLEARLY: f64 = 0.15;
@@ -103,7 +105,8 @@ fn readings(draft: &Draft, unknown: &[usize], (settings, possible): (&Settings, 
         .collect()
 }
 
-/// A drive that is possible, or what else makes its line: a motion goes to and fro once in a period of a horizontal drive, or in two of a vertical one.
+/// A drive that is possible, or what else makes its line: a motion goes to and fro once in a period
+/// of a horizontal drive, or in two of a vertical one.
 fn drives_of(draft: &Draft, d: &DraftDrive) -> Vec<DraftDrive> {
     if d.direction == Direction::Vertical {
         return vec![d.clone()];
@@ -176,7 +179,8 @@ fn tell_drive(draft: &mut Draft, by: f64) {
     d.why.push(if by > CLEARLY { told } else { told.unsure() });
 }
 
-/// What the equations say of the finished reading: the drive's direction and a frequency that is off.
+/// What the equations say of the finished reading: the drive's direction and a frequency that is
+/// off.
 fn refine(draft: &mut Draft, record: &Record) {
     let Ok(rig) = draft.rig() else { return };
     let record = Record { channels: rig.channel.clone(), ..record.clone() };

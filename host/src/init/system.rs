@@ -151,7 +151,8 @@ fn channel(seen: &Seen, measures: &str) -> DraftChannel {
     }
 }
 
-/// The column of each quantity: the one that `--map` says, that is called so, or the next of its kind.
+/// The column of each quantity: the one that `--map` says, that is called so, or the next of its
+/// kind.
 fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &mut Needs, settings: &Settings) -> Result<Vec<&'a Seen>> {
     let mut out: Vec<Option<&Seen>> = vec![None; needs.list.len()];
     for (measure, column) in &settings.choices.map {
@@ -210,7 +211,8 @@ fn same_name(column: &str, need: &str) -> bool {
     base.eq_ignore_ascii_case(need)
 }
 
-/// The error for columns that leave the system open: lists systems with as many coordinates and inputs.
+/// The error for columns that leave the system open: lists systems with as many coordinates and
+/// inputs.
 fn untold(raw: &Raw, seen: &[Seen], angles: usize) -> BadInput {
     let usable = |s: &&Seen| matches!(s.kind, Kind::Angle | Kind::Length | Kind::Input | Kind::Unknown);
     let columns: Vec<String> = seen.iter().filter(usable).map(|s| format!("{} ({})", s.name, s.kind.words())).collect();

@@ -1,9 +1,10 @@
 //! What one coordinate does: range, turns, speed, resolution, noise, spectrum with named lines.
 //!
-//! The spectrum is that of the velocity for an angle (rad²/s²/Hz; [`Motion::increments`] divided by their response), so that
-//! whirling leaves no ramp in it, and of the quantity itself otherwise. Frequency resolution: pieces of 60 drive periods
-//! where the record gives at least eight half-overlapping ones, shorter pieces otherwise; in a free record a ninth of it
-//! twice, 16 384 samples at most.
+//! The spectrum is that of the velocity for an angle (rad²/s²/Hz; [`Motion::increments`] divided by
+//! their response), so that whirling leaves no ramp in it, and of the quantity itself otherwise.
+//! Frequency resolution: pieces of 60 drive periods where the record gives at least eight
+//! half-overlapping ones, shorter pieces otherwise; in a free record a ninth of it twice, 16 384
+//! samples at most.
 
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
@@ -42,7 +43,8 @@ pub struct Spectrum {
     pub band_hz: f64,
     /// Strongest lines, strongest first.
     pub lines: Vec<NamedLine>,
-    /// Frequencies of the plotted points, Hz: the first 1000 bins, then means over bands that widen by 1 % each.
+    /// Frequencies of the plotted points, Hz: the first 1000 bins, then means over bands that widen
+    /// by 1 % each.
     pub frequency_hz: Vec<f32>,
     /// Densities at these.
     pub density: Vec<f32>,
@@ -97,7 +99,8 @@ fn piece_length(longest: usize, samples_per_period: Option<f64>) -> usize {
     spectrum::fast_length(wanted.clamp(8, longest.max(8)))
 }
 
-/// Describes one coordinate. `denominator`: lines are named by fractions of the drive's frequency up to this denominator.
+/// Describes one coordinate. `denominator`: lines are named by fractions of the drive's frequency
+/// up to this denominator.
 pub fn describe(
     motion: &Motion,
     channel: Option<&str>,
@@ -146,7 +149,8 @@ pub fn describe(
     }
 }
 
-/// Corrects the density for the increments' response, names its lines, finds the band that holds the motion.
+/// Corrects the density for the increments' response, names its lines, finds the band that holds
+/// the motion.
 fn summarise(
     mut d: Density,
     motion: &Motion,
@@ -159,7 +163,8 @@ fn summarise(
         d.density[m] /= motion.response(d.frequency(m), rate_hz).powi(2);
     }
     let angle = motion.space == Space::S1;
-    // Noise of standard deviation σ in x has the one-sided density 2σ²/f_s, in its velocity (2πf)² times that.
+    // Noise of standard deviation σ in x has the one-sided density 2σ²/f_s, in its velocity (2πf)²
+    // times that.
     let noise_at = |f: f64| 2.0 * noise * noise / rate_hz * if angle { (TAU * f).powi(2) } else { 1.0 };
     let above: Vec<f64> =
         d.density.iter().enumerate().map(|(m, p)| (p - 3.0 * noise_at(d.frequency(m))).max(0.0)).collect();

@@ -1,15 +1,17 @@
 //! Whether the rig file's drive frequency is the record's.
 //!
-//! Chaos has a broad spectrum, but what is locked to the drive makes a line as narrow as the record is long. A pendulum
-//! under a vertical drive is symmetric (φ → −φ), and chaos averages odd quantities over both signs: the velocity of a
-//! chaotic record need have no line at the drive's frequency at all. Even quantities keep it, so cos x and v² of every
-//! coordinate are looked at; under a horizontal drive (φ → −φ with τ → τ + π) the odd ones do, v and sin x.
+//! Chaos has a broad spectrum, but what is locked to the drive makes a line as narrow as the record
+//! is long. A pendulum under a vertical drive is symmetric (φ → −φ), and chaos averages odd
+//! quantities over both signs: the velocity of a chaotic record need have no line at the drive's
+//! frequency at all. Even quantities keep it, so cos x and v² of every coordinate are looked at;
+//! under a horizontal drive (φ → −φ with τ → τ + π) the odd ones do, v and sin x.
 //!
-//! Score of a frequency: with r_i the periodogram (Hann, one piece, the longest unbroken stretch) of observable i over the
-//! median of the 48 bins around it, s = Σ_i ln(1 + r_i), and z = (s − median s)/(1.4826 · median |s − median s|) over all
-//! bins from a half to twice the stated frequency. Over 400 s of the chaotic rig cut into pieces of 20, 40 and 60 s the
-//! drive's bin had the greatest score in each of 36. Where the device recorded the drive's phase, its slope gives the
-//! frequency outright.
+//! Score of a frequency: with r_i the periodogram (Hann, one piece, the longest unbroken stretch)
+//! of observable i over the median of the 48 bins around it, s = Σ_i ln(1 + r_i), and z = (s −
+//! median s)/(1.4826 · median |s − median s|) over all bins from a half to twice the stated
+//! frequency. Over 400 s of the chaotic rig cut into pieces of 20, 40 and 60 s the drive's bin had
+//! the greatest score in each of 36. Where the device recorded the drive's phase, its slope gives
+//! the frequency outright.
 
 use serde::Serialize;
 
@@ -40,12 +42,13 @@ pub struct DriveCheck {
     pub other_score: f64,
     /// How finely this record tells frequencies apart, Hz: one over the longest unbroken stretch.
     pub resolution_hz: f64,
-    /// True: the record has a line there. False: it has none there and a clear one elsewhere. None: it cannot tell.
+    /// True: the record has a line there. False: it has none there and a clear one elsewhere. None:
+    /// it cannot tell.
     pub agrees: Option<bool>,
 }
 
-/// The drive's frequency from the device's phase: its mean advance over the longest segment, but for ticks in which the shaker
-/// rested and the phase stood still.
+/// The drive's frequency from the device's phase: its mean advance over the longest segment, but
+/// for ticks in which the shaker rested and the phase stood still.
 pub fn phase_frequency(record: &Record) -> Option<f64> {
     let segment = record.segments.iter().filter(|s| s.phase.is_some()).max_by_key(|s| s.len())?;
     let phase = segment.phase.as_ref().filter(|p| p.len() >= 2)?;
@@ -54,7 +57,8 @@ pub fn phase_frequency(record: &Record) -> Option<f64> {
     Some(turns / (f64::from(steps.max(1)) * segment.step_s))
 }
 
-/// What is looked at of one coordinate's stretch, see the head of this file. Numbers that are no angles: x² or x.
+/// What is looked at of one coordinate's stretch, see the head of this file. Numbers that are no
+/// angles: x² or x.
 pub fn observables(motion: &Motion, stretch: usize, rate_hz: f64, direction: Direction) -> Vec<Vec<f64>> {
     let Some(x) = motion.stretches.get(stretch) else { return Vec::new() };
     let v = || motion.increments(rate_hz).into_iter().nth(stretch).unwrap_or_default();
@@ -112,7 +116,8 @@ pub fn check(record: &Record, series: &[Vec<f64>], rate_hz: f64, stated_hz: f64)
             bins.map(|m| (m, z[m - from])).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((middle, 0.0))
         };
         let last = from + z.len() - 1;
-        // Hann's main lobe: a drive that is off by a bin or two must not hide beside the frequency stated.
+        // Hann's main lobe: a drive that is off by a bin or two must not hide beside the frequency
+        // stated.
         let (at, at_score) = greatest(&mut (from.max(middle.saturating_sub(3))..=last.min(middle + 3)));
         let (other, other_score) = greatest(&mut (from..=last).filter(|m| m.abs_diff(middle) > 3));
         let frequency = |m: usize| {
@@ -128,14 +133,16 @@ pub fn check(record: &Record, series: &[Vec<f64>], rate_hz: f64, stated_hz: f64)
             _ => {}
         }
     }
-    // A phase of zero slope is a drive that stands still: the record cannot contradict the file then.
+    // A phase of zero slope is a drive that stands still: the record cannot contradict the file
+    // then.
     let by_phase = phase_hz.filter(|f| *f > 0.0).map(|f| (f - stated_hz).abs() < 1e-3 * stated_hz);
     out.agrees = by_phase.or(out.agrees);
     out
 }
 
-/// Name of a frequency as a fraction of the drive's: `f_e`, `2 f_e`, `f_e/2`, `5 f_e/3`, the fraction of least denominator up
-/// to `denominator` that lies within the tolerance; none where there is none.
+/// Name of a frequency as a fraction of the drive's: `f_e`, `2 f_e`, `f_e/2`, `5 f_e/3`, the
+/// fraction of least denominator up to `denominator` that lies within the tolerance; none where
+/// there is none.
 pub fn name(f: f64, drive: f64, tolerance: f64, denominator: u32) -> Option<String> {
     for q in 1..=denominator {
         let p = (f * f64::from(q) / drive).round();

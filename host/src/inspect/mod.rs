@@ -1,5 +1,5 @@
-//! What a record holds, before anything is identified from it: rates, losses, ranges, noise, spectra, the drive's line,
-//! whether it repeats. Everything comes from the displacements alone.
+//! What a record holds, before anything is identified from it: rates, losses, ranges, noise,
+//! spectra, the drive's line, whether it repeats. Everything comes from the displacements alone.
 //!
 //! Embedding, Lyapunov exponents and the like are `phase_space`'s, run from here.
 
@@ -100,8 +100,8 @@ pub struct Inspection {
 /// Inspects a record.
 ///
 /// # Errors
-/// A record whose longest unbroken stretch is shorter than one window (20 drive periods, or 4 s when free), whose columns
-/// do not fit its channels, or that holds numbers that are not finite.
+/// A record whose longest unbroken stretch is shorter than one window (20 drive periods, or 4 s
+/// when free), whose columns do not fit its channels, or that holds numbers that are not finite.
 pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result<Inspection> {
     settings.validate()?;
     let rate = record.sample_rate_hz;
@@ -132,7 +132,8 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     let motions = motion::motions(record);
     let periodicity =
         periodicity::periodicity(&motions, longest, drive_hz.map(|f| rate / f), rate, settings.period_tolerance);
-    // A chaotic spectrum has bumps near every fraction; a locked one has lines at those of its period.
+    // A chaotic spectrum has bumps near every fraction; a locked one has lines at those of its
+    // period.
     let denominator = periodicity.period.map_or(4, |k| k.max(4) as u32);
     let coordinates: Vec<Coordinate> = motions
         .iter()

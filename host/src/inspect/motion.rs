@@ -1,12 +1,14 @@
 //! Coordinates of a record: unwrapped displacements, derived absolute angles, velocities.
 //!
-//! Angles live on the circle. Between two samples an angle moves by the shorter way round (so a rig that turns by half a
-//! turn between samples is beyond this program). Where joint k's angle is measured relative to the arm before
-//! (`theta2`), the absolute angle φ_k = φ_{k−1} + θ_k is derived; φ1 is θ1.
+//! Angles live on the circle. Between two samples an angle moves by the shorter way round (so a rig
+//! that turns by half a turn between samples is beyond this program). Where joint k's angle is
+//! measured relative to the arm before (`theta2`), the absolute angle φ_k = φ_{k−1} + θ_k is
+//! derived; φ1 is θ1.
 //!
-//! Velocities for rms values and portraits are slopes of a cubic fitted to 2m + 1 samples (Savitzky and Golay 1964):
-//! v_n = Σ_i c_i x_{n+i}/h, c_i = (S6 i − S4 i³)/(S2 S6 − S4²), S_p = Σ i^p; m = 2 is the five-point rule (3.29).
-//! Spectra use mean velocities over one sample instead, see [`Motion::increments`].
+//! Velocities for rms values and portraits are slopes of a cubic fitted to 2m + 1 samples (Savitzky
+//! and Golay 1964): v_n = Σ_i c_i x_{n+i}/h, c_i = (S6 i − S4 i³)/(S2 S6 − S4²), S_p = Σ i^p; m = 2
+//! is the five-point rule (3.29). Spectra use mean velocities over one sample instead, see
+//! [`Motion::increments`].
 
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
@@ -69,8 +71,8 @@ pub fn si_unit(unit: &str) -> &str {
     }
 }
 
-/// The quantisation step of a channel, SI: 2π/N for counts; for numbers, the step of which nearly all differences between
-/// distinct values are multiples, where there is one; otherwise 0.
+/// The quantisation step of a channel, SI: 2π/N for counts; for numbers, the step of which nearly
+/// all differences between distinct values are multiples, where there is one; otherwise 0.
 pub fn quantisation_step(column_parts: &[&Column], scale: f64) -> f64 {
     let mut distinct: Vec<f64> = Vec::new();
     for part in column_parts {
@@ -87,8 +89,8 @@ pub fn quantisation_step(column_parts: &[&Column], scale: f64) -> f64 {
         return 0.0;
     }
     gaps.sort_by(f64::total_cmp);
-    // Rounding makes the smallest gaps of a printed grid uneven; the tenth percentile is one step wherever the grid is
-    // finer than the motion between samples.
+    // Rounding makes the smallest gaps of a printed grid uneven; the tenth percentile is one step
+    // wherever the grid is finer than the motion between samples.
     let coarse = gaps[gaps.len() / 10];
     let near: Vec<f64> = gaps.iter().copied().filter(|g| (0.6..1.4).contains(&(g / coarse))).collect();
     let step = near.iter().sum::<f64>() / near.len().max(1) as f64;
@@ -142,10 +144,12 @@ pub fn motions(record: &Record) -> Vec<Motion> {
 }
 
 impl Motion {
-    /// The series whose spectrum is taken: for an angle the mean velocity over each sample, (x_{n+1} − x_n)/h, which needs no
-    /// choice of a reference turn; for a number the number itself.
+    /// The series whose spectrum is taken: for an angle the mean velocity over each sample,
+    /// (x_{n+1} − x_n)/h, which needs no choice of a reference turn; for a number the number
+    /// itself.
     ///
-    /// A mean over one sample multiplies the velocity's spectrum by sinc(f h): see [`Motion::response`].
+    /// A mean over one sample multiplies the velocity's spectrum by sinc(f h): see
+    /// [`Motion::response`].
     pub fn increments(&self, rate_hz: f64) -> Vec<Vec<f64>> {
         match self.space {
             Space::R => self.stretches.clone(),
@@ -163,10 +167,11 @@ impl Motion {
     }
 
     /// Standard deviation of white noise in the displacement, from differences of rising order:
-    /// σ_p = rms(Δ^p x)/√C(2p, p), the least over p = 1 … 8 and over the middle of blocks of 256 samples.
+    /// σ_p = rms(Δ^p x)/√C(2p, p), the least over p = 1 … 8 and over the middle of blocks of 256
+    /// samples.
     ///
-    /// Differences remove the smooth motion and keep white noise; coloured noise is underestimated. A record shorter
-    /// than 16 samples has 0.
+    /// Differences remove the smooth motion and keep white noise; coloured noise is underestimated.
+    /// A record shorter than 16 samples has 0.
     pub fn noise(&self) -> f64 {
         let mut per_order = vec![Vec::new(); 8];
         for x in &self.stretches {
@@ -187,8 +192,8 @@ impl Motion {
         per_order.iter_mut().map(|v| median(v).sqrt()).fold(f64::INFINITY, f64::min)
     }
 
-    /// Velocities by cubic slopes over 2m + 1 samples; sample n of a stretch's result belongs to sample n + m of the
-    /// stretch. Stretches shorter than 2m + 1 have none.
+    /// Velocities by cubic slopes over 2m + 1 samples; sample n of a stretch's result belongs to
+    /// sample n + m of the stretch. Stretches shorter than 2m + 1 have none.
     pub fn velocities(&self, rate_hz: f64, m: usize) -> Vec<Vec<f64>> {
         let weights = slope_weights(m);
         self.stretches

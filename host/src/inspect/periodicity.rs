@@ -1,9 +1,11 @@
-//! Whether a driven record repeats: ‖S(n) − S(n − kT)‖ small on the circle over nearly the whole of it.
+//! Whether a driven record repeats: ‖S(n) − S(n − kT)‖ small on the circle over nearly the whole of
+//! it.
 //!
-//! A locked record holds one orbit and cannot show what an identification needs. The distance is the largest over the
-//! coordinates, each divided by its span (2π for one that turns over, otherwise max − min), with angles compared on the
-//! circle; it is the displacement alone that is compared. kT need not be a whole number of samples: the later sample is
-//! compared with a four-point Lagrange interpolation of the earlier ones.
+//! A locked record holds one orbit and cannot show what an identification needs. The distance is
+//! the largest over the coordinates, each divided by its span (2π for one that turns over,
+//! otherwise max − min), with angles compared on the circle; it is the displacement alone that is
+//! compared. kT need not be a whole number of samples: the later sample is compared with a
+//! four-point Lagrange interpolation of the earlier ones.
 
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -48,7 +50,8 @@ pub struct Periodicity {
 
 /// Looks for a period in the longest stretch (index `stretch` of each motion).
 ///
-/// `tolerance` is a fraction of the span; it is raised to four quantisation steps where these are coarser.
+/// `tolerance` is a fraction of the span; it is raised to four quantisation steps where these are
+/// coarser.
 pub fn periodicity(
     motions: &[Motion],
     stretch: usize,

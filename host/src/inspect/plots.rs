@@ -1,4 +1,5 @@
-//! The points that a report draws of a record: histories, portraits, Poincaré sections. Single precision is enough here.
+//! The points that a report draws of a record: histories, portraits, Poincaré sections. Single
+//! precision is enough here.
 
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -56,7 +57,8 @@ fn section_samples(record: &Record, segment: usize, drive_hz: f64) -> Vec<f64> {
     }
     let turns = |i: usize| s.time(i) * drive_hz;
     let (first, last) = (turns(0).ceil() as i64, turns(s.len().saturating_sub(1)).floor() as i64);
-    // A record's start is far from 2⁵³ turns, and there is at most one passage for each ten samples (rig files say so).
+    // A record's start is far from 2⁵³ turns, and there is at most one passage for each ten samples
+    // (rig files say so).
     (first..=last.min(first.saturating_add(s.len() as i64)))
         .map(|k| (k as f64 / drive_hz - s.start_s) / s.step_s)
         .collect()
@@ -83,14 +85,16 @@ fn whole(record: &Record, motion: &Motion) -> History {
     out
 }
 
-/// Collects what is drawn of one coordinate. `start_s`: length of the beginning that is drawn sample by sample.
+/// Collects what is drawn of one coordinate. `start_s`: length of the beginning that is drawn
+/// sample by sample.
 pub fn plots(record: &Record, motion: &Motion, coordinate: &Coordinate, drive_hz: Option<f64>, start_s: f64) -> Plots {
     let mut out = Plots { name: motion.name.clone(), ..Plots::default() };
     let bent = |x: f64| if motion.space == Space::S1 { wrap(x) } else { x };
     let total: usize = motion.stretches.iter().map(Vec::len).sum();
     let m = coordinate.slope_half_width;
     let velocities = motion.velocities(record.sample_rate_hz, m);
-    // An irrational stride: a whole one would meet a locked orbit at the same few places over and over.
+    // An irrational stride: a whole one would meet a locked orbit at the same few places over and
+    // over.
     let stride = match total.div_ceil(2 * MOST) {
         0 | 1 => 1.0,
         whole => whole as f64 + 0.618_033_988_75,

@@ -45,7 +45,8 @@ pub struct RecordSummary {
     pub rate_deviation: f64,
     /// Largest deviation of a segment's start from the grid of ticks of the first segment, s.
     pub start_jitter_s: f64,
-    /// Standard deviation of the steps of the device's phase about their mean, in sampling intervals, where recorded.
+    /// Standard deviation of the steps of the device's phase about their mean, in sampling
+    /// intervals, where recorded.
     pub phase_jitter: Option<f64>,
     /// Drive frequency of the rig file, Hz.
     pub drive_hz: Option<f64>,
@@ -57,7 +58,8 @@ pub struct RecordSummary {
     pub origin: Option<Origin>,
 }
 
-/// Where a record came from: its metadata without the rig file's text, which may hold a simulated rig's truth.
+/// Where a record came from: its metadata without the rig file's text, which may hold a simulated
+/// rig's truth.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Origin {
     /// Firmware name and version, or the simulator's.

@@ -1,4 +1,5 @@
-//! Inspection of a driven double pendulum integrated here (Runge and Kutta, fourth order), apart from every other model.
+//! Inspection of a driven double pendulum integrated here (Runge and Kutta, fourth order), apart
+//! from every other model.
 
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -6,7 +7,8 @@ use std::path::{Path, PathBuf};
 use super::*;
 use crate::record::{Column, Losses, Segment};
 
-/// Counts of the rig of `rigs/chaotic.toml` at a drive amplitude, viscous joints (`friction` that of joint 1, N m s), 500 Hz.
+/// Counts of the rig of `rigs/chaotic.toml` at a drive amplitude, viscous joints (`friction` that
+/// of joint 1, N m s), 500 Hz.
 pub fn counts(seconds: f64, amplitude: f64, drive_hz: f64, friction: f64) -> [Vec<i32>; 2] {
     let (j1, j2, h, s1, s2) =
         (5.99e-4, 4.033e-5, 0.040 * 0.0267 * 0.0635, 0.1362 * 0.0127 + 0.040 * 0.0635, 0.040 * 0.0267);

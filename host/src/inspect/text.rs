@@ -73,8 +73,8 @@ pub fn sentence(inspection: &Inspection) -> String {
     format!("The record of {} is {whole}; its motion: {}{drive}{noticed}.", duration(r.duration_s), motion(inspection))
 }
 
-/// The inspection in a few lines: its sentence, record, losses, drive, motion, one line for each coordinate. Ends with a line break;
-/// warnings are left to standard error.
+/// The inspection in a few lines: its sentence, record, losses, drive, motion, one line for each
+/// coordinate. Ends with a line break; warnings are left to standard error.
 pub fn text(inspection: &Inspection) -> String {
     let r = &inspection.record;
     let mut out = format!("{}\n", sentence(inspection));

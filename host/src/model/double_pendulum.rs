@@ -2,15 +2,18 @@
 //!
 //! With τ = Ω t (Ω = 1 rad/s for a free system), φ1, φ2 absolute, Δ = φ2 − φ1:
 //!
-//! φ1″ + B11 (φ2″ cos Δ − φ2′² sin Δ) + B12 sin φ1 + (B13 cos τ + B14 sin τ) sin φ1 + C11 sign φ1′ − C12 (φ2′ − φ1′) = 0
+//! φ1″ + B11 (φ2″ cos Δ − φ2′² sin Δ) + B12 sin φ1 + (B13 cos τ + B14 sin τ) sin φ1 + C11 sign
+//! φ1′ − C12 (φ2′ − φ1′) = 0
 //!
-//! φ2″ + B21 (φ1″ cos Δ + φ1′² sin Δ) + B22 sin φ2 + (B23 cos τ + B24 sin τ) sin φ2 + C2 (φ2′ − φ1′) = 0
+//! φ2″ + B21 (φ1″ cos Δ + φ1′² sin Δ) + B22 sin φ2 + (B23 cos τ + B24 sin τ) sin φ2 + C2 (φ2′ −
+//! φ1′) = 0
 //!
-//! The weak form leaves first derivatives only, since
-//! φ2″ cos Δ − φ2′² sin Δ = (φ2′ cos Δ)′ − φ1′ φ2′ sin Δ and φ1″ cos Δ + φ1′² sin Δ = (φ1′ cos Δ)′ + φ1′ φ2′ sin Δ.
+//! The weak form leaves first derivatives only, since φ2″ cos Δ − φ2′² sin Δ = (φ2′ cos Δ)′ − φ1′
+//! φ2′ sin Δ and φ1″ cos Δ + φ1′² sin Δ = (φ1′ cos Δ)′ + φ1′ φ2′ sin Δ.
 //!
-//! The dampings are those of the rig's nominal effects. Beside the seed's C11 (Coulomb, joint 1) and C12, C2 (viscous,
-//! joint 2): C13 = c_r1/(J_o1 Ω) viscous friction of joint 1, and C14, C4 = τ_c2/(J_oi Ω²) Coulomb friction of joint 2.
+//! The dampings are those of the rig's nominal effects. Beside the seed's C11 (Coulomb, joint 1)
+//! and C12, C2 (viscous, joint 2): C13 = c_r1/(J_o1 Ω) viscous friction of joint 1, and C14, C4 =
+//! τ_c2/(J_oi Ω²) Coulomb friction of joint 2.
 
 /// A damping of the nominal model: where it acts and which coefficients it adds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +44,8 @@ pub const DAMPINGS: &[Damping] = &[
 /// The double pendulum's default nominal dampings (contract: `[nominal]`).
 pub const DEFAULT_DAMPINGS: &[&str] = &["coulomb-friction@joint1", "viscous-friction@joint2"];
 
-/// Names of the coefficients of both equations, in their order; `driven` is false for a free system.
+/// Names of the coefficients of both equations, in their order; `driven` is false for a free
+/// system.
 pub fn coefficients(driven: bool, dampings: &[&Damping]) -> [Vec<String>; 2] {
     [0, 1].map(|i: usize| {
         let orders = if driven { 1..=4 } else { 1..=2 };

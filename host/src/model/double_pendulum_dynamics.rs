@@ -1,17 +1,20 @@
 //! The double pendulum's equations of motion compiled by hand, with analytic partial derivatives.
 //!
-//! What [`super::model_file::equations_of_motion`] evaluates from the same equations written out, at
-//! 0.4 of its time: shooting over 60 s of the shipped rig takes 0.45 s of processor for 1.0 s. A
+//! What [`super::model_file::equations_of_motion`] evaluates from the same equations written out,
+//! at 0.4 of its time: shooting over 60 s of the shipped rig takes 0.45 s of processor for 1.0 s. A
 //! test of [`crate::identify::built_in`] holds both equal.
 //!
 //! (3.4) in time: with s_i the sign of joint i's relative velocity, Δ = φ2 − φ1, c = cos Δ,
 //!
-//! φ̈1 + B11 c φ̈2 = B11 φ̇2² sin Δ − Ω² (B12 + B13 cos τ + B14 sin τ) sin φ1 − Ω² C11 s1 + Ω C12 (φ̇2 − φ̇1) − Ω C13 φ̇1 + Ω² C14 s2
+//! φ̈1 + B11 c φ̈2 = B11 φ̇2² sin Δ − Ω² (B12 + B13 cos τ + B14 sin τ) sin φ1 − Ω² C11 s1 + Ω C12
+//! (φ̇2 − φ̇1) − Ω C13 φ̇1 + Ω² C14 s2
 //!
-//! B21 c φ̈1 + φ̈2 = −B21 φ̇1² sin Δ − Ω² (B22 + B23 cos τ + B24 sin τ) sin φ2 − Ω C2 (φ̇2 − φ̇1) − Ω² C4 s2
+//! B21 c φ̈1 + φ̈2 = −B21 φ̇1² sin Δ − Ω² (B22 + B23 cos τ + B24 sin τ) sin φ2 − Ω C2 (φ̇2 − φ̇1) −
+//! Ω² C4 s2
 //!
-//! Coordinates φ1, φ2 (rad, absolute); parameters in the order of [`coefficients`]: B11 B12 [B13 B14], dampings of the first
-//! equation, B21 B22 [B23 B24], dampings of the second. With M a = r, ∂a = M⁻¹ (∂r − ∂M a).
+//! Coordinates φ1, φ2 (rad, absolute); parameters in the order of [`coefficients`]: B11 B12 [B13
+//! B14], dampings of the first equation, B21 B22 [B23 B24], dampings of the second. With M a = r,
+//! ∂a = M⁻¹ (∂r − ∂M a).
 //!
 //! Limits: no accelerations where B11 B21 cos² Δ ≥ 1, which no two rigid arms have.
 
@@ -19,8 +22,8 @@ use super::double_pendulum::{Damping, coefficients};
 use super::dynamics::{Dynamics, Instant};
 use crate::signal::sin_cos::four;
 
-/// Roles of parameters within an equation: coupling B_i1, gravity B_i2, base motion B_i3 (cosine) and B_i4 (sine), viscous friction of
-/// joints 1 and 2, Coulomb friction of joints 1 and 2.
+/// Roles of parameters within an equation: coupling B_i1, gravity B_i2, base motion B_i3 (cosine)
+/// and B_i4 (sine), viscous friction of joints 1 and 2, Coulomb friction of joints 1 and 2.
 const ROLES: usize = 8;
 const COUPLING: usize = 0;
 const GRAVITY: usize = 1;
@@ -80,7 +83,8 @@ fn sign(x: f64) -> f64 {
 }
 
 impl DoublePendulum {
-    /// The equations at angular frequency `omega` (rad/s; 1 for a free system, `driven` false then) with these dampings.
+    /// The equations at angular frequency `omega` (rad/s; 1 for a free system, `driven` false then)
+    /// with these dampings.
     pub fn new(omega: f64, driven: bool, dampings: &[&Damping]) -> Self {
         let (mut roles, mut names) = (Vec::new(), Vec::new());
         for (i, equation) in coefficients(driven, dampings).into_iter().enumerate() {
@@ -318,7 +322,8 @@ mod tests {
 
     #[test]
     fn energy_is_kept_without_damping_and_drive_and_forces_obey_newton() {
-        // dE/dt with E = ½ J1 v1² + ½ J2 v2² + H v1 v2 cos Δ − g S1 cos φ1 − g S2 cos φ2 must vanish at any state.
+        // dE/dt with E = ½ J1 v1² + ½ J2 v2² + H v1 v2 cos Δ − g S1 cos φ1 − g S2 cos φ2 must
+        // vanish at any state.
         let (j1, j2, h, s1, s2, g) = (6e-4, 4e-5, 7e-5, 4e-3, 1e-3, 9.81);
         let d = DoublePendulum::new(1.0, false, &[]);
         let p = [h / j1, g * s1 / j1, h / j2, g * s2 / j2];

@@ -1,7 +1,9 @@
-//! Equations of motion that can be integrated: accelerations from state, parameters, drive phase and measured inputs.
+//! Equations of motion that can be integrated: accelerations from state, parameters, drive phase
+//! and measured inputs.
 //!
-//! q̈ = a(q, q̇, u, τ, t; p) for n coordinates (rad or m, each with its rate a second) and P parameters. What predicts, simulates or shoots
-//! takes any [`Dynamics`]: a built-in system, a system with effects added, or a model file.
+//! q̈ = a(q, q̇, u, τ, t; p) for n coordinates (rad or m, each with its rate a second) and P
+//! parameters. What predicts, simulates or shoots takes any [`Dynamics`]: a built-in system, a
+//! system with effects added, or a model file.
 
 /// What acts from outside at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -22,12 +24,13 @@ pub trait Dynamics: Sync {
     /// Parameters P.
     fn parameter_count(&self) -> usize;
 
-    /// Accelerations q̈ (n) at coordinates `q` and rates `v` (n each). False where they do not exist (a singular mass
-    /// matrix, a value that is not finite); `out` is then undefined.
+    /// Accelerations q̈ (n) at coordinates `q` and rates `v` (n each). False where they do not
+    /// exist (a singular mass matrix, a value that is not finite); `out` is then undefined.
     fn acceleration(&self, parameters: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool;
 
-    /// Partial derivatives of the accelerations, n rows of 2n + P columns (q, v, parameters), row after row. The default
-    /// takes central differences with steps of 1e-6 of each argument's size (at least 1e-6).
+    /// Partial derivatives of the accelerations, n rows of 2n + P columns (q, v, parameters), row
+    /// after row. The default takes central differences with steps of 1e-6 of each argument's size
+    /// (at least 1e-6).
     fn partials(&self, parameters: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
         let (n, count) = (self.degrees_of_freedom(), self.parameter_count());
         let width = 2 * n + count;
@@ -54,14 +57,16 @@ pub trait Dynamics: Sync {
         true
     }
 
-    /// Where accelerations jump: weights of linear forms in the rates, n each, on whose signs they depend (dry friction: a
-    /// joint's relative velocity). An integrator holds the signs between the zeros of these forms. None by default.
+    /// Where accelerations jump: weights of linear forms in the rates, n each, on whose signs they
+    /// depend (dry friction: a joint's relative velocity). An integrator holds the signs between
+    /// the zeros of these forms. None by default.
     fn switches(&self) -> &[Vec<f64>] {
         &[]
     }
 
-    /// [`Dynamics::acceleration`] with the signs of [`Dynamics::switches`] given instead of taken from the rates: in [−1, 1],
-    /// and linear in each, so that a value between stands for sticking. A system with switches overrides this.
+    /// [`Dynamics::acceleration`] with the signs of [`Dynamics::switches`] given instead of taken
+    /// from the rates: in [−1, 1], and linear in each, so that a value between stands for sticking.
+    /// A system with switches overrides this.
     fn acceleration_held(
         &self,
         parameters: &[f64],
@@ -87,12 +92,14 @@ pub trait Dynamics: Sync {
         self.partials(parameters, q, v, at, out)
     }
 
-    /// Whether [`Dynamics::linearise_held`] also takes room for 2n partials a row, those by coordinates and rates alone: what a state's own variational equations need.
+    /// Whether [`Dynamics::linearise_held`] also takes room for 2n partials a row, those by
+    /// coordinates and rates alone: what a state's own variational equations need.
     fn takes_states_alone(&self) -> bool {
         false
     }
 
-    /// Accelerations and partials with the signs held, at once: what variational equations need. Override it where the two share work.
+    /// Accelerations and partials with the signs held, at once: what variational equations need.
+    /// Override it where the two share work.
     fn linearise_held(
         &self,
         parameters: &[f64],

@@ -1,13 +1,17 @@
-//! Solutions of [`Dynamics`] at the samples of a record, with their derivatives by initial state and parameters.
+//! Solutions of [`Dynamics`] at the samples of a record, with their derivatives by initial state
+//! and parameters.
 //!
-//! Dormand and Prince's method of order 5 (J. Comput. Appl. Math. 6, 1980) with equal steps, over state and variational equations
-//! δq̈ = ∂a/∂q δq + ∂a/∂v δv + ∂a/∂p at once. As q̇ = v, coordinates between the ends of a step are the quintic polynomial
-//! through q, v and a at both (error h⁶ q⁽⁶⁾/46080), so that the samples do not set the step.
+//! Dormand and Prince's method of order 5 (J. Comput. Appl. Math. 6, 1980) with equal steps, over
+//! state and variational equations δq̈ = ∂a/∂q δq + ∂a/∂v δv + ∂a/∂p at once. As q̇ = v,
+//! coordinates between the ends of a step are the quintic polynomial through q, v and a at both
+//! (error h⁶ q⁽⁶⁾/46080), so that the samples do not set the step.
 //!
-//! Dry friction: the signs of [`Dynamics::switches`] are held during a step; a step in which one of their rates passes zero
-//! ends there, at the root of the cubic through rate and acceleration at both ends. There the sign turns, or the joint sticks where
-//! both signs drive it back: then the sign is the value in [−1, 1] that keeps its rate zero, until that leaves the interval. At such an instant derivatives jump
-//! by (a₊ − a₋) (w·δv)/(w·a₋), w·v being the rate (saltation; Filippov 1988).
+//! Dry friction: the signs of [`Dynamics::switches`] are held during a step; a step in which one of
+//! their rates passes zero ends there, at the root of the cubic through rate and acceleration at
+//! both ends. There the sign turns, or the joint sticks where both signs drive it back: then the
+//! sign is the value in [−1, 1] that keeps its rate zero, until that leaves the interval. At such
+//! an instant derivatives jump by (a₊ − a₋) (w·δv)/(w·a₋), w·v being the rate (saltation; Filippov
+//! 1988).
 
 pub mod abreast;
 mod switching;
@@ -77,8 +81,8 @@ pub struct Flow<'a, D: Dynamics + ?Sized> {
     step: f64,
 }
 
-/// State with derivatives, and the room that integration needs. Rows of `columns` derivatives follow the state:
-/// q (n), v (n), ∂q (n rows), ∂v (n rows).
+/// State with derivatives, and the room that integration needs. Rows of `columns` derivatives
+/// follow the state: q (n), v (n), ∂q (n rows), ∂v (n rows).
 #[derive(Clone, Debug)]
 pub struct Work {
     n: usize,
@@ -140,7 +144,8 @@ impl Work {
         Self::new(dynamics, columns, None)
     }
 
-    /// Sets the state (q then v); derivatives by initial state become the identity, all others zero.
+    /// Sets the state (q then v); derivatives by initial state become the identity, all others
+    /// zero.
     pub fn set(&mut self, state: &[f64]) {
         let (n, w) = (self.n, self.columns);
         self.y.fill(0.0);
@@ -172,13 +177,15 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         Self { dynamics, parameters, outside, step }
     }
 
-    /// Carries the state from `start` over `duration` (s). False where the equations have no solution.
+    /// Carries the state from `start` over `duration` (s). False where the equations have no
+    /// solution.
     pub fn carry(&self, work: &mut Work, start: f64, duration: f64) -> bool {
         self.samples(work, start, duration, 2, |_, _| {})
     }
 
-    /// Carries the state over `count` samples `spacing` apart (s), the first at `start`, and shows each sample's coordinates (n) followed by
-    /// their derivatives (n rows). The state is the last sample's then. False where the equations have no solution.
+    /// Carries the state over `count` samples `spacing` apart (s), the first at `start`, and shows
+    /// each sample's coordinates (n) followed by their derivatives (n rows). The state is the last
+    /// sample's then. False where the equations have no solution.
     pub fn samples(
         &self,
         work: &mut Work,
@@ -268,7 +275,8 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         Instant { time, tau: self.outside.tau + self.outside.omega * (time - self.outside.origin), inputs }
     }
 
-    /// Rates of the state with its derivatives into stage `k`, from `next` (stages 1 to 6) or from the state (stage 0).
+    /// Rates of the state with its derivatives into stage `k`, from `next` (stages 1 to 6) or from
+    /// the state (stage 0).
     fn rates(&self, work: &mut Work, time: f64, k: usize) -> bool {
         let (n, w) = (work.n, work.columns);
         let Work { y, next, k: stages, partials, inputs, modes, signs, accel, first_parameter, .. } = work;
@@ -281,7 +289,8 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         for (s, m) in signs.iter_mut().zip(modes.iter()) {
             *s = if let Mode::Slides(sign) = m { *sign } else { 0.0 };
         }
-        // Sticking joints: the sign that keeps the rate zero, one joint after the other (the laws are linear in each sign).
+        // Sticking joints: the sign that keeps the rate zero, one joint after the other (the laws
+        // are linear in each sign).
         let stuck = modes.contains(&Mode::Sticks);
         if stuck {
             for _ in 0..2 {
@@ -330,7 +339,8 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         true
     }
 
-    /// One step of size h from the state (its rates in stage 0) to `next`, whose rates are in stage 6.
+    /// One step of size h from the state (its rates in stage 0) to `next`, whose rates are in
+    /// stage 6.
     fn attempt(&self, work: &mut Work, time: f64, h: f64) -> bool {
         for stage in 1..7 {
             let Work { y, next, k, .. } = work;

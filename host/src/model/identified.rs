@@ -1,9 +1,12 @@
-//! The identified model as a file: what `identify -o` and `explain -o` write, and what `validate --model` and `explain --model` read.
+//! The identified model as a file: what `identify -o` and `explain -o` write, and what
+//! `validate --model` and `explain --model` read.
 //!
-//! TOML: `name`, `model` (a built-in's id; a system of one's own has its `coordinates`, `inputs` and `[[equation]]` here in full instead, so
-//! that the file is itself a model file), `method`, `drive_frequency_hz` (absent when free; it fixes the non-dimensional form), `nominal` (the dampings
-//! among the parameters), `[parameters]` with value, standard error and unit of each coefficient in the model's order, and an `[[effect]]` for each
-//! effect that was added. Numbers are written with the fewest digits that give back the same bits: reading what was written gives
+//! TOML: `name`, `model` (a built-in's id; a system of one's own has its `coordinates`, `inputs`
+//! and `[[equation]]` here in full instead, so that the file is itself a model file), `method`,
+//! `drive_frequency_hz` (absent when free; it fixes the non-dimensional form), `nominal` (the
+//! dampings among the parameters), `[parameters]` with value, standard error and unit of each
+//! coefficient in the model's order, and an `[[effect]]` for each effect that was added. Numbers
+//! are written with the fewest digits that give back the same bits: reading what was written gives
 //! the same model, and writing what was read the same bytes.
 
 use std::collections::BTreeMap;
@@ -22,7 +25,8 @@ use crate::identify::Parameter;
 pub enum System {
     /// A built-in model by its id.
     BuiltIn(String),
-    /// A system of one's own: the keys that define it (`coordinates`, `inputs`, `equation`, …), as in its model file.
+    /// A system of one's own: the keys that define it (`coordinates`, `inputs`, `equation`, …), as
+    /// in its model file.
     Own(Table),
 }
 
@@ -62,11 +66,13 @@ pub struct IdentifiedModel {
     pub parameters: Vec<Parameter>,
     /// Effects, in the order in which they were added.
     pub effects: Vec<AddedEffect>,
-    /// Physical quantities that the effects were found with, identified ones among them; empty without effects.
+    /// Physical quantities that the effects were found with, identified ones among them; empty
+    /// without effects.
     pub found_with: BTreeMap<String, f64>,
 }
 
-/// Key in [`IdentifiedModel::found_with`] of the length of the record that effects were found on, s: a drift's unit of time.
+/// Key in [`IdentifiedModel::found_with`] of the length of the record that effects were found on,
+/// s: a drift's unit of time.
 pub const RECORD_S: &str = "record_s";
 
 /// Version of the file; one without is of the first.

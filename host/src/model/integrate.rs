@@ -1,9 +1,10 @@
-//! Solutions of [`Dynamics`] at even times: Dormand and Prince's method of order 5 with its error estimate of order 4 (J. Comput.
-//! Appl. Math. 6, 1980), steps chosen by the error.
+//! Solutions of [`Dynamics`] at even times: Dormand and Prince's method of order 5 with its error
+//! estimate of order 4 (J. Comput. Appl. Math. 6, 1980), steps chosen by the error.
 //!
-//! Laws that jump (dry friction) would drive the step to nothing: no step is shorter than 1/`finest` of a sampling interval, and one of
-//! that length is taken as it is. A reversal is then placed to that fraction, and a system that sticks creeps by no more than its
-//! acceleration over such a step.
+//! Laws that jump (dry friction) would drive the step to nothing: no step is shorter than
+//! 1/`finest` of a sampling interval, and one of that length is taken as it is. A reversal is then
+//! placed to that fraction, and a system that sticks creeps by no more than its acceleration over
+//! such a step.
 
 use super::dynamics::{Dynamics, Instant};
 
@@ -48,8 +49,8 @@ const A: [[f64; 6]; 7] = [
 const E: [f64; 7] =
     [71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339_200.0, 22.0 / 525.0, -1.0 / 40.0];
 
-/// Coordinates and rates at every sample (count rows of 2n) from `initial` (q, then v) on; `None` where the accelerations cease
-/// to exist or the motion leaves the finite numbers.
+/// Coordinates and rates at every sample (count rows of 2n) from `initial` (q, then v) on; `None`
+/// where the accelerations cease to exist or the motion leaves the finite numbers.
 pub fn solve<D: Dynamics + ?Sized>(
     dynamics: &D,
     parameters: &[f64],

@@ -1,4 +1,5 @@
-//! Sums of multiples over many numbers at once, compiled for each kind of vectors that processors have (pulp). Nothing is fused: the same bytes everywhere.
+//! Sums of multiples over many numbers at once, compiled for each kind of vectors that processors
+//! have (pulp). Nothing is fused: the same bytes everywhere.
 
 use pulp::{Arch, NullaryFnOnce};
 

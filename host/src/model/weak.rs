@@ -1,13 +1,14 @@
 //! The weak form of an equation of motion, linear in its unknown coefficients.
 //!
-//! Each equation reads Σ_j λ_j ∫ w X_j dt = ∫ w Y dt for every test function w that vanishes with its first derivatives
-//! at both ends of a window. A term X_j that contains derivatives which the record does not give is written as a sum of
-//! total derivatives, X = Σ_k c_k dᵖs_k/dtᵖ, of series s_k that angles and velocities give; integrating by parts,
-//! ∫ w dᵖs/dtᵖ = (−1)ᵖ ∫ w⁽ᵖ⁾ s. A [`Part`] is one such c, p and s.
+//! Each equation reads Σ_j λ_j ∫ w X_j dt = ∫ w Y dt for every test function w that vanishes with
+//! its first derivatives at both ends of a window. A term X_j that contains derivatives which the
+//! record does not give is written as a sum of total derivatives, X = Σ_k c_k dᵖs_k/dtᵖ, of series
+//! s_k that angles and velocities give; integrating by parts, ∫ w dᵖs/dtᵖ = (−1)ᵖ ∫ w⁽ᵖ⁾ s. A
+//! [`Part`] is one such c, p and s.
 
-/// Mean of sign v over one sampling step around a sample at which the velocity is `v` and changes by `step` a step:
-/// clamp(2v/|step|, −1, 1). Sums over samples then follow the instant of reversal to second order, where the plain sign is off by up to half a
-/// step. sign 0 = 0.
+/// Mean of sign v over one sampling step around a sample at which the velocity is `v` and changes
+/// by `step` a step: clamp(2v/|step|, −1, 1). Sums over samples then follow the instant of reversal
+/// to second order, where the plain sign is off by up to half a step. sign 0 = 0.
 pub fn mean_sign(v: f64, step: f64) -> f64 {
     if 2.0 * v.abs() < step.abs() {
         2.0 * v / step.abs()

@@ -1,4 +1,5 @@
-//! Effects of model files that hold no places of bodies, as earlier versions wrote them: laws of one coordinate, added to its own equation.
+//! Effects of model files that hold no places of bodies, as earlier versions wrote them: laws of
+//! one coordinate, added to its own equation.
 
 use crate::error::{BadInput, Result};
 use crate::model::identified::{AddedEffect, IdentifiedModel};
@@ -6,7 +7,8 @@ use crate::model::model_file::expression::{Node, Symbol, symbol};
 use crate::model::model_file::parser::{Names, parse};
 use crate::model::model_file::{ModelFile, Space};
 
-/// Laws of a coordinate q by their ids: name of the shape parameter, one law for each strength, in which `@` stands for the shape; whether q is an angle.
+/// Laws of a coordinate q by their ids: name of the shape parameter, one law for each strength, in
+/// which `@` stands for the shape; whether q is an angle.
 const LAWS: [(&str, &str, &[&str], bool); 13] = [
     ("viscous-friction", "", &["q'"], false),
     ("coulomb-friction", "", &["sign(q')"], false),
@@ -32,8 +34,8 @@ pub struct Terms {
     pub columns: Vec<Node>,
 }
 
-/// The equation of a coordinate: its own number where there are as many equations as coordinates, otherwise the first that holds its
-/// acceleration.
+/// The equation of a coordinate: its own number where there are as many equations as coordinates,
+/// otherwise the first that holds its acceleration.
 fn equation_of(model: &ModelFile, coordinate: usize) -> Option<usize> {
     let holds = |e: usize| {
         let equation = &model.equations[e];

@@ -1,9 +1,13 @@
-//! The built-in double pendulum with its effects, as expressions: its equations (3.4) written out as a model file, its effects by the catalogue's laws.
+//! The built-in double pendulum with its effects, as expressions: its equations (3.4) written out
+//! as a model file, its effects by the catalogue's laws.
 //!
-//! The catalogue's laws act on a mechanism, whose parameters stand with the effects. Files of earlier versions have ratios of inertias only, and strengths of torques
-//! over J_o2: their mechanism is one with J_o2 = 1, on which the catalogue's laws have these strengths. With l the lever S_i/J_oi = B_i2 Ω²/g:
-//! J_o1 = B21/B11, S2 = l_2, S1 = l_1 J_o1, l1 = B21/S2, and m1 e1 = m2 l1 = S1/2, which of both does not matter. The base's amplitude is each equation's
-//! own there, a_c = −B_i3/l_i and a_s = −B_i4/l_i, as identified: columns of equation i are taken from a mechanism with those.
+//! The catalogue's laws act on a mechanism, whose parameters stand with the effects. Files of
+//! earlier versions have ratios of inertias only, and strengths of torques over J_o2: their
+//! mechanism is one with J_o2 = 1, on which the catalogue's laws have these strengths. With l the
+//! lever S_i/J_oi = B_i2 Ω²/g: J_o1 = B21/B11, S2 = l_2, S1 = l_1 J_o1, l1 = B21/S2, and m1 e1 = m2
+//! l1 = S1/2, which of both does not matter. The base's amplitude is each equation's own there,
+//! a_c = −B_i3/l_i and a_s = −B_i4/l_i, as identified: columns of equation i are taken from a
+//! mechanism with those.
 
 use super::effects::{bad, entry, on_mechanism};
 use super::{Acts, Effect, Strength};
@@ -18,7 +22,8 @@ use crate::rig::{Rig, as_own};
 use crate::system::library;
 use crate::system::mechanism::Mechanism;
 
-/// Share of S1 that the first arm has in the mechanism with J_o2 = 1; the rest is the second arm's mass.
+/// Share of S1 that the first arm has in the mechanism with J_o2 = 1; the rest is the second arm's
+/// mass.
 const OWN_SHARE: f64 = 0.5;
 
 /// The rig with the equations written out, the model in their terms, and its effects.
@@ -125,7 +130,8 @@ fn place(name: &str, rig: &Rig) -> Option<Place> {
     })
 }
 
-/// Parameters of the mechanism: those that stand with the model, otherwise those with J_o2 = 1, its base moving as equation `of` says.
+/// Parameters of the mechanism: those that stand with the model, otherwise those with J_o2 = 1, its
+/// base moving as equation `of` says.
 ///
 /// # Errors
 /// A model of an earlier version without gravity or coupling.

@@ -1,4 +1,5 @@
-//! Effects of a model's file as expressions: those of the catalogue on a mechanism, and those of model files on their coordinates.
+//! Effects of a model's file as expressions: those of the catalogue on a mechanism, and those of
+//! model files on their coordinates.
 
 use super::{Acts, Effect, Strength, at_coordinates};
 use crate::effects::catalogue;
@@ -31,10 +32,12 @@ pub fn named(names: &[String], values: &[f64], adds: Vec<Vec<(usize, Node)>>) ->
     list.map(|(k, (adds, value))| Strength { name: name(k), value: *value, adds }).collect()
 }
 
-/// Effects of a system of one's own: of the catalogue where its bodies are known, otherwise at its coordinates.
+/// Effects of a system of one's own: of the catalogue where its bodies are known, otherwise at its
+/// coordinates.
 ///
 /// # Errors
-/// An effect that there is not at this place, one that needs the bodies of a rig file that was not given.
+/// An effect that there is not at this place, one that needs the bodies of a rig file that was not
+/// given.
 pub fn of_own(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Effect>> {
     let Some(bound) = &rig.bound else { return Ok(Vec::new()) };
     let on_bodies = model.found_with.keys().any(|k| k != RECORD_S);
@@ -62,8 +65,9 @@ pub fn of_own(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Ef
     at_places(model, rig, (mechanism, &physical), None, start_s)
 }
 
-/// Effects of written equations: at their joints, arms, drive, frame and encoders where the file says on how long a record they were found, otherwise at
-/// coordinates. `told` tells them, `own` in the terms of the rig's equations.
+/// Effects of written equations: at their joints, arms, drive, frame and encoders where the file
+/// says on how long a record they were found, otherwise at coordinates. `told` tells them, `own` in
+/// the terms of the rig's equations.
 ///
 /// # Errors
 /// As [`of_own`].
@@ -81,7 +85,8 @@ pub fn of_written(own: &IdentifiedModel, told: &IdentifiedModel, rig: &Rig, star
     at_places(own, rig, (&mechanism, &parameters), Some(&values), start_s)
 }
 
-/// Effects of the catalogue at the places of a mechanism; `values`: coefficients of equations that were written.
+/// Effects of the catalogue at the places of a mechanism; `values`: coefficients of equations that
+/// were written.
 fn at_places(
     model: &IdentifiedModel,
     rig: &Rig,
@@ -141,7 +146,8 @@ pub fn on_mechanism(
         let names: Vec<&str> = entry.shapes.iter().map(|s| s.name.as_str()).collect();
         return Err(bad(index, e, "without its shape", &names.join(", "), remedy));
     };
-    // What is left of the last step of refined shapes: the value of a file holds it, a parameter does not.
+    // What is left of the last step of refined shapes: the value of a file holds it, a parameter
+    // does not.
     if let ([k, steps @ ..], [_]) = (&e.strengths[..], &entry.strengths[..])
         && *k != 0.0
     {
@@ -183,7 +189,8 @@ fn is_finite(of: &Node) -> bool {
     of.with_memories(&|_, _| number(0.3)).value(&|_| 0.3).is_finite()
 }
 
-/// Effects at the coordinates of a model file; `told` tells them, `own` in the terms of the rig's equations.
+/// Effects at the coordinates of a model file; `told` tells them, `own` in the terms of the rig's
+/// equations.
 ///
 /// # Errors
 /// Other equations than the rig's, an effect that there is not.

@@ -1,7 +1,10 @@
-//! Where a simulation begins in a record: the state fitted to its samples, the drive's phase, the measured inputs from there on.
+//! Where a simulation begins in a record: the state fitted to its samples, the drive's phase, the
+//! measured inputs from there on.
 //!
-//! The state is the one from which the model follows the first two drive periods best (for a free system, what stands for them: see [`crate::validate`]), sensors weighed by
-//! their noise. What effects make a sensor show beside its angle is taken off first, to first order in their strengths.
+//! The state is the one from which the model follows the first two drive periods best (for a free
+//! system, what stands for them: see [`crate::validate`]), sensors weighed by their noise. What
+//! effects make a sensor show beside its angle is taken off first, to first order in their
+//! strengths.
 
 use super::{Acts, Motion};
 use crate::error::{BadInput, Result};
@@ -34,7 +37,8 @@ pub struct Begin {
 /// The beginning at time `start_s` of a record, or at its first sample.
 ///
 /// # Errors
-/// A time that is in no stretch of it, a record that is too short, a motion that the model does not follow.
+/// A time that is in no stretch of it, a record that is too short, a motion that the model does not
+/// follow.
 pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<Begin> {
     let prepared = prepare(std::slice::from_ref(record), &motion.rig, &motion.bound, &IdentifySettings::default())?;
     let stretches = &prepared.stretches;

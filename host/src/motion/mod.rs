@@ -1,12 +1,15 @@
-//! An identified model in full: its equations, coefficients and effects as expressions, whatever system it is of.
+//! An identified model in full: its equations, coefficients and effects as expressions, whatever
+//! system it is of.
 //!
-//! What simulates a model file or writes it as code takes a [`Motion`]: each equation e of the model reads
+//! What simulates a model file or writes it as code takes a [`Motion`]: each equation e of the
+//! model reads
 //!
 //! Σ_j λ_j X_ej(q, q′, q″, u, τ) + Σ_k s_k Y_ek(q, q̇, q̈, t, τ) = balance_e,
 //!
-//! λ_j the identified coefficients, X_ej the terms as the model file holds them (a prime is d/dτ, τ = Ω t, or d/dt: [`ModelFile::prime_scale`]), s_k the
-//! strengths of the effects and Y_ek what they add, in seconds. Built-in systems are written out as model files first, so that there is one way
-//! for all.
+//! λ_j the identified coefficients, X_ej the terms as the model file holds them (a prime is d/dτ,
+//! τ = Ω t, or d/dt: [`ModelFile::prime_scale`]), s_k the strengths of the effects and Y_ek what
+//! they add, in seconds. Built-in systems are written out as model files first, so that there is
+//! one way for all.
 //!
 //! | file | what |
 //! |---|---|
@@ -54,10 +57,11 @@ pub enum Acts {
     Motion(Vec<Strength>),
     /// The drive's phase, which runs ahead of Ω t by the sum of strength times law of time, rad.
     Drive(Vec<(Node, f64)>),
-    /// What a sensor shows beside its angle or length: the sensor's number among the rig's, and strength times law of x and v
-    /// ([`Symbol::Coordinate`] and [`Symbol::Rate`] 0).
+    /// What a sensor shows beside its angle or length: the sensor's number among the rig's, and
+    /// strength times law of x and v ([`Symbol::Coordinate`] and [`Symbol::Rate`] 0).
     Sensor(usize, Vec<(Node, f64)>),
-    /// What is recorded of a measured input beside its value: its number, and strength times law of it and of its rate, as for a sensor.
+    /// What is recorded of a measured input beside its value: its number, and strength times law of
+    /// it and of its rate, as for a sensor.
     Input(usize, Vec<(Node, f64)>),
 }
 
@@ -112,11 +116,13 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// The model in full. `path`: the model's file; `rig`: its rig, without which a stand-in serves where it can; `start_s`: time of the first
-    /// sample of the record that is followed, from which a drift is counted.
+    /// The model in full. `path`: the model's file; `rig`: its rig, without which a stand-in serves
+    /// where it can; `start_s`: time of the first sample of the record that is followed, from which
+    /// a drift is counted.
     ///
     /// # Errors
-    /// A model of another system or drive than the rig's, parameters or effects that do not belong to it, effects that need the rig file.
+    /// A model of another system or drive than the rig's, parameters or effects that do not belong
+    /// to it, effects that need the rig file.
     pub fn of(model: &IdentifiedModel, path: &Path, rig: Option<&Rig>, start_s: f64) -> Result<Self> {
         let rig = match rig {
             Some(rig) => rig.clone(),
@@ -168,7 +174,8 @@ impl Motion {
     /// Equations that can be integrated over the coordinates alone, and their parameters.
     ///
     /// # Errors
-    /// A number of equations that differs from that of the coordinates; an effect with states of its own.
+    /// A number of equations that differs from that of the coordinates; an effect with states of
+    /// its own.
     pub fn equations(&self) -> Result<(EquationsOfMotion, Vec<f64>)> {
         if let Some((index, e)) = self.effects.iter().enumerate().find(|(_, e)| e.remembers()) {
             let remedy = "`whirl simulate --model` with --initial follows it; leave the effect out of the file here";
@@ -183,7 +190,8 @@ impl Motion {
         self.following()
     }
 
-    /// The same with the states of effects that remember, [`EquationsOfMotion::hidden`], behind the coordinates.
+    /// The same with the states of effects that remember, [`EquationsOfMotion::hidden`], behind the
+    /// coordinates.
     ///
     /// # Errors
     /// A number of equations that differs from that of the coordinates.
@@ -198,14 +206,16 @@ impl Motion {
         Ok((EquationsOfMotion::with_columns(&self.file, self.rig.omega(), &extra)?, parameters))
     }
 
-    /// A state to begin with where none is given: every angle 1 rad, every other coordinate 0.1 of its unit, at rest.
+    /// A state to begin with where none is given: every angle 1 rad, every other coordinate 0.1 of
+    /// its unit, at rest.
     pub fn example(&self) -> Vec<f64> {
         let circle = self.circle();
         let q = circle.iter().map(|c| if *c { 1.0 } else { 0.1 });
         q.chain(circle.iter().map(|_| 0.0)).collect()
     }
 
-    /// What a sensor adds to what it ought to show, for its angle or length x and the rate v of that.
+    /// What a sensor adds to what it ought to show, for its angle or length x and the rate v of
+    /// that.
     pub fn sensor_adds(&self, sensor: usize, x: f64, v: f64) -> f64 {
         let of = |acts: &'_ Acts| matches!(acts, Acts::Sensor(k, _) if *k == sensor);
         self.adds(&of, x, v)

@@ -1,7 +1,10 @@
-//! A record of the model itself: its equations integrated from a state, as its rig's channels would show it, without noise.
+//! A record of the model itself: its equations integrated from a state, as its rig's channels would
+//! show it, without noise.
 //!
-//! [`crate::model::flow`] integrates: Dormand and Prince's method of order 5 with equal steps, reversals under dry friction placed. The step is halved, from the sampling
-//! interval on, until two solutions over the first second differ by less than `EXACT` of what moves; a chaotic motion carries what is left of that on at its own rate.
+//! [`crate::model::flow`] integrates: Dormand and Prince's method of order 5 with equal steps,
+//! reversals under dry friction placed. The step is halved, from the sampling interval on, until
+//! two solutions over the first second differ by less than `EXACT` of what moves; a chaotic motion
+//! carries what is left of that on at its own rate.
 
 use super::Motion;
 use super::from_record::{Begin, differences};
@@ -11,7 +14,8 @@ use crate::model::flow::{Flow, Inputs, Outside, Work};
 use crate::model::integrate::Outside as _;
 use crate::record::Column;
 
-/// Difference between solutions at two steps that is exact, of the largest size of a coordinate (of 1 at least).
+/// Difference between solutions at two steps that is exact, of the largest size of a coordinate (of
+/// 1 at least).
 const EXACT: f64 = 1e-11;
 /// Halvings of the step at most.
 const MOST_HALVINGS: u32 = 10;

@@ -1,8 +1,11 @@
-//! A rig for an identified model that comes without its rig file: channels that measure its coordinates and inputs in SI units.
+//! A rig for an identified model that comes without its rig file: channels that measure its
+//! coordinates and inputs in SI units.
 //!
-//! What a rig file says beside that does not enter the equations, with two exceptions. A single pendulum's direction of drive is read off its coefficients: the base's share
-//! along the drive is the larger. Effects found on a mechanism rest on its bodies: where the equations are those of a system that ships with the program, its bodies
-//! are taken; for other mechanisms the rig file has to be given.
+//! What a rig file says beside that does not enter the equations, with two exceptions. A single
+//! pendulum's direction of drive is read off its coefficients: the base's share along the drive is
+//! the larger. Effects found on a mechanism rest on its bodies: where the equations are those of a
+//! system that ships with the program, its bodies are taken; for other mechanisms the rig file has
+//! to be given.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -81,7 +84,8 @@ pub fn rig(model: &IdentifiedModel, path: &Path) -> Result<Rig> {
     Ok(rig)
 }
 
-/// Direction of the drive: what a base along it adds is the larger. A double pendulum's is vertical.
+/// Direction of the drive: what a base along it adds is the larger. A double pendulum's is
+/// vertical.
 fn direction(model: &IdentifiedModel) -> Direction {
     if !matches!(&model.system, System::BuiltIn(id) if id == "single-pendulum") {
         return Direction::Vertical;
@@ -93,7 +97,8 @@ fn direction(model: &IdentifiedModel) -> Direction {
     if size(["n_sin", "p_sin"]) > size(["n_cos", "p_cos"]) { Direction::Vertical } else { Direction::Horizontal }
 }
 
-/// The mechanism of a system that ships, of which these are the equations, whatever dampings they have.
+/// The mechanism of a system that ships, of which these are the equations, whatever dampings they
+/// have.
 fn shipped(file: &ModelFile, omega: f64) -> Option<Arc<Mechanism>> {
     library::all().iter().find_map(|(name, text)| {
         let base = library::read(name, text).ok()?.model(Some(&[]), omega).ok()?;

@@ -67,7 +67,8 @@ const STATES: [([f64; 2], [f64; 2], f64); 5] = [
     ([-9.0, 3.3], [14.0, -25.0], 0.1),
 ];
 
-/// With no effect the double pendulum moves as (3.4) says; what an effect of strength k adds is M⁻¹ times its law, told here by hand.
+/// With no effect the double pendulum moves as (3.4) says; what an effect of strength k adds is M⁻¹
+/// times its law, told here by hand.
 #[test]
 fn the_double_pendulum_moves_as_its_own_equations_do() {
     let rig = rig("double-pendulum", "[drive]\ndirection = \"vertical\"\nfrequency_hz = 5.0");
@@ -199,7 +200,8 @@ fn the_single_pendulum_moves_as_its_own_equation_does() {
     }
 }
 
-/// A state stands behind the coordinates with the law of its rate; where there is no room for it the effect is refused.
+/// A state stands behind the coordinates with the law of its rate; where there is no room for it
+/// the effect is refused.
 #[test]
 fn a_state_of_an_effect_is_followed_or_refused() {
     let rig = rig("double-pendulum", "[drive]\ndirection = \"vertical\"\nfrequency_hz = 5.0");

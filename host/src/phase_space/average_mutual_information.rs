@@ -1,14 +1,17 @@
-//! Average mutual information of a series with itself at a lag, (2.18):
-//! I(t) = Σ_{a,b} P_AB(a, b) log₂ [P_AB(a, b) / (P_A(a) P_B(b))], in bits; A the samples s(i), B the samples s(i + t).
+//! Average mutual information of a series with itself at a lag, (2.18): I(t) = Σ_{a,b} P_AB(a, b)
+//! log₂ [P_AB(a, b) / (P_A(a) P_B(b))], in bits; A the samples s(i), B the samples s(i + t).
 //!
-//! Probabilities are shares in equal bins over the circle or over the span. The time delay of an embedding is the first
-//! lag at which I has a minimum. Where the minima are shallow (in the seed's own case 5, 15, 18 and 24, Fig. 3.2) the first one
-//! is an accident of the bins: [`Minimum::depth`] says how far I rises after each before it falls below it again, in units of its
-//! fall from I(1) to its least value, and [`recommended`] takes the first that is deeper than a threshold.
+//! Probabilities are shares in equal bins over the circle or over the span. The time delay of an
+//! embedding is the first lag at which I has a minimum. Where the minima are shallow (in the seed's
+//! own case 5, 15, 18 and 24, Fig. 3.2) the first one is an accident of the bins:
+//! [`Minimum::depth`] says how far I rises after each before it falls below it again, in units of
+//! its fall from I(1) to its least value, and [`recommended`] takes the first that is deeper than a
+//! threshold.
 //!
-//! Bias: with N pairs and B bins, independent samples give about (B − 1)²/(2 N ln 2) bits instead of 0 (Miller 1955);
-//! [`Information::bias`] states it. Cost: one increment of a table a pair; several lags at a time, so that two
-//! increments of the same cell never follow each other. Memory: bounded, but for one byte a sample.
+//! Bias: with N pairs and B bins, independent samples give about (B − 1)²/(2 N ln 2) bits instead
+//! of 0 (Miller 1955); [`Information::bias`] states it. Cost: one increment of a table a pair;
+//! several lags at a time, so that two increments of the same cell never follow each other. Memory:
+//! bounded, but for one byte a sample.
 
 use rayon::prelude::*;
 use serde::Serialize;

@@ -1,7 +1,8 @@
 //! Bifurcation diagram: the Poincaré section of a model over a parameter.
 //!
-//! For each value the solution starts from the same state, runs `settle` drive periods that are not shown, and then gives its coordinates once a
-//! period, at the phase at which it started. A period-k orbit is k points, chaos a cloud. A free system has no such section.
+//! For each value the solution starts from the same state, runs `settle` drive periods that are not
+//! shown, and then gives its coordinates once a period, at the phase at which it started. A
+//! period-k orbit is k points, chaos a cloud. A free system has no such section.
 
 use core::f64::consts::TAU;
 
@@ -22,11 +23,13 @@ pub struct Settings {
     pub step_s: f64,
 }
 
-/// One value of the parameter: a point (q wrapped where it is an angle, then q̇) for each period; empty where the equations have no solution.
+/// One value of the parameter: a point (q wrapped where it is an angle, then q̇) for each period;
+/// empty where the equations have no solution.
 pub type Column = Vec<Vec<f64>>;
 
-/// Sections for each set of parameters, from `state` at the time and phase of `outside`. `angles`: which coordinates are wrapped to [−π, π). The columns are
-/// computed in parallel and do not depend on each other.
+/// Sections for each set of parameters, from `state` at the time and phase of `outside`. `angles`:
+/// which coordinates are wrapped to [−π, π). The columns are computed in parallel and do not depend
+/// on each other.
 pub fn bifurcation<D: Dynamics + ?Sized>(
     dynamics: &D,
     sets: &[Vec<f64>],

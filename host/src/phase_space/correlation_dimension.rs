@@ -1,12 +1,13 @@
-//! Correlation dimension (Grassberger and Procaccia 1983): the slope of ln C(r) against ln r, C(r) the share of pairs of vectors
-//! outside the Theiler window that are closer than r.
+//! Correlation dimension (Grassberger and Procaccia 1983): the slope of ln C(r) against ln r, C(r)
+//! the share of pairs of vectors outside the Theiler window that are closer than r.
 //!
-//! Pairs: up to `references` vectors, evenly spread, with all others. Distances are Euclidean on the circle; they are
-//! counted in bins of a quarter of an octave of r². The fit takes the straightest long part of the curve between the
-//! radius below which there are too few pairs (or noise) and C = 0.05, above which the attractor's size bends it.
-//! Standard error: jackknife over blocks of references, and the spread of the slopes over the thirds of the fit, in squares.
-//! Limits: a dimension D needs about 10^(D/2) vectors (Eckmann and Ruelle 1992): [`CorrelationDimension::most`] states the
-//! largest that the record could show, 2 log₁₀ N.
+//! Pairs: up to `references` vectors, evenly spread, with all others. Distances are Euclidean on
+//! the circle; they are counted in bins of a quarter of an octave of r². The fit takes the
+//! straightest long part of the curve between the radius below which there are too few pairs (or
+//! noise) and C = 0.05, above which the attractor's size bends it. Standard error: jackknife over
+//! blocks of references, and the spread of the slopes over the thirds of the fit, in squares.
+//! Limits: a dimension D needs about 10^(D/2) vectors (Eckmann and Ruelle 1992):
+//! [`CorrelationDimension::most`] states the largest that the record could show, 2 log₁₀ N.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -150,7 +151,8 @@ fn line(x: &[f64], y: &[f64]) -> (f64, f64) {
     (slope, (squares / n).sqrt())
 }
 
-/// The part of at least one octave and a half of r whose line is the longest that still describes it.
+/// The part of at least one octave and a half of r whose line is the longest that still describes
+/// it.
 fn straightest(x: &[f64], y: &[f64], first: usize, end: usize) -> Option<(usize, usize)> {
     const LEAST: usize = 12;
     let mut best: Option<(f64, usize, usize)> = None;

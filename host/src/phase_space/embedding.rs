@@ -1,8 +1,9 @@
-//! Delay vectors S(k) = (s(k), s(k + T_d), …, s(k + (d − 1) T_d)), of one observable or of several side by side.
+//! Delay vectors S(k) = (s(k), s(k + T_d), …, s(k + (d − 1) T_d)), of one observable or of several
+//! side by side.
 //!
-//! A component is an observable and a delay in samples; a vector belongs to time k where every component's sample lies
-//! in the same unbroken stretch. Vectors are not stored: [`Embedding::at`] reads the observable, and `starts` lists the
-//! times k, all of them or every s-th.
+//! A component is an observable and a delay in samples; a vector belongs to time k where every
+//! component's sample lies in the same unbroken stretch. Vectors are not stored: [`Embedding::at`]
+//! reads the observable, and `starts` lists the times k, all of them or every s-th.
 
 use super::observable::{Observable, distance};
 
@@ -25,8 +26,9 @@ pub struct Embedding<'a> {
 }
 
 impl<'a> Embedding<'a> {
-    /// `dimension` components of one observable at multiples of `delay`. `ahead`: samples that must follow a vector's last
-    /// component within its stretch. At most `most` vectors, evenly spread (every s-th).
+    /// `dimension` components of one observable at multiples of `delay`. `ahead`: samples that must
+    /// follow a vector's last component within its stretch. At most `most` vectors, evenly spread
+    /// (every s-th).
     pub fn of_one(of: &'a Observable, delay: usize, dimension: usize, ahead: usize, most: usize) -> Self {
         let components = (0..dimension).map(|j| Component { of, delay: j * delay }).collect();
         Self::new(components, ahead, most)

@@ -1,11 +1,14 @@
-//! Embedding dimension: false nearest neighbours (Kennel, Brown and Abarbanel 1992) and Cao's measure (Cao 1997).
+//! Embedding dimension: false nearest neighbours (Kennel, Brown and Abarbanel 1992) and Cao's
+//! measure (Cao 1997).
 //!
-//! With n(i, d) the nearest neighbour of vector i in dimension d (outside the Theiler window) and R_d(i) its distance,
-//! it is false where |s(i + d T_d) − s(n(i, d) + d T_d)| > 15 R_d(i), or where R_{d+1}(i) exceeds two standard deviations of
-//! the series (of an even spread over the circle or the span: 0.577). A neighbour whose jump lies within the noise is not
-//! called false by the first test: quantised counts would make all of them so.
-//! Cao: E1(d) = E(d + 1)/E(d), E(d) = ⟨R_{d+1}(i)/R_d(i)⟩ with both distances to n(i, d); E1 stops changing at the embedding
-//! dimension. E2(d) = E*(d + 1)/E*(d), E*(d) = ⟨|s(i + d T_d) − s(n + d T_d)|⟩, is 1 in all dimensions for noise alone.
+//! With n(i, d) the nearest neighbour of vector i in dimension d (outside the Theiler window) and
+//! R_d(i) its distance, it is false where |s(i + d T_d) − s(n(i, d) + d T_d)| > 15 R_d(i), or where
+//! R_{d+1}(i) exceeds two standard deviations of the series (of an even spread over the circle or
+//! the span: 0.577). A neighbour whose jump lies within the noise is not called false by the first
+//! test: quantised counts would make all of them so. Cao: E1(d) = E(d + 1)/E(d), E(d) =
+//! ⟨R_{d+1}(i)/R_d(i)⟩ with both distances to n(i, d); E1 stops changing at the embedding
+//! dimension. E2(d) = E*(d + 1)/E*(d), E*(d) = ⟨|s(i + d T_d) − s(n + d T_d)|⟩, is 1 in all
+//! dimensions for noise alone.
 //!
 //! Means and shares are over all vectors that have a neighbour; sums are made in fixed order.
 
@@ -24,8 +27,8 @@ pub struct Settings {
     pub theiler: u32,
     /// Ratio beyond which a neighbour is false. Default 15.
     pub ratio: f64,
-    /// Second test: distance beyond which a neighbour is none, in units of the observable (turns or spans). Default 0.577: two standard
-    /// deviations of an even spread over the circle.
+    /// Second test: distance beyond which a neighbour is none, in units of the observable (turns or
+    /// spans). Default 0.577: two standard deviations of an even spread over the circle.
     pub loneliness: f64,
     /// Jumps below this are noise, in units of the observable (turns or spans). Default 0.
     pub noise: f64,
@@ -54,8 +57,8 @@ pub struct FalseNeighbours {
     pub theiler: u32,
 }
 
-/// Both measures at dimensions 1 … `settings.dimensions` with a delay in samples. Fewer dimensions where the longest stretch
-/// holds no longer vectors.
+/// Both measures at dimensions 1 … `settings.dimensions` with a delay in samples. Fewer dimensions
+/// where the longest stretch holds no longer vectors.
 pub fn false_nearest_neighbours(series: &Observable, delay: usize, settings: &Settings) -> FalseNeighbours {
     let delay = delay.max(1);
     let longest = series.stretches.iter().map(|r| r.len()).max().unwrap_or(0);
@@ -81,7 +84,8 @@ pub fn false_nearest_neighbours(series: &Observable, delay: usize, settings: &Se
             count += 1;
             wrong += u64::from((step > settings.ratio * r && step > settings.noise) || next > settings.loneliness);
             jumps += step;
-            // Coinciding vectors have no ratio: they grow by the jump over what single precision tells apart.
+            // Coinciding vectors have no ratio: they grow by the jump over what single precision
+            // tells apart.
             ratios += next / r.max(6e-8);
         }
         let n = count.max(1) as f64;
@@ -112,8 +116,8 @@ impl<'a> Index<'a> {
         self.of.get(time).filter(|i| **i != NOBODY).map(|i| *i as usize)
     }
 
-    /// What is near to the vector `by` samples later, as much earlier: a vector's last components are that one's first, so that it is likely to
-    /// be near to this one too.
+    /// What is near to the vector `by` samples later, as much earlier: a vector's last components
+    /// are that one's first, so that it is likely to be near to this one too.
     fn shifted(&self, near: &[u32], by: usize) -> Vec<u32> {
         let of = |time: &u32| {
             let near = near[self.of(*time as usize + by)?];
@@ -129,8 +133,8 @@ pub fn dimension(share: &[f64], threshold: f64) -> Option<usize> {
     share.iter().position(|s| *s < threshold).map(|i| i + 1)
 }
 
-/// The dimension from which on Cao's E1 stays within `tolerance` of its last value; none where it has not settled two
-/// dimensions before the end.
+/// The dimension from which on Cao's E1 stays within `tolerance` of its last value; none where it
+/// has not settled two dimensions before the end.
 pub fn cao_dimension(e1: &[f64], tolerance: f64) -> Option<usize> {
     let last = *e1.last()?;
     let settled = e1.iter().rposition(|e| (e - last).abs() > tolerance * last).map_or(0, |i| i + 1);
@@ -168,7 +172,8 @@ mod tests {
 
     #[test]
     fn a_whirling_angle_on_the_circle_needs_no_more_than_its_motion() {
-        // A uniform whirl with a modulation: a torus, of dimension 2 and embedded in 2 angles; unwrapped it would never return.
+        // A uniform whirl with a modulation: a torus, of dimension 2 and embedded in 2 angles;
+        // unwrapped it would never return.
         let x: Vec<f64> = (0..20_000).map(|i| 0.11 * f64::from(i) + 0.9 * (f64::from(i) * 0.0371).sin()).collect();
         let s = Settings { dimensions: 5, theiler: 60, ..Settings::default() };
         let found = false_nearest_neighbours(&Observable::angle(&[&x], 0.0, 0), 20, &s);

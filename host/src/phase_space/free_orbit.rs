@@ -1,12 +1,18 @@
-//! Unstable periodic orbits of a free record, whose period is not known beforehand: a stretch that leaves its start and comes back to it,
-//! ‖s_i(t) − s_i(t + p)‖ < e · span_i for every coordinate i and any p, with s_i(t) = [θ_i(t), θ_i(t + T_d)] (one delay more where there is a
-//! single coordinate) and distances on the circle: (3.24) without a drive (D. Auerbach et al., *Physical Review Letters* 58, 1987).
+//! Unstable periodic orbits of a free record, whose period is not known beforehand: a stretch that
+//! leaves its start and comes back to it, ‖s_i(t) − s_i(t + p)‖ < e · span_i for every coordinate i
+//! and any p, with s_i(t) = [θ_i(t), θ_i(t + T_d)] (one delay more where there is a single
+//! coordinate) and distances on the circle: (3.24) without a drive (D. Auerbach et al., *Physical
+//! Review Letters* 58, 1987).
 //!
-//! Every start's returns are followed up to the longest period; of neighbouring starts that return after the same time the best is kept, its period from the parabola
-//! through the squared distances of three samples. Best closing ones first, a stretch is counted under an orbit that it follows, once or several times round;
-//! two are compared at 120 equal parts of the period, from whatever part on.
+//! Every start's returns are followed up to the longest period; of neighbouring starts that return
+//! after the same time the best is kept, its period from the parabola through the squared distances
+//! of three samples. Best closing ones first, a stretch is counted under an orbit that it follows,
+//! once or several times round; two are compared at 120 equal parts of the period, from whatever
+//! part on.
 //!
-//! Limits: a period should have some hundred samples; a decaying motion never returns, and one that spirals slowly out of an equilibrium does so at every turn. Cost: samples times longest period, with starts left out beyond 3·10⁸ comparisons.
+//! Limits: a period should have some hundred samples; a decaying motion never returns, and one that
+//! spirals slowly out of an equilibrium does so at every turn. Cost: samples times longest period,
+//! with starts left out beyond 3·10⁸ comparisons.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -17,7 +23,8 @@ use super::unstable_periodic_orbit::Stretch;
 
 /// Points at which orbits are compared; several times round divides them evenly.
 const POINTS: usize = 120;
-/// Points by which one orbit may run before or behind another: slow parts take longer a little way off.
+/// Points by which one orbit may run before or behind another: slow parts take longer a little way
+/// off.
 const DRIFT: usize = POINTS / 20;
 /// Tolerances that a state must have been away before it can return.
 const AWAY: f64 = 3.0;
@@ -140,7 +147,8 @@ fn closing(index: usize, stretch: &Stretch<'_>, stride: usize, settings: &Settin
     let starts: Vec<usize> = (0..samples(stretch)).step_by(stride).collect();
     let all: Vec<Vec<(f64, f64)>> = starts.par_iter().map(|n| returns(stretch, *n, settings)).collect();
     let mut out = Vec::new();
-    // Runs of starts that return after nearly the same time: its period at the last start, and the best.
+    // Runs of starts that return after nearly the same time: its period at the last start, and the
+    // best.
     let mut runs: Vec<(f64, Closing)> = Vec::new();
     for (start, found) in starts.iter().zip(&all) {
         let mut next = Vec::with_capacity(found.len());
@@ -171,7 +179,8 @@ fn within(stretch: &Stretch<'_>, a: &[f64], b: &[f64], limit: f64) -> bool {
     a.iter().zip(b).enumerate().all(|(i, (a, b))| stretch.tracks[i % count].difference(a - b) < limit)
 }
 
-/// Whether a state lies within `limit` of the straight line between two neighbouring points of an orbit.
+/// Whether a state lies within `limit` of the straight line between two neighbouring points of an
+/// orbit.
 fn beside(stretch: &Stretch<'_>, a: &[f64], [b0, b1]: [&[f64]; 2], limit: f64) -> bool {
     let count = stretch.tracks.len();
     // Signed differences in spans.
@@ -284,7 +293,8 @@ mod tests {
     use super::super::unstable_periodic_orbit::Track;
     use super::*;
 
-    /// Lorenz's x, y and z (σ = 10, r = 28, b = 8/3) at 0.01, by classical Runge–Kutta steps of 0.002.
+    /// Lorenz's x, y and z (σ = 10, r = 28, b = 8/3) at 0.01, by classical Runge–Kutta steps of
+    /// 0.002.
     fn lorenz(samples: usize) -> [Vec<f64>; 3] {
         let rate = |[x, y, z]: [f64; 3]| [10.0 * (y - x), x * (28.0 - z) - y, x * y - 8.0 / 3.0 * z];
         let mut q = [1.0, 1.0, 20.0];
@@ -314,8 +324,8 @@ mod tests {
         Stretch { tracks: values.iter().map(track).collect(), start_s: 0.0, step_s: 0.01, phase: 0.0 }
     }
 
-    /// Shortest orbits of Lorenz's system and their periods: Viswanath, *Nonlinearity* 16, 2003: AB 1.5587, AAB and ABB 2.3059, then those of four turns: AAAB, ABBB
-    /// 3.0236, AABB 3.0843.
+    /// Shortest orbits of Lorenz's system and their periods: Viswanath, *Nonlinearity* 16, 2003: AB
+    /// 1.5587, AAB and ABB 2.3059, then those of four turns: AAAB, ABBB 3.0236, AABB 3.0843.
     #[test]
     fn finds_lorenzs_shortest_orbits_with_their_published_periods() {
         let [x, y, z] = lorenz(60_000);
@@ -325,10 +335,12 @@ mod tests {
             let periods: Vec<f64> = found.orbits.iter().map(|o| o.period_s).collect();
             let near = |wanted: f64| periods.iter().filter(|p| (**p / wanted - 1.0).abs() < 0.006).count();
             assert_eq!(near(1.5587), 1, "{periods:?}");
-            // Two coordinates tell neighbouring stretches apart less well than three: some stand there twice.
+            // Two coordinates tell neighbouring stretches apart less well than three: some stand
+            // there twice.
             assert!(near(2.3059) == 2 || (record.len() == 2 && near(2.3059) > 2), "{periods:?}");
             assert!(near(3.0236) >= 1 && near(3.0843) >= 1, "{periods:?}");
-            // The spirals about the two equilibria take 0.63 to 0.7 a turn; nothing lies between them and AB.
+            // The spirals about the two equilibria take 0.63 to 0.7 a turn; nothing lies between
+            // them and AB.
             assert!(!periods.iter().any(|p| (0.8..1.5).contains(p) || (1.65..2.2).contains(p)), "{periods:?}");
             assert!(found.coverage > 0.2 && found.recurrences > 10);
         }

@@ -1,20 +1,25 @@
-//! Largest Lyapunov exponent from a record, by the divergence of nearest neighbours (Rosenstein, Collins and De Luca 1993).
+//! Largest Lyapunov exponent from a record, by the divergence of nearest neighbours (Rosenstein,
+//! Collins and De Luca 1993).
 //!
-//! S(k) = ⟨ln ‖S(n + k) − S(n′ + k)‖⟩ over the vectors n with their nearest neighbours n′ outside the Theiler window; the
-//! exponent is the slope of S over the samples in which it rises in a straight line, divided by the sampling step.
+//! S(k) = ⟨ln ‖S(n + k) − S(n′ + k)‖⟩ over the vectors n with their nearest neighbours n′ outside
+//! the Theiler window; the exponent is the slope of S over the samples in which it rises in a
+//! straight line, divided by the sampling step.
 //!
-//! **Fit window.** S leaves the first distance as the difference turns into the growing direction, and it saturates at S_∞, the
-//! mean of ln of the distance of unrelated vectors. The window ends where S comes within `ceiling` of S_∞ and
-//! starts after a settling time; within that the pair (start, end) is taken whose straight line is the longest that still
-//! describes the curve: the largest (rise of the line)/(rms deviation from it + a floor). Driven records are fitted over whole
-//! drive periods, within which S ripples.
+//! **Fit window.** S leaves the first distance as the difference turns into the growing direction,
+//! and it saturates at S_∞, the mean of ln of the distance of unrelated vectors. The window ends
+//! where S comes within `ceiling` of S_∞ and starts after a settling time; within that the pair
+//! (start, end) is taken whose straight line is the longest that still describes the curve: the
+//! largest (rise of the line)/(rms deviation from it + a floor). Driven records are fitted over
+//! whole drive periods, within which S ripples.
 //!
-//! **Uncertainty.** Standard error by the delete-one jackknife over blocks of time (neighbouring samples of chaos are not
-//! independent), to which the spread of the slopes over the thirds of the window is added in squares: the choice of the window is
-//! the larger error. The interval is ± 1.96 of the sum. Noise makes the first distance too large, and shortens the window;
-//! it does not change the slope that is left.
+//! **Uncertainty.** Standard error by the delete-one jackknife over blocks of time (neighbouring
+//! samples of chaos are not independent), to which the spread of the slopes over the thirds of the
+//! window is added in squares: the choice of the window is the larger error. The interval is ± 1.96
+//! of the sum. Noise makes the first distance too large, and shortens the window; it does not
+//! change the slope that is left.
 //!
-//! Limits: needs a drive or dynamics that return; a record of 20 periods has no window, and says so by `None`.
+//! Limits: needs a drive or dynamics that return; a record of 20 periods has no window, and says so
+//! by `None`.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -25,7 +30,8 @@ use super::observable::distance;
 
 /// Blocks of the jackknife.
 const BLOCKS: usize = 16;
-/// Distances multiplied before a logarithm is taken: squares above 1e-18 to the 16th power stay above 1e-288.
+/// Distances multiplied before a logarithm is taken: squares above 1e-18 to the 16th power stay
+/// above 1e-288.
 const PRODUCT: usize = 16;
 
 /// Choices.
@@ -35,7 +41,8 @@ pub struct Settings {
     pub theiler: u32,
     /// Steps followed, samples.
     pub steps: usize,
-    /// Components that distances are followed in: the first so many (a drive's phase, which never diverges, comes last).
+    /// Components that distances are followed in: the first so many (a drive's phase, which never
+    /// diverges, comes last).
     pub followed: usize,
     /// Windows are whole multiples of this, samples: the drive's period, 1 where there is none.
     pub unit: f64,
@@ -124,7 +131,8 @@ fn followed_block(e: &Embedding<'_>, pairs: &[(u32, u32)], followed: usize, step
     sums
 }
 
-/// Mean logarithm of the distance of unrelated vectors: each with one a fixed irrational share of the record away.
+/// Mean logarithm of the distance of unrelated vectors: each with one a fixed irrational share of
+/// the record away.
 fn saturation(e: &Embedding<'_>, followed: usize) -> f64 {
     let n = e.len();
     let (mut sum, mut count) = (0.0, 0usize);
@@ -152,7 +160,8 @@ fn line(curve: &[f64], from: usize, to: usize) -> (f64, f64, f64) {
     (slope, mean - slope * middle, (squares / n).sqrt())
 }
 
-/// The straight part of a divergence; none where S has no room to rise between settling and saturation.
+/// The straight part of a divergence; none where S has no room to rise between settling and
+/// saturation.
 pub fn fit(divergence: &Divergence, settings: &Settings) -> Option<Fit> {
     let s = &divergence.curve;
     let end = s.iter().position(|v| *v > divergence.saturation - settings.ceiling).unwrap_or(s.len());
@@ -195,7 +204,8 @@ pub fn fit(divergence: &Divergence, settings: &Settings) -> Option<Fit> {
 /// Standard error of the slope over a window by leaving out one block at a time.
 fn jackknife(divergence: &Divergence, from: usize, to: usize) -> f64 {
     let slopes: Vec<f64> = divergence.blocks.iter().map(|b| line(b, from, to).0).collect();
-    // A line's slope is linear in the curve: leaving one of m equal blocks out is the mean of the others.
+    // A line's slope is linear in the curve: leaving one of m equal blocks out is the mean of the
+    // others.
     let m = slopes.len() as f64;
     if m < 2.0 {
         return 0.0;

@@ -1,4 +1,5 @@
-//! Phase space of a record: delays, dimensions, sections, exponents, periodic orbits. Method section 2.
+//! Phase space of a record: delays, dimensions, sections, exponents, periodic orbits. Method
+//! section 2.
 //!
 //! One algorithm a file; [`survey::survey`] runs them over a record for `whirl inspect`.
 

@@ -1,10 +1,12 @@
-//! Largest Lyapunov exponent of a model: the mean growth of a tangent vector (Benettin, Galgani, Giorgilli and Strelcyn 1980).
+//! Largest Lyapunov exponent of a model: the mean growth of a tangent vector (Benettin, Galgani,
+//! Giorgilli and Strelcyn 1980).
 //!
-//! The variational equations carry a vector along the solution; after each interval it has grown by a factor g and is made a unit vector
-//! again: λ = ⟨ln g⟩ an interval. Standard error: from the means of `BLOCKS` blocks of intervals.
+//! The variational equations carry a vector along the solution; after each interval it has grown by
+//! a factor g and is made a unit vector again: λ = ⟨ln g⟩ an interval. Standard error: from the
+//! means of `BLOCKS` blocks of intervals.
 //!
-//! Limits: a solution that leaves the attractor of the record (a model that locks where the rig is chaotic) has its own exponent, and that is what is
-//! given.
+//! Limits: a solution that leaves the attractor of the record (a model that locks where the rig is
+//! chaotic) has its own exponent, and that is what is given.
 
 use serde::Serialize;
 
@@ -25,8 +27,9 @@ pub struct Exponent {
     pub intervals: usize,
 }
 
-/// The exponent of a motion that `advance` carries on by one interval, tangent vector and all. `settle` intervals are not counted. None where
-/// `advance` gives up, the vector vanishes or there are fewer than two intervals a block.
+/// The exponent of a motion that `advance` carries on by one interval, tangent vector and all.
+/// `settle` intervals are not counted. None where `advance` gives up, the vector vanishes or there
+/// are fewer than two intervals a block.
 pub fn largest_exponent(
     mut advance: impl FnMut(&mut [f64]) -> bool,
     vector: &mut [f64],
@@ -59,7 +62,8 @@ pub fn largest_exponent(
     Some(Exponent { per_interval: mean, std_error: variance.sqrt(), intervals })
 }
 
-/// The exponent of a system from a state on: `intervals` of `interval_s` after `settle` that are not counted. The state (q, v) is where it ends.
+/// The exponent of a system from a state on: `intervals` of `interval_s` after `settle` that are
+/// not counted. The state (q, v) is where it ends.
 pub fn of_model<D: Dynamics + ?Sized>(
     flow: &Flow<'_, D>,
     dynamics: &D,
@@ -72,7 +76,8 @@ pub fn of_model<D: Dynamics + ?Sized>(
     let n = dynamics.degrees_of_freedom();
     let mut work = Work::tangent(dynamics, 1);
     work.set(state);
-    // Rates are of the size of angles times the angular frequency: measured in those, the vector's growth evens out sooner.
+    // Rates are of the size of angles times the angular frequency: measured in those, the vector's
+    // growth evens out sooner.
     let mut vector: Vec<f64> = (0..2 * n).map(|i| 1.0 / (1.0 + i as f64)).collect();
     let mut at = 0;
     let found = largest_exponent(

@@ -1,15 +1,18 @@
-//! Exact nearest neighbours of every delay vector, on the circle, outside a Theiler window (Theiler 1986): vectors that are
-//! closer in time than w samples are no neighbours, for their nearness says nothing of the attractor.
+//! Exact nearest neighbours of every delay vector, on the circle, outside a Theiler window (Theiler
+//! 1986): vectors that are closer in time than w samples are no neighbours, for their nearness says
+//! nothing of the attractor.
 //!
-//! A k-d tree (Bentley 1975) with up to 16 vectors a leaf and a tight box at each node; a box is an arc in each angle.
-//! The queries of a leaf go down the tree together: what the box of all of them cannot reach is looked at once. A search starts from
-//! a bound: the neighbour in the dimension before, where there is one, and the neighbours of the leaf's other vectors.
+//! A k-d tree (Bentley 1975) with up to 16 vectors a leaf and a tight box at each node; a box is an
+//! arc in each angle. The queries of a leaf go down the tree together: what the box of all of them
+//! cannot reach is looked at once. A search starts from a bound: the neighbour in the dimension
+//! before, where there is one, and the neighbours of the leaf's other vectors.
 //!
-//! Leaves are compared with pulp's choice of vector instructions (it is faer's too): found at run time, without unsafe code.
+//! Leaves are compared with pulp's choice of vector instructions (it is faer's too): found at run
+//! time, without unsafe code.
 //!
-//! Distances: squares of Euclidean ones of [`super::observable::distance`], in single precision. Results do not depend
-//! on the number of threads: each query's answer is its own (of two equally near vectors the first met).
-//! Cost about n log n; memory about (8 d + 24) bytes a vector.
+//! Distances: squares of Euclidean ones of [`super::observable::distance`], in single precision.
+//! Results do not depend on the number of threads: each query's answer is its own (of two equally
+//! near vectors the first met). Cost about n log n; memory about (8 d + 24) bytes a vector.
 
 mod partition;
 
@@ -22,7 +25,8 @@ use super::observable::distance;
 
 /// Vectors a leaf at most.
 const LEAF: usize = 16;
-/// Coordinate of the places of a leaf that hold no vector: farther than anything, and its square is still finite.
+/// Coordinate of the places of a leaf that hold no vector: farther than anything, and its square is
+/// still finite.
 const FAR: f32 = 1e9;
 /// A distance that no two vectors have.
 const NONE: f32 = 1e17;
@@ -32,7 +36,8 @@ pub const NOBODY: u32 = u32::MAX;
 /// The nearest neighbour of each vector.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Neighbours {
-    /// Start (time) of the nearest vector, [`NOBODY`] where the window leaves none; in the order of the embedding's starts.
+    /// Start (time) of the nearest vector, [`NOBODY`] where the window leaves none; in the order of
+    /// the embedding's starts.
     pub start: Vec<u32>,
     /// Square of its distance.
     pub distance2: Vec<f32>,
@@ -43,13 +48,15 @@ pub struct Tree<'a> {
     embedding: &'a Embedding<'a>,
     dimension: usize,
     periods: Vec<f32>,
-    /// Index of each vector among the embedding's starts, leaf by leaf, 16 places each; [`NOBODY`] for none.
+    /// Index of each vector among the embedding's starts, leaf by leaf, 16 places each; [`NOBODY`]
+    /// for none.
     places: Vec<u32>,
     /// Start of each vector, likewise.
     times: Vec<u32>,
     /// Coordinates, leaf by leaf, dimension by dimension, 16 places each.
     leaves: Vec<f32>,
-    /// Middle and half width of the nodes' boxes, node by node (heap order), dimension by dimension.
+    /// Middle and half width of the nodes' boxes, node by node (heap order), dimension by
+    /// dimension.
     boxes: Vec<(f32, f32)>,
     /// Number of leaves, a power of two.
     leaf_count: usize,
@@ -62,7 +69,8 @@ impl<'a> Tree<'a> {
         let n = embedding.len();
         let leaf_count = n.div_ceil(LEAF).next_power_of_two();
         let periods: Vec<f32> = embedding.components[..dimension].iter().map(|c| c.of.period).collect();
-        // Coordinate's bits above, index below: coordinates are not negative, so the bits sort as they do.
+        // Coordinate's bits above, index below: coordinates are not negative, so the bits sort as
+        // they do.
         let mut keys: Vec<u64> = (0..n as u64).collect();
         if dimension > 0 {
             split(embedding, dimension, &mut keys, leaf_count);
@@ -138,8 +146,9 @@ impl<'a> Tree<'a> {
         sum
     }
 
-    /// The nearest neighbour of every vector, farther than `theiler` samples in time. `hints`: lists of starts that may be near, one
-    /// for each vector (say of the dimension before) or [`NOBODY`]; all of them are outside its window.
+    /// The nearest neighbour of every vector, farther than `theiler` samples in time. `hints`:
+    /// lists of starts that may be near, one for each vector (say of the dimension before) or
+    /// [`NOBODY`]; all of them are outside its window.
     pub fn nearest(&self, theiler: u32, hints: &[Vec<u32>]) -> Neighbours {
         let n = self.embedding.len();
         let mut out = Neighbours { start: vec![NOBODY; n], distance2: vec![f32::INFINITY; n] };
@@ -164,8 +173,9 @@ impl<'a> Tree<'a> {
         out
     }
 
-    /// The `k` nearest vectors to the one that starts at `start`, farther than `theiler` samples in time, nearest first: squares
-    /// of the distances and starts, into `best` (fewer where there are no more). `stack` is scratch.
+    /// The `k` nearest vectors to the one that starts at `start`, farther than `theiler` samples in
+    /// time, nearest first: squares of the distances and starts, into `best` (fewer where there are
+    /// no more). `stack` is scratch.
     pub fn near(&self, start: u32, theiler: u32, k: usize, best: &mut Vec<(f32, u32)>, stack: &mut Vec<(f32, usize)>) {
         best.clear();
         stack.clear();
@@ -277,7 +287,8 @@ impl<'a> Tree<'a> {
         best
     }
 
-    /// Compares `used` queries (coordinates as in a leaf, starting at place `here`) with the vectors of a leaf.
+    /// Compares `used` queries (coordinates as in a leaf, starting at place `here`) with the
+    /// vectors of a leaf.
     #[inline(always)]
     fn scan(
         &self,
@@ -343,7 +354,8 @@ fn least(x: &[f32; LEAF]) -> f32 {
     less(less(four[0], four[2]), less(four[1], four[3]))
 }
 
-/// A leaf's search, compiled for each width of vectors that processors have; the same operations in the same order, and so the same results.
+/// A leaf's search, compiled for each width of vectors that processors have; the same operations in
+/// the same order, and so the same results.
 struct Search<'a, 'b> {
     tree: &'a Tree<'a>,
     leaf: usize,

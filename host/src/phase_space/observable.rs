@@ -1,14 +1,18 @@
-//! Scalar series made ready for phase-space statistics: on the circle or on the line, in single precision, dithered.
+//! Scalar series made ready for phase-space statistics: on the circle or on the line, in single
+//! precision, dithered.
 //!
-//! An angle is kept in turns, wrapped to [0, 1); a number is kept as (x − min)/(max − min), in [0, 1]. The distance of two
-//! values is min(|d|, P − |d|) with P = 1 for an angle (the arc between them) and P = ∞ for a number (plain difference).
+//! An angle is kept in turns, wrapped to [0, 1); a number is kept as (x − min)/(max − min), in [0,
+//! 1]. The distance of two values is min(|d|, P − |d|) with P = 1 for an angle (the arc between
+//! them) and P = ∞ for a number (plain difference).
 //!
-//! Quantised values coincide, which makes nearest neighbours meaningless (distance 0) and trees slow. Each value is
-//! therefore moved by a uniform amount within ± half a quantisation step, from a seeded generator: the same every time.
-//! What is smaller than a step is then noise by construction, as it is in the record.
+//! Quantised values coincide, which makes nearest neighbours meaningless (distance 0) and trees
+//! slow. Each value is therefore moved by a uniform amount within ± half a quantisation step, from
+//! a seeded generator: the same every time. What is smaller than a step is then noise by
+//! construction, as it is in the record.
 //!
-//! Stretches lie one behind the other; [`Observable::stretches`] says where each ends, so that no delay vector and no
-//! pair straddles a gap. Limits: 2³² − 1 samples; resolution 6e-8 of a turn or of the span.
+//! Stretches lie one behind the other; [`Observable::stretches`] says where each ends, so that no
+//! delay vector and no pair straddles a gap. Limits: 2³² − 1 samples; resolution 6e-8 of a turn or
+//! of the span.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -38,8 +42,8 @@ pub fn distance(a: f32, b: f32, period: f32) -> f32 {
 }
 
 impl Observable {
-    /// Angles in radians (wrapped or not). `step`: quantisation step, rad, 0 for none. Values that are not finite are
-    /// taken as 0: records have been checked before.
+    /// Angles in radians (wrapped or not). `step`: quantisation step, rad, 0 for none. Values that
+    /// are not finite are taken as 0: records have been checked before.
     pub fn angle(stretches: &[&[f64]], step: f64, seed: u64) -> Self {
         Self::build(stretches, step / TAU, seed, 1.0, TAU, |x| x / TAU)
     }

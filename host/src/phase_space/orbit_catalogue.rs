@@ -1,9 +1,9 @@
-//! Catalogue of extracted orbits: near-identical ones merged, each with period, closing error and whirling numbers, and
-//! what share of the motion they cover.
+//! Catalogue of extracted orbits: near-identical ones merged, each with period, closing error and
+//! whirling numbers, and what share of the motion they cover.
 //!
-//! An orbit is sampled at [`POINTS`] phases of the drive a period, from phase 0, so that two of period k compare point by
-//! point at k shifts by whole periods. The distance of two is the largest, over points, coordinates and both delays, of the
-//! difference on the circle in spans.
+//! An orbit is sampled at [`POINTS`] phases of the drive a period, from phase 0, so that two of
+//! period k compare point by point at k shifts by whole periods. The distance of two is the
+//! largest, over points, coordinates and both delays, of the difference on the circle in spans.
 //! Whirling number of an angle: its whole turns over the orbit, (θ(t + kT) − θ(t))/2π.
 
 use serde::Serialize;
@@ -118,11 +118,13 @@ pub fn catalogue(record: &[Stretch<'_>], closing: &[Vec<Closing>], settings: &Se
     out
 }
 
-/// Share of the record's states within the tolerance of an orbit's point at the same phase of the drive.
+/// Share of the record's states within the tolerance of an orbit's point at the same phase of the
+/// drive.
 pub fn coverage(record: &[Stretch<'_>], catalogue: &Catalogue, settings: &Settings) -> f64 {
     let length = |s: &Stretch<'_>| s.tracks.iter().map(|t| t.values.len()).min().unwrap_or(0);
     let periods: f64 = record.iter().map(|s| length(s) as f64 / settings.period).sum();
-    // One state at some phase of each period, phases in turn; a whole number of states a period in short records.
+    // One state at some phase of each period, phases in turn; a whole number of states a period in
+    // short records.
     let each = ((STATES as f64 / periods.max(1.0)) as usize).clamp(1, POINTS);
     let (mut covered, mut all) = (0usize, 0usize);
     for stretch in record {

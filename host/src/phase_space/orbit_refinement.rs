@@ -1,11 +1,15 @@
-//! An extracted orbit made exactly periodic on a model: Newton's method on all its drive periods at once.
+//! An extracted orbit made exactly periodic on a model: Newton's method on all its drive periods at
+//! once.
 //!
-//! Unknown are the states x_0 … x_{k−1} at the k starts of the drive periods. With Φ the solution over one period,
-//! Φ(x_j) − x_{j+1} = 0 and Φ(x_{k−1}) − x_0 − 2π·turns = 0; the derivatives of Φ are the variational equations'. Following all periods at once
-//! (multiple shooting) keeps an orbit's instability from spoiling the equations. Its Floquet multipliers are the eigenvalues of the product of the
-//! periods' derivatives: the orbit is unstable where one is larger than 1 in size.
+//! Unknown are the states x_0 … x_{k−1} at the k starts of the drive periods. With Φ the solution
+//! over one period, Φ(x_j) − x_{j+1} = 0 and Φ(x_{k−1}) − x_0 − 2π·turns = 0; the derivatives of Φ
+//! are the variational equations'. Following all periods at once (multiple shooting) keeps an
+//! orbit's instability from spoiling the equations. Its Floquet multipliers are the eigenvalues of
+//! the product of the periods' derivatives: the orbit is unstable where one is larger than 1 in
+//! size.
 //!
-//! Limits: Newton's method goes to an orbit near the guess or nowhere; an orbit along which a joint's velocity grazes zero has no derivative there.
+//! Limits: Newton's method goes to an orbit near the guess or nowhere; an orbit along which a
+//! joint's velocity grazes zero has no derivative there.
 
 use core::f64::consts::TAU;
 
@@ -17,7 +21,8 @@ use crate::model::flow::{Flow, Work};
 
 /// Most rounds.
 const MOST_ROUNDS: usize = 40;
-/// Size of the closing error, rad (and rad/s over the drive's angular frequency), at which an orbit counts as periodic.
+/// Size of the closing error, rad (and rad/s over the drive's angular frequency), at which an orbit
+/// counts as periodic.
 pub const CLOSED: f64 = 1e-9;
 
 /// A periodic orbit of a model.
@@ -39,8 +44,9 @@ pub struct RefinedOrbit {
     pub rounds: usize,
 }
 
-/// Refines an orbit. `guess`: a state (q, q̇) at the start of each of its drive periods; `start_s`: time of the first; `angles`: which coordinates are
-/// angles. None where Newton's method finds no orbit.
+/// Refines an orbit. `guess`: a state (q, q̇) at the start of each of its drive periods; `start_s`:
+/// time of the first; `angles`: which coordinates are angles. None where Newton's method finds no
+/// orbit.
 pub fn refine<D: Dynamics + ?Sized>(
     flow: &Flow<'_, D>,
     dynamics: &D,
@@ -137,7 +143,8 @@ mod tests {
     use crate::model::dynamics::Instant;
     use crate::model::flow::Outside;
 
-    /// q̈ = a q + F cos τ: the periodic solution is q = −F cos τ/(1 + a) at Ω = 1, with multipliers exp(± 2π √a).
+    /// q̈ = a q + F cos τ: the periodic solution is q = −F cos τ/(1 + a) at Ω = 1, with multipliers
+    /// exp(± 2π √a).
     struct Forced;
 
     impl Dynamics for Forced {

@@ -1,8 +1,9 @@
-//! Poincaré sections of a driven record: value and velocity of each coordinate where the drive's phase τ mod 2π passes a
-//! given one, once a drive period.
+//! Poincaré sections of a driven record: value and velocity of each coordinate where the drive's
+//! phase τ mod 2π passes a given one, once a drive period.
 //!
-//! Values between samples are four-point Lagrange interpolations; velocities are least-squares slopes over 2 m + 1 samples
-//! about the nearest one, Σ i x_i/(h Σ i²). Values of an angle are wrapped to [−π, π).
+//! Values between samples are four-point Lagrange interpolations; velocities are least-squares
+//! slopes over 2 m + 1 samples about the nearest one, Σ i x_i/(h Σ i²). Values of an angle are
+//! wrapped to [−π, π).
 
 use serde::Serialize;
 
@@ -19,8 +20,8 @@ pub struct Section {
     pub velocity: Vec<Vec<f32>>,
 }
 
-/// The section at `turns` (share of a turn) of the drive; at most `most` points, the first. `period`: samples;
-/// `half_width`: m of each coordinate.
+/// The section at `turns` (share of a turn) of the drive; at most `most` points, the first.
+/// `period`: samples; `half_width`: m of each coordinate.
 pub fn section(record: &[Stretch<'_>], turns: f64, period: f64, half_width: &[usize], most: usize) -> Section {
     let coordinates = record.first().map_or(0, |s| s.tracks.len());
     let mut out = Section {

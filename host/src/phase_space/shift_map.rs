@@ -1,12 +1,14 @@
-//! The left-shift map x(k+1) = 2 x(k) mod 1 (4.2), (4.3) in exact arithmetic: why a long stretch of chaos is as good as a
-//! periodic orbit.
+//! The left-shift map x(k+1) = 2 x(k) mod 1 (4.2), (4.3) in exact arithmetic: why a long stretch of
+//! chaos is as good as a periodic orbit.
 //!
-//! A rational p/q with q odd is a periodic point: its period is the order of 2 modulo q. The points with 2ⁿ x = x are
-//! p/(2ⁿ − 1). For any x there is one of them, y, with the same first n binary digits, and
+//! A rational p/q with q odd is a periodic point: its period is the order of 2 modulo q. The points
+//! with 2ⁿ x = x are p/(2ⁿ − 1). For any x there is one of them, y, with the same first n binary
+//! digits, and
 //! |x(k) − y(k)| < 2^−(n−k) for all k ≤ n (4.4): the orbit of length n lies close to a periodic one but for its last few points.
 //!
-//! Points are fractions of integers of 128 bits (n ≤ 60, q < 2⁶⁴): a double holds 53 digits, and each step shifts one of
-//! them out, so that every orbit in floating point ends at 0 after 53 steps.
+//! Points are fractions of integers of 128 bits (n ≤ 60, q < 2⁶⁴): a double holds 53 digits, and
+//! each step shifts one of them out, so that every orbit in floating point ends at 0 after 53
+//! steps.
 
 /// A point p/q of [0, 1), not necessarily in lowest terms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,8 +48,9 @@ impl Point {
         })
     }
 
-    /// The point of period n (or of a divisor of n) with the same first n binary digits, 1 ≤ n ≤ 60. Digits that are all 1
-    /// stand for (2ⁿ − 1)/(2ⁿ − 1) = 1, which is the fixed point 0 from the other side; it is kept as 1 so that (4.4) holds.
+    /// The point of period n (or of a divisor of n) with the same first n binary digits, 1 ≤ n
+    /// ≤ 60. Digits that are all 1 stand for (2ⁿ − 1)/(2ⁿ − 1) = 1, which is the fixed point 0 from
+    /// the other side; it is kept as 1 so that (4.4) holds.
     pub fn shadow(self, n: u32) -> Option<Self> {
         (1..=60).contains(&n).then(|| Self { p: (self.p << n) / self.q, q: (1 << n) - 1 })
     }
@@ -61,8 +64,8 @@ impl Point {
     }
 }
 
-/// The shadowing orbit of (4.4): y(k) = x's first n digits, cycled from place k on. Unlike iterating the fraction it keeps 1 for
-/// digits that are all 1.
+/// The shadowing orbit of (4.4): y(k) = x's first n digits, cycled from place k on. Unlike
+/// iterating the fraction it keeps 1 for digits that are all 1.
 pub fn shadow_orbit(x: Point, n: u32) -> Option<Vec<Point>> {
     let first = x.shadow(n)?;
     let q = first.q;
@@ -70,7 +73,8 @@ pub fn shadow_orbit(x: Point, n: u32) -> Option<Vec<Point>> {
     Some(std::iter::successors(Some(first), |y| Some(Point { p: turn(y.p), q })).take(n as usize + 1).collect())
 }
 
-/// One point of every orbit of least period n, the smallest of each, in order; n ≤ 24 (there are about 2ⁿ/n).
+/// One point of every orbit of least period n, the smallest of each, in order; n ≤ 24 (there are
+/// about 2ⁿ/n).
 pub fn periodic_orbits(n: u32) -> Vec<Point> {
     if !(1..=24).contains(&n) {
         return Vec::new();
@@ -88,8 +92,8 @@ pub fn periodic_orbits(n: u32) -> Vec<Point> {
 mod tests {
     use super::*;
 
-    /// Number of orbits of least period n of a map with 2ⁿ fixed points of its n-th iterate on the circle less one
-    /// (0 and 1 are the same point): Möbius inversion of 2ⁿ − 1.
+    /// Number of orbits of least period n of a map with 2ⁿ fixed points of its n-th iterate on the
+    /// circle less one (0 and 1 are the same point): Möbius inversion of 2ⁿ − 1.
     fn orbits(n: u32) -> u64 {
         let moebius = |of: u32| {
             let (mut m, mut sign) = (of, 1i64);
@@ -122,7 +126,8 @@ mod tests {
 
     #[test]
     fn every_orbit_lies_near_a_periodic_one_by_4_4() {
-        // Numerators and denominators without pattern; q even too: those are periodic only after a while.
+        // Numerators and denominators without pattern; q even too: those are periodic only after a
+        // while.
         for (p, q) in [(1, 3), (314_159, 1_000_003), (271_828, 1 << 20), (u64::MAX / 3, u64::MAX - 58), (0, 1)] {
             let x = Point::new(p, q).unwrap();
             for n in [1, 5, 20, 40, 59] {

@@ -1,11 +1,14 @@
-//! All of phase space over one record, for `whirl inspect`: each measured coordinate's delay and dimension, then, of all
-//! coordinates together, sections, exponents, correlation dimension and periodic orbits.
+//! All of phase space over one record, for `whirl inspect`: each measured coordinate's delay and
+//! dimension, then, of all coordinates together, sections, exponents, correlation dimension and
+//! periodic orbits.
 //!
-//! **Work on long records is capped** so that it does not grow beyond some seconds ([`Settings`]): of a record of more than a million
-//! samples 32 evenly spread pieces are used; false neighbours compare every s-th delay vector (10 000), the divergence 60 000, the
-//! tangent maps 100 000, the correlation dimension 20 000. What was used is in the result.
+//! **Work on long records is capped** so that it does not grow beyond some seconds ([`Settings`]):
+//! of a record of more than a million samples 32 evenly spread pieces are used; false neighbours
+//! compare every s-th delay vector (10 000), the divergence 60 000, the tangent maps 100 000, the
+//! correlation dimension 20 000. What was used is in the result.
 //!
-//! A coordinate that does not move is left out; a record that repeats or rests has no exponent, dimension nor catalogue of orbits.
+//! A coordinate that does not move is left out; a record that repeats or rests has no exponent,
+//! dimension nor catalogue of orbits.
 
 use std::f64::consts::TAU;
 
@@ -42,7 +45,8 @@ pub struct CoordinateSpace {
     pub minima: Vec<Minimum>,
     /// Lag of the first of all minima, samples.
     pub first_minimum: Option<usize>,
-    /// T_d: the first minimum that is not weak, else the first, else the lag where I has lost 1 − 1/e of its fall, samples.
+    /// T_d: the first minimum that is not weak, else the first, else the lag where I has lost 1 −
+    /// 1/e of its fall, samples.
     pub delay: usize,
     /// Whether no minimum is clear.
     pub weak: bool,
@@ -114,7 +118,8 @@ pub struct PhaseSpace {
 }
 
 impl PhaseSpace {
-    /// Whether neighbouring states are shown to move apart: the exponent's 95 % interval lies above zero.
+    /// Whether neighbouring states are shown to move apart: the exponent's 95 % interval lies above
+    /// zero.
     pub fn spreads(&self) -> bool {
         self.lyapunov.as_ref().is_some_and(|l| l.per_second > 1.96 * l.std_error)
     }
@@ -137,7 +142,8 @@ fn pieces(lengths: &[usize], most: usize) -> Vec<(usize, usize, usize)> {
     out
 }
 
-/// Surveys a record. `motions` and `coordinates` are those of its inspection; `repeats`: the record repeats or rests.
+/// Surveys a record. `motions` and `coordinates` are those of its inspection; `repeats`: the record
+/// repeats or rests.
 pub fn survey(
     record: &Record,
     motions: &[Motion],
@@ -324,8 +330,9 @@ fn phase_of(stretches: &[Stretch<'_>], period: f64) -> Observable {
     Observable::angle(&turns.iter().map(Vec::as_slice).collect::<Vec<_>>(), 0.0, 0)
 }
 
-/// Delays of each coordinate in a state of all together: two, three of a single one without a drive, and one where a free system's
-/// coordinates are as many as its dimension: more would add directions in which no neighbour lies, whose gradients are the flow's curvature.
+/// Delays of each coordinate in a state of all together: two, three of a single one without a
+/// drive, and one where a free system's coordinates are as many as its dimension: more would add
+/// directions in which no neighbour lies, whose gradients are the flow's curvature.
 fn delays(coordinates: usize, driven: bool, dimension: Option<usize>) -> usize {
     match coordinates {
         _ if driven => 2,
@@ -357,7 +364,8 @@ fn lyapunov(
     rate: f64,
 ) -> Option<Lyapunov> {
     let delays = delays(o.len(), phase.is_some(), space.dimension);
-    // An eighth of a drive period: long beside the noise of a count, short beside the curvature of the flow.
+    // An eighth of a drive period: long beside the noise of a count, short beside the curvature of
+    // the flow.
     let step = period.map_or((space.delay as f64 / 2.0).round(), |t| (t / 8.0).round()).max(1.0) as usize;
     let unknowns = delays * o.len() + usize::from(phase.is_some()) + 1;
     let tangent = tangent::tangent_exponent(

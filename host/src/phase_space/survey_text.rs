@@ -5,7 +5,8 @@ use std::fmt::Write as _;
 use super::survey::PhaseSpace;
 use crate::report::format::{fixed, plus_minus, significant, symbol_plain};
 
-/// Delay and dimension of each coordinate, exponent, dimension, orbits; a line each. Ends with a line break.
+/// Delay and dimension of each coordinate, exponent, dimension, orbits; a line each. Ends with a
+/// line break.
 pub fn text(space: &PhaseSpace) -> String {
     let mut out = String::new();
     let mut line = |name: &str, value: String| {
@@ -31,7 +32,8 @@ pub fn text(space: &PhaseSpace) -> String {
             (Some(v), Some(e)) => format!(", {} a drive period", plus_minus(v, 1.96 * e)),
             _ => String::new(),
         };
-        // The slope of the divergence curve lies low where it saturates early; its scatter does not show that.
+        // The slope of the divergence curve lies low where it saturates early; its scatter does not
+        // show that.
         let divergence = match (l.divergence_per_second, l.fit_window_s) {
             (Some(v), Some([a, b])) => {
                 format!(
@@ -74,7 +76,8 @@ pub fn text(space: &PhaseSpace) -> String {
                 fixed(100.0 * o.coverage, 1)
             )
         };
-        // Without a positive exponent the motion need not have unstable orbits: a sum of swings also comes back.
+        // Without a positive exponent the motion need not have unstable orbits: a sum of swings
+        // also comes back.
         let word = if space.spreads() { "orbits" } else { "returns" };
         line(word, format!("{} at {} %{of}", o.orbits.len(), significant(100.0 * o.settings.tolerance, 2)));
     }

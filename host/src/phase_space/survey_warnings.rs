@@ -3,7 +3,8 @@
 use super::average_mutual_information::Minimum;
 use crate::warning::Warning;
 
-/// Minima of the mutual information that do not settle the delay: all of them, with their depths, and what was taken.
+/// Minima of the mutual information that do not settle the delay: all of them, with their depths,
+/// and what was taken.
 pub fn weak_minima(name: &str, minima: &[Minimum], delay: usize, weak: bool, rate: f64) -> Warning {
     let listed: Vec<String> = minima.iter().take(8).map(|m| format!("{} ({:.1} %)", m.lag, 100.0 * m.depth)).collect();
     let message = match (minima.is_empty(), weak) {

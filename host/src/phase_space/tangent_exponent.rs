@@ -1,22 +1,26 @@
-//! Largest Lyapunov exponent from a record, by local linear maps (Sano and Sawada 1985; Eckmann, Kamphorst, Ruelle and Ciliberto
-//! 1986).
+//! Largest Lyapunov exponent from a record, by local linear maps (Sano and Sawada 1985; Eckmann,
+//! Kamphorst, Ruelle and Ciliberto 1986).
 //!
-//! Along the record, one step of δ samples is a map of the state z = (s_i(n), s_i(n + δ), …, s_i(n + (m − 1) δ)): all components move up
-//! by one and the newest, s_i(n + mδ), is a function g_i of the state (and of the drive's phase). Its gradient at each reference point
-//! is the weighted least-squares plane through the k nearest vectors outside the Theiler window. The gradients make the
-//! tangent map of each step; a tangent vector carried along and normalised after each step grows by the exponent on average:
-//! λ = ⟨ln ‖v′‖/‖v‖⟩/δ.
+//! Along the record, one step of δ samples is a map of the state z = (s_i(n), s_i(n + δ), …,
+//! s_i(n + (m − 1) δ)): all components move up by one and the newest, s_i(n + mδ), is a function
+//! g_i of the state (and of the drive's phase). Its gradient at each reference point is the
+//! weighted least-squares plane through the k nearest vectors outside the Theiler window. The
+//! gradients make the tangent map of each step; a tangent vector carried along and normalised after
+//! each step grows by the exponent on average: λ = ⟨ln ‖v′‖/‖v‖⟩/δ.
 //!
-//! Unlike the divergence of neighbours it needs no neighbours much closer than the size of the attractor: that is what a
-//! record of some minutes of a system of four or five dimensions has not. The planes' curvature is its error; the fit is
-//! repeated with half as many neighbours, and the difference joins the jackknife's standard error (blocks of time) in squares.
+//! Unlike the divergence of neighbours it needs no neighbours much closer than the size of the
+//! attractor: that is what a record of some minutes of a system of four or five dimensions has not.
+//! The planes' curvature is its error; the fit is repeated with half as many neighbours, and the
+//! difference joins the jackknife's standard error (blocks of time) in squares.
 //!
-//! A state of more dimensions than the attractor needs has directions in which neighbours lie only as far as the flow is curved; gradients along them are that
-//! curvature's, and grow tangent vectors that belong to no motion. [`Settings::keep`] confines the planes to the directions in which the neighbours
-//! spread most (principal components of each neighbourhood; Lorenz's x and z at two delays each: 5.4/s without, 0.9/s with three of the four).
+//! A state of more dimensions than the attractor needs has directions in which neighbours lie only
+//! as far as the flow is curved; gradients along them are that curvature's, and grow tangent
+//! vectors that belong to no motion. [`Settings::keep`] confines the planes to the directions in
+//! which the neighbours spread most (principal components of each neighbourhood; Lorenz's x and z
+//! at two delays each: 5.4/s without, 0.9/s with three of the four).
 //!
-//! Limits: noise in the gradients adds to the exponent; a locked orbit has no neighbours off itself and gives nonsense (`inspect`
-//! reports none for it).
+//! Limits: noise in the gradients adds to the exponent; a locked orbit has no neighbours off itself
+//! and gives nonsense (`inspect` reports none for it).
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;
@@ -28,7 +32,8 @@ use super::observable::Observable;
 
 /// Blocks of the jackknife.
 const BLOCKS: usize = 16;
-/// Steps at the start of a block, in which the vector turns into its growing direction, that are not counted.
+/// Steps at the start of a block, in which the vector turns into its growing direction, that are
+/// not counted.
 const SETTLE: usize = 10;
 /// Most unknowns of a plane.
 const MOST: usize = 24;
@@ -44,7 +49,8 @@ pub struct Settings {
     pub neighbours: usize,
     /// Neighbours in time within so many samples do not count.
     pub theiler: u32,
-    /// Directions of each neighbourhood in which the planes have slopes; all of them where there are no more.
+    /// Directions of each neighbourhood in which the planes have slopes; all of them where there
+    /// are no more.
     pub keep: Option<usize>,
     /// Most steps taken.
     pub steps: usize,
@@ -65,8 +71,8 @@ pub struct Tangent {
     pub steps: usize,
 }
 
-/// The exponent of `observables` (equal stretches), `phase` the drive's phase as an observable. None where the record gives fewer
-/// than 100 steps or too few vectors.
+/// The exponent of `observables` (equal stretches), `phase` the drive's phase as an observable.
+/// None where the record gives fewer than 100 steps or too few vectors.
 pub fn tangent_exponent(
     observables: &[&Observable],
     phase: Option<&Observable>,
@@ -125,7 +131,8 @@ pub fn tangent_exponent(
     Some(Tangent { exponent, std_error: statistical.hypot(exponent - halved), halved, steps })
 }
 
-/// Runs of reference points: first sample and number of steps; about [`BLOCKS`] of them over all stretches.
+/// Runs of reference points: first sample and number of steps; about [`BLOCKS`] of them over all
+/// stretches.
 fn runs(of: &Observable, reach: usize, step: usize, most: usize) -> Vec<(usize, usize)> {
     let room = |len: usize| (len.saturating_sub(reach + 1)) / step;
     let all: usize = of.stretches.iter().map(|r| room(r.len())).sum();
@@ -218,7 +225,8 @@ fn advance(
     Some(growth)
 }
 
-/// Solves the normal equations (a constant, then one unknown a component; lower triangle) for slopes within the `keep` directions in which the neighbours spread most.
+/// Solves the normal equations (a constant, then one unknown a component; lower triangle) for
+/// slopes within the `keep` directions in which the neighbours spread most.
 fn confined(normal: &[[f64; MOST]; MOST], right: &mut [[f64; MOST]], components: usize, keep: usize) -> Option<()> {
     let entry = |a: usize, b: usize| if a >= b { normal[a][b] } else { normal[b][a] };
     let spread = DMatrix::from_fn(components, components, |i, j| {

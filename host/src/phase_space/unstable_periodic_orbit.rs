@@ -1,12 +1,14 @@
-//! Unstable periodic orbits of a driven record: a stretch of k drive periods that nearly closes, (3.24):
-//! ‖s_i(t) − s_i(t + kT)‖ < e · span_i for every coordinate i, with s_i(t) = [θ_i(t), θ_i(t + T_d)] and distances on the circle.
+//! Unstable periodic orbits of a driven record: a stretch of k drive periods that nearly closes,
+//! (3.24): ‖s_i(t) − s_i(t + kT)‖ < e · span_i for every coordinate i, with s_i(t) = [θ_i(t),
+//! θ_i(t + T_d)] and distances on the circle.
 //!
-//! Times within the tolerance come in runs; each run gives its best closing stretch. A stretch that repeats a shorter orbit
-//! is counted under that one, and near-identical ones are merged (`orbit_catalogue`). kT need not be a whole number of samples: later
-//! values are four-point Lagrange interpolations.
+//! Times within the tolerance come in runs; each run gives its best closing stretch. A stretch that
+//! repeats a shorter orbit is counted under that one, and near-identical ones are merged
+//! (`orbit_catalogue`). kT need not be a whole number of samples: later values are four-point
+//! Lagrange interpolations.
 //!
-//! The closing error of an extracted orbit is what remains of its distance from the true unstable orbit, times about
-//! 1/(|multiplier| − 1). Cost: one comparison a sample and period.
+//! The closing error of an extracted orbit is what remains of its distance from the true unstable
+//! orbit, times about 1/(|multiplier| − 1). Cost: one comparison a sample and period.
 
 use rayon::prelude::*;
 use serde::Serialize;
@@ -50,7 +52,8 @@ pub struct Stretch<'a> {
 /// Choices of an extraction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Settings {
-    /// e, share of the span. Default 0.05; the seed uses 0.01 to 0.05, and 0.08 where too few are found.
+    /// e, share of the span. Default 0.05; the seed uses 0.01 to 0.05, and 0.08 where too few are
+    /// found.
     pub tolerance: f64,
     /// Longest period looked for, drive periods. Default 16.
     pub longest: usize,
@@ -73,7 +76,8 @@ pub struct Extraction {
     pub orbits: Vec<Orbit>,
     /// Closing stretches found, before merging.
     pub recurrences: usize,
-    /// Share of the record's states that lie within the tolerance of some orbit at the same phase of the drive.
+    /// Share of the record's states that lie within the tolerance of some orbit at the same phase
+    /// of the drive.
     pub coverage: f64,
 }
 

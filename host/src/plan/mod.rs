@@ -1,16 +1,23 @@
 //! The next experiment: what to set, how long, and what it will tell.
 //!
-//! The identified model is moved to other settings of the drive (`moved`), or let go from other poses where there is none. Where its motion is chaotic for every draw of its
-//! parameters' standard errors (`trial`), it makes a record as the rig's channels would show it, and that record is looked at as every record is
-//! ([`crate::explain::engine::expected`]): standard errors of parameters, and standard errors between an effect and its rivals. Standard errors fall with the root of the
-//! record's length, which gives the time that each goal takes. The setting that reaches all goals first is proposed; further draws of its initial state and
-//! parameters tell how much that depends on them: lengths and separations are those that one more record has with a probability of 97.5 %.
+//! The identified model is moved to other settings of the drive (`moved`), or let go from other
+//! poses where there is none. Where its motion is chaotic for every draw of its parameters'
+//! standard errors (`trial`), it makes a record as the rig's channels would show it, and that
+//! record is looked at as every record is ([`crate::explain::engine::expected`]): standard errors
+//! of parameters, and standard errors between an effect and its rivals. Standard errors fall with
+//! the root of the record's length, which gives the time that each goal takes. The setting that
+//! reaches all goals first is proposed; further draws of its initial state and parameters tell how
+//! much that depends on them: lengths and separations are those that one more record has with a
+//! probability of 97.5 %.
 //!
-//! Sources: Atkinson and Fedorov (1975), *Biometrika* 62, 57 (discrimination by the best-fitting rival); Atkinson, Donev and Tobias (2007), *Optimum Experimental Designs, with
-//! SAS*, ch. 10 (D_s-optimality). Without goals the mean logarithm of the parameters' relative standard errors is minimised (D-optimality on a diagonal).
+//! Sources: Atkinson and Fedorov (1975), *Biometrika* 62, 57 (discrimination by the best-fitting
+//! rival); Atkinson, Donev and Tobias (2007), *Optimum Experimental Designs, with SAS*, ch. 10
+//! (D_s-optimality). Without goals the mean logarithm of the parameters' relative standard errors
+//! is minimised (D-optimality on a diagonal).
 //!
-//! Limits: parameters are drawn by their standard errors without their correlations; waveform, direction and exchanged masses are not searched; of a force that drives
-//! written equations the frequency is not changed rightly (`moved`).
+//! Limits: parameters are drawn by their standard errors without their correlations; waveform,
+//! direction and exchanged masses are not searched; of a force that drives written equations the
+//! frequency is not changed rightly (`moved`).
 
 pub mod goals;
 mod moved;
@@ -54,7 +61,8 @@ pub struct Setting {
     pub amplitude_factor: Option<f64>,
     /// The same in m, where it is known.
     pub amplitude_m: Option<f64>,
-    /// Coordinates from which a free system is let go at rest, rad or m (with rates behind them where it is not at rest).
+    /// Coordinates from which a free system is let go at rest, rad or m (with rates behind them
+    /// where it is not at rest).
     pub pose: Option<Vec<f64>>,
 }
 
@@ -110,7 +118,8 @@ pub struct Plan {
     pub unchanged: Option<Proposal>,
     /// Other settings that were looked at, best first.
     pub others: Vec<Proposal>,
-    /// How much wider than by the sensors' noise alone all intervals are taken, for what the model does not explain; 1 where no record was given.
+    /// How much wider than by the sensors' noise alone all intervals are taken, for what the model
+    /// does not explain; 1 where no record was given.
     pub wider: f64,
     /// Locked, chaotic and whirling motion over frequency and amplitude.
     pub map: Vec<MapPoint>,
@@ -159,7 +168,8 @@ fn map(task: &Task<'_>, grid: &[Setting], tick: &(dyn Fn() + Sync)) -> Vec<MapPo
     grid.par_iter().map(of).collect::<Vec<_>>().into_iter().flatten().collect()
 }
 
-/// Settings that were looked at, best first, the best with further draws; and what the setting as it is would tell.
+/// Settings that were looked at, best first, the best with further draws; and what the setting as
+/// it is would tell.
 fn looked(task: &mut Task<'_>, good: &[Setting], tick: &(dyn Fn() + Sync)) -> Result<(Vec<Looked>, Option<Expected>)> {
     let now = task.unchanged();
     let driven = task.rig.drive.is_some();
@@ -191,7 +201,8 @@ fn looked(task: &mut Task<'_>, good: &[Setting], tick: &(dyn Fn() + Sync)) -> Re
 /// Makes a plan. `step` is told how many of how many steps are done.
 ///
 /// # Errors
-/// A model of another rig, goals that it does not have, limits that cannot be kept, noise that is not known.
+/// A model of another rig, goals that it does not have, limits that cannot be kept, noise that is
+/// not known.
 pub fn plan(
     rig: &Rig,
     model: &IdentifiedModel,

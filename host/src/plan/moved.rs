@@ -1,9 +1,13 @@
-//! A rig and its model at another setting of the drive: what the same bodies do under another frequency and amplitude.
+//! A rig and its model at another setting of the drive: what the same bodies do under another
+//! frequency and amplitude.
 //!
-//! In seconds every term keeps its coefficient; those of a base that moves grow with its acceleration a Ω². In derivatives by τ = Ω t a term of p primes stands
-//! over Ω^(2 − p). Coefficients of equations that were derived from bodies hold no Ω: the base's acceleration is in their columns.
+//! In seconds every term keeps its coefficient; those of a base that moves grow with its
+//! acceleration a Ω². In derivatives by τ = Ω t a term of p primes stands over Ω^(2 − p).
+//! Coefficients of equations that were derived from bodies hold no Ω: the base's acceleration is in
+//! their columns.
 //!
-//! Limits: written equations in seconds with a force F cos τ are taken as those of a base too; a plan for these holds at the frequency of the record alone.
+//! Limits: written equations in seconds with a force F cos τ are taken as those of a base too; a
+//! plan for these holds at the frequency of the record alone.
 
 use super::Setting;
 use crate::error::{BadInput, Result};
@@ -46,7 +50,8 @@ pub fn own(rig: &Rig, model: &IdentifiedModel) -> Result<Own> {
     Ok(Own { rig, model })
 }
 
-/// The rig at another setting, and its simulated plant, if it has one, with it; one without a drive, or with nothing to set, is the same.
+/// The rig at another setting, and its simulated plant, if it has one, with it; one without a
+/// drive, or with nothing to set, is the same.
 ///
 /// # Errors
 /// A frequency that its samples do not resolve.

@@ -1,4 +1,5 @@
-//! What all settings of a plan have in common: rig, model, noise, limits; what a record at one of them would tell.
+//! What all settings of a plan have in common: rig, model, noise, limits; what a record at one of
+//! them would tell.
 
 mod grid;
 
@@ -31,8 +32,9 @@ const WITHOUT_GOAL_S: f64 = 240.0;
 const NEAREST: usize = 3;
 /// Records by which an effect's size is put into the model, at most.
 const TRIES: usize = 4;
-/// What one more of some positive numbers is below (`side` 1) or above (−1) with a probability of 97.5 %, if their logarithms are normal: Student's prediction interval. Their
-/// geometric mean for `side` 0. Zero where one is zero; one alone says nothing of others.
+/// What one more of some positive numbers is below (`side` 1) or above (−1) with a probability of
+/// 97.5 %, if their logarithms are normal: Student's prediction interval. Their geometric mean for
+/// `side` 0. Zero where one is zero; one alone says nothing of others.
 fn bound(all: &[f64], side: f64) -> f64 {
     if !all.iter().all(|x| *x > 0.0) {
         return 0.0;
@@ -54,7 +56,8 @@ pub struct Task<'a> {
     amplitude_m: Option<f64>,
     /// How much wider the model's own intervals are than those of a record of it.
     pub wider: f64,
-    /// Effects from which those asked for are to be told: those named, and every other of the list that some setting tells.
+    /// Effects from which those asked for are to be told: those named, and every other of the list
+    /// that some setting tells.
     rivals: BTreeSet<String>,
 }
 
@@ -111,7 +114,8 @@ impl<'a> Task<'a> {
         moved::at(self.rig, &self.model, setting)
     }
 
-    /// What one draw of a record would tell, scaled to no length yet; none where it cannot be followed.
+    /// What one draw of a record would tell, scaled to no length yet; none where it cannot be
+    /// followed.
     pub fn look(&self, setting: &Setting, draw: usize) -> Option<Expected> {
         let own = self.at(setting).ok()?;
         let record = trial::record(&own, &self.made(setting, draw)).ok()?;
@@ -126,8 +130,9 @@ impl<'a> Task<'a> {
         (!found.parameters.is_empty()).then_some(found)
     }
 
-    /// How much wider the model's standard errors are than those that a record of the model itself would have, over the length of the record that it is of: what the model
-    /// does not explain is in its own. Median over its coefficients, 1 at least.
+    /// How much wider the model's standard errors are than those that a record of the model itself
+    /// would have, over the length of the record that it is of: what the model does not explain is
+    /// in its own. Median over its coefficients, 1 at least.
     ///
     /// # Errors
     /// A record that does not begin with this rig's motion.
@@ -219,7 +224,8 @@ impl<'a> Task<'a> {
         all.iter().filter(|s| self.is_asked(s)).min_by(|a, b| a.deviations.total_cmp(&b.deviations))
     }
 
-    /// Adds every effect of the list that some setting tells from what was asked: another that none tells stands for the same motion.
+    /// Adds every effect of the list that some setting tells from what was asked: another that none
+    /// tells stands for the same motion.
     pub fn add_rivals(&mut self, all: &[Option<Expected>]) {
         let mut most: BTreeMap<&str, f64> = BTreeMap::new();
         let asked = |s: &&Separation| self.settings.goals.tell.contains(&s.effect);
@@ -272,7 +278,8 @@ impl<'a> Task<'a> {
         out
     }
 
-    /// How good a setting is, less is better: the time of the slowest goal; without goals the mean logarithm of relative standard errors.
+    /// How good a setting is, less is better: the time of the slowest goal; without goals the mean
+    /// logarithm of relative standard errors.
     pub fn score(&self, all: &[Expected]) -> f64 {
         let times = self.times(all);
         if times.is_empty() {
@@ -285,7 +292,8 @@ impl<'a> Task<'a> {
         times.iter().map(|r| r.seconds.unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
     }
 
-    /// A proposal from what draws would tell, for a record of `seconds`, or as long as its goals take.
+    /// A proposal from what draws would tell, for a record of `seconds`, or as long as its goals
+    /// take.
     pub fn proposal(&self, setting: &Setting, all: &[Expected], seconds: Option<f64>) -> Proposal {
         let goals = self.times(all);
         let wanted = goals.iter().map(|r| r.seconds.unwrap_or(f64::INFINITY)).fold(0.0, f64::max);

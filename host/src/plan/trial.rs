@@ -1,7 +1,8 @@
 //! Records that the model makes at a setting, and whether its motion there is chaotic.
 //!
-//! Chaos: the largest Lyapunov exponent of the model ([`crate::phase_space::model_exponent`]) is above zero by three of its standard errors, for parameters drawn from
-//! their standard errors and initial states drawn at random. The share of such draws has the interval of Wilson (1927).
+//! Chaos: the largest Lyapunov exponent of the model ([`crate::phase_space::model_exponent`]) is
+//! above zero by three of its standard errors, for parameters drawn from their standard errors and
+//! initial states drawn at random. The share of such draws has the interval of Wilson (1927).
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -26,7 +27,8 @@ const PERIODS: usize = 120;
 const STEPS: f64 = 80.0;
 /// Standard errors above zero from which an exponent is one of chaos.
 const SIGNIFICANT: f64 = 3.0;
-/// Exponent a period below which a motion is taken for periodic, however small its standard error is.
+/// Exponent a period below which a motion is taken for periodic, however small its standard error
+/// is.
 const LEAST: f64 = 0.02;
 
 /// Share of draws whose motion is chaotic, and of those in which an arm goes round.
@@ -72,8 +74,9 @@ pub fn drawn(model: &IdentifiedModel, seed: u64, draw: usize) -> IdentifiedModel
     out
 }
 
-/// A state at rest: in every other draw near where a rig hangs when its shaker starts, in the others angles anywhere on the circle. Where attractors coexist the two may
-/// end on different ones.
+/// A state at rest: in every other draw near where a rig hangs when its shaker starts, in the
+/// others angles anywhere on the circle. Where attractors coexist the two may end on different
+/// ones.
 pub fn start(motion: &Motion, seed: u64, draw: usize) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed.wrapping_add(7919 * draw as u64));
     let circle = motion.circle();
@@ -97,7 +100,8 @@ pub fn without_memory(own: &Own, model: &IdentifiedModel) -> Result<Motion> {
     Ok(motion)
 }
 
-/// Which of some draws move chaotically; none for a system without a drive or a model that cannot be integrated.
+/// Which of some draws move chaotically; none for a system without a drive or a model that cannot
+/// be integrated.
 pub fn share(own: &Own, seed: u64, draws: usize) -> Result<Option<Share>> {
     let Some(drive) = own.rig.drive else { return Ok(None) };
     let period_s = 1.0 / drive.frequency_hz;

@@ -1,6 +1,8 @@
-//! Records as named arrays (`.npz`, `.npy`, `.mat`): the time, or a scalar `fs` (Hz) or `dt` (s), and an array for each channel.
+//! Records as named arrays (`.npz`, `.npy`, `.mat`): the time, or a scalar `fs` (Hz) or `dt` (s),
+//! and an array for each channel.
 //!
-//! All arrays are vectors of one length. Without a time, sample i was taken at i/fs, and the message of the reader says so.
+//! All arrays are vectors of one length. Without a time, sample i was taken at i/fs, and the
+//! message of the reader says so.
 
 use std::path::Path;
 
@@ -59,7 +61,8 @@ impl Shape {
         (long <= 1).then(|| self.0.iter().copied().fold(1, u64::saturating_mul))
     }
 
-    /// Rows and columns of a matrix that is higher than wide and fits into memory; none for everything else.
+    /// Rows and columns of a matrix that is higher than wide and fits into memory; none for
+    /// everything else.
     pub(super) fn columns(&self) -> Option<(usize, usize)> {
         let [rows, columns] = self.0[..] else { return None };
         let (rows, columns) = (usize::try_from(rows).ok()?, usize::try_from(columns).ok()?);
@@ -82,8 +85,8 @@ impl Shape {
     }
 }
 
-/// The arrays of a file, and whether they may be channels: vectors of numbers that are more than one, the longest ones of the file (others are no
-/// columns beside them).
+/// The arrays of a file, and whether they may be channels: vectors of numbers that are more than
+/// one, the longest ones of the file (others are no columns beside them).
 pub(super) fn listed(names: &[String], mut get: impl FnMut(&str) -> Result<Array>) -> Vec<Listed> {
     let lengths: Vec<usize> = names.iter().map(|name| get(name).map_or(0, |a| a.len())).collect();
     let longest = lengths.iter().copied().max().unwrap_or(0).max(2);

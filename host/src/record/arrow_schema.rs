@@ -1,8 +1,9 @@
-//! Columns of lengths of time in a Parquet file: Parquet has no type for them, so that pandas and polars write whole numbers, and what
-//! they count in the schema of Apache Arrow that they put into the file's metadata (`ARROW:schema`).
+//! Columns of lengths of time in a Parquet file: Parquet has no type for them, so that pandas and
+//! polars write whole numbers, and what they count in the schema of Apache Arrow that they put into
+//! the file's metadata (`ARROW:schema`).
 //!
-//! That schema is a FlatBuffer (Arrow's `Schema.fbs` within `Message.fbs`) in base64; of it the fields' names and types are read, every
-//! offset checked. What does not fit says nothing.
+//! That schema is a FlatBuffer (Arrow's `Schema.fbs` within `Message.fbs`) in base64; of it the
+//! fields' names and types are read, every offset checked. What does not fit says nothing.
 //!
 //! *Why not a crate*: arrow-ipc brings all of Arrow's arrays for these two tables.
 

@@ -6,7 +6,8 @@ use crate::error::Result;
 use crate::model::model_file::expression::{Node, Symbol};
 use crate::rig::computed::{self, From};
 
-/// Puts the rig's channels in the place of the columns that were read. A gap of one column is one of each channel that needs it.
+/// Puts the rig's channels in the place of the columns that were read. A gap of one column is one
+/// of each channel that needs it.
 ///
 /// # Errors
 /// A value that is no number, or no whole number of counts: its row.

@@ -1,15 +1,22 @@
 //! Records as CSV, plain or gzipped: a column of the time, one column for each channel of the rig.
 //!
-//! - The head (header row, delimiter, comments, what an instrument writes before): [`super::csv_head`]. Where the delimiter is no comma
-//!   a decimal comma is taken too. A byte-order mark, CRLF, quoted cells (within one line), blank lines and further columns are accepted.
-//! - The time: a number, in the unit that the column's name or the rig file says, or a date ([`super::dates`]); dates count from the first.
-//! - An empty cell or `NaN` of a channel is a gap; anything else that is not a number, and an infinite one, is an error.
+//! - The head (header row, delimiter, comments, what an instrument writes before):
+//!   [`super::csv_head`]. Where the delimiter is no comma a decimal comma is taken too. A
+//!   byte-order mark, CRLF, quoted cells (within one line), blank lines and further columns are
+//!   accepted.
+//! - The time: a number, in the unit that the column's name or the rig file says, or a date
+//!   ([`super::dates`]); dates count from the first.
+//! - An empty cell or `NaN` of a channel is a gap; anything else that is not a number, and an
+//!   infinite one, is an error.
 //! - Times must increase from row to row; it need not start at 0.
-//! - A last line that is torn (no line feed, and cells missing or broken), a truncated gzip stream and one whose checksum is
-//!   wrong are errors that name the last whole row; with [`ReadOptions::recover`] the rows up to there are read.
-//! - whirl's own CSV has the columns `tick`, `phase` and `amplitude_nm` too; they are then used as the device's.
+//! - A last line that is torn (no line feed, and cells missing or broken), a truncated gzip stream
+//!   and one whose checksum is wrong are errors that name the last whole row; with
+//!   [`ReadOptions::recover`] the rows up to there are read.
+//! - whirl's own CSV has the columns `tick`, `phase` and `amplitude_nm` too; they are then used as
+//!   the device's.
 //!
-//! Lines are streamed: memory is that of the columns read, or of a block of rows ([`super::stream`]).
+//! Lines are streamed: memory is that of the columns read, or of a block of rows
+//! ([`super::stream`]).
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, ErrorKind, Read};
@@ -70,7 +77,8 @@ fn gzipped(path: &Path) -> Result<BufReader<MultiGzDecoder<BufReader<File>>>> {
     Ok(BufReader::with_capacity(1 << 16, MultiGzDecoder::new(plain(path)?)))
 }
 
-/// About how many rows a file has whose text is so many times as long: its length by that of its first lines.
+/// About how many rows a file has whose text is so many times as long: its length by that of its
+/// first lines.
 fn rows_of(path: &Path, times: u64) -> Option<u64> {
     let length = std::fs::metadata(path).ok()?.len().saturating_mul(times);
     let mut head = Vec::new();
@@ -127,7 +135,8 @@ impl<'a, R: BufRead> Reader<'a, R> {
         segments::assemble(rows, None, None, self.warnings)
     }
 
-    /// A CSV that was cut behind a whole line looks whole: the journal of its capture, where one is beside it, knows better.
+    /// A CSV that was cut behind a whole line looks whole: the journal of its capture, where one is
+    /// beside it, knows better.
     fn check_journal(&mut self, rows: &Rows<'_>) -> Result<()> {
         let last = self.layout.own.filter(|_| rows.passed + rows.t.len() > 0).map(|_| self.row.own.0);
         let Some(ticks) = last.and_then(|last| ticks_behind(self.path, rows.rig, last)) else { return Ok(()) };
@@ -293,7 +302,8 @@ fn too_long(path: &Path, number: u64) -> BadInput {
         .remedy("This is not a CSV with one row a line: export it again")
 }
 
-/// The error for a stream that broke off, and the advice where its rows can be recovered (empty where not).
+/// The error for a stream that broke off, and the advice where its rows can be recovered (empty
+/// where not).
 fn broken(e: &std::io::Error, path: &Path, last: &str) -> (BadInput, &'static str) {
     let (what, advice) = match e.kind() {
         ErrorKind::UnexpectedEof => ("a truncated gzip stream", "What follows the last whole row is lost"),

@@ -1,10 +1,13 @@
-//! The head of a CSV: what stands before its rows, how its cells are delimited, what its columns are called.
+//! The head of a CSV: what stands before its rows, how its cells are delimited, what its columns
+//! are called.
 //!
 //! - A first line that names the time is the header row, whatever follows.
-//! - Otherwise rows are looked for: lines that follow each other with as many cells, numbers (or dates) all of them. The line before the
-//!   first of them is the header row where it has as many cells and is not all numbers; a line of units may stand between. Lines
-//!   before that (of an instrument, say) are passed over. Without such a line the columns are c1, c2, ….
-//! - A line that begins with `#` or `%` is a comment; the last one before the rows may be the header row.
+//! - Otherwise rows are looked for: lines that follow each other with as many cells, numbers (or
+//!   dates) all of them. The line before the first of them is the header row where it has as many
+//!   cells and is not all numbers; a line of units may stand between. Lines before that (of an
+//!   instrument, say) are passed over. Without such a line the columns are c1, c2, ….
+//! - A line that begins with `#` or `%` is a comment; the last one before the rows may be the
+//!   header row.
 
 use super::csv_write::is_formula;
 use super::dates;
@@ -54,7 +57,8 @@ fn cells(line: &[u8], delimiter: u8) -> Option<Vec<Vec<u8>>> {
     cells.split(line, delimiter).then(|| (0..cells.len()).map(|i| cells.get(i).to_vec()).collect())
 }
 
-/// Finds the head in a file's first lines; none where no line looks like one. `wanted`: columns that the rig file names.
+/// Finds the head in a file's first lines; none where no line looks like one. `wanted`: columns
+/// that the rig file names.
 pub(super) fn find(lines: &[&[u8]], time: &TimeChoice, wanted: &[&str]) -> Option<Head> {
     let first = lines.iter().position(|l| !is_no_row(l))?;
     header_first(lines, first, time, wanted).or_else(|| above_rows(lines))
@@ -174,7 +178,8 @@ fn with_units(names: &[String], units: &[Vec<u8>]) -> Vec<String> {
         .collect()
 }
 
-/// Names of columns: as `csv_write` puts an apostrophe before what a spreadsheet would compute, it is taken off.
+/// Names of columns: as `csv_write` puts an apostrophe before what a spreadsheet would compute, it
+/// is taken off.
 fn as_names(cells: &[Vec<u8>]) -> Vec<String> {
     let name = |c: &Vec<u8>| {
         let cell = String::from_utf8_lossy(c).into_owned();
@@ -183,7 +188,8 @@ fn as_names(cells: &[Vec<u8>]) -> Vec<String> {
     cells.iter().map(name).collect()
 }
 
-/// The head of a file of which no line looks like one: its first line, delimited by what stands in it.
+/// The head of a file of which no line looks like one: its first line, delimited by what stands in
+/// it.
 pub(super) fn plain(line: &[u8]) -> Option<Head> {
     let delimiter = DELIMITERS[..3].iter().copied().find(|d| line.contains(d)).unwrap_or(b',');
     Some(Head { delimiter, names: as_names(&cells(line, delimiter)?), lines: 1, passed_over: 0 })

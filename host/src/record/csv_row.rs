@@ -1,4 +1,5 @@
-//! One row of a CSV: its cells by the columns of interest, parsed whole before anything of it is taken.
+//! One row of a CSV: its cells by the columns of interest, parsed whole before anything of it is
+//! taken.
 
 use std::path::Path;
 
@@ -25,7 +26,8 @@ pub(super) struct Layout {
 /// One row, parsed but not yet taken.
 pub(super) struct Row {
     pub(super) t: f64,
-    /// The time as it stands, where it counts from the first one (a date, a count too long for binary64).
+    /// The time as it stands, where it counts from the first one (a date, a count too long for
+    /// binary64).
     pub(super) tick: Option<i64>,
     pub(super) cells: Vec<Cell>,
     pub(super) own: (i64, u32, u32),
@@ -122,7 +124,8 @@ fn own(number: u64, places: [usize; 3], cells: &Cells, rows: &Rows<'_>) -> Resul
     Ok(row)
 }
 
-/// A cell of the time in seconds, NaN where it is empty, and as it stands where it counts from the first one.
+/// A cell of the time in seconds, NaN where it is empty, and as it stands where it counts from the
+/// first one.
 fn time_of(number: u64, text: &[u8], layout: &Layout, rows: &Rows<'_>) -> Result<(f64, Option<i64>)> {
     let comma = csv_head::decimal_comma(layout.delimiter);
     let from_origin = |v: i64, per_second: f64| {

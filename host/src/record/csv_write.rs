@@ -1,6 +1,8 @@
-//! whirl's record as CSV: `t,CHANNEL…,tick,phase,amplitude_nm`, gzipped where the name ends in `.gz`.
+//! whirl's record as CSV: `t,CHANNEL…,tick,phase,amplitude_nm`, gzipped where the name ends in
+//! `.gz`.
 //!
-//! `t` is printed with as many digits as tell its value apart from its neighbours' (shortest that reads back the same).
+//! `t` is printed with as many digits as tell its value apart from its neighbours' (shortest that
+//! reads back the same).
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -79,7 +81,8 @@ impl CsvWriter {
     }
 }
 
-/// A text as a cell: in quotes where it needs them, behind an apostrophe where a spreadsheet would take it for a formula.
+/// A text as a cell: in quotes where it needs them, behind an apostrophe where a spreadsheet would
+/// take it for a formula.
 pub(super) fn text_cell(text: &str) -> String {
     let text = if is_formula(text) { format!("'{text}") } else { text.to_owned() };
     if text.contains([',', '"', ';', '\t']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }

@@ -39,8 +39,8 @@ impl Part {
 }
 
 impl Record {
-    /// Leaves out what is not of the part. Losses are then those between its first and last sample; their causes are known of a whole
-    /// record only.
+    /// Leaves out what is not of the part. Losses are then those between its first and last sample;
+    /// their causes are known of a whole record only.
     ///
     /// # Errors
     /// No sample lies in it.
@@ -80,7 +80,8 @@ impl Record {
 /// The rows of a stretch that are of the part; none where there is none.
 fn of_segment(s: &Segment, part: &Part) -> Option<Segment> {
     let before = |bound: Option<f64>, without: usize| match bound {
-        // The first row at or behind the bound; a row that rounding put a millionth of a step before it counts as at it.
+        // The first row at or behind the bound; a row that rounding put a millionth of a step
+        // before it counts as at it.
         Some(t) => (((t - s.start_s) / s.step_s - 1e-6).ceil().max(0.0) as usize).min(s.len()),
         None => without,
     };

@@ -1,6 +1,7 @@
 //! Rows that stand in a file but cannot be read from it: which ones, between which times, and why.
 //!
-//! Such a stretch is a gap like any other: nothing is interpolated over it, and its rows count as missing ([`Losses::damaged`]).
+//! Such a stretch is a gap like any other: nothing is interpolated over it, and its rows count as
+//! missing ([`Losses::damaged`]).
 
 use serde_json::{Map, Value, json};
 
@@ -37,7 +38,8 @@ pub(super) struct Damage {
 }
 
 impl Damage {
-    /// Rows are lost: `first` (from 1) is the first of them, `after_s` the time of the row before. Gives how many are believed.
+    /// Rows are lost: `first` (from 1) is the first of them, `after_s` the time of the row before.
+    /// Gives how many are believed.
     pub(super) fn lose(
         &mut self,
         first: u64,
@@ -70,8 +72,8 @@ impl Damage {
         self.stretches.first().map(|s| format!("row group {}: {}", s.group, s.why))
     }
 
-    /// Counts the lost rows. `stored`: the losses are those that the record brought, which know nothing of this damage;
-    /// otherwise the gaps that the rows left are counted already.
+    /// Counts the lost rows. `stored`: the losses are those that the record brought, which know
+    /// nothing of this damage; otherwise the gaps that the rows left are counted already.
     pub(super) fn count(&self, losses: &mut Losses, stored: bool) {
         for s in &self.stretches {
             let rows = s.rows.unwrap_or(0);

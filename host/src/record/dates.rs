@@ -4,7 +4,8 @@ use jiff::Timestamp;
 use jiff::civil::{Date, DateTime, Time};
 use jiff::tz::TimeZone;
 
-/// Nanoseconds since 1970 of a point in time (without a time zone: as if in UTC; without a date: of that day); none for another text.
+/// Nanoseconds since 1970 of a point in time (without a time zone: as if in UTC; without a date: of
+/// that day); none for another text.
 ///
 /// A clock that was put forward or back, as in spring and autumn, leaps here as it did there.
 pub(super) fn nanoseconds(text: &str) -> Option<i64> {

@@ -1,7 +1,9 @@
-//! A device's boots, as its hellos tell them: what ended the one before, and which zero its counts have.
+//! A device's boots, as its hellos tell them: what ended the one before, and which zero its counts
+//! have.
 //!
-//! An encoder counts from a zero that is known by its id: the same id, in whatever boot, is the same zero, and counts that have it belong
-//! together. After a reset by the watchdog an arm that rested keeps its zero; after power-on every zero is another.
+//! An encoder counts from a zero that is known by its id: the same id, in whatever boot, is the
+//! same zero, and counts that have it belong together. After a reset by the watchdog an arm that
+//! rested keeps its zero; after power-on every zero is another.
 
 use serde::{Deserialize, Serialize};
 use whirl_shared::frame::{Hello, ResetCause, Zero, ZeroSource};

@@ -1,6 +1,7 @@
 //! The formats that a record is read from: one file and one line in [`FORMATS`] each.
 //!
-//! The content decides before the extension does: a gzip or Parquet file is known by its first bytes whatever its name.
+//! The content decides before the extension does: a gzip or Parquet file is known by its first
+//! bytes whatever its name.
 
 use std::fs::File;
 use std::io::Read;
@@ -16,7 +17,8 @@ use crate::rig::Rig;
 /// How a record is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ReadOptions {
-    /// Read a truncated or torn file up to its last whole row, with a warning, instead of refusing it.
+    /// Read a truncated or torn file up to its last whole row, with a warning, instead of refusing
+    /// it.
     pub recover: bool,
     /// Make an uneven clock even, by cubics between the samples, with a warning.
     pub resample: bool,
@@ -65,12 +67,14 @@ pub static FORMATS: &[Format] = &[
 /// Reads a record in whichever format it is.
 ///
 /// # Errors
-/// A file that cannot be opened, is empty or is of no known format, and what the format's reader reports.
+/// A file that cannot be opened, is empty or is of no known format, and what the format's reader
+/// reports.
 pub fn read(path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Record> {
     of(path).and_then(|format| (format.read)(path, rig, options)).map_err(|e| with_journal(e, path, rig))
 }
 
-/// Where the journal of an interrupted capture stands beside a record that cannot be read, it makes the record whole.
+/// Where the journal of an interrupted capture stands beside a record that cannot be read, it makes
+/// the record whole.
 pub(super) fn with_journal(e: BadInput, path: &Path, rig: &Rig) -> BadInput {
     match crate::capture::interrupted::whole_again(path, &rig.path) {
         Some(command) if e.file.as_deref() == Some(path) && !e.remedy.contains(&command) => {
@@ -141,8 +145,9 @@ fn head(path: &Path, most: u64) -> Result<Vec<u8>> {
     Ok(head)
 }
 
-/// What an existing file is, where it is something that no program of whirl's makes again: a record, the journal of a capture, a rig
-/// file, a model file written by hand. None for everything else, and for what cannot be read.
+/// What an existing file is, where it is something that no program of whirl's makes again: a
+/// record, the journal of a capture, a rig file, a model file written by hand. None for everything
+/// else, and for what cannot be read.
 pub fn recorded(path: &Path) -> Option<&'static str> {
     // As much as a CSV's longest header row, and as a rig file has.
     let head = head(path, 1 << 20).ok()?;
@@ -183,7 +188,8 @@ fn bytes_for_people(head: &[u8]) -> String {
     format!("the bytes {}", hex.join(" "))
 }
 
-/// A value from a file as it is shown in a message: at most 40 characters, control characters escaped.
+/// A value from a file as it is shown in a message: at most 40 characters, control characters
+/// escaped.
 pub(super) fn shown(cell: &[u8]) -> String {
     let text = String::from_utf8_lossy(&cell[..cell.len().min(160)]);
     let mut out: String = text.chars().take(40).flat_map(char::escape_debug).collect();

@@ -1,14 +1,18 @@
-//! Records as HDF5: MATLAB's files of version 7.3 (`save -v7.3`), and what h5py or another program writes (`.h5`, `.hdf5`); see
-//! [`super::arrays`] for the arrays that are expected.
+//! Records as HDF5: MATLAB's files of version 7.3 (`save -v7.3`), and what h5py or another program
+//! writes (`.h5`, `.hdf5`); see [`super::arrays`] for the arrays that are expected.
 //!
-//! In a MATLAB file arrays are called as MATLAB takes them out, as in [`super::mat_walk`]: `run.theta1`, `run(2).theta1`, `c{3}`, `x(:,2)`. Elsewhere
-//! they have their path, `run/theta1`, and columns of a matrix are called as in Python, `x[:,1]` (of GNU Octave's `save -hdf5` as in MATLAB). Read are whole numbers and binary32 and binary64,
-//! whole or in chunks, deflated or not; texts, compounds and what MATLAB keeps as objects are refused by name.
+//! In a MATLAB file arrays are called as MATLAB takes them out, as in [`super::mat_walk`]:
+//! `run.theta1`, `run(2).theta1`, `c{3}`, `x(:,2)`. Elsewhere they have their path, `run/theta1`,
+//! and columns of a matrix are called as in Python, `x[:,1]` (of GNU Octave's `save -hdf5` as in
+//! MATLAB). Read are whole numbers and binary32 and binary64, whole or in chunks, deflated or not;
+//! texts, compounds and what MATLAB keeps as objects are refused by name.
 //!
-//! The format is read by the crate hdf5-reader: read only, no C, every allocation bounded by its options; it read every file that h5py,
-//! hdf5storage and Octave wrote for us. *Others looked at*: hdf5-pure 0.47 reads as well but is four times as large, its greater part a writer;
-//! hdf5-metno and rust-hdf5 need the C library; hdf5-rust 2 reads no chunks. It runs under `catch_unwind`, as Parquet's does. Memory is that of the
-//! arrays read and once that of the largest; a file that claims more than it could hold deflated is refused before anything is made room for.
+//! The format is read by the crate hdf5-reader: read only, no C, every allocation bounded by its
+//! options; it read every file that h5py, hdf5storage and Octave wrote for us. *Others looked at*:
+//! hdf5-pure 0.47 reads as well but is four times as large, its greater part a writer; hdf5-metno
+//! and rust-hdf5 need the C library; hdf5-rust 2 reads no chunks. It runs under `catch_unwind`, as
+//! Parquet's does. Memory is that of the arrays read and once that of the largest; a file that
+//! claims more than it could hold deflated is refused before anything is made room for.
 
 use std::collections::BTreeMap;
 use std::panic::AssertUnwindSafe;
@@ -63,7 +67,8 @@ struct Found {
     matlab: bool,
     /// Length of the file, bytes.
     length: u64,
-    /// The matrix that was read last, with its address: its columns are asked for one after another.
+    /// The matrix that was read last, with its address: its columns are asked for one after
+    /// another.
     matrix: Option<(u64, Vec<u8>)>,
 }
 
@@ -230,7 +235,8 @@ impl Walk {
         Ok(())
     }
 
-    /// Lists a dataset; one of references as what these stand for. `field`: the structure and the field that it is.
+    /// Lists a dataset; one of references as what these stand for. `field`: the structure and the
+    /// field that it is.
     fn dataset(
         &mut self,
         dataset: Dataset,
@@ -279,7 +285,8 @@ fn column_name(name: &str, k: usize, by_columns: bool) -> String {
     if by_columns { format!("{name}(:,{})", k + 1) } else { format!("{name}[:,{k}]") }
 }
 
-/// Rows and columns of a matrix; where columns follow each other they are the other way round in the file.
+/// Rows and columns of a matrix; where columns follow each other they are the other way round in
+/// the file.
 fn columns(dataset: &Dataset, by_columns: bool) -> Option<(usize, usize)> {
     let mut sizes = dataset.shape().to_vec();
     if by_columns {

@@ -1,7 +1,8 @@
 //! Lines of a text file, one after the other in bounded memory, with their numbers.
 //!
-//! A line longer than [`LINE_LIMIT`] is an error, so that neither a binary file nor a decompression bomb fills memory. The end
-//! of the lines says whether the last one was torn or the stream beneath broke off.
+//! A line longer than [`LINE_LIMIT`] is an error, so that neither a binary file nor a decompression
+//! bomb fills memory. The end of the lines says whether the last one was torn or the stream beneath
+//! broke off.
 
 use std::collections::VecDeque;
 use std::io::{BufRead, Read};
@@ -13,7 +14,8 @@ const AHEAD: usize = 2 << 20;
 
 /// What the next line is.
 pub(super) enum Line {
-    /// A whole line, without its line feed (and carriage return); `ended` says that a line feed followed it.
+    /// A whole line, without its line feed (and carriage return); `ended` says that a line feed
+    /// followed it.
     Whole {
         /// A line feed followed.
         ended: bool,
@@ -97,8 +99,9 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Splits a line at `delimiter`. A cell may be in double quotes, a doubled quote inside standing for one; blanks around a
-    /// cell are dropped. Returns false where a quote does not end on its line.
+    /// Splits a line at `delimiter`. A cell may be in double quotes, a doubled quote inside
+    /// standing for one; blanks around a cell are dropped. Returns false where a quote does not end
+    /// on its line.
     pub(super) fn split(&mut self, line: &[u8], delimiter: u8) -> bool {
         self.text.clear();
         self.ends.clear();

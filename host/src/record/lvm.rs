@@ -1,12 +1,16 @@
-//! Records as LabVIEW writes them (`.lvm`, "LabVIEW Measurement"): after National Instruments' "Specification for the LabVIEW Measurement File".
+//! Records as LabVIEW writes them (`.lvm`, "LabVIEW Measurement"): after National Instruments'
+//! "Specification for the LabVIEW Measurement File".
 //!
-//! A header of tags (`Separator`, `Decimal_Separator`, `X_Columns`, …) ends with `***End_of_Header***`; each segment has tags of its own
-//! (`X0`, `Delta_X`, …), a second such line, a row of titles and its rows. `X_Columns` says whether there is a column of times (`One`), one for
-//! each channel (`Multi`), or none (`No`: then t = X0 + i·Delta_X). The columns are the titles; the time is `X_Value`.
+//! A header of tags (`Separator`, `Decimal_Separator`, `X_Columns`, …) ends with
+//! `***End_of_Header***`; each segment has tags of its own (`X0`, `Delta_X`, …), a second such
+//! line, a row of titles and its rows. `X_Columns` says whether there is a column of times (`One`),
+//! one for each channel (`Multi`), or none (`No`: then t = X0 + i·Delta_X). The columns are the
+//! titles; the time is `X_Value`.
 //!
-//! Segments follow each other in time: a later one whose times begin anew is placed by its `Date` and `Time` beside the first one's. A file
-//! without the header is a CSV like any other. Special blocks (`***Start_Special***`) are passed over. All columns are held: about four times
-//! the file's size.
+//! Segments follow each other in time: a later one whose times begin anew is placed by its `Date`
+//! and `Time` beside the first one's. A file without the header is a CSV like any other. Special
+//! blocks (`***Start_Special***`) are passed over. All columns are held: about four times the
+//! file's size.
 
 use std::io::BufRead;
 use std::path::Path;
@@ -139,7 +143,8 @@ impl<R: BufRead> Reader<'_, R> {
         }
     }
 
-    /// The file's header, then segments: tags up to the line that ends them, titles, rows up to the tags of the next one.
+    /// The file's header, then segments: tags up to the line that ends them, titles, rows up to the
+    /// tags of the next one.
     fn all(&mut self) -> Result<()> {
         let mut tags = true;
         let (mut headers, mut special) = (0, false);
@@ -269,7 +274,8 @@ impl<R: BufRead> Reader<'_, R> {
             Times::Multi => ((0..width - 1).map(|k| 2 * k + 1).collect::<Vec<_>>(), 2 * (width - 1)),
             _ => ((1..width).collect(), width),
         };
-        // A comment may stand behind; a channel that ended before the others has empty cells, or none.
+        // A comment may stand behind; a channel that ended before the others has empty cells, or
+        // none.
         if cells.len() > count + 1 {
             let found = format!("{} cells", cells.len());
             return Err(self.bad(found, &format!("{count}, and a comment"), "Mend the line"));

@@ -1,12 +1,16 @@
-//! Records as MATLAB files of version 5 (`save` without option, `-v6`, `-v7`): see [`super::arrays`] for the variables that are expected.
+//! Records as MATLAB files of version 5 (`save` without option, `-v6`, `-v7`): see
+//! [`super::arrays`] for the variables that are expected.
 //!
-//! Layout after "MAT-File Format" (The MathWorks): a header of 128 bytes whose last two tell the byte order, then elements, each a tag (type,
-//! size) and its bytes; an element of type 15 is another one compressed by zlib; one of type 14 is an array: flags, dimensions, name, real
-//! part. What stands in structures and cell arrays has the name by which MATLAB takes it out ([`super::mat_walk`]). Only the variables
-//! that a rig names are read, the others are stepped over. Memory is that of these variables.
+//! Layout after "MAT-File Format" (The MathWorks): a header of 128 bytes whose last two tell the
+//! byte order, then elements, each a tag (type, size) and its bytes; an element of type 15 is
+//! another one compressed by zlib; one of type 14 is an array: flags, dimensions, name, real part.
+//! What stands in structures and cell arrays has the name by which MATLAB takes it out
+//! ([`super::mat_walk`]). Only the variables that a rig names are read, the others are stepped
+//! over. Memory is that of these variables.
 //!
-//! *Why not a crate*: matfile 0.5 inflates compressed elements without bound and unwraps on some input; matio-rs needs a C library.
-//! Not read: version 4, objects (tables and timeseries among them), sparse and complex arrays; each says so. Version 7.3: [`super::hdf5`].
+//! *Why not a crate*: matfile 0.5 inflates compressed elements without bound and unwraps on some
+//! input; matio-rs needs a C library. Not read: version 4, objects (tables and timeseries among
+//! them), sparse and complex arrays; each says so. Version 7.3: [`super::hdf5`].
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -156,7 +160,8 @@ fn variable(file: &mut BufReader<File>, little: bool, place: Place, path: &Path,
     outer.map_err(|e| damaged(path, &at, e))??.map_err(|e| damaged(path, &at, e))
 }
 
-/// What can be a channel of an array, itself or one of its columns: how many values come before, how many these are, and how many the array has.
+/// What can be a channel of an array, itself or one of its columns: how many values come before,
+/// how many these are, and how many the array has.
 fn checked(head: &Head, place: Place, path: &Path, name: &str) -> Result<[usize; 3]> {
     let (what, remedy) = match (head.class, place.column) {
         (1, _) => {
@@ -189,7 +194,8 @@ fn checked(head: &Head, place: Place, path: &Path, name: &str) -> Result<[usize;
     Err(BadInput::new(what, "a vector of real numbers").in_file(path).at(format!("variable {name}")).remedy(remedy))
 }
 
-/// The real part: `count` of its `all` values, behind those that are skipped. Values are stored in the smallest type that holds them, whatever the array's class.
+/// The real part: `count` of its `all` values, behind those that are skipped. Values are stored in
+/// the smallest type that holds them, whatever the array's class.
 fn values<R: Read>(s: &mut Source<R>, [skipped, count, all]: [usize; 3]) -> std::io::Result<Array> {
     let (kind, size, small) = s.tag()?;
     let width = match kind {

@@ -106,7 +106,8 @@ fn both_byte_orders_plain_and_compressed() {
     }
 }
 
-/// A file that MATLAB's own layout rules give, as scipy writes it: see the hexadecimal of its first variable.
+/// A file that MATLAB's own layout rules give, as scipy writes it: see the hexadecimal of its first
+/// variable.
 #[test]
 fn what_cannot_be_read_says_so() {
     let told = |bytes: &[u8], rig: &Rig, parts: &[&str]| {

@@ -1,7 +1,9 @@
-//! What stands within the variables of a MATLAB file: structures and cell arrays, by the names by which MATLAB takes them out.
+//! What stands within the variables of a MATLAB file: structures and cell arrays, by the names by
+//! which MATLAB takes them out.
 //!
-//! `run.theta1` is a field, `run(2).theta1` that of an array of structures, `c{3}` a cell, `x(:,2)` a column of a matrix that is higher than wide; all of
-//! these within each other. Nothing is kept but where each of them begins, so that memory is that of the names.
+//! `run.theta1` is a field, `run(2).theta1` that of an array of structures, `c{3}` a cell, `x(:,2)`
+//! a column of a matrix that is higher than wide; all of these within each other. Nothing is kept
+//! but where each of them begins, so that memory is that of the names.
 
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -29,7 +31,8 @@ pub(super) struct Place {
     pub(super) offset: u64,
     pub(super) size: u32,
     pub(super) compressed: bool,
-    /// Where an array within it begins, bytes from the start of what it holds, inflated; 0 for the variable itself.
+    /// Where an array within it begins, bytes from the start of what it holds, inflated; 0 for the
+    /// variable itself.
     pub(super) inner: u64,
     /// The column, where it is one of a matrix.
     pub(super) column: Option<usize>,
@@ -144,8 +147,8 @@ pub(super) fn head<R: Read>(s: &mut Source<R>) -> std::io::Result<Head> {
     })
 }
 
-/// Lists an array under its name, or what stands in it where it is a structure or a cell array. `place` is where its variable stands; `name` that
-/// of an array within another one.
+/// Lists an array under its name, or what stands in it where it is a structure or a cell array.
+/// `place` is where its variable stands; `name` that of an array within another one.
 ///
 /// # Errors
 /// An array that is not whole.

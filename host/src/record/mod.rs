@@ -1,10 +1,11 @@
 //! Records: typed columns in segments of unbroken, evenly spaced samples.
 //!
-//! A gap in `t` (or in the device's ticks), or a NaN in any channel, ends a segment; nothing is interpolated over.
-//! Counts stay integers until [`Column::angle`] turns them into radians: a count c stands for the middle of
-//! [c, c+1), θ = (c + ½)·2π/N.
+//! A gap in `t` (or in the device's ticks), or a NaN in any channel, ends a segment; nothing is
+//! interpolated over. Counts stay integers until [`Column::angle`] turns them into radians: a count
+//! c stands for the middle of [c, c+1), θ = (c + ½)·2π/N.
 //!
-//! [`Record::read`] takes every format in [`formats::FORMATS`]; [`writer::RecordWriter`] writes whirl's own.
+//! [`Record::read`] takes every format in [`formats::FORMATS`]; [`writer::RecordWriter`] writes
+//! whirl's own.
 
 mod arrays;
 mod arrow_schema;
@@ -84,16 +85,19 @@ pub struct Record {
 /// An unbroken, evenly spaced stretch.
 #[derive(Clone, Debug)]
 pub struct Segment {
-    /// Tick of the first sample (device's own, or rows counted at the sampling rate from the first row).
+    /// Tick of the first sample (device's own, or rows counted at the sampling rate from the first
+    /// row).
     pub first_tick: i64,
-    /// Boot of the device from which it is, 0 for the first that the capture saw. Counts of different boots differ by offsets that nobody
-    /// knows, unless the device tells that their zeros are the same ([`Metadata::told_of`]). 0 where the record does not tell boots.
+    /// Boot of the device from which it is, 0 for the first that the capture saw. Counts of
+    /// different boots differ by offsets that nobody knows, unless the device tells that their
+    /// zeros are the same ([`Metadata::told_of`]). 0 where the record does not tell boots.
     pub boot: u32,
     /// Time of the first sample, s.
     pub start_s: f64,
     /// Spacing, s.
     pub step_s: f64,
-    /// Rms deviation of the rows' `t` from `start_s + i·step_s`, s: what rounding and jitter of the clock leave.
+    /// Rms deviation of the rows' `t` from `start_s + i·step_s`, s: what rounding and jitter of the
+    /// clock leave.
     pub jitter_s: f64,
     /// One column for each channel of the record, all of equal length.
     pub columns: Vec<Column>,
@@ -126,7 +130,8 @@ impl Column {
         self.len() == 0
     }
 
-    /// The samples in SI units: for counts (c + ½)·2π/N rad, otherwise value times the unit's factor. Not unwrapped.
+    /// The samples in SI units: for counts (c + ½)·2π/N rad, otherwise value times the unit's
+    /// factor. Not unwrapped.
     pub fn angle(&self, channel: &Channel) -> Vec<f64> {
         let scale = channel.scale();
         match self {
@@ -164,9 +169,11 @@ impl Segment {
 pub struct Losses {
     /// Samples in the record.
     pub received: u64,
-    /// Missing samples whose cause is not known, or lost on the link without a trace (dropped whole).
+    /// Missing samples whose cause is not known, or lost on the link without a trace (dropped
+    /// whole).
     pub lost_on_link: u64,
-    /// Missing samples whose frames arrived damaged and were refused, or that stand in a damaged part of the file.
+    /// Missing samples whose frames arrived damaged and were refused, or that stand in a damaged
+    /// part of the file.
     pub damaged: u64,
     /// Missing samples that the device says it never took (overruns).
     pub overruns: u64,
@@ -178,10 +185,12 @@ pub struct Losses {
     pub duplicates: u64,
     /// Samples that arrived out of order (kept, in their place).
     pub late: u64,
-    /// Samples that the link had lost and the device has sent again (kept, in their place; they are among the received ones).
+    /// Samples that the link had lost and the device has sent again (kept, in their place; they are
+    /// among the received ones).
     pub restored: u64,
-    /// Samples that arrived when their place had been passed, or whose place on the device's clock could not be told: not in
-    /// the record. Those between its first and last tick are among the missing ones above.
+    /// Samples that arrived when their place had been passed, or whose place on the device's clock
+    /// could not be told: not in the record. Those between its first and last tick are among the
+    /// missing ones above.
     pub dropped_late: u64,
     /// Frames refused by the checksum or the decoder.
     pub bad_frames: u64,
@@ -218,10 +227,12 @@ pub struct Metadata {
     pub written_by: String,
     /// Sampling rate of the device's clock, Hz (0: not known).
     pub sample_rate_hz: f64,
-    /// Tick of the first sample of each boot of the device after the first, increasing; empty where it never restarted.
+    /// Tick of the first sample of each boot of the device after the first, increasing; empty where
+    /// it never restarted.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub boots: Vec<i64>,
-    /// What the device told of its boots, the first one too, increasing in tick; empty where it told nothing.
+    /// What the device told of its boots, the first one too, increasing in tick; empty where it
+    /// told nothing.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub device: Vec<DeviceBoot>,
     /// What the device itself said, its first lines.

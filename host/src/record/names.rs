@@ -1,7 +1,9 @@
-//! Names of columns as people and instruments write them: `theta1_deg`, `Winkel 1 (deg)`, `time_ms`, `Time [s]`.
+//! Names of columns as people and instruments write them: `theta1_deg`, `Winkel 1 (deg)`,
+//! `time_ms`, `Time [s]`.
 //!
-//! A unit may stand at the end of a name, in brackets or behind `_`, a blank, `/` or `-`. What the time is called is known in some
-//! spellings; what anything else is called, and what it measures, only the rig file says.
+//! A unit may stand at the end of a name, in brackets or behind `_`, a blank, `/` or `-`. What the
+//! time is called is known in some spellings; what anything else is called, and what it measures,
+//! only the rig file says.
 
 use std::path::Path;
 
@@ -38,7 +40,8 @@ const TIME_UNITS: [(&str, &[&str], f64); 6] = [
     ("h", &["h", "hour", "hours"], 1.0 / 3600.0),
 ];
 
-/// A unit in a column's name: the rig file's unit, and by how much a value is multiplied to be in it.
+/// A unit in a column's name: the rig file's unit, and by how much a value is multiplied to be in
+/// it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NamedUnit {
     /// A unit of [`crate::rig::UNITS`]; none for what no channel can have (a rate, a temperature).
@@ -227,12 +230,14 @@ fn twice(path: &Path, name: &str) -> BadInput {
         .remedy("Rename one of them")
 }
 
-/// The name of a field or dataset behind the structures or groups that it stands in: `t` of `run.data.t` and of `run/t`.
+/// The name of a field or dataset behind the structures or groups that it stands in: `t` of
+/// `run.data.t` and of `run/t`.
 fn last_part(name: &str) -> Option<&str> {
     name.rsplit_once(['.', '/']).map(|(_, last)| last)
 }
 
-/// The column of a name: as it stands, or the only one that differs in letters' case and separators alone, or the only field of a structure that is called so.
+/// The column of a name: as it stands, or the only one that differs in letters' case and separators
+/// alone, or the only field of a structure that is called so.
 ///
 /// # Errors
 /// None, or one twice.

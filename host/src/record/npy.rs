@@ -1,5 +1,5 @@
-//! A record as one array of NumPy (`.npy`): a matrix with a row for each sample (or a column for each, where it is wider than high), its columns
-//! c1, c2, …; see [`super::arrays`].
+//! A record as one array of NumPy (`.npy`): a matrix with a row for each sample (or a column for
+//! each, where it is wider than high), its columns c1, c2, …; see [`super::arrays`].
 
 use std::io::{BufReader, Read};
 use std::path::Path;
@@ -81,7 +81,8 @@ impl Matrix {
                 "more bytes than its header says",
             )));
         }
-        // Samples are the longer side, whichever it is; values of a column then follow each other or stand a row apart.
+        // Samples are the longer side, whichever it is; values of a column then follow each other
+        // or stand a row apart.
         let upright = high >= wide;
         let (rows, columns) = if upright { (high, wide) } else { (wide, high) };
         Ok(Self { values, rows, columns, stride: if upright == by_columns { 1 } else { columns } })

@@ -1,10 +1,13 @@
-//! Records as NumPy archives (`.npz`, stored or deflated): see [`super::arrays`] for the arrays that are expected.
+//! Records as NumPy archives (`.npz`, stored or deflated): see [`super::arrays`] for the arrays
+//! that are expected.
 //!
-//! A ZIP archive (PKWARE's APPNOTE, 64-bit sizes included) of `.npy` files (NumPy's format 1.0 to 3.0). Only the arrays that a rig names are
-//! read; their checksums are verified. Memory is that of these arrays.
+//! A ZIP archive (PKWARE's APPNOTE, 64-bit sizes included) of `.npy` files (NumPy's format 1.0 to
+//! 3.0). Only the arrays that a rig names are read; their checksums are verified. Memory is that of
+//! these arrays.
 //!
-//! *Why not a crate*: npyz 0.9 reads archives by zip 0.6 and brings its zstd and bzip2 libraries in C, which NumPy does not write, and
-//! allocates what a header claims; what is needed of both formats is this file.
+//! *Why not a crate*: npyz 0.9 reads archives by zip 0.6 and brings its zstd and bzip2 libraries in
+//! C, which NumPy does not write, and allocates what a header claims; what is needed of both
+//! formats is this file.
 
 use std::collections::BTreeMap;
 use std::fs::File;

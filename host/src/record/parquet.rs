@@ -1,18 +1,23 @@
-//! Records as Parquet: whirl's own ([`super::parquet_write`]) and anybody's with a column `t` and the rig's columns.
+//! Records as Parquet: whirl's own ([`super::parquet_write`]) and anybody's with a column `t` and
+//! the rig's columns.
 //!
-//! - The time: DOUBLE, FLOAT or an integer in the unit that its name or the rig file says (seconds otherwise), a point in time, a time of day,
-//!   or a length of time as pandas and polars write it ([`super::arrow_schema`]). Channels: 32- or 64-bit integers, FLOAT or DOUBLE; a
-//!   null or NaN is a gap. Compression: any that is common. Nested columns are not read.
-//! - Row groups of up to 16 MiB are read at once. In a file as whirl wrote it `t` is not decoded but follows from the ticks, as it was made.
-//! - A record of whirl's own brings its ticks, the drive's phase, its metadata and losses. Its row groups carry checksums,
-//!   which are verified.
-//! - To recover a damaged file ([`ReadOptions::recover`]), every whole row group of whirl's own is read, footer or not, and of other
-//!   files, whose footer is needed, every row whose pages are whole ([`super::parquet_salvage`]). What is left out is a gap.
+//! - The time: DOUBLE, FLOAT or an integer in the unit that its name or the rig file says (seconds
+//!   otherwise), a point in time, a time of day, or a length of time as pandas and polars write it
+//!   ([`super::arrow_schema`]). Channels: 32- or 64-bit integers, FLOAT or DOUBLE; a null or NaN is
+//!   a gap. Compression: any that is common. Nested columns are not read.
+//! - Row groups of up to 16 MiB are read at once. In a file as whirl wrote it `t` is not decoded
+//!   but follows from the ticks, as it was made.
+//! - A record of whirl's own brings its ticks, the drive's phase, its metadata and losses. Its row
+//!   groups carry checksums, which are verified.
+//! - To recover a damaged file ([`ReadOptions::recover`]), every whole row group of whirl's own is
+//!   read, footer or not, and of other files, whose footer is needed, every row whose pages are
+//!   whole ([`super::parquet_salvage`]). What is left out is a gap.
 //!
-//! The parquet crate is guarded in two ways: sizes are checked before it sees them ([`super::parquet_source`]), and it runs under
-//! `catch_unwind`, since it panics on some damaged input (seen: an encoding that it does not know; 2 of 15 000 mutated files).
-//! Memory is that of the columns read, or of a block of rows where they are streamed ([`super::stream`]): every column of a row group is then
-//! decoded page by page beside the others.
+//! The parquet crate is guarded in two ways: sizes are checked before it sees them
+//! ([`super::parquet_source`]), and it runs under `catch_unwind`, since it panics on some damaged
+//! input (seen: an encoding that it does not know; 2 of 15 000 mutated files). Memory is that of
+//! the columns read, or of a block of rows where they are streamed ([`super::stream`]): every
+//! column of a row group is then decoded page by page beside the others.
 
 use std::panic::AssertUnwindSafe;
 use std::path::Path;
@@ -101,7 +106,8 @@ struct Reader<'a> {
     whole: usize,
     /// The row group that ended the reading, and why.
     broken: Option<(usize, String)>,
-    /// The first value that was wrong where damage is passed over: the error if nothing else is found.
+    /// The first value that was wrong where damage is passed over: the error if nothing else is
+    /// found.
     wrong: Option<BadInput>,
     warnings: Vec<Warning>,
 }
@@ -138,7 +144,8 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// Reads up to `most` rows of the next row groups (whole ones while they are small); whether there was one.
+    /// Reads up to `most` rows of the next row groups (whole ones while they are small); whether
+    /// there was one.
     fn part(&mut self, rows: &mut Rows<'_>, most: usize) -> core::result::Result<bool, Failure> {
         self.whole = rows.t.len();
         let Some(group) = self.structure.groups.get(self.group) else { return Ok(false) };
@@ -164,8 +171,9 @@ impl<'a> Reader<'a> {
         Ok(true)
     }
 
-    /// Reads row groups of at most `most` rows together, side by side: small ones cost more to open than to decode. Without a limit, all that follow each
-    /// other, the next ones decoded while those before them are taken.
+    /// Reads row groups of at most `most` rows together, side by side: small ones cost more to open
+    /// than to decode. Without a limit, all that follow each other, the next ones decoded while
+    /// those before them are taken.
     fn small_groups(&mut self, rows: &mut Rows<'_>, most: usize) -> core::result::Result<(), Failure> {
         let (source, structure, columns) = (&self.source, &self.structure, &self.columns);
         let ahead = |from: usize| {
@@ -221,7 +229,8 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Runs code of the parquet crate, which panics on some damaged input; a panic leaves nothing behind that is used afterwards.
+/// Runs code of the parquet crate, which panics on some damaged input; a panic leaves nothing
+/// behind that is used afterwards.
 fn guarded<T>(path: &Path, f: impl FnOnce() -> Result<T>) -> Result<T> {
     quiet::catch(AssertUnwindSafe(f))
         .unwrap_or_else(|| Err(BadInput::new("a damaged file", "Parquet").in_file(path).remedy("Copy the file again")))

@@ -1,4 +1,5 @@
-//! Numbers of one Parquet column, whatever its physical type: a run of rows at a time, checked as a whole where nothing is missing, cell by cell otherwise.
+//! Numbers of one Parquet column, whatever its physical type: a run of rows at a time, checked as a
+//! whole where nothing is missing, cell by cell otherwise.
 
 use parquet::basic::{ConvertedType as Converted, LogicalType, TimeUnit, Type as Physical};
 use parquet::column::reader::{ColumnReader, ColumnReaderImpl};
@@ -238,7 +239,8 @@ impl Rows<'_> {
         Ok(())
     }
 
-    /// Takes a run of cells of one of the device's own columns, whose first row is `first` (from 0).
+    /// Takes a run of cells of one of the device's own columns, whose first row is `first` (from
+    /// 0).
     pub(super) fn take_device(&mut self, first: usize, which: usize, cells: Cells) -> Result<()> {
         if let Some(d) = &mut self.device {
             let to = if which == 1 { &mut d.phase } else { &mut d.amplitude_nm };
@@ -268,8 +270,8 @@ impl Rows<'_> {
         Ok(())
     }
 
-    /// A cell of the column `t` in seconds, NaN where there is none; timestamps count from the first one, so that no digits
-    /// are lost.
+    /// A cell of the column `t` in seconds, NaN where there is none; timestamps count from the
+    /// first one, so that no digits are lost.
     fn seconds(&mut self, number: Number) -> f64 {
         match number {
             Number::Null => f64::NAN,

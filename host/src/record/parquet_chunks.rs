@@ -1,4 +1,5 @@
-//! The columns of a Parquet row group: opened, verified where it is whirl's own, and decoded side by side.
+//! The columns of a Parquet row group: opened, verified where it is whirl's own, and decoded side
+//! by side.
 
 use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
@@ -102,7 +103,8 @@ pub(super) fn rows_in(group: &RowGroupMetaData) -> core::result::Result<usize, F
     usize::try_from(group.num_rows()).map_err(|_| Failure::File("a negative number of rows".to_owned()))
 }
 
-/// Runs code of the parquet crate on whatever thread it is given to: a panic is caught on that thread, where it can be kept quiet.
+/// Runs code of the parquet crate on whatever thread it is given to: a panic is caught on that
+/// thread, where it can be kept quiet.
 pub(super) fn caught<T>(f: impl FnOnce() -> core::result::Result<T, Failure>) -> core::result::Result<T, Failure> {
     quiet::catch(AssertUnwindSafe(f)).unwrap_or_else(|| Err(Failure::File("a damaged page".to_owned())))
 }

@@ -1,4 +1,5 @@
-//! Tests of damaged Parquet records: what is whole is read, what is not is named and counted, and nothing wrong comes out.
+//! Tests of damaged Parquet records: what is whole is read, what is not is named and counted, and
+//! nothing wrong comes out.
 
 use std::fs::File;
 
@@ -176,7 +177,8 @@ fn truncated_in_every_tenth_every_whole_row_group_is_read() {
 
 const SCHEMA: &str = "message m { required double t; required int64 count1; required int64 count2; }";
 
-/// A file of somebody else's: row groups of 3000 rows in pages of 500, counts through a dictionary if asked.
+/// A file of somebody else's: row groups of 3000 rows in pages of 500, counts through a dictionary
+/// if asked.
 fn foreign(path: &Path, groups: usize, dictionary: bool, compression: Compression) -> Vec<u8> {
     let schema = Arc::new(parse_message_type(SCHEMA).unwrap());
     let properties = WriterProperties::builder()

@@ -1,7 +1,9 @@
-//! Markers inside whirl's Parquet records, by which a file without footer is read up to its last whole row group.
+//! Markers inside whirl's Parquet records, by which a file without footer is read up to its last
+//! whole row group.
 //!
-//! Parquet keeps all of its structure in a footer, so that a file cut short is lost as a whole. Readers skip bytes that no
-//! footer points to; into such bytes, after the file's magic and after each row group, goes a marker:
+//! Parquet keeps all of its structure in a footer, so that a file cut short is lost as a whole.
+//! Readers skip bytes that no footer points to; into such bytes, after the file's magic and after
+//! each row group, goes a marker:
 //!
 //! | bytes | what |
 //! |---|---|
@@ -48,7 +50,8 @@ pub(super) fn marker(
     let mut body = Vec::new();
     ParquetMetaDataWriter::new(&mut body, &metadata).finish()?;
     let mut out = MAGIC.to_vec();
-    // A footer of one row group is a few kilobytes; the rig file's text is below BODY_LIMIT, see ParquetWriter::create.
+    // A footer of one row group is a few kilobytes; the rig file's text is below BODY_LIMIT, see
+    // ParquetWriter::create.
     out.extend_from_slice(&u32::try_from(body.len()).unwrap_or(u32::MAX).to_le_bytes());
     out.extend_from_slice(&data_crc.to_le_bytes());
     out.extend_from_slice(&body);
@@ -163,7 +166,8 @@ pub(super) fn extent(group: &RowGroupMetaData) -> Option<(u64, u64)> {
     (end > start).then(|| (start, end - start))
 }
 
-/// A column chunk's first byte and length, without the assertions of the library's own `byte_range`.
+/// A column chunk's first byte and length, without the assertions of the library's own
+/// `byte_range`.
 pub(super) fn checked_range(column: &parquet::file::metadata::ColumnChunkMetaData) -> Option<(u64, u64)> {
     let first = column.dictionary_page_offset().unwrap_or_else(|| column.data_page_offset());
     Some((u64::try_from(first).ok()?, u64::try_from(column.compressed_size()).ok()?))

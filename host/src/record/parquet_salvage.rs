@@ -1,9 +1,11 @@
 //! What can be read of a damaged row group: the rows whose page is whole in every column.
 //!
-//! Only for files of others, whose row groups may hold all of a record; whirl's own are 5 s long and are dropped whole. A page that does not
-//! decode (or whose checksum, where it has one, is wrong) takes its rows with it; a page header that is damaged takes the rest of its column,
-//! since only it says where the next page begins; a damaged dictionary takes the pages that need it. Where the rows that the page
-//! headers state do not add up to those of the row group, one of them is wrong and rows could be shifted: nothing is read then.
+//! Only for files of others, whose row groups may hold all of a record; whirl's own are 5 s long
+//! and are dropped whole. A page that does not decode (or whose checksum, where it has one, is
+//! wrong) takes its rows with it; a page header that is damaged takes the rest of its column, since
+//! only it says where the next page begins; a damaged dictionary takes the pages that need it.
+//! Where the rows that the page headers state do not add up to those of the row group, one of them
+//! is wrong and rows could be shifted: nothing is read then.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -23,7 +25,8 @@ use super::parquet_structure::Columns;
 use super::rows::Rows;
 use crate::error::BadInput;
 
-/// Reads what is whole of a row group from its row `from` on; `number` is the row group's, from 1. Gives the first value that was wrong.
+/// Reads what is whole of a row group from its row `from` on; `number` is the row group's, from 1.
+/// Gives the first value that was wrong.
 pub(super) fn salvage(
     source: &Arc<Source>,
     (group, number): (&RowGroupMetaData, usize),
@@ -81,7 +84,8 @@ pub(super) fn salvage(
 
 /// The pages of a column chunk one after another, those that are damaged as rows without a value.
 struct Walk {
-    /// Goes from page header to page header; the pages themselves come from a reader of their own, which looks at their headers again.
+    /// Goes from page header to page header; the pages themselves come from a reader of their own,
+    /// which looks at their headers again.
     headers: SerializedPageReader<Source>,
     pages: SerializedPageReader<Source>,
     descriptor: Arc<ColumnDescriptor>,

@@ -1,8 +1,10 @@
-//! A Parquet file as the parquet crate reads it, with every size that the file claims checked before memory is taken for it.
+//! A Parquet file as the parquet crate reads it, with every size that the file claims checked
+//! before memory is taken for it.
 //!
-//! The crate trusts three claims of a page header: its compressed length, its length once decompressed and the number of values of
-//! a dictionary; a damaged byte there would make it reserve gigabytes. Headers are therefore looked at here first (thrift
-//! compact protocol, the fields in the order in which every writer puts them).
+//! The crate trusts three claims of a page header: its compressed length, its length once
+//! decompressed and the number of values of a dictionary; a damaged byte there would make it
+//! reserve gigabytes. Headers are therefore looked at here first (thrift compact protocol, the
+//! fields in the order in which every writer puts them).
 
 use std::fs::File;
 use std::io::{Cursor, Read, Seek, SeekFrom};
@@ -176,7 +178,8 @@ impl ChunkReader for Held {
     }
 }
 
-/// Checks the sizes in a page header: fields 1 to 3 (type, decompressed and compressed size), and field 7.1 of a dictionary page.
+/// Checks the sizes in a page header: fields 1 to 3 (type, decompressed and compressed size), and
+/// field 7.1 of a dictionary page.
 fn check_header(header: &[u8]) -> Result<()> {
     let bad = |what: &str| Err(ParquetError::General(format!("page header: {what}")));
     let mut at = 0;
@@ -199,7 +202,8 @@ fn check_header(header: &[u8]) -> Result<()> {
         ));
     }
     if kind == 2 {
-        // Dictionary page: an optional checksum (field 4), then field 7, a struct whose first field is the number of values.
+        // Dictionary page: an optional checksum (field 4), then field 7, a struct whose first field
+        // is the number of values.
         let mut field = 3;
         if header.get(at) == Some(&0x15) {
             at += 1;

@@ -1,8 +1,9 @@
-//! What a Parquet file says of itself: its schema, where its row groups stand and which checksums they have, and whirl's own metadata.
+//! What a Parquet file says of itself: its schema, where its row groups stand and which checksums
+//! they have, and whirl's own metadata.
 //!
-//! The footer says all of it. In a record of whirl's own the markers ([`super::parquet_recovery`]) say it again, each with its own
-//! checksum: where the footer is missing, or may not be believed, they are used instead. A footer that somebody else wrote is all
-//! that there is.
+//! The footer says all of it. In a record of whirl's own the markers ([`super::parquet_recovery`])
+//! say it again, each with its own checksum: where the footer is missing, or may not be believed,
+//! they are used instead. A footer that somebody else wrote is all that there is.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -36,7 +37,8 @@ pub(super) struct Group {
     pub(super) metadata: RowGroupMetaData,
     /// Checksum of its bytes, where a marker that is whole was read before it.
     checksum: Option<u32>,
-    /// Bytes that nothing describes stand before it: at least one row group whose marker is damaged.
+    /// Bytes that nothing describes stand before it: at least one row group whose marker is
+    /// damaged.
     pub(super) behind_a_hole: bool,
 }
 
@@ -46,7 +48,8 @@ pub(super) struct Structure {
     pub(super) groups: Vec<Group>,
     pub(super) metadata: Option<Metadata>,
     pub(super) losses: Option<Losses>,
-    /// The file itself is whirl's, and not rewritten by another program that kept the metadata: it has markers.
+    /// The file itself is whirl's, and not rewritten by another program that kept the metadata: it
+    /// has markers.
     pub(super) written_by_whirl: bool,
     /// Units in a second, for each column of lengths of time.
     pub(super) durations: BTreeMap<String, f64>,
@@ -54,10 +57,11 @@ pub(super) struct Structure {
     pub(super) truncated: Option<String>,
 }
 
-/// Reads the footer, or, where there is none or it is damaged, whirl's markers. To `recover`, the markers of whirl's own record are believed before
-/// the footer, which has no checksum.
+/// Reads the footer, or, where there is none or it is damaged, whirl's markers. To `recover`, the
+/// markers of whirl's own record are believed before the footer, which has no checksum.
 pub(super) fn structure(source: &Arc<Source>, path: &Path, recover: bool) -> Result<Structure> {
-    // The crate may panic here too; a file whose footer makes it panic is read by its markers like one without.
+    // The crate may panic here too; a file whose footer makes it panic is read by its markers like
+    // one without.
     let footer = quiet::catch(AssertUnwindSafe(|| ParquetMetaDataReader::new().parse_and_finish(source.file())))
         .unwrap_or_else(|| Err(ParquetError::General("damaged footer".to_owned())));
     let file = match footer {
@@ -91,7 +95,8 @@ fn markers(source: &Arc<Source>, path: &Path) -> Result<Vec<Marker>> {
     scan(&mut source.place()).map_err(|e| BadInput::io(path, &e))
 }
 
-/// The row groups that markers describe, in the order of the file: a marker stands right behind its row group.
+/// The row groups that markers describe, in the order of the file: a marker stands right behind its
+/// row group.
 fn marked(markers: Vec<Marker>) -> Vec<Group> {
     let (mut groups, mut end) = (Vec::new(), None);
     for marker in markers {
@@ -124,7 +129,8 @@ fn by_markers(source: &Arc<Source>, path: &Path, why: &str) -> Result<Structure>
         .remedy("Copy or export the file again: only whirl's own records can be recovered without their footer"));
     };
     let schema = any.metadata.file_metadata().schema_descr_ptr();
-    // A head that is damaged takes whirl's metadata with it: the columns are then read as anybody's.
+    // A head that is damaged takes whirl's metadata with it: the columns are then read as
+    // anybody's.
     let mut metadata = own_metadata(&any.metadata).0;
     if let Some(metadata) = &mut metadata {
         let newest = |key| markers.iter().rev().find(|m| value(&m.metadata, key).is_some());
@@ -143,7 +149,8 @@ fn by_markers(source: &Arc<Source>, path: &Path, why: &str) -> Result<Structure>
     })
 }
 
-/// The row groups of footer and markers together: those that markers describe, and, where there are fewer of them than the footer has, the others.
+/// The row groups of footer and markers together: those that markers describe, and, where there are
+/// fewer of them than the footer has, the others.
 fn merged(footer: Vec<Group>, markers: Vec<Marker>) -> Vec<Group> {
     let most = footer.len();
     let mut groups = marked(markers);
@@ -176,7 +183,8 @@ fn value(file: &ParquetMetaData, key: &str) -> Option<String> {
     pairs?.iter().find(|kv| kv.key.strip_prefix(KEY) == Some(key))?.value.clone()
 }
 
-/// Ticks at which boots begin, where the file or a row group's marker lists any; in order, whatever the file says.
+/// Ticks at which boots begin, where the file or a row group's marker lists any; in order, whatever
+/// the file says.
 fn boots(file: &ParquetMetaData) -> Option<Vec<i64>> {
     let mut boots: Vec<i64> = serde_json::from_str(&value(file, "boots")?).ok()?;
     boots.sort_unstable();
@@ -273,7 +281,8 @@ pub(super) struct Columns {
 }
 
 impl Columns {
-    /// Them in the order in which they are read: t (unless it follows from the tick), the channels, the device's.
+    /// Them in the order in which they are read: t (unless it follows from the tick), the channels,
+    /// the device's.
     pub(super) fn indices(&self) -> Vec<usize> {
         let own = self.own.iter().flatten();
         let t = Some(&self.t).filter(|_| self.rate.is_none());
@@ -300,7 +309,8 @@ pub(super) fn listed(structure: &Structure) -> Vec<Listed> {
     names.into_iter().zip(places).map(|(name, i)| Listed { name, is_number: number(i) }).collect()
 }
 
-/// The column of the time: by its name, or the only one that is of points or lengths of time by its type.
+/// The column of the time: by its name, or the only one that is of points or lengths of time by its
+/// type.
 fn time(
     structure: &Structure,
     names: &[String],
@@ -346,7 +356,8 @@ pub(super) fn columns(structure: &Structure, path: &Path, rig: &Rig, own: bool, 
     Ok(Columns { t: checked(time.index, true)?, time, channels, own, rate: rate.filter(|_| own.is_some()) })
 }
 
-/// Verifies a row group of whirl's own by the checksum in the marker behind it. `held`: its bytes and what follows them, where they were read at once.
+/// Verifies a row group of whirl's own by the checksum in the marker behind it. `held`: its bytes
+/// and what follows them, where they were read at once.
 pub(super) fn verify(
     source: &Source,
     held: Option<&Held>,
@@ -372,7 +383,8 @@ pub(super) fn verify(
             match near.or_else(|| marker_at(&mut file, end)) {
                 Some(marker) if marker.metadata.row_groups() == [group.metadata.clone()] => marker.data_crc,
                 Some(_) => return Err("the footer and the marker behind it disagree".to_owned()),
-                // A marker that is damaged elsewhere still proves by its checksum of the rows that these are whole.
+                // A marker that is damaged elsewhere still proves by its checksum of the rows that
+                // these are whole.
                 None => stated_crc(&mut file, end).ok_or_else(damaged)?,
             }
         }

@@ -257,7 +257,8 @@ fn mutated_bytes_never_panic_nor_lie() {
             Ok(r) => {
                 good += 1;
                 if round % 2 == 0 {
-                    // Whatever is still read of whirl's own record is what was written, in its place.
+                    // Whatever is still read of whirl's own record is what was written, in its
+                    // place.
                     for segment in &r.segments {
                         let Column::Counts(c) = &segment.columns[0] else { panic!("counts") };
                         let from = (segment.start_s * 500.0).round() as usize - 1000;

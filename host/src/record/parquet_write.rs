@@ -1,4 +1,5 @@
-//! Writes whirl's record as Parquet, in bounded memory: one row group ([`group_rows`]) is held at a time.
+//! Writes whirl's record as Parquet, in bounded memory: one row group ([`group_rows`]) is held at a
+//! time.
 //!
 //! | column | type | unit |
 //! |---|---|---|
@@ -8,8 +9,9 @@
 //! | `phase` | INT32, unsigned | the drive's phase, turns · 2⁻³² |
 //! | `amplitude_nm` | INT32, unsigned | commanded amplitude of the base, nm |
 //!
-//! Integers are delta-coded, times byte-split, both then Snappy-compressed. After each row group stands a marker
-//! ([`super::parquet_recovery`]), and all is handed to the operating system, so that a crash costs at most the row group begun.
+//! Integers are delta-coded, times byte-split, both then Snappy-compressed. After each row group
+//! stands a marker ([`super::parquet_recovery`]), and all is handed to the operating system, so
+//! that a crash costs at most the row group begun.
 
 use std::fs::File;
 use std::io::Write;
@@ -35,13 +37,15 @@ use crate::rig::Rig;
 
 /// Rows of a row group: 5 s at 500 Hz.
 pub(super) const GROUP_ROWS: usize = 2500;
-/// Share of a long record that its next row group is: the file ends with a list of all of them, which is kept until then.
+/// Share of a long record that its next row group is: the file ends with a list of all of them,
+/// which is kept until then.
 const SHARE: usize = 512;
 /// Most rows of a row group.
 const MOST_ROWS: usize = 1 << 16;
 
-/// Rows of the row group that follows `written` rows: 5 s for the first 43 minutes, then 1/512 of what there is, so that their number grows with the
-/// logarithm of the record's length (to 2300 in a day, not 17 000).
+/// Rows of the row group that follows `written` rows: 5 s for the first 43 minutes, then 1/512 of
+/// what there is, so that their number grows with the logarithm of the record's length (to 2300 in
+/// a day, not 17 000).
 fn group_rows(written: usize) -> usize {
     (written / SHARE).clamp(GROUP_ROWS, MOST_ROWS)
 }

@@ -1,7 +1,9 @@
-//! Code of others that may panic on damaged input, run so that it neither ends the program nor talks to the user.
+//! Code of others that may panic on damaged input, run so that it neither ends the program nor
+//! talks to the user.
 //!
-//! The default panic hook prints to standard error; a person who hands in a damaged file is to see one message. The hook that is
-//! set here once keeps quiet on a thread while [`catch`] runs on it, and otherwise does what the hook before did.
+//! The default panic hook prints to standard error; a person who hands in a damaged file is to see
+//! one message. The hook that is set here once keeps quiet on a thread while [`catch`] runs on it,
+//! and otherwise does what the hook before did.
 
 use std::cell::Cell;
 use std::panic::{UnwindSafe, catch_unwind, set_hook, take_hook};

@@ -1,9 +1,12 @@
-//! A record of regression rows instead of samples (`whirl capture --rows`): what the device's own identification has summed over each
-//! window of twenty drive periods, from which `whirl identify` works alone.
+//! A record of regression rows instead of samples (`whirl capture --rows`): what the device's own
+//! identification has summed over each window of twenty drive periods, from which `whirl identify`
+//! works alone.
 //!
-//! JSON, an object a line: first a [`Header`], then a [`Window`] for every complete window, last a [`Footer`]. Rows are those of
-//! `whirl_shared::regressor`: of m = 0 the real one, then of each m the real and the imaginary one; in a row an equation's columns, then its
-//! target. Windows with consecutive `index` in one `run` overlap by half. Every line carries its checksum (`super::sealed_line`).
+//! JSON, an object a line: first a [`Header`], then a [`Window`] for every complete window, last a
+//! [`Footer`]. Rows are those of `whirl_shared::regressor`: of m = 0 the real one, then of each m
+//! the real and the imaginary one; in a row an equation's columns, then its target. Windows with
+//! consecutive `index` in one `run` overlap by half. Every line carries its checksum
+//! (`super::sealed_line`).
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, BufWriter, Read, Write};
@@ -207,8 +210,9 @@ impl RowsRecord {
     /// Reads a record of rows.
     ///
     /// # Errors
-    /// Names the file, the line, the value found and the one expected; a file without its last line names the last whole window, and is
-    /// read up to it with `--recover`, which also leaves damaged lines out.
+    /// Names the file, the line, the value found and the one expected; a file without its last line
+    /// names the last whole window, and is read up to it with `--recover`, which also leaves
+    /// damaged lines out.
     pub fn read(path: &Path, options: &ReadOptions) -> Result<Self> {
         let io = |e: std::io::Error| BadInput::io(path, &e).remedy("Name a record that exists and can be read");
         let mut file = BufReader::new(formats::open(path)?);

@@ -1,8 +1,10 @@
-//! An uneven clock made even, on request: values at even times by the cubic through the four nearest samples.
+//! An uneven clock made even, on request: values at even times by the cubic through the four
+//! nearest samples.
 //!
-//! For samples taken at times that are known but not even. Between gaps (differences above 2.5 steps) the times are first, first + step …;
-//! counts become values in counts, (c + ½). The cubic's error is (Δt)⁴ q⁗/40 or so: it needs a signal well below the Nyquist
-//! frequency, which the warning says.
+//! For samples taken at times that are known but not even. Between gaps (differences above 2.5
+//! steps) the times are first, first + step …; counts become values in counts, (c + ½). The cubic's
+//! error is (Δt)⁴ q⁗/40 or so: it needs a signal well below the Nyquist frequency, which the
+//! warning says.
 
 use super::Column;
 use super::rows::Rows;

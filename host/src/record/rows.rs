@@ -1,7 +1,7 @@
 //! Rows as they stand in a file, checked cell by cell, before they are cut into segments.
 //!
-//! Every reader hands its cells to [`Rows`], so that a NaN, an infinite value, a count beyond its type or a time that runs
-//! backwards is told in the same words whatever the format.
+//! Every reader hands its cells to [`Rows`], so that a NaN, an infinite value, a count beyond its
+//! type or a time that runs backwards is told in the same words whatever the format.
 
 use std::path::Path;
 
@@ -98,7 +98,8 @@ impl<'a> Rows<'a> {
         }
     }
 
-    /// Makes room for so many rows more, as far as a file may be believed that says how many it has.
+    /// Makes room for so many rows more, as far as a file may be believed that says how many it
+    /// has.
     pub(super) fn reserve(&mut self, rows: usize) {
         let rows = rows.min(RESERVED);
         self.t.reserve(rows);
@@ -293,7 +294,8 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// The columns that are read for a rig. Its expressions were checked when it was read; one that was not is looked for as a column.
+/// The columns that are read for a rig. Its expressions were checked when it was read; one that was
+/// not is looked for as a column.
 pub(super) fn sources(rig: &Rig) -> Sources {
     computed::sources(&rig.channel, &rig.path).unwrap_or_else(|_| Sources {
         columns: rig.channel.clone(),
@@ -301,7 +303,8 @@ pub(super) fn sources(rig: &Rig) -> Sources {
     })
 }
 
-/// The error for a column that a file does not have: lists those it has, and the closest as the remedy.
+/// The error for a column that a file does not have: lists those it has, and the closest as the
+/// remedy.
 pub(super) fn missing_column(path: &Path, wanted: &str, header: &[String]) -> BadInput {
     let list: Vec<String> = header.iter().take(40).map(|h| super::formats::shown(h.as_bytes())).collect();
     let more = if header.len() > 40 { format!(" and {} more", header.len() - 40) } else { String::new() };

@@ -1,5 +1,6 @@
-//! Lines of JSON objects that carry a checksum: `{…,"crc32":"89abcdef"}`, the CRC-32 (IEEE 802.3) of the line's bytes before that key,
-//! in eight hexadecimal digits. Lines without it are from before there was one.
+//! Lines of JSON objects that carry a checksum: `{…,"crc32":"89abcdef"}`, the CRC-32 (IEEE 802.3)
+//! of the line's bytes before that key, in eight hexadecimal digits. Lines without it are from
+//! before there was one.
 
 use flate2::Crc;
 

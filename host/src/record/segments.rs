@@ -1,7 +1,8 @@
 //! Rows into segments: gaps found and counted, clocks fitted, wrapped angles made continuous.
 //!
-//! A gap is a difference of more than 1.5 steps between neighbours (or ticks that do not follow each other in a record of whirl's
-//! own), or a row with a missing cell. Lost rows of a gap Δt: round(Δt/step) − 1.
+//! A gap is a difference of more than 1.5 steps between neighbours (or ticks that do not follow
+//! each other in a record of whirl's own), or a row with a missing cell. Lost rows of a gap Δt:
+//! round(Δt/step) − 1.
 
 use std::ops::Range;
 use std::path::Path;
@@ -113,7 +114,8 @@ fn clocks(
     ranges.iter().zip(sums).map(clock).collect()
 }
 
-/// The channels of each stretch, wrapped angles made continuous (whirl's own records are: `own`). A record without a gap is not copied.
+/// The channels of each stretch, wrapped angles made continuous (whirl's own records are: `own`). A
+/// record without a gap is not copied.
 fn columns(
     rows: &mut Rows<'_>,
     ranges: &[Range<usize>],
@@ -188,7 +190,8 @@ fn segments(
     parts.map(segment).collect()
 }
 
-/// What was lost: as the record's own account says, where it has one, with the rows found empty or damaged.
+/// What was lost: as the record's own account says, where it has one, with the rows found empty or
+/// damaged.
 fn accounted(rows: &Rows<'_>, found: Losses, stored: Option<Losses>) -> Losses {
     let own = stored.is_some();
     let mut losses = match stored {
@@ -223,7 +226,8 @@ fn scaled(rows: &mut Rows<'_>) -> Result<()> {
     Ok(())
 }
 
-/// The error for a stretch whose rows follow each other otherwise than those of the record do: names the first that does.
+/// The error for a stretch whose rows follow each other otherwise than those of the record do:
+/// names the first that does.
 fn other_clock(rows: &Rows<'_>, range: &Range<usize>, step: f64) -> BadInput {
     let i = (range.start + 1..range.end).find(|&i| rows.t[i] - rows.t[i - 1] < 0.5 * step).unwrap_or(range.start);
     let before = rows.t[i.saturating_sub(1)];
@@ -245,7 +249,8 @@ fn split(rows: &Rows<'_>, step: f64, losses: &mut Losses) -> Vec<Range<usize>> {
     for i in 0..rows.t.len() {
         if i > 0 {
             let lost = match ticks {
-                // Ticks have been checked to increase. Between two boots one is missing at least (see capture::accounting).
+                // Ticks have been checked to increase. Between two boots one is missing at least
+                // (see capture::accounting).
                 Some(tick) => tick[i].abs_diff(tick[i - 1]).saturating_sub(1),
                 None => lost_between(rows.t[i] - rows.t[i - 1], step),
             };

@@ -1,9 +1,11 @@
 //! Records taken block by block: memory is that of one block, whatever the record's length.
 //!
-//! A block is a part of an unbroken stretch, all channels in SI units, wrapped angles made continuous over the whole stretch: the
-//! samples are those that [`super::Record::read`] gives, with gaps and missing values cut as there, the rig's rate telling what a gap is. Two things
-//! need the whole record and are not done: an uneven clock is not made even, and its jitter is not told. Whether a column of counts wraps
-//! is told by all of it too: such a record is read twice, unless it is whirl's own.
+//! A block is a part of an unbroken stretch, all channels in SI units, wrapped angles made
+//! continuous over the whole stretch: the samples are those that [`super::Record::read`] gives,
+//! with gaps and missing values cut as there, the rig's rate telling what a gap is. Two things need
+//! the whole record and are not done: an uneven clock is not made even, and its jitter is not told.
+//! Whether a column of counts wraps is told by all of it too: such a record is read twice, unless
+//! it is whirl's own.
 
 use std::ops::Range;
 use std::path::Path;
@@ -63,7 +65,8 @@ pub struct Summary {
     pub warnings: Vec<Warning>,
 }
 
-/// About how many numbers (rows times channels) a record holds; none where its format cannot be read block by block.
+/// About how many numbers (rows times channels) a record holds; none where its format cannot be
+/// read block by block.
 ///
 /// # Errors
 /// A file that cannot be opened or is of no known format.
@@ -154,7 +157,8 @@ fn blocks(path: &Path, rig: &Rig, options: &ReadOptions, take: &mut dyn FnMut(&B
 /// Takes rows of a range, and whether a stretch begins with it.
 type Take<'a> = dyn FnMut(&Rows<'_>, Range<usize>, bool) -> Result<()> + 'a;
 
-/// Goes through a file once; `take` gets ranges of rows that belong to one stretch, and whether it begins there.
+/// Goes through a file once; `take` gets ranges of rows that belong to one stretch, and whether it
+/// begins there.
 fn pass(source: &mut dyn Source, path: &Path, rig: &Rig, take: &mut Take<'_>) -> Result<Summary> {
     let mut rows = Rows::new(path, rig, source.word(), source.own());
     rows.limit = usize::MAX;

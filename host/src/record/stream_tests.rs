@@ -58,7 +58,8 @@ fn a_csv_file_with_gaps_holes_and_wraps_comes_in_the_same_stretches() {
     let folder = tempfile::tempdir().unwrap();
     let rig = rig(&[("rad", None), ("count", Some(4096)), ("mm", None)]);
     let mut text = "t,c0,c1,c2\n".to_owned();
-    // 200 000 rows are several blocks of three channels. Gaps and holes at random places, two in a row and at both ends too.
+    // 200 000 rows are several blocks of three channels. Gaps and holes at random places, two in a
+    // row and at both ends too.
     for i in 0..200_000_i64 {
         if matches!(i, 777 | 778 | 90_000..90_010 | 120_001 | 120_003) || i % 40_001 == 5 {
             continue;

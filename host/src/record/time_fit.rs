@@ -1,9 +1,10 @@
 //! The evenly spaced clock behind a column of rounded times.
 //!
-//! Times in files are rounded (1.6384 ms printed as 0.001638), so that no single difference is the step. Within a segment of
-//! n rows, t_i = start + i·step is fitted by least squares: with rows centred,
-//! step = Σ (i − ī) t_i / (n (n² − 1)/12) and start = t̄ − step·ī, whose errors fall as n^{−3/2} and n^{−1/2}. A short segment
-//! (below [`OWN_STEP`] rows) borrows the step pooled over all segments, weighted by n (n² − 1).
+//! Times in files are rounded (1.6384 ms printed as 0.001638), so that no single difference is the
+//! step. Within a segment of n rows, t_i = start + i·step is fitted by least squares: with rows
+//! centred, step = Σ (i − ī) t_i / (n (n² − 1)/12) and start = t̄ − step·ī, whose errors fall as
+//! n^{−3/2} and n^{−1/2}. A short segment (below [`OWN_STEP`] rows) borrows the step pooled over
+//! all segments, weighted by n (n² − 1).
 
 /// Rows from which a segment's own step is used.
 const OWN_STEP: usize = 100;
@@ -107,8 +108,8 @@ pub(super) fn clock(t: &[f64], sums: &Sums, pooled: f64) -> Clock {
     Clock { start_s: sums.first + offset, step_s, jitter_s: (square / sums.n.max(1) as f64).sqrt() }
 }
 
-/// The step of a record before its gaps are known: the mean over neighbours that are about one nominal step apart, or, where
-/// fewer than a tenth are, the median of all. None below two rows.
+/// The step of a record before its gaps are known: the mean over neighbours that are about one
+/// nominal step apart, or, where fewer than a tenth are, the median of all. None below two rows.
 pub(super) fn rough_step(t: &[f64], nominal: f64) -> Option<f64> {
     let (mut sum, mut n) = (0.0, 0usize);
     for w in t.windows(2) {

@@ -1,11 +1,14 @@
-//! Angles and counts that were recorded modulo a turn (or modulo a 16-bit counter), made continuous within a segment.
+//! Angles and counts that were recorded modulo a turn (or modulo a 16-bit counter), made continuous
+//! within a segment.
 //!
-//! - Unit `rad` and `deg`: where neighbours differ by more than half a turn, whole turns are added so that they do not.
-//! - Unit `count`: the modulus M is the smallest of counts_per_turn and 2¹⁶ for which the whole column lies within M counts and
-//!   some neighbours differ by more than M/2. Without such an M the counts are taken as multi-turn, as they stand.
+//! - Unit `rad` and `deg`: where neighbours differ by more than half a turn, whole turns are added
+//!   so that they do not.
+//! - Unit `count`: the modulus M is the smallest of counts_per_turn and 2¹⁶ for which the whole
+//!   column lies within M counts and some neighbours differ by more than M/2. Without such an M the
+//!   counts are taken as multi-turn, as they stand.
 //!
-//! Both rules are right as long as no arm turns half a modulus in one sample. Segments are unwrapped on their own: how many
-//! turns were made within a gap is not known.
+//! Both rules are right as long as no arm turns half a modulus in one sample. Segments are
+//! unwrapped on their own: how many turns were made within a gap is not known.
 
 use std::ops::Range;
 
@@ -85,8 +88,8 @@ pub(super) struct Carry {
     count: Option<(i64, i64)>,
 }
 
-/// Makes a part of a stretch continuous in place, going on from the part before; returns the number of wraps undone, or the index at which a
-/// count leaves 32 bits.
+/// Makes a part of a stretch continuous in place, going on from the part before; returns the number
+/// of wraps undone, or the index at which a count leaves 32 bits.
 pub(super) fn column(column: &mut Column, modulus: f64, carry: &mut Carry) -> Result<u64, usize> {
     match column {
         Column::Values(v) => Ok(unwrap_values(v, modulus, &mut carry.value)),

@@ -1,5 +1,6 @@
-//! Records of plain values, one column a channel of any unit: CSV by extension (`.csv`, `.csv.gz`), otherwise Parquet with `t` in
-//! seconds (DOUBLE) and a column for each channel (INT32 for counts, DOUBLE otherwise).
+//! Records of plain values, one column a channel of any unit: CSV by extension (`.csv`, `.csv.gz`),
+//! otherwise Parquet with `t` in seconds (DOUBLE) and a column for each channel (INT32 for counts,
+//! DOUBLE otherwise).
 
 use std::io::{BufWriter, Write};
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! Writes whirl's own records as samples come: Parquet, or CSV by the file's extension. Memory is bounded.
+//! Writes whirl's own records as samples come: Parquet, or CSV by the file's extension. Memory is
+//! bounded.
 
 use std::path::{Path, PathBuf};
 
@@ -36,8 +37,9 @@ enum Inner {
 }
 
 impl RecordWriter {
-    /// Opens `path` (an existing file is replaced) for a record of the rig's channels, which must be counts. The clock is
-    /// `metadata.sample_rate_hz`, or the rig's where that is 0. `.csv` and `.csv.gz` give CSV, everything else Parquet.
+    /// Opens `path` (an existing file is replaced) for a record of the rig's channels, which must
+    /// be counts. The clock is `metadata.sample_rate_hz`, or the rig's where that is 0. `.csv` and
+    /// `.csv.gz` give CSV, everything else Parquet.
     ///
     /// # Errors
     /// A file that cannot be written; a channel whose unit is not `count`.
@@ -66,7 +68,8 @@ impl RecordWriter {
         Ok(Self { path: path.to_path_buf(), channels: rig.channel.len(), last_tick: None, rows: 0, inner })
     }
 
-    /// The device has restarted: the samples from this tick on are of another boot (CSV has no room for it).
+    /// The device has restarted: the samples from this tick on are of another boot (CSV has no room
+    /// for it).
     pub fn boot(&mut self, tick: i64) {
         if let Inner::Parquet(w) = &mut self.inner {
             w.boot(tick);
@@ -115,7 +118,8 @@ impl RecordWriter {
         self.rows
     }
 
-    /// Ends the record: what was lost, and the metadata as known at the end, go into it (CSV has no room for them).
+    /// Ends the record: what was lost, and the metadata as known at the end, go into it (CSV has no
+    /// room for them).
     ///
     /// # Errors
     /// A full disk.

@@ -1,10 +1,13 @@
-//! The seed's single-degree-of-freedom models: the major coordinate's equation alone (5.14), with an added constraint (5.15, 5.21) for
-//! the minor coordinates, nonlinearity in the major coordinate only (type I, 5.19, 5.24) or in both (type II, 5.20, 5.25).
+//! The seed's single-degree-of-freedom models: the major coordinate's equation alone (5.14), with
+//! an added constraint (5.15, 5.21) for the minor coordinates, nonlinearity in the major coordinate
+//! only (type I, 5.19, 5.24) or in both (type II, 5.20, 5.25).
 //!
-//! Major coordinate y = p·x and minor coordinates z_j = p_j·x, p the proper orthogonal modes. Constraint z_j = Σ a_ik y^i ẏ^k, by least
-//! squares over all releases, weighted (5.23) by 1/rms of a release where asked. Equation ÿ = Σ c_i f_i(y, z, ẏ). Time is scaled, τ = ω0 t with ω0 the
-//! lowest frequency of the releases, so that coefficients of different powers compare: all coefficients are in that time.
-//! Terms odd in ẏ make orbits drift in amplitude, because free motion without damping is reversible; [`select`] weighs that.
+//! Major coordinate y = p·x and minor coordinates z_j = p_j·x, p the proper orthogonal modes.
+//! Constraint z_j = Σ a_ik y^i ẏ^k, by least squares over all releases, weighted (5.23) by 1/rms of
+//! a release where asked. Equation ÿ = Σ c_i f_i(y, z, ẏ). Time is scaled, τ = ω0 t with ω0 the
+//! lowest frequency of the releases, so that coefficients of different powers compare: all
+//! coefficients are in that time. Terms odd in ẏ make orbits drift in amplitude, because free
+//! motion without damping is reversible; [`select`] weighs that.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -150,7 +153,8 @@ fn fit_terms(orbits: &[Orbit], functions: &[Function], target: impl Fn(&Orbit, u
     )
 }
 
-/// Fits a model: `constraint` functions (none: z = 0) of y and ẏ, `equation` functions of y, ẏ and z.
+/// Fits a model: `constraint` functions (none: z = 0) of y and ẏ, `equation` functions of y, ẏ and
+/// z.
 pub fn fit(
     orbits: &[Orbit],
     modes: &[Vec<f64>],
@@ -206,7 +210,8 @@ impl ConstraintModel {
         }
     }
 
-    /// (y, ẏ) at times `step` apart (unscaled), from rest at y0. Ends early where the model runs away.
+    /// (y, ẏ) at times `step` apart (unscaled), from rest at y0. Ends early where the model runs
+    /// away.
     pub fn simulate(&self, y0: f64, step: f64, count: usize) -> Vec<[f64; 2]> {
         let mut state = [y0, 0.0];
         let scaled = step * self.time_unit;
@@ -288,8 +293,9 @@ pub fn type2_equation(cube: bool) -> Vec<Function> {
     of.into_iter().map(|(y, z)| Function::Monomial { y, velocity: 0, z }).collect()
 }
 
-/// How badly a model does on its own releases: the greatest error of frequency plus drift over ten periods, infinite where a release
-/// does not come back; plus a hundredth of the constraint's relative residual.
+/// How badly a model does on its own releases: the greatest error of frequency plus drift over ten
+/// periods, infinite where a release does not come back; plus a hundredth of the constraint's
+/// relative residual.
 pub fn score(model: &ConstraintModel, orbits: &[Orbit]) -> f64 {
     let mut worst = 0.0_f64;
     let (mut left, mut size) = (0.0, 0.0);
@@ -306,8 +312,8 @@ pub fn score(model: &ConstraintModel, orbits: &[Orbit]) -> f64 {
     worst + if size > 0.0 { 0.01 * (left / size).sqrt() } else { 0.0 }
 }
 
-/// Terms chosen for what the model does, not for residuals alone: starting with all candidates, the term without which [`score`] is least
-/// is dropped as long as that does not raise it.
+/// Terms chosen for what the model does, not for residuals alone: starting with all candidates, the
+/// term without which [`score`] is least is dropped as long as that does not raise it.
 pub fn select(
     orbits: &[Orbit],
     modes: &[Vec<f64>],

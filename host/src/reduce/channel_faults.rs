@@ -1,7 +1,7 @@
 //! Channels that would give a wrong mode: dead ones (constant), and copies of one another.
 //!
-//! A copy counts twice in the energy and lowers the rank. Two channels are copies where they are equal bit by bit, or agree up to a
-//! factor and an offset to 1e-9 of their size.
+//! A copy counts twice in the energy and lowers the rank. Two channels are copies where they are
+//! equal bit by bit, or agree up to a factor and an offset to 1e-9 of their size.
 
 use nalgebra::DMatrix;
 use serde::Serialize;
@@ -32,7 +32,8 @@ pub enum ChannelFault {
 
 /// Relative residual (squares) of a linear relation up to which two channels are copies.
 const COPY: f64 = 1e-15;
-/// The same at which a block's covariance makes two channels candidates: its own rounding is far below.
+/// The same at which a block's covariance makes two channels candidates: its own rounding is far
+/// below.
 const CANDIDATE: f64 = 1e-9;
 /// Samples taken at once by [`find`].
 const BLOCK: usize = 1 << 14;
@@ -63,7 +64,8 @@ struct Pair {
 
 /// Looks for faults in a record that comes in blocks.
 ///
-/// Two channels can be copies only where both begin to move in the same block; of those, the ones that agree in that block are followed.
+/// Two channels can be copies only where both begin to move in the same block; of those, the ones
+/// that agree in that block are followed.
 #[derive(Clone, Debug)]
 pub struct Watch {
     first: Vec<f64>,
@@ -153,7 +155,8 @@ impl Watch {
                 faults.extend(self.first.get(k).map(|v| ChannelFault::Dead { channel: k, value: *v }));
                 continue;
             }
-            // A copy still stands for the channels that repeat it in turn, but is named by the first of them.
+            // A copy still stands for the channels that repeat it in turn, but is named by the
+            // first of them.
             let copies = self.pairs.iter().filter(|p| p.channel == k);
             let copy = copies.filter(|p| p.identical || p.left < COPY * self.sums[k].square).min_by_key(|p| p.of);
             faults.extend(copy.map(|p| ChannelFault::Copy { channel: k, of: p.of, identical: p.identical }));

@@ -1,10 +1,11 @@
 //! Decomposition of whirling angles on the circle: z = e^{iφ} instead of φ.
 //!
-//! An unwrapped angle that whirls drifts, its variance grows with the record's length and one mode seems to hold everything; a
-//! wrapped one jumps. z does neither: |z| = 1 whatever the number of turns. S = Z Zᴴ/m about the mean is Hermitian, its
-//! eigenvalues are real and its eigenvectors are complex modes. A complex Hermitian problem of size n is the real symmetric one
-//! [[A, −B], [B, A]] of size 2n with every eigenvalue twice; one eigenvector of each pair is kept.
-//! The phase of a mode: its largest entry is real and positive.
+//! An unwrapped angle that whirls drifts, its variance grows with the record's length and one mode
+//! seems to hold everything; a wrapped one jumps. z does neither: |z| = 1 whatever the number of
+//! turns. S = Z Zᴴ/m about the mean is Hermitian, its eigenvalues are real and its eigenvectors are
+//! complex modes. A complex Hermitian problem of size n is the real symmetric one [[A, −B], [B, A]]
+//! of size 2n with every eigenvalue twice; one eigenvector of each pair is kept. The phase of a
+//! mode: its largest entry is real and positive.
 
 use nalgebra::DMatrix;
 
@@ -14,7 +15,8 @@ use super::streaming::Accumulator;
 /// A decomposition on the circle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CircularPod {
-    /// Mean of each z, real and imaginary part: its length is 0 for an angle that visits all directions alike, 1 at rest.
+    /// Mean of each z, real and imaginary part: its length is 0 for an angle that visits all
+    /// directions alike, 1 at rest.
     pub mean: Vec<(f64, f64)>,
     /// Shares of the energy, largest first.
     pub energy: Vec<f64>,
@@ -24,7 +26,8 @@ pub struct CircularPod {
     pub imaginary: Vec<Vec<f64>>,
 }
 
-/// Cosines and sines of angles (rad, wrapped or unwrapped): n channels become 2n, all cosines first.
+/// Cosines and sines of angles (rad, wrapped or unwrapped): n channels become 2n, all cosines
+/// first.
 pub fn on_circle(angles: &[&[f64]]) -> Vec<Vec<f64>> {
     let of = |f: fn(f64) -> f64| angles.iter().map(move |x| x.iter().map(|a| f(*a)).collect());
     of(f64::cos).chain(of(f64::sin)).collect()
@@ -66,7 +69,8 @@ pub fn from_sums(sums: &Accumulator) -> CircularPod {
         }
         let column = vectors.column(k);
         let mut v: Vec<(f64, f64)> = (0..n).map(|j| (column[j], column[n + j])).collect();
-        // (x, y) and (−y, x) are one complex vector times i: what an earlier one already holds is taken out.
+        // (x, y) and (−y, x) are one complex vector times i: what an earlier one already holds is
+        // taken out.
         for (re, im) in out.real.iter().zip(&out.imaginary) {
             let (mut p, mut q) = (0.0, 0.0);
             for j in 0..n {
@@ -102,7 +106,8 @@ mod tests {
 
     #[test]
     fn whirling_keeps_its_modes_whatever_the_number_of_turns() {
-        // Arm 2 whirls, arm 1 swings a little: in unwrapped angles everything would be arm 2's drift.
+        // Arm 2 whirls, arm 1 swings a little: in unwrapped angles everything would be arm 2's
+        // drift.
         let record = |m: usize| -> (Vec<f64>, Vec<f64>) {
             let t = |i: usize| i as f64 * 0.05;
             ((0..m).map(|i| 1.0 * t(i).sin()).collect(), (0..m).map(|i| 3.0 * t(i) + 0.5 * (t(i)).cos()).collect())

@@ -1,8 +1,9 @@
 //! Damping from decays: c of M ẍ + c M ẋ + ∂V/∂x = 0, from the action of each window.
 //!
-//! Averaged over a period the power is −c ⟨ẋᵀM ẋ⟩ = −c ω² T2 and the energy changes as ω dI, I = ω T2: hence İ = −c I, at every amplitude. c is the
-//! slope of ln I against time, each decay with its own level, by least squares. Standard error from the scatter about the lines, raised
-//! for its correlation from window to window (they overlap by half).
+//! Averaged over a period the power is −c ⟨ẋᵀM ẋ⟩ = −c ω² T2 and the energy changes as ω dI, I = ω
+//! T2: hence İ = −c I, at every amplitude. c is the slope of ln I against time, each decay with its
+//! own level, by least squares. Standard error from the scatter about the lines, raised for its
+//! correlation from window to window (they overlap by half).
 
 use serde::Serialize;
 

@@ -1,15 +1,18 @@
-//! A decaying release: frequency and harmonics at every amplitude that it passes, from displacements alone.
+//! A decaying release: frequency and harmonics at every amplitude that it passes, from
+//! displacements alone.
 //!
-//! Sliding windows of six periods, half overlapping. In each, u from −1 to 1 about its middle,
-//! x = X_0 + Σ_k (C_k0 + C_k1 u + C_k2 u²) cos kψ + S_k sin kψ, ψ = ψ0 + Ψ_1 u + Ψ_2 u² + Ψ_3 u³. C and S are linear least squares; ψ0 is such
-//! that the major coordinate's S_1 is 0 (the change of amplitude goes with cos ψ); Ψ follows by Gauss–Newton on what is left (variable
-//! projection). The window stands for its middle: X_k = C_k0, ω = Ψ_1 over half the window's length.
+//! Sliding windows of six periods, half overlapping. In each, u from −1 to 1 about its middle, x =
+//! X_0 + Σ_k (C_k0 + C_k1 u + C_k2 u²) cos kψ + S_k sin kψ, ψ = ψ0 + Ψ_1 u + Ψ_2 u² + Ψ_3 u³. C and
+//! S are linear least squares; ψ0 is such that the major coordinate's S_1 is 0 (the change of
+//! amplitude goes with cos ψ); Ψ follows by Gauss–Newton on what is left (variable projection). The
+//! window stands for its middle: X_k = C_k0, ω = Ψ_1 over half the window's length.
 //!
-//! Two things would be wrong with less. With amplitude and frequency linear in u, a decay by a fifth over the window moves the middle's frequency
-//! by 0.35 % of its distance to the linear one, because the phase's third derivative leaks into its first. And a release that is a little off the mode lets other modes
-//! ring, which decay no faster: all samples weighing alike, their side lobes fall into the harmonics at a hundredth of their size; with the
-//! weights cos²(πu/2) at less than a thousandth.
-//! With light damping ζ the frequency found is the free one's up to ζ²/2.
+//! Two things would be wrong with less. With amplitude and frequency linear in u, a decay by a
+//! fifth over the window moves the middle's frequency by 0.35 % of its distance to the linear one,
+//! because the phase's third derivative leaks into its first. And a release that is a little off
+//! the mode lets other modes ring, which decay no faster: all samples weighing alike, their side
+//! lobes fall into the harmonics at a hundredth of their size; with the weights cos²(πu/2) at less
+//! than a thousandth. With light damping ζ the frequency found is the free one's up to ζ²/2.
 
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -23,7 +26,8 @@ const HARMONICS: usize = 7;
 /// Degree of the amplitudes over a window; the phase has one more.
 const DEGREE: usize = 2;
 
-/// Fits the windows of a decay: `omega` a first guess of the frequency, `major` as in [`super::release_fit::fit`].
+/// Fits the windows of a decay: `omega` a first guess of the frequency, `major` as in
+/// [`super::release_fit::fit`].
 pub fn windows(channels: &[&[f64]], step: f64, omega: f64, major: &[f64]) -> Vec<ReleaseFit> {
     let m = channels.iter().map(|c| c.len()).min().unwrap_or(0);
     let mut out = Vec::new();
@@ -145,7 +149,8 @@ fn window(channels: &[&[f64]], step: f64, start: f64, major: &[f64]) -> Option<R
     })
 }
 
-/// Gauss–Newton's step of Ψ_1, Ψ_2, Ψ_3, and the variance of Ψ_1 for a unit variance of a sample. `project` takes out what the harmonics hold.
+/// Gauss–Newton's step of Ψ_1, Ψ_2, Ψ_3, and the variance of Ψ_1 for a unit variance of a sample.
+/// `project` takes out what the harmonics hold.
 fn phase_step(
     a: &DMatrix<f64>,
     coefficients: &DMatrix<f64>,
@@ -196,7 +201,8 @@ mod tests {
 
     #[test]
     fn a_decaying_duffing_oscillators_frequency_follows_its_amplitude() {
-        // x″ + 0.01 x′ + x + x³ = 0 by the extrapolation integrator; undamped frequency by 1 + 3/8 a² − 21/256 a⁴ for small a.
+        // x″ + 0.01 x′ + x + x³ = 0 by the extrapolation integrator; undamped frequency by 1 + 3/8
+        // a² − 21/256 a⁴ for small a.
         let mut y = vec![0.5, 0.0];
         let (step, mut h) = (0.1, 0.1);
         let mut x = Vec::new();

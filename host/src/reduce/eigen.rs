@@ -1,7 +1,8 @@
 //! Eigenvalues and eigenvectors of a symmetric matrix, largest value first.
 //!
-//! faer's solver: reduction to three diagonals, divide and conquer. What it shares out among threads it adds up part by part, so that the number of parts, not
-//! that of threads, decides the last digits: always four, whatever does them.
+//! faer's solver: reduction to three diagonals, divide and conquer. What it shares out among
+//! threads it adds up part by part, so that the number of parts, not that of threads, decides the
+//! last digits: always four, whatever does them.
 
 use faer::diag::Diag;
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -14,7 +15,8 @@ const PARTS: usize = 4;
 
 use super::gram::view;
 
-/// Values, largest first, and unit vectors as columns in that order. None where the matrix holds what is not finite.
+/// Values, largest first, and unit vectors as columns in that order. None where the matrix holds
+/// what is not finite.
 pub fn symmetric(a: &DMatrix<f64>) -> Option<(Vec<f64>, DMatrix<f64>)> {
     let n = a.nrows();
     if n == 0 {

@@ -1,9 +1,12 @@
-//! The forced, damped response as `whirl reduce --force` tells it: [`super::forced_response`] with its backbone and stability.
+//! The forced, damped response as `whirl reduce --force` tells it: [`super::forced_response`] with
+//! its backbone and stability.
 //!
-//! M ẍ + c M ẋ + ∂V/∂x = F b cos Ωt. M: the system's where its equations are known, otherwise the masses given (1 where none are). b: as given,
-//! otherwise the first proper orthogonal mode, of unit length. c: as given, otherwise from the decays ([`super::damping`]).
-//! Along the curve from the branch below the backbone to the one above, motion is stable where Ω rises: there the determinant of
-//! the averaged equations is positive (their trace is −c); it changes its sign at the folds.
+//! M ẍ + c M ẋ + ∂V/∂x = F b cos Ωt. M: the system's where its equations are known, otherwise the
+//! masses given (1 where none are). b: as given, otherwise the first proper orthogonal mode, of
+//! unit length. c: as given, otherwise from the decays ([`super::damping`]). Along the curve from
+//! the branch below the backbone to the one above, motion is stable where Ω rises: there the
+//! determinant of the averaged equations is positive (their trace is −c); it changes its sign at
+//! the folds.
 
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -70,7 +73,8 @@ pub struct Forced {
 /// The response of a polar model; `mode` is the first proper orthogonal one.
 ///
 /// # Errors
-/// A force or a damping out of range, no damping known, a force that does not move the mode or is too weak for any amplitude of the range.
+/// A force or a damping out of range, no damping known, a force that does not move the mode or is
+/// too weak for any amplitude of the range.
 pub fn make(
     force: &Force,
     polar: &Polar,

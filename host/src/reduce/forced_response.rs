@@ -1,10 +1,11 @@
 //! The forced, damped response of the polar model in closed form, with its folds.
 //!
-//! M ẍ + c M ẋ + ∂V/∂x = F b cos Ωt, answered by x(a, Ωt − δ), the free motion's shape. Averaging the Lagrangian over the phase
-//! (Whitham) and balancing the power gives
-//! sin δ = 2cΩ T2/(F bᵀX_1), Ω² = ω² − F bᵀX_1′ cos δ/T2′, T2 = ⟨x_φᵀ M x_φ⟩, a prime d/da, ω the free frequency at a.
-//! The second is Ω ≈ ω ∓ ½F d(bᵀX_1)/dI cos δ to first order (I = ωT2). On the branch below ω, cos δ > 0; both meet at the
-//! greatest amplitude, sin δ = 1. Folds are where Ω turns along the curve. Errors are of second order in the damping ratio.
+//! M ẍ + c M ẋ + ∂V/∂x = F b cos Ωt, answered by x(a, Ωt − δ), the free motion's shape. Averaging
+//! the Lagrangian over the phase (Whitham) and balancing the power gives sin δ = 2cΩ T2/(F bᵀX_1),
+//! Ω² = ω² − F bᵀX_1′ cos δ/T2′, T2 = ⟨x_φᵀ M x_φ⟩, a prime d/da, ω the free frequency at a. The
+//! second is Ω ≈ ω ∓ ½F d(bᵀX_1)/dI cos δ to first order (I = ωT2). On the branch below ω, cos δ >
+//! 0; both meet at the greatest amplitude, sin δ = 1. Folds are where Ω turns along the curve.
+//! Errors are of second order in the damping ratio.
 
 use serde::Serialize;
 
@@ -41,7 +42,8 @@ pub struct Point {
 pub struct ForcedResponse {
     /// From the branch below the backbone over the greatest amplitude to the one above.
     pub curve: Vec<Point>,
-    /// Where the frequency turns, in the order of the curve: the upper fold of a hardening mode first.
+    /// Where the frequency turns, in the order of the curve: the upper fold of a hardening mode
+    /// first.
     pub folds: Vec<Point>,
 }
 
@@ -80,9 +82,11 @@ fn at(
     None
 }
 
-/// The response within the model's range of amplitudes; none of it where even the least amplitude cannot be held.
+/// The response within the model's range of amplitudes; none of it where even the least amplitude
+/// cannot be held.
 ///
-/// `system` where the equations are known, otherwise the interpolated frequency and `masses` (1 where none are given).
+/// `system` where the equations are known, otherwise the interpolated frequency and `masses` (1
+/// where none are given).
 pub fn response(
     polar: &Polar,
     system: Option<&dyn Mechanical>,
@@ -91,7 +95,8 @@ pub fn response(
 ) -> ForcedResponse {
     let point = |a: f64, side: f64| at(polar, system, masses, forcing, a, side);
     let both = |a: f64| point(a, 1.0).is_some() && point(a, -1.0).is_some();
-    // Far from resonance one mode does not answer alone; the amplitudes from where it does to where the force cannot hold them.
+    // Far from resonance one mode does not answer alone; the amplitudes from where it does to where
+    // the force cannot hold them.
     let scale = |i: usize| polar.range[1] * 10.0_f64.powf(3.0 * (i as f64 / POINTS as f64 - 1.0));
     let grid: Vec<f64> = (0..=POINTS).map(scale).filter(|a| *a >= polar.range[0]).collect();
     let Some(first) = grid.iter().position(|a| both(*a)) else { return ForcedResponse::default() };

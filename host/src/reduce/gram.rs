@@ -1,9 +1,11 @@
-//! XᵀX for tall X, and a product of two matrices, at the speed of the processor, the same to the last digit on any number of threads.
+//! XᵀX for tall X, and a product of two matrices, at the speed of the processor, the same to the
+//! last digit on any number of threads.
 //!
-//! The product is cut into fixed tasks: pairs of blocks of columns (the lower triangle only, mirrored afterwards), and, where there are few
-//! of these, stretches of rows, whose parts are summed in their order. Threads only choose who does a task. Each is one of faer's
-//! products, which uses the widest vector instructions that the processor has, found at run time; nalgebra's, through
-//! matrixmultiply, stops at 256 bits and cannot leave out half of a symmetric result.
+//! The product is cut into fixed tasks: pairs of blocks of columns (the lower triangle only,
+//! mirrored afterwards), and, where there are few of these, stretches of rows, whose parts are
+//! summed in their order. Threads only choose who does a task. Each is one of faer's products,
+//! which uses the widest vector instructions that the processor has, found at run time; nalgebra's,
+//! through matrixmultiply, stops at 256 bits and cannot leave out half of a symmetric result.
 
 use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
@@ -47,10 +49,12 @@ pub fn gram(x: &DMatrix<f64>) -> DMatrix<f64> {
 /// Most columns that [`gram_of`] takes.
 pub const FEW: usize = COLUMNS;
 
-/// XᵀX of a matrix of m rows and at most [`FEW`] columns that is made while it is multiplied: `fill(column, first row, to)` writes rows of a column. It is
-/// never there as a whole, so that a record is centred within the nearest caches.
+/// XᵀX of a matrix of m rows and at most [`FEW`] columns that is made while it is multiplied:
+/// `fill(column, first row, to)` writes rows of a column. It is never there as a whole, so that a
+/// record is centred within the nearest caches.
 pub fn gram_of(m: usize, n: usize, fill: impl Fn(usize, usize, &mut [f64]) + Sync) -> DMatrix<f64> {
-    // As many stretches as make threads busy, whatever m; each is made and multiplied some rows at a time, in one room.
+    // As many stretches as make threads busy, whatever m; each is made and multiplied some rows at
+    // a time, in one room.
     let stretches = TASKS.min(m.div_ceil(ROWS));
     let parts: Vec<DMatrix<f64>> = (0..stretches)
         .into_par_iter()
@@ -133,7 +137,8 @@ mod tests {
 
     #[test]
     fn blocks_make_the_whole_product() {
-        // Several blocks of columns; few columns and several stretches of rows; fewer rows than columns; nothing.
+        // Several blocks of columns; few columns and several stretches of rows; fewer rows than
+        // columns; nothing.
         for (m, n) in [(90, 600), (5000, 7), (3, 40), (0, 4), (4, 0)] {
             let x = DMatrix::from_fn(m, n, |i, j| ((i * 31 + j * 17) % 23) as f64 - 11.0);
             assert!((gram(&x) - x.tr_mul(&x)).iter().all(|d| d.abs() < 1e-9), "{m} × {n}");

@@ -1,10 +1,13 @@
-//! The full system's forced, damped response, computed apart from every reduced model: harmonic balance with pseudo-arclength continuation.
+//! The full system's forced, damped response, computed apart from every reduced model: harmonic
+//! balance with pseudo-arclength continuation.
 //!
-//! M(x)(ẍ − a(x, ẋ)) + c M(x) ẋ = F b cos Ωt, a the free acceleration, x = Σ_k C_k cos kΩt + S_k sin kΩt over odd k: the system must be
-//! symmetric in x. Residuals by alternating between time and frequency (T. M. Cameron, J. H. Griffin, *Journal of Applied Mechanics* 56, 1989),
-//! over half a period with twice as many samples as the highest harmonic plus two, so that cubic terms do not alias; Newton's method with
-//! the step along the tangent held fixed. Steps adapt to the tangent's turning: coarse ones jump to other branches and show folds that are
-//! none. A fold is where Ω turns; it is found by the secant of the tangent's part along Ω.
+//! M(x)(ẍ − a(x, ẋ)) + c M(x) ẋ = F b cos Ωt, a the free acceleration, x = Σ_k C_k cos kΩt + S_k
+//! sin kΩt over odd k: the system must be symmetric in x. Residuals by alternating between time and
+//! frequency (T. M. Cameron, J. H. Griffin, *Journal of Applied Mechanics* 56, 1989), over half a
+//! period with twice as many samples as the highest harmonic plus two, so that cubic terms do not
+//! alias; Newton's method with the step along the tangent held fixed. Steps adapt to the tangent's
+//! turning: coarse ones jump to other branches and show folds that are none. A fold is where Ω
+//! turns; it is found by the secant of the tangent's part along Ω.
 
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::PI;
@@ -21,7 +24,8 @@ pub struct Continuation {
     pub from: f64,
     /// The curve ends where Ω passes this.
     pub to: f64,
-    /// Scale of the amplitudes (length of a mode's shape times its greatest amplitude), and of Ω: the expected shift of the resonance.
+    /// Scale of the amplitudes (length of a mode's shape times its greatest amplitude), and of Ω:
+    /// the expected shift of the resonance.
     pub scale: [f64; 2],
     /// Longest step in those scales.
     pub step: f64,
@@ -164,7 +168,8 @@ impl Problem<'_> {
         (residual, jacobian)
     }
 
-    /// Newton's method from a guess in the plane across the tangent; the solution with its tangent, and how many rounds it took.
+    /// Newton's method from a guess in the plane across the tangent; the solution with its tangent,
+    /// and how many rounds it took.
     fn correct(&self, guess: &DVector<f64>, tangent: &DVector<f64>) -> Option<(DVector<f64>, DVector<f64>, usize)> {
         let size = self.size();
         let mut u = guess.clone();
@@ -196,7 +201,8 @@ impl Problem<'_> {
     }
 }
 
-/// Follows the response from `from` to `to`; amplitudes are the first harmonic's of the coordinate with weights `major`.
+/// Follows the response from `from` to `to`; amplitudes are the first harmonic's of the coordinate
+/// with weights `major`.
 ///
 /// None where the first point is not found or the curve does not reach `to` within 20 000 steps.
 pub fn response(

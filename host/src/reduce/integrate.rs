@@ -1,12 +1,14 @@
-//! Free motion of a system by extrapolation of the modified midpoint rule (Gragg, Bulirsch and Stoer; E. Hairer, S. P. Nørsett,
-//! G. Wanner, *Solving Ordinary Differential Equations I*, 1993, section II.9), order 12, adaptive steps.
+//! Free motion of a system by extrapolation of the modified midpoint rule (Gragg, Bulirsch and
+//! Stoer; E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*, 1993,
+//! section II.9), order 12, adaptive steps.
 
 /// Substeps of the midpoint rule.
 const SUBSTEPS: [usize; 6] = [2, 4, 6, 8, 10, 12];
 /// Most steps of one call.
 const MOST: usize = 200_000;
 
-/// Moves the state y from `start` to `end` with relative local error `tolerance`; false where it leaves the finite numbers.
+/// Moves the state y from `start` to `end` with relative local error `tolerance`; false where it
+/// leaves the finite numbers.
 pub fn advance(
     f: &mut impl FnMut(f64, &[f64], &mut [f64]),
     y: &mut [f64],

@@ -1,4 +1,5 @@
-//! What a reduced model is worth: its frequency–energy curve beside the full system's, its errors, and what the figures show of them.
+//! What a reduced model is worth: its frequency–energy curve beside the full system's, its errors,
+//! and what the figures show of them.
 
 use std::f64::consts::TAU;
 
@@ -15,8 +16,9 @@ const CURVE: usize = 24;
 /// Periods over which time histories are compared.
 const HISTORY: f64 = 10.0;
 
-/// Greatest relative error of the variational frequency at a release that the model was made without, its ends excepted (beyond them a model is
-/// not to be used). None for fewer than four releases, and for decays, whose windows overlap.
+/// Greatest relative error of the variational frequency at a release that the model was made
+/// without, its ends excepted (beyond them a model is not to be used). None for fewer than four
+/// releases, and for decays, whose windows overlap.
 fn left_out(polar: &Polar, nodes: &[Node], system: &dyn Mechanical) -> Option<f64> {
     let mut nodes = nodes.to_vec();
     nodes.sort_by(|a, b| a.amplitude.total_cmp(&b.amplitude));

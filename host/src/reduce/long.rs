@@ -1,8 +1,11 @@
-//! Records too long for memory: modes, energies and channel faults in one pass, block by block ([`crate::record::stream`]).
+//! Records too long for memory: modes, energies and channel faults in one pass, block by block
+//! ([`crate::record::stream`]).
 //!
-//! The numbers are those of the whole record: means and covariances are combined exactly ([`super::streaming`]), angles that turn over are
-//! decomposed on the circle as they are there. What needs a stretch as a whole is not done: releases, and with them a constraint, a
-//! model and its curve. Memory: a block, and 2n² numbers for n channels (10n² with angles), whatever the length.
+//! The numbers are those of the whole record: means and covariances are combined exactly
+//! ([`super::streaming`]), angles that turn over are decomposed on the circle as they are there.
+//! What needs a stretch as a whole is not done: releases, and with them a constraint, a model and
+//! its curve. Memory: a block, and 2n² numbers for n channels (10n² with angles), whatever the
+//! length.
 
 use std::path::Path;
 
@@ -16,8 +19,8 @@ use crate::record::{Losses, ReadOptions, stream};
 use crate::rig::Rig;
 use crate::warning::Warning;
 
-/// Numbers (rows times channels, all records together) from which records are taken block by block: 128 MiB, of which reading and reducing as a
-/// whole hold four or five copies.
+/// Numbers (rows times channels, all records together) from which records are taken block by block:
+/// 128 MiB, of which reading and reducing as a whole hold four or five copies.
 pub const LONG: u64 = 1 << 24;
 
 /// Whether records together are longer than [`LONG`], as far as can be told without reading them.
@@ -102,10 +105,12 @@ impl Sums {
     }
 }
 
-/// Reduces records block by block; answers the samples that are missing too. `progress` is told the samples taken since it was last called.
+/// Reduces records block by block; answers the samples that are missing too. `progress` is told the
+/// samples taken since it was last called.
 ///
 /// # Errors
-/// Settings out of range, a constraint (which needs releases), a format that cannot be read block by block, and what reading reports.
+/// Settings out of range, a constraint (which needs releases), a format that cannot be read block
+/// by block, and what reading reports.
 pub fn reduce(
     paths: &[impl AsRef<Path>],
     rig: &Rig,

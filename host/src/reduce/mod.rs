@@ -1,4 +1,5 @@
-//! Reduced-order models: a record of many coordinates into few, with an equation that predicts, and the range in which it may be trusted.
+//! Reduced-order models: a record of many coordinates into few, with an equation that predicts, and
+//! the range in which it may be trusted.
 //!
 //! | file | what |
 //! |---|---|
@@ -127,7 +128,8 @@ pub struct Reduction {
 /// Reduces records.
 ///
 /// # Errors
-/// Settings out of range, records without samples, and a constraint asked for that the record does not allow.
+/// Settings out of range, records without samples, and a constraint asked for that the record does
+/// not allow.
 pub fn reduce(records: &[Record], rig: &Rig, settings: &ReduceSettings) -> Result<Reduction> {
     let gathered = releases::gather(records, rig)?;
     let n = gathered.names.len();
@@ -162,7 +164,8 @@ struct Frame {
     samples: u64,
 }
 
-/// The decomposition of what was accumulated, and how many modes are kept; an error where nothing moves.
+/// The decomposition of what was accumulated, and how many modes are kept; an error where nothing
+/// moves.
 fn decomposed(
     sums: streaming::Accumulator,
     mut frame: Frame,

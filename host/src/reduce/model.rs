@@ -1,4 +1,5 @@
-//! The model that a constraint asks for, its frequency–energy curve beside the full system's, and its errors.
+//! The model that a constraint asks for, its frequency–energy curve beside the full system's, and
+//! its errors.
 
 use serde::Serialize;
 
@@ -33,7 +34,8 @@ pub enum Model {
 /// Frequency (Hz) against energy.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct FrequencyEnergy {
-    /// The full system: its normal mode by shooting where the equations are known, the measured releases otherwise.
+    /// The full system: its normal mode by shooting where the equations are known, the measured
+    /// releases otherwise.
     pub full: Vec<[f64; 2]>,
     /// The reduced model.
     pub reduced: Vec<[f64; 2]>,
@@ -46,11 +48,13 @@ pub struct FrequencyEnergy {
 /// Errors of the model.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Error {
-    /// Greatest relative error of the frequency over the releases' energies, against the full system (or against the releases used).
+    /// Greatest relative error of the frequency over the releases' energies, against the full
+    /// system (or against the releases used).
     pub frequency: Option<f64>,
     /// Greatest relative error at a release that was left out in making the model.
     pub left_out: Option<f64>,
-    /// For each release the relative error of all coordinates over ten periods (or the record, if shorter).
+    /// For each release the relative error of all coordinates over ten periods (or the record, if
+    /// shorter).
     pub time_history: Vec<Option<f64>>,
     /// Amplitudes (first harmonic of the major coordinate) between which the model may be used.
     pub range: Option<[f64; 2]>,
@@ -153,7 +157,8 @@ pub(super) fn build(
         branch = compare_with_full(&**system, gathered, &mut described, &with_fit);
     }
     let system = system.filter(|_| branch.iter().any(Option::is_some));
-    // The windows of a decay speak for themselves in the table; dozens of warnings would not be read.
+    // The windows of a decay speak for themselves in the table; dozens of warnings would not be
+    // read.
     for (r, _) in described.iter().zip(&entries).filter(|(r, e)| !r.remarks.is_empty() && periodic && !e.decaying) {
         frame.warnings.push(remark_warning(r));
     }
@@ -233,12 +238,14 @@ fn complete(modes: &[Vec<f64>], rank: usize) -> Vec<Vec<f64>> {
     out
 }
 
-/// The rig file's system where it is one whose equations are known and its coordinates are measured, in their order.
+/// The rig file's system where it is one whose equations are known and its coordinates are
+/// measured, in their order.
 fn known_system(rig: &Rig, gathered: &Gathered) -> Option<Box<dyn Mechanical>> {
     systems::by_id(&rig.model).filter(|s| s.coordinates() == gathered.names)
 }
 
-/// Energies, normal-mode members and Floquet multipliers for the releases. All none where the equations do not fit the record.
+/// Energies, normal-mode members and Floquet multipliers for the releases. All none where the
+/// equations do not fit the record.
 fn compare_with_full(
     system: &dyn Mechanical,
     gathered: &Gathered,
@@ -248,7 +255,8 @@ fn compare_with_full(
     let energies: Vec<f64> = with_fit
         .iter()
         .map(|(i, fit)| {
-            // At rest at phase 0 where the motion is on a mode; for others the first sample, from rest, is the better witness.
+            // At rest at phase 0 where the motion is on a mode; for others the first sample, from
+            // rest, is the better witness.
             let n = gathered.names.len();
             let rest: Vec<f64> = (0..n).map(|c| fit.motion(c, 0.0)[0]).collect();
             let first: Vec<f64> = (0..n).map(|c| gathered.releases[*i][c][0]).collect();

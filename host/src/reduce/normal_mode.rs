@@ -1,9 +1,12 @@
-//! The full system's nonlinear normal mode, computed apart from every reduced model: shooting with continuation in the energy.
+//! The full system's nonlinear normal mode, computed apart from every reduced model: shooting with
+//! continuation in the energy.
 //!
-//! A motion from rest at x0 that is again at rest after half a period T/2 is periodic, because free motion is reversible. Unknowns x0 and T;
-//! equations ẋ(T/2) = 0 and V(x0) = E; Newton's method with difference quotients, started from the secant through the last two members
-//! in ln E, first from the linear mode. Floquet multipliers are the eigenvalues of the monodromy matrix over a whole period
-//! (central differences): a pair is 1, the others lie on the unit circle where the mode is stable.
+//! A motion from rest at x0 that is again at rest after half a period T/2 is periodic, because free
+//! motion is reversible. Unknowns x0 and T; equations ẋ(T/2) = 0 and V(x0) = E; Newton's method
+//! with difference quotients, started from the secant through the last two members in ln E, first
+//! from the linear mode. Floquet multipliers are the eigenvalues of the monodromy matrix over a
+//! whole period (central differences): a pair is 1, the others lie on the unit circle where the
+//! mode is stable.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
@@ -25,7 +28,8 @@ pub struct Member {
     pub rest: Vec<f64>,
 }
 
-/// A mode of the linearised system: angular frequency, shape normalised to xᵀM(0)x = 1, largest entry positive.
+/// A mode of the linearised system: angular frequency, shape normalised to xᵀM(0)x = 1, largest
+/// entry positive.
 pub fn linear_mode(system: &dyn Mechanical, index: usize) -> Option<(f64, Vec<f64>)> {
     let n = system.size();
     let m = DMatrix::from_row_slice(n, n, &system.mass(&vec![0.0; n]));
@@ -115,15 +119,18 @@ fn solve(system: &dyn Mechanical, energy: f64, guess: &Member) -> Option<Member>
     None
 }
 
-/// Step in ln E below which the shape must not turn by more than [`TURN`] times the step from the secant through the last members.
+/// Step in ln E below which the shape must not turn by more than [`TURN`] times the step from the
+/// secant through the last members.
 const LEAST_STRIDE: f64 = 0.02;
 /// Greatest distance from the secant, relative to the shape, for a step of 1 in ln E.
 const TURN: f64 = 0.1;
 
-/// The family that starts at the linear mode `index`, at the energies given (each above 0; answered in rising order).
+/// The family that starts at the linear mode `index`, at the energies given (each above 0; answered
+/// in rising order).
 ///
-/// Where the frequency meets a fraction of a higher mode's, the branch turns off into an internal resonance (a motion of both modes, up which the
-/// energy rises too). There the family goes on beyond it, at the first energy at which the extrapolated shape leads to a periodic motion near
+/// Where the frequency meets a fraction of a higher mode's, the branch turns off into an internal
+/// resonance (a motion of both modes, up which the energy rises too). There the family goes on
+/// beyond it, at the first energy at which the extrapolated shape leads to a periodic motion near
 /// it; energies in between have no member. It ends where none is found.
 pub fn family(system: &dyn Mechanical, index: usize, energies: &[f64]) -> Vec<Member> {
     let mut wanted: Vec<f64> = energies.iter().copied().filter(|e| *e > 0.0 && e.is_finite()).collect();
@@ -208,7 +215,8 @@ fn predict(last: &Member, previous: Option<&Member>, energy: f64) -> Member {
     Member { energy, omega: last.omega + share * (last.omega - p.omega), rest }
 }
 
-/// Sizes of the Floquet multipliers of a member, largest first; None where the motion cannot be integrated.
+/// Sizes of the Floquet multipliers of a member, largest first; None where the motion cannot be
+/// integrated.
 pub fn multipliers(system: &dyn Mechanical, member: &Member) -> Option<Vec<f64>> {
     let n = system.size();
     let period = std::f64::consts::TAU / member.omega;
@@ -250,7 +258,8 @@ mod tests {
 
     #[test]
     fn the_clamped_beams_backbone_is_the_known_one_on_both_sides_of_its_internal_resonance() {
-        // The branch meets five times its frequency in the third mode at an amplitude of 2.25; the known points lie on either side.
+        // The branch meets five times its frequency in the third mode at an amplitude of 2.25; the
+        // known points lie on either side.
         let system = by_id("clamped-beam").unwrap();
         let known = [
             (0.20557, 1.00, 1.022259),

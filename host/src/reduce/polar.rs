@@ -1,13 +1,17 @@
-//! The polar (action–angle) model: a nonlinear mode as a family of periodic motions x(a, φ) = Σ_k X_k(a) cos kφ, φ̇ = ω(a).
+//! The polar (action–angle) model: a nonlinear mode as a family of periodic motions x(a, φ) = Σ_k
+//! X_k(a) cos kφ, φ̇ = ω(a).
 //!
-//! a is the first harmonic of the major coordinate. X_k/a and ω are polynomials in s = ln(1 + (a/a0)²), which passes from powers of a² (weak
-//! motion) to powers of ln a (strong motion), where polynomials in displacement and velocity stall; a0 and the degree are chosen by
-//! leaving out one release at a time, the degree for ω and for the shapes apart. The linear mode, where it is known, is the node s = 0.
+//! a is the first harmonic of the major coordinate. X_k/a and ω are polynomials in s = ln(1 +
+//! (a/a0)²), which passes from powers of a² (weak motion) to powers of ln a (strong motion), where
+//! polynomials in displacement and velocity stall; a0 and the degree are chosen by leaving out one
+//! release at a time, the degree for ω and for the shapes apart. The linear mode, where it is
+//! known, is the node s = 0.
 //!
-//! Where mass and potential are known the frequency is variational (Whitham's averaged Lagrangian ½ω²T2(a) − V̄(a) is stationary):
-//! ω² = 2 V̄′(a)/T2′(a), V̄ = ⟨V⟩_φ, T2 = ⟨x_φᵀ M x_φ⟩_φ; an error of the shapes enters squared; between releases far apart the equations
-//! give further nodes. Otherwise ω is interpolated, the action is
-//! I = ω T2 with the masses taken as 1 (or as given), and E = ∫ ω dI.
+//! Where mass and potential are known the frequency is variational (Whitham's averaged Lagrangian
+//! ½ω²T2(a) − V̄(a) is stationary): ω² = 2 V̄′(a)/T2′(a), V̄ = ⟨V⟩_φ, T2 = ⟨x_φᵀ M x_φ⟩_φ; an error
+//! of the shapes enters squared; between releases far apart the equations give further nodes.
+//! Otherwise ω is interpolated, the action is I = ω T2 with the masses taken as 1 (or as given),
+//! and E = ∫ ω dI.
 
 mod between;
 mod fitting;
@@ -73,8 +77,8 @@ pub struct Polar {
     pub left_out: Option<f64>,
     /// Whether there are no even harmonics.
     pub symmetric: bool,
-    /// Whether the even harmonics are the releases' own, beside a mode that the equations say is symmetric: they belong to the displacements, not to the
-    /// mode's frequency and energy.
+    /// Whether the even harmonics are the releases' own, beside a mode that the equations say is
+    /// symmetric: they belong to the displacements, not to the mode's frequency and energy.
     #[serde(skip)]
     pub beside: bool,
 }
@@ -152,8 +156,9 @@ impl Polar {
             .sum()
     }
 
-    /// ω², T2 and T2′ at an amplitude: the system's own where its equations are known (see [`Self::variational_omega`]), otherwise the
-    /// interpolated frequency and constant masses of the channels (1 where none are given). None where the averages do not give a frequency.
+    /// ω², T2 and T2′ at an amplitude: the system's own where its equations are known (see
+    /// [`Self::variational_omega`]), otherwise the interpolated frequency and constant masses of
+    /// the channels (1 where none are given). None where the averages do not give a frequency.
     pub fn averages(&self, system: Option<&dyn Mechanical>, masses: Option<&[f64]>, a: f64) -> Option<Averages> {
         let Some(system) = system else {
             let (x, dx) = (self.harmonics(a), self.slopes(a));
@@ -213,9 +218,11 @@ impl Polar {
         self.averages(Some(system), None, a).map(|v| v.omega_squared.sqrt())
     }
 
-    /// The variational frequency, corrected by what it misses at the nodes (interpolated linearly in s): at a node the measured frequency.
+    /// The variational frequency, corrected by what it misses at the nodes (interpolated linearly
+    /// in s): at a node the measured frequency.
     ///
-    /// The variational one errs where the shapes' slopes are poorest, at the ends of the range; the nodes know better.
+    /// The variational one errs where the shapes' slopes are poorest, at the ends of the range; the
+    /// nodes know better.
     pub fn corrected_omega(&self, system: &dyn Mechanical, nodes: &[Node], a: f64) -> Option<f64> {
         self.corrected_by(system, &self.correction(system, nodes), a)
     }
@@ -271,7 +278,8 @@ impl Polar {
             .collect()
     }
 
-    /// The amplitude whose rest state has this major coordinate; None outside of three times the range.
+    /// The amplitude whose rest state has this major coordinate; None outside of three times the
+    /// range.
     pub fn amplitude_of(&self, rest: &[f64]) -> Option<f64> {
         let want: f64 = rest.iter().zip(&self.major).map(|(x, p)| x * p).sum::<f64>().abs();
         let height = |a: f64| self.displacement(a, 0.0).iter().zip(&self.major).map(|(x, p)| x * p).sum::<f64>();
@@ -283,7 +291,8 @@ impl Polar {
         self.first_above(|a| system.potential(&sum(&self.of_mode(self.harmonics(a)), |_| 1.0)), energy)
     }
 
-    /// Where a function of the amplitude reaches a value: within the range or as little beyond it as need be, for polynomials far beyond it mean nothing.
+    /// Where a function of the amplitude reaches a value: within the range or as little beyond it
+    /// as need be, for polynomials far beyond it mean nothing.
     fn first_above(&self, f: impl Fn(f64) -> f64, value: f64) -> Option<f64> {
         [1.0, 1.02, 1.1, 1.3, 2.0, 3.0].iter().find_map(|most| bisect(&f, value, most * self.range[1]))
     }

@@ -1,12 +1,15 @@
-//! Proper orthogonal decomposition (the seed's (5.1)–(5.6)): the directions in which a record of many channels moves most.
+//! Proper orthogonal decomposition (the seed's (5.1)–(5.6)): the directions in which a record of
+//! many channels moves most.
 //!
-//! X (n channels × m samples) about its mean; S = X Xᵀ/m; the modes are the eigenvectors of S, the values λ its eigenvalues, and
-//! λ_i/Σλ is a mode's share of the energy. With masses, M^½ X is decomposed and the modes are returned as M^−½ u, so that they are
-//! orthonormal with respect to M and linear normal modes where the motion is linear.
+//! X (n channels × m samples) about its mean; S = X Xᵀ/m; the modes are the eigenvectors of S, the
+//! values λ its eigenvalues, and λ_i/Σλ is a mode's share of the energy. With masses, M^½ X is
+//! decomposed and the modes are returned as M^−½ u, so that they are orthonormal with respect to M
+//! and linear normal modes where the motion is linear.
 //!
-//! Three ways to the same numbers: the eigenvectors of S (n ≤ m), Sirovich's method of snapshots from XᵀX (n > m; L. Sirovich,
-//! *Quarterly of Applied Mathematics* 45, 1987), or the singular values of X through a QR factorisation, which resolve modes
-//! below 1e-8 of the first one's amplitude where the squares do not. The sign of a mode: its largest entry is positive.
+//! Three ways to the same numbers: the eigenvectors of S (n ≤ m), Sirovich's method of snapshots
+//! from XᵀX (n > m; L. Sirovich, *Quarterly of Applied Mathematics* 45, 1987), or the singular
+//! values of X through a QR factorisation, which resolve modes below 1e-8 of the first one's
+//! amplitude where the squares do not. The sign of a mode: its largest entry is positive.
 
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -36,7 +39,8 @@ pub struct Pod {
     pub values: Vec<f64>,
     /// Shares of the energy, largest first; they sum to 1 (all 0 for a record without motion).
     pub energy: Vec<f64>,
-    /// Modes in the same order, one entry a channel, of unit length (with respect to the masses, where there are some).
+    /// Modes in the same order, one entry a channel, of unit length (with respect to the masses,
+    /// where there are some).
     pub modes: Vec<Vec<f64>>,
 }
 
@@ -60,7 +64,8 @@ impl Pod {
     }
 }
 
-/// Decomposes a record: one slice of equal length for each channel. `masses`: one for each channel, or none.
+/// Decomposes a record: one slice of equal length for each channel. `masses`: one for each channel,
+/// or none.
 ///
 /// Channels of unequal length are cut to the shortest. An empty record gives no mode.
 pub fn decompose(channels: &[&[f64]], masses: Option<&[f64]>, route: Route) -> Pod {
@@ -112,7 +117,8 @@ pub fn decompose(channels: &[&[f64]], masses: Option<&[f64]>, route: Route) -> P
     ordered(mean, &values, &vectors, root)
 }
 
-/// Eigenvalues and eigenvectors; none of them where squares of the record's values leave the range of the arithmetic.
+/// Eigenvalues and eigenvectors; none of them where squares of the record's values leave the range
+/// of the arithmetic.
 fn eigenvectors(covariance: &DMatrix<f64>) -> (Vec<f64>, DMatrix<f64>) {
     eigen::symmetric(covariance).unwrap_or_else(|| (Vec::new(), DMatrix::zeros(covariance.nrows(), 0)))
 }
@@ -155,7 +161,8 @@ mod tests {
     use super::*;
 
     fn record(m: usize) -> Vec<Vec<f64>> {
-        // Two orthogonal directions in three channels with amplitudes 3 and 0.1, at frequencies that average out.
+        // Two orthogonal directions in three channels with amplitudes 3 and 0.1, at frequencies
+        // that average out.
         let (a, b) = ([2.0 / 3.0, 2.0 / 3.0, 1.0 / 3.0], [1.0 / 3.0, -2.0 / 3.0, 2.0 / 3.0]);
         (0..3)
             .map(|c| {

@@ -1,12 +1,14 @@
 //! A periodic release described by its frequency and harmonics, from displacements alone.
 //!
-//! x(t) = Σ_k C_k cos k(ωt) + S_k sin k(ωt), k = 0 … K, all channels with one ω. For a given ω the harmonics are linear least squares;
-//! ω follows by Gauss–Newton on what is left (variable projection, L. Kaufman, *BIT* 15, 1975): δω = Σ d⊥·r/Σ d⊥², d = ∂x/∂ω with its
-//! part in the harmonics taken out. Afterwards time is shifted so that the major coordinate is at its greatest first harmonic at
-//! phase 0: then S_k = 0 for a motion on a mode (which passes through rest), and the even harmonics are 0 where that mode is
-//! symmetric.
+//! x(t) = Σ_k C_k cos k(ωt) + S_k sin k(ωt), k = 0 … K, all channels with one ω. For a given ω the
+//! harmonics are linear least squares; ω follows by Gauss–Newton on what is left (variable
+//! projection, L. Kaufman, *BIT* 15, 1975): δω = Σ d⊥·r/Σ d⊥², d = ∂x/∂ω with its part in the
+//! harmonics taken out. Afterwards time is shifted so that the major coordinate is at its greatest
+//! first harmonic at phase 0: then S_k = 0 for a motion on a mode (which passes through rest), and
+//! the even harmonics are 0 where that mode is symmetric.
 //!
-//! Frequencies in rad per unit of time. Standard error of ω from the residual, with its correlation taken as lasting one period.
+//! Frequencies in rad per unit of time. Standard error of ω from the residual, with its correlation
+//! taken as lasting one period.
 
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
@@ -33,7 +35,8 @@ pub struct ReleaseFit {
     pub sine: Vec<Vec<f64>>,
     /// Rms of what is left over rms of the motion, all channels.
     pub residual: f64,
-    /// The same in the first and in the last third of the record, each refitted alone: growth tells an unstable mode.
+    /// The same in the first and in the last third of the record, each refitted alone: growth tells
+    /// an unstable mode.
     pub residual_thirds: [f64; 2],
     /// Periods in the record.
     pub periods: f64,
@@ -105,7 +108,8 @@ fn project(x: &DMatrix<f64>, c: &DMatrix<f64>) -> Option<(DMatrix<f64>, DMatrix<
     Some((coefficients, residual))
 }
 
-/// ω and harmonics by Gauss–Newton from a start; time is counted from the middle, where ω and phase separate.
+/// ω and harmonics by Gauss–Newton from a start; time is counted from the middle, where ω and phase
+/// separate.
 fn refine(
     x: &DMatrix<f64>,
     step: f64,
@@ -152,7 +156,8 @@ fn refine(
     best
 }
 
-/// Angular frequency at which the channels' spectra have their common peak: by a scan of single sines around the zero crossings' rate.
+/// Angular frequency at which the channels' spectra have their common peak: by a scan of single
+/// sines around the zero crossings' rate.
 fn start(x: &DMatrix<f64>, step: f64, major: &[f64]) -> Option<f64> {
     let m = x.nrows();
     let y: Vec<f64> = (0..m).map(|i| major.iter().enumerate().map(|(j, p)| p * x[(i, j)]).sum()).collect();
@@ -199,9 +204,11 @@ fn start(x: &DMatrix<f64>, step: f64, major: &[f64]) -> Option<f64> {
     Some(best.1)
 }
 
-/// Fits one release: one slice for each channel, `step` apart; `major` weighs the channels into the coordinate that sets the phase.
+/// Fits one release: one slice for each channel, `step` apart; `major` weighs the channels into the
+/// coordinate that sets the phase.
 ///
-/// None where the record holds fewer than [`LEAST_PERIODS`] periods or more than [`MOST_SAMPLES`] samples, or does not swing.
+/// None where the record holds fewer than [`LEAST_PERIODS`] periods or more than [`MOST_SAMPLES`]
+/// samples, or does not swing.
 pub fn fit(channels: &[&[f64]], step: f64, major: &[f64]) -> Option<ReleaseFit> {
     let n = channels.len();
     let m = channels.iter().map(|c| c.len()).min()?;
@@ -219,7 +226,8 @@ pub fn fit(channels: &[&[f64]], step: f64, major: &[f64]) -> Option<ReleaseFit> 
     let mut chosen = refine(&x, step, omega, 1)?;
     let mut harmonics = 1;
     let mut sum = chosen.2.norm_squared();
-    // Pairs of harmonics are added as long as they take away more than noise would (Schwarz's criterion).
+    // Pairs of harmonics are added as long as they take away more than noise would (Schwarz's
+    // criterion).
     for k in (3..=most).step_by(2) {
         let next = refine(&x, step, chosen.0, k)?;
         let left = next.2.norm_squared();
@@ -247,7 +255,8 @@ pub fn fit(channels: &[&[f64]], step: f64, major: &[f64]) -> Option<ReleaseFit> 
     }
     let motion: f64 = cosine.iter().chain(&sine).skip(1).flatten().map(|v| 0.5 * v * v).sum::<f64>().sqrt();
     let rms = (sum / m as f64).sqrt();
-    // A residual that stays correlated over a period carries one independent number a period and channel.
+    // A residual that stays correlated over a period carries one independent number a period and
+    // channel.
     let lasting = (TAU / (omega * step)).max(1.0);
     let lasting = correlation_factor(&residual, lasting);
     let omega_error = (sum / (m * n) as f64 * lasting / weight).sqrt();
@@ -291,7 +300,8 @@ fn correlation_factor(residual: &DMatrix<f64>, period: f64) -> f64 {
     sum.max(1.0)
 }
 
-/// Least squares with relative weights; (coefficients, standard errors). None where columns depend on each other.
+/// Least squares with relative weights; (coefficients, standard errors). None where columns depend
+/// on each other.
 pub fn least_squares(a: &DMatrix<f64>, b: &DVector<f64>) -> Option<(DVector<f64>, DVector<f64>)> {
     let n = a.ncols();
     let scale: Vec<f64> = (0..n).map(|j| a.column(j).norm()).collect();

@@ -1,4 +1,5 @@
-//! Releases gathered from records: every unbroken stretch, all channels in SI units, arms' angles absolute.
+//! Releases gathered from records: every unbroken stretch, all channels in SI units, arms' angles
+//! absolute.
 
 use std::path::Path;
 
@@ -11,7 +12,8 @@ use crate::record::Record;
 use crate::rig::Rig;
 use crate::warning::Warning;
 
-/// Residual, relative to the motion, up to which a release counts as a periodic motion of the family.
+/// Residual, relative to the motion, up to which a release counts as a periodic motion of the
+/// family.
 pub const PERIODIC: f64 = 0.05;
 /// Residual up to which a record is close to periodic at all.
 const NEARLY: f64 = 0.3;
@@ -65,7 +67,8 @@ pub struct Release {
     pub even_harmonics: f64,
     /// Parts out of phase relative to those in phase.
     pub out_of_phase: f64,
-    /// Greatest Floquet multiplier of the full system's mode at this energy, where its equations are known.
+    /// Greatest Floquet multiplier of the full system's mode at this energy, where its equations
+    /// are known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub floquet: Option<f64>,
     /// Energy, of the full system where known, of the model otherwise.
@@ -73,7 +76,8 @@ pub struct Release {
     pub energy: Option<f64>,
     /// Whether the model was made with it.
     pub used: bool,
-    /// What is remarkable about it: `off-mode`, `unstable`, `asymmetric`, `not-in-phase`, `growing`, `decaying` (a window of a decay).
+    /// What is remarkable about it: `off-mode`, `unstable`, `asymmetric`, `not-in-phase`,
+    /// `growing`, `decaying` (a window of a decay).
     pub remarks: Vec<&'static str>,
 }
 
@@ -207,7 +211,8 @@ pub struct Entry {
     pub fit: ReleaseFit,
 }
 
-/// Fits every release that swings, as a whole or, where it decays, window by window. `major`: weights of the channels.
+/// Fits every release that swings, as a whole or, where it decays, window by window. `major`:
+/// weights of the channels.
 pub fn entries(gathered: &Gathered, major: &[f64]) -> Vec<Entry> {
     let mut out = Vec::new();
     for (release, x) in gathered.releases.iter().enumerate() {
@@ -229,7 +234,8 @@ pub fn entries(gathered: &Gathered, major: &[f64]) -> Vec<Entry> {
     out
 }
 
-/// Whether the records as a whole are close to periodic: every motion that can be fitted is, and one is so closely.
+/// Whether the records as a whole are close to periodic: every motion that can be fitted is, and
+/// one is so closely.
 pub fn periodic(entries: &[Entry]) -> bool {
     entries.iter().any(|e| e.fit.residual < PERIODIC) && entries.iter().all(|e| e.fit.residual < NEARLY)
 }

@@ -1,11 +1,15 @@
-//! Standard errors of the polar model: of its frequency at an amplitude, at an energy, and of its coefficients.
+//! Standard errors of the polar model: of its frequency at an amplitude, at an energy, and of its
+//! coefficients.
 //!
-//! Every release's frequency and harmonics have standard errors from what their fit leaves ([`super::release_fit`], [`super::decay`]). They are
-//! drawn anew, normally distributed and seeded, `DRAWS` times; the model is made again of each draw with the scales, degrees and harmonics
-//! that were chosen, and the spread of its answers is their standard error. Where more releases than coefficients tell the frequency and
-//! scatter more about it than their own errors allow, these are raised to what the scatter says (Birge).
+//! Every release's frequency and harmonics have standard errors from what their fit leaves
+//! ([`super::release_fit`], [`super::decay`]). They are drawn anew, normally distributed and
+//! seeded, `DRAWS` times; the model is made again of each draw with the scales, degrees and
+//! harmonics that were chosen, and the spread of its answers is their standard error. Where more
+//! releases than coefficients tell the frequency and scatter more about it than their own errors
+//! allow, these are raised to what the scatter says (Birge).
 //!
-//! This is what the noise does. What the form of the model costs is told apart, by the releases left out (`error.left_out`).
+//! This is what the noise does. What the form of the model costs is told apart, by the releases
+//! left out (`error.left_out`).
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -31,7 +35,8 @@ pub struct AmplitudePoint {
     pub frequency_hz: f64,
     /// Standard error of the frequency at this amplitude, Hz.
     pub std_error_hz: f64,
-    /// Standard error of the frequency at this energy, Hz: the energy too follows from the releases.
+    /// Standard error of the frequency at this energy, Hz: the energy too follows from the
+    /// releases.
     pub std_error_at_energy_hz: f64,
 }
 
@@ -60,7 +65,8 @@ pub struct Use<'a> {
 }
 
 impl Use<'_> {
-    /// Angular frequency and energy at these (rising) amplitudes; none where a model has no frequency.
+    /// Angular frequency and energy at these (rising) amplitudes; none where a model has no
+    /// frequency.
     fn answers(&self, polar: &Polar, nodes: &[Node], amplitudes: &[f64]) -> Option<Vec<(f64, f64)>> {
         let correction = self.system.filter(|_| self.corrected).map(|s| polar.correction(s, nodes)).unwrap_or_default();
         let omega = |a: f64| match self.system {
@@ -76,7 +82,8 @@ impl Use<'_> {
     }
 }
 
-/// Standard errors of a model made of these nodes. Nothing where the model has no frequency somewhere in its range.
+/// Standard errors of a model made of these nodes. Nothing where the model has no frequency
+/// somewhere in its range.
 pub fn of(polar: &Polar, nodes: &[Node], how: Use<'_>) -> StandardErrors {
     let amplitudes = nodes.iter().map(|n| n.amplitude);
     let (low, high) = (amplitudes.clone().fold(f64::INFINITY, f64::min), amplitudes.fold(0.0, f64::max));
@@ -165,7 +172,8 @@ mod tests {
     use super::super::release_fit;
     use super::*;
 
-    /// A motion of two channels whose family is known: ω² = 1 + 0.4 s, X_3 = 0.02 s a, s = ln(1 + a²).
+    /// A motion of two channels whose family is known: ω² = 1 + 0.4 s, X_3 = 0.02 s a, s = ln(1 +
+    /// a²).
     fn record(a: f64, seed: u64) -> Vec<Vec<f64>> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let s = (a * a).ln_1p();

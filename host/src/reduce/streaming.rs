@@ -1,7 +1,9 @@
-//! Mean and covariance of a record of any length, a block at a time: n² numbers of memory, one pass.
+//! Mean and covariance of a record of any length, a block at a time: n² numbers of memory, one
+//! pass.
 //!
-//! Blocks are combined by the pairwise update of T. F. Chan, G. H. Golub, R. J. LeVeque (*The American Statistician* 37, 1983):
-//! C ← C_a + C_b + δδᵀ m_a m_b/(m_a + m_b), δ the difference of the means, so that a large mean costs no digits.
+//! Blocks are combined by the pairwise update of T. F. Chan, G. H. Golub, R. J. LeVeque (*The
+//! American Statistician* 37, 1983): C ← C_a + C_b + δδᵀ m_a m_b/(m_a + m_b), δ the difference of
+//! the means, so that a large mean costs no digits.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -37,7 +39,8 @@ impl Accumulator {
         &self.scatter / (self.count.max(1) as f64)
     }
 
-    /// Adds a block: one slice for each channel, all of one length (longer ones are cut to the shortest).
+    /// Adds a block: one slice for each channel, all of one length (longer ones are cut to the
+    /// shortest).
     pub fn add(&mut self, channels: &[&[f64]]) {
         let n = self.mean.len().min(channels.len());
         let m = channels.iter().map(|c| c.len()).min().unwrap_or(0);

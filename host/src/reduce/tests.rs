@@ -1,4 +1,5 @@
-//! `reduce` on records with faults, and on measured ones: an answer or a message, never a wrong mode.
+//! `reduce` on records with faults, and on measured ones: an answer or a message, never a wrong
+//! mode.
 
 use std::fmt::Write;
 use std::io::Write as _;
@@ -140,8 +141,8 @@ fn same_modes(whole: &Reduction, streamed: &Reduction) {
     for k in 0..whole.kept {
         assert!(close(&whole.modes[k], &streamed.modes[k]), "{k}");
     }
-    // All that is told of the whole record but what belongs to a model is told of the streamed one too.
-    // Only a record that is read as a whole is looked over for faults.
+    // All that is told of the whole record but what belongs to a model is told of the streamed one
+    // too. Only a record that is read as a whole is looked over for faults.
     let told = |id: &str| id.ends_with("channel") && id != "dead-channel" || id == "gaps" || id == "nan-is-gap";
     for w in whole.warnings.iter().filter(|w| told(w.id)) {
         assert!(streamed.warnings.contains(w), "{w:?}");
@@ -151,7 +152,8 @@ fn same_modes(whole: &Reduction, streamed: &Reduction) {
 
 #[test]
 fn a_record_taken_block_by_block_has_the_whole_ones_modes() {
-    // Five channels, of which one is dead and one a copy; gaps, holes and a single sample between two gaps; several blocks.
+    // Five channels, of which one is dead and one a copy; gaps, holes and a single sample between
+    // two gaps; several blocks.
     let row = |i: usize| {
         let t = i as f64 * 0.1;
         // It drifts, so that no release is looked for.
@@ -198,7 +200,8 @@ fn a_constraint_is_refused_for_records_taken_block_by_block() {
     assert!(error.contains("block by block") && error.contains("--constraint"), "{error}");
 }
 
-/// q″ + 0.8 q³ + q: what two channels x and x/2 of x″ + x + x³ make of it along their mode, q = √1.25 x.
+/// q″ + 0.8 q³ + q: what two channels x and x/2 of x″ + x + x³ make of it along their mode, q =
+/// √1.25 x.
 struct Duffing;
 
 impl systems::Mechanical for Duffing {

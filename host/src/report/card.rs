@@ -1,5 +1,6 @@
-//! The card that an answer opens with: what was found, the equations with the numbers in them, parameters before and after, the gap as one picture, the test
-//! that would confirm it, and what could not be decided. One type for terminal and page.
+//! The card that an answer opens with: what was found, the equations with the numbers in them,
+//! parameters before and after, the gap as one picture, the test that would confirm it, and what
+//! could not be decided. One type for terminal and page.
 
 use std::fmt::Write;
 

@@ -1,4 +1,5 @@
-//! Numbers and names for people: digits that the uncertainty warrants, SI units, Greek letters and subscripts.
+//! Numbers and names for people: digits that the uncertainty warrants, SI units, Greek letters and
+//! subscripts.
 
 use std::fmt::Write as _;
 
@@ -67,16 +68,17 @@ pub fn significant(x: f64, digits: usize) -> String {
     }
 }
 
-/// Decimal place (power of ten of the last digit) that an uncertainty warrants, and the uncertainty rounded to it: two
-/// digits where it starts below 3.55, one from there on, two again from 9.5 (the Particle Data Group's rule).
+/// Decimal place (power of ten of the last digit) that an uncertainty warrants, and the uncertainty
+/// rounded to it: two digits where it starts below 3.55, one from there on, two again from 9.5 (the
+/// Particle Data Group's rule).
 fn last_place(uncertainty: f64) -> i32 {
     let e = uncertainty.log10().floor() as i32;
     let lead = uncertainty / 10f64.powi(e);
     if lead < 3.55 { e - 1 } else { e }
 }
 
-/// `value ± uncertainty`, both to the digits that the uncertainty warrants: `0.11312 ± 0.00004`, `(5.990 ± 0.003)·10⁻⁴`.
-/// Without a usable uncertainty the value has five digits.
+/// `value ± uncertainty`, both to the digits that the uncertainty warrants: `0.11312 ± 0.00004`,
+/// `(5.990 ± 0.003)·10⁻⁴`. Without a usable uncertainty the value has five digits.
 pub fn plus_minus(value: f64, uncertainty: f64) -> String {
     if !(uncertainty.is_finite() && uncertainty > 0.0 && value.is_finite()) {
         return significant(value, 5);
@@ -141,8 +143,8 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
-/// A value with its SI unit and a prefix that keeps it between 1 and 1000, for units that take one (m, s, Hz, N, V, A,
-/// rad, N m); others are written as they are.
+/// A value with its SI unit and a prefix that keeps it between 1 and 1000, for units that take one
+/// (m, s, Hz, N, V, A, rad, N m); others are written as they are.
 pub fn quantity(value: f64, unit: &str, digits: usize) -> String {
     let takes = ["m", "s", "Hz", "N", "V", "A", "rad", "N m"].contains(&unit);
     if !takes || value == 0.0 || !value.is_finite() || (0.1..1000.0).contains(&value.abs()) {
@@ -162,7 +164,8 @@ pub fn percent(share: f64, digits: usize) -> String {
     format!("{} %", significant(100.0 * share, digits))
 }
 
-/// A symbol with its subscript: `theta1` → (θ, 1), `B11` → (B, 11), `J_o1` → (J, o1), `m1e1` → (m, 1), (e, 1).
+/// A symbol with its subscript: `theta1` → (θ, 1), `B11` → (B, 11), `J_o1` → (J, o1), `m1e1` → (m,
+/// 1), (e, 1).
 fn parts(name: &str) -> Vec<(String, String)> {
     const GREEK: &[(&str, &str)] = &[
         ("theta", "θ"),
@@ -225,7 +228,8 @@ pub fn symbol_svg(name: &str) -> String {
     })
 }
 
-/// A symbol in plain Unicode for a terminal: `θ₁`, `B₁₁`; where a subscript letter has no character, as it was given.
+/// A symbol in plain Unicode for a terminal: `θ₁`, `B₁₁`; where a subscript letter has no
+/// character, as it was given.
 pub fn symbol_plain(name: &str) -> String {
     let lower = |c: char| {
         let digits = ['₀', '₁', '₂', '₃', '₄', '₅', '₆', '₇', '₈', '₉'];

@@ -12,7 +12,8 @@ impl fmt::Display for Html {
     }
 }
 
-/// Escapes the five characters that HTML gives a meaning to, and drops control characters that no document may hold.
+/// Escapes the five characters that HTML gives a meaning to, and drops control characters that no
+/// document may hold.
 pub fn escape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -79,7 +80,8 @@ impl Html {
         self
     }
 
-    /// Appends a table. `columns`: heading and alignment; rows of ready pieces, a short row ends with empty cells.
+    /// Appends a table. `columns`: heading and alignment; rows of ready pieces, a short row ends
+    /// with empty cells.
     pub fn table(&mut self, columns: &[(Html, Align)], rows: &[Vec<Html>]) -> &mut Self {
         let class = |a: Align| if a == Align::Right { " class=n" } else { "" };
         self.0.push_str("<div class=scroll><table><thead><tr>");
@@ -99,7 +101,8 @@ impl Html {
         self
     }
 
-    /// Appends a table of named bars from 0: heading of names and bars; name, value, the value in words. What is no number has no bar.
+    /// Appends a table of named bars from 0: heading of names and bars; name, value, the value in
+    /// words. What is no number has no bar.
     pub fn bars(&mut self, heads: [&str; 2], bars: &[(String, f64, String)]) -> &mut Self {
         let most = bars.iter().map(|b| b.1).filter(|v| v.is_finite()).fold(0.0, f64::max);
         let [name, value] = heads.map(escape);

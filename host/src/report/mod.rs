@@ -1,9 +1,10 @@
-//! Self-contained offline reports: one HTML file with inline SVG, nothing fetched, the same bytes every time. One small script within it reads out and
-//! enlarges figures; the page is whole without it.
+//! Self-contained offline reports: one HTML file with inline SVG, nothing fetched, the same bytes
+//! every time. One small script within it reads out and enlarges figures; the page is whole without
+//! it.
 //!
-//! Results go into [`Results`] as the analyses return them; [`Report::of`] runs every registered section
-//! ([`sections::SECTIONS`]) over them, and a section whose result is not there leaves itself out. A new section is one
-//! file in `sections/` and one line there.
+//! Results go into [`Results`] as the analyses return them; [`Report::of`] runs every registered
+//! section ([`sections::SECTIONS`]) over them, and a section whose result is not there leaves
+//! itself out. A new section is one file in `sections/` and one line there.
 
 pub mod card;
 pub mod figures;

@@ -1,4 +1,5 @@
-//! Plain names of effects and of the parameters of the systems that ship, for people who do not know the symbols.
+//! Plain names of effects and of the parameters of the systems that ship, for people who do not
+//! know the symbols.
 
 /// An effect `ID@PLACE` in plain words: `quadratic drag on arm 2`.
 pub fn effect(name: &str) -> String {

@@ -1,6 +1,8 @@
-//! Accuracy on simulated records: the weak form, the seed's own method re-run, and published figures of other programs on such records.
+//! Accuracy on simulated records: the weak form, the seed's own method re-run, and published
+//! figures of other programs on such records.
 //!
-//! Double pendulum: `rigs/chaotic.toml`. Errors are relative; each number is the rms over the seeds (of the largest of the six B where it says so).
+//! Double pendulum: `rigs/chaotic.toml`. Errors are relative; each number is the rms over the seeds
+//! (of the largest of the six B where it says so).
 
 use rayon::prelude::*;
 

@@ -1,4 +1,5 @@
-//! Chapter 2: the horizontally driven single pendulum, simulated, identified from its unstable periodic orbits.
+//! Chapter 2: the horizontally driven single pendulum, simulated, identified from its unstable
+//! periodic orbits.
 
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
@@ -291,7 +292,8 @@ fn unknown(id: &str, i: usize) -> Result<Reproduction> {
     })
 }
 
-/// The identified system, integrated by Runge and Kutta's fourth-order method, 100 steps a period; 25 samples a period.
+/// The identified system, integrated by Runge and Kutta's fourth-order method, 100 steps a period;
+/// 25 samples a period.
 pub(super) fn identified_motion(found: &Identification, periods: usize) -> Vec<f64> {
     let c_r = value(found, "c_r").unwrap_or(0.0);
     let functions = functions(found);

@@ -1,5 +1,6 @@
-//! Chapter 3's tables: the double pendulum. The seed's experiment is replaced by the simulated rig with the printed parameters at 1.35 times
-//! the printed amplitude (with the printed one it is not chaotic for good), 1024 counts, 670 000 samples.
+//! Chapter 3's tables: the double pendulum. The seed's experiment is replaced by the simulated rig
+//! with the printed parameters at 1.35 times the printed amplitude (with the printed one it is not
+//! chaotic for good), 1024 counts, 670 000 samples.
 
 use std::f64::consts::TAU;
 use std::sync::OnceLock;

@@ -1,4 +1,5 @@
-//! Table 3.10: natural frequencies of the double pendulum, Hz, from coefficients (3.34) and from a small free vibration.
+//! Table 3.10: natural frequencies of the double pendulum, Hz, from coefficients (3.34) and from a
+//! small free vibration.
 //!
 //! det [[B12 − λ, −B11 λ], [−B21 λ, B22 − λ]] = 0, f = √λ f_drive.
 
@@ -25,7 +26,8 @@ fn frequencies_of(get: impl Fn(&str) -> Option<f64>) -> Option<[f64; 2]> {
     natural_frequencies([get("B11")?, get("B12")?, get("B21")?, get("B22")?], 5.0)
 }
 
-/// The two strongest lines of a small free vibration of the plant, Hz, by a Hann-windowed spectrum of φ1 over 60 s.
+/// The two strongest lines of a small free vibration of the plant, Hz, by a Hann-windowed spectrum
+/// of φ1 over 60 s.
 fn free_vibration() -> Result<[f64; 2]> {
     let failed = |e: whirl_hil_sim::SimulationError| BadInput::new(e.to_string(), "a rig that can be simulated");
     let mut rig = Simulation::new(&SimulationSettings {

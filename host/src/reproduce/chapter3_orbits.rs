@@ -1,4 +1,5 @@
-//! Orbits of chapter 3's record, and Table 3.5: Fourier coefficients along one of them with and without the low-pass.
+//! Orbits of chapter 3's record, and Table 3.5: Fourier coefficients along one of them with and
+//! without the low-pass.
 //!
 //! y = φ2′² sin Δ, Δ = φ2 − φ1, primes by τ = Ω t.
 

@@ -30,13 +30,15 @@ pub static ITEMS: &[Item] = &[
     Item { id: "table-4.1", about: "double pendulum: frequency method, pieces of 100T", run: table_4_1 },
 ];
 
-/// x(k+1) = 2x mod 1 in exact arithmetic, and a chaotic orbit beside the periodic one that it shadows.
+/// x(k+1) = 2x mod 1 in exact arithmetic, and a chaotic orbit beside the periodic one that it
+/// shadows.
 fn figure_4_1() -> Result<Reproduction> {
     let mut map = Panel::new("", Axis::linear("x(k)").range(0.0, 1.0), Axis::linear("x(k + 1)").range(0.0, 1.0));
     for (i, from) in [0.0, 0.5].into_iter().enumerate() {
         map.series.push(Series::new("", Shape::Line, vec![from, from + 0.4999], vec![0.0, 0.9998]).colour(i));
     }
-    // An odd denominator above 2^40 has a period far beyond n: for n steps it is as good as irrational.
+    // An odd denominator above 2^40 has a period far beyond n: for n steps it is as good as
+    // irrational.
     let n = 40;
     let orbit = Point::new(314_159_265_359, 1_099_511_627_791);
     let shadow = orbit.and_then(|x| shadow_orbit(x, n));
@@ -70,7 +72,8 @@ fn figure_4_1() -> Result<Reproduction> {
     })
 }
 
-/// Chapter 4's choices for the single pendulum: pieces of 60T, velocities through exp(iθ), eight points.
+/// Chapter 4's choices for the single pendulum: pieces of 60T, velocities through exp(iθ), eight
+/// points.
 fn settings() -> Settings {
     Settings { differentiation: Differentiation::Circle, basis: Basis::Interpolation(8), ..Settings::frequency(60) }
 }

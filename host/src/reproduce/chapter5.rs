@@ -1,4 +1,5 @@
-//! Chapter 5: the two-mass and the mass–pendulum system, simulated by plants that share nothing with the models, reduced the seed's way.
+//! Chapter 5: the two-mass and the mass–pendulum system, simulated by plants that share nothing
+//! with the models, reduced the seed's way.
 
 use std::sync::OnceLock;
 
@@ -94,7 +95,8 @@ fn make(
     })
 }
 
-/// The two-mass system; modes from its fifth release, as in the seed. Its fourth is on an unstable mode and in no polar model.
+/// The two-mass system; modes from its fifth release, as in the seed. Its fourth is on an unstable
+/// mode and in no polar model.
 pub(super) fn two_mass() -> Result<&'static Case> {
     static CASE: OnceLock<Option<Case>> = OnceLock::new();
     CASE.get_or_init(|| {
@@ -230,7 +232,8 @@ fn table_5_3() -> Result<Reproduction> {
     // The seed's minor mode is (−0.9589, 0.2838): what is odd in z2 changes its sign with it.
     let turned = if case.pod.modes[1][0] > 0.0 { -1.0 } else { 1.0 };
     let first = |m: &ConstraintModel, i: usize| m.equation.get(i).map_or(f64::NAN, |t| -t.value);
-    // The seed's unit of time is not given: the one in which type I's linear coefficient is the printed one.
+    // The seed's unit of time is not given: the one in which type I's linear coefficient is the
+    // printed one.
     let factor = 0.0571 / first(&one, 0);
     let per_rate = factor.sqrt();
     let constraint = |i: usize| -> Option<f64> {

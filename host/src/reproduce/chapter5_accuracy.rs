@@ -1,5 +1,6 @@
-//! Accuracy of the polar model: frequency over the releases' energies, releases left out, histories over ten periods, noise and its
-//! standard errors. Truth: the full system's normal mode by shooting.
+//! Accuracy of the polar model: frequency over the releases' energies, releases left out, histories
+//! over ten periods, noise and its standard errors. Truth: the full system's normal mode by
+//! shooting.
 
 use std::f64::consts::TAU;
 
@@ -49,7 +50,8 @@ fn errors(system: &dyn Mechanical, polar: &Polar, nodes: Option<&[Node]>, member
 /// A model, one with the equations known and all of its nodes, and those of the releases.
 type Both = (Polar, (Polar, Vec<Node>), Vec<Node>);
 
-/// Models of the releases with noise of this share of each channel's rms; releases not used by the case are not used here.
+/// Models of the releases with noise of this share of each channel's rms; releases not used by the
+/// case are not used here.
 fn noisy(case: &Case, noise: f64, seed: u64) -> Option<Both> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut nodes = Vec::new();
@@ -77,7 +79,8 @@ fn noisy(case: &Case, noise: f64, seed: u64) -> Option<Both> {
     Some((polar::model(&nodes, major, linear)?, known, nodes))
 }
 
-/// Of so many draws, at the releases: whether the frequency's 95 % interval holds the mode's, [held, asked].
+/// Of so many draws, at the releases: whether the frequency's 95 % interval holds the mode's,
+/// [held, asked].
 fn held(case: &Case, (polar, known, nodes): &Both) -> Option<[[u32; 2]; 2]> {
     let mut count = [[0; 2]; 2];
     let linear = normal_mode::linear_mode(&*case.system, 0);
@@ -86,7 +89,8 @@ fn held(case: &Case, (polar, known, nodes): &Both) -> Option<[[u32; 2]; 2]> {
     for (count, (model, how)) in count.iter_mut().zip([(polar, blind), (&known.0, informed)]) {
         let curve = standard_error::of(model, nodes, how).curve;
         for i in &case.used {
-            // The motion on the mode at the release's own amplitude has its own frequency: the noise-free fit's.
+            // The motion on the mode at the release's own amplitude has its own frequency: the
+            // noise-free fit's.
             let fit = &case.fits[*i];
             let a: f64 = fit.cosine[1].iter().zip(&case.pod.modes[0]).map(|(x, p)| x * p).sum();
             let near = curve.iter().min_by(|p, q| (p.amplitude - a).abs().total_cmp(&(q.amplitude - a).abs()))?;
@@ -104,7 +108,8 @@ fn median(mut x: Vec<f64>) -> Option<f64> {
     x.get(x.len() / 2).copied()
 }
 
-/// Greatest error at each release but the ends that its model was made without: from displacements only, with the equations known.
+/// Greatest error at each release but the ends that its model was made without: from displacements
+/// only, with the equations known.
 fn left_out(
     system: &dyn Mechanical,
     nodes: &[Node],

@@ -1,5 +1,5 @@
-//! Beyond chapter 5: the chain of 60 masses and the clamped beam, free (backbones) and forced (response with its folds). References: shooting,
-//! and harmonic balance with continuation.
+//! Beyond chapter 5: the chain of 60 masses and the clamped beam, free (backbones) and forced
+//! (response with its folds). References: shooting, and harmonic balance with continuation.
 
 use std::f64::consts::PI;
 
@@ -52,7 +52,8 @@ pub(super) struct Large {
     pub(super) linear: (f64, Vec<f64>),
     /// Force on the first linear mode, such that the upper fold lies well within the model's range.
     forcing: Forcing,
-    /// What a POD alone says: Galerkin's projection of mass and potential on the first proper orthogonal mode, as a model of its own.
+    /// What a POD alone says: Galerkin's projection of mass and potential on the first proper
+    /// orthogonal mode, as a model of its own.
     galerkin: Vec<f64>,
 }
 
@@ -88,7 +89,8 @@ fn large(id: &str, records: &[Vec<Vec<f64>>], step: f64, windows: bool, force: f
     Some(Large { system, polar, nodes, linear, forcing, galerkin: major })
 }
 
-/// Four decays on the first linear mode from centre amplitudes 1.1, 0.8, 0.5, 0.25, ζ 0.5 %, 30 linear periods, ten samples a second.
+/// Four decays on the first linear mode from centre amplitudes 1.1, 0.8, 0.5, 0.25, ζ 0.5 %, 30
+/// linear periods, ten samples a second.
 fn chain() -> Result<Large> {
     let plant = plant_chain::Chain::default();
     let records: Option<Vec<Vec<Vec<f64>>>> = [1.1, 0.8, 0.5, 0.25]
@@ -101,7 +103,8 @@ fn chain() -> Result<Large> {
     records.and_then(|r| large("chain", &r, 0.1, true, 0.055)).ok_or_else(|| broken("chain"))
 }
 
-/// Four releases from rest on the nonlinear mode at 1.00, 1.96, 2.91 and 3.86 √(I/A), free of damping, 16 linear periods.
+/// Four releases from rest on the nonlinear mode at 1.00, 1.96, 2.91 and 3.86 √(I/A), free of
+/// damping, 16 linear periods.
 pub(super) fn beam() -> Result<Large> {
     let plant = plant_beam::Beam::default();
     let system = systems::by_id("clamped-beam").ok_or_else(|| broken("beam"))?;
@@ -117,7 +120,8 @@ pub(super) fn beam() -> Result<Large> {
     records.and_then(|r| large("clamped-beam", &r, 0.1, false, 0.024)).ok_or_else(|| broken("beam"))
 }
 
-/// Angular frequency at this energy of the motion along one straight mode: quarter period by quadrature, x = p y, y = y0 sin θ.
+/// Angular frequency at this energy of the motion along one straight mode: quarter period by
+/// quadrature, x = p y, y = y0 sin θ.
 fn straight(system: &dyn Mechanical, mode: &[f64], energy: f64) -> Option<f64> {
     let at = |y: f64| mode.iter().map(|p| p * y).collect::<Vec<f64>>();
     let mass: f64 = {
@@ -264,7 +268,8 @@ mod tests {
         assert!(last(&forced, "lower fold, error of frequency").ours.unwrap() < 2e-5, "{forced:?}");
     }
 
-    /// The response is the plant's own: integrated in time from the model's state for some hundred periods, below the upper fold.
+    /// The response is the plant's own: integrated in time from the model's state for some hundred
+    /// periods, below the upper fold.
     #[test]
     fn the_plant_answers_the_force_as_the_model_says() {
         let case = beam().unwrap();

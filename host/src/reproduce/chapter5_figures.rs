@@ -1,4 +1,5 @@
-//! Chapter 5's figures: phase portraits, shapes of the modes, the invariant manifold, time histories, frequency against energy.
+//! Chapter 5's figures: phase portraits, shapes of the modes, the invariant manifold, time
+//! histories, frequency against energy.
 
 use std::f64::consts::TAU;
 
@@ -65,7 +66,8 @@ pub static ITEMS: &[Item] = &[
     },
 ];
 
-/// A block on a spring, displaced by x, with a bar of the same unit length hanging from it at θ: (5.18), release 2 (x = 0.25, θ = 0.733).
+/// A block on a spring, displaced by x, with a bar of the same unit length hanging from it at θ:
+/// (5.18), release 2 (x = 0.25, θ = 0.733).
 fn figure_5_4() -> Result<Reproduction> {
     let (x, theta): (f64, f64) = (0.25, 0.733);
     let end = [x + theta.sin(), -theta.cos()];
@@ -159,7 +161,8 @@ fn shapes(id: &str, case: &Case) -> Result<Reproduction> {
     for i in 0..5 {
         let [y, _, z] = orbit(case, i);
         panel.series.push(line(&format!("release {}", i + 1), &y, &z, i));
-        // The member's other point of rest is its mirror image, or its partner where it is asymmetric.
+        // The member's other point of rest is its mirror image, or its partner where it is
+        // asymmetric.
         let truth = &case.members[i].rest;
         rows.push(Row::new(
             format!("release {}: rest x2/x1 of the mode at its energy", i + 1),
@@ -184,7 +187,8 @@ fn shapes(id: &str, case: &Case) -> Result<Reproduction> {
 
 fn figure_5_3() -> Result<Reproduction> {
     let case = two_mass()?;
-    // Shaw and Pierre's expansion of the in-phase mode, from (5.9): x2 = u + u³/3 + u u̇²/2, u = x1.
+    // Shaw and Pierre's expansion of the in-phase mode, from (5.9): x2 = u + u³/3 + u u̇²/2, u =
+    // x1.
     let asymptotic = |u: f64, v: f64| u + u.powi(3) / 3.0 + u * v * v / 2.0;
     let three = constraint_model(3)?;
     let five = constraint_model(5)?;

@@ -1,5 +1,6 @@
-//! Motions of chapter 5's releases and of the models of them: one period in modal coordinates, and the relative error ‖x̂ − x‖/‖x‖ of all coordinates
-//! over ten periods from the release's rest state.
+//! Motions of chapter 5's releases and of the models of them: one period in modal coordinates, and
+//! the relative error ‖x̂ − x‖/‖x‖ of all coordinates over ten periods from the release's rest
+//! state.
 
 use std::f64::consts::TAU;
 

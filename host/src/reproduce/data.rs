@@ -76,7 +76,8 @@ fn record(rig: &Rig, step_s: f64, columns: Vec<Column>, phase: Option<Vec<u32>>)
 /// Samples a drive period of the single pendulum, as in the seed.
 pub const SINGLE_PERIOD: usize = 25;
 
-/// Rig and plant of the single pendulum, dimensionless: Ω = 1 rad/s, so that a second is a unit of τ.
+/// Rig and plant of the single pendulum, dimensionless: Ω = 1 rad/s, so that a second is a unit of
+/// τ.
 fn single_rig() -> Result<Rig> {
     let text = format!(
         "name = \"the seed's single pendulum\"\nmodel = \"single-pendulum\"\nsample_rate_hz = {:e}\n[drive]\ndirection = \"horizontal\"\n\
@@ -87,7 +88,8 @@ fn single_rig() -> Result<Rig> {
     Rig::parse(&text, Path::new("single pendulum"))
 }
 
-/// The single pendulum's record: `samples` at 25 a period after 40 periods of settling, with uniform noise of ± `noise` rad.
+/// The single pendulum's record: `samples` at 25 a period after 40 periods of settling, with
+/// uniform noise of ± `noise` rad.
 ///
 /// # Errors
 /// A plant that cannot be integrated.
@@ -99,7 +101,8 @@ pub fn single_with(samples: usize, noise: f64, seed: u64) -> Result<Data> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     // Every seed starts elsewhere; after the settling the histories have nothing in common.
     let start = [random.random_range(-1.0..1.0), random.random_range(-1.0..1.0)];
-    // Tighter than the plants' usual tolerance: the clean record is to tell methods apart to ten digits.
+    // Tighter than the plants' usual tolerance: the clean record is to tell methods apart to ten
+    // digits.
     let mut integrator = Integrator::new(Tolerance { absolute: [1e-14; 2], relative: [0.0; 2] });
     let (mut state, mut exact) = (start, Vec::with_capacity(samples));
     for i in 0..settle + samples {
@@ -176,22 +179,25 @@ pub fn chaotic(counts: u32) -> String {
     include_str!("../../rigs/chaotic.toml").replace("4096", &counts.to_string())
 }
 
-/// The seed's record of the double pendulum: 670 000 samples, 1024 counts, at 1.35 times the printed amplitude.
+/// The seed's record of the double pendulum: 670 000 samples, 1024 counts, at 1.35 times the
+/// printed amplitude.
 pub fn double() -> Result<&'static Data> {
     static DATA: OnceLock<Result<Data>> = OnceLock::new();
     kept(&DATA, || double_with(&chaotic(1024), 670_000, 1))
 }
 
-/// The simulated system of Table 3.9, 670 000 samples with 65 536 counts (the seed's own simulation was not quantised).
+/// The simulated system of Table 3.9, 670 000 samples with 65 536 counts (the seed's own simulation
+/// was not quantised).
 ///
-/// The printed B12/B15 and B22/B25 do not obey the tie (3.23), which no plant can break: B11, B15, B21, B22, B25, C12, C2 are as
-/// printed and B12 follows, 0.0758 for 0.0781.
+/// The printed B12/B15 and B22/B25 do not obey the tie (3.23), which no plant can break: B11, B15,
+/// B21, B22, B25, C12, C2 are as printed and B12 follows, 0.0758 for 0.0781.
 pub fn table_3_9() -> Result<&'static Data> {
     static DATA: OnceLock<Result<Data>> = OnceLock::new();
     kept(&DATA, || {
         let second = (TAU * 5.0_f64).powi(2);
         let (m2, g) = (0.040, 9.81);
-        // S2/J_o2 from B22, then a from B25, l1 from B21; J_o2 as printed sets the scale, J_o1 follows from B11, S1 from B15.
+        // S2/J_o2 from B22, then a from B25, l1 from B21; J_o2 as printed sets the scale, J_o1
+        // follows from B11, S1 from B15.
         let ratio = 0.2562 * second / g;
         let (j2, a, l1) = (4.228e-5, 0.2868 / ratio, 1.6149 / ratio);
         let e2 = ratio * j2 / m2;
@@ -217,7 +223,8 @@ mod tests {
     fn the_weak_form_finds_the_clean_single_pendulum_to_the_last_digits() {
         let data = single().unwrap();
         let found = data.weak().unwrap();
-        // numpy reaches 5e-10, 4e-11, 2e-11 on such records (rms over several; this is one of them).
+        // numpy reaches 5e-10, 4e-11, 2e-11 on such records (rms over several; this is one of
+        // them).
         for (name, bound) in [("c_r", 2e-9), ("p_cos", 2e-10), ("q_sin", 2e-10)] {
             let truth = data.truth(name).unwrap();
             let error = (found.parameter(name).unwrap().value / truth - 1.0).abs();

@@ -26,7 +26,8 @@ pub fn delayed(x: &[f64], delay: usize) -> (Vec<f64>, Vec<f64>) {
     (x[..n].to_vec(), x[x.len() - n..].to_vec())
 }
 
-/// The three views of an orbit of the double pendulum that figures 3.3 to 3.10 show: θ1–θ1(t + dt), θ1–θ2, θ2–θ2(t + dt).
+/// The three views of an orbit of the double pendulum that figures 3.3 to 3.10 show: θ1–θ1(t + dt),
+/// θ1–θ2, θ2–θ2(t + dt).
 pub fn views(theta1: &[f64], theta2: &[f64], delay: usize) -> Vec<Panel> {
     let ((a, b), (c, d)) = (delayed(theta1, delay), delayed(theta2, delay));
     vec![

@@ -1,4 +1,5 @@
-//! The seed's tables and figures: printed, reproduced, true, side by side. One file a chapter, one line an item in [`ITEMS`].
+//! The seed's tables and figures: printed, reproduced, true, side by side. One file a chapter, one
+//! line an item in [`ITEMS`].
 
 pub mod accuracy;
 pub mod chapter2;

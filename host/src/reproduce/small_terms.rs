@@ -1,4 +1,5 @@
-//! Section 6.2's small terms: a small cubic stiffness by harmonic balance, and by multiplying with x (6.3).
+//! Section 6.2's small terms: a small cubic stiffness by harmonic balance, and by multiplying with
+//! x (6.3).
 
 use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
@@ -23,7 +24,8 @@ const TRUTH: [f64; 3] = [1.0, 0.05, 0.01];
 /// Samples a period.
 const SAMPLES: usize = 200;
 
-/// Six steady orbits below and above the resonance; `noise`: uniform, share of each orbit's largest displacement.
+/// Six steady orbits below and above the resonance; `noise`: uniform, share of each orbit's largest
+/// displacement.
 fn orbits(noise: f64, seed: u64) -> Result<Vec<ForcedOrbit>> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     [(0.6, 0.6), (0.8, 0.4), (0.9, 0.2), (1.15, 0.3), (1.3, 0.7), (1.6, 1.5)]

@@ -15,8 +15,9 @@ use crate::model::model_file::ModelFile;
 use crate::model::model_file::toml_place::Source;
 use crate::system::{self, library};
 
-/// The rig of a single pendulum with its equation (2.6) written out: `dampings` by the names of their coefficients (`c_r`, `C11`). With `all`, the terms of
-/// a base that moves any way and of a centroid off the arm's line; otherwise those of the rig file's direction and of gravity alone.
+/// The rig of a single pendulum with its equation (2.6) written out: `dampings` by the names of
+/// their coefficients (`c_r`, `C11`). With `all`, the terms of a base that moves any way and of a
+/// centroid off the arm's line; otherwise those of the rig file's direction and of gravity alone.
 ///
 /// # Errors
 /// Channels that do not measure the angle.
@@ -77,7 +78,8 @@ pub fn double_pendulum(rig: &Rig, dampings: &[&Damping]) -> Result<Rig> {
     bound(rig, &["phi1", "phi2"], &equations)
 }
 
-/// The rig of a double pendulum with the system file that ships with the program, with nominal dampings by their ids.
+/// The rig of a double pendulum with the system file that ships with the program, with nominal
+/// dampings by their ids.
 ///
 /// # Errors
 /// Channels that do not measure both angles, dampings that are not in the list of effects.
@@ -89,7 +91,8 @@ pub fn double_pendulum_of_bodies(rig: &Rig, nominal: &[String]) -> Result<Rig> {
     Ok(Rig { channel: rig.channel.clone(), nominal: Some(nominal.to_vec()), ..out })
 }
 
-/// The rig of a built-in system with its coordinates alone: its equations say nothing of the system.
+/// The rig of a built-in system with its coordinates alone: its equations say nothing of the
+/// system.
 ///
 /// # Errors
 /// Channels that do not measure the angles.

@@ -1,4 +1,5 @@
-//! What options of a command say of a record's columns, beside the rig file: `--time COLUMN`, `--map MEASURE=COLUMN`.
+//! What options of a command say of a record's columns, beside the rig file: `--time COLUMN`,
+//! `--map MEASURE=COLUMN`.
 
 use std::path::Path;
 

@@ -1,7 +1,10 @@
-//! Channels that are computed from several columns: a `name` that begins with `=`, such as `=2*a - b` or `={Winkel 1 (deg)} - {Winkel 2 (deg)}`.
+//! Channels that are computed from several columns: a `name` that begins with `=`, such as
+//! `=2*a - b` or `={Winkel 1 (deg)} - {Winkel 2 (deg)}`.
 //!
-//! The expression is that of model files ([`crate::model::model_file::parser`]) over the names of columns: `+ − * / ^`, parentheses, functions of one argument, `pi`. A name
-//! that is no word stands in braces. Values are taken as they stand in the file, before gain and offset, which are the channel's own.
+//! The expression is that of model files ([`crate::model::model_file::parser`]) over the names of
+//! columns: `+ − * / ^`, parentheses, functions of one argument, `pi`. A name that is no word
+//! stands in braces. Values are taken as they stand in the file, before gain and offset, which are
+//! the channel's own.
 
 use std::cell::RefCell;
 use std::path::Path;
@@ -28,7 +31,8 @@ pub(crate) enum From {
 /// The columns that are read for channels, and how the channels come from them.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Sources {
-    /// The columns: those of channels that are no expression, as their channels say, then those of expressions, as they stand.
+    /// The columns: those of channels that are no expression, as their channels say, then those of
+    /// expressions, as they stand.
     pub(crate) columns: Vec<Channel>,
     /// One for each channel.
     pub(crate) channels: Vec<From>,
@@ -109,7 +113,8 @@ struct Columns {
 type Wrong = (usize, String, String, String);
 
 impl Columns {
-    /// The text with a word of the same length for each name in braces, so that places stay where they are.
+    /// The text with a word of the same length for each name in braces, so that places stay where
+    /// they are.
     fn words(&self, text: &str) -> core::result::Result<String, Wrong> {
         let mut out = String::with_capacity(text.len());
         let mut rest = text;

@@ -1,8 +1,9 @@
-//! What a rig's channels measure, checked against the model: names of a built-in system, coordinates and inputs of a model file.
+//! What a rig's channels measure, checked against the model: names of a built-in system,
+//! coordinates and inputs of a model file.
 //!
-//! A channel of a model-file rig measures an input, a coordinate, or a sum of coordinates with whole or broken numbers in front
-//! (`phi2 - phi1` for an encoder between two arms). Every coordinate must follow from the channels: y = S q with S square
-//! and invertible.
+//! A channel of a model-file rig measures an input, a coordinate, or a sum of coordinates with
+//! whole or broken numbers in front (`phi2 - phi1` for an encoder between two arms). Every
+//! coordinate must follow from the channels: y = S q with S square and invertible.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -48,13 +49,15 @@ pub(super) fn check_built_in(rig: &Rig) -> Result<()> {
     }
 }
 
-/// Whether a rig's model is a file: its own, or one of the program's systems. What is built in keeps its name.
+/// Whether a rig's model is a file: its own, or one of the program's systems. What is built in
+/// keeps its name.
 pub(super) fn is_file(model: &str) -> bool {
     let built_in = BUILT_IN.iter().any(|(id, _)| *id == model) || crate::reduce::systems::by_id(model).is_some();
     model_file::is_path(model) || (!built_in && library::text(model).is_some())
 }
 
-/// Reads the model file that a rig names and checks its channels against it; none for a built-in model.
+/// Reads the model file that a rig names and checks its channels against it; none for a built-in
+/// model.
 pub(super) fn bind(rig: &Rig) -> Result<Option<Arc<Bound>>> {
     if !is_file(&rig.model) {
         return Ok(None);

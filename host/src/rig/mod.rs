@@ -1,7 +1,8 @@
 //! Rig files (TOML): what is measured, how it is driven, what is known beforehand.
 //!
-//! Every key is checked: an unknown key, a zero rate or a channel that measures nothing is an error with its line.
-//! `[plant]` is kept as text and read only by `simulate` and `demo` ([`plant`]): an identification cannot peek at the truth.
+//! Every key is checked: an unknown key, a zero rate or a channel that measures nothing is an error
+//! with its line. `[plant]` is kept as text and read only by `simulate` and `demo` ([`plant`]): an
+//! identification cannot peek at the truth.
 
 pub mod as_own;
 mod checks;
@@ -29,11 +30,14 @@ use crate::record::names::TimeChoice;
 /// Standard gravity used where a rig file gives none, m/s².
 pub const GRAVITY: f64 = 9.81;
 
-/// Smallest and greatest rate of samples or frequency, Hz: a sample in eleven days; what no sampler in counts reaches.
+/// Smallest and greatest rate of samples or frequency, Hz: a sample in eleven days; what no sampler
+/// in counts reaches.
 pub(crate) const RATES: core::ops::RangeInclusive<f64> = 1e-6..=1e7;
-/// Most samples of a drive period: a window of twenty periods is then no longer than what fits into memory.
+/// Most samples of a drive period: a window of twenty periods is then no longer than what fits into
+/// memory.
 const MOST_A_PERIOD: f64 = 1e6;
-/// Smallest and greatest physical quantity, SI: products of six of them are still far from what binary64 can hold (1e±308).
+/// Smallest and greatest physical quantity, SI: products of six of them are still far from what
+/// binary64 can hold (1e±308).
 pub(crate) const QUANTITIES: core::ops::RangeInclusive<f64> = 1e-30..=1e30;
 
 /// Physical quantities that `[known]` may hold, with their units.
@@ -89,7 +93,8 @@ pub struct Channel {
     /// Counts a turn, for unit `count`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub counts_per_turn: Option<u32>,
-    /// What the column's values are multiplied by to be in the unit; 1 where none. For counts 1 or −1 (mounted the other way round).
+    /// What the column's values are multiplied by to be in the unit; 1 where none. For counts 1 or
+    /// −1 (mounted the other way round).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gain: Option<f64>,
     /// What is added then, in the unit; 0 where none. For counts a whole number.
@@ -98,8 +103,8 @@ pub struct Channel {
 }
 
 impl Channel {
-    /// Factor from the column's unit to SI (rad, m, V, N); for counts 2π/N. A count c also stands for the middle of
-    /// [c, c+1), see [`crate::record::Column::angle`].
+    /// Factor from the column's unit to SI (rad, m, V, N); for counts 2π/N. A count c also stands
+    /// for the middle of [c, c+1), see [`crate::record::Column::angle`].
     pub fn scale(&self) -> f64 {
         match self.unit.as_str() {
             "count" => core::f64::consts::TAU / f64::from(self.counts_per_turn.unwrap_or(1)),
@@ -118,7 +123,8 @@ impl Channel {
         self.gain.unwrap_or(1.0) == 1.0 && self.offset.unwrap_or(0.0) == 0.0
     }
 
-    /// Applies gain and offset to values as they stand in a file. A count c, which stands for [c, c + 1), becomes −c − 1 for gain −1.
+    /// Applies gain and offset to values as they stand in a file. A count c, which stands for [c,
+    /// c + 1), becomes −c − 1 for gain −1.
     ///
     /// # Errors
     /// Index of a count that leaves 32 bits.
@@ -176,7 +182,8 @@ struct RigFile {
     plant: Option<toml::Table>,
 }
 
-/// Gives the sampling rate of what is read beside a rig file without one, Hz, from its time; none where nothing is.
+/// Gives the sampling rate of what is read beside a rig file without one, Hz, from its time; none
+/// where nothing is.
 pub type RateOf<'a> = dyn FnMut(&TimeChoice) -> Result<Option<f64>> + 'a;
 
 /// A rig: what a rig file says, checked.
@@ -211,8 +218,8 @@ pub struct Rig {
     /// Where it was read from.
     #[serde(skip)]
     pub path: PathBuf,
-    /// The model file that `model` names, with what the channels measure of it; none for a built-in model, and for a rig that was
-    /// not read from a file of its own.
+    /// The model file that `model` names, with what the channels measure of it; none for a built-in
+    /// model, and for a rig that was not read from a file of its own.
     #[serde(skip)]
     pub bound: Option<Arc<measures::Bound>>,
 }
@@ -243,7 +250,8 @@ impl Rig {
         Self::read_for(path.as_ref(), &Choices::default(), &mut |_| Ok(None))
     }
 
-    /// The same with what a command's options say of the columns. `rate` is asked for the sampling rate where the file has none.
+    /// The same with what a command's options say of the columns. `rate` is asked for the sampling
+    /// rate where the file has none.
     ///
     /// # Errors
     /// As [`Rig::read`]; a choice that does not fit; what `rate` ends with.
@@ -297,7 +305,8 @@ impl Rig {
         Ok(())
     }
 
-    /// Parses and checks the text of a rig file; `path` is used for messages and for relative model paths.
+    /// Parses and checks the text of a rig file; `path` is used for messages and for relative model
+    /// paths.
     ///
     /// # Errors
     /// As [`Rig::read`].

@@ -5,7 +5,8 @@ use serde::Deserialize;
 use super::Rig;
 use crate::error::{BadInput, Result};
 
-/// Parameters of the simulated double pendulum, SI. `e1` and `m1` enter as their product and in J_o1 only.
+/// Parameters of the simulated double pendulum, SI. `e1` and `m1` enter as their product and in
+/// J_o1 only.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Plant {
@@ -53,8 +54,9 @@ fn gravity() -> f64 {
 }
 
 impl Plant {
-    /// True value of a parameter that an identification names (coefficients of (3.4) at angular frequency `omega`, and physical
-    /// parameters); `None` for a name that the plant does not have. Only for the truth beside an answer that is already there.
+    /// True value of a parameter that an identification names (coefficients of (3.4) at angular
+    /// frequency `omega`, and physical parameters); `None` for a name that the plant does not have.
+    /// Only for the truth beside an answer that is already there.
     pub fn truth(&self, name: &str, omega: f64) -> Option<f64> {
         let p = self;
         let (h, s1, s2) = (p.m2 * p.e2 * p.l1, p.m1 * p.e1 + p.m2 * p.l1, p.m2 * p.e2);

@@ -1,4 +1,5 @@
-//! `[plant]` of a rig with a single pendulum: the truth of a simulated rig. Read by `simulate` alone.
+//! `[plant]` of a rig with a single pendulum: the truth of a simulated rig. Read by `simulate`
+//! alone.
 
 use serde::Deserialize;
 
@@ -44,12 +45,13 @@ fn gravity() -> f64 {
 }
 
 impl SinglePlant {
-    /// True value of a parameter that an identification names, at angular frequency `omega` and this direction of the drive. Only
-    /// for the truth beside an answer that is already there.
+    /// True value of a parameter that an identification names, at angular frequency `omega` and
+    /// this direction of the drive. Only for the truth beside an answer that is already there.
     pub fn truth(&self, name: &str, omega: f64, direction: Option<Direction>) -> Option<f64> {
         let moment = self.m1 * self.e1 / self.j_o1;
         let size = moment * self.amplitude_m;
-        // Horizontal: x_b = a sin(τ − ψ), term −f sin(τ − ψ) cos θ. Vertical: y = a cos(τ − ψ), term −f cos(τ − ψ) sin θ.
+        // Horizontal: x_b = a sin(τ − ψ), term −f sin(τ − ψ) cos θ. Vertical: y = a cos(τ − ψ),
+        // term −f cos(τ − ψ) sin θ.
         let (cos, sin) = (self.phase_rad.cos(), self.phase_rad.sin());
         let along = |name: &'static str, wanted: Direction, value: f64| match direction {
             None => (name, None),

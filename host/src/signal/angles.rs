@@ -1,9 +1,9 @@
-//! The double pendulum's absolute angles φ1, φ2 (rad, unwrapped) and the drive's phase, segment by segment. A single pendulum
-//! is one whose φ2 stays 0.
+//! The double pendulum's absolute angles φ1, φ2 (rad, unwrapped) and the drive's phase, segment by
+//! segment. A single pendulum is one whose φ2 stays 0.
 //!
-//! Encoder 1 is absolute, encoder 2 usually measures arm 2 relative to arm 1: φ1 = θ1, φ2 = θ1 + θ2. Channels that
-//! measure `phi1`, `phi2` directly are taken as they are. The drive's phase is the device's own where the record has
-//! it, otherwise τ = 2π f_e t with the record's t.
+//! Encoder 1 is absolute, encoder 2 usually measures arm 2 relative to arm 1: φ1 = θ1, φ2 = θ1 +
+//! θ2. Channels that measure `phi1`, `phi2` directly are taken as they are. The drive's phase is
+//! the device's own where the record has it, otherwise τ = 2π f_e t with the record's t.
 
 use core::f64::consts::TAU;
 use std::borrow::Cow;
@@ -23,7 +23,8 @@ pub struct AngleSegment {
     pub phi: [Vec<f64>; 2],
     /// Phase of the drive.
     pub phase: Phase,
-    /// Whether the second sensor measures arm 2 relative to arm 1, so that the first one's noise is in φ2 as well.
+    /// Whether the second sensor measures arm 2 relative to arm 1, so that the first one's noise is
+    /// in φ2 as well.
     pub relative: bool,
     /// Size of one count of each sensor, rad; `None` for a sensor that does not count.
     pub count_rad: [Option<f64>; 2],

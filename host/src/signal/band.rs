@@ -1,16 +1,19 @@
 //! Where in the spectrum the motion lies: the band that test functions and low-passes must hold.
 //!
-//! A force that at most jumps gives motion that falls like f⁻⁶ in power, noise falls at most like f⁻². Counts that change
-//! rarely leave a shelf of noise over decades, which weighed by ω⁴ would look like motion: so noise is a power law, not
-//! the white top of the band.
+//! A force that at most jumps gives motion that falls like f⁻⁶ in power, noise falls at most like
+//! f⁻². Counts that change rarely leave a shelf of noise over decades, which weighed by ω⁴ would
+//! look like motion: so noise is a power law, not the white top of the band.
 //!
-//! S(f) is Welch's density (1967) of the second difference under a sin⁴ taper over |2 sin(π f Δt)|⁴, in bands a third of an octave wide,
-//! six an octave, with mean m and median. N(f) is the power law through the medians above 3 f, slope in [−2, 0], its level that of
-//! the lowest third. The motion begins at the band f0 with the greatest f² (m − N) among those with m > 10 N, and goes on upward
-//! while the next band above noise is within 2.2 f0 or 1.3 times the last, or is an island of m > 100 N with more than a hundredth of the
-//! greatest acceleration. The thresholds were set on 12 measured records and 12 simulated systems.
+//! S(f) is Welch's density (1967) of the second difference under a sin⁴ taper over |2 sin(π f
+//! Δt)|⁴, in bands a third of an octave wide, six an octave, with mean m and median. N(f) is the
+//! power law through the medians above 3 f, slope in [−2, 0], its level that of the lowest third.
+//! The motion begins at the band f0 with the greatest f² (m − N) among those with m > 10 N, and
+//! goes on upward while the next band above noise is within 2.2 f0 or 1.3 times the last, or is an
+//! island of m > 100 N with more than a hundredth of the greatest acceleration. The thresholds were
+//! set on 12 measured records and 12 simulated systems.
 //!
-//! Limits: one sensor at a time; motion that returns more than an octave above the last, fainter than an island, is taken for noise.
+//! Limits: one sensor at a time; motion that returns more than an octave above the last, fainter
+//! than an island, is taken for noise.
 
 use core::f64::consts::PI;
 
@@ -69,7 +72,8 @@ struct Third {
     median: f64,
 }
 
-/// The band of the motion in unbroken stretches of one sensor, sampled every `step_s`; none where nothing stands above noise or the stretches are short.
+/// The band of the motion in unbroken stretches of one sensor, sampled every `step_s`; none where
+/// nothing stands above noise or the stretches are short.
 pub fn of<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: f64) -> Option<Band> {
     let (density, bin_hz) = density(stretches, step_s)?;
     let thirds = thirds(&density, bin_hz);

@@ -1,9 +1,10 @@
 //! A sampled signal between its samples, taken as band-limited.
 //!
-//! x(t) = Σ_k x_k s(t − kΔ), s a sinc under a Kaiser window (β = 14.5, 48 samples to either side; flat to 0.9 of the Nyquist frequency within
-//! 1e-6), evaluated once on a grid eight times as fine; between the points of that grid a polynomial of degree five through six of them
-//! (error below 1e-6 of the amplitude at the Nyquist frequency). Beyond the ends the signal is continued point-symmetrically, so that
-//! neither value nor slope jumps there.
+//! x(t) = Σ_k x_k s(t − kΔ), s a sinc under a Kaiser window (β = 14.5, 48 samples to either side;
+//! flat to 0.9 of the Nyquist frequency within 1e-6), evaluated once on a grid eight times as fine;
+//! between the points of that grid a polynomial of degree five through six of them (error below
+//! 1e-6 of the amplitude at the Nyquist frequency). Beyond the ends the signal is continued
+//! point-symmetrically, so that neither value nor slope jumps there.
 
 /// Points of the fine grid a sample.
 const FINE: usize = 8;

@@ -1,5 +1,6 @@
-//! Sine and cosine of the drive's phase along a record, by turning: the phase grows by the same amount from sample to sample, so that
-//! sin(τ + kδ) = sin τ cos kδ + cos τ sin kδ needs one sine and cosine a block.
+//! Sine and cosine of the drive's phase along a record, by turning: the phase grows by the same
+//! amount from sample to sample, so that sin(τ + kδ) = sin τ cos kδ + cos τ sin kδ needs one sine
+//! and cosine a block.
 
 use core::f64::consts::TAU;
 
@@ -45,7 +46,8 @@ impl Turn {
     }
 }
 
-/// The phase's growth a sample, rad, where it is the same over these samples (the device adds up whole numbers).
+/// The phase's growth a sample, rad, where it is the same over these samples (the device adds up
+/// whole numbers).
 fn even_step(segment: &AngleSegment, first: usize, last: usize) -> Option<f64> {
     if last > segment.len() || last - first > BLOCK {
         return None;

@@ -1,7 +1,10 @@
-//! Several kernels over pairs of long signals, by fast convolution: the outputs of [`Kernel::apply`] to rounding, several times faster.
+//! Several kernels over pairs of long signals, by fast convolution: the outputs of
+//! [`Kernel::apply`] to rounding, several times faster.
 //!
-//! Overlap and save (Oppenheim and Schafer, *Discrete-Time Signal Processing*, 8.7.3): blocks of a fixed length that stays in the nearest caches, two real
-//! signals as one complex one, one transform forth and one back for each kernel; of every block the samples whose kernel lies inside of it are kept.
+//! Overlap and save (Oppenheim and Schafer, *Discrete-Time Signal Processing*, 8.7.3): blocks of a
+//! fixed length that stays in the nearest caches, two real signals as one complex one, one
+//! transform forth and one back for each kernel; of every block the samples whose kernel lies
+//! inside of it are kept.
 
 use std::sync::Arc;
 
@@ -33,7 +36,8 @@ pub struct FastConvolution {
 /// Room that [`FastConvolution::apply`] works in, and what it found.
 #[derive(Default)]
 pub struct Work {
-    /// Outputs in the planned order, one for each of the pair: sample i belongs to input sample i + reach.
+    /// Outputs in the planned order, one for each of the pair: sample i belongs to input sample i +
+    /// reach.
     pub outputs: Vec<[Vec<f64>; 2]>,
     signal: Vec<Complex64>,
     product: Vec<Complex64>,
@@ -74,7 +78,8 @@ impl FastConvolution {
         self.reach
     }
 
-    /// Every output for a pair of signals of one length, at all samples whose kernels lie inside, into `work.outputs`.
+    /// Every output for a pair of signals of one length, at all samples whose kernels lie inside,
+    /// into `work.outputs`.
     pub fn apply(&self, pair: [&[f64]; 2], work: &mut Work) {
         let size = self.forward.len();
         let length = pair[0].len().min(pair[1].len());

@@ -1,14 +1,18 @@
-//! One FIR low-pass and its matched derivative: smooth angle and angular velocity from the same counts.
+//! One FIR low-pass and its matched derivative: smooth angle and angular velocity from the same
+//! counts.
 //!
-//! The kernel is a windowed sinc, h(t) = 2 f_c sinc(2 f_c t) · z I₁(z)/(β I₁(β)), z = β√(1−(t/a)²), |t| ≤ a, and the
-//! derivative kernel is its exact time derivative h′(t), so that velocity and angle have passed through the same transfer
-//! function up to a factor iω: products of the two (`φ̇ cos Δ`) then keep their phase. The window is Kaiser's with I₁ in place
-//! of I₀: it vanishes at its ends, where Kaiser's own jump would put an error of 1e-3 into the derivative. β and a follow
-//! Kaiser's formulas for 120 dB (the ripple of the pass band, 1e-6 then, goes into the parameters as it is), a lengthened by a fifth for the wider main lobe (J. F. Kaiser,
+//! The kernel is a windowed sinc, h(t) = 2 f_c sinc(2 f_c t) · z I₁(z)/(β I₁(β)), z =
+//! β√(1−(t/a)²), |t| ≤ a, and the derivative kernel is its exact time derivative h′(t), so that
+//! velocity and angle have passed through the same transfer function up to a factor iω: products of
+//! the two (`φ̇ cos Δ`) then keep their phase. The window is Kaiser's with I₁ in place of I₀: it
+//! vanishes at its ends, where Kaiser's own jump would put an error of 1e-3 into the derivative. β
+//! and a follow Kaiser's formulas for 120 dB (the ripple of the pass band, 1e-6 then, goes into the
+//! parameters as it is), a lengthened by a fifth for the wider main lobe (J. F. Kaiser,
 //! "Nonrecursive digital filter design using the I₀-sinh window function", 1974).
 //!
-//! Units: hertz and seconds. Output sample i belongs to input sample i; the first and last [`Kernel::reach`] samples have
-//! no output. Limits: the pass band must end below 0.45 of the sampling rate.
+//! Units: hertz and seconds. Output sample i belongs to input sample i; the first and last
+//! [`Kernel::reach`] samples have no output. Limits: the pass band must end below 0.45 of the
+//! sampling rate.
 
 use super::fast_convolution::Output;
 
@@ -28,7 +32,8 @@ pub struct Kernel {
     pub stop_hz: f64,
 }
 
-/// Modified Bessel function of the first kind of order 0 or 1, by its power series (converges fast for |x| < 20).
+/// Modified Bessel function of the first kind of order 0 or 1, by its power series (converges fast
+/// for |x| < 20).
 fn bessel_i(order: u32, x: f64) -> f64 {
     let quarter = 0.25 * x * x;
     let mut term = if order == 0 { 1.0 } else { 0.5 * x };
@@ -42,7 +47,8 @@ fn bessel_i(order: u32, x: f64) -> f64 {
     sum
 }
 
-/// Greatest reach, samples: hours at 500 Hz. A band so narrow that more were needed lies below 1e-6 of the rate.
+/// Greatest reach, samples: hours at 500 Hz. A band so narrow that more were needed lies below 1e-6
+/// of the rate.
 const LONGEST_REACH: f64 = (1_u32 << 22) as f64;
 
 impl Kernel {
@@ -51,7 +57,8 @@ impl Kernel {
         let cut = 0.5 * (pass_hz + stop_hz);
         let width = (stop_hz - pass_hz).max(1e-9 / step_s);
         let beta = 0.1102 * (STOP_BAND_DB - 8.7);
-        // Kaiser: number of steps N = (A − 7.95) / (14.36 Δf / f_s), half of it on each side, and a fifth more.
+        // Kaiser: number of steps N = (A − 7.95) / (14.36 Δf / f_s), half of it on each side, and a
+        // fifth more.
         let reach = (0.6 * (STOP_BAND_DB - 7.95) / (14.36 * width * step_s)).ceil().clamp(2.0, LONGEST_REACH) as usize;
         let half = (reach as f64 + 1.0) * step_s;
         let i1_beta = bessel_i(1, beta);
@@ -97,8 +104,9 @@ impl Kernel {
     }
 
     /// Smoothed signal and its time derivative at the inputs `reach … len − reach`; both are
-    /// `input.len() − 2·reach` long (empty where the input is too short). `input` may be a large unwrapped angle: the
-    /// symmetry of the kernels is used, so that a constant adds no rounding error to the derivative.
+    /// `input.len() − 2·reach` long (empty where the input is too short). `input` may be a large
+    /// unwrapped angle: the symmetry of the kernels is used, so that a constant adds no rounding
+    /// error to the derivative.
     pub fn apply(&self, input: &[f64], smooth: &mut Vec<f64>, slope: &mut Vec<f64>) {
         let reach = self.reach();
         smooth.clear();

@@ -1,10 +1,11 @@
 //! The sensors' noise and the frequency above which a record holds nothing else.
 //!
-//! The power spectral density of the angle is estimated from its second difference (which whirling leaves stationary),
-//! S_φ(f) = S_ΔΔφ(f) / |2 sin(π f Δt)|⁴, averaged over Hann windows with half overlap (Welch, 1967). Noise of encoders
-//! is close to white, so that its level is the median of S_φ over the top of the band, over what the median of such an estimate is beside its mean
-//! ((1 − 2/9ν)³ for χ² of ν degrees of freedom, Wilson and Hilferty 1931: 0.89 for three windows); the signal ends where S_φ,
-//! averaged over a few bins, last exceeds that level by a factor.
+//! The power spectral density of the angle is estimated from its second difference (which whirling
+//! leaves stationary), S_φ(f) = S_ΔΔφ(f) / |2 sin(π f Δt)|⁴, averaged over Hann windows with half
+//! overlap (Welch, 1967). Noise of encoders is close to white, so that its level is the median of
+//! S_φ over the top of the band, over what the median of such an estimate is beside its mean ((1 −
+//! 2/9ν)³ for χ² of ν degrees of freedom, Wilson and Hilferty 1931: 0.89 for three windows); the
+//! signal ends where S_φ, averaged over a few bins, last exceeds that level by a factor.
 
 use realfft::RealFftPlanner;
 
@@ -19,7 +20,8 @@ pub struct Noise {
     pub signal_end_hz: f64,
     /// Highest frequency at which its density is a hundred times the noise's, Hz.
     pub clear_end_hz: f64,
-    /// Frequency below which lie 99 % of the acceleration's power (of the part above the noise), Hz.
+    /// Frequency below which lie 99 % of the acceleration's power (of the part above the noise),
+    /// Hz.
     pub acceleration_99_hz: f64,
 }
 
@@ -28,8 +30,8 @@ const ABOVE: f64 = 3.0;
 /// Ratio up to which the sign of a velocity is beyond doubt most of the time.
 const CLEAR: f64 = 100.0;
 
-/// Estimates noise and the end of the signal from unbroken stretches of one angle, sampled at `step_s`.
-/// `None` where no stretch has 64 samples.
+/// Estimates noise and the end of the signal from unbroken stretches of one angle, sampled at
+/// `step_s`. `None` where no stretch has 64 samples.
 pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: f64) -> Option<Noise> {
     let longest = stretches.clone().map(<[f64]>::len).max().unwrap_or(0);
     if longest < 64 {
@@ -66,7 +68,8 @@ pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: 
     if count == 0.0 {
         return None;
     }
-    // Variance per bin of white noise of unit variance is 1 here, so that `angle` is a noise variance bin by bin.
+    // Variance per bin of white noise of unit variance is 1 here, so that `angle` is a noise
+    // variance bin by bin.
     let angle: Vec<f64> = density
         .iter()
         .enumerate()
@@ -77,7 +80,8 @@ pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: 
         .collect();
     let mut top: Vec<f64> = angle[size * 3 / 10..size * 19 / 40].to_vec();
     top.sort_by(f64::total_cmp);
-    // Degrees of freedom of a bin (Welch's count for half-overlapping Hann pieces, as in `spectrum::threshold`); neighbours share a bin and a half.
+    // Degrees of freedom of a bin (Welch's count for half-overlapping Hann pieces, as in
+    // `spectrum::threshold`); neighbours share a bin and a half.
     let freedom: f64 =
         if stride > size / 2 || count < 2.0 { 2.0 * count } else { 36.0 * count * count / (19.0 * count - 1.0) };
     let floor = top[top.len() / 2] / (1.0 - 2.0 / (9.0 * freedom)).powi(3);
@@ -91,7 +95,8 @@ pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: 
             .unwrap_or(1)
     };
     let (last, clear) = (end(ABOVE), end(CLEAR));
-    // The acceleration's power is that of the second difference, up to a factor, where the signal is.
+    // The acceleration's power is that of the second difference, up to a factor, where the signal
+    // is.
     let whole: f64 = density[1..=last].iter().sum();
     let mut sum = 0.0;
     let busy = (1..=last)

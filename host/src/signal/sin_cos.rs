@@ -1,12 +1,15 @@
-//! Sine and cosine of many angles at once, within 3e-16 of the exact values, eight at a time where the processor can (pulp).
+//! Sine and cosine of many angles at once, within 3e-16 of the exact values, eight at a time where
+//! the processor can (pulp).
 //!
-//! An angle is a multiple of π/4 and a rest of at most π/8 (in three parts, after Cody and Waite, *Software Manual for the Elementary Functions*, 1980): sine and
-//! cosine follow by the addition theorem from a table of eight and the power series of the rest. Beyond |x| = 1e5 rad the standard library, whose
-//! reduction of large angles is exact. Our own because libraries fix the width of their vectors when they are compiled: `wide`, compiled for the
-//! narrowest, took 8 % of an identification.
+//! An angle is a multiple of π/4 and a rest of at most π/8 (in three parts, after Cody and
+//! Waite, *Software Manual for the Elementary Functions*, 1980): sine and cosine follow by the
+//! addition theorem from a table of eight and the power series of the rest. Beyond |x| = 1e5 rad
+//! the standard library, whose reduction of large angles is exact. Our own because libraries fix
+//! the width of their vectors when they are compiled: `wide`, compiled for the narrowest, took 8 %
+//! of an identification.
 //!
-//! Of angles that follow each other closely, as samples of a motion do, one in eight is reduced so; the others, at most half a radian away from it, follow by
-//! the addition theorem from that one.
+//! Of angles that follow each other closely, as samples of a motion do, one in eight is reduced so;
+//! the others, at most half a radian away from it, follow by the addition theorem from that one.
 
 use core::f64::consts::FRAC_1_SQRT_2;
 
@@ -95,7 +98,8 @@ fn reduced<const N: usize>(x: &[f64; N]) -> ([f64; N], [f64; N]) {
 
 /// Angles that share a computed one.
 const NEAR: usize = 8;
-/// Greatest difference between them, rad: the series below end where the next term is less than 1e-17.
+/// Greatest difference between them, rad: the series below end where the next term is less than
+/// 1e-17.
 const CLOSE: f64 = 0.5;
 
 /// As [`sin_cos`], faster where neighbours are close.
@@ -180,7 +184,8 @@ mod tests {
 
     #[test]
     fn close_angles_agree_with_the_standard_library() {
-        // Slow and whirling, jumps between neighbours, too large for the fast way, a NaN; no multiple of eight.
+        // Slow and whirling, jumps between neighbours, too large for the fast way, a NaN; no
+        // multiple of eight.
         let mut x: Vec<f64> = (0..9003).map(|i| 0.07 * f64::from(i) + 3.0 * (0.02 * f64::from(i)).sin()).collect();
         (x[4000], x[4100], x[5000]) = (2.0, 1e300, f64::NAN);
         x[6000..6100].iter_mut().for_each(|x| *x += 2e5);

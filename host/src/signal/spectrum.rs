@@ -1,14 +1,15 @@
 //! Power spectral density by Welch's method, and the lines in it.
 //!
-//! One-sided density of a series x sampled at f_s, averaged over K half-overlapping pieces of L samples, each with its
-//! mean removed and a periodic Hann window w applied:
-//!     P(f_m) = c_m / (K f_s Σ w²) Σ_k |Σ_n w_n x_{k,n} e^{−2πi mn/L}|²,   f_m = m f_s/L,
-//! c = 2 but for f = 0 and the Nyquist frequency, where it is 1; so Σ P Δf is the mean square of the windowed pieces.
-//! Unit: that of x squared, per Hz. A line between two bins is found from the ratio of the two largest (exact for one
-//! line under a Hann window): with r = √(P_{m±1}/P_m), δ = (2r − 1)/(1 + r) bins, amplitude
-//! A = (2/L) |X_m|·(1 − δ²)/sinc δ. Reference: Welch 1967; Harris 1978.
+//! One-sided density of a series x sampled at f_s, averaged over K half-overlapping pieces of L
+//! samples, each with its mean removed and a periodic Hann window w applied: P(f_m) = c_m / (K f_s
+//! Σ w²) Σ_k |Σ_n w_n x_{k,n} e^{−2πi mn/L}|², f_m = m f_s/L, c = 2 but for f = 0 and the Nyquist
+//! frequency, where it is 1; so Σ P Δf is the mean square of the windowed pieces. Unit: that of x
+//! squared, per Hz. A line between two bins is found from the ratio of the two largest (exact for
+//! one line under a Hann window): with r = √(P_{m±1}/P_m), δ = (2r − 1)/(1 + r) bins, amplitude A =
+//! (2/L) |X_m|·(1 − δ²)/sinc δ. Reference: Welch 1967; Harris 1978.
 //!
-//! Limits: lines closer than two bins are one; 1/f drift stronger than a line within a few bins hides it.
+//! Limits: lines closer than two bins are one; 1/f drift stronger than a line within a few bins
+//! hides it.
 
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex;
@@ -86,7 +87,8 @@ pub fn hann(length: usize) -> Vec<f64> {
     (0..length).map(|n| (PI * n as f64 / length as f64).sin().powi(2)).collect()
 }
 
-/// The largest length not above `length` whose only prime factors are 2, 3 and 5 (fast to transform); 1 for 0.
+/// The largest length not above `length` whose only prime factors are 2, 3 and 5 (fast to
+/// transform); 1 for 0.
 pub fn fast_length(length: usize) -> usize {
     (1..=length)
         .rev()
@@ -102,10 +104,12 @@ pub fn fast_length(length: usize) -> usize {
         .unwrap_or(1)
 }
 
-/// Welch's one-sided density over several unbroken stretches of one series; no piece spans two stretches.
+/// Welch's one-sided density over several unbroken stretches of one series; no piece spans two
+/// stretches.
 ///
 /// # Errors
-/// [`SpectrumError`] where no stretch holds one piece of `piece` samples, or the settings make no sense.
+/// [`SpectrumError`] where no stretch holds one piece of `piece` samples, or the settings make no
+/// sense.
 pub fn welch(stretches: &[&[f64]], rate_hz: f64, piece: usize) -> Result<Density, SpectrumError> {
     if piece < 8 || !(rate_hz.is_finite() && rate_hz > 0.0) {
         return Err(SpectrumError::Settings { piece, rate_hz });
@@ -169,9 +173,9 @@ pub fn surroundings(density: &[f64], m: usize, half: usize) -> f64 {
     median(&mut around)
 }
 
-/// The ratio to its median that an averaged periodogram of Gaussian noise exceeds with probability `p` in one bin:
-/// χ² with ν = 2·36K²/(19K − 1)·½ degrees of freedom (Welch's count for half-overlapping Hann pieces), by Wilson and
-/// Hilferty's cube root.
+/// The ratio to its median that an averaged periodogram of Gaussian noise exceeds with probability
+/// `p` in one bin: χ² with ν = 2·36K²/(19K − 1)·½ degrees of freedom (Welch's count for
+/// half-overlapping Hann pieces), by Wilson and Hilferty's cube root.
 pub fn threshold(averages: usize, p: f64) -> f64 {
     let k = averages.max(1) as f64;
     let freedom = if averages <= 1 { 2.0 } else { 36.0 * k * k / (19.0 * k - 1.0) };
@@ -211,8 +215,9 @@ fn refine(spectrum: &Density, m: usize) -> (f64, f64) {
 
 /// Lines that stand out of their surroundings, strongest first, at most `most`.
 ///
-/// A line is a local maximum above the median of the ± 24 bins around it by the factor that noise exceeds anywhere in
-/// the spectrum once in a thousand spectra. The three lowest bins, which the removed mean distorts, have none.
+/// A line is a local maximum above the median of the ± 24 bins around it by the factor that noise
+/// exceeds anywhere in the spectrum once in a thousand spectra. The three lowest bins, which the
+/// removed mean distorts, have none.
 pub fn lines(spectrum: &Density, most: usize) -> Vec<Line> {
     let d = &spectrum.density;
     let limit = threshold(spectrum.averages, 1e-3 / d.len().max(1) as f64);
@@ -224,7 +229,8 @@ pub fn lines(spectrum: &Density, most: usize) -> Vec<Line> {
         found.extend(line_at(spectrum, m).filter(|l| l.prominence > limit));
     }
     found.sort_by(|a, b| b.density.total_cmp(&a.density));
-    // A side lobe of a strong line is not a line: Hann's first is 31.5 dB below the main lobe, within four bins.
+    // A side lobe of a strong line is not a line: Hann's first is 31.5 dB below the main lobe,
+    // within four bins.
     let mut kept: Vec<Line> = Vec::new();
     for line in found {
         let shadowed = kept.iter().any(|k| {
@@ -237,8 +243,9 @@ pub fn lines(spectrum: &Density, most: usize) -> Vec<Line> {
     kept
 }
 
-/// One Fourier sum (2/Σw) Σ w_n (x_n − x̄) e^{−2πi f n/f_s} under a Hann window: complex amplitude at any frequency.
-/// Its modulus is the amplitude of a sinusoid at that frequency; the phase refers to the first sample.
+/// One Fourier sum (2/Σw) Σ w_n (x_n − x̄) e^{−2πi f n/f_s} under a Hann window: complex amplitude
+/// at any frequency. Its modulus is the amplitude of a sinusoid at that frequency; the phase refers
+/// to the first sample.
 pub fn amplitude_at(x: &[f64], rate_hz: f64, frequency_hz: f64) -> Complex<f64> {
     if x.is_empty() {
         return Complex::new(0.0, 0.0);

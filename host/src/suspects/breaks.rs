@@ -1,16 +1,20 @@
 //! What a suspect of [`super::screen`] is: a spike, a slip, a break, or real motion.
 //!
 //! On the suspect's samples and W on either side a polynomial is fitted together with each of
-//! - motion: nothing; a bend (an impact: the velocity jumps); a change of curvature (dry friction: the acceleration jumps); a bend and a change of curvature,
+//! - motion: nothing; a bend (an impact: the velocity jumps); a change of curvature (dry friction:
+//!   the acceleration jumps); a bend and a change of curvature,
 //! - a spike: m samples in a row left free,
 //! - a slip: a step in an otherwise unbroken motion,
 //! - a break: a step, a bend and a change of curvature at one place (another motion goes on).
 //!
-//! With σ² the variance that the same polynomial leaves beside the suspect, a hypothesis with k shapes costs rest/σ² + [`PRICE`] k. One that is no
-//! motion is believed where (a) z² = its gain over the cheapest motion exceeds the limit that [`super::tail`] derives from places spread over the
-//! record, (b) what it leaves is like what is left beside it, and (c) its size exceeds twice every bend that motion itself has in this record (impacts, play).
-//! A break's velocity is said to leap where without the bend z² more than that limit's would be left, and it exceeds twice those bends as well.
-//! W and the polynomial's degree are those with which the height of a step is least uncertain over the record: the better the smaller the band of the motion.
+//! With σ² the variance that the same polynomial leaves beside the suspect, a hypothesis with k
+//! shapes costs rest/σ² + [`PRICE`] k. One that is no motion is believed where (a) z² = its gain
+//! over the cheapest motion exceeds the limit that [`super::tail`] derives from places spread over
+//! the record, (b) what it leaves is like what is left beside it, and (c) its size exceeds twice
+//! every bend that motion itself has in this record (impacts, play). A break's velocity is said to
+//! leap where without the bend z² more than that limit's would be left, and it exceeds twice those
+//! bends as well. W and the polynomial's degree are those with which the height of a step is least
+//! uncertain over the record: the better the smaller the band of the motion.
 
 use super::local_fit::{Fitted, Shape, Window, fit};
 use super::screen::Suspect;
@@ -21,7 +25,8 @@ use super::trace::{Trace, median, quantile};
 const WINDOWS: [(usize, usize); 6] = [(5, 3), (8, 3), (8, 5), (12, 5), (18, 7), (28, 7)];
 /// Cost of a shape: e⁻⁶ for each choice among some dozens of places.
 const PRICE: f64 = 12.0;
-/// Least limit of z, what Gaussian noise needs at 10⁻⁹ a look: below it the derived one is not believed, as it knows some hundred places only.
+/// Least limit of z, what Gaussian noise needs at 10⁻⁹ a look: below it the derived one is not
+/// believed, as it knows some hundred places only.
 const LEAST: f64 = 6.0;
 /// Greatest ratio of what a hypothesis leaves to what is left beside it.
 const LIKE: f64 = 6.0;
@@ -30,7 +35,8 @@ const CONTROLS: usize = 400;
 /// Suspects are judged so many at a time, the greatest first, and at most so many times.
 const BATCH: usize = 32;
 const BATCHES: usize = 16;
-/// What a break must cost less than a spike or a slip, which are simpler: three shapes, and once more for safety.
+/// What a break must cost less than a spike or a slip, which are simpler: three shapes, and once
+/// more for safety.
 const BREAK_DEARER: f64 = 24.0;
 /// Widest suspect, samples.
 const WIDEST: usize = 48;
@@ -57,7 +63,8 @@ pub struct Found {
     pub size: f64,
     /// Its standard error.
     pub error: f64,
-    /// Of a break: by how much the velocity leaps, unit a sample; 0 where real motion leaps as much, or noise might.
+    /// Of a break: by how much the velocity leaps, unit a sample; 0 where real motion leaps as
+    /// much, or noise might.
     pub bend: f64,
     /// Standard deviations by which it beats real motion.
     pub z: f64,
@@ -226,7 +233,8 @@ impl Judge {
         (like < LIKE).then_some(Verdict::Fault(found))
     }
 
-    /// Variance that the polynomial leaves beside a suspect: the second greatest of two windows on either side.
+    /// Variance that the polynomial leaves beside a suspect: the second greatest of two windows on
+    /// either side.
     fn beside(&self, trace: &Trace<'_>, suspect: &Suspect, n: usize) -> f64 {
         let s = &trace.stretches[suspect.stretch];
         let window = Window::new(n, self.degree);

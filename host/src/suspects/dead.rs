@@ -1,7 +1,7 @@
 //! A channel that does not move over the whole record: all of it within one step of its middle.
 //!
-//! An encoder at rest may flicker by one count; a sensor without steps must be constant to the last digit. A record of fewer than
-//! [`FEWEST`] samples says nothing.
+//! An encoder at rest may flicker by one count; a sensor without steps must be constant to the last
+//! digit. A record of fewer than [`FEWEST`] samples says nothing.
 
 use super::trace::{Samples, Trace};
 

@@ -1,11 +1,16 @@
-//! Runs in which a channel stands although it was moving just before, or just behind: an encoder that stops, a sensor that clips.
+//! Runs in which a channel stands although it was moving just before, or just behind: an encoder
+//! that stops, a sensor that clips.
 //!
-//! A joint that comes to rest, or is held by friction, or turns round does so with a velocity that goes to zero: over the last few samples it is of
-//! the size of its own change from sample to sample. A sensor that stops, or reaches its limit, has a velocity that jumps. With v the mean velocity
-//! of the [`SLOPE`] samples at an end of a run and a the greatest second difference of the [`NEAR`] samples behind them, the run is broken at that
-//! end where abs(v) > [`JUMP`] a and abs(v) > 3 steps a sample. (A turning point has abs(v) ≤ (SLOPE/2 + 1) a, dry friction likewise.)
+//! A joint that comes to rest, or is held by friction, or turns round does so with a velocity that
+//! goes to zero: over the last few samples it is of the size of its own change from sample to
+//! sample. A sensor that stops, or reaches its limit, has a velocity that jumps. With v the mean
+//! velocity of the [`SLOPE`] samples at an end of a run and a the greatest second difference of the
+//! [`NEAR`] samples behind them, the run is broken at that end where abs(v) > [`JUMP`] a and
+//! abs(v) > 3 steps a sample. (A turning point has abs(v) ≤ (SLOPE/2 + 1) a, dry friction
+//! likewise.)
 //!
-//! Limits: a sensor that stops within some milliseconds of a turning point looks like a joint that is held, and is not told from it.
+//! Limits: a sensor that stops within some milliseconds of a turning point looks like a joint that
+//! is held, and is not told from it.
 
 use super::trace::{Samples, Trace};
 
@@ -70,7 +75,8 @@ pub fn runs(trace: &Trace<'_>) -> Vec<Run> {
 fn equal_runs<T: PartialEq>(x: &[T], stretch: usize, found: &mut Vec<(usize, usize, usize)>) {
     let mut from = 0;
     while from + FEWEST <= x.len() {
-        // Compared from behind: where the last two of a run differ, those before them need not be looked at.
+        // Compared from behind: where the last two of a run differ, those before them need not be
+        // looked at.
         let mut k = from + FEWEST - 1;
         while k > from && x[k] == x[k - 1] {
             k -= 1;
@@ -105,7 +111,8 @@ fn breaks(s: &Samples<'_>, at: usize, before: bool, quantum: f64) -> bool {
     v > JUMP * a.max(quantum / 3.0) && v > 3.0 * quantum
 }
 
-/// Whether the value leaps at the end of a run by more than the motion behind it does in ten samples: a sensor that comes back.
+/// Whether the value leaps at the end of a run by more than the motion behind it does in ten
+/// samples: a sensor that comes back.
 fn returns(s: &Samples<'_>, end: usize, trace: &Trace<'_>) -> bool {
     if end + NEAR >= s.len() {
         return false;

@@ -1,7 +1,8 @@
 //! A channel that is renewed at every n-th sample only, and holds its value in between.
 //!
-//! Its increments are zero but at one phase of n. With K increments that are not zero, all at rows of the same phase, chance would need
-//! n^{−K}: K ≥ [`FEWEST`] is beyond any doubt for n = 2, and for every greater n.
+//! Its increments are zero but at one phase of n. With K increments that are not zero, all at rows
+//! of the same phase, chance would need n^{−K}: K ≥ [`FEWEST`] is beyond any doubt for n = 2, and
+//! for every greater n.
 
 use super::trace::Trace;
 

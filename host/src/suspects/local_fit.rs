@@ -1,10 +1,12 @@
 //! Least squares on a short window: a polynomial, and what may break it.
 //!
-//! x_j = Σ c_i P_i(u_j) + Σ β_m f_m(u_j) + e_j, the P_i orthonormal on the window (Gram and Schmidt on u^i), the f_m a step ½ sign(u − c), a bend
-//! ½ abs(u − c), a change of curvature ½ (u − c)² sign(u − c)/2, or single samples left free. β of a step is its height, of a bend the change of
+//! x_j = Σ c_i P_i(u_j) + Σ β_m f_m(u_j) + e_j, the P_i orthonormal on the window (Gram and Schmidt
+//! on u^i), the f_m a step ½ sign(u − c), a bend ½ abs(u − c), a change of curvature ½ (u − c)²
+//! sign(u − c)/2, or single samples left free. β of a step is its height, of a bend the change of
 //! velocity in units a sample, of a curvature the change of acceleration.
 
-/// What may be added to the polynomial; places are half samples (a step at k − ½ lies between samples k − 1 and k).
+/// What may be added to the polynomial; places are half samples (a step at k − ½ lies between
+/// samples k − 1 and k).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
     Step(f64),

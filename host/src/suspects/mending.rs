@@ -63,7 +63,8 @@ impl Mending {
                 let first = if k == segment { from } else { 0 };
                 match &mut s.columns[channel] {
                     Column::Counts(c) => {
-                        // A slip of counts is within the range of counts; what would leave it stays.
+                        // A slip of counts is within the range of counts; what would leave it
+                        // stays.
                         let size = size.round() as i64;
                         c[first..].iter_mut().for_each(|v| *v = i32::try_from(i64::from(*v) - size).unwrap_or(*v));
                     }

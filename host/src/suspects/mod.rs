@@ -1,11 +1,15 @@
-//! What a record's own channels tell of faults: a dead encoder, a spike, a slip, a stuck bit, rows that are missing under times that hide it.
+//! What a record's own channels tell of faults: a dead encoder, a spike, a slip, a stuck bit, rows
+//! that are missing under times that hide it.
 //!
-//! Every record that is read as a whole goes through [`examine`]. It looks at the measured channels alone, needs no model, and knows real motion by what it
-//! cannot do; what needs the equations (exchanged channels, signs, units, delays) is looked for by [`crate::identify::suspects`]. An input of a model file may jump, stand and
-//! saturate as it likes: it is not looked at. What is certain is mended (slips) or left out as a gap (spikes, clipped and dead stretches); what cannot be
-//! is named by a warning that takes the answer its standing.
+//! Every record that is read as a whole goes through [`examine`]. It looks at the measured channels
+//! alone, needs no model, and knows real motion by what it cannot do; what needs the equations
+//! (exchanged channels, signs, units, delays) is looked for by [`crate::identify::suspects`]. An
+//! input of a model file may jump, stand and saturate as it likes: it is not looked at. What is
+//! certain is mended (slips) or left out as a gap (spikes, clipped and dead stretches); what cannot
+//! be is named by a warning that takes the answer its standing.
 //!
-//! One check, one file: `dead`, `held`, `stuck_bit`, `row_steps`, `frozen`, and `screen` with `breaks`.
+//! One check, one file: `dead`, `held`, `stuck_bit`, `row_steps`, `frozen`, and `screen` with
+//! `breaks`.
 
 mod breaks;
 mod dead;
@@ -30,8 +34,9 @@ use self::words::Told;
 use crate::record::{Column, Record};
 use crate::rig::Rig;
 
-/// Where what is left out would leave no stretch of at least 1/8 of the longest, nothing is: windows of some dozens of swings would not fit any more,
-/// and an error about a record that is too short would hide what is wrong with it.
+/// Where what is left out would leave no stretch of at least 1/8 of the longest, nothing is:
+/// windows of some dozens of swings would not fit any more, and an error about a record that is too
+/// short would hide what is wrong with it.
 const SHREDS: usize = 8;
 
 /// How the rows of a record are counted where it came from.

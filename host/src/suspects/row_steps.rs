@@ -1,13 +1,16 @@
 //! Rows that are there twice, or not at all, under times that were numbered anew.
 //!
-//! In smooth motion an increment is the mean of its neighbours: with d_k the increment of channel k, v_k = (d_k before + d_k behind)/2 and s_k the
-//! median size of the second differences, ρ = Σ d_k v_k/s_k² / Σ v_k²/s_k² is 1, and scatters by (Σ v_k²/s_k²)^{−½}. A row that is there twice has
-//! ρ = 0 with every increment exactly zero, one that is missing ρ = 2, m missing ones 1 + m. Rows with Σ v²/s² ≥ [`CLEAR`]² are counted; what
-//! one smooth motion makes of ρ has one maximum, so that without a fault there are no more rows near 2 than halfway between 1 and 2.
+//! In smooth motion an increment is the mean of its neighbours: with d_k the increment of channel
+//! k, v_k = (d_k before + d_k behind)/2 and s_k the median size of the second differences, ρ = Σ
+//! d_k v_k/s_k² / Σ v_k²/s_k² is 1, and scatters by (Σ v_k²/s_k²)^{−½}. A row that is there twice
+//! has ρ = 0 with every increment exactly zero, one that is missing ρ = 2, m missing ones 1 + m.
+//! Rows with Σ v²/s² ≥ [`CLEAR`]² are counted; what one smooth motion makes of ρ has one maximum,
+//! so that without a fault there are no more rows near 2 than halfway between 1 and 2.
 
 use super::trace::{Trace, median};
 
-/// Velocity over scatter from which a row is counted: ρ is then known to 1/15 (one standard deviation).
+/// Velocity over scatter from which a row is counted: ρ is then known to 1/15 (one standard
+/// deviation).
 const CLEAR: f64 = 15.0;
 /// Half width of what counts as a whole number.
 const WIDTH: f64 = 0.2;
@@ -52,7 +55,8 @@ pub fn look(traces: &[Trace<'_>]) -> RowSteps {
                 product += step * v;
                 square += v * v;
                 still &= c == b;
-                // Behind a row that is there twice, or before it, the neighbours' mean says nothing.
+                // Behind a row that is there twice, or before it, the neighbours' mean says
+                // nothing.
                 (still_before, still_behind) = (still_before && b == a, still_behind && d == c);
             }
             if square.is_nan() || square < CLEAR * CLEAR || still_before || still_behind {

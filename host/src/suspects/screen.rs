@@ -1,9 +1,12 @@
-//! Where a channel may have a break: samples whose d-th difference stands far out of those around it.
+//! Where a channel may have a break: samples whose d-th difference stands far out of those around
+//! it.
 //!
-//! Differences annihilate slow motion: a spike of S makes C(d, ⌊d/2⌋) S of the d-th difference, a slip C(d−1, ⌊(d−1)/2⌋) S, and the quantisation
-//! of a count (white, q²/12) C(2d, d)^½ q/√12. The order d = 2 to 6 is the one in which a slip stands out most of the record's own median.
-//! The scale is local: the greatest of the medians of three blocks of [`BLOCK`] samples, not below the quantisation's share nor a quarter of the
-//! record's own. This is a sieve; what passes it is judged by [`super::breaks`].
+//! Differences annihilate slow motion: a spike of S makes C(d, ⌊d/2⌋) S of the d-th difference, a
+//! slip C(d−1, ⌊(d−1)/2⌋) S, and the quantisation of a count (white, q²/12) C(2d, d)^½ q/√12. The
+//! order d = 2 to 6 is the one in which a slip stands out most of the record's own median. The
+//! scale is local: the greatest of the medians of three blocks of [`BLOCK`] samples, not below the
+//! quantisation's share nor a quarter of the record's own. This is a sieve; what passes it is
+//! judged by [`super::breaks`].
 //!
 //! Cost: about 5 ns a sample.
 
@@ -13,7 +16,8 @@ use super::trace::{Trace, median};
 pub const BLOCK: usize = 256;
 /// Every so many of a block's differences make its median.
 const STRIDE: usize = 8;
-/// Standard deviations from which a difference is looked at: a thousandth of a sample in 670 000 of Gaussian noise.
+/// Standard deviations from which a difference is looked at: a thousandth of a sample in 670 000 of
+/// Gaussian noise.
 const LIMIT: f64 = 6.0;
 /// Standard deviation of Gaussian noise over the median of its size.
 const SIGMA: f64 = 1.4826;

@@ -1,9 +1,12 @@
-//! Breaks of single channels, put together: what happens to all channels at one row is no encoder's slip.
+//! Breaks of single channels, put together: what happens to all channels at one row is no encoder's
+//! slip.
 //!
-//! At a row where steps S_k are found, with v_k the mean of the increments on either side: S_k = m v_k for one whole m ≥ 1 in every channel that shows it
-//! means m rows missing there, S_k = −v_k a row that is there twice. Steps of two channels at one row that are neither are two records joined,
-//! and so is a step of one channel whose velocity leaps there: the others may have met by chance.
-//! A channel that takes no part must not contradict: abs(S_k − m v_k) within 5 of its own increments' scatter.
+//! At a row where steps S_k are found, with v_k the mean of the increments on either side: S_k = m
+//! v_k for one whole m ≥ 1 in every channel that shows it means m rows missing there, S_k = −v_k a
+//! row that is there twice. Steps of two channels at one row that are neither are two records
+//! joined, and so is a step of one channel whose velocity leaps there: the others may have met by
+//! chance. A channel that takes no part must not contradict: abs(S_k − m v_k) within 5 of its own
+//! increments' scatter.
 
 use super::breaks::{Found, Kind};
 use super::trace::Trace;

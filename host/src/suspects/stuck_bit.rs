@@ -1,10 +1,12 @@
 //! A bit of a count that never changes although the counts pass over both of its values.
 //!
-//! Counts that reach over a range of 2^{k+1} pass k's both values. Of N samples as good as uniform within 2^{k+1} counts, none would show one of them
-//! with probability 2^{−N}; samples follow each other closely, so that only counts that cross the place where the bit changes, at least
+//! Counts that reach over a range of 2^{k+1} pass k's both values. Of N samples as good as uniform
+//! within 2^{k+1} counts, none would show one of them with probability 2^{−N}; samples follow each
+//! other closely, so that only counts that cross the place where the bit changes, at least
 //! [`FEWEST`] times, are taken.
 //!
-//! Bits from 0 up that are stuck together make a coarser encoder: what is left is right, with steps of 2^k counts.
+//! Bits from 0 up that are stuck together make a coarser encoder: what is left is right, with steps
+//! of 2^k counts.
 
 use super::trace::{Samples, Trace};
 

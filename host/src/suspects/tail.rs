@@ -1,8 +1,10 @@
-//! How large a statistic gets by chance, from the statistic's own values at places without a suspect.
+//! How large a statistic gets by chance, from the statistic's own values at places without a
+//! suspect.
 //!
-//! Real motion has heavier tails than Gaussian noise. The survival function is taken as ln S(z) = −(z/a)^k through the 90 % and the 99 % quantile
-//! (Weibull): k = ln 2 / ln(q₉₉/q₉₀), held to [½, 2]; the limit at probability p is q₉₉ (ln p / ln 0.01)^{1/k}. Gaussian noise gives
-//! 7.5 standard deviations at p = 3·10⁻¹¹, exponential tails 12.
+//! Real motion has heavier tails than Gaussian noise. The survival function is taken as ln S(z) =
+//! −(z/a)^k through the 90 % and the 99 % quantile (Weibull): k = ln 2 / ln(q₉₉/q₉₀), held to [½,
+//! 2]; the limit at probability p is q₉₉ (ln p / ln 0.01)^{1/k}. Gaussian noise gives 7.5 standard
+//! deviations at p = 3·10⁻¹¹, exponential tails 12.
 
 use super::trace::quantile;
 

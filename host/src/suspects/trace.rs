@@ -1,7 +1,8 @@
 //! A channel as the checks see it: its unbroken stretches, and the step of what it can show.
 //!
-//! Counts have the step 1. Values have the step q where at least 95 % of the increments that are not zero are multiples of the smallest, within 2 %
-//! of q: an encoder printed in radians. Otherwise q = 0.
+//! Counts have the step 1. Values have the step q where at least 95 % of the increments that are
+//! not zero are multiples of the smallest, within 2 % of q: an encoder printed in radians.
+//! Otherwise q = 0.
 
 /// The samples of one stretch.
 #[derive(Clone, Copy, Debug)]

@@ -1,4 +1,5 @@
-//! The checks' findings in words: one warning a channel and a kind, with the first rows named, and all of them (up to [`MOST`]) as numbers.
+//! The checks' findings in words: one warning a channel and a kind, with the first rows named, and
+//! all of them (up to [`MOST`]) as numbers.
 
 use serde_json::Value;
 

@@ -1,10 +1,12 @@
-//! Which products of parameters a record can tell apart: columns of an equation at random states, by a rank-revealing QR.
+//! Which products of parameters a record can tell apart: columns of an equation at random states,
+//! by a rank-revealing QR.
 //!
-//! A column that is a sum of earlier ones joins its product to theirs (M. Gautier, "Numerical calculation of the base inertial
-//! parameters of robots", J. Robotic Systems 8, 1991). Columns are taken in an order of preference and not by size, so that the
-//! coefficients stay readable: modified Gram–Schmidt, twice ("twice is enough", Parlett 1980).
-//! Accelerations are states of their own here, so that Lagrangians that differ by a total derivative
-//! give the same columns, and no identity between sines has to be known.
+//! A column that is a sum of earlier ones joins its product to theirs (M. Gautier, "Numerical
+//! calculation of the base inertial parameters of robots", J. Robotic Systems 8, 1991). Columns are
+//! taken in an order of preference and not by size, so that the coefficients stay readable:
+//! modified Gram–Schmidt, twice ("twice is enough", Parlett 1980). Accelerations are states of
+//! their own here, so that Lagrangians that differ by a total derivative give the same columns, and
+//! no identity between sines has to be known.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -13,7 +15,8 @@ use super::lagrange::Column;
 use super::polynomial::{Atom, Polynomial, Product};
 use crate::model::model_file::expression::Symbol;
 
-/// Share of a column's norm below which what is left of it is rounding: conditions of these columns are below 1e4.
+/// Share of a column's norm below which what is left of it is rounding: conditions of these columns
+/// are below 1e4.
 const DEPENDENT: f64 = 1e-9;
 /// Seed of the random states.
 const SEED: u64 = 1991;
@@ -143,7 +146,8 @@ mod tests {
     use super::*;
     use crate::model::model_file::expression::Function;
 
-    /// a sin q + b cos q + c (2 sin q − 3 cos q): c joins both; d sin(q + 1) as well, whatever identity that is.
+    /// a sin q + b cos q + c (2 sin q − 3 cos q): c joins both; d sin(q + 1) as well, whatever
+    /// identity that is.
     #[test]
     fn dependent_columns_join() {
         let q = || Polynomial::motion(Symbol::Coordinate(0));

@@ -1,8 +1,9 @@
 //! `[[body]]`: rigid bodies, their kinetic energy and their potential in gravity.
 //!
-//! An arm runs straight from a point O along the unit vector u (`angle` φ: u = \[sin φ, −cos φ\]; or `direction` in space); with mass m,
-//! first moment S = m e and inertia J about O: T = ½ m v_O² + S v_O·u̇ + ½ J u̇·u̇, V = −g·(m O + S u).
-//! Any other body has T = ½ m v_C² + ½ J φ̇² with its centroid C as a point and J about it, V = −m g·C.
+//! An arm runs straight from a point O along the unit vector u (`angle` φ: u = \[sin φ, −cos φ\];
+//! or `direction` in space); with mass m, first moment S = m e and inertia J about O: T = ½ m
+//! v_O² + S v_O·u̇ + ½ J u̇·u̇, V = −g·(m O + S u). Any other body has T = ½ m v_C² + ½ J φ̇² with
+//! its centroid C as a point and J about it, V = −m g·C.
 
 use toml::de::DeTable;
 

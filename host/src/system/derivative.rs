@@ -1,6 +1,7 @@
 //! Derivatives of sums of products: partial ones, and the total one by time along any motion.
 //!
-//! d/dt = Σ_i q_i′ ∂/∂q_i + Σ_i q_i″ ∂/∂q_i′ + Ω ∂/∂τ + ∂/∂t; ∂(Π aⁿ) = Σ n aⁿ⁻¹ ∂a Π of the others.
+//! d/dt = Σ_i q_i′ ∂/∂q_i + Σ_i q_i″ ∂/∂q_i′ + Ω ∂/∂τ + ∂/∂t; ∂(Π aⁿ) = Σ n aⁿ⁻¹ ∂a Π of the
+//! others.
 
 use super::polynomial::{Atom, Polynomial, TooLarge};
 use crate::model::model_file::expression::{Function, Symbol};

@@ -1,9 +1,12 @@
-//! A system file's equations as a model file: each equation over its own inertia, or equal to what is known of it.
+//! A system file's equations as a model file: each equation over its own inertia, or equal to what
+//! is known of it.
 //!
-//! Products of parameters that share an expression are one coefficient ([`super::base_parameters`]); a record determines their ratios. What
-//! they are divided by is the equation's inertia, its constant part where it varies; an equation that holds a measured
-//! input without an unknown factor has a scale of its own and is not divided. The model file is written as text, read
-//! by the reader of model files, so that it is one in every respect: what is identified is saved with its equations.
+//! Products of parameters that share an expression are one coefficient
+//! ([`super::base_parameters`]); a record determines their ratios. What they are divided by is the
+//! equation's inertia, its constant part where it varies; an equation that holds a measured input
+//! without an unknown factor has a scale of its own and is not divided. The model file is written
+//! as text, read by the reader of model files, so that it is one in every respect: what is
+//! identified is saved with its equations.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -57,7 +60,8 @@ pub fn text_of(p: &Polynomial, coordinates: &[String], inputs: &[String]) -> Str
     if out.is_empty() { "0".to_owned() } else { out }
 }
 
-/// Columns in the order in which they are kept: a known input, then inertia (constant before varying), then short products.
+/// Columns in the order in which they are kept: a known input, then inertia (constant before
+/// varying), then short products.
 fn preferred(mut equation: Equation) -> Equation {
     let rank = |c: &Column| {
         let scale = c.product.is_empty() && c.of.moves(|s| matches!(s, Symbol::Input(_)));
@@ -258,7 +262,8 @@ fn check_own(file: &SystemFile) -> Result<()> {
 /// The model file of a system; `of_rig` are the nominal effects of a rig file that names some.
 ///
 /// # Errors
-/// An effect that there is not, a parameter that nothing uses, a coordinate without inertia, an equation without a weak form.
+/// An effect that there is not, a parameter that nothing uses, a coordinate without inertia, an
+/// equation without a weak form.
 pub fn model(file: &SystemFile, of_rig: Option<&[String]>, omega: f64) -> Result<ModelFile> {
     check_own(file)?;
     let nominal = nominal(file, of_rig)?;

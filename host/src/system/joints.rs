@@ -1,7 +1,8 @@
-//! `[[joint]]`, and the nominal effects at joints: a torque T there adds T ∂moves/∂q_e to equation e.
+//! `[[joint]]`, and the nominal effects at joints: a torque T there adds T ∂moves/∂q_e to equation
+//! e.
 //!
-//! viscous-friction −c v, coulomb-friction −τ_c sign v, constant-force Q, with v the rate of `moves`. Each has one strength,
-//! a parameter of the system named `ID@JOINT`.
+//! viscous-friction −c v, coulomb-friction −τ_c sign v, constant-force Q, with v the rate of
+//! `moves`. Each has one strength, a parameter of the system named `ID@JOINT`.
 
 use toml::de::DeTable;
 
@@ -15,7 +16,8 @@ use crate::model::model_file::Space;
 use crate::model::model_file::expression::{Function, Symbol};
 use crate::model::model_file::units::Unit;
 
-/// Effects that a nominal model may have: id, and the unit of its strength over that of a force along the joint's motion.
+/// Effects that a nominal model may have: id, and the unit of its strength over that of a force
+/// along the joint's motion.
 pub const EFFECTS: [(&str, &str); 3] = [("viscous-friction", "s"), ("coulomb-friction", "1"), ("constant-force", "1")];
 
 /// A joint.

@@ -1,6 +1,8 @@
-//! Lagrange's equations, product of parameters by product: E_e = d/dt ∂T/∂q_e′ − ∂T/∂q_e + ∂V/∂q_e − Q_e = 0.
+//! Lagrange's equations, product of parameters by product: E_e = d/dt ∂T/∂q_e′ − ∂T/∂q_e +
+//! ∂V/∂q_e − Q_e = 0.
 //!
-//! T and V come from the bodies and the file's own energies, Q_e = Σ value ∂(does_work_on)/∂q_e from its forces and the nominal effects.
+//! T and V come from the bodies and the file's own energies, Q_e = Σ value ∂(does_work_on)/∂q_e
+//! from its forces and the nominal effects.
 
 use std::collections::BTreeMap;
 
@@ -73,7 +75,8 @@ fn energies(file: &SystemFile, omega: f64) -> Result<(Polynomial, Polynomial)> {
     Ok((kinetic, potential))
 }
 
-/// All equations, one for each coordinate; an equation without columns is that of a coordinate that only written equations hold.
+/// All equations, one for each coordinate; an equation without columns is that of a coordinate that
+/// only written equations hold.
 ///
 /// # Errors
 /// Energies that have no derivative, with their place.

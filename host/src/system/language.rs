@@ -66,7 +66,8 @@ pub enum Gravity {
     Along(Vec<Polynomial>),
 }
 
-/// A system file as it is written; angular frequency and nominal effects of the rig make equations of it, see [`SystemFile::model`].
+/// A system file as it is written; angular frequency and nominal effects of the rig make equations
+/// of it, see [`SystemFile::model`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct SystemFile {
     /// The text and the file.
@@ -103,7 +104,8 @@ pub struct SystemFile {
     pub time: Option<String>,
 }
 
-/// Whether a file's top level is that of a system file: its coordinates are a table, `{ phi = "angle" }`.
+/// Whether a file's top level is that of a system file: its coordinates are a table,
+/// `{ phi = "angle" }`.
 pub fn is_system(top: &DeTable<'_>) -> bool {
     matches!(top.get("coordinates").map(Spanned::get_ref), Some(DeValue::Table(_)))
 }
@@ -272,8 +274,8 @@ impl SystemFile {
         Ok(file)
     }
 
-    /// The equations for a drive of angular frequency `omega` (rad/s; 1 without one), with the nominal effects of the rig file where
-    /// it names some.
+    /// The equations for a drive of angular frequency `omega` (rad/s; 1 without one), with the
+    /// nominal effects of the rig file where it names some.
     ///
     /// # Errors
     /// An effect that there is not; equations that no record could determine.

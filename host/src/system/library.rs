@@ -1,4 +1,5 @@
-//! Systems that ship with the program: every TOML file of the folder `library`, embedded when the program is built.
+//! Systems that ship with the program: every TOML file of the folder `library`, embedded when the
+//! program is built.
 //!
 //! To add one, add its file.
 

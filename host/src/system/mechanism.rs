@@ -1,5 +1,6 @@
-//! What a model file's coefficients are made of, where it was derived from a system file: each is N(p)/D(p), sums of products of the
-//! parameters p over those of the equation's own inertia; and the quantities that are reported of p.
+//! What a model file's coefficients are made of, where it was derived from a system file: each is
+//! N(p)/D(p), sums of products of the parameters p over those of the equation's own inertia; and
+//! the quantities that are reported of p.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -83,7 +84,8 @@ impl Mechanism {
         Some(at(&c.numerator, parameters) / at(&c.denominator, parameters))
     }
 
-    /// What is known of a rig: its `[known]`, with g only where it was said or the file does not name it as a parameter.
+    /// What is known of a rig: its `[known]`, with g only where it was said or the file does not
+    /// name it as a parameter.
     pub fn known<'a>(&self, known: &'a BTreeMap<String, f64>, said: bool) -> BTreeMap<&'a str, f64> {
         known.iter().filter(|(k, _)| *k != "g" || said || !self.own_gravity).map(|(k, v)| (k.as_str(), *v)).collect()
     }

@@ -1,4 +1,5 @@
-//! Systems as files: a mechanism from points, bodies, joints, forces and energies, its equations of motion from its Lagrangian.
+//! Systems as files: a mechanism from points, bodies, joints, forces and energies, its equations of
+//! motion from its Lagrangian.
 //!
 //! ```toml
 //! name = "pendulum"
@@ -21,10 +22,12 @@
 //! effects = ["viscous-friction@pivot"]
 //! ```
 //!
-//! With L = T − V, equation e is d/dt ∂L/∂q_e′ − ∂L/∂q_e = Q_e. It is linear in products of parameters; those of one equation whose
-//! expressions depend on each other are one coefficient (Gautier and Khalil 1990; Gautier 1991), and every coefficient is divided by that of
-//! the equation's own inertia. What follows is a [`crate::model::model_file::ModelFile`], which everything works on, with
-//! a [`mechanism::Mechanism`] that says what its coefficients are made of. `docs/model-file.md` is the user's page.
+//! With L = T − V, equation e is d/dt ∂L/∂q_e′ − ∂L/∂q_e = Q_e. It is linear in products of
+//! parameters; those of one equation whose expressions depend on each other are one coefficient
+//! (Gautier and Khalil 1990; Gautier 1991), and every coefficient is divided by that of the
+//! equation's own inertia. What follows is a [`crate::model::model_file::ModelFile`], which
+//! everything works on, with a [`mechanism::Mechanism`] that says what its coefficients are made
+//! of. `docs/model-file.md` is the user's page.
 //!
 //! | file | what |
 //! |---|---|
@@ -64,8 +67,9 @@ use crate::error::Result;
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::toml_place::Source;
 
-/// The model file that a text is, or the one that follows from the system file that it is; `nominal` are the effects of
-/// a rig file that names some, `omega` is the drive's angular frequency (rad/s; 1 without one).
+/// The model file that a text is, or the one that follows from the system file that it is;
+/// `nominal` are the effects of a rig file that names some, `omega` is the drive's angular
+/// frequency (rad/s; 1 without one).
 ///
 /// # Errors
 /// Names file, line and column, what was found and what was expected.

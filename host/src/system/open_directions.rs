@@ -1,10 +1,10 @@
-//! Directions of a system's parameters that nothing fixes: the null space of a Jacobian with exact derivatives, what has
-//! a part in it, and what would have to be known.
+//! Directions of a system's parameters that nothing fixes: the null space of a Jacobian with exact
+//! derivatives, what has a part in it, and what would have to be known.
 
 use nalgebra::{DMatrix, DVector};
 
-/// Singular values below this share of the largest are null: the Jacobian's rows and columns have unit norm, its derivatives are
-/// exact, and rounding leaves some 1e-15.
+/// Singular values below this share of the largest are null: the Jacobian's rows and columns have
+/// unit norm, its derivatives are exact, and rounding leaves some 1e-15.
 pub const NULL: f64 = 1e-9;
 /// Share of a gradient in the null space from which it is undetermined.
 const OPEN: f64 = 1e-6;
@@ -23,7 +23,8 @@ pub fn unit_columns(j: &mut DMatrix<f64>) -> Vec<f64> {
         .collect()
 }
 
-/// Directions that nothing fixes, in unknowns whose columns have unit norm; with the columns' norms.
+/// Directions that nothing fixes, in unknowns whose columns have unit norm; with the columns'
+/// norms.
 pub fn null_space(mut j: DMatrix<f64>) -> Option<(DMatrix<f64>, Vec<f64>)> {
     for mut row in j.row_iter_mut() {
         let norm = row.norm();
@@ -48,7 +49,8 @@ pub fn is_open(open: &DMatrix<f64>, gradient: &DVector<f64>) -> bool {
     open.ncols() > 0 && (open.transpose() * gradient).norm() > OPEN * gradient.norm()
 }
 
-/// What would fix most of what is open if it were known: the null space without its gradient's direction.
+/// What would fix most of what is open if it were known: the null space without its gradient's
+/// direction.
 pub fn wanted(open: &DMatrix<f64>, gradients: &[(String, DVector<f64>)]) -> Option<(String, Vec<String>)> {
     let mut best: Option<(String, Vec<String>)> = None;
     for (name, gradient) in gradients {

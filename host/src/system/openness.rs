@@ -1,4 +1,5 @@
-//! Which functions of a system's parameters coefficients and what is known fix, and which stay open.
+//! Which functions of a system's parameters coefficients and what is known fix, and which stay
+//! open.
 
 use nalgebra::{DMatrix, DVector};
 

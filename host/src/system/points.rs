@@ -1,4 +1,5 @@
-//! `[points]`: vectors, right and up (or three components). A point that uses another moves with it.
+//! `[points]`: vectors, right and up (or three components). A point that uses another moves with
+//! it.
 
 use toml::de::DeTable;
 

@@ -1,9 +1,10 @@
 //! Sums of products in a normal form: what a Lagrangian is collected in.
 //!
-//! Σ_k c_k Π_a aⁿ over atoms a: parameters, the motion's symbols, functions of such sums. Sines and cosines are multiplied out,
-//! sin a sin b = ½ [cos(a − b) − cos(a + b)] and so on, so that a product holds one at most: with it
-//! every identity between them holds by itself (a Fourier sum is unique), and like terms join.
-//! A sum that is divided by, or raised to a broken power, is an atom of its own.
+//! Σ_k c_k Π_a aⁿ over atoms a: parameters, the motion's symbols, functions of such sums. Sines and
+//! cosines are multiplied out, sin a sin b = ½ [cos(a − b) − cos(a + b)] and so on, so that a
+//! product holds one at most: with it every identity between them holds by itself (a Fourier sum is
+//! unique), and like terms join. A sum that is divided by, or raised to a broken power, is an atom
+//! of its own.
 
 use std::collections::BTreeMap;
 
@@ -204,7 +205,8 @@ impl Polynomial {
         match n {
             1..=MOST_POWER => (1..n).try_fold(self.clone(), |p, _| p.times(self)),
             _ => {
-                // The sum's own size goes in front, so that sums that differ by a factor are one atom.
+                // The sum's own size goes in front, so that sums that differ by a factor are one
+                // atom.
                 let size = self.0.values().next().map_or(1.0, |x| x.0);
                 Ok(Self::product(vec![(Atom::Sum(self.scaled(1.0 / size)), n)], size.powi(n)))
             }
@@ -298,7 +300,8 @@ impl Polynomial {
         sum.unwrap_or_else(|| number(0.0))
     }
 
-    /// The symbols of the motion and the rest apart: what of the parameters each product of the motion has as its factor.
+    /// The symbols of the motion and the rest apart: what of the parameters each product of the
+    /// motion has as its factor.
     pub fn by_motion(&self) -> BTreeMap<Product, Self> {
         let mut out: BTreeMap<Product, Self> = BTreeMap::new();
         for (p, c) in self.terms() {

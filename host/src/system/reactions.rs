@@ -1,10 +1,13 @@
-//! What a joint carries, and the force across it: F = Σ (d²/dt² (m c) − m g) over the carried bodies, c the centroid and g gravity's vector.
+//! What a joint carries, and the force across it: F = Σ (d²/dt² (m c) − m g) over the carried
+//! bodies, c the centroid and g gravity's vector.
 //!
-//! Which bodies a joint carries follows by virtual displacement: the file is read once more with the joint's point displaced by δ; a body carried by it moves with
-//! the point, and with a coordinate that the joint adds (a cart on whose centre a pivot sits moves with the point only: it is on the other side). Where only a share s of
-//! δ reaches a body, its reaction enters by s.
+//! Which bodies a joint carries follows by virtual displacement: the file is read once more with
+//! the joint's point displaced by δ; a body carried by it moves with the point, and with a
+//! coordinate that the joint adds (a cart on whose centre a pivot sits moves with the point only:
+//! it is on the other side). Where only a share s of δ reaches a body, its reaction enters by s.
 //!
-//! Forces of `[[force]]` on carried bodies are not in F, nor is what energies written out would add.
+//! Forces of `[[force]]` on carried bodies are not in F, nor is what energies written out would
+//! add.
 
 use toml::de::DeTable;
 
@@ -21,7 +24,8 @@ const DISPLACEMENT: &str = "displacement of a point";
 /// A body that a joint carries, by its number, and its share of the joint's displacement.
 pub type Carried = (usize, Polynomial);
 
-/// Enters what every joint carries; nothing where its point is not named, or where a body would turn with the displacement.
+/// Enters what every joint carries; nothing where its point is not named, or where a body would
+/// turn with the displacement.
 pub fn find(r: &Reader<'_>, top: &DeTable<'_>, bodies: &[Placed<Body>], joints: &mut [Joint]) {
     for joint in joints {
         let Some(shares) = joint.at.as_deref().and_then(|point| shares(r, top, point)) else { continue };
@@ -34,7 +38,8 @@ pub fn find(r: &Reader<'_>, top: &DeTable<'_>, bodies: &[Placed<Body>], joints: 
     }
 }
 
-/// What part of a displacement of a point each body's end or centroid has; none where a direction has a part of it.
+/// What part of a displacement of a point each body's end or centroid has; none where a direction
+/// has a part of it.
 fn shares(r: &Reader<'_>, top: &DeTable<'_>, point: &str) -> Option<Vec<Polynomial>> {
     let mut words = r.words.clone();
     let displacement = Polynomial::atom(Atom::Parameter(words.parameters.len()));
@@ -60,7 +65,8 @@ fn shares(r: &Reader<'_>, top: &DeTable<'_>, point: &str) -> Option<Vec<Polynomi
     bodies::read(&displaced, top).ok()?.iter().map(of).collect()
 }
 
-/// Coordinates that a joint adds to what it hangs on: those that let its own grow, all of its own where none does.
+/// Coordinates that a joint adds to what it hangs on: those that let its own grow, all of its own
+/// where none does.
 fn added(moves: &Polynomial, coordinates: usize) -> Vec<usize> {
     let slope = |k: &usize| partial(moves, &Atom::Motion(Symbol::Coordinate(*k))).ok().and_then(|s| s.as_number());
     let with =
@@ -104,8 +110,9 @@ impl SystemFile {
         out
     }
 
-    /// Components of the force, N, that a joint passes on to what it carries, for a motion in a plane; `omega` is dτ/dt, rad/s. None where it carries nothing, where
-    /// a mass is not told (a first moment alone), or where a kinetic energy beside the bodies' hides one.
+    /// Components of the force, N, that a joint passes on to what it carries, for a motion in a
+    /// plane; `omega` is dτ/dt, rad/s. None where it carries nothing, where a mass is not told (a
+    /// first moment alone), or where a kinetic energy beside the bodies' hides one.
     pub fn reaction(&self, joint: usize, omega: f64) -> Option<Vec<Polynomial>> {
         let carries = &self.joints.get(joint)?.carries;
         if carries.is_empty() || self.kinetic.is_some() {

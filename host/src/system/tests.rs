@@ -69,9 +69,9 @@ fn shipped_systems_are_read() {
     }
 }
 
-/// A pendulum across the end of an arm that turns about the vertical (the shipped system of alpha and theta), with the angle from hanging:
-/// (J_a + m l² + J s²) α̈ + m l e (c θ̈ − s θ̇²) + 2 J s c α̇ θ̇ = k i − b α̇ − τ_c sign α̇,
-/// J θ̈ + m l e c α̈ − J s c α̇² + m e g s = −b₂ θ̇.
+/// A pendulum across the end of an arm that turns about the vertical (the shipped system of alpha
+/// and theta), with the angle from hanging: (J_a + m l² + J s²) α̈ + m l e (c θ̈ − s θ̇²) + 2 J s c
+/// α̇ θ̇ = k i − b α̇ − τ_c sign α̇, J θ̈ + m l e c α̈ − J s c α̇² + m e g s = −b₂ θ̇.
 #[test]
 fn rotary_pendulum_has_the_textbook_equations() {
     let (ja, l, m, e, j, k, g) = (2.1e-3, 0.16, 0.127, 0.15, 1.2e-3 + 0.127 * 0.15 * 0.15, 0.07, 9.81);
@@ -110,7 +110,8 @@ fn rotary_pendulum_has_the_textbook_equations() {
     assert!(worst < 1e-12, "{worst:e}");
 }
 
-/// The derived double pendulum against the program's own, coefficients (3.4) from the same physical parameters.
+/// The derived double pendulum against the program's own, coefficients (3.4) from the same physical
+/// parameters.
 #[test]
 fn double_pendulum_has_the_built_in_equations() {
     let omega = 31.4;

@@ -1,13 +1,17 @@
-//! Parameters of a system from identified coefficients and from what is known: the ties between coefficients.
+//! Parameters of a system from identified coefficients and from what is known: the ties between
+//! coefficients.
 //!
-//! The coefficients b are functions b(p) = N(p)/D(p) of the parameters, more of them than parameters where the mechanism ties them.
-//! The p nearest to the identified b in a metric W, min (b − b(p))ᵀ W⁻¹ (b − b(p)), is found by Levenberg and Marquardt from seeded
-//! starts; W is the covariance for independent residuals, which does not scatter. The parameters' covariance is G Σ Gᵀ,
-//! G = (Jᵀ W⁻¹ J)⁺ Jᵀ W⁻¹, with the jackknife's Σ. The least distance is a test of the mechanism: χ² with rows − rank
-//! degrees of freedom. Known parameters are fixed, a known quantity is one more row.
+//! The coefficients b are functions b(p) = N(p)/D(p) of the parameters, more of them than
+//! parameters where the mechanism ties them. The p nearest to the identified b in a metric W, min
+//! (b − b(p))ᵀ W⁻¹ (b − b(p)), is found by Levenberg and Marquardt from seeded starts; W is the
+//! covariance for independent residuals, which does not scatter. The parameters' covariance is G Σ
+//! Gᵀ, G = (Jᵀ W⁻¹ J)⁺ Jᵀ W⁻¹, with the jackknife's Σ. The least distance is a test of the
+//! mechanism: χ² with rows − rank degrees of freedom. Known parameters are fixed, a known quantity
+//! is one more row.
 //!
-//! Directions of p that nothing fixes are the null space of the Jacobian with exact derivatives; a parameter or quantity whose gradient has
-//! a part in it is not reported but listed, with what would have to be known.
+//! Directions of p that nothing fixes are the null space of the Jacobian with exact derivatives; a
+//! parameter or quantity whose gradient has a part in it is not reported but listed, with what
+//! would have to be known.
 
 use std::collections::BTreeMap;
 
@@ -22,7 +26,8 @@ use super::openness::Openness;
 use super::polynomial::{Atom, Polynomial};
 use crate::identify::Parameter;
 
-/// Standard error of a known quantity as a share of it: that of the built-in systems' known amplitude.
+/// Standard error of a known quantity as a share of it: that of the built-in systems' known
+/// amplitude.
 const KNOWN_SHARE: f64 = 1e-6;
 /// Starts at most, and how many must agree on the least distance.
 const STARTS: u64 = 40;

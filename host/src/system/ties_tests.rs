@@ -62,7 +62,8 @@ fn exact_coefficients_give_back_the_parameters() {
     assert_eq!(get("J_o1").unit, "kg m²");
 }
 
-/// Lengths follow from gravity; masses need one that is known, a quantity is as good as a parameter.
+/// Lengths follow from gravity; masses need one that is known, a quantity is as good as a
+/// parameter.
 #[test]
 fn what_is_not_fixed_is_said_to_be_open() {
     let fit = exact(&["g"]);

@@ -1,8 +1,9 @@
-//! What names and operations mean in a system file: scalars and vectors over parameters and the motion.
+//! What names and operations mean in a system file: scalars and vectors over parameters and the
+//! motion.
 //!
-//! `along(a)` = \[sin a, −cos a\] hangs at the angle a, `across(a)` = \[cos a, sin a\] is its direction of growing a.
-//! A prime is d/dt. A parameter inside a function is refused where equations are made: what a record
-//! determines enters linearly, as products of parameters.
+//! `along(a)` = \[sin a, −cos a\] hangs at the angle a, `across(a)` = \[cos a, sin a\] is its
+//! direction of growing a. A prime is d/dt. A parameter inside a function is refused where
+//! equations are made: what a record determines enters linearly, as products of parameters.
 
 use super::polynomial::{Atom, Polynomial, TooLarge};
 use crate::model::model_file::expression::{FUNCTIONS, Function, Symbol};
@@ -41,7 +42,8 @@ pub struct Words {
     pub points: Vec<(String, Vec<Polynomial>)>,
     /// Further names for numbers that vary: the vocabulary of an effect's law.
     pub scalars: Vec<(String, Polynomial)>,
-    /// Whether parameters may stand inside functions, since their values are put in before anything is evaluated.
+    /// Whether parameters may stand inside functions, since their values are put in before anything
+    /// is evaluated.
     pub filled: bool,
 }
 

@@ -55,7 +55,8 @@ fn the_section_holds_a_point_a_period_from_the_recording_on() {
     let points = &scene.arms[0].section;
     // 10 s at 5 Hz.
     assert!((49..=51).contains(&points.len()), "{}", points.len());
-    // A strobed motion at the drive's frequency is one point: angle 0, rate 2π·5·400 counts a second.
+    // A strobed motion at the drive's frequency is one point: angle 0, rate 2π·5·400 counts a
+    // second.
     let rate = core::f64::consts::TAU * 5.0 * 400.0 * 360.0 / 4096.0;
     assert!(points.iter().all(|p| p.0.abs() < 0.3 && (p.1 / rate - 1.0).abs() < 0.05), "{points:?}");
     // The arm that turns: 360 degrees a second.

@@ -4,12 +4,14 @@ use super::{Check, Pair, Validation, natural_frequencies};
 
 /// Standard errors by which two invariants may differ.
 const STANDARD_ERRORS: f64 = 3.0;
-/// Share of the larger by which they must differ as well: two records of one rig (120 s, 1024 counts) gave dimensions of 4.16 and 3.18, which the estimator's own standard
-/// error, taken within one record, does not show.
+/// Share of the larger by which they must differ as well: two records of one rig (120 s, 1024
+/// counts) gave dimensions of 4.16 and 3.18, which the estimator's own standard error, taken within
+/// one record, does not show.
 const CLEARLY_DIFFERENT: f64 = 1.0 / 3.0;
 /// Probability by chance below which sections count as different.
 const SECTIONS_DIFFER: f64 = 0.01;
-/// Share of the model's own median horizon that the record's must reach, and with fewer starts than [`MANY_STARTS`], whose medians scatter more.
+/// Share of the model's own median horizon that the record's must reach, and with fewer starts than
+/// [`MANY_STARTS`], whose medians scatter more.
 const HORIZON_SHARE: [f64; 2] = [0.65, 0.5];
 /// Starts from which medians are known to about a tenth.
 const MANY_STARTS: usize = 30;

@@ -1,7 +1,10 @@
-//! Whether two clouds of points come from one distribution: the energy distance (Székely and Rizzo 2004) and its permutation test.
+//! Whether two clouds of points come from one distribution: the energy distance (Székely and
+//! Rizzo 2004) and its permutation test.
 //!
-//! E = 2 ⟨|x − y|⟩ − ⟨|x − x′|⟩ − ⟨|y − y′|⟩ over all pairs: zero for one distribution, positive otherwise. Points of a chaotic series resemble those just before them, so the
-//! test exchanges whole blocks of consecutive points between the two clouds, seeded: p is the share of exchanges (with what was found among them) that give at least as large an E.
+//! E = 2 ⟨|x − y|⟩ − ⟨|x − x′|⟩ − ⟨|y − y′|⟩ over all pairs: zero for one distribution, positive
+//! otherwise. Points of a chaotic series resemble those just before them, so the test exchanges
+//! whole blocks of consecutive points between the two clouds, seeded: p is the share of exchanges
+//! (with what was found among them) that give at least as large an E.
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -30,7 +33,8 @@ pub struct EnergyTest {
     pub permutations: usize,
 }
 
-/// Compares two series of points (features of equal scale). None where either has fewer than four blocks.
+/// Compares two series of points (features of equal scale). None where either has fewer than four
+/// blocks.
 pub fn energy_test(x: &[Vec<f64>], y: &[Vec<f64>], seed: u64) -> Option<EnergyTest> {
     let (x, y) = (&x[..x.len().min(MOST_POINTS)], &y[..y.len().min(MOST_POINTS)]);
     let block = (2 * decorrelation(x).max(decorrelation(y))).max(2);
@@ -87,8 +91,10 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 
-/// The largest lag, over the features, at which the autocorrelation first falls below [`UNRELATED`] (or two standard errors of no correlation at all, where that is more); at
-/// most a sixteenth of the series, so that at least eight blocks are left, whose exchanges are still thousands: a chaotic motion may dwell near an orbit for long.
+/// The largest lag, over the features, at which the autocorrelation first falls below [`UNRELATED`]
+/// (or two standard errors of no correlation at all, where that is more); at most a sixteenth of
+/// the series, so that at least eight blocks are left, whose exchanges are still thousands: a
+/// chaotic motion may dwell near an orbit for long.
 fn decorrelation(x: &[Vec<f64>]) -> usize {
     let most = (x.len() / 16).max(1);
     let unrelated = UNRELATED.max(2.0 / (x.len().max(1) as f64).sqrt());

@@ -1,8 +1,11 @@
-//! The prediction horizon: how long the model follows the record from an initial state that was fitted to a short stretch of it.
+//! The prediction horizon: how long the model follows the record from an initial state that was
+//! fitted to a short stretch of it.
 //!
-//! From each of many starts, spread over the record, the state is fitted to [`FIT_PERIODS`] drive periods (parameters held); from their end on the solution runs free, and the horizon is the
-//! time until any sensor's angle is off by more than the tolerance. Chaos ends it even for a perfect model: error grows as e^{λt} from what the sensors' noise leaves in the
-//! state. The same is therefore done with a record that the model itself made.
+//! From each of many starts, spread over the record, the state is fitted to [`FIT_PERIODS`] drive
+//! periods (parameters held); from their end on the solution runs free, and the horizon is the time
+//! until any sensor's angle is off by more than the tolerance. Chaos ends it even for a perfect
+//! model: error grows as e^{λt} from what the sensors' noise leaves in the state. The same is
+//! therefore done with a record that the model itself made.
 
 use indicatif::ProgressBar;
 use rayon::prelude::*;
@@ -23,7 +26,8 @@ pub struct Horizon {
     pub start_s: Vec<f64>,
     /// Horizon from it, s.
     pub seconds: Vec<f64>,
-    /// How many of them ended with the record or at the longest prediction, the angles still within the tolerance.
+    /// How many of them ended with the record or at the longest prediction, the angles still within
+    /// the tolerance.
     pub unended: usize,
     /// Starts whose state could not be fitted.
     pub unfitted: usize,
@@ -50,8 +54,9 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     }
 }
 
-/// Horizons from pieces that begin with the stretch of the fit and go on as long as predictions are looked at. `guesses`: each piece's rough initial state; `levels`: samples
-/// of the fit, shortest first; `tolerance`: of each sensor, in its unit; `bar` is told of each piece.
+/// Horizons from pieces that begin with the stretch of the fit and go on as long as predictions are
+/// looked at. `guesses`: each piece's rough initial state; `levels`: samples of the fit, shortest
+/// first; `tolerance`: of each sensor, in its unit; `bar` is told of each piece.
 pub fn horizon<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     pieces: &[Piece],
@@ -72,7 +77,8 @@ pub fn horizon<D: Dynamics + ?Sized>(
                 bar.inc(1);
                 let head = problem.head(piece, fit);
                 let (state, _) = problem.fit_state(&head, guess, parameters, levels, work)?;
-                // A solution that ceases to exist ends the horizon where it does: no more samples come.
+                // A solution that ceases to exist ends the horizon where it does: no more samples
+                // come.
                 let residuals = problem.residuals_until(piece, &state, parameters);
                 let samples = residuals.len() / sensors;
                 let off = |i: &usize| {
@@ -132,7 +138,8 @@ mod tests {
 
     #[test]
     fn a_model_that_is_off_is_followed_for_as_long_as_its_error_takes_to_grow() {
-        // Truth: q = ½ e^{−2t}; model: the same with a force in the wrong place of the eigenvalue, so that what it gets wrong grows.
+        // Truth: q = ½ e^{−2t}; model: the same with a force in the wrong place of the eigenvalue,
+        // so that what it gets wrong grows.
         let sensors = [vec![1.0]];
         let problem = Problem {
             dynamics: &Saddle,

@@ -1,15 +1,22 @@
 //! Whether an identified model moves as the measured system does.
 //!
-//! It works on every system that can be integrated: built-in ones with the effects that `explain` found, and model files, measured inputs included.
+//! It works on every system that can be integrated: built-in ones with the effects that `explain`
+//! found, and model files, measured inputs included.
 //!
-//! Chaos forbids comparing two histories, so the model makes a record of its own ([`twin`]: same sensors, rate, drive), and what characterises the motion is compared side by side, found by the same
-//! algorithms in both: prediction horizons ([`horizon`]), Poincaré sections with an energy distance and its permutation test ([`energy_distance`]), largest exponent,
-//! correlation dimension, catalogue of periodic orbits (those of the record refined on the model), natural frequencies (3.34) against a free vibration.
+//! Chaos forbids comparing two histories, so the model makes a record of its own ([`twin`]: same
+//! sensors, rate, drive), and what characterises the motion is compared side by side, found by the
+//! same algorithms in both: prediction horizons ([`horizon`]), Poincaré sections with an energy
+//! distance and its permutation test ([`energy_distance`]), largest exponent, correlation
+//! dimension, catalogue of periodic orbits (those of the record refined on the model), natural
+//! frequencies (3.34) against a free vibration.
 //!
 //! The model fails its validation where one of these [`Check`]s fails:
-//! - `prediction-horizon`: the median horizon on the record is less than 65 % of the median on the model's own record (half, with fewer than 30 starts);
-//! - `poincare-section`: the sections differ with a probability by chance below 1 % (over all phases together);
-//! - `lyapunov-exponent`, `correlation-dimension`: the two records' values differ by more than three standard errors and by more than a third;
+//! - `prediction-horizon`: the median horizon on the record is less than 65 % of the median on the
+//!   model's own record (half, with fewer than 30 starts);
+//! - `poincare-section`: the sections differ with a probability by chance below 1 % (over all
+//!   phases together);
+//! - `lyapunov-exponent`, `correlation-dimension`: the two records' values differ by more than
+//!   three standard errors and by more than a third;
 //! - `natural-frequencies` (with a free vibration): one differs by more than 10 %.
 
 pub mod card;
@@ -67,7 +74,8 @@ pub struct Settings {
     pub starts: usize,
     /// Seed of the permutation test and of the model's own sensors' noise. Default 1.
     pub seed: u64,
-    /// Parameter of a bifurcation diagram (`drive`: all of the base's motion), lowest and highest factor on its identified value.
+    /// Parameter of a bifurcation diagram (`drive`: all of the base's motion), lowest and highest
+    /// factor on its identified value.
     pub bifurcation: Option<(String, f64, f64)>,
 }
 
@@ -111,7 +119,8 @@ pub struct HorizonComparison {
     pub measured: Horizon,
     /// On the model's own record.
     pub simulated: Horizon,
-    /// Medians in Lyapunov times of the model (measured, simulated); none where the model is not chaotic.
+    /// Medians in Lyapunov times of the model (measured, simulated); none where the model is not
+    /// chaotic.
     pub median_lyapunov_times: Option<[f64; 2]>,
 }
 
@@ -228,7 +237,8 @@ pub struct Beside<'a> {
 /// Validates a model on records of its rig.
 ///
 /// # Errors
-/// A model of another system or drive, records shorter than one window, settings out of range, a model whose solution ceases to exist.
+/// A model of another system or drive, records shorter than one window, settings out of range, a
+/// model whose solution ceases to exist.
 pub fn validate(
     records: &[Record],
     rig: &Rig,
@@ -369,7 +379,8 @@ const FREE_PERIOD_S: f64 = 0.2;
 /// Fewest samples of a period.
 const FEWEST_SAMPLES: f64 = 8.0;
 
-/// The drive's period; in a free system of a user's own that of the highest frequency that the weak form takes into account.
+/// The drive's period; in a free system of a user's own that of the highest frequency that the weak
+/// form takes into account.
 pub(crate) fn period_s(rig: &Rig, prepared: &Prepared) -> f64 {
     let windows = &prepared.geometry.windows;
     match (rig.drive, &rig.bound) {

@@ -1,10 +1,12 @@
-//! Natural frequencies of the identified model (3.34), and those in the spectrum of a free vibration.
+//! Natural frequencies of the identified model (3.34), and those in the spectrum of a free
+//! vibration.
 //!
-//! About rest, without drive and damping, (3.32) reads [[1 B11] [B21 1]] φ″ + diag(B12, B22) φ = 0, so that
-//! (1 − B11 B21) w⁴ − (B12 + B22) w² + B12 B22 = 0 and f = w Ω/2π.
+//! About rest, without drive and damping, (3.32) reads [[1 B11] [B21 1]] φ″ + diag(B12, B22) φ = 0,
+//! so that (1 − B11 B21) w⁴ − (B12 + B22) w² + B12 B22 = 0 and f = w Ω/2π.
 //!
-//! A free record: the part of its longest stretch in which no angle exceeds `SMALL` any more (at larger angles a pendulum is slower), the
-//! spectra of both sensors, each over its power, added; the two highest peaks at least a quarter apart. Resolution: one over that part's length.
+//! A free record: the part of its longest stretch in which no angle exceeds `SMALL` any more (at
+//! larger angles a pendulum is slower), the spectra of both sensors, each over its power, added;
+//! the two highest peaks at least a quarter apart. Resolution: one over that part's length.
 
 use core::f64::consts::TAU;
 
@@ -40,7 +42,8 @@ pub fn of_model(b11: f64, b12: f64, b21: f64, b22: f64, omega: f64) -> Option<[f
     squares.iter().all(|s| s.is_finite() && *s > 0.0).then(|| squares.map(|s| s.sqrt() * omega / TAU))
 }
 
-/// The two frequencies of a free vibration, Hz, lower first, and the spectrum's resolution. `rig`: without its drive.
+/// The two frequencies of a free vibration, Hz, lower first, and the spectrum's resolution. `rig`:
+/// without its drive.
 ///
 /// # Errors
 /// A record without angles, or whose small motion is too short for a spectrum with two peaks.

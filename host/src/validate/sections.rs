@@ -24,7 +24,8 @@ pub struct SectionComparison {
 /// All sections; none where either record has none or repeats.
 pub fn compare(measured: &PhaseSpace, simulated: &PhaseSpace, seed: u64) -> Vec<SectionComparison> {
     let names: Vec<String> = measured.coordinates.iter().map(|c| c.name.clone()).collect();
-    // A record that repeats has no exponent; its sections are a few points that no test tells apart by distance.
+    // A record that repeats has no exponent; its sections are a few points that no test tells apart
+    // by distance.
     if measured.lyapunov.is_none() || simulated.lyapunov.is_none() || simulated.coordinates.len() != names.len() {
         return Vec::new();
     }
@@ -45,7 +46,8 @@ pub fn compare(measured: &PhaseSpace, simulated: &PhaseSpace, seed: u64) -> Vec<
         .collect()
 }
 
-/// Points as features of equal weight: cosine and sine of each angle, and each velocity over its scatter in both sections together.
+/// Points as features of equal weight: cosine and sine of each angle, and each velocity over its
+/// scatter in both sections together.
 fn features(a: &Section, b: &Section) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let coordinates = a.value.len().min(b.value.len());
     let scale: Vec<f64> = (0..coordinates)

@@ -1,4 +1,5 @@
-//! Places in a record from which the model is followed: pieces for prediction horizons, states along extracted orbits.
+//! Places in a record from which the model is followed: pieces for prediction horizons, states
+//! along extracted orbits.
 
 use core::f64::consts::TAU;
 
@@ -17,15 +18,19 @@ use crate::phase_space::survey::PhaseSpace;
 
 /// Steps of integration a drive period.
 const STEPS: f64 = 50.0;
-/// Share of the span by which a coordinate on a line may be off where an angle may be off by a turn: 30° are a twelfth of both.
+/// Share of the span by which a coordinate on a line may be off where an angle may be off by a
+/// turn: 30° are a twelfth of both.
 const TURN_DEG: f64 = 360.0;
 
-/// Pieces in which a step of integration is sought, and the share of what a sensor shows to which solutions over the fit are exact.
+/// Pieces in which a step of integration is sought, and the share of what a sensor shows to which
+/// solutions over the fit are exact.
 const MOST_SEARCHED: usize = 12;
 const EXACT: f64 = 1e-4;
-/// Steps that the search begins with, as shares of what it is given (see [`crate::identify::shooting::run::integration_step`]).
+/// Steps that the search begins with, as shares of what it is given (see
+/// [`crate::identify::shooting::run::integration_step`]).
 const SEARCHED: f64 = 20.0;
-/// By how much at most a step is made finer: 122 predictions of 60 periods must end in some seconds.
+/// By how much at most a step is made finer: 122 predictions of 60 periods must end in some
+/// seconds.
 const MOST_FINER: f64 = 16.0;
 
 /// What is the same for all starts.
@@ -51,7 +56,8 @@ pub struct Course<'a> {
 }
 
 impl<'a> Starts<'a> {
-    /// For a model on a record. `circle`: which coordinates are angles; `period_s`: of the drive, or what stands for it; `omega`: of the drive, 0 for none.
+    /// For a model on a record. `circle`: which coordinates are angles; `period_s`: of the drive,
+    /// or what stands for it; `omega`: of the drive, 0 for none.
     pub fn new(
         equations: &'a Moving,
         record: Course<'_>,
@@ -71,7 +77,8 @@ impl<'a> Starts<'a> {
             .collect();
         let mut out = Self { equations, circle, period_s, omega, settings, tolerance, step_s: period_s / STEPS };
         if omega == 0.0 {
-            // Nothing says how fast a system of its own moves: found from the beginnings of some pieces.
+            // Nothing says how fast a system of its own moves: found from the beginnings of some
+            // pieces.
             let (pieces, guesses) = out.pieces(record);
             let every = pieces.len().div_ceil(MOST_SEARCHED).max(1);
             let values = out.samples(FIT_PERIODS, record.track) * record.track.sensors.len();
@@ -79,7 +86,8 @@ impl<'a> Starts<'a> {
             let heads: Vec<Piece> = pieces.iter().step_by(every).map(head).collect();
             let guesses: Vec<Vec<f64>> = guesses.into_iter().step_by(every).collect();
             if !heads.is_empty() {
-                // The search begins at a twentieth of what it is given: at the step that a drive of this period would have.
+                // The search begins at a twentieth of what it is given: at the step that a drive of
+                // this period would have.
                 let (longest, of) = (out.step_s, &*equations.dynamics);
                 let given = (SEARCHED * longest, EXACT);
                 let found = record.track.step_s(of, &heads, &guesses, &equations.parameters, given);
@@ -172,7 +180,8 @@ impl<'a> Starts<'a> {
         }
     }
 
-    /// Catalogues side by side, and the record's best closing orbits refined on the model. None for a free system.
+    /// Catalogues side by side, and the record's best closing orbits refined on the model. None for
+    /// a free system.
     pub fn orbits(
         &self,
         (measured, simulated): (&PhaseSpace, &PhaseSpace),

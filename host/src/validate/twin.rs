@@ -1,4 +1,5 @@
-//! A record that the identified model makes itself: the same sensors, rate, drive and inputs, so that every analysis of the measured record has its counterpart.
+//! A record that the identified model makes itself: the same sensors, rate, drive and inputs, so
+//! that every analysis of the measured record has its counterpart.
 
 use core::f64::consts::TAU;
 use std::path::PathBuf;
@@ -14,7 +15,10 @@ use crate::record::{Column, Losses, Record, Segment};
 use crate::rig::measures::Bound;
 use crate::signal::angles::Phase;
 
-/// A model's record: `count` samples from `state` at the first sample of `stretch`, which is at `outside`'s origin. `like`: the measured record, whose channels it copies; inputs are the stretch's; `noise`: of the sensors, uniform and seeded where they do not count. None where the equations have no solution that far.
+/// A model's record: `count` samples from `state` at the first sample of `stretch`, which is at
+/// `outside`'s origin. `like`: the measured record, whose channels it copies; inputs are the
+/// stretch's; `noise`: of the sensors, uniform and seeded where they do not count. None where the
+/// equations have no solution that far.
 pub fn record<D: Dynamics + ?Sized>(
     (dynamics, parameters, step_s): (&D, &[f64], f64),
     like: &Record,
@@ -53,7 +57,8 @@ pub fn record<D: Dynamics + ?Sized>(
             };
             let y = &shown[sensor];
             if c.unit == "count" {
-                // At most 10⁶ rad: a count fits 32 bits for any encoder of up to 13 000 counts a turn, and saturates beyond.
+                // At most 10⁶ rad: a count fits 32 bits for any encoder of up to 13 000 counts a
+                // turn, and saturates beyond.
                 Column::Counts(y.iter().map(|y| (y / scale).floor() as i32).collect())
             } else {
                 let width = 2.0 * 3f64.sqrt() * noise.sigma[sensor];

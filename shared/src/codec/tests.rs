@@ -133,8 +133,8 @@ fn occupancy(bytes_per_second: usize) -> f64 {
     (bytes_per_second * 10) as f64 / 115_200.0
 }
 
-/// Beside the stream: a status a second, ten commands a second with their answers, estimates at the greatest frequency of the
-/// drive that boards allow (20 Hz: one every twenty periods).
+/// Beside the stream: a status a second, ten commands a second with their answers, estimates at the
+/// greatest frequency of the drive that boards allow (20 Hz: one every twenty periods).
 fn beside_the_stream() -> usize {
     let [_, _, status, ack, _, estimate, ..] = worst_lengths();
     status + 10 * ack + estimate
@@ -143,7 +143,8 @@ fn beside_the_stream() -> usize {
 #[test]
 fn the_wire_is_at_most_seventy_percent_full_at_115200_baud() {
     let [_, samples, ..] = worst_lengths();
-    // Full blocks at 500 Hz. Each command may end a block early, and so may the ramp that it begins, when it ends.
+    // Full blocks at 500 Hz. Each command may end a block early, and so may the ramp that it
+    // begins, when it ends.
     let bytes_per_second = 500usize.div_ceil(BLOCK_LEN) * samples + 20 * samples + beside_the_stream();
     let share = occupancy(bytes_per_second);
     std::println!("samples: {bytes_per_second} bytes a second, {:.1} % of 115 200 baud", 100.0 * share);

@@ -55,8 +55,8 @@ pub struct ShakerLimits {
     pub frequency_millihertz: u32,
     /// Greatest rate at which the amplitude may change, µm/s.
     pub ramp_micrometre_per_s: u32,
-    /// Greatest acceleration a(2πf)² of the base, mm/s²: amplitude and frequency limits together allow more than a
-    /// shaker can do.
+    /// Greatest acceleration a(2πf)² of the base, mm/s²: amplitude and frequency limits together
+    /// allow more than a shaker can do.
     pub acceleration_millimetre_per_s2: u32,
 }
 
@@ -67,7 +67,8 @@ pub struct Zero {
     pub id: u32,
     /// How it was set.
     pub source: ZeroSource,
-    /// Count within a turn, 0 to N − 1, at which the encoder's index mark was first seen since this zero was set.
+    /// Count within a turn, 0 to N − 1, at which the encoder's index mark was first seen since this
+    /// zero was set.
     pub index: Option<u32>,
 }
 

@@ -1,7 +1,9 @@
-//! What a device that identifies sends: its estimate, and the regression rows from which a host can make its own.
+//! What a device that identifies sends: its estimate, and the regression rows from which a host can
+//! make its own.
 //!
-//! Both are of the double pendulum with the default dampings, see [`crate::regressor`]. Their numbers are floats that never leave the
-//! form in which they were computed: [`Binary32`] is IEEE 754 binary32, [`Binary24`] its upper three bytes, rounded.
+//! Both are of the double pendulum with the default dampings, see [`crate::regressor`]. Their
+//! numbers are floats that never leave the form in which they were computed: [`Binary32`] is IEEE
+//! 754 binary32, [`Binary24`] its upper three bytes, rounded.
 
 use heapless::Vec;
 use serde::{Deserialize, Serialize};
@@ -24,8 +26,8 @@ impl From<Binary32> for f32 {
     }
 }
 
-/// Sign, exponent and the upper 15 bits of the mantissa of IEEE 754 binary32, rounded to nearest, ties to even, little-endian:
-/// relative error at most 2⁻¹⁶ = 1.5e-5.
+/// Sign, exponent and the upper 15 bits of the mantissa of IEEE 754 binary32, rounded to nearest,
+/// ties to even, little-endian: relative error at most 2⁻¹⁶ = 1.5e-5.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Binary24(pub [u8; 3]);
 
@@ -65,8 +67,8 @@ pub enum EquationEstimate<U> {
     Known {
         /// Values and standard errors.
         unknowns: U,
-        /// Condition of the rows, 1 or more: by how much they inflate the standard errors, as an rms over the unknowns
-        /// ([`crate::least_squares`]).
+        /// Condition of the rows, 1 or more: by how much they inflate the standard errors, as an
+        /// rms over the unknowns ([`crate::least_squares`]).
         condition: Binary32,
         /// rms of the rows' residuals, non-dimensional.
         residual_rms: Binary32,
@@ -105,14 +107,16 @@ pub const ROW_LEN: usize = UNKNOWNS1 + 1 + UNKNOWNS2 + 1;
 /// Most rows in a message: real and imaginary part at two frequencies.
 pub const ROWS_LEN: usize = 4;
 
-/// Regression rows of a window at consecutive m, the real and the imaginary part of each (which is zero at m = 0).
+/// Regression rows of a window at consecutive m, the real and the imaginary part of each (which is
+/// zero at m = 0).
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rows {
     /// Tick of the window's last sample.
     pub tick: u32,
     /// Length of the window, ticks.
     pub window_ticks: u32,
-    /// Number of the window since the last gap or change of the drive, from 1; each overlaps the one before by half.
+    /// Number of the window since the last gap or change of the drive, from 1; each overlaps the
+    /// one before by half.
     pub window: u32,
     /// Advance of the drive's phase in a tick, turns · 2⁻³².
     pub phase_increment: u32,

@@ -63,7 +63,8 @@ fn worst_error<T: Real + Into<f64>>(frequency: (u32, u32, u32), length: u32, win
 
 #[test]
 fn sums_agree_with_a_direct_fourier_sum() {
-    // 5 Hz at 500 Hz is commensurate; 5.2 Hz has a period of 96.15… samples; 20 periods of a period-4 orbit.
+    // 5 Hz at 500 Hz is commensurate; 5.2 Hz has a period of 96.15… samples; 20 periods of a
+    // period-4 orbit.
     for (frequency, length) in
         [((5_000, 500_000, 4), 2_000), ((5_200, 500_000, 4), 1_923), ((5_200, 500_000, 7), 3_001)]
     {
@@ -122,7 +123,8 @@ fn drift<T: Real + Into<f64>, const M: usize>(samples: u32) -> (f64, f64) {
 fn phasors_do_not_drift_over_a_million_samples() {
     fn check<T: Real + Into<f64>, const M: usize>(epsilon: f64) {
         let (length, phase) = drift::<T, M>(1_000_000);
-        // The renormalisation holds the length at rounding; the phase has M steps of it between two refreshes.
+        // The renormalisation holds the length at rounding; the phase has M steps of it between two
+        // refreshes.
         assert!(length < 2.0 * epsilon, "M = {M}: length off by {length:e}");
         assert!(phase < 1.5 * (M as f64 + 2.0) * epsilon, "M = {M}: phase off by {phase:e}");
     }

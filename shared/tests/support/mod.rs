@@ -1,4 +1,5 @@
-//! Seeded streams of good, damaged and random frames, and the account that a decoder of them must keep.
+//! Seeded streams of good, damaged and random frames, and the account that a decoder of them must
+//! keep.
 
 // Each of the targets that include this file uses a part of it.
 #![allow(dead_code)]
@@ -357,8 +358,9 @@ impl<M: DeserializeOwned + Serialize + PartialEq> Bench<M> {
     }
 }
 
-/// Feeds at least `bytes` bytes made of good, damaged and random frames to a decoder, and checks its account after
-/// each piece: every byte accounted for, every intact frame after a zero decoded as it was sent.
+/// Feeds at least `bytes` bytes made of good, damaged and random frames to a decoder, and checks
+/// its account after each piece: every byte accounted for, every intact frame after a zero decoded
+/// as it was sent.
 pub fn torture<M>(seed: u64, bytes: u64, mut make: impl FnMut(&mut Source) -> Envelope<M>) -> Account
 where
     M: DeserializeOwned + Serialize + PartialEq,

@@ -57,14 +57,16 @@ fn rows_are_those_of_the_firmware_on_this_machine_and_identify_the_rig() {
 #[test]
 fn a_link_that_takes_nothing_loses_rows_and_answers_that_the_device_counts() {
     let mut script = Script::new().command(0, Command::Stream(Streamed::Rows)).drive(1, 9_000, 5_000, 15_525, 5_000);
-    // From the middle of a window on, over the end of the next two and more; the answers to forty commands find no place.
+    // From the middle of a window on, over the end of the next two and more; the answers to forty
+    // commands find no place.
     script = script.order(4_000, Order::BlockLink(2_500));
     for n in 0..40 {
         script = script.command(4_100 + 10 * n, Command::KeepAlive);
     }
     let Some((_, sent)) = emulate(&script, 9_000) else { return };
     let status = sent.statuses.last().unwrap();
-    // Blocks go on into the identification: windows do not begin anew, but the rows of some are gone.
+    // Blocks go on into the identification: windows do not begin anew, but the rows of some are
+    // gone.
     assert!(status.dropped_samples == 0 && status.dropped_frames > 20, "{status:?}");
     let last = sent.rows.iter().map(|rows| rows.window).max().unwrap();
     assert!((6..=7).contains(&last) && sent.rows.len() + 15 < last as usize * ROWS_MESSAGES, "{last}");

@@ -50,7 +50,8 @@ fn arms_that_turn_are_carried_over_and_said_to_be() {
     let script = Script::new().order(400, Order::Reset(false));
     let Some((reset, sent)) = emulate(script, 900, INITIAL) else { return };
     let Some((whole, _)) = emulate(Script::new(), 900, INITIAL) else { return };
-    // Beside the run without a reset: the chip of the model loses none of the tick in which it is reset.
+    // Beside the run without a reset: the chip of the model loses none of the tick in which it is
+    // reset.
     let (with, without) = (counts(&reset.frames), counts(&whole.frames));
     let restarted = with.windows(2).position(|pair| pair[1].0 < pair[0].0).unwrap() + 1;
     let lost = 401 - restarted;

@@ -1,4 +1,5 @@
-//! The emulated board's other programs: the cases of `firmware/cases`, each in a fresh machine, and the measurements.
+//! The emulated board's other programs: the cases of `firmware/cases`, each in a fresh machine, and
+//! the measurements.
 
 use std::path::Path;
 use std::process::Command;
@@ -47,7 +48,8 @@ fn a_tick_is_within_its_instructions() {
             console.lines().find(|line| line.starts_with(part)).unwrap_or_else(|| panic!("no {part}: {console}"));
         line.split_once(" most ").unwrap().1.parse().unwrap()
     };
-    // Every part's worst tick at once: 10 % of 170 MHz at 500 Hz. What follows the end of a window is spread over samples.
+    // Every part's worst tick at once: 10 % of 170 MHz at 500 Hz. What follows the end of a window
+    // is spread over samples.
     let parts =
         ["interrupt: sampling", "interrupt: what lasts", "stream: other", "thread: one command", "estimate: a sample"];
     // A block that is sent again waits until none was streamed for two turns of the thread.

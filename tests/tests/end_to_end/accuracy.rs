@@ -19,7 +19,8 @@ fn parameters_of_the_chaotic_rig_are_found_with_honest_standard_errors() {
     assert!(within as f64 >= 0.98 * comparisons as f64, "{within} of {comparisons} within 3, the farthest at {worst}");
 }
 
-/// Without a method: shooting where it stands, near the bound of Cramér and Rao; the weak form where the model misses something, and it says so.
+/// Without a method: shooting where it stands, near the bound of Cramér and Rao; the weak form
+/// where the model misses something, and it says so.
 #[test]
 fn the_default_is_shooting_where_it_stands() {
     let folder = tempfile::tempdir().unwrap();

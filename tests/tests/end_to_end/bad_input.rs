@@ -1,5 +1,5 @@
-//! Bad input ends with status 2, nothing on standard output, no result written, and one message that names file, place, value
-//! and remedy.
+//! Bad input ends with status 2, nothing on standard output, no result written, and one message
+//! that names file, place, value and remedy.
 
 use std::io::Write;
 use std::path::Path;

@@ -50,7 +50,8 @@ fn cells(at: &Path, table: &str) -> Vec<BTreeMap<String, String>> {
         .collect()
 }
 
-/// The number of `key` that follows `marker` in a JSON's text, to the bit: what reads JSON here may be one off in the last.
+/// The number of `key` that follows `marker` in a JSON's text, to the bit: what reads JSON here may
+/// be one off in the last.
 fn number(text: &str, marker: &str, key: &str) -> f64 {
     let (_, after) = text.split_once(marker).unwrap_or_else(|| panic!("no {marker}"));
     let (_, after) = after.split_once(&format!("\"{key}\": ")).unwrap_or_else(|| panic!("no {key} behind {marker}"));

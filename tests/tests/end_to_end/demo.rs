@@ -19,7 +19,8 @@ fn the_demo_ends_with_one_report_that_puts_the_truth_beside_the_answer() {
         assert!(!page.contains(fetched), "{fetched}");
     }
     assert!(page.matches("<sub>22</sub></td>").count() >= 2, "identified, and beside the truth");
-    // The answer comes first, in the terminal and in the page: what is missing, and C2 as the model with it has it.
+    // The answer comes first, in the terminal and in the page: what is missing, and C2 as the model
+    // with it has it.
     for text in [&told, &page] {
         let answer = text.find("The model lacks quadratic drag on arm 2").expect("the answer");
         let line = text.find("unbroken stretch").expect("what was captured");

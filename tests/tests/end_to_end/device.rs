@@ -1,4 +1,5 @@
-//! `whirl device` against the firmware on a simulated rig behind TCP, and what a restart within a record does.
+//! `whirl device` against the firmware on a simulated rig behind TCP, and what a restart within a
+//! record does.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -63,7 +64,8 @@ fn settings_are_shown_set_checked_at_capture_and_set_back() {
     assert_eq!((value(&shown, "counts_per_turn1"), value(&shown, "counts_per_turn2")), (4096.into(), 1024.into()));
     assert_eq!(shown["device"]["settings_from"], "changed");
 
-    // The rig file says otherwise: the message names the command that mends it, and so does that of the drive.
+    // The rig file says otherwise: the message names the command that mends it, and so does that of
+    // the drive.
     let capture = format!("capture --from {from} --rig rig.toml --amplitude-m 0.0155 --seconds 1 -o r.parquet");
     let run = whirl(at, &capture);
     assert_eq!(run.status, 2, "{run:?}");
@@ -114,7 +116,8 @@ fn zero_is_set_and_told() {
     assert_eq!(json(&at.join("zero.json"))["warnings"][0]["id"], "arms-move");
 }
 
-/// A capture of some seconds of a rig without drive, after two of which something happens to the rig.
+/// A capture of some seconds of a rig without drive, after two of which something happens to the
+/// rig.
 fn captured(at: &Path, seconds: u32, initial: [f64; 4], order: fn(&mut VirtualRig)) -> (Run, Record) {
     let (server, from) = served(initial);
     let child = command()

@@ -1,7 +1,9 @@
-//! Every `whirl` command in README and docs is run as it stands there: in a folder with the files that its page speaks of, with shorter records.
+//! Every `whirl` command in README and docs is run as it stands there: in a folder with the files
+//! that its page speaks of, with shorter records.
 //!
-//! Blocks are run page by page, line by line. What needs a device or a terminal must come as far as saying that there is none; what is named within the
-//! text must name a command and options that there are. Other commands (`cargo`, `snakemake`, …) are `./check`'s own steps.
+//! Blocks are run page by page, line by line. What needs a device or a terminal must come as far as
+//! saying that there is none; what is named within the text must name a command and options that
+//! there are. Other commands (`cargo`, `snakemake`, …) are `./check`'s own steps.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -19,7 +21,8 @@ const SHORTER: [(&str, &str); 9] = [
     ("tcp:127.0.0.1:5000", "sim"),
     ("whirl batch explain records/*.parquet", "whirl batch explain --most-effects 1 records/1.parquet"),
     ("whirl explain", "whirl explain --most-effects 1"),
-    // Half a minute of simulations, which `planned.rs` and `json_page.rs` run; its options are looked at below.
+    // Half a minute of simulations, which `planned.rs` and `json_page.rs` run; its options are
+    // looked at below.
     ("whirl plan --rig", "whirl plan --help # --rig"),
     ("--plan plan.toml", "--plan short.toml"),
     ("whirl batch validate records/*.parquet", "whirl batch validate --starts 4 records/1.parquet"),

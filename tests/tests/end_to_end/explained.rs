@@ -1,5 +1,5 @@
-//! Explanations of simulated rigs: a hidden effect is named with its strength, nothing is named where nothing is missing, and a locked
-//! record decides nothing.
+//! Explanations of simulated rigs: a hidden effect is named with its strength, nothing is named
+//! where nothing is missing, and a locked record decides nothing.
 
 use std::path::Path;
 
@@ -40,8 +40,9 @@ fn a_hidden_drag_is_named_with_its_strength_and_the_gap_closes() {
     let steps = &e.gap.steps;
     assert!(steps[0].added.is_none() && steps[0].value > 3.0, "{steps:?}");
     assert!(steps[1].added.as_deref() == Some("quadratic-drag@arm2") && steps[1].value < 1.1, "{steps:?}");
-    // With the effect in the model its parameters are those of a rig whose effect is known: within their errors of the truth, and within what
-    // README promises of a record in which nothing is hidden.
+    // With the effect in the model its parameters are those of a rig whose effect is known: within
+    // their errors of the truth, and within what README promises of a record in which nothing is
+    // hidden.
     let rig = whirl_tests::accuracy::chaotic_rig(5.0);
     let plant = Plant::of(&rig).unwrap();
     for p in e.parameters.iter().filter(|p| !p.name.contains('@') && !["B14", "B24"].contains(&p.name.as_str())) {
@@ -105,12 +106,14 @@ fn a_shape_that_has_no_name_is_unexplained_and_drawn() {
     assert_eq!(e.verdict, Verdict::Unexplained, "{} {:?}", e.reason, e.effects);
     let u = e.unknown.as_ref().expect("a shape");
     assert_eq!((u.at.as_str(), u.against.as_str(), u.unit.as_str()), ("joint2", "angle of joint2", "N m"));
-    // The torque is −Σ A sin(n x) less the order that was named; the shape follows it within its bands.
+    // The torque is −Σ A sin(n x) less the order that was named; the shape follows it within its
+    // bands.
     let named: Vec<f64> =
         e.effects.iter().filter(|f| f.id == "cogging" && f.at == "joint2").map(|f| f.parameters["n"]).collect();
     let orders: Vec<f64> = [3.0, 5.0, 7.0].into_iter().filter(|n| !named.contains(n)).collect();
     let truth = |x: f64| orders.iter().map(|n| -1e-4 * (n * x).sin()).sum::<f64>();
-    // Sixteen points are few for these orders, but where a point is clear of its band its sign is the torque's.
+    // Sixteen points are few for these orders, but where a point is clear of its band its sign is
+    // the torque's.
     let clear: Vec<&[f64; 3]> =
         u.points.iter().filter(|p| p[1].abs() > p[2] && truth(p[0]).abs() > 5e-5 && p[2] > 0.0).collect();
     assert!(clear.len() >= 4, "{:?}", u.points);
@@ -155,7 +158,8 @@ fn a_model_with_its_effect_is_written_and_read_again() {
     assert_eq!(other.status, 2, "{other:?}");
 }
 
-/// The built-in single pendulum, an effect in the joint, one of the drive and none: by name and by value.
+/// The built-in single pendulum, an effect in the joint, one of the drive and none: by name and by
+/// value.
 #[test]
 fn what_a_single_pendulum_lacks_is_named() {
     let clean = explained("single-pendulum.toml", &[], 100.0, 1);
@@ -202,7 +206,8 @@ initial = [1.6, 2.2, 0.0, 0.0]
 noise = { phi1 = 1e-4, phi2 = 1e-4 }
 "#;
 
-/// Four effects, where the one found third (Stribeck's friction in joint 2, 2.66e-4 N m) stands in for two: it gives way once the others are there.
+/// Four effects, where the one found third (Stribeck's friction in joint 2, 2.66e-4 N m) stands in
+/// for two: it gives way once the others are there.
 #[test]
 fn an_effect_that_stood_in_for_others_gives_way() {
     let folder = tempfile::tempdir().unwrap();

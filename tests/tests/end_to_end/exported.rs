@@ -1,4 +1,5 @@
-//! Models that leave as code: what the code computes is held against whirl's own simulation, or against golden files.
+//! Models that leave as code: what the code computes is held against whirl's own simulation, or
+//! against golden files.
 
 use std::io::Write;
 use std::path::Path;
@@ -39,7 +40,8 @@ fn printed(folder: &Path, program: &str, arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).expect("UTF-8")
 }
 
-/// Largest difference of two tables in some columns, of each column's largest value (of 1 at least), over a second.
+/// Largest difference of two tables in some columns, of each column's largest value (of 1 at
+/// least), over a second.
 fn apart(a: &Table, b: &Table, columns: &[(&str, &str)]) -> f64 {
     assert_eq!((a.rows.len(), b.rows.len()), (501, 501), "a second at 500 Hz");
     let mut most = 0.0_f64;
@@ -98,7 +100,8 @@ fn an_identified_double_pendulum_leaves_as_code_that_moves_alike() {
     done(at, "simulate --rig rig.toml --seconds 24 --seed 1 -o r.parquet");
     done(at, "identify r.parquet --rig rig.toml -o model.toml");
     agrees(at, "model.toml", &[("phi1", "phi1"), ("phi2", "phi2")]);
-    // From a record's state, it goes where the record goes, for a while; the drive's phase and the columns are the record's.
+    // From a record's state, it goes where the record goes, for a while; the drive's phase and the
+    // columns are the record's.
     let said =
         done(at, "simulate --model model.toml --from r.parquet --start 5 --seconds 20 -o s.parquet --json s.json");
     assert!(said.contains("count1 (count), count2 (count)"), "{said}");
@@ -151,7 +154,8 @@ fn systems_of_ones_own_leave_as_code_that_moves_alike() {
     let at = folder.path();
     std::fs::copy(repository("tests/golden/export/oscillator.toml"), at.join("model.toml")).unwrap();
     agrees(at, "model.toml", &[("x_", "x")]);
-    // Written equations with an interpolation basis (small: where a hat bends, no step of order 4 is one) and dry friction at two coordinates.
+    // Written equations with an interpolation basis (small: where a hat bends, no step of order 4
+    // is one) and dry friction at two coordinates.
     std::fs::write(
         at.join("own.toml"),
         "name = \"a cart with \\\"all\\\" \\\\\"\nmethod = \"weak\"\nnominal = []\n\

@@ -59,7 +59,8 @@ const RESULTS: [(&str, &str, &[&str]); 12] = [
     ("batch", "batch", &["batch", "merge"]),
 ];
 
-/// `docs/schemas` holds what the page and the results say, and the results follow it. `WHIRL_BLESS=1` writes it anew.
+/// `docs/schemas` holds what the page and the results say, and the results follow it.
+/// `WHIRL_BLESS=1` writes it anew.
 fn schemas(at: &std::path::Path) {
     let page = schema::page(&std::fs::read_to_string(repository("docs/json.md")).unwrap());
     let folder = repository("docs/schemas");

@@ -52,7 +52,8 @@ fn the_measured_double_pendulum_gives_the_published_length() {
     let folder = tempfile::tempdir().unwrap();
     let record = records.join("multiarm/double.csv.gz");
     let rig = repository("rigs/measured-double-pendulum.toml");
-    // Viscous friction does not describe these bearings: C12 comes out negative beside a positive C2, and the answer says so.
+    // Viscous friction does not describe these bearings: C12 comes out negative beside a positive
+    // C2, and the answer says so.
     let run = whirl(
         folder.path(),
         &format!("identify {} --rig {} --json out.json --report out.html", record.display(), rig.display()),

@@ -1,4 +1,5 @@
-//! Effects with states: hidden, named with their values, written, read again; what is simpler is named where it does as well.
+//! Effects with states: hidden, named with their values, written, read again; what is simpler is
+//! named where it does as well.
 
 use std::path::Path;
 
@@ -23,7 +24,8 @@ fn names(out: &Value) -> Vec<String> {
     list.iter().map(|e| format!("{}@{}", e["id"].as_str().unwrap(), e["at"].as_str().unwrap())).collect()
 }
 
-/// Value within three standard errors and a share of the truth, and the state's distance within a share of its own.
+/// Value within three standard errors and a share of the truth, and the state's distance within a
+/// share of its own.
 fn close(out: &Value, value: f64, d: f64) {
     let e = &out["effects"][0];
     let (found, error) = (e["value"].as_f64().unwrap(), e["std_error"].as_f64().unwrap());
@@ -31,7 +33,8 @@ fn close(out: &Value, value: f64, d: f64) {
     assert!((e["parameters"]["d"].as_f64().unwrap() / d - 1.0).abs() < 0.3, "{e}");
 }
 
-/// Dahl's friction on an oscillator of written equations: named, written, taken again, simulated from the file; what cannot follow it says so.
+/// Dahl's friction on an oscillator of written equations: named, written, taken again, simulated
+/// from the file; what cannot follow it says so.
 #[test]
 fn dahls_friction_on_an_oscillator_is_named_written_and_read_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -89,7 +92,8 @@ fn dahls_friction_in_a_system_of_bodies_is_named() {
     close(&out, 0.02, 0.1);
 }
 
-/// A spring that relaxes, one that yields, and a tone whose frequency nobody told: each named with its value and its shape.
+/// A spring that relaxes, one that yields, and a tone whose frequency nobody told: each named with
+/// its value and its shape.
 #[test]
 fn springs_that_remember_and_a_tone_are_named_with_their_shapes() {
     let folder = tempfile::tempdir().unwrap();
@@ -117,8 +121,9 @@ fn springs_that_remember_and_a_tone_are_named_with_their_shapes() {
     }
 }
 
-/// A distance far below what the sensor resolves is Coulomb's friction to the record: one is named, with the other listed as not told apart, or both share the level. Coulomb's own
-/// stays what it is.
+/// A distance far below what the sensor resolves is Coulomb's friction to the record: one is named,
+/// with the other listed as not told apart, or both share the level. Coulomb's own stays what it
+/// is.
 #[test]
 fn what_follows_a_reversal_at_once_is_not_told_from_coulombs_friction() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Outputs are checked before anything runs: none is an input or another output, none replaces a record unasked, and each can be written.
+//! Outputs are checked before anything runs: none is an input or another output, none replaces a
+//! record unasked, and each can be written.
 
 use std::path::Path;
 
@@ -27,7 +28,8 @@ fn contents(folder: &Path) -> Vec<(String, Vec<u8>)> {
     all
 }
 
-/// The command ends with status 2 and one line with all of `parts`; no file has changed, come or gone.
+/// The command ends with status 2 and one line with all of `parts`; no file has changed, come or
+/// gone.
 fn refused(folder: &Path, arguments: &str, parts: &[&str]) {
     let before = contents(folder);
     let run = whirl(folder, arguments);

@@ -1,4 +1,5 @@
-//! Systems of one's own (model files): measured benchmarks, and what is hidden in simulated ones, found.
+//! Systems of one's own (model files): measured benchmarks, and what is hidden in simulated ones,
+//! found.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -131,7 +132,8 @@ fn the_measured_single_pendulum_is_continued_to_a_fifth_of_a_degree() {
             }
         }
     }
-    // From viscous, Coulomb and quadratic friction: the encoder, and what repeats with the angle, are missing.
+    // From viscous, Coulomb and quadratic friction: the encoder, and what repeats with the angle,
+    // are missing.
     let out = explained(folder.path(), &record, &rig("measured-single-pendulum.toml"), "");
     let [three, found] = simulation(&out, 0.75);
     assert!(found <= 0.2 && found < 0.5 * three, "{found} {three}");
@@ -139,7 +141,8 @@ fn the_measured_single_pendulum_is_continued_to_a_fifth_of_a_degree() {
     assert!(all.iter().any(|n| n == "eccentricity@encoder1") && all.iter().any(|n| n == "cogging@phi1"), "{all:?}");
 }
 
-/// What linearised shooting tells of an oscillator is what shooting with the model itself tells: the same coefficients within a standard error, none larger.
+/// What linearised shooting tells of an oscillator is what shooting with the model itself tells:
+/// the same coefficients within a standard error, none larger.
 #[test]
 fn explanations_of_driven_oscillators_are_as_exact_as_shooting() {
     let folder = tempfile::tempdir().unwrap();
@@ -162,7 +165,8 @@ fn explanations_of_driven_oscillators_are_as_exact_as_shooting() {
     }
 }
 
-/// On a cart with a pendulum, under a measured force, a drag at the pendulum and an encoder's offset are found together, with their values.
+/// On a cart with a pendulum, under a measured force, a drag at the pendulum and an encoder's
+/// offset are found together, with their values.
 #[test]
 fn a_drag_and_an_offset_are_found_together_on_a_cart_with_a_pendulum() {
     let folder = tempfile::tempdir().unwrap();
@@ -182,7 +186,8 @@ fn a_drag_and_an_offset_are_found_together_on_a_cart_with_a_pendulum() {
     }
 }
 
-/// What is hidden is found at its coordinate; the model that is written starts the next explanation, which finds nothing more.
+/// What is hidden is found at its coordinate; the model that is written starts the next
+/// explanation, which finds nothing more.
 #[test]
 fn effects_hidden_in_an_oscillator_are_found_written_and_read_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -213,7 +218,8 @@ fn effects_hidden_in_an_oscillator_are_found_written_and_read_again() {
     assert!(run.status == 2 && run.stderr.contains("other equations"), "{run:?}");
 }
 
-/// Shooting finds the coefficients of an oscillator under a measured force, standard errors and all.
+/// Shooting finds the coefficients of an oscillator under a measured force, standard errors and
+/// all.
 #[test]
 fn shooting_identifies_a_model_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -260,7 +266,8 @@ fn harmonic_balance_of_a_model_file_is_the_built_in_one() {
     done(folder, &format!("simulate --rig {built_in} --seconds 40 --seed 3 -o r.parquet"));
     let options = "--method frequency --piece-periods 60 --differentiation five-point";
     for (rig, out) in [(&built_in, "a.json"), (&own, "b.json")] {
-        // Exit status 1 where the identification error is above its bound, as the seed's method may have it.
+        // Exit status 1 where the identification error is above its bound, as the seed's method may
+        // have it.
         let said = whirl(folder, &format!("identify r.parquet --rig {rig} {options} --json {out}"));
         assert!(said.status < 2, "{said:?}");
     }
@@ -290,8 +297,8 @@ fn a_model_file_is_validated() {
     assert_eq!(json(&folder.join("w.json"))["verdict"], "failed");
 }
 
-/// A system derived from bodies gets every effect at its joints, arms, encoders, drive and frame, as the built-in double pendulum does, on
-/// records of a plant that is written apart.
+/// A system derived from bodies gets every effect at its joints, arms, encoders, drive and frame,
+/// as the built-in double pendulum does, on records of a plant that is written apart.
 #[test]
 fn a_system_from_bodies_names_what_the_built_in_one_does() {
     let folder = tempfile::tempdir().unwrap();
@@ -318,8 +325,8 @@ fn a_system_from_bodies_names_what_the_built_in_one_does() {
     assert!(again["gap"]["steps"][0]["value"].as_f64().unwrap() < 1.1, "{}", again["gap"]);
 }
 
-/// Equations that a user wrote down get the same effects at the same places, in their own units: on records of a plant that is written apart, and on their own
-/// simulation with an effect put in.
+/// Equations that a user wrote down get the same effects at the same places, in their own units: on
+/// records of a plant that is written apart, and on their own simulation with an effect put in.
 #[test]
 fn written_equations_name_what_the_built_in_one_does() {
     let folder = tempfile::tempdir().unwrap();
@@ -377,7 +384,8 @@ fn an_effect_of_ones_own_is_found_on_a_system_of_ones_own() {
     assert!(listed.stdout.contains("magnet"), "{}", listed.stdout);
 }
 
-/// A delay of what is recorded of an input is named with its value; its offset is a constant force as well, which is said.
+/// A delay of what is recorded of an input is named with its value; its offset is a constant force
+/// as well, which is said.
 #[test]
 fn records_of_inputs_that_are_late_or_off_are_told() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Reports as a browser shows them: nothing is fetched, nothing fails, figures and tables stay within the page, on a desk and on a phone.
+//! Reports as a browser shows them: nothing is fetched, nothing fails, figures and tables stay
+//! within the page, on a desk and on a phone.
 
 use std::path::Path;
 use std::process::Command;
@@ -14,7 +15,8 @@ fn browser() -> Option<&'static str> {
     BROWSERS.into_iter().find(|b| Command::new(b).arg("--version").output().is_ok_and(|o| o.status.success()))
 }
 
-/// Measures a page in a frame of a width: what sticks out of it, and the smallest letters of a figure, CSS pixels.
+/// Measures a page in a frame of a width: what sticks out of it, and the smallest letters of a
+/// figure, CSS pixels.
 const MEASURE: &str = r#"
 function measure(frame) {
   const d = frame.contentDocument, wide = d.documentElement.clientWidth, out = [];
@@ -40,7 +42,8 @@ function measure(frame) {
   }
   return JSON.stringify({ width: wide, drawn, letters, out, used: used(d), links: d.querySelectorAll('a[download$=".svg"]').length });
 }
-// Uses the first figure as a mouse would: what is read out, what is shown after a rectangle was drawn, and after a double click.
+// Uses the first figure as a mouse would: what is read out, what is shown after a rectangle was
+// drawn, and after a double click.
 function used(d) {
   const svg = [...d.querySelectorAll('figure svg[data-panels]')].find(s => s.getBoundingClientRect().width > 0);
   const r = svg.getBoundingClientRect(), whole = svg.getAttribute('viewBox');
@@ -130,7 +133,8 @@ fn a_browser_shows_reports_whole_and_fetches_nothing() {
             assert_eq!(view["out"], serde_json::json!([]), "{name} at {width} px: {view}");
             assert!(view["letters"].as_f64().unwrap() > 8.0, "{name} at {width} px: {view}");
         }
-        // What the sandbox of the last frame says of the script that it does not run is no error of the page.
+        // What the sandbox of the last frame says of the script that it does not run is no error of
+        // the page.
         let said: Vec<&str> = log.lines().filter(|l| l.contains("CONSOLE") && !l.contains("sandboxed")).collect();
         assert!(said.is_empty(), "{name}: {said:?}");
         let net = std::fs::read_to_string(here.join("net.json")).unwrap();

@@ -49,7 +49,8 @@ fn what_a_locked_record_cannot_tell_the_planned_one_tells() {
     assert_eq!(next["decided"], true);
     let last = next["runs"].as_array().unwrap().last().unwrap();
     assert_eq!(last["effects"], serde_json::json!(["eccentricity@encoder1"]));
-    // The record was driven at another frequency than the rig file says, and reading it with that file says so and what to set.
+    // The record was driven at another frequency than the rig file says, and reading it with that
+    // file says so and what to set.
     let record = last["record"].as_str().unwrap();
     let found = whirl(folder, &format!("inspect {record} --rig rig.toml"));
     assert!(found.status == 1 && found.stderr.contains("Set drive.frequency_hz = "), "{found:?}");

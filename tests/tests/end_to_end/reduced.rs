@@ -1,4 +1,5 @@
-//! `whirl reduce` from the command line: decays, forced response, tables, records taken block by block, refusals.
+//! `whirl reduce` from the command line: decays, forced response, tables, records taken block by
+//! block, refusals.
 
 use std::f64::consts::{PI, TAU};
 use std::fmt::Write;
@@ -9,7 +10,8 @@ use super::program::{done, json, whirl};
 /// Viscous damping of the decays, 1/s.
 const DAMPING: f64 = 0.02;
 
-/// Free decays of ẍ + 0.02 ẋ + x + x³ = 0 (classical Runge–Kutta, 10 ms) at two points, the second of which moves half as far; 20 rows a second.
+/// Free decays of ẍ + 0.02 ẋ + x + x³ = 0 (classical Runge–Kutta, 10 ms) at two points, the second
+/// of which moves half as far; 20 rows a second.
 fn decays(folder: &Path) {
     std::fs::write(
         folder.join("rig.toml"),
@@ -39,7 +41,8 @@ fn decays(folder: &Path) {
     }
 }
 
-/// Frequency (Hz) of the free oscillator released at rest from x: Duffing's period is 4K/√(1 + x²), and the complete elliptic integral K = π/(2 agm).
+/// Frequency (Hz) of the free oscillator released at rest from x: Duffing's period is 4K/√(1 + x²),
+/// and the complete elliptic integral K = π/(2 agm).
 fn exact_hz(x: f64) -> f64 {
     let m = x * x / (2.0 * (1.0 + x * x));
     let (mut a, mut g) = (1.0, (1.0 - m).sqrt());
@@ -72,7 +75,8 @@ fn decays_give_backbone_damping_and_forced_response_as_numbers_and_as_a_table() 
     let forced: Vec<Vec<&str>> =
         rows.map(|r| r.split(',').collect()).filter(|r: &Vec<&str>| r[0] == "forced").collect();
     assert_eq!(forced.len(), out["forced"]["curve"].as_array().unwrap().len());
-    // A hardening oscillator bends to higher frequencies: three answers somewhere, the middle one unstable.
+    // A hardening oscillator bends to higher frequencies: three answers somewhere, the middle one
+    // unstable.
     assert!(forced.iter().any(|r| r[6] == "false") && forced.iter().any(|r| r[6] == "true"));
     assert!(!out["forced"]["folds"].as_array().unwrap().is_empty());
     for row in &forced {

@@ -1,5 +1,5 @@
-//! JSON Schemas of results: keys, words, what may be `null` or left out come from `docs/json.md`, types from real results; and a validator
-//! for what stands in them.
+//! JSON Schemas of results: keys, words, what may be `null` or left out come from `docs/json.md`,
+//! types from real results; and a validator for what stands in them.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -71,8 +71,9 @@ fn of_words(what: &str) -> Key {
 /// Paths that are maps from names of things: their keys are no keys of results.
 const MAPS: [&str; 7] = ["known", "verdicts", "initial", "options", "std_errors", "settings.known", "goals"];
 
-/// Builds the schema of a command's result from the page, with the types of real results and of the schema that there was. What is required is so where
-/// nothing went wrong with the record: otherwise `error` says what.
+/// Builds the schema of a command's result from the page, with the types of real results and of the
+/// schema that there was. What is required is so where nothing went wrong with the record:
+/// otherwise `error` says what.
 pub fn schema(page: &Page, command: &str, results: &[&Value], before: Option<&Value>) -> Value {
     let before = before.cloned().map(|mut b| {
         b["required"] = b["else"]["required"].take();
@@ -211,7 +212,8 @@ fn kind(value: &Value) -> &'static str {
     }
 }
 
-/// What a value violates of a schema: types, required keys, constants. Keys that a schema does not name may be added.
+/// What a value violates of a schema: types, required keys, constants. Keys that a schema does not
+/// name may be added.
 pub fn violations(value: &Value, schema: &Value, path: &str, out: &mut Vec<String>) {
     if let Some(constant) = schema.get("const")
         && constant != value

@@ -1,4 +1,5 @@
-//! Records that look plausible and are not: each fault is named with its row, and the parameters are right or the status says that they are not.
+//! Records that look plausible and are not: each fault is named with its row, and the parameters
+//! are right or the status says that they are not.
 
 use std::sync::OnceLock;
 
@@ -37,7 +38,8 @@ fn warning<'a>(result: &'a Value, id: &str) -> &'a Value {
     warnings.iter().find(|w| w["id"] == id).unwrap_or_else(|| panic!("no {id} in {warnings:?}"))
 }
 
-/// Identifies a changed record; checks its warning, row and status, and with status 0 the parameters. inspect must name the same.
+/// Identifies a changed record; checks its warning, row and status, and with status 0 the
+/// parameters. inspect must name the same.
 fn named(name: &str, change: impl Fn(&mut Vec<[i64; 2]>), id: &str, row: Option<u64>, status: i32) {
     let (folder, clean) = base();
     let mut rows = clean.clone();
@@ -86,7 +88,8 @@ fn a_clean_record_has_none_of_these_warnings() {
 #[test]
 fn dead_and_dying_encoders() {
     named("dead2", |x| x.iter_mut().for_each(|r| r[1] = 40), "dead-channel", Some(2), 1);
-    // Without the first angle nothing determines the first equation: that too is told with its reason.
+    // Without the first angle nothing determines the first equation: that too is told with its
+    // reason.
     let (folder, clean) = base();
     write("dead1", &clean.iter().map(|r| [40, r[1]]).collect::<Vec<_>>());
     write("dead", &vec![[40, 41]; clean.len()]);
@@ -106,7 +109,8 @@ fn dead_and_dying_encoders() {
 fn spikes_and_slips() {
     named("spike", |x| x[12_345][1] += 500, "spike", Some(12_347), 0);
     named("million", |x| x[12_345][0] += 1_000_000, "spike", Some(12_347), 0);
-    // From 45 counts on: 15 and 30 lie within what the motion around them allows, stay in, and move C2 by 3.4 standard errors.
+    // From 45 counts on: 15 and 30 lie within what the motion around them allows, stay in, and move
+    // C2 by 3.4 standard errors.
     let five = |x: &mut Vec<[i64; 2]>| (1..=5).for_each(|k| x[5000 * k + 7][1] += 45 + 50 * (k as i64 - 1));
     named("five", five, "spike", Some(5009), 0);
     // Every 2.8 s one: without them no window of 4 s is left, so that the answer cannot stand.

@@ -21,7 +21,8 @@ strengths = ["m"]
 force = "-m*x/(0.05 + x^2)^2"
 "#;
 
-/// Simulates Duffing's oscillator with an effect that only the simulation knows, and explains the record.
+/// Simulates Duffing's oscillator with an effect that only the simulation knows, and explains the
+/// record.
 fn explained(at: &Path, effect: &str) -> Value {
     let rig = std::fs::read_to_string(repository("rigs").join("duffing.toml")).unwrap();
     let rig = rig.replace("../models", &repository("models").display().to_string());

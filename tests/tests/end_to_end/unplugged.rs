@@ -15,7 +15,8 @@ fn virtual_rig() -> VirtualRig {
     VirtualRig::new(&RigSettings::default()).unwrap()
 }
 
-/// Holds a record's gaps against its account: continuous ticks, received + missing = all. The record, and its longest gap.
+/// Holds a record's gaps against its account: continuous ticks, received + missing = all. The
+/// record, and its longest gap.
 fn accounted(folder: &Path, run: &Run) -> (Record, serde_json::Value, i64) {
     assert_eq!(run.status, 0, "{run:?}");
     let out = json(&folder.join("out.json"));
@@ -76,7 +77,8 @@ fn a_serial_port_that_is_unplugged_for_a_moment_leaves_nothing_out_and_the_clock
     let phase = record.segments[0].phase.as_ref().unwrap();
     let ticks = phase.len() as u64 - 1;
     let turned = u64::from(phase[phase.len() - 1]).wrapping_sub(u64::from(phase[0])) & 0xffff_ffff;
-    // The device may have stopped and started the shaker if its host was silent for 2 s, which it was not.
+    // The device may have stopped and started the shaker if its host was silent for 2 s, which it
+    // was not.
     let expected = (ticks as f64 * 0.01).fract() * 4_294_967_296.0;
     let off = (turned as f64 - expected).rem_euclid(4_294_967_296.0);
     assert!(off.min(4_294_967_296.0 - off) < 2.0 * ticks as f64, "{turned} after {ticks} ticks, expected {expected}");

@@ -83,7 +83,8 @@ fn shooting_gives_the_same_bytes_on_any_number_of_threads() {
     assert_eq!(read("one.json"), read("identified.json"));
 }
 
-/// `--example coverage` prints the table over 200 records; here a few, over which intervals must hold the truth most of the time.
+/// `--example coverage` prints the table over 200 records; here a few, over which intervals must
+/// hold the truth most of the time.
 #[test]
 fn intervals_of_both_methods_hold_the_truth() {
     for (method, all) in tally(1024, 60.0, 1..=12, &[Method::Weak, Method::Shooting]).into_iter().enumerate() {

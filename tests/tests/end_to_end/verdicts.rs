@@ -1,4 +1,5 @@
-//! What a record contradicts is named, and the exit status says whether the answer stands: one a line.
+//! What a record contradicts is named, and the exit status says whether the answer stands: one a
+//! line.
 
 use std::path::Path;
 
@@ -21,7 +22,8 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-/// Runs `identify` and checks its status and that it warns of just the ids that are named, of those that are judged here.
+/// Runs `identify` and checks its status and that it warns of just the ids that are named, of those
+/// that are judged here.
 fn identified(at: &Path, arguments: &str, status: i32, ids: &[&str]) {
     let run = whirl(at, &format!("identify {arguments} --json out.json"));
     assert_eq!(run.status, status, "{arguments}: {run:?}");

@@ -1,9 +1,10 @@
-//! An image as a file that a board takes by drag and drop: `.bin` as the ST-LINK's drive wants it, `.uf2` for bootloaders
-//! that show a drive of their own.
+//! An image as a file that a board takes by drag and drop: `.bin` as the ST-LINK's drive wants it,
+//! `.uf2` for bootloaders that show a drive of their own.
 //!
-//! The bytes are those of the ELF file's loadable segments at their load addresses (System V ABI, 32 bits, little-endian);
-//! what lies between two segments is 0xFF, as in erased flash. UF2 is Microsoft's format: blocks of 512 bytes with 256 of
-//! payload each, every block with its address, number and the chip family's id.
+//! The bytes are those of the ELF file's loadable segments at their load addresses (System V ABI,
+//! 32 bits, little-endian); what lies between two segments is 0xFF, as in erased flash. UF2 is
+//! Microsoft's format: blocks of 512 bytes with 256 of payload each, every block with its address,
+//! number and the chip family's id.
 
 use std::fmt;
 
@@ -73,8 +74,8 @@ impl Image {
         Ok(Self { address, bytes })
     }
 
-    /// Whether the boot ROM of an RP2350 takes it for a program: a block of its own that says so lies within the first 4 kB
-    /// (datasheet, 5.9).
+    /// Whether the boot ROM of an RP2350 takes it for a program: a block of its own that says so
+    /// lies within the first 4 kB (datasheet, 5.9).
     #[must_use]
     pub fn has_boot_block(&self) -> bool {
         // The block's begin, then its first item: type of image, one word.

@@ -1,4 +1,5 @@
-//! What the build scripts of all boards share: linker arguments and the build id. The program makes files of their images.
+//! What the build scripts of all boards share: linker arguments and the build id. The program makes
+//! files of their images.
 
 pub mod image;
 
@@ -19,7 +20,8 @@ const SOURCES: [&str; 6] = [
 
 /// Sets `WHIRL_BUILD_ID` for the crate, and the linker's arguments where it is built for a device.
 ///
-/// `own` are the board's own sources, by their paths in the repository; `scripts` the linker scripts, in order.
+/// `own` are the board's own sources, by their paths in the repository; `scripts` the linker
+/// scripts, in order.
 ///
 /// # Errors
 /// Sources that cannot be read.
@@ -74,7 +76,8 @@ fn is_test(name: &str) -> bool {
     name == "tests" || name == "testing.rs" || name.ends_with("tests.rs")
 }
 
-/// FNV-1a over names and contents, in the order of the names: the same sources have the same id on every machine.
+/// FNV-1a over names and contents, in the order of the names: the same sources have the same id on
+/// every machine.
 fn id(root: &Path, mut paths: Vec<PathBuf>) -> io::Result<u32> {
     paths.sort();
     let mut hash = 0x811c_9dc5_u32;

@@ -1,5 +1,6 @@
-//! `cargo run -p whirl-board-build -- FOLDER` builds the images of all boards and leaves them there as `.elf`, `.bin` and
-//! `.uf2`, with their sizes, so that a board can be flashed without Rust and without a debug probe.
+//! `cargo run -p whirl-board-build -- FOLDER` builds the images of all boards and leaves them there
+//! as `.elf`, `.bin` and `.uf2`, with their sizes, so that a board can be flashed without Rust and
+//! without a debug probe.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -9,7 +10,8 @@ use whirl_board_build::image::{Image, has_messages};
 
 const CORTEX_M4F: &str = "thumbv7em-none-eabihf";
 const CORTEX_M33F: &str = "thumbv8m.main-none-eabihf";
-/// Boards, with their targets and their chips' families in UF2 (microsoft/uf2, `utils/uf2families.json`).
+/// Boards, with their targets and their chips' families in UF2 (microsoft/uf2,
+/// `utils/uf2families.json`).
 const BOARDS: [(&str, &str, u32); 3] = [
     ("nucleo-g474re", CORTEX_M4F, 0x4c71_240a),
     ("nucleo-f446re", CORTEX_M4F, 0x5775_5a57),

@@ -1,8 +1,10 @@
-//! What lasts over a reset of a board, in memory that nothing initialises: the boot's id, both counts, a panic's text.
+//! What lasts over a reset of a board, in memory that nothing initialises: the boot's id, both
+//! counts, a panic's text.
 //!
-//! After power-on such memory holds the noise of its cells, after a reset what was there. What is kept in it goes by the
-//! checksums of [`whirl_firmware::kept`]. One place for all boards: they differ in how they tell why they were reset, and in
-//! what makes a boot's id differ from another's.
+//! After power-on such memory holds the noise of its cells, after a reset what was there. What is
+//! kept in it goes by the checksums of [`whirl_firmware::kept`]. One place for all boards: they
+//! differ in how they tell why they were reset, and in what makes a boot's id differ from
+//! another's.
 #![no_std]
 
 use core::ptr::{read_volatile, write_volatile};
@@ -25,7 +27,8 @@ static COUNTS: [Place<KEPT_LEN>; 2] = [Place::new(), Place::new()];
 #[cfg_attr(target_os = "none", unsafe(link_section = ".uninit.note"))]
 static NOTE: Place<NOTE_LEN> = Place::new();
 
-/// Bytes that are read as they are found: the compiler is not to believe in the value that a static begins with.
+/// Bytes that are read as they are found: the compiler is not to believe in the value that a static
+/// begins with.
 struct Place<const N: usize>([AtomicU8; N]);
 
 impl<const N: usize> Place<N> {
@@ -40,14 +43,16 @@ impl<const N: usize> Place<N> {
 
     fn store(&self, bytes: &[u8; N]) {
         for (place, &byte) in self.0.iter().zip(bytes) {
-            // SAFETY: as above; each place has one writer: the boot, the tick's interrupt or, with interrupts off, a panic.
+            // SAFETY: as above; each place has one writer: the boot, the tick's interrupt or, with
+            // interrupts off, a panic.
             unsafe { write_volatile(place.as_ptr(), byte) };
         }
     }
 }
 
-/// The id of this boot: a hash (FNV-1a) of what the memory held and of bytes that are the board's own, left there so that
-/// the next reset has another one. To be called once, before anything else runs.
+/// The id of this boot: a hash (FNV-1a) of what the memory held and of bytes that are the board's
+/// own, left there so that the next reset has another one. To be called once, before anything else
+/// runs.
 pub fn boot_id(own: impl IntoIterator<Item = u8>) -> u32 {
     let mut noise = BOOT.load();
     let hash = |hash: u32, byte: u8| (hash ^ u32::from(byte)).wrapping_mul(0x0100_0193);
@@ -66,8 +71,9 @@ pub fn boot_number(first: bool) -> u32 {
 
 /// What came before. To be called once, before the tick runs.
 ///
-/// `cause` is what the chip tells of its reset; none where it cannot: counts that are whole then say that it was one from
-/// within. A panic ends in the watchdog's reset, and is known by the text that it left.
+/// `cause` is what the chip tells of its reset; none where it cannot: counts that are whole then
+/// say that it was one from within. A panic ends in the watchdog's reset, and is known by the text
+/// that it left.
 pub fn before(cause: Option<ResetCause>) -> Boot {
     let kept = newest(&COUNTS.each_ref().map(Place::load)).map(|(_, kept)| kept);
     let unknown = if kept.is_some() { ResetCause::Watchdog } else { ResetCause::Unknown };
@@ -81,7 +87,8 @@ pub fn before(cause: Option<ResetCause>) -> Boot {
     boot
 }
 
-/// Leaves both counts for the next boot; `number` counts the calls. The tick's interrupt alone calls it.
+/// Leaves both counts for the next boot; `number` counts the calls. The tick's interrupt alone
+/// calls it.
 pub fn keep(number: u32, kept: &Kept) {
     COUNTS[(number & 1) as usize].store(&to_bytes(number, kept));
 }

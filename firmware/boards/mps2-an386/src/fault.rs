@@ -1,5 +1,5 @@
-//! What happens when nothing can go on: the plant is told that the shaker is silent, then the emulation ends, or, where a
-//! test wants it, the machine is reset as a watchdog does it.
+//! What happens when nothing can go on: the plant is told that the shaker is silent, then the
+//! emulation ends, or, where a test wants it, the machine is reset as a watchdog does it.
 
 use core::fmt::Write;
 use core::panic::PanicInfo;

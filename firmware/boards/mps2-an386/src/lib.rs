@@ -1,5 +1,5 @@
-//! QEMU's mps2-an386 for the firmware: peripherals, semihosting, stack. The binaries are the rig, the test cases and the
-//! measurements.
+//! QEMU's mps2-an386 for the firmware: peripherals, semihosting, stack. The binaries are the rig,
+//! the test cases and the measurements.
 #![no_std]
 
 #[cfg(target_os = "none")]

@@ -18,7 +18,8 @@ const RELOAD: usize = 0x8;
 const CLEAR: usize = 0xC;
 
 fn write(address: usize, value: u32) {
-    // SAFETY: every address in this file is a register of this machine that is written as a word, with no effect on memory.
+    // SAFETY: every address in this file is a register of this machine that is written as a word,
+    // with no effect on memory.
     unsafe { write_volatile(address as *mut u32, value) }
 }
 

@@ -6,8 +6,9 @@
 //! | encoders and shaker | one exchange a tick over the semihosting pipes ([`whirl_firmware::lock_step`]) | quadrature timers, DAC |
 //! | the product's stream | UART0 | a UART |
 //!
-//! Everything else is the firmware library, split between interrupt and thread as on a real board. The thread spins
-//! where a real one sleeps: QEMU 7.2 runs its timers at half their rate over WFI when instructions are counted.
+//! Everything else is the firmware library, split between interrupt and thread as on a real board.
+//! The thread spins where a real one sleeps: QEMU 7.2 runs its timers at half their rate over WFI
+//! when instructions are counted.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

@@ -1,4 +1,5 @@
-//! The plant's end: encoders and shaker are what the last exchange brought and what the next one takes.
+//! The plant's end: encoders and shaker are what the last exchange brought and what the next one
+//! takes.
 
 use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU16, AtomicUsize, Ordering::Relaxed};
 

@@ -173,8 +173,8 @@ impl Thread {
     }
 }
 
-/// The board's settings in force, and those of the image. The host may be as silent as it is allowed to be: it lives by another
-/// clock.
+/// The board's settings in force, and those of the image. The host may be as silent as it is
+/// allowed to be: it lives by another clock.
 fn settings() -> [Settings; 2] {
     // The machine has no flag that tells why it was reset.
     let boot = lasting::before(None);
@@ -216,7 +216,8 @@ fn start() -> Option<Thread> {
     machine::start_clock();
     let plant = Plant::open()?;
     machine::start_uart();
-    // The tick starts some instructions later, so that its interrupt never comes before the clock's tick.
+    // The tick starts some instructions later, so that its interrupt never comes before the clock's
+    // tick.
     let start = machine::clock();
     machine::start_tick(period);
     let interrupt = Interrupt {
@@ -231,7 +232,8 @@ fn start() -> Option<Thread> {
         tick: 0,
     };
     cortex_m::interrupt::free(|section| INTERRUPT.borrow(section).replace(Some(interrupt)));
-    // SAFETY: the interrupt's handler and all that it uses are there, and no critical section of ours is open.
+    // SAFETY: the interrupt's handler and all that it uses are there, and no critical section of
+    // ours is open.
     unsafe { NVIC::unmask(Timer0) };
     Some(Thread { link, blocks, events, requests, host })
 }

@@ -10,14 +10,16 @@ use cortex_m_semihosting::{nr, syscall};
 pub struct File(usize);
 
 impl File {
-    /// Opens a file of the emulator's folder; `name` ends with a zero byte. `None` where that fails.
+    /// Opens a file of the emulator's folder; `name` ends with a zero byte. `None` where that
+    /// fails.
     pub fn open(name: &str, write: bool) -> Option<Self> {
         if !name.ends_with('\0') {
             return None;
         }
         // Modes of the ARM semihosting specification: "rb" and "wb".
         let mode = if write { 5_usize } else { 1 };
-        // SAFETY: name and length describe a string that lives across the call, as SYS_OPEN wants it.
+        // SAFETY: name and length describe a string that lives across the call, as SYS_OPEN wants
+        // it.
         let handle = unsafe { syscall!(OPEN, name.as_ptr(), mode, name.len() - 1) };
         (handle != usize::MAX).then_some(Self(handle))
     }
@@ -79,7 +81,8 @@ impl Write for Console {
 /// The arguments that the emulator was given, at most `buffer`'s length of them.
 pub fn arguments(buffer: &mut [u8]) -> Option<&str> {
     let mut block = [buffer.as_mut_ptr() as usize, buffer.len()];
-    // SAFETY: the block names a buffer of ours with its length, as SYS_GET_CMDLINE wants it, and takes the text's length.
+    // SAFETY: the block names a buffer of ours with its length, as SYS_GET_CMDLINE wants it, and
+    // takes the text's length.
     let result = unsafe { cortex_m_semihosting::syscall1(nr::GET_CMDLINE, block.as_mut_ptr() as usize) };
     // What was written through the pointer is read by the pointer.
     // SAFETY: the second word is initialised.

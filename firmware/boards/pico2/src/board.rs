@@ -1,7 +1,8 @@
 //! Clocks, pins, watchdog, settings.
 //!
-//! Encoder 1 A, B, index on GP2, GP3, GP4, encoder 2 on GP6, GP7, GP8, shaker and enable on GP16 and GP17, light on GP25. The
-//! crystal has 12 MHz, the processor and the slices 150 MHz of it, TIMER 0 counts its microseconds.
+//! Encoder 1 A, B, index on GP2, GP3, GP4, encoder 2 on GP6, GP7, GP8, shaker and enable on GP16
+//! and GP17, light on GP25. The crystal has 12 MHz, the processor and the slices 150 MHz of it,
+//! TIMER 0 counts its microseconds.
 
 use core::fmt::Write;
 
@@ -76,8 +77,8 @@ pub struct Parts {
 pub struct Dog(Watchdog);
 
 impl Dog {
-    /// Running from the first instructions on, by the ring oscillator that the chip boots with: a crystal that does not start ends in a
-    /// reset, not in silence. A debugger's halt stops it.
+    /// Running from the first instructions on, by the ring oscillator that the chip boots with: a
+    /// crystal that does not start ends in a reset, not in silence. A debugger's halt stops it.
     pub fn watch() -> Self {
         // About a microsecond: the oscillator has 4.6 to 19.6 MHz. With the crystal it is one.
         pac::TICKS.watchdog_cycles().write(|w| w.0 = 12);
@@ -201,8 +202,9 @@ pub fn clock() -> u32 {
     pac::TIMER0.timerawl().read()
 }
 
-/// Starts both slices by one write, right behind a step of the free clock; what that shows then. A tick is whole microseconds,
-/// so that it stays that far behind: its interrupt never finds the clock a step short.
+/// Starts both slices by one write, right behind a step of the free clock; what that shows then. A
+/// tick is whole microseconds, so that it stays that far behind: its interrupt never finds the
+/// clock a step short.
 pub fn start() -> u32 {
     pac::PWM.intr().write(|w| w.0 = 1 << TICK);
     pac::PWM.irq0_inte().write(|w| w.0 = 1 << TICK);

@@ -1,15 +1,17 @@
-//! A quadrature decoder in a PIO state machine: every edge counts one, up or down, in 32 bits; nothing is asked of the
-//! processor.
+//! A quadrature decoder in a PIO state machine: every edge counts one, up or down, in 32 bits;
+//! nothing is asked of the processor.
 //!
-//! A and B are two pins in a row. With s = A + 2B the pair goes through 0, 1, 3, 2, 0 when the encoder turns up: four counts a
-//! line. The program keeps the count in Y and the last pair in OSR. It jumps into a table of sixteen entries by the last pair and
-//! the new one; a pair in which both lines have changed at once cannot come from one edge, and moves nothing. After each
-//! look at the pins the count goes to entry 0 of the RX FIFO, which the processor may read at any time (RP2350 datasheet,
-//! 11.4.8: "for example a quadrature decoder"), and to entry 1 as long as the index's pin is high: there the count stands that
-//! the encoder had when it left the mark.
+//! A and B are two pins in a row. With s = A + 2B the pair goes through 0, 1, 3, 2, 0 when the
+//! encoder turns up: four counts a line. The program keeps the count in Y and the last pair in OSR.
+//! It jumps into a table of sixteen entries by the last pair and the new one; a pair in which both
+//! lines have changed at once cannot come from one edge, and moves nothing. After each look at the
+//! pins the count goes to entry 0 of the RX FIFO, which the processor may read at any time (RP2350
+//! datasheet, 11.4.8: "for example a quadrature decoder"), and to entry 1 as long as the index's
+//! pin is high: there the count stands that the encoder had when it left the mark.
 //!
-//! A round takes 8 to 13 cycles. At [`DIVIDER`] that is 1.3 µs at most: 187 turns a second at 4096 counts, nine times what the
-//! rig turns. There is no filter: a line that spikes and returns counts one up and one down, whatever is seen of it.
+//! A round takes 8 to 13 cycles. At [`DIVIDER`] that is 1.3 µs at most: 187 turns a second at 4096
+//! counts, nine times what the rig turns. There is no filter: a line that spikes and returns counts
+//! one up and one down, whatever is seen of it.
 
 use pio::{Program, pio_asm};
 
@@ -22,7 +24,8 @@ pub const COUNT: usize = 0;
 /// Entry of the RX FIFO in which the count stands that was last seen within the index's mark.
 pub const MARK: usize = 1;
 
-/// The program. It must lie at address 0, shift in to the left and out to the right, and have the RX FIFO as status.
+/// The program. It must lie at address 0, shift in to the left and out to the right, and have the
+/// RX FIFO as status.
 #[must_use]
 pub fn program() -> Program<LENGTH> {
     pio_asm!(
@@ -73,13 +76,15 @@ pub fn program() -> Program<LENGTH> {
     .program
 }
 
-/// What is to be executed before the program: the count is zero, and the last pair is the present one.
+/// What is to be executed before the program: the count is zero, and the last pair is the present
+/// one.
 #[must_use]
 pub fn start() -> Program<LENGTH> {
     pio_asm!("set y, 0", "mov isr, null", "in pins, 2", "mov osr, isr").program
 }
 
-/// What the processor makes of the index: a count once for every time that the encoder has left its mark.
+/// What the processor makes of the index: a count once for every time that the encoder has left its
+/// mark.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Mark {
     told: u32,
@@ -92,8 +97,9 @@ impl Mark {
         Self { told: entry }
     }
 
-    /// The count at which the mark was left since this was last asked, modulo 2¹⁶; none as long as the encoder is within it. A line
-    /// that is not wired is pulled up, as if it never left. The entry is to be read before the pin.
+    /// The count at which the mark was left since this was last asked, modulo 2¹⁶; none as long as
+    /// the encoder is within it. A line that is not wired is pulled up, as if it never left. The
+    /// entry is to be read before the pin.
     pub fn left(&mut self, entry: u32, high: bool) -> Option<u16> {
         if high || entry == self.told {
             return None;

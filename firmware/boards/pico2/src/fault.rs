@@ -1,5 +1,5 @@
-//! What happens when nothing can go on: the shaker is silenced first, then the cause is left for the next boot and told, then
-//! the watchdog resets.
+//! What happens when nothing can go on: the shaker is silenced first, then the cause is left for
+//! the next boot and told, then the watchdog resets.
 
 use core::fmt;
 use core::panic::PanicInfo;

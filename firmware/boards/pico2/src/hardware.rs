@@ -12,7 +12,8 @@ use whirl_board_pico2::decoder::{self, COUNT, MARK, Mark};
 use whirl_board_pico2::player::{Slices, WIDTH};
 use whirl_firmware::QuadratureCounter;
 
-/// Slice of the points (GP16 is its output A), and that of the tick, which has no pins on this chip.
+/// Slice of the points (GP16 is its output A), and that of the tick, which has no pins on this
+/// chip.
 pub const POINTS: usize = 0;
 /// Slice of the tick.
 pub const TICK: usize = 8;
@@ -29,8 +30,8 @@ pub struct Decoder<const SM: usize> {
 }
 
 impl<const SM: usize> Decoder<SM> {
-    /// Takes a state machine and three pins, A and B in a row, all pulled up: a line that is not wired, or whose buffer has no
-    /// supply, is a level and no noise.
+    /// Takes a state machine and three pins, A and B in a row, all pulled up: a line that is not
+    /// wired, or whose buffer has no supply, is a level and no noise.
     pub fn new(
         mut machine: StateMachine<'static, PIO0, SM>,
         common: &mut Common<'static, PIO0>,
@@ -105,7 +106,8 @@ impl Slices for Registers {
         cortex_m::asm::dmb();
         channel.ctrl_trig().write(|w| {
             w.set_treq_sel(TreqSel::PWM_WRAP0);
-            // A half word goes to both halves of the register (datasheet, 2.1.5): output B has no pin.
+            // A half word goes to both halves of the register (datasheet, 2.1.5): output B has no
+            // pin.
             w.set_data_size(DataSize::SIZE_HALFWORD);
             w.set_incr_read(true);
             w.set_incr_write(false);
@@ -130,8 +132,8 @@ fn stop_points() {
     while pac::DMA.chan_abort().read().chan_abort() & 1 << CHANNEL != 0 {}
 }
 
-/// Amplifier off, no more points, set point at rest: by registers, since whoever owns them may be the one who panicked. Blocks that
-/// are still in reset are left alone: an access may fault.
+/// Amplifier off, no more points, set point at rest: by registers, since whoever owns them may be
+/// the one who panicked. Blocks that are still in reset are left alone: an access may fault.
 pub fn silence() {
     pac::SIO.gpio_out(0).value_clr().write_value(1 << ENABLE);
     pac::SIO.gpio_oe(0).value_set().write_value(1 << ENABLE);

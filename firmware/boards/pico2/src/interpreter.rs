@@ -1,4 +1,5 @@
-//! A PIO state machine for tests: the instructions that the decoder uses, as in the RP2350 datasheet, 11.4, one cycle each.
+//! A PIO state machine for tests: the instructions that the decoder uses, as in the RP2350
+//! datasheet, 11.4, one cycle each.
 
 use pio::Program;
 

@@ -1,5 +1,5 @@
-//! What of the Pico 2's firmware is no register: the program of its quadrature decoders, the order of the shaker's points,
-//! the reset's cause. It is the same on a host, where it is tested.
+//! What of the Pico 2's firmware is no register: the program of its quadrature decoders, the order
+//! of the shaker's points, the reset's cause. It is the same on a host, where it is tested.
 #![no_std]
 
 #[cfg(test)]

@@ -1,12 +1,13 @@
-//! The shaker's points by pulse width: a PWM slice wraps 40 000 times a second, and DMA brings it the next point's width at
-//! each wrap. Two resistors and two capacitors make a voltage of it.
+//! The shaker's points by pulse width: a PWM slice wraps 40 000 times a second, and DMA brings it
+//! the next point's width at each wrap. Two resistors and two capacitors make a voltage of it.
 //!
-//! A second slice wraps once a tick and makes its interrupt; both were started by one write, run from one clock, and a tick is
-//! a whole number of points. So the tick's slice tells which point is out. A width that is written goes out with the next
-//! wrap: when point k is out, that of k + 1 is in the register already, and k + 2 is the first that can still be chosen.
+//! A second slice wraps once a tick and makes its interrupt; both were started by one write, run
+//! from one clock, and a tick is a whole number of points. So the tick's slice tells which point is
+//! out. A width that is written goes out with the next wrap: when point k is out, that of k + 1 is
+//! in the register already, and k + 2 is the first that can still be chosen.
 //!
-//! Each tick's points are a run of their own, not a ring: where the next tick does not come, the last width stands, which is
-//! so in a debugger's halt too.
+//! Each tick's points are a run of their own, not a ring: where the next tick does not come, the
+//! last width stands, which is so in a debugger's halt too.
 
 use whirl_firmware::dac::Converter;
 use whirl_firmware::pacing::Schedule;
@@ -22,8 +23,9 @@ pub const MOST: usize = 160;
 pub type Run = [u16; MOST + BEYOND];
 /// Greatest sampling rate, mHz: the thread's work of a sample takes 17 000 instructions at most.
 const RATE_MAX_MILLIHERTZ: u32 = 2_000_000;
-/// Counts of the tick's slice about a wrap of the points in which it is not to be told on which side of it a point is: the two
-/// slices may be some clocks apart, and a count is two clocks or more.
+/// Counts of the tick's slice about a wrap of the points in which it is not to be told on which
+/// side of it a point is: the two slices may be some clocks apart, and a count is two clocks or
+/// more.
 const UNCLEAR: u32 = 8;
 
 /// How the slices run at a rate; none where a tick would not be a whole number of points.
@@ -52,7 +54,8 @@ pub trait Slices {
     fn written(&self) -> u16;
     /// Writes a width.
     fn write(&mut self, width: u16);
-    /// Writes one of these at each wrap of the points from now on. They are left alone until [`Self::stop`].
+    /// Writes one of these at each wrap of the points from now on. They are left alone until
+    /// [`Self::stop`].
     fn start(&mut self, widths: &[u16]);
     /// Writes no more.
     fn stop(&mut self);

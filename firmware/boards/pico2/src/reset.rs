@@ -1,10 +1,11 @@
-//! Why the chip was reset, of what it tells: the watchdog's reason, a word that lasts over resets from within, and the
-//! power manager's flags.
+//! Why the chip was reset, of what it tells: the watchdog's reason, a word that lasts over resets
+//! from within, and the power manager's flags.
 //!
-//! The flags tell of the last reset of the whole chip, and stay as they are over resets from within; so does the word, which
-//! power, the RUN pin and brown-outs clear (RP2350 datasheet, 12.9.5 and 7.3). The boot ROM's own restarts (after an image has been
-//! dropped on its drive) look like ours but for the word: arms may have turned meanwhile, so that nothing is believed to
-//! have lasted.
+//! The flags tell of the last reset of the whole chip, and stay as they are over resets from
+//! within; so does the word, which power, the RUN pin and brown-outs clear (RP2350 datasheet,
+//! 12.9.5 and 7.3). The boot ROM's own restarts (after an image has been dropped on its drive) look
+//! like ours but for the word: arms may have turned meanwhile, so that nothing is believed to have
+//! lasted.
 
 use whirl_shared::frame::ResetCause;
 

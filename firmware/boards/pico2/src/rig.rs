@@ -33,7 +33,8 @@ const RTT_UP: usize = 4_608;
 const RTT_DOWN: usize = 256;
 const RTT_MESSAGES: usize = 1_024;
 
-/// Blocks that are kept for the host to ask for again: 80 s of samples at 500 Hz, half of the memory.
+/// Blocks that are kept for the host to ask for again: 80 s of samples at 500 Hz, half of the
+/// memory.
 const KEPT: usize = 4_000;
 
 /// What the interrupt owns.
@@ -64,7 +65,8 @@ fn PWM_IRQ_WRAP_0() {
 impl Interrupt {
     fn run(&mut self) {
         let told = self.pacer.latch(board::clock, || self.sampler.latch());
-        // An interrupt whose tick has been told with the one before is none. The clock counts microseconds.
+        // An interrupt whose tick has been told with the one before is none. The clock counts
+        // microseconds.
         let Some(Passed { missed, latency }) = told else { return };
         self.sampler.tick(missed, latency, &mut self.blocks, &mut self.events, &mut self.requests);
         self.light.set_level(self.sampler.light().into());
@@ -106,7 +108,8 @@ impl Thread {
             while self.port.ready()
                 && let Some(n) = self.link.poll_transmit(&mut frame, &mut self.blocks, &mut self.events)
             {
-                // Nobody may be listening here; a channel that is full drops the whole frame, which its numbers show.
+                // Nobody may be listening here; a channel that is full drops the whole frame, which
+                // its numbers show.
                 self.rtt.0.write(&frame[..n]);
                 self.port.send(&frame[..n]);
                 self.pet();
@@ -120,7 +123,8 @@ impl Thread {
         }
     }
 
-    /// Keeps settings that were changed. The processor stands meanwhile: its program is in the same flash.
+    /// Keeps settings that were changed. The processor stands meanwhile: its program is in the same
+    /// flash.
     fn keep(&mut self) {
         let Some(words) = self.link.settings_to_keep() else { return };
         self.dog.wait_longer();
@@ -171,12 +175,14 @@ fn assemble(parts: board::Parts, rtt: (UpChannel, DownChannel), dog: Dog, spawne
         ticks: 0,
     };
     cortex_m::interrupt::free(|section| INTERRUPT.borrow(section).replace(Some(interrupt)));
-    // SAFETY: the interrupt's handler and all that it uses are there, and no critical section of ours is open.
+    // SAFETY: the interrupt's handler and all that it uses are there, and no critical section of
+    // ours is open.
     unsafe { interrupt::PWM_IRQ_WRAP_0.enable() };
     Some(Thread { link, blocks, events, requests, port, rtt, store: parts.store, dog, petted_at: 0 })
 }
 
-/// RTT: messages on channel 0, the product's stream on channel 1, the host's bytes on channel 0 down.
+/// RTT: messages on channel 0, the product's stream on channel 1, the host's bytes on channel 0
+/// down.
 fn rtt() -> (UpChannel, DownChannel) {
     let channels = rtt_target::rtt_init! {
         up: {

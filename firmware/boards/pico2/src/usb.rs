@@ -1,7 +1,8 @@
 //! The stream over USB: a serial port of its own (CDC-ACM).
 //!
-//! Where nobody has the port open, and so does not set DTR, frames are dropped whole, which their numbers show. Where somebody has
-//! it open and does not read, they wait: blocks then wait in their queue, which counts what it cannot take.
+//! Where nobody has the port open, and so does not set DTR, frames are dropped whole, which their
+//! numbers show. Where somebody has it open and does not read, they wait: blocks then wait in their
+//! queue, which counts what it cannot take.
 
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
@@ -20,7 +21,8 @@ use whirl_shared::codec::MAX_FRAME;
 /// Bytes that wait: a second of the stream.
 const TO_HOST: usize = 4_608;
 const FROM_HOST: usize = 512;
-/// A packet that is not full ends a transfer: the host has its bytes at once, and no empty packet is needed.
+/// A packet that is not full ends a transfer: the host has its bytes at once, and no empty packet
+/// is needed.
 const PACKET: usize = 63;
 /// Raspberry Pi's own numbers for a serial port of its chips, as its SDK has them.
 const VENDOR: u16 = 0x2e8a;

@@ -12,7 +12,8 @@ pub(super) const CONSTANT: EffectInfo = EffectInfo {
     apply: |a, place, value, _| a.joints[place.index()].constant += value,
 };
 
-/// A disturbance of its own frequency, which knows neither the drive nor its phase. It is there before the record too.
+/// A disturbance of its own frequency, which knows neither the drive nor its phase. It is there
+/// before the record too.
 pub(super) const TONE: EffectInfo = EffectInfo {
     id: "tone",
     places: JOINTS,

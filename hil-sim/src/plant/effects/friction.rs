@@ -1,8 +1,8 @@
 //! Friction in a joint and drag of an arm.
 //!
-//! Dry friction (everything with sign v) also holds: at v = 0 the joint sticks as long as the torque needed is within
-//! the sum of the levels. Stribeck's, load-dependent and asymmetric friction come on top of the Coulomb level, which may
-//! be zero.
+//! Dry friction (everything with sign v) also holds: at v = 0 the joint sticks as long as the
+//! torque needed is within the sum of the levels. Stribeck's, load-dependent and asymmetric
+//! friction come on top of the Coulomb level, which may be zero.
 
 use super::{ARMS, EffectInfo, JOINTS, ParameterInfo, Range};
 
@@ -51,7 +51,8 @@ pub(super) const LOAD_DEPENDENT: EffectInfo = EffectInfo {
     places: JOINTS,
     unit: "m",
     parameters: &[],
-    // The load is the joint's whole force across its axis, from the motion itself; the unit is that of μ times radius.
+    // The load is the joint's whole force across its axis, from the motion itself; the unit is that
+    // of μ times radius.
     equation: "-mu |F| sign v, F the force across the joint's axis (N)",
     range: Range::between(0.0, 0.01),
     apply: |a, place, value, _| a.joints[place.index()].per_load += value,

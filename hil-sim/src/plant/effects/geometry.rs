@@ -2,8 +2,9 @@
 
 use super::{ARMS, EffectInfo, Place, Range};
 
-/// The centroid of arm i lies e_i from its joint at φ_i + β instead of φ_i. The line of arm 1 runs to joint 2 (so that
-/// m2 l1 stays at φ1), that of arm 2 is what encoder 2 shows; J_o1 and J_o2 do not change.
+/// The centroid of arm i lies e_i from its joint at φ_i + β instead of φ_i. The line of arm 1 runs
+/// to joint 2 (so that m2 l1 stays at φ1), that of arm 2 is what encoder 2 shows; J_o1 and J_o2 do
+/// not change.
 pub(super) const IMBALANCE: EffectInfo = EffectInfo {
     id: "imbalance",
     places: ARMS,

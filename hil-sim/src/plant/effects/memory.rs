@@ -1,5 +1,5 @@
-//! Torques in a joint that depend on its past motion, through a state z that begins at 0. z is in rad, but for Dahl's,
-//! which is a share of d.
+//! Torques in a joint that depend on its past motion, through a state z that begins at 0. z is in
+//! rad, but for Dahl's, which is a share of d.
 
 use super::{EffectInfo, JOINTS, ParameterInfo, Range};
 use crate::plant::Memory;
@@ -29,7 +29,8 @@ pub(super) const DAHL: EffectInfo = EffectInfo {
     },
 };
 
-/// Maxwell's element: a spring for what is faster than T_r, viscous friction k T_r for what is slower.
+/// Maxwell's element: a spring for what is faster than T_r, viscous friction k T_r for what is
+/// slower.
 pub(super) const RELAXATION: EffectInfo = EffectInfo {
     id: "relaxation",
     places: JOINTS,
@@ -76,9 +77,9 @@ pub(super) const HYSTERESIS: EffectInfo = EffectInfo {
     },
 };
 
-/// The angle is counted on through whole turns: a joint that whirls winds the spring up, a turn of it 2πk, as if both
-/// arms held its ends. A joint that starts outside the play, |x| > b, pushes as soon as it moves outward, and keeps its
-/// lag until it has come back through the play.
+/// The angle is counted on through whole turns: a joint that whirls winds the spring up, a turn of
+/// it 2πk, as if both arms held its ends. A joint that starts outside the play, |x| > b, pushes as
+/// soon as it moves outward, and keeps its lag until it has come back through the play.
 pub(super) const PLAY: EffectInfo = EffectInfo {
     id: "play",
     places: JOINTS,
@@ -97,7 +98,8 @@ pub(super) const PLAY: EffectInfo = EffectInfo {
     },
 };
 
-/// C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky 1995: with their F_C and F_S, d = F_C/s0 and r = F_S/F_C − 1.
+/// C. Canudas de Wit, H. Olsson, K. J. Åström, P. Lischinsky 1995: with their F_C and F_S, d =
+/// F_C/s0 and r = F_S/F_C − 1.
 pub(super) const LUGRE: EffectInfo = EffectInfo {
     id: "lugre-friction",
     places: JOINTS,

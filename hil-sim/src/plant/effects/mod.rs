@@ -1,10 +1,11 @@
-//! The named effects that a rig may have beside its nominal model, with which the simulator hides what an
-//! identification must find.
+//! The named effects that a rig may have beside its nominal model, with which the simulator hides
+//! what an identification must find.
 //!
 //! [`LIST`] is the registration slice: one file each group, one line each effect. A text such as
-//! `quadratic-drag@arm2=2e-6` or `stribeck-friction@joint1=3e-4,v_s=0.8` is read by [`Effect::parse`]; the sum of all
-//! effects is [`Additions`] ([`combine`]). Effects of the same id and place add up (scale errors and eccentricities apply
-//! one after the other). Units are SI; angles in rad.
+//! `quadratic-drag@arm2=2e-6` or `stribeck-friction@joint1=3e-4,v_s=0.8` is read by
+//! [`Effect::parse`]; the sum of all effects is [`Additions`] ([`combine`]). Effects of the same id
+//! and place add up (scale errors and eccentricities apply one after the other). Units are SI;
+//! angles in rad.
 
 mod drive;
 mod forces;
@@ -132,8 +133,8 @@ pub struct EffectInfo {
     pub unit: &'static str,
     /// Secondary parameters.
     pub parameters: &'static [ParameterInfo],
-    /// What is added: v the joint's relative velocity, x its angle wrapped to [−π, π), ω an arm's absolute velocity,
-    /// θ an encoder's angle, τ the device's phase.
+    /// What is added: v the joint's relative velocity, x its angle wrapped to [−π, π), ω an arm's
+    /// absolute velocity, θ an encoder's angle, τ the device's phase.
     pub equation: &'static str,
     /// Values that it may have.
     pub range: Range,
@@ -196,8 +197,9 @@ pub const MAX_EFFECTS: usize = 32;
 /// The sum of effects.
 ///
 /// # Errors
-/// More than [`MAX_EFFECTS`] of them, more harmonics of the drive or elements with a memory in a joint than there is room for, motion across
-/// the drive in two directions, more than one half of a second of delay in all.
+/// More than [`MAX_EFFECTS`] of them, more harmonics of the drive or elements with a memory in a
+/// joint than there is room for, motion across the drive in two directions, more than one half of a
+/// second of delay in all.
 pub fn combine(effects: &[Effect]) -> Result<Additions, EffectError> {
     if effects.len() > MAX_EFFECTS {
         return Err(EffectError::new("effects", &format!("{} of them", effects.len()), "at most 32 at once"));

@@ -47,8 +47,9 @@ impl Effect {
     /// Reads one effect.
     ///
     /// # Errors
-    /// An unknown id, a place where the effect does not act, a value that is no number or out of range, a parameter that
-    /// the effect does not have or that is given twice: each with what is allowed.
+    /// An unknown id, a place where the effect does not act, a value that is no number or out of
+    /// range, a parameter that the effect does not have or that is given twice: each with what is
+    /// allowed.
     pub fn parse(text: &str) -> Result<Self, EffectError> {
         let form = "ID@PLACE=VALUE[,name=value], such as quadratic-drag@arm2=2e-6";
         let whole = |expected: &str| EffectError::new("effect", &quoted(text), expected);

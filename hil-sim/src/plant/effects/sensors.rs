@@ -1,4 +1,5 @@
-//! What encoders make of their angles. They act on the measurement alone, before it is rounded to counts.
+//! What encoders make of their angles. They act on the measurement alone, before it is rounded to
+//! counts.
 
 use super::{ENCODERS, EffectInfo, PSI, Place, Range};
 use crate::plant::laws::SensorLaw;

@@ -1,5 +1,5 @@
-//! Torques that depend on a joint's angle. x is wrapped to [−π, π): where a torque is not periodic it jumps at ±π, and
-//! the integration ends a step there.
+//! Torques that depend on a joint's angle. x is wrapped to [−π, π): where a torque is not periodic
+//! it jumps at ±π, and the integration ends a step there.
 
 use super::{EffectInfo, JOINTS, PSI, ParameterInfo, Range};
 

@@ -1,8 +1,9 @@
-//! Events of one smooth stretch: functions that are positive inside it, rad or rad/s (of a joint that sticks: the margin as a share of the level), and
-//! their earliest zeros within a step.
+//! Events of one smooth stretch: functions that are positive inside it, rad or rad/s (of a joint
+//! that sticks: the margin as a share of the level), and their earliest zeros within a step.
 //!
-//! A dip below zero within a step is sought on the cubic through the function's values and slopes at both ends and checked on the true solution; a zero is
-//! found by bracketed secants whose every trial is a full Runge–Kutta step.
+//! A dip below zero within a step is sought on the cubic through the function's values and slopes
+//! at both ends and checked on the true solution; a zero is found by bracketed secants whose every
+//! trial is a full Runge–Kutta step.
 
 use super::{ARMS, angles, arms, velocities};
 use crate::integrator::{Integrator, Step};
@@ -83,7 +84,8 @@ impl Stretch<'_> {
         matches!(event, Event::Dry(i) if self.mode.dry[i] == Some(Dry::Stick))
     }
 
-    /// The event function of a state: positive inside the stretch. Sticking: margin as a share of the level.
+    /// The event function of a state: positive inside the stretch. Sticking: margin as a share of
+    /// the level.
     pub(super) fn distance<const N: usize>(&self, event: Event, t: f64, y: &[f64; N]) -> f64 {
         match event {
             Event::Dry(i) => match self.mode.dry[i] {
@@ -98,7 +100,8 @@ impl Stretch<'_> {
         }
     }
 
-    /// The event functions that are linear in the state, and, applied to the state's rate, their slopes.
+    /// The event functions that are linear in the state, and, applied to the state's rate, their
+    /// slopes.
     fn linear<const N: usize>(&self, event: Event, y: &[f64; N]) -> f64 {
         let x = |i: usize| angles(y)[i] - self.mode.turn[i];
         match event {
@@ -135,8 +138,9 @@ impl Stretch<'_> {
         };
         let (start, end) = (self.distance(event, t, y), self.distance(event, t + step.h, &step.end));
         if self.is_stick(event) {
-            // The margin is no function of the velocity alone: look at it a few times in the step, and closely where it is
-            // small. While both joints stick the state does not change, and while one does it changes slowly.
+            // The margin is no function of the velocity alone: look at it a few times in the step,
+            // and closely where it is small. While both joints stick the state does not change, and
+            // while one does it changes slowly.
             let mut low = (0.0, start);
             for share in [0.25, 0.5, 0.75] {
                 let h = share * step.h;
@@ -153,7 +157,8 @@ impl Stretch<'_> {
         let slopes = [self.slope(event, &step.start_rate) * step.h, self.slope(event, &end_rate) * step.h];
         let extremes = cubic_extremes(start, end, slopes);
         if end < NEGATIVE {
-            // Just after an event the function starts at zero: bracket from its maximum, if it has one.
+            // Just after an event the function starts at zero: bracket from its maximum, if it has
+            // one.
             let low = extremes
                 .iter()
                 .flatten()
@@ -196,7 +201,8 @@ fn cubic_extremes(start: f64, end: f64, slopes: [f64; 2]) -> [Option<(f64, f64)>
     [b / q, q / (3.0 * d)].map(|s| (s > 0.0 && s < 1.0).then_some((s, start + s * (b + s * (c + s * d)))))
 }
 
-/// A zero between a place where f is not negative and one where it is: the place, on the negative side.
+/// A zero between a place where f is not negative and one where it is: the place, on the negative
+/// side.
 fn root(f: impl Fn(f64) -> f64, low: (f64, f64), high: (f64, f64)) -> f64 {
     let (mut low, mut high) = (low, high);
     // Value at `high` as f gave it; `high.1` is halved by the rule below.

@@ -1,4 +1,5 @@
-//! Closed solutions: one pendulum's period, two small oscillations, a linear pendulum with Coulomb friction.
+//! Closed solutions: one pendulum's period, two small oscillations, a linear pendulum with Coulomb
+//! friction.
 
 use core::f64::consts::{PI, TAU};
 
@@ -32,7 +33,8 @@ fn a_large_swing_has_the_period_of_the_elliptic_integral() {
         let mut plant = plant(&parameters, &[], [theta, 0.0, 0.0, 0.0]);
         in_ticks(&mut plant, 3.0 * period);
         let state = plant.state();
-        // At the turning point the rate is zero: its error is the error in time times the acceleration.
+        // At the turning point the rate is zero: its error is the error in time times the
+        // acceleration.
         assert!((state[0] - theta).abs() < 1e-9, "{theta}: {state:?}");
         assert!(state[2].abs() < 2e-8, "{theta}: {state:?}");
     }
@@ -62,8 +64,8 @@ fn small_oscillations_are_the_sum_of_two_modes() {
 
 #[test]
 fn coulomb_friction_takes_the_same_from_every_swing_and_then_holds() {
-    // Linear: x'' + w² x = −w² d sign x', d = τ/(S1 g); every half period ends at |x| less by 2d, and the arm stops for
-    // good once |x| <= d at a turning point.
+    // Linear: x'' + w² x = −w² d sign x', d = τ/(S1 g); every half period ends at |x| less by 2d,
+    // and the arm stops for good once |x| <= d at a turning point.
     let parameters = Parameters { tau_c1: 0.0, ..single() };
     let stiffness = parameters.s1() * parameters.g;
     let (x0, d) = (1e-4, 1.15e-5);
@@ -108,8 +110,9 @@ fn samples_are_right_to_1e_8_over_a_drive_period() {
 
 #[test]
 fn the_driven_motion_is_that_of_another_integrator() {
-    // scipy.integrate.solve_ivp (SciPy 1.17, DOP853, rtol = atol = 1e-12) on the equations of method section 1.2 with
-    // numpy.linalg.solve, without Coulomb friction, from (0.3, 2, 0, 0): states every 0.2 s.
+    // scipy.integrate.solve_ivp (SciPy 1.17, DOP853, rtol = atol = 1e-12) on the equations of
+    // method section 1.2 with numpy.linalg.solve, without Coulomb friction, from (0.3, 2, 0, 0):
+    // states every 0.2 s.
     let reference = [
         [0.09793146074746739, -1.9834603746968187, -6.738981076144318, -34.24682228663681],
         [-0.4181225237544358, -10.119909037109574, -1.8228612203595518, -34.24058047285996],

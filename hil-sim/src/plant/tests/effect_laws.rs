@@ -1,4 +1,5 @@
-//! Every effect's torque against the product's table, written a second time here, and solved by Cramer's rule.
+//! Every effect's torque against the product's table, written a second time here, and solved by
+//! Cramer's rule.
 
 use core::f64::consts::PI;
 
@@ -172,7 +173,8 @@ fn imbalance_moves_the_centroid_and_leaves_the_arms_line() {
 
 #[test]
 fn the_load_is_the_force_that_moves_the_arms_below() {
-    // Forces from second differences of the centroids' positions along a motion with load-dependent friction.
+    // Forces from second differences of the centroids' positions along a motion with load-dependent
+    // friction.
     let p = frictionless();
     let effect = ["load-dependent-friction@joint1=1e-3", "load-dependent-friction@joint2=2e-4"];
     let position = |y: &State| {

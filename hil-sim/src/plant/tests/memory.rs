@@ -1,4 +1,5 @@
-//! Elements with a memory: against their differential equations, against closed motions, and where they are known laws.
+//! Elements with a memory: against their differential equations, against closed motions, and where
+//! they are known laws.
 
 use core::f64::consts::PI;
 
@@ -45,7 +46,8 @@ impl Written {
         self.effect.replacen("joint", joint, 1)
     }
 
-    /// z after a short time, from x and v at its start, middle and end (Runge and Kutta's rule; the play as its bounds).
+    /// z after a short time, from x and v at its start, middle and end (Runge and Kutta's rule; the
+    /// play as its bounds).
     fn next(&self, z: f64, [start, middle, end]: [[f64; 2]; 3], h: f64) -> f64 {
         if self.effect.starts_with("play") {
             return [start, middle, end].iter().fold(z, |z, [x, _]| z.clamp(x - 0.2, x + 0.2));
@@ -100,7 +102,8 @@ fn every_element_takes_the_work_of_its_law_from_both_arms() {
     }
 }
 
-/// A single pendulum by Runge and Kutta's rule in small steps, with its element at joint 1: angle and rate after `seconds`.
+/// A single pendulum by Runge and Kutta's rule in small steps, with its element at joint 1: angle
+/// and rate after `seconds`.
 fn single_by_small_steps(law: &Written, parameters: &Parameters, start: [f64; 2], seconds: f64) -> [f64; 2] {
     let h = 2e-5;
     let ([mut x, mut v], mut z) = (start, 0.0);
@@ -209,7 +212,8 @@ fn floating(effect: &str, start: [f64; 2]) -> Plant {
     plant(&parameters, &[effect], [start[0], 0.0, start[1], 0.0])
 }
 
-/// J θ″ = −k z, z′ = θ′ − z/T, so that z″ + z′/T + (k/J) z = 0 and θ = θ₀ + z + ∫ z dt/T, through many turns.
+/// J θ″ = −k z, z′ = θ′ − z/T, so that z″ + z′/T + (k/J) z = 0 and θ = θ₀ + z + ∫ z dt/T, through
+/// many turns.
 #[test]
 fn a_spring_behind_a_damper_follows_its_closed_motion() {
     let (k, time, j, v) = (0.02_f64, 0.4, 2e-3, 60.0);
@@ -228,8 +232,8 @@ fn a_spring_behind_a_damper_follows_its_closed_motion() {
     assert!(plant.state()[0] > 4.0 * PI);
 }
 
-/// Free through the play, then an oscillator about its edge, wound up over several turns; back through the play under the
-/// torque that z keeps.
+/// Free through the play, then an oscillator about its edge, wound up over several turns; back
+/// through the play under the torque that z keeps.
 #[test]
 fn play_winds_up_over_whole_turns() {
     let (k, b, j, v) = (0.02_f64, 0.5, 2e-3, 60.0);
@@ -261,7 +265,8 @@ fn play_winds_up_over_whole_turns() {
     }
 }
 
-/// With a presliding distance far below the motion it is Coulomb's friction; whole turns do not matter.
+/// With a presliding distance far below the motion it is Coulomb's friction; whole turns do not
+/// matter.
 #[test]
 fn a_short_presliding_distance_is_coulombs_friction() {
     let coulomb = swing(&["coulomb-friction@joint2=2e-4"], 0.01, 1.0);
@@ -297,7 +302,8 @@ fn a_driven_rig_bears_them_all_beside_friction_that_sticks() {
     assert!(sticks > 20, "{sticks}");
 }
 
-/// A joint that is held gives way when what its relaxing spring leaves of the pull exceeds the friction.
+/// A joint that is held gives way when what its relaxing spring leaves of the pull exceeds the
+/// friction.
 #[test]
 fn a_held_joint_is_released_by_a_spring_that_relaxes() {
     // The pull of gravity at 0.3 rad is 0.029 N m; the spring holds against it with k z exp(−t/T).

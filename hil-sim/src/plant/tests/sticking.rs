@@ -1,4 +1,5 @@
-//! True sticking: what holds does not creep, what is let go moves, and both joints can hold at once.
+//! True sticking: what holds does not creep, what is let go moves, and both joints can hold at
+//! once.
 
 use super::*;
 

@@ -13,7 +13,8 @@ fn rig() -> VirtualRig {
     VirtualRig::new(&RigSettings::default()).unwrap()
 }
 
-/// Reads until so many samples have come; their ticks, and whether a status said that commands were heard.
+/// Reads until so many samples have come; their ticks, and whether a status said that commands were
+/// heard.
 fn read_ticks(port: &mut impl Read, decoder: &mut Decoder<DeviceMessage>, number: usize) -> (Vec<u32>, u32) {
     let (mut ticks, mut acks) = (Vec::new(), 0);
     let mut buffer = [0; 4096];

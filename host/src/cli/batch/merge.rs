@@ -27,7 +27,8 @@ pub struct Arguments {
     output: Output,
 }
 
-/// Reads, merges, writes. The exit status is 0 wherever a whole table was made: what is in it was answered before.
+/// Reads, merges, writes. The exit status is 0 wherever a whole table was made: what is in it was
+/// answered before.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let layout = Layout::of(&arguments.out)?;
     Outputs::of(&arguments.output, Some(arguments.replace))

@@ -1,7 +1,7 @@
 //! `whirl batch`: a command's answers for many records, one row each, in one table.
 //!
-//! Each record is answered by what answers the command for it alone; a record that cannot be answered is a row with the message and the
-//! exit status that the command would end with.
+//! Each record is answered by what answers the command for it alone; a record that cannot be
+//! answered is a row with the message and the exit status that the command would end with.
 
 mod merge;
 mod page;
@@ -35,10 +35,12 @@ pub struct Of<A: Args> {
     /// Table of all records, one row each; its progress is kept beside it, in TABLE.journal.
     #[arg(long, value_name = "TABLE.parquet|.csv")]
     out: PathBuf,
-    /// Go on with a batch that was ended: records that are done and have not changed since are taken from TABLE.journal.
+    /// Go on with a batch that was ended: records that are done and have not changed since are
+    /// taken from TABLE.journal.
     #[arg(long)]
     resume: bool,
-    /// Take records I, I+N, I+2N, … of the list alone, such as 1/4 to 4/4; `whirl batch merge` puts their tables together.
+    /// Take records I, I+N, I+2N, … of the list alone, such as 1/4 to 4/4; `whirl batch merge` puts
+    /// their tables together.
     #[arg(long, value_name = "I/N", value_parser = shard)]
     shard: Option<Shard>,
     /// Add a column wall_s, the seconds of work on each record: tables then differ from run to run.
@@ -80,7 +82,8 @@ pub fn run(what: &What, matches: &ArgMatches) -> Result<Answer> {
     }
 }
 
-/// The command line without what a single command writes for its one answer: it is refused with a message of its own.
+/// The command line without what a single command writes for its one answer: it is refused with a
+/// message of its own.
 pub fn without_single_outputs(batch: clap::Command) -> clap::Command {
     batch
         .mut_subcommand("identify", |c| c.mut_arg("output", |a| a.hide(true)))

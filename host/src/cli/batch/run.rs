@@ -76,7 +76,8 @@ fn hash_of(rig: &Rig) -> String {
     hash::of(format!("{}\0{model}\0{:?}", rig.text, rig.effects).as_bytes())
 }
 
-/// The journal of a table: one that is there is gone on with where that is asked for, and begun anew otherwise.
+/// The journal of a table: one that is there is gone on with where that is asked for, and begun
+/// anew otherwise.
 fn open(table: &Path, header: &Header, resume: bool, force: bool) -> Result<(Journal, Option<Found>)> {
     let path = path_of(table);
     if force && !resume {
@@ -188,7 +189,8 @@ impl<C: Single> Work<'_, C> {
         Ok(row)
     }
 
-    /// All rows, in any order, by one thread for each core; each record's own work is spread over the same cores.
+    /// All rows, in any order, by one thread for each core; each record's own work is spread over
+    /// the same cores.
     fn rows(&self, tasks: &[Task<'_>]) -> Result<Vec<(usize, Row)>> {
         let threads = rayon::current_num_threads().clamp(1, tasks.len().max(1));
         let (next, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
@@ -216,7 +218,8 @@ impl<C: Single> Work<'_, C> {
     }
 }
 
-/// The mistake in an option that every record fails for: then nothing is answered, and no table is written.
+/// The mistake in an option that every record fails for: then nothing is answered, and no table is
+/// written.
 fn misused(rows: &[(usize, Row)]) -> Option<BadInput> {
     let (_, first) = rows.first()?;
     let error = first.text_of("error");

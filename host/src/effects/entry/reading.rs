@@ -1,4 +1,5 @@
-//! An `[[effect]]` read from its file and checked: one law that fits the place, strengths that enter linearly, shapes within bounds.
+//! An `[[effect]]` read from its file and checked: one law that fits the place, strengths that
+//! enter linearly, shapes within bounds.
 //!
 //! Every mistake is told with file, line, column, what was expected and how to mend it.
 

@@ -1,13 +1,15 @@
 //! By how much each written equation differs from Lagrange's: D_e, from the symmetry of mechanics.
 //!
-//! D_i ∂F_i/∂q̈_j = D_j ∂F_j/∂q̈_i, or, for coordinates that share no inertia, D_i ∂F_i/∂q_j = D_j ∂F_j/∂q_i at rest, both by least squares over
-//! states spread over all angles; the first coordinate of those that are coupled has D = ±1, the sign of its inertia.
+//! D_i ∂F_i/∂q̈_j = D_j ∂F_j/∂q̈_i, or, for coordinates that share no inertia, D_i ∂F_i/∂q_j = D_j
+//! ∂F_j/∂q_i at rest, both by least squares over states spread over all angles; the first
+//! coordinate of those that are coupled has D = ±1, the sign of its inertia.
 
 use super::left_hand_sides::{STATES, at_rest, sides, value};
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::expression::{Node, Symbol, number};
 
-/// Share by which coupled equations may break the symmetry of mechanics: coefficients are identified, with errors.
+/// Share by which coupled equations may break the symmetry of mechanics: coefficients are
+/// identified, with errors.
 const ASYMMETRY: f64 = 0.1;
 /// Size of an entry beside the diagonal, as a share of it, below which equations are not coupled.
 const UNCOUPLED: f64 = 1e-9;
@@ -20,7 +22,8 @@ pub struct Inertias {
     pub coupled: Vec<(usize, usize)>,
 }
 
-/// D_e of every equation, and what is coupled; none where a coordinate has no inertia in its equation.
+/// D_e of every equation, and what is coupled; none where a coordinate has no inertia in its
+/// equation.
 pub fn inertias(model: &ModelFile, omega: f64, values: &[f64]) -> Option<Inertias> {
     let n = model.coordinates.len();
     let all = sides(model, omega, values);
@@ -76,7 +79,8 @@ fn sign_of(x: f64) -> Option<f64> {
     }
 }
 
-/// D_j/D_i from D_i m_ij = D_j m_ji; none where the two are not coupled or not symmetric for any ratio.
+/// D_j/D_i from D_i m_ij = D_j m_ji; none where the two are not coupled or not symmetric for any
+/// ratio.
 fn ratio(m: &[Vec<Vec<f64>>], i: usize, j: usize) -> Option<f64> {
     let (a, b) = (&m[i][j], &m[j][i]);
     let square = |x: &[f64]| x.iter().map(|v| v * v).sum::<f64>();

@@ -1,5 +1,6 @@
-//! The left-hand sides F_e = Σ λ_j X_j − Y of written equations as expressions, in seconds: whole, at rest (what the drive's phase moves apart from
-//! what it does not), and the part that rests on sines and cosines of angles; and their values at states spread over all angles.
+//! The left-hand sides F_e = Σ λ_j X_j − Y of written equations as expressions, in seconds: whole,
+//! at rest (what the drive's phase moves apart from what it does not), and the part that rests on
+//! sines and cosines of angles; and their values at states spread over all angles.
 //!
 //! Units are those of the equation's right-hand side.
 
@@ -13,7 +14,8 @@ use crate::model::model_file::expression::{
 /// States at which matrices are compared.
 pub(super) const STATES: u32 = 16;
 
-/// The left-hand sides Σ λ X − Y in seconds, for coefficients in the order of [`ModelFile::coefficients`].
+/// The left-hand sides Σ λ X − Y in seconds, for coefficients in the order of
+/// [`ModelFile::coefficients`].
 pub(super) fn sides(model: &ModelFile, omega: f64, values: &[f64]) -> Vec<Node> {
     let places = model.term_places();
     model
@@ -29,7 +31,8 @@ pub(super) fn sides(model: &ModelFile, omega: f64, values: &[f64]) -> Vec<Node> 
         .collect()
 }
 
-/// The parts of the left-hand sides at rest that the drive's phase does not move, and those that it does.
+/// The parts of the left-hand sides at rest that the drive's phase does not move, and those that it
+/// does.
 pub(super) fn at_rest(model: &ModelFile, omega: f64, values: &[f64]) -> Vec<[Node; 2]> {
     let rest = |n: &Node| {
         model.in_seconds(n, omega).replace(&|s| match s {
@@ -79,7 +82,8 @@ fn turns(n: &Node) -> bool {
     }
 }
 
-/// Value of coordinate `k` in state `s`: spread over the circle by the golden ratio, and as far on a line.
+/// Value of coordinate `k` in state `s`: spread over the circle by the golden ratio, and as far on
+/// a line.
 fn spread(s: u32, k: usize) -> f64 {
     let turn =
         (0.618_033_988_749_895 * f64::from(s + 1) + 0.414_213_562_373_095 * (k + 1) as f64 * f64::from(s + 2)).fract();

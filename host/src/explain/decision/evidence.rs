@@ -1,4 +1,5 @@
-//! What decisions rest on: fits of some columns, their held-out scores, and what counts as a gain; here from the rows of the weak form.
+//! What decisions rest on: fits of some columns, their held-out scores, and what counts as a gain;
+//! here from the rows of the weak form.
 
 use rayon::prelude::*;
 
@@ -10,14 +11,16 @@ pub(in crate::explain) trait Evidence: Sync {
     /// The fit of some columns; none where they are singular.
     fn fit(&self, columns: &[usize]) -> Option<Fit>;
 
-    /// Held-out scores of the strongest candidates by weights from their own fits, infinite for the others, where weights rest on the fit. `scores`:
-    /// each one's gain, first column and number of columns.
+    /// Held-out scores of the strongest candidates by weights from their own fits, infinite for the
+    /// others, where weights rest on the fit. `scores`: each one's gain, first column and number of
+    /// columns.
     fn rescored(&self, own: &[usize], most: usize, scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>>;
 
     /// Least gain that is not as good as nothing, for a held-out sum of squares without it.
     fn least_gain(&self, total: f64) -> f64;
 
-    /// Least gain in standard errors between blocks: where a model misses more than noise, a strength may be significant that predicts nothing better.
+    /// Least gain in standard errors between blocks: where a model misses more than noise, a
+    /// strength may be significant that predicts nothing better.
     fn least_deviations(&self) -> f64;
 }
 
@@ -63,8 +66,9 @@ impl Evidence for Rows<'_> {
     }
 }
 
-/// Held-out score of the strongest candidates with weights from their own fits, infinite for the others: Σ n ln s² over equations and frequencies,
-/// the concentrated likelihood when the variance of each frequency is unknown. Smaller is better.
+/// Held-out score of the strongest candidates with weights from their own fits, infinite for the
+/// others: Σ n ln s² over equations and frequencies, the concentrated likelihood when the variance
+/// of each frequency is unknown. Smaller is better.
 fn reranked(
     design: &Design,
     own: &[usize],

@@ -1,8 +1,11 @@
-//! Beyond short windows: how long predictions hold, and whether the model's attractor is the record's, before and after.
+//! Beyond short windows: how long predictions hold, and whether the model's attractor is the
+//! record's, before and after.
 //!
-//! Of systems that turn. *Prediction horizon*: from held-out windows whose initial state was fitted the model runs on freely until any sensor's angle is off by 30°;
-//! the median time over the windows. *Poincaré section*: model and record at each period of the drive, as points (cos, sin of each sensor's angle, its velocity over its
-//! scatter); the energy distance between the two clouds with its permutation test ([`crate::validate::energy_distance`]).
+//! Of systems that turn. *Prediction horizon*: from held-out windows whose initial state was fitted
+//! the model runs on freely until any sensor's angle is off by 30°; the median time over the
+//! windows. *Poincaré section*: model and record at each period of the drive, as points (cos, sin
+//! of each sensor's angle, its velocity over its scatter); the energy distance between the two
+//! clouds with its permutation test ([`crate::validate::energy_distance`]).
 
 use nalgebra::DVector;
 use serde::Serialize;
@@ -33,7 +36,8 @@ pub struct Attractor {
     pub section_p_value: Option<f64>,
 }
 
-/// Measures a model with coefficients `x`; none where something does not turn or nothing can be predicted.
+/// Measures a model with coefficients `x`; none where something does not turn or nothing can be
+/// predicted.
 pub fn measure(
     setting: &Setting<'_>,
     state: &State,
@@ -66,7 +70,8 @@ pub fn measure(
 /// Points of a section: cos, sin and velocity of each angle.
 type Cloud = Vec<Vec<f64>>;
 
-/// Sections of a stretch and of what the model shows of it; none where the model has none over all of it.
+/// Sections of a stretch and of what the model shows of it; none where the model has none over all
+/// of it.
 fn sections(setting: &Setting<'_>, stretch: &Stretch, shown: &[Vec<f64>]) -> Option<[Cloud; 2]> {
     let count = stretch.len();
     if shown.iter().any(|s| s.len() < count) {

@@ -28,7 +28,8 @@ pub struct Candidate {
     pub form: Form,
     /// How it acts.
     action: Action,
-    /// The same at a smaller and a greater value of each shape parameter that is refined, and half the step between them.
+    /// The same at a smaller and a greater value of each shape parameter that is refined, and half
+    /// the step between them.
     beside: Vec<(f64, Box<[Action; 2]>)>,
 }
 
@@ -70,7 +71,8 @@ impl Candidate {
         Some(candidate)
     }
 
-    /// Columns of an entry without shape parameters at a place, whatever the equations hold already.
+    /// Columns of an entry without shape parameters at a place, whatever the equations hold
+    /// already.
     pub fn plain_columns(setting: &Setting<'_>, entry: &Arc<Entry>, place: Place, physical: &Physical) -> Vec<Column> {
         let action = Self::action_of(setting, entry, place, &Vec::new(), physical);
         action.map_or_else(Vec::new, |a| at_values(setting, &a, entry.strengths.len(), physical))
@@ -81,7 +83,8 @@ impl Candidate {
         self.at_values(setting, physical)
     }
 
-    /// Its columns but those of a sensor or the phase, at values of what they rest on and of the equations' own coefficients.
+    /// Its columns but those of a sensor or the phase, at values of what they rest on and of the
+    /// equations' own coefficients.
     fn at_values(&self, setting: &Setting<'_>, physical: &Physical) -> Vec<Column> {
         at_values(setting, &self.action, self.entry.strengths.len(), physical)
     }
@@ -124,13 +127,15 @@ impl Candidate {
         if matches!(self.action, Action::Force(_)) { self.entry.bounded_shapes().collect() } else { Vec::new() }
     }
 
-    /// How many of the strengths have columns by which shapes are refined: the first, or all of them where they are parts of one amplitude.
+    /// How many of the strengths have columns by which shapes are refined: the first, or all of
+    /// them where they are parts of one amplitude.
     pub fn leading(&self) -> usize {
         if self.entry.value.is_some() { self.entry.strengths.len() } else { 1 }
     }
 
-    /// The Gauss–Newton steps of the refined shapes, from the strengths s_i and those of the columns s_i ∂/∂shape beside them: Σ s_i b_i / Σ s_i². Where a strength that keeps its
-    /// sign is held at nothing beside them the shape is far off: without end in their direction.
+    /// The Gauss–Newton steps of the refined shapes, from the strengths s_i and those of the
+    /// columns s_i ∂/∂shape beside them: Σ s_i b_i / Σ s_i². Where a strength that keeps its sign
+    /// is held at nothing beside them the shape is far off: without end in their direction.
     pub fn steps(&self, strengths: &[f64]) -> Vec<f64> {
         let (own, beside) = strengths.split_at(self.entry.strengths.len().min(strengths.len()));
         let leading = &own[..self.leading().min(own.len())];
@@ -143,7 +148,8 @@ impl Candidate {
         if sign { beside.iter().map(|b| if *b == 0.0 { 0.0 } else { b * f64::INFINITY }).collect() } else { Vec::new() }
     }
 
-    /// The same with further strengths, which multiply the first column's derivatives by the shape parameters that are refined.
+    /// The same with further strengths, which multiply the first column's derivatives by the shape
+    /// parameters that are refined.
     #[must_use]
     pub fn refined(mut self, setting: &Setting<'_>, physical: &Physical) -> Self {
         let sides = |k: usize| {
@@ -166,7 +172,8 @@ impl Candidate {
         !self.beside.is_empty()
     }
 
-    /// The candidate at refined shape parameters moved by steps, at most by half each and within their bounds.
+    /// The candidate at refined shape parameters moved by steps, at most by half each and within
+    /// their bounds.
     #[must_use]
     pub fn moved(&self, setting: &Setting<'_>, steps: &[f64], physical: &Physical) -> Self {
         let shapes = self.refined_shapes();
@@ -193,7 +200,8 @@ impl Candidate {
         self.entry.strengths.len() + self.leading() * self.beside.len()
     }
 
-    /// Whether strengths are applied to the data and found as increments, since the columns hold to first order only.
+    /// Whether strengths are applied to the data and found as increments, since the columns hold to
+    /// first order only.
     pub fn is_applied(&self) -> bool {
         !matches!(self.action, Action::Force(_) | Action::Changes(_))
     }
@@ -222,7 +230,8 @@ impl Candidate {
         }
     }
 
-    /// Columns of strengths on the left-hand sides at the state's parameters; empty ones for what acts on a sensor.
+    /// Columns of strengths on the left-hand sides at the state's parameters; empty ones for what
+    /// acts on a sensor.
     pub fn columns(&self, setting: &Setting<'_>, state: &State) -> Vec<Column> {
         let n = self.entry.strengths.len();
         let of = |action: &Action| match action {
@@ -268,7 +277,8 @@ fn taken_off(law: &Node, input: usize) -> Node {
     multiply(number(-1.0), of)
 }
 
-/// ∂(left-hand sides)/∂u of the model so far times what is added to u: the drive's phase or an input.
+/// ∂(left-hand sides)/∂u of the model so far times what is added to u: the drive's phase or an
+/// input.
 fn outside(setting: &Setting<'_>, state: &State, u: Symbol, law: &Node) -> Column {
     let model = setting.model();
     let omega = setting.rig.omega();

@@ -1,7 +1,9 @@
-//! The gap as one picture: what a sensor measured over some seconds, and what the models before and after predict of them.
+//! The gap as one picture: what a sensor measured over some seconds, and what the models before and
+//! after predict of them.
 //!
-//! Both models run on freely from a window that was not fitted; the initial state of each is fitted to the window's beginning, of the gap's horizon. Of up to
-//! `MOST` windows the one is shown whose prediction before is off by the median.
+//! Both models run on freely from a window that was not fitted; the initial state of each is fitted
+//! to the window's beginning, of the gap's horizon. Of up to `MOST` windows the one is shown whose
+//! prediction before is off by the median.
 
 use nalgebra::DVector;
 use serde::Serialize;
@@ -17,7 +19,8 @@ const MOST: usize = 15;
 const POINTS: usize = 600;
 /// Shortest and longest part shown, in horizons of the gap.
 const SPAN: [f64; 2] = [4.0, 20.0];
-/// Share of the median time for which predictions of the last model hold: beyond it chaos parts any two motions.
+/// Share of the median time for which predictions of the last model hold: beyond it chaos parts any
+/// two motions.
 const HELD: f64 = 0.6;
 
 /// What was measured, and what was predicted of it.
@@ -35,7 +38,8 @@ pub struct Compared {
     pub t: Vec<f64>,
     /// Measured.
     pub measured: Vec<f64>,
-    /// Predicted by the model before anything was added, minus measured; shorter where it has no solution.
+    /// Predicted by the model before anything was added, minus measured; shorter where it has no
+    /// solution.
     pub before: Vec<f64>,
     /// The same by the model with everything that was added; empty where nothing was.
     pub after: Vec<f64>,
@@ -44,7 +48,8 @@ pub struct Compared {
 /// A model at one stage: what is in it and its coefficients.
 pub type Stage<'a> = (&'a State, &'a DVector<f64>);
 
-/// The picture; `holds_s`: how long predictions hold, where that is known. None where no window can be predicted.
+/// The picture; `holds_s`: how long predictions hold, where that is known. None where no window can
+/// be predicted.
 pub fn compare(
     setting: &Setting<'_>,
     before: Stage<'_>,

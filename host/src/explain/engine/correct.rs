@@ -1,4 +1,5 @@
-//! The record read again with an effect of its sensors, of its inputs or of its drive's phase taken off.
+//! The record read again with an effect of its sensors, of its inputs or of its drive's phase taken
+//! off.
 
 use core::f64::consts::TAU;
 
@@ -93,7 +94,8 @@ pub fn phase(s: &Stretch, law: &Node, strength: f64) -> Stretch {
     let turns = (0..s.len())
         .map(|i| {
             let tau = s.tau(i) + strength * law.value(&|_| s.time(i));
-            // The fraction of a turn in units of 2⁻³²: below 2³² by construction, the cast cuts nothing but the last whole turn.
+            // The fraction of a turn in units of 2⁻³²: below 2³² by construction, the cast cuts
+            // nothing but the last whole turn.
             ((tau / TAU).rem_euclid(1.0) * 4_294_967_296.0) as u32
         })
         .collect();

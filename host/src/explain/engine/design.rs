@@ -1,7 +1,9 @@
-//! Columns of the equations and of everything that they may be missing, over all windows of the weak form.
+//! Columns of the equations and of everything that they may be missing, over all windows of the
+//! weak form.
 //!
-//! Each coefficient of an equation is a column in that equation; an effect's column stands in all equations that it acts on. A column of what a
-//! sensor shows is the derivative of the residual by its strength, taken by a small correction of the record.
+//! Each coefficient of an equation is a column in that equation; an effect's column stands in all
+//! equations that it acts on. A column of what a sensor shows is the derivative of the residual by
+//! its strength, taken by a small correction of the record.
 
 use rayon::prelude::*;
 

@@ -1,4 +1,5 @@
-//! What candidates are judged by: windows of linearised shooting; rows of the weak form where the model follows none. One fit and one choice over either.
+//! What candidates are judged by: windows of linearised shooting; rows of the weak form where the
+//! model follows none. One fit and one choice over either.
 
 use nalgebra::DVector;
 
@@ -14,13 +15,15 @@ use crate::error::{BadInput, Result};
 use crate::explain::decision::{self, Rows};
 use crate::explain::ranking::{self, Fit, Weights};
 
-/// Share of what is left above the sensors' noise that a candidate must take away in shooting: less is as good as nothing where a model misses more than noise.
+/// Share of what is left above the sensors' noise that a candidate must take away in shooting: less
+/// is as good as nothing where a model misses more than noise.
 const LEAST_SHARE: f64 = 0.01;
 
 /// Standard errors between windows at which a gain counts.
 const LEAST_DEVIATIONS: f64 = 2.0;
 
-/// Most rounds of shooting after something has joined, and the share of what is left by which it falls while it still does.
+/// Most rounds of shooting after something has joined, and the share of what is left by which it
+/// falls while it still does.
 const MOST_ROUNDS: usize = 12;
 const STILL_FALLS: f64 = 0.005;
 
@@ -67,8 +70,8 @@ impl Evidence {
         }
     }
 
-    /// Whether strengths of a candidate are those that a record without it shows as well: in rows that hold the sensors' noise in products. Shooting predicts what the sensors
-    /// show.
+    /// Whether strengths of a candidate are those that a record without it shows as well: in rows
+    /// that hold the sensors' noise in products. Shooting predicts what the sensors show.
     pub fn feigned(
         &self,
         setting: &Setting<'_>,
@@ -88,7 +91,8 @@ impl Evidence {
         matches!(self, Self::Shooting(_))
     }
 
-    /// Fits of the same rows with each of some groups of columns of no effect behind the model's own, with a ridge on the group's.
+    /// Fits of the same rows with each of some groups of columns of no effect behind the model's
+    /// own, with a ridge on the group's.
     pub fn with_groups(
         &self,
         setting: &Setting<'_>,
@@ -122,7 +126,8 @@ impl Evidence {
 }
 
 impl Outcome {
-    /// Held-out sum of squares of shooting, in units that do not change from one step to the next; none for the weak form.
+    /// Held-out sum of squares of shooting, in units that do not change from one step to the next;
+    /// none for the weak form.
     pub fn left(&self) -> Option<f64> {
         match &self.evidence {
             Evidence::Weak(..) => None,
@@ -130,7 +135,8 @@ impl Outcome {
         }
     }
 
-    /// Whether another state with columns of no effect behind its own predicts what was not fitted as well.
+    /// Whether another state with columns of no effect behind its own predicts what was not fitted
+    /// as well.
     pub fn is_matched(&self, setting: &Setting<'_>, other: &State, behind: &[Column]) -> bool {
         let all: Vec<usize> = (0..other.own_columns() + behind.len()).collect();
         match &self.evidence {
@@ -147,7 +153,8 @@ impl Outcome {
         }
     }
 
-    /// Coefficients from windows of shooting that end before a sample of a stretch, and from all other stretches.
+    /// Coefficients from windows of shooting that end before a sample of a stretch, and from all
+    /// other stretches.
     pub fn until(&self, stretch: usize, sample: usize) -> Option<DVector<f64>> {
         match &self.evidence {
             Evidence::Weak(..) => None,
@@ -166,7 +173,8 @@ impl Outcome {
         }
     }
 
-    /// Ratio of what is left to what the sensors' noise gives: over the long horizon, or in the rows of the weak form.
+    /// Ratio of what is left to what the sensors' noise gives: over the long horizon, or in the
+    /// rows of the weak form.
     ///
     /// # Errors
     /// As [`design::residual`].
@@ -201,12 +209,14 @@ fn singular() -> BadInput {
     .remedy("Record longer or with a larger amplitude; `whirl inspect` shows what each channel does")
 }
 
-/// Fits everything chosen, renews what rests on the coefficients, and builds the candidates' columns behind its own.
+/// Fits everything chosen, renews what rests on the coefficients, and builds the candidates'
+/// columns behind its own.
 ///
 /// # Errors
 /// Columns that the record does not determine.
 pub fn refit(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>) -> Result<Outcome> {
-    // The first rounds settle weights, linearised effects and forms; the last carries the candidates' columns as well.
+    // The first rounds settle weights, linearised effects and forms; the last carries the
+    // candidates' columns as well.
     let rounds = if state.chosen.iter().any(|k| k.candidate.is_refined()) { 4 } else { 2 };
     if setting.shooting {
         by_shooting(setting, state, candidates, rounds)
@@ -240,7 +250,8 @@ fn by_rows(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>,
 }
 
 fn by_shooting(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>, rounds: usize) -> Result<Outcome> {
-    // What has just joined may move the path far: once more than the weak form, and on while less and less is left.
+    // What has just joined may move the path far: once more than the weak form, and on while less
+    // and less is left.
     let mut left = f64::INFINITY;
     for round in 0..MOST_ROUNDS {
         let (x, covariance) = shooting::settle(setting, state).ok_or_else(singular)?;

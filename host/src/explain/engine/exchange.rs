@@ -1,5 +1,7 @@
-//! Another effect in the place of one that was found while others were missing: a search that adds one after the other takes what stands in for several, and would keep it.
-//! Of nested laws that predict alike the simpler stays: Stribeck's friction at a velocity beyond the motion is Coulomb's, a damping of power 2 is a drag.
+//! Another effect in the place of one that was found while others were missing: a search that adds
+//! one after the other takes what stands in for several, and would keep it. Of nested laws that
+//! predict alike the simpler stays: Stribeck's friction at a velocity beyond the motion is
+//! Coulomb's, a damping of power 2 is a drag.
 
 use rayon::prelude::*;
 
@@ -25,7 +27,8 @@ pub struct Exchange {
     pub fit: Fit,
     /// Probability by chance.
     pub p_value: f64,
-    /// Share of what is left that it takes away more than the other; what it may leave more, with a minus, where it is simpler.
+    /// Share of what is left that it takes away more than the other; what it may leave more, with a
+    /// minus, where it is simpler.
     pub promised: f64,
     /// Share of what is left without either that it takes away.
     pub share: f64,
@@ -40,8 +43,10 @@ struct Tried {
     p: f64,
 }
 
-/// The best exchange of an effect for a candidate that is not `taken`: for what predicts clearly better and is not larger (simpler where it is the only one); where there is none, for
-/// a simpler law that predicts as well. `effects`: those found, in their order. Effects that were taken off the record stay.
+/// The best exchange of an effect for a candidate that is not `taken`: for what predicts clearly
+/// better and is not larger (simpler where it is the only one); where there is none, for a simpler
+/// law that predicts as well. `effects`: those found, in their order. Effects that were taken off
+/// the record stay.
 pub fn best(
     setting: &Setting<'_>,
     state: &State,
@@ -77,7 +82,8 @@ pub fn best(
         let as_good = |t: &Tried| {
             let (loss, error) = ranking::gain(&t.fit.held_out, &outcome.fit.held_out);
             let new = &outcome.candidates[t.index];
-            // Columns of laws that jump, or remember, hold to first order only: what was not told apart in the beginning is tried.
+            // Columns of laws that jump, or remember, hold to first order only: what was not told
+            // apart in the beginning is tried.
             let twin = || {
                 let twins = effects.get(k - state.nominal).map_or(&[][..], |f| &f.indistinguishable_from);
                 new.place == old.place && new.form.is_empty() && twins.contains(&new.name(setting))

@@ -1,9 +1,12 @@
-//! What a record would tell: standard errors of a model's parameters and effects on it, and how far its effects could be told from others.
+//! What a record would tell: standard errors of a model's parameters and effects on it, and how far
+//! its effects could be told from others.
 //!
-//! The record is one that the model itself made ([`crate::plan`]). It goes the way of every record: sensors' noise, windows, shooting from the smoothed record
-//! on, and the covariance of a jackknife over windows. An effect with strengths a and covariance S, fitted with a rival beside it, stands √(aᵀ S⁻¹ a) standard errors
-//! from zero: so much better than its best-fitting rival it explains the record (the square is the rise of the weighted sum of squares without it: T-optimality, Atkinson and
-//! Fedorov 1975).
+//! The record is one that the model itself made ([`crate::plan`]). It goes the way of every record:
+//! sensors' noise, windows, shooting from the smoothed record on, and the covariance of a jackknife
+//! over windows. An effect with strengths a and covariance S, fitted with a rival beside it, stands
+//! √(aᵀ S⁻¹ a) standard errors from zero: so much better than its best-fitting rival it explains
+//! the record (the square is the rise of the weighted sum of squares without it: T-optimality,
+//! Atkinson and Fedorov 1975).
 
 use std::collections::BTreeMap;
 
@@ -68,7 +71,8 @@ fn effects(setting: &Setting<'_>, state: &State) -> Vec<(String, core::ops::Rang
     out
 }
 
-/// What a record would tell of a model that made it, and how far its effects stand from every other of the list; none where it is not followed.
+/// What a record would tell of a model that made it, and how far its effects stand from every other
+/// of the list; none where it is not followed.
 ///
 /// # Errors
 /// A record that cannot be identified, a model of another rig.
@@ -112,7 +116,8 @@ pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel) -> Result<Op
         let both: Vec<usize> = columns.iter().copied().filter(|c| !gone.contains(c)).chain(behind.clone()).collect();
         blocks.fit(&both).map(|f| f.covariance)
     };
-    // What the equations hold already is no rival; what can be fitted only without the effect is the same as it.
+    // What the equations hold already is no rival; what can be fitted only without the effect is
+    // the same as it.
     let from_rival = |behind: &core::ops::Range<usize>| -> Vec<Option<f64>> {
         let together = beside_all(behind, &(0..0));
         let one = |(_, range, values): &(String, core::ops::Range<usize>, DVector<f64>)| match &together {
@@ -141,7 +146,8 @@ pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel) -> Result<Op
     Ok(Some(Expected { parameters: told.parameters, separations, windows }))
 }
 
-/// A model with an effect of a given size in it, in the effect's first form; `record` is one that the model without it made.
+/// A model with an effect of a given size in it, in the effect's first form; `record` is one that
+/// the model without it made.
 ///
 /// # Errors
 /// As [`expected`]; an effect that the rig cannot have, or whose size is no strength.

@@ -1,4 +1,5 @@
-//! Forecasts: predictions over short horizons on the last 30 % of a record by models fitted to the first 70 %, initial states fitted to each window.
+//! Forecasts: predictions over short horizons on the last 30 % of a record by models fitted to the
+//! first 70 %, initial states fitted to each window.
 
 use nalgebra::DVector;
 
@@ -12,10 +13,12 @@ use crate::explain::explanation::{Forecast, Step};
 
 /// Share of the record that is fitted.
 const FITTED: f64 = 0.7;
-/// Windows over which a forecast is measured, of the gap's horizon; fewer of longer ones, this many at least.
+/// Windows over which a forecast is measured, of the gap's horizon; fewer of longer ones, this many
+/// at least.
 const MOST_WINDOWS: f64 = 120.0;
 const LEAST_WINDOWS: usize = 40;
-/// Longer horizon, in units of the shortest, under a drive and without one: chaos leaves nothing to compare beyond a few drive periods.
+/// Longer horizon, in units of the shortest, under a drive and without one: chaos leaves nothing to
+/// compare beyond a few drive periods.
 const DRIVEN: f64 = 4.0;
 const FREE: f64 = 40.0 / 3.0;
 

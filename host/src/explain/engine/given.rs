@@ -1,4 +1,5 @@
-//! A model that is given: its coefficients and effects become the state that is compared and extended.
+//! A model that is given: its coefficients and effects become the state that is compared and
+//! extended.
 
 use std::collections::BTreeMap;
 
@@ -111,7 +112,8 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
     Ok(())
 }
 
-/// What strengths of a model on a mechanism of other parameters are multiplied with for the same law here; none where that is no factor.
+/// What strengths of a model on a mechanism of other parameters are multiplied with for the same
+/// law here; none where that is no factor.
 fn factors(setting: &Setting<'_>, state: &State, c: &Candidate, model: &IdentifiedModel) -> Vec<Option<f64>> {
     let there: Option<Vec<f64>> = setting
         .file()
@@ -132,7 +134,8 @@ fn factors(setting: &Setting<'_>, state: &State, c: &Candidate, model: &Identifi
         .collect()
 }
 
-/// Strength of a nominal damping from the coefficients that it gives: from the largest, which is known best.
+/// Strength of a nominal damping from the coefficients that it gives: from the largest, which is
+/// known best.
 fn damping(mechanism: &Mechanism, name: &str, physical: &[f64], by_name: &BTreeMap<String, f64>) -> f64 {
     let all: Vec<f64> = mechanism
         .parameters
@@ -156,7 +159,8 @@ fn damping(mechanism: &Mechanism, name: &str, physical: &[f64], by_name: &BTreeM
         .map_or(0.0, |(per, value)| value / per)
 }
 
-/// The coefficients of a state as they are, those of what is applied to the record as no further increment.
+/// The coefficients of a state as they are, those of what is applied to the record as no further
+/// increment.
 pub fn coefficients(state: &State) -> DVector<f64> {
     let strengths = state.chosen.iter().flat_map(|k| {
         let applied = k.candidate.is_applied();

@@ -1,8 +1,10 @@
-//! Explanations for any system of bodies or written equations: every effect of the catalogue at every joint, arm, encoder, at its drive and frame.
+//! Explanations for any system of bodies or written equations: every effect of the catalogue at
+//! every joint, arm, encoder, at its drive and frame.
 //!
-//! The equations without dampings and the nominal dampings, tied over the
-//! equations, are fitted by shooting (`shooting`), by the weak form where the model follows no window; every candidate is added in turn and judged on blocks that were not fitted
-//! (`crate::explain::decision`); the best is added until nothing more is supported. Effects of sensors and of the drive's phase are taken
+//! The equations without dampings and the nominal dampings, tied over the equations, are fitted by
+//! shooting (`shooting`), by the weak form where the model follows no window; every candidate is
+//! added in turn and judged on blocks that were not fitted (`crate::explain::decision`); the best
+//! is added until nothing more is supported. Effects of sensors and of the drive's phase are taken
 //! off the record, which is then read again.
 //!
 //! | file | what |
@@ -84,7 +86,8 @@ enum Attempt {
 /// As [`crate::identify::identify`].
 pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings) -> Result<Option<Explanation>> {
     let mut sensors = None;
-    // What is told is in units of the noise: once more from the beginning where the model found leaves less than was taken for it.
+    // What is told is in units of the noise: once more from the beginning where the model found
+    // leaves less than was taken for it.
     for last in [false, true] {
         match attempt(records, rig, whole, settings, (sensors, last))? {
             Attempt::Done(result) => return Ok(result.map(|r| *r)),
@@ -94,7 +97,8 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
     Ok(None)
 }
 
-/// One attempt, with the sensors' noise if it is known better than by their spectra; the last stands whatever it leaves.
+/// One attempt, with the sensors' noise if it is known better than by their spectra; the last
+/// stands whatever it leaves.
 fn attempt(
     records: &[Record],
     rig: &Rig,
@@ -142,7 +146,8 @@ fn attempt(
     run.finish(&outcome, &first, undecidable).map(|r| Attempt::Done(Some(Box::new(r))))
 }
 
-/// The model before anything is added, fitted in windows as long as can be followed; where there is none the balance of forces is left. False where that cannot hold it.
+/// The model before anything is added, fitted in windows as long as can be followed; where there is
+/// none the balance of forces is left. False where that cannot hold it.
 fn settled(setting: &mut Setting<'_>, state: &mut State) -> bool {
     let mut settled = shooting::settle(setting, state);
     if let Some(sensors) = settled.as_ref().and_then(|_| shooting::quieter(setting, state)) {
@@ -208,7 +213,8 @@ fn undecidable(
     if blocks < FEWEST_BLOCKS {
         return Some(decidability::too_few(blocks, window_s));
     }
-    // Rows of the weak form are judged equation by equation; written equations may hold what is hardly separable on purpose.
+    // Rows of the weak form are judged equation by equation; written equations may hold what is
+    // hardly separable on purpose.
     let rows = !setting.shooting && !setting.is_written();
     (rows && first.details.condition.iter().any(|k| *k > WORST_CONDITION)).then(|| POOR.to_owned())
 }

@@ -1,8 +1,10 @@
 //! Whether effects at a joint are one shape of its position in pieces.
 //!
-//! A function of a position that has no name can be put together from those that have: a spring, a play, a ripple. Several of them at one joint that turns are held against
-//! a free function, the harmonics up to [`ORDERS`] in their place: where that does no worse on parts of the record that were not fitted, for all that it
-//! has more to fit, nothing speaks for the pieces. From [`PATCHES`] on they are an expansion in any case.
+//! A function of a position that has no name can be put together from those that have: a spring, a
+//! play, a ripple. Several of them at one joint that turns are held against a free function, the
+//! harmonics up to [`ORDERS`] in their place: where that does no worse on parts of the record that
+//! were not fitted, for all that it has more to fit, nothing speaks for the pieces. From
+//! [`PATCHES`] on they are an expansion in any case.
 
 use super::Outcome;
 use super::candidates::Column;
@@ -25,7 +27,8 @@ const PATCHES: usize = 3;
 /// Highest order of the free function.
 const ORDERS: f64 = 8.0;
 
-/// A joint at which a shape of the position was patched together from several effects, and their names.
+/// A joint at which a shape of the position was patched together from several effects, and their
+/// names.
 pub fn patched(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<(String, String)> {
     let file = setting.file()?;
     (0..file.joints.len()).map(Place::Joint).find_map(|joint| {

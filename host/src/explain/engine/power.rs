@@ -1,15 +1,20 @@
-//! What is left in the rows against what the sensors' noise alone leaves, and whether an effect is one of the sensors' alone.
+//! What is left in the rows against what the sensors' noise alone leaves, and whether an effect is
+//! one of the sensors' alone.
 //!
 //! The smoothed record is measured again by the same sensors with their grids shifted.
 //!
-//! Few counts and the low-pass bend the columns of a law that jumps; the longer the record, the surer is the strength that this feigns. So the model without the
-//! effect is integrated over stretches like the record's, from its states at their starts, measured by the same sensors and analysed in the same way, the effect's columns
-//! among the others: a parametric bootstrap of the null hypothesis (Davison and Hinkley 1997, section 4.2). With s the strengths found, Σ their covariance and δ the
-//! mean over R repeats whose grids are shifted, as in [`crate::identify::noise_bias`], the effect stands where
+//! Few counts and the low-pass bend the columns of a law that jumps; the longer the record, the
+//! surer is the strength that this feigns. So the model without the effect is integrated over
+//! stretches like the record's, from its states at their starts, measured by the same sensors and
+//! analysed in the same way, the effect's columns among the others: a parametric bootstrap of the
+//! null hypothesis (Davison and Hinkley 1997, section 4.2). With s the strengths found, Σ their
+//! covariance and δ the mean over R repeats whose grids are shifted, as in
+//! [`crate::identify::noise_bias`], the effect stands where
 //!
 //! (s − δ)ᵀ Σ⁻¹ (s − δ) / (1 + c/R) > 9   or   δᵀ Σ⁻¹ δ < sᵀ Σ⁻¹ s / 9,
 //!
-//! c the record's windows over those simulated (at most 64): what is left must be three standard errors, or what is feigned no more than a third.
+//! c the record's windows over those simulated (at most 64): what is left must be three standard
+//! errors, or what is feigned no more than a third.
 
 use nalgebra::DVector;
 
@@ -44,7 +49,8 @@ pub struct Power {
     noise: Vec<Vec<f64>>,
 }
 
-/// Power of the rows' residuals for coefficients `x` of some columns beside what the sensors' noise alone gives.
+/// Power of the rows' residuals for coefficients `x` of some columns beside what the sensors' noise
+/// alone gives.
 ///
 /// # Errors
 /// As [`design::residual`].
@@ -78,13 +84,15 @@ pub fn power(setting: &Setting<'_>, state: &State, design: &Design, own: &[usize
 }
 
 impl Power {
-    /// Maps of each equation's residual against frequency: rms over windows of the rows' residual at each frequency of the test functions, as an amplitude, and
-    /// the frequencies at which it clearly exceeds noise. `scales`: what turns each equation into the unit that it is told in.
+    /// Maps of each equation's residual against frequency: rms over windows of the rows' residual
+    /// at each frequency of the test functions, as an amplitude, and the frequencies at which it
+    /// clearly exceeds noise. `scales`: what turns each equation into the unit that it is told in.
     pub fn by_frequency(&self, window_s: f64, scales: &[(f64, String)]) -> (Vec<Map>, Vec<Where>) {
         let step = 1.0 / window_s;
         let (mut maps, mut places) = (Vec::new(), Vec::new());
         for (e, (scale, unit)) in scales.iter().enumerate() {
-            // A row is ∫ w Y dt; ∫ sin⁴(πu) over a window is 3/8 of its length, half of an amplitude at its frequency.
+            // A row is ∫ w Y dt; ∫ sin⁴(πu) over a window is 3/8 of its length, half of an
+            // amplitude at its frequency.
             let scale = scale.abs() / (0.375 * window_s) * 2.0;
             let mut bins = Vec::new();
             for (m, (f, n)) in self.found[e].iter().zip(&self.noise[e]).enumerate() {
@@ -105,7 +113,8 @@ impl Power {
     }
 }
 
-/// Whether strengths of a candidate (the last coefficients of `fit`) are those that a record without it shows as well.
+/// Whether strengths of a candidate (the last coefficients of `fit`) are those that a record
+/// without it shows as well.
 pub fn feigned(
     setting: &Setting<'_>,
     state: &State,
@@ -122,8 +131,8 @@ pub fn feigned(
     is_feigned(fit, d, &mean, design.windows.len() as f64 / windows.max(1) as f64)
 }
 
-/// Whether the last `d` strengths of a fit are feigned, `mean` being those of records without the effect; `share`: the record's windows over
-/// those simulated.
+/// Whether the last `d` strengths of a fit are feigned, `mean` being those of records without the
+/// effect; `share`: the record's windows over those simulated.
 fn is_feigned(fit: &Fit, d: usize, mean: &DVector<f64>, share: f64) -> bool {
     let from = fit.all.len() - d;
     let found = fit.all.rows(from, d).into_owned();

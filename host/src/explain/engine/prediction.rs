@@ -1,8 +1,9 @@
-//! Predictions by a model file with its effects: over short windows with fitted initial states (the gap), and over the end of a record
-//! from its beginning, without touching the state (the simulation error).
+//! Predictions by a model file with its effects: over short windows with fitted initial states (the
+//! gap), and over the end of a record from its beginning, without touching the state (the
+//! simulation error).
 //!
-//! Both are least-squares fits of shooting ([`crate::identify::shooting`]): derivatives from the variational equations, reversals under dry
-//! friction placed exactly.
+//! Both are least-squares fits of shooting ([`crate::identify::shooting`]): derivatives from the
+//! variational equations, reversals under dry friction placed exactly.
 
 use rayon::prelude::*;
 
@@ -14,12 +15,14 @@ use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
 /// Most windows of the gap.
 const MOST_WINDOWS: usize = 40;
-/// Most samples that a simulation is fitted to: of a free system, whose beginning tells on its end, and of one with inputs.
+/// Most samples that a simulation is fitted to: of a free system, whose beginning tells on its end,
+/// and of one with inputs.
 const MOST_FREE: usize = 60_000;
 const MOST_DRIVEN: usize = 4_000;
 /// Samples over which the step of integration is sought.
 const STEP_SAMPLES: usize = 2000;
-/// Most rounds of a fit by simulation, and the promise, in squared standard errors, at which it stops.
+/// Most rounds of a fit by simulation, and the promise, in squared standard errors, at which it
+/// stops.
 const ROUNDS: usize = 8;
 const TOLERANCE: f64 = 1e-2;
 /// Shares of what a sensor shows to which solutions are exact, for the gap and for simulations.
@@ -58,7 +61,8 @@ fn windows(track: &Track<'_>, horizon_s: f64, part: Part, most: usize) -> Option
         let since_s = track.since_begin(&all.pieces[k]);
         (all.pieces[k].stretch, (since_s / track.spacing_s).round() as usize)
     };
-    // Where states are known from windows that were followed, one whose start has to be sought, and may not be found, decides nothing.
+    // Where states are known from windows that were followed, one whose start has to be sought, and
+    // may not be found, decides nothing.
     let known = all.known.iter().filter(|k| **k).count();
     let only_known = 2 * known >= all.known.len();
     let kept: Vec<usize> = (0..all.pieces.len())
@@ -90,7 +94,8 @@ pub fn motion(track: &Track<'_>, horizon_s: f64, block_s: f64) -> Option<f64> {
     (rms.is_finite() && rms > 0.0).then_some(rms)
 }
 
-/// A model that predicts: its equations, their parameters, and the step of integration, which is sought where none is given.
+/// A model that predicts: its equations, their parameters, and the step of integration, which is
+/// sought where none is given.
 #[derive(Clone, Copy)]
 pub struct Model<'a> {
     /// Equations.
@@ -101,7 +106,8 @@ pub struct Model<'a> {
     pub step_s: Option<f64>,
 }
 
-/// A window's fitted state, and the mean square residual that is left; none where the model has no solution.
+/// A window's fitted state, and the mean square residual that is left; none where the model has no
+/// solution.
 type State = Option<(Vec<f64>, f64)>;
 
 impl Model<'_> {
@@ -129,8 +135,9 @@ impl Model<'_> {
         (found, step_s)
     }
 
-    /// The gap over windows of the horizon inside the held-out blocks: rms of predicted minus measured over
-    /// the noise, over the degrees of freedom that the fit of the initial state leaves.
+    /// The gap over windows of the horizon inside the held-out blocks: rms of predicted minus
+    /// measured over the noise, over the degrees of freedom that the fit of the initial state
+    /// leaves.
     pub fn gap(&self, track: &Track<'_>, (horizon_s, block_s): (f64, f64)) -> f64 {
         let Some(windows) = windows(track, horizon_s, Part::HeldOut(block_s), MOST_WINDOWS) else { return f64::NAN };
         let values = (windows.length * track.sensors.len()) as f64;
@@ -140,7 +147,8 @@ impl Model<'_> {
         if freedom > 0.0 { (left.iter().sum::<f64>() * values / freedom).sqrt() } else { f64::NAN }
     }
 
-    /// Rms of predicted minus measured over windows in a part of the record, over all sensors, SI; none where there is no window.
+    /// Rms of predicted minus measured over windows in a part of the record, over all sensors, SI;
+    /// none where there is no window.
     pub fn error(&self, track: &Track<'_>, horizon_s: f64, part: Part, most: usize) -> Option<f64> {
         let windows = windows(track, horizon_s, part, most).filter(|w| !w.pieces.is_empty())?;
         let (states, step_s) = self.states(track, &windows, horizon_s);
@@ -160,8 +168,8 @@ impl Model<'_> {
         Some((squares.iter().sum::<f64>() / values).sqrt())
     }
 
-    /// How long predictions from held-out windows, whose states were fitted over the horizon, hold until a sensor is off by its tolerance: the median, s. They run for
-    /// `longest_s` at most.
+    /// How long predictions from held-out windows, whose states were fitted over the horizon, hold
+    /// until a sensor is off by its tolerance: the median, s. They run for `longest_s` at most.
     pub fn holds_s(
         &self,
         track: &Track<'_>,
@@ -197,8 +205,10 @@ impl Model<'_> {
         times.get(times.len() / 2).copied()
     }
 
-    /// Free predictions from at most `most` held-out windows, whose states were fitted over the horizon: stretch and first sample of each, and predicted minus
-    /// measured over `span_s` (where the record goes on for so long), SI, sensor after sensor within a sample; shorter where the solution ends.
+    /// Free predictions from at most `most` held-out windows, whose states were fitted over the
+    /// horizon: stretch and first sample of each, and predicted minus measured over `span_s` (where
+    /// the record goes on for so long), SI, sensor after sensor within a sample; shorter where the
+    /// solution ends.
     pub fn free(
         &self,
         track: &Track<'_>,
@@ -226,7 +236,8 @@ impl Model<'_> {
             .collect()
     }
 
-    /// What the sensors would show of a stretch from its first state, fitted over a horizon, sensor by sensor; shorter where the solution ends.
+    /// What the sensors would show of a stretch from its first state, fitted over a horizon, sensor
+    /// by sensor; shorter where the solution ends.
     pub fn shown(&self, track: &Track<'_>, stretch: usize, horizon_s: f64) -> Option<Vec<Vec<f64>>> {
         let (piece, guess) = track.piece(stretch, 0, track.samples(stretch))?;
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
@@ -276,7 +287,8 @@ fn rms_behind(residuals: &[f64], fitted: usize, track: &Track<'_>) -> f64 {
     (0..sensors).map(of).fold(0.0, f64::max)
 }
 
-/// Parameters as they are, a state fitted to the last `window` samples of what is fitted, then simulated without touching the state: the rms error over the rest.
+/// Parameters as they are, a state fitted to the last `window` samples of what is fitted, then
+/// simulated without touching the state: the rms error over the rest.
 pub fn run(
     motion: &EquationsOfMotion,
     parameters: &[f64],
@@ -297,9 +309,10 @@ pub fn run(
     Some(rms_behind(&residuals, window, track))
 }
 
-/// Parameters, each with its sign (0: either; NaN: as it is), and initial state fitted by simulation to what is fitted (its last
-/// [`MOST_FREE`] or [`MOST_DRIVEN`] samples), then simulated without touching the state: the fitted parameters, and the rms
-/// error over the rest of the sensor with the greatest.
+/// Parameters, each with its sign (0: either; NaN: as it is), and initial state fitted by
+/// simulation to what is fitted (its last [`MOST_FREE`] or [`MOST_DRIVEN`] samples), then simulated
+/// without touching the state: the fitted parameters, and the rms error over the rest of the sensor
+/// with the greatest.
 pub fn simulate(
     motion: &EquationsOfMotion,
     (parameters, signs): (&[f64], &[f64]),

@@ -1,8 +1,8 @@
-//! Where what is left sits: the residual of each equation of motion against the position and velocity of every joint, the velocity of every arm, the
-//! drive's phase and time.
+//! Where what is left sits: the residual of each equation of motion against the position and
+//! velocity of every joint, the velocity of every arm, the drive's phase and time.
 //!
-//! r_e = D_e (Σ λ X − Y) with smoothed coordinates, rates and accelerations, a force or torque where the equation's inertia D_e is known. Bins and bands are those
-//! of [`super::residual_map`].
+//! r_e = D_e (Σ λ X − Y) with smoothed coordinates, rates and accelerations, a force or torque
+//! where the equation's inertia D_e is known. Bins and bands are those of [`super::residual_map`].
 
 use nalgebra::DVector;
 
@@ -111,7 +111,8 @@ pub fn range(setting: &Setting<'_>, state: &State, of: &Node) -> (f64, f64) {
     all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
 }
 
-/// Most lines of an equation's residual, and how far they stand above their surroundings: noise has some that do, which the decision passes over.
+/// Most lines of an equation's residual, and how far they stand above their surroundings: noise has
+/// some that do, which the decision passes over.
 const MOST_LINES: usize = 4;
 const PROMINENT: f64 = 8.0;
 
@@ -132,7 +133,8 @@ fn lines_of(series: &[f64], rate_hz: f64, most_hz: f64) -> Vec<f64> {
     found.iter().take(MOST_LINES).map(|l| l.frequency_hz).collect()
 }
 
-/// Frequencies, Hz, of lines in what is left of the longest stretch, up to where the low-pass lets motion through; none where no effect asks for them.
+/// Frequencies, Hz, of lines in what is left of the longest stretch, up to where the low-pass lets
+/// motion through; none where no effect asks for them.
 pub fn lines(setting: &Setting<'_>, state: &State) -> Vec<f64> {
     let longest = state.stretches.iter().max_by_key(|s| s.len()).filter(|_| setting.looks_at_lines());
     let Some(stretch) = longest else { return Vec::new() };
@@ -147,7 +149,8 @@ pub fn lines(setting: &Setting<'_>, state: &State) -> Vec<f64> {
     out
 }
 
-/// What turns each equation into the unit that its residual is told in: its inertia where that is known.
+/// What turns each equation into the unit that its residual is told in: its inertia where that is
+/// known.
 fn scales(setting: &Setting<'_>, state: &State) -> Vec<(f64, String)> {
     let Some(mechanism) = setting.mechanism() else { return Vec::new() };
     let of = |(e, (coordinate, inertia)): (usize, &(usize, Polynomial))| {
@@ -168,7 +171,8 @@ fn scales(setting: &Setting<'_>, state: &State) -> Vec<(f64, String)> {
     mechanism.scales.iter().enumerate().map(of).collect()
 }
 
-/// Maps of all equations against all coordinates, and against frequency where the rows are known, and the places where they clearly disagree, largest first.
+/// Maps of all equations against all coordinates, and against frequency where the rows are known,
+/// and the places where they clearly disagree, largest first.
 pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>, rows: Option<&Power>) -> (Vec<Map>, Vec<Where>) {
     let (axes, nodes) = axes(setting);
     let scales = scales(setting, state);

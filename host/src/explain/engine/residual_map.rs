@@ -1,7 +1,9 @@
-//! Residuals against coordinates: means in bins with the band that the sensors' noise alone gives, and the clearest places.
+//! Residuals against coordinates: means in bins with the band that the sensors' noise alone gives,
+//! and the clearest places.
 //!
-//! The mean of a residual in each of 24 bins of a coordinate is compared with the band (95 %) that noise alone gives: the smoothed record is
-//! measured again by the same sensors with their grids shifted, and what this does to the mean of a bin is a draw of its noise.
+//! The mean of a residual in each of 24 bins of a coordinate is compared with the band (95 %) that
+//! noise alone gives: the smoothed record is measured again by the same sensors with their grids
+//! shifted, and what this does to the mean of a bin is a draw of its noise.
 
 use core::f64::consts::{PI, TAU};
 
@@ -63,7 +65,8 @@ pub struct Axis {
     pub turn: bool,
 }
 
-/// The residual of an equation over a record, and what the sensors' noise adds to it over the smoothed one, repeat by repeat.
+/// The residual of an equation over a record, and what the sensors' noise adds to it over the
+/// smoothed one, repeat by repeat.
 pub struct Residual<'a> {
     /// Equation, from 1.
     pub equation: usize,
@@ -76,7 +79,8 @@ pub struct Residual<'a> {
 }
 
 impl Residual<'_> {
-    /// Its means in bins of every coordinate, over the record and over the smoothed one, and the bins in which they clearly exceed noise.
+    /// Its means in bins of every coordinate, over the record and over the smoothed one, and the
+    /// bins in which they clearly exceed noise.
     pub fn against(
         &self,
         axes: &[Axis],
@@ -142,8 +146,9 @@ impl Residual<'_> {
         }
     }
 
-    /// For each bin the sum of n · mean² over repeats and their number: each repeat is one draw of what noise does to that mean, and the
-    /// variance of a mean falls with the number of samples, n · mean² does not.
+    /// For each bin the sum of n · mean² over repeats and their number: each repeat is one draw of
+    /// what noise does to that mean, and the variance of a mean falls with the number of samples,
+    /// n · mean² does not.
     fn draws(&self, clean: &[f64], (low, high): (f64, f64), bin: &dyn Fn(f64) -> usize) -> [(f64, f64); BINS] {
         let mut draws = [(0.0, 0.0); BINS];
         for repeat in self.noise {

@@ -1,4 +1,5 @@
-//! From the first fit to the verdict: what is measured after each step, and what is told at the end.
+//! From the first fit to the verdict: what is measured after each step, and what is told at the
+//! end.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -18,7 +19,8 @@ use crate::explain::{Settings, decidability, decision, ranking};
 use crate::identify::Identification;
 use crate::identify::stretches::Stretch;
 
-/// Step of integration as a share of the shortest horizon: 1e-8 of a smooth motion with a method of fifth order.
+/// Step of integration as a share of the shortest horizon: 1e-8 of a smooth motion with a method of
+/// fifth order.
 const STEP: f64 = 0.01;
 /// Longer horizons of the gap, in units of the shortest.
 const LONGER: [f64; 3] = [2.0, 4.0, 8.0];
@@ -42,7 +44,8 @@ pub struct Run<'a> {
 /// The fitted model before anything was added.
 struct First {
     state: State,
-    /// Coefficients of all windows, their covariance, and coefficients of the windows that predictions are made without.
+    /// Coefficients of all windows, their covariance, and coefficients of the windows that
+    /// predictions are made without.
     fit: (DVector<f64>, DMatrix<f64>, DVector<f64>),
 }
 
@@ -74,7 +77,8 @@ impl<'a> Run<'a> {
         Self { setting, state, result, horizons: (horizon_s, window_s), before: Vec::new(), first: None }
     }
 
-    /// A search for the step would follow every jump of a law; an instant off by half of this changes nothing that sensors see. Where a period has few samples, the step between the
+    /// A search for the step would follow every jump of a law; an instant off by half of this
+    /// changes nothing that sensors see. Where a period has few samples, the step between the
     /// points at which columns are integrated.
     fn step_s(&self) -> Option<f64> {
         let shortest = self.setting.rig.drive.map_or(self.horizons.0, |d| 1.0 / d.frequency_hz);
@@ -164,7 +168,8 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// What the first model has beside the last one with coefficients `x`: its parameters, and predictions of the same seconds by both.
+    /// What the first model has beside the last one with coefficients `x`: its parameters, and
+    /// predictions of the same seconds by both.
     fn compare(&mut self, identified: &Identification, x: &DVector<f64>) {
         let Some(First { state, fit }) = self.first.take() else { return };
         let mut told = Explanation::new(self.horizons.0, Vec::new());

@@ -1,4 +1,5 @@
-//! The search for effects: one after the other, each kept where it keeps what it promised, none that is nothing beside the others in the end.
+//! The search for effects: one after the other, each kept where it keeps what it promised, none
+//! that is nothing beside the others in the end.
 
 use super::candidates::Candidate;
 use super::evidence::{Evidence, Outcome, refit};
@@ -29,8 +30,9 @@ pub fn named(f: &Found) -> String {
 }
 
 impl Run<'_> {
-    /// Adds effects until nothing more is supported, none where nothing can be decided, and takes away those that are nothing beside the others: what had stood in for another
-    /// makes room for it.
+    /// Adds effects until nothing more is supported, none where nothing can be decided, and takes
+    /// away those that are nothing beside the others: what had stood in for another makes room for
+    /// it.
     ///
     /// # Errors
     /// A record that does not determine the nominal model.
@@ -49,7 +51,8 @@ impl Run<'_> {
         Ok(self.without_traces(&mut search, outcome)?.0)
     }
 
-    /// Adds effects until nothing more is supported, from an outcome that is known already or from the state.
+    /// Adds effects until nothing more is supported, from an outcome that is known already or from
+    /// the state.
     fn added(
         &mut self,
         search: &mut Search,
@@ -102,7 +105,8 @@ impl Run<'_> {
         }
     }
 
-    /// Puts the next effect into the model, or another in the place of one that was found; the outcome as it is where nothing more is supported.
+    /// Puts the next effect into the model, or another in the place of one that was found; the
+    /// outcome as it is where nothing more is supported.
     fn next(&mut self, search: &mut Search, outcome: Outcome, most: usize) -> Option<Outcome> {
         let effects = self.result.effects.clone();
         // What was found while others were missing may have stood in for them.
@@ -139,7 +143,8 @@ impl Run<'_> {
         next
     }
 
-    /// Puts a candidate into the model, in the place of another or beside the others, and keeps what there was before.
+    /// Puts a candidate into the model, in the place of another or beside the others, and keeps
+    /// what there was before.
     fn join(
         &mut self,
         search: &mut Search,
@@ -155,7 +160,8 @@ impl Run<'_> {
         search.kept = Some(Before { state, outcome, effects, promised, gone: gone.map(|g| g.1) });
     }
 
-    /// Another effect in the place of one that was found, which is told at the end of the others: the candidate, what it promises, and the number and the name of what goes.
+    /// Another effect in the place of one that was found, which is told at the end of the others:
+    /// the candidate, what it promises, and the number and the name of what goes.
     fn exchanged(&mut self, search: &mut Search, outcome: &Outcome) -> Option<(Candidate, f64, (usize, String))> {
         if search.exchanges >= MOST_EXCHANGES {
             return None;
@@ -181,7 +187,8 @@ impl Run<'_> {
         }
     }
 
-    /// Takes effects away again that beside those found after them are nothing: no name stands whose strengths are within two standard errors of none. Also whether there were any.
+    /// Takes effects away again that beside those found after them are nothing: no name stands
+    /// whose strengths are within two standard errors of none. Also whether there were any.
     fn without_traces(&mut self, search: &mut Search, mut outcome: Outcome) -> Result<(Outcome, bool)> {
         let mut any = false;
         while let Some(k) = without_trace(&self.setting, &self.state, &outcome) {
@@ -207,7 +214,8 @@ struct Before {
     state: State,
     outcome: Outcome,
     effects: Vec<Found>,
-    /// Share of what is left that the effect should take away; with a minus, what it may leave more.
+    /// Share of what is left that the effect should take away; with a minus, what it may leave
+    /// more.
     promised: f64,
     /// What it takes the place of.
     gone: Option<String>,
@@ -240,7 +248,8 @@ impl Search {
         self.refused.iter().map(|r| format!("{}@{}", r.id, r.at)).collect()
     }
 
-    /// Whether the last effect stays: a wrong model makes many look significant, each must also bring predictions nearer.
+    /// Whether the last effect stays: a wrong model makes many look significant, each must also
+    /// bring predictions nearer.
     fn keeps(&self, after: Option<&Outcome>, gap: f64, result: &Explanation) -> bool {
         let (Some(before), Some(after)) = (&self.kept, after) else { return false };
         match (before.outcome.left(), after.left()) {
@@ -312,7 +321,8 @@ fn tell_of(setting: &Setting<'_>, state: &State, candidate: &Candidate, fit: &Fi
     tell::found(setting, candidate, tell::value(setting, &state.physical, candidate, &strengths, &covariance))
 }
 
-/// The effect that is furthest from being anything, if one is within [`CLEAR`] standard errors of nothing.
+/// The effect that is furthest from being anything, if one is within [`CLEAR`] standard errors of
+/// nothing.
 fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<usize> {
     let mut at = state.values.len();
     let mut weakest: Option<(usize, f64)> = None;
@@ -333,7 +343,8 @@ fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Opt
     weakest.map(|w| w.0).filter(|_| setting.shooting)
 }
 
-/// Standard errors of an effect's strengths, the first of its columns from `at` on, with its shape held: at a strength of nothing there is no shape.
+/// Standard errors of an effect's strengths, the first of its columns from `at` on, with its shape
+/// held: at a strength of nothing there is no shape.
 fn errors_at_shape(fit: &Fit, at: usize, (strengths, columns): (usize, usize)) -> Vec<f64> {
     let own = fit.covariance.view((at, at), (strengths, strengths)).into_owned();
     let by = fit.covariance.view((at, at + strengths), (strengths, columns - strengths)).into_owned();

@@ -1,5 +1,5 @@
-//! What stays the same while effects are added: the record, its sensors, the system without its dampings (written equations stand as they
-//! are).
+//! What stays the same while effects are added: the record, its sensors, the system without its
+//! dampings (written equations stand as they are).
 
 mod parameters;
 mod sized;
@@ -34,7 +34,8 @@ use crate::system::language::SystemFile;
 use crate::system::mechanism::Mechanism;
 use crate::warning::Warning;
 
-/// Turn of the low-pass's highest frequency between two points, rad: columns are integrated to (0.4)²/12, 1 % of what is fastest. Most points to a sample.
+/// Turn of the low-pass's highest frequency between two points, rad: columns are integrated to
+/// (0.4)²/12, 1 % of what is fastest. Most points to a sample.
 const MOST_TURN: f64 = 0.4;
 const MOST_POINTS: f64 = 16.0;
 /// Samples of which shooting follows some: more of a record is not looked at.
@@ -54,7 +55,8 @@ pub struct Setting<'a> {
     pub record_of: Vec<usize>,
     /// Columns of the equations' own coefficients.
     pub own: Own,
-    /// Whether candidates are judged by shooting; rows of the weak form stand in where the model follows no window of the record.
+    /// Whether candidates are judged by shooting; rows of the weak form stand in where the model
+    /// follows no window of the record.
     pub shooting: bool,
     /// Signs that own coefficients keep; 0 for either.
     pub signs: Vec<f64>,
@@ -89,8 +91,8 @@ pub struct Begun<'a> {
 }
 
 impl<'a> Setting<'a> {
-    /// For records of a rig whose system was derived from bodies; none where its equations need their dampings to be any, or
-    /// their ties cannot be solved.
+    /// For records of a rig whose system was derived from bodies; none where its equations need
+    /// their dampings to be any, or their ties cannot be solved.
     ///
     /// # Errors
     /// As [`crate::identify::identify`].
@@ -179,7 +181,8 @@ impl<'a> Setting<'a> {
         self.mechanism().and_then(|m| m.file.as_deref())
     }
 
-    /// Whether written equations have a column already: each of its parts is a multiple of one of the equation's own terms.
+    /// Whether written equations have a column already: each of its parts is a multiple of one of
+    /// the equation's own terms.
     pub fn holds(&self, column: &Column) -> bool {
         let model = self.model();
         column.iter().all(|(e, of)| {
@@ -193,7 +196,8 @@ impl<'a> Setting<'a> {
         self.entries.iter().any(|e| e.shapes.iter().any(|s| s.of_lines))
     }
 
-    /// Every candidate: each effect at each of its places in each of its forms; `lines` are the frequencies, Hz, of lines in what is left.
+    /// Every candidate: each effect at each of its places in each of its forms; `lines` are the
+    /// frequencies, Hz, of lines in what is left.
     pub fn candidates(&self, physical: &Physical, lines: &[f64]) -> Vec<Candidate> {
         let Some(file) = self.file() else { return Vec::new() };
         let moves = units::moves(self.rig, self.whole);

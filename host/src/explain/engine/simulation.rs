@@ -1,8 +1,11 @@
-//! Free runs: the model fitted to the beginning of the longest stretch and continued to its end without touching the state.
+//! Free runs: the model fitted to the beginning of the longest stretch and continued to its end
+//! without touching the state.
 //!
-//! Fitted by the windows of shooting that lie in the beginning, with a state from the last of them; where there are too few, by simulation to all of it.
+//! Fitted by the windows of shooting that lie in the beginning, with a state from the last of them;
+//! where there are too few, by simulation to all of it.
 //!
-//! Of systems that are free or follow measured inputs; what a drive keeps moving may be chaotic, and no simulation follows it.
+//! Of systems that are free or follow measured inputs; what a drive keeps moving may be chaotic,
+//! and no simulation follows it.
 
 use serde::Serialize;
 
@@ -25,10 +28,11 @@ pub struct Simulation {
     pub fitted: f64,
     /// Unit of the values.
     pub unit: String,
-    /// Rms error over the rest, of the model as given and with everything that was added; the greatest over the sensors. NaN where no
-    /// simulation follows the record.
+    /// Rms error over the rest, of the model as given and with everything that was added; the
+    /// greatest over the sensors. NaN where no simulation follows the record.
     pub steps: Vec<Step>,
-    /// The coefficients of the last step as fitted by this simulation; those of effects by `ID@PLACE` and a number.
+    /// The coefficients of the last step as fitted by this simulation; those of effects by
+    /// `ID@PLACE` and a number.
     pub parameters: Vec<Coefficient>,
 }
 

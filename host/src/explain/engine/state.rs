@@ -1,4 +1,5 @@
-//! The model while effects are added to it: coefficients, effects with their strengths, and the record with sensor effects taken off.
+//! The model while effects are added to it: coefficients, effects with their strengths, and the
+//! record with sensor effects taken off.
 
 use std::sync::Arc;
 
@@ -29,7 +30,8 @@ pub struct Chosen {
 }
 
 impl Chosen {
-    /// A candidate that joins the model with strengths of zero, in its refined form where it has one.
+    /// A candidate that joins the model with strengths of zero, in its refined form where it has
+    /// one.
     pub fn new(setting: &Setting<'_>, candidate: Candidate, physical: &Physical) -> Self {
         let candidate = candidate.refined(setting, physical);
         Self { strengths: vec![0.0; candidate.strengths()], candidate }
@@ -78,7 +80,8 @@ impl State {
         }
     }
 
-    /// Takes coefficients over: the equations' own, then strengths; those of effects that are applied to the data are increments.
+    /// Takes coefficients over: the equations' own, then strengths; those of effects that are
+    /// applied to the data are increments.
     pub fn take(&mut self, setting: &Setting<'_>, x: &DVector<f64>) {
         let n = self.values.len();
         self.values = x.rows(0, n).iter().copied().collect();
@@ -97,7 +100,8 @@ impl State {
         }
     }
 
-    /// Whether what is taken off the record moved by more than a share of its standard error: its columns hold to first order only.
+    /// Whether what is taken off the record moved by more than a share of its standard error: its
+    /// columns hold to first order only.
     pub fn still_moves(&self, x: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
         let mut at = self.values.len();
         self.chosen.iter().any(|k| {
@@ -131,7 +135,8 @@ impl State {
         out
     }
 
-    /// The model's equations of motion, and its parameters at the coefficients `x` (the equations' own, then strengths), those of the first record.
+    /// The model's equations of motion, and its parameters at the coefficients `x` (the equations'
+    /// own, then strengths), those of the first record.
     pub fn motion(&self, setting: &Setting<'_>, x: &DVector<f64>) -> Option<(EquationsOfMotion, Vec<f64>)> {
         self.motion_of(setting, x, 0)
     }
@@ -149,7 +154,8 @@ impl State {
         Some((motion, values))
     }
 
-    /// The same for a free run, which follows the states of effects with its own motion; also their numbers.
+    /// The same for a free run, which follows the states of effects with its own motion; also their
+    /// numbers.
     pub fn free_motion_of(
         &self,
         setting: &Setting<'_>,
@@ -211,7 +217,8 @@ impl State {
         (terms, strengths)
     }
 
-    /// Numbers of the states of everything chosen, sorted: those that [`State::motion`] takes from the record.
+    /// Numbers of the states of everything chosen, sorted: those that [`State::motion`] takes from
+    /// the record.
     pub fn remembered(&self) -> Vec<usize> {
         let all = self.chosen.iter().flat_map(|k| k.candidate.remembered());
         let mut out: Vec<usize> = all.collect();
@@ -230,7 +237,8 @@ impl State {
         then(&track.knowing(&known))
     }
 
-    /// The same for equations that follow some states of effects themselves: [`State::free_motion_of`].
+    /// The same for equations that follow some states of effects themselves:
+    /// [`State::free_motion_of`].
     pub fn on_free_track<T>(
         &self,
         setting: &Setting<'_>,

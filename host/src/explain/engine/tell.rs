@@ -33,7 +33,8 @@ fn inertia_name(setting: &Setting<'_>, equation: usize) -> String {
     named.unwrap_or_else(|| format!("inertia of {}", setting.model().coordinates[*coordinate].name))
 }
 
-/// Unit of a strength of one whose law is that of the entry, and the factor that turns strengths into it.
+/// Unit of a strength of one whose law is that of the entry, and the factor that turns strengths
+/// into it.
 fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, String) {
     let works = matches!(c.entry.verb, Verb::Force | Verb::Drags);
     if let (false, Some(unit)) = (works, &c.entry.unit) {

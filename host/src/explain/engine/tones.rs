@@ -1,12 +1,16 @@
-//! Frequencies at which a force in the laboratory's time may be missing, from trajectories: where motion is chaotic the residual of forces hides it in noise, which grows with
-//! frequency squared.
+//! Frequencies at which a force in the laboratory's time may be missing, from trajectories: where
+//! motion is chaotic the residual of forces hides it in noise, which grows with frequency squared.
 //!
-//! An effect that looks at lines has two strengths, of cos 2πft and sin 2πft. Its columns over windows of length L hold frequencies within 1/2L of theirs; one at f + δ turns from
-//! window to window. With g_w = g_c + i g_s the products of both columns with what is left in window w and G_w their squares,
+//! An effect that looks at lines has two strengths, of cos 2πft and sin 2πft. Its columns over
+//! windows of length L hold frequencies within 1/2L of theirs; one at f + δ turns from window to
+//! window. With g_w = g_c + i g_s the products of both columns with what is left in window w and
+//! G_w their squares,
 //!
 //! s(f + δ) = |Σ_w g_w e^{2πiδ t_w}|² / (½ Σ_w G_w)
 //!
-//! is χ² of two degrees of freedom where there is nothing (times the power of what is left): a periodogram of trajectories instead of forces. What stands out is tried like any other candidate.
+//! is χ² of two degrees of freedom where there is nothing (times the power of what is left): a
+//! periodogram of trajectories instead of forces. What stands out is tried like any other
+//! candidate.
 
 use core::f64::consts::TAU;
 
@@ -16,7 +20,8 @@ use super::setting::Setting;
 use super::shooting;
 use super::state::State;
 
-/// Spacing of the columns' frequencies and of the search between them, in units of one over a window and over the record.
+/// Spacing of the columns' frequencies and of the search between them, in units of one over a
+/// window and over the record.
 const COLUMNS: f64 = 0.5;
 const FINE: f64 = 0.25;
 /// Most frequencies of columns, and most that are returned.
@@ -44,7 +49,8 @@ fn best_near(at_hz: f64, scores: &[([f64; 3], f64)], (spacing_hz, fine_hz): (f64
     (-steps..=steps).map(of).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((at_hz, 0.0))
 }
 
-/// Candidates at frequencies that stand out of what is left; none where rows of the weak form are judged.
+/// Candidates at frequencies that stand out of what is left; none where rows of the weak form are
+/// judged.
 pub fn candidates(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Vec<Candidate> {
     let (Evidence::Shooting(_), Some(followed)) = (&outcome.evidence, &state.followed) else { return Vec::new() };
     let looks = |c: &Candidate| c.entry.shapes.iter().any(|s| s.of_lines) && c.entry.strengths.len() == 2;
@@ -92,14 +98,16 @@ pub fn candidates(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Ve
 mod tests {
     use super::*;
 
-    /// A tone of 3.217 Hz in windows of 2 s at columns of 3.25 Hz: found to a share of one over the record, with the score that its strength has.
+    /// A tone of 3.217 Hz in windows of 2 s at columns of 3.25 Hz: found to a share of one over the
+    /// record, with the score that its strength has.
     #[test]
     fn a_tone_between_columns_is_found_by_its_turning() {
         let (f, at, psi) = (3.217, 3.25, 0.7);
         let scores: Vec<([f64; 3], f64)> = (0..30)
             .map(|w| {
                 let t = 1.0 + 2.0 * f64::from(w);
-                // C = A cos φ, S = −A sin φ, φ = 2π(f − f_c) t − ψ, by columns whose squares are 50 each.
+                // C = A cos φ, S = −A sin φ, φ = 2π(f − f_c) t − ψ, by columns whose squares are 50
+                // each.
                 let phi = TAU * (f - at) * t - psi;
                 ([0.4 * 50.0 * phi.cos(), -0.4 * 50.0 * phi.sin(), 100.0], t)
             })

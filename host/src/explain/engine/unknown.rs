@@ -1,13 +1,16 @@
 //! What is left and has no name: its shape as a function of one coordinate.
 //!
-//! At each joint and each arm that is no joint by itself, a force is a sum of hat functions of the position, the velocity or the drive's phase, f(x) =
-//! Σ_k f_k Λ_k(x) (linear interpolation on a grid, periodic for angles), added to the model and fitted with it; the pair of place and coordinate with the
-//! greatest held-out gain is told, with the standard error of every f_k by the jackknife over blocks. A shape is known only up to
-//! what the model's own terms can absorb (a sine of an arm's angle is gravity, a straight line in a velocity viscous friction); a small ridge keeps
-//! those directions at zero.
+//! At each joint and each arm that is no joint by itself, a force is a sum of hat functions of the
+//! position, the velocity or the drive's phase, f(x) = Σ_k f_k Λ_k(x) (linear interpolation on a
+//! grid, periodic for angles), added to the model and fitted with it; the pair of place and
+//! coordinate with the greatest held-out gain is told, with the standard error of every f_k by the
+//! jackknife over blocks. A shape is known only up to what the model's own terms can absorb (a sine
+//! of an arm's angle is gravity, a straight line in a velocity viscous friction); a small ridge
+//! keeps those directions at zero.
 //!
-//! A shape that predicts clearly better than the model with everything that it names is left over, however little it is beside the noise: where nothing is missing, or what is
-//! has its right name, its many strengths only make predictions worse.
+//! A shape that predicts clearly better than the model with everything that it names is left over,
+//! however little it is beside the noise: where nothing is missing, or what is has its right name,
+//! its many strengths only make predictions worse.
 
 use core::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -37,7 +40,8 @@ const POINTS: usize = 17;
 const RIDGE: f64 = 1e-4;
 /// Least share of the held-out residual power that a shape must take away to be told.
 const LEAST_GAIN: f64 = 0.05;
-/// Standard errors between blocks from which a shape's gain is clear: 3e-5 by chance for each shape.
+/// Standard errors between blocks from which a shape's gain is clear: 3e-5 by chance for each
+/// shape.
 const CLEAR: f64 = 4.0;
 
 /// A torque of unknown origin as a function of one coordinate.

@@ -1,5 +1,6 @@
-//! What a harmonic balance tells: the contract's result, and beside it the orbits, the trail of the optimisation, the unknown functions
-//! with their bands, the dampings before and after the energy balance.
+//! What a harmonic balance tells: the contract's result, and beside it the orbits, the trail of the
+//! optimisation, the unknown functions with their bands, the dampings before and after the energy
+//! balance.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};

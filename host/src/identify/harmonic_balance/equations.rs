@@ -1,5 +1,5 @@
-//! The equations as the harmonic balance needs them: each term a sum of products of factors, so that every factor can be
-//! low-passed before products are formed (3.26), (3.27).
+//! The equations as the harmonic balance needs them: each term a sum of products of factors, so
+//! that every factor can be low-passed before products are formed (3.26), (3.27).
 //!
 //! Equation e reads Σ_j λ_j X_j = −φ_e″. Non-dimensional throughout.
 
@@ -15,7 +15,8 @@ use crate::model::single_pendulum;
 pub struct Factor {
     /// Its value at an instant.
     pub of: Arc<dyn Fn(&State) -> f64 + Send + Sync>,
-    /// Whether the low-pass acts on it (velocities and accelerations have been through it already; a jumping law stands alone).
+    /// Whether the low-pass acts on it (velocities and accelerations have been through it already;
+    /// a jumping law stands alone).
     pub filtered: bool,
 }
 
@@ -78,7 +79,8 @@ pub struct Equations {
     pub targets: Vec<Vec<Product>>,
     /// Whether each coordinate is an angle.
     pub circle: [bool; 2],
-    /// Coefficients of unknown functions by function: name, and (equation, term) of each coefficient with its basis function.
+    /// Coefficients of unknown functions by function: name, and (equation, term) of each
+    /// coefficient with its basis function.
     pub functions: Vec<(&'static str, Vec<(usize, usize)>)>,
     /// Basis of those functions.
     pub basis: Vec<Arc<dyn Fn(f64) -> f64 + Send + Sync>>,
@@ -170,7 +172,8 @@ fn sign(v: f64) -> f64 {
     if v == 0.0 { 0.0 } else { v.signum() }
 }
 
-/// φ_i of the interpolation basis on N nodes, node i at −π + 2πi/N: a hat one spacing wide on either side, on the circle.
+/// φ_i of the interpolation basis on N nodes, node i at −π + 2πi/N: a hat one spacing wide on
+/// either side, on the circle.
 pub fn hat(i: usize, nodes: usize, x: f64) -> f64 {
     let d = TAU / nodes as f64;
     let from = (x + PI - i as f64 * d + PI).rem_euclid(TAU) - PI;

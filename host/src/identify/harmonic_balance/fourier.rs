@@ -1,7 +1,8 @@
 //! Fourier series of one orbit of n samples over k drive periods.
 //!
-//! Sub-harmonic j has the frequency j/k in τ. Coefficients are c_j = (1/n) Σ_i x_i e^{−2πi·ij/n}: the mean is c_0, the cosine's
-//! coefficient 2 Re c_j, the sine's −2 Im c_j. Derivatives multiply by i j/k; at j = n/2 the first one is zero.
+//! Sub-harmonic j has the frequency j/k in τ. Coefficients are c_j = (1/n) Σ_i x_i e^{−2πi·ij/n}:
+//! the mean is c_0, the cosine's coefficient 2 Re c_j, the sine's −2 Im c_j. Derivatives multiply
+//! by i j/k; at j = n/2 the first one is zero.
 
 use std::sync::Arc;
 
@@ -130,8 +131,9 @@ mod tests {
         }
     }
 
-    /// (3.27): the product of band-limited factors is the convolution of their coefficients, and its low sub-harmonics
-    /// hold nothing folded down as long as three factors end below a fifth of the sampling rate.
+    /// (3.27): the product of band-limited factors is the convolution of their coefficients, and
+    /// its low sub-harmonics hold nothing folded down as long as three factors end below a fifth of
+    /// the sampling rate.
     #[test]
     fn products_of_filtered_factors_are_convolutions() {
         let n = 60;

@@ -1,12 +1,15 @@
-//! The seed's own method: every term is expanded in the sub-harmonics of an orbit, and equal sub-harmonics are equated
-//! (2.15), (3.17) to (3.20), stacked over orbits, and solved by least squares.
+//! The seed's own method: every term is expanded in the sub-harmonics of an orbit, and equal
+//! sub-harmonics are equated (2.15), (3.17) to (3.20), stacked over orbits, and solved by least
+//! squares.
 //!
-//! *Orbits* are extracted unstable periodic orbits (`--method upo`) or long pieces of nT (`--method frequency`). The choices of sections
-//! 3 and 4 are [`settings::Settings`]. What the seed's method cannot do is left in it: the jump where an orbit does not close is an
-//! error that no standard error shows, since it is alike in all orbits. The weak form has no jump.
+//! *Orbits* are extracted unstable periodic orbits (`--method upo`) or long pieces of nT
+//! (`--method frequency`). The choices of sections 3 and 4 are [`settings::Settings`]. What the
+//! seed's method cannot do is left in it: the jump where an orbit does not close is an error that
+//! no standard error shows, since it is alike in all orbits. The weak form has no jump.
 //!
-//! *Standard errors* are those of the delete-one-orbit jackknife (blocks of pieces where there are more than a hundred), the second step of
-//! the energy balance included, rows dropped by the optimisation staying dropped. With fewer than four orbits: the sandwich over rows.
+//! *Standard errors* are those of the delete-one-orbit jackknife (blocks of pieces where there are
+//! more than a hundred), the second step of the energy balance included, rows dropped by the
+//! optimisation staying dropped. With fewer than four orbits: the sandwich over rows.
 //!
 //! | file | concern |
 //! |---|---|
@@ -154,7 +157,8 @@ pub fn balance(
         .collect::<core::result::Result<_, _>>()?;
     let groups = orbits.len().min(MOST_BLOCKS);
     let group = |orbit: usize| orbit * groups / orbits.len().max(1);
-    // Full coefficient vectors from the fitted ones, dampings by the energy balance over the orbits that are left.
+    // Full coefficient vectors from the fitted ones, dampings by the energy balance over the orbits
+    // that are left.
     let complete = |fitted: &[DVector<f64>], left_out: Option<usize>| -> Option<DVector<f64>> {
         let full: Vec<Vec<f64>> = known
             .iter()
@@ -213,7 +217,8 @@ pub fn balance(
                 complete(&fitted?, Some(g)).map(|x| x - &values)
             })
             .collect();
-        // An orbit without which nothing can be solved says nothing about the spread: then rows stand for themselves.
+        // An orbit without which nothing can be solved says nothing about the spread: then rows
+        // stand for themselves.
         if let Some(changes) = changes {
             let freedom = (groups - 1) as f64;
             let stretch = StudentsT::new(0.0, 1.0, freedom).map_or(1.0, |t| t.inverse_cdf(0.975) / 1.959_964);
@@ -236,11 +241,12 @@ pub fn balance(
     })
 }
 
-/// Identifies a driven system by harmonic balance: a built-in one, or a model file of one or two coordinates without inputs.
+/// Identifies a driven system by harmonic balance: a built-in one, or a model file of one or two
+/// coordinates without inputs.
 ///
 /// # Errors
-/// A system without a drive, settings out of range, a record that holds no orbit or no piece, a coefficient that
-/// nothing determines.
+/// A system without a drive, settings out of range, a record that holds no orbit or no piece, a
+/// coefficient that nothing determines.
 pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<super::Identification> {
     settings.validate()?;
     if rig.bound.is_some() && settings.energy_balance != EnergyBalance::None {

@@ -1,8 +1,9 @@
 //! One orbit or piece, sampled: its angles, velocities and accelerations in τ.
 //!
-//! The angle of a whirling orbit is its mean rotation w/k (w whole turns over k periods) plus an oscillation with a
-//! Fourier series (2.10), (2.11). Where the orbit fails to close, that series has a jump, which its derivatives turn into an
-//! impulse; five-point differences (3.29), (3.30) look at the record beyond both ends instead and have none.
+//! The angle of a whirling orbit is its mean rotation w/k (w whole turns over k periods) plus an
+//! oscillation with a Fourier series (2.10), (2.11). Where the orbit fails to close, that series
+//! has a jump, which its derivatives turn into an impulse; five-point differences (3.29), (3.30)
+//! look at the record beyond both ends instead and have none.
 
 use std::f64::consts::TAU;
 
@@ -32,8 +33,9 @@ pub struct Orbit {
 }
 
 impl Orbit {
-    /// Cuts k drive periods of `period` samples each from a segment, from sample `start` on. Where k·period is no whole number of
-    /// samples, values between samples are four-point Lagrange interpolations. `None` where the record does not reach.
+    /// Cuts k drive periods of `period` samples each from a segment, from sample `start` on. Where
+    /// k·period is no whole number of samples, values between samples are four-point Lagrange
+    /// interpolations. `None` where the record does not reach.
     pub fn cut(segment: &AngleSegment, start: usize, periods: usize, period: f64, closing_error: f64) -> Option<Self> {
         let length = periods as f64 * period;
         let n = length.round().max(8.0) as usize;
@@ -227,7 +229,8 @@ mod tests {
         }
     }
 
-    /// Figure 3.13: an orbit that does not close has an impulse in the Fourier series, none in the differences.
+    /// Figure 3.13: an orbit that does not close has an impulse in the Fourier series, none in the
+    /// differences.
     #[test]
     fn five_points_do_not_see_the_jump() {
         let orbit = Orbit::cut(&segment(40.0), 10, 2, 40.0, 0.0).unwrap();

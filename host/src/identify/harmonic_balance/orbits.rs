@@ -28,8 +28,8 @@ fn sensors(segments: &[AngleSegment], angles: usize) -> Vec<Vec<Vec<f64>>> {
     segments.iter().map(|s| s.sensors().into_iter().take(angles).collect()).collect()
 }
 
-/// T_d of the angle whose information falls most: its first minimum that is not weak, else its first minimum, else a quarter of
-/// the drive period.
+/// T_d of the angle whose information falls most: its first minimum that is not weak, else its
+/// first minimum, else a quarter of the drive period.
 fn delay(series: &[Vec<Vec<f64>>], circle: &[bool], period: f64) -> usize {
     let lags = (period.round() as usize).clamp(20, 500);
     let best = (0..circle.len())

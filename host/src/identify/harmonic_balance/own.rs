@@ -1,7 +1,9 @@
-//! The equations of a model file as sums of products of factors, for one or two coordinates and a drive whose phase is τ.
+//! The equations of a model file as sums of products of factors, for one or two coordinates and a
+//! drive whose phase is τ.
 //!
-//! Sums and products of an expression are taken apart, so that every factor that holds an angle can be low-passed before products are formed (3.26); what
-//! holds rates or accelerations has been through the low-pass, and the drive is exact.
+//! Sums and products of an expression are taken apart, so that every factor that holds an angle can
+//! be low-passed before products are formed (3.26); what holds rates or accelerations has been
+//! through the low-pass, and the drive is exact.
 
 use std::sync::Arc;
 

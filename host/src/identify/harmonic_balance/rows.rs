@@ -1,4 +1,5 @@
-//! Rows of the matrix equations (2.15), (3.17) to (3.20): one orbit's terms expanded in its sub-harmonics.
+//! Rows of the matrix equations (2.15), (3.17) to (3.20): one orbit's terms expanded in its
+//! sub-harmonics.
 
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
@@ -69,7 +70,8 @@ impl Rows {
     }
 }
 
-/// What one orbit gives: rows equation by equation, and the work of every term for the energy balance.
+/// What one orbit gives: rows equation by equation, and the work of every term for the energy
+/// balance.
 #[derive(Clone, Debug)]
 pub struct Expanded {
     /// Rows, equation by equation.

@@ -45,7 +45,8 @@ pub enum Differentiation {
 pub enum Subharmonics {
     /// All up to so many times the drive frequency (the seed: 1, M_k ≤ k).
     UpTo(f64),
-    /// So many a drive period, those that are largest in the acceleration's spectrum below three times the drive frequency.
+    /// So many a drive period, those that are largest in the acceleration's spectrum below three
+    /// times the drive frequency.
     Largest(usize),
     /// The first so many harmonics of the drive only.
     Harmonics(usize),
@@ -87,7 +88,8 @@ pub enum EnergyBalance {
     None,
     /// Each equation by itself, conservative terms taken to vanish: the seed's.
     Equations,
-    /// The sum J_o1·(first)·φ1′ + J_o2·(second)·φ2′, in which the coupling cancels; energies at both ends as measured.
+    /// The sum J_o1·(first)·φ1′ + J_o2·(second)·φ2′, in which the coupling cancels; energies at
+    /// both ends as measured.
     Coupled,
 }
 
@@ -98,7 +100,8 @@ pub struct Settings {
     pub orbits: Orbits,
     /// Differentiation.
     pub differentiation: Differentiation,
-    /// Cut-off of the low-pass on every factor before products are formed, as a share of the sampling rate; none: no low-pass.
+    /// Cut-off of the low-pass on every factor before products are formed, as a share of the
+    /// sampling rate; none: no low-pass.
     pub low_pass: Option<f64>,
     /// Sub-harmonics.
     pub subharmonics: Subharmonics,

@@ -1,10 +1,13 @@
-//! Least squares (2.17), (3.21), (3.22) and the optimisation of the set of sub-harmonics (section 3.4.5).
+//! Least squares (2.17), (3.21), (3.22) and the optimisation of the set of sub-harmonics (section
+//! 3.4.5).
 //!
-//! With e = A λ − q and q̂ = A λ, the identification error is ε = ‖e‖∞/‖q̂‖∞. A round of the optimisation drops the rows with
+//! With e = A λ − q and q̂ = A λ, the identification error is ε = ‖e‖∞/‖q̂‖∞. A round of the
+//! optimisation drops the rows with
 //! |e| > (1 − β) e_max and solves again, until ε is below its bound.
 //!
-//! Dropping what fits badly makes any fit look good. So the whole optimisation is repeated with a fifth of the orbits left out, and
-//! what it gives is judged on all rows of these, none dropped ([`HeldOut`]).
+//! Dropping what fits badly makes any fit look good. So the whole optimisation is repeated with a
+//! fifth of the orbits left out, and what it gives is judged on all rows of these, none dropped
+//! ([`HeldOut`]).
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::Serialize;

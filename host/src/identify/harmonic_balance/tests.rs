@@ -106,7 +106,8 @@ fn five_point_pieces_of_the_double_pendulum_are_free_of_the_jump() {
     assert!((value(&b, "B21").0 / 1.681_577 - 1.0).abs() > 0.2, "{:?}", value(&b, "B21"));
 }
 
-/// Without low-pass, high-frequency noise is folded into low sub-harmonics of products (3.26), (3.27).
+/// Without low-pass, high-frequency noise is folded into low sub-harmonics of products (3.26),
+/// (3.27).
 #[test]
 fn the_low_pass_keeps_noise_out_of_products() {
     let clean = double(20.0);

@@ -1,14 +1,17 @@
-//! Normal equations N λ = r with N = Σ w x xᵀ and r = Σ w x y over weighted rows (x, y): summed, scaled to a unit diagonal, solved.
+//! Normal equations N λ = r with N = Σ w x xᵀ and r = Σ w x y over weighted rows (x, y): summed,
+//! scaled to a unit diagonal, solved.
 //!
-//! N is solved by its eigenvalues, which tell the condition number and the column with the largest part in a dependence, or, where only
-//! the solution is wanted, by Cholesky's factors. Units are those of the rows.
+//! N is solved by its eigenvalues, which tell the condition number and the column with the largest
+//! part in a dependence, or, where only the solution is wanted, by Cholesky's factors. Units are
+//! those of the rows.
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use pulp::{Arch, NullaryFnOnce};
 
 use crate::identify::windows::frequency_of_row;
 
-/// Least eigenvalue (pivot) of normal equations, relative to the greatest, below which columns depend on each other.
+/// Least eigenvalue (pivot) of normal equations, relative to the greatest, below which columns
+/// depend on each other.
 const DEPENDENT: f64 = 1e-13;
 /// Columns, the target among them, that one product of eight by eight holds.
 const FEW: usize = 8;
@@ -87,7 +90,8 @@ impl Normal {
         })
     }
 
-    /// One over the roots of the diagonal, by which the matrix is scaled to unit diagonal; the column that vanishes, if one does.
+    /// One over the roots of the diagonal, by which the matrix is scaled to unit diagonal; the
+    /// column that vanishes, if one does.
     fn scale(&self) -> Result<DVector<f64>, usize> {
         let diagonal = self.matrix.diagonal();
         match diagonal.iter().position(|d| d.is_nan() || *d <= 0.0) {
@@ -96,7 +100,8 @@ impl Normal {
         }
     }
 
-    /// The solution alone, by Cholesky's factors, several times faster than [`Normal::solve`]; none where the columns depend on each other.
+    /// The solution alone, by Cholesky's factors, several times faster than [`Normal::solve`]; none
+    /// where the columns depend on each other.
     pub(super) fn solution(&self) -> Option<DVector<f64>> {
         let p = self.right.len();
         let scale = self.scale().ok()?;

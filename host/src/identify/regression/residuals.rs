@@ -1,6 +1,8 @@
-//! What solutions leave of the rows, e = X λ − y: by frequency, as the error ε = ‖e‖∞/‖q̂‖∞ (q̂ = X λ), from window to window.
+//! What solutions leave of the rows, e = X λ − y: by frequency, as the error ε = ‖e‖∞/‖q̂‖∞ (q̂ = X
+//! λ), from window to window.
 //!
-//! Residuals and predictions are in the unit of their equation's right-hand side; ε and correlations have none.
+//! Residuals and predictions are in the unit of their equation's right-hand side; ε and
+//! correlations have none.
 
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -16,7 +18,8 @@ fn residuals(rows: &[f64], coefficients: &DVector<f64>) -> impl Iterator<Item = 
     })
 }
 
-/// Root of the mean weighted square residual of a row, all equations together; `coefficients` of all equations, concatenated.
+/// Root of the mean weighted square residual of a row, all equations together; `coefficients` of
+/// all equations, concatenated.
 pub(crate) fn weighted_rms(
     windows: &[WindowRows],
     terms: &[usize],
@@ -37,8 +40,9 @@ pub(crate) fn weighted_rms(
     (sum / count.max(1) as f64).sqrt()
 }
 
-/// Root of the mean weighted square of what the rows of `measured` motions leave beside those of the motions as they are, and the ε of each
-/// equation that this gives. Rows are in the same order in all; `coefficients` of all equations, concatenated.
+/// Root of the mean weighted square of what the rows of `measured` motions leave beside those of
+/// the motions as they are, and the ε of each equation that this gives. Rows are in the same order
+/// in all; `coefficients` of all equations, concatenated.
 pub(crate) fn noise_alone(
     plain: &[WindowRows],
     measured: &[Vec<WindowRows>],
@@ -66,7 +70,8 @@ pub(crate) fn noise_alone(
     ((sum / count.max(1) as f64).sqrt(), errors)
 }
 
-/// Rms residual at each frequency, pooled with its two neighbours on either side so that few windows suffice.
+/// Rms residual at each frequency, pooled with its two neighbours on either side so that few
+/// windows suffice.
 pub(super) fn rms_by_frequency(
     windows: &[WindowRows],
     e: usize,
@@ -106,7 +111,8 @@ fn dot(x: &[f64], y: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest_x.iter().zip(rest_y).map(|(x, y)| x * y).sum::<f64>()
 }
 
-/// Greatest mean correlation, over 31 lags from `least` windows on (2 by default), of weighted residuals.
+/// Greatest mean correlation, over 31 lags from `least` windows on (2 by default), of weighted
+/// residuals.
 pub(super) fn repetition(
     windows: &[WindowRows],
     coefficients: &[DVector<f64>],
@@ -172,7 +178,8 @@ pub fn frequency_dots(
     (rms_by_frequency(windows, e, coefficients, frequencies), residual_dots(windows, e, coefficients, most))
 }
 
-/// Dots of figure 3.14: (frequency index, prediction, residual) of one equation, at most `most` of them by a fixed stride.
+/// Dots of figure 3.14: (frequency index, prediction, residual) of one equation, at most `most` of
+/// them by a fixed stride.
 pub fn residual_dots(
     windows: &[WindowRows],
     e: usize,

@@ -1,12 +1,14 @@
 //! Standard errors of a shooting fit, and the bound that they are compared with.
 //!
-//! With H_s and g_s a piece's normal matrix and gradient after its state is eliminated, H = Σ H_s: leaving block b out moves the parameters by
-//! d_b = (H − H_b)⁻¹ g_b, and the covariance is the jackknife's, (G−1)/G Σ (d_b − d̄)(d_b − d̄)ᵀ, stretched by Student's t for G − 1 degrees of freedom. It
-//! assumes nothing of the residuals inside a block. Where chance makes it smaller than the bound below, the bound is taken. The bound of Cramér and Rao for these pieces is H⁻¹ times the residuals' mean square: what white Gaussian
-//! noise of that size allows an unbiased estimate.
+//! With H_s and g_s a piece's normal matrix and gradient after its state is eliminated, H = Σ H_s:
+//! leaving block b out moves the parameters by d_b = (H − H_b)⁻¹ g_b, and the covariance is the
+//! jackknife's, (G−1)/G Σ (d_b − d̄)(d_b − d̄)ᵀ, stretched by Student's t for G − 1 degrees of
+//! freedom. It assumes nothing of the residuals inside a block. Where chance makes it smaller than
+//! the bound below, the bound is taken. The bound of Cramér and Rao for these pieces is H⁻¹ times
+//! the residuals' mean square: what white Gaussian noise of that size allows an unbiased estimate.
 //!
-//! On a motion that repeats, quantisation errors repeat too: then the correlation ρ of residuals between pieces times the covariance that one piece
-//! alone would give is added.
+//! On a motion that repeats, quantisation errors repeat too: then the correlation ρ of residuals
+//! between pieces times the covariance that one piece alone would give is added.
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -28,7 +30,8 @@ pub struct Covariance {
     pub bound: DMatrix<f64>,
     /// Blocks of the jackknife; 0 where there are too few pieces and the bound was taken.
     pub blocks: usize,
-    /// Condition number of the normal matrix scaled to unit diagonal (square root of the ratio of eigenvalues).
+    /// Condition number of the normal matrix scaled to unit diagonal (square root of the ratio of
+    /// eigenvalues).
     pub condition: f64,
 }
 
@@ -43,8 +46,8 @@ fn inverse(normal: &DMatrix<f64>, held: &[bool]) -> Option<DMatrix<f64>> {
     Some(out)
 }
 
-/// Covariances at a minimum. `states`: unknowns of each piece; `repetition`: correlation of residuals between pieces, 0 where they do not repeat.
-/// None where a parameter is not determined.
+/// Covariances at a minimum. `states`: unknowns of each piece; `repetition`: correlation of
+/// residuals between pieces, 0 where they do not repeat. None where a parameter is not determined.
 pub fn covariance(shares: &[Share], states: usize, held: &[bool], repetition: f64) -> Option<Covariance> {
     let reduced: Vec<_> = shares.iter().map(|s| reduce(s, states, 0.0)).collect::<Option<_>>()?;
     let p = held.len();
@@ -75,7 +78,8 @@ pub fn covariance(shares: &[Share], states: usize, held: &[bool], repetition: f6
     } else {
         bound.clone()
     };
-    // The scatter of few influential pieces may come out below the bound by chance; no estimate is better than that.
+    // The scatter of few influential pieces may come out below the bound by chance; no estimate is
+    // better than that.
     let widen = DVector::from_fn(p, |i, _| {
         let (found, least) = (estimate[(i, i)], bound[(i, i)]);
         if found > 0.0 && least > found { (least / found).sqrt() } else { 1.0 }

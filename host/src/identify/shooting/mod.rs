@@ -1,13 +1,16 @@
-//! Multiple-shooting maximum likelihood: the equations are integrated over pieces of the record, and parameters and initial states are those whose angles
-//! come closest to the measured counts.
+//! Multiple-shooting maximum likelihood: the equations are integrated over pieces of the record,
+//! and parameters and initial states are those whose angles come closest to the measured counts.
 //!
-//! A count says that the angle lies in [c, c + 1): as noise, white with variance q²/12 (Widrow and Kollár 2008, Quantization Noise). With white noise of given size the likelihood's maximum
-//! is the least-squares solution of [`problem`], found by [`solve`] with the states eliminated; pieces grow from 1T over 2T to 4T ([`run`]).
-//! Noise enters the measured angles only, never the regressors, so that there is no bias to take off. Standard errors come from the pieces' own
+//! A count says that the angle lies in [c, c + 1): as noise, white with variance q²/12 (Widrow and
+//! Kollár 2008, Quantization Noise). With white noise of given size the likelihood's maximum is the
+//! least-squares solution of [`problem`], found by [`solve`] with the states eliminated; pieces
+//! grow from 1T over 2T to 4T ([`run`]). Noise enters the measured angles only, never the
+//! regressors, so that there is no bias to take off. Standard errors come from the pieces' own
 //! scatter ([`covariance`]). The start is the weak form.
 //!
-//! Limits: a piece's solution must stay close to the motion, so pieces cannot be much longer than a few Lyapunov times; a model that misses an effect is fitted as
-//! closely as it can be, and the residuals then exceed the noise, which is said.
+//! Limits: a piece's solution must stay close to the motion, so pieces cannot be much longer than a
+//! few Lyapunov times; a model that misses an effect is fitted as closely as it can be, and the
+//! residuals then exceed the noise, which is said.
 
 pub mod covariance;
 pub mod problem;
@@ -52,7 +55,8 @@ const EXPECTED_ROUNDS: u64 = 16;
 /// Choices of multiple shooting.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Settings {
-    /// Length of the pieces at the last level, s; by default four drive periods, a fifth of a window for a free system.
+    /// Length of the pieces at the last level, s; by default four drive periods, a fifth of a
+    /// window for a free system.
     pub segment_s: Option<f64>,
     /// Bounds of parameters: name, lowest, highest. None by default.
     pub bounds: Vec<(String, f64, f64)>,
@@ -75,8 +79,8 @@ pub struct Details {
     pub converged: bool,
     /// Rms residual of each sensor over its noise: 1 where the model explains everything else.
     pub noise_ratio: Vec<f64>,
-    /// Standard errors that white Gaussian noise of the residuals' size allows at best for these pieces (Cramér and Rao), in the order of
-    /// `correlation_names`.
+    /// Standard errors that white Gaussian noise of the residuals' size allows at best for these
+    /// pieces (Cramér and Rao), in the order of `correlation_names`.
     pub cramer_rao: Vec<f64>,
     /// Parameters that stand at a bound.
     pub at_bound: Vec<String>,
@@ -154,8 +158,8 @@ struct Shot {
     slips: Vec<Slip>,
 }
 
-/// Pieces, start, bounds, levels; then the run, `offsets` saying whether every piece has its sensors'
-/// zeros to itself.
+/// Pieces, start, bounds, levels; then the run, `offsets` saying whether every piece has its
+/// sensors' zeros to itself.
 fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &ProgressBar) -> Result<Shot> {
     let Given { motion, names, rig, bound, prepared, first } = *given;
     let Prepared { stretches, sensors, geometry, .. } = prepared;
@@ -234,7 +238,8 @@ fn failed(why: Failure) -> BadInput {
     }
 }
 
-/// What a run has to tell: residuals (in the sensors' noise), pieces lost and used, rounds, whether they came to rest, blocks of the jackknife.
+/// What a run has to tell: residuals (in the sensors' noise), pieces lost and used, rounds, whether
+/// they came to rest, blocks of the jackknife.
 fn told(worst: f64, (lost, used): (usize, usize), rounds: usize, converged: bool, blocks: usize) -> Vec<Warning> {
     let mut warnings = Vec::new();
     if worst > MISSES {

@@ -1,7 +1,9 @@
-//! The least-squares problem of multiple shooting: pieces of a record, each with an initial state of its own, and shared parameters.
+//! The least-squares problem of multiple shooting: pieces of a record, each with an initial state
+//! of its own, and shared parameters.
 //!
-//! Minimise ½ Σ_s Σ_i Σ_k ((m_k·q(t_i; x_s, p) − y_ki)/σ_k)² over the initial states x_s (2n each) and the parameters p, where m_k·q is what sensor
-//! k measures. Each piece gives its share of the normal equations, [J_x J_p r]ᵀ[J_x J_p r], from the state and its variational equations.
+//! Minimise ½ Σ_s Σ_i Σ_k ((m_k·q(t_i; x_s, p) − y_ki)/σ_k)² over the initial states x_s (2n each)
+//! and the parameters p, where m_k·q is what sensor k measures. Each piece gives its share of the
+//! normal equations, [J_x J_p r]ᵀ[J_x J_p r], from the state and its variational equations.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -11,7 +13,8 @@ use super::solve::damped;
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Inputs, Outside, Work};
 
-/// What a step of a state still promises, in squared standard errors, at which its fit stops: a tenth of one.
+/// What a step of a state still promises, in squared standard errors, at which its fit stops: a
+/// tenth of one.
 const STILL: f64 = 1e-2;
 
 /// A stretch of the record that is followed from one initial state.
@@ -127,7 +130,8 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
         })
     }
 
-    /// Residuals (predicted minus measured, in σ) of a piece, sensor after sensor for each sample. None where the solution does not reach its end.
+    /// Residuals (predicted minus measured, in σ) of a piece, sensor after sensor for each sample.
+    /// None where the solution does not reach its end.
     pub fn residuals(&self, piece: &Piece, state: &[f64], parameters: &[f64]) -> Option<Vec<f64>> {
         let out = self.residuals_until(piece, state, parameters);
         (out.len() == piece.measured.len()).then_some(out)
@@ -157,8 +161,8 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
         whole.then_some((residuals, by))
     }
 
-    /// The piece from sample `half` of one to sample `half` of the next, and the first one's solution
-    /// from `state` at its beginning. None where the solution does not reach it.
+    /// The piece from sample `half` of one to sample `half` of the next, and the first one's
+    /// solution from `state` at its beginning. None where the solution does not reach it.
     pub fn joined(
         &self,
         (a, b): (&Piece, &Piece),
@@ -221,8 +225,8 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
         Piece { measured: piece.measured[..values].to_vec(), ..*piece }
     }
 
-    /// Initial state of a piece fitted with the parameters held, over its first `lengths` samples one after the other (Levenberg and
-    /// Marquardt), and the mean square residual that is left.
+    /// Initial state of a piece fitted with the parameters held, over its first `lengths` samples
+    /// one after the other (Levenberg and Marquardt), and the mean square residual that is left.
     pub fn fit_state(
         &self,
         piece: &Piece,

@@ -1,12 +1,16 @@
 //! Multiple shooting from start to covariance, for any system with [`Dynamics`].
 //!
-//! 1. The step of integration: the longest whose solution over a whole piece differs from that of half the step by less than
-//!    `STEP_ERROR` of the sensors' noise (`WORST_STEP_ERROR` in the worst piece).
-//! 2. Pieces of 1T, then 2T (at most `FEW` of them, spread over the record): states and parameters. A short piece bears a poor start; a
-//!    long one knows the parameters better, since small changes grow along it.
-//! 3. All pieces of full length (4T): each state alone, over 1T, 2T, 4T, then states and parameters together.
-//! 4. Sensors whose residuals differ from their noise are weighted by what they leave, and a piece that the model cannot follow where it follows all others
-//!    (a mean square of `LOST` times the median) is left out and counted; then once more.
+//! 1. The step of integration: the longest whose solution over a whole piece differs from that of
+//!    half the step by less than `STEP_ERROR` of the sensors' noise (`WORST_STEP_ERROR` in the
+//!    worst piece).
+//! 2. Pieces of 1T, then 2T (at most `FEW` of them, spread over the record): states and parameters.
+//!    A short piece bears a poor start; a long one knows the parameters better, since small changes
+//!    grow along it.
+//! 3. All pieces of full length (4T): each state alone, over 1T, 2T, 4T, then states and parameters
+//!    together.
+//! 4. Sensors whose residuals differ from their noise are weighted by what they leave, and a piece
+//!    that the model cannot follow where it follows all others (a mean square of `LOST` times the
+//!    median) is left out and counted; then once more.
 
 use rayon::prelude::*;
 
@@ -19,7 +23,8 @@ use crate::model::dynamics::Dynamics;
 const FEW: usize = 96;
 /// Difference, in the sensors' standard deviations, that the step of integration may make.
 const STEP_ERROR: f64 = 0.03;
-/// Steps are not sought below this share of a sample: a motion that its samples hold needs none, and noise may be as good as nothing.
+/// Steps are not sought below this share of a sample: a motion that its samples hold needs none,
+/// and noise may be as good as nothing.
 const FINEST: f64 = 0.125;
 /// The same in the worst piece.
 const WORST_STEP_ERROR: f64 = 0.15;
@@ -61,7 +66,8 @@ pub enum Failure {
     NotDetermined,
 }
 
-/// Runs all levels. `levels`: samples of a piece at each level, shortest first, the last one the pieces' full length.
+/// Runs all levels. `levels`: samples of a piece at each level, shortest first, the last one the
+/// pieces' full length.
 ///
 /// # Errors
 /// Where no solution follows the record, or it does not determine the parameters.
@@ -146,7 +152,8 @@ fn copy<'a, D: Dynamics + ?Sized>(p: &Problem<'a, D>) -> Problem<'a, D> {
     Problem { ..*p }
 }
 
-/// Each piece's state fitted over the levels' lengths with the parameters held; None for one that cannot be followed.
+/// Each piece's state fitted over the levels' lengths with the parameters held; None for one that
+/// cannot be followed.
 fn fit_states<'g, D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     pieces: &[Piece],
@@ -215,8 +222,9 @@ fn repetition(residuals: &[Vec<f64>]) -> f64 {
     greatest
 }
 
-/// The longest step T/20, T/28, T/40 … whose solution agrees with that of half the step: over all pieces together, and in the worst of them, since one violent
-/// piece that is integrated badly pulls the parameters by many standard errors.
+/// The longest step T/20, T/28, T/40 … whose solution agrees with that of half the step: over all
+/// pieces together, and in the worst of them, since one violent piece that is integrated badly
+/// pulls the parameters by many standard errors.
 pub fn integration_step<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     pieces: &[Piece],

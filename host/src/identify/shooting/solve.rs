@@ -1,9 +1,10 @@
 //! Levenberg–Marquardt over parameters and initial states, the states eliminated.
 //!
-//! With a piece's normal matrix [[H_xx H_xp], [H_px H_pp]] and gradient (g_x, g_p), the step of the parameters solves
-//! Σ_s (H_pp − H_px H_xx⁻¹ H_xp) δp = −Σ_s (g_p − H_px H_xx⁻¹ g_x), and each piece's own step is δx = −H_xx⁻¹ (g_x + H_xp δp)
-//! (Schur complement): the cost of a step grows linearly with the number of pieces. Damping multiplies the diagonals by 1 + μ. Bounds: a parameter
-//! that stands at its bound and would leave it is held there.
+//! With a piece's normal matrix [[H_xx H_xp], [H_px H_pp]] and gradient (g_x, g_p), the step of the
+//! parameters solves Σ_s (H_pp − H_px H_xx⁻¹ H_xp) δp = −Σ_s (g_p − H_px H_xx⁻¹ g_x), and each
+//! piece's own step is δx = −H_xx⁻¹ (g_x + H_xp δp) (Schur complement): the cost of a step grows
+//! linearly with the number of pieces. Damping multiplies the diagonals by 1 + μ. Bounds: a
+//! parameter that stands at its bound and would leave it is held there.
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -77,7 +78,8 @@ pub fn damped(diagonal: f64, damping: f64) -> f64 {
     if diagonal == 0.0 { 1.0 } else { diagonal * (1.0 + damping) }
 }
 
-/// Solves a symmetric system scaled to unit diagonal, the unknowns in `held` left at zero. None where it is singular.
+/// Solves a symmetric system scaled to unit diagonal, the unknowns in `held` left at zero. None
+/// where it is singular.
 pub fn solve_scaled(normal: &DMatrix<f64>, right: &DVector<f64>, damping: f64, held: &[bool]) -> Option<DVector<f64>> {
     let n = right.len();
     let scale = DVector::from_fn(n, |i, _| if normal[(i, i)] > 0.0 { normal[(i, i)].sqrt().recip() } else { 0.0 });
@@ -100,8 +102,9 @@ fn complete(shares: Vec<Option<Share>>) -> Option<Vec<Share>> {
     shares.into_iter().collect()
 }
 
-/// Shares at trial parameters and states. A piece that the step made worse than its scatter explains (a joint's velocity that grazes zero there
-/// bends the cost) gets its state fitted anew, from where it was and from where the step put it.
+/// Shares at trial parameters and states. A piece that the step made worse than its scatter
+/// explains (a joint's velocity that grazes zero there bends the cost) gets its state fitted anew,
+/// from where it was and from where the step put it.
 fn follow<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     pieces: &[Piece],
@@ -142,8 +145,10 @@ fn follow<D: Dynamics + ?Sized>(
     Some((moved, complete(shares)?))
 }
 
-/// Minimises from parameters and states until the promised gain of a step falls below `tolerance` (in units of the residuals' mean square: a
-/// step of one standard error in one parameter promises 1), for at most `most` rounds. `tick` is told of each round. None where the start has no solution.
+/// Minimises from parameters and states until the promised gain of a step falls below `tolerance`
+/// (in units of the residuals' mean square: a step of one standard error in one parameter promises
+/// 1), for at most `most` rounds. `tick` is told of each round. None where the start has no
+/// solution.
 pub fn minimise<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     pieces: &[Piece],
@@ -180,7 +185,8 @@ pub fn minimise<D: Dynamics + ?Sized>(
         let trial = clip(&parameters.iter().zip(step.iter()).map(|(a, b)| a + b).collect::<Vec<_>>());
         let taken = DVector::from_iterator(p, trial.iter().zip(&parameters).map(|(a, b)| a - b));
         let own: Vec<DVector<f64>> = reduced.iter().map(|r| r.own_step(&taken)).collect();
-        // What the parameters' step promises, and the pieces' own steps, whose states may be far off while the parameters stand.
+        // What the parameters' step promises, and the pieces' own steps, whose states may be far
+        // off while the parameters stand.
         let promise = -step.dot(&gradient) / unit;
         let own_promise: f64 = own.iter().zip(&reduced).map(|(d, r)| -d.dot(&r.own)).sum::<f64>() / unit;
         let small = damping <= 1e-6 && promise < tolerance && own_promise < tolerance * (1.0 + pieces.len() as f64);

@@ -35,8 +35,9 @@ fn pseudo_inverse(sensors: &[Vec<f64>]) -> Option<DMatrix<f64>> {
     (m.transpose() * &m).try_inverse().map(|inverse| inverse * m.transpose())
 }
 
-/// Pieces of `length` samples, one after the other; what is left of a stretch makes a shorter one if it has at least `shortest`. With each piece a
-/// guess of its initial state: the parabola through its first samples. None where the sensors do not give the coordinates.
+/// Pieces of `length` samples, one after the other; what is left of a stretch makes a shorter one
+/// if it has at least `shortest`. With each piece a guess of its initial state: the parabola
+/// through its first samples. None where the sensors do not give the coordinates.
 pub fn cut(
     stretches: &[Stretch<'_>],
     geometry: &Geometry<'_>,
@@ -87,7 +88,8 @@ pub fn cut(
     Some((pieces, states))
 }
 
-/// Weights that give value and slope at the first of `count` samples from a least-squares parabola (a line for fewer than five samples).
+/// Weights that give value and slope at the first of `count` samples from a least-squares parabola
+/// (a line for fewer than five samples).
 fn parabola(count: usize, spacing_s: f64) -> Option<DMatrix<f64>> {
     let order = if count < 5 { 2 } else { 3 };
     let design = DMatrix::from_fn(count, order, |i, j| (i as f64 * spacing_s).powi(j as i32));

@@ -1,8 +1,9 @@
 //! A system whose sensors have zeros of their own in every piece.
 //!
-//! To the coordinates one more is added for each sensor, o with ö = 0, which the sensor shows beside
-//! what it measures: y = m·q + o. A piece then finds its sensors' zeros (and their drift) with its
-//! state, and what slips did before it does not reach the parameters. Coordinates: q, then o.
+//! To the coordinates one more is added for each sensor, o with ö = 0, which the sensor shows
+//! beside what it measures: y = m·q + o. A piece then finds its sensors' zeros (and their drift)
+//! with its state, and what slips did before it does not reach the parameters. Coordinates: q, then
+//! o.
 
 use crate::model::dynamics::{Dynamics, Instant};
 
@@ -125,7 +126,8 @@ mod tests {
         }
     }
 
-    /// The motion is that without offsets, which drift evenly; derivatives by state and parameters stand in their places.
+    /// The motion is that without offsets, which drift evenly; derivatives by state and parameters
+    /// stand in their places.
     #[test]
     fn offsets_move_on_their_own() {
         let wide = WithOffsets::new(&Pendulum, 1);

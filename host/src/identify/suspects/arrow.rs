@@ -57,7 +57,8 @@ fn sense(model: &ModelFile, omega: f64, value: &dyn Fn(&str) -> f64, name: &str)
                 };
                 equation.terms.iter().map(|t| value(&t.name) * by(&t.of)).sum::<f64>() - by(&equation.balance)
             };
-            // The equation's own coordinate, or, where equations come in another order, the first that it accelerates.
+            // The equation's own coordinate, or, where equations come in another order, the first
+            // that it accelerates.
             let i = std::iter::once(e).chain(0..model.coordinates.len()).find(|&i| inertia(i) != 0.0)?;
             let sign = resists(&model.in_seconds(&t.of, omega), i)? * inertia(i).signum();
             if found.is_some_and(|f| f != sign) {
@@ -122,7 +123,8 @@ terms = { J = "q''*cos(p)", e = "p' - q'", g = "sin(p)*p'^2" }
     #[test]
     fn frictions_that_all_feed_the_motion_are_told_from_one_that_does() {
         assert_eq!(judged([-1.0, -2.0, -3.0]), Some(vec!["c", "d", "e"]));
-        // One that is not known to have a sign does not speak against it; one that has the right sign does.
+        // One that is not known to have a sign does not speak against it; one that has the right
+        // sign does.
         assert_eq!(judged([-1.0, -0.2, -3.0]), Some(vec!["c", "e"]));
         assert_eq!(judged([-1.0, 2.0, -3.0]), None);
         assert_eq!(judged([-1.0, -0.2, 0.1]), None);

@@ -52,7 +52,8 @@ pub(super) fn statements(scene: &Scene) -> Vec<Undo> {
     let channels = channels(scene);
     let mut out = Vec::new();
     for a in 0..channels.len() {
-        // Amperes taken for counts would leave a motion that is nothing but noise, which any equations fit.
+        // Amperes taken for counts would leave a motion that is nothing but noise, which any
+        // equations fit.
         for b in (a + 1..channels.len()).filter(|b| channels[*b].unit == channels[a].unit) {
             out.push(Undo::Exchange(a, b, channels[b].scale() / channels[a].scale()));
         }

@@ -46,8 +46,9 @@ fn no_equations(rig: &Rig) -> BadInput {
 /// Windows on which readings of a record are compared.
 const FEW: usize = 12;
 
-/// How well the equations of a rig fit the beginning of a record, as the mean of ln(residual/noise power) (0: as well as the sensors allow);
-/// none where they cannot be fitted. Of two readings of one record it speaks for the lower.
+/// How well the equations of a rig fit the beginning of a record, as the mean of ln(residual/noise
+/// power) (0: as well as the sensors allow); none where they cannot be fitted. Of two readings of
+/// one record it speaks for the lower.
 pub fn misfit(record: &Record, rig: &Rig) -> Option<f64> {
     let window_s = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
     let part = beginning(core::slice::from_ref(record), 0.5 * (FEW + 4) as f64 * window_s);
@@ -57,7 +58,8 @@ pub fn misfit(record: &Record, rig: &Rig) -> Option<f64> {
 
 /// Suspects of records of a rig; none where the rig's equations cannot be identified from them.
 pub fn examine(records: &[Record], rig: &Rig) -> Vec<Warning> {
-    // Equations say nothing of a record that is at fault itself: a dead channel would be told as another scale.
+    // Equations say nothing of a record that is at fault itself: a dead channel would be told as
+    // another scale.
     if records.iter().flat_map(|r| &r.warnings).any(|w| w.invalidates) {
         return Vec::new();
     }
@@ -87,7 +89,8 @@ pub fn examine(records: &[Record], rig: &Rig) -> Vec<Warning> {
     out
 }
 
-/// What the rig file takes as known against what the first part of a record shows; nothing where that cannot be identified.
+/// What the rig file takes as known against what the first part of a record shows; nothing where
+/// that cannot be identified.
 pub fn known(record: &Record, rig: &Rig) -> Vec<Warning> {
     let window_s = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
     let part = beginning(core::slice::from_ref(record), 0.5 * (WINDOWS + 4) as f64 * window_s);

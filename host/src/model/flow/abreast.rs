@@ -1,5 +1,6 @@
-//! One step of Dormand and Prince's method from each of many states, side by side, with the derivatives by that state: the same step as [`super::Flow`] takes over one
-//! spacing. Steps in which a sign turns, or a rate begins at zero, are told and left to it.
+//! One step of Dormand and Prince's method from each of many states, side by side, with the
+//! derivatives by that state: the same step as [`super::Flow`] takes over one spacing. Steps in
+//! which a sign turns, or a rate begins at zero, are told and left to it.
 
 use super::switching::crossing;
 use super::{A, C};
@@ -9,7 +10,8 @@ use crate::model::model_file::equations_of_motion::abreast::{Abreast, Room};
 pub use crate::model::model_file::tape::MOST;
 use crate::model::vectors::{add_products, add_scaled};
 
-/// States, their derivatives and the room that a step needs. Columns of [`MOST`] states: q (n), v (n), ∂q (n rows of 2n), ∂v (n rows of 2n).
+/// States, their derivatives and the room that a step needs. Columns of [`MOST`] states: q (n), v
+/// (n), ∂q (n rows of 2n), ∂v (n rows of 2n).
 pub struct Steps {
     n: usize,
     count: usize,
@@ -125,7 +127,8 @@ impl Steps {
         core::mem::swap(&mut self.y, &mut self.next);
     }
 
-    /// Rates of all columns into a stage, from the states (stage 0) or the attempted ones, `after` seconds after the beginnings.
+    /// Rates of all columns into a stage, from the states (stage 0) or the attempted ones, `after`
+    /// seconds after the beginnings.
     fn rates(
         &mut self,
         (motion, parameters): (&EquationsOfMotion, &[f64]),
@@ -184,7 +187,8 @@ mod tests {
         [[equation]]\nbalance = \"-(1.5*p'' + 0.3*cos(p)*x'')\"\nterms = { g = \"sin(p)\", c = \"p'\", f = \"sign(p')\" }\n\
         [[equation]]\nbalance = \"u - (x'' + 0.3*(cos(p)*p'' - sin(p)*p'^2))\"\nterms = { k = \"x\", d = \"sign(x' - p')\", t = \"cos(tau)\" }\n";
 
-    /// Steps side by side are those of [`Flow`] one by one, derivatives too; those in which friction turns are told, and no others.
+    /// Steps side by side are those of [`Flow`] one by one, derivatives too; those in which
+    /// friction turns are told, and no others.
     #[test]
     fn steps_are_those_that_are_taken_one_by_one() {
         let model = ModelFile::parse(TEXT, Path::new("m.toml")).unwrap();

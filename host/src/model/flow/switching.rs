@@ -1,7 +1,8 @@
-//! Dry friction along a solution: when a sign turns, when a joint sticks and comes free, and what that does to the derivatives.
+//! Dry friction along a solution: when a sign turns, when a joint sticks and comes free, and what
+//! that does to the derivatives.
 //!
-//! See the head of [`super`]. In sticking, with a linear in the sign, s* = −w·a(0)/(w·∂a/∂s) keeps w·v zero, and partials lose what would move it:
-//! ∂a − ∂a/∂s (w·∂a)/(w·∂a/∂s).
+//! See the head of [`super`]. In sticking, with a linear in the sign, s* = −w·a(0)/(w·∂a/∂s) keeps
+//! w·v zero, and partials lose what would move it: ∂a − ∂a/∂s (w·∂a)/(w·∂a/∂s).
 
 use super::{Flow, Mode, Work};
 use crate::model::dynamics::{Dynamics, Instant};
@@ -42,7 +43,8 @@ impl<D: Dynamics + ?Sized> Flow<'_, D> {
         true
     }
 
-    /// The first instant within the step just attempted at which a sign turns: share of the step, switch.
+    /// The first instant within the step just attempted at which a sign turns: share of the step,
+    /// switch.
     pub(super) fn event(&self, work: &mut Work, time: f64, h: f64) -> Option<(f64, usize)> {
         let n = work.n;
         let mut first: Option<(f64, usize)> = None;
@@ -89,7 +91,8 @@ impl<D: Dynamics + ?Sized> Flow<'_, D> {
         good.then_some(found)
     }
 
-    /// Turns a switch at the state: to the other sign, into sticking, or out of it, with the jump of the derivatives.
+    /// Turns a switch at the state: to the other sign, into sticking, or out of it, with the jump
+    /// of the derivatives.
     pub(super) fn turn(&self, work: &mut Work, time: f64, s: usize) -> bool {
         let (n, w) = (work.n, work.columns);
         let weights = &self.dynamics.switches()[s];
@@ -230,7 +233,8 @@ pub(super) fn solve_sign<D: Dynamics + ?Sized>(
     true
 }
 
-/// Where the cubic through values and slopes (times the step) at both ends of [0, 1] first passes from above to below zero.
+/// Where the cubic through values and slopes (times the step) at both ends of [0, 1] first passes
+/// from above to below zero.
 pub(super) fn crossing(ends: [f64; 2], slopes: [f64; 2]) -> Option<f64> {
     let value = |u: f64| {
         let (u2, u3) = (u * u, u * u * u);

@@ -64,7 +64,8 @@ fn an_oscillator_follows_its_formula_between_steps_too() {
     }
 }
 
-/// Dry friction takes 2μ/k off the amplitude at each reversal, and the block rests where the spring no longer overcomes it.
+/// Dry friction takes 2μ/k off the amplitude at each reversal, and the block rests where the spring
+/// no longer overcomes it.
 #[test]
 fn dry_friction_takes_two_mu_over_k_each_half_turn_and_then_sticks() {
     let (k, mu) = (4.0, 0.5);
@@ -130,7 +131,8 @@ fn what_has_no_solution_is_said() {
     assert!(!Flow::new(&block, &p, Outside::drive(0.0, 0.0, 1.0), 0.1).carry(&mut work, 0.0, 1.0));
 }
 
-/// The double pendulum beside hil-sim's plant, which has other equations (in physical units) and another integrator.
+/// The double pendulum beside hil-sim's plant, which has other equations (in physical units) and
+/// another integrator.
 #[cfg(feature = "sim")]
 #[test]
 fn the_double_pendulum_follows_the_simulated_plant() {

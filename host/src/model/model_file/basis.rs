@@ -1,9 +1,12 @@
-//! Unknown functions left free: a term `f = { basis = "harmonic", of = "q", order = 3 }` stands for several.
+//! Unknown functions left free: a term `f = { basis = "harmonic", of = "q", order = 3 }` stands for
+//! several.
 //!
-//! - harmonic: f(q) = Σ_k a_k cos k q + b_k sin k q, k = 1 … order (q scaled by 2π/`period` where one is given), coefficients `f_cos`,
-//!   `f_sin`, `f_cos2`, `f_sin2` …, and `f_0` with `constant = true`;
-//! - interpolation: hats on a grid of `points`, periodic over a turn for an angle, between `from` and `to` otherwise
-//!   (constant beyond is not implied: hats are zero there), coefficients `f_1` … ;
+//! - harmonic: f(q) = Σ_k a_k cos k q + b_k sin k q, k = 1 … order (q scaled by 2π/`period` where
+//!   one is given), coefficients `f_cos`, `f_sin`, `f_cos2`, `f_sin2` …, and `f_0` with
+//!   `constant = true`;
+//! - interpolation: hats on a grid of `points`, periodic over a turn for an angle, between `from`
+//!   and `to` otherwise (constant beyond is not implied: hats are zero there), coefficients `f_1` …
+//!   ;
 //! - `times = "cos(tau)"` multiplies all of them.
 //!
 //! These are the two bases of the seed's (2.6).

@@ -1,13 +1,17 @@
-//! Integration by parts: a term of an equation as total derivatives of what angles, velocities and inputs give.
+//! Integration by parts: a term of an equation as total derivatives of what angles, velocities and
+//! inputs give.
 //!
-//! For a test function w that vanishes at both ends of a window, with f a function of coordinates, inputs and phase, g = f q′ⁿ⁺¹/(n + 1):
+//! For a test function w that vanishes at both ends of a window, with f a function of coordinates,
+//! inputs and phase, g = f q′ⁿ⁺¹/(n + 1):
 //!
-//! ∫ w q″ = ∫ w″ q,  ∫ w f q′ⁿ q″ = −∫ w′ g − ∫ w ḟ q′ⁿ⁺¹/(n + 1),  ḟ = Σ f_{q_k} q_k′ + Σ f_{u_k} u_k′ + Ω f_τ.
+//! ∫ w q″ = ∫ w″ q, ∫ w f q′ⁿ q″ = −∫ w′ g − ∫ w ḟ q′ⁿ⁺¹/(n + 1), ḟ = Σ f_{q_k} q_k′ + Σ f_{u_k}
+//! u_k′ + Ω f_τ.
 //!
-//! Also sign(q′) q″ = (|q′|)′ and |q′| q″ = (q′|q′|/2)′. What is linear in a coordinate, its velocity or an input keeps the series as it
-//! was measured (no low-pass), since the test function is one. Refused: an acceleration inside a function or a power, two of them
-//! multiplied, one multiplied with another coordinate's velocity (except where two such products make up one derivative), and one with a
-//! factor that jumps.
+//! Also sign(q′) q″ = (|q′|)′ and |q′| q″ = (q′|q′|/2)′. What is linear in a coordinate, its
+//! velocity or an input keeps the series as it was measured (no low-pass), since the test function
+//! is one. Refused: an acceleration inside a function or a power, two of them multiplied, one
+//! multiplied with another coordinate's velocity (except where two such products make up one
+//! derivative), and one with a factor that jumps.
 
 use super::expression::{
     Expression as E, Function, Node, Symbol, add, as_number, call, divide, multiply, number, power_whole, symbol,
@@ -35,7 +39,8 @@ struct Summand {
     factors: Vec<Node>,
 }
 
-/// Sums out, numbers in front; products are multiplied out only where a factor holds an acceleration.
+/// Sums out, numbers in front; products are multiplied out only where a factor holds an
+/// acceleration.
 fn summands(e: &Node) -> Result<Vec<Summand>, String> {
     let scaled = |mut list: Vec<Summand>, by: f64| {
         list.iter_mut().for_each(|s| s.number *= by);
@@ -93,7 +98,8 @@ fn is_rate(s: Symbol) -> bool {
     matches!(s, Symbol::Rate(_))
 }
 
-/// Splits an expression into pieces; `omega` is dτ/dt, rad/s, and `circle[i]` says whether coordinate i lies on S1.
+/// Splits an expression into pieces; `omega` is dτ/dt, rad/s, and `circle[i]` says whether
+/// coordinate i lies on S1.
 ///
 /// # Errors
 /// What of it cannot be integrated.
@@ -101,8 +107,9 @@ pub fn pieces(e: &Node, omega: f64, circle: &[bool]) -> Result<Vec<Piece>, Strin
     split(e, (omega, circle), false)
 }
 
-/// The same for a column of an effect: a function of accelerations (a joint's load) is a value, of accelerations by differences of the smoothed rates. What effects add is
-/// weak, so that this costs little.
+/// The same for a column of an effect: a function of accelerations (a joint's load) is a value, of
+/// accelerations by differences of the smoothed rates. What effects add is weak, so that this costs
+/// little.
 ///
 /// # Errors
 /// As [`pieces`].
@@ -229,7 +236,8 @@ fn antiderivative(moving: &[&Node], i: usize) -> Result<Node, String> {
         }
     }
     let n = f64::from(power);
-    // With a sign or absolute value in front every power keeps it: (|v| vⁿ)′ = (n + 1) |v| vⁿ⁻¹ v′ and so on.
+    // With a sign or absolute value in front every power keeps it: (|v| vⁿ)′ = (n + 1) |v| vⁿ⁻¹ v′
+    // and so on.
     Ok(match special {
         None => multiply(number(1.0 / n), power_whole(rate, power)),
         Some(Function::Sign) => {

@@ -1,15 +1,20 @@
-//! Accelerations from a model file: Σ_j λ_j X_j = Y is linear in the accelerations, M(λ, q, …) q̈ = r, and is solved for them.
+//! Accelerations from a model file: Σ_j λ_j X_j = Y is linear in the accelerations, M(λ, q, …) q̈ =
+//! r, and is solved for them.
 //!
-//! With F_e = Σ_j λ_j X_j − Y, M_ei = ∂F_e/∂q̈_i and r_e = −F_e without accelerations; the partial derivatives of q̈ by anything x are
-//! −M⁻¹ ∂F/∂x at the accelerations found. LU with partial pivoting; a pivot below 1e-12 of the row's size counts as singular.
+//! With F_e = Σ_j λ_j X_j − Y, M_ei = ∂F_e/∂q̈_i and r_e = −F_e without accelerations; the partial
+//! derivatives of q̈ by anything x are −M⁻¹ ∂F/∂x at the accelerations found. LU with partial
+//! pivoting; a pivot below 1e-12 of the row's size counts as singular.
 //!
-//! A column of an effect may hold accelerations inside a function (a joint's load): it is then evaluated at the accelerations found so far, from zero on, until
-//! these stand still to 1e-12, in twenty passes at most; such laws are weak, and three or four do. The same holds of M in the partial derivatives, M + ∂F/∂q̈.
+//! A column of an effect may hold accelerations inside a function (a joint's load): it is then
+//! evaluated at the accelerations found so far, from zero on, until these stand still to 1e-12, in
+//! twenty passes at most; such laws are weak, and three or four do. The same holds of M in the
+//! partial derivatives, M + ∂F/∂q̈.
 //!
 //! The signs of linear forms of the rates (dry friction) are the switches of [`Dynamics`].
 //!
-//! A state z of an effect that remembers is followed as the rate of a further coordinate, whose acceleration is the law of dz/dt: coordinates are then those of
-//! the model and one for each state, on which nothing else depends ([`EquationsOfMotion::hidden`]).
+//! A state z of an effect that remembers is followed as the rate of a further coordinate, whose
+//! acceleration is the law of dz/dt: coordinates are then those of the model and one for each
+//! state, on which nothing else depends ([`EquationsOfMotion::hidden`]).
 
 pub mod abreast;
 mod linear_systems;
@@ -28,7 +33,8 @@ use super::tape::Tape;
 use crate::error::Result;
 use crate::model::dynamics::{Dynamics, Instant};
 
-/// Most passes in which accelerations inside functions are found, and the share of their size to which they stand still.
+/// Most passes in which accelerations inside functions are found, and the share of their size to
+/// which they stand still.
 const MOST_PASSES: usize = 20;
 const STILL: f64 = 1e-12;
 
@@ -42,8 +48,8 @@ pub struct EquationsOfMotion {
     entries: Vec<Entry>,
     /// Whether an entry holds accelerations.
     implicit: bool,
-    /// Derivatives of entries by coordinates (0 … n), rates (n … 2n) and accelerations (2n … 3n): tape, and entry and variable of each output. None
-    /// where some factor has no derivative.
+    /// Derivatives of entries by coordinates (0 … n), rates (n … 2n) and accelerations (2n … 3n):
+    /// tape, and entry and variable of each output. None where some factor has no derivative.
     slopes: Option<(Tape, Vec<(usize, usize)>)>,
     /// Number of measured inputs, and of the states that come behind them, followed along a record.
     inputs: usize,
@@ -86,8 +92,10 @@ impl EquationsOfMotion {
         Self::with_columns(model, omega, &[])
     }
 
-    /// As [`EquationsOfMotion::new`], with further terms `(equation, coefficient, expression in seconds)` on the left-hand sides;
-    /// their coefficients follow the file's own. States of effects that remember are followed as well: see the head of this file.
+    /// As [`EquationsOfMotion::new`], with further terms
+    /// `(equation, coefficient, expression in seconds)` on the left-hand sides; their coefficients
+    /// follow the file's own. States of effects that remember are followed as well: see the head of
+    /// this file.
     ///
     /// # Errors
     /// As [`EquationsOfMotion::new`].
@@ -169,12 +177,14 @@ impl EquationsOfMotion {
         &self.remembered
     }
 
-    /// States that are followed with the motion: each a coordinate behind the model's, whose rate it is.
+    /// States that are followed with the motion: each a coordinate behind the model's, whose rate
+    /// it is.
     pub fn hidden(&self) -> &[(Arc<Memory>, usize)] {
         &self.hidden
     }
 
-    /// A state of the model (coordinates, then rates) with those of its effects, `states` or at 0 where none are given.
+    /// A state of the model (coordinates, then rates) with those of its effects, `states` or at 0
+    /// where none are given.
     pub fn with_states(&self, of_model: &[f64], states: &[f64]) -> Vec<f64> {
         let n = of_model.len() / 2;
         let own = (0..self.hidden.len()).map(|k| states.get(k).copied().unwrap_or(0.0));
@@ -212,7 +222,8 @@ impl EquationsOfMotion {
         }));
     }
 
-    /// Entries at the accelerations `guess`, and the accelerations that follow; false where they do not exist.
+    /// Entries at the accelerations `guess`, and the accelerations that follow; false where they do
+    /// not exist.
     fn pass(&self, s: &mut Scratch, here: Here<'_>, guess: &[f64], out: &mut [f64]) -> bool {
         let n = self.circle.len();
         self.values(&self.tape, here, guess, &mut s.values);

@@ -39,7 +39,8 @@ terms = { B3 = "p''*cos(q - p) + p'^2*sin(q - p)", B4 = "sin(q)*cos(tau)", D = "
     assert!(!motion.acceleration(&[f64::NAN; 6], &q, &v, &at, &mut [0.0; 2]));
 }
 
-/// Analytic partials against differences, with friction held; switches are found whatever their scale.
+/// Analytic partials against differences, with friction held; switches are found whatever their
+/// scale.
 #[test]
 fn partials_agree_with_differences() {
     let text = r#"
@@ -88,7 +89,8 @@ terms = { h = "x''*sin(y)", g = "sin(y)", e = "sign(2*y' - 2*x')" }
     assert!((a[0] + c[0] - 2.0 * b[0]).abs() < 1e-12 && a[0] != c[0]);
 }
 
-/// A column that is no linear function of accelerations: what is found satisfies the equations, and so do its partial derivatives.
+/// A column that is no linear function of accelerations: what is found satisfies the equations, and
+/// so do its partial derivatives.
 #[test]
 fn accelerations_inside_functions_are_found() {
     let text = r#"

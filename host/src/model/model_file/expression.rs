@@ -1,7 +1,9 @@
-//! Expressions over coordinates, their derivatives, inputs and the drive's phase: constructors that simplify, derivatives, values.
+//! Expressions over coordinates, their derivatives, inputs and the drive's phase: constructors that
+//! simplify, derivatives, values.
 //!
-//! Nodes are shared (`Arc`), so that what integration by parts makes of an expression costs little. Constructors fold
-//! constants and drop neutral elements; nothing else is rearranged, so that an expression is evaluated as it was written.
+//! Nodes are shared (`Arc`), so that what integration by parts makes of an expression costs little.
+//! Constructors fold constants and drop neutral elements; nothing else is rearranged, so that an
+//! expression is evaluated as it was written.
 
 mod construct;
 
@@ -36,14 +38,15 @@ pub enum Symbol {
     Raw(usize),
     /// Input k as measured (weak form only).
     RawInput(usize),
-    /// First derivative of coordinate i in the band that stands clear of noise, for signs (weak form only): see
-    /// [`crate::model::weak::Sample::clear_rate`].
+    /// First derivative of coordinate i in the band that stands clear of noise, for signs (weak
+    /// form only): see [`crate::model::weak::Sample::clear_rate`].
     ClearRate(usize),
     /// Sign of switch k of the equations of motion (dry friction), held by an integrator.
     Held(usize),
     /// State k of an effect with a memory (inside the laws of its rates only).
     State(usize),
-    /// State of an effect with a memory, followed along the record under this number (explanations only): see [`super::memory`].
+    /// State of an effect with a memory, followed along the record under this number (explanations
+    /// only): see [`super::memory`].
     Memory(usize),
 }
 
@@ -133,7 +136,8 @@ pub enum Expression {
     Power(Node, Node),
     /// f(a).
     Call(Function, Node),
-    /// max(0, 1 − |a|/width), a hat of an interpolation basis; a is wrapped to ± period/2 first where there is a period.
+    /// max(0, 1 − |a|/width), a hat of an interpolation basis; a is wrapped to ± period/2 first
+    /// where there is a period.
     Hat {
         /// Distance from the hat's node.
         from_node: Node,
@@ -280,7 +284,8 @@ impl Expression {
         }
     }
 
-    /// Partial derivative by a symbol; `None` where it has a jump (the derivative of a sign or of a hat).
+    /// Partial derivative by a symbol; `None` where it has a jump (the derivative of a sign or of a
+    /// hat).
     pub fn derivative(&self, by: Symbol) -> Option<Node> {
         self.derive(by, false)
     }

@@ -1,4 +1,5 @@
-//! What a language over the parser's rules gives it: the meaning of names, operations, functions and lists, and their mistakes.
+//! What a language over the parser's rules gives it: the meaning of names, operations, functions
+//! and lists, and their mistakes.
 
 use std::ops::Range;
 
@@ -38,7 +39,8 @@ impl Fault {
     }
 }
 
-/// What the text's names and operations mean: the parser's rules are the same for every language over it.
+/// What the text's names and operations mean: the parser's rules are the same for every language
+/// over it.
 pub trait Grammar {
     /// What an expression becomes.
     type Value;

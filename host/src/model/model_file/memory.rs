@@ -1,9 +1,11 @@
 //! States of effects that remember: dz_k/dt = r_k(x, v, z), followed along a motion that is known.
 //!
-//! Between two samples the coordinates are parabolas and the rates straight lines. A step is the exponential midpoint rule
-//! z ← z + h φ(h J) r with J = ∂r/∂z and φ(y) = (eʸ − 1)/y, at the motion in the middle of the step: exact for laws that are linear in z
-//! where the motion is even, and stable however fast z settles (Dahl's law at a small presliding distance). Several states take the
-//! implicit rule (1 − ½ h J) Δz = h r instead. Where an argument of a sign or a size turns within a sample it is cut finely. States begin at 0.
+//! Between two samples the coordinates are parabolas and the rates straight lines. A step is the
+//! exponential midpoint rule z ← z + h φ(h J) r with J = ∂r/∂z and φ(y) = (eʸ − 1)/y, at the motion
+//! in the middle of the step: exact for laws that are linear in z where the motion is even, and
+//! stable however fast z settles (Dahl's law at a small presliding distance). Several states take
+//! the implicit rule (1 − ½ h J) Δz = h r instead. Where an argument of a sign or a size turns
+//! within a sample it is cut finely. States begin at 0.
 
 use std::sync::OnceLock;
 
@@ -95,7 +97,8 @@ impl Memory {
         })
     }
 
-    /// The shortest time in which a state settles where nothing moves, s; infinite where none settles by itself.
+    /// The shortest time in which a state settles where nothing moves, s; infinite where none
+    /// settles by itself.
     pub fn settles_s(&self) -> f64 {
         let (tape, m) = (self.tape(), self.len());
         let mut out = vec![0.0; tape.len()];
@@ -103,7 +106,8 @@ impl Memory {
         (0..m).map(|k| out[m + k * m + k]).filter(|j| *j < 0.0).map(|j| -1.0 / j).fold(f64::INFINITY, f64::min)
     }
 
-    /// Every state at every sample of a motion, from 0 on; none where one leaves the finite numbers.
+    /// Every state at every sample of a motion, from 0 on; none where one leaves the finite
+    /// numbers.
     pub fn follow(&self, course: &Course<'_>) -> Option<Vec<Vec<f64>>> {
         let m = self.len();
         let count = course.coordinates.first().map_or(0, Vec::len);
@@ -211,7 +215,8 @@ mod tests {
         (vec![x], vec![v])
     }
 
-    /// Dahl's law has the closed solution z = s − (s − z₀) exp(−|x − x₀|/d) from one reversal to the next.
+    /// Dahl's law has the closed solution z = s − (s − z₀) exp(−|x − x₀|/d) from one reversal to
+    /// the next.
     #[test]
     fn dahls_friction_follows_its_closed_solution_however_stiff() {
         let step_s = 0.005;

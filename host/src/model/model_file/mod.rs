@@ -9,9 +9,10 @@
 //! terms = { M = "q''", F_v = "q'" }
 //! ```
 //!
-//! Each equation says Σ_j λ_j X_j = balance, λ_j the unknown coefficients. A prime is d/dτ, τ = Ω t, Ω = 2π f_e of the rig's `[drive]` and
-//! 1 rad/s without one (so that it is d/dt then), or always d/dt with `time = "s"`. Coefficients of one name in several equations are
-//! one coefficient. `docs/model-file.md` is the user's page.
+//! Each equation says Σ_j λ_j X_j = balance, λ_j the unknown coefficients. A prime is d/dτ, τ = Ω
+//! t, Ω = 2π f_e of the rig's `[drive]` and 1 rad/s without one (so that it is d/dt then), or
+//! always d/dt with `time = "s"`. Coefficients of one name in several equations are one
+//! coefficient. `docs/model-file.md` is the user's page.
 //!
 //! | file | what |
 //! |---|---|
@@ -225,7 +226,8 @@ impl ModelFile {
         out
     }
 
-    /// For each term of each equation, the place of its coefficient among [`ModelFile::coefficients`].
+    /// For each term of each equation, the place of its coefficient among
+    /// [`ModelFile::coefficients`].
     pub fn term_places(&self) -> Vec<Vec<usize>> {
         let names = self.coefficients();
         let place = |t: &Term| names.iter().position(|n| *n == t.name).unwrap_or(usize::MAX);
@@ -237,7 +239,8 @@ impl ModelFile {
         self.coordinates.iter().map(|c| c.space == Space::Circle).collect()
     }
 
-    /// dτ/dt by which primes are divided, for a drive of angular frequency `omega` (rad/s; 1 without one).
+    /// dτ/dt by which primes are divided, for a drive of angular frequency `omega` (rad/s; 1
+    /// without one).
     pub fn prime_scale(&self, omega: f64) -> f64 {
         if self.time == Time::Phase { omega } else { 1.0 }
     }

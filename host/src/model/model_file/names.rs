@@ -1,4 +1,5 @@
-//! What names and operations mean in a model file's expressions: nodes over coordinates, inputs and the drive's phase.
+//! What names and operations mean in a model file's expressions: nodes over coordinates, inputs and
+//! the drive's phase.
 
 use super::expression::{FUNCTIONS, Node, Symbol, add, call, divide, multiply, number, power, subtract, symbol};
 use super::parser::{Fault, Grammar};

@@ -1,12 +1,15 @@
-//! A Pratt parser for expressions (V. R. Pratt, "Top down operator precedence", 1973), whose errors point at a character.
+//! A Pratt parser for expressions (V. R. Pratt, "Top down operator precedence", 1973), whose errors
+//! point at a character.
 //!
-//! `+ − * /`, `^` or `**` (binds tighter than a sign before it and to the right), parentheses, numbers, functions of one argument,
-//! `pi`, `tau`, names of coordinates with up to two primes (`q'`, `q''`; also ′ ″), names of inputs.
+//! `+ − * /`, `^` or `**` (binds tighter than a sign before it and to the right), parentheses,
+//! numbers, functions of one argument, `pi`, `tau`, names of coordinates with up to two primes
+//! (`q'`, `q''`; also ′ ″), names of inputs.
 //!
-//! *Why not a crate.* Looked at: evalexpr 13 (AGPL, no derivatives), fasteval 0.2 (unkept since 2020, no derivatives), meval
-//! 0.2 (the same), mathexpr 0.1 (no derivatives), exmex 0.21 (kept, has derivatives; but its error is a text without a place, a
-//! prime cannot stand in a name, and its tree is not public, which integration by parts needs). What is needed beyond a
-//! parser, the tree, is the larger part; so the parser is here too.
+//! *Why not a crate.* Looked at: evalexpr 13 (AGPL, no derivatives), fasteval 0.2 (unkept since
+//! 2020, no derivatives), meval 0.2 (the same), mathexpr 0.1 (no derivatives), exmex 0.21 (kept,
+//! has derivatives; but its error is a text without a place, a prime cannot stand in a name, and
+//! its tree is not public, which integration by parts needs). What is needed beyond a parser, the
+//! tree, is the larger part; so the parser is here too.
 
 use std::ops::Range;
 

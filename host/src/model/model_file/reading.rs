@@ -1,4 +1,5 @@
-//! Coordinates, inputs and equations of a model file, read and checked: every mistake is told with its line and column and how to mend it.
+//! Coordinates, inputs and equations of a model file, read and checked: every mistake is told with
+//! its line and column and how to mend it.
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
@@ -220,8 +221,8 @@ pub(super) fn equation(source: &Source, value: &Value<'_>, names: &Names, circle
     Ok(Equation { balance, balance_text, terms })
 }
 
-/// Refuses what has no weak form: accelerations that cannot be integrated by parts, and factors of accelerations that jump where an angle
-/// passes from π to −π.
+/// Refuses what has no weak form: accelerations that cannot be integrated by parts, and factors of
+/// accelerations that jump where an angle passes from π to −π.
 fn check_integrable(source: &Source, value: &Value<'_>, e: &Node, circle: &[bool]) -> Result<()> {
     let at = source.inside(value, 0);
     let shown = value.get_ref().as_str().unwrap_or("the basis");

@@ -1,8 +1,10 @@
-//! Terms of an equation split into what multiplies each acceleration and the rest, with the signs of dry friction as switches.
+//! Terms of an equation split into what multiplies each acceleration and the rest, with the signs
+//! of dry friction as switches.
 //!
-//! X = Σ_i ∂X/∂q̈_i q̈_i + X without accelerations, since terms are linear in accelerations (a file with others is refused); an effect's column that is not, as the load of
-//! a joint, stays whole. The sign of a linear form w·v of
-//! the rates becomes [`Symbol::Held`], which an integrator holds between the zeros of that form.
+//! X = Σ_i ∂X/∂q̈_i q̈_i + X without accelerations, since terms are linear in accelerations (a file
+//! with others is refused); an effect's column that is not, as the load of a joint, stays whole.
+//! The sign of a linear form w·v of the rates becomes [`Symbol::Held`], which an integrator holds
+//! between the zeros of that form.
 
 use super::expression::{Node, Symbol, as_number, call, multiply, number, symbol};
 use crate::model::model_file::expression::Function;

@@ -1,8 +1,9 @@
 //! Expressions compiled to a list of operations over blocks of samples, common parts computed once.
 //!
-//! A block of `BLOCK` samples stays in the first-level cache; every operation is a loop over it. Sine and cosine of the same
-//! argument are computed together. The sign of a quantity is its mean over one sampling step, [`mean_sign`], from the change between
-//! neighbouring samples, so blocks are computed with one more sample on either side where there is one.
+//! A block of `BLOCK` samples stays in the first-level cache; every operation is a loop over it.
+//! Sine and cosine of the same argument are computed together. The sign of a quantity is its mean
+//! over one sampling step, [`mean_sign`], from the change between neighbouring samples, so blocks
+//! are computed with one more sample on either side where there is one.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -151,7 +152,8 @@ impl Tape {
         self.outputs.is_empty()
     }
 
-    /// Values of every expression at every sample; `columns` in the order of [`Tape::symbols`], of `count` samples each.
+    /// Values of every expression at every sample; `columns` in the order of [`Tape::symbols`], of
+    /// `count` samples each.
     pub fn run(&self, columns: &[&[f64]], count: usize) -> Vec<Vec<f64>> {
         let mut out = vec![vec![0.0; count]; self.outputs.len()];
         let halo = usize::from(self.signs);
@@ -168,7 +170,8 @@ impl Tape {
         out
     }
 
-    /// Values of every expression at `count` points that are no neighbours, [`MOST`] at most: [`Tape::output`] shows them.
+    /// Values of every expression at `count` points that are no neighbours, [`MOST`] at most:
+    /// [`Tape::output`] shows them.
     pub fn over(&self, columns: &[&[f64]], count: usize, registers: &mut Registers) {
         registers.0.resize(self.operations.len() * MOST, 0.0);
         self.block::<MOST>(columns, 0, count, &mut registers.0);
@@ -183,8 +186,8 @@ impl Tape {
         Arch::new().dispatch(Block::<STRIDE> { operations: &self.operations, columns, from, to, registers });
     }
 
-    /// Values of every expression at one point (signs are plain signs). `values` has one entry for each of
-    /// [`Tape::symbols`]; `registers` is scratch.
+    /// Values of every expression at one point (signs are plain signs). `values` has one entry for
+    /// each of [`Tape::symbols`]; `registers` is scratch.
     pub fn at(&self, values: &[f64], registers: &mut Vec<f64>, out: &mut [f64]) {
         registers.clear();
         let mut second = 0.0;
@@ -214,7 +217,8 @@ impl Tape {
     }
 }
 
-/// A block of samples or points, every operation over all of them; compiled for each kind of vectors that processors have (pulp).
+/// A block of samples or points, every operation over all of them; compiled for each kind of
+/// vectors that processors have (pulp).
 struct Block<'a, const STRIDE: usize> {
     operations: &'a [Operation],
     columns: &'a [&'a [f64]],

@@ -1,8 +1,10 @@
-//! Equations that hold whatever a record says: a right-hand side that is a sum of its own terms, b = Σ c_k f_k as functions (`balance = "x"`
-//! beside a term `x`). The coefficients are then known beforehand, describe nothing, and leave no acceleration to integrate.
+//! Equations that hold whatever a record says: a right-hand side that is a sum of its own terms,
+//! b = Σ c_k f_k as functions (`balance = "x"` beside a term `x`). The coefficients are then known
+//! beforehand, describe nothing, and leave no acceleration to integrate.
 //!
-//! b and the f_k are evaluated at points spread over [−2, 2] in every symbol (Weyl's sequences), four times as many
-//! as there are terms; b is such a sum where least squares leaves nothing but rounding.
+//! b and the f_k are evaluated at points spread over [−2, 2] in every symbol (Weyl's sequences),
+//! four times as many as there are terms; b is such a sum where least squares leaves nothing but
+//! rounding.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -1,7 +1,8 @@
 //! Units of coefficients, from those of the channels: \[λ\] = \[balance\]/\[term\].
 //!
-//! Angles and pure numbers have none; a derivative divides by seconds (not where primes are by the drive's phase). Functions give pure
-//! numbers. A sum has the unit of its first summand that is not a bare number.
+//! Angles and pure numbers have none; a derivative divides by seconds (not where primes are by the
+//! drive's phase). Functions give pure numbers. A sum has the unit of its first summand that is not
+//! a bare number.
 
 use super::expression::{Expression as E, Function, Node, Symbol};
 
@@ -24,7 +25,8 @@ impl Unit {
         })
     }
 
-    /// A unit as it is written: `kg m^2`, `N m/A`, `m/s²`, `1`; what follows a stroke divides. None where it is no unit.
+    /// A unit as it is written: `kg m^2`, `N m/A`, `m/s²`, `1`; what follows a stroke divides. None
+    /// where it is no unit.
     pub fn parse(text: &str) -> Option<Self> {
         let mut out = Self::default();
         for (i, part) in text.split('/').enumerate() {

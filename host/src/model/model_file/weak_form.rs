@@ -1,4 +1,5 @@
-//! A model file's equations as series and parts, for one drive frequency: what [`crate::identify::windows`] turns into rows.
+//! A model file's equations as series and parts, for one drive frequency: what
+//! [`crate::identify::windows`] turns into rows.
 
 use super::ModelFile;
 use super::by_parts::{pieces, pieces_of_effect};
@@ -39,10 +40,12 @@ impl Series {
 }
 
 impl WeakForm {
-    /// The weak form of a model file at angular frequency `omega` (rad/s; 1 without a drive), with further columns, `extra[e]` for equation e.
+    /// The weak form of a model file at angular frequency `omega` (rad/s; 1 without a drive), with
+    /// further columns, `extra[e]` for equation e.
     ///
     /// # Errors
-    /// A term that cannot be integrated by parts (only further columns can bring one in: a file is checked when it is read).
+    /// A term that cannot be integrated by parts (only further columns can bring one in: a file is
+    /// checked when it is read).
     pub fn new(model: &ModelFile, omega: f64, extra: &[Vec<Column>]) -> Result<Self> {
         Self::with(model, omega, extra, |e| e)
     }

@@ -1,4 +1,5 @@
-//! How vectors are shared among the leaves of the tree: every node's are halved at the median of its widest component, the first half the smaller one.
+//! How vectors are shared among the leaves of the tree: every node's are halved at the median of
+//! its widest component, the first half the smaller one.
 
 use super::FAR;
 use crate::phase_space::embedding::Embedding;
@@ -24,7 +25,8 @@ pub(super) fn arc(low: f32, high: f32) -> (f32, f32) {
     if low > high { (FAR, 0.0) } else { (0.5 * (low + high), 0.5 * (high - low) + 2.5e-7) }
 }
 
-/// Orders the keys so that every node's vectors lie together: halves at the median of the widest component.
+/// Orders the keys so that every node's vectors lie together: halves at the median of the widest
+/// component.
 pub(super) fn split(e: &Embedding<'_>, d: usize, keys: &mut [u64], leaves: usize) {
     if leaves <= 1 || keys.len() < 2 {
         return;

@@ -1,5 +1,6 @@
-//! Settings that a plan looks at: a grid of drive frequencies, Hz, and amplitudes (factors on the model's, or m) within the limits on both and on the
-//! base's acceleration (2π f)² a, m/s²; poses of a free system, rad or m.
+//! Settings that a plan looks at: a grid of drive frequencies, Hz, and amplitudes (factors on the
+//! model's, or m) within the limits on both and on the base's acceleration (2π f)² a, m/s²; poses
+//! of a free system, rad or m.
 
 use super::Task;
 use crate::error::{BadInput, Result};
@@ -9,7 +10,8 @@ use crate::rig::Rig;
 
 /// Frequencies and amplitudes of the map.
 const GRID: [usize; 2] = [8, 6];
-/// Where nothing else is said: frequencies and amplitudes beside those of the model, and acceleration.
+/// Where nothing else is said: frequencies and amplitudes beside those of the model, and
+/// acceleration.
 const AROUND: [[f64; 2]; 2] = [[0.6, 1.6], [0.5, 1.6]];
 const HARDER: f64 = 1.6;
 /// Steps of frequencies, Hz, and amplitudes, m.

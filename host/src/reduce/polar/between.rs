@@ -1,10 +1,11 @@
 //! Nodes between the releases from the equations themselves, where these are known.
 //!
-//! Between two releases far apart the shapes are interpolated, and an error of 1 % in them costs the variational frequency 1e-4. The
-//! equations need no release there: from an interpolated shape at amplitude a, Newton's method solves the free motion's harmonic balance
-//! ω² x_φφ = a(x, ω x_φ), its first harmonic's major coordinate held at a, for the harmonics that the model has, and ω. Averages over half a
-//! turn (the motion retraces itself); derivatives by difference quotients. A solution that is not close to where it started is another
-//! motion and is not taken.
+//! Between two releases far apart the shapes are interpolated, and an error of 1 % in them costs
+//! the variational frequency 1e-4. The equations need no release there: from an interpolated shape
+//! at amplitude a, Newton's method solves the free motion's harmonic balance ω² x_φφ = a(x, ω x_φ),
+//! its first harmonic's major coordinate held at a, for the harmonics that the model has, and ω.
+//! Averages over half a turn (the motion retraces itself); derivatives by difference quotients. A
+//! solution that is not close to where it started is another motion and is not taken.
 
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::PI;
@@ -17,7 +18,8 @@ use super::{Node, Polar};
 const RATIO: f64 = 1.35;
 /// Highest degree in s with these nodes.
 const MOST_DEGREE: usize = 8;
-/// Standard error of a release's shape, relative, from which it weighs less than a node from the equations.
+/// Standard error of a release's shape, relative, from which it weighs less than a node from the
+/// equations.
 const KNOWN: f64 = 3e-5;
 /// Relative error that stands for the weight 1.
 const UNIT: f64 = 1e-9;
@@ -28,8 +30,8 @@ const PHASES: usize = 48;
 /// Greatest change of the shape, relative to it, and of the frequency.
 const CLOSE: [f64; 2] = [0.2, 0.02];
 
-/// The model of a system whose equations are known: of the releases' nodes and of those between them. All of them are answered, the releases'
-/// first, as [`Polar::corrected_omega`] takes them.
+/// The model of a system whose equations are known: of the releases' nodes and of those between
+/// them. All of them are answered, the releases' first, as [`Polar::corrected_omega`] takes them.
 pub fn model_with(
     nodes: &[Node],
     major: &[f64],
@@ -41,13 +43,15 @@ pub fn model_with(
     if between.is_empty() {
         return Some((first, nodes.to_vec()));
     }
-    // The releases tell whether the motion is symmetric: many nodes between would outvote one that is not.
+    // The releases tell whether the motion is symmetric: many nodes between would outvote one that
+    // is not.
     let model = model_of(&weighed(nodes, &between), major, linear, MOST_DEGREE, Some(first.symmetric))?;
     Some((model, nodes.iter().chain(&between).cloned().collect()))
 }
 
-/// The nodes as they are weighed in such a model: those between by 1, a release's the less the less its shape is known; but the greatest
-/// release's by 1, for beyond the last node between nothing else holds the polynomials.
+/// The nodes as they are weighed in such a model: those between by 1, a release's the less the less
+/// its shape is known; but the greatest release's by 1, for beyond the last node between nothing
+/// else holds the polynomials.
 pub fn weighed(nodes: &[Node], between: &[Node]) -> Vec<Node> {
     let greatest = nodes.iter().map(|n| n.amplitude).fold(0.0, f64::max);
     let of = |n: &Node| {
@@ -76,7 +80,8 @@ fn fill(polar: &Polar, nodes: &[Node], system: &dyn Mechanical) -> Vec<Node> {
         out.extend(guess.and_then(|(x, omega)| solve(polar, system, a, &x, omega)));
     }
     for pair in ordered.windows(2) {
-        // Upward from the lower release, each guess on the straight line from the last motion found to the upper release.
+        // Upward from the lower release, each guess on the straight line from the last motion found
+        // to the upper release.
         let (mut last, upper) = (pair[0].clone(), pair[1]);
         let parts = ((upper.amplitude / last.amplitude).ln() / RATIO.ln()).ceil().clamp(1.0, 16.0);
         let step = (upper.amplitude / last.amplitude).powf(1.0 / parts);

@@ -1,4 +1,5 @@
-//! The model from its nodes: scales and degrees by leaving out one node at a time, then least squares.
+//! The model from its nodes: scales and degrees by leaving out one node at a time, then least
+//! squares.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -7,8 +8,8 @@ use super::{Node, Polar, horner, s_of};
 /// Highest degree in s.
 const MOST_DEGREE: usize = 6;
 
-/// Coefficients of polynomials of one degree through all quantities of the nodes (columns of `values`), by least squares: exact interpolation where
-/// there are as many nodes as powers.
+/// Coefficients of polynomials of one degree through all quantities of the nodes (columns of
+/// `values`), by least squares: exact interpolation where there are as many nodes as powers.
 fn polynomials(s: &[f64], weight: &[f64], values: &DMatrix<f64>, degree: usize) -> Option<Vec<DVector<f64>>> {
     if s.len() <= degree {
         return None;
@@ -20,7 +21,8 @@ fn polynomials(s: &[f64], weight: &[f64], values: &DMatrix<f64>, degree: usize) 
     x.iter().all(|v| v.is_finite()).then(|| x.column_iter().map(|c| c.into_owned()).collect())
 }
 
-/// A scale and a degree, with their error at nodes left out: by which they were chosen, and the greatest.
+/// A scale and a degree, with their error at nodes left out: by which they were chosen, and the
+/// greatest.
 struct Choice {
     value: f64,
     worst: f64,
@@ -28,7 +30,8 @@ struct Choice {
     degree: usize,
 }
 
-/// The nodes of positive amplitude in rising order, the linear mode first where it is known, and ω² and the shapes, one row a node.
+/// The nodes of positive amplitude in rising order, the linear mode first where it is known, and ω²
+/// and the shapes, one row a node.
 struct Table {
     nodes: Vec<Node>,
     /// ω², then X_k/a by k and channel.
@@ -38,8 +41,9 @@ struct Table {
 }
 
 impl Table {
-    /// The nodes to which harmonic k is fitted: all of them; of an even one the linear mode and those that have any. Nodes from the equations of a
-    /// symmetric system have none, and what a release has beside such a mode is not to be averaged with that.
+    /// The nodes to which harmonic k is fitted: all of them; of an even one the linear mode and
+    /// those that have any. Nodes from the equations of a symmetric system have none, and what a
+    /// release has beside such a mode is not to be averaged with that.
     fn rows_of(&self, k: usize, channels: usize) -> Vec<usize> {
         let all = 0..self.nodes.len();
         let has = |i: usize| {
@@ -64,7 +68,8 @@ fn table(
     let channels = major.len();
     let mut nodes: Vec<Node> = nodes.iter().filter(|n| n.amplitude > 0.0 && n.amplitude.is_finite()).cloned().collect();
     nodes.sort_by(|a, b| a.amplitude.total_cmp(&b.amplitude));
-    // Even harmonics stay out of a symmetric mode: 1 % of the odd ones is what noise and mixing leave.
+    // Even harmonics stay out of a symmetric mode: 1 % of the odd ones is what noise and mixing
+    // leave.
     let even: f64 = nodes.iter().flat_map(|n| n.shape.iter().step_by(2).flatten().map(|x| x * x)).sum();
     let odd: f64 = nodes.iter().flat_map(|n| n.shape.iter().skip(1).step_by(2).flatten().map(|x| x * x)).sum();
     let symmetric = symmetric.unwrap_or(even < 1e-4 * odd);
@@ -82,7 +87,8 @@ fn table(
         let (k, c) = ((q - 1) / channels, (q - 1) % channels);
         if symmetric && k % 2 == 0 { 0.0 } else { nodes[i].shape.get(k).map_or(0.0, |x| x[c]) }
     });
-    // Nodes that are known equally well weigh alike; one ten times worse than the median weighs a tenth.
+    // Nodes that are known equally well weigh alike; one ten times worse than the median weighs a
+    // tenth.
     let mut errors: Vec<f64> = nodes.iter().map(|n| n.error).collect();
     errors.sort_by(f64::total_cmp);
     let median = errors[errors.len() / 2].max(1e-9);
@@ -90,7 +96,8 @@ fn table(
     Some((Table { nodes, values, weight, harmonics }, symmetric))
 }
 
-/// The same model of other nodes: scales, degrees and harmonics as they were chosen, range and error as they were.
+/// The same model of other nodes: scales, degrees and harmonics as they were chosen, range and
+/// error as they were.
 pub fn again(of: &Polar, nodes: &[Node], linear: Option<(f64, Vec<f64>)>) -> Option<Polar> {
     let channels = of.major.len();
     let (t, _) = table(nodes, &of.major, linear, Some(of.symmetric))?;
@@ -117,12 +124,14 @@ pub fn again(of: &Polar, nodes: &[Node], linear: Option<(f64, Vec<f64>)>) -> Opt
     Some(Polar { omega_squared, shape, ..of.clone() })
 }
 
-/// Makes the model of nodes (at least two of different amplitude), with the linear mode (ω, X_1/a) where it is known.
+/// Makes the model of nodes (at least two of different amplitude), with the linear mode (ω, X_1/a)
+/// where it is known.
 pub fn model(nodes: &[Node], major: &[f64], linear: Option<(f64, Vec<f64>)>) -> Option<Polar> {
     model_of(nodes, major, linear, MOST_DEGREE, None)
 }
 
-/// The same with degrees up to `most`; `symmetric`: whether there are no even harmonics, where that is known.
+/// The same with degrees up to `most`; `symmetric`: whether there are no even harmonics, where that
+/// is known.
 pub(super) fn model_of(
     nodes: &[Node],
     major: &[f64],
@@ -141,7 +150,8 @@ pub(super) fn model_of(
     let of_harmonics =
         |from: usize, to: usize| values.columns(1 + from * channels, (to - from) * channels).into_owned();
     let omega_values = values.columns(0, 1).into_owned();
-    // Left out one at a time, the ends excepted (they would have to be extrapolated): rms (by the nodes' weights) and greatest relative error.
+    // Left out one at a time, the ends excepted (they would have to be extrapolated): rms (by the
+    // nodes' weights) and greatest relative error.
     let score_of = |part: &DMatrix<f64>, a0: f64, degree: usize, rows: &[usize]| -> Option<(f64, f64)> {
         let s: Vec<f64> = nodes.iter().map(|n| s_of(n.amplitude, a0)).collect();
         let (mut sum, mut count, mut worst) = (0.0, 0.0, 0.0_f64);
@@ -168,9 +178,10 @@ pub(super) fn model_of(
     let middle = (first * last).sqrt();
     let scales: Vec<f64> = (-20..=20).map(|n| middle * 10.0_f64.powf(f64::from(n) * 0.075)).collect();
     let degrees = 1..=most.min(nodes.len().saturating_sub(2));
-    // ω and the shapes each with their own scale and degree, by their errors at releases left out. Few releases are interpolated, by the worst, ω with
-    // the shapes' error beside its own: of two or three errors of one quantity the worst may be small by luck at a scale that serves nothing else. Many
-    // (the windows of decays) are smoothed, by the mean.
+    // ω and the shapes each with their own scale and degree, by their errors at releases left out.
+    // Few releases are interpolated, by the worst, ω with the shapes' error beside its own: of two
+    // or three errors of one quantity the worst may be small by luck at a scale that serves nothing
+    // else. Many (the windows of decays) are smoothed, by the mean.
     let all = of_harmonics(0, harmonics);
     let choose = |part: &DMatrix<f64>, scales: &[f64]| -> Option<Choice> {
         let mut best: Option<Choice> = None;
@@ -189,7 +200,8 @@ pub(super) fn model_of(
         }
         best.filter(|_| nodes.len() > 2)
     };
-    // What served best without one node goes up by one degree with it, where every node then is met.
+    // What served best without one node goes up by one degree with it, where every node then is
+    // met.
     let full = |d: usize| if d + 2 == nodes.len() { d + 1 } else { d }.min(nodes.len() - 1);
     let of = |a0: f64| -> Vec<f64> { nodes.iter().map(|n| s_of(n.amplitude, a0)).collect() };
     let coefficients =
@@ -212,8 +224,9 @@ pub(super) fn model_of(
         } else if few {
             Some(shape_degree)
         } else {
-            // Every harmonic with the degree that serves it, so that one that other modes disturb does not coarsen the others; one that is predicted
-            // no better than by nothing at all is not the mode's: other modes ring there.
+            // Every harmonic with the degree that serves it, so that one that other modes disturb
+            // does not coarsen the others; one that is predicted no better than by nothing at all
+            // is not the mode's: other modes ring there.
             let rms = (0..nodes.len()).map(|i| (weight[i] * part.row(i).norm()).powi(2)).sum::<f64>().sqrt()
                 / weight.iter().map(|w| w * w).sum::<f64>().sqrt();
             choose(&part, &[shape_a0]).filter(|b| b.value < 0.5 * rms).map(|b| full(b.degree))

@@ -49,7 +49,8 @@ fn the_variational_frequency_is_the_shooting_one_and_energy_is_the_actions() {
 
 #[test]
 fn nodes_between_releases_are_the_full_systems_motions() {
-    // Two masses: releases at amplitudes 1.5 and 17, the mode's shape turning by a quarter in between.
+    // Two masses: releases at amplitudes 1.5 and 17, the mode's shape turning by a quarter in
+    // between.
     let system = by_id("two-mass").unwrap();
     let major = [0.141, 0.990];
     let nodes = exact_nodes("two-mass", &[1.8, 14.6, 267.0], &major);
@@ -117,7 +118,8 @@ fn a_duffing_oscillators_energy_follows_from_displacements_alone() {
 
 #[test]
 fn even_harmonics_of_few_releases_are_fitted_to_them_alone() {
-    // Seven motions of a symmetric mode, three of them releases with a tenth of even harmonics beside it; the third harmonic calls for a high degree.
+    // Seven motions of a symmetric mode, three of them releases with a tenth of even harmonics
+    // beside it; the third harmonic calls for a high degree.
     let node = |a: f64, even: f64| Node {
         amplitude: a,
         omega: 1.0 + 0.01 * a,

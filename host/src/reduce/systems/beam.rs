@@ -1,10 +1,10 @@
-//! A clamped beam that stretches, w⁗ + ẅ − ½ (∫w′²) w″ = 0, in the amplitudes of its first eight linear modes; time such that the first
-//! linear frequency is 1, deflections in √(I/A).
+//! A clamped beam that stretches, w⁗ + ẅ − ½ (∫w′²) w″ = 0, in the amplitudes of its first eight
+//! linear modes; time such that the first linear frequency is 1, deflections in √(I/A).
 //!
-//! The modes by collocation of the exact clamped–clamped shapes; G_ij = ∫ψ_i′ψ_j′ in closed form (J. F. Felgar, *Formulas for
-//! integrals containing characteristic functions of a vibrating beam*, 1950): for i ≠ j of one parity
-//! ∫ψ_i′ψ_j′ = 4 β_i² β_j² (σ_iβ_i − σ_jβ_j)·((−1)^{i+j} + 1)/(β_j⁴ − β_i⁴), and
-//! ∫ψ_i′² = σ_iβ_i (σ_iβ_i − 2).
+//! The modes by collocation of the exact clamped–clamped shapes; G_ij = ∫ψ_i′ψ_j′ in closed form
+//! (J. F. Felgar, *Formulas for integrals containing characteristic functions of a vibrating beam*,
+//! 1950): for i ≠ j of one parity ∫ψ_i′ψ_j′ = 4 β_i² β_j² (σ_iβ_i − σ_jβ_j)·((−1)^{i+j} +
+//! 1)/(β_j⁴ − β_i⁴), and ∫ψ_i′² = σ_iβ_i (σ_iβ_i − 2).
 
 use super::{Mechanical, SystemKind};
 
@@ -25,7 +25,8 @@ pub struct Beam {
 
 impl Default for Beam {
     fn default() -> Self {
-        // cos z cosh z = 1 by fixed-point iteration z = (k + ½)π − (−1)^k asin(1/cosh z)… which contracts fast.
+        // cos z cosh z = 1 by fixed-point iteration z = (k + ½)π − (−1)^k asin(1/cosh z)… which
+        // contracts fast.
         let mut beta = [0.0; MODES];
         for (k, b) in beta.iter_mut().enumerate() {
             let centre = (k as f64 + 1.5) * std::f64::consts::PI;

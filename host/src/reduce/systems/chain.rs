@@ -1,4 +1,5 @@
-//! Sixty unit masses between fixed ends, ground springs 0.3 x + x³, neighbours coupled such that the first linear frequency is 1.
+//! Sixty unit masses between fixed ends, ground springs 0.3 x + x³, neighbours coupled such that
+//! the first linear frequency is 1.
 
 use std::f64::consts::PI;
 

@@ -1,6 +1,7 @@
-//! A block on a spring that carries a pendulum (the seed's (5.18)), x in lengths of the bar, energies in m2 l²:
-//! ẍ + b11 x + b12 (θ̈ cos θ − θ̇² sin θ) = 0, θ̈ + b21 sin θ + b22 ẍ cos θ = 0. With the first equation times b22/b12 the mass
-//! matrix [[b22/b12, b22 cos θ], [b22 cos θ, 1]] is symmetric and V = ½ (b22/b12) b11 x² + b21 (1 − cos θ).
+//! A block on a spring that carries a pendulum (the seed's (5.18)), x in lengths of the bar,
+//! energies in m2 l²: ẍ + b11 x + b12 (θ̈ cos θ − θ̇² sin θ) = 0, θ̈ + b21 sin θ + b22 ẍ cos θ = 0.
+//! With the first equation times b22/b12 the mass matrix [[b22/b12, b22 cos θ], [b22 cos θ, 1]] is
+//! symmetric and V = ½ (b22/b12) b11 x² + b21 (1 − cos θ).
 
 use super::{Mechanical, SystemKind};
 

@@ -1,7 +1,8 @@
-//! Conservative systems whose equations are known: the full models that reduced ones are compared with.
+//! Conservative systems whose equations are known: the full models that reduced ones are compared
+//! with.
 //!
-//! Each is written from its mass matrix and potential, apart from the simulator's plants. A new one: one file and one line in
-//! [`SYSTEMS`].
+//! Each is written from its mass matrix and potential, apart from the simulator's plants. A new
+//! one: one file and one line in [`SYSTEMS`].
 
 pub mod beam;
 pub mod chain;
@@ -25,7 +26,8 @@ pub trait Mechanical: Send + Sync {
     /// ẍ of the free motion.
     fn acceleration(&self, x: &[f64], v: &[f64], out: &mut [f64]);
 
-    /// Whether M does not depend on x: then the free acceleration does not depend on the velocities.
+    /// Whether M does not depend on x: then the free acceleration does not depend on the
+    /// velocities.
     fn constant_mass(&self) -> bool {
         false
     }
@@ -65,8 +67,8 @@ pub fn by_id(id: &str) -> Option<Box<dyn Mechanical>> {
 pub(crate) mod tests {
     use super::*;
 
-    /// The acceleration satisfies the Lagrangian's own equation, by differences of the energy along the motion, and the
-    /// gradient is the potential's.
+    /// The acceleration satisfies the Lagrangian's own equation, by differences of the energy along
+    /// the motion, and the gradient is the potential's.
     #[test]
     fn accelerations_and_gradients_follow_from_energy() {
         for kind in SYSTEMS {

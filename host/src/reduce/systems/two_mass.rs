@@ -1,4 +1,5 @@
-//! Two masses, the first on a spring with a cubic part (the seed's (5.9)): M = 1, V = x1² + x2² − x1 x2 + x1⁴/4.
+//! Two masses, the first on a spring with a cubic part (the seed's (5.9)): M = 1, V = x1² + x2² −
+//! x1 x2 + x1⁴/4.
 
 use super::{Mechanical, SystemKind};
 

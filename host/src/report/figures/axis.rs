@@ -64,14 +64,16 @@ impl Axis {
         Self { range: Some((-PI, PI)), ..Self::new(label, Scale::Angle) }
     }
 
-    /// The same with a range. On a log axis both ends must be above 0, otherwise the range is taken from the data.
+    /// The same with a range. On a log axis both ends must be above 0, otherwise the range is taken
+    /// from the data.
     pub fn range(mut self, low: f64, high: f64) -> Self {
         let possible = low < high && (high - low).is_finite() && (self.scale != Scale::Log || low > 0.0);
         self.range = possible.then_some((low, high));
         self
     }
 
-    /// Fixes range and ticks for the values that are to be drawn along `pixels`; `dense`: pixels a tick needs at least.
+    /// Fixes range and ticks for the values that are to be drawn along `pixels`; `dense`: pixels a
+    /// tick needs at least.
     pub fn fix<'a>(&self, values: impl Iterator<Item = &'a f64>, pixels: f64, dense: f64) -> Fixed {
         let drawn = |x: f64| if self.scale == Scale::Log { x.log10() } else { x };
         let (mut low, mut high) = match self.range {
@@ -119,8 +121,8 @@ impl Fixed {
     }
 }
 
-/// Ticks at 1, 2 or 5 times a power of ten, at most about `most` (three where these fit in), and the power of ten taken
-/// out.
+/// Ticks at 1, 2 or 5 times a power of ten, at most about `most` (three where these fit in), and
+/// the power of ten taken out.
 fn linear_ticks(low: f64, high: f64, most: f64) -> (Vec<(f64, String)>, i32) {
     let steps = |rough: f64| {
         let e = 10f64.powf(rough.log10().floor());
@@ -146,7 +148,8 @@ fn linear_ticks(low: f64, high: f64, most: f64) -> (Vec<(f64, String)>, i32) {
     (ticks, power)
 }
 
-/// Ticks at powers of ten (every one, or every second, third, …); within one decade at 1, 2, 5 times such.
+/// Ticks at powers of ten (every one, or every second, third, …); within one decade at 1, 2, 5
+/// times such.
 fn log_ticks(low: f64, high: f64, most: f64) -> Vec<(f64, String)> {
     let text = |x: f64| {
         let e = x.log10().round() as i32;

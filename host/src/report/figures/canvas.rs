@@ -1,7 +1,7 @@
 //! Lays panels out and draws them: frame, grid, ticks, labels, marks, one legend above.
 //!
-//! Units are half CSS pixels at full width (a drawing 900 px wide has 1800 units), so that whole-number coordinates, which
-//! are all that the back end writes, are still smooth.
+//! Units are half CSS pixels at full width (a drawing 900 px wide has 1800 units), so that
+//! whole-number coordinates, which are all that the back end writes, are still smooth.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -126,8 +126,9 @@ pub fn draw(layout: &Layout, panels: &[Panel], alternative: &str) -> String {
     compact::compact(&svg, alternative).replacen("<svg ", &format!("<svg data-panels=\"{}\" ", places.join(";")), 1)
 }
 
-/// Where a panel lies in the drawing's units and what it ranges over, for the page's script: left, top, width, height, low and high of both axes in the
-/// coordinates that are drawn, 1 for an axis of logarithms.
+/// Where a panel lies in the drawing's units and what it ranges over, for the page's script: left,
+/// top, width, height, low and high of both axes in the coordinates that are drawn, 1 for an axis
+/// of logarithms.
 fn place(frame: (f64, f64, f64, f64), x: &Fixed, y: &Fixed) -> String {
     let log = |a: &Fixed| u8::from(a.scale == super::axis::Scale::Log);
     let units = [frame.0, frame.1, frame.2, frame.3].map(|v| (v * U).round().to_string()).join(" ");

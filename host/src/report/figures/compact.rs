@@ -1,8 +1,9 @@
-//! Makes the SVG that plotters writes small, without changing the picture: runs of equal circles become one path of round
-//! dots, poly-lines become relative paths, attributes that only repeat a default go. Sets `_{…}` as subscripts.
+//! Makes the SVG that plotters writes small, without changing the picture: runs of equal circles
+//! become one path of round dots, poly-lines become relative paths, attributes that only repeat a
+//! default go. Sets `_{…}` as subscripts.
 //!
-//! It relies on the back end writing one tag a line with attributes in a fixed order; a line that does not fit is passed on
-//! as it is.
+//! It relies on the back end writing one tag a line with attributes in a fixed order; a line that
+//! does not fit is passed on as it is.
 
 /// Compacts a drawing. `alternative` is its text for readers that cannot show it.
 pub fn compact(svg: &str, alternative: &str) -> String {

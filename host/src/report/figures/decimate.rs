@@ -1,7 +1,8 @@
 //! Fewer points that look the same.
 
-/// Indices of at most about `most` samples that keep the least and the greatest of each of most/2 equal stretches, in
-/// order; first and last are kept. Peaks survive. Values that are not finite are left out.
+/// Indices of at most about `most` samples that keep the least and the greatest of each of most/2
+/// equal stretches, in order; first and last are kept. Peaks survive. Values that are not finite
+/// are left out.
 pub fn extremes(y: &[f64], most: usize) -> Vec<usize> {
     let n = y.len();
     if n <= most.max(4) {

@@ -7,7 +7,8 @@ use super::decimate;
 /// Most points of one series.
 pub const MOST: usize = 2000;
 
-/// Thins a series to [`MOST`] points: least and greatest of each stretch are kept. A gap (values that are not finite) stays.
+/// Thins a series to [`MOST`] points: least and greatest of each stretch are kept. A gap (values
+/// that are not finite) stays.
 pub fn thinned(series: &Series) -> Series {
     if series.x.len() <= MOST {
         return series.clone();
@@ -29,8 +30,8 @@ pub fn thinned(series: &Series) -> Series {
     out
 }
 
-/// Draws panels of lines one below the other; long series are thinned. Panels that set `shares_x` leave the horizontal
-/// axis to the one below.
+/// Draws panels of lines one below the other; long series are thinned. Panels that set `shares_x`
+/// leave the horizontal axis to the one below.
 pub fn lines(caption: &str, height: f64, panels: &[Panel]) -> Figure {
     let thin: Vec<Panel> = panels
         .iter()

@@ -1,8 +1,9 @@
 //! Figures as inline SVG, drawn with plotters, each with the numbers that it shows.
 //!
-//! A kind of figure ([`lines`], [`scatter`], [`residuals`], [`bars`], [`response`]) turns its data into [`canvas::Panel`]s;
-//! [`canvas`] lays these out and draws axes, legend and marks; [`compact`] makes the SVG small and sets subscripts. Labels
-//! are plain text in which `_{…}` is a subscript. Points that are not finite break a line and are never drawn.
+//! A kind of figure ([`lines`], [`scatter`], [`residuals`], [`bars`], [`response`]) turns its data
+//! into [`canvas::Panel`]s; [`canvas`] lays these out and draws axes, legend and marks; [`compact`]
+//! makes the SVG small and sets subscripts. Labels are plain text in which `_{…}` is a subscript.
+//! Points that are not finite break a line and are never drawn.
 
 pub mod axis;
 pub mod bars;
@@ -33,7 +34,8 @@ pub struct Figure {
     pub caption: String,
     /// The drawing.
     pub svg: String,
-    /// The same for a narrow screen, panels one below the other; none where it would make the page much larger.
+    /// The same for a narrow screen, panels one below the other; none where it would make the page
+    /// much larger.
     pub narrow: Option<String>,
     /// The plotted numbers, CSV with quantity and unit in the header.
     pub csv: String,
@@ -84,7 +86,8 @@ impl Figure {
 /// Most letters of a file's name.
 const MOST_LETTERS: usize = 48;
 
-/// A name for a figure's files: the caption's first words, in small letters with hyphens between them.
+/// A name for a figure's files: the caption's first words, in small letters with hyphens between
+/// them.
 fn file_name(caption: &str) -> String {
     let mut out = String::new();
     for word in plain(caption).split(|c: char| !c.is_alphanumeric()).filter(|w| !w.is_empty()) {
@@ -127,7 +130,8 @@ fn percent_encoded(text: &str) -> String {
     out
 }
 
-/// A number for a CSV cell: six significant digits, without trailing zeros; nothing for one that is not finite.
+/// A number for a CSV cell: six significant digits, without trailing zeros; nothing for one that is
+/// not finite.
 fn cell(x: f64) -> String {
     if !x.is_finite() {
         return String::new();

@@ -1,8 +1,10 @@
-//! Colours that people with any colour vision tell apart (Okabe and Ito 2008), in the order in which series take them.
+//! Colours that people with any colour vision tell apart (Okabe and Ito 2008), in the order in
+//! which series take them.
 
 use plotters::style::RGBColor;
 
-/// Blue, vermilion, bluish green, reddish purple, orange, sky blue; yellow is left out: too pale on white.
+/// Blue, vermilion, bluish green, reddish purple, orange, sky blue; yellow is left out: too pale on
+/// white.
 pub const SERIES: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),

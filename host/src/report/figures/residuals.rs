@@ -1,4 +1,5 @@
-//! Residual against prediction, one dot an equation (a sub-harmonic, a window): the dissertation's figures 3.14 and 3.15.
+//! Residual against prediction, one dot an equation (a sub-harmonic, a window): the dissertation's
+//! figures 3.14 and 3.15.
 
 use super::Figure;
 use super::axis::Axis;

@@ -7,8 +7,8 @@ use super::decimate;
 /// Most points of one series.
 pub const MOST: usize = 4000;
 
-/// Draws panels side by side, `columns` in a row; long series of dots are thinned to every k-th point (lines are not: give
-/// them points enough to be smooth, and no more).
+/// Draws panels side by side, `columns` in a row; long series of dots are thinned to every k-th
+/// point (lines are not: give them points enough to be smooth, and no more).
 pub fn scatter(caption: &str, columns: usize, height: f64, panels: &[Panel]) -> Figure {
     let thin = |s: &Series| {
         if matches!(s.shape, Shape::Line | Shape::Thin) {

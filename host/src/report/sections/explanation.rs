@@ -1,4 +1,5 @@
-//! An explanation: verdict, effects, the gap before and after, what each candidate explains, where the disagreement sits.
+//! An explanation: verdict, effects, the gap before and after, what each candidate explains, where
+//! the disagreement sits.
 
 use crate::explain::engine::residual_map::Map;
 use crate::explain::engine::unknown::Unknown;

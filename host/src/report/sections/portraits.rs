@@ -1,4 +1,5 @@
-//! Phase portraits, angle on the circle against velocity, with the Poincaré section of a driven record.
+//! Phase portraits, angle on the circle against velocity, with the Poincaré section of a driven
+//! record.
 
 use crate::inspect::Inspection;
 use crate::inspect::motion::Space;

@@ -1,4 +1,5 @@
-//! Reduced-order model: energies, modes, releases, frequency against energy, shapes and time histories.
+//! Reduced-order model: energies, modes, releases, frequency against energy, shapes and time
+//! histories.
 
 use crate::reduce::forced::ResponsePoint;
 use crate::reduce::{AmplitudePoint, Forced, Reduction};

@@ -27,8 +27,9 @@ fn render(results: &Results) -> Option<Html> {
             body.heading(&inspection.record.file);
         }
         let drive = inspection.record.drive_hz;
-        // What holds the motion; under a drive its first four harmonics at least, twelve at most (the lines that
-        // quantisation makes of a locked orbit go on to half the sampling rate). The same for all, so that they compare.
+        // What holds the motion; under a drive its first four harmonics at least, twelve at most
+        // (the lines that quantisation makes of a locked orbit go on to half the sampling rate).
+        // The same for all, so that they compare.
         let band = 2.0 * moving.iter().map(|m| m.2.band_hz).fold(0.0, f64::max);
         let top = drive.map_or(band, |f| band.clamp(4.2 * f, 12.0 * f)).min(0.5 * inspection.record.sample_rate_hz);
         let panels: Vec<Panel> =

@@ -1,4 +1,5 @@
-//! The truth of a simulated rig beside what was found without knowing it: a demonstration's last table.
+//! The truth of a simulated rig beside what was found without knowing it: a demonstration's last
+//! table.
 
 use serde::Serialize;
 

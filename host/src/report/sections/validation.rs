@@ -1,4 +1,5 @@
-//! Whether the identified model moves as the measured system does: checks, horizons, sections, invariants, orbits, frequencies.
+//! Whether the identified model moves as the measured system does: checks, horizons, sections,
+//! invariants, orbits, frequencies.
 
 use crate::identify::presentation::method_name;
 use crate::phase_space::poincare_section::Section;

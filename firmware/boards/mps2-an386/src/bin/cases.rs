@@ -1,5 +1,5 @@
-//! One of the cases of `firmware/cases` on the target, by its index among the arguments. The exit status is 0 where it
-//! passed; without an index the names of all are printed.
+//! One of the cases of `firmware/cases` on the target, by its index among the arguments. The exit
+//! status is 0 where it passed; without an index the names of all are printed.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

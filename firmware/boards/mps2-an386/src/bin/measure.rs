@@ -1,7 +1,8 @@
-//! Instructions of each part of a tick, by the emulator's instruction count (`-icount shift=5`: 32 ns each; the clock's
-//! steps are 40 ns, so that a single figure is good to 2 instructions).
+//! Instructions of each part of a tick, by the emulator's instruction count (`-icount shift=5`: 32
+//! ns each; the clock's steps are 40 ns, so that a single figure is good to 2 instructions).
 //!
-//! Worst case: both arms whirl at 10 turns a second, the shaker runs, every block is sent, a command comes each tick.
+//! Worst case: both arms whirl at 10 turns a second, the shaker runs, every block is sent, a
+//! command comes each tick.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
@@ -168,7 +169,8 @@ mod on_target {
                 sampler.light()
             });
             keeping.take(|| lasting::keep(u32::from(n), &sampler.kept()));
-            // The frames of a tick: answers and reports, a block's by itself, then all that the thread does with a block.
+            // The frames of a tick: answers and reports, a block's by itself, then all that the
+            // thread does with a block.
             other.take(|| while link.poll_transmit(&mut frame, none, events).is_some() {});
             if let Some(next) = blocks.dequeue() {
                 let envelope = Envelope { sequence: n, message: DeviceMessage::Samples(next.clone()) };
@@ -198,7 +200,8 @@ mod on_target {
         Some(())
     }
 
-    /// The device's own estimate, by what a sample does beside the sums: nothing, a comparison, a fit, or the last step.
+    /// The device's own estimate, by what a sample does beside the sums: nothing, a comparison, a
+    /// fit, or the last step.
     fn estimate() -> Option<()> {
         static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
         let estimator = ESTIMATOR.take();

@@ -109,7 +109,8 @@ fn a_round_takes_no_longer_than_promised() {
         longest = longest.max(bench.machine.cycles - before);
     }
     assert!(longest <= 2 * ROUND, "{longest}");
-    // 10 MHz by 13 cycles: 769 thousand edges a second. The rig's 20 turns a second are 82 thousand.
+    // 10 MHz by 13 cycles: 769 thousand edges a second. The rig's 20 turns a second are 82
+    // thousand.
     assert!(150e6 / f64::from(DIVIDER) / ROUND as f64 > 9.0 * 20.0 * 4_096.0);
 }
 
@@ -169,7 +170,8 @@ fn told_places(cycles: u64) -> Vec<i32> {
     let bench = Rc::new(RefCell::new(Bench::new(0.0)));
     let mut encoder = Encoder::new(Counter(bench.clone(), Mark::new(0)), false, 0);
     let (mut told, mut at) = (Vec::new(), 0_i32);
-    // 300 counts a tick up, then down, and up again: the mark, three counts from 1000 on, begins and ends within a tick.
+    // 300 counts a tick up, then down, and up again: the mark, three counts from 1000 on, begins
+    // and ends within a tick.
     for (ticks, step) in [(60, 300), (40, -300), (20, 0), (60, 301)] {
         for _ in 0..ticks {
             for _ in 0..i32::abs(step) {
@@ -190,8 +192,9 @@ fn told_places(cycles: u64) -> Vec<i32> {
 fn the_index_is_told_where_its_mark_ends_and_only_on_the_way_up() {
     // Five times up and, after three down, four times.
     assert_eq!(told_places(2 * ROUND), [1_002; 9]);
-    // At nine times the rig's speed a count beside it, within what the library takes for the same place; where the mark was left
-    // upward at the very count at which it had been left downward, nothing is new.
+    // At nine times the rig's speed a count beside it, within what the library takes for the same
+    // place; where the mark was left upward at the very count at which it had been left downward,
+    // nothing is new.
     let fast = told_places(ROUND);
     assert!(fast.len() >= 8 && fast.iter().all(|place| (1_001..=1_002).contains(place)), "{fast:?}");
 }

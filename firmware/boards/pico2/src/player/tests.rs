@@ -18,7 +18,8 @@ fn sweep(tick: u32) -> Sweep {
     Sweep { phase: FIVE_HERTZ.wrapping_mul(tick), phase_increment: FIVE_HERTZ, amplitude_nanometre: [15_525_000; 2] }
 }
 
-/// Both slices and the channel, by clocks from tick 0 on: a width is taken over at a wrap, before DMA brings the next.
+/// Both slices and the channel, by clocks from tick 0 on: a width is taken over at a wrap, before
+/// DMA brings the next.
 #[derive(Default)]
 struct Chip {
     clock: i64,
@@ -95,7 +96,8 @@ fn board(rate_hertz: u32, ahead: i64) -> (Model, Player<Model>) {
     (model.clone(), Player::new(model, runs, schedule))
 }
 
-/// The interrupt of a tick, so many clocks behind it: as `DacShaker` does it, with so many clocks of work.
+/// The interrupt of a tick, so many clocks behind it: as `DacShaker` does it, with so many clocks
+/// of work.
 fn tick(model: &Model, player: &mut Player<Model>, tick: u32, late: i64, work: i64) {
     let due = i64::from(tick) * player.schedule.points as i64 * i64::from(WIDTH);
     let now = model.chip.borrow().clock;
@@ -113,7 +115,8 @@ fn at_the_ticks_it_is_the_accumulator_s_waveform_bit_for_bit() {
         let (model, mut player) = board(rate, ahead);
         let mut random = ChaCha8Rng::seed_from_u64(12);
         for n in 1..400 {
-            // Latency of up to three points, and up to one more until the run is there; any register may be slow.
+            // Latency of up to three points, and up to one more until the run is there; any
+            // register may be slow.
             let late = i64::from(random.next_u32()) % (3 * i64::from(WIDTH)) * i64::from(n % 3 == 0);
             model.slow.set(4 + i64::from(random.next_u32() % 60));
             tick(&model, &mut player, n, late, 300 + i64::from(random.next_u32() % 3_000));

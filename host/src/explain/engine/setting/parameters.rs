@@ -1,5 +1,6 @@
-//! The equations' own coefficients over several records, and the parameters p of the system behind them: b(p) = b for systems from bodies
-//! ([`crate::system::ties`]), D_e of every equation for written ones ([`written`]). SI units.
+//! The equations' own coefficients over several records, and the parameters p of the system behind
+//! them: b(p) = b for systems from bodies ([`crate::system::ties`]), D_e of every equation for
+//! written ones ([`written`]). SI units.
 
 use std::collections::BTreeMap;
 

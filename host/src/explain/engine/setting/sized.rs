@@ -1,5 +1,6 @@
-//! Entries whose forms are those of what is there: shape parameters in the size of the motion (rms, in the joint's unit or its rate's) or of the arm
-//! (m), and frequencies (Hz) of lines in what is left of the record.
+//! Entries whose forms are those of what is there: shape parameters in the size of the motion (rms,
+//! in the joint's unit or its rate's) or of the arm (m), and frequencies (Hz) of lines in what is
+//! left of the record.
 
 use std::sync::Arc;
 
@@ -14,8 +15,9 @@ use crate::system::language::SystemFile;
 use crate::system::polynomial::Polynomial;
 
 impl Setting<'_> {
-    /// An entry with the grid of its shape parameter in the size of what is there: of the motion, or of the arm that it acts along; none where that is not known, and where a
-    /// refinement is no other law than the simpler one, along an arm whose end rests.
+    /// An entry with the grid of its shape parameter in the size of what is there: of the motion,
+    /// or of the arm that it acts along; none where that is not known, and where a refinement is no
+    /// other law than the simpler one, along an arm whose end rests.
     pub(super) fn sized(&self, entry: &Arc<Entry>, place: Place, physical: &Physical) -> Option<Arc<Entry>> {
         let file = self.file()?;
         if let (Place::Arm(k), Verb::Drags) = (place, entry.verb) {
@@ -31,7 +33,8 @@ impl Setting<'_> {
         Some(self.as_large_as_the_motion(entry, place, file))
     }
 
-    /// An entry whose grid of a shape parameter holds the size of the motion: where it does not, as of a slow axis in metres, the grid is moved there.
+    /// An entry whose grid of a shape parameter holds the size of the motion: where it does not, as
+    /// of a slow axis in metres, the grid is moved there.
     fn as_large_as_the_motion(&self, entry: &Arc<Entry>, place: Place, file: &SystemFile) -> Arc<Entry> {
         let (Place::Joint(k), [shape]) = (place, &entry.shapes[..]) else { return entry.clone() };
         if shape.within.is_none() || !self.shooting {
@@ -45,7 +48,8 @@ impl Setting<'_> {
         let size = self.size(&file.joints[k].moves.value, rate);
         let (low, high) = (shape.grid[0], shape.grid[shape.grid.len() - 1]);
         if !entry.states.is_empty() {
-            // Distances of what remembers are far below the motion: those of the list are for a motion of about one. Times stay.
+            // Distances of what remembers are far below the motion: those of the list are for a
+            // motion of about one. Times stay.
             let by = if shape.name.starts_with('T') || (0.1..10.0).contains(&size) { 1.0 } else { size };
             return if by > 0.0 && by.is_finite() { scaled(entry, by) } else { entry.clone() };
         }
@@ -55,7 +59,8 @@ impl Setting<'_> {
         scaled(entry, size / (low * high).sqrt())
     }
 
-    /// Rms of a joint's position (within a turn where it is an angle), or of its velocity by differences over five samples.
+    /// Rms of a joint's position (within a turn where it is an angle), or of its velocity by
+    /// differences over five samples.
     fn size(&self, moves: &Polynomial, rate: bool) -> f64 {
         let node = moves.node();
         let turns = self.file().is_some_and(|f| places::is_angle(f, moves));

@@ -1,11 +1,14 @@
-//! Least squares over windows whose Gram matrices are known: coefficients, jackknife covariance, and the residual of each window when it is not fitted.
+//! Least squares over windows whose Gram matrices are known: coefficients, jackknife covariance,
+//! and the residual of each window when it is not fitted.
 //!
-//! Gram matrices are of increments from the coefficients that the columns were taken at: where motion is chaotic columns grow so large that what is left would be the small
-//! difference of large numbers otherwise.
+//! Gram matrices are of increments from the coefficients that the columns were taken at: where
+//! motion is chaotic columns grow so large that what is left would be the small difference of large
+//! numbers otherwise.
 //!
-//! A window is a block; every third is one fold, as in [`crate::explain::ranking`]. Each has a Gram matrix for every horizon that it is predicted over, with a
-//! weight of its own. Coefficients of laws that take energy away
-//! may not come out with the sign of laws that give it: one that would is held at zero and the others are fitted again.
+//! A window is a block; every third is one fold, as in [`crate::explain::ranking`]. Each has a Gram
+//! matrix for every horizon that it is predicted over, with a weight of its own. Coefficients of
+//! laws that take energy away may not come out with the sign of laws that give it: one that would
+//! is held at zero and the others are fitted again.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -34,13 +37,15 @@ pub struct Blocks {
     signs: Vec<f64>,
     /// Coefficients that the first columns were taken at; zero for the others.
     origin: Vec<f64>,
-    /// Columns of increments, which have settled: a fit to two thirds of the blocks, whose predictions are not made with them, leaves them at nothing.
+    /// Columns of increments, which have settled: a fit to two thirds of the blocks, whose
+    /// predictions are not made with them, leaves them at nothing.
     pub still: Vec<bool>,
     /// Where each window lies: stretch, and the samples of it at which it begins and ends.
     pub places: Vec<[usize; 3]>,
 }
 
-/// The least-squares increments with the signs of coefficients kept (0: any), which are those of `origin` before, and what is held at zero.
+/// The least-squares increments with the signs of coefficients kept (0: any), which are those of
+/// `origin` before, and what is held at zero.
 fn solve_signed(total: &DMatrix<f64>, signs: &[f64], origin: &[f64]) -> Option<(DVector<f64>, Vec<bool>)> {
     let p = signs.len();
     let mut held = vec![false; p];
@@ -77,7 +82,8 @@ impl Blocks {
         Self { windows, weights, signs, origin, still: Vec::new(), places: Vec::new() }
     }
 
-    /// Mean square residual of each part in units of the noise, for coefficients of the first columns.
+    /// Mean square residual of each part in units of the noise, for coefficients of the first
+    /// columns.
     pub fn misfits(&self, x: &DVector<f64>) -> Vec<Vec<f64>> {
         let places: Vec<usize> = (0..x.len()).collect();
         let step = x - DVector::from_vec(self.origin_of(&places));
@@ -85,7 +91,8 @@ impl Blocks {
         self.windows.iter().map(|w| w.iter().map(of).collect()).collect()
     }
 
-    /// The same with some of the own columns' coefficients at nothing: columns that are not fitted then count as taken away.
+    /// The same with some of the own columns' coefficients at nothing: columns that are not fitted
+    /// then count as taken away.
     #[must_use]
     pub fn without(&self, gone: core::ops::Range<usize>) -> Self {
         let mut out = self.clone();
@@ -96,8 +103,9 @@ impl Blocks {
         out
     }
 
-    /// Weights 1/e², e² the mean square residual where it is above the noise: what a model lacks where the motion is large does not tell on what is small, and what adds up
-    /// over a long horizon not on a short one.
+    /// Weights 1/e², e² the mean square residual where it is above the noise: what a model lacks
+    /// where the motion is large does not tell on what is small, and what adds up over a long
+    /// horizon not on a short one.
     pub fn weigh(&mut self, misfits: &[Vec<f64>]) {
         self.weights = misfits.iter().map(|w| w.iter().map(|e| 1.0 / e.max(1.0)).collect()).collect();
     }
@@ -111,7 +119,8 @@ impl Blocks {
         self.parts().map(|(p, w)| p.freedom * w).sum()
     }
 
-    /// What is left of the parts when they are not fitted, whatever the weights: the geometric mean of the mean square residuals.
+    /// What is left of the parts when they are not fitted, whatever the weights: the geometric mean
+    /// of the mean square residuals.
     pub fn held_out(&self, columns: &[usize]) -> Option<f64> {
         let (mut sum, mut count) = (0.0, 0.0_f64);
         for fold in 0..FOLDS {
@@ -135,7 +144,8 @@ impl Blocks {
         Some(solve_signed(&total, &self.signs_of(columns), &self.origin_of(columns))?.0)
     }
 
-    /// For every window over its longest horizon, in its weight: the products of two columns with what coefficients of the first columns leave, and the sum of the two columns' squares.
+    /// For every window over its longest horizon, in its weight: the products of two columns with
+    /// what coefficients of the first columns leave, and the sum of the two columns' squares.
     pub fn scores(&self, fitted: &DVector<f64>, pair: [usize; 2]) -> Vec<[f64; 3]> {
         let own = fitted.len();
         let columns: Vec<usize> = (0..own).chain(pair).collect();
@@ -149,7 +159,8 @@ impl Blocks {
         self.windows.iter().zip(&self.weights).map(of).collect()
     }
 
-    /// Coefficients from some windows (by stretch, first sample and the one behind the last), increments left at nothing; none where they are few.
+    /// Coefficients from some windows (by stretch, first sample and the one behind the last),
+    /// increments left at nothing; none where they are few.
     pub fn of_some(&self, columns: &[usize], keep: impl Fn(&[usize; 3]) -> bool) -> Option<DVector<f64>> {
         let p = columns.len();
         let grams = self.grams(columns);
@@ -174,7 +185,8 @@ impl Blocks {
         columns.iter().map(|c| self.origin.get(*c).copied().unwrap_or(0.0)).collect()
     }
 
-    /// The same with a ridge on some columns: each adds its entry times their mean square to the normal matrix.
+    /// The same with a ridge on some columns: each adds its entry times their mean square to the
+    /// normal matrix.
     pub fn fit_ridge(&self, columns: &[usize], ridge: &[f64]) -> Option<Fit> {
         let p = columns.len();
         let total = self.grams(columns).iter().fold(DMatrix::<f64>::zeros(p + 1, p + 1), |s, g| s + g);
@@ -203,7 +215,8 @@ impl Blocks {
         .collect()
     }
 
-    /// Whether columns behind the own ones can be told from what these do together: a share of each is left that they do not explain.
+    /// Whether columns behind the own ones can be told from what these do together: a share of each
+    /// is left that they do not explain.
     pub fn separable(&self, own: usize, total: &DMatrix<f64>) -> bool {
         let p = total.nrows() - 1;
         let scale = DVector::from_fn(p, |i, _| total[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip());
@@ -212,7 +225,8 @@ impl Blocks {
         (own..p).all(|i| factor.l_dirty()[(i, i)].powi(2) > SEPARABLE)
     }
 
-    /// Fits some columns; none where they are singular or the blocks too few. What is held at zero has the standard error of a fit without bounds.
+    /// Fits some columns; none where they are singular or the blocks too few. What is held at zero
+    /// has the standard error of a fit without bounds.
     pub fn fit(&self, columns: &[usize]) -> Option<Fit> {
         let p = columns.len();
         let own = columns.iter().filter(|c| **c < self.still.len()).count();
@@ -255,7 +269,8 @@ impl Blocks {
             let plain = jackknife(&free, &solve_free(&total, &free, &origin)?)?;
             (0..p).filter(|i| held[*i]).for_each(|i| covariance[(i, i)] = plain[(i, i)]);
         }
-        // Windows weigh alike: those in which a friction shows most are those that miss most without it.
+        // Windows weigh alike: those in which a friction shows most are those that miss most
+        // without it.
         let origin = DVector::from_vec(origin);
         let (all, train) = (all + &origin, train? + origin);
         Some(Fit { all, train, covariance, blocks: n, effective: vec![n as f64; p], held_out })
@@ -273,7 +288,8 @@ mod tests {
         change.transpose() * gram * change
     }
 
-    /// y = 2 a − b + c over blocks of random rows: free, all are found; with b ≥ 0 it is held, and the others are those of a fit without it.
+    /// y = 2 a − b + c over blocks of random rows: free, all are found; with b ≥ 0 it is held, and
+    /// the others are those of a fit without it.
     #[test]
     fn a_coefficient_of_the_wrong_sign_is_held_at_zero() {
         let mut seed = 7_u32;
@@ -309,7 +325,8 @@ mod tests {
         let other = Blocks::new(moved, vec![1.0, 1.0, 0.0], about.to_vec()).fit(&[0, 1, 2]).unwrap();
         assert!((other.all[1]).abs() < 1e-12 && (other.all[0] - kept.all[0]).abs() < 1e-9, "{}", other.all);
         assert!((other.held_out[3] / kept.held_out[3] - 1.0).abs() < 1e-6);
-        // The second column taken away, about coefficients that hold it: what the others are by themselves.
+        // The second column taken away, about coefficients that hold it: what the others are by
+        // themselves.
         let about = [1.5, -0.8, 0.9];
         let moved: Vec<Vec<Part>> =
             grams.iter().map(|g| vec![Part { gram: Gram::of_own(about_others(g, about)), freedom: 20.0 }]).collect();

@@ -56,7 +56,8 @@ pub struct Solved {
     parts: Vec<Part>,
 }
 
-/// What is fitted: the model's own columns and what was chosen, at coefficients `x` (increments are zero), then others.
+/// What is fitted: the model's own columns and what was chosen, at coefficients `x` (increments are
+/// zero), then others.
 pub struct List<'a> {
     /// Coefficients.
     pub x: Vec<f64>,
@@ -245,7 +246,8 @@ impl<'a> Course<'a> {
         Some(all.par_iter().map(|w| self.solve(&paths[w.stretch], w, list, (&layout, &records))).collect())
     }
 
-    /// Gram matrices of all windows, without what they were made of: with every candidate's columns that would be much.
+    /// Gram matrices of all windows, without what they were made of: with every candidate's columns
+    /// that would be much.
     pub fn reduced(&self, paths: &[Path], all: &[Window], list: &List<'_>, signs: Vec<f64>) -> Option<Blocks> {
         let (layout, records) = self.columns(list)?;
         let of = |w: &Window| Some(self.solve(&paths[w.stretch], w, list, (&layout, &records))?.parts);

@@ -1,4 +1,5 @@
-//! What a coefficient or strength of one does to the accelerations along a window: α_c = −M⁻¹ X_c, M_ei = ∂F_e/∂q̈_i.
+//! What a coefficient or strength of one does to the accelerations along a window: α_c = −M⁻¹ X_c,
+//! M_ei = ∂F_e/∂q̈_i.
 
 use super::along::Along;
 use crate::model::model_file::ModelFile;
@@ -22,7 +23,8 @@ pub struct Forcing {
 }
 
 impl Forcing {
-    /// `coefficients` of the model's terms in the order of [`ModelFile::coefficients`]; `moved` are terms beside them with their strengths, which may hold accelerations.
+    /// `coefficients` of the model's terms in the order of [`ModelFile::coefficients`]; `moved` are
+    /// terms beside them with their strengths, which may hold accelerations.
     pub fn new(
         model: &ModelFile,
         omega: f64,
@@ -59,7 +61,8 @@ impl Forcing {
         }
     }
 
-    /// Accelerations by every column at every point: for each n rows of the columns. None where M is singular.
+    /// Accelerations by every column at every point: for each n rows of the columns. None where M
+    /// is singular.
     pub fn along(&self, (states, accelerations): (&[f64], &[f64]), along: &Along<'_>) -> Option<Vec<f64>> {
         let n = self.coordinates;
         let count = states.len() / (2 * n);

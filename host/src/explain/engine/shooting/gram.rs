@@ -1,11 +1,13 @@
-//! Gram matrices of the model's own columns with everything, and of candidates with themselves: two candidates that are never fitted together need no product, which
-//! is most of the work where there are hundreds.
+//! Gram matrices of the model's own columns with everything, and of candidates with themselves: two
+//! candidates that are never fitted together need no product, which is most of the work where there
+//! are hundreds.
 
 use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-/// Which columns are fitted together: the own ones, which come first, with all; those of a group with one another.
+/// Which columns are fitted together: the own ones, which come first, with all; those of a group
+/// with one another.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Layout {
     /// Own columns.
@@ -32,7 +34,8 @@ impl Layout {
     }
 }
 
-/// Sums of products over rows that begin with `first` columns more than the layout has (an initial state), which go with all.
+/// Sums of products over rows that begin with `first` columns more than the layout has (an initial
+/// state), which go with all.
 #[derive(Clone, Debug)]
 pub struct Sums {
     layout: Arc<Layout>,
@@ -75,8 +78,10 @@ impl Sums {
         }
     }
 
-    /// Adds these sums with the first columns, s, replaced: s = P s' + Q c + r for the first columns s' and the others c of `to`; `map` is [P | Q | −r], the last for
-    /// the target, which loses what r shows. With H the products of s with all, W = [Q | −r] and Y = H + ½ H_s W products of others gain WᵀY + YᵀW.
+    /// Adds these sums with the first columns, s, replaced: s = P s' + Q c + r for the first
+    /// columns s' and the others c of `to`; `map` is [P | Q | −r], the last for the target, which
+    /// loses what r shows. With H the products of s with all, W = [Q | −r] and Y = H + ½ H_s W
+    /// products of others gain WᵀY + YᵀW.
     pub fn carried(&self, map: &DMatrix<f64>, to: &mut Self) {
         let (m, own, columns) = (self.first, self.layout.own, self.layout.columns);
         let (square, mut half) = self.of_first();
@@ -141,7 +146,8 @@ impl Gram {
         Self(Sums { head: whole, groups: Vec::new(), layout, first: 0 })
     }
 
-    /// The product of two columns, or of one and the target, whose number is that of the columns; no number for two that are never fitted together.
+    /// The product of two columns, or of one and the target, whose number is that of the columns;
+    /// no number for two that are never fitted together.
     fn at(&self, i: usize, j: usize) -> f64 {
         let Sums { layout, head, groups, .. } = &self.0;
         let (own, target) = (layout.own, layout.columns);
@@ -212,7 +218,8 @@ impl Gram {
 mod tests {
     use super::*;
 
-    /// Rows whose first columns are other ones' combinations, with all columns and the target: the sums are those of the rows themselves.
+    /// Rows whose first columns are other ones' combinations, with all columns and the target: the
+    /// sums are those of the rows themselves.
     #[test]
     fn first_columns_are_carried_to_others() {
         let mut seed = 5_u32;
@@ -242,7 +249,8 @@ mod tests {
         }
     }
 
-    /// Two first columns, two own, candidates of one and two: the parts are those of the full matrix with the first eliminated.
+    /// Two first columns, two own, candidates of one and two: the parts are those of the full
+    /// matrix with the first eliminated.
     #[test]
     fn parts_are_those_of_the_full_matrix() {
         let mut seed = 3_u32;

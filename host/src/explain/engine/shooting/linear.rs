@@ -1,9 +1,13 @@
-//! Shooting linearised about a path: a window's normal equations over all columns, its initial state eliminated.
+//! Shooting linearised about a path: a window's normal equations over all columns, its initial
+//! state eliminated.
 //!
-//! With states x_k of the path, the model's flow over one sample F, its slope A_k and the defects e_k = F(x_k) − x_{k+1}, the deviation δ of a solution of
-//! the model from the path obeys δ_{k+1} = A_k δ_k + e_k + U_k δp, U_k what a column's accelerations α do over a sample: Δ²(2α_k + α_{k+1})/6 for coordinates, Δ(α_k +
-//! α_{k+1})/2 for rates (over several points to a sample where samples are few). Sensors show S(q + δ_q) + Σ ε s(q): linear in δ_0, parameters, strengths and sensor laws alike. No
-//! solution has to be found first, and what is far from one still has its columns.
+//! With states x_k of the path, the model's flow over one sample F, its slope A_k and the defects
+//! e_k = F(x_k) − x_{k+1}, the deviation δ of a solution of the model from the path obeys δ_{k+1} =
+//! A_k δ_k + e_k + U_k δp, U_k what a column's accelerations α do over a sample: Δ²(2α_k +
+//! α_{k+1})/6 for coordinates, Δ(α_k + α_{k+1})/2 for rates (over several points to a sample where
+//! samples are few). Sensors show S(q + δ_q) + Σ ε s(q): linear in δ_0, parameters, strengths and
+//! sensor laws alike. No solution has to be found first, and what is far from one still has its
+//! columns.
 
 use core::ops::AddAssign;
 use std::sync::Arc;
@@ -51,7 +55,8 @@ pub struct Measured<'a> {
 
 /// Normal equations of a window.
 pub struct Normal {
-    /// Sums of products of the initial state, the columns and the target, all rows in units of the noise.
+    /// Sums of products of the initial state, the columns and the target, all rows in units of the
+    /// noise.
     sums: Sums,
     /// Rows.
     pub rows: usize,
@@ -150,8 +155,9 @@ impl Linear {
         add_two(to, (p, a), (q, b));
     }
 
-    /// The normal equations of a window over columns whose accelerations are `alpha` (see [`super::forcing::Forcing::along`]), and those of its segments of `segment`
-    /// samples, each with an initial state of its own.
+    /// The normal equations of a window over columns whose accelerations are `alpha` (see
+    /// [`super::forcing::Forcing::along`]), and those of its segments of `segment` samples, each
+    /// with an initial state of its own.
     pub fn normal(
         &self,
         states: &[f64],
@@ -185,7 +191,8 @@ impl Linear {
         (whole, parts)
     }
 
-    /// Sums over the samples `first` … `end`, and what deviations there make of the state at `end`: m rows by the first state, the columns, and the defects.
+    /// Sums over the samples `first` … `end`, and what deviations there make of the state at `end`:
+    /// m rows by the first state, the columns, and the defects.
     fn segment(
         &self,
         states: &[f64],
@@ -257,7 +264,8 @@ impl Linear {
         (Normal { sums, rows: (end - first) * sensors }, z)
     }
 
-    /// The path moved by an initial step and a step of the columns; also the greatest rms movement of a sensor's reading in units of its noise.
+    /// The path moved by an initial step and a step of the columns; also the greatest rms movement
+    /// of a sensor's reading in units of its noise.
     pub fn moved(
         &self,
         states: &[f64],
@@ -307,7 +315,8 @@ impl Linear {
 }
 
 impl Normal {
-    /// The Gram matrix with the initial state eliminated; none where the record does not determine it.
+    /// The Gram matrix with the initial state eliminated; none where the record does not determine
+    /// it.
     pub fn reduced(&self) -> Option<Gram> {
         self.sums.reduced()
     }
@@ -350,8 +359,9 @@ mod tests {
         out
     }
 
-    /// A record of slightly other coefficients from a slightly other state: one linearised step about the model's own motion finds both, to second order in how far they
-    /// are off; and about a path that is no solution of the model at all, once it has been moved.
+    /// A record of slightly other coefficients from a slightly other state: one linearised step
+    /// about the model's own motion finds both, to second order in how far they are off; and about
+    /// a path that is no solution of the model at all, once it has been moved.
     #[test]
     fn one_step_finds_what_the_record_was_made_with() {
         let model = ModelFile::parse(TEXT, Path::new("m.toml")).unwrap();
@@ -390,7 +400,8 @@ mod tests {
                 states = linear.moved(&states, &alpha, (&start, &step), &measured).0;
             }
             for k in 0..4 {
-                // Columns are integrated by the trapezoidal rule, and reversals fall between samples.
+                // Columns are integrated by the trapezoidal rule, and reversals fall between
+                // samples.
                 assert!((found[k] - truth[k]).abs() < 0.03 * off[k].abs(), "{passes} {k}: {found:?} {truth:?}");
             }
         }

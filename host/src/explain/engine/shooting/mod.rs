@@ -1,18 +1,24 @@
-//! Multiple shooting, linearised about the measured motion: residuals of trajectories for everything that a model may be missing.
+//! Multiple shooting, linearised about the measured motion: residuals of trajectories for
+//! everything that a model may be missing.
 //!
-//! Each window of the record has an initial state of its own, which is eliminated; what is lacking is weighed as predictions miss it: a force
-//! that acts against the motion adds up over a window, where in the balance of forces it is a small share beside those that do not. No
-//! solution is searched for: the model is linearised about the smoothed record, solved, and linearised again about its own motion until that stands
-//! still ([`linear`]). Windows grow to their length in three stages; those in which the model has no solution are left out, and a path is not moved
-//! farther than a linearisation can mean.
+//! Each window of the record has an initial state of its own, which is eliminated; what is lacking
+//! is weighed as predictions miss it: a force that acts against the motion adds up over a window,
+//! where in the balance of forces it is a small share beside those that do not. No solution is
+//! searched for: the model is linearised about the smoothed record, solved, and linearised again
+//! about its own motion until that stands still ([`linear`]). Windows grow to their length in three
+//! stages; those in which the model has no solution are left out, and a path is not moved farther
+//! than a linearisation can mean.
 //!
-//! Each window is predicted over two horizons, its own length and a twelfth of it, with a weight for either: what adds up slowly shows in the long one, what is fast in the
-//! short one, where little of what else is lacking has added up.
+//! Each window is predicted over two horizons, its own length and a twelfth of it, with a weight
+//! for either: what adds up slowly shows in the long one, what is fast in the short one, where
+//! little of what else is lacking has added up.
 //!
-//! Windows are as long as leaves [`BLOCKS`] of them, and ten periods of the motion at most (under measured inputs, whose windows of the weak form are those of
-//! transients, twenty of these). What a drive keeps moving may be chaotic: there windows double from one period of the drive to eight, as long as they can be
-//! followed, and those of the last length that do not stand still are left out, by convergence and never by misfit (a reversal that only just happens). Other windows grow while
-//! what is left of them is small beside the motion, and on with the model that gets better.
+//! Windows are as long as leaves [`BLOCKS`] of them, and ten periods of the motion at most (under
+//! measured inputs, whose windows of the weak form are those of transients, twenty of these). What
+//! a drive keeps moving may be chaotic: there windows double from one period of the drive to eight,
+//! as long as they can be followed, and those of the last length that do not stand still are left
+//! out, by convergence and never by misfit (a reversal that only just happens). Other windows grow
+//! while what is left of them is small beside the motion, and on with the model that gets better.
 //!
 //! | file | what |
 //! |---|---|
@@ -62,13 +68,16 @@ const STAGES: [f64; 3] = [0.25, 0.5, 1.0];
 const PASSES: [usize; 3] = [2, 2, 5];
 /// Longest window under a drive, in its periods.
 const MOST_PERIODS: usize = 8;
-/// Movement of the path, in the sensors' noise or as a share of what is left, below which it stands still.
+/// Movement of the path, in the sensors' noise or as a share of what is left, below which it stands
+/// still.
 const STILL: f64 = 0.15;
 /// Share of the windows under a drive that must have settled.
 const SETTLED: f64 = 0.9;
-/// What is left of a window, beside the median of all, from which its path is taken to have been led astray.
+/// What is left of a window, beside the median of all, from which its path is taken to have been
+/// led astray.
 const ASTRAY: f64 = 10.0;
-/// What is left of windows, as a share of the motion's rms, from which longer ones would be linearised too far from what the model does.
+/// What is left of windows, as a share of the motion's rms, from which longer ones would be
+/// linearised too far from what the model does.
 const FAR: f64 = 0.15;
 /// Share of the windows that may be left out.
 const MOST_LOST: f64 = 0.3;
@@ -83,7 +92,8 @@ pub struct Followed {
     count: usize,
     /// Which windows of that length were followed until they stood still; empty where all count.
     still: Vec<bool>,
-    /// What is left of each, in units of the noise's power; no number where the model has no solution.
+    /// What is left of each, in units of the noise's power; no number where the model has no
+    /// solution.
     left: Vec<f64>,
 }
 
@@ -137,7 +147,8 @@ fn signs_of(setting: &Setting<'_>, state: &State, further: &[&Candidate], behind
     out
 }
 
-/// Coefficients of the model's own columns and of what was chosen; zero for what is found as an increment.
+/// Coefficients of the model's own columns and of what was chosen; zero for what is found as an
+/// increment.
 fn present(state: &State) -> Vec<f64> {
     super::given::coefficients(state).iter().copied().collect()
 }
@@ -152,8 +163,9 @@ fn longest(setting: &Setting<'_>, lengths: &[usize]) -> usize {
     wished.max(2 * FEWEST_SAMPLES).min(lengths.iter().copied().max().unwrap_or(0))
 }
 
-/// Lengths in which windows grow to their full one, and most linearisations at each. What a drive keeps moving may be chaotic: its windows double from
-/// one period on, as long as they can be followed.
+/// Lengths in which windows grow to their full one, and most linearisations at each. What a drive
+/// keeps moving may be chaotic: its windows double from one period on, as long as they can be
+/// followed.
 fn stages(setting: &Setting<'_>, full: usize) -> Vec<(usize, usize)> {
     let step_s = setting.raw.first().map_or(1.0, |s| s.step_s);
     if let Some(drive) = setting.rig.drive {
@@ -166,7 +178,8 @@ fn stages(setting: &Setting<'_>, full: usize) -> Vec<(usize, usize)> {
     STAGES.into_iter().zip(PASSES).map(of).filter(|s| s.0 >= 2 * FEWEST_SAMPLES).collect()
 }
 
-/// Fits the model's own columns and what was chosen from the state's coefficients on, moving the paths with them; none where most windows cannot be followed.
+/// Fits the model's own columns and what was chosen from the state's coefficients on, moving the
+/// paths with them; none where most windows cannot be followed.
 pub fn settle(setting: &Setting<'_>, state: &mut State) -> Option<(DVector<f64>, DMatrix<f64>)> {
     let before = state.followed.take();
     let n = setting.circle.len();
@@ -174,7 +187,8 @@ pub fn settle(setting: &Setting<'_>, state: &mut State) -> Option<(DVector<f64>,
         let lengths: Vec<usize> = paths.iter().map(|p| p.len(n)).collect();
         stages(setting, longest(setting, &lengths))
     };
-    // A model that has changed may no longer follow windows of that length about that path; one that was far off may now follow longer ones.
+    // A model that has changed may no longer follow windows of that length about that path; one
+    // that was far off may now follow longer ones.
     let goes_on = before.and_then(|f| {
         let length = f.length?;
         let longer = of_full(&f.paths).into_iter().filter(|s| setting.rig.drive.is_none() && s.0 > length);
@@ -201,8 +215,9 @@ pub fn settle(setting: &Setting<'_>, state: &mut State) -> Option<(DVector<f64>,
 /// A fit in windows: paths, coefficients, covariance.
 type Fitted = (Followed, Vec<f64>, DMatrix<f64>);
 
-/// Where a few windows are left far worse than the others, once more with these about the smoothed record: a path that was settled with another model may lead to another solution. Kept
-/// where less is left.
+/// Where a few windows are left far worse than the others, once more with these about the smoothed
+/// record: a path that was settled with another model may lead to another solution. Kept where less
+/// is left.
 fn back_from_astray(setting: &Setting<'_>, state: &State, found: Fitted) -> Fitted {
     let (followed, ..) = &found;
     let mut sorted: Vec<f64> = followed.left.iter().copied().filter(|l| l.is_finite()).collect();
@@ -227,7 +242,8 @@ fn back_from_astray(setting: &Setting<'_>, state: &State, found: Fitted) -> Fitt
     }
 }
 
-/// Follows the states of effects in the model along the windows' own motion: that of the record is blurred where a velocity turns its sign.
+/// Follows the states of effects in the model along the windows' own motion: that of the record is
+/// blurred where a velocity turns its sign.
 fn remember(setting: &Setting<'_>, state: &mut State, followed: &Followed) {
     let numbers = state.remembered();
     let (Some(kept), false) = (followed.kept(setting), numbers.is_empty()) else { return };
@@ -245,7 +261,8 @@ fn mean_of(left: &[f64]) -> f64 {
     all.clone().sum::<f64>() / all.count().max(1) as f64
 }
 
-/// Fits in windows of one length after the other, as long as they can be followed and what is left is small beside the motion.
+/// Fits in windows of one length after the other, as long as they can be followed and what is left
+/// is small beside the motion.
 fn grown(setting: &Setting<'_>, state: &State, mut followed: Followed, stages: &[(usize, usize)]) -> Option<Fitted> {
     let mut x = present(state);
     let own: Vec<usize> = (0..x.len()).collect();
@@ -273,7 +290,8 @@ fn grown(setting: &Setting<'_>, state: &State, mut followed: Followed, stages: &
     Some((followed, x, covariance))
 }
 
-/// Linearises and solves until paths stand still; the covariance, which windows were followed, and what is left of each.
+/// Linearises and solves until paths stand still; the covariance, which windows were followed, and
+/// what is left of each.
 fn stage(
     course: &Course<'_>,
     followed: &mut Followed,
@@ -289,7 +307,8 @@ fn stage(
     let chaotic = course.setting.rig.drive.is_some();
     let mut out = None;
     for _ in 0..passes {
-        // What is found as an increment was taken off the record after the last linearisation, not here.
+        // What is found as an increment was taken off the record after the last linearisation, not
+        // here.
         let list = List { x: x.clone(), further: &[], behind: &[], together: false };
         let solved = course.solved(&followed.paths, &all, &list)?;
         let (mut blocks, kept) = course.blocks(&solved, signs.to_vec(), x);
@@ -362,8 +381,9 @@ fn is_applied(state: &State, count: usize) -> Vec<bool> {
     out
 }
 
-/// Gram matrices of the own columns, of further candidates (with one another where they are fitted `together`) and of groups of columns of
-/// no effect, about the settled paths. Columns of no effect are fitted with those of their group.
+/// Gram matrices of the own columns, of further candidates (with one another where they are fitted
+/// `together`) and of groups of columns of no effect, about the settled paths. Columns of no effect
+/// are fitted with those of their group.
 pub fn evidence(
     setting: &Setting<'_>,
     state: &State,

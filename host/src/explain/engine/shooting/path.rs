@@ -1,6 +1,8 @@
-//! The path that shooting is linearised about: coordinates and rates at every sample of a stretch, and windows of it.
+//! The path that shooting is linearised about: coordinates and rates at every sample of a stretch,
+//! and windows of it.
 //!
-//! At first the record's own low-passed coordinates and their slopes; then what the model's linearised solutions are, window by window.
+//! At first the record's own low-passed coordinates and their slopes; then what the model's
+//! linearised solutions are, window by window.
 
 use crate::identify::stretches::Stretch;
 use crate::identify::windows::Kernels;
@@ -52,7 +54,8 @@ pub struct Window {
     pub count: usize,
 }
 
-/// Windows of `length` samples over all paths, behind one another; where they hold more than `most` samples, some that are spread evenly.
+/// Windows of `length` samples over all paths, behind one another; where they hold more than `most`
+/// samples, some that are spread evenly.
 pub fn windows(lengths: &[usize], length: usize, most: usize) -> Vec<Window> {
     let mut all = Vec::new();
     for (stretch, &samples) in lengths.iter().enumerate() {

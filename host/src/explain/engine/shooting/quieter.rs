@@ -1,5 +1,6 @@
-//! The sensors' noise from what is left of the windows. Where the motion's own harmonics reach to half the sampling rate, no part of a spectrum is noise alone, and a level that was read there is too high;
-//! what the model leaves is noise and more, so that less than the level shows that.
+//! The sensors' noise from what is left of the windows. Where the motion's own harmonics reach to
+//! half the sampling rate, no part of a spectrum is noise alone, and a level that was read there is
+//! too high; what the model leaves is noise and more, so that less than the level shows that.
 
 use super::super::setting::Setting;
 use super::super::state::State;
@@ -8,7 +9,8 @@ use crate::identify::remeasured::Sensors;
 /// Standard errors by which what is left must fall short of the level.
 const CLEAR: f64 = 4.0;
 
-/// The sensors with the noise of those that leave less than was estimated (σ² = Σ r²/ν, ν the samples less the windows' states); none where none does. What counts has the noise of its grid.
+/// The sensors with the noise of those that leave less than was estimated (σ² = Σ r²/ν, ν the
+/// samples less the windows' states); none where none does. What counts has the noise of its grid.
 pub fn quieter(setting: &Setting<'_>, state: &State) -> Option<Sensors> {
     let followed = state.followed.as_ref()?;
     let kept = followed.kept(setting)?;

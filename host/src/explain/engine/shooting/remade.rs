@@ -1,5 +1,7 @@
-//! What is left of records that the model itself makes, seen by the same sensors: the paths of its windows, measured again with shifted grids or other noise, and fitted in the
-//! same way (a parametric bootstrap; Davison and Hinkley 1997, section 4.2). Counts that stand while the motion is slow are no white noise, so that a right model does not leave exactly 1.
+//! What is left of records that the model itself makes, seen by the same sensors: the paths of its
+//! windows, measured again with shifted grids or other noise, and fitted in the same way (a
+//! parametric bootstrap; Davison and Hinkley 1997, section 4.2). Counts that stand while the motion
+//! is slow are no white noise, so that a right model does not leave exactly 1.
 
 use nalgebra::DVector;
 
@@ -42,8 +44,8 @@ fn powers(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usi
     Some(blocks.misfits(&fitted).iter().map(|w| w[0]).collect())
 }
 
-/// Mean power over that of the noise in such records, at least 1, and the standard error of what one record's power differs by from it: by chance, and because the noise itself
-/// is estimated.
+/// Mean power over that of the noise in such records, at least 1, and the standard error of what
+/// one record's power differs by from it: by chance, and because the noise itself is estimated.
 pub fn remade(setting: &Setting<'_>, state: &State) -> Option<(f64, f64)> {
     let followed = state.followed.as_ref()?;
     let all: Vec<Vec<f64>> = (0..RECORDS).map(|r| powers(setting, state, followed, r)).collect::<Option<_>>()?;

@@ -1,4 +1,5 @@
-//! Which sign coefficients keep: those of laws that take energy away, as the catalogue's positive strengths say.
+//! Which sign coefficients keep: those of laws that take energy away, as the catalogue's positive
+//! strengths say.
 
 use super::super::candidates::Candidate;
 use super::super::setting::{Physical, Setting};
@@ -10,8 +11,8 @@ use crate::model::model_file::expression::multiple;
 /// Standard errors by which a coefficient must have its sign in the first fit to keep it.
 const CLEAR: f64 = 2.0;
 
-/// Signs of the equations' own columns: of those that are the law of a positive strength (a damping that a user wrote down), where the first fit
-/// shows that they have it.
+/// Signs of the equations' own columns: of those that are the law of a positive strength (a damping
+/// that a user wrote down), where the first fit shows that they have it.
 pub fn own(setting: &Setting<'_>, physical: &Physical, first: &Identification) -> Vec<f64> {
     let model = setting.model();
     let Some(file) = setting.file() else { return vec![0.0; setting.own.names.len()] };

@@ -5,7 +5,8 @@ use crate::identify::shooting::track::{Geometry, Stretch, cut};
 use crate::model::dynamics::Instant;
 use crate::model::flow::{Flow, Outside, Work};
 
-/// q̈ = −c q̇ + a q − b q³ + F cos τ: Duffing's oscillator between two wells, chaotic at these parameters and Ω = 1 rad/s.
+/// q̈ = −c q̇ + a q − b q³ + F cos τ: Duffing's oscillator between two wells, chaotic at these
+/// parameters and Ω = 1 rad/s.
 struct Duffing;
 const TRUTH: [f64; 4] = [0.25, 1.0, 1.0, 0.4];
 

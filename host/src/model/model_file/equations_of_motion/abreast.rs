@@ -1,4 +1,5 @@
-//! Accelerations and their partials at many states at once: every operation of the tapes is one loop over the states, a fraction of the work of going through them one by one.
+//! Accelerations and their partials at many states at once: every operation of the tapes is one
+//! loop over the states, a fraction of the work of going through them one by one.
 
 use super::{EquationsOfMotion, solve, wrapped};
 use crate::model::model_file::expression::Symbol;
@@ -38,7 +39,8 @@ const ZEROS: [f64; MOST] = [0.0; MOST];
 /// What has no value.
 const UNKNOWN: [f64; MOST] = [f64::NAN; MOST];
 
-/// The column that a symbol stands for; `remembered` are the numbers of followed states, whose values come behind `inputs`.
+/// The column that a symbol stands for; `remembered` are the numbers of followed states, whose
+/// values come behind `inputs`.
 fn column<'a>(
     s: Symbol,
     at: &'a Abreast<'_>,
@@ -69,13 +71,15 @@ fn column<'a>(
 }
 
 impl EquationsOfMotion {
-    /// Whether many states can be linearised at once: all slopes exist and no acceleration stands inside a function.
+    /// Whether many states can be linearised at once: all slopes exist and no acceleration stands
+    /// inside a function.
     pub fn goes_abreast(&self) -> bool {
         self.slopes.is_some() && !self.implicit
     }
 
-    /// Accelerations (n columns of [`MOST`]) and their partials by coordinates and rates (n × 2n such columns, row after row) at every state; `exists` turns false
-    /// where there are none. Only for systems that go abreast ([`EquationsOfMotion::goes_abreast`]).
+    /// Accelerations (n columns of [`MOST`]) and their partials by coordinates and rates (n × 2n
+    /// such columns, row after row) at every state; `exists` turns false where there are none. Only
+    /// for systems that go abreast ([`EquationsOfMotion::goes_abreast`]).
     pub fn linearise_abreast(
         &self,
         parameters: &[f64],

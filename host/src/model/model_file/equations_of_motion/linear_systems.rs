@@ -1,7 +1,8 @@
-//! Small linear systems A x = b with several right-hand sides, by Gaussian elimination with partial pivoting, in place.
+//! Small linear systems A x = b with several right-hand sides, by Gaussian elimination with partial
+//! pivoting, in place.
 
-/// Solves an n × n system with `sides` right-hand sides in the columns behind it, row after row; `out` holds the solutions likewise. False where it is singular or
-/// not finite.
+/// Solves an n × n system with `sides` right-hand sides in the columns behind it, row after row;
+/// `out` holds the solutions likewise. False where it is singular or not finite.
 pub fn solve(a: &mut [f64], n: usize, sides: usize, out: &mut [f64]) -> bool {
     let w = n + sides;
     if n == 2 {

@@ -1,5 +1,5 @@
-//! States of effects with a memory among an equation's terms: those that are followed with the motion, as rates behind those of the coordinates, and
-//! those that were followed along a record.
+//! States of effects with a memory among an equation's terms: those that are followed with the
+//! motion, as rates behind those of the coordinates, and those that were followed along a record.
 
 use std::sync::Arc;
 

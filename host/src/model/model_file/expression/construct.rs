@@ -1,4 +1,5 @@
-//! Constructors of expressions that fold constants and drop neutral elements: 0 + a = a, 1 a = a, x (y a) = (x y) a, a¹ = a.
+//! Constructors of expressions that fold constants and drop neutral elements: 0 + a = a, 1 a = a, x
+//! (y a) = (x y) a, a¹ = a.
 
 use std::sync::Arc;
 

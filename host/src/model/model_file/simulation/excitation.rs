@@ -1,7 +1,9 @@
-//! Inputs of a simulated system: harmonic, random, multisine, impulses (once or periodic), and sums of them.
+//! Inputs of a simulated system: harmonic, random, multisine, impulses (once or periodic), and sums
+//! of them.
 //!
-//! Random and multisine inputs have random phases from the seed and are band-limited; an impulse is amplitude · cos²(πt/width) over its
-//! width. All are smooth in time, so that what is sampled is what acted.
+//! Random and multisine inputs have random phases from the seed and are band-limited; an impulse is
+//! amplitude · cos²(πt/width) over its width. All are smooth in time, so that what is sampled is
+//! what acted.
 
 use core::f64::consts::{PI, TAU};
 
@@ -33,7 +35,8 @@ pub enum Excitation {
         #[serde(default)]
         phase_rad: f64,
     },
-    /// Random phases on lines 1/(2 · length of the record) apart: does not repeat within the record.
+    /// Random phases on lines 1/(2 · length of the record) apart: does not repeat within the
+    /// record.
     Random {
         /// Root mean square.
         rms: f64,
@@ -55,7 +58,8 @@ pub enum Excitation {
         /// Period, s.
         period_s: f64,
     },
-    /// amplitude · cos²(π(t − at)/width) for |t − at| < width/2, again every period if one is given.
+    /// amplitude · cos²(π(t − at)/width) for |t − at| < width/2, again every period if one is
+    /// given.
     Impulse {
         /// Height.
         amplitude: f64,
@@ -133,8 +137,9 @@ impl Signal {
         Ok(out)
     }
 
-    /// Lines of random phase, `spacing` Hz apart; frequencies of a random input are dithered within their spacing where it is finer than a
-    /// period, which a multisine's are not, being multiples of it.
+    /// Lines of random phase, `spacing` Hz apart; frequencies of a random input are dithered within
+    /// their spacing where it is finer than a period, which a multisine's are not, being multiples
+    /// of it.
     fn band(&mut self, rms: f64, from_hz: f64, to_hz: f64, spacing: f64, rng: &mut ChaCha8Rng) {
         let (first, last) = ((from_hz / spacing).ceil().max(1.0), (to_hz / spacing).floor());
         let count = (last - first + 1.0).max(1.0);

@@ -1,4 +1,5 @@
-//! Records of a system that a user wrote down: its equations of motion integrated from `[plant]`'s truth, sampled as its channels would.
+//! Records of a system that a user wrote down: its equations of motion integrated from `[plant]`'s
+//! truth, sampled as its channels would.
 
 pub mod excitation;
 pub mod plant;
@@ -31,7 +32,8 @@ const MOST_SAMPLES: f64 = 2e7;
 const TOLERANCE: f64 = 1e-10;
 /// Steps within one sampling interval at most: how finely reversals under dry friction are placed.
 const FINEST: f64 = 400.0;
-/// The same where effects have states: one that settles within less than a third of such a step would swing up instead.
+/// The same where effects have states: one that settles within less than a third of such a step
+/// would swing up instead.
 const FINEST_OF_STATES: f64 = 4000.0;
 
 /// What to do about a motion that has no solution.
@@ -74,8 +76,8 @@ impl Outside for Surroundings {
     }
 }
 
-/// One column for each channel of the rig, over `seconds` from t = 0 on; `effects` are those of the catalogue, `ID@PLACE=VALUE[,name=value]`, that the plant has
-/// beside the model's terms.
+/// One column for each channel of the rig, over `seconds` from t = 0 on; `effects` are those of the
+/// catalogue, `ID@PLACE=VALUE[,name=value]`, that the plant has beside the model's terms.
 ///
 /// # Errors
 /// A plant that is missing or cannot be integrated, seconds out of range.

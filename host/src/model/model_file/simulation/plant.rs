@@ -1,4 +1,5 @@
-//! `[plant]` of a rig whose model is a file: true coefficients by name, initial state, inputs, noise. Read by `simulate` alone.
+//! `[plant]` of a rig whose model is a file: true coefficients by name, initial state, inputs,
+//! noise. Read by `simulate` alone.
 //!
 //! ```toml
 //! [plant]
@@ -54,8 +55,8 @@ fn value(v: &toml::Value) -> Option<f64> {
     .filter(|x| x.is_finite())
 }
 
-/// What a plant gives: the coefficients of a model file; for a system, its parameters, strengths of its nominal effects, and the
-/// coefficients of its written equations.
+/// What a plant gives: the coefficients of a model file; for a system, its parameters, strengths of
+/// its nominal effects, and the coefficients of its written equations.
 fn truths(model: &ModelFile) -> Vec<String> {
     let Some(mechanism) = &model.mechanism else { return model.coefficients() };
     let derived = |n: &String| mechanism.coefficients.iter().any(|c| c.name == *n);
