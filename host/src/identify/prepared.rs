@@ -50,7 +50,7 @@ pub fn prepare(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
     out.ready(found, rig, records)
 }
 
-/// The same without what [`standstill`] leaves out: stretches in which dry friction may hold a
+/// The same without what `standstill` leaves out: stretches in which dry friction may hold a
 /// joint.
 ///
 /// # Errors

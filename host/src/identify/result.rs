@@ -152,7 +152,7 @@ pub struct Identification {
     /// How multiple shooting came about them, where it did.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shooting: Option<shooting::Details>,
-    /// Why these are the weak form's numbers, where no method was asked for: see [`best`].
+    /// Why these are the weak form's numbers, where no method was asked for: see [`super::best`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub not_by_shooting: Option<String>,
     /// Things noticed.

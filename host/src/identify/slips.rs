@@ -10,8 +10,8 @@
 //! R = −Σ_{i≥j} (r − Q Qᵀ r)_ik,  S = L − j − |Σ_{i≥j} Q_ik|²,  gain = 2 s R − s² S
 //!
 //! is what the step takes off the sum of squares; c is the whole number of counts nearest to R/S.
-//! A step is believed whose gain exceeds [`LIMIT`] and beside which the piece is like what noise
-//! leaves ([`LIKE`]): a model that misses something leaves more. Pieces overlap by half, since a
+//! A step is believed whose gain exceeds `LIMIT` and beside which the piece is like what noise
+//! leaves (`LIKE`): a model that misses something leaves more. Pieces overlap by half, since a
 //! step at the end of a piece is taken for its state.
 //!
 //! Limits: the place is right to a few samples; two slips within half a piece are found one after

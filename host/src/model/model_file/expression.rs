@@ -39,7 +39,8 @@ pub enum Symbol {
     /// Input k as measured (weak form only).
     RawInput(usize),
     /// First derivative of coordinate i in the band that stands clear of noise, for signs (weak
-    /// form only): see [`crate::model::weak::Sample::clear_rate`].
+    /// form only): a noisy sign is wrong whenever the
+    /// velocity is small for a while, which weakens the column (C11 by 0.7 % at 1024 counts).
     ClearRate(usize),
     /// Sign of switch k of the equations of motion (dry friction), held by an integrator.
     Held(usize),
