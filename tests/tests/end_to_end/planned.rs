@@ -17,7 +17,7 @@ fn what_a_locked_record_cannot_tell_the_planned_one_tells() {
     let run = whirl(folder, "explain locked.parquet --rig rig.toml --json e.json");
     assert_eq!(json(&folder.join("e.json"))["verdict"], "not-decidable", "{run:?}");
 
-    let asked = "--tell eccentricity@encoder1=0.004,zero-offset@encoder1 --budget 3";
+    let asked = "--tell eccentricity@encoder1=0.004,zero-offset@encoder1";
     let text = done(
         folder,
         &format!("plan --rig rig.toml --model model.toml {asked} -o plan.toml --json plan.json --threads 1"),
