@@ -136,6 +136,10 @@ pub fn slips(
     let (motion, names) = built_in::equations_of_motion(rig, &own, bound)?;
     let given = Given { motion: &*motion, names: &names, rig: &own, bound, prepared: &prepared, first };
     let shot = shoot(&given, true, &Settings::default(), progress)?;
+    // Where more than slips is left, what looks like one may be that.
+    if !shot.outcome.fit.converged || shot.outcome.noise_ratio.iter().any(|r| *r > MISSES) {
+        return Ok(Vec::new());
+    }
     Ok(slips::placed(&shot.slips, bound, &prepared))
 }
 
