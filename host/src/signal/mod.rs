@@ -3,7 +3,6 @@
 pub mod angles;
 pub mod band;
 pub mod band_limited;
-pub mod drive_phase;
 pub mod fast_convolution;
 pub mod low_pass;
 pub mod noise;
