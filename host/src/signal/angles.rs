@@ -64,36 +64,9 @@ impl AngleSegment {
         [0, 1].map(|i| self.sensor(i).into_owned())
     }
 
-    /// The same stretch with other angles.
-    pub fn with(&self, first: Vec<f64>, second: Vec<f64>) -> Self {
-        Self {
-            start_s: self.start_s,
-            step_s: self.step_s,
-            phi: [first, second],
-            phase: self.phase.clone(),
-            relative: self.relative,
-            count_rad: self.count_rad,
-        }
-    }
-
     /// Time of sample i, s.
     pub fn time(&self, i: usize) -> f64 {
         self.start_s + i as f64 * self.step_s
-    }
-
-    /// The samples first … last as a segment of their own.
-    pub fn part(&self, first: usize, last: usize) -> Self {
-        Self {
-            start_s: self.time(first),
-            step_s: self.step_s,
-            phi: [self.phi[0][first..last].to_vec(), self.phi[1][first..last].to_vec()],
-            phase: match &self.phase {
-                Phase::Device(p) => Phase::Device(p[first..last].to_vec()),
-                Phase::Clock(w) => Phase::Clock(*w),
-            },
-            relative: self.relative,
-            count_rad: self.count_rad,
-        }
     }
 
     /// τ of the drive at sample i, rad.

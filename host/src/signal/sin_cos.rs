@@ -7,9 +7,6 @@
 //! the standard library, whose reduction of large angles is exact. Our own because libraries fix
 //! the width of their vectors when they are compiled: `wide`, compiled for the narrowest, took 8 %
 //! of an identification.
-//!
-//! Of angles that follow each other closely, as samples of a motion do, one in eight is reduced so;
-//! the others, at most half a radian away from it, follow by the addition theorem from that one.
 
 use core::f64::consts::FRAC_1_SQRT_2;
 
@@ -23,6 +20,9 @@ const PER_TURN: f64 = 8.0 / core::f64::consts::TAU;
 const PARTS: [f64; 3] = [7.853_981_633_670_628e-1, 3.038_550_253_151_983e-11, 1.011_133_124_397_975_3e-21];
 /// sin kπ/4; cos kπ/4 = sin (k + 2)π/4.
 const TABLE: [f64; 8] = [0.0, FRAC_1_SQRT_2, 1.0, FRAC_1_SQRT_2, 0.0, -FRAC_1_SQRT_2, -1.0, -FRAC_1_SQRT_2];
+
+/// Angles worked through at once.
+const LANES: usize = 8;
 
 /// Writes sin x and cos x (rad); the three slices are of one length.
 pub fn sin_cos(x: &[f64], sin: &mut [f64], cos: &mut [f64]) {
@@ -40,9 +40,9 @@ impl NullaryFnOnce for All<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let (xs, last) = self.x.as_chunks::<NEAR>();
-        let (sins, last_sin) = self.sin.as_chunks_mut::<NEAR>();
-        let (coss, last_cos) = self.cos.as_chunks_mut::<NEAR>();
+        let (xs, last) = self.x.as_chunks::<LANES>();
+        let (sins, last_sin) = self.sin.as_chunks_mut::<LANES>();
+        let (coss, last_cos) = self.cos.as_chunks_mut::<LANES>();
         for ((x, sin), cos) in xs.iter().zip(sins).zip(coss) {
             (*sin, *cos) = each(x);
         }
@@ -96,57 +96,6 @@ fn reduced<const N: usize>(x: &[f64; N]) -> ([f64; N], [f64; N]) {
     (sin, cos)
 }
 
-/// Angles that share a computed one.
-const NEAR: usize = 8;
-/// Greatest difference between them, rad: the series below end where the next term is less than
-/// 1e-17.
-const CLOSE: f64 = 0.5;
-
-/// As [`sin_cos`], faster where neighbours are close.
-pub fn smooth(x: &[f64], sin: &mut [f64], cos: &mut [f64]) {
-    Arch::new().dispatch(Smooth { x, sin, cos });
-}
-
-struct Smooth<'a> {
-    x: &'a [f64],
-    sin: &'a mut [f64],
-    cos: &'a mut [f64],
-}
-
-impl NullaryFnOnce for Smooth<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn call(self) {
-        let (xs, last) = self.x.as_chunks::<NEAR>();
-        let (sins, last_sin) = self.sin.as_chunks_mut::<NEAR>();
-        let (coss, last_cos) = self.cos.as_chunks_mut::<NEAR>();
-        let mut k = 0;
-        while k < xs.len() {
-            // Eight centres at a time.
-            let now = (xs.len() - k).min(8);
-            let mut centres = [0.0; 8];
-            centres.iter_mut().zip(&xs[k..]).for_each(|(c, x)| *c = x[NEAR / 2]);
-            let (s, c) = each(&centres);
-            for j in 0..now {
-                let (x, sin, cos) = (&xs[k + j], &mut sins[k + j], &mut coss[k + j]);
-                let difference = x.map(|x| x - centres[j]);
-                if difference.iter().all(|d| d.abs() <= CLOSE) {
-                    let (ds, dc) = series(&difference);
-                    for i in 0..NEAR {
-                        sin[i] = s[j] * dc[i] + c[j] * ds[i];
-                        cos[i] = c[j] * dc[i] - s[j] * ds[i];
-                    }
-                } else {
-                    (*sin, *cos) = each(x);
-                }
-            }
-            k += now;
-        }
-        one_by_one(last, last_sin, last_cos);
-    }
-}
-
 /// sin d and cos d of small d by their power series.
 #[inline(always)]
 fn series<const N: usize>(d: &[f64; N]) -> ([f64; N], [f64; N]) {
@@ -181,21 +130,6 @@ fn one_by_one(x: &[f64], sin: &mut [f64], cos: &mut [f64]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn close_angles_agree_with_the_standard_library() {
-        // Slow and whirling, jumps between neighbours, too large for the fast way, a NaN; no
-        // multiple of eight.
-        let mut x: Vec<f64> = (0..9003).map(|i| 0.07 * f64::from(i) + 3.0 * (0.02 * f64::from(i)).sin()).collect();
-        (x[4000], x[4100], x[5000]) = (2.0, 1e300, f64::NAN);
-        x[6000..6100].iter_mut().for_each(|x| *x += 2e5);
-        let (mut s, mut c) = (vec![0.0; x.len()], vec![0.0; x.len()]);
-        smooth(&x, &mut s, &mut c);
-        for ((x, s), c) in x.iter().zip(&s).zip(&c) {
-            let (es, ec) = x.sin_cos();
-            assert!(x.is_nan() && s.is_nan() || (s - es).abs() < 5e-16 && (c - ec).abs() < 5e-16, "{x} {s} {c}");
-        }
-    }
 
     #[test]
     fn agrees_with_the_standard_library() {
