@@ -16,6 +16,7 @@ pub mod covariance;
 pub mod problem;
 pub mod run;
 pub mod solve;
+mod states;
 pub mod track;
 mod with_offsets;
 
