@@ -59,11 +59,13 @@ pub fn own(rig: &Rig, model: &IdentifiedModel) -> Result<Own> {
 /// equations are those of one strength ([`crate::system::ties`]), as explanations take them. What
 /// an identification gave each on its own departs from that where something is missing, and no
 /// record of such a model could be explained.
-pub fn tied(mut own: Own) -> Own {
-    let mechanism = own.rig.bound.as_ref().and_then(|b| b.model.mechanism.clone());
-    let Some((mechanism, file)) = mechanism.as_deref().and_then(|m| Some((m, m.file.as_deref()?))) else { return own };
-    let known = mechanism.known(&own.rig.known, own.rig.says_gravity());
-    let has = |name: &String| own.model.parameter(name).filter(|p| p.std_error > 0.0);
+pub fn tied(rig: &Rig, mut model: IdentifiedModel) -> IdentifiedModel {
+    let mechanism = rig.bound.as_ref().and_then(|b| b.model.mechanism.clone());
+    let Some((mechanism, file)) = mechanism.as_deref().and_then(|m| Some((m, m.file.as_deref()?))) else {
+        return model;
+    };
+    let known = mechanism.known(&rig.known, rig.says_gravity());
+    let has = |name: &String| model.parameter(name).filter(|p| p.std_error > 0.0);
     let names: Vec<String> =
         mechanism.coefficients.iter().map(|c| c.name.clone()).filter(|n| has(n).is_some()).collect();
     let found: Vec<&Parameter> = names.iter().filter_map(has).collect();
@@ -71,16 +73,16 @@ pub fn tied(mut own: Own) -> Own {
     let errors = DVector::from_iterator(found.len(), found.iter().map(|p| p.std_error.powi(2)));
     let covariance = DMatrix::from_diagonal(&errors);
     let identified = Identified { names: &names, values: &values, covariance: &covariance, metric: &covariance };
-    let Some(fit) = ties::fit(mechanism, &identified, &known) else { return own };
+    let Some(fit) = ties::fit(mechanism, &identified, &known) else { return model };
     let of_damping = |p: &Polynomial| p.any(&|a| matches!(a, Atom::Parameter(k) if *k >= file.parameters.len()));
     for c in mechanism.coefficients.iter().filter(|c| of_damping(&c.numerator)) {
         let value = mechanism.value(&c.name, &fit.parameters).filter(|v| v.is_finite());
-        let p = own.model.parameters.iter_mut().find(|p| p.name == c.name);
+        let p = model.parameters.iter_mut().find(|p| p.name == c.name);
         if let (Some(p), Some(value)) = (p, value) {
             p.value = value;
         }
     }
-    own
+    model
 }
 
 /// The rig at another setting, and its simulated plant, if it has one, with it; one without a
@@ -159,7 +161,8 @@ pub fn scale_amplitude(model: &mut IdentifiedModel, by: f64) {
 /// # Errors
 /// A rig that cannot be had at it, such as one whose samples do not resolve the drive.
 pub fn at(rig: &Rig, model: &IdentifiedModel, setting: &Setting) -> Result<Own> {
-    let first = tied(own(rig, model)?);
+    let mut first = own(rig, model)?;
+    first.model = tied(&first.rig, first.model);
     let (Some(drive), Some(frequency_hz)) = (rig.drive, setting.frequency_hz) else { return Ok(first) };
     let amplitude = setting.amplitude_factor.unwrap_or(1.0);
     let moved = rig_at(rig, setting)?;
