@@ -71,7 +71,7 @@ pub fn parameters(
     (identified, units): (&Identified<'_>, &[String]),
     warnings: &mut Vec<Warning>,
 ) -> (Vec<Parameter>, Option<(f64, usize)>) {
-    let Identified { names, values, covariance, metric } = *identified;
+    let Identified { names, values, covariance, .. } = *identified;
     let told = |i: usize| Parameter {
         name: names[i].clone(),
         value: values[i],
@@ -85,7 +85,7 @@ pub fn parameters(
     }
     out.extend(drive_amplitudes(names, values, covariance));
     out.sort_by(|a, b| a.name.cmp(&b.name));
-    let fit = System::of(rig).ok().and_then(|s| s.physical(names, values, covariance, metric, rig));
+    let fit = System::of(rig).ok().and_then(|s| s.physical(identified, rig));
     let Some(fit) = fit else { return (out, None) };
     out.extend(fit.parameters.iter().map(|p| Parameter {
         name: p.name.to_owned(),

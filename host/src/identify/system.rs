@@ -1,13 +1,12 @@
 //! The built-in systems that an identification knows: their nominal dampings and physical
 //! parameters.
 
-use nalgebra::{DMatrix, DVector};
-
 use super::{physical_parameters, single_parameters};
 use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::{self, Damping};
 use crate::model::single_pendulum;
 use crate::rig::{Direction, Rig};
+use crate::system::ties::Identified;
 use physical_parameters::PhysicalFit;
 
 /// A system with the dampings of its nominal model.
@@ -56,17 +55,10 @@ impl System {
     }
 
     /// Physical parameters from coefficients and what is known; `None` where nothing follows.
-    pub fn physical(
-        &self,
-        names: &[String],
-        values: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-        metric: &DMatrix<f64>,
-        rig: &Rig,
-    ) -> Option<PhysicalFit> {
+    pub fn physical(&self, identified: &Identified<'_>, rig: &Rig) -> Option<PhysicalFit> {
         match self {
-            Self::Single(_) => single_parameters::derive(names, values, covariance, rig),
-            Self::Double(_) => physical_parameters::fit(names, values, covariance, metric, &rig.known, rig.omega()),
+            Self::Single(_) => single_parameters::derive(identified, rig),
+            Self::Double(_) => physical_parameters::fit(identified, &rig.known, rig.omega()),
         }
     }
 }
