@@ -13,6 +13,7 @@ use core::f64::consts::TAU;
 use serde::Serialize;
 
 use crate::error::{BadInput, Result};
+use crate::model::identified::{IdentifiedModel, System};
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::signal::angles::double_pendulum_angles;
@@ -40,6 +41,34 @@ pub fn of_model(b11: f64, b12: f64, b21: f64, b22: f64, omega: f64) -> Option<[f
     let root = (b * b - 4.0 * a * c).sqrt();
     let squares = [(b - root) / (2.0 * a), (b + root) / (2.0 * a)];
     squares.iter().all(|s| s.is_finite() && *s > 0.0).then(|| squares.map(|s| s.sqrt() * omega / TAU))
+}
+
+/// The model's natural frequencies beside those of a free vibration; none where they are not known of
+/// the model.
+///
+/// # Errors
+/// As [`of_record`]; a free vibration for a model whose natural frequencies are not known.
+pub fn compare(model: &IdentifiedModel, rig: &Rig, free: Option<&Record>) -> Result<Option<NaturalFrequencies>> {
+    if !matches!(&model.system, System::BuiltIn(id) if id == "double-pendulum") {
+        return match free {
+            None => Ok(None),
+            Some(record) => Err(BadInput::new(
+                "a free vibration",
+                "none: natural frequencies are known of the built-in double pendulum",
+            )
+            .in_file(&record.path)
+            .at("--free")
+            .remedy("Leave --free out")),
+        };
+    }
+    let b = |n: &str| model.parameter(n).map(|p| p.value);
+    let of_model = match (b("B11"), b("B12"), b("B21"), b("B22")) {
+        (Some(b11), Some(b12), Some(b21), Some(b22)) => of_model(b11, b12, b21, b22, rig.omega()),
+        _ => None,
+    };
+    let Some(model_hz) = of_model else { return Ok(None) };
+    let measured = free.map(|record| of_record(record, &Rig { drive: None, ..rig.clone() })).transpose()?;
+    Ok(Some(NaturalFrequencies { model_hz, measured_hz: measured.map(|m| m.0), resolution_hz: measured.map(|m| m.1) }))
 }
 
 /// The two frequencies of a free vibration, Hz, lower first, and the spectrum's resolution. `rig`:
