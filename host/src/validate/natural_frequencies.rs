@@ -13,10 +13,10 @@ use core::f64::consts::TAU;
 use serde::Serialize;
 
 use crate::error::{BadInput, Result};
+use crate::identify::{built_in, stretches};
 use crate::model::identified::{IdentifiedModel, System};
 use crate::record::Record;
-use crate::rig::Rig;
-use crate::signal::angles::double_pendulum_angles;
+use crate::rig::{Rig, as_own};
 use crate::signal::spectrum::{fast_length, line_at, welch};
 
 /// Largest angle of the part of a free vibration that is used, rad.
@@ -77,7 +77,9 @@ pub fn compare(model: &IdentifiedModel, rig: &Rig, free: Option<&Record>) -> Res
 /// # Errors
 /// A record without angles, or whose small motion is too short for a spectrum with two peaks.
 pub fn of_record(record: &Record, rig: &Rig) -> Result<([f64; 2], f64)> {
-    let segments = double_pendulum_angles(record, rig)?;
+    let own = as_own::coordinates(rig)?;
+    let bound = built_in::bound(&own)?;
+    let stretches = stretches::of(record, &own, bound)?;
     let bad = |found: String| {
         BadInput::new(
             found,
@@ -87,14 +89,15 @@ pub fn of_record(record: &Record, rig: &Rig) -> Result<([f64; 2], f64)> {
         .at("--free")
         .remedy("Release the arms from a small angle, without the shaker, and record until they rest")
     };
-    let longest = segments.iter().max_by_key(|s| s.len()).ok_or_else(|| bad("no samples".to_owned()))?;
-    let sensors = longest.sensors();
+    let longest = stretches.iter().max_by_key(|s| s.len()).ok_or_else(|| bad("no samples".to_owned()))?;
+    let sensors = longest.sensors(bound);
     // Rest is where the motion ends, up to whole turns.
-    let rest = sensors.each_ref().map(|x| {
+    let end = |x: &Vec<f64>| {
         let last = &x[x.len() - x.len().min(x.len() / 5 + 1)..];
         last.iter().sum::<f64>() / last.len().max(1) as f64
-    });
-    let large = |i: &usize| (0..2).any(|k| (sensors[k][*i] - rest[k]).abs() > SMALL);
+    };
+    let rest: Vec<f64> = sensors.iter().map(end).collect();
+    let large = |i: &usize| (0..rest.len()).any(|k| (sensors[k][*i] - rest[k]).abs() > SMALL);
     let first = (0..longest.len()).rev().find(large).map_or(0, |i| i + 1);
     let length = longest.len() - first;
     let rate = 1.0 / longest.step_s;
