@@ -130,7 +130,7 @@ mod tests {
 
     use super::*;
     use crate::model::double_pendulum::DAMPINGS;
-    use crate::model::dynamics::Instant;
+    use crate::model::dynamics::{Instant, Linearisation};
 
     /// What is compiled by hand moves as the equations that are written out, free and driven, with
     /// every damping; its partials too.
@@ -164,7 +164,8 @@ mod tests {
                     let rate = |w: &Vec<f64>| w.iter().zip(&v).map(|(w, v)| w * v).sum::<f64>();
                     let signs: Vec<f64> = d.switches().iter().map(|w| rate(w).signum()).collect();
                     let (mut a, mut by) = ([0.0; 2], vec![0.0; 2 * width]);
-                    assert!(d.linearise_held(&p, &q, &v, &at, &signs, &mut a, &mut by));
+                    let out = Linearisation { acceleration: &mut a, partials: &mut by };
+                    assert!(d.linearise_held(&p, &q, &v, &at, &signs, out));
                     a.into_iter().chain(by).collect::<Vec<f64>>()
                 };
                 for (a, b) in run(&*compiled).iter().zip(run(&*plain)) {

@@ -19,7 +19,7 @@
 //! Limits: no accelerations where B11 B21 cos² Δ ≥ 1, which no two rigid arms have.
 
 use super::double_pendulum::{Damping, coefficients};
-use super::dynamics::{Dynamics, Instant};
+use super::dynamics::{Dynamics, Instant, Linearisation};
 use crate::signal::sin_cos::four;
 
 /// Roles of parameters within an equation: coupling B_i1, gravity B_i2, base motion B_i3 (cosine)
@@ -267,10 +267,9 @@ impl Dynamics for DoublePendulum {
         v: &[f64],
         at: &Instant<'_>,
         signs: &[f64],
-        acceleration: &mut [f64],
-        partials: &mut [f64],
+        out: Linearisation<'_>,
     ) -> bool {
-        self.derivatives(p, &Self::state(q, v, at, self.held(signs)), acceleration, partials)
+        self.derivatives(p, &Self::state(q, v, at, self.held(signs)), out.acceleration, out.partials)
     }
 }
 

@@ -183,23 +183,7 @@ pub(super) fn build(
         frame.warnings.push(remark_warning(r));
     }
     let used: Vec<usize> = (0..described.len()).filter(|i| described[*i].used).collect();
-    let amplitudes_differ =
-        used.iter().any(|i| (described[*i].amplitude / described[used[0]].amplitude - 1.0).abs() > 1e-3);
-    let constraint =
-        settings.constraint.unwrap_or(if periodic && amplitudes_differ { Constraint::Polar } else { Constraint::None });
-    if constraint != Constraint::None && (!periodic || used.is_empty()) {
-        return Err(BadInput::new(
-            "no release that swings periodically for three periods or more",
-            "releases close to periodic, for this constraint",
-        )
-        .at("--constraint")
-        .remedy("Use --constraint none, or record free swings released on one mode"));
-    }
-    if constraint == Constraint::Polar && !amplitudes_differ {
-        return Err(BadInput::new("releases of one amplitude", "at least two releases of different amplitude")
-            .at("--constraint")
-            .remedy("Record further releases, each at another amplitude"));
-    }
+    let constraint = constraint_of(settings, periodic, &described)?;
     let basis: Vec<Vec<f64>> = complete(&pod.modes, pod.rank());
     let masses = settings.masses.as_deref();
     let evidence = Evidence {
@@ -246,6 +230,31 @@ pub(super) fn build(
         });
     }
     Ok(reduction)
+}
+
+/// The constraint that was asked for, or the one that the releases allow.
+///
+/// # Errors
+/// One that was asked for and that they do not allow.
+fn constraint_of(settings: &ReduceSettings, periodic: bool, releases: &[Release]) -> Result<Constraint> {
+    let used: Vec<&Release> = releases.iter().filter(|r| r.used).collect();
+    let amplitudes_differ = used.iter().any(|r| (r.amplitude / used[0].amplitude - 1.0).abs() > 1e-3);
+    let constraint =
+        settings.constraint.unwrap_or(if periodic && amplitudes_differ { Constraint::Polar } else { Constraint::None });
+    if constraint != Constraint::None && (!periodic || used.is_empty()) {
+        return Err(BadInput::new(
+            "no release that swings periodically for three periods or more",
+            "releases close to periodic, for this constraint",
+        )
+        .at("--constraint")
+        .remedy("Use --constraint none, or record free swings released on one mode"));
+    }
+    if constraint == Constraint::Polar && !amplitudes_differ {
+        return Err(BadInput::new("releases of one amplitude", "at least two releases of different amplitude")
+            .at("--constraint")
+            .remedy("Record further releases, each at another amplitude"));
+    }
+    Ok(constraint)
 }
 
 fn unit(mode: &[f64]) -> Vec<f64> {

@@ -32,7 +32,7 @@ fn relative() -> DMatrix<f64> {
 fn double(seconds: f64) -> Stretch {
     let mut rig = Simulation::new(&SimulationSettings { settle_s: 10.0, ..SimulationSettings::default() }).unwrap();
     let n = (500.0 * seconds) as usize;
-    let (mut phi, mut turns) = (vec![Vec::with_capacity(n); 2], Vec::with_capacity(n));
+    let (mut phi, mut turns) = (vec![Vec::new(); 2], Vec::with_capacity(n));
     for _ in 0..n {
         let s = rig.next_sample().unwrap();
         phi[0].push(s.angles[0]);
