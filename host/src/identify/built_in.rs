@@ -32,6 +32,17 @@ pub fn written(rig: &Rig) -> Result<Cow<'_, Rig>> {
     Ok(Cow::Owned(own))
 }
 
+/// A rig beside itself with its equations written out, as [`written`] and [`bound`] give them.
+#[derive(Clone, Copy)]
+pub struct WrittenRig<'a> {
+    /// The rig file's.
+    pub rig: &'a Rig,
+    /// With equations.
+    pub own: &'a Rig,
+    /// The equations and what the channels measure of them.
+    pub bound: &'a Bound,
+}
+
 /// The equations and channels of a rig that [`written`] gave.
 ///
 /// # Errors
@@ -68,17 +79,18 @@ pub fn equations_of_motion(rig: &Rig, own: &Rig, bound: &Bound) -> Result<(Box<d
 /// system's are ordered by name, B_i5 = √(B_i3² + B_i4²) among them.
 pub fn parameters(
     rig: &Rig,
-    (identified, units): (&Identified<'_>, &[String]),
+    identified: &Identified<'_>,
+    units: &[String],
     warnings: &mut Vec<Warning>,
 ) -> (Vec<Parameter>, Option<(f64, usize)>) {
     let Identified { names, values, covariance, .. } = *identified;
-    let told = |i: usize| Parameter {
+    let parameter = |i: usize| Parameter {
         name: names[i].clone(),
         value: values[i],
         std_error: covariance[(i, i)].max(0.0).sqrt(),
         unit: units[i].clone(),
     };
-    let mut out: Vec<Parameter> = (0..names.len()).map(told).collect();
+    let mut out: Vec<Parameter> = (0..names.len()).map(parameter).collect();
     if let Some(bound) = &rig.bound {
         let misfit = physical::add(rig, &bound.model, identified, &mut out, warnings);
         return (out, misfit);

@@ -203,7 +203,7 @@ pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
     let values = DVector::from_iterator(names.len(), solution.coefficients.iter().flat_map(|c| c.iter().copied()));
     let covariance = &solution.covariance;
     let identified = Identified { names: &names, values: &values, covariance, metric: &solution.metric };
-    let (parameters, ties_misfit) = built_in::parameters(rig, (&identified, &units), &mut warnings);
+    let (parameters, ties_misfit) = built_in::parameters(rig, &identified, &units, &mut warnings);
     let mut result = Identification {
         model: model.name.clone(),
         method: "weak".to_owned(),

@@ -5,16 +5,17 @@ use super::{physical_parameters, single_parameters};
 use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::{self, Damping};
 use crate::model::single_pendulum;
-use crate::rig::{Direction, Rig};
+use crate::rig::Rig;
+use crate::system::library::Pendulum;
 use crate::system::ties::Identified;
 use physical_parameters::PhysicalFit;
 
 /// A system with the dampings of its nominal model.
 #[derive(Clone, Debug)]
 pub enum System {
-    /// `single-pendulum`: names of the dampings' coefficients.
+    /// The single pendulum: names of the dampings' coefficients.
     Single(Vec<&'static str>),
-    /// `double-pendulum`.
+    /// The double pendulum: its dampings.
     Double(Vec<&'static Damping>),
 }
 
@@ -25,9 +26,9 @@ impl System {
     /// A model that is none of them, a drive that it cannot have, dampings that are unknown or
     /// named twice.
     pub fn of(rig: &Rig) -> Result<Self> {
-        match rig.model.as_str() {
-            "double-pendulum" => {
-                if rig.drive.is_some_and(|d| d.direction == Direction::Horizontal) {
+        match rig.pendulum() {
+            Some(Pendulum::Double) => {
+                if rig.drive.is_some_and(|d| !Pendulum::Double.takes(d.direction)) {
                     return Err(BadInput::new("\"horizontal\"", "\"vertical\"")
                         .in_file(&rig.path)
                         .at("drive.direction")
@@ -35,8 +36,8 @@ impl System {
                 }
                 Ok(Self::Double(dampings(rig)?))
             }
-            "single-pendulum" => Ok(Self::Single(single_dampings(rig)?)),
-            other => Err(BadInput::new(format!("\"{other}\""), "\"double-pendulum\" or \"single-pendulum\"")
+            Some(Pendulum::Single) => Ok(Self::Single(single_dampings(rig)?)),
+            None => Err(BadInput::new(format!("\"{}\"", rig.model), Pendulum::either())
                 .in_file(&rig.path)
                 .at("model")
                 .remedy("`whirl list models` shows the models")),

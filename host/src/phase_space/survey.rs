@@ -24,7 +24,7 @@ pub use super::survey_exponent::Lyapunov;
 use super::survey_exponent::{self, JointState};
 pub use super::survey_settings::Settings;
 use super::survey_warnings;
-use super::unstable_periodic_orbit::{self as orbits, Extraction, Stretch, Track};
+use super::unstable_periodic_orbit::{self as orbits, Extraction, Track, Trajectory};
 use crate::inspect::coordinate::Coordinate;
 use crate::inspect::motion::{Motion, Space};
 use crate::record::Record;
@@ -206,10 +206,10 @@ impl Survey<'_> {
     }
 
     /// The pieces of all coordinates together, with the drive's phase.
-    fn stretches(&self, record: &Record, pieces: &[Piece], drive_hz: Option<f64>) -> Vec<Stretch<'_>> {
+    fn stretches(&self, record: &Record, pieces: &[Piece], drive_hz: Option<f64>) -> Vec<Trajectory<'_>> {
         let stretch = |(number, piece): (usize, &Piece)| {
             let segment = &record.segments[piece.segment];
-            Stretch {
+            Trajectory {
                 tracks: self.moving.iter().map(|c| c.track(number)).collect(),
                 start_s: segment.time(piece.from),
                 step_s: segment.step_s,
@@ -224,7 +224,7 @@ impl Survey<'_> {
     }
 
     /// Sections at τ = 0, π/2, π, 3π/2.
-    fn sections(&self, stretches: &[Stretch<'_>]) -> Vec<Section> {
+    fn sections(&self, stretches: &[Trajectory<'_>]) -> Vec<Section> {
         let widths: Vec<usize> = self.moving.iter().map(|c| c.inspected.slope_half_width).collect();
         match self.period {
             Some(t) if !self.moving.is_empty() => {
@@ -235,7 +235,7 @@ impl Survey<'_> {
     }
 
     /// Exponent and correlation dimension, of all coordinates together.
-    fn exponent_and_dimension(&self, stretches: &[Stretch<'_>], out: &mut PhaseSpace) {
+    fn exponent_and_dimension(&self, stretches: &[Trajectory<'_>], out: &mut PhaseSpace) {
         let phase = self.period.map(|t| phase_of(stretches, t));
         let state = JointState { coordinates: self.observables.iter().collect(), phase: phase.as_ref() };
         out.lyapunov = survey_exponent::lyapunov(&state, self.period, out, self.rate);
@@ -247,7 +247,7 @@ impl Survey<'_> {
     }
 
     /// The catalogue of orbits, of a driven or a free record.
-    fn orbits(&self, stretches: &[Stretch<'_>], out: &mut PhaseSpace, warnings: &mut Vec<Warning>) {
+    fn orbits(&self, stretches: &[Trajectory<'_>], out: &mut PhaseSpace, warnings: &mut Vec<Warning>) {
         let Settings { tolerance, longest, .. } = *self.settings;
         let Some(period) = self.period else {
             // Once round takes about four delays.
@@ -321,7 +321,7 @@ fn decay(bits: &[f64]) -> usize {
 }
 
 /// The drive's phase as an angle.
-fn phase_of(stretches: &[Stretch<'_>], period: f64) -> Observable {
+fn phase_of(stretches: &[Trajectory<'_>], period: f64) -> Observable {
     let turns: Vec<Vec<f64>> = stretches
         .iter()
         .map(|s| {

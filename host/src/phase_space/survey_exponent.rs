@@ -4,7 +4,7 @@
 use serde::Serialize;
 
 use super::embedding::{Component, Embedding};
-use super::lyapunov_exponent::{self as divergence, Divergence, Fit};
+use super::lyapunov_exponent::{self as divergence, Divergence, StraightPart};
 use super::observable::Observable;
 use super::survey::PhaseSpace;
 use super::tangent_exponent::{self as tangent, Tangent};
@@ -33,7 +33,7 @@ pub struct Lyapunov {
     /// Its fit window, s.
     pub fit_window_s: Option<[f64; 2]>,
     /// The straight part, per sample.
-    pub fit: Option<Fit>,
+    pub fit: Option<StraightPart>,
     /// The curve S(k), one value a sample.
     pub divergence: Divergence,
 }

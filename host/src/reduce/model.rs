@@ -216,7 +216,7 @@ pub(super) fn build(
                 let nodes: Vec<Node> = used.iter().map(|i| Node::of(&entries[*i].fit, &major)).collect();
                 let linear = system.and_then(|s| normal_mode::linear_mode(s, 0));
                 let (corrected, between) = (!all.is_empty(), all.get(nodes.len()..).unwrap_or(&[]));
-                let how = standard_error::Use { system, masses, linear: linear.as_ref(), corrected, between };
+                let how = standard_error::Evaluation { system, masses, linear: linear.as_ref(), corrected, between };
                 let errors = standard_error::of(&p, &nodes, how);
                 p.omega_squared_std_error = errors.omega_squared;
                 reduction.frequency_amplitude = errors.curve;

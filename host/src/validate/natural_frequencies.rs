@@ -14,10 +14,11 @@ use serde::Serialize;
 
 use crate::error::{BadInput, Result};
 use crate::identify::{built_in, stretches};
-use crate::model::identified::{IdentifiedModel, System};
+use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::rig::{Rig, as_own};
 use crate::signal::spectrum::{fast_length, line_at, welch};
+use crate::system::library::Pendulum;
 
 /// Largest angle of the part of a free vibration that is used, rad.
 const SMALL: f64 = 0.35;
@@ -49,7 +50,7 @@ pub fn of_model(b11: f64, b12: f64, b21: f64, b22: f64, omega: f64) -> Option<[f
 /// # Errors
 /// As [`of_record`]; a free vibration for a model whose natural frequencies are not known.
 pub fn compare(model: &IdentifiedModel, rig: &Rig, free: Option<&Record>) -> Result<Option<NaturalFrequencies>> {
-    if !matches!(&model.system, System::BuiltIn(id) if id == "double-pendulum") {
+    if model.system.pendulum() != Some(Pendulum::Double) {
         return match free {
             None => Ok(None),
             Some(record) => Err(BadInput::new(

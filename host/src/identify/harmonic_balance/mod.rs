@@ -35,6 +35,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
+use super::built_in::WrittenRig;
 use super::prepared::keep_steady_drive;
 use super::stretches::{self, Stretch};
 use super::system::System;
@@ -48,7 +49,7 @@ use equations::{Equations, Term};
 use orbit::Orbit;
 use rows::{Expanded, Rows};
 use settings::{EnergyBalance, Orbits, Settings};
-use solve::Fit;
+use solve::EquationFit;
 
 pub use account::identification;
 
@@ -75,7 +76,7 @@ pub struct Balance {
     /// Whether an energy balance was asked for and could not be done.
     pub energy_balance_failed: bool,
     /// Fits, equation by equation.
-    pub fits: Vec<Fit>,
+    pub fits: Vec<EquationFit>,
     /// Their rows (known coefficients moved to the target).
     pub rows: Vec<Rows>,
     /// Blocks of the jackknife; 0 where rows were taken as independent.
@@ -213,7 +214,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Each equation by itself.
-    fn fits(&self) -> core::result::Result<Vec<Fit>, Unsolvable> {
+    fn fits(&self) -> core::result::Result<Vec<EquationFit>, Unsolvable> {
         let fit = |(e, rows): (usize, &Rows)| {
             solve::fit(rows, self.settings.optimisation.as_ref(), &|_| true)
                 .map_err(|c| Unsolvable::Coefficient(self.unknowns.term(self.unknowns.first_of(e) + c).name.clone()))
@@ -240,7 +241,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Rows as if independent: the sandwich N⁻¹ (Σ e² a aᵀ) N⁻¹ n/(n − p), and σ² N⁻¹ as metric.
-    fn of_independent_rows(&self, fits: &[Fit]) -> (DMatrix<f64>, DMatrix<f64>) {
+    fn of_independent_rows(&self, fits: &[EquationFit]) -> (DMatrix<f64>, DMatrix<f64>) {
         let size = self.unknowns.list.len();
         let (mut sandwich, mut metric) = (DMatrix::zeros(size, size), DMatrix::zeros(size, size));
         for (e, (rows, fit)) in self.rows.iter().zip(fits).enumerate() {
@@ -268,10 +269,10 @@ impl<'a> Problem<'a> {
 
     /// Covariance from leaving out one block of orbits at a time, the energy balance included. None
     /// where an orbit is one without which nothing can be solved: it says nothing about the spread.
-    fn jackknife(&self, fits: &[Fit], values: &DVector<f64>) -> Option<DMatrix<f64>> {
+    fn jackknife(&self, fits: &[EquationFit], values: &DVector<f64>) -> Option<DMatrix<f64>> {
         let block = |orbit: usize| self.block(orbit);
         let change = |g: usize| {
-            let without = |(rows, fit): (&Rows, &Fit)| solve::without(rows, &fit.kept, &block, g);
+            let without = |(rows, fit): (&Rows, &EquationFit)| solve::without(rows, &fit.kept, &block, g);
             let fitted: Option<Vec<DVector<f64>>> = self.rows.iter().zip(fits).map(without).collect();
             self.with_energy_balance(&fitted?, Some(g)).map(|x| x - values)
         };
@@ -393,7 +394,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<su
         })
         .collect();
     let account = Account::new(settings, &found, rig, &equations, &solved, equation_accounts);
-    Ok(identification((rig, &own, bound), records, settings, solved, account, warnings))
+    Ok(identification(WrittenRig { rig, own: &own, bound }, records, settings, solved, account, warnings))
 }
 
 fn no_orbit(sought: &Orbits, longest_periods: f64) -> BadInput {

@@ -70,10 +70,10 @@ pub fn find(stretches: &[Stretch], shown: &DMatrix<f64>, circle: &[bool], period
                 (high - low).clamp(f64::MIN_POSITIVE, if circle[c] { TAU } else { f64::INFINITY })
             };
             let spans: Vec<f64> = (0..circle.len()).map(span).collect();
-            let tracks: Vec<unstable::Stretch<'_>> = stretches
+            let tracks: Vec<unstable::Trajectory<'_>> = stretches
                 .iter()
                 .zip(&series)
-                .map(|(stretch, s)| unstable::Stretch {
+                .map(|(stretch, s)| unstable::Trajectory {
                     tracks: s
                         .iter()
                         .zip(&spans)
