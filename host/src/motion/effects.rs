@@ -66,7 +66,8 @@ pub fn of_own(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Ef
 }
 
 /// Effects of written equations: at their joints, arms, drive, frame and encoders where the file
-/// says on how long a record they were found, otherwise at coordinates. `identified` tells them, `own` in
+/// says on how long a record they were found, otherwise at coordinates. `identified` tells them,
+/// `own` in
 /// the terms of the rig's equations.
 ///
 /// # Errors
@@ -189,7 +190,8 @@ fn is_finite(of: &Node) -> bool {
     of.with_memories(&|_, _| number(0.3)).value(&|_| 0.3).is_finite()
 }
 
-/// Effects at the coordinates of a model file; `identified` tells them, `own` in the terms of the rig's
+/// Effects at the coordinates of a model file; `identified` tells them, `own` in the terms of
+/// the rig's
 /// equations.
 ///
 /// # Errors

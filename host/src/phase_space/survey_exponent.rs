@@ -1,4 +1,5 @@
-//! The largest Lyapunov exponent of a record, from the state that all its coordinates make together:
+//! The largest Lyapunov exponent of a record, from the state that all its coordinates make
+//! together:
 //! some delays of each and the drive's phase.
 
 use serde::Serialize;

@@ -1,4 +1,5 @@
-//! The double pendulum as a file of one's own, its equations written out or derived from its bodies:
+//! The double pendulum as a file of one's own, its equations written out or derived from its
+//! bodies:
 //! the built-in one's numbers and names.
 
 use super::own_systems::{parameter, rig};

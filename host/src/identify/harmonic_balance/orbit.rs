@@ -28,7 +28,8 @@ pub struct Orbit {
     pub closing_error: f64,
     /// τ at its first sample, rad.
     pub tau: f64,
-    /// φ1, φ2 (0 where there is one coordinate): `MARGIN` samples before, n of the orbit, `MARGIN` + 1 after.
+    /// φ1, φ2 (0 where there is one coordinate): `MARGIN` samples before, n of the orbit,
+    /// `MARGIN` + 1 after.
     pub phi: [Vec<f64>; 2],
 }
 
