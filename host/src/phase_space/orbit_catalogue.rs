@@ -29,7 +29,7 @@ pub struct Orbit {
     pub turns: Vec<Option<i64>>,
     /// Closing stretches that are this orbit.
     pub seen: usize,
-    /// Trajectory of the record and sample where it starts.
+    /// Stretch of the record and sample where it starts.
     pub place: (usize, usize),
 }
 

@@ -84,7 +84,7 @@ pub struct Extraction {
 /// A stretch that closes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Closing {
-    /// Trajectory of the record.
+    /// Stretch of the record.
     pub stretch: usize,
     /// First sample.
     pub start: usize,
