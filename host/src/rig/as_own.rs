@@ -13,7 +13,8 @@ use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::Damping;
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::toml_place::Source;
-use crate::system::{self, library};
+use crate::system;
+use crate::system::library::Pendulum;
 
 /// The rig of a single pendulum with its equation (2.6) written out: `dampings` by the names of
 /// their coefficients (`c_r`, `C11`). With `all`, the terms of a base that moves any way and of a
@@ -75,7 +76,7 @@ pub fn double_pendulum(rig: &Rig, dampings: &[&Damping]) -> Result<Rig> {
         // Writing into a string cannot fail.
         let _ = write!(equations, "\n[[equation]]\nbalance = \"-phi{n}''\"\n[equation.terms]\n{}\n", terms.join("\n"));
     }
-    bound(rig, &["phi1", "phi2"], &equations)
+    bound(rig, Pendulum::Double.coordinates(), &equations)
 }
 
 /// The rig of a double pendulum with the system file that ships with the program, with nominal
@@ -84,8 +85,7 @@ pub fn double_pendulum(rig: &Rig, dampings: &[&Damping]) -> Result<Rig> {
 /// # Errors
 /// Channels that do not measure both angles, dampings that are not in the list of effects.
 pub fn double_pendulum_of_bodies(rig: &Rig, nominal: &[String]) -> Result<Rig> {
-    let name = if rig.drive.is_some() { "double-pendulum" } else { "double-pendulum-free" };
-    let text = library::text(name).unwrap_or_default().to_owned();
+    let text = Pendulum::Double.file(rig.drive.is_some()).to_owned();
     let model = system::model_of(Source { text, path: rig.path.clone() }, Some(nominal), rig.omega())?;
     let out = with_model(rig, model)?;
     Ok(Rig { channel: rig.channel.clone(), nominal: Some(nominal.to_vec()), ..out })
@@ -97,7 +97,7 @@ pub fn double_pendulum_of_bodies(rig: &Rig, nominal: &[String]) -> Result<Rig> {
 /// # Errors
 /// Channels that do not measure the angles.
 pub fn coordinates(rig: &Rig) -> Result<Rig> {
-    let names: &[&str] = if rig.model == "single-pendulum" { &["phi1"] } else { &["phi1", "phi2"] };
+    let names = rig.pendulum().unwrap_or(Pendulum::Double).coordinates();
     let mut equations = String::new();
     for n in names {
         // Writing into a string cannot fail.

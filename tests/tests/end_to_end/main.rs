@@ -19,6 +19,7 @@ mod live;
 mod measured;
 mod memory;
 mod outputs;
+mod own_as_built_in;
 mod own_file;
 mod own_systems;
 mod pages;

@@ -63,11 +63,11 @@ fn ranking(body: &mut Html, e: &Explanation) {
     }
     body.heading("What each candidate alone explains");
     body.paragraph("Share of what the model leaves on parts of the record that were not fitted, the model refitted with the candidate:");
-    let told = |r: &&Ranked| {
+    let bar = |r: &&Ranked| {
         let chance = if r.p_value < 1e-12 { "below 10⁻¹²".to_owned() } else { significant(r.p_value, 2) };
         (names::effect(&r.name), r.gain, format!("{} (by chance: {chance})", percent(r.gain, 2)))
     };
-    body.bars(["candidate", "explains"], &first.iter().map(told).collect::<Vec<_>>());
+    body.bars(["candidate", "explains"], &first.iter().map(bar).collect::<Vec<_>>());
 }
 
 /// Errors of forecasts, a column for each horizon.
