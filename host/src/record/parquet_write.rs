@@ -304,8 +304,8 @@ mod tests {
     /// A rig of one channel of this name.
     fn rig(channel: &str) -> Rig {
         let text = format!(
-            "name = \"x\"\nmodel = \"pendulum\"\nsample_rate_hz = 500.0\n[[channel]]\nname = \"{channel}\"\n\
-             measures = \"theta1\"\nunit = \"count\"\ncounts_per_turn = 4096\n"
+            "name = \"x\"\nmodel = \"chain\"\nsample_rate_hz = 500.0\n[[channel]]\nname = \"{channel}\"\n\
+             measures = \"x0\"\nunit = \"count\"\ncounts_per_turn = 4096\n"
         );
         Rig::parse(&text, Path::new("rig.toml")).unwrap()
     }
