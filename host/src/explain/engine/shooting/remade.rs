@@ -14,7 +14,7 @@ use crate::identify::remeasured::measure;
 use crate::identify::stretches::Stretch;
 
 /// Records that are made; every other one has its noise with the opposite sign.
-const RECORDS: usize = 2;
+pub const RECORDS: usize = 2;
 
 /// The stretch on its path.
 fn on_path(s: &Stretch, path: &Path) -> Stretch {
@@ -27,12 +27,18 @@ fn on_path(s: &Stretch, path: &Path) -> Stretch {
     out
 }
 
+/// A record that the model made: every followed stretch on its path, measured by the same sensors.
+pub fn record(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize) -> Vec<Stretch> {
+    let of = |(i, (s, path)): (usize, (&Stretch, &Path))| {
+        measure(&on_path(s, path), repeat, &setting.bound, &setting.sensors, i as u64)
+    };
+    state.stretches.iter().zip(&followed.paths).enumerate().map(of).collect()
+}
+
 /// Power over that of the noise in every window of a record that the model made.
 fn powers(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize) -> Option<Vec<f64>> {
-    let of = |(i, (s, path)): (usize, (&Stretch, &Path))| {
-        measure(&on_path(s, path), repeat, &setting.bound, &setting.sensors, i as u64).sensors(&setting.bound)
-    };
-    let seen = state.stretches.iter().zip(&followed.paths).enumerate().map(of).collect();
+    let made = record(setting, state, followed, repeat);
+    let seen = made.iter().map(|s| s.sensors(&setting.bound)).collect();
     let course = Course::new(setting, state).showing(seen);
     let list = List { x: present(state), further: &[], behind: &[], together: false };
     let signs = signs_of(setting, state, &[], 0);
