@@ -383,4 +383,36 @@ mod tests {
         weighed.weigh(&misfits);
         assert!((weighed.noise() - (6.0 * 20.0 + 6.0 * 2.0)).abs() < 1e-12);
     }
+
+    /// Rows of one horizon: the covariance of even noise is that of ordinary least squares. Twice
+    /// the same rows as two horizons tell no more: it stays what it is.
+    #[test]
+    fn even_noise_gives_the_covariance_of_ordinary_least_squares() {
+        let mut seed = 3_u32;
+        let mut random = move || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(seed >> 8) / f64::from(1 << 24) - 0.5
+        };
+        let grams: Vec<DMatrix<f64>> = (0..30)
+            .map(|_| {
+                (0..20).fold(DMatrix::zeros(3, 3), |gram, _| {
+                    let (a, b) = (random(), random());
+                    let row = DVector::from_vec(vec![a, b, a + 0.5 * b + 0.1 * random()]);
+                    gram + &row * row.transpose()
+                })
+            })
+            .collect();
+        let part = |g: &DMatrix<f64>| Part { gram: Gram::of_own(g.clone()), freedom: 20.0 };
+        let once = Blocks::new(grams.iter().map(|g| vec![part(g)]).collect(), vec![0.0; 2], Vec::new());
+        let fit = once.fit(&[0, 1]).unwrap();
+        let total = grams.iter().fold(DMatrix::zeros(3, 3), |s, g| s + g);
+        let normal = total.view((0, 0), (2, 2)).into_owned();
+        let left = squares(&total, &fit.all) / (30.0 * 20.0 - 2.0);
+        let plain = normal.try_inverse().unwrap() * left;
+        let even = fit.even.unwrap();
+        assert!((&even - &plain).amax() < 1e-9 * plain.amax(), "{even} {plain}");
+        let twice = Blocks::new(grams.iter().map(|g| vec![part(g), part(g)]).collect(), vec![0.0; 2], Vec::new());
+        let even = twice.fit(&[0, 1]).unwrap().even.unwrap();
+        assert!((&even - &plain).amax() < 0.01 * plain.amax(), "{even} {plain}");
+    }
 }
