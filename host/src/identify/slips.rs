@@ -11,8 +11,8 @@
 //!
 //! is what the step takes off the sum of squares; c is the whole number of counts nearest to R/S.
 //! A step is believed whose gain exceeds `LIMIT` times the samples for which the sensor stands on
-//! one count, since what rounding leaves is of one sign for as long, and beside which the piece is like what noise
-//! leaves (`LIKE`): a model that misses something leaves more. Pieces overlap by half, since a
+//! one count, since what rounding leaves is of one sign for as long, and beside which the piece is
+//! like what noise leaves (`LIKE`): a model that misses something leaves more. Pieces overlap by half, since a
 //! step at the end of a piece is taken for its state.
 //!
 //! Limits: the place is right to a few samples; two slips within half a piece are found one after

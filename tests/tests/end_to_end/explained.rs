@@ -123,8 +123,8 @@ fn what_comes_to_rest_between_two_counts_lacks_nothing() {
     assert!(!e.warnings.iter().any(|w| w.id == "count-slip"), "{:?}", e.warnings);
 }
 
-/// Both were named once: a force at one angle, by the one window that decided; a tone, the best of
-/// thousands of frequencies.
+/// Both were named once: a force at one angle, which the scatter between windows told far too sure;
+/// a tone, the best of thousands of frequencies.
 #[test]
 fn chance_has_no_name() {
     for (counts, seconds, seed) in [(4096, 120, 158), (1024, 60, 163)] {
