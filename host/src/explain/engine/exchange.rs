@@ -17,6 +17,8 @@ use crate::explain::ranking::{self, Fit};
 /// Share by which what a simpler law leaves may exceed what the other does.
 const AS_LITTLE: f64 = 0.01;
 
+/// Share of the gain of what was chosen by which the next best may have been less.
+const AS_GOOD: f64 = 0.05;
 /// Times the noise from which what is left is more than that.
 const MISSES: f64 = 1.05;
 
@@ -82,11 +84,20 @@ pub fn best(
         };
         let tried: Vec<Tried> = offers.par_iter().filter_map(of).collect();
         // About the motion of a model that still misses something, laws that are alike are hardly
-        // told apart: one that leaves less is tried.
+        // told apart: one that leaves less is tried, and one that was as good when the other was
+        // chosen.
         let misses = sum(&outcome.fit) > MISSES * blocks.noise();
+        let close = effects.get(k - state.nominal).and_then(|f| {
+            let (name, share) = f.runner_up.as_ref()?;
+            // What held-out data do not tell apart is listed, and stays as it was chosen.
+            let listed = f.indistinguishable_from.contains(name);
+            (!listed && *share >= (1.0 - AS_GOOD) * f.held_out_gain).then_some(name)
+        });
         let alike = |t: &Tried| {
             let new = &outcome.candidates[t.index];
-            misses && new.place == old.place && size(new) == size(old) && sum(&t.fit) < sum(&outcome.fit)
+            let was_close = || close.is_some_and(|name| *name == new.name(setting));
+            let same = misses && new.place == old.place && size(new) == size(old);
+            same && (sum(&t.fit) < sum(&outcome.fit) || was_close())
         };
         let (clear, others): (Vec<Tried>, Vec<Tried>) =
             tried.into_iter().partition(|t| brings(&without, outcome, t) || alike(t));
@@ -106,7 +117,7 @@ pub fn best(
             gone: k,
             index,
             p_value: p,
-            promised: 1.0 - sum(&fit) / sum(&outcome.fit),
+            promised: (1.0 - sum(&fit) / sum(&outcome.fit)).max(AS_LITTLE),
             share: 1.0 - sum(&fit) / sum(&neither),
             twins,
             fit,
