@@ -13,11 +13,11 @@
 use core::borrow::BorrowMut;
 use core::fmt::Write;
 
-use heapless::{Deque, String};
+use heapless::{Deque, String, Vec};
 use whirl_shared::block::sample_count;
 use whirl_shared::encoder::CountScale;
 use whirl_shared::frame::{
-    Ack, BLOCK_LEN, CHANNELS, Command, CommandResult, DeviceMessage, Hello, Log, PROTOCOL_VERSION, ResetCause,
+    Ack, BLOCK_LEN, Command, CommandResult, DeviceMessage, Hello, Log, MOST_ENCODERS, PROTOCOL_VERSION, ResetCause,
     SCHEMA_HASH, SampleBlock, SettingsSource, Status, Streamed, TEXT_LEN,
 };
 
@@ -26,7 +26,7 @@ use crate::allowance::Allowance;
 use crate::console::Console;
 use crate::estimate::Estimator;
 use crate::event::{Event, Notice, Present, Request, Snapshot};
-use crate::history::{Again, History, KEPT};
+use crate::history::{Again, History, KEPT, LONGEST_KEPT};
 use crate::identification::Identification;
 use crate::queue::{Sink, Source};
 use crate::settings::{Settings, SettingsError};
@@ -45,9 +45,9 @@ const QUIET: u8 = 2;
 /// The thread half. `E` is an [`Estimator`] of its own, or a reference to one ([`Identification`]);
 /// `K` is memory for the blocks that are kept, its own or a reference.
 #[derive(Debug)]
-pub struct Link<E = Estimator, K = [SampleBlock; KEPT]> {
+pub struct Link<E = Estimator, K = [u8; KEPT]> {
     settings: Settings,
-    scales: [CountScale; CHANNELS],
+    scales: Vec<CountScale, MOST_ENCODERS>,
     console: Console,
     stream: Stream,
     own: Deque<Event, OWN_EVENTS>,
@@ -71,34 +71,36 @@ impl Link {
     /// # Errors
     /// A setting that is not possible.
     pub fn new(settings: &Settings) -> Result<Self, SettingsError> {
-        Self::with(settings, Estimator::IDLE, [SampleBlock::EMPTY; KEPT])
+        Self::with(settings, Estimator::IDLE, [0; KEPT])
     }
 }
 
-impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
+impl<E: BorrowMut<Estimator>, K: BorrowMut<[u8]>> Link<E, K> {
     /// As [`Link::new`], with an estimator, which begins anew, and memory for blocks.
     ///
     /// # Errors
-    /// A setting that is not possible; memory for no block.
+    /// A setting that is not possible; memory for not even a block.
     pub fn with(settings: &Settings, estimator: E, memory: K) -> Result<Self, SettingsError> {
         settings.validate()?;
         let history = History::new(memory);
-        if history.room() == 0 {
-            return Err(SettingsError { field: "memory (blocks)", found: 0, min: 1, max: u32::MAX });
+        let (room, least) = (history.room(), LONGEST_KEPT);
+        if room < least {
+            let bounded = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+            let (found, min) = (bounded(room), bounded(least));
+            return Err(SettingsError { field: "memory (bytes)", found, min, max: u32::MAX });
         }
-        let [Some(scale1), Some(scale2)] = settings.counts_per_turn.map(CountScale::new) else {
-            return Err(SettingsError { field: "counts_per_turn", found: 0, min: 1, max: u32::MAX });
-        };
+        // Validated: none is 0.
+        let scales = settings.counts_per_turn.iter().filter_map(|n| CountScale::new(*n)).collect();
         let identification = Identification::new(settings, estimator)?;
         let mut link = Self {
             settings: settings.clone(),
-            scales: [scale1, scale2],
+            scales,
             console: Console::new(),
             stream: Stream::new(),
             own: Deque::new(),
             identification,
             history,
-            allowance: Allowance::new(settings.baud, settings.sample_rate_millihertz),
+            allowance: Allowance::new(settings.baud, settings.sample_rate_millihertz, settings.channels()),
             quiet: 0,
             block_next: false,
             passed: 0,
@@ -107,9 +109,9 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
             to_keep: None,
             restart_due: false,
         };
-        let zeros = core::array::from_fn(|i| {
-            KeptEncoder::zero_at_boot(settings.boot.kept.map(|kept| kept[i]), settings.boot_id)
-        });
+        let kept = |i: usize| settings.boot.kept.and_then(|kept| kept.get(i).copied());
+        let zero = |i: usize| KeptEncoder::zero_at_boot(kept(i), settings.boot_id);
+        let zeros = (0..settings.counts_per_turn.len()).map(zero).collect();
         let present = Present { tick: 0, host_timeout_ms: settings.host_timeout_ms, zeros };
         link.put_own(Event::Hello(present));
         let reset = settings.boot.reset;
@@ -182,7 +184,7 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
         let Some(block) = blocks.take() else { return false };
         self.identification.block(&block);
         self.allowance.sampled(sample_count(&block));
-        self.passed = self.passed.wrapping_add(self.history.push(block));
+        self.passed = self.passed.wrapping_add(self.history.push(&block));
         if self.identification.streamed() == Streamed::Rows {
             self.history.pass();
         }
@@ -263,8 +265,12 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
             bad_frames: self.console.bad_frames(),
             rejected_commands: status.rejected_commands.wrapping_add(self.rejected),
             samples_sent: self.stream.samples_sent(),
-            rms_angle_mrad: [0, 1].map(|i| turning[i].rms_mrad(self.scales[i])),
-            turns_per_minute_milli: [0, 1].map(|i| turning[i].turns_per_minute_milli(self.scales[i], rate)),
+            rms_angle_mrad: turning.iter().zip(&self.scales).map(|(t, scale)| t.rms_mrad(*scale)).collect(),
+            turns_per_minute_milli: turning
+                .iter()
+                .zip(&self.scales)
+                .map(|(t, scale)| t.turns_per_minute_milli(*scale, rate))
+                .collect(),
             kept_from: self.history.oldest().unwrap_or(status.tick),
             ..status
         }
@@ -300,17 +306,18 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
             firmware: firmware(settings.build),
             board: text(settings.board),
             sample_rate_millihertz: settings.sample_rate_millihertz,
-            counts_per_turn: settings.counts_per_turn,
+            counts_per_turn: settings.counts_per_turn.clone(),
             block_len: BLOCK_LEN as u8,
             limits: settings.limits,
             host_timeout_ms: present.host_timeout_ms,
             zeros: present.zeros,
             reset: settings.boot.reset,
             panic: settings.boot.panic.clone(),
-            reversed: settings.reversed,
+            reversed: settings.reversed.clone(),
             full_scale_micrometre: settings.full_scale_micrometre,
             baud: settings.baud,
             settings: settings.boot.settings,
+            base: settings.base,
         }
     }
 }

@@ -22,7 +22,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::frame::regression::{ROW_LEN, ROWS_LEN};
-use crate::frame::{BLOCK_LEN, CHANNELS, Envelope, PANIC_LEN, TEXT_LEN};
+use crate::frame::{BLOCK_LEN, Envelope, MOST_CHANNELS, MOST_ENCODERS, PANIC_LEN, TEXT_LEN};
 use crate::regressor::{UNKNOWNS1, UNKNOWNS2};
 
 /// The frame's checksum.
@@ -34,6 +34,8 @@ pub const CRC_LEN: usize = 4;
 const U16: usize = 3;
 const U32: usize = 5;
 const TEXT: usize = 1 + TEXT_LEN;
+/// Of a list of at most 127 elements.
+const LENGTH: usize = 1;
 /// Envelope number and message id.
 const HEAD: usize = U16 + 1;
 const ZERO: usize = U32 + 1 + 1 + U32;
@@ -42,21 +44,26 @@ const HELLO: usize = HEAD
     + 3 * U32
     + 2 * TEXT
     + U32
-    + CHANNELS * U32
+    + (1 + MOST_ENCODERS * U32)
     + 1
     + 4 * U32
     + U32
-    + CHANNELS * ZERO
+    + (1 + MOST_ENCODERS * ZERO)
     + 1
     + (1 + PANIC_LEN)
-    + CHANNELS
+    + (1 + MOST_ENCODERS)
     + 2 * U32
-    + 1;
-const SAMPLES: usize = HEAD + 4 * U32 + CHANNELS * U32 + 1 + (BLOCK_LEN - 1) * CHANNELS * U16;
-const STATUS: usize = HEAD + 7 * U32 + 2 + 3 * U32 + 2 * CHANNELS * U32 + U32;
+    + 1
+    + (1 + U32);
+const STATUS: usize = HEAD + 7 * U32 + 2 + 3 * U32 + 2 * (1 + MOST_ENCODERS * U32) + U32;
 const LOG: usize = HEAD + U32 + 1 + TEXT;
 const ESTIMATE: usize = HEAD + 5 * U32 + U16 + 2 * (1 + 2 * 4) + (UNKNOWNS1 + UNKNOWNS2) * 2 * 4;
 const ROWS: usize = HEAD + 5 * U32 + 2 + 1 + ROWS_LEN * ROW_LEN * 3;
+
+/// Greatest length of a block's message.
+const fn samples_len(channels: usize) -> usize {
+    HEAD + 4 * U32 + 1 + channels * U32 + LENGTH + (BLOCK_LEN - 1) * channels * U16
+}
 
 const fn max(a: usize, b: usize) -> usize {
     if a > b { a } else { b }
@@ -71,10 +78,14 @@ pub const fn frame_len(payload: usize) -> usize {
 }
 
 /// Greatest length on the wire of any message in either direction, its zero included.
-pub const MAX_FRAME: usize = frame_len(max(max(max(HELLO, SAMPLES), max(STATUS, LOG)), max(ESTIMATE, ROWS)));
+pub const MAX_FRAME: usize =
+    frame_len(max(max(max(HELLO, samples_len(MOST_CHANNELS)), max(STATUS, LOG)), max(ESTIMATE, ROWS)));
 
-/// Greatest length on the wire of a sample block.
-pub const MAX_SAMPLES_FRAME: usize = frame_len(SAMPLES);
+/// Greatest length on the wire of a block of so many channels.
+#[must_use]
+pub const fn samples_frame_len(channels: usize) -> usize {
+    frame_len(samples_len(channels))
+}
 
 /// Why a message could not be encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

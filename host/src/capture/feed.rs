@@ -13,7 +13,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError, TryLockError};
 use std::time::{Duration, Instant};
 
-use whirl_shared::frame::{CHANNELS, DeviceMessage, Hello, SampleBlock, Status};
+use whirl_shared::block::{Counts, samples};
+use whirl_shared::frame::{DeviceMessage, Hello, SampleBlock, Status};
 
 use super::Progress;
 use super::estimates::DeviceEstimate;
@@ -30,8 +31,8 @@ const MOST_LINES: usize = 64;
 pub struct SeenSample {
     /// The device's tick, wrapping.
     pub tick: u32,
-    /// Counts of both encoders.
-    pub counts: [i32; CHANNELS],
+    /// Counts of the device's channels, the encoders first.
+    pub counts: Counts,
     /// Phase of the drive, turns · 2⁻³².
     pub phase: u32,
     /// Its advance in a tick; 0 where the shaker rests.
@@ -93,23 +94,13 @@ impl Seen {
     }
 
     fn block(&mut self, block: &SampleBlock) {
-        let mut sample = SeenSample {
-            tick: block.first_tick,
-            counts: block.first,
-            phase: block.phase,
+        self.samples.extend(samples(block).map(|sample| SeenSample {
+            tick: sample.tick,
+            counts: sample.counts,
+            phase: sample.phase,
             phase_increment: block.phase_increment,
             amplitude_nm: block.amplitude_nanometre,
-        };
-        self.samples.push(sample);
-        for deltas in &block.deltas {
-            sample.tick = sample.tick.wrapping_add(1);
-            sample.phase = sample.phase.wrapping_add(block.phase_increment);
-            for (count, &delta) in sample.counts.iter_mut().zip(deltas) {
-                // The device's multi-turn counter wraps in the same way.
-                *count = count.wrapping_add(i32::from(delta));
-            }
-            self.samples.push(sample);
-        }
+        }));
     }
 }
 
@@ -229,7 +220,7 @@ mod tests {
             phase: u32::MAX,
             phase_increment: 2,
             amplitude_nanometre: 7,
-            first: [i32::MAX, 5],
+            first: [i32::MAX, 5].into(),
             deltas,
         })
     }

@@ -48,8 +48,8 @@ pub fn double_pendulum(
 
 /// Effects by the catalogue's laws.
 fn effects(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Effect>> {
-    let text = library::text("double-pendulum").unwrap_or_default();
-    let shipped = library::read("double-pendulum", text)?.model(Some(&[]), rig.omega())?;
+    let name = as_own::of_bodies(rig);
+    let shipped = library::read(name, library::text(name).unwrap_or_default())?.model(Some(&[]), rig.omega())?;
     let Some(mechanism) = shipped.mechanism else { return Ok(Vec::new()) };
     let earlier = is_earlier(model);
     let physical: [Vec<f64>; 2] = [physical(model, rig, &mechanism, 0)?, physical(model, rig, &mechanism, 1)?];

@@ -43,8 +43,12 @@ pub fn record<D: Dynamics + ?Sized>(
     }
     let shown = mixed(&bound.shown, &coordinates);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let columns = like
-        .channels
+    let mut channels = like.channels.clone();
+    if let Some(c) = bound.base.and_then(|k| bound.inputs.get(k)).and_then(|&i| channels.get_mut(i)) {
+        // The stretch has its acceleration.
+        "m/s2".clone_into(&mut c.unit);
+    }
+    let columns = channels
         .iter()
         .enumerate()
         .map(|(i, c)| {
@@ -71,7 +75,7 @@ pub fn record<D: Dynamics + ?Sized>(
     Some(Record {
         path: PathBuf::from("simulated by the identified model"),
         sample_rate_hz: like.sample_rate_hz,
-        channels: like.channels.clone(),
+        channels,
         segments: vec![Segment {
             first_tick: 0,
             boot: 0,

@@ -12,6 +12,7 @@ use whirl_board_lasting as lasting;
 use whirl_board_mps2_an386::flash::Pages;
 use whirl_board_mps2_an386::machine::{self, CLOCK_HZ, Timer0, Vector};
 use whirl_board_mps2_an386::{semihosting, stack};
+use whirl_firmware::WithBase;
 use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::estimate::Estimator;
 use whirl_firmware::event::{Event, Request};
@@ -25,14 +26,14 @@ use whirl_shared::codec::MAX_FRAME;
 use whirl_shared::frame::{SampleBlock, SettingsSource};
 
 use crate::fault;
-use crate::plant::{self, Counter, Output, Plant};
+use crate::plant::{self, Base, Counter, Output, Plant};
 
 /// Bytes of the host that wait for the thread.
 const HOST_QUEUE: usize = 512;
 
 /// What the interrupt owns.
 struct Interrupt {
-    sampler: Sampler<Counter, Counter, Output>,
+    sampler: Sampler<WithBase<(Counter, Counter), Base>, Output>,
     plant: Plant,
     blocks: Producer<'static, SampleBlock>,
     events: Producer<'static, Event>,
@@ -140,7 +141,7 @@ impl Interrupt {
 
 /// What the thread owns.
 struct Thread {
-    link: Link<&'static mut Estimator, &'static mut [SampleBlock]>,
+    link: Link<&'static mut Estimator, &'static mut [u8]>,
     blocks: Consumer<'static, SampleBlock>,
     events: Consumer<'static, Event>,
     requests: Producer<'static, Request>,
@@ -185,6 +186,7 @@ fn settings() -> [Settings; 2] {
         boot_id,
         host_timeout_ms: HOST_TIMEOUT_MAX_MS,
         boot,
+        base_input: true,
         ..Settings::default()
     };
     let mut settings = built_in.clone();
@@ -198,7 +200,7 @@ fn settings() -> [Settings; 2] {
 
 fn start() -> Option<Thread> {
     static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
-    static MEMORY: ConstStaticCell<[SampleBlock; KEPT]> = ConstStaticCell::new([SampleBlock::EMPTY; KEPT]);
+    static MEMORY: ConstStaticCell<[u8; KEPT]> = ConstStaticCell::new([0; KEPT]);
     static QUEUE_BLOCKS: StaticCell<Queue<SampleBlock, BLOCKS>> = StaticCell::new();
     static QUEUE_EVENTS: StaticCell<Queue<Event, EVENTS>> = StaticCell::new();
     static QUEUE_REQUESTS: StaticCell<Queue<Request, REQUESTS>> = StaticCell::new();
@@ -208,9 +210,10 @@ fn start() -> Option<Thread> {
     let (requests, requests_out) = QUEUE_REQUESTS.init(Queue::new()).split();
     let (host_in, host) = QUEUE_HOST.init(Queue::new()).split();
     let [settings, built_in] = settings();
-    let mut sampler = Sampler::new(&settings, Counter(0), Counter(1), Output).ok()?;
+    let inputs = WithBase { encoders: (Counter(0), Counter(1)), base: Base };
+    let mut sampler = Sampler::new(&settings, inputs, Output).ok()?;
     sampler.set_built_in(&built_in);
-    let memory: &mut [SampleBlock] = MEMORY.take();
+    let memory: &mut [u8] = MEMORY.take();
     let link = Link::with(&settings, ESTIMATOR.take(), memory).ok()?;
     let period = (u64::from(CLOCK_HZ) * 1_000 / u64::from(settings.sample_rate_millihertz)) as u32;
     machine::start_clock();

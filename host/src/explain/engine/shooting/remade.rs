@@ -30,10 +30,16 @@ fn on_path(s: &Stretch, path: &Path) -> Stretch {
 /// Power over that of the noise in every window of a record that the model made.
 fn powers(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize) -> Option<Vec<f64>> {
     let of = |(i, (s, path)): (usize, (&Stretch, &Path))| {
-        measure(&on_path(s, path), repeat, &setting.bound, &setting.sensors, i as u64).sensors(&setting.bound)
+        measure(&on_path(s, path), repeat, &setting.bound, &setting.sensors, i as u64)
     };
-    let seen = state.stretches.iter().zip(&followed.paths).enumerate().map(of).collect();
-    let course = Course::new(setting, state).showing(seen);
+    let seen: Vec<Stretch> = state.stretches.iter().zip(&followed.paths).enumerate().map(of).collect();
+    let shown = seen.iter().map(|s| s.sensors(&setting.bound)).collect();
+    // The paths are those under the inputs as they were; a base that is measured again is another.
+    let mut again = state.clone();
+    for (s, seen) in again.stretches.iter_mut().zip(seen) {
+        s.inputs = seen.inputs;
+    }
+    let course = Course::new(setting, &again).showing(shown);
     let list = List { x: present(state), further: &[], behind: &[], together: false };
     let signs = signs_of(setting, state, &[], 0);
     let mut blocks = course.reduced(&followed.paths, &followed.kept(setting)?, &list, signs)?;
