@@ -214,7 +214,7 @@ mod tests {
 
     fn block(first_tick: u32) -> DeviceMessage {
         let mut deltas = heapless::Vec::new();
-        deltas.push([1, -2]).unwrap();
+        deltas.extend([1, -2]);
         DeviceMessage::Samples(SampleBlock {
             first_tick,
             phase: u32::MAX,
@@ -255,7 +255,7 @@ mod tests {
         feeder.offer(standing());
         let seen = feed.take();
         let ticks: Vec<_> = seen.samples.iter().map(|s| (s.tick, s.counts, s.phase)).collect();
-        assert_eq!(ticks, [(u32::MAX, [i32::MAX, 5], u32::MAX), (0, [i32::MIN, 3], 1)]);
+        assert_eq!(ticks, [(u32::MAX, Counts::of(&[i32::MAX, 5]), u32::MAX), (0, Counts::of(&[i32::MIN, 3]), 1)]);
         assert_eq!((seen.lines.len(), seen.standing.is_some()), (1, true));
         assert_eq!(feed.take(), Seen::default());
     }

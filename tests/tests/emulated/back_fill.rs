@@ -70,8 +70,8 @@ fn what_a_link_did_not_take_for_ten_seconds_is_there_afterwards() {
 
 #[test]
 fn what_is_older_than_the_memory_or_of_another_boot_is_not_there() {
-    let script = Script::new().command(12_000, ask(2, 0, 500)).command(12_100, ask(1, 0, 2_000));
-    let Some((_, sent)) = emulate(&script, 13_000) else { return };
+    let script = Script::new().command(20_000, ask(2, 0, 500)).command(20_100, ask(1, 0, 8_000));
+    let Some((_, sent)) = emulate(&script, 25_000) else { return };
     assert_eq!(
         sent.acks.iter().map(|ack| ack.result).collect::<Vec<_>>(),
         [CommandResult::WrongState, CommandResult::Done]
@@ -82,7 +82,7 @@ fn what_is_older_than_the_memory_or_of_another_boot_is_not_there() {
     let bytes = KEPT as u32 * 10 / (status_tick - kept_from);
     assert!((40..60).contains(&bytes), "{status_tick} {kept_from}");
     let end = sent.back_filled[0];
-    assert_eq!((sent.back_filled.len(), end.first_tick, end.ticks), (1, 0, 2_000));
+    assert_eq!((sent.back_filled.len(), end.first_tick, end.ticks), (1, 0, 8_000));
     let first = sent.restored[0].first_tick;
-    assert!((1..2_000).contains(&first) && end.samples <= 2_000 - first, "{first} {end:?}");
+    assert!((1..8_000).contains(&first) && end.samples <= 8_000 - first, "{first} {end:?}");
 }

@@ -60,18 +60,20 @@ static __INTERRUPTS: [Vector; 32] = machine::table(Timer0, tick);
 
 /// TIMER0's interrupt: one sampling tick.
 unsafe extern "C" fn tick() {
+    // Before anything else: a latency of less than a microsecond is none.
+    let now = machine::clock();
     machine::clear_tick();
     cortex_m::interrupt::free(|section| {
         if let Some(interrupt) = INTERRUPT.borrow(section).borrow_mut().as_mut() {
-            interrupt.tick();
+            interrupt.tick(now);
         }
     });
 }
 
 impl Interrupt {
-    fn tick(&mut self) {
+    fn tick(&mut self, now: u32) {
         let since = machine::since_tick(self.pacer.period());
-        let Some(Passed { missed, latency }) = self.pacer.interrupt(machine::clock()) else { return };
+        let Some(Passed { missed, latency }) = self.pacer.interrupt(now) else { return };
         let apart = latency.wrapping_sub(since);
         self.apart = [self.apart[0].min(apart), self.apart[1].max(apart)];
         self.tick = self.tick.wrapping_add(missed);
