@@ -31,12 +31,11 @@ fn drawing(page: &str, section: &str) -> Option<String> {
     let from = &page[page.find(&format!("<section id=\"{section}\">"))?..];
     let from = &from[from.find("<svg ")?..];
     let svg = &from[..from.find("</svg>")? + 6];
-    // On a page of its own it has no style of a report around it.
-    Some(svg.replacen("<svg class=wide ", "<svg font-family=\"sans-serif\" ", 1).replacen(
-        "<svg class=scrolls ",
-        "<svg font-family=\"sans-serif\" ",
-        1,
-    ))
+    // On a page of its own it has no style of a report around it, and no ground: on a dark page its
+    // writing would not be seen.
+    let plain = "<svg font-family=\"sans-serif\" ";
+    let svg = svg.replacen("<svg class=wide ", plain, 1).replacen("<svg class=scrolls ", plain, 1);
+    Some(svg.replacen('>', ">\n<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>", 1))
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

@@ -46,6 +46,49 @@ fn a_start_is_known_wherever_it_was_cut() {
     }
     std::fs::write(&path, &whole).unwrap();
     assert_eq!(terms_of(&path).unwrap(), Start::Terms(Box::new(terms())));
-    std::fs::write(&path, b"\x05\x01\0").unwrap();
-    assert_eq!(terms_of(&path).unwrap(), Start::Raw);
+    // Whatever does not begin so is the wire's, with a zero in it or without: nobody replaces it.
+    for raw in [&b"\x05\x01\0"[..], b"\x05\x01", b"whirl-frames 2 {"] {
+        std::fs::write(&path, raw).unwrap();
+        assert_eq!(terms_of(&path).unwrap(), Start::Raw, "{raw:?}");
+    }
+    // Nor is a first line that is longer than any a capture writes a start that was cut.
+    std::fs::write(&path, [MAGIC, &vec![b' '; HEADER_LIMIT]].concat()).unwrap();
+    assert!(terms_of(&path).unwrap_err().to_string().contains("no end of the first line"));
+}
+
+/// A journal on a pipe, which takes every byte and cannot be synced, as a disk that fails; and the
+/// pipe's other end.
+#[cfg(target_os = "linux")]
+fn on_a_disk_that_fails() -> (Journal, std::io::PipeReader) {
+    let (other, pipe) = std::io::pipe().unwrap();
+    let file = File::from(std::os::fd::OwnedFd::from(pipe));
+    (Journal::of(PathBuf::from("r.frames"), file).unwrap(), other)
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_disk_that_fails_is_told_at_the_next_write_though_the_write_went_well() {
+    let (mut journal, _pipe) = on_a_disk_that_fails();
+    let start = std::time::Instant::now();
+    let told = loop {
+        match journal.write(&[1]) {
+            Err(e) => break e.to_string(),
+            Ok(()) => assert!(start.elapsed() < Duration::from_secs(30), "nothing is told"),
+        }
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    assert!(told.contains("r.frames") && told.contains("Free space on the disk"), "{told}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn what_was_written_is_brought_to_the_disk_at_the_end_and_after_each_write() {
+    // At the end at once, not after half a second.
+    let (mut journal, _pipe) = on_a_disk_that_fails();
+    journal.sync.end = None;
+    assert!(journal.sync.fault().is_some());
+    // Its thread has ended: what a write leaves to be done is still to be seen.
+    journal.sync.dirty.store(false, Ordering::Release);
+    journal.write(&[1]).unwrap();
+    assert!(journal.sync.dirty.load(Ordering::Acquire));
 }

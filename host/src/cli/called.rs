@@ -31,7 +31,7 @@ fn parse(words: &[OsString]) -> Result<Command> {
     Ok(cli.command)
 }
 
-fn told(words: &[OsString]) -> Vec<String> {
+fn as_text(words: &[OsString]) -> Vec<String> {
     words.iter().map(|w| w.to_string_lossy().into_owned()).collect()
 }
 
@@ -54,7 +54,7 @@ pub fn call(words: &[OsString]) -> Result<Called> {
 
 /// A command of whose answer nothing is kept.
 fn plain(words: &[OsString], run: impl FnOnce() -> crate::error::Result<Answer>) -> Result<Called> {
-    let (answer, said) = said::during(told(words), run);
+    let (answer, said) = said::during(as_text(words), run);
     Ok(Called { positive: answer? == Answer::Positive, said, writer: None })
 }
 
@@ -65,7 +65,7 @@ where
     C::Ready: Send,
     C::Result: Send + Sync,
 {
-    let (answered, said) = said::during(told(words), || single::answer(arguments));
+    let (answered, said) = said::during(as_text(words), || single::answer(arguments));
     let (answer, answered) = answered?;
     // Options may stand before the records alone, where a `--` says that no more of them come.
     let (name, rest) = words.split_at(words.len().min(1));
@@ -80,7 +80,7 @@ where
 fn write<C: Single>(answered: &Answered<C>, words: &[OsString], own: fn(Command) -> Option<C>) -> Result<()> {
     let Some(arguments) = own(parse(words)?) else { return Ok(()) };
     single::check(&arguments)?;
-    said::during(told(words), || answered.write(&arguments)).0.map_err(Error::from)
+    said::during(as_text(words), || answered.write(&arguments)).0.map_err(Error::from)
 }
 
 /// Options of a command.

@@ -32,7 +32,7 @@ use crate::report::sections::warnings::Warnings;
 use crate::report::{Report, Results};
 use crate::rig::Rig;
 use crate::rig::plant::Plant;
-use crate::validate::{Beside, Settings as ValidateSettings, validate};
+use crate::validate::{Settings as ValidateSettings, Supplements, validate};
 use crate::warning::Warning;
 
 /// The simulated rig.
@@ -126,8 +126,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let identified = during("2 of 6: identifying the parameters", || identify(&records, &rig, &Settings::default()))?;
     line += &format!("\nidentify\n{}", super::identify::human(&identified, &identify_card(&identified, &rig)));
     let check = |what: &'static str, model: &IdentifiedModel| {
-        let beside = Beside { inspection: Some(&inspection), ..Beside::default() };
-        during(what, || validate(&records, &rig, model, beside, &ValidateSettings::default()))
+        let supplements = Supplements { inspection: Some(&inspection), ..Supplements::default() };
+        during(what, || validate(&records, &rig, model, supplements, &ValidateSettings::default()))
     };
     let validated = check("3 of 6: validating the model", &identified_model(&identified, &rig)?)?;
     line += &format!("\nvalidate\n{}", crate::validate::presentation::human(&validated));

@@ -9,6 +9,7 @@ use crate::identify::harmonic_balance::settings::{
     Basis, Differentiation, EnergyBalance, Optimisation, Orbits, Settings, Subharmonics,
 };
 use crate::rig::Rig;
+use crate::system::library::Pendulum;
 
 /// Differentiation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -106,7 +107,7 @@ impl BalanceArguments {
     /// The settings, for orbits that close (`unstable`) or pieces of a record of so many drive
     /// periods unbroken.
     pub fn settings(&self, rig: &Rig, unstable: bool, longest: f64) -> Result<Settings> {
-        let usual = if rig.model == "single-pendulum" { 60 } else { 100 };
+        let usual = if rig.pendulum() == Some(Pendulum::Single) { 60 } else { 100 };
         let orbits = if unstable {
             Orbits::Unstable { tolerance: self.tolerance, longest: self.longest_period, delay: self.delay }
         } else {

@@ -15,7 +15,7 @@ use crate::report::Results;
 use crate::report::card::Card;
 use crate::rig::Rig;
 use crate::validate::card::card;
-use crate::validate::{Beside, Settings, Validation, Verdict, presentation, validate};
+use crate::validate::{Settings, Supplements, Validation, Verdict, presentation, validate};
 use crate::warning::Warning;
 
 /// Arguments of `validate`.
@@ -117,8 +117,8 @@ impl Single for Arguments {
     fn analyse(&self, ready: &Ready) -> Result<Analysed<Validation>> {
         let records = self.common.records.read_for(&ready.rig)?;
         let bar = super::progress::bar("validating", 0);
-        let beside = Beside { free: ready.free.as_ref(), inspection: None, progress: Some(&bar) };
-        let result = validate(&records, &ready.rig, &ready.model, beside, &ready.settings).map_err(|e| {
+        let supplements = Supplements { free: ready.free.as_ref(), inspection: None, progress: Some(&bar) };
+        let result = validate(&records, &ready.rig, &ready.model, supplements, &ready.settings).map_err(|e| {
             // What is wrong in the model has no file yet; records and rig name theirs.
             if e.place.as_deref().is_some_and(|p| p.starts_with("--")) { e } else { e.in_file(&self.model) }
         })?;

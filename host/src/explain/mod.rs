@@ -19,6 +19,7 @@ mod decision;
 pub mod double_pendulum;
 pub mod engine;
 mod explanation;
+pub mod gap;
 pub mod ledger;
 pub mod presentation;
 pub mod ranking;

@@ -81,7 +81,8 @@ pub fn human(e: &Explanation, card: &Card) -> String {
         let clear = u.points.iter().filter(|p| p[1].abs() > p[2]).count();
         let _ = writeln!(
             out,
-            "what is left looks most like a torque at {} that depends on the {}: it explains {} % of what was not fitted ({clear} of {} points are clear of noise)",
+            "what is left looks most like a {} at {} that depends on the {}: it explains {} % of what was not fitted ({clear} of {} points are clear of noise)",
+            u.kind(),
             u.at,
             u.against,
             significant(100.0 * u.held_out_gain, 2),

@@ -13,7 +13,7 @@ pub(super) struct Text;
 
 impl Notation for MathMl {
     fn number(&self, x: f64) -> String {
-        mathml_number(&told(x))
+        mathml_number(&rounded(x))
     }
 
     fn product(&self, a: &str, b: &str) -> String {
@@ -66,7 +66,7 @@ impl Notation for MathMl {
 
 impl Notation for Text {
     fn number(&self, x: f64) -> String {
-        told(x)
+        rounded(x)
     }
 
     fn product(&self, a: &str, b: &str) -> String {
@@ -103,7 +103,7 @@ impl Notation for Text {
 }
 
 /// A number inside an expression: five digits tell all that a person reads there.
-pub(super) fn told(x: f64) -> String {
+pub(super) fn rounded(x: f64) -> String {
     let rounded: f64 = format!("{x:.4e}").parse().unwrap_or(x);
     if rounded == 0.0 || (1e-3..1e6).contains(&rounded) { shortest(rounded) } else { significant(x, 5) }
 }

@@ -237,13 +237,13 @@ fn effects(p: &Program<'_>) -> String {
             "  \\item {}: {}; \\({}{}\\) {}, standard error {}{beside}",
             text(&e.name()),
             text(&e.equation),
-            if e.told.value < 0.0 { "-" } else { "" },
-            Latex.number(e.told.value.abs()),
-            text(&e.told.unit),
-            if e.told.std_error.is_finite() {
+            if e.identified.value < 0.0 { "-" } else { "" },
+            Latex.number(e.identified.value.abs()),
+            text(&e.identified.unit),
+            if e.identified.std_error.is_finite() {
                 format!(
                     "\\({}\\)",
-                    Latex.number(format!("{:.1e}", e.told.std_error).parse().unwrap_or(e.told.std_error))
+                    Latex.number(format!("{:.1e}", e.identified.std_error).parse().unwrap_or(e.identified.std_error))
                 )
             } else {
                 "not known".to_owned()

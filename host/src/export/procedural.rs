@@ -79,7 +79,7 @@ fn lines(indent: &str, all: &[String]) -> String {
 }
 
 /// A statement with a comment behind it.
-fn told(l: &dyn Procedural, statement: &str, about: &str) -> String {
+fn commented(l: &dyn Procedural, statement: &str, about: &str) -> String {
     if about.is_empty() {
         statement.to_owned()
     } else {
@@ -121,11 +121,10 @@ pub fn places(l: &dyn Procedural, p: &Program<'_>) -> Vec<(&'static str, String)
 }
 
 fn constants(l: &dyn Procedural, p: &Program<'_>) -> String {
-    let omega = p
-        .omega
-        .iter()
-        .map(|(name, value)| told(l, &l.constant(name, &p.signed(*value)), "rad/s; angular frequency of the drive"));
-    let line = |c: &Constant| told(l, &l.constant(&c.name, &p.signed(c.value)), &c.about);
+    let omega = p.omega.iter().map(|(name, value)| {
+        commented(l, &l.constant(name, &p.signed(*value)), "rad/s; angular frequency of the drive")
+    });
+    let line = |c: &Constant| commented(l, &l.constant(&c.name, &p.signed(c.value)), &c.about);
     lines(l.constant_indent(), &omega.chain(p.constants.iter().map(line)).collect::<Vec<_>>())
 }
 
@@ -141,28 +140,28 @@ fn locals(l: &dyn Procedural, p: &Program<'_>) -> String {
             } else {
                 (x, c.unit.clone())
             };
-            out.push(told(l, &l.define(&c.name, &value), &about));
+            out.push(commented(l, &l.define(&c.name, &value), &about));
         }
     }
     for (i, c) in p.coordinates.iter().enumerate() {
-        out.push(told(l, &l.define(&c.rate, &l.element("x", n + i)), &format!("{}/s", c.unit)));
+        out.push(commented(l, &l.define(&c.rate, &l.element("x", n + i)), &format!("{}/s", c.unit)));
     }
     for (k, (name, unit)) in p.inputs.iter().enumerate() {
         if p.depends(|s| matches!(s, Symbol::Input(j) | Symbol::RawInput(j) if j == k)) {
-            out.push(told(l, &l.define(name, &l.element("u", k)), unit));
+            out.push(commented(l, &l.define(name, &l.element("u", k)), unit));
         }
     }
     if let Some((omega, _)) = &p.omega {
         if p.depends(|s| s == Symbol::Tau) {
-            out.push(told(l, &l.define(&p.tau, &l.product(omega, &p.time)), "rad; phase of the drive"));
+            out.push(commented(l, &l.define(&p.tau, &l.product(omega, &p.time)), "rad; phase of the drive"));
         }
         for (i, c) in p.coordinates.iter().enumerate().filter(|(i, _)| p.needs_prime(*i)) {
             let value = l.quotient(&c.rate, omega).0;
-            out.push(told(l, &l.define(&c.prime, &value), &format!("d {}/d tau", p.coordinates[i].name)));
+            out.push(commented(l, &l.define(&c.prime, &value), &format!("d {}/d tau", p.coordinates[i].name)));
         }
     }
     for (k, sign) in p.signs.iter().enumerate() {
-        out.push(told(l, &l.define(sign, &l.held(k, &p.form(k))), "sign in the dry friction"));
+        out.push(commented(l, &l.define(sign, &l.held(k, &p.form(k))), "sign in the dry friction"));
     }
     lines(l.indent(), &out)
 }

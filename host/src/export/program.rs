@@ -3,7 +3,7 @@
 
 use super::expression::{Printer, uses};
 use super::names::Names;
-use super::remarks::{error_told, unit_told};
+use super::remarks::{error_text, unit_text};
 use super::{Language, Printed};
 use crate::error::{BadInput, Result};
 use crate::identify::units::channel_units;
@@ -96,7 +96,7 @@ fn solvable(motion: &Motion) -> Result<()> {
         if laws.into_iter().any(|(_, of)| !of.is_linear_in_accelerations()) {
             let remedy = "Leave this effect out of the file, or simulate it with `whirl simulate --model`";
             let expected = "an effect that is linear in accelerations";
-            return Err(bad(index, &effect.told, "whose force depends on accelerations", expected, remedy));
+            return Err(bad(index, &effect.identified, "whose force depends on accelerations", expected, remedy));
         }
     }
     Ok(())
@@ -127,12 +127,12 @@ impl<'a> Program<'a> {
                 name: names.give(&c.name),
                 rate: names.give(&format!("v_{}", c.name)),
                 prime: names.give(&format!("{}_tau", c.name)),
-                unit: unit_told(&unit.to_string()),
+                unit: unit_text(&unit.to_string()),
                 wraps: false,
             })
             .collect();
         let inputs = motion.file.inputs.iter().zip(&input_units);
-        let inputs = inputs.map(|(n, unit)| (names.give(n), unit_told(&unit.to_string()))).collect();
+        let inputs = inputs.map(|(n, unit)| (names.give(n), unit_text(&unit.to_string()))).collect();
         let constants = constants(motion, &mut names)?;
         let mut out = Self {
             motion,
@@ -295,7 +295,7 @@ fn constants(motion: &Motion, names: &mut Names) -> Result<Vec<Constant>> {
             about: format!(
                 "{}; {}",
                 if c.unit == "1" || c.unit.is_empty() { "no unit" } else { &c.unit },
-                error_told(c.std_error)
+                error_text(c.std_error)
             ),
             own: c.name.clone(),
             std_error: c.std_error,

@@ -9,7 +9,7 @@ use crate::motion::{Acts, Effect};
 const WIDE: usize = 110;
 
 /// A number as it is told in a comment.
-fn told(x: f64) -> String {
+fn rounded(x: f64) -> String {
     let digits = format!("{x:.5e}");
     match digits.parse::<f64>() {
         Ok(short) if (1e-3..1e5).contains(&short.abs()) || short == 0.0 => short.to_string(),
@@ -18,7 +18,7 @@ fn told(x: f64) -> String {
 }
 
 /// A standard error in words.
-pub fn error_told(x: f64) -> String {
+pub fn error_text(x: f64) -> String {
     match x {
         x if x.is_nan() => "standard error not known".to_owned(),
         x if x.is_infinite() => "not determined by its record".to_owned(),
@@ -28,13 +28,13 @@ pub fn error_told(x: f64) -> String {
 }
 
 /// Unit of a coordinate or input in words.
-pub fn unit_told(unit: &str) -> String {
+pub fn unit_text(unit: &str) -> String {
     if unit == "1" || unit.is_empty() { "SI unit".to_owned() } else { plain(unit) }
 }
 
 impl Program<'_> {
     /// The state with its units, for people.
-    pub fn state_told(&self) -> String {
+    pub fn state_text(&self) -> String {
         let q: Vec<String> = self.coordinates.iter().map(|c| format!("{} ({})", c.name, c.unit)).collect();
         let v: Vec<String> = self.coordinates.iter().map(|c| format!("{} ({}/s)", c.rate, c.unit)).collect();
         format!("{}, {}", q.join(", "), v.join(", "))
@@ -47,7 +47,7 @@ impl Program<'_> {
             format!("{}: equations of motion, identified (method: {}).", m.name, m.method),
             format!("Written by `whirl export`, version {}.", env!("CARGO_PKG_VERSION")),
             String::new(),
-            format!("State x: {}.", self.state_told()),
+            format!("State x: {}.", self.state_text()),
         ];
         if !self.inputs.is_empty() {
             let list: Vec<String> = self.inputs.iter().map(|(n, unit)| format!("{n} ({unit})")).collect();
@@ -55,11 +55,11 @@ impl Program<'_> {
         }
         if let Some((name, omega)) = &self.omega {
             let hz = omega / core::f64::consts::TAU;
-            lines.push(format!("Drive: {} Hz, phase tau = {name} t.", told(hz)));
+            lines.push(format!("Drive: {} Hz, phase tau = {name} t.", rounded(hz)));
         }
         if !m.effects.is_empty() {
             lines.push("Effects beside the nominal model:".to_owned());
-            lines.extend(m.effects.iter().map(effect_told));
+            lines.extend(m.effects.iter().map(effect_text));
         }
         lines.iter().map(|l| self.remark(l)).collect::<Vec<_>>().join("\n")
     }
@@ -94,17 +94,17 @@ pub fn harmless(text: &str) -> String {
 }
 
 /// An effect in a line.
-fn effect_told(e: &Effect) -> String {
+fn effect_text(e: &Effect) -> String {
     let mut out = format!(
         "  {}: {}; value {} {}, {}",
         e.name(),
         e.equation,
-        told(e.told.value),
-        e.told.unit,
-        error_told(e.told.std_error)
+        rounded(e.identified.value),
+        e.identified.unit,
+        error_text(e.identified.std_error)
     );
-    for (name, value) in &e.told.parameters {
-        out.push_str(&format!(", {name} = {}", told(*value)));
+    for (name, value) in &e.identified.parameters {
+        out.push_str(&format!(", {name} = {}", rounded(*value)));
     }
     out.push_str(match e.acts {
         Acts::Motion(_) => "",

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::expression::Printer;
-use super::for_people::{MathMl, Text, told};
+use super::for_people::{MathMl, Text, rounded};
 use super::program::terms;
 use super::{Notation, Printed};
 use crate::identify::units::channel_units;
@@ -107,21 +107,21 @@ struct Writer<'a> {
 impl Writer<'_> {
     fn symbol(&self, s: Symbol, primed: bool, as_mathml: bool) -> String {
         let file = &self.motion.file;
-        let told = |name: &str, mark: Mark| {
+        let symbol_of = |name: &str, mark: Mark| {
             if as_mathml { symbol_mathml(name, mark) } else { symbol_plain_marked(name, mark) }
         };
         let rate = if primed && self.scaled { Mark::Prime } else { Mark::Dot };
         let twice = if primed && self.scaled { Mark::DoublePrime } else { Mark::DoubleDot };
         match s {
-            Symbol::Coordinate(i) | Symbol::Raw(i) => told(&file.coordinates[i].name, Mark::None),
-            Symbol::Rate(i) | Symbol::ClearRate(i) => told(&file.coordinates[i].name, rate),
-            Symbol::Acceleration(i) => told(&file.coordinates[i].name, twice),
-            Symbol::Input(k) | Symbol::RawInput(k) => told(&file.inputs[k], Mark::None),
-            Symbol::InputRate(k) => told(&file.inputs[k], Mark::Dot),
-            Symbol::Tau => told("tau", Mark::None),
-            Symbol::Time => told("t", Mark::None),
+            Symbol::Coordinate(i) | Symbol::Raw(i) => symbol_of(&file.coordinates[i].name, Mark::None),
+            Symbol::Rate(i) | Symbol::ClearRate(i) => symbol_of(&file.coordinates[i].name, rate),
+            Symbol::Acceleration(i) => symbol_of(&file.coordinates[i].name, twice),
+            Symbol::Input(k) | Symbol::RawInput(k) => symbol_of(&file.inputs[k], Mark::None),
+            Symbol::InputRate(k) => symbol_of(&file.inputs[k], Mark::Dot),
+            Symbol::Tau => symbol_of("tau", Mark::None),
+            Symbol::Time => symbol_of("t", Mark::None),
             // What has states is told in words.
-            Symbol::Held(_) | Symbol::State(_) | Symbol::Memory(_) => told("z", Mark::None),
+            Symbol::Held(_) | Symbol::State(_) | Symbol::Memory(_) => symbol_of("z", Mark::None),
         }
     }
 
@@ -151,7 +151,7 @@ impl Writer<'_> {
 fn digits(value: f64, std_error: f64, factor: f64) -> String {
     let known = std_error.is_finite() && std_error > 0.0;
     let x = (value * factor).abs();
-    if known && value != 0.0 { to_digits_of(x, (Z95 * std_error * factor).abs()) } else { told(x) }
+    if known && value != 0.0 { to_digits_of(x, (Z95 * std_error * factor).abs()) } else { rounded(x) }
 }
 
 /// Writes a model out; none where its equations are not as many as its coordinates.
@@ -165,7 +165,7 @@ pub fn written_out(motion: &Motion) -> Option<WrittenOut> {
     let mut constants: Vec<(f64, f64, Option<&str>)> =
         motion.coefficients.iter().map(|c| (c.value, c.std_error, Some(c.name.as_str()))).collect();
     for (effect, strength) in motion.strengths().filter(|s| !s.1.adds.is_empty()) {
-        let relative = (effect.told.std_error / effect.told.value).abs();
+        let relative = (effect.identified.std_error / effect.identified.value).abs();
         let alone = motion.strengths().filter(|(e, _)| e.name() == effect.name()).count() == 1;
         constants.push((strength.value, if alone { relative * strength.value.abs() } else { f64::NAN }, None));
     }
@@ -179,7 +179,7 @@ pub fn written_out(motion: &Motion) -> Option<WrittenOut> {
             // A balance of accelerations stands on the left, where a reader looks for them.
             if t.of.accelerates() {
                 let (factor, rest) = factored(&t.of);
-                let own = told(factor.abs());
+                let own = rounded(factor.abs());
                 let sign = factor > 0.0;
                 equation.left.insert(0, writer.term((sign, (own != "1").then_some(own.as_str())), &rest, t.primed));
             } else {
@@ -188,8 +188,8 @@ pub fn written_out(motion: &Motion) -> Option<WrittenOut> {
             continue;
         };
         if let Some(name) = name {
-            let told = writer.multiplied(t.equation, &t.of, t.primed);
-            out.multiplies.entry(name.to_owned()).or_insert(told);
+            let multiplied = writer.multiplied(t.equation, &t.of, t.primed);
+            out.multiplies.entry(name.to_owned()).or_insert(multiplied);
         }
         let mut states = Vec::new();
         t.of.memories(&mut states);
@@ -236,17 +236,26 @@ fn notes(w: &Writer<'_>) -> Vec<String> {
 
 /// An effect that is no force in the equations, in words.
 fn beside(e: &Effect) -> Option<String> {
-    let told = |how: &str| {
-        let shapes: Vec<String> =
-            e.told.parameters.iter().map(|(k, v)| format!(", {} = {}", symbol_plain(k), significant(*v, 4))).collect();
+    let sentence = |how: &str| {
+        let shapes: Vec<String> = e
+            .identified
+            .parameters
+            .iter()
+            .map(|(k, v)| format!(", {} = {}", symbol_plain(k), significant(*v, 4)))
+            .collect();
         let name = names::effect(&e.name());
-        Some(format!("{how}: {name}, {} ({}){}.", quantity(e.told.value, &e.told.unit, 4), e.equation, shapes.concat()))
+        Some(format!(
+            "{how}: {name}, {} ({}){}.",
+            quantity(e.identified.value, &e.identified.unit, 4),
+            e.equation,
+            shapes.concat()
+        ))
     };
     match &e.acts {
-        Acts::Sensor(..) => told("Not in the equations, since only the sensor shows it"),
-        Acts::Input(..) => told("Not in the equations, since only the record of the input shows it"),
-        Acts::Drive(_) => told("In the drive's phase"),
-        Acts::Motion(_) if e.remembers() => told("Also in the equations, with a memory of its own"),
+        Acts::Sensor(..) => sentence("Not in the equations, since only the sensor shows it"),
+        Acts::Input(..) => sentence("Not in the equations, since only the record of the input shows it"),
+        Acts::Drive(_) => sentence("In the drive's phase"),
+        Acts::Motion(_) if e.remembers() => sentence("Also in the equations, with a memory of its own"),
         Acts::Motion(_) => None,
     }
 }

@@ -23,8 +23,8 @@ struct Group {
 
 /// Whether two boots of a record count from the same zeros.
 fn same_zeros(record: &Record, a: u32, b: u32) -> bool {
-    let told = |boot| record.metadata.as_ref()?.told_of(boot);
-    a == b || told(a).zip(told(b)).is_some_and(|(a, b)| a.has_zeros_of(b, record.channels.len()))
+    let listed = |boot| record.metadata.as_ref()?.told_of(boot);
+    a == b || listed(a).zip(listed(b)).is_some_and(|(a, b)| a.has_zeros_of(b, record.channels.len()))
 }
 
 /// The zeros of a record, in the order in which they come.
@@ -171,8 +171,8 @@ mod tests {
         let (start_s, step_s) = (record.segments[0].start_s, record.segments[0].step_s);
         for (at_s, begins_s) in [(20.0, start_s + 20.0 + step_s), (40.0, start_s)] {
             let other = b12(&restarted(&record, at_s, false));
-            let told = other.3.iter().find(|w| w.id == "restarted").unwrap();
-            assert!(told.text.contains(&format!("is used, t = {begins_s:.3} to")), "{}", told.text);
+            let warning = other.3.iter().find(|w| w.id == "restarted").unwrap();
+            assert!(warning.text.contains(&format!("is used, t = {begins_s:.3} to")), "{}", warning.text);
             assert!((other.2 as f64) < 0.75 * plain.2 as f64 && other.2 * 2 > plain.2, "{} of {}", other.2, plain.2);
         }
         // A record that tells no zeros: as if every boot had one of its own.

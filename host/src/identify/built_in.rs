@@ -32,6 +32,17 @@ pub fn written(rig: &Rig) -> Result<Cow<'_, Rig>> {
     Ok(Cow::Owned(own))
 }
 
+/// A rig beside itself with its equations written out, as [`written`] and [`bound`] give them.
+#[derive(Clone, Copy)]
+pub struct WrittenRig<'a> {
+    /// The rig file's.
+    pub rig: &'a Rig,
+    /// With equations.
+    pub own: &'a Rig,
+    /// The equations and what the channels measure of them.
+    pub bound: &'a Bound,
+}
+
 /// The equations and channels of a rig that [`written`] gave.
 ///
 /// # Errors
@@ -70,24 +81,25 @@ pub fn equations_of_motion(rig: &Rig, own: &Rig, bound: &Bound) -> Result<(Box<d
 /// system's are ordered by name, B_i5 = √(B_i3² + B_i4²) among them.
 pub fn parameters(
     rig: &Rig,
-    (identified, units): (&Identified<'_>, &[String]),
+    identified: &Identified<'_>,
+    units: &[String],
     warnings: &mut Vec<Warning>,
 ) -> (Vec<Parameter>, Option<(f64, usize)>) {
-    let Identified { names, values, covariance, metric } = *identified;
-    let told = |i: usize| Parameter {
+    let Identified { names, values, covariance, .. } = *identified;
+    let parameter = |i: usize| Parameter {
         name: names[i].clone(),
         value: values[i],
         std_error: covariance[(i, i)].max(0.0).sqrt(),
         unit: units[i].clone(),
     };
-    let mut out: Vec<Parameter> = (0..names.len()).map(told).collect();
+    let mut out: Vec<Parameter> = (0..names.len()).map(parameter).collect();
     if let Some(bound) = &rig.bound {
         let misfit = physical::add(rig, &bound.model, identified, &mut out, warnings);
         return (out, misfit);
     }
     out.extend(drive_amplitudes(names, values, covariance));
     out.sort_by(|a, b| a.name.cmp(&b.name));
-    let fit = System::of(rig).ok().and_then(|s| s.physical(names, values, covariance, metric, rig));
+    let fit = System::of(rig).ok().and_then(|s| s.physical(identified, rig));
     let Some(fit) = fit else { return (out, None) };
     out.extend(fit.parameters.iter().map(|p| Parameter {
         name: p.name.to_owned(),
@@ -132,7 +144,7 @@ mod tests {
 
     use super::*;
     use crate::model::double_pendulum::DAMPINGS;
-    use crate::model::dynamics::Instant;
+    use crate::model::dynamics::{Instant, Linearisation};
 
     /// What is compiled by hand moves as the equations that are written out, free and driven, with
     /// every damping; its partials too.
@@ -166,7 +178,8 @@ mod tests {
                     let rate = |w: &Vec<f64>| w.iter().zip(&v).map(|(w, v)| w * v).sum::<f64>();
                     let signs: Vec<f64> = d.switches().iter().map(|w| rate(w).signum()).collect();
                     let (mut a, mut by) = ([0.0; 2], vec![0.0; 2 * width]);
-                    assert!(d.linearise_held(&p, &q, &v, &at, &signs, &mut a, &mut by));
+                    let out = Linearisation { acceleration: &mut a, partials: &mut by };
+                    assert!(d.linearise_held(&p, &q, &v, &at, &signs, out));
                     a.into_iter().chain(by).collect::<Vec<f64>>()
                 };
                 for (a, b) in run(&*compiled).iter().zip(run(&*plain)) {

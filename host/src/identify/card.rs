@@ -67,7 +67,7 @@ fn sentence(result: &Identification) -> String {
 
 /// What this record does not determine, and what would.
 fn undecided(result: &Identification) -> Vec<String> {
-    let told = |group: &Vec<String>| {
+    let sentence = |group: &Vec<String>| {
         let all: Vec<String> = group.iter().map(|n| symbol_plain(n)).collect();
         match &all[..] {
             [one] => format!(
@@ -80,7 +80,7 @@ fn undecided(result: &Identification) -> Vec<String> {
             ),
         }
     };
-    result.groups_not_separable.iter().map(told).collect()
+    result.groups_not_separable.iter().map(sentence).collect()
 }
 
 #[cfg(test)]
@@ -90,10 +90,14 @@ mod tests {
     use super::*;
     use crate::warning::Warning;
 
+    fn rig() -> Rig {
+        Rig::parse(include_str!("../../../rigs/chaotic.toml"), Path::new("rig.toml")).unwrap()
+    }
+
     fn identified() -> Identification {
         let p = |name: &str, value, std_error| Parameter { name: name.into(), value, std_error, unit: "1".into() };
         Identification {
-            model: "double-pendulum".to_owned(),
+            model: rig().model,
             method: "weak".to_owned(),
             parameters: vec![p("B11", 0.11312, 2e-5), p("B14", 0.0, 1e-5), p("B22", 0.2632, 1e-5)],
             identification_error: vec![0.003, 0.004],
@@ -104,13 +108,13 @@ mod tests {
 
     #[test]
     fn the_sentence_says_how_well_and_whether_it_stands() {
-        let rig = Rig::parse(include_str!("../../../rigs/chaotic.toml"), Path::new("rig.toml")).unwrap();
+        let rig = rig();
         let mut result = identified();
-        let told = card(&result, &rig);
-        assert!(told.verdict.contains("half of its parameters to ± 0.035 % or better"), "{}", told.verdict);
-        assert!(told.verdict.contains("and its equations describe the record"), "{}", told.verdict);
-        assert!(told.undecided[0].starts_with("B₁₄ cannot be determined"), "{:?}", told.undecided);
-        assert!(told.undecided[1].starts_with("B₁₁ and B₂₂ trade off"), "{:?}", told.undecided);
+        let shown = card(&result, &rig);
+        assert!(shown.verdict.contains("half of its parameters to ± 0.035 % or better"), "{}", shown.verdict);
+        assert!(shown.verdict.contains("and its equations describe the record"), "{}", shown.verdict);
+        assert!(shown.undecided[0].starts_with("B₁₄ cannot be determined"), "{:?}", shown.undecided);
+        assert!(shown.undecided[1].starts_with("B₁₁ and B₂₂ trade off"), "{:?}", shown.undecided);
         result.warnings.push(Warning::new("x", "Time runs backwards", "").invalidating());
         assert!(card(&result, &rig).verdict.contains("cannot stand: time runs backwards"));
     }

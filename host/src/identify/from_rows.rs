@@ -14,7 +14,7 @@ use nalgebra::DVector;
 use whirl_shared::regressor::weights;
 use whirl_shared::waveform::exact_frequency;
 
-use super::regression::{self, Unsolvable};
+use super::regression::{self, Solution, Unsolvable};
 use super::units::units_of;
 use super::windows::{WindowRows, frequency_of_row};
 use super::{Details, Identification, RecordUse, Residuals, built_in, identifiability};
@@ -77,6 +77,102 @@ fn frequency_differs(path: &Path, found: f64, rig: &Rig, expected: f64) -> BadIn
         .remedy("Name the rig file of this record")
 }
 
+/// The windows of all records that belong together.
+struct Windows {
+    /// As the host's own, without the device's weights.
+    rows: Vec<WindowRows>,
+    /// Unbroken runs.
+    runs: usize,
+    /// Frequencies of each.
+    frequencies: usize,
+    /// Length of each, s.
+    length_s: f64,
+}
+
+impl Windows {
+    /// Gathers them, those of another amplitude of the drive left out.
+    ///
+    /// # Errors
+    /// Another rate, drive or shape of windows; fewer than two.
+    fn gather(records: &[RowsRecord], rig: &Rig, warnings: &mut Vec<Warning>) -> Result<Self> {
+        let amplitude = records.iter().flat_map(|r| &r.windows).map(|w| w.amplitude_nm).max().unwrap_or(0);
+        let expected = rig.drive.map_or(0.0, |d| d.frequency_hz);
+        let (mut rows, mut runs, mut dropped) = (Vec::new(), 0, 0_usize);
+        let mut shape = None;
+        for record in records {
+            let rate = rate_of(record, rig)?;
+            let mut last_run = None;
+            for window in &record.windows {
+                let found = exact_frequency(window.phase_increment, (rate * 1e3).round() as u32);
+                if (found / expected - 1.0).abs() > FREQUENCY_TOLERANCE {
+                    return Err(frequency_differs(&record.path, found, rig, expected));
+                }
+                let this = (window.first.len(), window.window_ticks);
+                if *shape.get_or_insert(this) != this {
+                    return Err(BadInput::new(
+                        format!("windows of {} rows over {} ticks", this.0, this.1),
+                        "windows like those before",
+                    )
+                    .in_file(&record.path)
+                    .remedy("Identify from records of one drive and one firmware"));
+                }
+                if window.amplitude_nm != amplitude {
+                    dropped += 1;
+                    continue;
+                }
+                runs += usize::from(last_run.replace(window.run) != Some(window.run));
+                rows.push(plain(window, runs, rate));
+            }
+        }
+        let Some((count, ticks)) = shape.filter(|_| rows.len() >= 2) else {
+            let mut error =
+                BadInput::new(format!("{} windows of rows", rows.len()), "at least 2").remedy("Capture for longer");
+            if let Some(r) = records.first() {
+                error = error.in_file(&r.path);
+            }
+            return Err(error);
+        };
+        if dropped > 0 {
+            warnings.push(Warning::new(
+                "drive-not-steady",
+                format!("{dropped} windows were taken at another amplitude than {} µm", f64::from(amplitude) / 1e3),
+                "They were left out; capture with one amplitude to use all of them",
+            ));
+        }
+        Ok(Self { rows, runs, frequencies: count / 2, length_s: f64::from(ticks) / rig.sample_rate_hz })
+    }
+}
+
+/// Sampling rate of a record, which must be the rig's.
+fn rate_of(record: &RowsRecord, rig: &Rig) -> Result<f64> {
+    let rate = record.header.metadata.sample_rate_hz;
+    if rate > 0.0 && (rate / rig.sample_rate_hz - 1.0).abs() < FREQUENCY_TOLERANCE {
+        return Ok(rate);
+    }
+    Err(BadInput::new(format!("{rate} Hz"), format!("sample_rate_hz = {}", rig.sample_rate_hz))
+        .in_file(&record.path)
+        .at("metadata.sample_rate_hz"))
+}
+
+/// What a solution makes one doubt.
+fn doubts(solution: &Solution, windows: usize) -> impl Iterator<Item = Warning> {
+    let repeating = solution.repeating.then(|| {
+        Warning::new(
+            "periodic-record",
+            format!("residuals repeat from window to window (correlation {:.2}): the motion is locked to the drive or periodic", solution.repetition),
+            "Quantisation errors repeat with it and do not average out. Change the drive's amplitude or frequency until the motion is chaotic",
+        )
+    });
+    let few = (solution.blocks == 0).then(|| {
+        Warning::new(
+            "few-windows",
+            format!("{windows} windows are too few to measure how residuals scatter"),
+            "Standard errors assume white sensor noise; record longer",
+        )
+    });
+    repeating.into_iter().chain(few)
+}
+
 /// Identifies the double pendulum from records of rows.
 ///
 /// # Errors
@@ -88,60 +184,11 @@ pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
             .remedy("Rows are of a double pendulum on a vertical drive with the default dampings: capture samples"));
     }
     let mut warnings: Vec<Warning> = records.iter().flat_map(|r| r.warnings.clone()).collect();
-    let amplitude = records.iter().flat_map(|r| &r.windows).map(|w| w.amplitude_nm).max().unwrap_or(0);
-    let expected = rig.drive.map_or(0.0, |d| d.frequency_hz);
-    let (mut rows, mut runs, mut dropped) = (Vec::new(), 0, 0_usize);
-    let mut shape = None;
-    for record in records {
-        let rate = record.header.metadata.sample_rate_hz;
-        if !(rate > 0.0 && (rate / rig.sample_rate_hz - 1.0).abs() < FREQUENCY_TOLERANCE) {
-            return Err(BadInput::new(format!("{rate} Hz"), format!("sample_rate_hz = {}", rig.sample_rate_hz))
-                .in_file(&record.path)
-                .at("metadata.sample_rate_hz"));
-        }
-        let mut last_run = None;
-        for window in &record.windows {
-            let found = exact_frequency(window.phase_increment, (rate * 1e3).round() as u32);
-            if (found / expected - 1.0).abs() > FREQUENCY_TOLERANCE {
-                return Err(frequency_differs(&record.path, found, rig, expected));
-            }
-            let this = (window.first.len(), window.window_ticks);
-            if *shape.get_or_insert(this) != this {
-                return Err(BadInput::new(
-                    format!("windows of {} rows over {} ticks", this.0, this.1),
-                    "windows like those before",
-                )
-                .in_file(&record.path)
-                .remedy("Identify from records of one drive and one firmware"));
-            }
-            if window.amplitude_nm != amplitude {
-                dropped += 1;
-                continue;
-            }
-            runs += usize::from(last_run.replace(window.run) != Some(window.run));
-            rows.push(plain(window, runs, rate));
-        }
-    }
-    let Some((count, window_ticks)) = shape.filter(|_| rows.len() >= 2) else {
-        let mut error =
-            BadInput::new(format!("{} windows of rows", rows.len()), "at least 2").remedy("Capture for longer");
-        if let Some(r) = records.first() {
-            error = error.in_file(&r.path);
-        }
-        return Err(error);
-    };
-    if dropped > 0 {
-        warnings.push(Warning::new(
-            "drive-not-steady",
-            format!("{dropped} windows were taken at another amplitude than {} µm", f64::from(amplitude) / 1e3),
-            "They were left out; capture with one amplitude to use all of them",
-        ));
-    }
+    let Windows { rows, runs, frequencies, length_s } = Windows::gather(records, rig, &mut warnings)?;
     let own = built_in::written(rig)?;
     let bound = built_in::bound(&own)?;
     let model = &*bound.model;
     let terms: Vec<usize> = model.equations.iter().map(|e| e.terms.len()).collect();
-    let frequencies = count / 2;
     let solution = regression::solve(&rows, &terms, frequencies).map_err(|e| match e {
         Unsolvable::Dependent { equation, column } => BadInput::new(
             format!("nothing in the rows that determines {}", model.equations[equation].terms[column].name),
@@ -150,27 +197,13 @@ pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
         .remedy("Is an arm at rest, does the shaker run?"),
         Unsolvable::NotFinite => BadInput::new("a value too large to compute with", "rows of a rig that moves"),
     })?;
-    if solution.repeating {
-        warnings.push(Warning::new(
-            "periodic-record",
-            format!("residuals repeat from window to window (correlation {:.2}): the motion is locked to the drive or periodic", solution.repetition),
-            "Quantisation errors repeat with it and do not average out. Change the drive's amplitude or frequency until the motion is chaotic",
-        ));
-    }
-    if solution.blocks == 0 {
-        warnings.push(Warning::new(
-            "few-windows",
-            format!("{} windows are too few to measure how residuals scatter", rows.len()),
-            "Standard errors assume white sensor noise; record longer",
-        ));
-    }
+    warnings.extend(doubts(&solution, rows.len()));
     let names: Vec<String> = model.equations.iter().flat_map(|e| e.terms.iter().map(|t| t.name.clone())).collect();
     let units: Vec<String> = units_of(model, &own, bound).into_iter().flatten().collect();
     let values = DVector::from_iterator(names.len(), solution.coefficients.iter().flat_map(|c| c.iter().copied()));
     let covariance = &solution.covariance;
     let identified = Identified { names: &names, values: &values, covariance, metric: &solution.metric };
-    let (parameters, ties_misfit) = built_in::parameters(rig, (&identified, &units), &mut warnings);
-    let length_s = f64::from(window_ticks) / rig.sample_rate_hz;
+    let (parameters, ties_misfit) = built_in::parameters(rig, &identified, &units, &mut warnings);
     let mut result = Identification {
         model: model.name.clone(),
         method: "weak".to_owned(),

@@ -30,7 +30,8 @@ pub fn geometry(
     noises: &[Option<Noise>],
     inputs: bool,
     step_s: f64,
-    (band, stretches_s): (Option<Band>, &[f64]),
+    band: Option<Band>,
+    stretches_s: &[f64],
 ) -> Result<Geometry> {
     let rate = 1.0 / step_s;
     let check = |option: &str, value: Option<f64>, low: f64, high: f64| match value {
@@ -103,7 +104,7 @@ mod tests {
                 };
                 for window_s in [None, Some(0.5), Some(1.0), Some(3.0)] {
                     let settings = Settings { window_s, ..Settings::default() };
-                    match geometry(&rig, &settings, &[Some(noise), None], false, 1.0 / rate, (None, &[])) {
+                    match geometry(&rig, &settings, &[Some(noise), None], false, 1.0 / rate, None, &[]) {
                         Ok(Geometry { windows, kernels }) => {
                             assert!(windows.frequencies >= 2 && windows.length_s >= 32.0 / rate, "{rate} {window_s:?}");
                             assert!(

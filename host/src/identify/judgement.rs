@@ -136,24 +136,24 @@ fn signs(c: &Coefficients<'_>) -> Vec<Warning> {
         if !(value < 0.0 && value < -CLEAR * error) {
             continue;
         }
-        let told = format!("{name} = {} is negative", plus_minus(value, 1.96 * error));
+        let negative = format!("{name} = {} is negative", plus_minus(value, 1.96 * error));
         let damping = name.starts_with('C') || name == "c_r";
         let warning = if damping {
             Warning::new(
                 "negative-damping",
-                format!("{told}: that friction would drive the motion instead of braking it"),
+                format!("{negative}: that friction would drive the motion instead of braking it"),
                 "Does time run backwards, is a sign reversed or a channel late? If not, the equations miss something: run `whirl explain`",
             )
         } else if ["B11", "B21"].contains(&name.as_str()) {
             Warning::new(
                 "negative-inertia",
-                format!("{told}: one of the arms would have a negative moment of inertia"),
+                format!("{negative}: one of the arms would have a negative moment of inertia"),
                 "Is a channel dead, exchanged with the other or reversed? See `whirl inspect`",
             )
         } else if ["B22", "q_sin"].contains(&name.as_str()) {
             Warning::new(
                 "negative-gravity",
-                format!("{told}: gravity would pull the arm upward"),
+                format!("{negative}: gravity would pull the arm upward"),
                 "Angles count from where the arm hangs at rest, all in the same sense: check the channels' zeros and signs",
             )
         } else {
@@ -304,7 +304,7 @@ fn ties(c: &Coefficients<'_>) -> Option<Ties> {
 
 impl Ties {
     fn warnings(&self) -> Vec<Warning> {
-        let told = match self.opposed {
+        let text = match self.opposed {
             Some((a, b)) => format!(
                 "These coefficients contradict each other: friction in joint 2 would brake one arm and drive the other ({} and {}; χ² {}, expected {})",
                 significant(a, 3),
@@ -318,7 +318,7 @@ impl Ties {
                 self.freedom
             ),
         };
-        let warning = Warning::new("tie-violated", told, "Run `whirl explain`")
+        let warning = Warning::new("tie-violated", text, "Run `whirl explain`")
             .invalidating()
             .with("chi_squared", self.statistic)
             .with("expected", self.freedom as u64);

@@ -21,6 +21,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 use super::judgement::{CHANCE, Coefficients};
 use crate::report::format::{quantity, significant};
 use crate::rig::{GRAVITY, Rig};
+use crate::system::library::Pendulum;
 use crate::warning::Warning;
 
 /// Warning where something that is said to be known does not agree with the record.
@@ -137,10 +138,10 @@ pub(super) fn contradicted(c: &Coefficients<'_>, rig: &Rig, spread: f64) -> Vec<
             known.insert("m1e1 + m2 l1".to_owned(), first + m2 * l1);
         }
     }
-    let double = rig.model == "double-pendulum";
+    let double = rig.pendulum() == Some(Pendulum::Double);
     let relations = if double { DOUBLE } else { SINGLE };
     let mut out: Vec<Warning> =
-        relations.iter().filter_map(|r| r.told(c, &known, rig.omega(), spread, rig.drive.is_some())).collect();
+        relations.iter().filter_map(|r| r.contradiction(c, &known, rig.omega(), spread, rig.drive.is_some())).collect();
     let lever = if double { ["m2", "e2", "B22"] } else { ["m1", "e1", "q_sin"] };
     out.extend(too_dense(c, &known, rig.omega(), lever));
     out
@@ -177,7 +178,7 @@ impl Relation {
         (sum.is_finite() && error.is_finite()).then_some((sum, error))
     }
 
-    fn told(
+    fn contradiction(
         &self,
         c: &Coefficients<'_>,
         known: &BTreeMap<String, f64>,
@@ -206,7 +207,7 @@ impl Relation {
                 };
                 let [value, right] = named(known, name, agrees(*power));
                 let name = name.split(' ').next().unwrap_or(name);
-                format!("{name} = {limit}{} instead of {}", told(right, unit), told(value, unit))
+                format!("{name} = {limit}{} instead of {}", in_unit(right, unit), in_unit(value, unit))
             })
             .collect();
         if self.omega != 0.0 && !self.at_least {
@@ -253,7 +254,7 @@ fn named(known: &BTreeMap<String, f64>, name: &str, factor: f64) -> [f64; 2] {
 }
 
 /// A value in its unit; at most four digits.
-fn told(value: f64, unit: &str) -> String {
+fn in_unit(value: f64, unit: &str) -> String {
     quantity(value, unit, 4)
 }
 
@@ -279,7 +280,7 @@ fn too_dense(
             CONTRADICTED,
             format!(
                 "[known] {mass} = {} cannot swing as this record shows: about a radius of gyration of {} even a body of the densest metal would be {} thick",
-                told(m, "kg"),
+                in_unit(m, "kg"),
                 quantity(square.sqrt(), "m", 2),
                 quantity(length, "m", 2)
             ),

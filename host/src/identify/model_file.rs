@@ -9,6 +9,7 @@ use crate::model::double_pendulum::{Base, DAMPINGS, Damping, coefficients};
 use crate::model::identified::{IdentifiedModel, System};
 use crate::model::model_file::ModelFile;
 use crate::rig::Rig;
+use crate::system::library::Pendulum;
 
 /// The identified coefficients as a model file; derived and physical parameters stay with the
 /// identification.
@@ -54,13 +55,14 @@ pub fn own_keys(model: &ModelFile) -> Result<toml::Table> {
 /// Another model, a damping that there is not, a parameter that is missing or does not belong to
 /// the equations. Without the file's name.
 pub fn check_double_pendulum(model: &IdentifiedModel) -> Result<()> {
+    let double = Pendulum::Double;
     match &model.system {
-        System::BuiltIn(id) if id == "double-pendulum" => {}
+        _ if model.system.pendulum() == Some(double) => {}
         System::BuiltIn(id) => {
-            return Err(BadInput::new(format!("\"{id}\""), "\"double-pendulum\"").at("model"));
+            return Err(BadInput::new(format!("\"{id}\""), format!("\"{}\"", double.id())).at("model"));
         }
         System::Own(_) => {
-            return Err(BadInput::new("a system of one's own", "model = \"double-pendulum\"").at("model"));
+            return Err(BadInput::new("a system of one's own", format!("model = \"{}\"", double.id())).at("model"));
         }
     }
     let mut used: Vec<&Damping> = Vec::new();
@@ -104,7 +106,7 @@ mod tests {
             .collect();
         let mut m = IdentifiedModel {
             name: String::new(),
-            system: System::BuiltIn("double-pendulum".into()),
+            system: System::BuiltIn(Pendulum::Double.id().into()),
             method: "weak".into(),
             drive_frequency_hz: None,
             nominal: vec!["viscous-friction@joint2".into()],

@@ -19,6 +19,8 @@ use std::collections::BTreeMap;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
+use crate::system::ties::Identified;
+
 /// A physical parameter with its standard error.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Physical {
@@ -92,24 +94,32 @@ fn coefficient(name: &str, p: &[f64], omega: f64) -> Option<f64> {
     })
 }
 
-/// Fits the physical parameters; `names`, `values`, `covariance`, `metric` are the identified
-/// coefficients'. Nothing is returned where no quantity that carries a mass is known, since
-/// equations of motion have no scale of their own.
-pub fn fit(
-    names: &[String],
-    values: &DVector<f64>,
-    covariance: &DMatrix<f64>,
-    metric: &DMatrix<f64>,
-    known: &BTreeMap<String, f64>,
-    omega: f64,
-) -> Option<PhysicalFit> {
+/// Fits the physical parameters to identified coefficients. Nothing is returned where no quantity
+/// that carries a mass is known, since equations of motion have no scale of their own.
+pub fn fit(identified: &Identified<'_>, known: &BTreeMap<String, f64>, omega: f64) -> Option<PhysicalFit> {
     let carries_mass = ["m1e1", "m2", "J_o1", "J_o2"];
     let has_scale =
         carries_mass.iter().any(|k| known.contains_key(*k)) || (known.contains_key("m1") && known.contains_key("e1"));
     if !has_scale {
         return None;
     }
-    // Start: a rig of everyday size; known quantities fixed.
+    let (mut p, fixed) = everyday_rig(known);
+    let amplitude = known.get("a").copied();
+    let ties = Ties::new(identified, &fixed, amplitude, omega)?;
+    start(&mut p, &fixed, identified, amplitude, omega);
+    let (p, misfit) = ties.nearest(p)?;
+    if p.iter().any(|x| !x.is_finite()) {
+        return None;
+    }
+    let spread = ties.spread(&p)?;
+    let mut out =
+        PhysicalFit { misfit, freedom: ties.target.len().saturating_sub(spread.rank), ..PhysicalFit::default() };
+    ties.report(&p, &spread, &mut out);
+    Some(out)
+}
+
+/// A rig of everyday size, what is known in its place; which parameters are.
+fn everyday_rig(known: &BTreeMap<String, f64>) -> (Vec<f64>, Vec<bool>) {
     let mut p: Vec<f64> = vec![5e-4, 5e-5, 1.5e-3, 0.1, 0.1, 0.05, 9.81, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     let mut fixed = vec![false; p.len()];
     for (i, (name, ..)) in UNKNOWNS.iter().enumerate() {
@@ -122,160 +132,205 @@ pub fn fit(
         p[2] = m1 * e1;
         fixed[2] = true;
     }
-    let amplitude = known.get("a").copied();
-    let used: Vec<usize> = (0..names.len()).filter(|&i| coefficient(&names[i], &p, omega).is_some()).collect();
-    let has = |n: &str| names.iter().any(|x| x == n);
-    let appears = |i: usize| match UNKNOWNS[i].0 {
-        "a cos psi" | "a sin psi" => has("B13"),
-        "tau_c1" => has("C11"),
-        "c_r2" => has("C2"),
-        "c_r1" => has("C13"),
-        "tau_c2" => has("C14"),
-        "base_gain" => has("B16"),
-        _ => true,
-    };
-    let free: Vec<usize> = (0..p.len()).filter(|&i| !fixed[i] && appears(i)).collect();
-    // A known amplitude enters as one more observation, as precise as the best-known ratio needs.
-    let extra = usize::from(amplitude.is_some() && has("B13"));
-    let rows = used.len() + extra;
-    let select = |m: &DMatrix<f64>| {
-        DMatrix::from_fn(rows, rows, |r, c| match (used.get(r), used.get(c), amplitude) {
-            (Some(&i), Some(&j), _) => m[(i, j)],
-            (None, None, Some(a)) => (1e-6 * a).powi(2),
-            _ => 0.0,
-        })
-    };
-    let sigma = select(covariance);
-    // Whitened: rows of the problem divided by the Cholesky factor of the metric.
-    let factor = select(metric).cholesky()?.l();
-    let observe = |p: &[f64]| -> DVector<f64> {
-        let mut b: Vec<f64> = used.iter().map(|&i| coefficient(&names[i], p, omega).unwrap_or(0.0)).collect();
-        if extra == 1 {
-            b.push(p[A_COS].hypot(p[A_SIN]));
-        }
-        DVector::from_vec(b)
-    };
-    let mut target: Vec<f64> = used.iter().map(|&i| values[i]).collect();
-    if extra == 1 {
-        target.extend(amplitude);
+    (p, fixed)
+}
+
+/// The least-squares problem of the ties: identified coefficients against those of parameters.
+struct Ties<'a> {
+    /// Names of the coefficients that are observed.
+    names: Vec<&'a str>,
+    /// A known amplitude of the drive: one more observation.
+    amplitude: Option<f64>,
+    /// Drive's angular frequency, rad/s.
+    omega: f64,
+    /// Parameters that are fitted.
+    free: Vec<usize>,
+    /// What was observed.
+    target: DVector<f64>,
+    /// Its covariance.
+    sigma: DMatrix<f64>,
+    /// Cholesky factor of its metric: rows are divided by it.
+    factor: DMatrix<f64>,
+}
+
+/// How precise the parameters at the least distance are.
+struct Spread {
+    /// Covariance of the free parameters (of logarithms, where those are fitted).
+    covariance: DMatrix<f64>,
+    /// Which of them have a part in a direction that nothing fixes.
+    open: Vec<bool>,
+    /// Directions that are fixed.
+    rank: usize,
+}
+
+impl<'a> Ties<'a> {
+    /// None where the metric is not positive definite.
+    fn new(identified: &Identified<'a>, fixed: &[bool], amplitude: Option<f64>, omega: f64) -> Option<Self> {
+        let Identified { names, values, covariance, metric } = *identified;
+        let anything = [1.0; UNKNOWNS.len()];
+        let used: Vec<usize> =
+            (0..names.len()).filter(|&i| coefficient(&names[i], &anything, omega).is_some()).collect();
+        let has = |n: &str| names.iter().any(|x| x == n);
+        let appears = |i: usize| match UNKNOWNS[i].0 {
+            "a cos psi" | "a sin psi" => has("B13"),
+            "tau_c1" => has("C11"),
+            "c_r2" => has("C2"),
+            "c_r1" => has("C13"),
+            "tau_c2" => has("C14"),
+            "base_gain" => has("B16"),
+            _ => true,
+        };
+        let free: Vec<usize> = (0..fixed.len()).filter(|&i| !fixed[i] && appears(i)).collect();
+        // A known amplitude is as precise as the best-known ratio needs.
+        let amplitude = amplitude.filter(|_| has("B13"));
+        let rows = used.len() + usize::from(amplitude.is_some());
+        let select = |m: &DMatrix<f64>| {
+            DMatrix::from_fn(rows, rows, |r, c| match (used.get(r), used.get(c), amplitude) {
+                (Some(&i), Some(&j), _) => m[(i, j)],
+                (None, None, Some(a)) => (1e-6 * a).powi(2),
+                _ => 0.0,
+            })
+        };
+        let sigma = select(covariance);
+        let factor = select(metric).cholesky()?.l();
+        let target: Vec<f64> = used.iter().map(|&i| values[i]).chain(amplitude).collect();
+        let names = used.iter().map(|&i| names[i].as_str()).collect();
+        Some(Self { names, amplitude, omega, free, target: DVector::from_vec(target), sigma, factor })
     }
-    let target = DVector::from_vec(target);
-    start(&mut p, &fixed, names, values, amplitude, omega);
-    let step = |p: &[f64], i: usize, d: f64| {
-        let mut q = p.to_vec();
-        if UNKNOWNS[i].2 {
-            q[i] *= d.exp()
-        } else {
-            q[i] += d
-        }
-        q
-    };
-    let jacobian = |p: &[f64]| {
-        let mut j = DMatrix::zeros(rows, free.len());
-        for (c, &i) in free.iter().enumerate() {
-            // Central differences; every b is a product of powers of p or linear in it.
-            let d = if UNKNOWNS[i].2 { 1e-5 } else { 1e-5 * p[i].abs().max(scale_of(i, p, omega)) };
-            let difference = (observe(&step(p, i, d)) - observe(&step(p, i, -d))) / (2.0 * d);
+
+    /// b(p), and the amplitude where it is known.
+    fn observe(&self, p: &[f64]) -> DVector<f64> {
+        let of = |n: &&str| coefficient(n, p, self.omega).unwrap_or(0.0);
+        let amplitude = self.amplitude.map(|_| p[A_COS].hypot(p[A_SIN]));
+        DVector::from_vec(self.names.iter().map(of).chain(amplitude).collect())
+    }
+
+    /// ∂b/∂p by the free parameters. Central differences; every b is a product of powers of p or
+    /// linear in it.
+    fn jacobian(&self, p: &[f64]) -> DMatrix<f64> {
+        let mut j = DMatrix::zeros(self.target.len(), self.free.len());
+        for (c, &i) in self.free.iter().enumerate() {
+            let d = if UNKNOWNS[i].2 { 1e-5 } else { 1e-5 * p[i].abs().max(scale_of(i, p, self.omega)) };
+            let difference = (self.observe(&changed(p, i, d)) - self.observe(&changed(p, i, -d))) / (2.0 * d);
             j.set_column(c, &difference);
         }
         j
-    };
-    let cost =
-        |p: &[f64]| factor.solve_lower_triangular(&(&target - observe(p))).map_or(f64::INFINITY, |r| r.norm_squared());
-    let mut best = cost(&p);
-    for _ in 0..200 {
-        let j = factor.solve_lower_triangular(&jacobian(&p))?;
-        let r = factor.solve_lower_triangular(&(&target - observe(&p)))?;
-        let (j, column_scale) = scale_columns(j);
-        let svd = j.svd(true, true);
-        let cut = 1e-7 * svd.singular_values.max();
-        let change = svd.solve(&r, cut).ok()?;
-        let mut damping = 1.0;
-        let mut moved = false;
-        while damping > 1e-6 {
-            let mut q = p.clone();
-            for (c, &i) in free.iter().enumerate() {
-                let d = damping * change[c] * column_scale[c];
-                q = step(&q, i, if UNKNOWNS[i].2 { d.clamp(-1.0, 1.0) } else { d });
+    }
+
+    /// What is observed less b(p), whitened.
+    fn residual(&self, p: &[f64]) -> Option<DVector<f64>> {
+        self.factor.solve_lower_triangular(&(&self.target - self.observe(p)))
+    }
+
+    /// The parameters of least distance from a start, by damped Gauss–Newton, and the distance.
+    fn nearest(&self, mut p: Vec<f64>) -> Option<(Vec<f64>, f64)> {
+        let cost = |p: &[f64]| self.residual(p).map_or(f64::INFINITY, |r| r.norm_squared());
+        let mut best = cost(&p);
+        for _ in 0..200 {
+            let j = self.factor.solve_lower_triangular(&self.jacobian(&p))?;
+            let r = self.residual(&p)?;
+            let (j, column_scale) = scale_columns(j);
+            let svd = j.svd(true, true);
+            let cut = 1e-7 * svd.singular_values.max();
+            let change = svd.solve(&r, cut).ok()?;
+            let mut damping = 1.0;
+            let mut moved = false;
+            while damping > 1e-6 {
+                let mut q = p.clone();
+                for (c, &i) in self.free.iter().enumerate() {
+                    let d = damping * change[c] * column_scale[c];
+                    q = changed(&q, i, if UNKNOWNS[i].2 { d.clamp(-1.0, 1.0) } else { d });
+                }
+                let new = cost(&q);
+                if new.is_finite() && new < best {
+                    moved = best - new > 1e-10 * best;
+                    (p, best) = (q, new);
+                    break;
+                }
+                damping *= 0.5;
             }
-            let new = cost(&q);
-            if new.is_finite() && new < best {
-                moved = best - new > 1e-10 * best;
-                (p, best) = (q, new);
+            if !moved {
                 break;
             }
-            damping *= 0.5;
         }
-        if !moved {
-            break;
-        }
+        Some((p, best))
     }
-    if p.iter().any(|x| !x.is_finite()) {
-        return None;
-    }
-    let raw = jacobian(&p);
-    let (white, column_scale) = scale_columns(factor.solve_lower_triangular(&raw)?);
-    let svd = white.clone().svd(true, true);
-    let (u, v_t) = (svd.u?, svd.v_t?);
-    let cut = 1e-6 * svd.singular_values.max();
-    let mut open = vec![false; free.len()];
-    let mut gain = DMatrix::zeros(free.len(), rows);
-    let mut rank = 0;
-    for (k, s) in svd.singular_values.iter().enumerate() {
-        if *s > cut {
-            gain += v_t.row(k).transpose() * u.column(k).transpose() / *s;
-            rank += 1;
-        } else {
-            (0..free.len()).filter(|&c| v_t[(k, c)].abs() > 1e-4).for_each(|c| open[c] = true);
-        }
-    }
-    // A null direction may also come from there being fewer rows than unknowns.
-    if svd.singular_values.len() < free.len() {
-        let projector = DMatrix::identity(free.len(), free.len()) - v_t.transpose() * &v_t;
-        (0..free.len()).filter(|&c| projector[(c, c)] > 1e-8).for_each(|c| open[c] = true);
-    }
-    let inverse_factor = factor.solve_lower_triangular(&DMatrix::identity(rows, rows))?;
-    let gain = gain * inverse_factor;
-    let scaled = &gain * &sigma * gain.transpose();
-    let covariance =
-        DMatrix::from_fn(free.len(), free.len(), |r, c| scaled[(r, c)] * column_scale[r] * column_scale[c]);
-    let mut out = PhysicalFit { misfit: best, freedom: rows.saturating_sub(rank), ..PhysicalFit::default() };
-    for (c, &i) in free.iter().enumerate() {
-        let (name, unit, logarithmic) = UNKNOWNS[i];
-        if i == A_COS || i == A_SIN {
-            continue;
-        }
-        if open[c] {
-            out.undetermined.push(name);
-            continue;
-        }
-        let error = covariance[(c, c)].max(0.0).sqrt() * if logarithmic { p[i] } else { 1.0 };
-        out.parameters.push(Physical { name, value: p[i], std_error: error, unit });
-    }
-    if let (Some(c), Some(s)) = (free.iter().position(|&i| i == A_COS), free.iter().position(|&i| i == A_SIN)) {
-        if open[c] || open[s] {
-            out.undetermined.push("a");
-        } else if amplitude.is_none() {
-            let (x, y) = (p[A_COS], p[A_SIN]);
-            let a = x.hypot(y);
-            let error = |gx: f64, gy: f64| {
-                let variance =
-                    gx * gx * covariance[(c, c)] + 2.0 * gx * gy * covariance[(c, s)] + gy * gy * covariance[(s, s)];
-                variance.max(0.0).sqrt()
-            };
-            if a > 0.0 {
-                out.parameters.push(Physical { name: "a", value: a, std_error: error(x / a, y / a), unit: "m" });
-                let psi = Physical {
-                    name: "psi",
-                    value: y.atan2(x),
-                    std_error: error(-y / (a * a), x / (a * a)),
-                    unit: "rad",
-                };
-                out.parameters.push(psi);
+
+    /// The sandwich G Σ Gᵀ at the least distance, and the directions that stay open.
+    fn spread(&self, p: &[f64]) -> Option<Spread> {
+        let (rows, free) = (self.target.len(), self.free.len());
+        let (white, column_scale) = scale_columns(self.factor.solve_lower_triangular(&self.jacobian(p))?);
+        let svd = white.svd(true, true);
+        let (u, v_t) = (svd.u?, svd.v_t?);
+        let cut = 1e-6 * svd.singular_values.max();
+        let mut open = vec![false; free];
+        let mut gain = DMatrix::zeros(free, rows);
+        let mut rank = 0;
+        for (k, s) in svd.singular_values.iter().enumerate() {
+            if *s > cut {
+                gain += v_t.row(k).transpose() * u.column(k).transpose() / *s;
+                rank += 1;
+            } else {
+                (0..free).filter(|&c| v_t[(k, c)].abs() > 1e-4).for_each(|c| open[c] = true);
             }
         }
+        // A null direction may also come from there being fewer rows than unknowns.
+        if svd.singular_values.len() < free {
+            let projector = DMatrix::identity(free, free) - v_t.transpose() * &v_t;
+            (0..free).filter(|&c| projector[(c, c)] > 1e-8).for_each(|c| open[c] = true);
+        }
+        let inverse_factor = self.factor.solve_lower_triangular(&DMatrix::identity(rows, rows))?;
+        let gain = gain * inverse_factor;
+        let scaled = &gain * &self.sigma * gain.transpose();
+        let covariance = DMatrix::from_fn(free, free, |r, c| scaled[(r, c)] * column_scale[r] * column_scale[c]);
+        Some(Spread { covariance, open, rank })
     }
-    Some(out)
+
+    /// Writes down what is fixed and what is open, amplitude and phase of the drive last.
+    fn report(&self, p: &[f64], spread: &Spread, out: &mut PhysicalFit) {
+        let Spread { covariance, open, .. } = spread;
+        for (c, &i) in self.free.iter().enumerate() {
+            let (name, unit, logarithmic) = UNKNOWNS[i];
+            if i == A_COS || i == A_SIN {
+                continue;
+            }
+            if open[c] {
+                out.undetermined.push(name);
+                continue;
+            }
+            let error = covariance[(c, c)].max(0.0).sqrt() * if logarithmic { p[i] } else { 1.0 };
+            out.parameters.push(Physical { name, value: p[i], std_error: error, unit });
+        }
+        let place = |unknown: usize| self.free.iter().position(|&i| i == unknown);
+        let (Some(c), Some(s)) = (place(A_COS), place(A_SIN)) else { return };
+        if open[c] || open[s] {
+            out.undetermined.push("a");
+            return;
+        }
+        let (x, y) = (p[A_COS], p[A_SIN]);
+        let a = x.hypot(y);
+        let error = |gx: f64, gy: f64| {
+            let variance =
+                gx * gx * covariance[(c, c)] + 2.0 * gx * gy * covariance[(c, s)] + gy * gy * covariance[(s, s)];
+            variance.max(0.0).sqrt()
+        };
+        if self.amplitude.is_none() && a > 0.0 {
+            let (of_a, of_psi) = (error(x / a, y / a), error(-y / (a * a), x / (a * a)));
+            out.parameters.push(Physical { name: "a", value: a, std_error: of_a, unit: "m" });
+            out.parameters.push(Physical { name: "psi", value: y.atan2(x), std_error: of_psi, unit: "rad" });
+        }
+    }
+}
+
+/// The parameters with one of them changed by d, by eᵈ where its logarithm is fitted.
+fn changed(p: &[f64], i: usize, d: f64) -> Vec<f64> {
+    let mut q = p.to_vec();
+    if UNKNOWNS[i].2 {
+        q[i] *= d.exp()
+    } else {
+        q[i] += d
+    }
+    q
 }
 
 /// A typical size of a parameter that may be zero, for the step of its derivative.
@@ -302,8 +357,8 @@ fn scale_columns(mut j: DMatrix<f64>) -> (DMatrix<f64>, Vec<f64>) {
 }
 
 /// A start that satisfies most coefficients, from one of them at a time.
-fn start(p: &mut [f64], fixed: &[bool], names: &[String], values: &DVector<f64>, amplitude: Option<f64>, omega: f64) {
-    let get = |n: &str| names.iter().position(|x| x == n).map(|i| values[i]);
+fn start(p: &mut [f64], fixed: &[bool], of: &Identified<'_>, amplitude: Option<f64>, omega: f64) {
+    let get = |n: &str| of.names.iter().position(|x| x == n).map(|i| of.values[i]);
     let mut set = |i: usize, v: f64| {
         if !fixed[i] && v.is_finite() && (!UNKNOWNS[i].2 || v > 0.0) {
             p[i] = v;

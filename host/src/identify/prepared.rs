@@ -58,8 +58,8 @@ pub fn prepare(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
 pub fn prepare_moving(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings) -> Result<Prepared> {
     let mut out = Steady::of(records, rig, bound)?;
     let mut found = out.measured(rig, bound, settings)?;
-    let moving = (bound, &found.sensors.count[..], found.geometry.windows.length_s);
-    if standstill::leave_out(&mut out.stretches, &mut out.record_of, moving, &mut out.warnings) {
+    let (count, window_s) = (&found.sensors.count, found.geometry.windows.length_s);
+    if standstill::leave_out(&mut out.stretches, &mut out.record_of, bound, count, window_s, &mut out.warnings) {
         found = out.measured(rig, bound, settings)?;
     }
     out.ready(found, rig, records)
@@ -109,7 +109,7 @@ impl Steady {
         drop(shown);
         let lengths: Vec<f64> = self.stretches.iter().map(|s| s.len() as f64 * s.step_s).collect();
         let inputs = !bound.inputs.is_empty();
-        let geometry = geometry(rig, settings, &noises, inputs, step_s, (band, &lengths))?;
+        let geometry = geometry(rig, settings, &noises, inputs, step_s, band, &lengths)?;
         let counted = |&i: &usize| Some(&rig.channel[i]).filter(|c| c.unit == "count").map(Channel::scale);
         let count: Vec<Option<f64>> = bound.sensors.iter().map(counted).collect();
         let error = |(n, count): (&Option<Noise>, &Option<f64>)| match count {

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::windows::{Kernels, Windows};
+use super::prepared::Geometry;
 use super::{harmonic_balance, noise_bias, regression, shooting, slips};
 use crate::record::Record;
 use crate::warning::Warning;
@@ -89,10 +89,11 @@ impl Details {
     pub(super) fn of(
         solution: &regression::Solution,
         count: usize,
-        (windows, kernels): (&Windows, &Kernels),
+        geometry: &Geometry,
         noise_rad: Vec<f64>,
         bias: Option<&noise_bias::Bias>,
     ) -> Self {
+        let Geometry { windows, kernels } = geometry;
         Self {
             window_s: windows.length_s,
             windows: count,

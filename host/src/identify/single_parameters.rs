@@ -6,13 +6,13 @@
 //! g/(q_sin Ω²); with J known, m e = q_sin J Ω²/g; then c_r1 and τ_c1. Standard errors by linear
 //! propagation of the coefficients' covariance.
 
-use nalgebra::{DMatrix, DVector};
-
 use super::physical_parameters::{Physical, PhysicalFit};
 use crate::rig::{Direction, Rig};
+use crate::system::ties::Identified;
 
 /// The parameters that follow.
-pub fn derive(names: &[String], values: &DVector<f64>, covariance: &DMatrix<f64>, rig: &Rig) -> Option<PhysicalFit> {
+pub fn derive(identified: &Identified<'_>, rig: &Rig) -> Option<PhysicalFit> {
+    let Identified { names, values, covariance, .. } = *identified;
     let at = |name: &str| names.iter().position(|n| n == name);
     let q = at("q_sin").filter(|i| values[*i] > 0.0)?;
     let omega = rig.omega();
@@ -70,8 +70,11 @@ pub fn derive(names: &[String], values: &DVector<f64>, covariance: &DMatrix<f64>
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use std::path::Path;
+
+    use nalgebra::{DMatrix, DVector};
+
+    use super::*;
 
     #[test]
     fn true_coefficients_give_the_plants_parameters() {
@@ -81,7 +84,8 @@ mod tests {
         let truth = |n: &str| plant.truth(n, rig.omega(), rig.drive.map(|d| d.direction)).unwrap();
         let values = DVector::from_iterator(4, names.iter().map(|n| truth(n)));
         let covariance = DMatrix::from_diagonal(&values.map(|v| (0.01 * v).powi(2)));
-        let fit = derive(&names, &values, &covariance, &rig).unwrap();
+        let (values, covariance) = (&values, &covariance);
+        let fit = derive(&Identified { names: &names, values, covariance, metric: covariance }, &rig).unwrap();
         for (name, relative) in [("a", 2f64.sqrt() * 0.01), ("J_o1", 0.01), ("c_r1", 2f64.sqrt() * 0.01)] {
             let p = fit.parameters.iter().find(|p| p.name == name).unwrap();
             assert!((p.value / truth(name) - 1.0).abs() < 1e-9, "{name} {}", p.value);

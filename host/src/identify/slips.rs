@@ -82,7 +82,8 @@ pub struct Placed {
 /// stretch at which a piece begins; `count`: size of one count of each sensor.
 pub fn find<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
-    (pieces, states): (&[Piece], &[Vec<f64>]),
+    pieces: &[Piece],
+    states: &[Vec<f64>],
     parameters: &[f64],
     first: &(dyn Fn(&Piece) -> usize + Sync),
     count: &[Option<f64>],
@@ -90,7 +91,7 @@ pub fn find<D: Dynamics + ?Sized>(
     if count.iter().all(Option::is_none) {
         return Vec::new();
     }
-    let between = overlapping(problem, (pieces, states), parameters);
+    let between = overlapping(problem, pieces, states, parameters);
     let all: Vec<(&Piece, &Vec<f64>)> = pieces.iter().zip(states).chain(between.iter().map(|(p, s)| (p, s))).collect();
     let steps: Vec<Step> = all
         .par_iter()
@@ -116,7 +117,8 @@ pub fn find<D: Dynamics + ?Sized>(
 /// Pieces half of which are of one piece and half of the next, with their states.
 fn overlapping<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
-    (pieces, states): (&[Piece], &[Vec<f64>]),
+    pieces: &[Piece],
+    states: &[Vec<f64>],
     parameters: &[f64],
 ) -> Vec<(Piece, Vec<f64>)> {
     let sensors = problem.sensors.len().max(1);
@@ -286,7 +288,7 @@ fn take_back(records: &mut [Record], slips: &[Placed]) {
 
 /// One warning for each channel of each record.
 fn warnings(records: &[Record], slips: &[Placed]) -> Vec<Warning> {
-    let mut told = Vec::new();
+    let mut warnings = Vec::new();
     for (r, record) in records.iter().enumerate() {
         for (c, channel) in record.channels.iter().enumerate() {
             let mut here: Vec<Placed> = slips.iter().filter(|s| (s.record, s.channel) == (r, c)).copied().collect();
@@ -316,10 +318,10 @@ fn warnings(records: &[Record], slips: &[Placed]) -> Vec<Warning> {
             if let Some(rows) = here.iter().map(row).collect::<Option<Vec<u64>>>() {
                 warning = warning.with("row", rows[0]).with("rows", rows);
             }
-            told.push(warning);
+            warnings.push(warning);
         }
     }
-    told
+    warnings
 }
 
 /// Records without the slips that their rig's equations show, and what is to be said of them; none

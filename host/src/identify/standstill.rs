@@ -28,7 +28,9 @@ const WORTH: f64 = 0.25;
 pub fn leave_out(
     stretches: &mut Vec<Stretch>,
     record_of: &mut Vec<usize>,
-    (bound, count, window_s): (&Bound, &[Option<f64>], f64),
+    bound: &Bound,
+    count: &[Option<f64>],
+    window_s: f64,
     warnings: &mut Vec<Warning>,
 ) -> bool {
     let still: Vec<Vec<(usize, usize)>> =
@@ -156,15 +158,15 @@ mod tests {
         assert!(!standstills(&slow, &bound, &COUNT, 0.5).is_empty());
         assert!(standstills(&slow, &bound, &COUNT, STILL * 45.0).is_empty());
         let (mut stretches, mut records, mut warnings) = (vec![sticks], vec![3], Vec::new());
-        assert!(leave_out(&mut stretches, &mut records, (&bound, &COUNT, 3.0), &mut warnings));
+        assert!(leave_out(&mut stretches, &mut records, &bound, &COUNT, 3.0, &mut warnings));
         assert!(stretches.len() == 1 && (stretches[0].len() as i64 - 2000).abs() < 30 && warnings.len() == 1);
         assert_eq!(records, [3]);
         // Stop and go: what is left would have no room for windows.
         let mut goes = vec![stretch(|t| if t % 2.0 < 1.3 { (7.0 * t).sin() } else { 0.1 })];
-        assert!(!leave_out(&mut goes, &mut records, (&bound, &COUNT, 3.0), &mut warnings) && goes.len() == 1);
+        assert!(!leave_out(&mut goes, &mut records, &bound, &COUNT, 3.0, &mut warnings) && goes.len() == 1);
         // Nothing long enough would be left: what to say of such a record is for others to decide.
         let mut all = vec![stretch(|_| 0.1)];
-        assert!(!leave_out(&mut all, &mut records, (&bound, &COUNT, 3.0), &mut warnings));
+        assert!(!leave_out(&mut all, &mut records, &bound, &COUNT, 3.0, &mut warnings));
         assert!(all.len() == 1 && all[0].len() == 5000 && warnings.len() == 1);
     }
 }

@@ -1,21 +1,21 @@
 //! The built-in systems that an identification knows: their nominal dampings and physical
 //! parameters.
 
-use nalgebra::{DMatrix, DVector};
-
 use super::{physical_parameters, single_parameters};
 use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::{self, Damping};
 use crate::model::single_pendulum;
-use crate::rig::{Direction, Rig};
+use crate::rig::Rig;
+use crate::system::library::Pendulum;
+use crate::system::ties::Identified;
 use physical_parameters::PhysicalFit;
 
 /// A system with the dampings of its nominal model.
 #[derive(Clone, Debug)]
 pub enum System {
-    /// `single-pendulum`: names of the dampings' coefficients.
+    /// The single pendulum: names of the dampings' coefficients.
     Single(Vec<&'static str>),
-    /// `double-pendulum`.
+    /// The double pendulum: its dampings.
     Double(Vec<&'static Damping>),
 }
 
@@ -26,9 +26,9 @@ impl System {
     /// A model that is none of them, a drive that it cannot have, dampings that are unknown or
     /// named twice.
     pub fn of(rig: &Rig) -> Result<Self> {
-        match rig.model.as_str() {
-            "double-pendulum" => {
-                if rig.drive.is_some_and(|d| d.direction == Direction::Horizontal) {
+        match rig.pendulum() {
+            Some(Pendulum::Double) => {
+                if rig.drive.is_some_and(|d| !Pendulum::Double.takes(d.direction)) {
                     return Err(BadInput::new("\"horizontal\"", "\"vertical\"")
                         .in_file(&rig.path)
                         .at("drive.direction")
@@ -36,8 +36,8 @@ impl System {
                 }
                 Ok(Self::Double(dampings(rig)?))
             }
-            "single-pendulum" => Ok(Self::Single(single_dampings(rig)?)),
-            other => Err(BadInput::new(format!("\"{other}\""), "\"double-pendulum\" or \"single-pendulum\"")
+            Some(Pendulum::Single) => Ok(Self::Single(single_dampings(rig)?)),
+            None => Err(BadInput::new(format!("\"{}\"", rig.model), Pendulum::either())
                 .in_file(&rig.path)
                 .at("model")
                 .remedy("`whirl list models` shows the models")),
@@ -56,17 +56,10 @@ impl System {
     }
 
     /// Physical parameters from coefficients and what is known; `None` where nothing follows.
-    pub fn physical(
-        &self,
-        names: &[String],
-        values: &DVector<f64>,
-        covariance: &DMatrix<f64>,
-        metric: &DMatrix<f64>,
-        rig: &Rig,
-    ) -> Option<PhysicalFit> {
+    pub fn physical(&self, identified: &Identified<'_>, rig: &Rig) -> Option<PhysicalFit> {
         match self {
-            Self::Single(_) => single_parameters::derive(names, values, covariance, rig),
-            Self::Double(_) => physical_parameters::fit(names, values, covariance, metric, &rig.known, rig.omega()),
+            Self::Single(_) => single_parameters::derive(identified, rig),
+            Self::Double(_) => physical_parameters::fit(identified, &rig.known, rig.omega()),
         }
     }
 }

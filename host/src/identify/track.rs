@@ -10,7 +10,7 @@ use core::f64::consts::TAU;
 use super::remeasured::Sensors;
 use super::shooting::problem::{Piece, Problem};
 use super::shooting::run::integration_step;
-use super::shooting::track::{Geometry, Stretch as Measured, cut};
+use super::shooting::track::{Geometry, MeasuredStretch, cut};
 use super::stretches::Stretch;
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::Inputs;
@@ -108,11 +108,11 @@ pub struct Track<'a> {
     /// Where each stretch begins on the axis, s.
     begins: Vec<f64>,
     /// States that are known better than from the sensors' slopes, by stretch and sample.
-    known: Option<Known<'a>>,
+    known: Option<KnownStates<'a>>,
 }
 
 /// Coordinates and rates by stretch and sample, where they are known.
-pub type Known<'a> = &'a (dyn Fn(usize, usize) -> Option<Vec<f64>> + Sync);
+pub type KnownStates<'a> = &'a (dyn Fn(usize, usize) -> Option<Vec<f64>> + Sync);
 
 impl<'a> Track<'a> {
     /// Lays out the stretches; `along` is one for each.
@@ -167,7 +167,7 @@ impl<'a> Track<'a> {
 
     /// With guesses of states from what is known.
     #[must_use]
-    pub fn knowing(self, known: Known<'a>) -> Self {
+    pub fn knowing(self, known: KnownStates<'a>) -> Self {
         Self { known: Some(known), ..self }
     }
 
@@ -201,8 +201,11 @@ impl<'a> Track<'a> {
         let geometry = Geometry { sensors: &shown, angles: &angles, spacing_s: self.spacing_s, guess };
         let mut out = Pieces { pieces: Vec::new(), guesses: Vec::new(), known: Vec::new() };
         for (k, s) in self.stretches.iter().enumerate() {
-            let measured =
-                Measured { start_s: self.begins[k], sensors: s.sensors(self.bound), tau: Box::new(move |i| s.tau(i)) };
+            let measured = MeasuredStretch {
+                start_s: self.begins[k],
+                sensors: s.sensors(self.bound),
+                tau: Box::new(move |i| s.tau(i)),
+            };
             let (pieces, mut guesses) = cut(&[measured], &geometry, length, (length / 4).max(16))?;
             for (piece, guess) in pieces.iter().zip(&mut guesses) {
                 let since_s = piece.start_s - self.begins[k];
@@ -240,7 +243,7 @@ impl<'a> Track<'a> {
         let s = self.stretches.get(stretch)?;
         let sensors = s.part(first, first + count).sensors(self.bound);
         let start_s = self.begins[stretch] + first as f64 * self.spacing_s;
-        let measured = Measured { start_s, sensors, tau: Box::new(move |i| s.tau(first + i)) };
+        let measured = MeasuredStretch { start_s, sensors, tau: Box::new(move |i| s.tau(first + i)) };
         let (mut pieces, mut guesses) = cut(&[measured], &geometry, count, count)?;
         let mut guess = guesses.pop()?;
         let _known = self.improve((stretch, first), &mut guess);

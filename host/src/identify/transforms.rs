@@ -54,10 +54,10 @@ fn is_smooth(mut n: usize) -> bool {
 pub struct Transforms {
     length: usize,
     bins: usize,
-    way: Way,
+    way: Algorithm,
 }
 
-enum Way {
+enum Algorithm {
     Matrix(Matrices),
     Fast(Arc<dyn RealToComplex<f64>>),
 }
@@ -87,7 +87,7 @@ impl Transforms {
     pub fn new(length: usize, bins: usize) -> Self {
         let bins = bins.min(length / 2 + 1);
         let matrix = length.is_multiple_of(4) && bins <= MOST_BINS && length * bins / 2 <= LARGEST;
-        let way = if matrix { Way::Matrix(Matrices::new(length, bins)) } else { Self::fast(length) };
+        let way = if matrix { Algorithm::Matrix(Matrices::new(length, bins)) } else { Self::fast(length) };
         Self { length, bins, way }
     }
 
@@ -96,8 +96,8 @@ impl Transforms {
         self.bins
     }
 
-    fn fast(length: usize) -> Way {
-        Way::Fast(RealFftPlanner::<f64>::new().plan_fft_forward(length))
+    fn fast(length: usize) -> Algorithm {
+        Algorithm::Fast(RealFftPlanner::<f64>::new().plan_fft_forward(length))
     }
 
     /// Bins 0 … K − 1 of windows of the planned length: for each group of signals and each of its
@@ -105,8 +105,8 @@ impl Transforms {
     pub fn apply(&self, groups: &[(&[Vec<f64>], &[usize])], work: &mut Work, out: &mut Vec<Complex64>) {
         out.clear();
         match &self.way {
-            Way::Matrix(matrices) => self.by_matrix(matrices, groups, work, out),
-            Way::Fast(fft) => {
+            Algorithm::Matrix(matrices) => self.by_matrix(matrices, groups, work, out),
+            Algorithm::Fast(fft) => {
                 let Work { input, output, scratch, .. } = work;
                 input.resize(self.length, 0.0);
                 output.resize(self.length / 2 + 1, Complex64::default());
@@ -272,7 +272,7 @@ mod tests {
                 (0..2 * length).map(|j| 1e3 + 0.2 * j as f64 + (0.37 * (j * j % 97) as f64).sin()).collect();
             let y: Vec<f64> = x.iter().rev().map(|x| (0.1 * x).cos()).collect();
             let plan = Transforms::new(length, bins);
-            assert!(matches!(plan.way, Way::Matrix(_)));
+            assert!(matches!(plan.way, Algorithm::Matrix(_)));
             let fast = Transforms { way: Transforms::fast(length), ..Transforms::new(length, bins) };
             for plan in [plan, fast] {
                 let mut out = Vec::new();
@@ -299,8 +299,8 @@ mod tests {
 
     #[test]
     fn what_would_be_a_large_matrix_is_a_fast_transform() {
-        assert!(matches!(Transforms::new(8_000_000, 43).way, Way::Fast(_)));
-        assert!(matches!(Transforms::new(2000, 403).way, Way::Fast(_)));
+        assert!(matches!(Transforms::new(8_000_000, 43).way, Algorithm::Fast(_)));
+        assert!(matches!(Transforms::new(2000, 403).way, Algorithm::Fast(_)));
     }
 
     #[test]

@@ -8,6 +8,7 @@ use core::cell::OnceCell;
 
 use nalgebra::DVector;
 
+use super::built_in::WrittenRig;
 use super::noise_bias::{Bias, with_noise_that_fits};
 use super::prepared::{Geometry, Prepared, prepare_moving};
 use super::regression::{self, Options, Solution, Unsolvable};
@@ -35,8 +36,9 @@ pub fn weak_form(records: &[Record], rig: &Rig, settings: &Settings) -> Result<I
     let own = built_in::written(rig)?;
     let bound = built_in::bound(&own)?;
     let prepared = prepare_moving(records, &own, bound, settings)?;
-    let fitted = Fitted::of(records, (rig, &own, bound), &prepared)?;
-    let mut result = fitted.told(records, (rig, &own, bound), &prepared)?;
+    let written = WrittenRig { rig, own: &own, bound };
+    let fitted = Fitted::of(records, written, &prepared)?;
+    let mut result = fitted.identification(records, written, &prepared)?;
     judgement::judge(&mut result, rig);
     Ok(result)
 }
@@ -58,13 +60,14 @@ struct Fitted {
 }
 
 impl Fitted {
-    fn of(records: &[Record], (rig, own, bound): (&Rig, &Rig, &Bound), prepared: &Prepared) -> Result<Self> {
+    fn of(records: &[Record], written: WrittenRig<'_>, prepared: &Prepared) -> Result<Self> {
+        let WrittenRig { rig, own, bound } = written;
         let model = &*bound.model;
         let Prepared { stretches, record_of, sensors, geometry: Geometry { windows, kernels }, .. } = prepared;
         let circle = model.circle();
         let split = per_record::Split::new(model, records.len());
         let (terms, names) = (split.terms(), split.names());
-        let told = |e: Unsolvable| unsolvable(e, (&terms, &names), model, records);
+        let error = |e: Unsolvable| unsolvable(e, &terms, &names, model, records);
         // What a model lacks varies as slowly as the motion: blocks of 4 s where windows are
         // shorter.
         let block = if bound.inputs.is_empty() { 0 } else { (4.0 / windows.hop_s).ceil() as usize };
@@ -76,7 +79,7 @@ impl Fitted {
             regression::solve_with(&rows, &terms, windows.frequencies, &options).map(|solution| (rows, solution))
         };
         let mut weak = WeakForm::new(model, own.omega(), &[])?;
-        let (mut rows, mut solution) = fit(&weak).map_err(told)?;
+        let (mut rows, mut solution) = fit(&weak).map_err(error)?;
         if solution.error.iter().all(|e| *e < EXACT) {
             let plain = WeakForm::unsmoothed(model, own.omega())?;
             if let Ok(found) = fit(&plain)
@@ -90,9 +93,9 @@ impl Fitted {
         let remeasured =
             || remeasured.get_or_init(|| Remeasured::new(&system, windows, bound, sensors, &split, record_of));
         if !bound.inputs.is_empty() {
-            let weights = input_weights(model, &rows, &terms, windows.frequencies, remeasured()).map_err(told)?;
+            let weights = input_weights(model, &rows, &terms, windows.frequencies, remeasured()).map_err(error)?;
             let options = Options { weights: Some(&weights), ..options };
-            solution = regression::solve_with(&rows, &terms, windows.frequencies, &options).map_err(told)?;
+            solution = regression::solve_with(&rows, &terms, windows.frequencies, &options).map_err(error)?;
         }
         let mut sigma = sensors.sigma.clone();
         let weights = &solution.weights;
@@ -123,12 +126,13 @@ impl Fitted {
     }
 
     /// The result in the terms of `rig`, of which `own` has the equations.
-    fn told(
+    fn identification(
         self,
         records: &[Record],
-        (rig, own, bound): (&Rig, &Rig, &Bound),
+        written: WrittenRig<'_>,
         prepared: &Prepared,
     ) -> Result<Identification> {
+        let WrittenRig { rig, own, bound } = written;
         let Self { rows, split, solution, plain, bias, sigma } = self;
         let model = &*bound.model;
         let Geometry { windows, kernels } = &prepared.geometry;
@@ -148,7 +152,7 @@ impl Fitted {
         // ones.
         let metric = if shared.len() == names.len() { &solution.metric } else { &covariance };
         let identified = Identified { names: &shared, values: &values, covariance: &covariance, metric };
-        let (parameters, ties_misfit) = built_in::parameters(rig, (&identified, &units), &mut warnings);
+        let (parameters, ties_misfit) = built_in::parameters(rig, &identified, &units, &mut warnings);
         let balance_error = if rig.bound.is_some() {
             let tied = split.tied(&shared, &values);
             balance_error::balance_errors(model, own, &prepared.stretches, kernels, &prepared.record_of, &split, &tied)
@@ -174,7 +178,7 @@ impl Fitted {
             details: Details {
                 balance_error,
                 ties_misfit,
-                ..Details::of(&solution, rows.len(), (windows, kernels), sigma, bias.as_ref())
+                ..Details::of(&solution, rows.len(), &prepared.geometry, sigma, bias.as_ref())
             },
             warnings,
             residuals: (0..model.equations.len()).map(residuals).collect(),
@@ -184,7 +188,7 @@ impl Fitted {
 }
 
 /// An equation that cannot be solved, in words.
-fn unsolvable(e: Unsolvable, (terms, names): (&[usize], &[String]), model: &ModelFile, records: &[Record]) -> BadInput {
+fn unsolvable(e: Unsolvable, terms: &[usize], names: &[String], model: &ModelFile, records: &[Record]) -> BadInput {
     let error = match e {
         Unsolvable::Dependent { equation, column } => {
             let at = terms[..equation].iter().sum::<usize>() + column;

@@ -59,7 +59,7 @@ pub fn samples_needed(windows: &Windows, kernels: &Kernels, step_s: f64) -> usiz
     good_length(windows.length_s / step_s).saturating_add(2 * kernels.reach())
 }
 
-struct Place {
+struct WindowStart {
     segment: usize,
     start: usize,
     index: usize,
@@ -181,13 +181,14 @@ pub(crate) fn rows_planned(source: &impl Stretches, equations: &[Equation], plan
             if start + length + reach > source.samples(segment) {
                 break;
             }
-            places.push(Place { segment, start, index });
+            places.push(WindowStart { segment, start, index });
         }
     }
     // Groups of neighbours, and as many groups together as make a matrix product worth while:
     // fixed, whatever the threads.
-    let groups: Vec<&[Place]> = places.chunk_by(|a, b| a.segment == b.segment).flat_map(|c| c.chunks(GROUP)).collect();
-    let mut tasks: Vec<&[&[Place]]> = Vec::new();
+    let groups: Vec<&[WindowStart]> =
+        places.chunk_by(|a, b| a.segment == b.segment).flat_map(|c| c.chunks(GROUP)).collect();
+    let mut tasks: Vec<&[&[WindowStart]]> = Vec::new();
     let mut rest = &groups[..];
     while !rest.is_empty() {
         let mut windows = 0;

@@ -22,6 +22,7 @@ use crate::record::names::TimeChoice;
 use crate::record::{ReadOptions, Record, metadata};
 use crate::rig::choices::Choices;
 use crate::rig::{Direction, Rig};
+use crate::system::library::Pendulum;
 
 /// A statement of the rig file, why it was made, and whether it is a guess.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -124,6 +125,11 @@ pub struct Settings {
 }
 
 impl Draft {
+    /// The built-in system that it is of.
+    fn pendulum(&self) -> Option<Pendulum> {
+        self.model.as_deref().and_then(Pendulum::named)
+    }
+
     /// All statements, those about the time first.
     pub fn statements(&self) -> Vec<&Statement> {
         let channels = self.channels.iter().flat_map(|c| &c.why);
@@ -178,7 +184,7 @@ pub fn draft(path: &Path, settings: &Settings) -> Result<Draft> {
         if chosen.may_be_driven { drive::find(&raw, &seen) } else { drive::Drives::default() };
     draft.drive = known;
     if draft.model.is_some() {
-        settle::settle(&mut draft, &seen, (settings, &possible))?;
+        settle::settle(&mut draft, &seen, settings, &possible)?;
     }
     Ok(draft)
 }

@@ -16,6 +16,7 @@ use crate::record::Record;
 use crate::record::cut::Part;
 use crate::report::format::significant;
 use crate::rig::Direction;
+use crate::system::library::Pendulum;
 
 /// Seconds that are looked at of a free system; drive periods of a driven one.
 const FREE_S: f64 = 40.0;
@@ -35,7 +36,7 @@ struct Tried {
 }
 
 /// Settles what the equations tell; a drive is one of those that are possible, or none.
-pub(super) fn settle(draft: &mut Draft, seen: &[Seen], (settings, possible): (&Settings, &[DraftDrive])) -> Result<()> {
+pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, possible: &[DraftDrive]) -> Result<()> {
     let rig = draft.rig()?;
     let mut record = Record::read(&draft.record, &rig, &settings.options)?;
     let start = record.segments.first().map_or(0.0, |s| s.start_s);
@@ -45,7 +46,7 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], (settings, possible): (&S
     let _ = record.cut(&Part { from_s: None, to_s: Some(start + length) });
     let open = |name: &str| seen.iter().any(|s| s.name == name && s.unit == "count" && s.counts.is_none());
     let unknown: Vec<usize> = (0..draft.channels.len()).filter(|k| open(&draft.channels[*k].name)).collect();
-    let mut tried = try_all(readings(draft, &unknown, (settings, possible)), &record);
+    let mut tried = try_all(readings(draft, &unknown, settings, possible), &record);
     if tried.is_empty() {
         return Ok(());
     }
@@ -82,9 +83,9 @@ fn frequency(draft: &Draft) -> Option<f64> {
 }
 
 /// All readings that are possible.
-fn readings(draft: &Draft, unknown: &[usize], (settings, possible): (&Settings, &[DraftDrive])) -> Vec<Draft> {
+fn readings(draft: &Draft, unknown: &[usize], settings: &Settings, possible: &[DraftDrive]) -> Vec<Draft> {
     let mut out = vec![draft.clone()];
-    if draft.model.as_deref() == Some("double-pendulum") && settings.choices.map.is_empty() {
+    if draft.pendulum() == Some(Pendulum::Double) && settings.choices.map.is_empty() {
         let orders = [["theta1", "theta2"], ["phi1", "phi2"], ["theta2", "theta1"], ["phi2", "phi1"]];
         out = orders.iter().map(|order| measuring(draft, order)).collect();
     }
@@ -113,7 +114,8 @@ fn drives_of(draft: &Draft, d: &DraftDrive) -> Vec<DraftDrive> {
     }
     let drive = |direction, times: f64| DraftDrive { direction, frequency_hz: times * d.frequency_hz, ..d.clone() };
     // The double pendulum's equations have a vertical drive only.
-    let once = if draft.model.as_deref() == Some("double-pendulum") { Direction::Vertical } else { d.direction };
+    let possible = draft.pendulum().is_none_or(|p| p.takes(d.direction));
+    let once = if possible { d.direction } else { Direction::Vertical };
     vec![drive(once, 1.0), drive(Direction::Vertical, 2.0)]
 }
 
@@ -175,8 +177,8 @@ fn tell_measures(draft: &mut Draft, by: f64) {
 fn tell_drive(draft: &mut Draft, by: f64) {
     let Some(d) = &mut draft.drive else { return };
     let text = format!("{} Hz", d.frequency_hz);
-    let told = Statement::new("drive", text, format!("the equations of motion fit so; {}", beside(by)));
-    d.why.push(if by > CLEARLY { told } else { told.unsure() });
+    let statement = Statement::new("drive", text, format!("the equations of motion fit so; {}", beside(by)));
+    d.why.push(if by > CLEARLY { statement } else { statement.unsure() });
 }
 
 /// What the equations say of the finished reading: the drive's direction and a frequency that is
@@ -186,7 +188,7 @@ fn refine(draft: &mut Draft, record: &Record) {
     let record = Record { channels: rig.channel.clone(), ..record.clone() };
     for w in suspects::examine(core::slice::from_ref(&record), &rig) {
         let Some(d) = &mut draft.drive else { return };
-        if w.id == "drive-direction" && rig.model == "single-pendulum" {
+        if w.id == "drive-direction" && rig.pendulum().is_some_and(|p| p.takes(Direction::Horizontal)) {
             d.direction = if d.direction == Direction::Vertical { Direction::Horizontal } else { Direction::Vertical };
             d.why.retain(|s| !s.check);
             let name = if d.direction == Direction::Vertical { "vertical" } else { "horizontal" };
@@ -208,7 +210,7 @@ fn refine(draft: &mut Draft, record: &Record) {
         }
     }
     // A vertical drive is the only one that the double pendulum's equations have.
-    if rig.model == "double-pendulum"
+    if rig.pendulum().is_some_and(|p| !p.takes(Direction::Horizontal))
         && let Some(d) = &mut draft.drive
     {
         d.why.retain(|s| !s.check);

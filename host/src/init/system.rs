@@ -9,6 +9,7 @@ use crate::error::{BadInput, Result};
 use crate::model::MODELS;
 use crate::model::model_file::toml_place::{self, Source};
 use crate::model::model_file::{self, Space};
+use crate::system::library::Pendulum;
 use crate::system::{self, library};
 
 /// Counts a turn where nothing shows them: the commonest encoder, 1024 lines counted four times.
@@ -37,12 +38,8 @@ struct Needs {
 }
 
 fn built_in(id: &str) -> Option<Needs> {
-    let angles: &[&str] = match id {
-        "single-pendulum" => &["theta1"],
-        "double-pendulum" => &["theta1", "theta2"],
-        _ => return None,
-    };
-    let list = angles.iter().map(|n| Need { name: (*n).to_owned(), kind: Kind::Angle }).collect();
+    let list =
+        Pendulum::named(id)?.encoders().iter().map(|n| Need { name: (*n).to_owned(), kind: Kind::Angle }).collect();
     Some(Needs { list, phase: true })
 }
 
@@ -87,8 +84,8 @@ fn named(system: &str, output: &Path) -> Result<(String, Needs)> {
 pub(super) fn choose(raw: &Raw, seen: &[Seen], settings: &Settings) -> Result<Chosen> {
     let angles = seen.iter().filter(|s| s.kind == Kind::Angle).count();
     let guess = match angles {
-        1 => Some("single-pendulum"),
-        2 => Some("double-pendulum"),
+        1 => Some(Pendulum::Single.id()),
+        2 => Some(Pendulum::Double.id()),
         _ => None,
     };
     let model = settings.system.as_deref().or(guess);

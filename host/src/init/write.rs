@@ -5,6 +5,7 @@ use std::fmt::Write;
 use super::{Draft, DraftChannel, Statement};
 use crate::error::plain;
 use crate::rig::Direction;
+use crate::system::library::Pendulum;
 
 /// A text as a TOML string.
 fn quoted(text: &str) -> String {
@@ -59,7 +60,7 @@ pub fn text(draft: &Draft) -> String {
 
 fn drive(out: &mut String, draft: &Draft) {
     let Some(d) = &draft.drive else {
-        if matches!(draft.model.as_deref(), Some("single-pendulum" | "double-pendulum")) {
+        if draft.pendulum().is_some() {
             out.push_str("\n# No line stands over the whole record: taken as a base at rest. With a shaker:\n");
             out.push_str("# [drive]\n# direction = \"vertical\"     # or \"horizontal\"\n# frequency_hz = 5.0\n");
         }
@@ -89,14 +90,14 @@ fn channel(out: &mut String, c: &DraftChannel) {
 
 /// What nobody can see: masses and lengths.
 fn known(out: &mut String, draft: &Draft) {
-    let list: &[&str] = match draft.model.as_deref() {
-        Some("double-pendulum") => &[
+    let list: &[&str] = match draft.pendulum() {
+        Some(Pendulum::Double) => &[
             "m2 = 0.040     # kg, arm 2",
             "e2 = 0.0267    # m, joint 2 to the centroid of arm 2",
             "l1 = 0.0635    # m, joint 1 to joint 2",
         ],
-        Some("single-pendulum") => &["m1 = 0.1       # kg", "e1 = 0.02      # m, joint to centroid"],
-        _ => return,
+        Some(Pendulum::Single) => &["m1 = 0.1       # kg", "e1 = 0.02      # m, joint to centroid"],
+        None => return,
     };
     out.push_str("\n# FILL IN what was weighed and measured (SI), to get physical parameters too; left out, coefficients alone are identified.\n# [known]\n");
     for line in list {

@@ -19,7 +19,7 @@
 //! Limits: no accelerations where B11 B21 cos² Δ ≥ 1, which no two rigid arms have.
 
 use super::double_pendulum::{Base, Damping, coefficients};
-use super::dynamics::{Dynamics, Instant};
+use super::dynamics::{Dynamics, Instant, Linearisation};
 use crate::signal::sin_cos::four;
 
 /// Roles of parameters within an equation: coupling B_i1, gravity B_i2, base motion B_i3 (cosine)
@@ -60,13 +60,13 @@ struct State {
 }
 
 /// Mass matrix' off-diagonal terms, right-hand side, one over the determinant.
-struct System {
+struct LinearSystem {
     m: [f64; 2],
     right: [f64; 2],
     reciprocal: f64,
 }
 
-impl System {
+impl LinearSystem {
     fn solve(&self, r: [f64; 2]) -> [f64; 2] {
         [(r[0] - self.m[0] * r[1]) * self.reciprocal, (r[1] - self.m[1] * r[0]) * self.reciprocal]
     }
@@ -174,10 +174,10 @@ impl DoublePendulum {
     }
 
     #[inline]
-    fn system(values: &[[f64; ROLES]; 2], columns: &[[f64; ROLES]; 2], s: &State) -> System {
+    fn system(values: &[[f64; ROLES]; 2], columns: &[[f64; ROLES]; 2], s: &State) -> LinearSystem {
         let right = core::array::from_fn(|i| values[i].iter().zip(&columns[i]).map(|(p, c)| p * c).sum::<f64>());
         let m = [values[0][COUPLING] * s.cos_delta, values[1][COUPLING] * s.cos_delta];
-        System { m, right, reciprocal: 1.0 / (1.0 - m[0] * m[1]) }
+        LinearSystem { m, right, reciprocal: 1.0 / (1.0 - m[0] * m[1]) }
     }
 
     fn evaluate(&self, p: &[f64], s: &State, out: &mut [f64]) -> bool {
@@ -269,10 +269,9 @@ impl Dynamics for DoublePendulum {
         v: &[f64],
         at: &Instant<'_>,
         signs: &[f64],
-        acceleration: &mut [f64],
-        partials: &mut [f64],
+        out: Linearisation<'_>,
     ) -> bool {
-        self.derivatives(p, &Self::state(q, v, at, self.held(signs)), acceleration, partials)
+        self.derivatives(p, &Self::state(q, v, at, self.held(signs)), out.acceleration, out.partials)
     }
 }
 

@@ -16,6 +16,14 @@ pub struct Instant<'a> {
     pub inputs: &'a [f64],
 }
 
+/// Room for accelerations and their partial derivatives.
+pub struct Linearisation<'a> {
+    /// q̈ (n).
+    pub acceleration: &'a mut [f64],
+    /// As of [`Dynamics::partials`].
+    pub partials: &'a mut [f64],
+}
+
 /// A second-order system with parameters.
 pub trait Dynamics: Sync {
     /// Coordinates n.
@@ -107,11 +115,10 @@ pub trait Dynamics: Sync {
         v: &[f64],
         at: &Instant<'_>,
         signs: &[f64],
-        acceleration: &mut [f64],
-        partials: &mut [f64],
+        out: Linearisation<'_>,
     ) -> bool {
-        self.acceleration_held(parameters, q, v, at, signs, acceleration)
-            && self.partials_held(parameters, q, v, at, signs, partials)
+        self.acceleration_held(parameters, q, v, at, signs, out.acceleration)
+            && self.partials_held(parameters, q, v, at, signs, out.partials)
     }
 }
 

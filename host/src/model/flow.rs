@@ -14,39 +14,12 @@
 //! 1988).
 
 pub mod abreast;
+mod outside;
 mod switching;
 
-use self::switching::solve_sign;
-use super::dynamics::{Dynamics, Instant};
-
-/// What acts from outside along a record.
-#[derive(Clone, Copy)]
-pub struct Outside<'a> {
-    /// Time at which `tau` holds, s.
-    pub origin: f64,
-    /// Phase of the drive at `origin`, rad.
-    pub tau: f64,
-    /// Its rate, rad/s; 0 for a free system.
-    pub omega: f64,
-    /// Measured inputs at a time, where the system has any.
-    pub inputs: Option<Inputs<'a>>,
-}
-
-/// Measured inputs: how many, and their values at a time of the record (s).
-#[derive(Clone, Copy)]
-pub struct Inputs<'a> {
-    /// How many.
-    pub count: usize,
-    /// Writes their values at a time.
-    pub at: &'a (dyn Fn(f64, &mut [f64]) + Sync),
-}
-
-impl Outside<'_> {
-    /// A drive of angular frequency `omega` whose phase is `tau` at time `origin`; no inputs.
-    pub fn drive(origin: f64, tau: f64, omega: f64) -> Self {
-        Self { origin, tau, omega, inputs: None }
-    }
-}
+pub use self::outside::{Inputs, Outside};
+use self::switching::HeldSigns;
+use super::dynamics::{Dynamics, Instant, Linearisation};
 
 /// Nodes of the stages.
 const C: [f64; 7] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
@@ -292,10 +265,11 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         // Sticking joints: the sign that keeps the rate zero, one joint after the other (the laws
         // are linear in each sign).
         let stuck = modes.contains(&Mode::Sticks);
+        let held = HeldSigns { dynamics: self.dynamics, parameters: p, q, v, at: &instant };
         if stuck {
             for _ in 0..2 {
                 for s in 0..modes.len() {
-                    if modes[s] == Mode::Sticks && !solve_sign(self.dynamics, p, q, v, &instant, signs, s, accel) {
+                    if modes[s] == Mode::Sticks && !held.solve(signs, s, accel) {
                         return false;
                     }
                 }
@@ -306,12 +280,13 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         if w == 0 {
             return self.dynamics.acceleration_held(p, q, v, &instant, signs, &mut head[n..]);
         }
-        if !self.dynamics.linearise_held(p, q, v, &instant, signs, &mut head[n..], partials) {
+        let both = Linearisation { acceleration: &mut head[n..], partials };
+        if !self.dynamics.linearise_held(p, q, v, &instant, signs, both) {
             return false;
         }
         if stuck {
             for s in 0..modes.len() {
-                if modes[s] == Mode::Sticks && !self.constrain(partials, q, v, &instant, signs, s, accel, width) {
+                if modes[s] == Mode::Sticks && !held.constrain(partials, signs, s, accel) {
                     return false;
                 }
             }

@@ -18,6 +18,7 @@ use toml::{Table, Value};
 
 use crate::error::{BadInput, Result};
 use crate::identify::Parameter;
+use crate::system::library::Pendulum;
 
 /// Which equations the parameters belong to.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -28,6 +29,16 @@ pub enum System {
     /// A system of one's own: the keys that define it (`coordinates`, `inputs`, `equation`, …), as
     /// in its model file.
     Own(Table),
+}
+
+impl System {
+    /// The built-in pendulum that it is, if it is one.
+    pub fn pendulum(&self) -> Option<Pendulum> {
+        match self {
+            Self::BuiltIn(id) => Pendulum::named(id),
+            Self::Own(_) => None,
+        }
+    }
 }
 
 /// An effect that was added to the nominal model.

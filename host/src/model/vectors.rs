@@ -37,19 +37,32 @@ pub fn add_products(to: &mut [f64], a: &[f64], b: &[f64]) {
     Arch::new().dispatch(Products(to, a, b));
 }
 
-struct Two<'a>(&'a mut [f64], (f64, &'a [f64]), (f64, &'a [f64]));
+/// Numbers that are summed at once by [`combine`].
+const LANES: usize = 32;
 
-impl NullaryFnOnce for Two<'_> {
+struct Combined<'a, 'b>(&'a mut [f64], &'a [(f64, &'b [f64])]);
+
+impl NullaryFnOnce for Combined<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        let Self(to, (p, a), (q, b)) = self;
-        to.iter_mut().zip(a.iter().zip(b)).for_each(|(t, (a, b))| *t += p * a + q * b);
+        let Self(to, terms) = self;
+        let mut from = 0;
+        for block in to.chunks_mut(LANES) {
+            let mut sums = [0.0; LANES];
+            let count = block.len();
+            let sums = &mut sums[..count];
+            for (f, of) in terms {
+                sums.iter_mut().zip(&of[from..from + count]).for_each(|(t, x)| *t += f * x);
+            }
+            block.copy_from_slice(sums);
+            from += LANES;
+        }
     }
 }
 
-/// t += p a + q b.
-pub fn add_two(to: &mut [f64], a: (f64, &[f64]), b: (f64, &[f64])) {
-    Arch::new().dispatch(Two(to, a, b));
+/// t = Σ f x.
+pub fn combine(to: &mut [f64], terms: &[(f64, &[f64])]) {
+    Arch::new().dispatch(Combined(to, terms));
 }

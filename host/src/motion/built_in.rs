@@ -109,7 +109,7 @@ fn sensor(rig: &Rig, encoder: usize) -> usize {
 fn turned_encoder(e: &AddedEffect, rig: &Rig) -> Effect {
     let laws = e.strengths.iter().map(|k| (number(-1.0), *k)).collect();
     Effect {
-        told: e.clone(),
+        identified: e.clone(),
         equation: "m e sin(φ + β) for m e sin φ".to_owned(),
         acts: Acts::Sensor(sensor(rig, 1), laws),
     }

@@ -66,22 +66,23 @@ pub fn of_own(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Ef
 }
 
 /// Effects of written equations: at their joints, arms, drive, frame and encoders where the file
-/// says on how long a record they were found, otherwise at coordinates. `told` tells them, `own` in
+/// says on how long a record they were found, otherwise at coordinates. `identified` tells them,
+/// `own` in
 /// the terms of the rig's equations.
 ///
 /// # Errors
 /// As [`of_own`].
-pub fn of_written(own: &IdentifiedModel, told: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Effect>> {
+pub fn of_written(own: &IdentifiedModel, identified: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Effect>> {
     let Some(bound) = &rig.bound else { return Ok(Vec::new()) };
     let (model, direction, omega) = (&*bound.model, rig.direction(), rig.omega());
     if !own.found_with.contains_key(RECORD_S) {
-        return of_coordinates(own, told, rig);
+        return of_coordinates(own, identified, rig);
     }
     let values: Vec<f64> =
         model.coefficients().iter().map(|n| own.coefficient(n).map_or(f64::NAN, |p| p.value)).collect();
     let found =
         written::mechanism(model, direction, omega, &values).zip(written::parameters(model, direction, omega, &values));
-    let Some((mechanism, parameters)) = found else { return of_coordinates(own, told, rig) };
+    let Some((mechanism, parameters)) = found else { return of_coordinates(own, identified, rig) };
     at_places(own, rig, (&mechanism, &parameters), Some(&values), start_s)
 }
 
@@ -157,7 +158,7 @@ pub fn on_mechanism(
             }
         }
     }
-    let made = |acts: Acts| Effect { told: e.clone(), equation: entry.equation.clone(), acts };
+    let made = |acts: Acts| Effect { identified: e.clone(), equation: entry.equation.clone(), acts };
     if e.strengths.len() < entry.strengths.len() {
         let found = format!("with {} strengths", e.strengths.len());
         return Err(bad(index, e, &found, &format!("{} strengths", entry.strengths.len()), remedy));
@@ -189,21 +190,22 @@ fn is_finite(of: &Node) -> bool {
     of.with_memories(&|_, _| number(0.3)).value(&|_| 0.3).is_finite()
 }
 
-/// Effects at the coordinates of a model file; `told` tells them, `own` in the terms of the rig's
+/// Effects at the coordinates of a model file; `identified` tells them, `own` in the terms of
+/// the rig's
 /// equations.
 ///
 /// # Errors
 /// Other equations than the rig's, an effect that there is not.
-pub fn of_coordinates(own: &IdentifiedModel, told: &IdentifiedModel, rig: &Rig) -> Result<Vec<Effect>> {
+pub fn of_coordinates(own: &IdentifiedModel, identified: &IdentifiedModel, rig: &Rig) -> Result<Vec<Effect>> {
     let Some(bound) = &rig.bound else { return Ok(Vec::new()) };
     let found = at_coordinates::of(own, &bound.model)?;
-    let list = found.into_iter().zip(&told.effects);
+    let list = found.into_iter().zip(&identified.effects);
     let made = list.map(|(c, e)| {
         let names: Vec<String> = (1..=c.columns.len()).map(|k| k.to_string()).collect();
         let adds = c.columns.iter().map(|of| vec![(c.equation, of.clone())]).collect();
         let acts = Acts::Motion(named(&names, &e.strengths, adds));
         let equation = catalogue().iter().find(|x| x.id == e.id).map_or_else(String::new, |x| x.equation.clone());
-        Effect { told: e.clone(), equation, acts }
+        Effect { identified: e.clone(), equation, acts }
     });
     Ok(made.collect())
 }

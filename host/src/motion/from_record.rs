@@ -14,8 +14,8 @@ use crate::identify::prepare;
 use crate::identify::stretches::{Stretch, mixed};
 use crate::identify::track::{Along, Track};
 use crate::record::Record;
-use crate::validate::moving::Moving;
-use crate::validate::starts::{Course, Starts};
+use crate::validate::identified_equations::IdentifiedEquations;
+use crate::validate::starts::{Pace, RecordTrack, Starts};
 use crate::validate::{Settings, period_s};
 
 /// Where a simulation begins.
@@ -61,10 +61,10 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
     let omega = motion.omega().unwrap_or(0.0);
     let along = [Along::new(&part[0], omega)];
     let track = Track::new(&part, &along, &motion.rig, &motion.bound, &prepared.sensors);
-    let course = Course { stretches: &part, track: &track };
+    let followed = RecordTrack { stretches: &part, track: &track };
     let (equations, parameters) = motion.equations()?;
     let names = equations.coefficients().to_vec();
-    let moving = Moving {
+    let identified = IdentifiedEquations {
         of_drive: vec![false; names.len()],
         names,
         left_out: Vec::new(),
@@ -72,8 +72,9 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
         parameters,
     };
     let settings = Settings::default();
-    let starts = Starts::new(&moving, course, motion.circle(), (period_s(&motion.rig, &prepared), omega), &settings);
-    let mut state = starts.first_state(course, 0, &moving.parameters).ok_or_else(|| {
+    let pace = Pace { period_s: period_s(&motion.rig, &prepared), omega };
+    let starts = Starts::new(&identified, followed, motion.circle(), pace, &settings);
+    let mut state = starts.first_state(followed, 0).ok_or_else(|| {
         BadInput::new(
             format!("no solution of the model that follows the record from t = {at} s"),
             "a motion of this model",

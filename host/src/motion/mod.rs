@@ -38,6 +38,7 @@ use crate::model::model_file::expression::{Node, Symbol, add, multiply, number, 
 use crate::model::model_file::{ModelFile, Space};
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
+use crate::system::library::Pendulum;
 
 /// One strength of an effect and what it multiplies.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,7 +70,7 @@ pub enum Acts {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Effect {
     /// As the model's file tells it.
-    pub told: AddedEffect,
+    pub identified: AddedEffect,
     /// What it adds, for people.
     pub equation: String,
     /// What it acts on.
@@ -79,7 +80,7 @@ pub struct Effect {
 impl Effect {
     /// `ID@PLACE`.
     pub fn name(&self) -> String {
-        format!("{}@{}", self.told.id, self.told.at)
+        format!("{}@{}", self.identified.id, self.identified.at)
     }
 
     /// Whether it changes what is recorded alone, not the motion.
@@ -130,7 +131,9 @@ impl Motion {
         };
         check_drive(model, &rig)?;
         let (rig, own, effects) = match &model.system {
-            System::BuiltIn(id) if id == "double-pendulum" => built_in::double_pendulum(model, &rig, start_s)?,
+            System::BuiltIn(_) if model.system.pendulum() == Some(Pendulum::Double) => {
+                built_in::double_pendulum(model, &rig, start_s)?
+            }
             System::BuiltIn(_) => {
                 let (own_rig, own) = single_pendulum::own(model, &rig)?;
                 let effects = effects::of_written(&own, model, &own_rig, start_s)?;
@@ -181,7 +184,7 @@ impl Motion {
             let remedy = "`whirl simulate --model` with --initial follows it; leave the effect out of the file here";
             return Err(effects::bad(
                 index,
-                &e.told,
+                &e.identified,
                 "which has states of its own",
                 "effects without `states`",
                 remedy,

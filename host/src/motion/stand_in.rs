@@ -15,7 +15,7 @@ use crate::model::identified::{IdentifiedModel, System};
 use crate::model::model_file::{ModelFile, Space};
 use crate::rig::measures;
 use crate::rig::{Channel, Direction, Drive, Rig};
-use crate::system::library;
+use crate::system::library::{self, Pendulum};
 use crate::system::mechanism::Mechanism;
 
 /// Sampling rate of records of a model whose rig is not given, Hz: that of the boards.
@@ -36,16 +36,12 @@ pub fn rig(model: &IdentifiedModel, path: &Path) -> Result<Rig> {
     };
     let (id, file, channel) = match &model.system {
         System::BuiltIn(id) => {
-            let names: &[&str] = match id.as_str() {
-                "double-pendulum" => &["phi1", "phi2"],
-                "single-pendulum" => &["phi1"],
-                _ => {
-                    return Err(BadInput::new(format!("\"{id}\""), "\"double-pendulum\" or \"single-pendulum\"")
-                        .at("model")
-                        .remedy("Give a model that `whirl identify -o` or `whirl explain -o` wrote"));
-                }
+            let Some(pendulum) = model.system.pendulum() else {
+                return Err(BadInput::new(format!("\"{id}\""), Pendulum::either())
+                    .at("model")
+                    .remedy("Give a model that `whirl identify -o` or `whirl explain -o` wrote"));
             };
-            (id.clone(), None, names.iter().map(|n| plain(n, "rad")).collect::<Vec<_>>())
+            (id.clone(), None, pendulum.coordinates().iter().map(|n| plain(n, "rad")).collect::<Vec<_>>())
         }
         System::Own(_) => {
             let file = ModelFile::read(path)?;
@@ -87,7 +83,7 @@ pub fn rig(model: &IdentifiedModel, path: &Path) -> Result<Rig> {
 /// Direction of the drive: what a base along it adds is the larger. A double pendulum's is
 /// vertical.
 fn direction(model: &IdentifiedModel) -> Direction {
-    if !matches!(&model.system, System::BuiltIn(id) if id == "single-pendulum") {
+    if !model.system.pendulum().is_some_and(|p| p.takes(Direction::Horizontal)) {
         return Direction::Vertical;
     }
     let size = |names: [&str; 2]| {

@@ -131,11 +131,11 @@ fn wrapped(x: f64) -> f64 {
 #[test]
 fn what_has_no_expression_or_belongs_elsewhere_is_refused_with_its_place() {
     let rig = rig("double-pendulum", "[drive]\ndirection = \"vertical\"\nfrequency_hz = 5.0");
-    let told =
+    let refusal =
         |e: AddedEffect| Motion::of(&double(vec![e]), Path::new("m.toml"), Some(&rig), 0.0).unwrap_err().to_string();
-    assert!(told(effect("rust", "joint1", 0.0, &[1.0], &[])).contains("\"rust@joint1\""));
-    assert!(told(effect("quadratic-drag", "wing", 0.0, &[1.0], &[])).contains("\"quadratic-drag@wing\""));
-    assert!(told(effect("cogging", "joint1", 0.0, &[1.0], &[("n", 3.0)])).contains("2 strengths"));
+    assert!(refusal(effect("rust", "joint1", 0.0, &[1.0], &[])).contains("\"rust@joint1\""));
+    assert!(refusal(effect("quadratic-drag", "wing", 0.0, &[1.0], &[])).contains("\"quadratic-drag@wing\""));
+    assert!(refusal(effect("cogging", "joint1", 0.0, &[1.0], &[("n", 3.0)])).contains("2 strengths"));
     let other = Rig { drive: None, ..rig.clone() };
     let error = Motion::of(&double(Vec::new()), Path::new("m.toml"), Some(&other), 0.0).unwrap_err().to_string();
     assert!(error.starts_with("drive_frequency_hz: found a drive of 5 Hz, expected no drive"), "{error}");

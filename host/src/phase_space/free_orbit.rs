@@ -19,7 +19,7 @@ use serde::Serialize;
 use std::f64::consts::TAU;
 
 use super::orbit_catalogue::at;
-use super::unstable_periodic_orbit::Stretch;
+use super::unstable_periodic_orbit::Trajectory;
 
 /// Points at which orbits are compared; several times round divides them evenly.
 const POINTS: usize = 120;
@@ -90,16 +90,16 @@ struct Closing {
 }
 
 /// Delays in a state.
-fn delays(stretch: &Stretch<'_>) -> usize {
+fn delays(stretch: &Trajectory<'_>) -> usize {
     if stretch.tracks.len() == 1 { 3 } else { 2 }
 }
 
-fn samples(stretch: &Stretch<'_>) -> usize {
+fn samples(stretch: &Trajectory<'_>) -> usize {
     stretch.tracks.iter().map(|t| t.values.len()).min().unwrap_or(0)
 }
 
 /// Largest over the coordinates of ‖s_i(n) − s_i(m)‖/span_i; infinity where it is above `limit`.
-fn distance(stretch: &Stretch<'_>, n: usize, m: usize, delay: usize, limit: f64) -> f64 {
+fn distance(stretch: &Trajectory<'_>, n: usize, m: usize, delay: usize, limit: f64) -> f64 {
     let mut worst = 0.0_f64;
     for t in &stretch.tracks {
         let mut square = 0.0;
@@ -115,7 +115,7 @@ fn distance(stretch: &Stretch<'_>, n: usize, m: usize, delay: usize, limit: f64)
 }
 
 /// Returns to the state at sample n: period in samples, error.
-fn returns(stretch: &Stretch<'_>, n: usize, settings: &Settings) -> Vec<(f64, f64)> {
+fn returns(stretch: &Trajectory<'_>, n: usize, settings: &Settings) -> Vec<(f64, f64)> {
     let (tolerance, delay) = (settings.tolerance, settings.delay);
     let room = samples(stretch).saturating_sub(n + (delays(stretch) - 1) * delay + 3);
     let error = |p: usize| distance(stretch, n, n + p, delay, AWAY * tolerance);
@@ -143,7 +143,7 @@ fn returns(stretch: &Stretch<'_>, n: usize, settings: &Settings) -> Vec<(f64, f6
 }
 
 /// The best closing stretches of a record's stretch.
-fn closing(index: usize, stretch: &Stretch<'_>, stride: usize, settings: &Settings) -> Vec<Closing> {
+fn closing(index: usize, stretch: &Trajectory<'_>, stride: usize, settings: &Settings) -> Vec<Closing> {
     let starts: Vec<usize> = (0..samples(stretch)).step_by(stride).collect();
     let all: Vec<Vec<(f64, f64)>> = starts.par_iter().map(|n| returns(stretch, *n, settings)).collect();
     let mut out = Vec::new();
@@ -169,19 +169,19 @@ fn closing(index: usize, stretch: &Stretch<'_>, stride: usize, settings: &Settin
 }
 
 /// State at a real sample.
-fn state(stretch: &Stretch<'_>, t: f64, delay: usize) -> Vec<f64> {
+fn state(stretch: &Trajectory<'_>, t: f64, delay: usize) -> Vec<f64> {
     let of = |d: usize| stretch.tracks.iter().map(move |k| at(k.values, t + (d * delay) as f64));
     (0..delays(stretch)).flat_map(of).collect()
 }
 
-fn within(stretch: &Stretch<'_>, a: &[f64], b: &[f64], limit: f64) -> bool {
+fn within(stretch: &Trajectory<'_>, a: &[f64], b: &[f64], limit: f64) -> bool {
     let count = stretch.tracks.len();
     a.iter().zip(b).enumerate().all(|(i, (a, b))| stretch.tracks[i % count].difference(a - b) < limit)
 }
 
 /// Whether a state lies within `limit` of the straight line between two neighbouring points of an
 /// orbit.
-fn beside(stretch: &Stretch<'_>, a: &[f64], [b0, b1]: [&[f64]; 2], limit: f64) -> bool {
+fn beside(stretch: &Trajectory<'_>, a: &[f64], [b0, b1]: [&[f64]; 2], limit: f64) -> bool {
     let count = stretch.tracks.len();
     // Signed differences in spans.
     let signed = |i: usize, d: f64| {
@@ -200,7 +200,7 @@ fn beside(stretch: &Stretch<'_>, a: &[f64], [b0, b1]: [&[f64]; 2], limit: f64) -
 }
 
 /// Whether `a`, from some part on, goes `times` round `b`, a little earlier or later at times.
-fn follows(stretch: &Stretch<'_>, a: &[Vec<f64>], b: &[Vec<f64>], times: usize, limit: f64) -> bool {
+fn follows(stretch: &Trajectory<'_>, a: &[Vec<f64>], b: &[Vec<f64>], times: usize, limit: f64) -> bool {
     (0..POINTS).any(|shift| {
         a.iter().enumerate().all(|(s, a)| {
             let place = s * times + shift + POINTS;
@@ -210,7 +210,7 @@ fn follows(stretch: &Stretch<'_>, a: &[Vec<f64>], b: &[Vec<f64>], times: usize, 
 }
 
 /// Extracts the orbits.
-pub fn extract(record: &[Stretch<'_>], settings: &Settings) -> FreeExtraction {
+pub fn extract(record: &[Trajectory<'_>], settings: &Settings) -> FreeExtraction {
     let total: usize = record.iter().map(samples).sum();
     let stride = total.saturating_mul(settings.longest).div_ceil(MOST_WORK).max(1);
     let mut found: Vec<Closing> =
@@ -268,7 +268,7 @@ pub fn extract(record: &[Stretch<'_>], settings: &Settings) -> FreeExtraction {
     FreeExtraction { settings: *settings, orbits, recurrences, coverage }
 }
 
-fn coverage(record: &[Stretch<'_>], points: &[Vec<Vec<f64>>], total: usize, settings: &Settings) -> f64 {
+fn coverage(record: &[Trajectory<'_>], points: &[Vec<Vec<f64>>], total: usize, settings: &Settings) -> f64 {
     let stride = total.div_ceil(STATES).max(1);
     let (mut covered, mut all) = (0_usize, 0_usize);
     for stretch in record {
@@ -316,12 +316,12 @@ mod tests {
         out
     }
 
-    fn stretch<'a>(values: &[&'a [f64]]) -> Stretch<'a> {
+    fn stretch<'a>(values: &[&'a [f64]]) -> Trajectory<'a> {
         let track = |x: &&'a [f64]| {
             let (low, high) = x.iter().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
             Track { values: x, angle: false, span: high - low }
         };
-        Stretch { tracks: values.iter().map(track).collect(), start_s: 0.0, step_s: 0.01, phase: 0.0 }
+        Trajectory { tracks: values.iter().map(track).collect(), start_s: 0.0, step_s: 0.01, phase: 0.0 }
     }
 
     /// Shortest orbits of Lorenz's system and their periods: Viswanath, *Nonlinearity* 16, 2003: AB
@@ -359,7 +359,7 @@ mod tests {
                 }
             })
             .collect();
-        let record = Stretch {
+        let record = Trajectory {
             tracks: vec![Track { values: &x, angle: true, span: TAU }],
             start_s: 5.0,
             step_s: 0.01,

@@ -5,7 +5,8 @@
 //! the Theiler window; the exponent is the slope of S over the samples in which it rises in a
 //! straight line, divided by the sampling step.
 //!
-//! **Fit window.** S leaves the first distance as the difference turns into the growing direction,
+//! **Fit window.** S leaves the first distance as the difference turns into the growing
+//! direction,
 //! and it saturates at S_∞, the mean of ln of the distance of unrelated vectors. The window ends
 //! where S comes within `ceiling` of S_∞ and starts after a settling time; within that the pair
 //! (start, end) is taken whose straight line is the longest that still describes the curve: the
@@ -68,7 +69,7 @@ pub struct Divergence {
 
 /// The straight part of S. Slopes are per sample.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Fit {
+pub struct StraightPart {
     /// Slope, 1/sample.
     pub slope: f64,
     /// Its standard error, jackknife and window together.
@@ -162,7 +163,7 @@ fn line(curve: &[f64], from: usize, to: usize) -> (f64, f64, f64) {
 
 /// The straight part of a divergence; none where S has no room to rise between settling and
 /// saturation.
-pub fn fit(divergence: &Divergence, settings: &Settings) -> Option<Fit> {
+pub fn fit(divergence: &Divergence, settings: &Settings) -> Option<StraightPart> {
     let s = &divergence.curve;
     let end = s.iter().position(|v| *v > divergence.saturation - settings.ceiling).unwrap_or(s.len());
     let unit = settings.unit.max(1.0);
@@ -198,7 +199,7 @@ pub fn fit(divergence: &Divergence, settings: &Settings) -> Option<Fit> {
         0.0
     };
     let std_error = statistical.hypot(window);
-    Some(Fit { slope, std_error, from, to, at_zero, rise: slope * (to - from) as f64, deviation })
+    Some(StraightPart { slope, std_error, from, to, at_zero, rise: slope * (to - from) as f64, deviation })
 }
 
 /// Standard error of the slope over a window by leaving out one block at a time.
@@ -219,7 +220,7 @@ mod tests {
     use super::super::observable::Observable;
     use super::*;
 
-    fn exponent(x: &[f64], delay: usize, dimension: usize, settings: &Settings) -> Fit {
+    fn exponent(x: &[f64], delay: usize, dimension: usize, settings: &Settings) -> StraightPart {
         let o = Observable::number(&[x], 0.0, 0);
         let e = Embedding::of_one(&o, delay, dimension, settings.steps, usize::MAX);
         let d = divergence(&e, settings);

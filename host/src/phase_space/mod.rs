@@ -18,6 +18,7 @@ pub mod orbit_refinement;
 pub mod poincare_section;
 pub mod shift_map;
 pub mod survey;
+mod survey_exponent;
 pub mod survey_settings;
 pub mod survey_text;
 pub mod survey_warnings;

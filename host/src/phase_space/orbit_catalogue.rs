@@ -9,7 +9,7 @@
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-use super::unstable_periodic_orbit::{Closing, Settings, Stretch, lagrange};
+use super::unstable_periodic_orbit::{Closing, Settings, Trajectory, lagrange};
 
 /// Points a drive period at which orbits are compared.
 pub const POINTS: usize = 16;
@@ -52,7 +52,7 @@ pub(super) fn at(x: &[f64], t: f64) -> f64 {
 }
 
 /// States at phases 0, 1/POINTS, … of the drive; the piece is closed upon itself.
-fn states(stretch: &Stretch<'_>, c: &Closing, settings: &Settings) -> Vec<Vec<f64>> {
+fn states(stretch: &Trajectory<'_>, c: &Closing, settings: &Settings) -> Vec<Vec<f64>> {
     let phase = (stretch.phase + c.start as f64 / settings.period).rem_euclid(1.0);
     (0..c.period * POINTS)
         .map(|s| {
@@ -65,11 +65,11 @@ fn states(stretch: &Stretch<'_>, c: &Closing, settings: &Settings) -> Vec<Vec<f6
 }
 
 /// Whether all points of `a` lie within `limit` (spans) of those of `b`, `shift` points later.
-fn alike(stretch: &Stretch<'_>, a: &[Vec<f64>], b: &[Vec<f64>], shift: usize, limit: f64) -> bool {
+fn alike(stretch: &Trajectory<'_>, a: &[Vec<f64>], b: &[Vec<f64>], shift: usize, limit: f64) -> bool {
     (0..a.len()).all(|s| within(stretch, &a[s], &b[(s + shift) % b.len()], limit))
 }
 
-fn within(stretch: &Stretch<'_>, a: &[f64], b: &[f64], limit: f64) -> bool {
+fn within(stretch: &Trajectory<'_>, a: &[f64], b: &[f64], limit: f64) -> bool {
     stretch
         .tracks
         .iter()
@@ -78,7 +78,7 @@ fn within(stretch: &Stretch<'_>, a: &[f64], b: &[f64], limit: f64) -> bool {
 }
 
 /// Merges closing stretches, given by period 1, 2, …, best first.
-pub fn catalogue(record: &[Stretch<'_>], closing: &[Vec<Closing>], settings: &Settings) -> Catalogue {
+pub fn catalogue(record: &[Trajectory<'_>], closing: &[Vec<Closing>], settings: &Settings) -> Catalogue {
     let mut out = Catalogue::default();
     let limit = settings.merge * settings.tolerance;
     for c in closing.iter().flatten() {
@@ -120,8 +120,8 @@ pub fn catalogue(record: &[Stretch<'_>], closing: &[Vec<Closing>], settings: &Se
 
 /// Share of the record's states within the tolerance of an orbit's point at the same phase of the
 /// drive.
-pub fn coverage(record: &[Stretch<'_>], catalogue: &Catalogue, settings: &Settings) -> f64 {
-    let length = |s: &Stretch<'_>| s.tracks.iter().map(|t| t.values.len()).min().unwrap_or(0);
+pub fn coverage(record: &[Trajectory<'_>], catalogue: &Catalogue, settings: &Settings) -> f64 {
+    let length = |s: &Trajectory<'_>| s.tracks.iter().map(|t| t.values.len()).min().unwrap_or(0);
     let periods: f64 = record.iter().map(|s| length(s) as f64 / settings.period).sum();
     // One state at some phase of each period, phases in turn; a whole number of states a period in
     // short records.
@@ -173,7 +173,7 @@ mod tests {
                 0.5 * t + 0.4 * t.sin() + 0.2 * (0.5 * t).cos()
             })
             .collect();
-        let stretch = Stretch {
+        let stretch = Trajectory {
             tracks: vec![Track { values: &x, angle: true, span: TAU }],
             start_s: 3.0,
             step_s: 0.002,

@@ -7,7 +7,7 @@
 
 use serde::Serialize;
 
-use super::unstable_periodic_orbit::{Stretch, lagrange};
+use super::unstable_periodic_orbit::{Trajectory, lagrange};
 
 /// A section at one phase.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -22,7 +22,7 @@ pub struct Section {
 
 /// The section at `turns` (share of a turn) of the drive; at most `most` points, the first.
 /// `period`: samples; `half_width`: m of each coordinate.
-pub fn section(record: &[Stretch<'_>], turns: f64, period: f64, half_width: &[usize], most: usize) -> Section {
+pub fn section(record: &[Trajectory<'_>], turns: f64, period: f64, half_width: &[usize], most: usize) -> Section {
     let coordinates = record.first().map_or(0, |s| s.tracks.len());
     let mut out = Section {
         tau: turns * std::f64::consts::TAU,
@@ -69,8 +69,12 @@ mod tests {
         let (period, phase) = (40.7, 0.3);
         let tau = |i: f64| std::f64::consts::TAU * (i / period + phase);
         let x: Vec<f64> = (0..1000).map(|i| tau(f64::from(i)) + 0.5 * tau(f64::from(i)).sin()).collect();
-        let s =
-            Stretch { tracks: vec![Track { values: &x, angle: true, span: 6.3 }], start_s: 0.0, step_s: 0.01, phase };
+        let s = Trajectory {
+            tracks: vec![Track { values: &x, angle: true, span: 6.3 }],
+            start_s: 0.0,
+            step_s: 0.01,
+            phase,
+        };
         for turns in [0.0, 0.25, 0.9] {
             let found = section(std::slice::from_ref(&s), turns, period, &[2], 100);
             assert!((22..=25).contains(&found.value[0].len()));

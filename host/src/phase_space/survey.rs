@@ -16,16 +16,15 @@ use serde::Serialize;
 
 use super::average_mutual_information::{self as information, Information, Minimum};
 use super::correlation_dimension::{CorrelationDimension, correlation_dimension};
-use super::embedding::{Component, Embedding};
 use super::false_nearest_neighbours::{self as false_neighbours, FalseNeighbours};
 use super::free_orbit::{self, FreeExtraction};
-use super::lyapunov_exponent::{self as divergence, Divergence, Fit};
 use super::observable::Observable;
 use super::poincare_section::{Section, section};
+pub use super::survey_exponent::Lyapunov;
+use super::survey_exponent::{self, JointState};
 pub use super::survey_settings::Settings;
 use super::survey_warnings;
-use super::tangent_exponent::{self as tangent, Tangent};
-use super::unstable_periodic_orbit::{self as orbits, Extraction, Stretch, Track};
+use super::unstable_periodic_orbit::{self as orbits, Extraction, Track, Trajectory};
 use crate::inspect::coordinate::Coordinate;
 use crate::inspect::motion::{Motion, Space};
 use crate::record::Record;
@@ -56,35 +55,6 @@ pub struct CoordinateSpace {
     pub dimension: Option<usize>,
     /// Dimension by Cao's measure.
     pub cao_dimension: Option<usize>,
-}
-
-/// Largest Lyapunov exponent.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Lyapunov {
-    /// By local linear maps, 1/s.
-    pub per_second: f64,
-    /// Standard error, 1/s.
-    pub std_error: f64,
-    /// 95 % interval, 1/s.
-    pub interval: [f64; 2],
-    /// The exponent a drive period.
-    pub per_period: Option<f64>,
-    /// Its standard error.
-    pub per_period_std_error: Option<f64>,
-    /// The local linear maps' numbers, per sample.
-    pub tangent: Tangent,
-    /// Step δ of the maps, s.
-    pub step_s: f64,
-    /// By divergence of neighbours, 1/s; none where the curve has no straight part.
-    pub divergence_per_second: Option<f64>,
-    /// Its standard error, 1/s.
-    pub divergence_std_error: Option<f64>,
-    /// Its fit window, s.
-    pub fit_window_s: Option<[f64; 2]>,
-    /// The straight part, per sample.
-    pub fit: Option<Fit>,
-    /// The curve S(k), one value a sample.
-    pub divergence: Divergence,
 }
 
 /// Phase space of a record.
@@ -125,21 +95,175 @@ impl PhaseSpace {
     }
 }
 
-/// Pieces of the segments that are used: segment, first and last sample.
-fn pieces(lengths: &[usize], most: usize) -> Vec<(usize, usize, usize)> {
+/// A piece of a record that is used: samples from … to − 1 of a segment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Piece {
+    segment: usize,
+    from: usize,
+    to: usize,
+}
+
+/// Pieces of segments of these lengths: all of them, or 32 evenly spread ones of `most` samples
+/// together.
+fn pieces(lengths: &[usize], most: usize) -> Vec<Piece> {
     let all: usize = lengths.iter().sum();
     let whole = lengths.iter().enumerate().filter(|(_, n)| **n > 0);
     if all <= most {
-        return whole.map(|(s, n)| (s, 0, *n)).collect();
+        return whole.map(|(segment, n)| Piece { segment, from: 0, to: *n }).collect();
     }
     let (every, used) = (all / 32, most / 32);
     let mut out = Vec::new();
-    for (s, n) in whole {
+    for (segment, n) in whole {
         for from in (0..*n).step_by(every.max(1)) {
-            out.push((s, from, (from + used.min(every)).min(*n)));
+            out.push(Piece { segment, from, to: (from + used.min(every)).min(*n) });
         }
     }
     out
+}
+
+/// A measured coordinate that moves, in the pieces that are used.
+struct MovingCoordinate<'a> {
+    motion: &'a Motion,
+    inspected: &'a Coordinate,
+    pieces: Vec<Vec<f64>>,
+}
+
+impl<'a> MovingCoordinate<'a> {
+    /// Those of a record.
+    fn all(motions: &'a [Motion], coordinates: &'a [Coordinate], pieces: &[Piece]) -> Vec<Self> {
+        let moves = |m: &Motion, c: &Coordinate| !m.derived && c.greatest - c.least > (6.0 * c.step).max(1e-9);
+        let cut = |m: &Motion| -> Vec<Vec<f64>> {
+            let samples = |p: &Piece| m.stretches.get(p.segment).map_or(Vec::new(), |x| x[p.from..p.to].to_vec());
+            pieces.iter().map(samples).collect()
+        };
+        let both = motions.iter().zip(coordinates).filter(|(m, c)| moves(m, c));
+        both.map(|(motion, inspected)| Self { motion, inspected, pieces: cut(motion) }).collect()
+    }
+
+    /// What delay vectors are made of.
+    fn observable(&self, seed: u64) -> Observable {
+        let parts: Vec<&[f64]> = self.pieces.iter().map(Vec::as_slice).collect();
+        let of = if self.motion.space == Space::S1 { Observable::angle } else { Observable::number };
+        of(&parts, self.motion.step, seed)
+    }
+
+    /// One of its pieces, with the range over which it moves.
+    fn track(&self, piece: usize) -> Track<'_> {
+        let angle = self.motion.space == Space::S1;
+        let range = self.inspected.greatest - self.inspected.least;
+        Track { values: &self.pieces[piece], angle, span: if angle { range.min(TAU) } else { range } }
+    }
+}
+
+/// What the analyses of one record share.
+struct Survey<'a> {
+    moving: Vec<MovingCoordinate<'a>>,
+    observables: Vec<Observable>,
+    rate: f64,
+    /// Drive's period, samples.
+    period: Option<f64>,
+    settings: &'a Settings,
+}
+
+impl Survey<'_> {
+    /// Delay and dimension of each coordinate. The Theiler window of a free system grows with the
+    /// delays found.
+    fn coordinates(&self, theiler: &mut u32, warnings: &mut Vec<Warning>) -> Vec<CoordinateSpace> {
+        let settings = self.settings;
+        let lags = self.period.map_or((0.4 * self.rate) as usize, |t| t.round() as usize).clamp(100, 500);
+        let mut spaces = Vec::new();
+        for (o, c) in self.observables.iter().zip(&self.moving) {
+            let bits = information::average_mutual_information(o, lags, settings.bins);
+            let minima = information::minima(&bits.bits);
+            let chosen = information::recommended(&minima, settings.weak);
+            let delay = chosen.map_or_else(|| decay(&bits.bits), |c| c.lag).max(1);
+            *theiler = if self.period.is_some() { *theiler } else { (*theiler).max(4 * delay as u32) };
+            let weak = chosen.is_none_or(|c| c.depth < settings.weak);
+            if weak || minima.first().is_some_and(|f| f.lag != delay) {
+                warnings.push(survey_warnings::weak_minima(&c.motion.name, &minima, delay, weak, self.rate));
+            }
+            let choice = false_neighbours::Settings {
+                dimensions: settings.dimensions,
+                theiler: *theiler,
+                noise: 3.0 * c.inspected.noise.max(c.inspected.quantisation_noise) / o.unit,
+                most: settings.most_neighbours,
+                ..Default::default()
+            };
+            let found = false_neighbours::false_nearest_neighbours(o, delay, &choice);
+            spaces.push(CoordinateSpace {
+                name: c.motion.name.clone(),
+                first_minimum: minima.first().map(|m| m.lag),
+                delay,
+                weak,
+                dimension: false_neighbours::dimension(&found.share, settings.false_share),
+                cao_dimension: false_neighbours::cao_dimension(&found.e1, 0.1),
+                false_neighbours: found,
+                mutual_information: bits,
+                minima,
+            });
+        }
+        spaces
+    }
+
+    /// The pieces of all coordinates together, with the drive's phase.
+    fn stretches(&self, record: &Record, pieces: &[Piece], drive_hz: Option<f64>) -> Vec<Trajectory<'_>> {
+        let stretch = |(number, piece): (usize, &Piece)| {
+            let segment = &record.segments[piece.segment];
+            Trajectory {
+                tracks: self.moving.iter().map(|c| c.track(number)).collect(),
+                start_s: segment.time(piece.from),
+                step_s: segment.step_s,
+                phase: match (&segment.phase, drive_hz) {
+                    (Some(turns), Some(_)) => f64::from(turns[piece.from]) / 4_294_967_296.0,
+                    (None, Some(f)) => (segment.time(piece.from) * f).rem_euclid(1.0),
+                    _ => 0.0,
+                },
+            }
+        };
+        pieces.iter().enumerate().map(stretch).collect()
+    }
+
+    /// Sections at τ = 0, π/2, π, 3π/2.
+    fn sections(&self, stretches: &[Trajectory<'_>]) -> Vec<Section> {
+        let widths: Vec<usize> = self.moving.iter().map(|c| c.inspected.slope_half_width).collect();
+        match self.period {
+            Some(t) if !self.moving.is_empty() => {
+                [0.0, 0.25, 0.5, 0.75].map(|turns| section(stretches, turns, t, &widths, 1000)).to_vec()
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    /// Exponent and correlation dimension, of all coordinates together.
+    fn exponent_and_dimension(&self, stretches: &[Trajectory<'_>], out: &mut PhaseSpace) {
+        let phase = self.period.map(|t| phase_of(stretches, t));
+        let state = JointState { coordinates: self.observables.iter().collect(), phase: phase.as_ref() };
+        out.lyapunov = survey_exponent::lyapunov(&state, self.period, out, self.rate);
+        let delays = state.delays(out.dimension);
+        let e = state.embedding(delays, out.delay, 0, self.settings.most_vectors);
+        let noise = self.moving.iter().zip(&self.observables).map(|(c, o)| c.inspected.noise / o.unit);
+        let noise = 3.0 * noise.fold(0.0, f64::max);
+        out.correlation_dimension = Some(correlation_dimension(&e, out.theiler, 1000, noise));
+    }
+
+    /// The catalogue of orbits, of a driven or a free record.
+    fn orbits(&self, stretches: &[Trajectory<'_>], out: &mut PhaseSpace, warnings: &mut Vec<Warning>) {
+        let Settings { tolerance, longest, .. } = *self.settings;
+        let Some(period) = self.period else {
+            // Once round takes about four delays.
+            let longest = (4 * out.delay).saturating_mul(longest.min(LONGEST_FREE));
+            let choice = free_orbit::Settings { tolerance, longest, merge: 2.0, delay: out.delay, most: 2000 };
+            out.free_orbits = Some(free_orbit::extract(stretches, &choice));
+            return;
+        };
+        let choice = orbits::Settings { tolerance, longest, merge: 2.0, delay: out.delay, period, most: 2000 };
+        let found = orbits::extract(stretches, &choice);
+        if found.orbits.len() < 6 {
+            let seconds = out.samples as f64 / self.rate;
+            warnings.push(survey_warnings::few_orbits(found.orbits.len(), seconds, self.settings));
+        }
+        out.orbits = Some(found);
+    }
 }
 
 /// Surveys a record. `motions` and `coordinates` are those of its inspection; `repeats`: the record
@@ -156,158 +280,36 @@ pub fn survey(
     let period = drive_hz.map(|f| rate / f);
     let lengths: Vec<usize> = record.segments.iter().map(|s| s.len()).collect();
     let pieces = pieces(&lengths, settings.most_samples.max(1));
-    let moving: Vec<(&Motion, &Coordinate)> = motions
-        .iter()
-        .zip(coordinates)
-        .filter(|(m, c)| !m.derived && c.greatest - c.least > (6.0 * c.step).max(1e-9))
-        .collect();
-    let cut = |m: &'_ Motion| -> Vec<Vec<f64>> {
-        pieces.iter().map(|(s, a, b)| m.stretches.get(*s).map_or(Vec::new(), |x| x[*a..*b].to_vec())).collect()
-    };
-    let series: Vec<Vec<Vec<f64>>> = moving.iter().map(|(m, _)| cut(m)).collect();
-    let observables: Vec<Observable> = series
-        .iter()
-        .zip(&moving)
-        .enumerate()
-        .map(|(i, (x, (m, _)))| {
-            let parts: Vec<&[f64]> = x.iter().map(Vec::as_slice).collect();
-            let seed = settings.seed.wrapping_add(i as u64);
-            if m.space == Space::S1 {
-                Observable::angle(&parts, m.step, seed)
-            } else {
-                Observable::number(&parts, m.step, seed)
-            }
-        })
-        .collect();
-    let lags = period.map_or((0.4 * rate) as usize, |t| t.round() as usize).clamp(100, 500);
+    let moving = MovingCoordinate::all(motions, coordinates, &pieces);
+    let observables = moving.iter().enumerate().map(|(i, c)| c.observable(settings.seed.wrapping_add(i as u64)));
+    let survey = Survey { observables: observables.collect(), moving, rate, period, settings };
     let mut theiler = period.map_or(0, |t| t.round() as u32);
-    let mut spaces = Vec::new();
     let mut warnings = Vec::new();
-    for (o, (m, c)) in observables.iter().zip(&moving) {
-        let bits = information::average_mutual_information(o, lags, settings.bins);
-        let minima = information::minima(&bits.bits);
-        let chosen = information::recommended(&minima, settings.weak);
-        let delay = chosen.map_or_else(|| decay(&bits.bits), |c| c.lag).max(1);
-        theiler = if period.is_some() { theiler } else { theiler.max(4 * delay as u32) };
-        let weak = chosen.is_none_or(|c| c.depth < settings.weak);
-        if weak || minima.first().is_some_and(|f| f.lag != delay) {
-            warnings.push(survey_warnings::weak_minima(&m.name, &minima, delay, weak, rate));
-        }
-        let choice = false_neighbours::Settings {
-            dimensions: settings.dimensions,
-            theiler,
-            noise: 3.0 * c.noise.max(c.quantisation_noise) / o.unit,
-            most: settings.most_neighbours,
-            ..Default::default()
-        };
-        let found = false_neighbours::false_nearest_neighbours(o, delay, &choice);
-        spaces.push(CoordinateSpace {
-            name: m.name.clone(),
-            first_minimum: minima.first().map(|m| m.lag),
-            delay,
-            weak,
-            dimension: false_neighbours::dimension(&found.share, settings.false_share),
-            cao_dimension: false_neighbours::cao_dimension(&found.e1, 0.1),
-            false_neighbours: found,
-            mutual_information: bits,
-            minima,
-        });
-    }
+    let spaces = survey.coordinates(&mut theiler, &mut warnings);
     // The coordinate whose information falls most has most to tell about the delay.
     let fall = |s: &CoordinateSpace| {
         let b = &s.mutual_information.bits;
         b.first().copied().unwrap_or(0.0) - b.iter().copied().fold(f64::INFINITY, f64::min)
     };
     let delay = spaces.iter().max_by(|a, b| fall(a).total_cmp(&fall(b))).map_or(1, |s| s.delay);
-    let stretches: Vec<Stretch<'_>> = pieces
-        .iter()
-        .enumerate()
-        .map(|(p, (s, from, _))| {
-            let segment = &record.segments[*s];
-            Stretch {
-                tracks: series
-                    .iter()
-                    .zip(&moving)
-                    .map(|(x, (m, c))| Track {
-                        values: &x[p],
-                        angle: m.space == Space::S1,
-                        span: if m.space == Space::S1 { (c.greatest - c.least).min(TAU) } else { c.greatest - c.least },
-                    })
-                    .collect(),
-                start_s: segment.time(*from),
-                step_s: segment.step_s,
-                phase: match (&segment.phase, drive_hz) {
-                    (Some(turns), Some(_)) => f64::from(turns[*from]) / 4_294_967_296.0,
-                    (None, Some(f)) => (segment.time(*from) * f).rem_euclid(1.0),
-                    _ => 0.0,
-                },
-            }
-        })
-        .collect();
-    let widths: Vec<usize> = moving.iter().map(|(_, c)| c.slope_half_width).collect();
-    let sections = match period {
-        Some(t) if !moving.is_empty() => {
-            [0.0, 0.25, 0.5, 0.75].map(|turns| section(&stretches, turns, t, &widths, 1000)).to_vec()
-        }
-        _ => Vec::new(),
-    };
+    let stretches = survey.stretches(record, &pieces, drive_hz);
     let mut out = PhaseSpace {
         settings: settings.clone(),
-        samples: pieces.iter().map(|p| p.2 - p.1).sum(),
+        samples: pieces.iter().map(|p| p.to - p.from).sum(),
         sample_rate_hz: rate,
         theiler,
         delay,
         dimension: spaces.iter().filter_map(|s| s.dimension).max(),
         coordinates: spaces,
-        sections,
+        sections: survey.sections(&stretches),
         lyapunov: None,
         correlation_dimension: None,
         orbits: None,
         free_orbits: None,
     };
-    if repeats || moving.is_empty() {
-        return (out, warnings);
-    }
-    let phase = period.map(|t| phase_of(&stretches, t));
-    let shared: Vec<&Observable> = observables.iter().collect();
-    out.lyapunov = lyapunov(&shared, phase.as_ref(), period, &out, rate);
-    let state = (delays(shared.len(), phase.is_some(), out.dimension), delay);
-    let e = joint(&shared, phase.as_ref(), state, 0, settings.most_vectors);
-    let noise = 3.0 * moving.iter().zip(&shared).map(|((_, c), o)| c.noise / o.unit).fold(0.0, f64::max);
-    out.correlation_dimension = Some(correlation_dimension(&e, theiler, 1000, noise));
-    if let Some(t) = period {
-        let choice = orbits::Settings {
-            tolerance: settings.tolerance,
-            longest: settings.longest,
-            merge: 2.0,
-            delay,
-            period: t,
-            most: 2000,
-        };
-        let found = orbits::extract(&stretches, &choice);
-        let seconds = out.samples as f64 / rate;
-        if found.orbits.len() < 6 {
-            warnings.push(Warning::new(
-                "few-orbits",
-                format!(
-                    "{} orbits of period ≤ {} in {seconds:.0} s at a tolerance of {} %",
-                    found.orbits.len(),
-                    settings.longest,
-                    100.0 * settings.tolerance
-                ),
-                format!(
-                    "Raise the tolerance to {} %, or record {:.0} min",
-                    160.0 * settings.tolerance,
-                    (seconds / 15.0).ceil().max(10.0)
-                ),
-            ));
-        }
-        out.orbits = Some(found);
-    } else {
-        // Once round takes about four delays.
-        let longest = (4 * delay).saturating_mul(settings.longest.min(LONGEST_FREE));
-        let choice = free_orbit::Settings { tolerance: settings.tolerance, longest, merge: 2.0, delay, most: 2000 };
-        out.free_orbits = Some(free_orbit::extract(&stretches, &choice));
+    if !(repeats || survey.moving.is_empty()) {
+        survey.exponent_and_dimension(&stretches, &mut out);
+        survey.orbits(&stretches, &mut out, &mut warnings);
     }
     (out, warnings)
 }
@@ -319,7 +321,7 @@ fn decay(bits: &[f64]) -> usize {
 }
 
 /// The drive's phase as an angle.
-fn phase_of(stretches: &[Stretch<'_>], period: f64) -> Observable {
+fn phase_of(stretches: &[Trajectory<'_>], period: f64) -> Observable {
     let turns: Vec<Vec<f64>> = stretches
         .iter()
         .map(|s| {
@@ -330,96 +332,17 @@ fn phase_of(stretches: &[Stretch<'_>], period: f64) -> Observable {
     Observable::angle(&turns.iter().map(Vec::as_slice).collect::<Vec<_>>(), 0.0, 0)
 }
 
-/// Delays of each coordinate in a state of all together: two, three of a single one without a
-/// drive, and one where a free system's coordinates are as many as its dimension: more would add
-/// directions in which no neighbour lies, whose gradients are the flow's curvature.
-fn delays(coordinates: usize, driven: bool, dimension: Option<usize>) -> usize {
-    match coordinates {
-        _ if driven => 2,
-        1 => 3,
-        n if dimension.is_some_and(|d| d <= n) => 1,
-        _ => 2,
-    }
-}
-
-/// So many delays of each coordinate, and the drive's phase last.
-fn joint<'a>(
-    o: &[&'a Observable],
-    phase: Option<&'a Observable>,
-    (delays, delay): (usize, usize),
-    ahead: usize,
-    most: usize,
-) -> Embedding<'a> {
-    let mut components: Vec<Component<'a>> =
-        (0..delays).flat_map(|j| o.iter().map(move |of| Component { of, delay: j * delay })).collect();
-    components.extend(phase.map(|of| Component { of, delay: 0 }));
-    Embedding::new(components, ahead, most)
-}
-
-fn lyapunov(
-    o: &[&Observable],
-    phase: Option<&Observable>,
-    period: Option<f64>,
-    space: &PhaseSpace,
-    rate: f64,
-) -> Option<Lyapunov> {
-    let delays = delays(o.len(), phase.is_some(), space.dimension);
-    // An eighth of a drive period: long beside the noise of a count, short beside the curvature of
-    // the flow.
-    let step = period.map_or((space.delay as f64 / 2.0).round(), |t| (t / 8.0).round()).max(1.0) as usize;
-    let unknowns = delays * o.len() + usize::from(phase.is_some()) + 1;
-    let tangent = tangent::tangent_exponent(
-        o,
-        phase,
-        &tangent::Settings {
-            step,
-            delays,
-            neighbours: 8 * unknowns,
-            theiler: space.theiler,
-            keep: space.dimension.filter(|_| phase.is_none()),
-            steps: 6000,
-            vectors: 100_000,
-        },
-    )?;
-    let steps = period.map_or(20.0 * space.delay as f64, |t| 10.0 * t).round() as usize;
-    let choice = divergence::Settings {
-        theiler: space.theiler,
-        steps: steps.clamp(10, 2000),
-        followed: delays * o.len(),
-        unit: period.unwrap_or(1.0),
-        settle: period.map_or(space.delay, |t| (0.5 * t).round() as usize),
-        ceiling: 0.7,
-    };
-    let e = joint(o, phase, (delays, space.delay), choice.steps, space.settings.most_pairs);
-    let followed = divergence::divergence(&e, &choice);
-    let fit = divergence::fit(&followed, &choice);
-    let (value, error) = (tangent.exponent * rate, tangent.std_error * rate);
-    Some(Lyapunov {
-        per_second: value,
-        std_error: error,
-        interval: [value - 1.96 * error, value + 1.96 * error],
-        per_period: period.map(|t| tangent.exponent * t),
-        per_period_std_error: period.map(|t| tangent.std_error * t),
-        tangent,
-        step_s: step as f64 / rate,
-        divergence_per_second: fit.map(|f| f.slope * rate),
-        divergence_std_error: fit.map(|f| f.std_error * rate),
-        fit_window_s: fit.map(|f| [f.from as f64 / rate, f.to as f64 / rate]),
-        fit,
-        divergence: followed,
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn long_records_are_cut_into_spread_pieces() {
-        assert_eq!(pieces(&[10, 0, 20], 100), [(0, 0, 10), (2, 0, 20)]);
+        let whole = |segment, to| Piece { segment, from: 0, to };
+        assert_eq!(pieces(&[10, 0, 20], 100), [whole(0, 10), whole(2, 20)]);
         let cut = pieces(&[43_000_000], 1_000_000);
-        assert!((32..=33).contains(&cut.len()) && cut.iter().all(|p| p.2 - p.1 <= 31_250 && p.2 <= 43_000_000));
-        assert!(cut.last().is_some_and(|p| p.1 > 41_000_000));
+        assert!((32..=33).contains(&cut.len()) && cut.iter().all(|p| p.to - p.from <= 31_250 && p.to <= 43_000_000));
+        assert!(cut.last().is_some_and(|p| p.from > 41_000_000));
         assert!(pieces(&[], 5).is_empty());
     }
 

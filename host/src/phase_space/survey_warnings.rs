@@ -1,6 +1,7 @@
 //! What a survey warns of.
 
 use super::average_mutual_information::Minimum;
+use super::survey_settings::Settings;
 use crate::warning::Warning;
 
 /// Minima of the mutual information that do not settle the delay: all of them, with their depths,
@@ -27,6 +28,20 @@ pub fn weak_minima(name: &str, minima: &[Minimum], delay: usize, weak: bool, rat
         format!(
             "The delay ({delay} samples are {:.4} s) affects exponent and dimension only; under a drive a quarter of its period serves as well",
             delay as f64 / rate
+        ),
+    )
+}
+
+/// Fewer periodic orbits than a comparison needs.
+pub fn few_orbits(found: usize, seconds: f64, settings: &Settings) -> Warning {
+    let Settings { longest, tolerance, .. } = settings;
+    Warning::new(
+        "few-orbits",
+        format!("{found} orbits of period ≤ {longest} in {seconds:.0} s at a tolerance of {} %", 100.0 * tolerance),
+        format!(
+            "Raise the tolerance to {} %, or record {:.0} min",
+            160.0 * tolerance,
+            (seconds / 15.0).ceil().max(10.0)
         ),
     )
 }

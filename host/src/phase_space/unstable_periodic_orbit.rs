@@ -36,9 +36,9 @@ impl Track<'_> {
     }
 }
 
-/// An unbroken stretch of the record.
+/// The coordinates over one unbroken stretch of a record.
 #[derive(Clone, Debug)]
-pub struct Stretch<'a> {
+pub struct Trajectory<'a> {
     /// Coordinates, of equal length.
     pub tracks: Vec<Track<'a>>,
     /// Time of its first sample, s.
@@ -105,7 +105,7 @@ pub fn lagrange(u: f64) -> [f64; 4] {
 }
 
 /// Extracts all orbits of periods 1 … `settings.longest`.
-pub fn extract(record: &[Stretch<'_>], settings: &Settings) -> Extraction {
+pub fn extract(record: &[Trajectory<'_>], settings: &Settings) -> Extraction {
     let periods: Vec<usize> = (1..=settings.longest).collect();
     let closing: Vec<Vec<Closing>> = periods
         .par_iter()
@@ -124,7 +124,7 @@ pub fn extract(record: &[Stretch<'_>], settings: &Settings) -> Extraction {
 }
 
 /// The best closing stretch of each run of times within the tolerance.
-fn closing_runs(index: usize, stretch: &Stretch<'_>, k: usize, settings: &Settings) -> Vec<Closing> {
+fn closing_runs(index: usize, stretch: &Trajectory<'_>, k: usize, settings: &Settings) -> Vec<Closing> {
     let lag = k as f64 * settings.period;
     let (whole, weights) = (lag.floor() as usize, lagrange(lag - lag.floor()));
     let samples = stretch.tracks.iter().map(|t| t.values.len()).min().unwrap_or(0);
@@ -171,8 +171,8 @@ mod tests {
 
     const T: f64 = 20.3;
 
-    fn tracks<'a>(x: &'a [f64], y: &'a [f64]) -> Stretch<'a> {
-        Stretch {
+    fn tracks<'a>(x: &'a [f64], y: &'a [f64]) -> Trajectory<'a> {
+        Trajectory {
             tracks: vec![Track { values: x, angle: true, span: TAU }, Track { values: y, angle: false, span: 2.0 }],
             start_s: 0.0,
             step_s: 0.01,

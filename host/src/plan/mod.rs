@@ -7,8 +7,8 @@
 //! of parameters, and standard errors between an effect and its rivals. Standard errors fall with
 //! the root of the record's length, which gives the time that each goal takes. The setting that
 //! reaches all goals first is proposed; further draws of its initial state and parameters tell how
-//! much that depends on them: lengths and separations are those that one more record has with a
-//! probability of 97.5 %.
+//! much that depends on them, at last in records as long as the one that is proposed: lengths and
+//! separations are those that one more record has with a probability of 97.5 %.
 //!
 //! Sources: Atkinson and Fedorov (1975), *Biometrika* 62, 57 (discrimination by the best-fitting
 //! rival); Atkinson, Donev and Tobias (2007), *Optimum Experimental Designs, with SAS*, ch. 10
@@ -19,6 +19,7 @@
 //! direction and exchanged masses are not searched; of a force that drives written equations the
 //! frequency is not changed rightly (`moved`).
 
+mod confirmed;
 pub mod goals;
 mod moved;
 pub mod presentation;
@@ -176,7 +177,7 @@ fn looked(task: &mut Task<'_>, good: &[Setting], tick: &(dyn Fn() + Sync)) -> Re
     let settings: Vec<Setting> =
         std::iter::once(now.clone()).filter(|_| driven).chain(thinned(good, task.settings.budget)).collect();
     let look = |task: &Task<'_>, setting: &Setting, draw: usize| {
-        let found = task.look(setting, draw);
+        let found = task.look(setting, draw, task.looked_at_s());
         tick();
         found
     };
@@ -213,7 +214,7 @@ pub fn plan(
     let mut task = Task::new(rig, model, settings)?;
     let grid = task.grid()?;
     let done = AtomicU64::new(0);
-    let all = (grid.len() + settings.budget + 1 + FINALISTS * FURTHER) as u64;
+    let all = (grid.len() + settings.budget + 1 + FINALISTS * FURTHER + confirmed::DRAWS) as u64;
     let tick = || step((done.fetch_add(1, Ordering::Relaxed) + 1).min(all), all);
     let map = map(&task, &grid, &tick);
     let good: Vec<Setting> = if rig.drive.is_some() {
@@ -224,15 +225,18 @@ pub fn plan(
     task.put_in(&good)?;
     task.widen()?;
     let (ranked, unchanged) = looked(&mut task, &good, &tick)?;
-    let mut proposals: Vec<Proposal> = ranked.iter().map(|(s, all)| task.proposal(s, all, None)).collect();
+    let mut proposals: Vec<Proposal> =
+        ranked.iter().map(|(s, all)| task.proposal(s, (all, task.looked_at_s()), None)).collect();
     for p in &mut proposals {
         p.chaos = map.iter().find(|m| m.setting == p.setting).map(|m| m.chaos);
     }
     let mut best = (!proposals.is_empty()).then(|| proposals.remove(0));
     if let Some(best) = &mut best {
+        *best = task.confirmed(best, &tick);
         best.chaos = task.at(&best.setting).and_then(|own| trial::share(&own, settings.seed, SHARE_DRAWS))?;
     }
-    let unchanged = unchanged.map(|e| task.proposal(&task.unchanged(), &[e], best.as_ref().map(|b| b.seconds)));
+    let unchanged = unchanged
+        .map(|e| task.proposal(&task.unchanged(), (&[e], task.looked_at_s()), best.as_ref().map(|b| b.seconds)));
     let goals = settings.goals.clone();
     Ok(Plan {
         rig: rig.name.clone(),

@@ -9,14 +9,19 @@
 //! Limits: written equations in seconds with a force F cos τ are taken as those of a base too; a
 //! plan for these holds at the frequency of the record alone.
 
+use nalgebra::{DMatrix, DVector};
+
 use super::Setting;
 use crate::error::{BadInput, Result};
 use crate::explain::{double_pendulum, single_pendulum};
+use crate::identify::Parameter;
 use crate::model::identified::{IdentifiedModel, System};
 use crate::model::model_file::expression::{Node, Symbol};
 use crate::model::model_file::{Equation, ModelFile, Term, Time};
 use crate::rig::Rig;
 use crate::rig::choices::Choices;
+use crate::system::polynomial::{Atom, Polynomial};
+use crate::system::ties::{self, Identified};
 
 /// Parameters of a system of bodies that are the base's amplitude.
 const AMPLITUDES: [&str; 2] = ["a_c", "a_s"];
@@ -48,6 +53,36 @@ pub fn own(rig: &Rig, model: &IdentifiedModel) -> Result<Own> {
         }
     };
     Ok(Own { rig, model })
+}
+
+/// A model whose dampings are torques in joints and forces on arms: their coefficients in several
+/// equations are those of one strength ([`crate::system::ties`]), as explanations take them. What
+/// an identification gave each on its own departs from that where something is missing, and no
+/// record of such a model could be explained.
+pub fn tied(rig: &Rig, mut model: IdentifiedModel) -> IdentifiedModel {
+    let mechanism = rig.bound.as_ref().and_then(|b| b.model.mechanism.clone());
+    let Some((mechanism, file)) = mechanism.as_deref().and_then(|m| Some((m, m.file.as_deref()?))) else {
+        return model;
+    };
+    let known = mechanism.known(&rig.known, rig.says_gravity());
+    let has = |name: &String| model.parameter(name).filter(|p| p.std_error > 0.0);
+    let names: Vec<String> =
+        mechanism.coefficients.iter().map(|c| c.name.clone()).filter(|n| has(n).is_some()).collect();
+    let found: Vec<&Parameter> = names.iter().filter_map(has).collect();
+    let values = DVector::from_iterator(found.len(), found.iter().map(|p| p.value));
+    let errors = DVector::from_iterator(found.len(), found.iter().map(|p| p.std_error.powi(2)));
+    let covariance = DMatrix::from_diagonal(&errors);
+    let identified = Identified { names: &names, values: &values, covariance: &covariance, metric: &covariance };
+    let Some(fit) = ties::fit(mechanism, &identified, &known) else { return model };
+    let of_damping = |p: &Polynomial| p.any(&|a| matches!(a, Atom::Parameter(k) if *k >= file.parameters.len()));
+    for c in mechanism.coefficients.iter().filter(|c| of_damping(&c.numerator)) {
+        let value = mechanism.value(&c.name, &fit.parameters).filter(|v| v.is_finite());
+        let p = model.parameters.iter_mut().find(|p| p.name == c.name);
+        if let (Some(p), Some(value)) = (p, value) {
+            p.value = value;
+        }
+    }
+    model
 }
 
 /// The rig at another setting, and its simulated plant, if it has one, with it; one without a
@@ -126,7 +161,8 @@ pub fn scale_amplitude(model: &mut IdentifiedModel, by: f64) {
 /// # Errors
 /// A rig that cannot be had at it, such as one whose samples do not resolve the drive.
 pub fn at(rig: &Rig, model: &IdentifiedModel, setting: &Setting) -> Result<Own> {
-    let first = own(rig, model)?;
+    let mut first = own(rig, model)?;
+    first.model = tied(&first.rig, first.model);
     let (Some(drive), Some(frequency_hz)) = (rig.drive, setting.frequency_hz) else { return Ok(first) };
     let amplitude = setting.amplitude_factor.unwrap_or(1.0);
     let moved = rig_at(rig, setting)?;

@@ -14,7 +14,7 @@ use super::trial::{self, Made};
 use super::{APART, Proposal, Reached, Setting, Settings, presentation};
 use crate::error::{BadInput, Result};
 use crate::explain::double_pendulum;
-use crate::explain::engine::expected::{Expected, Separation, expected, with_effect};
+use crate::explain::engine::expected::{Expected, MOST_SAMPLES, Separation, expected, with_effect};
 use crate::identify::{Parameter, prepare};
 use crate::model::identified::{IdentifiedModel, System};
 use crate::record::Record;
@@ -114,11 +114,10 @@ impl<'a> Task<'a> {
         moved::at(self.rig, &self.model, setting)
     }
 
-    /// What one draw of a record would tell, scaled to no length yet; none where it cannot be
-    /// followed.
-    pub fn look(&self, setting: &Setting, draw: usize) -> Option<Expected> {
+    /// What one draw of a record of some length would tell; none where it cannot be followed.
+    pub fn look(&self, setting: &Setting, draw: usize, seconds: f64) -> Option<Expected> {
         let own = self.at(setting).ok()?;
-        let record = trial::record(&own, &self.made(setting, draw)).ok()?;
+        let record = trial::record(&own, &Made { seconds, ..self.made(setting, draw) }).ok()?;
         let mut found = expected(record, &own.rig, &own.model).ok()??;
         if matches!(&self.model.system, System::BuiltIn(id) if id == "double-pendulum") {
             double_pendulum::told(&mut found.parameters, own.rig.omega());
@@ -148,11 +147,11 @@ impl<'a> Task<'a> {
         let own = self.at(&now)?;
         let pose = if self.rig.drive.is_none() { Some(start_of(&own, record)?) } else { None };
         let setting = Setting { pose, ..now };
-        let Some(found) = self.look(&setting, 0) else { return Ok(1.0) };
-        let shorter = (self.looked_at_s() / record.duration_s().max(self.looked_at_s())).sqrt();
+        let seconds = record.duration_s().clamp(self.looked_at_s(), self.longest_s());
+        let Some(found) = self.look(&setting, 0, seconds) else { return Ok(1.0) };
         let ratio = |p: &Parameter| {
             let given = self.model.parameter(&p.name).filter(|g| g.std_error > 0.0)?;
-            Some(given.std_error / (p.std_error * shorter)).filter(|r| r.is_finite())
+            Some(given.std_error / p.std_error).filter(|r| r.is_finite())
         };
         let mut all: Vec<f64> = found.parameters.iter().filter_map(ratio).collect();
         all.sort_by(f64::total_cmp);
@@ -206,12 +205,15 @@ impl<'a> Task<'a> {
         }
     }
 
-    fn looked_at_s(&self) -> f64 {
+    /// Length of the records that are looked at first, s.
+    pub fn looked_at_s(&self) -> f64 {
         LOOKED_AT_S[usize::from(self.rig.drive.is_none())]
     }
 
-    fn longest_s(&self) -> f64 {
-        self.settings.limits.seconds.unwrap_or(LONGEST_S)
+    /// Longest record, s: what is longer than explanations look at tells no more.
+    pub fn longest_s(&self) -> f64 {
+        let followed = MOST_SAMPLES as f64 / self.rig.sample_rate_hz;
+        self.settings.limits.seconds.unwrap_or(LONGEST_S).min(followed.max(self.looked_at_s()))
     }
 
     /// Whether it belongs to what was asked.
@@ -251,9 +253,9 @@ impl<'a> Task<'a> {
         out
     }
 
-    /// Time that each goal takes by what draws would tell, the worst of them.
-    fn times(&self, all: &[Expected]) -> Vec<Reached> {
-        let looked = self.looked_at_s();
+    /// Time that each goal takes by what draws of records of `looked` seconds would tell, the worst
+    /// of them.
+    fn times(&self, all: &[Expected], looked: f64) -> Vec<Reached> {
         // The time after which one more record would have it, with a probability of 97.5 %.
         let worst = |of: &dyn Fn(&Expected) -> Option<f64>| -> Option<f64> {
             let times: Option<Vec<f64>> = all.iter().map(of).collect();
@@ -281,7 +283,7 @@ impl<'a> Task<'a> {
     /// How good a setting is, less is better: the time of the slowest goal; without goals the mean
     /// logarithm of relative standard errors.
     pub fn score(&self, all: &[Expected]) -> f64 {
-        let times = self.times(all);
+        let times = self.times(all, self.looked_at_s());
         if times.is_empty() {
             let one = |e: &Expected| {
                 let relative = e.parameters.iter().map(|p| (p.std_error / p.value.abs().max(1e-12)).max(1e-12).ln());
@@ -292,15 +294,15 @@ impl<'a> Task<'a> {
         times.iter().map(|r| r.seconds.unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
     }
 
-    /// A proposal from what draws would tell, for a record of `seconds`, or as long as its goals
-    /// take.
-    pub fn proposal(&self, setting: &Setting, all: &[Expected], seconds: Option<f64>) -> Proposal {
-        let goals = self.times(all);
+    /// A proposal from what draws of records of `looked` seconds would tell, for a record of
+    /// `seconds`, or as long as its goals take.
+    pub fn proposal(&self, setting: &Setting, (all, looked): (&[Expected], f64), seconds: Option<f64>) -> Proposal {
+        let goals = self.times(all, looked);
         let wanted = goals.iter().map(|r| r.seconds.unwrap_or(f64::INFINITY)).fold(0.0, f64::max);
         let longest = self.longest_s();
         let own = if goals.is_empty() { WITHOUT_GOAL_S } else { wanted.max(self.looked_at_s()) };
         let seconds = seconds.unwrap_or_else(|| own.min(longest));
-        let shorter = (self.looked_at_s() / seconds).sqrt();
+        let shorter = (looked / seconds).sqrt();
         let first = &all[0];
         let mut parameters = first.parameters.clone();
         for p in &mut parameters {

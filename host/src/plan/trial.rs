@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, Normal};
 
-use super::moved::Own;
+use super::moved::{Own, tied};
 use crate::error::Result;
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Outside, Work};
@@ -64,14 +64,16 @@ fn gauss(rng: &mut ChaCha8Rng) -> f64 {
     Normal::standard().inverse_cdf(rng.random_range(1e-12..1.0))
 }
 
-/// The model with parameters drawn from their standard errors; the first draw is the model itself.
-pub fn drawn(model: &IdentifiedModel, seed: u64, draw: usize) -> IdentifiedModel {
-    let mut out = model.clone();
-    if draw > 0 {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed ^ (0x9e37 * draw as u64));
-        out.parameters.iter_mut().for_each(|p| p.value += p.std_error * gauss(&mut rng));
+/// The model with parameters drawn from their standard errors, its dampings of one strength each;
+/// the first draw is the model itself.
+pub fn drawn(own: &Own, seed: u64, draw: usize) -> IdentifiedModel {
+    let mut out = own.model.clone();
+    if draw == 0 {
+        return out;
     }
-    out
+    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ (0x9e37 * draw as u64));
+    out.parameters.iter_mut().for_each(|p| p.value += p.std_error * gauss(&mut rng));
+    tied(&own.rig, out)
 }
 
 /// A state at rest: in every other draw near where a rig hangs when its shaker starts, in the
@@ -107,7 +109,7 @@ pub fn share(own: &Own, seed: u64, draws: usize) -> Result<Option<Share>> {
     let period_s = 1.0 / drive.frequency_hz;
     let (mut chaotic, mut whirling, mut sum, mut counted) = (0, 0, 0.0, 0);
     for draw in 0..draws {
-        let motion = without_memory(own, &drawn(&own.model, seed, draw))?;
+        let motion = without_memory(own, &drawn(own, seed, draw))?;
         let (equations, parameters) = motion.equations()?;
         let outside = Outside::drive(0.0, 0.0, own.rig.omega());
         let flow = Flow::new(&equations, &parameters, outside, period_s / STEPS);
@@ -156,7 +158,7 @@ pub struct Made<'a> {
 /// A model that does not move on this rig.
 pub fn record(own: &Own, made: &Made<'_>) -> Result<Record> {
     let (seed, draw) = made.seed;
-    let motion = Motion::of(&drawn(&own.model, seed, draw), &own.rig.path, Some(&own.rig), 0.0)?;
+    let motion = Motion::of(&drawn(own, seed, draw), &own.rig.path, Some(&own.rig), 0.0)?;
     let state = match made.pose {
         Some(pose) => pose.iter().copied().chain(core::iter::repeat(0.0)).take(2 * motion.circle().len()).collect(),
         None => start(&motion, seed, draw),

@@ -120,11 +120,11 @@ fn of_message(bytes: &[u8]) -> Option<BTreeMap<String, f64>> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
     /// As polars 2.1 and pyarrow 26 (with which pandas writes) put it into a file.
-    const POLARS: &str = "/////6gAAAAEAAAA8v///xQAAAAEAAEAAAAKAAsACAAKAAQA+P///wwAAAAIAAgAAAAEAAIAAAA4AAAABAAAALz///8cAAAAEAAA\
+    pub(in crate::record) const POLARS: &str = "/////6gAAAAEAAAA8v///xQAAAAEAAEAAAAKAAsACAAKAAQA+P///wwAAAAIAAgAAAAEAAIAAAA4AAAABAAAALz///8cAAAAEAAA\
         AAgAAAABAwAAAAAAALr///8CAAAACQAAAGFuZ2xlX2RlZwAAAOz///8wAAAAIAAAABgAAAABEgAAEAASAAQAEAARAAgAAAAMAAAA\
         AAD6////AgAGAAYABAAHAAAAZWxhcHNlZAA=";
     const PANDAS: &str = "/////7AAAAAQAAAAAAAKAAwABgAFAAgACgAAAAABBAAMAAAACAAIAAAABAAIAAAABAAAAAIAAABMAAAABAAAAMz///8AAAECEAAA\

@@ -331,3 +331,44 @@ fn mutated_bytes_never_panic() {
     assert_eq!(good + bad, 2000);
     assert!(good > 100 && bad > 500, "{good} {bad}");
 }
+
+#[test]
+fn nanoseconds_and_dates_count_from_the_first_row() {
+    let nanoseconds = |i: i64| (1_795_435_200_123_456_789 + 2_000_000 * i).to_string();
+    let date = |i: i64| format!("2026-11-23T12:00:{:02}.{:03}", i / 500, 2 * (i % 500));
+    for (name, time) in [("time (ns)", &nanoseconds as &dyn Fn(i64) -> String), ("time", &date)] {
+        let rows: String = (0..600).map(|i| format!("{},{i},0.1\n", time(i))).collect();
+        let r = read(&format!("{name},count1,angle\n{rows}")).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let s = &r.segments[0];
+        assert_eq!((r.samples(), r.segments.len()), (600, 1), "{name}");
+        let off = [s.start_s, s.step_s - 0.002, s.jitter_s].map(f64::abs);
+        assert!(off.iter().all(|x| *x < 1e-12), "{name}: {off:?}");
+    }
+}
+
+#[test]
+fn lines_before_the_header_are_told() {
+    let rows: String = (0..50).map(|i| format!("{},{i},0.1\n", f64::from(i) * 0.002)).collect();
+    for (lines, told) in [
+        ("a rig\n", "1 line before the rows, which begin behind line 2, was"),
+        ("a rig\nof mine\n", "2 lines before the rows, which begin behind line 3, were"),
+    ] {
+        let r = read(&format!("{lines}t,count1,angle\n{rows}")).unwrap();
+        let w = r.warnings.iter().find(|w| w.id == "head-passed-over").unwrap_or_else(|| panic!("{:?}", r.warnings));
+        assert_eq!(w.text, format!("{told} passed over; the columns are t, count1, angle"));
+    }
+    assert!(read(&format!("t,count1,angle\n{rows}")).unwrap().warnings.is_empty());
+}
+
+#[test]
+fn rows_that_follow_another_clock_are_named() {
+    let mut text = rows(40_000);
+    for i in 0..2000 {
+        text += &format!("{:.4},{},x,41.5\n", 90.0 + f64::from(i) * 0.0005, 120_000 + i);
+    }
+    let e = read(&text).err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(
+        e.contains("line 40003, column t") && e.contains("found 90.0005 after 90, expected a time about 0.00"),
+        "{e}"
+    );
+}

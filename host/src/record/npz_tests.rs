@@ -147,3 +147,52 @@ fn bad_archives_are_told() {
     let message = read_bytes(&whole, &text).unwrap_err().to_string();
     assert!(message.contains("array text") && message.contains("<U3") && message.contains("astype"), "{message}");
 }
+
+/// An archive of 32 bits as one of 64: the numbers that `wide` says (size, compressed size, offset)
+/// stand in an extra field behind another one, all of the directory's own in its 64-bit end.
+fn of_64_bits(archive: &[u8], wide: [bool; 3]) -> Vec<u8> {
+    let end = archive.len() - 22;
+    let (count, size, start) =
+        (number(archive, end + 10, 2), number(archive, end + 12, 4) as usize, number(archive, end + 16, 4) as usize);
+    let (mut out, mut at) = (archive[..start].to_vec(), start);
+    while at < start + size {
+        let name = number(archive, at + 28, 2) as usize;
+        let mut head = archive[at..at + 46].to_vec();
+        let mut extra = vec![0x55, 0x54, 5, 0, 1, 2, 3, 4, 5, 1, 0, 0, 0];
+        for (place, _) in [24, 20, 42].into_iter().zip(wide).filter(|(_, wide)| *wide) {
+            extra.extend(number(archive, at + place, 4).to_le_bytes());
+            head[place..place + 4].fill(0xff);
+            extra[11] += 8;
+        }
+        head[30..32].copy_from_slice(&(extra.len() as u16).to_le_bytes());
+        out.extend([&head, &archive[at + 46..at + 46 + name], &extra].concat());
+        at += 46 + name;
+    }
+    let (behind, size) = (out.len() as u64, (out.len() - start) as u64);
+    out.extend(b"PK\x06\x06");
+    out.extend([44_u64.to_le_bytes(), [45, 0, 45, 0, 0, 0, 0, 0]].concat());
+    out.extend([[0; 4].to_vec(), [count, count, size, start as u64].map(u64::to_le_bytes).concat()].concat());
+    out.extend([&b"PK\x06\x07\0\0\0\0"[..], &behind.to_le_bytes(), &[1, 0, 0, 0]].concat());
+    out.extend([&b"PK\x05\x06\0\0\0\0"[..], &[0xff; 12], &[0, 0]].concat());
+    out
+}
+
+#[test]
+fn archives_of_64_bits_are_read() {
+    let rig = rig();
+    let plain = good(true, 500, 500, None);
+    let truth = read_bytes(&plain, &rig).unwrap();
+    for wide in [[true; 3], [false, false, true], [true, true, false], [false; 3]] {
+        let r = read_bytes(&of_64_bits(&plain, wide), &rig).unwrap_or_else(|e| panic!("{wide:?}: {e}"));
+        assert_eq!(
+            (format!("{:?}", r.segments), r.losses),
+            (format!("{:?}", truth.segments), truth.losses.clone()),
+            "{wide:?}"
+        );
+    }
+    // A locator that points elsewhere.
+    let mut bytes = of_64_bits(&plain, [true; 3]);
+    let locator = bytes.len() - 42;
+    bytes[locator + 8] ^= 1;
+    assert!(read_bytes(&bytes, &rig).unwrap_err().to_string().contains("no 64-bit end of the directory"));
+}

@@ -32,7 +32,7 @@ use super::parquet_cells::Cells;
 use super::parquet_chunks::{Chunk, Failure, PART, caught, decode_all, open_group, read_part, rows_in, take};
 use super::parquet_salvage::salvage;
 use super::parquet_source::Source as ParquetSource;
-use super::parquet_structure::{Columns, Structure, check_rig, columns, leaf, listed, own_metadata, structure};
+use super::parquet_structure::{Columns, Structure, check_rig, columns, flat, listed, own_metadata, structure};
 use super::rows::Rows;
 use super::stream::{Source, Streamed};
 use super::{Losses, Metadata, Record, quiet, segments};
@@ -121,7 +121,8 @@ impl<'a> Reader<'a> {
         if let Some(metadata) = &structure.metadata {
             check_rig(metadata, path, rig, &mut warnings)?;
         }
-        let own = structure.metadata.is_some() && OWN_COLUMNS.iter().all(|c| leaf(&structure.schema, c).is_some());
+        let (names, _) = flat(&structure.schema);
+        let own = structure.metadata.is_some() && OWN_COLUMNS.iter().all(|c| names.iter().any(|n| n == c));
         let rate =
             structure.metadata.as_ref().map(|m| m.sample_rate_hz).filter(|r| structure.written_by_whirl && *r > 0.0);
         let columns = columns(&structure, path, rig, own, rate)?;
@@ -356,3 +357,7 @@ mod tests;
 #[cfg(test)]
 #[path = "parquet_damage_tests.rs"]
 mod damage_tests;
+
+#[cfg(test)]
+#[path = "parquet_columns_tests.rs"]
+mod columns_tests;

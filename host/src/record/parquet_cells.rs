@@ -73,7 +73,7 @@ pub(super) fn not_a_number(column: &ColumnDescriptor) -> Option<String> {
     match column.logical_type_ref() {
         None if number && dated => Some(format!("{} ({physical})", column.converted_type())),
         None if number => None,
-        Some(LogicalType::Integer(_) | LogicalType::Timestamp(_)) if number => None,
+        Some(LogicalType::Integer(_)) if number => None,
         None => Some(physical.to_string()),
         Some(logical) => Some(format!("{logical:?} ({physical})")),
     }

@@ -14,7 +14,7 @@ use rand::{RngExt, SeedableRng};
 use super::super::parquet_recovery::{MAGIC, extent};
 use super::tests::{dir, metadata, read_with, rig, sample, write};
 use super::*;
-use crate::record::{Column, stream};
+use crate::record::{Column, Segment, stream};
 
 /// Rows of the record of whirl's own: four row groups, the last one short.
 const OWN: i64 = 9000;
@@ -180,6 +180,11 @@ const SCHEMA: &str = "message m { required double t; required int64 count1; requ
 /// A file of somebody else's: row groups of 3000 rows in pages of 500, counts through a dictionary
 /// if asked.
 fn foreign(path: &Path, groups: usize, dictionary: bool, compression: Compression) -> Vec<u8> {
+    foreign_of(path, (groups, 3000), dictionary, compression)
+}
+
+/// As [`foreign`], of so many row groups of so many rows.
+fn foreign_of(path: &Path, (groups, each): (usize, usize), dictionary: bool, compression: Compression) -> Vec<u8> {
     let schema = Arc::new(parse_message_type(SCHEMA).unwrap());
     let properties = WriterProperties::builder()
         .set_compression(compression)
@@ -190,7 +195,7 @@ fn foreign(path: &Path, groups: usize, dictionary: bool, compression: Compressio
         .build();
     let mut w = SerializedFileWriter::new(File::create(path).unwrap(), schema, Arc::new(properties)).unwrap();
     for g in 0..groups {
-        let rows = g * 3000..(g + 1) * 3000;
+        let rows = g * each..(g + 1) * each;
         let mut group = w.next_row_group().unwrap();
         let t: Vec<f64> = rows.clone().map(|i| i as f64 * 0.002).collect();
         let mut c = group.next_column().unwrap().unwrap();
@@ -268,6 +273,51 @@ fn of_a_foreign_file_every_row_with_whole_pages_is_read() {
     std::fs::write(&path, &bytes).unwrap();
     let r = read_with(&path, true).unwrap();
     assert!((2000..3000).contains(&as_exported(&r)), "{:?}", r.warnings);
+}
+
+#[test]
+fn a_page_damaged_far_into_a_long_row_group_costs_itself_and_no_row_comes_twice() {
+    let (_dir, path) = dir();
+    // Longer than a block and than what is decoded at once, both no whole number of pages.
+    let n = 150_000;
+    let mut bytes = foreign_of(&path, (1, n), false, Compression::SNAPPY);
+    assert_eq!(as_exported(&read_with(&path, false).unwrap()), n);
+    let chunk = groups(&path)[0].column(2).clone();
+    let at = (chunk.data_page_offset() + chunk.compressed_size() * 97 / 100) as usize;
+    (0..12).for_each(|i| bytes[at + i] = 0xff);
+    std::fs::write(&path, &bytes).unwrap();
+    let r = read_with(&path, true).unwrap();
+    let read = as_exported(&r);
+    assert!((n - 2000..n).contains(&read) && damaged(&r).text.contains("row group 1"), "{read}: {:?}", r.warnings);
+    assert_eq!((r.losses.lost(), r.segments.len()), ((n - read) as u64, 2));
+    // Block by block, rows of it have been handed on before the damage is met.
+    let options = ReadOptions { recover: true, ..ReadOptions::default() };
+    let mut stretches: Vec<Vec<f64>> = Vec::new();
+    let summary = stream::read(&path, &rig(), &options, &mut |block| match stretches.last_mut() {
+        Some(last) if !block.begins => last.extend(&block.columns[1]),
+        _ => stretches.push(block.columns[1].clone()),
+    });
+    let of = |s: &Segment| s.columns[1].angle(&r.channels[1]);
+    assert!(stretches == r.segments.iter().map(of).collect::<Vec<_>>());
+    assert_eq!(summary.unwrap().losses, r.losses);
+}
+
+#[test]
+fn a_page_that_states_another_number_of_rows_costs_its_row_group() {
+    let (_dir, path) = dir();
+    let whole = foreign(&path, 2, false, Compression::SNAPPY);
+    let page = groups(&path)[1].column(1).data_page_offset() as usize;
+    // The header's fields 5 and 5.1: a data page of 500 values.
+    let values = page + whole[page..].windows(4).position(|w| w == [0x2c, 0x15, 0xe8, 0x07]).unwrap() + 2;
+    for (stated, spoilt) in [("501", 0xea), ("499", 0xe6)] {
+        let mut bytes = whole.clone();
+        bytes[values] = spoilt;
+        std::fs::write(&path, &bytes).unwrap();
+        // Rows could be shifted behind it: none of them is read, though all other pages are whole.
+        let r = read_with(&path, true).unwrap_or_else(|e| panic!("{stated}: {e}"));
+        assert_eq!(as_exported(&r), 3000, "{stated}: {:?}", r.warnings);
+        assert_eq!((r.losses.lost(), damaged(&r).details["rows"].as_u64()), (3000, Some(3000)), "{stated}");
+    }
 }
 
 #[test]

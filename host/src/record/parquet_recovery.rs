@@ -172,3 +172,22 @@ pub(super) fn checked_range(column: &parquet::file::metadata::ColumnChunkMetaDat
     let first = column.dictionary_page_offset().unwrap_or_else(|| column.data_page_offset());
     Some((u64::try_from(first).ok()?, u64::try_from(column.compressed_size()).ok()?))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+
+    use super::*;
+
+    #[test]
+    fn the_checksum_of_a_range_is_that_of_its_bytes_however_many_there_are() {
+        assert_eq!(crc32(b"123456789"), 0xcbf4_3926);
+        let bytes: Vec<u8> = (0..200_000_u32).map(|i| (i.wrapping_mul(i) >> 7) as u8).collect();
+        let mut file = Cursor::new(&bytes);
+        for (from, n) in [(0, 200_000), (7, 65_536), (65_530, 65_537), (199_999, 1), (12, 0)] {
+            let found = crc_of_range(&mut file, from as u64, n as u64);
+            assert_eq!(found, Some(crc32(&bytes[from..from + n])), "{n} bytes from byte {from}");
+        }
+        assert_eq!(crc_of_range(&mut file, 100_000, 100_001), None);
+    }
+}

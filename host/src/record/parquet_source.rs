@@ -256,6 +256,21 @@ mod tests {
     }
 
     #[test]
+    fn a_dictionary_behind_its_checksum_is_bounded_as_one_without() {
+        // 16 bytes, and a checksum of three bytes before the number of values.
+        let page =
+            |values: &[u8]| [&[0x15, 4, 0x15, 32, 0x15, 32, 0x15, 0xfe, 0xff, 0x05, 0x3c, 0x15], values].concat();
+        assert!(check_header(&page(&[8])).is_ok());
+        for refused in [&[10][..], &[1], &[0x80, 0x80, 0x80, 0x80, 0x08]] {
+            assert!(check_header(&page(refused)).is_err(), "{refused:?}");
+        }
+        // A checksum that does not end; no dictionary behind it; another field in its place.
+        assert!(check_header(&[0x15, 4, 0x15, 32, 0x15, 32, 0x15, 0xff, 0xff, 0xff, 0xff, 0xff]).is_err());
+        assert!(check_header(&[0x15, 4, 0x15, 32, 0x15, 32, 0x15, 2]).is_err());
+        assert!(check_header(&[0x15, 4, 0x15, 32, 0x15, 32, 0x15, 2, 0x4c, 0x15, 8]).is_err());
+    }
+
+    #[test]
     fn zigzag_follows_the_format() {
         for (bytes, value) in [(vec![0u8], 0), (vec![1], -1), (vec![2], 1), (vec![0x80, 0x01], 64)] {
             let mut at = 0;

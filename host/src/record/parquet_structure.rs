@@ -261,14 +261,6 @@ pub(super) fn check_rig(metadata: &Metadata, path: &Path, rig: &Rig, warnings: &
     Ok(())
 }
 
-/// Index of a column that is not nested.
-pub(super) fn leaf(schema: &SchemaDescriptor, name: &str) -> Option<usize> {
-    schema.columns().iter().position(|c| {
-        let parts = c.path().parts();
-        parts.len() == 1 && parts[0] == name && c.max_rep_level() == 0 && c.max_def_level() <= 1
-    })
-}
-
 /// Columns to read: t, the channels, and the device's.
 pub(super) struct Columns {
     t: usize,
@@ -291,7 +283,7 @@ impl Columns {
 }
 
 /// Names of the columns that are not nested, and their places in the schema.
-fn flat(schema: &SchemaDescriptor) -> (Vec<String>, Vec<usize>) {
+pub(super) fn flat(schema: &SchemaDescriptor) -> (Vec<String>, Vec<usize>) {
     let flat = |i: &usize| {
         let c = schema.column(*i);
         c.path().parts().len() == 1 && c.max_rep_level() == 0 && c.max_def_level() <= 1

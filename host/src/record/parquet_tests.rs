@@ -149,6 +149,26 @@ fn another_encoder_is_refused() {
     assert!(e.contains("Did you mean count1?"), "{e}");
 }
 
+#[test]
+fn a_rig_file_that_measures_something_else_or_cannot_be_compared_is_told() {
+    let (_dir, path) = dir();
+    write(&path, 3000, 0..0);
+    let told = |rig: &Rig| {
+        let r = Record::read(&path, rig, &ReadOptions::default()).unwrap();
+        r.warnings.into_iter().filter(|w| w.id == "rig-metadata").map(|w| w.text).collect::<Vec<_>>()
+    };
+    assert_eq!(told(&rig()), Vec::<String>::new());
+    let other = Rig::parse(&RIG.replacen("theta2", "phi2", 1), Path::new("other.toml")).unwrap();
+    assert_eq!(told(&other), ["count2 measures phi2 in the rig file, and theta2 in the record"]);
+    let mut w = RecordWriter::create(&path, &Metadata { rig: "no rig".into(), ..metadata() }, &rig()).unwrap();
+    for i in 0..3000 {
+        w.push(&Sample { tick: i, counts: &sample(i).0, phase: 0, amplitude_nm: 0 }).unwrap();
+    }
+    w.finish(&Losses::default()).unwrap();
+    let told = told(&rig());
+    assert!(told.len() == 1 && told[0].contains("cannot be read"), "{told:?}");
+}
+
 /// A Parquet file by another hand.
 fn foreign(path: &Path, schema: &str, compression: Compression, t: impl Fn(usize) -> f64, nulls: bool) {
     let schema = Arc::new(parse_message_type(schema).unwrap());

@@ -300,4 +300,56 @@ mod tests {
         }
         assert!((2000..2600).contains(&groups), "{groups}");
     }
+
+    /// A rig of one channel of this name.
+    fn rig(channel: &str) -> Rig {
+        let text = format!(
+            "name = \"x\"\nmodel = \"chain\"\nsample_rate_hz = 500.0\n[[channel]]\nname = \"{channel}\"\n\
+             measures = \"x0\"\nunit = \"count\"\ncounts_per_turn = 4096\n"
+        );
+        Rig::parse(&text, Path::new("rig.toml")).unwrap()
+    }
+
+    #[test]
+    fn rows_of_finished_row_groups_are_counted_for_the_next_ones_length() {
+        let folder = tempfile::tempdir().unwrap();
+        let metadata = Metadata { sample_rate_hz: 500.0, ..Metadata::default() };
+        let mut writer = ParquetWriter::create(&folder.path().join("r.parquet"), &metadata, &rig("count1")).unwrap();
+        let mut push = |ticks: core::ops::Range<i64>| {
+            for tick in ticks {
+                writer.push(&Sample { tick, counts: &[0], phase: 0, amplitude_nm: 0 }).unwrap();
+            }
+            (writer.written, writer.tick.len())
+        };
+        assert_eq!(push(0..2499), (0, 2499));
+        assert_eq!(push(2499..5003), (5000, 3));
+        writer.written = 3000 * SHARE;
+        let mut push = |ticks: core::ops::Range<i64>| {
+            ticks.for_each(|tick| writer.push(&Sample { tick, counts: &[0], phase: 0, amplitude_nm: 0 }).unwrap());
+            writer.tick.len()
+        };
+        assert_eq!(push(5003..7999), 2999);
+        assert_eq!(push(7999..8000), 0);
+    }
+
+    #[test]
+    fn a_channel_with_the_name_of_a_column_of_every_record_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("r.parquet");
+        for name in ["t", "tick", "phase", "amplitude_nm"] {
+            let refused = ParquetWriter::create(&path, &Metadata::default(), &rig(name)).err().map(|e| e.to_string());
+            let e = refused.unwrap_or_else(|| panic!("a channel {name} was taken"));
+            assert!(e.contains(&format!("a channel named {name}")) && !path.exists(), "{e}");
+        }
+    }
+
+    #[test]
+    fn a_rig_file_goes_into_the_record_up_to_a_mebibyte() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("r.parquet");
+        for (length, taken) in [(RIG_LIMIT, true), (RIG_LIMIT + 1, false)] {
+            let metadata = Metadata { rig: "#".repeat(length), ..Metadata::default() };
+            assert_eq!(ParquetWriter::create(&path, &metadata, &rig("count1")).is_ok(), taken, "{length}");
+        }
+    }
 }

@@ -10,7 +10,7 @@ use super::normal_mode::{self, Member};
 use super::polar::{self, Node, Polar};
 use super::proper_orthogonal_decomposition::Pod;
 use super::release_fit::{MOST_SAMPLES, ReleaseFit};
-use super::releases::{self, Gathered, Release};
+use super::releases::{self, Entry, Gathered, Release};
 use super::standard_error;
 use super::systems::{self, Mechanical};
 use super::{Constraint, Frame, ReduceSettings, Reduction};
@@ -122,6 +122,28 @@ impl Made<'_> {
     }
 }
 
+/// What a model is made of and judged by.
+pub(super) struct Evidence<'a> {
+    /// The records.
+    pub gathered: &'a Gathered,
+    /// The releases in them, fitted.
+    pub entries: &'a [Entry],
+    /// Which of them the model is made with.
+    pub used: &'a [usize],
+    /// Whether they are periodic motions of a family.
+    pub periodic: bool,
+    /// Orthonormal modes, as many as move.
+    pub basis: &'a [Vec<f64>],
+    /// The first of them: the major coordinate.
+    pub major: &'a [f64],
+    /// The system, where its equations are known and fit the record.
+    pub system: Option<&'a dyn Mechanical>,
+    /// Motions of its normal mode at the releases' energies.
+    pub branch: &'a [Option<Member>],
+    /// Masses of the channels.
+    pub masses: Option<&'a [f64]>,
+}
+
 /// Builds the whole result from the decomposition.
 pub(super) fn build(
     gathered: &Gathered,
@@ -142,19 +164,17 @@ pub(super) fn build(
         ));
     }
     let periodic = releases::periodic(&entries);
-    let decays = entries.iter().any(|e| e.decaying);
     let mut described: Vec<Release> =
         entries.iter().map(|e| releases::describe(gathered, e.release, &e.fit, &major)).collect();
     for (r, _) in described.iter_mut().zip(&entries).filter(|(_, e)| e.decaying) {
         r.remarks.insert(0, "decaying");
     }
-    let with_fit: Vec<(usize, &ReleaseFit)> = entries.iter().map(|e| (e.release, &e.fit)).collect();
     let system = known_system(rig, gathered);
     let mut branch: Vec<Option<Member>> = vec![None; described.len()];
     if let Some(system) = &system
         && periodic
     {
-        branch = compare_with_full(&**system, gathered, &mut described, &with_fit);
+        branch = compare_with_full(&**system, gathered, &mut described, &entries);
     }
     let system = system.filter(|_| branch.iter().any(Option::is_some));
     // The windows of a decay speak for themselves in the table; dozens of warnings would not be
@@ -163,8 +183,62 @@ pub(super) fn build(
         frame.warnings.push(remark_warning(r));
     }
     let used: Vec<usize> = (0..described.len()).filter(|i| described[*i].used).collect();
-    let amplitudes_differ =
-        used.iter().any(|i| (described[*i].amplitude / described[used[0]].amplitude - 1.0).abs() > 1e-3);
+    let constraint = constraint_of(settings, periodic, &described)?;
+    let basis: Vec<Vec<f64>> = complete(&pod.modes, pod.rank());
+    let masses = settings.masses.as_deref();
+    let evidence = Evidence {
+        gathered,
+        entries: &entries,
+        used: &used,
+        periodic,
+        basis: &basis,
+        major: &major,
+        system: system.as_deref(),
+        branch: &branch,
+        masses,
+    };
+    let made = make(constraint, &evidence);
+    if made.is_none() && periodic {
+        frame.warnings.push(Warning::new(
+            "no-model",
+            "no stable model was found from these releases",
+            "Record more releases over the range of amplitudes, or use another --constraint",
+        ));
+    }
+    let mut reduction = Reduction { constraint, releases: described, ..super::without_model(frame, pod, kept) };
+    if settings.force.is_some() && !matches!(made, Some(Made::Polar(..))) {
+        return Err(super::forced_needs_polar());
+    }
+    if let Some(made) = made {
+        judge::judge(&mut reduction, &made, &evidence);
+        reduction.model = Some(match made {
+            Made::Polar(mut p, all, system) => {
+                let nodes: Vec<Node> = used.iter().map(|i| Node::of(&entries[*i].fit, &major)).collect();
+                let linear = system.and_then(|s| normal_mode::linear_mode(s, 0));
+                let (corrected, between) = (!all.is_empty(), all.get(nodes.len()..).unwrap_or(&[]));
+                let how = standard_error::Evaluation { system, masses, linear: linear.as_ref(), corrected, between };
+                let errors = standard_error::of(&p, &nodes, how);
+                p.omega_squared_std_error = errors.omega_squared;
+                reduction.frequency_amplitude = errors.curve;
+                if let Some(force) = &settings.force {
+                    let warnings = &mut reduction.warnings;
+                    reduction.forced = Some(forced::make(force, &p, &major, &entries, system, masses, warnings)?);
+                }
+                Model::Polar(p)
+            }
+            Made::Polynomial(m) => Model::Polynomial(m),
+        });
+    }
+    Ok(reduction)
+}
+
+/// The constraint that was asked for, or the one that the releases allow.
+///
+/// # Errors
+/// One that was asked for and that they do not allow.
+fn constraint_of(settings: &ReduceSettings, periodic: bool, releases: &[Release]) -> Result<Constraint> {
+    let used: Vec<&Release> = releases.iter().filter(|r| r.used).collect();
+    let amplitudes_differ = used.iter().any(|r| (r.amplitude / used[0].amplitude - 1.0).abs() > 1e-3);
     let constraint =
         settings.constraint.unwrap_or(if periodic && amplitudes_differ { Constraint::Polar } else { Constraint::None });
     if constraint != Constraint::None && (!periodic || used.is_empty()) {
@@ -180,41 +254,7 @@ pub(super) fn build(
             .at("--constraint")
             .remedy("Record further releases, each at another amplitude"));
     }
-    let basis: Vec<Vec<f64>> = complete(&pod.modes, pod.rank());
-    let made = make(constraint, &used, &with_fit, &basis, &major, system.as_deref(), periodic, decays);
-    if made.is_none() && periodic {
-        frame.warnings.push(Warning::new(
-            "no-model",
-            "no stable model was found from these releases",
-            "Record more releases over the range of amplitudes, or use another --constraint",
-        ));
-    }
-    let mut reduction = Reduction { constraint, releases: described, ..super::without_model(frame, pod, kept) };
-    let masses = settings.masses.as_deref();
-    if settings.force.is_some() && !matches!(made, Some(Made::Polar(..))) {
-        return Err(super::forced_needs_polar());
-    }
-    if let Some(made) = made {
-        judge::judge(&mut reduction, &made, gathered, &with_fit, &branch, &basis, system.as_deref(), settings);
-        reduction.model = Some(match made {
-            Made::Polar(mut p, all, system) => {
-                let nodes: Vec<Node> = used.iter().map(|i| Node::of(with_fit[*i].1, &major)).collect();
-                let linear = system.and_then(|s| normal_mode::linear_mode(s, 0));
-                let (corrected, between) = (!all.is_empty(), all.get(nodes.len()..).unwrap_or(&[]));
-                let how = standard_error::Use { system, masses, linear: linear.as_ref(), corrected, between };
-                let errors = standard_error::of(&p, &nodes, how);
-                p.omega_squared_std_error = errors.omega_squared;
-                reduction.frequency_amplitude = errors.curve;
-                if let Some(force) = &settings.force {
-                    let warnings = &mut reduction.warnings;
-                    reduction.forced = Some(forced::make(force, &p, &major, &entries, system, masses, warnings)?);
-                }
-                Model::Polar(p)
-            }
-            Made::Polynomial(m) => Model::Polynomial(m),
-        });
-    }
-    Ok(reduction)
+    Ok(constraint)
 }
 
 fn unit(mode: &[f64]) -> Vec<f64> {
@@ -250,16 +290,16 @@ fn compare_with_full(
     system: &dyn Mechanical,
     gathered: &Gathered,
     described: &mut [Release],
-    with_fit: &[(usize, &ReleaseFit)],
+    entries: &[Entry],
 ) -> Vec<Option<Member>> {
-    let energies: Vec<f64> = with_fit
+    let energies: Vec<f64> = entries
         .iter()
-        .map(|(i, fit)| {
+        .map(|Entry { release, fit, .. }| {
             // At rest at phase 0 where the motion is on a mode; for others the first sample, from
             // rest, is the better witness.
             let n = gathered.names.len();
             let rest: Vec<f64> = (0..n).map(|c| fit.motion(c, 0.0)[0]).collect();
-            let first: Vec<f64> = (0..n).map(|c| gathered.releases[*i][c][0]).collect();
+            let first: Vec<f64> = (0..n).map(|c| gathered.releases[*release][c][0]).collect();
             system.potential(if fit.residual < releases::PERIODIC { &rest } else { &first })
         })
         .collect();
@@ -267,7 +307,7 @@ fn compare_with_full(
     let mut out = vec![None; described.len()];
     for (i, e) in energies.iter().enumerate() {
         let Some(member) = family.iter().find(|m| (m.energy / e - 1.0).abs() < 1e-12) else { continue };
-        if (member.omega / with_fit[i].1.omega - 1.0).abs() > 0.02 {
+        if (member.omega / entries[i].fit.omega - 1.0).abs() > 0.02 {
             continue;
         }
         let release = &mut described[i];
@@ -306,23 +346,17 @@ fn remark_warning(r: &Release) -> Warning {
     Warning::new("release", format!("{who} {}", what.join(" and ")), advice)
 }
 
-fn make<'a>(
-    constraint: Constraint,
-    used: &[usize],
-    with_fit: &[(usize, &ReleaseFit)],
-    basis: &[Vec<f64>],
-    major: &[f64],
-    system: Option<&'a dyn Mechanical>,
-    periodic: bool,
-    decays: bool,
-) -> Option<Made<'a>> {
+/// The model of a constraint; none where there is no periodic motion to make it of.
+fn make<'a>(constraint: Constraint, evidence: &Evidence<'a>) -> Option<Made<'a>> {
+    let Evidence { entries, used, periodic, basis, major, system, .. } = *evidence;
     if !periodic || used.is_empty() {
         return None;
     }
-    let fits: Vec<&ReleaseFit> = used.iter().map(|i| with_fit[*i].1).collect();
+    let fits: Vec<&ReleaseFit> = used.iter().map(|i| &entries[*i].fit).collect();
     if constraint == Constraint::Polar {
         let nodes: Vec<Node> = fits.iter().map(|f| Node::of(f, major)).collect();
         let linear = system.and_then(|s| normal_mode::linear_mode(s, 0));
+        let decays = entries.iter().any(|e| e.decaying);
         // Nodes of decays scatter, and leave no gaps: then the variational frequency stands alone.
         return match system {
             Some(system) if !decays => {

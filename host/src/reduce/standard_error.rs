@@ -51,7 +51,7 @@ pub struct StandardErrors {
 
 /// How a model is asked: as it is used in the result.
 #[derive(Clone, Copy)]
-pub struct Use<'a> {
+pub struct Evaluation<'a> {
     /// The system, where its equations are known.
     pub system: Option<&'a dyn Mechanical>,
     /// Masses of the channels.
@@ -64,7 +64,7 @@ pub struct Use<'a> {
     pub between: &'a [Node],
 }
 
-impl Use<'_> {
+impl Evaluation<'_> {
     /// Angular frequency and energy at these (rising) amplitudes; none where a model has no
     /// frequency.
     fn answers(&self, polar: &Polar, nodes: &[Node], amplitudes: &[f64]) -> Option<Vec<(f64, f64)>> {
@@ -84,7 +84,7 @@ impl Use<'_> {
 
 /// Standard errors of a model made of these nodes. Nothing where the model has no frequency
 /// somewhere in its range.
-pub fn of(polar: &Polar, nodes: &[Node], how: Use<'_>) -> StandardErrors {
+pub fn of(polar: &Polar, nodes: &[Node], how: Evaluation<'_>) -> StandardErrors {
     let amplitudes = nodes.iter().map(|n| n.amplitude);
     let (low, high) = (amplitudes.clone().fold(f64::INFINITY, f64::min), amplitudes.fold(0.0, f64::max));
     if !(low > 0.0 && high > low) {
@@ -208,7 +208,7 @@ mod tests {
                 })
                 .collect();
             let model = polar::model(&nodes, &major, None).unwrap();
-            let how = Use { system: None, masses: None, linear: None, corrected: false, between: &[] };
+            let how = Evaluation { system: None, masses: None, linear: None, corrected: false, between: &[] };
             let errors = of(&model, &nodes, how);
             assert_eq!((errors.curve.len(), errors.omega_squared.len()), (POINTS, model.omega_squared.len()));
             // Within the range, where the form costs nothing.

@@ -143,8 +143,8 @@ fn same_modes(whole: &Reduction, streamed: &Reduction) {
     }
     // All that is told of the whole record but what belongs to a model is told of the streamed one
     // too. Only a record that is read as a whole is looked over for faults.
-    let told = |id: &str| id.ends_with("channel") && id != "dead-channel" || id == "gaps" || id == "nan-is-gap";
-    for w in whole.warnings.iter().filter(|w| told(w.id)) {
+    let listed = |id: &str| id.ends_with("channel") && id != "dead-channel" || id == "gaps" || id == "nan-is-gap";
+    for w in whole.warnings.iter().filter(|w| listed(w.id)) {
         assert!(streamed.warnings.contains(w), "{w:?}");
     }
     assert!(warned(streamed, "taken-block-by-block") && !warned(whole, "taken-block-by-block"));

@@ -67,7 +67,7 @@ pub struct Card {
 
 impl CardRow {
     /// Value and 95 % interval.
-    fn told((value, std_error): (f64, f64)) -> String {
+    fn interval((value, std_error): (f64, f64)) -> String {
         if std_error.is_infinite() {
             return "not determined by this record".to_owned();
         }
@@ -168,8 +168,8 @@ impl Card {
     fn table(&self, out: &mut String) {
         let both = self.has_before();
         let _ = writeln!(out, "\nParameters{} (± is a 95 % interval)", if both { " before → after" } else { "" });
-        let before = |p: &CardRow| p.before.map_or_else(|| "–".to_owned(), CardRow::told);
-        let after = |p: &CardRow| CardRow::told(p.after);
+        let before = |p: &CardRow| p.before.map_or_else(|| "–".to_owned(), CardRow::interval);
+        let after = |p: &CardRow| CardRow::interval(p.after);
         let widths = [
             width(self.parameters.iter().map(CardRow::name)),
             width(self.parameters.iter().map(before)),
@@ -257,9 +257,9 @@ impl Card {
             let symbol = if p.symbol.is_empty() { Html::new() } else { Html::symbol(&p.symbol) };
             let mut cells = vec![symbol, Html::text(&p.plain)];
             if both {
-                cells.push(Html::text(&p.before.map_or_else(|| "–".to_owned(), CardRow::told)));
+                cells.push(Html::text(&p.before.map_or_else(|| "–".to_owned(), CardRow::interval)));
             }
-            cells.push(Html::text(&CardRow::told(p.after)));
+            cells.push(Html::text(&CardRow::interval(p.after)));
             cells.push(Html::text(&p.unit.replace(' ', "\u{a0}")));
             if both {
                 cells.push(Html::text(&p.change()));

@@ -11,14 +11,12 @@ use crate::error::{BadInput, Result};
 use crate::identify::Identification;
 use crate::identify::harmonic_balance::account::Function;
 use crate::identify::harmonic_balance::orbit::{MARGIN, Orbit};
-use crate::identify::harmonic_balance::orbits;
 use crate::identify::harmonic_balance::settings::{Basis, EnergyBalance, Orbits, Settings};
 use crate::phase_space::average_mutual_information::{average_mutual_information, minima};
 use crate::phase_space::false_nearest_neighbours::{self, dimension, false_nearest_neighbours};
 use crate::phase_space::observable::Observable;
 use crate::report::figures::axis::Axis;
 use crate::report::figures::canvas::{Panel, Series, Shape};
-use crate::signal::angles::single_pendulum_angle;
 
 /// Items of this file.
 pub static ITEMS: &[Item] = &[
@@ -93,8 +91,7 @@ fn row(name: &str, printed: Option<f64>, found: &Identification, data: &Data) ->
 /// The extracted orbits, best closing first among those of one period.
 fn found_orbits() -> Result<Vec<Orbit>> {
     let data = data::single()?;
-    let segments = single_pendulum_angle(&data.records[0], &data.rig)?;
-    Ok(orbits::find(&segments, &[true], SINGLE_PERIOD as f64, &extraction()).orbits)
+    data.orbits(SINGLE_PERIOD as f64, &extraction())
 }
 
 fn samples(orbit: &Orbit) -> &[f64] {

@@ -11,16 +11,12 @@ use super::{Reproduction, Row};
 use crate::error::{BadInput, Result};
 use crate::identify::harmonic_balance::fourier::Fourier;
 use crate::identify::harmonic_balance::orbit::{MARGIN, Orbit, State, motion};
-use crate::identify::harmonic_balance::orbits;
 use crate::identify::harmonic_balance::rows::kept as passes;
 use crate::identify::harmonic_balance::settings::Differentiation;
-use crate::signal::angles::double_pendulum_angles;
 
 /// Orbits of the seed's record at a tolerance, and of its exact angles over the same stretches.
 pub(super) fn found_orbits(tolerance: f64) -> Result<Vec<Orbit>> {
-    let data = data::double()?;
-    let segments = double_pendulum_angles(&data.records[0], &data.rig)?;
-    Ok(orbits::find(&segments, &[true; 2], PERIOD, &extraction(tolerance)).orbits)
+    data::double()?.orbits(PERIOD, &extraction(tolerance))
 }
 
 /// The best closing orbit of a period (the `index`-th best).

@@ -15,7 +15,7 @@ use crate::error::{BadInput, Result};
 use crate::reduce::normal_mode::{self, Member};
 use crate::reduce::polar::{self, Node, Polar};
 use crate::reduce::release_fit;
-use crate::reduce::standard_error::{self, Use};
+use crate::reduce::standard_error::{self, Evaluation};
 use crate::reduce::systems::Mechanical;
 
 /// Items of this file.
@@ -84,8 +84,9 @@ fn noisy(case: &Case, noise: f64, seed: u64) -> Option<Both> {
 fn held(case: &Case, (polar, known, nodes): &Both) -> Option<[[u32; 2]; 2]> {
     let mut count = [[0; 2]; 2];
     let linear = normal_mode::linear_mode(&*case.system, 0);
-    let blind = Use { system: None, masses: None, linear: linear.as_ref(), corrected: false, between: &[] };
-    let informed = Use { system: Some(&*case.system), corrected: true, between: &known.1[nodes.len()..], ..blind };
+    let blind = Evaluation { system: None, masses: None, linear: linear.as_ref(), corrected: false, between: &[] };
+    let informed =
+        Evaluation { system: Some(&*case.system), corrected: true, between: &known.1[nodes.len()..], ..blind };
     for (count, (model, how)) in count.iter_mut().zip([(polar, blind), (&known.0, informed)]) {
         let curve = standard_error::of(model, nodes, how).curve;
         for i in &case.used {

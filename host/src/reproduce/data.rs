@@ -12,8 +12,10 @@ use whirl_hil_sim::plant_oscillator::Oscillator;
 use whirl_hil_sim::plant_single_pendulum::SinglePendulum;
 
 use crate::error::{BadInput, Result};
-use crate::identify::harmonic_balance::settings::Settings;
-use crate::identify::{Identification, Settings as WeakSettings, harmonic_balance, identify};
+use crate::identify::harmonic_balance::orbit::Orbit;
+use crate::identify::harmonic_balance::orbits;
+use crate::identify::harmonic_balance::settings::{Orbits, Settings};
+use crate::identify::{Identification, Settings as WeakSettings, built_in, harmonic_balance, identify, stretches};
 use crate::record::{Column, Losses, Record, Segment};
 use crate::rig::Rig;
 use crate::rig::plant::Plant;
@@ -42,6 +44,14 @@ impl Data {
     /// The seed's method.
     pub fn balance(&self, settings: &Settings) -> Result<Identification> {
         harmonic_balance::identify(&self.records, &self.rig, settings)
+    }
+
+    /// Orbits or pieces of the record; `period`: of the drive, samples.
+    pub fn orbits(&self, period: f64, what: &Orbits) -> Result<Vec<Orbit>> {
+        let own = built_in::written(&self.rig)?;
+        let bound = built_in::bound(&own)?;
+        let parts = stretches::of(&self.records[0], &own, bound)?;
+        Ok(orbits::find(&parts, &bound.shown, &bound.model.circle(), period, what).orbits)
     }
 
     /// The weak form.

@@ -13,7 +13,8 @@ use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::Damping;
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::toml_place::Source;
-use crate::system::{self, library};
+use crate::system;
+use crate::system::library::{self, Pendulum};
 
 /// The rig of a single pendulum with its equation (2.6) written out: `dampings` by the names of
 /// their coefficients (`c_r`, `C11`). With `all`, the terms of a base that moves any way and of a
@@ -85,7 +86,7 @@ pub fn double_pendulum(rig: &Rig, dampings: &[&Damping]) -> Result<Rig> {
         // Writing into a string cannot fail.
         let _ = write!(equations, "\n[[equation]]\nbalance = \"-phi{n}''\"\n[equation.terms]\n{}\n", terms.join("\n"));
     }
-    bound(rig, &["phi1", "phi2"], inputs(rig), &equations)
+    bound(rig, Pendulum::Double.coordinates(), inputs(rig), &equations)
 }
 
 /// The key of a model file that declares the base's motion, where it is measured.
@@ -120,7 +121,7 @@ pub fn double_pendulum_of_bodies(rig: &Rig, nominal: &[String]) -> Result<Rig> {
 /// # Errors
 /// Channels that do not measure the angles.
 pub fn coordinates(rig: &Rig) -> Result<Rig> {
-    let names: &[&str] = if rig.model == "single-pendulum" { &["phi1"] } else { &["phi1", "phi2"] };
+    let names = rig.pendulum().unwrap_or(Pendulum::Double).coordinates();
     let mut equations = String::new();
     for n in names {
         // Writing into a string cannot fail.

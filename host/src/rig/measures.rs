@@ -17,11 +17,8 @@ use crate::model::model_file::parser::{Names, parse};
 use crate::model::model_file::toml_place::{self, Source};
 use crate::model::model_file::units::Unit;
 use crate::model::model_file::{self, ModelFile};
+use crate::system::library::Pendulum;
 use crate::system::{self, library};
-
-/// What the channels of built-in systems may measure.
-const BUILT_IN: [(&str, &[&str]); 2] =
-    [("double-pendulum", &["theta1", "theta2", "phi1", "phi2", BASE]), ("single-pendulum", &["theta1", "phi1", BASE])];
 
 /// What a channel measures that shows the base's own motion along the drive, as a position or as an
 /// acceleration: the input of the systems that have one of that name.
@@ -30,6 +27,13 @@ pub const BASE: &str = "base";
 /// Units of an acceleration and of positions, for a channel of the base.
 const ACCELERATION: &str = "m/s2";
 const POSITIONS: [&str; 3] = ["m", "mm", "um"];
+
+impl Rig {
+    /// The built-in system of this rig; none for a model file and what is only reduced.
+    pub fn pendulum(&self) -> Option<Pendulum> {
+        Pendulum::named(&self.model)
+    }
+}
 
 /// A model file with what the channels measure of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -71,7 +75,8 @@ impl Rig {
 
 /// Refuses a channel of a built-in system that measures something else.
 pub(super) fn check_built_in(rig: &Rig) -> Result<()> {
-    let Some((_, known)) = BUILT_IN.iter().find(|(id, _)| *id == rig.model) else { return Ok(()) };
+    let Some(mut known) = rig.pendulum().map(Pendulum::measures) else { return Ok(()) };
+    known.push(BASE);
     check_base(rig)?;
     match rig.channel.iter().enumerate().find(|(_, c)| !known.contains(&c.measures.as_str())) {
         None => Ok(()),
@@ -85,7 +90,7 @@ pub(super) fn check_built_in(rig: &Rig) -> Result<()> {
 /// Whether a rig's model is a file: its own, or one of the program's systems. What is built in
 /// keeps its name.
 pub(super) fn is_file(model: &str) -> bool {
-    let built_in = BUILT_IN.iter().any(|(id, _)| *id == model) || crate::reduce::systems::by_id(model).is_some();
+    let built_in = Pendulum::named(model).is_some() || crate::reduce::systems::by_id(model).is_some();
     model_file::is_path(model) || (!built_in && library::text(model).is_some())
 }
 

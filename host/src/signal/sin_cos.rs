@@ -46,7 +46,12 @@ impl NullaryFnOnce for All<'_> {
         for ((x, sin), cos) in xs.iter().zip(sins).zip(coss) {
             (*sin, *cos) = each(x);
         }
-        one_by_one(last, last_sin, last_cos);
+        // What is left over is computed as all others, whatever its place.
+        let mut padded = [0.0; LANES];
+        padded[..last.len()].copy_from_slice(last);
+        let (sin, cos) = each(&padded);
+        last_sin.copy_from_slice(&sin[..last.len()]);
+        last_cos.copy_from_slice(&cos[..last.len()]);
     }
 }
 
@@ -119,12 +124,6 @@ fn series<const N: usize>(d: &[f64; N]) -> ([f64; N], [f64; N]) {
         *cos = 1.0 - square * (0.5 - square * even);
     }
     (sin, cos)
-}
-
-fn one_by_one(x: &[f64], sin: &mut [f64], cos: &mut [f64]) {
-    for ((x, sin), cos) in x.iter().zip(sin).zip(cos) {
-        (*sin, *cos) = x.sin_cos();
-    }
 }
 
 #[cfg(test)]

@@ -30,7 +30,7 @@ use rayon::prelude::*;
 use self::frozen::Run;
 pub(crate) use self::mending::Mending;
 use self::trace::{Samples, Trace};
-use self::words::Told;
+use self::words::Wording;
 use crate::record::{Column, Record};
 use crate::rig::Rig;
 
@@ -79,17 +79,17 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
         None => (0..record.channels.len()).collect(),
     };
     let traces: Vec<Trace<'_>> = sensors.iter().map(|&k| trace(record, k)).collect();
-    let told = Told::new(record, rig, numbering);
+    let wording = Wording::new(record, rig, numbering);
     let (mut warnings, mut mending) = (Vec::new(), Mending::default());
     let dead: Vec<Option<f64>> = traces.par_iter().map(dead::dead).collect();
     let held: Vec<Option<usize>> = traces.par_iter().map(held::held).collect();
     for (i, &k) in sensors.iter().enumerate() {
         if let Some(value) = dead[i] {
-            warnings.push(told.dead(k, value, dead.iter().all(Option::is_some)));
+            warnings.push(wording.dead(k, value, dead.iter().all(Option::is_some)));
         } else if let Some(n) = held[i] {
-            warnings.push(told.held(k, n));
+            warnings.push(wording.held(k, n));
         }
-        if let Some(w) = told.stuck(k, &stuck_bit::stuck(&traces[i])) {
+        if let Some(w) = wording.stuck(k, &stuck_bit::stuck(&traces[i])) {
             warnings.push(w);
         }
     }
@@ -98,12 +98,12 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
         let living: Vec<Trace<'_>> = alive.iter().map(|&i| traces[i].clone()).collect();
         let channels: Vec<usize> = alive.iter().map(|&i| sensors[i]).collect();
         let steps = row_steps::look(&living);
-        warnings.extend(steps.doubled.iter().map(|f| told.rows("rows-doubled", f)));
-        warnings.extend(steps.missing.iter().map(|f| told.rows("rows-missing", f)));
+        warnings.extend(steps.doubled.iter().map(|f| wording.rows("rows-doubled", f)));
+        warnings.extend(steps.missing.iter().map(|f| wording.rows("rows-missing", f)));
         if warnings.iter().all(|w| !w.invalidates) {
             let runs: Vec<Vec<Run>> = living.par_iter().map(frozen::runs).collect();
             for ((runs, t), &k) in runs.iter().zip(&living).zip(&channels) {
-                warnings.extend(told.runs(k, runs, t, &mut mending));
+                warnings.extend(wording.runs(k, runs, t, &mut mending));
             }
             let found: Vec<Vec<breaks::Found>> = living
                 .par_iter()
@@ -117,7 +117,7 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
                 })
                 .collect();
             let sorted = sorting::sort(&living, &found);
-            warnings.extend(told.breaks(&channels, &sorted, &mut mending));
+            warnings.extend(wording.breaks(&channels, &sorted, &mut mending));
         }
     }
     if SHREDS * mending.longest_left(record) < record.longest_segment() {

@@ -20,8 +20,8 @@ const MOST: usize = 100;
 /// Rows that are named in a text.
 const NAMED: usize = 3;
 
-/// What is needed to name a place.
-pub struct Told<'a> {
+/// What is needed to put a finding into words: the record's names, rows and times.
+pub struct Wording<'a> {
     record: &'a Record,
     numbering: &'a Numbering,
     /// Whether equations are identified from the record.
@@ -30,7 +30,7 @@ pub struct Told<'a> {
     clocked: bool,
 }
 
-impl<'a> Told<'a> {
+impl<'a> Wording<'a> {
     pub fn new(record: &'a Record, rig: &Rig, numbering: &'a Numbering) -> Self {
         let clocked = rig.drive.is_some() && record.segments.iter().any(|s| s.phase.is_none());
         Self { record, numbering, equations: rig.bound.is_some() || rig.model.ends_with("pendulum"), clocked }
@@ -109,10 +109,10 @@ impl<'a> Told<'a> {
     pub fn stuck(&self, channel: usize, stuck: &[Stuck]) -> Option<Warning> {
         let name = self.name(channel);
         let wrong: Vec<&Stuck> = stuck.iter().filter(|s| !s.coarse).collect();
-        let told: Vec<String> = stuck.iter().map(|s| format!("bit {} is always {}", s.bit, s.value)).collect();
+        let constant: Vec<String> = stuck.iter().map(|s| format!("bit {} is always {}", s.bit, s.value)).collect();
         let bits: Vec<Value> = stuck.iter().map(|s| Value::from(s.bit)).collect();
         let first = wrong.first().copied().or(stuck.first())?;
-        let text = format!("in the counts of {name} {}", told.join(", "));
+        let text = format!("in the counts of {name} {}", constant.join(", "));
         let w = if wrong.is_empty() {
             let step = 1u64 << stuck.len();
             Warning::new(
@@ -155,12 +155,12 @@ impl<'a> Told<'a> {
 
     /// Runs in which a channel stands: what is clipped and what has stopped is left out.
     pub fn runs(&self, channel: usize, runs: &[Run], trace: &Trace<'_>, mending: &mut Mending) -> Vec<Warning> {
-        let mut told = Vec::new();
+        let mut warnings = Vec::new();
         for sign in [1, -1] {
             let of: Vec<&Run> = runs.iter().filter(|r| r.extreme == sign).collect();
             // Once is a stop that happens to be the furthest; a limit is met again and again.
             if of.len() >= 2 {
-                told.push(self.clipped(channel, &of, trace, mending));
+                warnings.push(self.clipped(channel, &of, trace, mending));
             }
         }
         let clipped = |r: &Run| runs.iter().filter(|o| o.extreme == r.extreme && r.extreme != 0).count() >= 2;
@@ -189,9 +189,10 @@ impl<'a> Told<'a> {
                 text,
                 format!("These {n} rows are left out as a gap; look at the sensor's cable and supply"),
             );
-            told.push(self.placed(w, Some(channel), (run.stretch, place)).with("value", run.value).with("left_out", n));
+            warnings
+                .push(self.placed(w, Some(channel), (run.stretch, place)).with("value", run.value).with("left_out", n));
         }
-        told
+        warnings
     }
 
     fn clipped(&self, channel: usize, runs: &[&Run], trace: &Trace<'_>, mending: &mut Mending) -> Warning {
@@ -226,7 +227,7 @@ impl<'a> Told<'a> {
 
     /// Spikes, slips, rows and records joined, `channels` being those that were looked at.
     pub fn breaks(&self, channels: &[usize], events: &[Event], mending: &mut Mending) -> Vec<Warning> {
-        let mut told = Vec::new();
+        let mut warnings = Vec::new();
         for (i, &k) in channels.iter().enumerate() {
             let of = |wanted: fn(&Event) -> Option<(usize, Found)>| -> Vec<Found> {
                 events.iter().filter_map(wanted).filter(|(c, _)| *c == i).map(|(_, f)| f).collect()
@@ -262,7 +263,7 @@ impl<'a> Told<'a> {
                     text,
                     format!("{rows}; look for a typing error, or for disturbances on the sensor's line"),
                 );
-                told.push(self.listed(w, k, first, &spikes).with("left_out", left_out));
+                warnings.push(self.listed(w, k, first, &spikes).with("left_out", left_out));
             }
             if let Some(first) = slips.first() {
                 let n = slips.len();
@@ -277,16 +278,16 @@ impl<'a> Told<'a> {
                     text,
                     "The steps are taken back, each right to about a count; look at the encoder's signals: counts were lost or gained",
                 );
-                told.push(self.listed(w, k, first, &slips));
+                warnings.push(self.listed(w, k, first, &slips));
             }
         }
-        told.extend(self.all_channels(events, mending));
-        told
+        warnings.extend(self.all_channels(events, mending));
+        warnings
     }
 
     /// What happened to all channels at once.
     fn all_channels(&self, events: &[Event], mending: &mut Mending) -> Vec<Warning> {
-        let mut told = Vec::new();
+        let mut warnings = Vec::new();
         let rows = |m: bool| {
             events.iter().filter_map(move |e| match e {
                 Event::Rows(n, s, at) if (*n > 0) == m => Some((*s, *at, *n)),
@@ -330,9 +331,9 @@ impl<'a> Told<'a> {
             let numbers: Vec<Value> =
                 places.iter().take(MOST).map(|&(s, at, _)| Value::from(self.row(s, at))).collect();
             let w = self.placed(w, None, (segment, sample)).with("value", places.len()).with("rows", numbers);
-            told.push(if self.clocked { w.invalidating() } else { w });
+            warnings.push(if self.clocked { w.invalidating() } else { w });
         }
-        told
+        warnings
     }
 
     /// The first places of a channel with their sizes.

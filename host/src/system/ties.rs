@@ -47,7 +47,7 @@ pub struct Identified<'a> {
 
 /// What the ties give.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Fit {
+pub struct TiesFit {
     /// Parameters, then quantities, that coefficients and what is known fix.
     pub found: Vec<Parameter>,
     /// Those that they leave open.
@@ -225,7 +225,7 @@ impl Problem<'_> {
 }
 
 /// Fits the parameters; none where there is nothing to fit or the metric is not positive.
-pub fn fit(mechanism: &Mechanism, b: &Identified<'_>, known: &BTreeMap<&str, f64>) -> Option<Fit> {
+pub fn fit(mechanism: &Mechanism, b: &Identified<'_>, known: &BTreeMap<&str, f64>) -> Option<TiesFit> {
     let fixed = |i: usize| known.get(mechanism.parameters[i].name.as_str()).copied();
     let observed: Vec<_> =
         mechanism.quantities.iter().filter_map(|q| Some((q, *known.get(q.name.as_str())?))).collect();
@@ -277,7 +277,7 @@ fn report(
     misfit: f64,
     sigma: &DMatrix<f64>,
     known: &BTreeMap<&str, f64>,
-) -> Option<Fit> {
+) -> Option<TiesFit> {
     let Problem { mechanism, free, rows, white, .. } = problem;
     let (open, scale) = null_space(problem.jacobian(p))?;
     let rank = free.len() - open.ncols();
@@ -302,7 +302,7 @@ fn report(
         parameters: p.to_vec(),
     };
     let freedom = rows.len().saturating_sub(rank);
-    let mut out = Fit { misfit, freedom, openness: openness.clone(), ..Fit::default() };
+    let mut out = TiesFit { misfit, freedom, openness: openness.clone(), ..TiesFit::default() };
     let one = Polynomial::number(1.0);
     let own =
         mechanism.parameters.iter().enumerate().map(|(k, n)| (&n.name, &n.unit, Polynomial::atom(Atom::Parameter(k))));

@@ -19,7 +19,7 @@ const TRUTH: [(&str, f64); 12] = [
 ];
 
 /// Exact coefficients of a double pendulum, each with a thousandth of it as standard error.
-fn exact(known: &[&str]) -> Fit {
+fn exact(known: &[&str]) -> TiesFit {
     let text = library::text("double-pendulum").unwrap();
     let model = library::read("double-pendulum", text).unwrap().model(None, 31.4).unwrap();
     let mechanism = model.mechanism.clone().unwrap();

@@ -1,7 +1,7 @@
 //! A bifurcation diagram of the identified model over a factor on one of its parameters.
 
-use super::moving::Moving;
-use super::{Bifurcation, Settings};
+use super::Bifurcation;
+use super::starts::{Pace, Starts};
 use crate::error::{BadInput, Result};
 use crate::model::flow::Outside;
 use crate::phase_space::bifurcation;
@@ -9,17 +9,13 @@ use crate::phase_space::bifurcation;
 /// Values of a bifurcation diagram's parameter.
 const BIFURCATION_VALUES: usize = 240;
 
-/// The diagram, where one was asked for.
+/// The diagram, where one was asked for, from a state at the drive's phase `tau` on.
 ///
 /// # Errors
 /// A free system, a parameter that there is not, a range that is none.
-pub(super) fn diagram(
-    equations: &Moving,
-    settings: &Settings,
-    (tau, omega): (f64, f64),
-    (state, circle): (&[f64], &[bool]),
-    step_s: f64,
-) -> Result<Option<Bifurcation>> {
+pub(super) fn diagram(starts: &Starts<'_>, tau: f64, state: &[f64]) -> Result<Option<Bifurcation>> {
+    let Starts { equations, circle, pace: Pace { omega, .. }, settings, step_s, .. } = starts;
+    let (omega, step_s) = (*omega, *step_s);
     let Some((parameter, low, high)) = &settings.bifurcation else { return Ok(None) };
     let names = &equations.names;
     let bad = |found: String, expected: String| Err(BadInput::new(found, expected).at("--bifurcation"));

@@ -13,10 +13,12 @@ use core::f64::consts::TAU;
 use serde::Serialize;
 
 use crate::error::{BadInput, Result};
+use crate::identify::{built_in, stretches};
+use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
-use crate::rig::Rig;
-use crate::signal::angles::double_pendulum_angles;
+use crate::rig::{Rig, as_own};
 use crate::signal::spectrum::{fast_length, line_at, welch};
+use crate::system::library::Pendulum;
 
 /// Largest angle of the part of a free vibration that is used, rad.
 const SMALL: f64 = 0.35;
@@ -42,13 +44,44 @@ pub fn of_model(b11: f64, b12: f64, b21: f64, b22: f64, omega: f64) -> Option<[f
     squares.iter().all(|s| s.is_finite() && *s > 0.0).then(|| squares.map(|s| s.sqrt() * omega / TAU))
 }
 
+/// The model's natural frequencies beside those of a free vibration; none where they are not
+/// known of
+/// the model.
+///
+/// # Errors
+/// As [`of_record`]; a free vibration for a model whose natural frequencies are not known.
+pub fn compare(model: &IdentifiedModel, rig: &Rig, free: Option<&Record>) -> Result<Option<NaturalFrequencies>> {
+    if model.system.pendulum() != Some(Pendulum::Double) {
+        return match free {
+            None => Ok(None),
+            Some(record) => Err(BadInput::new(
+                "a free vibration",
+                "none: natural frequencies are known of the built-in double pendulum",
+            )
+            .in_file(&record.path)
+            .at("--free")
+            .remedy("Leave --free out")),
+        };
+    }
+    let b = |n: &str| model.parameter(n).map(|p| p.value);
+    let of_model = match (b("B11"), b("B12"), b("B21"), b("B22")) {
+        (Some(b11), Some(b12), Some(b21), Some(b22)) => of_model(b11, b12, b21, b22, rig.omega()),
+        _ => None,
+    };
+    let Some(model_hz) = of_model else { return Ok(None) };
+    let measured = free.map(|record| of_record(record, &Rig { drive: None, ..rig.clone() })).transpose()?;
+    Ok(Some(NaturalFrequencies { model_hz, measured_hz: measured.map(|m| m.0), resolution_hz: measured.map(|m| m.1) }))
+}
+
 /// The two frequencies of a free vibration, Hz, lower first, and the spectrum's resolution. `rig`:
 /// without its drive.
 ///
 /// # Errors
 /// A record without angles, or whose small motion is too short for a spectrum with two peaks.
 pub fn of_record(record: &Record, rig: &Rig) -> Result<([f64; 2], f64)> {
-    let segments = double_pendulum_angles(record, rig)?;
+    let own = as_own::coordinates(rig)?;
+    let bound = built_in::bound(&own)?;
+    let stretches = stretches::of(record, &own, bound)?;
     let bad = |found: String| {
         BadInput::new(
             found,
@@ -58,14 +91,15 @@ pub fn of_record(record: &Record, rig: &Rig) -> Result<([f64; 2], f64)> {
         .at("--free")
         .remedy("Release the arms from a small angle, without the shaker, and record until they rest")
     };
-    let longest = segments.iter().max_by_key(|s| s.len()).ok_or_else(|| bad("no samples".to_owned()))?;
-    let sensors = longest.sensors();
+    let longest = stretches.iter().max_by_key(|s| s.len()).ok_or_else(|| bad("no samples".to_owned()))?;
+    let sensors = longest.sensors(bound);
     // Rest is where the motion ends, up to whole turns.
-    let rest = sensors.each_ref().map(|x| {
+    let end = |x: &Vec<f64>| {
         let last = &x[x.len() - x.len().min(x.len() / 5 + 1)..];
         last.iter().sum::<f64>() / last.len().max(1) as f64
-    });
-    let large = |i: &usize| (0..2).any(|k| (sensors[k][*i] - rest[k]).abs() > SMALL);
+    };
+    let rest: Vec<f64> = sensors.iter().map(end).collect();
+    let large = |i: &usize| (0..rest.len()).any(|k| (sensors[k][*i] - rest[k]).abs() > SMALL);
     let first = (0..longest.len()).rev().find(large).map_or(0, |i| i + 1);
     let length = longest.len() - first;
     let rate = 1.0 / longest.step_s;

@@ -6,13 +6,14 @@ use core::f64::consts::TAU;
 use indicatif::ProgressBar;
 
 use super::horizon::{FIT_PERIODS, Horizon, LONGEST_PERIODS, horizon};
-use super::moving::Moving;
-use super::{HorizonComparison, OrbitComparison, Orbits, Settings};
+use super::identified_equations::IdentifiedEquations;
+use super::{ExponentComparison, HorizonComparison, OrbitComparison, Orbits, Pair, Settings};
 use crate::identify::shooting::problem::{Piece, Problem};
 use crate::identify::stretches::Stretch;
 use crate::identify::track::Track;
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Inputs, Outside};
+use crate::phase_space::model_exponent;
 use crate::phase_space::orbit_refinement::{RefinedOrbit, refine};
 use crate::phase_space::survey::PhaseSpace;
 
@@ -35,20 +36,42 @@ const MOST_FINER: f64 = 16.0;
 
 /// What is the same for all starts.
 pub struct Starts<'a> {
-    equations: &'a Moving,
-    circle: Vec<bool>,
-    period_s: f64,
-    omega: f64,
-    settings: &'a Settings,
+    /// The model's equations.
+    pub equations: &'a IdentifiedEquations,
+    /// Which coordinates are angles.
+    pub circle: Vec<bool>,
+    /// Drive's period and frequency.
+    pub pace: Pace,
+    /// Choices.
+    pub settings: &'a Settings,
     /// By how much each sensor's prediction may be off, in its unit.
     tolerance: Vec<f64>,
     /// Step of integration, s.
     pub step_s: f64,
 }
 
+/// The time scales of a motion.
+#[derive(Clone, Copy)]
+pub struct Pace {
+    /// Period of the drive, or what stands for it, s.
+    pub period_s: f64,
+    /// Angular frequency of the drive, rad/s; 0 for none.
+    pub omega: f64,
+}
+
+/// Where the model begins to follow a stretch.
+pub struct Beginning<'a> {
+    /// The stretch.
+    pub stretch: &'a Stretch,
+    /// Its number.
+    pub index: usize,
+    /// The state at its first sample, coordinates then rates.
+    pub state: Vec<f64>,
+}
+
 /// A record on its axis of time.
 #[derive(Clone, Copy)]
-pub struct Course<'a> {
+pub struct RecordTrack<'a> {
     /// Its stretches.
     pub stretches: &'a [Stretch],
     /// They as one track.
@@ -56,13 +79,12 @@ pub struct Course<'a> {
 }
 
 impl<'a> Starts<'a> {
-    /// For a model on a record. `circle`: which coordinates are angles; `period_s`: of the drive,
-    /// or what stands for it; `omega`: of the drive, 0 for none.
+    /// For a model on a record. `circle`: which coordinates are angles.
     pub fn new(
-        equations: &'a Moving,
-        record: Course<'_>,
+        equations: &'a IdentifiedEquations,
+        record: RecordTrack<'_>,
         circle: Vec<bool>,
-        (period_s, omega): (f64, f64),
+        pace: Pace,
         settings: &'a Settings,
     ) -> Self {
         let tolerance = record
@@ -75,8 +97,8 @@ impl<'a> Starts<'a> {
                 settings.tolerance_deg / TURN_DEG * span
             })
             .collect();
-        let mut out = Self { equations, circle, period_s, omega, settings, tolerance, step_s: period_s / STEPS };
-        if omega == 0.0 {
+        let mut out = Self { equations, circle, pace, settings, tolerance, step_s: pace.period_s / STEPS };
+        if pace.omega == 0.0 {
             // Nothing says how fast a system of its own moves: found from the beginnings of some
             // pieces.
             let (pieces, guesses) = out.pieces(record);
@@ -106,34 +128,41 @@ impl<'a> Starts<'a> {
     }
 
     fn samples(&self, periods: f64, track: &Track<'_>) -> usize {
-        (periods * self.period_s / track.spacing_s).round() as usize
+        (periods * self.pace.period_s / track.spacing_s).round() as usize
+    }
+
+    /// Where the model follows the longest stretch.
+    pub fn longest_stretch<'b>(&self, record: RecordTrack<'b>) -> Option<Beginning<'b>> {
+        let (index, stretch) = record.stretches.iter().enumerate().max_by_key(|(_, s)| s.len())?;
+        Some(Beginning { stretch, index, state: self.first_state(record, index)? })
     }
 
     /// The state at the first sample of a stretch, fitted to its first periods.
-    pub fn first_state(&self, record: Course<'_>, stretch: usize, parameters: &[f64]) -> Option<Vec<f64>> {
+    pub fn first_state(&self, record: RecordTrack<'_>, stretch: usize) -> Option<Vec<f64>> {
         let at = |t: f64, out: &mut [f64]| record.track.inputs(t, out);
         let problem = self.problem(record.track, &at);
         let fit = self.samples(FIT_PERIODS, record.track).min(record.track.samples(stretch));
         let (piece, guess) = record.track.piece(stretch, 0, fit)?;
         let levels = [self.samples(1.0, record.track).min(fit), fit];
+        let parameters = &self.equations.parameters;
         problem.fit_state(&piece, &guess, parameters, &levels, &mut problem.room(false)).map(|f| f.0)
     }
 
     /// What acts from outside along a stretch, and its first time on the axis.
     pub fn outside<'b>(
         &self,
-        record: Course<'_>,
+        record: RecordTrack<'_>,
         stretch: usize,
         at: &'b (dyn Fn(f64, &mut [f64]) + Sync),
     ) -> Option<Outside<'b>> {
         let first = record.track.piece(stretch, 0, record.track.samples(stretch).min(16))?.0;
         let count = record.stretches[stretch].inputs.len();
         let inputs = (count > 0).then_some(Inputs { count, at });
-        Some(Outside { origin: first.start_s, tau: first.tau, omega: self.omega, inputs })
+        Some(Outside { origin: first.start_s, tau: first.tau, omega: self.pace.omega, inputs })
     }
 
     /// Pieces for horizons, evenly over the record.
-    fn pieces(&self, record: Course<'_>) -> (Vec<Piece>, Vec<Vec<f64>>) {
+    fn pieces(&self, record: RecordTrack<'_>) -> (Vec<Piece>, Vec<Vec<f64>>) {
         let track = record.track;
         let (fit, longest) = (self.samples(FIT_PERIODS, track), self.samples(FIT_PERIODS + LONGEST_PERIODS, track));
         // A start needs room for more than its fit.
@@ -157,27 +186,44 @@ impl<'a> Starts<'a> {
     /// Horizons on the record and on the model's own.
     pub fn compare(
         &self,
-        measured: Course<'_>,
-        simulated: Course<'_>,
-        parameters: &[f64],
+        measured: RecordTrack<'_>,
+        simulated: RecordTrack<'_>,
         bar: &ProgressBar,
     ) -> HorizonComparison {
-        let run = |record: Course<'_>| -> Horizon {
+        let run = |record: RecordTrack<'_>| -> Horizon {
             let at = |t: f64, out: &mut [f64]| record.track.inputs(t, out);
             let problem = self.problem(record.track, &at);
             let levels = [self.samples(1.0, record.track), self.samples(FIT_PERIODS, record.track)];
             let (pieces, guesses) = self.pieces(record);
             bar.inc_length(pieces.len() as u64);
-            horizon(&problem, &pieces, &guesses, parameters, &levels, &self.tolerance, bar)
+            horizon(&problem, &pieces, &guesses, &self.equations.parameters, &levels, &self.tolerance, bar)
         };
         HorizonComparison {
             tolerance_deg: self.settings.tolerance_deg,
-            fit_s: FIT_PERIODS * self.period_s,
-            longest_s: LONGEST_PERIODS * self.period_s,
+            fit_s: FIT_PERIODS * self.pace.period_s,
+            longest_s: LONGEST_PERIODS * self.pace.period_s,
             measured: run(measured),
             simulated: run(simulated),
             median_lyapunov_times: None,
         }
+    }
+
+    /// The largest exponent of the driven model along a stretch, from its variational equations,
+    /// with
+    /// those of the two records. None for a free system.
+    pub fn exponent(&self, stretch: &Stretch, state: &[f64], records: Option<Pair>) -> Option<ExponentComparison> {
+        let Pace { period_s, omega } = self.pace;
+        let (of, start_s) = (&*self.equations.dynamics, stretch.start_s);
+        let outside = Outside::drive(start_s, stretch.tau(0), omega);
+        let flow = Flow::new(of, &self.equations.parameters, outside, self.step_s);
+        let is_driven = omega > 0.0;
+        let follow = || model_exponent::of_model(&flow, of, &mut state.to_vec(), start_s, period_s, 100, 3000);
+        let found = is_driven.then(follow)??;
+        Some(ExponentComparison {
+            model: found.per_interval / period_s,
+            model_std_error: found.std_error / period_s,
+            records,
+        })
     }
 
     /// Catalogues side by side, and the record's best closing orbits refined on the model. None for
@@ -185,8 +231,7 @@ impl<'a> Starts<'a> {
     pub fn orbits(
         &self,
         (measured, simulated): (&PhaseSpace, &PhaseSpace),
-        record: Course<'_>,
-        parameters: &[f64],
+        record: RecordTrack<'_>,
         most: usize,
     ) -> Option<Orbits> {
         let found = measured.orbits.as_ref()?;
@@ -204,7 +249,7 @@ impl<'a> Starts<'a> {
                 period: o.period,
                 start_s: o.start_s,
                 closing: o.error,
-                refined: self.refine(record, o.start_s, o.period, parameters),
+                refined: self.refine(record, o.start_s, o.period),
             })
             .collect();
         Some(Orbits {
@@ -215,7 +260,8 @@ impl<'a> Starts<'a> {
         })
     }
 
-    fn refine(&self, record: Course<'_>, start_s: f64, period: usize, parameters: &[f64]) -> Option<RefinedOrbit> {
+    fn refine(&self, record: RecordTrack<'_>, start_s: f64, period: usize) -> Option<RefinedOrbit> {
+        let parameters = &self.equations.parameters;
         let track = record.track;
         let within = |s: &&Stretch| start_s >= s.start_s - 1e-9 && start_s < s.time(s.len());
         let (k, stretch) = record.stretches.iter().enumerate().find(|(_, s)| within(s))?;
@@ -243,10 +289,10 @@ impl<'a> Starts<'a> {
             }
             guess.push(state);
         }
-        let outside = Outside::drive(stretch.time(first), stretch.tau(first), self.omega);
+        let outside = Outside::drive(stretch.time(first), stretch.tau(first), self.pace.omega);
         let of = &*self.equations.dynamics;
         let flow = Flow::new(of, parameters, outside, self.step_s);
-        refine(&flow, of, &self.circle, &guess, stretch.time(first), self.period_s)
+        refine(&flow, of, &self.circle, &guess, stretch.time(first), self.pace.period_s)
     }
 }
 

@@ -14,12 +14,13 @@ use whirl_tests::repository;
 use super::program::{Run, done, rig_file, whirl};
 
 /// What is replaced in a command, so that it is short: from, to.
-const SHORTER: [(&str, &str); 9] = [
+const SHORTER: [(&str, &str); 10] = [
     ("--seconds 120", "--seconds 30"),
     ("--seconds 60", "--seconds 24"),
     ("serial:/tmp/whirl-rig", "sim"),
     ("tcp:127.0.0.1:5000", "sim"),
     ("whirl batch explain records/*.parquet", "whirl batch explain --most-effects 1 records/1.parquet"),
+    ("--most-effects 2 ", ""),
     ("whirl explain", "whirl explain --most-effects 1"),
     // Half a minute of simulations, which `planned.rs` and `json_page.rs` run; its options are
     // looked at below.
@@ -29,23 +30,30 @@ const SHORTER: [(&str, &str); 9] = [
 ];
 
 /// Commands that end with status 2 here, and what they say.
-const WITHOUT: [(&str, &str); 6] = [
+const WITHOUT: [(&str, &str); 8] = [
     ("--from serial:/dev/ttyACM0", "/dev/ttyACM0"),
     ("--live", "run1.parquet"),
     ("whirl device show", "board"),
     ("whirl device set", "board"),
     ("whirl device zero", "board"),
-    ("$WHIRL_RECORDS", "multiarm"),
+    ("$WHIRL_RECORDS/multiarm", "multiarm"),
+    ("$WHIRL_RECORDS/emps", "emps"),
+    ("$WHIRL_RECORDS/silverbox", "silverbox"),
 ];
 
 /// Pages with commands in them.
 fn pages() -> Vec<PathBuf> {
-    let mut all: Vec<PathBuf> = std::fs::read_dir(repository("docs"))
-        .unwrap()
-        .map(|e| e.unwrap().path())
-        .filter(|p| p.extension().is_some_and(|e| e == "md"))
-        .collect();
-    all.extend([repository("README.md"), repository("CONTRIBUTING.md")]);
+    let mut all = vec![repository("README.md"), repository("CONTRIBUTING.md")];
+    let mut folders = vec![repository("docs")];
+    while let Some(folder) = folders.pop() {
+        for path in std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().path()) {
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|e| e == "md") {
+                all.push(path);
+            }
+        }
+    }
     all.sort();
     all
 }
@@ -65,15 +73,42 @@ fn inline(text: &str) -> Vec<String> {
     code.filter(|c| c.starts_with("whirl ") && !c.contains('…')).collect()
 }
 
-/// A folder with what pages speak of.
-fn prepared(page: &str) -> tempfile::TempDir {
+/// Files that a page shows whole: blocks of TOML whose first line is a comment with the file's
+/// name alone.
+fn files(text: &str) -> Vec<(&str, &str)> {
+    let blocks = text.split("```").skip(1).step_by(2);
+    let named = blocks.filter_map(|block| {
+        let body = block.strip_prefix("toml\n")?;
+        let name = body.lines().next()?.strip_prefix("# ")?;
+        (name.ends_with(".toml") && !name.contains(['/', ' '])).then_some((name, body))
+    });
+    named.collect()
+}
+
+/// A folder with what a page of this name and text speaks of.
+fn prepared(page: &str, text: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    for sub in ["rigs", "records", "bin"] {
+    for sub in ["rigs", "models", "records", "bin"] {
         std::fs::create_dir(at.join(sub)).unwrap();
     }
-    let shipped = "measured-double-pendulum.toml";
-    std::fs::copy(repository("rigs").join(shipped), at.join("rigs").join(shipped)).unwrap();
+    let shipped = [
+        "rigs/measured-double-pendulum.toml",
+        "rigs/emps.toml",
+        "rigs/emps-viscous.toml",
+        "rigs/duffing.toml",
+        "rigs/silverbox-linear.toml",
+        "models/positioning-drive.toml",
+        "models/positioning-drive-viscous.toml",
+        "models/duffing.toml",
+        "models/oscillator.toml",
+    ];
+    for name in shipped {
+        std::fs::copy(repository(name), at.join(name)).unwrap();
+    }
+    for (name, content) in files(text) {
+        std::fs::write(at.join(name), content).unwrap();
+    }
     for name in ["chaotic.toml", "seed.toml"] {
         rig_file(&at.join("rigs"), name, name, &[("settle_s = 20.0", "settle_s = 1.0")]);
     }
@@ -92,7 +127,6 @@ fn prepared(page: &str) -> tempfile::TempDir {
             let run = "frequency_hz = 5.0\namplitude_m = 0.0115\nseconds = 1.0\npose = [0.1, 0.2]\n[run.std_errors]\nC2 = 0.1\n";
             std::fs::write(at.join("short.toml"), format!("format = 1\nrig = \"x\"\n[[run]]\n{run}")).unwrap();
         }
-        "explain.md" => drop(done(at, &format!("simulate {rig} --seconds 24 --seed 2 -o next.parquet"))),
         _ => {}
     }
     folder
@@ -108,11 +142,12 @@ fn run(at: &Path, command: &str) -> Run {
 /// Runs the blocks of a page; how many commands, and what was wrong.
 fn tried(page: &Path) -> (usize, Vec<String>) {
     let name = page.file_name().unwrap().to_string_lossy().into_owned();
-    let all = commands(&std::fs::read_to_string(page).unwrap());
+    let text = std::fs::read_to_string(page).unwrap();
+    let all = commands(&text);
     if all.is_empty() {
         return (0, vec![]);
     }
-    let folder = prepared(&name);
+    let folder = prepared(&name, &text);
     let mut wrong = Vec::new();
     for command in &all {
         let mut short = command.clone();

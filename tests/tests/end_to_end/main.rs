@@ -20,6 +20,7 @@ mod measured;
 mod measured_base;
 mod memory;
 mod outputs;
+mod own_as_built_in;
 mod own_file;
 mod own_systems;
 mod pages;

@@ -16,6 +16,7 @@ use serde::Serialize;
 
 use super::candidates::Candidate;
 use super::setting::{Begun, Setting};
+pub use super::shooting::MOST_SAMPLES;
 use super::state::State;
 use super::{given, settled, shooting, start, tell};
 use crate::error::{BadInput, Result};

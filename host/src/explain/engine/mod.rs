@@ -117,6 +117,7 @@ fn attempt(
     let Some(mut state) = start(&setting, &first, physical) else { return Ok(Attempt::Done(None)) };
     let mut result = Explanation::new(units::horizon(rig, settings, &setting.raw)?, warnings);
     result.warnings.extend(first.warnings.iter().filter(|w| w.id == CONTRADICTED).cloned());
+    result.warnings.extend(units::unknown(rig, whole));
     let (blocks, window_s) = whole_windows(&setting, &state);
     if blocks < ranking::FOLDS {
         result.reason = decidability::too_few(blocks, window_s);

@@ -120,18 +120,8 @@ impl Model<'_> {
         let step_s = self.step_s.unwrap_or_else(sought);
         let problem = track.problem(self.motion, step_s, &at);
         let lengths = [(windows.length / 4).max(8), windows.length];
-        let found = pieces
-            .par_iter()
-            .zip(guesses)
-            .zip(&windows.known)
-            .map_init(
-                || problem.room(false),
-                |work, ((piece, guess), known)| {
-                    let lengths = &lengths[usize::from(*known)..];
-                    problem.fit_state(piece, guess, self.parameters, lengths, work)
-                },
-            )
-            .collect();
+        let of = |k: usize| lengths[usize::from(windows.known[k])..].to_vec();
+        let found = problem.fit_states(pieces, guesses, self.parameters, &of);
         (found, step_s)
     }
 

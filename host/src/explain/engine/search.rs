@@ -10,7 +10,7 @@ use super::state::{Chosen, State};
 use super::{residual, shooting, tell, tones};
 use crate::error::Result;
 use crate::explain::decidability::EXPLAINED_GAP;
-use crate::explain::decision::{self, Choice, Offer};
+use crate::explain::decision::{self, Choice, FAMILY_WISE, Offer};
 use crate::explain::explanation::{Explanation, Found, Refused};
 use crate::explain::ranking::Fit;
 use crate::explain::{LEAST_PROGRESS, MOST_EFFECTS, Settings};
@@ -129,7 +129,7 @@ impl Run<'_> {
 
     /// A force in the laboratory's time, where nothing else is supported.
     fn tone(&mut self, search: &Search, outcome: &Outcome) -> Option<(Found, Candidate)> {
-        let candidates = tones::candidates(&self.setting, &self.state, outcome);
+        let (candidates, tests) = tones::candidates(&self.setting, &self.state, outcome);
         let further: Vec<&Candidate> = candidates.iter().collect();
         let blocks =
             shooting::evidence(&self.setting, &self.state, (&further, false), &[]).filter(|_| !further.is_empty())?;
@@ -137,6 +137,8 @@ impl Run<'_> {
         let outcome = Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit };
         let told = (self.result.ranking.clone(), self.result.refused.clone());
         let next = choose(&self.setting, &self.state, &outcome, &search.names(), &mut self.result);
+        // The frequency was the best of many.
+        let next = next.filter(|(found, _)| found.p_value * tests < FAMILY_WISE);
         if next.is_none() {
             (self.result.ranking, self.result.refused) = told;
         }
@@ -334,13 +336,25 @@ fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Opt
         let clear = errors.iter().enumerate().map(|(i, error)| {
             (outcome.fit.all[at + i] + applied * chosen.strengths[i]).abs() / error.max(f64::MIN_POSITIVE)
         });
-        let clear = clear.fold(0.0, f64::max);
+        // Nor does a name stand whose value is within them.
+        let clear = clear.fold(0.0, f64::max).min(value_over_error(setting, state, (outcome, at), chosen));
         at += chosen.strengths.len();
         if k >= state.nominal && clear < CLEAR && weakest.is_none_or(|w| clear < w.1) {
             weakest = Some((k, clear));
         }
     }
     weakest.map(|w| w.0).filter(|_| setting.shooting)
+}
+
+/// The value that is told of an effect, whose columns begin at `at`, over its standard error.
+fn value_over_error(setting: &Setting<'_>, state: &State, (outcome, at): (&Outcome, usize), chosen: &Chosen) -> f64 {
+    let d = chosen.strengths.len();
+    let applied = if chosen.candidate.is_applied() { 1.0 } else { 0.0 };
+    let values: Vec<f64> = (0..d).map(|i| outcome.fit.all[at + i] + applied * chosen.strengths[i]).collect();
+    let covariance = outcome.fit.covariance.view((at, at), (d, d)).into_owned();
+    let (told, _) = tell::value(setting, &state.physical, &chosen.candidate, &values, &covariance);
+    let ratio = (told.value / told.std_error).abs();
+    if ratio.is_nan() { f64::INFINITY } else { ratio }
 }
 
 /// Standard errors of an effect's strengths, the first of its columns from `at` on, with its shape

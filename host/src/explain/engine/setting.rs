@@ -14,7 +14,7 @@ use self::parameters::{of_equations, of_identification};
 use self::sized::with_lines;
 use super::candidates::{Candidate, Column};
 use super::memory;
-use super::shooting::signs;
+use super::shooting::{MOST_SAMPLES, signs};
 use super::units;
 use crate::effects::columns::Span;
 use crate::effects::entry::Entry;
@@ -38,8 +38,6 @@ use crate::warning::Warning;
 /// (0.4)²/12, 1 % of what is fastest. Most points to a sample.
 const MOST_TURN: f64 = 0.4;
 const MOST_POINTS: f64 = 16.0;
-/// Samples of which shooting follows some: more of a record is not looked at.
-const MOST_FOLLOWED: f64 = 120_000.0;
 
 /// The record and the system.
 pub struct Setting<'a> {
@@ -107,7 +105,8 @@ impl<'a> Setting<'a> {
         let Prepared { stretches, record_of, sensors, geometry, warnings } =
             identify::prepare(records, rig, whole, settings)?;
         let own = Own::new(&base, records.len());
-        let longest = MOST_FOLLOWED / rig.sample_rate_hz;
+        // More is not followed.
+        let longest = MOST_SAMPLES as f64 / rig.sample_rate_hz;
         let mut raw = shorten(stretches, longest.max(geometry.windows.hop_s * most_windows));
         let (Some(start), Some(end)) = (raw.first(), raw.last()) else { return Ok(None) };
         let span =

@@ -49,10 +49,11 @@ fn best_near(at_hz: f64, scores: &[([f64; 3], f64)], (spacing_hz, fine_hz): (f64
     (-steps..=steps).map(of).max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((at_hz, 0.0))
 }
 
-/// Candidates at frequencies that stand out of what is left; none where rows of the weak form are
-/// judged.
-pub fn candidates(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Vec<Candidate> {
-    let (Evidence::Shooting(_), Some(followed)) = (&outcome.evidence, &state.followed) else { return Vec::new() };
+/// Candidates at frequencies that stand out of what is left, and among how many independent ones;
+/// none where rows of the weak form are judged.
+pub fn candidates(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> (Vec<Candidate>, f64) {
+    let none = (Vec::new(), 1.0);
+    let (Evidence::Shooting(_), Some(followed)) = (&outcome.evidence, &state.followed) else { return none };
     let looks = |c: &Candidate| c.entry.shapes.iter().any(|s| s.of_lines) && c.entry.strengths.len() == 2;
     let (_, window_s) = followed.windows(setting);
     let spacing_hz = COLUMNS / window_s;
@@ -62,7 +63,7 @@ pub fn candidates(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Ve
     let mut all = setting.candidates(&state.physical, &grid);
     all.retain(looks);
     let further: Vec<&Candidate> = all.iter().collect();
-    let Some(blocks) = shooting::evidence(setting, state, (&further, false), &[]) else { return Vec::new() };
+    let Some(blocks) = shooting::evidence(setting, state, (&further, false), &[]) else { return none };
     let time = |[stretch, from, to]: &[usize; 3]| state.stretches[*stretch].time((from + to) / 2);
     let times: Vec<f64> = blocks.places.iter().map(time).collect();
     let span_s = times.iter().fold(0.0_f64, |m, t| m.max((t - times[0]).abs())) + window_s;
@@ -87,11 +88,11 @@ pub fn candidates(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Ve
         }
     }
     if lines.is_empty() {
-        return Vec::new();
+        return none;
     }
     let mut found = setting.candidates(&state.physical, &lines);
     found.retain(looks);
-    found
+    (found, (tests * FINE).max(1.0))
 }
 
 #[cfg(test)]

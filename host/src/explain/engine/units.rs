@@ -6,6 +6,7 @@ use crate::explain::explanation::InUnit;
 use crate::identify::stretches::Stretch;
 use crate::rig::Rig;
 use crate::rig::measures::Bound;
+use crate::warning::Warning;
 
 /// Fewest samples of a horizon: an initial state is fitted to them.
 const FEWEST_SAMPLES: f64 = 16.0;
@@ -39,6 +40,20 @@ fn si_unit(rig: &Rig, bound: &Bound, coordinate: usize) -> String {
 /// Whether each coordinate is a length or an angle.
 pub fn moves(rig: &Rig, bound: &Bound) -> Vec<bool> {
     (0..bound.model.coordinates.len()).map(|k| matches!(si_unit(rig, bound, k).as_str(), "rad" | "m")).collect()
+}
+
+/// What is not looked for where the rig file leaves a coordinate's unit open.
+pub fn unknown(rig: &Rig, bound: &Bound) -> Option<Warning> {
+    let open = |k: &usize| si_unit(rig, bound, *k) == "1";
+    let names: Vec<&str> =
+        (0..bound.model.coordinates.len()).filter(open).map(|k| bound.model.coordinates[k].name.as_str()).collect();
+    (!names.is_empty()).then(|| {
+        Warning::new(
+            "unit-unknown",
+            format!("The unit of {} is left open: dry friction and drag were not looked for", names.join(", ")),
+            "If it is an angle or a length, say so in the rig file's channel (unit = \"rad\", \"deg\", \"m\", \"mm\" …)",
+        )
+    })
 }
 
 /// The unit in which simulation errors are told: degrees where everything is an angle.

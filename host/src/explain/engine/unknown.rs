@@ -62,12 +62,21 @@ pub struct Unknown {
 }
 
 impl Unknown {
+    /// What its unit makes it: a torque, a force, or a term of an equation in other units.
+    pub fn kind(&self) -> &'static str {
+        match self.unit.as_str() {
+            "N m" | "rad/s²" => "torque",
+            "N" | "m/s²" => "force",
+            _ => "term",
+        }
+    }
+
     /// In words.
     pub fn told(&self) -> String {
         let share = significant(100.0 * self.held_out_gain, 2);
-        let Self { at, against, .. } = self;
+        let (Self { at, against, .. }, kind) = (self, self.kind());
         format!(
-            "a force at {at} that depends on the {against} takes away {share} % of what is left where it was not fitted"
+            "a {kind} at {at} that depends on the {against} takes away {share} % of what is left where it was not fitted"
         )
     }
 }

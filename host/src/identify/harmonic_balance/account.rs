@@ -12,11 +12,11 @@ use super::orbits::Found;
 use super::settings::{Orbits, Settings};
 use super::solve::{HeldOut, Trail, residual};
 use super::{Balance, Orbit};
+use crate::identify::built_in::WrittenRig;
 use crate::identify::units::units_of;
 use crate::identify::{Details, Identification, RecordUse, Residuals, built_in, identifiability};
 use crate::record::Record;
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
 use crate::system::ties::Identified;
 use crate::warning::Warning;
 
@@ -158,15 +158,16 @@ fn residuals(balance: &Balance, drive_hz: f64) -> Vec<Residuals> {
         .collect()
 }
 
-/// The contract's result in the terms of `rig`, of which `own` has the equations.
+/// The contract's result in the rig's own terms.
 pub fn identification(
-    (rig, own, bound): (&Rig, &Rig, &Bound),
+    written: WrittenRig<'_>,
     records: &[Record],
     settings: &Settings,
     balance: Balance,
     account: Account,
     mut warnings: Vec<Warning>,
 ) -> Identification {
+    let WrittenRig { rig, own, bound } = written;
     let Balance { names, values, covariance, .. } = &balance;
     let groups = identifiability::groups_not_separable(names, values, covariance);
     let written = bound
@@ -180,7 +181,7 @@ pub fn identification(
     let unit = |n: &String| written.get(n.as_str()).cloned().unwrap_or_else(|| "1".to_owned());
     let units: Vec<String> = names.iter().map(unit).collect();
     let identified = Identified { names, values, covariance, metric: &balance.metric };
-    let (parameters, ties_misfit) = built_in::parameters(rig, (&identified, &units), &mut warnings);
+    let (parameters, ties_misfit) = built_in::parameters(rig, &identified, &units, &mut warnings);
     let not_reached: Vec<String> = balance
         .fits
         .iter()

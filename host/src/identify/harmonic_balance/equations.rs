@@ -69,8 +69,6 @@ pub struct Term {
 
 /// A system of equations over shared factors.
 pub struct Equations {
-    /// Name for results.
-    pub model: &'static str,
     /// Factors.
     pub factors: Vec<Factor>,
     /// Left-hand sides, equation by equation.
@@ -89,7 +87,6 @@ pub struct Equations {
 impl Default for Equations {
     fn default() -> Self {
         Self {
-            model: "",
             factors: Vec::new(),
             terms: Vec::new(),
             targets: Vec::new(),
@@ -118,7 +115,7 @@ fn product(scale: f64, factors: &[usize], drive: Drive) -> Product {
 
 /// The double pendulum (3.4).
 pub fn double_pendulum(dampings: &[&Damping]) -> Equations {
-    let mut m = Equations { model: "double-pendulum", ..Equations::default() };
+    let mut m = Equations::default();
     let rate = [m.factor(|s| s.rate[0], false), m.factor(|s| s.rate[1], false)];
     let accel = [m.factor(|s| s.accel[0], false), m.factor(|s| s.accel[1], false)];
     let cos_delta = m.factor(|s| (s.angle[1] - s.angle[0]).cos(), true);
@@ -182,7 +179,7 @@ pub fn hat(i: usize, nodes: usize, x: f64) -> f64 {
 
 /// The single pendulum (2.6), (2.19), (4.12). `dampings`: coefficient names.
 pub fn single_pendulum(dampings: &[&str], basis: Basis) -> Equations {
-    let mut m = Equations { model: "single-pendulum", ..Equations::default() };
+    let mut m = Equations::default();
     let rate = m.factor(|s| s.rate[0], false);
     let mut terms = Vec::new();
     for damping in dampings {

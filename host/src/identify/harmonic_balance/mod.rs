@@ -35,6 +35,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
+use super::built_in::WrittenRig;
 use super::prepared::keep_steady_drive;
 use super::stretches::{self, Stretch};
 use super::system::System;
@@ -42,15 +43,13 @@ use super::{built_in, energy_balance};
 use crate::error::{BadInput, Result};
 use crate::record::Record;
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
-use crate::signal::angles::AngleSegment;
 use crate::warning::Warning;
 use account::{Account, EquationAccount};
-use equations::Equations;
+use equations::{Equations, Term};
 use orbit::Orbit;
 use rows::{Expanded, Rows};
 use settings::{EnergyBalance, Orbits, Settings};
-use solve::Fit;
+use solve::EquationFit;
 
 pub use account::identification;
 
@@ -77,7 +76,7 @@ pub struct Balance {
     /// Whether an energy balance was asked for and could not be done.
     pub energy_balance_failed: bool,
     /// Fits, equation by equation.
-    pub fits: Vec<Fit>,
+    pub fits: Vec<EquationFit>,
     /// Their rows (known coefficients moved to the target).
     pub rows: Vec<Rows>,
     /// Blocks of the jackknife; 0 where rows were taken as independent.
@@ -114,6 +113,178 @@ pub enum Unsolvable {
     NotFinite,
 }
 
+impl Unsolvable {
+    /// As an error that says what to do.
+    fn error(&self) -> BadInput {
+        match self {
+            Self::Coefficient(name) => BadInput::new(
+                format!("nothing in these orbits that determines {name}"),
+                "motion in which every term of the equations takes part",
+            )
+            .remedy("More orbits or longer pieces, more sub-harmonics, fewer unknowns (--known-coefficient, --basis)"),
+            Self::NotFinite => {
+                BadInput::new("a value too large to compute with", "angles in the unit that the rig file names")
+            }
+        }
+    }
+}
+
+/// A coefficient that is sought: a term of an equation.
+#[derive(Clone, Copy)]
+struct Unknown {
+    equation: usize,
+    term: usize,
+}
+
+/// The coefficients of the equations: those that are known, and the unknown ones in the order in
+/// which they are solved for.
+struct Unknowns<'a> {
+    equations: &'a Equations,
+    /// Values of those that are known, equation by equation.
+    known: Vec<Vec<Option<f64>>>,
+    list: Vec<Unknown>,
+}
+
+impl<'a> Unknowns<'a> {
+    fn new(equations: &'a Equations, settings: &Settings) -> Self {
+        let known_of = |terms: &Vec<Term>| terms.iter().map(|t| settings.known.get(&t.name).copied()).collect();
+        let known: Vec<Vec<Option<f64>>> = equations.terms.iter().map(known_of).collect();
+        let of = |equation: usize, k: &[Option<f64>]| -> Vec<Unknown> {
+            (0..k.len()).filter(|term| k[*term].is_none()).map(|term| Unknown { equation, term }).collect()
+        };
+        let list = known.iter().enumerate().flat_map(|(e, k)| of(e, k)).collect();
+        Self { equations, known, list }
+    }
+
+    /// The first unknown of an equation.
+    fn first_of(&self, equation: usize) -> usize {
+        self.list.iter().filter(|u| u.equation < equation).count()
+    }
+
+    fn term(&self, unknown: usize) -> &Term {
+        let Unknown { equation, term } = self.list[unknown];
+        &self.equations.terms[equation][term]
+    }
+
+    /// All coefficients, equation by equation, from the unknown ones.
+    fn with_known(&self, found: &[DVector<f64>]) -> Vec<Vec<f64>> {
+        let all = |(known, found): (&Vec<Option<f64>>, &DVector<f64>)| {
+            let mut free = found.iter();
+            known.iter().map(|k| k.unwrap_or_else(|| free.next().copied().unwrap_or(0.0))).collect()
+        };
+        self.known.iter().zip(found).map(all).collect()
+    }
+}
+
+/// The least-squares problem of all orbits.
+struct Problem<'a> {
+    unknowns: Unknowns<'a>,
+    settings: &'a Settings,
+    /// What each orbit gives.
+    expanded: Vec<Expanded>,
+    /// Rows of each equation, known coefficients moved to the target.
+    rows: Vec<Rows>,
+    /// Blocks of orbits that are left out together.
+    blocks: usize,
+}
+
+impl<'a> Problem<'a> {
+    fn new(
+        orbits: &[Orbit],
+        equations: &'a Equations,
+        settings: &'a Settings,
+    ) -> core::result::Result<Self, Unsolvable> {
+        let expanded: Vec<Expanded> =
+            orbits.par_iter().enumerate().map(|(i, o)| rows::expand(i, o, equations, settings)).collect();
+        let unknowns = Unknowns::new(equations, settings);
+        let mut all = Vec::new();
+        for (e, known) in unknowns.known.iter().enumerate() {
+            let mut rows = Rows::default();
+            expanded.iter().for_each(|x| rows.append(move_known(&x.rows[e], known)));
+            if rows.values.iter().any(|x| !x.is_finite()) {
+                return Err(Unsolvable::NotFinite);
+            }
+            all.push(rows);
+        }
+        Ok(Self { unknowns, settings, expanded, rows: all, blocks: orbits.len().min(MOST_BLOCKS) })
+    }
+
+    fn block(&self, orbit: usize) -> usize {
+        orbit * self.blocks / self.expanded.len().max(1)
+    }
+
+    /// Each equation by itself.
+    fn fits(&self) -> core::result::Result<Vec<EquationFit>, Unsolvable> {
+        let fit = |(e, rows): (usize, &Rows)| {
+            solve::fit(rows, self.settings.optimisation.as_ref(), &|_| true)
+                .map_err(|c| Unsolvable::Coefficient(self.unknowns.term(self.unknowns.first_of(e) + c).name.clone()))
+        };
+        self.rows.iter().enumerate().map(fit).collect()
+    }
+
+    /// The unknowns from the fitted ones, dampings by the energy balance over the orbits that are
+    /// left. None where that has no solution.
+    fn with_energy_balance(&self, fitted: &[DVector<f64>], left_out: Option<usize>) -> Option<DVector<f64>> {
+        let full = self.unknowns.with_known(fitted);
+        let used: Vec<&Expanded> = self
+            .expanded
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| Some(self.block(*i)) != left_out)
+            .map(|(_, x)| x)
+            .collect();
+        let is_known = |name: &str| self.settings.known.contains_key(name);
+        let equations = self.unknowns.equations;
+        let full = energy_balance::dampings(equations, &used, &full, &is_known, self.settings.energy_balance)?;
+        let list = &self.unknowns.list;
+        Some(DVector::from_iterator(list.len(), list.iter().map(|u| full[u.equation][u.term])))
+    }
+
+    /// Rows as if independent: the sandwich N⁻¹ (Σ e² a aᵀ) N⁻¹ n/(n − p), and σ² N⁻¹ as metric.
+    fn of_independent_rows(&self, fits: &[EquationFit]) -> (DMatrix<f64>, DMatrix<f64>) {
+        let size = self.unknowns.list.len();
+        let (mut sandwich, mut metric) = (DMatrix::zeros(size, size), DMatrix::zeros(size, size));
+        for (e, (rows, fit)) in self.rows.iter().zip(fits).enumerate() {
+            let p = rows.columns;
+            let mut meat = DMatrix::zeros(p, p);
+            let (mut square, mut used) = (0.0, 0.0);
+            for r in (0..rows.len()).filter(|r| fit.kept[*r]) {
+                let row = rows.row(r);
+                let residual = solve::residual(row, &fit.coefficients).1;
+                let a = DVector::from_row_slice(&row[..p]);
+                meat += &a * a.transpose() * (residual * residual);
+                square += residual * residual;
+                used += 1.0;
+            }
+            let freedom = f64::max(used - p as f64, 1.0);
+            let first = self.unknowns.first_of(e);
+            let at = (first, first);
+            sandwich.view_mut(at, (p, p)).copy_from(&(&fit.inverse * meat * &fit.inverse * (used / freedom)));
+            // A fit without any residual still needs a metric that can be inverted.
+            let variance = f64::max(square / freedom, f64::MIN_POSITIVE.sqrt());
+            metric.view_mut(at, (p, p)).copy_from(&(&fit.inverse * variance));
+        }
+        (sandwich, metric)
+    }
+
+    /// Covariance from leaving out one block of orbits at a time, the energy balance included. None
+    /// where an orbit is one without which nothing can be solved: it says nothing about the spread.
+    fn jackknife(&self, fits: &[EquationFit], values: &DVector<f64>) -> Option<DMatrix<f64>> {
+        let block = |orbit: usize| self.block(orbit);
+        let change = |g: usize| {
+            let without = |(rows, fit): (&Rows, &EquationFit)| solve::without(rows, &fit.kept, &block, g);
+            let fitted: Option<Vec<DVector<f64>>> = self.rows.iter().zip(fits).map(without).collect();
+            self.with_energy_balance(&fitted?, Some(g)).map(|x| x - values)
+        };
+        let changes: Vec<DVector<f64>> = (0..self.blocks).into_par_iter().map(change).collect::<Option<_>>()?;
+        let (size, freedom) = (values.len(), (self.blocks - 1) as f64);
+        // As many blocks as there are give Student's interval, not a normal one.
+        let wider = StudentsT::new(0.0, 1.0, freedom).map_or(1.0, |t| t.inverse_cdf(0.975) / 1.959_964);
+        let sum = changes.iter().fold(DMatrix::zeros(size, size), |sum, d| sum + d * d.transpose());
+        Some(sum * (freedom / self.blocks as f64 * wider * wider))
+    }
+}
+
 /// Expands orbits and solves; the heart of the method, without files.
 ///
 /// # Errors
@@ -123,120 +294,39 @@ pub fn balance(
     equations: &Equations,
     settings: &Settings,
 ) -> core::result::Result<Balance, Unsolvable> {
-    let expanded: Vec<Expanded> =
-        orbits.par_iter().enumerate().map(|(i, o)| rows::expand(i, o, equations, settings)).collect();
-    let known: Vec<Vec<Option<f64>>> = equations
-        .terms
-        .iter()
-        .map(|terms| terms.iter().map(|t| settings.known.get(&t.name).copied()).collect())
-        .collect();
-    let mut all = Vec::new();
-    for e in 0..equations.terms.len() {
-        let mut rows = Rows::default();
-        expanded.iter().for_each(|x| rows.append(move_known(&x.rows[e], &known[e])));
-        if rows.values.iter().any(|x| !x.is_finite()) {
-            return Err(Unsolvable::NotFinite);
-        }
-        all.push(rows);
-    }
-    // Place of each unknown: equation and term.
-    let places: Vec<(usize, usize)> = known
-        .iter()
-        .enumerate()
-        .flat_map(|(e, k)| k.iter().enumerate().filter(|(_, k)| k.is_none()).map(move |(j, _)| (e, j)))
-        .collect();
-    let offset = |e: usize| places.iter().filter(|p| p.0 < e).count();
-    let term = |p: &(usize, usize)| &equations.terms[p.0][p.1];
-    let fits: Vec<Fit> = all
-        .iter()
-        .enumerate()
-        .map(|(e, rows)| {
-            solve::fit(rows, settings.optimisation.as_ref(), &|_| true)
-                .map_err(|c| Unsolvable::Coefficient(term(&places[offset(e) + c]).name.clone()))
-        })
-        .collect::<core::result::Result<_, _>>()?;
-    let groups = orbits.len().min(MOST_BLOCKS);
-    let group = |orbit: usize| orbit * groups / orbits.len().max(1);
-    // Full coefficient vectors from the fitted ones, dampings by the energy balance over the orbits
-    // that are left.
-    let complete = |fitted: &[DVector<f64>], left_out: Option<usize>| -> Option<DVector<f64>> {
-        let full: Vec<Vec<f64>> = known
-            .iter()
-            .zip(fitted)
-            .map(|(known, fitted)| {
-                let mut free = fitted.iter();
-                known.iter().map(|k| k.unwrap_or_else(|| free.next().copied().unwrap_or(0.0))).collect()
-            })
-            .collect();
-        let used: Vec<&Expanded> =
-            expanded.iter().enumerate().filter(|(i, _)| Some(group(*i)) != left_out).map(|(_, x)| x).collect();
-        let is_known = |name: &str| settings.known.contains_key(name);
-        let full = energy_balance::dampings(equations, &used, &full, &is_known, settings.energy_balance)?;
-        Some(DVector::from_iterator(places.len(), places.iter().map(|(e, j)| full[*e][*j])))
-    };
+    let problem = Problem::new(orbits, equations, settings)?;
+    let fits = problem.fits()?;
     let plain: Vec<DVector<f64>> = fits.iter().map(|f| f.coefficients.clone()).collect();
-    let stacked = DVector::from_iterator(places.len(), plain.iter().flat_map(|c| c.iter().copied()));
-    let balanced = complete(&plain, None);
+    let unknowns = &problem.unknowns;
+    let size = unknowns.list.len();
+    let stacked = DVector::from_iterator(size, plain.iter().flat_map(|c| c.iter().copied()));
+    let balanced = problem.with_energy_balance(&plain, None);
     let energy_balance_failed = balanced.is_none();
     let values = balanced.unwrap_or_else(|| stacked.clone());
     let before_energy_balance = if settings.energy_balance == EnergyBalance::None || energy_balance_failed {
         Vec::new()
     } else {
-        let damping = |i: &usize| term(&places[*i]).role == equations::Role::Damping;
-        (0..places.len()).filter(damping).map(|i| (term(&places[i]).name.clone(), stacked[i])).collect()
+        let dampings = (0..size).filter(|i| unknowns.term(*i).role == equations::Role::Damping);
+        dampings.map(|i| (unknowns.term(i).name.clone(), stacked[i])).collect()
     };
-    // Rows as if independent: the sandwich N⁻¹ (Σ e² a aᵀ) N⁻¹ n/(n − p), and σ² N⁻¹ as metric.
-    let size = places.len();
-    let (mut sandwich, mut metric) = (DMatrix::zeros(size, size), DMatrix::zeros(size, size));
-    for (e, (rows, fit)) in all.iter().zip(&fits).enumerate() {
-        let p = rows.columns;
-        let mut meat = DMatrix::zeros(p, p);
-        let (mut square, mut used) = (0.0, 0.0);
-        for r in (0..rows.len()).filter(|r| fit.kept[*r]) {
-            let row = rows.row(r);
-            let residual = solve::residual(row, &fit.coefficients).1;
-            let a = DVector::from_row_slice(&row[..p]);
-            meat += &a * a.transpose() * (residual * residual);
-            square += residual * residual;
-            used += 1.0;
-        }
-        let freedom = f64::max(used - p as f64, 1.0);
-        let at = (offset(e), offset(e));
-        sandwich.view_mut(at, (p, p)).copy_from(&(&fit.inverse * meat * &fit.inverse * (used / freedom)));
-        // A fit without any residual still needs a metric that can be inverted.
-        let variance = f64::max(square / freedom, f64::MIN_POSITIVE.sqrt());
-        metric.view_mut(at, (p, p)).copy_from(&(&fit.inverse * variance));
-    }
-    let (mut covariance, mut blocks) = (sandwich, 0);
-    if orbits.len() >= FEWEST_ORBITS && !energy_balance_failed {
-        let changes: Option<Vec<DVector<f64>>> = (0..groups)
-            .into_par_iter()
-            .map(|g| {
-                let fitted: Option<Vec<DVector<f64>>> =
-                    all.iter().zip(&fits).map(|(rows, fit)| solve::without(rows, &fit.kept, &group, g)).collect();
-                complete(&fitted?, Some(g)).map(|x| x - &values)
-            })
-            .collect();
-        // An orbit without which nothing can be solved says nothing about the spread: then rows
-        // stand for themselves.
-        if let Some(changes) = changes {
-            let freedom = (groups - 1) as f64;
-            let stretch = StudentsT::new(0.0, 1.0, freedom).map_or(1.0, |t| t.inverse_cdf(0.975) / 1.959_964);
-            covariance = changes.iter().fold(DMatrix::zeros(size, size), |sum, d| sum + d * d.transpose())
-                * (freedom / groups as f64 * stretch * stretch);
-            blocks = groups;
-        }
+    let (mut covariance, metric) = problem.of_independent_rows(&fits);
+    let mut blocks = 0;
+    if orbits.len() >= FEWEST_ORBITS
+        && !energy_balance_failed
+        && let Some(found) = problem.jackknife(&fits, &values)
+    {
+        (covariance, blocks) = (found, problem.blocks);
     }
     Ok(Balance {
-        names: places.iter().map(|p| term(p).name.clone()).collect(),
-        units: places.iter().map(|p| term(p).unit).collect(),
+        names: (0..size).map(|i| unknowns.term(i).name.clone()).collect(),
+        units: (0..size).map(|i| unknowns.term(i).unit).collect(),
         values,
         covariance,
         metric,
         before_energy_balance,
         energy_balance_failed,
         fits,
-        rows: all,
+        rows: problem.rows,
         blocks,
     })
 }
@@ -286,40 +376,14 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<su
     }
     let mut record_of = vec![0; parts.len()];
     keep_steady_drive(records, &mut parts, &mut record_of, &mut warnings)?;
-    let segments: Vec<AngleSegment> = parts.into_iter().map(|s| segment(s, bound)).collect();
     let period = rig.sample_rate_hz / drive.frequency_hz;
-    let coordinates = bound.model.coordinates.len().min(2);
-    let found = orbits::find(&segments, &equations.circle[..coordinates], period, &settings.orbits);
+    let found = orbits::find(&parts, &bound.shown, &bound.model.circle(), period, &settings.orbits);
     let file = records.first().map(|r| r.path.clone()).unwrap_or_default();
     if found.orbits.is_empty() {
-        let (expected, remedy) = match settings.orbits {
-            Orbits::Pieces { periods } => (
-                format!("at least {periods} drive periods unbroken"),
-                "Record longer, or choose shorter pieces with --piece-periods",
-            ),
-            Orbits::Unstable { tolerance, .. } => (
-                format!("an orbit that closes to {} %", 100.0 * tolerance),
-                "Raise --tolerance or --longest-period, record longer, or use --method frequency, which needs no orbit that closes",
-            ),
-        };
-        let longest = segments.iter().map(|s| s.len()).max().unwrap_or(0) as f64 / period;
-        return Err(BadInput::new(format!("no such orbit in {longest:.1} drive periods"), expected)
-            .in_file(file)
-            .remedy(remedy));
+        let longest = parts.iter().map(Stretch::len).max().unwrap_or(0) as f64 / period;
+        return Err(no_orbit(&settings.orbits, longest).in_file(file));
     }
-    let solved = balance(&found.orbits, &equations, settings).map_err(|e| {
-        let error = match e {
-            Unsolvable::Coefficient(name) => BadInput::new(
-                format!("nothing in these orbits that determines {name}"),
-                "motion in which every term of the equations takes part",
-            )
-            .remedy("More orbits or longer pieces, more sub-harmonics, fewer unknowns (--known-coefficient, --basis)"),
-            Unsolvable::NotFinite => {
-                BadInput::new("a value too large to compute with", "angles in the unit that the rig file names")
-            }
-        };
-        error.in_file(&file)
-    })?;
+    let solved = balance(&found.orbits, &equations, settings).map_err(|e| e.error().in_file(&file))?;
     let equation_accounts: Vec<EquationAccount> = solved
         .rows
         .iter()
@@ -330,17 +394,21 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<su
         })
         .collect();
     let account = Account::new(settings, &found, rig, &equations, &solved, equation_accounts);
-    Ok(identification((rig, &own, bound), records, settings, solved, account, warnings))
+    Ok(identification(WrittenRig { rig, own: &own, bound }, records, settings, solved, account, warnings))
 }
 
-/// A stretch of a model file's record as a segment of at most two coordinates.
-fn segment(s: Stretch, bound: &Bound) -> AngleSegment {
-    // Orbits close in what the sensors show.
-    let relative = bound.shown == DMatrix::from_row_slice(2, 2, &[1.0, 0.0, -1.0, 1.0]);
-    let none = vec![0.0; s.len()];
-    let mut coordinates = s.coordinates.into_iter();
-    let phi = [coordinates.next().unwrap_or_default(), coordinates.next().unwrap_or(none)];
-    AngleSegment { start_s: s.start_s, step_s: s.step_s, phi, phase: s.phase, relative, count_rad: [None; 2] }
+fn no_orbit(sought: &Orbits, longest_periods: f64) -> BadInput {
+    let (expected, remedy) = match sought {
+        Orbits::Pieces { periods } => (
+            format!("at least {periods} drive periods unbroken"),
+            "Record longer, or choose shorter pieces with --piece-periods",
+        ),
+        Orbits::Unstable { tolerance, .. } => (
+            format!("an orbit that closes to {} %", 100.0 * tolerance),
+            "Raise --tolerance or --longest-period, record longer, or use --method frequency, which needs no orbit that closes",
+        ),
+    };
+    BadInput::new(format!("no such orbit in {longest_periods:.1} drive periods"), expected).remedy(remedy)
 }
 
 #[cfg(test)]

@@ -11,8 +11,8 @@ use rustfft::num_complex::Complex64;
 
 use super::fourier::Fourier;
 use super::settings::Differentiation;
+use crate::identify::stretches::Stretch;
 use crate::phase_space::unstable_periodic_orbit::lagrange;
-use crate::signal::angles::AngleSegment;
 
 /// Samples kept before and after an orbit.
 pub const MARGIN: usize = 2;
@@ -28,26 +28,27 @@ pub struct Orbit {
     pub closing_error: f64,
     /// τ at its first sample, rad.
     pub tau: f64,
-    /// φ1, φ2: `MARGIN` samples before, n of the orbit, `MARGIN` + 1 after.
+    /// φ1, φ2 (0 where there is one coordinate): `MARGIN` samples before, n of the orbit,
+    /// `MARGIN` + 1 after.
     pub phi: [Vec<f64>; 2],
 }
 
 impl Orbit {
-    /// Cuts k drive periods of `period` samples each from a segment, from sample `start` on. Where
+    /// Cuts k drive periods of `period` samples each from a stretch, from sample `start` on. Where
     /// k·period is no whole number of samples, values between samples are four-point Lagrange
     /// interpolations. `None` where the record does not reach.
-    pub fn cut(segment: &AngleSegment, start: usize, periods: usize, period: f64, closing_error: f64) -> Option<Self> {
+    pub fn cut(stretch: &Stretch, start: usize, periods: usize, period: f64, closing_error: f64) -> Option<Self> {
         let length = periods as f64 * period;
         let n = length.round().max(8.0) as usize;
         let step = length / n as f64;
         let whole = (step - 1.0).abs() * n as f64 * 1e3 < 1.0;
         // One sample more on either side for interpolation.
         let (before, after) = (MARGIN + 1, n + MARGIN + 3);
-        if start < before || start + after + 1 > segment.len() {
+        if start < before || start + after + 1 > stretch.len() {
             return None;
         }
         let phi = [0, 1].map(|c| {
-            let x = &segment.phi[c];
+            let Some(x) = stretch.coordinates.get(c) else { return vec![0.0; n + 2 * MARGIN + 1] };
             (0..n + 2 * MARGIN + 1)
                 .map(|i| {
                     if whole {
@@ -59,7 +60,7 @@ impl Orbit {
                 })
                 .collect()
         });
-        Some(Self { periods, start_s: segment.time(start), closing_error, tau: segment.tau(start), phi })
+        Some(Self { periods, start_s: stretch.time(start), closing_error, tau: stretch.tau(start), phi })
     }
 
     /// Samples n.
@@ -190,18 +191,20 @@ mod tests {
     use rustfft::FftPlanner;
 
     /// θ = 2τ/3·(turns) + 0.3 sin(τ/3): a whirling orbit of period 3.
-    fn segment(period: f64) -> AngleSegment {
+    fn stretch(period: f64) -> Stretch {
         let tau = |i: usize| TAU * i as f64 / period;
-        AngleSegment {
+        Stretch {
             start_s: 0.0,
             step_s: 0.01,
-            phi: [
+            coordinates: vec![
                 (0..400).map(|i| 2.0 / 3.0 * tau(i) + 0.3 * (tau(i) / 3.0).sin()).collect(),
                 (0..400).map(|i| 0.1 * tau(i).cos()).collect(),
             ],
             phase: Phase::Clock(TAU / (0.01 * period)),
-            relative: false,
-            count_rad: [None; 2],
+            inputs: Vec::new(),
+            amplitude_nm: None,
+            history: None,
+            base: None,
         }
     }
 
@@ -209,7 +212,7 @@ mod tests {
     fn all_three_ways_differentiate_a_whirling_orbit() {
         // A whole number of samples a period, and not.
         for period in [40.0, 40.25] {
-            let orbit = Orbit::cut(&segment(period), 10, 3, period, 0.0).unwrap();
+            let orbit = Orbit::cut(&stretch(period), 10, 3, period, 0.0).unwrap();
             let fourier = Fourier::new(&mut FftPlanner::new(), orbit.len());
             for (how, tolerance) in
                 [(Differentiation::Fourier, 2e-4), (Differentiation::Circle, 2e-4), (Differentiation::FivePoint, 2e-4)]
@@ -233,7 +236,7 @@ mod tests {
     /// differences.
     #[test]
     fn five_points_do_not_see_the_jump() {
-        let orbit = Orbit::cut(&segment(40.0), 10, 2, 40.0, 0.0).unwrap();
+        let orbit = Orbit::cut(&stretch(40.0), 10, 2, 40.0, 0.0).unwrap();
         let fourier = Fourier::new(&mut FftPlanner::new(), orbit.len());
         let greatest = |how| {
             motion(&orbit, &fourier, how, None, [true; 2]).states.iter().map(|s| s.accel[0].abs()).fold(0.0, f64::max)
@@ -244,7 +247,7 @@ mod tests {
 
     #[test]
     fn what_the_record_does_not_reach_is_no_orbit() {
-        let s = segment(40.0);
+        let s = stretch(40.0);
         assert!(Orbit::cut(&s, 2, 1, 40.0, 0.0).is_none());
         assert!(Orbit::cut(&s, 370, 1, 40.0, 0.0).is_none());
         assert!(Orbit::cut(&s, 3, 9, 40.0, 0.0).is_some());

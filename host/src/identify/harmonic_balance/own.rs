@@ -40,7 +40,7 @@ pub fn equations(model: &ModelFile, omega: f64) -> Result<Equations> {
     }
     // Rates and accelerations are by τ here; primes may be by seconds.
     let scale = if model.time == Time::Seconds { omega } else { 1.0 };
-    let mut out = Equations { model: "model file", ..Equations::default() };
+    let mut out = Equations::default();
     for (c, circle) in model.circle().into_iter().enumerate() {
         out.circle[c] = circle;
     }

@@ -48,7 +48,7 @@ pub struct HeldOut {
 
 /// Solution of one equation.
 #[derive(Clone, Debug)]
-pub struct Fit {
+pub struct EquationFit {
     /// Coefficients.
     pub coefficients: DVector<f64>,
     /// Inverse of the normal matrix.
@@ -117,7 +117,11 @@ fn extremes(rows: &Rows, coefficients: &DVector<f64>, use_row: impl Fn(usize) ->
 ///
 /// # Errors
 /// The column that vanishes or depends on the others.
-pub fn fit(rows: &Rows, optimisation: Option<&Optimisation>, allowed: &dyn Fn(usize) -> bool) -> Result<Fit, usize> {
+pub fn fit(
+    rows: &Rows,
+    optimisation: Option<&Optimisation>,
+    allowed: &dyn Fn(usize) -> bool,
+) -> Result<EquationFit, usize> {
     let mut kept: Vec<bool> = (0..rows.len()).map(allowed).collect();
     let mut trail = Trail { rounds: Vec::new(), reached: false };
     loop {
@@ -125,7 +129,7 @@ pub fn fit(rows: &Rows, optimisation: Option<&Optimisation>, allowed: &dyn Fn(us
         let (worst, largest) = extremes(rows, &coefficients, |r| kept[r]);
         let error = if largest > 0.0 { worst / largest } else { f64::INFINITY };
         let used = kept.iter().filter(|k| **k).count();
-        let done = |trail, kept| Fit {
+        let done = |trail, kept| EquationFit {
             coefficients: coefficients.clone(),
             inverse: inverse.clone(),
             condition,

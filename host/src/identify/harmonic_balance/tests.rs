@@ -10,34 +10,45 @@ use whirl_hil_sim::{Simulation, SimulationSettings};
 
 use super::settings::{Basis, Differentiation, Optimisation, Subharmonics};
 use super::*;
-use crate::signal::angles::{AngleSegment, Phase};
+use crate::signal::angles::Phase;
 
 /// The seed's single pendulum, `periods` drive periods of 25 samples, after 20 of settling.
-fn single(periods: usize) -> AngleSegment {
+fn single(periods: usize) -> Stretch {
     let step = TAU / 25.0;
     let states = record(&SinglePendulum::default(), [0.3, 0.5], step, 25 * (periods + 20)).unwrap();
     let phi: Vec<f64> = states[500..].iter().map(|s| s[0]).collect();
-    AngleSegment {
+    stretch(step, Phase::Clock(1.0), vec![phi])
+}
+
+fn stretch(step_s: f64, phase: Phase, coordinates: Vec<Vec<f64>>) -> Stretch {
+    Stretch {
         start_s: 0.0,
-        step_s: step,
-        phase: Phase::Clock(1.0),
-        relative: false,
-        count_rad: [None; 2],
-        phi: [phi.clone(), vec![0.0; phi.len()]],
+        step_s,
+        coordinates,
+        inputs: Vec::new(),
+        phase,
+        amplitude_nm: None,
+        history: None,
+        base: None,
     }
 }
 
-fn double(seconds: f64) -> AngleSegment {
+/// What the encoders of the double pendulum show.
+fn relative() -> DMatrix<f64> {
+    DMatrix::from_row_slice(2, 2, &[1.0, 0.0, -1.0, 1.0])
+}
+
+fn double(seconds: f64) -> Stretch {
     let mut rig = Simulation::new(&SimulationSettings { settle_s: 10.0, ..SimulationSettings::default() }).unwrap();
     let n = (500.0 * seconds) as usize;
-    let (mut phi, mut turns) = ([Vec::with_capacity(n), Vec::with_capacity(n)], Vec::with_capacity(n));
+    let (mut phi, mut turns) = (vec![Vec::new(); 2], Vec::with_capacity(n));
     for _ in 0..n {
         let s = rig.next_sample().unwrap();
         phi[0].push(s.angles[0]);
         phi[1].push(s.angles[0] + s.angles[1]);
         turns.push(s.phase);
     }
-    AngleSegment { start_s: 0.0, step_s: 2e-3, phase: Phase::Device(turns), relative: true, count_rad: [None; 2], phi }
+    stretch(2e-3, Phase::Device(turns), phi)
 }
 
 fn value(b: &Balance, name: &str) -> (f64, f64) {
@@ -48,7 +59,7 @@ fn value(b: &Balance, name: &str) -> (f64, f64) {
 #[test]
 fn pieces_of_the_single_pendulum_give_its_coefficients() {
     let segment = single(600);
-    let found = orbits::find(&[segment], &[true], 25.0, &Orbits::Pieces { periods: 30 });
+    let found = orbits::find(&[segment], &DMatrix::identity(1, 1), &[true], 25.0, &Orbits::Pieces { periods: 30 });
     assert_eq!(found.orbits.len(), 19);
     let equations = equations::single_pendulum(&["c_r"], Basis::Harmonic(1));
     let settings = Settings { energy_balance: EnergyBalance::Coupled, ..Settings::frequency(30) };
@@ -68,7 +79,7 @@ fn five_point_pieces_of_the_double_pendulum_are_free_of_the_jump() {
     let segment = double(120.0);
     let system =
         System::Double(vec![&crate::model::double_pendulum::DAMPINGS[0], &crate::model::double_pendulum::DAMPINGS[1]]);
-    let found = orbits::find(&[segment], &[true; 2], 100.0, &Orbits::Pieces { periods: 30 });
+    let found = orbits::find(&[segment], &relative(), &[true; 2], 100.0, &Orbits::Pieces { periods: 30 });
     let mut settings = Settings {
         differentiation: Differentiation::FivePoint,
         optimisation: None,
@@ -113,13 +124,13 @@ fn the_low_pass_keeps_noise_out_of_products() {
     let clean = double(20.0);
     let mut noisy = clean.clone();
     let count = TAU / 1024.0;
-    noisy.phi.iter_mut().flatten().for_each(|x| *x = ((*x / count).floor() + 0.5) * count);
+    noisy.coordinates.iter_mut().flatten().for_each(|x| *x = ((*x / count).floor() + 0.5) * count);
     let equations = equations::double_pendulum(&[]);
-    let cut = |s: &AngleSegment| Orbit::cut(s, 100, 20, 100.0, 0.0).unwrap();
+    let cut = |s: &Stretch| Orbit::cut(s, 100, 20, 100.0, 0.0).unwrap();
     // Rms error of the coupling's column over its low sub-harmonics.
     let error = |low_pass| {
         let settings = Settings { low_pass, ..Settings::frequency(20) };
-        let column = |s: &AngleSegment| {
+        let column = |s: &Stretch| {
             let rows = rows::expand(0, &cut(s), &equations, &settings).rows.remove(1);
             (0..rows.len()).map(|r| rows.row(r)[0]).collect::<Vec<_>>()
         };
@@ -131,7 +142,7 @@ fn the_low_pass_keeps_noise_out_of_products() {
 #[test]
 fn sets_of_subharmonics_are_what_they_are_called() {
     let segment = single(100);
-    let found = orbits::find(&[segment], &[true], 25.0, &Orbits::Pieces { periods: 10 });
+    let found = orbits::find(&[segment], &DMatrix::identity(1, 1), &[true], 25.0, &Orbits::Pieces { periods: 10 });
     let orbit = &found.orbits[0];
     let equations = equations::single_pendulum(&["c_r"], Basis::Harmonic(1));
     let ids = |subharmonics, mean_row| {
@@ -158,7 +169,7 @@ fn sets_of_subharmonics_are_what_they_are_called() {
 fn extracted_orbits_close_and_interpolation_follows_the_true_functions() {
     let segment = single(1200);
     let what = Orbits::Unstable { tolerance: 0.03, longest: 12, delay: Some(5) };
-    let found = orbits::find(&[segment], &[true], 25.0, &what);
+    let found = orbits::find(&[segment], &DMatrix::identity(1, 1), &[true], 25.0, &what);
     assert!(found.orbits.len() >= 5, "{}", found.orbits.len());
     for o in &found.orbits {
         let x = &o.phi[0][orbit::MARGIN..];

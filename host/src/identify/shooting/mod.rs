@@ -16,6 +16,7 @@ pub mod covariance;
 pub mod problem;
 pub mod run;
 pub mod solve;
+mod states;
 pub mod track;
 mod with_offsets;
 
@@ -23,6 +24,7 @@ use indicatif::ProgressBar;
 use nalgebra::DVector;
 use serde::Serialize;
 
+use super::built_in::WrittenRig;
 use super::per_record::Split;
 use super::prepared::{Prepared, prepare_moving};
 use super::regression::{frequency_dots, identification_error};
@@ -111,11 +113,11 @@ pub fn identify(
     let prepared = prepare_moving(records, &own, bound, weak)?;
     let (motion, names) = built_in::equations_of_motion(rig, &own, bound)?;
     let given = Given { motion: &*motion, names: &names, rig: &own, bound, prepared: &prepared, first: &first };
-    let shot = shoot(&given, false, settings, progress).map_err(|e| match records.first() {
+    let attempt = shoot(&given, false, settings, progress).map_err(|e| match records.first() {
         Some(r) if e.place.is_none() => e.in_file(&r.path),
         _ => e,
     })?;
-    finish(first, (rig, &own, bound), &names, &prepared, shot)
+    finish(first, WrittenRig { rig, own: &own, bound }, &names, &prepared, attempt)
 }
 
 /// Slips that shooting shows where every piece has its sensors' zeros to itself: where slips before
@@ -135,12 +137,12 @@ pub fn slips(
     let prepared = prepare_moving(records, &own, bound, weak)?;
     let (motion, names) = built_in::equations_of_motion(rig, &own, bound)?;
     let given = Given { motion: &*motion, names: &names, rig: &own, bound, prepared: &prepared, first };
-    let shot = shoot(&given, true, &Settings::default(), progress)?;
+    let attempt = shoot(&given, true, &Settings::default(), progress)?;
     // Where more than slips is left, what looks like one may be that.
-    if !shot.outcome.fit.converged || shot.outcome.noise_ratio.iter().any(|r| *r > MISSES) {
+    if !attempt.outcome.fit.converged || attempt.outcome.noise_ratio.iter().any(|r| *r > MISSES) {
         return Ok(Vec::new());
     }
-    Ok(slips::placed(&shot.slips, bound, &prepared))
+    Ok(slips::placed(&attempt.slips, bound, &prepared))
 }
 
 /// What a run starts from.
@@ -156,7 +158,7 @@ struct Given<'a> {
 }
 
 /// A run with the length of its pieces at each level, s, and the slips that it shows.
-struct Shot {
+struct ShootingRun {
     outcome: Outcome,
     levels_s: Vec<f64>,
     slips: Vec<Slip>,
@@ -164,7 +166,7 @@ struct Shot {
 
 /// Pieces, start, bounds, levels; then the run, `offsets` saying whether every piece has its
 /// sensors' zeros to itself.
-fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &ProgressBar) -> Result<Shot> {
+fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &ProgressBar) -> Result<ShootingRun> {
     let Given { motion, names, rig, bound, prepared, first } = *given;
     let Prepared { stretches, sensors, geometry, .. } = prepared;
     let omega = rig.drive.map_or(0.0, |_| rig.omega());
@@ -223,8 +225,8 @@ fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &Progr
     let problem = Problem { sensors: &shown, ..track.problem(motion, outcome.step_s, &at) };
     let first = |p: &Piece| (track.since_begin(p) / track.spacing_s).round() as usize;
     let fit = &outcome.fit;
-    let slips = slips::find(&problem, (&outcome.pieces, &fit.states), &fit.parameters, &first, &sensors.count);
-    Ok(Shot { outcome, levels_s, slips })
+    let slips = slips::find(&problem, &outcome.pieces, &fit.states, &fit.parameters, &first, &sensors.count);
+    Ok(ShootingRun { outcome, levels_s, slips })
 }
 
 /// A run that gave nothing, in words.
@@ -242,9 +244,10 @@ fn failed(why: Failure) -> BadInput {
     }
 }
 
-/// What a run has to tell: residuals (in the sensors' noise), pieces lost and used, rounds, whether
-/// they came to rest, blocks of the jackknife.
-fn told(worst: f64, (lost, used): (usize, usize), rounds: usize, converged: bool, blocks: usize) -> Vec<Warning> {
+/// What a run makes one doubt; `worst`: its greatest residuals, in the sensors' noise.
+fn doubts(outcome: &Outcome, worst: f64) -> Vec<Warning> {
+    let Outcome { fit, lost, rounds, covariance, .. } = outcome;
+    let used = fit.states.len();
     let mut warnings = Vec::new();
     if worst > MISSES {
         warnings.push(Warning::new(
@@ -253,21 +256,21 @@ fn told(worst: f64, (lost, used): (usize, usize), rounds: usize, converged: bool
             "Parameters make up for it as well as they can and may be off by more than their standard errors; see `whirl explain`",
         ));
     }
-    if lost > 0 {
+    if *lost > 0 {
         warnings.push(Warning::new(
             "pieces-lost",
             format!("{lost} of {} pieces could not be followed by a solution of the model", lost + used),
             "They were left out; a blow, a slipping joint or a short piece of wrong values there?",
         ));
     }
-    if !converged {
+    if !fit.converged {
         warnings.push(Warning::new(
             "not-converged",
             format!("{rounds} rounds did not come to rest"),
             "Try shorter pieces with --segment-s, and look at how well the weak form does",
         ));
     }
-    if blocks == 0 {
+    if covariance.blocks == 0 {
         warnings.push(Warning::new(
             "few-pieces",
             format!("{used} pieces are too few to measure how residuals scatter"),
@@ -280,16 +283,18 @@ fn told(worst: f64, (lost, used): (usize, usize), rounds: usize, converged: bool
 /// The run's result in the place of the weak form's.
 fn finish(
     first: Identification,
-    (rig, own, bound): (&Rig, &Rig, &Bound),
+    written: WrittenRig<'_>,
     names: &[String],
     prepared: &Prepared,
-    Shot { outcome, levels_s, slips }: Shot,
+    ShootingRun { outcome, levels_s, slips }: ShootingRun,
 ) -> Result<Identification> {
+    let WrittenRig { rig, own, bound } = written;
+    let worst = outcome.noise_ratio.iter().copied().fold(0.0, f64::max);
+    let doubts = doubts(&outcome, worst);
     let Outcome { fit, covariance, noise_ratio, lost, repetition, step_s, values, rounds, .. } = outcome;
     let found = DVector::from_vec(fit.parameters.clone());
     let estimate = &covariance.estimate;
     let mut warnings: Vec<Warning> = prepared.warnings.clone();
-    let worst = noise_ratio.iter().copied().fold(0.0, f64::max);
     // What a model misses shows in the residuals again and again, too.
     if repetition > REPEATING && worst <= MISSES {
         warnings.push(Warning::new(
@@ -298,12 +303,12 @@ fn finish(
             "Quantisation errors repeat with it and do not average out; standard errors were widened for that. Change the drive's amplitude or frequency until the motion is chaotic, or count more lines a turn",
         ));
     }
-    warnings.extend(told(worst, (lost, fit.states.len()), rounds, fit.converged, covariance.blocks));
+    warnings.extend(doubts);
     let unit = |n: &String| first.parameter(n).map_or_else(String::new, |p| p.unit.clone());
     let units: Vec<String> = names.iter().map(unit).collect();
     let identified = Identified { names, values: &found, covariance: estimate, metric: &covariance.bound };
-    let (parameters, ties_misfit) = built_in::parameters(rig, (&identified, &units), &mut warnings);
-    let (identification_error, residuals) = balances(names, &found, (own, bound), prepared)?;
+    let (parameters, ties_misfit) = built_in::parameters(rig, &identified, &units, &mut warnings);
+    let (identification_error, residuals) = balances(names, &found, own, bound, prepared)?;
     let given: usize = prepared.stretches.iter().map(Stretch::len).sum::<usize>() * noise_ratio.len();
     let details = super::Details {
         repetition,
@@ -349,7 +354,8 @@ fn finish(
 fn balances(
     names: &[String],
     found: &DVector<f64>,
-    (rig, bound): (&Rig, &Bound),
+    rig: &Rig,
+    bound: &Bound,
     prepared: &Prepared,
 ) -> Result<(Vec<f64>, Vec<Residuals>)> {
     let weak = WeakForm::new(&bound.model, rig.omega(), &[])?;

@@ -8,14 +8,10 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use super::solve::damped;
+use super::states::Search;
 
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Inputs, Outside, Work};
-
-/// What a step of a state still promises, in squared standard errors, at which its fit stops: a
-/// tenth of one.
-const STILL: f64 = 1e-2;
 
 /// A stretch of the record that is followed from one initial state.
 #[derive(Clone, Debug)]
@@ -235,38 +231,11 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
         lengths: &[usize],
         work: &mut Work,
     ) -> Option<(Vec<f64>, f64)> {
-        let mut state = start.to_vec();
-        let all = self.samples(piece);
-        let mut last = None;
-        for length in lengths.iter().map(|l| (*l).min(all)) {
-            if last.is_some_and(|(l, _)| l == length) {
-                continue;
-            }
+        let mut search = Search::new(start, lengths, self.samples(piece));
+        while let Some((length, trial)) = search.wanted() {
             let part = self.head(piece, length);
-            let mut share = self.share(&part, &state, parameters, work)?;
-            let mut damping = 1e-6;
-            for _ in 0..20 {
-                let mut normal = share.normal.clone();
-                (0..normal.nrows()).for_each(|i| normal[(i, i)] = damped(normal[(i, i)], damping));
-                let Some(factor) = normal.cholesky() else { break };
-                let step = factor.solve(&share.gradient);
-                // In units of the residuals' scatter: what this step still promises.
-                let promise = step.dot(&share.gradient);
-                if promise < STILL {
-                    break;
-                }
-                let trial: Vec<f64> = state.iter().zip(step.iter()).map(|(x, d)| x - d).collect();
-                match self.share(&part, &trial, parameters, work) {
-                    Some(new) if new.cost() < share.cost() => {
-                        (state, share) = (trial, new);
-                        damping = (damping * 0.1_f64).max(1e-9);
-                    }
-                    _ if damping < 1e6 => damping = (damping * 10.0).max(1e-4),
-                    _ => break,
-                }
-            }
-            last = Some((length, share.cost() / (share.samples * self.sensors.len()) as f64));
+            search.take(self.share(&part, trial, parameters, work));
         }
-        last.map(|l| (state, l.1))
+        search.found(self.sensors.len())
     }
 }

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::covariance::{self, Covariance};
 use super::problem::{Piece, Problem, Share};
-use super::solve::{Bounds, Fit, minimise};
+use super::solve::{Bounds, ShootingFit, minimise};
 use crate::model::dynamics::Dynamics;
 
 /// Most pieces of the first two levels.
@@ -38,7 +38,7 @@ const MOST_ROUNDS: usize = 30;
 /// What a run gives.
 pub struct Outcome {
     /// The minimum.
-    pub fit: Fit,
+    pub fit: ShootingFit,
     /// The pieces that were followed, one for each of its states.
     pub pieces: Vec<Piece>,
     /// Standard errors.
@@ -177,7 +177,7 @@ fn followed(pieces: Vec<Piece>, states: Vec<Option<Vec<f64>>>) -> (Vec<Piece>, V
     pieces.into_iter().zip(states).filter_map(|(p, s)| s.map(|s| (p, s))).unzip()
 }
 
-fn without_lost(pieces: &[Piece], fit: &Fit) -> (Vec<Piece>, Vec<Vec<f64>>) {
+fn without_lost(pieces: &[Piece], fit: &ShootingFit) -> (Vec<Piece>, Vec<Vec<f64>>) {
     let mean: Vec<f64> = fit.shares.iter().map(|s| s.cost() / s.samples.max(1) as f64).collect();
     let mut sorted = mean.clone();
     sorted.sort_by(f64::total_cmp);
@@ -194,7 +194,7 @@ fn noise_ratio(shares: &[Share], states: usize) -> Vec<f64> {
     (0..sensors).map(|k| (shares.iter().map(|s| s.squares[k]).sum::<f64>() / freedom.max(1.0)).sqrt()).collect()
 }
 
-fn residuals<D: Dynamics + ?Sized>(problem: &Problem<'_, D>, pieces: &[Piece], fit: &Fit) -> Vec<Vec<f64>> {
+fn residuals<D: Dynamics + ?Sized>(problem: &Problem<'_, D>, pieces: &[Piece], fit: &ShootingFit) -> Vec<Vec<f64>> {
     pieces
         .par_iter()
         .zip(&fit.states)

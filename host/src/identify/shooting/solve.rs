@@ -17,7 +17,7 @@ const WORSE: f64 = 1.0;
 
 /// Where the minimisation stands.
 #[derive(Clone, Debug)]
-pub struct Fit {
+pub struct ShootingFit {
     /// Parameters.
     pub parameters: Vec<f64>,
     /// Initial state of each piece.
@@ -157,7 +157,7 @@ pub fn minimise<D: Dynamics + ?Sized>(
     tolerance: f64,
     most: usize,
     tick: &mut dyn FnMut(),
-) -> Option<Fit> {
+) -> Option<ShootingFit> {
     let x = problem.states();
     let clip = |p: &[f64]| -> Vec<f64> { p.iter().zip(bounds).map(|(v, [low, high])| v.clamp(*low, *high)).collect() };
     let mut parameters = clip(start.0);
@@ -210,5 +210,5 @@ pub fn minimise<D: Dynamics + ?Sized>(
             _ => break,
         }
     }
-    Some(Fit { parameters, states, shares, rounds, converged, held })
+    Some(ShootingFit { parameters, states, shares, rounds, converged, held })
 }

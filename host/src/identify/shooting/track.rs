@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use super::problem::Piece;
 
 /// An unbroken stretch of a record, as its sensors measured it.
-pub struct Stretch<'a> {
+pub struct MeasuredStretch<'a> {
     /// Time of the first sample, s.
     pub start_s: f64,
     /// Values, one list for each sensor.
@@ -39,7 +39,7 @@ fn pseudo_inverse(sensors: &[Vec<f64>]) -> Option<DMatrix<f64>> {
 /// if it has at least `shortest`. With each piece a guess of its initial state: the parabola
 /// through its first samples. None where the sensors do not give the coordinates.
 pub fn cut(
-    stretches: &[Stretch<'_>],
+    stretches: &[MeasuredStretch<'_>],
     geometry: &Geometry<'_>,
     length: usize,
     shortest: usize,
@@ -118,7 +118,8 @@ mod tests {
         let t = |i: usize| i as f64 * h;
         let phi1: Vec<f64> = (0..105).map(|i| t(i) + t(i) * t(i)).collect();
         let relative: Vec<f64> = (0..105).map(|i| 400.0 - 3.0 * t(i) - phi1[i]).collect();
-        let stretch = Stretch { start_s: 5.0, sensors: vec![phi1, relative], tau: Box::new(|i| 0.1 * i as f64) };
+        let stretch =
+            MeasuredStretch { start_s: 5.0, sensors: vec![phi1, relative], tau: Box::new(|i| 0.1 * i as f64) };
         let sensors = [vec![1.0, 0.0], vec![-1.0, 1.0]];
         let geometry = Geometry { sensors: &sensors, angles: &[true, true], spacing_s: h, guess: 6 };
         let (pieces, states) = cut(&[stretch], &geometry, 40, 20).unwrap();

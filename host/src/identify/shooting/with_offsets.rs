@@ -5,7 +5,7 @@
 //! with its state, and what slips did before it does not reach the parameters. Coordinates: q, then
 //! o.
 
-use crate::model::dynamics::{Dynamics, Instant};
+use crate::model::dynamics::{Dynamics, Instant, Linearisation};
 
 /// Equations with an offset of each sensor.
 pub struct WithOffsets<'a> {
@@ -70,7 +70,7 @@ impl Dynamics for WithOffsets<'_> {
 
     fn partials_held(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, signs: &[f64], out: &mut [f64]) -> bool {
         let mut acceleration = vec![0.0; self.degrees_of_freedom()];
-        self.linearise_held(p, q, v, at, signs, &mut acceleration, out)
+        self.linearise_held(p, q, v, at, signs, Linearisation { acceleration: &mut acceleration, partials: out })
     }
 
     fn takes_states_alone(&self) -> bool {
@@ -84,16 +84,17 @@ impl Dynamics for WithOffsets<'_> {
         v: &[f64],
         at: &Instant<'_>,
         signs: &[f64],
-        acceleration: &mut [f64],
-        partials: &mut [f64],
+        out: Linearisation<'_>,
     ) -> bool {
+        let Linearisation { acceleration, partials } = out;
         let (n, all) = (self.inner.degrees_of_freedom(), self.degrees_of_freedom());
         let width = partials.len() / all;
         let inner_width = width - 2 * self.offsets;
         let mut inner = vec![0.0; n * inner_width];
         acceleration[n..].fill(0.0);
         partials.fill(0.0);
-        if !self.inner.linearise_held(p, &q[..n], &v[..n], at, signs, &mut acceleration[..n], &mut inner) {
+        let of_inner = Linearisation { acceleration: &mut acceleration[..n], partials: &mut inner };
+        if !self.inner.linearise_held(p, &q[..n], &v[..n], at, signs, of_inner) {
             return false;
         }
         for (from, to) in inner.chunks_exact(inner_width).zip(partials.chunks_exact_mut(width)) {

@@ -13,7 +13,7 @@ use crate::model::model_file::expression::{Node, Symbol};
 const CLEAR: f64 = 5.0;
 
 /// A named coefficient with its standard error.
-pub(super) struct Known<'a> {
+pub(super) struct NamedCoefficient<'a> {
     pub name: &'a str,
     pub value: f64,
     pub std_error: f64,
@@ -21,7 +21,7 @@ pub(super) struct Known<'a> {
 
 /// Whether some friction clearly feeds the motion: a model that does cannot tell by its own motion
 /// how well it fits.
-pub(super) fn feeds(model: &ModelFile, omega: f64, known: &[Known<'_>]) -> bool {
+pub(super) fn feeds(model: &ModelFile, omega: f64, known: &[NamedCoefficient<'_>]) -> bool {
     let value = |name: &str| known.iter().find(|k| k.name == name).map_or(0.0, |k| k.value);
     known.iter().any(|k| {
         k.value.abs() > CLEAR * k.std_error && sense(model, omega, &value, k.name).is_some_and(|s| s * k.value < 0.0)
@@ -30,7 +30,7 @@ pub(super) fn feeds(model: &ModelFile, omega: f64, known: &[Known<'_>]) -> bool 
 
 /// The frictions that feed the motion, if all that are known to have a sign do, and most of all
 /// frictions are.
-pub(super) fn reversed<'a>(model: &ModelFile, omega: f64, known: &[Known<'a>]) -> Option<Vec<&'a str>> {
+pub(super) fn reversed<'a>(model: &ModelFile, omega: f64, known: &[NamedCoefficient<'a>]) -> Option<Vec<&'a str>> {
     let value = |name: &str| known.iter().find(|k| k.name == name).map_or(0.0, |k| k.value);
     let (mut feeding, mut all) = (Vec::new(), 0_usize);
     for k in known {
@@ -113,10 +113,10 @@ terms = { J = "q''*cos(p)", e = "p' - q'", g = "sin(p)*p'^2" }
     fn judged(values: [f64; 3]) -> Option<Vec<&'static str>> {
         let model = ModelFile::parse(MODEL, std::path::Path::new("m.toml")).unwrap();
         let names = ["c", "d", "e"];
-        let mut known: Vec<Known<'static>> =
-            names.iter().zip(values).map(|(name, value)| Known { name, value, std_error: 0.1 }).collect();
-        known.push(Known { name: "mu", value: -5.0, std_error: 0.1 });
-        known.push(Known { name: "J", value: 1.5, std_error: 0.1 });
+        let mut known: Vec<NamedCoefficient<'static>> =
+            names.iter().zip(values).map(|(name, value)| NamedCoefficient { name, value, std_error: 0.1 }).collect();
+        known.push(NamedCoefficient { name: "mu", value: -5.0, std_error: 0.1 });
+        known.push(NamedCoefficient { name: "J", value: 1.5, std_error: 0.1 });
         reversed(&model, 1.0, &known)
     }
 

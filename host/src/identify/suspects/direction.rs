@@ -4,7 +4,7 @@
 //! into n_cos and p_cos, a vertical one into n_sin and p_sin. A built-in double pendulum has a
 //! vertical drive only.
 
-use super::arrow::Known;
+use super::arrow::NamedCoefficient;
 use crate::rig::{Direction, Rig};
 use crate::warning::Warning;
 
@@ -14,7 +14,7 @@ const SEEN: f64 = 5.0;
 const NONE: f64 = 0.2;
 
 /// The other direction, where all of the drive's force is in it.
-pub(super) fn other(own: &Rig, known: &[Known<'_>]) -> Option<Warning> {
+pub(super) fn other(own: &Rig, known: &[NamedCoefficient<'_>]) -> Option<Warning> {
     let stated = own.drive?.direction;
     let force = |names: [&str; 2]| {
         let list = names.map(|n| known.iter().find(|k| k.name == n));
@@ -42,7 +42,8 @@ pub(super) fn other(own: &Rig, known: &[Known<'_>]) -> Option<Warning> {
 
 /// A direction that the system's equations do not have.
 pub(super) fn impossible(rig: &Rig) -> Option<Warning> {
-    (rig.model == "double-pendulum" && rig.drive.is_some_and(|d| d.direction == Direction::Horizontal)).then(|| {
+    let (pendulum, drive) = (rig.pendulum()?, rig.drive?);
+    (!pendulum.takes(drive.direction)).then(|| {
         Warning::new(
             "drive-direction",
             "the rig file says drive.direction = \"horizontal\", but the double pendulum's equations have a vertically driven base",

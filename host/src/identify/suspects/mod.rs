@@ -24,7 +24,7 @@ use crate::identify::Identification;
 use crate::record::{Column, Record, Segment};
 use crate::rig::Rig;
 use crate::warning::Warning;
-use arrow::Known;
+use arrow::NamedCoefficient;
 use scene::Scene;
 
 pub(crate) use hypotheses::COUNTS;
@@ -73,10 +73,10 @@ pub fn examine(records: &[Record], rig: &Rig) -> Vec<Warning> {
     let Some(base) = scene.misfit() else { return out };
     let names = scene.names();
     let values = base.coefficients.iter().flat_map(|c| c.iter());
-    let known: Vec<Known<'_>> = names
+    let known: Vec<NamedCoefficient<'_>> = names
         .iter()
         .zip(values.zip(&base.std_errors))
-        .map(|(name, (value, std_error))| Known { name, value: *value, std_error: *std_error })
+        .map(|(name, (value, std_error))| NamedCoefficient { name, value: *value, std_error: *std_error })
         .collect();
     out.extend(by_coefficients(&scene.rig, &known));
     if !out.iter().any(|w| w.invalidates)
@@ -109,8 +109,11 @@ fn is_stated(scene: &Scene, undo: &undo::Undo) -> bool {
 /// The same after an identification: the record is looked at again only where the residual or a
 /// coefficient calls for it.
 pub fn after(records: &[Record], rig: &Rig, result: &Identification) -> Vec<Warning> {
-    let known: Vec<Known<'_>> =
-        result.parameters.iter().map(|p| Known { name: &p.name, value: p.value, std_error: p.std_error }).collect();
+    let known: Vec<NamedCoefficient<'_>> = result
+        .parameters
+        .iter()
+        .map(|p| NamedCoefficient { name: &p.name, value: p.value, std_error: p.std_error })
+        .collect();
     let fits = result.within_bound() && result.details.residual_over_noise.is_some_and(|ratio| ratio.ln() < CLEAN);
     let plausible = |own: Rig| {
         let feeds = own.bound.as_ref().is_some_and(|b| arrow::feeds(&b.model, own.omega(), &known));
@@ -123,7 +126,7 @@ pub fn after(records: &[Record], rig: &Rig, result: &Identification) -> Vec<Warn
 }
 
 /// What coefficients say without any residual.
-fn by_coefficients(own: &Rig, known: &[Known<'_>]) -> Vec<Warning> {
+fn by_coefficients(own: &Rig, known: &[NamedCoefficient<'_>]) -> Vec<Warning> {
     let Some(bound) = &own.bound else { return Vec::new() };
     let mut out = Vec::new();
     if let Some(names) = arrow::reversed(&bound.model, own.omega(), known) {

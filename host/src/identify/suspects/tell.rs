@@ -71,13 +71,15 @@ pub(super) fn tell(scene: &Scene, before: &Misfit, found: &Finding) -> Warning {
         Undo::Lag { signal, delay_s, drift, .. } => {
             let step_s = scene.stretches.first().map_or(1.0, |s| s.step_s);
             let drift_error = found.errors.get(1).copied().unwrap_or(f64::INFINITY);
-            lag(
-                channels[*signal],
-                channels[0],
-                (*delay_s, *drift, step_s, scene.span_s()),
-                (error(0), drift_error),
-                &why,
-            )
+            let lag = Lag {
+                delay_s: *delay_s,
+                error_s: error(0),
+                drift: *drift,
+                drift_error,
+                step_s,
+                span_s: scene.span_s(),
+            };
+            lag.warning(channels[*signal], channels[0], &why)
         }
     };
     warning.with("residual_before", before.log.exp()).with("residual_after", found.after.log.exp()).invalidating()
@@ -179,35 +181,44 @@ fn drive(scene: &Scene, rate: f64, error: f64, why: &str) -> Warning {
     .with("sample_rate_hz", sampling)
 }
 
-fn lag(
-    channel: &Channel,
-    first: &Channel,
-    (delay_s, drift, step_s, span_s): (f64, f64, f64, f64),
-    (error, drift_error): (f64, f64),
-    why: &str,
-) -> Warning {
-    // What the lag grows by over the record against what it begins with.
-    let grows = drift.abs() > GROWS * drift_error && drift.abs() * span_s > delay_s.abs();
-    let (name, first) = (&channel.name, &first.name);
-    if grows {
-        let sense = if drift > 0.0 { "slow" } else { "fast" };
-        return Warning::new(
-            "channel-clock",
-            format!(
-                "the clock of {name} is {sense} by {} (against {first}), {} ms over {} s: {why}",
-                plus_minus(drift.abs(), 1.96 * drift_error),
-                significant(1e3 * (drift * span_s).abs(), 3),
-                significant(span_s, 3)
-            ),
-            "Sample all channels by one clock, or correct the times of this one before the columns are joined",
-        )
-        .with("channel", name.as_str())
-        .with("value", -drift)
-        .with("std_error", drift_error)
-        .with("delay_s", delay_s);
-    }
-    let (who, late) = (name, if delay_s > 0.0 { "late" } else { "early" });
-    Warning::new(
+/// By how much a channel lags another.
+struct Lag {
+    /// At the record's beginning, s, and its 95 % bound.
+    delay_s: f64,
+    error_s: f64,
+    /// What it grows by a second, and the standard error of that.
+    drift: f64,
+    drift_error: f64,
+    /// Spacing of the samples and length of the record, s.
+    step_s: f64,
+    span_s: f64,
+}
+
+impl Lag {
+    fn warning(&self, channel: &Channel, first: &Channel, why: &str) -> Warning {
+        let Self { delay_s, error_s: error, drift, drift_error, step_s, span_s } = *self;
+        // What the lag grows by over the record against what it begins with.
+        let grows = drift.abs() > GROWS * drift_error && drift.abs() * span_s > delay_s.abs();
+        let (name, first) = (&channel.name, &first.name);
+        if grows {
+            let sense = if drift > 0.0 { "slow" } else { "fast" };
+            return Warning::new(
+                "channel-clock",
+                format!(
+                    "the clock of {name} is {sense} by {} (against {first}), {} ms over {} s: {why}",
+                    plus_minus(drift.abs(), 1.96 * drift_error),
+                    significant(1e3 * (drift * span_s).abs(), 3),
+                    significant(span_s, 3)
+                ),
+                "Sample all channels by one clock, or correct the times of this one before the columns are joined",
+            )
+            .with("channel", name.as_str())
+            .with("value", -drift)
+            .with("std_error", drift_error)
+            .with("delay_s", delay_s);
+        }
+        let (who, late) = (name, if delay_s > 0.0 { "late" } else { "early" });
+        Warning::new(
         "channel-delay",
         format!(
             "{who} is {late} by {} ms ({} samples) against {first}: {why}",
@@ -224,4 +235,5 @@ fn lag(
     .with("value_s", delay_s)
     .with("std_error_s", error / 1.96)
     .with("samples", delay_s / step_s)
+    }
 }

@@ -1,10 +1,10 @@
 //! One step of Dormand and Prince's method from each of many states, side by side, with the
 //! derivatives by that state: the same step as [`super::Flow`] takes over one spacing. Steps in
-//! which a sign turns, or a rate begins at zero, are told and left to it.
+//! which a sign turns, or a rate begins at zero, are left to it.
 
 use super::switching::crossing;
-use super::{A, C};
-use crate::model::dynamics::Dynamics;
+use super::{A, C, Flow, Inputs, Work};
+use crate::model::dynamics::{Dynamics, Instant};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::equations_of_motion::abreast::{Abreast, Room};
 pub use crate::model::model_file::tape::MOST;
@@ -26,7 +26,11 @@ pub struct Steps {
     inputs: Vec<Vec<f64>>,
     signs: Vec<Vec<f64>>,
     /// Which steps are whole: no sign turned and the equations had a solution.
-    pub whole: Vec<bool>,
+    whole: Vec<bool>,
+    /// For steps that are not.
+    alone: Work,
+    /// Which states have a solution.
+    pub exists: Vec<bool>,
 }
 
 /// What acts from outside: the drive's angular frequency (rad/s), and measured inputs by time.
@@ -36,7 +40,7 @@ pub struct Outside<'a> {
     /// How many inputs.
     pub inputs: usize,
     /// Writes them.
-    pub at: &'a dyn Fn(f64, &mut [f64]),
+    pub at: &'a (dyn Fn(f64, &mut [f64]) + Sync),
 }
 
 impl Steps {
@@ -58,6 +62,8 @@ impl Steps {
             inputs: Vec::new(),
             signs: vec![vec![0.0; MOST]; motion.switches().len()],
             whole: Vec::new(),
+            alone: Work::by_state(motion),
+            exists: Vec::new(),
         }
     }
 
@@ -83,8 +89,59 @@ impl Steps {
         self.k[0][(self.n + coordinate) * MOST + state]
     }
 
-    /// One step of `h` seconds from every state, at its time (s) and phase of the drive (rad).
-    pub fn take(
+    /// One step of `h` seconds from every state, at its time (s) and phase of the drive (rad);
+    /// one after the other where they do not go side by side. [`Steps::exists`] tells of which
+    /// states the equations have a solution.
+    pub fn carry(
+        &mut self,
+        (motion, parameters): (&EquationsOfMotion, &[f64]),
+        at: impl Fn(usize) -> (f64, f64),
+        outside: &Outside<'_>,
+        h: f64,
+    ) {
+        if motion.goes_abreast() {
+            self.take((motion, parameters), &at, outside, h);
+        } else {
+            self.whole = vec![false; self.count];
+            self.next.copy_from_slice(&self.y);
+        }
+        self.exists = vec![true; self.count];
+        for i in (0..self.count).filter(|&i| !self.whole[i]).collect::<Vec<_>>() {
+            self.exists[i] = self.carry_alone((motion, parameters), i, at(i), outside, h);
+        }
+    }
+
+    /// The step of one state, which is in `next` yet.
+    fn carry_alone(
+        &mut self,
+        (motion, parameters): (&EquationsOfMotion, &[f64]),
+        i: usize,
+        (time, tau): (f64, f64),
+        outside: &Outside<'_>,
+        h: f64,
+    ) -> bool {
+        let (n, m) = (self.n, 2 * self.n);
+        let start: Vec<f64> = (0..m).map(|c| self.next[c * MOST + i]).collect();
+        let mut inputs = vec![0.0; outside.inputs];
+        (outside.at)(time, &mut inputs);
+        let (mut acceleration, instant) = (vec![0.0; n], Instant { time, tau, inputs: &inputs });
+        if !motion.acceleration(parameters, &start[..n], &start[n..], &instant, &mut acceleration) {
+            return false;
+        }
+        self.alone.set(&start);
+        let inputs = (outside.inputs > 0).then_some(Inputs { count: outside.inputs, at: outside.at });
+        let around = super::Outside { origin: time, tau, omega: outside.omega, inputs };
+        if !Flow::new(motion, parameters, around, h).carry(&mut self.alone, time, h) {
+            return false;
+        }
+        acceleration.iter().enumerate().for_each(|(c, x)| self.k[0][(n + c) * MOST + i] = *x);
+        let reached = self.alone.state().iter().chain(self.alone.derivatives());
+        reached.enumerate().for_each(|(c, x)| self.y[c * MOST + i] = *x);
+        true
+    }
+
+    /// The steps that go side by side.
+    fn take(
         &mut self,
         (motion, parameters): (&EquationsOfMotion, &[f64]),
         at: impl Fn(usize) -> (f64, f64),
@@ -179,7 +236,7 @@ impl Steps {
 mod tests {
     use std::path::Path;
 
-    use super::super::{Flow, Inputs, Outside as Along, Work};
+    use super::super::Outside as Along;
     use super::*;
     use crate::model::model_file::ModelFile;
 
@@ -188,7 +245,7 @@ mod tests {
         [[equation]]\nbalance = \"u - (x'' + 0.3*(cos(p)*p'' - sin(p)*p'^2))\"\nterms = { k = \"x\", d = \"sign(x' - p')\", t = \"cos(tau)\" }\n";
 
     /// Steps side by side are those of [`Flow`] one by one, derivatives too; those in which
-    /// friction turns are told, and no others.
+    /// friction turns are left to it, and no others.
     #[test]
     fn steps_are_those_that_are_taken_one_by_one() {
         let model = ModelFile::parse(TEXT, Path::new("m.toml")).unwrap();
@@ -208,7 +265,7 @@ mod tests {
         let of = |i: usize| (0.01 * i as f64, 0.3 * i as f64);
         let mut steps = Steps::new(&motion);
         steps.set(states.iter().map(Vec::as_slice));
-        steps.take((&motion, &parameters), of, &Outside { omega: 3.0, inputs: 1, at: &input }, 0.004);
+        steps.carry((&motion, &parameters), of, &Outside { omega: 3.0, inputs: 1, at: &input }, 0.004);
         assert!(!steps.whole[7] && !steps.whole[8], "{:?}", &steps.whole[..9]);
         let rates = |s: &[f64]| [s[2], s[3] - s[2]];
         for (i, state) in states.iter().enumerate() {
@@ -219,9 +276,7 @@ mod tests {
             assert!(Flow::new(&motion, &parameters, along, 0.004).carry(&mut work, time, 0.004));
             let turned = rates(state).iter().zip(rates(work.state())).any(|(a, b)| a * b <= 1e-12);
             assert_eq!(steps.whole[i], !turned, "{i}");
-            if turned {
-                continue;
-            }
+            assert!(steps.exists[i], "{i}");
             let alone = work.state().iter().chain(work.derivatives());
             for (c, x) in alone.enumerate() {
                 assert!(

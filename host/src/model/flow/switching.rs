@@ -19,30 +19,6 @@ impl<D: Dynamics + ?Sized> Flow<'_, D> {
         good
     }
 
-    /// Partials of a sticking joint's accelerations: the sign follows so that w·a stays zero.
-    pub(super) fn constrain(
-        &self,
-        partials: &mut [f64],
-        q: &[f64],
-        v: &[f64],
-        at: &Instant<'_>,
-        signs: &mut [f64],
-        s: usize,
-        accel: &mut [Vec<f64>; 3],
-        width: usize,
-    ) -> bool {
-        let weights = &self.dynamics.switches()[s];
-        let Some(gain) = by_sign(self.dynamics, self.parameters, q, v, at, signs, s, accel) else { return false };
-        let [by, ..] = accel;
-        for c in 0..width {
-            let change: f64 = weights.iter().enumerate().map(|(i, w)| w * partials[i * width + c]).sum::<f64>() / gain;
-            for (i, b) in by.iter().enumerate() {
-                partials[i * width + c] -= b * change;
-            }
-        }
-        true
-    }
-
     /// The first instant within the step just attempted at which a sign turns: share of the step,
     /// switch.
     pub(super) fn event(&self, work: &mut Work, time: f64, h: f64) -> Option<(f64, usize)> {
@@ -85,7 +61,8 @@ impl<D: Dynamics + ?Sized> Flow<'_, D> {
         let instant = self.instant(time, &mut inputs);
         let Work { y, next, signs, accel, .. } = work;
         let (q, v) = (if attempted { &next[..2 * n] } else { &y[..2 * n] }).split_at(n);
-        let good = solve_sign(self.dynamics, self.parameters, q, v, &instant, signs, s, accel);
+        let held = HeldSigns { dynamics: self.dynamics, parameters: self.parameters, q, v, at: &instant };
+        let good = held.solve(signs, s, accel);
         let found = signs[s];
         work.inputs = inputs;
         good.then_some(found)
@@ -189,48 +166,60 @@ impl<D: Dynamics + ?Sized> Flow<'_, D> {
     }
 }
 
-/// ∂a/∂sign of a switch into `accel[0]`; w·∂a/∂sign, or None where the sign does not move it.
-fn by_sign<D: Dynamics + ?Sized>(
-    dynamics: &D,
-    p: &[f64],
-    q: &[f64],
-    v: &[f64],
-    at: &Instant<'_>,
-    signs: &mut [f64],
-    s: usize,
-    accel: &mut [Vec<f64>; 3],
-) -> Option<f64> {
-    let kept = signs[s];
-    let [zero, one, _] = accel;
-    signs[s] = 0.0;
-    let mut good = dynamics.acceleration_held(p, q, v, at, signs, zero);
-    signs[s] = 1.0;
-    good &= dynamics.acceleration_held(p, q, v, at, signs, one);
-    signs[s] = kept;
-    zero.iter_mut().zip(one.iter()).for_each(|(z, o)| *z = o - *z);
-    let gain: f64 = dynamics.switches()[s].iter().zip(zero.iter()).map(|(w, a)| w * a).sum();
-    (good && gain != 0.0 && gain.is_finite()).then_some(gain)
+/// A system at a state, the signs of its switches held.
+pub(super) struct HeldSigns<'a, D: ?Sized> {
+    pub dynamics: &'a D,
+    pub parameters: &'a [f64],
+    pub q: &'a [f64],
+    pub v: &'a [f64],
+    pub at: &'a Instant<'a>,
 }
 
-/// Sets the sign of a sticking joint so that w·a = 0.
-pub(super) fn solve_sign<D: Dynamics + ?Sized>(
-    dynamics: &D,
-    p: &[f64],
-    q: &[f64],
-    v: &[f64],
-    at: &Instant<'_>,
-    signs: &mut [f64],
-    s: usize,
-    accel: &mut [Vec<f64>; 3],
-) -> bool {
-    let Some(gain) = by_sign(dynamics, p, q, v, at, signs, s, accel) else { return false };
-    signs[s] = 0.0;
-    if !dynamics.acceleration_held(p, q, v, at, signs, &mut accel[2]) {
-        return false;
+impl<D: Dynamics + ?Sized> HeldSigns<'_, D> {
+    fn acceleration(&self, signs: &[f64], out: &mut [f64]) -> bool {
+        self.dynamics.acceleration_held(self.parameters, self.q, self.v, self.at, signs, out)
     }
-    let free: f64 = dynamics.switches()[s].iter().zip(&accel[2]).map(|(w, a)| w * a).sum();
-    signs[s] = -free / gain;
-    true
+
+    /// ∂a/∂sign of a switch into `accel[0]`; w·∂a/∂sign, or None where the sign does not move it.
+    fn by_sign(&self, signs: &mut [f64], s: usize, accel: &mut [Vec<f64>; 3]) -> Option<f64> {
+        let kept = signs[s];
+        let [zero, one, _] = accel;
+        signs[s] = 0.0;
+        let mut good = self.acceleration(signs, zero);
+        signs[s] = 1.0;
+        good &= self.acceleration(signs, one);
+        signs[s] = kept;
+        zero.iter_mut().zip(one.iter()).for_each(|(z, o)| *z = o - *z);
+        let gain: f64 = self.dynamics.switches()[s].iter().zip(zero.iter()).map(|(w, a)| w * a).sum();
+        (good && gain != 0.0 && gain.is_finite()).then_some(gain)
+    }
+
+    /// Sets the sign of a sticking joint so that w·a = 0.
+    pub fn solve(&self, signs: &mut [f64], s: usize, accel: &mut [Vec<f64>; 3]) -> bool {
+        let Some(gain) = self.by_sign(signs, s, accel) else { return false };
+        signs[s] = 0.0;
+        if !self.acceleration(signs, &mut accel[2]) {
+            return false;
+        }
+        let free: f64 = self.dynamics.switches()[s].iter().zip(&accel[2]).map(|(w, a)| w * a).sum();
+        signs[s] = -free / gain;
+        true
+    }
+
+    /// Partials of a sticking joint's accelerations: the sign follows so that w·a stays zero.
+    pub fn constrain(&self, partials: &mut [f64], signs: &mut [f64], s: usize, accel: &mut [Vec<f64>; 3]) -> bool {
+        let weights = &self.dynamics.switches()[s];
+        let Some(gain) = self.by_sign(signs, s, accel) else { return false };
+        let width = partials.len() / self.q.len().max(1);
+        let [by, ..] = accel;
+        for c in 0..width {
+            let change: f64 = weights.iter().enumerate().map(|(i, w)| w * partials[i * width + c]).sum::<f64>() / gain;
+            for (i, b) in by.iter().enumerate() {
+                partials[i * width + c] -= b * change;
+            }
+        }
+        true
+    }
 }
 
 /// Where the cubic through values and slopes (times the step) at both ends of [0, 1] first passes

@@ -104,7 +104,7 @@ fn is_rate(s: Symbol) -> bool {
 /// # Errors
 /// What of it cannot be integrated.
 pub fn pieces(e: &Node, omega: f64, circle: &[bool]) -> Result<Vec<Piece>, String> {
-    split(e, (omega, circle), false)
+    split(e, omega, circle, false)
 }
 
 /// The same for a column of an effect: a function of accelerations (a joint's load) is a value, of
@@ -114,10 +114,10 @@ pub fn pieces(e: &Node, omega: f64, circle: &[bool]) -> Result<Vec<Piece>, Strin
 /// # Errors
 /// As [`pieces`].
 pub fn pieces_of_effect(e: &Node, omega: f64, circle: &[bool]) -> Result<Vec<Piece>, String> {
-    split(e, (omega, circle), true)
+    split(e, omega, circle, true)
 }
 
-fn split(e: &Node, (omega, circle): (f64, &[bool]), functions: bool) -> Result<Vec<Piece>, String> {
+fn split(e: &Node, omega: f64, circle: &[bool], functions: bool) -> Result<Vec<Piece>, String> {
     let mut out: Vec<Piece> = Vec::new();
     let mut values = number(0.0);
     let mut first = number(0.0);

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::*;
+use crate::model::dynamics::{Dynamics, Instant};
 use crate::model::model_file::expression::{add, call, multiply, number, power_whole, symbol};
 
 /// The double pendulum's accelerations satisfy its equations, coefficient by coefficient.

@@ -4,10 +4,11 @@
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+use super::basis::UnknownFunction;
 use super::expression::{self, Node, Symbol, as_number};
 use super::parser::{self, Mistake, Names};
 use super::toml_place::{Source, Value, described};
-use super::{Coordinate, Equation, Space, Term, basis, by_parts, tautology};
+use super::{Coordinate, Equation, Space, Term, by_parts, tautology};
 use crate::error::{BadInput, Result};
 use crate::model::weak::Order;
 
@@ -173,7 +174,7 @@ pub(super) fn equation(source: &Source, value: &Value<'_>, names: &Names, circle
         }
         let new = match value.get_ref() {
             DeValue::Table(table) if table.get("basis").is_none() => vec![detailed(source, value, table, name, names)?],
-            DeValue::Table(table) => basis::terms(source, value, table, name, names, circle)?,
+            DeValue::Table(table) => UnknownFunction { source, value, table, name }.terms(names, circle)?,
             _ => {
                 let of = expression_of(source, value, names, "an expression")?;
                 let text = source.text(value, "an expression")?.to_owned();

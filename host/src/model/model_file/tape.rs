@@ -177,6 +177,22 @@ impl Tape {
         self.block::<MOST>(columns, 0, count, &mut registers.0);
     }
 
+    /// Values of every expression at the samples `first` … `end` of `count`, two fewer than [`MOST`]
+    /// at most, with their neighbours where these matter: [`Tape::output`] shows them from the place
+    /// that is returned.
+    pub fn among(
+        &self,
+        columns: &[&[f64]],
+        (first, end, count): (usize, usize, usize),
+        registers: &mut Registers,
+    ) -> usize {
+        let halo = usize::from(self.signs);
+        let (from, to) = (first.saturating_sub(halo), (end + halo).min(count));
+        registers.0.resize(self.operations.len() * MOST, 0.0);
+        self.block::<MOST>(columns, from, to, &mut registers.0);
+        first - from
+    }
+
     /// What an expression came out as at every point of [`Tape::over`].
     pub fn output<'a>(&self, k: usize, registers: &'a Registers) -> &'a [f64] {
         &registers.0[self.outputs[k] * MOST..(self.outputs[k] + 1) * MOST]

@@ -41,6 +41,25 @@ struct Table {
 }
 
 impl Table {
+    /// The shapes' columns of the harmonics from … to − 1.
+    fn harmonics(&self, from: usize, to: usize, channels: usize) -> DMatrix<f64> {
+        self.values.columns(1 + from * channels, (to - from) * channels).into_owned()
+    }
+
+    /// What served best without one node goes up by one degree with it, where every node then is
+    /// met.
+    fn full(&self, degree: usize) -> usize {
+        let n = self.nodes.len();
+        if degree + 2 == n { degree + 1 } else { degree }.min(n - 1)
+    }
+
+    /// Coefficients of the columns of `part` in powers of s, fitted to the nodes `rows`.
+    fn fitted(&self, part: &DMatrix<f64>, a0: f64, degree: usize, rows: &[usize]) -> Option<Vec<Vec<f64>>> {
+        let s: Vec<f64> = rows.iter().map(|i| s_of(self.nodes[*i].amplitude, a0)).collect();
+        let p = polynomials(&s, &picked(&self.weight, rows), &part.select_rows(rows), degree)?;
+        Some(p.iter().map(|c| c.iter().copied().collect()).collect())
+    }
+
     /// The nodes to which harmonic k is fitted: all of them; of an even one the linear mode and
     /// those that have any. Nodes from the equations of a symmetric system have none, and what a
     /// release has beside such a mode is not to be averaged with that.
@@ -101,14 +120,9 @@ fn table(
 pub fn again(of: &Polar, nodes: &[Node], linear: Option<(f64, Vec<f64>)>) -> Option<Polar> {
     let channels = of.major.len();
     let (t, _) = table(nodes, &of.major, linear, Some(of.symmetric))?;
-    let fitted = |a0: f64, from: usize, count: usize, degree: usize, rows: &[usize]| -> Option<Vec<Vec<f64>>> {
-        let s: Vec<f64> = rows.iter().map(|i| s_of(t.nodes[*i].amplitude, a0)).collect();
-        let weight: Vec<f64> = rows.iter().map(|i| t.weight[*i]).collect();
-        let p = polynomials(&s, &weight, &t.values.columns(from, count).select_rows(rows), degree)?;
-        Some(p.iter().map(|c| c.iter().copied().collect()).collect())
-    };
     let all: Vec<usize> = (0..t.nodes.len()).collect();
-    let omega_squared = fitted(of.a0, 0, 1, of.omega_squared.len().checked_sub(1)?, &all)?.swap_remove(0);
+    let degree = of.omega_squared.len().checked_sub(1)?;
+    let omega_squared = t.fitted(&t.values.columns(0, 1).into_owned(), of.a0, degree, &all)?.swap_remove(0);
     let mut shape = Vec::with_capacity(of.shape.len());
     for (k, was) in of.shape.iter().enumerate() {
         // A harmonic of zeros alone was left out, by its parity or because other modes ring in it.
@@ -118,7 +132,7 @@ pub fn again(of: &Polar, nodes: &[Node], linear: Option<(f64, Vec<f64>)>) -> Opt
         shape.push(if left_out {
             was.clone()
         } else {
-            fitted(of.shape_a0, 1 + k * channels, channels, degree, &rows)?
+            t.fitted(&t.harmonics(k, k + 1, channels), of.shape_a0, degree, &rows)?
         });
     }
     Some(Polar { omega_squared, shape, ..of.clone() })
@@ -141,101 +155,26 @@ pub(super) fn model_of(
 ) -> Option<Polar> {
     let channels = major.len();
     let (table, symmetric) = table(nodes, major, linear, symmetric)?;
-    let Table { nodes, values, weight, harmonics } = &table;
-    let harmonics = *harmonics;
+    let nodes = &table.nodes;
     let first = nodes.iter().map(|n| n.amplitude).find(|a| *a > 0.0)?;
     let last = nodes.last()?.amplitude;
-    let few = nodes.len() <= MOST_DEGREE + 2;
-    // Quantities that share a degree: ω² alone, or the shapes (all harmonics from..to).
-    let of_harmonics =
-        |from: usize, to: usize| values.columns(1 + from * channels, (to - from) * channels).into_owned();
-    let omega_values = values.columns(0, 1).into_owned();
-    // Left out one at a time, the ends excepted (they would have to be extrapolated): rms (by the
-    // nodes' weights) and greatest relative error.
-    let score_of = |part: &DMatrix<f64>, a0: f64, degree: usize, rows: &[usize]| -> Option<(f64, f64)> {
-        let s: Vec<f64> = nodes.iter().map(|n| s_of(n.amplitude, a0)).collect();
-        let (mut sum, mut count, mut worst) = (0.0, 0.0, 0.0_f64);
-        for &out in rows.get(1..rows.len().saturating_sub(1)).unwrap_or_default() {
-            let keep: Vec<usize> = rows.iter().copied().filter(|i| *i != out).collect();
-            let pick = |v: &[f64]| keep.iter().map(|i| v[*i]).collect::<Vec<f64>>();
-            let p = polynomials(&pick(&s), &pick(weight), &part.select_rows(&keep), degree)?;
-            let (mut error, mut size) = (0.0, 0.0);
-            for (q, p) in p.iter().enumerate() {
-                error += (horner(p.as_slice(), s[out]).0 - part[(out, q)]).powi(2);
-                size += part[(out, q)].powi(2);
-            }
-            // Shapes are of size 1, ω² is not.
-            let relative = if part.ncols() == 1 { 0.5 * (error / size).sqrt() } else { error.sqrt() };
-            let weight = if few { 1.0 } else { weight[out] };
-            sum += (weight * relative).powi(2);
-            count += weight * weight;
-            worst = worst.max(relative);
-        }
-        Some(((sum / count).sqrt(), worst)).filter(|e| e.0.is_finite())
-    };
-    let every: Vec<usize> = (0..nodes.len()).collect();
-    let score = |part: &DMatrix<f64>, a0: f64, degree: usize| score_of(part, a0, degree, &every);
     let middle = (first * last).sqrt();
     let scales: Vec<f64> = (-20..=20).map(|n| middle * 10.0_f64.powf(f64::from(n) * 0.075)).collect();
-    let degrees = 1..=most.min(nodes.len().saturating_sub(2));
+    let selection = Selection::new(&table, channels, most);
+    let every: Vec<usize> = (0..nodes.len()).collect();
     // ω and the shapes each with their own scale and degree, by their errors at releases left out.
-    // Few releases are interpolated, by the worst, ω with the shapes' error beside its own: of two
-    // or three errors of one quantity the worst may be small by luck at a scale that serves nothing
-    // else. Many (the windows of decays) are smoothed, by the mean.
-    let all = of_harmonics(0, harmonics);
-    let choose = |part: &DMatrix<f64>, scales: &[f64]| -> Option<Choice> {
-        let mut best: Option<Choice> = None;
-        for degree in degrees.clone() {
-            for &a0 in scales {
-                let Some((rms, worst)) = score(part, a0, degree) else { continue };
-                let value = match part.ncols() {
-                    _ if !few => rms,
-                    1 => worst.max(score(&all, a0, degree).map_or(f64::INFINITY, |s| s.1)),
-                    _ => worst,
-                };
-                if best.as_ref().is_none_or(|b| value < b.value) {
-                    best = Some(Choice { value, worst, a0, degree });
-                }
-            }
-        }
-        best.filter(|_| nodes.len() > 2)
-    };
-    // What served best without one node goes up by one degree with it, where every node then is
-    // met.
-    let full = |d: usize| if d + 2 == nodes.len() { d + 1 } else { d }.min(nodes.len() - 1);
-    let of = |a0: f64| -> Vec<f64> { nodes.iter().map(|n| s_of(n.amplitude, a0)).collect() };
-    let coefficients =
-        |p: Vec<DVector<f64>>| -> Vec<Vec<f64>> { p.iter().map(|c| c.iter().copied().collect()).collect() };
-    let by_omega = choose(&omega_values, &scales);
-    let (a0, degree) = by_omega.as_ref().map_or((middle, full(1)), |b| (b.a0, full(b.degree)));
-    let omega_squared = coefficients(polynomials(&of(a0), weight, &omega_values, degree)?).swap_remove(0);
-    let by_shape = choose(&all, &scales);
-    let (shape_a0, shape_degree) = by_shape.as_ref().map_or((middle, full(1)), |b| (b.a0, full(b.degree)));
-    let s = of(shape_a0);
-    let mut shape = Vec::with_capacity(harmonics);
-    for k in 0..harmonics {
-        let part = of_harmonics(k, k + 1);
+    let omega_values = table.values.columns(0, 1).into_owned();
+    let by_omega = selection.choose(&omega_values, &scales);
+    let (a0, degree) = by_omega.as_ref().map_or((middle, table.full(1)), |b| (b.a0, table.full(b.degree)));
+    let omega_squared = table.fitted(&omega_values, a0, degree, &every)?.swap_remove(0);
+    let by_shape = selection.choose(&selection.shapes, &scales);
+    let (shape_a0, degree) = by_shape.as_ref().map_or((middle, table.full(1)), |b| (b.a0, table.full(b.degree)));
+    let mut shape = Vec::with_capacity(table.harmonics);
+    for k in 0..table.harmonics {
+        let part = table.harmonics(k, k + 1, channels);
         let rows = table.rows_of(k, channels);
-        let degree = if rows.len() < nodes.len() {
-            // Few releases: interpolated, by the worst at one left out.
-            let worst = |d: usize| score_of(&part, shape_a0, d, &rows).map_or(f64::INFINITY, |s| s.1);
-            let best = (1..rows.len().saturating_sub(1)).min_by(|a, b| worst(*a).total_cmp(&worst(*b)));
-            Some(best.map_or(1, |d| if d + 2 == rows.len() { d + 1 } else { d }).min(rows.len() - 1).min(MOST_DEGREE))
-        } else if few {
-            Some(shape_degree)
-        } else {
-            // Every harmonic with the degree that serves it, so that one that other modes disturb
-            // does not coarsen the others; one that is predicted no better than by nothing at all
-            // is not the mode's: other modes ring there.
-            let rms = (0..nodes.len()).map(|i| (weight[i] * part.row(i).norm()).powi(2)).sum::<f64>().sqrt()
-                / weight.iter().map(|w| w * w).sum::<f64>().sqrt();
-            choose(&part, &[shape_a0]).filter(|b| b.value < 0.5 * rms).map(|b| full(b.degree))
-        };
-        shape.push(match degree {
-            Some(d) => {
-                let pick = |v: &[f64]| rows.iter().map(|i| v[*i]).collect::<Vec<f64>>();
-                coefficients(polynomials(&pick(&s), &pick(weight), &part.select_rows(&rows), d)?)
-            }
+        shape.push(match selection.degree_of_harmonic(&part, &rows, shape_a0, degree) {
+            Some(d) => table.fitted(&part, shape_a0, d, &rows)?,
             None => vec![vec![0.0]; channels],
         });
     }
@@ -252,4 +191,97 @@ pub(super) fn model_of(
         symmetric,
         beside: !symmetric && table.rows_of(0, channels).len() < nodes.len(),
     })
+}
+
+/// The choice of scales and degrees by nodes left out one at a time.
+///
+/// Few releases are interpolated, by the worst, ω with the shapes' error beside its own: of two or
+/// three errors of one quantity the worst may be small by luck at a scale that serves nothing else.
+/// Many (the windows of decays) are smoothed, by the mean.
+struct Selection<'a> {
+    table: &'a Table,
+    /// All shapes, which share a degree.
+    shapes: DMatrix<f64>,
+    /// Whether the releases are few.
+    few: bool,
+    /// Highest degree.
+    most: usize,
+}
+
+impl<'a> Selection<'a> {
+    fn new(table: &'a Table, channels: usize, most: usize) -> Self {
+        let few = table.nodes.len() <= MOST_DEGREE + 2;
+        Self { table, shapes: table.harmonics(0, table.harmonics, channels), few, most }
+    }
+
+    /// The nodes `rows` left out one at a time, the ends excepted (they would have to be
+    /// extrapolated): rms (by the nodes' weights) and greatest relative error.
+    fn score(&self, part: &DMatrix<f64>, a0: f64, degree: usize, rows: &[usize]) -> Option<(f64, f64)> {
+        let Table { nodes, weight, .. } = self.table;
+        let s: Vec<f64> = nodes.iter().map(|n| s_of(n.amplitude, a0)).collect();
+        let (mut sum, mut count, mut worst) = (0.0, 0.0, 0.0_f64);
+        for &out in rows.get(1..rows.len().saturating_sub(1)).unwrap_or_default() {
+            let keep: Vec<usize> = rows.iter().copied().filter(|i| *i != out).collect();
+            let p = polynomials(&picked(&s, &keep), &picked(weight, &keep), &part.select_rows(&keep), degree)?;
+            let (mut error, mut size) = (0.0, 0.0);
+            for (q, p) in p.iter().enumerate() {
+                error += (horner(p.as_slice(), s[out]).0 - part[(out, q)]).powi(2);
+                size += part[(out, q)].powi(2);
+            }
+            // Shapes are of size 1, ω² is not.
+            let relative = if part.ncols() == 1 { 0.5 * (error / size).sqrt() } else { error.sqrt() };
+            let weight = if self.few { 1.0 } else { weight[out] };
+            sum += (weight * relative).powi(2);
+            count += weight * weight;
+            worst = worst.max(relative);
+        }
+        Some(((sum / count).sqrt(), worst)).filter(|e| e.0.is_finite())
+    }
+
+    /// The scale and the degree that serve best; none for two nodes.
+    fn choose(&self, part: &DMatrix<f64>, scales: &[f64]) -> Option<Choice> {
+        let n = self.table.nodes.len();
+        let every: Vec<usize> = (0..n).collect();
+        let mut best: Option<Choice> = None;
+        for degree in 1..=self.most.min(n.saturating_sub(2)) {
+            for &a0 in scales {
+                let Some((rms, worst)) = self.score(part, a0, degree, &every) else { continue };
+                let value = match part.ncols() {
+                    _ if !self.few => rms,
+                    1 => worst.max(self.score(&self.shapes, a0, degree, &every).map_or(f64::INFINITY, |s| s.1)),
+                    _ => worst,
+                };
+                if best.as_ref().is_none_or(|b| value < b.value) {
+                    best = Some(Choice { value, worst, a0, degree });
+                }
+            }
+        }
+        best.filter(|_| n > 2)
+    }
+
+    /// The degree of one harmonic, fitted to the nodes `rows`; `degree`: that of all shapes. None
+    /// for one that is not the mode's.
+    fn degree_of_harmonic(&self, part: &DMatrix<f64>, rows: &[usize], a0: f64, degree: usize) -> Option<usize> {
+        let Table { nodes, weight, .. } = self.table;
+        if rows.len() < nodes.len() {
+            // Few releases: interpolated, by the worst at one left out.
+            let worst = |d: usize| self.score(part, a0, d, rows).map_or(f64::INFINITY, |s| s.1);
+            let best = (1..rows.len().saturating_sub(1)).min_by(|a, b| worst(*a).total_cmp(&worst(*b)));
+            let full = best.map_or(1, |d| if d + 2 == rows.len() { d + 1 } else { d });
+            return Some(full.min(rows.len() - 1).min(MOST_DEGREE));
+        }
+        if self.few {
+            return Some(degree);
+        }
+        // Every harmonic with the degree that serves it, so that one that other modes disturb does
+        // not coarsen the others; one that is predicted no better than by nothing at all is not the
+        // mode's: other modes ring there.
+        let rms = (0..nodes.len()).map(|i| (weight[i] * part.row(i).norm()).powi(2)).sum::<f64>().sqrt()
+            / weight.iter().map(|w| w * w).sum::<f64>().sqrt();
+        self.choose(part, &[a0]).filter(|b| b.value < 0.5 * rms).map(|b| self.table.full(b.degree))
+    }
+}
+
+fn picked(values: &[f64], rows: &[usize]) -> Vec<f64> {
+    rows.iter().map(|i| values[*i]).collect()
 }

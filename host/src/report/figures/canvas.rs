@@ -44,16 +44,8 @@ impl Pen<'_, '_> {
         let _ = self.0.draw(&Circle::new(Self::px(at.0, at.1), radius, colour.filled()));
     }
 
-    fn text(
-        &self,
-        text: &str,
-        at: (f64, f64),
-        anchor: (HPos, VPos),
-        size: f64,
-        colour: &RGBColor,
-        bold: bool,
-        up: bool,
-    ) {
+    fn text(&self, label: Label<'_>) {
+        let Label { text, at, anchor, size, colour, bold, up } = label;
         // The back end divides sizes by 1.24.
         let style = if bold { FontStyle::Bold } else { FontStyle::Normal };
         let mut font = FontDesc::new(FontFamily::SansSerif, size * U * 1.24, style);
@@ -62,6 +54,28 @@ impl Pen<'_, '_> {
         }
         let style = TextStyle::from(font).color(colour).pos(Pos::new(anchor.0, anchor.1));
         let _ = self.0.draw(&Text::new(text.to_owned(), Self::px(at.0, at.1), style));
+    }
+}
+
+/// A text where it stands.
+#[derive(Clone, Copy)]
+struct Label<'a> {
+    text: &'a str,
+    at: (f64, f64),
+    /// Which point of the text lies there.
+    anchor: (HPos, VPos),
+    /// CSS pixels.
+    size: f64,
+    colour: &'a RGBColor,
+    bold: bool,
+    /// Whether it reads upward.
+    up: bool,
+}
+
+impl<'a> Label<'a> {
+    /// In ink, of the size of ticks.
+    fn new(text: &'a str, at: (f64, f64), anchor: (HPos, VPos)) -> Self {
+        Self { text, at, anchor, size: FONT, colour: &palette::INK, bold: false, up: false }
     }
 }
 
@@ -172,7 +186,7 @@ fn draw_legend(pen: &Pen, row: &[(f64, String, RGBColor, Shape)], y: f64) {
             }
             Shape::Dots | Shape::BigDots => pen.dot((x + 16.0, y), 7, colour),
         }
-        pen.text(name, (x + 31.0, y), (HPos::Left, VPos::Center), FONT, &palette::INK, false, false);
+        pen.text(Label::new(name, (x + 31.0, y), (HPos::Left, VPos::Center)));
     }
 }
 
@@ -187,13 +201,13 @@ fn draw_axes(pen: &Pen, panel: &Panel, x: &Fixed, y: &Fixed, frame: (f64, f64, f
         pen.line((at_x(*v), top), (at_x(*v), bottom), &palette::GRID, 2);
         pen.line((at_x(*v), bottom), (at_x(*v), bottom + 4.0), ink, 2);
         if !panel.shares_x {
-            pen.text(text, (at_x(*v), bottom + 8.0), (HPos::Center, VPos::Top), FONT, ink, false, false);
+            pen.text(Label::new(text, (at_x(*v), bottom + 8.0), (HPos::Center, VPos::Top)));
         }
     }
     for (v, text) in &y.ticks {
         pen.line((left, at_y(*v)), (left + width, at_y(*v)), &palette::GRID, 2);
         pen.line((left - 4.0, at_y(*v)), (left, at_y(*v)), ink, 2);
-        pen.text(text, (left - 8.0, at_y(*v)), (HPos::Right, VPos::Center), FONT, ink, false, false);
+        pen.text(Label::new(text, (left - 8.0, at_y(*v)), (HPos::Right, VPos::Center)));
     }
     let mut label_end = f64::NEG_INFINITY;
     for rule in &panel.rules {
@@ -208,14 +222,22 @@ fn draw_axes(pen: &Pen, panel: &Panel, x: &Fixed, y: &Fixed, frame: (f64, f64, f
                     continue;
                 }
                 label_end = end;
-                pen.text(&rule.label, place, (HPos::Left, VPos::Top), FONT - 1.5, &palette::SOFT, false, false);
+                pen.text(Label {
+                    size: FONT - 1.5,
+                    colour: &palette::SOFT,
+                    ..Label::new(&rule.label, place, (HPos::Left, VPos::Top))
+                });
             }
         } else {
             let v = y.place(rule.at);
             if v.is_finite() {
                 pen.line((left, at_y(v)), (left + width, at_y(v)), &palette::SOFT, 2);
                 let place = (left + width - 4.0, at_y(v) - 2.0);
-                pen.text(&rule.label, place, (HPos::Right, VPos::Bottom), FONT - 1.5, &palette::SOFT, false, false);
+                pen.text(Label {
+                    size: FONT - 1.5,
+                    colour: &palette::SOFT,
+                    ..Label::new(&rule.label, place, (HPos::Right, VPos::Bottom))
+                });
             }
         }
     }
@@ -232,17 +254,24 @@ fn draw_axes(pen: &Pen, panel: &Panel, x: &Fixed, y: &Fixed, frame: (f64, f64, f
         let centre = (left + width / 2.0, bottom + 26.0);
         let factor = if x.power == 0 { String::new() } else { format!("  ({})", power(x.power)) };
         let label = format!("{}{factor}", panel.x.label);
-        pen.text(&label, centre, (HPos::Center, VPos::Top), FONT, ink, false, false);
+        pen.text(Label::new(&label, centre, (HPos::Center, VPos::Top)));
     }
     let widest = y.ticks.iter().map(|t| text_width(&t.1, FONT)).fold(14.0, f64::max);
     let place = (left - widest - 16.0, top + height / 2.0);
-    pen.text(&panel.y.label, place, (HPos::Center, VPos::Bottom), FONT, ink, false, true);
+    pen.text(Label { up: true, ..Label::new(&panel.y.label, place, (HPos::Center, VPos::Bottom)) });
     if y.power != 0 {
-        pen.text(&power(y.power), (left, top - 6.0), (HPos::Left, VPos::Bottom), FONT - 0.5, ink, false, false);
+        pen.text(Label {
+            size: FONT - 0.5,
+            ..Label::new(&power(y.power), (left, top - 6.0), (HPos::Left, VPos::Bottom))
+        });
     }
     if !panel.title.is_empty() {
         let shift = if y.power == 0 { 0.0 } else { 52.0 };
-        pen.text(&panel.title, (left + shift, top - 6.0), (HPos::Left, VPos::Bottom), FONT + 0.5, ink, true, false);
+        pen.text(Label {
+            size: FONT + 0.5,
+            bold: true,
+            ..Label::new(&panel.title, (left + shift, top - 6.0), (HPos::Left, VPos::Bottom))
+        });
     }
 }
 

@@ -63,11 +63,11 @@ fn ranking(body: &mut Html, e: &Explanation) {
     }
     body.heading("What each candidate alone explains");
     body.paragraph("Share of what the model leaves on parts of the record that were not fitted, the model refitted with the candidate:");
-    let told = |r: &&Ranked| {
+    let bar = |r: &&Ranked| {
         let chance = if r.p_value < 1e-12 { "below 10⁻¹²".to_owned() } else { significant(r.p_value, 2) };
         (names::effect(&r.name), r.gain, format!("{} (by chance: {chance})", percent(r.gain, 2)))
     };
-    body.bars(["candidate", "explains"], &first.iter().map(told).collect::<Vec<_>>());
+    body.bars(["candidate", "explains"], &first.iter().map(bar).collect::<Vec<_>>());
 }
 
 /// Errors of forecasts, a column for each horizon.
@@ -142,17 +142,18 @@ fn attractor(body: &mut Html, e: &Explanation) {
 fn unknown(body: &mut Html, u: &Unknown) {
     let label = format!("{} / {}", u.against, u.against_unit);
     let axis = if u.against_unit == "rad" { Axis::angle(label) } else { Axis::linear(label) };
-    let mut panel = Panel::new(format!("torque at {}", u.at), axis, Axis::linear(format!("torque / {}", u.unit)));
+    let kind = u.kind();
+    let mut panel = Panel::new(format!("{kind} at {}", u.at), axis, Axis::linear(format!("{kind} / {}", u.unit)));
     let x: Vec<f64> = u.points.iter().map(|p| p[0]).collect();
     for (name, sign) in [("95 % band", -1.0), ("", 1.0)] {
         let edge = u.points.iter().map(|p| p[1] + sign * p[2]).collect();
         panel.series.push(Series::new(name, Shape::Line, x.clone(), edge).colour(1));
     }
-    panel.series.push(Series::new("torque", Shape::BigDots, x, u.points.iter().map(|p| p[1]).collect()).colour(0));
+    panel.series.push(Series::new(kind, Shape::BigDots, x, u.points.iter().map(|p| p[1]).collect()).colour(0));
     panel.rules.push(Rule { vertical: false, at: 0.0, label: String::new() });
     body.figure(&Figure::draw(
         format!(
-            "What is left and has no name, drawn as the function that takes away most of it: a torque at {} against the {}. It takes away {} of the held-out residual.",
+            "What is left and has no name, drawn as the function that takes away most of it: a {kind} at {} against the {}. It takes away {} of the held-out residual.",
             u.at,
             u.against,
             percent(u.held_out_gain, 2)

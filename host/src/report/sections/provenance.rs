@@ -18,9 +18,9 @@ pub struct Provenance {
 impl Provenance {
     /// Of this command: `explain`, `identify`, …
     pub fn of(command: &str) -> Self {
-        let told = |name: &str, value: String| (name.to_owned(), value);
+        let fact = |name: &str, value: String| (name.to_owned(), value);
         let version = format!("whirl {}", env!("CARGO_PKG_VERSION"));
-        Self { facts: vec![told("command", format!("whirl {command}")), told("version", version)] }
+        Self { facts: vec![fact("command", format!("whirl {command}")), fact("version", version)] }
     }
 
     /// With a fact.

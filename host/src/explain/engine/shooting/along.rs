@@ -3,8 +3,7 @@
 use crate::identify::stretches::Stretch;
 use crate::identify::track;
 use crate::model::dynamics::{Dynamics, Instant};
-use crate::model::flow::{Inputs, Outside};
-use crate::model::integrate::Outside as Outsider;
+use crate::model::integrate::Outside;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
 /// A window's surroundings at the points of a path: every sample of it, or several to a sample.
@@ -45,7 +44,7 @@ impl Along<'_> {
         for i in 0..count {
             // At a sample only what has no samples of its own lies between.
             if i % self.points > 0 || at.len() > self.stretch.inputs.len() {
-                Outsider::inputs(self.between, self.time(i), &mut at);
+                Outside::inputs(self.between, self.time(i), &mut at);
             }
             if i % self.points == 0 {
                 at.iter_mut().zip(&self.stretch.inputs).for_each(|(u, x)| *u = x[self.first + i / self.points]);
@@ -63,13 +62,6 @@ impl Along<'_> {
         (0..count).map(|i| at(i).0 + share(i) * (at(i).1 - at(i).0)).collect()
     }
 
-    /// Surroundings from a point on; `at` gives inputs by time.
-    pub fn outside<'b>(&self, i: usize, at: &'b (dyn Fn(f64, &mut [f64]) + Sync)) -> Outside<'b> {
-        let count = self.between.count();
-        let inputs = (count > 0).then_some(Inputs { count, at });
-        Outside { origin: self.time(i), tau: self.tau(i), omega: self.omega, inputs }
-    }
-
     /// Acceleration of the model at the state of a point; false where there is none.
     pub fn acceleration(
         &self,
@@ -80,7 +72,7 @@ impl Along<'_> {
     ) -> bool {
         let n = motion.degrees_of_freedom();
         let mut inputs = vec![0.0; self.between.count()];
-        Outsider::inputs(self.between, self.time(i), &mut inputs);
+        Outside::inputs(self.between, self.time(i), &mut inputs);
         let at = Instant { time: self.time(i), tau: self.tau(i), inputs: &inputs };
         motion.acceleration(parameters, &state[..n], &state[n..], &at, to)
     }

@@ -17,7 +17,7 @@ use super::path::{FEWEST_SAMPLES, Path, Window};
 use crate::identify::track;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::expression::{Node, Symbol};
-use crate::model::model_file::tape::Tape;
+use crate::model::model_file::tape::{Registers, Tape};
 
 /// Windows of the short horizon in one of the long.
 const SHORT: usize = 12;
@@ -202,13 +202,14 @@ impl<'a> Course<'a> {
         Measured { values, shown: &self.weights, sigma: &self.sigma, laws }
     }
 
-    /// A window linearised; none where that is not possible.
+    /// A window linearised; none where that is not possible. Accelerations by its columns are kept
+    /// if it is to be moved: with every candidate's columns that would be much.
     fn solve(
         &self,
         path: &Path,
         w: &Window,
         list: &List<'_>,
-        (layout, records): (&Arc<Layout>, &[Columns]),
+        (layout, records, moves): (&Arc<Layout>, &[Columns], bool),
     ) -> Option<Solved> {
         let n = self.setting.circle.len();
         let record = self.setting.record_of.get(w.stretch).copied().unwrap_or(0);
@@ -217,10 +218,24 @@ impl<'a> Course<'a> {
         let along = self.along(path, w);
         let motion = (&columns.motion, &columns.parameters[..]);
         let linear = Linear::new(states, &along, motion)?;
-        let alpha = columns.forcing.along((&linear.points, &linear.accelerations), &along)?;
+        let driven = columns.forcing.on((&linear.points, &linear.accelerations), &along);
         let measured = self.measured(path, w, states, list);
         let short = if w.count / SHORT >= FEWEST_SAMPLES { w.count / SHORT } else { w.count };
-        let (normal, segments) = linear.normal(states, &alpha, layout, &measured, short);
+        let mut registers = Registers::default();
+        let mut alpha = Vec::new();
+        let (normal, segments) = if moves {
+            alpha = driven.all()?;
+            let size = alpha.len() / (linear.points.len() / (2 * n));
+            let from = |(first, end): (usize, usize), to: &mut Vec<f64>| {
+                to.clear();
+                to.extend_from_slice(&alpha[first * size..end * size]);
+                Some(())
+            };
+            linear.normal(states, from, layout, &measured, short)?
+        } else {
+            let from = |points, to: &mut Vec<f64>| driven.between(points, &mut registers, to);
+            linear.normal(states, from, layout, &measured, short)?
+        };
         let mut parts = vec![Part { gram: normal.reduced()?, freedom: self.freedom(&normal) }];
         if short < w.count {
             let mut sum: Option<Part> = None;
@@ -243,14 +258,14 @@ impl<'a> Course<'a> {
     /// All windows linearised.
     pub fn solved(&self, paths: &[Path], all: &[Window], list: &List<'_>) -> Option<Vec<Option<Solved>>> {
         let (layout, records) = self.columns(list)?;
-        Some(all.par_iter().map(|w| self.solve(&paths[w.stretch], w, list, (&layout, &records))).collect())
+        Some(all.par_iter().map(|w| self.solve(&paths[w.stretch], w, list, (&layout, &records, true))).collect())
     }
 
     /// Gram matrices of all windows, without what they were made of: with every candidate's columns
     /// that would be much.
     pub fn reduced(&self, paths: &[Path], all: &[Window], list: &List<'_>, signs: Vec<f64>) -> Option<Blocks> {
         let (layout, records) = self.columns(list)?;
-        let of = |w: &Window| Some(self.solve(&paths[w.stretch], w, list, (&layout, &records))?.parts);
+        let of = |w: &Window| Some(self.solve(&paths[w.stretch], w, list, (&layout, &records, false))?.parts);
         let found: Vec<Option<Vec<Part>>> = all.par_iter().map(of).collect();
         let whole = |w: &Window| {
             let first = paths[w.stretch].first + w.first;

@@ -5,7 +5,7 @@ use super::along::Along;
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::equations_of_motion::{solve, wrapped};
 use crate::model::model_file::expression::{Node, Symbol, add, multiply, number};
-use crate::model::model_file::tape::Tape;
+use crate::model::model_file::tape::{Registers, Tape};
 use crate::motion::from_record::differences;
 
 /// What stands on the left-hand sides: column, equation, expression in seconds.
@@ -61,13 +61,12 @@ impl Forcing {
         }
     }
 
-    /// Accelerations by every column at every point: for each n rows of the columns. None where M
-    /// is singular.
-    pub fn along(&self, (states, accelerations): (&[f64], &[f64]), along: &Along<'_>) -> Option<Vec<f64>> {
+    /// These columns along a window's points.
+    pub fn on<'a>(&'a self, (states, accelerations): (&[f64], &[f64]), along: &Along<'_>) -> Driven<'a> {
         let n = self.coordinates;
         let count = states.len() / (2 * n);
         let inputs = along.inputs(count);
-        let series: Vec<Vec<f64>> = self
+        let series = self
             .tape
             .symbols()
             .iter()
@@ -87,27 +86,78 @@ impl Forcing {
                 }
             })
             .collect();
-        let columns: Vec<&[f64]> = series.iter().map(Vec::as_slice).collect();
-        let values = self.tape.run(&columns, count);
-        let mut out = vec![0.0; count * n * self.columns];
-        let (mut matrix, mut inverse) = (vec![0.0; 2 * n * n], vec![0.0; n * n]);
-        for i in 0..count {
-            for e in 0..n {
-                let row = &mut matrix[e * 2 * n..(e + 1) * 2 * n];
-                row.iter_mut().enumerate().for_each(|(k, x)| {
-                    *x = if k < n { values[e * n + k][i] } else { f64::from(u8::from(k - n == e)) };
-                });
-            }
-            if !solve(&mut matrix, n, n, &mut inverse) {
-                return None;
-            }
-            let rows = &mut out[i * n * self.columns..(i + 1) * n * self.columns];
-            for (&(column, equation), value) in self.places.iter().zip(&values[n * n..]) {
-                for k in 0..n {
-                    rows[k * self.columns + column] -= inverse[k * n + equation] * value[i];
+        Driven { forcing: self, series, count }
+    }
+}
+
+/// Points that are computed side by side.
+const TILE: usize = 8;
+/// Points whose columns are computed at once: with hundreds of columns these stay in the cache.
+const BLOCK: usize = 64;
+
+/// Columns along a window.
+pub struct Driven<'a> {
+    forcing: &'a Forcing,
+    /// What the tape's symbols are at every point.
+    series: Vec<Vec<f64>>,
+    /// Points.
+    count: usize,
+}
+
+impl Driven<'_> {
+    /// Accelerations by every column at every point; see [`Driven::between`].
+    pub fn all(&self) -> Option<Vec<f64>> {
+        let mut out = Vec::new();
+        self.between((0, self.count), &mut Registers::default(), &mut out)?;
+        Some(out)
+    }
+
+    /// Accelerations by every column at the points `first` … `end`: for each n rows of the columns.
+    /// None where M is singular or a column has no value.
+    pub fn between(&self, (first, end): (usize, usize), registers: &mut Registers, out: &mut Vec<f64>) -> Option<()> {
+        let Forcing { coordinates: n, columns, tape, places, .. } = self.forcing;
+        let size = n * columns;
+        out.clear();
+        out.resize((end - first) * size, 0.0);
+        let series: Vec<&[f64]> = self.series.iter().map(Vec::as_slice).collect();
+        let mut inverses = vec![[0.0; TILE]; n * n];
+        for (block, rows) in out.chunks_mut(BLOCK * size).enumerate() {
+            let start = first + block * BLOCK;
+            let place = tape.among(&series, (start, (start + BLOCK).min(end), self.count), registers);
+            for (tile, rows) in rows.chunks_mut(TILE * size).enumerate() {
+                let (at, count) = (place + tile * TILE, rows.len() / size);
+                let values = |k: usize| &tape.output(k, registers)[at..at + count];
+                invert(*n, count, values, &mut inverses)?;
+                for (k, &(column, equation)) in places.iter().enumerate() {
+                    let of = values(n * n + k);
+                    for i in 0..*n {
+                        let inverse = &inverses[i * n + equation];
+                        for (lane, x) in of.iter().enumerate() {
+                            rows[(lane * n + i) * columns + column] -= inverse[lane] * x;
+                        }
+                    }
                 }
             }
         }
-        out.iter().all(|x| x.is_finite()).then_some(out)
+        out.iter().all(|x| x.is_finite()).then_some(())
     }
+}
+
+/// Inverses, row after row, of the inertias that the first n² expressions of a tape give at some
+/// points.
+fn invert<'a>(n: usize, count: usize, values: impl Fn(usize) -> &'a [f64], inverses: &mut [[f64; TILE]]) -> Option<()> {
+    let (mut matrix, mut inverse) = (vec![0.0; 2 * n * n], vec![0.0; n * n]);
+    for i in 0..count {
+        for e in 0..n {
+            let row = &mut matrix[e * 2 * n..(e + 1) * 2 * n];
+            row.iter_mut().enumerate().for_each(|(k, x)| {
+                *x = if k < n { values(e * n + k)[i] } else { f64::from(u8::from(k - n == e)) };
+            });
+        }
+        if !solve(&mut matrix, n, n, &mut inverse) {
+            return None;
+        }
+        inverses.iter_mut().zip(&inverse).for_each(|(to, x)| to[i] = *x);
+    }
+    Some(())
 }

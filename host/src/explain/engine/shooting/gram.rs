@@ -66,13 +66,11 @@ impl Sums {
         let turned = rows.transpose();
         self.head.rows_mut(0, own).gemm(1.0, &rows.rows(0, own), &turned, 1.0);
         self.head.rows_mut(own, 1).gemm(1.0, &rows.rows(width - 1, 1), &turned, 1.0);
-        for row in rows.as_slice().chunks_exact(width) {
-            for (&(at, size), group) in self.layout.groups.iter().zip(&mut self.groups) {
-                let part = &row[self.first + at..self.first + at + size];
-                for (i, a) in part.iter().enumerate() {
-                    for (j, b) in part[..=i].iter().enumerate() {
-                        group[(i, j)] += a * b;
-                    }
+        for (&(at, size), group) in self.layout.groups.iter().zip(&mut self.groups) {
+            let of = |i: usize| turned.column(self.first + at + i);
+            for i in 0..size {
+                for j in 0..=i {
+                    group[(i, j)] += of(i).dot(&of(j));
                 }
             }
         }

@@ -18,9 +18,8 @@ use super::along::Along;
 use super::gram::{Gram, Layout, Sums};
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::abreast::{self, MOST, Steps};
-use crate::model::flow::{Flow, Work};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
-use crate::model::vectors::{add_scaled, add_two};
+use crate::model::vectors::combine;
 
 /// Rows whose products are summed at once.
 const CHUNK: usize = 256;
@@ -79,12 +78,12 @@ impl Linear {
         };
         out.points.resize(m * points.saturating_sub(1), 0.0);
         out.slopes.resize(m * m * points.saturating_sub(1), 0.0);
-        let mut steps = motion.goes_abreast().then(|| Steps::new(motion));
+        let mut steps = Steps::new(motion);
         let mut here = states[..m * count.saturating_sub(1)].to_vec();
         for j in 0..each {
             for (block, states) in here.chunks_mut(m * MOST).enumerate() {
                 let point = |i: usize| (block * MOST + i) * each + j;
-                out.step(states, steps.as_mut(), (along, motion, parameters), point)?;
+                out.step(states, &mut steps, (along, motion, parameters), point)?;
             }
         }
         out.defects.extend(here.iter().zip(&states[m..]).map(|(a, b)| a - b));
@@ -101,80 +100,59 @@ impl Linear {
     fn step(
         &mut self,
         states: &mut [f64],
-        mut steps: Option<&mut Steps>,
+        steps: &mut Steps,
         (along, motion, parameters): (&Along<'_>, &EquationsOfMotion, &[f64]),
         point: impl Fn(usize) -> usize,
     ) -> Option<()> {
         let m = 2 * motion.degrees_of_freedom();
-        let (spacing, inputs) = (self.spacing, along.between.count());
         let at = |t: f64, out: &mut [f64]| crate::model::integrate::Outside::inputs(along.between, t, out);
-        if let Some(steps) = &mut steps {
-            steps.set(states.chunks_exact(m));
-            let of = |i: usize| (along.time(point(i)), along.tau(point(i)));
-            steps.take((motion, parameters), of, &abreast::Outside { omega: along.omega, inputs, at: &at }, spacing);
-        }
-        let mut alone = Work::by_state(motion);
+        let outside = abreast::Outside { omega: along.omega, inputs: along.between.count(), at: &at };
+        steps.set(states.chunks_exact(m));
+        let of = |i: usize| (along.time(point(i)), along.tau(point(i)));
+        steps.carry((motion, parameters), of, &outside, self.spacing);
         for (i, state) in states.chunks_exact_mut(m).enumerate() {
+            if !steps.exists[i] {
+                return None;
+            }
             let p = point(i);
             self.points[m * p..m * (p + 1)].copy_from_slice(state);
             let slopes = &mut self.slopes[m * m * p..m * m * (p + 1)];
             let accelerations = &mut self.accelerations[m / 2 * p..m / 2 * (p + 1)];
-            match &steps {
-                Some(steps) if steps.whole[i] => {
-                    accelerations.iter_mut().enumerate().for_each(|(c, x)| *x = steps.acceleration(c, i));
-                    state.iter_mut().enumerate().for_each(|(c, x)| *x = steps.value(c, i));
-                    slopes.iter_mut().enumerate().for_each(|(c, x)| *x = steps.value(m + c, i));
-                }
-                _ => {
-                    if !along.acceleration(p, state, (motion, parameters), accelerations) {
-                        return None;
-                    }
-                    alone.set(state);
-                    let flow = Flow::new(motion, parameters, along.outside(p, &at), spacing);
-                    if !flow.carry(&mut alone, along.time(p), spacing) {
-                        return None;
-                    }
-                    state.copy_from_slice(alone.state());
-                    slopes.copy_from_slice(alone.derivatives());
-                }
-            }
+            accelerations.iter_mut().enumerate().for_each(|(c, x)| *x = steps.acceleration(c, i));
+            state.iter_mut().enumerate().for_each(|(c, x)| *x = steps.value(c, i));
+            slopes.iter_mut().enumerate().for_each(|(c, x)| *x = steps.value(m + c, i));
         }
         Some(())
     }
 
-    /// What the columns' accelerations at both ends of a sample add to the state's row `i`.
-    fn push(to: &mut [f64], i: usize, alpha: [&[f64]; 2], (n, columns, spacing): (usize, usize, f64)) {
-        let of = |a: &'_ [f64], k: usize| -> core::ops::Range<usize> {
-            debug_assert!(a.len() >= (k + 1) * columns);
-            k * columns..(k + 1) * columns
-        };
-        let k = if i < n { i } else { i - n };
-        let (a, b) = (&alpha[0][of(alpha[0], k)], &alpha[1][of(alpha[1], k)]);
-        let (p, q) =
-            if i < n { (spacing * spacing / 3.0, spacing * spacing / 6.0) } else { (0.5 * spacing, 0.5 * spacing) };
-        add_two(to, (p, a), (q, b));
+    /// Weights of the accelerations at both ends of a step in the state's row `i`.
+    fn weights(&self, i: usize, n: usize) -> (f64, f64) {
+        let spacing = self.spacing;
+        if i < n { (spacing * spacing / 3.0, spacing * spacing / 6.0) } else { (0.5 * spacing, 0.5 * spacing) }
     }
 
-    /// The normal equations of a window over columns whose accelerations are `alpha` (see
-    /// [`super::forcing::Forcing::along`]), and those of its segments of `segment` samples, each
-    /// with an initial state of its own.
+    /// The normal equations of a window over columns whose accelerations from one point to another
+    /// `alpha` gives (see [`super::forcing::Driven::between`]), and those of its segments of
+    /// `segment` samples, each with an initial state of its own. None where `alpha` has none.
     pub fn normal(
         &self,
         states: &[f64],
-        alpha: &[f64],
+        mut alpha: impl FnMut((usize, usize), &mut Vec<f64>) -> Option<()>,
         layout: &Arc<Layout>,
         measured: &Measured<'_>,
         segment: usize,
-    ) -> (Normal, Vec<Normal>) {
+    ) -> Option<(Normal, Vec<Normal>)> {
         let m = 2 * measured.shown.first().map_or(0, Vec::len);
         let (count, width) = (states.len() / m, m + layout.columns + 1);
         let mut whole = Normal { sums: Sums::zeros(layout, m), rows: 0 };
         let mut parts = Vec::new();
+        let mut accelerations = Vec::new();
         // The segment's first state by the window's, the columns, and what defects add up to.
         let mut map = DMatrix::identity(m, width);
         for first in (0..count).step_by(segment) {
             let end = (first + segment).min(count);
-            let (part, z) = self.segment(states, alpha, layout, measured, (first, end));
+            alpha((first * self.each, end.min(count - 1) * self.each + 1), &mut accelerations)?;
+            let (part, z) = self.segment(states, &accelerations, layout, measured, (first, end));
             part.sums.carried(&map, &mut whole.sums);
             whole.rows += part.rows;
             if end - first == segment {
@@ -188,10 +166,11 @@ impl Linear {
                 map = next;
             }
         }
-        (whole, parts)
+        Some((whole, parts))
     }
 
-    /// Sums over the samples `first` … `end`, and what deviations there make of the state at `end`:
+    /// Sums over the samples `first` … `end`, between which the columns' accelerations are `alpha`,
+    /// and what deviations there make of the state at `end`:
     /// m rows by the first state, the columns, and the defects.
     fn segment(
         &self,
@@ -214,15 +193,15 @@ impl Linear {
         let mut chunk = DMatrix::zeros(width, CHUNK.min((end - first) * sensors));
         let mut filled = 0;
         for k in first..end {
+            let mut terms: Vec<(f64, &[f64])> = Vec::with_capacity(m);
             for s in 0..sensors {
                 let mut column = chunk.column_mut(filled);
                 let row = column.as_mut_slice();
-                row.fill(0.0);
                 let scale = 1.0 / measured.sigma[s];
-                for (j, w) in measured.shown[s].iter().enumerate().filter(|w| *w.1 != 0.0) {
-                    let f = w * scale;
-                    add_scaled(row, f, &z[j * width..(j + 1) * width]);
-                }
+                terms.clear();
+                let weights = measured.shown[s].iter().zip(z.chunks_exact(width)).filter(|w| *w.0 != 0.0);
+                terms.extend(weights.map(|(w, z)| (w * scale, z)));
+                combine(row, &terms);
                 let predicted: f64 = measured.shown[s].iter().zip(&states[m * k..]).map(|(w, q)| w * q).sum();
                 // The last column of z is what the defects add up to.
                 row[width - 1] = scale * (measured.values[k * sensors + s] - predicted) - row[width - 1];
@@ -240,17 +219,19 @@ impl Linear {
             }
             for point in k * self.each..(k + 1) * self.each {
                 let a = &self.slopes[m * m * point..];
-                let both = [&alpha[point * n * columns..], &alpha[(point + 1) * n * columns..]];
-                for i in 0..m {
-                    let to = &mut next[i * width..(i + 1) * width];
-                    to.fill(0.0);
-                    for j in 0..m {
-                        let f = a[i * m + j];
-                        if f != 0.0 {
-                            add_scaled(to, f, &z[j * width..(j + 1) * width]);
-                        }
+                let here = &alpha[(point - first * self.each) * n * columns..][..2 * n * columns];
+                let mut terms: Vec<(f64, &[f64])> = Vec::with_capacity(m + 2);
+                for (i, to) in next.chunks_exact_mut(width).enumerate() {
+                    let by = z.chunks_exact(width).zip(&a[i * m..(i + 1) * m]).filter(|(_, f)| **f != 0.0);
+                    let (p, q) = self.weights(i, n);
+                    let of = |end: usize| &here[(end * n + i % n) * columns..][..columns];
+                    terms.clear();
+                    terms.extend(by.clone().map(|(z, f)| (*f, &z[m..m + columns])));
+                    terms.extend([(p, of(0)), (q, of(1))]);
+                    combine(&mut to[m..m + columns], &terms);
+                    for c in (0..m).chain([width - 1]) {
+                        to[c] = by.clone().map(|(z, f)| f * z[c]).sum();
                     }
-                    Self::push(&mut to[m..m + columns], i, both, (n, columns, self.spacing));
                 }
                 core::mem::swap(&mut z, &mut next);
             }
@@ -302,8 +283,9 @@ impl Linear {
                 let there = force(point + 1);
                 let a = &self.slopes[m * m * point..];
                 let mut next: Vec<f64> = (0..m).map(|i| (0..m).map(|j| a[i * m + j] * delta[j]).sum()).collect();
-                for i in 0..m {
-                    Self::push(&mut next[i..=i], i, [&here, &there], (n, 1, self.spacing));
+                for (i, x) in next.iter_mut().enumerate() {
+                    let (p, q) = self.weights(i, n);
+                    *x += p * here[i % n] + q * there[i % n];
                 }
                 (delta, here) = (next, there);
             }
@@ -338,7 +320,9 @@ mod tests {
     use crate::explain::ranking::solve;
     use crate::identify::stretches::Stretch;
     use crate::identify::track;
+    use crate::model::flow::{Flow, Work};
     use crate::model::model_file::ModelFile;
+    use crate::model::model_file::tape::Registers;
     use crate::signal::angles::Phase;
 
     const TEXT: &str = "name = \"m\"\ncoordinates = [{ name = \"x\", space = \"R\" }]\n\
@@ -392,8 +376,12 @@ mod tests {
             let (mut states, mut found) = (path, p.to_vec());
             for _ in 0..passes {
                 let linear = Linear::new(&states, &along, (&motion, &p)).unwrap();
-                let alpha = forcing.along((&linear.points, &linear.accelerations), &along).unwrap();
-                let (normal, parts) = linear.normal(&states, &alpha, &Layout::new(4, &[]), &measured, segment);
+                let driven = forcing.on((&linear.points, &linear.accelerations), &along);
+                let alpha = driven.all().unwrap();
+                let mut registers = Registers::default();
+                let between = |points, to: &mut Vec<f64>| driven.between(points, &mut registers, to);
+                let layout = Layout::new(4, &[]);
+                let (normal, parts) = linear.normal(&states, between, &layout, &measured, segment).unwrap();
                 assert_eq!(parts.len(), COUNT / segment);
                 let step = solve(&normal.reduced().unwrap().chosen(&[0, 1, 2, 3])).unwrap();
                 found = step.iter().zip(&p).map(|(s, p)| s + p).collect();

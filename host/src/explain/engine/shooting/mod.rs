@@ -31,6 +31,7 @@
 //! | [`blocks`] | least squares over windows |
 //! | [`quieter`](mod@quieter) | the sensors' noise where it was taken for too much |
 //! | [`remade`](mod@remade) | what is left of records that the model itself makes |
+//! | [`stage`](mod@stage) | windows of one length until they stand still |
 //! | [`signs`] | coefficients that keep their sign |
 
 mod along;
@@ -43,6 +44,7 @@ mod path;
 mod quieter;
 mod remade;
 pub mod signs;
+mod stage;
 
 use std::sync::Arc;
 
@@ -53,6 +55,7 @@ use self::course::{Course, List};
 use self::path::{FEWEST_SAMPLES, Path, Window, windows};
 pub use self::quieter::quieter;
 pub use self::remade::remade;
+use self::stage::{is_applied, stage};
 use super::candidates::{Candidate, Column};
 use super::setting::Setting;
 use super::state::State;
@@ -62,17 +65,12 @@ const BLOCKS: f64 = 20.0;
 /// Longest window under measured inputs, in windows of the weak form.
 const TRANSIENTS: f64 = 20.0;
 /// Most samples that are followed.
-const MOST_SAMPLES: usize = 60_000;
+pub const MOST_SAMPLES: usize = 300_000;
 /// Parts of the full length in which windows grow, and most linearisations at each.
 const STAGES: [f64; 3] = [0.25, 0.5, 1.0];
 const PASSES: [usize; 3] = [2, 2, 5];
 /// Longest window under a drive, in its periods.
 const MOST_PERIODS: usize = 8;
-/// Movement of the path, in the sensors' noise or as a share of what is left, below which it stands
-/// still.
-const STILL: f64 = 0.15;
-/// Share of the windows under a drive that must have settled.
-const SETTLED: f64 = 0.9;
 /// What is left of a window, beside the median of all, from which its path is taken to have been
 /// led astray.
 const ASTRAY: f64 = 10.0;
@@ -288,97 +286,6 @@ fn grown(setting: &Setting<'_>, state: &State, mut followed: Followed, stages: &
     followed.count = still.iter().filter(|s| **s).count();
     followed.still = still;
     Some((followed, x, covariance))
-}
-
-/// Linearises and solves until paths stand still; the covariance, which windows were followed, and
-/// what is left of each.
-fn stage(
-    course: &Course<'_>,
-    followed: &mut Followed,
-    x: &mut Vec<f64>,
-    (length, passes): (usize, usize),
-    own: &[usize],
-    signs: &[f64],
-) -> Option<(DMatrix<f64>, Vec<bool>, Vec<f64>)> {
-    let n = course.setting.circle.len();
-    let lengths: Vec<usize> = followed.paths.iter().map(|p| p.len(n)).collect();
-    let all = windows(&lengths, length, MOST_SAMPLES);
-    let applied: Vec<bool> = is_applied(course.state, own.len());
-    let chaotic = course.setting.rig.drive.is_some();
-    let mut out = None;
-    for _ in 0..passes {
-        // What is found as an increment was taken off the record after the last linearisation, not
-        // here.
-        let list = List { x: x.clone(), further: &[], behind: &[], together: false };
-        let solved = course.solved(&followed.paths, &all, &list)?;
-        let (mut blocks, kept) = course.blocks(&solved, signs.to_vec(), x);
-        if (kept.len() as f64) < (1.0 - MOST_LOST) * all.len() as f64 {
-            return None;
-        }
-        let fit = blocks.fit(own)?;
-        blocks.weigh(&blocks.misfits(&fit.all));
-        let fit = blocks.fit(own)?;
-        let misfits = blocks.misfits(&fit.all);
-        let step = DVector::from_iterator(own.len(), own.iter().map(|&c| fit.all[c] - x[c]));
-        let (mut greatest, mut near) = (0.0_f64, 0);
-        let mut movement = vec![f64::INFINITY; all.len()];
-        for &k in &kept {
-            let (w, Some(s)) = (&all[k], &solved[k]) else { continue };
-            let path = &mut followed.paths[w.stretch];
-            let range = 2 * n * w.first..2 * n * (w.first + w.count);
-            let states = path.states[range.clone()].to_vec();
-            let measured = course.measured(path, w, &states, &list);
-            let Some(start) = s.normal.start(&step) else { continue };
-            let (after, moved) = s.linear.moved(&states, &s.alpha, (&start, &step), &measured);
-            if course.is_near(&states, &after) {
-                path.states[range].copy_from_slice(&after);
-                greatest = greatest.max(moved);
-                movement[k] = moved;
-                near += 1;
-            }
-        }
-        if (f64::from(near)) < (1.0 - MOST_LOST) * all.len() as f64 {
-            return None;
-        }
-        let left = (misfits.iter().map(|w| w[0]).sum::<f64>() / misfits.len() as f64).sqrt();
-        for (c, (to, from)) in x.iter_mut().zip(fit.all.iter()).enumerate() {
-            *to = if applied[c] { *to } else { *from };
-        }
-        let limit = STILL * left.max(1.0);
-        // By convergence, never by misfit.
-        let of = |(m, s): (&f64, &Option<_>)| if chaotic { *m < limit } else { s.is_some() };
-        let still: Vec<bool> = movement.iter().zip(&solved).map(of).collect();
-        let mut of_window = vec![f64::NAN; all.len()];
-        kept.iter().zip(&misfits).for_each(|(&k, m)| of_window[k] = m[0]);
-        out = Some((fit, still, of_window));
-        // In chaos some windows never stand still.
-        let slowest = if chaotic { nearly_all(&mut movement) } else { greatest };
-        if slowest < limit {
-            break;
-        }
-    }
-    let (fit, still, of_window) = out?;
-    if (still.iter().filter(|s| **s).count() as f64) < (1.0 - MOST_LOST) * all.len() as f64 {
-        return None;
-    }
-    *x = fit.all.iter().copied().collect();
-    Some((fit.covariance, still, of_window))
-}
-
-/// What nine tenths of some numbers are below.
-fn nearly_all(of: &mut [f64]) -> f64 {
-    of.sort_by(f64::total_cmp);
-    of.get((SETTLED * of.len() as f64) as usize).copied().unwrap_or(f64::INFINITY)
-}
-
-/// Which of the own columns are found as increments.
-fn is_applied(state: &State, count: usize) -> Vec<bool> {
-    let mut out = vec![false; state.values.len()];
-    for k in &state.chosen {
-        out.extend(std::iter::repeat_n(k.candidate.is_applied(), k.strengths.len()));
-    }
-    out.resize(count, false);
-    out
 }
 
 /// Gram matrices of the own columns, of further candidates (with one another where they are fitted

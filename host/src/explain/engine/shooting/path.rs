@@ -64,8 +64,8 @@ pub fn windows(lengths: &[usize], length: usize, most: usize) -> Vec<Window> {
         let Some(own) = samples.checked_div(count) else { continue };
         all.extend((0..count).map(|k| Window { stretch, first: k * own, count: own }));
     }
-    let stride = (all.len() * length).div_ceil(most.max(1)).max(1);
-    all.into_iter().step_by(stride).collect()
+    let kept = all.len().min((most / length.max(1)).max(1));
+    (0..kept).map(|k| all[k * all.len() / kept]).collect()
 }
 
 #[cfg(test)]
@@ -79,6 +79,8 @@ mod tests {
         assert_eq!(all[9], Window { stretch: 0, first: 900, count: 100 });
         assert_eq!(all[10], Window { stretch: 1, first: 0, count: 90 });
         assert_eq!(windows(&[1000], 100, 500).len(), 5);
+        // Few more than are wanted lose few.
+        assert_eq!(windows(&[1000], 100, 900).len(), 9);
         assert!(windows(&[0], 100, 500).is_empty());
         // A stretch of ten and a half windows has ten longer ones.
         assert_eq!(windows(&[1050], 100, 100_000)[9], Window { stretch: 0, first: 945, count: 105 });

@@ -1,7 +1,7 @@
 use core::f64::consts::TAU;
 
 use super::*;
-use crate::identify::shooting::track::{Geometry, Stretch, cut};
+use crate::identify::shooting::track::{Geometry, MeasuredStretch, cut};
 use crate::model::dynamics::Instant;
 use crate::model::flow::{Flow, Outside, Work};
 
@@ -43,7 +43,8 @@ fn record(periods: usize, start: f64) -> Vec<f64> {
 }
 
 fn shoot(values: &[f64], start: &[f64], bounds: &Bounds) -> Result<Outcome, Failure> {
-    let stretch = Stretch { start_s: 0.0, sensors: vec![values.to_vec()], tau: Box::new(|i| i as f64 * SPACING) };
+    let stretch =
+        MeasuredStretch { start_s: 0.0, sensors: vec![values.to_vec()], tau: Box::new(|i| i as f64 * SPACING) };
     let sensors = [vec![1.0]];
     let geometry = Geometry { sensors: &sensors, angles: &[false], spacing_s: SPACING, guess: 5 };
     let (pieces, guesses) = cut(&[stretch], &geometry, 200, 50).unwrap();

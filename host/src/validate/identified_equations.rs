@@ -8,9 +8,10 @@ use crate::model::identified::IdentifiedModel;
 use crate::model::model_file::expression::Symbol;
 use crate::motion::{Effect, Motion};
 use crate::rig::Rig;
+use crate::warning::Warning;
 
 /// Equations of motion with their parameters.
-pub struct Moving {
+pub struct IdentifiedEquations {
     /// The equations.
     pub dynamics: Box<dyn Dynamics>,
     /// Values of the parameters.
@@ -23,7 +24,7 @@ pub struct Moving {
     pub left_out: Vec<String>,
 }
 
-impl Moving {
+impl IdentifiedEquations {
     /// The equations of a model on a rig; `start_s`: time of the record's first sample.
     ///
     /// # Errors
@@ -37,5 +38,12 @@ impl Moving {
         let of_drive = names.iter().map(|n| terms().any(|t| t.name == *n && t.of.any(&|s| s == Symbol::Tau))).collect();
         let left_out = motion.effects.iter().filter(|e| e.is_of_the_record()).map(Effect::name).collect();
         Ok(Self { dynamics: Box::new(equations), parameters, names, of_drive, left_out })
+    }
+
+    /// That effects were left out, where some were.
+    pub(super) fn warning_of_what_is_left_out(&self) -> Option<Warning> {
+        let text = || format!("{} change what is recorded, not the motion", self.left_out.join(", "));
+        let advice = "They are not in the simulated record; the prediction horizon feels them";
+        (!self.left_out.is_empty()).then(|| Warning::new("effects-left-out", text(), advice))
     }
 }
