@@ -20,6 +20,7 @@ use crate::record::sealed_line::seal;
 use crate::report::format::plus_minus;
 use crate::rig::measures::BASE;
 use crate::rig::{Direction, Rig};
+use crate::system::library::Pendulum;
 
 /// Whether an estimate can be had.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -166,7 +167,7 @@ impl DeviceEstimate {
 /// Why the device's identification is of no use for a rig; none where it is.
 pub(crate) fn unfit(rig: &Rig) -> Option<BadInput> {
     let bad = |found: String, expected: &str, at: &str| Some(BadInput::new(found, expected).in_file(&rig.path).at(at));
-    if rig.model != "double-pendulum" {
+    if rig.pendulum() != Some(Pendulum::Double) {
         return bad(format!("\"{}\"", rig.model), "\"double-pendulum\", which the device identifies", "model");
     }
     match rig.drive {

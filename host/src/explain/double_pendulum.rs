@@ -18,6 +18,7 @@ use crate::motion::built_in::{is_earlier, physical};
 use crate::record::Record;
 use crate::rig::measures::Bound;
 use crate::rig::{Rig, as_own};
+use crate::system::library::Pendulum;
 
 /// Coefficients of (3.4), those of the system file, the power of Ω between them, and the sign.
 const COEFFICIENTS: [(&str, &str, i32, f64); 10] = [
@@ -125,7 +126,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     told(&mut out.parameters, rig.omega());
     told(&mut out.parameters_before, rig.omega());
     if let Some(model) = &mut out.model {
-        model.system = System::BuiltIn("double-pendulum".to_owned());
+        model.system = System::BuiltIn(Pendulum::Double.id().to_owned());
         model.nominal = nominal;
         told(&mut model.parameters, rig.omega());
     }

@@ -34,6 +34,7 @@ use crate::identify::known_quantities::CONTRADICTED;
 use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::rig::Rig;
+use crate::system::library::Pendulum;
 use crate::warning::Warning;
 
 pub use self::explanation::{Details, Explanation, Forecast, Found, Gap, Ranked, Step, Verdict};
@@ -96,11 +97,11 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
 
 /// Explains records of a system: what is built in as the file that it stands for.
 fn any_system(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
-    match (&rig.bound, rig.model.as_str()) {
+    match (&rig.bound, rig.pendulum()) {
         (Some(bound), _) => {
             engine::explain(records, rig, bound, settings).map(|r| r.unwrap_or_else(decidability::unplaced))
         }
-        (None, "single-pendulum") => single_pendulum::explain(records, rig, settings),
+        (None, Some(Pendulum::Single)) => single_pendulum::explain(records, rig, settings),
         (None, _) => double_pendulum::explain(records, rig, settings),
     }
 }

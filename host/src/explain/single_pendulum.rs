@@ -23,6 +23,7 @@ use crate::model::identified::{IdentifiedModel, RECORD_S, System};
 use crate::model::single_pendulum::DAMPINGS;
 use crate::record::Record;
 use crate::rig::{Direction, Rig, as_own};
+use crate::system::library::Pendulum;
 
 /// The coordinate in the equation as it is written out.
 const ANGLE: &str = "phi1";
@@ -40,10 +41,11 @@ pub fn own(model: &IdentifiedModel, rig: &Rig) -> Result<(Rig, IdentifiedModel)>
     let bad = |found: String, expected: &str| {
         Err(BadInput::new(found, expected).at("model").remedy("Give a model that was identified on this rig"))
     };
+    let expected = format!("a model of \"{}\"", Pendulum::Single.id());
     match &model.system {
-        System::BuiltIn(id) if id == "single-pendulum" => {}
-        System::BuiltIn(id) => return bad(format!("a model of \"{id}\""), "a model of \"single-pendulum\""),
-        System::Own(_) => return bad("a system of its own".to_owned(), "a model of \"single-pendulum\""),
+        own if own.pendulum() == Some(Pendulum::Single) => {}
+        System::BuiltIn(id) => return bad(format!("a model of \"{id}\""), &expected),
+        System::Own(_) => return bad("a system of its own".to_owned(), &expected),
     }
     if let Some(n) = model.nominal.iter().find(|n| !DAMPINGS.iter().any(|d| d.0 == *n)) {
         return bad(format!("\"{n}\" in nominal"), "viscous-friction@joint1, coulomb-friction@joint1");
@@ -106,7 +108,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         }
     }
     if let Some(model) = &mut out.model {
-        model.system = System::BuiltIn("single-pendulum".to_owned());
+        model.system = System::BuiltIn(Pendulum::Single.id().to_owned());
         model.nominal = nominal;
     }
     Ok(out)

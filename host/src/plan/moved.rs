@@ -20,6 +20,7 @@ use crate::model::model_file::expression::{Node, Symbol};
 use crate::model::model_file::{Equation, ModelFile, Term, Time};
 use crate::rig::Rig;
 use crate::rig::choices::Choices;
+use crate::system::library::Pendulum;
 use crate::system::polynomial::{Atom, Polynomial};
 use crate::system::ties::{self, Identified};
 
@@ -41,7 +42,7 @@ pub struct Own {
 pub fn own(rig: &Rig, model: &IdentifiedModel) -> Result<Own> {
     let (rig, model) = match (&rig.bound, &model.system) {
         (Some(_), System::Own(_)) => (rig.clone(), model.clone()),
-        (None, System::BuiltIn(_)) if rig.model == "single-pendulum" => single_pendulum::own(model, rig)?,
+        (None, System::BuiltIn(_)) if rig.pendulum() == Some(Pendulum::Single) => single_pendulum::own(model, rig)?,
         (None, System::BuiltIn(_)) => double_pendulum::own(model, rig)?,
         _ => {
             return Err(BadInput::new(

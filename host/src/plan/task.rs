@@ -16,9 +16,10 @@ use crate::error::{BadInput, Result};
 use crate::explain::double_pendulum;
 use crate::explain::engine::expected::{Expected, MOST_SAMPLES, Separation, expected, with_effect};
 use crate::identify::{Parameter, prepare};
-use crate::model::identified::{IdentifiedModel, System};
+use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::rig::Rig;
+use crate::system::library::Pendulum;
 
 /// Length of the records that are looked at, s: driven, and let go.
 const LOOKED_AT_S: [f64; 2] = [40.0, 20.0];
@@ -119,7 +120,7 @@ impl<'a> Task<'a> {
         let own = self.at(setting).ok()?;
         let record = trial::record(&own, &Made { seconds, ..self.made(setting, draw) }).ok()?;
         let mut found = expected(record, &own.rig, &own.model).ok()??;
-        if matches!(&self.model.system, System::BuiltIn(id) if id == "double-pendulum") {
+        if self.model.system.pendulum() == Some(Pendulum::Double) {
             double_pendulum::told(&mut found.parameters, own.rig.omega());
         }
         let known = |p: &Parameter| p.std_error.is_finite() && p.value.is_finite();

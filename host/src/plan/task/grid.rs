@@ -4,9 +4,10 @@
 
 use super::Task;
 use crate::error::{BadInput, Result};
-use crate::model::identified::{IdentifiedModel, System};
+use crate::model::identified::IdentifiedModel;
 use crate::plan::Setting;
 use crate::rig::Rig;
+use crate::system::library::Pendulum;
 
 /// Frequencies and amplitudes of the map.
 const GRID: [usize; 2] = [8, 6];
@@ -27,7 +28,7 @@ pub(super) fn amplitude_m(rig: &Rig, model: &IdentifiedModel) -> Option<f64> {
     let found = || Some(model.found_with.get("a_c")?.hypot(*model.found_with.get("a_s")?));
     let identified = || {
         // a = B_23 l, with l = B_22 Ω²/g the second arm's lever over its inertia.
-        let built_in = matches!(&model.system, System::BuiltIn(id) if id == "double-pendulum");
+        let built_in = model.system.pendulum() == Some(Pendulum::Double);
         let lever = value("B22")? * rig.omega().powi(2) / rig.known.get("g").copied().unwrap_or(crate::rig::GRAVITY);
         built_in.then_some(value("B23")?.hypot(value("B24")?) / lever.abs())
     };
