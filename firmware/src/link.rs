@@ -26,7 +26,7 @@ use crate::allowance::Allowance;
 use crate::console::Console;
 use crate::estimate::Estimator;
 use crate::event::{Event, Notice, Present, Request, Snapshot};
-use crate::history::{Again, History, KEPT, LONGEST_KEPT};
+use crate::history::{Again, History, KEPT, block_bytes};
 use crate::identification::Identification;
 use crate::queue::{Sink, Source};
 use crate::settings::{Settings, SettingsError};
@@ -39,7 +39,7 @@ pub const FIRMWARE: &str = concat!("whirl-firmware ", env!("CARGO_PKG_VERSION"))
 /// Answers of this half that wait for the link.
 const OWN_EVENTS: usize = 8;
 /// How often the link must have had nothing to send before a block is sent again: boards ask once a
-/// millisecond, and so have no such block in the tick of one that is streamed.
+/// millisecond, and so have no such block in the tick of another frame.
 const QUIET: u8 = 2;
 
 /// The thread half. `E` is an [`Estimator`] of its own, or a reference to one ([`Identification`]);
@@ -54,7 +54,7 @@ pub struct Link<E = Estimator, K = [u8; KEPT]> {
     identification: Identification<E>,
     history: History<K>,
     allowance: Allowance,
-    /// How often there was nothing to send since the last block.
+    /// How often there was nothing to send since the last frame.
     quiet: u8,
     block_next: bool,
     /// Samples that the stream has passed over, wrapping.
@@ -82,11 +82,11 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[u8]>> Link<E, K> {
     /// A setting that is not possible; memory for not even a block.
     pub fn with(settings: &Settings, estimator: E, memory: K) -> Result<Self, SettingsError> {
         settings.validate()?;
-        let history = History::new(memory);
-        let (room, least) = (history.room(), LONGEST_KEPT);
-        if room < least {
+        let (bytes, channels) = (memory.borrow().len(), settings.channels());
+        let history = History::new(memory, channels);
+        if history.room() == 0 {
             let bounded = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
-            let (found, min) = (bounded(room), bounded(least));
+            let (found, min) = (bounded(bytes), bounded(block_bytes(channels)));
             return Err(SettingsError { field: "memory (bytes)", found, min, max: u32::MAX });
         }
         // Validated: none is 0.
@@ -168,11 +168,9 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[u8]>> Link<E, K> {
                 },
             },
         };
-        use DeviceMessage::{Restored, Rows, Samples};
+        use DeviceMessage::{Rows, Samples};
         self.block_next = !matches!(message, Samples(_) | Rows(_));
-        if matches!(message, Samples(_) | Rows(_) | Restored(_)) {
-            self.quiet = 0;
-        }
+        self.quiet = 0;
         let length = self.stream.encode(message, out)?;
         self.allowance.sent(length);
         Some(length)

@@ -1,13 +1,14 @@
 //! Samples that the host asks for again.
 
 use super::*;
+use crate::history::block_bytes;
 use crate::testing::{Counter, Host, Recorder};
 use std::vec::Vec;
 use whirl_shared::block::{Counts, Sample, samples};
 use whirl_shared::codec::MAX_FRAME;
 use whirl_shared::frame::*;
 
-/// A device that keeps so many blocks of this motion, and the messages that come from it, each with the tick in
+/// A device that keeps so many blocks, and the messages that come from it, each with the tick in
 /// which it came.
 struct Device {
     app: App<(Counter, Counter), Recorder, BLOCKS, EVENTS, REQUESTS, Vec<u8>>,
@@ -21,8 +22,7 @@ struct Device {
 
 fn device(kept: usize) -> Device {
     let settings = Settings { boot_id: 77, ..Settings::default() };
-    // Their length, ticks and counts are at most 98 bytes.
-    let memory = std::vec![0; kept * 98];
+    let memory = std::vec![0; kept * block_bytes(2)];
     let app = App::with_memory(&settings, (Counter(0), Counter(0)), Recorder::default(), memory).unwrap();
     Device { app, host: Host::new(), tick: 0, came: Vec::new(), bytes: Vec::new(), truth: Vec::new() }
 }
@@ -150,15 +150,14 @@ fn a_link_that_took_nothing_for_ten_seconds_has_all_of_it_afterwards() {
 fn what_is_older_than_the_memory_is_told_to_be_gone() {
     let mut device = device(50);
     device.run(2_005, true);
-    let kept_from = device.app.status().kept_from;
-    assert!((1_001..=1_500).contains(&kept_from), "{kept_from}");
+    assert_eq!(device.app.status().kept_from, 1_500);
     device.ask(77, 1_000, 1_000);
     device.run(2_000, true);
     let restored = device.restored();
     let end = device.ends()[0];
     // Blocks that were overwritten before their turn came are not in the answer either.
     assert_eq!(end.samples as usize, restored.len());
-    assert!(restored[0].tick >= kept_from && restored[restored.len() - 1].tick == 1_999 && restored.len() >= 400);
+    assert!(restored[0].tick >= 1_500 && restored[restored.len() - 1].tick == 1_999 && restored.len() >= 400);
     assert!(restored.iter().all(|sample| device.truth.contains(sample)));
 }
 
@@ -167,6 +166,6 @@ fn a_device_without_memory_is_none() {
     let settings = Settings::default();
     let inputs = (Counter(0), Counter(0));
     let none =
-        App::<_, _, BLOCKS, EVENTS, REQUESTS, [u8; 99]>::with_memory(&settings, inputs, Recorder::default(), [0; 99]);
+        App::<_, _, BLOCKS, EVENTS, REQUESTS, [u8; 61]>::with_memory(&settings, inputs, Recorder::default(), [0; 61]);
     assert_eq!(none.unwrap_err().field, "memory (bytes)");
 }

@@ -203,6 +203,25 @@ fn a_frame_byte_by_byte() {
     }
 }
 
+/// Bytes of every length, with zeros at every distance and with none.
+#[test]
+fn zeros_are_taken_out_in_place() {
+    for length in 0..800 {
+        for every in [1, 2, 3, 7, 100, 253, 254, 255, 300, 508, usize::MAX] {
+            let bytes: StdVec<u8> =
+                (1..=length).map(|i| if i % every == 0 { 0 } else { 1 + (i % 255) as u8 }).collect();
+            let mut out = std::vec![9; frame_len(length) - CRC_LEN];
+            out[1..=length].copy_from_slice(&bytes);
+            let frame = stuff(&mut out, length).unwrap();
+            assert!(frame <= length + length / 254 + 2 && out[frame - 1] == 0, "{length} {every}");
+            assert!(out[..frame - 1].iter().all(|byte| *byte != 0), "{length} {every}");
+            let decoded = cobs::decode_in_place(&mut out[..frame - 1]).unwrap();
+            assert_eq!(out[..decoded], bytes, "{length} {every}");
+            assert!(stuff(&mut out[..length + 1], length).is_none());
+        }
+    }
+}
+
 fn decode(bytes: &[u8]) -> (StdVec<Result<Envelope<HostMessage>, FrameError>>, DecoderCounters) {
     let mut decoder: Decoder<HostMessage> = Decoder::new();
     let results = bytes.iter().filter_map(|&byte| decoder.push(byte)).collect();

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use whirl_firmware::history::KEPT;
+use whirl_firmware::history::{KEPT, block_bytes};
 use whirl_firmware::lock_step::Order;
 use whirl_hil_sim::RigSettings;
 use whirl_hil_sim::emulated::{Emulation, EmulatorSettings, Script, Sent, board_settings, on_this_machine, run};
@@ -70,19 +70,19 @@ fn what_a_link_did_not_take_for_ten_seconds_is_there_afterwards() {
 
 #[test]
 fn what_is_older_than_the_memory_or_of_another_boot_is_not_there() {
-    let script = Script::new().command(20_000, ask(2, 0, 500)).command(20_100, ask(1, 0, 8_000));
-    let Some((_, sent)) = emulate(&script, 25_000) else { return };
+    let script = Script::new().command(12_000, ask(2, 0, 500)).command(12_100, ask(1, 0, 2_000));
+    let Some((_, sent)) = emulate(&script, 13_000) else { return };
     assert_eq!(
         sent.acks.iter().map(|ack| ack.result).collect::<Vec<_>>(),
         [CommandResult::WrongState, CommandResult::Done]
     );
     let kept_from = sent.statuses.last().unwrap().kept_from;
     let status_tick = sent.statuses.last().unwrap().tick;
-    // Resting arms have short blocks: some 50 bytes of ten samples.
-    let bytes = KEPT as u32 * 10 / (status_tick - kept_from);
-    assert!((40..60).contains(&bytes), "{status_tick} {kept_from}");
+    // Blocks of ten, the last of which is not full yet.
+    let kept = 10 * (KEPT / block_bytes(2)) as u32;
+    assert!((kept..kept + 20).contains(&(status_tick - kept_from)), "{status_tick} {kept_from}");
     let end = sent.back_filled[0];
-    assert_eq!((sent.back_filled.len(), end.first_tick, end.ticks), (1, 0, 8_000));
+    assert_eq!((sent.back_filled.len(), end.first_tick, end.ticks), (1, 0, 2_000));
     let first = sent.restored[0].first_tick;
-    assert!((1..8_000).contains(&first) && end.samples <= 8_000 - first, "{first} {end:?}");
+    assert!((12_100 - kept..2_000).contains(&first) && end.samples <= 2_000 - first, "{first} {end:?}");
 }
