@@ -6,6 +6,7 @@ use super::evidence::{Evidence, Outcome, refit};
 use super::exchange::{self, Exchange};
 use super::run::Run;
 use super::setting::Setting;
+use super::shooting::Followed;
 use super::state::{Chosen, State};
 use super::{residual, shooting, tell, tones};
 use crate::error::Result;
@@ -76,7 +77,8 @@ impl Run<'_> {
                 continue;
             }
             let gap = outcome.as_ref().map_or(f64::NAN, |o| self.gap(&o.fit.train));
-            let kept = self.result.effects.is_empty() || search.keeps(outcome.as_ref().ok(), gap, &self.result);
+            let kept =
+                self.result.effects.is_empty() || search.keeps((&self.state, outcome.as_ref().ok()), gap, &self.result);
             let outcome = match (kept, search.kept.take()) {
                 (false, Some(before)) => {
                     search.refuse(self.result.effects.last(), before.gone.is_some());
@@ -252,8 +254,13 @@ impl Search {
 
     /// Whether the last effect stays: a wrong model makes many look significant, each must also
     /// bring predictions nearer.
-    fn keeps(&self, after: Option<&Outcome>, gap: f64, result: &Explanation) -> bool {
+    fn keeps(&self, (state, after): (&State, Option<&Outcome>), gap: f64, result: &Explanation) -> bool {
         let (Some(before), Some(after)) = (&self.kept, after) else { return false };
+        // What is left over longer windows is more; the model before could not be followed there.
+        let length = |s: &State| s.followed.as_ref().map_or(0, Followed::samples);
+        if before.promised > 0.0 && length(state) > length(&before.state) {
+            return true;
+        }
         match (before.outcome.left(), after.left()) {
             (Some(b), Some(a)) if before.promised < 0.0 => a <= (1.0 - before.promised) * b,
             (Some(b), Some(a)) => a < (1.0 - LEAST_KEPT * before.promised) * b,

@@ -263,7 +263,7 @@ mod tests {
         let parameters = [9.0, 0.1, 0.5, 2.0];
         let mut pieces: Vec<Piece> = Vec::new();
         for k in 0..40_usize {
-            let (start_s, tau, count) = (0.3 * k as f64, 0.7 * k as f64, if k % 7 == 0 { 30 } else { 60 });
+            let (start_s, tau, count) = (0.3 * k as f64, 0.7 * k as f64, if k.is_multiple_of(7) { 30 } else { 60 });
             let flow = Flow::new(&motion, &parameters, Along::drive(start_s, tau, OMEGA), SPACING_S);
             let mut work = Work::plain(&motion);
             work.set(&[0.1 * k as f64 - 2.0, (k as f64).sin()]);
@@ -285,7 +285,7 @@ mod tests {
             omega: OMEGA,
             inputs: None,
         };
-        let lengths = |k: usize| if k % 2 == 0 { vec![15, 60] } else { vec![60] };
+        let lengths = |k: usize| if k.is_multiple_of(2) { vec![15, 60] } else { vec![60] };
         for step_s in [SPACING_S, 0.4 * SPACING_S] {
             let problem = problem(step_s);
             let found = problem.fit_states(&pieces, &starts, &parameters, &lengths);
