@@ -184,20 +184,20 @@ impl<K: BorrowMut<[u8]>> History<K> {
     }
 }
 
-/// A block into its place; none where it has more channels than fit.
+/// A block into its place; none, and nothing is written, where it has more channels than fit.
 fn write(block: &SampleBlock, into: &mut [u8]) -> Option<()> {
-    let (head, rest) = into.split_first_chunk_mut::<HEAD>()?;
+    let (counts, differences) = (4 * block.first.len(), 2 * block.deltas.len());
+    let (head, rest) = into.get_mut(..HEAD + counts + differences)?.split_first_chunk_mut::<HEAD>()?;
     let words = [block.first_tick, block.phase, block.phase_increment, block.amplitude_nanometre];
     for (place, word) in head.as_chunks_mut().0.iter_mut().zip(words) {
         *place = word.to_le_bytes();
     }
     // At most seven, and nine times as many.
     (head[HEAD - 2], head[HEAD - 1]) = (block.first.len() as u8, block.deltas.len() as u8);
-    let (first, rest) = rest.split_at_mut_checked(4 * block.first.len())?;
+    let (first, deltas) = rest.split_at_mut_checked(counts)?;
     for (place, count) in first.as_chunks_mut().0.iter_mut().zip(&block.first) {
         *place = count.to_le_bytes();
     }
-    let deltas = rest.get_mut(..2 * block.deltas.len())?;
     for (place, delta) in deltas.as_chunks_mut().0.iter_mut().zip(&block.deltas) {
         *place = delta.to_le_bytes();
     }
@@ -208,8 +208,9 @@ fn write(block: &SampleBlock, into: &mut [u8]) -> Option<()> {
 fn read(from: &[u8]) -> Option<SampleBlock> {
     let (head, rest) = from.split_first_chunk::<HEAD>()?;
     let word = |n: usize| head.as_chunks().0.get(n).map_or(0, |word| u32::from_le_bytes(*word));
-    let (first, rest) = rest.split_at_checked(4 * usize::from(head[HEAD - 2]))?;
-    let deltas = rest.get(..2 * usize::from(head[HEAD - 1]))?;
+    let (counts, differences) = (usize::from(head[HEAD - 2]), usize::from(head[HEAD - 1]));
+    let (first, rest) = rest.split_at_checked(4 * counts)?;
+    let deltas = rest.get(..2 * differences)?;
     let mut block = SampleBlock {
         first_tick: word(0),
         phase: word(1),
@@ -218,12 +219,14 @@ fn read(from: &[u8]) -> Option<SampleBlock> {
         first: Vec::new(),
         deltas: Vec::new(),
     };
-    // There is room: they were in such lists.
-    for count in first.as_chunks().0 {
-        let _ = block.first.push(i32::from_le_bytes(*count));
+    // There is room: they were in such lists. Lengthened once: that is less than to push each.
+    block.first.resize_default(counts).ok()?;
+    block.deltas.resize_default(differences).ok()?;
+    for (count, bytes) in block.first.iter_mut().zip(first.as_chunks().0) {
+        *count = i32::from_le_bytes(*bytes);
     }
-    for delta in deltas.as_chunks().0 {
-        let _ = block.deltas.push(i16::from_le_bytes(*delta));
+    for (delta, bytes) in block.deltas.iter_mut().zip(deltas.as_chunks().0) {
+        *delta = i16::from_le_bytes(*bytes);
     }
     Some(block)
 }

@@ -39,7 +39,7 @@ pub const FIRMWARE: &str = concat!("whirl-firmware ", env!("CARGO_PKG_VERSION"))
 /// Answers of this half that wait for the link.
 const OWN_EVENTS: usize = 8;
 /// How often the link must have had nothing to send before a block is sent again: boards ask once a
-/// millisecond, and so have no such block in the tick of another frame.
+/// millisecond, and so have no such block in the tick of one that is streamed.
 const QUIET: u8 = 2;
 
 /// The thread half. `E` is an [`Estimator`] of its own, or a reference to one ([`Identification`]);
@@ -54,7 +54,7 @@ pub struct Link<E = Estimator, K = [u8; KEPT]> {
     identification: Identification<E>,
     history: History<K>,
     allowance: Allowance,
-    /// How often there was nothing to send since the last frame.
+    /// How often there was nothing to send since the last block.
     quiet: u8,
     block_next: bool,
     /// Samples that the stream has passed over, wrapping.
@@ -157,20 +157,19 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[u8]>> Link<E, K> {
         if !Stream::fits(out) {
             return None;
         }
-        let streamed = if self.block_next { self.streamed(blocks) } else { None };
-        let message = match streamed {
-            Some(message) => message,
-            None => match self.other(events) {
-                Some(message) => message,
-                None => match self.streamed(blocks) {
-                    Some(message) => message,
-                    None => self.again()?,
-                },
-            },
-        };
-        use DeviceMessage::{Rows, Samples};
+        let streamed = if self.block_next { self.streamed(blocks, out) } else { None };
+        // Each puts its own message into the frame: messages are as long as the longest of them, not to be moved
+        // from call to call.
+        streamed.or_else(|| self.other(events, out)).or_else(|| self.streamed(blocks, out)).or_else(|| self.again(out))
+    }
+
+    /// Puts a message into a frame; its length.
+    fn put(&mut self, message: &DeviceMessage, out: &mut [u8]) -> Option<usize> {
+        use DeviceMessage::{Restored, Rows, Samples};
         self.block_next = !matches!(message, Samples(_) | Rows(_));
-        self.quiet = 0;
+        if matches!(message, Samples(_) | Rows(_) | Restored(_)) {
+            self.quiet = 0;
+        }
         let length = self.stream.encode(message, out)?;
         self.allowance.sent(length);
         Some(length)
@@ -191,19 +190,25 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[u8]>> Link<E, K> {
 
     /// The next message of the stream: rows that wait, or a block. Blocks are taken in one at a
     /// time, so that this stays short.
-    fn streamed(&mut self, blocks: &mut impl Source<SampleBlock>) -> Option<DeviceMessage> {
+    fn streamed(&mut self, blocks: &mut impl Source<SampleBlock>, out: &mut [u8]) -> Option<usize> {
         if let Some(rows) = self.identification.take_rows() {
-            return Some(DeviceMessage::Rows(rows));
+            return self.put(&DeviceMessage::Rows(rows), out);
         }
         self.keep_up(blocks);
         match self.identification.streamed() {
-            Streamed::Samples => self.history.stream().map(DeviceMessage::Samples),
-            Streamed::Rows => self.identification.take_rows().map(DeviceMessage::Rows),
+            Streamed::Samples => {
+                let message = DeviceMessage::Samples(self.history.stream()?);
+                self.put(&message, out)
+            }
+            Streamed::Rows => {
+                let message = DeviceMessage::Rows(self.identification.take_rows()?);
+                self.put(&message, out)
+            }
         }
     }
 
     /// What the host has asked for again, where nothing else waits.
-    fn again(&mut self) -> Option<DeviceMessage> {
+    fn again(&mut self, out: &mut [u8]) -> Option<usize> {
         if self.quiet < QUIET {
             self.quiet += 1;
             return None;
@@ -211,24 +216,36 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[u8]>> Link<E, K> {
         if !self.allowance.is_enough() {
             return None;
         }
-        Some(match self.history.again()? {
+        let message = match self.history.again()? {
             Again::Block(block) => DeviceMessage::Restored(block),
             Again::Done(end) => DeviceMessage::BackFilled(end),
-        })
+        };
+        self.put(&message, out)
     }
 
     /// The next message beside the stream.
-    #[inline]
-    fn other(&mut self, events: &mut impl Source<Event>) -> Option<DeviceMessage> {
+    fn other(&mut self, events: &mut impl Source<Event>, out: &mut [u8]) -> Option<usize> {
         if let Some(estimate) = self.identification.take_estimate() {
-            return Some(DeviceMessage::Estimate(estimate));
+            return self.put(&DeviceMessage::Estimate(estimate), out);
         }
         loop {
-            match self.own.pop_front().or_else(|| events.take())? {
-                Event::Keep(words, present) => self.to_keep = Some((words, present)),
-                Event::Restart => self.restart_due = true,
-                event => return self.message(event),
-            }
+            let message = match self.own.pop_front().or_else(|| events.take())? {
+                Event::Hello(present) => DeviceMessage::Hello(self.hello(present)),
+                Event::Status(snapshot) => DeviceMessage::Status(self.status(snapshot)),
+                Event::Ack(ack) => DeviceMessage::Ack(ack),
+                Event::Log { tick, notice } => {
+                    DeviceMessage::Log(Log { tick, level: notice.level(), text: text(notice.text()) })
+                }
+                Event::Keep(words, present) => {
+                    self.to_keep = Some((words, present));
+                    continue;
+                }
+                Event::Restart => {
+                    self.restart_due = true;
+                    continue;
+                }
+            };
+            return self.put(&message, out);
         }
     }
 
@@ -278,20 +295,6 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[u8]>> Link<E, K> {
         if self.own.push_back(event).is_err() {
             self.dropped = self.dropped.wrapping_add(1);
         }
-    }
-
-    // Messages are as long as the longest of them: not to be moved from call to call.
-    #[inline]
-    fn message(&self, event: Event) -> Option<DeviceMessage> {
-        Some(match event {
-            Event::Hello(present) => DeviceMessage::Hello(self.hello(present)),
-            Event::Status(snapshot) => DeviceMessage::Status(self.status(snapshot)),
-            Event::Ack(ack) => DeviceMessage::Ack(ack),
-            Event::Log { tick, notice } => {
-                DeviceMessage::Log(Log { tick, level: notice.level(), text: text(notice.text()) })
-            }
-            Event::Keep(..) | Event::Restart => return None,
-        })
     }
 
     fn hello(&self, present: Present) -> Hello {
