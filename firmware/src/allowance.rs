@@ -2,8 +2,8 @@
 //!
 //! Time is told by the samples: each brings the bytes of its tick at [`PERCENT`] of the line, every
 //! frame takes its own, and a block is sent again only where there are bytes left for the longest.
-//! No more than the bytes of [`BURST`] blocks are saved up. So any time T that ends with such a block
-//! has at most `BURST + PERCENT·T` bytes in it, however much the rest is.
+//! No more than the bytes of [`BURST`] blocks are saved up. So any time T that ends with such a
+//! block has at most `BURST + PERCENT·T` bytes in it, however much the rest is.
 //!
 //! ```text
 //! bytes left ← min(bytes left + PERCENT/100 · baud/10 · samples/rate, BURST), then − bytes of each frame

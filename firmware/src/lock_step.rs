@@ -2,8 +2,8 @@
 //!
 //! Once a tick, first thing in the sampling interrupt, the board sends a [`Request`] and waits for
 //! the [`Reply`]: the plant moves up to this tick under the drive of the last one, and shows its
-//! encoders and its base. A board that waits has no time that passes (QEMU stops its clock), so that board and
-//! plant are in lock-step and a run is the same at every repeat.
+//! encoders and its base. A board that waits has no time that passes (QEMU stops its clock), so
+//! that board and plant are in lock-step and a run is the same at every repeat.
 //!
 //! All numbers are little-endian. A reply may carry bytes as if they had come from the host, which
 //! the board takes between this tick and the next, and an [`Order`] by which a test makes the board

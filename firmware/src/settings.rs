@@ -79,7 +79,8 @@ pub struct Boot {
 }
 
 impl Default for Settings {
-    /// Two encoders, 500 Hz, 4096 counts a turn, 20 mm, 20 Hz, 20 mm/s, 40 m/s², 25 mm, 115 200 baud, 2 s, 0.9.
+    /// Two encoders, 500 Hz, 4096 counts a turn, 20 mm, 20 Hz, 20 mm/s, 40 m/s², 25 mm, 115 200
+    /// baud, 2 s, 0.9.
     fn default() -> Self {
         Self {
             board: "unnamed",

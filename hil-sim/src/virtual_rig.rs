@@ -68,8 +68,8 @@ pub struct RigSettings {
 }
 
 impl Default for RigSettings {
-    /// The printed rig, vertical, 500 Hz, 4096 counts, unperturbed; as many samples kept as a NUCLEO
-    /// board keeps (20 s), 64 kB of output (15 s).
+    /// The printed rig, vertical, 500 Hz, 4096 counts, unperturbed; as many samples kept as a
+    /// NUCLEO board keeps (21 s), 64 kB of output (15 s).
     fn default() -> Self {
         Self {
             parameters: Parameters::PRINTED,

@@ -261,8 +261,8 @@ pub struct Status {
     pub frequency_millihertz: u32,
     /// Greatest delay from tick to sample since the last status, µs.
     pub latency_max_us: u32,
-    /// Preview: rms of each encoder's wrapped angle over the last second, mrad (reduced precision; never used
-    /// for results).
+    /// Preview: rms of each encoder's wrapped angle over the last second, mrad (reduced precision;
+    /// never used for results).
     pub rms_angle_mrad: Vec<u32, MOST_ENCODERS>,
     /// Preview: mean turning rate over the last second, 10⁻³ turns a minute.
     pub turns_per_minute_milli: Vec<i32, MOST_ENCODERS>,

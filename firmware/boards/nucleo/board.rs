@@ -7,8 +7,9 @@
 //! | settings | pages 126 and 127 of bank 2 | sectors 6 and 7 |
 //!
 //! Pins are the same on both: encoder 1 A, B, index on PB6, PB7, PB9 (TIM4), encoder 2 on PC6, PC7,
-//! PC8 (TIM3), the base's encoder on PA8, PA9 (TIM1) or its transducer on PA0 (ADC1), shaker and enable on PA4 and PB10, light on PA5, serial port on PA2 and PA3. TIM5 is
-//! the free clock, TIM7 that of the points.
+//! PC8 (TIM3), the base's encoder on PA8, PA9 (TIM1) or its transducer on PA0 (ADC1), shaker and
+//! enable on PA4 and PB10, light on PA5, serial port on PA2 and PA3. TIM5 is the free clock, TIM7
+//! that of the points.
 
 use embassy_stm32::Config;
 use embassy_stm32::flash::{Blocking, Flash, MAX_ERASE_SIZE};

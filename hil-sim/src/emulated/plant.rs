@@ -1,5 +1,5 @@
-//! The plant at the other end of an emulated board's pipes: one [`Request`] in, both counters and the base's
-//! input out.
+//! The plant at the other end of an emulated board's pipes: one [`Request`] in, both counters and
+//! the base's input out.
 
 use whirl_firmware::QuadratureCounter;
 use whirl_firmware::base::BaseInput;

@@ -7,10 +7,10 @@
 //! low-pass that ends at f. An offset makes no difference. The samples within the reach of the
 //! low-pass at both ends of a stretch are spent.
 //!
-//! An **acceleration** stands as it was measured, less its mean with sin⁴ as weights: what comes and
-//! goes leaves no mean there, and what an accelerometer shows of gravity and of its own offset is
-//! one. Of a base that is displaced by y in a stretch of T seconds at most 20 y/T² m/s² are taken
-//! for an offset.
+//! An **acceleration** stands as it was measured, less its mean with sin⁴ as weights: what comes
+//! and goes leaves no mean there, and what an accelerometer shows of gravity and of its own offset
+//! is one. Of a base that is displaced by y in a stretch of T seconds at most 20 y/T² m/s² are
+//! taken for an offset.
 //!
 //! A gain that is off stands with the coefficients: terms of the measured base have one of their
 //! own (B16 and B26, or the system file's `scale`).

@@ -3,13 +3,13 @@
 //! The coefficients b of (3.4) are functions b(p) of the physical parameters p (section 1.2):
 //! B_i1 = H/J_oi, B_i2 = g S_i/(J_oi Ω²), B_i3 = −(a S_i/J_oi) cos ψ, B_i4 = −(a S_i/J_oi) sin ψ,
 //! B_i6 = S_i/(κ J_oi Ω²) in
-//! the place of B_i3 and B_i4 where the base is measured with a gain κ, C11 = τ_c1/(J_o1 Ω²), C12 = c_r2/(J_o1 Ω), C2 = c_r2/(J_o2 Ω), with H = m2 e2 l1, S1 = m1e1 + m2
-//! l1, S2 = m2 e2. There are more coefficients than parameters: the ties (3.23) are used by taking
-//! the p nearest to the identified b in a metric W, min (b − b(p))ᵀ W⁻¹ (b − b(p)), by
-//! Gauss–Newton. W is the covariance for independent residuals, which does not scatter; the
-//! parameters' covariance is the sandwich G Σ Gᵀ, G = (Jᵀ W⁻¹ J)⁻¹ Jᵀ W⁻¹, with the jackknife's Σ.
-//! (With the jackknife's Σ as metric, estimated from some thirty blocks, intervals were found a
-//! third too short.)
+//! the place of B_i3 and B_i4 where the base is measured with a gain κ, C11 = τ_c1/(J_o1 Ω²), C12 =
+//! c_r2/(J_o1 Ω), C2 = c_r2/(J_o2 Ω), with H = m2 e2 l1, S1 = m1e1 + m2 l1, S2 = m2 e2. There are
+//! more coefficients than parameters: the ties (3.23) are used by taking the p nearest to the
+//! identified b in a metric W, min (b − b(p))ᵀ W⁻¹ (b − b(p)), by Gauss–Newton. W is the covariance
+//! for independent residuals, which does not scatter; the parameters' covariance is the sandwich G
+//! Σ Gᵀ, G = (Jᵀ W⁻¹ J)⁻¹ Jᵀ W⁻¹, with the jackknife's Σ. (With the jackknife's Σ as metric,
+//! estimated from some thirty blocks, intervals were found a third too short.)
 //!
 //! Directions of p that no coefficient and no known quantity fixes are found by the Jacobian's
 //! singular values; parameters that have a part in one are not reported.

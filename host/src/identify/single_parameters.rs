@@ -2,9 +2,9 @@
 //! g/(J Ω²), amplitude of the drive's term f = m e a/J, c_r = c_r1/(J Ω), C11 = τ_c1/(J Ω²).
 //!
 //! a = f g/(q_sin Ω²) follows without knowing a mass. Where the base is measured with a gain κ its
-//! term is u = m e/(κ J Ω²), and κ = q_sin/(u g) for a vertical drive. With m e (or m1 and e1) known, J = m e
-//! g/(q_sin Ω²); with J known, m e = q_sin J Ω²/g; then c_r1 and τ_c1. Standard errors by linear
-//! propagation of the coefficients' covariance.
+//! term is u = m e/(κ J Ω²), and κ = q_sin/(u g) for a vertical drive. With m e (or m1 and e1)
+//! known, J = m e g/(q_sin Ω²); with J known, m e = q_sin J Ω²/g; then c_r1 and τ_c1. Standard
+//! errors by linear propagation of the coefficients' covariance.
 
 use super::physical_parameters::{Physical, PhysicalFit};
 use crate::rig::{Direction, Rig};

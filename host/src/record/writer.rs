@@ -39,7 +39,8 @@ enum Inner {
 
 impl RecordWriter {
     /// Opens `path` (an existing file is replaced) for a record of the rig's channels, which must
-    /// be counts, or the base's with a gain, the unit's worth of a count. The clock is `metadata.sample_rate_hz`, or the rig's where that is 0. `.csv` and
+    /// be counts, or the base's with a gain, the unit's worth of a count. The clock is
+    /// `metadata.sample_rate_hz`, or the rig's where that is 0. `.csv` and
     /// `.csv.gz` give CSV, everything else Parquet.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
-//! A drive that is not what it is assumed to be: a strong second harmonic, an amplitude that drifts.
-//! Without a channel of the base's own motion something is missing; with it nothing is, and the
-//! parameters are right.
+//! A drive that is not what it is assumed to be: a strong second harmonic, an amplitude that
+//! drifts. Without a channel of the base's own motion something is missing; with it nothing is, and
+//! the parameters are right.
 
 use std::path::{Path, PathBuf};
 
