@@ -20,18 +20,9 @@ use super::drive::Target;
 use super::journal::{self, Journal, Start, Terms};
 use super::recorder::{Event, Recorder};
 use crate::error::{BadInput, Result, plain};
+use crate::report::format::shell_word;
 use crate::rig::Rig;
 use crate::warning::Warning;
-
-/// A word of a command as a shell takes it.
-pub(super) fn quoted(text: &str) -> String {
-    let bare = |c: char| c.is_alphanumeric() || "/._-:@+=,".contains(c);
-    if !text.is_empty() && text.chars().all(bare) {
-        text.to_owned()
-    } else {
-        format!("'{}'", plain(text).replace('\'', "'\\''"))
-    }
-}
 
 /// Options of the command that a continuation must have too, beside source, rig file and record.
 pub(super) fn options(settings: &CaptureSettings) -> Vec<String> {
@@ -72,11 +63,11 @@ pub(super) struct NextStep<'a> {
 impl NextStep<'_> {
     /// Goes on in the same record.
     pub(super) fn resume(&self) -> String {
-        let path = |p: &Path| quoted(&p.display().to_string());
-        let options: String = self.options.iter().map(|word| format!(" {}", quoted(word))).collect();
+        let path = |p: &Path| shell_word(&p.display().to_string());
+        let options: String = self.options.iter().map(|word| format!(" {}", shell_word(word))).collect();
         format!(
             "`whirl capture --resume --from {}{options} --rig {} -o {}`",
-            quoted(self.source),
+            shell_word(self.source),
             path(self.rig),
             path(self.record)
         )
@@ -84,7 +75,7 @@ impl NextStep<'_> {
 
     /// Makes the record of what there is.
     pub(super) fn make(&self) -> String {
-        make_command(self.record, &quoted(&self.rig.display().to_string()))
+        make_command(self.record, &shell_word(&self.rig.display().to_string()))
     }
 
     /// All that can be done, in a sentence.
@@ -102,8 +93,8 @@ impl NextStep<'_> {
 /// Makes a record from the journal beside it; `rig` as it stands in the command.
 fn make_command(record: &Path, rig: &str) -> String {
     let from = format!("file:{}", journal::path_of(record).display());
-    let record = quoted(&record.display().to_string());
-    format!("`whirl capture --from {} --rig {rig} -o {record}`", quoted(&from))
+    let record = shell_word(&record.display().to_string());
+    format!("`whirl capture --from {} --rig {rig} -o {record}`", shell_word(&from))
 }
 
 /// The command that makes a record whole from the journal beside it, where there is one.
@@ -111,7 +102,7 @@ pub fn whole_again(record: &Path, rig: &Path) -> Option<String> {
     let path = journal::path_of(record);
     // One whose first line was cut has nothing to make a record of.
     let usable = path.is_file() && matches!(journal::terms_of(&path), Ok(Start::Terms(_)));
-    usable.then(|| make_command(record, &quoted(&rig.display().to_string())))
+    usable.then(|| make_command(record, &shell_word(&rig.display().to_string())))
 }
 
 /// Ticks by which the journal beside a record goes on behind the record's last one: of a capture

@@ -149,7 +149,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let truth = |name: &str| plant.truth(name, rig.omega());
     let mut results = Results::new();
     results
-        .add(card)
+        .add(card.clone())
         .add(presentation::table(&identified, "The model as it was, before anything was added", &|_| None))
         .add(presentation::residuals(&identified))
         .add(validated.clone())
@@ -179,6 +179,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         "capture": captured, "inspect": inspection, "identify": identified, "validate": validated, "reduce": reduced,
         "explain": explained, "validate_explained": again
     }))?;
-    out.say(&format!("\nreport: {}\n", report.display()));
+    // The answer has scrolled away.
+    out.say(&format!("\nIn short: {}\nreport: {}\n", card.verdict, report.display()));
     Ok(Answer::Positive)
 }

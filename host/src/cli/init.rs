@@ -11,6 +11,7 @@ use crate::error::{BadInput, Result};
 use crate::init::{Settings, draft, write};
 use crate::record::ReadOptions;
 use crate::record::formats;
+use crate::report::format::shell_word;
 
 /// Arguments of `init`.
 #[derive(Debug, Args)]
@@ -70,7 +71,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         .out
         .write_json(&serde_json::json!({ "format": 1, "rig": arguments.output, "draft": draft, "to_check": checks }))?;
     arguments.out.say(&write::human(&draft));
-    let (record, rig) = (first.display(), arguments.output.display());
+    let word = |path: &std::path::Path| shell_word(&path.display().to_string());
+    let (record, rig) = (word(first), word(&arguments.output));
     arguments.out.say(&format!(
         "{rig} is written. Next: whirl inspect {record} --rig {rig}, then whirl identify {record} --rig {rig}\n"
     ));

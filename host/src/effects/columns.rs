@@ -177,7 +177,7 @@ pub fn action(
                 |k: usize| (0..drive.components).map(|i| Polynomial::number(f64::from(u8::from(i == k)))).collect();
             let across = if drive.along == 0 { drive.components - 1 } else { 0 };
             words.points = vec![("along".to_owned(), axis(drive.along)), ("across".to_owned(), axis(across))];
-            words.constants.push(("size".to_owned(), places::size(&drive.y, parameters)));
+            words.constants.push((places::SIZE.to_owned(), places::size(&drive.y, parameters)));
             words.scalars.push(("y".to_owned(), drive.y.clone()));
             let Word::Vector(law) = entry.law(&words, form)? else { return Ok(None) };
             Ok(changed(mechanism, &displaced(file, &law), own, omega))

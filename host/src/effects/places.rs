@@ -165,6 +165,9 @@ pub fn is_angle(file: &SystemFile, p: &Polynomial) -> bool {
             .any(|k| file.coordinates[k].0.space == Space::Line && p.moves(|s| s == Symbol::Coordinate(k)))
 }
 
+/// Name of [`size`] in an effect's law.
+pub const SIZE: &str = "size";
+
 /// Amplitude of the driven point for values of the parameters: of its first harmonic, √2 times the
 /// rms over a period.
 pub fn size(y: &Polynomial, parameters: &[f64]) -> f64 {

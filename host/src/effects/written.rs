@@ -26,7 +26,7 @@ pub use self::inertias::{Inertias, inertias};
 use self::left_hand_sides::{STATES, at_rest, of_angles, sides, value};
 use super::columns::Span;
 use super::entry::{At, Entry, Form};
-use super::places::Place;
+use super::places::{Place, SIZE};
 use crate::model::model_file::expression::{
     Function, Node, Symbol, add, as_number, multiple, multiply, number, subtract, symbol,
 };
@@ -179,7 +179,7 @@ pub fn changes(
             let y = Polynomial::call(Function::Cos, phase);
             let axis = |up: f64| vec![Polynomial::number(up), Polynomial::number(1.0 - up)];
             words.points = vec![("along".to_owned(), axis(1.0)), ("across".to_owned(), axis(0.0))];
-            words.constants.push(("size".to_owned(), 1.0));
+            words.constants.push((SIZE.to_owned(), 1.0));
             words.scalars.push(("y".to_owned(), y));
             let Ok(Word::Vector(law)) = entry.law(&words, form) else { return None };
             let twice = |p: &Polynomial| {

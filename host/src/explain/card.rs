@@ -56,6 +56,9 @@ fn capitalised(text: &str) -> String {
 /// What a number of noise floors is a multiple of.
 const NOISE: &str = " times the sensors' noise";
 
+/// Power over that of the noise from which its limit is not told.
+const FAR: f64 = 1e4;
+
 /// How far predictions miss, in a sentence.
 fn miss(gap: &Gap, value: f64) -> String {
     // Told in the sensors' own unit where the noise says nothing.
@@ -80,7 +83,9 @@ fn sentence(e: &Explanation) -> String {
         (Some(first), Some(last)) if steps.len() > 1 => {
             let (before, after) = (miss(&e.gap, first.value), miss(&e.gap, last.value));
             // The same words are not said twice.
+            let noise = format!(" ({})", e.gap.noise());
             let before = if after.ends_with(NOISE) { before.trim_end_matches(NOISE) } else { &before };
+            let before = if after.ends_with(&noise) { before.trim_end_matches(noise.as_str()) } else { before };
             format!("{over} miss by {after} instead of {before}")
         }
         (_, Some(last)) => format!("{over} miss by {}", miss(&e.gap, last.value)),
@@ -114,6 +119,11 @@ fn deciding(e: &Explanation) -> String {
                         "predictions over {horizon} miss by {value} times the sensors' noise (up to {limit} would be noise)"
                     )
                 }
+                // So far from noise that how far tells nothing.
+                None if d.value > FAR => format!(
+                    "what is left is far above the sensors' noise ({} times, rms)",
+                    significant(d.value.sqrt(), 2)
+                ),
                 None => format!(
                     "what is left has {value} times the power of the sensors' noise (up to {limit} would be noise)"
                 ),
@@ -151,10 +161,12 @@ fn parameters(e: &Explanation, equations: Option<&WrittenOut>) -> Vec<CardRow> {
 /// The gap at each step, in noise floors and, where a forecast measured the same horizon, in the
 /// sensors' unit.
 fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
-    let heading = format!(
-        "How far predictions over {} s miss, where they were not fitted (1 noise floor is what the sensors' noise alone leaves)",
-        shortest(e.gap.horizon_s)
-    );
+    // Said once, above all.
+    let noise = format!(" ({})", e.gap.noise());
+    let many = !e.gap.steps.is_empty() && e.gap.steps.iter().all(|s| e.gap.told(s.value).ends_with(&noise));
+    let floors = if many { e.gap.noise() } else { "1 noise floor is what the sensors' noise alone leaves".to_owned() };
+    let heading =
+        format!("How far predictions over {} s miss, where they were not fitted ({floors})", shortest(e.gap.horizon_s));
     let same = e.gap.forecasts.iter().find(|f| f.horizon_s == e.gap.horizon_s && f.steps.len() == e.gap.steps.len());
     let bar = |(i, step): (usize, &super::Step)| {
         let name = match step.added.as_deref() {
@@ -166,7 +178,12 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
             same.and_then(|f| f.steps.get(i).map(|s| (s.value, &f.unit))).map_or_else(String::new, |(v, unit)| {
                 format!(", {}{}", significant(v, 3), if unit == "deg" { "°".to_owned() } else { format!(" {unit}") })
             });
-        GapBar { name, value: step.value, told: format!("{}{also}", e.gap.told(step.value)) }
+        let told = e.gap.told(step.value);
+        GapBar {
+            name,
+            value: step.value,
+            told: if many { told.trim_end_matches(noise.as_str()).to_owned() } else { told + &also },
+        }
     };
     (heading, e.gap.steps.iter().enumerate().map(bar).collect())
 }

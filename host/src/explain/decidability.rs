@@ -87,12 +87,21 @@ pub(super) struct Left {
     /// Power in records that the model itself makes, and the standard error of the difference; none
     /// for the weak form.
     pub remade: Option<(f64, f64)>,
+    /// Gaps in such records: horizon in s and mean, where they were measured.
+    pub gaps: Vec<(f64, f64)>,
 }
 
 impl Left {
     /// Power up to which nothing counts as left.
     fn most_power(&self) -> f64 {
         self.remade.map_or(EXPLAINED_POWER, |(mean, error)| (mean + CLEAR * error).max(ALIKE * mean))
+    }
+
+    /// Gap over a horizon up to which nothing counts as left: in units of what the model's own
+    /// records leave, where that is more than the noise.
+    fn most_gap(&self, horizon_s: f64) -> f64 {
+        let own = self.gaps.iter().find(|g| g.0 == horizon_s).map_or(1.0, |g| g.1.max(1.0));
+        EXPLAINED_GAP * if own.is_finite() { own } else { 1.0 }
     }
 }
 
@@ -101,12 +110,17 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, rest
     let power = result.residual_power[1];
     let most_power = rest.most_power();
     let horizon_s = result.gap.horizon_s;
-    let far =
-        result.gap.horizons.iter().filter(|h| h.0 <= VERDICT_HORIZONS * horizon_s).map(|h| h.2).fold(0.0, f64::max);
+    let far = result
+        .gap
+        .horizons
+        .iter()
+        .filter(|h| h.0 <= VERDICT_HORIZONS * horizon_s && h.2 > rest.most_gap(h.0))
+        .max_by(|a, b| (a.2 / rest.most_gap(a.0)).total_cmp(&(b.2 / rest.most_gap(b.0))))
+        .copied();
     let diverged = result.settle();
     let gap = result.gap.steps.last().map_or(f64::NAN, |s| s.value);
     // Every comparison fails for what is not a number: it is left over then.
-    let within = gap <= EXPLAINED_GAP && far <= EXPLAINED_GAP && power <= most_power;
+    let within = gap <= rest.most_gap(horizon_s) && far.is_none() && power <= most_power;
     let left = !within;
     let mut noise = format!(
         "what is left has {power:.2} times the power that the sensors' noise gives, and predictions over {horizon_s:.3} s miss by {}",
@@ -118,14 +132,12 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, rest
         );
     }
     // Where longer predictions decided, their number is told.
-    if far > EXPLAINED_GAP
-        && let Some(h) = result.gap.horizons.iter().find(|h| h.2 >= far)
-    {
+    if let Some(h) = far {
         noise += &format!(", over {:.3} s by {}", h.0, result.gap.told(h.2));
     }
     let undecidable = undecidable.or_else(|| diverged.then(|| DIVERGED.to_owned()));
     if undecidable.is_none() {
-        result.decided_by = decided_by(result, gap, (power, most_power));
+        result.decided_by = decided_by(result, gap, (power, &rest));
     }
     (result.verdict, result.reason) = match (undecidable, left, result.effects.is_empty()) {
         (Some(reason), ..) => {
@@ -148,15 +160,15 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, rest
 }
 
 /// The number that is largest beside its limit.
-fn decided_by(result: &Explanation, gap: f64, (power, most_power): (f64, f64)) -> Option<DecidedBy> {
+fn decided_by(result: &Explanation, gap: f64, (power, rest): (f64, &Left)) -> Option<DecidedBy> {
     let over = |horizon_s: f64, value: f64| {
         let what = format!("gap over {} s, noise floors", significant(horizon_s, 4));
-        DecidedBy { what, value, limit: EXPLAINED_GAP }
+        DecidedBy { what, value, limit: rest.most_gap(horizon_s) }
     };
     let horizon_s = result.gap.horizon_s;
     let longer = result.gap.horizons.iter().filter(|h| h.0 <= VERDICT_HORIZONS * horizon_s);
     let what = "power of what is left over that of the sensors' noise".to_owned();
     let all = longer.map(|h| over(h.0, h.2));
-    let all = all.chain([over(horizon_s, gap), DecidedBy { what, value: power, limit: most_power }]);
+    let all = all.chain([over(horizon_s, gap), DecidedBy { what, value: power, limit: rest.most_power() }]);
     all.filter(|d| d.value.is_finite()).max_by(|a, b| (a.value / a.limit).total_cmp(&(b.value / b.limit)))
 }

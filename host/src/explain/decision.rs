@@ -13,8 +13,12 @@ use super::explanation::{Ranked, Refused};
 use super::ranking::{self, Fit};
 use crate::report::format::significant;
 
-/// Probability of naming anything on a record in which nothing is missing, over the whole list.
+/// Probability of naming anything on a record in which nothing is missing, over everything that is
+/// tried.
 pub(super) const FAMILY_WISE: f64 = 0.01;
+/// The same for each of the two families that are tried (Bonferroni): the list of effects, and the
+/// tones of all frequencies.
+pub(super) const OF_A_FAMILY: f64 = FAMILY_WISE / 2.0;
 
 /// Share of the held-out residual power from which weights are estimated anew with each candidate:
 /// those of a model that misses so much misjudge forms that are close to each other.
@@ -191,7 +195,7 @@ impl<'a> Field<'a> {
                 "its strength comes out with the sign of a law that feeds the motion".to_owned()
             } else if feigned.contains(&s.index) {
                 "records of the model without it, seen by the same sensors, show as much".to_owned()
-            } else if s.p * tests >= FAMILY_WISE {
+            } else if s.p * tests >= OF_A_FAMILY {
                 format!("by chance with probability {}, and {tests} forms were tried", significant(s.p, 2))
             } else if !self.stands(s) {
                 let share = 100.0 * s.gain * self.blocks / self.total;
@@ -255,7 +259,7 @@ impl<'a> Field<'a> {
                 let (_, error) = ranking::gain(&self.plain.held_out, &x.held_out);
                 let more = x.gain - single;
                 let clear = more > self.evidence.least_deviations() * error;
-                x.p * tests < FAMILY_WISE && clear && self.is_something(more)
+                x.p * tests < OF_A_FAMILY && clear && self.is_something(more)
             })
             .collect();
         let best = supported.iter().max_by(|x, y| x.gain.total_cmp(&y.gain))?;
@@ -313,7 +317,7 @@ pub(super) fn choose(
     let mut feigned: Vec<usize> = Vec::new();
     let winner = loop {
         let significant =
-            |s: &Score| s.p * tests < FAMILY_WISE && field.stands(s) && !field.feeds(s) && !feigned.contains(&s.index);
+            |s: &Score| s.p * tests < OF_A_FAMILY && field.stands(s) && !field.feeds(s) && !feigned.contains(&s.index);
         let Some(strongest) = order.iter().find(|s| significant(s)) else { break None };
         let within = order.iter().filter(|s| significant(s)).filter(|s| {
             let (mean, error) = ranking::gain(&s.fit.held_out, &strongest.fit.held_out);
@@ -355,7 +359,7 @@ pub(super) fn choose(
         });
     };
     let significant =
-        |s: &Score| s.p * tests < FAMILY_WISE && field.stands(s) && !field.feeds(s) && !feigned.contains(&s.index);
+        |s: &Score| s.p * tests < OF_A_FAMILY && field.stands(s) && !field.feeds(s) && !feigned.contains(&s.index);
     let twins: Vec<String> = order
         .iter()
         .filter(|s| field.name(s) != field.name(winner) && significant(s))

@@ -68,6 +68,13 @@ impl Gap {
         value.is_nan() || value > most
     }
 
+    /// What the noise is, in the sensors' unit.
+    pub(super) fn noise(&self) -> String {
+        self.floor_in.as_ref().map_or_else(String::new, |floor| {
+            format!("the sensors' noise is {}", quantity(floor.value, &floor.unit, 3))
+        })
+    }
+
     /// A value in words: in noise floors, or, where these are so many that they tell nothing, in
     /// the sensors' own unit.
     pub fn told(&self, value: f64) -> String {
@@ -75,11 +82,9 @@ impl Gap {
             return "no prediction: the fit diverged".to_owned();
         }
         match &self.floor_in {
-            Some(floor) if value > MANY_FLOORS => format!(
-                "{} (the sensors' noise is {})",
-                quantity(value * floor.value, &floor.unit, 3),
-                quantity(floor.value, &floor.unit, 3)
-            ),
+            Some(floor) if value > MANY_FLOORS => {
+                format!("{} ({})", quantity(value * floor.value, &floor.unit, 3), self.noise())
+            }
             _ => format!("{} noise floors", significant(value, 3)),
         }
     }

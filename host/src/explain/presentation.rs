@@ -6,7 +6,7 @@ use super::engine::attractor::{Attractor, TOLERANCE_DEG};
 use super::engine::residual_map::Where;
 use super::{Explanation, Verdict};
 use crate::report::card::Card;
-use crate::report::format::{percent, shortest, significant, symbol_plain};
+use crate::report::format::{percent, rounded, shortest, significant, symbol_plain};
 use crate::report::names;
 
 /// The answer for people: its card first, then what it rests on.
@@ -49,7 +49,7 @@ pub fn human(e: &Explanation, card: &Card) -> String {
         let _ = writeln!(
             out,
             "error of predictions over {} s on the last 30 % of the record, the first 70 % fitted, in {}:",
-            shortest(f.horizon_s),
+            shortest(rounded(f.horizon_s, 3)),
             if f.unit == "deg" { "degrees" } else { &f.unit }
         );
         for s in &f.steps {

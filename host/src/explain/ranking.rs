@@ -9,7 +9,7 @@
 //! few.
 
 use nalgebra::{DMatrix, DVector};
-use statrs::distribution::{ContinuousCDF, FisherSnedecor};
+use statrs::distribution::{ChiSquared, ContinuousCDF, FisherSnedecor};
 
 use super::engine::design::{Design, Window};
 
@@ -90,6 +90,9 @@ pub struct Fit {
     pub effective: Vec<f64>,
     /// Held-out sum of squares of each block, in order of time.
     pub held_out: Vec<f64>,
+    /// Covariance of the last coefficients, those that the model does not have yet, if what is left
+    /// is noise alike everywhere. The jackknife's comes out too small where a few blocks decide.
+    pub even: Option<DMatrix<f64>>,
 }
 
 /// Fits columns and judges them on held-out blocks; none where they are singular or the windows too
@@ -150,7 +153,7 @@ pub fn fit_ridge(design: &Design, columns: &[usize], weights: &Weights, ridge: &
         covariance += &change * change.transpose() * ((n - 1) as f64 / n as f64);
     }
     let effective = effective_blocks(&total, &blocks);
-    Some(Fit { all, train: train?, covariance, blocks: n, effective, held_out })
+    Some(Fit { all, train: train?, covariance, blocks: n, effective, held_out, even: None })
 }
 
 /// Blocks that each coefficient rests on: (Σ h_b)²/Σ h_b², h_b = vᵀ G_b v the share of block b's
@@ -220,8 +223,24 @@ pub fn held_out_likelihood(design: &Design, columns: &[usize], weights: &Weights
 }
 
 /// Probability that strengths of zero give a Wald statistic as large, for the last `d` coefficients
-/// of a fit.
+/// of a fit: the larger of that by the jackknife's covariance and that by the one of even noise.
 pub fn p_value(fit: &Fit, d: usize) -> f64 {
+    p_of_blocks(fit, d).max(p_of_even_noise(fit, d).unwrap_or(1.0))
+}
+
+/// The same by the covariance of even noise, whose freedom is that of all samples; none where it is
+/// singular.
+fn p_of_even_noise(fit: &Fit, d: usize) -> Option<f64> {
+    let Some(covariance) = &fit.even else { return Some(0.0) };
+    let from = covariance.nrows().checked_sub(d)?;
+    let strengths = fit.all.rows(fit.all.len() - d, d).into_owned();
+    let factor = covariance.view((from, from), (d, d)).into_owned().cholesky()?;
+    let wald = strengths.dot(&factor.solve(&strengths));
+    ChiSquared::new(d as f64).ok().filter(|_| wald.is_finite()).map(|of| of.sf(wald))
+}
+
+/// The same by the jackknife's covariance.
+fn p_of_blocks(fit: &Fit, d: usize) -> f64 {
     let p = fit.all.len();
     let k = fit.all.rows(p - d, d).into_owned();
     let covariance = fit.covariance.view((p - d, p - d), (d, d)).into_owned();

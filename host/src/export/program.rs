@@ -7,6 +7,7 @@ use super::remarks::{error_text, unit_text};
 use super::{Language, Printed};
 use crate::error::{BadInput, Result};
 use crate::identify::units::channel_units;
+use crate::model::model_file::Space;
 use crate::model::model_file::expression::{Function, Node, Symbol, multiply, number};
 use crate::model::model_file::split::{Entry, Split};
 use crate::motion::effects::bad;
@@ -124,10 +125,11 @@ impl<'a> Program<'a> {
             .iter()
             .zip(&units)
             .map(|(c, unit)| Coordinate {
+                // An angle has no dimension, and is in radians.
+                unit: if c.space == Space::Circle { "rad".to_owned() } else { unit_text(&unit.to_string()) },
                 name: names.give(&c.name),
                 rate: names.give(&format!("v_{}", c.name)),
                 prime: names.give(&format!("{}_tau", c.name)),
-                unit: unit_text(&unit.to_string()),
                 wraps: false,
             })
             .collect();

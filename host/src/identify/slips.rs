@@ -10,7 +10,8 @@
 //! R = −Σ_{i≥j} (r − Q Qᵀ r)_ik,  S = L − j − |Σ_{i≥j} Q_ik|²,  gain = 2 s R − s² S
 //!
 //! is what the step takes off the sum of squares; c is the whole number of counts nearest to R/S.
-//! A step is believed whose gain exceeds `LIMIT` and beside which the piece is like what noise
+//! A step is believed whose gain exceeds `LIMIT` times the samples for which the sensor stands on
+//! one count, since what rounding leaves is of one sign for as long, and beside which the piece is like what noise
 //! leaves (`LIKE`): a model that misses something leaves more. Pieces overlap by half, since a
 //! step at the end of a piece is taken for its state.
 //!
@@ -163,6 +164,7 @@ fn in_piece<D: Dynamics + ?Sized>(
     let mut best: Option<Slip> = None;
     for (k, size) in count.iter().enumerate() {
         let Some(size) = size.map(|q| q / problem.sigma[k]) else { continue };
+        let limit = LIMIT * dwell(piece, (k, sensors), size * problem.sigma[k]);
         let (mut sum, mut of_basis) = (0.0, DVector::zeros(basis.ncols()));
         for j in (1..samples).rev() {
             let row = j * sensors + k;
@@ -175,7 +177,7 @@ fn in_piece<D: Dynamics + ?Sized>(
             }
             let step = counts * size;
             let gain = 2.0 * step * sum - step * step * free;
-            if gain > best.map_or(LIMIT, |b| b.gain) {
+            if gain > limit && best.is_none_or(|b| gain > b.gain) {
                 best = Some(Slip { sensor: k, stretch: piece.stretch, sample: first + j, counts, gain });
             }
         }
@@ -183,6 +185,14 @@ fn in_piece<D: Dynamics + ?Sized>(
     let freedom = (residuals.len() - basis.ncols()).max(1) as f64;
     let behind = (cost - best.map_or(0.0, |b| b.gain)) / freedom;
     Some(Step { slip: best, before: cost / freedom, behind })
+}
+
+/// Samples for which a sensor stands on one count in a piece, in the mean: 1 where each shows
+/// another, without end where it rests. What rounding leaves is of one sign for as long.
+fn dwell(piece: &Piece, (sensor, sensors): (usize, usize), count: f64) -> f64 {
+    let of = || piece.measured.iter().skip(sensor).step_by(sensors);
+    let changes = of().zip(of().skip(1)).filter(|(a, b)| (*a - *b).abs() > 0.5 * count).count();
+    of().count() as f64 / changes as f64
 }
 
 /// Residuals without what the piece's state and a constant offset of each sensor take of them, and

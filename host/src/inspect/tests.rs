@@ -126,7 +126,7 @@ fn a_chaotic_record_is_described() {
     }
     let text = text::text(&found);
     assert!(
-        text.contains("29\u{202f}863 samples at 500 Hz") && text.contains("lost       137: 137 on the link"),
+        text.contains("29\u{202f}863 samples at 500 Hz") && text.contains("lost       137: 137 missing rows"),
         "{text}"
     );
     assert!(text.contains("5 Hz stated, ") && text.lines().count() == 13, "{text}");

@@ -97,7 +97,7 @@ pub fn text(inspection: &Inspection) -> String {
     );
     let l = &r.losses;
     let causes: Vec<String> = [
-        ("on the link", l.lost_on_link),
+        (if r.origin.is_some() { "on the link" } else { "missing rows" }, l.lost_on_link),
         ("damaged", l.damaged),
         ("overruns", l.overruns),
         ("dropped by the device", l.dropped_by_device),

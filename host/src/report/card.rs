@@ -88,7 +88,9 @@ impl CardRow {
 
     /// Name in a terminal.
     fn name(&self) -> String {
-        if self.symbol.is_empty() {
+        if self.plain.is_empty() {
+            symbol_plain(&self.symbol)
+        } else if self.symbol.is_empty() {
             self.plain.clone()
         } else {
             format!("{}, {}", symbol_plain(&self.symbol), self.plain)

@@ -3,6 +3,8 @@
 
 use std::fmt::Write as _;
 
+use crate::error::plain;
+
 /// Width of a 95 % interval in standard errors.
 pub const Z95: f64 = 1.96;
 
@@ -36,6 +38,21 @@ pub fn power_of_ten(exponent: i32) -> String {
 pub fn shortest(x: f64) -> String {
     let rounded: f64 = format!("{x:.9e}").parse().unwrap_or(x);
     if rounded < 0.0 { format!("−{}", -rounded) } else { rounded.to_string() }
+}
+
+/// A number rounded to so many significant digits.
+pub fn rounded(x: f64, digits: usize) -> f64 {
+    format!("{x:.*e}", digits.saturating_sub(1)).parse().unwrap_or(x)
+}
+
+/// A word of a command as a shell takes it.
+pub fn shell_word(text: &str) -> String {
+    let bare = |c: char| c.is_alphanumeric() || "/._-:@+=,".contains(c);
+    if !text.is_empty() && text.chars().all(bare) {
+        text.to_owned()
+    } else {
+        format!("'{}'", plain(text).replace('\'', "'\\''"))
+    }
 }
 
 /// A number with `decimals` digits after the point and a true minus sign; "−0.00" becomes "0.00".

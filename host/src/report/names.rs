@@ -14,7 +14,9 @@ pub fn effect(name: &str) -> String {
             other => other,
         })
         .collect::<Vec<_>>()
-        .join(" ");
+        .join(" ")
+        .replace(" dependent ", "-dependent ")
+        .replace("power law ", "power-law ");
     let letters = at.trim_end_matches(|c: char| c.is_ascii_digit());
     let number = &at[letters.len()..];
     let numbered = |word: &str| if number.is_empty() { format!("the {word}") } else { format!("{word} {number}") };
@@ -96,6 +98,8 @@ mod tests {
             ("zero-offset@encoder2", "zero offset of encoder 2"),
             ("drive-harmonic-2@drive", "drive harmonic 2"),
             ("frame-tilt@frame", "frame tilt of the frame"),
+            ("amplitude-dependent-damping@q", "amplitude-dependent damping at q"),
+            ("power-law-damping@joint1", "power-law damping in joint 1"),
             ("cubic-stiffness@q", "cubic stiffness at q"),
             ("refit", "refit"),
         ] {

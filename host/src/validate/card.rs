@@ -43,10 +43,10 @@ fn sentence(v: &Validation) -> String {
         Verdict::Failed => "The model does not move as the measured system does",
     };
     format!(
-        "{verdict} ({passed} of {} check{} passed); its predictions stay within {}° of the record for {} s (median), where those of its own records do for {} s.",
+        "{verdict} ({passed} of {} check{} passed); its predictions stay within {} of the record for {} s (median), where those of its own records do for {} s.",
         v.checks.len(),
         if v.checks.len() == 1 { "" } else { "s" },
-        significant(v.horizon.tolerance_deg, 3),
+        v.horizon.within,
         significant(v.horizon.measured.median(), 3),
         significant(v.horizon.simulated.median(), 3)
     )

@@ -22,8 +22,8 @@ pub fn human(v: &Validation) -> String {
         format!(" = {} and {} Lyapunov times", significant(m, 2), significant(s, 2))
     });
     line(format!(
-        "  prediction within {}°: median {}{} s on the record, {} s on the model's own{times} ({} starts, fitted over {} s)",
-        significant(h.tolerance_deg, 3),
+        "  prediction within {}: median {}{} s on the record, {} s on the model's own{times} ({} starts, fitted over {} s)",
+        h.within,
         if 2 * h.measured.unended > h.measured.seconds.len() { "at least " } else { "" },
         significant(h.measured.median(), 3),
         significant(h.simulated.median(), 3),

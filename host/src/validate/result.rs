@@ -37,6 +37,9 @@ pub struct Check {
 pub struct HorizonComparison {
     /// Angle by which a prediction may be off, degrees.
     pub tolerance_deg: f64,
+    /// The same in words: of an angle, or of the range of what is none.
+    #[serde(skip)]
+    pub within: String,
     /// Length of the stretch to which initial states are fitted, s.
     pub fit_s: f64,
     /// Longest prediction, s.

@@ -16,6 +16,7 @@ use crate::model::flow::{Flow, Inputs, Outside};
 use crate::phase_space::model_exponent;
 use crate::phase_space::orbit_refinement::{RefinedOrbit, refine};
 use crate::phase_space::survey::PhaseSpace;
+use crate::report::format::{shortest, significant};
 
 /// Steps of integration a drive period.
 const STEPS: f64 = 50.0;
@@ -200,11 +201,23 @@ impl<'a> Starts<'a> {
         };
         HorizonComparison {
             tolerance_deg: self.settings.tolerance_deg,
+            within: self.within(),
             fit_s: FIT_PERIODS * self.pace.period_s,
             longest_s: LONGEST_PERIODS * self.pace.period_s,
             measured: run(measured),
             simulated: run(simulated),
             median_lyapunov_times: None,
+        }
+    }
+
+    /// How far a prediction may be off, in words.
+    fn within(&self) -> String {
+        let angle = format!("{}°", shortest(self.settings.tolerance_deg));
+        let share = format!("{} % of its range", significant(100.0 * self.settings.tolerance_deg / TURN_DEG, 2));
+        match (self.circle.contains(&true), self.circle.contains(&false)) {
+            (true, true) => format!("{angle} (what is no angle: {share})"),
+            (false, true) => share,
+            _ => angle,
         }
     }
 

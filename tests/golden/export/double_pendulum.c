@@ -1,7 +1,7 @@
 // double pendulum on a shaker: equations of motion, identified (method: explain).
 // Written by `whirl export`, version 0.1.0.
 //
-// State x: phi1 (SI unit), phi2 (SI unit), v_phi1 (SI unit/s), v_phi2 (SI unit/s).
+// State x: phi1 (rad), phi2 (rad), v_phi1 (rad/s), v_phi2 (rad/s).
 // Drive: 5 Hz, phase tau = OMEGA t.
 // Effects beside the nominal model:
 //   quadratic-drag@arm2: −k ω |ω|; value 2e-7 N m s², standard error 5.0e-10
@@ -70,10 +70,10 @@ static void solve(double a[N][N], double b[N], double y[N]) {
 void f_held(double t, const double x[], const double u[], const double held[], double dx[]) {
     (void)t;
     (void)u;
-    const double phi1 = x[0];  // SI unit
-    const double phi2 = x[1];  // SI unit
-    const double v_phi1 = x[2];  // SI unit/s
-    const double v_phi2 = x[3];  // SI unit/s
+    const double phi1 = x[0];  // rad
+    const double phi2 = x[1];  // rad
+    const double v_phi1 = x[2];  // rad/s
+    const double v_phi2 = x[3];  // rad/s
     const double tau = OMEGA*t;  // rad; phase of the drive
     const double phi1_tau = v_phi1/OMEGA;  // d phi1/d tau
     const double phi2_tau = v_phi2/OMEGA;  // d phi2/d tau

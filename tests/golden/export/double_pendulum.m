@@ -2,7 +2,7 @@ function [t, x, f] = double_pendulum(seconds, step_s, x)
 % double pendulum on a shaker: equations of motion, identified (method: explain).
 % Written by `whirl export`, version 0.1.0.
 %
-% State x: phi1 (SI unit), phi2 (SI unit), v_phi1 (SI unit/s), v_phi2 (SI unit/s).
+% State x: phi1 (rad), phi2 (rad), v_phi1 (rad/s), v_phi2 (rad/s).
 % Drive: 5 Hz, phase tau = OMEGA t.
 % Effects beside the nominal model:
 %   quadratic-drag@arm2: −k ω |ω|; value 2e-7 N m s², standard error 5.0e-10
@@ -59,10 +59,10 @@ function dx = right_hand_side(t, x, u, held)
   cogging_joint1_C = 1.3;  % strength of cogging@joint1, as it enters the equations
   cogging_joint1_S = -1.8;  % strength of cogging@joint1, as it enters the equations
 
-  phi1 = x(1);  % SI unit
-  phi2 = x(2);  % SI unit
-  v_phi1 = x(3);  % SI unit/s
-  v_phi2 = x(4);  % SI unit/s
+  phi1 = x(1);  % rad
+  phi2 = x(2);  % rad
+  v_phi1 = x(3);  % rad/s
+  v_phi2 = x(4);  % rad/s
   tau = OMEGA*t;  % rad; phase of the drive
   phi1_tau = v_phi1/OMEGA;  % d phi1/d tau
   phi2_tau = v_phi2/OMEGA;  % d phi2/d tau

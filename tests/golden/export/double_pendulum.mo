@@ -1,7 +1,7 @@
 // double pendulum on a shaker: equations of motion, identified (method: explain).
 // Written by `whirl export`, version 0.1.0.
 //
-// State x: phi1 (SI unit), phi2 (SI unit), v_phi1 (SI unit/s), v_phi2 (SI unit/s).
+// State x: phi1 (rad), phi2 (rad), v_phi1 (rad/s), v_phi2 (rad/s).
 // Drive: 5 Hz, phase tau = OMEGA t.
 // Effects beside the nominal model:
 //   quadratic-drag@arm2: −k ω |ω|; value 2e-7 N m s², standard error 5.0e-10
@@ -35,12 +35,12 @@ model double_pendulum "double pendulum on a shaker"
   parameter Real viscous_friction_joint1 = 0.0496 "strength of viscous-friction@joint1, as it enters the equations";
   parameter Real cogging_joint1_C = 1.3 "strength of cogging@joint1, as it enters the equations";
   parameter Real cogging_joint1_S = -1.8 "strength of cogging@joint1, as it enters the equations";
-  Real phi1(start = 1.0, fixed = true) "SI unit";
-  Real v_phi1(start = 0.0, fixed = true) "SI unit/s";
+  Real phi1(start = 1.0, fixed = true) "rad";
+  Real v_phi1(start = 0.0, fixed = true) "rad/s";
   Real phi1_tau "d phi1/d tau";
   Real phi1_tau_tau "d2 phi1/d tau2";
-  Real phi2(start = 1.0, fixed = true) "SI unit";
-  Real v_phi2(start = 0.0, fixed = true) "SI unit/s";
+  Real phi2(start = 1.0, fixed = true) "rad";
+  Real v_phi2(start = 0.0, fixed = true) "rad/s";
   Real phi2_tau "d phi2/d tau";
   Real phi2_tau_tau "d2 phi2/d tau2";
   Real tau "rad; phase of the drive";

@@ -8,6 +8,7 @@ use whirl::record::Record;
 use whirl::record::formats::ReadOptions;
 use whirl::rig::Rig;
 use whirl::rig::plant::Plant;
+use whirl_tests::battery::{Case, Kind};
 use whirl_tests::repository;
 
 use super::program::{done, json, whirl};
@@ -85,6 +86,51 @@ fn a_locked_record_decides_nothing() {
     let e = explained("seed.toml", &["quadratic-drag@arm2=2e-7"], 60.0, 1);
     assert_eq!(e.verdict, Verdict::NotDecidable, "{}", e.reason);
     assert!(e.effects.is_empty() && e.reason.contains("locked"), "{}", e.reason);
+}
+
+/// A case of the battery.
+fn case(kind: Kind, effect: &str, counts: u32, seconds: u32, seed: u64) -> Explanation {
+    let effects = Some(effect.to_owned()).filter(|e| !e.is_empty()).into_iter().collect();
+    Case { kind, effects, counts, seconds, seed }.explain()
+}
+
+/// The amplitude that is fitted without the harmonic is 5 % too small: the share is one of the
+/// amplitude that is found with it.
+#[test]
+fn a_strong_harmonic_is_told_by_the_amplitude_that_is_found_with_it() {
+    let e = case(Kind::Driven, "drive-harmonic-2@drive=3e-2", 1024, 60, 126);
+    let [f] = &e.effects[..] else { panic!("{:?}", e.effects) };
+    assert_eq!((f.id.as_str(), e.verdict), ("drive-harmonic-2", Verdict::Explained), "{}", e.reason);
+    assert!((f.value - 0.03).abs() < 4.0 * f.std_error && f.std_error < 1e-4, "{} ± {}", f.value, f.std_error);
+}
+
+/// About the motion of a model without either the two are not told apart; about that with the
+/// cubic one they are.
+#[test]
+fn a_spring_that_turns_over_is_no_cubic_one() {
+    let e = case(Kind::Driven, "torsion-spring@joint1=6e-3", 1024, 120, 109);
+    let [f] = &e.effects[..] else { panic!("{:?}", e.effects) };
+    assert_eq!((f.id.as_str(), e.verdict), ("torsion-spring", Verdict::Explained), "{}", e.reason);
+    assert!((f.value - 6e-3).abs() < 4.0 * f.std_error, "{} ± {}", f.value, f.std_error);
+}
+
+/// Both arms come to rest on the edge of a count, which is as far from the truth as a count's half
+/// for as long as they rest: no force and no slip.
+#[test]
+fn what_comes_to_rest_between_two_counts_lacks_nothing() {
+    let e = case(Kind::Free, "", 1024, 120, 177);
+    assert_eq!(e.verdict, Verdict::NothingMissing, "{}", e.reason);
+    assert!(!e.warnings.iter().any(|w| w.id == "count-slip"), "{:?}", e.warnings);
+}
+
+/// Both were named once: a force at one angle, by the one window that decided; a tone, the best of
+/// thousands of frequencies.
+#[test]
+fn chance_has_no_name() {
+    for (counts, seconds, seed) in [(4096, 120, 158), (1024, 60, 163)] {
+        let e = case(Kind::Driven, "", counts, seconds, seed);
+        assert_eq!(e.verdict, Verdict::NothingMissing, "seed {seed}: {} {:?}", e.reason, e.effects);
+    }
 }
 
 #[test]

@@ -7,7 +7,7 @@ use super::setting::{Physical, Setting};
 use super::state::State;
 use crate::effects::columns::{self, Action};
 use crate::effects::entry::{Entry, Form};
-use crate::effects::places::Place;
+use crate::effects::places::{self, Place, SIZE};
 use crate::effects::written;
 use crate::model::model_file::by_parts::pieces_of_effect;
 use crate::model::model_file::expression::{Expression, Node, Symbol, add, multiply, number, subtract, symbol};
@@ -193,6 +193,17 @@ impl Candidate {
     /// The same in another form.
     pub fn at(&self, setting: &Setting<'_>, form: Form, physical: &Physical) -> Option<Self> {
         Self::new(setting, &self.entry, self.place, form, physical)
+    }
+
+    /// The drive's amplitude at some parameters of the system by that at others, where strengths are
+    /// shares of it; none where they are not, or either is nothing.
+    pub fn size_ratio(&self, setting: &Setting<'_>, over: &Physical, under: &Physical) -> Option<f64> {
+        if setting.is_written() || !self.entry.names(SIZE) {
+            return None;
+        }
+        let y = places::drive(setting.file()?)?.y;
+        let ratio = places::size(&y, &over.values) / places::size(&y, &under.values);
+        (ratio > 0.0 && ratio.is_finite()).then_some(ratio)
     }
 
     /// Number of strengths.

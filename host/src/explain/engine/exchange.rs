@@ -10,12 +10,15 @@ use super::evidence::{Evidence, Outcome};
 use super::setting::Setting;
 use super::shooting::blocks::Blocks;
 use super::state::{Chosen, State};
-use crate::explain::decision::{Evidence as _, FAMILY_WISE};
+use crate::explain::decision::{Evidence as _, OF_A_FAMILY};
 use crate::explain::explanation::Found;
 use crate::explain::ranking::{self, Fit};
 
 /// Share by which what a simpler law leaves may exceed what the other does.
 const AS_LITTLE: f64 = 0.01;
+
+/// Times the noise from which what is left is more than that.
+const MISSES: f64 = 1.05;
 
 /// An effect in the place of one of those found.
 pub struct Exchange {
@@ -44,7 +47,8 @@ struct Tried {
 }
 
 /// The best exchange of an effect for a candidate that is not `taken`: for what predicts clearly
-/// better and is not larger (simpler where it is the only one); where there is none, for a simpler
+/// better and is not larger (about the motion of a model that lacks much, columns that are alike are
+/// not told apart; about that of the model with either they are); where there is none, for a simpler
 /// law that predicts as well. `effects`: those found, in their order. Effects that were taken off
 /// the record stay.
 pub fn best(
@@ -57,13 +61,12 @@ pub fn best(
     let free: Vec<usize> = places(&outcome.candidates, outcome.own.len());
     let offers: Vec<usize> =
         (0..outcome.candidates.len()).filter(|&i| !taken.contains(&outcome.candidates[i].name(setting))).collect();
-    let several = state.chosen.len() > state.nominal + 1;
     let mut at = state.values.len();
     let (mut better, mut simpler): (Vec<Exchange>, Vec<Exchange>) = (Vec::new(), Vec::new());
     for (k, Chosen { candidate: old, strengths }) in state.chosen.iter().enumerate() {
         let gone = at..at + strengths.len();
         at = gone.end;
-        if k < state.nominal || old.is_applied() || !(several || size(old) > 1) {
+        if k < state.nominal || old.is_applied() {
             continue;
         }
         let without = blocks.without(gone.clone());
@@ -72,13 +75,21 @@ pub fn best(
         let of = |&i: &usize| {
             let c = &outcome.candidates[i];
             // A larger law joins beside the old one first, which then goes if it is nothing.
-            if size(c) > size(old) || !(several || size(c) < size(old)) {
+            if size(c) > size(old) {
                 return None;
             }
             instead(&without, &rest, (i, c, free[i]), offers.len())
         };
         let tried: Vec<Tried> = offers.par_iter().filter_map(of).collect();
-        let (clear, others): (Vec<Tried>, Vec<Tried>) = tried.into_iter().partition(|t| brings(&without, outcome, t));
+        // About the motion of a model that still misses something, laws that are alike are hardly
+        // told apart: one that leaves less is tried.
+        let misses = sum(&outcome.fit) > MISSES * blocks.noise();
+        let alike = |t: &Tried| {
+            let new = &outcome.candidates[t.index];
+            misses && new.place == old.place && size(new) == size(old) && sum(&t.fit) < sum(&outcome.fit)
+        };
+        let (clear, others): (Vec<Tried>, Vec<Tried>) =
+            tried.into_iter().partition(|t| brings(&without, outcome, t) || alike(t));
         let as_good = |t: &Tried| {
             let (loss, error) = ranking::gain(&t.fit.held_out, &outcome.fit.held_out);
             let new = &outcome.candidates[t.index];
@@ -164,7 +175,7 @@ fn instead(
         return None;
     }
     let p = ranking::p_value(&fit, d);
-    (p * (offers as f64) < FAMILY_WISE).then_some(Tried { index, fit, p })
+    (p * (offers as f64) < OF_A_FAMILY).then_some(Tried { index, fit, p })
 }
 
 /// Whether a candidate predicts what was not fitted clearly better than what is in its place.

@@ -13,7 +13,7 @@ use super::{
     unknown,
 };
 use crate::error::Result;
-use crate::explain::decidability::Left;
+use crate::explain::decidability::{EXPLAINED_GAP, Left};
 use crate::explain::explanation::{Details, Explanation, Step, Verdict};
 use crate::explain::{Settings, decidability, decision, ranking};
 use crate::identify::Identification;
@@ -90,6 +90,30 @@ impl<'a> Run<'a> {
         let Some((motion, parameters)) = self.state.motion(&self.setting, x) else { return f64::NAN };
         let model = Model { motion: &motion, parameters: &parameters, step_s: self.step_s() };
         self.state.on_track(&self.setting, |track| model.gap(track, (horizon_s, self.horizons.1)))
+    }
+
+    /// The gap at every horizon that it was measured over, in records that the model itself makes:
+    /// counts that stand while the motion is slow are no white noise, and one more than the noise
+    /// says is nothing then. Only where a gap is more than a right model's by noise.
+    fn gaps_of_itself(&self, x: &DVector<f64>) -> Vec<(f64, f64)> {
+        let last = self.result.gap.steps.last().map(|s| (self.horizons.0, s.value));
+        let all: Vec<(f64, f64)> =
+            last.into_iter().chain(self.result.gap.horizons.iter().map(|h| (h.0, h.2))).collect();
+        let Some(followed) = self.state.followed.as_ref().filter(|_| all.iter().any(|g| g.1 > EXPLAINED_GAP)) else {
+            return Vec::new();
+        };
+        let Some((motion, parameters)) = self.state.motion(&self.setting, x) else { return Vec::new() };
+        let model = Model { motion: &motion, parameters: &parameters, step_s: self.step_s() };
+        let made = |repeat| State {
+            stretches: shooting::remade_record(&self.setting, &self.state, followed, repeat),
+            ..self.state.clone()
+        };
+        let records: Vec<State> = (0..shooting::RECORDS).map(made).collect();
+        let mean = |horizon_s: f64| {
+            let of = |r: &State| r.on_track(&self.setting, |track| model.gap(track, (horizon_s, self.horizons.1)));
+            records.iter().map(of).sum::<f64>() / records.len() as f64
+        };
+        all.into_iter().map(|(horizon_s, _)| (horizon_s, mean(horizon_s))).collect()
     }
 
     /// The gap of the model with coefficients `x`.
@@ -204,6 +228,7 @@ impl<'a> Run<'a> {
             simulation::measure(&self.setting, &self.state, outcome, added, &mut self.result.simulation);
         }
         self.compare(first, x);
+        let gaps = self.gaps_of_itself(x);
         let Self { setting, state, mut result, .. } = self;
         tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.fit.covariance), first, &mut result);
         let by_shooting = outcome.evidence.is_shooting();
@@ -212,6 +237,7 @@ impl<'a> Run<'a> {
             patched: patched::patched(&setting, &state, outcome),
             shape: shape.as_ref().filter(|s| s.is_clear).map(|s| s.unknown.told()),
             remade: by_shooting.then(|| shooting::remade(&setting, &state)).flatten(),
+            gaps,
         };
         decidability::decide(&mut result, undecidable, rest);
         if result.verdict == Verdict::Unexplained {

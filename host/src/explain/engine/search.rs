@@ -11,7 +11,7 @@ use super::state::{Chosen, State};
 use super::{residual, shooting, tell, tones};
 use crate::error::Result;
 use crate::explain::decidability::EXPLAINED_GAP;
-use crate::explain::decision::{self, Choice, FAMILY_WISE, Offer};
+use crate::explain::decision::{self, Choice, OF_A_FAMILY, Offer};
 use crate::explain::explanation::{Explanation, Found, Refused};
 use crate::explain::ranking::Fit;
 use crate::explain::{LEAST_PROGRESS, MOST_EFFECTS, Settings};
@@ -22,6 +22,9 @@ const MOST_EXCHANGES: usize = 16;
 const MOST_RESUMED: usize = 3;
 /// Standard errors from nothing at which a name stands.
 const CLEAR: f64 = 2.0;
+/// The same of a frequency, the best of N independent ones: √(2 ln N) by noise alone, N some
+/// thousand.
+const CLEAR_OF_MANY: f64 = 4.0;
 /// Share of its promise at a strength of nothing that an effect must keep.
 const LEAST_KEPT: f64 = 0.5;
 
@@ -140,7 +143,7 @@ impl Run<'_> {
         let told = (self.result.ranking.clone(), self.result.refused.clone());
         let next = choose(&self.setting, &self.state, &outcome, &search.names(), &mut self.result);
         // The frequency was the best of many.
-        let next = next.filter(|(found, _)| found.p_value * tests < FAMILY_WISE);
+        let next = next.filter(|(found, _)| found.p_value * tests < OF_A_FAMILY);
         if next.is_none() {
             (self.result.ranking, self.result.refused) = told;
         }
@@ -197,9 +200,13 @@ impl Run<'_> {
         let mut any = false;
         while let Some(k) = without_trace(&self.setting, &self.state, &outcome) {
             any = true;
-            let _ = self.state.chosen.remove(k);
+            let why = match is_of_many(&self.state.chosen.remove(k).candidate) {
+                true => {
+                    "its strength is within four standard errors of nothing, as the best of so many frequencies is by noise alone"
+                }
+                false => "beside the other effects its strength is within two standard errors of nothing",
+            };
             let gone = named(&self.result.effects.remove(k - self.state.nominal));
-            let why = "beside the other effects its strength is within two standard errors of nothing";
             let refused = Refused::new(&gone, why.to_owned());
             self.result.refused.push(refused.clone());
             search.refused.push(refused);
@@ -330,6 +337,11 @@ fn tell_of(setting: &Setting<'_>, state: &State, candidate: &Candidate, fit: &Fi
     tell::found(setting, candidate, tell::value(setting, &state.physical, candidate, &strengths, &covariance))
 }
 
+/// Whether an effect is the best of the frequencies that were looked at.
+fn is_of_many(candidate: &Candidate) -> bool {
+    candidate.entry.shapes.iter().any(|s| s.of_lines)
+}
+
 /// The effect that is furthest from being anything, if one is within [`CLEAR`] standard errors of
 /// nothing.
 fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<usize> {
@@ -346,6 +358,8 @@ fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Opt
         // Nor does a name stand whose value is within them.
         let clear = clear.fold(0.0, f64::max).min(value_over_error(setting, state, (outcome, at), chosen));
         at += chosen.strengths.len();
+        // The best of many frequencies is that far from nothing by noise alone.
+        let clear = if is_of_many(&chosen.candidate) { clear * CLEAR / CLEAR_OF_MANY } else { clear };
         if k >= state.nominal && clear < CLEAR && weakest.is_none_or(|w| clear < w.1) {
             weakest = Some((k, clear));
         }

@@ -36,6 +36,17 @@ impl Chosen {
         let candidate = candidate.refined(setting, physical);
         Self { strengths: vec![0.0; candidate.strengths()], candidate }
     }
+
+    /// Where strengths are shares of the drive's amplitude, and that is known better now: the same
+    /// effect as shares of the new one. An amplitude found before the effect was in the model is off
+    /// by what it made of it (5 % for a second harmonic of 3 %).
+    fn with_size_of(&mut self, setting: &Setting<'_>, before: &Physical, now: &Physical) {
+        let Some(ratio) = self.candidate.size_ratio(setting, before, now) else { return };
+        if let Some(candidate) = self.candidate.at(setting, self.candidate.form.clone(), now) {
+            self.candidate = candidate;
+            self.strengths.iter_mut().for_each(|s| *s *= ratio);
+        }
+    }
 }
 
 /// Coefficients and what was computed with them.
@@ -68,6 +79,9 @@ impl State {
         let n = self.values.len();
         let own = (x.rows(0, n).into_owned(), covariance.view((0, 0), (n, n)).into_owned());
         if let Some(physical) = setting.physical(&own.0, &own.1) {
+            for k in &mut self.chosen {
+                k.with_size_of(setting, &self.physical, &physical);
+            }
             self.physical = physical;
         }
         for k in &mut self.chosen {

@@ -215,6 +215,48 @@ impl Blocks {
         .collect()
     }
 
+    /// Covariance of the columns behind the own ones where what is left is noise alike everywhere:
+    /// s² m (N₂₂ − N₂₁ N₁₁⁻¹ N₁₂)⁻¹, N the normal matrix, s² what is left by its degrees of freedom.
+    /// The horizons t of a window are of the same samples: by Cauchy and Schwarz's inequality they
+    /// tell at least m = (Σ √N_t)²/Σ N_t times less than independent ones would.
+    fn even_covariance(
+        &self,
+        columns: &[usize],
+        own: usize,
+        total: &DMatrix<f64>,
+        x: &DVector<f64>,
+    ) -> Option<DMatrix<f64>> {
+        let p = columns.len();
+        let freedom = self.noise() - p as f64;
+        if freedom < 1.0 || own >= p {
+            return None;
+        }
+        let scale = DVector::from_fn(p, |i, _| total[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip());
+        let unit = DMatrix::from_fn(p, p, |i, j| total[(i, j)] * scale[i] * scale[j]);
+        // The last rows of Cholesky's factor are that of what the own columns leave.
+        let factor = unit.cholesky()?.l().view((own, own), (p - own, p - own)).into_owned();
+        let square = &factor * factor.transpose();
+        let inverse = square.cholesky()?.inverse();
+        let shared = squares(total, x) / freedom * self.overlap(&columns[own..]);
+        Some(DMatrix::from_fn(p - own, p - own, |i, j| shared * inverse[(i, j)] * scale[own + i] * scale[own + j]))
+    }
+
+    /// m of [`Self::even_covariance`], the largest of some columns.
+    fn overlap(&self, columns: &[usize]) -> f64 {
+        let of = |column: usize| {
+            let mut by_horizon: Vec<f64> = Vec::new();
+            for (window, weights) in self.windows.iter().zip(&self.weights) {
+                by_horizon.resize(by_horizon.len().max(window.len()), 0.0);
+                let parts = window.iter().zip(weights);
+                by_horizon.iter_mut().zip(parts).for_each(|(sum, (p, w))| *sum += w * p.gram.chosen(&[column])[(0, 0)]);
+            }
+            let roots: f64 = by_horizon.iter().map(|x| x.max(0.0).sqrt()).sum();
+            let sum: f64 = by_horizon.iter().sum();
+            if sum > 0.0 { roots * roots / sum } else { 1.0 }
+        };
+        columns.iter().map(|&c| of(c)).fold(1.0, f64::max)
+    }
+
     /// Whether columns behind the own ones can be told from what these do together: a share of each
     /// is left that they do not explain.
     pub fn separable(&self, own: usize, total: &DMatrix<f64>) -> bool {
@@ -269,11 +311,12 @@ impl Blocks {
             let plain = jackknife(&free, &solve_free(&total, &free, &origin)?)?;
             (0..p).filter(|i| held[*i]).for_each(|i| covariance[(i, i)] = plain[(i, i)]);
         }
+        let even = self.even_covariance(columns, own, &total, &all);
         // Windows weigh alike: those in which a friction shows most are those that miss most
         // without it.
         let origin = DVector::from_vec(origin);
         let (all, train) = (all + &origin, train? + origin);
-        Some(Fit { all, train, covariance, blocks: n, effective: vec![n as f64; p], held_out })
+        Some(Fit { all, train, covariance, blocks: n, effective: vec![n as f64; p], held_out, even })
     }
 }
 
@@ -339,5 +382,37 @@ mod tests {
         let misfits: Vec<Vec<f64>> = (0..12).map(|k| vec![if k < 6 { 0.5 } else { 10.0 }]).collect();
         weighed.weigh(&misfits);
         assert!((weighed.noise() - (6.0 * 20.0 + 6.0 * 2.0)).abs() < 1e-12);
+    }
+
+    /// Rows of one horizon: the covariance of even noise is that of ordinary least squares. Twice
+    /// the same rows as two horizons tell no more: it stays what it is.
+    #[test]
+    fn even_noise_gives_the_covariance_of_ordinary_least_squares() {
+        let mut seed = 3_u32;
+        let mut random = move || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(seed >> 8) / f64::from(1 << 24) - 0.5
+        };
+        let grams: Vec<DMatrix<f64>> = (0..30)
+            .map(|_| {
+                (0..20).fold(DMatrix::zeros(3, 3), |gram, _| {
+                    let (a, b) = (random(), random());
+                    let row = DVector::from_vec(vec![a, b, a + 0.5 * b + 0.1 * random()]);
+                    gram + &row * row.transpose()
+                })
+            })
+            .collect();
+        let part = |g: &DMatrix<f64>| Part { gram: Gram::of_own(g.clone()), freedom: 20.0 };
+        let once = Blocks::new(grams.iter().map(|g| vec![part(g)]).collect(), vec![0.0; 2], Vec::new());
+        let fit = once.fit(&[0, 1]).unwrap();
+        let total = grams.iter().fold(DMatrix::zeros(3, 3), |s, g| s + g);
+        let normal = total.view((0, 0), (2, 2)).into_owned();
+        let left = squares(&total, &fit.all) / (30.0 * 20.0 - 2.0);
+        let plain = normal.try_inverse().unwrap() * left;
+        let even = fit.even.unwrap();
+        assert!((&even - &plain).amax() < 1e-9 * plain.amax(), "{even} {plain}");
+        let twice = Blocks::new(grams.iter().map(|g| vec![part(g), part(g)]).collect(), vec![0.0; 2], Vec::new());
+        let even = twice.fit(&[0, 1]).unwrap().even.unwrap();
+        assert!((&even - &plain).amax() < 0.01 * plain.amax(), "{even} {plain}");
     }
 }

@@ -14,7 +14,7 @@ use crate::identify::remeasured::measure;
 use crate::identify::stretches::Stretch;
 
 /// Records that are made; every other one has its noise with the opposite sign.
-const RECORDS: usize = 2;
+pub const RECORDS: usize = 2;
 
 /// The stretch on its path.
 fn on_path(s: &Stretch, path: &Path) -> Stretch {
@@ -27,17 +27,22 @@ fn on_path(s: &Stretch, path: &Path) -> Stretch {
     out
 }
 
-/// Power over that of the noise in every window of a record that the model made.
-fn powers(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize) -> Option<Vec<f64>> {
+/// A record that the model made: every followed stretch on its path, measured by the same sensors.
+pub fn record(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize) -> Vec<Stretch> {
     let of = |(i, (s, path)): (usize, (&Stretch, &Path))| {
         measure(&on_path(s, path), repeat, &setting.bound, &setting.sensors, i as u64)
     };
-    let seen: Vec<Stretch> = state.stretches.iter().zip(&followed.paths).enumerate().map(of).collect();
-    let shown = seen.iter().map(|s| s.sensors(&setting.bound)).collect();
+    state.stretches.iter().zip(&followed.paths).enumerate().map(of).collect()
+}
+
+/// Power over that of the noise in every window of a record that the model made.
+fn powers(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize) -> Option<Vec<f64>> {
+    let made = record(setting, state, followed, repeat);
+    let shown = made.iter().map(|s| s.sensors(&setting.bound)).collect();
     // The paths are those under the inputs as they were; a base that is measured again is another.
     let mut again = state.clone();
-    for (s, seen) in again.stretches.iter_mut().zip(seen) {
-        s.inputs = seen.inputs;
+    for (s, made) in again.stretches.iter_mut().zip(made) {
+        s.inputs = made.inputs;
     }
     let course = Course::new(setting, &again).showing(shown);
     let list = List { x: present(state), further: &[], behind: &[], together: false };
