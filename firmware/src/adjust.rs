@@ -5,14 +5,16 @@
 //! behind the number of its layout; another layout, or values that are not possible, are as if
 //! nothing had been kept.
 
-use whirl_shared::frame::{CommandResult, Setting, ShakerLimits};
+use whirl_shared::frame::{BaseKind, BaseSensor, CommandResult, Setting, ShakerLimits};
 
 use crate::settings::{Settings, SettingsError};
 
+/// Encoders that there is room for, whatever this build has.
+const ENCODERS: usize = 6;
 /// Words of kept settings.
-pub const WORDS: usize = 12;
+pub const WORDS: usize = 12 + ENCODERS;
 /// Number of this layout.
-const LAYOUT: u32 = 1;
+const LAYOUT: u32 = 2;
 
 /// Kept settings.
 pub type Words = [u32; WORDS];
@@ -24,13 +26,14 @@ impl Settings {
     /// What the host is to be answered.
     pub fn with(&self, setting: Setting, built_in: &Self) -> Result<Self, CommandResult> {
         let mut new = self.clone();
-        let of = |channel: u8| (usize::from(channel) < new.reversed.len()).then_some(usize::from(channel));
-        const NO_CHANNEL: CommandResult = CommandResult::OutOfRange { limit: 1 };
+        let no_channel = CommandResult::OutOfRange { limit: (new.reversed.len() as u32).saturating_sub(1) };
         match setting {
             Setting::CountsPerTurn { channel, counts } => {
-                new.counts_per_turn[of(channel).ok_or(NO_CHANNEL)?] = counts;
+                *new.counts_per_turn.get_mut(usize::from(channel)).ok_or(no_channel)? = counts;
             }
-            Setting::Reversed { channel, reversed } => new.reversed[of(channel).ok_or(NO_CHANNEL)?] = reversed,
+            Setting::Reversed { channel, reversed } => {
+                *new.reversed.get_mut(usize::from(channel)).ok_or(no_channel)? = reversed;
+            }
             Setting::SampleRate { millihertz } => new.sample_rate_millihertz = millihertz,
             Setting::AmplitudeLimit { micrometre } => new.limits.amplitude_micrometre = micrometre,
             Setting::FrequencyLimit { millihertz } => new.limits.frequency_millihertz = millihertz,
@@ -42,6 +45,8 @@ impl Settings {
             Setting::FullScale { micrometre } => new.full_scale_micrometre = micrometre,
             Setting::Baud { rate } => new.baud = rate,
             Setting::BuiltIn => return Ok(built_in.clone()),
+            Setting::Base { kind } => new.base.kind = kind,
+            Setting::BaseScale { scale } => new.base.scale = scale,
         }
         match new.validate() {
             Ok(()) => Ok(new),
@@ -60,11 +65,20 @@ impl Settings {
             ramp_micrometre_per_s,
             acceleration_millimetre_per_s2,
         } = self.limits;
+        let reversed = self.reversed.iter().rev().fold(0, |all, one| all << 1 | u32::from(*one));
+        let mut counts = self.counts_per_turn.iter().copied();
+        let mut next = || counts.next().unwrap_or(0);
+        let counts: [u32; ENCODERS] = core::array::from_fn(|_| next());
+        let [c0, c1, c2, c3, c4, c5] = counts;
         [
             LAYOUT,
-            self.counts_per_turn[0],
-            self.counts_per_turn[1],
-            u32::from(self.reversed[0]) | u32::from(self.reversed[1]) << 1,
+            c0,
+            c1,
+            c2,
+            c3,
+            c4,
+            c5,
+            reversed,
             self.sample_rate_millihertz,
             amplitude_micrometre,
             frequency_millihertz,
@@ -73,6 +87,8 @@ impl Settings {
             self.host_timeout_ms,
             self.full_scale_micrometre,
             self.baud,
+            self.base.kind as u32,
+            self.base.scale,
         ]
     }
 
@@ -81,9 +97,13 @@ impl Settings {
     pub fn with_words(&self, words: &Words) -> Option<Self> {
         let &[
             LAYOUT,
-            counts1,
-            counts2,
-            reversed @ 0..=3,
+            c0,
+            c1,
+            c2,
+            c3,
+            c4,
+            c5,
+            reversed,
             sample_rate_millihertz,
             amplitude_micrometre,
             frequency_millihertz,
@@ -92,13 +112,27 @@ impl Settings {
             host_timeout_ms,
             full_scale_micrometre,
             baud,
+            kind,
+            scale,
         ] = words
         else {
             return None;
         };
+        let encoders = self.counts_per_turn.len();
+        if u64::from(reversed) >> encoders != 0 {
+            return None;
+        }
+        let kind = match kind {
+            0 => BaseKind::None,
+            1 => BaseKind::Encoder,
+            2 => BaseKind::Position,
+            3 => BaseKind::Acceleration,
+            _ => return None,
+        };
         let new = Self {
-            counts_per_turn: [counts1, counts2],
-            reversed: [reversed & 1 != 0, reversed & 2 != 0],
+            counts_per_turn: [c0, c1, c2, c3, c4, c5].into_iter().take(encoders).collect(),
+            reversed: (0..encoders).map(|i| reversed >> i & 1 != 0).collect(),
+            base: BaseSensor { kind, scale },
             sample_rate_millihertz,
             limits: ShakerLimits {
                 amplitude_micrometre,
@@ -121,7 +155,7 @@ mod tests {
 
     #[test]
     fn every_setting_changes_its_own_and_is_kept() {
-        let built_in = Settings::default();
+        let built_in = Settings { base_input: true, ..Settings::default() };
         let mut all = built_in.clone();
         for (n, setting) in [
             Setting::CountsPerTurn { channel: 1, counts: 8_192 },
@@ -135,6 +169,8 @@ mod tests {
             Setting::HostTimeout { ms: 900 },
             Setting::FullScale { micrometre: 12_000 },
             Setting::Baud { rate: 230_400 },
+            Setting::Base { kind: BaseKind::Position },
+            Setting::BaseScale { scale: 800_000 },
         ]
         .into_iter()
         .enumerate()
@@ -157,13 +193,16 @@ mod tests {
             (Setting::CountsPerTurn { channel: 0, counts: 0 }, 1),
             (Setting::CountsPerTurn { channel: 0, counts: u32::MAX }, 1 << 20),
             (Setting::HostTimeout { ms: 5 }, 100),
+            // This board has no input for it.
+            (Setting::Base { kind: BaseKind::Encoder }, 0),
+            (Setting::BaseScale { scale: 0 }, 1),
             (Setting::Baud { rate: 9_600 }, 57_600),
             // Five samples a period at the greatest frequency.
             (Setting::SampleRate { millihertz: 50_000 }, 10_000),
         ] {
             assert_eq!(built_in.with(setting, &built_in), Err(CommandResult::OutOfRange { limit }), "{setting:?}");
         }
-        for (place, value) in [(0, 2), (0, 0), (1, 0), (3, 4), (11, 1)] {
+        for (place, value) in [(0, 1), (0, 0), (1, 0), (7, 4), (15, 1), (16, 1), (16, 9), (17, 0)] {
             let mut words = built_in.to_words();
             words[place] = value;
             assert_eq!(built_in.with_words(&words), None, "word {place}");

@@ -9,10 +9,10 @@ use crate::adjust::Words;
 use crate::estimate::Estimator;
 use crate::event::{Event, Request};
 use crate::history::KEPT;
+use crate::inputs::Inputs;
 use crate::kept::Kept;
 use crate::link::Link;
 use crate::output::ShakerOutput;
-use crate::quadrature::QuadratureCounter;
 use crate::sampler::Sampler;
 use crate::settings::{Settings, SettingsError};
 use crate::shaker::Drive;
@@ -27,65 +27,48 @@ pub const REQUESTS: usize = 16;
 /// The whole application. The const parameters are the queues' slots, of which one each stays
 /// empty; `K` is memory for the blocks that are kept.
 #[derive(Debug)]
-pub struct App<
-    C1,
-    C2,
-    O,
-    const B: usize = BLOCKS,
-    const E: usize = EVENTS,
-    const R: usize = REQUESTS,
-    K = [SampleBlock; KEPT],
-> {
-    sampler: Sampler<C1, C2, O>,
+pub struct App<I, O, const B: usize = BLOCKS, const E: usize = EVENTS, const R: usize = REQUESTS, K = [u8; KEPT]> {
+    sampler: Sampler<I, O>,
     link: Link<Estimator, K>,
     blocks: Queue<SampleBlock, B>,
     events: Queue<Event, E>,
     requests: Queue<Request, R>,
 }
 
-impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> App<C1, C2, O> {
+impl<I: Inputs, O: ShakerOutput> App<I, O> {
     /// With the boards' queues; tick 0, shaker disarmed, a hello waiting to be sent.
     ///
     /// # Errors
     /// A setting that is not possible.
-    pub fn new(settings: Settings, counter1: C1, counter2: C2, output: O) -> Result<Self, SettingsError> {
-        Self::with_queues(settings, counter1, counter2, output)
+    pub fn new(settings: Settings, inputs: I, output: O) -> Result<Self, SettingsError> {
+        Self::with_queues(settings, inputs, output)
     }
 }
 
-impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput, const B: usize, const E: usize, const R: usize>
-    App<C1, C2, O, B, E, R>
-{
+impl<I: Inputs, O: ShakerOutput, const B: usize, const E: usize, const R: usize> App<I, O, B, E, R> {
     /// As [`App::new`], with queues of other lengths.
     ///
     /// # Errors
     /// A setting that is not possible.
-    pub fn with_queues(settings: Settings, counter1: C1, counter2: C2, output: O) -> Result<Self, SettingsError> {
-        Self::with_memory(&settings, counter1, counter2, output, [SampleBlock::EMPTY; KEPT])
+    pub fn with_queues(settings: Settings, inputs: I, output: O) -> Result<Self, SettingsError> {
+        Self::with_memory(&settings, inputs, output, [0; KEPT])
     }
 }
 
-impl<C1, C2, O, K, const B: usize, const E: usize, const R: usize> App<C1, C2, O, B, E, R, K>
+impl<I, O, K, const B: usize, const E: usize, const R: usize> App<I, O, B, E, R, K>
 where
-    C1: QuadratureCounter,
-    C2: QuadratureCounter,
+    I: Inputs,
     O: ShakerOutput,
-    K: BorrowMut<[SampleBlock]>,
+    K: BorrowMut<[u8]>,
 {
     /// As [`App::new`], with queues of other lengths, and other memory for the blocks that are
     /// kept.
     ///
     /// # Errors
     /// A setting that is not possible; memory for no block.
-    pub fn with_memory(
-        settings: &Settings,
-        counter1: C1,
-        counter2: C2,
-        output: O,
-        memory: K,
-    ) -> Result<Self, SettingsError> {
+    pub fn with_memory(settings: &Settings, inputs: I, output: O, memory: K) -> Result<Self, SettingsError> {
         Ok(Self {
-            sampler: Sampler::new(settings, counter1, counter2, output)?,
+            sampler: Sampler::new(settings, inputs, output)?,
             link: Link::with(settings, Estimator::IDLE, memory)?,
             blocks: Queue::new(),
             events: Queue::new(),
@@ -152,19 +135,18 @@ where
         self.link.status(self.sampler.snapshot())
     }
 
-    /// Both counters, for simulators.
-    pub fn counters_mut(&mut self) -> (&mut C1, &mut C2) {
-        let (counter1, counter2, _) = self.sampler.parts_mut();
-        (counter1, counter2)
+    /// The inputs, for simulators.
+    pub fn inputs_mut(&mut self) -> &mut I {
+        self.sampler.parts_mut().0
     }
 
     /// The shaker's output, for simulators.
     pub fn output_mut(&mut self) -> &mut O {
-        self.sampler.parts_mut().2
+        self.sampler.parts_mut().1
     }
 
-    /// Both counters and the output, for simulators.
-    pub fn parts_mut(&mut self) -> (&mut C1, &mut C2, &mut O) {
+    /// The inputs and the output, for simulators.
+    pub fn parts_mut(&mut self) -> (&mut I, &mut O) {
         self.sampler.parts_mut()
     }
 }

@@ -1,16 +1,16 @@
 //! Consecutive samples → blocks.
 //!
 //! A block can hold samples as long as ticks follow each other, the drive's settings stay and no
-//! encoder moves by more than a 16-bit difference from one tick to the next.
+//! channel moves by more than a 16-bit difference from one tick to the next.
 
-use whirl_shared::block::sample_count;
-use whirl_shared::frame::{BLOCK_LEN, CHANNELS, SampleBlock};
+use whirl_shared::block::{Counts, sample_count};
+use whirl_shared::frame::{BLOCK_LEN, SampleBlock};
 
 /// One sample with the drive's settings at its tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Reading {
     pub tick: u32,
-    pub counts: [i32; CHANNELS],
+    pub counts: Counts,
     pub phase: u32,
     pub phase_increment: u32,
     pub amplitude_nanometre: u32,
@@ -39,7 +39,8 @@ impl BlockBuilder {
             phase: reading.phase,
             phase_increment: reading.phase_increment,
             amplitude_nanometre: reading.amplitude_nanometre,
-            first: reading.counts,
+            // There is room for every channel.
+            first: reading.counts.iter().copied().collect(),
             deltas: heapless::Vec::new(),
         };
         self.open.replace(Open { block, last: reading }).map(|open| open.block)
@@ -50,18 +51,15 @@ impl BlockBuilder {
         let follows = reading.tick == last.tick.wrapping_add(1)
             && reading.phase_increment == block.phase_increment
             && reading.phase == last.phase.wrapping_add(block.phase_increment);
-        let mut delta = [0; CHANNELS];
-        for i in 0..CHANNELS {
-            match i16::try_from(reading.counts[i].wrapping_sub(last.counts[i])) {
-                Ok(difference) => delta[i] = difference,
-                Err(_) => return false,
-            }
+        let differences = || reading.counts.iter().zip(last.counts.iter()).map(|(new, old)| new.wrapping_sub(*old));
+        let room = sample_count(block) < BLOCK_LEN as u32 && reading.counts.len() == block.first.len();
+        if !(follows && room && differences().all(|d| i16::try_from(d).is_ok())) {
+            return false;
         }
-        let appended = follows && block.deltas.push(delta).is_ok();
-        if appended {
-            *last = reading;
-        }
-        appended
+        // They fit, and there is room for all.
+        block.deltas.extend(differences().map(|d| d as i16));
+        *last = reading;
+        true
     }
 
     /// Gives the block if it is full.
@@ -82,7 +80,7 @@ mod tests {
     use whirl_shared::block::samples;
 
     fn reading(tick: u32, counts: [i32; 2], phase: u32, increment: u32) -> Reading {
-        Reading { tick, counts, phase, phase_increment: increment, amplitude_nanometre: 9 }
+        Reading { tick, counts: Counts::of(&counts), phase, phase_increment: increment, amplitude_nanometre: 9 }
     }
 
     #[test]
@@ -99,7 +97,7 @@ mod tests {
             let tick = i.wrapping_sub(13); // runs over the wrap of the tick
             let counts = [i32::MAX.wrapping_add(i as i32 * 31), -(i as i32) * 32_000];
             let phase = i.wrapping_mul(0x2345_6789);
-            want.push((tick, phase, counts));
+            want.push((tick, phase, Counts::of(&counts)));
             builder.push(reading(tick, counts, phase, 0x2345_6789)).into_iter().for_each(&mut keep);
             builder.take_full().into_iter().for_each(&mut keep);
         }
@@ -123,7 +121,7 @@ mod tests {
             let before = builder.push(next).expect("a block of one sample");
             assert_eq!(sample_count(&before), 1);
             let after = builder.flush().unwrap();
-            assert_eq!((after.first_tick, after.first), (next.tick, next.counts));
+            assert_eq!((after.first_tick, &after.first[..]), (next.tick, &next.counts[..]));
         }
     }
 }

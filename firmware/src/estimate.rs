@@ -96,6 +96,8 @@ pub struct Estimator {
     second: LeastSquares<f32, UNKNOWNS2>,
     forget: f32,
     window: WindowInfo,
+    /// Nothing is identified.
+    off: bool,
     step: Step,
     /// Targets of the last windows, by their numbers modulo the number of places.
     targets: [Targets; HISTORY],
@@ -112,6 +114,7 @@ impl Estimator {
         first: LeastSquares::of_zero(0.0),
         second: LeastSquares::of_zero(0.0),
         forget: 0.0,
+        off: false,
         window: WindowInfo { tick: 0, length: 0, number: 0, phase_increment: 0, amplitude_nanometre: 0 },
         step: Step::Nothing,
         targets: [[[[0.0; 2]; 2]; FREQUENCIES + 1]; HISTORY],
@@ -129,7 +132,13 @@ impl Estimator {
     /// Begins anew with settings; false where one is not possible.
     #[must_use]
     pub fn set_up(&mut self, settings: &Settings) -> bool {
-        let [Some(scale1), Some(scale2)] = settings.counts_per_turn.map(CountScale::new) else { return false };
+        // A double pendulum's: with other than two encoders nothing is identified.
+        let [first, second] = match settings.counts_per_turn[..] {
+            [first, second] => [first, second],
+            _ => [1; 2],
+        };
+        self.off = settings.counts_per_turn.len() != 2;
+        let (Some(scale1), Some(scale2)) = (CountScale::new(first), CountScale::new(second)) else { return false };
         if settings.forget_per_mille > 1_000 {
             return false;
         }
@@ -267,8 +276,18 @@ impl Estimator {
     pub fn block(&mut self, block: &SampleBlock) -> Option<Outcome> {
         let mut last = None;
         for sample in samples(block) {
-            let outcome =
-                self.sample(sample.tick, sample.counts, sample.phase, block.phase_increment, block.amplitude_nanometre);
+            // The base's counts come behind those of the encoders.
+            let [first, second, ..] = sample.counts[..] else { return None };
+            if self.off {
+                return None;
+            }
+            let outcome = self.sample(
+                sample.tick,
+                [first, second],
+                sample.phase,
+                block.phase_increment,
+                block.amplitude_nanometre,
+            );
             last = outcome.or(last);
         }
         last
@@ -318,7 +337,10 @@ mod tests {
     #[test]
     fn settings_are_checked_and_rest_gives_nothing() {
         assert!(Estimator::new(&Settings { forget_per_mille: 1_001, ..Settings::default() }).is_none());
-        assert!(Estimator::new(&Settings { counts_per_turn: [4096, 0], ..Settings::default() }).is_none());
+        assert!(
+            Estimator::new(&Settings { counts_per_turn: heapless::Vec::from_array([4096, 0]), ..Settings::default() })
+                .is_none()
+        );
         let mut estimator = with_forget(900);
         assert!((0..5_000).all(|tick| estimator.sample(tick, [0, 0], 0, 0, 0).is_none()));
     }

@@ -1,6 +1,7 @@
 //! What the two halves tell each other.
 
-use whirl_shared::frame::{Ack, CHANNELS, Command, ResetCause, Status, Zero};
+use heapless::Vec;
+use whirl_shared::frame::{Ack, Command, MOST_ENCODERS, ResetCause, Status, Zero};
 
 use crate::adjust::Words;
 use crate::preview::Turning;
@@ -37,14 +38,14 @@ pub enum Event {
 }
 
 /// The interrupt half's share of a hello.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Present {
     /// Present tick.
     pub tick: u32,
     /// Host time-out in force, ms.
     pub host_timeout_ms: u32,
-    /// Both encoders' zeros.
-    pub zeros: [Zero; CHANNELS],
+    /// The encoders' zeros.
+    pub zeros: Vec<Zero, MOST_ENCODERS>,
 }
 
 /// The interrupt half's share of a status.
@@ -52,8 +53,8 @@ pub struct Present {
 pub struct Snapshot {
     /// Its counters and the shaker; the fields of the thread half are zero.
     pub status: Status,
-    /// The last whole second of both encoders.
-    pub turning: [Turning; CHANNELS],
+    /// The last whole second of the encoders.
+    pub turning: Vec<Turning, MOST_ENCODERS>,
 }
 
 /// What is worth a line.

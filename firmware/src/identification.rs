@@ -178,14 +178,14 @@ mod tests {
         let mut deltas = heapless::Vec::new();
         for n in first_tick..first_tick + BLOCK_LEN as u32 - 1 {
             let (a, b) = (motion(n), motion(n + 1));
-            deltas.push([(b[0] - a[0]) as i16, (b[1] - a[1]) as i16]).unwrap();
+            deltas.extend([(b[0] - a[0]) as i16, (b[1] - a[1]) as i16]);
         }
         SampleBlock {
             first_tick,
             phase: first_tick.wrapping_mul(INCREMENT),
             phase_increment: INCREMENT,
             amplitude_nanometre: 15_525_000,
-            first: motion(first_tick),
+            first: heapless::Vec::from_slice(&motion(first_tick)).unwrap(),
             deltas,
         }
     }

@@ -10,18 +10,18 @@ use core::fmt::{self, Write};
 
 use heapless::String;
 use whirl_shared::codec::CRC;
-use whirl_shared::frame::{CHANNELS, PANIC_LEN, Zero, ZeroSource};
+use whirl_shared::frame::{MOST_ENCODERS, PANIC_LEN, Zero, ZeroSource};
 
 use crate::zero::KeptEncoder;
 
 /// Bytes of a place for counts.
-pub const KEPT_LEN: usize = 4 + CHANNELS * ENCODER_LEN + 4;
+pub const KEPT_LEN: usize = 4 + MOST_ENCODERS * ENCODER_LEN + 4;
 const ENCODER_LEN: usize = 3 * 4 + 1;
 /// Bytes of the place for a panic's text.
 pub const NOTE_LEN: usize = 1 + PANIC_LEN + 4;
 
-/// Both encoders.
-pub type Kept = [KeptEncoder; CHANNELS];
+/// All encoders; places that a board has no encoder for are as by default.
+pub type Kept = [KeptEncoder; MOST_ENCODERS];
 
 /// The bytes of a place, written as number `number`.
 #[must_use]
@@ -135,7 +135,10 @@ mod tests {
 
     fn kept(count: i32) -> Kept {
         let zero = Zero { id: 0xdead_beef, source: ZeroSource::Commanded, index: Some(4_095) };
-        [KeptEncoder { count, zero, at_rest: true }, KeptEncoder { count: -count, ..KeptEncoder::default() }]
+        let mut kept = Kept::default();
+        kept[0] = KeptEncoder { count, zero, at_rest: true };
+        kept[MOST_ENCODERS - 1].count = -count;
+        kept
     }
 
     #[test]
@@ -160,7 +163,7 @@ mod tests {
         for source in [ZeroSource::PowerUp, ZeroSource::Commanded, ZeroSource::Carried] {
             for (index, at_rest) in [(None, false), (None, true), (Some(0), false), (Some(u32::MAX), true)] {
                 let encoder = |count| KeptEncoder { count, zero: Zero { id: 0x0102_0304, source, index }, at_rest };
-                let kept = [encoder(i32::MIN), encoder(0x0506_0708)];
+                let kept = [0, 1, 2, 3, 4, 5].map(|i| encoder(if i == 0 { i32::MIN } else { 0x0506_0708 + i }));
                 let place = to_bytes(9, &kept);
                 assert_eq!(newest(&[place, [0; KEPT_LEN]]), Some((9, kept)), "{source:?} {index:?} {at_rest}");
             }

@@ -1,4 +1,5 @@
-//! The rig's application: samples two encoders, drives the shaker, talks to the host.
+//! The rig's application: samples the encoders and the base's motion, drives the shaker, talks to
+//! the host.
 //!
 //! It is generic over embedded-hal 1 traits and allocates nothing. Two halves are joined by
 //! lock-free queues:
@@ -17,7 +18,7 @@
 //! with `heapless::spsc` queues split between them; a host test, a simulator or an emulated board
 //! owns both as one [`app::App`]. The bytes that come out are the same.
 //!
-//! The order within a tick is fixed: read both encoders → the sample carries the drive's phase at
+//! The order within a tick is fixed: read all inputs → the sample carries the drive's phase at
 //! this tick → write the displacement of this tick → advance phase and ramp → carry out requests,
 //! which act from the next tick on.
 #![no_std]
@@ -27,11 +28,13 @@ extern crate std;
 
 pub mod adjust;
 pub mod app;
+pub mod base;
 pub mod dac;
 pub mod estimate;
 pub mod event;
 pub mod history;
 pub mod identification;
+pub mod inputs;
 pub mod kept;
 pub mod led;
 pub mod link;
@@ -57,6 +60,7 @@ mod stream;
 mod testing;
 
 pub use app::App;
+pub use inputs::{Inputs, WithBase};
 pub use output::ShakerOutput;
 pub use quadrature::QuadratureCounter;
 pub use settings::{Settings, SettingsError};

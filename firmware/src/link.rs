@@ -13,11 +13,11 @@
 use core::borrow::BorrowMut;
 use core::fmt::Write;
 
-use heapless::{Deque, String};
+use heapless::{Deque, String, Vec};
 use whirl_shared::block::sample_count;
 use whirl_shared::encoder::CountScale;
 use whirl_shared::frame::{
-    Ack, BLOCK_LEN, CHANNELS, Command, CommandResult, DeviceMessage, Hello, Log, PROTOCOL_VERSION, ResetCause,
+    Ack, BLOCK_LEN, Command, CommandResult, DeviceMessage, Hello, Log, MOST_ENCODERS, PROTOCOL_VERSION, ResetCause,
     SCHEMA_HASH, SampleBlock, SettingsSource, Status, Streamed, TEXT_LEN,
 };
 
@@ -26,7 +26,7 @@ use crate::allowance::Allowance;
 use crate::console::Console;
 use crate::estimate::Estimator;
 use crate::event::{Event, Notice, Present, Request, Snapshot};
-use crate::history::{Again, History, KEPT};
+use crate::history::{Again, History, KEPT, block_bytes};
 use crate::identification::Identification;
 use crate::queue::{Sink, Source};
 use crate::settings::{Settings, SettingsError};
@@ -45,9 +45,9 @@ const QUIET: u8 = 2;
 /// The thread half. `E` is an [`Estimator`] of its own, or a reference to one ([`Identification`]);
 /// `K` is memory for the blocks that are kept, its own or a reference.
 #[derive(Debug)]
-pub struct Link<E = Estimator, K = [SampleBlock; KEPT]> {
+pub struct Link<E = Estimator, K = [u8; KEPT]> {
     settings: Settings,
-    scales: [CountScale; CHANNELS],
+    scales: Vec<CountScale, MOST_ENCODERS>,
     console: Console,
     stream: Stream,
     own: Deque<Event, OWN_EVENTS>,
@@ -71,34 +71,36 @@ impl Link {
     /// # Errors
     /// A setting that is not possible.
     pub fn new(settings: &Settings) -> Result<Self, SettingsError> {
-        Self::with(settings, Estimator::IDLE, [SampleBlock::EMPTY; KEPT])
+        Self::with(settings, Estimator::IDLE, [0; KEPT])
     }
 }
 
-impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
+impl<E: BorrowMut<Estimator>, K: BorrowMut<[u8]>> Link<E, K> {
     /// As [`Link::new`], with an estimator, which begins anew, and memory for blocks.
     ///
     /// # Errors
-    /// A setting that is not possible; memory for no block.
+    /// A setting that is not possible; memory for not even a block.
     pub fn with(settings: &Settings, estimator: E, memory: K) -> Result<Self, SettingsError> {
         settings.validate()?;
-        let history = History::new(memory);
+        let (bytes, channels) = (memory.borrow().len(), settings.channels());
+        let history = History::new(memory, channels);
         if history.room() == 0 {
-            return Err(SettingsError { field: "memory (blocks)", found: 0, min: 1, max: u32::MAX });
+            let bounded = |n: usize| u32::try_from(n).unwrap_or(u32::MAX);
+            let (found, min) = (bounded(bytes), bounded(block_bytes(channels)));
+            return Err(SettingsError { field: "memory (bytes)", found, min, max: u32::MAX });
         }
-        let [Some(scale1), Some(scale2)] = settings.counts_per_turn.map(CountScale::new) else {
-            return Err(SettingsError { field: "counts_per_turn", found: 0, min: 1, max: u32::MAX });
-        };
+        // Validated: none is 0.
+        let scales = settings.counts_per_turn.iter().filter_map(|n| CountScale::new(*n)).collect();
         let identification = Identification::new(settings, estimator)?;
         let mut link = Self {
             settings: settings.clone(),
-            scales: [scale1, scale2],
+            scales,
             console: Console::new(),
             stream: Stream::new(),
             own: Deque::new(),
             identification,
             history,
-            allowance: Allowance::new(settings.baud, settings.sample_rate_millihertz),
+            allowance: Allowance::new(settings.baud, settings.sample_rate_millihertz, settings.channels()),
             quiet: 0,
             block_next: false,
             passed: 0,
@@ -107,9 +109,9 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
             to_keep: None,
             restart_due: false,
         };
-        let zeros = core::array::from_fn(|i| {
-            KeptEncoder::zero_at_boot(settings.boot.kept.map(|kept| kept[i]), settings.boot_id)
-        });
+        let kept = |i: usize| settings.boot.kept.and_then(|kept| kept.get(i).copied());
+        let zero = |i: usize| KeptEncoder::zero_at_boot(kept(i), settings.boot_id);
+        let zeros = (0..settings.counts_per_turn.len()).map(zero).collect();
         let present = Present { tick: 0, host_timeout_ms: settings.host_timeout_ms, zeros };
         link.put_own(Event::Hello(present));
         let reset = settings.boot.reset;
@@ -155,17 +157,14 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
         if !Stream::fits(out) {
             return None;
         }
-        let streamed = if self.block_next { self.streamed(blocks) } else { None };
-        let message = match streamed {
-            Some(message) => message,
-            None => match self.other(events) {
-                Some(message) => message,
-                None => match self.streamed(blocks) {
-                    Some(message) => message,
-                    None => self.again()?,
-                },
-            },
-        };
+        let streamed = if self.block_next { self.streamed(blocks, out) } else { None };
+        // Each puts its own message into the frame: messages are as long as the longest of them, not to be moved
+        // from call to call.
+        streamed.or_else(|| self.other(events, out)).or_else(|| self.streamed(blocks, out)).or_else(|| self.again(out))
+    }
+
+    /// Puts a message into a frame; its length.
+    fn put(&mut self, message: &DeviceMessage, out: &mut [u8]) -> Option<usize> {
         use DeviceMessage::{Restored, Rows, Samples};
         self.block_next = !matches!(message, Samples(_) | Rows(_));
         if matches!(message, Samples(_) | Rows(_) | Restored(_)) {
@@ -182,7 +181,7 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
         let Some(block) = blocks.take() else { return false };
         self.identification.block(&block);
         self.allowance.sampled(sample_count(&block));
-        self.passed = self.passed.wrapping_add(self.history.push(block));
+        self.passed = self.passed.wrapping_add(self.history.push(&block));
         if self.identification.streamed() == Streamed::Rows {
             self.history.pass();
         }
@@ -191,19 +190,25 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
 
     /// The next message of the stream: rows that wait, or a block. Blocks are taken in one at a
     /// time, so that this stays short.
-    fn streamed(&mut self, blocks: &mut impl Source<SampleBlock>) -> Option<DeviceMessage> {
+    fn streamed(&mut self, blocks: &mut impl Source<SampleBlock>, out: &mut [u8]) -> Option<usize> {
         if let Some(rows) = self.identification.take_rows() {
-            return Some(DeviceMessage::Rows(rows));
+            return self.put(&DeviceMessage::Rows(rows), out);
         }
         self.keep_up(blocks);
         match self.identification.streamed() {
-            Streamed::Samples => self.history.stream().map(DeviceMessage::Samples),
-            Streamed::Rows => self.identification.take_rows().map(DeviceMessage::Rows),
+            Streamed::Samples => {
+                let message = DeviceMessage::Samples(self.history.stream()?);
+                self.put(&message, out)
+            }
+            Streamed::Rows => {
+                let message = DeviceMessage::Rows(self.identification.take_rows()?);
+                self.put(&message, out)
+            }
         }
     }
 
     /// What the host has asked for again, where nothing else waits.
-    fn again(&mut self) -> Option<DeviceMessage> {
+    fn again(&mut self, out: &mut [u8]) -> Option<usize> {
         if self.quiet < QUIET {
             self.quiet += 1;
             return None;
@@ -211,24 +216,36 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
         if !self.allowance.is_enough() {
             return None;
         }
-        Some(match self.history.again()? {
+        let message = match self.history.again()? {
             Again::Block(block) => DeviceMessage::Restored(block),
             Again::Done(end) => DeviceMessage::BackFilled(end),
-        })
+        };
+        self.put(&message, out)
     }
 
     /// The next message beside the stream.
-    #[inline]
-    fn other(&mut self, events: &mut impl Source<Event>) -> Option<DeviceMessage> {
+    fn other(&mut self, events: &mut impl Source<Event>, out: &mut [u8]) -> Option<usize> {
         if let Some(estimate) = self.identification.take_estimate() {
-            return Some(DeviceMessage::Estimate(estimate));
+            return self.put(&DeviceMessage::Estimate(estimate), out);
         }
         loop {
-            match self.own.pop_front().or_else(|| events.take())? {
-                Event::Keep(words, present) => self.to_keep = Some((words, present)),
-                Event::Restart => self.restart_due = true,
-                event => return self.message(event),
-            }
+            let message = match self.own.pop_front().or_else(|| events.take())? {
+                Event::Hello(present) => DeviceMessage::Hello(self.hello(present)),
+                Event::Status(snapshot) => DeviceMessage::Status(self.status(snapshot)),
+                Event::Ack(ack) => DeviceMessage::Ack(ack),
+                Event::Log { tick, notice } => {
+                    DeviceMessage::Log(Log { tick, level: notice.level(), text: text(notice.text()) })
+                }
+                Event::Keep(words, present) => {
+                    self.to_keep = Some((words, present));
+                    continue;
+                }
+                Event::Restart => {
+                    self.restart_due = true;
+                    continue;
+                }
+            };
+            return self.put(&message, out);
         }
     }
 
@@ -263,8 +280,12 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
             bad_frames: self.console.bad_frames(),
             rejected_commands: status.rejected_commands.wrapping_add(self.rejected),
             samples_sent: self.stream.samples_sent(),
-            rms_angle_mrad: [0, 1].map(|i| turning[i].rms_mrad(self.scales[i])),
-            turns_per_minute_milli: [0, 1].map(|i| turning[i].turns_per_minute_milli(self.scales[i], rate)),
+            rms_angle_mrad: turning.iter().zip(&self.scales).map(|(t, scale)| t.rms_mrad(*scale)).collect(),
+            turns_per_minute_milli: turning
+                .iter()
+                .zip(&self.scales)
+                .map(|(t, scale)| t.turns_per_minute_milli(*scale, rate))
+                .collect(),
             kept_from: self.history.oldest().unwrap_or(status.tick),
             ..status
         }
@@ -274,20 +295,6 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
         if self.own.push_back(event).is_err() {
             self.dropped = self.dropped.wrapping_add(1);
         }
-    }
-
-    // Messages are as long as the longest of them: not to be moved from call to call.
-    #[inline]
-    fn message(&self, event: Event) -> Option<DeviceMessage> {
-        Some(match event {
-            Event::Hello(present) => DeviceMessage::Hello(self.hello(present)),
-            Event::Status(snapshot) => DeviceMessage::Status(self.status(snapshot)),
-            Event::Ack(ack) => DeviceMessage::Ack(ack),
-            Event::Log { tick, notice } => {
-                DeviceMessage::Log(Log { tick, level: notice.level(), text: text(notice.text()) })
-            }
-            Event::Keep(..) | Event::Restart => return None,
-        })
     }
 
     fn hello(&self, present: Present) -> Hello {
@@ -300,17 +307,18 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[SampleBlock]>> Link<E, K> {
             firmware: firmware(settings.build),
             board: text(settings.board),
             sample_rate_millihertz: settings.sample_rate_millihertz,
-            counts_per_turn: settings.counts_per_turn,
+            counts_per_turn: settings.counts_per_turn.clone(),
             block_len: BLOCK_LEN as u8,
             limits: settings.limits,
             host_timeout_ms: present.host_timeout_ms,
             zeros: present.zeros,
             reset: settings.boot.reset,
             panic: settings.boot.panic.clone(),
-            reversed: settings.reversed,
+            reversed: settings.reversed.clone(),
             full_scale_micrometre: settings.full_scale_micrometre,
             baud: settings.baud,
             settings: settings.boot.settings,
+            base: settings.base,
         }
     }
 }

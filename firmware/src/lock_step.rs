@@ -2,8 +2,8 @@
 //!
 //! Once a tick, first thing in the sampling interrupt, the board sends a [`Request`] and waits for
 //! the [`Reply`]: the plant moves up to this tick under the drive of the last one, and shows its
-//! encoders. A board that waits has no time that passes (QEMU stops its clock), so that board and
-//! plant are in lock-step and a run is the same at every repeat.
+//! encoders and its base. A board that waits has no time that passes (QEMU stops its clock), so
+//! that board and plant are in lock-step and a run is the same at every repeat.
 //!
 //! All numbers are little-endian. A reply may carry bytes as if they had come from the host, which
 //! the board takes between this tick and the next, and an [`Order`] by which a test makes the board
@@ -12,7 +12,7 @@
 /// Length of a request on the wire, bytes.
 pub const REQUEST_LEN: usize = 24;
 /// Length of a reply without the host's bytes.
-pub const REPLY_LEN: usize = 8;
+pub const REPLY_LEN: usize = 10;
 /// Most bytes of the host in one reply.
 pub const HOST_BYTES: usize = 255;
 
@@ -103,6 +103,8 @@ pub enum Order {
 pub struct Reply {
     /// Both 16-bit counters at this tick.
     pub counts: [u16; 2],
+    /// The input of the base's motion at this tick.
+    pub base: u16,
     /// What to do after it.
     pub order: Order,
     /// Bytes of the host that follow.
@@ -123,8 +125,8 @@ impl Reply {
             Order::Reset(panic) => (6, u16::from(panic)),
         };
         let [a, b] = self.counts.map(u16::to_le_bytes);
-        let c = argument.to_le_bytes();
-        [a[0], a[1], b[0], b[1], order, self.host_bytes, c[0], c[1]]
+        let (c, d) = (argument.to_le_bytes(), self.base.to_le_bytes());
+        [a[0], a[1], b[0], b[1], order, self.host_bytes, c[0], c[1], d[0], d[1]]
     }
 
     /// From the wire; `None` where the order is none of the known ones.
@@ -141,7 +143,7 @@ impl Reply {
             6 => Order::Reset(pair(6) != 0),
             _ => return None,
         };
-        Some(Self { counts: [pair(0), pair(2)], order, host_bytes: bytes[5] })
+        Some(Self { counts: [pair(0), pair(2)], base: pair(8), order, host_bytes: bytes[5] })
     }
 }
 
@@ -177,9 +179,9 @@ mod tests {
             Order::Reset(true),
             Order::Reset(false),
         ] {
-            let reply = Reply { counts: [0xfffe, 3], order, host_bytes: 255 };
+            let reply = Reply { counts: [0xfffe, 3], base: 0x8001, order, host_bytes: 255 };
             assert_eq!(Reply::from_bytes(&reply.to_bytes()), Some(reply));
         }
-        assert_eq!(Reply::from_bytes(&[0, 0, 0, 0, 7, 0, 0, 0]), None);
+        assert_eq!(Reply::from_bytes(&[0, 0, 0, 0, 7, 0, 0, 0, 0, 0]), None);
     }
 }

@@ -30,54 +30,41 @@ impl<C: QuadratureCounter + ?Sized> QuadratureCounter for &mut C {
     }
 }
 
-/// An encoder: its counter, the turns that the counter has forgotten, and its sense.
-#[derive(Debug)]
-pub struct Encoder<C> {
-    counter: C,
+/// An encoder: the turns that its counter has forgotten, and its sense.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Encoder {
     turns: MultiTurn,
     reversed: bool,
 }
 
-impl<C: QuadratureCounter> Encoder<C> {
+impl Encoder {
     /// The hardware counter's zero is at `position`.
-    pub fn new(counter: C, reversed: bool, position: i32) -> Self {
+    pub fn new(reversed: bool, position: i32) -> Self {
         let mut turns = MultiTurn::new();
         turns.preset(position);
-        Self { counter, turns, reversed }
-    }
-
-    /// Reads the hardware alone.
-    pub fn latch(&mut self) -> u16 {
-        let count = self.counter.count();
-        self.in_sense(count)
+        Self { turns, reversed }
     }
 
     fn in_sense(&self, count: u16) -> u16 {
         if self.reversed { count.wrapping_neg() } else { count }
     }
 
-    /// Extends a latched reading to the multi-turn position.
+    /// Extends a counter's reading to the multi-turn position.
     pub fn extend(&mut self, latched: u16) -> i32 {
-        self.turns.update(latched)
+        self.turns.update(self.in_sense(latched))
     }
 
-    /// The multi-turn position of the index mark, where it has come since it was last asked for and
-    /// the encoder turns up. `latched` is the last reading.
-    pub fn index(&mut self, latched: u16) -> Option<i32> {
-        let seen = self.counter.index()?;
+    /// The multi-turn position of the index mark that the counter held at `seen`, where the encoder
+    /// turns up. `latched` is the counter's last reading.
+    pub fn index(&self, seen: u16, latched: u16) -> Option<i32> {
         // The mark is less than a tick's motion away.
-        let away = self.in_sense(seen).wrapping_sub(latched).cast_signed();
+        let away = self.in_sense(seen).wrapping_sub(self.in_sense(latched)).cast_signed();
         (self.turns.direction() == Direction::Positive).then(|| self.turns.position().wrapping_add(i32::from(away)))
     }
 
     /// Calls the place of the last reading zero.
     pub fn zero(&mut self) {
         self.turns.preset(0);
-    }
-
-    /// The hardware counter.
-    pub fn counter_mut(&mut self) -> &mut C {
-        &mut self.counter
     }
 }
 
@@ -94,14 +81,8 @@ mod tests {
     }
 
     fn positions(readings: &[u16]) -> std::vec::Vec<i32> {
-        let mut encoder = Encoder::new(Script(readings.iter()), false, 0);
-        readings
-            .iter()
-            .map(|_| {
-                let latched = encoder.latch();
-                encoder.extend(latched)
-            })
-            .collect()
+        let mut encoder = Encoder::new(false, 0);
+        readings.iter().map(|latched| encoder.extend(*latched)).collect()
     }
 
     #[test]
@@ -113,21 +94,16 @@ mod tests {
 
     #[test]
     fn zero_is_taken_at_the_last_reading() {
-        let mut encoder = Encoder::new(Script([500, 510].iter()), false, 0);
-        let first = encoder.latch();
-        assert_eq!(encoder.extend(first), 500);
+        let mut encoder = Encoder::new(false, 0);
+        assert_eq!(encoder.extend(500), 500);
         encoder.zero();
-        let second = encoder.latch();
-        assert_eq!(encoder.extend(second), 10);
+        assert_eq!(encoder.extend(510), 10);
     }
 
     #[test]
     fn a_reversed_encoder_counts_the_other_way_from_its_position() {
-        let mut encoder = Encoder::new(Script([1, 2, 65_535].iter()), true, 1_000);
-        for want in [999, 998, 1_001] {
-            let latched = encoder.latch();
-            assert_eq!(encoder.extend(latched), want);
-        }
+        let mut encoder = Encoder::new(true, 1_000);
+        assert_eq!([1, 2, 65_535].map(|latched| encoder.extend(latched)), [999, 998, 1_001]);
     }
 
     /// Reads 100 counts further each time, with its mark at one place of every turn of 1000.
@@ -161,15 +137,10 @@ mod tests {
             (false, 80, 65_500, 10, None),
             (true, 80, 65_500, 10, Some(-10)),
         ] {
-            let mut encoder = Encoder::new(Marked(from, None), reversed, 0);
-            let latched = encoder.latch();
-            encoder.extend(latched);
-            assert_eq!(encoder.index(latched), None);
-            *encoder.counter_mut() = Marked(to, Some(seen));
-            let latched = encoder.latch();
-            encoder.extend(latched);
-            assert_eq!(encoder.index(latched), want, "{reversed} {from} {to}");
-            assert_eq!(encoder.index(latched), None);
+            let mut encoder = Encoder::new(reversed, 0);
+            encoder.extend(from);
+            encoder.extend(to);
+            assert_eq!(encoder.index(seen, to), want, "{reversed} {from} {to}");
         }
     }
 }

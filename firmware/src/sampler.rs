@@ -1,6 +1,6 @@
 //! The interrupt half: what happens at a sampling tick.
 //!
-//! 1. both counters are read, before anything else, one right after the other;
+//! 1. all counters are read, and the base's input, before anything else, one right after the other;
 //! 2. the sample carries the drive's phase, increment and amplitude at this tick;
 //! 3. the shaker writes this tick's displacement, then phase, ramp and watchdog advance;
 //! 4. the sample goes into the block, a full block into its queue;
@@ -13,17 +13,22 @@
 //!
 //! Time: bounded; a tick does at most one cosine and [`REQUESTS_PER_TICK`] requests.
 
-use whirl_shared::block::sample_count;
+use heapless::Vec;
+use whirl_shared::block::{Counts, sample_count};
 use whirl_shared::encoder::CountScale;
-use whirl_shared::frame::{Ack, CHANNELS, Command, CommandResult, SampleBlock, Setting, ShakerState, Status};
+use whirl_shared::frame::{
+    Ack, Command, CommandResult, MOST_CHANNELS, MOST_ENCODERS, SampleBlock, Setting, ShakerState, Status,
+};
 
+use crate::base::Base;
 use crate::block_builder::{BlockBuilder, Reading};
 use crate::event::{Event, Notice, Present, Request, Snapshot};
+use crate::inputs::{Inputs, Latched};
 use crate::kept::Kept;
 use crate::led;
 use crate::output::ShakerOutput;
 use crate::preview::Turning;
-use crate::quadrature::{Encoder, QuadratureCounter};
+use crate::quadrature::Encoder;
 use crate::queue::{Sink, Source};
 use crate::settings::{Settings, SettingsError};
 use crate::shaker::{Drive, Shaker};
@@ -32,17 +37,27 @@ use crate::zero::{Index, Reference};
 /// Requests carried out at most in one tick.
 pub const REQUESTS_PER_TICK: usize = 4;
 
+/// What is known of one encoder beside its counter.
+#[derive(Debug)]
+struct Channel {
+    encoder: Encoder,
+    scale: CountScale,
+    turning: Turning,
+    last_turning: Turning,
+    reference: Reference,
+}
+
 /// The interrupt half.
 #[derive(Debug)]
-pub struct Sampler<C1, C2, O> {
-    encoder1: Encoder<C1>,
-    encoder2: Encoder<C2>,
+pub struct Sampler<I, O> {
+    inputs: I,
+    channels: Vec<Channel, MOST_ENCODERS>,
+    base: Base,
     shaker: Shaker<O>,
-    scales: [CountScale; CHANNELS],
     /// Tick of the next sample.
     tick: u32,
     /// Positions at the last sample; `None` before the first and after zeroing.
-    last_counts: Option<[i32; CHANNELS]>,
+    last_counts: Option<Counts>,
     builder: BlockBuilder,
     /// What may not change within a block besides what [`BlockBuilder`] watches.
     last_state: ShakerState,
@@ -54,36 +69,50 @@ pub struct Sampler<C1, C2, O> {
     latency_max_us: u32,
     ticks_per_status: u32,
     ticks_to_status: u32,
-    turning: [Turning; CHANNELS],
-    last_turning: [Turning; CHANNELS],
-    latched: Option<[u16; CHANNELS]>,
-    references: [Reference; CHANNELS],
+    latched: Option<Latched>,
     boot_id: u32,
     /// As they are to be in force after the next boot, and as the image has them.
     settings: [Settings; 2],
 }
 
-impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, C2, O> {
+impl<I: Inputs, O: ShakerOutput> Sampler<I, O> {
     /// Tick 0, shaker disarmed.
     ///
     /// # Errors
-    /// A setting that is not possible.
-    pub fn new(settings: &Settings, counter1: C1, counter2: C2, output: O) -> Result<Self, SettingsError> {
+    /// A setting that is not possible, with these inputs or at all.
+    pub fn new(settings: &Settings, inputs: I, output: O) -> Result<Self, SettingsError> {
         settings.validate()?;
-        let [Some(scale1), Some(scale2)] = settings.counts_per_turn.map(CountScale::new) else {
-            return Err(SettingsError { field: "counts_per_turn", found: 0, min: 1, max: u32::MAX });
-        };
+        // At most six.
+        let (encoders, there) = (settings.counts_per_turn.len() as u32, inputs.encoders() as u32);
+        if encoders != there {
+            return Err(SettingsError { field: "encoders", found: encoders, min: there, max: there });
+        }
+        if settings.base_input && !I::BASE {
+            return Err(SettingsError { field: "base_input", found: 1, min: 0, max: 0 });
+        }
         let ticks_per_status = (settings.sample_rate_millihertz / 1_000).max(1);
         let shaker = Shaker::new(settings, output);
-        let kept = |i: usize| settings.boot.kept.map(|kept| kept[i]);
-        let place = |i: usize| kept(i).map_or(0, |kept| kept.count);
+        let kept = |i: usize| settings.boot.kept.and_then(|kept| kept.get(i).copied());
+        let mut channels = Vec::new();
+        for (i, (&counts, &reversed)) in settings.counts_per_turn.iter().zip(&settings.reversed).enumerate() {
+            let none = SettingsError { field: "counts_per_turn", found: 0, min: 1, max: u32::MAX };
+            let channel = Channel {
+                encoder: Encoder::new(reversed, kept(i).map_or(0, |kept| kept.count)),
+                scale: CountScale::new(counts).ok_or(none)?,
+                turning: Turning::default(),
+                last_turning: Turning::default(),
+                reference: Reference::new(kept(i), settings.boot_id, counts, ticks_per_status),
+            };
+            // As many as fit.
+            let _ = channels.push(channel);
+        }
         Ok(Self {
-            encoder1: Encoder::new(counter1, settings.reversed[0], place(0)),
-            encoder2: Encoder::new(counter2, settings.reversed[1], place(1)),
+            inputs,
+            channels,
+            base: Base::new(settings.base.kind),
             drive: shaker.drive(),
             last_state: shaker.state(),
             shaker,
-            scales: [scale1, scale2],
             tick: 0,
             last_counts: None,
             builder: BlockBuilder::default(),
@@ -94,12 +123,7 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
             latency_max_us: 0,
             ticks_per_status,
             ticks_to_status: ticks_per_status,
-            turning: [Turning::default(); CHANNELS],
-            last_turning: [Turning::default(); CHANNELS],
             latched: None,
-            references: core::array::from_fn(|i| {
-                Reference::new(kept(i), settings.boot_id, settings.counts_per_turn[i], ticks_per_status)
-            }),
             boot_id: settings.boot_id,
             settings: [settings.clone(), settings.clone()],
         })
@@ -110,10 +134,17 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
         self.settings[1] = built_in.clone();
     }
 
-    /// Reads both counters now, for the next tick. A board that can be held up between its clock
-    /// and its counters reads again until both belong together.
+    /// Reads all inputs now, for the next tick. A board that can be held up between its clock and
+    /// its counters reads again until both belong together.
     pub fn latch(&mut self) {
-        self.latched = Some([self.encoder1.latch(), self.encoder2.latch()]);
+        let mut latched = Latched::default();
+        self.inputs.latch(&mut latched);
+        if self.base.is_there()
+            && let Some(place) = latched.0.get_mut(self.channels.len())
+        {
+            *place = self.inputs.latch_base();
+        }
+        self.latched = Some(latched);
     }
 
     /// One sampling tick.
@@ -129,8 +160,11 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
         events: &mut impl Sink<Event>,
         requests: &mut impl Source<Request>,
     ) {
-        let latched = self.latched.take().unwrap_or_else(|| [self.encoder1.latch(), self.encoder2.latch()]);
-        let counts = [self.encoder1.extend(latched[0]), self.encoder2.extend(latched[1])];
+        if self.latched.is_none() {
+            self.latch();
+        }
+        let latched = self.latched.take().unwrap_or_default();
+        let counts = self.extend(&latched);
         self.latency_max_us = self.latency_max_us.max(latency_us);
         if missed > 0 {
             self.tick = self.tick.wrapping_add(missed);
@@ -157,7 +191,7 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
             self.put_block(block, blocks);
         }
         self.follow(counts);
-        self.look_for_indices(latched, events);
+        self.look_for_indices(&latched, events);
         self.tick = self.tick.wrapping_add(1);
         self.report(missed, events);
         for _ in 0..REQUESTS_PER_TICK {
@@ -166,18 +200,33 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
         }
     }
 
-    fn follow(&mut self, counts: [i32; CHANNELS]) {
+    /// The multi-turn counts of a reading, the base's behind the encoders'.
+    fn extend(&mut self, latched: &Latched) -> Counts {
+        let mut counts = [0; MOST_CHANNELS];
+        for ((count, channel), &latched) in counts.iter_mut().zip(&mut self.channels).zip(&latched.0) {
+            *count = channel.encoder.extend(latched);
+        }
+        let mut all = self.channels.len();
+        if let (true, Some(count), Some(&latched)) = (self.base.is_there(), counts.get_mut(all), latched.0.get(all)) {
+            *count = self.base.extend(latched);
+            all += 1;
+        }
+        Counts::of(&counts[..all])
+    }
+
+    fn follow(&mut self, counts: Counts) {
         let last = self.last_counts.replace(counts).unwrap_or(counts);
-        for i in 0..CHANNELS {
-            self.turning[i].push(self.scales[i], counts[i], counts[i].wrapping_sub(last[i]));
-            self.references[i].observe(counts[i]);
+        for (channel, (&count, &last)) in self.channels.iter_mut().zip(counts.iter().zip(last.iter())) {
+            channel.turning.push(channel.scale, count, count.wrapping_sub(last));
+            channel.reference.observe(count);
         }
     }
 
-    fn look_for_indices(&mut self, latched: [u16; CHANNELS], events: &mut impl Sink<Event>) {
-        for i in 0..CHANNELS {
-            let seen = if i == 0 { self.encoder1.index(latched[0]) } else { self.encoder2.index(latched[1]) };
-            match seen.map(|count| self.references[i].index(count)) {
+    fn look_for_indices(&mut self, latched: &Latched, events: &mut impl Sink<Event>) {
+        for i in 0..self.channels.len() {
+            let channel = &mut self.channels[i];
+            let seen = self.inputs.index(i).and_then(|seen| channel.encoder.index(seen, latched.0[i]));
+            match seen.map(|count| channel.reference.index(count)) {
                 Some(Index::First) => self.put_event(Event::Hello(self.present()), events),
                 Some(Index::Slipped) => {
                     let notice = Notice::IndexSlipped(i as u8);
@@ -192,13 +241,17 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
         Present {
             tick: self.tick,
             host_timeout_ms: self.shaker.host_timeout_ms(),
-            zeros: self.references.each_ref().map(Reference::zero),
+            zeros: self.channels.iter().map(|channel| channel.reference.zero()).collect(),
         }
     }
 
     /// What is to be carried over a reset: the place of the last tick.
     pub fn kept(&self) -> Kept {
-        self.references.each_ref().map(Reference::kept)
+        let mut kept = Kept::default();
+        for (place, channel) in kept.iter_mut().zip(&self.channels) {
+            *place = channel.reference.kept();
+        }
+        kept
     }
 
     /// Whether the board's light is on.
@@ -236,7 +289,9 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
         // The seconds stay where they were, also when the end of one was missed.
         let late = (passed - self.ticks_to_status) % self.ticks_per_status;
         self.ticks_to_status = self.ticks_per_status - late;
-        self.last_turning = core::mem::take(&mut self.turning);
+        for channel in &mut self.channels {
+            channel.last_turning = core::mem::take(&mut channel.turning);
+        }
         self.put_status(events);
     }
 
@@ -263,13 +318,15 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
             Command::Start { .. } if ramp_before == ShakerState::Ramping => self.flush(blocks),
             Command::ZeroCounts => {
                 self.flush(blocks);
-                self.encoder1.zero();
-                self.encoder2.zero();
+                self.base.zero();
                 self.last_counts = None;
                 // Each of a boot's zeros has an id of its own, and none that of another boot but by
                 // chance.
                 let id = (self.boot_id ^ self.tick.wrapping_add(1)).wrapping_mul(0x0100_0193);
-                self.references.iter_mut().for_each(|reference| reference.set_zero(id));
+                for channel in &mut self.channels {
+                    channel.encoder.zero();
+                    channel.reference.set_zero(id);
+                }
                 self.put_event(Event::Hello(self.present()), events);
             }
             Command::Hello | Command::SetRamp { .. } | Command::SetHostTimeout { .. } => {
@@ -322,7 +379,7 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
                 latency_max_us: self.latency_max_us,
                 ..Status::default()
             },
-            turning: self.last_turning,
+            turning: self.channels.iter().map(|channel| channel.last_turning).collect(),
         }
     }
 
@@ -336,9 +393,9 @@ impl<C1: QuadratureCounter, C2: QuadratureCounter, O: ShakerOutput> Sampler<C1, 
         &self.shaker
     }
 
-    /// Both counters and the output, for simulators.
-    pub fn parts_mut(&mut self) -> (&mut C1, &mut C2, &mut O) {
-        (self.encoder1.counter_mut(), self.encoder2.counter_mut(), self.shaker.output_mut())
+    /// The inputs and the output, for simulators.
+    pub fn parts_mut(&mut self) -> (&mut I, &mut O) {
+        (&mut self.inputs, self.shaker.output_mut())
     }
 }
 

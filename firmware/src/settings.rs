@@ -2,8 +2,10 @@
 
 use core::fmt;
 
-use heapless::String;
-use whirl_shared::frame::{CHANNELS, PANIC_LEN, ResetCause, SettingsSource, ShakerLimits, TEXT_LEN};
+use heapless::{String, Vec};
+use whirl_shared::frame::{
+    BaseKind, BaseSensor, MOST_ENCODERS, PANIC_LEN, ResetCause, SettingsSource, ShakerLimits, TEXT_LEN,
+};
 
 use crate::kept::Kept;
 
@@ -19,6 +21,9 @@ pub const SAMPLE_RATE_MILLIHERTZ: [u32; 2] = [1_000, 100_000_000];
 pub const COUNTS_PER_TURN_MAX: u32 = 1 << 20;
 /// Greatest amplitude that fits into 32 bits of nm, µm.
 pub const AMPLITUDE_MAX_MICROMETRE: u32 = 2_147_483;
+
+/// What a count of the base's sensor is worth unless set, 10⁻¹² m: 5 µm, a common linear encoder.
+const BASE_SCALE: u32 = 5_000_000;
 
 /// Least and greatest rate of the serial port, baud: a full block every 20 ms takes 61 % of
 /// 115 200.
@@ -36,10 +41,14 @@ pub struct Settings {
     pub boot_id: u32,
     /// Sampling rate, mHz.
     pub sample_rate_millihertz: u32,
-    /// Counts a turn of each encoder after decoding.
-    pub counts_per_turn: [u32; CHANNELS],
+    /// Counts a turn of each encoder after decoding: as many as the board has encoders.
+    pub counts_per_turn: Vec<u32, MOST_ENCODERS>,
     /// Encoders whose sense of counting is turned round.
-    pub reversed: [bool; CHANNELS],
+    pub reversed: Vec<bool, MOST_ENCODERS>,
+    /// Whether the board has an input for the base's motion.
+    pub base_input: bool,
+    /// What is connected to it.
+    pub base: BaseSensor,
     /// What the shaker may do; the ramp rate is also the one in force at boot.
     pub limits: ShakerLimits,
     /// Displacement of the base at the set point's highest voltage, µm: for boards that have such
@@ -70,15 +79,18 @@ pub struct Boot {
 }
 
 impl Default for Settings {
-    /// 500 Hz, 4096 counts a turn, 20 mm, 20 Hz, 20 mm/s, 40 m/s², 25 mm, 115 200 baud, 2 s, 0.9.
+    /// Two encoders, 500 Hz, 4096 counts a turn, 20 mm, 20 Hz, 20 mm/s, 40 m/s², 25 mm, 115 200
+    /// baud, 2 s, 0.9.
     fn default() -> Self {
         Self {
             board: "unnamed",
             build: "",
             boot_id: 0,
             sample_rate_millihertz: 500_000,
-            counts_per_turn: [4096; CHANNELS],
-            reversed: [false; CHANNELS],
+            counts_per_turn: Vec::from_array([4096; 2]),
+            reversed: Vec::from_array([false; 2]),
+            base_input: false,
+            base: BaseSensor { kind: BaseKind::None, scale: BASE_SCALE },
             limits: ShakerLimits {
                 amplitude_micrometre: 20_000,
                 frequency_millihertz: 20_000,
@@ -121,6 +133,12 @@ fn check(field: &'static str, found: u32, min: u32, max: u32) -> Result<(), Sett
 }
 
 impl Settings {
+    /// Channels of a sample: the encoders, and the base's sensor where there is one.
+    #[must_use]
+    pub fn channels(&self) -> usize {
+        self.counts_per_turn.len() + usize::from(self.base.kind != BaseKind::None)
+    }
+
     /// Checks every field.
     ///
     /// # Errors
@@ -132,8 +150,23 @@ impl Settings {
         check("board (length)", board_len, 1, TEXT_LEN as u32)?;
         check("build (length)", u32::try_from(self.build.len()).unwrap_or(u32::MAX), 0, BUILD_LEN as u32)?;
         check("sample_rate_millihertz", rate, SAMPLE_RATE_MILLIHERTZ[0], SAMPLE_RATE_MILLIHERTZ[1])?;
-        check("counts_per_turn[0]", self.counts_per_turn[0], 1, COUNTS_PER_TURN_MAX)?;
-        check("counts_per_turn[1]", self.counts_per_turn[1], 1, COUNTS_PER_TURN_MAX)?;
+        // No list is longer than its room.
+        let encoders = self.counts_per_turn.len() as u32;
+        check("counts_per_turn (encoders)", encoders, 1, MOST_ENCODERS as u32)?;
+        check("reversed (encoders)", self.reversed.len() as u32, encoders, encoders)?;
+        const COUNTS: [&str; 6] = [
+            "counts_per_turn[0]",
+            "counts_per_turn[1]",
+            "counts_per_turn[2]",
+            "counts_per_turn[3]",
+            "counts_per_turn[4]",
+            "counts_per_turn[5]",
+        ];
+        for (name, counts) in COUNTS.iter().zip(&self.counts_per_turn) {
+            check(name, *counts, 1, COUNTS_PER_TURN_MAX)?;
+        }
+        check("base", self.base.kind as u32, 0, if self.base_input { BaseKind::Acceleration as u32 } else { 0 })?;
+        check("base.scale", self.base.scale, 1, u32::MAX)?;
         check("limits.amplitude_micrometre", limits.amplitude_micrometre, 0, AMPLITUDE_MAX_MICROMETRE)?;
         // At least five samples a period, so that the steps of the output are a waveform.
         check("limits.frequency_millihertz", limits.frequency_millihertz, 1, rate / 5)?;
@@ -158,7 +191,7 @@ mod tests {
 
     #[test]
     fn an_error_names_field_value_and_range() {
-        let settings = Settings { counts_per_turn: [4096, 0], ..Settings::default() };
+        let settings = Settings { counts_per_turn: Vec::from_array([4096, 0]), ..Settings::default() };
         assert_eq!(
             settings.validate().unwrap_err().to_string(),
             "setting counts_per_turn[1]: found 0, expected 1 to 1048576"
@@ -168,6 +201,19 @@ mod tests {
         assert_eq!(settings.validate().unwrap_err().field, "limits.frequency_millihertz");
         let settings = Settings { host_timeout_ms: 0, ..Settings::default() };
         assert_eq!(settings.validate().unwrap_err().field, "host_timeout_ms");
+        for encoders in [0, 1, 3] {
+            let counts_per_turn = (0..encoders).map(|_| 4096).collect();
+            let settings = Settings { counts_per_turn, ..Settings::default() };
+            let field = if encoders == 0 { "counts_per_turn (encoders)" } else { "reversed (encoders)" };
+            assert_eq!(settings.validate().unwrap_err().field, field);
+        }
+        let base = BaseSensor { kind: BaseKind::Encoder, scale: 1 };
+        let mut settings = Settings { base, ..Settings::default() };
+        assert_eq!(settings.validate().unwrap_err().field, "base");
+        settings.base_input = true;
+        assert_eq!(settings.validate(), Ok(()));
+        settings.base.scale = 0;
+        assert_eq!(settings.validate().unwrap_err().field, "base.scale");
         let settings = Settings { forget_per_mille: 1_001, ..Settings::default() };
         assert_eq!(settings.validate().unwrap_err().field, "forget_per_mille");
     }

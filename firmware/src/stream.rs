@@ -22,9 +22,8 @@ impl Stream {
     }
 
     /// Encodes a message. Its number is used up, and its samples count as sent, only if that works.
-    #[inline]
-    pub fn encode(&mut self, message: DeviceMessage, out: &mut [u8]) -> Option<usize> {
-        let samples = if let DeviceMessage::Samples(block) = &message { sample_count(block) } else { 0 };
+    pub fn encode(&mut self, message: &DeviceMessage, out: &mut [u8]) -> Option<usize> {
+        let samples = if let DeviceMessage::Samples(block) = message { sample_count(block) } else { 0 };
         let length = encode(&Envelope { sequence: self.sequence, message }, out).ok()?;
         self.sequence = self.sequence.wrapping_add(1);
         self.samples_sent = self.samples_sent.wrapping_add(samples);

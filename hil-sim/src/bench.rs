@@ -48,6 +48,8 @@ pub(crate) struct Bench {
     within_tick: f64,
     /// Angles that wait to be shown; the front is shown now.
     held: [VecDeque<f64>; 2],
+    /// The same of the base: displacement (m) and acceleration (m/s²) along the drive.
+    held_base: VecDeque<[f64; 2]>,
     lead: u32,
 }
 
@@ -73,6 +75,7 @@ impl Bench {
             tick_s: settings.tick_s,
             within_tick,
             held: [VecDeque::new(), VecDeque::new()],
+            held_base: (0..=lead).map(|_| [0.0; 2]).collect(),
             lead,
         };
         // Before the start the arms are taken to have been at rest.
@@ -104,6 +107,12 @@ impl Bench {
         })
     }
 
+    /// Displacement (m) and acceleration (m/s²) of the base along the drive, at the tick that the
+    /// encoders show.
+    pub(crate) fn base(&self) -> [f64; 2] {
+        self.held_base.front().copied().unwrap_or_default()
+    }
+
     /// Moves on by one tick, from `time_s` of the record.
     pub(crate) fn advance(&mut self, command: Command, time_s: f64) -> Result<(), SimulationError> {
         let motion = self.shaker.motion(command, time_s, self.tick_s);
@@ -118,6 +127,9 @@ impl Bench {
             self.plant.advance(&motion, self.tick_s).map_err(failed)?;
             self.angles()[1]
         };
+        let along = usize::from(self.shaker.direction == Direction::Vertical);
+        self.held_base.push_back([motion.displacement(self.tick_s)[along], motion.acceleration(self.tick_s)[along]]);
+        self.held_base.pop_front();
         let shown = [self.angles()[0], delayed];
         for (held, angle) in self.held.iter_mut().zip(shown) {
             held.push_back(angle);

@@ -21,6 +21,12 @@ pub enum SimulationError {
         /// What failed.
         error: IntegrationError,
     },
+    /// Another system than the double pendulum could not be followed further.
+    #[error("the simulated rig failed: {problem}")]
+    Arms {
+        /// What failed.
+        problem: String,
+    },
     /// An emulated board asked for something that cannot be.
     #[error("the emulated board failed at tick {tick}: {problem}")]
     Board {

@@ -18,6 +18,7 @@
 //! its own integrator. Everything is deterministic; transcendental functions come from `libm` by
 //! name, so that a seed gives the same counts on every machine.
 
+pub mod base_sensor;
 mod bench;
 #[cfg(unix)]
 pub mod emulated;
@@ -38,6 +39,7 @@ pub mod simulate;
 pub mod transport;
 pub mod virtual_rig;
 
+pub use base_sensor::{BaseQuantity, BaseSettings};
 pub use bench::SecondEncoder;
 pub use error::SimulationError;
 pub use faults::{FaultReport, FaultSettings, FaultyLink};
@@ -45,4 +47,4 @@ pub use plant::Parameters;
 pub use plant::effects::Effect;
 pub use shaker::Direction;
 pub use simulate::{DriveSettings, Sample, Simulation, SimulationSettings};
-pub use virtual_rig::{RigSettings, VirtualRig};
+pub use virtual_rig::{Arms, RigSettings, VirtualRig};

@@ -12,6 +12,7 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use crate::base_sensor::{BaseSensor, BaseSettings};
 use crate::bench::{Bench, BenchSettings, SecondEncoder};
 use crate::encoder::count_of;
 use crate::error::SimulationError;
@@ -50,6 +51,8 @@ pub struct SimulationSettings {
     pub counts_per_turn: [u32; 2],
     /// What encoder 2 is fixed to.
     pub second: SecondEncoder,
+    /// The sensor of the base's motion, where there is one.
+    pub base: Option<BaseSettings>,
     /// Sampling rate, Hz.
     pub sample_rate_hz: f64,
     /// φ1, φ2 (rad), φ̇1, φ̇2 (rad/s) before settling.
@@ -82,6 +85,7 @@ impl Default for SimulationSettings {
             }),
             counts_per_turn: [4096; 2],
             second: SecondEncoder::Relative,
+            base: None,
             sample_rate_hz: 500.0,
             initial: [0.3, 2.0, 0.0, 0.0],
             initial_phase: 0,
@@ -101,6 +105,8 @@ pub struct Sample {
     pub tick: i64,
     /// Counts of both encoders, multi-turn, wrapping at 2³² as the device's do.
     pub counts: [i32; 2],
+    /// Counts of the base's sensor; 0 where there is none.
+    pub base: i32,
     /// Recorded phase of the drive, turns · 2⁻³²; 0 where there is none.
     pub phase: u32,
     /// Amplitude of the base, nm; 0 where there is no drive.
@@ -115,6 +121,7 @@ pub struct Simulation {
     bench: Bench,
     command: Command,
     counts_per_turn: [u32; 2],
+    base: Option<BaseSensor>,
     tick_s: f64,
     /// Tick at which the plant is.
     plant_tick: i64,
@@ -176,6 +183,7 @@ impl Simulation {
         for n in settings.counts_per_turn {
             check("counts_per_turn", f64::from(n), 1.0..=1_048_576.0, "")?;
         }
+        settings.base.as_ref().map_or(Ok(()), BaseSettings::validate)?;
         let additions = additions(&settings.effects, settings.drive.as_ref())?;
         let mut command = Command { phase: 0, phase_increment: 0, amplitude_nanometre: [0; 2] };
         if let Some(drive) = &settings.drive {
@@ -211,8 +219,14 @@ impl Simulation {
             second: settings.second,
         })?;
         let settle_ticks = (settings.settle_s * rate).round() as i64;
-        let mut simulation =
-            Self { bench, command, counts_per_turn: settings.counts_per_turn, tick_s, plant_tick: -settle_ticks };
+        let mut simulation = Self {
+            bench,
+            command,
+            counts_per_turn: settings.counts_per_turn,
+            base: settings.base.map(BaseSensor::new),
+            tick_s,
+            plant_tick: -settle_ticks,
+        };
         for _ in 0..settle_ticks + i64::from(simulation.bench.lead()) {
             simulation.advance()?;
         }
@@ -233,10 +247,15 @@ impl Simulation {
     pub fn next_sample(&mut self) -> Result<Sample, SimulationError> {
         let lead = self.bench.lead();
         let angles = self.bench.shown();
+        let base = self.base.as_mut().map_or(0, |sensor| {
+            sensor.measure(self.bench.base());
+            sensor.counts()
+        });
         let sample = Sample {
             tick: self.plant_tick - i64::from(lead),
             // Casts to 32 bits wrap, as the device's counts do.
             counts: [0, 1].map(|i| count_of(angles[i], self.counts_per_turn[i]) as i32),
+            base,
             phase: self.command.phase.wrapping_sub(self.command.phase_increment.wrapping_mul(lead)),
             amplitude_nanometre: self.command.amplitude_nanometre[0],
             angles,

@@ -17,12 +17,15 @@ use std::collections::VecDeque;
 
 use whirl_firmware::adjust::Words;
 use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
+use whirl_firmware::base::BaseInput;
 use whirl_firmware::history::KEPT;
+use whirl_firmware::inputs::Latched;
 use whirl_firmware::settings::{Boot, SettingsError};
-use whirl_firmware::{App, Settings, ShakerOutput};
+use whirl_firmware::{App, Inputs, QuadratureCounter, Settings, ShakerOutput};
 use whirl_shared::codec::MAX_FRAME;
-use whirl_shared::frame::{ResetCause, SampleBlock, SettingsSource, Status};
+use whirl_shared::frame::{ResetCause, SettingsSource, Status};
 
+use crate::base_sensor::{BaseSensor, BaseSettings};
 use crate::bench::{Bench, BenchSettings, SecondEncoder};
 use crate::encoder::Encoder;
 use crate::error::SimulationError;
@@ -42,6 +45,9 @@ pub struct RigSettings {
     pub psi: f64,
     /// What encoder 2 is fixed to.
     pub second: SecondEncoder,
+    /// The sensor of the base's motion, where one is connected; what it is to the device is in
+    /// `device.base`.
+    pub base: Option<BaseSettings>,
     /// φ1, φ2 (rad), φ̇1, φ̇2 (rad/s) at power-on.
     pub initial: State,
     /// Perturbs `initial` ([`perturbed`]); `None` leaves it as it is.
@@ -55,28 +61,29 @@ pub struct RigSettings {
     /// The device's own settings: sampling rate, counts a turn, limits of the shaker, host
     /// time-out.
     pub device: Settings,
-    /// Blocks that the device keeps for the host to ask for again.
-    pub kept_blocks: usize,
+    /// Memory for samples that the device keeps for the host to ask for again, bytes.
+    pub kept_bytes: usize,
     /// Most bytes held for [`VirtualRig::take_output`].
     pub output_limit: usize,
 }
 
 impl Default for RigSettings {
-    /// The printed rig, vertical, 500 Hz, 4096 counts, unperturbed; as many blocks kept as a NUCLEO
-    /// board keeps (20 s), 64 kB of output (15 s).
+    /// The printed rig, vertical, 500 Hz, 4096 counts, unperturbed; as many samples kept as a
+    /// NUCLEO board keeps (21 s), 64 kB of output (15 s).
     fn default() -> Self {
         Self {
             parameters: Parameters::PRINTED,
             direction: Direction::Vertical,
             psi: 0.0,
             second: SecondEncoder::Relative,
+            base: None,
             initial: [0.3, 2.0, 0.0, 0.0],
             seed: None,
             effects: Vec::new(),
             record_s: 120.0,
             tolerance: TOLERANCE,
-            device: Settings { board: "virtual rig", boot_id: 1, ..Settings::default() },
-            kept_blocks: KEPT,
+            device: Settings { board: "virtual rig", boot_id: 1, base_input: true, ..Settings::default() },
+            kept_bytes: KEPT,
             output_limit: 65_536,
         }
     }
@@ -97,7 +104,84 @@ impl ShakerOutput for PowerStage {
 }
 
 /// The device, with its blocks in memory of its own.
-type Device = App<Encoder, Encoder, PowerStage, BLOCKS, EVENTS, REQUESTS, Vec<SampleBlock>>;
+type Device = App<Wired, PowerStage, BLOCKS, EVENTS, REQUESTS, Vec<u8>>;
+
+/// What is wired to it.
+#[derive(Clone, Debug)]
+struct Wired {
+    encoders: Vec<Encoder>,
+    base: Option<BaseSensor>,
+}
+
+impl Inputs for Wired {
+    const BASE: bool = true;
+
+    fn encoders(&self) -> usize {
+        self.encoders.len()
+    }
+
+    fn latch(&mut self, into: &mut Latched) {
+        for (place, encoder) in into.0.iter_mut().zip(&mut self.encoders) {
+            *place = encoder.count();
+        }
+    }
+
+    fn index(&mut self, encoder: usize) -> Option<u16> {
+        self.encoders.get_mut(encoder)?.index()
+    }
+
+    fn latch_base(&mut self) -> u16 {
+        self.base.latch()
+    }
+}
+
+/// What turns the encoders of a virtual rig in the place of this crate's double pendulum: another
+/// system, which the shaker does not move.
+pub trait Arms: core::fmt::Debug + Send {
+    /// Moves on by one tick.
+    ///
+    /// # Errors
+    /// A motion that cannot be followed further.
+    fn advance(&mut self) -> Result<(), SimulationError>;
+
+    /// The angles at the encoders now, rad: as many as the device has encoders.
+    fn angles(&self) -> &[f64];
+}
+
+/// What moves.
+#[derive(Debug)]
+enum Moving {
+    Bench(Box<Bench>),
+    Arms(Box<dyn Arms>),
+}
+
+impl Moving {
+    fn advance(&mut self, command: Command, time_s: f64) -> Result<(), SimulationError> {
+        match self {
+            Self::Bench(bench) => bench.advance(command, time_s),
+            Self::Arms(arms) => arms.advance(),
+        }
+    }
+
+    /// Turns the encoders, and shows the base.
+    fn show(&self, wired: &mut Wired) {
+        match self {
+            Self::Bench(bench) => {
+                for (encoder, angle) in wired.encoders.iter_mut().zip(bench.shown()) {
+                    encoder.turn_to(angle);
+                }
+                if let Some(sensor) = &mut wired.base {
+                    sensor.measure(bench.base());
+                }
+            }
+            Self::Arms(arms) => {
+                for (encoder, angle) in wired.encoders.iter_mut().zip(arms.angles()) {
+                    encoder.turn_to(*angle);
+                }
+            }
+        }
+    }
+}
 
 /// Firmware and plant.
 #[derive(Debug)]
@@ -107,7 +191,7 @@ pub struct VirtualRig {
     /// As the device was made, and what its flash holds.
     image: Settings,
     kept_settings: Option<Words>,
-    bench: Bench,
+    moving: Moving,
     command: Command,
     tick_s: f64,
     ticks: u64,
@@ -117,7 +201,18 @@ pub struct VirtualRig {
     latency_us: u32,
     output: VecDeque<u8>,
     output_limit: usize,
-    kept_blocks: usize,
+    kept_bytes: usize,
+}
+
+/// The encoders at power-on.
+///
+/// # Errors
+/// A device of other than two.
+pub(crate) fn two_encoders(device: &Settings, shown: [f64; 2]) -> Result<(Encoder, Encoder), ParameterError> {
+    match device.counts_per_turn[..] {
+        [first, second] => Ok((Encoder::new(first, shown[0]), Encoder::new(second, shown[1]))),
+        ref other => Err(ParameterError::new("encoders", other.len() as f64, "2")),
+    }
 }
 
 fn setting_error(error: SettingsError) -> ParameterError {
@@ -132,6 +227,7 @@ pub(crate) fn tick_s(device: &Settings) -> f64 {
 /// Plant, shaker and encoders of a rig at power-on.
 pub(crate) fn bench_of(settings: &RigSettings) -> Result<Bench, SimulationError> {
     settings.device.validate().map_err(setting_error)?;
+    settings.base.as_ref().map_or(Ok(()), BaseSettings::validate)?;
     // The firmware's drive is not known yet; its direction decides what may act across it.
     let drive = DriveSettings { direction: settings.direction, frequency_hz: 0.0, amplitude_m: 0.0, psi: settings.psi };
     let additions = additions(&settings.effects, Some(&drive))?;
@@ -162,14 +258,35 @@ impl VirtualRig {
     pub fn new(settings: &RigSettings) -> Result<Self, SimulationError> {
         let bench = bench_of(settings)?;
         let shown = bench.shown();
-        let encoders = [0, 1].map(|i| Encoder::new(settings.device.counts_per_turn[i], shown[i]));
-        let app = Self::boot(&settings.device, &settings.device, encoders, settings.kept_blocks)?;
+        let (first, second) = two_encoders(&settings.device, shown)?;
+        Self::of(settings, Moving::Bench(Box::new(bench)), vec![first, second])
+    }
+
+    /// A rig whose encoders are turned by other arms; of the settings the device and its memory
+    /// count.
+    ///
+    /// # Errors
+    /// Settings that cannot be, or that are not of as many encoders as there are arms.
+    pub fn with_arms(settings: &RigSettings, arms: Box<dyn Arms>) -> Result<Self, SimulationError> {
+        settings.device.validate().map_err(setting_error)?;
+        let (angles, counts) = (arms.angles(), &settings.device.counts_per_turn);
+        if angles.len() != counts.len() {
+            let expected = angles.len().to_string();
+            return Err(ParameterError::new("encoders", counts.len() as f64, &expected).into());
+        }
+        let encoders = counts.iter().zip(angles).map(|(n, angle)| Encoder::new(*n, *angle)).collect();
+        Self::of(settings, Moving::Arms(arms), encoders)
+    }
+
+    fn of(settings: &RigSettings, moving: Moving, encoders: Vec<Encoder>) -> Result<Self, SimulationError> {
+        let inputs = Wired { encoders, base: settings.base.map(BaseSensor::new) };
+        let app = Self::boot(&settings.device, &settings.device, inputs, settings.kept_bytes)?;
         Ok(Self {
             app,
             image: settings.device.clone(),
             kept_settings: None,
             device: settings.device.clone(),
-            bench,
+            moving,
             command: Command::default(),
             tick_s: tick_s(&settings.device),
             ticks: 0,
@@ -178,18 +295,13 @@ impl VirtualRig {
             latency_us: 0,
             output: VecDeque::new(),
             output_limit: settings.output_limit,
-            kept_blocks: settings.kept_blocks,
+            kept_bytes: settings.kept_bytes,
         })
     }
 
-    fn boot(
-        device: &Settings,
-        image: &Settings,
-        [first, second]: [Encoder; 2],
-        kept_blocks: usize,
-    ) -> Result<Device, ParameterError> {
-        let memory = vec![SampleBlock::EMPTY; kept_blocks];
-        let mut app = App::with_memory(device, first, second, PowerStage::default(), memory).map_err(setting_error)?;
+    fn boot(device: &Settings, image: &Settings, inputs: Wired, kept_bytes: usize) -> Result<Device, ParameterError> {
+        let memory = vec![0; kept_bytes];
+        let mut app = App::with_memory(device, inputs, PowerStage::default(), memory).map_err(setting_error)?;
         app.set_built_in(image);
         Ok(app)
     }
@@ -219,12 +331,9 @@ impl VirtualRig {
         if self.app.restart_due() {
             self.restart()?;
         }
-        self.bench.advance(self.command, self.ticks as f64 * self.tick_s)?;
+        self.moving.advance(self.command, self.ticks as f64 * self.tick_s)?;
         self.ticks += 1;
-        let [first, second] = self.bench.shown();
-        let (counter1, counter2) = self.app.counters_mut();
-        counter1.turn_to(first);
-        counter2.turn_to(second);
+        self.moving.show(self.app.inputs_mut());
         Ok(())
     }
 
@@ -301,9 +410,7 @@ impl VirtualRig {
     /// None that [`Self::new`] has not excluded.
     pub fn power_cycle(&mut self) -> Result<(), SimulationError> {
         self.boot_again(Boot { reset: ResetCause::Power, ..Boot::default() })?;
-        let (first, second) = self.app.counters_mut();
-        first.reset();
-        second.reset();
+        self.app.inputs_mut().encoders.iter_mut().for_each(Encoder::reset);
         Ok(())
     }
 
@@ -314,9 +421,8 @@ impl VirtualRig {
         self.device = kept.unwrap_or(image);
         self.device.boot_id = boot_id;
         self.device.boot = Boot { settings: source, ..boot };
-        let encoders = self.app.counters_mut();
-        let encoders = [encoders.0.clone(), encoders.1.clone()];
-        self.app = Self::boot(&self.device, &self.image, encoders, self.kept_blocks)?;
+        let inputs = self.app.inputs_mut().clone();
+        self.app = Self::boot(&self.device, &self.image, inputs, self.kept_bytes)?;
         self.command = Command::default();
         self.missed = 0;
         self.to_miss = 0;
@@ -343,9 +449,12 @@ impl VirtualRig {
         self.command
     }
 
-    /// The plant, for truths such as its state.
-    pub fn plant(&self) -> &Plant {
-        self.bench.plant()
+    /// The double pendulum, for truths such as its state; none where other arms turn the encoders.
+    pub fn plant(&self) -> Option<&Plant> {
+        match &self.moving {
+            Moving::Bench(bench) => Some(bench.plant()),
+            Moving::Arms(_) => None,
+        }
     }
 
     /// The device's settings (the boot id as it is now).

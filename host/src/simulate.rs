@@ -6,15 +6,17 @@ use std::path::Path;
 use indicatif::ProgressBar;
 use serde::Serialize;
 use whirl_hil_sim::{
-    Direction as SimDirection, DriveSettings, Effect, Parameters, SecondEncoder, Simulation, SimulationSettings,
+    BaseQuantity, BaseSettings, Direction as SimDirection, DriveSettings, Effect, Parameters, SecondEncoder,
+    Simulation, SimulationSettings,
 };
 
 use crate::error::{BadInput, Result};
 use crate::record::writer::{RecordWriter, Sample};
 use crate::record::{Losses, Metadata};
-use crate::rig::plant::Plant;
+use crate::rig::measures::BASE;
+use crate::rig::plant::{BasePlant, Plant};
 use crate::rig::single_plant::SinglePlant;
-use crate::rig::{Direction, Rig};
+use crate::rig::{Channel, Direction, Rig};
 
 /// Longest simulated record, s (a day).
 const LONGEST_S: f64 = 86_400.0;
@@ -79,8 +81,9 @@ pub fn encoders(rig: &Rig) -> Result<([u32; 2], SecondEncoder)> {
             .at("channel")
             .remedy("A simulated rig has two encoders that count")
     };
-    let [first, second] = &rig.channel[..] else {
-        return Err(bad(format!("{} channels", rig.channel.len()), "two: theta1 (or phi1), then theta2 (or phi2)"));
+    let list: Vec<&Channel> = rig.channel.iter().filter(|c| c.measures != BASE).collect();
+    let [first, second] = list[..] else {
+        return Err(bad(format!("{} encoders", list.len()), "two: theta1 (or phi1), then theta2 (or phi2)"));
     };
     if !["theta1", "phi1"].contains(&first.measures.as_str()) {
         return Err(bad(format!("\"{}\" first", first.measures), "theta1 or phi1"));
@@ -94,6 +97,31 @@ pub fn encoders(rig: &Rig) -> Result<([u32; 2], SecondEncoder)> {
         (Some(a), Some(b)) => Ok(([a, b], fixed_to)),
         _ => Err(bad("a unit other than \"count\"".to_owned(), "unit = \"count\" for both")),
     }
+}
+
+/// The simulated sensor of the base's motion, where the rig has a channel of it: an encoder for a
+/// position, a converter for an acceleration.
+///
+/// # Errors
+/// A channel without what a count is worth.
+pub fn base(rig: &Rig, plant: &BasePlant, seed: u64) -> Result<Option<BaseSettings>> {
+    let Some(channel) = rig.base().and_then(|i| rig.channel.get(i)) else { return Ok(None) };
+    let Some(gain) = channel.gain else {
+        return Err(BadInput::new("a channel of the base without gain", "what a count is worth, in its unit")
+            .in_file(&rig.path)
+            .at(format!("channel \"{}\"", channel.name))
+            .remedy("Add it, such as unit = \"m\" and gain = 5e-6 for an encoder of 5 µm"));
+    };
+    // A sensor that is mounted the other way round shows the opposite.
+    let sign = gain.signum();
+    Ok(Some(BaseSettings {
+        quantity: if channel.unit == "m/s2" { BaseQuantity::Acceleration } else { BaseQuantity::Counted },
+        scale: gain.abs() * channel.scale(),
+        gain: sign * plant.gain,
+        offset: sign * plant.offset,
+        noise: plant.noise,
+        seed,
+    }))
 }
 
 /// Settings of the direct simulation of a rig.
@@ -137,6 +165,7 @@ pub fn settings(rig: &Rig, effect_texts: &[String], seconds: f64, seed: u64) -> 
             parameters: Parameters::single(plant.m1, plant.e1, plant.j_o1, plant.tau_c1, plant.g),
             drive: drive(plant.amplitude_m, plant.phase_rad),
             counts_per_turn: [single_encoder(rig)?, 4096],
+            base: base(rig, &plant.base, seed)?,
             second: SecondEncoder::Absolute,
             initial: [plant.initial[0], 0.0, plant.initial[1], 0.0],
             settle_s: plant.settle_s,
@@ -150,6 +179,7 @@ pub fn settings(rig: &Rig, effect_texts: &[String], seconds: f64, seed: u64) -> 
     let plant = Plant::of(rig)?;
     let (counts_per_turn, second) = encoders(rig)?;
     Ok(SimulationSettings {
+        base: base(rig, &plant.base, seed)?,
         parameters: parameters(&plant),
         drive: drive(plant.amplitude_m, plant.phase_rad),
         counts_per_turn,
@@ -165,12 +195,13 @@ pub fn settings(rig: &Rig, effect_texts: &[String], seconds: f64, seed: u64) -> 
 /// # Errors
 /// A rig whose only channel is not an encoder in counts.
 fn single_encoder(rig: &Rig) -> Result<u32> {
-    match &rig.channel[..] {
+    let list: Vec<&Channel> = rig.channel.iter().filter(|c| c.measures != BASE).collect();
+    match list[..] {
         [only] if ["theta1", "phi1"].contains(&only.measures.as_str()) => only.counts_per_turn,
         _ => None,
     }
     .ok_or_else(|| {
-        BadInput::new(format!("{} channels", rig.channel.len()), "one: theta1 (or phi1), with unit = \"count\"")
+        BadInput::new(format!("{} encoders", list.len()), "one: theta1 (or phi1), with unit = \"count\"")
             .in_file(&rig.path)
             .at("channel")
             .remedy("A simulated single pendulum has one encoder that counts")
@@ -213,14 +244,15 @@ pub fn record(
     let samples = ((seconds * rig.sample_rate_hz).round() as u64).max(1);
     let mut writer = RecordWriter::create(output, &metadata, rig)?;
     progress.set_length(samples);
+    let mut counts = Vec::new();
     for i in 0..samples {
         let s = simulation.next_sample().map_err(fail)?;
-        writer.push(&Sample {
-            tick: s.tick,
-            counts: &s.counts[..rig.channel.len().min(2)],
-            phase: s.phase,
-            amplitude_nm: s.amplitude_nanometre,
-        })?;
+        let mut encoders = s.counts.iter();
+        counts.clear();
+        counts.extend(
+            rig.channel.iter().filter_map(|c| if c.measures == BASE { Some(s.base) } else { encoders.next().copied() }),
+        );
+        writer.push(&Sample { tick: s.tick, counts: &counts, phase: s.phase, amplitude_nm: s.amplitude_nanometre })?;
         if i.is_multiple_of(1000) {
             progress.set_position(i);
         }

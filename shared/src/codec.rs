@@ -16,24 +16,26 @@ use core::fmt;
 use core::marker::PhantomData;
 
 use crc::{CRC_32_ISO_HDLC, Crc};
-use postcard::ser_flavors::crc::CrcModifier;
-use postcard::ser_flavors::{Cobs, Slice};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::frame::regression::{ROW_LEN, ROWS_LEN};
-use crate::frame::{BLOCK_LEN, CHANNELS, Envelope, PANIC_LEN, TEXT_LEN};
+use crate::frame::{BLOCK_LEN, Envelope, MOST_CHANNELS, MOST_ENCODERS, PANIC_LEN, TEXT_LEN};
 use crate::regressor::{UNKNOWNS1, UNKNOWNS2};
 
 /// The frame's checksum.
 pub const CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 /// Bytes of the checksum.
 pub const CRC_LEN: usize = 4;
+/// Bytes that a code of COBS spans at most.
+const LONGEST_RUN: usize = 254;
 
 // Greatest lengths of postcard's varints and of a text with its length.
 const U16: usize = 3;
 const U32: usize = 5;
 const TEXT: usize = 1 + TEXT_LEN;
+/// Of a list of at most 127 elements.
+const LENGTH: usize = 1;
 /// Envelope number and message id.
 const HEAD: usize = U16 + 1;
 const ZERO: usize = U32 + 1 + 1 + U32;
@@ -42,21 +44,26 @@ const HELLO: usize = HEAD
     + 3 * U32
     + 2 * TEXT
     + U32
-    + CHANNELS * U32
+    + (1 + MOST_ENCODERS * U32)
     + 1
     + 4 * U32
     + U32
-    + CHANNELS * ZERO
+    + (1 + MOST_ENCODERS * ZERO)
     + 1
     + (1 + PANIC_LEN)
-    + CHANNELS
+    + (1 + MOST_ENCODERS)
     + 2 * U32
-    + 1;
-const SAMPLES: usize = HEAD + 4 * U32 + CHANNELS * U32 + 1 + (BLOCK_LEN - 1) * CHANNELS * U16;
-const STATUS: usize = HEAD + 7 * U32 + 2 + 3 * U32 + 2 * CHANNELS * U32 + U32;
+    + 1
+    + (1 + U32);
+const STATUS: usize = HEAD + 7 * U32 + 2 + 3 * U32 + 2 * (1 + MOST_ENCODERS * U32) + U32;
 const LOG: usize = HEAD + U32 + 1 + TEXT;
 const ESTIMATE: usize = HEAD + 5 * U32 + U16 + 2 * (1 + 2 * 4) + (UNKNOWNS1 + UNKNOWNS2) * 2 * 4;
 const ROWS: usize = HEAD + 5 * U32 + 2 + 1 + ROWS_LEN * ROW_LEN * 3;
+
+/// Greatest length of a block's message.
+const fn samples_len(channels: usize) -> usize {
+    HEAD + 4 * U32 + 1 + channels * U32 + LENGTH + (BLOCK_LEN - 1) * channels * U16
+}
 
 const fn max(a: usize, b: usize) -> usize {
     if a > b { a } else { b }
@@ -71,10 +78,14 @@ pub const fn frame_len(payload: usize) -> usize {
 }
 
 /// Greatest length on the wire of any message in either direction, its zero included.
-pub const MAX_FRAME: usize = frame_len(max(max(max(HELLO, SAMPLES), max(STATUS, LOG)), max(ESTIMATE, ROWS)));
+pub const MAX_FRAME: usize =
+    frame_len(max(max(max(HELLO, samples_len(MOST_CHANNELS)), max(STATUS, LOG)), max(ESTIMATE, ROWS)));
 
-/// Greatest length on the wire of a sample block.
-pub const MAX_SAMPLES_FRAME: usize = frame_len(SAMPLES);
+/// Greatest length on the wire of a block of so many channels.
+#[must_use]
+pub const fn samples_frame_len(channels: usize) -> usize {
+    frame_len(samples_len(channels))
+}
 
 /// Why a message could not be encoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,16 +110,72 @@ impl core::error::Error for EncodeError {}
 
 /// Encodes one frame, its terminating zero included, and returns its length.
 ///
+/// Message, checksum and COBS one after another over the whole frame, in its place: fewer
+/// instructions than to carry each byte through all three.
+///
 /// # Errors
-/// [`EncodeError::BufferTooSmall`] where `out` is shorter than the frame; `out` then holds part of
-/// it.
+/// [`EncodeError::BufferTooSmall`] where `out` is shorter than the frame, or than COBS may make it
+/// ([`frame_len`]) where that has 508 bytes or more; `out` then holds part of it.
 pub fn encode<M: Serialize>(envelope: &Envelope<M>, out: &mut [u8]) -> Result<usize, EncodeError> {
-    let cobs = Cobs::try_new(Slice::new(out)).map_err(|_| EncodeError::BufferTooSmall)?;
-    match postcard::serialize_with_flavor(envelope, CrcModifier::new(cobs, CRC.digest())) {
-        Ok(frame) => Ok(frame.len()),
-        Err(postcard::Error::SerializeBufferFull) => Err(EncodeError::BufferTooSmall),
-        Err(_) => Err(EncodeError::NotSerialisable),
+    // The first place is COBS's.
+    let checked = out.get_mut(1..).ok_or(EncodeError::BufferTooSmall)?;
+    let payload = match postcard::to_slice(envelope, checked) {
+        Ok(payload) => payload,
+        Err(postcard::Error::SerializeBufferFull) => return Err(EncodeError::BufferTooSmall),
+        Err(_) => return Err(EncodeError::NotSerialisable),
+    };
+    let (length, checksum) = (payload.len(), CRC.checksum(payload).to_le_bytes());
+    let end = checked.get_mut(length..).and_then(|rest| rest.first_chunk_mut());
+    *end.ok_or(EncodeError::BufferTooSmall)? = checksum;
+    stuff(out, length + CRC_LEN).ok_or(EncodeError::BufferTooSmall)
+}
+
+/// Takes the zeros out of so many bytes from the second on, by COBS, and ends them with one. The
+/// frame's length; none where it does not fit.
+fn stuff(out: &mut [u8], length: usize) -> Option<usize> {
+    if length >= LONGEST_RUN {
+        return stuff_long(out, length);
     }
+    // No run is too long for a code: every zero, and the first place, takes the way to the next.
+    let (frame, rest) = out.split_at_mut_checked(1 + length)?;
+    *frame.first_mut()? = 0;
+    let mut run = 1_u8;
+    for byte in frame.iter_mut().rev() {
+        if *byte == 0 {
+            *byte = run;
+            run = 1;
+        } else {
+            run += 1;
+        }
+    }
+    *rest.first_mut()? = 0;
+    Some(length + 2)
+}
+
+/// The same where a run may be too long for a code, and takes one more.
+fn stuff_long(out: &mut [u8], length: usize) -> Option<usize> {
+    // A place more for each such run: what is read stays ahead of what is written.
+    let start = 1 + length / LONGEST_RUN;
+    out.get(..start + length)?;
+    out.copy_within(1..=length, start);
+    let (mut code, mut write, mut run) = (0, 1, 1_u8);
+    for read in start..start + length {
+        let byte = *out.get(read)?;
+        if byte != 0 {
+            *out.get_mut(write)? = byte;
+            write += 1;
+            run += 1;
+        }
+        if byte == 0 || usize::from(run) > LONGEST_RUN {
+            *out.get_mut(code)? = run;
+            code = write;
+            write += 1;
+            run = 1;
+        }
+    }
+    *out.get_mut(code)? = run;
+    *out.get_mut(write)? = 0;
+    Some(write + 1)
 }
 
 /// Why a frame was discarded.

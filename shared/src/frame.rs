@@ -29,17 +29,20 @@ mod setting;
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
-pub use hello::{Hello, ResetCause, SettingsSource, ShakerLimits, Zero, ZeroSource};
+pub use hello::{BaseKind, BaseSensor, Hello, ResetCause, SettingsSource, ShakerLimits, Zero, ZeroSource};
 pub use regression::{Estimate, Rows};
 pub use setting::Setting;
 
 /// Version of the wire protocol; raised at every change of the layout.
-pub const PROTOCOL_VERSION: u16 = 4;
+pub const PROTOCOL_VERSION: u16 = 5;
 /// Samples in a full block. Ten samples a frame keep the worst case well under the rate of a
 /// 115 200 baud link.
 pub const BLOCK_LEN: usize = 10;
-/// Number of encoders.
-pub const CHANNELS: usize = 2;
+/// Most encoders of a device, as far as this build has room: two, or six with the feature
+/// `six-encoders`, as hosts have it. Messages are lists: what fewer fill is the same on the wire.
+pub const MOST_ENCODERS: usize = if cfg!(feature = "six-encoders") { 6 } else { 2 };
+/// Most channels of a device: its encoders, and the base's sensor.
+pub const MOST_CHANNELS: usize = MOST_ENCODERS + 1;
 /// Longest text in a [`Log`] or [`Hello`] field, bytes.
 pub const TEXT_LEN: usize = 48;
 /// Longest text of a panic, bytes.
@@ -47,15 +50,15 @@ pub const PANIC_LEN: usize = 80;
 
 /// The layout in words: what [`SCHEMA_HASH`] is computed from.
 pub const SCHEMA: &str = concat!(
-    "whirl 4;envelope{sequence:u16,message};",
+    "whirl 5;envelope{sequence:u16,message};",
     "device[hello{protocol:u16,schema:u32,boot_id:u32,tick:u32,firmware:str,board:str,sample_rate_millihertz:u32,",
-    "counts_per_turn:[u32;2],block_len:u8,limits{amplitude_micrometre:u32,frequency_millihertz:u32,ramp_micrometre_per_s:u32,",
-    "acceleration_millimetre_per_s2:u32},host_timeout_ms:u32,zeros:[{id:u32,source:enum[power_up,commanded,carried],index:option(u32)};2],",
-    "reset:enum[unknown,power,pin,software,watchdog,panic],panic:str,reversed:[bool;2],full_scale_micrometre:u32,baud:u32,",
-    "settings:enum[built_in,kept,changed,refused,not_kept]}|samples{first_tick:u32,phase:u32,phase_increment:u32,amplitude_nanometre:u32,first:[i32;2],deltas:[[i16;2]]}|",
+    "counts_per_turn:[u32],block_len:u8,limits{amplitude_micrometre:u32,frequency_millihertz:u32,ramp_micrometre_per_s:u32,",
+    "acceleration_millimetre_per_s2:u32},host_timeout_ms:u32,zeros:[{id:u32,source:enum[power_up,commanded,carried],index:option(u32)}],",
+    "reset:enum[unknown,power,pin,software,watchdog,panic],panic:str,reversed:[bool],full_scale_micrometre:u32,baud:u32,",
+    "settings:enum[built_in,kept,changed,refused,not_kept],base{kind:enum[none,encoder,position,acceleration],scale:u32}}|samples{first_tick:u32,phase:u32,phase_increment:u32,amplitude_nanometre:u32,first:[i32],deltas:[i16]}|",
     "status{tick:u32,overruns:u32,dropped_samples:u32,dropped_frames:u32,bad_frames:u32,rejected_commands:u32,",
     "samples_sent:u32,shaker:enum[disarmed,armed,ramping,running,stopping,faulted],stop_cause:enum[none,command,host_silent,limit,fault],",
-    "amplitude_nanometre:u32,frequency_millihertz:u32,latency_max_us:u32,rms_angle_mrad:[u32;2],turns_per_minute_milli:[i32;2],kept_from:u32}|",
+    "amplitude_nanometre:u32,frequency_millihertz:u32,latency_max_us:u32,rms_angle_mrad:[u32],turns_per_minute_milli:[i32],kept_from:u32}|",
     "ack{command_sequence:u16,result:enum[done,out_of_range{limit:u32},wrong_state,unsupported]}|log{tick:u32,level:u8,text:str}|",
     "estimate{tick:u32,window_ticks:u32,windows:u32,forget_per_mille:u16,phase_increment:u32,amplitude_nanometre:u32,",
     "first:enum[known{unknowns:[{value:[u8;4],std_error:[u8;4]};6],condition:[u8;4],residual_rms:[u8;4]},too_few_windows,",
@@ -67,7 +70,7 @@ pub const SCHEMA: &str = concat!(
     "set_ramp{micrometre_per_s:u32}|set_host_timeout{ms:u32}|zero_counts|status|stream(enum[samples,rows])|",
     "set(enum[counts_per_turn{channel:u8,counts:u32},reversed{channel:u8,reversed:bool},sample_rate{millihertz:u32},",
     "amplitude_limit{micrometre:u32},frequency_limit{millihertz:u32},ramp_limit{micrometre_per_s:u32},",
-    "acceleration_limit{millimetre_per_s2:u32},host_timeout{ms:u32},full_scale{micrometre:u32},baud{rate:u32},built_in])|restart|",
+    "acceleration_limit{millimetre_per_s2:u32},host_timeout{ms:u32},full_scale{micrometre:u32},baud{rate:u32},built_in,base{kind:enum[none,encoder,position,acceleration]},base_scale{scale:u32}])|restart|",
     "back_fill{boot_id:u32,first_tick:u32,ticks:u32}}]"
 );
 
@@ -101,7 +104,7 @@ pub struct Envelope<M> {
 pub enum DeviceMessage {
     /// Who the device is and how it is set.
     Hello(Hello),
-    /// Encoder counts.
+    /// Counts of all channels.
     Samples(SampleBlock),
     /// Counters and the shaker's state.
     Status(Status),
@@ -113,7 +116,7 @@ pub enum DeviceMessage {
     Estimate(Estimate),
     /// Regression rows.
     Rows(Rows),
-    /// Encoder counts that were asked for again ([`Command::BackFill`]).
+    /// Counts that were asked for again ([`Command::BackFill`]).
     Restored(SampleBlock),
     /// All that the device has of what was asked for has been sent.
     BackFilled(BackFilled),
@@ -126,9 +129,14 @@ pub enum HostMessage {
     Command(Command),
 }
 
-/// Consecutive samples of both encoders. Sample i was taken at tick `first_tick + i`, when the
+/// Consecutive samples of all channels: the encoders in their order, then the base's sensor where
+/// there is one ([`Hello::base`]). Sample i was taken at tick `first_tick + i`, when the
 /// drive's phase was `phase + i·phase_increment` (turns · 2⁻³², wrapping).
+///
+/// What is decoded is whole: a block without a channel, or with other than as many differences of
+/// each ([`crate::block::is_whole`]), is no message.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "AnyBlock")]
 pub struct SampleBlock {
     /// Tick of the first sample, wrapping at 2³².
     pub first_tick: u32,
@@ -138,20 +146,42 @@ pub struct SampleBlock {
     pub phase_increment: u32,
     /// Commanded amplitude of the base at the first sample, nm.
     pub amplitude_nanometre: u32,
-    /// Counts of the first sample (multi-turn).
-    pub first: [i32; CHANNELS],
-    /// Differences from sample to sample.
-    pub deltas: Vec<[i16; CHANNELS], { BLOCK_LEN - 1 }>,
+    /// Counts of the first sample (multi-turn), one for each channel.
+    pub first: Vec<i32, MOST_CHANNELS, u8>,
+    /// Differences from sample to sample: those of all channels from the first sample to the
+    /// second, then to the third, and so on.
+    pub deltas: Vec<i16, { (BLOCK_LEN - 1) * MOST_CHANNELS }, u8>,
+}
+
+/// What may be laid out as a block.
+#[derive(Deserialize)]
+struct AnyBlock {
+    first_tick: u32,
+    phase: u32,
+    phase_increment: u32,
+    amplitude_nanometre: u32,
+    first: Vec<i32, MOST_CHANNELS, u8>,
+    deltas: Vec<i16, { (BLOCK_LEN - 1) * MOST_CHANNELS }, u8>,
+}
+
+impl TryFrom<AnyBlock> for SampleBlock {
+    type Error = &'static str;
+
+    fn try_from(any: AnyBlock) -> Result<Self, Self::Error> {
+        let AnyBlock { first_tick, phase, phase_increment, amplitude_nanometre, first, deltas } = any;
+        let block = Self { first_tick, phase, phase_increment, amplitude_nanometre, first, deltas };
+        if crate::block::is_whole(&block) { Ok(block) } else { Err("a block that is not whole") }
+    }
 }
 
 impl SampleBlock {
-    /// A sample at rest at tick 0: what memory for blocks begins with.
+    /// A block of no channel at tick 0.
     pub const EMPTY: Self = Self {
         first_tick: 0,
         phase: 0,
         phase_increment: 0,
         amplitude_nanometre: 0,
-        first: [0; CHANNELS],
+        first: Vec::new(),
         deltas: Vec::new(),
     };
 }
@@ -231,11 +261,11 @@ pub struct Status {
     pub frequency_millihertz: u32,
     /// Greatest delay from tick to sample since the last status, µs.
     pub latency_max_us: u32,
-    /// Preview: rms of each wrapped angle over the last second, mrad (reduced precision; never used
-    /// for results).
-    pub rms_angle_mrad: [u32; CHANNELS],
+    /// Preview: rms of each encoder's wrapped angle over the last second, mrad (reduced precision;
+    /// never used for results).
+    pub rms_angle_mrad: Vec<u32, MOST_ENCODERS>,
     /// Preview: mean turning rate over the last second, 10⁻³ turns a minute.
-    pub turns_per_minute_milli: [i32; CHANNELS],
+    pub turns_per_minute_milli: Vec<i32, MOST_ENCODERS>,
     /// Tick of the oldest sample that can be asked for again; that of this status where there is
     /// none.
     pub kept_from: u32,
@@ -272,7 +302,7 @@ pub enum Command {
         /// ms.
         ms: u32,
     },
-    /// Take the present position of both encoders as zero; refused while the shaker moves.
+    /// Take the present position of every encoder as zero; refused while the shaker moves.
     ZeroCounts,
     /// Send a [`Status`] now.
     Status,

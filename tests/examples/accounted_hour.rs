@@ -1,15 +1,15 @@
-//! One simulated hour (or as many seconds as are asked for) through every kind of link fault, every
-//! sample accounted for.
+//! One simulated hour (or as many seconds as are asked for) of three channels (both arms and the
+//! base) through every kind of link fault, with back-fill, every sample accounted for.
 //! `cargo run --release -p whirl-tests --example accounted_hour [SECONDS] [SEED]`
 
-use whirl_tests::accuracy::chaotic_rig;
+use whirl_tests::accuracy::measured_base_rig;
 use whirl_tests::faulty::capture;
 
 fn main() {
     let mut arguments = std::env::args().skip(1);
     let seconds: f64 = arguments.next().and_then(|s| s.parse().ok()).unwrap_or(3600.0);
     let seed: u64 = arguments.next().and_then(|s| s.parse().ok()).unwrap_or(1);
-    let account = capture(&chaotic_rig(5.0), seconds, seed);
+    let account = capture(&measured_base_rig(), seconds, seed);
     let l = &account.outcome.losses;
     println!("ticks                {}", account.ticks);
     println!("received             {}", l.received);

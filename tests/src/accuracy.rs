@@ -70,6 +70,14 @@ pub fn chaotic_rig(frequency_hz: f64) -> Rig {
     Rig::parse(&text, &path).expect("a rig file")
 }
 
+/// The shipped rig whose base is measured: three channels.
+///
+/// # Panics
+/// If the rig file is not there, or not as expected.
+pub fn measured_base_rig() -> Rig {
+    Rig::read(repository("rigs/measured-base.toml")).expect("the shipped rig file")
+}
+
 /// Simulates, writes, reads and identifies one record of `seconds`.
 ///
 /// # Panics

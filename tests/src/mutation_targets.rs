@@ -308,7 +308,7 @@ impl ShakerOutput for Displacement {
 /// what is sent decodes.
 fn console(bytes: &[u8]) -> Vec<Warning> {
     let settings = Settings::default();
-    let mut app = App::new(settings.clone(), Still, Still, Displacement(0)).expect("the default settings");
+    let mut app = App::new(settings.clone(), (Still, Still), Displacement(0)).expect("the default settings");
     let mut host: Decoder<DeviceMessage> = Decoder::new();
     let mut out = [0; MAX_FRAME];
     // What came at once, then what comes slowly; then half a second for a command to take effect.
@@ -363,7 +363,7 @@ fn rewrite(message: &mut DeviceMessage, x: u32, rng: &mut ChaCha8Rng) {
             1 => h.tick = x,
             2 => h.sample_rate_millihertz = x,
             3 => h.protocol = x as u16,
-            4 => h.counts_per_turn[0] = x,
+            4 => h.counts_per_turn.iter_mut().for_each(|n| *n = x),
             // Longer texts do not fit, which is as good.
             _ => drop(h.firmware.push_str("\x1b[2J\n\u{202e}")),
         },
@@ -371,9 +371,9 @@ fn rewrite(message: &mut DeviceMessage, x: u32, rng: &mut ChaCha8Rng) {
             0 => s.first_tick = x,
             1 => s.phase_increment = x,
             2 => s.amplitude_nanometre = x,
-            3 => s.first[0] = x.cast_signed(),
-            4 => s.deltas.iter_mut().for_each(|d| d[1] = x as i16),
-            _ => s.deltas.truncate(x as usize % 4),
+            3 => s.first.iter_mut().take(1).for_each(|c| *c = x.cast_signed()),
+            4 => s.deltas.iter_mut().skip(1).step_by(2).for_each(|d| *d = x as i16),
+            _ => s.deltas.truncate(x as usize % 8),
         },
         DeviceMessage::Status(s) => match rng.random_range(0..5) {
             0 => s.tick = x,

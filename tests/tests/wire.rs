@@ -5,13 +5,14 @@ use std::io::Write;
 use std::process::{Command as Process, Stdio};
 
 use serde_json::{Value, json};
+use whirl_firmware::Settings;
 use whirl_hil_sim::emulated::{Script, on_this_machine};
-use whirl_hil_sim::{RigSettings, VirtualRig};
+use whirl_hil_sim::{BaseQuantity, BaseSettings, RigSettings, VirtualRig};
 use whirl_shared::codec::Decoder;
 use whirl_shared::frame::regression::{EquationEstimate, Unknown};
 use whirl_shared::frame::{
-    Command, CommandResult, DeviceMessage, Hello, PROTOCOL_VERSION, SCHEMA, SCHEMA_HASH, SampleBlock, Setting, Status,
-    Streamed, Zero,
+    BaseKind, BaseSensor, Command, CommandResult, DeviceMessage, Hello, PROTOCOL_VERSION, SCHEMA, SCHEMA_HASH,
+    SampleBlock, Setting, Status, Streamed, Zero,
 };
 
 /// What the Python decoder reads, a value each frame; none where there is no Python.
@@ -39,7 +40,8 @@ fn hello(h: &Hello) -> Value {
         [u32::from(h.protocol), h.schema, h.boot_id, h.tick],
         h.firmware,
         h.board,
-        [h.sample_rate_millihertz, h.counts_per_turn[0], h.counts_per_turn[1]],
+        h.sample_rate_millihertz,
+        h.counts_per_turn,
         h.block_len,
         [
             limits.amplitude_micrometre,
@@ -51,8 +53,9 @@ fn hello(h: &Hello) -> Value {
         h.zeros.iter().map(zero).collect::<Vec<_>>(),
         h.reset as u32,
         h.panic,
-        h.reversed.map(u8::from),
+        h.reversed.iter().copied().map(u8::from).collect::<Vec<_>>(),
         [h.full_scale_micrometre, h.baud, h.settings as u32],
+        [h.base.kind as u32, h.base.scale],
     ])
 }
 
@@ -69,11 +72,9 @@ fn status(s: &Status) -> Value {
         s.amplitude_nanometre,
         s.frequency_millihertz,
         s.latency_max_us,
-        s.rms_angle_mrad[0],
-        s.rms_angle_mrad[1],
     ];
     let counters = [&counters[..], &rest[..]].concat();
-    json!([counters, s.turns_per_minute_milli, s.kept_from])
+    json!([counters, s.rms_angle_mrad, s.turns_per_minute_milli, s.kept_from])
 }
 
 fn equation<const N: usize>(equation: &EquationEstimate<[Unknown; N]>) -> Value {
@@ -167,12 +168,21 @@ fn a_decoder_written_from_the_documentation_reads_every_message() {
     rig.restart().unwrap();
     (0..100).for_each(|_| rig.step().unwrap());
     frames.extend(rig.take_output());
+    // A third channel: the base's.
+    let sensor =
+        BaseSettings { quantity: BaseQuantity::Position, scale: 1e-6, gain: 1.0, offset: 2e-3, noise: 5e-6, seed: 1 };
+    let base = BaseSensor { kind: BaseKind::Position, scale: 1_000_000 };
+    let device = Settings { base, ..RigSettings::default().device };
+    let three = RigSettings { base: Some(sensor), device, ..RigSettings::default() };
+    frames.extend(on_this_machine(&three, &Script::new().drive(10, 900, 400, 9_000, 5_000), 1_000).unwrap());
     let Some(read) = in_python(&frames) else { return };
     let wanted = in_rust(&frames);
     assert_eq!(read.len(), wanted.len());
     for (n, (read, wanted)) in read.iter().zip(&wanted).enumerate() {
         assert!(same(read, wanted), "frame {n}: {read} for {wanted}");
     }
+    let channels = |frame: &&Value| frame[1] == 1 && frame[2][1].as_array().is_some_and(|first| first.len() == 3);
+    assert!(read.iter().filter(channels).count() > 90);
     let seen: std::collections::BTreeSet<u64> = read.iter().map(|frame| frame[1].as_u64().unwrap()).collect();
     assert_eq!(seen.into_iter().collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
 }
@@ -186,5 +196,5 @@ fn the_documentation_names_the_protocol_and_its_schema() {
     for n in 0..=13 {
         assert!(text.contains(&format!("\n| {n} |")), "command {n}");
     }
-    assert!(SCHEMA.starts_with("whirl 4;"));
+    assert!(SCHEMA.starts_with("whirl 5;"));
 }

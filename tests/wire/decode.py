@@ -18,19 +18,20 @@ class Payload:
     def i(self): n = self.u(); return n >> 1 ^ -(n & 1)
     def text(self): return self.take(self.u()).decode()
     def many(self, n, read): return [read() for _ in range(n)]
+    def list(self, read): return self.many(self.u(), read)
     def zero(self): return [self.u(), self.u(), self.u() if self.u8() else None]
     def f32(self): return struct.unpack("<f", self.take(4))[0]
     def f24(self): return struct.unpack("<f", b"\0" + self.take(3))[0]
     def equation(self, n):
         kind = self.u()
         return [kind] + (self.many(2 * n + 2, self.f32) if kind == 0 else [self.u8()] if kind == 2 else [])
-    def hello(self): return [self.many(4, self.u), self.text(), self.text(), self.many(3, self.u), self.u8(), self.many(5, self.u), self.many(2, self.zero), self.u(), self.text(), self.many(2, self.u8), self.many(3, self.u)]
-    def samples(self): return [self.many(4, self.u), self.many(2, self.i), self.many(self.u(), lambda: self.many(2, self.i))]
-    def status(self): return [self.many(14, self.u), self.many(2, self.i), self.u()]
+    def hello(self): return [self.many(4, self.u), self.text(), self.text(), self.u(), self.list(self.u), self.u8(), self.many(5, self.u), self.list(self.zero), self.u(), self.text(), self.list(self.u8), self.many(3, self.u), self.many(2, self.u)]
+    def samples(self): return [self.many(4, self.u), self.list(self.i), self.list(self.i)]
+    def status(self): return [self.many(12, self.u), self.list(self.u), self.list(self.i), self.u()]
     def ack(self): command, result = self.u(), self.u(); return [command, result] + ([self.u()] if result == 1 else [])
     def log(self): return [self.u(), self.u8(), self.text()]
     def estimate(self): return [self.many(6, self.u), self.equation(6), self.equation(5)]
-    def rows(self): return [self.many(5, self.u), self.many(2, self.u8), self.many(self.u(), lambda: self.many(13, self.f24))]
+    def rows(self): return [self.many(5, self.u), self.many(2, self.u8), self.list(lambda: self.many(13, self.f24))]
     def back_filled(self): return self.many(3, self.u)
 
 for frame in sys.stdin.buffer.read().split(b"\0")[:-1]:

@@ -7,8 +7,9 @@
 //! | settings | pages 126 and 127 of bank 2 | sectors 6 and 7 |
 //!
 //! Pins are the same on both: encoder 1 A, B, index on PB6, PB7, PB9 (TIM4), encoder 2 on PC6, PC7,
-//! PC8 (TIM3), shaker and enable on PA4 and PB10, light on PA5, serial port on PA2 and PA3. TIM5 is
-//! the free clock, TIM7 that of the points.
+//! PC8 (TIM3), the base's encoder on PA8, PA9 (TIM1) or its transducer on PA0 (ADC1), shaker and
+//! enable on PA4 and PB10, light on PA5, serial port on PA2 and PA3. TIM5 is the free clock, TIM7
+//! that of the points.
 
 use embassy_stm32::Config;
 use embassy_stm32::flash::{Blocking, Flash, MAX_ERASE_SIZE};
@@ -27,6 +28,7 @@ use whirl_firmware::store::Store;
 use whirl_firmware::sweep::POINTS_PER_SECOND;
 use whirl_shared::frame::SettingsSource;
 
+use crate::base_input::Base;
 use crate::boot;
 use crate::hardware::{Dac, Encoder1, Encoder2, pulled_up};
 use crate::player::Player;
@@ -71,6 +73,8 @@ pub struct Parts {
     pub encoder1: Encoder1,
     /// Encoder 2.
     pub encoder2: Encoder2,
+    /// What shows the base's motion.
+    pub base: Base,
     /// Converter of the shaker's set point.
     pub dac: Dac,
     /// Enable pin of the shaker's amplifier, low.
@@ -132,8 +136,13 @@ fn schedule(settings: &Settings) -> Option<Schedule> {
 
 /// The settings in force, those of the image, and how the timers run.
 fn settings(store: &mut Store<Flash<'static, Blocking>>) -> Option<([Settings; 2], Schedule)> {
-    let mut built_in =
-        Settings { board: NAME, build: env!("WHIRL_BUILD_ID"), boot_id: boot::id(), ..Settings::default() };
+    let mut built_in = Settings {
+        board: NAME,
+        build: env!("WHIRL_BUILD_ID"),
+        boot_id: boot::id(),
+        base_input: true,
+        ..Settings::default()
+    };
     built_in.boot = boot::before();
     let mut settings = built_in.clone();
     if let Some(words) = store.load() {
@@ -221,11 +230,14 @@ pub fn init() -> Option<Parts> {
     let uart = Uart::new(p.USART2, p.PA3, p.PA2, p.DMA1_CH6, p.DMA1_CH5, Irqs, serial).ok()?;
     // Their clocks are on from here; the player sets up what it plays by.
     let (clock, points) = (Timer::new(p.TIM5), Timer::new(p.TIM7));
+    let encoder = || Qei::new(p.TIM1, p.PA8, p.PA9, pulled_up());
+    let base = Base::new(settings[0].base.kind, encoder, p.ADC1, p.PA0);
     Some(Parts {
         settings,
         store,
         encoder1: Encoder1::new(Qei::new(p.TIM4, p.PB6, p.PB7, pulled_up()), p.PB9),
         encoder2: Encoder2::new(Qei::new(p.TIM3, p.PC6, p.PC7, pulled_up()), p.PC8),
+        base,
         dac: Dac::new(DacChannel::new_blocking(p.DAC1, p.PA4), Player::new(schedule)),
         enable,
         light: Output::new(p.PA5, Level::Low, Speed::Low),

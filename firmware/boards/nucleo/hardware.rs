@@ -18,7 +18,7 @@ use crate::player::Player;
 /// A level counts when eight samples at a 32nd of the timer's clock agree: 1.5 µs at 170 MHz, 2.8
 /// µs at 90 MHz. The shortest time between edges is 12 µs (4096 counts a turn at 20 turns a
 /// second).
-const FILTER: FilterValue = FilterValue::FDTS_DIV32_N8;
+pub const FILTER: FilterValue = FilterValue::FDTS_DIV32_N8;
 
 /// Inputs are pulled up, so that a line that is not wired, or whose buffer has no supply, is a
 /// level and no noise.

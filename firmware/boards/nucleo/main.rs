@@ -16,6 +16,8 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]
+mod base_input;
+#[cfg(target_os = "none")]
 mod board;
 #[cfg(target_os = "none")]
 mod boot;

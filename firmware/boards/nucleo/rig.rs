@@ -19,6 +19,7 @@ use heapless::spsc::{Consumer, Producer, Queue};
 use rtt_target::{ChannelMode, DownChannel, UpChannel};
 use static_cell::{ConstStaticCell, StaticCell};
 use whirl_board_lasting as lasting;
+use whirl_firmware::WithBase;
 use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::dac::DacShaker;
 use whirl_firmware::estimate::Estimator;
@@ -31,6 +32,7 @@ use whirl_firmware::store::Store;
 use whirl_shared::codec::MAX_FRAME;
 use whirl_shared::frame::SampleBlock;
 
+use crate::base_input::Base;
 use crate::board;
 use crate::hardware::{Dac, Encoder1, Encoder2};
 use crate::player::Player;
@@ -44,7 +46,7 @@ const RTT_MESSAGES: usize = 1_024;
 
 /// What the interrupt owns.
 struct Interrupt {
-    sampler: Sampler<Encoder1, Encoder2, DacShaker<Dac, Output<'static>>>,
+    sampler: Sampler<WithBase<(Encoder1, Encoder2), Base>, DacShaker<Dac, Output<'static>>>,
     light: Output<'static>,
     blocks: Producer<'static, SampleBlock>,
     events: Producer<'static, Event>,
@@ -89,7 +91,7 @@ impl Interrupt {
 
 /// What the thread owns.
 struct Thread {
-    link: Link<&'static mut Estimator, &'static mut [SampleBlock]>,
+    link: Link<&'static mut Estimator, &'static mut [u8]>,
     blocks: Consumer<'static, SampleBlock>,
     events: Consumer<'static, Event>,
     requests: Producer<'static, Request>,
@@ -205,7 +207,7 @@ fn assemble(
     watchdog: IndependentWatchdog<'static, IWDG>,
 ) -> Option<(Thread, RingBufferedUartRx<'static>, Producer<'static, u8>)> {
     static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
-    static MEMORY: ConstStaticCell<[SampleBlock; KEPT]> = ConstStaticCell::new([SampleBlock::EMPTY; KEPT]);
+    static MEMORY: ConstStaticCell<[u8; KEPT]> = ConstStaticCell::new([0; KEPT]);
     static QUEUE_BLOCKS: StaticCell<Queue<SampleBlock, BLOCKS>> = StaticCell::new();
     static QUEUE_EVENTS: StaticCell<Queue<Event, EVENTS>> = StaticCell::new();
     static QUEUE_REQUESTS: StaticCell<Queue<Request, REQUESTS>> = StaticCell::new();
@@ -220,9 +222,10 @@ fn assemble(
     let [settings, built_in] = &parts.settings;
     // Validated: at most 2³¹ nm.
     let output = DacShaker::new(parts.dac, parts.enable, settings.full_scale_micrometre.saturating_mul(1_000));
-    let mut sampler = Sampler::new(settings, parts.encoder1, parts.encoder2, output).ok()?;
+    let inputs = WithBase { encoders: (parts.encoder1, parts.encoder2), base: parts.base };
+    let mut sampler = Sampler::new(settings, inputs, output).ok()?;
     sampler.set_built_in(built_in);
-    let memory: &mut [SampleBlock] = MEMORY.take();
+    let memory: &mut [u8] = MEMORY.take();
     let link = Link::with(settings, ESTIMATOR.take(), memory).ok()?;
     let period = parts.schedule.period();
     defmt::info!("{=str}, build {=str}, boot {=u32:08x}", settings.board, settings.build, settings.boot_id);

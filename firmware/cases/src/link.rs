@@ -7,21 +7,20 @@ use whirl_shared::frame::{
 use whirl_shared::sequence::SequenceTracker;
 
 fn messages() -> [DeviceMessage; 4] {
-    let mut deltas = heapless::Vec::new();
-    while deltas.push([i16::MIN, i16::MAX]).is_ok() {}
+    let deltas = (0..9).flat_map(|_| [i16::MIN, i16::MAX, 0]).collect();
     [
         DeviceMessage::Samples(SampleBlock {
             first_tick: u32::MAX,
             phase: 0x8000_0001,
             phase_increment: 42_949_673,
             amplitude_nanometre: 15_525_000,
-            first: [i32::MIN, i32::MAX],
+            first: [i32::MIN, i32::MAX, -1].into(),
             deltas,
         }),
         DeviceMessage::Status(Status {
             tick: 7,
             shaker: ShakerState::Running,
-            rms_angle_mrad: [1, 2],
+            rms_angle_mrad: [1, 2].into(),
             ..Status::default()
         }),
         DeviceMessage::Ack(Ack { command_sequence: 3, result: CommandResult::OutOfRange { limit: 20_000 } }),
@@ -30,7 +29,7 @@ fn messages() -> [DeviceMessage; 4] {
             phase: 0,
             phase_increment: 0,
             amplitude_nanometre: 0,
-            first: [0, -1],
+            first: [0, -1].into(),
             deltas: heapless::Vec::new(),
         }),
     ]

@@ -1,16 +1,17 @@
 //! Samples that the host asks for again.
 
 use super::*;
+use crate::history::block_bytes;
 use crate::testing::{Counter, Host, Recorder};
 use std::vec::Vec;
-use whirl_shared::block::{Sample, samples};
+use whirl_shared::block::{Counts, Sample, samples};
 use whirl_shared::codec::MAX_FRAME;
 use whirl_shared::frame::*;
 
 /// A device that keeps so many blocks, and the messages that come from it, each with the tick in
 /// which it came.
 struct Device {
-    app: App<Counter, Counter, Recorder, BLOCKS, EVENTS, REQUESTS, Vec<SampleBlock>>,
+    app: App<(Counter, Counter), Recorder, BLOCKS, EVENTS, REQUESTS, Vec<u8>>,
     host: Host,
     tick: u32,
     came: Vec<(u32, DeviceMessage)>,
@@ -21,8 +22,8 @@ struct Device {
 
 fn device(kept: usize) -> Device {
     let settings = Settings { boot_id: 77, ..Settings::default() };
-    let memory = std::vec![SampleBlock::EMPTY; kept];
-    let app = App::with_memory(&settings, Counter(0), Counter(0), Recorder::default(), memory).unwrap();
+    let memory = std::vec![0; kept * block_bytes(2)];
+    let app = App::with_memory(&settings, (Counter(0), Counter(0)), Recorder::default(), memory).unwrap();
     Device { app, host: Host::new(), tick: 0, came: Vec::new(), bytes: Vec::new(), truth: Vec::new() }
 }
 
@@ -38,10 +39,10 @@ impl Device {
             let n = self.truth.len() as i32;
             // Fast enough for long frames: 4000 counts a tick.
             let counts = [n * 4_000, -n * n / 7];
-            let (one, two) = self.app.counters_mut();
+            let (one, two) = self.app.inputs_mut();
             (one.0, two.0) = (counts[0] as u16, counts[1] as u16);
             self.app.tick(0, 0);
-            self.truth.push(Sample { tick: self.tick, phase: self.app.drive().phase, counts });
+            self.truth.push(Sample { tick: self.tick, phase: self.app.drive().phase, counts: Counts::of(&counts) });
             let mut out = [0; MAX_FRAME];
             let mut bytes = 0;
             if open {
@@ -163,12 +164,8 @@ fn what_is_older_than_the_memory_is_told_to_be_gone() {
 #[test]
 fn a_device_without_memory_is_none() {
     let settings = Settings::default();
-    let none = App::<_, _, _, BLOCKS, EVENTS, REQUESTS, [SampleBlock; 0]>::with_memory(
-        &settings,
-        Counter(0),
-        Counter(0),
-        Recorder::default(),
-        [],
-    );
-    assert_eq!(none.unwrap_err().field, "memory (blocks)");
+    let inputs = (Counter(0), Counter(0));
+    let none =
+        App::<_, _, BLOCKS, EVENTS, REQUESTS, [u8; 61]>::with_memory(&settings, inputs, Recorder::default(), [0; 61]);
+    assert_eq!(none.unwrap_err().field, "memory (bytes)");
 }

@@ -11,14 +11,14 @@ use whirl_shared::frame::*;
 
 /// A device and a host over a perfect link.
 struct Device {
-    app: App<Indexed, Indexed, Recorder>,
+    app: App<(Indexed, Indexed), Recorder>,
     host: Host,
     counts: [u16; 2],
 }
 
 impl Device {
     fn boot(settings: &Settings, built_in: &Settings) -> Self {
-        let app = App::new(settings.clone(), Indexed::default(), Indexed::default(), Recorder::default());
+        let app = App::new(settings.clone(), (Indexed::default(), Indexed::default()), Recorder::default());
         let mut app = app.unwrap();
         app.set_built_in(built_in);
         Self { app, host: Host::new(), counts: [0; 2] }
@@ -32,7 +32,7 @@ impl Device {
     /// Ticks in which the arms turn by so much each.
     fn turn(&mut self, ticks: u32, by: [i16; 2]) {
         for _ in 0..ticks {
-            let (one, two) = self.app.counters_mut();
+            let (one, two) = self.app.inputs_mut();
             for (counter, (count, by)) in [one, two].into_iter().zip(self.counts.iter_mut().zip(by)) {
                 *count = count.wrapping_add_signed(by);
                 counter.0 = *count;
@@ -88,12 +88,15 @@ fn counts_and_zeros_of_resting_arms_last_over_a_watchdog_s_reset() {
     device.turn(100, [40, -3]);
     device.turn(600, [0, 0]);
     let before = device.hellos();
-    assert_eq!(before[0].zeros.map(|zero| (zero.id, zero.source)), [(77, ZeroSource::PowerUp); 2]);
+    assert_eq!(
+        before[0].zeros.iter().map(|zero| (zero.id, zero.source)).collect::<Vec<_>>(),
+        [(77, ZeroSource::PowerUp); 2]
+    );
     let mut after = device.reset(ResetCause::Watchdog);
     after.turn(1, [0, 0]);
     assert_eq!(after.last_counts(), [4_000, -300]);
     let hello = after.hellos().remove(0);
-    assert_eq!((hello.boot_id, hello.zeros, hello.reset), (78, before[0].zeros, ResetCause::Watchdog));
+    assert_eq!((hello.boot_id, &hello.zeros, hello.reset), (78, &before[0].zeros, ResetCause::Watchdog));
     // And are said to be others' where an arm turned.
     device.turn(3, [5, 0]);
     let mut after = device.reset(ResetCause::Watchdog);
@@ -125,15 +128,18 @@ fn a_zero_that_was_commanded_has_an_id_of_its_own() {
 fn an_index_is_told_and_so_is_a_count_that_was_lost() {
     let mut device = Device::new();
     device.turn(10, [100, 0]);
-    device.app.counters_mut().0.1 = Some(1_060);
+    device.app.inputs_mut().0.1 = Some(1_060);
     device.turn(1, [100, 0]);
-    assert_eq!(device.hellos().last().unwrap().zeros.map(|zero| zero.index), [Some(1_060), None]);
+    assert_eq!(
+        device.hellos().last().unwrap().zeros.iter().map(|zero| zero.index).collect::<Vec<_>>(),
+        [Some(1_060), None]
+    );
     // A turn later at the same place, then five counts beside it.
     device.turn(40, [100, 0]);
-    device.app.counters_mut().0.1 = Some(1_060 + 4_096);
+    device.app.inputs_mut().0.1 = Some(1_060 + 4_096);
     device.turn(1, [100, 0]);
     device.turn(40, [100, 0]);
-    device.app.counters_mut().0.1 = Some(1_065 + 8_192);
+    device.app.inputs_mut().0.1 = Some(1_065 + 8_192);
     device.turn(1, [100, 0]);
     let logs: Vec<_> = device
         .host
@@ -156,7 +162,7 @@ fn settings_are_kept_for_the_next_boot_and_refused_under_a_run() {
     device.transmit();
     // In force are the old ones.
     let hello = device.hellos().pop().unwrap();
-    assert_eq!((hello.counts_per_turn, hello.settings), ([4_096; 2], SettingsSource::Changed));
+    assert_eq!((&hello.counts_per_turn[..], hello.settings), (&[4_096; 2][..], SettingsSource::Changed));
     // A second one is beside the first.
     assert_eq!(device.command(Command::Set(Setting::Reversed { channel: 0, reversed: true })), CommandResult::Done);
     let both = device.app.settings_to_keep().unwrap();
@@ -166,7 +172,7 @@ fn settings_are_kept_for_the_next_boot_and_refused_under_a_run() {
     assert_ne!(both, words);
     let built_in = Settings { boot_id: 77, ..Settings::default() };
     let settings = built_in.with_words(&both).unwrap();
-    assert_eq!((settings.counts_per_turn, settings.reversed), ([4_096, 8_192], [true, false]));
+    assert_eq!((&settings.counts_per_turn[..], &settings.reversed[..]), (&[4_096, 8_192][..], &[true, false][..]));
 
     let refused = device.command(Command::Set(Setting::HostTimeout { ms: 1 }));
     assert_eq!(refused, CommandResult::OutOfRange { limit: 100 });

@@ -6,14 +6,14 @@ use std::vec::Vec;
 
 use super::*;
 use crate::testing::{Counter, Host, Recorder};
-use whirl_shared::block::{Sample, samples};
+use whirl_shared::block::{Counts, Sample, sample_count, samples};
 use whirl_shared::codec::MAX_FRAME;
 use whirl_shared::frame::*;
 use whirl_shared::sequence::SequenceTracker;
 use whirl_shared::tick::{TickEvent, TickTracker};
 
 type Whole<const B: usize = BLOCKS, const E: usize = EVENTS, const R: usize = REQUESTS> =
-    App<Counter, Counter, Recorder, B, E, R>;
+    App<(Counter, Counter), Recorder, B, E, R>;
 
 const START: Command = Command::Start { amplitude_micrometre: 15_525, frequency_millihertz: 5_200 };
 
@@ -45,7 +45,7 @@ fn assert_equal(got: &[Sample], want: &[Sample]) {
 impl<const B: usize, const E: usize, const R: usize> Rig<B, E, R> {
     fn new() -> Self {
         let settings = Settings { board: "test bench", boot_id: 77, ..Settings::default() };
-        let app = App::with_queues(settings, Counter(0), Counter(0), Recorder::default()).unwrap();
+        let app = App::with_queues(settings, (Counter(0), Counter(0)), Recorder::default()).unwrap();
         Self { app, host: Host::new(), tick: 0, truth: Vec::new() }
     }
 
@@ -58,10 +58,10 @@ impl<const B: usize, const E: usize, const R: usize> Rig<B, E, R> {
     fn sample(&mut self, missed: u32) {
         self.tick = self.tick.wrapping_add(missed);
         let counts = motion(self.truth.len() as u32);
-        let (counter1, counter2) = self.app.counters_mut();
+        let (counter1, counter2) = self.app.inputs_mut();
         (*counter1, *counter2) = (Counter(counts[0] as u16), Counter(counts[1] as u16));
         self.app.tick(missed, self.tick % 13);
-        self.truth.push(Sample { tick: self.tick, phase: self.app.drive().phase, counts });
+        self.truth.push(Sample { tick: self.tick, phase: self.app.drive().phase, counts: Counts::of(&counts) });
         self.tick = self.tick.wrapping_add(1);
     }
 
@@ -148,7 +148,7 @@ fn the_first_frame_is_a_hello_that_tells_everything() {
     assert_eq!((hello.protocol, hello.schema, hello.boot_id, hello.tick), (PROTOCOL_VERSION, SCHEMA_HASH, 77, 0));
     assert_eq!((hello.board.as_str(), hello.firmware.as_str()), ("test bench", crate::link::FIRMWARE));
     assert_eq!((hello.limits, hello.host_timeout_ms, hello.block_len), (limits, 2_000, BLOCK_LEN as u8));
-    assert_eq!((hello.sample_rate_millihertz, hello.counts_per_turn), (500_000, [4096; 2]));
+    assert_eq!((hello.sample_rate_millihertz, &hello.counts_per_turn[..]), (500_000, &[4096; 2][..]));
     // After a change of settings there is another.
     rig.command(Command::SetHostTimeout { ms: 700 });
     rig.run(1);
@@ -160,7 +160,7 @@ fn the_first_frame_is_a_hello_that_tells_everything() {
 fn the_hello_tells_the_build() {
     let settings = Settings { build: "0123456789abcdef", ..Settings::default() };
     let mut rig = rig();
-    rig.app = App::new(settings, Counter(0), Counter(0), Recorder::default()).unwrap();
+    rig.app = App::new(settings, (Counter(0), Counter(0)), Recorder::default()).unwrap();
     rig.transmit();
     let Some(DeviceMessage::Hello(hello)) = rig.messages().next() else { panic!("no hello") };
     assert_eq!(hello.firmware.as_str(), std::format!("{} (0123456789abcdef)", crate::link::FIRMWARE));
@@ -241,7 +241,7 @@ fn a_stalled_link_loses_blocks_and_tells_how_many_samples() {
     let mut gaps = Vec::new();
     for message in rig.messages() {
         if let DeviceMessage::Samples(block) = message
-            && let TickEvent::Gap(missing) = ticks.block(block.first_tick, block.deltas.len() as u32 + 1).event
+            && let TickEvent::Gap(missing) = ticks.block(block.first_tick, sample_count(block)).event
         {
             gaps.push(missing);
         }
@@ -266,7 +266,7 @@ fn the_tick_runs_over_two_to_the_32() {
     let mut ticks = TickTracker::new();
     for message in rig.messages() {
         if let DeviceMessage::Samples(block) = message {
-            ticks.block(block.first_tick, block.deltas.len() as u32 + 1);
+            ticks.block(block.first_tick, sample_count(block));
         }
     }
     assert_eq!(ticks.expected(), Some((1 << 32) + u64::from(got.last().unwrap().tick) + 1));
@@ -371,7 +371,7 @@ fn the_status_previews_angle_and_turning_rate() {
 #[test]
 fn the_two_halves_on_split_queues_send_the_same_bytes() {
     let settings = Settings { board: "test bench", boot_id: 77, ..Settings::default() };
-    let mut sampler = Sampler::new(&settings, Counter(0), Counter(0), Recorder::default()).unwrap();
+    let mut sampler = Sampler::new(&settings, (Counter(0), Counter(0)), Recorder::default()).unwrap();
     let mut link = Link::new(&settings).unwrap();
     let (mut blocks, mut events) = (Queue::<SampleBlock, BLOCKS>::new(), Queue::<Event, EVENTS>::new());
     let mut requests = Queue::<Request, REQUESTS>::new();
@@ -390,7 +390,7 @@ fn the_two_halves_on_split_queues_send_the_same_bytes() {
             link.receive(&host.frame(Command::KeepAlive), &mut requests_in);
         }
         let counts = motion(tick);
-        let (counter1, counter2, _) = sampler.parts_mut();
+        let ((counter1, counter2), _) = sampler.parts_mut();
         (*counter1, *counter2) = (Counter(counts[0] as u16), Counter(counts[1] as u16));
         sampler.tick(0, tick % 13, &mut blocks_in, &mut events_in, &mut requests_out);
         while let Some(length) = link.poll_transmit(&mut out, &mut blocks_out, &mut events_out) {

@@ -201,7 +201,7 @@ pub fn run(settings: &EmulatorSettings) -> Result<Emulation, EmulatorError> {
             break;
         }
         emulation.moving_ticks += u64::from(request.displacement_nanometre != 0);
-        let counts = plant.exchange(&request)?;
+        let (counts, base) = plant.exchange(&request)?;
         let end = settings.ticks.is_some_and(|n| request.tick.saturating_add(1) >= n);
         let order = match settings.script.order_at(request.tick) {
             _ if end || settings.stop.load(Ordering::Relaxed) => Order::Exit,
@@ -209,7 +209,7 @@ pub fn run(settings: &EmulatorSettings) -> Result<Emulation, EmulatorError> {
         };
         let host = settings.script.bytes_at(request.tick);
         // A script holds no more at one tick.
-        let reply = Reply { counts, order, host_bytes: host.len() as u8 };
+        let reply = Reply { counts, base, order, host_bytes: host.len() as u8 };
         let mut message = Vec::with_capacity(host.len() + 8);
         message.extend(reply.to_bytes());
         message.extend(host);

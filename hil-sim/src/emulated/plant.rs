@@ -1,20 +1,24 @@
-//! The plant at the other end of an emulated board's pipes: one [`Request`] in, both counters out.
+//! The plant at the other end of an emulated board's pipes: one [`Request`] in, both counters and
+//! the base's input out.
 
 use whirl_firmware::QuadratureCounter;
+use whirl_firmware::base::BaseInput;
 use whirl_firmware::lock_step::Request;
 use whirl_shared::waveform;
 
+use crate::base_sensor::BaseSensor;
 use crate::bench::Bench;
 use crate::encoder::Encoder;
 use crate::error::SimulationError;
 use crate::shaker::Command;
-use crate::virtual_rig::{RigSettings, bench_of, tick_s};
+use crate::virtual_rig::{RigSettings, bench_of, tick_s, two_encoders};
 
 /// Plant and encoders, moved by the board's requests.
 #[derive(Debug)]
 pub struct EmulatedPlant {
     bench: Bench,
-    encoders: [Encoder; 2],
+    encoders: (Encoder, Encoder),
+    base: Option<BaseSensor>,
     tick_s: f64,
     /// Ticks that the plant has moved on.
     ticks: u64,
@@ -31,10 +35,11 @@ impl EmulatedPlant {
     pub fn new(settings: &RigSettings) -> Result<Self, SimulationError> {
         let bench = bench_of(settings)?;
         let shown = bench.shown();
-        let encoders = [0, 1].map(|i| Encoder::new(settings.device.counts_per_turn[i], shown[i]));
+        let encoders = two_encoders(&settings.device, shown)?;
         Ok(Self {
             bench,
             encoders,
+            base: settings.base.map(BaseSensor::new),
             tick_s: tick_s(&settings.device),
             ticks: 0,
             command: Command::default(),
@@ -43,12 +48,13 @@ impl EmulatedPlant {
     }
 
     /// Moves on to the request's tick, under the drive of the tick before it; ticks that the board
-    /// has missed go by under the phase that runs on. Both counters as they then stand.
+    /// has missed go by under the phase that runs on. Both counters as they then stand, and the
+    /// base's input.
     ///
     /// # Errors
     /// A request that contradicts itself or the one before; a plant that cannot be integrated
     /// further.
-    pub fn exchange(&mut self, request: &Request) -> Result<[u16; 2], SimulationError> {
+    pub fn exchange(&mut self, request: &Request) -> Result<([u16; 2], u16), SimulationError> {
         let refused = |problem: &str| SimulationError::Board { tick: request.tick, problem: problem.to_owned() };
         if u64::from(request.tick) < self.ticks {
             return Err(refused("it went back in time"));
@@ -76,16 +82,20 @@ impl EmulatedPlant {
             self.command.phase = self.command.phase.wrapping_add(self.command.phase_increment);
             self.command.amplitude_nanometre[0] = self.command.amplitude_nanometre[1];
         }
-        for (encoder, angle) in self.encoders.iter_mut().zip(self.bench.shown()) {
-            encoder.turn_to(angle);
+        let shown = self.bench.shown();
+        let (first, second) = &mut self.encoders;
+        first.turn_to(shown[0]);
+        second.turn_to(shown[1]);
+        if let Some(sensor) = &mut self.base {
+            sensor.measure(self.bench.base());
         }
-        let [first, second] = &mut self.encoders;
-        Ok([first.count(), second.count()])
+        Ok(([first.count(), second.count()], self.base.latch()))
     }
 
     /// The board's chip was reset: its counters begin at 0, the shaker is off, the arms go on.
     pub fn reset(&mut self) {
-        self.encoders.iter_mut().for_each(Encoder::reset);
+        self.encoders.0.reset();
+        self.encoders.1.reset();
         self.command = Command::default();
         self.amplifier_on = false;
     }
@@ -107,7 +117,7 @@ mod tests {
         let mut rig = VirtualRig::new(&settings).unwrap();
         let mut plant = EmulatedPlant::new(&settings).unwrap();
         for tick in 0..500 {
-            let counts = plant.exchange(&Request { tick, ..Request::default() }).unwrap();
+            let (counts, _) = plant.exchange(&Request { tick, ..Request::default() }).unwrap();
             rig.step().unwrap();
             let streamed = rig.status().tick;
             assert_eq!(streamed, tick + 1);
@@ -118,7 +128,7 @@ mod tests {
             }
         }
         plant.exchange(&Request { tick: 500, ..Request::default() }).unwrap();
-        assert_eq!(plant.bench.plant().state(), rig.plant().state());
+        assert_eq!(plant.bench.plant().state(), rig.plant().unwrap().state());
     }
 
     #[test]

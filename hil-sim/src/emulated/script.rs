@@ -111,6 +111,7 @@ pub fn board_settings(firmware: &str) -> Settings {
         build: String::leak(build.to_owned()),
         boot_id: 1,
         host_timeout_ms: HOST_TIMEOUT_MAX_MS,
+        base_input: true,
         ..Settings::default()
     }
 }

@@ -14,8 +14,8 @@ fn stream(blocks: u32) -> Vec<u8> {
             phase: i.wrapping_mul(12_345_678),
             phase_increment: 42_949_673,
             amplitude_nanometre: 15_525_000,
-            first: [i as i32 * 3, -7 * i as i32],
-            deltas: (0..9).map(|k| [k, -2 * k]).collect(),
+            first: [i as i32 * 3, -7 * i as i32].into(),
+            deltas: (0..9).flat_map(|k| [k, -2 * k]).collect(),
         };
         let envelope = Envelope { sequence: i as u16, message: DeviceMessage::Samples(block) };
         let length = encode(&envelope, &mut buffer).unwrap();
@@ -199,7 +199,8 @@ fn a_receiver_that_opens_its_end_anew_ends_a_frame_there() {
 #[test]
 fn what_is_sent_again_makes_good_what_was_lost() {
     let frame = |sequence: u16, message: fn(SampleBlock) -> DeviceMessage, first_tick: u32| {
-        let block = SampleBlock { first_tick, deltas: (1..10).map(|k| [k, k]).collect(), ..SampleBlock::EMPTY };
+        let deltas = (1..10).flat_map(|k| [k, k]).collect();
+        let block = SampleBlock { first_tick, first: [0, 0].into(), deltas, ..SampleBlock::EMPTY };
         let mut buffer = [0; MAX_FRAME];
         let length = encode(&Envelope { sequence, message: message(block) }, &mut buffer).unwrap();
         buffer[..length].to_vec()

@@ -60,14 +60,14 @@ impl Host {
 #[test]
 fn counts_are_those_of_the_direct_simulation() {
     for counts_per_turn in [4096, 1024] {
-        let device = Settings { counts_per_turn: [counts_per_turn; 2], ..RigSettings::default().device };
+        let device = Settings { counts_per_turn: [counts_per_turn; 2].into(), ..RigSettings::default().device };
         let effects = vec![Effect::parse("quadratic-drag@arm2=2e-6").unwrap()];
         let mut host = Host::new(&RigSettings { device, effects: effects.clone(), ..RigSettings::default() });
         host.start();
         host.run(1_000);
         assert_eq!(host.rig.status().shaker, ShakerState::Running);
         // The state at the tick that is sampled next, and the phase that it will carry.
-        let (state, last) = (host.rig.plant().within_turn(), host.rig.command());
+        let (state, last) = (host.rig.plant().unwrap().within_turn(), host.rig.command());
         let first = host.rig.status().tick;
         let mut direct = Simulation::new(&SimulationSettings {
             initial: state,
@@ -99,7 +99,7 @@ fn nothing_moves_until_it_is_told_to_and_it_stops_when_the_host_is_silent() {
     let rest = RigSettings { initial: [0.0; 4], ..RigSettings::default() };
     let mut host = Host::new(&rest);
     host.run(500);
-    assert_eq!(host.rig.plant().state(), [0.0; 4]);
+    assert_eq!(host.rig.plant().unwrap().state(), [0.0; 4]);
     assert_eq!(host.rig.command().amplitude_nanometre, [0, 0]);
     host.start();
     host.run(1_000);
@@ -229,6 +229,53 @@ fn what_a_device_cannot_do_is_refused() {
     let refused = |settings: RigSettings| VirtualRig::new(&settings).unwrap_err().to_string();
     let effects = vec![Effect::parse("channel-delay@encoder2=-0.001").unwrap()];
     assert!(refused(RigSettings { effects, ..RigSettings::default() }).contains("channel-delay"));
-    let device = Settings { counts_per_turn: [0, 4096], ..RigSettings::default().device };
+    let device = Settings { counts_per_turn: [0, 4096].into(), ..RigSettings::default().device };
     assert!(refused(RigSettings { device, ..RigSettings::default() }).contains("counts_per_turn"));
+}
+
+/// Arms that turn evenly, each at its own rate.
+#[derive(Debug)]
+struct Even(Vec<f64>);
+
+impl Arms for Even {
+    fn advance(&mut self) -> Result<(), SimulationError> {
+        self.0.iter_mut().enumerate().for_each(|(i, angle)| *angle += 1e-2 * (i as f64 - 1.5));
+        Ok(())
+    }
+
+    fn angles(&self) -> &[f64] {
+        &self.0
+    }
+}
+
+#[test]
+fn one_to_six_encoders_are_sampled_at_250_hz_to_2_khz() {
+    for (encoders, rate) in (1..=6).zip([250, 320, 500, 1_000, 1_600, 2_000]) {
+        let device = Settings {
+            counts_per_turn: (0..encoders).map(|_| 4_096).collect(),
+            reversed: (0..encoders).map(|_| false).collect(),
+            sample_rate_millihertz: 1_000 * rate,
+            ..RigSettings::default().device
+        };
+        let settings = RigSettings { device, ..RigSettings::default() };
+        let rig = VirtualRig::with_arms(&settings, Box::new(Even(vec![0.0; encoders]))).unwrap();
+        assert!((rig.tick_s() * f64::from(rate) - 1.0).abs() < 1e-12 && rig.plant().is_none());
+        let mut host = Host { rig, ..Host::new(&RigSettings::default()) };
+        host.start();
+        host.run(2 * rate);
+        assert_eq!(host.hellos[0].counts_per_turn.len(), encoders);
+        assert!(host.samples.len() as u32 > 2 * rate - 10, "{encoders}");
+        for (tick, sample) in host.samples.iter().enumerate() {
+            assert_eq!((sample.tick as usize, sample.counts.len()), (tick, encoders));
+            for (i, count) in sample.counts.iter().enumerate() {
+                let angle = 1e-2 * (i as f64 - 1.5) * tick as f64;
+                let want = angle * 4_096.0 / core::f64::consts::TAU;
+                assert!((f64::from(*count) - want).abs() < 1.01, "{encoders} {tick} {count} {want}");
+            }
+        }
+        // Frames of the shaker's commands were answered as ever.
+        assert_eq!(host.results[..2], [CommandResult::Done; 2]);
+    }
+    let wrong = VirtualRig::with_arms(&RigSettings::default(), Box::new(Even(vec![0.0; 3]))).unwrap_err();
+    assert!(wrong.to_string().contains("encoders"), "{wrong}");
 }

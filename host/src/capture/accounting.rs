@@ -27,8 +27,8 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use whirl_shared::block::sample_count;
-use whirl_shared::frame::{BLOCK_LEN, BackFilled, CHANNELS, SampleBlock, Status};
+use whirl_shared::block::{self, Counts, sample_count};
+use whirl_shared::frame::{BLOCK_LEN, BackFilled, SampleBlock, Status};
 use whirl_shared::tick::{TickEvent, TickTracker};
 
 use crate::record::Losses;
@@ -47,7 +47,7 @@ const MOST_HELD: usize = 1 << 14;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Taken {
     pub(super) tick: i64,
-    pub(super) counts: [i32; CHANNELS],
+    pub(super) counts: Counts,
     pub(super) phase: u32,
     pub(super) amplitude_nm: u32,
 }
@@ -381,20 +381,12 @@ impl Accounting {
 
 /// Some of the samples of a block that begins at a tick.
 fn samples(block: &SampleBlock, start: i64, part: Range<usize>, out: &mut Vec<Taken>) {
-    let mut counts = block.first;
-    for i in 0..=block.deltas.len() {
-        if let Some(delta) = i.checked_sub(1).and_then(|k| block.deltas.get(k)) {
-            for (count, &d) in counts.iter_mut().zip(delta) {
-                // The device's multi-turn counter wraps in the same way.
-                *count = count.wrapping_add(i32::from(d));
-            }
-        }
+    for (i, sample) in block::samples(block).enumerate() {
         if part.contains(&i) {
             out.push(Taken {
                 tick: start + i as i64,
-                counts,
-                // A block has at most BLOCK_LEN samples.
-                phase: block.phase.wrapping_add(block.phase_increment.wrapping_mul(i as u32)),
+                counts: sample.counts,
+                phase: sample.phase,
                 amplitude_nm: block.amplitude_nanometre,
             });
         }

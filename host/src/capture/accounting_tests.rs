@@ -6,16 +6,16 @@ use rand::{Rng, SeedableRng};
 use super::*;
 
 fn block(first_tick: u32, n: usize) -> SampleBlock {
-    let mut deltas = Fixed::new();
+    let mut deltas = Fixed::<i16, _, u8>::new();
     for i in 1..n {
-        deltas.push([i as i16, -1]).unwrap();
+        deltas.extend([i as i16, -1]);
     }
     SampleBlock {
         first_tick,
         phase: first_tick.wrapping_mul(7),
         phase_increment: 7,
         amplitude_nanometre: 5,
-        first: [first_tick as i32, 100],
+        first: [first_tick as i32, 100].into(),
         deltas,
     }
 }

@@ -1,15 +1,18 @@
 //! What a device says of itself: whether it fits this program and rig, and what it told people.
 
-use whirl_shared::frame::{Hello, PROTOCOL_VERSION, SCHEMA_HASH};
+use whirl_shared::frame::{BaseKind, Hello, PROTOCOL_VERSION, SCHEMA_HASH};
 
 use super::drive::Target;
 use crate::error::{BadInput, Result, plain};
 use crate::record::{DeviceBoot, DeviceLine};
 use crate::rig::Rig;
+use crate::rig::measures::BASE;
 use crate::warning::Warning;
 
 /// Greatest relative difference of the device's sampling rate from the rig file's.
 const RATE_TOLERANCE: f64 = 1e-4;
+/// The same of what a count of the base's sensor is worth.
+const SCALE_TOLERANCE: f64 = 1e-6;
 
 /// A level of the device's lines, in words.
 pub(super) fn level(level: u8) -> &'static str {
@@ -45,7 +48,17 @@ fn either(set: &str, line: &str) -> String {
 /// Checks that this program and this rig file fit the device.
 pub(super) fn check_hello(hello: &Hello, rig: &Rig) -> Result<()> {
     check_protocol(hello)?;
-    for (i, (c, &n)) in rig.channel.iter().zip(&hello.counts_per_turn).enumerate() {
+    let encoders = rig.channel.iter().filter(|c| c.measures != BASE);
+    if encoders.clone().count() > hello.counts_per_turn.len() {
+        return Err(BadInput::new(
+            format!("{} channels of encoders", encoders.count()),
+            format!("at most {}, as many as the device has ({})", hello.counts_per_turn.len(), firmware(hello)),
+        )
+        .in_file(&rig.path)
+        .at("channel")
+        .remedy("The first [[channel]] is encoder 1, the second encoder 2"));
+    }
+    for (i, (c, &n)) in encoders.zip(&hello.counts_per_turn).enumerate() {
         if c.counts_per_turn != Some(n) {
             let mine = c.counts_per_turn.map_or("none".to_owned(), |n| n.to_string());
             let set = format!("counts_per_turn{}={mine}", i + 1);
@@ -61,6 +74,7 @@ pub(super) fn check_hello(hello: &Hello, rig: &Rig) -> Result<()> {
             }));
         }
     }
+    check_base(hello, rig)?;
     let rate = f64::from(hello.sample_rate_millihertz) / 1000.0;
     if (rate / rig.sample_rate_hz - 1.0).abs() > RATE_TOLERANCE || rate <= 0.0 {
         return Err(BadInput::new(
@@ -70,6 +84,43 @@ pub(super) fn check_hello(hello: &Hello, rig: &Rig) -> Result<()> {
         .in_file(&rig.path)
         .at("sample_rate_hz")
         .remedy(either(&format!("sample_rate_hz={}", rig.sample_rate_hz), &format!("sample_rate_hz = {rate}"))));
+    }
+    Ok(())
+}
+
+/// Checks that the device has the sensor of the base that the rig file has.
+fn check_base(hello: &Hello, rig: &Rig) -> Result<()> {
+    let Some(c) = rig.channel.iter().find(|c| c.measures == BASE) else { return Ok(()) };
+    let position = c.unit != "m/s2";
+    let worth = (c.gain.unwrap_or(1.0) * c.scale()).abs();
+    let (unit, key) = if position { ("m", "base_scale_m") } else { ("m/s2", "base_scale_m_s2") };
+    let set = format!("base={} {key}={worth:e}", if position { "encoder" } else { "acceleration" });
+    let bad = |found: String, expected: String, remedy: String| {
+        Err(BadInput::new(found, expected).in_file(&rig.path).at(format!("channel \"{}\"", c.name)).remedy(remedy))
+    };
+    let Some(told) = hello.base.per_count() else {
+        return bad(
+            "a channel that measures the base".to_owned(),
+            format!("none, since the device has no sensor of the base ({})", firmware(hello)),
+            format!(
+                "`whirl device set {set}` tells the device of one (or base=position for a transducer); otherwise leave the channel out"
+            ),
+        );
+    };
+    if position == (hello.base.kind == BaseKind::Acceleration) {
+        let what = if position { "an acceleration" } else { "a position" };
+        return bad(
+            format!("unit \"{}\"", c.unit),
+            format!("the unit of {what}, which the device measures ({})", firmware(hello)),
+            "Write unit = \"m\" for a position and \"m/s2\" for an acceleration, or set the device's base=…".to_owned(),
+        );
+    }
+    if (told / worth - 1.0).abs() > SCALE_TOLERANCE {
+        return bad(
+            format!("{worth:e} {unit} a count (gain and unit)"),
+            format!("{told:e} as the device says ({})", firmware(hello)),
+            either(&format!("{key}={worth:e}"), &format!("unit = \"{unit}\" and gain = {told:e}")),
+        );
     }
     Ok(())
 }
@@ -171,6 +222,8 @@ pub(super) fn warnings(behind: Option<i64>, restarts: u64, boots: &[DeviceBoot],
 
 #[cfg(test)]
 mod tests {
+    use whirl_shared::frame::BaseSensor;
+
     use super::*;
     use crate::record::device_boot::EncoderZero;
 
@@ -192,5 +245,48 @@ mod tests {
         let told = warnings(Some(900), 1, &[boot("power"), boot("watchdog")], &Said { lines: &[], all: 0 });
         assert!(told[0].text.ends_with("of the record (watchdog; its counts were kept)"), "{}", told[0].text);
         assert!(told[0].advice.contains("all of it is used"), "{}", told[0].advice);
+    }
+
+    #[test]
+    fn a_sensor_of_the_base_is_held_against_the_rig_file() {
+        let text = |unit: &str, gain: f64| {
+            format!(
+                "name = \"x\"\nmodel = \"double-pendulum\"\nsample_rate_hz = 500.0\n[[channel]]\nname = \"a\"\nmeasures = \"theta1\"\nunit = \"count\"\ncounts_per_turn = 4096\n[[channel]]\nname = \"y\"\nmeasures = \"base\"\nunit = \"{unit}\"\ngain = {gain:e}\n"
+            )
+        };
+        let rig = |unit: &str, gain: f64| Rig::parse(&text(unit, gain), std::path::Path::new("rig.toml")).unwrap();
+        let hello = |kind, scale| Hello {
+            protocol: PROTOCOL_VERSION,
+            schema: SCHEMA_HASH,
+            sample_rate_millihertz: 500_000,
+            counts_per_turn: [4096].into(),
+            base: BaseSensor { kind, scale },
+            ..Hello::default()
+        };
+        let check = |rig: &Rig, kind, scale| check_hello(&hello(kind, scale), rig).map_err(|e| e.to_string());
+        for (unit, gain) in [("um", 5.0), ("mm", -5e-3), ("m", 5e-6)] {
+            assert_eq!(check(&rig(unit, gain), BaseKind::Encoder, 5_000_000), Ok(()));
+            assert_eq!(check(&rig(unit, gain), BaseKind::Position, 5_000_000), Ok(()));
+        }
+        assert_eq!(check(&rig("m/s2", 2.4e-3), BaseKind::Acceleration, 2_400_000), Ok(()));
+        for (unit, gain, kind, scale, part) in [
+            ("um", 5.0, BaseKind::None, 5_000_000, "whirl device set base=encoder base_scale_m=5e-6"),
+            ("um", 5.0, BaseKind::Acceleration, 5_000_000, "unit \"um\""),
+            ("m/s2", 5.0, BaseKind::Encoder, 5_000_000, "unit = \"m\" for a position"),
+            ("um", 5.0, BaseKind::Encoder, 5_010_000, "5.01e-6"),
+        ] {
+            let error = check(&rig(unit, gain), kind, scale).unwrap_err();
+            assert!(error.contains(part), "{error}");
+        }
+        let error = Rig::parse(&text("deg", 1.0), std::path::Path::new("rig.toml")).unwrap_err().to_string();
+        assert!(error.contains("m, mm, um, or m/s2 for an accelerometer"), "{error}");
+        // A rig of more encoders than the device has.
+        let two = text("um", 5.0).replace(
+            "\"y\"\nmeasures = \"base\"\nunit = \"um\"\ngain = 5e0",
+            "\"b\"\nmeasures = \"theta2\"\nunit = \"count\"\ncounts_per_turn = 4096",
+        );
+        let two = Rig::parse(&two, std::path::Path::new("rig.toml")).unwrap();
+        let error = check(&two, BaseKind::None, 1).unwrap_err();
+        assert!(error.contains("2 channels of encoders") && error.contains("at most 1"), "{error}");
     }
 }

@@ -18,6 +18,7 @@ use crate::identify::Parameter;
 use crate::model::double_pendulum::DEFAULT_DAMPINGS;
 use crate::record::sealed_line::seal;
 use crate::report::format::plus_minus;
+use crate::rig::measures::BASE;
 use crate::rig::{Direction, Rig};
 use crate::system::library::Pendulum;
 
@@ -181,7 +182,7 @@ pub(crate) fn unfit(rig: &Rig) -> Option<BadInput> {
     {
         return bad(format!("{nominal:?}"), &format!("{DEFAULT_DAMPINGS:?}, as the device has it"), "nominal.effects");
     }
-    let measures: Vec<&str> = rig.channel.iter().map(|c| c.measures.as_str()).collect();
+    let measures: Vec<&str> = rig.channel.iter().map(|c| c.measures.as_str()).filter(|m| *m != BASE).collect();
     if !matches!(measures[..], ["theta1" | "phi1", "theta2"]) {
         return bad(format!("{measures:?}"), "theta1 (or phi1), then theta2", "channel");
     }

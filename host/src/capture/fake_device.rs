@@ -108,7 +108,7 @@ impl State {
             firmware: "fake 1.0".try_into().unwrap(),
             board: "memory".try_into().unwrap(),
             sample_rate_millihertz: if self.always == Some(Fault::OtherRate) { 1_000_000 } else { 500_000 },
-            counts_per_turn: [4096, if self.always == Some(Fault::OtherEncoder) { 1024 } else { 4096 }],
+            counts_per_turn: [4096, if self.always == Some(Fault::OtherEncoder) { 1024 } else { 4096 }].into(),
             block_len: BLOCK_LEN as u8,
             limits: ShakerLimits {
                 amplitude_micrometre: 20_000,
@@ -161,11 +161,11 @@ impl State {
             phase: self.tick.wrapping_mul(42_949_673),
             phase_increment: 42_949_673,
             amplitude_nanometre: self.status.amplitude_nanometre,
-            first: [counts[0], 7],
+            first: [counts[0], 7].into(),
             deltas: heapless::Vec::new(),
         };
         for w in counts.windows(2) {
-            block.deltas.push([(w[1] - w[0]) as i16, 0]).unwrap();
+            block.deltas.extend([(w[1] - w[0]) as i16, 0]);
         }
         self.tick += BLOCK_LEN as u32;
         self.send(DeviceMessage::Samples(block), fault);

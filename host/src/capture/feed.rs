@@ -13,7 +13,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError, TryLockError};
 use std::time::{Duration, Instant};
 
-use whirl_shared::frame::{CHANNELS, DeviceMessage, Hello, SampleBlock, Status};
+use whirl_shared::block::{Counts, samples};
+use whirl_shared::frame::{DeviceMessage, Hello, SampleBlock, Status};
 
 use super::Progress;
 use super::estimates::DeviceEstimate;
@@ -30,8 +31,8 @@ const MOST_LINES: usize = 64;
 pub struct SeenSample {
     /// The device's tick, wrapping.
     pub tick: u32,
-    /// Counts of both encoders.
-    pub counts: [i32; CHANNELS],
+    /// Counts of the device's channels, the encoders first.
+    pub counts: Counts,
     /// Phase of the drive, turns · 2⁻³².
     pub phase: u32,
     /// Its advance in a tick; 0 where the shaker rests.
@@ -93,23 +94,13 @@ impl Seen {
     }
 
     fn block(&mut self, block: &SampleBlock) {
-        let mut sample = SeenSample {
-            tick: block.first_tick,
-            counts: block.first,
-            phase: block.phase,
+        self.samples.extend(samples(block).map(|sample| SeenSample {
+            tick: sample.tick,
+            counts: sample.counts,
+            phase: sample.phase,
             phase_increment: block.phase_increment,
             amplitude_nm: block.amplitude_nanometre,
-        };
-        self.samples.push(sample);
-        for deltas in &block.deltas {
-            sample.tick = sample.tick.wrapping_add(1);
-            sample.phase = sample.phase.wrapping_add(block.phase_increment);
-            for (count, &delta) in sample.counts.iter_mut().zip(deltas) {
-                // The device's multi-turn counter wraps in the same way.
-                *count = count.wrapping_add(i32::from(delta));
-            }
-            self.samples.push(sample);
-        }
+        }));
     }
 }
 
@@ -223,13 +214,13 @@ mod tests {
 
     fn block(first_tick: u32) -> DeviceMessage {
         let mut deltas = heapless::Vec::new();
-        deltas.push([1, -2]).unwrap();
+        deltas.extend([1, -2]);
         DeviceMessage::Samples(SampleBlock {
             first_tick,
             phase: u32::MAX,
             phase_increment: 2,
             amplitude_nanometre: 7,
-            first: [i32::MAX, 5],
+            first: [i32::MAX, 5].into(),
             deltas,
         })
     }
@@ -264,7 +255,7 @@ mod tests {
         feeder.offer(standing());
         let seen = feed.take();
         let ticks: Vec<_> = seen.samples.iter().map(|s| (s.tick, s.counts, s.phase)).collect();
-        assert_eq!(ticks, [(u32::MAX, [i32::MAX, 5], u32::MAX), (0, [i32::MIN, 3], 1)]);
+        assert_eq!(ticks, [(u32::MAX, Counts::of(&[i32::MAX, 5]), u32::MAX), (0, Counts::of(&[i32::MIN, 3]), 1)]);
         assert_eq!((seen.lines.len(), seen.standing.is_some()), (1, true));
         assert_eq!(feed.take(), Seen::default());
     }

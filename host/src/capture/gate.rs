@@ -61,7 +61,7 @@ mod tests {
             schema: SCHEMA_HASH,
             boot_id: 1,
             sample_rate_millihertz: 500_000,
-            counts_per_turn: [4096; 2],
+            counts_per_turn: [4096; 2].into(),
             block_len: 10,
             host_timeout_ms: 2000,
             ..Hello::default()

@@ -55,7 +55,7 @@ impl State {
             firmware: "hostile".try_into().unwrap(),
             board: "wire".try_into().unwrap(),
             sample_rate_millihertz: 500_000,
-            counts_per_turn: [if late && self.kind == "another encoder later" { 1000 } else { 4096 }, 4096],
+            counts_per_turn: [if late && self.kind == "another encoder later" { 1000 } else { 4096 }, 4096].into(),
             block_len: 10,
             host_timeout_ms: 2000,
             ..Hello::default()
@@ -66,14 +66,14 @@ impl State {
         let extreme = self.kind == "extreme counts";
         let mut deltas = heapless::Vec::new();
         for _ in 0..9 {
-            deltas.push(if extreme { [i16::MAX, i16::MIN] } else { [1, -1] }).unwrap();
+            deltas.extend(if extreme { [i16::MAX, i16::MIN] } else { [1, -1] });
         }
         DeviceMessage::Samples(SampleBlock {
             first_tick: tick,
             phase: if extreme { u32::MAX } else { 0 },
             phase_increment: if extreme { u32::MAX } else { 0 },
             amplitude_nanometre: if extreme { u32::MAX } else { 0 },
-            first: if extreme { [i32::MAX, i32::MIN] } else { [tick as i32, 7] },
+            first: if extreme { [i32::MAX, i32::MIN] } else { [tick as i32, 7] }.into(),
             deltas,
         })
     }

@@ -22,6 +22,7 @@ use serde::{Deserialize, Serialize};
 use super::drive::Target;
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
+use crate::rig::measures::BASE;
 
 /// Begins a journal.
 pub(crate) const MAGIC: &[u8] = b"whirl-frames 1 ";
@@ -64,7 +65,9 @@ pub(super) fn essentials(rig: &Rig, target: Option<Target>) -> Vec<String> {
     let mut list = vec![format!("sample_rate_hz = {}", rig.sample_rate_hz)];
     for c in &rig.channel {
         let counts = c.counts_per_turn.map_or_else(|| "none".to_owned(), |n| n.to_string());
-        list.push(format!("channel \"{}\" for {}, counts_per_turn = {counts}", c.name, c.measures));
+        let worth =
+            c.gain.filter(|_| c.measures == BASE).map_or_else(String::new, |g| format!(", gain = {g:e} {}", c.unit));
+        list.push(format!("channel \"{}\" for {}, counts_per_turn = {counts}{worth}", c.name, c.measures));
     }
     list.push(match target {
         Some(t) => format!("a drive of {} µm at {} mHz", t.amplitude_micrometre, t.frequency_millihertz),

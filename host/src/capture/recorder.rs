@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use whirl_shared::codec::Decoder;
 use whirl_shared::frame::{
-    BackFilled, CHANNELS, DeviceMessage, Envelope, Estimate, Hello, Log, Rows, SampleBlock, ShakerState, Status,
+    BackFilled, DeviceMessage, Envelope, Estimate, Hello, Log, MOST_ENCODERS, Rows, SampleBlock, ShakerState, Status,
 };
 
 use super::RowsOutcome;
@@ -20,6 +20,7 @@ use crate::error::{BadInput, Result};
 use crate::record::writer::Sample;
 use crate::record::{DeviceBoot, DeviceLine, Losses, Metadata, RecordWriter};
 use crate::rig::Rig;
+use crate::rig::measures::BASE;
 use crate::warning::Warning;
 
 /// How long a gap waits to be filled, counted in the samples that come meanwhile, s.
@@ -33,6 +34,18 @@ pub(super) enum Event {
     Message(Box<Envelope<DeviceMessage>>),
     /// A frame that was refused.
     Bad,
+}
+
+/// Counts of the rig file's channels: encoders in their order, the base's sensor behind all of the
+/// device's.
+fn in_the_rigs_order(rig: &Rig, device: &[i32], counts: &mut Vec<i32>) {
+    counts.clear();
+    let mut encoders = device.iter().copied();
+    for channel in &rig.channel {
+        let count = if channel.measures == BASE { device.last().copied() } else { encoders.next() };
+        // No block has fewer channels ([`Recorder::lacks`]).
+        counts.push(count.unwrap_or(0));
+    }
 }
 
 /// Decodes, accounts, writes.
@@ -76,18 +89,19 @@ impl<'a> Recorder<'a> {
     /// Checks that the rig can be recorded.
     ///
     /// # Errors
-    /// More channels than the device has encoders, or a channel that is not counts.
+    /// More channels than a device has encoders, or a channel that is neither counts nor the base.
     pub(super) fn new(rig: &'a Rig, output: &Path, terms: Terms) -> Result<Self> {
-        if rig.channel.len() > CHANNELS {
+        let encoders = rig.channel.iter().filter(|c| c.measures != BASE);
+        if encoders.clone().count() > MOST_ENCODERS {
             return Err(BadInput::new(
-                format!("{} channels", rig.channel.len()),
-                format!("at most {CHANNELS} encoders"),
+                format!("{} channels", encoders.count()),
+                format!("at most {MOST_ENCODERS} encoders"),
             )
             .in_file(&rig.path)
             .at("channel")
             .remedy("The first [[channel]] is encoder 1, the second encoder 2"));
         }
-        if let Some(c) = rig.channel.iter().find(|c| c.unit != "count") {
+        if let Some(c) = encoders.clone().find(|c| c.unit != "count") {
             return Err(BadInput::new(format!("unit \"{}\"", c.unit), "unit \"count\": a device sends encoder counts")
                 .in_file(&rig.path)
                 .at(format!("channel \"{}\"", c.name))
@@ -154,6 +168,8 @@ impl<'a> Recorder<'a> {
     pub(super) fn push(&mut self, byte: u8) -> Result<Option<Event>> {
         let event = match self.decoder.push(byte) {
             None => return Ok(None),
+            // Fewer channels than the device has said that it has.
+            Some(Ok(envelope)) if self.lacks(&envelope.message) => Event::Bad,
             Some(Ok(envelope)) => Event::Message(Box::new(envelope)),
             Some(Err(_)) => Event::Bad,
         };
@@ -161,6 +177,16 @@ impl<'a> Recorder<'a> {
             self.take(&event)?;
         }
         Ok(Some(event))
+    }
+
+    /// Whether a block has fewer channels than the rig file.
+    fn lacks(&self, message: &DeviceMessage) -> bool {
+        match message {
+            DeviceMessage::Samples(block) | DeviceMessage::Restored(block) => {
+                block.first.len() < self.rig.channel.len()
+            }
+            _ => false,
+        }
     }
 
     fn take(&mut self, event: &Event) -> Result<()> {
@@ -366,14 +392,14 @@ impl<'a> Recorder<'a> {
             self.writer = Some(RecordWriter::create(&self.output, &self.metadata(), self.rig)?);
         }
         if let Some(writer) = &mut self.writer {
-            let channels = self.rig.channel.len();
+            let mut counts = Vec::new();
             for s in self.taken.drain(..) {
-                let counts = &s.counts[..channels];
+                in_the_rigs_order(self.rig, &s.counts, &mut counts);
                 if let Some(tick) = self.accounting.boot_before(s.tick) {
                     writer.boot(tick);
                     writer.device(&self.boots);
                 }
-                writer.push(&Sample { tick: s.tick, counts, phase: s.phase, amplitude_nm: s.amplitude_nm })?;
+                writer.push(&Sample { tick: s.tick, counts: &counts, phase: s.phase, amplitude_nm: s.amplitude_nm })?;
                 self.last_tick = Some(s.tick);
             }
         }

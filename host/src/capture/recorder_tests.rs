@@ -40,8 +40,8 @@ fn message(rng: &mut rand_chacha::ChaCha8Rng, hello: &Hello) -> DeviceMessage {
                 phase: rng.next_u32(),
                 phase_increment: rng.next_u32(),
                 amplitude_nanometre: rng.next_u32(),
-                first: [rng.next_u32().cast_signed(), i32::MAX],
-                deltas: (0..n).map(|_| [rng.next_u32() as i16, i16::MAX]).collect(),
+                first: [rng.next_u32().cast_signed(), i32::MAX].into(),
+                deltas: (0..n).flat_map(|_| [rng.next_u32() as i16, i16::MAX]).collect(),
             };
             if kind > 7 { DeviceMessage::Restored(block) } else { DeviceMessage::Samples(block) }
         }
@@ -60,7 +60,7 @@ fn whatever_a_device_says_adds_up_without_panic() {
         firmware: "x".try_into().unwrap(),
         board: "y".try_into().unwrap(),
         sample_rate_millihertz: 500_000,
-        counts_per_turn: [4096, 1],
+        counts_per_turn: [4096, 1].into(),
         block_len: 10,
         limits: whirl_shared::frame::ShakerLimits {
             amplitude_micrometre: 1,

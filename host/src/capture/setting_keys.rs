@@ -5,7 +5,7 @@
 //! them is refused, not rounded. What a value may be the device knows; this knows the names.
 
 use serde::Serialize;
-use whirl_shared::frame::{Hello, Setting};
+use whirl_shared::frame::{BaseKind, Hello, Setting};
 
 use crate::error::{BadInput, Result};
 
@@ -26,9 +26,19 @@ enum Kind {
     OfEncoder(fn(u8, u32) -> Setting, fn(&Hello, usize) -> Option<u32>),
     /// The same, true or false.
     Sense,
+    /// What the base's sensor is: a word of [`BASES`].
+    Base,
     /// One of the device: wire units in one of the SI unit, from the value, of a hello.
     OfDevice(f64, fn(u32) -> Setting, fn(&Hello) -> u32),
 }
+
+/// What a sensor of the base may be.
+const BASES: [(&str, BaseKind); 4] = [
+    ("none", BaseKind::None),
+    ("encoder", BaseKind::Encoder),
+    ("position", BaseKind::Position),
+    ("acceleration", BaseKind::Acceleration),
+];
 
 /// All of them as the image has them: `settings=built-in`.
 const ALL: &str = "settings";
@@ -110,6 +120,24 @@ pub static KEYS: &[SettingKey] = &[
         about: "rate of the serial port",
         kind: Kind::OfDevice(1.0, |rate| Setting::Baud { rate }, |h| h.baud),
     },
+    SettingKey {
+        id: "base",
+        unit: "",
+        about: "sensor of the base: none, encoder, position or acceleration",
+        kind: Kind::Base,
+    },
+    SettingKey {
+        id: "base_scale_m",
+        unit: "m",
+        about: "what a count of a position of the base is worth",
+        kind: Kind::OfDevice(1e12, |scale| Setting::BaseScale { scale }, |h| h.base.scale),
+    },
+    SettingKey {
+        id: "base_scale_m_s2",
+        unit: "m/s²",
+        about: "what a count of an acceleration of the base is worth",
+        kind: Kind::OfDevice(1e9, |scale| Setting::BaseScale { scale }, |h| h.base.scale),
+    },
 ];
 
 /// A setting of a device with its value.
@@ -135,11 +163,24 @@ pub struct Change {
     pub settings: Vec<Setting>,
 }
 
+/// Whether a key tells something of a device with such a sensor of the base.
+fn applies(key: &SettingKey, base: BaseKind) -> bool {
+    match key.id {
+        "base_scale_m" => matches!(base, BaseKind::Encoder | BaseKind::Position),
+        "base_scale_m_s2" => base == BaseKind::Acceleration,
+        _ => true,
+    }
+}
+
+fn base_word(kind: BaseKind) -> &'static str {
+    BASES.iter().find(|(_, k)| *k == kind).map_or("none", |(word, _)| word)
+}
+
 /// Settings as a hello tells them, in the order of [`KEYS`].
 pub fn all_of(hello: &Hello) -> Vec<SettingValue> {
     let encoders = hello.counts_per_turn.len();
     let mut list = Vec::new();
-    for key in KEYS {
+    for key in KEYS.iter().filter(|key| applies(key, hello.base.kind)) {
         let value = |name: String, value: serde_json::Value, about: String| SettingValue {
             key: name,
             value,
@@ -149,6 +190,9 @@ pub fn all_of(hello: &Hello) -> Vec<SettingValue> {
         match &key.kind {
             Kind::OfDevice(scale, _, of) => {
                 list.push(value(key.id.to_owned(), (f64::from(of(hello)) / scale).into(), key.about.to_owned()));
+            }
+            Kind::Base => {
+                list.push(value(key.id.to_owned(), base_word(hello.base.kind).into(), key.about.to_owned()));
             }
             Kind::OfEncoder(_, of) => list.extend((0..encoders).filter_map(|i| {
                 Some(value(
@@ -168,7 +212,7 @@ pub fn all_of(hello: &Hello) -> Vec<SettingValue> {
 /// Names of all keys, for messages.
 pub fn names() -> String {
     let name = |key: &SettingKey| match key.kind {
-        Kind::OfDevice(..) => key.id.to_owned(),
+        Kind::OfDevice(..) | Kind::Base => key.id.to_owned(),
         _ => format!("{}1", key.id),
     };
     let mut names: Vec<String> = KEYS.iter().map(name).collect();
@@ -199,7 +243,7 @@ pub fn parse(text: &str, encoders: usize) -> Result<Change> {
     let (stem, number) = name.split_at(name.trim_end_matches(|c: char| c.is_ascii_digit()).len());
     // A unit at the end of a key may end with a digit, too.
     let found = KEYS.iter().find(|k| k.id == name).map(|k| (k, "")).or_else(|| {
-        let of_encoder = |k: &&SettingKey| k.id == stem && !matches!(k.kind, Kind::OfDevice(..));
+        let of_encoder = |k: &&SettingKey| k.id == stem && !matches!(k.kind, Kind::OfDevice(..) | Kind::Base);
         KEYS.iter().find(of_encoder).map(|k| (k, number))
     });
     let Some((key, number)) = found else {
@@ -226,6 +270,10 @@ pub fn parse(text: &str, encoders: usize) -> Result<Change> {
         Kind::Sense => match value.parse::<bool>() {
             Ok(reversed) => change(channels.iter().map(|&channel| Setting::Reversed { channel, reversed }).collect()),
             Err(_) => wrong("true or false"),
+        },
+        Kind::Base => match BASES.iter().find(|(word, _)| *word == value) {
+            Some(&(_, kind)) => change(vec![Setting::Base { kind }]),
+            None => wrong("none, encoder, position or acceleration"),
         },
         Kind::OfDevice(scale, make, _) => match value.parse::<f64>() {
             Ok(x) => match wire(x, *scale) {
@@ -260,6 +308,7 @@ pub fn limit(setting: Setting, limit: u32) -> (String, String, u32, f64) {
         Setting::CountsPerTurn { channel, counts } => of_encoder("counts_per_turn", channel, counts),
         Setting::Reversed { channel, reversed } => of_encoder("reversed", channel, reversed.into()),
         Setting::BuiltIn => (ALL.to_owned(), String::new(), 0, f64::from(limit)),
+        Setting::Base { kind } => ("base".to_owned(), String::new(), kind as u32, f64::from(limit)),
         Setting::SampleRate { millihertz: value }
         | Setting::AmplitudeLimit { micrometre: value }
         | Setting::FrequencyLimit { millihertz: value }
@@ -267,7 +316,8 @@ pub fn limit(setting: Setting, limit: u32) -> (String, String, u32, f64) {
         | Setting::AccelerationLimit { millimetre_per_s2: value }
         | Setting::HostTimeout { ms: value }
         | Setting::FullScale { micrometre: value }
-        | Setting::Baud { rate: value } => KEYS
+        | Setting::Baud { rate: value }
+        | Setting::BaseScale { scale: value } => KEYS
             .iter()
             .find_map(|key| match key.kind {
                 Kind::OfDevice(scale, make, _) if make(value) == setting => {
@@ -292,6 +342,10 @@ pub fn in_force(hello: &Hello, settings: &[Setting]) -> bool {
                 let same_kind = matches!(setting, Setting::CountsPerTurn { channel, .. } if usize::from(channel) == i);
                 !same_kind || make(i as u8, n) == setting
             }),
+            Kind::Base => match setting {
+                Setting::Base { kind } => kind == hello.base.kind,
+                _ => true,
+            },
             Kind::Sense => match setting {
                 Setting::Reversed { channel, reversed } => hello.reversed.get(usize::from(channel)) == Some(&reversed),
                 _ => true,
@@ -303,11 +357,13 @@ pub fn in_force(hello: &Hello, settings: &[Setting]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use whirl_shared::frame::ShakerLimits;
+    use whirl_shared::frame::{BaseSensor, ShakerLimits};
 
     fn hello() -> Hello {
         Hello {
-            counts_per_turn: [4096; 2],
+            counts_per_turn: [4096; 2].into(),
+            reversed: [false; 2].into(),
+            base: BaseSensor { kind: BaseKind::Encoder, scale: 5_000_000 },
             sample_rate_millihertz: 500_000,
             limits: ShakerLimits {
                 amplitude_micrometre: 20_000,
@@ -326,9 +382,10 @@ mod tests {
     fn what_is_shown_can_be_set_and_is_then_in_force() {
         let hello = hello();
         let shown = all_of(&hello);
-        assert_eq!(shown.len(), 12);
+        assert_eq!(shown.len(), 14);
         for setting in &shown {
-            let change = parse(&format!("{}={}", setting.key, setting.value), 2).unwrap();
+            let value = setting.value.as_str().map_or_else(|| setting.value.to_string(), str::to_owned);
+            let change = parse(&format!("{}={value}", setting.key), 2).unwrap();
             assert_eq!(change.settings.len(), 1, "{}", change.text);
             assert!(in_force(&hello, &change.settings), "{}", change.text);
         }
@@ -338,6 +395,9 @@ mod tests {
             ("amplitude_limit_m=0.0123", Setting::AmplitudeLimit { micrometre: 12_300 }),
             ("acceleration_limit_m_s2=31.5", Setting::AccelerationLimit { millimetre_per_s2: 31_500 }),
             ("host_timeout_s=0.9", Setting::HostTimeout { ms: 900 }),
+            ("base=position", Setting::Base { kind: BaseKind::Position }),
+            ("base_scale_m=7.63e-7", Setting::BaseScale { scale: 763_000 }),
+            ("base_scale_m_s2=0.0012", Setting::BaseScale { scale: 1_200_000 }),
             ("settings=built-in", Setting::BuiltIn),
         ] {
             let change = parse(text, 2).unwrap();
@@ -362,6 +422,9 @@ mod tests {
             ("amplitude_limit_m=-0.1", "a number from 0"),
             ("amplitude_limit_m=NaN", "a number from 0"),
             ("baud3=9600", "one of"),
+            ("base1=encoder", "one of"),
+            ("base=lvdt", "none, encoder, position or acceleration"),
+            ("base_scale_m=1e-13", "in steps of"),
             ("settings=mine", "settings=built-in"),
         ] {
             let e = parse(text, 2).unwrap_err().to_string();

@@ -128,13 +128,13 @@ mod tests {
 
     fn block(first_tick: u32) -> Vec<u8> {
         let (phase, phase_increment, amplitude_nanometre) = (0, 0, 0);
-        let deltas = heapless::Vec::from_slice(&[[1, 1]; 9]).unwrap();
+        let deltas = heapless::Vec::from_slice(&[1; 18]).unwrap();
         frame(DeviceMessage::Samples(SampleBlock {
             first_tick,
             phase,
             phase_increment,
             amplitude_nanometre,
-            first: [0; 2],
+            first: [0; 2].into(),
             deltas,
         }))
     }

@@ -43,12 +43,15 @@ mod with_rig {
     use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
     use std::time::{Duration, Instant};
 
-    use whirl_hil_sim::{Direction, Effect, RigSettings, SecondEncoder, VirtualRig};
+    use whirl_hil_sim::{BaseQuantity, Direction, Effect, RigSettings, SecondEncoder, VirtualRig};
+    use whirl_shared::frame::{BaseKind, BaseSensor, MOST_ENCODERS};
 
     use super::super::source::{Link, Source};
     use crate::error::{BadInput, Result};
+    use crate::model::model_file::simulation::live::Live;
+    use crate::rig::measures::{BASE, Bound};
     use crate::rig::plant::Plant;
-    use crate::rig::{Direction as RigDirection, Rig};
+    use crate::rig::{Channel, Direction as RigDirection, Rig};
 
     /// Ticks of one read at most without a byte, as other links have a time-out: the host has to
     /// say now and then that it is there.
@@ -99,6 +102,9 @@ mod with_rig {
         /// # Errors
         /// A rig file without `[plant]`; parameters, channels or effects that cannot be simulated.
         pub fn new(rig: &Rig, effects: &[Effect], seed: Option<u64>, record_s: Option<f64>) -> Result<Self> {
+            if let Some(bound) = &rig.bound {
+                return Self::of_own(rig, bound, effects, seed);
+            }
             let settle_s = Plant::of(rig)?.settle_s;
             let virtual_rig = VirtualRig::new(&Self::settings(rig, effects, seed, record_s)?).map_err(|e| {
                 BadInput::new(e.to_string(), "a rig that can be simulated")
@@ -106,8 +112,44 @@ mod with_rig {
                     .at("[plant]")
                     .remedy("Correct [plant], or the effect")
             })?;
+            Ok(Self::plugged(virtual_rig, rig, settle_s))
+        }
+
+        fn plugged(virtual_rig: VirtualRig, rig: &Rig, settle_s: f64) -> Self {
             let plugged = Plugged { rig: virtual_rig, failed: None, without: Duration::ZERO, path: rig.path.clone() };
-            Ok(Self { rig: Arc::new(Mutex::new(plugged)), start: Instant::now(), settle_s })
+            Self { rig: Arc::new(Mutex::new(plugged)), start: Instant::now(), settle_s }
+        }
+
+        /// A device with an encoder on every channel of a free system of one's own.
+        fn of_own(rig: &Rig, bound: &Arc<Bound>, effects: &[Effect], seed: Option<u64>) -> Result<Self> {
+            let refused =
+                |found: String, expected: &str| BadInput::new(found, expected).in_file(&rig.path).at("channel");
+            if let Some(effect) = effects.first() {
+                return Err(refused(format!("--effect {effect}"), "none, on a system of one's own")
+                    .remedy("`whirl simulate` puts effects into it"));
+            }
+            let counts: Option<Vec<u32>> = bound.sensors.iter().map(|&i| rig.channel[i].counts_per_turn).collect();
+            let Some(counts) = counts.filter(|counts| counts.len() == rig.channel.len()) else {
+                return Err(refused(
+                    "a channel without counts_per_turn".to_owned(),
+                    "unit = \"count\" for every channel",
+                )
+                .remedy("A simulated device has encoders that count"));
+            };
+            let mut settings = RigSettings::default();
+            settings.device.sample_rate_millihertz = (rig.sample_rate_hz * 1e3).round() as u32;
+            let too_many = || refused(format!("{} channels", counts.len()), "at most six encoders");
+            if counts.len() > MOST_ENCODERS {
+                return Err(too_many());
+            }
+            settings.device.counts_per_turn = counts.iter().copied().collect();
+            settings.device.reversed = counts.iter().map(|_| false).collect();
+            settings.device.limits.frequency_millihertz = settings.device.sample_rate_millihertz / 5;
+            let arms = Live::of(rig, bound, seed)?;
+            let virtual_rig = VirtualRig::with_arms(&settings, Box::new(arms)).map_err(|e| {
+                BadInput::new(e.to_string(), "a rig that can be simulated").in_file(&rig.path).at("[plant]")
+            })?;
+            Ok(Self::plugged(virtual_rig, rig, 0.0))
         }
 
         /// The virtual rig's settings for a rig file, for [`Simulated::new`] and for servers of a
@@ -124,12 +166,13 @@ mod with_rig {
             let plant = Plant::of(rig)?;
             let refused =
                 |found: String, expected: &str| BadInput::new(found, expected).in_file(&rig.path).at("[plant]");
-            let second = match rig.channel.get(1).map(|c| c.measures.as_str()) {
+            let encoders: Vec<&Channel> = rig.channel.iter().filter(|c| c.measures != BASE).collect();
+            let second = match encoders.get(1).map(|c| c.measures.as_str()) {
                 None | Some("theta2") => SecondEncoder::Relative,
                 Some("phi2") => SecondEncoder::Absolute,
                 Some(other) => return Err(refused(format!("encoder 2 on {other}"), "theta2 or phi2")),
             };
-            if let Some(first) = rig.channel.first().filter(|c| !matches!(c.measures.as_str(), "theta1" | "phi1")) {
+            if let Some(first) = encoders.first().filter(|c| !matches!(c.measures.as_str(), "theta1" | "phi1")) {
                 return Err(refused(format!("encoder 1 on {}", first.measures), "theta1 or phi1"));
             }
             let mut settings = RigSettings {
@@ -148,8 +191,18 @@ mod with_rig {
             };
             // Rates are at most 1e7 Hz; the device says no to what it cannot do.
             settings.device.sample_rate_millihertz = (rig.sample_rate_hz * 1e3).round() as u32;
-            for (n, channel) in settings.device.counts_per_turn.iter_mut().zip(&rig.channel) {
+            for (n, channel) in settings.device.counts_per_turn.iter_mut().zip(&encoders) {
                 *n = channel.counts_per_turn.unwrap_or(*n);
+            }
+            if let Some(base) = crate::simulate::base(rig, &plant.base, seed.unwrap_or(0))? {
+                let (kind, unit) = match base.quantity {
+                    BaseQuantity::Counted => (BaseKind::Encoder, 1e12),
+                    BaseQuantity::Position => (BaseKind::Position, 1e12),
+                    BaseQuantity::Acceleration => (BaseKind::Acceleration, 1e9),
+                };
+                // Where that is not what a device can tell, the rig file is refused as for a real one.
+                settings.device.base = BaseSensor { kind, scale: (base.scale * unit).round() as u32 };
+                settings.base = Some(base);
             }
             // A simulated shaker may do what no real one can.
             settings.device.limits.amplitude_micrometre = 200_000;

@@ -7,6 +7,7 @@
 use std::io::ErrorKind;
 use std::time::{Duration, Instant};
 
+use whirl_shared::block::samples;
 use whirl_shared::codec::{Decoder, FrameError};
 use whirl_shared::frame::{Command, CommandResult, DeviceMessage, Hello, SampleBlock, ShakerState, Status};
 
@@ -305,14 +306,8 @@ impl Talk {
 
 /// Channel and count of each sample of a block, the channels of a sample in order.
 fn each_sample(block: &SampleBlock, mut take: impl FnMut(usize, i32)) {
-    let mut counts = block.first;
-    counts.iter().enumerate().for_each(|(i, &count)| take(i, count));
-    for delta in &block.deltas {
-        for (i, (count, &d)) in counts.iter_mut().zip(delta).enumerate() {
-            // The device's multi-turn counter wraps in the same way.
-            *count = count.wrapping_add(i32::from(d));
-            take(i, *count);
-        }
+    for sample in samples(block) {
+        sample.counts.iter().enumerate().for_each(|(i, &count)| take(i, count));
     }
 }
 

@@ -12,14 +12,14 @@ fn rig() -> Rig {
 fn settings_are_kept_and_in_force_after_a_restart() {
     let mut talk = Talk::open("sim", &rig(), 5.0).unwrap();
     let before = talk.hello().unwrap();
-    assert_eq!((before.settings, before.counts_per_turn), (SettingsSource::BuiltIn, [4096; 2]));
+    assert_eq!((before.settings, &before.counts_per_turn[..]), (SettingsSource::BuiltIn, &[4096; 2][..]));
     let set = Command::Set(Setting::CountsPerTurn { channel: 1, counts: 1024 });
     assert_eq!(talk.ask_at_rest(set).unwrap(), CommandResult::Done);
     let told = talk.hello().unwrap();
-    assert_eq!((told.settings, told.counts_per_turn), (SettingsSource::Changed, [4096; 2]));
+    assert_eq!((told.settings, &told.counts_per_turn[..]), (SettingsSource::Changed, &[4096; 2][..]));
     assert_eq!(talk.ask_at_rest(Command::Restart).unwrap(), CommandResult::Done);
     let after = talk.hello().unwrap();
-    assert_eq!((after.settings, after.counts_per_turn), (SettingsSource::Kept, [4096, 1024]));
+    assert_eq!((after.settings, &after.counts_per_turn[..]), (SettingsSource::Kept, &[4096, 1024][..]));
     assert_ne!(after.boot_id, before.boot_id);
     let refused = talk.ask(Command::Set(Setting::HostTimeout { ms: 5 })).unwrap();
     assert_eq!(refused, CommandResult::OutOfRange { limit: 100 });

@@ -205,7 +205,11 @@ pub(super) fn table(hello: &Hello, device: &Device) -> String {
     let mut text = format!("settings: {}\n", settings_sentence(hello.settings));
     for s in &device.settings {
         // 500 Hz, not 500.0 Hz.
-        let number = s.value.as_f64().map_or_else(|| s.value.to_string(), |x| x.to_string());
+        let number = match (s.value.as_f64(), s.value.as_str()) {
+            (Some(x), _) => x.to_string(),
+            (None, Some(word)) => word.to_owned(),
+            (None, None) => s.value.to_string(),
+        };
         let value = format!("{number} {}", s.unit);
         text.push_str(&format!("  {:<24} {value:<14} {}\n", s.key, s.about));
     }

@@ -7,7 +7,7 @@
 use std::time::Duration;
 
 use clap::Args;
-use whirl_shared::frame::{Command, CommandResult, Hello, Setting, SettingsSource};
+use whirl_shared::frame::{Command, CommandResult, Hello, MOST_ENCODERS, Setting, SettingsSource};
 
 use super::Answer;
 use super::device::{Device, Link, heading, table};
@@ -38,10 +38,12 @@ pub struct Arguments {
 /// Sets, restarts, verifies.
 pub fn run(link: &Link, arguments: &Arguments) -> Result<Answer> {
     // Before anything is sent: a typing error in the last one must not leave the others done.
-    let encoders = Hello::default().counts_per_turn.len();
-    let changes: Vec<Change> =
-        arguments.changes.iter().map(|text| setting_keys::parse(text, encoders)).collect::<Result<_>>()?;
+    let parsed = |encoders: usize| -> Result<Vec<Change>> {
+        arguments.changes.iter().map(|text| setting_keys::parse(text, encoders)).collect()
+    };
+    parsed(MOST_ENCODERS)?;
     let (from, mut talk, before) = link.open()?;
+    let changes = parsed(before.counts_per_turn.len())?;
     for change in &changes {
         for &setting in &change.settings {
             let result = talk.ask_at_rest(Command::Set(setting))?;

@@ -127,6 +127,7 @@ pub fn mechanism(model: &ModelFile, direction: Option<Direction>, omega: f64, va
         name: model.name.clone(),
         coordinates: (0..n).map(|k| (model.coordinates[k].clone(), unit(k))).collect(),
         words,
+        input_units: Vec::new(),
         parameters: parameters
             .iter()
             .map(|p| Parameter { name: p.clone(), unit: Unit::default(), declared: None })

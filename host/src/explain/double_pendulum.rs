@@ -21,7 +21,7 @@ use crate::rig::{Rig, as_own};
 use crate::system::library::Pendulum;
 
 /// Coefficients of (3.4), those of the system file, the power of Ω between them, and the sign.
-const COEFFICIENTS: [(&str, &str, i32, f64); 8] = [
+const COEFFICIENTS: [(&str, &str, i32, f64); 10] = [
     ("B11", "phi1_l1_m2_e2", 0, 1.0),
     ("B12", "phi1_m1_e1_g", 2, 1.0),
     ("B13", "phi1_m1_e1_a_c", 0, -1.0),
@@ -30,6 +30,8 @@ const COEFFICIENTS: [(&str, &str, i32, f64); 8] = [
     ("B22", "phi2_m2_e2_g", 2, 1.0),
     ("B23", "phi2_m2_e2_a_c", 0, -1.0),
     ("B24", "phi2_m2_e2_a_s", 0, -1.0),
+    ("B16", "phi1_m1_e1_scale", 2, 1.0),
+    ("B26", "phi2_m2_e2_scale", 2, 1.0),
 ];
 
 /// The same of the dampings: name in (3.4), name in the system file, power of Ω.
@@ -93,7 +95,7 @@ pub fn told(parameters: &mut [Parameter], omega: f64) {
         if let Some(p) = parameters.iter_mut().find(|p| p.name == file) {
             name.clone_into(&mut p.name);
             (p.value, p.std_error) = (p.value * factor, (p.std_error * factor).abs());
-            "1".clone_into(&mut p.unit);
+            if name.ends_with('6') { "s²/m" } else { "1" }.clone_into(&mut p.unit);
         }
     }
     parameters.sort_by(|a, b| match (a.name.contains('@'), b.name.contains('@')) {
@@ -178,6 +180,44 @@ mod tests {
                 let (mut a, mut b) = ([0.0; 2], [0.0; 2]);
                 assert!(motion.acceleration(&values, &q, &v, &at, &mut a));
                 assert!(built_in.acceleration(&built_in_values, &q, &v, &at, &mut b));
+                assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9 * (1.0 + b.abs())), "{a:?} {b:?}");
+            }
+        }
+    }
+
+    /// Where the base is measured, coefficients of the file are those of (3.4) with B16 and B26.
+    #[test]
+    fn a_measured_base_moves_the_file_s_arms_as_the_written_ones() {
+        let channel = |name: &str, what: &str, unit: &str| {
+            format!("[[channel]]\nname = \"{name}\"\nmeasures = \"{what}\"\nunit = \"{unit}\"\n")
+        };
+        let channels =
+            [channel("y", "base", "m/s2"), channel("a", "theta1", "rad"), channel("b", "theta2", "rad")].concat();
+        for drive in ["[drive]\ndirection = \"vertical\"\nfrequency_hz = 5.0\n", ""] {
+            let text = format!("name = \"x\"\nmodel = \"double-pendulum\"\nsample_rate_hz = 500.0\n{drive}{channels}");
+            let rig = Rig::parse(&text, Path::new("rig.toml")).unwrap();
+            let nominal: Vec<String> = DAMPINGS.iter().map(|d| d.id.to_owned()).collect();
+            let own = as_own::double_pendulum_of_bodies(&rig, &nominal).unwrap().bound.unwrap();
+            assert_eq!((own.sensors.as_slice(), own.inputs.as_slice(), own.base), (&[1, 2][..], &[0][..], Some(0)));
+            let motion = EquationsOfMotion::new(&own.model, rig.omega()).unwrap();
+            let value = |(k, n): (usize, &String)| if n.ends_with("l1_m2_e2") { 0.4 } else { 0.3 + 0.17 * k as f64 };
+            let values: Vec<f64> = motion.coefficients().iter().enumerate().map(value).collect();
+            let named = motion.coefficients().iter().zip(&values);
+            let mut parameters: Vec<Parameter> = named
+                .map(|(n, v)| Parameter { name: n.clone(), value: *v, std_error: 0.0, unit: String::new() })
+                .collect();
+            told(&mut parameters, rig.omega());
+            let all: Vec<_> = DAMPINGS.iter().collect();
+            let written = as_own::double_pendulum(&rig, &all).unwrap().bound.unwrap();
+            let plain = EquationsOfMotion::new(&written.model, rig.omega()).unwrap();
+            let of = |n: &String| parameters.iter().find(|p| p.name == *n).unwrap_or_else(|| panic!("{n}")).value;
+            let plain_values: Vec<f64> = plain.coefficients().iter().map(of).collect();
+            assert_eq!(parameters.len(), plain_values.len());
+            for (q, v, base) in [([0.3, 2.0], [1.5, -4.0], 7.3), ([-2.0, 7.0], [-3.0, 20.0], -12.0)] {
+                let at = Instant { time: 0.0, tau: 0.4, inputs: &[base] };
+                let (mut a, mut b) = ([0.0; 2], [0.0; 2]);
+                assert!(motion.acceleration(&values, &q, &v, &at, &mut a));
+                assert!(plain.acceleration(&plain_values, &q, &v, &at, &mut b));
                 assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9 * (1.0 + b.abs())), "{a:?} {b:?}");
             }
         }

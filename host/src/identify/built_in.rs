@@ -57,12 +57,14 @@ pub fn bound(rig: &Rig) -> Result<&Bound> {
 }
 
 /// A rig's equations of motion, `own` being the rig with them written out, and the names of their
-/// coefficients. Those of the built-in double pendulum are compiled by hand.
+/// coefficients. Those of the built-in double pendulum are compiled by hand, but where its base is
+/// measured.
 ///
 /// # Errors
 /// Equations that cannot be integrated.
 pub fn equations_of_motion(rig: &Rig, own: &Rig, bound: &Bound) -> Result<(Box<dyn Dynamics>, Vec<String>)> {
     if rig.bound.is_none()
+        && rig.base().is_none()
         && let System::Double(dampings) = System::of(rig)?
     {
         let compiled = DoublePendulum::new(rig.omega(), rig.drive.is_some(), &dampings);

@@ -7,6 +7,7 @@
 
 mod assembly;
 pub mod balance_error;
+pub mod base_motion;
 pub mod best;
 pub mod boots;
 pub mod built_in;

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use super::{Identification, Parameter};
 use crate::error::{BadInput, Result};
-use crate::model::double_pendulum::{DAMPINGS, Damping, coefficients};
+use crate::model::double_pendulum::{Base, DAMPINGS, Damping, coefficients};
 use crate::model::identified::{IdentifiedModel, System};
 use crate::model::model_file::ModelFile;
 use crate::rig::Rig;
@@ -76,7 +76,12 @@ pub fn check_double_pendulum(model: &IdentifiedModel) -> Result<()> {
         }
         used.push(damping);
     }
-    let names = coefficients(model.drive_frequency_hz.is_some(), &used).concat();
+    let base = match (model.parameter("B16"), model.drive_frequency_hz) {
+        (Some(_), _) => Base::Measured,
+        (None, Some(_)) => Base::Driven,
+        (None, None) => Base::Resting,
+    };
+    let names = coefficients(base, &used).concat();
     if let Some(p) = model.parameters.iter().find(|p| !names.contains(&p.name)) {
         return Err(BadInput::new("a parameter that the equations do not have", names.join(", "))
             .at(format!("parameters.{}", p.name)));

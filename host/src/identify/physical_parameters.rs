@@ -2,13 +2,14 @@
 //!
 //! The coefficients b of (3.4) are functions b(p) of the physical parameters p (section 1.2):
 //! B_i1 = H/J_oi, B_i2 = g S_i/(J_oi Ω²), B_i3 = −(a S_i/J_oi) cos ψ, B_i4 = −(a S_i/J_oi) sin ψ,
-//! C11 = τ_c1/(J_o1 Ω²), C12 = c_r2/(J_o1 Ω), C2 = c_r2/(J_o2 Ω), with H = m2 e2 l1, S1 = m1e1 + m2
-//! l1, S2 = m2 e2. There are more coefficients than parameters: the ties (3.23) are used by taking
-//! the p nearest to the identified b in a metric W, min (b − b(p))ᵀ W⁻¹ (b − b(p)), by
-//! Gauss–Newton. W is the covariance for independent residuals, which does not scatter; the
-//! parameters' covariance is the sandwich G Σ Gᵀ, G = (Jᵀ W⁻¹ J)⁻¹ Jᵀ W⁻¹, with the jackknife's Σ.
-//! (With the jackknife's Σ as metric, estimated from some thirty blocks, intervals were found a
-//! third too short.)
+//! B_i6 = S_i/(κ J_oi Ω²) in
+//! the place of B_i3 and B_i4 where the base is measured with a gain κ, C11 = τ_c1/(J_o1 Ω²), C12 =
+//! c_r2/(J_o1 Ω), C2 = c_r2/(J_o2 Ω), with H = m2 e2 l1, S1 = m1e1 + m2 l1, S2 = m2 e2. There are
+//! more coefficients than parameters: the ties (3.23) are used by taking the p nearest to the
+//! identified b in a metric W, min (b − b(p))ᵀ W⁻¹ (b − b(p)), by Gauss–Newton. W is the covariance
+//! for independent residuals, which does not scatter; the parameters' covariance is the sandwich G
+//! Σ Gᵀ, G = (Jᵀ W⁻¹ J)⁻¹ Jᵀ W⁻¹, with the jackknife's Σ. (With the jackknife's Σ as metric,
+//! estimated from some thirty blocks, intervals were found a third too short.)
 //!
 //! Directions of p that no coefficient and no known quantity fixes are found by the Jacobian's
 //! singular values; parameters that have a part in one are not reported.
@@ -62,13 +63,14 @@ const UNKNOWNS: &[(&str, &str, bool)] = &[
     ("c_r2", "N m s", false),
     ("c_r1", "N m s", false),
     ("tau_c2", "N m", false),
+    ("base_gain", "1", true),
 ];
 const A_COS: usize = 7;
 const A_SIN: usize = 8;
 
 /// Coefficient `name` as a function of all physical parameters.
 fn coefficient(name: &str, p: &[f64], omega: f64) -> Option<f64> {
-    let [j1, j2, m1e1, l1, m2, e2, g, ac, a_s, tau1, cr2, cr1, tau2] = *p else { return None };
+    let [j1, j2, m1e1, l1, m2, e2, g, ac, a_s, tau1, cr2, cr1, tau2, gain] = *p else { return None };
     let (h, s1, s2) = (m2 * e2 * l1, m1e1 + m2 * l1, m2 * e2);
     let second = omega * omega;
     Some(match name {
@@ -80,6 +82,8 @@ fn coefficient(name: &str, p: &[f64], omega: f64) -> Option<f64> {
         "B14" => -a_s * s1 / j1,
         "B23" => -ac * s2 / j2,
         "B24" => -a_s * s2 / j2,
+        "B16" => s1 / (gain * j1 * second),
+        "B26" => s2 / (gain * j2 * second),
         "C11" => tau1 / (j1 * second),
         "C12" => cr2 / (j1 * omega),
         "C2" => cr2 / (j2 * omega),
@@ -116,7 +120,7 @@ pub fn fit(identified: &Identified<'_>, known: &BTreeMap<String, f64>, omega: f6
 
 /// A rig of everyday size, what is known in its place; which parameters are.
 fn everyday_rig(known: &BTreeMap<String, f64>) -> (Vec<f64>, Vec<bool>) {
-    let mut p: Vec<f64> = vec![5e-4, 5e-5, 1.5e-3, 0.1, 0.1, 0.05, 9.81, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+    let mut p: Vec<f64> = vec![5e-4, 5e-5, 1.5e-3, 0.1, 0.1, 0.05, 9.81, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
     let mut fixed = vec![false; p.len()];
     for (i, (name, ..)) in UNKNOWNS.iter().enumerate() {
         if let Some(v) = known.get(*name) {
@@ -173,6 +177,7 @@ impl<'a> Ties<'a> {
             "c_r2" => has("C2"),
             "c_r1" => has("C13"),
             "tau_c2" => has("C14"),
+            "base_gain" => has("B16"),
             _ => true,
         };
         let free: Vec<usize> = (0..fixed.len()).filter(|&i| !fixed[i] && appears(i)).collect();

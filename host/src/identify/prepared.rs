@@ -91,7 +91,8 @@ impl Steady {
                 record_of.push(k);
             }
         }
-        if rig.drive.is_some() {
+        // What does not rest on the drive's phase needs no steady drive.
+        if rig.drive.is_some() && (bound.model.uses_phase() || bound.base.is_none()) {
             keep_steady_drive(records, &mut stretches, &mut record_of, &mut warnings)?;
         }
         Ok(Self { stretches, record_of, warnings })

@@ -190,5 +190,13 @@ pub fn measure(truth: &Stretch, repeat: usize, bound: &Bound, sensors: &Sensors,
             }
         }
     }
-    Stretch { coordinates: mixed(&bound.coordinates, &shown), ..truth.clone() }
+    let mut measured = Stretch { coordinates: mixed(&bound.coordinates, &shown), ..truth.clone() };
+    if let Some(base) = &truth.base
+        && let Some(input) = measured.inputs.get_mut(base.input)
+    {
+        let sign = if repeat.is_multiple_of(2) { 1.0 } else { -1.0 };
+        let noise = base.series(input.len(), 0xba5e + (repeat / 2) as u64, stream);
+        input.iter_mut().zip(noise).for_each(|(u, n)| *u += sign * n);
+    }
+    measured
 }

@@ -1,9 +1,10 @@
 //! Physical parameters of a single pendulum from its coefficients: with m e = m1·e1, q_sin = m e
 //! g/(J Ω²), amplitude of the drive's term f = m e a/J, c_r = c_r1/(J Ω), C11 = τ_c1/(J Ω²).
 //!
-//! a = f g/(q_sin Ω²) follows without knowing a mass. With m e (or m1 and e1) known, J = m e
-//! g/(q_sin Ω²); with J known, m e = q_sin J Ω²/g; then c_r1 and τ_c1. Standard errors by linear
-//! propagation of the coefficients' covariance.
+//! a = f g/(q_sin Ω²) follows without knowing a mass. Where the base is measured with a gain κ its
+//! term is u = m e/(κ J Ω²), and κ = q_sin/(u g) for a vertical drive. With m e (or m1 and e1)
+//! known, J = m e g/(q_sin Ω²); with J known, m e = q_sin J Ω²/g; then c_r1 and τ_c1. Standard
+//! errors by linear propagation of the coefficients' covariance.
 
 use super::physical_parameters::{Physical, PhysicalFit};
 use crate::rig::{Direction, Rig};
@@ -32,6 +33,10 @@ pub fn derive(identified: &Identified<'_>, rig: &Rig) -> Option<PhysicalFit> {
             let a = f * g / (values[q] * omega * omega);
             push("a", "m", a, &[(p, a * values[p] / (f * f)), (n, a * values[n] / (f * f)), (q, -a / values[q])]);
         }
+    }
+    if let Some(u) = at("u_sin") {
+        let gain = values[q] / (values[u] * g);
+        push("base_gain", "1", gain, &[(u, -gain / values[u]), (q, gain / values[q])]);
     }
     let moment = known("m1e1").or_else(|| Some(known("m1")? * known("e1")?));
     let inertia = known("J_o1");

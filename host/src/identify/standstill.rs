@@ -141,6 +141,7 @@ mod tests {
             phase: Phase::Clock(0.0),
             amplitude_nm: None,
             history: None,
+            base: None,
         }
     }
 

@@ -3,6 +3,7 @@
 use core::f64::consts::TAU;
 use std::sync::Arc;
 
+use super::base_motion::{self, BaseNoise};
 use super::history::History;
 use crate::error::{BadInput, Result};
 use crate::model::model_file::Space;
@@ -28,6 +29,8 @@ pub struct Stretch {
     pub amplitude_nm: Option<Vec<u32>>,
     /// States of effects that remember, where some are looked for.
     pub history: Option<Arc<History>>,
+    /// Noise of the base's channel, where it is measured.
+    pub base: Option<Arc<BaseNoise>>,
 }
 
 impl Stretch {
@@ -75,6 +78,7 @@ impl Stretch {
             },
             amplitude_nm: self.amplitude_nm.as_ref().map(|a| a[first..last].to_vec()),
             history: self.history.clone(),
+            base: self.base.clone(),
         }
     }
 
@@ -123,13 +127,13 @@ pub fn of(record: &Record, rig: &Rig, bound: &Bound) -> Result<Vec<Stretch>> {
         }
     }
     let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
-    Ok(record
-        .segments
-        .iter()
-        .map(|s| {
+    let base = base_motion::of(record, rig, bound);
+    let measured = record.segments.iter().enumerate();
+    Ok(measured
+        .filter_map(|(n, s)| {
             let column = |i: usize| s.columns[i].angle(&record.channels[i]);
             let shown: Vec<Vec<f64>> = bound.sensors.iter().map(|&i| column(i)).collect();
-            Stretch {
+            let whole = Stretch {
                 start_s: s.start_s,
                 step_s: s.step_s,
                 coordinates: mixed(&bound.coordinates, &shown),
@@ -140,7 +144,16 @@ pub fn of(record: &Record, rig: &Rig, bound: &Bound) -> Result<Vec<Stretch>> {
                 },
                 amplitude_nm: s.amplitude_nm.clone(),
                 history: None,
+                base: base.as_ref().map(|b| b.noise.clone()),
+            };
+            let (Some(base), Some(k)) = (&base, bound.base) else { return Some(whole) };
+            let acceleration = &base.accelerations[n];
+            if acceleration.is_empty() {
+                return None;
             }
+            let mut part = whole.part(base.trimmed, base.trimmed + acceleration.len());
+            part.inputs[k].clone_from(acceleration);
+            Some(part)
         })
         .collect())
 }

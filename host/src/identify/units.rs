@@ -13,7 +13,12 @@ pub fn channel_units(model: &ModelFile, rig: &Rig, bound: &Bound) -> (Vec<Unit>,
             Unit::of_channel(&rig.channel[bound.sensors[row]].unit)
         })
         .collect();
-    (coordinates, bound.inputs.iter().map(|&i| Unit::of_channel(&rig.channel[i].unit)).collect())
+    let inputs = bound.inputs.iter().enumerate().map(|(k, &i)| {
+        // A position of the base has been differentiated twice.
+        let unit = if bound.base == Some(k) { "m/s2" } else { &rig.channel[i].unit };
+        Unit::of_channel(unit)
+    });
+    (coordinates, inputs.collect())
 }
 
 /// Units of a model file's coefficients; one for each term, equation by equation.

@@ -8,6 +8,11 @@
 //! φ2″ + B21 (φ1″ cos Δ + φ1′² sin Δ) + B22 sin φ2 + (B23 cos τ + B24 sin τ) sin φ2 + C2 (φ2′ −
 //! φ1′) = 0
 //!
+//! Where the base's own motion is measured (a channel that measures `base`, as acceleration ÿ or as
+//! a position that is differentiated), the terms in cos τ and sin τ are B16 ÿ sin φ1 and B26 ÿ sin
+//! φ2 in their place, B_i6 = S_i/(κ J_oi Ω²) in s²/m: amplitude, phase and form of the drive are no
+//! parameters. κ is what the channel shows of 1: B_i2 = κ g B_i6.
+//!
 //! The weak form leaves first derivatives only, since φ2″ cos Δ − φ2′² sin Δ = (φ2′ cos Δ)′ − φ1′
 //! φ2′ sin Δ and φ1″ cos Δ + φ1′² sin Δ = (φ1′ cos Δ)′ + φ1′ φ2′ sin Δ.
 //!
@@ -44,12 +49,26 @@ pub const DAMPINGS: &[Damping] = &[
 /// The double pendulum's default nominal dampings (contract: `[nominal]`).
 pub const DEFAULT_DAMPINGS: &[&str] = &["coulomb-friction@joint1", "viscous-friction@joint2"];
 
-/// Names of the coefficients of both equations, in their order; `driven` is false for a free
-/// system.
-pub fn coefficients(driven: bool, dampings: &[&Damping]) -> [Vec<String>; 2] {
+/// What is known of the base.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Base {
+    /// It rests.
+    Resting,
+    /// It moves harmonically, with unknown amplitude and phase.
+    Driven,
+    /// Its motion is measured.
+    Measured,
+}
+
+/// Names of the coefficients of both equations, in their order.
+pub fn coefficients(base: Base, dampings: &[&Damping]) -> [Vec<String>; 2] {
     [0, 1].map(|i: usize| {
-        let orders = if driven { 1..=4 } else { 1..=2 };
-        let base = orders.map(|k| format!("B{}{k}", i + 1));
+        let orders: &[u8] = match base {
+            Base::Resting => &[1, 2],
+            Base::Driven => &[1, 2, 3, 4],
+            Base::Measured => &[1, 2, 6],
+        };
+        let base = orders.iter().map(|k| format!("B{}{k}", i + 1));
         base.chain(dampings.iter().filter_map(|d| d.names[i].map(str::to_owned))).collect()
     })
 }

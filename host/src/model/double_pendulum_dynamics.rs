@@ -18,7 +18,7 @@
 //!
 //! Limits: no accelerations where B11 B21 cos² Δ ≥ 1, which no two rigid arms have.
 
-use super::double_pendulum::{Damping, coefficients};
+use super::double_pendulum::{Base, Damping, coefficients};
 use super::dynamics::{Dynamics, Instant, Linearisation};
 use crate::signal::sin_cos::four;
 
@@ -87,7 +87,9 @@ impl DoublePendulum {
     /// with these dampings.
     pub fn new(omega: f64, driven: bool, dampings: &[&Damping]) -> Self {
         let (mut roles, mut names) = (Vec::new(), Vec::new());
-        for (i, equation) in coefficients(driven, dampings).into_iter().enumerate() {
+        for (i, equation) in
+            coefficients(if driven { Base::Driven } else { Base::Resting }, dampings).into_iter().enumerate()
+        {
             for name in equation {
                 let damping = dampings.iter().find(|d| d.names[i] == Some(name.as_str()));
                 let role = match (damping, name.as_bytes().last()) {

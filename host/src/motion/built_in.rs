@@ -19,7 +19,7 @@ use crate::model::double_pendulum::{DAMPINGS, Damping};
 use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S, System};
 use crate::model::model_file::expression::{Node, multiply, number};
 use crate::rig::{Rig, as_own};
-use crate::system::library::{self, Pendulum};
+use crate::system::library;
 use crate::system::mechanism::Mechanism;
 
 /// Share of S1 that the first arm has in the mechanism with J_o2 = 1; the rest is the second arm's
@@ -48,8 +48,8 @@ pub fn double_pendulum(
 
 /// Effects by the catalogue's laws.
 fn effects(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Effect>> {
-    let double = Pendulum::Double;
-    let shipped = library::read(double.id(), double.file(true))?.model(Some(&[]), rig.omega())?;
+    let name = as_own::of_bodies(rig);
+    let shipped = library::read(name, library::text(name).unwrap_or_default())?.model(Some(&[]), rig.omega())?;
     let Some(mechanism) = shipped.mechanism else { return Ok(Vec::new()) };
     let earlier = is_earlier(model);
     let physical: [Vec<f64>; 2] = [physical(model, rig, &mechanism, 0)?, physical(model, rig, &mechanism, 1)?];

@@ -122,6 +122,15 @@ pub fn columns(motion: &Motion, solution: &Solution, step_s: f64) -> Result<Vec<
             let scale = c.scale();
             if let Some(input) = motion.bound.inputs.iter().position(|i| *i == k) {
                 let u = &solution.inputs[input];
+                if motion.bound.base == Some(input) && c.unit != "m/s2" {
+                    return Err(BadInput::new(
+                        format!("unit \"{}\"", c.unit),
+                        "unit \"m/s2\" for a base that is simulated",
+                    )
+                    .in_file(&motion.rig.path)
+                    .at(format!("channel \"{}\"", c.name))
+                    .remedy("What moves the model is the base's acceleration, of which no position can be written"));
+                }
                 let v = differences(u, step_s);
                 let shown = u.iter().zip(&v).map(|(u, v)| (u + motion.input_adds(input, *u, *v)) / scale);
                 return Ok(Column::Values(shown.collect()));

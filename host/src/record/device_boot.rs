@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn a_restart_is_told_with_its_cause_and_what_became_of_the_counts() {
         let zero = |id, source| Zero { id, source, index: None };
-        let mut hello = Hello { zeros: [zero(7, ZeroSource::Commanded); 2], ..Hello::default() };
+        let mut hello = Hello { zeros: [zero(7, ZeroSource::Commanded); 2].into(), ..Hello::default() };
         let before = DeviceBoot::of(&hello, 0);
         hello.reset = ResetCause::Watchdog;
         assert_eq!(DeviceBoot::of(&hello, 9).after(&before), "watchdog; its counts were kept");
@@ -120,7 +120,7 @@ mod tests {
         assert_eq!(turned.after(&before), "watchdog; its arms turned meanwhile: its counts have another zero now");
         // Of encoder 1 alone the zero is the same.
         assert!(turned.has_zeros_of(&before, 1) && !turned.has_zeros_of(&before, 2));
-        hello.zeros = [zero(9, ZeroSource::PowerUp); 2];
+        hello.zeros = [zero(9, ZeroSource::PowerUp); 2].into();
         hello.reset = ResetCause::Panic;
         hello.panic = heapless::String::try_from("index out of bounds\u{1b}[2J").unwrap();
         assert_eq!(

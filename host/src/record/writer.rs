@@ -7,7 +7,8 @@ use super::csv_write::CsvWriter;
 use super::parquet_write::ParquetWriter;
 use super::{DeviceBoot, DeviceLine, Losses, Metadata};
 use crate::error::{BadInput, Result};
-use crate::rig::{Rig, computed};
+use crate::rig::measures::BASE;
+use crate::rig::{Channel, Rig, computed};
 
 /// One sample of whirl's own records.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,22 +39,28 @@ enum Inner {
 
 impl RecordWriter {
     /// Opens `path` (an existing file is replaced) for a record of the rig's channels, which must
-    /// be counts. The clock is `metadata.sample_rate_hz`, or the rig's where that is 0. `.csv` and
+    /// be counts, or the base's with a gain, the unit's worth of a count. The clock is
+    /// `metadata.sample_rate_hz`, or the rig's where that is 0. `.csv` and
     /// `.csv.gz` give CSV, everything else Parquet.
     ///
     /// # Errors
-    /// A file that cannot be written; a channel whose unit is not `count`.
+    /// A file that cannot be written; a channel that holds no counts.
     pub fn create(path: impl AsRef<Path>, metadata: &Metadata, rig: &Rig) -> Result<Self> {
         let path = path.as_ref();
         computed::refuse(&rig.channel, &rig.path)?;
-        if let Some(c) = rig.channel.iter().find(|c| c.unit != "count") {
+        let worthless = |c: &&Channel| c.unit != "count" && !(c.measures == BASE && c.gain.is_some());
+        if let Some(c) = rig.channel.iter().find(worthless) {
             return Err(BadInput::new(
                 format!("unit \"{}\"", c.unit),
                 "unit \"count\": whirl's own records hold raw counts",
             )
             .in_file(&rig.path)
             .at(format!("channel \"{}\"", c.name))
-            .remedy("Give the channel unit = \"count\" and counts_per_turn"));
+            .remedy(if c.measures == BASE {
+                "Give the channel gain, what a count of the base's sensor is worth in its unit"
+            } else {
+                "Give the channel unit = \"count\" and counts_per_turn"
+            }));
         }
         let mut metadata = metadata.clone();
         if !(metadata.sample_rate_hz.is_finite() && metadata.sample_rate_hz > 0.0) {

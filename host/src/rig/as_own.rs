@@ -14,7 +14,7 @@ use crate::model::double_pendulum::Damping;
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::toml_place::Source;
 use crate::system;
-use crate::system::library::Pendulum;
+use crate::system::library::{self, Pendulum};
 
 /// The rig of a single pendulum with its equation (2.6) written out: `dampings` by the names of
 /// their coefficients (`c_r`, `C11`). With `all`, the terms of a base that moves any way and of a
@@ -27,14 +27,22 @@ pub fn single_pendulum(rig: &Rig, dampings: &[&str], all: bool) -> Result<Rig> {
     for d in dampings {
         terms.push(if *d == "c_r" { "c_r = \"phi1'\"" } else { "C11 = \"sign(phi1')\"" });
     }
+    // Along the drive a base that is measured takes the place of one that is assumed.
+    let base = rig.base().is_some();
     let horizontal = ["n_cos = \"cos(phi1)*cos(tau)\"", "p_cos = \"cos(phi1)*sin(tau)\""];
     let vertical = ["n_sin = \"sin(phi1)*cos(tau)\"", "p_sin = \"sin(phi1)*sin(tau)\""];
     if let Some(drive) = rig.drive {
         for (direction, list) in [(Direction::Horizontal, horizontal), (Direction::Vertical, vertical)] {
-            if all || drive.direction == direction {
+            if (all || drive.direction == direction) && !(base && drive.direction == direction) {
                 terms.extend(list);
             }
         }
+    }
+    if base {
+        terms.push(match rig.direction() {
+            Some(Direction::Horizontal) => "u_cos = \"cos(phi1)*base\"",
+            _ => "u_sin = \"sin(phi1)*base\"",
+        });
     }
     if all {
         terms.push("q_cos = \"cos(phi1)\"");
@@ -43,7 +51,7 @@ pub fn single_pendulum(rig: &Rig, dampings: &[&str], all: bool) -> Result<Rig> {
     let equation = format!("\n[[equation]]\nbalance = \"-phi1''\"\nterms = {{ {} }}\n", terms.join(", "));
     // Effects act at its joint and its arm, by the built-in's names.
     let names = "coordinates = { phi1 = \"angle\" }\n[[joint]]\nname = \"joint1\"\nmoves = \"phi1\"\n[[body]]\nname = \"arm1\"\nangle = \"phi1\"\n";
-    let text = format!("name = \"{}\"\ntime = \"tau\"\n{names}{equation}", rig.model);
+    let text = format!("name = \"{}\"\ntime = \"tau\"\n{}{names}{equation}", rig.model, inputs(rig));
     let source = Source { text, path: rig.path.clone() };
     with_model(rig, system::model_of(source, None, rig.omega())?)
 }
@@ -59,7 +67,9 @@ pub fn double_pendulum(rig: &Rig, dampings: &[&Damping]) -> Result<Rig> {
     for (i, other) in rates.into_iter().rev().enumerate() {
         let n = i + 1;
         let mut terms = vec![format!("B{n}1 = \"{other}\""), format!("B{n}2 = \"sin(phi{n})\"")];
-        if rig.drive.is_some() {
+        if rig.base().is_some() {
+            terms.push(format!("B{n}6 = \"sin(phi{n})*base\""));
+        } else if rig.drive.is_some() {
             terms.push(format!("B{n}3 = \"sin(phi{n})*cos(tau)\""));
             terms.push(format!("B{n}4 = \"sin(phi{n})*sin(tau)\""));
         }
@@ -76,7 +86,21 @@ pub fn double_pendulum(rig: &Rig, dampings: &[&Damping]) -> Result<Rig> {
         // Writing into a string cannot fail.
         let _ = write!(equations, "\n[[equation]]\nbalance = \"-phi{n}''\"\n[equation.terms]\n{}\n", terms.join("\n"));
     }
-    bound(rig, Pendulum::Double.coordinates(), &equations)
+    bound(rig, Pendulum::Double.coordinates(), inputs(rig), &equations)
+}
+
+/// The key of a model file that declares the base's motion, where it is measured.
+fn inputs(rig: &Rig) -> &'static str {
+    if rig.base().is_some() { "inputs = [\"base\"]\n" } else { "" }
+}
+
+/// The name of the system file that ships with the program for a rig's base.
+pub fn of_bodies(rig: &Rig) -> &'static str {
+    match (rig.base(), rig.drive) {
+        (Some(_), _) => "double-pendulum-measured-base",
+        (None, Some(_)) => "double-pendulum",
+        (None, None) => "double-pendulum-free",
+    }
 }
 
 /// The rig of a double pendulum with the system file that ships with the program, with nominal
@@ -85,7 +109,7 @@ pub fn double_pendulum(rig: &Rig, dampings: &[&Damping]) -> Result<Rig> {
 /// # Errors
 /// Channels that do not measure both angles, dampings that are not in the list of effects.
 pub fn double_pendulum_of_bodies(rig: &Rig, nominal: &[String]) -> Result<Rig> {
-    let text = Pendulum::Double.file(rig.drive.is_some()).to_owned();
+    let text = library::text(of_bodies(rig)).unwrap_or_default().to_owned();
     let model = system::model_of(Source { text, path: rig.path.clone() }, Some(nominal), rig.omega())?;
     let out = with_model(rig, model)?;
     Ok(Rig { channel: rig.channel.clone(), nominal: Some(nominal.to_vec()), ..out })
@@ -101,14 +125,15 @@ pub fn coordinates(rig: &Rig) -> Result<Rig> {
     let mut equations = String::new();
     for n in names {
         // Writing into a string cannot fail.
-        let _ = write!(equations, "\n[[equation]]\nbalance = \"-{n}''\"\nterms = {{ k_{n} = \"sin({n})\" }}\n");
+        let base = if rig.base().is_some() { format!(", u_{n} = \"sin({n})*base\"") } else { String::new() };
+        let _ = write!(equations, "\n[[equation]]\nbalance = \"-{n}''\"\nterms = {{ k_{n} = \"sin({n})\"{base} }}\n");
     }
-    bound(rig, names, &equations)
+    bound(rig, names, inputs(rig), &equations)
 }
 
-fn bound(rig: &Rig, coordinates: &[&str], equations: &str) -> Result<Rig> {
+fn bound(rig: &Rig, coordinates: &[&str], inputs: &str, equations: &str) -> Result<Rig> {
     let list: Vec<String> = coordinates.iter().map(|c| format!("{{ name = \"{c}\", space = \"S1\" }}")).collect();
-    let text = format!("name = \"{}\"\ncoordinates = [{}]\n{equations}", rig.model, list.join(", "));
+    let text = format!("name = \"{}\"\ncoordinates = [{}]\n{inputs}{equations}", rig.model, list.join(", "));
     with_model(rig, ModelFile::parse(&text, &rig.path)?)
 }
 
@@ -134,7 +159,9 @@ fn with_model(rig: &Rig, model: ModelFile) -> Result<Rig> {
     }
     // Ones on the diagonal and nothing above it.
     let coordinates = shown.clone().try_inverse().unwrap_or_else(|| DMatrix::identity(n, n));
-    let bound = Bound { model: Arc::new(model), sensors, shown, coordinates, inputs: Vec::new() };
+    let inputs: Vec<usize> = if model.inputs.is_empty() { Vec::new() } else { rig.base().into_iter().collect() };
+    let base = (!inputs.is_empty()).then_some(0);
+    let bound = Bound { model: Arc::new(model), sensors, shown, coordinates, inputs, base };
     let mut out = Rig { bound: Some(Arc::new(bound)), ..rig.clone() };
     for c in &mut out.channel {
         c.measures = match c.measures.as_str() {

@@ -15,9 +15,18 @@ use crate::error::{BadInput, Result};
 use crate::model::model_file::expression::{Symbol, as_number};
 use crate::model::model_file::parser::{Names, parse};
 use crate::model::model_file::toml_place::{self, Source};
+use crate::model::model_file::units::Unit;
 use crate::model::model_file::{self, ModelFile};
 use crate::system::library::Pendulum;
 use crate::system::{self, library};
+
+/// What a channel measures that shows the base's own motion along the drive, as a position or as an
+/// acceleration: the input of the systems that have one of that name.
+pub const BASE: &str = "base";
+
+/// Units of an acceleration and of positions, for a channel of the base.
+const ACCELERATION: &str = "m/s2";
+const POSITIONS: [&str; 3] = ["m", "mm", "um"];
 
 impl Rig {
     /// The built-in system of this rig; none for a model file and what is only reduced.
@@ -39,11 +48,36 @@ pub struct Bound {
     pub coordinates: DMatrix<f64>,
     /// Channel of each input.
     pub inputs: Vec<usize>,
+    /// Which of the inputs is the base's acceleration, where a channel shows that or its position.
+    pub base: Option<usize>,
+}
+
+/// Refuses a channel of the base that is neither a position nor an acceleration.
+fn check_base(rig: &Rig) -> Result<()> {
+    let channel = rig.channel.iter().enumerate().find(|(_, c)| c.measures == BASE);
+    let Some((i, c)) = channel else { return Ok(()) };
+    if c.unit == ACCELERATION || POSITIONS.contains(&c.unit.as_str()) {
+        return Ok(());
+    }
+    let expected = format!("{}, or {ACCELERATION} for an accelerometer", POSITIONS.join(", "));
+    Err(BadInput::new(format!("\"{}\"", c.unit), expected)
+        .in_file(&rig.path)
+        .at(format!("channel {} (\"{}\"), unit", i + 1, c.name))
+        .remedy("The base's motion is a position or an acceleration; counts take gain, the unit's worth of one"))
+}
+
+impl Rig {
+    /// The channel that shows the base's own motion.
+    pub fn base(&self) -> Option<usize> {
+        self.channel.iter().position(|c| c.measures == BASE)
+    }
 }
 
 /// Refuses a channel of a built-in system that measures something else.
 pub(super) fn check_built_in(rig: &Rig) -> Result<()> {
-    let Some(known) = rig.pendulum().map(Pendulum::measures) else { return Ok(()) };
+    let Some(mut known) = rig.pendulum().map(Pendulum::measures) else { return Ok(()) };
+    known.push(BASE);
+    check_base(rig)?;
     match rig.channel.iter().enumerate().find(|(_, c)| !known.contains(&c.measures.as_str())) {
         None => Ok(()),
         Some((i, c)) => Err(BadInput::new(format!("\"{}\"", c.measures), format!("one of {}", known.join(", ")))
@@ -92,6 +126,15 @@ fn source(rig: &Rig) -> Result<Source> {
         .remedy("The path is relative to the rig file; `whirl list models` shows the built-in ones"));
     }
     toml_place::read(&path, "a model file")
+}
+
+/// Whether a model's input of the base's name is an acceleration, as its system file says.
+fn accelerates(model: &ModelFile) -> bool {
+    let file = model.mechanism.as_ref().and_then(|m| m.file.as_deref());
+    file.is_some_and(|file| {
+        let k = file.words.inputs.iter().position(|name| name == BASE);
+        k.and_then(|k| file.input_units.get(k)).is_some_and(|unit| *unit == Unit::of_channel(ACCELERATION))
+    })
 }
 
 /// Refuses known quantities that the model does not have.
@@ -184,7 +227,12 @@ pub(crate) fn bound(rig: &Rig, model: ModelFile) -> Result<Bound> {
             .at("drive")
             .remedy("Add [drive] with its direction and frequency_hz"));
     }
-    Ok(Bound { model: Arc::new(model), sensors, shown, coordinates, inputs: inputs.into_iter().flatten().collect() })
+    let base = model.inputs.iter().position(|u| u == BASE).filter(|_| accelerates(&model));
+    if base.is_some() {
+        check_base(rig)?;
+    }
+    let inputs = inputs.into_iter().flatten().collect();
+    Ok(Bound { model: Arc::new(model), sensors, shown, coordinates, inputs, base })
 }
 
 #[cfg(test)]

@@ -47,10 +47,60 @@ pub struct Plant {
     /// Time simulated before recording starts, s.
     #[serde(default)]
     pub settle_s: f64,
+    /// The sensor of the base's motion, for a rig with a channel that measures it.
+    #[serde(default)]
+    pub base: BasePlant,
 }
 
 fn gravity() -> f64 {
     super::GRAVITY
+}
+
+/// What the simulated sensor of the base's motion is like, in the unit m or m/s² of its channel.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BasePlant {
+    /// What it shows of 1.
+    #[serde(default = "one")]
+    pub gain: f64,
+    /// What it shows at 0.
+    #[serde(default)]
+    pub offset: f64,
+    /// Standard deviation of its noise.
+    #[serde(default)]
+    pub noise: f64,
+}
+
+impl Default for BasePlant {
+    /// A sensor without errors.
+    fn default() -> Self {
+        Self { gain: 1.0, offset: 0.0, noise: 0.0 }
+    }
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl BasePlant {
+    /// Refuses what no sensor is.
+    pub(super) fn check(&self, rig: &Rig) -> Result<()> {
+        for (key, value, good) in [
+            ("gain", self.gain, self.gain != 0.0),
+            ("offset", self.offset, true),
+            ("noise", self.noise, self.noise >= 0.0),
+        ] {
+            if !(good && value.abs() <= 1e6) {
+                return Err(BadInput::new(
+                    value.to_string(),
+                    "a finite number, a gain other than 0, a noise of 0 or more",
+                )
+                .in_file(&rig.path)
+                .at(format!("plant.base.{key}")));
+            }
+        }
+        Ok(())
+    }
 }
 
 impl Plant {
@@ -73,6 +123,9 @@ impl Plant {
             "B23" => -p.amplitude_m * s2 / p.j_o2 * cos,
             "B24" => -p.amplitude_m * s2 / p.j_o2 * sin,
             "B25" => p.amplitude_m * s2 / p.j_o2,
+            "B16" => s1 / (p.base.gain * p.j_o1 * second),
+            "B26" => s2 / (p.base.gain * p.j_o2 * second),
+            "base_gain" => p.base.gain,
             "C11" => p.tau_c1 / (p.j_o1 * second),
             "C12" => p.c_r2 / (p.j_o1 * omega),
             "C2" => p.c_r2 / (p.j_o2 * omega),
@@ -133,6 +186,7 @@ impl Plant {
                     .at(format!("plant.{key}")));
             }
         }
+        plant.base.check(rig)?;
         let h = plant.m2 * plant.e2 * plant.l1;
         if h * h >= plant.j_o1 * plant.j_o2 {
             return Err(BadInput::new(

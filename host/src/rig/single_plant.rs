@@ -3,6 +3,7 @@
 
 use serde::Deserialize;
 
+use super::plant::BasePlant;
 use super::{Direction, Rig};
 use crate::error::{BadInput, Result};
 
@@ -38,6 +39,9 @@ pub struct SinglePlant {
     /// Time simulated before recording starts, s.
     #[serde(default)]
     pub settle_s: f64,
+    /// The sensor of the base's motion, for a rig with a channel that measures it.
+    #[serde(default)]
+    pub base: BasePlant,
 }
 
 fn gravity() -> f64 {
@@ -66,6 +70,9 @@ impl SinglePlant {
             along("n_cos", Direction::Horizontal, size * sin),
             along("p_sin", Direction::Vertical, -size * sin),
             along("n_sin", Direction::Vertical, -size * cos),
+            ("u_sin", Some(moment / (self.base.gain * omega * omega))),
+            ("u_cos", Some(moment / (self.base.gain * omega * omega))),
+            ("base_gain", Some(self.base.gain)),
             ("J_o1", Some(self.j_o1)),
             ("m1e1", Some(self.m1 * self.e1)),
             ("a", Some(self.amplitude_m)),
@@ -93,6 +100,7 @@ impl SinglePlant {
         let plant: Self = value.try_into().map_err(|e: toml::de::Error| {
             bad(e.message().replace('\n', " "), "").remedy("Correct [plant]; its keys are listed in docs/rig-file.md")
         })?;
+        plant.base.check(rig)?;
         let check = |key: &str, value: f64, good: bool, expected: &str| {
             if good && value.is_finite() {
                 return Ok(());

@@ -78,6 +78,8 @@ pub struct SystemFile {
     pub coordinates: Vec<(Coordinate, String)>,
     /// Names declared.
     pub words: Words,
+    /// Units of the inputs, in the order of [`Words::inputs`].
+    pub input_units: Vec<Unit>,
     /// Parameters, in the order of [`Words::parameters`].
     pub parameters: Vec<Parameter>,
     /// Gravity; none where there is none.
@@ -167,13 +169,14 @@ impl Reader<'_> {
         Ok(out)
     }
 
-    fn inputs(&mut self, top: &DeTable<'_>) -> Result<()> {
+    fn inputs(&mut self, top: &DeTable<'_>) -> Result<Vec<Unit>> {
+        let mut units = Vec::new();
         for (name, at, value) in self.table(top, "inputs", "inputs such as { force = \"N\" }")? {
             self.new_name(at, name)?;
-            self.unit(value)?;
+            units.push(self.unit(value)?);
             self.words.inputs.push(name.to_owned());
         }
-        Ok(())
+        Ok(units)
     }
 
     fn gravity(&self, top: &DeTable<'_>) -> Result<Option<Gravity>> {
@@ -230,7 +233,7 @@ impl SystemFile {
         let name = source.required(top, table.span(), "name", "a name for people")?;
         let name = source.text(name, "a name for people")?.to_owned();
         let coordinates = r.coordinates(top)?;
-        r.inputs(top)?;
+        let input_units = r.inputs(top)?;
         let parameters = r.parameters(top)?;
         points::read(&mut r, top)?;
         let gravity = r.gravity(top)?;
@@ -256,6 +259,7 @@ impl SystemFile {
             name,
             coordinates,
             words,
+            input_units,
             parameters,
             gravity,
             bodies,

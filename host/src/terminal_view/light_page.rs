@@ -64,11 +64,13 @@ fn encoder(scene: &Scene, arm: &Arm, i: usize) -> Vec<Line<'static>> {
         named("reached", format!("{} … {} turns", fixed(least as f64 / turn, 2), fixed(greatest as f64 / turn, 2))),
         named("check", judged(arm.turning.between_rests, arm.counts_per_turn)),
     ];
-    if let Some(hello) = &scene.hello {
-        let sign = if hello.reversed[i] { "reversed on the device" } else { "as wired" };
-        let index = hello.zeros[i].index.map_or_else(|| "no index mark seen".to_owned(), |at| format!("index at {at}"));
+    if let Some(hello) = &scene.hello
+        && let (Some(reversed), Some(zero)) = (hello.reversed.get(i), hello.zeros.get(i))
+    {
+        let sign = if *reversed { "reversed on the device" } else { "as wired" };
+        let index = zero.index.map_or_else(|| "no index mark seen".to_owned(), |at| format!("index at {at}"));
         lines.push(named("sign", sign.to_owned()));
-        lines.push(named("zero", format!("{}, id {:08x}; {index}", zero_word(&hello.zeros[i]), hello.zeros[i].id)));
+        lines.push(named("zero", format!("{}, id {:08x}; {index}", zero_word(zero), zero.id)));
     }
     lines
 }

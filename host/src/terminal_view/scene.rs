@@ -8,12 +8,13 @@
 
 use std::collections::VecDeque;
 
-use whirl_shared::frame::{CHANNELS, Hello, Status};
+use whirl_shared::frame::{Hello, MOST_ENCODERS, Status};
 
 use super::first_light::Turning;
 use crate::capture::feed::{Seen, SeenSample, Standing};
 use crate::report::format::symbol_plain;
 use crate::rig::Rig;
+use crate::rig::measures::BASE;
 
 /// Longest stretch of time that can be shown, s.
 pub(super) const LONGEST_S: f64 = 20.0;
@@ -103,7 +104,7 @@ fn symbol(measures: &str) -> String {
 
 impl Scene {
     pub(super) fn new(rig: &Rig, title: &str) -> Self {
-        let arms = rig.channel.iter().take(CHANNELS).map(|c| Arm {
+        let arms = rig.channel.iter().filter(|c| c.measures != BASE).take(MOST_ENCODERS).map(|c| Arm {
             symbol: symbol(&c.measures),
             measures: words(&c.measures),
             counts_per_turn: c.counts_per_turn.unwrap_or(1).max(1),
@@ -172,7 +173,7 @@ impl Scene {
         self.history.push_back(Kept { sample, follows: ahead == Some(1) });
         let most = ((LONGEST_S * self.rate_hz) as usize).clamp(1, MOST_SAMPLES) + 2 * self.lag + 2;
         self.history.drain(..self.history.len().saturating_sub(most));
-        for (arm, &count) in self.arms.iter_mut().zip(&sample.counts) {
+        for (arm, &count) in self.arms.iter_mut().zip(sample.counts.iter()) {
             arm.turning.take(count, sample.tick, self.rate_hz);
         }
         self.strobe();

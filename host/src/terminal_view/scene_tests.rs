@@ -12,7 +12,7 @@ pub(in crate::terminal_view) fn sample(tick: u32) -> SeenSample {
     let swing = 400.0 * (core::f64::consts::TAU * 5.0 * t).sin();
     SeenSample {
         tick,
-        counts: [swing.round() as i32, (4096.0 * t).floor() as i32],
+        counts: whirl_shared::block::Counts::of(&[swing.round() as i32, (4096.0 * t).floor() as i32]),
         phase: increment.wrapping_mul(tick),
         phase_increment: increment,
         amplitude_nm: 15_525_000,

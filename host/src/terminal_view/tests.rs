@@ -42,7 +42,7 @@ fn scene(samples: u32) -> Scene {
     };
     scene.take(Seen {
         samples: (0..samples).map(sample).collect(),
-        hello: Some(Hello { counts_per_turn: [4096; 2], ..Hello::default() }),
+        hello: Some(Hello { counts_per_turn: [4096; 2].into(), ..Hello::default() }),
         status: Some(Status { shaker: ShakerState::Running, ..Status::default() }),
         standing: Some(crate::capture::feed::Standing {
             estimate: Some(estimate),

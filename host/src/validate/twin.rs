@@ -54,8 +54,12 @@ impl Twin<'_> {
         }
         let shown = mixed(&bound.shown, &coordinates);
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let columns = like
-            .channels
+        let mut channels = like.channels.clone();
+        if let Some(c) = bound.base.and_then(|k| bound.inputs.get(k)).and_then(|&i| channels.get_mut(i)) {
+            // The stretch has its acceleration.
+            "m/s2".clone_into(&mut c.unit);
+        }
+        let columns = channels
             .iter()
             .enumerate()
             .map(|(i, c)| {
@@ -82,7 +86,7 @@ impl Twin<'_> {
         Some(Record {
             path: PathBuf::from("simulated by the identified model"),
             sample_rate_hz: like.sample_rate_hz,
-            channels: like.channels.clone(),
+            channels,
             segments: vec![Segment {
                 first_tick: 0,
                 boot: 0,

@@ -1,9 +1,9 @@
 //! Who a device is, how it is set, and what came before: [`Hello`] and what is in it.
 
-use heapless::String;
+use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
-use super::{CHANNELS, PANIC_LEN, TEXT_LEN};
+use super::{MOST_ENCODERS, PANIC_LEN, TEXT_LEN};
 
 /// Identity, settings and past of a device.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -23,7 +23,7 @@ pub struct Hello {
     /// Sampling rate in mHz (500 000 at 500 Hz).
     pub sample_rate_millihertz: u32,
     /// Counts a turn of each encoder after decoding.
-    pub counts_per_turn: [u32; CHANNELS],
+    pub counts_per_turn: Vec<u32, MOST_ENCODERS>,
     /// Samples in a full block.
     pub block_len: u8,
     /// What the shaker may do.
@@ -31,19 +31,57 @@ pub struct Hello {
     /// The shaker stops when the host has been silent for this long, ms.
     pub host_timeout_ms: u32,
     /// Where each encoder's zero is from.
-    pub zeros: [Zero; CHANNELS],
+    pub zeros: Vec<Zero, MOST_ENCODERS>,
     /// What ended the boot before this one.
     pub reset: ResetCause,
     /// The message of the panic that ended the boot before this one; empty where there was none.
     pub panic: String<PANIC_LEN>,
     /// Encoders whose sense of counting the device turns round.
-    pub reversed: [bool; CHANNELS],
+    pub reversed: Vec<bool, MOST_ENCODERS>,
     /// Displacement of the base at the set point's highest voltage, µm.
     pub full_scale_micrometre: u32,
     /// Rate of the serial port, baud.
     pub baud: u32,
     /// Where the settings are from.
     pub settings: SettingsSource,
+    /// The sensor of the base's motion, whose counts come behind the encoders' in every sample.
+    pub base: BaseSensor,
+}
+
+/// The sensor of the base's own motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BaseSensor {
+    /// What it is.
+    pub kind: BaseKind,
+    /// What a count is worth: 10⁻¹² m of a position, 10⁻⁹ m/s² of an acceleration.
+    pub scale: u32,
+}
+
+/// What a sensor of the base's motion is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum BaseKind {
+    /// There is none, and no channel of it.
+    #[default]
+    None,
+    /// An encoder: position, counted without end from where it was at power-up or zeroed.
+    Encoder,
+    /// A transducer of displacement on the converter: position from the middle of its range.
+    Position,
+    /// An accelerometer on the converter: acceleration from the middle of its range.
+    Acceleration,
+}
+
+impl BaseSensor {
+    /// What a count is worth, m or m/s²; none where there is no sensor.
+    #[must_use]
+    pub fn per_count(&self) -> Option<f64> {
+        let unit = match self.kind {
+            BaseKind::None => return None,
+            BaseKind::Encoder | BaseKind::Position => 1e12,
+            BaseKind::Acceleration => 1e9,
+        };
+        Some(f64::from(self.scale) / unit)
+    }
 }
 
 /// Limits of the shaker, kept by the device.

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::BaseKind;
+
 /// A setting with its new value. Channels count from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Setting {
@@ -61,4 +63,14 @@ pub enum Setting {
     },
     /// All of them as the image has them.
     BuiltIn,
+    /// What the sensor of the base's motion is.
+    Base {
+        /// What it is.
+        kind: BaseKind,
+    },
+    /// What a count of it is worth.
+    BaseScale {
+        /// 10⁻¹² m or 10⁻⁹ m/s².
+        scale: u32,
+    },
 }

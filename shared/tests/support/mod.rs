@@ -11,9 +11,9 @@ use serde::de::DeserializeOwned;
 use whirl_shared::codec::{CRC, Decoder, MAX_FRAME, encode};
 use whirl_shared::frame::regression::{Binary24, Binary32, EquationEstimate, ROWS_LEN, Unknown};
 use whirl_shared::frame::{
-    Ack, BLOCK_LEN, BackFilled, Command, CommandResult, DeviceMessage, Envelope, Estimate, Hello, HostMessage, Log,
-    ResetCause, Rows, SampleBlock, Setting, SettingsSource, ShakerLimits, ShakerState, Status, StopCause, Streamed,
-    Zero, ZeroSource,
+    Ack, BLOCK_LEN, BackFilled, BaseKind, BaseSensor, Command, CommandResult, DeviceMessage, Envelope, Estimate, Hello,
+    HostMessage, Log, MOST_CHANNELS, MOST_ENCODERS, ResetCause, Rows, SampleBlock, Setting, SettingsSource,
+    ShakerLimits, ShakerState, Status, StopCause, Streamed, Zero, ZeroSource,
 };
 
 /// A seeded source of numbers and messages.
@@ -39,8 +39,8 @@ impl Source {
         (u64::from(self.u32()) & ((1_u64 << bits) - 1)) as u32
     }
 
-    fn pair<T>(&mut self, make: impl Fn(u32) -> T) -> [T; 2] {
-        [make(self.any()), make(self.any())]
+    fn some<T, const N: usize>(&mut self, make: impl Fn(u32) -> T) -> heapless::Vec<T, N> {
+        (0..self.below(N + 1)).map(|_| make(self.any())).collect()
     }
 
     fn text<const N: usize>(&mut self) -> heapless::String<N> {
@@ -55,17 +55,15 @@ impl Source {
     }
 
     fn block(&mut self) -> SampleBlock {
-        let mut deltas = heapless::Vec::new();
-        for _ in 0..self.below(BLOCK_LEN) {
-            let _ = deltas.push(self.pair(|n| n as i16));
-        }
+        let channels = 1 + self.below(MOST_CHANNELS);
+        let more = channels * self.below(BLOCK_LEN);
         SampleBlock {
             first_tick: self.any(),
             phase: self.any(),
             phase_increment: self.any(),
             amplitude_nanometre: self.any(),
-            first: self.pair(|n| n as i32),
-            deltas,
+            first: (0..channels).map(|_| self.any() as i32).collect(),
+            deltas: (0..more).map(|_| self.any() as i16).collect(),
         }
     }
 
@@ -78,7 +76,7 @@ impl Source {
             firmware: self.text(),
             board: self.text(),
             sample_rate_millihertz: self.any(),
-            counts_per_turn: self.pair(|n| n),
+            counts_per_turn: self.some(|n| n),
             block_len: self.any() as u8,
             limits: ShakerLimits {
                 amplitude_micrometre: self.any(),
@@ -87,14 +85,19 @@ impl Source {
                 acceleration_millimetre_per_s2: self.any(),
             },
             host_timeout_ms: self.any(),
-            zeros: [self.zero(), self.zero()],
+            zeros: (0..self.below(MOST_ENCODERS + 1)).map(|_| self.zero()).collect(),
             reset: [ResetCause::Unknown, ResetCause::Watchdog, ResetCause::Panic][self.below(3)],
             panic: self.text(),
-            reversed: self.pair(|n| n % 2 == 1),
+            reversed: self.some(|n| n % 2 == 1),
             full_scale_micrometre: self.any(),
             baud: self.any(),
             settings: [SettingsSource::BuiltIn, SettingsSource::Changed, SettingsSource::NotKept][self.below(3)],
+            base: BaseSensor { kind: self.base(), scale: self.any() },
         }
+    }
+
+    fn base(&mut self) -> BaseKind {
+        [BaseKind::None, BaseKind::Encoder, BaseKind::Position, BaseKind::Acceleration][self.below(4)]
     }
 
     fn zero(&mut self) -> Zero {
@@ -106,11 +109,13 @@ impl Source {
     }
 
     fn setting(&mut self) -> Setting {
-        match self.below(5) {
+        match self.below(7) {
             0 => Setting::CountsPerTurn { channel: self.any() as u8, counts: self.any() },
             1 => Setting::Reversed { channel: self.any() as u8, reversed: self.below(2) == 0 },
             2 => Setting::SampleRate { millihertz: self.any() },
             3 => Setting::Baud { rate: self.any() },
+            4 => Setting::Base { kind: self.base() },
+            5 => Setting::BaseScale { scale: self.any() },
             _ => Setting::BuiltIn,
         }
     }
@@ -130,8 +135,8 @@ impl Source {
             amplitude_nanometre: self.any(),
             frequency_millihertz: self.any(),
             latency_max_us: self.any(),
-            rms_angle_mrad: self.pair(|n| n),
-            turns_per_minute_milli: self.pair(|n| n as i32),
+            rms_angle_mrad: self.some(|n| n),
+            turns_per_minute_milli: self.some(|n| n as i32),
             kept_from: self.any(),
         }
     }

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use whirl_firmware::history::KEPT;
+use whirl_firmware::history::{KEPT, block_bytes};
 use whirl_firmware::lock_step::Order;
 use whirl_hil_sim::RigSettings;
 use whirl_hil_sim::emulated::{Emulation, EmulatorSettings, Script, Sent, board_settings, on_this_machine, run};
-use whirl_shared::block::samples;
+use whirl_shared::block::{Counts, samples};
 use whirl_shared::codec::Decoder;
 use whirl_shared::frame::{BackFilled, Command, CommandResult, DeviceMessage, SampleBlock};
 
@@ -24,7 +24,7 @@ fn emulate(script: &Script, ticks: u32) -> Option<(Emulation, Sent)> {
 }
 
 /// Counts by ticks.
-fn by_tick<'a>(blocks: impl IntoIterator<Item = &'a SampleBlock>) -> BTreeMap<u32, [i32; 2]> {
+fn by_tick<'a>(blocks: impl IntoIterator<Item = &'a SampleBlock>) -> BTreeMap<u32, Counts> {
     blocks.into_iter().flat_map(samples).map(|sample| (sample.tick, sample.counts)).collect()
 }
 
@@ -50,7 +50,7 @@ fn ten_seconds_are_sent_again_as_they_were_streamed_and_as_on_this_machine() {
     // The stream has lost nothing by it.
     assert_eq!((sent.samples.missing, sent.statuses.last().unwrap().dropped_samples), (0, 0));
     let rig = RigSettings { device: board_settings(&sent.firmware), ..RigSettings::default() };
-    assert_eq!(rig.kept_blocks, KEPT);
+    assert_eq!(rig.kept_bytes, KEPT);
     assert!(on_this_machine(&rig, &script, ticks).unwrap() == emulation.frames);
 }
 
@@ -78,13 +78,11 @@ fn what_is_older_than_the_memory_or_of_another_boot_is_not_there() {
     );
     let kept_from = sent.statuses.last().unwrap().kept_from;
     let status_tick = sent.statuses.last().unwrap().tick;
-    // 1024 blocks of ten, the last of which is not full yet.
-    assert!(
-        (KEPT as u32 * 10..KEPT as u32 * 10 + 20).contains(&(status_tick - kept_from)),
-        "{status_tick} {kept_from}"
-    );
+    // Blocks of ten, the last of which is not full yet.
+    let kept = 10 * (KEPT / block_bytes(2)) as u32;
+    assert!((kept..kept + 20).contains(&(status_tick - kept_from)), "{status_tick} {kept_from}");
     let end = sent.back_filled[0];
     assert_eq!((sent.back_filled.len(), end.first_tick, end.ticks), (1, 0, 2_000));
     let first = sent.restored[0].first_tick;
-    assert!((1_860..2_000).contains(&first) && end.samples <= 2_000 - first, "{first} {end:?}");
+    assert!((12_100 - kept..2_000).contains(&first) && end.samples <= 2_000 - first, "{first} {end:?}");
 }

@@ -1,14 +1,14 @@
 //! Every sample behind a faulty link is accounted for.
 
-use whirl_tests::accuracy::chaotic_rig;
+use whirl_tests::accuracy::{chaotic_rig, measured_base_rig};
 use whirl_tests::faulty::capture;
 
-/// Simulated time, s: 1.8 million samples.
+/// Simulated time, s: 1.8 million samples of both arms and the base.
 const SECONDS: f64 = 3600.0;
 
 #[test]
 fn every_sample_of_a_long_capture_through_every_fault_is_accounted_for() {
-    let account = capture(&chaotic_rig(5.0), SECONDS, 7);
+    let account = capture(&measured_base_rig(), SECONDS, 7);
     let l = &account.outcome.losses;
     assert_eq!(l.received + l.lost_on_link + l.damaged + l.overruns + l.dropped_by_device, account.ticks, "{l:?}");
     assert!(account.ticks as f64 >= SECONDS * 500.0, "{}", account.ticks);

@@ -17,6 +17,7 @@ mod json_page;
 #[cfg(target_os = "linux")]
 mod live;
 mod measured;
+mod measured_base;
 mod memory;
 mod outputs;
 mod own_as_built_in;

@@ -105,7 +105,9 @@ mod tests {
     use whirl_firmware::zero::KeptEncoder;
 
     fn kept(count: i32) -> Kept {
-        [KeptEncoder { count, at_rest: true, ..KeptEncoder::default() }, KeptEncoder::default()]
+        let mut kept = Kept::default();
+        kept[0] = KeptEncoder { count, at_rest: true, ..KeptEncoder::default() };
+        kept
     }
 
     /// One test: the places are statics, as on a board, and boots come one after another.

@@ -3,12 +3,14 @@
 
 use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU16, AtomicUsize, Ordering::Relaxed};
 
+use whirl_firmware::base::BaseInput;
 use whirl_firmware::lock_step::{HOST_BYTES, REPLY_LEN, Reply, Request};
 use whirl_firmware::{QuadratureCounter, ShakerOutput};
 
 use whirl_board_mps2_an386::semihosting::File;
 
 static COUNTS: [AtomicU16; 2] = [AtomicU16::new(0), AtomicU16::new(0)];
+static BASE: AtomicU16 = AtomicU16::new(0);
 static DISPLACEMENT: AtomicI32 = AtomicI32::new(0);
 static AMPLIFIER: AtomicBool = AtomicBool::new(false);
 static BROKEN: AtomicBool = AtomicBool::new(false);
@@ -21,6 +23,15 @@ pub struct Counter(pub usize);
 impl QuadratureCounter for Counter {
     fn count(&mut self) -> u16 {
         COUNTS[self.0].load(Relaxed)
+    }
+}
+
+/// The input of the base's motion: the value of the last exchange.
+pub struct Base;
+
+impl BaseInput for Base {
+    fn latch(&mut self) -> u16 {
+        BASE.load(Relaxed)
     }
 }
 
@@ -91,6 +102,7 @@ impl Plant {
         for (place, count) in COUNTS.iter().zip(reply.counts) {
             place.store(count, Relaxed);
         }
+        BASE.store(reply.base, Relaxed);
         Some(reply)
     }
 }

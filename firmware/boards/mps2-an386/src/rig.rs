@@ -12,6 +12,7 @@ use whirl_board_lasting as lasting;
 use whirl_board_mps2_an386::flash::Pages;
 use whirl_board_mps2_an386::machine::{self, CLOCK_HZ, Timer0, Vector};
 use whirl_board_mps2_an386::{semihosting, stack};
+use whirl_firmware::WithBase;
 use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::estimate::Estimator;
 use whirl_firmware::event::{Event, Request};
@@ -25,14 +26,14 @@ use whirl_shared::codec::MAX_FRAME;
 use whirl_shared::frame::{SampleBlock, SettingsSource};
 
 use crate::fault;
-use crate::plant::{self, Counter, Output, Plant};
+use crate::plant::{self, Base, Counter, Output, Plant};
 
 /// Bytes of the host that wait for the thread.
 const HOST_QUEUE: usize = 512;
 
 /// What the interrupt owns.
 struct Interrupt {
-    sampler: Sampler<Counter, Counter, Output>,
+    sampler: Sampler<WithBase<(Counter, Counter), Base>, Output>,
     plant: Plant,
     blocks: Producer<'static, SampleBlock>,
     events: Producer<'static, Event>,
@@ -59,18 +60,20 @@ static __INTERRUPTS: [Vector; 32] = machine::table(Timer0, tick);
 
 /// TIMER0's interrupt: one sampling tick.
 unsafe extern "C" fn tick() {
+    // Before anything else: a latency of less than a microsecond is none.
+    let now = machine::clock();
     machine::clear_tick();
     cortex_m::interrupt::free(|section| {
         if let Some(interrupt) = INTERRUPT.borrow(section).borrow_mut().as_mut() {
-            interrupt.tick();
+            interrupt.tick(now);
         }
     });
 }
 
 impl Interrupt {
-    fn tick(&mut self) {
+    fn tick(&mut self, now: u32) {
         let since = machine::since_tick(self.pacer.period());
-        let Some(Passed { missed, latency }) = self.pacer.interrupt(machine::clock()) else { return };
+        let Some(Passed { missed, latency }) = self.pacer.interrupt(now) else { return };
         let apart = latency.wrapping_sub(since);
         self.apart = [self.apart[0].min(apart), self.apart[1].max(apart)];
         self.tick = self.tick.wrapping_add(missed);
@@ -140,7 +143,7 @@ impl Interrupt {
 
 /// What the thread owns.
 struct Thread {
-    link: Link<&'static mut Estimator, &'static mut [SampleBlock]>,
+    link: Link<&'static mut Estimator, &'static mut [u8]>,
     blocks: Consumer<'static, SampleBlock>,
     events: Consumer<'static, Event>,
     requests: Producer<'static, Request>,
@@ -185,6 +188,7 @@ fn settings() -> [Settings; 2] {
         boot_id,
         host_timeout_ms: HOST_TIMEOUT_MAX_MS,
         boot,
+        base_input: true,
         ..Settings::default()
     };
     let mut settings = built_in.clone();
@@ -198,7 +202,7 @@ fn settings() -> [Settings; 2] {
 
 fn start() -> Option<Thread> {
     static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
-    static MEMORY: ConstStaticCell<[SampleBlock; KEPT]> = ConstStaticCell::new([SampleBlock::EMPTY; KEPT]);
+    static MEMORY: ConstStaticCell<[u8; KEPT]> = ConstStaticCell::new([0; KEPT]);
     static QUEUE_BLOCKS: StaticCell<Queue<SampleBlock, BLOCKS>> = StaticCell::new();
     static QUEUE_EVENTS: StaticCell<Queue<Event, EVENTS>> = StaticCell::new();
     static QUEUE_REQUESTS: StaticCell<Queue<Request, REQUESTS>> = StaticCell::new();
@@ -208,9 +212,10 @@ fn start() -> Option<Thread> {
     let (requests, requests_out) = QUEUE_REQUESTS.init(Queue::new()).split();
     let (host_in, host) = QUEUE_HOST.init(Queue::new()).split();
     let [settings, built_in] = settings();
-    let mut sampler = Sampler::new(&settings, Counter(0), Counter(1), Output).ok()?;
+    let inputs = WithBase { encoders: (Counter(0), Counter(1)), base: Base };
+    let mut sampler = Sampler::new(&settings, inputs, Output).ok()?;
     sampler.set_built_in(&built_in);
-    let memory: &mut [SampleBlock] = MEMORY.take();
+    let memory: &mut [u8] = MEMORY.take();
     let link = Link::with(&settings, ESTIMATOR.take(), memory).ok()?;
     let period = (u64::from(CLOCK_HZ) * 1_000 / u64::from(settings.sample_rate_millihertz)) as u32;
     machine::start_clock();

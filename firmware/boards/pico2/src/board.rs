@@ -1,14 +1,16 @@
 //! Clocks, pins, watchdog, settings.
 //!
-//! Encoder 1 A, B, index on GP2, GP3, GP4, encoder 2 on GP6, GP7, GP8, shaker and enable on GP16
+//! Encoder 1 A, B, index on GP2, GP3, GP4, encoder 2 on GP6, GP7, GP8, the base's on GP10, GP11,
+//! GP12 or its transducer on GP26, shaker and enable on GP16
 //! and GP17, light on GP25. The crystal has 12 MHz, the processor and the slices 150 MHz of it,
 //! TIMER 0 counts its microseconds.
 
 use core::fmt::Write;
 
+use embassy_rp::adc::{self, Adc};
 use embassy_rp::clocks::RoscRng;
 use embassy_rp::flash::{Blocking, Flash};
-use embassy_rp::gpio::{Level, Output};
+use embassy_rp::gpio::{Level, Output, Pull};
 use embassy_rp::interrupt::{InterruptExt, Priority};
 use embassy_rp::peripherals::{FLASH, PIO0, USB};
 use embassy_rp::pio::Pio;
@@ -26,8 +28,9 @@ use whirl_firmware::pacing::Schedule;
 use whirl_firmware::settings::Settings;
 use whirl_firmware::store::Store;
 use whirl_firmware::sweep::BEYOND;
-use whirl_shared::frame::SettingsSource;
+use whirl_shared::frame::{BaseKind, SettingsSource};
 
+use crate::base_input::Base;
 use crate::hardware::{Decoder, POINTS, Registers, TICK};
 
 /// Name of the board in the hello.
@@ -59,6 +62,8 @@ pub struct Parts {
     pub encoder1: Decoder<0>,
     /// Encoder 2.
     pub encoder2: Decoder<1>,
+    /// What shows the base's motion.
+    pub base: Base,
     /// The shaker's set point, at rest.
     pub player: Player<Registers>,
     /// Enable pin of the shaker's amplifier, low.
@@ -130,7 +135,8 @@ fn settings(store: &mut Store<SettingsFlash>, number: u64) -> Option<([Settings;
     let mut noise = [0; 32];
     noise.fill_with(RoscRng::next_u8);
     let boot_id = lasting::boot_id(number.to_le_bytes().into_iter().chain(noise));
-    let mut built_in = Settings { board: NAME, build: env!("WHIRL_BUILD_ID"), boot_id, ..Settings::default() };
+    let mut built_in =
+        Settings { board: NAME, build: env!("WHIRL_BUILD_ID"), boot_id, base_input: true, ..Settings::default() };
     built_in.boot = lasting::before(Some(cause(&told())));
     let mut settings = built_in.clone();
     if let Some(words) = store.load() {
@@ -178,16 +184,25 @@ pub fn init() -> Option<Parts> {
     core::mem::forget(Pwm::new_output_a(p.PWM_SLICE0, p.PIN_16, points));
     core::mem::forget(Pwm::new_free(p.PWM_SLICE8, tick));
 
-    let Pio { mut common, sm0, sm1, .. } = Pio::new(p.PIO0, Irqs);
+    let Pio { mut common, sm0, sm1, sm2, .. } = Pio::new(p.PIO0, Irqs);
     let program = common.load_program(&decoder::program());
     let encoder1 = Decoder::new(sm0, &mut common, &program, p.PIN_2, p.PIN_3, p.PIN_4);
     let encoder2 = Decoder::new(sm1, &mut common, &program, p.PIN_6, p.PIN_7, p.PIN_8);
+    let base = match settings[0].base.kind {
+        BaseKind::None => Base::None,
+        BaseKind::Encoder => Base::Encoder(Decoder::new(sm2, &mut common, &program, p.PIN_10, p.PIN_11, p.PIN_12)),
+        BaseKind::Position | BaseKind::Acceleration => Base::Converter(
+            Adc::new_blocking(p.ADC, adc::Config::default()),
+            adc::Channel::new_pin(p.PIN_26, Pull::None),
+        ),
+    };
     core::mem::forget(common);
     Some(Parts {
         settings,
         store,
         encoder1,
         encoder2,
+        base,
         player: Player::new(Registers, RUNS.take(), schedule),
         enable,
         light: Output::new(p.PIN_25, Level::Low),

@@ -13,6 +13,7 @@ use rtt_target::{ChannelMode, DownChannel, UpChannel};
 use static_cell::{ConstStaticCell, StaticCell};
 use whirl_board_lasting as lasting;
 use whirl_board_pico2::player::{Player, microseconds};
+use whirl_firmware::WithBase;
 use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::dac::DacShaker;
 use whirl_firmware::estimate::Estimator;
@@ -24,6 +25,7 @@ use whirl_firmware::store::Store;
 use whirl_shared::codec::MAX_FRAME;
 use whirl_shared::frame::SampleBlock;
 
+use crate::base_input::Base;
 use crate::board::{self, Dog, SettingsFlash};
 use crate::hardware::{Decoder, Registers};
 use crate::usb::{self, Port};
@@ -33,13 +35,13 @@ const RTT_UP: usize = 4_608;
 const RTT_DOWN: usize = 256;
 const RTT_MESSAGES: usize = 1_024;
 
-/// Blocks that are kept for the host to ask for again: 80 s of samples at 500 Hz, half of the
-/// memory.
-const KEPT: usize = 4_000;
+/// Bytes of blocks that are kept for the host to ask for again: 75 s of samples at 500 Hz, half of
+/// the memory.
+const KEPT: usize = 256_000;
 
 /// What the interrupt owns.
 struct Interrupt {
-    sampler: Sampler<Decoder<0>, Decoder<1>, DacShaker<Player<Registers>, Output<'static>>>,
+    sampler: Sampler<WithBase<(Decoder<0>, Decoder<1>), Base>, DacShaker<Player<Registers>, Output<'static>>>,
     light: Output<'static>,
     blocks: Producer<'static, SampleBlock>,
     events: Producer<'static, Event>,
@@ -78,7 +80,7 @@ impl Interrupt {
 
 /// What the thread owns.
 struct Thread {
-    link: Link<&'static mut Estimator, &'static mut [SampleBlock]>,
+    link: Link<&'static mut Estimator, &'static mut [u8]>,
     blocks: Consumer<'static, SampleBlock>,
     events: Consumer<'static, Event>,
     requests: Producer<'static, Request>,
@@ -148,7 +150,7 @@ impl Thread {
 
 fn assemble(parts: board::Parts, rtt: (UpChannel, DownChannel), dog: Dog, spawner: Spawner) -> Option<Thread> {
     static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
-    static MEMORY: ConstStaticCell<[SampleBlock; KEPT]> = ConstStaticCell::new([SampleBlock::EMPTY; KEPT]);
+    static MEMORY: ConstStaticCell<[u8; KEPT]> = ConstStaticCell::new([0; KEPT]);
     static QUEUE_BLOCKS: StaticCell<Queue<SampleBlock, BLOCKS>> = StaticCell::new();
     static QUEUE_EVENTS: StaticCell<Queue<Event, EVENTS>> = StaticCell::new();
     static QUEUE_REQUESTS: StaticCell<Queue<Request, REQUESTS>> = StaticCell::new();
@@ -158,9 +160,10 @@ fn assemble(parts: board::Parts, rtt: (UpChannel, DownChannel), dog: Dog, spawne
     let [settings, built_in] = &parts.settings;
     // Validated: at most 2³¹ nm.
     let output = DacShaker::new(parts.player, parts.enable, settings.full_scale_micrometre.saturating_mul(1_000));
-    let mut sampler = Sampler::new(settings, parts.encoder1, parts.encoder2, output).ok()?;
+    let inputs = WithBase { encoders: (parts.encoder1, parts.encoder2), base: parts.base };
+    let mut sampler = Sampler::new(settings, inputs, output).ok()?;
     sampler.set_built_in(built_in);
-    let memory: &mut [SampleBlock] = MEMORY.take();
+    let memory: &mut [u8] = MEMORY.take();
     let link = Link::with(settings, ESTIMATOR.take(), memory).ok()?;
     defmt::info!("{=str}, build {=str}, boot {=u32:08x}", settings.board, settings.build, settings.boot_id);
     defmt::info!("reset by {}", settings.boot.reset);

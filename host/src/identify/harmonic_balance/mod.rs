@@ -179,7 +179,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<su
     }
     let own = built_in::written(rig)?;
     let bound = built_in::bound(&own)?;
-    let equations = if rig.bound.is_some() {
+    let equations = if rig.bound.is_some() || !bound.inputs.is_empty() {
         own::equations(&bound.model, rig.omega())?
     } else {
         equations(&System::of(rig)?, settings)

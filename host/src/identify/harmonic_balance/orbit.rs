@@ -204,6 +204,7 @@ mod tests {
             inputs: Vec::new(),
             amplitude_nm: None,
             history: None,
+            base: None,
         }
     }
 

@@ -21,7 +21,16 @@ fn single(periods: usize) -> Stretch {
 }
 
 fn stretch(step_s: f64, phase: Phase, coordinates: Vec<Vec<f64>>) -> Stretch {
-    Stretch { start_s: 0.0, step_s, coordinates, inputs: Vec::new(), phase, amplitude_nm: None, history: None }
+    Stretch {
+        start_s: 0.0,
+        step_s,
+        coordinates,
+        inputs: Vec::new(),
+        phase,
+        amplitude_nm: None,
+        history: None,
+        base: None,
+    }
 }
 
 /// What the encoders of the double pendulum show.

@@ -20,6 +20,7 @@ mod on_target {
     use whirl_board_mps2_an386::semihosting::{Console, exit};
     use whirl_board_mps2_an386::stack;
     use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
+    use whirl_firmware::base::BaseInput;
     use whirl_firmware::dac::{Converter, DacShaker};
     use whirl_firmware::estimate::{Estimator, FREQUENCIES, STEPS};
     use whirl_firmware::event::{Event, Request};
@@ -27,9 +28,9 @@ mod on_target {
     use whirl_firmware::link::Link;
     use whirl_firmware::sampler::Sampler;
     use whirl_firmware::sweep::BEYOND;
-    use whirl_firmware::{QuadratureCounter, Settings};
+    use whirl_firmware::{QuadratureCounter, Settings, WithBase};
     use whirl_shared::codec::{MAX_FRAME, encode};
-    use whirl_shared::frame::{Command, DeviceMessage, Envelope, HostMessage, SampleBlock};
+    use whirl_shared::frame::{BaseKind, BaseSensor, Command, DeviceMessage, Envelope, HostMessage, SampleBlock};
     use whirl_shared::harmonics::{HarmonicBank, HarmonicSettings, Window};
     use whirl_shared::least_squares::LeastSquares;
     use whirl_shared::regressor::UNKNOWNS1;
@@ -119,6 +120,16 @@ mod on_target {
         }
     }
 
+    /// A converter that shows 200 counts more each time.
+    struct Swinging(u16);
+
+    impl BaseInput for Swinging {
+        fn latch(&mut self) -> u16 {
+            self.0 = black_box(self.0.wrapping_add(200));
+            self.0
+        }
+    }
+
     struct Pin;
 
     impl ErrorType for Pin {
@@ -137,12 +148,14 @@ mod on_target {
 
     fn tick() -> Option<()> {
         static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
-        let settings = Settings { board: "measure", ..Settings::default() };
+        let base = BaseSensor { kind: BaseKind::Position, scale: 763_000 };
+        let settings = Settings { board: "measure", base_input: true, base, ..Settings::default() };
         let shaker = DacShaker::new(Points([0; POINTS + BEYOND]), Pin, 25_000_000);
-        // Ten turns a second of 4096 counts at 500 Hz.
-        let mut sampler = Sampler::new(&settings, Whirling(0, 82), Whirling(0, 65_454), shaker).ok()?;
-        static MEMORY: ConstStaticCell<[SampleBlock; KEPT]> = ConstStaticCell::new([SampleBlock::EMPTY; KEPT]);
-        let memory: &mut [SampleBlock] = MEMORY.take();
+        // Ten turns a second of 4096 counts at 500 Hz; the base's sensor on the converter.
+        let inputs = WithBase { encoders: (Whirling(0, 82), Whirling(0, 65_454)), base: Swinging(0) };
+        let mut sampler = Sampler::new(&settings, inputs, shaker).ok()?;
+        static MEMORY: ConstStaticCell<[u8; KEPT]> = ConstStaticCell::new([0; KEPT]);
+        let memory: &mut [u8] = MEMORY.take();
         let mut link = Link::with(&settings, ESTIMATOR.take(), memory).ok()?;
         static QUEUE_BLOCKS: ConstStaticCell<Queue<SampleBlock, BLOCKS>> = ConstStaticCell::new(Queue::new());
         static QUEUE_EVENTS: ConstStaticCell<Queue<Event, EVENTS>> = ConstStaticCell::new(Queue::new());

@@ -168,7 +168,7 @@ impl QuadratureCounter for Counter {
 /// The places of the turn at which the index is told, with edges so many cycles apart.
 fn told_places(cycles: u64) -> Vec<i32> {
     let bench = Rc::new(RefCell::new(Bench::new(0.0)));
-    let mut encoder = Encoder::new(Counter(bench.clone(), Mark::new(0)), false, 0);
+    let (mut counter, mut encoder) = (Counter(bench.clone(), Mark::new(0)), Encoder::new(false, 0));
     let (mut told, mut at) = (Vec::new(), 0_i32);
     // 300 counts a tick up, then down, and up again: the mark, three counts from 1000 on, begins
     // and ends within a tick.
@@ -180,9 +180,10 @@ fn told_places(cycles: u64) -> Vec<i32> {
                 bench.machine.jump_pin = (1_000..1_003).contains(&at.rem_euclid(4_096));
                 bench.turn_to((f64::from(at) + 0.5) * TAU / 4_096.0, cycles);
             }
-            let latched = encoder.latch();
+            let latched = counter.count();
             assert_eq!(encoder.extend(latched), at);
-            told.extend(encoder.index(latched).map(|place| place.rem_euclid(4_096)));
+            let seen = counter.index().and_then(|seen| encoder.index(seen, latched));
+            told.extend(seen.map(|place| place.rem_euclid(4_096)));
         }
     }
     told

@@ -361,6 +361,7 @@ mod tests {
             phase: Phase::Clock(0.0),
             amplitude_nm: None,
             history: None,
+            base: None,
         };
         let between = track::Along::new(&stretch, 0.0);
         let terms: Additions = model.equations[0].terms.iter().enumerate().map(|(k, t)| (k, 0, t.of.clone())).collect();

@@ -38,8 +38,13 @@ pub fn record(setting: &Setting<'_>, state: &State, followed: &Followed, repeat:
 /// Power over that of the noise in every window of a record that the model made.
 fn powers(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize) -> Option<Vec<f64>> {
     let made = record(setting, state, followed, repeat);
-    let seen = made.iter().map(|s| s.sensors(&setting.bound)).collect();
-    let course = Course::new(setting, state).showing(seen);
+    let shown = made.iter().map(|s| s.sensors(&setting.bound)).collect();
+    // The paths are those under the inputs as they were; a base that is measured again is another.
+    let mut again = state.clone();
+    for (s, made) in again.stretches.iter_mut().zip(made) {
+        s.inputs = made.inputs;
+    }
+    let course = Course::new(setting, &again).showing(shown);
     let list = List { x: present(state), further: &[], behind: &[], together: false };
     let signs = signs_of(setting, state, &[], 0);
     let mut blocks = course.reduced(&followed.paths, &followed.kept(setting)?, &list, signs)?;

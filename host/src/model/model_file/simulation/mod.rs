@@ -2,6 +2,7 @@
 //! truth, sampled as its channels would.
 
 pub mod excitation;
+pub mod live;
 pub mod plant;
 
 use core::f64::consts::TAU;
@@ -143,6 +144,15 @@ pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed:
         .map(|(k, c)| {
             rng.set_stream(k as u64);
             let shown: Vec<f64> = match bound.inputs.iter().position(|&i| i == k) {
+                Some(input) if bound.base == Some(input) && c.unit != "m/s2" => {
+                    return Err(BadInput::new(
+                        format!("unit \"{}\"", c.unit),
+                        "unit \"m/s2\" for a base that is simulated",
+                    )
+                    .in_file(&rig.path)
+                    .at(format!("channel \"{}\"", c.name))
+                    .remedy("[plant] gives the base's acceleration, of which no position is written"));
+                }
                 Some(input) => recorded(&surroundings, (input, model.inputs.len()), &put_in.records, (step, count)),
                 None => {
                     let row = bound.sensors.iter().position(|&i| i == k).unwrap_or(0);
