@@ -26,7 +26,7 @@ fn every_sample_of_a_long_capture_through_every_fault_is_accounted_for() {
 fn a_frame_that_a_new_link_makes_whole_is_in_both_accounts() {
     // The plug was pulled before a frame's closing zero alone, and the capture opened the link anew
     // behind it.
-    let account = capture(&chaotic_rig(5.0), 360.0, 22);
+    let account = capture(&chaotic_rig(5.0), 360.0, 72);
     let l = &account.outcome.losses;
     assert!(account.outcome.reconnections > 0 && account.disagreements == 0, "{}", account.disagreements);
     assert_eq!(l.received + l.lost(), account.ticks, "{l:?}");
