@@ -5,6 +5,7 @@ use whirl_shared::frame::{BaseKind, Hello, PROTOCOL_VERSION, SCHEMA_HASH};
 use super::drive::Target;
 use crate::error::{BadInput, Result, plain};
 use crate::record::{DeviceBoot, DeviceLine};
+use crate::report::format::rounded;
 use crate::rig::Rig;
 use crate::rig::measures::BASE;
 use crate::warning::Warning;
@@ -92,7 +93,8 @@ pub(super) fn check_hello(hello: &Hello, rig: &Rig) -> Result<()> {
 fn check_base(hello: &Hello, rig: &Rig) -> Result<()> {
     let Some(c) = rig.channel.iter().find(|c| c.measures == BASE) else { return Ok(()) };
     let position = c.unit != "m/s2";
-    let worth = (c.gain.unwrap_or(1.0) * c.scale()).abs();
+    // What the rig file says in decimals, without the last digit of a product of binary numbers.
+    let worth = rounded((c.gain.unwrap_or(1.0) * c.scale()).abs(), 12);
     let (unit, key) = if position { ("m", "base_scale_m") } else { ("m/s2", "base_scale_m_s2") };
     let set = format!("base={} {key}={worth:e}", if position { "encoder" } else { "acceleration" });
     let bad = |found: String, expected: String, remedy: String| {

@@ -1,6 +1,6 @@
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
-use whirl_shared::frame::{Hello, ShakerState, Status};
+use whirl_shared::frame::{Hello, ShakerState, Status, Zero};
 
 use super::scene::tests::{sample, standing};
 use super::*;
@@ -42,7 +42,12 @@ fn scene(samples: u32) -> Scene {
     };
     scene.take(Seen {
         samples: (0..samples).map(sample).collect(),
-        hello: Some(Hello { counts_per_turn: [4096; 2].into(), ..Hello::default() }),
+        hello: Some(Hello {
+            counts_per_turn: [4096; 2].into(),
+            reversed: [false; 2].into(),
+            zeros: [Zero::default(); 2].into(),
+            ..Hello::default()
+        }),
         status: Some(Status { shaker: ShakerState::Running, ..Status::default() }),
         standing: Some(crate::capture::feed::Standing {
             estimate: Some(estimate),
