@@ -10,7 +10,7 @@
 use std::sync::Arc;
 
 use super::along_an_arm;
-use super::entry::{Entry, Form, Verb};
+use super::entry::{Entry, Form, MASS, Verb};
 use super::places::{self, Place};
 use super::written::{self, Change};
 use crate::model::model_file::expression::Function;
@@ -154,7 +154,8 @@ pub fn action(
             };
             words.scalars.extend([("x".to_owned(), x), ("v".to_owned(), rate)]);
             if entry.names(LOAD) {
-                let Some(load) = places::load(file, k, omega) else { return Ok(None) };
+                let mass = form.iter().find(|s| s.0 == MASS).map(|s| s.1);
+                let Some(load) = places::load(file, k, omega, mass) else { return Ok(None) };
                 words.scalars.push((LOAD.to_owned(), load));
             }
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };

@@ -34,6 +34,9 @@ pub enum At {
 
 /// The shape parameter that says on how much of it.
 pub const LENGTH: &str = "length";
+/// The one that stands for the mass of the arm nearest to a joint, kg, where a load rests on it and
+/// nothing fixes it: equations of motion hold its first moment alone.
+pub const MASS: &str = "mass";
 
 /// How it acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,6 +124,14 @@ impl Entry {
     /// The shape parameters that have bounds, which are refined where the law has one strength.
     pub fn bounded_shapes(&self) -> impl Iterator<Item = usize> {
         self.shapes.iter().enumerate().filter(|(_, s)| s.within.is_some()).map(|(k, _)| k)
+    }
+
+    /// The same with the mass of the nearest arm, kg, as a shape beside the others.
+    #[must_use]
+    pub fn with_mass(&self, grid: Vec<f64>, within: [f64; 2]) -> Self {
+        let mut out = self.clone();
+        out.shapes.push(Shape { name: MASS.to_owned(), grid, within: Some(within), of_lines: false });
+        out
     }
 
     /// Whether the law names a word.

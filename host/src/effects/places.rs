@@ -82,12 +82,12 @@ fn turns(file: &SystemFile, p: &Polynomial) -> bool {
 
 /// The size of the force across a joint, √(F_x² + F_y²), with the system's parameters in it; none
 /// where that is not known (see [`SystemFile::reaction`]), and where something slides: what a guide
-/// carries is not all of it. `omega` is dτ/dt, rad/s.
-pub fn load(file: &SystemFile, joint: usize, omega: f64) -> Option<Polynomial> {
+/// carries is not all of it. `omega` is dτ/dt, rad/s; `mass` as there.
+pub fn load(file: &SystemFile, joint: usize, omega: f64, mass: Option<f64>) -> Option<Polynomial> {
     if !is_angle(file, &file.joints[joint].moves.value) {
         return None;
     }
-    let force = file.reaction(joint, omega)?;
+    let force = file.reaction(joint, omega, mass)?;
     // Squares that are not multiplied out stay above zero whatever rounding does.
     let squares = force.into_iter().filter(|f| !f.is_zero()).map(|f| Polynomial::product(vec![(Atom::Sum(f), 2)], 1.0));
     Some(Polynomial::call(Function::Sqrt, squares.fold(Polynomial::default(), |sum, s| sum.plus(&s))))
@@ -99,7 +99,7 @@ pub fn of(entry: &Entry, file: &SystemFile, bound: &Bound) -> Vec<Place> {
     match entry.at {
         At::Joint => (0..file.joints.len())
             .filter(|&k| !entry.turning || turns(file, &file.joints[k].moves.value))
-            .filter(|&k| !entry.names(LOAD) || load(file, k, 1.0).is_some())
+            .filter(|&k| !entry.names(LOAD) || load(file, k, 1.0, None).is_some())
             .map(Place::Joint)
             .collect(),
         At::Arm => (0..file.bodies.len())

@@ -18,6 +18,9 @@ const EXPLAINED_POWER: f64 = 2.0;
 const CLEAR: f64 = 4.0;
 /// Ratio to theirs up to which it is nothing in any case: a sensor's noise is not known to 2 %.
 const ALIKE: f64 = 1.05;
+/// Amplitude of what is left, in units of the noise's, beyond which records that the model itself
+/// makes excuse nothing: an effect as large as the noise would be taken for nothing then.
+pub(super) const EXCUSED: f64 = 2.0;
 /// Horizons of the gap that count for the verdict, in units of the shortest: chaos makes longer
 /// ones show weaker effects.
 const VERDICT_HORIZONS: f64 = 4.5;
@@ -87,6 +90,8 @@ pub(super) struct Left {
     /// Power in records that the model itself makes, and the standard error of the difference; none
     /// for the weak form.
     pub remade: Option<(f64, f64)>,
+    /// Windows that are not followed even there, whose power does not count.
+    pub left_out: usize,
     /// Gaps in such records: horizon in s and mean, where they were measured.
     pub gaps: Vec<(f64, f64)>,
 }
@@ -102,6 +107,34 @@ impl Left {
     fn most_gap(&self, horizon_s: f64) -> f64 {
         let own = self.gaps.iter().find(|g| g.0 == horizon_s).map_or(1.0, |g| g.1.max(1.0));
         EXPLAINED_GAP * if own.is_finite() { own } else { 1.0 }
+    }
+
+    /// What a power is held against, in words, where that is told.
+    fn beside(&self, power: f64) -> String {
+        let most = self.most_power();
+        let Some((mean, _)) = self.remade.filter(|_| power > most || self.left_out > 0) else { return String::new() };
+        let left_out = match self.left_out {
+            0 => String::new(),
+            1 => "; one window that cannot be followed even there is left out".to_owned(),
+            n => format!("; {n} windows that cannot be followed even there are left out"),
+        };
+        format!(
+            " (in records that the model itself makes it is {mean:.2}, and up to {most:.2} would be chance{left_out})"
+        )
+    }
+
+    /// Why what lies within limits from the model's own records decides nothing: it is far more
+    /// than noise, and these records leave as much.
+    fn unfollowed(&self, power: f64, gap: f64) -> Option<String> {
+        let why = |what: String| {
+            format!(
+                "{what}, and so do records that the model itself makes: what is missing cannot be told from what the fit does not follow. Sample faster, or hold the model against a second record (`whirl validate`)"
+            )
+        };
+        if power > EXCUSED * EXCUSED {
+            return Some(why(format!("predictions leave {power:.3} times the power of the sensors' noise")));
+        }
+        (gap > EXCUSED * EXPLAINED_GAP).then(|| why(format!("predictions miss by {gap:.3} noise floors")))
     }
 }
 
@@ -123,19 +156,17 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, rest
     let within = gap <= rest.most_gap(horizon_s) && far.is_none() && power <= most_power;
     let left = !within;
     let mut noise = format!(
-        "what is left has {power:.2} times the power that the sensors' noise gives, and predictions over {horizon_s:.3} s miss by {}",
+        "what is left has {} times the power that the sensors' noise gives, and predictions over {horizon_s:.3} s miss by {}",
+        if power < 1000.0 { format!("{power:.2}") } else { significant(power, 3) },
         result.gap.told(gap)
     );
-    if let Some((mean, _)) = rest.remade.filter(|_| power > most_power) {
-        noise += &format!(
-            " (in records that the model itself makes it is {mean:.2}, and up to {most_power:.2} would be chance)"
-        );
-    }
+    noise += &rest.beside(power);
     // Where longer predictions decided, their number is told.
     if let Some(h) = far {
         noise += &format!(", over {:.3} s by {}", h.0, result.gap.told(h.2));
     }
     let undecidable = undecidable.or_else(|| diverged.then(|| DIVERGED.to_owned()));
+    let undecidable = undecidable.or_else(|| if within { rest.unfollowed(power, gap) } else { None });
     if undecidable.is_none() {
         result.decided_by = decided_by(result, gap, (power, &rest));
     }
@@ -171,4 +202,35 @@ fn decided_by(result: &Explanation, gap: f64, (power, rest): (f64, &Left)) -> Op
     let all = longer.map(|h| over(h.0, h.2));
     let all = all.chain([over(horizon_s, gap), DecidedBy { what, value: power, limit: rest.most_power() }]);
     all.filter(|d| d.value.is_finite()).max_by(|a, b| (a.value / a.limit).total_cmp(&(b.value / b.limit)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::explain::gap::Step;
+
+    /// The verdict on a model without effects that leaves so much power and gap.
+    fn verdict(power: f64, gap: f64, rest: Left) -> (Verdict, String) {
+        let mut result = Explanation::new(0.2, Vec::new());
+        result.residual_power = [power; 2];
+        result.gap.steps.push(Step { added: None, value: gap });
+        decide(&mut result, None, rest);
+        (result.verdict, result.reason)
+    }
+
+    #[test]
+    fn records_of_the_models_own_excuse_a_little_and_not_everything() {
+        let own = |mean: f64, gap: f64| Left { remade: Some((mean, 0.02)), gaps: vec![(0.2, gap)], ..Left::default() };
+        assert_eq!(verdict(1.04, 1.1, own(1.0, 1.0)).0, Verdict::NothingMissing);
+        assert_eq!(verdict(1.2, 1.1, own(1.0, 1.0)).0, Verdict::Unexplained);
+        // Counts that stand.
+        assert_eq!(verdict(1.5, 1.8, own(1.48, 1.7)).0, Verdict::NothingMissing);
+        for (power, gap) in [(6000.0, 1.0), (1.0, 60.0)] {
+            let (verdict, why) = verdict(power, gap, own(power, gap));
+            assert_eq!(verdict, Verdict::NotDecidable);
+            assert!(why.contains("and so do records that the model itself makes"), "{why}");
+        }
+        let (_, why) = verdict(2.0, 1.0, Left { left_out: 2, ..own(1.0, 1.0) });
+        assert!(why.contains("up to 1.08 would be chance; 2 windows that cannot be followed"), "{why}");
+    }
 }

@@ -3,8 +3,8 @@
 
 use super::{Acts, Effect, Strength, at_coordinates};
 use crate::effects::catalogue;
-use crate::effects::columns::{self, Action, Span};
-use crate::effects::entry::Entry;
+use crate::effects::columns::{self, Action, LOAD, Span};
+use crate::effects::entry::{Entry, MASS};
 use crate::effects::places::{self, Place};
 use crate::effects::written::{self, Change};
 use crate::error::{BadInput, Result};
@@ -143,6 +143,10 @@ pub fn on_mechanism(
     changed: &Changed<'_>,
 ) -> Result<Effect> {
     let remedy = "Write the model anew with `whirl explain -o`";
+    // A load that rested on a mass which nothing fixed.
+    let mass = e.parameters.get(MASS).filter(|_| entry.names(LOAD));
+    let of_mass = mass.map(|m| entry.with_mass(vec![*m], [0.0, f64::INFINITY]));
+    let entry = of_mass.as_ref().unwrap_or(entry);
     let Some(mut form) = form_of(entry, e) else {
         let names: Vec<&str> = entry.shapes.iter().map(|s| s.name.as_str()).collect();
         return Err(bad(index, e, "without its shape", &names.join(", "), remedy));

@@ -112,16 +112,19 @@ impl SystemFile {
 
     /// Components of the force, N, that a joint passes on to what it carries, for a motion in a
     /// plane; `omega` is dτ/dt, rad/s. None where it carries nothing, where a mass is not told (a
-    /// first moment alone), or where a kinetic energy beside the bodies' hides one.
-    pub fn reaction(&self, joint: usize, omega: f64) -> Option<Vec<Polynomial>> {
+    /// first moment alone), or where a kinetic energy beside the bodies' hides one. `mass`: that of
+    /// the arm nearest to the joint, kg, where it is another than the system's; its first moment
+    /// stays.
+    pub fn reaction(&self, joint: usize, omega: f64, mass: Option<f64>) -> Option<Vec<Polynomial>> {
         let carries = &self.joints.get(joint)?.carries;
         if carries.is_empty() || self.kinetic.is_some() {
             return None;
         }
         let (n, pull) = (self.coordinates.len(), self.pull(2));
         let mut out = vec![Polynomial::default(); 2];
-        for (body, share) in carries {
-            let (mass, moment) = mass_and_moment(&self.bodies.get(*body)?.value)?;
+        for (k, (body, share)) in carries.iter().enumerate() {
+            let other = mass.filter(|_| k == 0).map(Polynomial::number);
+            let (mass, moment) = mass_and_moment(&self.bodies.get(*body)?.value, other)?;
             if moment.len() != 2 || pull.len() != 2 {
                 return None;
             }
@@ -135,10 +138,11 @@ impl SystemFile {
     }
 }
 
-/// A body's mass, and its mass times the position of its centroid.
-fn mass_and_moment(body: &Body) -> Option<(Polynomial, Vec<Polynomial>)> {
+/// A body's mass, and its mass times the position of its centroid; `other` in place of an arm's.
+fn mass_and_moment(body: &Body, other: Option<Polynomial>) -> Option<(Polynomial, Vec<Polynomial>)> {
     match body {
         Body::Arm { from, along, mass, first_moment, .. } => {
+            let mass = other.as_ref().unwrap_or(mass);
             let of = |(o, u): (&Polynomial, &Polynomial)| Some(mass.times(o).ok()?.plus(&first_moment.times(u).ok()?));
             let moment = from.iter().zip(along).map(of).collect::<Option<_>>()?;
             (!mass.is_zero()).then(|| (mass.clone(), moment))
@@ -178,6 +182,6 @@ mod tests {
     fn a_first_moment_alone_has_no_reaction() {
         let model = library::read("single-pendulum", library::text("single-pendulum").unwrap()).unwrap();
         assert_eq!(model.joints[0].carries.len(), 1);
-        assert!(model.reaction(0, 1.0).is_none());
+        assert!(model.reaction(0, 1.0, None).is_none());
     }
 }

@@ -30,6 +30,22 @@ fn explained(rig: &str, effects: &[&str], seconds: f64, seed: u64) -> Explanatio
     explain(&[record], &rig, &Settings::default()).unwrap()
 }
 
+/// The force across joint 1 rests on the mass of arm 1, which no equation of motion holds and the
+/// rig file does not know: the record tells it with the friction.
+#[test]
+fn friction_under_a_load_that_rests_on_an_unknown_mass_is_named_with_the_mass() {
+    let e = explained("chaotic.toml", &["load-dependent-friction@joint1=1e-4"], 80.0, 1);
+    assert_eq!(e.verdict, Verdict::Explained, "{}", e.reason);
+    let [f] = &e.effects[..] else { panic!("{:?}", e.effects) };
+    assert_eq!((f.id.as_str(), f.at.as_str(), f.unit.as_str()), ("load-dependent-friction", "joint1", "m"));
+    assert!((f.value - 1e-4).abs() < 4.0 * f.std_error && f.std_error < 5e-7, "{} ± {}", f.value, f.std_error);
+    let mass = f.parameters["mass"];
+    assert!((mass / 0.1362 - 1.0).abs() < 0.02, "{mass} kg for 0.1362");
+    // What is written, exported and simulated has that mass.
+    let model = e.model.as_ref().unwrap();
+    assert!(model.effects.iter().any(|e| e.parameters.get("mass") == Some(&mass)), "{:?}", model.effects);
+}
+
 #[test]
 fn a_hidden_drag_is_named_with_its_strength_and_the_gap_closes() {
     let e = explained("chaotic.toml", &["quadratic-drag@arm2=2e-7"], 80.0, 1);

@@ -181,10 +181,18 @@ impl Outcome {
     pub fn power(&self, setting: &Setting<'_>, state: &State) -> Result<f64> {
         match &self.evidence {
             Evidence::Weak(..) => Ok(self.rows(setting, state)?.ratio),
-            Evidence::Shooting(blocks) => {
-                let all = blocks.misfits(&self.fit.all);
-                Ok(all.iter().map(|w| w[0]).sum::<f64>() / all.len().max(1) as f64)
+            Evidence::Shooting(_) => {
+                let all = self.powers();
+                Ok(all.iter().sum::<f64>() / all.len().max(1) as f64)
             }
+        }
+    }
+
+    /// The same in every window of shooting.
+    pub fn powers(&self) -> Vec<f64> {
+        match &self.evidence {
+            Evidence::Weak(..) => Vec::new(),
+            Evidence::Shooting(blocks) => blocks.misfits(&self.fit.all).iter().map(|w| w[0]).collect(),
         }
     }
 

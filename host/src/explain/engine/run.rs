@@ -47,6 +47,8 @@ struct First {
     /// Coefficients of all windows, their covariance, and coefficients of the windows that
     /// predictions are made without.
     fit: (DVector<f64>, DMatrix<f64>, DVector<f64>),
+    /// What it leaves in every window of shooting.
+    powers: Vec<f64>,
 }
 
 impl<'a> Run<'a> {
@@ -165,7 +167,7 @@ impl<'a> Run<'a> {
             self.result.residual_power[0] = self.result.residual_power[1];
             (self.result.maps, self.result.r#where) = self.places(outcome);
             let fit = (outcome.fit.all.clone(), outcome.fit.covariance.clone(), outcome.fit.train.clone());
-            self.first = Some(First { state: self.state.clone(), fit });
+            self.first = Some(First { state: self.state.clone(), fit, powers: outcome.powers() });
             self.before = self.longer(&outcome.fit.train);
             self.attractor(&outcome.fit.train);
             simulation::measure(&self.setting, &self.state, outcome, added, &mut self.result.simulation);
@@ -195,7 +197,7 @@ impl<'a> Run<'a> {
     /// What the first model has beside the last one with coefficients `x`: its parameters, and
     /// predictions of the same seconds by both.
     fn compare(&mut self, identified: &Identification, x: &DVector<f64>) {
-        let Some(First { state, fit }) = self.first.take() else { return };
+        let Some(First { state, fit, .. }) = self.first.take() else { return };
         let mut told = Explanation::new(self.horizons.0, Vec::new());
         tell::parameters(&self.setting, &state, (&fit.0, &fit.1), identified, &mut told);
         self.result.parameters_before = told.parameters;
@@ -203,6 +205,23 @@ impl<'a> Run<'a> {
         let holds_s = self.result.gap.attractor.last().map(|a| a.prediction_horizon_s);
         let how = (self.horizons, self.step_s());
         self.result.prediction = compared::compare(&self.setting, (&state, &fit.2), after, how, holds_s);
+    }
+
+    /// Takes windows that are not followed even in the model's own records out of the power of what
+    /// is left, before and after: their number.
+    fn leave_out(&mut self, outcome: &Outcome, follows: &[bool]) -> usize {
+        let out = follows.iter().filter(|f| !**f).count();
+        let kept = (follows.len() - out).max(1) as f64;
+        let over = |powers: &[f64]| {
+            let all = powers.iter().zip(follows).filter(|p| *p.1).map(|p| *p.0);
+            (powers.len() == follows.len()).then(|| all.sum::<f64>() / kept)
+        };
+        let first = self.first.as_ref().and_then(|f| over(&f.powers));
+        let powers = if out > 0 { first.zip(over(&outcome.powers())) } else { None };
+        powers.map_or(0, |(before, after)| {
+            self.result.residual_power = [before, after];
+            out
+        })
     }
 
     /// The verdict, and everything that is told of the last model.
@@ -227,16 +246,19 @@ impl<'a> Run<'a> {
             let added = self.result.effects.last().map(named);
             simulation::measure(&self.setting, &self.state, outcome, added, &mut self.result.simulation);
         }
+        let by_shooting = outcome.evidence.is_shooting();
+        let remade = by_shooting.then(|| shooting::remade(&self.setting, &self.state)).flatten();
+        let left_out = remade.as_ref().map_or(0, |r| self.leave_out(outcome, &r.follows));
         self.compare(first, x);
         let gaps = self.gaps_of_itself(x);
         let Self { setting, state, mut result, .. } = self;
         tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.fit.covariance), first, &mut result);
-        let by_shooting = outcome.evidence.is_shooting();
         let shape = (by_shooting && undecidable.is_none()).then(|| unknown::shape(&setting, &state, outcome)).flatten();
         let rest = Left {
             patched: patched::patched(&setting, &state, outcome),
             shape: shape.as_ref().filter(|s| s.is_clear).map(|s| s.unknown.told()),
-            remade: by_shooting.then(|| shooting::remade(&setting, &state)).flatten(),
+            remade: remade.map(|r| (r.mean, r.error)),
+            left_out,
             gaps,
         };
         decidability::decide(&mut result, undecidable, rest);

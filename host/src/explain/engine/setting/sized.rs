@@ -1,18 +1,26 @@
 //! Entries whose forms are those of what is there: shape parameters in the size of the motion (rms,
-//! in the joint's unit or its rate's) or of the arm (m), and frequencies (Hz) of lines in what is
-//! left of the record.
+//! in the joint's unit or its rate's) or of the arm (m), a mass that a load rests on (kg), and
+//! frequencies (Hz) of lines in what is left of the record.
 
 use std::sync::Arc;
 
 use super::Physical;
 use super::Setting;
+use crate::effects::columns::{self, Action, LOAD};
 use crate::effects::entry::{Entry, LENGTH, Verb};
 use crate::effects::places::Place;
 use crate::effects::{along_an_arm, places};
 use crate::model::model_file::equations_of_motion::wrapped;
 use crate::model::model_file::expression::Symbol;
+use crate::system::bodies::Body;
 use crate::system::language::SystemFile;
+use crate::system::mechanism::at;
 use crate::system::polynomial::Polynomial;
+
+/// Masses of an arm that are tried, in units of S/l, and the largest: centroids from four fifths of
+/// the arm's length to a fiftieth.
+const MASSES: [f64; 5] = [1.25, 2.0, 3.5, 6.0, 12.0];
+const MOST_MASS: f64 = 50.0;
 
 impl Setting<'_> {
     /// An entry with the grid of its shape parameter in the size of what is there: of the motion,
@@ -30,7 +38,30 @@ impl Setting<'_> {
             grids.for_each(|x| *x *= length);
             return Some(Arc::new(out));
         }
+        if let (Place::Joint(k), true) = (place, entry.names(LOAD)) {
+            return self.with_mass(entry, k, physical);
+        }
         Some(self.as_large_as_the_motion(entry, place, file))
+    }
+
+    /// An entry that names a load, at a joint: as it is where the load is fixed, otherwise with the
+    /// mass m of the nearest arm as a shape. Its first moment S stays, and a centroid within the
+    /// arm's length l has m ≥ S/l.
+    fn with_mass(&self, entry: &Arc<Entry>, joint: usize, physical: &Physical) -> Option<Arc<Entry>> {
+        let (file, mechanism) = (self.file()?, self.mechanism()?);
+        let form = entry.forms().into_iter().next()?;
+        let outside = (self.rig.omega(), self.span);
+        let action = columns::action(entry, &form, Place::Joint(joint), mechanism, &physical.values, outside);
+        let Ok(Some(Action::Force(parts))) = action else { return Some(entry.clone()) };
+        if physical.fixes(&parts, mechanism) {
+            return Some(entry.clone());
+        }
+        let (arm, _) = file.joints[joint].carries.first()?;
+        let Body::Arm { first_moment, .. } = &file.bodies.get(*arm)?.value else { return None };
+        let least = at(first_moment, &physical.values).abs() / along_an_arm::length(file, *arm, &physical.values)?;
+        let grid: Vec<f64> = MASSES.iter().map(|m| m * least).collect();
+        let entry = entry.with_mass(grid, [least, MOST_MASS * least]);
+        (least > 0.0 && least.is_finite()).then(|| Arc::new(entry))
     }
 
     /// An entry whose grid of a shape parameter holds the size of the motion: where it does not, as

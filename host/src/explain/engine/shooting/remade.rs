@@ -10,6 +10,7 @@ use super::super::state::State;
 use super::course::{Course, List};
 use super::path::Path;
 use super::{Followed, present, signs_of};
+use crate::explain::decidability::EXCUSED;
 use crate::identify::remeasured::measure;
 use crate::identify::stretches::Stretch;
 
@@ -55,18 +56,37 @@ fn powers(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usi
     Some(blocks.misfits(&fitted).iter().map(|w| w[0]).collect())
 }
 
-/// Mean power over that of the noise in such records, at least 1, and the standard error of what
-/// one record's power differs by from it: by chance, and because the noise itself is estimated.
-pub fn remade(setting: &Setting<'_>, state: &State) -> Option<(f64, f64)> {
+/// What records that the model itself makes leave.
+pub struct Remade {
+    /// Mean power over that of the noise, at least 1.
+    pub mean: f64,
+    /// Standard error of what one record's power differs by from it: by chance, and because the
+    /// noise itself is estimated.
+    pub error: f64,
+    /// Whether each window is followed in them. Where it is not (a path that comes to rest and
+    /// leaves it at another instant), nothing about the model can be told from that window.
+    pub follows: Vec<bool>,
+}
+
+/// Mean power over that of the noise in such records, in the windows that are followed; in all of
+/// them where that is less than half.
+pub fn remade(setting: &Setting<'_>, state: &State) -> Option<Remade> {
     let followed = state.followed.as_ref()?;
     let all: Vec<Vec<f64>> = (0..RECORDS).map(|r| powers(setting, state, followed, r)).collect::<Option<_>>()?;
-    let windows = all.first()?.len() as f64;
-    let count = windows * RECORDS as f64;
-    let mean = all.iter().flatten().sum::<f64>() / count;
-    let variance = all.iter().flatten().map(|p| (p - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+    let mut follows: Vec<bool> =
+        (0..all.first()?.len()).map(|w| all.iter().all(|powers| powers[w] <= EXCUSED * EXCUSED)).collect();
+    if 2 * follows.iter().filter(|f| **f).count() < follows.len() {
+        follows.fill(true);
+    }
+    let kept: Vec<f64> =
+        all.iter().flat_map(|powers| powers.iter().zip(&follows).filter(|p| *p.1).map(|p| *p.0)).collect();
+    let count = kept.len() as f64;
+    let windows = count / RECORDS as f64;
+    let mean = kept.iter().sum::<f64>() / count;
+    let variance = kept.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
     // A counter may have more noise than its grid.
     let mean = mean.max(1.0);
     let of_noise = setting.sensors.square_error.iter().fold(0.0_f64, |m, e| m.max(*e));
     let error = (variance * (1.0 / windows + 1.0 / count)).sqrt().hypot(mean * of_noise);
-    (mean.is_finite() && error.is_finite()).then_some((mean, error))
+    (mean.is_finite() && error.is_finite()).then_some(Remade { mean, error, follows })
 }
