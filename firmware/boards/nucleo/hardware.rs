@@ -23,10 +23,7 @@ pub const FILTER: FilterValue = FilterValue::FDTS_DIV32_N8;
 /// Inputs are pulled up, so that a line that is not wired, or whose buffer has no supply, is a
 /// level and no noise.
 pub fn pulled_up() -> qei::Config {
-    let mut config = qei::Config::default();
-    config.ch1_pull = Pull::Up;
-    config.ch2_pull = Pull::Up;
-    config
+    qei::Config { ch1_pull: Pull::Up, ch2_pull: Pull::Up, ..qei::Config::default() }
 }
 
 macro_rules! encoder {

@@ -165,7 +165,13 @@ fn violation(mechanics: &Mechanics, joint: usize, mode: &Mode, forces: &Forces) 
         Some(Dry::Stick) => {
             let margin = stick_margin(mechanics, joint, forces);
             let would_move = -sign(forces.dry[joint]);
-            let level = mechanics.joints[joint].dry_level(would_move, 0.0, forces.load[joint], forces.share);
+            let level = mechanics.joints[joint].dry_level(
+                would_move,
+                0.0,
+                forces.load[joint],
+                forces.share,
+                forces.ripple[joint],
+            );
             if margin >= 0.0 { 0.0 } else { -margin / (level + f64::MIN_POSITIVE) }
         }
         Some(Dry::Slip(direction)) => {
@@ -181,5 +187,6 @@ pub(super) fn stick_margin(mechanics: &Mechanics, joint: usize, forces: &Forces)
     let torque = forces.dry[joint];
     // Friction against motion in the positive direction is negative.
     let would_move = -sign(torque);
-    mechanics.joints[joint].dry_level(would_move, 0.0, forces.load[joint], forces.share) - torque.abs()
+    mechanics.joints[joint].dry_level(would_move, 0.0, forces.load[joint], forces.share, forces.ripple[joint])
+        - torque.abs()
 }

@@ -36,6 +36,8 @@ pub(super) struct Forces {
     pub(super) dry: [f64; 2],
     /// Radial force in each joint, N (0 where no law needs it).
     pub(super) load: [f64; 2],
+    /// Part of each joint's level of dry friction that depends on its angle, N m.
+    pub(super) ripple: [f64; 2],
     /// Share of the record that has passed.
     pub(super) share: f64,
 }
@@ -101,7 +103,8 @@ impl Mechanics {
         for (i, joint) in self.joints.iter().enumerate() {
             let at_rest: f64 = joint.stribeck.iter().map(|s| s.0).sum();
             for level in joint.level {
-                let least = level.min(level + at_rest) + joint.drift.min(0.0);
+                let ripple: f64 = joint.ripple.iter().map(|r| r.0.abs()).sum();
+                let least = level.min(level + at_rest) + joint.drift.min(0.0) - ripple;
                 if !(least >= 0.0 && least.is_finite()) {
                     let name = format!("dry friction in joint {}", i + 1);
                     return Err(ParameterError::new(&name, least, "a level of 0 or more in both directions"));
@@ -153,7 +156,8 @@ impl Mechanics {
         (q1, q2) = (q1 + a1, q2 + a2);
 
         let coupling = self.h * geometry.cos_delta;
-        let mut forces = Forces { share: moment.share, ..Forces::default() };
+        let ripple = [self.joints[0].ripple_at(x1), self.joints[1].ripple_at(x2)];
+        let mut forces = Forces { share: moment.share, ripple, ..Forces::default() };
         self.solve(coupling, [q1, q2], &v, mode, &mut forces);
         if self.loaded {
             // Friction depends on the load, the load on the acceleration: a contraction, since the
@@ -176,7 +180,9 @@ impl Mechanics {
     fn solve(&self, coupling: f64, q: [f64; 2], v: &[f64; 2], mode: &Mode, forces: &mut Forces) {
         let (j1, j2) = (self.parameters.j_o1, self.parameters.j_o2);
         let slip = |i: usize, forces: &Forces| match mode.dry[i] {
-            Some(Dry::Slip(sign)) => -sign * self.joints[i].dry_level(sign, v[i], forces.load[i], forces.share),
+            Some(Dry::Slip(sign)) => {
+                -sign * self.joints[i].dry_level(sign, v[i], forces.load[i], forces.share, forces.ripple[i])
+            }
             _ => 0.0,
         };
         let stuck = |i: usize| mode.dry[i] == Some(Dry::Stick);

@@ -8,7 +8,7 @@ use crate::shaker::Moment;
 
 /// Torque in one joint, as a function of its angle x (wrapped to [−π, π)) and its relative velocity
 /// v:
-/// `constant − Σ (C cos 2πft + S sin 2πft) − viscous v − quadratic_damping x² v − Σ c |v|^p sign v − k1 x − k2 x² − k3 x³ − A cos(τ − ψ) x − backlash(x) − Σ A sin(n x + ψ) − Σ k u exp(−(u/d)²)
+/// `constant − Σ (C cos 2πft + S sin 2πft) − viscous v − quadratic_damping x² v − Σ c |v|^p sign v − k1 x − k2 x² − k3 x³ − k5 x⁵ − A cos(τ − ψ) x − backlash(x) − Σ A sin(n x + ψ) − Σ k u exp(−(u/d)²)
 /// + dry + remembered`, t the record's time, u the angle from x0, wrapped.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct JointLaw {
@@ -20,6 +20,8 @@ pub struct JointLaw {
     pub amplitude_damping: f64,
     /// Stiffnesses of first, second and third order, N m/rad, N m/rad², N m/rad³.
     pub stiffness: [f64; 3],
+    /// Stiffness of fifth order, N m/rad⁵.
+    pub quintic: f64,
     /// Damping by a power of the velocity: strength and power.
     pub power: Vec<(f64, f64)>,
     /// Stiffness that the drive's phase modulates: parts with cos τ and sin τ, N m/rad.
@@ -42,6 +44,8 @@ pub struct JointLaw {
     pub per_load: f64,
     /// What the level of dry friction gains over the record, N m.
     pub drift: f64,
+    /// What the level of dry friction gains with the angle, A sin(n x + ψ): A (N m), n, ψ (rad).
+    pub ripple: Vec<(f64, f64, f64)>,
 }
 
 impl JointLaw {
@@ -49,12 +53,14 @@ impl JointLaw {
     /// corner at ±π.
     pub(super) fn wraps(&self) -> bool {
         let modulated = self.modulation != [0.0; 2];
-        self.amplitude_damping != 0.0 || self.stiffness != [0.0; 3] || !self.backlash.is_empty() || modulated
+        let stiff = self.stiffness != [0.0; 3] || self.quintic != 0.0;
+        self.amplitude_damping != 0.0 || stiff || !self.backlash.is_empty() || modulated
     }
 
     /// Whether there is dry friction.
     pub(super) fn is_dry(&self) -> bool {
-        self.level != [0.0; 2] || !self.stribeck.is_empty() || self.per_load != 0.0 || self.drift != 0.0
+        let grows = self.per_load != 0.0 || self.drift != 0.0 || !self.ripple.is_empty();
+        self.level != [0.0; 2] || !self.stribeck.is_empty() || grows
     }
 
     /// Angles inside (−π, π) at which the torque has a corner, ascending.
@@ -71,7 +77,7 @@ impl JointLaw {
     pub(super) fn smooth(&self, x: f64, middle: f64, v: f64, moment: &Moment) -> f64 {
         let [k1, k2, k3] = self.stiffness;
         let mut torque = self.constant - (self.viscous + self.amplitude_damping * x * x) * v;
-        torque -= x * (k1 + x * (k2 + x * k3));
+        torque -= x * (k1 + x * (k2 + x * (k3 + x * x * self.quintic)));
         for &(b, k) in &self.backlash {
             if middle > b {
                 torque -= k * (x - b);
@@ -100,10 +106,15 @@ impl JointLaw {
         torque
     }
 
+    /// Part of the dry friction's level that depends on the angle.
+    pub(super) fn ripple_at(&self, x: f64) -> f64 {
+        self.ripple.iter().map(|&(amplitude, order, phase)| amplitude * libm::sin(order * x + phase)).sum()
+    }
+
     /// Level of the dry friction that opposes motion in the direction `sign` (±1) at velocity v
-    /// under a radial force, after a share of the record.
-    pub(super) fn dry_level(&self, sign: f64, v: f64, load: f64, share: f64) -> f64 {
-        let mut level = self.level[usize::from(sign < 0.0)] + self.per_load * load + self.drift * share;
+    /// under a radial force, after a share of the record, at an angle of this ripple.
+    pub(super) fn dry_level(&self, sign: f64, v: f64, load: f64, share: f64, ripple: f64) -> f64 {
+        let mut level = self.level[usize::from(sign < 0.0)] + self.per_load * load + self.drift * share + ripple;
         for &(at_rest, v_s) in &self.stribeck {
             let ratio = v / v_s;
             level += at_rest * libm::exp(-ratio * ratio);

@@ -116,7 +116,7 @@ fn every_effect_runs_and_changes_the_counts() {
         for place in info.places {
             // Strong enough to be seen after a second and a half.
             let value = match info.unit {
-                "N m" | "N m/rad" | "N m/rad^2" | "N m/rad^3" => 1e-3,
+                "N m" | "N m/rad" | "N m/rad^2" | "N m/rad^3" | "N m/rad^5" => 1e-3,
                 "N m s" | "N m s/rad^2" => 1e-4,
                 "N m s^2" => 1e-5,
                 "rad" => 0.1,
@@ -125,9 +125,17 @@ fn every_effect_runs_and_changes_the_counts() {
                 "m" => 1e-3,
                 _ => 0.1,
             };
-            let settings = with(&[&format!("{}@{}={value}", info.id, place.name())]);
-            let counts: Vec<_> = simulate(&settings, 250).iter().map(|s| s.counts).collect();
-            assert_ne!(counts, plain, "{}@{}", info.id, place.name());
+            let effect = format!("{}@{}={value}", info.id, place.name());
+            let counts =
+                |effects: &[&str]| -> Vec<_> { simulate(&with(effects), 250).iter().map(|s| s.counts).collect() };
+            // A ripple takes from a level that is there.
+            let level = format!("coulomb-friction@{}={value}", place.name());
+            let (got, without) = if info.id == "friction-ripple" {
+                (counts(&[&level, &effect]), counts(&[&level]))
+            } else {
+                (counts(&[&effect]), plain.clone())
+            };
+            assert_ne!(got, without, "{effect}");
         }
     }
 }

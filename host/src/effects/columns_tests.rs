@@ -22,18 +22,21 @@ const SPAN: Span = Span { start_s: 2.0, length_s: 40.0 };
 const SHORT_S: f64 = 1e-6;
 
 /// Effect on the rig, the strengths that it has in the catalogue.
-const EFFECTS: [(&str, &[f64]); 26] = [
+const EFFECTS: [(&str, &[f64]); 29] = [
     ("viscous-friction@joint1=1e-4", &[1e-4]),
     ("coulomb-friction@joint2=1e-4", &[1e-4]),
     ("stribeck-friction@joint1=1e-3,v_s=3", &[1e-3]),
     ("quadratic-drag@arm1=1e-4", &[1e-4]),
     ("quadratic-drag@arm2=1e-5", &[1e-5]),
+    ("load-dependent-friction@joint1=1e-4", &[1e-4]),
     ("load-dependent-friction@joint2=1e-4", &[1e-4]),
     ("constant-force@joint2=1e-3", &[1e-3]),
     ("asymmetric-friction@joint1=2e-3", &[2e-3]),
     ("torsion-spring@joint2=1e-3", &[1e-3]),
     ("cubic-stiffness@joint1=1e-3", &[1e-3]),
     ("quadratic-stiffness@joint2=1e-4", &[1e-4]),
+    ("quintic-stiffness@joint1=1e-4", &[1e-4]),
+    ("friction-ripple@joint1=2e-3,n=7,psi=0.4", &[2e-3 * 0.921_060_994_002_885, 2e-3 * 0.389_418_342_308_650_5]),
     ("backlash@joint2=0.5,k=1e-2", &[1e-2]),
     ("cogging@joint1=2e-3,n=7,psi=0.4", &[2e-3 * 0.921_060_994_002_885, 2e-3 * 0.389_418_342_308_650_5]),
     ("amplitude-dependent-damping@joint1=1e-4", &[1e-4]),

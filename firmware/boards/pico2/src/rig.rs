@@ -39,9 +39,14 @@ const RTT_MESSAGES: usize = 1_024;
 /// the memory.
 const KEPT: usize = 256_000;
 
+/// Both encoders and the base's sensor.
+type Sensors = WithBase<(Decoder<0>, Decoder<1>), Base>;
+/// The player of waveforms behind its enable line.
+type Drive = DacShaker<Player<Registers>, Output<'static>>;
+
 /// What the interrupt owns.
 struct Interrupt {
-    sampler: Sampler<WithBase<(Decoder<0>, Decoder<1>), Base>, DacShaker<Player<Registers>, Output<'static>>>,
+    sampler: Sampler<Sensors, Drive>,
     light: Output<'static>,
     blocks: Producer<'static, SampleBlock>,
     events: Producer<'static, Event>,

@@ -4,7 +4,7 @@
 //! torque needed is within the sum of the levels. Stribeck's, load-dependent and asymmetric
 //! friction come on top of the Coulomb level, which may be zero.
 
-use super::{ARMS, EffectInfo, JOINTS, ParameterInfo, Range};
+use super::{ARMS, EffectInfo, JOINTS, PSI, ParameterInfo, Range};
 
 pub(super) const VISCOUS: EffectInfo = EffectInfo {
     id: "viscous-friction",
@@ -113,6 +113,25 @@ pub(super) const DRIFT: EffectInfo = EffectInfo {
     equation: "-eps t/T_record sign v, from the record's start",
     range: Range::ANY,
     apply: |a, place, value, _| a.joints[place.index()].drift += value,
+};
+
+pub(super) const RIPPLE: EffectInfo = EffectInfo {
+    id: "friction-ripple",
+    places: JOINTS,
+    unit: "N m",
+    parameters: &[
+        ParameterInfo {
+            name: "n",
+            unit: "",
+            default: 1.0,
+            meaning: "order: periods in a turn",
+            range: Range { least: 1.0, greatest: 12.0, above: false, whole: true },
+        },
+        PSI,
+    ],
+    equation: "-A sin(n x + psi) sign v, on top of Coulomb's level, which must be at least |A|",
+    range: Range::ANY,
+    apply: |a, place, value, p| a.joints[place.index()].ripple.push((value, p[0], p[1])),
 };
 
 pub(super) const DISTRIBUTED_DRAG: EffectInfo = EffectInfo {

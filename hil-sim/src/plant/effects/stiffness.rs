@@ -33,6 +33,16 @@ pub(super) const CUBIC: EffectInfo = EffectInfo {
     apply: |a, place, value, _| a.joints[place.index()].stiffness[2] += value,
 };
 
+pub(super) const QUINTIC: EffectInfo = EffectInfo {
+    id: "quintic-stiffness",
+    places: JOINTS,
+    unit: "N m/rad^5",
+    parameters: &[],
+    equation: "-k x^5",
+    range: Range::ANY,
+    apply: |a, place, value, _| a.joints[place.index()].quintic += value,
+};
+
 /// Play between two springs: no torque inside the dead zone.
 pub(super) const BACKLASH: EffectInfo = EffectInfo {
     id: "backlash",

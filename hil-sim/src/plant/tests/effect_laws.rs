@@ -28,7 +28,7 @@ fn torque(effects: &[&str], y: &State) -> [f64; 2] {
 #[test]
 fn joint_torques_are_those_of_the_table_and_act_on_both_arms() {
     type Law = fn(f64, f64) -> f64;
-    let laws: [(&str, &str, Law); 14] = [
+    let laws: [(&str, &str, Law); 15] = [
         ("viscous-friction", "3e-5", |_, v| -3e-5 * v),
         ("coulomb-friction", "2e-4", |_, v| -2e-4 * v.signum()),
         ("stribeck-friction", "1e-3,v_s=2", |_, v| -1e-3 * (-(v / 2.0) * (v / 2.0)).exp() * v.signum()),
@@ -37,6 +37,7 @@ fn joint_torques_are_those_of_the_table_and_act_on_both_arms() {
         ("torsion-spring", "2e-3", |x, _| -2e-3 * x),
         ("quadratic-stiffness", "2e-3", |x, _| -2e-3 * x * x),
         ("cubic-stiffness", "-2e-3", |x, _| 2e-3 * x * x * x),
+        ("quintic-stiffness", "2e-3", |x, _| -2e-3 * x.powi(5)),
         ("cogging", "1e-3,n=7,psi=0.4", |x, _| -1e-3 * (7.0 * x + 0.4).sin()),
         ("backlash", "0.5,k=2e-3", |x, _| -2e-3 * (x.abs() - 0.5).max(0.0) * x.signum()),
         ("constant-force", "-4e-4", |_, _| -4e-4),
@@ -63,6 +64,20 @@ fn joint_torques_are_those_of_the_table_and_act_on_both_arms() {
             assert!((got[i] + 2e-6 * w * w.abs()).abs() + got[1 - i].abs() < 1e-12, "drag of {arm}: {got:?}");
         }
     }
+}
+
+/// On top of a level that it takes from, and refused where it would make friction push.
+#[test]
+fn a_ripple_of_friction_is_that_of_the_table() {
+    for y in STATES {
+        let (x, v) = (y[1] - y[0], y[3] - y[2]);
+        let with = torque(&["coulomb-friction@joint2=2e-4", "friction-ripple@joint2=1e-4,n=3,psi=0.4"], &y);
+        let wanted = -(2e-4 + 1e-4 * (3.0 * x + 0.4).sin()) * v.signum();
+        assert!((with[0] + wanted).abs() + (with[1] - wanted).abs() < 1e-12, "{y:?}: {with:?}, {wanted}");
+    }
+    let effects = [Effect::parse("friction-ripple@joint2=1e-4").unwrap()];
+    let refused = Mechanics::new(&Parameters::PRINTED, &combine(&effects).unwrap()).validate();
+    assert!(refused.is_err_and(|e| e.to_string().contains("dry friction in joint 2")));
 }
 
 /// M α for the change of acceleration that an effect makes on a base that moves.
