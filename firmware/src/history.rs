@@ -156,8 +156,8 @@ impl<K: BorrowMut<[u8]>> History<K> {
             self.asked = Some(Asked { behind: Some(self.find(asked.first_tick)), ..asked });
             return None;
         };
-        let part = self.slot(behind).and_then(|slot| {
-            let samples = overlap(slot, &asked);
+        let part = self.slot(behind).and_then(|(first_tick, samples)| {
+            let samples = overlap(first_tick, samples, &asked);
             (samples > 0).then_some(samples).zip(self.block(behind))
         });
         let Some((samples, block)) = part else {
@@ -232,7 +232,7 @@ fn read(from: &[u8]) -> Option<SampleBlock> {
 }
 
 /// Samples of a block, by its first tick and their number, that were asked for.
-fn overlap((first_tick, samples): (u32, u32), asked: &Asked) -> u32 {
+fn overlap(first_tick: u32, samples: u32, asked: &Asked) -> u32 {
     let start = i64::from(first_tick.wrapping_sub(asked.first_tick).cast_signed());
     let end = start + i64::from(samples);
     // At most the samples of a block.

@@ -13,12 +13,12 @@
 //!
 //! Time: bounded; a tick does at most one cosine and [`REQUESTS_PER_TICK`] requests.
 
+mod requests;
+
 use heapless::Vec;
 use whirl_shared::block::{Counts, sample_count};
 use whirl_shared::encoder::CountScale;
-use whirl_shared::frame::{
-    Ack, Command, CommandResult, MOST_CHANNELS, MOST_ENCODERS, SampleBlock, Setting, ShakerState, Status,
-};
+use whirl_shared::frame::{MOST_CHANNELS, MOST_ENCODERS, SampleBlock, ShakerState, Status};
 
 use crate::base::Base;
 use crate::block_builder::{BlockBuilder, Reading};
@@ -262,19 +262,6 @@ impl<I: Inputs, O: ShakerOutput> Sampler<I, O> {
         led::on(self.shaker.state(), self.shaker.hears_host(), part)
     }
 
-    /// Takes a setting: for the next boot.
-    fn keep(&mut self, setting: Setting, events: &mut impl Sink<Event>) -> CommandResult {
-        let new = match self.settings[0].with(setting, &self.settings[1]) {
-            Ok(new) => new,
-            Err(refused) => return refused,
-        };
-        if events.put(Event::Keep(new.to_words(), self.present())).is_err() {
-            return CommandResult::WrongState;
-        }
-        self.settings[0] = new;
-        CommandResult::Done
-    }
-
     fn report(&mut self, missed: u32, events: &mut impl Sink<Event>) {
         if let Some(notice) = self.shaker.take_notice() {
             #[cfg(feature = "defmt")]
@@ -293,49 +280,6 @@ impl<I: Inputs, O: ShakerOutput> Sampler<I, O> {
             channel.last_turning = core::mem::take(&mut channel.turning);
         }
         self.put_status(events);
-    }
-
-    fn carry_out(&mut self, request: Request, blocks: &mut impl Sink<SampleBlock>, events: &mut impl Sink<Event>) {
-        let ramp_before = self.shaker.drive().state;
-        let mut result = self.shaker.command(request.command);
-        if let (CommandResult::Done, Command::Set(setting)) = (result, request.command) {
-            result = self.keep(setting, events);
-        }
-        if let Command::BackFill { boot_id, .. } = request.command
-            && boot_id != self.boot_id
-        {
-            // The ticks of another boot.
-            result = CommandResult::WrongState;
-        }
-        if result != CommandResult::Done {
-            self.rejected = self.rejected.wrapping_add(1);
-        }
-        self.put_event(Event::Ack(Ack { command_sequence: request.sequence, result }), events);
-        if result != CommandResult::Done {
-            return;
-        }
-        match request.command {
-            Command::Start { .. } if ramp_before == ShakerState::Ramping => self.flush(blocks),
-            Command::ZeroCounts => {
-                self.flush(blocks);
-                self.base.zero();
-                self.last_counts = None;
-                // Each of a boot's zeros has an id of its own, and none that of another boot but by
-                // chance.
-                let id = (self.boot_id ^ self.tick.wrapping_add(1)).wrapping_mul(0x0100_0193);
-                for channel in &mut self.channels {
-                    channel.encoder.zero();
-                    channel.reference.set_zero(id);
-                }
-                self.put_event(Event::Hello(self.present()), events);
-            }
-            Command::Hello | Command::SetRamp { .. } | Command::SetHostTimeout { .. } => {
-                self.put_event(Event::Hello(self.present()), events);
-            }
-            Command::Restart => self.put_event(Event::Restart, events),
-            Command::Status => self.put_status(events),
-            _ => {}
-        }
     }
 
     fn flush(&mut self, blocks: &mut impl Sink<SampleBlock>) {

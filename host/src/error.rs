@@ -82,7 +82,7 @@ pub(crate) fn short_numbers(text: &str) -> String {
 /// otherwise than without the line. Kept where a program called ([`crate::said`]).
 pub fn tell(text: impl fmt::Display) {
     let line = cut(&plain(&text.to_string()), LINE);
-    if crate::said::kept(|said| said.told.push(line.clone())).is_none() {
+    if crate::said::kept(|said| said.remarks.push(line.clone())).is_none() {
         let _ = writeln!(std::io::stderr().lock(), "whirl: {line}");
     }
 }

@@ -15,7 +15,7 @@ pub struct Said {
     /// Its warnings.
     pub warnings: Vec<Warning>,
     /// Its other lines on standard error: what makes the answer negative.
-    pub told: Vec<String>,
+    pub remarks: Vec<String>,
     /// The command line that it is said to have been called by.
     pub(crate) command_line: Vec<String>,
 }

@@ -94,7 +94,7 @@ impl Answer {
     /// What makes the answer negative, line by line.
     #[getter]
     fn reasons(&self) -> Vec<String> {
-        self.called.said.told.clone()
+        self.called.said.remarks.clone()
     }
 
     /// Whether the exit status would be 0.

@@ -21,7 +21,7 @@ pub struct Merged {
 
 impl Merged {
     /// Which records have no row, in words.
-    pub fn told(&self) -> String {
+    pub fn missing_in_words(&self) -> String {
         let shown: Vec<String> = self.missing.iter().take(MOST).map(ToString::to_string).collect();
         let more = if self.missing.len() > MOST { ", …" } else { "" };
         format!("no row for {} of {} records: {}{more}", self.missing.len(), self.of, shown.join(", "))
@@ -90,17 +90,17 @@ mod tests {
             assert_eq!(merged.table.bytes(layout).unwrap(), whole);
         }
         let partly = merge(vec![shard(0)]).unwrap();
-        assert_eq!(partly.told(), "no row for 2 of 4 records: 2, 3");
+        assert_eq!(partly.missing_in_words(), "no row for 2 of 4 records: 2, 3");
     }
 
     #[test]
     fn what_does_not_belong_together_is_refused() {
-        let told = |tables| merge(tables).unwrap_err().to_string();
-        assert!(told(vec![table(rows()), table(rows())]).contains("record 1 (r, \"1\".csv) a second time"));
+        let error = |tables| merge(tables).unwrap_err().to_string();
+        assert!(error(vec![table(rows()), table(rows())]).contains("record 1 (r, \"1\".csv) a second time"));
         let mut other = rows();
         other[3].text("run", "fedcba9876543210");
-        let text = told(vec![table(rows()[..2].to_vec()), table(other[3..].to_vec())]);
+        let text = error(vec![table(rows()[..2].to_vec()), table(other[3..].to_vec())]);
         assert!(text.contains("1.csv: row of r, \"4\".csv: found rows of another run") && text.contains("as in 2.csv"));
-        assert!(told(vec![table(Vec::new())]).contains("no row in any table"));
+        assert!(error(vec![table(Vec::new())]).contains("no row in any table"));
     }
 }

@@ -108,6 +108,13 @@ impl State {
 
     /// What it does in 20 ms.
     fn misbehave(&mut self) {
+        if !self.spoils_the_wire() {
+            self.says_nonsense();
+        }
+    }
+
+    /// Bytes that are damaged, repeated or out of order; whether this device is of that kind.
+    fn spoils_the_wire(&mut self) -> bool {
         let n = self.reads;
         match self.kind {
             "zeros" | "zeros from the start" => self.out.extend([0; 4096]),
@@ -116,9 +123,6 @@ impl State {
                 let byte = self.random() as u8;
                 self.out.push_back(byte);
             }),
-            "answers only" => {}
-            "statuses only" => self.status(0),
-            "statuses without end" => (0..60).for_each(|_| self.status(0)),
             "one block again and again" => self.out.extend(self.sent[0].clone()),
             "the last second again and again" => {
                 let again = self.sent[self.sent.len() - 50 + (n as usize % 50)].clone();
@@ -129,6 +133,55 @@ impl State {
                 self.out.extend(&frame[..frame.len() / 2]);
                 self.out.push_back(0);
             }
+            "no zero at all" => self.out.extend([7; 4096]),
+            "half of the bits" => {
+                let mut frame = self.block();
+                let at = self.random() as usize % frame.len();
+                frame[at] ^= 1 << (n % 8);
+                self.out.extend(frame);
+            }
+            "each byte twice" => {
+                let frame = self.block();
+                self.out.extend(frame.iter().flat_map(|b| [*b, *b]));
+            }
+            "every second frame" => {
+                let frame = self.block();
+                self.out.extend(frame.iter().filter(|_| n.is_multiple_of(2)));
+            }
+            "pieces of a second in reverse" => {
+                // 48 blocks, the later half first.
+                if n.is_multiple_of(48) {
+                    let frames: Vec<_> = (0..48).map(|_| self.block()).collect();
+                    for k in (24..48).chain(0..24) {
+                        self.out.extend(&frames[k]);
+                    }
+                }
+            }
+            "a piece of a second too late" => {
+                // 480 samples come 0.96 s after their place has been passed.
+                if n.is_multiple_of(150) {
+                    let late: Vec<_> = (0..48).map(|_| self.block()).collect();
+                    for _ in 0..48 {
+                        let frame = self.block();
+                        self.out.extend(frame);
+                    }
+                    self.out.extend(late.concat());
+                } else {
+                    self.good();
+                }
+            }
+            _ => return false,
+        }
+        true
+    }
+
+    /// Whole frames that say what cannot be.
+    fn says_nonsense(&mut self) {
+        let n = self.reads;
+        match self.kind {
+            "answers only" => {}
+            "statuses only" => self.status(0),
+            "statuses without end" => (0..60).for_each(|_| self.status(0)),
             "a restart at each block" | "a restart now and then" => {
                 if self.kind.ends_with("block") || n.is_multiple_of(100) {
                     self.boot += 1;
@@ -170,43 +223,6 @@ impl State {
                 self.good();
             }
             "lines without end" => (0..60).for_each(|_| self.log("the same again")),
-            "no zero at all" => self.out.extend([7; 4096]),
-            "half of the bits" => {
-                let mut frame = self.block();
-                let at = self.random() as usize % frame.len();
-                frame[at] ^= 1 << (n % 8);
-                self.out.extend(frame);
-            }
-            "each byte twice" => {
-                let frame = self.block();
-                self.out.extend(frame.iter().flat_map(|b| [*b, *b]));
-            }
-            "every second frame" => {
-                let frame = self.block();
-                self.out.extend(frame.iter().filter(|_| n.is_multiple_of(2)));
-            }
-            "pieces of a second in reverse" => {
-                // 48 blocks, the later half first.
-                if n.is_multiple_of(48) {
-                    let frames: Vec<_> = (0..48).map(|_| self.block()).collect();
-                    for k in (24..48).chain(0..24) {
-                        self.out.extend(&frames[k]);
-                    }
-                }
-            }
-            "a piece of a second too late" => {
-                // 480 samples come 0.96 s after their place has been passed.
-                if n.is_multiple_of(150) {
-                    let late: Vec<_> = (0..48).map(|_| self.block()).collect();
-                    for _ in 0..48 {
-                        let frame = self.block();
-                        self.out.extend(frame);
-                    }
-                    self.out.extend(late.concat());
-                } else {
-                    self.good();
-                }
-            }
             "counters that jump" => {
                 let overruns = self.random();
                 self.status(overruns);

@@ -247,7 +247,7 @@ impl Session<'_> {
             let wire = self.wire();
             return Err(if lost { wire.lost(stalled, self.settings.reconnect_s) } else { wire.stalled(stalled) });
         }
-        if self.stall.is_to_be_told(now) {
+        if self.stall.is_to_be_reported(now) {
             let why = if lost { "the link is silent" } else { "the device answers, but brings nothing new" };
             let limit = self.settings.reconnect_s;
             self.notices.push(format!(
@@ -328,7 +328,7 @@ impl Session<'_> {
             "stopping the drive"
         } else if self.link.is_none() {
             "link lost, trying again"
-        } else if self.stall.told() {
+        } else if self.stall.is_reported() {
             "no new samples"
         } else if self.hello.is_none() {
             "waiting for the device"

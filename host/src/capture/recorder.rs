@@ -1,21 +1,19 @@
 //! Bytes of the wire into a record. What comes out depends on the bytes, the terms and the rig file
 //! alone, never on clocks, so that a journal gives the same record as the capture that wrote it.
 
+mod finished;
+mod messages;
+
 use std::path::{Path, PathBuf};
 
 use whirl_shared::codec::Decoder;
-use whirl_shared::frame::{
-    BackFilled, DeviceMessage, Envelope, Estimate, Hello, Log, MOST_ENCODERS, Rows, SampleBlock, ShakerState, Status,
-};
+use whirl_shared::frame::{DeviceMessage, Envelope, Hello, MOST_ENCODERS};
 
-use super::RowsOutcome;
-use super::accounting::{Accounting, Taken, Verdict};
+use super::accounting::{Accounting, Taken};
 use super::back_fill::Gap;
-use super::device::{self, check_hello, level};
 use super::estimates::{self, DeviceEstimate, Estimates};
 use super::journal::Terms;
 use super::rows::RowsRecorder;
-use super::sieve::MOST_LINES;
 use crate::error::{BadInput, Result};
 use crate::record::writer::Sample;
 use crate::record::{DeviceBoot, DeviceLine, Losses, Metadata, RecordWriter};
@@ -23,10 +21,10 @@ use crate::rig::Rig;
 use crate::rig::measures::BASE;
 use crate::warning::Warning;
 
+pub(super) use self::finished::Finished;
+
 /// How long a gap waits to be filled, counted in the samples that come meanwhile, s.
 const PATIENCE_S: f64 = 6.0;
-/// Boots that are told of: a device that restarts more often is broken.
-const MOST_BOOTS: usize = 1000;
 
 /// What came out of one byte.
 pub(super) enum Event {
@@ -179,134 +177,6 @@ impl<'a> Recorder<'a> {
         Ok(Some(event))
     }
 
-    /// Whether a block has fewer channels than the rig file.
-    fn lacks(&self, message: &DeviceMessage) -> bool {
-        match message {
-            DeviceMessage::Samples(block) | DeviceMessage::Restored(block) => {
-                block.first.len() < self.rig.channel.len()
-            }
-            _ => false,
-        }
-    }
-
-    fn take(&mut self, event: &Event) -> Result<()> {
-        match event {
-            Event::Bad if self.recording => self.accounting.bad_frame(),
-            Event::Bad => {}
-            Event::Message(envelope) => match &envelope.message {
-                DeviceMessage::Hello(hello) => self.hello(hello)?,
-                DeviceMessage::Samples(block) => self.block(block)?,
-                DeviceMessage::Status(status) => self.status(status),
-                DeviceMessage::Estimate(estimate) => self.estimate(estimate)?,
-                DeviceMessage::Rows(rows) => self.rows(rows)?,
-                DeviceMessage::Log(log) => self.line(log),
-                DeviceMessage::Restored(block) => self.restored(block)?,
-                DeviceMessage::BackFilled(end) => self.back_filled(end)?,
-                DeviceMessage::Ack(_) => {}
-            },
-        }
-        Ok(())
-    }
-
-    fn hello(&mut self, hello: &Hello) -> Result<()> {
-        check_hello(hello, self.rig)?;
-        let restarted = self.accounting.hello(hello.boot_id, hello.tick);
-        if let Some(rows) = self.rows.as_mut().filter(|_| restarted) {
-            rows.restarted();
-        }
-        if restarted && self.recording {
-            self.restarted_behind.get_or_insert(self.accounting.newest().unwrap_or(0));
-        }
-        self.hello.get_or_insert_with(|| hello.clone());
-        // The index mark is passed some time after a boot.
-        if let Some(boot) = self.boots.last_mut().filter(|boot| boot.boot_id == hello.boot_id) {
-            let now = DeviceBoot::of(hello, boot.tick);
-            if now.has_zeros_of(boot, now.zeros.len()) {
-                *boot = now;
-            }
-        }
-        self.newest_hello = Some(hello.clone());
-        Ok(())
-    }
-
-    fn line(&mut self, log: &Log) {
-        self.said += 1;
-        if self.lines.len() < MOST_LINES as usize {
-            self.lines.push(DeviceLine {
-                tick: self.on_line(log.tick),
-                level: level(log.level).to_owned(),
-                text: log.text.as_str().to_owned(),
-            });
-        }
-    }
-
-    /// A tick of the device on the record's line: the low 32 bits are the device's, but for
-    /// restarts, which the next block puts right.
-    fn on_line(&self, tick: u32) -> i64 {
-        let newest = match &self.rows {
-            Some(rows) => rows.last_tick(),
-            None => self.accounting.newest(),
-        };
-        newest.map_or(i64::from(tick), |newest| {
-            newest.saturating_sub(i64::from((newest as u32).wrapping_sub(tick).cast_signed()))
-        })
-    }
-
-    fn status(&mut self, status: &Status) {
-        self.accounting.status(status);
-        if let Some((amplitude, frequency)) = self.terms.from_drive
-            && status.shaker == ShakerState::Running
-            && status.amplitude_nanometre == amplitude.saturating_mul(1000)
-            && status.frequency_millihertz == frequency
-        {
-            self.begin_at.get_or_insert_with(|| status.tick.wrapping_add(self.settle));
-        }
-        if let Some(rows) = &mut self.rows
-            && (self.terms.from_drive.is_none()
-                || self.begin_at.is_some_and(|at| at.wrapping_sub(status.tick).cast_signed() <= 0))
-        {
-            rows.time(status.tick);
-        }
-        // The last word on overruns comes with the status behind the last sample.
-        if self.reached_end() {
-            self.ended = true;
-        }
-    }
-
-    fn block(&mut self, block: &SampleBlock) -> Result<()> {
-        if self.rows.is_some() || (self.terms.hello_first && self.hello.is_none()) {
-            return Ok(());
-        }
-        if self.terms.from_drive.is_none() {
-            self.begin_at.get_or_insert_with(|| block.first_tick.wrapping_add(self.settle));
-        }
-        // In wrapping arithmetic: not before that tick.
-        self.recording |= self.begin_at.is_some_and(|at| block.first_tick.wrapping_sub(at).cast_signed() >= 0);
-        if !self.recording {
-            return Ok(());
-        }
-        if self.accounting.block(block, &mut self.taken) == Verdict::AskHello {
-            self.ask_hello = true;
-        }
-        self.note_boot();
-        self.write()
-    }
-
-    /// Takes what the device has sent again.
-    fn restored(&mut self, block: &SampleBlock) -> Result<()> {
-        if self.rows.is_none() && self.recording {
-            self.accounting.restored(block, &mut self.taken);
-        }
-        self.write()
-    }
-
-    fn back_filled(&mut self, end: &BackFilled) -> Result<()> {
-        if self.rows.is_none() && self.recording {
-            self.accounting.back_filled(end, &mut self.taken);
-        }
-        self.write()
-    }
-
     /// The first ticks that are missing and may be had from the device.
     pub(super) fn gap(&self) -> Option<Gap> {
         if self.rows.is_some() || !self.recording || self.ended {
@@ -318,51 +188,6 @@ impl<'a> Recorder<'a> {
             first_tick: self.accounting.device_tick(open.start)?,
             ticks: u32::try_from(open.end.abs_diff(open.start)).unwrap_or(u32::MAX),
         })
-    }
-
-    /// Keeps what the device told of a boot of which the first samples have come.
-    fn note_boot(&mut self) {
-        let first = self.accounting.first_tick().filter(|_| self.boots.is_empty());
-        let Some(tick) = self.accounting.begun().or(first) else { return };
-        if let Some(hello) = self.newest_hello.as_ref().filter(|_| self.boots.len() < MOST_BOOTS) {
-            self.boots.push(DeviceBoot::of(hello, tick));
-        }
-    }
-
-    fn rows(&mut self, rows: &Rows) -> Result<()> {
-        if self.rows.is_none() || (self.terms.hello_first && self.hello.is_none()) {
-            return Ok(());
-        }
-        // A message may claim anything.
-        let start = rows.tick.wrapping_sub(rows.window_ticks).wrapping_add(1);
-        if self.terms.from_drive.is_none() {
-            self.begin_at.get_or_insert_with(|| start.wrapping_add(self.settle));
-        }
-        self.recording |= self.begin_at.is_some_and(|at| start.wrapping_sub(at).cast_signed() >= 0);
-        if !self.recording {
-            return Ok(());
-        }
-        let metadata = self.metadata();
-        let Some(recorder) = &mut self.rows else { return Ok(()) };
-        if recorder.windows == 0 {
-            self.estimates.begin()?;
-        }
-        recorder.push(rows, || metadata)
-    }
-
-    /// Takes an estimate of the device, if its newest window lies in the record.
-    fn estimate(&mut self, estimate: &Estimate) -> Result<()> {
-        let first = match &self.rows {
-            Some(rows) => rows.first_tick(),
-            None => self.accounting.first_tick(),
-        };
-        let Some(first) = first.filter(|_| self.fits && self.recording && !self.dry) else { return Ok(()) };
-        let tick = self.on_line(estimate.tick);
-        if tick < first.saturating_add(i64::from(estimate.window_ticks)) - 1 {
-            return Ok(());
-        }
-        let rate = self.metadata().sample_rate_hz;
-        self.estimates.push(DeviceEstimate::new(estimate, tick, rate))
     }
 
     /// Whether samples go into the record.
@@ -493,102 +318,6 @@ impl<'a> Recorder<'a> {
     pub(super) fn source(&self) -> &str {
         &self.terms.source
     }
-
-    /// Writes what is held back and ends the record.
-    ///
-    /// # Errors
-    /// A full disk.
-    pub(super) fn finish(mut self) -> Result<Finished> {
-        self.accounting.finish(&mut self.taken);
-        self.write()?;
-        let losses = self.losses();
-        let metadata = self.metadata();
-        if let Some(rows) = &mut self.rows {
-            rows.finish(&losses)?;
-            if rows.lost > 0 {
-                self.warnings.push(Warning::new(
-                    "windows-lost",
-                    format!(
-                        "{} windows of rows came in part or not at all; {} are in the record",
-                        rows.lost, rows.windows
-                    ),
-                    "See to cable and baud rate; each gap ends a run",
-                ));
-            }
-        }
-        if let Some(mut writer) = self.writer.take() {
-            writer.lines(&self.lines);
-            writer.device(&self.boots);
-            writer.finish(&losses)?;
-        }
-        if losses.dropped_late > 0 {
-            self.warnings.push(
-                Warning::new(
-                    "too-late",
-                    format!(
-                        "{} samples came when their place had been passed, or could not be placed: they are not in the record",
-                        losses.dropped_late
-                    ),
-                    "The link holds data back for longer than 0.6 s and reorders it, or the device's clock jumps: use another one",
-                )
-                .with("samples", losses.dropped_late),
-            );
-        }
-        let said = device::Said { lines: &self.lines, all: self.said };
-        self.warnings.extend(device::warnings(self.restarted_behind, losses.restarts, &self.boots, &said));
-        if losses.lost() > 0 && self.rows.is_none() {
-            self.warnings.push(Warning::new(
-                "samples-lost",
-                format!(
-                    "{} samples are missing in {} gap{}: {} lost on the link, {} damaged, {} overrun, {} dropped by the device",
-                    losses.lost(),
-                    losses.gaps,
-                    if losses.gaps == 1 { "" } else { "s" },
-                    losses.lost_on_link,
-                    losses.damaged,
-                    losses.overruns,
-                    losses.dropped_by_device
-                ),
-                "Nothing is interpolated; check cable and baud rate (lost, damaged) or the firmware's load (overrun, dropped)",
-            ));
-        }
-        let rows = self.rows.as_ref().map(|rows| RowsOutcome {
-            windows: rows.windows,
-            windows_lost: rows.lost,
-            runs: rows.runs(),
-        });
-        let (first_tick, last_tick) = match &self.rows {
-            Some(rows) => (rows.first_tick().filter(|_| rows.windows > 0), rows.last_tick()),
-            None => (self.accounting.first_tick(), self.last_tick),
-        };
-        Ok(Finished {
-            metadata,
-            losses,
-            first_tick,
-            last_tick,
-            full: self.rows.as_ref().map(|rows| rows.full),
-            rows,
-            estimates: self.estimates.file(),
-            estimate: self.estimates.last,
-            warnings: self.warnings,
-            lines: self.lines,
-        })
-    }
-}
-
-/// What a finished recording was.
-pub(super) struct Finished {
-    pub(super) metadata: Metadata,
-    pub(super) losses: Losses,
-    pub(super) first_tick: Option<i64>,
-    pub(super) last_tick: Option<i64>,
-    pub(super) rows: Option<RowsOutcome>,
-    /// Of rows, whether all windows that fit are there.
-    pub(super) full: Option<bool>,
-    pub(super) estimates: Option<PathBuf>,
-    pub(super) estimate: Option<DeviceEstimate>,
-    pub(super) warnings: Vec<Warning>,
-    pub(super) lines: Vec<DeviceLine>,
 }
 
 #[cfg(test)]

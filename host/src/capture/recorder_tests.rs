@@ -2,7 +2,7 @@
 
 use rand::{Rng, SeedableRng};
 use whirl_shared::codec::{MAX_FRAME, encode};
-use whirl_shared::frame::{BLOCK_LEN, PROTOCOL_VERSION, SCHEMA_HASH};
+use whirl_shared::frame::{BLOCK_LEN, BackFilled, PROTOCOL_VERSION, SCHEMA_HASH, SampleBlock, ShakerState, Status};
 
 use super::*;
 

@@ -49,7 +49,7 @@ mod with_rig {
     use super::super::source::{Link, Source};
     use crate::error::{BadInput, Result};
     use crate::model::model_file::simulation::live::Live;
-    use crate::rig::measures::{BASE, Bound};
+    use crate::rig::measures::{BASE, ObservedModel};
     use crate::rig::plant::Plant;
     use crate::rig::{Channel, Direction as RigDirection, Rig};
 
@@ -121,7 +121,7 @@ mod with_rig {
         }
 
         /// A device with an encoder on every channel of a free system of one's own.
-        fn of_own(rig: &Rig, bound: &Arc<Bound>, effects: &[Effect], seed: Option<u64>) -> Result<Self> {
+        fn of_own(rig: &Rig, bound: &Arc<ObservedModel>, effects: &[Effect], seed: Option<u64>) -> Result<Self> {
             let refused =
                 |found: String, expected: &str| BadInput::new(found, expected).in_file(&rig.path).at("channel");
             if let Some(effect) = effects.first() {

@@ -51,7 +51,7 @@ fn path_of(output: &Path, index: usize, count: usize) -> PathBuf {
 
 /// Effects that a record shows, and whether they tell those that were asked for: one of them is
 /// found, and no other of them could stand in its place.
-fn told(record: &Path, rig: &Rig, tell: &[String]) -> Result<(Vec<String>, bool)> {
+fn effects_shown(record: &Path, rig: &Rig, tell: &[String]) -> Result<(Vec<String>, bool)> {
     if tell.is_empty() {
         return Ok((Vec::new(), false));
     }
@@ -105,7 +105,7 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
         };
         print_warnings(&outcome.warnings);
         arguments.out.say(&human(&outcome));
-        let (effects, clear) = told(&own.output, &rig, &plan.tell)?;
+        let (effects, clear) = effects_shown(&own.output, &rig, &plan.tell)?;
         let precise = outcome.until.as_ref().is_none_or(|u| u.reached);
         let decided = (plan.tell.is_empty() || clear) && precise && !(plan.tell.is_empty() && plan.precise.is_empty());
         if !plan.tell.is_empty() {

@@ -148,7 +148,7 @@ mod tests {
     use super::*;
     use crate::boards;
 
-    fn told(bytes: &[u8], board: &str) -> core::result::Result<Kind, String> {
+    fn outcome(bytes: &[u8], board: &str) -> core::result::Result<Kind, String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("image");
         std::fs::write(&path, bytes).unwrap();
@@ -188,11 +188,11 @@ mod tests {
 
     #[test]
     fn the_content_tells_what_a_file_is() {
-        assert_eq!(told(&elf("nucleo-g474re"), "nucleo-g474re"), Ok(Kind::Elf));
-        assert_eq!(told(&uf2(0x4c71_240a, 2), "nucleo-g474re"), Ok(Kind::Uf2));
-        assert_eq!(told(&bin("nucleo-f446re"), "nucleo-f446re"), Ok(Kind::Bin(0x0800_0000)));
+        assert_eq!(outcome(&elf("nucleo-g474re"), "nucleo-g474re"), Ok(Kind::Elf));
+        assert_eq!(outcome(&uf2(0x4c71_240a, 2), "nucleo-g474re"), Ok(Kind::Uf2));
+        assert_eq!(outcome(&bin("nucleo-f446re"), "nucleo-f446re"), Ok(Kind::Bin(0x0800_0000)));
         // An image of somebody's own, without a name.
-        assert_eq!(told(&bin("mine"), "nucleo-f446re"), Ok(Kind::Bin(0x0800_0000)));
+        assert_eq!(outcome(&bin("mine"), "nucleo-f446re"), Ok(Kind::Bin(0x0800_0000)));
     }
 
     #[test]
@@ -210,7 +210,7 @@ mod tests {
             (b"t,count1,count2\n0,1,2\n".to_vec(), "no image"),
             (bin("")[..7].to_vec(), "no image"),
         ] {
-            let e = told(&bytes, "nucleo-g474re").unwrap_err();
+            let e = outcome(&bytes, "nucleo-g474re").unwrap_err();
             assert!(e.contains(part) && e.contains("--image"), "{part}: {e}");
         }
     }

@@ -137,13 +137,13 @@ impl Answer {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Judgement {
     negative: bool,
-    told: Vec<String>,
+    reasons: Vec<String>,
 }
 
 impl Judgement {
     /// Negative, for a reason that the answer itself may give already.
-    fn negative(told: Option<String>) -> Self {
-        Self { negative: true, told: told.into_iter().collect() }
+    fn negative(reason: Option<String>) -> Self {
+        Self { negative: true, reasons: reason.into_iter().collect() }
     }
 
     /// Negative where a warning says that the answer cannot stand.
@@ -158,13 +158,13 @@ impl Judgement {
     /// Negative where either is.
     fn and(mut self, other: Self) -> Self {
         self.negative |= other.negative;
-        self.told.extend(other.told);
+        self.reasons.extend(other.reasons);
         self
     }
 
     /// Says it.
     fn tell(self) -> Answer {
-        self.told.iter().for_each(tell);
+        self.reasons.iter().for_each(tell);
         if self.negative { Answer::Negative } else { Answer::Positive }
     }
 }

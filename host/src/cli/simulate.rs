@@ -96,7 +96,12 @@ fn plant(arguments: &Arguments, rig: &Rig, seconds: f64) -> Result<Answer> {
 
 /// Simulates a model file.
 #[cfg(feature = "sim")]
-fn model_file(arguments: &Arguments, rig: &Rig, bound: &crate::rig::measures::Bound, seconds: f64) -> Result<Answer> {
+fn model_file(
+    arguments: &Arguments,
+    rig: &Rig,
+    bound: &crate::rig::measures::ObservedModel,
+    seconds: f64,
+) -> Result<Answer> {
     let samples = crate::model::model_file::simulation::record(
         rig,
         bound,

@@ -52,12 +52,14 @@ pub fn end_moves(file: &SystemFile, k: usize) -> bool {
 /// # Errors
 /// A law that has no meaning there.
 pub fn parts(
-    (entry, form): (&Entry, &Form),
+    entry: &Entry,
+    form: &Form,
     k: usize,
-    (mechanism, file): (&Mechanism, &SystemFile),
+    mechanism: &Mechanism,
     mut words: Words,
     omega: f64,
 ) -> Result<Option<Vec<Part>>, Mistake> {
+    let Some(file) = mechanism.file.as_deref() else { return Ok(None) };
     let Some((from, along, across)) = arm(file, k) else { return Ok(None) };
     let length = form.iter().find(|s| s.0 == LENGTH).map_or(f64::NAN, |s| s.1);
     let n = file.coordinates.len();

@@ -130,12 +130,13 @@ pub fn action(
     place: Place,
     mechanism: &Mechanism,
     parameters: &[f64],
-    (omega, span): (f64, Span),
+    omega: f64,
+    span: Span,
 ) -> Result<Option<Action>, Mistake> {
     let Some(file) = mechanism.file.as_deref() else { return Ok(None) };
     if file.written && matches!(entry.verb, Verb::Moves | Verb::Turns) {
         let psi = parameters.last().copied().unwrap_or(0.0);
-        return Ok(written::changes(entry, form, place, file, (span, omega, psi)).map(Action::Changes));
+        return Ok(written::changes(entry, form, place, file, span, omega, psi).map(Action::Changes));
     }
     let own = file.parameters.len();
     let mut words = Words { parameters: vec![String::new(); own], ..Words::default() };
@@ -159,17 +160,17 @@ pub fn action(
                 words.scalars.push((LOAD.to_owned(), load));
             }
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
-            remembering(entry, (&words, form), work(mechanism, &law, moves, own))
+            remembering(entry, &words, form, work(mechanism, &law, moves, own))
         }
         (Place::Arm(k), Verb::Force) => {
             let Body::Arm { angle: Some(angle), .. } = &file.bodies[k].value else { return Ok(None) };
             let Ok(rate) = by_time(angle, n, omega) else { return Ok(None) };
             words.scalars.push(("omega".to_owned(), rate));
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
-            remembering(entry, (&words, form), work(mechanism, &law, angle, own))
+            remembering(entry, &words, form, work(mechanism, &law, angle, own))
         }
         (Place::Arm(k), Verb::Drags) if !file.written => {
-            let found = along_an_arm::parts((entry, form), k, (mechanism, file), words, omega)?;
+            let found = along_an_arm::parts(entry, form, k, mechanism, words, omega)?;
             Ok(found.map(Action::Force))
         }
         (Place::Drive, Verb::Moves) => {
@@ -212,11 +213,7 @@ pub fn action(
 
 /// A force whose states are followed by the laws of their rates; none where these hold parameters
 /// of the system, whose values change as it is identified.
-fn remembering(
-    entry: &Entry,
-    (words, form): (&Words, &Form),
-    force: Option<Action>,
-) -> Result<Option<Action>, Mistake> {
+fn remembering(entry: &Entry, words: &Words, form: &Form, force: Option<Action>) -> Result<Option<Action>, Mistake> {
     let Some(Action::Force(mut parts)) = force else { return Ok(force) };
     if !entry.states.is_empty() {
         let Some(states) = entry.followed(words, form)? else { return Ok(None) };

@@ -154,7 +154,7 @@ fn agree(base: &Base) {
             rest.split(',').find_map(|t| t.strip_prefix(&format!("{n}="))).unwrap().parse().unwrap()
         };
         let form: Form = entry.shapes.iter().map(|s| (s.name.clone(), told(&s.name))).collect();
-        let action = action(entry, &form, place(at), &mechanism, &values, (OMEGA, SPAN)).unwrap();
+        let action = action(entry, &form, place(at), &mechanism, &values, OMEGA, SPAN).unwrap();
         let Some(Action::Force(parts)) = action else { panic!("{text}") };
         let columns = columns(&parts, strengths.len(), &mechanism, &values);
         let mut random = ChaCha8Rng::seed_from_u64(7);
@@ -206,7 +206,7 @@ fn a_load_rests_on_masses_and_lengths() {
     let entry = catalogue().iter().find(|e| e.id == "load-dependent-friction").unwrap();
     let names: Vec<&str> = mechanism.parameters.iter().map(|n| n.name.as_str()).collect();
     for (joint, wanted) in [(1, vec!["l1", "m2", "e2", "a_c", "a_s", "g"]), (0, vec!["m1", "e1", "l1", "m2", "e2"])] {
-        let found = action(entry, &Vec::new(), Place::Joint(joint), &mechanism, &p, (OMEGA, SPAN)).unwrap();
+        let found = action(entry, &Vec::new(), Place::Joint(joint), &mechanism, &p, OMEGA, SPAN).unwrap();
         let Some(Action::Force(parts)) = found else { panic!("joint {joint}") };
         let quotients = quotients(&parts, &mechanism);
         let holds = |name: &str| {
@@ -229,7 +229,7 @@ fn drag_along_an_arm_rests_on_what_moves_its_end() {
     let entry = catalogue().iter().find(|e| e.id == "distributed-drag").unwrap();
     let form: Form = vec![("length".to_owned(), 0.055)];
     for (arm, wanted, others) in [(0, vec!["a_c", "a_s"], vec!["l1"]), (1, vec!["a_c", "a_s", "l1"], vec![])] {
-        let found = action(entry, &form, Place::Arm(arm), &mechanism, &p, (OMEGA, SPAN)).unwrap();
+        let found = action(entry, &form, Place::Arm(arm), &mechanism, &p, OMEGA, SPAN).unwrap();
         let Some(Action::Force(parts)) = found else { panic!("arm {arm}") };
         let quotients = quotients(&parts, &mechanism);
         let holds = |name: &&str| {
@@ -276,7 +276,7 @@ fn a_state_multiplies_what_stands_beside_it() {
     };
     let of = |entry: &Entry| {
         let form = entry.forms().remove(0);
-        let found = action(entry, &form, Place::Joint(1), &mechanism, &p, (OMEGA, SPAN)).unwrap().unwrap();
+        let found = action(entry, &form, Place::Joint(1), &mechanism, &p, OMEGA, SPAN).unwrap().unwrap();
         let numbered = found.with_memories(&|memory, k| {
             let rate = memory.rates()[k].value(&|s| match s {
                 Symbol::Rate(i) => [0.5, -1.5][i],

@@ -5,7 +5,7 @@ use super::columns::LOAD;
 use super::entry::{At, Entry, Verb};
 use crate::model::model_file::Space;
 use crate::model::model_file::expression::{Function, Symbol};
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::system::bodies::Body;
 use crate::system::language::{Gravity, SystemFile};
 use crate::system::mechanism::Mechanism;
@@ -94,7 +94,7 @@ pub fn load(file: &SystemFile, joint: usize, omega: f64, mass: Option<f64>) -> O
 }
 
 /// Every place of an entry; `bound` has the sensors.
-pub fn of(entry: &Entry, file: &SystemFile, bound: &Bound) -> Vec<Place> {
+pub fn of(entry: &Entry, file: &SystemFile, bound: &ObservedModel) -> Vec<Place> {
     let vertical = |d: &Drive| d.along + 1 == d.components;
     match entry.at {
         At::Joint => (0..file.joints.len())
@@ -137,7 +137,7 @@ pub fn of(entry: &Entry, file: &SystemFile, bound: &Bound) -> Vec<Place> {
     }
 }
 
-fn shows_angle(file: &SystemFile, bound: &Bound, sensor: usize) -> bool {
+fn shows_angle(file: &SystemFile, bound: &ObservedModel, sensor: usize) -> bool {
     (0..file.coordinates.len()).any(|k| bound.shown[(sensor, k)] != 0.0 && file.coordinates[k].0.space == Space::Circle)
 }
 

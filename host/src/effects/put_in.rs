@@ -12,7 +12,7 @@ use super::{places, written};
 use crate::error::{BadInput, Result};
 use crate::model::model_file::expression::Node;
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 
 /// What is put in.
 #[derive(Clone, Debug, Default)]
@@ -107,7 +107,14 @@ fn shaped(text: &str, entry: &Entry, given: &Text<'_>) -> Result<(Form, Vec<f64>
 ///
 /// # Errors
 /// Names the effect, what is wrong in it and what could stand there.
-pub fn of(rig: &Rig, bound: &Bound, (physical, own): (&[f64], &[f64]), texts: &[String], span: Span) -> Result<PutIn> {
+pub fn of(
+    rig: &Rig,
+    bound: &ObservedModel,
+    physical: &[f64],
+    own: &[f64],
+    texts: &[String],
+    span: Span,
+) -> Result<PutIn> {
     let mut out = PutIn::default();
     let (model, direction, omega) = (&*bound.model, rig.direction(), rig.omega());
     let places = if written::applies(model) { written::mechanism(model, direction, omega, own) } else { None };
@@ -145,7 +152,7 @@ pub fn of(rig: &Rig, bound: &Bound, (physical, own): (&[f64], &[f64]), texts: &[
             };
             strengths.iter_mut().for_each(|s| *s /= factor);
         }
-        let action = columns::action(entry, &form, *place, mechanism, physical, (rig.omega(), span));
+        let action = columns::action(entry, &form, *place, mechanism, physical, rig.omega(), span);
         let all = match &action {
             Ok(Some(Action::Force(parts))) => Some(columns::columns(parts, strengths.len(), mechanism, physical)),
             Ok(Some(Action::Changes(all))) => Some(written::columns(all, model, direction, omega, own)),

@@ -66,7 +66,8 @@ impl Entry {
 pub fn read(
     r: &Reader<'_>,
     t: &DeTable<'_>,
-    (verb, vocabulary): (Verb, &[&str]),
+    verb: Verb,
+    vocabulary: &[&str],
     taken: &[String],
 ) -> Result<Vec<(String, String)>> {
     let mut taken: Vec<String> = taken.iter().cloned().chain(vocabulary.iter().map(|w| (*w).to_owned())).collect();

@@ -52,7 +52,8 @@ pub fn check(entry: &Entry) -> Result<(), (String, Mistake)> {
 pub fn report(
     entry: &Entry,
     form: &Form,
-    (k, covariance): (&[f64], &DMatrix<f64>),
+    k: &[f64],
+    covariance: &DMatrix<f64>,
     scale: f64,
     moved: &BTreeMap<String, f64>,
 ) -> Reported {
@@ -87,7 +88,7 @@ mod tests {
         let e = catalogue().iter().find(|e| e.id == "cogging").unwrap();
         let covariance = DMatrix::from_diagonal(&DVector::from_vec(vec![0.01, 0.04]));
         let form = vec![("n".to_owned(), 7.0)];
-        let r = report(e, &form, (&[3.0, 4.0], &covariance), 2.0, &BTreeMap::new());
+        let r = report(e, &form, &[3.0, 4.0], &covariance, 2.0, &BTreeMap::new());
         assert!((r.value - 10.0).abs() < 1e-12);
         assert!((r.std_error - 2.0 * (0.36 * 0.01_f64 + 0.64 * 0.04).sqrt()).abs() < 1e-12, "{r:?}");
         assert!((r.parameters["psi"] - 4.0_f64.atan2(3.0)).abs() < 1e-12 && r.parameters["n"] == 7.0);
@@ -97,7 +98,7 @@ mod tests {
     fn a_shape_may_be_the_value() {
         let e = catalogue().iter().find(|e| e.id == "backlash").unwrap();
         let moved = BTreeMap::from([("b".to_owned(), 0.0004)]);
-        let r = report(e, &vec![("b".to_owned(), 0.3)], (&[5.0], &DMatrix::identity(1, 1)), 0.1, &moved);
+        let r = report(e, &vec![("b".to_owned(), 0.3)], &[5.0], &DMatrix::identity(1, 1), 0.1, &moved);
         assert!(
             (r.value - 0.3).abs() < 1e-15
                 && (r.std_error - 0.02).abs() < 1e-12

@@ -159,7 +159,9 @@ pub fn changes(
     form: &Form,
     place: Place,
     file: &SystemFile,
-    (span, omega, psi): (Span, f64, f64),
+    span: Span,
+    omega: f64,
+    psi: f64,
 ) -> Option<Vec<Change>> {
     let own = file.parameters.len();
     let mut words = Words { parameters: vec![String::new(); own], ..Words::default() };

@@ -11,7 +11,7 @@ use crate::effects::columns::{self, Action};
 use crate::effects::entry::Verb;
 use crate::effects::{catalogue, places};
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::system::library;
 
 const OMEGA: f64 = 31.4;
@@ -67,7 +67,7 @@ fn effects_on_written_equations_are_those_of_the_bodies() {
     let text = library::text("double-pendulum").unwrap();
     let bodies = library::read("double-pendulum", text).unwrap().model(Some(&[]), OMEGA).unwrap().mechanism.unwrap();
     let rig = Rig::read(file("rigs/double-pendulum-model-file.toml")).unwrap();
-    let bound: &Bound = rig.bound.as_ref().unwrap();
+    let bound: &ObservedModel = rig.bound.as_ref().unwrap();
     let model = &*bound.model;
     let values = coefficients(model);
     let direction = Some(Direction::Vertical);
@@ -87,7 +87,7 @@ fn effects_on_written_equations_are_those_of_the_bodies() {
             }
             let form = entry.forms().swap_remove(0);
             let of = |m: &Mechanism, p: &[f64]| -> Vec<Vec<(usize, Node)>> {
-                match columns::action(entry, &form, place, m, p, (OMEGA, SPAN)).unwrap().unwrap() {
+                match columns::action(entry, &form, place, m, p, OMEGA, SPAN).unwrap().unwrap() {
                     Action::Force(parts) => columns::columns(&parts, entry.strengths.len(), m, p),
                     Action::Changes(all) => super::columns(&all, model, direction, OMEGA, &values),
                     _ => panic!("{}", entry.id),

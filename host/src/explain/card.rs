@@ -178,11 +178,11 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
             same.and_then(|f| f.steps.get(i).map(|s| (s.value, &f.unit))).map_or_else(String::new, |(v, unit)| {
                 format!(", {}{}", significant(v, 3), if unit == "deg" { "°".to_owned() } else { format!(" {unit}") })
             });
-        let told = e.gap.told(step.value);
+        let label = e.gap.told(step.value);
         GapBar {
             name,
             value: step.value,
-            told: if many { told.trim_end_matches(noise.as_str()).to_owned() } else { told + &also },
+            label: if many { label.trim_end_matches(noise.as_str()).to_owned() } else { label + &also },
         }
     };
     (heading, e.gap.steps.iter().enumerate().map(bar).collect())

@@ -93,6 +93,18 @@ struct Pair<'a> {
     held_out: Vec<f64>,
 }
 
+/// What a step of the selection is made from.
+pub(super) struct Selection<'a> {
+    /// What every set of columns leaves.
+    pub(super) evidence: &'a dyn Evidence,
+    /// Columns of the model.
+    pub(super) own: &'a [usize],
+    /// The candidates; their columns follow those of the model in this order.
+    pub(super) offers: &'a [Offer],
+    /// Names of what the model has already, or what was refused.
+    pub(super) taken: &'a [String],
+}
+
 /// Every candidate with its columns.
 struct Field<'a> {
     evidence: &'a dyn Evidence,
@@ -107,7 +119,8 @@ struct Field<'a> {
 }
 
 impl<'a> Field<'a> {
-    fn new(evidence: &'a dyn Evidence, own: &'a [usize], offers: &'a [Offer], taken: &[String]) -> Option<Self> {
+    fn new(selection: &Selection<'a>) -> Option<Self> {
+        let Selection { evidence, own, offers, taken } = *selection;
         let plain = evidence.fit(own)?;
         let total: f64 = plain.held_out.iter().sum();
         let mut at = own.len();
@@ -280,19 +293,19 @@ impl<'a> Field<'a> {
 /// looked for.
 pub(super) type Together<'a> = dyn Fn(&[usize]) -> Option<Box<dyn Evidence>> + 'a;
 
-/// The next effect, and why others were not taken; none where no candidate is supported. `taken`:
-/// what the model has already. `feigned_by_sensors` says whether the sensors alone give such
-/// strengths, for `together` see [`Together`].
+/// The next effect, and why others were not taken; none where no candidate is supported.
+/// `feigned_by_sensors` says whether the sensors alone give such strengths, for `together` see
+/// [`Together`].
 pub(super) fn choose(
-    (evidence, own): (&dyn Evidence, &[usize]),
-    offers: &[Offer],
-    taken: &[String],
+    selection: &Selection<'_>,
     step: usize,
-    (ranking_out, refused): (&mut Vec<Ranked>, &mut Vec<Refused>),
+    ranking_out: &mut Vec<Ranked>,
+    refused: &mut Vec<Refused>,
     feigned_by_sensors: &dyn Fn(usize, &Fit) -> bool,
     together: &Together<'_>,
 ) -> Option<Choice> {
-    let field = Field::new(evidence, own, offers, taken)?;
+    let offers = selection.offers;
+    let field = Field::new(selection)?;
     let (total, blocks) = (field.total, field.blocks);
     let tests = field.scores.len().max(1) as f64;
     let (best, likelihood) = field.best();

@@ -16,7 +16,7 @@ use crate::model::double_pendulum::DAMPINGS;
 use crate::model::identified::{IdentifiedModel, System};
 use crate::motion::built_in::{is_earlier, physical};
 use crate::record::Record;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::rig::{Rig, as_own};
 use crate::system::library::Pendulum;
 
@@ -53,7 +53,7 @@ fn terms(omega: f64) -> Vec<(&'static str, String, f64)> {
 }
 
 /// A model in the terms of the system file.
-fn in_file(model: &IdentifiedModel, rig: &Rig, bound: &Bound) -> Result<IdentifiedModel> {
+fn in_file(model: &IdentifiedModel, rig: &Rig, bound: &ObservedModel) -> Result<IdentifiedModel> {
     let mut out = model.clone();
     out.system = System::Own(own_keys(&bound.model)?);
     out.nominal.clear();
@@ -88,9 +88,9 @@ pub fn own(model: &IdentifiedModel, rig: &Rig) -> Result<(Rig, IdentifiedModel)>
     Ok((own_rig, model))
 }
 
-/// Parameters of an explanation in the terms of (3.4): coefficients by their names, then dampings
-/// and effects in physical units as they were added.
-pub fn told(parameters: &mut [Parameter], omega: f64) {
+/// Parameters of an explanation as the non-dimensional coefficients of (3.4), by their names, then
+/// dampings and effects in physical units as they were added.
+pub fn to_non_dimensional(parameters: &mut [Parameter], omega: f64) {
     for (name, file, factor) in terms(omega) {
         if let Some(p) = parameters.iter_mut().find(|p| p.name == file) {
             name.clone_into(&mut p.name);
@@ -123,12 +123,12 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     let model = settings.model.as_ref().map(|m| in_file(m, rig, &bound)).transpose()?;
     let settings = Settings { model, ..settings.clone() };
     let mut out = engine::explain(records, &own_rig, &bound, &settings)?.unwrap_or_else(decidability::unplaced);
-    told(&mut out.parameters, rig.omega());
-    told(&mut out.parameters_before, rig.omega());
+    to_non_dimensional(&mut out.parameters, rig.omega());
+    to_non_dimensional(&mut out.parameters_before, rig.omega());
     if let Some(model) = &mut out.model {
         model.system = System::BuiltIn(Pendulum::Double.id().to_owned());
         model.nominal = nominal;
-        told(&mut model.parameters, rig.omega());
+        to_non_dimensional(&mut model.parameters, rig.omega());
     }
     Ok(out)
 }
@@ -169,7 +169,7 @@ mod tests {
             let mut parameters: Vec<Parameter> = named
                 .map(|(n, v)| Parameter { name: n.clone(), value: *v, std_error: 0.0, unit: String::new() })
                 .collect();
-            told(&mut parameters, rig.omega());
+            to_non_dimensional(&mut parameters, rig.omega());
             let all: Vec<_> = DAMPINGS.iter().collect();
             let built_in = DoublePendulum::new(rig.omega(), rig.drive.is_some(), &all);
             let of = |n: &String| parameters.iter().find(|p| p.name == *n).unwrap_or_else(|| panic!("{n}")).value;
@@ -206,7 +206,7 @@ mod tests {
             let mut parameters: Vec<Parameter> = named
                 .map(|(n, v)| Parameter { name: n.clone(), value: *v, std_error: 0.0, unit: String::new() })
                 .collect();
-            told(&mut parameters, rig.omega());
+            to_non_dimensional(&mut parameters, rig.omega());
             let all: Vec<_> = DAMPINGS.iter().collect();
             let written = as_own::double_pendulum(&rig, &all).unwrap().bound.unwrap();
             let plain = EquationsOfMotion::new(&written.model, rig.omega()).unwrap();

@@ -6,8 +6,9 @@ use super::engine::attractor::{Attractor, TOLERANCE_DEG};
 use super::engine::residual_map::Where;
 use super::{Explanation, Verdict};
 use crate::report::card::Card;
-use crate::report::format::{percent, rounded, shortest, significant, symbol_plain};
+use crate::report::format::{percent, rounded, shortest, significant};
 use crate::report::names;
+use crate::report::symbols::symbol_plain;
 
 /// The answer for people: its card first, then what it rests on.
 pub fn human(e: &Explanation, card: &Card) -> String {

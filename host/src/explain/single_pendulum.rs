@@ -137,16 +137,16 @@ fn as_own_system(records: &[Record], rig: &Rig, mut own_rig: Rig, settings: &Set
     let last = out.parameters.iter().find(|p| p.name == "q_sin").map_or(gravity, |p| p.value);
     let factor = inertia(rig, last).zip(inertia(rig, gravity)).map_or(1.0, |(a, b)| a / b);
     for e in &mut out.effects {
-        rescale(factor, &e.id, (&mut e.value, &mut e.std_error), &mut e.parameters);
+        rescale(factor, &e.id, &mut e.value, &mut e.std_error, &mut e.parameters);
     }
     for e in out.model.iter_mut().flat_map(|m| &mut m.effects) {
-        rescale(factor, &e.id, (&mut e.value, &mut e.std_error), &mut e.parameters);
+        rescale(factor, &e.id, &mut e.value, &mut e.std_error, &mut e.parameters);
     }
     Ok(out)
 }
 
 /// Multiplies what an effect tells in torques.
-fn rescale(factor: f64, id: &str, (value, std_error): (&mut f64, &mut f64), parameters: &mut BTreeMap<String, f64>) {
+fn rescale(factor: f64, id: &str, value: &mut f64, std_error: &mut f64, parameters: &mut BTreeMap<String, f64>) {
     let Some(entry) = catalogue().iter().find(|e| e.id == id && e.verb == Verb::Force) else { return };
     let is_shape = |name: &String| entry.shapes.iter().any(|s| s.name == *name);
     if !entry.value.as_ref().is_some_and(is_shape) {

@@ -20,11 +20,9 @@ use crate::model::model_file::expression::{
     Expression as E, Function, Node, Symbol, call, divide, multiply, number, power_whole, subtract,
 };
 use crate::motion::{Acts, Effect, Motion};
-use crate::report::format::{
-    Mark, Z95, mathml_number, quantity, shortest, significant, symbol_mathml, symbol_plain, symbol_plain_marked,
-    to_digits_of,
-};
+use crate::report::format::{Z95, mathml_number, quantity, shortest, significant, to_digits_of};
 use crate::report::names;
+use crate::report::symbols::{Mark, symbol_mathml, symbol_plain, symbol_plain_marked};
 
 /// A term as it stands behind its sign.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -126,7 +124,7 @@ impl Writer<'_> {
     }
 
     /// A term: a number (with its text) times an expression.
-    fn term(&self, (negative, digits): (bool, Option<&str>), e: &Node, primed: bool) -> WrittenTerm {
+    fn term(&self, negative: bool, digits: Option<&str>, e: &Node, primed: bool) -> WrittenTerm {
         let print = |notation: &dyn Notation, as_mathml: bool| -> Printed {
             let symbol = |s: Symbol| self.symbol(s, primed, as_mathml);
             let factor = match digits {
@@ -142,7 +140,7 @@ impl Writer<'_> {
 
     /// The expression that a coefficient multiplies.
     fn multiplied(&self, equation: usize, e: &Node, primed: bool) -> String {
-        let term = self.term((false, None), e, primed);
+        let term = self.term(false, None, e, primed);
         format!("in equation {}: {}{}", equation + 1, if term.negative { "−" } else { "" }, term.text)
     }
 }
@@ -181,9 +179,9 @@ pub fn written_out(motion: &Motion) -> Option<WrittenOut> {
                 let (factor, rest) = factored(&t.of);
                 let own = rounded(factor.abs());
                 let sign = factor > 0.0;
-                equation.left.insert(0, writer.term((sign, (own != "1").then_some(own.as_str())), &rest, t.primed));
+                equation.left.insert(0, writer.term(sign, (own != "1").then_some(own.as_str()), &rest, t.primed));
             } else {
-                equation.right.push(writer.term((false, None), &t.of, t.primed));
+                equation.right.push(writer.term(false, None, &t.of, t.primed));
             }
             continue;
         };
@@ -198,7 +196,7 @@ pub fn written_out(motion: &Motion) -> Option<WrittenOut> {
         }
         let (factor, rest) = factored(&t.of);
         let number = digits(value, std_error, factor);
-        equation.left.push(writer.term((value * factor < 0.0, Some(&number)), &rest, t.primed));
+        equation.left.push(writer.term(value * factor < 0.0, Some(&number), &rest, t.primed));
     }
     out.notes = notes(&writer);
     Some(out)

@@ -25,7 +25,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::record::Record;
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::signal::low_pass::Kernel;
 use crate::signal::noise;
 
@@ -74,7 +74,7 @@ pub(super) struct BaseMotion {
 }
 
 /// From the channel that shows it; none where no input of the model is the base.
-pub(super) fn of(record: &Record, rig: &Rig, bound: &Bound) -> Option<BaseMotion> {
+pub(super) fn of(record: &Record, rig: &Rig, bound: &ObservedModel) -> Option<BaseMotion> {
     let input = bound.base?;
     let &channel = bound.inputs.get(input)?;
     let shown: Vec<Vec<f64>> =

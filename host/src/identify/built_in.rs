@@ -11,7 +11,7 @@ use crate::error::{BadInput, Result};
 use crate::model::double_pendulum_dynamics::DoublePendulum;
 use crate::model::dynamics::Dynamics;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::rig::{Rig, as_own};
 use crate::system::ties::Identified;
 use crate::warning::Warning;
@@ -40,14 +40,14 @@ pub struct WrittenRig<'a> {
     /// With equations.
     pub own: &'a Rig,
     /// The equations and what the channels measure of them.
-    pub bound: &'a Bound,
+    pub bound: &'a ObservedModel,
 }
 
 /// The equations and channels of a rig that [`written`] gave.
 ///
 /// # Errors
 /// A rig without equations.
-pub fn bound(rig: &Rig) -> Result<&Bound> {
+pub fn bound(rig: &Rig) -> Result<&ObservedModel> {
     rig.bound.as_deref().ok_or_else(|| {
         BadInput::new(format!("\"{}\"", rig.model), "a model that has equations")
             .in_file(&rig.path)
@@ -62,7 +62,7 @@ pub fn bound(rig: &Rig) -> Result<&Bound> {
 ///
 /// # Errors
 /// Equations that cannot be integrated.
-pub fn equations_of_motion(rig: &Rig, own: &Rig, bound: &Bound) -> Result<(Box<dyn Dynamics>, Vec<String>)> {
+pub fn equations_of_motion(rig: &Rig, own: &Rig, bound: &ObservedModel) -> Result<(Box<dyn Dynamics>, Vec<String>)> {
     if rig.bound.is_none()
         && rig.base().is_none()
         && let System::Double(dampings) = System::of(rig)?

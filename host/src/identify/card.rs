@@ -5,8 +5,9 @@ use super::presentation::method_name;
 use super::{Identification, Parameter};
 use crate::explain::card::equations;
 use crate::report::card::{Card, CardRow};
-use crate::report::format::{Z95, count, significant, symbol_plain};
+use crate::report::format::{Z95, count, significant};
 use crate::report::names;
+use crate::report::symbols::symbol_plain;
 use crate::rig::Rig;
 
 /// The card of an identification of a rig.

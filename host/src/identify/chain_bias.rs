@@ -31,7 +31,7 @@ use super::windows::{Kernels, Plan, Stretches, WindowRows, Windows, rows_planned
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Outside, Work};
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 
 /// Longest step of integration: samples; under a drive s, and as a share of its period; otherwise
 /// as a share of a window, which holds 3 to 10 periods of the motion. What a solution leaves of its
@@ -52,17 +52,29 @@ const ANOTHER_MOTION: f64 = 0.1;
 /// their samples.
 const GROUPS: usize = 8;
 
-/// Measures the bias of a solution's coefficients; `names`: of all columns. `None` where the model
-/// moves otherwise than the record. Not for systems with measured inputs, whose noise a solution
-/// would take for motion. `motion`: the equations, with the names of their coefficients.
+/// A solution of the weak form with the equations of motion that it belongs to.
+pub struct Solved<'a> {
+    /// The equations of motion.
+    pub motion: &'a dyn Dynamics,
+    /// Names of their coefficients.
+    pub coefficients: &'a [String],
+    /// Names of all columns of the weak form.
+    pub columns: &'a [String],
+    /// The coefficients of these columns.
+    pub solution: &'a Solution,
+}
+
+/// Measures the bias of a solution's coefficients. `None` where the model moves otherwise than the
+/// record. Not for systems with measured inputs, whose noise a solution would take for motion.
 pub fn estimate(
     system: &System<'_>,
     windows: &Windows,
-    (rig, bound): (&Rig, &Bound),
+    rig: &Rig,
+    bound: &ObservedModel,
     sensors: &Sensors,
-    (motion, coefficients): (&dyn Dynamics, &[String]),
-    (names, solution): (&[String], &Solution),
+    solved: &Solved<'_>,
 ) -> Option<Bias> {
+    let Solved { motion, coefficients, columns: names, solution } = *solved;
     let found = DVector::from_iterator(names.len(), solution.coefficients.iter().flat_map(|c| c.iter().copied()));
     let (own, values, _) = ties::tie(names, &found, &solution.covariance, &solution.metric);
     let value_of = |name: &String| own.iter().position(|n| n == name).map(|i| values[i]);
@@ -151,18 +163,31 @@ pub(crate) fn cells(sigma: &[f64]) -> f64 {
     (300.0 / least.max(f64::MIN_POSITIVE.sqrt())).log2().ceil().clamp(18.0, 1000.0).exp2()
 }
 
-/// A solution from `state` at samples `spacing` apart (s) over a window, a row for each coordinate
-/// of `out`. Every tenth of a second under a drive, forty times a window without, the state is
-/// rounded to a grid of `cells` a rad (rad/s), far below any sensor: otherwise a chaotic motion,
-/// which grows a rounding error by e in some tenths of a second, would be another one for every way
-/// to write the same equations. False where the equations have no solution or it leaves all bounds.
+/// The samples of a window.
+pub(crate) struct SampledWindow {
+    /// Time of the first, s.
+    pub(crate) start_s: f64,
+    /// Time between two, s.
+    pub(crate) spacing_s: f64,
+    /// Length of the window, s.
+    pub(crate) length_s: f64,
+}
+
+/// A solution from `state` at the samples of a window, a row for each coordinate of `out`. Every
+/// tenth of a second under a drive, forty times a window without, the state is rounded to a grid of
+/// `cells` a rad (rad/s), far below any sensor: otherwise a chaotic motion, which grows a rounding
+/// error by e in some tenths of a second, would be another one for every way to write the same
+/// equations. False where the equations have no solution or it leaves all bounds.
 pub(crate) fn solve<D: Dynamics + ?Sized>(
-    (dynamics, parameters, outside): (&D, &[f64], Outside<'_>),
+    dynamics: &D,
+    parameters: &[f64],
+    outside: Outside<'_>,
     mut state: Vec<f64>,
-    (start_s, spacing, window_s): (f64, f64, f64),
+    window: &SampledWindow,
     cells: f64,
     out: &mut [Vec<f64>],
 ) -> bool {
+    let SampledWindow { start_s, spacing_s: spacing, length_s: window_s } = *window;
     let flow = Flow::new(dynamics, parameters, outside, step_s(outside.omega, spacing, window_s));
     let mut work = Work::plain(dynamics);
     let count = out.first().map_or(0, Vec::len);
@@ -211,8 +236,12 @@ pub(crate) fn motions(
             let before = record.coordinates.iter().map(|x| &x[first..first + 2 * reach + 1]);
             let state = state_at(before, system.kernels)?;
             let outside = Outside::drive(out.start_s, out.tau(0), omega);
-            let start = (record.time(first + reach), out.step_s, windows.length_s);
-            solve((motion, parameters, outside), state, start, cells, &mut out.coordinates).then_some(out)
+            let window = SampledWindow {
+                start_s: record.time(first + reach),
+                spacing_s: out.step_s,
+                length_s: windows.length_s,
+            };
+            solve(motion, parameters, outside, state, &window, cells, &mut out.coordinates).then_some(out)
         })
         .collect::<Option<_>>()?;
     (!found.is_empty()).then_some(found)

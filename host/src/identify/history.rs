@@ -56,7 +56,8 @@ impl History {
     /// Of a stretch of `coordinates` that begins at `start_s` with samples `step_s` apart.
     pub fn new(
         coordinates: &[Vec<f64>],
-        (start_s, step_s): (f64, f64),
+        start_s: f64,
+        step_s: f64,
         kernels: &Kernels,
         circle: &[bool],
         laws: &Arc<Laws>,

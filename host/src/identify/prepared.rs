@@ -10,7 +10,7 @@ use super::windows::{Kernels, Windows, samples_needed};
 use super::{Settings, boots, free_geometry, standstill};
 use crate::error::{BadInput, Result};
 use crate::record::Record;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::rig::{Channel, Rig};
 use crate::signal::noise::{self, Noise};
 use crate::warning::Warning;
@@ -44,7 +44,7 @@ pub struct Prepared {
 /// # Errors
 /// Settings out of range, channels that are not there, a shaker that never moved, records shorter
 /// than one window.
-pub fn prepare(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings) -> Result<Prepared> {
+pub fn prepare(records: &[Record], rig: &Rig, bound: &ObservedModel, settings: &Settings) -> Result<Prepared> {
     let out = Steady::of(records, rig, bound)?;
     let found = out.measured(rig, bound, settings)?;
     out.ready(found, rig, records)
@@ -55,7 +55,7 @@ pub fn prepare(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings
 ///
 /// # Errors
 /// As [`prepare`].
-pub fn prepare_moving(records: &[Record], rig: &Rig, bound: &Bound, settings: &Settings) -> Result<Prepared> {
+pub fn prepare_moving(records: &[Record], rig: &Rig, bound: &ObservedModel, settings: &Settings) -> Result<Prepared> {
     let mut out = Steady::of(records, rig, bound)?;
     let mut found = out.measured(rig, bound, settings)?;
     let (count, window_s) = (&found.sensors.count, found.geometry.windows.length_s);
@@ -79,7 +79,7 @@ struct Measured {
 }
 
 impl Steady {
-    fn of(records: &[Record], rig: &Rig, bound: &Bound) -> Result<Self> {
+    fn of(records: &[Record], rig: &Rig, bound: &ObservedModel) -> Result<Self> {
         let mut warnings: Vec<Warning> = records.iter().flat_map(|r| r.warnings.clone()).collect();
         let (records, restarted) = boots::of_known_zero(records);
         let records = &*records;
@@ -98,7 +98,7 @@ impl Steady {
         Ok(Self { stretches, record_of, warnings })
     }
 
-    fn measured(&self, rig: &Rig, bound: &Bound, settings: &Settings) -> Result<Measured> {
+    fn measured(&self, rig: &Rig, bound: &ObservedModel, settings: &Settings) -> Result<Measured> {
         let step_s = 1.0 / rig.sample_rate_hz;
         let shown: Vec<Vec<Vec<f64>>> = self.stretches.iter().map(|s| s.sensors(bound)).collect();
         let of_sensor = |i: usize| shown.iter().map(move |s| &s[i][..]);

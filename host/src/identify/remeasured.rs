@@ -11,7 +11,7 @@ use super::per_record::Split;
 use super::series::System;
 use super::stretches::{Stretch, mixed};
 use super::windows::{Kernels, Plan, Stretches, WindowRows, Windows, frequency_of_row, rows_planned};
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 
 /// One count of each sensor (none for one that does not count) and the noise of each, in SI.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,7 +50,7 @@ impl Remeasured {
     pub fn new(
         system: &System<'_>,
         windows: &Windows,
-        bound: &Bound,
+        bound: &ObservedModel,
         sensors: &Sensors,
         split: &Split,
         record_of: &[usize],
@@ -173,7 +173,7 @@ impl NullaryFnOnce for Counts<'_> {
 }
 
 /// The stretch as its sensors would measure it in a repeat.
-pub fn measure(truth: &Stretch, repeat: usize, bound: &Bound, sensors: &Sensors, stream: u64) -> Stretch {
+pub fn measure(truth: &Stretch, repeat: usize, bound: &ObservedModel, sensors: &Sensors, stream: u64) -> Stretch {
     let mut shown = truth.sensors(bound);
     let n = shown.len() as u64;
     for (c, sensor) in shown.iter_mut().enumerate() {

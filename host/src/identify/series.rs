@@ -5,6 +5,8 @@
 //! and stand as measured where they are linear: either way they are taken as band-limited, nothing
 //! is interpolated.
 
+use std::ops::Range;
+
 use super::windows::{Kernels, Stretches, step_at};
 use crate::model::model_file::equations_of_motion::wrapped;
 use crate::model::model_file::expression::Symbol;
@@ -46,13 +48,13 @@ impl Stretches for System<'_> {
         &self,
         stretch: usize,
         convolution: &FastConvolution,
-        (first, last): (usize, usize),
+        range: Range<usize>,
         work: &mut convolution::Work,
         series: &mut Vec<Vec<f64>>,
     ) {
         let s = &self.stretches[stretch];
         let reach = convolution.reach();
-        let (from, to) = (first - reach, last + reach);
+        let (from, to) = (range.start - reach, range.end + reach);
         let symbols = self.weak.tape.symbols();
         let n = s.coordinates.len();
         // Smoothed signals that some series needs: coordinates, then inputs; the convolution takes
@@ -81,12 +83,12 @@ impl Stretches for System<'_> {
             }
         }
         let phase: Vec<f64> =
-            if symbols.contains(&Symbol::Tau) { (first..last).map(|i| s.tau(i)).collect() } else { Vec::new() };
+            if symbols.contains(&Symbol::Tau) { range.clone().map(|i| s.tau(i)).collect() } else { Vec::new() };
         let times: Vec<f64> =
-            if symbols.contains(&Symbol::Time) { (first..last).map(|i| s.time(i)).collect() } else { Vec::new() };
+            if symbols.contains(&Symbol::Time) { range.clone().map(|i| s.time(i)).collect() } else { Vec::new() };
         let remembered: Vec<Vec<f64>> = symbols
             .iter()
-            .map(|x| if let Symbol::Memory(k) = *x { s.remembered(k, first, last - first) } else { Vec::new() })
+            .map(|x| if let Symbol::Memory(k) = *x { s.remembered(k, range.start, range.len()) } else { Vec::new() })
             .collect();
         let filtered = |k: usize, output: usize| filtered[k].as_ref().map_or(&[][..], |f| &f[output][..]);
         // Functions of accelerations, of effects only: by differences of the smoothed rates.
@@ -105,8 +107,8 @@ impl Stretches for System<'_> {
                 Symbol::ClearRate(i) => filtered(i, 2),
                 Symbol::Input(k) => filtered(n + k, 0),
                 Symbol::InputRate(k) => filtered(n + k, 1),
-                Symbol::Raw(i) => &s.coordinates[i][first..last],
-                Symbol::RawInput(k) => &s.inputs[k][first..last],
+                Symbol::Raw(i) => &s.coordinates[i][range.clone()],
+                Symbol::RawInput(k) => &s.inputs[k][range.clone()],
                 Symbol::Tau => &phase[..],
                 Symbol::Time => &times[..],
                 Symbol::Memory(_) => &remembered[..],
@@ -115,6 +117,6 @@ impl Stretches for System<'_> {
                 Symbol::Held(_) | Symbol::State(_) => &[],
             })
             .collect();
-        *series = self.weak.tape.run(&columns, last - first);
+        *series = self.weak.tape.run(&columns, range.len());
     }
 }

@@ -9,11 +9,11 @@
 //!
 //! R = −Σ_{i≥j} (r − Q Qᵀ r)_ik,  S = L − j − |Σ_{i≥j} Q_ik|²,  gain = 2 s R − s² S
 //!
-//! is what the step takes off the sum of squares; c is the whole number of counts nearest to R/S.
-//! A step is believed whose gain exceeds `LIMIT` times the samples for which the sensor stands on
-//! one count, since what rounding leaves is of one sign for as long, and beside which the piece is
-//! like what noise leaves (`LIKE`): a model that misses something leaves more. Pieces overlap by half, since a
-//! step at the end of a piece is taken for its state.
+//! is what the step takes off the sum of squares; c is the whole number of counts nearest to R/S. A
+//! step is believed whose gain exceeds `LIMIT` times the samples for which the sensor stands on one
+//! count, since what rounding leaves is of one sign for as long, and beside which the piece is like
+//! what noise leaves (`LIKE`): a model that misses something leaves more. Pieces overlap by half,
+//! since a step at the end of a piece is taken for its state.
 //!
 //! Limits: the place is right to a few samples; two slips within half a piece are found one after
 //! the other; sensors that count alone; nothing is said where the equations miss something besides.
@@ -31,7 +31,7 @@ use crate::error::Result;
 use crate::model::dynamics::Dynamics;
 use crate::record::{Column, Record};
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::suspects::Mending;
 use crate::warning::Warning;
 
@@ -131,7 +131,7 @@ fn overlapping<D: Dynamics + ?Sized>(
         if !follows || half < 8 {
             return None;
         }
-        let (piece, guess) = problem.joined((a, b), &states[k], parameters, half)?;
+        let (piece, guess) = problem.joined(a, b, &states[k], parameters, half)?;
         let samples = piece.measured.len() / sensors;
         let mut room = problem.room(false);
         let (state, _) = problem.fit_state(&piece, &guess, parameters, &[samples / 2, samples], &mut room)?;
@@ -164,7 +164,7 @@ fn in_piece<D: Dynamics + ?Sized>(
     let mut best: Option<Slip> = None;
     for (k, size) in count.iter().enumerate() {
         let Some(size) = size.map(|q| q / problem.sigma[k]) else { continue };
-        let limit = LIMIT * dwell(piece, (k, sensors), size * problem.sigma[k]);
+        let limit = LIMIT * dwell(piece, k, sensors, size * problem.sigma[k]);
         let (mut sum, mut of_basis) = (0.0, DVector::zeros(basis.ncols()));
         for j in (1..samples).rev() {
             let row = j * sensors + k;
@@ -189,7 +189,7 @@ fn in_piece<D: Dynamics + ?Sized>(
 
 /// Samples for which a sensor stands on one count in a piece, in the mean: 1 where each shows
 /// another, without end where it rests. What rounding leaves is of one sign for as long.
-fn dwell(piece: &Piece, (sensor, sensors): (usize, usize), count: f64) -> f64 {
+fn dwell(piece: &Piece, sensor: usize, sensors: usize, count: f64) -> f64 {
     let of = || piece.measured.iter().skip(sensor).step_by(sensors);
     let changes = of().zip(of().skip(1)).filter(|(a, b)| (*a - *b).abs() > 0.5 * count).count();
     of().count() as f64 / changes as f64
@@ -223,7 +223,7 @@ fn left<D: Dynamics + ?Sized>(
 }
 
 /// Where slips stand in the records.
-pub fn placed(slips: &[Slip], bound: &Bound, prepared: &Prepared) -> Vec<Placed> {
+pub fn placed(slips: &[Slip], bound: &ObservedModel, prepared: &Prepared) -> Vec<Placed> {
     let one = |s: &Slip| {
         let (record, channel) = (prepared.record_of[s.stretch], bound.sensors[s.sensor]);
         Placed { record, channel, time_s: prepared.stretches[s.stretch].time(s.sample), counts: s.counts }

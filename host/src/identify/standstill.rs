@@ -12,7 +12,7 @@
 use rayon::prelude::*;
 
 use super::stretches::Stretch;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::warning::Warning;
 
 /// Range of a sensor that stands still, counts: one step to and fro, and rounding.
@@ -28,7 +28,7 @@ const WORTH: f64 = 0.25;
 pub fn leave_out(
     stretches: &mut Vec<Stretch>,
     record_of: &mut Vec<usize>,
-    bound: &Bound,
+    bound: &ObservedModel,
     count: &[Option<f64>],
     window_s: f64,
     warnings: &mut Vec<Warning>,
@@ -68,7 +68,7 @@ pub fn leave_out(
 }
 
 /// First and last + 1 of each standstill of any sensor for `still_s`, in order, without overlaps.
-fn standstills(stretch: &Stretch, bound: &Bound, count: &[Option<f64>], still_s: f64) -> Vec<(usize, usize)> {
+fn standstills(stretch: &Stretch, bound: &ObservedModel, count: &[Option<f64>], still_s: f64) -> Vec<(usize, usize)> {
     let least = (still_s / stretch.step_s).ceil().max(2.0) as usize;
     let of_sensor = |(values, count): (Vec<f64>, &Option<f64>)| {
         let mut found = Vec::new();
@@ -122,7 +122,7 @@ mod tests {
     const Q: f64 = TAU / 1024.0;
     const COUNT: [Option<f64>; 2] = [Some(Q), Some(Q)];
 
-    fn bound() -> Bound {
+    fn bound() -> ObservedModel {
         let rig = Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/chaotic.toml")).unwrap();
         let own = as_own::coordinates(&rig).unwrap();
         let bound = (*own.bound.unwrap()).clone();

@@ -9,7 +9,7 @@ use crate::error::{BadInput, Result};
 use crate::model::model_file::Space;
 use crate::record::Record;
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::signal::angles::Phase;
 
 /// Coordinates and inputs over one unbroken stretch.
@@ -83,7 +83,7 @@ impl Stretch {
     }
 
     /// What the sensors showed, y = S q.
-    pub fn sensors(&self, bound: &Bound) -> Vec<Vec<f64>> {
+    pub fn sensors(&self, bound: &ObservedModel) -> Vec<Vec<f64>> {
         mixed(&bound.shown, &self.coordinates)
     }
 }
@@ -114,7 +114,7 @@ pub fn mixed(matrix: &nalgebra::DMatrix<f64>, x: &[Vec<f64>]) -> Vec<Vec<f64>> {
 ///
 /// # Errors
 /// A channel in counts for a coordinate on a line, whose counts have no length.
-pub fn of(record: &Record, rig: &Rig, bound: &Bound) -> Result<Vec<Stretch>> {
+pub fn of(record: &Record, rig: &Rig, bound: &ObservedModel) -> Result<Vec<Stretch>> {
     for (row, &i) in bound.sensors.iter().enumerate() {
         let c = &record.channels[i];
         let line = (0..bound.model.coordinates.len())

@@ -16,7 +16,7 @@ use crate::model::dynamics::Dynamics;
 use crate::model::flow::Inputs;
 use crate::model::integrate::Outside;
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::signal::band_limited::BandLimited;
 
 /// Time between two stretches on the common axis, s.
@@ -24,8 +24,8 @@ const APART_S: f64 = 10.0;
 /// Least noise of a sensor, relative to what it shows.
 const LEAST_NOISE: f64 = 1e-9;
 
-/// What acts along a stretch: its inputs between their samples, and the phase.
-pub struct Along {
+/// What acts on the system along a stretch: its inputs between their samples, and the phase.
+pub struct ExogenousInputs {
     inputs: Vec<BandLimited>,
     /// States of effects that were followed along the record, behind the inputs: lines from sample
     /// to sample, since they may have corners.
@@ -36,7 +36,7 @@ pub struct Along {
     omega: f64,
 }
 
-impl Along {
+impl ExogenousInputs {
     /// For a stretch and a drive of angular frequency `omega` (0 for a free system).
     pub fn new(s: &Stretch, omega: f64) -> Self {
         Self::remembering(s, omega, &[])
@@ -60,7 +60,7 @@ impl Along {
     }
 }
 
-impl Outside for Along {
+impl Outside for ExogenousInputs {
     fn tau(&self, time: f64) -> f64 {
         self.tau + self.omega * (time - self.start_s)
     }
@@ -102,9 +102,9 @@ pub struct Track<'a> {
     size: Vec<f64>,
     omega: f64,
     inputs: usize,
-    along: &'a [Along],
+    exogenous: &'a [ExogenousInputs],
     stretches: &'a [Stretch],
-    bound: &'a Bound,
+    bound: &'a ObservedModel,
     /// Where each stretch begins on the axis, s.
     begins: Vec<f64>,
     /// States that are known better than from the sensors' slopes, by stretch and sample.
@@ -115,8 +115,14 @@ pub struct Track<'a> {
 pub type KnownStates<'a> = &'a (dyn Fn(usize, usize) -> Option<Vec<f64>> + Sync);
 
 impl<'a> Track<'a> {
-    /// Lays out the stretches; `along` is one for each.
-    pub fn new(stretches: &'a [Stretch], along: &'a [Along], rig: &Rig, bound: &'a Bound, noise: &Sensors) -> Self {
+    /// Lays out the stretches; `exogenous` is one for each.
+    pub fn new(
+        stretches: &'a [Stretch],
+        exogenous: &'a [ExogenousInputs],
+        rig: &Rig,
+        bound: &'a ObservedModel,
+        noise: &Sensors,
+    ) -> Self {
         let spacing_s = stretches.first().map_or(1.0 / rig.sample_rate_hz, |s| s.step_s);
         // Stretches of one record keep their own times, so that what drifts does so along it.
         let own = bound.inputs.is_empty() && stretches.windows(2).all(|s| s[1].start_s > s[0].start_s);
@@ -156,8 +162,8 @@ impl<'a> Track<'a> {
             spacing_s,
             size,
             omega,
-            inputs: along.first().map_or(bound.inputs.len(), Along::count),
-            along,
+            inputs: exogenous.first().map_or(bound.inputs.len(), ExogenousInputs::count),
+            exogenous,
             stretches,
             bound,
             begins,
@@ -189,8 +195,8 @@ impl<'a> Track<'a> {
     /// Inputs at a time of the axis.
     pub fn inputs(&self, time: f64, out: &mut [f64]) {
         let k = self.begins.partition_point(|b| *b <= time + 0.5 * APART_S).saturating_sub(1);
-        if let (Some(along), Some(begin)) = (self.along.get(k), self.begins.get(k)) {
-            along.inputs(time - begin + along.start_s, out);
+        if let (Some(exogenous), Some(begin)) = (self.exogenous.get(k), self.begins.get(k)) {
+            exogenous.inputs(time - begin + exogenous.start_s, out);
         }
     }
 
@@ -210,7 +216,7 @@ impl<'a> Track<'a> {
             for (piece, guess) in pieces.iter().zip(&mut guesses) {
                 let since_s = piece.start_s - self.begins[k];
                 // Not negative; rounded.
-                out.known.push(self.improve((k, (since_s / self.spacing_s).round() as usize), guess));
+                out.known.push(self.improve(k, (since_s / self.spacing_s).round() as usize, guess));
             }
             out.pieces.extend(pieces.into_iter().map(|p| Piece { stretch: k, ..p }));
             out.guesses.extend(guesses);
@@ -226,7 +232,8 @@ impl<'a> Track<'a> {
         pieces: &[Piece],
         guesses: &[Vec<f64>],
         parameters: &[f64],
-        (longest_s, exact): (f64, f64),
+        longest_s: f64,
+        exact: f64,
     ) -> f64 {
         let at = |t: f64, out: &mut [f64]| self.inputs(t, out);
         let sigma: Vec<f64> = self.sigma.iter().zip(&self.size).map(|(s, x)| s.max(exact * x)).collect();
@@ -246,13 +253,13 @@ impl<'a> Track<'a> {
         let measured = MeasuredStretch { start_s, sensors, tau: Box::new(move |i| s.tau(first + i)) };
         let (mut pieces, mut guesses) = cut(&[measured], &geometry, count, count)?;
         let mut guess = guesses.pop()?;
-        let _known = self.improve((stretch, first), &mut guess);
+        let _known = self.improve(stretch, first, &mut guess);
         Some((Piece { stretch, ..pieces.pop()? }, guess))
     }
 
     /// Puts what is known into a guess at a sample of a stretch, if it is, and the states that are
     /// followed with the motion: each is the rate of a coordinate that nothing shows.
-    fn improve(&self, (stretch, first): (usize, usize), guess: &mut Vec<f64>) -> bool {
+    fn improve(&self, stretch: usize, first: usize, guess: &mut Vec<f64>) -> bool {
         let Some(s) = self.stretches.get(stretch) else { return false };
         let known = self.known.and_then(|known| known(stretch, first)).filter(|k| k.len() == guess.len());
         let is_known = known.is_some();

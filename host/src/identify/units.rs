@@ -3,10 +3,10 @@
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::units::{self, Unit};
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 
 /// Units of the coordinates and of the inputs, from those of the channels.
-pub fn channel_units(model: &ModelFile, rig: &Rig, bound: &Bound) -> (Vec<Unit>, Vec<Unit>) {
+pub fn channel_units(model: &ModelFile, rig: &Rig, bound: &ObservedModel) -> (Vec<Unit>, Vec<Unit>) {
     let coordinates = (0..model.coordinates.len())
         .map(|k| {
             let row = (0..bound.sensors.len()).find(|&r| bound.shown[(r, k)] != 0.0).unwrap_or(0);
@@ -22,7 +22,7 @@ pub fn channel_units(model: &ModelFile, rig: &Rig, bound: &Bound) -> (Vec<Unit>,
 }
 
 /// Units of a model file's coefficients; one for each term, equation by equation.
-pub fn units_of(model: &ModelFile, rig: &Rig, bound: &Bound) -> Vec<Vec<String>> {
+pub fn units_of(model: &ModelFile, rig: &Rig, bound: &ObservedModel) -> Vec<Vec<String>> {
     let (coordinates, inputs) = channel_units(model, rig, bound);
     let seconds = model.prime_scale(rig.omega()) == 1.0;
     model

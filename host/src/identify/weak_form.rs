@@ -23,7 +23,7 @@ use crate::model::model_file::expression::Symbol;
 use crate::model::model_file::weak_form::WeakForm;
 use crate::record::Record;
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::system::ties::Identified;
 use crate::warning::Warning;
 
@@ -107,8 +107,9 @@ impl Fitted {
             with_noise_that_fits(&mut sigma, &counted, |sigma| {
                 let sensors = Sensors { sigma: sigma.to_vec(), ..sensors.clone() };
                 let whole = motion.as_ref().and_then(|(motion, coefficients)| {
-                    let motion = (&**motion, &coefficients[..]);
-                    chain_bias::estimate(&system, windows, (own, bound), &sensors, motion, (&names, &solution))
+                    let solved =
+                        chain_bias::Solved { motion: &**motion, coefficients, columns: &names, solution: &solution };
+                    chain_bias::estimate(&system, windows, own, bound, &sensors, &solved)
                 });
                 let smoothed = || Remeasured::new(&system, windows, bound, &sensors, &split, record_of);
                 whole.or_else(|| smoothed().bias(&terms, weights))
@@ -213,7 +214,7 @@ fn unsolvable(e: Unsolvable, terms: &[usize], names: &[String], model: &ModelFil
 }
 
 /// The warning where residuals repeat.
-fn periodic(repetition: f64, bound: &Bound) -> Warning {
+fn periodic(repetition: f64, bound: &ObservedModel) -> Warning {
     let why = if bound.inputs.is_empty() {
         "the motion is locked to the drive or periodic"
     } else {

@@ -11,6 +11,8 @@
 //! Windows start every half window, at multiples of ten drive periods (rounded to samples), so that
 //! windows of a periodic record repeat and can be recognised as repeating.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 use realfft::num_complex::Complex64;
 
@@ -95,12 +97,12 @@ pub trait Stretches: Sync {
     /// Time of a sample, s.
     fn time(&self, stretch: usize, sample: usize) -> f64;
 
-    /// Every series of the model at samples first … last of a stretch, into `series`.
+    /// Every series of the model at a range of samples of a stretch, into `series`.
     fn evaluate(
         &self,
         stretch: usize,
         convolution: &FastConvolution,
-        range: (usize, usize),
+        range: Range<usize>,
         work: &mut convolution::Work,
         series: &mut Vec<Vec<f64>>,
     );
@@ -208,7 +210,7 @@ pub(crate) fn rows_planned(source: &impl Stretches, equations: &[Equation], plan
             let Work { convolution: room, series, transforms, bins } = work;
             series.resize_with(series.len().max(task.len()), Vec::new);
             for (group, series) in task.iter().zip(series.iter_mut()) {
-                let range = (group[0].start, group[group.len() - 1].start + length);
+                let range = group[0].start..group[group.len() - 1].start + length;
                 source.evaluate(group[0].segment, convolution, range, room, series);
             }
             let starts: Vec<Vec<usize>> =
@@ -268,14 +270,14 @@ mod tests {
             &self,
             _: usize,
             convolution: &FastConvolution,
-            (first, last): (usize, usize),
+            range: Range<usize>,
             work: &mut convolution::Work,
             series: &mut Vec<Vec<f64>>,
         ) {
             let reach = convolution.reach();
-            let part = &self.x[first - reach..last + reach];
+            let part = &self.x[range.start - reach..range.end + reach];
             convolution.apply([part, part], work);
-            *series = vec![self.x[first..last].to_vec(), work.outputs[1][0].clone()];
+            *series = vec![self.x[range].to_vec(), work.outputs[1][0].clone()];
         }
     }
 

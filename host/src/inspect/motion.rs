@@ -159,8 +159,8 @@ impl Motion {
         }
     }
 
-    /// |response| of [`Motion::increments`] to the velocity at a frequency: sin(πf h)/(πf h) for angles (0.64 at the Nyquist
-    /// frequency), 1 for numbers.
+    /// Magnitude of the response of [`Motion::increments`] to the velocity at a frequency:
+    /// sin(πf h)/(πf h) for angles (0.64 at the Nyquist frequency), 1 for numbers.
     pub fn response(&self, frequency_hz: f64, rate_hz: f64) -> f64 {
         let x = PI * frequency_hz / rate_hz;
         if self.space == Space::R || x == 0.0 { 1.0 } else { x.sin() / x }

@@ -9,7 +9,7 @@
 //! a_c = −B_i3/l_i and a_s = −B_i4/l_i, as identified: columns of equation i are taken from a
 //! mechanism with those.
 
-use super::effects::{bad, entry, on_mechanism};
+use super::effects::{MechanismInstance, bad, entry, on_mechanism};
 use super::{Acts, Effect, Strength};
 use crate::effects::columns::Span;
 use crate::effects::places::Place;
@@ -71,7 +71,9 @@ fn effects(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Effec
             ));
         };
         let of = |k: usize| {
-            on_mechanism((i, e), entry, place, (&mechanism, &physical[k]), (rig.omega(), span), &|_| Vec::new())
+            let (mechanism, physical, omega) = (&mechanism, &physical[k][..], rig.omega());
+            let found = MechanismInstance { mechanism, physical, omega, span, changed: &|_| Vec::new() };
+            on_mechanism(i, e, entry, place, &found)
         };
         let (first, second) = (of(0)?, of(1)?);
         let acts = match (first.acts, second.acts) {

@@ -62,7 +62,7 @@ pub fn of_own(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Ef
         .flat_map(|f| &f.parameters)
         .map(|p| model.found_with.get(&p.name).copied().unwrap_or(f64::NAN))
         .collect();
-    at_places(model, rig, (mechanism, &physical), None, start_s)
+    at_places(model, rig, mechanism, &physical, None, start_s)
 }
 
 /// Effects of written equations: at their joints, arms, drive, frame and encoders where the file
@@ -83,7 +83,7 @@ pub fn of_written(own: &IdentifiedModel, identified: &IdentifiedModel, rig: &Rig
     let found =
         written::mechanism(model, direction, omega, &values).zip(written::parameters(model, direction, omega, &values));
     let Some((mechanism, parameters)) = found else { return of_coordinates(own, identified, rig) };
-    at_places(own, rig, (&mechanism, &parameters), Some(&values), start_s)
+    at_places(own, rig, &mechanism, &parameters, Some(&values), start_s)
 }
 
 /// Effects of the catalogue at the places of a mechanism; `values`: coefficients of equations that
@@ -91,7 +91,8 @@ pub fn of_written(own: &IdentifiedModel, identified: &IdentifiedModel, rig: &Rig
 fn at_places(
     model: &IdentifiedModel,
     rig: &Rig,
-    (mechanism, physical): (&Mechanism, &[f64]),
+    mechanism: &Mechanism,
+    physical: &[f64],
     values: Option<&[f64]>,
     start_s: f64,
 ) -> Result<Vec<Effect>> {
@@ -100,6 +101,7 @@ fn at_places(
     let span = Span { start_s, length_s };
     let changed =
         |all: &[Change]| written::columns(all, &bound.model, rig.direction(), rig.omega(), values.unwrap_or_default());
+    let found = MechanismInstance { mechanism, physical, omega: rig.omega(), span, changed: &changed };
     let list = model.effects.iter().enumerate();
     list.map(|(i, e)| {
         let entry = entry(i, e, rig)?;
@@ -113,7 +115,7 @@ fn at_places(
                 "Give the rig file that the model was identified with",
             ));
         };
-        on_mechanism((i, e), entry, place, (mechanism, physical), (rig.omega(), span), &changed)
+        on_mechanism(i, e, entry, place, &found)
     })
     .collect()
 }
@@ -130,18 +132,32 @@ pub fn entry<'a>(index: usize, e: &AddedEffect, rig: &'a Rig) -> Result<&'a Entr
     })
 }
 
-/// An effect of the catalogue at a place of a mechanism whose parameters are `physical`.
+/// A mechanism with the values of its parameters, as a record was identified with it.
+pub struct MechanismInstance<'a> {
+    /// The mechanism.
+    pub mechanism: &'a Mechanism,
+    /// Values of its parameters.
+    pub physical: &'a [f64],
+    /// Angular frequency of the drive, rad/s; 0 without one.
+    pub omega: f64,
+    /// The record.
+    pub span: Span,
+    /// Columns of changes of written equations.
+    pub changed: &'a Changed<'a>,
+}
+
+/// An effect of the catalogue at a place of a mechanism.
 ///
 /// # Errors
 /// A shape that is missing, a law that adds nothing there, a value that is not finite.
 pub fn on_mechanism(
-    (index, e): (usize, &AddedEffect),
+    index: usize,
+    e: &AddedEffect,
     entry: &Entry,
     place: Place,
-    (mechanism, physical): (&Mechanism, &[f64]),
-    at: (f64, Span),
-    changed: &Changed<'_>,
+    found: &MechanismInstance<'_>,
 ) -> Result<Effect> {
+    let MechanismInstance { mechanism, physical, omega, span, changed } = *found;
     let remedy = "Write the model anew with `whirl explain -o`";
     // A load that rested on a mass which nothing fixed.
     let mass = e.parameters.get(MASS).filter(|_| entry.names(LOAD));
@@ -169,7 +185,7 @@ pub fn on_mechanism(
     }
     let values = &e.strengths[..entry.strengths.len()];
     let laws = |laws: Vec<Node>| laws.into_iter().zip(values.iter().copied()).collect::<Vec<_>>();
-    let action = columns::action(entry, &form, place, mechanism, physical, at);
+    let action = columns::action(entry, &form, place, mechanism, physical, omega, span);
     match action {
         Ok(Some(Action::Force(_) | Action::Changes(_))) => {
             let adds = match &action {

@@ -12,7 +12,7 @@ use crate::explain::engine::correct;
 use crate::identify::Settings as IdentifySettings;
 use crate::identify::prepare;
 use crate::identify::stretches::{Stretch, mixed};
-use crate::identify::track::{Along, Track};
+use crate::identify::track::{ExogenousInputs, Track};
 use crate::record::Record;
 use crate::validate::identified_equations::IdentifiedEquations;
 use crate::validate::starts::{Pace, RecordTrack, Starts};
@@ -27,7 +27,7 @@ pub struct Begin {
     /// Coordinates, then rates a second.
     pub state: Vec<f64>,
     /// Inputs from there on; none where the system has none, or where they are 0.
-    pub inputs: Option<Along>,
+    pub inputs: Option<ExogenousInputs>,
     /// Length of the record from there on, s.
     pub left_s: f64,
     /// Spacing of the samples, s.
@@ -59,8 +59,8 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
     let measured: Vec<f64> = part[0].coordinates.iter().map(|x| x[0]).collect();
     take_off(motion, &mut part[0]);
     let omega = motion.omega().unwrap_or(0.0);
-    let along = [Along::new(&part[0], omega)];
-    let track = Track::new(&part, &along, &motion.rig, &motion.bound, &prepared.sensors);
+    let exogenous = [ExogenousInputs::new(&part[0], omega)];
+    let track = Track::new(&part, &exogenous, &motion.rig, &motion.bound, &prepared.sensors);
     let followed = RecordTrack { stretches: &part, track: &track };
     let (equations, parameters) = motion.equations()?;
     let names = equations.coefficients().to_vec();
@@ -88,7 +88,7 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
         state[k] += core::f64::consts::TAU * turns.round();
     }
     let [part] = &part;
-    let inputs = (!part.inputs.is_empty()).then(|| Along::new(part, omega));
+    let inputs = (!part.inputs.is_empty()).then(|| ExogenousInputs::new(part, omega));
     let (time, tau) = (part.start_s, if omega == 0.0 { 0.0 } else { part.tau(0) });
     Ok(Begin { time, tau, state, inputs, left_s: part.len() as f64 * part.step_s, step_s: part.step_s })
 }

@@ -37,7 +37,7 @@ use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::expression::{Node, Symbol, add, multiply, number, symbol};
 use crate::model::model_file::{ModelFile, Space};
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::system::library::Pendulum;
 
 /// One strength of an effect and what it multiplies.
@@ -107,7 +107,7 @@ pub struct Motion {
     /// The rig, bound to the equations.
     pub rig: Rig,
     /// What its channels measure.
-    pub bound: Bound,
+    pub bound: ObservedModel,
     /// The equations, the drive's phase with what advances it.
     pub file: ModelFile,
     /// Coefficients, in the order in which the file names them first.

@@ -92,6 +92,7 @@ pub fn tangent_exponent(
     let state = m * observables.len();
     let reach = m * step;
     let runs = runs(observables.first()?, reach, step, settings.steps);
+    let map = TangentMap { e: &e, observables, reach, keep: settings.keep, state };
     let blocks: Vec<[(f64, usize); 2]> = runs
         .par_iter()
         .map(|(from, count)| {
@@ -103,7 +104,7 @@ pub fn tangent_exponent(
                 tree.near(start, settings.theiler, settings.neighbours, &mut best, &mut stack);
                 for (half, (v, sum)) in vectors.iter_mut().zip(&mut sums).enumerate() {
                     let near = &best[..(best.len() >> half).max(unknowns.min(best.len()))];
-                    let Some(growth) = advance(&e, observables, start, near, (reach, settings.keep), state, v) else {
+                    let Some(growth) = map.advance(start, near, v) else {
                         continue;
                     };
                     if i >= SETTLE {
@@ -162,67 +163,74 @@ fn signed(a: f32, b: f32, period: f32) -> f64 {
     f64::from(if period.is_finite() { d - d.round() } else { d })
 }
 
-/// Fits the planes at `start` and carries `v` one step on; returns its growth.
-fn advance(
-    e: &Embedding<'_>,
-    observables: &[&Observable],
-    start: u32,
-    near: &[(f32, u32)],
-    (reach, keep): (usize, Option<usize>),
+/// The local linear maps of one step.
+struct TangentMap<'a> {
+    e: &'a Embedding<'a>,
+    observables: &'a [&'a Observable],
+    /// Samples from the oldest value of a vector to the one that is predicted.
+    reach: usize,
+    /// Directions in which gradients are kept; all where none.
+    keep: Option<usize>,
+    /// Length of a tangent vector.
     state: usize,
-    v: &mut [f64; MOST],
-) -> Option<f64> {
-    let unknowns = e.components.len() + 1;
-    let widest = f64::from(near.last()?.0).max(1e-18) * 1.0001;
-    let mut normal = [[0.0f64; MOST]; MOST];
-    let mut right = [[0.0f64; MOST]; MOST];
-    let mut row = [0.0f64; MOST];
-    row[0] = 1.0;
-    for (d2, other) in near {
-        // Tricube-like: the nearest count most, the farthest nothing.
-        let weight = (1.0 - f64::from(*d2) / widest).powi(2);
-        for (j, c) in e.components.iter().enumerate() {
-            row[j + 1] = signed(e.at(*other, j), e.at(start, j), c.of.period);
-        }
-        for a in 0..unknowns {
-            for b in 0..=a {
-                normal[a][b] += weight * row[a] * row[b];
+}
+
+impl TangentMap<'_> {
+    /// Fits the planes at `start` and carries `v` one step on; returns its growth.
+    fn advance(&self, start: u32, near: &[(f32, u32)], v: &mut [f64; MOST]) -> Option<f64> {
+        let Self { e, observables, reach, keep, state } = *self;
+        let unknowns = e.components.len() + 1;
+        let widest = f64::from(near.last()?.0).max(1e-18) * 1.0001;
+        let mut normal = [[0.0f64; MOST]; MOST];
+        let mut right = [[0.0f64; MOST]; MOST];
+        let mut row = [0.0f64; MOST];
+        row[0] = 1.0;
+        for (d2, other) in near {
+            // Tricube-like: the nearest count most, the farthest nothing.
+            let weight = (1.0 - f64::from(*d2) / widest).powi(2);
+            for (j, c) in e.components.iter().enumerate() {
+                row[j + 1] = signed(e.at(*other, j), e.at(start, j), c.of.period);
             }
-        }
-        for (o, of) in observables.iter().enumerate() {
-            let change = signed(of.values[*other as usize + reach], of.values[start as usize + reach], of.period);
             for a in 0..unknowns {
-                right[o][a] += weight * row[a] * change;
+                for b in 0..=a {
+                    normal[a][b] += weight * row[a] * row[b];
+                }
+            }
+            for (o, of) in observables.iter().enumerate() {
+                let change = signed(of.values[*other as usize + reach], of.values[start as usize + reach], of.period);
+                for a in 0..unknowns {
+                    right[o][a] += weight * row[a] * change;
+                }
             }
         }
-    }
-    // A little of the diagonal: directions that no neighbour shows have gradient zero.
-    for a in 0..unknowns {
-        normal[a][a] *= 1.0 + 1e-6;
-        normal[a][a] += 1e-14;
-    }
-    let n = observables.len();
-    match keep.filter(|k| *k < e.components.len()) {
-        Some(keep) => confined(&normal, &mut right[..n], e.components.len(), keep)?,
-        None => {
-            cholesky(&mut normal, unknowns)?;
-            right[..n].iter_mut().for_each(|r| solve(&normal, r, unknowns));
+        // A little of the diagonal: directions that no neighbour shows have gradient zero.
+        for a in 0..unknowns {
+            normal[a][a] *= 1.0 + 1e-6;
+            normal[a][a] += 1e-14;
         }
+        let n = observables.len();
+        match keep.filter(|k| *k < e.components.len()) {
+            Some(keep) => confined(&normal, &mut right[..n], e.components.len(), keep)?,
+            None => {
+                cholesky(&mut normal, unknowns)?;
+                right[..n].iter_mut().for_each(|r| solve(&normal, r, unknowns));
+            }
+        }
+        let mut next = [0.0; MOST];
+        next[..state - n].copy_from_slice(&v[n..state]);
+        for o in 0..n {
+            next[state - n + o] = (0..state).map(|j| right[o][j + 1] * v[j]).sum();
+        }
+        let norm = |v: &[f64; MOST]| v[..state].iter().map(|x| x * x).sum::<f64>().sqrt();
+        let growth = norm(&next) / norm(v);
+        if !(growth.is_finite() && growth > 1e-12) {
+            *v = start_vector(state);
+            return None;
+        }
+        let size = norm(&next);
+        *v = next.map(|x| x / size);
+        Some(growth)
     }
-    let mut next = [0.0; MOST];
-    next[..state - n].copy_from_slice(&v[n..state]);
-    for o in 0..n {
-        next[state - n + o] = (0..state).map(|j| right[o][j + 1] * v[j]).sum();
-    }
-    let norm = |v: &[f64; MOST]| v[..state].iter().map(|x| x * x).sum::<f64>().sqrt();
-    let growth = norm(&next) / norm(v);
-    if !(growth.is_finite() && growth > 1e-12) {
-        *v = start_vector(state);
-        return None;
-    }
-    let size = norm(&next);
-    *v = next.map(|x| x / size);
-    Some(growth)
 }
 
 /// Solves the normal equations (a constant, then one unknown a component; lower triangle) for

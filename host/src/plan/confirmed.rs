@@ -34,9 +34,9 @@ impl Task<'_> {
             if all.is_empty() {
                 return out;
             }
-            let found = self.proposal(&out.setting, (&all, looked), None);
+            let found = self.proposal(&out.setting, &all, looked, None);
             let settled = (found.seconds / looked).ln().abs() < ENOUGH || round + 1 == ROUNDS;
-            out = self.proposal(&out.setting, (&all, looked), settled.then_some(found.seconds.max(looked)));
+            out = self.proposal(&out.setting, &all, looked, settled.then_some(found.seconds.max(looked)));
             if settled {
                 break;
             }

@@ -226,7 +226,7 @@ pub fn plan(
     task.widen()?;
     let (ranked, unchanged) = looked(&mut task, &good, &tick)?;
     let mut proposals: Vec<Proposal> =
-        ranked.iter().map(|(s, all)| task.proposal(s, (all, task.looked_at_s()), None)).collect();
+        ranked.iter().map(|(s, all)| task.proposal(s, all, task.looked_at_s(), None)).collect();
     for p in &mut proposals {
         p.chaos = map.iter().find(|m| m.setting == p.setting).map(|m| m.chaos);
     }
@@ -235,8 +235,8 @@ pub fn plan(
         *best = task.confirmed(best, &tick);
         best.chaos = task.at(&best.setting).and_then(|own| trial::share(&own, settings.seed, SHARE_DRAWS))?;
     }
-    let unchanged = unchanged
-        .map(|e| task.proposal(&task.unchanged(), (&[e], task.looked_at_s()), best.as_ref().map(|b| b.seconds)));
+    let unchanged =
+        unchanged.map(|e| task.proposal(&task.unchanged(), &[e], task.looked_at_s(), best.as_ref().map(|b| b.seconds)));
     let goals = settings.goals.clone();
     Ok(Plan {
         rig: rig.name.clone(),

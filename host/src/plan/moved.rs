@@ -138,7 +138,7 @@ fn primes(of: &Node) -> i32 {
 }
 
 /// What a coefficient is multiplied with.
-fn factor(model: &ModelFile, (equation, term): (&Equation, &Term), times: f64, amplitude: f64) -> f64 {
+fn factor(model: &ModelFile, equation: &Equation, term: &Term, times: f64, amplitude: f64) -> f64 {
     let driven = term.of.any(&|s| s == Symbol::Tau);
     let base = if driven { amplitude } else { 1.0 };
     let derived = model.mechanism.as_ref().is_some_and(|m| !m.coefficients.is_empty());
@@ -174,7 +174,7 @@ pub fn at(rig: &Rig, model: &IdentifiedModel, setting: &Setting) -> Result<Own> 
     let times = frequency_hz / drive.frequency_hz;
     for equation in &bound.model.equations {
         for term in &equation.terms {
-            let by = factor(&bound.model, (equation, term), times, amplitude);
+            let by = factor(&bound.model, equation, term, times, amplitude);
             for p in out.parameters.iter_mut().filter(|p| p.name == term.name) {
                 (p.value, p.std_error) = (p.value * by, p.std_error * by.abs());
             }

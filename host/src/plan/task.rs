@@ -121,7 +121,7 @@ impl<'a> Task<'a> {
         let record = trial::record(&own, &Made { seconds, ..self.made(setting, draw) }).ok()?;
         let mut found = expected(record, &own.rig, &own.model).ok()??;
         if self.model.system.pendulum() == Some(Pendulum::Double) {
-            double_pendulum::told(&mut found.parameters, own.rig.omega());
+            double_pendulum::to_non_dimensional(&mut found.parameters, own.rig.omega());
         }
         let known = |p: &Parameter| p.std_error.is_finite() && p.value.is_finite();
         found.parameters.retain(known);
@@ -171,8 +171,7 @@ impl<'a> Task<'a> {
             for setting in std::iter::once(&self.unchanged()).chain(good).take(TRIES) {
                 let own = self.at(setting)?;
                 let made = self.made(setting, 0);
-                match trial::record(&own, &made).and_then(|r| with_effect(r, &own.rig, &own.model, (&tell.name, size)))
-                {
+                match trial::record(&own, &made).and_then(|r| with_effect(r, &own.rig, &own.model, &tell.name, size)) {
                     Ok(Some(found)) => {
                         self.model.effects = found.effects;
                         self.model.found_with = found.found_with;
@@ -297,7 +296,7 @@ impl<'a> Task<'a> {
 
     /// A proposal from what draws of records of `looked` seconds would tell, for a record of
     /// `seconds`, or as long as its goals take.
-    pub fn proposal(&self, setting: &Setting, (all, looked): (&[Expected], f64), seconds: Option<f64>) -> Proposal {
+    pub fn proposal(&self, setting: &Setting, all: &[Expected], looked: f64, seconds: Option<f64>) -> Proposal {
         let goals = self.times(all, looked);
         let wanted = goals.iter().map(|r| r.seconds.unwrap_or(f64::INFINITY)).fold(0.0, f64::max);
         let longest = self.longest_s();

@@ -36,6 +36,7 @@ mod parquet_source;
 mod parquet_structure;
 mod parquet_write;
 mod quiet;
+mod rate;
 pub mod regression_rows;
 mod resample;
 mod rows;

@@ -259,7 +259,7 @@ impl Reader<'_> {
         if self.structure.written_by_whirl {
             rows.lose(rows_in(group).ok(), number, &why);
         } else {
-            let wrong = salvage(&self.source, (group, number), &self.columns, begun, &why, rows);
+            let wrong = salvage(&self.source, group, number, &self.columns, begun, &why, rows);
             self.wrong = self.wrong.take().or(wrong);
         }
         self.group += 1;

@@ -180,11 +180,11 @@ const SCHEMA: &str = "message m { required double t; required int64 count1; requ
 /// A file of somebody else's: row groups of 3000 rows in pages of 500, counts through a dictionary
 /// if asked.
 fn foreign(path: &Path, groups: usize, dictionary: bool, compression: Compression) -> Vec<u8> {
-    foreign_of(path, (groups, 3000), dictionary, compression)
+    foreign_of(path, groups, 3000, dictionary, compression)
 }
 
 /// As [`foreign`], of so many row groups of so many rows.
-fn foreign_of(path: &Path, (groups, each): (usize, usize), dictionary: bool, compression: Compression) -> Vec<u8> {
+fn foreign_of(path: &Path, groups: usize, each: usize, dictionary: bool, compression: Compression) -> Vec<u8> {
     let schema = Arc::new(parse_message_type(SCHEMA).unwrap());
     let properties = WriterProperties::builder()
         .set_compression(compression)
@@ -280,7 +280,7 @@ fn a_page_damaged_far_into_a_long_row_group_costs_itself_and_no_row_comes_twice(
     let (_dir, path) = dir();
     // Longer than a block and than what is decoded at once, both no whole number of pages.
     let n = 150_000;
-    let mut bytes = foreign_of(&path, (1, n), false, Compression::SNAPPY);
+    let mut bytes = foreign_of(&path, 1, n, false, Compression::SNAPPY);
     assert_eq!(as_exported(&read_with(&path, false).unwrap()), n);
     let chunk = groups(&path)[0].column(2).clone();
     let at = (chunk.data_page_offset() + chunk.compressed_size() * 97 / 100) as usize;

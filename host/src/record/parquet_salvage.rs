@@ -29,7 +29,8 @@ use crate::error::BadInput;
 /// Gives the first value that was wrong.
 pub(super) fn salvage(
     source: &Arc<Source>,
-    (group, number): (&RowGroupMetaData, usize),
+    group: &RowGroupMetaData,
+    number: usize,
     columns: &Columns,
     from: usize,
     why: &str,

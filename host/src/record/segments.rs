@@ -9,15 +9,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::rows::{DeviceColumns, Rows};
-use super::{Column, Losses, Metadata, Record, Segment, time_fit, unwrap};
+use super::{Column, Losses, Metadata, Record, Segment, rate, time_fit, unwrap};
 use crate::error::{BadInput, Result};
-use crate::report::format::shortest;
 use crate::rig::{Channel, Rig, UNKNOWN_RATE};
 use crate::suspects::{self, Numbering};
 use crate::warning::Warning;
 
-/// Greatest relative difference between the record's sampling rate and the rig file's.
-const RATE_TOLERANCE: f64 = 0.005;
 /// Rms deviation of `t` from an even clock, in steps, from which a warning is given.
 const JITTER_WARNING: f64 = 0.05;
 
@@ -42,20 +39,20 @@ pub(super) fn assemble(
     let mut losses = Losses::default();
     let ranges = split(&rows, rough, &mut losses);
     if let Some((place, channel)) = rows.first_missing {
-        let missing = (losses.nan_rows, rows.t.len() as u64);
-        warnings.push(nan_warning(missing, rows.word, place, &rig.channel[channel].name));
+        let (missing, all) = (losses.nan_rows, rows.t.len() as u64);
+        warnings.push(nan_warning(missing, all, rows.word, place, &rig.channel[channel].name));
     }
     if ranges.is_empty() {
         return Err(no_whole_row(rows.path, rig));
     }
     let sums: Vec<time_fit::Sums> = ranges.iter().map(|r| time_fit::sums(&rows.t[r.clone()])).collect();
     let step = time_fit::pooled_step(&sums).unwrap_or(rough);
-    let rate = check_rate(rows.path, rig, rows.t.len() as u64, step)?;
+    let rate_hz = rate::check(rows.path, rig, rows.t.len() as u64, step)?;
 
     // A record of whirl's own knows its clock; all others are fitted.
     let own_step =
         metadata.as_ref().map(|m| m.sample_rate_hz).filter(|r| *r > 0.0 && rows.device.is_some()).map(|r| 1.0 / r);
-    let rate = own_step.map_or(rate, |step| 1.0 / step);
+    let rate_hz = own_step.map_or(rate_hz, |step| 1.0 / step);
     let clocks = clocks(&rows, &ranges, &sums, own_step, step)?;
     let columns = columns(&mut rows, &ranges, metadata.is_some(), &mut warnings)?;
     let segments = segments(&mut rows, &ranges, clocks, columns, metadata.as_ref(), step);
@@ -74,7 +71,7 @@ pub(super) fn assemble(
     let losses = accounted(&rows, losses, stored_losses);
     let mut record = Record {
         path: rows.path.to_path_buf(),
-        sample_rate_hz: rate,
+        sample_rate_hz: rate_hz,
         channels: rig.channel.clone(),
         segments,
         losses,
@@ -282,7 +279,7 @@ pub(super) fn lost_between(gap: f64, step: f64) -> u64 {
 }
 
 /// Rows (how many of how many) without a value in some channel.
-pub(super) fn nan_warning((missing, all): (u64, u64), word: &str, place: u64, channel: &str) -> Warning {
+pub(super) fn nan_warning(missing: u64, all: u64, word: &str, place: u64, channel: &str) -> Warning {
     Warning::new(
         "nan-is-gap",
         format!(
@@ -341,55 +338,6 @@ pub(super) fn gap_warning(losses: &Losses, segments: u64) -> Warning {
     )
 }
 
-/// The record's rate, Hz; an error where the rig file says another.
-pub(super) fn check_rate(path: &Path, rig: &Rig, count: u64, step: f64) -> Result<f64> {
-    let (rate, nominal) = (1.0 / step, rig.sample_rate_hz);
-    let near = (rate / nominal - 1.0).abs() <= RATE_TOLERANCE;
-    if nominal == UNKNOWN_RATE {
-        return Ok(rate);
-    }
-    if count > 1 && !near {
-        let other = [("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("min", 1.0 / 60.0)]
-            .into_iter()
-            .find(|(_, n)| (rate * n / nominal - 1.0).abs() <= RATE_TOLERANCE);
-        if let Some((unit, _)) = other {
-            return Err(BadInput::new(
-                format!("times {step} apart"),
-                format!("{} s, as sample_rate_hz = {nominal} of {} says", 1.0 / nominal, rig.path.display()),
-            )
-            .in_file(path)
-            .at("time")
-            .remedy(format!(
-                "The time is in {unit}: say time_unit = \"{unit}\" in the rig file, or --time COLUMN:{unit}"
-            )));
-        }
-        return Err(BadInput::new(
-            format!("rows {} s apart ({} Hz)", shortest(step), shortest(rate)),
-            format!("{nominal} Hz (sample_rate_hz of {}) within 0.5 %", rig.path.display()),
-        )
-        .in_file(path)
-        .at("column t")
-        .remedy(rate_remedy(rate, nominal)));
-    }
-    Ok(rate)
-}
-
-/// What to do where the record's rate, Hz, is not the rig file's.
-fn rate_remedy(rate: f64, nominal: f64) -> String {
-    // A rate that is off by a thousand or more is another unit of time.
-    let unit =
-        [(1e3, "ms"), (1e6, "µs"), (1e9, "ns")].into_iter().find(|(k, _)| (rate * k / nominal - 1.0).abs() < 0.05);
-    match unit {
-        Some((factor, unit)) => {
-            format!("t is in {unit}, it seems: divide it by {factor:.0}, since t must be in seconds")
-        }
-        None => format!(
-            "Set sample_rate_hz = {} in the rig file if that is the record's rate; t must be in seconds. A clock that is uneven on purpose is made even by --resample",
-            shortest(rate)
-        ),
-    }
-}
-
 /// One segment's part of a column.
 fn cut(column: &Column, range: &Range<usize>) -> Column {
     match column {
@@ -399,15 +347,8 @@ fn cut(column: &Column, range: &Range<usize>) -> Column {
 }
 
 #[cfg(test)]
-mod rate_tests {
+mod tests {
     use super::*;
-
-    #[test]
-    fn another_unit_of_time_is_named() {
-        assert!(rate_remedy(500.0 / 1e9, 500.0).starts_with("t is in ns, it seems: divide it by 1000000000"));
-        assert!(rate_remedy(0.5, 500.0).starts_with("t is in ms"));
-        assert!(rate_remedy(250.0, 500.0).starts_with("Set sample_rate_hz = 250 in the rig file"));
-    }
 
     #[test]
     fn counts_have_their_plurals() {

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use super::formats::{self, ReadOptions};
 use super::rows::Rows;
-use super::{Column, Losses, Metadata, segments, time_fit, unwrap};
+use super::{Column, Losses, Metadata, rate, segments, time_fit, unwrap};
 use crate::error::{BadInput, Result};
 use crate::rig::{Rig, computed};
 use crate::warning::Warning;
@@ -179,7 +179,7 @@ fn pass(source: &mut dyn Source, path: &Path, rig: &Rig, take: &mut Take<'_>) ->
         }
         if !held {
             let rough = time_fit::rough_step(&rows.t, nominal).unwrap_or(nominal);
-            segments::check_rate(path, rig, count as u64, rough)?;
+            rate::check(path, rig, count as u64, rough)?;
         }
         let mut hole = vec![false; count];
         rows.missing.iter().flatten().for_each(|i| hole[*i] = true);
@@ -225,13 +225,13 @@ fn pass(source: &mut dyn Source, path: &Path, rig: &Rig, take: &mut Take<'_>) ->
         return Err(segments::no_row(path));
     }
     if let Some((place, channel)) = rows.first_missing {
-        warnings.push(segments::nan_warning((losses.nan_rows, all), rows.word, place, &rig.channel[channel].name));
+        warnings.push(segments::nan_warning(losses.nan_rows, all, rows.word, place, &rig.channel[channel].name));
     }
     if losses.received == 0 {
         return Err(segments::no_whole_row(path, rig));
     }
     pooled.add(&clock);
-    let rate = segments::check_rate(path, rig, all, pooled.step().unwrap_or(nominal))?;
+    let rate = rate::check(path, rig, all, pooled.step().unwrap_or(nominal))?;
     if losses.gaps > 0 {
         warnings.push(segments::gap_warning(&losses, stretches));
     }

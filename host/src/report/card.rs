@@ -10,8 +10,9 @@ use super::figures::Figure;
 use super::figures::axis::Axis;
 use super::figures::palette::MEASURED;
 use super::figures::panel::{Layout, Panel, Rule, Series, Shape};
-use super::format::{Z95, plus_minus, significant, symbol_plain, symbol_svg};
+use super::format::{Z95, plus_minus, significant};
 use super::html::{Align, Html, escape};
+use super::symbols::{symbol_plain, symbol_svg};
 use crate::explain::engine::compared::Compared;
 use crate::export::written_out::{WrittenEquation, WrittenOut, WrittenTerm};
 
@@ -43,7 +44,7 @@ pub struct GapBar {
     /// Gap over what noise alone leaves.
     pub value: f64,
     /// In words.
-    pub told: String,
+    pub label: String,
 }
 
 /// An answer's card.
@@ -202,7 +203,7 @@ impl Card {
         for b in bars {
             let length = if b.value.is_finite() { ((b.value / most * BAR as f64).round() as usize).max(1) } else { 0 };
             let bar = format!("{}{}", "█".repeat(length), " ".repeat(BAR - length.min(BAR)));
-            let _ = writeln!(out, "  {}  {bar}  {}", cell(&b.name, wide), b.told);
+            let _ = writeln!(out, "  {}  {bar}  {}", cell(&b.name, wide), b.label);
         }
     }
 
@@ -220,7 +221,7 @@ impl Card {
             self.html_table(&mut body);
         }
         let bars: Vec<(String, f64, String)> =
-            self.gap.1.iter().map(|b| (b.name.clone(), b.value, b.told.clone())).collect();
+            self.gap.1.iter().map(|b| (b.name.clone(), b.value, b.label.clone())).collect();
         if bars.len() > 1 {
             body.heading(&self.gap.0);
             body.bars(["model", "how far predictions miss"], &bars);
@@ -328,75 +329,5 @@ fn picture(p: &Compared) -> Figure {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn card() -> Card {
-        let term =
-            |negative, text: &str| WrittenTerm { negative, mathml: format!("<mi>{text}</mi>"), text: text.to_owned() };
-        let equation = WrittenEquation { left: vec![term(false, "a"), term(true, "b")], right: Vec::new() };
-        let row = |symbol: &str, before, after| CardRow {
-            symbol: symbol.to_owned(),
-            plain: "friction <i>".to_owned(),
-            before,
-            after,
-            unit: "N m".to_owned(),
-        };
-        let bar = |name: &str, value| GapBar { name: name.to_owned(), value, told: format!("{value} noise floors") };
-        Card {
-            verdict: "The model misses a drag & more.".to_owned(),
-            equations: Some(WrittenOut {
-                equations: vec![equation],
-                notes: vec!["A note.".into()],
-                ..WrittenOut::default()
-            }),
-            parameters: vec![row("C2", Some((0.05455, 4e-5)), (0.048493, 5.5e-6)), row("", None, (2e-7, 2e-11))],
-            gap: ("Gap over 0.2 s".to_owned(), vec![bar("before", 4.5), bar("after", 1.0)]),
-            picture: Some(Compared {
-                measures: "theta2".to_owned(),
-                unit: "°".to_owned(),
-                from_s: 12.0,
-                fitted_s: 0.2,
-                t: vec![0.0, 0.5, 1.0],
-                measured: vec![0.0, 10.0, 20.0],
-                before: vec![0.0, 1.0],
-                after: vec![0.0, 0.1, 0.2],
-            }),
-            confirm: vec!["Swing it in a vacuum.".to_owned()],
-            undecided: Vec::new(),
-        }
-    }
-
-    #[test]
-    fn a_terminal_has_the_answer_first() {
-        let text = card().text();
-        assert!(text.starts_with("The model misses a drag & more.\n\nEquations of motion\n  a − b = 0\n"), "{text}");
-        assert!(text.contains("0.05455 ± 0.00008  →  0.048493 ± 0.000011"), "{text}");
-        assert!(text.contains("C₂, friction") && text.contains("−11 %") && text.contains("  new\n"), "{text}");
-        let length =
-            |name: &str| text.lines().find(|l| l.starts_with(&format!("  {name} "))).unwrap().matches('█').count();
-        assert_eq!((length("before"), length("after")), (40, 9), "{text}");
-        assert!(text.contains("To confirm it\n  Swing") && !text.contains("Not decided"), "{text}");
-    }
-
-    #[test]
-    fn a_page_has_the_same_escaped() {
-        let page = card().html().0;
-        assert!(page.starts_with("<p class=verdict>The model misses a drag &amp; more.</p>"), "{page}");
-        assert!(page.contains("<math><mrow><mo form=infix>−</mo><mi>b</mi></mrow></math>"), "{page}");
-        assert!(page.contains("0.048493 ± 0.000011") && page.contains("friction &lt;i&gt;"), "{page}");
-        assert!(page.contains("predicted by the new model") && page.contains("<svg"), "{page}");
-    }
-
-    #[test]
-    fn long_equations_break_between_terms() {
-        let term =
-            |k: usize| WrittenTerm {
-                negative: k % 2 == 1, mathml: String::new(), text: "0.123 sin(φ₁) cos(τ)".into()
-            };
-        let e = WrittenEquation { left: (0..12).map(term).collect(), right: vec![term(0)] };
-        let text = lines(&e);
-        assert!(text.lines().count() > 2 && text.lines().all(|l| l.chars().count() <= WIDE), "{text}");
-        assert!(text.trim_end().ends_with("= 0.123 sin(φ₁) cos(τ)"), "{text}");
-    }
-}
+#[path = "card_tests.rs"]
+mod tests;

@@ -51,9 +51,9 @@ impl Html {
         Self(escape(text))
     }
 
-    /// A parameter's symbol, see [`super::format::symbol_html`].
+    /// A parameter's symbol, see [`super::symbols::symbol_html`].
     pub fn symbol(name: &str) -> Self {
-        Self(super::format::symbol_html(name))
+        Self(super::symbols::symbol_html(name))
     }
 
     /// Appends another piece.
@@ -109,12 +109,12 @@ impl Html {
         self.0.push_str(&format!(
             "<div class=scroll><table class=bars><thead><tr><th>{name}</th><th>{value}</th></tr></thead><tbody>\n"
         ));
-        for (name, value, told) in bars {
+        for (name, value, label) in bars {
             let share = if *value > 0.0 && value.is_finite() && most > 0.0 { 100.0 * value / most } else { 0.0 };
             self.0.push_str(&format!(
                 "<tr><td>{}</td><td><span class=bar><span style=\"width:{share:.1}%\"></span></span> {}</td></tr>\n",
                 escape(name),
-                escape(told)
+                escape(label)
             ));
         }
         self.0.push_str("</tbody></table></div>\n");

@@ -12,6 +12,7 @@ pub mod format;
 pub mod html;
 pub mod names;
 pub mod sections;
+pub mod symbols;
 
 use std::any::Any;
 use std::path::Path;

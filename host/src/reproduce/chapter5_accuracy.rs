@@ -47,12 +47,19 @@ fn errors(system: &dyn Mechanical, polar: &Polar, nodes: Option<&[Node]>, member
     Some(worst)
 }
 
-/// A model, one with the equations known and all of its nodes, and those of the releases.
-type Both = (Polar, (Polar, Vec<Node>), Vec<Node>);
+/// Models of the same releases.
+struct Models {
+    /// Of the releases alone.
+    plain: Polar,
+    /// With the equations known, and all of its nodes.
+    informed: (Polar, Vec<Node>),
+    /// Those of the releases.
+    nodes: Vec<Node>,
+}
 
 /// Models of the releases with noise of this share of each channel's rms; releases not used by the
 /// case are not used here.
-fn noisy(case: &Case, noise: f64, seed: u64) -> Option<Both> {
+fn noisy(case: &Case, noise: f64, seed: u64) -> Option<Models> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut nodes = Vec::new();
     let major = &case.pod.modes[0];
@@ -76,18 +83,19 @@ fn noisy(case: &Case, noise: f64, seed: u64) -> Option<Both> {
     }
     let linear = normal_mode::linear_mode(&*case.system, 0);
     let known = polar::model_with(&nodes, major, &*case.system, linear.clone())?;
-    Some((polar::model(&nodes, major, linear)?, known, nodes))
+    Some(Models { plain: polar::model(&nodes, major, linear)?, informed: known, nodes })
 }
 
 /// Of so many draws, at the releases: whether the frequency's 95 % interval holds the mode's,
 /// [held, asked].
-fn held(case: &Case, (polar, known, nodes): &Both) -> Option<[[u32; 2]; 2]> {
+fn held(case: &Case, models: &Models) -> Option<[[u32; 2]; 2]> {
+    let Models { plain, informed: known, nodes } = models;
     let mut count = [[0; 2]; 2];
     let linear = normal_mode::linear_mode(&*case.system, 0);
     let blind = Evaluation { system: None, masses: None, linear: linear.as_ref(), corrected: false, between: &[] };
     let informed =
         Evaluation { system: Some(&*case.system), corrected: true, between: &known.1[nodes.len()..], ..blind };
-    for (count, (model, how)) in count.iter_mut().zip([(polar, blind), (&known.0, informed)]) {
+    for (count, (model, how)) in count.iter_mut().zip([(plain, blind), (&known.0, informed)]) {
         let curve = standard_error::of(model, nodes, how).curve;
         for i in &case.used {
             // The motion on the mode at the release's own amplitude has its own frequency: the
@@ -153,14 +161,17 @@ fn small(name: &str, case: &Case, rows: &mut Vec<Row>) -> Result<()> {
     }
     let (mut blind, mut known, mut count) = (Vec::new(), Vec::new(), [[0; 2]; 2]);
     for seed in 0..DRAWS {
-        let both = noisy(case, 0.01, seed).ok_or_else(|| broken(&format!("{name} with noise, draw {seed}")))?;
+        let models = noisy(case, 0.01, seed).ok_or_else(|| broken(&format!("{name} with noise, draw {seed}")))?;
         let of = |what: &str| broken(&format!("{name} with noise, draw {seed}: {what}"));
-        blind.push(errors(system, &both.0, None, &used).ok_or_else(|| of("frequency"))?);
-        known.push(errors(system, &both.1.0, Some(&both.1.1), &used).ok_or_else(|| of("variational frequency"))?);
+        blind.push(errors(system, &models.plain, None, &used).ok_or_else(|| of("frequency"))?);
+        known.push(
+            errors(system, &models.informed.0, Some(&models.informed.1), &used)
+                .ok_or_else(|| of("variational frequency"))?,
+        );
         if seed >= INTERVALS {
             continue;
         }
-        let held = held(case, &both).ok_or_else(|| of("standard errors"))?;
+        let held = held(case, &models).ok_or_else(|| of("standard errors"))?;
         for (count, held) in count.iter_mut().zip(held) {
             (count[0], count[1]) = (count[0] + held[0], count[1] + held[1]);
         }

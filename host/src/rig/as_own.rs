@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-use super::measures::Bound;
+use super::measures::ObservedModel;
 use super::{Direction, Rig};
 use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::Damping;
@@ -161,7 +161,7 @@ fn with_model(rig: &Rig, model: ModelFile) -> Result<Rig> {
     let coordinates = shown.clone().try_inverse().unwrap_or_else(|| DMatrix::identity(n, n));
     let inputs: Vec<usize> = if model.inputs.is_empty() { Vec::new() } else { rig.base().into_iter().collect() };
     let base = (!inputs.is_empty()).then_some(0);
-    let bound = Bound { model: Arc::new(model), sensors, shown, coordinates, inputs, base };
+    let bound = ObservedModel { model: Arc::new(model), sensors, shown, coordinates, inputs, base };
     let mut out = Rig { bound: Some(Arc::new(bound)), ..rig.clone() };
     for c in &mut out.channel {
         c.measures = match c.measures.as_str() {

@@ -35,9 +35,9 @@ impl Rig {
     }
 }
 
-/// A model file with what the channels measure of it.
+/// A model file with its output equation: what the rig's channels measure of it, y = S q.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Bound {
+pub struct ObservedModel {
     /// The model.
     pub model: Arc<ModelFile>,
     /// Channels that measure coordinates, in the rig's order.
@@ -96,7 +96,7 @@ pub(super) fn is_file(model: &str) -> bool {
 
 /// Reads the model file that a rig names and checks its channels against it; none for a built-in
 /// model.
-pub(super) fn bind(rig: &Rig) -> Result<Option<Arc<Bound>>> {
+pub(super) fn bind(rig: &Rig) -> Result<Option<Arc<ObservedModel>>> {
     if !is_file(&rig.model) {
         return Ok(None);
     }
@@ -157,7 +157,7 @@ fn known(rig: &Rig, model: &ModelFile) -> Result<()> {
     }
 }
 
-pub(crate) fn bound(rig: &Rig, model: ModelFile) -> Result<Bound> {
+pub(crate) fn bound(rig: &Rig, model: ModelFile) -> Result<ObservedModel> {
     let n = model.coordinates.len();
     let names =
         Names { coordinates: model.coordinates.iter().map(|c| c.name.clone()).collect(), inputs: model.inputs.clone() };
@@ -232,7 +232,7 @@ pub(crate) fn bound(rig: &Rig, model: ModelFile) -> Result<Bound> {
         check_base(rig)?;
     }
     let inputs = inputs.into_iter().flatten().collect();
-    Ok(Bound { model: Arc::new(model), sensors, shown, coordinates, inputs, base })
+    Ok(ObservedModel { model: Arc::new(model), sensors, shown, coordinates, inputs, base })
 }
 
 #[cfg(test)]

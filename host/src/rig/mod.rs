@@ -221,7 +221,7 @@ pub struct Rig {
     /// The model file that `model` names, with what the channels measure of it; none for a built-in
     /// model, and for a rig that was not read from a file of its own.
     #[serde(skip)]
-    pub bound: Option<Arc<measures::Bound>>,
+    pub bound: Option<Arc<measures::ObservedModel>>,
 }
 
 /// Refuses known quantities other than [`KNOWN`]'s, above 0.

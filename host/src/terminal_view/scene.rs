@@ -12,7 +12,7 @@ use whirl_shared::frame::{Hello, MOST_ENCODERS, Status};
 
 use super::first_light::Turning;
 use crate::capture::feed::{Seen, SeenSample, Standing};
-use crate::report::format::symbol_plain;
+use crate::report::symbols::symbol_plain;
 use crate::rig::Rig;
 use crate::rig::measures::BASE;
 

@@ -46,7 +46,7 @@ use self::twin::Twin;
 use crate::error::{BadInput, Result};
 use crate::identify::Settings as IdentifySettings;
 use crate::identify::stretches::{self, Stretch};
-use crate::identify::track::{Along, Track};
+use crate::identify::track::{ExogenousInputs, Track};
 use crate::identify::{self, Prepared};
 use crate::inspect::{InspectSettings, Inspection, inspect};
 use crate::model::identified::IdentifiedModel;
@@ -129,14 +129,16 @@ pub fn validate(
             .ok_or_else(|| BadInput::new("a rig without channels", "channels that measure angles"))?
     };
     let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
-    let course = |stretches: &[Stretch]| -> Vec<Along> { stretches.iter().map(|s| Along::new(s, omega)).collect() };
+    let course = |stretches: &[Stretch]| -> Vec<ExogenousInputs> {
+        stretches.iter().map(|s| ExogenousInputs::new(s, omega)).collect()
+    };
     let prepared = identify::prepare(records, rig, bound, &IdentifySettings::default())?;
     let (stretches, noise) = (&prepared.stretches, &prepared.sensors);
     let equations = IdentifiedEquations::of(model, rig, stretches.first().map_or(0.0, |s| s.start_s))?;
     let mut warnings = prepared.warnings.clone();
     warnings.extend(equations.warning_of_what_is_left_out());
-    let along = course(stretches);
-    let track = Track::new(stretches, &along, rig, bound, noise);
+    let exogenous = course(stretches);
+    let track = Track::new(stretches, &exogenous, rig, bound, noise);
     let measured = RecordTrack { stretches, track: &track };
     let pace = Pace { period_s: period_s(rig, &prepared), omega };
     let starts = Starts::new(&equations, measured, bound.model.circle(), pace, settings);
@@ -145,8 +147,8 @@ pub fn validate(
     let like = records.iter().max_by_key(|r| r.longest_segment()).ok_or_else(unable)?;
     let own = own_record(&starts, measured, &begin, &Twin { like, bound, noise, seed: settings.seed })?;
     let own_stretches = stretches::of(&own, rig, bound)?;
-    let own_along = course(&own_stretches);
-    let own_track = Track::new(&own_stretches, &own_along, rig, bound, noise);
+    let own_exogenous = course(&own_stretches);
+    let own_track = Track::new(&own_stretches, &own_exogenous, rig, bound, noise);
     let simulated = RecordTrack { stretches: &own_stretches, track: &own_track };
 
     let hidden = ProgressBar::hidden();
@@ -165,7 +167,7 @@ pub fn validate(
     let records_exponents = Pair::of_exponents(spaces.0.lyapunov.as_ref(), spaces.1.lyapunov.as_ref());
     let lyapunov = starts.exponent(begin.stretch, &begin.state, records_exponents);
     bar.inc(1);
-    let orbits = starts.orbits(spaces, measured, MOST_ORBITS);
+    let orbits = starts.orbits(spaces.0, spaces.1, measured, MOST_ORBITS);
     bar.inc(1);
     let natural_frequencies = natural_frequencies::compare(model, rig, supplements.free)?;
     let mut out = Validation {

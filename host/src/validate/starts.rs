@@ -112,8 +112,8 @@ impl<'a> Starts<'a> {
                 // The search begins at a twentieth of what it is given: at the step that a drive of
                 // this period would have.
                 let (longest, of) = (out.step_s, &*equations.dynamics);
-                let given = (SEARCHED * longest, EXACT);
-                let found = record.track.step_s(of, &heads, &guesses, &equations.parameters, given);
+                let (searched, values) = (SEARCHED * longest, &equations.parameters);
+                let found = record.track.step_s(of, &heads, &guesses, values, searched, EXACT);
                 out.step_s = found.max(longest / MOST_FINER).min(longest);
             }
         }
@@ -243,7 +243,8 @@ impl<'a> Starts<'a> {
     /// a free system.
     pub fn orbits(
         &self,
-        (measured, simulated): (&PhaseSpace, &PhaseSpace),
+        measured: &PhaseSpace,
+        simulated: &PhaseSpace,
         record: RecordTrack<'_>,
         most: usize,
     ) -> Option<Orbits> {

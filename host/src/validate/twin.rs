@@ -12,7 +12,7 @@ use crate::identify::remeasured::Sensors;
 use crate::identify::stretches::mixed;
 use crate::model::flow::{Flow, Outside, Work};
 use crate::record::{Column, Losses, Record, Segment};
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::signal::angles::Phase;
 
 /// What the model's own record shares with the measured one.
@@ -20,7 +20,7 @@ pub struct Twin<'a> {
     /// The measured record, whose channels it copies.
     pub like: &'a Record,
     /// What they measure.
-    pub bound: &'a Bound,
+    pub bound: &'a ObservedModel,
     /// Noise of the sensors, uniform and seeded where they do not count.
     pub noise: &'a Sensors,
     /// Its seed.

@@ -18,7 +18,7 @@ fn noise(length: u32) -> Vec<[f64; 2]> {
 }
 
 /// Σ w x e^{−ijφ} term by term, with the phase from the rational frequency in 128-bit integers.
-fn direct(x: &[f64], (f, rate, k): (u32, u32, u32), length: u32, harmonic: u32, window: Window) -> ([f64; 2], f64) {
+fn direct(x: &[f64], f: u32, rate: u32, k: u32, length: u32, harmonic: u32, window: Window) -> ([f64; 2], f64) {
     let (mut sum, mut size) = ([0.0; 2], 0.0);
     for n in 0..u64::from(length) {
         let period = u128::from(rate) * u128::from(k);
@@ -51,7 +51,7 @@ fn worst_error<T: Real + Into<f64>>(frequency: (u32, u32, u32), length: u32, win
         // Single-precision banks are compared on the values that they were given.
         let x: Vec<f64> = signals.iter().map(|signal| T::from_f64(signal[channel]).into()).collect();
         for harmonic in 0..=M as u32 {
-            let (want, size) = direct(&x, frequency, length, harmonic, window);
+            let (want, size) = direct(&x, f, rate, k, length, harmonic, window);
             let got = bank.sum(channel, harmonic as usize).unwrap();
             for part in 0..2 {
                 worst = worst.max((got[part].into() - want[part]).abs() / size);

@@ -42,6 +42,6 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     if merged.missing.is_empty() {
         return Ok(Answer::Positive);
     }
-    tell(merged.told());
+    tell(merged.missing_in_words());
     Ok(Answer::Negative)
 }

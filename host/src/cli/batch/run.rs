@@ -142,7 +142,7 @@ fn answer<C: Single>(single: &C, ready: &C::Ready, record: &Path) -> Row {
             C::cells(&mut row, &result);
             let judgement = one.judge(&result, lost);
             row.integer("exit_status", i64::from(judgement.negative));
-            row.text("error", judgement.told.join("; "));
+            row.text("error", judgement.reasons.join("; "));
             row.text("warnings", names(C::warnings(&result)));
         }
         Err(error) => {

@@ -133,7 +133,7 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
             .remedy("Shorten the grids; what has bounds is refined anyway"));
     }
     let names: Vec<String> = strengths.iter().cloned().chain(shapes.iter().map(|s| s.name.clone())).collect();
-    let states = states::read(r, t, (verb, vocabulary), &names)?;
+    let states = states::read(r, t, verb, vocabulary, &names)?;
     let turning = t.get("turning").is_some_and(|v| matches!(v.get_ref(), DeValue::Boolean(true)));
     let entry = Entry {
         equation: text("equation")?.unwrap_or_else(|| law.clone()),

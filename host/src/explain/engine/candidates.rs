@@ -97,8 +97,8 @@ impl Candidate {
         physical: &Physical,
     ) -> Option<Action> {
         let mechanism = setting.mechanism()?;
-        let outside = (setting.rig.omega(), setting.span);
-        let action = columns::action(entry, form, place, mechanism, &physical.values, outside).ok().flatten()?;
+        let (values, omega, span) = (&physical.values, setting.rig.omega(), setting.span);
+        let action = columns::action(entry, form, place, mechanism, values, omega, span).ok().flatten()?;
         match &action {
             Action::Force(parts) if !physical.fixes(parts, mechanism) => None,
             _ => memory::numbered(setting, action),
@@ -195,8 +195,8 @@ impl Candidate {
         Self::new(setting, &self.entry, self.place, form, physical)
     }
 
-    /// The drive's amplitude at some parameters of the system by that at others, where strengths are
-    /// shares of it; none where they are not, or either is nothing.
+    /// The drive's amplitude at some parameters of the system by that at others, where strengths
+    /// are shares of it; none where they are not, or either is nothing.
     pub fn size_ratio(&self, setting: &Setting<'_>, over: &Physical, under: &Physical) -> Option<f64> {
         if setting.is_written() || !self.entry.names(SIZE) {
             return None;

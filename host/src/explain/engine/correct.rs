@@ -5,7 +5,7 @@ use core::f64::consts::TAU;
 
 use crate::identify::stretches::{Stretch, mixed};
 use crate::model::model_file::expression::{Expression, Node, Symbol, as_number, number, symbol};
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::signal::angles::Phase;
 use crate::signal::band_limited::BandLimited;
 
@@ -28,7 +28,7 @@ fn rate(x: &[f64], i: usize, step_s: f64) -> f64 {
 }
 
 /// A stretch with what a sensor shows freed of `strength` times a law's addition.
-pub fn sensor(s: &Stretch, bound: &Bound, sensor: usize, law: &Node, strength: f64) -> Stretch {
+pub fn sensor(s: &Stretch, bound: &ObservedModel, sensor: usize, law: &Node, strength: f64) -> Stretch {
     if strength == 0.0 || s.is_empty() {
         return s.clone();
     }
@@ -69,7 +69,7 @@ fn freed(s: &Stretch, seen: &[f64], law: &Node, strength: f64) -> Vec<f64> {
 }
 
 /// A strength that moves what a sensor shows by 1e-4 rad at most.
-pub fn small_step(stretches: &[Stretch], bound: &Bound, sensor: usize, law: &Node) -> f64 {
+pub fn small_step(stretches: &[Stretch], bound: &ObservedModel, sensor: usize, law: &Node) -> f64 {
     let mut greatest = 1e-9_f64;
     for s in stretches {
         let shown = s.sensors(bound);

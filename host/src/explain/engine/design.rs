@@ -101,7 +101,7 @@ fn spread(rows: &WindowRows, map: &[Vec<usize>], columns: usize, frequencies: us
 /// # Errors
 /// An effect that the weak form cannot hold.
 pub fn build(setting: &Setting<'_>, state: &State, stretches: &[Stretch], further: &[&Candidate]) -> Result<Design> {
-    with_columns(setting, state, (stretches, further), &[])
+    with_columns(setting, state, stretches, further, &[])
 }
 
 /// The same with columns of no effect behind them.
@@ -111,7 +111,8 @@ pub fn build(setting: &Setting<'_>, state: &State, stretches: &[Stretch], furthe
 pub fn with_columns(
     setting: &Setting<'_>,
     state: &State,
-    (stretches, further): (&[Stretch], &[&Candidate]),
+    stretches: &[Stretch],
+    further: &[&Candidate],
     behind: &[Vec<(usize, Node)>],
 ) -> Result<Design> {
     let all: Vec<&Candidate> = state.chosen.iter().map(|k| &k.candidate).chain(further.iter().copied()).collect();

@@ -81,7 +81,7 @@ impl Evidence {
         fit: &Fit,
     ) -> bool {
         match self {
-            Self::Weak(design, weights) => power::feigned(setting, state, (design, weights, x), candidate, fit),
+            Self::Weak(design, weights) => power::feigned(setting, state, design, weights, x, candidate, fit),
             Self::Shooting(_) => false,
         }
     }
@@ -105,14 +105,14 @@ impl Evidence {
         match self {
             Self::Weak(_, weights) => {
                 let one = |group: &Vec<Column>| {
-                    let design = design::with_columns(setting, state, (&state.stretches, &[]), group).ok()?;
+                    let design = design::with_columns(setting, state, &state.stretches, &[], group).ok()?;
                     let all: Vec<usize> = (0..own + group.len()).collect();
                     ranking::fit_ridge(&design, &all, weights, &ridges(group.len()))
                 };
                 groups.iter().map(one).collect()
             }
             Self::Shooting(_) => {
-                let blocks = shooting::evidence(setting, state, (&[], false), groups);
+                let blocks = shooting::evidence(setting, state, &[], false, groups);
                 let mut at = own;
                 let one = |group: &Vec<Column>| {
                     let all: Vec<usize> = (0..own).chain(at..at + group.len()).collect();
@@ -141,13 +141,13 @@ impl Outcome {
         let all: Vec<usize> = (0..other.own_columns() + behind.len()).collect();
         match &self.evidence {
             Evidence::Weak(_, weights) => {
-                let design = design::with_columns(setting, other, (&other.stretches, &[]), behind).ok();
+                let design = design::with_columns(setting, other, &other.stretches, &[], behind).ok();
                 let fit = design.and_then(|d| ranking::fit(&d, &all, weights));
                 fit.is_some_and(|free| ranking::gain(&self.fit.held_out, &free.held_out).0 >= 0.0)
             }
             Evidence::Shooting(_) => {
                 let behind = [behind.to_vec()];
-                let free = shooting::evidence(setting, other, (&[], false), &behind).and_then(|b| b.held_out(&all));
+                let free = shooting::evidence(setting, other, &[], false, &behind).and_then(|b| b.held_out(&all));
                 free.zip(self.left()).is_some_and(|(free, named)| free <= named)
             }
         }
@@ -274,7 +274,7 @@ fn by_shooting(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candida
     }
     let own: Vec<usize> = (0..state.own_columns()).collect();
     let further: Vec<&Candidate> = candidates.iter().collect();
-    let blocks = shooting::evidence(setting, state, (&further, false), &[]).ok_or_else(singular)?;
+    let blocks = shooting::evidence(setting, state, &further, false, &[]).ok_or_else(singular)?;
     let fit = blocks.fit(&own).ok_or_else(singular)?;
     Ok(Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit })
 }

@@ -14,12 +14,14 @@ use crate::explain::decision::{Evidence as _, OF_A_FAMILY};
 use crate::explain::explanation::Found;
 use crate::explain::ranking::{self, Fit};
 
-/// Share by which what a simpler law leaves may exceed what the other does.
+/// Share by which what a simpler law leaves may exceed what the other does. Without it Coulomb's
+/// friction in both joints and a drag of a free double pendulum came out as Stribeck's friction and
+/// a ripple; with it as they are, to 0.1 % (docs/explain.md, step 5).
 const AS_LITTLE: f64 = 0.01;
 
 /// Share of the gain of what was chosen by which the next best may have been less.
 const AS_GOOD: f64 = 0.05;
-/// Times the noise from which what is left is more than that.
+/// Times the noise from which what is left is more than that, as for the verdict (`decidability`).
 const MISSES: f64 = 1.05;
 
 /// An effect in the place of one of those found.
@@ -49,15 +51,16 @@ struct Tried {
 }
 
 /// The best exchange of an effect for a candidate that is not `taken`: for what predicts clearly
-/// better and is not larger (about the motion of a model that lacks much, columns that are alike are
-/// not told apart; about that of the model with either they are); where there is none, for a simpler
-/// law that predicts as well. `effects`: those found, in their order. Effects that were taken off
-/// the record stay.
+/// better and is not larger (about the motion of a model that lacks much, columns that are alike
+/// are not told apart; about that of the model with either they are); where there is none, for a
+/// simpler law that predicts as well. `effects`: those found, in their order. Effects that were
+/// taken off the record stay.
 pub fn best(
     setting: &Setting<'_>,
     state: &State,
     outcome: &Outcome,
-    (taken, effects): (&[String], &[Found]),
+    taken: &[String],
+    effects: &[Found],
 ) -> Option<Exchange> {
     let Evidence::Shooting(blocks) = &outcome.evidence else { return None };
     let free: Vec<usize> = places(&outcome.candidates, outcome.own.len());
@@ -80,7 +83,7 @@ pub fn best(
             if size(c) > size(old) {
                 return None;
             }
-            instead(&without, &rest, (i, c, free[i]), offers.len())
+            instead(&without, &rest, i, c, free[i], offers.len())
         };
         let tried: Vec<Tried> = offers.par_iter().filter_map(of).collect();
         // About the motion of a model that still misses something, laws that are alike are hardly
@@ -176,7 +179,9 @@ fn places(candidates: &[Candidate], own: usize) -> Vec<usize> {
 fn instead(
     without: &Blocks,
     rest: &[usize],
-    (index, candidate, first): (usize, &Candidate, usize),
+    index: usize,
+    candidate: &Candidate,
+    first: usize,
     offers: usize,
 ) -> Option<Tried> {
     let d = candidate.strengths();

@@ -80,7 +80,7 @@ fn effects(setting: &Setting<'_>, state: &State) -> Vec<(String, core::ops::Rang
 pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel) -> Result<Option<Expected>> {
     let Some(whole) = rig.bound.as_deref() else { return Ok(None) };
     let records = [record];
-    let begun = Setting::begin(&records, rig, whole, (MOST_WINDOWS, &IdentifySettings::default()))?;
+    let begun = Setting::begin(&records, rig, whole, MOST_WINDOWS, &IdentifySettings::default())?;
     let Some(Begun { mut setting, first, physical, .. }) = begun else { return Ok(None) };
     let Some(mut state) = start(&setting, &first, physical) else { return Ok(None) };
     given::take(&setting, &mut state, model)?;
@@ -93,7 +93,7 @@ pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel) -> Result<Op
     // What the model has is fitted beside it anyway.
     let is_rival = |c: &&Candidate| !state.chosen.iter().any(|k| k.candidate.name(&setting) == c.name(&setting));
     let rivals: Vec<&Candidate> = all.iter().filter(is_rival).collect();
-    let Some(blocks) = shooting::evidence(&setting, &state, (&rivals, false), &[]) else { return Ok(None) };
+    let Some(blocks) = shooting::evidence(&setting, &state, &rivals, false, &[]) else { return Ok(None) };
     let columns: Vec<usize> = (0..own).collect();
     let Some(fit) = blocks.fit(&columns) else { return Ok(None) };
     let of = |range: &core::ops::Range<usize>, values: &DVector<f64>, covariance: &DMatrix<f64>| {
@@ -156,11 +156,12 @@ pub fn with_effect(
     record: Record,
     rig: &Rig,
     model: &IdentifiedModel,
-    (name, size): (&str, f64),
+    name: &str,
+    size: f64,
 ) -> Result<Option<IdentifiedModel>> {
     let Some(whole) = rig.bound.as_deref() else { return Ok(None) };
     let records = [record];
-    let begun = Setting::begin(&records, rig, whole, (MOST_WINDOWS, &IdentifySettings::default()))?;
+    let begun = Setting::begin(&records, rig, whole, MOST_WINDOWS, &IdentifySettings::default())?;
     let Some(Begun { setting, first, physical, .. }) = begun else { return Ok(None) };
     let Some(mut state) = start(&setting, &first, physical) else { return Ok(None) };
     given::take(&setting, &mut state, model)?;

@@ -72,7 +72,7 @@ use crate::identify::known_quantities::CONTRADICTED;
 use crate::identify::remeasured::Sensors;
 use crate::record::Record;
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 
 /// An explanation, or the sensors' noise with which it is to be made again.
 enum Attempt {
@@ -84,12 +84,17 @@ enum Attempt {
 ///
 /// # Errors
 /// As [`crate::identify::identify`].
-pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings) -> Result<Option<Explanation>> {
+pub fn explain(
+    records: &[Record],
+    rig: &Rig,
+    whole: &ObservedModel,
+    settings: &Settings,
+) -> Result<Option<Explanation>> {
     let mut sensors = None;
     // What is told is in units of the noise: once more from the beginning where the model found
     // leaves less than was taken for it.
     for last in [false, true] {
-        match attempt(records, rig, whole, settings, (sensors, last))? {
+        match attempt(records, rig, whole, settings, sensors, last)? {
             Attempt::Done(result) => return Ok(result.map(|r| *r)),
             Attempt::Quieter(found) => sensors = Some(found),
         }
@@ -102,12 +107,13 @@ pub fn explain(records: &[Record], rig: &Rig, whole: &Bound, settings: &Settings
 fn attempt(
     records: &[Record],
     rig: &Rig,
-    whole: &Bound,
+    whole: &ObservedModel,
     settings: &Settings,
-    (sensors, last): (Option<Sensors>, bool),
+    sensors: Option<Sensors>,
+    last: bool,
 ) -> Result<Attempt> {
     let Some(Begun { mut setting, first, physical, warnings }) =
-        Setting::begin(records, rig, whole, (MOST_WINDOWS, &settings.weak))?
+        Setting::begin(records, rig, whole, MOST_WINDOWS, &settings.weak)?
     else {
         return Ok(Attempt::Done(None));
     };
@@ -132,7 +138,7 @@ fn attempt(
         return Ok(Attempt::Done(Some(Box::new(result))));
     }
     let (blocks, window_s) = whole_windows(&setting, &state);
-    let undecidable = undecidable(&setting, records, &first, (blocks, window_s));
+    let undecidable = undecidable(&setting, records, &first, blocks, window_s);
     let mut run = Run::new(setting, state, result, window_s, settings);
     if let Some(given) = given {
         let fitted = core::mem::replace(&mut run.state, given);
@@ -206,7 +212,8 @@ fn undecidable(
     setting: &Setting<'_>,
     records: &[Record],
     first: &Identification,
-    (blocks, window_s): (usize, f64),
+    blocks: usize,
+    window_s: f64,
 ) -> Option<String> {
     if !records.is_empty() && records.iter().all(|r| locked(r, setting.rig)) {
         return Some(LOCKED.to_owned());

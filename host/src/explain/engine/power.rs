@@ -118,7 +118,9 @@ impl Power {
 pub fn feigned(
     setting: &Setting<'_>,
     state: &State,
-    (design, weights, x): (&Design, &Weights, &DVector<f64>),
+    design: &Design,
+    weights: &Weights,
+    x: &DVector<f64>,
     candidate: &Candidate,
     fit: &Fit,
 ) -> bool {

@@ -8,7 +8,7 @@
 use rayon::prelude::*;
 
 use crate::identify::shooting::problem::Piece;
-use crate::identify::shooting::solve::{Bounds, minimise};
+use crate::identify::shooting::solve::{Bounds, Start, minimise};
 use crate::identify::track::Track;
 use crate::model::dynamics::Dynamics;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
@@ -92,8 +92,8 @@ fn windows(track: &Track<'_>, horizon_s: f64, part: Part, most: usize) -> Option
     })
 }
 
-/// Whether a window shows any motion: what rests on one count is off by as much everywhere, up to √3
-/// times the noise of what crosses counts, and a model of it can be no better.
+/// Whether a window shows any motion: what rests on one count is off by as much everywhere, up to
+/// √3 times the noise of what crosses counts, and a model of it can be no better.
 fn moves(piece: &Piece, track: &Track<'_>) -> bool {
     let m = track.sensors.len().max(1);
     (0..track.sensors.len()).any(|k| {
@@ -132,8 +132,7 @@ impl Model<'_> {
     fn states(&self, track: &Track<'_>, windows: &Windows, horizon_s: f64) -> (Vec<State>, f64) {
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
         let (pieces, guesses) = (&windows.pieces, &windows.guesses);
-        let sought =
-            || track.step_s(self.motion, pieces, guesses, self.parameters, (PERIOD_S.min(horizon_s), EXACT_GAP));
+        let sought = || track.step_s(self.motion, pieces, guesses, self.parameters, PERIOD_S.min(horizon_s), EXACT_GAP);
         let step_s = self.step_s.unwrap_or_else(sought);
         let problem = track.problem(self.motion, step_s, &at);
         let lengths = [(windows.length / 4).max(8), windows.length];
@@ -280,7 +279,7 @@ pub struct Span {
 fn step_of(motion: &EquationsOfMotion, parameters: &[f64], track: &Track<'_>, piece: &Piece, guess: &[f64]) -> f64 {
     let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
     let head = [track.problem(motion, PERIOD_S, &at).head(piece, STEP_SAMPLES)];
-    track.step_s(motion, &head, &[guess.to_vec()], parameters, (PERIOD_S, EXACT))
+    track.step_s(motion, &head, &[guess.to_vec()], parameters, PERIOD_S, EXACT)
 }
 
 /// Rms of residuals behind `fitted` samples, of the sensor with the greatest.
@@ -322,7 +321,8 @@ pub fn run(
 /// with the greatest.
 pub fn simulate(
     motion: &EquationsOfMotion,
-    (parameters, signs): (&[f64], &[f64]),
+    parameters: &[f64],
+    signs: &[f64],
     track: &Track<'_>,
     span: Span,
 ) -> Option<(Vec<f64>, f64)> {
@@ -347,7 +347,8 @@ pub fn simulate(
             s => [if s > 0.0 { 0.0 } else { f64::NEG_INFINITY }, if s < 0.0 { 0.0 } else { f64::INFINITY }],
         })
         .collect();
-    let fit = minimise(&problem, &[piece], (parameters, vec![state]), &bounds, TOLERANCE, ROUNDS, &mut || {})?;
+    let start = Start { parameters, states: vec![state] };
+    let fit = minimise(&problem, &[piece], start, &bounds, TOLERANCE, ROUNDS, &mut || {})?;
     let (whole, _) = track.piece(span.stretch, first, span.end - first)?;
     let residuals = problem.residuals(&whole, fit.states.first()?, &fit.parameters)?;
     Some((fit.parameters, rms_behind(&residuals, fitted, track)))

@@ -202,7 +202,7 @@ pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>, rows: Option
     let (mut maps, mut places) = (Vec::new(), Vec::new());
     for (e, (_, unit)) in scales.iter().enumerate() {
         let residual = Residual { equation: e + 1, unit, values: &values[e], noise: &noise[e] };
-        residual.against(&axes, (&values[count..], &clean[count..]), &mut maps, &mut places);
+        residual.against(&axes, &values[count..], &clean[count..], &mut maps, &mut places);
     }
     let mut places = merge(places);
     if let Some(power) = rows {

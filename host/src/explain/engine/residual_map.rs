@@ -84,7 +84,8 @@ impl Residual<'_> {
     pub fn against(
         &self,
         axes: &[Axis],
-        (along, clean): (&[Vec<f64>], &[Vec<f64>]),
+        along: &[Vec<f64>],
+        clean: &[Vec<f64>],
         maps: &mut Vec<Map>,
         places: &mut Vec<Where>,
     ) {

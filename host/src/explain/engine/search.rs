@@ -20,10 +20,11 @@ use crate::explain::{LEAST_PROGRESS, MOST_EFFECTS, Settings};
 const MOST_EXCHANGES: usize = 16;
 /// Times that the search goes on after effects were taken away.
 const MOST_RESUMED: usize = 3;
-/// Standard errors from nothing at which a name stands.
+/// Standard errors from nothing at which a name stands: of ten records of Duffing's oscillator with
+/// nothing hidden one had a tone below it, 0.035 ± 0.019 N (docs/explain/how-often-right.md).
 const CLEAR: f64 = 2.0;
 /// The same of a frequency, the best of N independent ones: √(2 ln N) by noise alone, N some
-/// thousand.
+/// thousand (one of the 151 clean records of the battery had such a tone).
 const CLEAR_OF_MANY: f64 = 4.0;
 /// Share of its promise at a strength of nothing that an effect must keep.
 const LEAST_KEPT: f64 = 0.5;
@@ -81,7 +82,7 @@ impl Run<'_> {
             }
             let gap = outcome.as_ref().map_or(f64::NAN, |o| self.gap(&o.fit.train));
             let kept =
-                self.result.effects.is_empty() || search.keeps((&self.state, outcome.as_ref().ok()), gap, &self.result);
+                self.result.effects.is_empty() || search.keeps(&self.state, outcome.as_ref().ok(), gap, &self.result);
             let outcome = match (kept, search.kept.take()) {
                 (false, Some(before)) => {
                     search.refuse(self.result.effects.last(), before.gone.is_some());
@@ -116,7 +117,7 @@ impl Run<'_> {
         let effects = self.result.effects.clone();
         // What was found while others were missing may have stood in for them.
         if let Some((candidate, promised, gone)) = self.exchanged(search, &outcome) {
-            self.join(search, candidate, (outcome, effects, promised, Some(gone)));
+            self.join(search, candidate, outcome, effects, promised, Some(gone));
             return None;
         }
         if effects.len() >= most {
@@ -128,7 +129,7 @@ impl Run<'_> {
         let Some((found, candidate)) = next else { return Some(outcome) };
         let promised = found.held_out_gain;
         self.result.effects.push(found);
-        self.join(search, candidate, (outcome, effects, promised, None));
+        self.join(search, candidate, outcome, effects, promised, None);
         None
     }
 
@@ -137,7 +138,7 @@ impl Run<'_> {
         let (candidates, tests) = tones::candidates(&self.setting, &self.state, outcome);
         let further: Vec<&Candidate> = candidates.iter().collect();
         let blocks =
-            shooting::evidence(&self.setting, &self.state, (&further, false), &[]).filter(|_| !further.is_empty())?;
+            shooting::evidence(&self.setting, &self.state, &further, false, &[]).filter(|_| !further.is_empty())?;
         let (own, fit) = (outcome.own.clone(), outcome.fit.clone());
         let outcome = Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit };
         let told = (self.result.ranking.clone(), self.result.refused.clone());
@@ -156,7 +157,10 @@ impl Run<'_> {
         &mut self,
         search: &mut Search,
         candidate: Candidate,
-        (outcome, effects, promised, gone): (Outcome, Vec<Found>, f64, Option<(usize, String)>),
+        outcome: Outcome,
+        effects: Vec<Found>,
+        promised: f64,
+        gone: Option<(usize, String)>,
     ) {
         let mut state = self.state.clone();
         if let Some((k, _)) = gone {
@@ -175,7 +179,7 @@ impl Run<'_> {
         }
         let taken = taken(&self.setting, &self.state, &[search.names(), search.vain.clone()].concat());
         let Exchange { gone, index, fit, p_value, promised, share, twins } =
-            exchange::best(&self.setting, &self.state, outcome, (&taken, &self.result.effects))?;
+            exchange::best(&self.setting, &self.state, outcome, &taken, &self.result.effects)?;
         search.exchanges += 1;
         let candidate = outcome.candidates[index].clone();
         let old = named(&self.result.effects.remove(gone - self.state.nominal));
@@ -261,7 +265,7 @@ impl Search {
 
     /// Whether the last effect stays: a wrong model makes many look significant, each must also
     /// bring predictions nearer.
-    fn keeps(&self, (state, after): (&State, Option<&Outcome>), gap: f64, result: &Explanation) -> bool {
+    fn keeps(&self, state: &State, after: Option<&Outcome>, gap: f64, result: &Explanation) -> bool {
         let (Some(before), Some(after)) = (&self.kept, after) else { return false };
         // What is left over longer windows is more; the model before could not be followed there.
         let length = |s: &State| s.followed.as_ref().map_or(0, Followed::samples);
@@ -306,12 +310,13 @@ fn choose(
     let judged = evidence.judged();
     let together = |indices: &[usize]| -> Option<Box<dyn decision::Evidence>> {
         let some: Vec<&Candidate> = indices.iter().map(|&i| &candidates[i]).collect();
-        let found = setting.shooting.then(|| shooting::evidence(setting, state, (&some, true), &[]));
+        let found = setting.shooting.then(|| shooting::evidence(setting, state, &some, true, &[]));
         Some(Box::new(found.flatten()?))
     };
-    let told = (&mut result.ranking, &mut result.refused);
+    let selection = decision::Selection { evidence: &*judged, own, offers: &offers, taken: &taken };
+    let (ranking, refused) = (&mut result.ranking, &mut result.refused);
     let Choice { index, fit, p_value, share, twins, runner_up } =
-        decision::choose((&*judged, own), &offers, &taken, step, told, &feigned, &together)?;
+        decision::choose(&selection, step, ranking, refused, &feigned, &together)?;
     let candidate = &candidates[index];
     let found = Found {
         p_value,
@@ -334,7 +339,8 @@ fn tell_of(setting: &Setting<'_>, state: &State, candidate: &Candidate, fit: &Fi
     let from = fit.all.len() - d;
     let strengths: Vec<f64> = fit.all.rows(from, d).iter().copied().collect();
     let covariance = fit.covariance.view((from, from), (d, d)).into_owned();
-    tell::found(setting, candidate, tell::value(setting, &state.physical, candidate, &strengths, &covariance))
+    let (reported, unit) = tell::value(setting, &state.physical, candidate, &strengths, &covariance);
+    tell::found(setting, candidate, reported, unit)
 }
 
 /// Whether an effect is the best of the frequencies that were looked at.
@@ -350,13 +356,12 @@ fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Opt
     for (k, chosen) in state.chosen.iter().enumerate() {
         // What is found as an increment has its strength in the state.
         let applied = if chosen.candidate.is_applied() { 1.0 } else { 0.0 };
-        let errors =
-            errors_at_shape(&outcome.fit, at, (chosen.candidate.entry.strengths.len(), chosen.strengths.len()));
+        let errors = errors_at_shape(&outcome.fit, at, chosen.candidate.entry.strengths.len(), chosen.strengths.len());
         let clear = errors.iter().enumerate().map(|(i, error)| {
             (outcome.fit.all[at + i] + applied * chosen.strengths[i]).abs() / error.max(f64::MIN_POSITIVE)
         });
         // Nor does a name stand whose value is within them.
-        let clear = clear.fold(0.0, f64::max).min(value_over_error(setting, state, (outcome, at), chosen));
+        let clear = clear.fold(0.0, f64::max).min(value_over_error(setting, state, outcome, at, chosen));
         at += chosen.strengths.len();
         // The best of many frequencies is that far from nothing by noise alone.
         let clear = if is_of_many(&chosen.candidate) { clear * CLEAR / CLEAR_OF_MANY } else { clear };
@@ -368,7 +373,7 @@ fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Opt
 }
 
 /// The value that is told of an effect, whose columns begin at `at`, over its standard error.
-fn value_over_error(setting: &Setting<'_>, state: &State, (outcome, at): (&Outcome, usize), chosen: &Chosen) -> f64 {
+fn value_over_error(setting: &Setting<'_>, state: &State, outcome: &Outcome, at: usize, chosen: &Chosen) -> f64 {
     let d = chosen.strengths.len();
     let applied = if chosen.candidate.is_applied() { 1.0 } else { 0.0 };
     let values: Vec<f64> = (0..d).map(|i| outcome.fit.all[at + i] + applied * chosen.strengths[i]).collect();
@@ -380,7 +385,7 @@ fn value_over_error(setting: &Setting<'_>, state: &State, (outcome, at): (&Outco
 
 /// Standard errors of an effect's strengths, the first of its columns from `at` on, with its shape
 /// held: at a strength of nothing there is no shape.
-fn errors_at_shape(fit: &Fit, at: usize, (strengths, columns): (usize, usize)) -> Vec<f64> {
+fn errors_at_shape(fit: &Fit, at: usize, strengths: usize, columns: usize) -> Vec<f64> {
     let own = fit.covariance.view((at, at), (strengths, strengths)).into_owned();
     let by = fit.covariance.view((at, at + strengths), (strengths, columns - strengths)).into_owned();
     let shape = fit.covariance.view((at + strengths, at + strengths), (columns - strengths, columns - strengths));

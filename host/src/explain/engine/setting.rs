@@ -29,7 +29,7 @@ use crate::model::model_file::ModelFile;
 use crate::model::model_file::expression::{Expression, Function, Node, Symbol, multiple};
 use crate::record::Record;
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::system::language::SystemFile;
 use crate::system::mechanism::Mechanism;
 use crate::warning::Warning;
@@ -44,9 +44,9 @@ pub struct Setting<'a> {
     /// The rig.
     pub rig: &'a Rig,
     /// The rig's system with its nominal dampings as coefficients.
-    pub whole: &'a Bound,
+    pub whole: &'a ObservedModel,
     /// The same system without dampings, which are effects here.
-    pub bound: Bound,
+    pub bound: ObservedModel,
     /// Steady, unbroken stretches.
     pub raw: Vec<Stretch>,
     /// Record of each.
@@ -97,8 +97,9 @@ impl<'a> Setting<'a> {
     pub fn begin(
         records: &[Record],
         rig: &'a Rig,
-        whole: &'a Bound,
-        (most_windows, settings): (f64, &IdentifySettings),
+        whole: &'a ObservedModel,
+        most_windows: f64,
+        settings: &IdentifySettings,
     ) -> Result<Option<Begun<'a>>> {
         let Some(base) = base(rig, whole) else { return Ok(None) };
         let first = identify::weak_form(records, rig, settings)?;
@@ -119,8 +120,9 @@ impl<'a> Setting<'a> {
         let circle = base.circle();
         let laws = Arc::new(Laws::default());
         for s in &mut raw {
-            let at = (s.start_s, s.step_s);
-            s.history = Some(Arc::new(History::new(&s.coordinates, at, &geometry.kernels, &circle, &laws)));
+            let (start_s, step_s) = (s.start_s, s.step_s);
+            s.history =
+                Some(Arc::new(History::new(&s.coordinates, start_s, step_s, &geometry.kernels, &circle, &laws)));
         }
         let (written, physical) = if written::applies(&base) {
             let columns: Vec<f64> = own.names.iter().map(|n| first.parameter(n).map_or(0.0, |p| p.value)).collect();
@@ -134,7 +136,7 @@ impl<'a> Setting<'a> {
         let mut setting = Self {
             rig,
             whole,
-            bound: Bound { model: Arc::new(base), ..whole.clone() },
+            bound: ObservedModel { model: Arc::new(base), ..whole.clone() },
             raw,
             record_of,
             own,
@@ -225,7 +227,7 @@ impl<'a> Setting<'a> {
 }
 
 /// The equations without nominal dampings; none where effects cannot be placed in them.
-fn base(rig: &Rig, whole: &Bound) -> Option<ModelFile> {
+fn base(rig: &Rig, whole: &ObservedModel) -> Option<ModelFile> {
     let model = &*whole.model;
     if model.equations.len() != model.coordinates.len() {
         return None;

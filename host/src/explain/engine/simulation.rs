@@ -98,7 +98,7 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
             let run = |t: &Track<'_>| prediction::run(&motion, &parameters, t, span, window);
             state.on_free_track(setting, hidden, run).map(|error| (parameters, error))
         });
-        let simulate = |t: &Track<'_>| prediction::simulate(&motion, (&parameters, &signs), t, span);
+        let simulate = |t: &Track<'_>| prediction::simulate(&motion, &parameters, &signs, t, span);
         let found = by_windows.or_else(|| state.on_free_track(setting, hidden.clone(), simulate));
         let value = found.as_ref().map_or(f64::NAN, |(_, error)| error * unit.factor);
         simulation.steps.push(Step { added: added.clone(), value });

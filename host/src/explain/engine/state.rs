@@ -10,7 +10,7 @@ use super::correct;
 use super::setting::{Physical, Setting};
 use super::shooting::Followed;
 use crate::identify::stretches::Stretch;
-use crate::identify::track::{Along, Track};
+use crate::identify::track::{ExogenousInputs, Track};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::expression::{Expression, Node, Symbol, symbol};
 
@@ -38,8 +38,8 @@ impl Chosen {
     }
 
     /// Where strengths are shares of the drive's amplitude, and that is known better now: the same
-    /// effect as shares of the new one. An amplitude found before the effect was in the model is off
-    /// by what it made of it (5 % for a second harmonic of 3 %).
+    /// effect as shares of the new one. An amplitude found before the effect was in the model is
+    /// off by what it made of it (5 % for a second harmonic of 3 %).
     fn with_size_of(&mut self, setting: &Setting<'_>, before: &Physical, now: &Physical) {
         let Some(ratio) = self.candidate.size_ratio(setting, before, now) else { return };
         if let Some(candidate) = self.candidate.at(setting, self.candidate.form.clone(), now) {
@@ -245,9 +245,10 @@ impl State {
     pub fn on_track<T>(&self, setting: &Setting<'_>, then: impl FnOnce(&Track<'_>) -> T) -> T {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
         let numbers = self.remembered();
-        let along: Vec<Along> = self.stretches.iter().map(|s| Along::remembering(s, omega, &numbers)).collect();
+        let exogenous: Vec<ExogenousInputs> =
+            self.stretches.iter().map(|s| ExogenousInputs::remembering(s, omega, &numbers)).collect();
         let known = |stretch, sample| self.followed.as_ref()?.at(setting, stretch, sample);
-        let track = Track::new(&self.stretches, &along, setting.rig, &setting.bound, &setting.sensors);
+        let track = Track::new(&self.stretches, &exogenous, setting.rig, &setting.bound, &setting.sensors);
         then(&track.knowing(&known))
     }
 
@@ -260,7 +261,7 @@ impl State {
         then: impl FnOnce(&Track<'_>) -> T,
     ) -> T {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
-        let along: Vec<Along> = self.stretches.iter().map(|s| Along::new(s, omega)).collect();
-        then(&Track::new(&self.stretches, &along, setting.rig, &setting.bound, &setting.sensors).hiding(numbers))
+        let exogenous: Vec<ExogenousInputs> = self.stretches.iter().map(|s| ExogenousInputs::new(s, omega)).collect();
+        then(&Track::new(&self.stretches, &exogenous, setting.rig, &setting.bound, &setting.sensors).hiding(numbers))
     }
 }

@@ -98,7 +98,7 @@ fn force(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
         return (1.0, String::new());
     };
     if setting.is_written() {
-        return in_its_equation(setting, physical, c, (equation, &moves));
+        return in_its_equation(setting, physical, c, equation, &moves);
     }
     let angle = places::is_angle(file, &moves);
     let work = if angle { "N m" } else { "N" };
@@ -138,7 +138,8 @@ fn in_its_equation(
     setting: &Setting<'_>,
     physical: &Physical,
     c: &Candidate,
-    (equation, moves): (usize, &Polynomial),
+    equation: usize,
+    moves: &Polynomial,
 ) -> (f64, String) {
     let (model, omega) = (setting.model(), setting.rig.omega());
     let factor = written::told_by(model, omega, equation, &physical.values);
@@ -183,12 +184,11 @@ pub fn value(
         moved.insert(form[shape].0.clone(), variance / (square * square));
     }
     let own = covariance.view((0, 0), (d, d)).into_owned();
-    (report(&c.entry, &form, (&k[..d], &own), factor, &moved), unit)
+    (report(&c.entry, &form, &k[..d], &own, factor, &moved), unit)
 }
 
 /// A found effect.
-pub fn found(setting: &Setting<'_>, c: &Candidate, told: (Reported, String)) -> Found {
-    let (reported, unit) = told;
+pub fn found(setting: &Setting<'_>, c: &Candidate, reported: Reported, unit: String) -> Found {
     let name = c.name(setting);
     let place = name.split_once('@').map_or("", |p| p.1);
     Found {

@@ -34,7 +34,7 @@ const BY_CHANCE: f64 = 1e-3;
 type Peak = (f64, f64);
 
 /// What an effect of two strengths at a place and frequency shows.
-fn best_near(at_hz: f64, scores: &[([f64; 3], f64)], (spacing_hz, fine_hz): (f64, f64)) -> Peak {
+fn best_near(at_hz: f64, scores: &[([f64; 3], f64)], spacing_hz: f64, fine_hz: f64) -> Peak {
     let squares = 0.5 * scores.iter().map(|(g, _)| g[2]).sum::<f64>();
     let steps = (0.5 * spacing_hz / fine_hz).ceil() as i32; // a few hundred
     let of = |k: i32| {
@@ -63,7 +63,7 @@ pub fn candidates(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> (V
     let mut all = setting.candidates(&state.physical, &grid);
     all.retain(looks);
     let further: Vec<&Candidate> = all.iter().collect();
-    let Some(blocks) = shooting::evidence(setting, state, (&further, false), &[]) else { return none };
+    let Some(blocks) = shooting::evidence(setting, state, &further, false, &[]) else { return none };
     let time = |[stretch, from, to]: &[usize; 3]| state.stretches[*stretch].time((from + to) / 2);
     let times: Vec<f64> = blocks.places.iter().map(time).collect();
     let span_s = times.iter().fold(0.0_f64, |m, t| m.max((t - times[0]).abs())) + window_s;
@@ -77,7 +77,7 @@ pub fn candidates(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> (V
             blocks.scores(&outcome.fit.all, [at, at + 1]).into_iter().zip(times.iter().copied()).collect();
         at += candidate.strengths();
         let Some((_, f)) = candidate.form.first() else { continue };
-        peaks.push(best_near(*f, &scores, (spacing_hz, FINE / span_s)));
+        peaks.push(best_near(*f, &scores, spacing_hz, FINE / span_s));
     }
     peaks.retain(|p| p.1 > least);
     peaks.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -113,7 +113,7 @@ mod tests {
                 ([0.4 * 50.0 * phi.cos(), -0.4 * 50.0 * phi.sin(), 100.0], t)
             })
             .collect();
-        let (found, score) = best_near(at, &scores, (0.25, 0.25 / 60.0));
+        let (found, score) = best_near(at, &scores, 0.25, 0.25 / 60.0);
         assert!((found - f).abs() < 0.25 / 60.0, "{found}");
         let expected = 0.16 * 30.0 * 50.0;
         assert!((score / expected - 1.0).abs() < 0.1, "{score} {expected}");

@@ -5,7 +5,7 @@ use crate::explain::Settings;
 use crate::explain::explanation::InUnit;
 use crate::identify::stretches::Stretch;
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::warning::Warning;
 
 /// Fewest samples of a horizon: an initial state is fitted to them.
@@ -26,7 +26,7 @@ pub fn horizon(rig: &Rig, settings: &Settings, stretches: &[Stretch]) -> Result<
 }
 
 /// SI unit of a coordinate.
-fn si_unit(rig: &Rig, bound: &Bound, coordinate: usize) -> String {
+fn si_unit(rig: &Rig, bound: &ObservedModel, coordinate: usize) -> String {
     let row = (0..bound.sensors.len()).find(|&r| bound.shown[(r, coordinate)] != 0.0).unwrap_or(0);
     match rig.channel[bound.sensors[row]].unit.as_str() {
         "count" | "deg" => "rad",
@@ -38,12 +38,12 @@ fn si_unit(rig: &Rig, bound: &Bound, coordinate: usize) -> String {
 }
 
 /// Whether each coordinate is a length or an angle.
-pub fn moves(rig: &Rig, bound: &Bound) -> Vec<bool> {
+pub fn moves(rig: &Rig, bound: &ObservedModel) -> Vec<bool> {
     (0..bound.model.coordinates.len()).map(|k| matches!(si_unit(rig, bound, k).as_str(), "rad" | "m")).collect()
 }
 
 /// What is not looked for where the rig file leaves a coordinate's unit open.
-pub fn unknown(rig: &Rig, bound: &Bound) -> Option<Warning> {
+pub fn unknown(rig: &Rig, bound: &ObservedModel) -> Option<Warning> {
     let open = |k: &usize| si_unit(rig, bound, *k) == "1";
     let names: Vec<&str> =
         (0..bound.model.coordinates.len()).filter(open).map(|k| bound.model.coordinates[k].name.as_str()).collect();
@@ -66,7 +66,7 @@ pub struct Unit {
 
 impl Unit {
     /// For a rig.
-    pub fn of(rig: &Rig, bound: &Bound) -> Self {
+    pub fn of(rig: &Rig, bound: &ObservedModel) -> Self {
         let units: Vec<String> = (0..bound.model.coordinates.len()).map(|k| si_unit(rig, bound, k)).collect();
         match units.first() {
             Some(first) if units.iter().all(|u| u == first) => {

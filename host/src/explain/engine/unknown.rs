@@ -171,8 +171,8 @@ impl Hats {
         Some(Self { place, coordinate: of, low, width, columns })
     }
 
-    /// What a fit with them behind `own` columns tells.
-    fn told(&self, setting: &Setting<'_>, state: &State, own: usize, fit: &Fit, held_out_gain: f64) -> Unknown {
+    /// What a fit with them behind `own` columns found.
+    fn fitted(&self, setting: &Setting<'_>, state: &State, own: usize, fit: &Fit, held_out_gain: f64) -> Unknown {
         let (scale, unit) = tell::of_force(setting, &state.physical, self.place);
         let point = |k: usize| {
             let error = fit.covariance[(own + k, own + k)].max(0.0).sqrt();
@@ -217,7 +217,7 @@ pub fn shape(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<
         let share = mean * fit.held_out.len() as f64 / total;
         let is_clear = outcome.evidence.is_shooting() && mean > CLEAR * error;
         (share > LEAST_GAIN || is_clear)
-            .then(|| Shape { unknown: hats.told(setting, state, own, &fit, share), is_clear })
+            .then(|| Shape { unknown: hats.fitted(setting, state, own, &fit, share), is_clear })
     });
     found.max_by(|a, b| a.unknown.held_out_gain.total_cmp(&b.unknown.held_out_gain))
 }

@@ -31,14 +31,14 @@ use super::regression::{frequency_dots, identification_error};
 use super::series::System;
 use super::slips::{self, Placed, Slip};
 use super::stretches::Stretch;
-use super::track::{Along, Pieces, Track};
+use super::track::{ExogenousInputs, Pieces, Track};
 use super::{Identification, Residuals, Settings as WeakSettings, built_in, identifiability, windows};
 use crate::error::{BadInput, Result};
 use crate::model::dynamics::Dynamics;
 use crate::model::model_file::weak_form::WeakForm;
 use crate::record::Record;
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::system::ties::Identified;
 use crate::warning::Warning;
 use problem::{Piece, Problem};
@@ -151,7 +151,7 @@ struct Given<'a> {
     /// Names of its parameters.
     names: &'a [String],
     rig: &'a Rig,
-    bound: &'a Bound,
+    bound: &'a ObservedModel,
     prepared: &'a Prepared,
     /// The weak form's result.
     first: &'a Identification,
@@ -170,8 +170,8 @@ fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &Progr
     let Given { motion, names, rig, bound, prepared, first } = *given;
     let Prepared { stretches, sensors, geometry, .. } = prepared;
     let omega = rig.drive.map_or(0.0, |_| rig.omega());
-    let along: Vec<Along> = stretches.iter().map(|s| Along::new(s, omega)).collect();
-    let track = Track::new(stretches, &along, rig, bound, sensors);
+    let exogenous: Vec<ExogenousInputs> = stretches.iter().map(|s| ExogenousInputs::new(s, omega)).collect();
+    let track = Track::new(stretches, &exogenous, rig, bound, sensors);
     let period_s = rig.drive.map_or(geometry.windows.length_s / PERIODS, |d| 1.0 / d.frequency_hz);
     let shortest = FEWEST_SAMPLES as f64 * track.spacing_s;
     let piece_s = settings.segment_s.unwrap_or((4.0 * period_s).max(shortest));
@@ -355,7 +355,7 @@ fn balances(
     names: &[String],
     found: &DVector<f64>,
     rig: &Rig,
-    bound: &Bound,
+    bound: &ObservedModel,
     prepared: &Prepared,
 ) -> Result<(Vec<f64>, Vec<Residuals>)> {
     let weak = WeakForm::new(&bound.model, rig.omega(), &[])?;

@@ -161,7 +161,8 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
     /// solution from `state` at its beginning. None where the solution does not reach it.
     pub fn joined(
         &self,
-        (a, b): (&Piece, &Piece),
+        a: &Piece,
+        b: &Piece,
         state: &[f64],
         parameters: &[f64],
         half: usize,

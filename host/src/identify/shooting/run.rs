@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use super::covariance::{self, Covariance};
 use super::problem::{Piece, Problem, Share};
-use super::solve::{Bounds, ShootingFit, minimise};
+use super::solve::{Bounds, ShootingFit, Start, minimise};
 use crate::model::dynamics::Dynamics;
 
 /// Most pieces of the first two levels.
@@ -93,7 +93,8 @@ pub fn run<D: Dynamics + ?Sized>(
         }
         tick();
         // A level that gets nowhere leaves the parameters to the next.
-        if let Some(fit) = minimise(&problem, &few, (&parameters, states), bounds, 1.0, 10, tick)
+        let start = Start { parameters: &parameters, states };
+        if let Some(fit) = minimise(&problem, &few, start, bounds, 1.0, 10, tick)
             && fit.parameters.iter().all(|p| p.is_finite())
         {
             parameters = fit.parameters;
@@ -111,8 +112,9 @@ pub fn run<D: Dynamics + ?Sized>(
     let mut sigma = given.clone();
     for last in [false, true] {
         let weighted = Problem { sigma: &sigma, ..copy(&problem) };
-        let fit = minimise(&weighted, &pieces, (&parameters, states.clone()), bounds, TOLERANCE, MOST_ROUNDS, tick)
-            .ok_or(Failure::NothingFollows)?;
+        let start = Start { parameters: &parameters, states: states.clone() };
+        let fit =
+            minimise(&weighted, &pieces, start, bounds, TOLERANCE, MOST_ROUNDS, tick).ok_or(Failure::NothingFollows)?;
         rounds += fit.rounds;
         let ratio = noise_ratio(&fit.shares, problem.states());
         let even = ratio.iter().all(|r| (r / ratio[0] - 1.0).abs() < 0.1);

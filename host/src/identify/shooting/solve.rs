@@ -102,28 +102,29 @@ fn complete(shares: Vec<Option<Share>>) -> Option<Vec<Share>> {
     shares.into_iter().collect()
 }
 
-/// Shares at trial parameters and states. A piece that the step made worse than its scatter
-/// explains (a joint's velocity that grazes zero there bends the cost) gets its state fitted anew,
-/// from where it was and from where the step put it.
+/// Shares at trial parameters and `moved` states, `before` those at `states`. A piece that the step
+/// made worse than its scatter explains (a joint's velocity that grazes zero there bends the cost)
+/// gets its state fitted anew, from where it was and from where the step put it.
 fn follow<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     pieces: &[Piece],
-    before: (&[Vec<f64>], &[Share]),
+    states: &[Vec<f64>],
+    before: &[Share],
     mut moved: Vec<Vec<f64>>,
     trial: &[f64],
     unit: f64,
 ) -> Option<(Vec<Vec<f64>>, Vec<Share>)> {
     let mut shares = problem.shares(pieces, &moved, trial);
     let worse: Vec<usize> = (0..pieces.len())
-        .filter(|i| shares[*i].as_ref().is_none_or(|s| s.cost() > before.1[*i].cost() + WORSE * unit))
+        .filter(|i| shares[*i].as_ref().is_none_or(|s| s.cost() > before[*i].cost() + WORSE * unit))
         .collect();
     let again: Vec<Option<(Vec<f64>, Share)>> = worse
         .par_iter()
         .map_init(
             || (problem.room(false), problem.room(true)),
             |(small, large), i| {
-                let length = [before.1[*i].samples];
-                [&moved[*i], &before.0[*i]]
+                let length = [before[*i].samples];
+                [&moved[*i], &states[*i]]
                     .into_iter()
                     .filter_map(|start| problem.fit_state(&pieces[*i], start, trial, &length, small))
                     .min_by(|a, b| a.1.total_cmp(&b.1))
@@ -145,6 +146,14 @@ fn follow<D: Dynamics + ?Sized>(
     Some((moved, complete(shares)?))
 }
 
+/// Where a search begins.
+pub struct Start<'a> {
+    /// Parameters.
+    pub parameters: &'a [f64],
+    /// The initial state of each piece.
+    pub states: Vec<Vec<f64>>,
+}
+
 /// Minimises from parameters and states until the promised gain of a step falls below `tolerance`
 /// (in units of the residuals' mean square: a step of one standard error in one parameter promises
 /// 1), for at most `most` rounds. `tick` is told of each round. None where the start has no
@@ -152,7 +161,7 @@ fn follow<D: Dynamics + ?Sized>(
 pub fn minimise<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     pieces: &[Piece],
-    start: (&[f64], Vec<Vec<f64>>),
+    start: Start<'_>,
     bounds: &Bounds,
     tolerance: f64,
     most: usize,
@@ -160,8 +169,8 @@ pub fn minimise<D: Dynamics + ?Sized>(
 ) -> Option<ShootingFit> {
     let x = problem.states();
     let clip = |p: &[f64]| -> Vec<f64> { p.iter().zip(bounds).map(|(v, [low, high])| v.clamp(*low, *high)).collect() };
-    let mut parameters = clip(start.0);
-    let mut states = start.1;
+    let mut parameters = clip(start.parameters);
+    let mut states = start.states;
     let mut shares = complete(problem.shares(pieces, &states, &parameters))?;
     let (mut damping, mut rounds, mut converged) = (1e-9, 0, false);
     let mut held = vec![false; parameters.len()];
@@ -197,7 +206,7 @@ pub fn minimise<D: Dynamics + ?Sized>(
             .collect();
         rounds += 1;
         tick();
-        let tried = follow(problem, pieces, (&states, &shares), moved, &trial, unit);
+        let tried = follow(problem, pieces, &states, &shares, moved, &trial, unit);
         match tried {
             Some((new_states, new)) if new.iter().map(Share::cost).sum::<f64>() <= cost => {
                 (parameters, states, shares) = (trial, new_states, new);

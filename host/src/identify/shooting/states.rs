@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::problem::{Piece, Problem, Share};
 use super::solve::damped;
-use crate::model::flow::abreast::{Outside, Steps};
+use crate::model::flow::abreast::{Outside, Steps, VectorField};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
 /// What a step of a state still promises, in squared standard errors, at which its fit stops: a
@@ -115,7 +115,8 @@ struct Lane<'a> {
 }
 
 impl Lane<'_> {
-    /// Goes on by one step, whose state and derivatives by its beginning are in a column of `steps`.
+    /// Goes on by one step, whose state and derivatives by its beginning are in a column of
+    /// `steps`.
     fn carry(&mut self, steps: &Steps, i: usize) {
         let m = self.state.len();
         self.exists = steps.exists[i];
@@ -153,7 +154,10 @@ impl Problem<'_, EquationsOfMotion> {
                 loop {
                     let (mut open, mut lanes) = (Vec::new(), Vec::new());
                     for (k, search) in &mut all {
-                        let Some(lane) = search.wanted().map(|w| self.lane(&pieces[*k], w)) else { continue };
+                        let Some(lane) = search.wanted().map(|(samples, state)| self.lane(&pieces[*k], samples, state))
+                        else {
+                            continue;
+                        };
                         lanes.push(lane);
                         open.push(search);
                     }
@@ -170,7 +174,7 @@ impl Problem<'_, EquationsOfMotion> {
     }
 
     /// A piece from a state on.
-    fn lane<'p>(&self, piece: &'p Piece, (samples, state): (usize, &[f64])) -> Lane<'p> {
+    fn lane<'p>(&self, piece: &'p Piece, samples: usize, state: &[f64]) -> Lane<'p> {
         let m = self.states();
         Lane {
             piece,
@@ -201,7 +205,8 @@ impl Problem<'_, EquationsOfMotion> {
                 let begins: Vec<(f64, f64)> =
                     on.iter().map(|l| (l.piece.start_s + after, l.piece.tau + self.omega * after)).collect();
                 steps.set(on.iter().map(|l| &l.state[..]));
-                steps.carry((self.dynamics, parameters), |i| begins[i], &outside, h);
+                let field = VectorField { motion: self.dynamics, parameters };
+                steps.carry(field, |i| begins[i], &outside, h);
                 on.iter_mut().enumerate().for_each(|(i, l)| l.carry(steps, i));
             }
         }
@@ -246,7 +251,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::model::flow::{Flow, Outside as Along, Work};
+    use crate::model::flow::{self, Flow, Work};
     use crate::model::model_file::ModelFile;
 
     const TEXT: &str = "name = \"m\"\ncoordinates = [{ name = \"p\", space = \"S1\" }]\n\
@@ -264,7 +269,7 @@ mod tests {
         let mut pieces: Vec<Piece> = Vec::new();
         for k in 0..40_usize {
             let (start_s, tau, count) = (0.3 * k as f64, 0.7 * k as f64, if k.is_multiple_of(7) { 30 } else { 60 });
-            let flow = Flow::new(&motion, &parameters, Along::drive(start_s, tau, OMEGA), SPACING_S);
+            let flow = Flow::new(&motion, &parameters, flow::Outside::drive(start_s, tau, OMEGA), SPACING_S);
             let mut work = Work::plain(&motion);
             work.set(&[0.1 * k as f64 - 2.0, (k as f64).sin()]);
             let mut measured = Vec::new();

@@ -26,7 +26,7 @@ use crate::identify::{Settings, built_in, noise_bias, regression};
 use crate::model::model_file::weak_form::WeakForm;
 use crate::record::Record;
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::signal::noise;
 
 /// Least residual that counts, as a share of the equation's right-hand side at that frequency:
@@ -49,7 +49,7 @@ pub(super) struct Scene {
     /// The rig, its system written out.
     pub rig: Rig,
     /// What its channels measure.
-    pub bound: Arc<Bound>,
+    pub bound: Arc<ObservedModel>,
     weak: Arc<WeakForm>,
     split: Split,
 }

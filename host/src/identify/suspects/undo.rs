@@ -10,7 +10,7 @@ use core::f64::consts::TAU;
 use crate::identify::remeasured::Sensors;
 use crate::identify::stretches::{Stretch, mixed};
 use crate::model::model_file::Space;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::signal::angles::Phase;
 
 /// One mistake to undo.
@@ -66,7 +66,7 @@ impl Undo {
     }
 
     /// The stretch with it undone; `start_s`: when the record begins.
-    pub fn stretch(&self, s: &Stretch, bound: &Bound, start_s: f64) -> Stretch {
+    pub fn stretch(&self, s: &Stretch, bound: &ObservedModel, start_s: f64) -> Stretch {
         if let Self::Drive(rate) = self {
             return driven(s, *rate, start_s);
         }

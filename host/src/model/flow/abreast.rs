@@ -43,6 +43,15 @@ pub struct Outside<'a> {
     pub at: &'a (dyn Fn(f64, &mut [f64]) + Sync),
 }
 
+/// The vector field that states follow: the equations of motion at values of their parameters.
+#[derive(Clone, Copy)]
+pub struct VectorField<'a> {
+    /// The equations.
+    pub motion: &'a EquationsOfMotion,
+    /// Values of their parameters.
+    pub parameters: &'a [f64],
+}
+
 impl Steps {
     /// Room for a system.
     pub fn new(motion: &EquationsOfMotion) -> Self {
@@ -92,34 +101,31 @@ impl Steps {
     /// One step of `h` seconds from every state, at its time (s) and phase of the drive (rad);
     /// one after the other where they do not go side by side. [`Steps::exists`] tells of which
     /// states the equations have a solution.
-    pub fn carry(
-        &mut self,
-        (motion, parameters): (&EquationsOfMotion, &[f64]),
-        at: impl Fn(usize) -> (f64, f64),
-        outside: &Outside<'_>,
-        h: f64,
-    ) {
-        if motion.goes_abreast() {
-            self.take((motion, parameters), &at, outside, h);
+    pub fn carry(&mut self, field: VectorField<'_>, at: impl Fn(usize) -> (f64, f64), outside: &Outside<'_>, h: f64) {
+        if field.motion.goes_abreast() {
+            self.take(field, &at, outside, h);
         } else {
             self.whole = vec![false; self.count];
             self.next.copy_from_slice(&self.y);
         }
         self.exists = vec![true; self.count];
         for i in (0..self.count).filter(|&i| !self.whole[i]).collect::<Vec<_>>() {
-            self.exists[i] = self.carry_alone((motion, parameters), i, at(i), outside, h);
+            let (time, tau) = at(i);
+            self.exists[i] = self.carry_alone(field, i, time, tau, outside, h);
         }
     }
 
     /// The step of one state, which is in `next` yet.
     fn carry_alone(
         &mut self,
-        (motion, parameters): (&EquationsOfMotion, &[f64]),
+        field: VectorField<'_>,
         i: usize,
-        (time, tau): (f64, f64),
+        time: f64,
+        tau: f64,
         outside: &Outside<'_>,
         h: f64,
     ) -> bool {
+        let VectorField { motion, parameters } = field;
         let (n, m) = (self.n, 2 * self.n);
         let start: Vec<f64> = (0..m).map(|c| self.next[c * MOST + i]).collect();
         let mut inputs = vec![0.0; outside.inputs];
@@ -141,13 +147,8 @@ impl Steps {
     }
 
     /// The steps that go side by side.
-    fn take(
-        &mut self,
-        (motion, parameters): (&EquationsOfMotion, &[f64]),
-        at: impl Fn(usize) -> (f64, f64),
-        outside: &Outside<'_>,
-        h: f64,
-    ) {
+    fn take(&mut self, field: VectorField<'_>, at: impl Fn(usize) -> (f64, f64), outside: &Outside<'_>, h: f64) {
+        let motion = field.motion;
         let (n, count) = (self.n, self.count);
         self.whole = vec![true; count];
         for (weights, signs) in motion.switches().iter().zip(&mut self.signs) {
@@ -158,7 +159,7 @@ impl Steps {
             }
         }
         let begins: Vec<(f64, f64)> = (0..count).map(at).collect();
-        self.rates((motion, parameters), &begins, outside, (0, 0.0));
+        self.rates(field, &begins, outside, 0, 0.0);
         for stage in 1..7 {
             self.next.copy_from_slice(&self.y);
             for (a, k) in A[stage].iter().zip(&self.k).filter(|(a, _)| **a != 0.0) {
@@ -167,7 +168,7 @@ impl Steps {
             }
             // Rates at the end say only whether a sign turns.
             if stage < 6 || !motion.switches().is_empty() {
-                self.rates((motion, parameters), &begins, outside, (stage, C[stage] * h));
+                self.rates(field, &begins, outside, stage, C[stage] * h);
             }
         }
         for i in 0..count {
@@ -188,10 +189,11 @@ impl Steps {
     /// seconds after the beginnings.
     fn rates(
         &mut self,
-        (motion, parameters): (&EquationsOfMotion, &[f64]),
+        field: VectorField<'_>,
         begins: &[(f64, f64)],
         outside: &Outside<'_>,
-        (stage, after): (usize, f64),
+        stage: usize,
+        after: f64,
     ) {
         let (n, m, count) = (self.n, 2 * self.n, self.count);
         let Self { y, next, k, partials, accelerations, room, times, taus, inputs, signs, whole, .. } = self;
@@ -210,7 +212,7 @@ impl Steps {
             }
         }
         let at = Abreast { count, states: &y[..m * MOST], times, taus, inputs, signs };
-        motion.linearise_abreast(parameters, &at, room, (accelerations, partials), whole);
+        field.motion.linearise_abreast(field.parameters, &at, room, accelerations, partials, whole);
         let out = &mut k[stage];
         out[..n * MOST].copy_from_slice(&y[n * MOST..m * MOST]);
         out[n * MOST..m * MOST].copy_from_slice(accelerations);
@@ -236,8 +238,8 @@ impl Steps {
 mod tests {
     use std::path::Path;
 
-    use super::super::Outside as Along;
     use super::*;
+    use crate::model::flow;
     use crate::model::model_file::ModelFile;
 
     const TEXT: &str = "name = \"m\"\ninputs = [\"u\"]\ncoordinates = [{ name = \"p\", space = \"S1\" }, { name = \"x\", space = \"R\" }]\n\
@@ -265,15 +267,21 @@ mod tests {
         let of = |i: usize| (0.01 * i as f64, 0.3 * i as f64);
         let mut steps = Steps::new(&motion);
         steps.set(states.iter().map(Vec::as_slice));
-        steps.carry((&motion, &parameters), of, &Outside { omega: 3.0, inputs: 1, at: &input }, 0.004);
+        steps.carry(
+            VectorField { motion: &motion, parameters: &parameters },
+            of,
+            &Outside { omega: 3.0, inputs: 1, at: &input },
+            0.004,
+        );
         assert!(!steps.whole[7] && !steps.whole[8], "{:?}", &steps.whole[..9]);
         let rates = |s: &[f64]| [s[2], s[3] - s[2]];
         for (i, state) in states.iter().enumerate() {
             let (time, tau) = of(i);
-            let along = Along { origin: time, tau, omega: 3.0, inputs: Some(Inputs { count: 1, at: &input }) };
+            let outside =
+                flow::Outside { origin: time, tau, omega: 3.0, inputs: Some(Inputs { count: 1, at: &input }) };
             let mut work = Work::by_state(&motion);
             work.set(state);
-            assert!(Flow::new(&motion, &parameters, along, 0.004).carry(&mut work, time, 0.004));
+            assert!(Flow::new(&motion, &parameters, outside, 0.004).carry(&mut work, time, 0.004));
             let turned = rates(state).iter().zip(rates(work.state())).any(|(a, b)| a * b <= 1e-12);
             assert_eq!(steps.whole[i], !turned, "{i}");
             assert!(steps.exists[i], "{i}");

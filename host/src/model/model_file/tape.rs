@@ -6,6 +6,7 @@
 //! are computed with one more sample on either side where there is one.
 
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 use pulp::{Arch, NullaryFnOnce};
@@ -177,20 +178,15 @@ impl Tape {
         self.block::<MOST>(columns, 0, count, &mut registers.0);
     }
 
-    /// Values of every expression at the samples `first` … `end` of `count`, two fewer than [`MOST`]
-    /// at most, with their neighbours where these matter: [`Tape::output`] shows them from the place
-    /// that is returned.
-    pub fn among(
-        &self,
-        columns: &[&[f64]],
-        (first, end, count): (usize, usize, usize),
-        registers: &mut Registers,
-    ) -> usize {
+    /// Values of every expression at a range of `count` points, two fewer than [`MOST`] at most,
+    /// with their neighbours where these matter: [`Tape::output`] shows them from the place that is
+    /// returned.
+    pub fn among(&self, columns: &[&[f64]], points: Range<usize>, count: usize, registers: &mut Registers) -> usize {
         let halo = usize::from(self.signs);
-        let (from, to) = (first.saturating_sub(halo), (end + halo).min(count));
+        let (from, to) = (points.start.saturating_sub(halo), (points.end + halo).min(count));
         registers.0.resize(self.operations.len() * MOST, 0.0);
         self.block::<MOST>(columns, from, to, &mut registers.0);
-        first - from
+        points.start - from
     }
 
     /// What an expression came out as at every point of [`Tape::over`].

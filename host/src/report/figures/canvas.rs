@@ -130,7 +130,8 @@ pub fn draw(layout: &Layout, panels: &[Panel], alternative: &str) -> String {
         }
         for (i, (panel, (x, y))) in panels.iter().zip(&axes).enumerate() {
             let left = (i % columns) as f64 * cell + lefts[i % columns];
-            let frame = (left, tops[i / columns], (cell - lefts[i % columns] - 14.0).max(20.0), layout.height);
+            let width = (cell - lefts[i % columns] - 14.0).max(20.0);
+            let frame = Frame { left, top: tops[i / columns], width, height: layout.height };
             places.push(place(frame, x, y));
             draw_axes(&pen, panel, x, y, frame);
             draw_marks(&root, panel, x, y, frame);
@@ -140,12 +141,21 @@ pub fn draw(layout: &Layout, panels: &[Panel], alternative: &str) -> String {
     compact::compact(&svg, alternative).replacen("<svg ", &format!("<svg data-panels=\"{}\" ", places.join(";")), 1)
 }
 
+/// Where a panel lies in a figure, CSS pixels.
+#[derive(Clone, Copy)]
+struct Frame {
+    left: f64,
+    top: f64,
+    width: f64,
+    height: f64,
+}
+
 /// Where a panel lies in the drawing's units and what it ranges over, for the page's script: left,
 /// top, width, height, low and high of both axes in the coordinates that are drawn, 1 for an axis
 /// of logarithms.
-fn place(frame: (f64, f64, f64, f64), x: &Fixed, y: &Fixed) -> String {
+fn place(frame: Frame, x: &Fixed, y: &Fixed) -> String {
     let log = |a: &Fixed| u8::from(a.scale == super::axis::Scale::Log);
-    let units = [frame.0, frame.1, frame.2, frame.3].map(|v| (v * U).round().to_string()).join(" ");
+    let units = [frame.left, frame.top, frame.width, frame.height].map(|v| (v * U).round().to_string()).join(" ");
     let ends = [x.low, x.high, y.low, y.high].map(|v| format::shortest(v).replace('−', "-")).join(" ");
     format!("{units} {ends} {} {}", log(x), log(y))
 }
@@ -190,9 +200,9 @@ fn draw_legend(pen: &Pen, row: &[(f64, String, RGBColor, Shape)], y: f64) {
     }
 }
 
-/// Frame, grid, ticks, labels and rules. `frame`: left, top, width, height.
-fn draw_axes(pen: &Pen, panel: &Panel, x: &Fixed, y: &Fixed, frame: (f64, f64, f64, f64)) {
-    let (left, top, width, height) = frame;
+/// Frame, grid, ticks, labels and rules.
+fn draw_axes(pen: &Pen, panel: &Panel, x: &Fixed, y: &Fixed, frame: Frame) {
+    let Frame { left, top, width, height } = frame;
     let at_x = |v: f64| left + width * (v - x.low) / (x.high - x.low);
     let at_y = |v: f64| top + height * (1.0 - (v - y.low) / (y.high - y.low));
     let bottom = top + height;
@@ -281,10 +291,10 @@ fn draw_marks(
     panel: &Panel,
     x: &Fixed,
     y: &Fixed,
-    frame: (f64, f64, f64, f64),
+    frame: Frame,
 ) {
     let size = |v: f64| (v * U).round() as u32;
-    let area = root.clone().shrink((size(frame.0), size(frame.1)), (size(frame.2), size(frame.3)));
+    let area = root.clone().shrink((size(frame.left), size(frame.top)), (size(frame.width), size(frame.height)));
     let Ok(mut chart) = ChartBuilder::on(&area).build_cartesian_2d(x.low..x.high, y.low..y.high) else { return };
     for (i, s) in panel.series.iter().enumerate() {
         let colour = palette::series(s.colour.unwrap_or(i));

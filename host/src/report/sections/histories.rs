@@ -6,8 +6,8 @@ use crate::inspect::plots::{History, Plots};
 use crate::report::figures::axis::Axis;
 use crate::report::figures::canvas::{Panel, Series, Shape};
 use crate::report::figures::lines::lines;
-use crate::report::format::symbol_svg;
 use crate::report::html::Html;
+use crate::report::symbols::symbol_svg;
 use crate::report::{Results, SectionKind};
 
 /// Registration.

@@ -4,8 +4,9 @@ use serde::Serialize;
 
 use crate::report::figures::axis::Axis;
 use crate::report::figures::bars::{self, Bar};
-use crate::report::format::{Z95, fixed, plus_minus, significant, symbol_svg, to_digits_of};
+use crate::report::format::{Z95, fixed, plus_minus, significant, to_digits_of};
 use crate::report::html::{Align, Html};
+use crate::report::symbols::symbol_svg;
 use crate::report::{Results, SectionKind};
 
 /// One parameter.

@@ -7,8 +7,9 @@ use crate::report::figures::axis::Axis;
 use crate::report::figures::canvas::{Panel, Rule, Series, Shape};
 use crate::report::figures::lines::lines;
 use crate::report::figures::scatter::scatter;
-use crate::report::format::{fixed, plus_minus, significant, symbol_plain, symbol_svg};
+use crate::report::format::{fixed, plus_minus, significant};
 use crate::report::html::{Align, Html};
+use crate::report::symbols::{symbol_plain, symbol_svg};
 use crate::report::{Results, SectionKind};
 
 /// Registration.

@@ -6,8 +6,8 @@ use crate::inspect::motion::Space;
 use crate::report::figures::axis::Axis;
 use crate::report::figures::canvas::{Panel, Series, Shape};
 use crate::report::figures::scatter::scatter;
-use crate::report::format::symbol_svg;
 use crate::report::html::Html;
+use crate::report::symbols::symbol_svg;
 use crate::report::{Results, SectionKind};
 
 /// Registration.

@@ -1,5 +1,6 @@
 //! The record while columns are fitted to it: windows linearised about their paths.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::DVector;
@@ -8,13 +9,14 @@ use rayon::prelude::*;
 use super::super::candidates::{Candidate, Column};
 use super::super::setting::Setting;
 use super::super::state::State;
-use super::along::Along;
 use super::blocks::{Blocks, Part};
 use super::forcing::{Additions, Forcing};
 use super::gram::Layout;
 use super::linear::{Linear, Measured, Normal};
 use super::path::{FEWEST_SAMPLES, Path, Window};
+use super::window_inputs::WindowInputs;
 use crate::identify::track;
+use crate::model::flow::abreast::VectorField;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::expression::{Node, Symbol};
 use crate::model::model_file::tape::{Registers, Tape};
@@ -30,7 +32,7 @@ pub struct Course<'a> {
     pub setting: &'a Setting<'a>,
     /// The model so far.
     pub state: &'a State,
-    between: Vec<track::Along>,
+    between: Vec<track::ExogenousInputs>,
     /// What the sensors showed, by stretch and sensor.
     shown: Vec<Vec<Vec<f64>>>,
     weights: Vec<Vec<f64>>,
@@ -86,7 +88,7 @@ impl<'a> Course<'a> {
     pub fn new(setting: &'a Setting<'a>, state: &'a State) -> Self {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
         let numbers = state.remembered();
-        let between = state.stretches.iter().map(|s| track::Along::remembering(s, omega, &numbers)).collect();
+        let between = state.stretches.iter().map(|s| track::ExogenousInputs::remembering(s, omega, &numbers)).collect();
         let shown = state.stretches.iter().map(|s| s.sensors(&setting.bound)).collect();
         let (weights, sigma) = state.on_track(setting, |t| (t.sensors.clone(), t.sigma.clone()));
         Self { setting, state, between, shown, weights, sigma, omega }
@@ -109,8 +111,8 @@ impl<'a> Course<'a> {
         (0..self.sigma.len()).map(of).sum::<f64>() / self.sigma.len().max(1) as f64
     }
 
-    fn along(&self, path: &Path, w: &Window) -> Along<'_> {
-        Along {
+    fn window_inputs(&self, path: &Path, w: &Window) -> WindowInputs<'_> {
+        WindowInputs {
             stretch: &self.state.stretches[w.stretch],
             between: &self.between[w.stretch],
             first: path.first + w.first,
@@ -156,7 +158,7 @@ impl<'a> Course<'a> {
                 }
                 additions.extend(shared.iter().cloned());
                 let (motion, parameters) = state.motion_of(setting, &x, record)?;
-                let forcing = Forcing::new(model, setting.rig.omega(), &coefficients, &moved, (count, &additions));
+                let forcing = Forcing::new(model, setting.rig.omega(), &coefficients, &moved, count, &additions);
                 Some(Columns { motion, parameters, forcing })
             })
             .collect::<Option<Vec<_>>>()?;
@@ -173,7 +175,7 @@ impl<'a> Course<'a> {
                 values[i * sensors + s] = shown[first + i];
             }
         }
-        let along = self.along(path, w);
+        let exogenous = self.window_inputs(path, w);
         let n = self.weights.first().map_or(0, Vec::len);
         let mut laws = Vec::new();
         let mut at = self.setting.own.names.len();
@@ -191,7 +193,7 @@ impl<'a> Course<'a> {
                     .map(|s| match s {
                         Symbol::Coordinate(_) | Symbol::Raw(_) => mixed(0),
                         Symbol::Rate(_) | Symbol::ClearRate(_) => mixed(n),
-                        _ => (0..w.count).map(|i| along.time(i * along.points)).collect(),
+                        _ => (0..w.count).map(|i| exogenous.time(i * exogenous.points)).collect(),
                     })
                     .collect();
                 let columns: Vec<&[f64]> = series.iter().map(Vec::as_slice).collect();
@@ -209,16 +211,18 @@ impl<'a> Course<'a> {
         path: &Path,
         w: &Window,
         list: &List<'_>,
-        (layout, records, moves): (&Arc<Layout>, &[Columns], bool),
+        layout: &Arc<Layout>,
+        records: &[Columns],
+        moves: bool,
     ) -> Option<Solved> {
         let n = self.setting.circle.len();
         let record = self.setting.record_of.get(w.stretch).copied().unwrap_or(0);
         let columns = records.get(record)?;
         let states = &path.states[2 * n * w.first..2 * n * (w.first + w.count)];
-        let along = self.along(path, w);
-        let motion = (&columns.motion, &columns.parameters[..]);
-        let linear = Linear::new(states, &along, motion)?;
-        let driven = columns.forcing.on((&linear.points, &linear.accelerations), &along);
+        let exogenous = self.window_inputs(path, w);
+        let field = VectorField { motion: &columns.motion, parameters: &columns.parameters };
+        let linear = Linear::new(states, &exogenous, field)?;
+        let driven = columns.forcing.on(&linear.points, &linear.accelerations, &exogenous);
         let measured = self.measured(path, w, states, list);
         let short = if w.count / SHORT >= FEWEST_SAMPLES { w.count / SHORT } else { w.count };
         let mut registers = Registers::default();
@@ -226,9 +230,9 @@ impl<'a> Course<'a> {
         let (normal, segments) = if moves {
             alpha = driven.all()?;
             let size = alpha.len() / (linear.points.len() / (2 * n));
-            let from = |(first, end): (usize, usize), to: &mut Vec<f64>| {
+            let from = |points: Range<usize>, to: &mut Vec<f64>| {
                 to.clear();
-                to.extend_from_slice(&alpha[first * size..end * size]);
+                to.extend_from_slice(&alpha[points.start * size..points.end * size]);
                 Some(())
             };
             linear.normal(states, from, layout, &measured, short)?
@@ -258,14 +262,14 @@ impl<'a> Course<'a> {
     /// All windows linearised.
     pub fn solved(&self, paths: &[Path], all: &[Window], list: &List<'_>) -> Option<Vec<Option<Solved>>> {
         let (layout, records) = self.columns(list)?;
-        Some(all.par_iter().map(|w| self.solve(&paths[w.stretch], w, list, (&layout, &records, true))).collect())
+        Some(all.par_iter().map(|w| self.solve(&paths[w.stretch], w, list, &layout, &records, true)).collect())
     }
 
     /// Gram matrices of all windows, without what they were made of: with every candidate's columns
     /// that would be much.
     pub fn reduced(&self, paths: &[Path], all: &[Window], list: &List<'_>, signs: Vec<f64>) -> Option<Blocks> {
         let (layout, records) = self.columns(list)?;
-        let of = |w: &Window| Some(self.solve(&paths[w.stretch], w, list, (&layout, &records, false))?.parts);
+        let of = |w: &Window| Some(self.solve(&paths[w.stretch], w, list, &layout, &records, false)?.parts);
         let found: Vec<Option<Vec<Part>>> = all.par_iter().map(of).collect();
         let whole = |w: &Window| {
             let first = paths[w.stretch].first + w.first;

@@ -1,7 +1,9 @@
 //! What a coefficient or strength of one does to the accelerations along a window: α_c = −M⁻¹ X_c,
 //! M_ei = ∂F_e/∂q̈_i.
 
-use super::along::Along;
+use std::ops::Range;
+
+use super::window_inputs::WindowInputs;
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::equations_of_motion::{solve, wrapped};
 use crate::model::model_file::expression::{Node, Symbol, add, multiply, number};
@@ -30,7 +32,8 @@ impl Forcing {
         omega: f64,
         coefficients: &[f64],
         moved: &[(usize, f64, Node)],
-        (columns, additions): (usize, &Additions),
+        columns: usize,
+        additions: &Additions,
     ) -> Self {
         let n = model.coordinates.len();
         let places = model.term_places();
@@ -62,10 +65,10 @@ impl Forcing {
     }
 
     /// These columns along a window's points.
-    pub fn on<'a>(&'a self, (states, accelerations): (&[f64], &[f64]), along: &Along<'_>) -> Driven<'a> {
+    pub fn on<'a>(&'a self, states: &[f64], accelerations: &[f64], exogenous: &WindowInputs<'_>) -> Driven<'a> {
         let n = self.coordinates;
         let count = states.len() / (2 * n);
-        let inputs = along.inputs(count);
+        let inputs = exogenous.inputs(count);
         let series = self
             .tape
             .symbols()
@@ -78,10 +81,10 @@ impl Forcing {
                     Symbol::Rate(k) | Symbol::ClearRate(k) => state(n + k).collect(),
                     Symbol::Acceleration(k) => (0..count).map(|i| accelerations[n * i + k]).collect(),
                     Symbol::Input(k) | Symbol::RawInput(k) => inputs[k].clone(),
-                    Symbol::Tau => (0..count).map(|i| along.tau(i)).collect(),
-                    Symbol::Time => (0..count).map(|i| along.time(i)).collect(),
-                    Symbol::Memory(k) => along.remembered(k, count),
-                    Symbol::InputRate(k) => differences(&inputs[k], along.spacing()),
+                    Symbol::Tau => (0..count).map(|i| exogenous.tau(i)).collect(),
+                    Symbol::Time => (0..count).map(|i| exogenous.time(i)).collect(),
+                    Symbol::Memory(k) => exogenous.remembered(k, count),
+                    Symbol::InputRate(k) => differences(&inputs[k], exogenous.spacing()),
                     Symbol::Held(_) | Symbol::State(_) => vec![0.0; count],
                 }
             })
@@ -108,22 +111,22 @@ impl Driven<'_> {
     /// Accelerations by every column at every point; see [`Driven::between`].
     pub fn all(&self) -> Option<Vec<f64>> {
         let mut out = Vec::new();
-        self.between((0, self.count), &mut Registers::default(), &mut out)?;
+        self.between(0..self.count, &mut Registers::default(), &mut out)?;
         Some(out)
     }
 
-    /// Accelerations by every column at the points `first` … `end`: for each n rows of the columns.
+    /// Accelerations by every column at a range of points: for each n rows of the columns.
     /// None where M is singular or a column has no value.
-    pub fn between(&self, (first, end): (usize, usize), registers: &mut Registers, out: &mut Vec<f64>) -> Option<()> {
+    pub fn between(&self, points: Range<usize>, registers: &mut Registers, out: &mut Vec<f64>) -> Option<()> {
         let Forcing { coordinates: n, columns, tape, places, .. } = self.forcing;
         let size = n * columns;
         out.clear();
-        out.resize((end - first) * size, 0.0);
+        out.resize(points.len() * size, 0.0);
         let series: Vec<&[f64]> = self.series.iter().map(Vec::as_slice).collect();
         let mut inverses = vec![[0.0; TILE]; n * n];
         for (block, rows) in out.chunks_mut(BLOCK * size).enumerate() {
-            let start = first + block * BLOCK;
-            let place = tape.among(&series, (start, (start + BLOCK).min(end), self.count), registers);
+            let start = points.start + block * BLOCK;
+            let place = tape.among(&series, start..(start + BLOCK).min(points.end), self.count, registers);
             for (tile, rows) in rows.chunks_mut(TILE * size).enumerate() {
                 let (at, count) = (place + tile * TILE, rows.len() / size);
                 let values = |k: usize| &tape.output(k, registers)[at..at + count];

@@ -9,16 +9,15 @@
 //! sensor laws alike. No solution has to be found first, and what is far from one still has its
 //! columns.
 
-use core::ops::AddAssign;
+use core::ops::{AddAssign, Range};
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::along::Along;
 use super::gram::{Gram, Layout, Sums};
+use super::window_inputs::WindowInputs;
 use crate::model::dynamics::Dynamics;
-use crate::model::flow::abreast::{self, MOST, Steps};
-use crate::model::model_file::equations_of_motion::EquationsOfMotion;
+use crate::model::flow::abreast::{self, MOST, Steps, VectorField};
 use crate::model::vectors::combine;
 
 /// Rows whose products are summed at once.
@@ -63,9 +62,9 @@ pub struct Normal {
 
 impl Linear {
     /// None where the model has no solution somewhere.
-    pub fn new(states: &[f64], along: &Along<'_>, (motion, parameters): (&EquationsOfMotion, &[f64])) -> Option<Self> {
-        let m = 2 * motion.degrees_of_freedom();
-        let (each, spacing) = (along.points, along.spacing());
+    pub fn new(states: &[f64], exogenous: &WindowInputs<'_>, field: VectorField<'_>) -> Option<Self> {
+        let m = 2 * field.motion.degrees_of_freedom();
+        let (each, spacing) = (exogenous.points, exogenous.spacing());
         let count = states.len() / m;
         let points = count.saturating_sub(1) * each + 1;
         let mut out = Self {
@@ -78,19 +77,19 @@ impl Linear {
         };
         out.points.resize(m * points.saturating_sub(1), 0.0);
         out.slopes.resize(m * m * points.saturating_sub(1), 0.0);
-        let mut steps = Steps::new(motion);
+        let mut steps = Steps::new(field.motion);
         let mut here = states[..m * count.saturating_sub(1)].to_vec();
         for j in 0..each {
             for (block, states) in here.chunks_mut(m * MOST).enumerate() {
                 let point = |i: usize| (block * MOST + i) * each + j;
-                out.step(states, &mut steps, (along, motion, parameters), point)?;
+                out.step(states, &mut steps, exogenous, field, point)?;
             }
         }
         out.defects.extend(here.iter().zip(&states[m..]).map(|(a, b)| a - b));
         let last = &states[m * count.checked_sub(1)?..];
         out.points.extend_from_slice(last);
         let to = &mut out.accelerations[m / 2 * (points - 1)..];
-        if !along.acceleration(points - 1, last, (motion, parameters), to) {
+        if !exogenous.acceleration(points - 1, last, field, to) {
             return None;
         }
         out.slopes.iter().chain(&out.defects).all(|x| x.is_finite()).then_some(out)
@@ -101,15 +100,16 @@ impl Linear {
         &mut self,
         states: &mut [f64],
         steps: &mut Steps,
-        (along, motion, parameters): (&Along<'_>, &EquationsOfMotion, &[f64]),
+        exogenous: &WindowInputs<'_>,
+        field: VectorField<'_>,
         point: impl Fn(usize) -> usize,
     ) -> Option<()> {
-        let m = 2 * motion.degrees_of_freedom();
-        let at = |t: f64, out: &mut [f64]| crate::model::integrate::Outside::inputs(along.between, t, out);
-        let outside = abreast::Outside { omega: along.omega, inputs: along.between.count(), at: &at };
+        let m = 2 * field.motion.degrees_of_freedom();
+        let at = |t: f64, out: &mut [f64]| crate::model::integrate::Outside::inputs(exogenous.between, t, out);
+        let outside = abreast::Outside { omega: exogenous.omega, inputs: exogenous.between.count(), at: &at };
         steps.set(states.chunks_exact(m));
-        let of = |i: usize| (along.time(point(i)), along.tau(point(i)));
-        steps.carry((motion, parameters), of, &outside, self.spacing);
+        let of = |i: usize| (exogenous.time(point(i)), exogenous.tau(point(i)));
+        steps.carry(field, of, &outside, self.spacing);
         for (i, state) in states.chunks_exact_mut(m).enumerate() {
             if !steps.exists[i] {
                 return None;
@@ -137,7 +137,7 @@ impl Linear {
     pub fn normal(
         &self,
         states: &[f64],
-        mut alpha: impl FnMut((usize, usize), &mut Vec<f64>) -> Option<()>,
+        mut alpha: impl FnMut(Range<usize>, &mut Vec<f64>) -> Option<()>,
         layout: &Arc<Layout>,
         measured: &Measured<'_>,
         segment: usize,
@@ -151,8 +151,8 @@ impl Linear {
         let mut map = DMatrix::identity(m, width);
         for first in (0..count).step_by(segment) {
             let end = (first + segment).min(count);
-            alpha((first * self.each, end.min(count - 1) * self.each + 1), &mut accelerations)?;
-            let (part, z) = self.segment(states, &accelerations, layout, measured, (first, end));
+            alpha(first * self.each..end.min(count - 1) * self.each + 1, &mut accelerations)?;
+            let (part, z) = self.segment(states, &accelerations, layout, measured, first..end);
             part.sums.carried(&map, &mut whole.sums);
             whole.rows += part.rows;
             if end - first == segment {
@@ -169,16 +169,16 @@ impl Linear {
         Some((whole, parts))
     }
 
-    /// Sums over the samples `first` … `end`, between which the columns' accelerations are `alpha`,
-    /// and what deviations there make of the state at `end`:
-    /// m rows by the first state, the columns, and the defects.
+    /// Sums over a range of samples, between which the columns' accelerations are `alpha`, and what
+    /// deviations there make of the state at its end: m rows by the first state, the columns, and
+    /// the defects.
     fn segment(
         &self,
         states: &[f64],
         alpha: &[f64],
         layout: &Arc<Layout>,
         measured: &Measured<'_>,
-        (first, end): (usize, usize),
+        samples: Range<usize>,
     ) -> (Normal, Vec<f64>) {
         let columns = layout.columns;
         let sensors = measured.shown.len();
@@ -190,9 +190,9 @@ impl Linear {
         (0..m).for_each(|i| z[i * width + i] = 1.0);
         let mut next = z.clone();
         let mut sums = Sums::zeros(layout, m);
-        let mut chunk = DMatrix::zeros(width, CHUNK.min((end - first) * sensors));
+        let mut chunk = DMatrix::zeros(width, CHUNK.min(samples.len() * sensors));
         let mut filled = 0;
-        for k in first..end {
+        for k in samples.clone() {
             let mut terms: Vec<(f64, &[f64])> = Vec::with_capacity(m);
             for s in 0..sensors {
                 let mut column = chunk.column_mut(filled);
@@ -219,7 +219,7 @@ impl Linear {
             }
             for point in k * self.each..(k + 1) * self.each {
                 let a = &self.slopes[m * m * point..];
-                let here = &alpha[(point - first * self.each) * n * columns..][..2 * n * columns];
+                let here = &alpha[(point - samples.start * self.each) * n * columns..][..2 * n * columns];
                 let mut terms: Vec<(f64, &[f64])> = Vec::with_capacity(m + 2);
                 for (i, to) in next.chunks_exact_mut(width).enumerate() {
                     let by = z.chunks_exact(width).zip(&a[i * m..(i + 1) * m]).filter(|(_, f)| **f != 0.0);
@@ -242,7 +242,7 @@ impl Linear {
         if filled > 0 {
             sums.push(&chunk.columns(0, filled).into_owned());
         }
-        (Normal { sums, rows: (end - first) * sensors }, z)
+        (Normal { sums, rows: samples.len() * sensors }, z)
     }
 
     /// The path moved by an initial step and a step of the columns; also the greatest rms movement
@@ -251,7 +251,8 @@ impl Linear {
         &self,
         states: &[f64],
         alpha: &[f64],
-        (start, step): (&DVector<f64>, &DVector<f64>),
+        start: &DVector<f64>,
+        step: &DVector<f64>,
         measured: &Measured<'_>,
     ) -> (Vec<f64>, f64) {
         let n = measured.shown.first().map_or(0, Vec::len);
@@ -322,6 +323,7 @@ mod tests {
     use crate::identify::track;
     use crate::model::flow::{Flow, Work};
     use crate::model::model_file::ModelFile;
+    use crate::model::model_file::equations_of_motion::EquationsOfMotion;
     use crate::model::model_file::tape::Registers;
     use crate::signal::angles::Phase;
 
@@ -363,20 +365,20 @@ mod tests {
             history: None,
             base: None,
         };
-        let between = track::Along::new(&stretch, 0.0);
+        let between = track::ExogenousInputs::new(&stretch, 0.0);
         let terms: Additions = model.equations[0].terms.iter().enumerate().map(|(k, t)| (k, 0, t.of.clone())).collect();
-        let forcing = Forcing::new(&model, 1.0, &p, &[], (4, &terms));
+        let forcing = Forcing::new(&model, 1.0, &p, &[], 4, &terms);
         let measured =
             Measured { values: stretch.coordinates[0].clone(), shown: &[vec![1.0]], sigma: &[1e-6], laws: Vec::new() };
-        let along = Along { stretch: &stretch, between: &between, first: 0, omega: 0.0, points: 1 };
+        let exogenous = WindowInputs { stretch: &stretch, between: &between, first: 0, omega: 0.0, points: 1 };
         let own = solution(&motion, &p, [1.0, -0.2]);
         // A path with defects everywhere.
         let bent: Vec<f64> = own.iter().enumerate().map(|(i, x)| x + 1e-3 * (0.7 * i as f64).sin()).collect();
         for (path, passes, segment) in [(own, 1, COUNT), (bent, 3, 33)] {
             let (mut states, mut found) = (path, p.to_vec());
             for _ in 0..passes {
-                let linear = Linear::new(&states, &along, (&motion, &p)).unwrap();
-                let driven = forcing.on((&linear.points, &linear.accelerations), &along);
+                let linear = Linear::new(&states, &exogenous, VectorField { motion: &motion, parameters: &p }).unwrap();
+                let driven = forcing.on(&linear.points, &linear.accelerations, &exogenous);
                 let alpha = driven.all().unwrap();
                 let mut registers = Registers::default();
                 let between = |points, to: &mut Vec<f64>| driven.between(points, &mut registers, to);
@@ -386,7 +388,7 @@ mod tests {
                 let step = solve(&normal.reduced().unwrap().chosen(&[0, 1, 2, 3])).unwrap();
                 found = step.iter().zip(&p).map(|(s, p)| s + p).collect();
                 let start = normal.start(&step).unwrap();
-                states = linear.moved(&states, &alpha, (&start, &step), &measured).0;
+                states = linear.moved(&states, &alpha, &start, &step, &measured).0;
             }
             for k in 0..4 {
                 // Columns are integrated by the trapezoidal rule, and reversals fall between

@@ -23,7 +23,6 @@
 //! | file | what |
 //! |---|---|
 //! | [`path`] | the motion that is linearised about, windows |
-//! | [`along`] | phase, time, inputs along a window |
 //! | [`course`] | the record while columns are fitted to it |
 //! | [`forcing`] | accelerations by every column |
 //! | [`linear`] | a window's normal equations |
@@ -33,8 +32,8 @@
 //! | [`remade`](mod@remade) | what is left of records that the model itself makes |
 //! | [`stage`](mod@stage) | windows of one length until they stand still |
 //! | [`signs`] | coefficients that keep their sign |
+//! | [`window_inputs`] | time, phase, inputs along a window |
 
-mod along;
 pub mod blocks;
 mod course;
 mod forcing;
@@ -45,6 +44,7 @@ mod quieter;
 mod remade;
 pub mod signs;
 mod stage;
+mod window_inputs;
 
 use std::sync::Arc;
 
@@ -270,7 +270,7 @@ fn grown(setting: &Setting<'_>, state: &State, mut followed: Followed, stages: &
     let mut last: Option<(DMatrix<f64>, Vec<bool>, Vec<f64>)> = None;
     for &(length, passes) in stages {
         let (mut trial, mut moved) = (followed.clone(), x.clone());
-        let Some(fit) = stage(&course, &mut trial, &mut moved, (length, passes), &own, &signs) else { break };
+        let Some(fit) = stage(&course, &mut trial, &mut moved, length, passes, &own, &signs) else { break };
         let is_far = setting.rig.drive.is_none() && mean_of(&fit.2) > far;
         if is_far && last.is_some() {
             break;
@@ -294,7 +294,8 @@ fn grown(setting: &Setting<'_>, state: &State, mut followed: Followed, stages: &
 pub fn evidence(
     setting: &Setting<'_>,
     state: &State,
-    (further, together): (&[&Candidate], bool),
+    further: &[&Candidate],
+    together: bool,
     behind: &[Vec<Column>],
 ) -> Option<Blocks> {
     let followed = state.followed.as_ref()?;

@@ -19,7 +19,8 @@ pub fn stage(
     course: &Course<'_>,
     followed: &mut Followed,
     x: &mut Vec<f64>,
-    (length, passes): (usize, usize),
+    length: usize,
+    passes: usize,
     own: &[usize],
     signs: &[f64],
 ) -> Option<(DMatrix<f64>, Vec<bool>, Vec<f64>)> {
@@ -52,7 +53,7 @@ pub fn stage(
             let states = path.states[range.clone()].to_vec();
             let measured = course.measured(path, w, &states, &list);
             let Some(start) = s.normal.start(&step) else { continue };
-            let (after, moved) = s.linear.moved(&states, &s.alpha, (&start, &step), &measured);
+            let (after, moved) = s.linear.moved(&states, &s.alpha, &start, &step, &measured);
             if course.is_near(&states, &after) {
                 path.states[range].copy_from_slice(&after);
                 greatest = greatest.max(moved);

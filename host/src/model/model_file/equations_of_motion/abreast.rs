@@ -44,7 +44,8 @@ const UNKNOWN: [f64; MOST] = [f64::NAN; MOST];
 fn column<'a>(
     s: Symbol,
     at: &'a Abreast<'_>,
-    (inputs, remembered): (usize, &[usize]),
+    inputs: usize,
+    remembered: &[usize],
     wrapped: &'a [Vec<f64>],
     accelerations: &'a [f64],
 ) -> &'a [f64] {
@@ -85,7 +86,8 @@ impl EquationsOfMotion {
         parameters: &[f64],
         at: &Abreast<'_>,
         room: &mut Room,
-        (accelerations, partials): (&mut [f64], &mut [f64]),
+        accelerations: &mut [f64],
+        partials: &mut [f64],
         exists: &mut [bool],
     ) {
         let Some((tape, places)) = self.slopes.as_ref() else {
@@ -93,7 +95,6 @@ impl EquationsOfMotion {
             return;
         };
         let (n, count) = (self.circle.len(), at.count);
-        let behind = (self.inputs, &self.remembered[..]);
         let Room { entries, slopes, wrapped: angles, matrix, inverse, right } = room;
         angles.resize(n, Vec::new());
         for (i, to) in angles.iter_mut().enumerate().filter(|(i, _)| self.circle[*i]) {
@@ -102,7 +103,8 @@ impl EquationsOfMotion {
         }
         let factor = |k: usize| self.entries[k].coefficient.map_or(-1.0, |c| parameters[c]);
         // M (n × n columns), inverted state by state, and what stands beside the accelerations.
-        let columns: Vec<&[f64]> = self.tape.symbols().iter().map(|s| column(*s, at, behind, angles, &[])).collect();
+        let columns: Vec<&[f64]> =
+            self.tape.symbols().iter().map(|s| column(*s, at, self.inputs, &self.remembered, angles, &[])).collect();
         self.tape.over(&columns, count, entries);
         matrix.clear();
         matrix.resize(n * n * MOST, 0.0);
@@ -117,10 +119,13 @@ impl EquationsOfMotion {
         }
         invert(matrix, n, count, inverse, exists);
         accelerations.fill(0.0);
-        multiply(inverse, right, accelerations, (n, 1, count));
+        multiply(inverse, right, accelerations, n, 1, count);
         // Slopes of the residual, with what multiplies an acceleration times that.
-        let columns: Vec<&[f64]> =
-            tape.symbols().iter().map(|s| column(*s, at, behind, angles, accelerations)).collect();
+        let columns: Vec<&[f64]> = tape
+            .symbols()
+            .iter()
+            .map(|s| column(*s, at, self.inputs, &self.remembered, angles, accelerations))
+            .collect();
         tape.over(&columns, count, slopes);
         right.clear();
         right.resize(n * 2 * n * MOST, 0.0);
@@ -138,7 +143,7 @@ impl EquationsOfMotion {
             }
         }
         partials.fill(0.0);
-        multiply(inverse, right, partials, (n, 2 * n, count));
+        multiply(inverse, right, partials, n, 2 * n, count);
     }
 }
 
@@ -177,7 +182,7 @@ fn invert_two(matrix: &[f64], count: usize, inverse: &mut [f64], exists: &mut [b
 }
 
 /// Products of n × n and n × sides matrices, state by state.
-fn multiply(a: &[f64], b: &[f64], to: &mut [f64], (n, sides, count): (usize, usize, usize)) {
+fn multiply(a: &[f64], b: &[f64], to: &mut [f64], n: usize, sides: usize, count: usize) {
     for e in 0..n {
         for s in 0..sides {
             let to = &mut to[(e * sides + s) * MOST..][..count];

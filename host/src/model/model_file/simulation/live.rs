@@ -14,7 +14,7 @@ use crate::error::{BadInput, Result};
 use crate::model::integrate::{Settings, solve};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 
 /// Samples that are integrated at once.
 const AHEAD: usize = 256;
@@ -25,7 +25,7 @@ const SPREAD: f64 = 0.05;
 pub struct Live {
     motion: EquationsOfMotion,
     coefficients: Vec<f64>,
-    bound: Arc<Bound>,
+    bound: Arc<ObservedModel>,
     step_s: f64,
     /// The state of the newest sample that was integrated.
     state: Vec<f64>,
@@ -45,7 +45,7 @@ impl Live {
     /// # Errors
     /// One that inputs or the drive's phase move, which a device here does not give; a plant that
     /// is missing; equations that cannot be integrated.
-    pub fn of(rig: &Rig, bound: &Arc<Bound>, seed: Option<u64>) -> Result<Self> {
+    pub fn of(rig: &Rig, bound: &Arc<ObservedModel>, seed: Option<u64>) -> Result<Self> {
         let model = &*bound.model;
         if !model.inputs.is_empty() || model.uses_phase() {
             return Err(BadInput::new(

@@ -23,7 +23,7 @@ use crate::model::integrate::{Outside, Settings, solve};
 use crate::record::Column;
 use crate::record::values::write_values;
 use crate::rig::Rig;
-use crate::rig::measures::Bound;
+use crate::rig::measures::ObservedModel;
 use crate::signal::band_limited::BandLimited;
 
 /// Longest simulated record, s, and most samples.
@@ -82,7 +82,7 @@ impl Outside for Surroundings {
 ///
 /// # Errors
 /// A plant that is missing or cannot be integrated, seconds out of range.
-pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed: u64) -> Result<Vec<Column>> {
+pub fn columns(rig: &Rig, bound: &ObservedModel, effects: &[String], seconds: f64, seed: u64) -> Result<Vec<Column>> {
     let rate = rig.sample_rate_hz;
     if !(seconds > 0.0 && seconds <= LONGEST_S && seconds * rate <= MOST_SAMPLES) {
         let most = LONGEST_S.min(MOST_SAMPLES / rate);
@@ -91,7 +91,7 @@ pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed:
     let model = &*bound.model;
     let plant = Plant::of(rig, model, seconds, seed)?;
     let span = Span { start_s: 0.0, length_s: seconds };
-    let put_in = put_in::of(rig, bound, (&plant.physical, &plant.coefficients), effects, span)?;
+    let put_in = put_in::of(rig, bound, &plant.physical, &plant.coefficients, effects, span)?;
     let motion = EquationsOfMotion::with_columns(model, rig.omega(), &put_in.terms)?;
     let initial = motion.with_states(&plant.initial, &[]);
     let coefficients = [&plant.coefficients[..], &put_in.strengths].concat();
@@ -153,7 +153,7 @@ pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed:
                     .at(format!("channel \"{}\"", c.name))
                     .remedy("[plant] gives the base's acceleration, of which no position is written"));
                 }
-                Some(input) => recorded(&surroundings, (input, model.inputs.len()), &put_in.records, (step, count)),
+                Some(input) => recorded(&surroundings, input, model.inputs.len(), &put_in.records, step, count),
                 None => {
                     let row = bound.sensors.iter().position(|&i| i == k).unwrap_or(0);
                     let laws: Vec<&(usize, Node, f64)> = put_in.reads.iter().filter(|r| r.0 == row).collect();
@@ -175,7 +175,7 @@ pub fn columns(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed:
 }
 
 /// What a sensor shows of a state (coordinates, then rates), with what its laws add.
-fn shown_with(bound: &Bound, row: usize, y: &[f64], laws: &[&(usize, Node, f64)]) -> f64 {
+fn shown_with(bound: &ObservedModel, row: usize, y: &[f64], laws: &[&(usize, Node, f64)]) -> f64 {
     let n = bound.shown.ncols();
     let of = |part: &[f64]| bound.shown.row(row).iter().zip(part).map(|(s, q)| s * q).sum::<f64>();
     let x = of(&y[..n]);
@@ -187,9 +187,11 @@ fn shown_with(bound: &Bound, row: usize, y: &[f64], laws: &[&(usize, Node, f64)]
 /// What is recorded of an input, with what its laws add; delays shift it.
 fn recorded(
     surroundings: &Surroundings,
-    (input, inputs): (usize, usize),
+    input: usize,
+    inputs: usize,
     laws: &[(usize, Node, f64)],
-    (step, count): (f64, usize),
+    step: f64,
+    count: usize,
 ) -> Vec<f64> {
     let own = || laws.iter().filter(|l| l.0 == input);
     let ahead: f64 = own().filter_map(|(_, law, k)| delay(law).map(|d| d * k)).sum();
@@ -213,7 +215,14 @@ fn gauss(rng: &mut ChaCha8Rng) -> f64 {
 ///
 /// # Errors
 /// As [`columns`]; a file that cannot be written.
-pub fn record(rig: &Rig, bound: &Bound, effects: &[String], seconds: f64, seed: u64, output: &Path) -> Result<u64> {
+pub fn record(
+    rig: &Rig,
+    bound: &ObservedModel,
+    effects: &[String],
+    seconds: f64,
+    seed: u64,
+    output: &Path,
+) -> Result<u64> {
     let columns = columns(rig, bound, effects, seconds, seed)?;
     write_values(output, rig, &columns)?;
     Ok(columns.first().map_or(0, Column::len) as u64)

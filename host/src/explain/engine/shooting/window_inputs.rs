@@ -3,15 +3,15 @@
 use crate::identify::stretches::Stretch;
 use crate::identify::track;
 use crate::model::dynamics::{Dynamics, Instant};
+use crate::model::flow::abreast::VectorField;
 use crate::model::integrate::Outside;
-use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
 /// A window's surroundings at the points of a path: every sample of it, or several to a sample.
-pub struct Along<'a> {
+pub struct WindowInputs<'a> {
     /// The stretch.
     pub stretch: &'a Stretch,
     /// Its inputs between samples.
-    pub between: &'a track::Along,
+    pub between: &'a track::ExogenousInputs,
     /// Sample of the stretch at which the window begins.
     pub first: usize,
     /// Angular frequency of the drive, rad/s; 0 without one.
@@ -20,7 +20,7 @@ pub struct Along<'a> {
     pub points: usize,
 }
 
-impl Along<'_> {
+impl WindowInputs<'_> {
     /// Time between two points, s.
     pub fn spacing(&self) -> f64 {
         self.stretch.step_s / self.points as f64
@@ -63,13 +63,8 @@ impl Along<'_> {
     }
 
     /// Acceleration of the model at the state of a point; false where there is none.
-    pub fn acceleration(
-        &self,
-        i: usize,
-        state: &[f64],
-        (motion, parameters): (&EquationsOfMotion, &[f64]),
-        to: &mut [f64],
-    ) -> bool {
+    pub fn acceleration(&self, i: usize, state: &[f64], field: VectorField<'_>, to: &mut [f64]) -> bool {
+        let VectorField { motion, parameters } = field;
         let n = motion.degrees_of_freedom();
         let mut inputs = vec![0.0; self.between.count()];
         Outside::inputs(self.between, self.time(i), &mut inputs);

@@ -1,0 +1,71 @@
+//! Whether a record's rows follow each other at the rate that the rig file says.
+
+use std::path::Path;
+
+use crate::error::{BadInput, Result};
+use crate::report::format::shortest;
+use crate::rig::{Rig, UNKNOWN_RATE};
+
+/// Greatest relative difference between the record's sampling rate and the rig file's.
+const RATE_TOLERANCE: f64 = 0.005;
+
+/// The record's rate, Hz; an error where the rig file says another.
+pub(super) fn check(path: &Path, rig: &Rig, count: u64, step: f64) -> Result<f64> {
+    let (rate, nominal) = (1.0 / step, rig.sample_rate_hz);
+    let near = (rate / nominal - 1.0).abs() <= RATE_TOLERANCE;
+    if nominal == UNKNOWN_RATE {
+        return Ok(rate);
+    }
+    if count > 1 && !near {
+        let other = [("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("min", 1.0 / 60.0)]
+            .into_iter()
+            .find(|(_, n)| (rate * n / nominal - 1.0).abs() <= RATE_TOLERANCE);
+        if let Some((unit, _)) = other {
+            return Err(BadInput::new(
+                format!("times {step} apart"),
+                format!("{} s, as sample_rate_hz = {nominal} of {} says", 1.0 / nominal, rig.path.display()),
+            )
+            .in_file(path)
+            .at("time")
+            .remedy(format!(
+                "The time is in {unit}: say time_unit = \"{unit}\" in the rig file, or --time COLUMN:{unit}"
+            )));
+        }
+        return Err(BadInput::new(
+            format!("rows {} s apart ({} Hz)", shortest(step), shortest(rate)),
+            format!("{nominal} Hz (sample_rate_hz of {}) within 0.5 %", rig.path.display()),
+        )
+        .in_file(path)
+        .at("column t")
+        .remedy(rate_remedy(rate, nominal)));
+    }
+    Ok(rate)
+}
+
+/// What to do where the record's rate, Hz, is not the rig file's.
+fn rate_remedy(rate: f64, nominal: f64) -> String {
+    // A rate that is off by a thousand or more is another unit of time.
+    let unit =
+        [(1e3, "ms"), (1e6, "µs"), (1e9, "ns")].into_iter().find(|(k, _)| (rate * k / nominal - 1.0).abs() < 0.05);
+    match unit {
+        Some((factor, unit)) => {
+            format!("t is in {unit}, it seems: divide it by {factor:.0}, since t must be in seconds")
+        }
+        None => format!(
+            "Set sample_rate_hz = {} in the rig file if that is the record's rate; t must be in seconds. A clock that is uneven on purpose is made even by --resample",
+            shortest(rate)
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_unit_of_time_is_named() {
+        assert!(rate_remedy(500.0 / 1e9, 500.0).starts_with("t is in ns, it seems: divide it by 1000000000"));
+        assert!(rate_remedy(0.5, 500.0).starts_with("t is in ms"));
+        assert!(rate_remedy(250.0, 500.0).starts_with("Set sample_rate_hz = 250 in the rig file"));
+    }
+}
