@@ -50,8 +50,15 @@ impl Setting<'_> {
     fn with_mass(&self, entry: &Arc<Entry>, joint: usize, physical: &Physical) -> Option<Arc<Entry>> {
         let (file, mechanism) = (self.file()?, self.mechanism()?);
         let form = entry.forms().into_iter().next()?;
-        let outside = (self.rig.omega(), self.span);
-        let action = columns::action(entry, &form, Place::Joint(joint), mechanism, &physical.values, outside);
+        let action = columns::action(
+            entry,
+            &form,
+            Place::Joint(joint),
+            mechanism,
+            &physical.values,
+            self.rig.omega(),
+            self.span,
+        );
         let Ok(Some(Action::Force(parts))) = action else { return Some(entry.clone()) };
         if physical.fixes(&parts, mechanism) {
             return Some(entry.clone());
