@@ -46,6 +46,17 @@ fn friction_under_a_load_that_rests_on_an_unknown_mass_is_named_with_the_mass() 
     assert!(model.effects.iter().any(|e| e.parameters.get("mass") == Some(&mass)), "{:?}", model.effects);
 }
 
+/// LuGre's friction without a peak is Dahl's, about whose motion alone their shapes are alike.
+#[test]
+fn of_a_law_and_the_one_that_refines_it_the_simpler_is_named() {
+    let e = explained("chaotic.toml", &["dahl-friction@joint1=2e-4,d=0.02"], 60.0, 3);
+    assert_eq!(e.verdict, Verdict::Explained, "{}", e.reason);
+    let [f] = &e.effects[..] else { panic!("{:?}", e.effects) };
+    assert_eq!((f.id.as_str(), f.at.as_str()), ("dahl-friction", "joint1"));
+    assert!((f.value - 2e-4).abs() < 4.0 * f.std_error, "{} ± {}", f.value, f.std_error);
+    assert!((f.parameters["d"] / 0.02 - 1.0).abs() < 0.03, "{:?}", f.parameters);
+}
+
 #[test]
 fn a_hidden_drag_is_named_with_its_strength_and_the_gap_closes() {
     let e = explained("chaotic.toml", &["quadratic-drag@arm2=2e-7"], 80.0, 1);

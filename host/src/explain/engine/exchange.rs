@@ -113,8 +113,13 @@ pub fn best(
                 let twins = effects.get(k - state.nominal).map_or(&[][..], |f| &f.indistinguishable_from);
                 new.place == old.place && new.form.is_empty() && twins.contains(&new.name(setting))
             };
-            size(new) < size(old)
-                && (loss <= 2.0 * error || sum(&t.fit) <= (1.0 + AS_LITTLE) * sum(&outcome.fit) || twin())
+            // The shapes of its grid may lie far from that at which it is the law which it underlies.
+            let underlies = || {
+                let refined = old.entry.refines.as_ref() == Some(&new.entry.id);
+                new.place == old.place && !new.form.is_empty() && refined
+            };
+            let as_little = sum(&t.fit) <= (1.0 + AS_LITTLE) * sum(&outcome.fit);
+            size(new) < size(old) && (loss <= 2.0 * error || as_little || twin() || underlies())
         };
         let exchange = |(Tried { index, fit, p }, twins): (Tried, Vec<String>)| Exchange {
             gone: k,
