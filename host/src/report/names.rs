@@ -25,7 +25,7 @@ pub fn effect(name: &str) -> String {
         "arm" => format!("{words} on {}", numbered("arm")),
         "encoder" => format!("{words} of {}", numbered("encoder")),
         // The id says of what it is already.
-        "drive" if words.starts_with("drive ") => words,
+        "drive" | "frame" if words.starts_with(letters) => words,
         "drive" | "frame" => format!("{words} of the {letters}"),
         _ => format!("{words} at {at}"),
     }
@@ -97,7 +97,7 @@ mod tests {
             ("coulomb-friction@joint1", "Coulomb friction in joint 1"),
             ("zero-offset@encoder2", "zero offset of encoder 2"),
             ("drive-harmonic-2@drive", "drive harmonic 2"),
-            ("frame-tilt@frame", "frame tilt of the frame"),
+            ("frame-tilt@frame", "frame tilt"),
             ("amplitude-dependent-damping@q", "amplitude-dependent damping at q"),
             ("power-law-damping@joint1", "power-law damping in joint 1"),
             ("cubic-stiffness@q", "cubic stiffness at q"),

@@ -128,7 +128,7 @@ fn force(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
         if is_shape {
             return (1.0 / inertia, unit);
         }
-        return (1.0 / inertia, format!("{unit}/({} {mass})", inertia_name(setting, equation)));
+        return (1.0 / inertia, format!("{unit} per {mass} of {}", inertia_name(setting, equation)));
     }
     (1.0, unit)
 }
