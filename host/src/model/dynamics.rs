@@ -72,9 +72,18 @@ pub trait Dynamics: Sync {
         &[]
     }
 
+    /// Where accelerations jump with the position: weights of linear forms in the coordinates, n
+    /// each, of which they depend on the number of whole turns (a spring in a joint that turns over:
+    /// its angle jumps from π to −π). An integrator holds these numbers between the crossings of
+    /// odd multiples of π. None by default.
+    fn seams(&self) -> &[Vec<f64>] {
+        &[]
+    }
+
     /// [`Dynamics::acceleration`] with the signs of [`Dynamics::switches`] given instead of taken
     /// from the rates: in [−1, 1], and linear in each, so that a value between stands for sticking.
-    /// A system with switches overrides this.
+    /// The numbers of turns of [`Dynamics::seams`] follow in `signs`. A system with switches or
+    /// seams overrides this.
     fn acceleration_held(
         &self,
         parameters: &[f64],

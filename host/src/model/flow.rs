@@ -11,7 +11,8 @@
 //! both ends. There the sign turns, or the joint sticks where both signs drive it back: then the
 //! sign is the value in [−1, 1] that keeps its rate zero, until that leaves the interval. At such
 //! an instant derivatives jump by (a₊ − a₋) (w·δv)/(w·a₋), w·v being the rate (saltation; Filippov
-//! 1988).
+//! 1988). What jumps where an angle has made a turn ([`Dynamics::seams`]) is held in the same way;
+//! there derivatives jump by (a₊ − a₋) (w·δq)/(w·v).
 
 pub mod abreast;
 mod outside;
@@ -43,6 +44,18 @@ enum Mode {
     Slides(f64),
     /// Sticking.
     Sticks,
+    /// A seam, behind so many turns.
+    Turned(f64),
+}
+
+impl Mode {
+    /// What is held: a sign, 0 where it follows from sticking, or turns.
+    fn value(self) -> f64 {
+        match self {
+            Self::Slides(x) | Self::Turned(x) => x,
+            Self::Sticks => 0.0,
+        }
+    }
 }
 
 /// A system with parameters and surroundings.
@@ -78,7 +91,7 @@ impl Work {
     fn new<D: Dynamics + ?Sized>(dynamics: &D, columns: usize, first_parameter: Option<usize>) -> Self {
         let (n, count) = (dynamics.degrees_of_freedom(), dynamics.parameter_count());
         let length = 2 * n * (1 + columns);
-        let switches = dynamics.switches().len();
+        let switches = dynamics.switches().len() + dynamics.seams().len();
         let alone = first_parameter.is_none() && dynamics.takes_states_alone();
         Self {
             n,
@@ -260,7 +273,7 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         let p = self.parameters;
         let width = partials.len() / n.max(1);
         for (s, m) in signs.iter_mut().zip(modes.iter()) {
-            *s = if let Mode::Slides(sign) = m { *sign } else { 0.0 };
+            *s = m.value();
         }
         // Sticking joints: the sign that keeps the rate zero, one joint after the other (the laws
         // are linear in each sign).

@@ -12,13 +12,15 @@ pub struct WithOffsets<'a> {
     inner: &'a dyn Dynamics,
     offsets: usize,
     switches: Vec<Vec<f64>>,
+    seams: Vec<Vec<f64>>,
 }
 
 impl<'a> WithOffsets<'a> {
     /// For equations whose motion so many sensors show.
     pub fn new(inner: &'a dyn Dynamics, offsets: usize) -> Self {
         let padded = |w: &Vec<f64>| w.iter().copied().chain(std::iter::repeat_n(0.0, offsets)).collect();
-        Self { inner, offsets, switches: inner.switches().iter().map(padded).collect() }
+        let all = |list: &[Vec<f64>]| list.iter().map(padded).collect();
+        Self { inner, offsets, switches: all(inner.switches()), seams: all(inner.seams()) }
     }
 
     /// What each sensor shows, offsets behind the coordinates.
@@ -52,6 +54,10 @@ impl Dynamics for WithOffsets<'_> {
 
     fn switches(&self) -> &[Vec<f64>] {
         &self.switches
+    }
+
+    fn seams(&self) -> &[Vec<f64>] {
+        &self.seams
     }
 
     fn acceleration_held(

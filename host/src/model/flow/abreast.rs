@@ -2,11 +2,11 @@
 //! derivatives by that state: the same step as [`super::Flow`] takes over one spacing. Steps in
 //! which a sign turns, or a rate begins at zero, are left to it.
 
-use super::switching::crossing;
+use super::switching::{crossing, turned_over};
 use super::{A, C, Flow, Inputs, Work};
 use crate::model::dynamics::{Dynamics, Instant};
-use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::equations_of_motion::abreast::{Abreast, Room};
+use crate::model::model_file::equations_of_motion::{EquationsOfMotion, turns};
 pub use crate::model::model_file::tape::MOST;
 use crate::model::vectors::{add_products, add_scaled};
 
@@ -69,7 +69,7 @@ impl Steps {
             times: Vec::new(),
             taus: Vec::new(),
             inputs: Vec::new(),
-            signs: vec![vec![0.0; MOST]; motion.switches().len()],
+            signs: vec![vec![0.0; MOST]; motion.switches().len() + motion.seams().len()],
             whole: Vec::new(),
             alone: Work::by_state(motion),
             exists: Vec::new(),
@@ -158,6 +158,12 @@ impl Steps {
                 self.whole[i] &= rate != 0.0;
             }
         }
+        let held = motion.switches().len();
+        for (weights, turned) in motion.seams().iter().zip(&mut self.signs[held..]) {
+            for (i, to) in turned.iter_mut().enumerate().take(count) {
+                *to = turns(weights.iter().enumerate().map(|(j, w)| w * self.y[j * MOST + i]).sum());
+            }
+        }
         let begins: Vec<(f64, f64)> = (0..count).map(at).collect();
         self.rates(field, &begins, outside, 0, 0.0);
         for stage in 1..7 {
@@ -179,6 +185,12 @@ impl Steps {
                 let ends = [s * form(&self.y, w), s * form(&self.next, w)];
                 let slopes = [s * h * form(&self.k[0], w), s * h * form(&self.k[6], w)];
                 self.whole[i] &= crossing(ends, slopes).is_none();
+            }
+            let place = |x: &[f64], w: &[f64]| -> f64 { w.iter().enumerate().map(|(j, w)| w * x[j * MOST + i]).sum() };
+            for (w, turned) in motion.seams().iter().zip(&self.signs[held..]) {
+                let ends = [place(&self.y, w), place(&self.next, w)];
+                let slopes = [h * form(&self.y, w), h * form(&self.next, w)];
+                self.whole[i] &= turned_over(turned[i], ends, slopes).is_none();
             }
             self.whole[i] &= (0..2 * n * (1 + 2 * n)).all(|c| self.next[c * MOST + i].is_finite());
         }

@@ -4,8 +4,11 @@
 //! See the head of [`super`]. In sticking, with a linear in the sign, s* = −w·a(0)/(w·∂a/∂s) keeps
 //! w·v zero, and partials lose what would move it: ∂a − ∂a/∂s (w·∂a)/(w·∂a/∂s).
 
+use core::f64::consts::{PI, TAU};
+
 use super::{Flow, Mode, Work};
 use crate::model::dynamics::{Dynamics, Instant};
+use crate::model::model_file::equations_of_motion::turns;
 
 impl<D: Dynamics + ?Sized> Flow<'_, D> {
     /// Accelerations at the state with given signs, into `accel[slot]`.
@@ -32,6 +35,7 @@ impl<D: Dynamics + ?Sized> Flow<'_, D> {
                     let slopes = [sign * h * form(&work.k[0][n..2 * n]), sign * h * form(&work.k[6][n..2 * n])];
                     crossing(ends, slopes)
                 }
+                Mode::Turned(_) => None,
                 Mode::Sticks => {
                     let before = self.sign_at(work, time, s, false);
                     let after = self.sign_at(work, time + h, s, true);
@@ -49,6 +53,18 @@ impl<D: Dynamics + ?Sized> Flow<'_, D> {
                 && first.is_none_or(|f| share < f.0)
             {
                 first = Some((share, s));
+            }
+        }
+        let signs = self.dynamics.switches().len();
+        for (s, weights) in self.dynamics.seams().iter().enumerate() {
+            let form = |x: &[f64]| -> f64 { weights.iter().zip(x).map(|(w, x)| w * x).sum() };
+            let ends = [form(&work.y[..n]), form(&work.next[..n])];
+            let rates = [form(&work.y[n..2 * n]), form(&work.next[n..2 * n])];
+            let share = turned_over(work.modes[signs + s].value(), ends, rates.map(|v| h * v));
+            if let Some(share) = share
+                && first.is_none_or(|f| share < f.0)
+            {
+                first = Some((share, signs + s));
             }
         }
         first
@@ -72,10 +88,12 @@ impl<D: Dynamics + ?Sized> Flow<'_, D> {
     /// of the derivatives.
     pub(super) fn turn(&self, work: &mut Work, time: f64, s: usize) -> bool {
         let (n, w) = (work.n, work.columns);
+        if let Some(seam) = s.checked_sub(self.dynamics.switches().len()) {
+            return self.turn_over(work, time, s, seam);
+        }
         let weights = &self.dynamics.switches()[s];
         let form = |x: &[f64]| -> f64 { weights.iter().zip(x).map(|(w, x)| w * x).sum() };
-        let mut signs: Vec<f64> =
-            work.modes.iter().map(|m| if let Mode::Slides(sign) = m { *sign } else { 0.0 }).collect();
+        let mut signs: Vec<f64> = work.modes.iter().map(|m| m.value()).collect();
         let Mode::Slides(sign) = work.modes[s] else {
             // Out of sticking: the sign is ±1 there, so that nothing jumps.
             work.modes[s] = match self.sign_at(work, time, s, false) {
@@ -121,6 +139,36 @@ impl<D: Dynamics + ?Sized> Flow<'_, D> {
         true
     }
 
+    /// Counts a turn of a seam at the state, with the jump of the derivatives.
+    fn turn_over(&self, work: &mut Work, time: f64, s: usize, seam: usize) -> bool {
+        let (n, w) = (work.n, work.columns);
+        let weights = &self.dynamics.seams()[seam];
+        let form = |x: &[f64]| -> f64 { weights.iter().zip(x).map(|(w, x)| w * x).sum() };
+        let before = work.modes[s].value();
+        let ahead = form(&work.y[..n]) - TAU * before;
+        let after = before + if ahead > 0.0 { 1.0 } else { -1.0 };
+        work.modes[s] = Mode::Turned(after);
+        let rate = form(&work.y[n..2 * n]);
+        if w == 0 || rate == 0.0 {
+            return true;
+        }
+        let mut signs: Vec<f64> = work.modes.iter().map(|m| m.value()).collect();
+        for (slot, turns) in [before, after].into_iter().enumerate() {
+            signs[s] = turns;
+            if !self.accelerate(work, time, &signs, slot) {
+                return false;
+            }
+        }
+        let (by_q, by_v) = work.y[2 * n..].split_at_mut(n * w);
+        for c in 0..w {
+            let change = weights.iter().enumerate().map(|(i, x)| x * by_q[i * w + c]).sum::<f64>() / rate;
+            for i in 0..n {
+                by_v[i * w + c] += (work.accel[1][i] - work.accel[0][i]) * change;
+            }
+        }
+        true
+    }
+
     /// Takes what rounding has left of a sticking joint's rate.
     pub(super) fn keep_stuck(&self, work: &mut Work) {
         let n = work.n;
@@ -138,14 +186,19 @@ impl<D: Dynamics + ?Sized> Flow<'_, D> {
     /// Signs at the start of a trajectory.
     pub(super) fn initial_modes(&self, work: &mut Work, time: f64) {
         let n = work.n;
-        for s in 0..work.modes.len() {
+        let count = self.dynamics.switches().len();
+        for (mode, weights) in work.modes[count..].iter_mut().zip(self.dynamics.seams()) {
+            *mode = Mode::Turned(turns(weights.iter().zip(&work.y[..n]).map(|(w, x)| w * x).sum()));
+        }
+        for s in 0..count {
             let form = |x: &[f64]| -> f64 { self.dynamics.switches()[s].iter().zip(x).map(|(w, x)| w * x).sum() };
             let rate = form(&work.y[n..2 * n]);
             if rate != 0.0 {
                 work.modes[s] = Mode::Slides(rate.signum());
                 continue;
             }
-            let mut signs = vec![0.0; work.modes.len()];
+            let mut signs: Vec<f64> =
+                work.modes.iter().map(|m| if let Mode::Turned(x) = m { *x } else { 0.0 }).collect();
             let mut pushed = [0.0; 2];
             for (sign, pushed) in [1.0, -1.0].into_iter().zip(&mut pushed) {
                 signs[s] = sign;
@@ -219,6 +272,17 @@ impl<D: Dynamics + ?Sized> HeldSigns<'_, D> {
             }
         }
         true
+    }
+}
+
+/// Where a form leaves the turn that it is in, from its values and slopes (times the step) at both
+/// ends of [0, 1].
+pub(super) fn turned_over(turns: f64, ends: [f64; 2], slopes: [f64; 2]) -> Option<f64> {
+    let up = crossing(ends.map(|x| TAU * turns + PI - x), slopes.map(|v| -v));
+    let down = crossing(ends.map(|x| x - (TAU * turns - PI)), slopes);
+    match (up, down) {
+        (Some(a), Some(b)) => Some(a.min(b)),
+        (a, b) => a.or(b),
     }
 }
 

@@ -10,7 +10,8 @@
 //! twenty passes at most; such laws are weak, and three or four do. The same holds of M in the
 //! partial derivatives, M + ∂F/∂q̈.
 //!
-//! The signs of linear forms of the rates (dry friction) are the system's switches.
+//! The signs of linear forms of the rates (dry friction) are the system's switches, the turns of
+//! wrapped forms of the coordinates its seams.
 //!
 //! A state z of an effect that remembers is followed as the rate of a further coordinate, whose
 //! acceleration is the law of dz/dt: coordinates are then those of the model and one for each
@@ -26,7 +27,7 @@ use std::sync::Arc;
 pub use self::linear_systems::solve;
 use self::memories::{hidden, remembered, state_rate, with_rates};
 use super::ModelFile;
-use super::expression::{Function, Node, Symbol, as_number, subtract, symbol};
+use super::expression::{Function, Node, Symbol, add, as_number, subtract, symbol};
 use super::memory::Memory;
 use super::split::{Entry, Split};
 use super::tape::Tape;
@@ -38,6 +39,7 @@ pub struct EquationsOfMotion {
     coefficients: Vec<String>,
     circle: Vec<bool>,
     switches: Vec<Vec<f64>>,
+    seams: Vec<Vec<f64>>,
     tape: Tape,
     entries: Vec<Entry>,
     /// Whether an entry holds accelerations.
@@ -82,7 +84,7 @@ impl EquationsOfMotion {
         let mut coefficients = model.coefficients();
         let hidden = hidden(extra);
         let all = n + hidden.len();
-        let mut built = Split::of(all);
+        let mut built = Split::with_seams(all);
         for (e, equation) in model.equations.iter().enumerate() {
             built.put(e, None, &model.in_seconds(&equation.balance, omega));
             for term in &equation.terms {
@@ -105,12 +107,13 @@ impl EquationsOfMotion {
             let rate = memory.rates()[*state].replace(&own);
             built.put(n + k, None, &subtract(rate, symbol(Symbol::Acceleration(n + k))));
         }
+        built.number_seams();
         let states = (0..all).map(Symbol::Coordinate).chain((0..all).map(Symbol::Rate));
         let variables: Vec<Symbol> = states.chain((0..all).map(Symbol::Acceleration)).collect();
         let mut slopes = Some((Vec::new(), Vec::new()));
         for (k, node) in built.nodes.iter().enumerate() {
             for (j, by) in variables.iter().enumerate() {
-                match node.derivative_between_jumps(*by) {
+                match derivative(node, *by) {
                     Some(d) if as_number(&d) == Some(0.0) => {}
                     Some(d) => {
                         if let Some((nodes, places)) = slopes.as_mut() {
@@ -129,6 +132,7 @@ impl EquationsOfMotion {
             remembered: remembered(extra),
             hidden,
             switches: built.switches,
+            seams: built.seams.unwrap_or_default(),
             tape: Tape::new(&built.nodes),
             implicit: built.nodes.iter().any(|node| node.accelerates()),
             entries: built.entries,
@@ -164,15 +168,31 @@ impl EquationsOfMotion {
         out
     }
 
-    fn signs(&self, v: &[f64]) -> Vec<f64> {
-        self.switches.iter().map(|w| Function::Sign.value(w.iter().zip(v).map(|(a, b)| a * b).sum())).collect()
+    /// Signs of the rates' forms, then turns of those of the coordinates.
+    fn signs(&self, q: &[f64], v: &[f64]) -> Vec<f64> {
+        let of = |w: &[f64], x: &[f64]| -> f64 { w.iter().zip(x).map(|(a, b)| a * b).sum() };
+        let signs = self.switches.iter().map(|w| Function::Sign.value(of(w, v)));
+        signs.chain(self.seams.iter().map(|w| turns(of(w, q)))).collect()
     }
+}
+
+/// Derivative between jumps; a coordinate that is not wrapped moves with the one that is.
+fn derivative(node: &Node, by: Symbol) -> Option<Node> {
+    let own = node.derivative_between_jumps(by)?;
+    match by {
+        Symbol::Coordinate(i) => Some(add(own, node.derivative_between_jumps(Symbol::Raw(i))?)),
+        _ => Some(own),
+    }
+}
+
+/// Whole turns of an angle: what is left of it lies in [−π, π).
+pub fn turns(x: f64) -> f64 {
+    (x / core::f64::consts::TAU + 0.5).floor()
 }
 
 /// An angle wrapped to [−π, π).
 pub fn wrapped(x: f64) -> f64 {
-    let tau = core::f64::consts::TAU;
-    x - tau * (x / tau + 0.5).floor()
+    x - core::f64::consts::TAU * turns(x)
 }
 
 #[cfg(test)]

@@ -266,9 +266,14 @@ impl Expression {
 
     /// The same with the sign of each argument replaced.
     pub fn with_signs(&self, with: &mut dyn FnMut(&Node) -> Node) -> Node {
-        let mut r = |a: &Node| a.with_signs(with);
+        self.with_calls(Function::Sign, with)
+    }
+
+    /// The same with a function of each argument replaced, the outermost where it stands in itself.
+    pub fn with_calls(&self, of: Function, with: &mut dyn FnMut(&Node) -> Node) -> Node {
+        let mut r = |a: &Node| a.with_calls(of, with);
         match self {
-            E::Call(Function::Sign, a) => with(a),
+            E::Call(f, a) if *f == of => with(a),
             E::Number(x) => number(*x),
             E::Symbol(s) => symbol(*s),
             E::Memory(m, k) => Arc::new(E::Memory(m.clone(), *k)),

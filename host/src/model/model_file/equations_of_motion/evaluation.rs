@@ -159,15 +159,19 @@ impl Dynamics for EquationsOfMotion {
     }
 
     fn acceleration(&self, parameters: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
-        self.acceleration_held(parameters, q, v, at, &self.signs(v), out)
+        self.acceleration_held(parameters, q, v, at, &self.signs(q, v), out)
     }
 
     fn partials(&self, parameters: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
-        self.partials_held(parameters, q, v, at, &self.signs(v), out)
+        self.partials_held(parameters, q, v, at, &self.signs(q, v), out)
     }
 
     fn switches(&self) -> &[Vec<f64>] {
         &self.switches
+    }
+
+    fn seams(&self) -> &[Vec<f64>] {
+        &self.seams
     }
 
     fn acceleration_held(
