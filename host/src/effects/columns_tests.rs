@@ -157,6 +157,8 @@ fn agree(base: &Base) {
         let action = action(entry, &form, place(at), &mechanism, &values, OMEGA, SPAN).unwrap();
         let Some(Action::Force(parts)) = action else { panic!("{text}") };
         let columns = columns(&parts, strengths.len(), &mechanism, &values);
+        // A ripple takes from a level that is there.
+        let plant = Parameters { tau_c1: if id == "friction-ripple" { 4e-3 } else { 0.0 }, ..p };
         let mut random = ChaCha8Rng::seed_from_u64(7);
         for _ in 0..200 {
             let mut any = |size: f64| size * (2.0 * random.random::<f64>() - 1.0);
@@ -165,8 +167,8 @@ fn agree(base: &Base) {
             if state[2].abs() < 0.01 || (state[3] - state[2]).abs() < 0.01 {
                 continue;
             }
-            let without = accelerations(&p, &[], state, &base.motion);
-            let with = accelerations(&p, std::slice::from_ref(&effect), state, &base.motion);
+            let without = accelerations(&plant, &[], state, &base.motion);
+            let with = accelerations(&plant, std::slice::from_ref(&effect), state, &base.motion);
             let mut left = [0.0; 2];
             for (k, column) in columns.iter().enumerate() {
                 for (e, of) in column {
