@@ -46,6 +46,16 @@ fn friction_under_a_load_that_rests_on_an_unknown_mass_is_named_with_the_mass() 
     assert!(model.effects.iter().any(|e| e.parameters.get("mass") == Some(&mass)), "{:?}", model.effects);
 }
 
+/// A spring whose torque jumps where the arm turns over: what the jump does is located.
+#[test]
+fn a_stiff_law_in_a_joint_that_whirls_leaves_nothing() {
+    let e = explained("chaotic.toml", &["quintic-stiffness@joint2=3e-6"], 60.0, 3);
+    assert_eq!(e.verdict, Verdict::Explained, "{}", e.reason);
+    let [f] = &e.effects[..] else { panic!("{:?}", e.effects) };
+    assert_eq!((f.id.as_str(), f.at.as_str()), ("quintic-stiffness", "joint2"));
+    assert!((f.value - 3e-6).abs() < 4.0 * f.std_error && f.std_error < 2e-9, "{} ± {}", f.value, f.std_error);
+}
+
 /// LuGre's friction without a peak is Dahl's, about whose motion alone their shapes are alike.
 #[test]
 fn of_a_law_and_the_one_that_refines_it_the_simpler_is_named() {

@@ -1,4 +1,6 @@
 use super::*;
+use crate::model::model_file::ModelFile;
+use crate::model::model_file::equations_of_motion::{EquationsOfMotion, wrapped};
 
 /// q̈ = −k q − c v − μ sign v + F cos τ; parameters k, c, μ, F.
 struct Block(Vec<Vec<f64>>);
@@ -165,6 +167,56 @@ fn the_double_pendulum_follows_the_simulated_plant() {
             let seen = (f64::from(s.counts[k]) + 0.5) * scale;
             // A second of chaos (e⁴) on half a count and the integrators' tolerances.
             assert!((f[k] - seen).abs() < 1e-5, "sample {i}, encoder {}: {} {seen}", k + 1, f[k]);
+        }
+    }
+}
+
+/// A spring of third order in a joint that whirls: its torque jumps where the angle turns over, its
+/// potential does not, so that energy is kept; derivatives are those by differences, and steps side
+/// by side those that are taken alone.
+#[test]
+fn what_jumps_where_an_angle_turns_over_is_located_with_its_derivatives() {
+    let text = "name = \"m\"\ncoordinates = [{ name = \"y\", space = \"S1\" }]\n\
+        [[equation]]\nbalance = \"-y''\"\nterms = { k = \"wrap(y)^3\" }\n";
+    let model = ModelFile::parse(text, std::path::Path::new("m.toml")).unwrap();
+    let motion = EquationsOfMotion::new(&model, 1.0).unwrap();
+    assert_eq!(motion.seams(), [vec![1.0]]);
+    let stiffness = 0.7;
+    let reached = |start: [f64; 2], seconds: f64| {
+        let p = [stiffness];
+        let flow = Flow::new(&motion, &p, Outside::drive(0.0, 0.0, 0.0), 0.01);
+        let mut work = Work::by_state(&motion);
+        work.set(&start);
+        assert!(flow.carry(&mut work, 0.0, seconds));
+        [work.state(), work.derivatives()].concat()
+    };
+    let energy = |y: f64, v: f64| 0.5 * v * v + 0.25 * stiffness * wrapped(y).powi(4);
+    for start in [[0.4, 9.0], [0.4, -9.0], [3.0, 6.2]] {
+        let end = reached(start, 3.0);
+        assert!((end[0] - start[0]).abs() > 4.0 * core::f64::consts::PI, "whirls: {end:?}");
+        assert!((energy(end[0], end[1]) / energy(start[0], start[1]) - 1.0).abs() < 1e-7, "{start:?} {end:?}");
+        for k in 0..2 {
+            let side = |h: f64| {
+                let mut moved = start;
+                moved[k] += h;
+                reached(moved, 3.0)
+            };
+            let (ahead, behind) = (side(1e-5), side(-1e-5));
+            for i in 0..2 {
+                let (by, wanted) = (end[2 + 2 * i + k], (ahead[i] - behind[i]) / 2e-5);
+                assert!((by - wanted).abs() < 1e-4 * wanted.abs().max(1.0), "{start:?} {i} {k}: {by} {wanted}");
+            }
+        }
+    }
+    let starts: Vec<[f64; 2]> = (0..8).map(|i| [2.9 + 0.06 * f64::from(i), if i < 5 { 9.0 } else { -9.0 }]).collect();
+    let mut steps = abreast::Steps::new(&motion);
+    steps.set(starts.iter().map(|s| &s[..]));
+    let outside = abreast::Outside { omega: 0.0, inputs: 0, at: &|_, _| {} };
+    let field = abreast::VectorField { motion: &motion, parameters: &[stiffness] };
+    steps.carry(field, |_| (0.0, 0.0), &outside, 0.01);
+    for (i, start) in starts.iter().enumerate() {
+        for (c, x) in reached(*start, 0.01).into_iter().enumerate() {
+            assert!((steps.value(c, i) - x).abs() <= 1e-11 * x.abs().max(1.0), "{start:?} {c}");
         }
     }
 }
