@@ -128,13 +128,17 @@ impl Left {
     fn unfollowed(&self, power: f64, gap: f64) -> Option<String> {
         let why = |what: String| {
             format!(
-                "{what}, and so do records that the model itself makes: what is missing cannot be told from what the fit does not follow. Sample faster, or hold the model against a second record (`whirl validate`)"
+                "{what}, and records that the model itself makes are no better: what is missing cannot be told from what the fit does not follow. Sample faster, or hold the model against a second record (`whirl validate`)"
             )
         };
         if power > EXCUSED * EXCUSED {
-            return Some(why(format!("predictions leave {power:.3} times the power of the sensors' noise")));
+            return Some(why(format!(
+                "what is left has {} times the power of the sensors' noise",
+                significant(power, 3)
+            )));
         }
-        (gap > EXCUSED * EXPLAINED_GAP).then(|| why(format!("predictions miss by {gap:.3} noise floors")))
+        (gap > EXCUSED * EXPLAINED_GAP)
+            .then(|| why(format!("predictions miss by {} noise floors", significant(gap, 3))))
     }
 }
 
@@ -228,7 +232,7 @@ mod tests {
         for (power, gap) in [(6000.0, 1.0), (1.0, 60.0)] {
             let (verdict, why) = verdict(power, gap, own(power, gap));
             assert_eq!(verdict, Verdict::NotDecidable);
-            assert!(why.contains("and so do records that the model itself makes"), "{why}");
+            assert!(why.contains("records that the model itself makes are no better"), "{why}");
         }
         let (_, why) = verdict(2.0, 1.0, Left { left_out: 2, ..own(1.0, 1.0) });
         assert!(why.contains("up to 1.08 would be chance; 2 windows that cannot be followed"), "{why}");

@@ -216,12 +216,11 @@ impl<'a> Run<'a> {
             let all = powers.iter().zip(follows).filter(|p| *p.1).map(|p| *p.0);
             (powers.len() == follows.len()).then(|| all.sum::<f64>() / kept)
         };
-        let first = self.first.as_ref().and_then(|f| over(&f.powers));
-        let powers = if out > 0 { first.zip(over(&outcome.powers())) } else { None };
-        powers.map_or(0, |(before, after)| {
-            self.result.residual_power = [before, after];
-            out
-        })
+        let Some(after) = over(&outcome.powers()).filter(|_| out > 0) else { return 0 };
+        // The first model's windows may be others.
+        let before = self.first.as_ref().and_then(|f| over(&f.powers));
+        self.result.residual_power = [before.unwrap_or(self.result.residual_power[0]), after];
+        out
     }
 
     /// The verdict, and everything that is told of the last model.
