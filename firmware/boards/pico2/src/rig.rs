@@ -5,7 +5,7 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use cortex_m::interrupt::Mutex;
 use embassy_executor::Spawner;
-use embassy_rp::gpio::Output;
+use embassy_rp::gpio::{Input, Output};
 use embassy_rp::interrupt::{self, InterruptExt};
 use embassy_time::Timer;
 use heapless::spsc::{Consumer, Producer, Queue};
@@ -18,6 +18,7 @@ use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::dac::DacShaker;
 use whirl_firmware::estimate::Estimator;
 use whirl_firmware::event::{Event, Request};
+use whirl_firmware::lines::Pins;
 use whirl_firmware::link::Link;
 use whirl_firmware::pacing::{Pacer, Passed};
 use whirl_firmware::sampler::Sampler;
@@ -39,9 +40,12 @@ const RTT_MESSAGES: usize = 1_024;
 /// the memory.
 const KEPT: usize = 256_000;
 
+/// The shaker, its emergency stop and its trigger.
+type Shaker = DacShaker<Player<Registers>, Output<'static>, Pins<Input<'static>, Input<'static>, Output<'static>>>;
+
 /// What the interrupt owns.
 struct Interrupt {
-    sampler: Sampler<WithBase<(Decoder<0>, Decoder<1>), Base>, DacShaker<Player<Registers>, Output<'static>>>,
+    sampler: Sampler<WithBase<(Decoder<0>, Decoder<1>), Base>, Shaker>,
     light: Output<'static>,
     blocks: Producer<'static, SampleBlock>,
     events: Producer<'static, Event>,
@@ -160,6 +164,7 @@ fn assemble(parts: board::Parts, rtt: (UpChannel, DownChannel), dog: Dog, spawne
     let [settings, built_in] = &parts.settings;
     // Validated: at most 2³¹ nm.
     let output = DacShaker::new(parts.player, parts.enable, settings.full_scale_micrometre.saturating_mul(1_000));
+    let output = output.with_lines(parts.lines);
     let inputs = WithBase { encoders: (parts.encoder1, parts.encoder2), base: parts.base };
     let mut sampler = Sampler::new(settings, inputs, output).ok()?;
     sampler.set_built_in(built_in);
