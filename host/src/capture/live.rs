@@ -88,7 +88,7 @@ pub(super) fn run(
         seconds: settings.seconds,
         from_drive: target
             .filter(|_| settings.wait_for_drive)
-            .map(|t| (t.amplitude_micrometre, t.frequency_millihertz)),
+            .map(|t| (t.amplitude_micrometre(), t.frequency_millihertz())),
         settle_s: settings.settle_s.unwrap_or_else(|| source.settle_s()),
         hello_first: true,
         rows: settings.rows,

@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use whirl_shared::codec::Decoder;
+use whirl_shared::excitation::Excitation;
 use whirl_shared::frame::{
     BackFilled, DeviceMessage, Envelope, Estimate, Hello, Log, MOST_ENCODERS, Rows, SampleBlock, ShakerState, Status,
 };
@@ -79,6 +80,8 @@ pub(super) struct Recorder<'a> {
     restarted_behind: Option<i64>,
     /// What the device said, its first lines, and how many there were.
     lines: Vec<DeviceLine>,
+    /// What moved the base, where the device told it.
+    excited: Option<Excitation>,
     said: u64,
     /// A hello should be asked for.
     pub(super) ask_hello: bool,
@@ -136,6 +139,7 @@ impl<'a> Recorder<'a> {
             ended: false,
             restarted_behind: None,
             lines: Vec::new(),
+            excited: None,
             said: 0,
             terms,
             ask_hello: false,
@@ -202,6 +206,9 @@ impl<'a> Recorder<'a> {
                 DeviceMessage::Log(log) => self.line(log),
                 DeviceMessage::Restored(block) => self.restored(block)?,
                 DeviceMessage::BackFilled(end) => self.back_filled(end)?,
+                DeviceMessage::Excited(excited) => {
+                    self.excited = Some(excited.excitation).filter(|excitation| !excitation.is_constant());
+                }
                 DeviceMessage::Ack(_) => {}
             },
         }
@@ -422,6 +429,7 @@ impl<'a> Recorder<'a> {
             boots: Vec::new(),
             device: self.boots.clone(),
             lines: Vec::new(),
+            excitation: self.excited,
         }
     }
 
@@ -518,6 +526,7 @@ impl<'a> Recorder<'a> {
         }
         if let Some(mut writer) = self.writer.take() {
             writer.lines(&self.lines);
+            writer.excitation(self.excited.as_ref());
             writer.device(&self.boots);
             writer.finish(&losses)?;
         }
