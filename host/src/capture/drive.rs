@@ -265,12 +265,10 @@ impl Drive {
             }
             // It waits for its trigger, however long that takes.
             (Step::Ramping, ShakerState::Armed) if target.0.on_trigger => self.since = now,
-            (Step::Clearing | Step::Ramping | Step::Running, ShakerState::Faulted)
-                if status.stop_cause == StopCause::EmergencyStop =>
-            {
+            (Step::Ramping | Step::Running, ShakerState::Faulted) if status.stop_cause == StopCause::EmergencyStop => {
                 return Err(BadInput::new("a shaker whose emergency stop is pressed", "one that may run")
                     .at("drive")
-                    .remedy("See why it was pressed; release it, then capture again: `capture` disarms the shaker first, and arms it anew"));
+                    .remedy("See why it was pressed; release it, then capture again"));
             }
             (Step::Ramping | Step::Running, ShakerState::Faulted) => {
                 return Err(BadInput::new(format!("a shaker with a fault ({:?})", status.stop_cause), "one that runs")
