@@ -105,8 +105,8 @@ where
 
     /// The drive at the last tick: the phase, increment and amplitude that its sample carries and
     /// from which its displacement was computed, with the state that the shaker is in now. Until
-    /// the next tick the base follows the form at `amplitude` and `phase + u · phase_increment`, u from 0
-    /// to 1; of a sine that is `amplitude · cos(phase + u · phase_increment)`.
+    /// the next tick the base follows the form at that amplitude and `phase + u · phase_increment`,
+    /// u from 0 to 1; of a sine that is `amplitude · cos(phase + u · phase_increment)`.
     pub fn drive(&self) -> Drive {
         self.sampler.drive()
     }

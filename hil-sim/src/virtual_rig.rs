@@ -4,10 +4,10 @@
 //! plant moves on to the next tick under that drive, and the encoders turn with it, edge by edge.
 //! Nothing depends on wall time: a run is the same at every repeat.
 //!
-//! The base follows `a(t) cos(phase)`, or the sum of the form's components, between ticks with the firmware's phase and increment; the
-//! amplitude goes along a straight line from the previous tick's value to this tick's (one tick
-//! behind the device while it ramps, equal to it when it runs). Times of drifting effects count
-//! from power-on.
+//! The base follows `a(t) cos(phase)`, or the sum of the form's components, between ticks with the
+//! firmware's phase and increment; the amplitude goes along a straight line from the previous tick's
+//! value to this tick's (one tick behind the device while it ramps, equal to it when it runs). Times
+//! of drifting effects count from power-on.
 //!
 //! Output is held up to [`RigSettings::output_limit`] bytes. Beyond that the firmware's link is not
 //! emptied, blocks wait in its memory, and the firmware counts those that the stream passes over:

@@ -1,6 +1,8 @@
 //! Tests of the excitation: exactness, symmetry, bounds.
 
+use super::course::{ROOTS, log2, scaled};
 use super::*;
+use crate::waveform::phase_increment;
 use proptest::prelude::*;
 
 const LIMITS: ShakerLimits = ShakerLimits {
