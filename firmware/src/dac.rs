@@ -4,6 +4,7 @@ use core::fmt;
 
 use embedded_hal::digital::OutputPin;
 
+use crate::lines::Lines;
 use crate::output::ShakerOutput;
 use crate::sweep::{Scale, Sweep};
 
@@ -54,12 +55,15 @@ impl<E: fmt::Debug> fmt::Display for DacShakerError<E> {
 }
 
 /// The shaker's set point as a voltage: half of the range is rest, its ends are −full scale
-/// and +full scale. The enable pin is active high.
+/// and +full scale. The enable pin is active high; beside it there may be [`Lines`].
 #[derive(Debug)]
-pub struct DacShaker<D, E> {
+pub struct DacShaker<D, E, L = ()> {
     converter: D,
     enable: E,
     scale: Scale,
+    lines: L,
+    /// The enable pin is high.
+    on: bool,
 }
 
 impl<D: Converter, E: OutputPin> DacShaker<D, E> {
@@ -69,11 +73,17 @@ impl<D: Converter, E: OutputPin> DacShaker<D, E> {
     /// The displacement at the highest code is `full_scale_nanometre`; zero counts as 1 nm.
     pub const fn new(converter: D, enable: E, full_scale_nanometre: u32) -> Self {
         let full_nanometre = if full_scale_nanometre == 0 { 1 } else { full_scale_nanometre };
-        Self { converter, enable, scale: Scale { max: D::MAX, full_nanometre } }
+        Self { converter, enable, scale: Scale { max: D::MAX, full_nanometre }, lines: (), on: false }
+    }
+
+    /// With an emergency stop and a trigger.
+    pub fn with_lines<L>(self, lines: L) -> DacShaker<D, E, L> {
+        let Self { converter, enable, scale, on, .. } = self;
+        DacShaker { converter, enable, scale, lines, on }
     }
 }
 
-impl<D: Converter, E: OutputPin> ShakerOutput for DacShaker<D, E> {
+impl<D: Converter, E: OutputPin, L: Lines> ShakerOutput for DacShaker<D, E, L> {
     type Error = DacShakerError<E::Error>;
 
     fn write(&mut self, displacement_nanometre: i32) -> Result<(), Self::Error> {
@@ -95,7 +105,20 @@ impl<D: Converter, E: OutputPin> ShakerOutput for DacShaker<D, E> {
     }
 
     fn enable(&mut self, on: bool) -> Result<(), Self::Error> {
+        self.on = on;
         self.enable.set_state(on.into()).map_err(DacShakerError::Enable)
+    }
+
+    fn is_cut(&mut self) -> bool {
+        self.on && self.lines.is_cut()
+    }
+
+    fn is_triggered(&mut self) -> bool {
+        self.lines.is_triggered()
+    }
+
+    fn trigger(&mut self, on: bool) {
+        self.lines.trigger(on);
     }
 }
 
@@ -141,7 +164,7 @@ mod tests {
         }
         assert_eq!(DacShaker::<Dac, Pin>::REST, 2_048);
         // Without a clock of its own it is a staircase.
-        let sweep = Sweep { phase: 0, phase_increment: 9, amplitude_nanometre: [12_500_000; 2] };
+        let sweep = Sweep { phase: 0, phase_increment: 9, amplitude_nanometre: [12_500_000; 2], ..Sweep::default() };
         shaker.sweep(&sweep).unwrap();
         assert_eq!(shaker.converter.0, 3_071);
     }
@@ -176,13 +199,17 @@ mod tests {
     fn a_converter_with_a_clock_plays_the_points_up_to_the_next_tick() {
         let converter = Playing { room: [7; 4 + BEYOND], played: [2_048; 4 + BEYOND], out: 1 };
         let mut shaker = DacShaker::new(converter, Pin(false), 1_000_000);
-        let sweep = Sweep { phase: 1 << 30, phase_increment: 1 << 24, amplitude_nanometre: [500_000; 2] };
+        let sweep =
+            Sweep { phase: 1 << 30, phase_increment: 1 << 24, amplitude_nanometre: [500_000; 2], ..Sweep::default() };
         shaker.sweep(&sweep).unwrap();
         let played = shaker.converter.played;
         // Points that are out already are left alone; the one at the next tick is exact; what
         // follows goes on.
         assert_eq!(played[..2], [7, 7]);
-        assert_eq!(Some(played[4]), shaker.scale.code(sweep.ends()[1]));
+        assert_eq!(
+            Some(played[4]),
+            shaker.scale.code(sweep.form.displacement(500_000, sweep.phase + sweep.phase_increment))
+        );
         assert!(played[2..].windows(2).all(|pair| pair[0] > pair[1]), "{played:?}");
         let beyond = Sweep { amplitude_nanometre: [2_000_000; 2], phase: 0, ..sweep };
         assert_eq!(shaker.sweep(&beyond), Err(DacShakerError::BeyondFullScale(2_000_000)));

@@ -1,7 +1,7 @@
 //! What the two halves tell each other.
 
 use heapless::Vec;
-use whirl_shared::frame::{Ack, Command, MOST_ENCODERS, ResetCause, Status, Zero};
+use whirl_shared::frame::{Ack, Command, Excited, MOST_ENCODERS, ResetCause, Status, Zero};
 
 use crate::adjust::Words;
 use crate::preview::Turning;
@@ -28,6 +28,8 @@ pub enum Event {
     Status(Snapshot),
     /// A command was carried out or refused.
     Ack(Ack),
+    /// What the shaker does.
+    Excited(Excited),
     /// A line for people.
     Log {
         /// Present tick.
@@ -67,6 +69,8 @@ pub enum Notice {
     OutputFailed,
     /// A limit was about to be exceeded; the shaker is cut off.
     LimitExceeded,
+    /// The emergency stop has cut the enable line.
+    EmergencyStop,
     /// An index mark was not where it had been.
     IndexSlipped(u8),
     /// The boot before this one did not end in order.
@@ -79,7 +83,7 @@ impl Notice {
     pub const fn level(self) -> u8 {
         match self {
             Self::HostSilent | Self::IndexSlipped(_) => 1,
-            Self::OutputFailed | Self::LimitExceeded | Self::Reset(_) => 0,
+            Self::OutputFailed | Self::LimitExceeded | Self::EmergencyStop | Self::Reset(_) => 0,
         }
     }
 
@@ -90,6 +94,7 @@ impl Notice {
             Self::HostSilent => "host silent: shaker stops and disarms",
             Self::OutputFailed => "shaker output failed: cut off",
             Self::LimitExceeded => "shaker limit about to be exceeded: cut off",
+            Self::EmergencyStop => "emergency stop: amplifier cut off",
             Self::IndexSlipped(0) => "encoder 1 has lost counts: its index moved",
             Self::IndexSlipped(_) => "encoder 2 has lost counts: its index moved",
             Self::Reset(ResetCause::Panic) => "restarted after a panic: see the hello's text",
@@ -109,6 +114,7 @@ mod tests {
             Notice::HostSilent,
             Notice::OutputFailed,
             Notice::LimitExceeded,
+            Notice::EmergencyStop,
             Notice::IndexSlipped(0),
             Notice::IndexSlipped(1),
             Notice::Reset(ResetCause::Panic),

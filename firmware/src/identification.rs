@@ -25,6 +25,8 @@ pub const ROWS_MESSAGES: usize = (FREQUENCIES + 1).div_ceil(TOGETHER);
 pub struct Identification<E = Estimator> {
     estimator: E,
     streamed: Streamed,
+    /// The drive is the sine that the estimator takes it for.
+    sine: bool,
     forget_per_mille: u16,
     estimate: Option<Estimate>,
     /// m of the rows that are sent next; beyond the last one where nothing waits.
@@ -45,6 +47,7 @@ impl<E: BorrowMut<Estimator>> Identification<E> {
         Ok(Self {
             estimator,
             streamed: Streamed::Samples,
+            sine: true,
             forget_per_mille: settings.forget_per_mille,
             estimate: None,
             next_rows: FREQUENCIES + 1,
@@ -58,6 +61,12 @@ impl<E: BorrowMut<Estimator>> Identification<E> {
         self.next_rows = FREQUENCIES + 1;
     }
 
+    /// Whether the drive is a sine of constant frequency from now on; nothing is identified where
+    /// it is not, and afterwards all begins anew.
+    pub fn assume_sine(&mut self, sine: bool) {
+        self.sine = sine;
+    }
+
     /// What is streamed.
     #[must_use]
     pub fn streamed(&self) -> Streamed {
@@ -66,6 +75,11 @@ impl<E: BorrowMut<Estimator>> Identification<E> {
 
     /// Takes a block.
     pub fn block(&mut self, block: &SampleBlock) {
+        if !self.sine {
+            // The ticks that are left out are a gap to the estimator.
+            self.next_rows = FREQUENCIES + 1;
+            return;
+        }
         let estimator = self.estimator.borrow_mut();
         let before = estimator.window();
         let outcome = estimator.block(block);

@@ -37,6 +37,7 @@ pub mod identification;
 pub mod inputs;
 pub mod kept;
 pub mod led;
+pub mod lines;
 pub mod link;
 pub mod lock_step;
 pub mod output;
@@ -55,6 +56,7 @@ pub mod zero;
 mod allowance;
 mod block_builder;
 mod console;
+mod excite;
 mod stream;
 #[cfg(test)]
 mod testing;

@@ -57,6 +57,8 @@ pub struct Link<E = Estimator, K = [u8; KEPT]> {
     /// How often there was nothing to send since the last block.
     quiet: u8,
     block_next: bool,
+    /// The last that the host was told is a sine of one amplitude.
+    constant: bool,
     /// Samples that the stream has passed over, wrapping.
     passed: u32,
     dropped: u32,
@@ -103,6 +105,7 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[u8]>> Link<E, K> {
             allowance: Allowance::new(settings.baud, settings.sample_rate_millihertz, settings.channels()),
             quiet: 0,
             block_next: false,
+            constant: true,
             passed: 0,
             dropped: 0,
             rejected: 0,
@@ -136,6 +139,8 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[u8]>> Link<E, K> {
             // This half's own; the other one answers.
             match request.command {
                 Command::Stream(streamed) => self.identification.stream(streamed),
+                // Until it is told what became of it: before its first block comes.
+                Command::Excite { .. } => self.identification.assume_sine(false),
                 Command::BackFill { boot_id, first_tick, ticks } if boot_id == self.settings.boot_id => {
                     self.history.ask(first_tick, ticks);
                 }
@@ -233,6 +238,15 @@ impl<E: BorrowMut<Estimator>, K: BorrowMut<[u8]>> Link<E, K> {
                 Event::Hello(present) => DeviceMessage::Hello(self.hello(present)),
                 Event::Status(snapshot) => DeviceMessage::Status(self.status(snapshot)),
                 Event::Ack(ack) => DeviceMessage::Ack(ack),
+                Event::Excited(excited) => {
+                    self.identification.assume_sine(excited.excitation.is_sine());
+                    // Of a sine the blocks tell all; but after something else it is told.
+                    let constant = excited.excitation.is_constant();
+                    if core::mem::replace(&mut self.constant, constant) && constant {
+                        continue;
+                    }
+                    DeviceMessage::Excited(excited)
+                }
                 Event::Log { tick, notice } => {
                     DeviceMessage::Log(Log { tick, level: notice.level(), text: text(notice.text()) })
                 }

@@ -37,6 +37,24 @@ pub trait ShakerOutput {
         let _ = on;
         Ok(())
     }
+
+    /// Whether the emergency stop has cut the enable line: told by an input behind it, since
+    /// the line itself is cut without the firmware. Asked at every tick.
+    fn is_cut(&mut self) -> bool {
+        false
+    }
+
+    /// Whether the trigger input is active: a start that waits for it begins then. Asked at every
+    /// tick while one waits.
+    fn is_triggered(&mut self) -> bool {
+        false
+    }
+
+    /// The trigger output: on from the tick before the first displacement of a start until the base
+    /// is at rest.
+    fn trigger(&mut self, on: bool) {
+        let _ = on;
+    }
 }
 
 impl<O: ShakerOutput + ?Sized> ShakerOutput for &mut O {
@@ -52,6 +70,18 @@ impl<O: ShakerOutput + ?Sized> ShakerOutput for &mut O {
 
     fn enable(&mut self, on: bool) -> Result<(), Self::Error> {
         (**self).enable(on)
+    }
+
+    fn is_cut(&mut self) -> bool {
+        (**self).is_cut()
+    }
+
+    fn is_triggered(&mut self) -> bool {
+        (**self).is_triggered()
+    }
+
+    fn trigger(&mut self, on: bool) {
+        (**self).trigger(on);
     }
 }
 
@@ -191,7 +221,7 @@ mod tests {
         ShakerOutput::enable(&mut borrowed, true).unwrap();
         ShakerOutput::write(&mut borrowed, 5).unwrap();
         // Without a clock of its own the base stands where the tick is.
-        let sweep = Sweep { phase: 0, phase_increment: 1 << 30, amplitude_nanometre: [700, 900] };
+        let sweep = Sweep { phase: 0, phase_increment: 1 << 30, amplitude_nanometre: [700, 900], ..Sweep::default() };
         ShakerOutput::sweep(&mut borrowed, &sweep).unwrap();
         assert_eq!((recorder.enabled, &recorder.writes[..]), (true, &[5, 700][..]));
         recorder.fail_write = true;

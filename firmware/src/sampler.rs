@@ -18,7 +18,7 @@ mod requests;
 use heapless::Vec;
 use whirl_shared::block::{Counts, sample_count};
 use whirl_shared::encoder::CountScale;
-use whirl_shared::frame::{MOST_CHANNELS, MOST_ENCODERS, SampleBlock, ShakerState, Status};
+use whirl_shared::frame::{Excited, MOST_CHANNELS, MOST_ENCODERS, SampleBlock, ShakerState, Status};
 
 use crate::base::Base;
 use crate::block_builder::{BlockBuilder, Reading};
@@ -62,6 +62,9 @@ pub struct Sampler<I, O> {
     /// What may not change within a block besides what [`BlockBuilder`] watches.
     last_state: ShakerState,
     drive: Drive,
+    excited: Excited,
+    /// That is a sine of one amplitude, of which the blocks tell all.
+    constant: bool,
     overruns: u32,
     dropped_samples: u32,
     dropped_events: u32,
@@ -112,6 +115,8 @@ impl<I: Inputs, O: ShakerOutput> Sampler<I, O> {
             base: Base::new(settings.base.kind),
             drive: shaker.drive(),
             last_state: shaker.state(),
+            excited: Excited::default(),
+            constant: true,
             shaker,
             tick: 0,
             last_counts: None,
@@ -263,6 +268,11 @@ impl<I: Inputs, O: ShakerOutput> Sampler<I, O> {
     }
 
     fn report(&mut self, missed: u32, events: &mut impl Sink<Event>) {
+        if self.shaker.take_begun() {
+            // At its trigger.
+            self.excited.tick = self.tick;
+            self.put_event(Event::Excited(self.excited), events);
+        }
         if let Some(notice) = self.shaker.take_notice() {
             #[cfg(feature = "defmt")]
             defmt::warn!("tick {=u32}: {}", self.tick, notice);
@@ -304,6 +314,9 @@ impl<I: Inputs, O: ShakerOutput> Sampler<I, O> {
         let snapshot = self.snapshot();
         self.latency_max_us = 0;
         self.put_event(Event::Status(snapshot), events);
+        if !self.constant && self.shaker.moving() {
+            self.put_event(Event::Excited(self.excited), events);
+        }
     }
 
     /// The present counters and the shaker; the thread half adds its own.
@@ -319,7 +332,7 @@ impl<I: Inputs, O: ShakerOutput> Sampler<I, O> {
                 shaker: drive.state,
                 stop_cause: self.shaker.stop_cause(),
                 amplitude_nanometre: drive.amplitude_nanometre,
-                frequency_millihertz: self.shaker.frequency_millihertz(),
+                frequency_millihertz: self.shaker.excitation().frequency_millihertz,
                 latency_max_us: self.latency_max_us,
                 ..Status::default()
             },

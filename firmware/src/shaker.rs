@@ -8,25 +8,34 @@
 //!     │ │                └──────────────┐      │ stop, disarm, silence   │
 //!     │ └── at rest, after disarm/silence ── Stopping ◀──────────────────┘
 //!     │ disarm
-//!  Faulted ◀── the output fails or a limit would be exceeded, from anywhere
+//!  Faulted ◀── the output fails, a limit would be exceeded, or the emergency stop is pressed,
+//!              from anywhere
 //! ```
 //!
-//! Displacement y = a cos φ: φ is the phase accumulator ([`whirl_shared::waveform`]), a the ramp
-//! ([`crate::ramp`]). φ starts at 0 with every start and advances while the shaker moves and only
-//! then. The frequency cannot change while it moves. Amplitude, frequency and acceleration a(2πf)²
-//! are limited; a refused command changes nothing.
+//! Displacement y = a cos φ, or a sum of such ([`whirl_shared::excitation`]): φ is the phase
+//! accumulator ([`whirl_shared::waveform`]), a the ramp ([`crate::ramp`]). φ starts at 0 with every
+//! start and advances while the shaker moves and only then. A command cannot change the frequency
+//! while it moves; sweeps and lists of amplitudes go on while it is running. Amplitude, frequency
+//! and acceleration are limited for the sum; a refused command changes nothing.
+//!
+//! The emergency stop cuts the amplifier's enable line without the firmware; the shaker sees the
+//! line cut, and is faulted until the stop is released and the host disarms.
 //!
 //! The watchdog counts sampling ticks, missed ones too, since the last command that was carried
 //! out.
 
-use whirl_shared::frame::{Command, CommandResult, ShakerLimits, ShakerState, StopCause};
-use whirl_shared::waveform::{self, PhaseAccumulator};
+use whirl_shared::excitation::Excitation;
+use whirl_shared::frame::{ShakerLimits, ShakerState, StopCause};
+use whirl_shared::waveform::PhaseAccumulator;
 
 use crate::event::Notice;
+use crate::excite::Run;
 use crate::output::ShakerOutput;
 use crate::ramp::Ramp;
-use crate::settings::{HOST_TIMEOUT_MAX_MS, HOST_TIMEOUT_MIN_MS, Settings};
+use crate::settings::Settings;
 use crate::sweep::Sweep;
+
+mod commands;
 
 /// The drive at a tick: what that tick's sample carries and its displacement was computed from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,7 +62,13 @@ pub struct Shaker<O> {
     cause: StopCause,
     phase: PhaseAccumulator,
     ramp: Ramp,
-    frequency_millihertz: u32,
+    run: Run,
+    /// What the next start is to be of.
+    prepared: Excitation,
+    /// It begins at the trigger.
+    waiting: bool,
+    /// It has begun since this was asked for.
+    begun: bool,
     host_timeout_ms: u32,
     silent_ticks: u32,
     heard: bool,
@@ -75,7 +90,10 @@ impl<O: ShakerOutput> Shaker<O> {
             cause: StopCause::None,
             phase: PhaseAccumulator::default(),
             ramp: Ramp::new(settings.limits.ramp_micrometre_per_s, settings.sample_rate_millihertz),
-            frequency_millihertz: 0,
+            run: Run::default(),
+            prepared: Excitation::default(),
+            waiting: false,
+            begun: false,
             host_timeout_ms: settings.host_timeout_ms,
             silent_ticks: 0,
             heard: false,
@@ -108,9 +126,15 @@ impl<O: ShakerOutput> Shaker<O> {
         self.cause
     }
 
-    /// Commanded frequency of the present or last run, mHz.
-    pub fn frequency_millihertz(&self) -> u32 {
-        self.frequency_millihertz
+    /// What it does, or did last.
+    pub fn excitation(&self) -> &Excitation {
+        &self.run.excitation
+    }
+
+    /// Whether it has begun since this was asked last: its first displacement is that of the next
+    /// tick.
+    pub fn take_begun(&mut self) -> bool {
+        core::mem::take(&mut self.begun)
     }
 
     /// Time without a command after which it stops, ms.
@@ -148,7 +172,8 @@ impl<O: ShakerOutput> Shaker<O> {
         matches!(self.state, ShakerState::Ramping | ShakerState::Running | ShakerState::Stopping)
     }
 
-    /// Time went on by ticks in which nothing was computed: the phase keeps up, the ramp waits.
+    /// Time went on by ticks in which nothing was computed: the phase keeps up at its present
+    /// increment; ramp, sweep and list of amplitudes wait.
     pub fn skip(&mut self, ticks: u32) {
         self.phase.advance(ticks);
         self.silent_ticks = self.silent_ticks.saturating_add(ticks);
@@ -156,6 +181,9 @@ impl<O: ShakerOutput> Shaker<O> {
 
     /// Writes the displacement of this tick, then advances phase, ramp and watchdog.
     pub fn tick(&mut self) {
+        if self.output.is_cut() && (self.state != ShakerState::Faulted || self.cause != StopCause::EmergencyStop) {
+            self.fault(StopCause::EmergencyStop);
+        }
         if self.silence_due {
             self.silence_due = !self.silence();
         }
@@ -167,6 +195,9 @@ impl<O: ShakerOutput> Shaker<O> {
         }
         self.silent_ticks = self.silent_ticks.saturating_add(1);
         self.watch();
+        if self.waiting && self.state == ShakerState::Armed && self.output.is_triggered() {
+            self.begin();
+        }
     }
 
     fn write(&mut self) {
@@ -181,6 +212,7 @@ impl<O: ShakerOutput> Shaker<O> {
             phase: self.phase.phase,
             phase_increment: self.phase.increment,
             amplitude_nanometre: [amplitude, next.amplitude()],
+            form: self.run.excitation.form,
         };
         if self.output.sweep(&sweep).is_err() {
             self.fault(StopCause::Fault);
@@ -191,6 +223,7 @@ impl<O: ShakerOutput> Shaker<O> {
         if self.state == ShakerState::Stopping && self.ramp.amplitude() == 0 {
             // Zero has been written at this tick.
             self.phase.increment = 0;
+            self.output.trigger(false);
             if self.armed_after_stop {
                 self.state = ShakerState::Armed;
             } else {
@@ -200,9 +233,22 @@ impl<O: ShakerOutput> Shaker<O> {
         }
         self.phase.advance(1);
         self.ramp.step();
-        if self.state == ShakerState::Ramping && self.ramp.arrived() {
-            self.state = ShakerState::Running;
+        match self.state {
+            ShakerState::Ramping if self.ramp.arrived() => self.state = ShakerState::Running,
+            ShakerState::Running => {
+                let [increment, amplitude] = self.run.advance();
+                self.phase.increment = increment.unwrap_or(self.phase.increment);
+                if let Some(amplitude) = amplitude {
+                    self.go_to(amplitude);
+                }
+            }
+            _ => {}
         }
+    }
+
+    fn go_to(&mut self, nanometre: u32) {
+        self.ramp.go_to(nanometre);
+        self.state = if self.ramp.arrived() { ShakerState::Running } else { ShakerState::Ramping };
     }
 
     fn watch(&mut self) {
@@ -224,110 +270,12 @@ impl<O: ShakerOutput> Shaker<O> {
         }
     }
 
-    /// Carries a command out, or refuses it and changes nothing.
-    ///
-    /// `Hello`, `KeepAlive`, `Status`, `Stream`, `BackFill`, `ZeroCounts`, `Set` and `Restart` only
-    /// ask whether they may be carried out.
-    pub fn command(&mut self, command: Command) -> CommandResult {
-        let result = match command {
-            Command::Hello | Command::KeepAlive | Command::Status | Command::Stream(_) | Command::BackFill { .. } => {
-                CommandResult::Done
-            }
-            Command::Arm => self.arm(),
-            Command::Disarm => self.command_disarm(),
-            Command::Start { amplitude_micrometre, frequency_millihertz } => {
-                self.start(amplitude_micrometre, frequency_millihertz)
-            }
-            Command::Stop => {
-                if matches!(self.state, ShakerState::Ramping | ShakerState::Running) {
-                    self.stop(StopCause::Command, true);
-                }
-                CommandResult::Done
-            }
-            Command::SetRamp { .. } | Command::SetHostTimeout { .. } | Command::ZeroCounts if self.moving() => {
-                CommandResult::WrongState
-            }
-            Command::Set(_) | Command::Restart if self.state != ShakerState::Disarmed => CommandResult::WrongState,
-            Command::ZeroCounts | Command::Set(_) | Command::Restart => CommandResult::Done,
-            Command::SetRamp { micrometre_per_s } => {
-                let result = within(micrometre_per_s, 1, self.limits.ramp_micrometre_per_s);
-                if result == CommandResult::Done {
-                    self.ramp.set_rate(micrometre_per_s);
-                }
-                result
-            }
-            Command::SetHostTimeout { ms } => {
-                let result = within(ms, HOST_TIMEOUT_MIN_MS, HOST_TIMEOUT_MAX_MS);
-                if result == CommandResult::Done {
-                    self.host_timeout_ms = ms;
-                }
-                result
-            }
-        };
-        if result == CommandResult::Done {
-            self.silent_ticks = 0;
-            self.heard = true;
-        }
-        result
-    }
-
-    fn arm(&mut self) -> CommandResult {
-        match self.state {
-            ShakerState::Armed => CommandResult::Done,
-            ShakerState::Disarmed => {
-                if self.output.write(0).is_ok() && self.output.enable(true).is_ok() {
-                    self.state = ShakerState::Armed;
-                    CommandResult::Done
-                } else {
-                    self.fault(StopCause::Fault);
-                    CommandResult::WrongState
-                }
-            }
-            _ => CommandResult::WrongState,
-        }
-    }
-
-    fn command_disarm(&mut self) -> CommandResult {
-        match self.state {
-            ShakerState::Ramping | ShakerState::Running => self.stop(StopCause::Command, false),
-            ShakerState::Stopping => self.armed_after_stop = false,
-            ShakerState::Disarmed | ShakerState::Armed | ShakerState::Faulted => self.disarm(),
-        }
-        // An output that still fails keeps its fault.
-        if self.state == ShakerState::Faulted { CommandResult::WrongState } else { CommandResult::Done }
-    }
-
-    fn start(&mut self, amplitude_micrometre: u32, frequency_millihertz: u32) -> CommandResult {
-        if !matches!(self.state, ShakerState::Armed | ShakerState::Ramping | ShakerState::Running) {
-            return CommandResult::WrongState;
-        }
-        for result in [
-            within(amplitude_micrometre, 0, self.limits.amplitude_micrometre),
-            within(frequency_millihertz, 1, self.limits.frequency_millihertz),
-            within(
-                amplitude_micrometre,
-                0,
-                amplitude_limit(self.limits.acceleration_millimetre_per_s2, frequency_millihertz),
-            ),
-        ] {
-            if result != CommandResult::Done {
-                return result;
-            }
-        }
-        if self.moving() {
-            if frequency_millihertz != self.frequency_millihertz {
-                return CommandResult::WrongState;
-            }
-        } else {
-            let Some(increment) = waveform::phase_increment(frequency_millihertz, self.sample_rate_millihertz) else {
-                return CommandResult::OutOfRange { limit: self.limits.frequency_millihertz };
-            };
-            self.phase = PhaseAccumulator { phase: 0, increment };
-            self.frequency_millihertz = frequency_millihertz;
-        }
-        self.ramp.go_to(amplitude_micrometre.saturating_mul(1_000));
-        self.state = if self.ramp.arrived() { ShakerState::Running } else { ShakerState::Ramping };
-        CommandResult::Done
+    fn begin(&mut self) {
+        self.waiting = false;
+        self.begun = true;
+        self.phase = PhaseAccumulator { phase: 0, increment: self.run.increment() };
+        self.go_to(self.run.target());
+        self.output.trigger(true);
     }
 
     fn stop(&mut self, cause: StopCause, armed_after_stop: bool) {
@@ -345,7 +293,11 @@ impl<O: ShakerOutput> Shaker<O> {
     }
 
     fn disarm(&mut self) {
-        if self.silence() {
+        self.waiting = false;
+        if self.output.is_cut() {
+            // Latched as long as it is pressed.
+            self.fault(StopCause::EmergencyStop);
+        } else if self.silence() {
             self.silence_due = false;
             self.state = ShakerState::Disarmed;
         } else {
@@ -355,32 +307,22 @@ impl<O: ShakerOutput> Shaker<O> {
 
     fn fault(&mut self, cause: StopCause) {
         self.ramp.cut();
+        self.waiting = false;
         self.phase.increment = 0;
+        self.output.trigger(false);
         self.cause = cause;
         self.state = ShakerState::Faulted;
-        self.notice = Some(if cause == StopCause::Limit { Notice::LimitExceeded } else { Notice::OutputFailed });
+        self.notice = Some(match cause {
+            StopCause::Limit => Notice::LimitExceeded,
+            StopCause::EmergencyStop => Notice::EmergencyStop,
+            _ => Notice::OutputFailed,
+        });
         // It may well fail again: tried anew at every tick until it works.
         self.silence_due = !self.silence();
     }
 }
 
-fn within(found: u32, min: u32, max: u32) -> CommandResult {
-    if found < min {
-        CommandResult::OutOfRange { limit: min }
-    } else if found > max {
-        CommandResult::OutOfRange { limit: max }
-    } else {
-        CommandResult::Done
-    }
-}
-
-/// Greatest amplitude in µm whose acceleration a(2πf)² keeps within a limit in mm/s², rounded down.
-fn amplitude_limit(acceleration_millimetre_per_s2: u32, frequency_millihertz: u32) -> u32 {
-    // a = A/(2πf)²: 10³ µm a mm and 10⁶ mHz² a Hz² over 4π² make 10⁹/4π² = 25 330 295.91.
-    let numerator = u64::from(acceleration_millimetre_per_s2) * 25_330_295;
-    let square = u64::from(frequency_millihertz).pow(2).max(1);
-    u32::try_from(numerator / square).unwrap_or(u32::MAX)
-}
-
+#[cfg(test)]
+mod excite_tests;
 #[cfg(test)]
 mod tests;

@@ -6,9 +6,10 @@
 //! those of the points lie n times as high, below a converter's step.
 //!
 //! Between the ticks y(u), u from 0 to 1, is the cubic with the values and the slopes of a(u) cos
-//! φ(u) at both ends, the phase φ running evenly and the amplitude a along a line. At the ticks it
-//! is [`whirl_shared::waveform::displacement`], bit for bit: what the host knows. Error in between:
-//! a ω⁴/384, ω the advance of the phase in a tick (1.1e-5 a at 20 Hz and 500 Hz).
+//! φ(u) at both ends, the phase φ running evenly and the amplitude a along a line; of a form of
+//! several components ([`whirl_shared::excitation::Form`]) their sum. At the ticks it is
+//! [`Form::displacement`], bit for bit: what the host knows. Error in between: a ω⁴/384, ω the
+//! advance of the phase in a tick (1.1e-5 a at 20 Hz and 500 Hz).
 //!
 //! The points go on a little beyond the next tick, for an interrupt that is late; then the last one
 //! stands. When the ticks come again the points approach the curve from what stands, by at most
@@ -16,7 +17,8 @@
 
 use core::f32::consts::TAU;
 
-use whirl_shared::waveform::{cos_sin, displacement};
+use whirl_shared::excitation::Form;
+use whirl_shared::waveform::{cos_sin, fixed, rounded};
 
 /// Points that are played beyond a tick when the next one does not come: 0.2 ms of them at 40 kHz,
 /// some ten times the longest latency.
@@ -36,37 +38,46 @@ pub struct Sweep {
     pub phase_increment: u32,
     /// Amplitude at this tick and the next, nm.
     pub amplitude_nanometre: [u32; 2],
+    /// The form.
+    pub form: Form,
 }
 
 impl Sweep {
-    /// Displacement at both ticks, nm.
-    #[must_use]
-    pub fn ends(&self) -> [i32; 2] {
-        let [a, b] = self.amplitude_nanometre;
-        [displacement(a, self.phase), displacement(b, self.phase.wrapping_add(self.phase_increment))]
-    }
-
     /// Displacement at this tick, nm.
     #[must_use]
     pub fn start(&self) -> i32 {
-        displacement(self.amplitude_nanometre[0], self.phase)
+        self.form.displacement(self.amplitude_nanometre[0], self.phase)
     }
 
-    fn slopes(&self) -> [f32; 2] {
-        let [a, b] = self.amplitude_nanometre.map(|a| a as f32);
-        let omega = self.phase_increment as f32 * (TAU / 4_294_967_296.0);
-        let slope = |amplitude: f32, phase: u32| {
-            let (cos, sin) = cos_sin::<f32>(phase);
-            (b - a) * cos - amplitude * omega * sin
-        };
-        [slope(a, self.phase), slope(b, self.phase.wrapping_add(self.phase_increment))]
+    /// Advance of the phase in a tick, rad.
+    fn omega(&self) -> f32 {
+        self.phase_increment as f32 * (TAU / 4_294_967_296.0)
+    }
+
+    /// Displacement (nm), to the last bit that of the form, and slope (nm a tick) at both ticks.
+    fn ends(&self) -> ([i32; 2], [f32; 2]) {
+        let (mut sums, mut slopes) = ([0_i64; 2], [0.0; 2]);
+        let phases = [self.phase, self.phase.wrapping_add(self.phase_increment)];
+        for component in self.form.components() {
+            let amplitudes = self.amplitude_nanometre.map(|a| component.amplitude(a));
+            let [a, b] = amplitudes.map(|a| a as f32);
+            let omega = self.omega() * f32::from(component.harmonic);
+            for (i, amplitude) in amplitudes.into_iter().enumerate() {
+                let (cos, sin) = cos_sin::<f32>(component.angle(phases[i]));
+                sums[i] = sums[i].saturating_add(i64::from(amplitude) * fixed(cos));
+                slopes[i] += (b - a) * cos - amplitude as f32 * omega * sin;
+            }
+        }
+        (sums.map(rounded), slopes)
     }
 
     /// Greatest step of the drive itself from one of `n` points a tick to the next, nm.
     fn step(&self, n: usize) -> f32 {
-        let [a, b] = self.amplitude_nanometre.map(|a| a as f32);
-        let omega = self.phase_increment as f32 * (TAU / 4_294_967_296.0);
-        (a.max(b) * omega + (b - a).abs()) / n as f32
+        let parts = self.form.components().map(|component| {
+            let [a, b] = self.amplitude_nanometre.map(|a| component.amplitude(a) as f32);
+            a.max(b) * self.omega() * f32::from(component.harmonic) + (b - a).abs()
+        });
+        parts.sum::<f32>() / n as f32
     }
 }
 
@@ -100,10 +111,9 @@ impl Scale {
     /// leaves the full scale.
     #[must_use]
     pub fn fill(self, sweep: &Sweep, codes: &mut [u16], n: usize, now: usize, standing: u16) -> Option<()> {
-        let ends = sweep.ends();
+        let (ends, [d0, d1]) = sweep.ends();
         let exact = [self.code(ends[0])?, self.code(ends[1])?];
         let [y0, y1] = ends.map(|y| y as f32);
-        let [d0, d1] = sweep.slopes();
         // The cubic in codes over points; half a code more, so that cutting rounds.
         let (gain, part) = (self.codes_per_nanometre(), 1.0 / n as f32);
         let c0 = f32::from(self.max) / 2.0 + gain * y0 + 0.5;
@@ -158,6 +168,7 @@ mod tests {
             phase: FIVE_HERTZ.wrapping_mul(tick),
             phase_increment: FIVE_HERTZ,
             amplitude_nanometre: [15_525_000; 2],
+            form: Form::SINE,
         }
     }
 
@@ -286,14 +297,14 @@ mod tests {
         let mut codes = [0; N + BEYOND];
         let start = SCALE.code(sweep.start()).unwrap();
         SCALE.fill(&sweep, &mut codes, N, 0, start).unwrap();
-        assert_eq!(codes[N], SCALE.code(sweep.ends()[1]).unwrap());
+        assert_eq!(codes[N], SCALE.code(sweep.ends().0[1]).unwrap());
         assert_eq!(codes[0], 0);
         assert!(codes[1].abs_diff(start) <= 1);
     }
 
     #[test]
     fn beyond_full_scale_is_refused() {
-        let beyond = Sweep { amplitude_nanometre: [25_000_000, 25_000_001], phase: 0, phase_increment: 0 };
+        let beyond = Sweep { amplitude_nanometre: [25_000_000, 25_000_001], phase: 0, phase_increment: 0, ..sweep(0) };
         assert_eq!(SCALE.fill(&beyond, &mut [0; N], N, 0, 2_048), None);
         assert_eq!(SCALE.code(i32::MIN), None);
         assert_eq!(Scale { max: 4_095, full_nanometre: 0 }.code(0), Some(0));

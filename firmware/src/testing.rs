@@ -39,6 +39,10 @@ pub struct Recorder {
     pub enabled: bool,
     pub fail_write: bool,
     pub fail_enable: bool,
+    pub cut: bool,
+    pub triggered: bool,
+    /// The trigger output.
+    pub trigger: bool,
 }
 
 impl ShakerOutput for Recorder {
@@ -58,6 +62,18 @@ impl ShakerOutput for Recorder {
         }
         self.enabled = on;
         Ok(())
+    }
+
+    fn is_cut(&mut self) -> bool {
+        self.cut
+    }
+
+    fn is_triggered(&mut self) -> bool {
+        self.triggered
+    }
+
+    fn trigger(&mut self, on: bool) {
+        self.trigger = on;
     }
 }
 

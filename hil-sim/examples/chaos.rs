@@ -30,8 +30,8 @@ fn measure(amplitude_m: f64, periods: usize, seed: u64) -> Result<Found, Box<dyn
     let mut neighbour = plant.clone();
     let shaker = Shaker::default();
     let phase_increment = phase_increment(5.0, RATE_HZ).ok_or("no such frequency")?;
-    let mut command =
-        Command { phase: 0, phase_increment, amplitude_nanometre: [(amplitude_m * 1e9).round() as u32; 2] };
+    let amplitude_nanometre = [(amplitude_m * 1e9).round() as u32; 2];
+    let mut command = Command { phase: 0, phase_increment, amplitude_nanometre, ..Command::default() };
     let (mut sum, mut beyond, mut turned, settle) = (0.0, 0_usize, 0.0, 100);
     for period in 0..settle + periods {
         let start = plant.state();

@@ -6,9 +6,13 @@
 //! toward positive angle, that is ψ + π/2 in the place of ψ). The phase advances evenly from tick
 //! to tick; the amplitude follows a straight line between ticks, and its corners, which are
 //! impulses of the base's velocity of at most the ramp's rate (mm/s), are left out of the
-//! acceleration. Phases in rad, displacements in m, times in s from the tick.
+//! acceleration. Of a form of several components each is such a term at its own order, delayed by
+//! as much time. Where the frequency has changed from one tick to the next, as it does in a sweep
+//! every ten, the impulse of that corner is spread over the tick behind it. Phases in rad, displacements in m, times in s from the tick.
 
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use whirl_shared::excitation::{Form, MOST_COMPONENTS, WHOLE};
 
 use crate::plant::DriveAdditions;
 
@@ -42,12 +46,19 @@ pub struct Command {
     pub phase: u32,
     /// Advance of the phase in one tick, turns · 2⁻³².
     pub phase_increment: u32,
+    /// Its advance in the tick before; 0 at rest.
+    pub increment_before: u32,
     /// Amplitude at this tick and at the next one, nm.
     pub amplitude_nanometre: [u32; 2],
+    /// Form of the motion.
+    pub form: Form,
 }
 
 /// Most terms of the motion along the drive; more are refused when effects are read.
 pub(crate) const MAX_TERMS: usize = 8;
+
+/// Places for these and for the components of the drive's form beyond the first.
+const PLACES: usize = MAX_TERMS + MOST_COMPONENTS - 1;
 
 /// The base at one instant, and what else a law may depend on beside the state.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -86,9 +97,11 @@ pub struct BaseMotion {
     omega: f64,
     /// Amplitude, its rate, and half its second derivative: m, m/s, m/s².
     amplitude: [f64; 3],
-    terms: [Term; MAX_TERMS],
+    terms: [Term; PLACES],
     used: usize,
     across: [f64; 2],
+    /// The corner of the frequency at the tick, spread over it, m/s².
+    corner: f64,
     /// Share of the record that has passed, and its rate, 1/s.
     share: [f64; 2],
     /// Time of the tick since the record's start, s.
@@ -102,9 +115,10 @@ impl BaseMotion {
         phase: 0.0,
         omega: 0.0,
         amplitude: [0.0; 3],
-        terms: [Term { order: 0.0, lag: 0.0, share: 0.0 }; MAX_TERMS],
+        terms: [Term { order: 0.0, lag: 0.0, share: 0.0 }; PLACES],
         used: 0,
         across: [0.0; 2],
+        corner: 0.0,
         share: [0.0; 2],
         time: 0.0,
     };
@@ -147,7 +161,7 @@ impl BaseMotion {
         let [c0, c1, c2] = self.amplitude;
         let c = c0 + t * (c1 + t * c2);
         let rate = c1 + 2.0 * c2 * t;
-        let mut along = 0.0;
+        let mut along = self.corner;
         if c != 0.0 || rate != 0.0 {
             for term in &self.terms[..self.used] {
                 let omega = term.order * self.omega;
@@ -216,8 +230,20 @@ impl Shaker {
             Direction::Vertical => self.psi,
             Direction::Horizontal => self.psi + FRAC_PI_2,
         };
-        motion.terms[0] = Term { order: 1.0, lag, share: 1.0 };
-        motion.used = 1;
+        for component in command.form.components() {
+            let order = f64::from(component.harmonic);
+            let ahead = TAU * f64::from(component.phase) / 65_536.0;
+            motion.terms[motion.used] =
+                Term { order, lag: order * lag - ahead, share: f64::from(component.share) / f64::from(WHOLE) };
+            motion.used += 1;
+        }
+        if command.increment_before != 0 && command.phase_increment != 0 {
+            let step = f64::from(command.phase_increment) - f64::from(command.increment_before);
+            let rate = TAU * step / 4_294_967_296.0 / tick_s;
+            let one = |term: &Term| term.share * term.order * libm::sin(term.order * motion.phase - term.lag);
+            let sum: f64 = motion.terms[..motion.used].iter().map(one).sum();
+            motion.corner = -motion.amplitude[0] * rate * sum / tick_s;
+        }
         for &(order, share, phase) in self.additions.harmonics.iter().take(MAX_TERMS - 1) {
             motion.terms[motion.used] = Term { order, lag: phase, share };
             motion.used += 1;
@@ -247,7 +273,12 @@ mod tests {
 
     fn command() -> Command {
         let phase_increment = phase_increment(5.0, 500.0).unwrap();
-        Command { phase: 123_456_789, phase_increment, amplitude_nanometre: [10_000_000, 10_050_000] }
+        Command {
+            phase: 123_456_789,
+            phase_increment,
+            amplitude_nanometre: [10_000_000, 10_050_000],
+            ..Command::default()
+        }
     }
 
     /// Second difference of the displacement.

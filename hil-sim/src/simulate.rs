@@ -185,7 +185,7 @@ impl Simulation {
         }
         settings.base.as_ref().map_or(Ok(()), BaseSettings::validate)?;
         let additions = additions(&settings.effects, settings.drive.as_ref())?;
-        let mut command = Command { phase: 0, phase_increment: 0, amplitude_nanometre: [0; 2] };
+        let mut command = Command { phase: 0, phase_increment: 0, amplitude_nanometre: [0; 2], ..Command::default() };
         if let Some(drive) = &settings.drive {
             check("amplitude_m", drive.amplitude_m, 0.0..=2.0, "m")?;
             check("phase_rad", drive.psi, -1e3..=1e3, "rad")?;
@@ -203,6 +203,7 @@ impl Simulation {
                 phase: settings.initial_phase,
                 phase_increment: increment,
                 amplitude_nanometre: [amplitude; 2],
+                ..Command::default()
             };
         }
         let initial = settings.seed.map_or(settings.initial, |seed| perturbed(settings.initial, seed));

@@ -4,10 +4,10 @@
 //! plant moves on to the next tick under that drive, and the encoders turn with it, edge by edge.
 //! Nothing depends on wall time: a run is the same at every repeat.
 //!
-//! The base follows `a(t) cos(phase)` between ticks with the firmware's phase and increment; the
-//! amplitude goes along a straight line from the previous tick's value to this tick's (one tick
-//! behind the device while it ramps, equal to it when it runs). Times of drifting effects count
-//! from power-on.
+//! The base follows `a(t) cos(phase)`, or the sum of the form's components, between ticks with the
+//! firmware's phase and increment; the amplitude goes along a straight line from the previous tick's
+//! value to this tick's (one tick behind the device while it ramps, equal to it when it runs). Times
+//! of drifting effects count from power-on.
 //!
 //! Output is held up to [`RigSettings::output_limit`] bytes. Beyond that the firmware's link is not
 //! emptied, blocks wait in its memory, and the firmware counts those that the stream passes over:
@@ -89,17 +89,34 @@ impl Default for RigSettings {
     }
 }
 
-/// The shaker's power stage: remembers, and fails on request.
+/// The shaker's power stage: remembers, and fails or is cut off on request.
 #[derive(Clone, Debug, Default)]
 struct PowerStage {
     broken: bool,
+    cut: bool,
+    triggered: bool,
+    trigger: bool,
+    written: i32,
 }
 
 impl ShakerOutput for PowerStage {
     type Error = ();
 
-    fn write(&mut self, _: i32) -> Result<(), Self::Error> {
+    fn write(&mut self, displacement_nanometre: i32) -> Result<(), Self::Error> {
+        self.written = displacement_nanometre;
         if self.broken { Err(()) } else { Ok(()) }
+    }
+
+    fn is_cut(&mut self) -> bool {
+        self.cut
+    }
+
+    fn is_triggered(&mut self) -> bool {
+        self.triggered
+    }
+
+    fn trigger(&mut self, on: bool) {
+        self.trigger = on;
     }
 }
 
@@ -317,6 +334,7 @@ impl VirtualRig {
             self.missed = self.missed.saturating_add(1);
             // The output goes on by itself, as a waveform timer does.
             self.command.phase = self.command.phase.wrapping_add(self.command.phase_increment);
+            self.command.increment_before = self.command.phase_increment;
             self.command.amplitude_nanometre = [previous; 2];
         } else {
             self.app.tick(std::mem::take(&mut self.missed), self.latency_us);
@@ -324,7 +342,9 @@ impl VirtualRig {
             self.command = Command {
                 phase: drive.phase,
                 phase_increment: drive.phase_increment,
+                increment_before: self.command.phase_increment,
                 amplitude_nanometre: [previous, drive.amplitude_nanometre],
+                form: self.app.form(),
             };
         }
         self.collect();
@@ -387,6 +407,27 @@ impl VirtualRig {
     /// The shaker's power stage fails, or is repaired.
     pub fn break_shaker(&mut self, broken: bool) {
         self.app.output_mut().broken = broken;
+    }
+
+    /// The emergency stop is pressed, or released: it cuts the amplifier's enable line, which
+    /// the firmware sees at its next tick.
+    pub fn press_emergency_stop(&mut self, pressed: bool) {
+        self.app.output_mut().cut = pressed;
+    }
+
+    /// The trigger input is active, or is not.
+    pub fn trigger(&mut self, active: bool) {
+        self.app.output_mut().triggered = active;
+    }
+
+    /// The trigger output.
+    pub fn trigger_output(&mut self) -> bool {
+        self.app.output_mut().trigger
+    }
+
+    /// What the firmware wrote last to the shaker's output, nm.
+    pub fn set_point(&mut self) -> i32 {
+        self.app.output_mut().written
     }
 
     /// The device is reset by its watchdog: tick 0, another boot id, shaker off, settings that were
@@ -463,5 +504,7 @@ impl VirtualRig {
     }
 }
 
+#[cfg(test)]
+mod excite_tests;
 #[cfg(test)]
 mod tests;

@@ -239,6 +239,7 @@ pub fn record(
         boots: Vec::new(),
         device: Vec::new(),
         lines: Vec::new(),
+        excitation: None,
     };
     // At least one sample, at most a day of them: no overflow.
     let samples = ((seconds * rig.sample_rate_hz).round() as u64).max(1);

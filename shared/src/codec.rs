@@ -19,6 +19,7 @@ use crc::{CRC_32_ISO_HDLC, Crc};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use crate::excitation::{MOST_COMPONENTS, MOST_STEPS};
 use crate::frame::regression::{ROW_LEN, ROWS_LEN};
 use crate::frame::{BLOCK_LEN, Envelope, MOST_CHANNELS, MOST_ENCODERS, PANIC_LEN, TEXT_LEN};
 use crate::regressor::{UNKNOWNS1, UNKNOWNS2};
@@ -58,6 +59,8 @@ const HELLO: usize = HEAD
 const STATUS: usize = HEAD + 7 * U32 + 2 + 3 * U32 + 2 * (1 + MOST_ENCODERS * U32) + U32;
 const LOG: usize = HEAD + U32 + 1 + TEXT;
 const ESTIMATE: usize = HEAD + 5 * U32 + U16 + 2 * (1 + 2 * 4) + (UNKNOWNS1 + UNKNOWNS2) * 2 * 4;
+const EXCITED: usize =
+    HEAD + U32 + (U32 + 2 + 2 * U32) + MOST_STEPS * U32 + 1 + U32 + MOST_COMPONENTS * (1 + 2 * U16) + 1;
 const ROWS: usize = HEAD + 5 * U32 + 2 + 1 + ROWS_LEN * ROW_LEN * 3;
 
 /// Greatest length of a block's message.
@@ -79,7 +82,7 @@ pub const fn frame_len(payload: usize) -> usize {
 
 /// Greatest length on the wire of any message in either direction, its zero included.
 pub const MAX_FRAME: usize =
-    frame_len(max(max(max(HELLO, samples_len(MOST_CHANNELS)), max(STATUS, LOG)), max(ESTIMATE, ROWS)));
+    frame_len(max(max(max(HELLO, samples_len(MOST_CHANNELS)), max(STATUS, LOG)), max(max(ESTIMATE, ROWS), EXCITED)));
 
 /// Greatest length on the wire of a block of so many channels.
 #[must_use]

@@ -16,6 +16,7 @@
 //! | 6 | [`Rows`] | device → host | instead of samples, where the host asks for it: after every window |
 //! | 7 | [`DeviceMessage::Restored`] | device → host | a block of samples again, because the host has asked for it ([`Command::BackFill`]) |
 //! | 8 | [`BackFilled`] | device → host | behind the last block that was asked for |
+//! | 9 | [`Excited`] | device → host | after every [`Command::Excite`], and once a second while that is no plain sine |
 //! | 0 | [`Command`] | host → device | |
 //!
 //! Adding a message or a field: append it at the end of its enum or struct, add it to [`SCHEMA`],
@@ -29,12 +30,14 @@ mod setting;
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
+use crate::excitation::{Excitation, Part};
+
 pub use hello::{BaseKind, BaseSensor, Hello, ResetCause, SettingsSource, ShakerLimits, Zero, ZeroSource};
 pub use regression::{Estimate, Rows};
 pub use setting::Setting;
 
 /// Version of the wire protocol; raised at every change of the layout.
-pub const PROTOCOL_VERSION: u16 = 5;
+pub const PROTOCOL_VERSION: u16 = 6;
 /// Samples in a full block. Ten samples a frame keep the worst case well under the rate of a
 /// 115 200 baud link.
 pub const BLOCK_LEN: usize = 10;
@@ -50,14 +53,14 @@ pub const PANIC_LEN: usize = 80;
 
 /// The layout in words: what [`SCHEMA_HASH`] is computed from.
 pub const SCHEMA: &str = concat!(
-    "whirl 5;envelope{sequence:u16,message};",
+    "whirl 6;envelope{sequence:u16,message};",
     "device[hello{protocol:u16,schema:u32,boot_id:u32,tick:u32,firmware:str,board:str,sample_rate_millihertz:u32,",
     "counts_per_turn:[u32],block_len:u8,limits{amplitude_micrometre:u32,frequency_millihertz:u32,ramp_micrometre_per_s:u32,",
     "acceleration_millimetre_per_s2:u32},host_timeout_ms:u32,zeros:[{id:u32,source:enum[power_up,commanded,carried],index:option(u32)}],",
     "reset:enum[unknown,power,pin,software,watchdog,panic],panic:str,reversed:[bool],full_scale_micrometre:u32,baud:u32,",
     "settings:enum[built_in,kept,changed,refused,not_kept],base{kind:enum[none,encoder,position,acceleration],scale:u32}}|samples{first_tick:u32,phase:u32,phase_increment:u32,amplitude_nanometre:u32,first:[i32],deltas:[i16]}|",
     "status{tick:u32,overruns:u32,dropped_samples:u32,dropped_frames:u32,bad_frames:u32,rejected_commands:u32,",
-    "samples_sent:u32,shaker:enum[disarmed,armed,ramping,running,stopping,faulted],stop_cause:enum[none,command,host_silent,limit,fault],",
+    "samples_sent:u32,shaker:enum[disarmed,armed,ramping,running,stopping,faulted],stop_cause:enum[none,command,host_silent,limit,fault,emergency_stop],",
     "amplitude_nanometre:u32,frequency_millihertz:u32,latency_max_us:u32,rms_angle_mrad:[u32],turns_per_minute_milli:[i32],kept_from:u32}|",
     "ack{command_sequence:u16,result:enum[done,out_of_range{limit:u32},wrong_state,unsupported]}|log{tick:u32,level:u8,text:str}|",
     "estimate{tick:u32,window_ticks:u32,windows:u32,forget_per_mille:u16,phase_increment:u32,amplitude_nanometre:u32,",
@@ -65,13 +68,16 @@ pub const SCHEMA: &str = concat!(
     "undetermined(u8),repeating],second:enum[known{unknowns:[{value:[u8;4],std_error:[u8;4]};5],condition:[u8;4],",
     "residual_rms:[u8;4]},too_few_windows,undetermined(u8),repeating]}|",
     "rows{tick:u32,window_ticks:u32,window:u32,phase_increment:u32,amplitude_nanometre:u32,frequency:u8,last_frequency:u8,",
-    "rows:[[[u8;3];13]]}|restored(samples)|back_filled{first_tick:u32,ticks:u32,samples:u32}];",
+    "rows:[[[u8;3];13]]}|restored(samples)|back_filled{first_tick:u32,ticks:u32,samples:u32}|excited{tick:u32,excitation}];",
+    "excitation{frequency_millihertz:u32,glide{law:enum[steady,linear,logarithmic],back:bool,to_millihertz:u32,ms:u32},",
+    "amplitudes_micrometre:[u32;8],steps:u8,hold_ms:u32,form:[{harmonic:u8,share:u16,phase:u16};6],on_trigger:bool};",
     "host[command{hello|keep_alive|arm|disarm|start{amplitude_micrometre:u32,frequency_millihertz:u32}|stop|",
     "set_ramp{micrometre_per_s:u32}|set_host_timeout{ms:u32}|zero_counts|status|stream(enum[samples,rows])|",
     "set(enum[counts_per_turn{channel:u8,counts:u32},reversed{channel:u8,reversed:bool},sample_rate{millihertz:u32},",
     "amplitude_limit{micrometre:u32},frequency_limit{millihertz:u32},ramp_limit{micrometre_per_s:u32},",
     "acceleration_limit{millimetre_per_s2:u32},host_timeout{ms:u32},full_scale{micrometre:u32},baud{rate:u32},built_in,base{kind:enum[none,encoder,position,acceleration]},base_scale{scale:u32}])|restart|",
-    "back_fill{boot_id:u32,first_tick:u32,ticks:u32}}]"
+    "back_fill{boot_id:u32,first_tick:u32,ticks:u32}|prepare(enum[anew,component{place:u8,component{harmonic:u8,share:u16,phase:u16}},amplitude{place:u8,micrometre:u32},",
+    "hold{ms:u32},glide(glide),on_trigger])|excite{frequency_millihertz:u32}}]"
 );
 
 /// FNV-1a hash of [`SCHEMA`]: two sides with the same value lay messages out alike.
@@ -120,6 +126,8 @@ pub enum DeviceMessage {
     Restored(SampleBlock),
     /// All that the device has of what was asked for has been sent.
     BackFilled(BackFilled),
+    /// What the shaker does.
+    Excited(Excited),
 }
 
 /// Everything that a host sends.
@@ -199,6 +207,15 @@ pub struct BackFilled {
     pub samples: u32,
 }
 
+/// What the shaker does, or did last.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Excited {
+    /// Tick of its first displacement; where it has not begun yet, the one at which it was taken.
+    pub tick: u32,
+    /// What it does.
+    pub excitation: Excitation,
+}
+
 /// State of the shaker.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ShakerState {
@@ -231,6 +248,8 @@ pub enum StopCause {
     Limit,
     /// The output failed.
     Fault,
+    /// The emergency stop has cut the amplifier's enable line.
+    EmergencyStop,
 }
 
 /// Counters since boot (wrapping) and the shaker's state.
@@ -323,6 +342,14 @@ pub enum Command {
         first_tick: u32,
         /// Number of ticks.
         ticks: u32,
+    },
+    /// A part of what [`Command::Excite`] is to do; refused while the shaker moves.
+    Prepare(Part),
+    /// As [`Command::Start`], of what has been prepared; refused while the shaker moves. Answered
+    /// by an [`Excited`], too.
+    Excite {
+        /// Frequency at the start, mHz.
+        frequency_millihertz: u32,
     },
 }
 

@@ -9,6 +9,7 @@
 //! | [`tick`] | sampling ticks beyond 2³², gaps, restarts |
 //! | [`encoder`] | counts ↔ angles, wrap, unwrap, multi-turn counts |
 //! | [`waveform`] | the drive's phase and displacement |
+//! | [`excitation`] | the drive beyond one sine: sweeps, several sines, steps of amplitude |
 //! | [`harmonics`] | windowed harmonic sums of the measured signals |
 //! | [`regressor`] | regression rows of the double pendulum, in the weak form |
 //! | [`least_squares`] | recursive least squares in square-root form, on nalgebra |
@@ -24,6 +25,7 @@ extern crate std;
 pub mod block;
 pub mod codec;
 pub mod encoder;
+pub mod excitation;
 pub mod frame;
 pub mod harmonics;
 pub mod least_squares;

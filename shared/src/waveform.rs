@@ -60,20 +60,29 @@ pub fn cos_sin<T: Real>(phase: u32) -> (T, T) {
     cos_sin_turns(u64::from(phase) << 32)
 }
 
+/// A cosine in 2⁻³¹.
+#[must_use]
+pub fn fixed(cos: f32) -> i64 {
+    // A product with a power of two is exact, so cos·2³¹ is an integer for |cos| ≥ 2⁻⁷ and rounded
+    // below 2⁻³¹ otherwise.
+    (cos * 2_147_483_648.0) as i64
+}
+
+/// A number of nm in 2⁻³¹, rounded half away from zero, so that the waveform is symmetric; saturates
+/// at ±(2³¹ − 1) nm.
+#[must_use]
+pub fn rounded(product: i64) -> i32 {
+    let rounded = (product.saturating_abs().saturating_add(1 << 30)) >> 31;
+    (product.signum() * rounded).clamp(-i64::from(i32::MAX), i64::from(i32::MAX)) as i32
+}
+
 /// The base's displacement a cos τ in nm, upward positive (for a vertical drive); saturates at
 /// ±(2³¹ − 1) nm.
 ///
 /// The phase, the amplitude and the product are integers; only the cosine is in single precision.
 #[must_use]
 pub fn displacement(amplitude_nanometre: u32, phase: u32) -> i32 {
-    let (cos, _) = cos_sin::<f32>(phase);
-    // A product with a power of two is exact, so cos·2³¹ is an integer for |cos| ≥ 2⁻⁷ and rounded
-    // below 2⁻³¹ otherwise.
-    let fixed = (cos * 2_147_483_648.0) as i64;
-    let product = i64::from(amplitude_nanometre) * fixed;
-    // Half away from zero, so that the waveform is symmetric.
-    let rounded = (product.abs() + (1 << 30)) >> 31;
-    (product.signum() * rounded).clamp(-i64::from(i32::MAX), i64::from(i32::MAX)) as i32
+    rounded(i64::from(amplitude_nanometre) * fixed(cos_sin(phase).0))
 }
 
 #[cfg(test)]

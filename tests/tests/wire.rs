@@ -9,9 +9,10 @@ use whirl_firmware::Settings;
 use whirl_hil_sim::emulated::{Script, on_this_machine};
 use whirl_hil_sim::{BaseQuantity, BaseSettings, RigSettings, VirtualRig};
 use whirl_shared::codec::Decoder;
+use whirl_shared::excitation::{Component, Excitation, Glide, Law};
 use whirl_shared::frame::regression::{EquationEstimate, Unknown};
 use whirl_shared::frame::{
-    BaseKind, BaseSensor, Command, CommandResult, DeviceMessage, Hello, PROTOCOL_VERSION, SCHEMA, SCHEMA_HASH,
+    BaseKind, BaseSensor, Command, CommandResult, DeviceMessage, Excited, Hello, PROTOCOL_VERSION, SCHEMA, SCHEMA_HASH,
     SampleBlock, Setting, Status, Streamed, Zero,
 };
 
@@ -77,6 +78,23 @@ fn status(s: &Status) -> Value {
     json!([counters, s.rms_angle_mrad, s.turns_per_minute_milli, s.kept_from])
 }
 
+fn excited(excited: &Excited) -> Value {
+    let e = &excited.excitation;
+    let glide = &e.glide;
+    let mut words = vec![glide.to_millihertz, glide.ms];
+    words.extend(e.amplitudes_micrometre);
+    let form: Vec<Value> = e.form.0.iter().map(|c| json!([c.harmonic, c.share, c.phase])).collect();
+    json!([
+        [excited.tick, e.frequency_millihertz, glide.law as u32],
+        u8::from(glide.back),
+        words,
+        e.steps,
+        e.hold_ms,
+        form,
+        u8::from(e.on_trigger)
+    ])
+}
+
 fn equation<const N: usize>(equation: &EquationEstimate<[Unknown; N]>) -> Value {
     let float = |bytes: [u8; 4]| f64::from(f32::from_le_bytes(bytes));
     match equation {
@@ -100,6 +118,7 @@ fn in_rust(frames: &[u8]) -> Vec<Value> {
         DeviceMessage::Samples(b) => (1, block(b)),
         DeviceMessage::Restored(b) => (7, block(b)),
         DeviceMessage::BackFilled(end) => (8, json!([end.first_tick, end.ticks, end.samples])),
+        DeviceMessage::Excited(e) => (9, excited(e)),
         DeviceMessage::Status(s) => (2, status(s)),
         DeviceMessage::Ack(ack) => {
             let command = ack.command_sequence;
@@ -175,6 +194,16 @@ fn a_decoder_written_from_the_documentation_reads_every_message() {
     let device = Settings { base, ..RigSettings::default().device };
     let three = RigSettings { base: Some(sensor), device, ..RigSettings::default() };
     frames.extend(on_this_machine(&three, &Script::new().drive(10, 900, 400, 9_000, 5_000), 1_000).unwrap());
+    // Something else than a sine.
+    let mut excitation = Excitation::sine(5_000, 2_000);
+    excitation.glide = Glide { law: Law::Logarithmic, back: true, to_millihertz: 4_000, ms: 1_500 };
+    (excitation.steps, excitation.hold_ms, excitation.amplitudes_micrometre[1]) = (2, 400, 3_000);
+    excitation.form.0[0].share = 20_000;
+    excitation.form.0[1] = Component { harmonic: 3, share: 10_000, phase: 40_000 };
+    let script = Script::new().command(10, Command::Arm);
+    let all = excitation.commands().into_iter().zip(20..);
+    let script = all.fold(script, |script, (command, tick)| script.command(tick, command));
+    frames.extend(on_this_machine(&RigSettings::default(), &script, 900).unwrap());
     let Some(read) = in_python(&frames) else { return };
     let wanted = in_rust(&frames);
     assert_eq!(read.len(), wanted.len());
@@ -184,7 +213,7 @@ fn a_decoder_written_from_the_documentation_reads_every_message() {
     let channels = |frame: &&Value| frame[1] == 1 && frame[2][1].as_array().is_some_and(|first| first.len() == 3);
     assert!(read.iter().filter(channels).count() > 90);
     let seen: std::collections::BTreeSet<u64> = read.iter().map(|frame| frame[1].as_u64().unwrap()).collect();
-    assert_eq!(seen.into_iter().collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 6, 7, 8]);
+    assert_eq!(seen.into_iter().collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
 }
 
 #[test]
@@ -193,8 +222,8 @@ fn the_documentation_names_the_protocol_and_its_schema() {
     assert!(text.starts_with(&format!("# Wire protocol {PROTOCOL_VERSION}\n")));
     assert!(text.contains(&format!("`{SCHEMA_HASH:08x}`")), "the schema's hash is {SCHEMA_HASH:08x}");
     // Every command by its number.
-    for n in 0..=13 {
+    for n in 0..=15 {
         assert!(text.contains(&format!("\n| {n} |")), "command {n}");
     }
-    assert!(SCHEMA.starts_with("whirl 5;"));
+    assert!(SCHEMA.starts_with("whirl 6;"));
 }

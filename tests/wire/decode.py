@@ -33,6 +33,8 @@ class Payload:
     def estimate(self): return [self.many(6, self.u), self.equation(6), self.equation(5)]
     def rows(self): return [self.many(5, self.u), self.many(2, self.u8), self.list(lambda: self.many(13, self.f24))]
     def back_filled(self): return self.many(3, self.u)
+    def component(self): return [self.u8(), self.u(), self.u()]
+    def excited(self): return [self.many(3, self.u), self.u8(), self.many(10, self.u), self.u8(), self.u(), self.many(6, self.component), self.u8()]
 
 for frame in sys.stdin.buffer.read().split(b"\0")[:-1]:
     checked = cobs(frame)
@@ -40,6 +42,6 @@ for frame in sys.stdin.buffer.read().split(b"\0")[:-1]:
     assert zlib.crc32(payload) == int.from_bytes(crc, "little")
     p = Payload(payload)
     sequence, message = p.u(), p.u()
-    fields = [p.hello, p.samples, p.status, p.ack, p.log, p.estimate, p.rows, p.samples, p.back_filled][message]()
+    fields = [p.hello, p.samples, p.status, p.ack, p.log, p.estimate, p.rows, p.samples, p.back_filled, p.excited][message]()
     assert p.at == len(payload), (message, p.at, len(payload))
     print(json.dumps([sequence, message, fields]))

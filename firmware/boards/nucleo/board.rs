@@ -8,12 +8,13 @@
 //!
 //! Pins are the same on both: encoder 1 A, B, index on PB6, PB7, PB9 (TIM4), encoder 2 on PC6, PC7,
 //! PC8 (TIM3), the base's encoder on PA8, PA9 (TIM1) or its transducer on PA0 (ADC1), shaker and
-//! enable on PA4 and PB10, light on PA5, serial port on PA2 and PA3. TIM5 is the free clock, TIM7
+//! enable on PA4 and PB10, the enable line behind the emergency stop on PC1, trigger input and
+//! output on PC0 and PB5, light on PA5, serial port on PA2 and PA3. TIM5 is the free clock, TIM7
 //! that of the points.
 
 use embassy_stm32::Config;
 use embassy_stm32::flash::{Blocking, Flash, MAX_ERASE_SIZE};
-use embassy_stm32::gpio::{Level, Output, Pull, Speed};
+use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::interrupt::{InterruptExt, Priority};
 use embassy_stm32::mode::Async;
 use embassy_stm32::time::Hertz;
@@ -22,6 +23,7 @@ use embassy_stm32::timer::qei::Qei;
 use embassy_stm32::usart::Uart;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{bind_interrupts, dac::DacChannel, dma, interrupt, pac, peripherals, usart};
+use whirl_firmware::lines::Pins;
 use whirl_firmware::pacing::Schedule;
 use whirl_firmware::settings::Settings;
 use whirl_firmware::store::Store;
@@ -79,6 +81,8 @@ pub struct Parts {
     pub dac: Dac,
     /// Enable pin of the shaker's amplifier, low.
     pub enable: Output<'static>,
+    /// Emergency stop and trigger.
+    pub lines: Pins<Input<'static>, Input<'static>, Output<'static>>,
     /// The light.
     pub light: Output<'static>,
     /// Serial port.
@@ -240,6 +244,11 @@ pub fn init() -> Option<Parts> {
         base,
         dac: Dac::new(DacChannel::new_blocking(p.DAC1, p.PA4), Player::new(schedule)),
         enable,
+        lines: Pins {
+            enabled: Input::new(p.PC1, Pull::Up),
+            start: Input::new(p.PC0, Pull::Up),
+            moving: Output::new(p.PB5, Level::Low, Speed::Low),
+        },
         light: Output::new(p.PA5, Level::Low, Speed::Low),
         uart,
         timer: Timer::new(p.TIM6),

@@ -6,7 +6,7 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use cortex_m::interrupt::Mutex;
 use embassy_executor::Spawner;
 use embassy_stm32::flash::{Blocking, Flash};
-use embassy_stm32::gpio::Output;
+use embassy_stm32::gpio::{Input, Output};
 use embassy_stm32::interrupt::{self, InterruptExt};
 use embassy_stm32::mode::Async;
 use embassy_stm32::pac;
@@ -25,6 +25,7 @@ use whirl_firmware::dac::DacShaker;
 use whirl_firmware::estimate::Estimator;
 use whirl_firmware::event::{Event, Request};
 use whirl_firmware::history::KEPT;
+use whirl_firmware::lines::Pins;
 use whirl_firmware::link::Link;
 use whirl_firmware::pacing::{Pacer, Passed, Schedule};
 use whirl_firmware::sampler::Sampler;
@@ -44,9 +45,12 @@ const RTT_UP: usize = 4_608;
 const RTT_DOWN: usize = 256;
 const RTT_MESSAGES: usize = 1_024;
 
+/// The shaker, its emergency stop and its trigger.
+type Shaker = DacShaker<Dac, Output<'static>, Pins<Input<'static>, Input<'static>, Output<'static>>>;
+
 /// What the interrupt owns.
 struct Interrupt {
-    sampler: Sampler<WithBase<(Encoder1, Encoder2), Base>, DacShaker<Dac, Output<'static>>>,
+    sampler: Sampler<WithBase<(Encoder1, Encoder2), Base>, Shaker>,
     light: Output<'static>,
     blocks: Producer<'static, SampleBlock>,
     events: Producer<'static, Event>,
@@ -222,6 +226,7 @@ fn assemble(
     let [settings, built_in] = &parts.settings;
     // Validated: at most 2³¹ nm.
     let output = DacShaker::new(parts.dac, parts.enable, settings.full_scale_micrometre.saturating_mul(1_000));
+    let output = output.with_lines(parts.lines);
     let inputs = WithBase { encoders: (parts.encoder1, parts.encoder2), base: parts.base };
     let mut sampler = Sampler::new(settings, inputs, output).ok()?;
     sampler.set_built_in(built_in);

@@ -1,6 +1,6 @@
 //! What a request does, and its answer.
 
-use whirl_shared::frame::{Ack, Command, CommandResult, SampleBlock, Setting, ShakerState};
+use whirl_shared::frame::{Ack, Command, CommandResult, Excited, SampleBlock, Setting, ShakerState};
 
 use super::Sampler;
 use crate::event::{Event, Request};
@@ -30,11 +30,19 @@ impl<I: Inputs, O: ShakerOutput> Sampler<I, O> {
             self.rejected = self.rejected.wrapping_add(1);
         }
         self.put_event(Event::Ack(Ack { command_sequence: request.sequence, result }), events);
+        if matches!(request.command, Command::Start { .. } | Command::Excite { .. }) {
+            let _ = self.shaker.take_begun();
+            if result == CommandResult::Done {
+                self.excited = Excited { tick: self.tick, excitation: *self.shaker.excitation() };
+                self.constant = self.excited.excitation.is_constant();
+            }
+            self.put_event(Event::Excited(self.excited), events);
+        }
         if result != CommandResult::Done {
             return;
         }
         match request.command {
-            Command::Start { .. } if ramp_before == ShakerState::Ramping => self.flush(blocks),
+            Command::Start { .. } | Command::Excite { .. } if ramp_before == ShakerState::Ramping => self.flush(blocks),
             Command::ZeroCounts => {
                 self.flush(blocks);
                 self.base.zero();

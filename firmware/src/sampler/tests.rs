@@ -278,7 +278,7 @@ fn requests_are_bounded_in_a_tick_and_answered_in_order() {
     let kinds = |events: &[Event]| {
         events.iter().map(|event| format!("{event:?}")[..3].into()).collect::<Vec<std::string::String>>()
     };
-    assert_eq!(kinds(&first), ["Ack", "Hel", "Ack", "Ack", "Sta", "Ack"]);
+    assert_eq!(kinds(&first), ["Ack", "Hel", "Ack", "Exc", "Ack", "Sta", "Ack"]);
     assert_eq!(first[2], Event::Ack(Ack { command_sequence: 9, result: CommandResult::WrongState }));
     assert_eq!(kinds(&bench.events()), ["Ack"]);
     assert_eq!(bench.sampler.snapshot().status.rejected_commands, 1);

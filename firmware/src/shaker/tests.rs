@@ -5,6 +5,8 @@ use std::{format, vec};
 
 use super::*;
 use crate::testing::Recorder;
+use whirl_shared::excitation::{Form, amplitude_limit};
+use whirl_shared::frame::{Command, CommandResult};
 
 const START: Command = Command::Start { amplitude_micrometre: 10_000, frequency_millihertz: 5_000 };
 
@@ -62,7 +64,7 @@ fn a_whole_run() {
     assert_eq!(shaker.state(), ShakerState::Ramping);
     run(&mut shaker, 1);
     assert_eq!((shaker.state(), shaker.drive().amplitude_nanometre), (ShakerState::Running, 10_000_000));
-    assert_eq!(shaker.frequency_millihertz(), 5_000);
+    assert_eq!(shaker.excitation().frequency_millihertz, 5_000);
     run(&mut shaker, 500);
     done(&mut shaker, Command::Stop);
     assert_eq!(shaker.state(), ShakerState::Stopping);
@@ -156,9 +158,9 @@ fn limits() {
     assert_eq!(start(1_000, 0), CommandResult::OutOfRange { limit: 1 });
     // 40 m/s² at 10 Hz: 40/(20π)² m = 10.132 mm.
     assert_eq!(start(10_133, 10_000), CommandResult::OutOfRange { limit: 10_132 });
-    assert_eq!(amplitude_limit(40_000, 10_000), 10_132);
-    assert_eq!(amplitude_limit(u32::MAX, 0), u32::MAX);
-    assert_eq!(amplitude_limit(1, 1_000), 25);
+    assert_eq!(amplitude_limit(40_000, 10_000, &Form::SINE), 10_132);
+    assert_eq!(amplitude_limit(u32::MAX, 0, &Form::SINE), u32::MAX);
+    assert_eq!(amplitude_limit(1, 1_000, &Form::SINE), 25);
     for (command, limit) in [
         (Command::SetRamp { micrometre_per_s: 20_001 }, 20_000),
         (Command::SetRamp { micrometre_per_s: 0 }, 1),

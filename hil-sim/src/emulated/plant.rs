@@ -52,7 +52,8 @@ impl EmulatedPlant {
     /// base's input.
     ///
     /// # Errors
-    /// A request that contradicts itself or the one before; a plant that cannot be integrated
+    /// A request that contradicts itself or the one before, as that of a form of several components
+    /// does: the pipe tells of none; a plant that cannot be integrated
     /// further.
     pub fn exchange(&mut self, request: &Request) -> Result<([u16; 2], u16), SimulationError> {
         let refused = |problem: &str| SimulationError::Board { tick: request.tick, problem: problem.to_owned() };
@@ -73,13 +74,16 @@ impl EmulatedPlant {
         self.command = Command {
             phase: request.phase,
             phase_increment: request.phase_increment,
+            increment_before: self.command.phase_increment,
             amplitude_nanometre: [previous, request.amplitude_nanometre],
+            ..Command::default()
         };
         while self.ticks < u64::from(request.tick) {
             self.bench.advance(self.command, self.ticks as f64 * self.tick_s)?;
             self.ticks += 1;
             // A board that misses ticks leaves a waveform that goes on by itself.
             self.command.phase = self.command.phase.wrapping_add(self.command.phase_increment);
+            self.command.increment_before = self.command.phase_increment;
             self.command.amplitude_nanometre[0] = self.command.amplitude_nanometre[1];
         }
         let shown = self.bench.shown();

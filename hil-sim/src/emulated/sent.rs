@@ -2,7 +2,7 @@
 
 use whirl_shared::block::sample_count;
 use whirl_shared::codec::Decoder;
-use whirl_shared::frame::{Ack, BackFilled, DeviceMessage, Estimate, Hello, Log, Rows, SampleBlock, Status};
+use whirl_shared::frame::{Ack, BackFilled, DeviceMessage, Estimate, Excited, Hello, Log, Rows, SampleBlock, Status};
 use whirl_shared::sequence::{SequenceCounters, SequenceTracker};
 use whirl_shared::tick::{TickCounters, TickTracker};
 
@@ -35,6 +35,8 @@ pub struct Sent {
     pub restored: Vec<SampleBlock>,
     /// The ends of answers to questions for blocks.
     pub back_filled: Vec<BackFilled>,
+    /// What the shaker did.
+    pub excited: Vec<Excited>,
 }
 
 impl Sent {
@@ -67,6 +69,7 @@ impl Sent {
                 DeviceMessage::Rows(rows) => sent.rows.push(rows),
                 DeviceMessage::Restored(block) => sent.restored.push(block),
                 DeviceMessage::BackFilled(end) => sent.back_filled.push(end),
+                DeviceMessage::Excited(excited) => sent.excited.push(excited),
             }
         }
         sent.samples = ticks.counters();

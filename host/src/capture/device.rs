@@ -2,6 +2,8 @@
 
 use whirl_shared::frame::{BaseKind, Hello, PROTOCOL_VERSION, SCHEMA_HASH};
 
+use whirl_shared::excitation::WHOLE;
+
 use super::drive::Target;
 use crate::error::{BadInput, Result, plain};
 use crate::record::{DeviceBoot, DeviceLine};
@@ -130,9 +132,14 @@ fn check_base(hello: &Hello, rig: &Rig) -> Result<()> {
 /// Checks that the device's shaker may do what is asked of it, before it is armed.
 pub(super) fn check_drive(hello: &Hello, target: Target, rig: &Rig) -> Result<()> {
     let limits = hello.limits;
+    let excitation = &target.0;
+    let (highest, base_frequency) =
+        (f64::from(excitation.form.highest()), f64::from(excitation.greatest_frequency()) / 1e3);
     let (amplitude, frequency) =
-        (f64::from(target.amplitude_micrometre) / 1e6, f64::from(target.frequency_millihertz) / 1e3);
-    let acceleration = amplitude * (core::f64::consts::TAU * frequency).powi(2);
+        (f64::from(excitation.amplitudes().iter().copied().max().unwrap_or(0)) / 1e6, highest * base_frequency);
+    // Of the sum, whatever the phases.
+    let sharpness = excitation.form.sharpness() as f64 / f64::from(WHOLE);
+    let acceleration = amplitude * (core::f64::consts::TAU * base_frequency).powi(2) * sharpness;
     let full_scale = f64::from(hello.full_scale_micrometre) / 1e6;
     for (what, found, limit, key, unit) in [
         ("an amplitude", amplitude, f64::from(limits.amplitude_micrometre) / 1e6, "amplitude_limit_m", "m"),
@@ -154,7 +161,7 @@ pub(super) fn check_drive(hello: &Hello, target: Target, rig: &Rig) -> Result<()
                     .to_owned()
             } else {
                 format!(
-                    "Set drive.amplitude_m (or --amplitude-m) and drive.frequency_hz within it, or, where the shaker can do \
+                    "Set drive.amplitude_m (or --amplitude-m, --amplitude-steps) and drive.frequency_hz (or --sweep, --multisine) within it, or, where the shaker can do \
                      more, `whirl device set {key}={found}`"
                 )
             };

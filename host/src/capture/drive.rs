@@ -8,9 +8,11 @@
 
 use std::time::{Duration, Instant};
 
+use whirl_shared::excitation::Excitation;
 use whirl_shared::frame::{Command, CommandResult, Hello, ShakerState, Status, StopCause};
 
 use super::commands::{Commands, Outcome};
+use super::excite;
 use crate::error::{BadInput, Result};
 use crate::warning::Warning;
 
@@ -22,11 +24,29 @@ const MOST_WARNINGS: usize = 16;
 
 /// What is asked of the shaker.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Target {
-    /// Amplitude of the base, µm.
-    pub(super) amplitude_micrometre: u32,
-    /// Frequency, mHz.
-    pub(super) frequency_millihertz: u32,
+pub(super) struct Target(pub(super) Excitation);
+
+impl Target {
+    /// Amplitude of the base at the start, µm.
+    pub(super) fn amplitude_micrometre(&self) -> u32 {
+        self.0.amplitudes_micrometre[0]
+    }
+
+    /// Frequency at the start, mHz.
+    pub(super) fn frequency_millihertz(&self) -> u32 {
+        self.0.frequency_millihertz
+    }
+
+    /// The commands that start it, one after the other.
+    fn commands(&self) -> Vec<Command> {
+        if self.0.is_constant() && !self.0.on_trigger {
+            let (amplitude_micrometre, frequency_millihertz) =
+                (self.amplitude_micrometre(), self.frequency_millihertz());
+            vec![Command::Start { amplitude_micrometre, frequency_millihertz }]
+        } else {
+            self.0.commands().to_vec()
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +75,8 @@ pub(super) struct Drive {
     /// Whether a shaker that has stopped by itself is started again.
     restart: bool,
     step: Step,
+    /// What is still to be commanded for the start, the last one first.
+    to_start: Vec<Command>,
     since: Instant,
     asked_status: Instant,
     limits: String,
@@ -67,6 +89,7 @@ impl Drive {
             target,
             restart,
             step: Step::Idle,
+            to_start: Vec::new(),
             since: now,
             asked_status: now,
             limits: String::new(),
@@ -132,6 +155,18 @@ impl Drive {
         matches!(self.step, Step::Stopping | Step::Disarming | Step::Resting)
     }
 
+    /// The next command of the start; behind the last one it ramps.
+    fn go_on(&mut self, commands: &mut Commands, now: Instant) {
+        if let Some(command) = self.to_start.pop() {
+            commands.ask(command, now);
+            self.go(Step::Starting, now);
+        } else {
+            commands.send(Command::Status);
+            self.asked_status = now;
+            self.go(Step::Ramping, now);
+        }
+    }
+
     /// Ramps down and disarms.
     pub(super) fn stop(&mut self, commands: &mut Commands, now: Instant) {
         if self.active() {
@@ -149,9 +184,9 @@ impl Drive {
             (Outcome::Waiting, _) => {}
             (Outcome::Answered(Command::Arm, CommandResult::Done), Step::Arming) => {
                 if let Some(t) = self.target {
-                    let (amplitude_micrometre, frequency_millihertz) = (t.amplitude_micrometre, t.frequency_millihertz);
-                    commands.ask(Command::Start { amplitude_micrometre, frequency_millihertz }, now);
-                    self.go(Step::Starting, now);
+                    self.to_start = t.commands();
+                    self.to_start.reverse();
+                    self.go_on(commands, now);
                 }
             }
             // It moves, or has a fault: bring it to rest, then arm anew.
@@ -159,15 +194,21 @@ impl Drive {
                 commands.ask(Command::Disarm, now);
                 self.go(Step::Clearing, now);
             }
-            (Outcome::Answered(Command::Start { .. }, CommandResult::Done), Step::Starting) => {
-                commands.send(Command::Status);
-                self.asked_status = now;
-                self.go(Step::Ramping, now);
-            }
-            (Outcome::Answered(Command::Start { .. }, CommandResult::OutOfRange { limit }), Step::Starting) => {
-                let t = self.target.map_or_else(String::new, |t| {
-                    format!("{} µm at {} mHz", t.amplitude_micrometre, t.frequency_millihertz)
-                });
+            (
+                Outcome::Answered(
+                    Command::Start { .. } | Command::Prepare(_) | Command::Excite { .. },
+                    CommandResult::Done,
+                ),
+                Step::Starting,
+            ) => self.go_on(commands, now),
+            (
+                Outcome::Answered(
+                    Command::Start { .. } | Command::Prepare(_) | Command::Excite { .. },
+                    CommandResult::OutOfRange { limit },
+                ),
+                Step::Starting,
+            ) => {
+                let t = self.target.map_or_else(String::new, |t| excite::words(&t.0));
                 return Err(BadInput::new(t, format!("within the shaker's limits (here {limit}); {}", self.limits))
                     .at("drive")
                     .remedy(
@@ -218,9 +259,16 @@ impl Drive {
                 self.go(Step::Arming, now);
             }
             (Step::Ramping, ShakerState::Running)
-                if status.amplitude_nanometre == target.amplitude_micrometre.saturating_mul(1000) =>
+                if status.amplitude_nanometre == target.amplitude_micrometre().saturating_mul(1000) =>
             {
                 self.go(Step::Running, now);
+            }
+            // It waits for its trigger, however long that takes.
+            (Step::Ramping, ShakerState::Armed) if target.0.on_trigger => self.since = now,
+            (Step::Ramping | Step::Running, ShakerState::Faulted) if status.stop_cause == StopCause::EmergencyStop => {
+                return Err(BadInput::new("a shaker whose emergency stop is pressed", "one that may run")
+                    .at("drive")
+                    .remedy("See why it was pressed; release it, then capture again"));
             }
             (Step::Ramping | Step::Running, ShakerState::Faulted) => {
                 return Err(BadInput::new(format!("a shaker with a fault ({:?})", status.stop_cause), "one that runs")

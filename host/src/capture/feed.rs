@@ -169,7 +169,8 @@ impl Feeder {
             | DeviceMessage::Estimate(_)
             | DeviceMessage::Rows(_)
             | DeviceMessage::Restored(_)
-            | DeviceMessage::BackFilled(_) => {}
+            | DeviceMessage::BackFilled(_)
+            | DeviceMessage::Excited(_) => {}
         }
     }
 

@@ -136,7 +136,7 @@ impl Session<'_> {
             DeviceMessage::Log(log) => self.show(&log),
             DeviceMessage::Restored(_) => self.back_fill.heard(now),
             DeviceMessage::BackFilled(_) => self.back_fill.over(),
-            DeviceMessage::Estimate(_) => {}
+            DeviceMessage::Estimate(_) | DeviceMessage::Excited(_) => {}
         }
         Ok(())
     }

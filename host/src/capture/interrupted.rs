@@ -39,6 +39,7 @@ pub(super) fn options(settings: &CaptureSettings) -> Vec<String> {
         Some(amplitude) => words.extend(["--amplitude-m".to_owned(), amplitude.to_string()]),
         None => {}
     }
+    words.extend(settings.excite.options());
     words
 }
 

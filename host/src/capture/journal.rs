@@ -20,6 +20,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::drive::Target;
+use super::excite;
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 use crate::rig::measures::BASE;
@@ -70,7 +71,7 @@ pub(super) fn essentials(rig: &Rig, target: Option<Target>) -> Vec<String> {
         list.push(format!("channel \"{}\" for {}, counts_per_turn = {counts}{worth}", c.name, c.measures));
     }
     list.push(match target {
-        Some(t) => format!("a drive of {} µm at {} mHz", t.amplitude_micrometre, t.frequency_millihertz),
+        Some(t) => format!("a drive of {}", excite::words(&t.0)),
         None => "no drive".to_owned(),
     });
     list

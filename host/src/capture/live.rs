@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
+use whirl_shared::excitation::Law;
 use whirl_shared::frame::{Command, Hello};
 
 use super::back_fill::{self, BackFill};
@@ -88,8 +89,8 @@ pub(super) fn run(
         seconds: settings.seconds,
         from_drive: target
             .filter(|_| settings.wait_for_drive)
-            .map(|t| (t.amplitude_micrometre, t.frequency_millihertz)),
-        settle_s: settings.settle_s.unwrap_or_else(|| source.settle_s()),
+            .map(|t| (t.amplitude_micrometre(), t.frequency_millihertz())),
+        settle_s: settings.settle_s.unwrap_or_else(|| settle_s(&*source, target)),
         hello_first: true,
         rows: settings.rows,
         options: interrupted::options(settings),
@@ -147,6 +148,13 @@ pub(super) fn run(
     session.stop_drive(&mut recorder);
     session.tell(&recorder, progress);
     session.finish(recorder, result)
+}
+
+/// What is left to itself before recording, s: nothing where the drive goes on to other frequencies
+/// or amplitudes meanwhile.
+fn settle_s(source: &dyn Source, target: Option<Target>) -> f64 {
+    let goes_on = target.is_some_and(|t| t.0.glide.law != Law::Steady || t.0.steps > 1);
+    if goes_on { 0.0 } else { source.settle_s() }
 }
 
 /// A number that another session hardly began with.

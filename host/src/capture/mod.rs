@@ -24,6 +24,7 @@ mod device;
 mod drive;
 mod ending;
 pub mod estimates;
+pub mod excite;
 pub mod feed;
 mod file;
 mod gate;
@@ -55,12 +56,14 @@ use std::sync::atomic::AtomicBool;
 use serde::Serialize;
 
 use self::drive::Target;
+use self::excite::Excite;
 use self::feed::Feed;
 use self::precision::{Precision, Until};
 use self::recorder::Finished;
 use crate::error::{BadInput, Result};
 use crate::record::{DeviceLine, Losses};
 use crate::rig::Rig;
+use crate::rig::measures::BASE;
 use crate::warning::Warning;
 
 pub use self::progress::Progress;
@@ -80,6 +83,8 @@ pub struct CaptureSettings {
     pub handshake_s: f64,
     /// Amplitude of the base, m; before that of the rig file.
     pub amplitude_m: Option<f64>,
+    /// What the shaker does beyond one sine.
+    pub excite: Excite,
     /// Start the shaker where the rig has a drive. Default true.
     pub drive: bool,
     /// Record from the moment on at which the shaker runs at its amplitude, not from the first
@@ -122,6 +127,7 @@ impl CaptureSettings {
             reconnect_s: 60.0,
             handshake_s: 5.0,
             amplitude_m: None,
+            excite: Excite::default(),
             drive: true,
             wait_for_drive: true,
             settle_s: None,
@@ -272,21 +278,43 @@ pub fn run_from(
             "Give --amplitude-m, or drive.amplitude_m in the rig file; --no-drive says that this is meant",
         ));
     }
+    outcome.warnings.extend(needs_measured_base(target, rig));
     Ok(outcome)
+}
+
+/// What cannot be done with a record whose drive is no sine.
+fn needs_measured_base(target: Option<Target>, rig: &Rig) -> Option<Warning> {
+    let excitation = target?.0;
+    if excitation.is_sine() || rig.channel.iter().any(|c| c.measures == BASE) {
+        return None;
+    }
+    Some(Warning::new(
+        "base-not-measured",
+        format!("the base was commanded {}, and no channel measures it", excite::words(&excitation)),
+        "`whirl identify` takes a drive that is not measured for one sine: add a channel with measures = \"base\" to the rig \
+         file, or capture with one frequency",
+    ))
 }
 
 /// What the shaker is to do; none where the rig has no drive or its amplitude is not known.
 fn target(settings: &CaptureSettings, rig: &Rig) -> Result<Option<Target>> {
     let Some(drive) = rig.drive.filter(|_| settings.drive) else {
-        return match settings.amplitude_m.filter(|_| settings.drive) {
-            Some(a) => Err(BadInput::new(format!("--amplitude-m {a}"), "a rig with [drive]")
+        let asked = settings.excite.is_asked();
+        let of_drive = settings.amplitude_m.map(|a| format!("--amplitude-m {a}"));
+        let of_drive = of_drive.or(asked.then(|| settings.excite.options().join(" ")));
+        return match of_drive.filter(|_| settings.drive || asked) {
+            Some(option) if settings.drive => Err(BadInput::new(option, "a rig with [drive]")
                 .in_file(&rig.path)
                 .at("drive")
                 .remedy("Add [drive] with direction and frequency_hz to the rig file")),
+            Some(option) => Err(BadInput::new(format!("{option} with --no-drive"), "one of them")
+                .at("--no-drive")
+                .remedy("Leave one of them out")),
             None => Ok(None),
         };
     };
-    let amplitude = settings.amplitude_m.or(drive.amplitude_m);
+    let first_step = settings.excite.amplitude_steps_m.first().copied();
+    let amplitude = settings.amplitude_m.or(first_step).or(drive.amplitude_m);
     let amplitude = match (amplitude, settings.from.split(':').next()) {
         (None, Some("sim")) => Some(crate::rig::plant::Plant::of(rig)?.amplitude_m),
         (amplitude, _) => amplitude,
@@ -309,10 +337,8 @@ fn target(settings: &CaptureSettings, rig: &Rig) -> Result<Option<Target>> {
             .remedy("Give it in metres"));
     }
     // Both are within 32 bits, see above.
-    Ok(Some(Target {
-        amplitude_micrometre: (amplitude * 1e6).round() as u32,
-        frequency_millihertz: millihertz.round() as u32,
-    }))
+    let (micrometre, millihertz) = ((amplitude * 1e6).round() as u32, millihertz.round() as u32);
+    settings.excite.excitation(micrometre, millihertz).map(|excitation| Some(Target(excitation)))
 }
 
 /// The outcome of a finished recording; none where it has no sample.

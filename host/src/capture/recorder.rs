@@ -7,6 +7,7 @@ mod messages;
 use std::path::{Path, PathBuf};
 
 use whirl_shared::codec::Decoder;
+use whirl_shared::excitation::Excitation;
 use whirl_shared::frame::{DeviceMessage, Envelope, Hello, MOST_ENCODERS};
 
 use super::accounting::{Accounting, Taken};
@@ -77,6 +78,8 @@ pub(super) struct Recorder<'a> {
     restarted_behind: Option<i64>,
     /// What the device said, its first lines, and how many there were.
     lines: Vec<DeviceLine>,
+    /// What moved the base, where the device told it.
+    excited: Option<Excitation>,
     said: u64,
     /// A hello should be asked for.
     pub(super) ask_hello: bool,
@@ -134,6 +137,7 @@ impl<'a> Recorder<'a> {
             ended: false,
             restarted_behind: None,
             lines: Vec::new(),
+            excited: None,
             said: 0,
             terms,
             ask_hello: false,
@@ -247,6 +251,7 @@ impl<'a> Recorder<'a> {
             boots: Vec::new(),
             device: self.boots.clone(),
             lines: Vec::new(),
+            excitation: self.excited,
         }
     }
 

@@ -2,6 +2,8 @@
 
 #[path = "back_fill_tests.rs"]
 mod back_fill_tests;
+#[path = "excite_sim_tests.rs"]
+mod excite_tests;
 #[path = "faulty_link_tests.rs"]
 mod faulty_link_tests;
 

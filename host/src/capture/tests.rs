@@ -333,5 +333,5 @@ fn settings_are_checked() {
     assert!(s.validate().unwrap_err().to_string().contains("--amplitude-m"));
     s.amplitude_m = Some(0.01);
     assert!(target(&s, &rig(false)).unwrap_err().to_string().contains("[drive]"));
-    assert_eq!(target(&s, &rig(true)).unwrap().unwrap().amplitude_micrometre, 10_000);
+    assert_eq!(target(&s, &rig(true)).unwrap().unwrap().amplitude_micrometre(), 10_000);
 }

@@ -47,7 +47,8 @@ impl Session<'_> {
             losses: recorder.losses(),
             reconnections: self.reconnections,
             recording: recorder.recording(),
-            asked: target.map(|t| (f64::from(t.amplitude_micrometre) * 1e-6, f64::from(t.frequency_millihertz) * 1e-3)),
+            asked: target
+                .map(|t| (f64::from(t.amplitude_micrometre()) * 1e-6, f64::from(t.frequency_millihertz()) * 1e-3)),
             estimate: recorder.newest_estimate().cloned(),
             precision: self.precision(recorder),
             simulated,

@@ -10,6 +10,7 @@ use super::Answer;
 use super::output::{Output, Replace, print_warnings};
 use super::outputs::Outputs;
 use crate::capture::estimates;
+use crate::capture::excite::{Band, Excite};
 use crate::capture::feed::Feed;
 use crate::capture::journal::path_of;
 use crate::capture::precision::Until;
@@ -39,6 +40,8 @@ pub struct Arguments {
     /// Amplitude of the base, m [default: the rig file's].
     #[arg(long, value_name = "M")]
     amplitude_m: Option<f64>,
+    #[command(flatten)]
+    excite: ExciteArguments,
     /// Leave the shaker alone.
     #[arg(long)]
     no_drive: bool,
@@ -88,6 +91,51 @@ pub struct Arguments {
     replace: Replace,
     #[command(flatten)]
     pub(super) out: Output,
+}
+
+/// What the shaker does beyond one sine.
+#[derive(Clone, Debug, Args)]
+struct ExciteArguments {
+    /// Sweep the drive's frequency from one to the other, Hz, such as 2..8.
+    #[arg(long, value_name = "F0..F1", conflicts_with_all = ["rows", "plan"])]
+    sweep: Option<Band>,
+    /// Time of the sweep, s.
+    #[arg(long, value_name = "S")]
+    sweep_s: Option<f64>,
+    /// Sweep by the same factor in every second, not by as many hertz.
+    #[arg(long)]
+    sweep_log: bool,
+    /// Sweep back again, and so on; without this the frequency stays at the sweep's end.
+    #[arg(long)]
+    sweep_back: bool,
+    /// Harmonics of the drive's frequency that move the base together, of equal amplitudes, with
+    /// Schroeder's phases: 1,2,3. The amplitude is that of their sum at most.
+    #[arg(long, value_name = "N,N,…", value_delimiter = ',', conflicts_with_all = ["rows", "plan"])]
+    multisine: Vec<u8>,
+    /// Amplitudes of the base one after the other, m; the last one stays.
+    #[arg(long, value_name = "M,M,…", value_delimiter = ',', conflicts_with_all = ["amplitude_m", "plan"])]
+    amplitude_steps: Vec<f64>,
+    /// Time for which each of these is held, s.
+    #[arg(long, value_name = "S")]
+    hold_s: Option<f64>,
+    /// Start the shaker when the device's trigger input is active.
+    #[arg(long, conflicts_with = "plan")]
+    on_trigger: bool,
+}
+
+impl ExciteArguments {
+    fn asked(&self) -> Excite {
+        Excite {
+            sweep: self.sweep,
+            sweep_s: self.sweep_s,
+            logarithmic: self.sweep_log,
+            back: self.sweep_back,
+            multisine: self.multisine.clone(),
+            amplitude_steps_m: self.amplitude_steps.clone(),
+            hold_s: self.hold_s,
+            on_trigger: self.on_trigger,
+        }
+    }
 }
 
 fn plural(n: u64, word: &str) -> String {
@@ -257,6 +305,7 @@ pub(super) fn settings_of(arguments: &Arguments, stop: Arc<AtomicBool>) -> Captu
         reconnect_s: arguments.reconnect_s,
         handshake_s: arguments.handshake_s,
         amplitude_m: arguments.amplitude_m,
+        excite: arguments.excite.asked(),
         drive: !arguments.no_drive,
         wait_for_drive: !arguments.from_first_sample,
         effects: arguments.effects.clone(),

@@ -76,6 +76,7 @@ impl Base {
             phase: 3 << 29,
             phase_increment: phase_increment(OMEGA / TAU, rate_hz).unwrap(),
             amplitude_nanometre: [nanometre; 2],
+            ..Command::default()
         };
         let shaker = Shaker { psi, record_s: SPAN.length_s, ..Shaker::default() };
         let a = 1e-9 * f64::from(nanometre);

@@ -12,6 +12,7 @@ use crate::error::{BadInput, Result};
 use crate::record::Record;
 use crate::rig::measures::ObservedModel;
 use crate::rig::{Channel, Rig};
+use crate::signal::angles::Phase;
 use crate::signal::noise::{self, Noise};
 use crate::warning::Warning;
 
@@ -94,6 +95,7 @@ impl Steady {
         // What does not rest on the drive's phase needs no steady drive.
         if rig.drive.is_some() && (bound.model.uses_phase() || bound.base.is_none()) {
             keep_steady_drive(records, &mut stretches, &mut record_of, &mut warnings)?;
+            is_one_sine(records, &stretches)?;
         }
         Ok(Self { stretches, record_of, warnings })
     }
@@ -147,6 +149,33 @@ impl Steady {
         let Self { stretches, record_of, warnings } = self;
         Ok(Prepared { stretches, record_of, sensors, geometry, warnings })
     }
+}
+
+/// Refuses a drive that is not measured and no sine of one frequency: a sweep, several sines.
+fn is_one_sine(records: &[Record], stretches: &[Stretch]) -> Result<()> {
+    let told = |r: &&Record| r.metadata.as_ref().and_then(|m| m.excitation).is_some_and(|e| !e.is_sine());
+    let found = match (records.iter().find(told), stretches.iter().find_map(glide)) {
+        (Some(_), _) => "a drive that is no sine of one frequency".to_owned(),
+        (None, Some([least, most])) => format!("a drive whose frequency goes from {least:.3} to {most:.3} Hz"),
+        (None, None) => return Ok(()),
+    };
+    let path = records.iter().find(told).or(records.first()).map(|r| r.path.clone()).unwrap_or_default();
+    Err(BadInput::new(found, "one frequency, where no channel measures the base").in_file(path).remedy(
+        "Capture with a channel that has measures = \"base\" (docs/rig-file.md), or use the part with one frequency (--from, --to)",
+    ))
+}
+
+/// Least and greatest frequency (Hz) of the device's phase, where it is not the same but for single
+/// samples.
+fn glide(stretch: &Stretch) -> Option<[f64; 2]> {
+    let Phase::Device(turns) = &stretch.phase else { return None };
+    let mut advances: Vec<u32> = turns.windows(2).map(|w| w[1].wrapping_sub(w[0])).collect();
+    advances.sort_unstable();
+    let median = *advances.get(advances.len() / 2)?;
+    let others = advances.iter().filter(|a| **a != median).count();
+    let hertz = |advance: u32| f64::from(advance) / (4_294_967_296.0 * stretch.step_s);
+    let (least, most) = (*advances.first()?, *advances.last()?);
+    (others > advances.len() / 100).then(|| [hertz(least), hertz(most)])
 }
 
 /// Cuts stretches to those over which the device's drive ran steadily.

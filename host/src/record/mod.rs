@@ -52,6 +52,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
+use whirl_shared::excitation::Excitation;
 
 pub use self::device_boot::DeviceBoot;
 pub use self::formats::ReadOptions;
@@ -239,6 +240,9 @@ pub struct Metadata {
     /// What the device itself said, its first lines.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub lines: Vec<DeviceLine>,
+    /// What moved the base, where the device told of something else than a sine.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub excitation: Option<Excitation>,
 }
 
 /// A line for people that a device sent.

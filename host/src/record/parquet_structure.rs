@@ -174,7 +174,7 @@ fn merged(footer: Vec<Group>, markers: Vec<Marker>) -> Vec<Group> {
 
 /// What the head of the file can know of it: restarts and lines of the device come later.
 fn at_the_start(metadata: Metadata) -> Metadata {
-    Metadata { boots: Vec::new(), device: Vec::new(), lines: Default::default(), ..metadata }
+    Metadata { boots: Vec::new(), device: Vec::new(), lines: Default::default(), excitation: None, ..metadata }
 }
 
 /// Value of one of whirl's keys.
@@ -221,6 +221,7 @@ pub(super) fn own_metadata(file: &ParquetMetaData) -> (Option<Metadata>, Option<
         boots: boots(file).unwrap_or_default(),
         device: device(file),
         lines: get("log").and_then(|s| serde_json::from_str(&s).ok()).unwrap_or_default(),
+        excitation: get("excitation").and_then(|s| serde_json::from_str(&s).ok()),
     };
     (Some(metadata), get("losses").and_then(|s| serde_json::from_str(&s).ok()))
 }

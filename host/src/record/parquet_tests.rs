@@ -33,6 +33,7 @@ pub(super) fn metadata() -> Metadata {
         boots: Vec::new(),
         device: Vec::new(),
         lines: Vec::new(),
+        excitation: None,
     }
 }
 

@@ -26,6 +26,7 @@ use parquet::file::metadata::KeyValue;
 use parquet::file::properties::{EnabledStatistics, WriterProperties};
 use parquet::file::writer::{SerializedFileWriter, SerializedRowGroupWriter};
 use parquet::schema::types::{ColumnPath, SchemaDescriptor, Type};
+use whirl_shared::excitation::Excitation;
 
 use super::csv::OWN_COLUMNS;
 use super::csv_write::create_file;
@@ -88,6 +89,8 @@ pub(super) struct ParquetWriter {
     device: Vec<DeviceBoot>,
     /// See [`Metadata::lines`].
     lines: Vec<DeviceLine>,
+    /// See [`Metadata::excitation`].
+    excitation: Option<Excitation>,
     tick: Vec<i64>,
     t: Vec<f64>,
     counts: Vec<Vec<i32>>,
@@ -168,6 +171,7 @@ impl ParquetWriter {
             boots: metadata.boots.clone(),
             device: metadata.device.clone(),
             lines: metadata.lines.clone(),
+            excitation: metadata.excitation,
             tick: Vec::with_capacity(GROUP_ROWS),
             t: Vec::with_capacity(GROUP_ROWS),
             counts: vec![column.clone(); rig.channel.len()],
@@ -186,6 +190,10 @@ impl ParquetWriter {
 
     pub(super) fn lines(&mut self, lines: &[DeviceLine]) {
         self.lines = lines.to_vec();
+    }
+
+    pub(super) fn excitation(&mut self, excitation: Option<&Excitation>) {
+        self.excitation = excitation.copied();
     }
 
     pub(super) fn push(&mut self, sample: &Sample<'_>) -> Result<()> {
@@ -244,6 +252,10 @@ impl ParquetWriter {
         if !self.lines.is_empty() {
             let lines = serde_json::to_string(&self.lines).map_err(bad)?;
             self.writer.append_key_value_metadata(KeyValue::new(format!("{KEY}log"), lines));
+        }
+        if let Some(excitation) = &self.excitation {
+            let text = serde_json::to_string(excitation).map_err(bad)?;
+            self.writer.append_key_value_metadata(KeyValue::new(format!("{KEY}excitation"), text));
         }
         self.writer.append_key_value_metadata(KeyValue::new(format!("{KEY}losses"), json));
         for pair in boots(&self.boots).into_iter().chain(device(&self.device)) {

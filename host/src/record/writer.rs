@@ -3,6 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
+use whirl_shared::excitation::Excitation;
+
 use super::csv_write::CsvWriter;
 use super::parquet_write::ParquetWriter;
 use super::{DeviceBoot, DeviceLine, Losses, Metadata};
@@ -94,6 +96,13 @@ impl RecordWriter {
     pub fn lines(&mut self, lines: &[DeviceLine]) {
         if let Inner::Parquet(w) = &mut self.inner {
             w.lines(lines);
+        }
+    }
+
+    /// What moved the base, for the metadata (CSV has no room for it).
+    pub fn excitation(&mut self, excitation: Option<&Excitation>) {
+        if let Inner::Parquet(w) = &mut self.inner {
+            w.excitation(excitation);
         }
     }
 

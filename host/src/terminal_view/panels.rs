@@ -100,6 +100,7 @@ fn stopped(status: &Status) -> &'static str {
         StopCause::HostSilent => "last stop: host silent",
         StopCause::Limit => "last stop: a limit",
         StopCause::Fault => "last stop: a fault",
+        StopCause::EmergencyStop => "last stop: EMERGENCY",
     }
 }
 

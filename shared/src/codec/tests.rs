@@ -4,6 +4,7 @@ use heapless::{String, Vec};
 use std::vec::Vec as StdVec;
 
 use super::*;
+use crate::excitation::{Component, Excitation, Form, Glide, Law};
 use crate::frame::regression::{Binary24, Binary32, EquationEstimate, ROW_LEN, Unknown};
 use crate::frame::*;
 
@@ -31,7 +32,7 @@ fn longest_block(channels: usize) -> SampleBlock {
 }
 
 /// The longest message of each kind: every varint at its full length.
-fn longest() -> [DeviceMessage; 9] {
+fn longest() -> [DeviceMessage; 10] {
     let mut rows = Vec::new();
     while rows.push([Binary24([9; 3]); ROW_LEN]).is_ok() {}
     let float = Binary32([9; 4]);
@@ -107,7 +108,22 @@ fn longest() -> [DeviceMessage; 9] {
         }),
         DeviceMessage::Restored(block),
         DeviceMessage::BackFilled(BackFilled { first_tick: all, ticks: all, samples: all }),
+        DeviceMessage::Excited(Excited { tick: all, excitation: longest_excitation() }),
     ]
+}
+
+fn longest_excitation() -> Excitation {
+    let all = u32::MAX;
+    let component = Component { harmonic: u8::MAX, share: u16::MAX, phase: u16::MAX };
+    Excitation {
+        frequency_millihertz: all,
+        glide: Glide { law: Law::Logarithmic, back: true, to_millihertz: all, ms: all },
+        amplitudes_micrometre: [all; MOST_STEPS],
+        steps: u8::MAX,
+        hold_ms: all,
+        form: Form([component; MOST_COMPONENTS]),
+        on_trigger: true,
+    }
 }
 
 fn frame<M: Serialize>(message: M) -> StdVec<u8> {
@@ -116,16 +132,16 @@ fn frame<M: Serialize>(message: M) -> StdVec<u8> {
     out[..length].to_vec()
 }
 
-fn worst_lengths() -> [usize; 9] {
+fn worst_lengths() -> [usize; 10] {
     longest().map(|message| frame(message).len())
 }
 
 #[test]
 fn the_longest_messages_have_the_stated_lengths() {
-    let [hello, samples, status, ack, log, estimate, rows, restored, back_filled] = worst_lengths();
+    let [hello, samples, status, ack, log, estimate, rows, restored, back_filled, excited] = worst_lengths();
     assert_eq!(
-        [hello, samples, status, log, estimate, rows],
-        [HELLO, samples_len(MOST_CHANNELS), STATUS, LOG, ESTIMATE, ROWS].map(frame_len)
+        [hello, samples, status, log, estimate, rows, excited],
+        [HELLO, samples_len(MOST_CHANNELS), STATUS, LOG, ESTIMATE, ROWS, EXCITED].map(frame_len)
     );
     assert_eq!(MAX_FRAME, worst_lengths().into_iter().max().unwrap_or(0));
     assert!(ack < log && back_filled < log);
@@ -137,6 +153,7 @@ fn the_longest_messages_have_the_stated_lengths() {
     let all = u32::MAX;
     let ask = Command::BackFill { boot_id: all, first_tick: all, ticks: all };
     assert!(frame(HostMessage::Command(ask)).len() <= MAX_FRAME);
+    assert!(longest_excitation().commands().iter().all(|c| frame(HostMessage::Command(*c)).len() <= MAX_FRAME));
     // COBS' second overhead byte begins with the 254th byte.
     assert_eq!([frame_len(249), frame_len(250)], [249 + 4 + 2, 250 + 4 + 3]);
 }
@@ -149,8 +166,9 @@ fn occupancy(bytes_per_second: usize) -> f64 {
 /// Beside the stream: a status a second, ten commands a second with their answers, estimates at the
 /// greatest frequency of the drive that boards allow (20 Hz: one every twenty periods).
 fn beside_the_stream() -> usize {
-    let [_, _, status, ack, _, estimate, ..] = worst_lengths();
-    status + 10 * ack + estimate
+    let [_, _, status, ack, _, estimate, _, _, _, excited] = worst_lengths();
+    // What is no sine is told once a second, and is not identified.
+    status + 10 * ack + estimate.max(excited)
 }
 
 #[test]
@@ -170,7 +188,7 @@ fn stream_share(samples: usize) -> f64 {
 
 #[test]
 fn the_wire_is_at_most_seventy_percent_full_with_rows_too() {
-    let [.., rows, _, _] = worst_lengths();
+    let [.., rows, _, _, _] = worst_lengths();
     // m from 0 to 32, two in a message; a window every ten periods.
     let window = 33usize.div_ceil(2) * rows;
     for (frequency_hz, most) in [(5, 0.20), (20, 0.70)] {

@@ -2,11 +2,12 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
+use whirl_shared::excitation::{Component, Excitation, Form, Glide, Law};
 use whirl_shared::frame::regression::{Binary24, Binary32, EquationEstimate, ROWS_LEN, Unknown};
 use whirl_shared::frame::{
-    Ack, BLOCK_LEN, BackFilled, BaseKind, BaseSensor, Command, CommandResult, DeviceMessage, Envelope, Estimate, Hello,
-    HostMessage, Log, MOST_CHANNELS, MOST_ENCODERS, ResetCause, Rows, SampleBlock, Setting, SettingsSource,
-    ShakerLimits, ShakerState, Status, StopCause, Streamed, Zero, ZeroSource,
+    Ack, BLOCK_LEN, BackFilled, BaseKind, BaseSensor, Command, CommandResult, DeviceMessage, Envelope, Estimate,
+    Excited, Hello, HostMessage, Log, MOST_CHANNELS, MOST_ENCODERS, ResetCause, Rows, SampleBlock, Setting,
+    SettingsSource, ShakerLimits, ShakerState, Status, StopCause, Streamed, Zero, ZeroSource,
 };
 
 /// A seeded source of numbers and messages.
@@ -184,7 +185,7 @@ impl Source {
     }
 
     pub fn device(&mut self) -> Envelope<DeviceMessage> {
-        let message = match self.below(12) {
+        let message = match self.below(13) {
             0 => DeviceMessage::Hello(self.hello()),
             1 => DeviceMessage::Status(self.status()),
             2 => DeviceMessage::Ack(Ack {
@@ -203,13 +204,14 @@ impl Source {
             7 => {
                 DeviceMessage::BackFilled(BackFilled { first_tick: self.any(), ticks: self.any(), samples: self.any() })
             }
+            8 => DeviceMessage::Excited(Excited { tick: self.any(), excitation: self.excitation() }),
             _ => DeviceMessage::Samples(self.block()),
         };
         Envelope { sequence: self.any() as u16, message }
     }
 
     pub fn host(&mut self) -> Envelope<HostMessage> {
-        let command = match self.below(15) {
+        let command = match self.below(17) {
             0 => Command::Hello,
             1 => Command::KeepAlive,
             2 => Command::Arm,
@@ -224,8 +226,32 @@ impl Source {
             11 => Command::Set(self.setting()),
             12 => Command::Restart,
             13 => Command::BackFill { boot_id: self.any(), first_tick: self.any(), ticks: self.any() },
+            14 => Command::Excite { frequency_millihertz: self.any() },
+            15 => {
+                let all = self.excitation().commands();
+                all[self.below(all.len())]
+            }
             _ => Command::Status,
         };
         Envelope { sequence: self.any() as u16, message: HostMessage::Command(command) }
+    }
+
+    pub fn excitation(&mut self) -> Excitation {
+        let law = [Law::Steady, Law::Linear, Law::Logarithmic][self.below(3)];
+        let mut form = Form::SINE;
+        for component in &mut form.0 {
+            let (harmonic, share, phase) = (self.any() as u8, self.any() as u16, self.any() as u16);
+            *component = Component { harmonic, share, phase };
+        }
+        let back = self.below(2) == 1;
+        Excitation {
+            frequency_millihertz: self.any(),
+            glide: Glide { law, back, to_millihertz: self.any(), ms: self.any() },
+            amplitudes_micrometre: core::array::from_fn(|_| self.any()),
+            steps: self.any() as u8,
+            hold_ms: self.any(),
+            form,
+            on_trigger: self.below(2) == 1,
+        }
     }
 }

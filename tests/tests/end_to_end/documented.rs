@@ -109,7 +109,7 @@ fn prepared(page: &str, text: &str) -> tempfile::TempDir {
     for (name, content) in files(text) {
         std::fs::write(at.join(name), content).unwrap();
     }
-    for name in ["chaotic.toml", "seed.toml"] {
+    for name in ["chaotic.toml", "seed.toml", "measured-base.toml"] {
         rig_file(&at.join("rigs"), name, name, &[("settle_s = 20.0", "settle_s = 1.0")]);
     }
     std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_whirl-under-test"), at.join("bin/whirl")).unwrap();

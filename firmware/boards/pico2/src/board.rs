@@ -2,7 +2,8 @@
 //!
 //! Encoder 1 A, B, index on GP2, GP3, GP4, encoder 2 on GP6, GP7, GP8, the base's on GP10, GP11,
 //! GP12 or its transducer on GP26, shaker and enable on GP16
-//! and GP17, light on GP25. The crystal has 12 MHz, the processor and the slices 150 MHz of it,
+//! and GP17, the enable line behind the emergency stop on GP18, trigger input and output on GP19
+//! and GP20, light on GP25. The crystal has 12 MHz, the processor and the slices 150 MHz of it,
 //! TIMER 0 counts its microseconds.
 
 use core::fmt::Write;
@@ -10,7 +11,7 @@ use core::fmt::Write;
 use embassy_rp::adc::{self, Adc};
 use embassy_rp::clocks::RoscRng;
 use embassy_rp::flash::{Blocking, Flash};
-use embassy_rp::gpio::{Level, Output, Pull};
+use embassy_rp::gpio::{Input, Level, Output, Pull};
 use embassy_rp::interrupt::{InterruptExt, Priority};
 use embassy_rp::peripherals::{FLASH, PIO0, USB};
 use embassy_rp::pio::Pio;
@@ -24,6 +25,7 @@ use whirl_board_lasting as lasting;
 use whirl_board_pico2::decoder;
 use whirl_board_pico2::player::{MOST, Player, Run, WIDTH, schedule};
 use whirl_board_pico2::reset::{RESTARTING, RUNNING, Told, cause};
+use whirl_firmware::lines::Pins;
 use whirl_firmware::pacing::Schedule;
 use whirl_firmware::settings::Settings;
 use whirl_firmware::store::Store;
@@ -68,6 +70,8 @@ pub struct Parts {
     pub player: Player<Registers>,
     /// Enable pin of the shaker's amplifier, low.
     pub enable: Output<'static>,
+    /// Emergency stop and trigger.
+    pub lines: Pins<Input<'static>, Input<'static>, Output<'static>>,
     /// The light.
     pub light: Output<'static>,
     /// USB.
@@ -205,6 +209,11 @@ pub fn init() -> Option<Parts> {
         base,
         player: Player::new(Registers, RUNS.take(), schedule),
         enable,
+        lines: Pins {
+            enabled: Input::new(p.PIN_18, Pull::Up),
+            start: Input::new(p.PIN_19, Pull::Up),
+            moving: Output::new(p.PIN_20, Level::Low),
+        },
         light: Output::new(p.PIN_25, Level::Low),
         usb: embassy_rp::usb::Driver::new(p.USB, Irqs),
         serial,

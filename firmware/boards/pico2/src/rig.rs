@@ -5,7 +5,7 @@ use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use cortex_m::interrupt::Mutex;
 use embassy_executor::Spawner;
-use embassy_rp::gpio::Output;
+use embassy_rp::gpio::{Input, Output};
 use embassy_rp::interrupt::{self, InterruptExt};
 use embassy_time::Timer;
 use heapless::spsc::{Consumer, Producer, Queue};
@@ -18,6 +18,7 @@ use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::dac::DacShaker;
 use whirl_firmware::estimate::Estimator;
 use whirl_firmware::event::{Event, Request};
+use whirl_firmware::lines::Pins;
 use whirl_firmware::link::Link;
 use whirl_firmware::pacing::{Pacer, Passed};
 use whirl_firmware::sampler::Sampler;
@@ -41,8 +42,8 @@ const KEPT: usize = 256_000;
 
 /// Both encoders and the base's sensor.
 type Sensors = WithBase<(Decoder<0>, Decoder<1>), Base>;
-/// The player of waveforms behind its enable line.
-type Drive = DacShaker<Player<Registers>, Output<'static>>;
+/// The player of waveforms behind its enable line, its emergency stop and its trigger.
+type Drive = DacShaker<Player<Registers>, Output<'static>, Pins<Input<'static>, Input<'static>, Output<'static>>>;
 
 /// What the interrupt owns.
 struct Interrupt {
@@ -165,6 +166,7 @@ fn assemble(parts: board::Parts, rtt: (UpChannel, DownChannel), dog: Dog, spawne
     let [settings, built_in] = &parts.settings;
     // Validated: at most 2³¹ nm.
     let output = DacShaker::new(parts.player, parts.enable, settings.full_scale_micrometre.saturating_mul(1_000));
+    let output = output.with_lines(parts.lines);
     let inputs = WithBase { encoders: (parts.encoder1, parts.encoder2), base: parts.base };
     let mut sampler = Sampler::new(settings, inputs, output).ok()?;
     sampler.set_built_in(built_in);

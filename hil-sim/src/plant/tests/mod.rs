@@ -33,7 +33,7 @@ impl Drive {
         let phase_increment = phase_increment(5.0, 1.0 / TICK).unwrap();
         Self {
             shaker: Shaker::default(),
-            command: Command { phase: 0, phase_increment, amplitude_nanometre: [amplitude; 2] },
+            command: Command { phase: 0, phase_increment, amplitude_nanometre: [amplitude; 2], ..Command::default() },
         }
     }
 

@@ -50,6 +50,7 @@ impl Recorder<'_> {
         }
         if let Some(mut writer) = self.writer.take() {
             writer.lines(&self.lines);
+            writer.excitation(self.excited.as_ref());
             writer.device(&self.boots);
             writer.finish(&losses)?;
         }

@@ -37,6 +37,9 @@ impl Recorder<'_> {
                 DeviceMessage::Log(log) => self.line(log),
                 DeviceMessage::Restored(block) => self.restored(block)?,
                 DeviceMessage::BackFilled(end) => self.back_filled(end)?,
+                DeviceMessage::Excited(excited) => {
+                    self.excited = Some(excited.excitation).filter(|excitation| !excitation.is_constant());
+                }
                 DeviceMessage::Ack(_) => {}
             },
         }

@@ -30,6 +30,7 @@ mod on_target {
     use whirl_firmware::sweep::BEYOND;
     use whirl_firmware::{QuadratureCounter, Settings, WithBase};
     use whirl_shared::codec::{MAX_FRAME, encode};
+    use whirl_shared::excitation::{Component, Excitation, Glide, Law, WHOLE};
     use whirl_shared::frame::{BaseKind, BaseSensor, Command, DeviceMessage, Envelope, HostMessage, SampleBlock};
     use whirl_shared::harmonics::{HarmonicBank, HarmonicSettings, Window};
     use whirl_shared::least_squares::LeastSquares;
@@ -203,6 +204,40 @@ mod on_target {
             link.keep_up(blocks);
             again.take(|| link.poll_transmit(&mut frame, none, events));
         }
+        // Then something else than a sine: as many as there may be, in a sweep, told once a second.
+        let (mut six, mut excite) = (Meter::default(), Meter::default());
+        let mut sweep = Excitation::sine(1_000, 400);
+        sweep.glide = Glide { law: Law::Logarithmic, back: true, to_millihertz: 3_000, ms: 1_000 };
+        for (component, harmonic) in sweep.form.0.iter_mut().zip(1..) {
+            *component = Component { harmonic, share: WHOLE / 6, phase: 9_000 };
+        }
+        for n in 0..4_000_u16 {
+            let say = match n {
+                // Nobody was heard meanwhile: it is disarmed.
+                500 => Command::Arm,
+                _ => usize::from(n)
+                    .checked_sub(980)
+                    .and_then(|i| sweep.commands().get(i).copied())
+                    .unwrap_or(Command::KeepAlive),
+            };
+            let length = encode(&Envelope { sequence: n, message: HostMessage::Command(say) }, &mut command).ok()?;
+            excite.take(|| link.receive(&command[..length], requests));
+            let mut meter = Meter::default();
+            meter.take(|| {
+                sampler.latch();
+                sampler.tick(0, 0, blocks, events, requests);
+                sampler.light()
+            });
+            if n >= 980 {
+                six.add(&meter);
+            }
+            while link.poll_transmit(&mut frame, blocks, events).is_some() {}
+        }
+        if *sampler.shaker().excitation() != sweep || !sampler.shaker().moving() {
+            return None;
+        }
+        six.tell("six sines: the interrupt");
+        excite.tell("six sines: a command");
         sampling.tell("interrupt: sampling, shaker with its points, blocks, one command");
         keeping.tell("interrupt: what lasts over a reset");
         block.tell("stream: the frame of a block, every ten ticks");

@@ -15,7 +15,12 @@ const SCALE: Scale = Scale { max: WIDTH, full_nanometre: 25_000_000 };
 const FIVE_HERTZ: u32 = 42_949_673;
 
 fn sweep(tick: u32) -> Sweep {
-    Sweep { phase: FIVE_HERTZ.wrapping_mul(tick), phase_increment: FIVE_HERTZ, amplitude_nanometre: [15_525_000; 2] }
+    Sweep {
+        phase: FIVE_HERTZ.wrapping_mul(tick),
+        phase_increment: FIVE_HERTZ,
+        amplitude_nanometre: [15_525_000; 2],
+        ..Sweep::default()
+    }
 }
 
 /// Both slices and the channel, by clocks from tick 0 on: a width is taken over at a wrap, before
