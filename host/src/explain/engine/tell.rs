@@ -191,14 +191,35 @@ pub fn value(
 pub fn found(setting: &Setting<'_>, c: &Candidate, reported: Reported, unit: String) -> Found {
     let name = c.name(setting);
     let place = name.split_once('@').map_or("", |p| p.1);
+    let confirm = rounded(setting, c, &reported).unwrap_or(&c.entry.confirm).to_owned();
     Found {
         value: reported.value,
         std_error: reported.std_error,
         parameters: reported.parameters,
         equation: c.entry.equation.clone(),
-        confirm: c.entry.confirm.clone(),
+        confirm,
         ..Found::empty(&c.entry.id, place, unit)
     }
+}
+
+/// Share of half a count within which an offset is taken for one, beside three standard errors.
+const HALF: f64 = 0.03;
+
+/// What to do about an offset of half a count, which is how the counts were made and no effect of
+/// the rig: a count c says [c, c + 1), one that was rounded [c − ½, c + ½).
+fn rounded(setting: &Setting<'_>, c: &Candidate, offset: &Reported) -> Option<&'static str> {
+    let Place::Encoder(sensor) = c.place else { return None };
+    let channel = &setting.rig.channel[*setting.bound.sensors.get(sensor)?];
+    let half = 0.5 * channel.scale();
+    let misses = (offset.value.abs() - half).abs() > (HALF * half).max(3.0 * offset.std_error);
+    if c.entry.id != "zero-offset" || channel.unit != "count" || misses {
+        return None;
+    }
+    Some(
+        "it is half a count, as of counts that were made by rounding an angle; here a count c says that the angle lies \
+         between c and c + 1. Cut instead of rounding, or record the angle itself (unit = \"rad\"); if a counter made \
+         them, let the arms hang at rest and read it",
+    )
 }
 
 /// Reads parameters and the effects' final values off the last fit.
