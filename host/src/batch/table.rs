@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use super::row::{Cell, Row, columns, command_of, kind};
+use super::row::{Cell, Kind, Row, columns, command_of, kind};
 use super::{FORMAT, parquet};
 use crate::error::{BadInput, Result};
 use crate::files;
+use crate::record::csv_write::is_formula;
 
 /// How a table is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,7 +74,7 @@ impl Table {
         let mut writer = csv::Writer::from_writer(Vec::new());
         writer.write_record(columns).map_err(failed)?;
         for row in &self.rows {
-            let cells = columns.iter().map(|name| row.get(name).map_or_else(String::new, Cell::written));
+            let cells = columns.iter().map(|name| row.get(name).map_or_else(String::new, guarded));
             writer.write_record(cells).map_err(failed)?;
         }
         writer.into_inner().map_err(|e| BadInput::new(format!("the table cannot be written: {e}"), ""))
@@ -113,6 +114,19 @@ impl Table {
     }
 }
 
+/// A cell of a CSV: a text behind an apostrophe where a spreadsheet would take it for a formula.
+fn guarded(cell: &Cell) -> String {
+    match cell {
+        Cell::Text(text) if is_formula(text.trim_start_matches('\'')) => format!("'{text}"),
+        other => other.written(),
+    }
+}
+
+/// What stood there.
+fn unguarded(kind: Kind, text: &str) -> &str {
+    text.strip_prefix('\'').filter(|t| kind == Kind::Text && is_formula(t.trim_start_matches('\''))).unwrap_or(text)
+}
+
 fn from_csv(path: &Path, bytes: &[u8]) -> Result<(Vec<String>, Vec<Row>)> {
     let failed = |e: csv::Error| bad(path, "CSV", e.to_string(), "a table of `whirl batch`");
     let mut reader = csv::Reader::from_reader(bytes);
@@ -123,7 +137,7 @@ fn from_csv(path: &Path, bytes: &[u8]) -> Result<(Vec<String>, Vec<Row>)> {
         let mut row = Row::default();
         for (name, text) in names.iter().zip(&record).filter(|(_, text)| !text.is_empty()) {
             let kind = kind(name);
-            let cell = Cell::read(kind, text).ok_or_else(|| {
+            let cell = Cell::read(kind, unguarded(kind, text)).ok_or_else(|| {
                 let wanted = format!("a {}", format!("{kind:?}").to_lowercase());
                 bad(path, format!("row {}, column {name}", i + 1), format!("\"{text}\""), wanted)
             })?;
@@ -148,7 +162,7 @@ pub(super) mod tests {
                 row.text("run", "0123456789abcdef");
                 row.integer("index", i);
                 row.integer("of", 4);
-                row.text("file", format!("r, \"{i}\".csv"));
+                row.text("file", ["r, \"1\".csv", "=2.csv", "'=3.csv", "-4.csv"][i as usize - 1].to_owned());
                 if i == 2 {
                     row.integer("exit_status", 2);
                     row.text("error", "found an empty file, expected\na record");
@@ -175,6 +189,10 @@ pub(super) mod tests {
                 assert_eq!(again.command, "identify");
                 assert_eq!(again.bytes(layout).unwrap(), bytes, "{name}");
                 assert_eq!(again.rows.len(), table.rows.len());
+                let files = |t: &Table| t.rows.iter().map(|r| r.text_of("file").to_owned()).collect::<Vec<_>>();
+                assert_eq!(files(&again), files(&table));
+                let formula = |cell: &str| ["\n=", ",=", ",-4.csv", "\"="].iter().any(|s| cell.contains(s));
+                assert!(layout != Layout::Csv || !formula(&String::from_utf8(bytes).unwrap()));
                 assert_eq!(Layout::of(&path).unwrap(), layout);
             }
         }

@@ -262,6 +262,16 @@ mod tests {
     }
 
     #[test]
+    fn what_nothing_newer_has_come_of_stays() {
+        let status = |tick| Status { tick, ..Status::default() };
+        let mut seen = Seen { status: Some(status(1)), standing: Some(standing()), ..Seen::default() };
+        seen.add(&mut Seen::default());
+        assert_eq!((seen.status.as_ref(), seen.standing.is_some()), (Some(&status(1)), true));
+        seen.add(&mut Seen { status: Some(status(2)), ..Seen::default() });
+        assert_eq!(seen.status, Some(status(2)));
+    }
+
+    #[test]
     fn one_who_never_takes_or_holds_the_feed_stops_nothing_and_costs_no_memory() {
         let feed = Arc::new(Feed::default());
         let mut feeder = Feeder::new(feed.clone());

@@ -94,3 +94,33 @@ impl Wire<'_> {
             .remedy(self.remedy.clone())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Noise is told only of an open link on which there was some.
+    #[test]
+    fn a_lost_link_is_told_with_what_was_heard() {
+        let told = |open: bool, bytes: u64| {
+            let heard = Heard { bytes, bad: 3, foreign: 0 };
+            let wire = Wire {
+                from: "serial:x",
+                open,
+                bytes,
+                heard,
+                old_hello: false,
+                lost_because: "the stream ended",
+                remedy: "Look at the plug".to_owned(),
+            };
+            wire.lost(Duration::from_millis(2500), 5.0).to_string()
+        };
+        assert!(told(true, 7).contains("lost for 2.5 s (noise: 7 bytes, 3 damaged frames)"), "{}", told(true, 7));
+        for quiet in [told(true, 0), told(false, 7)] {
+            assert!(
+                quiet.contains("lost for 2.5 s (the stream ended)") && quiet.contains("5 s (--reconnect-s)"),
+                "{quiet}"
+            );
+        }
+    }
+}

@@ -215,6 +215,16 @@ mod tests {
     }
 
     #[test]
+    fn a_parameter_of_zero_is_not_known_to_any_share() {
+        let mut progression = Progression::new("C2=2%".parse().unwrap());
+        let mut zero = estimate(40, 1.0, 0.01);
+        zero.parameters[0].value = 0.0;
+        progression.take(&zero);
+        let now = progression.now(800.0);
+        assert_eq!((now.percent, now.left_s, now.reached), (None, None, false));
+    }
+
+    #[test]
     fn precision_grows_with_the_root_of_the_time_whatever_the_device_forgets() {
         // Of one information a window: weights 10 and 40.
         for (forgetting, windows, std_error) in [(0.9, 1_000, 0.01 / 10_f64.sqrt()), (1.0, 40, 0.01 / 40_f64.sqrt())] {

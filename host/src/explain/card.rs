@@ -73,8 +73,12 @@ fn sentence(e: &Explanation) -> String {
     let found: Vec<String> = e
         .effects
         .iter()
-        .map(|f| format!("{}, {} {}", names::effect(&name_of(f)), plus_minus(f.value, Z95 * f.std_error), f.unit))
-        .map(|t| format!("{} (± is 95 %)", t.trim_end()))
+        .map(|f| {
+            // A share has no unit.
+            let unit = if f.unit == "1" { "" } else { &f.unit };
+            let told = format!("{}, {} {unit}", names::effect(&name_of(f)), plus_minus(f.value, Z95 * f.std_error));
+            format!("{} (± is 95 %)", told.trim_end())
+        })
         .collect();
     let found = if found.len() > 1 { found.join("; ") } else { found.concat() };
     let steps = &e.gap.steps;
@@ -260,6 +264,10 @@ mod tests {
             "The model lacks quadratic drag on arm 2, (2.0000 ± 0.0004)·10⁻⁷ N m s² (± is 95 %); with it, predictions over 0.2 s miss by 1.00 times \
              the sensors' noise instead of 4.50, and nothing but noise is left."
         );
+        let mut share = explained();
+        "1".clone_into(&mut share.effects[0].unit);
+        let told = super::card(&share, &rig()).verdict;
+        assert!(told.contains("on arm 2, (2.0000 ± 0.0004)·10⁻⁷ (± is 95 %); with it"), "{told}");
         let row = &card.parameters[0];
         assert_eq!((row.before, row.after, row.unit.as_str()), (Some((0.05455, 4e-5)), (0.048493, 5.6e-6), ""));
         assert!(row.plain.contains("viscous friction in joint 2"));

@@ -94,6 +94,8 @@ pub(super) struct Left {
     pub left_out: usize,
     /// Gaps in such records: horizon in s and mean, where they were measured.
     pub gaps: Vec<(f64, f64)>,
+    /// Measured inputs that are noisy, which such records have as well.
+    pub noisy: Vec<String>,
 }
 
 impl Left {
@@ -127,6 +129,12 @@ impl Left {
     /// than noise, and these records leave as much.
     fn unfollowed(&self, power: f64, gap: f64) -> Option<String> {
         let why = |what: String| {
+            if !self.noisy.is_empty() {
+                let inputs = self.noisy.join(" and ");
+                return format!(
+                    "{what}, and the noise of the measured {inputs} leaves about as much in records that the model itself makes: what is fainter cannot be told. Measure {inputs} with less noise"
+                );
+            }
             format!(
                 "{what}, and records that the model itself makes are no better: what is missing cannot be told from what the fit does not follow. Sample faster, or hold the model against a second record (`whirl validate`)"
             )
@@ -234,6 +242,9 @@ mod tests {
             assert_eq!(verdict, Verdict::NotDecidable);
             assert!(why.contains("records that the model itself makes are no better"), "{why}");
         }
+        // Noise of an input is named.
+        let (found, why) = verdict(11.0, 1.0, Left { noisy: vec!["current".to_owned()], ..own(11.0, 1.0) });
+        assert!(found == Verdict::NotDecidable && why.contains("Measure current with less noise"), "{why}");
         let (_, why) = verdict(2.0, 1.0, Left { left_out: 2, ..own(1.0, 1.0) });
         assert!(why.contains("up to 1.08 would be chance; 2 windows that cannot be followed"), "{why}");
     }

@@ -30,7 +30,6 @@ use serde::Serialize;
 
 use crate::error::Result;
 use crate::identify;
-use crate::identify::known_quantities::CONTRADICTED;
 use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::rig::Rig;
@@ -83,15 +82,20 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     } else {
         any_system(records, rig, settings)?
     };
+    let known = if of_record.is_empty() && !suspects.iter().any(suspected::grave) {
+        suspected::known(records, rig, settings, &result)
+    } else {
+        Vec::new()
+    };
     if !of_record.is_empty() {
         // Nothing that was computed from it says anything.
-        result.warnings.retain(|w| w.id != CONTRADICTED && !of_record.contains(w));
+        result.warnings.retain(|w| !of_record.contains(w));
         result.gap.attractor.clear();
         result.gap.forecasts.clear();
         result.prediction = None;
     }
     result.warnings.extend_from_slice(slips);
-    suspected::tell_in(&mut result, of_record.into_iter().chain(suspects).collect());
+    suspected::tell_in(&mut result, of_record.into_iter().chain(suspects).chain(known).collect());
     Ok(result)
 }
 

@@ -5,7 +5,12 @@
 //! model as an effect keeps that name, and the answer stands. Any other comes first: no effect is
 //! named where one would be dressed up for it.
 
-use super::{Explanation, Verdict};
+use std::collections::BTreeMap;
+
+use super::{Explanation, Settings, Verdict, any_system};
+use crate::identify::suspects;
+use crate::record::Record;
+use crate::rig::Rig;
 use crate::warning::Warning;
 
 /// Suspects that are effects as well, and the effect.
@@ -39,6 +44,24 @@ pub(super) fn tell_in(result: &mut Explanation, suspects: Vec<Warning>) {
         result.model = None;
     }
     result.warnings.extend(kept);
+}
+
+/// What is said to be known and the record contradicts. An effect bends quantities as well: where
+/// effects explain the record it is only a remark, unless nothing at all is missing once nothing is
+/// said to be known.
+pub(super) fn known(records: &[Record], rig: &Rig, settings: &Settings, result: &Explanation) -> Vec<Warning> {
+    if rig.known.is_empty() {
+        return Vec::new();
+    }
+    let Some(first) = records.first() else { return Vec::new() };
+    let found = suspects::known(first, rig);
+    if found.is_empty() || result.verdict != Verdict::Explained || result.effects.is_empty() {
+        return found;
+    }
+    let free = Rig { known: BTreeMap::new(), ..rig.clone() };
+    let alone = Settings { most_effects: Some(0), ..settings.clone() };
+    let clean = any_system(records, &free, &alone).is_ok_and(|r| r.verdict == Verdict::NothingMissing);
+    found.into_iter().map(|w| Warning { invalidates: clean, ..w }).collect()
 }
 
 /// Whether a suspect leaves nothing for an explanation to find.

@@ -21,7 +21,7 @@
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-use super::{Identification, known_quantities};
+use super::{Identification, known_of_system, known_quantities};
 use crate::report::format::{plus_minus, significant};
 use crate::rig::Rig;
 use crate::system::mechanism::{Coefficient, Mechanism};
@@ -46,7 +46,7 @@ const MISLEADING: f64 = 25.0;
 
 /// Coefficients with their covariance.
 pub(super) struct Coefficients<'a> {
-    names: &'a [String],
+    pub(super) names: &'a [String],
     pub(super) values: DVector<f64>,
     pub(super) covariance: DMatrix<f64>,
     /// Blocks of the jackknife.
@@ -99,7 +99,9 @@ pub fn judge(result: &mut Identification, rig: &Rig) {
         result.warnings.extend(found);
     }
     if let Some(mechanism) = rig.bound.as_ref().and_then(|b| b.model.mechanism.as_deref()) {
-        let found = dampings_of(mechanism, &Coefficients::of(result));
+        let c = Coefficients::of(result);
+        let mut found = dampings_of(mechanism, &c);
+        found.extend(known_of_system::contradicted(mechanism, &c, rig));
         result.warnings.extend(found);
     }
     let negative = physical_signs(result, rig);

@@ -10,12 +10,12 @@ use rayon::prelude::*;
 use super::columns::Seen;
 use super::counts::likely;
 use super::{Draft, DraftDrive, Settings, Statement};
-use crate::error::Result;
+use crate::error::{BadInput, Result};
 use crate::identify::suspects;
 use crate::record::Record;
 use crate::record::cut::Part;
 use crate::report::format::significant;
-use crate::rig::Direction;
+use crate::rig::{Direction, Rig};
 use crate::system::library::Pendulum;
 
 /// Seconds that are looked at of a free system; drive periods of a driven one.
@@ -37,7 +37,7 @@ struct Tried {
 
 /// Settles what the equations tell; a drive is one of those that are possible, or none.
 pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, possible: &[DraftDrive]) -> Result<()> {
-    let rig = draft.rig()?;
+    let rig = readable(draft, possible)?;
     let mut record = Record::read(&draft.record, &rig, &settings.options)?;
     let start = record.segments.first().map_or(0.0, |s| s.start_s);
     let slowest = possible.iter().map(|d| d.frequency_hz).fold(f64::INFINITY, f64::min);
@@ -76,6 +76,25 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
     }
     refine(draft, &record);
     Ok(())
+}
+
+/// The draft as a rig, with one of the possible drives where its equations have a drive in them.
+fn readable(draft: &Draft, possible: &[DraftDrive]) -> Result<Rig> {
+    let with = |drive: &DraftDrive| Draft { drive: Some(drive.clone()), ..draft.clone() }.rig();
+    draft.rig().or_else(|e| {
+        if let Some(rig) = possible.iter().find_map(|d| with(d).ok()) {
+            return Ok(rig);
+        }
+        let any = DraftDrive { direction: Direction::Vertical, frequency_hz: 1.0, why: Vec::new() };
+        if draft.drive.is_some() || with(&any).is_err() {
+            return Err(e);
+        }
+        let found = "equations with a drive in them, and a motion in which no drive shows: no line that stands over the whole record";
+        Err(BadInput::new(found, "a record of a motion that is driven all the time")
+            .in_file(&draft.record)
+            .at("drive")
+            .remedy("Leave --system out, and add model and [drive] to the rig file that is written"))
+    })
 }
 
 fn frequency(draft: &Draft) -> Option<f64> {

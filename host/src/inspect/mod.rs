@@ -14,6 +14,7 @@ pub mod text;
 use serde::Serialize;
 
 use crate::error::{BadInput, Result};
+use crate::identify::boots;
 use crate::model::MODELS;
 use crate::phase_space::survey::{self, PhaseSpace};
 use crate::record::Record;
@@ -106,6 +107,9 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     settings.validate()?;
     let rate = record.sample_rate_hz;
     check(record)?;
+    // What stands behind a restart may count from another zero.
+    let (whole, (kept, restarted)) = (record, boots::of_known_zero(std::slice::from_ref(record)));
+    let record = &kept[0];
     // Columns of which no system is known are inspected as they stand.
     if rig.bound.is_none() && !rig.model.is_empty() {
         known_model(rig)?;
@@ -150,8 +154,9 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     });
     let start_s = drive_hz.map_or(settings.start_free_s, |f| settings.start_periods / f);
     let plots = motions.iter().zip(&coordinates).map(|(m, c)| plots::plots(record, m, c, drive_hz, start_s)).collect();
-    let summary = summary::summarise(record, rig);
+    let summary = summary::summarise(whole, rig);
     let mut warnings = record.warnings.clone();
+    warnings.extend(restarted);
     warnings.extend(notices(&summary, &coordinates, drive.as_ref(), &periodicity));
     let repeats = matches!(periodicity.kind, Kind::Periodic | Kind::LocksLater | Kind::AtRest);
     let (phase_space, noticed) =

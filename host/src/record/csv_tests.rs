@@ -229,6 +229,7 @@ fn a_torn_last_line_is_an_error_or_recovered() {
                     "{e}"
                 );
                 let r = Record::read(&path, &rig(), &ReadOptions { recover: true, ..ReadOptions::default() }).unwrap();
+                assert!(r.warnings.iter().any(|w| w.id == "recovered"), "{:?}", r.warnings);
                 assert_eq!(r.samples(), 99);
             }
         }

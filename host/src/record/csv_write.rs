@@ -89,7 +89,7 @@ pub(super) fn text_cell(text: &str) -> String {
 }
 
 /// Whether a spreadsheet would compute this text.
-pub(super) fn is_formula(text: &str) -> bool {
+pub(crate) fn is_formula(text: &str) -> bool {
     text.starts_with(['=', '+', '-', '@'])
 }
 

@@ -13,7 +13,7 @@ mod computing;
 mod csv;
 mod csv_head;
 mod csv_row;
-mod csv_write;
+pub(crate) mod csv_write;
 pub mod cut;
 mod damage;
 mod dates;
@@ -303,10 +303,5 @@ impl Record {
             (Some(first), Some(last)) => last.start_s + last.duration_s() - first.start_s,
             _ => 0.0,
         }
-    }
-
-    /// Index of the channel that measures a quantity.
-    pub fn channel_of(&self, measures: &str) -> Option<usize> {
-        self.channels.iter().position(|c| c.measures == measures)
     }
 }

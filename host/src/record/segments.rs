@@ -11,6 +11,7 @@ use std::sync::Arc;
 use super::rows::{DeviceColumns, Rows};
 use super::{Column, Losses, Metadata, Record, Segment, rate, time_fit, unwrap};
 use crate::error::{BadInput, Result};
+use crate::report::format::rounded;
 use crate::rig::{Channel, Rig, UNKNOWN_RATE};
 use crate::suspects::{self, Numbering};
 use crate::warning::Warning;
@@ -309,7 +310,7 @@ pub(super) fn no_whole_row(path: &Path, rig: &Rig) -> BadInput {
 pub(super) fn unwrapped_warning(c: &Channel, modulus: f64, wraps: u64) -> Warning {
     Warning::new(
         "unwrapped",
-        format!("{} is recorded modulo {modulus} {}: {wraps} jumps were undone", c.name, c.unit),
+        format!("{} is recorded modulo {} {}: {wraps} jumps were undone", c.name, rounded(modulus, 6), c.unit),
         "Right as long as no arm turns by half of that within one sample",
     )
 }
@@ -349,6 +350,21 @@ fn cut(column: &Column, range: &Range<usize>) -> Column {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Where no rate is known it is the rows' middle step; one row has none, and counts as a second.
+    #[test]
+    fn an_unknown_rate_is_that_of_the_rows() {
+        let text = "name = \"x\"\nmodel = \"other\"\nsample_rate_hz = 100.0\n[[channel]]\nname = \"q\"\nmeasures = \"q\"\nunit = \"m\"\n";
+        let mut rig = crate::rig::Rig::parse(text, std::path::Path::new("rig.toml")).unwrap();
+        rig.sample_rate_hz = UNKNOWN_RATE;
+        let step = |t: &[f64]| {
+            let mut rows = Rows::new(std::path::Path::new("r.csv"), &rig, "line", false);
+            rows.t = t.to_vec();
+            nominal_step(&rows)
+        };
+        assert_eq!((step(&[]), step(&[7.0])), (1.0, 1.0));
+        assert_eq!((step(&[7.0, 7.5]), step(&[0.0, 0.25, 0.5, 4.0])), (0.5, 0.25));
+    }
 
     #[test]
     fn counts_have_their_plurals() {

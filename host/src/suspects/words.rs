@@ -12,6 +12,7 @@ use super::sorting::Event;
 use super::stuck_bit::Stuck;
 use super::trace::Trace;
 use crate::record::Record;
+use crate::report::format::rounded;
 use crate::rig::Rig;
 use crate::warning::Warning;
 
@@ -89,7 +90,8 @@ impl<'a> Wording<'a> {
 
     /// A channel that is renewed at every n-th sample.
     pub fn held(&self, channel: usize, n: usize) -> Warning {
-        let (name, rate) = (self.name(channel), self.record.sample_rate_hz / n as f64);
+        let (name, hz) = (self.name(channel), self.record.sample_rate_hz / n as f64);
+        let rate = rounded(hz, 6);
         let w = Warning::new(
             "held-samples",
             format!(
@@ -102,7 +104,7 @@ impl<'a> Wording<'a> {
                 if n == 2 { "a step".to_owned() } else { format!("{} steps", n - 1) }
             ),
         );
-        self.placed(w, Some(channel), (0, 0)).with("value", n).with("rate_hz", rate).invalidating()
+        self.placed(w, Some(channel), (0, 0)).with("value", n).with("rate_hz", hz).invalidating()
     }
 
     /// Stuck bits of a channel.

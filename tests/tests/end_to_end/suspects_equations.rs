@@ -279,3 +279,20 @@ fn a_single_pendulum_driven_in_another_direction() {
     rig_file(folder.path(), "single-pendulum.toml", "rig.toml", &[(here, there)]);
     assert_eq!(named(&folder, "drive-direction")["value"], here);
 }
+
+/// Of the built-in system and of one from bodies: a length that gravity contradicts.
+#[test]
+fn a_length_that_the_record_contradicts() {
+    let folder = stated(&[]);
+    for rig in ["chaotic.toml", "double-pendulum-from-bodies.toml"] {
+        rig_file(folder.path(), rig, "rig.toml", &[("l1 = 0.0635", "l1 = 0.1016")]);
+        let w = named(&folder, "known-contradicted");
+        assert!((number(&w["would_agree"], "l1") / 0.0635 - 1.0).abs() < 2e-3, "{rig}: {w}");
+    }
+}
+
+#[test]
+fn a_mass_that_no_body_has() {
+    let folder = stated(&[("m2 = 0.040", "m2 = 40.0")]);
+    assert_eq!(named(&folder, "known-contradicted")["quantity"], "m2");
+}

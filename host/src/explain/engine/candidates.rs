@@ -186,8 +186,11 @@ impl Candidate {
             let [low, high] = self.entry.shapes[k].within.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
             form[k].1 = (form[k].1 + step.clamp(-limit, limit)).clamp(low, high);
         }
-        Self::new(setting, &self.entry, self.place, form, physical)
-            .map_or_else(|| self.clone(), |c| c.refined(setting, physical))
+        let moved = Self::new(setting, &self.entry, self.place, form, physical).map(|c| c.refined(setting, physical));
+        // At the edge of what can be followed a shape has no derivative; columns that were counted
+        // with one need it.
+        let kept = moved.filter(|c| !self.is_refined() || c.strengths() == self.strengths());
+        kept.unwrap_or_else(|| self.clone())
     }
 
     /// The same in another form.

@@ -68,7 +68,6 @@ use super::explanation::Explanation;
 use super::{MOST_WINDOWS, Settings, ranking};
 use crate::error::Result;
 use crate::identify::Identification;
-use crate::identify::known_quantities::CONTRADICTED;
 use crate::identify::remeasured::Sensors;
 use crate::record::Record;
 use crate::rig::Rig;
@@ -122,7 +121,6 @@ fn attempt(
     }
     let Some(mut state) = start(&setting, &first, physical) else { return Ok(Attempt::Done(None)) };
     let mut result = Explanation::new(units::horizon(rig, settings, &setting.raw)?, warnings);
-    result.warnings.extend(first.warnings.iter().filter(|w| w.id == CONTRADICTED).cloned());
     result.warnings.extend(units::unknown(rig, whole));
     let (blocks, window_s) = whole_windows(&setting, &state);
     if blocks < ranking::FOLDS {

@@ -166,7 +166,7 @@ impl<'a> Run<'a> {
         if self.result.effects.is_empty() {
             self.result.residual_power[0] = self.result.residual_power[1];
             (self.result.maps, self.result.r#where) = self.places(outcome);
-            let fit = (outcome.fit.all.clone(), outcome.fit.covariance.clone(), outcome.fit.train.clone());
+            let fit = (outcome.fit.all.clone(), outcome.covariance(), outcome.fit.train.clone());
             self.first = Some(First { state: self.state.clone(), fit, powers: outcome.powers() });
             self.before = self.longer(&outcome.fit.train);
             self.attractor(&outcome.fit.train);
@@ -250,8 +250,11 @@ impl<'a> Run<'a> {
         let left_out = remade.as_ref().map_or(0, |r| self.leave_out(outcome, &r.follows));
         self.compare(first, x);
         let gaps = self.gaps_of_itself(x);
+        let noise = shooting::input_noise(&self.state);
+        let inputs = &self.setting.model().inputs;
+        let noisy = inputs.iter().zip(noise).filter(|n| n.1 > 0.0).map(|n| n.0.clone()).collect();
         let Self { setting, state, mut result, .. } = self;
-        tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.fit.covariance), first, &mut result);
+        tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.covariance()), first, &mut result);
         let shape = (by_shooting && undecidable.is_none()).then(|| unknown::shape(&setting, &state, outcome)).flatten();
         let rest = Left {
             patched: patched::patched(&setting, &state, outcome),
@@ -259,6 +262,7 @@ impl<'a> Run<'a> {
             remade: remade.map(|r| (r.mean, r.error)),
             left_out,
             gaps,
+            noisy,
         };
         decidability::decide(&mut result, undecidable, rest);
         if result.verdict == Verdict::Unexplained {

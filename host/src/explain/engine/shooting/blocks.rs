@@ -241,6 +241,21 @@ impl Blocks {
         Some(DMatrix::from_fn(p - own, p - own, |i, j| shared * inverse[(i, j)] * scale[own + i] * scale[own + j]))
     }
 
+    /// Variances of coefficients `x` of some columns where what is left is noise alike everywhere; see
+    /// [`Self::even_covariance`]. None where columns are singular.
+    pub fn even_variances(&self, columns: &[usize], x: &DVector<f64>) -> Option<Vec<f64>> {
+        let p = columns.len();
+        let total = self.grams(columns).into_iter().fold(DMatrix::zeros(p + 1, p + 1), |s, g| s + g);
+        let freedom = self.noise() - p as f64;
+        let x = x - DVector::from_vec(self.origin_of(columns));
+        let scale = DVector::from_fn(p, |i, _| total[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip());
+        let unit = DMatrix::from_fn(p, p, |i, j| total[(i, j)] * scale[i] * scale[j]);
+        let inverse = unit.cholesky()?.inverse();
+        let shared = squares(&total, &x) / freedom;
+        let variance = |i: usize| shared * self.overlap(&columns[i..=i]) * inverse[(i, i)] * scale[i] * scale[i];
+        (freedom >= 1.0).then(|| (0..p).map(variance).collect())
+    }
+
     /// m of [`Self::even_covariance`], the largest of some columns.
     fn overlap(&self, columns: &[usize]) -> f64 {
         let of = |column: usize| {

@@ -1,9 +1,13 @@
 //! What is left of records that the model itself makes, seen by the same sensors: the paths of its
 //! windows, measured again with shifted grids or other noise, and fitted in the same way (a
 //! parametric bootstrap; Davison and Hinkley 1997, section 4.2). Counts that stand while the motion
-//! is slow are no white noise, so that a right model does not leave exactly 1.
+//! is slow are no white noise, so that a right model does not leave exactly 1. The noise of measured
+//! inputs comes through the model, where no sensor's noise is: the inputs are disturbed once more as
+//! well.
 
 use nalgebra::DVector;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 use super::super::setting::Setting;
 use super::super::state::State;
@@ -13,9 +17,53 @@ use super::{Followed, present, signs_of};
 use crate::explain::decidability::EXCUSED;
 use crate::identify::remeasured::measure;
 use crate::identify::stretches::Stretch;
+use crate::signal::noise;
 
 /// Records that are made; every other one has its noise with the opposite sign.
 pub const RECORDS: usize = 2;
+
+/// Share of the top of the band, from half the sampling rate's 0.6 on, that a noise's level is read
+/// off: an input's own signal must end below it.
+const TOP: f64 = 0.3;
+/// Most noise over an input's rms: an input that is white by itself is no noise.
+const MOST_NOISE: f64 = 0.1;
+/// Share of samples alike their neighbours from which an input is held between changes, whose steps
+/// reach up to the top of the band.
+const HELD: f64 = 0.2;
+
+/// Standard deviation of the white noise of each measured input, 0 where none shows above the
+/// input's own band. That of a base is known.
+pub fn input_noise(state: &State) -> Vec<f64> {
+    let Some(first) = state.stretches.first() else { return Vec::new() };
+    let base = first.base.as_ref().map(|b| b.input);
+    let of = |k: usize| {
+        let all = || state.stretches.iter().filter_map(move |s| s.inputs.get(k).map(Vec::as_slice));
+        if base == Some(k) { 0.0 } else { white(all, first.step_s).unwrap_or(0.0) }
+    };
+    (0..first.inputs.len()).map(of).collect()
+}
+
+/// The same of one input.
+fn white<'a, I: Iterator<Item = &'a [f64]> + Clone>(all: impl Fn() -> I, step_s: f64) -> Option<f64> {
+    let found = noise::estimate(all(), step_s)?;
+    let count = all().map(<[f64]>::len).sum::<usize>().max(1) as f64;
+    let mean = all().flatten().sum::<f64>() / count;
+    let rms = (all().flatten().map(|u| (u - mean).powi(2)).sum::<f64>() / count).sqrt();
+    let alike = all().flat_map(|u| u.windows(2)).filter(|w| w[0] == w[1]).count() as f64;
+    let is_noise = found.sigma < MOST_NOISE * rms && found.signal_end_hz * step_s < TOP && alike < HELD * count;
+    is_noise.then_some(found.sigma)
+}
+
+/// Adds noise to the inputs of a stretch, as [`measure`] does to what sensors show.
+fn disturb(s: &mut Stretch, sigma: &[f64], repeat: usize, stream: u64) {
+    let sign = if repeat.is_multiple_of(2) { 1.0 } else { -1.0 };
+    for (k, (input, sigma)) in s.inputs.iter_mut().zip(sigma).enumerate().filter(|(_, (_, s))| **s > 0.0) {
+        let mut rng = ChaCha8Rng::seed_from_u64(0x1_9057 + (repeat / 2) as u64);
+        rng.set_stream((stream << 8) + k as u64);
+        let width = sign * 2.0 * 3f64.sqrt() * sigma;
+        input.iter_mut().for_each(|u| *u += width * (rng.random::<f64>() - 0.5));
+    }
+}
 
 /// The stretch on its path.
 fn on_path(s: &Stretch, path: &Path) -> Stretch {
@@ -30,8 +78,11 @@ fn on_path(s: &Stretch, path: &Path) -> Stretch {
 
 /// A record that the model made: every followed stretch on its path, measured by the same sensors.
 pub fn record(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize) -> Vec<Stretch> {
+    let noise = input_noise(state);
     let of = |(i, (s, path)): (usize, (&Stretch, &Path))| {
-        measure(&on_path(s, path), repeat, &setting.bound, &setting.sensors, i as u64)
+        let mut made = measure(&on_path(s, path), repeat, &setting.bound, &setting.sensors, i as u64);
+        disturb(&mut made, &noise, repeat, i as u64);
+        made
     };
     state.stretches.iter().zip(&followed.paths).enumerate().map(of).collect()
 }
@@ -89,4 +140,27 @@ pub fn remade(setting: &Setting<'_>, state: &State) -> Option<Remade> {
     let of_noise = setting.sensors.square_error.iter().fold(0.0_f64, |m, e| m.max(*e));
     let error = (variance * (1.0 / windows + 1.0 / count)).sqrt().hypot(mean * of_noise);
     (mean.is_finite() && error.is_finite()).then_some(Remade { mean, error, follows })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// White noise beside a slow input is found; what is white, held or noiseless itself is none.
+    #[test]
+    fn the_noise_of_an_input_is_told_from_the_input() {
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let mut even = |sigma: f64| -> Vec<f64> {
+            (0..20_000).map(|_| 12f64.sqrt() * sigma * (rng.random::<f64>() - 0.5)).collect()
+        };
+        let slow: Vec<f64> = (0..20_000).map(|i| (0.05 * f64::from(i)).sin() + (0.0311 * f64::from(i)).cos()).collect();
+        let sum = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + b).collect::<Vec<f64>>();
+        let found = |x: &[f64]| white(|| core::iter::once(x), 0.002);
+        let sigma = found(&sum(&slow, &even(0.01))).unwrap();
+        assert!((sigma / 0.01 - 1.0).abs() < 0.1, "{sigma}");
+        assert!(found(&slow).is_none_or(|s| s < 1e-6), "{:?}", found(&slow));
+        assert_eq!(found(&even(1.0)), None);
+        let held: Vec<f64> = even(1.0).iter().step_by(10).flat_map(|x| [*x; 10]).collect();
+        assert_eq!(found(&held), None);
+    }
 }
