@@ -309,3 +309,71 @@ fn records_of_inputs_that_are_late_or_off_are_told() {
         done(folder.path(), &format!("simulate --model m.toml --rig {rig} --from r.csv --seconds 5 -o s.csv --force"));
     }
 }
+
+/// A circuit of one's own, 2 kHz: what a record tells of it, with noise in what was measured.
+fn circuit(folder: &Path) -> PathBuf {
+    let model = "name = \"circuit\"\ncoordinates = [{ name = \"q\", space = \"R\" }]\ninputs = [\"u\"]\n[[equation]]\n\
+                 balance = \"u\"\nterms = { L = \"q''\", R = \"q'\", S = \"q\", S3 = \"q^3\" }\n";
+    std::fs::write(folder.join("model.toml"), model).unwrap();
+    let channel = |name: &str| format!("[[channel]]\nname = \"{name}\"\nmeasures = \"{name}\"\nunit = \"V\"\n");
+    let rig = format!(
+        "name = \"circuit\"\nmodel = \"model.toml\"\nsample_rate_hz = 2000.0\n{}{}[plant]\nL = 1.0\nR = 1.0\nS = 400.0\nS3 = 200.0\n\
+         initial = [0.0, 0.0]\nnoise = {{ q = 1e-3 }}\nsettle_s = 0.0\ninput.u = [{{ kind = \"random\", rms = 300.0, to_hz = 8.0 }}]\n",
+        channel("q"),
+        channel("u")
+    );
+    std::fs::write(folder.join("rig.toml"), rig).unwrap();
+    folder.join("rig.toml")
+}
+
+/// A state that settles as fast as any that is followed: its time has no derivative there.
+#[test]
+fn a_shape_at_the_edge_of_what_is_followed_ends_in_an_answer() {
+    let folder = tempfile::tempdir().unwrap();
+    let (at, rig) = (folder.path(), circuit(folder.path()));
+    done(at, "simulate --rig rig.toml --effect relaxation@q=30,T_r=0.01 --seconds 20 --seed 1 -o r.parquet");
+    let out = explained(at, &at.join("r.parquet"), &rig.display().to_string(), "");
+    assert_eq!(names(&out)[0], "relaxation@q", "{}", out["reason"]);
+    let power = out["residual_power"].as_array().unwrap();
+    assert!(power[1].as_f64().unwrap() < power[0].as_f64().unwrap(), "{power:?}");
+}
+
+/// Noise of a measured input comes through the model, and is no effect.
+#[test]
+fn the_noise_of_an_input_is_not_something_that_is_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let (at, rig) = (folder.path(), circuit(folder.path()));
+    done(at, "simulate --rig rig.toml --seconds 20 --seed 2 -o quiet.csv");
+    let text = std::fs::read_to_string(at.join("quiet.csv")).unwrap();
+    let mut lines = text.lines();
+    let head = lines.next().unwrap();
+    let column = head.split(',').position(|name| name == "u").unwrap();
+    let rows: Vec<Vec<f64>> = lines.map(|l| l.split(',').map(|x| x.parse().unwrap()).collect()).collect();
+    for (sigma, verdict) in [(0.0, "nothing-missing"), (1.5, "nothing-missing"), (15.0, "not-decidable")] {
+        // Even noise of a golden-ratio sequence's fractions, whitened by a bit-mixing hash.
+        let noise = |i: u64| {
+            let mut z = (i + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            12f64.sqrt() * sigma * ((z ^ (z >> 31)) as f64 / u64::MAX as f64 - 0.5)
+        };
+        let mut noisy = format!("{head}\n");
+        for (i, row) in rows.iter().enumerate() {
+            let of =
+                |(k, x): (usize, &f64)| if k == column { (x + noise(i as u64)).to_string() } else { x.to_string() };
+            noisy += &row.iter().enumerate().map(of).collect::<Vec<_>>().join(",");
+            noisy.push('\n');
+        }
+        std::fs::write(at.join("r.csv"), noisy).unwrap();
+        let run = whirl(at, &format!("explain r.csv --rig {} --json out.json", rig.display()));
+        let out = json(&at.join("out.json"));
+        assert_eq!(out["verdict"], verdict, "{sigma}: {} {}", out["reason"], out["residual_power"]);
+        assert_eq!(out["effects"].as_array().unwrap().len(), 0, "{run:?}");
+        assert_eq!(
+            out["reason"].as_str().unwrap().contains("Measure u with less noise"),
+            sigma > 10.0,
+            "{}",
+            out["reason"]
+        );
+    }
+}

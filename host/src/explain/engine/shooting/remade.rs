@@ -54,16 +54,19 @@ fn white<'a, I: Iterator<Item = &'a [f64]> + Clone>(all: impl Fn() -> I, step_s:
     is_noise.then_some(found.sigma)
 }
 
-/// Adds noise to the inputs of a stretch, as [`measure`] does to what sensors show.
+/// Adds noise to the inputs of a stretch. What it leaves comes through a resonance: little of it is
+/// independent, and noise of the opposite sign leaves the same.
 fn disturb(s: &mut Stretch, sigma: &[f64], repeat: usize, stream: u64) {
-    let sign = if repeat.is_multiple_of(2) { 1.0 } else { -1.0 };
     for (k, (input, sigma)) in s.inputs.iter_mut().zip(sigma).enumerate().filter(|(_, (_, s))| **s > 0.0) {
-        let mut rng = ChaCha8Rng::seed_from_u64(0x1_9057 + (repeat / 2) as u64);
+        let mut rng = ChaCha8Rng::seed_from_u64(0x1_9057 + repeat as u64);
         rng.set_stream((stream << 8) + k as u64);
-        let width = sign * 2.0 * 3f64.sqrt() * sigma;
+        let width = 2.0 * 3f64.sqrt() * sigma;
         input.iter_mut().for_each(|u| *u += width * (rng.random::<f64>() - 0.5));
     }
 }
+
+/// Records that are made where inputs are noisy.
+const NOISY_RECORDS: usize = 4;
 
 /// The stretch on its path.
 fn on_path(s: &Stretch, path: &Path) -> Stretch {
@@ -123,7 +126,9 @@ pub struct Remade {
 /// them where that is less than half.
 pub fn remade(setting: &Setting<'_>, state: &State) -> Option<Remade> {
     let followed = state.followed.as_ref()?;
-    let all: Vec<Vec<f64>> = (0..RECORDS).map(|r| powers(setting, state, followed, r)).collect::<Option<_>>()?;
+    let noisy = input_noise(state).iter().any(|s| *s > 0.0);
+    let records = if noisy { NOISY_RECORDS } else { RECORDS };
+    let all: Vec<Vec<f64>> = (0..records).map(|r| powers(setting, state, followed, r)).collect::<Option<_>>()?;
     let mut follows: Vec<bool> =
         (0..all.first()?.len()).map(|w| all.iter().all(|powers| powers[w] <= EXCUSED * EXCUSED)).collect();
     if 2 * follows.iter().filter(|f| **f).count() < follows.len() {
@@ -132,7 +137,7 @@ pub fn remade(setting: &Setting<'_>, state: &State) -> Option<Remade> {
     let kept: Vec<f64> =
         all.iter().flat_map(|powers| powers.iter().zip(&follows).filter(|p| *p.1).map(|p| *p.0)).collect();
     let count = kept.len() as f64;
-    let windows = count / RECORDS as f64;
+    let windows = count / records as f64;
     let mean = kept.iter().sum::<f64>() / count;
     let variance = kept.iter().map(|p| (p - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
     // A counter may have more noise than its grid.
