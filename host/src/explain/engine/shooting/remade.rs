@@ -122,6 +122,12 @@ pub struct Remade {
     pub follows: Vec<bool>,
 }
 
+/// The middle one of some numbers; 0 of none.
+fn middle(mut all: Vec<f64>) -> f64 {
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2).copied().unwrap_or(0.0)
+}
+
 /// Mean power over that of the noise in such records, in the windows that are followed; in all of
 /// them where that is less than half.
 pub fn remade(setting: &Setting<'_>, state: &State) -> Option<Remade> {
@@ -129,8 +135,9 @@ pub fn remade(setting: &Setting<'_>, state: &State) -> Option<Remade> {
     let noisy = input_noise(state).iter().any(|s| *s > 0.0);
     let records = if noisy { NOISY_RECORDS } else { RECORDS };
     let all: Vec<Vec<f64>> = (0..records).map(|r| powers(setting, state, followed, r)).collect::<Option<_>>()?;
-    let mut follows: Vec<bool> =
-        (0..all.first()?.len()).map(|w| all.iter().all(|powers| powers[w] <= EXCUSED * EXCUSED)).collect();
+    // Noise of inputs is in all windows.
+    let most = EXCUSED * EXCUSED * middle(all.concat()).max(1.0);
+    let mut follows: Vec<bool> = (0..all.first()?.len()).map(|w| all.iter().all(|powers| powers[w] <= most)).collect();
     if 2 * follows.iter().filter(|f| **f).count() < follows.len() {
         follows.fill(true);
     }
@@ -143,7 +150,20 @@ pub fn remade(setting: &Setting<'_>, state: &State) -> Option<Remade> {
     // A counter may have more noise than its grid.
     let mean = mean.max(1.0);
     let of_noise = setting.sensors.square_error.iter().fold(0.0_f64, |m, e| m.max(*e));
-    let error = (variance * (1.0 / windows + 1.0 / count)).sqrt().hypot(mean * of_noise);
+    let mut error = (variance * (1.0 / windows + 1.0 / count)).sqrt().hypot(mean * of_noise);
+    if noisy {
+        // Windows of one record have the noise of one resonance.
+        let means: Vec<f64> = all
+            .iter()
+            .map(|powers| {
+                let own = powers.iter().zip(&follows).filter(|p| *p.1).map(|p| *p.0);
+                own.sum::<f64>() * records as f64 / count
+            })
+            .collect();
+        let middle = means.iter().sum::<f64>() / records as f64;
+        let between = means.iter().map(|m| (m - middle).powi(2)).sum::<f64>() / (records - 1) as f64;
+        error = error.hypot((between * (1.0 + 1.0 / records as f64)).sqrt());
+    }
     (mean.is_finite() && error.is_finite()).then_some(Remade { mean, error, follows })
 }
 
