@@ -30,7 +30,7 @@ mod on_target {
     use whirl_firmware::sweep::BEYOND;
     use whirl_firmware::{QuadratureCounter, Settings, WithBase};
     use whirl_shared::codec::{MAX_FRAME, encode};
-    use whirl_shared::excitation::{Component, Excitation, Glide, Law, WHOLE};
+    use whirl_shared::excitation::{Component, Excitation, Glide, Law, POINTS as POINTS_OF_TABLE, Table, WHOLE};
     use whirl_shared::frame::{BaseKind, BaseSensor, Command, DeviceMessage, Envelope, HostMessage, SampleBlock};
     use whirl_shared::harmonics::{HarmonicBank, HarmonicSettings, Window};
     use whirl_shared::least_squares::LeastSquares;
@@ -236,6 +236,35 @@ mod on_target {
         if *sampler.shaker().excitation() != sweep || !sampler.shaker().moving() {
             return None;
         }
+        // Then a table of as many points as there may be.
+        let (mut table, mut bring) = (Meter::default(), Meter::default());
+        let points = core::array::from_fn::<i16, { POINTS_OF_TABLE[1] }, _>(|j| 100 * (j as i16 - 128).abs());
+        let points = Table::of(&points)?;
+        let named = Excitation { table: points.known().name, ..Excitation::sine(1_000, 1_900) };
+        for n in 0..3_000_u16 {
+            let say = match usize::from(n) {
+                0 => Command::Stop,
+                i @ 200..216 => Command::Prepare(points.parts().nth(i - 200)?),
+                i => i.checked_sub(216).and_then(|i| named.commands().get(i).copied()).unwrap_or(Command::KeepAlive),
+            };
+            let length = encode(&Envelope { sequence: n, message: HostMessage::Command(say) }, &mut command).ok()?;
+            bring.take(|| link.receive(&command[..length], requests));
+            let mut meter = Meter::default();
+            meter.take(|| {
+                sampler.latch();
+                sampler.tick(0, 0, blocks, events, requests);
+                sampler.light()
+            });
+            if n >= 200 {
+                table.add(&meter);
+            }
+            while link.poll_transmit(&mut frame, blocks, events).is_some() {}
+        }
+        if *sampler.shaker().excitation() != named || !sampler.shaker().moving() {
+            return None;
+        }
+        table.tell("a table: the interrupt");
+        bring.tell("a table: a command");
         six.tell("six sines: the interrupt");
         excite.tell("six sines: a command");
         sampling.tell("interrupt: sampling, shaker with its points, blocks, one command");
