@@ -331,8 +331,8 @@ impl<O: ShakerOutput> Shaker<O> {
 }
 
 /// What an excitation makes of a phase; its table is the one that was checked when it was taken.
-fn shape_of<'a>(excitation: &Excitation, table: &'a Table) -> Shape<'a> {
-    if excitation.table.is_some() { Shape::Table(table) } else { Shape::Sines(excitation.form) }
+fn shape_of<'a>(excitation: &'a Excitation, table: &'a Table) -> Shape<'a> {
+    if excitation.table.is_some() { Shape::Table(table) } else { Shape::Sines(&excitation.form) }
 }
 
 #[cfg(test)]

@@ -58,7 +58,7 @@ impl Sweep<'_> {
     /// Displacement (nm), to the last bit that of the shape, and slope (nm a tick) at both ticks.
     fn ends(&self) -> ([i32; 2], [f32; 2]) {
         match self.shape {
-            Shape::Sines(form) => self.ends_of_sines(&form),
+            Shape::Sines(form) => self.ends_of_sines(form),
             Shape::Table(table) => self.ends_of_table(table),
         }
     }

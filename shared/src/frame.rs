@@ -77,7 +77,7 @@ pub const SCHEMA: &str = concat!(
     "amplitude_limit{micrometre:u32},frequency_limit{millihertz:u32},ramp_limit{micrometre_per_s:u32},",
     "acceleration_limit{millimetre_per_s2:u32},host_timeout{ms:u32},full_scale{micrometre:u32},baud{rate:u32},built_in,base{kind:enum[none,encoder,position,acceleration]},base_scale{scale:u32}])|restart|",
     "back_fill{boot_id:u32,first_tick:u32,ticks:u32}|prepare(enum[anew,component{place:u8,component{harmonic:u8,share:u16,phase:u16}},amplitude{place:u8,micrometre:u32},",
-    "hold{ms:u32},glide(glide),on_trigger,points{place:u8,points:[i16;16]},table(table)])|excite{frequency_millihertz:u32}}]"
+    "hold{ms:u32},glide(glide),on_trigger,points{place:u8,points:[i16;6]},table(table)])|excite{frequency_millihertz:u32}}]"
 );
 
 /// FNV-1a hash of [`SCHEMA`]: two sides with the same value lay messages out alike.

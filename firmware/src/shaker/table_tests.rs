@@ -82,8 +82,8 @@ fn a_table_that_did_not_come_whole_moves_nothing() {
     points[5] += 1;
     bring(&mut shaker, core::iter::once(Part::Points { place, points }));
     assert!(matches!(excite(&mut shaker, excitation(&table)), CommandResult::OutOfRange { .. }));
-    let beyond = Command::Prepare(Part::Points { place: 16, points });
-    assert_eq!(shaker.command(beyond), CommandResult::OutOfRange { limit: 15 });
+    let beyond = Command::Prepare(Part::Points { place: 43, points });
+    assert_eq!(shaker.command(beyond), CommandResult::OutOfRange { limit: 42 });
 }
 
 #[test]
@@ -136,7 +136,7 @@ fn amplitudes_one_after_the_other_scale_it() {
 #[test]
 fn it_cannot_be_changed_while_it_moves_or_waits() {
     let (mut shaker, table) = moved();
-    let part = Command::Prepare(Part::Points { place: 0, points: [0; 16] });
+    let part = Command::Prepare(Part::Points { place: 0, points: [0; 6] });
     run(&mut shaker, 300);
     assert_eq!(shaker.command(part), CommandResult::WrongState);
     assert_eq!(shaker.command(Command::Prepare(Part::Table(table.known().name))), CommandResult::WrongState);

@@ -26,7 +26,7 @@ impl CommandShape {
     #[must_use]
     pub fn of(shape: Shape<'_>) -> Self {
         match shape {
-            Shape::Sines(form) => Self::Sines(form),
+            Shape::Sines(form) => Self::Sines(*form),
             Shape::Table(table) => Self::Table(*table),
         }
     }

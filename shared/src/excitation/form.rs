@@ -12,14 +12,14 @@ pub const MOST_COMPONENTS: usize = 6;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape<'a> {
     /// A sum of sines.
-    Sines(Form),
+    Sines(&'a Form),
     /// A table.
     Table(&'a Table),
 }
 
 impl Default for Shape<'_> {
     fn default() -> Self {
-        Self::Sines(Form::SINE)
+        Self::Sines(&Form::SINE)
     }
 }
 

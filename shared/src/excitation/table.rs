@@ -26,8 +26,8 @@ use crate::waveform::rounded;
 
 /// Fewest and most points of a table.
 pub const POINTS: [usize; 2] = [8, 256];
-/// Points in a command.
-pub const CHUNK: usize = 16;
+/// Points in a command: as many as make none longer in memory.
+pub const CHUNK: usize = 6;
 
 /// Binary places of 6 y/a beside those of the points.
 const PLACES: u32 = 11;
@@ -165,7 +165,7 @@ impl Table {
     }
 
     /// The parts that bring its points to a device.
-    pub fn parts(&self) -> impl Iterator<Item = Part> + '_ {
+    pub fn parts(&self) -> impl Iterator<Item = Part> + Clone + '_ {
         self.points().chunks(CHUNK).zip(0_u8..).map(|(chunk, place)| {
             let mut points = [0; CHUNK];
             points.iter_mut().zip(chunk).for_each(|(to, from)| *to = *from);
@@ -178,9 +178,10 @@ impl Table {
     /// # Errors
     /// The last place, where there is none such.
     pub(super) fn put(&mut self, place: u8, points: &[i16; CHUNK]) -> Result<(), u32> {
-        let last = (POINTS[1] / CHUNK) as u32 - 1;
-        let to = self.points.chunks_exact_mut(CHUNK).nth(usize::from(place)).ok_or(last)?;
-        to.copy_from_slice(points);
+        let last = (POINTS[1] / CHUNK) as u32;
+        // The last place has room for fewer.
+        let to = self.points.chunks_mut(CHUNK).nth(usize::from(place)).ok_or(last)?;
+        to.iter_mut().zip(points).for_each(|(to, from)| *to = *from);
         Ok(())
     }
 

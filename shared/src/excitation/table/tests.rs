@@ -98,7 +98,7 @@ fn parts_bring_it_in_any_order_and_a_lost_or_other_one_is_known_by_its_check() {
     let points = some_points();
     let table = Table::of(&points).unwrap();
     let parts: Vec<Part> = table.parts().collect();
-    assert_eq!(parts.len(), 7);
+    assert_eq!(parts.len(), 17);
     let brought = |parts: &[Part]| {
         let (mut other, mut none) = (Table::EMPTY, Excitation::default());
         // Something was there before.
@@ -111,7 +111,7 @@ fn parts_bring_it_in_any_order_and_a_lost_or_other_one_is_known_by_its_check() {
     all.reverse();
     all.extend(&parts[2..4]);
     assert_eq!(brought(&all), table.known());
-    for lost in 0..7 {
+    for lost in 0..17 {
         let mut some = parts.clone();
         let gone = some.remove(lost);
         assert_ne!(brought(&some).name, table.known().name);
@@ -119,10 +119,16 @@ fn parts_bring_it_in_any_order_and_a_lost_or_other_one_is_known_by_its_check() {
             points[3] ^= 1;
             some.push(Part::Points { place, points });
             assert_ne!(brought(&some).name, table.known().name);
-            let beyond = Part::Points { place: 16, points };
-            assert_eq!(Excitation::default().put(beyond, &mut Table::EMPTY.clone()), Err(15));
+            let beyond = Part::Points { place: 43, points };
+            assert_eq!(Excitation::default().put(beyond, &mut Table::EMPTY.clone()), Err(42));
         }
     }
+    // The last place of the longest table has room for four.
+    let longest = Table::of(&[-9; 256]).unwrap();
+    assert_eq!(
+        (longest.parts().count(), brought(&longest.parts().collect::<Vec<_>>())),
+        (43, Table::of(&[-9; 100]).unwrap().known())
+    );
     assert_eq!([7, 257].map(|n| Table::of(&[9; 300][..n])), [None; 2]);
     assert_eq!([7, 257].map(|n| table.extent(n)), [None; 2]);
 }
