@@ -22,6 +22,7 @@ use super::drive::Target;
 use super::excite::words;
 use crate::error::{BadInput, Result};
 use crate::record::Level;
+use crate::report::format::rounded;
 use crate::rig::Rig;
 use crate::rig::measures::BASE;
 
@@ -225,13 +226,10 @@ impl Leveller {
         }
         let good = GOOD.max(noise).max(0.5e-6 * gain / wanted);
         if (measured / wanted - 1.0).abs() <= good {
-            return Ok(Verdict::Level(Level {
-                wanted_m: wanted,
-                commanded_m: commanded,
-                measured_m: measured,
-                std_error_m: std_error,
-                gain,
-            }));
+            // Short decimals, which JSON gives back to the last bit: a journal makes the same record.
+            let [wanted_m, commanded_m, measured_m, std_error_m, gain] =
+                [wanted, commanded, measured, std_error, gain].map(|x| rounded(x, 9));
+            return Ok(Verdict::Level(Level { wanted_m, commanded_m, measured_m, std_error_m, gain }));
         }
         let next = commanded * wanted / measured * 1e6;
         let [least, greatest] = GAINS.map(|gain| f64::from(self.wanted) * gain);
@@ -241,7 +239,8 @@ impl Leveller {
             } else {
                 "not from half to twice the wanted amplitude"
             };
-            return Err(self.failed(&format!("level at {}, which is {why}", millimetres(next * 1e-6)), Some(gain)));
+            let at = if next.is_finite() { millimetres(next * 1e-6) } else { "no amplitude".to_owned() };
+            return Err(self.failed(&format!("level at {at}, which is {why}"), Some(gain)));
         }
         // From half to twice 32 bits' micrometres within the device's limits.
         self.commanded = next.round() as u32;

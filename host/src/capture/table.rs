@@ -4,7 +4,7 @@
 //! The spline goes through the points p_j: (c_{j−1} + 4 c_j + c_{j+1})/6 = p_j around the period, for
 //! the control points c_j. The device's amplitude is that of the control points, so that none is
 //! beyond it; it is r = max|c|/max|p| times the points' own, from 1 to 3, and less than 1.01 from
-//! some 25 points a period of a sine on. Control points are rounded to 2⁻¹⁵ of that amplitude.
+//! some 26 points a period of a sine on. Control points are rounded to 2⁻¹⁵ of that amplitude.
 
 use std::path::Path;
 
