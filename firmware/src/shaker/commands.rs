@@ -1,6 +1,6 @@
 //! What the host may tell the shaker.
 
-use whirl_shared::excitation::{Excitation, Extent, Part};
+use whirl_shared::excitation::{Excitation, Part};
 use whirl_shared::frame::{Command, CommandResult, ShakerState, StopCause};
 
 use super::Shaker;
@@ -98,7 +98,7 @@ impl<O: ShakerOutput> Shaker<O> {
             return CommandResult::WrongState;
         }
         // Of no table, or of one of a count that cannot be, nothing is known.
-        let extent = self.table.extent(new.table.points).unwrap_or_else(Extent::default);
+        let extent = self.table.extent(new.table.points).unwrap_or_default();
         let of_table = || extent.refusal(&new, &self.limits, self.sample_rate_millihertz);
         if let Some(refusal) = new.refusal(&self.limits).or_else(of_table) {
             return CommandResult::OutOfRange { limit: refusal.limit() };
