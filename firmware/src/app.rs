@@ -3,7 +3,7 @@
 use core::borrow::BorrowMut;
 
 use heapless::spsc::Queue;
-use whirl_shared::excitation::Form;
+use whirl_shared::excitation::Shape;
 use whirl_shared::frame::{SampleBlock, Status};
 
 use crate::adjust::Words;
@@ -105,15 +105,15 @@ where
 
     /// The drive at the last tick: the phase, increment and amplitude that its sample carries and
     /// from which its displacement was computed, with the state that the shaker is in now. Until
-    /// the next tick the base follows the form at that amplitude and `phase + u · phase_increment`,
+    /// the next tick the base follows the shape at that amplitude and `phase + u · phase_increment`,
     /// u from 0 to 1; of a sine that is `amplitude · cos(phase + u · phase_increment)`.
     pub fn drive(&self) -> Drive {
         self.sampler.drive()
     }
 
-    /// The form of the base's motion.
-    pub fn form(&self) -> Form {
-        self.sampler.shaker().excitation().form
+    /// The shape of the base's motion.
+    pub fn shape(&self) -> Shape<'_> {
+        self.sampler.shaker().shape()
     }
 
     /// What is to be carried over a reset.

@@ -92,7 +92,7 @@ impl<D: Converter, E: OutputPin, L: Lines> ShakerOutput for DacShaker<D, E, L> {
         Ok(())
     }
 
-    fn sweep(&mut self, sweep: &Sweep) -> Result<(), Self::Error> {
+    fn sweep(&mut self, sweep: &Sweep<'_>) -> Result<(), Self::Error> {
         let points = self.converter.points();
         if points < 2 {
             return self.write(sweep.start());
@@ -208,7 +208,7 @@ mod tests {
         assert_eq!(played[..2], [7, 7]);
         assert_eq!(
             Some(played[4]),
-            shaker.scale.code(sweep.form.displacement(500_000, sweep.phase + sweep.phase_increment))
+            shaker.scale.code(sweep.shape.displacement(500_000, sweep.phase + sweep.phase_increment))
         );
         assert!(played[2..].windows(2).all(|pair| pair[0] > pair[1]), "{played:?}");
         let beyond = Sweep { amplitude_nanometre: [2_000_000; 2], phase: 0, ..sweep };

@@ -24,7 +24,7 @@ pub trait ShakerOutput {
     ///
     /// # Errors
     /// As for [`Self::write`].
-    fn sweep(&mut self, sweep: &Sweep) -> Result<(), Self::Error> {
+    fn sweep(&mut self, sweep: &Sweep<'_>) -> Result<(), Self::Error> {
         self.write(sweep.start())
     }
 
@@ -64,7 +64,7 @@ impl<O: ShakerOutput + ?Sized> ShakerOutput for &mut O {
         (**self).write(displacement_nanometre)
     }
 
-    fn sweep(&mut self, sweep: &Sweep) -> Result<(), Self::Error> {
+    fn sweep(&mut self, sweep: &Sweep<'_>) -> Result<(), Self::Error> {
         (**self).sweep(sweep)
     }
 

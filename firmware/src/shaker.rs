@@ -12,7 +12,7 @@
 //!              from anywhere
 //! ```
 //!
-//! Displacement y = a cos φ, or a sum of such ([`whirl_shared::excitation`]): φ is the phase
+//! Displacement y = a cos φ, a sum of such, or a table's ([`whirl_shared::excitation`]): φ is the phase
 //! accumulator ([`whirl_shared::waveform`]), a the ramp ([`crate::ramp`]). φ starts at 0 with every
 //! start and advances while the shaker moves and only then. A command cannot change the frequency
 //! while it moves; sweeps and lists of amplitudes go on while it is running. Amplitude, frequency
@@ -24,7 +24,7 @@
 //! The watchdog counts sampling ticks, missed ones too, since the last command that was carried
 //! out.
 
-use whirl_shared::excitation::Excitation;
+use whirl_shared::excitation::{Excitation, Shape, Table};
 use whirl_shared::frame::{ShakerLimits, ShakerState, StopCause};
 use whirl_shared::waveform::PhaseAccumulator;
 
@@ -65,6 +65,8 @@ pub struct Shaker<O> {
     run: Run,
     /// What the next start is to be of.
     prepared: Excitation,
+    /// The points that were brought, and those that count of what it does.
+    table: Table,
     /// It begins at the trigger.
     waiting: bool,
     /// It has begun since this was asked for.
@@ -92,6 +94,7 @@ impl<O: ShakerOutput> Shaker<O> {
             ramp: Ramp::new(settings.limits.ramp_micrometre_per_s, settings.sample_rate_millihertz),
             run: Run::default(),
             prepared: Excitation::default(),
+            table: Table::EMPTY,
             waiting: false,
             begun: false,
             host_timeout_ms: settings.host_timeout_ms,
@@ -129,6 +132,11 @@ impl<O: ShakerOutput> Shaker<O> {
     /// What it does, or did last.
     pub fn excitation(&self) -> &Excitation {
         &self.run.excitation
+    }
+
+    /// The shape of that motion.
+    pub fn shape(&self) -> Shape<'_> {
+        shape_of(&self.run.excitation, &self.table)
     }
 
     /// Whether it has begun since this was asked last: its first displacement is that of the next
@@ -212,7 +220,7 @@ impl<O: ShakerOutput> Shaker<O> {
             phase: self.phase.phase,
             phase_increment: self.phase.increment,
             amplitude_nanometre: [amplitude, next.amplitude()],
-            form: self.run.excitation.form,
+            shape: shape_of(&self.run.excitation, &self.table),
         };
         if self.output.sweep(&sweep).is_err() {
             self.fault(StopCause::Fault);
@@ -322,7 +330,14 @@ impl<O: ShakerOutput> Shaker<O> {
     }
 }
 
+/// What an excitation makes of a phase; its table is the one that was checked when it was taken.
+fn shape_of<'a>(excitation: &'a Excitation, table: &'a Table) -> Shape<'a> {
+    if excitation.table.is_some() { Shape::Table(table) } else { Shape::Sines(&excitation.form) }
+}
+
 #[cfg(test)]
 mod excite_tests;
+#[cfg(test)]
+mod table_tests;
 #[cfg(test)]
 mod tests;

@@ -7,9 +7,10 @@
 //!
 //! Between the ticks y(u), u from 0 to 1, is the cubic with the values and the slopes of a(u) cos
 //! φ(u) at both ends, the phase φ running evenly and the amplitude a along a line; of a form of
-//! several components ([`whirl_shared::excitation::Form`]) their sum. At the ticks it is
-//! [`Form::displacement`], bit for bit: what the host knows. Error in between: a ω⁴/384, ω the
-//! advance of the phase in a tick (1.1e-5 a at 20 Hz and 500 Hz).
+//! several components ([`whirl_shared::excitation::Form`]) their sum, or a table's. At the ticks it is
+//! [`Shape::displacement`], bit for bit: what the host knows. Error in between: a ω⁴/384, ω the
+//! advance of the phase in a tick (1.1e-5 a at 20 Hz and 500 Hz); of a table of one point a tick a D/48, D its
+//! greatest second difference: a cubic has no corners in its second derivative.
 //!
 //! The points go on a little beyond the next tick, for an interrupt that is late; then the last one
 //! stands. When the ticks come again the points approach the curve from what stands, by at most
@@ -17,7 +18,7 @@
 
 use core::f32::consts::TAU;
 
-use whirl_shared::excitation::Form;
+use whirl_shared::excitation::{Form, Shape, Table};
 use whirl_shared::waveform::{cos_sin, fixed, rounded};
 
 /// Points that are played beyond a tick when the next one does not come: 0.2 ms of them at 40 kHz,
@@ -31,22 +32,22 @@ pub const POINTS_PER_SECOND: u32 = 40_000;
 
 /// The drive from a tick to the next.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Sweep {
+pub struct Sweep<'a> {
     /// Phase at the tick, turns · 2⁻³².
     pub phase: u32,
     /// Its advance until the next tick, turns · 2⁻³².
     pub phase_increment: u32,
     /// Amplitude at this tick and the next, nm.
     pub amplitude_nanometre: [u32; 2],
-    /// The form.
-    pub form: Form,
+    /// What the displacement is at a phase.
+    pub shape: Shape<'a>,
 }
 
-impl Sweep {
+impl Sweep<'_> {
     /// Displacement at this tick, nm.
     #[must_use]
     pub fn start(&self) -> i32 {
-        self.form.displacement(self.amplitude_nanometre[0], self.phase)
+        self.shape.displacement(self.amplitude_nanometre[0], self.phase)
     }
 
     /// Advance of the phase in a tick, rad.
@@ -54,11 +55,30 @@ impl Sweep {
         self.phase_increment as f32 * (TAU / 4_294_967_296.0)
     }
 
-    /// Displacement (nm), to the last bit that of the form, and slope (nm a tick) at both ticks.
+    /// Displacement (nm), to the last bit that of the shape, and slope (nm a tick) at both ticks.
     fn ends(&self) -> ([i32; 2], [f32; 2]) {
+        match self.shape {
+            Shape::Sines(form) => self.ends_of_sines(form),
+            Shape::Table(table) => self.ends_of_table(table),
+        }
+    }
+
+    fn ends_of_table(&self, table: &Table) -> ([i32; 2], [f32; 2]) {
+        let [a, b] = self.amplitude_nanometre;
+        let turns = self.phase_increment as f32 * (1.0 / 4_294_967_296.0);
+        let end = |amplitude: u32, phase: u32| {
+            let [share, slope] = table.slope(phase);
+            let per_tick = (b as f32 - a as f32) * share + amplitude as f32 * turns * slope;
+            (table.displacement(amplitude, phase), per_tick)
+        };
+        let (start, next) = (end(a, self.phase), end(b, self.phase.wrapping_add(self.phase_increment)));
+        ([start.0, next.0], [start.1, next.1])
+    }
+
+    fn ends_of_sines(&self, form: &Form) -> ([i32; 2], [f32; 2]) {
         let (mut sums, mut slopes) = ([0_i64; 2], [0.0; 2]);
         let phases = [self.phase, self.phase.wrapping_add(self.phase_increment)];
-        for component in self.form.components() {
+        for component in form.components() {
             let amplitudes = self.amplitude_nanometre.map(|a| component.amplitude(a));
             let [a, b] = amplitudes.map(|a| a as f32);
             let omega = self.omega() * f32::from(component.harmonic);
@@ -73,11 +93,23 @@ impl Sweep {
 
     /// Greatest step of the drive itself from one of `n` points a tick to the next, nm.
     fn step(&self, n: usize) -> f32 {
-        let parts = self.form.components().map(|component| {
-            let [a, b] = self.amplitude_nanometre.map(|a| component.amplitude(a) as f32);
-            a.max(b) * self.omega() * f32::from(component.harmonic) + (b - a).abs()
-        });
-        parts.sum::<f32>() / n as f32
+        let of = |[a, b]: [u32; 2], per_tick: f32| {
+            let (a, b) = (a as f32, b as f32);
+            a.max(b) * per_tick + (b - a).abs()
+        };
+        let step = match self.shape {
+            Shape::Sines(form) => {
+                let parts = form.components().map(|component| {
+                    let amplitudes = self.amplitude_nanometre.map(|a| component.amplitude(a));
+                    of(amplitudes, self.omega() * f32::from(component.harmonic))
+                });
+                parts.sum::<f32>()
+            }
+            Shape::Table(table) => {
+                of(self.amplitude_nanometre, table.steepest() * self.phase_increment as f32 * (1.0 / 4_294_967_296.0))
+            }
+        };
+        step / n as f32
     }
 }
 
@@ -110,7 +142,7 @@ impl Scale {
     /// `standing` is the code that stands. Codes before are left as they are. None where the sweep
     /// leaves the full scale.
     #[must_use]
-    pub fn fill(self, sweep: &Sweep, codes: &mut [u16], n: usize, now: usize, standing: u16) -> Option<()> {
+    pub fn fill(self, sweep: &Sweep<'_>, codes: &mut [u16], n: usize, now: usize, standing: u16) -> Option<()> {
         let (ends, [d0, d1]) = sweep.ends();
         let exact = [self.code(ends[0])?, self.code(ends[1])?];
         let [y0, y1] = ends.map(|y| y as f32);
@@ -163,12 +195,12 @@ mod tests {
     const N: usize = 80;
     const FIVE_HERTZ: u32 = 42_949_673;
 
-    fn sweep(tick: u32) -> Sweep {
+    fn sweep(tick: u32) -> Sweep<'static> {
         Sweep {
             phase: FIVE_HERTZ.wrapping_mul(tick),
             phase_increment: FIVE_HERTZ,
             amplitude_nanometre: [15_525_000; 2],
-            form: Form::SINE,
+            shape: Shape::default(),
         }
     }
 
@@ -189,7 +221,7 @@ mod tests {
 
         /// The interrupt of a tick, `late` points after it, and `busy` more until the points are
         /// there.
-        fn tick(&mut self, tick: u32, late: usize, busy: usize, sweep: &Sweep) {
+        fn tick(&mut self, tick: u32, late: usize, busy: usize, sweep: &Sweep<'_>) {
             self.play_to(tick, late);
             let standing = self.held;
             let mut codes = self.codes;
@@ -300,6 +332,38 @@ mod tests {
         assert_eq!(codes[N], SCALE.code(sweep.ends().0[1]).unwrap());
         assert_eq!(codes[0], 0);
         assert!(codes[1].abs_diff(start) <= 1);
+    }
+
+    #[test]
+    fn a_table_is_played_through_its_ticks_and_within_a_corner_between_them() {
+        // One point a tick, as sharp as can be; and twenty points in two hundred ticks.
+        for (points, increment, bound) in
+            [(100_usize, FIVE_HERTZ, 8_000.0 / 32_768.0 / 48.0), (20, FIVE_HERTZ / 2, 1e-4)]
+        {
+            let sharp =
+                |j: usize| if points == 100 { 2_000 * (1 - 2 * (j as i16 % 2)) } else { 300 * (j as i16 - 10).abs() };
+            let table = Table::of(&(0..points).map(sharp).collect::<Vec<i16>>()).unwrap();
+            let of = |tick: u32| Sweep {
+                phase: increment.wrapping_mul(tick),
+                phase_increment: increment,
+                shape: Shape::Table(&table),
+                ..sweep(0)
+            };
+            let mut player = Player::new();
+            (0..400).for_each(|tick| player.tick(tick, 0, 0, &of(tick)));
+            for (point, &code) in player.played.iter().enumerate().skip(40 * N) {
+                let phase = (u64::from(increment) * point as u64 / N as u64) as u32;
+                let y = f64::from(table.displacement(15_525_000, phase));
+                let exact = 2_047.5 * (1.0 + y / 25e6);
+                let away = (f64::from(code) - exact).abs();
+                assert!(away <= 1.01 + bound * 0.621 * 2_047.5, "point {point}: {code} for {exact}");
+                if point % N == 0 {
+                    assert_eq!(Some(code), SCALE.code(of((point / N) as u32).start()));
+                }
+            }
+            let own = f64::from(of(0).step(N) * SCALE.codes_per_nanometre());
+            assert!(f64::from(steps(&player.played[40 * N..])) <= own + 2.0, "{own}");
+        }
     }
 
     #[test]

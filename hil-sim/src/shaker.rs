@@ -7,7 +7,7 @@
 //! to tick; the amplitude follows a straight line between ticks, and its corners, which are
 //! impulses of the base's velocity of at most the ramp's rate (mm/s), are left out of the
 //! acceleration. Of a form of several components each is such a term at its own order, delayed by
-//! as much time. Where the frequency has changed from one tick to the next, as it does in a sweep
+//! as much time, and so is a table. Where the frequency has changed from one tick to the next, as it does in a sweep
 //! every ten, the impulse of that corner is spread over the tick behind it. Phases in rad, displacements in m, times in s from the tick.
 
 use core::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -15,6 +15,11 @@ use core::f64::consts::{FRAC_PI_2, PI, TAU};
 use whirl_shared::excitation::{Form, MOST_COMPONENTS, WHOLE};
 
 use crate::plant::DriveAdditions;
+
+mod spline;
+
+pub use spline::CommandShape;
+use spline::Spline;
 
 /// Direction of the base's motion.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -50,8 +55,8 @@ pub struct Command {
     pub increment_before: u32,
     /// Amplitude at this tick and at the next one, nm.
     pub amplitude_nanometre: [u32; 2],
-    /// Form of the motion.
-    pub form: Form,
+    /// Shape of the motion.
+    pub shape: CommandShape,
 }
 
 /// Most terms of the motion along the drive; more are refused when effects are read.
@@ -99,6 +104,7 @@ pub struct BaseMotion {
     amplitude: [f64; 3],
     terms: [Term; PLACES],
     used: usize,
+    table: Option<Spline>,
     across: [f64; 2],
     /// The corner of the frequency at the tick, spread over it, m/s².
     corner: f64,
@@ -117,6 +123,7 @@ impl BaseMotion {
         amplitude: [0.0; 3],
         terms: [Term { order: 0.0, lag: 0.0, share: 0.0 }; PLACES],
         used: 0,
+        table: None,
         across: [0.0; 2],
         corner: 0.0,
         share: [0.0; 2],
@@ -146,7 +153,10 @@ impl BaseMotion {
             let (sin, cos) = libm::sincos(m.order * theta - m.lag);
             m.share * (rate * cos - c * m.order * self.omega * sin)
         };
-        let along: f64 = self.terms[..self.used].iter().map(one).sum();
+        let mut along: f64 = self.terms[..self.used].iter().map(one).sum();
+        if let Some([y, slope, _]) = self.table.map(|table| table.at(theta)) {
+            along += rate * y + c * self.omega * slope;
+        }
         let (sin, cos) = libm::sincos(theta);
         let across = self.omega * (self.across[1] * cos - self.across[0] * sin);
         if self.horizontal { [along, across] } else { [across, along] }
@@ -169,6 +179,9 @@ impl BaseMotion {
                 along += term.share * ((2.0 * c2 - c * omega * omega) * cos - 2.0 * rate * omega * sin);
             }
         }
+        if let Some([y, slope, bend]) = self.table.map(|table| table.at(theta)) {
+            along += 2.0 * c2 * y + 2.0 * rate * self.omega * slope + c * self.omega * self.omega * bend;
+        }
         let mut across = 0.0;
         if self.across != [0.0; 2] {
             let (sin, cos) = libm::sincos(theta);
@@ -182,7 +195,11 @@ impl BaseMotion {
         let theta = self.phase + self.omega * t;
         let [c0, c1, c2] = self.amplitude;
         let c = c0 + t * (c1 + t * c2);
-        let along: f64 = self.terms[..self.used].iter().map(|m| c * m.share * libm::cos(m.order * theta - m.lag)).sum();
+        let terms = self.terms[..self.used].iter();
+        let mut along: f64 = terms.map(|m| c * m.share * libm::cos(m.order * theta - m.lag)).sum();
+        if let Some([y, ..]) = self.table.map(|table| table.at(theta)) {
+            along += c * y;
+        }
         let (sin, cos) = libm::sincos(theta);
         let across = if self.omega == 0.0 { 0.0 } else { self.across[0] * cos + self.across[1] * sin };
         if self.horizontal { [along, across] } else { [across, along] }
@@ -224,13 +241,22 @@ impl Shaker {
         // Drift: a factor 1 + ε t/T from the record's start on.
         let growth =
             if time_s >= 0.0 && self.record_s > 0.0 { self.additions.amplitude_drift / self.record_s } else { 0.0 };
+        let gain = 1.0 + self.additions.gain_error;
+        let (now, rate) = (now * gain, rate * gain);
         let factor = 1.0 + growth * time_s.max(0.0);
         motion.amplitude = [now * factor, rate * factor + now * growth, rate * growth];
         let lag = match self.direction {
             Direction::Vertical => self.psi,
             Direction::Horizontal => self.psi + FRAC_PI_2,
         };
-        for component in command.form.components() {
+        let form = match command.shape {
+            CommandShape::Sines(form) => Some(form),
+            CommandShape::Table(table) => {
+                motion.table = Spline::of(&table, motion.phase, lag);
+                None
+            }
+        };
+        for component in form.iter().flat_map(Form::components) {
             let order = f64::from(component.harmonic);
             let ahead = TAU * f64::from(component.phase) / 65_536.0;
             motion.terms[motion.used] =

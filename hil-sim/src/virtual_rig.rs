@@ -31,7 +31,7 @@ use crate::encoder::Encoder;
 use crate::error::SimulationError;
 use crate::plant::effects::{Effect, EffectError};
 use crate::plant::{ParameterError, Parameters, Plant, State, TOLERANCE};
-use crate::shaker::{Command, Direction};
+use crate::shaker::{Command, CommandShape, Direction};
 use crate::simulate::{DriveSettings, additions, perturbed};
 
 /// Settings of a virtual rig.
@@ -43,6 +43,8 @@ pub struct RigSettings {
     pub direction: Direction,
     /// Lag ψ of the base behind the device's phase, rad.
     pub psi: f64,
+    /// What the base does of the amplitude that the device commands, less 1.
+    pub gain_error: f64,
     /// What encoder 2 is fixed to.
     pub second: SecondEncoder,
     /// The sensor of the base's motion, where one is connected; what it is to the device is in
@@ -75,6 +77,7 @@ impl Default for RigSettings {
             parameters: Parameters::PRINTED,
             direction: Direction::Vertical,
             psi: 0.0,
+            gain_error: 0.0,
             second: SecondEncoder::Relative,
             base: None,
             initial: [0.3, 2.0, 0.0, 0.0],
@@ -247,7 +250,8 @@ pub(crate) fn bench_of(settings: &RigSettings) -> Result<Bench, SimulationError>
     settings.base.as_ref().map_or(Ok(()), BaseSettings::validate)?;
     // The firmware's drive is not known yet; its direction decides what may act across it.
     let drive = DriveSettings { direction: settings.direction, frequency_hz: 0.0, amplitude_m: 0.0, psi: settings.psi };
-    let additions = additions(&settings.effects, Some(&drive))?;
+    let mut additions = additions(&settings.effects, Some(&drive))?;
+    additions.drive.gain_error = settings.gain_error;
     if additions.delay_s < 0.0 {
         let found = additions.delay_s.to_string();
         return Err(EffectError::new("channel-delay", &found, "0 or more on a rig that runs firmware").into());
@@ -344,7 +348,7 @@ impl VirtualRig {
                 phase_increment: drive.phase_increment,
                 increment_before: self.command.phase_increment,
                 amplitude_nanometre: [previous, drive.amplitude_nanometre],
-                form: self.app.form(),
+                shape: CommandShape::of(self.app.shape()),
             };
         }
         self.collect();

@@ -240,6 +240,8 @@ pub fn record(
         device: Vec::new(),
         lines: Vec::new(),
         excitation: None,
+        table: Vec::new(),
+        level: None,
     };
     // At least one sample, at most a day of them: no overflow.
     let samples = ((seconds * rig.sample_rate_hz).round() as u64).max(1);

@@ -60,7 +60,7 @@ const STATUS: usize = HEAD + 7 * U32 + 2 + 3 * U32 + 2 * (1 + MOST_ENCODERS * U3
 const LOG: usize = HEAD + U32 + 1 + TEXT;
 const ESTIMATE: usize = HEAD + 5 * U32 + U16 + 2 * (1 + 2 * 4) + (UNKNOWNS1 + UNKNOWNS2) * 2 * 4;
 const EXCITED: usize =
-    HEAD + U32 + (U32 + 2 + 2 * U32) + MOST_STEPS * U32 + 1 + U32 + MOST_COMPONENTS * (1 + 2 * U16) + 1;
+    HEAD + U32 + (U32 + 2 + 2 * U32) + MOST_STEPS * U32 + 1 + U32 + MOST_COMPONENTS * (1 + 2 * U16) + 1 + (U16 + U32);
 const ROWS: usize = HEAD + 5 * U32 + 2 + 1 + ROWS_LEN * ROW_LEN * 3;
 
 /// Greatest length of a block's message.

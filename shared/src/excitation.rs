@@ -6,7 +6,8 @@
 //!
 //! φ is the phase accumulator ([`crate::waveform`]), a the amplitude, on its way along ramps; the
 //! *form* are the components with harmonic h_k, share s_k and phase ψ_k. |y| ≤ a, whatever the
-//! phases. One component of harmonic 1, share 1 and phase 0 is the sine, bit for bit.
+//! phases. One component of harmonic 1, share 1 and phase 0 is the sine, bit for bit. In the place of
+//! the components a [`Table`] may give y/a at any phase.
 //!
 //! The frequency *glides*: φ's increment changes every [`STAIR`] ticks, so that it is constant in
 //! each block of samples and the blocks tell φ at every tick, whatever a host knows of the glide.
@@ -21,14 +22,15 @@ use heapless::Vec;
 use serde::{Deserialize, Serialize};
 
 use crate::frame::{BLOCK_LEN, Command, ShakerLimits};
-use crate::waveform::{cos_sin, fixed, rounded};
 
 mod course;
+mod form;
+mod table;
 
 pub use course::Course;
+pub use form::{Component, Form, MOST_COMPONENTS, Shape};
+pub use table::{CHUNK, Extent, POINTS, Table, TableName};
 
-/// Most components of a form.
-pub const MOST_COMPONENTS: usize = 6;
 /// Most amplitudes in a list.
 pub const MOST_STEPS: usize = 8;
 /// A share of 1.
@@ -39,84 +41,6 @@ pub const STAIR: u32 = BLOCK_LEN as u32;
 pub const GLIDE_MS: [u32; 2] = [100, 3_600_000];
 /// Shortest and longest holding of an amplitude, ms.
 pub const HOLD_MS: [u32; 2] = [100, 3_600_000];
-
-/// A component of a form; one whose share is 0 ends the list of them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Component {
-    /// h_k: its frequency in those of the phase.
-    pub harmonic: u8,
-    /// s_k: its share of the amplitude, in 1/[`WHOLE`].
-    pub share: u16,
-    /// ψ_k, turns · 2⁻¹⁶.
-    pub phase: u16,
-}
-
-/// The form of the base's motion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Form(pub [Component; MOST_COMPONENTS]);
-
-impl Default for Form {
-    fn default() -> Self {
-        Self::SINE
-    }
-}
-
-impl Form {
-    /// cos φ.
-    pub const SINE: Self = {
-        let mut form = [Component { harmonic: 0, share: 0, phase: 0 }; MOST_COMPONENTS];
-        form[0] = Component { harmonic: 1, share: WHOLE, phase: 0 };
-        Self(form)
-    };
-
-    /// The components that there are.
-    pub fn components(&self) -> impl Iterator<Item = &Component> {
-        self.0.iter().take_while(|component| component.share > 0)
-    }
-
-    /// Displacement at an amplitude (nm) and a phase (turns · 2⁻³²), nm: rounded once, half away
-    /// from zero; saturates at ±(2³¹ − 1).
-    #[must_use]
-    pub fn displacement(&self, amplitude_nanometre: u32, phase: u32) -> i32 {
-        // Below 2⁶³ where the shares are at most 1 together.
-        rounded(self.components().fold(0, |sum: i64, component| {
-            let amplitude = i64::from(component.amplitude(amplitude_nanometre));
-            sum.saturating_add(amplitude * fixed(cos_sin(component.angle(phase)).0))
-        }))
-    }
-
-    /// Σ s_k h_k² in 1/[`WHOLE`]: what a form's acceleration is of that of a sine, at most.
-    #[must_use]
-    pub fn sharpness(&self) -> u64 {
-        self.components().map(|c| u64::from(c.share) * u64::from(c.harmonic).pow(2)).sum()
-    }
-
-    /// Greatest harmonic.
-    #[must_use]
-    pub fn highest(&self) -> u8 {
-        self.components().map(|component| component.harmonic).max().unwrap_or(0)
-    }
-
-    fn is_possible(&self) -> bool {
-        let sum: u32 = self.components().map(|component| u32::from(component.share)).sum();
-        (1..=u32::from(WHOLE)).contains(&sum) && self.components().all(|component| component.harmonic > 0)
-    }
-}
-
-impl Component {
-    /// a_k = a s_k, nm, rounded down: together they are at most a.
-    #[must_use]
-    pub fn amplitude(&self, amplitude_nanometre: u32) -> u32 {
-        let product = u64::from(amplitude_nanometre) * u64::from(self.share) / u64::from(WHOLE);
-        u32::try_from(product).unwrap_or(u32::MAX)
-    }
-
-    /// h_k φ + ψ_k, turns · 2⁻³².
-    #[must_use]
-    pub const fn angle(&self, phase: u32) -> u32 {
-        phase.wrapping_mul(self.harmonic as u32).wrapping_add((self.phase as u32) << 16)
-    }
-}
 
 /// How a frequency glides.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -160,6 +84,8 @@ pub struct Excitation {
     pub form: Form,
     /// It begins when the trigger input says so.
     pub on_trigger: bool,
+    /// The table that takes the place of the form; none where it has no points.
+    pub table: TableName,
 }
 
 /// A part of an excitation that is prepared before it is started: commands stay short so.
@@ -190,10 +116,19 @@ pub enum Part {
     Glide(Glide),
     /// It begins at the trigger.
     OnTrigger,
+    /// Points of a table, for whatever excitation names it; refused while one waits for its trigger.
+    Points {
+        /// The first of them, in units of [`CHUNK`].
+        place: u8,
+        /// Control points, in 1/[`WHOLE`].
+        points: [i16; CHUNK],
+    },
+    /// The table that is there moves the base, if it is the one that is named.
+    Table(TableName),
 }
 
-/// Most commands of an excitation.
-pub const MOST_COMMANDS: usize = 5 + MOST_COMPONENTS + MOST_STEPS;
+/// Most commands of an excitation, beside those of a table's points ([`Table::parts`]).
+pub const MOST_COMMANDS: usize = 6 + MOST_COMPONENTS + MOST_STEPS;
 
 /// Why an excitation is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -212,8 +147,12 @@ pub enum Refusal {
     /// The number of amplitudes: least or greatest.
     Steps(u32),
     /// The form: components with a harmonic above 0 whose shares are together above 0 and at most
-    /// this.
+    /// this; with a table it is the sine, whose frequency stays.
     Form(u32),
+    /// The number of a table's points: least or greatest.
+    Points(u32),
+    /// The points that are there are not those of the table that is named: their check.
+    Table(u32),
 }
 
 impl Refusal {
@@ -227,7 +166,9 @@ impl Refusal {
             | Self::GlideTime(limit)
             | Self::HoldTime(limit)
             | Self::Steps(limit)
-            | Self::Form(limit) => limit,
+            | Self::Form(limit)
+            | Self::Points(limit)
+            | Self::Table(limit) => limit,
         }
     }
 }
@@ -251,14 +192,15 @@ impl Excitation {
             hold_ms: 0,
             form: Form::SINE,
             on_trigger: false,
+            table: TableName::NONE,
         }
     }
 
-    /// Puts a part in.
+    /// Puts a part in, or points into the table.
     ///
     /// # Errors
     /// The last place, where there is none such.
-    pub fn put(&mut self, part: Part) -> Result<(), u32> {
+    pub fn put(&mut self, part: Part, table: &mut Table) -> Result<(), u32> {
         match part {
             Part::Anew => *self = Self { steps: 0, ..Self::sine(0, 0) },
             Part::Component { place, component } => {
@@ -273,11 +215,13 @@ impl Excitation {
             Part::Hold { ms } => self.hold_ms = ms,
             Part::Glide(glide) => self.glide = glide,
             Part::OnTrigger => self.on_trigger = true,
+            Part::Points { place, points } => return table.put(place, &points),
+            Part::Table(name) => self.table = name,
         }
         Ok(())
     }
 
-    /// The commands that prepare and start it.
+    /// The commands that prepare and start it; the points of its table come before.
     #[must_use]
     pub fn commands(&self) -> Vec<Command, MOST_COMMANDS> {
         let places = || 0_u8..;
@@ -290,7 +234,8 @@ impl Excitation {
             .chain(amplitudes)
             .chain((self.hold_ms > 0).then_some(Part::Hold { ms: self.hold_ms }))
             .chain((self.glide.law != Law::Steady).then_some(Part::Glide(self.glide)))
-            .chain(self.on_trigger.then_some(Part::OnTrigger));
+            .chain(self.on_trigger.then_some(Part::OnTrigger))
+            .chain(self.table.is_some().then_some(Part::Table(self.table)));
         let start = Command::Excite { frequency_millihertz: self.frequency_millihertz };
         // There is room for all.
         parts.map(Command::Prepare).chain(core::iter::once(start)).collect()
@@ -300,7 +245,7 @@ impl Excitation {
     /// identification assumes.
     #[must_use]
     pub fn is_sine(&self) -> bool {
-        self.form == Form::SINE && self.glide.law == Law::Steady
+        self.form == Form::SINE && self.glide.law == Law::Steady && !self.table.is_some()
     }
 
     /// Whether it is a sine of one frequency and one amplitude.
@@ -328,10 +273,12 @@ impl Excitation {
     /// Why a shaker of these limits must not do it; none where it may. Amplitude, highest frequency
     /// and acceleration Σ a_k (2π h_k f)² are bounded for the sum, whatever the phases.
     ///
-    /// The order of the checks: form, steps, amplitude, frequency, acceleration, times.
+    /// The order of the checks: form, steps, amplitude, frequency, acceleration, times. What its
+    /// table must keep is checked by [`Extent::refusal`].
     #[must_use]
     pub fn refusal(&self, limits: &ShakerLimits) -> Option<Refusal> {
-        if !self.form.is_possible() {
+        let alone = self.form == Form::SINE && self.glide.law == Law::Steady;
+        if !self.form.is_possible() || (self.table.is_some() && !alone) {
             return Some(Refusal::Form(u32::from(WHOLE)));
         }
         if let Some(limit) = beyond(u32::from(self.steps), [1, MOST_STEPS as u32]) {
@@ -348,7 +295,7 @@ impl Excitation {
             return Some(Refusal::Frequency(limit));
         }
         let limit = amplitude_limit(limits.acceleration_millimetre_per_s2, self.greatest_frequency(), &self.form);
-        if most > limit {
+        if most > limit && !self.table.is_some() {
             return Some(Refusal::Acceleration(limit));
         }
         if let Some(limit) = beyond(self.glide.ms, GLIDE_MS).filter(|_| glides) {

@@ -70,14 +70,14 @@ pub const SCHEMA: &str = concat!(
     "rows{tick:u32,window_ticks:u32,window:u32,phase_increment:u32,amplitude_nanometre:u32,frequency:u8,last_frequency:u8,",
     "rows:[[[u8;3];13]]}|restored(samples)|back_filled{first_tick:u32,ticks:u32,samples:u32}|excited{tick:u32,excitation}];",
     "excitation{frequency_millihertz:u32,glide{law:enum[steady,linear,logarithmic],back:bool,to_millihertz:u32,ms:u32},",
-    "amplitudes_micrometre:[u32;8],steps:u8,hold_ms:u32,form:[{harmonic:u8,share:u16,phase:u16};6],on_trigger:bool};",
+    "amplitudes_micrometre:[u32;8],steps:u8,hold_ms:u32,form:[{harmonic:u8,share:u16,phase:u16};6],on_trigger:bool,table{points:u16,check:u32}};",
     "host[command{hello|keep_alive|arm|disarm|start{amplitude_micrometre:u32,frequency_millihertz:u32}|stop|",
     "set_ramp{micrometre_per_s:u32}|set_host_timeout{ms:u32}|zero_counts|status|stream(enum[samples,rows])|",
     "set(enum[counts_per_turn{channel:u8,counts:u32},reversed{channel:u8,reversed:bool},sample_rate{millihertz:u32},",
     "amplitude_limit{micrometre:u32},frequency_limit{millihertz:u32},ramp_limit{micrometre_per_s:u32},",
     "acceleration_limit{millimetre_per_s2:u32},host_timeout{ms:u32},full_scale{micrometre:u32},baud{rate:u32},built_in,base{kind:enum[none,encoder,position,acceleration]},base_scale{scale:u32}])|restart|",
     "back_fill{boot_id:u32,first_tick:u32,ticks:u32}|prepare(enum[anew,component{place:u8,component{harmonic:u8,share:u16,phase:u16}},amplitude{place:u8,micrometre:u32},",
-    "hold{ms:u32},glide(glide),on_trigger])|excite{frequency_millihertz:u32}}]"
+    "hold{ms:u32},glide(glide),on_trigger,points{place:u8,points:[i16;6]},table(table)])|excite{frequency_millihertz:u32}}]"
 );
 
 /// FNV-1a hash of [`SCHEMA`]: two sides with the same value lay messages out alike.

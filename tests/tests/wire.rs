@@ -9,7 +9,7 @@ use whirl_firmware::Settings;
 use whirl_hil_sim::emulated::{Script, on_this_machine};
 use whirl_hil_sim::{BaseQuantity, BaseSettings, RigSettings, VirtualRig};
 use whirl_shared::codec::Decoder;
-use whirl_shared::excitation::{Component, Excitation, Glide, Law};
+use whirl_shared::excitation::{Component, Excitation, Glide, Law, Table};
 use whirl_shared::frame::regression::{EquationEstimate, Unknown};
 use whirl_shared::frame::{
     BaseKind, BaseSensor, Command, CommandResult, DeviceMessage, Excited, Hello, PROTOCOL_VERSION, SCHEMA, SCHEMA_HASH,
@@ -91,7 +91,8 @@ fn excited(excited: &Excited) -> Value {
         e.steps,
         e.hold_ms,
         form,
-        u8::from(e.on_trigger)
+        u8::from(e.on_trigger),
+        [u32::from(e.table.points), e.table.check]
     ])
 }
 
@@ -204,6 +205,14 @@ fn a_decoder_written_from_the_documentation_reads_every_message() {
     let all = excitation.commands().into_iter().zip(20..);
     let script = all.fold(script, |script, (command, tick)| script.command(tick, command));
     frames.extend(on_this_machine(&RigSettings::default(), &script, 900).unwrap());
+    // And a table.
+    let points: Vec<i16> = (0..20_i16).map(|j| 700 * (j - 10).abs()).collect();
+    let table = Table::of(&points).unwrap();
+    let named = Excitation { table: table.known().name, ..Excitation::sine(4_000, 2_000) };
+    let all = table.parts().map(Command::Prepare).chain(named.commands());
+    let script = Script::new().command(10, Command::Arm);
+    let script = all.zip(20..).fold(script, |script, (command, tick)| script.command(tick, command));
+    frames.extend(on_this_machine(&RigSettings::default(), &script, 900).unwrap());
     let Some(read) = in_python(&frames) else { return };
     let wanted = in_rust(&frames);
     assert_eq!(read.len(), wanted.len());
@@ -212,6 +221,9 @@ fn a_decoder_written_from_the_documentation_reads_every_message() {
     }
     let channels = |frame: &&Value| frame[1] == 1 && frame[2][1].as_array().is_some_and(|first| first.len() == 3);
     assert!(read.iter().filter(channels).count() > 90);
+    // Its points and FNV-1a, which the documentation names.
+    let check = points.iter().fold(0x811c_9dc5_u32, |h, c| (h ^ u32::from(*c as u16)).wrapping_mul(0x0100_0193));
+    assert!(read.iter().any(|frame| frame[1] == 9 && frame[2][7] == json!([20, check])));
     let seen: std::collections::BTreeSet<u64> = read.iter().map(|frame| frame[1].as_u64().unwrap()).collect();
     assert_eq!(seen.into_iter().collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
 }

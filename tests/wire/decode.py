@@ -34,7 +34,7 @@ class Payload:
     def rows(self): return [self.many(5, self.u), self.many(2, self.u8), self.list(lambda: self.many(13, self.f24))]
     def back_filled(self): return self.many(3, self.u)
     def component(self): return [self.u8(), self.u(), self.u()]
-    def excited(self): return [self.many(3, self.u), self.u8(), self.many(10, self.u), self.u8(), self.u(), self.many(6, self.component), self.u8()]
+    def excited(self): return [self.many(3, self.u), self.u8(), self.many(10, self.u), self.u8(), self.u(), self.many(6, self.component), self.u8(), self.many(2, self.u)]
 
 for frame in sys.stdin.buffer.read().split(b"\0")[:-1]:
     checked = cobs(frame)

@@ -1,6 +1,6 @@
 //! What the host may tell the shaker.
 
-use whirl_shared::excitation::Excitation;
+use whirl_shared::excitation::{Excitation, Part};
 use whirl_shared::frame::{Command, CommandResult, ShakerState, StopCause};
 
 use super::Shaker;
@@ -24,7 +24,9 @@ impl<O: ShakerOutput> Shaker<O> {
                 self.excite(Excitation::sine(amplitude_micrometre, frequency_millihertz))
             }
             Command::Prepare(_) if self.moving() => CommandResult::WrongState,
-            Command::Prepare(part) => match self.prepared.put(part) {
+            // What waits for its trigger keeps its table.
+            Command::Prepare(Part::Points { .. }) if self.waiting => CommandResult::WrongState,
+            Command::Prepare(part) => match self.prepared.put(part, &mut self.table) {
                 Ok(()) => CommandResult::Done,
                 Err(limit) => CommandResult::OutOfRange { limit },
             },
@@ -95,7 +97,10 @@ impl<O: ShakerOutput> Shaker<O> {
         if !matches!(self.state, ShakerState::Armed | ShakerState::Ramping | ShakerState::Running) {
             return CommandResult::WrongState;
         }
-        if let Some(refusal) = new.refusal(&self.limits) {
+        // Of no table, or of one of a count that cannot be, nothing is known.
+        let extent = self.table.extent(new.table.points).unwrap_or_default();
+        let of_table = || extent.refusal(&new, &self.limits, self.sample_rate_millihertz);
+        if let Some(refusal) = new.refusal(&self.limits).or_else(of_table) {
             return CommandResult::OutOfRange { limit: refusal.limit() };
         }
         let Some(run) = Run::new(new, self.sample_rate_millihertz) else {
@@ -104,6 +109,7 @@ impl<O: ShakerOutput> Shaker<O> {
         let old = &self.run.excitation;
         if !self.moving() {
             self.run = run;
+            self.table.take(extent);
             self.waiting = new.on_trigger;
             if !self.waiting {
                 self.begin();

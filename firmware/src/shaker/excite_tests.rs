@@ -11,14 +11,14 @@ use super::*;
 use crate::testing::Recorder;
 use whirl_shared::frame::{Command, CommandResult};
 
-fn armed() -> Shaker<Recorder> {
+pub(super) fn armed() -> Shaker<Recorder> {
     let mut shaker = Shaker::new(&Settings::default(), Recorder::default());
     assert_eq!(shaker.command(Command::Arm), CommandResult::Done);
     shaker
 }
 
 /// What becomes of the last of its commands, or of the first that is refused.
-fn excite(shaker: &mut Shaker<Recorder>, excitation: Excitation) -> CommandResult {
+pub(super) fn excite(shaker: &mut Shaker<Recorder>, excitation: Excitation) -> CommandResult {
     let results = excitation.commands().into_iter().map(|command| shaker.command(command));
     results.fold(CommandResult::Done, |first, next| if first == CommandResult::Done { next } else { first })
 }
@@ -30,7 +30,7 @@ fn excited(excitation: Excitation) -> Shaker<Recorder> {
 }
 
 /// Ticks with a living host: the drive of each.
-fn run(shaker: &mut Shaker<Recorder>, ticks: u32) -> Vec<Drive> {
+pub(super) fn run(shaker: &mut Shaker<Recorder>, ticks: u32) -> Vec<Drive> {
     (0..ticks)
         .map(|_| {
             shaker.command(Command::KeepAlive);
@@ -260,7 +260,7 @@ fn any_excitation() -> impl Strategy<Value = Excitation> {
             steps,
             hold_ms,
             form,
-            on_trigger: false,
+            ..Excitation::default()
         })
 }
 

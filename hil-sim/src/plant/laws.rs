@@ -134,6 +134,8 @@ pub struct DriveAdditions {
     pub across_is_horizontal: Option<bool>,
     /// Relative growth of the amplitude over the record.
     pub amplitude_drift: f64,
+    /// True amplitude over the commanded one, less 1: an error of the shaker's gain.
+    pub gain_error: f64,
     /// True frequency minus recorded frequency, Hz.
     pub frequency_offset_hz: f64,
 }

@@ -3,13 +3,13 @@
 
 use whirl_shared::block::samples;
 use whirl_shared::codec::{Decoder, MAX_FRAME, encode};
-use whirl_shared::excitation::{Component, Excitation, Form, Glide, Law, WHOLE};
+use whirl_shared::excitation::{Component, Excitation, Form, Glide, Law, Table, WHOLE};
 use whirl_shared::frame::{
     CommandResult, DeviceMessage, Envelope, Excited, HostMessage, SampleBlock, ShakerState, StopCause,
 };
 
 use super::*;
-use crate::shaker::Shaker;
+use crate::shaker::{CommandShape, Shaker};
 
 /// A rig, its bytes decoded, and what stood at the shaker's output at each tick.
 struct Bench {
@@ -21,6 +21,8 @@ struct Bench {
     estimates: usize,
     results: Vec<CommandResult>,
     logs: Vec<String>,
+    /// What the host has brought.
+    table: Option<Table>,
     /// Set point (nm), command to the simulated base, whether it is running.
     ticks: Vec<(i32, Command, bool)>,
 }
@@ -37,6 +39,7 @@ impl Bench {
             estimates: 0,
             results: Vec::new(),
             logs: Vec::new(),
+            table: None,
             ticks: Vec::new(),
         };
         bench.command(whirl_shared::frame::Command::Arm);
@@ -87,6 +90,25 @@ impl Bench {
         }
     }
 
+    /// What a host takes for the shape.
+    fn shape(&self, told: Option<&Excited>) -> CommandShape {
+        let Some(excitation) = told.map(|told| told.excitation) else { return CommandShape::default() };
+        if !excitation.table.is_some() {
+            return CommandShape::Sines(excitation.form);
+        }
+        let table = self.table.filter(|table| table.known().name == excitation.table);
+        CommandShape::Table(table.expect("the table that is told"))
+    }
+
+    fn bring(&mut self, table: Table) -> Excitation {
+        table.parts().for_each(|part| {
+            self.command(whirl_shared::frame::Command::Prepare(part));
+            self.run(2);
+        });
+        self.table = Some(table);
+        Excitation { table: table.known().name, ..Excitation::sine(6_000, 4_000) }
+    }
+
     /// Compares set point, base and what the blocks and the excitation told make of it; how many
     /// samples of a running shaker there are.
     fn compare(&self) -> usize {
@@ -94,14 +116,18 @@ impl Bench {
         for block in &self.blocks {
             for sample in samples(block) {
                 let told = self.excited.iter().rev().find(|excited| excited.tick <= sample.tick);
-                let form = told.map_or(Form::SINE, |excited| excited.excitation.form);
+                let shape = self.shape(told);
                 let (written, base, running) = self.ticks[sample.tick as usize];
                 if !running {
                     continue;
                 }
-                assert_eq!(form.displacement(block.amplitude_nanometre, sample.phase), written, "tick {}", sample.tick);
+                let y = match &shape {
+                    CommandShape::Sines(form) => form.displacement(block.amplitude_nanometre, sample.phase),
+                    CommandShape::Table(table) => table.displacement(block.amplitude_nanometre, sample.phase),
+                };
+                assert_eq!(y, written, "tick {}", sample.tick);
                 assert_eq!((base.phase, base.phase_increment), (sample.phase, block.phase_increment));
-                assert_eq!((base.form, base.amplitude_nanometre), (form, [block.amplitude_nanometre; 2]));
+                assert_eq!((base.shape, base.amplitude_nanometre), (shape, [block.amplitude_nanometre; 2]));
                 let [_, y] = Shaker::default().motion(base, 1.0, 0.002).displacement(0.0);
                 assert!((y * 1e9 - f64::from(written)).abs() < 8.0, "{y} m for {written} nm");
                 compared += 1;
@@ -138,6 +164,52 @@ fn device_simulator_and_host_agree_to_the_last_bit() {
         assert_eq!(bench.excited.len(), told);
         assert!(bench.excited.iter().all(|told| told.excitation == excitation && told.tick < 20));
     }
+}
+
+/// A rough triangle with an offset, of as many points as a chunk does not divide.
+fn table() -> Table {
+    let points: Vec<i16> = (0..100_i32).map(|j| (j * 7_919 % 401 - 200 + 200 * (j - 50).abs()) as i16).collect();
+    Table::of(&points).unwrap()
+}
+
+#[test]
+fn a_table_is_the_same_on_device_simulator_and_host_to_the_last_bit() {
+    let mut bench = Bench::armed();
+    let excitation = bench.bring(table());
+    bench.excite(excitation);
+    bench.run(3_000);
+    bench.rig.miss_ticks(7);
+    bench.run(1_500);
+    assert!(bench.results.iter().all(|result| *result == CommandResult::Done));
+    assert!(bench.compare() > 4_000);
+    assert!(bench.excited.len() >= 9 && bench.excited.iter().all(|told| told.excitation == excitation));
+    assert_eq!(bench.estimates, 0);
+    // Acceleration and velocity of the base are the displacement's derivatives, ramps too.
+    let shaker = Shaker { psi: 0.7, ..Shaker::default() };
+    for (_, base, _) in bench.ticks.iter().skip(60).step_by(7) {
+        let motion = shaker.motion(*base, 1.0, 0.002);
+        let h = 2e-5;
+        // Whole numbers of this would meet the corners of the second derivative.
+        for t in [0.000_37, 0.001_13] {
+            let [a, b, c] = [t - h, t, t + h].map(|t| motion.displacement(t)[1]);
+            let (slope, bend) = ((c - a) / (2.0 * h), (a - 2.0 * b + c) / (h * h));
+            assert!((motion.velocity(t)[1] - slope).abs() < 1e-4, "{slope}");
+            assert!((motion.acceleration(t)[1] - bend).abs() < 1.0 + 0.02 * bend.abs(), "{bend}");
+        }
+    }
+    // Silence ends it along a ramp.
+    bench.silent(1_600);
+    let status = bench.rig.status();
+    assert_eq!((status.shaker, status.stop_cause), (ShakerState::Disarmed, StopCause::HostSilent));
+    assert_eq!(bench.rig.set_point(), 0);
+}
+
+#[test]
+fn a_shaker_s_gain_moves_the_base_farther_than_commanded() {
+    let additions = crate::plant::DriveAdditions { gain_error: -0.2, ..Default::default() };
+    let motion = Shaker { additions, ..Shaker::default() };
+    let base = Command { amplitude_nanometre: [1_000_000; 2], phase_increment: 1 << 20, ..Command::default() };
+    assert!((motion.motion(base, 0.0, 0.002).displacement(0.0)[1] - 0.8e-3).abs() < 1e-12);
 }
 
 #[test]

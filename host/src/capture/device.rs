@@ -137,9 +137,27 @@ pub(super) fn check_drive(hello: &Hello, target: Target, rig: &Rig) -> Result<()
         (f64::from(excitation.form.highest()), f64::from(excitation.greatest_frequency()) / 1e3);
     let (amplitude, frequency) =
         (f64::from(excitation.amplitudes().iter().copied().max().unwrap_or(0)) / 1e6, highest * base_frequency);
-    // Of the sum, whatever the phases.
-    let sharpness = excitation.form.sharpness() as f64 / f64::from(WHOLE);
-    let acceleration = amplitude * (core::f64::consts::TAU * base_frequency).powi(2) * sharpness;
+    let acceleration = match target.1.map(|table| table.known()) {
+        Some(extent) => {
+            let most = extent.frequency_limit(hello.sample_rate_millihertz);
+            if excitation.frequency_millihertz > most {
+                return Err(BadInput::new(
+                    format!("a table of {} points at {base_frequency} Hz", extent.name.points),
+                    format!("at most {} Hz: a point for each of the device's samples", f64::from(most) / 1e3),
+                )
+                .in_file(&rig.path)
+                .at("drive")
+                .remedy("Give the period fewer points, or set drive.frequency_hz within it"));
+            }
+            let sharpest = f64::from(extent.sharpest) / f64::from(WHOLE);
+            amplitude * (f64::from(extent.name.points) * base_frequency).powi(2) * sharpest
+        }
+        None => {
+            // Of the sum, whatever the phases.
+            let sharpness = excitation.form.sharpness() as f64 / f64::from(WHOLE);
+            amplitude * (core::f64::consts::TAU * base_frequency).powi(2) * sharpness
+        }
+    };
     let full_scale = f64::from(hello.full_scale_micrometre) / 1e6;
     for (what, found, limit, key, unit) in [
         ("an amplitude", amplitude, f64::from(limits.amplitude_micrometre) / 1e6, "amplitude_limit_m", "m"),
@@ -161,7 +179,7 @@ pub(super) fn check_drive(hello: &Hello, target: Target, rig: &Rig) -> Result<()
                     .to_owned()
             } else {
                 format!(
-                    "Set drive.amplitude_m (or --amplitude-m, --amplitude-steps) and drive.frequency_hz (or --sweep, --multisine) within it, or, where the shaker can do \
+                    "Set drive.amplitude_m (or --amplitude-m, --amplitude-steps) and drive.frequency_hz (or --sweep, --multisine, a smoother --table) within it, or, where the shaker can do \
                      more, `whirl device set {key}={found}`"
                 )
             };

@@ -8,7 +8,7 @@
 
 use std::time::{Duration, Instant};
 
-use whirl_shared::excitation::Excitation;
+use whirl_shared::excitation::{Excitation, Table};
 use whirl_shared::frame::{Command, CommandResult, Hello, ShakerState, Status, StopCause};
 
 use super::commands::{Commands, Outcome};
@@ -22,9 +22,9 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// Stops of the shaker that are told; of more, the last one is.
 const MOST_WARNINGS: usize = 16;
 
-/// What is asked of the shaker.
+/// What is asked of the shaker, and the table that it names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Target(pub(super) Excitation);
+pub(super) struct Target(pub(super) Excitation, pub(super) Option<Table>);
 
 impl Target {
     /// Amplitude of the base at the start, µm.
@@ -44,7 +44,8 @@ impl Target {
                 (self.amplitude_micrometre(), self.frequency_millihertz());
             vec![Command::Start { amplitude_micrometre, frequency_millihertz }]
         } else {
-            self.0.commands().to_vec()
+            let points = self.1.iter().flat_map(Table::parts).map(Command::Prepare);
+            points.chain(self.0.commands()).collect()
         }
     }
 }
@@ -105,6 +106,17 @@ impl Drive {
     /// What is asked of the shaker.
     pub(super) fn target(&self) -> Option<Target> {
         self.target
+    }
+
+    /// Another amplitude, µm, for a drive that runs.
+    pub(super) fn adjust(&mut self, amplitude_micrometre: u32, commands: &mut Commands, now: Instant) {
+        if let Some(target) = &mut self.target {
+            target.0.amplitudes_micrometre[0] = amplitude_micrometre;
+            if self.step == Step::Running {
+                let frequency_millihertz = target.frequency_millihertz();
+                commands.ask(Command::Start { amplitude_micrometre, frequency_millihertz }, now);
+            }
+        }
     }
 
     /// Starts the drive (once the device has said hello).

@@ -3,9 +3,11 @@
 
 use core::fmt;
 use core::str::FromStr;
+use std::path::PathBuf;
 
 use whirl_shared::excitation::{Component, Excitation, Form, GLIDE_MS, Glide, Law, MOST_COMPONENTS, MOST_STEPS, WHOLE};
 
+use super::table::Read;
 use crate::error::{BadInput, Result};
 
 /// Frequencies from one to another, `2..8`, Hz.
@@ -48,6 +50,8 @@ pub struct Excite {
     pub back: bool,
     /// Harmonics of the drive's frequency that sound together.
     pub multisine: Vec<u8>,
+    /// A file of one period of the displacement, [`super::table`].
+    pub table: Option<PathBuf>,
     /// Amplitudes one after the other, m.
     pub amplitude_steps_m: Vec<f64>,
     /// Time for which each is held, s.
@@ -83,6 +87,12 @@ impl Excite {
     pub(super) fn excitation(&self, amplitude_micrometre: u32, frequency_millihertz: u32) -> Result<Excitation> {
         let mut excitation = Excitation::sine(amplitude_micrometre, frequency_millihertz);
         excitation.on_trigger = self.on_trigger;
+        if self.table.is_some() && (self.sweep.is_some() || !self.multisine.is_empty()) {
+            let with = if self.sweep.is_some() { "--sweep" } else { "--multisine" };
+            return Err(BadInput::new(format!("--table with {with}"), "one of them").at("--table").remedy(
+                "A table is played at the drive's frequency, and is all that the base does: leave one of them out",
+            ));
+        }
         match self.sweep {
             Some(band) => self.glide(band, &mut excitation)?,
             None if self.sweep_s.is_some() || self.logarithmic || self.back => {
@@ -97,6 +107,14 @@ impl Excite {
         }
         self.steps(&mut excitation)?;
         Ok(excitation)
+    }
+
+    /// The table that moves the base.
+    ///
+    /// # Errors
+    /// A file that holds none: its line, what was found and what is expected.
+    pub(super) fn table(&self) -> Result<Option<Read>> {
+        self.table.as_deref().map(Read::of_file).transpose()
     }
 
     fn glide(&self, band: Band, excitation: &mut Excitation) -> Result<()> {
@@ -157,6 +175,7 @@ impl Excite {
         put("--sweep", self.sweep.map(|band| band.to_string()));
         put("--sweep-s", self.sweep_s.map(|s| s.to_string()));
         put("--multisine", list(self.multisine.iter().map(u8::to_string).collect()));
+        put("--table", self.table.as_ref().map(|path| path.display().to_string()));
         put("--amplitude-steps", list(self.amplitude_steps_m.iter().map(f64::to_string).collect()));
         put("--hold-s", self.hold_s.map(|s| s.to_string()));
         for (option, on) in
@@ -206,6 +225,9 @@ pub(super) fn words(e: &Excitation) -> String {
     if e.form != Form::SINE {
         let all: Vec<String> = e.form.components().map(|c| c.harmonic.to_string()).collect();
         text.push_str(&format!(", harmonics {}", all.join(", ")));
+    }
+    if e.table.is_some() {
+        text.push_str(&format!(", a table of {} points ({:08x})", e.table.points, e.table.check));
     }
     if e.steps > 1 {
         text.push_str(&format!(", each for {} ms", e.hold_ms));

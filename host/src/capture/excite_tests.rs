@@ -40,6 +40,11 @@ fn what_cannot_be_names_its_option() {
         (asked(|e| (e.amplitude_steps_m, e.hold_s) = (vec![0.001; 2], Some(0.2))), "0.5 s or more"),
         (asked(|e| (e.amplitude_steps_m, e.hold_s) = (vec![-0.001], Some(2.0))), "amplitudes in m"),
         (asked(|e| e.hold_s = Some(2.0)), "--amplitude-steps"),
+        (asked(|e| (e.table, e.multisine) = (Some("t".into()), vec![1])), "--table with --multisine"),
+        (
+            asked(|e| (e.table, e.sweep, e.sweep_s) = (Some("t".into()), band("2..8"), Some(3.0))),
+            "--table with --sweep",
+        ),
     ] {
         let text = refused.unwrap_err().to_string();
         assert!(text.contains(part), "{text} has no {part}");
@@ -75,5 +80,7 @@ fn a_continuation_asks_for_the_same() {
     assert_eq!(excite.options(), ["--sweep", "2..8", "--sweep-s", "60", "--sweep-back"]);
     excite = Excite { multisine: vec![1, 3], amplitude_steps_m: vec![0.004], hold_s: Some(1.0), ..Excite::default() };
     assert_eq!(excite.options(), ["--multisine", "1,3", "--amplitude-steps", "0.004", "--hold-s", "1"]);
+    excite = Excite { table: Some("a b.csv".into()), ..Excite::default() };
+    assert_eq!(excite.options(), ["--table", "a b.csv"]);
     assert!(excite.is_asked() && !Excite::default().is_asked());
 }

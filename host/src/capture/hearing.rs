@@ -4,9 +4,11 @@
 use std::time::{Duration, Instant};
 
 use whirl_shared::codec::FrameError;
-use whirl_shared::frame::{Command, DeviceMessage, Log, SettingsSource, Streamed};
+use whirl_shared::frame::{Command, DeviceMessage, Log, SampleBlock, SettingsSource, Streamed};
 
 use super::device::{check_drive, check_hello, level};
+use super::journal::Journal;
+use super::level::{self, Verdict};
 use super::live::Session;
 use super::no_device::Heard;
 use super::recorder::Recorder;
@@ -38,13 +40,51 @@ impl Session<'_> {
                     check_drive(hello, target, self.rig)?;
                 }
             }
-            if let (true, false, Some(journal)) = (frame.recorded, recorder.ended(), &mut self.journal) {
+            let recorded = frame.recorded && self.level.is_none();
+            if let (true, false, Some(journal)) = (recorded, recorder.ended(), &mut self.journal) {
                 journal.write(&frame.bytes)?;
                 for &byte in &frame.bytes {
                     recorder.push(byte).map_err(|e| e.in_file(&self.settings.from))?;
                 }
             }
+            if let Ok(DeviceMessage::Samples(block)) = frame.message.as_ref().map(|envelope| &envelope.message) {
+                self.level_by(block, recorder)?;
+            }
             self.event(frame).map_err(|e| e.in_file(&self.settings.from))?;
+        }
+        Ok(())
+    }
+
+    /// Levels the amplitude by what the base's channel shows; then journal and record begin, on the
+    /// terms that came out.
+    fn level_by(&mut self, block: &SampleBlock, recorder: &mut Recorder<'_>) -> Result<()> {
+        let (Some(leveller), Some(hello), Some(target)) = (&mut self.level, &self.hello, self.drive.target()) else {
+            return Ok(());
+        };
+        // At the end, or after a fault, it is nobody's any more.
+        if recorder.ended() || self.drive.stopping() {
+            return Ok(());
+        }
+        let now = self.source.now();
+        match leveller.block(block, level::most(hello, target))? {
+            Verdict::Waiting => {}
+            Verdict::Command(micrometre) => self.drive.adjust(micrometre, &mut self.commands, now),
+            Verdict::Level(level) => {
+                self.level = None;
+                self.notices.push(level::told(&level));
+                let terms = recorder.renew(|terms| {
+                    terms.from_drive = Some((target.amplitude_micrometre(), target.frequency_millihertz()));
+                    terms.level = Some(level);
+                })?;
+                if let Some(journal) = self.journal.take() {
+                    journal.finish(false)?;
+                }
+                self.journal = Some(Journal::create(&self.settings.output, terms)?);
+                // What was told before is to be told again.
+                self.sieve = Sieve::default();
+                self.commands.send(Command::Hello);
+                self.commands.send(Command::Status);
+            }
         }
         Ok(())
     }

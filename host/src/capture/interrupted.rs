@@ -40,11 +40,15 @@ pub(super) fn options(settings: &CaptureSettings) -> Vec<String> {
         None => {}
     }
     words.extend(settings.excite.options());
+    words.extend(settings.level.then(|| LEVEL.to_owned()));
     words
 }
 
 /// The option that puts an effect into a simulated rig.
 const EFFECT: &str = "--effect";
+
+/// The option that levels the amplitude.
+const LEVEL: &str = "--level-amplitude";
 
 /// Effects among the options of a command.
 fn effects(options: &[String]) -> String {
@@ -252,6 +256,10 @@ pub(super) fn to_resume(settings: &CaptureSettings, rig: &Rig, target: Option<Ta
     if terms.rows != settings.rows {
         let word = |rows: bool| if rows { "--rows" } else { "samples" }.to_owned();
         return differs("--rows", word(settings.rows), word(terms.rows));
+    }
+    if terms.options.iter().any(|word| word == LEVEL) != settings.level {
+        let word = |level: bool| if level { LEVEL } else { "an amplitude that is commanded" }.to_owned();
+        return differs(LEVEL, word(settings.level), word(!settings.level));
     }
     let now = journal::essentials(rig, target);
     if terms.rig.is_empty() || terms.rig == now {

@@ -22,6 +22,7 @@ use serde::{Deserialize, Serialize};
 use super::drive::Target;
 use super::excite;
 use crate::error::{BadInput, Result};
+use crate::record::Level;
 use crate::rig::Rig;
 use crate::rig::measures::BASE;
 
@@ -51,6 +52,12 @@ pub struct Terms {
     pub hello_first: bool,
     /// Regression rows are recorded, not samples.
     pub rows: bool,
+    /// Control points of the table that the device was brought.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub table: Vec<i16>,
+    /// What the amplitude was levelled to; it is `from_drive`'s then.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub level: Option<Level>,
     /// Options of the command that a continuation must have too, beside source, rig file and
     /// record.
     #[serde(skip_serializing_if = "Vec::is_empty")]

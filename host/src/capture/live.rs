@@ -15,6 +15,7 @@ use super::feed::Feeder;
 use super::gate::Gate;
 use super::interrupted;
 use super::journal::{Journal, Terms, essentials};
+use super::level::Leveller;
 use super::no_device::{Heard, Wire};
 use super::precision::Progression;
 use super::recorder::Recorder;
@@ -40,6 +41,8 @@ pub(super) struct Session<'a> {
     pub(super) link: Option<Box<dyn Link>>,
     pub(super) commands: Commands,
     pub(super) drive: Drive,
+    /// Until the amplitude is level, nothing is recorded.
+    pub(super) level: Option<Leveller>,
     pub(super) back_fill: BackFill,
     pub(super) journal: Option<Journal>,
     pub(super) sieve: Sieve,
@@ -93,9 +96,17 @@ pub(super) fn run(
         settle_s: settings.settle_s.unwrap_or_else(|| settle_s(&*source, target)),
         hello_first: true,
         rows: settings.rows,
+        table: target.and_then(|t| t.1).map(|table| table.points().to_vec()).unwrap_or_default(),
+        level: None,
         options: interrupted::options(settings),
         rig: essentials(rig, target),
     });
+    let mut target = target;
+    // What was levelled before the interruption stays so.
+    if let (Some(level), Some(target)) = (terms.level, &mut target) {
+        target.0.amplitudes_micrometre[0] = (level.commanded_m * 1e6).round() as u32;
+    }
+    let level = target.filter(|_| settings.level && terms.level.is_none()).and_then(|t| Leveller::new(rig, t));
     let mut recorder = Recorder::new(rig, &settings.output, terms.clone())?;
     if going_on {
         source.resumed();
@@ -117,6 +128,7 @@ pub(super) fn run(
         source,
         link: Some(link),
         commands: Commands::new(first),
+        level,
         drive: Drive::new(target, settings.restart_drive, now),
         back_fill: BackFill::default(),
         journal: Some(journal),
@@ -342,6 +354,8 @@ impl Session<'_> {
             "waiting for the device"
         } else if self.drive.starting() {
             "starting the drive"
+        } else if self.level.is_some() {
+            "levelling the amplitude"
         } else if !recorder.recording() {
             "settling"
         } else if self.back_fill.is_under_way() {

@@ -31,6 +31,7 @@ mod gate;
 mod hearing;
 pub mod interrupted;
 pub mod journal;
+pub mod level;
 mod live;
 mod no_device;
 pub mod precision;
@@ -45,7 +46,9 @@ mod sieve;
 pub mod sim;
 pub mod source;
 mod stall;
+mod table;
 pub mod talk;
+mod target;
 mod tcp;
 mod watching;
 
@@ -55,15 +58,14 @@ use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
 
-use self::drive::Target;
 use self::excite::Excite;
 use self::feed::Feed;
 use self::precision::{Precision, Until};
 use self::recorder::Finished;
+use self::target::{needs_measured_base, target};
 use crate::error::{BadInput, Result};
-use crate::record::{DeviceLine, Losses};
+use crate::record::{DeviceLine, Level, Losses};
 use crate::rig::Rig;
-use crate::rig::measures::BASE;
 use crate::warning::Warning;
 
 pub use self::progress::Progress;
@@ -85,6 +87,9 @@ pub struct CaptureSettings {
     pub amplitude_m: Option<f64>,
     /// What the shaker does beyond one sine.
     pub excite: Excite,
+    /// Before the record begins, command what makes the base's channel show the amplitude that is
+    /// wanted. Default false.
+    pub level: bool,
     /// Start the shaker where the rig has a drive. Default true.
     pub drive: bool,
     /// Record from the moment on at which the shaker runs at its amplitude, not from the first
@@ -128,6 +133,7 @@ impl CaptureSettings {
             handshake_s: 5.0,
             amplitude_m: None,
             excite: Excite::default(),
+            level: false,
             drive: true,
             wait_for_drive: true,
             settle_s: None,
@@ -204,6 +210,9 @@ pub struct CaptureOutcome {
     /// the samples under them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rows: Option<RowsOutcome>,
+    /// What the amplitude was levelled to, where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub level: Option<Level>,
     /// What the device said, its first lines.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub device_log: Vec<DeviceLine>,
@@ -265,10 +274,18 @@ pub fn run_from(
                 .at("--until")
                 .remedy("Leave it out: all that a file holds is taken"));
         }
+        if settings.level {
+            return Err(BadInput::new(format!("--level-amplitude from {}", settings.from), "a device")
+                .at("--level-amplitude")
+                .remedy("Leave it out: a file's amplitude is what it was"));
+        }
         return replay::run(settings, rig, source, progress);
     }
     settings.until.as_ref().map_or(Ok(()), |until| until.check(rig))?;
     let target = target(settings, rig)?;
+    if settings.level {
+        level::check(settings, rig, target)?;
+    }
     let unknown = target.is_none() && settings.drive && rig.drive.is_some();
     let mut outcome = live::run(settings, rig, source, target, progress)?;
     if unknown {
@@ -280,65 +297,6 @@ pub fn run_from(
     }
     outcome.warnings.extend(needs_measured_base(target, rig));
     Ok(outcome)
-}
-
-/// What cannot be done with a record whose drive is no sine.
-fn needs_measured_base(target: Option<Target>, rig: &Rig) -> Option<Warning> {
-    let excitation = target?.0;
-    if excitation.is_sine() || rig.channel.iter().any(|c| c.measures == BASE) {
-        return None;
-    }
-    Some(Warning::new(
-        "base-not-measured",
-        format!("the base was commanded {}, and no channel measures it", excite::words(&excitation)),
-        "`whirl identify` takes a drive that is not measured for one sine: add a channel with measures = \"base\" to the rig \
-         file, or capture with one frequency",
-    ))
-}
-
-/// What the shaker is to do; none where the rig has no drive or its amplitude is not known.
-fn target(settings: &CaptureSettings, rig: &Rig) -> Result<Option<Target>> {
-    let Some(drive) = rig.drive.filter(|_| settings.drive) else {
-        let asked = settings.excite.is_asked();
-        let of_drive = settings.amplitude_m.map(|a| format!("--amplitude-m {a}"));
-        let of_drive = of_drive.or(asked.then(|| settings.excite.options().join(" ")));
-        return match of_drive.filter(|_| settings.drive || asked) {
-            Some(option) if settings.drive => Err(BadInput::new(option, "a rig with [drive]")
-                .in_file(&rig.path)
-                .at("drive")
-                .remedy("Add [drive] with direction and frequency_hz to the rig file")),
-            Some(option) => Err(BadInput::new(format!("{option} with --no-drive"), "one of them")
-                .at("--no-drive")
-                .remedy("Leave one of them out")),
-            None => Ok(None),
-        };
-    };
-    let first_step = settings.excite.amplitude_steps_m.first().copied();
-    let amplitude = settings.amplitude_m.or(first_step).or(drive.amplitude_m);
-    let amplitude = match (amplitude, settings.from.split(':').next()) {
-        (None, Some("sim")) => Some(crate::rig::plant::Plant::of(rig)?.amplitude_m),
-        (amplitude, _) => amplitude,
-    };
-    let Some(amplitude) = amplitude else { return Ok(None) };
-    let millihertz = drive.frequency_hz * 1e3;
-    if (millihertz - millihertz.round()).abs() > 1e-6 || !(1.0..=4e9).contains(&millihertz) {
-        return Err(BadInput::new(
-            drive.frequency_hz.to_string(),
-            "a frequency in steps of 0.001 Hz, which the device takes",
-        )
-        .in_file(&rig.path)
-        .at("drive.frequency_hz")
-        .remedy(format!("Set {:.3}", drive.frequency_hz)));
-    }
-    if !(0.0..=2.0).contains(&amplitude) {
-        return Err(BadInput::new(amplitude.to_string(), "an amplitude in metres, 0 to 2")
-            .in_file(&rig.path)
-            .at("drive.amplitude_m")
-            .remedy("Give it in metres"));
-    }
-    // Both are within 32 bits, see above.
-    let (micrometre, millihertz) = ((amplitude * 1e6).round() as u32, millihertz.round() as u32);
-    settings.excite.excitation(micrometre, millihertz).map(|excitation| Some(Target(excitation)))
 }
 
 /// The outcome of a finished recording; none where it has no sample.
@@ -372,6 +330,7 @@ fn outcome(settings: &CaptureSettings, finished: Finished, seconds: Option<f64>)
         estimates: finished.estimates,
         estimate: finished.estimate,
         rows: finished.rows,
+        level: finished.metadata.level,
         device_log: finished.lines,
         complete,
         until: None,

@@ -163,6 +163,17 @@ impl<'a> Recorder<'a> {
         Ok(self.last_tick)
     }
 
+    /// Begins anew, on other terms.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(super) fn renew(&mut self, change: impl FnOnce(&mut Terms)) -> Result<&Terms> {
+        let mut terms = self.terms.clone();
+        change(&mut terms);
+        *self = Self::new(self.rig, &self.output.clone(), terms)?;
+        Ok(&self.terms)
+    }
+
     /// Takes one byte of the wire.
     ///
     /// # Errors
@@ -252,6 +263,8 @@ impl<'a> Recorder<'a> {
             device: self.boots.clone(),
             lines: Vec::new(),
             excitation: self.excited,
+            table: self.terms.table.clone(),
+            level: self.terms.level,
         }
     }
 

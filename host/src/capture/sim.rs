@@ -182,6 +182,7 @@ mod with_rig {
                     Some(RigDirection::Vertical) | None => Direction::Vertical,
                 },
                 psi: plant.phase_rad,
+                gain_error: plant.shaker_gain - 1.0,
                 second,
                 initial: plant.initial,
                 seed,

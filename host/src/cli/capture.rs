@@ -13,6 +13,7 @@ use crate::capture::estimates;
 use crate::capture::excite::{Band, Excite};
 use crate::capture::feed::Feed;
 use crate::capture::journal::path_of;
+use crate::capture::level::told;
 use crate::capture::precision::Until;
 #[cfg(feature = "sim")]
 use crate::capture::sim::Simulated;
@@ -42,6 +43,10 @@ pub struct Arguments {
     amplitude_m: Option<f64>,
     #[command(flatten)]
     excite: ExciteArguments,
+    /// Before the record begins, change what is commanded until the channel that measures the base
+    /// shows the amplitude that is wanted.
+    #[arg(long, conflicts_with_all = ["no_drive", "rows", "plan", "from_first_sample"])]
+    level_amplitude: bool,
     /// Leave the shaker alone.
     #[arg(long)]
     no_drive: bool,
@@ -112,6 +117,10 @@ struct ExciteArguments {
     /// Schroeder's phases: 1,2,3. The amplitude is that of their sum at most.
     #[arg(long, value_name = "N,N,…", value_delimiter = ',', conflicts_with_all = ["rows", "plan"])]
     multisine: Vec<u8>,
+    /// One period of the base's displacement, repeated at the drive's frequency: a text with one
+    /// number a line, m, equally spaced. Scaled to `--amplitude-m`, where that is given.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["rows", "plan"])]
+    table: Option<PathBuf>,
     /// Amplitudes of the base one after the other, m; the last one stays.
     #[arg(long, value_name = "M,M,…", value_delimiter = ',', conflicts_with_all = ["amplitude_m", "plan"])]
     amplitude_steps: Vec<f64>,
@@ -131,6 +140,7 @@ impl ExciteArguments {
             logarithmic: self.sweep_log,
             back: self.sweep_back,
             multisine: self.multisine.clone(),
+            table: self.table.clone(),
             amplitude_steps_m: self.amplitude_steps.clone(),
             hold_s: self.hold_s,
             on_trigger: self.on_trigger,
@@ -174,6 +184,9 @@ pub fn human(outcome: &CaptureOutcome) -> String {
     }
     if let Some(frames) = &outcome.frames {
         text.push_str(&format!("its journal is kept: {}\n", frames.display()));
+    }
+    if let Some(level) = &outcome.level {
+        text.push_str(&format!("{}\n", told(level)));
     }
     if let Some(until) = &outcome.until {
         text.push_str(&format!("until {}\n", until.words()));
@@ -240,7 +253,14 @@ pub(super) fn files(arguments: &Arguments, rig: &Rig) -> Outputs {
     } else {
         Outputs::record
     };
-    let files = of(Outputs::of(&arguments.out, Some(arguments.replace)).reads_rig(rig).reads(frames), "-o", record);
+    let files = of(
+        Outputs::of(&arguments.out, Some(arguments.replace))
+            .reads_rig(rig)
+            .reads(frames)
+            .reads(arguments.excite.table.as_deref()),
+        "-o",
+        record,
+    );
     let files = of(files, "-o", &estimates::path_of(record));
     // From a file nothing is journalled.
     if frames.is_some() { files } else { files.again("-o", &journal) }
@@ -306,6 +326,7 @@ pub(super) fn settings_of(arguments: &Arguments, stop: Arc<AtomicBool>) -> Captu
         handshake_s: arguments.handshake_s,
         amplitude_m: arguments.amplitude_m,
         excite: arguments.excite.asked(),
+        level: arguments.level_amplitude,
         drive: !arguments.no_drive,
         wait_for_drive: !arguments.from_first_sample,
         effects: arguments.effects.clone(),

@@ -20,6 +20,7 @@ mod dates;
 pub mod device_boot;
 pub mod formats;
 mod hdf5;
+mod level;
 mod lines;
 mod lvm;
 mod mat;
@@ -52,10 +53,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
-use whirl_shared::excitation::Excitation;
+use whirl_shared::excitation::{Excitation, Table};
 
 pub use self::device_boot::DeviceBoot;
 pub use self::formats::ReadOptions;
+pub use self::level::Level;
 pub use self::parquet::metadata;
 pub use self::writer::RecordWriter;
 use crate::error::Result;
@@ -243,6 +245,12 @@ pub struct Metadata {
     /// What moved the base, where the device told of something else than a sine.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub excitation: Option<Excitation>,
+    /// Control points of the table that the host brought to the device ([`Self::table`]).
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub table: Vec<i16>,
+    /// What the amplitude was levelled to, where it was.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub level: Option<Level>,
 }
 
 /// A line for people that a device sent.
@@ -258,6 +266,12 @@ pub struct DeviceLine {
 }
 
 impl Metadata {
+    /// The table that moved the base, where one did and its points are known.
+    pub fn table(&self) -> Option<Table> {
+        let name = self.excitation.as_ref()?.table;
+        Table::of(&self.table).filter(|table| table.known().name == name)
+    }
+
     /// Boot of the device from which the sample of a tick is, 0 for the first.
     pub fn boot_at(&self, tick: i64) -> u32 {
         // Bounded by the boots that a record lists.

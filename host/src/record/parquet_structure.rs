@@ -222,6 +222,8 @@ pub(super) fn own_metadata(file: &ParquetMetaData) -> (Option<Metadata>, Option<
         device: device(file),
         lines: get("log").and_then(|s| serde_json::from_str(&s).ok()).unwrap_or_default(),
         excitation: get("excitation").and_then(|s| serde_json::from_str(&s).ok()),
+        table: get("table").and_then(|s| serde_json::from_str(&s).ok()).unwrap_or_default(),
+        level: get("level").and_then(|s| serde_json::from_str(&s).ok()),
     };
     (Some(metadata), get("losses").and_then(|s| serde_json::from_str(&s).ok()))
 }

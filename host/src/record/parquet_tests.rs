@@ -34,6 +34,8 @@ pub(super) fn metadata() -> Metadata {
         device: Vec::new(),
         lines: Vec::new(),
         excitation: None,
+        table: Vec::new(),
+        level: None,
     }
 }
 

@@ -112,6 +112,12 @@ fn key_values(metadata: &Metadata) -> Vec<KeyValue> {
     if let Some(at) = &metadata.started_at {
         pairs.push(("started_at", Some(at.clone())));
     }
+    if !metadata.table.is_empty() {
+        pairs.push(("table", serde_json::to_string(&metadata.table).ok()));
+    }
+    if let Some(level) = &metadata.level {
+        pairs.push(("level", serde_json::to_string(level).ok()));
+    }
     pairs.into_iter().map(|(k, v)| KeyValue::new(format!("{KEY}{k}"), v)).collect()
 }
 

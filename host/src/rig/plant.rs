@@ -38,6 +38,9 @@ pub struct Plant {
     /// Amplitude of the base, m.
     #[serde(default)]
     pub amplitude_m: f64,
+    /// What the base does of the amplitude that a simulated device commands.
+    #[serde(default = "one")]
+    pub shaker_gain: f64,
     /// Phase ψ of the base: y = a cos(τ − ψ), rad.
     #[serde(default)]
     pub phase_rad: f64,
@@ -177,6 +180,7 @@ impl Plant {
             ("tau_c1", plant.tau_c1),
             ("c_r2", plant.c_r2),
             ("amplitude_m", plant.amplitude_m),
+            ("shaker_gain", plant.shaker_gain),
             ("settle_s", plant.settle_s),
             ("g", plant.g),
         ] {

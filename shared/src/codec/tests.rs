@@ -4,7 +4,7 @@ use heapless::{String, Vec};
 use std::vec::Vec as StdVec;
 
 use super::*;
-use crate::excitation::{Component, Excitation, Form, Glide, Law};
+use crate::excitation::{CHUNK, Component, Excitation, Form, Glide, Law, Part, TableName};
 use crate::frame::regression::{Binary24, Binary32, EquationEstimate, ROW_LEN, Unknown};
 use crate::frame::*;
 
@@ -123,6 +123,7 @@ fn longest_excitation() -> Excitation {
         hold_ms: all,
         form: Form([component; MOST_COMPONENTS]),
         on_trigger: true,
+        table: TableName { points: u16::MAX, check: all },
     }
 }
 
@@ -154,6 +155,8 @@ fn the_longest_messages_have_the_stated_lengths() {
     let ask = Command::BackFill { boot_id: all, first_tick: all, ticks: all };
     assert!(frame(HostMessage::Command(ask)).len() <= MAX_FRAME);
     assert!(longest_excitation().commands().iter().all(|c| frame(HostMessage::Command(*c)).len() <= MAX_FRAME));
+    let points = Command::Prepare(Part::Points { place: u8::MAX, points: [i16::MIN; CHUNK] });
+    assert!(frame(HostMessage::Command(points)).len() <= MAX_FRAME);
     // COBS' second overhead byte begins with the 254th byte.
     assert_eq!([frame_len(249), frame_len(250)], [249 + 4 + 2, 250 + 4 + 3]);
 }

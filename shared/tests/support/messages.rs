@@ -2,7 +2,7 @@
 
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
-use whirl_shared::excitation::{Component, Excitation, Form, Glide, Law};
+use whirl_shared::excitation::{Component, Excitation, Form, Glide, Law, Part, TableName};
 use whirl_shared::frame::regression::{Binary24, Binary32, EquationEstimate, ROWS_LEN, Unknown};
 use whirl_shared::frame::{
     Ack, BLOCK_LEN, BackFilled, BaseKind, BaseSensor, Command, CommandResult, DeviceMessage, Envelope, Estimate,
@@ -211,7 +211,7 @@ impl Source {
     }
 
     pub fn host(&mut self) -> Envelope<HostMessage> {
-        let command = match self.below(17) {
+        let command = match self.below(18) {
             0 => Command::Hello,
             1 => Command::KeepAlive,
             2 => Command::Arm,
@@ -228,6 +228,10 @@ impl Source {
             13 => Command::BackFill { boot_id: self.any(), first_tick: self.any(), ticks: self.any() },
             14 => Command::Excite { frequency_millihertz: self.any() },
             15 => {
+                let points = core::array::from_fn(|_| self.any() as i16);
+                Command::Prepare(Part::Points { place: self.any() as u8, points })
+            }
+            16 => {
                 let all = self.excitation().commands();
                 all[self.below(all.len())]
             }
@@ -252,6 +256,7 @@ impl Source {
             hold_ms: self.any(),
             form,
             on_trigger: self.below(2) == 1,
+            table: TableName { points: self.any() as u16, check: self.any() },
         }
     }
 }

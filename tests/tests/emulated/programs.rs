@@ -62,6 +62,16 @@ fn a_tick_is_within_its_instructions() {
     let six = six.into_iter().map(most).sum::<u32>() + block;
     println!("the same of six sines in a sweep: {six}");
     assert!(six <= 34_000, "{six}: {console}");
+    let table = ["a table: the interrupt", "a table: a command", "interrupt: what lasts", "stream: other"];
+    let table = table.into_iter().map(most).sum::<u32>() + block;
+    println!("the same of a table: {table}");
+    assert!(table <= 34_000, "{table}: {console}");
+    // Its points cost no more than those of six sines.
+    let mean = |part: &str| -> u32 {
+        let line = console.lines().find(|line| line.starts_with(part)).unwrap();
+        line.split_once(" mean ").unwrap().1.split(' ').next().unwrap().parse().unwrap()
+    };
+    assert!(mean("a table: the interrupt") <= mean("six sines: the interrupt"), "{console}");
     // And as it runs, the thread working on ten samples at a time.
     let ten = 10 * (most("interrupt: sampling") + most("interrupt: what lasts") + most("thread: one command"))
         + most("thread: all of a block");

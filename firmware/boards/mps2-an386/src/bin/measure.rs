@@ -7,6 +7,7 @@
 
 #[cfg(target_os = "none")]
 mod on_target {
+    use core::borrow::BorrowMut;
     use core::convert::Infallible;
     use core::fmt::Write;
     use core::hint::black_box;
@@ -28,9 +29,9 @@ mod on_target {
     use whirl_firmware::link::Link;
     use whirl_firmware::sampler::Sampler;
     use whirl_firmware::sweep::BEYOND;
-    use whirl_firmware::{QuadratureCounter, Settings, WithBase};
+    use whirl_firmware::{Inputs, QuadratureCounter, Settings, ShakerOutput, WithBase};
     use whirl_shared::codec::{MAX_FRAME, encode};
-    use whirl_shared::excitation::{Component, Excitation, Glide, Law, WHOLE};
+    use whirl_shared::excitation::{Component, Excitation, Glide, Law, Table, WHOLE};
     use whirl_shared::frame::{BaseKind, BaseSensor, Command, DeviceMessage, Envelope, HostMessage, SampleBlock};
     use whirl_shared::harmonics::{HarmonicBank, HarmonicSettings, Window};
     use whirl_shared::least_squares::LeastSquares;
@@ -147,6 +148,38 @@ mod on_target {
         }
     }
 
+    /// So many ticks in which the host says what it is to say: the interrupt's from one of them on,
+    /// and a command's in the thread.
+    fn excited<I: Inputs, O: ShakerOutput, E: BorrowMut<Estimator>, K: BorrowMut<[u8]>>(
+        (sampler, link): (&mut Sampler<I, O>, &mut Link<E, K>),
+        (blocks, events, requests): (
+            &mut Queue<SampleBlock, BLOCKS>,
+            &mut Queue<Event, EVENTS>,
+            &mut Queue<Request, REQUESTS>,
+        ),
+        [ticks, from]: [u16; 2],
+        say: impl Fn(usize) -> Command,
+    ) -> Option<[Meter; 2]> {
+        let (mut interrupt, mut thread) = (Meter::default(), Meter::default());
+        let (mut frame, mut command) = ([0; MAX_FRAME], [0; MAX_FRAME]);
+        for n in 0..ticks {
+            let message = HostMessage::Command(say(usize::from(n)));
+            let length = encode(&Envelope { sequence: n, message }, &mut command).ok()?;
+            thread.take(|| link.receive(&command[..length], requests));
+            let mut meter = Meter::default();
+            meter.take(|| {
+                sampler.latch();
+                sampler.tick(0, 0, blocks, events, requests);
+                sampler.light()
+            });
+            if n >= from {
+                interrupt.add(&meter);
+            }
+            while link.poll_transmit(&mut frame, blocks, events).is_some() {}
+        }
+        Some([interrupt, thread])
+    }
+
     fn tick() -> Option<()> {
         static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
         let base = BaseSensor { kind: BaseKind::Position, scale: 763_000 };
@@ -205,37 +238,35 @@ mod on_target {
             again.take(|| link.poll_transmit(&mut frame, none, events));
         }
         // Then something else than a sine: as many as there may be, in a sweep, told once a second.
-        let (mut six, mut excite) = (Meter::default(), Meter::default());
         let mut sweep = Excitation::sine(1_000, 400);
         sweep.glide = Glide { law: Law::Logarithmic, back: true, to_millihertz: 3_000, ms: 1_000 };
         for (component, harmonic) in sweep.form.0.iter_mut().zip(1..) {
             *component = Component { harmonic, share: WHOLE / 6, phase: 9_000 };
         }
-        for n in 0..4_000_u16 {
-            let say = match n {
+        let [six, excite] = excited(
+            (&mut sampler, &mut link),
+            (&mut *blocks, &mut *events, &mut *requests),
+            [4_000, 980],
+            |n| match n {
                 // Nobody was heard meanwhile: it is disarmed.
                 500 => Command::Arm,
-                _ => usize::from(n)
-                    .checked_sub(980)
-                    .and_then(|i| sweep.commands().get(i).copied())
-                    .unwrap_or(Command::KeepAlive),
-            };
-            let length = encode(&Envelope { sequence: n, message: HostMessage::Command(say) }, &mut command).ok()?;
-            excite.take(|| link.receive(&command[..length], requests));
-            let mut meter = Meter::default();
-            meter.take(|| {
-                sampler.latch();
-                sampler.tick(0, 0, blocks, events, requests);
-                sampler.light()
-            });
-            if n >= 980 {
-                six.add(&meter);
-            }
-            while link.poll_transmit(&mut frame, blocks, events).is_some() {}
-        }
-        if *sampler.shaker().excitation() != sweep || !sampler.shaker().moving() {
-            return None;
-        }
+                _ => n.checked_sub(980).and_then(|i| sweep.commands().get(i).copied()).unwrap_or(Command::KeepAlive),
+            },
+        )?;
+        (*sampler.shaker().excitation() == sweep && sampler.shaker().moving()).then_some(())?;
+        // Then a table of as many points as there may be.
+        let points: [i16; 256] = core::array::from_fn(|j| 100 * (j as i16 - 128).abs());
+        let points = Table::of(&points)?;
+        let named = Excitation { table: points.known().name, ..Excitation::sine(1_000, 1_900) };
+        let say = points.parts().map(Command::Prepare).chain(named.commands());
+        let [table, bring] =
+            excited((&mut sampler, &mut link), (blocks, events, requests), [3_000, 200], |n| match n {
+                0 => Command::Stop,
+                _ => n.checked_sub(200).and_then(|i| say.clone().nth(i)).unwrap_or(Command::KeepAlive),
+            })?;
+        (*sampler.shaker().excitation() == named && sampler.shaker().moving()).then_some(())?;
+        table.tell("a table: the interrupt");
+        bring.tell("a table: a command");
         six.tell("six sines: the interrupt");
         excite.tell("six sines: a command");
         sampling.tell("interrupt: sampling, shaker with its points, blocks, one command");

@@ -14,7 +14,7 @@ use super::*;
 const SCALE: Scale = Scale { max: WIDTH, full_nanometre: 25_000_000 };
 const FIVE_HERTZ: u32 = 42_949_673;
 
-fn sweep(tick: u32) -> Sweep {
+fn sweep(tick: u32) -> Sweep<'static> {
     Sweep {
         phase: FIVE_HERTZ.wrapping_mul(tick),
         phase_increment: FIVE_HERTZ,
