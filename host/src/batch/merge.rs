@@ -100,7 +100,7 @@ mod tests {
         let mut other = rows();
         other[3].text("run", "fedcba9876543210");
         let text = error(vec![table(rows()[..2].to_vec()), table(other[3..].to_vec())]);
-        assert!(text.contains("1.csv: row of r, \"4\".csv: found rows of another run") && text.contains("as in 2.csv"));
+        assert!(text.contains("1.csv: row of -4.csv: found rows of another run") && text.contains("as in 2.csv"));
         assert!(error(vec![table(Vec::new())]).contains("no row in any table"));
     }
 }
