@@ -72,7 +72,10 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     let suspects = identify::suspects::examine(records, rig);
     let slipped = if suspects.iter().any(suspected::grave) { None } else { identify::slips::taken_back(records, rig) };
     let (records, slips) = slipped.as_ref().map_or((records, &[][..]), |(mended, told)| (&mended[..], &told[..]));
-    let mut result = if !of_record.is_empty() || suspects.iter().any(suspected::grave) {
+    let sound = of_record.is_empty() && !suspects.iter().any(suspected::grave);
+    let mut known = if sound { suspected::known(records, rig) } else { Vec::new() };
+    let misled = !known.is_empty() && suspected::clean_without_known(records, rig, settings);
+    let mut result = if !sound || misled {
         // No effect is looked for where one would be dressed up.
         let settings = Settings { most_effects: Some(0), ..settings.clone() };
         any_system(records, rig, &settings).unwrap_or_else(|_| {
@@ -82,11 +85,10 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     } else {
         any_system(records, rig, settings)?
     };
-    let known = if of_record.is_empty() && !suspects.iter().any(suspected::grave) {
-        suspected::known(records, rig, settings, &result)
-    } else {
-        Vec::new()
-    };
+    if !misled && result.verdict == Verdict::Explained && !result.effects.is_empty() {
+        // An effect bends quantities as well: with effects that explain the record it is a remark.
+        known.iter_mut().for_each(|w| w.invalidates = false);
+    }
     if !of_record.is_empty() {
         // Nothing that was computed from it says anything.
         result.warnings.retain(|w| !of_record.contains(w));

@@ -46,22 +46,17 @@ pub(super) fn tell_in(result: &mut Explanation, suspects: Vec<Warning>) {
     result.warnings.extend(kept);
 }
 
-/// What is said to be known and the record contradicts. An effect bends quantities as well: where
-/// effects explain the record it is only a remark, unless nothing at all is missing once nothing is
-/// said to be known.
-pub(super) fn known(records: &[Record], rig: &Rig, settings: &Settings, result: &Explanation) -> Vec<Warning> {
-    if rig.known.is_empty() {
-        return Vec::new();
-    }
-    let Some(first) = records.first() else { return Vec::new() };
-    let found = suspects::known(first, rig);
-    if found.is_empty() || result.verdict != Verdict::Explained || result.effects.is_empty() {
-        return found;
-    }
+/// What is said to be known and the record contradicts.
+pub(super) fn known(records: &[Record], rig: &Rig) -> Vec<Warning> {
+    let first = records.first().filter(|_| !rig.known.is_empty());
+    first.map_or_else(Vec::new, |record| suspects::known(record, rig))
+}
+
+/// Whether nothing at all is missing once nothing is said to be known.
+pub(super) fn clean_without_known(records: &[Record], rig: &Rig, settings: &Settings) -> bool {
     let free = Rig { known: BTreeMap::new(), ..rig.clone() };
     let alone = Settings { most_effects: Some(0), ..settings.clone() };
-    let clean = any_system(records, &free, &alone).is_ok_and(|r| r.verdict == Verdict::NothingMissing);
-    found.into_iter().map(|w| Warning { invalidates: clean, ..w }).collect()
+    any_system(records, &free, &alone).is_ok_and(|r| r.verdict == Verdict::NothingMissing)
 }
 
 /// Whether a suspect leaves nothing for an explanation to find.

@@ -48,7 +48,7 @@ fn a_tick_is_within_its_instructions() {
             console.lines().find(|line| line.starts_with(part)).unwrap_or_else(|| panic!("no {part}: {console}"));
         line.split_once(" most ").unwrap().1.parse().unwrap()
     };
-    // Every part's worst tick at once: 10 % of 170 MHz at 500 Hz. What follows the end of a window
+    // Every part's worst tick at once, in instructions. What follows the end of a window
     // is spread over samples.
     let parts =
         ["interrupt: sampling", "interrupt: what lasts", "stream: other", "thread: one command", "estimate: a sample"];

@@ -8,6 +8,7 @@ mod determinism;
 mod device;
 #[cfg(unix)]
 mod documented;
+mod excited;
 mod explained;
 mod exported;
 mod faulty_link;
