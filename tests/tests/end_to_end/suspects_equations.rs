@@ -284,15 +284,18 @@ fn a_single_pendulum_driven_in_another_direction() {
 #[test]
 fn a_length_that_the_record_contradicts() {
     let folder = stated(&[]);
-    for rig in ["chaotic.toml", "double-pendulum-from-bodies.toml"] {
-        rig_file(folder.path(), rig, "rig.toml", &[("l1 = 0.0635", "l1 = 0.1016")]);
-        let w = named(&folder, "known-contradicted");
-        assert!((number(&w["would_agree"], "l1") / 0.0635 - 1.0).abs() < 2e-3, "{rig}: {w}");
-    }
+    let agrees = |w: &Value| (number(&w["would_agree"], "l1") / 0.0635 - 1.0).abs() < 2e-3;
+    let wrong = [("l1 = 0.0635", "l1 = 0.1016")];
+    rig_file(folder.path(), "double-pendulum-from-bodies.toml", "rig.toml", &wrong);
+    let w = identified(&folder, "known-contradicted");
+    assert!(agrees(&w), "{w}");
+    rig_file(folder.path(), "chaotic.toml", "rig.toml", &wrong);
+    let w = named(&folder, "known-contradicted");
+    assert!(agrees(&w), "{w}");
 }
 
 #[test]
 fn a_mass_that_no_body_has() {
     let folder = stated(&[("m2 = 0.040", "m2 = 40.0")]);
-    assert_eq!(named(&folder, "known-contradicted")["quantity"], "m2");
+    assert_eq!(identified(&folder, "known-contradicted")["quantity"], "m2");
 }
