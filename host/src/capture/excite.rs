@@ -50,7 +50,7 @@ pub struct Excite {
     pub back: bool,
     /// Harmonics of the drive's frequency that sound together.
     pub multisine: Vec<u8>,
-    /// A file of one period of the displacement, [`super::table`].
+    /// A file of one period of the displacement, `capture::table`.
     pub table: Option<PathBuf>,
     /// Amplitudes one after the other, m.
     pub amplitude_steps_m: Vec<f64>,

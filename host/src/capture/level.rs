@@ -1,8 +1,8 @@
 //! The amplitude of the base as it is measured, brought to what is wanted before a record begins.
 //!
 //! Over whole periods of the drive the base's channel is fitted by x₀ + p cos φ + q sin φ, φ the
-//! device's phase, in groups of at least [`FEWEST`] samples; an accelerometer's amplitude is divided
-//! by Ω². The mean of [`GROUPS`] groups or more and a second or more is held against the wanted
+//! device's phase, in groups of at least 16 samples; an accelerometer's amplitude is divided
+//! by Ω². The mean of five groups or more and a second or more is held against the wanted
 //! amplitude, their scatter gives its standard error s. They agree where they differ by
 //! max(0.5 %, 3 s, half of the micrometre that can be commanded); else wanted/measured times what is
 //! commanded is commanded next, along the device's ramp. One that needs less than half or more than
