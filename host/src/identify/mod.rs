@@ -21,7 +21,7 @@ pub mod harmonic_balance;
 pub mod history;
 pub mod identifiability;
 pub mod judgement;
-pub mod known_of_system;
+mod known_of_system;
 mod known_quantities;
 pub mod model_file;
 pub mod noise_bias;

@@ -223,6 +223,12 @@ impl<'a> Run<'a> {
         out
     }
 
+    /// Names of the measured inputs in which noise shows.
+    fn noisy_inputs(&self) -> Vec<String> {
+        let named = self.setting.model().inputs.iter().zip(shooting::input_noise(&self.state));
+        named.filter(|n| n.1 > 0.0).map(|n| n.0.clone()).collect()
+    }
+
     /// The verdict, and everything that is told of the last model.
     ///
     /// # Errors
@@ -250,9 +256,7 @@ impl<'a> Run<'a> {
         let left_out = remade.as_ref().map_or(0, |r| self.leave_out(outcome, &r.follows));
         self.compare(first, x);
         let gaps = self.gaps_of_itself(x);
-        let noise = shooting::input_noise(&self.state);
-        let inputs = &self.setting.model().inputs;
-        let noisy = inputs.iter().zip(noise).filter(|n| n.1 > 0.0).map(|n| n.0.clone()).collect();
+        let noisy = if remade.as_ref().is_some_and(|r| r.of_inputs) { self.noisy_inputs() } else { Vec::new() };
         let Self { setting, state, mut result, .. } = self;
         tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.covariance()), first, &mut result);
         let shape = (by_shooting && undecidable.is_none()).then(|| unknown::shape(&setting, &state, outcome)).flatten();

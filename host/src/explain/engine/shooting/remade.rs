@@ -27,6 +27,8 @@ pub const RECORDS: usize = 2;
 const TOP: f64 = 0.3;
 /// Most noise over an input's rms: an input that is white by itself is no noise.
 const MOST_NOISE: f64 = 0.1;
+/// Least: that of numbers which are written with six digits.
+const LEAST_NOISE: f64 = 1e-6;
 /// Share of samples alike their neighbours from which an input is held between changes, whose steps
 /// reach up to the top of the band.
 const HELD: f64 = 0.2;
@@ -50,7 +52,8 @@ fn white<'a, I: Iterator<Item = &'a [f64]> + Clone>(all: impl Fn() -> I, step_s:
     let mean = all().flatten().sum::<f64>() / count;
     let rms = (all().flatten().map(|u| (u - mean).powi(2)).sum::<f64>() / count).sqrt();
     let alike = all().flat_map(|u| u.windows(2)).filter(|w| w[0] == w[1]).count() as f64;
-    let is_noise = found.sigma < MOST_NOISE * rms && found.signal_end_hz * step_s < TOP && alike < HELD * count;
+    let as_noise = (LEAST_NOISE * rms..MOST_NOISE * rms).contains(&found.sigma);
+    let is_noise = as_noise && found.signal_end_hz * step_s < TOP && alike < HELD * count;
     is_noise.then_some(found.sigma)
 }
 
@@ -81,18 +84,22 @@ fn on_path(s: &Stretch, path: &Path) -> Stretch {
 
 /// A record that the model made: every followed stretch on its path, measured by the same sensors.
 pub fn record(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize) -> Vec<Stretch> {
-    let noise = input_noise(state);
+    made(setting, state, followed, repeat, &input_noise(state))
+}
+
+/// The same with so much noise of each input.
+fn made(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize, noise: &[f64]) -> Vec<Stretch> {
     let of = |(i, (s, path)): (usize, (&Stretch, &Path))| {
         let mut made = measure(&on_path(s, path), repeat, &setting.bound, &setting.sensors, i as u64);
-        disturb(&mut made, &noise, repeat, i as u64);
+        disturb(&mut made, noise, repeat, i as u64);
         made
     };
     state.stretches.iter().zip(&followed.paths).enumerate().map(of).collect()
 }
 
 /// Power over that of the noise in every window of a record that the model made.
-fn powers(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize) -> Option<Vec<f64>> {
-    let made = record(setting, state, followed, repeat);
+fn powers(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize, noise: &[f64]) -> Option<Vec<f64>> {
+    let made = made(setting, state, followed, repeat, noise);
     let shown = made.iter().map(|s| s.sensors(&setting.bound)).collect();
     // The paths are those under the inputs as they were; a base that is measured again is another.
     let mut again = state.clone();
@@ -120,6 +127,8 @@ pub struct Remade {
     /// Whether each window is followed in them. Where it is not (a path that comes to rest and
     /// leaves it at another instant), nothing about the model can be told from that window.
     pub follows: Vec<bool>,
+    /// Whether most of a power that is far above the noise's is that of the inputs' noise.
+    pub of_inputs: bool,
 }
 
 /// The middle one of some numbers; 0 of none.
@@ -132,9 +141,11 @@ fn middle(mut all: Vec<f64>) -> f64 {
 /// them where that is less than half.
 pub fn remade(setting: &Setting<'_>, state: &State) -> Option<Remade> {
     let followed = state.followed.as_ref()?;
-    let noisy = input_noise(state).iter().any(|s| *s > 0.0);
+    let noise = input_noise(state);
+    let noisy = noise.iter().any(|s| *s > 0.0);
     let records = if noisy { NOISY_RECORDS } else { RECORDS };
-    let all: Vec<Vec<f64>> = (0..records).map(|r| powers(setting, state, followed, r)).collect::<Option<_>>()?;
+    let all: Vec<Vec<f64>> =
+        (0..records).map(|r| powers(setting, state, followed, r, &noise)).collect::<Option<_>>()?;
     // Noise of inputs is in all windows.
     let most = EXCUSED * EXCUSED * middle(all.concat()).max(1.0);
     let mut follows: Vec<bool> = (0..all.first()?.len()).map(|w| all.iter().all(|powers| powers[w] <= most)).collect();
@@ -164,7 +175,9 @@ pub fn remade(setting: &Setting<'_>, state: &State) -> Option<Remade> {
         let between = means.iter().map(|m| (m - middle).powi(2)).sum::<f64>() / (records - 1) as f64;
         error = error.hypot((between * (1.0 + 1.0 / records as f64)).sqrt());
     }
-    (mean.is_finite() && error.is_finite()).then_some(Remade { mean, error, follows })
+    let without = || powers(setting, state, followed, 0, &[]).map(middle);
+    let of_inputs = noisy && mean > EXCUSED * EXCUSED && without().is_some_and(|without| 2.0 * without < mean);
+    (mean.is_finite() && error.is_finite()).then_some(Remade { mean, error, follows, of_inputs })
 }
 
 #[cfg(test)]
@@ -183,7 +196,7 @@ mod tests {
         let found = |x: &[f64]| white(|| core::iter::once(x), 0.002);
         let sigma = found(&sum(&slow, &even(0.01))).unwrap();
         assert!((sigma / 0.01 - 1.0).abs() < 0.1, "{sigma}");
-        assert!(found(&slow).is_none_or(|s| s < 1e-6), "{:?}", found(&slow));
+        assert_eq!(found(&slow), None);
         assert_eq!(found(&even(1.0)), None);
         let held: Vec<f64> = even(1.0).iter().step_by(10).flat_map(|x| [*x; 10]).collect();
         assert_eq!(found(&held), None);
