@@ -10,6 +10,7 @@ use super::single::{Analysed, Common, Named, Single};
 use crate::batch::answers;
 use crate::batch::row::Row;
 use crate::error::{BadInput, Result};
+use crate::identify::shooting::zeros::IDENTIFIED;
 use crate::identify::{
     ERROR_BOUND, Identification, Settings, best::best, card::card, from_rows, harmonic_balance, identify, model_file,
     presentation, shooting, slips,
@@ -19,7 +20,7 @@ use crate::record::regression_rows::RowsRecord;
 use crate::record::{ReadOptions, Record};
 use crate::report::Results;
 use crate::report::card::Card;
-use crate::report::format::significant;
+use crate::report::format::{Z95, plus_minus, significant};
 use crate::rig::Rig;
 use crate::warning::Warning;
 
@@ -53,7 +54,8 @@ pub struct WeakForm {
 impl WeakForm {
     /// As the pipeline takes them.
     pub fn settings(&self) -> Settings {
-        Settings { window_s: self.window_s, max_frequency_hz: self.max_frequency_hz, pass_hz: self.pass_hz }
+        let Self { window_s, max_frequency_hz, pass_hz } = *self;
+        Settings { window_s, max_frequency_hz, pass_hz, ..Settings::default() }
     }
 }
 
@@ -115,6 +117,18 @@ pub fn human(result: &Identification, card: &Card) -> String {
             s.levels_s.last().map_or_else(String::new, |l| significant(*l, 3)),
             ratios.join(" and ")
         );
+    }
+    let zeros = result.zeros.iter().filter(|z| z.from == IDENTIFIED).map(|z| {
+        let degrees = plus_minus(z.value.to_degrees(), (Z95 * z.std_error).to_degrees());
+        format!(
+            "{} {degrees}°{}",
+            z.channel,
+            if z.record > 1 { format!(" in record {}", z.record) } else { String::new() }
+        )
+    });
+    let zeros: Vec<String> = zeros.collect();
+    if !zeros.is_empty() {
+        let _ = writeln!(text, "Zeros found with them, and taken off: {} (95 %)", zeros.join(", "));
     }
     if let Some(why) = &result.not_by_shooting {
         let _ = writeln!(text, "Multiple shooting was not used: {why}");

@@ -7,6 +7,7 @@
 
 use indicatif::ProgressBar;
 
+use super::shooting::zeros::ZeroOffset;
 use super::{Identification, Settings, identify, shooting, slips};
 use crate::error::Result;
 use crate::record::Record;
@@ -48,61 +49,65 @@ pub(super) fn once(
     progress: &ProgressBar,
 ) -> Result<Identification> {
     let mut first = identify(records, rig, weak)?;
-    let mut found_slips = Vec::new();
-    let by_shooting = match unsuited(&first) {
-        Some(why) => {
-            if may_slip(&first, rig) {
-                // What cannot be followed shows none.
-                found_slips = shooting::slips(records, rig, weak, &first, progress).unwrap_or_default();
-            }
-            Err(why)
+    first.not_by_shooting = unsuited(&first);
+    if first.not_by_shooting.is_some() {
+        return Ok(first);
+    }
+    let shot = shooting::identify(records, rig, weak, choices, progress);
+    if let (Some(_), Ok(found)) = (missed(&first), &shot)
+        && found.zeros.iter().any(ZeroOffset::is_off)
+    {
+        // Is it the zeros alone that it missed?
+        let without = identify(records, rig, &Settings { zeros: found.zeros.clone(), ..weak.clone() })?;
+        if missed(&without).is_none() {
+            first = without;
         }
-        None => match shooting::identify(records, rig, weak, choices, progress) {
-            Ok(found) => match unsettled(&found) {
-                None => Ok(found),
-                Some(why) => {
-                    // Parameters that slips have spoiled show the wrong ones.
-                    if !found.slips.is_empty() {
-                        found_slips = shooting::slips(records, rig, weak, &first, progress).unwrap_or_default();
-                    }
-                    Err(why)
-                }
-            },
-            Err(error) => Err(error.found),
-        },
+    }
+    let (found, why) = match shot {
+        Ok(found) => (Some(found), None),
+        Err(error) => (None, Some(error.found)),
     };
-    match by_shooting {
-        Ok(mut found) => {
+    let why = missed(&first).or(why).or_else(|| found.as_ref().and_then(unsettled));
+    match (found, why) {
+        (Some(mut found), None) => {
             let known: Vec<&str> = found.warnings.iter().map(|w| w.id).collect();
             let further = first.warnings.drain(..).filter(|w| !known.contains(&w.id) && !OF_WEAK.contains(&w.id));
             let further: Vec<_> = further.collect();
             found.warnings.extend(further);
             Ok(found)
         }
-        Err(why) => {
-            first.not_by_shooting = Some(why);
-            first.slips = found_slips;
+        (found, why) => {
+            // Parameters that slips have spoiled show the wrong ones, or none.
+            if found.is_some_and(|found| !found.slips.is_empty()) || may_slip(&first, rig) {
+                first.slips = shooting::slips(records, rig, weak, &first, progress).unwrap_or_default();
+            }
+            first.not_by_shooting = why;
             Ok(first)
         }
     }
 }
 
-/// Why shooting is not tried.
+/// What a warning of the weak form says the equations miss.
+fn missed(first: &Identification) -> Option<String> {
+    first.warnings.iter().find(|w| w.id == MISSES_SOMETHING).map(|w| w.text.clone())
+}
+
+/// Why shooting is not tried. It is tried where the equations miss something: that may be zeros or
+/// slips of the sensors, which shooting shows.
 fn unsuited(first: &Identification) -> Option<String> {
-    if let Some(w) = first.warnings.iter().find(|w| w.invalidates || w.id == MISSES_SOMETHING) {
+    if missed(first).is_none()
+        && let Some(w) = first.warnings.iter().find(|w| w.invalidates)
+    {
         return Some(w.text.clone());
     }
     (first.record.samples > MOST_SAMPLES)
         .then(|| format!("{} samples are more than {MOST_SAMPLES}; --method shooting takes all", first.record.samples))
 }
 
-/// Whether what the equations leave may be slips of single counts, which shooting shows.
+/// Whether what the equations leave may be slips of single counts.
 fn may_slip(first: &Identification, rig: &Rig) -> bool {
     let other = |w: &Warning| w.invalidates && w.id != MISSES_SOMETHING;
-    first.record.samples <= MOST_SAMPLES
-        && first.warnings.iter().any(|w| w.id == MISSES_SOMETHING)
-        && !first.warnings.iter().any(other)
-        && rig.channel.iter().any(|c| c.unit == "count")
+    missed(first).is_some() && !first.warnings.iter().any(other) && rig.channel.iter().any(|c| c.unit == "count")
 }
 
 /// Why its result does not stand.

@@ -20,7 +20,8 @@ mod geometry;
 pub mod harmonic_balance;
 pub mod history;
 pub mod identifiability;
-pub mod judgement;
+pub mod index_marks;
+mod judgement;
 mod known_of_system;
 mod known_quantities;
 pub mod model_file;
@@ -84,6 +85,9 @@ pub struct Settings {
     /// End of the low-pass's pass band, Hz; by default 1.15 times the frequency at which the signal
     /// sinks into the sensors' noise.
     pub pass_hz: Option<f64>,
+    /// Zeros of sensors that are taken off what these show.
+    #[serde(skip)]
+    pub zeros: Vec<shooting::zeros::ZeroOffset>,
 }
 
 /// Identifies a system from one or several records of the same rig by the weak form, and says what

@@ -4,7 +4,9 @@
 use rayon::prelude::*;
 
 use super::geometry::geometry;
+use super::index_marks::Indices;
 use super::remeasured::Sensors;
+use super::shooting::zeros::ZeroOffset;
 use super::stretches::{self, Stretch};
 use super::windows::{Kernels, Windows, samples_needed};
 use super::{Settings, boots, free_geometry, standstill};
@@ -32,6 +34,8 @@ pub struct Prepared {
     pub stretches: Vec<Stretch>,
     /// Record of each stretch.
     pub record_of: Vec<usize>,
+    /// What is known of the sensors' zeros before anything is identified.
+    pub indices: Indices,
     /// Noise of the sensors.
     pub sensors: Sensors,
     /// Windows and low-passes.
@@ -46,7 +50,7 @@ pub struct Prepared {
 /// Settings out of range, channels that are not there, a shaker that never moved, records shorter
 /// than one window.
 pub fn prepare(records: &[Record], rig: &Rig, bound: &ObservedModel, settings: &Settings) -> Result<Prepared> {
-    let out = Steady::of(records, rig, bound)?;
+    let out = Steady::of(records, rig, bound, &settings.zeros)?;
     let found = out.measured(rig, bound, settings)?;
     out.ready(found, rig, records)
 }
@@ -57,7 +61,7 @@ pub fn prepare(records: &[Record], rig: &Rig, bound: &ObservedModel, settings: &
 /// # Errors
 /// As [`prepare`].
 pub fn prepare_moving(records: &[Record], rig: &Rig, bound: &ObservedModel, settings: &Settings) -> Result<Prepared> {
-    let mut out = Steady::of(records, rig, bound)?;
+    let mut out = Steady::of(records, rig, bound, &settings.zeros)?;
     let mut found = out.measured(rig, bound, settings)?;
     let (count, window_s) = (&found.sensors.count, found.geometry.windows.length_s);
     if standstill::leave_out(&mut out.stretches, &mut out.record_of, bound, count, window_s, &mut out.warnings) {
@@ -70,6 +74,7 @@ pub fn prepare_moving(records: &[Record], rig: &Rig, bound: &ObservedModel, sett
 struct Steady {
     stretches: Vec<Stretch>,
     record_of: Vec<usize>,
+    indices: Indices,
     warnings: Vec<Warning>,
 }
 
@@ -80,15 +85,20 @@ struct Measured {
 }
 
 impl Steady {
-    fn of(records: &[Record], rig: &Rig, bound: &ObservedModel) -> Result<Self> {
+    fn of(records: &[Record], rig: &Rig, bound: &ObservedModel, zeros: &[ZeroOffset]) -> Result<Self> {
         let mut warnings: Vec<Warning> = records.iter().flat_map(|r| r.warnings.clone()).collect();
         let (records, restarted) = boots::of_known_zero(records);
         let records = &*records;
         warnings.extend(restarted);
+        let indices = Indices::of(records, rig, bound);
         let (mut stretches, mut record_of) = (Vec::new(), Vec::new());
         for (k, record) in records.iter().enumerate() {
+            let given = |i: usize| zeros.iter().find(|z| z.is_of(k, &rig.channel[i].name)).map_or(0.0, |z| z.value);
+            let zero = |(s, i): (usize, &usize)| indices.zero(k, s).map_or_else(|| given(*i), |z| z.0);
+            let shifts: Vec<f64> = bound.sensors.iter().enumerate().map(zero).collect();
+            let as_set = shifts.iter().all(|z| *z == 0.0);
             for s in stretches::of(record, rig, bound)? {
-                stretches.push(s);
+                stretches.push(if as_set { s } else { s.shifted(bound, &shifts) });
                 record_of.push(k);
             }
         }
@@ -97,7 +107,7 @@ impl Steady {
             keep_steady_drive(records, &mut stretches, &mut record_of, &mut warnings)?;
             is_one_sine(records, &stretches)?;
         }
-        Ok(Self { stretches, record_of, warnings })
+        Ok(Self { stretches, record_of, indices, warnings })
     }
 
     fn measured(&self, rig: &Rig, bound: &ObservedModel, settings: &Settings) -> Result<Measured> {
@@ -146,8 +156,8 @@ impl Steady {
             }
             return Err(error);
         }
-        let Self { stretches, record_of, warnings } = self;
-        Ok(Prepared { stretches, record_of, sensors, geometry, warnings })
+        let Self { stretches, record_of, indices, warnings } = self;
+        Ok(Prepared { stretches, record_of, indices, sensors, geometry, warnings })
     }
 }
 

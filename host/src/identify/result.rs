@@ -153,6 +153,9 @@ pub struct Identification {
     /// How multiple shooting came about them, where it did.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shooting: Option<shooting::Details>,
+    /// Zeros of the sensors that show angles, where shooting sought them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub zeros: Vec<shooting::zeros::ZeroOffset>,
     /// Why these are the weak form's numbers, where no method was asked for: see [`super::best`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub not_by_shooting: Option<String>,

@@ -82,6 +82,16 @@ impl Stretch {
         }
     }
 
+    /// The same with these zeros of the sensors taken off: q − S⁻¹ z.
+    pub fn shifted(&self, bound: &ObservedModel, zeros: &[f64]) -> Self {
+        let mut out = self.clone();
+        for (j, q) in out.coordinates.iter_mut().enumerate() {
+            let shift: f64 = zeros.iter().enumerate().map(|(k, z)| bound.coordinates[(j, k)] * z).sum();
+            q.iter_mut().for_each(|q| *q -= shift);
+        }
+        out
+    }
+
     /// What the sensors showed, y = S q.
     pub fn sensors(&self, bound: &ObservedModel) -> Vec<Vec<f64>> {
         mixed(&bound.shown, &self.coordinates)

@@ -11,6 +11,7 @@ use super::remeasured::Sensors;
 use super::shooting::problem::{Piece, Problem};
 use super::shooting::run::integration_step;
 use super::shooting::track::{Geometry, MeasuredStretch, cut};
+use super::shooting::zeros::{Moment, Zeros};
 use super::stretches::Stretch;
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::Inputs;
@@ -292,6 +293,13 @@ impl<'a> Track<'a> {
         piece.start_s - self.begins[piece.stretch]
     }
 
+    /// A piece's beginning, its state being a guess.
+    pub fn moment(&self, piece: &Piece, state: &[f64]) -> Moment {
+        let mut inputs = vec![0.0; self.inputs];
+        self.inputs(piece.start_s, &mut inputs);
+        Moment { state: state.to_vec(), time: piece.start_s, tau: piece.tau, inputs }
+    }
+
     /// The least-squares problem; `at` is [`Track::inputs`].
     pub fn problem<'b, D: Dynamics + ?Sized>(
         &'b self,
@@ -307,6 +315,7 @@ impl<'a> Track<'a> {
             step_s,
             omega: self.omega,
             inputs: (self.inputs > 0).then_some(Inputs { count: self.inputs, at }),
+            zeros: Zeros::default(),
         }
     }
 }

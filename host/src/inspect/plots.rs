@@ -168,6 +168,7 @@ mod tests {
             counts_per_turn: None,
             gain: None,
             offset: None,
+            index_at: None,
         };
         let segment = |k: i64| Segment {
             first_tick: 20 * k,

@@ -33,6 +33,7 @@ pub fn rig(model: &IdentifiedModel, path: &Path) -> Result<Rig> {
         counts_per_turn: None,
         gain: None,
         offset: None,
+        index_at: None,
     };
     let (id, file, channel) = match &model.system {
         System::BuiltIn(id) => {

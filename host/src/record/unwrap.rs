@@ -145,6 +145,7 @@ mod tests {
             counts_per_turn: n,
             gain: None,
             offset: None,
+            index_at: None,
         }
     }
 

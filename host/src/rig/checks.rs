@@ -149,6 +149,12 @@ fn scale(c: &Channel, path: &Path, place: &dyn Fn(&str) -> String) -> Result<()>
         let expected = if count { "a whole number of counts" } else { "a number in the channel's unit" };
         return bad(path, &place("offset"), offset.to_string(), expected);
     }
+    if let Some(at) = c.index_at
+        && !c.counts_per_turn.is_some_and(|turn| at.abs() <= f64::from(turn))
+    {
+        let expected = if count { "counts, at most a turn" } else { "no such key: a channel of unit \"count\" has it" };
+        return bad(path, &place("index_at"), at.to_string(), expected);
+    }
     Ok(())
 }
 
@@ -189,6 +195,9 @@ mod tests {
             ("deg", "offset = inf\n", "offset"),
             ("count", "counts_per_turn = 9\ngain = 0.5\n", "a gear belongs into counts_per_turn"),
             ("count", "counts_per_turn = 9\noffset = 0.5\n", "a whole number of counts"),
+            ("count", "counts_per_turn = 9\nindex_at = 9.5\n", "counts, at most a turn"),
+            ("count", "counts_per_turn = 9\nindex_at = nan\n", "counts, at most a turn"),
+            ("deg", "index_at = 1.0\n", "no such key"),
         ] {
             let message = rig(unit, more).unwrap_err().to_string();
             assert!(message.contains(part), "{more}: {message}");

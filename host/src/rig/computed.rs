@@ -158,6 +158,7 @@ impl Columns {
                 counts_per_turn: None,
                 gain: None,
                 offset: None,
+                index_at: None,
             });
             columns.len() - 1
         });

@@ -100,6 +100,10 @@ pub struct Channel {
     /// What is added then, in the unit; 0 where none. For counts a whole number.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub offset: Option<f64>,
+    /// For counts: how many lie from where the angle is 0 to the encoder's index mark. A record
+    /// that tells at which count the mark was seen then has a known zero.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub index_at: Option<f64>,
 }
 
 impl Channel {
@@ -363,6 +367,7 @@ impl Rig {
             counts_per_turn: None,
             gain: None,
             offset: None,
+            index_at: None,
         };
         Self {
             name: "columns".to_owned(),

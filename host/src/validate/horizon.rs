@@ -111,6 +111,7 @@ pub fn horizon<D: Dynamics + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identify::shooting::zeros::Zeros;
     use crate::model::dynamics::Instant;
 
     #[test]
@@ -149,6 +150,7 @@ mod tests {
             step_s: 0.01,
             omega: 0.0,
             inputs: None,
+            zeros: Zeros::default(),
         };
         let wobble = |i: usize| if i.is_multiple_of(2) { 1e-4 } else { -1e-4 };
         let measured: Vec<f64> = (0..800).map(|i| 0.5 * (-2.0 * 0.01 * i as f64).exp() + wobble(i)).collect();

@@ -103,7 +103,7 @@ impl<'a> Setting<'a> {
     ) -> Result<Option<Begun<'a>>> {
         let Some(base) = base(rig, whole) else { return Ok(None) };
         let first = identify::weak_form(records, rig, settings)?;
-        let Prepared { stretches, record_of, sensors, geometry, warnings } =
+        let Prepared { stretches, record_of, sensors, geometry, warnings, .. } =
             identify::prepare(records, rig, whole, settings)?;
         let own = Own::new(&base, records.len());
         // More is not followed.

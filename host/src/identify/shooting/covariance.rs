@@ -30,6 +30,8 @@ pub struct Covariance {
     pub bound: DMatrix<f64>,
     /// Blocks of the jackknife; 0 where there are too few pieces and the bound was taken.
     pub blocks: usize,
+    /// Mean square of the residuals, in units of the noise's variance.
+    pub mean_square: f64,
     /// Condition number of the normal matrix scaled to unit diagonal (square root of the ratio of
     /// eigenvalues).
     pub condition: f64,
@@ -44,6 +46,17 @@ fn inverse(normal: &DMatrix<f64>, held: &[bool]) -> Option<DMatrix<f64>> {
         out.set_column(i, &solve_scaled(normal, &unit, 0.0, held)?);
     }
     Some(out)
+}
+
+/// What unit noise allows at best, H⁻¹, some parameters being held. `states`: unknowns of each
+/// piece. None where it is singular.
+pub fn least(shares: &[Share], states: usize, held: &[bool]) -> Option<DMatrix<f64>> {
+    let p = held.len();
+    let mut total = DMatrix::zeros(p, p);
+    for share in shares {
+        total += &reduce(share, states, 0.0)?.normal;
+    }
+    inverse(&total, held)
 }
 
 /// Covariances at a minimum. `states`: unknowns of each piece; `repetition`: correlation of
@@ -92,5 +105,6 @@ pub fn covariance(shares: &[Share], states: usize, held: &[bool], repetition: f6
     });
     let eigen = scaled.symmetric_eigenvalues();
     let condition = (eigen.max() / eigen.min().max(f64::MIN_POSITIVE)).sqrt();
-    Some(Covariance { estimate, bound, blocks: if g >= FEWEST_BLOCKS { g } else { 0 }, condition })
+    let blocks = if g >= FEWEST_BLOCKS { g } else { 0 };
+    Some(Covariance { estimate, bound, blocks, mean_square, condition })
 }

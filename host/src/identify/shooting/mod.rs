@@ -19,9 +19,10 @@ pub mod solve;
 mod states;
 pub mod track;
 mod with_offsets;
+pub mod zeros;
 
 use indicatif::ProgressBar;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::built_in::WrittenRig;
@@ -44,6 +45,7 @@ use crate::warning::Warning;
 use problem::{Piece, Problem};
 use run::{Failure, Outcome, REPEATING};
 use with_offsets::WithOffsets;
+use zeros::{Moment, Unknown, ZeroOffset};
 
 /// Ratio of residuals to the sensors' noise from which the model is said to miss something.
 pub const MISSES: f64 = 1.2;
@@ -51,6 +53,8 @@ pub const MISSES: f64 = 1.2;
 const PERIODS: f64 = 20.0;
 /// Fewest samples of a piece.
 const FEWEST_SAMPLES: usize = 16;
+/// Bounds of what has none.
+const OPEN: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 /// Progress: rounds expected.
 const EXPECTED_ROUNDS: u64 = 16;
 
@@ -157,15 +161,19 @@ struct Given<'a> {
     first: &'a Identification,
 }
 
-/// A run with the length of its pieces at each level, s, and the slips that it shows.
+/// A run with the length of its pieces at each level, s, the slips that it shows and the sensors'
+/// zeros, which are the last of its parameters where they were identified.
 struct ShootingRun {
     outcome: Outcome,
     levels_s: Vec<f64>,
     slips: Vec<Slip>,
+    zeros: Vec<ZeroOffset>,
+    /// Zeros by stretch and sensor.
+    shifts: Vec<Vec<f64>>,
 }
 
 /// Pieces, start, bounds, levels; then the run, `offsets` saying whether every piece has its
-/// sensors' zeros to itself.
+/// sensors' zeros to itself; otherwise those of a record are parameters ([`zeros`]).
 fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &ProgressBar) -> Result<ShootingRun> {
     let Given { motion, names, rig, bound, prepared, first } = *given;
     let Prepared { stretches, sensors, geometry, .. } = prepared;
@@ -195,7 +203,7 @@ fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &Progr
             found.ok_or_else(|| BadInput::new(format!("no {n}"), "a start by the weak form"))
         })
         .collect::<Result<_>>()?;
-    let mut bounds = vec![[f64::NEG_INFINITY, f64::INFINITY]; names.len()];
+    let mut bounds = vec![OPEN; names.len()];
     for (name, low, high) in &settings.bounds {
         let i = names.iter().position(|n| n == name).ok_or_else(|| {
             BadInput::new(format!("\"{name}\""), format!("one of {}", names.join(", "))).at("--bound")
@@ -211,22 +219,31 @@ fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &Progr
     if let Some(wide) = &wide {
         guesses.iter_mut().for_each(|g| *g = wide.state(g));
     }
-    let problem = Problem { sensors: &shown, ..track.problem(motion, period_s, &at) };
+    let moments: Vec<Moment> = pieces.iter().zip(&guesses).map(|(p, g)| track.moment(p, g)).collect();
+    let unknown = if offsets { Unknown::default() } else { zeros::unknown(motion, &start, &moments, bound, prepared) };
     progress.set_length(EXPECTED_ROUNDS);
     let mut tick = || {
         if progress.position() + 1 < EXPECTED_ROUNDS {
             progress.inc(1);
         }
     };
-    let levels_s = levels.iter().map(|l| *l as f64 * track.spacing_s).collect();
-    let outcome = run::run(problem, pieces, guesses, &start, &bounds, &levels, &mut tick);
+    let mut once = |unknown: &Unknown| {
+        let problem = Problem { sensors: &shown, zeros: unknown.zeros(), ..track.problem(motion, period_s, &at) };
+        let start: Vec<f64> = start.iter().copied().chain(unknown.none()).collect();
+        let bounds: Vec<[f64; 2]> = bounds.iter().copied().chain(unknown.none().map(|_| OPEN)).collect();
+        run::run(problem, pieces.clone(), guesses.clone(), &start, &bounds, &levels, &mut tick)
+    };
+    let found = zeros::worthwhile(&unknown, 2 * motion.degrees_of_freedom(), &mut once);
     progress.finish_and_clear();
-    let outcome = outcome.map_err(failed)?;
-    let problem = Problem { sensors: &shown, ..track.problem(motion, outcome.step_s, &at) };
+    let found = found.map_err(failed)?;
+    let (unknown, outcome) = (&found.unknown, &found.outcome);
+    let problem = Problem { sensors: &shown, zeros: unknown.zeros(), ..track.problem(motion, outcome.step_s, &at) };
     let first = |p: &Piece| (track.since_begin(p) / track.spacing_s).round() as usize;
     let fit = &outcome.fit;
     let slips = slips::find(&problem, &outcome.pieces, &fit.states, &fit.parameters, &first, &sensors.count);
-    Ok(ShootingRun { outcome, levels_s, slips })
+    let levels_s = levels.iter().map(|l| *l as f64 * track.spacing_s).collect();
+    let shifts = unknown.values(&fit.parameters);
+    Ok(ShootingRun { levels_s, slips, zeros: found.told(rig, bound, prepared), shifts, outcome: found.outcome })
 }
 
 /// A run that gave nothing, in words.
@@ -286,14 +303,16 @@ fn finish(
     written: WrittenRig<'_>,
     names: &[String],
     prepared: &Prepared,
-    ShootingRun { outcome, levels_s, slips }: ShootingRun,
+    ShootingRun { outcome, levels_s, slips, zeros, shifts }: ShootingRun,
 ) -> Result<Identification> {
-    let WrittenRig { rig, own, bound } = written;
+    let WrittenRig { rig, bound, .. } = written;
     let worst = outcome.noise_ratio.iter().copied().fold(0.0, f64::max);
     let doubts = doubts(&outcome, worst);
     let Outcome { fit, covariance, noise_ratio, lost, repetition, step_s, values, rounds, .. } = outcome;
-    let found = DVector::from_vec(fit.parameters.clone());
-    let estimate = &covariance.estimate;
+    // Zeros are told apart from the equations' parameters.
+    let own = |of: &DMatrix<f64>| of.view((0, 0), (names.len(), names.len())).into_owned();
+    let found = DVector::from_column_slice(&fit.parameters[..names.len()]);
+    let (estimate, least) = (&own(&covariance.estimate), own(&covariance.bound));
     let mut warnings: Vec<Warning> = prepared.warnings.clone();
     // What a model misses shows in the residuals again and again, too.
     if repetition > REPEATING && worst <= MISSES {
@@ -304,11 +323,12 @@ fn finish(
         ));
     }
     warnings.extend(doubts);
+    warnings.extend(zeros::warnings(&zeros));
     let unit = |n: &String| first.parameter(n).map_or_else(String::new, |p| p.unit.clone());
     let units: Vec<String> = names.iter().map(unit).collect();
-    let identified = Identified { names, values: &found, covariance: estimate, metric: &covariance.bound };
+    let identified = Identified { names, values: &found, covariance: estimate, metric: &least };
     let (parameters, ties_misfit) = built_in::parameters(rig, &identified, &units, &mut warnings);
-    let (identification_error, residuals) = balances(names, &found, own, bound, prepared)?;
+    let (identification_error, residuals) = balances(names, &found, written, prepared, &shifts)?;
     let given: usize = prepared.stretches.iter().map(Stretch::len).sum::<usize>() * noise_ratio.len();
     let details = super::Details {
         repetition,
@@ -338,30 +358,35 @@ fn finish(
             rounds,
             converged: fit.converged,
             noise_ratio,
-            cramer_rao: (0..names.len()).map(|i| covariance.bound[(i, i)].max(0.0).sqrt()).collect(),
+            cramer_rao: (0..names.len()).map(|i| least[(i, i)].max(0.0).sqrt()).collect(),
             at_bound: names.iter().zip(&fit.held).filter(|(_, h)| **h).map(|(n, _)| n.clone()).collect(),
         }),
         warnings,
         residuals,
         slips: slips::placed(&slips, bound, prepared),
+        zeros,
         ..first
     };
     super::judgement::judge(&mut result, rig);
     Ok(result)
 }
 
-/// ε of the balance equations with these coefficients in them, and their residuals.
+/// ε of the balance equations with these coefficients in them, the sensors' zeros (by stretch) taken
+/// off, and their residuals.
 fn balances(
     names: &[String],
     found: &DVector<f64>,
-    rig: &Rig,
-    bound: &ObservedModel,
+    written: WrittenRig<'_>,
     prepared: &Prepared,
+    zeros: &[Vec<f64>],
 ) -> Result<(Vec<f64>, Vec<Residuals>)> {
-    let weak = WeakForm::new(&bound.model, rig.omega(), &[])?;
+    let WrittenRig { own, bound, .. } = written;
+    let weak = WeakForm::new(&bound.model, own.omega(), &[])?;
     let circle = bound.model.circle();
     let super::Geometry { windows, kernels } = &prepared.geometry;
-    let system = System { stretches: &prepared.stretches, weak: &weak, kernels, circle: &circle };
+    let without_zeros = |(s, zeros): (&Stretch, &Vec<f64>)| s.shifted(bound, zeros);
+    let stretches: Vec<Stretch> = prepared.stretches.iter().zip(zeros).map(without_zeros).collect();
+    let system = System { stretches: &stretches, weak: &weak, kernels, circle: &circle };
     let rows = windows::rows_of(&system, &weak.equations, kernels, windows);
     let columns = Split::new(&bound.model, 1).tied(names, found);
     let one = |(e, coefficients): (usize, &DVector<f64>)| {

@@ -1,14 +1,16 @@
 //! The least-squares problem of multiple shooting: pieces of a record, each with an initial state
 //! of its own, and shared parameters.
 //!
-//! Minimise ½ Σ_s Σ_i Σ_k ((m_k·q(t_i; x_s, p) − y_ki)/σ_k)² over the initial states x_s (2n each)
-//! and the parameters p, where m_k·q is what sensor k measures. Each piece gives its share of the
-//! normal equations, [J_x J_p r]ᵀ[J_x J_p r], from the state and its variational equations.
+//! Minimise ½ Σ_s Σ_i Σ_k ((m_k·q(t_i; x_s, p) + z_k − y_ki)/σ_k)² over the initial states x_s (2n
+//! each) and the parameters, p of the equations and behind them z of the sensors' unknown zeros,
+//! where m_k·q + z_k is what sensor k shows. Each piece gives its share of the normal equations,
+//! [J_x J_p J_z r]ᵀ[J_x J_p J_z r], from the state and its variational equations.
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::states::Search;
+use super::zeros::Zeros;
 
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Inputs, Outside, Work};
@@ -42,6 +44,8 @@ pub struct Problem<'a, D: Dynamics + ?Sized> {
     pub omega: f64,
     /// Measured inputs.
     pub inputs: Option<Inputs<'a>>,
+    /// Sensors' zeros that are unknown.
+    pub zeros: Zeros<'a>,
 }
 
 /// A piece's share of the normal equations.
@@ -72,7 +76,18 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
 
     fn flow<'b>(&'b self, piece: &Piece, parameters: &'b [f64]) -> Flow<'b, D> {
         let outside = Outside { origin: piece.start_s, tau: piece.tau, omega: self.omega, inputs: self.inputs };
-        Flow::new(self.dynamics, parameters, outside, self.step_s)
+        Flow::new(self.dynamics, self.split(parameters).0, outside, self.step_s)
+    }
+
+    /// Parameters of the equations, and zeros of sensors.
+    fn split<'b>(&self, parameters: &'b [f64]) -> (&'b [f64], &'b [f64]) {
+        parameters.split_at(parameters.len() - self.zeros.count)
+    }
+
+    /// Each sensor's zero in a piece.
+    fn zeros_in(&self, piece: &Piece, parameters: &[f64]) -> Vec<f64> {
+        let zeros = self.split(parameters).1;
+        (0..self.sensors.len()).map(|k| self.zeros.value(piece.stretch, k, zeros)).collect()
     }
 
     fn samples(&self, piece: &Piece) -> usize {
@@ -89,8 +104,14 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
         let n = self.dynamics.degrees_of_freedom();
         let count = self.samples(piece);
         work.set(state);
-        let columns = work.derivatives().len() / (2 * n);
+        let flown = work.derivatives().len() / (2 * n);
+        // Zeros are parameters: they have columns where those have.
+        let columns = flown + if flown > 2 * n { self.zeros.count } else { 0 };
         let width = columns + 1;
+        let zeros = self.zeros_in(piece, parameters);
+        let zero_columns: Vec<Option<usize>> = (0..self.sensors.len())
+            .map(|k| self.zeros.at(piece.stretch, k).map(|z| flown + z).filter(|c| *c < columns))
+            .collect();
         let mut sums = vec![0.0; width * width];
         let mut squares = vec![0.0; self.sensors.len()];
         let mut row = vec![0.0; width];
@@ -99,11 +120,14 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
             for (k, (sensor, sigma)) in self.sensors.iter().zip(self.sigma).enumerate() {
                 row.fill(0.0);
                 let scale = 1.0 / sigma;
-                let mut r = -piece.measured[i * self.sensors.len() + k];
+                let mut r = zeros[k] - piece.measured[i * self.sensors.len() + k];
                 for (j, m) in sensor.iter().enumerate().filter(|m| *m.1 != 0.0) {
                     r += m * q[j];
-                    let by = &derivatives[j * columns..(j + 1) * columns];
+                    let by = &derivatives[j * flown..(j + 1) * flown];
                     row.iter_mut().zip(by).for_each(|(o, d)| *o += m * scale * d);
+                }
+                if let Some(column) = zero_columns[k] {
+                    row[column] = scale;
                 }
                 r *= scale;
                 row[columns] = r;
@@ -142,11 +166,12 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
         let mut work = self.room(false);
         work.set(state);
         let flow = self.flow(piece, parameters);
+        let zeros = self.zeros_in(piece, parameters);
         let whole = flow.samples(&mut work, piece.start_s, self.spacing_s, count, |i, sample| {
             let (q, derivatives) = sample.split_at(n);
             for (k, (sensor, sigma)) in self.sensors.iter().zip(self.sigma).enumerate() {
                 let row = i * sensors + k;
-                residuals[row] = -piece.measured[row] / sigma;
+                residuals[row] = (zeros[k] - piece.measured[row]) / sigma;
                 for (j, m) in sensor.iter().enumerate().filter(|m| *m.1 != 0.0) {
                     residuals[row] += m * q[j] / sigma;
                     let derivatives = &derivatives[j * 2 * n..(j + 1) * 2 * n];
@@ -197,11 +222,12 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
         let mut work = Work::plain(self.dynamics);
         work.set(state);
         let mut out = Vec::with_capacity(piece.measured.len());
+        let zeros = self.zeros_in(piece, parameters);
         let _reached =
             self.flow(piece, parameters).samples(&mut work, piece.start_s, self.spacing_s, count, |i, sample| {
                 for (k, (sensor, sigma)) in self.sensors.iter().zip(self.sigma).enumerate() {
                     let predicted: f64 = sensor.iter().zip(sample).map(|(m, q)| m * q).sum();
-                    out.push((predicted - piece.measured[i * self.sensors.len() + k]) / sigma);
+                    out.push((predicted + zeros[k] - piece.measured[i * self.sensors.len() + k]) / sigma);
                 }
             });
         out

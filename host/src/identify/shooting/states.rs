@@ -131,7 +131,7 @@ impl Lane<'_> {
 impl Problem<'_, EquationsOfMotion> {
     /// States of many pieces with the parameters held, each over the lengths that go with it
     /// ([`Problem::fit_state`]): side by side where the step of integration is not longer than the
-    /// samples' spacing.
+    /// samples' spacing and all zeros are known.
     pub fn fit_states(
         &self,
         pieces: &[Piece],
@@ -139,7 +139,8 @@ impl Problem<'_, EquationsOfMotion> {
         parameters: &[f64],
         lengths: &(dyn Fn(usize) -> Vec<usize> + Sync),
     ) -> Vec<Option<(Vec<f64>, f64)>> {
-        if self.step_s > self.spacing_s * (1.0 + 1e-9) || !self.dynamics.goes_abreast() {
+        let abreast = self.dynamics.goes_abreast() && self.zeros.count == 0;
+        if self.step_s > self.spacing_s * (1.0 + 1e-9) || !abreast {
             let one = |work: &mut _, k: usize| self.fit_state(&pieces[k], &starts[k], parameters, &lengths(k), work);
             return (0..pieces.len()).into_par_iter().map_init(|| self.room(false), one).collect();
         }
@@ -251,6 +252,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::identify::shooting::zeros::Zeros;
     use crate::model::flow::{self, Flow, Work};
     use crate::model::model_file::ModelFile;
 
@@ -289,6 +291,7 @@ mod tests {
             step_s,
             omega: OMEGA,
             inputs: None,
+            zeros: Zeros::default(),
         };
         let lengths = |k: usize| if k.is_multiple_of(2) { vec![15, 60] } else { vec![60] };
         for step_s in [SPACING_S, 0.4 * SPACING_S] {

@@ -2,6 +2,7 @@ use core::f64::consts::TAU;
 
 use super::*;
 use crate::identify::shooting::track::{Geometry, MeasuredStretch, cut};
+use crate::identify::shooting::zeros::Zeros;
 use crate::model::dynamics::Instant;
 use crate::model::flow::{Flow, Outside, Work};
 
@@ -56,6 +57,7 @@ fn shoot(values: &[f64], start: &[f64], bounds: &Bounds) -> Result<Outcome, Fail
         step_s: TAU,
         omega: 1.0,
         inputs: None,
+        zeros: Zeros::default(),
     };
     run(problem, pieces, guesses, start, bounds, &[50, 100, 200], &mut || {})
 }

@@ -1,0 +1,346 @@
+//! Zeros of sensors that nobody knows, as parameters of the fit.
+//!
+//! An incremental encoder counts from where it stood when it started, and friction holds a hanging
+//! arm beside its lowest point: sensor k of record r shows y = m_k·q + z_kr, with z a parameter
+//! behind those of the equations. It is sought for every sensor that shows angles alone and whose
+//! shift the equations feel: with x ↦ f(x) the accelerations at a piece's beginning, the columns
+//! f(q + S⁻¹ e_k h) − f(q) of the zeros must be independent of one another.
+//!
+//! A zero costs nothing where the motion goes everywhere. Locked to its drive it may not tell a
+//! zero from another parameter: where the zeros widen a standard error by more than `DEAR`, those
+//! that the record does not show to be off (`SHOWN`) are held where they were set, which is said.
+
+use serde::Serialize;
+
+use super::covariance;
+use super::run::{Failure, Outcome};
+use crate::identify::prepared::Prepared;
+use crate::model::dynamics::{Dynamics, Instant};
+use crate::report::format::{Z95, plus_minus};
+use crate::report::names::listed;
+use crate::rig::Rig;
+use crate::rig::measures::ObservedModel;
+use crate::warning::Warning;
+
+/// Widening of a standard error that zeros may cost: a record longer by a tenth makes up for it.
+const DEAR: f64 = 1.05;
+/// Standard errors from which a zero is off: 95 %.
+const SHOWN: f64 = 1.96;
+/// Standard errors from which one is told to be off by name: by chance once in sixteen thousand.
+const CLEAR: f64 = 4.0;
+/// Where a zero is from.
+pub const IDENTIFIED: &str = "identified";
+const HELD: &str = "held";
+const INDEX: &str = "index";
+/// Shift by which it is seen whether the equations feel a zero, rad: a size at which sines are bent.
+const SHIFT: f64 = 0.3;
+/// Part of a column that must not be that of others, in what all make of an acceleration: rounding
+/// is a millionth of it.
+const INDEPENDENT: f64 = 1e-8;
+/// Pieces at which that is seen.
+const LOOKED_AT: usize = 64;
+
+/// A sensor's zero in a record: it shows `value` more than the angle.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ZeroOffset {
+    /// Channel.
+    pub channel: String,
+    /// Record, counted from 1.
+    pub record: usize,
+    /// Value.
+    pub value: f64,
+    /// Its standard error; of one that is held, what this record alone would give.
+    pub std_error: f64,
+    /// Unit.
+    pub unit: String,
+    /// `identified`; `held` where the record does not tell it from other parameters; `index` where
+    /// the encoder's index mark tells it.
+    pub from: String,
+    /// Counts from angle 0 to the encoder's index mark, where the record tells at which count it
+    /// was seen: `index_at` of the channel in the rig file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub index_at: Option<f64>,
+}
+
+impl ZeroOffset {
+    /// Whether it is a channel's in a record, counted from 0.
+    pub fn is_of(&self, record: usize, channel: &str) -> bool {
+        self.record == record + 1 && self.channel == channel
+    }
+
+    /// Whether the record shows that it is not where it was set.
+    pub fn is_off(&self) -> bool {
+        self.value.abs() > SHOWN * self.std_error
+    }
+}
+
+/// What the zeros of a fit make one doubt: those that are far off, and those that had to be held.
+pub fn warnings(zeros: &[ZeroOffset]) -> Vec<Warning> {
+    let several = zeros.iter().any(|z| z.record > 1);
+    let name = |z: &ZeroOffset| {
+        if several { format!("{} of record {}", z.channel, z.record) } else { z.channel.clone() }
+    };
+    let far = zeros.iter().filter(|z| z.from == IDENTIFIED && z.value.abs() > CLEAR * z.std_error).map(|z| {
+        let degrees = plus_minus(z.value.to_degrees(), (Z95 * z.std_error).to_degrees());
+        Warning::new(
+            "zero-off",
+            format!("{} shows {degrees}° (95 %) more than its angle: that was taken off", name(z)),
+            "Is its zero where the arm hangs, and the frame upright? `whirl device zero` sets it; `whirl explain` weighs what else it may be",
+        )
+        .with("channel", z.channel.clone())
+        .with("record", z.record)
+        .with("value", z.value)
+        .with("std_error", z.std_error)
+    });
+    let held: Vec<String> = zeros.iter().filter(|z| z.from == HELD).map(name).collect();
+    let unsure = (!held.is_empty()).then(|| {
+        Warning::new(
+            "zeros-held",
+            format!(
+                "the zero{} of {} {} taken to be where the rig file says: this record cannot tell {} from other parameters",
+                if held.len() == 1 { "" } else { "s" },
+                listed(&held),
+                if held.len() == 1 { "is" } else { "are" },
+                if held.len() == 1 { "it" } else { "them" },
+            ),
+            "Standard errors hold for that zero alone: let the arms hang from both sides before zero is set, or record a chaotic motion",
+        )
+    });
+    far.chain(unsure).collect()
+}
+
+/// Which unknown zero a sensor has in a stretch: y = m·q + z.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Zeros<'a> {
+    of: &'a [Vec<Option<usize>>],
+    /// How many there are.
+    pub count: usize,
+}
+
+impl Zeros<'_> {
+    /// The number of a sensor's unknown zero.
+    pub fn at(&self, stretch: usize, sensor: usize) -> Option<usize> {
+        self.of.get(stretch)?.get(sensor).copied().flatten()
+    }
+
+    /// A sensor's zero, `values` being those of the unknown ones.
+    pub fn value(&self, stretch: usize, sensor: usize, values: &[f64]) -> f64 {
+        self.at(stretch, sensor).map_or(0.0, |k| values[k])
+    }
+}
+
+/// The zeros that are sought.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Unknown {
+    /// Record and sensor of each.
+    list: Vec<(usize, usize)>,
+    of: Vec<Vec<Option<usize>>>,
+}
+
+impl Unknown {
+    /// Some sensors' in some records.
+    fn of(list: Vec<(usize, usize)>, record_of: &[usize], sensors: usize) -> Self {
+        let place = |record: usize, sensor: usize| list.iter().position(|z| *z == (record, sensor));
+        let of = record_of.iter().map(|r| (0..sensors).map(|k| place(*r, k)).collect()).collect();
+        Self { list, of }
+    }
+
+    /// How many.
+    pub fn count(&self) -> usize {
+        self.list.len()
+    }
+
+    /// As a fit takes them.
+    pub fn zeros(&self) -> Zeros<'_> {
+        Zeros { of: &self.of, count: self.count() }
+    }
+
+    /// Those of these that `kept` says.
+    fn only(&self, kept: &[bool]) -> Self {
+        let list: Vec<_> = self.list.iter().zip(kept).filter(|(_, k)| **k).map(|(z, _)| *z).collect();
+        let number = |z: &(usize, usize)| list.iter().position(|l| l == z);
+        let of = self.of.iter().map(|s| s.iter().map(|k| k.and_then(|k| number(&self.list[k]))).collect());
+        Self { of: of.collect(), list }
+    }
+
+    /// Their values before anything is known of them.
+    pub fn none(&self) -> impl Iterator<Item = f64> {
+        core::iter::repeat_n(0.0, self.count())
+    }
+
+    /// Every sensor's zero, by stretch, the unknown ones being the last of these parameters.
+    pub fn values(&self, parameters: &[f64]) -> Vec<Vec<f64>> {
+        let values = &parameters[parameters.len() - self.count()..];
+        self.of.iter().map(|s| s.iter().map(|z| z.map_or(0.0, |z| values[z])).collect()).collect()
+    }
+
+    /// Those that are worth what they cost the other parameters; none where all are.
+    fn worth(&self, outcome: &Outcome, states: usize) -> Option<Self> {
+        let fit = &outcome.fit;
+        let others = fit.parameters.len() - self.count();
+        let mut held = fit.held.clone();
+        held[others..].fill(true);
+        let without = covariance::least(&fit.shares, states, &held)?;
+        let (with, noise) = (&outcome.covariance.bound, outcome.covariance.mean_square);
+        let dear = |i: usize| with[(i, i)] > DEAR * DEAR * noise * without[(i, i)];
+        if !(0..others).any(|i| !fit.held[i] && dear(i)) {
+            return None;
+        }
+        let shown: Vec<bool> =
+            (others..fit.parameters.len()).map(|i| fit.parameters[i].abs() > SHOWN * error(outcome, i)).collect();
+        (!shown.iter().all(|s| *s)).then(|| self.only(&shown))
+    }
+}
+
+/// A fit with the zeros that are worth it.
+pub struct Worthwhile {
+    /// The fit.
+    pub outcome: Outcome,
+    /// The zeros that are parameters of it.
+    pub unknown: Unknown,
+    /// The zeros that were parameters first, with their standard errors, where some were held then.
+    before: Option<(Unknown, Vec<f64>)>,
+}
+
+impl Worthwhile {
+    fn all(unknown: &Unknown, outcome: Outcome) -> Self {
+        Self { outcome, unknown: unknown.clone(), before: None }
+    }
+
+    /// The zeros, in words for each.
+    pub fn told(&self, rig: &Rig, bound: &ObservedModel, prepared: &Prepared) -> Vec<ZeroOffset> {
+        let Self { outcome, unknown, before } = self;
+        let first = outcome.fit.parameters.len() - unknown.count();
+        let of = |(record, sensor): (usize, usize), value: f64, std_error: f64, from: &str| ZeroOffset {
+            channel: rig.channel[bound.sensors[sensor]].name.clone(),
+            record: record + 1,
+            value,
+            std_error,
+            unit: "rad".to_owned(),
+            from: from.to_owned(),
+            index_at: prepared.indices.mark(record, sensor, value).filter(|_| from != HELD),
+        };
+        let found = unknown.list.iter().enumerate().map(|(k, z)| {
+            let std_error = error(outcome, first + k);
+            (*z, of(*z, outcome.fit.parameters[first + k], std_error, IDENTIFIED))
+        });
+        let held = before.iter().flat_map(|(all, errors)| all.list.iter().zip(errors));
+        let held = held.filter(|(z, _)| !unknown.list.contains(z)).map(|(z, e)| (*z, of(*z, 0.0, *e, HELD)));
+        let records = prepared.record_of.iter().max().map_or(0, |r| r + 1);
+        let places = (0..records).flat_map(|r| (0..bound.sensors.len()).map(move |k| (r, k)));
+        let known = places.filter_map(|z| prepared.indices.zero(z.0, z.1).map(|(v, e)| (z, of(z, v, e, INDEX))));
+        let mut all: Vec<_> = found.chain(held).chain(known).collect();
+        all.sort_by_key(|(z, _)| *z);
+        all.into_iter().map(|(_, told)| told).collect()
+    }
+}
+
+/// Standard error of a parameter.
+fn error(outcome: &Outcome, i: usize) -> f64 {
+    outcome.covariance.estimate[(i, i)].max(0.0).sqrt()
+}
+
+/// Fits with the unknown zeros, and once more without those that are not worth what they cost, or
+/// without any where such a fit comes to nothing. `states`: unknowns of a piece.
+///
+/// # Errors
+/// Where even the fit without any gives nothing.
+pub fn worthwhile(
+    unknown: &Unknown,
+    states: usize,
+    fit: &mut dyn FnMut(&Unknown) -> Result<Outcome, Failure>,
+) -> Result<Worthwhile, Failure> {
+    let none = unknown.only(&vec![false; unknown.count()]);
+    let outcome = match fit(unknown) {
+        Ok(outcome) if outcome.fit.converged || unknown.count() == 0 => outcome,
+        Err(why) if unknown.count() == 0 => return Err(why),
+        _ => return fit(&none).map(|outcome| Worthwhile::all(&none, outcome)),
+    };
+    let Some(fewer) = unknown.worth(&outcome, states) else { return Ok(Worthwhile::all(unknown, outcome)) };
+    let first = outcome.fit.parameters.len() - unknown.count();
+    let errors = (first..outcome.fit.parameters.len()).map(|i| error(&outcome, i)).collect();
+    let again = fit(&fewer)?;
+    Ok(Worthwhile { outcome: again, before: Some((unknown.clone(), errors)), unknown: fewer })
+}
+
+/// A state of the system at a moment.
+pub struct Moment {
+    /// Coordinates, then rates.
+    pub state: Vec<f64>,
+    /// Time, s.
+    pub time: f64,
+    /// Phase of the drive, rad.
+    pub tau: f64,
+    /// Inputs.
+    pub inputs: Vec<f64>,
+}
+
+/// The zeros that equations with these parameters feel in the records, seen at some moments.
+pub fn unknown(
+    motion: &dyn Dynamics,
+    parameters: &[f64],
+    moments: &[Moment],
+    bound: &ObservedModel,
+    prepared: &Prepared,
+) -> Unknown {
+    let circle = bound.model.circle();
+    let sensors = bound.sensors.len();
+    let angles = |k: &usize| bound.shown.row(*k).iter().zip(&circle).all(|(w, angle)| *w == 0.0 || *angle);
+    let stride = moments.len().div_ceil(LOOKED_AT).max(1);
+    let column = |k: usize| -> Option<Vec<f64>> {
+        let moments = moments.iter().step_by(stride);
+        let changes = moments.map(|m| change(motion, parameters, m, |j| SHIFT * bound.coordinates[(j, k)]));
+        changes.collect::<Option<Vec<_>>>().map(|c| c.concat())
+    };
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    let mut felt = Vec::new();
+    let scale: f64 = moments.iter().step_by(stride).filter_map(|m| size(motion, parameters, m)).sum();
+    for k in (0..sensors).filter(angles) {
+        let Some(mut c) = column(k) else { continue };
+        for b in &basis {
+            let along: f64 = b.iter().zip(&c).map(|(b, c)| b * c).sum();
+            c.iter_mut().zip(b).for_each(|(c, b)| *c -= along * b);
+        }
+        let left: f64 = c.iter().map(|c| c * c).sum();
+        if left > INDEPENDENT * INDEPENDENT * scale && left.is_finite() {
+            c.iter_mut().for_each(|c| *c /= left.sqrt());
+            basis.push(c);
+            felt.push(k);
+        }
+    }
+    let records = prepared.record_of.iter().max().map_or(0, |r| r + 1);
+    let used = (0..records).filter(|r| prepared.record_of.contains(r));
+    let all = used.flat_map(|r| felt.iter().map(move |k| (r, *k)));
+    let list = all.filter(|(r, k)| prepared.indices.zero(*r, *k).is_none()).collect();
+    Unknown::of(list, &prepared.record_of, sensors)
+}
+
+/// Accelerations at a moment, shifted; none where the equations have none there.
+fn accelerations(
+    motion: &dyn Dynamics,
+    parameters: &[f64],
+    at: &Moment,
+    shift: impl Fn(usize) -> f64,
+) -> Option<Vec<f64>> {
+    let n = motion.degrees_of_freedom();
+    let (q, v) = at.state.split_at(n);
+    let q: Vec<f64> = q.iter().enumerate().map(|(j, q)| q + shift(j)).collect();
+    let mut out = vec![0.0; n];
+    let instant = Instant { time: at.time, tau: at.tau, inputs: &at.inputs };
+    motion.acceleration(parameters, &q, v, &instant, &mut out).then_some(out)
+}
+
+/// What a shift changes of them.
+fn change(motion: &dyn Dynamics, parameters: &[f64], at: &Moment, shift: impl Fn(usize) -> f64) -> Option<Vec<f64>> {
+    let plain = accelerations(motion, parameters, at, |_| 0.0)?;
+    let shifted = accelerations(motion, parameters, at, shift)?;
+    Some(shifted.iter().zip(plain).map(|(a, b)| a - b).collect())
+}
+
+/// Sum of their squares.
+fn size(motion: &dyn Dynamics, parameters: &[f64], at: &Moment) -> Option<f64> {
+    accelerations(motion, parameters, at, |_| 0.0).map(|a| a.iter().map(|a| a * a).sum())
+}
+
+#[cfg(all(test, feature = "sim"))]
+mod tests;
