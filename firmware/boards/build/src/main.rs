@@ -1,22 +1,30 @@
 //! `cargo run -p whirl-board-build -- FOLDER` builds the images of all boards and leaves them there
 //! as `.elf`, `.bin` and `.uf2`, with their sizes, so that a board can be flashed without Rust and
-//! without a debug probe.
+//! without a debug probe. An image that its chip would not run, or that says nothing of itself, is an
+//! error.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 use std::{env, fs};
 
-use whirl_board_build::image::{Image, has_messages};
+use whirl_board_build::image::{Chip, Image, has_messages};
 
 const CORTEX_M4F: &str = "thumbv7em-none-eabihf";
 const CORTEX_M33F: &str = "thumbv8m.main-none-eabihf";
-/// Boards, with their targets and their chips' families in UF2 (microsoft/uf2,
+/// Both NUCLEO boards: 512 kB of flash, of which the second half is the settings' (the G474RE's
+/// second bank, in whose end they lie, so that the program goes on while they are written; sectors 6
+/// and 7 of the F446RE).
+const NUCLEO: Chip = Chip { flash: 0x0800_0000, room: 256 << 10, memory: 128 << 10, boot_block: false };
+/// The Pico 2, of whose 4 MB a program may take what an image may.
+const PICO2: Chip = Chip { flash: 0x1000_0000, room: 1 << 20, memory: 512 << 10, boot_block: true };
+
+/// Boards, with their targets, their chips and those families in UF2 (microsoft/uf2,
 /// `utils/uf2families.json`).
-const BOARDS: [(&str, &str, u32); 3] = [
-    ("nucleo-g474re", CORTEX_M4F, 0x4c71_240a),
-    ("nucleo-f446re", CORTEX_M4F, 0x5775_5a57),
+const BOARDS: [(&str, &str, Chip, u32); 3] = [
+    ("nucleo-g474re", CORTEX_M4F, NUCLEO, 0x4c71_240a),
+    ("nucleo-f446re", CORTEX_M4F, NUCLEO, 0x5775_5a57),
     // RP2350, Arm, secure.
-    ("pico2", CORTEX_M33F, 0xe48b_ff59),
+    ("pico2", CORTEX_M33F, PICO2, 0xe48b_ff59),
 ];
 
 fn cargo(arguments: &[&str], root: &Path) -> Result<Vec<u8>, String> {
@@ -48,7 +56,7 @@ fn images(folder: &Path) -> Result<(), String> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../..");
     fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
     let built = target_folder(&root)?;
-    for (board, target, family) in BOARDS {
+    for (board, target, chip, family) in BOARDS {
         let package = format!("whirl-board-{board}");
         // One after another: the chips exclude each other within one build.
         cargo(&["build", "--release", "--locked", "--target", target, "--package", &package], &root)?;
@@ -58,8 +66,8 @@ fn images(folder: &Path) -> Result<(), String> {
         if !has_messages(&elf) {
             return Err(format!("{package} has no messages of level info: is DEFMT_LOG set to something else?"));
         }
-        if target == CORTEX_M33F && !image.has_boot_block() {
-            return Err(format!("{package} has no block within its first 4 kB by which the boot ROM knows a program"));
+        if let Some(why) = image.unfit(&chip) {
+            return Err(format!("{package} is no program for its chip: {why}"));
         }
         let file = |extension: &str| folder.join(format!("whirl-{board}.{extension}"));
         write(&file("elf"), &elf)?;
