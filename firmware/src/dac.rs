@@ -54,8 +54,8 @@ impl<E: fmt::Debug> fmt::Display for DacShakerError<E> {
     }
 }
 
-/// The shaker's set point as a voltage: half of the range is rest, its ends are −full scale
-/// and +full scale. The enable pin is active high; beside it there may be others ([`crate::lines`]).
+/// The shaker's set point as a voltage: half of the range is rest, its ends are −full scale and
+/// +full scale. The enable pin is active high; beside it there may be others ([`crate::lines`]).
 #[derive(Debug)]
 pub struct DacShaker<D, E> {
     converter: D,

@@ -43,8 +43,8 @@ pub struct Request {
     pub amplifier_on: bool,
     /// Whether the board has panicked: its last words.
     pub panicked: bool,
-    /// Whether a shape follows ([`shape_to_bytes`]), that of this tick and those to come; at boot it
-    /// is the sine.
+    /// Whether a shape follows ([`shape_to_bytes`]), that of this tick and those to come; at boot
+    /// it is the sine.
     pub shape_follows: bool,
 }
 

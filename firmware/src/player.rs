@@ -8,8 +8,8 @@
 //! stands there tells the channel, by what it has not brought yet. The next [`LEAD`] points are
 //! those of the run that is played, or its last code: they pass while the new run is computed,
 //! which begins behind them. Where that took longer it is played from the place that is nearest to
-//! what stands then, and where a wrap was missed nothing is left out: late until the next tick, but no
-//! step is greater than those of the run ([`crate::sweep::CATCH_UP`]).
+//! what stands then, and where a wrap was missed nothing is left out: late until the next tick, but
+//! no step is greater than those of the run ([`crate::sweep::CATCH_UP`]).
 
 use crate::dac::Converter;
 use crate::pacing::Schedule;
@@ -147,7 +147,8 @@ impl<C: Channel> Converter for Player<C> {
         let standing = self.runs[1 - next][self.place()];
         let mut at = point.min(length - 2);
         if at > self.settled {
-            // It took longer than the lead: what stands comes nearest to this one, the latest of such.
+            // It took longer than the lead: what stands comes nearest to this one, the latest of
+            // such.
             let away = |place: &usize| self.runs[next][place + 1].abs_diff(standing);
             at = (self.settled..=at).rev().min_by_key(away).unwrap_or(at);
         }

@@ -214,8 +214,8 @@ fn at_the_ticks_it_is_the_accumulator_s_waveform_bit_for_bit() {
     in_time::<true>(150_000_000);
 }
 
-/// Ticks in a row, then some that are missed, over and over; interrupts come late, now and then when
-/// the last run has ended. `work` in points.
+/// Ticks in a row, then some that are missed, over and over; interrupts come late, now and then
+/// when the last run has ended. `work` in points.
 fn missed<const B: bool>(timer_hertz: u32, rate: u32, mut work: impl FnMut(u32, u32) -> i64) {
     let mut board = Board::<B>::new(timer_hertz, rate, -7);
     let mut random = ChaCha8Rng::seed_from_u64(5);

@@ -1,5 +1,5 @@
-//! A tone of the base beside the drive: the mains' hum of an amplifier, which keeps its own time and
-//! no phase of the drive.
+//! A tone of the base beside the drive: the mains' hum of an amplifier, which keeps its own time
+//! and no phase of the drive.
 
 use core::f64::consts::TAU;
 

@@ -283,8 +283,8 @@ fn one_to_six_encoders_are_sampled_at_250_hz_to_2_khz() {
     assert!(wrong.to_string().contains("encoders"), "{wrong}");
 }
 
-/// What a sensor of the base shows beside the drive: the mains' hum, at its own frequency, at rest and
-/// in motion.
+/// What a sensor of the base shows beside the drive: the mains' hum, at its own frequency, at rest
+/// and in motion.
 #[test]
 fn hum_of_the_base_is_measured_beside_the_drive() {
     const HUM: Hum = Hum { amplitude_m: 2e-5, frequency_hz: 50.3 };

@@ -112,7 +112,8 @@ fn an_accelerometer_does_as_well() {
     assert_true(read(&file, &rig), &rig);
 }
 
-/// Mains' hum of the shaker's amplifier is no harmonic of the drive; where it is measured it is known.
+/// Mains' hum of the shaker's amplifier is no harmonic of the drive; where it is measured it is
+/// known.
 #[test]
 fn hum_that_is_measured_leaves_nothing_missing_and_every_parameter_right() {
     let folder = tempfile::tempdir().unwrap();

@@ -102,8 +102,8 @@ impl Image {
 
     /// Why a chip would not run it as it is meant to; none where nothing speaks against it.
     ///
-    /// The vector table (ARMv7-M and ARMv8-M, B1.5.3): the stack's end in RAM, aligned to 8, then the
-    /// handlers of the processor's own exceptions: code of this image, in Thumb state, or none.
+    /// The vector table (ARMv7-M and ARMv8-M, B1.5.3): the stack's end in RAM, aligned to 8, then
+    /// the handlers of the processor's own exceptions: code of this image, in Thumb state, or none.
     #[must_use]
     pub fn unfit(&self, chip: &Chip) -> Option<String> {
         let length = self.bytes.len();

@@ -1,7 +1,7 @@
 //! `cargo run -p whirl-board-build -- FOLDER` builds the images of all boards and leaves them there
 //! as `.elf`, `.bin` and `.uf2`, with their sizes, so that a board can be flashed without Rust and
-//! without a debug probe. An image that its chip would not run, or that says nothing of itself, is an
-//! error.
+//! without a debug probe. An image that its chip would not run, or that says nothing of itself, is
+//! an error.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -12,8 +12,8 @@ use whirl_board_build::image::{Chip, Image, has_messages};
 const CORTEX_M4F: &str = "thumbv7em-none-eabihf";
 const CORTEX_M33F: &str = "thumbv8m.main-none-eabihf";
 /// Both NUCLEO boards: 512 kB of flash, of which the second half is the settings' (the G474RE's
-/// second bank, in whose end they lie, so that the program goes on while they are written; sectors 6
-/// and 7 of the F446RE).
+/// second bank, in whose end they lie, so that the program goes on while they are written; sectors
+/// 6 and 7 of the F446RE).
 const NUCLEO: Chip = Chip { flash: 0x0800_0000, room: 256 << 10, memory: 128 << 10, boot_block: false };
 /// The Pico 2, of whose 4 MB a program may take what an image may.
 const PICO2: Chip = Chip { flash: 0x1000_0000, room: 1 << 20, memory: 512 << 10, boot_block: true };
@@ -74,7 +74,27 @@ fn images(folder: &Path) -> Result<(), String> {
         write(&file("bin"), &image.bytes)?;
         write(&file("uf2"), &image.to_uf2(family))?;
     }
-    Ok(())
+    write(&folder.join("README.txt"), readme().as_bytes())
+}
+
+/// What a person finds beside the files.
+fn readme() -> String {
+    let mut text = format!(
+        "Firmware of whirl {} for three boards. One file flashes a board; it needs neither Rust nor a debug probe.\n\n",
+        env!("CARGO_PKG_VERSION")
+    );
+    for (board, _, chip, _) in BOARDS {
+        text += &if chip.boot_block {
+            format!("whirl-{board}.uf2  hold BOOTSEL, plug the board in, copy this onto the drive RP2350\n")
+        } else {
+            let drive = board.trim_start_matches("nucleo-").to_uppercase();
+            format!("whirl-{board}.bin  plug the board in, copy this onto the drive NODE_{drive}\n")
+        };
+    }
+    text + "\n`whirl flash --board BOARD --image FILE` flashes any of them by a debug probe. The .elf files hold the names for\n\
+            the board's messages (probe-rs), and suit STM32CubeProgrammer; the .uf2 files of the NUCLEO boards suit a UF2\n\
+            bootloader. Settings that a board has kept stay, unless this firmware speaks another protocol.\n\
+            Then: `whirl device show`. Pins and wiring: docs/boards.md of the repository.\n"
 }
 
 fn main() -> ExitCode {
@@ -89,5 +109,23 @@ fn main() -> ExitCode {
             eprintln!("images: {error}");
             ExitCode::FAILURE
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_text_beside_the_files_names_one_for_each_board() {
+        let text = readme();
+        for line in [
+            "whirl-nucleo-g474re.bin  plug the board in, copy this onto the drive NODE_G474RE\n",
+            "whirl-nucleo-f446re.bin  plug the board in, copy this onto the drive NODE_F446RE\n",
+            "whirl-pico2.uf2  hold BOOTSEL",
+        ] {
+            assert!(text.contains(line), "{text}");
+        }
+        assert!(text.lines().all(|line| line.len() <= 120), "{text}");
     }
 }

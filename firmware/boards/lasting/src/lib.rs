@@ -110,8 +110,9 @@ impl fmt::Display for Panicked<'_> {
     }
 }
 
-/// Leaves the text of a panic or a fault for the next boot, then tells it. With interrupts off. What
-/// panics while that is done comes here again, and is neither left nor told: it must not go round.
+/// Leaves the text of a panic or a fault for the next boot, then tells it. With interrupts off.
+/// What panics while that is done comes here again, and is neither left nor told: it must not go
+/// round.
 pub fn tell_once<C: fmt::Display>(cause: &C, tell: impl FnOnce(&C)) {
     static ENTERED: AtomicBool = AtomicBool::new(false);
     once(&ENTERED, cause, tell);

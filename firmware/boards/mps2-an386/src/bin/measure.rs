@@ -19,6 +19,7 @@ mod on_target {
     use static_cell::ConstStaticCell;
     use whirl_board_lasting as lasting;
     use whirl_board_mps2_an386::machine::{self, Vector};
+    use whirl_board_mps2_an386::meter::Meter;
     use whirl_board_mps2_an386::semihosting::{Console, exit};
     use whirl_board_mps2_an386::stack;
     use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
@@ -51,43 +52,6 @@ mod on_target {
         // The emulation ends in any case.
         let _ = writeln!(Console, "{info}");
         exit(false)
-    }
-
-    /// Instructions of the measured part: count, sum, most.
-    #[derive(Default)]
-    struct Meter {
-        times: u32,
-        sum: u64,
-        most: u32,
-    }
-
-    impl Meter {
-        fn take<T>(&mut self, part: impl FnOnce() -> T) -> T {
-            let empty = {
-                let start = machine::clock();
-                machine::clock().wrapping_sub(start)
-            };
-            let start = machine::clock();
-            let result = black_box(part());
-            let clocks = machine::clock().wrapping_sub(start).saturating_sub(empty);
-            self.times += 1;
-            self.sum += u64::from(clocks);
-            self.most = self.most.max(clocks);
-            result
-        }
-
-        fn add(&mut self, other: &Self) {
-            self.times += other.times;
-            self.sum += other.sum;
-            self.most = self.most.max(other.most);
-        }
-
-        fn tell(&self, name: &str) {
-            // 40 ns a clock, 32 ns an instruction.
-            let mean = self.sum * 5 / (4 * u64::from(self.times.max(1)));
-            // The console is the emulator's own; it does not fail.
-            let _ = writeln!(Console, "{name}: mean {mean} most {}", u64::from(self.most) * 5 / 4);
-        }
     }
 
     /// Turns steadily.
@@ -172,8 +136,8 @@ mod on_target {
         }
     }
 
-    /// The interrupt of a board, but for what lasts over a reset: which tick it is, its latency, the
-    /// counters, all that the sampler does, the light.
+    /// The interrupt of a board, but for what lasts over a reset: which tick it is, its latency,
+    /// the counters, all that the sampler does, the light.
     fn take_tick<I: Inputs, O: ShakerOutput>(
         (sampler, pacer, clock): (&mut Sampler<I, O>, &mut Pacer, &mut u32),
         blocks: &mut Queue<SampleBlock, BLOCKS>,
