@@ -4,7 +4,6 @@ use core::fmt;
 
 use embedded_hal::digital::OutputPin;
 
-use crate::lines::Lines;
 use crate::output::ShakerOutput;
 use crate::sweep::{Scale, Sweep};
 
@@ -22,7 +21,8 @@ pub trait Converter {
         1
     }
 
-    /// The point of this tick that is out, and the code that stands.
+    /// The last point of this tick of which nothing can be changed any more, and the code that
+    /// stands there.
     fn standing(&mut self) -> (usize, u16) {
         (0, Self::MAX / 2)
     }
@@ -32,7 +32,7 @@ pub trait Converter {
         &mut []
     }
 
-    /// Plays what is in the room from the next point of this tick on; the last one then stands.
+    /// Plays what is in the room, behind what [`Self::standing`] told; the last one then stands.
     fn play(&mut self) {}
 }
 
@@ -54,16 +54,13 @@ impl<E: fmt::Debug> fmt::Display for DacShakerError<E> {
     }
 }
 
-/// The shaker's set point as a voltage: half of the range is rest, its ends are −full scale
-/// and +full scale. The enable pin is active high; beside it there may be [`Lines`].
+/// The shaker's set point as a voltage: half of the range is rest, its ends are −full scale and
+/// +full scale. The enable pin is active high; beside it there may be others ([`crate::lines`]).
 #[derive(Debug)]
-pub struct DacShaker<D, E, L = ()> {
+pub struct DacShaker<D, E> {
     converter: D,
     enable: E,
     scale: Scale,
-    lines: L,
-    /// The enable pin is high.
-    on: bool,
 }
 
 impl<D: Converter, E: OutputPin> DacShaker<D, E> {
@@ -73,17 +70,11 @@ impl<D: Converter, E: OutputPin> DacShaker<D, E> {
     /// The displacement at the highest code is `full_scale_nanometre`; zero counts as 1 nm.
     pub const fn new(converter: D, enable: E, full_scale_nanometre: u32) -> Self {
         let full_nanometre = if full_scale_nanometre == 0 { 1 } else { full_scale_nanometre };
-        Self { converter, enable, scale: Scale { max: D::MAX, full_nanometre }, lines: (), on: false }
-    }
-
-    /// With an emergency stop and a trigger.
-    pub fn with_lines<L>(self, lines: L) -> DacShaker<D, E, L> {
-        let Self { converter, enable, scale, on, .. } = self;
-        DacShaker { converter, enable, scale, lines, on }
+        Self { converter, enable, scale: Scale { max: D::MAX, full_nanometre } }
     }
 }
 
-impl<D: Converter, E: OutputPin, L: Lines> ShakerOutput for DacShaker<D, E, L> {
+impl<D: Converter, E: OutputPin> ShakerOutput for DacShaker<D, E> {
     type Error = DacShakerError<E::Error>;
 
     fn write(&mut self, displacement_nanometre: i32) -> Result<(), Self::Error> {
@@ -105,20 +96,7 @@ impl<D: Converter, E: OutputPin, L: Lines> ShakerOutput for DacShaker<D, E, L> {
     }
 
     fn enable(&mut self, on: bool) -> Result<(), Self::Error> {
-        self.on = on;
         self.enable.set_state(on.into()).map_err(DacShakerError::Enable)
-    }
-
-    fn is_cut(&mut self) -> bool {
-        self.on && self.lines.is_cut()
-    }
-
-    fn is_triggered(&mut self) -> bool {
-        self.lines.is_triggered()
-    }
-
-    fn trigger(&mut self, on: bool) {
-        self.lines.trigger(on);
     }
 }
 

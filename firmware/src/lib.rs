@@ -42,6 +42,7 @@ pub mod link;
 pub mod lock_step;
 pub mod output;
 pub mod pacing;
+pub mod player;
 pub mod preview;
 pub mod quadrature;
 pub mod queue;

@@ -2,27 +2,8 @@
 
 use embedded_hal::digital::{InputPin, OutputPin, PinState};
 
-/// What an output asks and drives at every tick.
-pub trait Lines {
-    /// Whether the amplifier's enable line is low behind the emergency stop. Asked while it is
-    /// driven high.
-    fn is_cut(&mut self) -> bool {
-        false
-    }
-
-    /// Whether the trigger input is active.
-    fn is_triggered(&mut self) -> bool {
-        false
-    }
-
-    /// Drives the trigger output.
-    fn trigger(&mut self, on: bool) {
-        let _ = on;
-    }
-}
-
-/// No such lines.
-impl Lines for () {}
+use crate::output::ShakerOutput;
+use crate::sweep::Sweep;
 
 /// Three pins. Inputs are pulled up, so that what is not connected neither stops nor starts
 /// anything; one that cannot be read counts as a cut line, and as no trigger.
@@ -31,27 +12,59 @@ impl Lines for () {}
 /// to ground: opened, it switches the amplifier off whatever the firmware does. The input sees the
 /// line behind the contact.
 #[derive(Debug)]
-pub struct Pins<S, I, O> {
+pub struct Pins<S, I, T> {
     /// The enable line behind the emergency stop.
     pub enabled: S,
     /// Trigger input, active low: a contact to ground.
     pub start: I,
     /// Trigger output, active high.
-    pub moving: O,
+    pub moving: T,
 }
 
-impl<S: InputPin, I: InputPin, O: OutputPin> Lines for Pins<S, I, O> {
+/// An output with an enable pin, and these three.
+#[derive(Debug)]
+pub struct WithLines<O, S, I, T> {
+    output: O,
+    pins: Pins<S, I, T>,
+    /// The enable pin is high.
+    on: bool,
+}
+
+impl<O: ShakerOutput, S: InputPin, I: InputPin, T: OutputPin> WithLines<O, S, I, T> {
+    /// The output's amplifier is off.
+    pub const fn new(output: O, pins: Pins<S, I, T>) -> Self {
+        Self { output, pins, on: false }
+    }
+}
+
+impl<O: ShakerOutput, S: InputPin, I: InputPin, T: OutputPin> ShakerOutput for WithLines<O, S, I, T> {
+    type Error = O::Error;
+
+    fn write(&mut self, displacement_nanometre: i32) -> Result<(), Self::Error> {
+        self.output.write(displacement_nanometre)
+    }
+
+    fn sweep(&mut self, sweep: &Sweep<'_>) -> Result<(), Self::Error> {
+        self.output.sweep(sweep)
+    }
+
+    fn enable(&mut self, on: bool) -> Result<(), Self::Error> {
+        self.on = on;
+        self.output.enable(on)
+    }
+
     fn is_cut(&mut self) -> bool {
-        self.enabled.is_low().unwrap_or(true)
+        // What is off anyway tells nothing of the contact.
+        self.on && self.pins.enabled.is_low().unwrap_or(true)
     }
 
     fn is_triggered(&mut self) -> bool {
-        self.start.is_low().unwrap_or(false)
+        self.pins.start.is_low().unwrap_or(false)
     }
 
     fn trigger(&mut self, on: bool) {
         // A line for other instruments: one that fails must not stop the shaker.
-        let _ = self.moving.set_state(PinState::from(on));
+        let _ = self.pins.moving.set_state(PinState::from(on));
     }
 }
 
@@ -59,7 +72,6 @@ impl<S: InputPin, I: InputPin, O: OutputPin> Lines for Pins<S, I, O> {
 mod tests {
     use super::*;
     use crate::dac::{Converter, DacShaker};
-    use crate::output::ShakerOutput;
     use core::convert::Infallible;
     use std::cell::Cell;
     use std::rc::Rc;
@@ -104,7 +116,7 @@ mod tests {
         let line = |high| Line(Rc::new(Cell::new(high)));
         let (enable, behind, start, moving) = (line(false), line(true), line(true), line(false));
         let pins = Pins { enabled: behind.clone(), start: start.clone(), moving: moving.clone() };
-        let mut shaker = DacShaker::new(Dac, enable.clone(), 1_000).with_lines(pins);
+        let mut shaker = WithLines::new(DacShaker::new(Dac, enable.clone(), 1_000), pins);
         // Pulled up.
         assert!(!shaker.is_cut() && !shaker.is_triggered());
         shaker.enable(true).unwrap();

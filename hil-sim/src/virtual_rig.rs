@@ -16,192 +16,26 @@
 use std::collections::VecDeque;
 
 use whirl_firmware::adjust::Words;
-use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
-use whirl_firmware::base::BaseInput;
-use whirl_firmware::history::KEPT;
-use whirl_firmware::inputs::Latched;
-use whirl_firmware::settings::{Boot, SettingsError};
-use whirl_firmware::{App, Inputs, QuadratureCounter, Settings, ShakerOutput};
+use whirl_firmware::settings::Boot;
+use whirl_firmware::{App, Settings};
 use whirl_shared::codec::MAX_FRAME;
 use whirl_shared::frame::{ResetCause, SettingsSource, Status};
 
-use crate::base_sensor::{BaseSensor, BaseSettings};
-use crate::bench::{Bench, BenchSettings, SecondEncoder};
+use crate::base_sensor::BaseSensor;
 use crate::encoder::Encoder;
 use crate::error::SimulationError;
-use crate::plant::effects::{Effect, EffectError};
-use crate::plant::{ParameterError, Parameters, Plant, State, TOLERANCE};
-use crate::shaker::{Command, CommandShape, Direction};
-use crate::simulate::{DriveSettings, additions, perturbed};
+use crate::plant::{ParameterError, Plant};
+use crate::shaker::{Command, CommandShape};
 
-/// Settings of a virtual rig.
-#[derive(Clone, Debug)]
-pub struct RigSettings {
-    /// The nominal rig.
-    pub parameters: Parameters,
-    /// Direction of the shaker.
-    pub direction: Direction,
-    /// Lag ψ of the base behind the device's phase, rad.
-    pub psi: f64,
-    /// What the base does of the amplitude that the device commands, less 1.
-    pub gain_error: f64,
-    /// What encoder 2 is fixed to.
-    pub second: SecondEncoder,
-    /// The sensor of the base's motion, where one is connected; what it is to the device is in
-    /// `device.base`.
-    pub base: Option<BaseSettings>,
-    /// φ1, φ2 (rad), φ̇1, φ̇2 (rad/s) at power-on.
-    pub initial: State,
-    /// Perturbs `initial` ([`perturbed`]); `None` leaves it as it is.
-    pub seed: Option<u64>,
-    /// Effects beside the nominal model.
-    pub effects: Vec<Effect>,
-    /// What an amplitude drift refers to, s.
-    pub record_s: f64,
-    /// Tolerance of the integration, rad and rad/s.
-    pub tolerance: f64,
-    /// The device's own settings: sampling rate, counts a turn, limits of the shaker, host
-    /// time-out.
-    pub device: Settings,
-    /// Memory for samples that the device keeps for the host to ask for again, bytes.
-    pub kept_bytes: usize,
-    /// Most bytes held for [`VirtualRig::take_output`].
-    pub output_limit: usize,
-}
+mod parts;
+mod settings;
 
-impl Default for RigSettings {
-    /// The printed rig, vertical, 500 Hz, 4096 counts, unperturbed; as many samples kept as a
-    /// NUCLEO board keeps (21 s), 64 kB of output (15 s).
-    fn default() -> Self {
-        Self {
-            parameters: Parameters::PRINTED,
-            direction: Direction::Vertical,
-            psi: 0.0,
-            gain_error: 0.0,
-            second: SecondEncoder::Relative,
-            base: None,
-            initial: [0.3, 2.0, 0.0, 0.0],
-            seed: None,
-            effects: Vec::new(),
-            record_s: 120.0,
-            tolerance: TOLERANCE,
-            device: Settings { board: "virtual rig", boot_id: 1, base_input: true, ..Settings::default() },
-            kept_bytes: KEPT,
-            output_limit: 65_536,
-        }
-    }
-}
+use parts::{Device, Moving, PowerStage, Wired};
+use settings::setting_error;
 
-/// The shaker's power stage: remembers, and fails or is cut off on request.
-#[derive(Clone, Debug, Default)]
-struct PowerStage {
-    broken: bool,
-    cut: bool,
-    triggered: bool,
-    trigger: bool,
-    written: i32,
-}
-
-impl ShakerOutput for PowerStage {
-    type Error = ();
-
-    fn write(&mut self, displacement_nanometre: i32) -> Result<(), Self::Error> {
-        self.written = displacement_nanometre;
-        if self.broken { Err(()) } else { Ok(()) }
-    }
-
-    fn is_cut(&mut self) -> bool {
-        self.cut
-    }
-
-    fn is_triggered(&mut self) -> bool {
-        self.triggered
-    }
-
-    fn trigger(&mut self, on: bool) {
-        self.trigger = on;
-    }
-}
-
-/// The device, with its blocks in memory of its own.
-type Device = App<Wired, PowerStage, BLOCKS, EVENTS, REQUESTS, Vec<u8>>;
-
-/// What is wired to it.
-#[derive(Clone, Debug)]
-struct Wired {
-    encoders: Vec<Encoder>,
-    base: Option<BaseSensor>,
-}
-
-impl Inputs for Wired {
-    const BASE: bool = true;
-
-    fn encoders(&self) -> usize {
-        self.encoders.len()
-    }
-
-    fn latch(&mut self, into: &mut Latched) {
-        for (place, encoder) in into.0.iter_mut().zip(&mut self.encoders) {
-            *place = encoder.count();
-        }
-    }
-
-    fn index(&mut self, encoder: usize) -> Option<u16> {
-        self.encoders.get_mut(encoder)?.index()
-    }
-
-    fn latch_base(&mut self) -> u16 {
-        self.base.latch()
-    }
-}
-
-/// What turns the encoders of a virtual rig in the place of this crate's double pendulum: another
-/// system, which the shaker does not move.
-pub trait Arms: core::fmt::Debug + Send {
-    /// Moves on by one tick.
-    ///
-    /// # Errors
-    /// A motion that cannot be followed further.
-    fn advance(&mut self) -> Result<(), SimulationError>;
-
-    /// The angles at the encoders now, rad: as many as the device has encoders.
-    fn angles(&self) -> &[f64];
-}
-
-/// What moves.
-#[derive(Debug)]
-enum Moving {
-    Bench(Box<Bench>),
-    Arms(Box<dyn Arms>),
-}
-
-impl Moving {
-    fn advance(&mut self, command: Command, time_s: f64) -> Result<(), SimulationError> {
-        match self {
-            Self::Bench(bench) => bench.advance(command, time_s),
-            Self::Arms(arms) => arms.advance(),
-        }
-    }
-
-    /// Turns the encoders, and shows the base.
-    fn show(&self, wired: &mut Wired) {
-        match self {
-            Self::Bench(bench) => {
-                for (encoder, angle) in wired.encoders.iter_mut().zip(bench.shown()) {
-                    encoder.turn_to(angle);
-                }
-                if let Some(sensor) = &mut wired.base {
-                    sensor.measure(bench.base());
-                }
-            }
-            Self::Arms(arms) => {
-                for (encoder, angle) in wired.encoders.iter_mut().zip(arms.angles()) {
-                    encoder.turn_to(*angle);
-                }
-            }
-        }
-    }
-}
+pub use parts::Arms;
+pub use settings::RigSettings;
+pub(crate) use settings::{bench_of, tick_s, two_encoders};
 
 /// Firmware and plant.
 #[derive(Debug)]
@@ -222,52 +56,6 @@ pub struct VirtualRig {
     output: VecDeque<u8>,
     output_limit: usize,
     kept_bytes: usize,
-}
-
-/// The encoders at power-on.
-///
-/// # Errors
-/// A device of other than two.
-pub(crate) fn two_encoders(device: &Settings, shown: [f64; 2]) -> Result<(Encoder, Encoder), ParameterError> {
-    match device.counts_per_turn[..] {
-        [first, second] => Ok((Encoder::new(first, shown[0]), Encoder::new(second, shown[1]))),
-        ref other => Err(ParameterError::new("encoders", other.len() as f64, "2")),
-    }
-}
-
-fn setting_error(error: SettingsError) -> ParameterError {
-    ParameterError::new(error.field, f64::from(error.found), &format!("{} to {}", error.min, error.max))
-}
-
-/// Length of a tick, s.
-pub(crate) fn tick_s(device: &Settings) -> f64 {
-    1.0 / (f64::from(device.sample_rate_millihertz) / 1e3)
-}
-
-/// Plant, shaker and encoders of a rig at power-on.
-pub(crate) fn bench_of(settings: &RigSettings) -> Result<Bench, SimulationError> {
-    settings.device.validate().map_err(setting_error)?;
-    settings.base.as_ref().map_or(Ok(()), BaseSettings::validate)?;
-    // The firmware's drive is not known yet; its direction decides what may act across it.
-    let drive = DriveSettings { direction: settings.direction, frequency_hz: 0.0, amplitude_m: 0.0, psi: settings.psi };
-    let mut additions = additions(&settings.effects, Some(&drive))?;
-    additions.drive.gain_error = settings.gain_error;
-    if additions.delay_s < 0.0 {
-        let found = additions.delay_s.to_string();
-        return Err(EffectError::new("channel-delay", &found, "0 or more on a rig that runs firmware").into());
-    }
-    let initial = settings.seed.map_or(settings.initial, |seed| perturbed(settings.initial, seed));
-    Bench::new(&BenchSettings {
-        parameters: settings.parameters,
-        additions,
-        direction: settings.direction,
-        psi: settings.psi,
-        record_s: settings.record_s,
-        initial,
-        tick_s: tick_s(&settings.device),
-        tolerance: settings.tolerance,
-        second: settings.second,
-    })
 }
 
 impl VirtualRig {

@@ -8,6 +8,8 @@
 mod back_fill;
 #[path = "emulated/base.rs"]
 mod base;
+#[path = "emulated/excitations.rs"]
+mod excitations;
 #[path = "emulated/faults.rs"]
 mod faults;
 #[path = "emulated/identification.rs"]

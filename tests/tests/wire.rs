@@ -5,6 +5,9 @@ use std::io::Write;
 use std::process::{Command as Process, Stdio};
 
 use serde_json::{Value, json};
+use whirl::capture::excite::Excite;
+use whirl::capture::{self, CaptureSettings};
+use whirl::rig::Rig;
 use whirl_firmware::Settings;
 use whirl_hil_sim::emulated::{Script, on_this_machine};
 use whirl_hil_sim::{BaseQuantity, BaseSettings, RigSettings, VirtualRig};
@@ -226,6 +229,43 @@ fn a_decoder_written_from_the_documentation_reads_every_message() {
     assert!(read.iter().any(|frame| frame[1] == 9 && frame[2][7] == json!([20, check])));
     let seen: std::collections::BTreeSet<u64> = read.iter().map(|frame| frame[1].as_u64().unwrap()).collect();
     assert_eq!(seen.into_iter().collect::<Vec<_>>(), [0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
+}
+
+/// A capture's journal: its header is what the page says, and what follows are the wire's frames.
+#[test]
+fn a_journal_s_header_and_frames_are_read_by_the_same_decoder() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let rig = Rig::read(&root.join("rigs/measured-base.toml")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let points = folder.path().join("table.csv");
+    std::fs::write(&points, (0..16).map(|j| format!("{}\n", 1e-4 * f64::from((j - 8_i32).abs()))).collect::<String>())
+        .unwrap();
+    let mut settings = CaptureSettings::new("sim", folder.path().join("record.parquet"));
+    (settings.seconds, settings.settle_s, settings.keep_frames) = (Some(2.0), Some(0.5), true);
+    settings.amplitude_m = Some(0.001);
+    settings.excite = Excite { table: Some(points), ..Excite::default() };
+    capture::run(&settings, &rig, &mut |_| {}).unwrap();
+    let journal = std::fs::read(folder.path().join("record.parquet.frames")).unwrap();
+    let body = journal.iter().position(|&byte| byte == 0).unwrap() + 1;
+    assert!(journal.starts_with(b"whirl-frames 1 {") && body <= 65_536);
+    let Some(read) = in_python(&journal) else { return };
+    let (header, frames) = (&read[0], &read[1..]);
+    assert_eq!((&header["source"], &header["seconds"], &header["settle_s"]), (&json!("sim"), &json!(2.0), &json!(0.5)));
+    assert_eq!(header["from_drive"][0], json!(1_000));
+    // The control points that the device was brought: it tells how many.
+    let told = frames.iter().find(|frame| frame[1] == 9).unwrap();
+    assert_eq!(header["table"].as_array().map(Vec::len), told[2][7][0].as_u64().map(|n| n as usize));
+    let text = include_str!("../../docs/wire-protocol.md").split_once("\n## In a file\n").unwrap().1;
+    for key in header.as_object().unwrap().keys() {
+        assert!(text.contains(&format!("`{key}`")), "the page does not tell of \"{key}\"");
+    }
+    let wanted = in_rust(&journal[body..]);
+    assert!(frames.len() == wanted.len() && frames.iter().zip(&wanted).all(|(read, wanted)| same(read, wanted)));
+    let samples = frames.iter().filter(|frame| frame[1] == 1).count();
+    assert!(samples > 100 && frames.iter().all(|frame| frame[1] != 3), "{samples} blocks, and answers");
+    // Zeros that stand alone, as where a link was lost, are no frames.
+    let (head, rest) = journal.split_at(body);
+    assert_eq!(in_python(&[head, b"\0", rest, b"\0\0"].concat()).unwrap().len(), read.len());
 }
 
 #[test]

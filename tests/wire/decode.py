@@ -1,4 +1,5 @@
-"""Decodes a device's frames from standard input, a line of JSON each: written from docs/wire-protocol.md alone."""
+"""Decodes a device's frames from standard input, bytes as they came or a capture's journal, a line of JSON each and
+one before them for a journal's header: written from docs/wire-protocol.md alone."""
 import json, struct, sys, zlib
 
 def cobs(data):
@@ -36,7 +37,13 @@ class Payload:
     def component(self): return [self.u8(), self.u(), self.u()]
     def excited(self): return [self.many(3, self.u), self.u8(), self.many(10, self.u), self.u8(), self.u(), self.many(6, self.component), self.u8(), self.many(2, self.u)]
 
-for frame in sys.stdin.buffer.read().split(b"\0")[:-1]:
+bytes_in, magic = sys.stdin.buffer.read(), b"whirl-frames 1 "
+if bytes_in.startswith(magic):
+    header, bytes_in = bytes_in[len(magic) :].split(b"\0", 1)
+    print(json.dumps(json.loads(header)))
+for frame in bytes_in.split(b"\0")[:-1]:
+    if not frame:
+        continue
     checked = cobs(frame)
     payload, crc = checked[:-4], checked[-4:]
     assert zlib.crc32(payload) == int.from_bytes(crc, "little")

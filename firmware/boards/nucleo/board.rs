@@ -23,17 +23,19 @@ use embassy_stm32::timer::qei::Qei;
 use embassy_stm32::usart::Uart;
 use embassy_stm32::wdg::IndependentWatchdog;
 use embassy_stm32::{bind_interrupts, dac::DacChannel, dma, interrupt, pac, peripherals, usart};
+use static_cell::ConstStaticCell;
 use whirl_firmware::lines::Pins;
 use whirl_firmware::pacing::Schedule;
+use whirl_firmware::player::{MOST, Player, Run};
 use whirl_firmware::settings::Settings;
 use whirl_firmware::store::Store;
-use whirl_firmware::sweep::POINTS_PER_SECOND;
+use whirl_firmware::sweep::{BEYOND, POINTS_PER_SECOND};
 use whirl_shared::frame::SettingsSource;
 
 use crate::base_input::Base;
 use crate::boot;
-use crate::hardware::{Dac, Encoder1, Encoder2, pulled_up};
-use crate::player::Player;
+use crate::hardware::{Encoder1, Encoder2, pulled_up};
+use crate::player::Registers;
 
 /// Name of the board in the hello.
 #[cfg(chip = "g474re")]
@@ -65,6 +67,9 @@ bind_interrupts!(struct Irqs {
     DMA1_STREAM5 => dma::InterruptHandler<peripherals::DMA1_CH5>;
 });
 
+/// What is played and what comes next.
+static RUNS: ConstStaticCell<[Run; 2]> = ConstStaticCell::new([[0; MOST + BEYOND]; 2]);
+
 /// The board's parts, set up.
 pub struct Parts {
     /// The settings in force, and those of the image.
@@ -77,8 +82,8 @@ pub struct Parts {
     pub encoder2: Encoder2,
     /// What shows the base's motion.
     pub base: Base,
-    /// Converter of the shaker's set point.
-    pub dac: Dac,
+    /// Player of the shaker's set point, by DAC1 channel 1, 12 bits.
+    pub player: Player<Registers>,
     /// Enable pin of the shaker's amplifier, low.
     pub enable: Output<'static>,
     /// Emergency stop and trigger.
@@ -234,6 +239,8 @@ pub fn init() -> Option<Parts> {
     let uart = Uart::new(p.USART2, p.PA3, p.PA2, p.DMA1_CH6, p.DMA1_CH5, Irqs, serial).ok()?;
     // Their clocks are on from here; the player sets up what it plays by.
     let (clock, points) = (Timer::new(p.TIM5), Timer::new(p.TIM7));
+    // A channel that is dropped is switched off.
+    core::mem::forget(DacChannel::new_blocking(p.DAC1, p.PA4));
     let encoder = || Qei::new(p.TIM1, p.PA8, p.PA9, pulled_up());
     let base = Base::new(settings[0].base.kind, encoder, p.ADC1, p.PA0);
     Some(Parts {
@@ -242,7 +249,7 @@ pub fn init() -> Option<Parts> {
         encoder1: Encoder1::new(Qei::new(p.TIM4, p.PB6, p.PB7, pulled_up()), p.PB9),
         encoder2: Encoder2::new(Qei::new(p.TIM3, p.PC6, p.PC7, pulled_up()), p.PC8),
         base,
-        dac: Dac::new(DacChannel::new_blocking(p.DAC1, p.PA4), Player::new(schedule)),
+        player: Player::new(Registers::new(schedule), RUNS.take(), schedule),
         enable,
         lines: Pins {
             enabled: Input::new(p.PC1, Pull::Up),

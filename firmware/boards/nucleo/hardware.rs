@@ -1,9 +1,7 @@
 //! The firmware's traits on the chip's peripherals.
 
 use embassy_stm32::Peri;
-use embassy_stm32::dac::{DacChannel, Value};
 use embassy_stm32::gpio::Pull;
-use embassy_stm32::mode::Blocking;
 use embassy_stm32::pac;
 use embassy_stm32::pac::timer::vals::{CcmrInputCcs, FilterValue};
 use embassy_stm32::peripherals::{TIM3, TIM4};
@@ -11,9 +9,6 @@ use embassy_stm32::timer::TimerPin;
 use embassy_stm32::timer::input_capture::{CapturePin, Ch3, Ch4};
 use embassy_stm32::timer::qei::{self, Qei};
 use whirl_firmware::QuadratureCounter;
-use whirl_firmware::dac::Converter;
-
-use crate::player::Player;
 
 /// A level counts when eight samples at a 32nd of the timer's clock agree: 1.5 µs at 170 MHz, 2.8
 /// µs at 90 MHz. The shortest time between edges is 12 µs (4096 counts a turn at 20 turns a
@@ -71,46 +66,3 @@ macro_rules! encoder {
 
 encoder!(Encoder1, TIM4, Ch4, 3, "Encoder 1, on TIM4; its index on channel 4.");
 encoder!(Encoder2, TIM3, Ch3, 2, "Encoder 2, on TIM3; its index on channel 3.");
-
-/// DAC1 channel 1, 12 bits.
-pub struct Dac {
-    channel: DacChannel<'static, Blocking>,
-    player: Player,
-}
-
-impl Dac {
-    /// Takes the channel, at rest.
-    pub fn new(channel: DacChannel<'static, Blocking>, player: Player) -> Self {
-        let mut dac = Self { channel, player };
-        dac.set(REST);
-        dac
-    }
-}
-
-/// Code of rest.
-pub const REST: u16 = 2_048;
-
-impl Converter for Dac {
-    const MAX: u16 = 4_095;
-
-    fn set(&mut self, code: u16) {
-        self.player.stop();
-        self.channel.set(Value::Bit12Right(code));
-    }
-
-    fn points(&self) -> usize {
-        self.player.points()
-    }
-
-    fn standing(&mut self) -> (usize, u16) {
-        (self.player.now(), pac::DAC1.dor(0).read().dor())
-    }
-
-    fn room(&mut self) -> &mut [u16] {
-        self.player.room()
-    }
-
-    fn play(&mut self) {
-        self.player.play();
-    }
-}

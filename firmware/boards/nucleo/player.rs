@@ -1,28 +1,14 @@
-//! The shaker's points: TIM7 asks for one at each of its updates, and DMA brings it from memory to
-//! the converter.
+//! The shaker's points on the chip's registers ([`whirl_firmware::player`]): TIM7 asks for one at
+//! each of its updates, and DMA brings it from memory to the converter, which takes it at once.
 //!
-//! Each tick's points are a run of their own, not a ring: where the next tick does not come (a
-//! debugger, an erasure of the flash), the converter stands at the last point, and does not play
-//! the last tick over and over. TIM7 runs in step with the tick's timer, and a run begins with the
-//! point whose time comes next, so that latency moves nothing. A debugger's halt stops TIM7 too.
+//! TIM7 runs in step with the tick's timer, started right behind it; a debugger's halt stops it.
 
 use embassy_stm32::pac;
-use static_cell::ConstStaticCell;
 use whirl_firmware::pacing::Schedule;
-use whirl_firmware::sweep::BEYOND;
+use whirl_firmware::player::Channel;
 
-/// Most points of a tick: 40 kHz at 250 Hz.
-const MOST: usize = 160;
-
-/// Two runs, one of which is played while the other is written.
-static RUNS: ConstStaticCell<[[u16; MOST + BEYOND]; 2]> = ConstStaticCell::new([[0; MOST + BEYOND]; 2]);
-
-/// The player.
-pub struct Player {
-    runs: &'static mut [[u16; MOST + BEYOND]; 2],
-    written: usize,
-    schedule: Schedule,
-}
+/// TIM7, its DMA channel, and the converter.
+pub struct Registers;
 
 /// DMA1 channel 3 (G4), by DMAMUX request 9, TIM7's update (RM0440, table 91).
 #[cfg(chip = "g474re")]
@@ -37,8 +23,11 @@ mod channel {
         DMA1.ch(CHANNEL).cr().modify(|w| w.set_en(false));
     }
 
+    pub fn left() -> u16 {
+        DMA1.ch(CHANNEL).ndtr().read().ndt()
+    }
+
     pub fn start(from: *const u16, count: u16, to: *mut u16) {
-        stop();
         DMAMUX1.ccr(CHANNEL).write(|w| w.set_dmareq_id(TIM7_UP));
         let channel = DMA1.ch(CHANNEL);
         channel.par().write_value(to as u32);
@@ -71,8 +60,11 @@ mod channel {
         while stream.cr().read().en() {}
     }
 
+    pub fn left() -> u16 {
+        DMA1.st(STREAM).ndtr().read().ndt()
+    }
+
     pub fn start(from: *const u16, count: u16, to: *mut u16) {
-        stop();
         // A stream starts with its flags cleared only.
         DMA1.ifcr(0).write(|w| {
             w.set_feif(STREAM, true);
@@ -97,59 +89,48 @@ mod channel {
     }
 }
 
-impl Player {
-    /// The player, which stands; TIM7's clock is on.
+impl Registers {
+    /// TIM7, which stands; its clock is on.
     pub fn new(schedule: Schedule) -> Self {
         pac::TIM7.psc().write_value(0);
         pac::TIM7.arr().write(|w| w.set_arr(schedule.point_reload));
         pac::TIM7.egr().write(|w| w.set_ug(true));
-        Self { runs: RUNS.take(), written: 0, schedule }
+        Self
     }
 
     /// Starts TIM7, right behind the tick's timer.
-    pub fn start() {
+    pub fn begin() {
         pac::TIM7.cr1().modify(|w| w.set_cen(true));
     }
+}
 
-    /// Points of a tick; 1, a staircase, where there are more than the room holds.
-    pub fn points(&self) -> usize {
-        if self.schedule.points > MOST { 1 } else { self.schedule.points }
+impl Channel for Registers {
+    const MAX: u16 = 4_095;
+    const AHEAD: usize = 0;
+    const UNCLEAR: u32 = 8;
+
+    fn since_tick(&self) -> u32 {
+        u32::from(pac::TIM6.cnt().read().cnt())
     }
 
-    /// The point of this tick that is out.
-    pub fn now(&self) -> usize {
-        let since = u32::from(pac::TIM6.cnt().read().cnt());
-        // A tick's counts are below 2¹⁶, its points fewer than 2⁸.
-        (since * self.points() as u32 / self.schedule.period()) as usize
+    fn write(&mut self, code: u16) {
+        pac::DAC1.dhr12r(0).write(|w| w.set_dhr(code));
     }
 
-    /// Where the next run goes.
-    pub fn room(&mut self) -> &mut [u16] {
-        let length = self.points() + BEYOND;
-        self.runs[self.written].get_mut(..length).unwrap_or(&mut [])
+    fn start(&mut self, codes: &[u16]) {
+        // What was written is in memory before the channel reads it.
+        cortex_m::asm::dmb();
+        // A run has at most 168 codes.
+        channel::start(codes.as_ptr(), codes.len() as u16, pac::DAC1.dhr12r(0).as_ptr().cast());
+        // Updates until now have asked for nothing: one that waited would be served at once.
+        pac::TIM7.dier().write(|w| w.set_ude(true));
     }
 
-    /// Plays what was written, from the next point on.
-    pub fn play(&mut self) {
-        let length = self.points() + BEYOND;
-        let run = &self.runs[self.written];
-        loop {
-            let now = self.now();
-            let from = (now + 1).min(length - 1);
-            // What was written is in memory before the channel reads it.
-            cortex_m::asm::dmb();
-            channel::start(run[from..].as_ptr(), (length - from) as u16, pac::DAC1.dhr12r(0).as_ptr().cast());
-            pac::TIM7.dier().write(|w| w.set_ude(true));
-            // A point that came meanwhile would delay all that follow.
-            if self.now() == now {
-                break;
-            }
-        }
-        self.written = 1 - self.written;
+    fn left(&self) -> usize {
+        usize::from(channel::left())
     }
 
-    /// Stands.
-    pub fn stop(&mut self) {
+    fn stop(&mut self) {
         pac::TIM7.dier().write(|w| w.set_ude(false));
         channel::stop();
     }

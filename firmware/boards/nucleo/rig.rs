@@ -25,9 +25,10 @@ use whirl_firmware::dac::DacShaker;
 use whirl_firmware::estimate::Estimator;
 use whirl_firmware::event::{Event, Request};
 use whirl_firmware::history::KEPT;
-use whirl_firmware::lines::Pins;
+use whirl_firmware::lines::WithLines;
 use whirl_firmware::link::Link;
 use whirl_firmware::pacing::{Pacer, Passed, Schedule};
+use whirl_firmware::player::Player;
 use whirl_firmware::sampler::Sampler;
 use whirl_firmware::store::Store;
 use whirl_shared::codec::MAX_FRAME;
@@ -35,8 +36,8 @@ use whirl_shared::frame::SampleBlock;
 
 use crate::base_input::Base;
 use crate::board;
-use crate::hardware::{Dac, Encoder1, Encoder2};
-use crate::player::Player;
+use crate::hardware::{Encoder1, Encoder2};
+use crate::player::Registers;
 
 /// The serial port's bytes that wait for the thread: 22 ms of them.
 const RECEIVE_RING: usize = 256;
@@ -46,7 +47,7 @@ const RTT_DOWN: usize = 256;
 const RTT_MESSAGES: usize = 1_024;
 
 /// The shaker, its emergency stop and its trigger.
-type Shaker = DacShaker<Dac, Output<'static>, Pins<Input<'static>, Input<'static>, Output<'static>>>;
+type Shaker = WithLines<DacShaker<Player<Registers>, Output<'static>>, Input<'static>, Input<'static>, Output<'static>>;
 
 /// What the interrupt owns.
 struct Interrupt {
@@ -200,7 +201,7 @@ fn start(
         free.start();
         let began = clock();
         tick.start();
-        Player::start();
+        Registers::begin();
         began
     })
 }
@@ -225,8 +226,8 @@ fn assemble(
     let (heard_in, heard) = QUEUE_HEARD.init(Queue::new()).split();
     let [settings, built_in] = &parts.settings;
     // Validated: at most 2³¹ nm.
-    let output = DacShaker::new(parts.dac, parts.enable, settings.full_scale_micrometre.saturating_mul(1_000));
-    let output = output.with_lines(parts.lines);
+    let output = DacShaker::new(parts.player, parts.enable, settings.full_scale_micrometre.saturating_mul(1_000));
+    let output = WithLines::new(output, parts.lines);
     let inputs = WithBase { encoders: (parts.encoder1, parts.encoder2), base: parts.base };
     let mut sampler = Sampler::new(settings, inputs, output).ok()?;
     sampler.set_built_in(built_in);

@@ -17,6 +17,7 @@ extern crate std;
 
 mod accumulators;
 mod estimation;
+mod excitation;
 mod link;
 mod shaker;
 
@@ -51,4 +52,8 @@ cases![
     shaker::limits_are_kept_and_refusals_change_nothing,
     shaker::ramps_are_never_faster_than_set,
     shaker::silence_stops_it,
+    excitation::sweeps_have_the_same_bits,
+    excitation::several_sines_have_the_same_bits,
+    excitation::steps_of_amplitude_have_the_same_bits,
+    excitation::a_table_has_the_same_bits,
 ];

@@ -13,11 +13,14 @@ use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{CWD, FileType, Mode, OFlags};
-use whirl_firmware::lock_step::{FROM_PLANT, Order, REQUEST_LEN, Reply, Request, TO_PLANT};
+use whirl_firmware::lock_step::{
+    FROM_PLANT, Order, REQUEST_LEN, Reply, Request, SHAPE_LEN, TO_PLANT, shape_from_bytes,
+};
 
 use super::plant::EmulatedPlant;
 use super::script::Script;
 use crate::error::SimulationError;
+use crate::shaker::CommandShape;
 use crate::virtual_rig::RigSettings;
 
 /// Where the board's UART0 goes.
@@ -99,10 +102,17 @@ pub struct Emulation {
     pub console: String,
     /// The last request; after a panic the board's last words.
     pub last: Request,
-    /// Requests after which the shaker's output stood anywhere but at rest.
-    pub moving_ticks: u64,
+    /// What stood at the shaker's output at each request, nm.
+    pub set_points: Vec<i32>,
     /// How often the board began anew.
     pub resets: u32,
+}
+
+impl Emulation {
+    /// Requests at which the shaker's output stood anywhere but at rest.
+    pub fn moving_ticks(&self) -> usize {
+        self.set_points.iter().filter(|&&y| y != 0).count()
+    }
 }
 
 /// Why there was no emulation, or why it ended.
@@ -182,12 +192,14 @@ pub fn run(settings: &EmulatorSettings) -> Result<Emulation, EmulatorError> {
         account: None,
         console: String::new(),
         last: Request::default(),
-        moving_ticks: 0,
+        set_points: Vec::new(),
         resets: 0,
     };
     // Ticks of all boots before the present one.
     let (mut before, mut newest) = (0_u32, None);
-    while let Some(mut request) = next(&mut to_plant, &mut process.0, settings, &console_path)? {
+    let mut bytes = [0; REQUEST_LEN];
+    while filled(&mut bytes, &mut to_plant, &mut process.0, settings, &console_path)? {
+        let mut request = Request::from_bytes(&bytes);
         if newest.is_some_and(|newest| request.tick < newest) {
             before += newest.unwrap_or(0) + 1;
             emulation.resets += 1;
@@ -200,7 +212,18 @@ pub fn run(settings: &EmulatorSettings) -> Result<Emulation, EmulatorError> {
         if request.panicked {
             break;
         }
-        emulation.moving_ticks += u64::from(request.displacement_nanometre != 0);
+        emulation.set_points.push(request.displacement_nanometre);
+        if request.shape_follows {
+            let mut shape = [0; SHAPE_LEN];
+            if !filled(&mut shape, &mut to_plant, &mut process.0, settings, &console_path)? {
+                break;
+            }
+            let shape = shape_from_bytes(&shape, CommandShape::of).ok_or_else(|| SimulationError::Board {
+                tick: request.tick,
+                problem: "it tells of a table of points that no table has".to_owned(),
+            })?;
+            plant.reshape(shape);
+        }
         let (counts, base) = plant.exchange(&request)?;
         let end = settings.ticks.is_some_and(|n| request.tick.saturating_add(1) >= n);
         let order = match settings.script.order_at(request.tick) {
@@ -251,19 +274,19 @@ fn start(settings: &EmulatorSettings, console: File, output: &Path) -> Result<Ch
         .map_err(|error| EmulatorError::Start { qemu: settings.qemu.display().to_string(), error })
 }
 
-/// The next request; none where the emulator has ended.
-fn next(
+/// Reads what the board says next; false where the emulator has ended.
+fn filled(
+    bytes: &mut [u8],
     pipe: &mut File,
     child: &mut Child,
     settings: &EmulatorSettings,
     console: &Path,
-) -> Result<Option<Request>, EmulatorError> {
-    let mut bytes = [0; REQUEST_LEN];
+) -> Result<bool, EmulatorError> {
     let mut filled = 0;
     let since = Instant::now();
     // Long enough to cost nothing, short enough for a person who waits for the end.
     let wait = Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
-    while filled < REQUEST_LEN {
+    while filled < bytes.len() {
         let ready = match poll(&mut [PollFd::new(pipe, PollFlags::IN)], Some(&wait)) {
             Ok(ready) => ready > 0,
             Err(rustix::io::Errno::INTR) => false,
@@ -274,7 +297,7 @@ fn next(
             continue;
         }
         if child.try_wait().map_err(file("end"))?.is_some() {
-            return Ok(None);
+            return Ok(false);
         }
         // Before the first tick an emulator that listens waits for its client, who may never come.
         if settings.stop.load(Ordering::Relaxed) && since.elapsed() > Duration::from_secs(2) {
@@ -285,7 +308,7 @@ fn next(
             return Err(EmulatorError::Silent { seconds: settings.patience.as_secs(), console });
         }
     }
-    Ok(Some(Request::from_bytes(&bytes)))
+    Ok(true)
 }
 
 /// Reads the image's account.

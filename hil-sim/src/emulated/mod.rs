@@ -18,5 +18,5 @@ mod sent;
 
 pub use emulator::{Account, Emulation, EmulatorError, EmulatorSettings, Serial, run};
 pub use plant::EmulatedPlant;
-pub use script::{Script, board_settings, on_this_machine};
+pub use script::{Script, board_settings, on_this_machine, watched_on_this_machine};
 pub use sent::Sent;

@@ -4,13 +4,12 @@
 use whirl_firmware::QuadratureCounter;
 use whirl_firmware::base::BaseInput;
 use whirl_firmware::lock_step::Request;
-use whirl_shared::waveform;
 
 use crate::base_sensor::BaseSensor;
 use crate::bench::Bench;
 use crate::encoder::Encoder;
 use crate::error::SimulationError;
-use crate::shaker::Command;
+use crate::shaker::{Command, CommandShape};
 use crate::virtual_rig::{RigSettings, bench_of, tick_s, two_encoders};
 
 /// Plant and encoders, moved by the board's requests.
@@ -23,6 +22,7 @@ pub struct EmulatedPlant {
     /// Ticks that the plant has moved on.
     ticks: u64,
     command: Command,
+    shape: CommandShape,
     amplifier_on: bool,
 }
 
@@ -43,6 +43,7 @@ impl EmulatedPlant {
             tick_s: tick_s(&settings.device),
             ticks: 0,
             command: Command::default(),
+            shape: CommandShape::default(),
             amplifier_on: false,
         })
     }
@@ -52,8 +53,7 @@ impl EmulatedPlant {
     /// base's input.
     ///
     /// # Errors
-    /// A request that contradicts itself or the one before, as that of a form of several components
-    /// does: the pipe tells of none; a plant that cannot be integrated
+    /// A request that contradicts itself or the one before; a plant that cannot be integrated
     /// further.
     pub fn exchange(&mut self, request: &Request) -> Result<([u16; 2], u16), SimulationError> {
         let refused = |problem: &str| SimulationError::Board { tick: request.tick, problem: problem.to_owned() };
@@ -67,8 +67,8 @@ impl EmulatedPlant {
         }
         self.amplifier_on = request.amplifier_on;
         let moving = request.amplifier_on && request.phase_increment != 0;
-        if moving && request.displacement_nanometre != waveform::displacement(amplitude, request.phase) {
-            return Err(refused("what stands at the shaker's output is not what its phase and amplitude say"));
+        if moving && request.displacement_nanometre != self.shape.displacement(amplitude, request.phase) {
+            return Err(refused("what stands at the shaker's output is not what its phase, amplitude and shape say"));
         }
         let previous = self.command.amplitude_nanometre[1];
         self.command = Command {
@@ -76,7 +76,7 @@ impl EmulatedPlant {
             phase_increment: request.phase_increment,
             increment_before: self.command.phase_increment,
             amplitude_nanometre: [previous, request.amplitude_nanometre],
-            ..Command::default()
+            shape: self.shape,
         };
         while self.ticks < u64::from(request.tick) {
             self.bench.advance(self.command, self.ticks as f64 * self.tick_s)?;
@@ -96,11 +96,17 @@ impl EmulatedPlant {
         Ok(([first.count(), second.count()], self.base.latch()))
     }
 
+    /// The drive's shape is another one from the next request on.
+    pub fn reshape(&mut self, shape: CommandShape) {
+        self.shape = shape;
+    }
+
     /// The board's chip was reset: its counters begin at 0, the shaker is off, the arms go on.
     pub fn reset(&mut self) {
         self.encoders.0.reset();
         self.encoders.1.reset();
         self.command = Command::default();
+        self.shape = CommandShape::default();
         self.amplifier_on = false;
     }
 
@@ -114,6 +120,7 @@ impl EmulatedPlant {
 mod tests {
     use super::*;
     use crate::VirtualRig;
+    use whirl_shared::excitation::{Component, Form};
 
     #[test]
     fn it_moves_as_the_virtual_rig_s_plant_does() {
@@ -157,5 +164,35 @@ mod tests {
             let error = plant.exchange(&request).unwrap_err().to_string();
             assert!(error.contains(part), "{error}");
         }
+    }
+
+    #[test]
+    fn a_shape_is_what_the_board_has_told_until_it_is_reset() {
+        let mut form = Form::SINE;
+        form.0[0].share = 9_000;
+        form.0[1] = Component { harmonic: 3, share: 9_000, phase: 77 };
+        let mut plant = EmulatedPlant::new(&RigSettings::default()).unwrap();
+        let (phase, amplitude_nanometre) = (1 << 29, 9_000_000);
+        let mut tick = 0;
+        let mut stands = |plant: &mut EmulatedPlant, displacement_nanometre| {
+            tick += 1;
+            plant.exchange(&Request {
+                tick,
+                phase,
+                phase_increment: 1 << 20,
+                amplitude_nanometre,
+                displacement_nanometre,
+                amplifier_on: true,
+                ..Request::default()
+            })
+        };
+        let (sine, sum) =
+            (Form::SINE.displacement(amplitude_nanometre, phase), form.displacement(amplitude_nanometre, phase));
+        assert!(stands(&mut plant, sine).is_ok() && stands(&mut plant, sum).is_err());
+        plant.reshape(CommandShape::Sines(form));
+        assert!(stands(&mut plant, sum).is_ok() && stands(&mut plant, sine).is_err());
+        assert_eq!(plant.command.shape, CommandShape::Sines(form));
+        plant.reset();
+        assert!(stands(&mut plant, sine).is_ok());
     }
 }

@@ -6,6 +6,7 @@ use whirl_firmware::Settings;
 use whirl_firmware::lock_step::{HOST_BYTES, Order};
 use whirl_firmware::settings::HOST_TIMEOUT_MAX_MS;
 use whirl_shared::codec::{MAX_FRAME, encode};
+use whirl_shared::excitation::{Excitation, Table};
 use whirl_shared::frame::{Command, Envelope, HostMessage};
 
 use crate::error::SimulationError;
@@ -67,6 +68,15 @@ impl Script {
         ticks.fold(script, |script, tick| script.command(tick, Command::KeepAlive))
     }
 
+    /// What the host says of an excitation, the points of its table first: a command every other
+    /// tick, from a tick on.
+    #[must_use]
+    pub fn excite(self, from: u32, excitation: &Excitation, table: Option<&Table>) -> Self {
+        let points = table.into_iter().flat_map(Table::parts).map(Command::Prepare);
+        let commands = points.chain(excitation.commands());
+        commands.zip((from..).step_by(2)).fold(self, |script, (command, tick)| script.command(tick, command))
+    }
+
     /// Something for the board itself, after a tick's sample.
     #[must_use]
     pub fn order(mut self, tick: u32, order: Order) -> Self {
@@ -91,9 +101,23 @@ impl Script {
 /// # Errors
 /// As [`VirtualRig`].
 pub fn on_this_machine(rig: &RigSettings, script: &Script, ticks: u32) -> Result<Vec<u8>, SimulationError> {
+    watched_on_this_machine(rig, script, ticks, |_| ())
+}
+
+/// The same, with a look at the rig before each tick.
+///
+/// # Errors
+/// As [`VirtualRig`].
+pub fn watched_on_this_machine(
+    rig: &RigSettings,
+    script: &Script,
+    ticks: u32,
+    mut look: impl FnMut(&mut VirtualRig),
+) -> Result<Vec<u8>, SimulationError> {
     let mut rig = VirtualRig::new(rig)?;
     let mut frames = Vec::new();
     for tick in 0..ticks {
+        look(&mut rig);
         rig.step()?;
         frames.extend(rig.take_output());
         rig.give_input(script.bytes_at(tick));

@@ -4,7 +4,7 @@
 use core::f64::consts::{PI, TAU};
 
 use super::memory::Memory;
-use crate::shaker::Moment;
+use crate::shaker::{Hum, Moment};
 
 /// Torque in one joint, as a function of its angle x (wrapped to [−π, π)) and its relative velocity
 /// v:
@@ -138,6 +138,8 @@ pub struct DriveAdditions {
     pub gain_error: f64,
     /// True frequency minus recorded frequency, Hz.
     pub frequency_offset_hz: f64,
+    /// A tone of the base's own.
+    pub hum: Hum,
 }
 
 /// What an encoder makes of its angle, in the order in which effects were given.

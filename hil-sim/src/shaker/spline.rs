@@ -30,6 +30,15 @@ impl CommandShape {
             Shape::Table(table) => Self::Table(*table),
         }
     }
+
+    /// Displacement at an amplitude (nm) and a phase (turns · 2⁻³²), nm: see [`Shape::displacement`].
+    #[must_use]
+    pub fn displacement(&self, amplitude_nanometre: u32, phase: u32) -> i32 {
+        match self {
+            Self::Sines(form) => form.displacement(amplitude_nanometre, phase),
+            Self::Table(table) => table.displacement(amplitude_nanometre, phase),
+        }
+    }
 }
 
 /// Control points that a motion may reach from a tick on: one point a tick, two behind it and one

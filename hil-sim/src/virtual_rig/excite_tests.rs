@@ -121,10 +121,7 @@ impl Bench {
                 if !running {
                     continue;
                 }
-                let y = match &shape {
-                    CommandShape::Sines(form) => form.displacement(block.amplitude_nanometre, sample.phase),
-                    CommandShape::Table(table) => table.displacement(block.amplitude_nanometre, sample.phase),
-                };
+                let y = shape.displacement(block.amplitude_nanometre, sample.phase);
                 assert_eq!(y, written, "tick {}", sample.tick);
                 assert_eq!((base.phase, base.phase_increment), (sample.phase, block.phase_increment));
                 assert_eq!((base.shape, base.amplitude_nanometre), (shape, [block.amplitude_nanometre; 2]));

@@ -3,6 +3,9 @@ use whirl_shared::codec::{Decoder, encode};
 use whirl_shared::frame::{self, CommandResult, DeviceMessage, Envelope, HostMessage, ShakerState};
 
 use super::*;
+use crate::base_sensor::{BaseQuantity, BaseSettings};
+use crate::plant::effects::Effect;
+use crate::shaker::Hum;
 use crate::{Simulation, SimulationSettings};
 
 /// A host that listens and keeps the watchdog quiet.
@@ -278,4 +281,44 @@ fn one_to_six_encoders_are_sampled_at_250_hz_to_2_khz() {
     }
     let wrong = VirtualRig::with_arms(&RigSettings::default(), Box::new(Even(vec![0.0; 3]))).unwrap_err();
     assert!(wrong.to_string().contains("encoders"), "{wrong}");
+}
+
+/// What a sensor of the base shows beside the drive: the mains' hum, at its own frequency, at rest
+/// and in motion.
+#[test]
+fn hum_of_the_base_is_measured_beside_the_drive() {
+    const HUM: Hum = Hum { amplitude_m: 2e-5, frequency_hz: 50.3 };
+    let sensor =
+        BaseSettings { quantity: BaseQuantity::Position, scale: 1e-7, gain: 1.0, offset: 0.0, noise: 0.0, seed: 1 };
+    let base = frame::BaseSensor { kind: frame::BaseKind::Position, scale: 100_000 };
+    let device = Settings { base, ..RigSettings::default().device };
+    let still = RigSettings { base: Some(sensor), device, ..RigSettings::default() };
+    let mut host = Host::new(&RigSettings { hum: HUM, ..still.clone() });
+    let mut quiet = Host::new(&still);
+    for host in [&mut host, &mut quiet] {
+        host.run(1_000);
+        host.command(frame::Command::Arm);
+        host.command(frame::Command::Start { amplitude_micrometre: 2_000, frequency_millihertz: 5_000 });
+        host.run(3_000);
+    }
+    // Amplitude and phase of the tone by its own time, of what remains of the drive's displacement.
+    for (from, moving) in [(0, false), (2_000, true)] {
+        let window = &host.samples[from..from + 1_000];
+        assert_eq!(window[0].phase != window[1].phase, moving);
+        let (mut sin, mut cos, mut square) = (0.0, 0.0, 0.0);
+        for (hum, without) in window.iter().zip(&quiet.samples[from..]) {
+            assert_eq!(hum.tick, without.tick);
+            let away = f64::from(hum.counts[2] - without.counts[2]) * 1e-7;
+            let angle = std::f64::consts::TAU * HUM.frequency_hz * f64::from(hum.tick) * 0.002;
+            sin += 2.0 / 1_000.0 * away * angle.sin();
+            cos += 2.0 / 1_000.0 * away * angle.cos();
+            square += away * away / 1_000.0;
+        }
+        assert!((sin / HUM.amplitude_m - 1.0).abs() < 0.01 && cos.abs() < 0.01 * HUM.amplitude_m, "{sin} {cos}");
+        // And nothing else: rounding is a two-hundredth of it.
+        assert!((2.0 * square).sqrt() < 1.01 * HUM.amplitude_m, "{square}");
+    }
+    // The arms feel it.
+    let state = |host: &Host| host.rig.plant().unwrap().state();
+    assert_ne!(state(&host), state(&quiet));
 }

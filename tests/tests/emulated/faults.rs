@@ -28,7 +28,7 @@ fn the_shaker_is_silent_until_it_is_told_to_move() {
         .command(201, Command::Start { amplitude_micrometre: 20_001, frequency_millihertz: 5_000 })
         .command(202, Command::Start { amplitude_micrometre: 10_000, frequency_millihertz: 20_001 });
     let Some((emulation, sent)) = emulate(script, 1_200) else { return };
-    assert_eq!((emulation.moving_ticks, emulation.status), (0, Some(0)));
+    assert_eq!((emulation.moving_ticks(), emulation.status), (0, Some(0)));
     let results: Vec<_> = sent.acks.iter().map(|ack| ack.result).collect();
     let out = |limit| CommandResult::OutOfRange { limit };
     assert_eq!(results, [CommandResult::WrongState, CommandResult::Done, out(20_000), out(20_000)]);
@@ -58,7 +58,7 @@ fn a_damaged_command_changes_nothing_and_is_counted() {
 fn a_host_that_falls_silent_leaves_the_shaker_at_rest() {
     let script = Script::new().command(0, Command::SetHostTimeout { ms: 500 }).drive(1, 700, 100, 5_000, 5_000);
     let Some((emulation, sent)) = emulate(script, 2_500) else { return };
-    assert!(emulation.moving_ticks > 500 && at_rest(&emulation), "{emulation:?}");
+    assert!(emulation.moving_ticks() > 500 && at_rest(&emulation), "{emulation:?}");
     let status = sent.statuses.last().unwrap();
     assert_eq!((status.shaker, status.stop_cause), (ShakerState::Disarmed, StopCause::HostSilent));
     assert!(sent.logs.iter().any(|log| log.text.contains("host silent")));
@@ -68,10 +68,19 @@ fn a_host_that_falls_silent_leaves_the_shaker_at_rest() {
 fn a_panic_leaves_the_shaker_at_rest() {
     let script = Script::new().drive(0, 1_000, 400, 15_525, 5_000).order(800, Order::Panic);
     let Some((emulation, _)) = emulate(script, 1_000) else { return };
-    assert!(emulation.moving_ticks > 500);
+    assert!(emulation.moving_ticks() > 500);
     assert!(emulation.last.panicked && at_rest(&emulation), "{:?}", emulation.last);
     assert_eq!(emulation.status, Some(1));
     assert!(emulation.console.contains("ordered to"), "{}", emulation.console);
+}
+
+#[test]
+fn a_panic_within_the_report_of_a_panic_leaves_the_shaker_at_rest_and_ends() {
+    let script = Script::new().drive(0, 1_000, 400, 15_525, 5_000).order(800, Order::PanicTwice(false));
+    let Some((emulation, _)) = emulate(script, 1_000) else { return };
+    assert!(emulation.last.panicked && at_rest(&emulation), "{:?}", emulation.last);
+    assert_eq!(emulation.status, Some(1));
+    assert!(!emulation.console.contains("while it was written"), "{}", emulation.console);
 }
 
 #[test]

@@ -72,7 +72,20 @@ fn a_panic_tells_its_text_after_the_reset_and_leaves_the_shaker_at_rest() {
     let hello = &sent.hellos[1];
     assert_eq!(hello.reset, ResetCause::Panic);
     assert!(hello.panic.contains("src/rig.rs:") && hello.panic.contains("ordered to, and to come back"), "{hello:?}");
-    assert!(emulation.moving_ticks > 500);
+    assert!(emulation.moving_ticks() > 500);
+    let status = sent.statuses.last().unwrap();
+    assert_eq!((status.shaker, status.amplitude_nanometre), (ShakerState::Disarmed, 0));
+    assert!(!emulation.last.amplifier_on && emulation.last.displacement_nanometre == 0);
+}
+
+#[test]
+fn a_panic_within_the_report_of_a_panic_ends_in_a_reset_too_and_in_no_loop() {
+    let script = Script::new().drive(0, 700, 300, 5_000, 5_000).order(600, Order::PanicTwice(true));
+    let Some((emulation, sent)) = emulate(script, 1_500, [0.1, 0.2, 0.0, 0.0]) else { return };
+    assert_eq!((emulation.resets, sent.hellos.len()), (1, 2));
+    // Nothing is left that could be told.
+    assert_eq!((sent.hellos[1].reset, sent.hellos[1].panic.as_str()), (ResetCause::Watchdog, ""));
+    assert!(emulation.moving_ticks() > 500);
     let status = sent.statuses.last().unwrap();
     assert_eq!((status.shaker, status.amplitude_nanometre), (ShakerState::Disarmed, 0));
     assert!(!emulation.last.amplifier_on && emulation.last.displacement_nanometre == 0);

@@ -11,6 +11,11 @@ use whirl::record::Record;
 use whirl::record::formats::ReadOptions;
 use whirl::rig::Rig;
 use whirl::rig::plant::Plant;
+use whirl_firmware::Settings as DeviceSettings;
+use whirl_hil_sim::emulated::{Script, on_this_machine};
+use whirl_hil_sim::shaker::Hum;
+use whirl_hil_sim::{BaseQuantity, BaseSettings, RigSettings};
+use whirl_shared::frame::{BaseKind, BaseSensor};
 
 const MISSES_SOMETHING: &str = "model-misses-something";
 const EFFECTS: [&str; 2] = ["drive-harmonic-2@drive=0.1,phase=2.5", "amplitude-drift@drive=0.06"];
@@ -105,6 +110,26 @@ fn an_accelerometer_does_as_well() {
     let rig = accelerometer();
     let file = simulated(&rig, &EFFECTS, 60.0, folder.path());
     assert_true(read(&file, &rig), &rig);
+}
+
+/// Mains' hum of the shaker's amplifier is no harmonic of the drive; where it is measured it is
+/// known.
+#[test]
+fn hum_that_is_measured_leaves_nothing_missing_and_every_parameter_right() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = rig(&[("settle_s = 20.0", "settle_s = 5.0")]);
+    let sensor =
+        BaseSettings { quantity: BaseQuantity::Counted, scale: 5e-6, gain: 1.01, offset: 0.003, noise: 5e-6, seed: 3 };
+    let base = BaseSensor { kind: BaseKind::Encoder, scale: 5_000_000 };
+    let device = DeviceSettings { base, ..RigSettings::default().device };
+    let hum = Hum { amplitude_m: 1e-4, frequency_hz: 50.3 };
+    let settings = RigSettings { hum, base: Some(sensor), device, seed: Some(3), ..RigSettings::default() };
+    let frames = on_this_machine(&settings, &Script::new().drive(0, 35_000, 400, 15_525, 5_000), 35_000).unwrap();
+    let file = folder.path().join("hum.frames");
+    std::fs::write(&file, frames).unwrap();
+    let capture = CaptureSettings::new(format!("file:{}", file.display()), folder.path().join("hum.parquet"));
+    let done = run(&capture, &rig, &mut |_| {}).unwrap();
+    assert_true(read(&done.record, &rig), &rig);
 }
 
 /// What is hidden in the arms is found as before.

@@ -7,6 +7,7 @@
 //! number and the chip family's id.
 
 use std::fmt;
+use std::ops::Range;
 
 /// What flash reads where nothing was written.
 const ERASED: u8 = 0xff;
@@ -14,6 +15,22 @@ const ERASED: u8 = 0xff;
 const PAYLOAD: usize = 256;
 /// Most flash that a board here has, bytes: a file that spans more is no image.
 const FLASH_MAX: u32 = 1 << 20;
+
+/// Where RAM begins on every Cortex-M.
+const MEMORY: u32 = 0x2000_0000;
+
+/// What a chip takes for a program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Chip {
+    /// Where its flash begins: the vector table.
+    pub flash: u32,
+    /// Most bytes that a program may take: what lies behind is the settings'.
+    pub room: u32,
+    /// RAM, bytes.
+    pub memory: u32,
+    /// Its boot ROM looks for a block ([`Image::has_boot_block`]).
+    pub boot_block: bool,
+}
 
 /// An image: where it begins, and its bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -81,6 +98,41 @@ impl Image {
         // The block's begin, then its first item: type of image, one word.
         let begin = [0xffff_ded3_u32.to_le_bytes(), [0x42, 0x01, 0x21, 0x10]].concat();
         self.bytes.iter().take(4_096).copied().collect::<Vec<_>>().windows(8).any(|window| window == begin)
+    }
+
+    /// Why a chip would not run it as it is meant to; none where nothing speaks against it.
+    ///
+    /// The vector table (ARMv7-M and ARMv8-M, B1.5.3): the stack's end in RAM, aligned to 8, then
+    /// the handlers of the processor's own exceptions: code of this image, in Thumb state, or none.
+    #[must_use]
+    pub fn unfit(&self, chip: &Chip) -> Option<String> {
+        let length = self.bytes.len();
+        if self.address != chip.flash {
+            return Some(format!("it begins at {:#010x}, and the flash at {:#010x}", self.address, chip.flash));
+        }
+        if length > chip.room as usize {
+            return Some(format!("it takes {length} bytes, and there is room for {}", chip.room));
+        }
+        let table: Vec<u32> =
+            self.bytes.chunks_exact(4).take(16).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect();
+        let [stack, reset, others @ ..] = &table[..] else { return Some("it is shorter than its vector table".into()) };
+        if table.len() < 16 {
+            return Some("it is shorter than its vector table".into());
+        }
+        if !(MEMORY + 1..=MEMORY + chip.memory).contains(stack) || !stack.is_multiple_of(8) {
+            return Some(format!("its stack would begin at {stack:#010x}"));
+        }
+        let code: Range<u32> = chip.flash + 64..chip.flash + length as u32;
+        let runs = |handler: &u32| handler % 2 == 1 && code.contains(handler);
+        if !runs(reset) {
+            return Some(format!("its reset handler would be at {reset:#010x}"));
+        }
+        // Numbers of exceptions: 2 on.
+        if let Some((handler, number)) = others.iter().zip(2..).find(|&(handler, _)| *handler != 0 && !runs(handler)) {
+            return Some(format!("its handler of exception {number} would be at {handler:#010x}"));
+        }
+        let block = !chip.boot_block || self.has_boot_block();
+        (!block).then(|| "it has no block within its first 4 kB by which the boot ROM knows a program".to_owned())
     }
 
     /// As UF2, for a family of chips.
@@ -161,6 +213,49 @@ mod tests {
             assert_eq!(Image { address: 0x1000_0000, bytes }.has_boot_block(), found, "{at}");
         }
         assert!(!Image { address: 0x1000_0000, bytes: vec![0; 3] }.has_boot_block());
+    }
+
+    #[test]
+    fn a_chip_runs_what_begins_where_it_looks_and_nothing_else() {
+        let chip = Chip { flash: 0x0800_0000, room: 1_024, memory: 0x2_0000, boot_block: false };
+        let good = || {
+            let mut table = vec![0x2002_0000_u32, 0x0800_0101, 0x0800_0103, 0x0800_0105];
+            table.resize(16, 0);
+            Image { address: chip.flash, bytes: table.iter().flat_map(|w| w.to_le_bytes()).chain([0; 500]).collect() }
+        };
+        let with = |place: usize, word: u32| {
+            let mut image = good();
+            image.bytes[4 * place..4 * place + 4].copy_from_slice(&word.to_le_bytes());
+            image
+        };
+        assert_eq!(good().unfit(&chip), None);
+        assert_eq!(with(15, 0x0800_0107).unfit(&chip), None);
+        for (image, part) in [
+            (Image { address: 0x0800_4000, ..good() }, "begins at 0x08004000"),
+            (Image { bytes: [good().bytes, vec![0; 1_024]].concat(), ..good() }, "takes 1588 bytes"),
+            (Image { bytes: good().bytes[..60].to_vec(), ..good() }, "shorter than"),
+            (Image { bytes: vec![1], ..good() }, "shorter than"),
+            (with(0, 0x2002_0008), "stack"),
+            (with(0, 0x2000_0000), "stack"),
+            (with(0, 0x2001_fffc), "stack"),
+            (with(1, 0x0800_0100), "reset handler would be at 0x08000100"),
+            (with(1, 0), "reset handler"),
+            (with(1, 0x0800_0021), "reset handler"),
+            (with(3, 0x0800_0301), "exception 3"),
+            (with(15, 0x2000_0001), "exception 15"),
+        ] {
+            assert!(image.unfit(&chip).is_some_and(|why| why.contains(part)), "{part}: {:?}", image.unfit(&chip));
+        }
+        assert!(good().unfit(&Chip { boot_block: true, ..chip }).is_some_and(|why| why.contains("boot ROM")));
+        let mut block = good();
+        block.bytes[100..108].copy_from_slice(&[0xd3, 0xde, 0xff, 0xff, 0x42, 0x01, 0x21, 0x10]);
+        assert_eq!(block.unfit(&Chip { boot_block: true, ..chip }), None);
+    }
+
+    #[test]
+    fn messages_are_known_by_their_names() {
+        assert!(has_messages(b"..\"tag\":\"defmt_info\".."));
+        assert!(!has_messages(b"..\"tag\":\"defmt_error\"..") && !has_messages(b""));
     }
 
     #[test]

@@ -7,10 +7,15 @@
 //! another's.
 #![no_std]
 
-use core::ptr::{read_volatile, write_volatile};
-use core::sync::atomic::AtomicU8;
+#[cfg(test)]
+extern crate std;
 
-use whirl_firmware::kept::{KEPT_LEN, Kept, NOTE_LEN, newest, read_note, to_bytes};
+use core::fmt;
+use core::panic::PanicInfo;
+use core::ptr::{read_volatile, write_volatile};
+use core::sync::atomic::{AtomicBool, AtomicU8, Ordering::Relaxed};
+
+use whirl_firmware::kept::{KEPT_LEN, Kept, NOTE_LEN, newest, note, read_note, to_bytes};
 use whirl_firmware::settings::Boot;
 use whirl_firmware::zero::keeps_memory;
 use whirl_shared::frame::ResetCause;
@@ -93,16 +98,44 @@ pub fn keep(number: u32, kept: &Kept) {
     COUNTS[(number & 1) as usize].store(&to_bytes(number, kept));
 }
 
-/// Leaves a panic's text for the next boot. With interrupts off.
-pub fn leave_note(bytes: &[u8; NOTE_LEN]) {
-    NOTE.store(bytes);
+/// A panic's place and message.
+pub struct Panicked<'a>(pub &'a PanicInfo<'a>);
+
+impl fmt::Display for Panicked<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(place) = self.0.location() {
+            write!(f, "{}:{}: ", place.file(), place.line())?;
+        }
+        write!(f, "{}", self.0.message())
+    }
+}
+
+/// Leaves the text of a panic or a fault for the next boot, then tells it. With interrupts off.
+/// What panics while that is done comes here again, and is neither left nor told: it must not go
+/// round.
+pub fn tell_once<C: fmt::Display>(cause: &C, tell: impl FnOnce(&C)) {
+    static ENTERED: AtomicBool = AtomicBool::new(false);
+    once(&ENTERED, cause, tell);
+}
+
+fn once<C: fmt::Display>(entered: &AtomicBool, cause: &C, tell: impl FnOnce(&C)) {
+    // No swap: it is one core's, with interrupts off.
+    if !entered.load(Relaxed) {
+        entered.store(true, Relaxed);
+        NOTE.store(&note(cause));
+        tell(cause);
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use whirl_firmware::kept::note;
+    use std::panic::{AssertUnwindSafe, catch_unwind};
     use whirl_firmware::zero::KeptEncoder;
+
+    fn leave_note(text: &str) {
+        NOTE.store(&note(text));
+    }
 
     fn kept(count: i32) -> Kept {
         let mut kept = Kept::default();
@@ -131,19 +164,48 @@ mod tests {
         assert_eq!(before(None), second);
 
         // A panic's text is told once.
-        leave_note(&note("ordered to"));
+        leave_note("ordered to");
         let third = before(Some(ResetCause::Watchdog));
         assert_eq!((third.reset, third.panic.as_str()), (ResetCause::Panic, "ordered to"));
         assert_eq!(third.kept, Some(kept(70)));
         assert_eq!(before(Some(ResetCause::Watchdog)), second);
 
         // Power that came anew after a panic tells of neither; nor are counts believed after it.
-        leave_note(&note("long ago"));
+        leave_note("long ago");
         let fourth = before(Some(ResetCause::Power));
         assert_eq!((fourth.reset, fourth.kept, fourth.panic.as_str()), (ResetCause::Power, None, ""));
         assert_eq!(before(Some(ResetCause::Watchdog)), second);
         // A count that was torn leaves the one before.
         COUNTS[1].store(&[0x5a; KEPT_LEN]);
         assert_eq!(before(Some(ResetCause::Software)).kept, Some(kept(60)));
+        what_panics_in_a_panic_s_report_is_left_and_told_no_more();
+    }
+
+    /// A cause that panics while it is written: what comes of it goes to the handler again.
+    struct Bomb<'a>(&'a AtomicBool, &'a AtomicU8);
+
+    impl fmt::Display for Bomb<'_> {
+        fn fmt(&self, _: &mut fmt::Formatter<'_>) -> fmt::Result {
+            let written = self.1.fetch_add(1, Relaxed);
+            assert!(written < 5, "it goes round");
+            once(self.0, self, |_| panic!("told"));
+            panic!("while it is written");
+        }
+    }
+
+    fn what_panics_in_a_panic_s_report_is_left_and_told_no_more() {
+        // While the text is made.
+        let (entered, written) = (AtomicBool::new(false), AtomicU8::new(0));
+        let bomb = Bomb(&entered, &written);
+        assert!(catch_unwind(AssertUnwindSafe(|| once(&entered, &bomb, |_| panic!("told")))).is_err());
+        assert_eq!(written.load(Relaxed), 1);
+        assert_eq!(before(Some(ResetCause::Watchdog)).reset, ResetCause::Watchdog);
+        // While it is told: the text is there by then.
+        let (entered, told) = (AtomicBool::new(false), AtomicU8::new(0));
+        once(&entered, &"first", |_| {
+            told.fetch_add(1, Relaxed);
+            once(&entered, &"second", |_| panic!("told"));
+        });
+        assert_eq!((told.load(Relaxed), before(Some(ResetCause::Watchdog)).panic.as_str()), (1, "first"));
     }
 }

@@ -5,13 +5,11 @@ use core::fmt::Write;
 use core::panic::PanicInfo;
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-use whirl_board_lasting::leave_note;
+use whirl_board_lasting::{Panicked, tell_once};
 use whirl_board_mps2_an386::semihosting;
-use whirl_firmware::kept::note;
 
 use crate::plant;
 
-static ENTERED: AtomicBool = AtomicBool::new(false);
 /// Whether a panic ends in a reset.
 pub static RESETS: AtomicBool = AtomicBool::new(false);
 
@@ -23,19 +21,13 @@ fn panic(info: &PanicInfo<'_>) -> ! {
     if !resets {
         plant::last_words();
     }
-    // What panics while it tells of a panic is told no more.
-    if ENTERED.swap(true, Relaxed) {
-        semihosting::exit(false);
-    }
-    match info.location() {
-        Some(place) => leave_note(&note(format_args!("{}:{}: {}", place.file(), place.line(), info.message()))),
-        None => leave_note(&note(info.message())),
-    }
+    tell_once(&Panicked(info), |cause| {
+        // The emulation ends in any case.
+        let _ = writeln!(semihosting::Console, "{cause}");
+    });
     if resets {
         cortex_m::peripheral::SCB::sys_reset();
     }
-    // The emulation ends in any case.
-    let _ = writeln!(semihosting::Console, "{info}");
     semihosting::exit(false)
 }
 

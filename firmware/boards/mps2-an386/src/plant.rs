@@ -4,8 +4,9 @@
 use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU16, AtomicUsize, Ordering::Relaxed};
 
 use whirl_firmware::base::BaseInput;
-use whirl_firmware::lock_step::{HOST_BYTES, REPLY_LEN, Reply, Request};
+use whirl_firmware::lock_step::{HOST_BYTES, REPLY_LEN, Reply, Request, shape_to_bytes};
 use whirl_firmware::{QuadratureCounter, ShakerOutput};
+use whirl_shared::excitation::Shape;
 
 use whirl_board_mps2_an386::semihosting::File;
 
@@ -82,15 +83,21 @@ impl Plant {
         Some(Self { to, from, host: heapless::Vec::new() })
     }
 
-    /// Moves the plant up to a tick. `None` where the other side has gone or makes no sense.
-    pub fn exchange(&mut self, request: Request) -> Option<Reply> {
+    /// Moves the plant up to a tick; the drive's shape is told where it is a new one. `None` where
+    /// the other side has gone or makes no sense.
+    pub fn exchange(&mut self, request: Request, shape: Option<Shape<'_>>) -> Option<Reply> {
         let request = Request {
             displacement_nanometre: DISPLACEMENT.load(Relaxed),
             amplifier_on: AMPLIFIER.load(Relaxed),
+            shape_follows: shape.is_some(),
             ..request
         };
         let mut bytes = [0; REPLY_LEN];
-        if !self.to.write_all(&request.to_bytes()) || !self.from.read_exact(&mut bytes) {
+        let told = self.to.write_all(&request.to_bytes());
+        if !told || !shape.is_none_or(|shape| self.to.write_all(&shape_to_bytes(shape))) {
+            return None;
+        }
+        if !self.from.read_exact(&mut bytes) {
             return None;
         }
         let reply = Reply::from_bytes(&bytes)?;

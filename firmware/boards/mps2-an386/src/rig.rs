@@ -23,6 +23,7 @@ use whirl_firmware::pacing::{Pacer, Passed};
 use whirl_firmware::sampler::Sampler;
 use whirl_firmware::settings::{HOST_TIMEOUT_MAX_MS, Settings};
 use whirl_shared::codec::MAX_FRAME;
+use whirl_shared::excitation::{Form, TableName};
 use whirl_shared::frame::{SampleBlock, SettingsSource};
 
 use crate::fault;
@@ -40,6 +41,8 @@ struct Interrupt {
     requests: Consumer<'static, Request>,
     host: Producer<'static, u8>,
     pacer: Pacer,
+    /// Form and table that the plant has been told of.
+    told: (Form, TableName),
     /// Least and greatest time from the tick by its own timer to the tick by the free clock.
     apart: [u32; 2],
     tick: u32,
@@ -51,6 +54,15 @@ static EXIT: AtomicBool = AtomicBool::new(false);
 static TICKS: AtomicU32 = AtomicU32::new(0);
 /// Ticks for which the link takes nothing.
 static BLOCKED: AtomicU32 = AtomicU32::new(0);
+
+/// A message that panics while it is written.
+struct Bomb;
+
+impl core::fmt::Display for Bomb {
+    fn fmt(&self, _: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        panic!("while it was written")
+    }
+}
 
 /// The table behind the processor's own exceptions.
 // SAFETY: the section and the name are those that cortex-m-rt wants for it.
@@ -86,7 +98,11 @@ impl Interrupt {
             amplitude_nanometre: drive.amplitude_nanometre,
             ..lock_step::Request::default()
         };
-        let Some(reply) = self.plant.exchange(request) else { panic!("the plant has gone") };
+        let shaker = self.sampler.shaker();
+        let form = (shaker.excitation().form, shaker.excitation().table);
+        let told = core::mem::replace(&mut self.told, form);
+        let shape = (told != form).then(|| shaker.shape());
+        let Some(reply) = self.plant.exchange(request, shape) else { panic!("the plant has gone") };
         let latency_us = latency / (CLOCK_HZ / 1_000_000);
         self.sampler.tick(missed, latency_us, &mut self.blocks, &mut self.events, &mut self.requests);
         self.tick = self.tick.wrapping_add(1);
@@ -114,6 +130,10 @@ impl Interrupt {
             Order::Reset(true) => {
                 fault::RESETS.store(true, Relaxed);
                 panic!("ordered to, and to come back");
+            }
+            Order::PanicTwice(resets) => {
+                fault::RESETS.store(resets, Relaxed);
+                panic!("{}", Bomb);
             }
             Order::Stall(ticks) => {
                 let start = machine::clock();
@@ -233,6 +253,7 @@ fn start() -> Option<Thread> {
         requests: requests_out,
         host: host_in,
         pacer: Pacer::new(period, start),
+        told: (Form::SINE, TableName::NONE),
         apart: [u32::MAX, 0],
         tick: 0,
     };

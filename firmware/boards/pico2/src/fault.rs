@@ -3,23 +3,15 @@
 
 use core::fmt;
 use core::panic::PanicInfo;
-use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-use whirl_board_lasting as lasting;
-use whirl_firmware::kept::note;
+use whirl_board_lasting::{Panicked, tell_once};
 
 use crate::hardware;
-
-static ENTERED: AtomicBool = AtomicBool::new(false);
 
 fn end(cause: impl fmt::Display) -> ! {
     cortex_m::interrupt::disable();
     hardware::silence();
-    // What panics while it tells of a panic is told no more.
-    if !ENTERED.swap(true, Relaxed) {
-        lasting::leave_note(&note(&cause));
-        defmt::error!("{}", defmt::Display2Format(&cause));
-    }
+    tell_once(&cause, |cause| defmt::error!("{}", defmt::Display2Format(cause)));
     // Interrupts are off: the watchdog is petted no more.
     loop {
         cortex_m::asm::nop();
@@ -28,10 +20,7 @@ fn end(cause: impl fmt::Display) -> ! {
 
 #[panic_handler]
 fn panic(info: &PanicInfo<'_>) -> ! {
-    match info.location() {
-        Some(place) => end(format_args!("{}:{}: {}", place.file(), place.line(), info.message())),
-        None => end(info.message()),
-    }
+    end(Panicked(info))
 }
 
 /// A fault of the processor ends as a panic does.

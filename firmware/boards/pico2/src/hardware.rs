@@ -9,8 +9,9 @@ use embassy_rp::pio::{
     Common, Config, Direction, FifoJoin, LoadedProgram, Pin, PioPin, ShiftConfig, ShiftDirection, StateMachine,
 };
 use whirl_board_pico2::decoder::{self, COUNT, MARK, Mark};
-use whirl_board_pico2::player::{Slices, WIDTH};
+use whirl_board_pico2::player::WIDTH;
 use whirl_firmware::QuadratureCounter;
+use whirl_firmware::player::Channel;
 
 /// Slice of the points (GP16 is its output A), and that of the tick, which has no pins on this
 /// chip.
@@ -82,13 +83,13 @@ impl<const SM: usize> QuadratureCounter for Decoder<SM> {
 /// Slices and DMA channel of the points.
 pub struct Registers;
 
-impl Slices for Registers {
+impl Channel for Registers {
+    const MAX: u16 = WIDTH;
+    const AHEAD: usize = 1;
+    const UNCLEAR: u32 = 8;
+
     fn since_tick(&self) -> u32 {
         u32::from(pac::PWM.ch(TICK).ctr().read().ctr())
-    }
-
-    fn written(&self) -> u16 {
-        pac::PWM.ch(POINTS).cc().read().a()
     }
 
     fn write(&mut self, width: u16) {
@@ -117,6 +118,10 @@ impl Slices for Registers {
             w.set_irq_quiet(true);
             w.set_en(true);
         });
+    }
+
+    fn left(&self) -> usize {
+        pac::DMA.ch(CHANNEL).trans_count().read().count() as usize
     }
 
     fn stop(&mut self) {

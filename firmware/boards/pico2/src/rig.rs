@@ -12,15 +12,16 @@ use heapless::spsc::{Consumer, Producer, Queue};
 use rtt_target::{ChannelMode, DownChannel, UpChannel};
 use static_cell::{ConstStaticCell, StaticCell};
 use whirl_board_lasting as lasting;
-use whirl_board_pico2::player::{Player, microseconds};
+use whirl_board_pico2::player::microseconds;
 use whirl_firmware::WithBase;
 use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
 use whirl_firmware::dac::DacShaker;
 use whirl_firmware::estimate::Estimator;
 use whirl_firmware::event::{Event, Request};
-use whirl_firmware::lines::Pins;
+use whirl_firmware::lines::WithLines;
 use whirl_firmware::link::Link;
 use whirl_firmware::pacing::{Pacer, Passed};
+use whirl_firmware::player::Player;
 use whirl_firmware::sampler::Sampler;
 use whirl_firmware::store::Store;
 use whirl_shared::codec::MAX_FRAME;
@@ -43,7 +44,7 @@ const KEPT: usize = 256_000;
 /// Both encoders and the base's sensor.
 type Sensors = WithBase<(Decoder<0>, Decoder<1>), Base>;
 /// The player of waveforms behind its enable line, its emergency stop and its trigger.
-type Drive = DacShaker<Player<Registers>, Output<'static>, Pins<Input<'static>, Input<'static>, Output<'static>>>;
+type Drive = WithLines<DacShaker<Player<Registers>, Output<'static>>, Input<'static>, Input<'static>, Output<'static>>;
 
 /// What the interrupt owns.
 struct Interrupt {
@@ -166,7 +167,7 @@ fn assemble(parts: board::Parts, rtt: (UpChannel, DownChannel), dog: Dog, spawne
     let [settings, built_in] = &parts.settings;
     // Validated: at most 2³¹ nm.
     let output = DacShaker::new(parts.player, parts.enable, settings.full_scale_micrometre.saturating_mul(1_000));
-    let output = output.with_lines(parts.lines);
+    let output = WithLines::new(output, parts.lines);
     let inputs = WithBase { encoders: (parts.encoder1, parts.encoder2), base: parts.base };
     let mut sampler = Sampler::new(settings, inputs, output).ok()?;
     sampler.set_built_in(built_in);

@@ -8,27 +8,32 @@
 #[cfg(target_os = "none")]
 mod on_target {
     use core::borrow::BorrowMut;
+    use core::cell::Cell;
     use core::convert::Infallible;
     use core::fmt::Write;
     use core::hint::black_box;
     use core::panic::PanicInfo;
 
-    use embedded_hal::digital::{ErrorType, OutputPin};
+    use embedded_hal::digital::{ErrorType, InputPin, OutputPin};
     use heapless::spsc::Queue;
     use static_cell::ConstStaticCell;
     use whirl_board_lasting as lasting;
     use whirl_board_mps2_an386::machine::{self, Vector};
+    use whirl_board_mps2_an386::meter::Meter;
     use whirl_board_mps2_an386::semihosting::{Console, exit};
     use whirl_board_mps2_an386::stack;
     use whirl_firmware::app::{BLOCKS, EVENTS, REQUESTS};
     use whirl_firmware::base::BaseInput;
-    use whirl_firmware::dac::{Converter, DacShaker};
+    use whirl_firmware::dac::DacShaker;
     use whirl_firmware::estimate::{Estimator, FREQUENCIES, STEPS};
     use whirl_firmware::event::{Event, Request};
     use whirl_firmware::history::KEPT;
+    use whirl_firmware::lines::{Pins, WithLines};
     use whirl_firmware::link::Link;
+    use whirl_firmware::pacing::{Pacer, Passed, Schedule};
+    use whirl_firmware::player::{Channel, MOST, Player, Run};
     use whirl_firmware::sampler::Sampler;
-    use whirl_firmware::sweep::BEYOND;
+    use whirl_firmware::sweep::{BEYOND, POINTS_PER_SECOND};
     use whirl_firmware::{Inputs, QuadratureCounter, Settings, ShakerOutput, WithBase};
     use whirl_shared::codec::{MAX_FRAME, encode};
     use whirl_shared::excitation::{Component, Excitation, Glide, Law, Table, WHOLE};
@@ -49,43 +54,6 @@ mod on_target {
         exit(false)
     }
 
-    /// Instructions of the measured part: count, sum, most.
-    #[derive(Default)]
-    struct Meter {
-        times: u32,
-        sum: u64,
-        most: u32,
-    }
-
-    impl Meter {
-        fn take<T>(&mut self, part: impl FnOnce() -> T) -> T {
-            let empty = {
-                let start = machine::clock();
-                machine::clock().wrapping_sub(start)
-            };
-            let start = machine::clock();
-            let result = black_box(part());
-            let clocks = machine::clock().wrapping_sub(start).saturating_sub(empty);
-            self.times += 1;
-            self.sum += u64::from(clocks);
-            self.most = self.most.max(clocks);
-            result
-        }
-
-        fn add(&mut self, other: &Self) {
-            self.times += other.times;
-            self.sum += other.sum;
-            self.most = self.most.max(other.most);
-        }
-
-        fn tell(&self, name: &str) {
-            // 40 ns a clock, 32 ns an instruction.
-            let mean = self.sum * 5 / (4 * u64::from(self.times.max(1)));
-            // The console is the emulator's own; it does not fail.
-            let _ = writeln!(Console, "{name}: mean {mean} most {}", u64::from(self.most) * 5 / 4);
-        }
-    }
-
     /// Turns steadily.
     struct Whirling(u16, u16);
 
@@ -96,29 +64,37 @@ mod on_target {
         }
     }
 
-    /// A converter that plays eighty points a tick, as that of the NUCLEO boards does.
-    struct Points([u16; POINTS + BEYOND]);
+    /// The points' timer and channel of the NUCLEO-G474RE; the last run has come to one place or
+    /// another, so that there are ticks in which all points are caught up with.
+    struct Points(Cell<usize>);
 
-    /// 40 kHz at 500 Hz.
-    const POINTS: usize = 80;
+    /// The timers' clock, and a tick's counts of it.
+    const TIMER_HZ: u32 = 170_000_000;
 
-    impl Converter for Points {
+    impl Channel for Points {
         const MAX: u16 = 4_095;
+        const AHEAD: usize = 0;
+        const UNCLEAR: u32 = 8;
 
-        fn set(&mut self, code: u16) {
-            self.0[0] = black_box(code);
+        fn since_tick(&self) -> u32 {
+            black_box(100)
         }
 
-        fn points(&self) -> usize {
-            POINTS
+        fn write(&mut self, code: u16) {
+            black_box(code);
         }
 
-        fn standing(&mut self) -> (usize, u16) {
-            (0, self.0[POINTS])
+        fn start(&mut self, codes: &[u16]) {
+            black_box(codes);
         }
 
-        fn room(&mut self) -> &mut [u16] {
-            black_box(&mut self.0)
+        fn left(&self) -> usize {
+            self.0.set((self.0.get() + 31) % (80 + BEYOND));
+            black_box(self.0.get())
+        }
+
+        fn stop(&mut self) {
+            black_box(());
         }
     }
 
@@ -138,20 +114,48 @@ mod on_target {
         type Error = Infallible;
     }
 
+    impl InputPin for Pin {
+        fn is_high(&mut self) -> Result<bool, Infallible> {
+            Ok(black_box(true))
+        }
+
+        fn is_low(&mut self) -> Result<bool, Infallible> {
+            Ok(!black_box(true))
+        }
+    }
+
     impl OutputPin for Pin {
         fn set_low(&mut self) -> Result<(), Infallible> {
+            black_box(());
             Ok(())
         }
 
         fn set_high(&mut self) -> Result<(), Infallible> {
+            black_box(());
             Ok(())
         }
+    }
+
+    /// The interrupt of a board, but for what lasts over a reset: which tick it is, its latency,
+    /// the counters, all that the sampler does, the light.
+    fn take_tick<I: Inputs, O: ShakerOutput>(
+        (sampler, pacer, clock): (&mut Sampler<I, O>, &mut Pacer, &mut u32),
+        blocks: &mut Queue<SampleBlock, BLOCKS>,
+        events: &mut Queue<Event, EVENTS>,
+        requests: &mut Queue<Request, REQUESTS>,
+    ) {
+        *clock = clock.wrapping_add(pacer.period());
+        let now = *clock;
+        let Some(Passed { missed, latency }) = pacer.latch(|| black_box(now), || sampler.latch()) else { return };
+        let latency_us = u64::from(latency) * 1_000_000 / u64::from(black_box(TIMER_HZ / 8));
+        sampler.tick(missed, latency_us as u32, blocks, events, requests);
+        black_box(sampler.light());
     }
 
     /// So many ticks in which the host says what it is to say: the interrupt's from one of them on,
     /// and a command's in the thread.
     fn excited<I: Inputs, O: ShakerOutput, E: BorrowMut<Estimator>, K: BorrowMut<[u8]>>(
-        (sampler, link): (&mut Sampler<I, O>, &mut Link<E, K>),
+        (sampler, pacer, clock, link): (&mut Sampler<I, O>, &mut Pacer, &mut u32, &mut Link<E, K>),
         (blocks, events, requests): (
             &mut Queue<SampleBlock, BLOCKS>,
             &mut Queue<Event, EVENTS>,
@@ -167,11 +171,7 @@ mod on_target {
             let length = encode(&Envelope { sequence: n, message }, &mut command).ok()?;
             thread.take(|| link.receive(&command[..length], requests));
             let mut meter = Meter::default();
-            meter.take(|| {
-                sampler.latch();
-                sampler.tick(0, 0, blocks, events, requests);
-                sampler.light()
-            });
+            meter.take(|| take_tick((sampler, pacer, clock), blocks, events, requests));
             if n >= from {
                 interrupt.add(&meter);
             }
@@ -184,7 +184,13 @@ mod on_target {
         static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
         let base = BaseSensor { kind: BaseKind::Position, scale: 763_000 };
         let settings = Settings { board: "measure", base_input: true, base, ..Settings::default() };
-        let shaker = DacShaker::new(Points([0; POINTS + BEYOND]), Pin, 25_000_000);
+        static RUNS: ConstStaticCell<[Run; 2]> = ConstStaticCell::new([[0; MOST + BEYOND]; 2]);
+        let schedule = Schedule::new(TIMER_HZ, settings.sample_rate_millihertz, POINTS_PER_SECOND)?;
+        (schedule.points == 80).then_some(())?;
+        let player = Player::new(Points(Cell::new(0)), RUNS.take(), schedule);
+        let pins = Pins { enabled: Pin, start: Pin, moving: Pin };
+        let shaker = WithLines::new(DacShaker::new(player, Pin, 25_000_000), pins);
+        let (mut pacer, mut clock) = (Pacer::new(schedule.period(), 7), 27_u32);
         // Ten turns a second of 4096 counts at 500 Hz; the base's sensor on the converter.
         let inputs = WithBase { encoders: (Whirling(0, 82), Whirling(0, 65_454)), base: Swinging(0) };
         let mut sampler = Sampler::new(&settings, inputs, shaker).ok()?;
@@ -210,11 +216,7 @@ mod on_target {
             let envelope = Envelope { sequence: n, message: HostMessage::Command(say) };
             let length = encode(&envelope, &mut command).ok()?;
             hearing.take(|| link.receive(&command[..length], requests));
-            sampling.take(|| {
-                sampler.latch();
-                sampler.tick(0, 0, blocks, events, requests);
-                sampler.light()
-            });
+            sampling.take(|| take_tick((&mut sampler, &mut pacer, &mut clock), blocks, events, requests));
             keeping.take(|| lasting::keep(u32::from(n), &sampler.kept()));
             // The frames of a tick: answers and reports, a block's by itself, then all that the
             // thread does with a block.
@@ -244,7 +246,7 @@ mod on_target {
             *component = Component { harmonic, share: WHOLE / 6, phase: 9_000 };
         }
         let [six, excite] = excited(
-            (&mut sampler, &mut link),
+            (&mut sampler, &mut pacer, &mut clock, &mut link),
             (&mut *blocks, &mut *events, &mut *requests),
             [4_000, 980],
             |n| match n {
@@ -259,11 +261,15 @@ mod on_target {
         let points = Table::of(&points)?;
         let named = Excitation { table: points.known().name, ..Excitation::sine(1_000, 1_900) };
         let say = points.parts().map(Command::Prepare).chain(named.commands());
-        let [table, bring] =
-            excited((&mut sampler, &mut link), (blocks, events, requests), [3_000, 200], |n| match n {
+        let [table, bring] = excited(
+            (&mut sampler, &mut pacer, &mut clock, &mut link),
+            (blocks, events, requests),
+            [3_000, 200],
+            |n| match n {
                 0 => Command::Stop,
                 _ => n.checked_sub(200).and_then(|i| say.clone().nth(i)).unwrap_or(Command::KeepAlive),
-            })?;
+            },
+        )?;
         (*sampler.shaker().excitation() == named && sampler.shaker().moving()).then_some(())?;
         table.tell("a table: the interrupt");
         bring.tell("a table: a command");
