@@ -251,9 +251,9 @@ fn a_journal_s_header_and_frames_are_read_by_the_same_decoder() {
     let Some(read) = in_python(&journal) else { return };
     let (header, frames) = (&read[0], &read[1..]);
     assert_eq!((&header["source"], &header["seconds"], &header["settle_s"]), (&json!("sim"), &json!(2.0), &json!(0.5)));
-    assert_eq!(header["from_drive"][0], json!(1_000));
-    // The control points that the device was brought: it tells how many.
+    // Amplitude and frequency, and the control points that the device was brought: it tells them, too.
     let told = frames.iter().find(|frame| frame[1] == 9).unwrap();
+    assert_eq!(header["from_drive"], json!([told[2][2][2], told[2][0][1]]));
     assert_eq!(header["table"].as_array().map(Vec::len), told[2][7][0].as_u64().map(|n| n as usize));
     let text = include_str!("../../docs/wire-protocol.md").split_once("\n## In a file\n").unwrap().1;
     for key in header.as_object().unwrap().keys() {
