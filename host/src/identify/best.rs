@@ -22,6 +22,9 @@ const MOST_SAMPLES: usize = 200_000;
 const MOST_LOST: f64 = 0.1;
 /// Warning of the weak form that more is left than the sensors' noise.
 const MISSES_SOMETHING: &str = "model-misses-something";
+/// Warnings that its coefficients cannot be a rig's, which zeros that are off make as well.
+const CANNOT_BE: [&str; 5] =
+    ["tie-violated", "negative-damping", "negative-gravity", "negative-inertia", "negative-quantity"];
 /// Warnings of the weak form that shooting gives by itself, or that are about its windows.
 const OF_WEAK: [&str; 3] = ["few-windows", "periodic-record", "undetermined"];
 
@@ -87,17 +90,20 @@ pub(super) fn once(
     }
 }
 
-/// What a warning of the weak form says the equations miss.
+/// Whether a warning of the weak form says that the equations miss something.
+fn says_missed(w: &Warning) -> bool {
+    w.id == MISSES_SOMETHING || (w.invalidates && CANNOT_BE.contains(&w.id))
+}
+
+/// What the first of them says.
 fn missed(first: &Identification) -> Option<String> {
-    first.warnings.iter().find(|w| w.id == MISSES_SOMETHING).map(|w| w.text.clone())
+    first.warnings.iter().find(|w| says_missed(w)).map(|w| w.text.clone())
 }
 
 /// Why shooting is not tried. It is tried where the equations miss something: that may be zeros or
 /// slips of the sensors, which shooting shows.
 fn unsuited(first: &Identification) -> Option<String> {
-    if missed(first).is_none()
-        && let Some(w) = first.warnings.iter().find(|w| w.invalidates)
-    {
+    if let Some(w) = first.warnings.iter().find(|w| w.invalidates && !says_missed(w)) {
         return Some(w.text.clone());
     }
     (first.record.samples > MOST_SAMPLES)

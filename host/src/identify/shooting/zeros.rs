@@ -3,8 +3,9 @@
 //! An incremental encoder counts from where it stood when it started, and friction holds a hanging
 //! arm beside its lowest point: sensor k of record r shows y = m_k·q + z_kr, with z a parameter
 //! behind those of the equations. It is sought for every sensor that shows angles alone and whose
-//! shift the equations feel: with x ↦ f(x) the accelerations at a piece's beginning, the columns
-//! f(q + S⁻¹ e_k h) − f(q) of the zeros must be independent of one another.
+//! shift the equations feel as nothing else: with f(q, p) the accelerations at the pieces'
+//! beginnings, the columns f(q + S⁻¹ e_k h, p) − f(q, p) must be independent of one another and of
+//! ∂f/∂p. (Equations with both sin φ and cos φ hold their zero themselves.)
 //!
 //! A zero costs nothing where the motion goes everywhere. Locked to its drive it may not tell a
 //! zero from another parameter: where the zeros widen a standard error by more than `DEAR`, those
@@ -34,9 +35,14 @@ const HELD: &str = "held";
 const INDEX: &str = "index";
 /// Shift by which it is seen whether the equations feel a zero, rad: a size at which sines are bent.
 const SHIFT: f64 = 0.3;
-/// Part of a column that must not be that of others, in what all make of an acceleration: rounding
-/// is a millionth of it.
-const INDEPENDENT: f64 = 1e-8;
+/// Part of a column that must not be that of others: difference quotients are good to a hundredth
+/// of it.
+const INDEPENDENT: f64 = 1e-3;
+/// Least column that is one, as a part of the accelerations: rounding is far below.
+const FELT: f64 = 1e-9;
+/// Step of a parameter, as a part of it, and least one as a part of the greatest.
+const STEP: f64 = 1e-4;
+const LEAST: f64 = 1e-3;
 /// Pieces at which that is seen.
 const LOOKED_AT: usize = 64;
 
@@ -286,25 +292,27 @@ pub fn unknown(
     let circle = bound.model.circle();
     let sensors = bound.sensors.len();
     let angles = |k: &usize| bound.shown.row(*k).iter().zip(&circle).all(|(w, angle)| *w == 0.0 || *angle);
-    let stride = moments.len().div_ceil(LOOKED_AT).max(1);
-    let column = |k: usize| -> Option<Vec<f64>> {
-        let moments = moments.iter().step_by(stride);
-        let changes = moments.map(|m| change(motion, parameters, m, |j| SHIFT * bound.coordinates[(j, k)]));
-        changes.collect::<Option<Vec<_>>>().map(|c| c.concat())
-    };
+    let seen = Seen { motion, moments, stride: moments.len().div_ceil(LOOKED_AT).max(1) };
+    let nowhere = |_: usize| 0.0;
+    let Some(plain) = seen.accelerations(parameters, nowhere) else { return Unknown::default() };
+    let size = norm(&plain);
     let mut basis: Vec<Vec<f64>> = Vec::new();
-    let mut felt = Vec::new();
-    let scale: f64 = moments.iter().step_by(stride).filter_map(|m| size(motion, parameters, m)).sum();
-    for k in (0..sensors).filter(angles) {
-        let Some(mut c) = column(k) else { continue };
-        for b in &basis {
-            let along: f64 = b.iter().zip(&c).map(|(b, c)| b * c).sum();
-            c.iter_mut().zip(b).for_each(|(c, b)| *c -= along * b);
+    let greatest = parameters.iter().fold(0.0_f64, |m, p| m.max(p.abs()));
+    for i in 0..parameters.len() {
+        let step = STEP * parameters[i].abs().max(LEAST * greatest);
+        let [up, down] = [step, -step].map(|step| {
+            let mut moved = parameters.to_vec();
+            moved[i] += step;
+            seen.accelerations(&moved, nowhere)
+        });
+        if let (Some(up), Some(down)) = (up, down) {
+            let _is_new = add(&mut basis, difference(&up, &down), FELT * step * size);
         }
-        let left: f64 = c.iter().map(|c| c * c).sum();
-        if left > INDEPENDENT * INDEPENDENT * scale && left.is_finite() {
-            c.iter_mut().for_each(|c| *c /= left.sqrt());
-            basis.push(c);
+    }
+    let mut felt = Vec::new();
+    for k in (0..sensors).filter(angles) {
+        let shifted = seen.accelerations(parameters, |j| SHIFT * bound.coordinates[(j, k)]);
+        if shifted.is_some_and(|shifted| add(&mut basis, difference(&shifted, &plain), FELT * size)) {
             felt.push(k);
         }
     }
@@ -315,31 +323,55 @@ pub fn unknown(
     Unknown::of(list, &prepared.record_of, sensors)
 }
 
-/// Accelerations at a moment, shifted; none where the equations have none there.
-fn accelerations(
-    motion: &dyn Dynamics,
-    parameters: &[f64],
-    at: &Moment,
-    shift: impl Fn(usize) -> f64,
-) -> Option<Vec<f64>> {
-    let n = motion.degrees_of_freedom();
-    let (q, v) = at.state.split_at(n);
-    let q: Vec<f64> = q.iter().enumerate().map(|(j, q)| q + shift(j)).collect();
-    let mut out = vec![0.0; n];
-    let instant = Instant { time: at.time, tau: at.tau, inputs: &at.inputs };
-    motion.acceleration(parameters, &q, v, &instant, &mut out).then_some(out)
+/// Some of the moments of a record, for equations to be looked at there.
+struct Seen<'a> {
+    motion: &'a dyn Dynamics,
+    moments: &'a [Moment],
+    stride: usize,
 }
 
-/// What a shift changes of them.
-fn change(motion: &dyn Dynamics, parameters: &[f64], at: &Moment, shift: impl Fn(usize) -> f64) -> Option<Vec<f64>> {
-    let plain = accelerations(motion, parameters, at, |_| 0.0)?;
-    let shifted = accelerations(motion, parameters, at, shift)?;
-    Some(shifted.iter().zip(plain).map(|(a, b)| a - b).collect())
+impl Seen<'_> {
+    /// Accelerations at all of them, each coordinate shifted; none where one has none.
+    fn accelerations(&self, parameters: &[f64], shift: impl Fn(usize) -> f64) -> Option<Vec<f64>> {
+        let n = self.motion.degrees_of_freedom();
+        let mut all = Vec::new();
+        for at in self.moments.iter().step_by(self.stride) {
+            let (q, v) = at.state.split_at(n);
+            let q: Vec<f64> = q.iter().enumerate().map(|(j, q)| q + shift(j)).collect();
+            let instant = Instant { time: at.time, tau: at.tau, inputs: &at.inputs };
+            let mut out = vec![0.0; n];
+            if !self.motion.acceleration(parameters, &q, v, &instant, &mut out) {
+                return None;
+            }
+            all.extend(out);
+        }
+        Some(all)
+    }
 }
 
-/// Sum of their squares.
-fn size(motion: &dyn Dynamics, parameters: &[f64], at: &Moment) -> Option<f64> {
-    accelerations(motion, parameters, at, |_| 0.0).map(|a| a.iter().map(|a| a * a).sum())
+fn norm(x: &[f64]) -> f64 {
+    x.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+fn difference(a: &[f64], b: &[f64]) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
+/// Adds what a column larger than `least` has beside those of an orthonormal basis; false where
+/// that is nothing.
+fn add(basis: &mut Vec<Vec<f64>>, mut column: Vec<f64>, least: f64) -> bool {
+    let size = norm(&column);
+    for b in &*basis {
+        let along: f64 = b.iter().zip(&column).map(|(b, c)| b * c).sum();
+        column.iter_mut().zip(b).for_each(|(c, b)| *c -= along * b);
+    }
+    let left = norm(&column);
+    let is_new = size > least && left > INDEPENDENT * size && left.is_finite();
+    if is_new {
+        column.iter_mut().for_each(|c| *c /= left);
+        basis.push(column);
+    }
+    is_new
 }
 
 #[cfg(all(test, feature = "sim"))]

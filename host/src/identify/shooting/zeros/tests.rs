@@ -101,3 +101,12 @@ fn a_locked_motion_holds_them() {
     assert!(all.zeros.iter().any(|z| z.from == HELD && z.value == 0.0), "{:?}", all.zeros);
     assert!(all.warnings.iter().any(|w| w.id == "zeros-held"), "{:?}", all.warnings);
 }
+
+/// Equations that hold their zero themselves, since sin φ and cos φ are both in them, are not asked
+/// for another.
+#[test]
+fn equations_that_hold_their_zero_have_no_other() {
+    let (rig, record) = simulated("single-pendulum.toml", 30.0);
+    let all = found(core::slice::from_ref(&record), &rig);
+    assert!(all.zeros.is_empty() && all.warnings.iter().all(|w| w.id != "zeros-held"), "{:?}", all.warnings);
+}
