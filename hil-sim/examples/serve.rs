@@ -8,8 +8,10 @@
 //!
 //! and then `whirl capture --from tcp:127.0.0.1:7777 …` or `--from serial:/tmp/whirl-rig …`. With
 //! `--faults SEED` the line drops, flips, doubles, truncates and reorders; with `--unplug-every S`
-//! it is unplugged for a second that often.
+//! it is unplugged for a second that often. Each start has a boot id of its own, as a device has;
+//! `--boot-id N` gives a certain one.
 
+use std::hash::{BuildHasher, Hasher, RandomState};
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -17,7 +19,8 @@ use whirl_hil_sim::transport::server::{Pace, Server};
 use whirl_hil_sim::transport::tcp::TcpServer;
 use whirl_hil_sim::{FaultSettings, FaultyLink, RigSettings, VirtualRig};
 
-const USAGE: &str = "usage: serve --tcp HOST:PORT | --pty PATH [--seed N] [--faults SEED] [--unplug-every S]";
+const USAGE: &str =
+    "usage: serve --tcp HOST:PORT | --pty PATH [--seed N] [--faults SEED] [--unplug-every S] [--boot-id N]";
 
 #[derive(Default)]
 struct Arguments {
@@ -26,6 +29,7 @@ struct Arguments {
     seed: Option<u64>,
     faults: Option<u64>,
     unplug_every_s: Option<u64>,
+    boot_id: Option<u32>,
 }
 
 fn arguments() -> Option<Arguments> {
@@ -39,6 +43,7 @@ fn arguments() -> Option<Arguments> {
             "--seed" => a.seed = Some(value.parse().ok()?),
             "--faults" => a.faults = Some(value.parse().ok()?),
             "--unplug-every" => a.unplug_every_s = Some(value.parse::<u64>().ok()?.max(2)),
+            "--boot-id" => a.boot_id = Some(value.parse().ok()?),
             _ => return None,
         }
     }
@@ -46,7 +51,10 @@ fn arguments() -> Option<Arguments> {
 }
 
 fn start(a: &Arguments) -> Result<Server, Box<dyn std::error::Error>> {
-    let rig = VirtualRig::new(&RigSettings { seed: a.seed, ..RigSettings::default() })?;
+    let mut settings = RigSettings { seed: a.seed, ..RigSettings::default() };
+    // Drawn anew in every process; the upper half is as random as the lower one.
+    settings.device.boot_id = a.boot_id.unwrap_or_else(|| RandomState::new().build_hasher().finish() as u32);
+    let rig = VirtualRig::new(&settings)?;
     let faults = a.faults.map(|seed| FaultyLink::new(FaultSettings { unplug: 0.0, ..FaultSettings::EVERYTHING }, seed));
     if let Some(address) = &a.tcp {
         let transport = TcpServer::bind(address)?;

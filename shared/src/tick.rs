@@ -4,7 +4,10 @@
 //! modulo 2³², in [−2³¹, 2³¹): zero continues, a positive one is a gap of so many samples, a
 //! negative one is late or repeated. After a restart of the device (another boot id) its ticks
 //! begin at 0 again; they are put directly behind the last one known, which is the shortest the
-//! outage can have been: its true length is known to no clock of the device.
+//! outage can have been: its true length is known to no clock of the device. So is a device whose
+//! ticks go back under the same boot id: one without an id of its own, or a replay. A hello tells
+//! the tick at which it was sent, which is behind that of every block before it; one that lies more
+//! than [`HELLO_LATE`] ticks before what has come is from another start.
 //!
 //! Limits: gaps of 2³¹ ticks or more (49 days at 500 Hz) are ambiguous. Blocks more than
 //! [`LATE_LIMIT`] ticks behind are not placed: the device has probably restarted without its hello
@@ -15,6 +18,8 @@ use heapless::Deque;
 
 /// How far behind a block may come, ticks (35 minutes at 500 Hz).
 pub const LATE_LIMIT: u32 = 1 << 20;
+/// By how many ticks of samples a hello may have been overtaken on its way (0.64 s at 500 Hz).
+pub const HELLO_LATE: u32 = 320;
 /// Gaps into which late blocks can still be put.
 pub const GAPS: usize = 16;
 
@@ -95,12 +100,14 @@ impl TickTracker {
     /// hello.
     ///
     /// Where blocks came before the first hello, a hello whose tick lies before theirs is from
-    /// another boot.
+    /// another boot; later, where it has another id or lies more than [`HELLO_LATE`] ticks before
+    /// them.
     pub fn hello(&mut self, boot_id: u32, tick: u32) -> bool {
-        let restarted = match (self.boot_id.replace(boot_id), self.expected) {
-            (Some(before), _) => before != boot_id,
-            (None, Some((expected, _))) => (tick.wrapping_sub(expected) as i32) < 0,
-            (None, None) => false,
+        let behind = |(expected, _): (u32, u64)| expected.wrapping_sub(tick).cast_signed();
+        let behind = self.expected.filter(|_| !self.restarted).map(behind);
+        let restarted = match self.boot_id.replace(boot_id) {
+            Some(before) => before != boot_id || behind.is_some_and(|ticks| ticks > HELLO_LATE.cast_signed()),
+            None => behind.is_some_and(|ticks| ticks > 0),
         };
         if restarted {
             self.counters.restarts += 1;
@@ -216,6 +223,12 @@ impl TickTracker {
     #[must_use]
     pub fn expected(&self) -> Option<u64> {
         self.expected.map(|(_, extended)| extended)
+    }
+
+    /// Whether the device has restarted and no block has come since.
+    #[must_use]
+    pub fn is_restarting(&self) -> bool {
+        self.restarted
     }
 
     /// What was seen until now.

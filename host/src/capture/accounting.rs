@@ -27,30 +27,19 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use whirl_shared::block::{self, Counts, sample_count};
+use whirl_shared::block::sample_count;
 use whirl_shared::frame::{BLOCK_LEN, BackFilled, SampleBlock, Status};
-use whirl_shared::tick::{TickEvent, TickTracker};
+use whirl_shared::tick::{HELLO_LATE, TickEvent, TickTracker};
 
+use super::taken::{Taken, samples};
 use crate::record::Losses;
 
 /// Blocks held back for late ones: 0.64 s at 500 Hz.
 const WINDOW: usize = 32;
-/// A repeated block this far behind (ticks) may be from a device that has restarted unnoticed.
-const SUSPICIOUS: i64 = 1000;
-
 /// Answers without anything new after which a gap is left as it is.
 const FRUITLESS: u32 = 4;
 /// Blocks held back at most: 5 minutes at 500 Hz, 2 MB.
 const MOST_HELD: usize = 1 << 14;
-
-/// One sample on its way into the record.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Taken {
-    pub(super) tick: i64,
-    pub(super) counts: Counts,
-    pub(super) phase: u32,
-    pub(super) amplitude_nm: u32,
-}
 
 /// Samples of a block that wait.
 #[derive(Clone, Debug)]
@@ -92,6 +81,15 @@ pub(super) struct Accounting {
     answers: u32,
     /// Tick before which nothing is waited for any more.
     given_up: i64,
+    again: Again,
+}
+
+/// Samples of the stream that came a second time, farther behind than a link delivers late.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Again {
+    pub(super) samples: u64,
+    /// Tick that was due when the first of them came.
+    pub(super) behind: i64,
 }
 
 /// What a block was, for the one who talks to the device.
@@ -199,7 +197,15 @@ impl Accounting {
             TickEvent::Duplicate if new == 0 => {
                 self.losses.duplicates += old;
                 let newest = self.newest().unwrap_or(start);
-                return if newest - start > SUSPICIOUS { Verdict::AskHello } else { Verdict::Fine };
+                // Perhaps from a device that has restarted unnoticed.
+                if newest - start <= i64::from(HELLO_LATE) {
+                    return Verdict::Fine;
+                }
+                self.again = match self.again {
+                    Again { samples: 0, .. } => Again { samples: old, behind: newest },
+                    Again { samples, behind } => Again { samples: samples + old, behind },
+                };
+                return Verdict::AskHello;
             }
             TickEvent::Late | TickEvent::Duplicate => {
                 let passed = behind.min(old);
@@ -353,6 +359,16 @@ impl Accounting {
         self.boots.drain(..begun).next_back()
     }
 
+    /// Whether the device has restarted, and no sample of it has come since.
+    pub(super) fn is_restarting(&self) -> bool {
+        self.tracker.is_restarting()
+    }
+
+    /// What came a second time long after the first.
+    pub(super) fn again(&self) -> Again {
+        self.again
+    }
+
     /// First tick of the record.
     pub(super) fn first_tick(&self) -> Option<i64> {
         self.first
@@ -376,20 +392,6 @@ impl Accounting {
             (take(self.overruns), take(self.dropped.saturating_sub(self.losses.restored)));
         let damaged = take(self.damaged);
         Losses { overruns, dropped_by_device, damaged, lost_on_link: rest, ..self.losses.clone() }
-    }
-}
-
-/// Some of the samples of a block that begins at a tick.
-fn samples(block: &SampleBlock, start: i64, part: Range<usize>, out: &mut Vec<Taken>) {
-    for (i, sample) in block::samples(block).enumerate() {
-        if part.contains(&i) {
-            out.push(Taken {
-                tick: start + i as i64,
-                counts: sample.counts,
-                phase: sample.phase,
-                amplitude_nm: block.amplitude_nanometre,
-            });
-        }
     }
 }
 

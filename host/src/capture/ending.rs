@@ -2,7 +2,7 @@
 //! next step told.
 
 use super::interrupted::NextStep;
-use super::journal::path_of;
+use super::journal::{End, Journal, path_of};
 use super::live::{STOPPING, Session};
 use super::precision::Precision;
 use super::recorder::Recorder;
@@ -65,8 +65,13 @@ impl Session<'_> {
         let done = outcome(settings, finished, seconds);
         // One that was to be longer may be gone on with.
         let interrupted = recorded && (result.is_err() || done.as_ref().is_some_and(|done| !done.complete));
+        let keep = settings.keep_frames || journal.as_ref().is_some_and(Journal::kept);
         if let Some(journal) = journal {
-            journal.finish(recorded && (settings.keep_frames || interrupted))?;
+            journal.finish(match recorded {
+                true if interrupted => End::Left,
+                true if keep => End::Kept,
+                _ => End::Removed,
+            })?;
         }
         if let Err(e) = result {
             let remedy = if recorded {
@@ -87,7 +92,7 @@ impl Session<'_> {
         done.warnings.extend(until.as_ref().and_then(Precision::missed));
         Ok(CaptureOutcome {
             until,
-            frames: (settings.keep_frames || interrupted).then_some(frames),
+            frames: (keep || interrupted).then_some(frames),
             bytes: self.bytes,
             reconnections: self.reconnections,
             ..done

@@ -33,6 +33,8 @@ pub(super) enum Fault {
     /// The link is there, and nothing comes for so many ticks.
     Silence(u32),
     Restart,
+    /// It restarts under the boot id that it had.
+    TicksGoBack,
     LeftRunning,
     LeftFaulted,
     Noise,
@@ -145,12 +147,12 @@ impl State {
             }
             Some(Fault::Unplug(n)) => self.gone_until = Some(self.tick.saturating_add(n)),
             Some(Fault::Silence(n)) => self.silent_until = Some(self.tick.saturating_add(n)),
-            Some(Fault::Restart) => {
+            Some(fault @ (Fault::Restart | Fault::TicksGoBack)) => {
                 self.before += i64::from(self.tick);
                 self.tick = 0;
-                self.boot_id += 1;
                 self.next_status = 500;
                 self.status = Status::default();
+                self.boot_id += u32::from(fault == Fault::Restart);
                 self.hello();
             }
             _ => {}

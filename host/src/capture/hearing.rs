@@ -7,7 +7,7 @@ use whirl_shared::codec::FrameError;
 use whirl_shared::frame::{Command, DeviceMessage, Log, SampleBlock, SettingsSource, Streamed};
 
 use super::device::{check_drive, check_hello, level};
-use super::journal::Journal;
+use super::journal::{End, Journal};
 use super::level::{self, Verdict};
 use super::live::Session;
 use super::no_device::Heard;
@@ -77,7 +77,7 @@ impl Session<'_> {
                     terms.level = Some(level);
                 })?;
                 if let Some(journal) = self.journal.take() {
-                    journal.finish(false)?;
+                    journal.finish(End::Removed)?;
                 }
                 self.journal = Some(Journal::create(&self.settings.output, terms)?);
                 // What was told before is to be told again.

@@ -6,6 +6,7 @@
 //! | a journal whose first line was cut | replaces it, and says so | as new | refuses: nothing in it |
 //! | a journal without a sample of the record | replaces it, and says so | goes on in it | refuses: no sample |
 //! | a journal with samples | refuses, with the three commands | goes on in it | makes REC, removes the journal |
+//! | one that was to be kept (`--keep-frames`) | refuses | goes on in it, keeps it | makes REC where there is none, or with `--force`; keeps it |
 //! | a journal that is being written | refuses | refuses | refuses |
 //!
 //! The record itself (none, a part, whole) does not matter to any of these: the journal is the
@@ -17,7 +18,7 @@ use std::path::Path;
 
 use super::CaptureSettings;
 use super::drive::Target;
-use super::journal::{self, Journal, Start, Terms};
+use super::journal::{self, End, Journal, Start, Terms};
 use super::recorder::{Event, Recorder};
 use crate::error::{BadInput, Result, plain};
 use crate::report::format::shell_word;
@@ -193,6 +194,11 @@ pub(super) fn begin(settings: &CaptureSettings, rig: &Rig, terms: &Terms) -> Res
     match journal::terms_of(&path) {
         Ok(Start::Cut) => {}
         Ok(Start::Terms(old)) if !has_samples(&path, &old, rig, record) => {}
+        Ok(Start::Terms(_)) if journal::is_kept(&path) => {
+            return Err(BadInput::new("the journal of a capture, which was to be kept", "no such file")
+                .in_file(&path)
+                .remedy("Name another record, or move this journal away"));
+        }
         Ok(Start::Terms(old)) => {
             return refused(
                 "the journal of a capture that did not end",
@@ -202,7 +208,7 @@ pub(super) fn begin(settings: &CaptureSettings, rig: &Rig, terms: &Terms) -> Res
         _ => return refused("a file that may be the journal of a capture", &next),
     }
     // Taken up first: a capture that is under way holds it.
-    Journal::take_up(&path)?.finish(false)?;
+    Journal::take_up(&path)?.finish(End::Removed)?;
     let warning = Warning::new(
         "empty-journal",
         format!("{}, left by a capture that ended before its first sample, was replaced", path.display()),

@@ -7,9 +7,14 @@
 //! nothing (see `super::sieve`). Where the link was lost or the capture was resumed, a zero byte
 //! may stand between what came before and after, so that a frame that was cut does not spoil the
 //! next one. A record is a function of these bytes and the rig file alone.
+//!
+//! A journal that somebody asked to keep ends with a zero byte and `whirl-frames kept`, which no
+//! zero follows: to a decoder it is the start of a frame that never ends. What makes a record again
+//! from such a journal neither removes it nor replaces a record unasked. Where a capture goes on
+//! behind the mark, it is a frame that is refused, and the journal is kept all the same.
 
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{Read, Write};
+use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -30,6 +35,8 @@ use crate::rig::measures::BASE;
 pub(crate) const MAGIC: &[u8] = b"whirl-frames 1 ";
 /// Longest first line, bytes.
 pub(super) const HEADER_LIMIT: usize = 1 << 16;
+/// Ends a journal that is to be kept.
+const KEPT: &[u8] = b"\0whirl-frames kept";
 /// A loss of power costs what came within this long: half of the second that is promised.
 const SYNC: Duration = Duration::from_millis(500);
 
@@ -97,6 +104,19 @@ pub(super) struct Journal {
     path: PathBuf,
     file: File,
     sync: Sync,
+    /// It was to be kept before this capture.
+    kept: bool,
+}
+
+/// What becomes of a journal at the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum End {
+    /// It is of no further use.
+    Removed,
+    /// The capture was to be longer: it may be gone on with, or made a record of.
+    Left,
+    /// Somebody asked for it.
+    Kept,
 }
 
 /// Brings what was written to the disk every half second, beside the capture: a disk that is slow
@@ -184,8 +204,9 @@ impl Journal {
 
     fn of(path: PathBuf, file: File) -> Result<Self> {
         lock(&file, &path)?;
+        let kept = is_kept(&path);
         let sync = Sync::start(&file).map_err(|e| BadInput::io(&path, &e))?;
-        Ok(Self { path, file, sync })
+        Ok(Self { path, file, sync, kept })
     }
 
     fn append(&self, bytes: &[u8]) -> Result<()> {
@@ -200,11 +221,19 @@ impl Journal {
         self.sync.fault().map_or(Ok(()), |e| Err(fault(&self.path, &e)))
     }
 
+    /// Whether it was to be kept before this capture.
+    pub(super) fn kept(&self) -> bool {
+        self.kept
+    }
+
     /// Ends the journal.
-    pub(super) fn finish(self, keep: bool) -> Result<()> {
-        let Self { path, file, sync } = self;
+    pub(super) fn finish(self, end: End) -> Result<()> {
+        if end == End::Kept && !is_kept(&self.path) {
+            self.append(KEPT)?;
+        }
+        let Self { path, file, sync, .. } = self;
         drop(sync);
-        if keep {
+        if end != End::Removed {
             return file.sync_all().map_err(|e| fault(&path, &e));
         }
         // Removed before it is unlocked: nobody else takes it up in between.
@@ -232,6 +261,18 @@ fn busy(path: &Path) -> BadInput {
 /// Whether a capture is writing this journal now.
 pub(super) fn is_busy(path: &Path) -> bool {
     File::open(path).is_ok_and(|file| matches!(file.try_lock(), Err(TryLockError::WouldBlock)))
+}
+
+/// Whether somebody asked to keep this journal.
+pub fn is_kept(path: &Path) -> bool {
+    let end = |file: &mut File| {
+        let mut end = [0; KEPT.len()];
+        // Of a few bytes: within any offset.
+        file.seek(SeekFrom::End(-(KEPT.len() as i64)))?;
+        file.read_exact(&mut end)?;
+        Ok::<_, std::io::Error>(end)
+    };
+    path.is_file() && File::open(path).and_then(|mut file| end(&mut file)).is_ok_and(|end| end == KEPT)
 }
 
 /// Removes a journal that is of no further use.

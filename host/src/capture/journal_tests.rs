@@ -16,7 +16,7 @@ fn terms_come_back_and_a_journal_is_never_overwritten() {
     // While it is written, nobody else may have it.
     assert!(is_busy(&path));
     assert!(Journal::take_up(&path).err().unwrap().to_string().contains("under way"));
-    journal.finish(true).unwrap();
+    journal.finish(End::Left).unwrap();
     assert!(!is_busy(&path));
     let bytes = std::fs::read(&path).unwrap();
     let (read, at) = header(&bytes, &record).unwrap().unwrap();
@@ -27,7 +27,7 @@ fn terms_come_back_and_a_journal_is_never_overwritten() {
     let mut journal = Journal::take_up(&path).unwrap();
     journal.write(&[0, 9]).unwrap();
     assert!(std::fs::read(&path).unwrap().ends_with(&[1, 2, 0, 3, 0, 9]));
-    journal.finish(false).unwrap();
+    journal.finish(End::Removed).unwrap();
     assert!(!path.exists());
     assert!(header(b"\x05raw bytes\0", &record).unwrap().is_none());
     assert!(header(b"whirl-frames 1 {\"seconds\":-1}\0", &record).is_err());

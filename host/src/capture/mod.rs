@@ -47,6 +47,7 @@ pub mod sim;
 pub mod source;
 mod stall;
 mod table;
+mod taken;
 pub mod talk;
 mod target;
 mod tcp;

@@ -10,11 +10,12 @@ use whirl_shared::codec::Decoder;
 use whirl_shared::excitation::Excitation;
 use whirl_shared::frame::{DeviceMessage, Envelope, Hello, MOST_ENCODERS};
 
-use super::accounting::{Accounting, Taken};
+use super::accounting::Accounting;
 use super::back_fill::Gap;
 use super::estimates::{self, DeviceEstimate, Estimates};
 use super::journal::Terms;
 use super::rows::RowsRecorder;
+use super::taken::Taken;
 use crate::error::{BadInput, Result};
 use crate::record::writer::Sample;
 use crate::record::{DeviceBoot, DeviceLine, Losses, Metadata, RecordWriter};

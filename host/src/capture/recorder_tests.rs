@@ -48,6 +48,37 @@ fn message(rng: &mut rand_chacha::ChaCha8Rng, hello: &Hello) -> DeviceMessage {
     }
 }
 
+/// Bytes without a hello: a file of a device that sent older ticks again.
+#[test]
+fn samples_of_ticks_long_gone_by_are_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let rig = Rig::parse(RIG, Path::new("rig.toml")).unwrap();
+    let warnings = |ticks: &[u32]| {
+        let mut recorder = Recorder::new(&rig, &dir.path().join("r.csv"), Terms::default()).unwrap();
+        for (sequence, tick) in ticks.iter().enumerate() {
+            let block = SampleBlock {
+                first_tick: *tick,
+                phase: 0,
+                phase_increment: 0,
+                amplitude_nanometre: 0,
+                first: [0, 0].into(),
+                deltas: [0; 2 * (BLOCK_LEN - 1)].into_iter().collect(),
+            };
+            let envelope = Envelope { sequence: sequence as u16, message: DeviceMessage::Samples(block) };
+            let mut frame = [0; MAX_FRAME];
+            let n = encode(&envelope, &mut frame).unwrap();
+            frame[..n].iter().for_each(|byte| drop(recorder.push(*byte).unwrap()));
+        }
+        recorder.finish().unwrap().warnings
+    };
+    let once: Vec<u32> = (500..1500).step_by(10).collect();
+    assert_eq!(warnings(&once), []);
+    let told = warnings(&[&once[..], &once[40..]].concat());
+    // From tick 900 to what a link may deliver late.
+    assert!(told.len() == 1 && told[0].id == "samples-again" && told[0].details["samples"] == 280, "{told:?}");
+    assert!(told[0].text.contains("behind tick 1500 of the record"), "{told:?}");
+}
+
 #[test]
 fn whatever_a_device_says_adds_up_without_panic() {
     let dir = tempfile::tempdir().unwrap();

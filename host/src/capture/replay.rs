@@ -1,7 +1,7 @@
 //! A record from bytes that were recorded before (`file:FRAMES`).
 
 use super::interrupted::NextStep;
-use super::journal::{self, HEADER_LIMIT, Terms, header, is_cut};
+use super::journal::{self, End, HEADER_LIMIT, Journal, Terms, header, is_cut};
 use super::recorder::Recorder;
 use super::source::{Link, Source};
 use super::{CaptureOutcome, CaptureSettings, Progress, outcome};
@@ -95,13 +95,17 @@ pub(super) fn run(
         }
         error.remedy("See that these are bytes of the wire of this version's firmware, such as run1.parquet.frames")
     })?;
-    let frames = (own && (part || settings.keep_frames)).then(|| path.clone().into());
-    if own && frames.is_none() {
+    let file = std::path::Path::new(&path);
+    let kept = own && (settings.keep_frames || journal::is_kept(file));
+    let frames = (kept || own && part).then(|| path.clone().into());
+    if kept {
+        Journal::take_up(file)?.finish(End::Kept)?;
+    } else if own && !part {
         // The record is whole and on the disk: its journal is of no further use, and would stand in
         // the next capture's way.
-        journal::remove(std::path::Path::new(&path))?;
+        journal::remove(file)?;
     }
-    if own && part && !settings.keep_frames {
+    if own && part && !kept {
         done.warnings.push(Warning::new(
             "journal-kept",
             format!("{path} stays: it holds more than the {} s that were asked for", done.duration_s),

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use whirl_shared::frame::Rows;
 use whirl_shared::frame::regression::{Binary24, ROW_LEN};
+use whirl_shared::tick::HELLO_LATE;
 
 use crate::error::Result;
 use crate::record::regression_rows::{Footer, RowsWriter, Window};
@@ -78,6 +79,11 @@ impl RowsRecorder {
             self.restarted = true;
             self.base = newest.saturating_add(1);
         }
+    }
+
+    /// Whether a hello of the same boot id tells a tick before those that have come.
+    pub(super) fn goes_back(&self, tick: u32) -> bool {
+        self.line.is_some_and(|(known, _)| known.wrapping_sub(tick).cast_signed() > HELLO_LATE.cast_signed())
     }
 
     /// A tick of the device on the record's line.

@@ -213,6 +213,20 @@ fn a_restarted_device_begins_a_segment() {
 }
 
 #[test]
+fn ticks_that_go_back_under_the_same_boot_id_begin_a_segment_and_are_told() {
+    let run = Run::new(false, 8.0);
+    let done = run.capture(&mut Fake::with(&[(2500, Fault::TicksGoBack)])).unwrap();
+    let told = done.warnings.iter().find(|w| w.id == "device-restarted").unwrap_or_else(|| panic!("{done:?}"));
+    assert!(told.text.contains("under the same boot id") && told.details["zeros_kept"] == false, "{told:?}");
+    assert_eq!((done.losses.restarts, done.losses.received + done.losses.lost()), (1, 4000), "{:?}", done.losses);
+    let boots: Vec<u32> = run.read().segments.iter().map(|s| s.boot).collect();
+    assert_eq!(boots, [0, 1]);
+    let device = run.read().metadata.unwrap().device;
+    assert!(!device[1].has_zeros_of(&device[0], 2) && device[1].boot_id == device[0].boot_id, "{device:?}");
+    run.replay_is_identical();
+}
+
+#[test]
 fn a_shaker_that_has_stopped_by_itself_stays_off_unless_it_is_to_be_started_again() {
     for (restart_drive, then) in [(false, "it stays off"), (true, "it is started again")] {
         let mut run = Run::new(true, 8.0);

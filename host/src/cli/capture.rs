@@ -12,7 +12,7 @@ use super::outputs::Outputs;
 use crate::capture::estimates;
 use crate::capture::excite::{Band, Excite};
 use crate::capture::feed::Feed;
-use crate::capture::journal::path_of;
+use crate::capture::journal::{is_kept, path_of};
 use crate::capture::level::told;
 use crate::capture::precision::Until;
 #[cfg(feature = "sim")]
@@ -243,16 +243,14 @@ pub fn from_simulated(
 }
 
 /// What is read and written: the record, its journal and the device's estimates beside it. A record
-/// is made again from its own journal without more ado; where a journal is left of a capture that
-/// did not end, the recorder says what to do with it.
+/// is made again without more ado from the journal that an interrupted capture of it has left, not
+/// from one that was to be kept; where a journal is in a new capture's way, the recorder says what
+/// to do with it.
 pub(super) fn files(arguments: &Arguments, rig: &Rig) -> Outputs {
     let (record, journal) = (&arguments.output, path_of(&arguments.output));
     let frames = arguments.from.strip_prefix("file:").map(Path::new);
-    let of = if frames.map_or(journal.exists(), |frames| crate::files::same(frames, &journal)) {
-        Outputs::again
-    } else {
-        Outputs::record
-    };
+    let left = |frames: &Path| crate::files::same(frames, &journal) && !is_kept(&journal);
+    let of = if frames.map_or(journal.exists(), left) { Outputs::again } else { Outputs::record };
     let files = of(
         Outputs::of(&arguments.out, Some(arguments.replace))
             .reads_rig(rig)

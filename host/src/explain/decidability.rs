@@ -219,6 +219,7 @@ fn decided_by(result: &Explanation, gap: f64, (power, rest): (f64, &Left)) -> Op
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::explain::explanation::Found;
     use crate::explain::gap::Step;
 
     /// The verdict on a model without effects that leaves so much power and gap.
@@ -228,6 +229,33 @@ mod tests {
         result.gap.steps.push(Step { added: None, value: gap });
         decide(&mut result, None, rest);
         (result.verdict, result.reason)
+    }
+
+    /// Whatever was found on the way to it, and whatever the residual says.
+    #[test]
+    fn a_fit_that_diverged_decides_nothing_and_tells_no_number() {
+        for gap in [f64::NAN, f64::INFINITY, 1e46] {
+            for power in [f64::NAN, 1.0, 1e9] {
+                let mut result = Explanation::new(0.2, Vec::new());
+                result.residual_power = [power; 2];
+                result.gap.motion = Some(1000.0);
+                result.gap.steps = vec![
+                    Step { added: None, value: 5.0 },
+                    Step { added: Some("quadratic-drag@arm2".to_owned()), value: gap },
+                ];
+                result.effects.push(Found::empty("quadratic-drag", "arm2", "N m s²".to_owned()));
+                decide(&mut result, None, Left::default());
+                // No smaller gap than none at all is told either.
+                assert_eq!(
+                    (result.verdict, result.reason.as_str()),
+                    (Verdict::NotDecidable, DIVERGED),
+                    "{gap} {power}"
+                );
+                assert!(result.effects.is_empty() && result.decided_by.is_none(), "{result:?}");
+                let told = serde_json::to_string(&result.gap).unwrap();
+                assert!(result.gap.steps.iter().all(|s| s.value == 5.0), "{told}");
+            }
+        }
     }
 
     #[test]

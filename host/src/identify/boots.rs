@@ -138,6 +138,7 @@ mod tests {
         let at = (at_s / whole.step_s).round() as usize;
         let boot = |tick: i64, id: u32| DeviceBoot {
             tick,
+            boot_id: u32::from(tick != whole.first_tick),
             zeros: vec![EncoderZero { id, ..EncoderZero::default() }; 2],
             ..DeviceBoot::default()
         };

@@ -55,7 +55,7 @@ pub(super) struct Coefficients<'a> {
 
 impl<'a> Coefficients<'a> {
     /// Of an identification.
-    fn of(result: &'a Identification) -> Self {
+    pub(super) fn of(result: &'a Identification) -> Self {
         let names = &result.correlation_names;
         let n = names.len();
         let (values, errors): (Vec<f64>, Vec<f64>) =

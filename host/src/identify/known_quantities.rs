@@ -148,7 +148,7 @@ pub(super) fn contradicted(c: &Coefficients<'_>, rig: &Rig, spread: f64) -> Vec<
 }
 
 /// A coefficient, or √(B_i3² + B_i4²), with its gradient.
-fn coefficient(c: &Coefficients<'_>, name: &str) -> Option<(f64, DVector<f64>)> {
+pub(super) fn coefficient(c: &Coefficients<'_>, name: &str) -> Option<(f64, DVector<f64>)> {
     let mut gradient = DVector::zeros(c.values.len());
     if let Some((value, i)) = c.at(name) {
         gradient[i] = 1.0;

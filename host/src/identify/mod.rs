@@ -39,6 +39,7 @@ pub mod shooting;
 pub mod single_parameters;
 pub mod slips;
 mod standstill;
+mod stated_amplitude;
 pub mod stretches;
 pub mod suspects;
 pub mod system;
@@ -99,6 +100,8 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
     let mut result = weak_form(records, rig, settings)?;
     let suspects = suspects::after(records, rig, &result);
     result.warnings.extend(suspects);
+    let amplitude = stated_amplitude::contradicted(records, rig, &result);
+    result.warnings.extend(amplitude);
     Ok(result)
 }
 

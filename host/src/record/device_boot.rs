@@ -16,7 +16,8 @@ use crate::error::plain;
 pub struct DeviceBoot {
     /// Tick of the record at which its samples begin.
     pub tick: i64,
-    /// Its id, another one at every boot.
+    /// Its id, another one at every boot; where it is the one before's, the ticks went back under
+    /// it.
     pub boot_id: u32,
     /// What ended the boot before: `unknown`, `power`, `pin`, `software`, `watchdog` or `panic`.
     pub reset: String,
@@ -74,12 +75,21 @@ impl DeviceBoot {
         }
     }
 
-    /// Whether the first so many encoders count from the same zeros as in another boot.
+    /// Whether the first so many encoders count from the same zeros as in another boot. Ids of boots
+    /// that have one boot id tell nothing: they were drawn from it again.
     pub fn has_zeros_of(&self, other: &Self, encoders: usize) -> bool {
+        if self.is_again(other) {
+            return false;
+        }
         let pairs = || self.zeros.iter().zip(&other.zeros).take(encoders);
         pairs().count() == encoders.min(self.zeros.len())
             && pairs().all(|(a, b)| a.id == b.id)
             && !self.zeros.is_empty()
+    }
+
+    /// Whether this is another boot with the same boot id.
+    fn is_again(&self, other: &Self) -> bool {
+        self.boot_id == other.boot_id && self.tick != other.tick
     }
 
     /// What ended the boot before, in a word, with a panic's text.
@@ -93,6 +103,11 @@ impl DeviceBoot {
 
     /// What a restart was and what became of the counts, after a boot before: one line.
     pub fn after(&self, before: &Self) -> String {
+        if self.is_again(before) {
+            return "its ticks began again under the same boot id, so that nothing tells whether its counts have the \
+                    same zero: they are taken to have another one"
+                .to_owned();
+        }
         let counts = if self.has_zeros_of(before, self.zeros.len()) {
             "its counts were kept"
         } else if self.zeros.iter().any(|zero| zero.from == "carried") {
@@ -114,6 +129,7 @@ mod tests {
         let mut hello = Hello { zeros: [zero(7, ZeroSource::Commanded); 2].into(), ..Hello::default() };
         let before = DeviceBoot::of(&hello, 0);
         hello.reset = ResetCause::Watchdog;
+        hello.boot_id = 1;
         assert_eq!(DeviceBoot::of(&hello, 9).after(&before), "watchdog; its counts were kept");
         hello.zeros[1] = zero(8, ZeroSource::Carried);
         let turned = DeviceBoot::of(&hello, 9);
@@ -127,6 +143,11 @@ mod tests {
             DeviceBoot::of(&hello, 9).after(&before),
             "panic \"index out of bounds\\u{1b}[2J\"; its counts began anew, from another zero"
         );
+        // Its boot id and with it the zeros' ids came again.
+        let mut again = before.clone();
+        again.tick = 9;
+        assert!(!again.has_zeros_of(&before, 2) && before.has_zeros_of(&before, 2));
+        assert!(again.after(&before).contains("same boot id"), "{}", again.after(&before));
         // A record that does not tell zeros.
         assert!(!DeviceBoot::default().has_zeros_of(&DeviceBoot::default(), 2));
     }

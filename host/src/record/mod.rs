@@ -31,6 +31,7 @@ mod npz;
 mod parquet;
 mod parquet_cells;
 mod parquet_chunks;
+mod parquet_nested;
 mod parquet_recovery;
 mod parquet_salvage;
 mod parquet_source;

@@ -69,6 +69,29 @@ fn nested_columns_are_passed_over_whatever_their_names() {
 }
 
 #[test]
+fn a_nested_column_that_is_asked_for_is_told_what_it_is() {
+    let (_dir, path) = dir();
+    let list = "optional group count1 (LIST) { repeated group list { optional double element; } }";
+    let map = "optional group count1 (MAP) { repeated group key_value { required int64 key; optional int64 value; } }";
+    for (column, found, remedy) in [
+        (list, "a list of DOUBLE", "df[\"count1\"].str[0]"),
+        ("repeated int64 count1;", "a list of INT64", "df[\"count1\"].str[0]"),
+        (map, "a map", "a column of its own"),
+        ("optional group count1 { optional int64 raw; }", "a structure of INT64", "df[\"count1\"].str[\"raw\"]"),
+    ] {
+        write_columns(&path, &format!("message m {{ required double t; {column} required int64 count2; }}"), &[]);
+        let e = read_with(&path, false).unwrap_err().to_string();
+        let whole = format!("column count1: found {found} in every row, expected one number in every row");
+        assert!(e.contains(&whole) && e.contains(remedy) && !e.contains("Did you mean"), "{e}");
+    }
+    // So is a time that is one.
+    let times = list.replace("count1", "t");
+    write_columns(&path, &format!("message m {{ {times} required int64 count1; required int64 count2; }}"), &[]);
+    let e = read_with(&path, false).unwrap_err().to_string();
+    assert!(e.contains("column t: found a list of DOUBLE in every row"), "{e}");
+}
+
+#[test]
 fn the_time_is_the_only_column_that_is_one_by_its_type() {
     let (_dir, path) = dir();
     let listed = |path: &Path| {

@@ -20,6 +20,7 @@ use super::csv::OWN_COLUMNS;
 use super::formats::Listed;
 use super::names::{self, TimeChoice, TimeColumn};
 use super::parquet_cells::{is_time, not_a_number};
+use super::parquet_nested::nested;
 use super::parquet_recovery::{Marker, crc_of_range, crc32, extent, marker_at, scan, stated_crc};
 use super::parquet_source::{Held, Source};
 use super::parquet_write::KEY;
@@ -321,7 +322,10 @@ fn time(
             [index] if choice.column.is_none() && !names.iter().any(|n| names::is_time(n)) => {
                 Ok(TimeColumn { index, name: names[index].clone(), per_second: None })
             }
-            _ => Err(e),
+            _ => {
+                let asked = choice.column.as_deref().unwrap_or("t");
+                Err(nested(&structure.schema, asked, path).unwrap_or(e))
+            }
         }
     })?;
     time.per_second = time.per_second.or_else(|| structure.durations.get(&time.name).copied());
@@ -343,7 +347,10 @@ pub(super) fn columns(structure: &Structure, path: &Path, rig: &Rig, own: bool, 
                 .remedy("Convert the column to numbers and save it again (in pandas: df[name].astype(\"float64\"))")),
         }
     };
-    let find = |name: &str| checked(places[names::find(&names, name, path)?], false);
+    let find = |name: &str| {
+        let place = names::find(&names, name, path).map_err(|e| nested(schema, name, path).unwrap_or(e))?;
+        checked(places[place], false)
+    };
     let own = if own { Some([find(OWN_COLUMNS[0])?, find(OWN_COLUMNS[1])?, find(OWN_COLUMNS[2])?]) } else { None };
     let channels = sources(rig).columns.iter().map(|c| find(&c.name)).collect::<Result<_>>()?;
     let choice = if own.is_some() { &TimeChoice::default() } else { &rig.time };

@@ -9,9 +9,13 @@
 //! abs(v) > 3 steps a sample. (A turning point has abs(v) ≤ (SLOPE/2 + 1) a, dry friction
 //! likewise.)
 //!
+//! Where a channel moves by few counts a sample, velocities drown in the counts' own steps: what
+//! stops for good is then held against the whole stretch, see [`super::leap`].
+//!
 //! Limits: a sensor that stops within some milliseconds of a turning point looks like a joint that
-//! is held, and is not told from it.
+//! is held, and is not told from it; nor is one that is away for a while in a slow motion.
 
+use super::leap::leaps;
 use super::trace::{Samples, Trace};
 
 /// Samples over which the velocity is taken.
@@ -50,8 +54,10 @@ pub fn runs(trace: &Trace<'_>) -> Vec<Run> {
     }
     equal.retain(|&(stretch, from, to)| {
         let s = &trace.stretches[stretch];
-        let entry = from == 0 || breaks(s, from, true, trace.quantum);
-        entry && (to == s.len() || breaks(s, to - 1, false, trace.quantum) || returns(s, to, trace))
+        let open = from == 0 || to == s.len();
+        let leaps = |before: bool| open && leaps(s, (from, to), before, trace.quantum);
+        let entry = from == 0 || breaks(s, from, true, trace.quantum) || leaps(true);
+        entry && (to == s.len() || breaks(s, to - 1, false, trace.quantum) || returns(s, to, trace) || leaps(false))
     });
     if equal.is_empty() {
         return vec![];
@@ -159,6 +165,72 @@ mod tests {
             })
             .collect();
         assert!(of(&held).iter().all(|r| r.from % 1000 != 301), "{:?}", of(&held));
+    }
+
+    /// Some seconds of a slow motion of two frequencies, in counts.
+    fn slow(n: usize, size: f64, seed: usize) -> Vec<i32> {
+        let phase = seed as f64;
+        let at = |i: f64| size * ((0.008 * i + phase).sin() + 0.3 * (0.0213 * i + 2.0 * phase).cos());
+        (0..n).map(|i| at(i as f64).floor() as i32).collect()
+    }
+
+    #[test]
+    fn an_encoder_that_stops_for_good_in_a_slow_motion_is_told() {
+        let (mut told, mut all) = (0, 0);
+        for seed in 0..60 {
+            // Its fastest samples are 1 to 4 counts apart.
+            let size = 90.0 * (1.0 + (seed % 4) as f64);
+            let clean = slow(6000, size, seed);
+            assert_eq!(of(&clean), [], "{seed}");
+            let at = 2000 + 37 * seed;
+            let mut x = clean.clone();
+            let last = x[at - 1];
+            x[at..].iter_mut().for_each(|c| *c = last);
+            // Close to a turning point it is not told from a joint that is held.
+            let speed = f64::from((clean[at + 10] - clean[at - 10]).abs()) / 20.0;
+            if speed < 0.4 * size / 90.0 {
+                continue;
+            }
+            all += 1;
+            let found = of(&x);
+            told += usize::from(matches!(found[..], [r] if r.open && r.from.abs_diff(at) < 4));
+            // One that begins late, likewise.
+            x.reverse();
+            assert_eq!(of(&x).len(), found.len(), "{seed}");
+        }
+        assert!(told * 10 >= all * 9 && all > 30, "{told} of {all}");
+    }
+
+    #[test]
+    fn a_pendulum_that_comes_to_rest_has_not_lost_its_encoder() {
+        // Viscous and dry friction, slow and fast ones, each from many starts; Stribeck's too.
+        for (counts, rate) in [(4096.0, 500.0), (1024.0, 500.0), (4096.0, 5000.0), (65_536.0, 1000.0), (512.0, 200.0)] {
+            for (viscous, dry, more) in
+                [(0.3, 0.0, 0.0), (0.1, 1.0, 0.0), (0.02, 8.0, 0.0), (0.0, 3.0, 6.0), (4.0, 0.5, 0.5)]
+            {
+                for start in 0..4 {
+                    let (mut x, mut v) = (0.1 + 0.2 * f64::from(start), 0.0_f64);
+                    let mut row = Vec::new();
+                    let fine = 1.0 / (rate * 4.0);
+                    for i in 0..(40.0 * rate) as usize {
+                        if i % 4 == 0 {
+                            row.push((x * counts / core::f64::consts::TAU).floor() as i32);
+                        }
+                        let force = -60.0 * x.sin() - viscous * v;
+                        let hold = dry + more * (-(v / 0.3).powi(2)).exp();
+                        if v == 0.0 && force.abs() <= dry + more {
+                            continue;
+                        }
+                        let sign = if v == 0.0 { force.signum() } else { v.signum() };
+                        let next = v + fine * (force - hold * sign);
+                        v = if next * v < 0.0 { 0.0 } else { next };
+                        x += fine * v;
+                    }
+                    let found = of(&row);
+                    assert_eq!(found, [], "{counts} {rate}: {viscous} {dry} {more} from {start}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -8,13 +8,14 @@
 //! certain is mended (slips) or left out as a gap (spikes, clipped and dead stretches); what cannot
 //! be is named by a warning that takes the answer its standing.
 //!
-//! One check, one file: `dead`, `held`, `stuck_bit`, `row_steps`, `frozen`, and `screen` with
+//! One check, one file: `dead`, `held`, `stuck_bit`, `row_steps`, `frozen` with `leap`, and `screen` with
 //! `breaks`.
 
 mod breaks;
 mod dead;
 mod frozen;
 mod held;
+mod leap;
 mod local_fit;
 mod mending;
 mod row_steps;

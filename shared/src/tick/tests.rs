@@ -90,6 +90,27 @@ fn blocks_before_the_first_hello() {
 }
 
 #[test]
+fn ticks_that_go_back_under_the_same_boot_id_are_a_restart() {
+    let mut tracker = TickTracker::new();
+    tracker.hello(1, 0);
+    tracker.block(5_000, 10);
+    // A hello that was overtaken on its way is none.
+    assert!(!tracker.hello(1, 5_010 - HELLO_LATE));
+    assert!(tracker.hello(1, 5_009 - HELLO_LATE) && tracker.is_restarting());
+    // Asked for again before the first block: the same restart.
+    assert!(!tracker.hello(1, 4_900 - HELLO_LATE));
+    assert_eq!(tracker.block(20, 10), Placed { event: TickEvent::Restart(20), start: Some(5_030) });
+    assert!(!tracker.hello(1, 30) && !tracker.is_restarting());
+    assert_eq!(tracker.block(30, 10).event, TickEvent::Contiguous);
+    assert_eq!(tracker.counters().restarts, 1);
+    // Over the wrap of the device's tick nothing goes back.
+    let mut tracker = TickTracker::new();
+    tracker.hello(1, 0);
+    tracker.block(u32::MAX - 9, 10);
+    assert!(!tracker.hello(1, 5));
+}
+
+#[test]
 fn the_newest_block_again_is_a_duplicate() {
     let mut tracker = TickTracker::new();
     tracker.block(0, 10);

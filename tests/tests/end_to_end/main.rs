@@ -12,6 +12,7 @@ mod excited;
 mod explained;
 mod exported;
 mod faulty_link;
+mod hostile;
 mod interface;
 mod interrupted;
 mod json_page;

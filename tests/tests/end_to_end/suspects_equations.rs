@@ -135,60 +135,102 @@ fn exchanged_channels() {
     assert_eq!(w["channels"], serde_json::json!(["count1", "count2"]));
 }
 
-#[test]
-fn a_reversed_sign() {
-    for folder in [rows(record().iter().map(|(a, b)| (-a - 1, *b))), rows(record().iter().map(|(a, b)| (*a, -b - 1)))] {
-        let w = named(&folder, "sign-reversed");
-        assert_eq!(w["channels"], serde_json::json!(["count1", "count2"]));
-    }
+fn reversed(folder: &TempDir) {
+    assert_eq!(named(folder, "sign-reversed")["channels"], serde_json::json!(["count1", "count2"]));
 }
 
 #[test]
-fn a_relative_angle_declared_absolute_and_the_reverse() {
+fn the_sign_of_channel_1_reversed() {
+    reversed(&rows(record().iter().map(|(a, b)| (-a - 1, *b))));
+}
+
+#[test]
+fn the_sign_of_channel_2_reversed() {
+    reversed(&rows(record().iter().map(|(a, b)| (*a, -b - 1))));
+}
+
+#[test]
+fn a_relative_angle_declared_absolute() {
     let w = named(&stated(&[("\"theta2\"", "\"phi2\"")]), "relative-absolute");
     assert_eq!(w["channel"], "count2");
+}
+
+#[test]
+fn an_absolute_angle_declared_relative() {
     let w = named(&rows(record().iter().map(|(a, b)| (*a, a + b))), "relative-absolute");
     assert!(w["advice"].as_str().unwrap().contains("\"phi2\""), "{w}");
 }
 
+const COUNTS: &str = "counts_per_turn = 4096";
+const COUNTS_2: &str = "measures = \"theta2\"\nunit = \"count\"\ncounts_per_turn = 4096";
+
+/// A rig file with other counts a turn, of all channels or of the second.
+fn counts(all: bool, number: &str) -> TempDir {
+    let from = if all { COUNTS } else { COUNTS_2 };
+    stated(&[(from, &from.replace("4096", number))])
+}
+
+fn is_4096(w: &Value) {
+    assert!((number(w, "value") - 4096.0).abs() < 1.0, "{w}");
+}
+
 #[test]
-fn another_number_of_counts() {
-    let (all, second) = ("counts_per_turn = 4096", "measures = \"theta2\"\nunit = \"count\"\ncounts_per_turn = 4096");
-    for (from, to) in [
-        (all, "counts_per_turn = 1024".to_owned()),
-        (all, "counts_per_turn = 2048".to_owned()),
-        (second, second.replace("4096", "2048")),
-    ] {
-        let w = named(&stated(&[(from, &to)]), "counts-per-turn");
-        assert!((number(&w, "value") - 4096.0).abs() < 1.0, "{to}: {w}");
-    }
-    for to in ["counts_per_turn = 4000".to_owned(), second.replace("4096", "4000")] {
-        let folder = stated(&[(if to.len() > 30 { second } else { all }, &to)]);
-        let w = identified(&folder, "counts-per-turn");
-        assert!((number(&w, "value") - 4096.0).abs() < 1.0, "{to}: {w}");
-    }
-    let folder = stated(&[(second, &second.replace("4096", "4000"))]);
+fn a_quarter_of_the_counts_a_turn() {
+    is_4096(&named(&counts(true, "1024"), "counts-per-turn"));
+}
+
+#[test]
+fn half_of_the_counts_a_turn() {
+    is_4096(&named(&counts(true, "2048"), "counts-per-turn"));
+}
+
+#[test]
+fn half_of_the_counts_a_turn_in_channel_2() {
+    is_4096(&named(&counts(false, "2048"), "counts-per-turn"));
+}
+
+#[test]
+fn counts_of_4000_for_4096() {
+    is_4096(&identified(&counts(true, "4000"), "counts-per-turn"));
+}
+
+#[test]
+fn counts_of_4000_for_4096_in_channel_2() {
+    let folder = counts(false, "4000");
+    is_4096(&identified(&folder, "counts-per-turn"));
     explained(&folder, "counts-per-turn", "scale-error");
     assert_eq!(run(folder.path(), "inspect", "counts-per-turn").0, 1);
 }
 
-#[test]
-fn another_drive_frequency() {
-    for stated_hz in ["5.005", "5.05", "10.0"] {
-        let folder = stated(&[("frequency_hz = 5.0", &format!("frequency_hz = {stated_hz}"))]);
-        let w = identified(&folder, "drive-frequency");
-        assert!((number(&w, "value_hz") - 5.0).abs() < 1e-5, "{stated_hz}: {w}");
-        if stated_hz == "5.005" {
-            explained(&folder, "drive-frequency", "frequency-offset");
-            let (status, warning, _) = run(folder.path(), "inspect", "drive-frequency");
-            assert!(status == 1 && (number(&warning.unwrap(), "value_hz") - 5.0).abs() < 1e-5);
-        }
-    }
+/// 5 Hz under another number in the rig file.
+fn frequency(stated_hz: &str) -> TempDir {
+    let folder = stated(&[("frequency_hz = 5.0", &format!("frequency_hz = {stated_hz}"))]);
+    let w = identified(&folder, "drive-frequency");
+    assert!((number(&w, "value_hz") - 5.0).abs() < 1e-5, "{w}");
+    folder
 }
 
 #[test]
-fn another_sampling_rate() {
-    // The rig file's rate is wrong, and the record's own times are right.
+fn a_drive_frequency_that_is_a_thousandth_off() {
+    let folder = frequency("5.005");
+    explained(&folder, "drive-frequency", "frequency-offset");
+    let (status, warning, _) = run(folder.path(), "inspect", "drive-frequency");
+    assert!(status == 1 && (number(&warning.unwrap(), "value_hz") - 5.0).abs() < 1e-5);
+}
+
+#[test]
+fn a_drive_frequency_that_is_a_hundredth_off() {
+    frequency("5.05");
+}
+
+#[test]
+fn twice_the_drive_frequency() {
+    frequency("10.0");
+}
+
+/// The rig file's rate is wrong, and the record's own times are right.
+#[test]
+fn a_sampling_rate_that_is_not_the_records() {
     let folder = stated(&[("sample_rate_hz = 500.0", "sample_rate_hz = 499.0")]);
     for command in ["inspect", "identify", "explain"] {
         let (status, warning, result) = run(folder.path(), command, "rate-differs");
@@ -196,43 +238,61 @@ fn another_sampling_rate() {
         let w = warning.unwrap_or_else(|| panic!("{command}: {}", result["warnings"]));
         assert!((number(&w, "value_hz") - 500.0).abs() < 1e-3, "{w}");
     }
-    // The record's times are wrong: the drive shows it.
+}
+
+/// The record's times are wrong: the drive shows it.
+#[test]
+fn times_of_another_sampling_rate() {
     let folder = self::folder(499.0, record().iter().copied(), &[]);
     let w = identified(&folder, "drive-frequency");
     assert!((number(&w, "value_hz") - 5.0 * 499.0 / 500.0).abs() < 1e-5, "{w}");
     assert!((number(&w, "sample_rate_hz") - 500.0 * 500.0 / 499.0).abs() < 1e-3, "{w}");
 }
 
-#[test]
-fn a_late_channel() {
-    for late in [1_usize, 5] {
-        let all = record();
-        let folder = rows((late..all.len()).map(|i| (all[i].0, all[i - late].1)));
-        let w = identified(&folder, "channel-delay");
-        assert_eq!(w["channel"], "count2");
-        assert!((number(&w, "samples") - late as f64).abs() < 0.02, "{w}");
-        if late == 1 {
-            explained(&folder, "channel-delay", "channel-delay");
-            assert_eq!(run(folder.path(), "inspect", "channel-delay").0, 1);
-        }
-    }
+/// Channel 2 late by so many samples.
+fn late(by: usize) -> TempDir {
+    let all = record();
+    let folder = rows((by..all.len()).map(|i| (all[i].0, all[i - by].1)));
+    let w = identified(&folder, "channel-delay");
+    assert_eq!(w["channel"], "count2");
+    assert!((number(&w, "samples") - by as f64).abs() < 0.02, "{w}");
+    folder
 }
 
 #[test]
-fn a_channel_with_a_clock_of_its_own() {
-    for fast in [1e-3, 1e-4] {
-        let all = record();
-        let at = |i: usize| {
-            let x = i as f64 * (1.0 + fast);
-            let (k, u) = (x as usize, x.fract());
-            let [a, b] = [*all.get(k)?, *all.get(k + 1)?].map(|row| f64::from(row.1) + 0.5);
-            Some((all[i].0, ((1.0 - u) * a + u * b).floor() as i32))
-        };
-        let folder = rows((0..all.len()).map_while(at));
-        let w = if fast > 5e-4 { identified(&folder, "channel-clock") } else { named(&folder, "channel-clock") };
-        assert_eq!(w["channel"], "count2");
-        assert!((number(&w, "value") / fast - 1.0).abs() < 0.01, "{w}");
-    }
+fn channel_2_late_by_one_sample() {
+    let folder = late(1);
+    explained(&folder, "channel-delay", "channel-delay");
+    assert_eq!(run(folder.path(), "inspect", "channel-delay").0, 1);
+}
+
+#[test]
+fn channel_2_late_by_five_samples() {
+    late(5);
+}
+
+/// Channel 2 by a clock that is so much too fast, and what is said of it.
+fn clock(fast: f64, told: impl Fn(&TempDir, &str) -> Value) {
+    let all = record();
+    let at = |i: usize| {
+        let x = i as f64 * (1.0 + fast);
+        let (k, u) = (x as usize, x.fract());
+        let [a, b] = [*all.get(k)?, *all.get(k + 1)?].map(|row| f64::from(row.1) + 0.5);
+        Some((all[i].0, ((1.0 - u) * a + u * b).floor() as i32))
+    };
+    let w = told(&rows((0..all.len()).map_while(at)), "channel-clock");
+    assert_eq!(w["channel"], "count2");
+    assert!((number(&w, "value") / fast - 1.0).abs() < 0.01, "{w}");
+}
+
+#[test]
+fn channel_2_by_a_clock_that_is_a_thousandth_fast() {
+    clock(1e-3, identified);
+}
+
+#[test]
+fn channel_2_by_a_clock_that_is_a_ten_thousandth_fast() {
+    clock(1e-4, named);
 }
 
 #[test]
@@ -241,17 +301,23 @@ fn time_reversed() {
     assert!(w["parameters"].as_array().unwrap().len() >= 3, "{w}");
 }
 
-#[test]
-fn degrees_for_radians_and_the_reverse() {
+/// Angles of so many units a turn, declared as another one.
+fn unit(turn: f64, declared: &str, true_unit: &str) {
+    let angle = |c: i32| (f64::from(c) + 0.5) * turn / 4096.0;
     let count = "unit = \"count\"\ncounts_per_turn = 4096";
-    for (turn, declared, true_unit) in
-        [(360.0, "unit = \"rad\"", "deg"), (core::f64::consts::TAU, "unit = \"deg\"", "rad")]
-    {
-        let angle = |c: i32| (f64::from(c) + 0.5) * turn / 4096.0;
-        let folder = folder(500.0, record().iter().map(|(a, b)| (angle(*a), angle(*b))), &[(count, declared)]);
-        let w = named(&folder, "channel-unit");
-        assert_eq!(w["unit"], true_unit);
-    }
+    let declared = format!("unit = \"{declared}\"");
+    let folder = folder(500.0, record().iter().map(|(a, b)| (angle(*a), angle(*b))), &[(count, &declared)]);
+    assert_eq!(named(&folder, "channel-unit")["unit"], true_unit);
+}
+
+#[test]
+fn degrees_declared_radians() {
+    unit(360.0, "rad", "deg");
+}
+
+#[test]
+fn radians_declared_degrees() {
+    unit(core::f64::consts::TAU, "deg", "rad");
 }
 
 #[test]
@@ -292,6 +358,33 @@ fn a_length_that_the_record_contradicts() {
     rig_file(folder.path(), "chaotic.toml", "rig.toml", &wrong);
     let w = named(&folder, "known-contradicted");
     assert!(agrees(&w), "{w}");
+}
+
+/// An amplitude that the base did not have: gravity tells, and nothing is computed from it. A time
+/// base that is off moves it and l1 alike: a known l1 tells which.
+fn twice_the_amplitude(known: &[(&str, &str)]) -> Value {
+    let drive = ("frequency_hz = 5.0", "frequency_hz = 5.0\namplitude_m = 0.03105");
+    let folder = stated(&[&[drive], known].concat());
+    for command in ["inspect", "explain"] {
+        let (status, warning, _) = run(folder.path(), command, "drive-amplitude");
+        assert!(status == 0 && warning.is_some(), "{command}: {status} {warning:?}");
+    }
+    let (status, warning, result) = run(folder.path(), "identify", "drive-amplitude");
+    let w = warning.unwrap_or_else(|| panic!("{}", result["warnings"]));
+    assert!(status == 0 && (number(&w, "value_m") / 0.015_525 - 1.0).abs() < 2e-3, "{w}");
+    w
+}
+
+#[test]
+fn twice_the_drive_amplitude() {
+    let w = twice_the_amplitude(&[]);
+    assert!(!w["advice"].as_str().unwrap().contains("time base"), "{w}");
+}
+
+#[test]
+fn twice_the_drive_amplitude_where_no_length_is_known() {
+    let w = twice_the_amplitude(&[("l1 = 0.0635\n", "")]);
+    assert!(w["advice"].as_str().unwrap().contains("l1 under [known] tells which"), "{w}");
 }
 
 #[test]

@@ -67,6 +67,21 @@ impl Recorder<'_> {
                 .with("samples", losses.dropped_late),
             );
         }
+        let again = self.accounting.again();
+        if again.samples > 0 {
+            self.warnings.push(
+                Warning::new(
+                    "samples-again",
+                    format!(
+                        "{} samples came a second time, long after the first: the device's ticks went back behind tick {} of the record",
+                        again.samples, again.behind
+                    ),
+                    "They are left out; from there on the counts may have another zero. See whether the device restarts, or sends what it has sent before",
+                )
+                .with("samples", again.samples)
+                .with("tick", again.behind),
+            );
+        }
         let said = device::Said { lines: &self.lines, all: self.said };
         self.warnings.extend(device::warnings(self.restarted_behind, losses.restarts, &self.boots, &said));
         if losses.lost() > 0 && self.rows.is_none() {

@@ -48,7 +48,8 @@ impl Recorder<'_> {
 
     fn hello(&mut self, hello: &Hello) -> Result<()> {
         check_hello(hello, self.rig)?;
-        let restarted = self.accounting.hello(hello.boot_id, hello.tick);
+        let restarted = self.accounting.hello(hello.boot_id, hello.tick)
+            || self.rows.as_ref().is_some_and(|rows| rows.goes_back(hello.tick));
         if let Some(rows) = self.rows.as_mut().filter(|_| restarted) {
             rows.restarted();
         }
@@ -57,7 +58,8 @@ impl Recorder<'_> {
         }
         self.hello.get_or_insert_with(|| hello.clone());
         // The index mark is passed some time after a boot.
-        if let Some(boot) = self.boots.last_mut().filter(|boot| boot.boot_id == hello.boot_id) {
+        let same = |boot: &&mut DeviceBoot| boot.boot_id == hello.boot_id && !self.accounting.is_restarting();
+        if let Some(boot) = self.boots.last_mut().filter(same) {
             let now = DeviceBoot::of(hello, boot.tick);
             if now.has_zeros_of(boot, now.zeros.len()) {
                 *boot = now;
