@@ -74,7 +74,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     let (records, slips) = slipped.as_ref().map_or((records, &[][..]), |(mended, told)| (&mended[..], &told[..]));
     let sound = of_record.is_empty() && !suspects.iter().any(suspected::grave);
     let mut known = if sound { suspected::known(records, rig) } else { Vec::new() };
-    let misled = !known.is_empty() && suspected::clean_without_known(records, rig, settings);
+    let misled = known.iter().any(|w| w.invalidates) && suspected::clean_without_known(records, rig, settings);
     let mut result = if !sound || misled {
         // No effect is looked for where one would be dressed up.
         let settings = Settings { most_effects: Some(0), ..settings.clone() };

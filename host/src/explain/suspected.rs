@@ -46,10 +46,9 @@ pub(super) fn tell_in(result: &mut Explanation, suspects: Vec<Warning>) {
     result.warnings.extend(kept);
 }
 
-/// What is said to be known and the record contradicts.
+/// What is said to be known, or of the drive's amplitude, and the record contradicts.
 pub(super) fn known(records: &[Record], rig: &Rig) -> Vec<Warning> {
-    let first = records.first().filter(|_| !rig.known.is_empty());
-    first.map_or_else(Vec::new, |record| suspects::known(record, rig))
+    records.first().map_or_else(Vec::new, |record| suspects::known(record, rig))
 }
 
 /// Whether nothing at all is missing once nothing is said to be known.

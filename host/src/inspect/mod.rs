@@ -168,7 +168,7 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
         warnings.push(suspect);
     }
     // A mistake of the rig file would be told as quantities that are wrong.
-    if !rig.known.is_empty() && !warnings.iter().any(|w| w.invalidates) {
+    if !warnings.iter().any(|w| w.invalidates) {
         warnings.extend(crate::identify::suspects::known(record, rig));
     }
     if !warnings.iter().any(|w| w.invalidates)

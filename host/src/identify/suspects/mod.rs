@@ -89,13 +89,18 @@ pub fn examine(records: &[Record], rig: &Rig) -> Vec<Warning> {
     out
 }
 
-/// What the rig file takes as known against what the first part of a record shows; nothing where
-/// that cannot be identified.
+/// What the rig file takes as known, or states of the drive's amplitude, against what the first
+/// part of a record shows; nothing where that cannot be identified.
 pub fn known(record: &Record, rig: &Rig) -> Vec<Warning> {
+    if rig.known.is_empty() && rig.drive.is_none_or(|d| d.amplitude_m.is_none()) {
+        return Vec::new();
+    }
     let window_s = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
     let part = beginning(core::slice::from_ref(record), 0.5 * (WINDOWS + 4) as f64 * window_s);
-    let found = super::weak_form(&part, rig, &super::Settings::default()).map_or_else(|_| Vec::new(), |r| r.warnings);
-    found.into_iter().filter(|w| w.id == super::known_quantities::CONTRADICTED).collect()
+    let Ok(found) = super::weak_form(&part, rig, &super::Settings::default()) else { return Vec::new() };
+    let amplitude = super::stated_amplitude::contradicted(&part, rig, &found);
+    let contradicted = found.warnings.into_iter().filter(|w| w.id == super::known_quantities::CONTRADICTED);
+    contradicted.chain(amplitude).collect()
 }
 
 /// Whether it says the number of counts that the rig file has: a scale so near is no mistake in it.
