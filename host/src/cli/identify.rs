@@ -168,7 +168,11 @@ fn of_rows(arguments: &Arguments, rig: &Rig, records: &[RowsRecord]) -> Result<I
 
 /// Identifies by the method asked for.
 fn by_method(arguments: &Arguments, records: &[Record], rig: &Rig, settings: &Settings) -> Result<Identification> {
-    let choices = shooting::Settings { segment_s: arguments.segment_s, bounds: arguments.bound.clone() };
+    let choices = shooting::Settings {
+        segment_s: arguments.segment_s,
+        bounds: arguments.bound.clone(),
+        ..shooting::Settings::default()
+    };
     let bar = super::progress::bar("multiple shooting", 1);
     // What only shooting heeds asks for it.
     let asked = arguments.segment_s.is_some() || !arguments.bound.is_empty();

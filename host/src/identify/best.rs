@@ -56,7 +56,10 @@ pub(super) fn once(
     if first.not_by_shooting.is_some() {
         return Ok(first);
     }
-    let shot = shooting::identify(records, rig, weak, choices, progress);
+    // Where the equations miss something that is no zero, short pieces show it soon.
+    let most_left = missed(&first).map(|_| shooting::MISSES);
+    let choices = shooting::Settings { most_left, ..choices.clone() };
+    let shot = shooting::identify(records, rig, weak, &choices, progress);
     if let (Some(_), Ok(found)) = (missed(&first), &shot)
         && found.zeros.iter().any(ZeroOffset::is_off)
     {

@@ -66,6 +66,9 @@ pub struct Settings {
     pub segment_s: Option<f64>,
     /// Bounds of parameters: name, lowest, highest. None by default.
     pub bounds: Vec<(String, f64, f64)>,
+    /// Ratio of residuals to the sensors' noise beyond which short pieces already end it.
+    #[serde(skip)]
+    pub most_left: Option<f64>,
 }
 
 /// How the numbers came about.
@@ -227,15 +230,16 @@ fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &Progr
             progress.inc(1);
         }
     };
+    let lengths = run::Levels { samples: &levels, most_left: settings.most_left };
     let mut once = |unknown: &Unknown| {
         let problem = Problem { sensors: &shown, zeros: unknown.zeros(), ..track.problem(motion, period_s, &at) };
         let start: Vec<f64> = start.iter().copied().chain(unknown.none()).collect();
         let bounds: Vec<[f64; 2]> = bounds.iter().copied().chain(unknown.none().map(|_| OPEN)).collect();
-        run::run(problem, pieces.clone(), guesses.clone(), &start, &bounds, &levels, &mut tick)
+        run::run(problem, pieces.clone(), guesses.clone(), &start, &bounds, lengths, &mut tick)
     };
     let found = zeros::worthwhile(&unknown, 2 * motion.degrees_of_freedom(), &mut once);
     progress.finish_and_clear();
-    let found = found.map_err(failed)?;
+    let found = found.map_err(Failure::told)?;
     let (unknown, outcome) = (&found.unknown, &found.outcome);
     let problem = Problem { sensors: &shown, zeros: unknown.zeros(), ..track.problem(motion, outcome.step_s, &at) };
     let first = |p: &Piece| (track.since_begin(p) / track.spacing_s).round() as usize;
@@ -244,21 +248,6 @@ fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &Progr
     let levels_s = levels.iter().map(|l| *l as f64 * track.spacing_s).collect();
     let shifts = unknown.values(&fit.parameters);
     Ok(ShootingRun { levels_s, slips, zeros: found.told(rig, bound, prepared), shifts, outcome: found.outcome })
-}
-
-/// A run that gave nothing, in words.
-fn failed(why: Failure) -> BadInput {
-    match why {
-        Failure::NothingFollows => BadInput::new(
-            "no piece of the record that a solution of the model follows",
-            "motion that the model describes over a piece",
-        )
-        .remedy("Look at the weak form's result and at `whirl explain`, or try shorter pieces with --segment-s"),
-        Failure::NotDetermined => {
-            BadInput::new("a parameter that the record does not determine", "motion in which every term takes part")
-                .remedy("See `whirl inspect`: is an arm at rest, is the motion locked to the drive?")
-        }
-    }
 }
 
 /// What a run makes one doubt; `worst`: its greatest residuals, in the sensors' noise.

@@ -17,6 +17,7 @@ use rayon::prelude::*;
 use super::covariance::{self, Covariance};
 use super::problem::{Piece, Problem, Share};
 use super::solve::{Bounds, ShootingFit, Start, minimise};
+use crate::error::BadInput;
 use crate::model::dynamics::Dynamics;
 
 /// Most pieces of the first two levels.
@@ -64,10 +65,42 @@ pub enum Failure {
     NothingFollows,
     /// The normal equations are singular.
     NotDetermined,
+    /// Short pieces already leave more than was to be left.
+    LeavesTooMuch,
 }
 
-/// Runs all levels. `levels`: samples of a piece at each level, shortest first, the last one the
-/// pieces' full length.
+impl Failure {
+    /// In words.
+    pub fn told(self) -> BadInput {
+        match self {
+            Self::NothingFollows => BadInput::new(
+                "no piece of the record that a solution of the model follows",
+                "motion that the model describes over a piece",
+            )
+            .remedy("Look at the weak form's result and at `whirl explain`, or try shorter pieces with --segment-s"),
+            Self::LeavesTooMuch => BadInput::new(
+                "more than the sensors' noise in short pieces already",
+                "equations that describe the record",
+            )
+            .remedy("See `whirl explain`"),
+            Self::NotDetermined => {
+                BadInput::new("a parameter that the record does not determine", "motion in which every term takes part")
+                    .remedy("See `whirl inspect`: is an arm at rest, is the motion locked to the drive?")
+            }
+        }
+    }
+}
+
+/// Lengths of the pieces.
+#[derive(Clone, Copy)]
+pub struct Levels<'a> {
+    /// Samples of a piece at each level, shortest first, the last one the pieces' full length.
+    pub samples: &'a [usize],
+    /// Ratio of residuals to noise beyond which a level ends the run: longer pieces leave more.
+    pub most_left: Option<f64>,
+}
+
+/// Runs all levels.
 ///
 /// # Errors
 /// Where no solution follows the record, or it does not determine the parameters.
@@ -77,9 +110,10 @@ pub fn run<D: Dynamics + ?Sized>(
     guesses: Vec<Vec<f64>>,
     start: &[f64],
     bounds: &Bounds,
-    levels: &[usize],
+    levels: Levels<'_>,
     tick: &mut dyn FnMut(),
 ) -> Result<Outcome, Failure> {
+    let Levels { samples: levels, most_left } = levels;
     let period = problem.step_s;
     problem.step_s = integration_step(&problem, &pieces, &guesses, start, period);
     let mut parameters = start.to_vec();
@@ -97,6 +131,10 @@ pub fn run<D: Dynamics + ?Sized>(
         if let Some(fit) = minimise(&problem, &few, start, bounds, 1.0, 10, tick)
             && fit.parameters.iter().all(|p| p.is_finite())
         {
+            let left = noise_ratio(&fit.shares, problem.states()).into_iter().fold(0.0, f64::max);
+            if most_left.is_some_and(|most| left > most) {
+                return Err(Failure::LeavesTooMuch);
+            }
             parameters = fit.parameters;
         }
     }

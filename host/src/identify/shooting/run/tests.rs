@@ -59,7 +59,8 @@ fn shoot(values: &[f64], start: &[f64], bounds: &Bounds) -> Result<Outcome, Fail
         inputs: None,
         zeros: Zeros::default(),
     };
-    run(problem, pieces, guesses, start, bounds, &[50, 100, 200], &mut || {})
+    let levels = Levels { samples: &[50, 100, 200], most_left: None };
+    run(problem, pieces, guesses, start, bounds, levels, &mut || {})
 }
 
 fn open() -> Bounds {
