@@ -235,7 +235,7 @@ fn a_decoder_written_from_the_documentation_reads_every_message() {
 #[test]
 fn a_journal_s_header_and_frames_are_read_by_the_same_decoder() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let rig = Rig::read(&root.join("rigs/measured-base.toml")).unwrap();
+    let rig = Rig::read(root.join("rigs/measured-base.toml")).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let points = folder.path().join("table.csv");
     std::fs::write(&points, (0..16).map(|j| format!("{}\n", 1e-4 * f64::from((j - 8_i32).abs()))).collect::<String>())

@@ -10,13 +10,13 @@ use whirl::rig::Rig;
 
 use super::program::{done, json, rig_file, whirl};
 
-/// A second of the chaotic rig (`r.csv`) with its rig file.
+/// Twelve seconds of the chaotic rig (`r.csv`) with its rig file.
 fn folder() -> &'static Path {
     static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
     let made = || {
         let folder = tempfile::tempdir().unwrap();
         rig_file(folder.path(), "chaotic.toml", "rig.toml", &[]);
-        done(folder.path(), "simulate --rig rig.toml --seconds 1 -o r.csv");
+        done(folder.path(), "simulate --rig rig.toml --seconds 12 --seed 1 -o r.csv");
         folder
     };
     FOLDER.get_or_init(made).path()
@@ -53,7 +53,7 @@ rigs! {
     a_mass_of_1e300_kg: "m2 = 0.040\ne2" => "m2 = 1e300\ne2", "known.m2";
 }
 
-/// All times squeezed together.
+/// The first 512 times squeezed together.
 fn squeezed(command: &str) {
     let at = folder();
     let lines = std::fs::read_to_string(at.join("r.csv")).unwrap();
