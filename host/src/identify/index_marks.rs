@@ -1,9 +1,12 @@
 //! Zeros that encoders' index marks tell.
 //!
 //! The device tells at which count within a turn each encoder's index mark was first seen since its
-//! zero was set ([`crate::record::device_boot::EncoderZero`]). Where the rig file says how many counts lie from angle 0
-//! to the mark (`index_at`), a record's zero is z = 2π/N (seen − index_at), to the nearest turn:
-//! known to a count, 2π/(N √12), however often the power came and went.
+//! zero was set ([`crate::record::device_boot::EncoderZero`]). Where the rig file says how many
+//! counts lie from angle 0 to the mark (`index_at`), a record's zero is z = 2π/N (seen − index_at),
+//! to the nearest turn: known to a count, 2π/(N √12) as a standard error, however often the power
+//! came and went.
+//!
+//! Limits: encoders are those of the channels that count, in the rig file's order, as at capture.
 
 use core::f64::consts::TAU;
 
@@ -51,7 +54,7 @@ impl Indices {
         Some((seen.scale * wrapped(seen.count - seen.at?, seen.turn), seen.scale / 12f64.sqrt()))
     }
 
-    /// Counts from angle 0 to the mark of a sensor whose zero was found, rad.
+    /// Counts from angle 0 to the mark of a sensor whose zero (rad) was found.
     pub fn mark(&self, record: usize, sensor: usize, zero: f64) -> Option<f64> {
         let seen = self.at(record, sensor)?;
         Some(wrapped(seen.count - zero / seen.scale, seen.turn))
