@@ -22,6 +22,7 @@ use crate::identify::model_file::identified_model;
 use crate::identify::{Identification, Settings, identify, presentation};
 use crate::inspect::{InspectSettings, inspect};
 use crate::model::identified::IdentifiedModel;
+use crate::plan::{self, Plan};
 use crate::record::Record;
 use crate::record::formats::ReadOptions;
 use crate::reduce::{ReduceSettings, reduce};
@@ -41,6 +42,8 @@ const RIG: &str = include_str!("../../rigs/chaotic.toml");
 const HIDDEN: &str = "quadratic-drag@arm2=2e-7";
 /// Length of the record, s.
 const SECONDS: f64 = 120.0;
+/// Settings that are looked at for the next experiment: few, a demonstration is to be short.
+const PLANNED: usize = 2;
 
 /// Arguments of `demo`.
 #[derive(Debug, Args)]
@@ -99,6 +102,21 @@ fn last_table(
     ParameterTable { heading: String::new(), parameters: own.map(beside).collect(), notes: Vec::new() }
 }
 
+/// The next experiment with the simulated rig: one that shows what was found more clearly, or a model
+/// without it better.
+fn next_experiment(rig: &Rig, model: &IdentifiedModel, seed: u64) -> Result<Plan> {
+    let tell = model.effects.iter().map(|e| format!("{}@{}", e.id, e.at)).collect();
+    let settings = plan::Settings {
+        goals: plan::goals::Goals { tell, precise: Vec::new() },
+        sizes: Vec::new(),
+        limits: plan::goals::Limits::default(),
+        record: None,
+        budget: PLANNED,
+        seed,
+    };
+    plan::plan(rig, model, &settings, &|_, _| {})
+}
+
 /// Runs the line.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let out = Output { json: arguments.json.clone(), report: None };
@@ -120,27 +138,32 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         super::capture::human(&captured)
     );
     let record = Record::read(&record_path, &rig, &ReadOptions::default())?;
-    let inspection = during("1 of 6: inspecting the record", || inspect(&record, &rig, &InspectSettings::default()))?;
+    let inspection = during("1 of 7: inspecting the record", || inspect(&record, &rig, &InspectSettings::default()))?;
     line += &format!("\ninspect\n{}", crate::inspect::text::text(&inspection));
     let records = [record];
-    let identified = during("2 of 6: identifying the parameters", || identify(&records, &rig, &Settings::default()))?;
+    let identified = during("2 of 7: identifying the parameters", || identify(&records, &rig, &Settings::default()))?;
     line += &format!("\nidentify\n{}", super::identify::human(&identified, &identify_card(&identified, &rig)));
+    let own_model = identified_model(&identified, &rig)?;
     let check = |what: &'static str, model: &IdentifiedModel| {
         let supplements = Supplements { inspection: Some(&inspection), ..Supplements::default() };
         during(what, || validate(&records, &rig, model, supplements, &ValidateSettings::default()))
     };
-    let validated = check("3 of 6: validating the model", &identified_model(&identified, &rig)?)?;
+    let validated = check("3 of 7: validating the model", &own_model)?;
     line += &format!("\nvalidate\n{}", crate::validate::presentation::human(&validated));
-    let reduced = during("4 of 6: reducing", || reduce(&records, &rig, &ReduceSettings::default()))?;
+    let reduced = during("4 of 7: reducing", || reduce(&records, &rig, &ReduceSettings::default()))?;
     line += &format!("\nreduce\n{}", super::reduce::human(&reduced));
-    let looking = "5 of 6: looking for the effect that is missing";
+    let looking = "5 of 7: looking for the effect that is missing";
     let explained = during(looking, || explain(&records, &rig, &ExplainSettings::default()))?;
     let card = explain_card(&explained, &rig);
     let explained_model = explained.model.as_ref().filter(|m| !m.effects.is_empty());
-    let again = explained_model.map(|model| check("6 of 6: validating the model with it", model)).transpose()?;
+    let again = explained_model.map(|model| check("6 of 7: validating the model with it", model)).transpose()?;
     if let Some(again) = &again {
         line += &format!("\nvalidate the model with what was missing\n{}", crate::validate::presentation::human(again));
     }
+    let planned = during("7 of 7: planning the next experiment", || {
+        next_experiment(&rig, explained_model.unwrap_or(&own_model), arguments.seed)
+    })?;
+    line += &format!("\nplan\n{}", plan::presentation::human(&planned));
     // The answer first, then the line that led to it.
     out.say(&format!("{}\nThe line that led to it\n{line}", crate::explain::presentation::human(&explained, &card)));
 
@@ -157,6 +180,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         .add(inspection.clone())
         .add(reduced.clone())
         .add(Warnings { warnings: warnings(&explained, &identified) })
+        .add(planned.clone())
         .add(Truth { table: last_table(&explained, &identified, &truth), hidden: hidden.to_vec() })
         .add(
             Provenance::of("demo")
@@ -177,9 +201,10 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     page.write(&report)?;
     out.write_json(&serde_json::json!({
         "capture": captured, "inspect": inspection, "identify": identified, "validate": validated, "reduce": reduced,
-        "explain": explained, "validate_explained": again
+        "explain": explained, "validate_explained": again, "plan": planned
     }))?;
     // The answer has scrolled away.
-    out.say(&format!("\nIn short: {}\nreport: {}\n", card.verdict, report.display()));
+    let next = plan::presentation::headline(&planned);
+    out.say(&format!("\nIn short: {}\n{next}\nreport: {}\n", card.verdict, report.display()));
     Ok(Answer::Positive)
 }

@@ -46,6 +46,14 @@ pub struct Solution {
 /// # Errors
 /// A motion that leaves the finite numbers, or a singular mass matrix.
 pub fn solve(motion: &Motion, begin: &Begin, count: usize) -> Result<Solution> {
+    solve_to(motion, begin, count, EXACT)
+}
+
+/// The same with a step over which two solutions differ by less than `exact` of what moves.
+///
+/// # Errors
+/// As [`solve`].
+pub fn solve_to(motion: &Motion, begin: &Begin, count: usize, exact: f64) -> Result<Solution> {
     let (equations, parameters) = motion.following()?;
     // States of effects begin at 0.
     let state = equations.with_states(&begin.state, &[]);
@@ -78,7 +86,7 @@ pub fn solve(motion: &Motion, begin: &Begin, count: usize) -> Result<Solution> {
         let last = difference;
         difference = apart(before.as_deref(), finer.as_deref());
         (before, step_s) = (finer, 0.5 * step_s);
-        if difference < EXACT || (difference < ROUNDING && difference > 0.5 * last) {
+        if difference < exact || (difference < ROUNDING && difference > 0.5 * last) {
             break;
         }
     }

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::goals::TO_95;
 use super::{APART, Plan, Proposal, Setting};
 
 /// Length below which times are not told, s.
@@ -58,6 +59,17 @@ pub fn line(plan: &Plan) -> Option<String> {
     Some(out)
 }
 
+/// The plan's first line, or that nothing is proposed.
+pub fn headline(plan: &Plan) -> String {
+    match line(plan) {
+        Some(line) => format!("The next experiment: {line}"),
+        None => format!(
+            "{}: no setting was found at which the model moves chaotically and a record of it can be followed",
+            plan.rig
+        ),
+    }
+}
+
 fn proposal(out: &mut String, p: &Proposal, tell: &[String]) {
     for g in &p.goals {
         // Below what was simulated nothing is known.
@@ -73,20 +85,22 @@ fn proposal(out: &mut String, p: &Proposal, tell: &[String]) {
         let _ = writeln!(out, "  {} from {from}: {:.1} standard errors", s.effect, s.deviations);
     }
     let _ = writeln!(out, "  {:<28} {:>13} {:>12} (95 %)", "parameter", "value", "±");
-    for q in &p.parameters {
-        let _ = writeln!(out, "  {:<28} {:>13.6e} {:>12.2e} {}", q.name, q.value, 1.96 * q.std_error, q.unit);
+    for (q, [low, high]) in p.parameters.iter().zip(&p.std_errors) {
+        let _ = write!(out, "  {:<28} {:>13.6e} {:>12.2e}", q.name, q.value, TO_95 * q.std_error);
+        // One record alone says nothing of others.
+        if p.draws > 1 && high.is_finite() {
+            let _ = write!(out, " ({:.2e} to {:.2e})", TO_95 * low, TO_95 * high);
+        }
+        let _ = writeln!(out, " {}", q.unit);
     }
 }
 
 /// The whole plan.
 pub fn human(plan: &Plan) -> String {
     let Some(best) = &plan.best else {
-        return format!(
-            "{}: no setting was found at which the model moves chaotically and a record of it can be followed\nWiden the limits (--limits), or look at more settings (--budget)\n",
-            plan.rig
-        );
+        return format!("{}\nWiden the limits (--limits), or look at more settings (--budget)\n", headline(plan));
     };
-    let mut out = format!("The next experiment: {}\n", line(plan).unwrap_or_default());
+    let mut out = format!("{}\n", headline(plan));
     if !best.decides {
         let _ = writeln!(out, "This does not reach every goal within the longest record that is allowed");
     }

@@ -5,11 +5,10 @@ mod grid;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use statrs::distribution::{ContinuousCDF, StudentsT};
-
 use self::grid::amplitude_m;
 use super::goals::TO_95;
 use super::moved::{self, Own};
+use super::rate::Rate;
 use super::trial::{self, Made};
 use super::{APART, Proposal, Reached, Setting, Settings, presentation};
 use crate::error::{BadInput, Result};
@@ -21,31 +20,20 @@ use crate::record::Record;
 use crate::rig::Rig;
 use crate::system::library::Pendulum;
 
-/// Length of the records that are looked at, s: driven, and let go.
-const LOOKED_AT_S: [f64; 2] = [40.0, 20.0];
-/// Probability with which a planned record tells what was asked.
-const PROBABLE: f64 = 0.975;
+/// Length of the records that are looked at: driven, in periods, so that windows can grow to their
+/// longest; let go, s.
+const LOOKED_AT_PERIODS: f64 = 200.0;
+const LOOKED_AT_S: f64 = 20.0;
 /// Longest record that is proposed where nothing else is said, s.
 const LONGEST_S: f64 = 1800.0;
 /// Length that is proposed where no goal is given, s.
 const WITHOUT_GOAL_S: f64 = 240.0;
 /// Effects that were not named of which is told how near they are.
 const NEAREST: usize = 3;
+/// Times as far as the nearest from which an effect is not looked at again.
+const BEYOND: f64 = 3.0;
 /// Records by which an effect's size is put into the model, at most.
 const TRIES: usize = 4;
-/// What one more of some positive numbers is below (`side` 1) or above (−1) with a probability of
-/// 97.5 %, if their logarithms are normal: Student's prediction interval. Their geometric mean for
-/// `side` 0. Zero where one is zero; one alone says nothing of others.
-fn bound(all: &[f64], side: f64) -> f64 {
-    if !all.iter().all(|x| *x > 0.0) {
-        return 0.0;
-    }
-    let n = all.len() as f64;
-    let mean = all.iter().map(|x| x.ln()).sum::<f64>() / n;
-    let Ok(student) = StudentsT::new(0.0, 1.0, n - 1.0) else { return mean.exp() };
-    let square = all.iter().map(|x| (x.ln() - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    (mean + side * student.inverse_cdf(PROBABLE) * (square * (1.0 + 1.0 / n)).sqrt()).exp()
-}
 
 /// What all settings have in common.
 pub struct Task<'a> {
@@ -60,6 +48,8 @@ pub struct Task<'a> {
     /// Effects from which those asked for are to be told: those named, and every other of the list
     /// that some setting tells.
     rivals: BTreeSet<String>,
+    /// Those of them that may be the nearest; none before that is known.
+    near: Option<BTreeSet<String>>,
 }
 
 /// Rms noise of each channel that does not count, in its own unit.
@@ -104,6 +94,7 @@ impl<'a> Task<'a> {
             amplitude_m: amplitude_m(rig, model),
             wider: 1.0,
             rivals: settings.goals.tell.iter().cloned().collect(),
+            near: None,
         })
     }
 
@@ -115,11 +106,18 @@ impl<'a> Task<'a> {
         moved::at(self.rig, &self.model, setting)
     }
 
-    /// What one draw of a record of some length would tell; none where it cannot be followed.
-    pub fn look(&self, setting: &Setting, draw: usize, seconds: f64) -> Option<Expected> {
+    /// What one draw of a record would tell; none where it cannot be followed.
+    pub fn look(&self, setting: &Setting, draw: usize) -> Option<Expected> {
+        self.look_for(setting, draw, self.looked_at_s(setting))
+    }
+
+    /// The same of some length, s.
+    fn look_for(&self, setting: &Setting, draw: usize, seconds: f64) -> Option<Expected> {
         let own = self.at(setting).ok()?;
         let record = trial::record(&own, &Made { seconds, ..self.made(setting, draw) }).ok()?;
-        let mut found = expected(record, &own.rig, &own.model).ok()??;
+        let asked = !self.settings.goals.tell.is_empty();
+        let is_rival = |name: &str| asked && self.near.as_ref().is_none_or(|n| n.contains(name));
+        let mut found = expected(record, &own.rig, &own.model, &is_rival).ok()??;
         if self.model.system.pendulum() == Some(Pendulum::Double) {
             double_pendulum::to_non_dimensional(&mut found.parameters, own.rig.omega());
         }
@@ -148,8 +146,8 @@ impl<'a> Task<'a> {
         let own = self.at(&now)?;
         let pose = if self.rig.drive.is_none() { Some(start_of(&own, record)?) } else { None };
         let setting = Setting { pose, ..now };
-        let seconds = record.duration_s().clamp(self.looked_at_s(), self.longest_s());
-        let Some(found) = self.look(&setting, 0, seconds) else { return Ok(1.0) };
+        let seconds = record.duration_s().clamp(self.looked_at_s(&setting), self.longest_s());
+        let Some(found) = self.look_for(&setting, 0, seconds) else { return Ok(1.0) };
         let ratio = |p: &Parameter| {
             let given = self.model.parameter(&p.name).filter(|g| g.std_error > 0.0)?;
             Some(given.std_error / p.std_error).filter(|r| r.is_finite())
@@ -198,22 +196,23 @@ impl<'a> Task<'a> {
 
     fn made<'b>(&'b self, setting: &'b Setting, draw: usize) -> Made<'b> {
         Made {
-            seconds: self.looked_at_s(),
+            seconds: self.looked_at_s(setting),
             pose: setting.pose.as_deref(),
             noise: &self.noise,
             seed: (self.settings.seed, draw),
         }
     }
 
-    /// Length of the records that are looked at first, s.
-    pub fn looked_at_s(&self) -> f64 {
-        LOOKED_AT_S[usize::from(self.rig.drive.is_none())]
+    /// Length of the records that are looked at, s.
+    pub fn looked_at_s(&self, setting: &Setting) -> f64 {
+        let frequency_hz = setting.frequency_hz.or(self.rig.drive.map(|d| d.frequency_hz));
+        frequency_hz.map_or(LOOKED_AT_S, |f| LOOKED_AT_PERIODS / f)
     }
 
     /// Longest record, s: what is longer than explanations look at tells no more.
     pub fn longest_s(&self) -> f64 {
         let followed = MOST_SAMPLES as f64 / self.rig.sample_rate_hz;
-        self.settings.limits.seconds.unwrap_or(LONGEST_S).min(followed.max(self.looked_at_s()))
+        self.settings.limits.seconds.unwrap_or(LONGEST_S).min(followed.max(self.looked_at_s(&self.unchanged())))
     }
 
     /// Whether it belongs to what was asked.
@@ -227,8 +226,9 @@ impl<'a> Task<'a> {
     }
 
     /// Adds every effect of the list that some setting tells from what was asked: another that none
-    /// tells stands for the same motion.
-    pub fn add_rivals(&mut self, all: &[Option<Expected>]) {
+    /// tells stands for the same motion. Those that are far beyond the nearest everywhere are not
+    /// looked at again.
+    pub fn add_rivals(&mut self, all: &mut [Option<Expected>]) {
         let mut most: BTreeMap<&str, f64> = BTreeMap::new();
         let asked = |s: &&Separation| self.settings.goals.tell.contains(&s.effect);
         for s in all.iter().flatten().flat_map(|e| &e.separations).filter(asked) {
@@ -237,80 +237,95 @@ impl<'a> Task<'a> {
                 *own = own.max(s.deviations);
             }
         }
-        let longest = (self.longest_s() / self.looked_at_s()).sqrt();
+        let longest = (self.longest_s() / self.looked_at_s(&self.unchanged())).sqrt();
         let told = most.into_iter().filter(|(_, d)| d * longest >= APART).map(|(n, _)| n.to_owned());
-        self.rivals.extend(told);
+        self.rivals.extend(told.collect::<Vec<_>>());
+        let mut near: BTreeSet<String> = self.settings.goals.tell.iter().cloned().collect();
+        for e in all.iter().flatten() {
+            let Some(nearest) = self.nearest(&e.separations) else { continue };
+            let is_near = |s: &&Separation| self.is_asked(s) && s.deviations <= BEYOND * nearest.deviations;
+            near.extend(e.separations.iter().filter(is_near).filter_map(|s| s.from.clone()));
+        }
+        let kept = |s: &Separation| s.from.as_ref().is_none_or(|n| near.contains(n));
+        all.iter_mut().flatten().for_each(|e| e.separations.retain(kept));
+        self.near = Some(near);
     }
 
-    /// How far effects stand from others at least in one more record, by draws of it.
-    fn separations(&self, all: &[Expected]) -> Vec<Separation> {
-        let mut out: Vec<Separation> = all.first().map(|e| e.separations.clone()).unwrap_or_default();
-        for s in &mut out {
+    /// Information of separations by draws of records: squares of standard errors.
+    fn separations(all: &[Expected]) -> Vec<(Separation, Option<Rate>)> {
+        let rate = |s: &Separation| {
             let same = |e: &&Separation| e.effect == s.effect && e.from == s.from;
             let own = all.iter().filter_map(|e| e.separations.iter().find(same));
-            s.deviations = bound(&own.map(|q| q.deviations).collect::<Vec<_>>(), -1.0);
-        }
-        out
+            Rate::of(&own.map(|q| q.deviations.powi(2)).collect::<Vec<_>>())
+        };
+        all.first().map_or(&[][..], |e| &e.separations).iter().map(|s| (s.clone(), rate(s))).collect()
     }
 
-    /// Time that each goal takes by what draws of records of `looked` seconds would tell, the worst
-    /// of them.
+    /// Information on a parameter by draws of records: one over its variance.
+    fn on_parameter(name: &str, all: &[Expected]) -> Option<Rate> {
+        let own = all.iter().map(|e| e.parameters.iter().find(|q| q.name == name));
+        Rate::of(&own.map(|q| q.map_or(0.0, |q| q.std_error.powi(-2))).collect::<Vec<_>>())
+    }
+
+    /// Time after which one more record reaches each goal with a probability of 97.5 %, by draws of
+    /// records of `looked` seconds.
     fn times(&self, all: &[Expected], looked: f64) -> Vec<Reached> {
-        // The time after which one more record would have it, with a probability of 97.5 %.
-        let worst = |of: &dyn Fn(&Expected) -> Option<f64>| -> Option<f64> {
-            let times: Option<Vec<f64>> = all.iter().map(of).collect();
-            Some(bound(&times?, 1.0)).filter(|x| x.is_finite())
-        };
+        let in_time = |x: f64| Some(x * looked).filter(|x| x.is_finite() && *x < 1e6 * looked);
         let goals = &self.settings.goals;
-        let bounded = self.separations(all);
-        let nearest = self.nearest(&bounded).map(|s| s.deviations).filter(|d| *d > 0.0);
-        let apart = nearest.map(|d| looked * (APART / d).powi(2));
         let mut out = Vec::new();
         if !goals.tell.is_empty() {
-            out.push(Reached { goal: presentation::told_apart(&goals.tell), seconds: apart });
+            let longer = |rate: &Option<Rate>| rate.map_or(f64::INFINITY, |r| r.longer(APART.powi(2)));
+            let asked = Self::separations(all).into_iter().filter(|(s, _)| self.is_asked(s));
+            let slowest = asked.map(|(_, rate)| longer(&rate)).max_by(f64::total_cmp);
+            out.push(Reached { goal: presentation::told_apart(&goals.tell), seconds: slowest.and_then(in_time) });
         }
         for p in &goals.precise {
-            let narrow = |e: &Expected| {
-                let found = e.parameters.iter().find(|q| q.name == p.name)?;
-                Some(looked * (TO_95 * found.std_error / (p.share * found.value.abs())).powi(2))
-            };
+            let value = all.first().and_then(|e| e.parameters.iter().find(|q| q.name == p.name)).map(|q| q.value);
+            let wanted = value.map(|v| (TO_95 / (p.share * v)).powi(2));
+            let longer = Self::on_parameter(&p.name, all).zip(wanted).map(|(r, w)| r.longer(w));
             let goal = format!("{} to ± {} % (95 %)", p.name, 100.0 * p.share);
-            out.push(Reached { goal, seconds: worst(&narrow) });
+            out.push(Reached { goal, seconds: longer.and_then(in_time) });
         }
         out
     }
 
     /// How good a setting is, less is better: the time of the slowest goal; without goals the mean
-    /// logarithm of relative standard errors.
-    pub fn score(&self, all: &[Expected]) -> f64 {
-        let times = self.times(all, self.looked_at_s());
+    /// logarithm of relative standard errors in the same time.
+    pub fn score(&self, setting: &Setting, all: &[Expected]) -> f64 {
+        let looked = self.looked_at_s(setting);
+        let times = self.times(all, looked);
         if times.is_empty() {
             let one = |e: &Expected| {
                 let relative = e.parameters.iter().map(|p| (p.std_error / p.value.abs().max(1e-12)).max(1e-12).ln());
                 relative.sum::<f64>() / e.parameters.len() as f64
             };
-            return all.iter().map(one).fold(f64::NEG_INFINITY, f64::max);
+            return all.iter().map(one).fold(f64::NEG_INFINITY, f64::max) + 0.5 * looked.ln();
         }
         times.iter().map(|r| r.seconds.unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
     }
 
-    /// A proposal from what draws of records of `looked` seconds would tell, for a record of
-    /// `seconds`, or as long as its goals take.
-    pub fn proposal(&self, setting: &Setting, all: &[Expected], looked: f64, seconds: Option<f64>) -> Proposal {
+    /// A proposal from what draws of records would tell, for a record of `seconds`, or as long as its
+    /// goals take.
+    pub fn proposal(&self, setting: &Setting, all: &[Expected], seconds: Option<f64>) -> Proposal {
+        let looked = self.looked_at_s(setting);
         let goals = self.times(all, looked);
         let wanted = goals.iter().map(|r| r.seconds.unwrap_or(f64::INFINITY)).fold(0.0, f64::max);
-        let longest = self.longest_s();
-        let own = if goals.is_empty() { WITHOUT_GOAL_S } else { wanted.max(self.looked_at_s()) };
-        let seconds = seconds.unwrap_or_else(|| own.min(longest));
-        let shorter = (looked / seconds).sqrt();
-        let first = &all[0];
-        let mut parameters = first.parameters.clone();
+        let own = if goals.is_empty() { WITHOUT_GOAL_S } else { wanted.max(looked) };
+        let seconds = seconds.unwrap_or_else(|| own.min(self.longest_s()));
+        let longer = seconds / looked;
+        let mut parameters = all[0].parameters.clone();
+        let mut std_errors = Vec::new();
         for p in &mut parameters {
-            let own = all.iter().filter_map(|e| e.parameters.iter().find(|q| q.name == p.name));
-            p.std_error = shorter * bound(&own.map(|q| q.std_error).collect::<Vec<_>>(), 0.0);
+            let rate = Self::on_parameter(&p.name, all);
+            let of = |side: f64| rate.map_or(f64::INFINITY, |r| r.at(longer, side).powf(-0.5));
+            p.std_error = of(0.0);
+            std_errors.push([of(1.0), of(-1.0)]);
         }
-        let mut separations = self.separations(all);
-        separations.iter_mut().for_each(|s| s.deviations /= shorter);
+        let least = |(s, rate): (Separation, Option<Rate>)| Separation {
+            deviations: rate.map_or(0.0, |r| r.at(longer, -1.0).sqrt()),
+            ..s
+        };
+        let mut separations: Vec<Separation> = Self::separations(all).into_iter().map(least).collect();
         separations.sort_by(|a, b| a.deviations.total_cmp(&b.deviations));
         let named = |s: &Separation| s.from.as_ref().is_none_or(|n| self.settings.goals.tell.contains(n));
         let mut others = 0;
@@ -325,13 +340,10 @@ impl<'a> Task<'a> {
             decides: wanted <= seconds,
             chaos: None,
             parameters,
+            std_errors,
             separations,
             goals,
             draws: all.len(),
         }
     }
 }
-
-#[cfg(test)]
-#[path = "task_tests.rs"]
-mod tests;

@@ -126,19 +126,12 @@ impl Evidence {
 }
 
 impl Outcome {
-    /// The covariance that is told: that of the scatter between windows, at least that of even noise.
-    /// Where a few windows decide, their scatter comes out too small.
+    /// The covariance that is told.
     pub fn covariance(&self) -> DMatrix<f64> {
-        let mut out = self.fit.covariance.clone();
-        let Evidence::Shooting(blocks) = &self.evidence else { return out };
-        let Some(even) = blocks.even_variances(&self.own, &self.fit.all) else { return out };
-        let factor = |(i, even): (usize, &f64)| match (even / out[(i, i)]).max(1.0).sqrt() {
-            f if f.is_finite() => f,
-            _ => 1.0,
-        };
-        let wider: Vec<f64> = even.iter().enumerate().map(factor).collect();
-        out.iter_mut().enumerate().for_each(|(k, c)| *c *= wider[k % wider.len()] * wider[k / wider.len()]);
-        out
+        match &self.evidence {
+            Evidence::Shooting(blocks) => blocks.covariance(&self.own, &self.fit),
+            Evidence::Weak(..) => self.fit.covariance.clone(),
+        }
     }
 
     /// Held-out sum of squares of shooting, in units that do not change from one step to the next;

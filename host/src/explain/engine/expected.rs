@@ -72,12 +72,17 @@ fn effects(setting: &Setting<'_>, state: &State) -> Vec<(String, core::ops::Rang
     out
 }
 
-/// What a record would tell of a model that made it, and how far its effects stand from every other
-/// of the list; none where it is not followed.
+/// What a record would tell of a model that made it, and how far its effects stand from those
+/// others of the list that are rivals; none where it is not followed.
 ///
 /// # Errors
 /// A record that cannot be identified, a model of another rig.
-pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel) -> Result<Option<Expected>> {
+pub fn expected(
+    record: Record,
+    rig: &Rig,
+    model: &IdentifiedModel,
+    is_rival: &dyn Fn(&str) -> bool,
+) -> Result<Option<Expected>> {
     let Some(whole) = rig.bound.as_deref() else { return Ok(None) };
     let records = [record];
     let begun = Setting::begin(&records, rig, whole, MOST_WINDOWS, &IdentifySettings::default())?;
@@ -87,35 +92,36 @@ pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel) -> Result<Op
     if !settled(&mut setting, &mut state) || !setting.shooting {
         return Ok(None);
     }
-    let all = setting.candidates(&state.physical, &[]);
     let own = state.own_columns();
     let effects = effects(&setting, &state);
-    // What the model has is fitted beside it anyway.
-    let is_rival = |c: &&Candidate| !state.chosen.iter().any(|k| k.candidate.name(&setting) == c.name(&setting));
-    let rivals: Vec<&Candidate> = all.iter().filter(is_rival).collect();
+    // What the model has is fitted beside it anyway; beside nothing there is nothing to tell.
+    let has = |name: &str| state.chosen.iter().any(|k| k.candidate.name(&setting) == name);
+    let wanted = |name: &str| !effects.is_empty() && !has(name) && is_rival(name);
+    let all = setting.candidates_of(&state.physical, &[], &wanted);
+    let rivals: Vec<&Candidate> = all.iter().collect();
     let Some(blocks) = shooting::evidence(&setting, &state, &rivals, false, &[]) else { return Ok(None) };
     let columns: Vec<usize> = (0..own).collect();
     let Some(fit) = blocks.fit(&columns) else { return Ok(None) };
+    let alone = blocks.covariance(&columns, &fit);
     let of = |range: &core::ops::Range<usize>, values: &DVector<f64>, covariance: &DMatrix<f64>| {
         let own = covariance.view((range.start, range.start), (range.len(), range.len())).into_owned();
         deviations(values, &own).unwrap_or(0.0)
     };
-    let alone = |(name, range, values): &(String, _, _)| Separation {
+    let from_nothing = |(name, range, values): &(String, _, _)| Separation {
         effect: name.clone(),
         from: None,
-        deviations: of(range, values, &fit.covariance),
+        deviations: of(range, values, &alone),
     };
-    let mut separations: Vec<Separation> = effects.iter().map(alone).collect();
+    let mut separations: Vec<Separation> = effects.iter().map(from_nothing).collect();
     let mut begin = own;
     let mut beside = Vec::new();
     for c in &rivals {
         beside.push(begin..begin + c.strengths());
         begin += c.strengths();
     }
-    let asked = if effects.is_empty() { &[][..] } else { &rivals[..] };
     let beside_all = |behind: &core::ops::Range<usize>, gone: &core::ops::Range<usize>| {
         let both: Vec<usize> = columns.iter().copied().filter(|c| !gone.contains(c)).chain(behind.clone()).collect();
-        blocks.fit(&both).map(|f| f.covariance)
+        blocks.fit(&both).map(|f| blocks.covariance(&both, &f))
     };
     // What the equations hold already is no rival; what can be fitted only without the effect is
     // the same as it.
@@ -127,9 +133,9 @@ pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel) -> Result<Op
         };
         effects.iter().map(one).collect()
     };
-    let apart: Vec<Vec<Option<f64>>> = beside.par_iter().take(asked.len()).map(from_rival).collect();
+    let apart: Vec<Vec<Option<f64>>> = beside.par_iter().map(from_rival).collect();
     let mut nearest: BTreeMap<(usize, String), f64> = BTreeMap::new();
-    for (c, all) in asked.iter().zip(&apart) {
+    for (c, all) in rivals.iter().zip(&apart) {
         for (k, found) in all.iter().enumerate().filter_map(|(k, d)| Some((k, (*d)?))) {
             // Of several forms the one that is hardest to tell.
             let least = nearest.entry((k, c.name(&setting))).or_insert(f64::INFINITY);
@@ -143,7 +149,7 @@ pub fn expected(record: Record, rig: &Rig, model: &IdentifiedModel) -> Result<Op
     }));
     let windows = state.followed.as_ref().map_or((0, 0.0), |f| f.windows(&setting));
     let mut told = Explanation::new(1.0, Vec::new());
-    tell::parameters(&setting, &state, (&fit.all, &fit.covariance), &first, &mut told);
+    tell::parameters(&setting, &state, (&fit.all, &alone), &first, &mut told);
     Ok(Some(Expected { parameters: told.parameters, separations, windows }))
 }
 
@@ -165,8 +171,8 @@ pub fn with_effect(
     let Some(Begun { setting, first, physical, .. }) = begun else { return Ok(None) };
     let Some(mut state) = start(&setting, &first, physical) else { return Ok(None) };
     given::take(&setting, &mut state, model)?;
-    let all = setting.candidates(&state.physical, &[]);
-    let Some(candidate) = all.iter().find(|c| c.name(&setting) == name) else {
+    let all = setting.candidates_of(&state.physical, &[], &|n| n == name);
+    let Some(candidate) = all.first() else {
         return Err(BadInput::new(format!("\"{name}\""), "an effect of `whirl list effects` that this rig can have")
             .at("--tell"));
     };

@@ -68,7 +68,8 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
         }
     }
     let lines: Vec<f64> = model.effects.iter().filter_map(|e| e.parameters.get("f").copied()).collect();
-    let all = setting.candidates(&state.physical, &lines);
+    let has = |name: &str| model.effects.iter().any(|e| name == format!("{}@{}", e.id, e.at));
+    let all = setting.candidates_of(&state.physical, &lines, &has);
     // Earlier versions wrote what stands at a coordinate without where it acts.
     let earlier = setting.is_written() && !model.found_with.contains_key(RECORD_S);
     let as_written = if earlier { at_coordinates::of(model, setting.model())? } else { Vec::new() };

@@ -176,7 +176,7 @@ fn start(setting: &Setting<'_>, first: &Identification, physical: Physical) -> O
     let of_file: Vec<String> = file.nominal.iter().map(|n| n.value.clone()).collect();
     // Written equations hold their dampings as terms.
     let names = setting.rig.nominal.as_ref().filter(|_| !setting.is_written()).unwrap_or(&of_file);
-    let all = setting.candidates(&physical, &[]);
+    let all = setting.candidates_of(&physical, &[], &|name| names.iter().any(|n| n == name));
     let chosen: Vec<Chosen> = names
         .iter()
         .map(|n| {

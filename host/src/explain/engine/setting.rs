@@ -200,6 +200,11 @@ impl<'a> Setting<'a> {
     /// Every candidate: each effect at each of its places in each of its forms; `lines` are the
     /// frequencies, Hz, of lines in what is left.
     pub fn candidates(&self, physical: &Physical, lines: &[f64]) -> Vec<Candidate> {
+        self.candidates_of(physical, lines, &|_| true)
+    }
+
+    /// Those of them that have some names, `ID@PLACE`: no other is followed along the record.
+    pub fn candidates_of(&self, physical: &Physical, lines: &[f64], wanted: &dyn Fn(&str) -> bool) -> Vec<Candidate> {
         let Some(file) = self.file() else { return Vec::new() };
         let moves = units::moves(self.rig, self.whole);
         let mut out = Vec::new();
@@ -207,6 +212,9 @@ impl<'a> Setting<'a> {
             for place in places::of(entry, file, &self.bound) {
                 // What a record without a drive has no phase for.
                 if self.rig.drive.is_none() && entry.names("tau") {
+                    continue;
+                }
+                if !wanted(&format!("{}@{}", entry.id, place.name(file))) {
                     continue;
                 }
                 let Some(entry) = self.sized(entry, place, physical).map(|e| with_lines(e, lines)) else { continue };

@@ -4,6 +4,7 @@ pub mod answer;
 pub mod explanation;
 pub mod histories;
 pub mod losses;
+pub mod next;
 pub mod parameters;
 pub mod phase_space;
 pub mod portraits;
@@ -34,5 +35,6 @@ pub static SECTIONS: &[SectionKind] = &[
     validation::SECTION,
     reduction::SECTION,
     truth::SECTION,
+    next::SECTION,
     provenance::SECTION,
 ];

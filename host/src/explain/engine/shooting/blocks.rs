@@ -256,6 +256,20 @@ impl Blocks {
         (freedom >= 1.0).then(|| (0..p).map(variance).collect())
     }
 
+    /// The covariance of a fit of some columns that is told: that of the scatter between windows, at
+    /// least that of even noise. Where a few windows decide, their scatter comes out too small.
+    pub fn covariance(&self, columns: &[usize], fit: &Fit) -> DMatrix<f64> {
+        let mut out = fit.covariance.clone();
+        let Some(even) = self.even_variances(columns, &fit.all) else { return out };
+        let factor = |(i, even): (usize, &f64)| match (even / out[(i, i)]).max(1.0).sqrt() {
+            f if f.is_finite() => f,
+            _ => 1.0,
+        };
+        let wider: Vec<f64> = even.iter().enumerate().map(factor).collect();
+        out.iter_mut().enumerate().for_each(|(k, c)| *c *= wider[k % wider.len()] * wider[k / wider.len()]);
+        out
+    }
+
     /// m of [`Self::even_covariance`], the largest of some columns.
     fn overlap(&self, columns: &[usize]) -> f64 {
         let of = |column: usize| {
