@@ -256,7 +256,7 @@ impl<'a> Task<'a> {
         let rate = |s: &Separation| {
             let same = |e: &&Separation| e.effect == s.effect && e.from == s.from;
             let own = all.iter().filter_map(|e| e.separations.iter().find(same));
-            Rate::of(&own.map(|q| q.deviations.powi(2)).collect::<Vec<_>>())
+            Rate::of(&own.map(|q| q.deviations.powi(2)).collect::<Vec<_>>(), true)
         };
         all.first().map_or(&[][..], |e| &e.separations).iter().map(|s| (s.clone(), rate(s))).collect()
     }
@@ -264,7 +264,7 @@ impl<'a> Task<'a> {
     /// Information on a parameter by draws of records: one over its variance.
     fn on_parameter(name: &str, all: &[Expected]) -> Option<Rate> {
         let own = all.iter().map(|e| e.parameters.iter().find(|q| q.name == name));
-        Rate::of(&own.map(|q| q.map_or(0.0, |q| q.std_error.powi(-2))).collect::<Vec<_>>())
+        Rate::of(&own.map(|q| q.map_or(0.0, |q| q.std_error.powi(-2))).collect::<Vec<_>>(), false)
     }
 
     /// Time after which one more record reaches each goal with a probability of 97.5 %, by draws of

@@ -14,11 +14,11 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::candidates::Candidate;
+use super::evidence::{self, Evidence, Outcome};
 use super::setting::{Begun, Setting};
 pub use super::shooting::MOST_SAMPLES;
 use super::state::State;
-use super::{given, settled, shooting, start, tell};
+use super::{given, settled, start, tell};
 use crate::error::{BadInput, Result};
 use crate::explain::MOST_WINDOWS;
 use crate::explain::explanation::Explanation;
@@ -92,14 +92,19 @@ pub fn expected(
     if !settled(&mut setting, &mut state) || !setting.shooting {
         return Ok(None);
     }
-    let own = state.own_columns();
-    let effects = effects(&setting, &state);
     // What the model has is fitted beside it anyway; beside nothing there is nothing to tell.
     let has = |name: &str| state.chosen.iter().any(|k| k.candidate.name(&setting) == name);
-    let wanted = |name: &str| !effects.is_empty() && !has(name) && is_rival(name);
-    let all = setting.candidates_of(&state.physical, &[], &wanted);
-    let rivals: Vec<&Candidate> = all.iter().collect();
-    let Some(blocks) = shooting::evidence(&setting, &state, &rivals, false, &[]) else { return Ok(None) };
+    let any = state.chosen.len() > state.dampings;
+    let all = setting.candidates_of(&state.physical, &[], &|name| any && !has(name) && is_rival(name));
+    // As an explanation goes on: the windows whose motion is most sensitive, which tell most, stand
+    // still last.
+    let Ok(Outcome { candidates: rivals, evidence: Evidence::Shooting(blocks), .. }) =
+        evidence::refit(&setting, &mut state, all)
+    else {
+        return Ok(None);
+    };
+    let own = state.own_columns();
+    let effects = effects(&setting, &state);
     let columns: Vec<usize> = (0..own).collect();
     let Some(fit) = blocks.fit(&columns) else { return Ok(None) };
     let alone = blocks.covariance(&columns, &fit);
