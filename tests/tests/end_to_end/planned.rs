@@ -5,7 +5,7 @@ use super::program::{done, json, rig_file, whirl};
 /// A locked minute with an eccentric encoder, and the model of it.
 fn locked(folder: &std::path::Path) {
     rig_file(folder, "seed.toml", "rig.toml", &[]);
-    done(folder, "simulate --rig rig.toml --seconds 60 --effect eccentricity@encoder1=0.012 -o locked.parquet");
+    done(folder, "simulate --rig rig.toml --seconds 60 --effect eccentricity@encoder1=0.004 -o locked.parquet");
     whirl(folder, "identify locked.parquet --rig rig.toml -o model.toml");
 }
 
@@ -17,7 +17,7 @@ fn what_a_locked_record_cannot_tell_the_planned_one_tells() {
     let run = whirl(folder, "explain locked.parquet --rig rig.toml --json e.json");
     assert_eq!(json(&folder.join("e.json"))["verdict"], "not-decidable", "{run:?}");
 
-    let asked = "--tell eccentricity@encoder1=0.012,zero-offset@encoder1";
+    let asked = "--tell eccentricity@encoder1=0.004,zero-offset@encoder1";
     let text = done(
         folder,
         &format!("plan --rig rig.toml --model model.toml {asked} --budget 6 -o plan.toml --json plan.json"),
@@ -34,7 +34,7 @@ fn what_a_locked_record_cannot_tell_the_planned_one_tells() {
 
     let run = done(
         folder,
-        "capture --from sim:3 --rig rig.toml --plan plan.toml --effect eccentricity@encoder1=0.012 -o next.parquet --json next.json",
+        "capture --from sim:3 --rig rig.toml --plan plan.toml --effect eccentricity@encoder1=0.004 -o next.parquet --json next.json",
     );
     assert!(run.contains("eccentricity@encoder1, zero-offset@encoder1: told apart"), "{run}");
     let next = json(&folder.join("next.json"));
