@@ -102,8 +102,8 @@ fn last_table(
     ParameterTable { heading: String::new(), parameters: own.map(beside).collect(), notes: Vec::new() }
 }
 
-/// The next experiment with the simulated rig: one that shows what was found more clearly, or a model
-/// without it better.
+/// The next experiment with the simulated rig: one that shows what was found more clearly; where
+/// nothing was found, one that knows the parameters better.
 fn next_experiment(rig: &Rig, model: &IdentifiedModel, seed: u64) -> Result<Plan> {
     let tell = model.effects.iter().map(|e| format!("{}@{}", e.id, e.at)).collect();
     let settings = plan::Settings {

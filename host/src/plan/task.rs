@@ -304,8 +304,8 @@ impl<'a> Task<'a> {
         times.iter().map(|r| r.seconds.unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
     }
 
-    /// A proposal from what draws of records would tell, for a record of `seconds`, or as long as its
-    /// goals take.
+    /// A proposal from what draws of records would tell, for a record of `seconds`, or as long as
+    /// its goals take.
     pub fn proposal(&self, setting: &Setting, all: &[Expected], seconds: Option<f64>) -> Proposal {
         let looked = self.looked_at_s(setting);
         let goals = self.times(all, looked);

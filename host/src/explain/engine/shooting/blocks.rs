@@ -256,8 +256,8 @@ impl Blocks {
         (freedom >= 1.0).then(|| (0..p).map(variance).collect())
     }
 
-    /// The covariance of a fit of some columns that is told: that of the scatter between windows, at
-    /// least that of even noise. Where a few windows decide, their scatter comes out too small.
+    /// The covariance of a fit of some columns that is told: that of the scatter between windows,
+    /// at least that of even noise. Where a few windows decide, their scatter comes out too small.
     pub fn covariance(&self, columns: &[usize], fit: &Fit) -> DMatrix<f64> {
         let mut out = fit.covariance.clone();
         let Some(even) = self.even_variances(columns, &fit.all) else { return out };
