@@ -123,8 +123,9 @@ impl Drive {
     pub(super) fn start(&mut self, hello: &Hello, commands: &mut Commands, now: Instant) {
         let l = hello.limits;
         self.limits = format!(
-            "the device allows {} µm, {} mHz and the acceleration that both together give",
-            l.amplitude_micrometre, l.frequency_millihertz
+            "the device allows {} mm, {} Hz and the acceleration that both together give",
+            f64::from(l.amplitude_micrometre) / 1000.0,
+            f64::from(l.frequency_millihertz) / 1000.0
         );
         if self.target.is_some() && self.step == Step::Idle {
             commands.ask(Command::Arm, now);

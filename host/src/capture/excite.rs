@@ -215,12 +215,17 @@ fn multisine(harmonics: &[u8]) -> Result<Form> {
 
 /// In words, for people.
 pub(super) fn words(e: &Excitation) -> String {
-    let mut text = e.amplitudes().iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
-    text.push_str(&format!(" µm at {} mHz", e.frequency_millihertz));
+    let thousandths = |n: u32| f64::from(n) / 1000.0;
+    let mut text = e.amplitudes().iter().map(|a| thousandths(*a).to_string()).collect::<Vec<_>>().join(", ");
+    text.push_str(&format!(" mm at {} Hz", thousandths(e.frequency_millihertz)));
     if e.glide.law != Law::Steady {
         let law = if e.glide.law == Law::Linear { "linearly" } else { "logarithmically" };
         let back = if e.glide.back { " and back" } else { "" };
-        text.push_str(&format!(" {law} to {} mHz in {} ms{back}", e.glide.to_millihertz, e.glide.ms));
+        text.push_str(&format!(
+            " {law} to {} Hz in {} s{back}",
+            thousandths(e.glide.to_millihertz),
+            thousandths(e.glide.ms)
+        ));
     }
     if e.form != Form::SINE {
         let all: Vec<String> = e.form.components().map(|c| c.harmonic.to_string()).collect();
@@ -230,7 +235,7 @@ pub(super) fn words(e: &Excitation) -> String {
         text.push_str(&format!(", a table of {} points ({:08x})", e.table.points, e.table.check));
     }
     if e.steps > 1 {
-        text.push_str(&format!(", each for {} ms", e.hold_ms));
+        text.push_str(&format!(", each for {} s", thousandths(e.hold_ms)));
     }
     text
 }

@@ -20,7 +20,7 @@ fn options_become_what_the_device_is_told() {
     let steps = asked(|e| (e.amplitude_steps_m, e.hold_s, e.on_trigger) = (vec![0.004, 0.0085], Some(2.5), true));
     let steps = steps.unwrap();
     assert_eq!((steps.amplitudes(), steps.hold_ms, steps.on_trigger), (&[4_000, 8_500][..], 2_500, true));
-    assert_eq!(words(&steps), "4000, 8500 µm at 4000 mHz, each for 2500 ms");
+    assert_eq!(words(&steps), "4, 8.5 mm at 4 Hz, each for 2.5 s");
 }
 
 #[test]

@@ -187,7 +187,7 @@ fn a_record_of_another_rig_source_or_drive_is_not_gone_on_with() {
     assert!(text.contains("phi2") && text.contains("theta2") && text.contains("interrupted"), "{text}");
     run.rig = rig(true);
     let text = told(&run);
-    assert!(text.contains("15500 µm at 5000 mHz") && text.contains("no drive"), "{text}");
+    assert!(text.contains("15.5 mm at 5 Hz") && text.contains("no drive"), "{text}");
     run.rig = rig(false);
     let settings = CaptureSettings { from: "serial:/dev/ttyACM0".into(), ..run.settings.clone() };
     let text = live::run(&settings, &run.rig, &mut Fake::new(), None, &mut |_| {}).unwrap_err().to_string();

@@ -80,21 +80,10 @@ pub(super) fn run(
         filled = fill(&mut *link, &mut buffer).map_err(|e| io(&e))?;
     }
     let finished = recorder.finish()?;
-    let mut done = outcome(settings, finished, seconds).ok_or_else(|| {
-        let error = BadInput::new(
-            format!("no sample for a record in {bytes} bytes ({good} good frames, {bad} damaged)"),
-            "a device's samples",
-        )
-        .in_file(&path);
-        if own {
-            let next = NextStep { source: &from, options: &options, rig: &rig.path, record: &settings.output };
-            return error.remedy(format!(
-                "The capture ended before its recording began: go on in it with {}, or capture again, which replaces it",
-                next.resume()
-            ));
-        }
-        error.remedy("See that these are bytes of the wire of this version's firmware, such as run1.parquet.frames")
-    })?;
+    let next =
+        own.then(|| NextStep { source: &from, options: &options, rig: &rig.path, record: &settings.output }.resume());
+    let mut done =
+        outcome(settings, finished, seconds).ok_or_else(|| no_sample(&path, [bytes, good, bad], next.as_deref()))?;
     let file = std::path::Path::new(&path);
     let kept = own && (settings.keep_frames || journal::is_kept(file));
     let frames = (kept || own && part).then(|| path.clone().into());
@@ -129,6 +118,21 @@ fn nothing_in_it(path: &str) -> BadInput {
         .in_file(path)
         .at("start of file")
         .remedy("The capture ended before its device answered: capture again, which replaces this file, or delete it")
+}
+
+/// The error for bytes, with so many good and damaged frames in them, that make no record; `next`:
+/// the command that goes on in the capture that wrote them.
+fn no_sample(path: &str, [bytes, good, bad]: [u64; 3], next: Option<&str>) -> BadInput {
+    let found = format!("no sample for a record in {bytes} bytes ({good} good frames, {bad} damaged)");
+    let error = BadInput::new(found, "a device's samples").in_file(path);
+    match next {
+        Some(next) => error.remedy(format!(
+            "The capture ended before its recording began: go on in it with {next}, or capture again, which replaces it"
+        )),
+        None => {
+            error.remedy("See that these are bytes of the wire of this version's firmware, such as run1.parquet.frames")
+        }
+    }
 }
 
 /// Reads until the buffer is full or the file ends.

@@ -51,6 +51,8 @@ fn rate_remedy(rate: f64, nominal: f64) -> String {
         Some((factor, unit)) => {
             format!("t is in {unit}, it seems: divide it by {factor:.0}, since t must be in seconds")
         }
+        // No rig file may say it: these are no seconds.
+        None if !crate::rig::RATES.contains(&rate) => "t must be in seconds: correct the column".to_owned(),
         None => format!(
             "Set sample_rate_hz = {} in the rig file if that is the record's rate; t must be in seconds. A clock that is uneven on purpose is made even by --resample",
             shortest(rate)
@@ -66,6 +68,7 @@ mod tests {
     fn another_unit_of_time_is_named() {
         assert!(rate_remedy(500.0 / 1e9, 500.0).starts_with("t is in ns, it seems: divide it by 1000000000"));
         assert!(rate_remedy(0.5, 500.0).starts_with("t is in ms"));
+        assert!(rate_remedy(1e190, 500.0).starts_with("t must be in seconds"));
         assert!(rate_remedy(250.0, 500.0).starts_with("Set sample_rate_hz = 250 in the rig file"));
     }
 }

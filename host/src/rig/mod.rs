@@ -5,6 +5,7 @@
 //! identification cannot peek at the truth.
 
 pub mod as_own;
+mod channel;
 mod checks;
 pub mod choices;
 pub mod computed;
@@ -18,13 +19,13 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+pub use self::channel::{Channel, UNITS};
 use self::choices::Choices;
 use crate::effects;
 use crate::effects::entry::{Entry, MOST_FORMS};
 use crate::error::{BadInput, Result};
 use crate::files;
 use crate::model::model_file::toml_place;
-use crate::record::Column;
 use crate::record::names::TimeChoice;
 
 /// Standard gravity used where a rig file gives none, m/s².
@@ -79,81 +80,6 @@ pub struct Drive {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amplitude_m: Option<f64>,
 }
-
-/// One measured column.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Channel {
-    /// Name of the column; with `=` before it an expression over columns ([`computed`]).
-    pub name: String,
-    /// What the column measures, in the model's terms (`theta1`, `theta2`, `phi1`, `phi2`).
-    pub measures: String,
-    /// Unit of the column.
-    pub unit: String,
-    /// Counts a turn, for unit `count`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub counts_per_turn: Option<u32>,
-    /// What the column's values are multiplied by to be in the unit; 1 where none. For counts 1 or
-    /// −1 (mounted the other way round).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gain: Option<f64>,
-    /// What is added then, in the unit; 0 where none. For counts a whole number.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub offset: Option<f64>,
-    /// For counts: how many lie from where the angle is 0 to the encoder's index mark. A record
-    /// that tells at which count the mark was seen then has a known zero.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub index_at: Option<f64>,
-}
-
-impl Channel {
-    /// Factor from the column's unit to SI (rad, m, V, N); for counts 2π/N. A count c also stands
-    /// for the middle of [c, c+1), see [`crate::record::Column::angle`].
-    pub fn scale(&self) -> f64 {
-        match self.unit.as_str() {
-            "count" => core::f64::consts::TAU / f64::from(self.counts_per_turn.unwrap_or(1)),
-            "deg" => core::f64::consts::PI / 180.0,
-            "mm" => 1e-3,
-            "um" => 1e-6,
-            "mV" => 1e-3,
-            "mN" => 1e-3,
-            "kN" => 1e3,
-            _ => 1.0,
-        }
-    }
-
-    /// Whether values are taken as they stand.
-    pub fn is_plain(&self) -> bool {
-        self.gain.unwrap_or(1.0) == 1.0 && self.offset.unwrap_or(0.0) == 0.0
-    }
-
-    /// Applies gain and offset to values as they stand in a file. A count c, which stands for [c,
-    /// c + 1), becomes −c − 1 for gain −1.
-    ///
-    /// # Errors
-    /// Index of a count that leaves 32 bits.
-    pub fn apply(&self, column: &mut Column) -> core::result::Result<(), usize> {
-        if self.is_plain() {
-            return Ok(());
-        }
-        let (gain, offset) = (self.gain.unwrap_or(1.0), self.offset.unwrap_or(0.0));
-        match column {
-            Column::Values(v) => v.iter_mut().for_each(|v| *v = gain * *v + offset),
-            Column::Counts(c) => {
-                for (i, c) in c.iter_mut().enumerate() {
-                    let turned = if gain < 0.0 { -1 - i64::from(*c) } else { i64::from(*c) };
-                    // Checked to be whole and within 32 bits when the rig file was read.
-                    *c = i32::try_from(turned + offset as i64).map_err(|_| i)?;
-                }
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Units that a channel may have.
-pub const UNITS: &[&str] =
-    &["count", "rad", "deg", "m", "mm", "um", "V", "mV", "N", "mN", "kN", "A", "m/s", "m/s2", "1"];
 
 /// The nominal model's effects, `ID@PLACE` each.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

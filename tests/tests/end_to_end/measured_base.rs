@@ -88,7 +88,7 @@ fn assert_true(record: Record, rig: &Rig) {
 fn a_drive_that_is_not_a_sine_is_known_where_it_is_measured() {
     let folder = tempfile::tempdir().unwrap();
     let (seeing, blind) = (rig(&[]), blind());
-    let file = simulated(&seeing, &EFFECTS, 80.0, folder.path());
+    let file = simulated(&seeing, &EFFECTS, 50.0, folder.path());
     // The same record, of which the channel is not read.
     let without = identify(&[read(&file, &blind)], &blind, &IdentifySettings::default()).unwrap();
     assert!(without.warnings.iter().any(|w| w.id == MISSES_SOMETHING), "{:?}", without.warnings);
@@ -137,7 +137,7 @@ fn hum_that_is_measured_leaves_nothing_missing_and_every_parameter_right() {
 fn a_hidden_effect_is_named_under_a_drive_that_is_measured() {
     let folder = tempfile::tempdir().unwrap();
     let rig = rig(&[]);
-    let file = simulated(&rig, &[EFFECTS[0], EFFECTS[1], "quadratic-drag@arm2=2e-7"], 80.0, folder.path());
+    let file = simulated(&rig, &[EFFECTS[0], EFFECTS[1], "quadratic-drag@arm2=2e-7"], 50.0, folder.path());
     let e = explain(&[read(&file, &rig)], &rig, &Settings::default()).unwrap();
     assert_eq!(e.verdict, Verdict::Explained, "{}", e.reason);
     let named: Vec<String> = e.effects.iter().map(|f| format!("{}@{}", f.id, f.at)).collect();

@@ -144,8 +144,9 @@ pub fn slips(
     let prepared = prepare_moving(records, &own, bound, weak)?;
     let (motion, names) = built_in::equations_of_motion(rig, &own, bound)?;
     let given = Given { motion: &*motion, names: &names, rig: &own, bound, prepared: &prepared, first };
-    let attempt = shoot(&given, true, &Settings::default(), progress)?;
-    // Where more than slips is left, what looks like one may be that.
+    // Where more than slips is left, what looks like one may be that; short pieces show it soon.
+    let settings = Settings { most_left: Some(MISSES), ..Settings::default() };
+    let attempt = shoot(&given, true, &settings, progress)?;
     if !attempt.outcome.fit.converged || attempt.outcome.noise_ratio.iter().any(|r| *r > MISSES) {
         return Ok(Vec::new());
     }
