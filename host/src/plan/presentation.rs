@@ -4,6 +4,8 @@ use std::fmt::Write as _;
 
 use super::goals::TO_95;
 use super::{APART, Plan, Proposal, Setting};
+use crate::identify::Parameter;
+use crate::report::format::significant;
 
 /// Length below which times are not told, s.
 const SIMULATED_S: f64 = 20.0;
@@ -36,11 +38,29 @@ pub fn length(seconds: f64) -> String {
     if seconds >= 120.0 { format!("{:.1} minutes", seconds / 60.0) } else { format!("{seconds:.0} s") }
 }
 
+/// Standard errors of all parameters over those of as long a record as the rig is set, geometric
+/// mean; none where a length was asked for, or nothing is known of it.
+fn narrower(plan: &Plan, best: &Proposal) -> Option<f64> {
+    let there = plan.unchanged.as_ref().filter(|_| plan.goals.precise.is_empty())?;
+    let of = |q: &Parameter| {
+        let same = there.parameters.iter().find(|p| p.name == q.name)?;
+        Some((q.std_error / same.std_error).ln()).filter(|x| x.is_finite())
+    };
+    let all: Vec<f64> = best.parameters.iter().filter_map(of).collect();
+    (!all.is_empty()).then(|| (all.iter().sum::<f64>() / all.len() as f64).exp())
+}
+
 /// The plan in one line; none where nothing is proposed.
 pub fn line(plan: &Plan) -> Option<String> {
     let best = plan.best.as_ref()?;
     let mut out = format!("{}, for {}", setting(&best.setting), length(best.seconds));
     if plan.goals.tell.is_empty() {
+        if plan.unchanged.as_ref().is_some_and(|there| there.setting == best.setting) {
+            out.push_str(", as it is set now");
+        } else if let Some(ratio) = narrower(plan, best) {
+            let share = significant(ratio, 2);
+            let _ = write!(out, ", would have standard errors of {share} of those as it is set now, in the same time");
+        }
         return Some(out);
     }
     let asked = |s: &&super::Separation| plan.goals.tell.contains(&s.effect);

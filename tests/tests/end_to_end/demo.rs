@@ -43,7 +43,11 @@ fn the_demo_ends_with_one_report_that_puts_the_truth_beside_the_answer() {
     assert!(last[0].starts_with("report: ") && last[1].starts_with(next) && last[1].contains(" Hz at "), "{last:?}");
     assert!(page[truth..].contains(&last[1][..last[1].find(',').unwrap()]));
     let out = json(&folder.path().join("out.json"));
-    assert_eq!(out["plan"]["best"]["separations"][0]["effect"], "quadratic-drag@arm2");
+    assert!(
+        out["plan"]["best"]["parameters"]
+            .as_array()
+            .is_some_and(|p| p.iter().any(|q| q["name"] == "quadratic-drag@arm2"))
+    );
     let parameters = out["identify"]["parameters"].as_array().unwrap();
     let b22 = parameters.iter().find(|p| p["name"] == "B22").unwrap()["value"].as_f64().unwrap();
     assert!((b22 / 0.26317 - 1.0).abs() < 0.002, "{b22}");
