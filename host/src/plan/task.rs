@@ -146,7 +146,8 @@ impl<'a> Task<'a> {
         let own = self.at(&now)?;
         let pose = if self.rig.drive.is_none() { Some(start_of(&own, record)?) } else { None };
         let setting = Setting { pose, ..now };
-        let seconds = record.duration_s().clamp(self.looked_at_s(&setting), self.longest_s());
+        // A limit may be shorter than what is looked at.
+        let seconds = record.duration_s().max(self.looked_at_s(&setting)).min(self.longest_s());
         let Some(found) = self.look_for(&setting, 0, seconds) else { return Ok(1.0) };
         let ratio = |p: &Parameter| {
             let given = self.model.parameter(&p.name).filter(|g| g.std_error > 0.0)?;
@@ -206,13 +207,17 @@ impl<'a> Task<'a> {
     /// Length of the records that are looked at, s.
     pub fn looked_at_s(&self, setting: &Setting) -> f64 {
         let frequency_hz = setting.frequency_hz.or(self.rig.drive.map(|d| d.frequency_hz));
-        frequency_hz.map_or(LOOKED_AT_S, |f| LOOKED_AT_PERIODS / f)
+        frequency_hz.map_or(LOOKED_AT_S, |f| LOOKED_AT_PERIODS / f).min(self.followed_s())
+    }
+
+    /// What explanations look at of a record, s: of a slow drive's 200 periods no more is made.
+    fn followed_s(&self) -> f64 {
+        MOST_SAMPLES as f64 / self.rig.sample_rate_hz
     }
 
     /// Longest record, s: what is longer than explanations look at tells no more.
     pub fn longest_s(&self) -> f64 {
-        let followed = MOST_SAMPLES as f64 / self.rig.sample_rate_hz;
-        self.settings.limits.seconds.unwrap_or(LONGEST_S).min(followed.max(self.looked_at_s(&self.unchanged())))
+        self.settings.limits.seconds.unwrap_or(LONGEST_S).min(self.followed_s())
     }
 
     /// Whether it belongs to what was asked.
