@@ -49,17 +49,22 @@ fn what_a_locked_record_cannot_tell_the_planned_one_tells() {
 }
 
 #[test]
-fn threads_do_not_change_a_plan() {
+fn threads_do_not_change_a_plan_within_a_short_limit() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     locked(folder);
+    // Shorter than the records that are looked at, and than the one that was recorded.
+    std::fs::write(folder.join("limits.toml"), "seconds = 20.0\n").unwrap();
     let [one, two] = ["1", "2"].map(|n| {
-        let asked = "--precise C11=1% --budget 1";
+        let asked = "--precise C11=10% --budget 1 --record locked.parquet --limits limits.toml";
         let out = format!("-o plan{n}.toml --json plan{n}.json --threads {n}");
         done(folder, &format!("plan --rig rig.toml --model model.toml {asked} {out}"));
         ["toml", "json"].map(|kind| std::fs::read_to_string(folder.join(format!("plan{n}.{kind}"))).unwrap())
     });
     assert_eq!(one, two);
+    let plan = json(&folder.join("plan1.json"));
+    let seconds = plan["best"]["seconds"].as_f64().unwrap();
+    assert!(seconds > 0.0 && seconds <= 20.0, "{plan:#}");
 }
 
 #[test]
