@@ -140,7 +140,9 @@ pub fn watch_longer(longer: bool) {
 fn schedule(settings: &Settings) -> Option<Schedule> {
     let rate = settings.sample_rate_millihertz;
     let timer = embassy_stm32::rcc::frequency::<peripherals::TIM6>();
-    if rate > RATE_MAX_MILLIHERTZ { None } else { Schedule::new(timer.0, rate, POINTS_PER_SECOND) }
+    // With more points than there is room for (below 250 Hz) the drive would be a staircase.
+    let schedule = Schedule::new(timer.0, rate, POINTS_PER_SECOND).filter(|schedule| schedule.points <= MOST);
+    schedule.filter(|_| rate <= RATE_MAX_MILLIHERTZ)
 }
 
 /// The settings in force, those of the image, and how the timers run.

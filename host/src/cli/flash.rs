@@ -44,9 +44,12 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
 
 #[cfg(not(feature = "probe"))]
 fn flash(board: &boards::Board, _: &str, given: Option<(PathBuf, Kind)>) -> Result<Answer> {
+    // What the board's own drive takes.
+    let dropped = |kind: &Kind| matches!(kind, Kind::Uf2) == (board.id == "pico2") && *kind != Kind::Elf;
+    let extension = if board.id == "pico2" { "uf2" } else { "bin" };
     let (image, made) = match &given {
-        Some((path, _)) => (path.display().to_string(), ""),
-        None => (format!("whirl-{}.bin", board.id), " (`cargo run -p whirl-board-build -- images` makes it)"),
+        Some((path, kind)) if dropped(kind) => (path.display().to_string(), ""),
+        _ => (format!("whirl-{}.{extension}", board.id), " (`cargo run -p whirl-board-build -- images` makes it)"),
     };
     Err(BadInput::new("a build that cannot flash", "a build with --features probe").remedy(format!(
         "Build it with `cargo build --release --features probe`, or copy {image}{made} onto the \

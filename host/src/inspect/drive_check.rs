@@ -14,6 +14,7 @@
 //! the frequency outright.
 
 use serde::Serialize;
+use whirl_shared::excitation::Law;
 
 use super::motion::{Motion, Space};
 use crate::record::Record;
@@ -47,9 +48,17 @@ pub struct DriveCheck {
     pub agrees: Option<bool>,
 }
 
+/// Whether the device says that the drive's frequency glides.
+pub fn glides(record: &Record) -> bool {
+    record.metadata.as_ref().and_then(|m| m.excitation).is_some_and(|e| e.glide.law != Law::Steady)
+}
+
 /// The drive's frequency from the device's phase: its mean advance over the longest segment, but
-/// for ticks in which the shaker rested and the phase stood still.
+/// for ticks in which the shaker rested and the phase stood still. None of a drive that glides.
 pub fn phase_frequency(record: &Record) -> Option<f64> {
+    if glides(record) {
+        return None;
+    }
     let segment = record.segments.iter().filter(|s| s.phase.is_some()).max_by_key(|s| s.len())?;
     let phase = segment.phase.as_ref().filter(|p| p.len() >= 2)?;
     let advances = phase.windows(2).map(|w| f64::from(w[1].wrapping_sub(w[0]).cast_signed())).filter(|a| *a != 0.0);

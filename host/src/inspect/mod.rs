@@ -147,7 +147,7 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
             coordinate::describe(m, channel, rate, drive_hz, denominator)
         })
         .collect();
-    let drive = rig.drive.map(|d| {
+    let drive = rig.drive.filter(|_| !drive_check::glides(record)).map(|d| {
         let series: Vec<Vec<f64>> =
             motions.iter().flat_map(|m| drive_check::observables(m, longest, rate, d.direction)).collect();
         drive_check::check(record, &series, rate, d.frequency_hz)

@@ -8,7 +8,7 @@ use whirl_hil_sim::transport::server::{Pace, Server};
 use whirl_hil_sim::transport::tcp::TcpServer;
 use whirl_hil_sim::{RigSettings, VirtualRig};
 
-use super::program::{Run, command, json, rig_file};
+use super::program::{Run, command, done, json, rig_file, whirl};
 
 /// A rig, and a capture of 3 s from it that has begun.
 fn begun(folder: &Path, more: &str) -> (Server, Child) {
@@ -70,4 +70,24 @@ fn a_capture_ends_on_the_emergency_stop_and_keeps_what_it_has() {
     assert!(run.status != 0 && run.stderr.contains("a shaker whose emergency stop is pressed"), "{run:?}");
     let kept = ["r.parquet", "r.parquet.frames"].iter().any(|f| folder.path().join(f).exists());
     assert!(kept && run.stderr.contains("r.parquet"), "{run:?}");
+}
+
+/// What moves the base need not be one sine where it is measured: a sweep is no wrong frequency.
+#[test]
+fn a_sweep_that_is_measured_is_identified() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    rig_file(at, "measured-base.toml", "rig.toml", &[("settle_s = 20.0", "settle_s = 2.0")]);
+    // Stays at its end: the mean frequency is not the rig file's.
+    done(at, "capture --from sim:1 --rig rig.toml --sweep 3..7 --sweep-s 10 --seconds 30 -o sweep.parquet");
+    let run = whirl(at, "identify sweep.parquet --rig rig.toml --json out.json");
+    assert_eq!(run.status, 0, "{run:?}");
+    let out = json(&at.join("out.json"));
+    let of = |name: &str| out["parameters"].as_array().unwrap().iter().find(|p| p["name"] == name).unwrap().clone();
+    // m2 e2 g/(J_o2 Ω²) of the rig file.
+    let truth = 0.040 * 0.0267 * 9.81 / (4.033e-5 * (10.0 * std::f64::consts::PI).powi(2));
+    let b22 = of("B22")["value"].as_f64().unwrap();
+    assert!((b22 / truth - 1.0).abs() < 3e-3, "{b22} for {truth}");
+    let run = whirl(at, "inspect sweep.parquet --rig rig.toml");
+    assert!(!run.stderr.contains("drive-frequency") && !run.stderr.contains("drive.frequency_hz ="), "{}", run.stderr);
 }

@@ -246,7 +246,7 @@ fn error(outcome: &Outcome, i: usize) -> f64 {
     outcome.covariance.estimate[(i, i)].max(0.0).sqrt()
 }
 
-/// Fits with the unknown zeros, and once more without those that are not worth what they cost, or
+/// Fits with the unknown zeros, and again without those that are not worth what they cost, or
 /// without any where such a fit comes to nothing. `states`: unknowns of a piece.
 ///
 /// # Errors
@@ -262,11 +262,16 @@ pub fn worthwhile(
         Err(why) if unknown.count() == 0 => return Err(why),
         _ => return fit(&none).map(|outcome| Worthwhile::all(&none, outcome)),
     };
-    let Some(fewer) = unknown.worth(&outcome, states) else { return Ok(Worthwhile::all(unknown, outcome)) };
-    let first = outcome.fit.parameters.len() - unknown.count();
-    let errors = (first..outcome.fit.parameters.len()).map(|i| error(&outcome, i)).collect();
-    let again = fit(&fewer)?;
-    Ok(Worthwhile { outcome: again, before: Some((unknown.clone(), errors)), unknown: fewer })
+    let mut best = Worthwhile::all(unknown, outcome);
+    // What was shown to be off beside a zero that is held now need no longer be.
+    while let Some(fewer) = best.unknown.worth(&best.outcome, states) {
+        let before = best.before.take().unwrap_or_else(|| {
+            let count = best.outcome.fit.parameters.len();
+            (unknown.clone(), (count - unknown.count()..count).map(|i| error(&best.outcome, i)).collect())
+        });
+        best = Worthwhile { outcome: fit(&fewer)?, unknown: fewer, before: Some(before) };
+    }
+    Ok(best)
 }
 
 /// A state of the system at a moment.

@@ -26,6 +26,29 @@ fn turned(record: &Record, by: [i32; 2]) -> Record {
     out
 }
 
+/// As the device would have told it that saw both index marks.
+fn with_marks(record: &Record, counts: [u32; 2]) -> Record {
+    use crate::record::DeviceBoot;
+    use crate::record::device_boot::EncoderZero;
+    let mut out = record.clone();
+    let zeros = counts.map(|count| EncoderZero { index: Some(count), ..EncoderZero::default() });
+    out.metadata.as_mut().unwrap().device = vec![DeviceBoot { zeros: zeros.to_vec(), ..DeviceBoot::default() }];
+    out
+}
+
+/// No parameter is 5 % less sure than where both zeros are known beforehand.
+fn assert_cheap(rig: &Rig, record: &Record, sought: &Identification) {
+    let mut marked = rig.clone();
+    for (channel, at) in marked.channel.iter_mut().zip([700.0, 800.0]) {
+        channel.index_at = Some(at);
+    }
+    let known = found(&[with_marks(record, [700, 800])], &marked);
+    assert!(known.zeros.len() == 2 && known.zeros.iter().all(|z| z.from == INDEX), "{:?}", known.zeros);
+    for (a, b) in sought.parameters.iter().zip(&known.parameters) {
+        assert!(a.name == b.name && a.std_error < 1.05 * b.std_error, "{a:?} {b:?} {:?}", sought.zeros);
+    }
+}
+
 fn found(records: &[Record], rig: &Rig) -> Identification {
     let (weak, choices) = (Settings::default(), super::super::Settings::default());
     best::best(records, rig, &weak, &choices, &indicatif::ProgressBar::hidden()).unwrap()
@@ -45,6 +68,7 @@ fn zeros_that_are_off_are_found_and_spoil_nothing() {
         assert!((z.value - by * count).abs() < 4.0 * z.std_error && z.std_error < 0.2 * count, "{z:?}");
     }
     assert!(right.zeros.iter().all(|z| z.value.abs() < 4.0 * z.std_error), "{:?}", right.zeros);
+    assert_cheap(&rig, &record, &right);
     let told = |of: &Identification| of.warnings.iter().filter(|w| w.id == "zero-off").count();
     assert_eq!((told(&right), told(&off)), (0, 2));
     for (a, b) in right.parameters.iter().zip(&off.parameters) {
@@ -100,6 +124,7 @@ fn a_locked_motion_holds_them() {
     let all = found(core::slice::from_ref(&record), &rig);
     assert!(all.zeros.iter().any(|z| z.from == HELD && z.value == 0.0), "{:?}", all.zeros);
     assert!(all.warnings.iter().any(|w| w.id == "zeros-held"), "{:?}", all.warnings);
+    assert_cheap(&rig, &record, &all);
 }
 
 /// Equations that hold their zero themselves, since sin φ and cos φ are both in them, are not asked
