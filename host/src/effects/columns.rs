@@ -10,6 +10,7 @@
 use std::sync::Arc;
 
 use super::along_an_arm;
+use super::between;
 use super::entry::{Entry, Form, MASS, Verb};
 use super::places::{self, Place};
 use super::written::{self, Change};
@@ -145,22 +146,26 @@ pub fn action(
     words.constants.push(("T".to_owned(), span.length_s));
     let n = file.coordinates.len();
     match (place, entry.verb) {
-        (Place::Joint(k), Verb::Force) => {
-            let moves = &file.joints[k].moves.value;
-            let Ok(rate) = by_time(moves, n, omega) else { return Ok(None) };
-            let x = if places::is_angle(file, moves) {
+        (Place::Joint(_) | Place::Between(..), Verb::Force) => {
+            let Some(moves) = place.moves(file) else { return Ok(None) };
+            let Ok(rate) = by_time(&moves, n, omega) else { return Ok(None) };
+            let x = if places::is_angle(file, &moves) {
                 Polynomial::call(Function::Wrap, moves.clone())
             } else {
                 moves.clone()
             };
             words.scalars.extend([("x".to_owned(), x), ("v".to_owned(), rate)]);
-            if entry.names(LOAD) {
+            if let (Place::Joint(k), true) = (place, entry.names(LOAD)) {
                 let mass = form.iter().find(|s| s.0 == MASS).map(|s| s.1);
                 let Some(load) = places::load(file, k, omega, mass) else { return Ok(None) };
                 words.scalars.push((LOAD.to_owned(), load));
             }
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
-            remembering(entry, &words, form, work(mechanism, &law, moves, own))
+            let on = match place {
+                Place::Between(i, j) => between::works_on((i, j), form, mechanism, parameters),
+                _ => moves,
+            };
+            remembering(entry, &words, form, work(mechanism, &law, &on, own))
         }
         (Place::Arm(k), Verb::Force) => {
             let Body::Arm { angle: Some(angle), .. } = &file.bodies[k].value else { return Ok(None) };

@@ -20,6 +20,8 @@ pub const MOST_FORMS: usize = 400;
 pub enum At {
     /// A joint.
     Joint,
+    /// A pair of coordinates.
+    Between,
     /// An arm.
     Arm,
     /// The driven point.
@@ -126,11 +128,12 @@ impl Entry {
         self.shapes.iter().enumerate().filter(|(_, s)| s.within.is_some()).map(|(k, _)| k)
     }
 
-    /// The same with the mass of the nearest arm, kg, as a shape beside the others.
+    /// The same with one more shape, which the law does not name: what it rests on and nothing
+    /// fixes.
     #[must_use]
-    pub fn with_mass(&self, grid: Vec<f64>, within: [f64; 2]) -> Self {
+    pub fn with_shape(&self, name: &str, grid: Vec<f64>, within: Option<[f64; 2]>) -> Self {
         let mut out = self.clone();
-        out.shapes.push(Shape { name: MASS.to_owned(), grid, within: Some(within), of_lines: false });
+        out.shapes.push(Shape { name: name.to_owned(), grid, within, of_lines: false });
         out
     }
 

@@ -1,7 +1,7 @@
 //! The catalogue of physical effects that a system may have or miss: entries of `effects.toml`, and
 //! of a user's own files.
 //!
-//! An entry says how an effect acts, by one of six verbs: `force` does work at a joint or an arm,
+//! An entry says how an effect acts, by one of six verbs: `force` does work at a joint, between two coordinates or at an arm,
 //! `drags` all along an arm, `moves` displaces the driven point, `advances` the drive's phase,
 //! `turns` a body's centroid or gravity, `reads` is what an encoder shows. Its strengths enter
 //! linearly; shape parameters (the order of cogging, the velocity of Stribeck's law) are tried on a
@@ -13,13 +13,15 @@
 //! | [`entry`] | an entry, read and checked |
 //! | [`states`] | internal states of an effect |
 //! | [`value`] | strengths to what is reported |
-//! | [`places`] | where a system has joints, arms, a drive, a frame, encoders |
+//! | [`places`] | where a system has joints, pairs of coordinates, arms, a drive, a frame, encoders |
 //! | [`put_in`] | effects of a simulation |
 //! | [`columns`] | what an effect of strength one adds to every equation |
 //! | [`along_an_arm`] | the same for a force per length along an arm |
+//! | [`between`] | pairs of coordinates, and forces between the two |
 //! | [`written`] | the same for equations that a user wrote down |
 
 pub mod along_an_arm;
+pub mod between;
 pub mod columns;
 pub mod entry;
 pub mod places;

@@ -1,6 +1,7 @@
-//! Where effects can act on a system derived from bodies: joints, arms, the driven point, gravity's
-//! frame, encoders, measured inputs.
+//! Where effects can act on a system derived from bodies: joints, pairs of coordinates, arms, the
+//! driven point, gravity's frame, encoders, measured inputs.
 
+use super::between;
 use super::columns::LOAD;
 use super::entry::{At, Entry, Verb};
 use crate::model::model_file::Space;
@@ -16,6 +17,8 @@ use crate::system::polynomial::{Atom, Polynomial};
 pub enum Place {
     /// Joint, by its number in the file.
     Joint(usize),
+    /// Pair of coordinates, by their numbers.
+    Between(usize, usize),
     /// Arm, by its number among the bodies.
     Arm(usize),
     /// The driven point.
@@ -33,6 +36,8 @@ impl Place {
     pub fn name(self, file: &SystemFile) -> String {
         match self {
             Self::Joint(k) => file.joints[k].name.clone(),
+            // Names of coordinates have no hyphen.
+            Self::Between(i, j) => format!("{}-{}", file.coordinates[i].0.name, file.coordinates[j].0.name),
             Self::Arm(k) => match &file.bodies[k].value {
                 Body::Arm { name, .. } | Body::Free { name, .. } => name.clone(),
             },
@@ -40,6 +45,15 @@ impl Place {
             Self::Frame => "frame".to_owned(),
             Self::Encoder(k) => format!("encoder{}", k + 1),
             Self::Input(k) => file.words.inputs[k].clone(),
+        }
+    }
+
+    /// The displacement across it, on which a force does work: of a joint or between coordinates.
+    pub fn moves(self, file: &SystemFile) -> Option<Polynomial> {
+        match self {
+            Self::Joint(k) => Some(file.joints.get(k)?.moves.value.clone()),
+            Self::Between(i, j) => Some(between::difference(i, j)),
+            _ => None,
         }
     }
 }
@@ -102,6 +116,11 @@ pub fn of(entry: &Entry, file: &SystemFile, bound: &ObservedModel) -> Vec<Place>
             .filter(|&k| !entry.names(LOAD) || load(file, k, 1.0, None).is_some())
             .map(Place::Joint)
             .collect(),
+        At::Between => between::pairs(file)
+            .into_iter()
+            .filter(|&(i, j)| !entry.turning || turns(file, &between::difference(i, j)))
+            .map(|(i, j)| Place::Between(i, j))
+            .collect(),
         At::Arm => (0..file.bodies.len())
             .filter(|&k| matches!(&file.bodies[k].value, Body::Arm { angle: Some(_), .. }))
             // Arms of written equations are angles only.
@@ -146,7 +165,7 @@ fn shows_angle(file: &SystemFile, bound: &ObservedModel, sensor: usize) -> bool 
 pub fn equation(place: Place, mechanism: &Mechanism) -> Option<(usize, Polynomial)> {
     let file = mechanism.file.as_deref()?;
     let moves = match place {
-        Place::Joint(k) => file.joints[k].moves.value.clone(),
+        Place::Joint(_) | Place::Between(..) => place.moves(file)?,
         Place::Arm(k) => match &file.bodies[k].value {
             Body::Arm { angle: Some(angle), .. } => angle.clone(),
             _ => return None,

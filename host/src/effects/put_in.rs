@@ -5,6 +5,7 @@
 
 use std::collections::BTreeMap;
 
+use super::between;
 use super::catalogue;
 use super::columns::{self, Action, Span};
 use super::entry::{Entry, Form, Verb};
@@ -143,6 +144,8 @@ pub fn of(
             };
             return Err(bad(text, format!("\"{}\"", given.at), names));
         };
+        let open = between::in_written(entry, *place, mechanism);
+        let entry = open.as_ref().unwrap_or(entry);
         let (form, mut strengths) = shaped(text, entry, &given)?;
         if places.is_some() {
             let factor = match (entry.verb, places::equation(*place, mechanism)) {

@@ -22,6 +22,7 @@ mod left_hand_sides;
 use core::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
+use self::inertias::apart;
 pub use self::inertias::{Inertias, inertias};
 use self::left_hand_sides::{STATES, at_rest, of_angles, sides, value};
 use super::columns::Span;
@@ -144,7 +145,9 @@ pub fn mechanism(model: &ModelFile, direction: Option<Direction>, omega: f64, va
         written: true,
         time: None,
     };
+    let apart = apart(n, &pairs);
     Some(Mechanism {
+        apart,
         parameters: parameters.into_iter().map(|name| Named { name, unit: Unit::default(), positive: false }).collect(),
         scales: (0..n).map(|k| (k, Polynomial::atom(Atom::Parameter(k)))).collect(),
         file: Some(Arc::new(file)),

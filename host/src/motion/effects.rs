@@ -2,6 +2,7 @@
 //! model files on their coordinates.
 
 use super::{Acts, Effect, Strength, at_coordinates};
+use crate::effects::between::INERTIA_RATIO;
 use crate::effects::catalogue;
 use crate::effects::columns::{self, Action, LOAD, Span};
 use crate::effects::entry::{Entry, MASS};
@@ -159,10 +160,17 @@ pub fn on_mechanism(
 ) -> Result<Effect> {
     let MechanismInstance { mechanism, physical, omega, span, changed } = *found;
     let remedy = "Write the model anew with `whirl explain -o`";
-    // A load that rested on a mass which nothing fixed.
-    let mass = e.parameters.get(MASS).filter(|_| entry.names(LOAD));
-    let of_mass = mass.map(|m| entry.with_mass(vec![*m], [0.0, f64::INFINITY]));
-    let entry = of_mass.as_ref().unwrap_or(entry);
+    // A load that rested on a mass which nothing fixed, a force on a ratio of inertias.
+    let found = |name: &str| {
+        let value = *e.parameters.get(name)?;
+        Some(entry.with_shape(name, vec![value], Some([0.0, f64::INFINITY])))
+    };
+    let rests_on = match place {
+        Place::Joint(_) if entry.names(LOAD) => found(MASS),
+        Place::Between(..) => found(INERTIA_RATIO),
+        _ => None,
+    };
+    let entry = rests_on.as_ref().unwrap_or(entry);
     let Some(mut form) = form_of(entry, e) else {
         let names: Vec<&str> = entry.shapes.iter().map(|s| s.name.as_str()).collect();
         return Err(bad(index, e, "without its shape", &names.join(", "), remedy));

@@ -20,6 +20,9 @@ pub fn effect(name: &str) -> String {
     let letters = at.trim_end_matches(|c: char| c.is_ascii_digit());
     let number = &at[letters.len()..];
     let numbered = |word: &str| if number.is_empty() { format!("the {word}") } else { format!("{word} {number}") };
+    if let ("coupling-stiffness", Some((one, other))) = (id, at.split_once('-')) {
+        return format!("{words} between {one} and {other}");
+    }
     match letters {
         "joint" => format!("{words} in {}", numbered("joint")),
         "arm" => format!("{words} on {}", numbered("arm")),
@@ -100,6 +103,7 @@ mod tests {
             ("frame-tilt@frame", "frame tilt"),
             ("amplitude-dependent-damping@q", "amplitude-dependent damping at q"),
             ("power-law-damping@joint1", "power-law damping in joint 1"),
+            ("coupling-stiffness@x1-x2", "coupling stiffness between x1 and x2"),
             ("cubic-stiffness@q", "cubic stiffness at q"),
             ("refit", "refit"),
         ] {

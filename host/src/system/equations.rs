@@ -311,6 +311,7 @@ pub fn model(file: &SystemFile, of_rig: Option<&[String]>, omega: f64) -> Result
         file: Some(Arc::new(file.clone())),
         sensors: file.sensors.clone(),
         own_gravity: file.parameters.iter().any(|p| p.name == "g" && p.declared.is_some()),
+        apart: Vec::new(),
     }));
     Ok(model)
 }

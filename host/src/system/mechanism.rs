@@ -64,6 +64,8 @@ pub struct Mechanism {
     pub file: Option<Arc<SystemFile>>,
     /// Whether the file itself names g, so that it is known only if the rig file says so.
     pub own_gravity: bool,
+    /// Pairs of coordinates of written equations, the ratio of whose inertias these leave open.
+    pub apart: Vec<(usize, usize)>,
 }
 
 impl Mechanism {

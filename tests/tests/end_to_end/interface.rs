@@ -60,7 +60,7 @@ fn usage_errors_end_with_status_2_and_lists_with_0() {
         "amplitude-dependent-damping imbalance constant-force frame-tilt horizontal-motion vertical-motion",
         "drive-harmonic-2 drive-harmonic-3 amplitude-drift frequency-offset zero-offset scale-error eccentricity",
         "channel-delay quintic-stiffness friction-ripple friction-drift power-law-damping stiffness-modulation",
-        "local-force distributed-drag dahl-friction lugre-friction hysteresis relaxation play tone",
+        "local-force distributed-drag dahl-friction lugre-friction hysteresis relaxation play tone coupling-stiffness",
     ]
     .iter()
     .flat_map(|line| line.split(' '))

@@ -17,19 +17,22 @@ use crate::system::polynomial::{Atom, Polynomial};
 use crate::system::words::{Value as Word, Words};
 
 /// Kinds of places by name, and the words of each.
-const PLACES: [(&str, At, &[&str]); 6] = [
+const PLACES: [(&str, At, &[&str]); 7] = [
     ("joint", At::Joint, &["x", "v", "t", LOAD]),
+    ("between", At::Between, &["x", "v", "t"]),
     ("arm", At::Arm, &["omega"]),
     ("drive", At::Drive, &["y", "size", "t"]),
     ("frame", At::Frame, &[]),
     ("encoder", At::Encoder, &["x", "v"]),
     ("input", At::Input, &["x", "v"]),
 ];
+/// Their names, for people.
+const KINDS: &str = "joint, between, arm, drive, frame, encoder or input";
 /// Words of what acts all along an arm.
 const ALONG_AN_ARM: &[&str] = &["v", "s"];
 /// Verbs by key, and the places that have them.
 const VERBS: [(&str, Verb, &[At]); 6] = [
-    ("force", Verb::Force, &[At::Joint, At::Arm]),
+    ("force", Verb::Force, &[At::Joint, At::Between, At::Arm]),
     ("drags", Verb::Drags, &[At::Arm]),
     ("moves", Verb::Moves, &[At::Drive]),
     ("advances", Verb::Advances, &[At::Drive]),
@@ -111,12 +114,12 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
         };
         return Ok(Entry { id, alias: true, ..same.clone() });
     }
-    let place = r.source.required(t, at..at, "at", "joint, arm, drive, frame, encoder or input")?;
-    let name = r.source.text(place, "joint, arm, drive, frame, encoder or input")?;
+    let place = r.source.required(t, at..at, "at", KINDS)?;
+    let name = r.source.text(place, KINDS)?;
     let Some((_, place_at, vocabulary)) = PLACES.iter().find(|p| p.0 == name) else {
         return Err(r
             .source
-            .bad(place.span().start, format!("the place \"{name}\""), "joint, arm, drive, frame, encoder or input")
+            .bad(place.span().start, format!("the place \"{name}\""), KINDS)
             .remedy("Say where the effect acts"));
     };
     let (verb, law, law_value) = law(r, t, at, *place_at)?;

@@ -69,6 +69,18 @@ pub fn inertias(model: &ModelFile, omega: f64, values: &[f64]) -> Option<Inertia
     Some(Inertias { scales, coupled })
 }
 
+/// Pairs of `n` coordinates that nothing couples, not by way of others either: the ratio of their
+/// inertias stays open.
+pub(super) fn apart(n: usize, coupled: &[(usize, usize)]) -> Vec<(usize, usize)> {
+    let mut group: Vec<usize> = (0..n).collect();
+    for &(i, j) in coupled {
+        let (to, from) = (group[i], group[j]);
+        group.iter_mut().filter(|g| **g == from).for_each(|g| *g = to);
+    }
+    let all = (0..n).flat_map(|j| (0..j).map(move |i| (i, j)));
+    all.filter(|&(i, j)| group[i] != group[j]).collect()
+}
+
 fn sign_of(x: f64) -> Option<f64> {
     if x > 0.0 {
         Some(1.0)

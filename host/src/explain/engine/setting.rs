@@ -18,6 +18,7 @@ use super::shooting::{MOST_SAMPLES, signs};
 use super::units;
 use crate::effects::columns::Span;
 use crate::effects::entry::Entry;
+use crate::effects::places::Place;
 use crate::effects::{self, places, written};
 use crate::error::Result;
 use crate::identify::history::{History, Laws};
@@ -212,6 +213,9 @@ impl<'a> Setting<'a> {
             for place in places::of(entry, file, &self.bound) {
                 // What a record without a drive has no phase for.
                 if self.rig.drive.is_none() && entry.names("tau") {
+                    continue;
+                }
+                if matches!(place, Place::Between(i, j) if !units::alike(self.rig, self.whole, i, j)) {
                     continue;
                 }
                 if !wanted(&format!("{}@{}", entry.id, place.name(file))) {

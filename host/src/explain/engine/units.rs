@@ -42,6 +42,11 @@ pub fn moves(rig: &Rig, bound: &ObservedModel) -> Vec<bool> {
     (0..bound.model.coordinates.len()).map(|k| matches!(si_unit(rig, bound, k).as_str(), "rad" | "m")).collect()
 }
 
+/// Whether two coordinates have one unit, so that their difference is something.
+pub fn alike(rig: &Rig, bound: &ObservedModel, i: usize, j: usize) -> bool {
+    si_unit(rig, bound, i) == si_unit(rig, bound, j)
+}
+
 /// What is not looked for where the rig file leaves a coordinate's unit open.
 pub fn unknown(rig: &Rig, bound: &ObservedModel) -> Option<Warning> {
     let open = |k: &usize| si_unit(rig, bound, *k) == "1";

@@ -7,9 +7,9 @@ use std::sync::Arc;
 use super::Physical;
 use super::Setting;
 use crate::effects::columns::{self, Action, LOAD};
-use crate::effects::entry::{Entry, LENGTH, Verb};
+use crate::effects::entry::{Entry, LENGTH, MASS, Verb};
 use crate::effects::places::Place;
-use crate::effects::{along_an_arm, places};
+use crate::effects::{along_an_arm, between, places};
 use crate::model::model_file::equations_of_motion::wrapped;
 use crate::model::model_file::expression::Symbol;
 use crate::system::bodies::Body;
@@ -41,7 +41,23 @@ impl Setting<'_> {
         if let (Place::Joint(k), true) = (place, entry.names(LOAD)) {
             return self.with_mass(entry, k, physical);
         }
-        Some(self.as_large_as_the_motion(entry, place, file))
+        let entry = self.as_large_as_the_motion(entry, place, file);
+        Some(if let Place::Between(i, j) = place { self.between(entry, (i, j), physical) } else { entry })
+    }
+
+    /// An entry between two coordinates, with the ratio of their inertias as a shape where that
+    /// stays open; said to be known in the rig file it is one that is not sought.
+    fn between(&self, entry: Arc<Entry>, (i, j): (usize, usize), physical: &Physical) -> Arc<Entry> {
+        let Some(mechanism) = self.mechanism() else { return entry };
+        let inertia = |k: usize| between::inertia(mechanism, k);
+        let is_open = match (inertia(i), inertia(j)) {
+            _ if self.is_written() => mechanism.apart.contains(&(i, j)),
+            (Some(first), Some(second)) => physical.openness.is_open(second, first),
+            _ => true,
+        };
+        let known = |k: usize| self.rig.known.get(&format!("J_{}", self.model().coordinates[k].name));
+        let ratio = known(i).zip(known(j)).map(|(first, second)| second / first).filter(|_| self.is_written());
+        if is_open { Arc::new(between::with_ratio(&entry, ratio)) } else { entry }
     }
 
     /// An entry that names a load, at a joint: as it is where the load is fixed, otherwise with the
@@ -67,14 +83,14 @@ impl Setting<'_> {
         let Body::Arm { first_moment, .. } = &file.bodies.get(*arm)?.value else { return None };
         let least = at(first_moment, &physical.values).abs() / along_an_arm::length(file, *arm, &physical.values)?;
         let grid: Vec<f64> = MASSES.iter().map(|m| m * least).collect();
-        let entry = entry.with_mass(grid, [least, MOST_MASS * least]);
+        let entry = entry.with_shape(MASS, grid, Some([least, MOST_MASS * least]));
         (least > 0.0 && least.is_finite()).then(|| Arc::new(entry))
     }
 
     /// An entry whose grid of a shape parameter holds the size of the motion: where it does not, as
     /// of a slow axis in metres, the grid is moved there.
     fn as_large_as_the_motion(&self, entry: &Arc<Entry>, place: Place, file: &SystemFile) -> Arc<Entry> {
-        let (Place::Joint(k), [shape]) = (place, &entry.shapes[..]) else { return entry.clone() };
+        let (Some(moves), [shape]) = (place.moves(file), &entry.shapes[..]) else { return entry.clone() };
         if shape.within.is_none() || !self.shooting {
             return entry.clone();
         }
@@ -83,7 +99,7 @@ impl Setting<'_> {
         if !rate && !entry.names("x") && entry.states.is_empty() {
             return entry.clone();
         }
-        let size = self.size(&file.joints[k].moves.value, rate);
+        let size = self.size(&moves, rate);
         let (low, high) = (shape.grid[0], shape.grid[shape.grid.len() - 1]);
         if !entry.states.is_empty() {
             // Distances of what remembers are far below the motion: those of the list are for a
