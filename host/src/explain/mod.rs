@@ -111,3 +111,6 @@ fn any_system(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Expl
         (None, _) => double_pendulum::explain(records, rig, settings),
     }
 }
+
+#[cfg(all(test, feature = "sim"))]
+mod coupled_tests;
