@@ -1,12 +1,12 @@
 //! The catalogue of physical effects that a system may have or miss: entries of `effects.toml`, and
 //! of a user's own files.
 //!
-//! An entry says how an effect acts, by one of six verbs: `force` does work at a joint, between two coordinates or at an arm,
-//! `drags` all along an arm, `moves` displaces the driven point, `advances` the drive's phase,
-//! `turns` a body's centroid or gravity, `reads` is what an encoder shows. Its strengths enter
-//! linearly; shape parameters (the order of cogging, the velocity of Stribeck's law) are tried on a
-//! grid. What an entry adds to the equations of a system derived from bodies is in [`columns`].
-//! `docs/effects.md` is the user's page.
+//! An entry says how an effect acts, by one of six verbs: `force` does work at a joint, between two
+//! coordinates or at an arm, `drags` all along an arm, `moves` displaces the driven point,
+//! `advances` the drive's phase, `turns` a body's centroid or gravity, `reads` is what an encoder
+//! shows. Its strengths enter linearly; shape parameters (the order of cogging, the velocity of
+//! Stribeck's law) are tried on a grid. What an entry adds to the equations of a system derived
+//! from bodies is in [`columns`]. `docs/effects.md` is the user's page.
 //!
 //! | file | what |
 //! |---|---|
