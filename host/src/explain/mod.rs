@@ -111,6 +111,3 @@ fn any_system(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Expl
         (None, _) => double_pendulum::explain(records, rig, settings),
     }
 }
-
-#[cfg(all(test, feature = "sim"))]
-mod coupled_tests;
