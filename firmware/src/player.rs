@@ -13,10 +13,12 @@
 
 use crate::dac::Converter;
 use crate::pacing::Schedule;
-use crate::sweep::BEYOND;
+use crate::sweep::{BEYOND, POINTS_PER_SECOND};
 
-/// Most points of a tick: 40 kHz at 250 Hz. Where a tick has more, the output is a staircase.
+/// Most points of a tick: 40 kHz at 250 Hz.
 pub const MOST: usize = 160;
+/// Greatest sampling rate, mHz: the thread's work of a sample takes 17 000 instructions at most.
+const RATE_MAX_MILLIHERTZ: u32 = 2_000_000;
 /// Points that pass while a run is computed: 0.1 ms at 40 kHz, twice what it takes.
 pub const LEAD: usize = 4;
 /// A run of points.
@@ -49,6 +51,16 @@ pub trait Channel {
     fn stop(&mut self);
 }
 
+/// How timers run at a rate; none where they cannot make it exactly, where it is too great, or where
+/// a tick would have more points than there is room for (below 250 Hz).
+#[must_use]
+pub fn schedule(timer_hertz: u32, rate_millihertz: u32) -> Option<Schedule> {
+    if rate_millihertz > RATE_MAX_MILLIHERTZ {
+        return None;
+    }
+    Schedule::new(timer_hertz, rate_millihertz, POINTS_PER_SECOND).filter(|schedule| schedule.points <= MOST)
+}
+
 /// The player.
 pub struct Player<C> {
     channel: C,
@@ -61,7 +73,7 @@ pub struct Player<C> {
 }
 
 impl<C: Channel> Player<C> {
-    /// Takes the channel, at rest.
+    /// Takes the channel, at rest; timed as [`schedule`] says.
     pub fn new(channel: C, runs: &'static mut [Run; 2], schedule: Schedule) -> Self {
         let mut player = Self { channel, runs, next: 0, schedule, settled: 0 };
         player.set(C::MAX / 2 + C::MAX % 2);
@@ -74,12 +86,12 @@ impl<C: Channel> Player<C> {
     }
 
     fn length(&self) -> usize {
-        self.schedule.points.min(MOST) + BEYOND
+        self.schedule.points + BEYOND
     }
 
     /// The point whose code was written last; none too near to a wrap.
     fn clear(&self) -> Option<usize> {
-        let (points, period) = (self.schedule.points.clamp(1, MOST) as u32, self.schedule.period());
+        let (points, period) = (self.schedule.points as u32, self.schedule.period());
         // A tick's counts are 2¹⁶ at most, its points fewer than 2⁸.
         let turned = self.channel.since_tick() * points;
         let (within, of_point) = (turned % period / points, period / points);
@@ -115,7 +127,7 @@ impl<C: Channel> Converter for Player<C> {
     }
 
     fn points(&self) -> usize {
-        if self.schedule.points > MOST { 1 } else { self.schedule.points }
+        self.schedule.points
     }
 
     fn standing(&mut self) -> (usize, u16) {

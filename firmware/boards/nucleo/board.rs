@@ -26,14 +26,15 @@ use embassy_stm32::{bind_interrupts, dac::DacChannel, dma, interrupt, pac, perip
 use static_cell::ConstStaticCell;
 use whirl_firmware::lines::Pins;
 use whirl_firmware::pacing::Schedule;
-use whirl_firmware::player::{MOST, Player, Run};
+use whirl_firmware::player::{self, MOST, Player, Run};
 use whirl_firmware::settings::Settings;
 use whirl_firmware::store::Store;
-use whirl_firmware::sweep::{BEYOND, POINTS_PER_SECOND};
+use whirl_firmware::sweep::BEYOND;
 use whirl_shared::frame::SettingsSource;
 
 use crate::base_input::Base;
 use crate::boot;
+use crate::fault::passing_over_torn_words;
 use crate::hardware::{Encoder1, Encoder2, pulled_up};
 use crate::player::Registers;
 
@@ -48,8 +49,6 @@ pub const NAME: &str = "nucleo-f446re";
 /// G474 they are in the bank that no program runs from, so that nothing stands still while they are
 /// written.
 const SETTINGS_AT: u32 = 512 * 1024 - 2 * MAX_ERASE_SIZE as u32;
-/// Greatest sampling rate, mHz: the thread's work of a sample takes 17 000 instructions at most.
-const RATE_MAX_MILLIHERTZ: u32 = 2_000_000;
 /// The board is reset when nothing has petted the watchdog for this long, µs.
 pub const WATCHDOG_US: u32 = 100_000;
 
@@ -138,11 +137,8 @@ pub fn watch_longer(longer: bool) {
 
 /// How the timers run at a rate; none where this board cannot.
 fn schedule(settings: &Settings) -> Option<Schedule> {
-    let rate = settings.sample_rate_millihertz;
     let timer = embassy_stm32::rcc::frequency::<peripherals::TIM6>();
-    // With more points than there is room for (below 250 Hz) the drive would be a staircase.
-    let schedule = Schedule::new(timer.0, rate, POINTS_PER_SECOND).filter(|schedule| schedule.points <= MOST);
-    schedule.filter(|_| rate <= RATE_MAX_MILLIHERTZ)
+    player::schedule(timer.0, settings.sample_rate_millihertz)
 }
 
 /// The settings in force, those of the image, and how the timers run.
@@ -156,7 +152,7 @@ fn settings(store: &mut Store<Flash<'static, Blocking>>) -> Option<([Settings; 2
     };
     built_in.boot = boot::before();
     let mut settings = built_in.clone();
-    if let Some(words) = store.load() {
+    if let Some(words) = passing_over_torn_words(|| store.load()) {
         settings.boot.settings = SettingsSource::Refused;
         if let Some(mut kept) = settings.with_words(&words)
             && let Some(schedule) = schedule(&kept)

@@ -3,6 +3,7 @@
 
 use core::fmt;
 use core::panic::PanicInfo;
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use embassy_stm32::pac;
 use whirl_board_lasting::{Panicked, tell_once};
@@ -28,18 +29,31 @@ fn end(cause: impl fmt::Display) -> ! {
     }
 }
 
-/// A word of the flash that a power cut has torn reads with an error that cannot be corrected, which
-/// comes as this exception: the flag is cleared, and the settings' checksum passes the record over.
-/// Nothing else ends here but the clock's supervision, which is off.
+/// Settings are being read: what the flash cannot correct is one of their words.
+static READING_SETTINGS: AtomicBool = AtomicBool::new(false);
+
+/// Reads or writes settings, of which a power cut may have torn a word.
+pub fn passing_over_torn_words<T>(settings: impl FnOnce() -> T) -> T {
+    READING_SETTINGS.store(true, Ordering::SeqCst);
+    let out = settings();
+    // The last read's error comes before the flag falls.
+    cortex_m::asm::dsb();
+    READING_SETTINGS.store(false, Ordering::SeqCst);
+    out
+}
+
+/// A word of the flash that a power cut has torn reads with two wrong bits, which this flash tells by
+/// an NMI. Of the settings it is forgotten: their checksum passes the record over. Anywhere else the
+/// program is not what was flashed.
 #[cfg(chip = "g474re")]
 #[cortex_m_rt::exception]
 unsafe fn NonMaskableInt() {
     let errors = pac::FLASH.eccr().read();
-    if errors.eccd() || errors.eccd2() {
+    if (errors.eccd() || errors.eccd2()) && READING_SETTINGS.load(Ordering::SeqCst) {
         // Flags are cleared by writing one.
         pac::FLASH.eccr().write_value(errors);
     } else {
-        end("an NMI that is not the flash's");
+        end(format_args!("an NMI, ECCR {:#010x}", errors.0));
     }
 }
 

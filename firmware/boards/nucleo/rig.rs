@@ -36,6 +36,7 @@ use whirl_shared::frame::SampleBlock;
 
 use crate::base_input::Base;
 use crate::board;
+use crate::fault::passing_over_torn_words;
 use crate::hardware::{Encoder1, Encoder2};
 use crate::player::Registers;
 
@@ -164,7 +165,7 @@ impl Thread {
     fn keep(&mut self) {
         let Some(words) = self.link.settings_to_keep() else { return };
         board::watch_longer(true);
-        let kept = self.store.save(&words);
+        let kept = passing_over_torn_words(|| self.store.save(&words));
         board::watch_longer(false);
         if let Err(error) = kept {
             defmt::error!("settings were not kept: {}", error);

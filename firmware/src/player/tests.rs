@@ -9,7 +9,7 @@ use std::rc::Rc;
 use std::vec::Vec;
 
 use super::*;
-use crate::sweep::{CATCH_UP, POINTS_PER_SECOND, Scale, Sweep};
+use crate::sweep::{CATCH_UP, Scale, Sweep};
 
 const FIVE_HERTZ: u32 = 42_949_673;
 
@@ -120,7 +120,7 @@ impl<const B: bool> Board<B> {
     const SCALE: Scale = Scale { max: Model::<B>::MAX, full_nanometre: 25_000_000 };
 
     fn new(timer_hertz: u32, rate_hertz: u32, ahead: i64) -> Self {
-        let schedule = Schedule::new(timer_hertz, rate_hertz * 1_000, POINTS_PER_SECOND).unwrap();
+        let schedule = schedule(timer_hertz, rate_hertz * 1_000).unwrap();
         let chip = Chip {
             ahead,
             clocks_per_point: i64::from(schedule.point_reload) + 1,
@@ -310,11 +310,12 @@ fn a_set_point_ends_a_run_and_the_next_one_goes_on_from_it() {
 }
 
 #[test]
-fn a_tick_of_more_points_than_there_is_room_for_is_a_staircase() {
-    let mut board = Board::<false>::new(170_000_000, 100, 0);
-    assert_eq!((board.player.schedule().points, board.player.points()), (400, 1));
-    assert!(Board::<false>::new(170_000_000, 250, 0).player.points() == MOST);
-    board.player.set(7);
-    board.pass(board.per_tick);
-    assert_eq!(board.chip.borrow().out.last(), Some(&7));
+fn rates_whose_tick_has_more_points_than_there_is_room_for_are_none() {
+    for timer_hertz in [170_000_000, 90_000_000, 150_000_000] {
+        for (rate_hertz, points) in [(100, None), (125, None), (200, None), (250, Some(MOST)), (2_000, Some(20))] {
+            let found = schedule(timer_hertz, rate_hertz * 1_000);
+            assert_eq!(found.map(|found| found.points), points, "{timer_hertz} Hz, {rate_hertz} Hz");
+        }
+        assert_eq!(schedule(timer_hertz, 2_500_000), None);
+    }
 }

@@ -54,17 +54,16 @@ pub fn inertia(mechanism: &Mechanism, coordinate: usize) -> Option<&Polynomial> 
     mechanism.scales.iter().find(|s| s.0 == coordinate).map(|s| &s.1)
 }
 
-/// An entry with the ratio of inertias as a shape: what it is, where that is known.
+/// An entry with the ratio of inertias as a shape.
 #[must_use]
-pub fn with_ratio(entry: &Entry, ratio: Option<f64>) -> Entry {
-    let (grid, within) = ratio.map_or_else(|| (RATIOS.to_vec(), Some(WITHIN)), |r| (vec![r], None));
-    entry.with_shape(INERTIA_RATIO, grid, within)
+pub fn with_ratio(entry: &Entry) -> Entry {
+    entry.with_shape(INERTIA_RATIO, RATIOS.to_vec(), Some(WITHIN))
 }
 
 /// The same for a place of written equations, where these leave the ratio open.
 pub fn in_written(entry: &Entry, place: Place, mechanism: &Mechanism) -> Option<Entry> {
     let Place::Between(i, j) = place else { return None };
-    mechanism.apart.contains(&(i, j)).then(|| with_ratio(entry, None))
+    mechanism.apart.contains(&(i, j)).then(|| with_ratio(entry))
 }
 
 #[cfg(all(test, feature = "sim"))]

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use super::between;
 use super::catalogue;
 use super::columns::{self, Action, Span};
-use super::entry::{Entry, Form, Verb};
+use super::entry::{At, Entry, Form, Verb};
 use super::{places, written};
 use crate::error::{BadInput, Result};
 use crate::model::model_file::expression::Node;
@@ -137,10 +137,14 @@ pub fn of(
         let here = places::of(entry, file, bound);
         let Some(place) = here.iter().find(|p| p.name(file) == given.at) else {
             let names: Vec<String> = here.iter().map(|p| p.name(file)).collect();
-            let names = if names.is_empty() {
-                "a system that has such a place".to_owned()
-            } else {
-                format!("one of {}", names.join(", "))
+            let names = match (&names[..], entry.at) {
+                ([], At::Between) => {
+                    "two coordinates of one kind by whose difference no joint moves (at a joint that does, \
+                                      a torsion-spring is this)"
+                        .to_owned()
+                }
+                ([], _) => "a system that has such a place".to_owned(),
+                (names, _) => format!("one of {}", names.join(", ")),
             };
             return Err(bad(text, format!("\"{}\"", given.at), names));
         };

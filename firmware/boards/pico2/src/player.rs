@@ -8,26 +8,20 @@
 //! in the register already, and k + 2 is the first that can still be chosen.
 
 use whirl_firmware::pacing::Schedule;
-use whirl_firmware::player::MOST;
+use whirl_firmware::player;
 use whirl_firmware::sweep::POINTS_PER_SECOND;
 
 /// Clock of the slices, Hz.
 pub const CLOCK_HZ: u32 = 150_000_000;
 /// Clocks of a point, and the greatest width: the output is high all the time.
 pub const WIDTH: u16 = (CLOCK_HZ / POINTS_PER_SECOND) as u16;
-/// Greatest sampling rate, mHz: the thread's work of a sample takes 17 000 instructions at most.
-const RATE_MAX_MILLIHERTZ: u32 = 2_000_000;
 
 /// How the slices run at a rate; none where a tick would not be a whole number of points.
 #[must_use]
 pub fn schedule(rate_millihertz: u32) -> Option<Schedule> {
-    if rate_millihertz > RATE_MAX_MILLIHERTZ {
-        return None;
-    }
-    let schedule = Schedule::new(CLOCK_HZ, rate_millihertz, POINTS_PER_SECOND)?;
+    let schedule = player::schedule(CLOCK_HZ, rate_millihertz)?;
     // A slice's divider has 8 bits.
-    let fits = schedule.prescaler < 255 && schedule.points <= MOST;
-    (fits && schedule.point_reload == WIDTH - 1).then_some(schedule)
+    (schedule.prescaler < 255 && schedule.point_reload == WIDTH - 1).then_some(schedule)
 }
 
 /// Microseconds of a tick: what a clock of 1 MHz counts.

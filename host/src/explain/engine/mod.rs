@@ -1,5 +1,5 @@
 //! Explanations for any system of bodies or written equations: every effect of the catalogue at
-//! every joint, arm, encoder, at its drive and frame.
+//! every joint, pair of coordinates, arm, encoder, at its drive and frame.
 //!
 //! The equations without dampings and the nominal dampings, tied over the equations, are fitted by
 //! shooting (`shooting`), by the weak form where the model follows no window; every candidate is

@@ -30,10 +30,10 @@ mod on_target {
     use whirl_firmware::history::KEPT;
     use whirl_firmware::lines::{Pins, WithLines};
     use whirl_firmware::link::Link;
-    use whirl_firmware::pacing::{Pacer, Passed, Schedule};
-    use whirl_firmware::player::{Channel, MOST, Player, Run};
+    use whirl_firmware::pacing::{Pacer, Passed};
+    use whirl_firmware::player::{Channel, MOST, Player, Run, schedule};
     use whirl_firmware::sampler::Sampler;
-    use whirl_firmware::sweep::{BEYOND, POINTS_PER_SECOND};
+    use whirl_firmware::sweep::BEYOND;
     use whirl_firmware::{Inputs, QuadratureCounter, Settings, ShakerOutput, WithBase};
     use whirl_shared::codec::{MAX_FRAME, encode};
     use whirl_shared::excitation::{Component, Excitation, Glide, Law, Table, WHOLE};
@@ -185,7 +185,7 @@ mod on_target {
         let base = BaseSensor { kind: BaseKind::Position, scale: 763_000 };
         let settings = Settings { board: "measure", base_input: true, base, ..Settings::default() };
         static RUNS: ConstStaticCell<[Run; 2]> = ConstStaticCell::new([[0; MOST + BEYOND]; 2]);
-        let schedule = Schedule::new(TIMER_HZ, settings.sample_rate_millihertz, POINTS_PER_SECOND)?;
+        let schedule = schedule(TIMER_HZ, settings.sample_rate_millihertz)?;
         (schedule.points == 80).then_some(())?;
         let player = Player::new(Points(Cell::new(0)), RUNS.take(), schedule);
         let pins = Pins { enabled: Pin, start: Pin, moving: Pin };

@@ -46,7 +46,7 @@ impl Setting<'_> {
     }
 
     /// An entry between two coordinates, with the ratio of their inertias as a shape where that
-    /// stays open; said to be known in the rig file it is one that is not sought.
+    /// stays open.
     fn between(&self, entry: Arc<Entry>, (i, j): (usize, usize), physical: &Physical) -> Arc<Entry> {
         let Some(mechanism) = self.mechanism() else { return entry };
         let inertia = |k: usize| between::inertia(mechanism, k);
@@ -55,9 +55,7 @@ impl Setting<'_> {
             (Some(first), Some(second)) => physical.openness.is_open(second, first),
             _ => true,
         };
-        let known = |k: usize| self.rig.known.get(&format!("J_{}", self.model().coordinates[k].name));
-        let ratio = known(i).zip(known(j)).map(|(first, second)| second / first).filter(|_| self.is_written());
-        if is_open { Arc::new(between::with_ratio(&entry, ratio)) } else { entry }
+        if is_open { Arc::new(between::with_ratio(&entry)) } else { entry }
     }
 
     /// An entry that names a load, at a joint: as it is where the load is fixed, otherwise with the
