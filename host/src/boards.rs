@@ -12,6 +12,11 @@ pub struct Board {
     /// The target that its firmware is built for, as rustup knows it; empty where that is this
     /// machine.
     pub target: &'static str,
+    /// Extension of the image that the drive takes which the board shows on USB; empty where it
+    /// shows none.
+    pub drop: &'static str,
+    /// Whether samples come through a serial port of some rate.
+    pub has_baud: bool,
     /// What it is.
     pub about: &'static str,
 }
@@ -26,6 +31,8 @@ pub static BOARDS: &[Board] = &[
         package: "whirl-board-nucleo-g474re",
         chip: Some("STM32G474RETx"),
         target: CORTEX_M4F,
+        drop: "bin",
+        has_baud: true,
         about: "ST NUCLEO-G474RE, Cortex-M4F at 170 MHz: `whirl flash --board nucleo-g474re`, docs/boards.md",
     },
     Board {
@@ -33,6 +40,8 @@ pub static BOARDS: &[Board] = &[
         package: "whirl-board-nucleo-f446re",
         chip: Some("STM32F446RETx"),
         target: CORTEX_M4F,
+        drop: "bin",
+        has_baud: true,
         about: "ST NUCLEO-F446RE, Cortex-M4F at 180 MHz: `whirl flash --board nucleo-f446re`, docs/boards.md",
     },
     Board {
@@ -40,6 +49,8 @@ pub static BOARDS: &[Board] = &[
         package: "whirl-board-pico2",
         chip: Some("RP235x"),
         target: "thumbv8m.main-none-eabihf",
+        drop: "uf2",
+        has_baud: false,
         about: "Raspberry Pi Pico 2, Cortex-M33 at 150 MHz: drop its .uf2 on the drive that it shows, docs/boards.md",
     },
     Board {
@@ -47,6 +58,8 @@ pub static BOARDS: &[Board] = &[
         package: "whirl-board-mps2-an386",
         chip: None,
         target: CORTEX_M4F,
+        drop: "",
+        has_baud: false,
         about: "Cortex-M4F emulated by QEMU, against the simulated rig (docs/boards.md)",
     },
     Board {
@@ -54,6 +67,8 @@ pub static BOARDS: &[Board] = &[
         package: "whirl-firmware",
         chip: None,
         target: "",
+        drop: "",
+        has_baud: false,
         about: "the firmware in lock-step with the simulated rig (`whirl capture --from sim`)",
     },
 ];

@@ -7,11 +7,13 @@
 use std::time::Duration;
 
 use clap::Args;
-use whirl_shared::frame::{Command, CommandResult, Hello, MOST_ENCODERS, Setting, SettingsSource};
+use whirl_shared::codec::samples_frame_len;
+use whirl_shared::frame::{BLOCK_LEN, BaseKind, Command, CommandResult, Hello, MOST_ENCODERS, Setting, SettingsSource};
 
 use super::Answer;
 use super::device::{Device, Link, heading, table};
 use super::output::print_warnings;
+use crate::boards;
 use crate::capture::serial::DEFAULT_BAUD;
 use crate::capture::setting_keys::{self, Change};
 use crate::capture::talk::Talk;
@@ -21,6 +23,12 @@ use crate::warning::Warning;
 /// How long a board may take to erase a page of its flash and write it: 2 s on the slowest, and its
 /// start.
 const KEEPING: Duration = Duration::from_secs(5);
+/// Blocks a second that end before they are full, at worst: ten commands, and the ramps that they
+/// begin.
+const CUT: f64 = 20.0;
+/// Bytes a second beside the samples, at worst: statuses, answers, estimates
+/// (docs/wire-protocol.md, "What the line must carry").
+const BESIDE: f64 = 480.0;
 
 /// Arguments of `device set`.
 #[derive(Debug, Args)]
@@ -61,6 +69,7 @@ pub fn run(link: &Link, arguments: &Arguments) -> Result<Answer> {
         let baud = baud(&changes);
         restarted(link, &from, talk, &before, &wanted, baud, &mut warnings)?
     };
+    warnings.extend(narrow(&after, &wanted));
     let device = Device::of(&after);
     let out = link.out();
     out.write_json(&serde_json::json!({
@@ -100,6 +109,39 @@ fn baud(changes: &[Change]) -> Option<u32> {
         Setting::Baud { rate } => Some(*rate),
         Setting::BuiltIn => Some(DEFAULT_BAUD),
         _ => None,
+    })
+}
+
+/// Warns of a serial port that cannot carry at worst what is sampled, as it will be.
+fn narrow(hello: &Hello, wanted: &[Setting]) -> Option<Warning> {
+    if boards::of(&hello.board).is_none_or(|board| !board.has_baud) {
+        return None;
+    }
+    let (mut baud, mut millihertz) = (hello.baud, hello.sample_rate_millihertz);
+    let mut base = hello.base.kind;
+    for setting in wanted {
+        match *setting {
+            Setting::Baud { rate } => baud = rate,
+            Setting::SampleRate { millihertz: rate } => millihertz = rate,
+            Setting::Base { kind } => base = kind,
+            _ => {}
+        }
+    }
+    let channels = hello.counts_per_turn.len() + usize::from(base != BaseKind::None);
+    let blocks = f64::from(millihertz) / 1e3 / BLOCK_LEN as f64 + CUT;
+    // Ten bits a byte.
+    let needed = 10.0 * (blocks * samples_frame_len(channels) as f64 + BESIDE);
+    (needed > f64::from(baud)).then(|| {
+        Warning::new(
+            "line-narrow",
+            format!(
+                "{channels} channels at {} Hz take up to {needed:.0} baud, the serial port has {baud}",
+                f64::from(millihertz) / 1e3
+            ),
+            "`whirl device set baud=921600`, which is enough for all: what the line does not take is lost",
+        )
+        .with("needed_baud", needed.round())
+        .with("baud", baud)
     })
 }
 
@@ -175,8 +217,8 @@ fn restarted(
         return Err(BadInput::new("settings that are kept but not in force", "settings that this board can have")
             .in_file(from)
             .remedy(
-                "It runs with those of its image: its timers may not make that sampling rate exactly. Set another value, \
-                 or `whirl device set settings=built-in`",
+                "It runs with those of its image: its timers may not make that sampling rate exactly, or it is not within \
+                 250 Hz to 2 kHz. Set another value, or `whirl device set settings=built-in`",
             ));
     }
     if before.zeros.iter().zip(&hello.zeros).any(|(old, new)| old.id != new.id) {
@@ -231,6 +273,26 @@ mod tests {
                 .collect();
         let counts = |channel, counts| Setting::CountsPerTurn { channel, counts };
         assert_eq!(wanted(&changes), [counts(0, 1024), counts(1, 2048)]);
+    }
+
+    #[test]
+    fn a_line_that_is_too_narrow_is_told() {
+        let told = |change: &str, hello: &Hello| {
+            let wanted = if change.is_empty() { Vec::new() } else { setting_keys::parse(change, 2).unwrap().settings };
+            narrow(hello, &wanted).map(|warning| format!("{warning:?}"))
+        };
+        let mut hello = Hello { board: "nucleo-g474re".try_into().unwrap(), baud: 115_200, ..Hello::default() };
+        hello.counts_per_turn = [4096, 4096].into_iter().collect();
+        hello.sample_rate_millihertz = 500_000;
+        // As delivered, and with the base's sensor: docs/wire-protocol.md.
+        assert_eq!((told("", &hello), told("base=position", &hello)), (None, None));
+        let text = told("sample_rate_hz=2000", &hello).unwrap();
+        assert!(text.contains("2 channels at 2000 Hz") && text.contains("baud=921600"), "{text}");
+        hello.baud = 921_600;
+        assert_eq!(told("sample_rate_hz=2000", &hello), None);
+        assert!(told("baud=57600", &hello).is_some());
+        let usb = Hello { board: "pico2".try_into().unwrap(), baud: 57_600, ..hello };
+        assert_eq!(told("sample_rate_hz=2000", &usb), None);
     }
 
     #[test]

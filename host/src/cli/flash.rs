@@ -44,12 +44,14 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
 
 #[cfg(not(feature = "probe"))]
 fn flash(board: &boards::Board, _: &str, given: Option<(PathBuf, Kind)>) -> Result<Answer> {
-    // What the board's own drive takes.
-    let dropped = |kind: &Kind| matches!(kind, Kind::Uf2) == (board.id == "pico2") && *kind != Kind::Elf;
-    let extension = if board.id == "pico2" { "uf2" } else { "bin" };
+    let taken = |kind: &Kind| match kind {
+        Kind::Bin(_) => board.drop == "bin",
+        Kind::Uf2 => board.drop == "uf2",
+        Kind::Elf => false,
+    };
     let (image, made) = match &given {
-        Some((path, kind)) if dropped(kind) => (path.display().to_string(), ""),
-        _ => (format!("whirl-{}.{extension}", board.id), " (`cargo run -p whirl-board-build -- images` makes it)"),
+        Some((path, kind)) if taken(kind) => (path.display().to_string(), ""),
+        _ => (format!("whirl-{}.{}", board.id, board.drop), " (`cargo run -p whirl-board-build -- images` makes it)"),
     };
     Err(BadInput::new("a build that cannot flash", "a build with --features probe").remedy(format!(
         "Build it with `cargo build --release --features probe`, or copy {image}{made} onto the \
@@ -184,6 +186,19 @@ mod tests {
     fn without_the_probe_s_library_it_says_so() {
         let message = refused_with("nucleo-f446re", None);
         assert!(message.contains("--features probe") && message.contains("whirl-nucleo-f446re.bin"), "{message}");
+        let message = refused_with("pico2", None);
+        assert!(message.contains("copy whirl-pico2.uf2"), "{message}");
+        // An image that is given, where the board's drive takes such.
+        for (board, kind, named) in [
+            ("nucleo-f446re", Kind::Bin(0x0800_0000), "copy /i onto"),
+            ("nucleo-f446re", Kind::Elf, "copy whirl-nucleo-f446re.bin"),
+            ("nucleo-f446re", Kind::Uf2, "copy whirl-nucleo-f446re.bin"),
+            ("pico2", Kind::Uf2, "copy /i onto"),
+            ("pico2", Kind::Bin(0x1000_0000), "copy whirl-pico2.uf2"),
+        ] {
+            let message = flash(boards::of(board).unwrap(), "", Some(("/i".into(), kind))).unwrap_err().to_string();
+            assert!(message.contains(named), "{message}");
+        }
     }
 
     #[test]

@@ -263,12 +263,11 @@ pub fn worthwhile(
         _ => return fit(&none).map(|outcome| Worthwhile::all(&none, outcome)),
     };
     let mut best = Worthwhile::all(unknown, outcome);
-    // What was shown to be off beside a zero that is held now need no longer be.
+    // What seemed to be off beside a zero that is held now need not be any more.
     while let Some(fewer) = best.unknown.worth(&best.outcome, states) {
-        let before = best.before.take().unwrap_or_else(|| {
-            let count = best.outcome.fit.parameters.len();
-            (unknown.clone(), (count - unknown.count()..count).map(|i| error(&best.outcome, i)).collect())
-        });
+        let first = best.outcome.fit.parameters.len() - best.unknown.count();
+        let errors = || (first..best.outcome.fit.parameters.len()).map(|i| error(&best.outcome, i)).collect();
+        let before = best.before.take().unwrap_or_else(|| (unknown.clone(), errors()));
         best = Worthwhile { outcome: fit(&fewer)?, unknown: fewer, before: Some(before) };
     }
     Ok(best)
