@@ -123,7 +123,12 @@ impl Single for Arguments {
     fn judge(&self, result: &Explanation, lost: u64) -> Judgement {
         if result.verdict == Verdict::NotDecidable {
             // The answer itself says why.
-            return Judgement::negative(None);
+            let model = self.output.as_ref().filter(|_| result.model.is_none());
+            return Judgement::negative(
+                model.map(|p| {
+                    format!("{} was not written: as long as nothing is decided there is no model", p.display())
+                }),
+            );
         }
         self.stands(result, lost)
     }

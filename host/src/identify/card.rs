@@ -53,7 +53,7 @@ fn sentence(result: &Identification) -> String {
         format!("but this answer cannot stand: {}", inside(w.text.trim_end_matches('.')))
     } else if !result.within_bound() {
         "but its equations do not balance on this record: something is missing, run `whirl explain`".to_owned()
-    } else if result.warnings.iter().any(|w| w.id == "model-misses-something") {
+    } else if result.warnings.iter().any(|w| ["model-misses-something", "more-than-noise"].contains(&w.id)) {
         "but these equations miss something: run `whirl explain`".to_owned()
     } else {
         "and its equations describe the record".to_owned()

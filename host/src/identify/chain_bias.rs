@@ -15,6 +15,8 @@
 //! into the covariance. Every window has a solution of its own, so that a chaotic motion has no
 //! time to make a rounding error visible: two ways to write the same equations have the same bias.
 //!
+//! Measured inputs act between their samples as a band-limited signal does.
+//!
 //! Limits: the model must be one that can be integrated, and stay finite; a solution leaves the
 //! record after some Lyapunov times but keeps to the same kind of motion.
 
@@ -27,17 +29,20 @@ use super::remeasured::{Sensors, measure};
 use super::series::System;
 use super::stretches::Stretch;
 use super::ties;
+use super::track::ExogenousInputs;
 use super::windows::{Kernels, Plan, Stretches, WindowRows, Windows, rows_planned};
 use crate::model::dynamics::Dynamics;
-use crate::model::flow::{Flow, Outside, Work};
+use crate::model::flow::{Flow, Inputs, Outside, Work};
+use crate::model::integrate;
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
 
-/// Longest step of integration: samples; under a drive s, and as a share of its period; otherwise
+/// Longest step of integration: samples (of measured inputs, which may change in each); under a drive s, and as a share of its period; otherwise
 /// as a share of a window, which holds 3 to 10 periods of the motion. What a solution leaves of its
 /// equations, its local error over the step, must be far below what the sensors leave; a test holds
 /// it.
 const STEP_SAMPLES: f64 = 4.0;
+const STEP_SAMPLES_OF_INPUTS: f64 = 1.0;
 const STEP_S: f64 = 8e-3;
 const STEPS: f64 = 25.0;
 const STEPS_IN_WINDOW: f64 = 500.0;
@@ -65,7 +70,8 @@ pub struct Solved<'a> {
 }
 
 /// Measures the bias of a solution's coefficients. `None` where the model moves otherwise than the
-/// record. Not for systems with measured inputs, whose noise a solution would take for motion.
+/// record. Under measured inputs a solution takes their noise for motion: then it is no bias, but
+/// what it says of the residuals holds.
 pub fn estimate(
     system: &System<'_>,
     windows: &Windows,
@@ -111,7 +117,7 @@ pub(crate) fn from_solutions(
     for window in plain.iter_mut().chain(measured.iter_mut().flatten()) {
         window.run = window.run * n / motions.max(1);
     }
-    let mut bias = from_rows(n, &plain, &measured, terms, weights)?;
+    let mut bias = from_rows(true, n, &plain, &measured, terms, weights)?;
     let sums = RunSums::new(&plain, n, terms, weights);
     let solve = |without: Option<usize>| Some(sums.solve(without)? - coefficients);
     let all = solve(None)?;
@@ -134,12 +140,13 @@ pub(crate) fn from_solutions(
     Some(bias)
 }
 
-/// Longest step of integration under a drive of angular frequency `omega` (0 for none) for samples
-/// `spacing` apart and windows of `window_s`, s.
-fn step_s(omega: f64, spacing: f64, window_s: f64) -> f64 {
+/// Longest step of integration for samples `spacing` apart and windows of `window_s`, s.
+fn step_s(outside: &Outside<'_>, spacing: f64, window_s: f64) -> f64 {
+    let omega = outside.omega;
     let most =
         if omega > 0.0 { STEP_S.min(core::f64::consts::TAU / omega / STEPS) } else { window_s / STEPS_IN_WINDOW };
-    most.min(STEP_SAMPLES * spacing)
+    let samples = if outside.inputs.is_some() { STEP_SAMPLES_OF_INPUTS } else { STEP_SAMPLES };
+    most.min(samples * spacing)
 }
 
 /// State at the sample in the middle of a kernel's span: each coordinate low-passed, then its rate.
@@ -188,7 +195,7 @@ pub(crate) fn solve<D: Dynamics + ?Sized>(
     out: &mut [Vec<f64>],
 ) -> bool {
     let SampledWindow { start_s, spacing_s: spacing, length_s: window_s } = *window;
-    let flow = Flow::new(dynamics, parameters, outside, step_s(outside.omega, spacing, window_s));
+    let flow = Flow::new(dynamics, parameters, outside, step_s(&outside, spacing, window_s));
     let mut work = Work::plain(dynamics);
     let count = out.first().map_or(0, Vec::len);
     let rounded_s = if outside.omega > 0.0 { ROUNDED_S } else { window_s / ROUNDINGS };
@@ -228,6 +235,7 @@ pub(crate) fn motions(
     let reach = system.kernels.clear.reach();
     let omega = rig.drive.map_or(0.0, |_| rig.omega());
     let lengths: Vec<usize> = system.stretches.iter().map(Stretch::len).collect();
+    let inputs: Vec<ExogenousInputs> = system.stretches.iter().map(|s| ExogenousInputs::new(s, omega)).collect();
     let found: Vec<Stretch> = places(&lengths, system.kernels, windows, system.step_s(0), 1)
         .into_par_iter()
         .map(|(i, first, last)| {
@@ -235,7 +243,9 @@ pub(crate) fn motions(
             let mut out = record.part(first + reach, last - reach);
             let before = record.coordinates.iter().map(|x| &x[first..first + 2 * reach + 1]);
             let state = state_at(before, system.kernels)?;
-            let outside = Outside::drive(out.start_s, out.tau(0), omega);
+            let at = |t: f64, out: &mut [f64]| integrate::Outside::inputs(&inputs[i], t, out);
+            let measured = (!record.inputs.is_empty()).then_some(Inputs { count: record.inputs.len(), at: &at });
+            let outside = Outside { inputs: measured, ..Outside::drive(out.start_s, out.tau(0), omega) };
             let window = SampledWindow {
                 start_s: record.time(first + reach),
                 spacing_s: out.step_s,
@@ -277,7 +287,7 @@ mod tests {
             }
             states
         };
-        let (coarse, fine) = (flow(step_s(omega, 2e-3, 4.0)), flow(4e-4));
+        let (coarse, fine) = (flow(step_s(&Outside::drive(0.0, 0.0, omega), 2e-3, 4.0)), flow(4e-4));
         let (mut error, mut change) = (0.0, 0.0);
         for ((_, a), (from, b)) in coarse.iter().zip(&fine) {
             for i in 2..4 {

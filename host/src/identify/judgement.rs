@@ -11,8 +11,10 @@
 //! (G − 1)) has Fisher's F distribution with d and G − d degrees of freedom (Hotelling 1931). Where
 //! that is less likely than `CHANCE`, the equations miss something.
 //!
-//! *Noise.* The sensors' noise alone, put through the whole chain ([`super::noise_bias`]), tells
-//! what ε and which residual power a record would have if the equations were right.
+//! *Noise.* Records that the identified model makes itself, from states of the record, with the
+//! noise of sensors and measured inputs ([`super::chain_bias`]), tell what ε and which residual
+//! power a record would have if the equations were right, and how much that scatters. Where an input
+//! hides its noise ([`super::input_noise`]), what is left may be that, and the answer stands.
 //!
 //! Limits: inertias and ties of the double and single pendulum; of systems from bodies the signs of
 //! nominal frictions and of masses. Nothing tells which signs the coefficients of written equations
@@ -42,7 +44,7 @@ const BESIDE_NOISE: f64 = 2.0;
 /// harmonic of 2 % in the drive (ratio 71) moves B11 by 7.4 standard errors. It is no bound below
 /// which nothing has moved: an eccentricity of 0.015 rad (ratio 12) moves B22 by 12 of them, and is
 /// warned of.
-const MISLEADING: f64 = 25.0;
+pub(super) const MISLEADING: f64 = 25.0;
 
 /// Coefficients with their covariance.
 pub(super) struct Coefficients<'a> {
@@ -106,28 +108,32 @@ pub fn judge(result: &mut Identification, rig: &Rig) {
     }
     let negative = physical_signs(result, rig);
     result.warnings.extend(negative);
-    // The noise of measured inputs is not in what is expected.
-    let inputs = rig.bound.as_ref().is_some_and(|bound| !bound.inputs.is_empty());
-    if let Some(ratio) = result.details.residual_over_noise.filter(|_| !inputs)
-        && ratio > BESIDE_NOISE
-    {
-        // What a model misses comes back wherever the motion does: it is no sign of a periodic
-        // record.
-        let percent =
-            |of: &[f64]| of.iter().map(|e| format!("{} %", significant(100.0 * e, 2))).collect::<Vec<_>>().join(", ");
-        let warning =
-            Warning::new(
-                "model-misses-something",
-                format!(
-                    "These equations do not describe this record: the identification error is {}, where its sensors explain {}",
-                    percent(&result.identification_error),
-                    percent(&result.details.expected_error)
-                ),
-                "An effect is missing. Run `whirl explain`",
-            )
-            .with("residual_over_noise", ratio);
-        result.warnings.push(if ratio > MISLEADING { warning.invalidating() } else { warning });
-    }
+    result.warnings.extend(misfit(result));
+}
+
+/// That more is left than the sensors' noise. Where an input hides its noise, it may be that.
+fn misfit(result: &Identification) -> Option<Warning> {
+    let details = &result.details;
+    let by_chance = details.by_chance.max(1.0);
+    let ratio = details.residual_over_noise.filter(|ratio| *ratio > BESIDE_NOISE * by_chance)?;
+    // What a model misses comes back wherever the motion does: it is no sign of a periodic record.
+    let percent =
+        |of: &[f64]| of.iter().map(|e| format!("{} %", significant(100.0 * e, 2))).collect::<Vec<_>>().join(", ");
+    let hidden = details.hidden_noise.join(" and ");
+    let advice = if hidden.is_empty() {
+        "An effect is missing. Run `whirl explain`".to_owned()
+    } else {
+        format!(
+            "An effect is missing, or it is the noise of {hidden}, which this record does not show. Run `whirl explain`"
+        )
+    };
+    let text = format!(
+        "These equations do not describe this record: the identification error is {}, where its sensors explain {}",
+        percent(&result.identification_error),
+        percent(&details.expected_error)
+    );
+    let warning = Warning::new("model-misses-something", text, advice).with("residual_over_noise", ratio);
+    Some(if ratio > MISLEADING * by_chance && hidden.is_empty() { warning.invalidating() } else { warning })
 }
 
 /// Coefficients with a sign that no rig has.

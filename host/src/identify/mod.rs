@@ -21,6 +21,7 @@ pub mod harmonic_balance;
 pub mod history;
 pub mod identifiability;
 pub mod index_marks;
+pub mod input_noise;
 mod judgement;
 mod known_of_system;
 mod known_quantities;

@@ -17,9 +17,8 @@
 //!
 //! The noise of a sensor that does not count comes from the spectrum, where the tail of a motion
 //! sampled coarsely looks like noise. Noise so large would leave larger residuals than the record
-//! has: the weights are one over the record's mean square residuals, so that those of the repeats
-//! have a weighted rms ρ of 1 where the noise is right. Where ρ > 2 the bias is measured again with
-//! the noise divided by ρ.
+//! has: where the weighted rms of the repeats' is ρ > 2 times that of the record's, the bias is
+//! measured again with the noise divided by ρ.
 //!
 //! The bias does not depend on the record's length: it is measured on at most 64 windows spread
 //! over the record, so that a long record costs no more. The noise is seeded: the same record gives
@@ -52,13 +51,16 @@ pub struct Bias {
     /// motion that repeats cannot average out, since it meets the encoders' grids at the same
     /// points each time, and where these lie is not known.
     pub spread: DMatrix<f64>,
-    /// ρ: weighted rms residual over the repeats, 1 where the noise assumed leaves residuals like
-    /// the record's.
+    /// Weighted rms residual over the repeats: that of the record where the noise assumed is its
+    /// own.
     pub residual: f64,
-    /// The same of the noise alone: what the repeats' residuals have beside those of the motion as
-    /// it is.
+    /// The same where the equations hold: of repeats of a solution, or what the repeats' residuals
+    /// have beside those of the motion as it is.
     pub noise: f64,
-    /// ε of each equation that the noise alone gives.
+    /// The largest square of the noise that is chance, over its mean square: the repeats' scatter
+    /// with t₀.₉₇₅(R−1). A friction that sticks meets the noise of a joint at rest, and scatters most.
+    pub by_chance: f64,
+    /// ε of each equation that this gives.
     pub error: Vec<f64>,
 }
 
@@ -78,25 +80,29 @@ impl Bias {
 const TOO_MUCH: f64 = 2.0;
 
 /// The bias with the noise `sigma` of each sensor, or, where such noise leaves residuals larger
-/// than the record's, with as much less. `sigma` then becomes what it was measured with. `counted`:
-/// for each sensor whether its noise is known from its counts.
+/// than the record's (`left`, weighted rms), with as much less. `sigma` then becomes what it was
+/// measured with. `counted`: for each sensor whether its noise is known from its counts.
 pub(crate) fn with_noise_that_fits(
     sigma: &mut [f64],
     counted: &[bool],
+    left: f64,
     measure: impl Fn(&[f64]) -> Option<Bias>,
 ) -> Option<Bias> {
     let bias = measure(sigma)?;
     let uncertain = sigma.iter().zip(counted).any(|(s, counted)| *s > 0.0 && !counted);
-    if !(uncertain && bias.residual.is_finite() && bias.residual > TOO_MUCH) {
+    let ratio = bias.residual / left;
+    if !(uncertain && ratio.is_finite() && ratio > TOO_MUCH) {
         return Some(bias);
     }
-    sigma.iter_mut().zip(counted).filter(|(_, counted)| !**counted).for_each(|(s, _)| *s /= bias.residual);
+    sigma.iter_mut().zip(counted).filter(|(_, counted)| !**counted).for_each(|(s, _)| *s /= ratio);
     measure(sigma)
 }
 
 /// The bias from the rows of known motions, as they are (`plain`) and measured again
-/// (`repeats_rows`, [`REPEATS`] times); their `run` is the stretch.
+/// (`repeats_rows`, [`REPEATS`] times); their `run` is the stretch. `solutions`: whether the motions
+/// are solutions of the equations.
 pub(crate) fn from_rows(
+    solutions: bool,
     stretches: usize,
     plain_rows: &[WindowRows],
     repeats_rows: &[Vec<WindowRows>],
@@ -135,8 +141,18 @@ pub(crate) fn from_rows(
     });
     let squares = repeats_rows.iter().map(|rows| weighted_rms(rows, terms, weights, &mean).powi(2));
     let residual = (squares.sum::<f64>() / repeats_rows.len().max(1) as f64).sqrt();
-    let (noise, error) = noise_alone(plain_rows, repeats_rows, terms, weights, &mean);
-    Some(Bias { value, covariance, spread, residual, noise, error })
+    let left = noise_alone((!solutions).then_some(plain_rows), repeats_rows, terms, weights, &mean);
+    let by_chance = by_chance(&left.squares);
+    Some(Bias { value, covariance, spread, residual, noise: left.rms, by_chance, error: left.error })
+}
+
+/// Largest of one more, over the mean, by t₀.₉₇₅.
+fn by_chance(squares: &[f64]) -> f64 {
+    let n = squares.len() as f64;
+    let mean = squares.iter().sum::<f64>() / n;
+    let variance = squares.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    let share = 1.96 * STRETCH_T * (variance * (1.0 + 1.0 / n)).sqrt() / mean;
+    1.0 + if share.is_finite() { share } else { 0.0 }
 }
 
 /// Where stretches of `together` windows lie in segments of these lengths: segment, first sample,
@@ -163,4 +179,18 @@ pub(crate) fn places(
     }
     let count = all.len().min(MOST_WINDOWS / together);
     (0..count).map(|k| all[k * all.len() / count]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_scatters_more_may_be_more_by_chance() {
+        assert!((by_chance(&[2.0; 4]) - 1.0).abs() < 1e-12);
+        // Mean 1, variance 0.01: 1 + 3.182 · 0.1 · √1.25.
+        let by = 0.1 * 0.75f64.sqrt();
+        assert!((by_chance(&[1.0 - by, 1.0 + by, 1.0 - by, 1.0 + by]) - 1.3558).abs() < 1e-4);
+        assert!((by_chance(&[0.0; 4]) - 1.0).abs() < 1e-12);
+    }
 }

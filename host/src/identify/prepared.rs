@@ -9,7 +9,7 @@ use super::remeasured::Sensors;
 use super::shooting::zeros::ZeroOffset;
 use super::stretches::{self, Stretch};
 use super::windows::{Kernels, Windows, samples_needed};
-use super::{Settings, boots, free_geometry, standstill};
+use super::{Settings, boots, free_geometry, input_noise, standstill};
 use crate::error::{BadInput, Result};
 use crate::record::Record;
 use crate::rig::measures::ObservedModel;
@@ -132,6 +132,7 @@ impl Steady {
             sigma: noises.iter().map(|n| n.map_or(0.0, |n| n.sigma)).collect(),
             square_error: noises.iter().zip(&count).map(error).collect(),
             count,
+            inputs: input_noise::of(&self.stretches),
         };
         Ok(Measured { sensors, geometry })
     }

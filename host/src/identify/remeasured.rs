@@ -6,6 +6,7 @@ use pulp::{Arch, NullaryFnOnce};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::input_noise::{self, Level};
 use super::noise_bias::{Bias, REPEATS, STRETCH, from_rows, places};
 use super::per_record::Split;
 use super::series::System;
@@ -23,6 +24,8 @@ pub struct Sensors {
     /// Standard error of its square as a share of it; nothing for a sensor that counts, whose noise
     /// is that of its grid.
     pub square_error: Vec<f64>,
+    /// Noise of each measured input.
+    pub inputs: Vec<Level>,
 }
 
 /// Shift of a sensor's grid in a repeat, in counts: each sensor gets every quarter, in one of
@@ -77,7 +80,7 @@ impl Remeasured {
 
     /// The bias of all coefficients; `None` where it cannot be measured (too few windows).
     pub fn bias(&self, terms: &[usize], weights: &[Vec<f64>]) -> Option<Bias> {
-        from_rows(self.stretches, &self.plain, &self.repeats, terms, weights)
+        from_rows(false, self.stretches, &self.plain, &self.repeats, terms, weights)
     }
 
     /// Noise against signal in the columns of equation `e`, for each frequency: the greatest, over
@@ -172,8 +175,23 @@ impl NullaryFnOnce for Counts<'_> {
     }
 }
 
-/// The stretch as its sensors would measure it in a repeat.
+/// The stretch as its sensors and the channels of its inputs would measure it in a repeat; the noise
+/// of every other repeat has the opposite sign.
 pub fn measure(truth: &Stretch, repeat: usize, bound: &ObservedModel, sensors: &Sensors, stream: u64) -> Stretch {
+    let mut measured = measure_motion(truth, repeat, bound, sensors, stream);
+    let sign = if repeat.is_multiple_of(2) { 1.0 } else { -1.0 };
+    input_noise::disturb(&mut measured, &sensors.inputs, sign, (repeat / 2) as u64, stream);
+    measured
+}
+
+/// The same with the inputs as they are, but for a base.
+pub fn measure_motion(
+    truth: &Stretch,
+    repeat: usize,
+    bound: &ObservedModel,
+    sensors: &Sensors,
+    stream: u64,
+) -> Stretch {
     let mut shown = truth.sensors(bound);
     let n = shown.len() as u64;
     for (c, sensor) in shown.iter_mut().enumerate() {

@@ -70,13 +70,19 @@ pub struct Details {
     /// Misfit of the ties between the coefficients and its degrees of freedom, where physical
     /// parameters were fitted.
     pub ties_misfit: Option<(f64, usize)>,
-    /// ε of each equation that the sensors' noise alone would give; empty where it could not be
-    /// simulated.
+    /// ε of each equation in records that the identified model makes itself, with the noise of
+    /// sensors and inputs; empty where they could not be made.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub expected_error: Vec<f64>,
-    /// Weighted residual power over that which the sensors' noise alone leaves in the same rows.
+    /// Weighted residual power over that of such records in the same rows.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub residual_over_noise: Option<f64>,
+    /// Up to how much that ratio may be by chance.
+    #[serde(skip)]
+    pub by_chance: f64,
+    /// Inputs whose noise is hidden by what they show, so that it is in neither of the two.
+    #[serde(skip)]
+    pub hidden_noise: Vec<String>,
     /// Share of the right-hand side that the model leaves, over all samples, of each equation of a
     /// model file.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -84,14 +90,14 @@ pub struct Details {
 }
 
 impl Details {
-    /// How the weak form's numbers came about: from so many windows, with each sensor's noise and
-    /// the bias taken off.
+    /// How the weak form's numbers came about: from so many windows, with each sensor's noise, the
+    /// bias taken off, and the weighted rms of the residuals.
     pub(super) fn of(
         solution: &regression::Solution,
         count: usize,
         geometry: &Geometry,
         noise_rad: Vec<f64>,
-        bias: Option<&noise_bias::Bias>,
+        bias: Option<(&noise_bias::Bias, f64)>,
     ) -> Self {
         let Geometry { windows, kernels } = geometry;
         Self {
@@ -102,13 +108,15 @@ impl Details {
             stop_hz: kernels.full.stop_hz,
             sign_pass_hz: kernels.clear.pass_hz,
             noise_rad,
-            noise_bias: bias.map_or_else(Vec::new, |b| b.value.iter().copied().collect()),
+            noise_bias: bias.map_or_else(Vec::new, |(b, _)| b.value.iter().copied().collect()),
             condition: solution.condition.clone(),
             repetition: solution.repetition,
             jackknife_blocks: solution.blocks,
             ties_misfit: None,
-            expected_error: bias.map_or_else(Vec::new, |b| b.error.clone()),
-            residual_over_noise: bias.map(|b| b.noise.powi(-2)).filter(|r| r.is_finite()),
+            expected_error: bias.map_or_else(Vec::new, |(b, _)| b.error.clone()),
+            residual_over_noise: bias.map(|(b, left)| (left / b.noise).powi(2)).filter(|r| r.is_finite()),
+            by_chance: bias.map_or(1.0, |(b, _)| b.by_chance),
+            hidden_noise: Vec::new(),
             balance_error: Vec::new(),
         }
     }

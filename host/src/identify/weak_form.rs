@@ -16,7 +16,9 @@ use super::remeasured::{Remeasured, Sensors};
 use super::result::{Details, Identification, RecordUse, Residuals};
 use super::series::System;
 use super::windows::{WindowRows, frequency_of_row, rows_of};
-use super::{Settings, balance_error, built_in, chain_bias, identifiability, judgement, per_record, ties, units};
+use super::{
+    Settings, balance_error, built_in, chain_bias, identifiability, input_noise, judgement, per_record, ties, units,
+};
 use crate::error::{BadInput, Result};
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::expression::Symbol;
@@ -57,6 +59,8 @@ struct Fitted {
     bias: Option<Bias>,
     /// Noise of each sensor, as it was taken.
     sigma: Vec<f64>,
+    /// Weighted rms of the residuals.
+    left: f64,
 }
 
 impl Fitted {
@@ -99,31 +103,41 @@ impl Fitted {
         }
         let mut sigma = sensors.sigma.clone();
         let weights = &solution.weights;
-        let bias = if bound.inputs.is_empty() {
-            // Where the equations cannot be integrated, the smoothed record takes the place of
-            // their motion.
-            let motion = built_in::equations_of_motion(rig, own, bound).ok();
-            let counted: Vec<bool> = sensors.count.iter().map(Option::is_some).collect();
-            with_noise_that_fits(&mut sigma, &counted, |sigma| {
-                let sensors = Sensors { sigma: sigma.to_vec(), ..sensors.clone() };
-                let whole = motion.as_ref().and_then(|(motion, coefficients)| {
-                    let solved =
-                        chain_bias::Solved { motion: &**motion, coefficients, columns: &names, solution: &solution };
-                    chain_bias::estimate(&system, windows, own, bound, &sensors, &solved)
-                });
-                let smoothed = || Remeasured::new(&system, windows, bound, &sensors, &split, record_of);
-                whole.or_else(|| smoothed().bias(&terms, weights))
-            })
-        } else {
-            // Its weights are not those of residuals, so that these do not tell how large the noise
-            // is.
-            remeasured().bias(&terms, weights)
+        // Where the equations cannot be integrated, the smoothed record takes the place of their
+        // motion.
+        let motion = built_in::equations_of_motion(rig, own, bound).ok();
+        let whole = |sensors: &Sensors| {
+            let (motion, coefficients) = motion.as_ref()?;
+            let solved = chain_bias::Solved { motion: &**motion, coefficients, columns: &names, solution: &solution };
+            chain_bias::estimate(&system, windows, own, bound, sensors, &solved)
         };
         let plain = solution.coefficients.clone();
+        let all = DVector::from_iterator(terms.iter().sum(), plain.iter().flat_map(|c| c.iter().copied()));
+        let left = regression::weighted_rms(&rows, &terms, weights, &all);
+        let counted: Vec<bool> = sensors.count.iter().map(Option::is_some).collect();
+        let bias = with_noise_that_fits(&mut sigma, &counted, left, |sigma| {
+            let as_read = sigma == sensors.sigma;
+            let sensors = Sensors { sigma: sigma.to_vec(), ..sensors.clone() };
+            let smoothed = || match as_read {
+                true => remeasured().bias(&terms, weights),
+                false => Remeasured::new(&system, windows, bound, &sensors, &split, record_of).bias(&terms, weights),
+            };
+            let whole = whole(&sensors);
+            if bound.inputs.is_empty() {
+                return whole.or_else(smoothed);
+            }
+            let own = smoothed()?;
+            Some(match whole {
+                Some(Bias { residual, noise, by_chance, error, .. }) => {
+                    Bias { residual, noise, by_chance, error, ..own }
+                }
+                None => own,
+            })
+        });
         if let Some(bias) = &bias {
             bias.take_off(&mut solution);
         }
-        Ok(Self { rows, split, solution, plain, bias, sigma })
+        Ok(Self { rows, split, solution, plain, bias, sigma, left })
     }
 
     /// The result in the terms of `rig`, of which `own` has the equations.
@@ -134,7 +148,7 @@ impl Fitted {
         prepared: &Prepared,
     ) -> Result<Identification> {
         let WrittenRig { rig, own, bound } = written;
-        let Self { rows, split, solution, plain, bias, sigma } = self;
+        let Self { rows, split, solution, plain, bias, sigma, left } = self;
         let model = &*bound.model;
         let Geometry { windows, kernels } = &prepared.geometry;
         let mut warnings = prepared.warnings.clone();
@@ -178,8 +192,9 @@ impl Fitted {
             correlation_names: shared,
             details: Details {
                 balance_error,
+                hidden_noise: input_noise::hidden(model, &prepared.sensors.inputs),
                 ties_misfit,
-                ..Details::of(&solution, rows.len(), &prepared.geometry, sigma, bias.as_ref())
+                ..Details::of(&solution, rows.len(), &prepared.geometry, sigma, bias.as_ref().map(|b| (b, left)))
             },
             warnings,
             residuals: (0..model.equations.len()).map(residuals).collect(),

@@ -21,6 +21,7 @@ mod json_page;
 mod live;
 mod measured;
 mod measured_base;
+mod measured_inputs;
 mod memory;
 mod outputs;
 mod own_as_built_in;

@@ -225,8 +225,8 @@ impl<'a> Run<'a> {
 
     /// Names of the measured inputs in which noise shows.
     fn noisy_inputs(&self) -> Vec<String> {
-        let named = self.setting.model().inputs.iter().zip(shooting::input_noise(&self.state));
-        named.filter(|n| n.1 > 0.0).map(|n| n.0.clone()).collect()
+        let named = self.setting.model().inputs.iter().zip(&self.setting.sensors.inputs);
+        named.filter(|n| n.1.sigma() > 0.0).map(|n| n.0.clone()).collect()
     }
 
     /// The verdict, and everything that is told of the last model.

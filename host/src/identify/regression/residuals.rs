@@ -40,34 +40,51 @@ pub(crate) fn weighted_rms(
     (sum / count.max(1) as f64).sqrt()
 }
 
-/// Root of the mean weighted square of what the rows of `measured` motions leave beside those of
-/// the motions as they are, and the ε of each equation that this gives. Rows are in the same order
-/// in all; `coefficients` of all equations, concatenated.
+/// What repeats of motions that obey the equations leave.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Left {
+    /// Root of the mean weighted square over all repeats.
+    pub rms: f64,
+    /// Mean square of each repeat.
+    pub squares: Vec<f64>,
+    /// ε of each equation.
+    pub error: Vec<f64>,
+}
+
+/// What the rows of `measured` motions leave beside those of the motions as they are (`plain`; none
+/// for solutions, which leave nothing by themselves). Rows are in the same order in all;
+/// `coefficients` of all equations, concatenated.
 pub(crate) fn noise_alone(
-    plain: &[WindowRows],
+    plain: Option<&[WindowRows]>,
     measured: &[Vec<WindowRows>],
     terms: &[usize],
     weights: &[Vec<f64>],
     coefficients: &DVector<f64>,
-) -> (f64, Vec<f64>) {
-    let (mut sum, mut count, mut from) = (0.0, 0_usize, 0);
-    let mut errors = Vec::with_capacity(terms.len());
+) -> Left {
+    let mut squares = vec![0.0; measured.len()];
+    let (mut count, mut from) = (0_usize, 0);
+    let mut error = Vec::with_capacity(terms.len());
     for (e, &p) in terms.iter().enumerate() {
         let own = coefficients.rows(from, p).into_owned();
         let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
-        for (was, window) in measured.iter().flat_map(|rows| plain.iter().zip(rows)) {
-            let pairs = residuals(&was.equations[e], &own).zip(residuals(&window.equations[e], &own));
-            for (r, ((_, before), (predicted, after))) in pairs.enumerate() {
-                let left = after - before;
-                sum += weights[e][frequency_of_row(r)] * left * left;
-                count += 1;
-                (worst, largest) = (worst.max(left.abs()), largest.max(predicted.abs()));
+        for (square, rows) in squares.iter_mut().zip(measured) {
+            for (k, window) in rows.iter().enumerate() {
+                let before: Option<Vec<f64>> =
+                    plain.and_then(|p| p.get(k)).map(|w| residuals(&w.equations[e], &own).map(|r| r.1).collect());
+                for (r, (predicted, after)) in residuals(&window.equations[e], &own).enumerate() {
+                    let left = after - before.as_ref().map_or(0.0, |b| b[r]);
+                    *square += weights[e][frequency_of_row(r)] * left * left;
+                    count += 1;
+                    (worst, largest) = (worst.max(left.abs()), largest.max(predicted.abs()));
+                }
             }
         }
-        errors.push(if largest > 0.0 { worst / largest } else { 0.0 });
+        error.push(if largest > 0.0 { worst / largest } else { 0.0 });
         from += p;
     }
-    ((sum / count.max(1) as f64).sqrt(), errors)
+    let repeats = measured.len().max(1) as f64;
+    squares.iter_mut().for_each(|s| *s *= repeats / count.max(1) as f64);
+    Left { rms: (squares.iter().sum::<f64>() / repeats).sqrt(), squares, error }
 }
 
 /// Rms residual at each frequency, pooled with its two neighbours on either side so that few

@@ -26,6 +26,8 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::built_in::WrittenRig;
+use super::input_noise::Level;
+use super::judgement::MISLEADING;
 use super::per_record::Split;
 use super::prepared::{Prepared, prepare_moving};
 use super::regression::{frequency_dots, identification_error};
@@ -252,16 +254,19 @@ fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &Progr
 }
 
 /// What a run makes one doubt; `worst`: its greatest residuals, in the sensors' noise.
-fn doubts(outcome: &Outcome, worst: f64) -> Vec<Warning> {
+fn doubts(outcome: &Outcome, worst: f64, inputs: &[Level]) -> Vec<Warning> {
     let Outcome { fit, lost, rounds, covariance, .. } = outcome;
     let used = fit.states.len();
     let mut warnings = Vec::new();
     if worst > MISSES {
-        warnings.push(Warning::new(
+        let warning = Warning::new(
             "more-than-noise",
             format!("residuals are {worst:.1} times the sensors' noise: the model misses something"),
             "Parameters make up for it as well as they can and may be off by more than their standard errors; see `whirl explain`",
-        ));
+        );
+        // The noise of an input comes through the system, and is not the sensors'.
+        let alone = inputs.iter().all(|l| *l == Level::Known(0.0));
+        warnings.push(if alone && worst * worst > MISLEADING { warning.invalidating() } else { warning });
     }
     if *lost > 0 {
         warnings.push(Warning::new(
@@ -297,7 +302,7 @@ fn finish(
 ) -> Result<Identification> {
     let WrittenRig { rig, bound, .. } = written;
     let worst = outcome.noise_ratio.iter().copied().fold(0.0, f64::max);
-    let doubts = doubts(&outcome, worst);
+    let doubts = doubts(&outcome, worst, &prepared.sensors.inputs);
     let Outcome { fit, covariance, noise_ratio, lost, repetition, step_s, values, rounds, .. } = outcome;
     // Zeros are told apart from the equations' parameters.
     let own = |of: &DMatrix<f64>| of.view((0, 0), (names.len(), names.len())).into_owned();

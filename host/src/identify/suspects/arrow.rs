@@ -10,7 +10,7 @@ use crate::model::model_file::ModelFile;
 use crate::model::model_file::expression::{Node, Symbol};
 
 /// Standard errors from which a friction has a sign.
-const CLEAR: f64 = 5.0;
+pub(super) const CLEAR: f64 = 5.0;
 
 /// A named coefficient with its standard error.
 pub(super) struct NamedCoefficient<'a> {
@@ -52,9 +52,7 @@ fn sense(model: &ModelFile, omega: f64, value: &dyn Fn(&str) -> f64, name: &str)
     for (e, equation) in model.equations.iter().enumerate() {
         for t in equation.terms.iter().filter(|t| t.name == name) {
             let inertia = |i: usize| {
-                let by = |n: &Node| {
-                    model.in_seconds(n, omega).derivative(Symbol::Acceleration(i)).map_or(0.0, |d| d.value(&|_| 0.0))
-                };
+                let by = |n: &Node| inertia(model, omega, n, i);
                 equation.terms.iter().map(|t| value(&t.name) * by(&t.of)).sum::<f64>() - by(&equation.balance)
             };
             // The equation's own coordinate, or, where equations come in another order, the first
@@ -68,6 +66,11 @@ fn sense(model: &ModelFile, omega: f64, value: &dyn Fn(&str) -> f64, name: &str)
         }
     }
     found
+}
+
+/// ∂/∂q̈_i of an expression, at rest at 0.
+pub(super) fn inertia(model: &ModelFile, omega: f64, of: &Node, i: usize) -> f64 {
+    model.in_seconds(of, omega).derivative(Symbol::Acceleration(i)).map_or(0.0, |d| d.value(&|_| 0.0))
 }
 
 /// The sign of an expression that is odd in the velocities and has that sign for v_i > 0 wherever

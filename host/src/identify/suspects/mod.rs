@@ -15,6 +15,7 @@ mod arrow;
 mod direction;
 mod find;
 mod hypotheses;
+mod input_sign;
 mod scene;
 mod tell;
 mod undo;
@@ -122,7 +123,8 @@ pub fn after(records: &[Record], rig: &Rig, result: &Identification) -> Vec<Warn
     let fits = result.within_bound() && result.details.residual_over_noise.is_some_and(|ratio| ratio.ln() < CLEAN);
     let plausible = |own: Rig| {
         let feeds = own.bound.as_ref().is_some_and(|b| arrow::feeds(&b.model, own.omega(), &known));
-        !feeds && direction::other(&own, &known).is_none()
+        let input = own.bound.as_ref().and_then(|b| input_sign::reversed(&own, b, &known));
+        !feeds && input.is_none() && direction::other(&own, &known).is_none()
     };
     if fits && super::built_in::written(rig).is_ok_and(|own| plausible(own.into_owned())) {
         return stated(records, rig);
@@ -145,6 +147,9 @@ fn by_coefficients(own: &Rig, known: &[NamedCoefficient<'_>]) -> Vec<Warning> {
             .with("parameters", names)
             .invalidating(),
         );
+    }
+    if out.is_empty() {
+        out.extend(input_sign::reversed(own, bound, known));
     }
     out.extend(direction::other(own, known));
     out

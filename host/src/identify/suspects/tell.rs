@@ -6,7 +6,7 @@ use super::find::Finding;
 use super::hypotheses::channels;
 use super::scene::{Misfit, Scene};
 use super::undo::Undo;
-use crate::report::format::{plus_minus, significant};
+use crate::report::format::{plus_minus, shortest, significant};
 use crate::rig::Channel;
 use crate::warning::Warning;
 
@@ -165,12 +165,13 @@ fn scaled(channels: &[&Channel], list: &[usize], factor: f64, error: f64, why: &
 fn drive(scene: &Scene, rate: f64, error: f64, why: &str) -> Warning {
     let stated = scene.rig.drive.map_or(0.0, |d| d.frequency_hz);
     let (value, error) = (stated + rate / TAU, error / TAU);
+    let said = shortest(stated);
     let sampling = scene.rig.sample_rate_hz * stated / value;
     Warning::new(
         "drive-frequency",
-        format!("the drive runs at {} Hz in the record's time, not at {stated} Hz: {why}", plus_minus(value, error)),
+        format!("the drive runs at {} Hz in the record's time, not at {said} Hz: {why}", plus_minus(value, error)),
         format!(
-            "Set drive.frequency_hz = {} in the rig file; if the drive surely ran at {stated} Hz, the times are wrong and the samples came at {} Hz",
+            "Set drive.frequency_hz = {} in the rig file; if the drive surely ran at {said} Hz, the times are wrong and the samples came at {} Hz",
             significant(value, 6),
             significant(sampling, 6)
         ),

@@ -54,7 +54,7 @@ use self::blocks::Blocks;
 use self::course::{Course, List};
 use self::path::{FEWEST_SAMPLES, Path, Window, windows};
 pub use self::quieter::quieter;
-pub use self::remade::{RECORDS, input_noise, record as remade_record, remade};
+pub use self::remade::{RECORDS, record as remade_record, remade};
 use self::stage::{is_applied, stage};
 use super::candidates::{Candidate, Column};
 use super::setting::Setting;

@@ -6,8 +6,6 @@
 //! well.
 
 use nalgebra::DVector;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 
 use super::super::setting::Setting;
 use super::super::state::State;
@@ -15,58 +13,12 @@ use super::course::{Course, List};
 use super::path::Path;
 use super::{Followed, present, signs_of};
 use crate::explain::decidability::EXCUSED;
-use crate::identify::remeasured::measure;
+use crate::identify::input_noise::{Level, disturb};
+use crate::identify::remeasured::measure_motion;
 use crate::identify::stretches::Stretch;
-use crate::signal::noise;
 
 /// Records that are made; every other one has its noise with the opposite sign.
 pub const RECORDS: usize = 2;
-
-/// Share of the top of the band, from half the sampling rate's 0.6 on, that a noise's level is read
-/// off: an input's own signal must end below it.
-const TOP: f64 = 0.3;
-/// Most noise over an input's rms: an input that is white by itself is no noise.
-const MOST_NOISE: f64 = 0.1;
-/// Least: that of numbers which are written with six digits.
-const LEAST_NOISE: f64 = 1e-6;
-/// Share of samples alike their neighbours from which an input is held between changes, whose steps
-/// reach up to the top of the band.
-const HELD: f64 = 0.2;
-
-/// Standard deviation of the white noise of each measured input, 0 where none shows above the
-/// input's own band. That of a base is known.
-pub fn input_noise(state: &State) -> Vec<f64> {
-    let Some(first) = state.stretches.first() else { return Vec::new() };
-    let base = first.base.as_ref().map(|b| b.input);
-    let of = |k: usize| {
-        let all = || state.stretches.iter().filter_map(move |s| s.inputs.get(k).map(Vec::as_slice));
-        if base == Some(k) { 0.0 } else { white(all, first.step_s).unwrap_or(0.0) }
-    };
-    (0..first.inputs.len()).map(of).collect()
-}
-
-/// The same of one input.
-fn white<'a, I: Iterator<Item = &'a [f64]> + Clone>(all: impl Fn() -> I, step_s: f64) -> Option<f64> {
-    let found = noise::estimate(all(), step_s)?;
-    let count = all().map(<[f64]>::len).sum::<usize>().max(1) as f64;
-    let mean = all().flatten().sum::<f64>() / count;
-    let rms = (all().flatten().map(|u| (u - mean).powi(2)).sum::<f64>() / count).sqrt();
-    let alike = all().flat_map(|u| u.windows(2)).filter(|w| w[0] == w[1]).count() as f64;
-    let as_noise = (LEAST_NOISE * rms..MOST_NOISE * rms).contains(&found.sigma);
-    let is_noise = as_noise && found.signal_end_hz * step_s < TOP && alike < HELD * count;
-    is_noise.then_some(found.sigma)
-}
-
-/// Adds noise to the inputs of a stretch. What it leaves comes through a resonance: little of it is
-/// independent, and noise of the opposite sign leaves the same.
-fn disturb(s: &mut Stretch, sigma: &[f64], repeat: usize, stream: u64) {
-    for (k, (input, sigma)) in s.inputs.iter_mut().zip(sigma).enumerate().filter(|(_, (_, s))| **s > 0.0) {
-        let mut rng = ChaCha8Rng::seed_from_u64(0x1_9057 + repeat as u64);
-        rng.set_stream((stream << 8) + k as u64);
-        let width = 2.0 * 3f64.sqrt() * sigma;
-        input.iter_mut().for_each(|u| *u += width * (rng.random::<f64>() - 0.5));
-    }
-}
 
 /// Records that are made where inputs are noisy.
 const NOISY_RECORDS: usize = 4;
@@ -84,21 +36,29 @@ fn on_path(s: &Stretch, path: &Path) -> Stretch {
 
 /// A record that the model made: every followed stretch on its path, measured by the same sensors.
 pub fn record(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize) -> Vec<Stretch> {
-    made(setting, state, followed, repeat, &input_noise(state))
+    made(setting, state, followed, repeat, &setting.sensors.inputs)
 }
 
 /// The same with so much noise of each input.
-fn made(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize, noise: &[f64]) -> Vec<Stretch> {
+fn made(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize, noise: &[Level]) -> Vec<Stretch> {
     let of = |(i, (s, path)): (usize, (&Stretch, &Path))| {
-        let mut made = measure(&on_path(s, path), repeat, &setting.bound, &setting.sensors, i as u64);
-        disturb(&mut made, noise, repeat, i as u64);
+        let mut made = measure_motion(&on_path(s, path), repeat, &setting.bound, &setting.sensors, i as u64);
+        // What it leaves comes through a resonance: little of it is independent, and noise of the
+        // opposite sign leaves the same.
+        disturb(&mut made, noise, 1.0, repeat as u64, i as u64);
         made
     };
     state.stretches.iter().zip(&followed.paths).enumerate().map(of).collect()
 }
 
 /// Power over that of the noise in every window of a record that the model made.
-fn powers(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize, noise: &[f64]) -> Option<Vec<f64>> {
+fn powers(
+    setting: &Setting<'_>,
+    state: &State,
+    followed: &Followed,
+    repeat: usize,
+    noise: &[Level],
+) -> Option<Vec<f64>> {
     let made = made(setting, state, followed, repeat, noise);
     let shown = made.iter().map(|s| s.sensors(&setting.bound)).collect();
     // The paths are those under the inputs as they were; a base that is measured again is another.
@@ -141,11 +101,10 @@ fn middle(mut all: Vec<f64>) -> f64 {
 /// them where that is less than half.
 pub fn remade(setting: &Setting<'_>, state: &State) -> Option<Remade> {
     let followed = state.followed.as_ref()?;
-    let noise = input_noise(state);
-    let noisy = noise.iter().any(|s| *s > 0.0);
+    let noise = &setting.sensors.inputs;
+    let noisy = noise.iter().any(|l| l.sigma() > 0.0);
     let records = if noisy { NOISY_RECORDS } else { RECORDS };
-    let all: Vec<Vec<f64>> =
-        (0..records).map(|r| powers(setting, state, followed, r, &noise)).collect::<Option<_>>()?;
+    let all: Vec<Vec<f64>> = (0..records).map(|r| powers(setting, state, followed, r, noise)).collect::<Option<_>>()?;
     // Noise of inputs is in all windows.
     let most = EXCUSED * EXCUSED * middle(all.concat()).max(1.0);
     let mut follows: Vec<bool> = (0..all.first()?.len()).map(|w| all.iter().all(|powers| powers[w] <= most)).collect();
@@ -178,27 +137,4 @@ pub fn remade(setting: &Setting<'_>, state: &State) -> Option<Remade> {
     let without = || powers(setting, state, followed, 0, &[]).map(middle);
     let of_inputs = noisy && mean > EXCUSED * EXCUSED && without().is_some_and(|without| 2.0 * without < mean);
     (mean.is_finite() && error.is_finite()).then_some(Remade { mean, error, follows, of_inputs })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// White noise beside a slow input is found; what is white, held or noiseless itself is none.
-    #[test]
-    fn the_noise_of_an_input_is_told_from_the_input() {
-        let mut rng = ChaCha8Rng::seed_from_u64(7);
-        let mut even = |sigma: f64| -> Vec<f64> {
-            (0..20_000).map(|_| 12f64.sqrt() * sigma * (rng.random::<f64>() - 0.5)).collect()
-        };
-        let slow: Vec<f64> = (0..20_000).map(|i| (0.05 * f64::from(i)).sin() + (0.0311 * f64::from(i)).cos()).collect();
-        let sum = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + b).collect::<Vec<f64>>();
-        let found = |x: &[f64]| white(|| core::iter::once(x), 0.002);
-        let sigma = found(&sum(&slow, &even(0.01))).unwrap();
-        assert!((sigma / 0.01 - 1.0).abs() < 0.1, "{sigma}");
-        assert_eq!(found(&slow), None);
-        assert_eq!(found(&even(1.0)), None);
-        let held: Vec<f64> = even(1.0).iter().step_by(10).flat_map(|x| [*x; 10]).collect();
-        assert_eq!(found(&held), None);
-    }
 }
