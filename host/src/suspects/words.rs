@@ -168,6 +168,10 @@ impl<'a> Wording<'a> {
         let clipped = |r: &Run| runs.iter().filter(|o| o.extreme == r.extreme && r.extreme != 0).count() >= 2;
         for run in runs.iter().filter(|r| !clipped(r)) {
             mending.leave_out(run.stretch, run.from, run.to);
+            if let Some(end) = run.filled_to {
+                warnings.push(self.filled(channel, run, end));
+                continue;
+            }
             let name = self.name(channel);
             let (from, n) = (self.at(run.stretch, run.from), run.to - run.from);
             let text = match (run.open, run.from) {
@@ -195,6 +199,23 @@ impl<'a> Wording<'a> {
                 .push(self.placed(w, Some(channel), (run.stretch, place)).with("value", run.value).with("left_out", n));
         }
         warnings
+    }
+
+    /// A straight line without the noise of the channel.
+    fn filled(&self, channel: usize, run: &Run, end: f64) -> Warning {
+        let (name, n) = (self.name(channel), run.to - run.from);
+        let unit = self.unit(channel, end);
+        let [from, to] = [run.value, end].map(|v| rounded(v, 6));
+        let w = Warning::new(
+            "filled-in",
+            format!(
+                "{name} goes along a straight line without its noise for {n} rows, from {from} {unit} at {} to {to} {unit} at {}: its values were filled in there",
+                self.at(run.stretch, run.from),
+                self.at(run.stretch, run.to - 1)
+            ),
+            format!("These {n} rows are left out as a gap; leave cells empty where the sensor gave nothing"),
+        );
+        self.placed(w, Some(channel), (run.stretch, run.from)).with("value", run.value).with("left_out", n)
     }
 
     fn clipped(&self, channel: usize, runs: &[&Run], trace: &Trace<'_>, mending: &mut Mending) -> Warning {
