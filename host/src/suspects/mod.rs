@@ -83,6 +83,7 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
     let traces: Vec<Trace<'_>> = sensors.iter().map(|&k| trace(record, k)).collect();
     let wording = Wording::new(record, rig, numbering);
     let (mut warnings, mut mending) = (Vec::new(), Mending::default());
+    let mut coarse = Vec::new();
     let dead: Vec<Option<f64>> = traces.par_iter().map(dead::dead).collect();
     let held: Vec<Option<usize>> = traces.par_iter().map(held::held).collect();
     for (i, &k) in sensors.iter().enumerate() {
@@ -91,9 +92,9 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
         } else if let Some(n) = held[i] {
             warnings.push(wording.held(k, n));
         }
-        if let Some(w) = wording.stuck(k, &stuck_bit::stuck(&traces[i])) {
-            warnings.push(w);
-        }
+        let stuck = stuck_bit::stuck(&traces[i]);
+        warnings.extend(wording.stuck(k, &stuck));
+        coarse.extend(stuck_bit::coarse(&stuck).map(|s| (k, s)));
     }
     let alive: Vec<usize> = (0..traces.len()).filter(|&i| dead[i].is_none()).collect();
     if !warnings.iter().any(|w| w.invalidates) && !alive.is_empty() {
@@ -133,6 +134,9 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
     }
     mending.apply(record);
     record.warnings.extend(warnings);
+    for (k, stuck) in coarse {
+        record.channels[k].stuck = Some(stuck);
+    }
 }
 
 /// A channel of a record, as it stands.

@@ -9,7 +9,7 @@ use super::frozen::Run;
 use super::mending::Mending;
 use super::row_steps;
 use super::sorting::Event;
-use super::stuck_bit::Stuck;
+use super::stuck_bit::{self, Stuck};
 use super::trace::Trace;
 use crate::record::Record;
 use crate::report::format::rounded;
@@ -120,7 +120,10 @@ impl<'a> Wording<'a> {
             Warning::new(
                 "stuck-bit",
                 format!("{text}: it moves in steps of {step} counts"),
-                "The record stands, but coarser than its counts say; look at the counter's lines, or at how the column was made",
+                format!(
+                    "Each step is taken for the middle of its {step} counts ({:+} counts on the whole channel); the record stands, but coarser than its counts say: look at the counter's lines, or at how the column was made",
+                    stuck_bit::coarse(stuck).map_or(0.0, |s| s.middle() - 0.5)
+                ),
             )
         } else {
             Warning::new(
