@@ -21,6 +21,7 @@ mod local_fit;
 mod mending;
 mod row_steps;
 mod screen;
+pub(crate) mod slipped;
 mod sorting;
 mod stuck_bit;
 mod tail;
@@ -83,7 +84,7 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
     let traces: Vec<Trace<'_>> = sensors.iter().map(|&k| trace(record, k)).collect();
     let wording = Wording::new(record, rig, numbering);
     let (mut warnings, mut mending) = (Vec::new(), Mending::default());
-    let mut coarse = Vec::new();
+    let (mut slipped, mut coarse) = (Vec::new(), Vec::new());
     let dead: Vec<Option<f64>> = traces.par_iter().map(dead::dead).collect();
     let held: Vec<Option<usize>> = traces.par_iter().map(held::held).collect();
     for (i, &k) in sensors.iter().enumerate() {
@@ -120,7 +121,7 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
                 })
                 .collect();
             let sorted = sorting::sort(&living, &found);
-            warnings.extend(wording.breaks(&channels, &sorted, &mut mending));
+            warnings.extend(wording.breaks(&channels, &sorted, &mut mending, &mut slipped));
         }
     }
     if SHREDS * mending.longest_left(record) < record.longest_segment() {
@@ -134,6 +135,9 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
     }
     mending.apply(record);
     record.warnings.extend(warnings);
+    for (k, step) in slipped {
+        slipped::tell(record, k, &[step], 0.0);
+    }
     for (k, stuck) in coarse {
         record.channels[k].stuck = Some(stuck);
     }

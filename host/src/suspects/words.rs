@@ -8,6 +8,7 @@ use super::breaks::Found;
 use super::frozen::Run;
 use super::mending::Mending;
 use super::row_steps;
+use super::slipped::Step;
 use super::sorting::Event;
 use super::stuck_bit::{self, Stuck};
 use super::trace::Trace;
@@ -251,8 +252,15 @@ impl<'a> Wording<'a> {
         self.placed(w, Some(channel), (runs[0].stretch, runs[0].from)).with("value", value).with("left_out", left_out)
     }
 
-    /// Spikes, slips, rows and records joined, `channels` being those that were looked at.
-    pub fn breaks(&self, channels: &[usize], events: &[Event], mending: &mut Mending) -> Vec<Warning> {
+    /// Spikes, rows and records joined, `channels` being those that were looked at; slips of their
+    /// channels are left for [`super::slipped`] to tell.
+    pub fn breaks(
+        &self,
+        channels: &[usize],
+        events: &[Event],
+        mending: &mut Mending,
+        slipped: &mut Vec<(usize, Step)>,
+    ) -> Vec<Warning> {
         let mut warnings = Vec::new();
         for (i, &k) in channels.iter().enumerate() {
             let of = |wanted: fn(&Event) -> Option<(usize, Found)>| -> Vec<Found> {
@@ -265,6 +273,7 @@ impl<'a> Wording<'a> {
             }
             for f in &slips {
                 mending.take_back(k, f.stretch, f.from, f.size);
+                slipped.push((k, self.step(k, f)));
             }
             if let Some(first) = spikes.first() {
                 let left_out: usize = spikes.iter().map(|f| f.to - f.from).sum();
@@ -290,21 +299,6 @@ impl<'a> Wording<'a> {
                     format!("{rows}; look for a typing error, or for disturbances on the sensor's line"),
                 );
                 warnings.push(self.listed(w, k, first, &spikes).with("left_out", left_out));
-            }
-            if let Some(first) = slips.first() {
-                let n = slips.len();
-                let text = format!(
-                    "{} slips by a step that stays{}: {}",
-                    self.name(k),
-                    if n == 1 { String::new() } else { format!(", {n} times") },
-                    self.list(k, &slips)
-                );
-                let w = Warning::new(
-                    "count-slip",
-                    text,
-                    "The steps are taken back, each right to about a count; look at the encoder's signals: counts were lost or gained",
-                );
-                warnings.push(self.listed(w, k, first, &slips));
             }
         }
         warnings.extend(self.all_channels(events, mending));
@@ -371,6 +365,12 @@ impl<'a> Wording<'a> {
         let list: Vec<String> = found.iter().take(NAMED).map(one).collect();
         let more = if found.len() > NAMED { format!(" and {} more", found.len() - NAMED) } else { String::new() };
         format!("{}{more}", list.join(", "))
+    }
+
+    /// A slip as it is told.
+    fn step(&self, channel: usize, f: &Found) -> Step {
+        let (row, time_s) = (self.row(f.stretch, f.from), self.time(f.stretch, f.from));
+        Step { row: Some(row), time_s, size: self.size(channel, f), near: false }
     }
 
     /// A size: whole counts, or so many digits as its error has.
