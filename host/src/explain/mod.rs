@@ -96,6 +96,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         result.gap.forecasts.clear();
         result.prediction = None;
     }
+    identify::stopped::tell_in(&mut result.warnings, records, rig);
     suspected::tell_in(&mut result, of_record.into_iter().chain(suspects).chain(known).collect());
     Ok(result)
 }

@@ -7,6 +7,7 @@ use super::geometry::geometry;
 use super::index_marks::Indices;
 use super::remeasured::Sensors;
 use super::shooting::zeros::ZeroOffset;
+use super::standstill::Still;
 use super::stretches::{self, Stretch};
 use super::windows::{Kernels, Windows, samples_needed};
 use super::{Settings, boots, free_geometry, standstill};
@@ -40,6 +41,8 @@ pub struct Prepared {
     pub sensors: Sensors,
     /// Windows and low-passes.
     pub geometry: Geometry,
+    /// What was left out because a joint stands still.
+    pub still: Vec<Still>,
     /// Things noticed.
     pub warnings: Vec<Warning>,
 }
@@ -64,10 +67,12 @@ pub fn prepare_moving(records: &[Record], rig: &Rig, bound: &ObservedModel, sett
     let mut out = Steady::of(records, rig, bound, &settings.zeros)?;
     let mut found = out.measured(records, rig, bound, settings)?;
     let (count, window_s) = (&found.sensors.count, found.geometry.windows.length_s);
-    if standstill::leave_out(&mut out.stretches, &mut out.record_of, bound, count, window_s, &mut out.warnings) {
+    let still = standstill::leave_out(&mut out.stretches, &mut out.record_of, bound, count, window_s);
+    if !still.is_empty() {
+        out.warnings.extend(standstill::told(&still, records, bound));
         found = out.measured(records, rig, bound, settings)?;
     }
-    out.ready(found, rig, records)
+    Ok(Prepared { still, ..out.ready(found, rig, records)? })
 }
 
 /// Stretches of steady drive.
@@ -158,7 +163,7 @@ impl Steady {
             return Err(error);
         }
         let Self { stretches, record_of, indices, warnings } = self;
-        Ok(Prepared { stretches, record_of, indices, sensors, geometry, warnings })
+        Ok(Prepared { stretches, record_of, indices, sensors, geometry, still: Vec::new(), warnings })
     }
 }
 

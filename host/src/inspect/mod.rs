@@ -175,7 +175,11 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     if !warnings.iter().any(|w| w.invalidates)
         && let Some(mended) = crate::identify::slips::taken_back(std::slice::from_ref(record), rig)
     {
-        warnings.extend(slips);
+        warnings.retain(|w| w.id != slipped::ID);
+        warnings.extend(mended.into_iter().flat_map(|r| r.warnings).filter(|w| w.id == slipped::ID));
+    }
+    if !warnings.iter().any(|w| w.invalidates) {
+        warnings.extend(crate::identify::stopped::standing(std::slice::from_ref(record), rig));
     }
     Ok(Inspection { record: summary, coordinates, drive, periodicity, warnings, phase_space, plots })
 }

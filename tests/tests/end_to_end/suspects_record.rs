@@ -120,9 +120,17 @@ fn stop(x: &mut Rows) {
     x[15_000..].iter_mut().for_each(|r| r[1] = last);
 }
 
+/// Channel 1 stands from half way on, where it turns round.
+fn stop_slow(x: &mut Rows) {
+    let last = x[15_000][0];
+    x[15_000..].iter_mut().for_each(|r| r[0] = last);
+}
+
 faults! {
     channel_2_is_constant: |x| x.iter_mut().for_each(|r| r[1] = 40) => "dead-channel", Some(2), 1;
     channel_2_is_constant_from_half_way: stop => "channel-stopped", Some(15_002), 0;
+    /// Slow, it stops as a joint that is held; but arm 2 would not let friction hold it.
+    channel_1_is_constant_from_half_way: stop_slow => "channel-stopped", None, 0;
     one_spike_of_500: |x| x[12_345][1] += 500 => "spike", Some(12_347), 0;
     one_spike_of_a_million: |x| x[12_345][0] += 1_000_000 => "spike", Some(12_347), 0;
     /// From 45 counts on: 15 and 30 lie within what the motion around them allows, stay in, and move
