@@ -71,7 +71,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     let of_record: Vec<Warning> = records.iter().flat_map(|r| &r.warnings).filter(|w| w.invalidates).cloned().collect();
     let suspects = identify::suspects::examine(records, rig);
     let slipped = if suspects.iter().any(suspected::grave) { None } else { identify::slips::taken_back(records, rig) };
-    let (records, slips) = slipped.as_ref().map_or((records, &[][..]), |(mended, told)| (&mended[..], &told[..]));
+    let records = slipped.as_deref().unwrap_or(records);
     let sound = of_record.is_empty() && !suspects.iter().any(suspected::grave);
     let mut known = if sound { suspected::known(records, rig) } else { Vec::new() };
     let misled = known.iter().any(|w| w.invalidates) && suspected::clean_without_known(records, rig, settings);
@@ -96,7 +96,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         result.gap.forecasts.clear();
         result.prediction = None;
     }
-    result.warnings.extend_from_slice(slips);
+    identify::stopped::tell_in(&mut result.warnings, records, rig);
     suspected::tell_in(&mut result, of_record.into_iter().chain(suspects).chain(known).collect());
     Ok(result)
 }

@@ -8,7 +8,7 @@
 use indicatif::ProgressBar;
 
 use super::shooting::zeros::ZeroOffset;
-use super::{Identification, Settings, identify, shooting, slips};
+use super::{Identification, Settings, identify, shooting, slips, stopped};
 use crate::error::Result;
 use crate::record::Record;
 use crate::report::format::significant;
@@ -40,7 +40,10 @@ pub fn best(
     choices: &shooting::Settings,
     progress: &ProgressBar,
 ) -> Result<Identification> {
-    slips::without(records, |records| once(records, rig, weak, choices, progress)).map(|found| found.0)
+    let (mut found, _) = slips::without(records, |records| once(records, rig, weak, choices, progress))?;
+    // Shooting leaves the same standstills out.
+    stopped::tell_in(&mut found.warnings, records, rig);
+    Ok(found)
 }
 
 /// The same of records as they are.

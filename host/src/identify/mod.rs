@@ -41,6 +41,7 @@ pub mod single_parameters;
 pub mod slips;
 mod standstill;
 mod stated_amplitude;
+pub mod stopped;
 pub mod stretches;
 pub mod suspects;
 pub mod system;
@@ -103,6 +104,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
     result.warnings.extend(suspects);
     let amplitude = stated_amplitude::contradicted(records, rig, &result);
     result.warnings.extend(amplitude);
+    stopped::tell_in(&mut result.warnings, records, rig);
     Ok(result)
 }
 

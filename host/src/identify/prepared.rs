@@ -7,13 +7,14 @@ use super::geometry::geometry;
 use super::index_marks::Indices;
 use super::remeasured::Sensors;
 use super::shooting::zeros::ZeroOffset;
+use super::standstill::Still;
 use super::stretches::{self, Stretch};
 use super::windows::{Kernels, Windows, samples_needed};
 use super::{Settings, boots, free_geometry, input_noise, standstill};
 use crate::error::{BadInput, Result};
 use crate::record::Record;
+use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
-use crate::rig::{Channel, Rig};
 use crate::signal::angles::Phase;
 use crate::signal::noise::{self, Noise};
 use crate::warning::Warning;
@@ -40,6 +41,8 @@ pub struct Prepared {
     pub sensors: Sensors,
     /// Windows and low-passes.
     pub geometry: Geometry,
+    /// What was left out because a joint stands still.
+    pub still: Vec<Still>,
     /// Things noticed.
     pub warnings: Vec<Warning>,
 }
@@ -51,7 +54,7 @@ pub struct Prepared {
 /// than one window.
 pub fn prepare(records: &[Record], rig: &Rig, bound: &ObservedModel, settings: &Settings) -> Result<Prepared> {
     let out = Steady::of(records, rig, bound, &settings.zeros)?;
-    let found = out.measured(rig, bound, settings)?;
+    let found = out.measured(records, rig, bound, settings)?;
     out.ready(found, rig, records)
 }
 
@@ -62,12 +65,14 @@ pub fn prepare(records: &[Record], rig: &Rig, bound: &ObservedModel, settings: &
 /// As [`prepare`].
 pub fn prepare_moving(records: &[Record], rig: &Rig, bound: &ObservedModel, settings: &Settings) -> Result<Prepared> {
     let mut out = Steady::of(records, rig, bound, &settings.zeros)?;
-    let mut found = out.measured(rig, bound, settings)?;
+    let mut found = out.measured(records, rig, bound, settings)?;
     let (count, window_s) = (&found.sensors.count, found.geometry.windows.length_s);
-    if standstill::leave_out(&mut out.stretches, &mut out.record_of, bound, count, window_s, &mut out.warnings) {
-        found = out.measured(rig, bound, settings)?;
+    let still = standstill::leave_out(&mut out.stretches, &mut out.record_of, bound, count, window_s);
+    if !still.is_empty() {
+        out.warnings.extend(standstill::told(&still, records, bound));
+        found = out.measured(records, rig, bound, settings)?;
     }
-    out.ready(found, rig, records)
+    Ok(Prepared { still, ..out.ready(found, rig, records)? })
 }
 
 /// Stretches of steady drive.
@@ -110,7 +115,7 @@ impl Steady {
         Ok(Self { stretches, record_of, indices, warnings })
     }
 
-    fn measured(&self, rig: &Rig, bound: &ObservedModel, settings: &Settings) -> Result<Measured> {
+    fn measured(&self, records: &[Record], rig: &Rig, bound: &ObservedModel, settings: &Settings) -> Result<Measured> {
         let step_s = 1.0 / rig.sample_rate_hz;
         let shown: Vec<Vec<Vec<f64>>> = self.stretches.iter().map(|s| s.sensors(bound)).collect();
         let of_sensor = |i: usize| shown.iter().map(move |s| &s[i][..]);
@@ -122,7 +127,8 @@ impl Steady {
         let lengths: Vec<f64> = self.stretches.iter().map(|s| s.len() as f64 * s.step_s).collect();
         let inputs = !bound.inputs.is_empty();
         let geometry = geometry(rig, settings, &noises, inputs, step_s, band, &lengths)?;
-        let counted = |&i: &usize| Some(&rig.channel[i]).filter(|c| c.unit == "count").map(Channel::scale);
+        let step = |i: usize| records.iter().map(|r| r.channels[i].step()).fold(0.0, f64::max);
+        let counted = |&i: &usize| (rig.channel[i].unit == "count").then(|| step(i));
         let count: Vec<Option<f64>> = bound.sensors.iter().map(counted).collect();
         let error = |(n, count): (&Option<Noise>, &Option<f64>)| match count {
             Some(_) => 0.0,
@@ -158,7 +164,7 @@ impl Steady {
             return Err(error);
         }
         let Self { stretches, record_of, indices, warnings } = self;
-        Ok(Prepared { stretches, record_of, indices, sensors, geometry, warnings })
+        Ok(Prepared { stretches, record_of, indices, sensors, geometry, still: Vec::new(), warnings })
     }
 }
 

@@ -32,8 +32,7 @@ use crate::model::dynamics::Dynamics;
 use crate::record::{Column, Record};
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
-use crate::suspects::Mending;
-use crate::warning::Warning;
+use crate::suspects::{Mending, slipped};
 
 /// Least gain in units of the noise's variance: eight standard deviations, by chance 10⁻¹⁵ a look.
 const LIMIT: f64 = 64.0;
@@ -48,8 +47,6 @@ const SAME: usize = 12;
 const MOST_ROUNDS: usize = 4;
 /// Most samples of all records that are looked at where nobody asked for a fit by shooting.
 const MOST_SAMPLES: usize = 200_000;
-/// Places that a text names.
-const NAMED: usize = 3;
 
 /// A step of one sensor by whole counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,8 +72,8 @@ pub struct Placed {
     pub channel: usize,
     /// Time of the first sample that is off, s.
     pub time_s: f64,
-    /// By how many counts.
-    pub counts: f64,
+    /// By how many steps of its counts.
+    pub steps: f64,
 }
 
 /// Slips in what a fit leaves. `states`: the fitted state of each piece; `first`: the sample of its
@@ -226,13 +223,13 @@ fn left<D: Dynamics + ?Sized>(
 pub fn placed(slips: &[Slip], bound: &ObservedModel, prepared: &Prepared) -> Vec<Placed> {
     let one = |s: &Slip| {
         let (record, channel) = (prepared.record_of[s.stretch], bound.sensors[s.sensor]);
-        Placed { record, channel, time_s: prepared.stretches[s.stretch].time(s.sample), counts: s.counts }
+        Placed { record, channel, time_s: prepared.stretches[s.stretch].time(s.sample), steps: s.counts }
     };
     slips.iter().map(one).collect()
 }
 
 /// Runs an identification, takes back the slips that it finds, and runs it again until it finds no
-/// more; the records as they then are. Each channel's slips are told by a warning. Where the
+/// more; the records as they then are, with their slips in their warnings. Where the
 /// equations miss something all the same, what looked like slips may be that: nothing is taken
 /// back.
 ///
@@ -246,21 +243,20 @@ pub fn without<'a>(
     if plain.slips.is_empty() {
         return Ok((plain, Cow::Borrowed(records)));
     }
-    let (mut mended, mut all) = (records.to_vec(), Vec::new());
+    let (mut mended, mut taken) = (records.to_vec(), 0);
     let mut slips = plain.slips.clone();
     for _ in 0..MOST_ROUNDS {
         take_back(&mut mended, &slips);
-        all.append(&mut slips);
+        taken += slips.len();
         // What cannot be identified any more had no slips.
-        let Ok(mut found) = run(&mended) else { break };
+        let Ok(found) = run(&mended) else { break };
         if found.slips.is_empty() {
             if !explains(&found) {
                 break;
             }
-            found.warnings.extend(warnings(records, &all));
             return Ok((found, Cow::Owned(mended)));
         }
-        if found.slips.len() >= all.len() {
+        if found.slips.len() >= taken {
             // Taking them back leads nowhere.
             break;
         }
@@ -277,7 +273,7 @@ fn explains(found: &Identification) -> bool {
         && !found.warnings.iter().any(|w| w.invalidates)
 }
 
-/// Takes slips back.
+/// Takes slips back, and tells them in their records' warnings.
 fn take_back(records: &mut [Record], slips: &[Placed]) {
     for slip in slips {
         let record = &mut records[slip.record];
@@ -290,64 +286,30 @@ fn take_back(records: &mut [Record], slips: &[Placed]) {
         if !matches!(record.segments[segment].columns[slip.channel], Column::Counts(_)) {
             continue;
         }
+        let size = slip.steps * record.channels[slip.channel].counts_a_step();
         let mut mending = Mending::default();
-        mending.take_back(slip.channel, segment, sample, slip.counts);
+        mending.take_back(slip.channel, segment, sample, size);
         mending.apply(record);
+        let row = record.numbering.as_ref().and_then(|n| n.at_time(slip.time_s));
+        let step = slipped::Step { row, time_s: (slip.time_s * 1e6).round() / 1e6, size, near: true };
+        // Half a spacing for times that were rounded.
+        let same_s = (SAME as f64 + 0.5) / record.sample_rate_hz;
+        slipped::tell(record, slip.channel, &[step], same_s);
     }
 }
 
-/// One warning for each channel of each record.
-fn warnings(records: &[Record], slips: &[Placed]) -> Vec<Warning> {
-    let mut warnings = Vec::new();
-    for (r, record) in records.iter().enumerate() {
-        for (c, channel) in record.channels.iter().enumerate() {
-            let mut here: Vec<Placed> = slips.iter().filter(|s| (s.record, s.channel) == (r, c)).copied().collect();
-            here.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-            let Some(first) = here.first() else { continue };
-            let word = record.numbering.as_ref().map_or("sample", |n| n.word);
-            let row = |s: &Placed| record.numbering.as_ref().and_then(|n| n.at_time(s.time_s));
-            let one = |s: &Placed| {
-                let time = (s.time_s * 1e6).round() / 1e6;
-                let unit = if s.counts.abs() == 1.0 { "count" } else { "counts" };
-                let place =
-                    row(s).map_or_else(|| format!("t = {time} s"), |row| format!("{word} {row} (t = {time} s)"));
-                format!("{place} by {:+} {unit}", s.counts)
-            };
-            let list: Vec<String> = here.iter().take(NAMED).map(one).collect();
-            let more = if here.len() > NAMED { format!(" and {} more", here.len() - NAMED) } else { String::new() };
-            let times = if here.len() == 1 { String::new() } else { format!(", {} times", here.len()) };
-            let text = format!("{} slips by a step that stays{times}: near {}{more}", channel.name, list.join(", "));
-            let mut warning = Warning::new(
-                "count-slip",
-                text,
-                "The equations show the steps, their places to a few rows; they are taken back. Look at the encoder's signals: counts were lost or gained",
-            )
-            .with("channel", channel.name.clone())
-            .with("value", first.counts)
-            .with("sizes", here.iter().map(|s| s.counts).collect::<Vec<f64>>());
-            if let Some(rows) = here.iter().map(row).collect::<Option<Vec<u64>>>() {
-                warning = warning.with("row", rows[0]).with("rows", rows);
-            }
-            warnings.push(warning);
-        }
-    }
-    warnings
-}
-
-/// Records without the slips that their rig's equations show, and what is to be said of them; none
-/// where there are none, or where nothing can be identified.
-pub fn taken_back(records: &[Record], rig: &Rig) -> Option<(Vec<Record>, Vec<Warning>)> {
+/// Records without the slips that their rig's equations show, told in their warnings; none where there are none, or where nothing can be identified.
+pub fn taken_back(records: &[Record], rig: &Rig) -> Option<Vec<Record>> {
     let samples: usize = records.iter().map(Record::samples).sum();
     let own = built_in::written(rig).ok()?;
     let counts = built_in::bound(&own).ok()?.sensors.iter().any(|c| rig.channel[*c].unit == "count");
     if !counts || samples > MOST_SAMPLES || records.iter().flat_map(|r| &r.warnings).any(|w| w.invalidates) {
         return None;
     }
-    let before: usize = records.iter().map(|r| r.warnings.iter().filter(|w| w.id == "count-slip").count()).sum();
     let (weak, choices) = (Settings::default(), shooting::Settings::default());
     let run = |records: &[Record]| best::once(records, rig, &weak, &choices, &ProgressBar::hidden());
-    let (found, mended) = without(records, run).ok()?;
-    let Cow::Owned(mended) = mended else { return None };
-    let warnings = found.warnings.into_iter().filter(|w| w.id == "count-slip").skip(before).collect();
-    Some((mended, warnings))
+    match without(records, run).ok()?.1 {
+        Cow::Owned(mended) => Some(mended),
+        Cow::Borrowed(_) => None,
+    }
 }

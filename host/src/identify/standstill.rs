@@ -12,6 +12,7 @@
 use rayon::prelude::*;
 
 use super::stretches::Stretch;
+use crate::record::Record;
 use crate::rig::measures::ObservedModel;
 use crate::warning::Warning;
 
@@ -23,54 +24,121 @@ const STILL: f64 = 0.125;
 /// Share of the windows in motion that must be left.
 const WORTH: f64 = 0.25;
 
-/// Splits stretches at standstills, unless too few windows of `window_s` would be left; whether it
-/// did. `count`: size of one count of each sensor. Warns of what is left out.
+/// A standstill of a sensor.
+#[derive(Clone, Debug)]
+pub struct Still {
+    /// Sensor, in the order of the rig's equations.
+    pub sensor: usize,
+    /// Record of which it is.
+    pub record: usize,
+    /// All sensors' samples over it.
+    pub stretch: Stretch,
+}
+
+impl Still {
+    /// How long it lasts, s.
+    pub fn length_s(&self) -> f64 {
+        self.stretch.len() as f64 * self.stretch.step_s
+    }
+}
+
+/// The warning's id.
+pub const ID: &str = "standstill";
+
+/// Splits stretches at standstills, unless too few windows of `window_s` would be left; the
+/// standstills that it left out. `count`: size of one count of each sensor.
 pub fn leave_out(
     stretches: &mut Vec<Stretch>,
     record_of: &mut Vec<usize>,
     bound: &ObservedModel,
     count: &[Option<f64>],
     window_s: f64,
-    warnings: &mut Vec<Warning>,
-) -> bool {
-    let still: Vec<Vec<(usize, usize)>> =
-        stretches.iter().map(|s| standstills(s, bound, count, STILL * window_s)).collect();
-    if still.iter().all(Vec::is_empty) {
-        return false;
+) -> Vec<Still> {
+    let found: Vec<Vec<Span>> = stretches.iter().map(|s| standstills(s, bound, count, STILL * window_s)).collect();
+    if found.iter().all(Vec::is_empty) {
+        return Vec::new();
     }
     let (mut kept, mut from_record) = (Vec::new(), Vec::new());
-    let mut left_out_s = 0.0;
-    for ((stretch, record), still) in stretches.iter().zip(&*record_of).zip(&still) {
+    let mut still = Vec::new();
+    for ((stretch, record), found) in stretches.iter().zip(&*record_of).zip(&found) {
         let mut from = 0;
-        for (first, last) in still.iter().copied().chain([(stretch.len(), stretch.len())]) {
+        let own = |s: &Span| Still { sensor: s.sensor, record: *record, stretch: stretch.part(s.first, s.last) };
+        still.extend(found.iter().map(own));
+        for (first, last) in merged(found).into_iter().chain([(stretch.len(), stretch.len())]) {
             if first > from {
                 kept.push(stretch.part(from, first));
                 from_record.push(*record);
             }
             from = from.max(last);
         }
-        left_out_s += still.iter().map(|(a, b)| b - a).sum::<usize>() as f64 * stretch.step_s;
     }
     // A motion that stops and goes would be left in pieces too short for a window.
     let room = |list: &[Stretch]| list.iter().map(|s| (s.len() as f64 * s.step_s - window_s).max(0.0)).sum::<f64>();
     let moves = |list: &[Stretch]| list.iter().map(|s| s.len() as f64 * s.step_s).sum::<f64>();
     let share = moves(&kept) / moves(stretches);
     if room(&kept) <= WORTH * share * room(stretches) {
-        return false;
+        return Vec::new();
     }
-    warnings.push(Warning::new(
-        "standstill",
-        format!("{left_out_s:.3} s in which a joint stands still were left out"),
-        "Where dry friction holds a joint no equation of motion says with what torque; `whirl inspect` shows where the motion ends",
-    ));
     (*stretches, *record_of) = (kept, from_record);
-    true
+    still
 }
 
-/// First and last + 1 of each standstill of any sensor for `still_s`, in order, without overlaps.
-fn standstills(stretch: &Stretch, bound: &ObservedModel, count: &[Option<f64>], still_s: f64) -> Vec<(usize, usize)> {
+/// What is said of standstills that were left out; nothing where there are none.
+pub fn told(still: &[Still], records: &[Record], bound: &ObservedModel) -> Option<Warning> {
+    let first = still.first()?;
+    let (place, name) = place(first, records, bound);
+    // Two joints may stand at once.
+    let mut spans: Vec<(usize, f64, f64)> =
+        still.iter().map(|s| (s.record, s.stretch.start_s, s.stretch.start_s + s.length_s())).collect();
+    spans.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    let (mut left_out_s, mut behind) = (0.0, (usize::MAX, 0.0));
+    for (record, from, to) in spans {
+        let from = if record == behind.0 { from.max(behind.1) } else { from };
+        left_out_s += (to - from).max(0.0);
+        behind = (record, if record == behind.0 { to.max(behind.1) } else { to });
+    }
+    let others = if still.len() > 1 { format!(" (and {} more standstills)", still.len() - 1) } else { String::new() };
+    let warning = Warning::new(
+        ID,
+        format!(
+            "{name} stands still from {place} on for {:.3} s{others}: {left_out_s:.3} s in which a joint stands still were left out",
+            first.length_s()
+        ),
+        "Where dry friction holds a joint no equation of motion says with what torque; if the joint moved there, look at the sensor",
+    );
+    let warning = warning.with("channel", name).with("time_s", first.stretch.start_s).with("value_s", left_out_s);
+    Some(match row(first, records) {
+        Some(row) => warning.with("row", row),
+        None => warning,
+    })
+}
+
+/// Where a standstill begins, in words, and the name of its channel.
+pub fn place<'a>(still: &Still, records: &'a [Record], bound: &ObservedModel) -> (String, &'a str) {
+    let record = &records[still.record];
+    let time = (still.stretch.start_s * 1e6).round() / 1e6;
+    let word = record.numbering.as_ref().map_or("row", |n| n.word);
+    let place = row(still, records).map_or_else(|| format!("t = {time} s"), |r| format!("{word} {r} (t = {time} s)"));
+    (place, &record.channels[bound.sensors[still.sensor]].name)
+}
+
+/// The row at which a standstill begins.
+pub fn row(still: &Still, records: &[Record]) -> Option<u64> {
+    records[still.record].numbering.as_ref()?.at_time(still.stretch.start_s)
+}
+
+/// Samples `first` to before `last` in which a sensor stands still.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Span {
+    first: usize,
+    last: usize,
+    sensor: usize,
+}
+
+/// Standstills of any sensor for `still_s`, in order.
+fn standstills(stretch: &Stretch, bound: &ObservedModel, count: &[Option<f64>], still_s: f64) -> Vec<Span> {
     let least = (still_s / stretch.step_s).ceil().max(2.0) as usize;
-    let of_sensor = |(values, count): (Vec<f64>, &Option<f64>)| {
+    let of_sensor = |(sensor, (values, count)): (usize, (Vec<f64>, &Option<f64>))| {
         let mut found = Vec::new();
         let Some(count) = *count else { return found };
         // One of the whole pieces of half that length would lie within it.
@@ -82,7 +150,7 @@ fn standstills(stretch: &Stretch, bound: &ObservedModel, count: &[Option<f64>], 
         for (i, &x) in values.iter().enumerate() {
             if x.max(high) - x.min(low) > COUNTS * count {
                 if i - start >= least {
-                    found.push((start, i));
+                    found.push(Span { first: start, last: i, sensor });
                 }
                 (start, low, high) = (i, x, x);
             } else {
@@ -90,19 +158,24 @@ fn standstills(stretch: &Stretch, bound: &ObservedModel, count: &[Option<f64>], 
             }
         }
         if values.len() - start >= least {
-            found.push((start, values.len()));
+            found.push(Span { first: start, last: values.len(), sensor });
         }
         found
     };
-    let each: Vec<Vec<(usize, usize)>> =
-        stretch.sensors(bound).into_par_iter().zip(count.par_iter()).map(of_sensor).collect();
-    let mut found: Vec<(usize, usize)> = each.into_iter().flatten().collect();
+    let shown: Vec<(Vec<f64>, &Option<f64>)> = stretch.sensors(bound).into_iter().zip(count).collect();
+    let each: Vec<Vec<Span>> = shown.into_par_iter().enumerate().map(of_sensor).collect();
+    let mut found: Vec<Span> = each.into_iter().flatten().collect();
     found.sort_unstable();
+    found
+}
+
+/// First and last + 1 of all together, without overlaps.
+fn merged(spans: &[Span]) -> Vec<(usize, usize)> {
     let mut merged: Vec<(usize, usize)> = Vec::new();
-    for (a, b) in found {
+    for &Span { first, last, .. } in spans {
         match merged.last_mut() {
-            Some(last) if a <= last.1 => last.1 = last.1.max(b),
-            _ => merged.push((a, b)),
+            Some(one) if first <= one.1 => one.1 = one.1.max(last),
+            _ => merged.push((first, last)),
         }
     }
     merged
@@ -151,22 +224,23 @@ mod tests {
         let sticks = stretch(|t| if t < 4.0 { (7.0 * t).sin() } else { 0.1 });
         let found = standstills(&sticks, &bound, &COUNT, 0.5);
         assert_eq!(found.len(), 1, "{found:?}");
-        assert!((found[0].0 as i64 - 2000).abs() < 30 && found[0].1 == 5000, "{found:?}");
+        assert!(found[0].first.abs_diff(2000) < 30 && (found[0].last, found[0].sensor) == (5000, 0), "{found:?}");
         assert!(standstills(&stretch(|t| 0.3 * (5.0 * t).sin()), &bound, &COUNT, 0.5).is_empty());
         // A slow swing has longer windows, and its turning points are no standstills.
         let slow = stretch(|t| 0.02 * (0.7 * t).sin());
         assert!(!standstills(&slow, &bound, &COUNT, 0.5).is_empty());
         assert!(standstills(&slow, &bound, &COUNT, STILL * 45.0).is_empty());
-        let (mut stretches, mut records, mut warnings) = (vec![sticks], vec![3], Vec::new());
-        assert!(leave_out(&mut stretches, &mut records, &bound, &COUNT, 3.0, &mut warnings));
-        assert!(stretches.len() == 1 && (stretches[0].len() as i64 - 2000).abs() < 30 && warnings.len() == 1);
+        let (mut stretches, mut records) = (vec![sticks], vec![3]);
+        let still = leave_out(&mut stretches, &mut records, &bound, &COUNT, 3.0);
+        assert!(stretches.len() == 1 && stretches[0].len().abs_diff(2000) < 30 && still.len() == 1);
+        assert!((still[0].sensor, still[0].record) == (0, 3) && (still[0].stretch.start_s - 4.0).abs() < 0.06);
         assert_eq!(records, [3]);
         // Stop and go: what is left would have no room for windows.
         let mut goes = vec![stretch(|t| if t % 2.0 < 1.3 { (7.0 * t).sin() } else { 0.1 })];
-        assert!(!leave_out(&mut goes, &mut records, &bound, &COUNT, 3.0, &mut warnings) && goes.len() == 1);
+        assert!(leave_out(&mut goes, &mut records, &bound, &COUNT, 3.0).is_empty() && goes.len() == 1);
         // Nothing long enough would be left: what to say of such a record is for others to decide.
         let mut all = vec![stretch(|_| 0.1)];
-        assert!(!leave_out(&mut all, &mut records, &bound, &COUNT, 3.0, &mut warnings));
-        assert!(all.len() == 1 && all[0].len() == 5000 && warnings.len() == 1);
+        assert!(leave_out(&mut all, &mut records, &bound, &COUNT, 3.0).is_empty());
+        assert!(all.len() == 1 && all[0].len() == 5000);
     }
 }

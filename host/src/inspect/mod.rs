@@ -20,6 +20,7 @@ use crate::phase_space::survey::{self, PhaseSpace};
 use crate::record::Record;
 use crate::reduce::systems::SYSTEMS;
 use crate::rig::Rig;
+use crate::suspects::slipped;
 use crate::warning::Warning;
 use coordinate::Coordinate;
 use drive_check::DriveCheck;
@@ -172,9 +173,13 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
         warnings.extend(crate::identify::suspects::known(record, rig));
     }
     if !warnings.iter().any(|w| w.invalidates)
-        && let Some((_, slips)) = crate::identify::slips::taken_back(std::slice::from_ref(record), rig)
+        && let Some(mended) = crate::identify::slips::taken_back(std::slice::from_ref(record), rig)
     {
-        warnings.extend(slips);
+        warnings.retain(|w| w.id != slipped::ID);
+        warnings.extend(mended.into_iter().flat_map(|r| r.warnings).filter(|w| w.id == slipped::ID));
+    }
+    if !warnings.iter().any(|w| w.invalidates) {
+        warnings.extend(crate::identify::stopped::standing(std::slice::from_ref(record), rig));
     }
     Ok(Inspection { record: summary, coordinates, drive, periodicity, warnings, phase_space, plots })
 }

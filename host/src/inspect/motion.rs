@@ -119,7 +119,7 @@ pub fn motions(record: &Record) -> Vec<Motion> {
             unit: si_unit(&channel.unit).to_owned(),
             space: if angle { Space::S1 } else { Space::R },
             derived: false,
-            step: quantisation_step(&parts, channel.scale()),
+            step: quantisation_step(&parts, channel.step()),
             stretches,
         });
     }

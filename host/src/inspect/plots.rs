@@ -169,6 +169,7 @@ mod tests {
             gain: None,
             offset: None,
             index_at: None,
+            stuck: None,
         };
         let segment = |k: i64| Segment {
             first_tick: 20 * k,

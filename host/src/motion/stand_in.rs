@@ -34,6 +34,7 @@ pub fn rig(model: &IdentifiedModel, path: &Path) -> Result<Rig> {
         gain: None,
         offset: None,
         index_at: None,
+        stuck: None,
     };
     let (id, file, channel) = match &model.system {
         System::BuiltIn(id) => {

@@ -135,12 +135,12 @@ impl Column {
         self.len() == 0
     }
 
-    /// The samples in SI units: for counts (c + ½)·2π/N rad, otherwise value times the unit's
-    /// factor. Not unwrapped.
+    /// The samples in SI units: for counts (c + ½)·2π/N rad (with stuck bits the middle of what they
+    /// show, [`Channel::middle`]), otherwise value times the unit's factor. Not unwrapped.
     pub fn angle(&self, channel: &Channel) -> Vec<f64> {
-        let scale = channel.scale();
+        let (scale, middle) = (channel.scale(), channel.middle());
         match self {
-            Self::Counts(c) => c.iter().map(|&c| (f64::from(c) + 0.5) * scale).collect(),
+            Self::Counts(c) => c.iter().map(|&c| (f64::from(c) + middle) * scale).collect(),
             Self::Values(v) => v.iter().map(|&v| v * scale).collect(),
         }
     }

@@ -87,9 +87,9 @@ pub(super) fn assemble(
     }
     let (word, places) = if rows.resample { ("resampled row", vec![]) } else { (rows.word, rows.places) };
     let stretches = record.segments.iter().map(|s| (s.start_s, s.step_s, s.len())).collect();
-    let numbering = Numbering { word, first_rows, places, stretches };
+    let numbering = Arc::new(Numbering { word, first_rows, places, stretches });
+    record.numbering = Some(numbering.clone());
     suspects::examine(&mut record, rig, &numbering);
-    record.numbering = Some(Arc::new(numbering));
     Ok(record)
 }
 

@@ -146,6 +146,7 @@ mod tests {
             gain: None,
             offset: None,
             index_at: None,
+            stuck: None,
         }
     }
 

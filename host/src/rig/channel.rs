@@ -28,6 +28,30 @@ pub struct Channel {
     /// that tells at which count the mark was seen then has a known zero.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub index_at: Option<f64>,
+    /// Lowest bits of a record's counts that never change; none in a rig file.
+    #[serde(skip)]
+    pub stuck: Option<StuckBits>,
+}
+
+/// Lowest bits of a count that are stuck: a count shows a block of 2^bits counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct StuckBits {
+    /// How many, from bit 0 up.
+    pub bits: u32,
+    /// What they show.
+    pub value: u32,
+}
+
+impl StuckBits {
+    /// Counts that it shows as one.
+    pub fn counts(self) -> f64 {
+        f64::from(1_u32 << self.bits)
+    }
+
+    /// From a count to the middle of those that it stands for.
+    pub fn middle(self) -> f64 {
+        0.5 * self.counts() - f64::from(self.value)
+    }
 }
 
 impl Channel {
@@ -44,6 +68,21 @@ impl Channel {
             "kN" => 1e3,
             _ => 1.0,
         }
+    }
+
+    /// Size of one step of the counts, rad; the factor to SI of what does not count.
+    pub fn step(&self) -> f64 {
+        self.scale() * self.counts_a_step()
+    }
+
+    /// Counts that one shown count stands for: 1, or 2^k where k lowest bits are stuck.
+    pub fn counts_a_step(&self) -> f64 {
+        self.stuck.map_or(1.0, |s| s.counts())
+    }
+
+    /// From a count c to the middle of what it shows: ½ for [c, c + 1).
+    pub fn middle(&self) -> f64 {
+        self.stuck.map_or(0.5, |s| s.middle())
     }
 
     /// Whether values are taken as they stand.

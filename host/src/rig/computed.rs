@@ -159,6 +159,7 @@ impl Columns {
                 gain: None,
                 offset: None,
                 index_at: None,
+                stuck: None,
             });
             columns.len() - 1
         });

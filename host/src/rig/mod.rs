@@ -19,7 +19,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-pub use self::channel::{Channel, UNITS};
+pub use self::channel::{Channel, StuckBits, UNITS};
 use self::choices::Choices;
 use crate::effects;
 use crate::effects::entry::{Entry, MOST_FORMS};
@@ -294,6 +294,7 @@ impl Rig {
             gain: None,
             offset: None,
             index_at: None,
+            stuck: None,
         };
         Self {
             name: "columns".to_owned(),

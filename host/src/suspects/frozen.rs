@@ -12,9 +12,12 @@
 //! Where a channel moves by few counts a sample, velocities drown in the counts' own steps: what
 //! stops for good is then held against the whole stretch, see [`super::leap`].
 //!
+//! A line that was filled in is the same with a slope, see [`super::filled`].
+//!
 //! Limits: a sensor that stops within some milliseconds of a turning point looks like a joint that
 //! is held, and is not told from it; nor is one that is away for a while in a slow motion.
 
+use super::filled;
 use super::leap::leaps;
 use super::trace::{Samples, Trace};
 
@@ -41,6 +44,8 @@ pub struct Run {
     pub extreme: i8,
     /// Whether it lasts to the end, or from the beginning, of the stretch.
     pub open: bool,
+    /// Of a straight line that was filled in: where it ends.
+    pub filled_to: Option<f64>,
 }
 
 /// All runs of a channel that no motion makes.
@@ -59,8 +64,11 @@ pub fn runs(trace: &Trace<'_>) -> Vec<Run> {
         let entry = from == 0 || breaks(s, from, true, trace.quantum) || leaps(true);
         entry && (to == s.len() || breaks(s, to - 1, false, trace.quantum) || returns(s, to, trace) || leaps(false))
     });
+    let mut lines = filled::lines(trace);
+    lines.retain(|l| !equal.iter().any(|e| e.0 == l.0 && e.1 < l.2 && l.1 < e.2));
+    let mut runs: Vec<Run> = lines.iter().map(|l| line(trace, *l)).collect();
     if equal.is_empty() {
-        return vec![];
+        return runs;
     }
     let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
     for s in &trace.stretches {
@@ -72,9 +80,17 @@ pub fn runs(trace: &Trace<'_>) -> Vec<Run> {
         let s = &trace.stretches[stretch];
         let value = s.at(from);
         let extreme = if value == high { 1 } else { -i8::from(value == low) };
-        Run { stretch, from, to, value, extreme, open: from == 0 || to == s.len() }
+        Run { stretch, from, to, value, extreme, open: from == 0 || to == s.len(), filled_to: None }
     };
-    equal.into_iter().map(run).collect()
+    runs.extend(equal.into_iter().map(run));
+    runs
+}
+
+/// A straight line.
+fn line(trace: &Trace<'_>, (stretch, from, to): (usize, usize, usize)) -> Run {
+    let s = &trace.stretches[stretch];
+    let open = from == 0 || to == s.len();
+    Run { stretch, from, to, value: s.at(from), extreme: 0, open, filled_to: Some(s.at(to - 1)) }
 }
 
 /// Runs of equal samples that are long enough, but for a whole stretch.

@@ -8,11 +8,12 @@
 //! certain is mended (slips) or left out as a gap (spikes, clipped and dead stretches); what cannot
 //! be is named by a warning that takes the answer its standing.
 //!
-//! One check, one file: `dead`, `held`, `stuck_bit`, `row_steps`, `frozen` with `leap`, and `screen` with
-//! `breaks`.
+//! One check, one file: `dead`, `held`, `stuck_bit`, `row_steps`, `frozen` with `leap` and `filled`,
+//! and `screen` with `breaks`.
 
 mod breaks;
 mod dead;
+mod filled;
 mod frozen;
 mod held;
 mod leap;
@@ -20,6 +21,7 @@ mod local_fit;
 mod mending;
 mod row_steps;
 mod screen;
+pub(crate) mod slipped;
 mod sorting;
 mod stuck_bit;
 mod tail;
@@ -82,6 +84,7 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
     let traces: Vec<Trace<'_>> = sensors.iter().map(|&k| trace(record, k)).collect();
     let wording = Wording::new(record, rig, numbering);
     let (mut warnings, mut mending) = (Vec::new(), Mending::default());
+    let (mut slipped, mut coarse) = (Vec::new(), Vec::new());
     let dead: Vec<Option<f64>> = traces.par_iter().map(dead::dead).collect();
     let held: Vec<Option<usize>> = traces.par_iter().map(held::held).collect();
     for (i, &k) in sensors.iter().enumerate() {
@@ -90,9 +93,9 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
         } else if let Some(n) = held[i] {
             warnings.push(wording.held(k, n));
         }
-        if let Some(w) = wording.stuck(k, &stuck_bit::stuck(&traces[i])) {
-            warnings.push(w);
-        }
+        let stuck = stuck_bit::stuck(&traces[i]);
+        warnings.extend(wording.stuck(k, &stuck));
+        coarse.extend(stuck_bit::coarse(&stuck).map(|s| (k, s)));
     }
     let alive: Vec<usize> = (0..traces.len()).filter(|&i| dead[i].is_none()).collect();
     if !warnings.iter().any(|w| w.invalidates) && !alive.is_empty() {
@@ -118,7 +121,7 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
                 })
                 .collect();
             let sorted = sorting::sort(&living, &found);
-            warnings.extend(wording.breaks(&channels, &sorted, &mut mending));
+            warnings.extend(wording.breaks(&channels, &sorted, &mut mending, &mut slipped));
         }
     }
     if SHREDS * mending.longest_left(record) < record.longest_segment() {
@@ -132,6 +135,12 @@ pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
     }
     mending.apply(record);
     record.warnings.extend(warnings);
+    for (k, step) in slipped {
+        slipped::tell(record, k, &[step], 0.0);
+    }
+    for (k, stuck) in coarse {
+        record.channels[k].stuck = Some(stuck);
+    }
 }
 
 /// A channel of a record, as it stands.

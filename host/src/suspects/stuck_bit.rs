@@ -5,10 +5,12 @@
 //! other closely, so that only counts that cross the place where the bit changes, at least
 //! [`FEWEST`] times, are taken.
 //!
-//! Bits from 0 up that are stuck together make a coarser encoder: what is left is right, with steps
-//! of 2^k counts.
+//! Bits from 0 up that are stuck together make a coarser encoder: k bits at v show c for the 2^k
+//! counts from c − v on, the middle of which lies (2^k − 1)/2 − v beyond that of c alone. The
+//! record's channel is told so ([`Channel::middle`](crate::rig::Channel::middle)).
 
 use super::trace::{Samples, Trace};
+use crate::rig::StuckBits;
 
 /// Crossings of a place at which the bit should have changed.
 const FEWEST: u64 = 40;
@@ -46,6 +48,12 @@ pub fn stuck(trace: &Trace<'_>) -> Vec<Stuck> {
         }
     }
     found
+}
+
+/// The lowest bits that are stuck, where no other is: a coarser count.
+pub fn coarse(stuck: &[Stuck]) -> Option<StuckBits> {
+    let value = stuck.iter().map(|s| u32::from(s.value) << s.bit).sum();
+    (!stuck.is_empty() && stuck.iter().all(|s| s.coarse)).then_some(StuckBits { bits: stuck.len() as u32, value })
 }
 
 /// How often the counts pass from one block of 2^{bit+1} to another.

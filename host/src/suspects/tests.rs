@@ -96,3 +96,42 @@ fn a_dead_channel_takes_the_answer_its_standing_and_a_stopped_one_only_its_rows(
     assert!(record.warnings.len() == 1 && w.id == "channel-stopped" && !w.invalidates, "{:?}", record.warnings);
     assert!(record.samples().abs_diff(6010) <= 1 && w.text.contains("line 601"), "{w:?}");
 }
+
+#[test]
+fn a_count_whose_lowest_bits_are_stuck_is_read_in_the_middle_of_its_steps() {
+    let clean = read(&motion(), usize::MAX);
+    for (keep, set) in [(!1, 0), (!3, 0), (!0, 1), (!3, 2)] {
+        let rows: Vec<[i32; 2]> = motion().iter().map(|r| [r[0] & keep | set, r[1]]).collect();
+        let record = read(&rows, usize::MAX);
+        assert!(
+            record.warnings.len() == 1 && record.warnings[0].id == "stuck-bit" && !record.warnings[0].invalidates,
+            "{:?}",
+            record.warnings
+        );
+        let [of, truth] = [&record, &clean].map(|r| r.segments[0].columns[0].angle(&r.channels[0]));
+        let count = record.channels[0].scale();
+        let mean = of.iter().zip(&truth).map(|(a, b)| (a - b) / count).sum::<f64>() / of.len() as f64;
+        // Quantisation of some thousand samples, against half a count and more.
+        assert!(mean.abs() < 0.05, "{keep} {set}: {mean}");
+    }
+}
+
+#[test]
+fn a_line_that_was_filled_in_is_left_out() {
+    let noise = |i: usize| 1e-4 * (43_758.545 * (12.9898 * i as f64).sin()).fract();
+    let mut x: Vec<f64> = (0..12_000).map(|i| (0.02 * i as f64).sin() + noise(i)).collect();
+    let (a, b) = (x[5000], x[5150]);
+    (5000..5150).for_each(|i| x[i] = a + (b - a) * (i - 5000) as f64 / 150.0);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("r.csv");
+    let line = |(i, x): (usize, &f64)| format!("{},{x},{}\n", i as f64 * 0.002, 0.3 * (0.05 * i as f64).sin());
+    std::fs::write(&path, "t,a,b\n".to_owned() + &x.iter().enumerate().map(line).collect::<String>()).unwrap();
+    let rig = RIG.replace("unit = \"count\"\ncounts_per_turn = 4096\n", "unit = \"rad\"\n");
+    let record =
+        Record::read(&path, &Rig::parse(&rig, Path::new("rig.toml")).unwrap(), &ReadOptions::default()).unwrap();
+    let [w] = &record.warnings[..] else { panic!("{:?}", record.warnings) };
+    assert!(w.id == "filled-in" && !w.invalidates && w.details["channel"] == "a", "{w:?}");
+    assert!(w.text.contains("line 5002 (t = 10 s)") && w.text.contains("line 5152 (t = 10.3 s)"), "{w:?}");
+    let lengths: Vec<usize> = record.segments.iter().map(crate::record::Segment::len).collect();
+    assert_eq!(lengths, [5000, 12_000 - 5151]);
+}

@@ -8,8 +8,9 @@ use super::breaks::Found;
 use super::frozen::Run;
 use super::mending::Mending;
 use super::row_steps;
+use super::slipped::Step;
 use super::sorting::Event;
-use super::stuck_bit::Stuck;
+use super::stuck_bit::{self, Stuck};
 use super::trace::Trace;
 use crate::record::Record;
 use crate::report::format::rounded;
@@ -120,7 +121,10 @@ impl<'a> Wording<'a> {
             Warning::new(
                 "stuck-bit",
                 format!("{text}: it moves in steps of {step} counts"),
-                "The record stands, but coarser than its counts say; look at the counter's lines, or at how the column was made",
+                format!(
+                    "Each step is taken for the middle of its {step} counts ({:+} counts on the whole channel); the record stands, but coarser than its counts say: look at the counter's lines, or at how the column was made",
+                    stuck_bit::coarse(stuck).map_or(0.0, |s| s.middle() - 0.5)
+                ),
             )
         } else {
             Warning::new(
@@ -168,6 +172,10 @@ impl<'a> Wording<'a> {
         let clipped = |r: &Run| runs.iter().filter(|o| o.extreme == r.extreme && r.extreme != 0).count() >= 2;
         for run in runs.iter().filter(|r| !clipped(r)) {
             mending.leave_out(run.stretch, run.from, run.to);
+            if let Some(end) = run.filled_to {
+                warnings.push(self.filled(channel, run, end));
+                continue;
+            }
             let name = self.name(channel);
             let (from, n) = (self.at(run.stretch, run.from), run.to - run.from);
             let text = match (run.open, run.from) {
@@ -195,6 +203,23 @@ impl<'a> Wording<'a> {
                 .push(self.placed(w, Some(channel), (run.stretch, place)).with("value", run.value).with("left_out", n));
         }
         warnings
+    }
+
+    /// A straight line without the noise of the channel.
+    fn filled(&self, channel: usize, run: &Run, end: f64) -> Warning {
+        let (name, n) = (self.name(channel), run.to - run.from);
+        let unit = self.unit(channel, end);
+        let [from, to] = [run.value, end].map(|v| rounded(v, 6));
+        let w = Warning::new(
+            "filled-in",
+            format!(
+                "{name} goes along a straight line without its noise for {n} rows, from {from} {unit} at {} to {to} {unit} at {}: its values were filled in there",
+                self.at(run.stretch, run.from),
+                self.at(run.stretch, run.to - 1)
+            ),
+            format!("These {n} rows are left out as a gap; leave cells empty where the sensor gave nothing"),
+        );
+        self.placed(w, Some(channel), (run.stretch, run.from)).with("value", run.value).with("left_out", n)
     }
 
     fn clipped(&self, channel: usize, runs: &[&Run], trace: &Trace<'_>, mending: &mut Mending) -> Warning {
@@ -227,8 +252,15 @@ impl<'a> Wording<'a> {
         self.placed(w, Some(channel), (runs[0].stretch, runs[0].from)).with("value", value).with("left_out", left_out)
     }
 
-    /// Spikes, slips, rows and records joined, `channels` being those that were looked at.
-    pub fn breaks(&self, channels: &[usize], events: &[Event], mending: &mut Mending) -> Vec<Warning> {
+    /// Spikes, rows and records joined, `channels` being those that were looked at; slips of their
+    /// channels are left for [`super::slipped`] to tell.
+    pub fn breaks(
+        &self,
+        channels: &[usize],
+        events: &[Event],
+        mending: &mut Mending,
+        slipped: &mut Vec<(usize, Step)>,
+    ) -> Vec<Warning> {
         let mut warnings = Vec::new();
         for (i, &k) in channels.iter().enumerate() {
             let of = |wanted: fn(&Event) -> Option<(usize, Found)>| -> Vec<Found> {
@@ -241,6 +273,7 @@ impl<'a> Wording<'a> {
             }
             for f in &slips {
                 mending.take_back(k, f.stretch, f.from, f.size);
+                slipped.push((k, self.step(k, f)));
             }
             if let Some(first) = spikes.first() {
                 let left_out: usize = spikes.iter().map(|f| f.to - f.from).sum();
@@ -266,21 +299,6 @@ impl<'a> Wording<'a> {
                     format!("{rows}; look for a typing error, or for disturbances on the sensor's line"),
                 );
                 warnings.push(self.listed(w, k, first, &spikes).with("left_out", left_out));
-            }
-            if let Some(first) = slips.first() {
-                let n = slips.len();
-                let text = format!(
-                    "{} slips by a step that stays{}: {}",
-                    self.name(k),
-                    if n == 1 { String::new() } else { format!(", {n} times") },
-                    self.list(k, &slips)
-                );
-                let w = Warning::new(
-                    "count-slip",
-                    text,
-                    "The steps are taken back, each right to about a count; look at the encoder's signals: counts were lost or gained",
-                );
-                warnings.push(self.listed(w, k, first, &slips));
             }
         }
         warnings.extend(self.all_channels(events, mending));
@@ -347,6 +365,12 @@ impl<'a> Wording<'a> {
         let list: Vec<String> = found.iter().take(NAMED).map(one).collect();
         let more = if found.len() > NAMED { format!(" and {} more", found.len() - NAMED) } else { String::new() };
         format!("{}{more}", list.join(", "))
+    }
+
+    /// A slip as it is told.
+    fn step(&self, channel: usize, f: &Found) -> Step {
+        let (row, time_s) = (self.row(f.stretch, f.from), self.time(f.stretch, f.from));
+        Step { row: Some(row), time_s, size: self.size(channel, f), near: false }
     }
 
     /// A size: whole counts, or so many digits as its error has.

@@ -22,6 +22,7 @@ use crate::effects::places::Place;
 use crate::effects::{self, places, written};
 use crate::error::Result;
 use crate::identify::history::{History, Laws};
+use crate::identify::prepared::prepare_moving;
 use crate::identify::remeasured::Sensors;
 use crate::identify::stretches::Stretch;
 use crate::identify::{self, Prepared};
@@ -105,7 +106,7 @@ impl<'a> Setting<'a> {
         let Some(base) = base(rig, whole) else { return Ok(None) };
         let first = identify::weak_form(records, rig, settings)?;
         let Prepared { stretches, record_of, sensors, geometry, warnings, .. } =
-            identify::prepare(records, rig, whole, settings)?;
+            prepare_moving(records, rig, whole, settings)?;
         let own = Own::new(&base, records.len());
         // More is not followed.
         let longest = MOST_SAMPLES as f64 / rig.sample_rate_hz;
