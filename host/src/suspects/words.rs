@@ -82,7 +82,7 @@ impl<'a> Wording<'a> {
         };
         let w = Warning::new(
             "dead-channel",
-            format!("{name} stays at {value} over the whole record: {why}"),
+            format!("{name} stays at {} over the whole record: {why}", rounded(value, 6)),
             "Check the sensor, its cable and its supply, and record again; the motion cannot be told from this record",
         );
         let w = self.placed(w, Some(channel), (0, 0)).with("value", value);

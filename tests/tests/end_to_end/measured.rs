@@ -82,3 +82,19 @@ fn the_measured_double_pendulum_gives_the_published_length() {
     assert_eq!(out["record"]["samples"], 54_000);
     assert!(std::fs::metadata(folder.path().join("out.html")).unwrap().len() > 10_000);
 }
+
+/// A long measured record is validated in bounded work: predictions begin at sixty places at most.
+#[test]
+fn half_a_minute_of_the_measured_double_pendulum_is_validated() {
+    let Some(records) = records() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let record = records.join("multiarm/double.csv.gz").display().to_string();
+    let rig = repository("rigs/measured-double-pendulum.toml").display().to_string();
+    let span = format!("{record} --rig {rig} --to 26");
+    assert_eq!(whirl(folder.path(), &format!("identify {span} --method weak -o model.toml")).status, 1);
+    let run = whirl(folder.path(), &format!("validate {span} --model model.toml --json out.json"));
+    assert!(run.status < 2, "{run:?}");
+    let out = json(&folder.path().join("out.json"));
+    let starts = out["horizon"]["measured"]["start_s"].as_array().unwrap().len();
+    assert!(starts > 20 && starts <= 61, "{starts}");
+}
