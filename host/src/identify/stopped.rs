@@ -3,7 +3,7 @@
 //! Where a joint is held by dry friction the equations ask of it for whatever torque keeps it
 //! there, up to what the friction can give. With the joint at rest a row of the weak form, without
 //! the terms of dry friction, is what they ask for, ∫ τ w cos mΩt, at most C ∫ w of friction's level
-//! C. It is compared with [`HOLDS`] C ∫ w and what the fit leaves at that frequency; a standstill at
+//! C. It is compared with `HOLDS` C ∫ w and what the fit leaves at that frequency; a standstill at
 //! half of the windows of which it is more is no joint's.
 //!
 //! Terms of dry friction are known by what they do: with the sensor's angle replaced by steady
