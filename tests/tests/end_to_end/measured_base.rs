@@ -130,6 +130,8 @@ fn hum_that_is_measured_leaves_nothing_missing_and_every_parameter_right() {
     let capture = CaptureSettings::new(format!("file:{}", file.display()), folder.path().join("hum.parquet"));
     let done = run(&capture, &rig, &mut |_| {}).unwrap();
     assert_true(read(&done.record, &rig), &rig);
+    let e = explain(&[read(&done.record, &rig)], &rig, &Settings::default()).unwrap();
+    assert_eq!((e.verdict, e.effects.len()), (Verdict::NothingMissing, 0), "{}", e.reason);
 }
 
 /// What is hidden in the arms is found as before.
