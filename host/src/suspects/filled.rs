@@ -6,8 +6,8 @@
 //! of less than a quarter to be so small, so that [`FEWEST`] in a row are 10⁻¹⁰. A motion of
 //! constant speed, free or in steps, is as noisy as any other and is not taken for one; nor is a
 //! smooth curve, for what is beside the run must be rough: its sixth differences exceed its fourth
-//! (by 3.6 where the noise is white; of a motion that is followed they are smaller). A constant is a
-//! line as well.
+//! (by 3.6 where the noise is white; of a motion that is followed they are smaller). Constants are
+//! [`super::frozen`]'s: a sensor with steps stands still where a motion turns round.
 //!
 //! Limits: fewer than [`FEWEST`] samples; counts, whose steps hide the line; records without noise,
 //! and those whose noise a filter made smooth.
@@ -38,7 +38,8 @@ pub fn lines(trace: &Trace<'_>) -> Vec<(usize, usize, usize)> {
         let mut from = 0;
         for run in x.windows(3).collect::<Vec<_>>().chunk_by(|a, b| straight(a) == straight(b)) {
             let to = from + run.len();
-            if run.len() >= FEWEST && straight(run[0]) && noisy_beside(x, from, to + 2, rounding) {
+            let slopes = (x[to + 1] - x[from]).abs() > rounding;
+            if run.len() >= FEWEST && slopes && straight(run[0]) && noisy_beside(x, from, to + 2, rounding) {
                 found.push((stretch, from, to + 2));
             }
             from = to;
@@ -162,5 +163,14 @@ mod tests {
                 (0..4000).map(|i| q * (speed * i as f64 + 3.0 * (0.01 * i as f64).sin()).floor()).collect();
             assert_eq!(of(&x), [], "{speed}");
         }
+        // One whose steps were made finer, by lines of three and of four samples in turn, stands still
+        // where the motion turns round.
+        let step = |k: usize| core::f64::consts::TAU / 1024.0 * (75.0 * (0.02 * k as f64).sin()).round();
+        let finer = |k: usize| {
+            let n = 3 + k % 2;
+            (0..n).map(move |i| step(k) + (step(k + 1) - step(k)) * i as f64 / n as f64)
+        };
+        let x: Vec<f64> = (0..1000).flat_map(finer).collect();
+        assert_eq!(of(&x), []);
     }
 }
