@@ -37,10 +37,10 @@ use crate::model::integrate;
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
 
-/// Longest step of integration: samples (of measured inputs, which may change in each); under a drive s, and as a share of its period; otherwise
-/// as a share of a window, which holds 3 to 10 periods of the motion. What a solution leaves of its
-/// equations, its local error over the step, must be far below what the sensors leave; a test holds
-/// it.
+/// Longest step of integration: samples (one where there are measured inputs, which may change in
+/// each); under a drive s, and as a share of its period; otherwise as a share of a window, which
+/// holds 3 to 10 periods of the motion. What a solution leaves of its equations, its local error
+/// over the step, must be far below what the sensors leave; a test holds it.
 const STEP_SAMPLES: f64 = 4.0;
 const STEP_SAMPLES_OF_INPUTS: f64 = 1.0;
 const STEP_S: f64 = 8e-3;
