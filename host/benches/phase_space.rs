@@ -28,7 +28,6 @@ fn angle() -> (Vec<f64>, f64) {
     (record.segments[0].columns[1].angle(channel), channel.scale())
 }
 
-#[cfg(feature = "sim")]
 fn simulated() -> PathBuf {
     let path = std::env::temp_dir().join("whirl-bench-1340s.parquet");
     if !path.exists() {
@@ -40,11 +39,6 @@ fn simulated() -> PathBuf {
         assert!(status.is_ok_and(|s| s.success()), "whirl simulate");
     }
     path
-}
-
-#[cfg(not(feature = "sim"))]
-fn simulated() -> PathBuf {
-    panic!("set WHIRL_BENCH_RECORD, or build with the feature sim")
 }
 
 fn benches(c: &mut Criterion) {

@@ -21,12 +21,10 @@ pub mod plan;
 pub mod record;
 pub mod reduce;
 pub mod report;
-#[cfg(feature = "sim")]
 pub mod reproduce;
 pub mod rig;
 pub mod said;
 pub mod signal;
-#[cfg(feature = "sim")]
 pub mod simulate;
 pub mod suspects;
 pub mod system;

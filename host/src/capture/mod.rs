@@ -343,5 +343,5 @@ fn outcome(settings: &CaptureSettings, finished: Finished, seconds: Option<f64>)
 #[path = "tests.rs"]
 mod tests;
 
-#[cfg(all(test, feature = "sim"))]
+#[cfg(test)]
 mod sim_tests;

@@ -311,6 +311,6 @@ fn each_sample(block: &SampleBlock, mut take: impl FnMut(usize, i32)) {
     }
 }
 
-#[cfg(all(test, feature = "sim"))]
+#[cfg(test)]
 #[path = "talk_tests.rs"]
 mod tests;

@@ -15,7 +15,6 @@ use crate::capture::feed::Feed;
 use crate::capture::journal::{is_kept, path_of};
 use crate::capture::level::told;
 use crate::capture::precision::Until;
-#[cfg(feature = "sim")]
 use crate::capture::sim::Simulated;
 use crate::capture::{CaptureOutcome, CaptureSettings, Progress, run as capture};
 use crate::error::{BadInput, Result, plain};
@@ -209,7 +208,6 @@ pub fn human(outcome: &CaptureOutcome) -> String {
 ///
 /// # Errors
 /// Another source; effects that are not to be had; what a capture reports.
-#[cfg(feature = "sim")]
 pub fn from_simulated(
     settings: &CaptureSettings,
     rig: &Rig,
@@ -229,17 +227,6 @@ pub fn from_simulated(
     let effects = crate::simulate::effects(effects)?;
     let mut source = Simulated::new(rig, &effects, seed, settings.seconds)?;
     crate::capture::run_from(settings, rig, &mut source, progress)
-}
-
-/// Says that this build has no simulator.
-#[cfg(not(feature = "sim"))]
-pub fn from_simulated(
-    _: &CaptureSettings,
-    _: &Rig,
-    _: &[String],
-    _: &mut dyn FnMut(&Progress),
-) -> Result<CaptureOutcome> {
-    Err(BadInput::new("a build without the feature `sim`", "one with it").remedy("Build with `cargo build --release`"))
 }
 
 /// What is read and written: the record, its journal and the device's estimates beside it. A record

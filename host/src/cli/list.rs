@@ -111,7 +111,6 @@ fn effects(out: &super::output::Output, files: &[PathBuf]) -> Result<()> {
     Ok(())
 }
 
-#[cfg(feature = "sim")]
 fn simulated(out: &super::output::Output) -> Vec<&'static str> {
     for e in whirl_hil_sim::plant::effects::LIST {
         let places: Vec<&str> = e.places.iter().map(|p| p.name()).collect();
@@ -130,9 +129,4 @@ fn simulated(out: &super::output::Output) -> Vec<&'static str> {
         ));
     }
     whirl_hil_sim::plant::effects::LIST.iter().map(|e| e.id).collect()
-}
-
-#[cfg(not(feature = "sim"))]
-fn simulated(_: &super::output::Output) -> Vec<&'static str> {
-    Vec::new()
 }

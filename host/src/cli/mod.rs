@@ -28,7 +28,6 @@ mod outputs;
 mod plan;
 pub mod progress;
 mod reduce;
-#[cfg(feature = "sim")]
 mod reproduce;
 mod simulate;
 mod simulate_model;
@@ -101,7 +100,6 @@ enum Command {
     /// Modes, a reduced-order model, its frequency–energy curve.
     Reduce(reduce::Arguments),
     /// The dissertation's tables and figures: printed, reproduced, true, side by side.
-    #[cfg(feature = "sim")]
     Reproduce(reproduce::Arguments),
     /// What can be chosen: models, effects, boards, methods.
     List(list::Arguments),
@@ -332,7 +330,6 @@ fn run(cli: Cli, matches: &ArgMatches) -> Result<Answer> {
         Command::Flash(a) => flash::run(&a),
         Command::Plan(a) => plan::run(&a),
         Command::Reduce(a) => reduce::run(&a),
-        #[cfg(feature = "sim")]
         Command::Reproduce(a) => reproduce::run(&a),
         Command::List(a) => list::run(&a),
         Command::Completions(a) => completions::run(&a),

@@ -7,7 +7,6 @@ use clap::Args;
 
 use super::Answer;
 use super::output::{Output, Replace};
-#[cfg(feature = "sim")]
 use super::outputs::Outputs;
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
@@ -70,7 +69,6 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
 }
 
 /// Simulates a rig's plant.
-#[cfg(feature = "sim")]
 fn plant(arguments: &Arguments, rig: &Rig, seconds: f64) -> Result<Answer> {
     Outputs::of(&arguments.out, Some(arguments.replace)).reads_rig(rig).record("-o", &arguments.output).check()?;
     if let Some(bound) = &rig.bound {
@@ -95,7 +93,6 @@ fn plant(arguments: &Arguments, rig: &Rig, seconds: f64) -> Result<Answer> {
 }
 
 /// Simulates a model file.
-#[cfg(feature = "sim")]
 fn model_file(
     arguments: &Arguments,
     rig: &Rig,
@@ -116,13 +113,4 @@ fn model_file(
     arguments.out.write_json(&summary)?;
     arguments.out.say(&format!("{samples} samples ({seconds} s) in {}\n", arguments.output.display()));
     Ok(Answer::Positive)
-}
-
-/// Says that this build has no simulator.
-#[cfg(not(feature = "sim"))]
-fn plant(arguments: &Arguments, rig: &Rig, _seconds: f64) -> Result<Answer> {
-    let _ = (&arguments.effects, arguments.seed);
-    Err(BadInput::new("a build without the feature `sim`", "one with it")
-        .in_file(&rig.path)
-        .remedy("Build with `cargo build --release` (feature sim is on by default)"))
 }

@@ -66,6 +66,6 @@ pub fn in_written(entry: &Entry, place: Place, mechanism: &Mechanism) -> Option<
     mechanism.apart.contains(&(i, j)).then(|| with_ratio(entry))
 }
 
-#[cfg(all(test, feature = "sim"))]
+#[cfg(test)]
 #[path = "between_tests.rs"]
 mod tests;

@@ -387,6 +387,6 @@ pub fn columns(parts: &[Part], strengths: usize, mechanism: &Mechanism, paramete
     out
 }
 
-#[cfg(all(test, feature = "sim"))]
+#[cfg(test)]
 #[path = "columns_tests.rs"]
 mod tests;

@@ -96,7 +96,7 @@ pub fn of_known_zero(records: &[Record]) -> (Cow<'_, [Record]>, Vec<Warning>) {
     (Cow::Owned(kept), warnings)
 }
 
-#[cfg(all(test, feature = "sim"))]
+#[cfg(test)]
 mod tests {
     use std::path::Path;
 

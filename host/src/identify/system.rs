@@ -109,7 +109,7 @@ fn single_dampings(rig: &Rig) -> Result<Vec<&'static str>> {
     Ok(out)
 }
 
-#[cfg(all(test, feature = "sim"))]
+#[cfg(test)]
 mod tests {
     use std::path::Path;
 

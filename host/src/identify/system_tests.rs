@@ -167,7 +167,6 @@ fn what_a_system_does_not_know_is_refused() {
 
 /// The double pendulum from its bodies against the program's own on one record: coefficient by
 /// coefficient, over their ratio by the physical parameters.
-#[cfg(feature = "sim")]
 #[test]
 fn the_double_pendulum_is_identified_as_the_built_in_one() {
     let folder = tempfile::tempdir().unwrap();

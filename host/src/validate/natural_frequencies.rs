@@ -149,7 +149,6 @@ mod tests {
         assert!(of_model(2.0, 0.1, 2.0, 0.1, 1.0).is_none());
     }
 
-    #[cfg(feature = "sim")]
     #[test]
     fn a_simulated_release_shows_its_natural_frequencies() {
         use crate::record::ReadOptions;

@@ -1,5 +1,4 @@
 //! The method on plants that share nothing with it.
-#![cfg(feature = "sim")]
 
 use std::f64::consts::TAU;
 

@@ -378,5 +378,5 @@ fn add(basis: &mut Vec<Vec<f64>>, mut column: Vec<f64>, least: f64) -> bool {
     is_new
 }
 
-#[cfg(all(test, feature = "sim"))]
+#[cfg(test)]
 mod tests;

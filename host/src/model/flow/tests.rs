@@ -135,7 +135,6 @@ fn what_has_no_solution_is_said() {
 
 /// The double pendulum beside hil-sim's plant, which has other equations (in physical units) and
 /// another integrator.
-#[cfg(feature = "sim")]
 #[test]
 fn the_double_pendulum_follows_the_simulated_plant() {
     use crate::model::double_pendulum::DAMPINGS;

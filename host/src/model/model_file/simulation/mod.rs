@@ -2,7 +2,6 @@
 //! truth, sampled as its channels would.
 
 pub mod excitation;
-#[cfg(feature = "sim")]
 pub mod live;
 pub mod plant;
 
