@@ -185,6 +185,8 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
                 format!(", {}{}", significant(v, 3), if unit == "deg" { "°".to_owned() } else { format!(" {unit}") })
             });
         let label = e.gap.told(step.value);
+        // Of a miss that is told in the sensors' unit there is no second number.
+        let also = if label.contains("noise floor") { also } else { String::new() };
         GapBar {
             name,
             value: step.value,
