@@ -24,7 +24,7 @@ def test_a_record_has_columns_time_rate_metadata(record):
     assert list(record.columns) == ["count1", "count2"] and record["count1"].shape == (12000,)
     assert np.all(record["count1"] == np.round(record["count1"]))
     assert 'name = "double pendulum' in record.metadata["rig"]
-    assert repr(record).startswith("<whirl.Record simulated.parquet: 12000 samples at 500 Hz in 1 segments")
+    assert repr(record).startswith("<whirl.Record simulated.parquet: 12000 samples at 500 Hz in 1 segment:")
     assert record.to_frame().shape == (12000, 2)
 
 

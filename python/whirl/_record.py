@@ -91,7 +91,7 @@ class Record:
 
     def __repr__(self) -> str:
         try:
-            what = f"{len(self)} samples at {self.rate:g} Hz in {len(self.segments)} segments: {', '.join(self._file.names)}"
+            what = f"{len(self)} samples at {self.rate:g} Hz in {len(self.segments)} segment{'s' * (len(self.segments) != 1)}: {', '.join(self._file.names)}"
         except Error as error:
             what = f"not readable: {error}"
         return f"<whirl.Record {self.path.name}: {what}>"

@@ -187,7 +187,8 @@ impl Columns {
 /// Records and the rig that they belong to: what most commands begin with.
 #[derive(Clone, Debug, Args)]
 struct Records {
-    /// Records: Parquet, CSV (also gzipped), NumPy's .npz and .npy, MATLAB's .mat.
+    /// Records: Parquet, CSV (also gzipped), NumPy's .npz and .npy, MATLAB's .mat, HDF5, LabVIEW's
+    /// .lvm.
     #[arg(required = true, value_name = "REC")]
     records: Vec<PathBuf>,
     #[command(flatten)]

@@ -17,6 +17,7 @@ use crate::motion::simulation::{self, LONGEST_S, MOST_SAMPLES, Solution};
 use crate::motion::{Effect, Motion, stand_in};
 use crate::record::values::write_values_from;
 use crate::record::{ReadOptions, Record, metadata};
+use crate::report::format::shortest;
 use crate::rig::Rig;
 
 /// Length where neither a record nor `--seconds` says one, s.
@@ -173,8 +174,9 @@ fn said(s: &Summary, motion: &Motion, output: &Path) -> String {
         "{} samples ({:.6} s from t = {:.6} s, {} Hz) of {} in {}\ncolumns: t (s), {}\n",
         s.samples,
         s.seconds,
-        s.start_s,
-        s.sample_rate_hz,
+        // What rounding leaves of 0 has no sign.
+        (1e9 * s.start_s).round() / 1e9 + 0.0,
+        shortest(s.sample_rate_hz),
         s.model,
         output.display(),
         columns.join(", ")

@@ -143,6 +143,9 @@ pub fn of(
                                       a torsion-spring is this)"
                         .to_owned()
                 }
+                ([], At::Arm) => "a system with an arm: a body that has an angle (docs/effects.md)".to_owned(),
+                ([], At::Drive) => "a system with a drive".to_owned(),
+                ([], At::Input) => "a system with a measured input".to_owned(),
                 ([], _) => "a system that has such a place".to_owned(),
                 (names, _) => format!("one of {}", names.join(", ")),
             };

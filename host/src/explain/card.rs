@@ -9,7 +9,7 @@ use crate::identify::Parameter;
 use crate::model::identified::IdentifiedModel;
 use crate::motion::Motion;
 use crate::report::card::{Card, CardRow, GapBar};
-use crate::report::format::{Z95, plus_minus, shortest, significant};
+use crate::report::format::{Z95, plus_minus, rounded, shortest, significant};
 use crate::report::names;
 use crate::rig::Rig;
 
@@ -82,7 +82,7 @@ fn sentence(e: &Explanation) -> String {
         .collect();
     let found = if found.len() > 1 { found.join("; ") } else { found.concat() };
     let steps = &e.gap.steps;
-    let over = format!("predictions over {} s", shortest(e.gap.horizon_s));
+    let over = format!("predictions over {} s", shortest(rounded(e.gap.horizon_s, 4)));
     let change = match (steps.first(), steps.last()) {
         (Some(first), Some(last)) if steps.len() > 1 => {
             let (before, after) = (miss(&e.gap, first.value), miss(&e.gap, last.value));
@@ -169,8 +169,10 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
     let noise = format!(" ({})", e.gap.noise());
     let many = !e.gap.steps.is_empty() && e.gap.steps.iter().all(|s| e.gap.told(s.value).ends_with(&noise));
     let floors = if many { e.gap.noise() } else { "1 noise floor is what the sensors' noise alone leaves".to_owned() };
-    let heading =
-        format!("How far predictions over {} s miss, where they were not fitted ({floors})", shortest(e.gap.horizon_s));
+    let heading = format!(
+        "How far predictions over {} s miss, where they were not fitted ({floors})",
+        shortest(rounded(e.gap.horizon_s, 4))
+    );
     let same = e.gap.forecasts.iter().find(|f| f.horizon_s == e.gap.horizon_s && f.steps.len() == e.gap.steps.len());
     let bar = |(i, step): (usize, &super::Step)| {
         let name = match step.added.as_deref() {
@@ -183,6 +185,8 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
                 format!(", {}{}", significant(v, 3), if unit == "deg" { "°".to_owned() } else { format!(" {unit}") })
             });
         let label = e.gap.told(step.value);
+        // Of a miss that is told in the sensors' unit there is no second number.
+        let also = if label.contains("noise floor") { also } else { String::new() };
         GapBar {
             name,
             value: step.value,

@@ -5,7 +5,7 @@ use crate::inspect::InspectSettings;
 use crate::inspect::motion;
 use crate::inspect::periodicity::{Kind, periodicity};
 use crate::record::Record;
-use crate::report::format::significant;
+use crate::report::format::{rounded, shortest, significant};
 use crate::rig::Rig;
 
 /// Gap (in noise floors) up to which a model counts as explaining the record.
@@ -47,7 +47,8 @@ pub(super) const UNFOLLOWED: &str = "the model follows no part of the record, so
 
 /// Why a record of so many whole windows cannot.
 pub(super) fn too_few(blocks: usize, window_s: f64) -> String {
-    let wanted = window_s * (FEWEST_BLOCKS + 1) as f64;
+    let wanted = shortest(rounded(window_s * (FEWEST_BLOCKS + 1) as f64, 3));
+    let window_s = shortest(rounded(window_s, 3));
     let few = if blocks == 1 { "window is" } else { "windows are" };
     format!("{blocks} whole {few} too few to hold some back ({window_s} s each): record at least {wanted} s")
 }

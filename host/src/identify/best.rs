@@ -22,6 +22,8 @@ const MOST_SAMPLES: usize = 200_000;
 const MOST_LOST: f64 = 0.1;
 /// Warning of the weak form that more is left than the sensors' noise.
 const MISSES_SOMETHING: &str = "model-misses-something";
+/// The same of shooting.
+const MORE_THAN_NOISE: &str = "more-than-noise";
 /// Warnings that its coefficients cannot be a rig's, which zeros that are off make as well.
 const CANNOT_BE: [&str; 5] =
     ["tie-violated", "negative-damping", "negative-gravity", "negative-inertia", "negative-quantity"];
@@ -86,10 +88,12 @@ pub(super) fn once(
             Ok(found)
         }
         (found, why) => {
+            let more_left = found.as_ref().filter(|_| missed(&first).is_none()).and_then(left_by_shooting);
             // Parameters that slips have spoiled show the wrong ones, or none.
             if found.is_some_and(|found| !found.slips.is_empty()) || may_slip(&first, rig) {
                 first.slips = shooting::slips(records, rig, weak, &first, progress).unwrap_or_default();
             }
+            first.warnings.extend(more_left);
             first.not_by_shooting = why;
             Ok(first)
         }
@@ -120,6 +124,14 @@ fn unsuited(first: &Identification) -> Option<String> {
 fn may_slip(first: &Identification, rig: &Rig) -> bool {
     let other = |w: &Warning| w.invalidates && w.id != MISSES_SOMETHING;
     missed(first).is_some() && !first.warnings.iter().any(other) && rig.channel.iter().any(|c| c.unit == "count")
+}
+
+/// Shooting's warning that more is left than the sensors' noise: true of the weak form's
+/// coefficients as well, whose windows may be too few to show it.
+fn left_by_shooting(found: &Identification) -> Option<Warning> {
+    let followed = |s: &shooting::Details| s.converged && s.lost as f64 <= MOST_LOST * (s.lost + s.pieces) as f64;
+    let settled = found.shooting.as_ref().is_some_and(followed);
+    found.warnings.iter().find(|w| settled && w.id == MORE_THAN_NOISE).cloned()
 }
 
 /// Why its result does not stand.

@@ -226,7 +226,7 @@ fn untold(raw: &Raw, seen: &[Seen], angles: usize) -> BadInput {
         library::all().iter().filter(|(name, text)| fits(text, name)).map(|(name, _)| *name).collect();
     let expected = if names.is_empty() { "a system that has so many channels".to_owned() } else { names.join(", ") };
     BadInput::new(
-        format!("{} channels: {}", columns.len(), columns.join(", ")),
+        format!("{} channel{}: {}", columns.len(), if columns.len() == 1 { "" } else { "s" }, columns.join(", ")),
         format!("to be told the system: {expected}, or a model file"),
     )
     .in_file(&raw.path)

@@ -322,7 +322,8 @@ fn picture(p: &Compared) -> Figure {
     let caption = format!(
         "Measured, and predicted of the same seconds (from {} s of the record on, where a part begins that was not fitted). Each prediction has an initial \
          state fitted to the first {} s and then runs on freely.",
-        significant(p.from_s, 4),
+        // What rounding leaves of 0 is 0.
+        significant((1e9 * p.from_s).round() / 1e9, 4),
         significant(p.fitted_s, 2)
     );
     Figure::draw(caption, &Layout { height: 150.0, ..Layout::default() }, &[above, below])
