@@ -20,7 +20,7 @@ use crate::phase_space::model_exponent::of_model;
 use crate::record::{Column, Losses, Record, Segment};
 
 /// Time that a motion is given to come to its attractor, in periods of the drive.
-const SETTLE_PERIODS: f64 = 60.0;
+pub const SETTLE_PERIODS: f64 = 60.0;
 /// Periods over which an exponent is measured.
 const PERIODS: usize = 120;
 /// Steps of integration, of order 5, in a period.
@@ -149,6 +149,8 @@ pub struct Made<'a> {
     pub seconds: f64,
     /// Angles or lengths at which the system is let go at rest; drawn where none.
     pub pose: Option<&'a [f64]>,
+    /// Time that a driven motion is given to come to its attractor, periods.
+    pub settle_periods: f64,
     /// Rms noise of the channels that do not count, in their own units.
     pub noise: &'a [f64],
     /// Seed and number of the draw.
@@ -168,7 +170,7 @@ pub fn record(own: &Own, made: &Made<'_>) -> Result<Record> {
     };
     let step_s = 1.0 / own.rig.sample_rate_hz;
     let begin = Begin { time: 0.0, tau: 0.0, state, inputs: None, left_s: f64::INFINITY, step_s };
-    let settle_s = own.rig.drive.map_or(0.0, |d| SETTLE_PERIODS / d.frequency_hz);
+    let settle_s = own.rig.drive.map_or(0.0, |d| made.settle_periods / d.frequency_hz);
     let first = (settle_s / step_s).round() as usize;
     let count = first + (made.seconds / step_s).round().max(1.0) as usize;
     let solution = simulation::solve_to(&motion, &begin, count, EXACT)?;
