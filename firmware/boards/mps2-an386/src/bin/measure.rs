@@ -180,6 +180,16 @@ mod on_target {
         Some([interrupt, thread])
     }
 
+    /// As many sines as there may be, in a sweep.
+    fn swept() -> Excitation {
+        let mut sweep = Excitation::sine(1_000, 400);
+        sweep.glide = Glide { law: Law::Logarithmic, back: true, to_millihertz: 3_000, ms: 1_000 };
+        for (component, harmonic) in sweep.form.0.iter_mut().zip(1..) {
+            *component = Component { harmonic, share: WHOLE / 6, phase: 9_000 };
+        }
+        sweep
+    }
+
     fn tick() -> Option<()> {
         static ESTIMATOR: ConstStaticCell<Estimator> = ConstStaticCell::new(Estimator::IDLE);
         let base = BaseSensor { kind: BaseKind::Position, scale: 763_000 };
@@ -239,12 +249,8 @@ mod on_target {
             link.keep_up(blocks);
             again.take(|| link.poll_transmit(&mut frame, none, events));
         }
-        // Then something else than a sine: as many as there may be, in a sweep, told once a second.
-        let mut sweep = Excitation::sine(1_000, 400);
-        sweep.glide = Glide { law: Law::Logarithmic, back: true, to_millihertz: 3_000, ms: 1_000 };
-        for (component, harmonic) in sweep.form.0.iter_mut().zip(1..) {
-            *component = Component { harmonic, share: WHOLE / 6, phase: 9_000 };
-        }
+        // Then something else than a sine, told once a second.
+        let sweep = swept();
         let [six, excite] = excited(
             (&mut sampler, &mut pacer, &mut clock, &mut link),
             (&mut *blocks, &mut *events, &mut *requests),
