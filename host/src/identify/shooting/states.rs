@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::problem::{Piece, Problem, Share};
 use super::solve::damped;
-use crate::model::flow::abreast::{Outside, Steps, VectorField};
+use crate::model::flow::abreast::{ABREAST, Outside, Steps, VectorField};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
 /// What a step of a state still promises, in squared standard errors, at which its fit stops: a
@@ -14,9 +14,6 @@ use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 const STILL: f64 = 1e-2;
 /// Most steps over one length.
 const ROUNDS: usize = 20;
-/// Pieces side by side.
-const BATCH: usize = 32;
-
 /// The search for one piece's state over longer and longer beginnings.
 pub struct Search {
     /// Samples, the next last.
@@ -145,10 +142,12 @@ impl Problem<'_, EquationsOfMotion> {
             return (0..pieces.len()).into_par_iter().map_init(|| self.room(false), one).collect();
         }
         let sensors = self.sensors.len().max(1);
-        let batches: Vec<Vec<_>> = (0..pieces.len().div_ceil(BATCH))
+        // Batches of one size: they go at once.
+        let size = pieces.len().div_ceil(pieces.len().div_ceil(ABREAST).max(1)).max(1);
+        let batches: Vec<Vec<_>> = (0..pieces.len().div_ceil(size))
             .into_par_iter()
             .map(|b| {
-                let numbers = b * BATCH..((b + 1) * BATCH).min(pieces.len());
+                let numbers = b * size..((b + 1) * size).min(pieces.len());
                 let search = |k: usize| Search::new(&starts[k], &lengths(k), pieces[k].measured.len() / sensors);
                 let mut all: Vec<(usize, Search)> = numbers.map(|k| (k, search(k))).collect();
                 let mut steps = Steps::new(self.dynamics);

@@ -7,10 +7,13 @@ use super::{A, C, Flow, Inputs, Work};
 use crate::model::dynamics::{Dynamics, Instant};
 use crate::model::model_file::equations_of_motion::abreast::{Abreast, Room};
 use crate::model::model_file::equations_of_motion::{EquationsOfMotion, turns};
-pub use crate::model::model_file::tape::MOST;
-use crate::model::vectors::{add_products, add_scaled};
+pub use crate::model::model_file::tape::ABREAST;
+use crate::model::vectors::{add_matrix_products, combine};
 
-/// States, their derivatives and the room that a step needs. Columns of [`MOST`] states: q (n), v
+/// The stage at the step's end. Its rates say only whether a sign turns: no column is made of them.
+const LAST: usize = 6;
+
+/// States, their derivatives and the room that a step needs. Columns of [`ABREAST`] states: q (n), v
 /// (n), ∂q (n rows of 2n), ∂v (n rows of 2n).
 pub struct Steps {
     n: usize,
@@ -56,20 +59,20 @@ impl Steps {
     /// Room for a system.
     pub fn new(motion: &EquationsOfMotion) -> Self {
         let n = motion.degrees_of_freedom();
-        let length = 2 * n * (1 + 2 * n) * MOST;
+        let length = 2 * n * (1 + 2 * n) * ABREAST;
         Self {
             n,
             count: 0,
             y: vec![0.0; length],
             next: vec![0.0; length],
             k: core::array::from_fn(|_| vec![0.0; length]),
-            partials: vec![0.0; 2 * n * n * MOST],
-            accelerations: vec![0.0; n * MOST],
+            partials: vec![0.0; 2 * n * n * ABREAST],
+            accelerations: vec![0.0; n * ABREAST],
             room: Room::default(),
             times: Vec::new(),
             taus: Vec::new(),
             inputs: Vec::new(),
-            signs: vec![vec![0.0; MOST]; motion.switches().len() + motion.seams().len()],
+            signs: vec![vec![0.0; ABREAST]; motion.switches().len() + motion.seams().len()],
             whole: Vec::new(),
             alone: Work::by_state(motion),
             exists: Vec::new(),
@@ -81,21 +84,21 @@ impl Steps {
         let m = 2 * self.n;
         self.y.fill(0.0);
         self.count = 0;
-        for (i, state) in states.take(MOST).enumerate() {
-            (0..m).for_each(|c| self.y[c * MOST + i] = state[c]);
-            (0..m).for_each(|c| self.y[(m + c * m + c) * MOST + i] = 1.0);
+        for (i, state) in states.take(ABREAST).enumerate() {
+            (0..m).for_each(|c| self.y[c * ABREAST + i] = state[c]);
+            (0..m).for_each(|c| self.y[(m + c * m + c) * ABREAST + i] = 1.0);
             self.count = i + 1;
         }
     }
 
     /// What a column holds for a state: q and v (2n), then the derivatives row after row (2n × 2n).
     pub fn value(&self, column: usize, state: usize) -> f64 {
-        self.y[column * MOST + state]
+        self.y[column * ABREAST + state]
     }
 
     /// Acceleration of a coordinate at a state that the last step began from.
     pub fn acceleration(&self, coordinate: usize, state: usize) -> f64 {
-        self.k[0][(self.n + coordinate) * MOST + state]
+        self.k[0][(self.n + coordinate) * ABREAST + state]
     }
 
     /// One step of `h` seconds from every state, at its time (s) and phase of the drive (rad);
@@ -127,7 +130,7 @@ impl Steps {
     ) -> bool {
         let VectorField { motion, parameters } = field;
         let (n, m) = (self.n, 2 * self.n);
-        let start: Vec<f64> = (0..m).map(|c| self.next[c * MOST + i]).collect();
+        let start: Vec<f64> = (0..m).map(|c| self.next[c * ABREAST + i]).collect();
         let mut inputs = vec![0.0; outside.inputs];
         (outside.at)(time, &mut inputs);
         let (mut acceleration, instant) = (vec![0.0; n], Instant { time, tau, inputs: &inputs });
@@ -140,9 +143,9 @@ impl Steps {
         if !Flow::new(motion, parameters, around, h).carry(&mut self.alone, time, h) {
             return false;
         }
-        acceleration.iter().enumerate().for_each(|(c, x)| self.k[0][(n + c) * MOST + i] = *x);
+        acceleration.iter().enumerate().for_each(|(c, x)| self.k[0][(n + c) * ABREAST + i] = *x);
         let reached = self.alone.state().iter().chain(self.alone.derivatives());
-        reached.enumerate().for_each(|(c, x)| self.y[c * MOST + i] = *x);
+        reached.enumerate().for_each(|(c, x)| self.y[c * ABREAST + i] = *x);
         true
     }
 
@@ -153,7 +156,7 @@ impl Steps {
         self.whole = vec![true; count];
         for (weights, signs) in motion.switches().iter().zip(&mut self.signs) {
             for (i, sign) in signs.iter_mut().enumerate().take(count) {
-                let rate: f64 = weights.iter().enumerate().map(|(j, w)| w * self.y[(n + j) * MOST + i]).sum();
+                let rate: f64 = weights.iter().enumerate().map(|(j, w)| w * self.y[(n + j) * ABREAST + i]).sum();
                 *sign = rate.signum();
                 self.whole[i] &= rate != 0.0;
             }
@@ -161,44 +164,43 @@ impl Steps {
         let held = motion.switches().len();
         for (weights, turned) in motion.seams().iter().zip(&mut self.signs[held..]) {
             for (i, to) in turned.iter_mut().enumerate().take(count) {
-                *to = turns(weights.iter().enumerate().map(|(j, w)| w * self.y[j * MOST + i]).sum());
+                *to = turns(weights.iter().enumerate().map(|(j, w)| w * self.y[j * ABREAST + i]).sum());
             }
         }
         let begins: Vec<(f64, f64)> = (0..count).map(at).collect();
         self.rates(field, &begins, outside, 0, 0.0);
-        for stage in 1..7 {
-            self.next.copy_from_slice(&self.y);
-            for (a, k) in A[stage].iter().zip(&self.k).filter(|(a, _)| **a != 0.0) {
-                let f = h * a;
-                add_scaled(&mut self.next, f, k);
-            }
-            // Rates at the end say only whether a sign turns.
-            if stage < 6 || !motion.switches().is_empty() {
+        for stage in 1..=LAST {
+            let Self { y, next, k, .. } = self;
+            let mut terms: Vec<(f64, &[f64])> = vec![(1.0, y)];
+            terms.extend(A[stage].iter().zip(k.iter()).filter(|(a, _)| **a != 0.0).map(|(a, k)| (h * a, &k[..])));
+            combine(next, &terms);
+            if stage < LAST || !motion.switches().is_empty() {
                 self.rates(field, &begins, outside, stage, C[stage] * h);
             }
         }
         for i in 0..count {
             let form =
-                |x: &[f64], w: &[f64]| -> f64 { w.iter().enumerate().map(|(j, w)| w * x[(n + j) * MOST + i]).sum() };
+                |x: &[f64], w: &[f64]| -> f64 { w.iter().enumerate().map(|(j, w)| w * x[(n + j) * ABREAST + i]).sum() };
             for (w, signs) in motion.switches().iter().zip(&self.signs) {
                 let s = signs[i];
                 let ends = [s * form(&self.y, w), s * form(&self.next, w)];
-                let slopes = [s * h * form(&self.k[0], w), s * h * form(&self.k[6], w)];
+                let slopes = [s * h * form(&self.k[0], w), s * h * form(&self.k[LAST], w)];
                 self.whole[i] &= crossing(ends, slopes).is_none();
             }
-            let place = |x: &[f64], w: &[f64]| -> f64 { w.iter().enumerate().map(|(j, w)| w * x[j * MOST + i]).sum() };
+            let place =
+                |x: &[f64], w: &[f64]| -> f64 { w.iter().enumerate().map(|(j, w)| w * x[j * ABREAST + i]).sum() };
             for (w, turned) in motion.seams().iter().zip(&self.signs[held..]) {
                 let ends = [place(&self.y, w), place(&self.next, w)];
                 let slopes = [h * form(&self.y, w), h * form(&self.next, w)];
                 self.whole[i] &= turned_over(turned[i], ends, slopes).is_none();
             }
-            self.whole[i] &= (0..2 * n * (1 + 2 * n)).all(|c| self.next[c * MOST + i].is_finite());
+            self.whole[i] &= (0..2 * n * (1 + 2 * n)).all(|c| self.next[c * ABREAST + i].is_finite());
         }
         core::mem::swap(&mut self.y, &mut self.next);
     }
 
-    /// Rates of all columns into a stage, from the states (stage 0) or the attempted ones, `after`
-    /// seconds after the beginnings.
+    /// Rates of all columns (of the states alone in the last stage) into a stage, from the states
+    /// (stage 0) or the attempted ones, `after` seconds after the beginnings.
     fn rates(
         &mut self,
         field: VectorField<'_>,
@@ -223,26 +225,22 @@ impl Steps {
                 inputs.iter_mut().zip(&here).for_each(|(u, x)| u[i] = *x);
             }
         }
-        let at = Abreast { count, states: &y[..m * MOST], times, taus, inputs, signs };
-        field.motion.linearise_abreast(field.parameters, &at, room, accelerations, partials, whole);
-        let out = &mut k[stage];
-        out[..n * MOST].copy_from_slice(&y[n * MOST..m * MOST]);
-        out[n * MOST..m * MOST].copy_from_slice(accelerations);
-        // ∂q̇ = ∂v, ∂v̇ = ∂a/∂q ∂q + ∂a/∂v ∂v: the rows of ∂q lie before those of ∂v.
-        let (head, tail) = out[m * MOST..].split_at_mut(n * m * MOST);
-        head.copy_from_slice(&y[(m + n * m) * MOST..]);
-        tail.fill(0.0);
-        let derivatives = &y[m * MOST..];
-        for i in 0..n {
-            for j in 0..m {
-                let by = &partials[(i * m + j) * MOST..][..count];
-                for c in 0..m {
-                    let to = &mut tail[(i * m + c) * MOST..][..count];
-                    let of = &derivatives[(j * m + c) * MOST..][..count];
-                    add_products(to, by, of);
-                }
-            }
+        let at = Abreast { count, states: &y[..m * ABREAST], times, taus, inputs, signs };
+        let (parameters, out) = (field.parameters, &mut k[stage]);
+        out[..n * ABREAST].copy_from_slice(&y[n * ABREAST..m * ABREAST]);
+        if stage == LAST {
+            field.motion.accelerate_abreast(parameters, &at, room, accelerations, whole);
+            out[n * ABREAST..m * ABREAST].copy_from_slice(accelerations);
+            return;
         }
+        field.motion.linearise_abreast(parameters, &at, room, accelerations, partials, whole);
+        out[n * ABREAST..m * ABREAST].copy_from_slice(accelerations);
+        // ∂q̇ = ∂v, ∂v̇ = ∂a/∂q ∂q + ∂a/∂v ∂v: the rows of ∂q lie before those of ∂v.
+        let (head, tail) = out[m * ABREAST..].split_at_mut(n * m * ABREAST);
+        head.copy_from_slice(&y[(m + n * m) * ABREAST..]);
+        tail.fill(0.0);
+        let derivatives = &y[m * ABREAST..];
+        add_matrix_products::<ABREAST>(tail, partials, derivatives, m, m);
     }
 }
 

@@ -37,12 +37,27 @@ enum Operation {
     Hat(usize, f64, Option<f64>),
 }
 
-/// Most points of [`Tape::over`].
-pub const MOST: usize = 128;
+/// Most points of [`Tape::over`]: the registers of a hundred operations stay in the first-level
+/// cache.
+pub const ABREAST: usize = 32;
+/// Most points of [`Tape::among`], neighbours included: what every call costs is shared by many.
+const MOST: usize = 128;
 
-/// Room for [`Tape::over`], and what it found.
+/// Room for [`Tape::over`] and [`Tape::among`], and what they found.
 #[derive(Clone, Debug, Default)]
-pub struct Registers(Vec<f64>);
+pub struct Registers {
+    values: Vec<f64>,
+    /// Points of a register.
+    stride: usize,
+}
+
+impl Registers {
+    fn room(&mut self, operations: usize, stride: usize) -> &mut [f64] {
+        self.values.resize(operations * stride, 0.0);
+        self.stride = stride;
+        &mut self.values
+    }
+}
 
 /// Several expressions as one list of operations.
 #[derive(Clone, Debug)]
@@ -171,27 +186,24 @@ impl Tape {
         out
     }
 
-    /// Values of every expression at `count` points that are no neighbours, [`MOST`] at most:
+    /// Values of every expression at `count` points that are no neighbours, [`ABREAST`] at most:
     /// [`Tape::output`] shows them.
     pub fn over(&self, columns: &[&[f64]], count: usize, registers: &mut Registers) {
-        registers.0.resize(self.operations.len() * MOST, 0.0);
-        self.block::<MOST>(columns, 0, count, &mut registers.0);
+        self.block::<ABREAST>(columns, 0, count, registers.room(self.operations.len(), ABREAST));
     }
 
-    /// Values of every expression at a range of `count` points, two fewer than [`MOST`] at most,
-    /// with their neighbours where these matter: [`Tape::output`] shows them from the place that is
+    /// Values of every expression at a range of `count` points, two fewer than 128 at most, with their neighbours where these matter: [`Tape::output`] shows them from the place that is
     /// returned.
     pub fn among(&self, columns: &[&[f64]], points: Range<usize>, count: usize, registers: &mut Registers) -> usize {
         let halo = usize::from(self.signs);
         let (from, to) = (points.start.saturating_sub(halo), (points.end + halo).min(count));
-        registers.0.resize(self.operations.len() * MOST, 0.0);
-        self.block::<MOST>(columns, from, to, &mut registers.0);
+        self.block::<MOST>(columns, from, to, registers.room(self.operations.len(), MOST));
         points.start - from
     }
 
     /// What an expression came out as at every point of [`Tape::over`].
     pub fn output<'a>(&self, k: usize, registers: &'a Registers) -> &'a [f64] {
-        &registers.0[self.outputs[k] * MOST..(self.outputs[k] + 1) * MOST]
+        &registers.values[self.outputs[k] * registers.stride..(self.outputs[k] + 1) * registers.stride]
     }
 
     fn block<const STRIDE: usize>(&self, columns: &[&[f64]], from: usize, to: usize, registers: &mut [f64]) {

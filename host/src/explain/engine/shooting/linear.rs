@@ -17,7 +17,7 @@ use nalgebra::{DMatrix, DVector};
 use super::gram::{Gram, Layout, Sums};
 use super::window_inputs::WindowInputs;
 use crate::model::dynamics::Dynamics;
-use crate::model::flow::abreast::{self, MOST, Steps, VectorField};
+use crate::model::flow::abreast::{self, ABREAST, Steps, VectorField};
 use crate::model::vectors::combine;
 
 /// Rows whose products are summed at once.
@@ -80,8 +80,8 @@ impl Linear {
         let mut steps = Steps::new(field.motion);
         let mut here = states[..m * count.saturating_sub(1)].to_vec();
         for j in 0..each {
-            for (block, states) in here.chunks_mut(m * MOST).enumerate() {
-                let point = |i: usize| (block * MOST + i) * each + j;
+            for (block, states) in here.chunks_mut(m * ABREAST).enumerate() {
+                let point = |i: usize| (block * ABREAST + i) * each + j;
                 out.step(states, &mut steps, exogenous, field, point)?;
             }
         }

@@ -3,14 +3,14 @@
 
 use super::{EquationsOfMotion, solve, wrapped};
 use crate::model::model_file::expression::Symbol;
-use crate::model::model_file::tape::{MOST, Registers};
-use crate::model::vectors::{add_products, add_scaled};
+use crate::model::model_file::tape::{ABREAST, Registers};
+use crate::model::vectors::{add_matrix_products, add_scaled};
 
-/// Many states side by side, at most [`MOST`]; each quantity is a column of all of them.
+/// Many states side by side, at most [`ABREAST`]; each quantity is a column of all of them.
 pub struct Abreast<'a> {
     /// How many.
     pub count: usize,
-    /// Coordinates, then rates: 2n columns of [`MOST`] each.
+    /// Coordinates, then rates: 2n columns of [`ABREAST`] each.
     pub states: &'a [f64],
     /// Times, s.
     pub times: &'a [f64],
@@ -34,10 +34,10 @@ pub struct Room {
 }
 
 /// Nothing, where a symbol has no value.
-const ZEROS: [f64; MOST] = [0.0; MOST];
+const ZEROS: [f64; ABREAST] = [0.0; ABREAST];
 
 /// What has no value.
-const UNKNOWN: [f64; MOST] = [f64::NAN; MOST];
+const UNKNOWN: [f64; ABREAST] = [f64::NAN; ABREAST];
 
 /// The column that a symbol stands for; `remembered` are the numbers of followed states, whose
 /// values come behind `inputs`.
@@ -51,12 +51,12 @@ fn column<'a>(
 ) -> &'a [f64] {
     let count = at.count;
     let n = wrapped.len();
-    let state = |k: usize| &at.states[k * MOST..k * MOST + count];
+    let state = |k: usize| &at.states[k * ABREAST..k * ABREAST + count];
     match s {
         Symbol::Coordinate(i) if !wrapped[i].is_empty() => &wrapped[i],
         Symbol::Coordinate(i) | Symbol::Raw(i) => state(i),
         Symbol::Rate(i) | Symbol::ClearRate(i) => state(n + i),
-        Symbol::Acceleration(i) => &accelerations[i * MOST..i * MOST + count],
+        Symbol::Acceleration(i) => &accelerations[i * ABREAST..i * ABREAST + count],
         Symbol::Input(k) | Symbol::RawInput(k) => at.inputs.get(k).map_or(&ZEROS[..count], |x| &x[..count]),
         Symbol::Tau => &at.taus[..count],
         Symbol::Time => &at.times[..count],
@@ -78,9 +78,51 @@ impl EquationsOfMotion {
         self.slopes.is_some() && !self.implicit
     }
 
-    /// Accelerations (n columns of [`MOST`]) and their partials by coordinates and rates (n × 2n
-    /// such columns, row after row) at every state; `exists` turns false where there are none. Only
-    /// for systems that go abreast ([`EquationsOfMotion::goes_abreast`]).
+    /// Accelerations (n columns of [`ABREAST`]) at every state; `exists` turns false where there are
+    /// none. Only for systems that go abreast ([`EquationsOfMotion::goes_abreast`]).
+    pub fn accelerate_abreast(
+        &self,
+        parameters: &[f64],
+        at: &Abreast<'_>,
+        room: &mut Room,
+        accelerations: &mut [f64],
+        exists: &mut [bool],
+    ) {
+        let (n, count) = (self.circle.len(), at.count);
+        let Room { entries, wrapped: angles, matrix, inverse, right, .. } = room;
+        angles.resize(n, Vec::new());
+        for (i, to) in angles.iter_mut().enumerate().filter(|(i, _)| self.circle[*i]) {
+            to.clear();
+            to.extend(at.states[i * ABREAST..i * ABREAST + count].iter().map(|x| wrapped(*x)));
+        }
+        // M (n × n columns), inverted state by state, and what stands beside the accelerations.
+        let columns: Vec<&[f64]> =
+            self.tape.symbols().iter().map(|s| column(*s, at, self.inputs, &self.remembered, angles, &[])).collect();
+        self.tape.over(&columns, count, entries);
+        matrix.clear();
+        matrix.resize(n * n * ABREAST, 0.0);
+        right.clear();
+        right.resize(n * ABREAST, 0.0);
+        for (k, entry) in self.entries.iter().enumerate() {
+            let factor = self.factor(k, parameters);
+            let (to, f) = match entry.acceleration {
+                Some(i) => (&mut matrix[(entry.equation * n + i) * ABREAST..], factor),
+                None => (&mut right[entry.equation * ABREAST..], -factor),
+            };
+            add_scaled(&mut to[..count], f, self.tape.output(k, entries));
+        }
+        invert(matrix, n, count, inverse, exists);
+        accelerations.fill(0.0);
+        add_matrix_products::<ABREAST>(accelerations, inverse, right, n, 1);
+    }
+
+    /// What an entry is multiplied with.
+    fn factor(&self, k: usize, parameters: &[f64]) -> f64 {
+        self.entries[k].coefficient.map_or(-1.0, |c| parameters[c])
+    }
+
+    /// Accelerations as [`EquationsOfMotion::accelerate_abreast`], and their partials by coordinates
+    /// and rates (n × 2n columns of [`ABREAST`], row after row).
     pub fn linearise_abreast(
         &self,
         parameters: &[f64],
@@ -94,32 +136,9 @@ impl EquationsOfMotion {
             exists.fill(false);
             return;
         };
+        self.accelerate_abreast(parameters, at, room, accelerations, exists);
         let (n, count) = (self.circle.len(), at.count);
-        let Room { entries, slopes, wrapped: angles, matrix, inverse, right } = room;
-        angles.resize(n, Vec::new());
-        for (i, to) in angles.iter_mut().enumerate().filter(|(i, _)| self.circle[*i]) {
-            to.clear();
-            to.extend(at.states[i * MOST..i * MOST + count].iter().map(|x| wrapped(*x)));
-        }
-        let factor = |k: usize| self.entries[k].coefficient.map_or(-1.0, |c| parameters[c]);
-        // M (n × n columns), inverted state by state, and what stands beside the accelerations.
-        let columns: Vec<&[f64]> =
-            self.tape.symbols().iter().map(|s| column(*s, at, self.inputs, &self.remembered, angles, &[])).collect();
-        self.tape.over(&columns, count, entries);
-        matrix.clear();
-        matrix.resize(n * n * MOST, 0.0);
-        right.clear();
-        right.resize(n * MOST, 0.0);
-        for (k, entry) in self.entries.iter().enumerate() {
-            let (to, f) = match entry.acceleration {
-                Some(i) => (&mut matrix[(entry.equation * n + i) * MOST..], factor(k)),
-                None => (&mut right[entry.equation * MOST..], -factor(k)),
-            };
-            add_scaled(&mut to[..count], f, self.tape.output(k, entries));
-        }
-        invert(matrix, n, count, inverse, exists);
-        accelerations.fill(0.0);
-        multiply(inverse, right, accelerations, n, 1, count);
+        let Room { slopes, wrapped: angles, inverse, right, .. } = room;
         // Slopes of the residual, with what multiplies an acceleration times that.
         let columns: Vec<&[f64]> = tape
             .symbols()
@@ -128,28 +147,28 @@ impl EquationsOfMotion {
             .collect();
         tape.over(&columns, count, slopes);
         right.clear();
-        right.resize(n * 2 * n * MOST, 0.0);
+        right.resize(n * 2 * n * ABREAST, 0.0);
         for (o, &(k, j)) in places.iter().enumerate().filter(|(_, p)| p.1 < 2 * n) {
             let entry = &self.entries[k];
-            let to = &mut right[(entry.equation * 2 * n + j) * MOST..][..count];
+            let to = &mut right[(entry.equation * 2 * n + j) * ABREAST..][..count];
             let slope = tape.output(o, slopes);
             match entry.acceleration {
-                None => add_scaled(to, -factor(k), slope),
+                None => add_scaled(to, -self.factor(k, parameters), slope),
                 Some(i) => {
-                    let f = -factor(k);
-                    let moved = &accelerations[i * MOST..i * MOST + count];
+                    let f = -self.factor(k, parameters);
+                    let moved = &accelerations[i * ABREAST..i * ABREAST + count];
                     to.iter_mut().zip(slope.iter().zip(moved)).for_each(|(t, (s, a))| *t += f * s * a);
                 }
             }
         }
         partials.fill(0.0);
-        multiply(inverse, right, partials, n, 2 * n, count);
+        add_matrix_products::<ABREAST>(partials, inverse, right, n, 2 * n);
     }
 }
 
 /// Inverses of n × n matrices, state by state, with pivots.
 fn invert(matrix: &[f64], n: usize, count: usize, inverse: &mut Vec<f64>, exists: &mut [bool]) {
-    inverse.resize(n * n * MOST, 0.0);
+    inverse.resize(n * n * ABREAST, 0.0);
     if n == 2 {
         return invert_two(matrix, count, inverse, exists);
     }
@@ -157,11 +176,11 @@ fn invert(matrix: &[f64], n: usize, count: usize, inverse: &mut Vec<f64>, exists
     for i in 0..count {
         rows.fill(0.0);
         for e in 0..n {
-            (0..n).for_each(|k| rows[e * 2 * n + k] = matrix[(e * n + k) * MOST + i]);
+            (0..n).for_each(|k| rows[e * 2 * n + k] = matrix[(e * n + k) * ABREAST + i]);
             rows[e * 2 * n + n + e] = 1.0;
         }
         exists[i] &= solve(&mut rows, n, n, &mut found);
-        (0..n * n).for_each(|k| inverse[k * MOST + i] = found[k]);
+        (0..n * n).for_each(|k| inverse[k * ABREAST + i] = found[k]);
     }
 }
 
@@ -170,26 +189,13 @@ const SINGULAR: f64 = 1e-12;
 
 /// The same of 2 × 2 matrices by their determinants.
 fn invert_two(matrix: &[f64], count: usize, inverse: &mut [f64], exists: &mut [bool]) {
-    let [a, b, c, d] = core::array::from_fn(|k| &matrix[k * MOST..k * MOST + count]);
+    let [a, b, c, d] = core::array::from_fn(|k| &matrix[k * ABREAST..k * ABREAST + count]);
     for i in 0..count {
         let (a, b, c, d) = (a[i], b[i], c[i], d[i]);
         let determinant = a * d - b * c;
         exists[i] &= determinant.abs() > SINGULAR * a.abs().max(b.abs()) * c.abs().max(d.abs());
         for (k, x) in [d, -b, -c, a].into_iter().enumerate() {
-            inverse[k * MOST + i] = x / determinant;
-        }
-    }
-}
-
-/// Products of n × n and n × sides matrices, state by state.
-fn multiply(a: &[f64], b: &[f64], to: &mut [f64], n: usize, sides: usize, count: usize) {
-    for e in 0..n {
-        for s in 0..sides {
-            let to = &mut to[(e * sides + s) * MOST..][..count];
-            for k in 0..n {
-                let (x, y) = (&a[(e * n + k) * MOST..][..count], &b[(k * sides + s) * MOST..][..count]);
-                add_products(to, x, y);
-            }
+            inverse[k * ABREAST + i] = x / determinant;
         }
     }
 }
