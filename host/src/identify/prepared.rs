@@ -7,7 +7,7 @@ use super::geometry::geometry;
 use super::index_marks::Indices;
 use super::remeasured::Sensors;
 use super::shooting::zeros::ZeroOffset;
-use super::standstill::Still;
+use super::standstill::{Fineness, Still};
 use super::stretches::{self, Stretch};
 use super::windows::{Kernels, Windows, samples_needed};
 use super::{Settings, boots, free_geometry, input_noise, standstill};
@@ -66,8 +66,11 @@ pub fn prepare(records: &[Record], rig: &Rig, bound: &ObservedModel, settings: &
 pub fn prepare_moving(records: &[Record], rig: &Rig, bound: &ObservedModel, settings: &Settings) -> Result<Prepared> {
     let mut out = Steady::of(records, rig, bound, &settings.zeros)?;
     let mut found = out.measured(records, rig, bound, settings)?;
-    let (count, window_s) = (&found.sensors.count, found.geometry.windows.length_s);
-    let still = standstill::leave_out(&mut out.stretches, &mut out.record_of, bound, count, window_s);
+    let Sensors { count, sigma, .. } = &found.sensors;
+    let fineness = |(count, sigma): (&Option<f64>, &f64)| count.map_or(Fineness::Noise(*sigma), Fineness::Counts);
+    let sensors: Vec<Fineness> = count.iter().zip(sigma).map(fineness).collect();
+    let windows = &found.geometry.windows;
+    let still = standstill::leave_out(&mut out.stretches, &mut out.record_of, bound, &sensors, windows);
     if !still.is_empty() {
         out.warnings.extend(standstill::told(&still, records, bound));
         found = out.measured(records, rig, bound, settings)?;

@@ -3,8 +3,9 @@
 //! Dry friction holds a joint with whatever torque it takes up to its level: −τ sign φ̇ with sign
 //! 0 = 0 is then no equation of motion, and what friction holds would be charged to every other
 //! term. A count that does not change says nothing of the motion either, and its quantisation error
-//! is a constant. A joint stands still where its encoder stays within [`COUNTS`] for [`STILL`] of a
-//! window, which holds several periods of the motion. Only sensors that count are looked at.
+//! is a constant. A joint stands still where its encoder stays within [`COUNTS`], or where means of a
+//! sensor that does not count stay within what its noise gives, for [`STILL`] of a window and for a
+//! period of the highest frequency that is looked at.
 //!
 //! Limits: sticking for less than that stays in; a slow swing of fewer than about five counts is
 //! left out at its turning points.
@@ -12,6 +13,7 @@
 use rayon::prelude::*;
 
 use super::stretches::Stretch;
+use super::windows::Windows;
 use crate::record::Record;
 use crate::rig::measures::ObservedModel;
 use crate::warning::Warning;
@@ -20,6 +22,10 @@ use crate::warning::Warning;
 const COUNTS: f64 = 1.5;
 /// How long it must, as a share of a window: two and a half periods of a drive.
 const STILL: f64 = 0.125;
+/// Means of a sensor that does not count over the shortest standstill, and their range, in standard
+/// deviations of one, that noise alone exceeds once in 1400 times.
+const MEANS: usize = 8;
+const RANGE: f64 = 6.0;
 
 /// Share of the windows in motion that must be left.
 const WORTH: f64 = 0.25;
@@ -45,16 +51,27 @@ impl Still {
 /// The warning's id.
 pub const ID: &str = "standstill";
 
-/// Splits stretches at standstills, unless too few windows of `window_s` would be left; the
-/// standstills that it left out. `count`: size of one count of each sensor.
+/// What a sensor shows of a joint that stands still.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fineness {
+    /// Counts of that size.
+    Counts(f64),
+    /// Noise of that standard deviation.
+    Noise(f64),
+}
+
+/// Splits stretches at standstills, unless too few windows of `windows.length_s` would be left; the
+/// standstills that it left out.
 pub fn leave_out(
     stretches: &mut Vec<Stretch>,
     record_of: &mut Vec<usize>,
     bound: &ObservedModel,
-    count: &[Option<f64>],
-    window_s: f64,
+    sensors: &[Fineness],
+    windows: &Windows,
 ) -> Vec<Still> {
-    let found: Vec<Vec<Span>> = stretches.iter().map(|s| standstills(s, bound, count, STILL * window_s)).collect();
+    let window_s = windows.length_s;
+    let still_s = f64::max(STILL * window_s, window_s / windows.frequencies.max(1) as f64);
+    let found: Vec<Vec<Span>> = stretches.iter().map(|s| standstills(s, bound, sensors, still_s)).collect();
     if found.iter().all(Vec::is_empty) {
         return Vec::new();
     }
@@ -136,36 +153,50 @@ struct Span {
 }
 
 /// Standstills of any sensor for `still_s`, in order.
-fn standstills(stretch: &Stretch, bound: &ObservedModel, count: &[Option<f64>], still_s: f64) -> Vec<Span> {
+fn standstills(stretch: &Stretch, bound: &ObservedModel, sensors: &[Fineness], still_s: f64) -> Vec<Span> {
     let least = (still_s / stretch.step_s).ceil().max(2.0) as usize;
-    let of_sensor = |(sensor, (values, count)): (usize, (Vec<f64>, &Option<f64>))| {
-        let mut found = Vec::new();
-        let Some(count) = *count else { return found };
-        // One of the whole pieces of half that length would lie within it.
-        let moves = |x: &[f64]| x.iter().any(|v| (v - x[0]).abs() > COUNTS * count);
-        if least >= 4 && values.chunks_exact(least / 2).all(moves) {
-            return found;
-        }
-        let (mut start, mut low, mut high) = (0, f64::INFINITY, f64::NEG_INFINITY);
-        for (i, &x) in values.iter().enumerate() {
-            if x.max(high) - x.min(low) > COUNTS * count {
-                if i - start >= least {
-                    found.push(Span { first: start, last: i, sensor });
-                }
-                (start, low, high) = (i, x, x);
-            } else {
-                (low, high) = (low.min(x), high.max(x));
+    let of_sensor = |(sensor, (values, fineness)): (usize, (Vec<f64>, &Fineness))| {
+        let spans = match *fineness {
+            Fineness::Counts(count) => within(&values, COUNTS * count, least),
+            Fineness::Noise(sigma) => {
+                let each = (least / MEANS).max(1);
+                let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
+                let means: Vec<f64> = values.chunks(each).map(mean).collect();
+                let found = within(&means, RANGE * sigma / (each as f64).sqrt(), least.div_ceil(each));
+                found.into_iter().map(|(first, last)| (each * first, (each * last).min(values.len()))).collect()
             }
-        }
-        if values.len() - start >= least {
-            found.push(Span { first: start, last: values.len(), sensor });
-        }
-        found
+        };
+        spans.into_iter().map(|(first, last)| Span { first, last, sensor }).collect()
     };
-    let shown: Vec<(Vec<f64>, &Option<f64>)> = stretch.sensors(bound).into_iter().zip(count).collect();
+    let shown: Vec<(Vec<f64>, &Fineness)> = stretch.sensors(bound).into_iter().zip(sensors).collect();
     let each: Vec<Vec<Span>> = shown.into_par_iter().enumerate().map(of_sensor).collect();
     let mut found: Vec<Span> = each.into_iter().flatten().collect();
     found.sort_unstable();
+    found
+}
+
+/// First and last + 1 of at least `least` numbers in a row that stay within a range.
+fn within(values: &[f64], range: f64, least: usize) -> Vec<(usize, usize)> {
+    let mut found = Vec::new();
+    // One of the whole pieces of half that length would lie within it.
+    let moves = |x: &[f64]| x.iter().any(|v| (v - x[0]).abs() > range);
+    if least >= 4 && values.chunks_exact(least / 2).all(moves) {
+        return found;
+    }
+    let (mut start, mut low, mut high) = (0, f64::INFINITY, f64::NEG_INFINITY);
+    for (i, &x) in values.iter().enumerate() {
+        if x.max(high) - x.min(low) > range {
+            if i - start >= least {
+                found.push((start, i));
+            }
+            (start, low, high) = (i, x, x);
+        } else {
+            (low, high) = (low.min(x), high.max(x));
+        }
+    }
+    if values.len() - start >= least {
+        found.push((start, values.len()));
+    }
     found
 }
 
@@ -193,7 +224,8 @@ mod tests {
     use crate::signal::angles::Phase;
 
     const Q: f64 = TAU / 1024.0;
-    const COUNT: [Option<f64>; 2] = [Some(Q), Some(Q)];
+    const WINDOWS: Windows = Windows { length_s: 3.0, hop_s: 1.5, frequencies: 30 };
+    const COUNT: [Fineness; 2] = [Fineness::Counts(Q); 2];
 
     fn bound() -> ObservedModel {
         let rig = Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/chaotic.toml")).unwrap();
@@ -218,6 +250,35 @@ mod tests {
         }
     }
 
+    /// Noise on a motion that stops. A swing of a tenth of the noise is no motion, one of ten times
+    /// the noise is.
+    #[test]
+    fn a_joint_that_sticks_is_seen_through_noise() {
+        let bound = bound();
+        let (sigma, mut seed) = (1e-3, 7_u32);
+        let mut noise = || {
+            let mut uniform = || {
+                seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                f64::from(seed >> 8) / f64::from(1 << 24) - 0.5
+            };
+            sigma * (0..12).map(|_| uniform()).sum::<f64>()
+        };
+        let mut with = |phi: &dyn Fn(f64) -> f64| {
+            let mut out = stretch(|_| 0.0);
+            out.coordinates[0] = (0..5000).map(|i| phi(0.002 * f64::from(i)) + noise()).collect();
+            out.coordinates[1] = (0..5000).map(|i| (0.05 * f64::from(i)).sin()).collect();
+            out
+        };
+        let sensors = [Fineness::Noise(sigma), Fineness::Noise(1e-6)];
+        let sticks = with(&|t| if t < 4.0 { (7.0 * t).sin() } else { 0.1 });
+        let found = standstills(&sticks, &bound, &sensors, 0.5);
+        assert!(!found.is_empty() && found.iter().all(|s| s.sensor == 0), "{found:?}");
+        let all = merged(&found);
+        assert!(all.len() == 1 && all[0].0.abs_diff(2000) < 40 && all[0].1 == 5000, "{all:?}");
+        assert!(!standstills(&with(&|t| 1e-4 * (14.0 * t).sin()), &bound, &sensors, 0.5).is_empty());
+        assert!(standstills(&with(&|t| 1e-2 * (14.0 * t).sin()), &bound, &sensors, 0.5).is_empty());
+    }
+
     #[test]
     fn a_joint_that_sticks_is_left_out_and_one_that_turns_is_not() {
         let bound = bound();
@@ -231,16 +292,16 @@ mod tests {
         assert!(!standstills(&slow, &bound, &COUNT, 0.5).is_empty());
         assert!(standstills(&slow, &bound, &COUNT, STILL * 45.0).is_empty());
         let (mut stretches, mut records) = (vec![sticks], vec![3]);
-        let still = leave_out(&mut stretches, &mut records, &bound, &COUNT, 3.0);
+        let still = leave_out(&mut stretches, &mut records, &bound, &COUNT, &WINDOWS);
         assert!(stretches.len() == 1 && stretches[0].len().abs_diff(2000) < 30 && still.len() == 1);
         assert!((still[0].sensor, still[0].record) == (0, 3) && (still[0].stretch.start_s - 4.0).abs() < 0.06);
         assert_eq!(records, [3]);
         // Stop and go: what is left would have no room for windows.
         let mut goes = vec![stretch(|t| if t % 2.0 < 1.3 { (7.0 * t).sin() } else { 0.1 })];
-        assert!(leave_out(&mut goes, &mut records, &bound, &COUNT, 3.0).is_empty() && goes.len() == 1);
+        assert!(leave_out(&mut goes, &mut records, &bound, &COUNT, &WINDOWS).is_empty() && goes.len() == 1);
         // Nothing long enough would be left: what to say of such a record is for others to decide.
         let mut all = vec![stretch(|_| 0.1)];
-        assert!(leave_out(&mut all, &mut records, &bound, &COUNT, 3.0).is_empty());
+        assert!(leave_out(&mut all, &mut records, &bound, &COUNT, &WINDOWS).is_empty());
         assert!(all.len() == 1 && all[0].len() == 5000);
     }
 }
