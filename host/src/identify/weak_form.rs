@@ -153,7 +153,7 @@ impl Fitted {
         let Geometry { windows, kernels } = &prepared.geometry;
         let mut warnings = prepared.warnings.clone();
         if solution.repeating {
-            warnings.push(periodic(solution.repetition, bound));
+            warnings.push(periodic(solution.repetition, "window", rig, bound));
         }
         warnings.extend(few_windows(&solution, rows.len()));
         let names = split.names();
@@ -228,17 +228,28 @@ fn unsolvable(e: Unsolvable, terms: &[usize], names: &[String], model: &ModelFil
     }
 }
 
-/// The warning where residuals repeat.
-fn periodic(repetition: f64, bound: &ObservedModel) -> Warning {
-    let why = if bound.inputs.is_empty() {
-        "the motion is locked to the drive or periodic"
-    } else {
-        "the motion or its input is periodic"
+/// The warning where residuals repeat from one part of the record to the next.
+pub(super) fn periodic(repetition: f64, part: &str, rig: &Rig, bound: &ObservedModel) -> Warning {
+    let (why, remedy) = match (bound.inputs.is_empty(), rig.drive.is_some()) {
+        (true, true) => (
+            "the motion is locked to the drive or periodic",
+            "Change the drive's amplitude or frequency until the motion is chaotic, or count more lines a turn",
+        ),
+        (true, false) => (
+            "the motion is periodic",
+            "Record a swing that dies away more, or one let go elsewhere, or count more lines a turn",
+        ),
+        (false, _) => (
+            "the motion or its input is periodic",
+            "Change the input until the motion repeats no more, or count more lines a turn",
+        ),
     };
     Warning::new(
         "periodic-record",
-        format!("residuals repeat from window to window (correlation {repetition:.2}): {why}"),
-        "Quantisation errors, and what the model lacks, repeat with it and do not average out; standard errors were widened for that. Change the drive's amplitude or frequency until the motion is chaotic, or count more lines a turn",
+        format!("residuals repeat from {part} to {part} (correlation {repetition:.2}): {why}"),
+        &format!(
+            "Quantisation errors, and what the model lacks, repeat with it and do not average out; standard errors were widened for that. {remedy}"
+        ),
     )
 }
 

@@ -182,7 +182,8 @@ pub fn on_mechanism(
     {
         for (shape, step) in entry.bounded_shapes().zip(steps) {
             if entry.value.as_ref() != Some(&form[shape].0) {
-                form[shape].1 += step / k;
+                let [low, high] = entry.shapes[shape].within.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+                form[shape].1 = (form[shape].1 + step / k).clamp(low, high);
             }
         }
     }

@@ -35,7 +35,7 @@ use super::series::System;
 use super::slips::{self, Placed, Slip};
 use super::stretches::Stretch;
 use super::track::{ExogenousInputs, Pieces, Track};
-use super::{Identification, Residuals, Settings as WeakSettings, built_in, identifiability, windows};
+use super::{Identification, Residuals, Settings as WeakSettings, built_in, identifiability, weak_form, windows};
 use crate::error::{BadInput, Result};
 use crate::model::dynamics::Dynamics;
 use crate::model::model_file::weak_form::WeakForm;
@@ -311,11 +311,7 @@ fn finish(
     let mut warnings: Vec<Warning> = prepared.warnings.clone();
     // What a model misses shows in the residuals again and again, too.
     if repetition > REPEATING && worst <= MISSES {
-        warnings.push(Warning::new(
-            "periodic-record",
-            format!("residuals repeat from piece to piece (correlation {repetition:.2}): the motion is locked to the drive or periodic"),
-            "Quantisation errors repeat with it and do not average out; standard errors were widened for that. Change the drive's amplitude or frequency until the motion is chaotic, or count more lines a turn",
-        ));
+        warnings.push(weak_form::periodic(repetition, "piece", rig, bound));
     }
     warnings.extend(doubts);
     warnings.extend(zeros::warnings(&zeros));
