@@ -13,6 +13,7 @@ mod excited;
 mod explained;
 mod exported;
 mod faulty_link;
+mod free_decay;
 mod hostile;
 mod interface;
 mod interrupted;

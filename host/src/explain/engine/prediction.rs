@@ -25,6 +25,9 @@ const STEP_SAMPLES: usize = 2000;
 /// stops.
 const ROUNDS: usize = 8;
 const TOLERANCE: f64 = 1e-2;
+/// Growth of an initial error over a record up to which one simulation follows it: that of swings
+/// whose frequency depends on their size stays below, chaos is beyond in ten to twenty periods.
+const GROWN: f64 = 100.0;
 /// Shares of what a sensor shows to which solutions are exact, for the gap and for simulations.
 const EXACT_GAP: f64 = 1e-5;
 const EXACT: f64 = 1e-4;
@@ -326,9 +329,60 @@ pub fn simulate(
     track: &Track<'_>,
     span: Span,
 ) -> Option<(Vec<f64>, f64)> {
-    let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
     let most = if track.is_driven() { MOST_DRIVEN } else { MOST_FREE };
     let first = span.fitted.saturating_sub(most);
+    let fit = fitted(motion, parameters, signs, track, span, first)?;
+    Some((fit.parameters, rms_behind(&fit.residuals, span.fitted - first, track)))
+}
+
+/// Mean square, in units of the noise, of what one simulation leaves of a stretch whose beginning
+/// (at most [`MOST_FREE`] samples) its parameters and initial state are fitted to, and its values;
+/// none where the fit does not converge, or where an initial state that is off by the noise is off
+/// by more than [`GROWN`] times that in the end: chaos parts any two motions.
+pub fn left_of_stretch(
+    motion: &EquationsOfMotion,
+    parameters: &[f64],
+    signs: &[f64],
+    track: &Track<'_>,
+    stretch: usize,
+) -> Option<(f64, usize)> {
+    let end = track.samples(stretch).min(MOST_FREE);
+    let fit = fitted(motion, parameters, signs, track, Span { stretch, fitted: end, end }, 0)?;
+    let (piece, _) = track.piece(stretch, 0, end)?;
+    let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
+    let problem = track.problem(motion, fit.step_s, &at);
+    // Every coordinate by the noise of the sensor that shows it.
+    let mut beside = fit.state.clone();
+    for (weights, sigma) in track.sensors.iter().zip(&track.sigma) {
+        weights.iter().zip(&mut beside).filter(|w| *w.0 != 0.0).for_each(|(_, x)| *x += sigma);
+    }
+    let moved = problem.residuals(&piece, &beside, &fit.parameters)?;
+    let apart = moved.iter().zip(&fit.residuals).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let values = fit.residuals.len();
+    let left = fit.residuals.iter().map(|r| r * r).sum::<f64>() / values.max(1) as f64;
+    (fit.converged && apart <= GROWN).then_some((left, values))
+}
+
+/// A fit by simulation.
+struct Fitted {
+    parameters: Vec<f64>,
+    state: Vec<f64>,
+    /// To the span's end, in units of the noise.
+    residuals: Vec<f64>,
+    converged: bool,
+    step_s: f64,
+}
+
+/// Such a fit from sample `first` of a stretch on.
+fn fitted(
+    motion: &EquationsOfMotion,
+    parameters: &[f64],
+    signs: &[f64],
+    track: &Track<'_>,
+    span: Span,
+    first: usize,
+) -> Option<Fitted> {
+    let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
     let fitted = span.fitted - first;
     if fitted < 64 {
         return None;
@@ -350,8 +404,9 @@ pub fn simulate(
     let start = Start { parameters, states: vec![state] };
     let fit = minimise(&problem, &[piece], start, &bounds, TOLERANCE, ROUNDS, &mut || {})?;
     let (whole, _) = track.piece(span.stretch, first, span.end - first)?;
-    let residuals = problem.residuals(&whole, fit.states.first()?, &fit.parameters)?;
-    Some((fit.parameters, rms_behind(&residuals, fitted, track)))
+    let state = fit.states.first()?.clone();
+    let residuals = problem.residuals(&whole, &state, &fit.parameters)?;
+    Some(Fitted { parameters: fit.parameters, state, residuals, converged: fit.converged, step_s })
 }
 
 /// Mean square of a piece's motion about its mean, in units of the noise.

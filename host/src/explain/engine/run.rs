@@ -41,7 +41,17 @@ pub struct Run<'a> {
     first: Option<First>,
 }
 
+/// What is told so far, and the model that it is told of.
+pub struct Told {
+    state: State,
+    result: Explanation,
+    horizons: (f64, f64),
+    before: Vec<(f64, f64)>,
+    first: Option<First>,
+}
+
 /// The fitted model before anything was added.
+#[derive(Clone)]
 struct First {
     state: State,
     /// Coefficients of all windows, their covariance, and coefficients of the windows that
@@ -184,6 +194,62 @@ impl<'a> Run<'a> {
         for steps in forecasts.chain([&mut self.result.gap.steps]) {
             steps.retain(|s| s.added.as_deref() != Some(gone));
         }
+        self.tell_last(outcome)
+    }
+
+    /// Tells the last step as it is in other windows than before.
+    ///
+    /// # Errors
+    /// As [`Run::push`].
+    pub fn tell_again(&mut self, outcome: &Outcome) -> Result<()> {
+        let Some(followed) = &self.state.followed else { return Ok(()) };
+        let window_s = followed.windows(&self.setting).1;
+        self.horizons.1 = window_s;
+        self.result.details.window_s = window_s;
+        if !self.result.effects.is_empty() {
+            return self.tell_last(outcome);
+        }
+        let all = self.result.gap.forecasts.iter_mut().map(|f| &mut f.steps);
+        let all = all.chain(self.result.simulation.iter_mut().map(|s| &mut s.steps));
+        all.for_each(|steps| drop(steps.pop()));
+        let added = self.result.gap.steps.pop().and_then(|s| s.added);
+        self.result.gap.attractor.clear();
+        let gap = self.gap(&outcome.fit.train);
+        self.push(added, gap, outcome)
+    }
+
+    /// What is told so far.
+    pub fn clone_told(&self) -> Told {
+        let Self { state, result, horizons, before, first, .. } = self;
+        Told {
+            state: state.clone(),
+            result: result.clone(),
+            horizons: *horizons,
+            before: before.clone(),
+            first: first.clone(),
+        }
+    }
+
+    /// Takes what was told before.
+    pub fn take_told(&mut self, told: Told) {
+        let Told { state, result, horizons, before, first } = told;
+        (self.state, self.result, self.horizons, self.before, self.first) = (state, result, horizons, before, first);
+    }
+
+    /// Goes back to the model before anything was added; false where there is none.
+    pub fn begin_again(&mut self) -> bool {
+        let Some(first) = &self.first else { return false };
+        self.state = first.state.clone();
+        let result = &mut self.result;
+        (result.effects, result.ranking, result.refused) = (Vec::new(), Vec::new(), Vec::new());
+        let all = result.gap.forecasts.iter_mut().map(|f| &mut f.steps);
+        let all = all.chain(result.simulation.iter_mut().map(|s| &mut s.steps));
+        all.chain([&mut result.gap.steps]).for_each(|steps| steps.truncate(1));
+        true
+    }
+
+    /// Measures the last step once more.
+    fn tell_last(&mut self, outcome: &Outcome) -> Result<()> {
         let value = self.gap(&outcome.fit.train);
         let last = self.result.gap.steps.pop().and_then(|s| s.added);
         self.result.gap.steps.push(Step { added: last.clone(), value });
@@ -267,6 +333,7 @@ impl<'a> Run<'a> {
             left_out,
             gaps,
             noisy,
+            whole: if by_shooting { simulation::left_of_whole(&setting, &state, outcome) } else { None },
         };
         decidability::decide(&mut result, undecidable, rest);
         if result.verdict == Verdict::Unexplained {

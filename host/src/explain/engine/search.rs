@@ -10,7 +10,7 @@ use super::shooting::Followed;
 use super::state::{Chosen, State};
 use super::{residual, shooting, tell, tones};
 use crate::error::Result;
-use crate::explain::decidability::EXPLAINED_GAP;
+use crate::explain::decidability::{EXPLAINED_GAP, FEWEST_BLOCKS};
 use crate::explain::decision::{self, Choice, OF_A_FAMILY, Offer};
 use crate::explain::explanation::{Explanation, Found, Refused};
 use crate::explain::ranking::Fit;
@@ -26,7 +26,8 @@ const CLEAR: f64 = 2.0;
 /// The same of a frequency, the best of N independent ones: √(2 ln N) by noise alone, N some
 /// thousand (one of the 151 clean records of the battery had such a tone).
 const CLEAR_OF_MANY: f64 = 4.0;
-/// Share of its promise at a strength of nothing that an effect must keep.
+/// Share of its promise at a strength of nothing that an effect must keep (by hand; battery, 514
+/// records).
 const LEAST_KEPT: f64 = 0.5;
 
 /// `ID@PLACE` of a found effect.
@@ -45,15 +46,90 @@ impl Run<'_> {
         let most = if undecidable { 0 } else { settings.most_effects.unwrap_or(MOST_EFFECTS) };
         let refitted = settings.model.is_some().then(|| "refit".to_owned());
         let mut search = Search::default();
-        let mut outcome = self.added(&mut search, most, refitted.as_ref(), None)?;
+        let outcome = self.added(&mut search, most, refitted.as_ref(), None)?;
+        let outcome = self.cleared(&mut search, most, outcome)?;
+        if undecidable {
+            return Ok(outcome);
+        }
+        match self.followed_on(outcome)? {
+            (outcome, false) => Ok(outcome),
+            (longer, true) => {
+                let outcome = self.added(&mut search, most, None, Some(longer))?;
+                let outcome = self.cleared(&mut search, most, outcome)?;
+                if settings.model.is_some() { Ok(outcome) } else { self.searched_again(most, outcome) }
+            }
+        }
+    }
+
+    /// Where more than noise is left of a motion that is followed on, the search once more from the
+    /// model before anything was added, in the same windows: what was named first, in shorter ones,
+    /// may have stood in for several. Kept where less is left.
+    fn searched_again(&mut self, most: usize, outcome: Outcome) -> Result<Outcome> {
+        let Evidence::Shooting(blocks) = &outcome.evidence else { return Ok(outcome) };
+        let misses = exchange::sum(&outcome.fit) > exchange::MISSES * blocks.noise();
+        let kept = self.clone_told();
+        if !misses || self.result.effects.is_empty() || !self.begin_again() {
+            return Ok(outcome);
+        }
+        let lines = residual::lines(&self.setting, &self.state);
+        let candidates = self.setting.candidates(&self.state.physical, &lines);
+        let mut search = Search::default();
+        let again = refit(&self.setting, &mut self.state, candidates).and_then(|again| {
+            self.tell_again(&again)?;
+            let again = self.added(&mut search, most, None, Some(again))?;
+            self.cleared(&mut search, most, again)
+        });
+        match again {
+            Ok(again) if again.left().zip(outcome.left()).is_some_and(|(a, b)| a < b) => Ok(again),
+            _ => {
+                self.take_told(kept);
+                Ok(outcome)
+            }
+        }
+    }
+
+    /// Takes away what is nothing beside the others, and goes on with what had no room for it.
+    fn cleared(&mut self, search: &mut Search, most: usize, mut outcome: Outcome) -> Result<Outcome> {
         for _ in 0..MOST_RESUMED {
-            let (cleared, gone) = self.without_traces(&mut search, outcome)?;
+            let (cleared, gone) = self.without_traces(search, outcome)?;
             if !gone {
                 return Ok(cleared);
             }
-            outcome = self.added(&mut search, most, None, Some(cleared))?;
+            outcome = self.added(search, most, None, Some(cleared))?;
         }
-        Ok(self.without_traces(&mut search, outcome)?.0)
+        Ok(self.without_traces(search, outcome)?.0)
+    }
+
+    /// The model found in windows as long as the fewest that decide leave room for, where nothing
+    /// drives the motion and it can be followed for so long; also whether it was. How fast a swing
+    /// dies is known from a window to the power -3/2 of its length, and laws of damping differ in
+    /// nothing else; about a model that lacks them longer windows lead astray.
+    ///
+    /// # Errors
+    /// As [`Run::push`].
+    fn followed_on(&mut self, outcome: Outcome) -> Result<(Outcome, bool)> {
+        let goes_on = self.setting.shooting && self.setting.rig.drive.is_none();
+        if !goes_on || !self.setting.bound.inputs.is_empty() {
+            return Ok((outcome, false));
+        }
+        let samples = |state: &State| state.followed.as_ref().map_or(0, Followed::samples);
+        let before = self.state.clone();
+        self.setting.blocks = (FEWEST_BLOCKS + 1) as f64;
+        let lines = residual::lines(&self.setting, &self.state);
+        let candidates = self.setting.candidates(&self.state.physical, &lines);
+        let longer = refit(&self.setting, &mut self.state, candidates);
+        let windows = self.state.followed.as_ref().map_or(0, |f| f.windows(&self.setting).0);
+        match longer {
+            Ok(longer) if windows >= FEWEST_BLOCKS && samples(&self.state) > samples(&before) => {
+                self.tell_again(&longer)?;
+                Ok((longer, true))
+            }
+            _ => {
+                self.state = before;
+                self.setting.blocks = shooting::BLOCKS;
+                Ok((outcome, false))
+            }
+        }
     }
 
     /// Adds effects until nothing more is supported, from an outcome that is known already or from
@@ -177,7 +253,8 @@ impl Run<'_> {
         if search.exchanges >= MOST_EXCHANGES {
             return None;
         }
-        let taken = taken(&self.setting, &self.state, &[search.names(), search.vain.clone()].concat());
+        // One that was refused beside a model which lacked others may be right in the place of one.
+        let taken = taken(&self.setting, &self.state, &search.vain);
         let Exchange { gone, index, fit, p_value, promised, share, twins } =
             exchange::best(&self.setting, &self.state, outcome, &taken, &self.result.effects)?;
         search.exchanges += 1;

@@ -14,7 +14,7 @@ use self::parameters::{of_equations, of_identification};
 use self::sized::with_lines;
 use super::candidates::{Candidate, Column};
 use super::memory;
-use super::shooting::{MOST_SAMPLES, signs};
+use super::shooting::{BLOCKS, MOST_SAMPLES, signs};
 use super::units;
 use crate::effects::columns::Span;
 use crate::effects::entry::Entry;
@@ -58,6 +58,8 @@ pub struct Setting<'a> {
     /// Whether candidates are judged by shooting; rows of the weak form stand in where the model
     /// follows no window of the record.
     pub shooting: bool,
+    /// Windows of shooting that the record should give.
+    pub blocks: f64,
     /// Signs that own coefficients keep; 0 for either.
     pub signs: Vec<f64>,
     /// Noise of the sensors.
@@ -143,6 +145,7 @@ impl<'a> Setting<'a> {
             record_of,
             own,
             shooting: true,
+            blocks: BLOCKS,
             signs: Vec::new(),
             sensors,
             geometry,

@@ -7,6 +7,7 @@
 //! Of systems that are free or follow measured inputs; what a drive keeps moving may be chaotic,
 //! and no simulation follows it.
 
+use nalgebra::DVector;
 use serde::Serialize;
 
 use super::evidence::Outcome;
@@ -17,6 +18,7 @@ use super::state::State;
 use super::units::Unit;
 use crate::explain::explanation::Step;
 use crate::identify::track::Track;
+use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
 /// Shares of the record that simulations are fitted to.
 const FITTED: [f64; 2] = [2.0 / 3.0, 0.75];
@@ -55,31 +57,64 @@ pub fn open(setting: &Setting<'_>) -> Vec<Simulation> {
         .collect()
 }
 
+/// A model as it is simulated: of the record of the longest stretch.
+struct Simulated {
+    stretch: usize,
+    motion: EquationsOfMotion,
+    parameters: Vec<f64>,
+    /// Sign of each parameter: 0 either, NaN as it is.
+    signs: Vec<f64>,
+    /// States of effects in it that remember.
+    hidden: Vec<usize>,
+}
+
+impl Simulated {
+    fn new(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> Option<Self> {
+        let stretch = (0..state.stretches.len()).max_by_key(|&k| (state.stretches[k].len(), usize::MAX - k))?;
+        let record = setting.record_of.get(stretch).copied().unwrap_or(0);
+        let (motion, parameters, hidden) = state.free_motion_of(setting, x, record)?;
+        let own = setting.model().coefficients();
+        let kept = setting.own.coefficients(&setting.signs, record);
+        let sign_of = |name: &String| -> f64 {
+            if let Some(i) = own.iter().position(|n| n == name) {
+                return kept[i];
+            }
+            let place = |t: &str| t.parse::<usize>().ok();
+            let Some((k, j)) = name.split_once(' ').and_then(|(a, b)| Some((place(a)?, place(b)?))) else { return 0.0 };
+            let Some(chosen) = state.chosen.get(k) else { return 0.0 };
+            // What refines a shape is no strength of its own: it stays.
+            if j >= chosen.candidate.entry.strengths.len() {
+                return f64::NAN;
+            }
+            signs::of(&chosen.candidate).get(j).copied().unwrap_or(0.0)
+        };
+        let signs: Vec<f64> = motion.coefficients().iter().map(sign_of).collect();
+        Some(Self { stretch, motion, parameters, signs, hidden })
+    }
+}
+
+/// What one simulation of the whole longest stretch leaves, in units of the noise's power, and its
+/// values, where it was followed to its end; none under a drive or measured inputs. Windows have an initial state
+/// each: what shows in how a motion goes on from one to the next they do not see.
+pub fn left_of_whole(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<(f64, usize)> {
+    if setting.rig.drive.is_some() || !setting.bound.inputs.is_empty() {
+        return None;
+    }
+    let Simulated { stretch, motion, parameters, signs, hidden } = Simulated::new(setting, state, &outcome.fit.all)?;
+    let left = |t: &Track<'_>| prediction::left_of_stretch(&motion, &parameters, &signs, t, stretch);
+    state.on_free_track(setting, hidden, left)
+}
+
 /// Measures a step.
 pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: Option<String>, all: &mut [Simulation]) {
     if all.is_empty() {
         return;
     }
-    let longest = (0..state.stretches.len()).max_by_key(|&k| (state.stretches[k].len(), usize::MAX - k));
-    let record = longest.and_then(|k| setting.record_of.get(k).copied()).unwrap_or(0);
-    let Some((motion, parameters, hidden)) = state.free_motion_of(setting, &outcome.fit.all, record) else { return };
+    let Some(simulated) = Simulated::new(setting, state, &outcome.fit.all) else { return };
+    let Simulated { stretch, motion, parameters, signs, hidden } = simulated;
+    let record = setting.record_of.get(stretch).copied().unwrap_or(0);
     let own = setting.model().coefficients();
-    let kept = setting.own.coefficients(&setting.signs, record);
-    let sign_of = |name: &String| -> f64 {
-        if let Some(i) = own.iter().position(|n| n == name) {
-            return kept[i];
-        }
-        let place = |t: &str| t.parse::<usize>().ok();
-        let Some((k, j)) = name.split_once(' ').and_then(|(a, b)| Some((place(a)?, place(b)?))) else { return 0.0 };
-        let Some(chosen) = state.chosen.get(k) else { return 0.0 };
-        // What refines a shape is no strength of its own: it stays.
-        if j >= chosen.candidate.entry.strengths.len() {
-            return f64::NAN;
-        }
-        signs::of(&chosen.candidate).get(j).copied().unwrap_or(0.0)
-    };
     let names = motion.coefficients();
-    let signs: Vec<f64> = names.iter().map(sign_of).collect();
     let unit = Unit::of(setting.rig, setting.whole);
     let told_name = |name: &String| -> String {
         let chosen = name.split_once(' ').and_then(|(a, b)| Some((state.chosen.get(a.parse::<usize>().ok()?)?, b)));
@@ -88,7 +123,6 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
             _ => name.clone(),
         }
     };
-    let Some(stretch) = longest else { return };
     let samples = state.stretches[stretch].len();
     let window = state.followed.as_ref().map_or(samples / 8, |f| f.samples());
     for simulation in all {

@@ -60,24 +60,25 @@ use super::candidates::{Candidate, Column};
 use super::setting::Setting;
 use super::state::State;
 
-/// Windows that a record should give.
-const BLOCKS: f64 = 20.0;
-/// Longest window under measured inputs, in windows of the weak form.
+/// Windows that a record should give (by hand; battery, 514 records).
+pub const BLOCKS: f64 = 20.0;
+/// Longest window under measured inputs, and of a free motion that is followed on, in windows of the
+/// weak form.
 const TRANSIENTS: f64 = 20.0;
 /// Most samples that are followed.
 pub const MOST_SAMPLES: usize = 300_000;
 /// Parts of the full length in which windows grow, and most linearisations at each.
 const STAGES: [f64; 3] = [0.25, 0.5, 1.0];
 const PASSES: [usize; 3] = [2, 2, 5];
-/// Longest window under a drive, in its periods.
+/// Longest window under a drive, in its periods (by hand; battery, 514 records).
 const MOST_PERIODS: usize = 8;
 /// What is left of a window, beside the median of all, from which its path is taken to have been
-/// led astray.
+/// led astray (by hand; battery, 514 records).
 const ASTRAY: f64 = 10.0;
 /// What is left of windows, as a share of the motion's rms, from which longer ones would be
-/// linearised too far from what the model does.
+/// linearised too far from what the model does (by hand; battery, 514 records).
 const FAR: f64 = 0.15;
-/// Share of the windows that may be left out.
+/// Share of the windows that may be left out (by hand; battery, 514 records).
 const MOST_LOST: f64 = 0.3;
 
 /// Paths, and the windows that they are followed in.
@@ -156,8 +157,9 @@ fn longest(setting: &Setting<'_>, lengths: &[usize]) -> usize {
     let step_s = setting.raw.first().map_or(1.0, |s| s.step_s);
     let whole: usize = lengths.iter().sum();
     let own = setting.geometry.windows.length_s / step_s;
-    let most = if setting.bound.inputs.is_empty() { own } else { TRANSIENTS * own };
-    let wished = (whole as f64 / BLOCKS).min(most) as usize;
+    let follows_on = !setting.bound.inputs.is_empty() || setting.blocks < BLOCKS;
+    let most = if follows_on { TRANSIENTS * own } else { own };
+    let wished = (whole as f64 / setting.blocks).min(most) as usize;
     wished.max(2 * FEWEST_SAMPLES).min(lengths.iter().copied().max().unwrap_or(0))
 }
 
