@@ -40,7 +40,9 @@ pub mod design;
 mod evidence;
 mod exchange;
 pub mod expected;
+mod followed_on;
 mod forecast;
+mod free_run;
 pub mod given;
 mod memory;
 mod patched;
@@ -56,6 +58,7 @@ pub mod simulation;
 mod state;
 mod tell;
 mod tones;
+mod traces;
 mod units;
 pub mod unknown;
 

@@ -8,9 +8,10 @@ use super::run::Run;
 use super::setting::Setting;
 use super::shooting::Followed;
 use super::state::{Chosen, State};
+use super::traces::{is_of_many, without_trace};
 use super::{residual, shooting, tell, tones};
 use crate::error::Result;
-use crate::explain::decidability::{EXPLAINED_GAP, FEWEST_BLOCKS};
+use crate::explain::decidability::EXPLAINED_GAP;
 use crate::explain::decision::{self, Choice, OF_A_FAMILY, Offer};
 use crate::explain::explanation::{Explanation, Found, Refused};
 use crate::explain::ranking::Fit;
@@ -20,12 +21,6 @@ use crate::explain::{LEAST_PROGRESS, MOST_EFFECTS, Settings};
 const MOST_EXCHANGES: usize = 16;
 /// Times that the search goes on after effects were taken away.
 const MOST_RESUMED: usize = 3;
-/// Standard errors from nothing at which a name stands: of ten records of Duffing's oscillator with
-/// nothing hidden one had a tone below it, 0.035 ± 0.019 N (docs/explain/how-often-right.md).
-const CLEAR: f64 = 2.0;
-/// The same of a frequency, the best of N independent ones: √(2 ln N) by noise alone, N some
-/// thousand (one of the 151 clean records of the battery had such a tone).
-const CLEAR_OF_MANY: f64 = 4.0;
 /// Share of its promise at a strength of nothing that an effect must keep (by hand; battery, 514
 /// records).
 const LEAST_KEPT: f64 = 0.5;
@@ -51,45 +46,23 @@ impl Run<'_> {
         if undecidable {
             return Ok(outcome);
         }
-        match self.followed_on(outcome)? {
-            (outcome, false) => Ok(outcome),
-            (longer, true) => {
-                let outcome = self.added(&mut search, most, None, Some(longer))?;
-                let outcome = self.cleared(&mut search, most, outcome)?;
-                if settings.model.is_some() { Ok(outcome) } else { self.searched_again(most, outcome) }
-            }
-        }
-    }
-
-    /// Where more than noise is left of a motion that is followed on, the search once more from the
-    /// model before anything was added, in the same windows: what was named first, in shorter ones,
-    /// may have stood in for several. Kept where less is left.
-    fn searched_again(&mut self, most: usize, outcome: Outcome) -> Result<Outcome> {
-        let Evidence::Shooting(blocks) = &outcome.evidence else { return Ok(outcome) };
-        let misses = exchange::sum(&outcome.fit) > exchange::MISSES * blocks.noise();
         let kept = self.clone_told();
-        if !misses || self.result.effects.is_empty() || !self.begin_again() {
-            return Ok(outcome);
+        let Some(longer) = self.followed_on()? else { return Ok(outcome) };
+        let mut again = self.added(&mut search, most, None, Some(longer))?;
+        again = self.cleared(&mut search, most, again)?;
+        if settings.model.is_none() {
+            again = self.searched_again(most, again)?;
         }
-        let lines = residual::lines(&self.setting, &self.state);
-        let candidates = self.setting.candidates(&self.state.physical, &lines);
-        let mut search = Search::default();
-        let again = refit(&self.setting, &mut self.state, candidates).and_then(|again| {
-            self.tell_again(&again)?;
-            let again = self.added(&mut search, most, None, Some(again))?;
-            self.cleared(&mut search, most, again)
-        });
-        match again {
-            Ok(again) if again.left().zip(outcome.left()).is_some_and(|(a, b)| a < b) => Ok(again),
-            _ => {
-                self.take_told(kept);
-                Ok(outcome)
-            }
+        if self.is_followed(&again)? {
+            return Ok(again);
         }
+        self.take_told(kept);
+        self.setting.blocks = shooting::BLOCKS;
+        Ok(outcome)
     }
 
     /// Takes away what is nothing beside the others, and goes on with what had no room for it.
-    fn cleared(&mut self, search: &mut Search, most: usize, mut outcome: Outcome) -> Result<Outcome> {
+    pub(super) fn cleared(&mut self, search: &mut Search, most: usize, mut outcome: Outcome) -> Result<Outcome> {
         for _ in 0..MOST_RESUMED {
             let (cleared, gone) = self.without_traces(search, outcome)?;
             if !gone {
@@ -100,41 +73,9 @@ impl Run<'_> {
         Ok(self.without_traces(search, outcome)?.0)
     }
 
-    /// The model found in windows as long as the fewest that decide leave room for, where nothing
-    /// drives the motion and it can be followed for so long; also whether it was. How fast a swing
-    /// dies is known from a window to the power -3/2 of its length, and laws of damping differ in
-    /// nothing else; about a model that lacks them longer windows lead astray.
-    ///
-    /// # Errors
-    /// As [`Run::push`].
-    fn followed_on(&mut self, outcome: Outcome) -> Result<(Outcome, bool)> {
-        let goes_on = self.setting.shooting && self.setting.rig.drive.is_none();
-        if !goes_on || !self.setting.bound.inputs.is_empty() {
-            return Ok((outcome, false));
-        }
-        let samples = |state: &State| state.followed.as_ref().map_or(0, Followed::samples);
-        let before = self.state.clone();
-        self.setting.blocks = (FEWEST_BLOCKS + 1) as f64;
-        let lines = residual::lines(&self.setting, &self.state);
-        let candidates = self.setting.candidates(&self.state.physical, &lines);
-        let longer = refit(&self.setting, &mut self.state, candidates);
-        let windows = self.state.followed.as_ref().map_or(0, |f| f.windows(&self.setting).0);
-        match longer {
-            Ok(longer) if windows >= FEWEST_BLOCKS && samples(&self.state) > samples(&before) => {
-                self.tell_again(&longer)?;
-                Ok((longer, true))
-            }
-            _ => {
-                self.state = before;
-                self.setting.blocks = shooting::BLOCKS;
-                Ok((outcome, false))
-            }
-        }
-    }
-
     /// Adds effects until nothing more is supported, from an outcome that is known already or from
     /// the state.
-    fn added(
+    pub(super) fn added(
         &mut self,
         search: &mut Search,
         most: usize,
@@ -315,7 +256,7 @@ struct Before {
 
 /// Where the search for effects stands.
 #[derive(Default)]
-struct Search {
+pub(super) struct Search {
     /// Effects that did not keep what they promised.
     refused: Vec<Refused>,
     kept: Option<Before>,
@@ -418,57 +359,4 @@ fn tell_of(setting: &Setting<'_>, state: &State, candidate: &Candidate, fit: &Fi
     let covariance = fit.covariance.view((from, from), (d, d)).into_owned();
     let (reported, unit) = tell::value(setting, &state.physical, candidate, &strengths, &covariance);
     tell::found(setting, candidate, reported, unit)
-}
-
-/// Whether an effect is the best of the frequencies that were looked at.
-fn is_of_many(candidate: &Candidate) -> bool {
-    candidate.entry.shapes.iter().any(|s| s.of_lines)
-}
-
-/// The effect that is furthest from being anything, if one is within [`CLEAR`] standard errors of
-/// nothing.
-fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<usize> {
-    let mut at = state.values.len();
-    let mut weakest: Option<(usize, f64)> = None;
-    for (k, chosen) in state.chosen.iter().enumerate() {
-        // What is found as an increment has its strength in the state.
-        let applied = if chosen.candidate.is_applied() { 1.0 } else { 0.0 };
-        let errors = errors_at_shape(&outcome.fit, at, chosen.candidate.entry.strengths.len(), chosen.strengths.len());
-        let clear = errors.iter().enumerate().map(|(i, error)| {
-            (outcome.fit.all[at + i] + applied * chosen.strengths[i]).abs() / error.max(f64::MIN_POSITIVE)
-        });
-        // Nor does a name stand whose value is within them.
-        let clear = clear.fold(0.0, f64::max).min(value_over_error(setting, state, outcome, at, chosen));
-        at += chosen.strengths.len();
-        // The best of many frequencies is that far from nothing by noise alone.
-        let clear = if is_of_many(&chosen.candidate) { clear * CLEAR / CLEAR_OF_MANY } else { clear };
-        if k >= state.nominal && clear < CLEAR && weakest.is_none_or(|w| clear < w.1) {
-            weakest = Some((k, clear));
-        }
-    }
-    weakest.map(|w| w.0).filter(|_| setting.shooting)
-}
-
-/// The value that is told of an effect, whose columns begin at `at`, over its standard error.
-fn value_over_error(setting: &Setting<'_>, state: &State, outcome: &Outcome, at: usize, chosen: &Chosen) -> f64 {
-    let d = chosen.strengths.len();
-    let applied = if chosen.candidate.is_applied() { 1.0 } else { 0.0 };
-    let values: Vec<f64> = (0..d).map(|i| outcome.fit.all[at + i] + applied * chosen.strengths[i]).collect();
-    let covariance = outcome.fit.covariance.view((at, at), (d, d)).into_owned();
-    let (told, _) = tell::value(setting, &state.physical, &chosen.candidate, &values, &covariance);
-    let ratio = (told.value / told.std_error).abs();
-    if ratio.is_nan() { f64::INFINITY } else { ratio }
-}
-
-/// Standard errors of an effect's strengths, the first of its columns from `at` on, with its shape
-/// held: at a strength of nothing there is no shape.
-fn errors_at_shape(fit: &Fit, at: usize, strengths: usize, columns: usize) -> Vec<f64> {
-    let own = fit.covariance.view((at, at), (strengths, strengths)).into_owned();
-    let by = fit.covariance.view((at, at + strengths), (strengths, columns - strengths)).into_owned();
-    let shape = fit.covariance.view((at + strengths, at + strengths), (columns - strengths, columns - strengths));
-    let held = match shape.into_owned().try_inverse() {
-        Some(inverse) => &own - &by * inverse * by.transpose(),
-        None => own.clone(),
-    };
-    (0..strengths).map(|i| held[(i, i)].max(0.0).sqrt()).collect()
 }

@@ -11,7 +11,7 @@ use nalgebra::DVector;
 use serde::Serialize;
 
 use super::evidence::Outcome;
-use super::prediction::{self, Span};
+use super::free_run::{self, Span};
 use super::setting::Setting;
 use super::shooting::signs;
 use super::state::State;
@@ -101,7 +101,7 @@ pub fn left_of_whole(setting: &Setting<'_>, state: &State, outcome: &Outcome) ->
         return None;
     }
     let Simulated { stretch, motion, parameters, signs, hidden } = Simulated::new(setting, state, &outcome.fit.all)?;
-    let left = |t: &Track<'_>| prediction::left_of_stretch(&motion, &parameters, &signs, t, stretch);
+    let left = |t: &Track<'_>| free_run::left_of_stretch(&motion, &parameters, &signs, t, stretch);
     state.on_free_track(setting, hidden, left)
 }
 
@@ -129,10 +129,10 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
         let span = Span { stretch, fitted: (simulation.fitted * samples as f64) as usize, end: samples };
         let by_windows = outcome.until(stretch, span.fitted).and_then(|x| {
             let (motion, parameters, hidden) = state.free_motion_of(setting, &x, record)?;
-            let run = |t: &Track<'_>| prediction::run(&motion, &parameters, t, span, window);
+            let run = |t: &Track<'_>| free_run::run(&motion, &parameters, t, span, window);
             state.on_free_track(setting, hidden, run).map(|error| (parameters, error))
         });
-        let simulate = |t: &Track<'_>| prediction::simulate(&motion, &parameters, &signs, t, span);
+        let simulate = |t: &Track<'_>| free_run::simulate(&motion, &parameters, &signs, t, span);
         let found = by_windows.or_else(|| state.on_free_track(setting, hidden.clone(), simulate));
         let value = found.as_ref().map_or(f64::NAN, |(_, error)| error * unit.factor);
         simulation.steps.push(Step { added: added.clone(), value });
