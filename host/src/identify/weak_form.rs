@@ -247,7 +247,7 @@ pub(super) fn periodic(repetition: f64, part: &str, rig: &Rig, bound: &ObservedM
     Warning::new(
         "periodic-record",
         format!("residuals repeat from {part} to {part} (correlation {repetition:.2}): {why}"),
-        &format!(
+        format!(
             "Quantisation errors, and what the model lacks, repeat with it and do not average out; standard errors were widened for that. {remedy}"
         ),
     )

@@ -194,7 +194,7 @@ mod tests {
     /// that has both, by which its dampings stand to one another as the inertias do.
     #[test]
     fn an_inertia_that_is_given_twice_becomes_one() {
-        let rig = Rig::read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/seed.toml")).unwrap();
+        let rig = Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/seed.toml")).unwrap();
         let nominal = ["coulomb-friction@joint1", "viscous-friction@joint2"].map(str::to_owned);
         let own = as_own::double_pendulum_of_bodies(&rig, &nominal).unwrap();
         let mechanism = own.bound.as_ref().unwrap().model.mechanism.clone().unwrap();

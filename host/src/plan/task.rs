@@ -212,7 +212,7 @@ impl<'a> Task<'a> {
     fn settle_periods(&self, setting: &Setting) -> f64 {
         match setting.frequency_hz {
             Some(f) if *setting == self.unchanged() => {
-                (self.followed_s() * f).min(STAYS_PERIODS).max(trial::SETTLE_PERIODS)
+                (self.followed_s() * f).clamp(trial::SETTLE_PERIODS, STAYS_PERIODS)
             }
             _ => trial::SETTLE_PERIODS,
         }

@@ -127,7 +127,8 @@ fn the_measured_single_pendulum_is_continued_to_a_fifth_of_a_degree() {
     for s in out["simulation"].as_array().unwrap() {
         for p in s["parameters"].as_array().unwrap() {
             let name = p["name"].as_str().unwrap();
-            if name == "viscous" || frictions.iter().any(|f| name.contains(f)) {
+            // A level that ripples has a sine and a cosine of either sign.
+            if name == "viscous" || (frictions.iter().any(|f| name.contains(f)) && !name.contains("ripple")) {
                 assert!(p["value"].as_f64().unwrap() >= 0.0, "{p}");
             }
         }
