@@ -298,7 +298,7 @@ mod tests {
         assert_eq!(verdict(1.0, 1.0, whole(1.1)).0, Verdict::NothingMissing);
         let (found, why) = verdict(1.0, 1.0, whole(1.5));
         assert!(
-            found == Verdict::Unexplained && why.contains("leaves 1.5 times the noise's power (up to 1.1"),
+            found == Verdict::Unexplained && why.contains("leaves 1.50 times the noise's power (up to 1.1"),
             "{why}"
         );
     }

@@ -270,7 +270,7 @@ mod tests {
             seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             8.0 * (f64::from(seed >> 8) / f64::from(1 << 24) - 0.5)
         };
-        let mut states: Vec<Vec<f64>> = (0..100).map(|_| (0..4).map(|_| random()).collect()).collect();
+        let mut states: Vec<Vec<f64>> = (0..ABREAST).map(|_| (0..4).map(|_| random()).collect()).collect();
         states[7][2] = 0.0;
         // Turns at once.
         states[8] = vec![0.5, 0.1, 1e-4, 2.0];
