@@ -8,11 +8,10 @@ use crate::record::Record;
 use crate::report::format::{rounded, shortest, significant};
 use crate::rig::Rig;
 
-/// Gap (in noise floors) up to which a model counts as explaining the record (by hand; battery, 514
-/// records).
+/// Gap (in noise floors) up to which a model counts as explaining the record (by hand).
 pub(super) const EXPLAINED_GAP: f64 = 1.3;
 /// Ratio of residual to noise power in the rows of the weak form up to which nothing counts as left
-/// (by hand; battery, 514 records).
+/// (by hand).
 const EXPLAINED_POWER: f64 = 2.0;
 /// Standard errors by which the same of trajectories may exceed that of records which the model
 /// itself makes: 3e-5 by chance.
@@ -20,21 +19,17 @@ const CLEAR: f64 = 4.0;
 /// Ratio to theirs up to which it is nothing in any case: a sensor's noise is not known to 2 %.
 const ALIKE: f64 = 1.05;
 /// Amplitude of what is left, in units of the noise's, beyond which records that the model itself
-/// makes excuse nothing: an effect as large as the noise would be taken for nothing then (by hand;
-/// battery, 514 records).
+/// makes excuse nothing: an effect as large as the noise would be taken for nothing then (by hand).
 pub(super) const EXCUSED: f64 = 2.0;
 /// Horizons of the gap that count for the verdict, in units of the shortest: chaos makes longer
-/// ones show weaker effects (by hand; battery, 514 records).
+/// ones show weaker effects (by hand).
 const VERDICT_HORIZONS: f64 = 4.5;
-/// Fewest whole windows for a decision: fewer leave the jackknife and the folds too little (by
-/// hand; battery, 514 records).
+/// Fewest whole windows for a decision: fewer leave the jackknife and the folds too little (by hand).
 pub(super) const FEWEST_BLOCKS: usize = 9;
 
-/// Share of a record that must repeat for its motion to count as locked (by hand; battery, 514
-/// records).
+/// Share of a record that must repeat for its motion to count as locked (by hand).
 const LOCKED_SHARE: f64 = 0.5;
-/// Condition number of an equation's columns from which its coefficients are hardly separable (by
-/// hand; battery, 514 records).
+/// Condition number of an equation's columns from which its coefficients are hardly separable (by hand).
 pub(super) const WORST_CONDITION: f64 = 100.0;
 
 /// Why a locked record cannot.
@@ -88,7 +83,7 @@ pub(super) fn locked(record: &Record, rig: &Rig) -> bool {
 
 /// Power up to which nothing counts as left beside records of the model's own with that mean power,
 /// from which one differs by that standard error.
-pub(super) fn most_power(mean: f64, error: f64) -> f64 {
+fn most_power(mean: f64, error: f64) -> f64 {
     (mean + CLEAR * error).max(ALIKE * mean)
 }
 

@@ -21,8 +21,7 @@ pub(super) const FAMILY_WISE: f64 = 0.01;
 pub(super) const OF_A_FAMILY: f64 = FAMILY_WISE / 2.0;
 
 /// Share of the held-out residual power from which weights are estimated anew with each candidate:
-/// those of a model that misses so much misjudge forms that are close to each other (by hand;
-/// battery, 514 records).
+/// those of a model that misses so much misjudge forms that are close to each other (by hand).
 const STRONG: f64 = 0.15;
 /// Difference of that held-out score, −2 ln of a likelihood ratio, up to which two candidates are
 /// not told apart: two standard errors, four, times the two and a half by which correlated
@@ -34,7 +33,7 @@ const EXACT: f64 = 1e-6;
 /// rounding errors without scatter.
 const ALIKE: f64 = 1e-3;
 /// Share above which the forms of one effect are told apart in this way as well, and the most forms
-/// judged below and above it (by hand; battery, 514 records).
+/// judged below and above it (by hand).
 const OVERWHELMING: f64 = 0.75;
 const RERANKED: [usize; 2] = [20, 60];
 

@@ -13,8 +13,9 @@
 //!    ([`engine::residual_map`]), and, where it has no name, drawn as a function of one coordinate
 //!    ([`engine::unknown`]).
 //!
-//! Limits that are no probability and follow from nothing are marked "by hand": they were chosen,
-//! and how often the answer is right with them was counted (docs/explain/how-often-right.md).
+//! Limits that are no probability and follow from nothing are marked "by hand": they were chosen.
+//! What was counted with them, or with earlier values of some, is in
+//! docs/explain/how-often-right.md.
 
 pub mod card;
 mod decidability;
@@ -41,10 +42,10 @@ use crate::warning::Warning;
 
 pub use self::explanation::{Details, Explanation, Forecast, Found, Gap, Ranked, Step, Verdict};
 
-/// Most effects that are added (by hand; battery, 514 records).
+/// Most effects that are added (by hand).
 const MOST_EFFECTS: usize = 8;
 /// Least share of the gap that an effect must take away while the gap is above [`EXPLAINED_GAP`]
-/// (by hand; battery, 514 records).
+/// (by hand).
 const LEAST_PROGRESS: f64 = 0.03;
 /// Longest part of a record that is used, windows.
 const MOST_WINDOWS: f64 = 300.0;

@@ -16,14 +16,14 @@ use crate::explain::decision::{self, Rows};
 use crate::explain::ranking::{self, Fit, Weights};
 
 /// Share of what is left above the sensors' noise that a candidate must take away in shooting: less
-/// is as good as nothing where a model misses more than noise (by hand; battery, 514 records).
+/// is as good as nothing where a model misses more than noise (by hand).
 const LEAST_SHARE: f64 = 0.01;
 
-/// Standard errors between windows at which a gain counts (by hand; battery, 514 records).
+/// Standard errors between windows at which a gain counts (by hand).
 const LEAST_DEVIATIONS: f64 = 2.0;
 
 /// Most rounds of shooting after something has joined, and the share of what is left by which it
-/// falls while it still does (by hand; battery, 514 records).
+/// falls while it still does (by hand).
 const MOST_ROUNDS: usize = 12;
 const STILL_FALLS: f64 = 0.005;
 

@@ -19,8 +19,7 @@ use crate::explain::ranking::{self, Fit};
 /// a ripple; with it as they are, to 0.1 % (docs/explain.md, step 5).
 const AS_LITTLE: f64 = 0.01;
 
-/// Share of the gain of what was chosen by which the next best may have been less (by hand;
-/// battery, 514 records).
+/// Share of the gain of what was chosen by which the next best may have been less (by hand).
 const AS_GOOD: f64 = 0.05;
 /// Times the noise from which what is left is more than that, as for the verdict (`decidability`).
 pub const MISSES: f64 = 1.05;

@@ -11,14 +11,14 @@ use crate::error::Result;
 use crate::explain::decidability::{EXCUSED, FEWEST_BLOCKS};
 
 /// What is left, in units of the noise's power, from which no search in longer windows is begun (by
-/// hand: of 60 swings those that were named there left at most 40 before).
+/// hand: a swing whose two frictions were named there had left 10 before).
 const HOPELESS: f64 = 100.0;
 
 impl Run<'_> {
     /// The model found in windows as long as the fewest that decide leave room for, where nothing
-    /// drives the motion and it can be followed for so long. How fast a swing
-    /// dies is known from a window to the power -3/2 of its length, and laws of damping differ in
-    /// nothing else; about a model that lacks them longer windows lead astray.
+    /// drives the motion and it can be followed for so long. How fast a swing dies is known from a
+    /// window to the power -3/2 of its length, and laws of damping differ in nothing else; about a
+    /// model that lacks them longer windows lead astray.
     ///
     /// # Errors
     /// As [`Run::push`].

@@ -21,8 +21,7 @@ use crate::explain::{LEAST_PROGRESS, MOST_EFFECTS, Settings};
 const MOST_EXCHANGES: usize = 16;
 /// Times that the search goes on after effects were taken away.
 const MOST_RESUMED: usize = 3;
-/// Share of its promise at a strength of nothing that an effect must keep (by hand; battery, 514
-/// records).
+/// Share of its promise at a strength of nothing that an effect must keep (by hand).
 const LEAST_KEPT: f64 = 0.5;
 
 /// `ID@PLACE` of a found effect.

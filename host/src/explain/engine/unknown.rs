@@ -38,8 +38,7 @@ use crate::system::polynomial::{Atom, Polynomial};
 const POINTS: usize = 17;
 /// Ridge, as a share of the hats' mean square.
 const RIDGE: f64 = 1e-4;
-/// Least share of the held-out residual power that a shape must take away to be told (by hand;
-/// battery, 514 records).
+/// Least share of the held-out residual power that a shape must take away to be told (by hand).
 const LEAST_GAIN: f64 = 0.05;
 /// Standard errors between blocks from which a shape's gain is clear: 3e-5 by chance for each
 /// shape.

@@ -21,7 +21,7 @@ use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::expression::{Node, Symbol};
 use crate::model::model_file::tape::{Registers, Tape};
 
-/// Windows of the short horizon in one of the long (by hand; battery, 514 records).
+/// Windows of the short horizon in one of the long (by hand).
 const SHORT: usize = 12;
 /// Movement of an angle, rad, beyond which a linearisation says nothing.
 const FARTHEST_RAD: f64 = 0.7;

@@ -60,7 +60,7 @@ use super::candidates::{Candidate, Column};
 use super::setting::Setting;
 use super::state::State;
 
-/// Windows that a record should give (by hand; battery, 514 records).
+/// Windows that a record should give (by hand).
 pub const BLOCKS: f64 = 20.0;
 /// Longest window under measured inputs, and of a free motion that is followed on, in windows of the
 /// weak form.
@@ -70,15 +70,15 @@ pub const MOST_SAMPLES: usize = 300_000;
 /// Parts of the full length in which windows grow, and most linearisations at each.
 const STAGES: [f64; 3] = [0.25, 0.5, 1.0];
 const PASSES: [usize; 3] = [2, 2, 5];
-/// Longest window under a drive, in its periods (by hand; battery, 514 records).
+/// Longest window under a drive, in its periods (by hand).
 const MOST_PERIODS: usize = 8;
 /// What is left of a window, beside the median of all, from which its path is taken to have been
-/// led astray (by hand; battery, 514 records).
+/// led astray (by hand).
 const ASTRAY: f64 = 10.0;
 /// What is left of windows, as a share of the motion's rms, from which longer ones would be
-/// linearised too far from what the model does (by hand; battery, 514 records).
+/// linearised too far from what the model does (by hand).
 const FAR: f64 = 0.15;
-/// Share of the windows that may be left out (by hand; battery, 514 records).
+/// Share of the windows that may be left out (by hand).
 const MOST_LOST: f64 = 0.3;
 
 /// Paths, and the windows that they are followed in.

@@ -8,9 +8,9 @@ use super::path::windows;
 use super::{Followed, MOST_LOST, MOST_SAMPLES};
 
 /// Movement of the path, in the sensors' noise or as a share of what is left, below which it stands
-/// still (by hand; battery, 514 records).
+/// still (by hand).
 const STILL: f64 = 0.15;
-/// Share of the windows under a drive that must have settled (by hand; battery, 514 records).
+/// Share of the windows under a drive that must have settled (by hand).
 const SETTLED: f64 = 0.9;
 
 /// Linearises and solves until paths stand still; the covariance, which windows were followed, and
