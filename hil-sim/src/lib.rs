@@ -34,6 +34,7 @@ pub mod plant_oscillator;
 pub mod plant_single_pendulum;
 pub mod plant_small_term;
 pub mod plant_two_mass;
+pub mod plant_yielding_frame;
 pub mod shaker;
 pub mod simulate;
 pub mod transport;

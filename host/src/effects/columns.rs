@@ -12,6 +12,7 @@ use std::sync::Arc;
 use super::along_an_arm;
 use super::between;
 use super::entry::{Entry, Form, MASS, Verb};
+use super::on_a_frame;
 use super::places::{self, Place};
 use super::written::{self, Change};
 use crate::model::model_file::expression::Function;
@@ -38,11 +39,11 @@ pub struct Part {
     /// Which equation of the model.
     pub equation: usize,
     /// Parameters with their powers.
-    product: Product,
+    pub(super) product: Product,
     /// The expression.
-    of: Law,
+    pub(super) of: Law,
     /// What stands for each [`Symbol::State`] in it.
-    states: Vec<Node>,
+    pub(super) states: Vec<Node>,
 }
 
 impl Part {
@@ -66,6 +67,9 @@ pub(super) enum Law {
     Load(Polynomial),
     /// The same of speeds, fixed by themselves.
     Speeds(Polynomial),
+    /// A number times one without parameters, in front of which squares of moments stand: masses are
+    /// fixed together at best, and so is what all of these have in common.
+    Momentum(f64, Node),
 }
 
 impl Law {
@@ -81,6 +85,7 @@ impl Law {
     fn at(&self, parameters: &[f64]) -> Node {
         match self {
             Self::Motion(of) => of.clone(),
+            Self::Momentum(factor, of) => multiply(number(*factor), of.clone()),
             Self::Load(of) | Self::Speeds(of) => of.node_at(parameters),
         }
     }
@@ -189,6 +194,9 @@ pub fn action(
             let Word::Vector(law) = entry.law(&words, form)? else { return Ok(None) };
             Ok(changed(mechanism, &displaced(file, &law), own, omega))
         }
+        (Place::Frame, Verb::Moves) => {
+            Ok(on_a_frame::parts(entry, form, mechanism, parameters, words, omega)?.map(Action::Force))
+        }
         (Place::Drive, Verb::Advances) => {
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
             Ok(Some(Action::Advances(by_strength(&law, own, entry.strengths.len()))))
@@ -238,9 +246,9 @@ impl Action {
     }
 
     /// What stands for states in it.
-    pub fn states(&self) -> &[Node] {
-        // All parts have the same.
-        if let Self::Force(parts) = self { parts.first().map_or(&[], |p| &p.states) } else { &[] }
+    pub fn states(&self) -> impl Iterator<Item = &Node> {
+        let parts = if let Self::Force(parts) = self { &parts[..] } else { &[] };
+        parts.iter().flat_map(|p| &p.states)
     }
 }
 
@@ -262,7 +270,7 @@ pub fn quotients(parts: &[Part], mechanism: &Mechanism) -> Vec<(Polynomial, Poly
     for part in parts {
         let Some((_, inertia)) = mechanism.scales.get(part.equation) else { continue };
         match &part.of {
-            Law::Motion(_) => {}
+            Law::Motion(_) | Law::Momentum(..) => {}
             Law::Speeds(of) => inside(of, &one, &mut out),
             Law::Load(of) => {
                 inside(of, inertia, &mut out);
@@ -273,6 +281,7 @@ pub fn quotients(parts: &[Part], mechanism: &Mechanism) -> Vec<(Polynomial, Poly
             }
         }
     }
+    out.extend(on_a_frame::ratios(parts, mechanism));
     out
 }
 

@@ -5,6 +5,7 @@ mod reading;
 
 pub use self::reading::read;
 use super::columns::LOAD;
+use super::on_a_frame;
 use crate::model::model_file::expression::{Node, Symbol, number, symbol};
 use crate::model::model_file::parser::parse;
 use crate::system::derivative::by_time;
@@ -47,7 +48,7 @@ pub enum Verb {
     Force,
     /// Does work all along an arm, a force per length.
     Drags,
-    /// Displaces the driven point.
+    /// Displaces the driven point, or all that a frame carries.
     Moves,
     /// Advances the drive's phase.
     Advances,
@@ -216,6 +217,9 @@ pub fn stand_ins(vocabulary: &[&str]) -> Words {
     let unit = |up: f64| vec![Polynomial::number(1.0 - up), Polynomial::number(up)];
     if vocabulary.contains(&"y") {
         words.points = vec![("along".to_owned(), unit(1.0)), ("across".to_owned(), unit(0.0))];
+    }
+    if vocabulary == on_a_frame::WORDS {
+        words.points = on_a_frame::axes();
     }
     if vocabulary.contains(&"t") {
         words.constants.push(("T".to_owned(), 1.0));

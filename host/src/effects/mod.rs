@@ -2,7 +2,8 @@
 //! of a user's own files.
 //!
 //! An entry says how an effect acts, by one of six verbs: `force` does work at a joint, between two
-//! coordinates or at an arm, `drags` all along an arm, `moves` displaces the driven point,
+//! coordinates or at an arm, `drags` all along an arm, `moves` displaces the driven point or all
+//! that a frame carries,
 //! `advances` the drive's phase, `turns` a body's centroid or gravity, `reads` is what an encoder
 //! shows. Its strengths enter linearly; shape parameters (the order of cogging, the velocity of
 //! Stribeck's law) are tried on a grid. What an entry adds to the equations of a system derived
@@ -17,6 +18,7 @@
 //! | [`put_in`] | effects of a simulation |
 //! | [`columns`] | what an effect of strength one adds to every equation |
 //! | [`along_an_arm`] | the same for a force per length along an arm |
+//! | [`on_a_frame`] | the same for a frame that gives way |
 //! | [`between`] | pairs of coordinates, and forces between the two |
 //! | [`written`] | the same for equations that a user wrote down |
 
@@ -24,6 +26,7 @@ pub mod along_an_arm;
 pub mod between;
 pub mod columns;
 pub mod entry;
+pub mod on_a_frame;
 pub mod places;
 pub mod put_in;
 pub mod states;

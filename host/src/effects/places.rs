@@ -4,6 +4,7 @@
 use super::between;
 use super::columns::LOAD;
 use super::entry::{At, Entry, Verb};
+use super::on_a_frame;
 use crate::model::model_file::Space;
 use crate::model::model_file::expression::{Function, Symbol};
 use crate::rig::measures::ObservedModel;
@@ -140,6 +141,13 @@ pub fn of(entry: &Entry, file: &SystemFile, bound: &ObservedModel) -> Vec<Place>
             Some(_) => vec![Place::Drive],
             None => Vec::new(),
         },
+        At::Frame if entry.verb == Verb::Moves => {
+            if on_a_frame::carries(file) {
+                vec![Place::Frame]
+            } else {
+                Vec::new()
+            }
+        }
         At::Frame => match &file.gravity {
             Some(Gravity::Down) if file.bodies.iter().any(|b| matches!(b.value, Body::Arm { .. })) => {
                 vec![Place::Frame]

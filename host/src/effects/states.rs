@@ -7,6 +7,7 @@ use toml::de::DeTable;
 
 use super::columns::LOAD;
 use super::entry::{Entry, Form, Verb, has_word, stand_ins};
+use super::on_a_frame;
 use crate::error::Result;
 use crate::model::model_file::expression::{Expression, Node, Symbol};
 use crate::model::model_file::memory::Memory;
@@ -32,7 +33,7 @@ impl Entry {
         let words = self.words(words, form);
         let one = |(k, (_, law)): (usize, &(String, String))| match parse(law, &Scoped(&words, Scope::Motion)) {
             Ok(Word::Scalar(p)) => Ok(p),
-            // Only a place of a drive has vectors, and no states.
+            // No place has vectors for its states.
             Ok(Word::Vector(_)) => Ok(Polynomial::default()),
             Err(m) => Err((k, m)),
         };
@@ -74,10 +75,14 @@ pub fn read(
     taken.push("T".to_owned());
     let mut out = Vec::new();
     for (name, at, v) in r.table(t, "states", "states = { z = \"v - z/T_r\" }")? {
-        if verb != Verb::Force {
+        if verb != Verb::Force && vocabulary != on_a_frame::WORDS {
             return Err(r
                 .source
-                .bad(at, format!("the state {name}"), "a force at a joint or an arm, which alone has states")
+                .bad(
+                    at,
+                    format!("the state {name}"),
+                    "a force at a joint or an arm, or moves at a frame: they have states",
+                )
                 .remedy("Remove states"));
         }
         check_name(r.source, at, name, &taken)?;
@@ -125,14 +130,15 @@ pub fn check(r: &Reader<'_>, t: &DeTable<'_>, e: &Entry, vocabulary: &[&str]) ->
         }
     }
     let force = match e.law(&words, &form) {
-        Ok(Word::Scalar(p)) => p,
+        Ok(Word::Scalar(p)) => vec![p],
+        Ok(Word::Vector(v)) => v,
         // What is wrong with the law is told where it is checked.
-        _ => return Ok(()),
+        Err(_) => return Ok(()),
     };
     for (k, ((name, _), (_, at, _))) in e.states.iter().zip(&all).enumerate() {
         let used = |p: &Polynomial| p.moves(|s| s == Symbol::State(k));
         let others = rates.iter().enumerate().any(|(j, p)| j != k && used(p));
-        if !others && !used(&force) {
+        if !others && !force.iter().any(used) {
             return Err(r
                 .source
                 .bad(*at, format!("the state {name}, which the force does not use"), "every state in the force")

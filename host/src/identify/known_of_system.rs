@@ -62,7 +62,9 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
         known.keys().filter_map(|name| disagreeing(mechanism, c, &known, name)).collect();
     let least = all.iter().map(|d| d.misfit).fold(f64::INFINITY, f64::min);
     all.retain(|d| d.misfit <= AS_WELL * least);
-    // Gravity is the last to be wrong.
+    // Gravity is the last to be wrong, but a clock that is off looks like it: measured κ times too
+    // long, time makes every acceleration, and so g, κ⁻² of what it is.
+    let time_base = all.iter().find(|d| d.name == "g").map(|d| (d.known / d.found).sqrt()).filter(|k| k.is_finite());
     if all.iter().any(|d| d.name != "g") {
         all.retain(|d| d.name != "g");
     }
@@ -71,17 +73,22 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
         format!("{} = {} instead of {}", d.name, quantity(d.found, &d.unit, 4), quantity(d.known, &d.unit, 4))
     };
     let names: Vec<&str> = all.iter().map(|d| d.name).collect();
-    let alternatives: Vec<String> = all.iter().map(told).collect();
+    let mut alternatives: Vec<String> = all.iter().map(told).collect();
+    if let Some(factor) = time_base {
+        let clock = if rig.drive.is_some() { "the time base (or the drive's frequency)" } else { "the time base" };
+        alternatives.push(format!("{clock} off by a factor of {}", significant(factor, 4)));
+    }
     let text = format!(
         "[known] {} {} with the record by {} %. {}: {}",
         names.join(", "),
         if names.len() == 1 { "disagrees" } else { "disagree" },
         significant(100.0 * (first.known / first.found - 1.0).abs(), 2),
-        if names.len() == 1 { "This would agree" } else { "One of these would agree" },
+        if alternatives.len() == 1 { "This would agree" } else { "One of these would agree" },
         alternatives.join("; or ")
     );
+    let clock = time_base.map(|factor| ("time-base".to_owned(), factor.into()));
     let values: serde_json::Map<String, serde_json::Value> =
-        all.iter().map(|d| (d.name.to_owned(), d.found.into())).collect();
+        all.iter().map(|d| (d.name.to_owned(), d.found.into())).chain(clock).collect();
     let advice = "Measure them again, check their units (metres, kilograms), and correct the rig file";
     Some(Warning::new(CONTRADICTED, text, advice).invalidating().with("would_agree", values))
 }

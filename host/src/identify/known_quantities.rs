@@ -210,9 +210,9 @@ impl Relation {
                 format!("{name} = {limit}{} instead of {}", in_unit(right, unit), in_unit(value, unit))
             })
             .collect();
-        if self.omega != 0.0 && !self.at_least {
-            // t measured κ times too long makes Ω² κ⁻² of what it is.
-            let factor = (missed / (2.0 * self.omega)).exp();
+        // t measured κ times too long makes Ω² κ⁻² of what it is.
+        let clock = (self.omega != 0.0 && !self.at_least).then(|| (missed / (2.0 * self.omega)).exp());
+        if let Some(factor) = clock {
             let rate = if driven { "the time base (or the drive's frequency)" } else { "the time base" };
             alternatives.push(format!("{rate} off by a factor of {}", significant(factor, 4)));
         }
@@ -238,6 +238,7 @@ impl Relation {
                 let [_, right] = named(known, name, agrees(*power));
                 (name.split(' ').next().unwrap_or(name).to_owned(), right.into())
             })
+            .chain(clock.map(|factor| ("time-base".to_owned(), factor.into())))
             .collect();
         Some(warning.with("would_agree", values))
     }

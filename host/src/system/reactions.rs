@@ -136,6 +136,47 @@ impl SystemFile {
         }
         Some(out)
     }
+
+    /// Components of the momentum, kg m/s, of everything that moves in a plane, as far as its
+    /// coordinates move it: what a drive alone moves has the drive's own time. None where a mass or
+    /// a kinetic energy hides, as in [`SystemFile::reaction`], or where a measured input moves a
+    /// body.
+    pub fn momentum(&self, omega: f64) -> Option<Vec<Polynomial>> {
+        if self.kinetic.is_some() || self.bodies.is_empty() || self.written {
+            return None;
+        }
+        let n = self.coordinates.len();
+        let mut out = vec![Polynomial::default(); 2];
+        for body in &self.bodies {
+            let moment = moment(&body.value)?;
+            if moment.len() != 2 {
+                return None;
+            }
+            for (sum, x) in out.iter_mut().zip(&moment) {
+                let rate = by_time(x, n, omega).ok()?;
+                for (product, c) in rate.terms() {
+                    let term = Polynomial::product(product.clone(), c);
+                    if term.moves(|s| matches!(s, Symbol::Rate(_))) {
+                        *sum = sum.plus(&term);
+                    }
+                }
+            }
+        }
+        out.iter().any(|p| !p.is_zero()).then_some(out)
+    }
+}
+
+/// A body's mass times the position of its centroid, which may lack what does not move with a
+/// coordinate: where an arm's end moves with none its mass need not be told.
+fn moment(body: &Body) -> Option<Vec<Polynomial>> {
+    match body {
+        Body::Arm { from, along, mass, first_moment, .. } if mass.is_zero() => {
+            let moves = |p: &Polynomial| p.moves(|s| matches!(s, Symbol::Coordinate(_)));
+            let turns = || along.iter().map(|u| first_moment.times(u).ok()).collect();
+            if from.iter().any(moves) { None } else { turns() }
+        }
+        _ => mass_and_moment(body, None).map(|found| found.1),
+    }
 }
 
 /// A body's mass, and its mass times the position of its centroid; `other` in place of an arm's.

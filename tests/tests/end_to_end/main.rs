@@ -39,3 +39,4 @@ mod unnamed;
 mod unplugged;
 mod validated;
 mod verdicts;
+mod yielding_frame;

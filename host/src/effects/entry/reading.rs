@@ -7,7 +7,7 @@ use toml::de::{DeTable, DeValue};
 
 use super::{At, Entry, LENGTH, MOST_FORMS, Shape, Verb, stand_ins};
 use crate::effects::columns::LOAD;
-use crate::effects::{states, value};
+use crate::effects::{on_a_frame, states, value};
 use crate::error::Result;
 use crate::model::model_file::expression::Symbol;
 use crate::model::model_file::toml_place::{Source, Value, described};
@@ -34,7 +34,7 @@ const ALONG_AN_ARM: &[&str] = &["v", "s"];
 const VERBS: [(&str, Verb, &[At]); 6] = [
     ("force", Verb::Force, &[At::Joint, At::Between, At::Arm]),
     ("drags", Verb::Drags, &[At::Arm]),
-    ("moves", Verb::Moves, &[At::Drive]),
+    ("moves", Verb::Moves, &[At::Drive, At::Frame]),
     ("advances", Verb::Advances, &[At::Drive]),
     ("turns", Verb::Turns, &[At::Arm, At::Frame]),
     ("reads", Verb::Reads, &[At::Encoder, At::Input]),
@@ -123,7 +123,11 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
             .remedy("Say where the effect acts"));
     };
     let (verb, law, law_value) = law(r, t, at, *place_at)?;
-    let vocabulary = if verb == Verb::Drags { ALONG_AN_ARM } else { *vocabulary };
+    let vocabulary = match (verb, place_at) {
+        (Verb::Drags, _) => ALONG_AN_ARM,
+        (Verb::Moves, At::Frame) => on_a_frame::WORDS,
+        _ => vocabulary,
+    };
     let strengths = strengths(r, t, at)?;
     let positive = signs(r, t, &strengths)?;
     let shapes = shapes(r, t)?;
@@ -325,12 +329,21 @@ fn check(r: &Reader<'_>, e: &Entry, vocabulary: &[&str], at: &Value<'_>) -> Resu
     let parts = match (read, e.verb) {
         (Word::Vector(v), Verb::Moves) => v,
         (Word::Scalar(_), Verb::Moves) => {
-            return bad("a number", "a displacement, along or across times a number", "Multiply by along or across");
+            let (one, other) = if e.at == At::Frame { ("right", "up") } else { ("along", "across") };
+            let expected = format!("a displacement, {one} or {other} times a number");
+            return bad("a number", &expected, &format!("Multiply by {one} or {other}"));
         }
         (Word::Vector(_), _) => return bad("a vector", "a number", "Only moves is a vector"),
         (Word::Scalar(p), Verb::Reads) => vec![p.minus(&Polynomial::motion(Symbol::Coordinate(0)))],
         (Word::Scalar(p), _) => vec![p],
     };
+    if (e.verb, e.at) == (Verb::Moves, At::Frame) {
+        // Mistakes in them were told by then.
+        let rates = e.rates(&words, &form).unwrap_or_default();
+        if let Some([found, expected, remedy]) = on_a_frame::mistake(e, &rates, &parts) {
+            return bad(&found, &expected, &remedy);
+        }
+    }
     let mut seen = vec![false; e.strengths.len()];
     for (product, _) in parts.iter().flat_map(Polynomial::terms) {
         let own: Vec<(usize, i32)> = product

@@ -154,7 +154,9 @@ impl Candidate {
     pub fn refined(mut self, setting: &Setting<'_>, physical: &Physical) -> Self {
         let sides = |k: usize| {
             let at = self.form[k].1;
-            let step = if self.entry.shapes[k].of_lines { LINE_STEP } else { SHAPE_STEP } * at.abs();
+            // What rings is refined like any shape: its phase begins anew with every push.
+            let adds_up = self.entry.shapes[k].of_lines && self.entry.states.is_empty();
+            let step = if adds_up { LINE_STEP } else { SHAPE_STEP } * at.abs();
             let side = |x: f64| {
                 let mut form = self.form.clone();
                 form[k].1 = x;

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::evidence::{self, Evidence, Outcome};
-use super::setting::{Begun, Setting};
+use super::setting::{Begun, Lines, Setting};
 pub use super::shooting::MOST_SAMPLES;
 use super::state::State;
 use super::{given, settled, start, tell};
@@ -95,7 +95,7 @@ pub fn expected(
     // What the model has is fitted beside it anyway; beside nothing there is nothing to tell.
     let has = |name: &str| state.chosen.iter().any(|k| k.candidate.name(&setting) == name);
     let any = state.chosen.len() > state.dampings;
-    let all = setting.candidates_of(&state.physical, &[], &|name| any && !has(name) && is_rival(name));
+    let all = setting.candidates_of(&state.physical, &Lines::default(), &|name| any && !has(name) && is_rival(name));
     // As an explanation goes on: the windows whose motion is most sensitive, which tell most, stand
     // still last.
     let Ok(Outcome { candidates: rivals, evidence: Evidence::Shooting(blocks), .. }) =
@@ -176,7 +176,7 @@ pub fn with_effect(
     let Some(Begun { setting, first, physical, .. }) = begun else { return Ok(None) };
     let Some(mut state) = start(&setting, &first, physical) else { return Ok(None) };
     given::take(&setting, &mut state, model)?;
-    let all = setting.candidates_of(&state.physical, &[], &|n| n == name);
+    let all = setting.candidates_of(&state.physical, &Lines::default(), &|n| n == name);
     let Some(candidate) = all.first() else {
         return Err(BadInput::new(format!("\"{name}\""), "an effect of `whirl list effects` that this rig can have")
             .at("--tell"));

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use nalgebra::DVector;
 
 use super::candidates::Candidate;
-use super::setting::{Physical, Setting};
+use super::setting::{Lines, Physical, Setting};
 use super::state::{Chosen, State};
 use crate::effects::entry::{Entry, Form};
 use crate::error::{BadInput, Result};
@@ -68,6 +68,7 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
         }
     }
     let lines: Vec<f64> = model.effects.iter().filter_map(|e| e.parameters.get("f").copied()).collect();
+    let lines = Lines { of_frame: lines.clone(), of_forces: lines };
     let has = |name: &str| model.effects.iter().any(|e| name == format!("{}@{}", e.id, e.at));
     let all = setting.candidates_of(&state.physical, &lines, &has);
     // Earlier versions wrote what stands at a coordinate without where it acts.

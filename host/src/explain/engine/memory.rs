@@ -15,7 +15,7 @@ const SETTLING_SAMPLES: f64 = 5.0;
 /// fast.
 pub fn numbered(setting: &Setting<'_>, action: Action) -> Option<Action> {
     let least_s = SETTLING_S.max(SETTLING_SAMPLES / setting.rig.sample_rate_hz);
-    let settles = action.states().iter().all(|s| !matches!(&**s, Expression::Memory(m, _) if m.settles_s() < least_s));
+    let settles = action.states().all(|s| !matches!(&**s, Expression::Memory(m, _) if m.settles_s() < least_s));
     settles.then(|| action.with_memories(&|memory, k| symbol(Symbol::Memory(setting.laws.number(memory, k)))))
 }
 

@@ -64,7 +64,7 @@ pub mod unknown;
 
 use self::evidence::Outcome;
 use self::run::Run;
-use self::setting::{Begun, Physical, Setting};
+use self::setting::{Begun, Lines, Physical, Setting};
 use self::state::{Chosen, State};
 use super::decidability::{self, FEWEST_BLOCKS, LOCKED, POOR, WORST_CONDITION, locked};
 use super::explanation::Explanation;
@@ -179,7 +179,7 @@ fn start(setting: &Setting<'_>, first: &Identification, physical: Physical) -> O
     let of_file: Vec<String> = file.nominal.iter().map(|n| n.value.clone()).collect();
     // Written equations hold their dampings as terms.
     let names = setting.rig.nominal.as_ref().filter(|_| !setting.is_written()).unwrap_or(&of_file);
-    let all = setting.candidates_of(&physical, &[], &|name| names.iter().any(|n| n == name));
+    let all = setting.candidates_of(&physical, &Lines::default(), &|name| names.iter().any(|n| n == name));
     let chosen: Vec<Chosen> = names
         .iter()
         .map(|n| {

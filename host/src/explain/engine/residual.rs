@@ -9,10 +9,10 @@ use nalgebra::DVector;
 use super::given;
 use super::power::Power;
 use super::residual_map::{Axis, Map, Residual, Where, merge};
-use super::setting::Setting;
+use super::setting::{Lines, Setting};
 use super::state::State;
-use crate::effects::places;
 use crate::effects::written::{balance_scale, balance_unit as unit_of};
+use crate::effects::{on_a_frame, places};
 use crate::identify::balance_error::strong_series;
 use crate::identify::noise_bias::REPEATS;
 use crate::identify::remeasured::{measure, smoothed};
@@ -26,7 +26,7 @@ use crate::model::model_file::weak_form::WeakForm;
 use crate::signal::spectrum;
 use crate::system::bodies::Body;
 use crate::system::derivative::by_time;
-use crate::system::mechanism::at;
+use crate::system::mechanism::{Mechanism, at};
 use crate::system::polynomial::Polynomial;
 
 /// The residual of every equation with coefficients `x`.
@@ -133,19 +133,52 @@ fn lines_of(series: &[f64], rate_hz: f64, most_hz: f64) -> Vec<f64> {
     found.iter().take(MOST_LINES).map(|l| l.frequency_hz).collect()
 }
 
+/// Pieces of a series whose spectra are averaged where what rings is looked for, and most
+/// frequencies that are returned.
+const PIECES: usize = 12;
+const MOST_RINGS: usize = 3;
+
+/// Where a series rings, Hz: the peaks that stand highest above their surroundings within half
+/// their frequency. There always are some; the decision passes over those of noise.
+fn rings_of(series: &[f64], rate_hz: f64, most_hz: f64) -> Vec<f64> {
+    let piece = spectrum::fast_length(series.len() / PIECES);
+    let Ok(density) = spectrum::welch(&[series], rate_hz, piece) else { return Vec::new() };
+    let d = &density.density;
+    let mut found: Vec<(f64, f64)> = (3..d.len().saturating_sub(1))
+        .take_while(|m| density.frequency(*m) < most_hz)
+        .filter(|&m| d[m] > d[m - 1] && d[m] >= d[m + 1])
+        .map(|m| (d[m] / spectrum::surroundings(d, m, (m / 2).max(6)).max(f64::MIN_POSITIVE), density.frequency(m)))
+        .collect();
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    found.iter().take(MOST_RINGS).map(|f| f.1).collect()
+}
+
 /// Frequencies, Hz, of lines in what is left of the longest stretch, up to where the low-pass lets
 /// motion through; none where no effect asks for them.
-pub fn lines(setting: &Setting<'_>, state: &State) -> Vec<f64> {
+pub fn lines(setting: &Setting<'_>, state: &State) -> Lines {
     let longest = state.stretches.iter().max_by_key(|s| s.len()).filter(|_| setting.looks_at_lines());
-    let Some(stretch) = longest else { return Vec::new() };
-    let tape = Tape::new(&residuals(setting, state, &given::coefficients(state)));
+    let (mut out, Some(stretch)) = (Lines::default(), longest) else { return Lines::default() };
+    let left = residuals(setting, state, &given::coefficients(state));
+    let omega = setting.rig.omega();
+    let of_frame = |m: &Mechanism| on_a_frame::shaken(m, &state.physical.values, omega, &left);
+    let frame = setting.mechanism().map_or_else(Vec::new, of_frame);
+    let tape = Tape::new(&[&left[..], &frame].concat());
     let kernels = &setting.geometry.kernels;
-    let mut out: Vec<f64> = Vec::new();
-    for series in strong_series(stretch, stretch.len(), &tape, kernels, &setting.circle) {
-        out.extend(lines_of(&series, 1.0 / stretch.step_s, kernels.full.pass_hz));
+    let (rate_hz, most_hz) = (1.0 / stretch.step_s, kernels.full.pass_hz);
+    for (k, series) in strong_series(stretch, stretch.len(), &tape, kernels, &setting.circle).iter().enumerate() {
+        if k < left.len() {
+            out.of_forces.extend(lines_of(series, rate_hz, most_hz));
+        } else {
+            out.of_frame.extend(rings_of(series, rate_hz, most_hz));
+        }
     }
-    out.sort_by(f64::total_cmp);
-    out.dedup_by(|a, b| (*a - *b).abs() * stretch.len() as f64 * stretch.step_s < 1.0);
+    // One that rings faster than is seen only yields.
+    out.of_frame.extend((!frame.is_empty()).then_some(most_hz));
+    let apart_hz = |pieces: usize| pieces as f64 / (stretch.len() as f64 * stretch.step_s);
+    for (list, apart_hz) in [(&mut out.of_forces, apart_hz(1)), (&mut out.of_frame, apart_hz(2 * PIECES))] {
+        list.sort_by(f64::total_cmp);
+        list.dedup_by(|a, b| (*a - *b).abs() < apart_hz);
+    }
     out
 }
 

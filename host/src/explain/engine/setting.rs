@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 pub use self::parameters::{Own, Physical};
 use self::parameters::{of_equations, of_identification};
+pub use self::sized::Lines;
 use self::sized::with_lines;
 use super::candidates::{Candidate, Column};
 use super::memory;
@@ -204,12 +205,12 @@ impl<'a> Setting<'a> {
 
     /// Every candidate: each effect at each of its places in each of its forms; `lines` are the
     /// frequencies, Hz, of lines in what is left.
-    pub fn candidates(&self, physical: &Physical, lines: &[f64]) -> Vec<Candidate> {
+    pub fn candidates(&self, physical: &Physical, lines: &Lines) -> Vec<Candidate> {
         self.candidates_of(physical, lines, &|_| true)
     }
 
     /// Those of them that have some names, `ID@PLACE`: no other is followed along the record.
-    pub fn candidates_of(&self, physical: &Physical, lines: &[f64], wanted: &dyn Fn(&str) -> bool) -> Vec<Candidate> {
+    pub fn candidates_of(&self, physical: &Physical, lines: &Lines, wanted: &dyn Fn(&str) -> bool) -> Vec<Candidate> {
         let Some(file) = self.file() else { return Vec::new() };
         let moves = units::moves(self.rig, self.whole);
         let mut out = Vec::new();

@@ -36,6 +36,9 @@ fn inertia_name(setting: &Setting<'_>, equation: usize) -> String {
 /// Unit of a strength of one whose law is that of the entry, and the factor that turns strengths
 /// into it.
 fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, String) {
+    if (c.entry.verb, c.entry.at) == (Verb::Moves, At::Frame) {
+        return frame(setting, physical, c);
+    }
     let works = matches!(c.entry.verb, Verb::Force | Verb::Drags);
     if let (false, Some(unit)) = (works, &c.entry.unit) {
         return (1.0, unit.clone());
@@ -64,6 +67,18 @@ fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
         }
         (Verb::Advances, _) => (1.0, "rad".to_owned()),
         (Verb::Force | Verb::Drags, _) => force(setting, physical, c),
+    }
+}
+
+/// The same of a frame that gives way: over its mass, times the first equation's inertia where
+/// masses stay open.
+fn frame(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, String) {
+    let unit = c.entry.unit.clone().unwrap_or_default();
+    match setting.mechanism().and_then(|m| m.scales.first()) {
+        Some((_, inertia)) if physical.open.first().copied().unwrap_or(true) => {
+            (at(inertia, &physical.values), format!("{} × {unit}", inertia_name(setting, 0)))
+        }
+        _ => (1.0, unit),
     }
 }
 

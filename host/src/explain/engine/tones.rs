@@ -16,7 +16,7 @@ use core::f64::consts::TAU;
 
 use super::candidates::Candidate;
 use super::evidence::{Evidence, Outcome};
-use super::setting::Setting;
+use super::setting::{Lines, Setting};
 use super::shooting;
 use super::state::State;
 
@@ -60,7 +60,8 @@ pub fn candidates(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> (V
     // Few: the cast cuts the fraction.
     let count = (setting.geometry.kernels.full.pass_hz / spacing_hz).min(MOST_COLUMNS) as usize;
     let grid: Vec<f64> = (1..=count).map(|k| k as f64 * spacing_hz).collect();
-    let mut all = setting.candidates(&state.physical, &grid);
+    let of = |lines: Vec<f64>| setting.candidates(&state.physical, &Lines { of_forces: lines, ..Lines::default() });
+    let mut all = of(grid);
     all.retain(looks);
     let further: Vec<&Candidate> = all.iter().collect();
     let Some(blocks) = shooting::evidence(setting, state, &further, false, &[]) else { return none };
@@ -90,7 +91,7 @@ pub fn candidates(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> (V
     if lines.is_empty() {
         return none;
     }
-    let mut found = setting.candidates(&state.physical, &lines);
+    let mut found = of(lines);
     found.retain(looks);
     (found, (tests * FINE).max(1.0))
 }

@@ -4,7 +4,8 @@
 //! exponential midpoint rule z ← z + h φ(h J) r with J = ∂r/∂z and φ(y) = (eʸ − 1)/y, at the motion
 //! in the middle of the step: exact for laws that are linear in z where the motion is even, and
 //! stable however fast z settles (Dahl's law at a small presliding distance). Several states take
-//! the implicit rule (1 − ½ h J) Δz = h r instead. Where an argument of a sign or a size turns
+//! φ's rational form (1 − ½ h J + (h J)²/12) Δz = h r instead, whose error in the frequency of what
+//! swings is (ω h)⁴/720. Where an argument of a sign or a size turns
 //! within a sample it is cut finely. States begin at 0.
 
 use std::sync::OnceLock;
@@ -188,7 +189,8 @@ impl Walk<'_> {
             *z += h * self.out[0] * phi;
             return;
         }
-        let slopes = DMatrix::from_fn(m, m, |i, j| f64::from(u8::from(i == j)) - 0.5 * h * self.out[m + i * m + j]);
+        let slopes = DMatrix::from_fn(m, m, |i, j| h * self.out[m + i * m + j]);
+        let slopes = DMatrix::identity(m, m) - 0.5 * &slopes + &slopes * &slopes / 12.0;
         let rates = DVector::from_iterator(m, self.out[..m].iter().map(|r| h * r));
         match slopes.lu().solve(&rates) {
             Some(step) => z.iter_mut().zip(step.iter()).for_each(|(z, d)| *z += d),
@@ -270,7 +272,7 @@ mod tests {
         for i in 0..1000 {
             let t = 0.005 * i as f64;
             let expected = 3.0 / 391.0 * ((3.0 * t).cos() - (20.0 * t).cos());
-            assert!((out[0][i] - expected).abs() < 5e-4, "{i}: {} {expected}", out[0][i]);
+            assert!((out[0][i] - expected).abs() < 1e-5, "{i}: {} {expected}", out[0][i]);
         }
         assert!(Memory::new(vec![add(number(1.0), multiply(number(1e4), z(0)))]).follow(&course).is_none());
     }

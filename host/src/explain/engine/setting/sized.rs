@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::Physical;
 use super::Setting;
 use crate::effects::columns::{self, Action, LOAD};
-use crate::effects::entry::{Entry, LENGTH, MASS, Verb};
+use crate::effects::entry::{At, Entry, LENGTH, MASS, Verb};
 use crate::effects::places::Place;
 use crate::effects::{along_an_arm, between, places};
 use crate::model::model_file::equations_of_motion::wrapped;
@@ -143,11 +143,21 @@ fn scaled(entry: &Arc<Entry>, by: f64) -> Arc<Entry> {
     Arc::new(out)
 }
 
+/// Frequencies, Hz, of lines in what is left of a record: of forces, and at which the frame rings.
+#[derive(Clone, Debug, Default)]
+pub struct Lines {
+    /// Those of forces.
+    pub of_forces: Vec<f64>,
+    /// The frame's.
+    pub of_frame: Vec<f64>,
+}
+
 /// An entry whose forms are those of some lines, where it takes them from there.
-pub(super) fn with_lines(entry: Arc<Entry>, lines: &[f64]) -> Arc<Entry> {
+pub(super) fn with_lines(entry: Arc<Entry>, lines: &Lines) -> Arc<Entry> {
     if entry.shapes.iter().all(|s| !s.of_lines) {
         return entry;
     }
+    let lines = if entry.at == At::Frame { &lines.of_frame } else { &lines.of_forces };
     let mut out = (*entry).clone();
     for s in out.shapes.iter_mut().filter(|s| s.of_lines) {
         let [low, high] = s.within.unwrap_or([0.0, f64::INFINITY]);
