@@ -1,5 +1,6 @@
 //! A frame that gives way: `moves` at a frame displaces everything that it carries by s(t), a sum
-//! of states that what moves on it drives by its momentum P(q, q′), kg m/s.
+//! of states that what moves on it drives by its momentum P(q, q′), kg m/s, and of laws of time: what the frame
+//! did when the record began.
 //!
 //! The kinetic energy of what is carried is ½ Σ m |v + s′|², that of the momentum P·s′ beside the
 //! system's own; since P is a total derivative, equation e gains (∂P/∂q_e′)·s″ and nothing else.
@@ -21,8 +22,8 @@ use crate::system::mechanism::{Mechanism, at};
 use crate::system::polynomial::{Atom, Polynomial, Product};
 use crate::system::words::{Value as Word, Words};
 
-/// Words of a law: the momentum to the right and upward.
-pub const WORDS: &[&str] = &["p_right", "p_up"];
+/// Words of a law: the momentum to the right and upward, and the time.
+pub const WORDS: &[&str] = &["p_right", "p_up", "t"];
 
 /// The unit vectors to the right and upward.
 pub fn axes() -> Vec<(String, Vec<Polynomial>)> {
@@ -166,13 +167,19 @@ pub fn mistake(e: &Entry, rates: &[Polynomial], law: &[Polynomial]) -> Option<[S
         p.terms().all(|(product, _)| matches!(moving(product)[..], [(Atom::Motion(s), 1)] if wanted(s)))
     };
     let is_state = |s: Symbol| matches!(s, Symbol::State(_));
-    if e.states.is_empty() || !law.iter().all(|p| is_linear(p, &is_state)) {
+    // What the frame does by itself is a law of time beside them.
+    let of_states = |p: &Polynomial| {
+        let (with, without): (Vec<_>, Vec<_>) =
+            p.terms().map(|(t, c)| Polynomial::product(t.clone(), c)).partition(|t| t.moves(is_state));
+        with.iter().all(|t| is_linear(t, &is_state)) && without.iter().all(|t| !t.moves(|s| s != Symbol::Time))
+    };
+    if !law.iter().any(|p| p.moves(is_state)) || !law.iter().all(of_states) {
         let expected = "a displacement in which each term has one state as a factor".to_owned();
         return Some([format!("\"{}\"", e.law), expected, "Let states move the frame: \"A*z*right\"".to_owned()]);
     }
     let bent = rates.iter().position(|r| !is_linear(r, &|_| true))?;
     let (name, law) = &e.states[bent];
-    let expected = format!("a sum of states and of {}, each times a number", WORDS.join(", "));
+    let expected = format!("a sum of states and of {}, each times a number", WORDS[..2].join(", "));
     Some([format!("\"{law}\" for {name}"), expected, "States of a frame are linear in what drives them".to_owned()])
 }
 

@@ -77,7 +77,7 @@ fn the_columns_are_what_the_simulated_frame_does() {
         let states: Vec<Vec<f64>> = memories.borrow().iter().flat_map(|m| m.follow(&course).unwrap()).collect();
         assert_eq!(states.len(), 2);
         let Action::Force(parts) = numbered else { panic!("no force") };
-        let column = columns(&parts, 1, &mechanism, &parameters).remove(0);
+        let column = columns(&parts, 3, &mechanism, &parameters).remove(0);
         let [a1, a2] = plant.arms;
         let moments = [a1.mass * a1.centroid + a2.mass * plant.l1, a2.mass * a2.centroid];
         let inertias = [

@@ -52,6 +52,15 @@ fn extended(x: &[f64], reach: usize) -> Vec<f64> {
     before.chain(x.iter().copied()).chain(after).collect()
 }
 
+/// A followed state between samples 1 and 2 of four, at a share of the way: the parabola of the
+/// harmonic mean of the second differences there, and a line where they differ in sign. What swings
+/// loses (ωh)²/12 of its size on lines alone; where a law has a corner one of the two is small.
+pub fn between_samples(x: [f64; 4], share: f64) -> f64 {
+    let [before, after] = [x[0] - 2.0 * x[1] + x[2], x[1] - 2.0 * x[2] + x[3]];
+    let bend = if before * after > 0.0 { 2.0 * before * after / (before + after) } else { 0.0 };
+    x[1] + share * (x[2] - x[1]) - 0.5 * share * (1.0 - share) * bend
+}
+
 impl History {
     /// Of a stretch of `coordinates` that begins at `start_s` with samples `step_s` apart.
     pub fn new(
@@ -138,5 +147,29 @@ impl History {
             (first..first + count).map(|i| all.get(i.min(last)).copied().unwrap_or(f64::NAN)).collect()
         });
         found.unwrap_or_else(|| vec![f64::NAN; count])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::between_samples;
+
+    /// 11 Hz at 2 ms: (ωh)²/12 of the size would be lost on lines, 1.6 thousandths on the average.
+    #[test]
+    fn what_swings_keeps_its_size_between_samples_and_a_corner_stays_one() {
+        let wave = |i: f64| (0.138 * i).cos();
+        let (mut product, mut square) = (0.0, 0.0);
+        for i in 0..4000 {
+            let at = f64::from(i) / 10.0;
+            let four = [-1.0, 0.0, 1.0, 2.0].map(|k| wave(at.floor() + k));
+            let x = between_samples(four, at - at.floor());
+            product += x * wave(at);
+            square += wave(at) * wave(at);
+        }
+        assert!((product / square - 1.0).abs() < 1e-4, "{}", product / square);
+        for share in [0.0, 0.3, 1.0] {
+            assert!((between_samples([0.0, 0.0, 1.0, 2.0], share) - share).abs() < 1e-15);
+            assert!((between_samples([1.0, 0.0, 0.0, -0.5], share)).abs() < 1e-15);
+        }
     }
 }

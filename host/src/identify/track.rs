@@ -7,6 +7,7 @@
 
 use core::f64::consts::TAU;
 
+use super::history::between_samples;
 use super::remeasured::Sensors;
 use super::shooting::problem::{Piece, Problem};
 use super::shooting::run::integration_step;
@@ -28,8 +29,7 @@ const LEAST_NOISE: f64 = 1e-9;
 /// What acts on the system along a stretch: its inputs between their samples, and the phase.
 pub struct ExogenousInputs {
     inputs: Vec<BandLimited>,
-    /// States of effects that were followed along the record, behind the inputs: lines from sample
-    /// to sample, since they may have corners.
+    /// States of effects that were followed along the record, behind the inputs.
     remembered: Vec<Vec<f64>>,
     step_s: f64,
     start_s: f64,
@@ -69,13 +69,16 @@ impl Outside for ExogenousInputs {
     fn inputs(&self, time: f64, out: &mut [f64]) {
         out.iter_mut().zip(&self.inputs).for_each(|(o, i)| *o = i.value(time));
         let at = ((time - self.start_s) / self.step_s).max(0.0);
-        let line = |x: &[f64]| {
+        let between = |x: &[f64]| {
             // Not below 0; the cast cuts the fraction, or saturates far beyond the end.
             let i = (at as usize).min(x.len().saturating_sub(2));
             let (a, b) = (x.get(i).copied().unwrap_or(f64::NAN), x.get(i + 1).or(x.last()).copied());
-            a + (at - i as f64).min(1.0) * (b.unwrap_or(a) - a)
+            let b = b.unwrap_or(a);
+            let before = i.checked_sub(1).map_or(2.0 * a - b, |i| x[i]);
+            let after = x.get(i + 2).copied().unwrap_or(2.0 * b - a);
+            between_samples([before, a, b, after], (at - i as f64).min(1.0))
         };
-        out.iter_mut().skip(self.inputs.len()).zip(&self.remembered).for_each(|(o, x)| *o = line(x));
+        out.iter_mut().skip(self.inputs.len()).zip(&self.remembered).for_each(|(o, x)| *o = between(x));
     }
 }
 

@@ -220,7 +220,13 @@ fn undecidable(
         return Some(LOCKED.to_owned());
     }
     if blocks < FEWEST_BLOCKS {
-        return Some(decidability::too_few(blocks, window_s));
+        let few = decidability::too_few(blocks, window_s);
+        // Whole windows of the balance of forces are long; trajectories would do with shorter ones.
+        return Some(if setting.shooting {
+            few
+        } else {
+            format!("{}; for its forces {few}", decidability::UNFOLLOWED)
+        });
     }
     // Rows of the weak form are judged equation by equation; written equations may hold what is
     // hardly separable on purpose.

@@ -50,6 +50,10 @@ fn value_over_error(setting: &Setting<'_>, state: &State, outcome: &Outcome, at:
     let values: Vec<f64> = (0..d).map(|i| outcome.fit.all[at + i] + applied * chosen.strengths[i]).collect();
     let covariance = outcome.fit.covariance.view((at, at), (d, d)).into_owned();
     let (told, _) = tell::value(setting, &state.physical, &chosen.candidate, &values, &covariance);
+    // Held at nothing by its sign it has no error either.
+    if told.value == 0.0 {
+        return 0.0;
+    }
     let ratio = (told.value / told.std_error).abs();
     if ratio.is_nan() { f64::INFINITY } else { ratio }
 }

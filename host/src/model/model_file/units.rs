@@ -93,7 +93,8 @@ impl std::fmt::Display for Unit {
             if power == 1.0 {
                 return String::new();
             }
-            format!("{power}")
+            // A power that was found has more digits than anybody reads.
+            format!("{}", (1e3 * power).round() / 1e3)
                 .chars()
                 .map(|c| match c {
                     '0'..='9' => ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][c as usize - '0' as usize],

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::Physical;
 use super::Setting;
 use crate::effects::columns::{self, Action, LOAD};
-use crate::effects::entry::{At, Entry, LENGTH, MASS, Verb};
+use crate::effects::entry::{At, Entry, Form, LENGTH, MASS, Verb, stand_ins};
 use crate::effects::places::Place;
 use crate::effects::{along_an_arm, between, places};
 use crate::model::model_file::equations_of_motion::wrapped;
@@ -15,7 +15,7 @@ use crate::model::model_file::expression::Symbol;
 use crate::system::bodies::Body;
 use crate::system::language::SystemFile;
 use crate::system::mechanism::at;
-use crate::system::polynomial::Polynomial;
+use crate::system::polynomial::{Atom, Polynomial};
 
 /// Masses of an arm that are tried, in units of S/l, and the largest: centroids from four fifths of
 /// the arm's length to a fiftieth.
@@ -88,27 +88,29 @@ impl Setting<'_> {
     /// An entry whose grid of a shape parameter holds the size of the motion: where it does not, as
     /// of a slow axis in metres, the grid is moved there.
     fn as_large_as_the_motion(&self, entry: &Arc<Entry>, place: Place, file: &SystemFile) -> Arc<Entry> {
-        let (Some(moves), [shape]) = (place.moves(file), &entry.shapes[..]) else { return entry.clone() };
-        if shape.within.is_none() || !self.shooting {
+        let Some(moves) = place.moves(file).filter(|_| self.shooting) else { return entry.clone() };
+        if !entry.states.is_empty() {
+            // Distances of what remembers are far below the motion: those of the list are for a
+            // motion of about one.
+            let size = self.size(&moves, false);
+            let fits = (0.1..10.0).contains(&size) || !(size > 0.0 && size.is_finite());
+            return if fits { entry.clone() } else { of_motion(entry, size) };
+        }
+        let [shape] = &entry.shapes[..] else { return entry.clone() };
+        if shape.within.is_none() {
             return entry.clone();
         }
         let rate = shape.name.starts_with('v');
         // What a law of the velocity alone has beside it is no position: a power.
-        if !rate && !entry.names("x") && entry.states.is_empty() {
+        if !rate && !entry.names("x") {
             return entry.clone();
         }
         let size = self.size(&moves, rate);
         let (low, high) = (shape.grid[0], shape.grid[shape.grid.len() - 1]);
-        if !entry.states.is_empty() {
-            // Distances of what remembers are far below the motion: those of the list are for a
-            // motion of about one. Times stay.
-            let by = if shape.name.starts_with('T') || (0.1..10.0).contains(&size) { 1.0 } else { size };
-            return if by > 0.0 && by.is_finite() { scaled(entry, by) } else { entry.clone() };
-        }
         if !(size > 0.0 && size.is_finite()) || (2.0 * low..0.5 * high).contains(&size) {
             return entry.clone();
         }
-        scaled(entry, size / (low * high).sqrt())
+        scaled(entry, &[size / (low * high).sqrt()])
     }
 
     /// Rms of a joint's position (within a turn where it is an angle), or of its velocity by
@@ -133,14 +135,58 @@ impl Setting<'_> {
     }
 }
 
-/// An entry with its first shape's values and bounds multiplied.
-fn scaled(entry: &Arc<Entry>, by: f64) -> Arc<Entry> {
+/// An entry with its shapes' values and bounds multiplied.
+fn scaled(entry: &Arc<Entry>, by: &[f64]) -> Arc<Entry> {
     let mut out = (**entry).clone();
-    if let Some(shape) = out.shapes.first_mut() {
+    for (shape, by) in out.shapes.iter_mut().zip(by) {
         shape.grid.iter_mut().for_each(|x| *x *= by);
         shape.within = shape.within.map(|w| w.map(|x| x * by));
     }
     Arc::new(out)
+}
+
+/// An entry of a force that remembers for motions of another size, its shapes multiplied by the
+/// powers of that which they have; the entry itself where its laws have no such powers.
+fn of_motion(entry: &Arc<Entry>, size: f64) -> Arc<Entry> {
+    let powers = powers(entry);
+    powers.map_or_else(|| entry.clone(), |p| scaled(entry, &p.iter().map(|n| size.powi(*n)).collect::<Vec<_>>()))
+}
+
+/// Powers of a length in the shapes of a force that remembers: those by which the laws of its
+/// states are the same for a motion of twice the size, a state being a length or a number.
+fn powers(entry: &Entry) -> Option<Vec<i32>> {
+    let form = entry.forms().into_iter().next()?;
+    let words = stand_ins(&["x", "v"]);
+    let (shapes, states) = (form.len(), entry.states.len());
+    // Within every shape's bounds, and within half a turn; once where a distance just counts.
+    let near = 0.083 + 0.6 * form.first()?.1;
+    let rates = |by: f64, shape: &[i32], state: &[i32]| -> Option<Vec<f64>> {
+        let moved: Form = form.iter().zip(shape).map(|((n, x), p)| (n.clone(), x * by.powi(*p))).collect();
+        let value = |s: Symbol, x: f64| match s {
+            Symbol::Coordinate(_) => x * by,
+            Symbol::Rate(_) => 0.61 * by,
+            Symbol::State(k) => 0.083 * (k + 1) as f64 * by.powi(*state.get(k).unwrap_or(&0)),
+            _ => f64::NAN,
+        };
+        let of = |p: &Polynomial, x: f64| p.value(&|a| if let Atom::Motion(s) = a { value(*s, x) } else { f64::NAN });
+        Some(entry.rates(&words, &moved).ok()?.iter().flat_map(|p| [of(p, 0.37), of(p, near)]).collect())
+    };
+    let all = |count: usize, from: i32, to: i32| -> Vec<Vec<i32>> {
+        (0..count).fold(vec![Vec::new()], |lists, _| {
+            lists.iter().flat_map(|l: &Vec<i32>| (from..=to).map(move |p| [&l[..], &[p]].concat())).collect()
+        })
+    };
+    let (by, before) = (2.0_f64, rates(1.0, &vec![0; shapes], &vec![0; states])?);
+    let same = |shape: &[i32], state: &[i32]| {
+        let after = rates(by, shape, state)?;
+        let alike = |((a, b), p): ((&f64, &f64), &i32)| (a - b * by.powi(*p)).abs() < 1e-9 * a.abs().max(1e-9);
+        after.iter().zip(&before).zip(state.iter().flat_map(|p| [p, p])).all(alike).then_some(())
+    };
+    let states = all(states, 0, 1);
+    // Fewest powers first: what has none stays.
+    let mut shapes = all(shapes, -1, 1);
+    shapes.sort_by_key(|s| s.iter().filter(|p| **p != 0).count());
+    shapes.into_iter().find(|shape| states.iter().any(|state| same(shape, state).is_some()))
 }
 
 /// Frequencies, Hz, of lines in what is left of a record: of forces, and at which the frame rings.
@@ -164,4 +210,29 @@ pub(super) fn with_lines(entry: Arc<Entry>, lines: &Lines) -> Arc<Entry> {
         s.grid = lines.iter().copied().filter(|f| (low..=high).contains(f)).collect();
     }
     Arc::new(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effects::catalogue;
+
+    /// Distances grow with the motion, what is one over a distance shrinks, times and ratios stay.
+    #[test]
+    fn shapes_of_what_remembers_have_the_powers_of_their_units() {
+        for (id, wanted) in [
+            ("dahl-friction", vec![("d", 1)]),
+            ("lugre-friction", vec![("d", 1), ("v_s", 1), ("r", 0)]),
+            ("hysteresis", vec![("b", -1), ("c", 0)]),
+            ("play", vec![("b", 1)]),
+            ("relaxation", vec![("T_r", 0)]),
+        ] {
+            let entry = catalogue().iter().find(|e| e.id == id).unwrap();
+            let found = powers(entry).unwrap();
+            for (name, power) in wanted {
+                let at = entry.shapes.iter().position(|s| s.name == name).unwrap();
+                assert_eq!(found[at], power, "{id} {name}: {found:?}");
+            }
+        }
+    }
 }

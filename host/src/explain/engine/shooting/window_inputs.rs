@@ -1,5 +1,6 @@
 //! What acts from outside along a window of a stretch: time, the drive's phase, measured inputs.
 
+use crate::identify::history::between_samples;
 use crate::identify::stretches::Stretch;
 use crate::identify::track;
 use crate::model::dynamics::{Dynamics, Instant};
@@ -54,12 +55,18 @@ impl WindowInputs<'_> {
         out
     }
 
-    /// A followed state of an effect at `count` points, lines from sample to sample.
+    /// A followed state of an effect at `count` points.
     pub fn remembered(&self, number: usize, count: usize) -> Vec<f64> {
-        let all = self.stretch.remembered(number, self.first, count.div_ceil(self.points) + 1);
-        let share = |i: usize| (i % self.points) as f64 / self.points as f64;
-        let at = |i: usize| (all[i / self.points], all[i / self.points + 1]);
-        (0..count).map(|i| at(i).0 + share(i) * (at(i).1 - at(i).0)).collect()
+        // With a sample before the window, where the stretch has one, and one behind it.
+        let before = usize::from(self.first > 0);
+        let all = self.stretch.remembered(number, self.first - before, before + count.div_ceil(self.points) + 2);
+        let at = |point: usize| {
+            let i = point / self.points + before;
+            let first = if i > 0 { all[i - 1] } else { 2.0 * all[i] - all[i + 1] };
+            let share = (point % self.points) as f64 / self.points as f64;
+            between_samples([first, all[i], all[i + 1], all[i + 2]], share)
+        };
+        (0..count).map(at).collect()
     }
 
     /// Acceleration of the model at the state of a point; false where there is none.
