@@ -6,7 +6,7 @@ use super::run::Run;
 use super::search::Search;
 use super::shooting::Followed;
 use super::state::State;
-use super::{exchange, residual, shooting};
+use super::{exchange, offered, shooting};
 use crate::error::Result;
 use crate::explain::decidability::{EXCUSED, FEWEST_BLOCKS};
 
@@ -30,8 +30,7 @@ impl Run<'_> {
         let samples = |state: &State| state.followed.as_ref().map_or(0, Followed::samples);
         let before = self.state.clone();
         self.setting.blocks = (FEWEST_BLOCKS + 1) as f64;
-        let lines = residual::lines(&self.setting, &self.state);
-        let candidates = self.setting.candidates(&self.state.physical, &lines);
+        let candidates = offered::candidates(&self.setting, &self.state);
         let longer = refit(&self.setting, &mut self.state, candidates);
         let windows = self.state.followed.as_ref().map_or(0, |f| f.windows(&self.setting).0);
         if let Ok(longer) = longer
@@ -66,8 +65,7 @@ impl Run<'_> {
         if !misses || self.result.effects.is_empty() || !self.begin_again() {
             return Ok(outcome);
         }
-        let lines = residual::lines(&self.setting, &self.state);
-        let candidates = self.setting.candidates(&self.state.physical, &lines);
+        let candidates = offered::candidates(&self.setting, &self.state);
         let mut search = Search::default();
         let again = refit(&self.setting, &mut self.state, candidates).and_then(|again| {
             self.tell_again(&again)?;

@@ -12,6 +12,7 @@
 //! | `setting` | the record, its sensors, the system |
 //! | `candidates` | effects at their places, their columns |
 //! | `memory` | effects with states of their own |
+//! | `offered` | candidates, finer laws of what was found among them |
 //! | `state` | coefficients and what was added |
 //! | `run`, `search` | from the first fit to the verdict, effect by effect |
 //! | `expected` | what a record that the model makes would tell |
@@ -45,6 +46,7 @@ mod forecast;
 mod free_run;
 pub mod given;
 mod memory;
+mod offered;
 mod patched;
 mod power;
 mod prediction;

@@ -9,7 +9,7 @@ use super::setting::Setting;
 use super::shooting::Followed;
 use super::state::{Chosen, State};
 use super::traces::{is_of_many, without_trace};
-use super::{residual, shooting, tell, tones};
+use super::{offered, shooting, tell, tones};
 use crate::error::Result;
 use crate::explain::decidability::EXPLAINED_GAP;
 use crate::explain::decision::{self, Choice, OF_A_FAMILY, Offer};
@@ -88,8 +88,7 @@ impl Run<'_> {
                     None => continue,
                 }
             }
-            let lines = residual::lines(&self.setting, &self.state);
-            let candidates = self.setting.candidates(&self.state.physical, &lines);
+            let candidates = offered::candidates(&self.setting, &self.state);
             let outcome = refit(&self.setting, &mut self.state, candidates);
             if outcome.is_err() && self.setting.shooting && self.result.effects.is_empty() {
                 // What no window can be followed in is left to the balance of forces.
@@ -232,8 +231,7 @@ impl Run<'_> {
             self.result.refused.push(refused.clone());
             search.refused.push(refused);
             self.state.stretches = self.state.taken_off(&self.setting, &self.setting.raw);
-            let lines = residual::lines(&self.setting, &self.state);
-            let candidates = self.setting.candidates(&self.state.physical, &lines);
+            let candidates = offered::candidates(&self.setting, &self.state);
             outcome = refit(&self.setting, &mut self.state, candidates)?;
             self.replace_last(&gone, &outcome)?;
         }
