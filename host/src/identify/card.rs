@@ -47,7 +47,12 @@ fn sentence(result: &Identification) -> String {
         .collect();
     known.sort_by(f64::total_cmp);
     let precision = known.get(known.len() / 2).map_or_else(String::new, |median| {
-        format!(", half of its parameters to ± {} % or better", significant(100.0 * median, 2))
+        let percent = significant(100.0 * median, 2);
+        if *median < 1.0 {
+            format!(", half of its parameters to ± {percent} % or better")
+        } else {
+            format!(", half of its parameters to no better than ± {percent} %")
+        }
     });
     let stands = if let Some(w) = result.warnings.iter().find(|w| w.invalidates) {
         format!("but this answer cannot stand: {}", inside(w.text.trim_end_matches('.')))

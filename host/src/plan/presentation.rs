@@ -106,10 +106,11 @@ fn proposal(out: &mut String, p: &Proposal, tell: &[String]) {
     }
     let _ = writeln!(out, "  {:<28} {:>13} {:>12} (95 %)", "parameter", "value", "±");
     for (q, [low, high]) in p.parameters.iter().zip(&p.std_errors) {
-        let _ = write!(out, "  {:<28} {:>13.6e} {:>12.2e}", q.name, q.value, TO_95 * q.std_error);
+        let error = significant(TO_95 * q.std_error, 3);
+        let _ = write!(out, "  {:<28} {:>13} {error:>12}", q.name, significant(q.value, 6));
         // One record alone says nothing of others.
         if p.draws > 1 && high.is_finite() {
-            let _ = write!(out, " ({:.2e} to {:.2e})", TO_95 * low, TO_95 * high);
+            let _ = write!(out, " ({} to {})", significant(TO_95 * low, 3), significant(TO_95 * high, 3));
         }
         let _ = writeln!(out, " {}", q.unit);
     }

@@ -16,8 +16,9 @@ pub fn candidates(setting: &Setting<'_>, state: &State) -> Vec<Candidate> {
     out
 }
 
-/// Laws that refine one with a memory at its place, with the shapes that both have as it was found:
-/// at those of a grid they differ from it by more than by what they add.
+/// Laws that refine one with a memory at its place, with the shapes that they share with what was
+/// found there (LuGre's friction with Dahl's distance and Stribeck's velocity): at those of a grid
+/// they differ from it by more than by what they add.
 fn finer(setting: &Setting<'_>, state: &State, all: &[Candidate]) -> Vec<Candidate> {
     let mut out: Vec<Candidate> = Vec::new();
     for found in state.chosen.iter().skip(state.nominal).map(|c| &c.candidate) {
@@ -26,7 +27,8 @@ fn finer(setting: &Setting<'_>, state: &State, all: &[Candidate]) -> Vec<Candida
             is_finer && !found.entry.states.is_empty()
         };
         for c in all.iter().filter(refines) {
-            let as_found = |name: &str| found.form.iter().find(|s| s.0 == name).map(|s| s.1);
+            let here = || state.chosen.iter().map(|c| &c.candidate).filter(|c| c.place == found.place);
+            let as_found = |name: &str| here().flat_map(|c| &c.form).find(|s| s.0 == name).map(|s| s.1);
             let form: Vec<_> = c.form.iter().map(|(n, x)| (n.clone(), as_found(n).unwrap_or(*x))).collect();
             let is_new =
                 form != c.form && !out.iter().any(|o| o.place == c.place && o.entry.id == c.entry.id && o.form == form);
