@@ -337,13 +337,23 @@ impl Blocks {
         let jackknife = |held: &[bool], all: &DVector<f64>| -> Option<DMatrix<f64>> {
             let mut covariance = DMatrix::zeros(p, p);
             for part in &parts {
-                let kept = &total - part;
-                let change = solve_free(&kept, &absent(&kept, held), &origin)? - all;
+                let change = solve_free(&(&total - part), held, &origin)? - all;
                 covariance += &change * change.transpose() * ((n - 1) as f64 / n as f64);
             }
             Some(covariance)
         };
-        let mut covariance = jackknife(&held, &all)?;
+        // What some window alone shows has no scatter between windows: it counts as its own error.
+        let alone: Vec<bool> = parts.iter().fold(vec![false; p], |alone, part| {
+            let kept = absent(&(&total - part), &alone);
+            (0..p).map(|i| kept[i] && !held[i]).collect()
+        });
+        let mut covariance = if alone.contains(&true) {
+            let without: Vec<bool> = (0..p).map(|i| held[i] || alone[i]).collect();
+            jackknife(&without, &solve_free(&total, &without, &origin)?)?
+        } else {
+            jackknife(&held, &all)?
+        };
+        (0..p).filter(|i| alone[*i]).for_each(|i| covariance[(i, i)] = (all[i] + origin[i]).powi(2));
         if held.contains(&true) {
             let free = vec![false; p];
             let plain = jackknife(&free, &solve_free(&total, &free, &origin)?)?;

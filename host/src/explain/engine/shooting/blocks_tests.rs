@@ -1,6 +1,7 @@
 //! Least squares over windows: signs that are kept, and the covariance of even noise.
 
 use super::*;
+use crate::explain::ranking;
 
 /// A Gram matrix of three columns with what coefficients leave of the target.
 fn about_others(gram: &DMatrix<f64>, x: [f64; 3]) -> DMatrix<f64> {
@@ -92,4 +93,33 @@ fn even_noise_gives_the_covariance_of_ordinary_least_squares() {
     let twice = Blocks::new(grams.iter().map(|g| vec![part(g), part(g)]).collect(), vec![0.0; 2], Vec::new());
     let even = twice.fit(&[0, 1]).unwrap().even.unwrap();
     assert!((&even - &plain).amax() < 0.01 * plain.amax(), "{even} {plain}");
+}
+
+/// A strength that one window alone shows takes nothing from what the others show of its fellow.
+#[test]
+fn what_one_window_alone_shows_does_not_spoil_the_rest() {
+    let mut seed = 11_u32;
+    let mut random = move || {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        f64::from(seed >> 8) / f64::from(1 << 24) - 0.5
+    };
+    let parts: Vec<Vec<Part>> = (0..12)
+        .map(|window| {
+            let mut gram = DMatrix::zeros(4, 4);
+            for _ in 0..20 {
+                let fades = |x: f64| if window == 0 { x } else { 1e-8 * x };
+                let (a, b, c) = (20.0 * random(), fades(random()), fades(random()));
+                let row = DVector::from_vec(vec![a, b, c, 2.0 * a + 0.3 * b - 0.2 * c + 2.0 * random()]);
+                gram += &row * row.transpose();
+            }
+            vec![Part { gram: Gram::of_own(gram), freedom: 20.0 }]
+        })
+        .collect();
+    let blocks = Blocks::new(parts, vec![0.0; 3], Vec::new());
+    let (fit, alone) = (blocks.fit(&[0, 1, 2]).unwrap(), blocks.fit(&[0]).unwrap());
+    assert!((fit.all[0] - 2.0).abs() < 0.02, "{}", fit.all);
+    assert!(ranking::p_value(&fit, 3) < 1e-6, "{}", ranking::p_value(&fit, 3));
+    // Where it is not held no block is worse for it.
+    let worse = fit.held_out.iter().zip(&alone.held_out).map(|(a, b)| a / b).fold(0.0, f64::max);
+    assert!(worse < 1.001, "{worse}");
 }
