@@ -67,8 +67,7 @@ pub(super) enum Law {
     Load(Polynomial),
     /// The same of speeds, fixed by themselves.
     Speeds(Polynomial),
-    /// A number times one without parameters, in front of which squares of moments stand: masses are
-    /// fixed together at best, and so is what all of these have in common.
+    /// A number times one without parameters, behind squares of moments ([`on_a_frame::ratios`]).
     Momentum(f64, Node),
 }
 
