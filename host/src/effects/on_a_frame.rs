@@ -1,6 +1,6 @@
 //! A frame that gives way: `moves` at a frame displaces everything that it carries by s(t), a sum
-//! of states that what moves on it drives by its momentum P(q, q′), kg m/s, and of laws of time: what the frame
-//! did when the record began.
+//! of states that what moves on it drives by its momentum P(q, q′), kg m/s, and of laws of time:
+//! what the frame did when the record began.
 //!
 //! The kinetic energy of what is carried is ½ Σ m |v + s′|², that of the momentum P·s′ beside the
 //! system's own; since P is a total derivative, equation e gains (∂P/∂q_e′)·s″ and nothing else.
