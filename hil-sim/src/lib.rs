@@ -5,6 +5,7 @@
 //! | [`plant`] | the driven double pendulum in physical units, dry friction with true sticking, the named effects |
 //! | [`plant_single_pendulum`] | the horizontally driven single pendulum, dimensionless |
 //! | [`plant_oscillator`] | two masses, block with pendulum, chain, clamped beam: systems for reduced-order models, a file each |
+//! | [`plant_yielding_frame`] | a double pendulum whose pivot gives way along one direction |
 //! | [`integrator`] | Dormand–Prince 8(5,3) with adaptive steps |
 //! | [`shaker`] | the base's motion between ticks |
 //! | [`encoder`] | quadrature edges and decoder |
