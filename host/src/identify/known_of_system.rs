@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::judgement::{CHANCE, Coefficients};
-use super::known_quantities::CONTRADICTED;
+use super::known_quantities::{CONTRADICTED, time_base};
 use crate::report::format::{quantity, significant};
 use crate::rig::Rig;
 use crate::system::mechanism::Mechanism;
@@ -64,7 +64,7 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
     all.retain(|d| d.misfit <= AS_WELL * least);
     // Gravity is the last to be wrong, but a clock that is off looks like it: measured κ times too
     // long, time makes every acceleration, and so g, κ⁻² of what it is.
-    let time_base = all.iter().find(|d| d.name == "g").map(|d| (d.known / d.found).sqrt()).filter(|k| k.is_finite());
+    let clock = all.iter().find(|d| d.name == "g").map(|d| (d.known / d.found).sqrt()).filter(|k| k.is_finite());
     if all.iter().any(|d| d.name != "g") {
         all.retain(|d| d.name != "g");
     }
@@ -74,9 +74,8 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
     };
     let names: Vec<&str> = all.iter().map(|d| d.name).collect();
     let mut alternatives: Vec<String> = all.iter().map(told).collect();
-    if let Some(factor) = time_base {
-        let clock = if rig.drive.is_some() { "the time base (or the drive's frequency)" } else { "the time base" };
-        alternatives.push(format!("{clock} off by a factor of {}", significant(factor, 4)));
+    if let Some(factor) = clock {
+        alternatives.push(time_base(factor, rig.drive.is_some()));
     }
     let text = format!(
         "[known] {} {} with the record by {} %. {}: {}",
@@ -86,7 +85,7 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
         if alternatives.len() == 1 { "This would agree" } else { "One of these would agree" },
         alternatives.join("; or ")
     );
-    let clock = time_base.map(|factor| ("time-base".to_owned(), factor.into()));
+    let clock = clock.map(|factor| ("time-base".to_owned(), factor.into()));
     let values: serde_json::Map<String, serde_json::Value> =
         all.iter().map(|d| (d.name.to_owned(), d.found.into())).chain(clock).collect();
     let advice = "Measure them again, check their units (metres, kilograms), and correct the rig file";

@@ -211,10 +211,9 @@ impl Relation {
             })
             .collect();
         // t measured κ times too long makes Ω² κ⁻² of what it is.
-        let clock = (self.omega != 0.0 && !self.at_least).then(|| (missed / (2.0 * self.omega)).exp());
+        let clock = (self.omega != 0.0 && !self.at_least).then(|| (-missed / (2.0 * self.omega)).exp());
         if let Some(factor) = clock {
-            let rate = if driven { "the time base (or the drive's frequency)" } else { "the time base" };
-            alternatives.push(format!("{rate} off by a factor of {}", significant(factor, 4)));
+            alternatives.push(time_base(factor, driven));
         }
         let said = self.quantities.iter().map(|q| q.0).filter(|n| !HELD.contains(n));
         let names: Vec<&str> = said.map(|n| n.split(' ').next().unwrap_or(n)).collect();
@@ -242,6 +241,13 @@ impl Relation {
             .collect();
         Some(warning.with("would_agree", values))
     }
+}
+
+/// A clock by which a time is so many times what it was, and with it every rate its inverse.
+pub(super) fn time_base(factor: f64, driven: bool) -> String {
+    let rate = format!(" (or the drive's frequency by {})", significant(1.0 / factor, 4));
+    let rate = if driven { rate.as_str() } else { "" };
+    format!("the time base off by a factor of {}{rate}", significant(factor, 4))
 }
 
 /// Value of a quantity of a relation and the one that would agree, by a factor; of a sum its first

@@ -316,7 +316,8 @@ impl Blocks {
         let (all, held) = solve_signed(&total, &signs, &origin)?;
         // What shows at one time of the record only, as what rang when it began, is less than what is
         // left in the windows of other times, and nothing to them.
-        let left = (squares(&total, &all) / self.noise()).max(1.0);
+        let freedom: f64 = self.parts().map(|(p, _)| p.freedom).sum();
+        let left = squares(&total, &all) / freedom.max(1.0);
         let absent = |kept: &DMatrix<f64>, held: &[bool]| -> Vec<bool> {
             let is_absent = |i: usize| i >= own && (all[i] + origin[i]).powi(2) * kept[(i, i)] < left;
             (0..p).map(|i| held[i] || is_absent(i)).collect()
