@@ -339,8 +339,8 @@ mod tests {
         assert!((heavy.details["would_agree"]["m1e1"].as_f64().unwrap() / right - 1.0).abs() < 1e-6, "{}", heavy.text);
         // Half a per mille is within what the coefficients are known to.
         assert!(warned(&[("l1", 0.0635 * 1.0005)]).is_empty());
-        // The time base: a factor of 1.6 is one of 2.56 in the length.
-        assert!(warned(&[("l1", 0.0635 * 2.56)])[0].text.contains("factor of 1.600"));
+        // Rates that are 1.6 times too high are 2.56 times in the length.
+        assert!(warned(&[("l1", 0.0635 * 2.56)])[0].text.contains("factor of 0.625"));
     }
 
     #[test]

@@ -121,5 +121,5 @@ fn what_one_window_alone_shows_does_not_spoil_the_rest() {
     assert!(ranking::p_value(&fit, 3) < 1e-6, "{}", ranking::p_value(&fit, 3));
     // Where it is not held no block is worse for it.
     let worse = fit.held_out.iter().zip(&alone.held_out).map(|(a, b)| a / b).fold(0.0, f64::max);
-    assert!(worse < 1.001, "{worse}");
+    assert!(worse < 1.02, "{worse}");
 }
