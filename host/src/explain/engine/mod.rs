@@ -12,7 +12,7 @@
 //! | `setting` | the record, its sensors, the system |
 //! | `candidates` | effects at their places, their columns |
 //! | `memory` | effects with states of their own |
-//! | `offered` | candidates, finer laws of what was found among them |
+//! | `offered` | candidates beside a state of the model |
 //! | `state` | coefficients and what was added |
 //! | `run`, `search` | from the first fit to the verdict, effect by effect |
 //! | `expected` | what a record that the model makes would tell |

@@ -76,7 +76,9 @@ fn frame(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
     let unit = c.entry.unit.clone().unwrap_or_default();
     match setting.mechanism().and_then(|m| m.scales.first()) {
         Some((_, inertia)) if physical.open.first().copied().unwrap_or(true) => {
-            (at(inertia, &physical.values), format!("{} × {unit}", inertia_name(setting, 0)))
+            let name = inertia_name(setting, 0);
+            let told = unit.strip_prefix("1/").map(|mass| format!("{name} per {mass}"));
+            (at(inertia, &physical.values), told.unwrap_or_else(|| format!("{name} × {unit}")))
         }
         _ => (1.0, unit),
     }

@@ -182,6 +182,8 @@ mod tests {
         ] {
             assert_eq!(Unit::parse(text).map(|u| u.to_string()).as_deref(), Some(shown), "{text}");
         }
+        let found = Unit::second(1.0).times(&Unit::second(1.0), 0.035_419_964_527_532_2);
+        assert_eq!(found.to_string(), "s¹·⁰³⁵");
         for text in ["", "kg m^", "kg^x", "2", "/s", "m^99", "kg,m"] {
             assert_eq!(Unit::parse(text), None, "{text}");
         }

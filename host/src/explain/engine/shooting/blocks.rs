@@ -318,15 +318,12 @@ impl Blocks {
         // left in the windows of other times, and nothing to them.
         let freedom: f64 = self.parts().map(|(p, _)| p.freedom).sum();
         let left = squares(&total, &all) / freedom.max(1.0);
-        let absent = |kept: &DMatrix<f64>, held: &[bool]| -> Vec<bool> {
-            let is_absent = |i: usize| i >= own && (all[i] + origin[i]).powi(2) * kept[(i, i)] < left;
-            (0..p).map(|i| held[i] || is_absent(i)).collect()
-        };
+        let is_absent = |i: usize, kept: f64| i >= own && (all[i] + origin[i]).powi(2) * kept < left;
         let mut held_out = vec![0.0; n];
         let mut train = None;
         for fold in 0..FOLDS {
             let kept = parts.iter().enumerate().filter(|(k, _)| k % FOLDS != fold).fold(zero(), |s, (_, g)| s + g);
-            let held = absent(&kept, &held);
+            let held: Vec<bool> = (0..p).map(|i| held[i] || is_absent(i, kept[(i, i)])).collect();
             let x = solve_free(&kept, &held, &origin)?;
             (fold..n).step_by(FOLDS).for_each(|k| held_out[k] = squares(&parts[k], &x));
             if fold == 0 {
@@ -344,10 +341,8 @@ impl Blocks {
             Some(covariance)
         };
         // What some window alone shows has no scatter between windows: it counts as its own error.
-        let alone: Vec<bool> = parts.iter().fold(vec![false; p], |alone, part| {
-            let kept = absent(&(&total - part), &alone);
-            (0..p).map(|i| kept[i] && !held[i]).collect()
-        });
+        let is_alone = |i: usize| parts.iter().any(|part| is_absent(i, total[(i, i)] - part[(i, i)]));
+        let alone: Vec<bool> = (0..p).map(|i| !held[i] && is_alone(i)).collect();
         let mut covariance = if alone.contains(&true) {
             let without: Vec<bool> = (0..p).map(|i| held[i] || alone[i]).collect();
             jackknife(&without, &solve_free(&total, &without, &origin)?)?
