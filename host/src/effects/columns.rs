@@ -139,7 +139,7 @@ pub fn action(
     span: Span,
 ) -> Result<Option<Action>, Mistake> {
     let Some(file) = mechanism.file.as_deref() else { return Ok(None) };
-    if file.written && matches!(entry.verb, Verb::Moves | Verb::Turns) {
+    if file.written && (matches!(entry.verb, Verb::Moves | Verb::Turns) || entry.names(LOAD)) {
         let psi = parameters.last().copied().unwrap_or(0.0);
         return Ok(written::changes(entry, form, place, file, span, omega, psi).map(Action::Changes));
     }

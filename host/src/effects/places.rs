@@ -5,6 +5,7 @@ use super::between;
 use super::columns::LOAD;
 use super::entry::{At, Entry, Verb};
 use super::on_a_frame;
+use super::written::load::hung;
 use crate::model::model_file::Space;
 use crate::model::model_file::expression::{Function, Symbol};
 use crate::rig::measures::ObservedModel;
@@ -108,13 +109,23 @@ pub fn load(file: &SystemFile, joint: usize, omega: f64, mass: Option<f64>) -> O
     Some(Polynomial::call(Function::Sqrt, squares.fold(Polynomial::default(), |sum, s| sum.plus(&s))))
 }
 
+/// Whether a joint's load may be known: of written equations the joint that arms hang on, whose
+/// equations may still not tell it ([`super::written::load`]).
+fn has_load(file: &SystemFile, joint: usize) -> bool {
+    if file.written {
+        let turns = |k: usize| file.coordinates[k].0.space == Space::Circle;
+        return (0..file.coordinates.len()).all(turns) && hung(&file.joints, joint, file.coordinates.len()).is_some();
+    }
+    load(file, joint, 1.0, None).is_some()
+}
+
 /// Every place of an entry; `bound` has the sensors.
 pub fn of(entry: &Entry, file: &SystemFile, bound: &ObservedModel) -> Vec<Place> {
     let vertical = |d: &Drive| d.along + 1 == d.components;
     match entry.at {
         At::Joint => (0..file.joints.len())
             .filter(|&k| !entry.turning || turns(file, &file.joints[k].moves.value))
-            .filter(|&k| !entry.names(LOAD) || load(file, k, 1.0, None).is_some())
+            .filter(|&k| !entry.names(LOAD) || has_load(file, k))
             .map(Place::Joint)
             .collect(),
         At::Between => between::pairs(file)

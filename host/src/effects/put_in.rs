@@ -7,9 +7,10 @@ use std::collections::BTreeMap;
 
 use super::between;
 use super::catalogue;
-use super::columns::{self, Action, Span};
-use super::entry::{At, Entry, Form, Verb};
-use super::{places, written};
+use super::columns::{self, Action, LOAD, Span};
+use super::entry::{At, Entry, Form, MASS, Verb};
+use super::places::{self, Place};
+use super::written;
 use crate::error::{BadInput, Result};
 use crate::model::model_file::expression::Node;
 use crate::rig::Rig;
@@ -151,12 +152,20 @@ pub fn of(
             };
             return Err(bad(text, format!("\"{}\"", given.at), names));
         };
-        let open = between::in_written(entry, *place, mechanism);
+        let open = match place {
+            Place::Joint(_) if places.is_some() && entry.names(LOAD) => {
+                Some(entry.with_shape(MASS, Vec::new(), Some([0.0, f64::INFINITY])))
+            }
+            _ => between::in_written(entry, *place, mechanism),
+        };
         let entry = open.as_ref().unwrap_or(entry);
         let (form, mut strengths) = shaped(text, entry, &given)?;
         if places.is_some() {
             let factor = match (entry.verb, places::equation(*place, mechanism)) {
-                (Verb::Force, Some((equation, _))) => written::told_by(model, omega, equation, physical),
+                // A load is a force: its strength is a length.
+                (Verb::Force, Some((equation, _))) if !entry.names(LOAD) => {
+                    written::told_by(model, omega, equation, physical)
+                }
                 (Verb::Moves, _) if entry.unit.is_none() => rig.drive.and_then(|d| d.amplitude_m).unwrap_or(1.0),
                 _ => 1.0,
             };

@@ -18,6 +18,7 @@
 
 mod inertias;
 mod left_hand_sides;
+pub mod load;
 
 use core::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
@@ -25,8 +26,9 @@ use std::sync::Arc;
 use self::inertias::apart;
 pub use self::inertias::{Inertias, inertias};
 use self::left_hand_sides::{STATES, at_rest, of_angles, sides, value};
-use super::columns::Span;
-use super::entry::{At, Entry, Form};
+use self::load::{Equations, Hung};
+use super::columns::{LOAD, Span};
+use super::entry::{At, Entry, Form, MASS};
 use super::places::{Place, SIZE};
 use crate::model::model_file::expression::{
     Function, Node, Symbol, add, as_number, multiple, multiply, number, subtract, symbol,
@@ -58,6 +60,9 @@ pub enum Change {
     Arm(usize, bool, Node),
     /// Turns gravity.
     Frame(Node),
+    /// Does work at a joint on which arms hang, by their load ([`Symbol::State`] 0 in it) for a mass
+    /// in units of the nearest arm's own inertia.
+    Load(Hung, f64, Node),
 }
 
 /// Whether effects find their places in a model's equations: written ones, one for each coordinate.
@@ -155,8 +160,9 @@ pub fn mechanism(model: &ModelFile, direction: Option<Direction>, omega: f64, va
     })
 }
 
-/// What each strength of an entry that is no force does at a place; none for forces, sensors and
-/// phases, whose columns do not depend on how the system was written, and where it does nothing.
+/// What each strength of an entry does at a place for which the coefficients of the equations take
+/// part: what is no force, and forces by a load; none for others, whose columns do not depend on how
+/// the system was written, and where it does nothing.
 pub fn changes(
     entry: &Entry,
     form: &Form,
@@ -199,6 +205,17 @@ pub fn changes(
             let turned = (0..file.coordinates.len()).find(|&i| *angle == Polynomial::motion(Symbol::Coordinate(i)))?;
             let Ok(Word::Scalar(law)) = entry.law(&words, form) else { return None };
             Some(by_strength(&law).into_iter().map(|of| Change::Arm(turned, is_last(file, turned), of)).collect())
+        }
+        (Place::Joint(k), At::Joint) if entry.states.is_empty() => {
+            let hung = load::hung(&file.joints, k, file.coordinates.len())?;
+            let mass = form.iter().find(|s| s.0 == MASS)?.1;
+            let moves = &file.joints[k].moves.value;
+            let x = Polynomial::call(Function::Wrap, moves.clone());
+            let rate = by_time(moves, file.coordinates.len(), omega).ok()?;
+            let load = Polynomial::motion(Symbol::State(0));
+            words.scalars.extend([("x".to_owned(), x), ("v".to_owned(), rate), (LOAD.to_owned(), load)]);
+            let Ok(Word::Scalar(law)) = entry.law(&words, form) else { return None };
+            Some(by_strength(&law).into_iter().map(|of| Change::Load(hung.clone(), mass, of)).collect())
         }
         (Place::Frame, At::Frame) => {
             let Ok(Word::Scalar(law)) = entry.law(&words, form) else { return None };
@@ -304,6 +321,10 @@ pub fn columns(
                 let [still, driven] = &parts[*k];
                 let turned = add(slope(&of_angles(still), *k), slope(&of_angles(driven), *k));
                 kept(vec![(*k, multiply(law.clone(), turned))])
+            }
+            Change::Load(hung, mass, law) => {
+                let equations = Equations { model, direction, omega, values };
+                equations.columns(hung, *mass, law).map_or_else(Vec::new, kept)
             }
             Change::Frame(law) => {
                 let angles = (0..model.coordinates.len()).filter(|&k| model.coordinates[k].space == Space::Circle);

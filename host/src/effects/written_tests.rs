@@ -86,8 +86,15 @@ fn effects_on_written_equations_are_those_of_the_bodies() {
                 continue;
             }
             let form = entry.forms().swap_remove(0);
+            let loads = entry.names(LOAD);
+            // Masses of what hangs on each joint, over the inertia of its arm.
+            let hangs = [(PARAMETERS[0] + PARAMETERS[4]) / j1, PARAMETERS[4] / PARAMETERS[6]];
+            let mass =
+                if let (true, Place::Joint(k)) = (loads, place) { Some((MASS.to_owned(), hangs[k])) } else { None };
+            let with_mass: Form = form.iter().cloned().chain(mass).collect();
             let of = |m: &Mechanism, p: &[f64]| -> Vec<Vec<(usize, Node)>> {
-                match columns::action(entry, &form, place, m, p, OMEGA, SPAN).unwrap().unwrap() {
+                let form = if m.file.as_ref().unwrap().written { &with_mass } else { &form };
+                match columns::action(entry, form, place, m, p, OMEGA, SPAN).unwrap().unwrap() {
                     Action::Force(parts) => columns::columns(&parts, entry.strengths.len(), m, p),
                     Action::Changes(all) => super::columns(&all, model, direction, OMEGA, &values),
                     _ => panic!("{}", entry.id),
@@ -97,6 +104,7 @@ fn effects_on_written_equations_are_those_of_the_bodies() {
             // A strength of one: a torque over J_o1 and Ω², an angle, the drive's amplitude, a
             // share of it.
             let per = match entry.verb {
+                Verb::Force if loads => 1.0 / (OMEGA * OMEGA),
                 Verb::Force => j1,
                 Verb::Moves if entry.unit.is_none() => a / (OMEGA * OMEGA),
                 _ => 1.0 / (OMEGA * OMEGA),

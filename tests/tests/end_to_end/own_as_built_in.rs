@@ -84,6 +84,7 @@ fn written_equations_name_what_the_built_in_one_does() {
         ("cogging@joint1", "3e-4,n=7", 3e-4 / inertia),
         ("coulomb-friction@joint2", "1e-4", 1e-4 / 4.033e-5),
         ("eccentricity@encoder2", "0.005", 0.005),
+        ("load-dependent-friction@joint2", "1e-5", 1e-5),
     ] {
         done(at, &format!("simulate --rig {built_in} --effect {name}={put_in} --seconds 40 -o r.parquet --force"));
         done(at, &format!("explain r.parquet --rig {written} --json e.json -o m.toml --force"));

@@ -114,7 +114,7 @@ fn force(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
     else {
         return (1.0, String::new());
     };
-    if setting.is_written() {
+    if setting.is_written() && !c.entry.names(LOAD) {
         return in_its_equation(setting, physical, c, equation, &moves);
     }
     let angle = places::is_angle(file, &moves);

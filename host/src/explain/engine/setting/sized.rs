@@ -9,6 +9,7 @@ use super::Setting;
 use crate::effects::columns::{self, Action, LOAD};
 use crate::effects::entry::{At, Entry, Form, LENGTH, MASS, Verb, stand_ins};
 use crate::effects::places::Place;
+use crate::effects::written::load;
 use crate::effects::{along_an_arm, between, places};
 use crate::model::model_file::equations_of_motion::wrapped;
 use crate::model::model_file::expression::Symbol;
@@ -21,6 +22,13 @@ use crate::system::polynomial::{Atom, Polynomial};
 /// the arm's length to a fiftieth.
 const MASSES: [f64; 5] = [1.25, 2.0, 3.5, 6.0, 12.0];
 const MOST_MASS: f64 = 50.0;
+
+/// An entry with the mass that its load rests on as a shape.
+fn with_mass(entry: &Entry, least: f64) -> Option<Arc<Entry>> {
+    let grid: Vec<f64> = MASSES.iter().map(|m| m * least).collect();
+    let entry = entry.with_shape(MASS, grid, Some([least, MOST_MASS * least]));
+    (least > 0.0 && least.is_finite()).then(|| Arc::new(entry))
+}
 
 impl Setting<'_> {
     /// An entry with the grid of its shape parameter in the size of what is there: of the motion,
@@ -60,9 +68,20 @@ impl Setting<'_> {
 
     /// An entry that names a load, at a joint: as it is where the load is fixed, otherwise with the
     /// mass m of the nearest arm as a shape. Its first moment S stays, and a centroid within the
-    /// arm's length l has m ≥ S/l.
+    /// arm's length l has m ≥ S/l. In written equations it is the mass of all that hangs on the
+    /// joint, over the arm's own inertia.
     fn with_mass(&self, entry: &Arc<Entry>, joint: usize, physical: &Physical) -> Option<Arc<Entry>> {
         let (file, mechanism) = (self.file()?, self.mechanism()?);
+        if file.written {
+            let hung = load::hung(&file.joints, joint, file.coordinates.len())?;
+            let equations = load::Equations {
+                model: self.model(),
+                direction: self.rig.direction(),
+                omega: self.rig.omega(),
+                values: &physical.written,
+            };
+            return with_mass(entry, equations.least_mass(&hung)?);
+        }
         let form = entry.forms().into_iter().next()?;
         let action = columns::action(
             entry,
@@ -80,9 +99,7 @@ impl Setting<'_> {
         let (arm, _) = file.joints[joint].carries.first()?;
         let Body::Arm { first_moment, .. } = &file.bodies.get(*arm)?.value else { return None };
         let least = at(first_moment, &physical.values).abs() / along_an_arm::length(file, *arm, &physical.values)?;
-        let grid: Vec<f64> = MASSES.iter().map(|m| m * least).collect();
-        let entry = entry.with_shape(MASS, grid, Some([least, MOST_MASS * least]));
-        (least > 0.0 && least.is_finite()).then(|| Arc::new(entry))
+        with_mass(entry, least)
     }
 
     /// An entry whose grid of a shape parameter holds the size of the motion: where it does not, as
