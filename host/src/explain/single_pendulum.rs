@@ -14,7 +14,8 @@ use super::Settings;
 use super::explanation::Explanation;
 use super::{decidability, engine};
 use crate::effects::catalogue;
-use crate::effects::entry::Verb;
+use crate::effects::columns::LOAD;
+use crate::effects::entry::{Entry, Verb};
 use crate::error::{BadInput, Result};
 use crate::identify::model_file::own_keys;
 use crate::identify::system::System as Known;
@@ -136,18 +137,30 @@ fn as_own_system(records: &[Record], rig: &Rig, mut own_rig: Rig, settings: &Set
     // Gravity as the whole model has it, not the nominal one, tells the inertia.
     let last = out.parameters.iter().find(|p| p.name == "q_sin").map_or(gravity, |p| p.value);
     let factor = inertia(rig, last).zip(inertia(rig, gravity)).map_or(1.0, |(a, b)| a / b);
+    let entry = |id: &str| catalogue().iter().chain(rig.effects.iter().map(AsRef::as_ref)).find(|e| e.id == id);
     for e in &mut out.effects {
-        rescale(factor, &e.id, &mut e.value, &mut e.std_error, &mut e.parameters);
+        rescale(factor, entry(&e.id), &mut e.value, &mut e.std_error, &mut e.parameters);
     }
     for e in out.model.iter_mut().flat_map(|m| &mut m.effects) {
-        rescale(factor, &e.id, &mut e.value, &mut e.std_error, &mut e.parameters);
+        rescale(factor, entry(&e.id), &mut e.value, &mut e.std_error, &mut e.parameters);
+    }
+    for p in &mut out.parameters {
+        if let Some((id, _)) = p.name.split_once('@') {
+            rescale(factor, entry(id), &mut p.value, &mut p.std_error, &mut BTreeMap::new());
+        }
     }
     Ok(out)
 }
 
-/// Multiplies what an effect tells in torques.
-fn rescale(factor: f64, id: &str, value: &mut f64, std_error: &mut f64, parameters: &mut BTreeMap<String, f64>) {
-    let Some(entry) = catalogue().iter().find(|e| e.id == id && e.verb == Verb::Force) else { return };
+/// Multiplies what an effect tells in torques; one by a load is told as a length.
+fn rescale(
+    factor: f64,
+    entry: Option<&Entry>,
+    value: &mut f64,
+    std_error: &mut f64,
+    parameters: &mut BTreeMap<String, f64>,
+) {
+    let Some(entry) = entry.filter(|e| e.verb == Verb::Force && !e.names(LOAD)) else { return };
     let is_shape = |name: &String| entry.shapes.iter().any(|s| s.name == *name);
     if !entry.value.as_ref().is_some_and(is_shape) {
         *value *= factor;
