@@ -4,6 +4,8 @@
 use std::sync::{Arc, OnceLock, RwLock};
 
 use super::windows::Kernels;
+use crate::model::model_file::equations_of_motion::wrapped;
+use crate::model::model_file::expression::Symbol;
 use crate::model::model_file::memory::{Course, Memory};
 
 /// Laws of states by number: [`crate::model::model_file::expression::Symbol::Memory`].
@@ -134,6 +136,29 @@ impl History {
     /// Whether a state stays within the finite numbers.
     pub fn is_finite(&self, number: usize) -> bool {
         self.followed(number, |_| ()).is_some()
+    }
+
+    /// Whether a state, and those of its law beside it, settle so slowly along the motion that a
+    /// step of a sample follows them: |∂r_k/∂z_k| times the sample's spacing at most `most`.
+    pub fn is_slow(&self, number: usize, most: f64) -> bool {
+        let Some((memory, _)) = self.laws.law(number) else { return false };
+        let numbers: Vec<usize> = (0..memory.len()).map(|j| self.laws.number(&memory, j)).collect();
+        let values: Option<Vec<Vec<f64>>> = numbers.iter().map(|&k| self.followed(k, <[f64]>::to_vec)).collect();
+        let Some(values) = values else { return false };
+        let count = self.coordinates.first().map_or(0, Vec::len);
+        memory.rates().iter().enumerate().all(|(j, rate)| {
+            let Some(slope) = rate.derivative_between_jumps(Symbol::State(j)) else { return false };
+            let at = |i: usize| {
+                slope.value(&|s| match s {
+                    Symbol::Coordinate(k) if self.circle[k] => wrapped(self.coordinates[k][i]),
+                    Symbol::Coordinate(k) => self.coordinates[k][i],
+                    Symbol::Rate(k) => self.rates[k][i],
+                    Symbol::State(k) => values[k][i],
+                    _ => f64::NAN,
+                })
+            };
+            (0..count).all(|i| at(i).abs() * self.step_s <= most)
+        })
     }
 
     /// A state at `count` samples from a time on; beyond the stretch as at its ends, NaN where it

@@ -20,6 +20,10 @@ type Terms = Vec<(usize, String, Node)>;
 /// Share of its standard error by which an increment may move, and is settled.
 const SMALL_INCREMENT: f64 = 0.3;
 
+/// Decay of a state within a sample up to which Dormand and Prince's step follows it: it is stable
+/// up to 3.3.
+const FASTEST: f64 = 2.0;
+
 /// An effect in the model.
 #[derive(Clone)]
 pub struct Chosen {
@@ -176,10 +180,32 @@ impl State {
         x: &DVector<f64>,
         record: usize,
     ) -> Option<(EquationsOfMotion, Vec<f64>, Vec<usize>)> {
+        self.motion_hiding(setting, x, record, &|_| true)
+    }
+
+    /// The same for shooting, whose paths move the states of effects with them; those that are
+    /// beside them, by which shapes are refined, are the record's.
+    pub fn followed_motion_of(
+        &self,
+        setting: &Setting<'_>,
+        x: &DVector<f64>,
+        record: usize,
+    ) -> Option<(EquationsOfMotion, Vec<f64>, Vec<usize>)> {
+        let own = self.own_states();
+        self.motion_hiding(setting, x, record, &|k| own.contains(&k))
+    }
+
+    fn motion_hiding(
+        &self,
+        setting: &Setting<'_>,
+        x: &DVector<f64>,
+        record: usize,
+        hides: &dyn Fn(usize) -> bool,
+    ) -> Option<(EquationsOfMotion, Vec<f64>, Vec<usize>)> {
         let (mut terms, strengths) = self.terms(setting, x);
         for (_, _, of) in &mut terms {
             *of = of.replace(&|s| match s {
-                Symbol::Memory(k) => {
+                Symbol::Memory(k) if hides(k) => {
                     setting.laws.law(k).map_or_else(|| symbol(s), |(m, j)| Arc::new(Expression::Memory(m, j)))
                 }
                 other => symbol(other),
@@ -229,6 +255,22 @@ impl State {
             }
         }
         (terms, strengths)
+    }
+
+    /// Numbers of the states of everything chosen in its own form, but of those that settle so fast
+    /// that an explicit step loses them; these hardly deviate from the record's.
+    fn own_states(&self) -> Vec<usize> {
+        let is_slow = |k: &usize| {
+            let of = |s: &Stretch| s.history.as_ref().is_some_and(|h| h.is_slow(*k, FASTEST));
+            self.stretches.iter().all(of)
+        };
+        self.chosen.iter().flat_map(|k| k.candidate.own_states()).filter(is_slow).collect()
+    }
+
+    /// Numbers of the states that [`State::followed_motion_of`] takes from the record, sorted.
+    pub fn beside(&self) -> Vec<usize> {
+        let own = self.own_states();
+        self.remembered().into_iter().filter(|k| !own.contains(k)).collect()
     }
 
     /// Numbers of the states of everything chosen, sorted: those that [`State::motion`] takes from

@@ -82,6 +82,22 @@ impl Blocks {
         Self { windows, weights, signs, origin, still: Vec::new(), places: Vec::new() }
     }
 
+    /// Adds the candidates' columns of others about the same windows; whether these are the same.
+    pub fn join(&mut self, others: &Self) -> bool {
+        let first = |b: &Self| b.windows.first().and_then(|w| w.first()).map(|p| p.gram.layout().clone());
+        let (Some(own), Some(more), true) = (first(self), first(others), self.places == others.places) else {
+            return false;
+        };
+        let layout = own.joined(&more);
+        for (parts, others) in self.windows.iter_mut().zip(&others.windows) {
+            parts.iter_mut().zip(others).for_each(|(p, o)| p.gram = p.gram.joined(&o.gram, &layout));
+        }
+        let behind = others.signs.get(own.own..).unwrap_or_default();
+        self.signs.resize(own.columns, 0.0);
+        self.signs.extend_from_slice(behind);
+        true
+    }
+
     /// Mean square residual of each part in units of the noise, for coefficients of the first
     /// columns.
     pub fn misfits(&self, x: &DVector<f64>) -> Vec<Vec<f64>> {

@@ -17,7 +17,6 @@ use super::path::{FEWEST_SAMPLES, Path, Window};
 use super::window_inputs::WindowInputs;
 use crate::identify::track;
 use crate::model::flow::abreast::VectorField;
-use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::expression::{Node, Symbol};
 use crate::model::model_file::tape::{Registers, Tape};
 
@@ -40,17 +39,24 @@ pub struct Course<'a> {
     omega: f64,
 }
 
-/// Everything that has a column, for one record.
-struct Columns {
-    motion: EquationsOfMotion,
-    parameters: Vec<f64>,
-    forcing: Forcing,
+/// What is fitted to every window.
+struct Fitted<'a> {
+    list: &'a List<'a>,
+    layout: Arc<Layout>,
+    /// Everything that has a column, for each record.
+    records: Vec<Forcing>,
 }
 
 /// One window at one linearisation.
 pub struct Solved {
     /// The model's flow.
     pub linear: Linear,
+    /// What is fitted to it.
+    pub columns: Columns,
+}
+
+/// What is fitted to a window.
+pub struct Columns {
     /// Accelerations by every column.
     pub alpha: Vec<f64>,
     /// Normal equations with the initial state.
@@ -87,7 +93,7 @@ impl<'a> Course<'a> {
     /// For the state's stretches.
     pub fn new(setting: &'a Setting<'a>, state: &'a State) -> Self {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
-        let numbers = state.remembered();
+        let numbers = state.beside();
         let between = state.stretches.iter().map(|s| track::ExogenousInputs::remembering(s, omega, &numbers)).collect();
         let shown = state.stretches.iter().map(|s| s.sensors(&setting.bound)).collect();
         let (weights, sigma) = state.on_track(setting, |t| (t.sensors.clone(), t.sigma.clone()));
@@ -122,7 +128,7 @@ impl<'a> Course<'a> {
     }
 
     /// Columns of a list for every record.
-    fn columns(&self, list: &List<'_>) -> Option<(Arc<Layout>, Vec<Columns>)> {
+    fn fitted<'l>(&self, list: &'l List<'l>) -> Option<Fitted<'l>> {
         let (setting, state) = (self.setting, self.state);
         let model = setting.model();
         let own = setting.own.names.len();
@@ -141,14 +147,12 @@ impl<'a> Course<'a> {
             .filter(|(c, _, _)| *c < own + chosen)
             .map(|(c, e, of)| (*e, list.x[*c], of.clone()))
             .collect();
-        let x = DVector::from_column_slice(&list.x);
         let places = model.term_places();
         let records = setting
             .own
             .of_record
             .iter()
-            .enumerate()
-            .map(|(record, columns)| {
+            .map(|columns| {
                 let coefficients: Vec<f64> = columns.iter().map(|c| list.x[*c]).collect();
                 let mut additions: Additions = Vec::new();
                 for (e, equation) in model.equations.iter().enumerate() {
@@ -157,12 +161,10 @@ impl<'a> Course<'a> {
                     }
                 }
                 additions.extend(shared.iter().cloned());
-                let (motion, parameters) = state.motion_of(setting, &x, record)?;
-                let forcing = Forcing::new(model, setting.rig.omega(), &coefficients, &moved, count, &additions);
-                Some(Columns { motion, parameters, forcing })
+                Some(Forcing::new(model, setting.rig.omega(), &coefficients, &moved, count, &additions))
             })
             .collect::<Option<Vec<_>>>()?;
-        Some((list.layout(), records))
+        Some(Fitted { list, layout: list.layout(), records })
     }
 
     /// What the sensors showed over a window, and what columns of sensors add there.
@@ -204,25 +206,38 @@ impl<'a> Course<'a> {
         Measured { values, shown: &self.weights, sigma: &self.sigma, laws }
     }
 
-    /// A window linearised; none where that is not possible. Accelerations by its columns are kept
-    /// if it is to be moved: with every candidate's columns that would be much.
-    fn solve(
-        &self,
-        path: &Path,
-        w: &Window,
-        list: &List<'_>,
-        layout: &Arc<Layout>,
-        records: &[Columns],
-        moves: bool,
-    ) -> Option<Solved> {
+    /// The model's flow about every window's path at the coefficients `x`, whatever is fitted to it.
+    pub fn linear(&self, paths: &[Path], all: &[Window], x: &[f64]) -> Option<Vec<Option<Linear>>> {
+        let x = DVector::from_column_slice(x);
+        let motion = |record: usize| self.state.followed_motion_of(self.setting, &x, record);
+        let motions = (0..self.setting.own.of_record.len()).map(motion).collect::<Option<Vec<_>>>()?;
+        let of = |w: &Window| {
+            let (motion, parameters, hidden) = motions.get(self.record_of(w))?;
+            let field = VectorField { motion, parameters };
+            Linear::new(
+                paths[w.stretch].of(w, self.setting.circle.len()),
+                &self.window_inputs(&paths[w.stretch], w),
+                field,
+                hidden,
+            )
+        };
+        Some(all.par_iter().map(of).collect())
+    }
+
+    fn record_of(&self, w: &Window) -> usize {
+        self.setting.record_of.get(w.stretch).copied().unwrap_or(0)
+    }
+
+    /// A window about which the model's flow is linear; none where columns have no value there.
+    /// Accelerations by its columns are kept if it is to be moved: with every candidate's columns
+    /// that would be much.
+    fn solve(&self, path: &Path, w: &Window, fitted: &Fitted<'_>, linear: &Linear, moves: bool) -> Option<Columns> {
         let n = self.setting.circle.len();
-        let record = self.setting.record_of.get(w.stretch).copied().unwrap_or(0);
-        let columns = records.get(record)?;
-        let states = &path.states[2 * n * w.first..2 * n * (w.first + w.count)];
+        let Fitted { list, layout, records } = fitted;
+        let forcing = records.get(self.record_of(w))?;
+        let states = path.of(w, n);
         let exogenous = self.window_inputs(path, w);
-        let field = VectorField { motion: &columns.motion, parameters: &columns.parameters };
-        let linear = Linear::new(states, &exogenous, field)?;
-        let driven = columns.forcing.on(&linear.points, &linear.accelerations, &exogenous);
+        let driven = forcing.on(&linear.points, &linear.accelerations, &exogenous);
         let measured = self.measured(path, w, states, list);
         let short = if w.count / SHORT >= FEWEST_SAMPLES { w.count / SHORT } else { w.count };
         let mut registers = Registers::default();
@@ -256,21 +271,34 @@ impl<'a> Course<'a> {
             }
             parts.extend(sum);
         }
-        Some(Solved { linear, alpha, normal, parts })
+        Some(Columns { alpha, normal, parts })
     }
 
     /// All windows linearised.
     pub fn solved(&self, paths: &[Path], all: &[Window], list: &List<'_>) -> Option<Vec<Option<Solved>>> {
-        let (layout, records) = self.columns(list)?;
-        Some(all.par_iter().map(|w| self.solve(&paths[w.stretch], w, list, &layout, &records, true)).collect())
+        let (fitted, linear) = (self.fitted(list)?, self.linear(paths, all, &list.x)?);
+        let of = |(w, linear): (&Window, Option<Linear>)| {
+            let linear = linear?;
+            Some(Solved { columns: self.solve(&paths[w.stretch], w, &fitted, &linear, true)?, linear })
+        };
+        Some(all.par_iter().zip(linear).map(of).collect())
     }
 
-    /// Gram matrices of all windows, without what they were made of: with every candidate's columns
-    /// that would be much.
-    pub fn reduced(&self, paths: &[Path], all: &[Window], list: &List<'_>, signs: Vec<f64>) -> Option<Blocks> {
-        let (layout, records) = self.columns(list)?;
-        let of = |w: &Window| Some(self.solve(&paths[w.stretch], w, list, &layout, &records, false)?.parts);
-        let found: Vec<Option<Vec<Part>>> = all.par_iter().map(of).collect();
+    /// Gram matrices of all windows about which the model is `linear`, without what they were made
+    /// of: with every candidate's columns that would be much.
+    pub fn reduced(
+        &self,
+        paths: &[Path],
+        all: &[Window],
+        linear: &[Option<Linear>],
+        list: &List<'_>,
+        signs: Vec<f64>,
+    ) -> Option<Blocks> {
+        let fitted = self.fitted(list)?;
+        let of = |(w, linear): (&Window, &Option<Linear>)| {
+            Some(self.solve(&paths[w.stretch], w, &fitted, linear.as_ref()?, false)?.parts)
+        };
+        let found: Vec<Option<Vec<Part>>> = all.par_iter().zip(linear).map(of).collect();
         let whole = |w: &Window| {
             let first = paths[w.stretch].first + w.first;
             [w.stretch, first, first + w.count]
@@ -290,7 +318,7 @@ impl<'a> Course<'a> {
     /// Blocks of the windows that have a solution at coefficients `x`, and their numbers.
     pub fn blocks(&self, solved: &[Option<Solved>], signs: Vec<f64>, x: &[f64]) -> (Blocks, Vec<usize>) {
         let kept: Vec<usize> = (0..solved.len()).filter(|&k| solved[k].is_some()).collect();
-        let windows = solved.iter().flatten().map(|s| s.parts.clone()).collect();
+        let windows = solved.iter().flatten().map(|s| s.columns.parts.clone()).collect();
         (Blocks::new(windows, signs, x.to_vec()), kept)
     }
 

@@ -32,6 +32,12 @@ impl Layout {
         }
         Arc::new(Self { own, columns: at, groups, group_of })
     }
+
+    /// The same with the groups of another of the same own columns behind its own.
+    pub fn joined(&self, other: &Self) -> Arc<Self> {
+        let sizes: Vec<usize> = self.groups.iter().chain(&other.groups).map(|g| g.1).collect();
+        Self::new(self.own, &sizes)
+    }
 }
 
 /// Sums of products over rows that begin with `first` columns more than the layout has (an initial
@@ -82,7 +88,7 @@ impl Sums {
     /// products of others gain WᵀY + YᵀW.
     pub fn carried(&self, map: &DMatrix<f64>, to: &mut Self) {
         let (m, own, columns) = (self.first, self.layout.own, self.layout.columns);
-        let (square, mut half) = self.of_first();
+        let (square, mut half) = self.of_first(0);
         let (p, w) = (map.columns(0, m), map.columns(m, columns + 1));
         half.gemm(0.5, &square, &w, 1.0);
         let mut whole = half.clone();
@@ -105,16 +111,26 @@ impl Sums {
         }
     }
 
-    /// Products of the first with one another, with the columns, and with the target.
-    pub fn of_first(&self) -> (DMatrix<f64>, DMatrix<f64>) {
+    /// Products of the first with one another, with the columns, and with the target, the last
+    /// `pinned` of the first being nothing.
+    pub fn of_first(&self, pinned: usize) -> (DMatrix<f64>, DMatrix<f64>) {
         let (m, rest) = (self.first, self.layout.columns + 1);
-        (self.head.view((0, 0), (m, m)).into_owned(), self.head.view((0, m), (m, rest)).into_owned())
+        let mut square = self.head.view((0, 0), (m, m)).into_owned();
+        let mut coupling = self.head.view((0, m), (m, rest)).into_owned();
+        for i in m - pinned..m {
+            square.row_mut(i).fill(0.0);
+            square.column_mut(i).fill(0.0);
+            square[(i, i)] = 1.0;
+            coupling.row_mut(i).fill(0.0);
+        }
+        (square, coupling)
     }
 
-    /// The same with the first eliminated; none where the rows do not determine them.
-    pub fn reduced(&self) -> Option<Gram> {
+    /// The same with the first eliminated, of which the last `pinned` are nothing; none where the
+    /// rows do not determine them.
+    pub fn reduced(&self, pinned: usize) -> Option<Gram> {
         let (m, own, columns) = (self.first, self.layout.own, self.layout.columns);
-        let (square, coupling) = self.of_first();
+        let (square, coupling) = self.of_first(pinned);
         let solved = square.cholesky()?.solve(&coupling);
         let mut out = Self::zeros(&self.layout, 0);
         let column = |i: usize| if i < own { i } else { columns };
@@ -205,6 +221,22 @@ impl Gram {
         self.0.groups[group][(at, at)] += by;
     }
 
+    /// The same with the groups of another of the same own columns behind its own.
+    pub fn joined(&self, other: &Self, layout: &Arc<Layout>) -> Self {
+        let (Sums { head, groups, layout: first, .. }, more) = (&self.0, &other.0);
+        let (own, behind) = (first.own, more.layout.columns - more.layout.own);
+        let mut whole = DMatrix::zeros(own + 1, layout.columns + 1);
+        whole.columns_mut(0, first.columns).copy_from(&head.columns(0, first.columns));
+        whole.columns_mut(first.columns, behind + 1).copy_from(&more.head.columns(own, behind + 1));
+        let groups = groups.iter().chain(&more.groups).cloned().collect();
+        Self(Sums { head: whole, groups, layout: layout.clone(), first: 0 })
+    }
+
+    /// Its layout.
+    pub fn layout(&self) -> &Arc<Layout> {
+        &self.0.layout
+    }
+
     /// Adds another of the same layout.
     pub fn add(&mut self, other: &Self) {
         self.0.head += &other.0.head;
@@ -261,7 +293,7 @@ mod tests {
         let mut sums = Sums::zeros(&layout, 2);
         sums.push(&rows.columns(0, 25).into_owned());
         sums.push(&rows.columns(25, 15).into_owned());
-        let mut gram = sums.reduced().unwrap();
+        let mut gram = sums.reduced(0).unwrap();
         let full = &rows * rows.transpose();
         let (a, b) = (full.view((0, 0), (2, 2)).into_owned(), full.view((0, 2), (2, 6)).into_owned());
         let wanted = full.view((2, 2), (6, 6)) - b.transpose() * a.try_inverse().unwrap() * &b;
@@ -287,6 +319,13 @@ mod tests {
             assert!((found[(i, 3)] - change(x)).abs() < 1e-12);
         }
         assert!((found[(3, 3)] - change(5) - 2.0 * change(1)).abs() < 1e-12);
+        let both = gram.joined(&gram, &layout.joined(&layout));
+        for (columns, same) in
+            [([0, 1, 6, 7], [0, 1, 3, 4]), ([0, 1, 3, 4], [0, 1, 3, 4]), ([0, 1, 5, 5], [0, 1, 2, 2])]
+        {
+            assert_eq!(both.chosen(&columns), gram.chosen(&same));
+        }
+        assert!(both.chosen(&[4, 6])[(0, 1)].is_nan());
         let other = gram.clone();
         gram.add(&other);
         gram.stiffen(3, 1.0);

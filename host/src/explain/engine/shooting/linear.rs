@@ -29,9 +29,11 @@ pub struct Linear {
     pub points: Vec<f64>,
     /// Accelerations there, n for each.
     pub accelerations: Vec<f64>,
-    /// A_k, 2n × 2n row after row, for each point but the last.
+    /// Entries of δ: 2n, and the states of effects.
+    size: usize,
+    /// A_k, row after row, for each point but the last.
     slopes: Vec<f64>,
-    /// e_k, 2n for each sample but the last.
+    /// e_k for each sample but the last.
     defects: Vec<f64>,
     /// Points to a sample.
     each: usize,
@@ -58,50 +60,79 @@ pub struct Normal {
     sums: Sums,
     /// Rows.
     pub rows: usize,
+    /// How many of the initial state's last entries are at nothing.
+    pinned: usize,
 }
 
 impl Linear {
-    /// None where the model has no solution somewhere.
-    pub fn new(states: &[f64], exogenous: &WindowInputs<'_>, field: VectorField<'_>) -> Option<Self> {
-        let m = 2 * field.motion.degrees_of_freedom();
+    /// None where the model has no solution somewhere. `hidden` are the numbers of the states of
+    /// effects that the equations of motion follow themselves.
+    pub fn new(states: &[f64], exogenous: &WindowInputs<'_>, field: VectorField<'_>, hidden: &[usize]) -> Option<Self> {
+        let all = field.motion.degrees_of_freedom();
+        let n = all - hidden.len();
+        let (m, size) = (2 * n, 2 * n + hidden.len());
         let (each, spacing) = (exogenous.points, exogenous.spacing());
         let count = states.len() / m;
         let points = count.saturating_sub(1) * each + 1;
         let mut out = Self {
-            points: Vec::with_capacity(m * points),
-            accelerations: vec![0.0; m / 2 * points],
-            slopes: Vec::new(),
-            defects: Vec::with_capacity(m * count),
+            points: vec![0.0; m * points],
+            accelerations: vec![0.0; n * points],
+            size,
+            slopes: vec![0.0; size * size * points.saturating_sub(1)],
+            defects: Vec::with_capacity(size * count),
             each,
             spacing,
         };
-        out.points.resize(m * points.saturating_sub(1), 0.0);
-        out.slopes.resize(m * m * points.saturating_sub(1), 0.0);
+        // A state of an effect is the rate of a coordinate on which nothing depends.
+        let remembered: Vec<Vec<f64>> = hidden.iter().map(|&k| exogenous.remembered(k, points)).collect();
+        let whole: Vec<f64> = states
+            .chunks_exact(m)
+            .enumerate()
+            .flat_map(|(k, s)| {
+                let own = remembered.iter().map(move |z| z[k * each]);
+                s[..n].iter().copied().chain(hidden.iter().map(|_| 0.0)).chain(s[n..].iter().copied()).chain(own)
+            })
+            .collect();
+        let kept: Vec<usize> = (0..n).chain(all..2 * all).collect();
         let mut steps = Steps::new(field.motion);
-        let mut here = states[..m * count.saturating_sub(1)].to_vec();
+        let mut here = whole[..2 * all * count.saturating_sub(1)].to_vec();
         for j in 0..each {
-            for (block, states) in here.chunks_mut(m * ABREAST).enumerate() {
+            for (block, states) in here.chunks_mut(2 * all * ABREAST).enumerate() {
                 let point = |i: usize| (block * ABREAST + i) * each + j;
-                out.step(states, &mut steps, exogenous, field, point)?;
+                out.step(states, &mut steps, exogenous, field, &kept, point)?;
             }
         }
-        out.defects.extend(here.iter().zip(&states[m..]).map(|(a, b)| a - b));
-        let last = &states[m * count.checked_sub(1)?..];
-        out.points.extend_from_slice(last);
-        let to = &mut out.accelerations[m / 2 * (points - 1)..];
-        if !exogenous.acceleration(points - 1, last, field, to) {
+        for (reached, next) in here.chunks_exact(2 * all).zip(whole[2 * all..].chunks_exact(2 * all)) {
+            out.defects.extend(kept.iter().map(|&c| reached[c] - next[c]));
+        }
+        let last = &whole[2 * all * count.checked_sub(1)?..];
+        let mut accelerations = vec![0.0; all];
+        if !exogenous.acceleration(points - 1, last, field, &mut accelerations) {
             return None;
         }
+        out.keep_point(points - 1, last, &accelerations);
         out.slopes.iter().chain(&out.defects).all(|x| x.is_finite()).then_some(out)
     }
 
-    /// Carries states from their points to the next ones, and keeps both points and slopes.
+    /// Coordinates, rates and accelerations of a whole state at a point.
+    fn keep_point(&mut self, point: usize, state: &[f64], accelerations: &[f64]) {
+        let all = state.len() / 2;
+        let n = self.size - all;
+        let to = &mut self.points[2 * n * point..2 * n * (point + 1)];
+        to[..n].copy_from_slice(&state[..n]);
+        to[n..].copy_from_slice(&state[all..all + n]);
+        self.accelerations[n * point..n * (point + 1)].copy_from_slice(&accelerations[..n]);
+    }
+
+    /// Carries states from their points to the next ones, and keeps both points and slopes, of the
+    /// latter some rows and columns.
     fn step(
         &mut self,
         states: &mut [f64],
         steps: &mut Steps,
         exogenous: &WindowInputs<'_>,
         field: VectorField<'_>,
+        kept: &[usize],
         point: impl Fn(usize) -> usize,
     ) -> Option<()> {
         let m = 2 * field.motion.degrees_of_freedom();
@@ -110,17 +141,19 @@ impl Linear {
         steps.set(states.chunks_exact(m));
         let of = |i: usize| (exogenous.time(point(i)), exogenous.tau(point(i)));
         steps.carry(field, of, &outside, self.spacing);
+        let mut accelerations = vec![0.0; m / 2];
         for (i, state) in states.chunks_exact_mut(m).enumerate() {
             if !steps.exists[i] {
                 return None;
             }
             let p = point(i);
-            self.points[m * p..m * (p + 1)].copy_from_slice(state);
-            let slopes = &mut self.slopes[m * m * p..m * m * (p + 1)];
-            let accelerations = &mut self.accelerations[m / 2 * p..m / 2 * (p + 1)];
             accelerations.iter_mut().enumerate().for_each(|(c, x)| *x = steps.acceleration(c, i));
+            self.keep_point(p, state, &accelerations);
             state.iter_mut().enumerate().for_each(|(c, x)| *x = steps.value(c, i));
-            slopes.iter_mut().enumerate().for_each(|(c, x)| *x = steps.value(m + c, i));
+            let slopes = &mut self.slopes[self.size * self.size * p..self.size * self.size * (p + 1)];
+            for (row, &r) in slopes.chunks_exact_mut(self.size).zip(kept) {
+                row.iter_mut().zip(kept).for_each(|(x, &c)| *x = steps.value(m + r * m + c, i));
+            }
         }
         Some(())
     }
@@ -128,7 +161,11 @@ impl Linear {
     /// Weights of the accelerations at both ends of a step in the state's row `i`.
     fn weights(&self, i: usize, n: usize) -> (f64, f64) {
         let spacing = self.spacing;
-        if i < n { (spacing * spacing / 3.0, spacing * spacing / 6.0) } else { (0.5 * spacing, 0.5 * spacing) }
+        match i / n {
+            0 => (spacing * spacing / 3.0, spacing * spacing / 6.0),
+            1 => (0.5 * spacing, 0.5 * spacing),
+            _ => (0.0, 0.0),
+        }
     }
 
     /// The normal equations of a window over columns whose accelerations from one point to another
@@ -143,12 +180,13 @@ impl Linear {
         segment: usize,
     ) -> Option<(Normal, Vec<Normal>)> {
         let m = 2 * measured.shown.first().map_or(0, Vec::len);
-        let (count, width) = (states.len() / m, m + layout.columns + 1);
-        let mut whole = Normal { sums: Sums::zeros(layout, m), rows: 0 };
+        let (count, d) = (states.len() / m, self.size);
+        let width = d + layout.columns + 1;
+        let mut whole = Normal { sums: Sums::zeros(layout, d), rows: 0, pinned: d - m };
         let mut parts = Vec::new();
         let mut accelerations = Vec::new();
         // The segment's first state by the window's, the columns, and what defects add up to.
-        let mut map = DMatrix::identity(m, width);
+        let mut map = DMatrix::identity(d, width);
         for first in (0..count).step_by(segment) {
             let end = (first + segment).min(count);
             alpha(first * self.each..end.min(count - 1) * self.each + 1, &mut accelerations)?;
@@ -159,9 +197,9 @@ impl Linear {
                 parts.push(part);
             }
             if end < count {
-                let z = DMatrix::from_row_slice(m, width, &z);
-                let mut next = z.columns(0, m) * &map;
-                next.columns_mut(m, layout.columns).add_assign(&z.columns(m, layout.columns));
+                let z = DMatrix::from_row_slice(d, width, &z);
+                let mut next = z.columns(0, d) * &map;
+                next.columns_mut(d, layout.columns).add_assign(&z.columns(d, layout.columns));
                 next.column_mut(width - 1).axpy(-1.0, &z.column(width - 1), 1.0);
                 map = next;
             }
@@ -170,7 +208,7 @@ impl Linear {
     }
 
     /// Sums over a range of samples, between which the columns' accelerations are `alpha`, and what
-    /// deviations there make of the state at its end: m rows by the first state, the columns, and
+    /// deviations there make of the state at its end: rows by the first state, the columns, and
     /// the defects.
     fn segment(
         &self,
@@ -183,17 +221,17 @@ impl Linear {
         let columns = layout.columns;
         let sensors = measured.shown.len();
         let n = measured.shown.first().map_or(0, Vec::len);
-        let m = 2 * n;
-        let width = m + columns + 1;
+        let (m, d) = (2 * n, self.size);
+        let width = d + columns + 1;
         let last = states.len() / m - 1;
-        let mut z = vec![0.0; m * width];
-        (0..m).for_each(|i| z[i * width + i] = 1.0);
+        let mut z = vec![0.0; d * width];
+        (0..d).for_each(|i| z[i * width + i] = 1.0);
         let mut next = z.clone();
-        let mut sums = Sums::zeros(layout, m);
+        let mut sums = Sums::zeros(layout, d);
         let mut chunk = DMatrix::zeros(width, CHUNK.min(samples.len() * sensors));
         let mut filled = 0;
         for k in samples.clone() {
-            let mut terms: Vec<(f64, &[f64])> = Vec::with_capacity(m);
+            let mut terms: Vec<(f64, &[f64])> = Vec::with_capacity(d);
             for s in 0..sensors {
                 let mut column = chunk.column_mut(filled);
                 let row = column.as_mut_slice();
@@ -206,7 +244,7 @@ impl Linear {
                 // The last column of z is what the defects add up to.
                 row[width - 1] = scale * (measured.values[k * sensors + s] - predicted) - row[width - 1];
                 for (c, _, law) in measured.laws.iter().filter(|l| l.1 == s) {
-                    row[m + c] += scale * law[k];
+                    row[d + c] += scale * law[k];
                 }
                 filled += 1;
                 if filled == chunk.ncols() {
@@ -218,31 +256,31 @@ impl Linear {
                 break;
             }
             for point in k * self.each..(k + 1) * self.each {
-                let a = &self.slopes[m * m * point..];
+                let a = &self.slopes[d * d * point..];
                 let here = &alpha[(point - samples.start * self.each) * n * columns..][..2 * n * columns];
-                let mut terms: Vec<(f64, &[f64])> = Vec::with_capacity(m + 2);
+                let mut terms: Vec<(f64, &[f64])> = Vec::with_capacity(d + 2);
                 for (i, to) in next.chunks_exact_mut(width).enumerate() {
-                    let by = z.chunks_exact(width).zip(&a[i * m..(i + 1) * m]).filter(|(_, f)| **f != 0.0);
+                    let by = z.chunks_exact(width).zip(&a[i * d..(i + 1) * d]).filter(|(_, f)| **f != 0.0);
                     let (p, q) = self.weights(i, n);
                     let of = |end: usize| &here[(end * n + i % n) * columns..][..columns];
                     terms.clear();
-                    terms.extend(by.clone().map(|(z, f)| (*f, &z[m..m + columns])));
+                    terms.extend(by.clone().map(|(z, f)| (*f, &z[d..d + columns])));
                     terms.extend([(p, of(0)), (q, of(1))]);
-                    combine(&mut to[m..m + columns], &terms);
-                    for c in (0..m).chain([width - 1]) {
+                    combine(&mut to[d..d + columns], &terms);
+                    for c in (0..d).chain([width - 1]) {
                         to[c] = by.clone().map(|(z, f)| f * z[c]).sum();
                     }
                 }
                 core::mem::swap(&mut z, &mut next);
             }
-            for i in 0..m {
-                z[i * width + width - 1] += self.defects[m * k + i];
+            for i in 0..d {
+                z[i * width + width - 1] += self.defects[d * k + i];
             }
         }
         if filled > 0 {
             sums.push(&chunk.columns(0, filled).into_owned());
         }
-        (Normal { sums, rows: samples.len() * sensors }, z)
+        (Normal { sums, rows: samples.len() * sensors, pinned: d - m }, z)
     }
 
     /// The path moved by an initial step and a step of the columns; also the greatest rms movement
@@ -256,7 +294,7 @@ impl Linear {
         measured: &Measured<'_>,
     ) -> (Vec<f64>, f64) {
         let n = measured.shown.first().map_or(0, Vec::len);
-        let m = 2 * n;
+        let (m, d) = (2 * n, self.size);
         let columns = step.len();
         let count = states.len() / m;
         let mut delta: Vec<f64> = start.iter().copied().collect();
@@ -282,15 +320,15 @@ impl Linear {
             }
             for point in k * self.each..(k + 1) * self.each {
                 let there = force(point + 1);
-                let a = &self.slopes[m * m * point..];
-                let mut next: Vec<f64> = (0..m).map(|i| (0..m).map(|j| a[i * m + j] * delta[j]).sum()).collect();
+                let a = &self.slopes[d * d * point..];
+                let mut next: Vec<f64> = (0..d).map(|i| (0..d).map(|j| a[i * d + j] * delta[j]).sum()).collect();
                 for (i, x) in next.iter_mut().enumerate() {
                     let (p, q) = self.weights(i, n);
                     *x += p * here[i % n] + q * there[i % n];
                 }
                 (delta, here) = (next, there);
             }
-            delta.iter_mut().zip(&self.defects[m * k..]).for_each(|(d, e)| *d += e);
+            delta.iter_mut().zip(&self.defects[d * k..]).for_each(|(d, e)| *d += e);
         }
         let greatest = squares.iter().map(|s| (s / count.max(1) as f64).sqrt()).fold(0.0, f64::max);
         (out, greatest)
@@ -301,100 +339,17 @@ impl Normal {
     /// The Gram matrix with the initial state eliminated; none where the record does not determine
     /// it.
     pub fn reduced(&self) -> Option<Gram> {
-        self.sums.reduced()
+        self.sums.reduced(self.pinned)
     }
 
     /// The initial step that goes with a step of the first columns.
     pub fn start(&self, step: &DVector<f64>) -> Option<DVector<f64>> {
-        let (square, coupling) = self.sums.of_first();
+        let (square, coupling) = self.sums.of_first(self.pinned);
         let right = coupling.column(coupling.ncols() - 1) - coupling.columns(0, step.len()) * step;
         Some(square.cholesky()?.solve(&right))
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use std::path::Path;
-
-    use super::super::forcing::{Additions, Forcing};
-    use super::*;
-    use crate::explain::ranking::solve;
-    use crate::identify::stretches::Stretch;
-    use crate::identify::track;
-    use crate::model::flow::{Flow, Work};
-    use crate::model::model_file::ModelFile;
-    use crate::model::model_file::equations_of_motion::EquationsOfMotion;
-    use crate::model::model_file::tape::Registers;
-    use crate::signal::angles::Phase;
-
-    const TEXT: &str = "name = \"m\"\ncoordinates = [{ name = \"x\", space = \"R\" }]\n\
-        [[equation]]\nbalance = \"-x''\"\nterms = { c = \"x'\", d = \"sign(x')\", k = \"x\", k3 = \"x^3\" }\n";
-    const STEP_S: f64 = 0.02;
-    const COUNT: usize = 400;
-
-    fn solution(motion: &EquationsOfMotion, p: &[f64], start: [f64; 2]) -> Vec<f64> {
-        let outside = crate::model::flow::Outside::drive(0.0, 0.0, 0.0);
-        let flow = Flow::new(motion, p, outside, STEP_S / 4.0);
-        let mut work = Work::plain(motion);
-        work.set(&start);
-        let mut out = start.to_vec();
-        for k in 1..COUNT {
-            assert!(flow.carry(&mut work, (k - 1) as f64 * STEP_S, STEP_S));
-            out.extend_from_slice(work.state());
-        }
-        out
-    }
-
-    /// A record of slightly other coefficients from a slightly other state: one linearised step
-    /// about the model's own motion finds both, to second order in how far they are off; and about
-    /// a path that is no solution of the model at all, once it has been moved.
-    #[test]
-    fn one_step_finds_what_the_record_was_made_with() {
-        let model = ModelFile::parse(TEXT, Path::new("m.toml")).unwrap();
-        let motion = EquationsOfMotion::new(&model, 1.0).unwrap();
-        let (p, off) = ([0.1, 0.05, 4.0, 2.0], [1e-5, 2e-5, -3e-5, 4e-5]);
-        let truth: Vec<f64> = p.iter().zip(off).map(|(a, b)| a + b).collect();
-        let seen = solution(&motion, &truth, [1.0 + 1e-5, -0.2]);
-        let stretch = Stretch {
-            start_s: 0.0,
-            step_s: STEP_S,
-            coordinates: vec![seen.iter().step_by(2).copied().collect()],
-            inputs: Vec::new(),
-            phase: Phase::Clock(0.0),
-            amplitude_nm: None,
-            history: None,
-            base: None,
-        };
-        let between = track::ExogenousInputs::new(&stretch, 0.0);
-        let terms: Additions = model.equations[0].terms.iter().enumerate().map(|(k, t)| (k, 0, t.of.clone())).collect();
-        let forcing = Forcing::new(&model, 1.0, &p, &[], 4, &terms);
-        let measured =
-            Measured { values: stretch.coordinates[0].clone(), shown: &[vec![1.0]], sigma: &[1e-6], laws: Vec::new() };
-        let exogenous = WindowInputs { stretch: &stretch, between: &between, first: 0, omega: 0.0, points: 1 };
-        let own = solution(&motion, &p, [1.0, -0.2]);
-        // A path with defects everywhere.
-        let bent: Vec<f64> = own.iter().enumerate().map(|(i, x)| x + 1e-3 * (0.7 * i as f64).sin()).collect();
-        for (path, passes, segment) in [(own, 1, COUNT), (bent, 3, 33)] {
-            let (mut states, mut found) = (path, p.to_vec());
-            for _ in 0..passes {
-                let linear = Linear::new(&states, &exogenous, VectorField { motion: &motion, parameters: &p }).unwrap();
-                let driven = forcing.on(&linear.points, &linear.accelerations, &exogenous);
-                let alpha = driven.all().unwrap();
-                let mut registers = Registers::default();
-                let between = |points, to: &mut Vec<f64>| driven.between(points, &mut registers, to);
-                let layout = Layout::new(4, &[]);
-                let (normal, parts) = linear.normal(&states, between, &layout, &measured, segment).unwrap();
-                assert_eq!(parts.len(), COUNT / segment);
-                let step = solve(&normal.reduced().unwrap().chosen(&[0, 1, 2, 3])).unwrap();
-                found = step.iter().zip(&p).map(|(s, p)| s + p).collect();
-                let start = normal.start(&step).unwrap();
-                states = linear.moved(&states, &alpha, &start, &step, &measured).0;
-            }
-            for k in 0..4 {
-                // Columns are integrated by the trapezoidal rule, and reversals fall between
-                // samples.
-                assert!((found[k] - truth[k]).abs() < 0.03 * off[k].abs(), "{passes} {k}: {found:?} {truth:?}");
-            }
-        }
-    }
-}
+#[path = "linear_tests.rs"]
+mod tests;

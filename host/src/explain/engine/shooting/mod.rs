@@ -52,6 +52,7 @@ use nalgebra::{DMatrix, DVector};
 
 use self::blocks::Blocks;
 use self::course::{Course, List};
+use self::linear::Linear;
 use self::path::{FEWEST_SAMPLES, Path, Window, windows};
 pub use self::quieter::quieter;
 pub use self::remade::{RECORDS, record as remade_record, remade};
@@ -216,8 +217,8 @@ pub fn settle(setting: &Setting<'_>, state: &mut State) -> Option<(DVector<f64>,
 type Fitted = (Followed, Vec<f64>, DMatrix<f64>);
 
 /// Where a few windows are left far worse than the others, once more with these about the smoothed
-/// record: a path that was settled with another model may lead to another solution. Kept where less
-/// is left.
+/// record, and with what effects remember of it: a path that was settled with another model may lead
+/// to another solution. Kept where less is left.
 fn back_from_astray(setting: &Setting<'_>, state: &State, found: Fitted) -> Fitted {
     let (followed, ..) = &found;
     let mut sorted: Vec<f64> = followed.left.iter().copied().filter(|l| l.is_finite()).collect();
@@ -236,7 +237,9 @@ fn back_from_astray(setting: &Setting<'_>, state: &State, found: Fitted) -> Fitt
             path.states[range.clone()].copy_from_slice(&smoothed.states[range]);
         }
     }
-    match grown(setting, state, again, &[(length, PASSES[2])]) {
+    let mut remembering = state.clone();
+    remember(setting, &mut remembering, &again);
+    match grown(setting, &remembering, again, &[(length, PASSES[2])]) {
         Some(back) if back.0.left() < followed.left() => back,
         _ => found,
     }
@@ -290,9 +293,42 @@ fn grown(setting: &Setting<'_>, state: &State, mut followed: Followed, stages: &
     Some((followed, x, covariance))
 }
 
-/// Gram matrices of the own columns, of further candidates (with one another where they are fitted
-/// `together`) and of groups of columns of no effect, about the settled paths. Columns of no effect
-/// are fitted with those of their group.
+/// Windows about their settled paths, about which the model is linear whatever is fitted to them.
+pub struct Ground<'a> {
+    course: Course<'a>,
+    paths: &'a [Path],
+    windows: Vec<Window>,
+    linear: Vec<Option<Linear>>,
+}
+
+impl<'a> Ground<'a> {
+    /// Of what was followed with a state; none where nothing was.
+    pub fn new(setting: &'a Setting<'a>, state: &'a State) -> Option<Self> {
+        let followed = state.followed.as_ref()?;
+        let (windows, course) = (followed.kept(setting)?, Course::new(setting, state));
+        let linear = course.linear(&followed.paths, &windows, &present(state))?;
+        Some(Self { course, paths: &followed.paths, windows, linear })
+    }
+
+    /// Gram matrices of the own columns, of further candidates (with one another where they are
+    /// fitted `together`) and of groups of columns of no effect. Columns of no effect are fitted
+    /// with those of their group.
+    pub fn evidence(&self, further: &[&Candidate], together: bool, behind: &[Vec<Column>]) -> Option<Blocks> {
+        let Self { course, paths, windows, linear } = self;
+        let (setting, state) = (course.setting, course.state);
+        let list = List { x: present(state), further, behind, together };
+        let count = behind.iter().map(Vec::len).sum();
+        let signs = signs_of(setting, state, further, count);
+        let mut blocks = course.reduced(paths, windows, linear, &list, signs)?;
+        let own: Vec<usize> = (0..list.x.len()).collect();
+        let fit = blocks.fit(&own)?;
+        blocks.weigh(&blocks.misfits(&fit.all));
+        blocks.still = is_applied(state, own.len());
+        Some(blocks)
+    }
+}
+
+/// The same of one list, about the settled paths.
 pub fn evidence(
     setting: &Setting<'_>,
     state: &State,
@@ -300,15 +336,5 @@ pub fn evidence(
     together: bool,
     behind: &[Vec<Column>],
 ) -> Option<Blocks> {
-    let followed = state.followed.as_ref()?;
-    let all = followed.kept(setting)?;
-    let course = Course::new(setting, state);
-    let list = List { x: present(state), further, behind, together };
-    let count = behind.iter().map(Vec::len).sum();
-    let mut blocks = course.reduced(&followed.paths, &all, &list, signs_of(setting, state, further, count))?;
-    let own: Vec<usize> = (0..list.x.len()).collect();
-    let fit = blocks.fit(&own)?;
-    blocks.weigh(&blocks.misfits(&fit.all));
-    blocks.still = is_applied(state, own.len());
-    Some(blocks)
+    Ground::new(setting, state)?.evidence(further, together, behind)
 }

@@ -37,6 +37,12 @@ impl Path {
         Self { first: reach, states }
     }
 
+    /// States of a window.
+    pub fn of(&self, w: &Window, coordinates: usize) -> &[f64] {
+        let m = 2 * coordinates;
+        &self.states[m * w.first..m * (w.first + w.count)]
+    }
+
     /// Samples.
     pub fn len(&self, coordinates: usize) -> usize {
         self.states.len() / (2 * coordinates).max(1)

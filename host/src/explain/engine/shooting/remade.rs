@@ -69,7 +69,9 @@ fn powers(
     let course = Course::new(setting, &again).showing(shown);
     let list = List { x: present(state), further: &[], behind: &[], together: false };
     let signs = signs_of(setting, state, &[], 0);
-    let mut blocks = course.reduced(&followed.paths, &followed.kept(setting)?, &list, signs)?;
+    let all = followed.kept(setting)?;
+    let linear = course.linear(&followed.paths, &all, &list.x)?;
+    let mut blocks = course.reduced(&followed.paths, &all, &linear, &list, signs)?;
     let own: Vec<usize> = (0..list.x.len()).collect();
     let fitted = blocks.fit(&own)?.all;
     blocks.weigh(&blocks.misfits(&fitted));

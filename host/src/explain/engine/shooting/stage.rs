@@ -52,8 +52,8 @@ pub fn stage(
             let range = 2 * n * w.first..2 * n * (w.first + w.count);
             let states = path.states[range.clone()].to_vec();
             let measured = course.measured(path, w, &states, &list);
-            let Some(start) = s.normal.start(&step) else { continue };
-            let (after, moved) = s.linear.moved(&states, &s.alpha, &start, &step, &measured);
+            let Some(start) = s.columns.normal.start(&step) else { continue };
+            let (after, moved) = s.linear.moved(&states, &s.columns.alpha, &start, &step, &measured);
             if course.is_near(&states, &after) {
                 path.states[range].copy_from_slice(&after);
                 greatest = greatest.max(moved);

@@ -1,0 +1,86 @@
+//! Against records made by the model's own flow.
+
+use std::path::Path;
+
+use super::super::forcing::{Additions, Forcing};
+use super::*;
+use crate::explain::ranking::solve;
+use crate::identify::stretches::Stretch;
+use crate::identify::track;
+use crate::model::flow::{Flow, Work};
+use crate::model::model_file::ModelFile;
+use crate::model::model_file::equations_of_motion::EquationsOfMotion;
+use crate::model::model_file::tape::Registers;
+use crate::signal::angles::Phase;
+
+const TEXT: &str = "name = \"m\"\ncoordinates = [{ name = \"x\", space = \"R\" }]\n\
+    [[equation]]\nbalance = \"-x''\"\nterms = { c = \"x'\", d = \"sign(x')\", k = \"x\", k3 = \"x^3\" }\n";
+const STEP_S: f64 = 0.02;
+const COUNT: usize = 400;
+
+fn solution(motion: &EquationsOfMotion, p: &[f64], start: [f64; 2]) -> Vec<f64> {
+    let outside = crate::model::flow::Outside::drive(0.0, 0.0, 0.0);
+    let flow = Flow::new(motion, p, outside, STEP_S / 4.0);
+    let mut work = Work::plain(motion);
+    work.set(&start);
+    let mut out = start.to_vec();
+    for k in 1..COUNT {
+        assert!(flow.carry(&mut work, (k - 1) as f64 * STEP_S, STEP_S));
+        out.extend_from_slice(work.state());
+    }
+    out
+}
+
+/// A record of slightly other coefficients from a slightly other state: one linearised step
+/// about the model's own motion finds both, to second order in how far they are off; and about
+/// a path that is no solution of the model at all, once it has been moved.
+#[test]
+fn one_step_finds_what_the_record_was_made_with() {
+    let model = ModelFile::parse(TEXT, Path::new("m.toml")).unwrap();
+    let motion = EquationsOfMotion::new(&model, 1.0).unwrap();
+    let (p, off) = ([0.1, 0.05, 4.0, 2.0], [1e-5, 2e-5, -3e-5, 4e-5]);
+    let truth: Vec<f64> = p.iter().zip(off).map(|(a, b)| a + b).collect();
+    let seen = solution(&motion, &truth, [1.0 + 1e-5, -0.2]);
+    let stretch = Stretch {
+        start_s: 0.0,
+        step_s: STEP_S,
+        coordinates: vec![seen.iter().step_by(2).copied().collect()],
+        inputs: Vec::new(),
+        phase: Phase::Clock(0.0),
+        amplitude_nm: None,
+        history: None,
+        base: None,
+    };
+    let between = track::ExogenousInputs::new(&stretch, 0.0);
+    let terms: Additions = model.equations[0].terms.iter().enumerate().map(|(k, t)| (k, 0, t.of.clone())).collect();
+    let forcing = Forcing::new(&model, 1.0, &p, &[], 4, &terms);
+    let measured =
+        Measured { values: stretch.coordinates[0].clone(), shown: &[vec![1.0]], sigma: &[1e-6], laws: Vec::new() };
+    let exogenous = WindowInputs { stretch: &stretch, between: &between, first: 0, omega: 0.0, points: 1 };
+    let own = solution(&motion, &p, [1.0, -0.2]);
+    // A path with defects everywhere.
+    let bent: Vec<f64> = own.iter().enumerate().map(|(i, x)| x + 1e-3 * (0.7 * i as f64).sin()).collect();
+    for (path, passes, segment) in [(own, 1, COUNT), (bent, 3, 33)] {
+        let (mut states, mut found) = (path, p.to_vec());
+        for _ in 0..passes {
+            let linear =
+                Linear::new(&states, &exogenous, VectorField { motion: &motion, parameters: &p }, &[]).unwrap();
+            let driven = forcing.on(&linear.points, &linear.accelerations, &exogenous);
+            let alpha = driven.all().unwrap();
+            let mut registers = Registers::default();
+            let between = |points, to: &mut Vec<f64>| driven.between(points, &mut registers, to);
+            let layout = Layout::new(4, &[]);
+            let (normal, parts) = linear.normal(&states, between, &layout, &measured, segment).unwrap();
+            assert_eq!(parts.len(), COUNT / segment);
+            let step = solve(&normal.reduced().unwrap().chosen(&[0, 1, 2, 3])).unwrap();
+            found = step.iter().zip(&p).map(|(s, p)| s + p).collect();
+            let start = normal.start(&step).unwrap();
+            states = linear.moved(&states, &alpha, &start, &step, &measured).0;
+        }
+        for k in 0..4 {
+            // Columns are integrated by the trapezoidal rule, and reversals fall between
+            // samples.
+            assert!((found[k] - truth[k]).abs() < 0.03 * off[k].abs(), "{passes} {k}: {found:?} {truth:?}");
+        }
+    }
+}
