@@ -57,6 +57,41 @@ fn dahls_friction_on_an_oscillator_is_named_written_and_read_again() {
     }
 }
 
+/// Springs that yield, one as strong as half of the oscillator's own: their state moves the motion
+/// that it is followed along. And a friction that its own refinement stood for.
+#[test]
+fn what_is_remembered_moves_with_the_motion() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = rig("duffing.toml");
+    for (effect, value, b) in [("hysteresis@x=20,b=3,c=0.8", 20.0, 3.0), ("hysteresis@x=20,b=12,c=0.3", 20.0, 12.0)] {
+        let out = explained(folder.path(), &rig, &format!("--effect {effect}"), 60, 1);
+        assert_eq!((&out["verdict"], names(&out)), (&Value::from("explained"), vec!["hysteresis@x".to_owned()]));
+        let e = &out["effects"][0];
+        let (found, error) = (e["value"].as_f64().unwrap(), e["std_error"].as_f64().unwrap());
+        assert!((found - value).abs() < 3.0 * error && error < 1e-3 * value, "{e}");
+        assert!((e["parameters"]["b"].as_f64().unwrap() / b - 1.0).abs() < 0.01, "{e}");
+    }
+    let out = explained(folder.path(), &rig, "--effect dahl-friction@x=3,d=0.02", 60, 1);
+    assert_eq!((&out["verdict"], names(&out)), (&Value::from("explained"), vec!["dahl-friction@x".to_owned()]));
+    close(&out, 3.0, 0.02);
+}
+
+/// A magnet whose reach lies between those that are tried: no grid is fine enough.
+#[test]
+fn a_magnet_that_reaches_farther_than_the_grid_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let rig = rig("single-pendulum.toml");
+    let out = explained(folder.path(), &rig, "--effect local-force@joint1=-0.01,x0=-2,d=0.55", 60, 1);
+    assert_eq!((&out["verdict"], names(&out)), (&Value::from("explained"), vec!["local-force@joint1".to_owned()]));
+    let (e, of) = (&out["effects"][0], |name: &str| out["effects"][0]["parameters"][name].as_f64().unwrap());
+    let (found, error) = (e["value"].as_f64().unwrap(), e["std_error"].as_f64().unwrap());
+    assert!((found + 0.01).abs() < 3.0 * error && error < 1e-4, "{e}");
+    assert!((of("d") - 0.55).abs() < 0.01 && (of("x0") + 2.0).abs() < 0.01, "{e}");
+    // It is told once, in one unit.
+    let told = out["parameters"].as_array().unwrap().iter().find(|p| p["name"] == "local-force@joint1");
+    assert_eq!(told.unwrap()["value"], e["value"]);
+}
+
 /// A cart with a pendulum, from bodies; with a known mass values are physical.
 const CART: &str = r#"
 name = "cart"

@@ -17,6 +17,9 @@ const SHAPE_STEP: f64 = 1e-3;
 /// The same of a frequency, whose phase adds up over the record.
 const LINE_STEP: f64 = 1e-7;
 
+/// Share of its range by which a shape parameter of either sign moves in one step.
+const ACROSS: f64 = 0.1;
+
 /// An effect at a place in one form.
 #[derive(Clone)]
 pub struct Candidate {
@@ -108,8 +111,12 @@ impl Candidate {
     /// Numbers of the states in its columns.
     pub fn remembered(&self) -> impl Iterator<Item = usize> {
         let sides = self.beside.iter().flat_map(|(_, sides)| sides.iter());
-        let states = std::iter::once(&self.action).chain(sides).flat_map(Action::states);
-        states.filter_map(|s| if let Expression::Symbol(Symbol::Memory(k)) = **s { Some(k) } else { None })
+        std::iter::once(&self.action).chain(sides).flat_map(numbers)
+    }
+
+    /// The same in its own form alone.
+    pub fn own_states(&self) -> impl Iterator<Item = usize> {
+        numbers(&self.action)
     }
 
     /// `ID@PLACE`.
@@ -122,9 +129,13 @@ impl Candidate {
         setting.file().map_or_else(String::new, |f| self.place.name(f))
     }
 
-    /// The shape parameters that are refined: those that have bounds, of a force with one strength.
+    /// The shape parameters that are refined: those that have bounds, of what acts on the equations.
     pub fn refined_shapes(&self) -> Vec<usize> {
-        if matches!(self.action, Action::Force(_)) { self.entry.bounded_shapes().collect() } else { Vec::new() }
+        if matches!(self.action, Action::Force(_) | Action::Changes(_)) {
+            self.entry.bounded_shapes().collect()
+        } else {
+            Vec::new()
+        }
     }
 
     /// How many of the strengths have columns by which shapes are refined: the first, or all of
@@ -174,8 +185,8 @@ impl Candidate {
         !self.beside.is_empty()
     }
 
-    /// The candidate at refined shape parameters moved by steps, at most by half each and within
-    /// their bounds.
+    /// The candidate at refined shape parameters moved by steps, at most by half each (by a tenth of
+    /// its range where it may have either sign) and within their bounds.
     #[must_use]
     pub fn moved(&self, setting: &Setting<'_>, steps: &[f64], physical: &Physical) -> Self {
         let shapes = self.refined_shapes();
@@ -184,8 +195,10 @@ impl Candidate {
         }
         let mut form = self.form.clone();
         for (k, step) in shapes.into_iter().zip(steps) {
-            let limit = 0.5 * form[k].1.abs();
             let [low, high] = self.entry.shapes[k].within.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+            // What may have either sign crosses nothing on its way.
+            let across = if low < 0.0 && high > 0.0 { ACROSS * (high - low) } else { 0.0 };
+            let limit = (0.5 * form[k].1.abs()).max(across);
             form[k].1 = (form[k].1 + step.clamp(-limit, limit)).clamp(low, high);
         }
         let moved = Self::new(setting, &self.entry, self.place, form, physical).map(|c| c.refined(setting, physical));
@@ -271,6 +284,11 @@ impl Candidate {
         }
         out
     }
+}
+
+/// Numbers of the states of an action.
+fn numbers(action: &Action) -> impl Iterator<Item = usize> {
+    action.states().filter_map(|s| if let Expression::Symbol(Symbol::Memory(k)) = **s { Some(k) } else { None })
 }
 
 /// Columns of what acts on the left-hand sides; empty ones for what does not.

@@ -7,8 +7,9 @@ use super::candidates::{Candidate, Column};
 use super::design::Design;
 use super::power::Power;
 use super::setting::Setting;
-use super::shooting::Followed;
+use super::sharpened::sharpen;
 use super::shooting::blocks::Blocks;
+use super::shooting::{Followed, Ground};
 use super::state::State;
 use super::{design, power, shooting};
 use crate::error::{BadInput, Result};
@@ -265,7 +266,12 @@ fn by_rows(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>,
     Ok(Outcome { candidates, evidence: Evidence::Weak(design, weights), own, fit })
 }
 
-fn by_shooting(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>, rounds: usize) -> Result<Outcome> {
+fn by_shooting(
+    setting: &Setting<'_>,
+    state: &mut State,
+    mut candidates: Vec<Candidate>,
+    rounds: usize,
+) -> Result<Outcome> {
     // What has just joined may move the path far: once more than the weak form, and on while less
     // and less is left.
     let mut left = f64::INFINITY;
@@ -278,11 +284,14 @@ fn by_shooting(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candida
         if round + 1 >= rounds && !falls && !state.still_moves(&x, &covariance) {
             break;
         }
-        left = now;
+        // Rounds that go to and fro end as well.
+        left = left.min(now);
     }
     let own: Vec<usize> = (0..state.own_columns()).collect();
     let further: Vec<&Candidate> = candidates.iter().collect();
-    let blocks = shooting::evidence(setting, state, &further, false, &[]).ok_or_else(singular)?;
+    let ground = Ground::new(setting, state).ok_or_else(singular)?;
+    let mut blocks = ground.evidence(&further, false, &[]).ok_or_else(singular)?;
     let fit = blocks.fit(&own).ok_or_else(singular)?;
+    sharpen(&ground, setting, state, &mut candidates, &mut blocks);
     Ok(Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit })
 }

@@ -51,7 +51,7 @@ struct Tried {
 }
 
 /// The best exchange of an effect for a candidate that is not `taken`: for what predicts clearly
-/// better and is not larger (about the motion of a model that lacks much, columns that are alike
+/// better and is not larger, or refines it (about the motion of a model that lacks much, columns that are alike
 /// are not told apart; about that of the model with either they are); where there is none, for a
 /// simpler law that predicts as well. `effects`: those found, in their order. Effects that were
 /// taken off the record stay.
@@ -79,8 +79,10 @@ pub fn best(
         let Some(neither) = without.fit(&rest) else { continue };
         let of = |&i: &usize| {
             let c = &outcome.candidates[i];
-            // A larger law joins beside the old one first, which then goes if it is nothing.
-            if size(c) > size(old) {
+            // A larger law joins beside the old one first, which then goes if it is nothing; but what
+            // refines it is no law beside it.
+            let refines = c.entry.refines.as_ref() == Some(&old.entry.id) && c.place == old.place;
+            if size(c) > size(old) && !refines {
                 return None;
             }
             instead(&without, &rest, i, c, free[i], offers.len())

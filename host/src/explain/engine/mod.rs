@@ -55,6 +55,7 @@ pub mod residual_map;
 mod run;
 mod search;
 mod setting;
+mod sharpened;
 mod shooting;
 pub mod simulation;
 mod state;

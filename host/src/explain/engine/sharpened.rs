@@ -1,0 +1,226 @@
+//! Shape parameters between those of the grid, before anything is chosen: a magnet that reaches
+//! twice as far as the one that was tried leaves what another effect takes up, and follows no path.
+//!
+//! The best forms of the effects that bring most are moved by half a spacing of their grid either
+//! way, one shape parameter at a time or two together (a spring that yields early on one side and
+//! late on the other is much like another), then by less; windows are as they were.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+
+use super::candidates::Candidate;
+use super::exchange::{MISSES, sum};
+use super::memory;
+use super::setting::Setting;
+use super::shooting::Ground;
+use super::shooting::blocks::Blocks;
+use super::state::State;
+use crate::effects::entry::{Form, Shape};
+use crate::explain::ranking;
+
+/// Effects whose forms are moved, the share of the best one's gain that they bring, and the
+/// probability by chance below which they bring something (by hand).
+const MOST: usize = 6;
+const LEAST_GAIN: f64 = 0.1;
+const CHANCE: f64 = 0.01;
+/// Times that forms are moved.
+const ROUNDS: usize = 6;
+/// Half the spacing of a grid of one value, as a factor.
+const ALONE: f64 = 1.5;
+
+/// A form that is moved: the candidate, the steps of its shape parameters, and its gain.
+struct Moved {
+    candidate: Candidate,
+    steps: Vec<Step>,
+    gain: f64,
+    moved: bool,
+}
+
+/// How far a shape parameter is moved.
+#[derive(Clone, Copy)]
+enum Step {
+    /// By a difference.
+    By(f64),
+    /// By a factor.
+    Times(f64),
+}
+
+impl Step {
+    /// Half a grid's spacing about a value: a factor where all values are of one sign by their
+    /// bounds.
+    fn of(shape: &Shape, at: f64) -> Self {
+        let nearest = |distance: &dyn Fn(f64) -> f64| {
+            let others = shape.grid.iter().map(|x| distance(*x)).filter(|d| *d > 0.0 && d.is_finite());
+            others.fold(f64::INFINITY, f64::min)
+        };
+        let spacing = nearest(&|x| (x - at).abs());
+        let bounds = shape.within.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        let one_sign = shape.grid.iter().chain(&bounds).all(|x| x * at >= 0.0) && at != 0.0;
+        let factor = nearest(&|x| (x / at).ln().abs());
+        match (one_sign, spacing.is_finite()) {
+            (true, true) => Self::Times((0.5 * factor).exp()),
+            (true, false) => Self::Times(ALONE),
+            (false, true) => Self::By(0.5 * spacing),
+            (false, false) => Self::By(0.5 * at.abs().max(1.0)),
+        }
+    }
+
+    fn half(self) -> Self {
+        match self {
+            Self::By(x) => Self::By(0.5 * x),
+            Self::Times(x) => Self::Times(x.sqrt()),
+        }
+    }
+
+    fn both(self, at: f64) -> [f64; 2] {
+        match self {
+            Self::By(x) => [at - x, at + x],
+            Self::Times(x) => [at / x, at * x],
+        }
+    }
+}
+
+/// Adds to candidates, and to their blocks, forms of those that bring most which bring more: beside
+/// the model, and those of laws that refine one that was found in its place.
+pub fn sharpen(
+    ground: &Ground<'_>,
+    setting: &Setting<'_>,
+    state: &State,
+    candidates: &mut Vec<Candidate>,
+    blocks: &mut Blocks,
+) {
+    let own: Vec<usize> = (0..state.own_columns()).collect();
+    // What is left is noise: nothing is hidden by the wrong form.
+    if blocks.fit(&own).is_none_or(|plain| sum(&plain) < MISSES * blocks.noise()) {
+        return;
+    }
+    let beside = Seat { gone: 0..0, rest: own.clone() };
+    let mut better = beside.sharpened(ground, setting, state, candidates, blocks);
+    let mut at = state.values.len();
+    for (k, chosen) in state.chosen.iter().enumerate() {
+        let gone = at..at + chosen.strengths.len();
+        at = gone.end;
+        let old = &chosen.candidate;
+        if k < state.nominal || old.is_applied() {
+            continue;
+        }
+        let refines = |c: &Candidate| c.entry.refines.as_ref() == Some(&old.entry.id) && c.place == old.place;
+        let all: Vec<Candidate> = candidates.iter().filter(|c| refines(c)).cloned().collect();
+        let further: Vec<&Candidate> = all.iter().collect();
+        let Some(found) = ground.evidence(&further, false, &[]).filter(|_| !all.is_empty()) else { continue };
+        let seat = Seat { rest: own.iter().copied().filter(|c| !gone.contains(c)).collect(), gone };
+        better.extend(seat.sharpened(ground, setting, state, &all, &found));
+    }
+    let further: Vec<&Candidate> = better.iter().collect();
+    let found = ground.evidence(&further, false, &[]).filter(|_| !further.is_empty());
+    if found.is_some_and(|found| blocks.join(&found)) {
+        candidates.extend(better);
+    }
+}
+
+/// Where a candidate would stand: beside the model's own columns, or in the place of some.
+struct Seat {
+    gone: Range<usize>,
+    rest: Vec<usize>,
+}
+
+impl Seat {
+    /// What each candidate takes away where it was not fitted, and its probability by chance.
+    fn gains(&self, state: &State, blocks: &Blocks, all: &[Candidate]) -> Vec<(f64, f64)> {
+        let without = (!self.gone.is_empty()).then(|| blocks.without(self.gone.clone()));
+        let blocks = without.as_ref().unwrap_or(blocks);
+        let nothing = (f64::NEG_INFINITY, 1.0);
+        let Some(plain) = blocks.fit(&self.rest) else { return vec![nothing; all.len()] };
+        let mut at = state.own_columns();
+        let of = |c: &Candidate| {
+            let from = at;
+            at += c.strengths();
+            let columns: Vec<usize> = self.rest.iter().copied().chain(from..at).collect();
+            let Some(fit) = blocks.fit(&columns) else { return nothing };
+            let feeds = c.entry.positive[0] && fit.all[self.rest.len()] <= 0.0;
+            let gain = if feeds { f64::NEG_INFINITY } else { ranking::gain(&plain.held_out, &fit.held_out).0 };
+            (gain, ranking::p_value(&fit, c.strengths()))
+        };
+        all.iter().map(of).collect()
+    }
+
+    /// Forms that bring more than those of the grid.
+    fn sharpened(
+        &self,
+        ground: &Ground<'_>,
+        setting: &Setting<'_>,
+        state: &State,
+        candidates: &[Candidate],
+        blocks: &Blocks,
+    ) -> Vec<Candidate> {
+        let mut open = most_promising(setting, candidates, &self.gains(state, blocks, candidates));
+        for _ in 0..ROUNDS {
+            let tried: Vec<(usize, Candidate)> = open
+                .iter()
+                .enumerate()
+                .flat_map(|(k, m)| beside(setting, state, m).into_iter().map(move |c| (k, c)))
+                .collect();
+            let all: Vec<Candidate> = tried.iter().map(|t| t.1.clone()).collect();
+            let further: Vec<&Candidate> = all.iter().collect();
+            let Some(found) = ground.evidence(&further, false, &[]).filter(|_| !all.is_empty()) else { break };
+            let before: Vec<f64> = open.iter().map(|m| m.gain).collect();
+            for ((k, candidate), (gain, _)) in tried.into_iter().zip(self.gains(state, &found, &all)) {
+                if gain > open[k].gain {
+                    open[k] = Moved { candidate, gain, moved: true, steps: open[k].steps.clone() };
+                }
+            }
+            // What still gets better goes on in steps as large.
+            let stays = open.iter_mut().zip(&before).filter(|(m, before)| m.gain == **before);
+            stays.flat_map(|(m, _)| &mut m.steps).for_each(|s| *s = s.half());
+        }
+        open.into_iter().filter(|m| m.moved).map(|m| m.candidate).collect()
+    }
+}
+
+/// The best form of each effect that has shape parameters to be moved, for those that bring most.
+fn most_promising(setting: &Setting<'_>, candidates: &[Candidate], gains: &[(f64, f64)]) -> Vec<Moved> {
+    let mut best: BTreeMap<String, usize> = BTreeMap::new();
+    for (i, c) in candidates.iter().enumerate() {
+        let entry = best.entry(c.name(setting)).or_insert(i);
+        if gains[i].0 > gains[*entry].0 {
+            *entry = i;
+        }
+    }
+    let greatest = best.values().map(|&i| gains[i].0).fold(0.0, f64::max);
+    let is_moved = |&i: &usize| {
+        let c = &candidates[i];
+        let of_lines = c.entry.shapes.iter().any(|s| s.of_lines);
+        let brings = gains[i].0 > LEAST_GAIN * greatest && gains[i].1 < CHANCE;
+        brings && !of_lines && c.entry.bounded_shapes().next().is_some()
+    };
+    let mut order: Vec<usize> = best.into_values().filter(is_moved).collect();
+    order.sort_by(|&a, &b| gains[b].0.total_cmp(&gains[a].0).then(a.cmp(&b)));
+    order.truncate(MOST);
+    let of = |i: usize| {
+        let candidate = candidates[i].clone();
+        let steps = candidate.entry.bounded_shapes().map(|k| Step::of(&candidate.entry.shapes[k], candidate.form[k].1));
+        Moved { steps: steps.collect(), gain: gains[i].0, moved: false, candidate }
+    };
+    order.into_iter().map(of).collect()
+}
+
+/// The forms on either side of one, within their bounds.
+fn beside(setting: &Setting<'_>, state: &State, m: &Moved) -> Vec<Candidate> {
+    let shapes: Vec<usize> = m.candidate.entry.bounded_shapes().collect();
+    let moved = |form: &Form, which: usize, side: usize| {
+        let (k, mut form) = (shapes[which], form.clone());
+        let [low, high] = m.candidate.entry.shapes[k].within.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        form[k].1 = m.steps[which].both(form[k].1)[side].clamp(low, high);
+        form
+    };
+    let mut all: Vec<Form> = Vec::new();
+    for (i, side) in (0..shapes.len()).flat_map(|i| [(i, 0), (i, 1)]) {
+        let one = moved(&m.candidate.form, i, side);
+        let others = (i + 1..shapes.len()).flat_map(|j| [(j, 0), (j, 1)]);
+        all.extend(others.map(|(j, side)| moved(&one, j, side)));
+        all.push(one);
+    }
+    let other = all.into_iter().filter(|form| *form != m.candidate.form);
+    let at = other.filter_map(|form| m.candidate.at(setting, form, &state.physical));
+    at.filter(|c| memory::is_followed(setting, c)).collect()
+}
