@@ -51,7 +51,7 @@ struct Tried {
 }
 
 /// The best exchange of an effect for a candidate that is not `taken`: for what predicts clearly
-/// better and is not larger, or refines it (about the motion of a model that lacks much, columns that are alike
+/// better and is not larger, or refines it where it remembers (about the motion of a model that lacks much, columns that are alike
 /// are not told apart; about that of the model with either they are); where there is none, for a
 /// simpler law that predicts as well. `effects`: those found, in their order. Effects that were
 /// taken off the record stay.
@@ -80,9 +80,8 @@ pub fn best(
         let of = |&i: &usize| {
             let c = &outcome.candidates[i];
             // A larger law joins beside the old one first, which then goes if it is nothing; but what
-            // refines it is no law beside it.
-            let refines = c.entry.refines.as_ref() == Some(&old.entry.id) && c.place == old.place;
-            if size(c) > size(old) && !refines {
+            // refines one that remembers is no law beside it.
+            if size(c) > size(old) && !remembers_more(c, old) {
                 return None;
             }
             instead(&without, &rest, i, c, free[i], offers.len())
@@ -145,6 +144,11 @@ pub fn best(
     }
     let most = |a: &Exchange, b: &Exchange| a.promised.total_cmp(&b.promised).then(a.share.total_cmp(&b.share));
     better.into_iter().max_by(most).or_else(|| simpler.into_iter().max_by(most))
+}
+
+/// Whether a law refines another that has states.
+pub fn remembers_more(c: &Candidate, old: &Candidate) -> bool {
+    !old.entry.states.is_empty() && c.entry.refines.as_ref() == Some(&old.entry.id) && c.place == old.place
 }
 
 /// Strengths and shape parameters of a candidate, without those by which a shape is refined.

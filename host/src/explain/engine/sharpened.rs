@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::candidates::Candidate;
-use super::exchange::{MISSES, sum};
+use super::exchange::{MISSES, remembers_more, sum};
 use super::memory;
 use super::setting::Setting;
 use super::shooting::Ground;
@@ -23,6 +23,11 @@ use crate::explain::ranking;
 const MOST: usize = 6;
 const LEAST_GAIN: f64 = 0.1;
 const CHANCE: f64 = 0.01;
+/// Share of what is left that a moved form must take away beside the model (by hand).
+const MOST_OF_IT: f64 = 0.5;
+/// Share of its gain by which what a law refines may be worse, and it is not moved beside the model
+/// (by hand): there the simpler one is named, which it may then replace.
+const AS_GOOD: f64 = 0.05;
 /// Times that forms are moved.
 const ROUNDS: usize = 6;
 /// Half the spacing of a grid of one value, as a factor.
@@ -81,7 +86,7 @@ impl Step {
 }
 
 /// Adds to candidates, and to their blocks, forms of those that bring most which bring more: beside
-/// the model, and those of laws that refine one that was found in its place.
+/// the model, and those of laws that refine one that was found and remembers in its place.
 pub fn sharpen(
     ground: &Ground<'_>,
     setting: &Setting<'_>,
@@ -91,11 +96,14 @@ pub fn sharpen(
 ) {
     let own: Vec<usize> = (0..state.own_columns()).collect();
     // What is left is noise: nothing is hidden by the wrong form.
-    if blocks.fit(&own).is_none_or(|plain| sum(&plain) < MISSES * blocks.noise()) {
-        return;
-    }
+    let Some(plain) = blocks.fit(&own).filter(|plain| sum(plain) >= MISSES * blocks.noise()) else { return };
     let beside = Seat { gone: 0..0, rest: own.clone() };
     let mut better = beside.sharpened(ground, setting, state, candidates, blocks);
+    // A form that was fitted to what is left comes before others only where it is most of it: a wide
+    // magnet takes something of every shape.
+    let blocks_left = plain.held_out.len() as f64;
+    better.retain(|m| m.gain * blocks_left > MOST_OF_IT * sum(&plain));
+    let mut better: Vec<Candidate> = better.into_iter().map(|m| m.candidate).collect();
     let mut at = state.values.len();
     for (k, chosen) in state.chosen.iter().enumerate() {
         let gone = at..at + chosen.strengths.len();
@@ -104,12 +112,11 @@ pub fn sharpen(
         if k < state.nominal || old.is_applied() {
             continue;
         }
-        let refines = |c: &Candidate| c.entry.refines.as_ref() == Some(&old.entry.id) && c.place == old.place;
-        let all: Vec<Candidate> = candidates.iter().filter(|c| refines(c)).cloned().collect();
+        let all: Vec<Candidate> = candidates.iter().filter(|c| remembers_more(c, old)).cloned().collect();
         let further: Vec<&Candidate> = all.iter().collect();
         let Some(found) = ground.evidence(&further, false, &[]).filter(|_| !all.is_empty()) else { continue };
         let seat = Seat { rest: own.iter().copied().filter(|c| !gone.contains(c)).collect(), gone };
-        better.extend(seat.sharpened(ground, setting, state, &all, &found));
+        better.extend(seat.sharpened(ground, setting, state, &all, &found).into_iter().map(|m| m.candidate));
     }
     let further: Vec<&Candidate> = better.iter().collect();
     let found = ground.evidence(&further, false, &[]).filter(|_| !further.is_empty());
@@ -152,7 +159,7 @@ impl Seat {
         state: &State,
         candidates: &[Candidate],
         blocks: &Blocks,
-    ) -> Vec<Candidate> {
+    ) -> Vec<Moved> {
         let mut open = most_promising(setting, candidates, &self.gains(state, blocks, candidates));
         for _ in 0..ROUNDS {
             let tried: Vec<(usize, Candidate)> = open
@@ -173,7 +180,8 @@ impl Seat {
             let stays = open.iter_mut().zip(&before).filter(|(m, before)| m.gain == **before);
             stays.flat_map(|(m, _)| &mut m.steps).for_each(|s| *s = s.half());
         }
-        open.into_iter().filter(|m| m.moved).map(|m| m.candidate).collect()
+        open.retain(|m| m.moved);
+        open
     }
 }
 
@@ -191,9 +199,12 @@ fn most_promising(setting: &Setting<'_>, candidates: &[Candidate], gains: &[(f64
         let c = &candidates[i];
         let of_lines = c.entry.shapes.iter().any(|s| s.of_lines);
         let brings = gains[i].0 > LEAST_GAIN * greatest && gains[i].1 < CHANCE;
-        brings && !of_lines && c.entry.bounded_shapes().next().is_some()
+        let simpler = c.entry.refines.as_ref().map(|r| format!("{r}@{}", c.place_name(setting)));
+        let base = simpler.and_then(|name| best.get(&name)).map(|&k| gains[k].0);
+        let refines_well = base.is_none_or(|base| base < (1.0 - AS_GOOD) * gains[i].0);
+        brings && refines_well && !of_lines && c.entry.bounded_shapes().next().is_some()
     };
-    let mut order: Vec<usize> = best.into_values().filter(is_moved).collect();
+    let mut order: Vec<usize> = best.values().copied().filter(is_moved).collect();
     order.sort_by(|&a, &b| gains[b].0.total_cmp(&gains[a].0).then(a.cmp(&b)));
     order.truncate(MOST);
     let of = |i: usize| {
