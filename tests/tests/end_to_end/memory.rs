@@ -57,22 +57,6 @@ fn dahls_friction_on_an_oscillator_is_named_written_and_read_again() {
     }
 }
 
-/// Springs that yield, half as strong as the oscillator's own: their state moves the motion that it
-/// is followed along.
-#[test]
-fn what_is_remembered_moves_with_the_motion() {
-    let folder = tempfile::tempdir().unwrap();
-    let rig = rig("duffing.toml");
-    for (effect, value, b) in [("hysteresis@x=20,b=3,c=0.8", 20.0, 3.0), ("hysteresis@x=20,b=12,c=0.3", 20.0, 12.0)] {
-        let out = explained(folder.path(), &rig, &format!("--effect {effect}"), 60, 1);
-        assert_eq!((&out["verdict"], names(&out)), (&Value::from("explained"), vec!["hysteresis@x".to_owned()]));
-        let e = &out["effects"][0];
-        let (found, error) = (e["value"].as_f64().unwrap(), e["std_error"].as_f64().unwrap());
-        assert!((found - value).abs() < 3.0 * error && error < 1e-3 * value, "{e}");
-        assert!((e["parameters"]["b"].as_f64().unwrap() / b - 1.0).abs() < 0.01, "{e}");
-    }
-}
-
 /// A magnet whose reach lies between those that are tried: no grid is fine enough.
 #[test]
 fn a_magnet_that_reaches_farther_than_the_grid_is_found() {
