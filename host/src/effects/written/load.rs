@@ -26,8 +26,7 @@ use crate::system::polynomial::Atom;
 
 /// Gravity's strength, m/s², by which its torques are first moments.
 const G: f64 = 9.81;
-/// Share of an arm's first moment by which it may change with the angles: coefficients are
-/// identified, with errors.
+/// Share of an arm's first moment by which gravity's torque may differ from g S sin φ: rounding.
 const UNEVEN: f64 = 1e-6;
 
 /// A joint that arms hang on, by coordinates.

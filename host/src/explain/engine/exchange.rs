@@ -51,9 +51,9 @@ struct Tried {
 }
 
 /// The best exchange of an effect for a candidate that is not `taken`: for what predicts clearly
-/// better and is not larger, or refines it where it remembers (about the motion of a model that lacks much, columns that are alike
-/// are not told apart; about that of the model with either they are); where there is none, for a
-/// simpler law that predicts as well. `effects`: those found, in their order. Effects that were
+/// better and is not larger, or refines it where it remembers (about the motion of a model that
+/// lacks much, columns that are alike are not told apart; about that of the model with either they
+/// are); where there is none, for a simpler law that predicts as well. `effects`: those found, in their order. Effects that were
 /// taken off the record stay.
 pub fn best(
     setting: &Setting<'_>,
