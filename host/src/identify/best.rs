@@ -7,6 +7,7 @@
 
 use indicatif::ProgressBar;
 
+use super::shooting::run::MOST_LOST;
 use super::shooting::zeros::ZeroOffset;
 use super::{Identification, Settings, identify, shooting, slips, stopped};
 use crate::error::Result;
@@ -18,8 +19,6 @@ use crate::warning::Warning;
 /// Most samples that are shot over by default: some seconds of work, beyond which the weak form's
 /// errors are small as well.
 const MOST_SAMPLES: usize = 200_000;
-/// Share of the pieces that may be lost.
-const MOST_LOST: f64 = 0.1;
 /// Warning of the weak form that more is left than the sensors' noise.
 const MISSES_SOMETHING: &str = "model-misses-something";
 /// The same of shooting.

@@ -14,6 +14,7 @@
 
 pub mod covariance;
 pub mod problem;
+mod result;
 pub mod run;
 pub mod solve;
 mod states;
@@ -22,30 +23,20 @@ mod with_offsets;
 pub mod zeros;
 
 use indicatif::ProgressBar;
-use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::built_in::WrittenRig;
-use super::input_noise::Level;
-use super::judgement::MISLEADING;
-use super::per_record::Split;
 use super::prepared::{Prepared, prepare_moving};
-use super::regression::{frequency_dots, identification_error};
-use super::series::System;
 use super::slips::{self, Placed, Slip};
-use super::stretches::Stretch;
 use super::track::{ExogenousInputs, Pieces, Track};
-use super::{Identification, Residuals, Settings as WeakSettings, built_in, identifiability, weak_form, windows};
+use super::{Identification, Settings as WeakSettings, built_in};
 use crate::error::{BadInput, Result};
 use crate::model::dynamics::Dynamics;
-use crate::model::model_file::weak_form::WeakForm;
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
-use crate::system::ties::Identified;
-use crate::warning::Warning;
 use problem::{Piece, Problem};
-use run::{Failure, Outcome, REPEATING};
+use run::{Failure, Outcome};
 use with_offsets::WithOffsets;
 use zeros::{Moment, Unknown, ZeroOffset};
 
@@ -126,7 +117,7 @@ pub fn identify(
         Some(r) if e.place.is_none() => e.in_file(&r.path),
         _ => e,
     })?;
-    finish(first, WrittenRig { rig, own: &own, bound }, &names, &prepared, attempt)
+    result::finish(first, WrittenRig { rig, own: &own, bound }, &names, &prepared, attempt)
 }
 
 /// Slips that shooting shows where every piece has its sensors' zeros to itself: where slips before
@@ -178,15 +169,22 @@ struct ShootingRun {
     shifts: Vec<Vec<f64>>,
 }
 
-/// Pieces, start, bounds, levels; then the run, `offsets` saying whether every piece has its
+/// Period of the drive, or what stands for it in a free system, s.
+fn period_s(given: &Given<'_>) -> f64 {
+    let free = given.prepared.geometry.windows.length_s / PERIODS;
+    given.rig.drive.map_or(free, |d| 1.0 / d.frequency_hz)
+}
+
+/// Pieces, start, bounds, levels, in pieces as long as can be followed where no length is asked for;
+/// then the run, `offsets` saying whether every piece has its
 /// sensors' zeros to itself; otherwise those of a record are parameters ([`zeros`]).
 fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &ProgressBar) -> Result<ShootingRun> {
-    let Given { motion, names, rig, bound, prepared, first } = *given;
-    let Prepared { stretches, sensors, geometry, .. } = prepared;
+    let Given { rig, bound, prepared, .. } = *given;
+    let Prepared { stretches, sensors, .. } = prepared;
     let omega = rig.drive.map_or(0.0, |_| rig.omega());
     let exogenous: Vec<ExogenousInputs> = stretches.iter().map(|s| ExogenousInputs::new(s, omega)).collect();
     let track = Track::new(stretches, &exogenous, rig, bound, sensors);
-    let period_s = rig.drive.map_or(geometry.windows.length_s / PERIODS, |d| 1.0 / d.frequency_hz);
+    let period_s = period_s(given);
     let shortest = FEWEST_SAMPLES as f64 * track.spacing_s;
     let piece_s = settings.segment_s.unwrap_or((4.0 * period_s).max(shortest));
     let longest = (0..stretches.len()).map(|k| track.samples(k)).max().unwrap_or(0) as f64 * track.spacing_s;
@@ -195,7 +193,26 @@ fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &Progr
             .at("--segment-s")
             .remedy("A piece needs at least 16 samples, and cannot be longer than the longest unbroken stretch"));
     }
-    let length = (piece_s / track.spacing_s).round() as usize;
+    let mut length = (piece_s / track.spacing_s).round() as usize;
+    loop {
+        match shoot_pieces(given, &track, length, offsets, settings, progress)? {
+            Err(Failure::TooLong(followed)) if settings.segment_s.is_none() => length = followed,
+            found => return found.map_err(Failure::told),
+        }
+    }
+}
+
+/// The same with pieces of so many samples.
+fn shoot_pieces(
+    given: &Given<'_>,
+    track: &Track<'_>,
+    length: usize,
+    offsets: bool,
+    settings: &Settings,
+    progress: &ProgressBar,
+) -> Result<core::result::Result<ShootingRun, Failure>> {
+    let Given { motion, names, rig, bound, prepared, first } = *given;
+    let period_s = period_s(given);
     let mut levels: Vec<usize> = [4, 2, 1].iter().map(|d| length / d).filter(|l| *l >= FEWEST_SAMPLES).collect();
     levels.dedup();
     let guess = ((0.05 * period_s / track.spacing_s).round() as usize).clamp(4, 16).min(levels[0]);
@@ -242,148 +259,16 @@ fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &Progr
     };
     let found = zeros::worthwhile(&unknown, 2 * motion.degrees_of_freedom(), &mut once);
     progress.finish_and_clear();
-    let found = found.map_err(Failure::told)?;
+    let found = match found {
+        Ok(found) => found,
+        Err(why) => return Ok(Err(why)),
+    };
     let (unknown, outcome) = (&found.unknown, &found.outcome);
     let problem = Problem { sensors: &shown, zeros: unknown.zeros(), ..track.problem(motion, outcome.step_s, &at) };
     let first = |p: &Piece| (track.since_begin(p) / track.spacing_s).round() as usize;
     let fit = &outcome.fit;
-    let slips = slips::find(&problem, &outcome.pieces, &fit.states, &fit.parameters, &first, &sensors.count);
+    let slips = slips::find(&problem, &outcome.pieces, &fit.states, &fit.parameters, &first, &prepared.sensors.count);
     let levels_s = levels.iter().map(|l| *l as f64 * track.spacing_s).collect();
     let shifts = unknown.values(&fit.parameters);
-    Ok(ShootingRun { levels_s, slips, zeros: found.told(rig, bound, prepared), shifts, outcome: found.outcome })
-}
-
-/// What a run makes one doubt; `worst`: its greatest residuals, in the sensors' noise.
-fn doubts(outcome: &Outcome, worst: f64, inputs: &[Level]) -> Vec<Warning> {
-    let Outcome { fit, lost, rounds, covariance, .. } = outcome;
-    let used = fit.states.len();
-    let mut warnings = Vec::new();
-    if worst > MISSES {
-        let warning = Warning::new(
-            "more-than-noise",
-            format!("residuals are {worst:.1} times the sensors' noise: the model misses something"),
-            "Parameters make up for it as well as they can and may be off by more than their standard errors; see `whirl explain`",
-        );
-        // The noise of an input comes through the system, and is not the sensors'.
-        let alone = inputs.iter().all(|l| *l == Level::Known(0.0));
-        warnings.push(if alone && worst * worst > MISLEADING { warning.invalidating() } else { warning });
-    }
-    if *lost > 0 {
-        warnings.push(Warning::new(
-            "pieces-lost",
-            format!("{lost} of {} pieces could not be followed by a solution of the model", lost + used),
-            "They were left out; a blow, a slipping joint or a short piece of wrong values there?",
-        ));
-    }
-    if !fit.converged {
-        warnings.push(Warning::new(
-            "not-converged",
-            format!("{rounds} rounds did not come to rest"),
-            "Try shorter pieces with --segment-s, and look at how well the weak form does",
-        ));
-    }
-    if covariance.blocks == 0 {
-        warnings.push(Warning::new(
-            "few-pieces",
-            format!("{used} pieces are too few to measure how residuals scatter"),
-            "Standard errors assume white sensor noise; record longer",
-        ));
-    }
-    warnings
-}
-
-/// The run's result in the place of the weak form's.
-fn finish(
-    first: Identification,
-    written: WrittenRig<'_>,
-    names: &[String],
-    prepared: &Prepared,
-    ShootingRun { outcome, levels_s, slips, zeros, shifts }: ShootingRun,
-) -> Result<Identification> {
-    let WrittenRig { rig, bound, .. } = written;
-    let worst = outcome.noise_ratio.iter().copied().fold(0.0, f64::max);
-    let doubts = doubts(&outcome, worst, &prepared.sensors.inputs);
-    let Outcome { fit, covariance, noise_ratio, lost, repetition, step_s, values, rounds, .. } = outcome;
-    // Zeros are told apart from the equations' parameters.
-    let own = |of: &DMatrix<f64>| of.view((0, 0), (names.len(), names.len())).into_owned();
-    let found = DVector::from_column_slice(&fit.parameters[..names.len()]);
-    let (estimate, least) = (&own(&covariance.estimate), own(&covariance.bound));
-    let mut warnings: Vec<Warning> = prepared.warnings.clone();
-    // What a model misses shows in the residuals again and again, too.
-    if repetition > REPEATING && worst <= MISSES {
-        warnings.push(weak_form::periodic(repetition, "piece", rig, bound));
-    }
-    warnings.extend(doubts);
-    warnings.extend(zeros::warnings(&zeros));
-    let unit = |n: &String| first.parameter(n).map_or_else(String::new, |p| p.unit.clone());
-    let units: Vec<String> = names.iter().map(unit).collect();
-    let identified = Identified { names, values: &found, covariance: estimate, metric: &least };
-    let (parameters, ties_misfit) = built_in::parameters(rig, &identified, &units, &mut warnings);
-    let (identification_error, residuals) = balances(names, &found, written, prepared, &shifts)?;
-    let given: usize = prepared.stretches.iter().map(Stretch::len).sum::<usize>() * noise_ratio.len();
-    let details = super::Details {
-        repetition,
-        jackknife_blocks: covariance.blocks,
-        ties_misfit,
-        condition: vec![covariance.condition],
-        noise_bias: Vec::new(),
-        // Its own residuals tell what is left (`noise_ratio`).
-        residual_over_noise: None,
-        ..first.details.clone()
-    };
-    let mut result = Identification {
-        method: "shooting".to_owned(),
-        parameters,
-        identification_error,
-        equations_used: values,
-        equations_dropped: given.saturating_sub(values),
-        groups_not_separable: identifiability::groups_not_separable(names, &found, estimate),
-        correlation: identifiability::correlation(estimate),
-        correlation_names: names.to_vec(),
-        details,
-        shooting: Some(Details {
-            levels_s,
-            pieces: fit.states.len(),
-            lost,
-            step_s,
-            rounds,
-            converged: fit.converged,
-            noise_ratio,
-            cramer_rao: (0..names.len()).map(|i| least[(i, i)].max(0.0).sqrt()).collect(),
-            at_bound: names.iter().zip(&fit.held).filter(|(_, h)| **h).map(|(n, _)| n.clone()).collect(),
-        }),
-        warnings,
-        residuals,
-        slips: slips::placed(&slips, bound, prepared),
-        zeros,
-        ..first
-    };
-    super::judgement::judge(&mut result, rig);
-    Ok(result)
-}
-
-/// ε of the balance equations with these coefficients in them, the sensors' zeros (by stretch) taken
-/// off, and their residuals.
-fn balances(
-    names: &[String],
-    found: &DVector<f64>,
-    written: WrittenRig<'_>,
-    prepared: &Prepared,
-    zeros: &[Vec<f64>],
-) -> Result<(Vec<f64>, Vec<Residuals>)> {
-    let WrittenRig { own, bound, .. } = written;
-    let weak = WeakForm::new(&bound.model, own.omega(), &[])?;
-    let circle = bound.model.circle();
-    let super::Geometry { windows, kernels } = &prepared.geometry;
-    let without_zeros = |(s, zeros): (&Stretch, &Vec<f64>)| s.shifted(bound, zeros);
-    let stretches: Vec<Stretch> = prepared.stretches.iter().zip(zeros).map(without_zeros).collect();
-    let system = System { stretches: &stretches, weak: &weak, kernels, circle: &circle };
-    let rows = windows::rows_of(&system, &weak.equations, kernels, windows);
-    let columns = Split::new(&bound.model, 1).tied(names, found);
-    let one = |(e, coefficients): (usize, &DVector<f64>)| {
-        let (rms, dots) = frequency_dots(&rows, e, coefficients, windows.frequencies, 2000);
-        let residuals = Residuals { frequency_step_hz: 1.0 / windows.length_s, rms, dots };
-        (identification_error(&rows, e, coefficients), residuals)
-    };
-    Ok(columns.iter().enumerate().map(one).unzip())
+    Ok(Ok(ShootingRun { levels_s, slips, zeros: found.told(rig, bound, prepared), shifts, outcome: found.outcome }))
 }

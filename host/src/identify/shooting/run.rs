@@ -8,6 +8,8 @@
 //!    grow along it.
 //! 3. All pieces of full length (4T): each state alone, over 1T, 2T, 4T, then states and parameters
 //!    together.
+//!    Where too few pieces of a level can be followed, those of the level before are the longest
+//!    that can: chaos has grown over the sensors' noise and the parameters' errors.
 //! 4. Sensors whose residuals differ from their noise are weighted by what they leave, and a piece
 //!    that the model cannot follow where it follows all others (a mean square of `LOST` times the
 //!    median) is left out and counted; then once more.
@@ -31,6 +33,14 @@ const FINEST: f64 = 0.125;
 const WORST_STEP_ERROR: f64 = 0.15;
 /// Mean square of a piece, in medians, from which it counts as lost.
 const LOST: f64 = 25.0;
+/// Share of the pieces that may be lost at the end, and with the parameters of pieces half as long
+/// (by hand).
+pub const MOST_LOST: f64 = 0.1;
+const MOST_LOST_AT_FIRST: f64 = 0.3;
+/// Samples over which a state that leads nowhere is sought first.
+const FIRST_SAMPLES: usize = 6;
+/// Growth of what a lacking constant force leaves as pieces double: (2²)².
+const DOUBLED: f64 = 16.0;
 /// Promise of a step, in squared standard errors, at which the last level stops.
 const TOLERANCE: f64 = 1e-2;
 /// Most rounds of a level.
@@ -67,9 +77,16 @@ pub enum Failure {
     NotDetermined,
     /// Short pieces already leave more than was to be left.
     LeavesTooMuch,
+    /// Too few pieces could be followed where those of half their length, of so many samples, were.
+    TooLong(usize),
 }
 
 impl Failure {
+    /// Where pieces of a level cannot be followed.
+    fn of_level(level: usize, levels: &[usize]) -> Self {
+        level.checked_sub(1).map_or(Self::NothingFollows, |before| Self::TooLong(levels[before]))
+    }
+
     /// In words.
     pub fn told(self) -> BadInput {
         match self {
@@ -78,6 +95,11 @@ impl Failure {
                 "motion that the model describes over a piece",
             )
             .remedy("Look at the weak form's result and at `whirl explain`, or try shorter pieces with --segment-s"),
+            Self::TooLong(samples) => BadInput::new(
+                "pieces of which a solution of the model follows too few",
+                format!("pieces of {samples} samples or so, which it follows"),
+            )
+            .remedy("Ask for shorter ones with --segment-s, or leave it away"),
             Self::LeavesTooMuch => BadInput::new(
                 "more than the sensors' noise in short pieces already",
                 "equations that describe the record",
@@ -118,13 +140,12 @@ pub fn run<D: Dynamics + ?Sized>(
     problem.step_s = integration_step(&problem, &pieces, &guesses, start, period);
     let mut parameters = start.to_vec();
     let stride = pieces.len().div_ceil(FEW).max(1);
+    let mut before = None;
     for (i, length) in levels.iter().enumerate().take(levels.len().saturating_sub(1)) {
         let few: Vec<Piece> = pieces.iter().step_by(stride).map(|p| problem.head(p, *length)).collect();
-        let states = fit_states(&problem, &few, guesses.iter().step_by(stride), &parameters, &levels[..=i]);
-        let (few, states) = followed(few, states);
-        if few.is_empty() {
-            return Err(Failure::NothingFollows);
-        }
+        let guesses: Vec<&Vec<f64>> = guesses.iter().step_by(stride).collect();
+        let (few, states) = followed(&problem, few, &guesses, &parameters, &levels[..=i], (before, MOST_LOST_AT_FIRST))
+            .ok_or(Failure::of_level(i, levels))?;
         tick();
         // A level that gets nowhere leaves the parameters to the next.
         let start = Start { parameters: &parameters, states };
@@ -135,16 +156,18 @@ pub fn run<D: Dynamics + ?Sized>(
             if most_left.is_some_and(|most| left > most) {
                 return Err(Failure::LeavesTooMuch);
             }
+            before = Some(median(fit.shares.iter().map(mean_square)));
             parameters = fit.parameters;
         }
     }
-    let all = pieces.len();
-    let states = fit_states(&problem, &pieces, guesses.iter(), &parameters, levels);
+    let (all, whole) = (pieces.len(), pieces);
+    let too_long = Failure::of_level(levels.len().saturating_sub(1), levels);
+    let refitted = |problem: &Problem<'_, D>, parameters: &[f64], most_lost: f64| {
+        let guesses: Vec<&Vec<f64>> = guesses.iter().collect();
+        followed(problem, whole.clone(), &guesses, parameters, levels, (before, most_lost)).ok_or(too_long)
+    };
+    let (mut pieces, mut states) = refitted(&problem, &parameters, MOST_LOST_AT_FIRST)?;
     tick();
-    let (mut pieces, mut states) = followed(pieces, states);
-    if pieces.is_empty() {
-        return Err(Failure::NothingFollows);
-    }
     let mut rounds = 0;
     let given = problem.sigma.to_vec();
     let mut sigma = given.clone();
@@ -157,7 +180,7 @@ pub fn run<D: Dynamics + ?Sized>(
         let ratio = noise_ratio(&fit.shares, problem.states());
         let even = ratio.iter().all(|r| (r / ratio[0] - 1.0).abs() < 0.1);
         let (kept, kept_states) = without_lost(&pieces, &fit);
-        if last || (even && kept.len() == pieces.len()) {
+        if last || (even && kept.len() == all) {
             let residuals = residuals(&weighted, &pieces, &fit);
             let repetition = repetition(&residuals);
             let repeats = if repetition > REPEATING { repetition } else { 0.0 };
@@ -175,9 +198,12 @@ pub fn run<D: Dynamics + ?Sized>(
                 pieces,
             });
         }
+        // What was lost with the parameters of shorter pieces may be followed with those of longer ones.
+        let lost_before = pieces.len() < all;
+        (pieces, states) =
+            if lost_before { refitted(&weighted, &fit.parameters, MOST_LOST)? } else { (kept, kept_states) };
         sigma.iter_mut().zip(&ratio).for_each(|(s, r)| *s *= if *r > 0.0 { *r } else { 1.0 });
         parameters.clone_from(&fit.parameters);
-        (pieces, states) = (kept, kept_states);
         if pieces.is_empty() {
             return Err(Failure::NothingFollows);
         }
@@ -192,37 +218,76 @@ fn copy<'a, D: Dynamics + ?Sized>(p: &Problem<'a, D>) -> Problem<'a, D> {
     Problem { ..*p }
 }
 
-/// Each piece's state fitted over the levels' lengths with the parameters held; None for one that
-/// cannot be followed.
-fn fit_states<'g, D: Dynamics + ?Sized>(
+/// A piece's fitted state, and the mean square that is left; none where it has no solution.
+type Found = Option<(Vec<f64>, f64)>;
+
+/// Each piece's state fitted over some lengths with the parameters held.
+fn fit_states<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
-    pieces: &[Piece],
-    guesses: impl Iterator<Item = &'g Vec<f64>>,
+    pieces: &[&Piece],
+    guesses: &[&Vec<f64>],
     parameters: &[f64],
-    levels: &[usize],
-) -> Vec<Option<Vec<f64>>> {
-    let guesses: Vec<&Vec<f64>> = guesses.collect();
-    pieces
-        .par_iter()
-        .zip(guesses)
-        .map_init(
-            || problem.room(false),
-            |work, (piece, guess)| problem.fit_state(piece, guess, parameters, levels, work).map(|f| f.0),
-        )
-        .collect()
+    lengths: &[usize],
+) -> Vec<Found> {
+    let of = |work: &mut _, (piece, guess): (&&Piece, &&Vec<f64>)| {
+        problem.fit_state(piece, guess, parameters, lengths, work)
+    };
+    pieces.par_iter().zip(guesses).map_init(|| problem.room(false), of).collect()
 }
 
-/// The pieces that have a state.
-fn followed(pieces: Vec<Piece>, states: Vec<Option<Vec<f64>>>) -> (Vec<Piece>, Vec<Vec<f64>>) {
-    pieces.into_iter().zip(states).filter_map(|(p, s)| s.map(|s| (p, s))).unzip()
+/// What a piece that is followed may leave: [`LOST`] times the median, which is no more than what a
+/// lacking constant force makes of the median of pieces half as long, `before`.
+fn most_left(found: &[Found], before: Option<f64>) -> f64 {
+    LOST * median(found.iter().flatten().map(|f| f.1)).min(before.map_or(f64::INFINITY, |m| DOUBLED * m))
+}
+
+/// The pieces that a solution follows, with their states, each fitted over the levels' lengths; from
+/// a few samples on where that leads nowhere. None where more than a share of them is lost, if
+/// shorter ones left `before`.
+fn followed<D: Dynamics + ?Sized>(
+    problem: &Problem<'_, D>,
+    pieces: Vec<Piece>,
+    guesses: &[&Vec<f64>],
+    parameters: &[f64],
+    levels: &[usize],
+    (before, most_lost): (Option<f64>, f64),
+) -> Option<(Vec<Piece>, Vec<Vec<f64>>)> {
+    let all: Vec<&Piece> = pieces.iter().collect();
+    let mut found = fit_states(problem, &all, guesses, parameters, levels);
+    let most = most_left(&found, before);
+    let is_lost = |f: &Found| f.as_ref().is_none_or(|f| f.1 > most);
+    let lost: Vec<usize> = (0..all.len()).filter(|&i| is_lost(&found[i])).collect();
+    let doubled = (0..usize::BITS).map(|k| FIRST_SAMPLES << k).take_while(|l| *l < levels[0]);
+    let lengths: Vec<usize> = doubled.chain(levels.iter().copied()).collect();
+    let (again, from): (Vec<&Piece>, Vec<&Vec<f64>>) = lost.iter().map(|&i| (all[i], guesses[i])).unzip();
+    for (i, state) in lost.into_iter().zip(fit_states(problem, &again, &from, parameters, &lengths)) {
+        if !is_lost(&state) {
+            found[i] = state;
+        }
+    }
+    let count = all.len();
+    let kept = pieces.into_iter().zip(found).filter_map(|(p, f)| Some((p, f.filter(|f| f.1 <= most)?.0)));
+    let (pieces, states): (Vec<_>, Vec<_>) = kept.unzip();
+    let most_lost = before.map_or(1.0, |_| most_lost);
+    (!pieces.is_empty() && pieces.len() as f64 >= (1.0 - most_lost) * count as f64).then_some((pieces, states))
+}
+
+/// The median, 0 of nothing.
+fn median(of: impl Iterator<Item = f64>) -> f64 {
+    let mut sorted: Vec<f64> = of.collect();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
+}
+
+/// Mean square of a piece's residuals over all sensors, in squares of their noise.
+fn mean_square(share: &Share) -> f64 {
+    share.cost() / (share.samples * share.squares.len()).max(1) as f64
 }
 
 fn without_lost(pieces: &[Piece], fit: &ShootingFit) -> (Vec<Piece>, Vec<Vec<f64>>) {
-    let mean: Vec<f64> = fit.shares.iter().map(|s| s.cost() / s.samples.max(1) as f64).collect();
-    let mut sorted = mean.clone();
-    sorted.sort_by(f64::total_cmp);
-    let median = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-    let kept = |i: &usize| mean[*i] <= LOST * median;
+    let mean: Vec<f64> = fit.shares.iter().map(mean_square).collect();
+    let usual = median(mean.iter().copied());
+    let kept = |i: &usize| mean[*i] <= LOST * usual;
     (0..pieces.len()).filter(kept).map(|i| (pieces[i].clone(), fit.states[i].clone())).unzip()
 }
 

@@ -44,11 +44,16 @@ fn record(periods: usize, start: f64) -> Vec<f64> {
 }
 
 fn shoot(values: &[f64], start: &[f64], bounds: &Bounds) -> Result<Outcome, Failure> {
+    shoot_in(values, start, bounds, &[50, 100, 200])
+}
+
+/// In pieces whose lengths grow like this.
+fn shoot_in(values: &[f64], start: &[f64], bounds: &Bounds, levels: &[usize]) -> Result<Outcome, Failure> {
     let stretch =
         MeasuredStretch { start_s: 0.0, sensors: vec![values.to_vec()], tau: Box::new(|i| i as f64 * SPACING) };
     let sensors = [vec![1.0]];
     let geometry = Geometry { sensors: &sensors, angles: &[false], spacing_s: SPACING, guess: 5 };
-    let (pieces, guesses) = cut(&[stretch], &geometry, 200, 50).unwrap();
+    let (pieces, guesses) = cut(&[stretch], &geometry, levels[levels.len() - 1], levels[0]).unwrap();
     let problem = Problem {
         dynamics: &Duffing,
         sensors: &sensors,
@@ -59,7 +64,7 @@ fn shoot(values: &[f64], start: &[f64], bounds: &Bounds) -> Result<Outcome, Fail
         inputs: None,
         zeros: Zeros::default(),
     };
-    let levels = Levels { samples: &[50, 100, 200], most_left: None };
+    let levels = Levels { samples: levels, most_left: None };
     run(problem, pieces, guesses, start, bounds, levels, &mut || {})
 }
 
@@ -112,6 +117,14 @@ fn a_piece_with_a_jump_is_left_out_and_counted() {
         let deviation = found.covariance.estimate[(k, k)].sqrt();
         assert!((found.fit.parameters[k] - TRUTH[k]).abs() < 5.0 * deviation, "{k}: {:?}", found.fit.parameters);
     }
+}
+
+/// Chaos grows over the noise in 32 periods, whatever state a piece begins with.
+#[test]
+fn pieces_that_are_too_long_tell_the_length_that_was_followed() {
+    let values = record(200, 0.3);
+    assert_eq!(shoot_in(&values, &START, &open(), &[50, 1600, 3200]).err(), Some(Failure::TooLong(50)));
+    assert!(shoot_in(&values, &START, &open(), &[50]).is_ok());
 }
 
 #[test]

@@ -1,0 +1,155 @@
+//! What a run of multiple shooting tells: its result in the place of the weak form's, and what it
+//! makes one doubt.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::super::built_in::{self, WrittenRig};
+use super::super::input_noise::Level;
+use super::super::judgement::{self, MISLEADING};
+use super::super::per_record::Split;
+use super::super::prepared::Prepared;
+use super::super::regression::{frequency_dots, identification_error};
+use super::super::series::System;
+use super::super::stretches::Stretch;
+use super::super::{Identification, Residuals, identifiability, slips, weak_form, windows};
+use super::run::{Outcome, REPEATING};
+use super::{Details, MISSES, ShootingRun, zeros};
+use crate::error::Result;
+use crate::model::model_file::weak_form::WeakForm;
+use crate::system::ties::Identified;
+use crate::warning::Warning;
+
+/// What a run makes one doubt; `worst`: its greatest residuals, in the sensors' noise.
+fn doubts(outcome: &Outcome, worst: f64, inputs: &[Level]) -> Vec<Warning> {
+    let Outcome { fit, lost, rounds, covariance, .. } = outcome;
+    let used = fit.states.len();
+    let mut warnings = Vec::new();
+    if worst > MISSES {
+        let warning = Warning::new(
+            "more-than-noise",
+            format!("residuals are {worst:.1} times the sensors' noise: the model misses something"),
+            "Parameters make up for it as well as they can and may be off by more than their standard errors; see `whirl explain`",
+        );
+        // The noise of an input comes through the system, and is not the sensors'.
+        let alone = inputs.iter().all(|l| *l == Level::Known(0.0));
+        warnings.push(if alone && worst * worst > MISLEADING { warning.invalidating() } else { warning });
+    }
+    if *lost > 0 {
+        warnings.push(Warning::new(
+            "pieces-lost",
+            format!("{lost} of {} pieces could not be followed by a solution of the model", lost + used),
+            "They were left out; a blow, a slipping joint or a short piece of wrong values there?",
+        ));
+    }
+    if !fit.converged {
+        warnings.push(Warning::new(
+            "not-converged",
+            format!("{rounds} rounds did not come to rest"),
+            "Try shorter pieces with --segment-s, and look at how well the weak form does",
+        ));
+    }
+    if covariance.blocks == 0 {
+        warnings.push(Warning::new(
+            "few-pieces",
+            format!("{used} pieces are too few to measure how residuals scatter"),
+            "Standard errors assume white sensor noise; record longer",
+        ));
+    }
+    warnings
+}
+
+/// The run's result in the place of the weak form's.
+pub fn finish(
+    first: Identification,
+    written: WrittenRig<'_>,
+    names: &[String],
+    prepared: &Prepared,
+    ShootingRun { outcome, levels_s, slips, zeros, shifts }: ShootingRun,
+) -> Result<Identification> {
+    let WrittenRig { rig, bound, .. } = written;
+    let worst = outcome.noise_ratio.iter().copied().fold(0.0, f64::max);
+    let doubts = doubts(&outcome, worst, &prepared.sensors.inputs);
+    let Outcome { fit, covariance, noise_ratio, lost, repetition, step_s, values, rounds, .. } = outcome;
+    // Zeros are told apart from the equations' parameters.
+    let own = |of: &DMatrix<f64>| of.view((0, 0), (names.len(), names.len())).into_owned();
+    let found = DVector::from_column_slice(&fit.parameters[..names.len()]);
+    let (estimate, least) = (&own(&covariance.estimate), own(&covariance.bound));
+    let mut warnings: Vec<Warning> = prepared.warnings.clone();
+    // What a model misses shows in the residuals again and again, too.
+    if repetition > REPEATING && worst <= MISSES {
+        warnings.push(weak_form::periodic(repetition, "piece", rig, bound));
+    }
+    warnings.extend(doubts);
+    warnings.extend(zeros::warnings(&zeros));
+    let unit = |n: &String| first.parameter(n).map_or_else(String::new, |p| p.unit.clone());
+    let units: Vec<String> = names.iter().map(unit).collect();
+    let identified = Identified { names, values: &found, covariance: estimate, metric: &least };
+    let (parameters, ties_misfit) = built_in::parameters(rig, &identified, &units, &mut warnings);
+    let (identification_error, residuals) = balances(names, &found, written, prepared, &shifts)?;
+    let given: usize = prepared.stretches.iter().map(Stretch::len).sum::<usize>() * noise_ratio.len();
+    let details = super::super::Details {
+        repetition,
+        jackknife_blocks: covariance.blocks,
+        ties_misfit,
+        condition: vec![covariance.condition],
+        noise_bias: Vec::new(),
+        // Its own residuals tell what is left (`noise_ratio`).
+        residual_over_noise: None,
+        ..first.details.clone()
+    };
+    let mut result = Identification {
+        method: "shooting".to_owned(),
+        parameters,
+        identification_error,
+        equations_used: values,
+        equations_dropped: given.saturating_sub(values),
+        groups_not_separable: identifiability::groups_not_separable(names, &found, estimate),
+        correlation: identifiability::correlation(estimate),
+        correlation_names: names.to_vec(),
+        details,
+        shooting: Some(Details {
+            levels_s,
+            pieces: fit.states.len(),
+            lost,
+            step_s,
+            rounds,
+            converged: fit.converged,
+            noise_ratio,
+            cramer_rao: (0..names.len()).map(|i| least[(i, i)].max(0.0).sqrt()).collect(),
+            at_bound: names.iter().zip(&fit.held).filter(|(_, h)| **h).map(|(n, _)| n.clone()).collect(),
+        }),
+        warnings,
+        residuals,
+        slips: slips::placed(&slips, bound, prepared),
+        zeros,
+        ..first
+    };
+    judgement::judge(&mut result, rig);
+    Ok(result)
+}
+
+/// ε of the balance equations with these coefficients in them, the sensors' zeros (by stretch) taken
+/// off, and their residuals.
+fn balances(
+    names: &[String],
+    found: &DVector<f64>,
+    written: WrittenRig<'_>,
+    prepared: &Prepared,
+    zeros: &[Vec<f64>],
+) -> Result<(Vec<f64>, Vec<Residuals>)> {
+    let WrittenRig { own, bound, .. } = written;
+    let weak = WeakForm::new(&bound.model, own.omega(), &[])?;
+    let circle = bound.model.circle();
+    let super::super::Geometry { windows, kernels } = &prepared.geometry;
+    let without_zeros = |(s, zeros): (&Stretch, &Vec<f64>)| s.shifted(bound, zeros);
+    let stretches: Vec<Stretch> = prepared.stretches.iter().zip(zeros).map(without_zeros).collect();
+    let system = System { stretches: &stretches, weak: &weak, kernels, circle: &circle };
+    let rows = windows::rows_of(&system, &weak.equations, kernels, windows);
+    let columns = Split::new(&bound.model, 1).tied(names, found);
+    let one = |(e, coefficients): (usize, &DVector<f64>)| {
+        let (rms, dots) = frequency_dots(&rows, e, coefficients, windows.frequencies, 2000);
+        let residuals = Residuals { frequency_step_hz: 1.0 / windows.length_s, rms, dots };
+        (identification_error(&rows, e, coefficients), residuals)
+    };
+    Ok(columns.iter().enumerate().map(one).unzip())
+}
