@@ -5,8 +5,11 @@ use std::sync::{Arc, OnceLock, RwLock};
 
 use super::windows::Kernels;
 use crate::model::model_file::equations_of_motion::wrapped;
-use crate::model::model_file::expression::Symbol;
+use crate::model::model_file::expression::{Node, Symbol};
 use crate::model::model_file::memory::{Course, Memory};
+
+/// Share of what a state was in the beginning, of which nothing is seen any more (by hand).
+const FORGOTTEN: f64 = 1e-3;
 
 /// Laws of states by number: [`crate::model::model_file::expression::Symbol::Memory`].
 #[derive(Debug, Default)]
@@ -138,16 +141,15 @@ impl History {
         self.followed(number, |_| ()).is_some()
     }
 
-    /// Whether a state, and those of its law beside it, settle so slowly along the motion that a
-    /// step of a sample follows them: |∂r_k/∂z_k| times the sample's spacing at most `most`.
-    pub fn is_slow(&self, number: usize, most: f64) -> bool {
-        let Some((memory, _)) = self.laws.law(number) else { return false };
-        let numbers: Vec<usize> = (0..memory.len()).map(|j| self.laws.number(&memory, j)).collect();
-        let values: Option<Vec<Vec<f64>>> = numbers.iter().map(|&k| self.followed(k, <[f64]>::to_vec)).collect();
-        let Some(values) = values else { return false };
+    /// ∂r_j/∂z_j times the samples' spacing along the motion, for every state j of the law that a
+    /// number belongs to; none where it leaves the finite numbers.
+    fn settling(&self, number: usize) -> Option<Vec<Vec<f64>>> {
+        let (memory, _) = self.laws.law(number)?;
+        let numbers = (0..memory.len()).map(|j| self.laws.number(&memory, j));
+        let values: Vec<Vec<f64>> = numbers.map(|k| self.followed(k, <[f64]>::to_vec)).collect::<Option<_>>()?;
         let count = self.coordinates.first().map_or(0, Vec::len);
-        memory.rates().iter().enumerate().all(|(j, rate)| {
-            let Some(slope) = rate.derivative_between_jumps(Symbol::State(j)) else { return false };
+        let of = |(j, rate): (usize, &Node)| {
+            let slope = rate.derivative_between_jumps(Symbol::State(j))?;
             let at = |i: usize| {
                 slope.value(&|s| match s {
                     Symbol::Coordinate(k) if self.circle[k] => wrapped(self.coordinates[k][i]),
@@ -157,8 +159,30 @@ impl History {
                     _ => f64::NAN,
                 })
             };
-            (0..count).all(|i| at(i).abs() * self.step_s <= most)
-        })
+            Some((0..count).map(|i| at(i) * self.step_s).collect())
+        };
+        memory.rates().iter().enumerate().map(of).collect()
+    }
+
+    /// Whether a state, and those of its law beside it, settle so slowly along the motion that a
+    /// step of a sample follows them: |∂r_k/∂z_k| times the sample's spacing at most `most`.
+    pub fn is_slow(&self, number: usize, most: f64) -> bool {
+        let slow = |all: Vec<Vec<f64>>| all.iter().flatten().all(|x| x.abs() <= most);
+        self.settling(number).is_some_and(slow)
+    }
+
+    /// The sample from which a state hardly depends on what it was when the stretch began, which is
+    /// not known: exp ∫∂r/∂z dt < [`FORGOTTEN`]. The stretch's length where it never is; 0 for
+    /// states that swing, how they rang in the beginning being strengths of their effect.
+    pub fn forgets(&self, number: usize) -> usize {
+        let Some(all) = self.settling(number) else { return 0 };
+        let [settling] = &all[..] else { return 0 };
+        let mut sum = 0.0;
+        let forgotten = |x: &f64| {
+            sum += x;
+            sum < FORGOTTEN.ln()
+        };
+        settling.iter().position(forgotten).unwrap_or(settling.len())
     }
 
     /// A state at `count` samples from a time on; beyond the stretch as at its ends, NaN where it
@@ -177,7 +201,31 @@ impl History {
 
 #[cfg(test)]
 mod tests {
-    use super::between_samples;
+    use super::*;
+    use crate::model::model_file::expression::{Function, call, divide, multiply, number, subtract, symbol};
+
+    /// Dahl's state along an even motion of 0.1 a sample and a distance of 1: exp(−0.1 i) is below a
+    /// thousandth after 70 samples. One that swings counts as known.
+    #[test]
+    fn a_state_forgets_how_it_was_when_the_stretch_began() {
+        let (v, z) = (symbol(Symbol::Rate(0)), symbol(Symbol::State(0)));
+        let dahl = subtract(v.clone(), multiply(call(Function::Abs, v), z.clone()));
+        let swings = vec![symbol(Symbol::State(1)), subtract(number(0.0), divide(z, number(4.0)))];
+        let laws = Arc::new(Laws::default());
+        let history = History {
+            start_s: 0.0,
+            step_s: 0.01,
+            coordinates: vec![(0..200).map(|i| 0.1 * f64::from(i)).collect()],
+            rates: vec![vec![10.0; 200]],
+            circle: vec![false],
+            laws: laws.clone(),
+            series: RwLock::default(),
+        };
+        let number_of = |rates: Vec<Node>| laws.number(&Arc::new(Memory::new(rates)), 0);
+        assert_eq!(history.forgets(number_of(vec![dahl.clone()])), 69);
+        assert_eq!(history.forgets(number_of(vec![multiply(number(0.1), dahl)])), 200);
+        assert_eq!(history.forgets(number_of(swings)), 0);
+    }
 
     /// 11 Hz at 2 ms: (ωh)²/12 of the size would be lost on lines, 1.6 thousandths on the average.
     #[test]

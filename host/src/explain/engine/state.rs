@@ -267,6 +267,13 @@ impl State {
         self.chosen.iter().flat_map(|k| k.candidate.own_states()).filter(is_slow).collect()
     }
 
+    /// Sample of a stretch from which no state of an effect depends on how it was when the stretch
+    /// began.
+    pub fn forgets(&self, stretch: &Stretch) -> usize {
+        let own = self.chosen.iter().flat_map(|k| k.candidate.own_states());
+        own.filter_map(|k| Some(stretch.history.as_ref()?.forgets(k))).max().unwrap_or(0)
+    }
+
     /// Numbers of the states that [`State::followed_motion_of`] takes from the record, sorted.
     pub fn beside(&self) -> Vec<usize> {
         let own = self.own_states();

@@ -22,6 +22,9 @@ use crate::model::model_file::tape::{Registers, Tape};
 
 /// Windows of the short horizon in one of the long (by hand).
 const SHORT: usize = 12;
+/// Share of the windows that may be left out because they begin before states of effects are known
+/// (by hand).
+const MOST_UNKNOWN: f64 = 0.2;
 /// Movement of an angle, rad, beyond which a linearisation says nothing.
 const FARTHEST_RAD: f64 = 0.7;
 
@@ -37,6 +40,8 @@ pub struct Course<'a> {
     weights: Vec<Vec<f64>>,
     sigma: Vec<f64>,
     omega: f64,
+    /// Sample of each stretch from which states of effects are known.
+    begins: Vec<usize>,
 }
 
 /// What is fitted to every window.
@@ -97,7 +102,8 @@ impl<'a> Course<'a> {
         let between = state.stretches.iter().map(|s| track::ExogenousInputs::remembering(s, omega, &numbers)).collect();
         let shown = state.stretches.iter().map(|s| s.sensors(&setting.bound)).collect();
         let (weights, sigma) = state.on_track(setting, |t| (t.sensors.clone(), t.sigma.clone()));
-        Self { setting, state, between, shown, weights, sigma, omega }
+        let begins = state.stretches.iter().map(|s| state.forgets(s)).collect();
+        Self { setting, state, between, shown, weights, sigma, omega, begins }
     }
 
     /// The same where sensors showed something else, by stretch and sensor.
@@ -274,14 +280,21 @@ impl<'a> Course<'a> {
         Some(Columns { alpha, normal, parts })
     }
 
-    /// All windows linearised.
+    /// All windows linearised in which states of effects are known.
     pub fn solved(&self, paths: &[Path], all: &[Window], list: &List<'_>) -> Option<Vec<Option<Solved>>> {
         let (fitted, linear) = (self.fitted(list)?, self.linear(paths, all, &list.x)?);
-        let of = |(w, linear): (&Window, Option<Linear>)| {
-            let linear = linear?;
+        let of = |((w, linear), known): ((&Window, Option<Linear>), bool)| {
+            let linear = linear.filter(|_| known)?;
             Some(Solved { columns: self.solve(&paths[w.stretch], w, &fitted, &linear, true)?, linear })
         };
-        Some(all.par_iter().zip(linear).map(of).collect())
+        Some(all.par_iter().zip(linear).zip(self.known(paths, all)).map(of).collect())
+    }
+
+    /// Which windows lie where states of effects are known; all where that would leave too few.
+    pub fn known(&self, paths: &[Path], all: &[Window]) -> Vec<bool> {
+        let known: Vec<bool> = all.iter().map(|w| paths[w.stretch].first + w.first >= self.begins[w.stretch]).collect();
+        let unknown = known.iter().filter(|k| !**k).count();
+        if unknown as f64 > MOST_UNKNOWN * all.len() as f64 { vec![true; all.len()] } else { known }
     }
 
     /// Gram matrices of all windows about which the model is `linear`, without what they were made
