@@ -137,6 +137,26 @@ fn springs_that_remember_and_a_tone_are_named_with_their_shapes() {
     }
 }
 
+/// A spring that yields far within the motion is nearly Dahl's friction, which is tried first; the
+/// spring takes its place with both shapes, and the window in which its state is not known, since it
+/// was not 0 when the record began, decides nothing.
+#[test]
+fn a_spring_that_yields_early_takes_the_place_of_friction() {
+    let folder = tempfile::tempdir().unwrap();
+    for (b, c) in [(3.0, 0.8), (12.0, 0.3)] {
+        let out =
+            explained(folder.path(), &rig("duffing.toml"), &format!("--effect hysteresis@x=20,b={b},c={c}"), 60, 1);
+        let verdict = (names(&out), out["verdict"].as_str());
+        assert_eq!(verdict, (vec!["hysteresis@x".to_owned()], Some("explained")), "{}", out["reason"]);
+        let e = &out["effects"][0];
+        let (found, error) = (e["value"].as_f64().unwrap(), e["std_error"].as_f64().unwrap());
+        assert!((found - 20.0).abs() < 4.0 * error && error < 0.01, "{e}");
+        for (name, x) in [("b", b), ("c", c)] {
+            assert!((e["parameters"][name].as_f64().unwrap() / x - 1.0).abs() < 0.01, "{e}");
+        }
+    }
+}
+
 /// A distance far below what the sensor resolves is Coulomb's friction to the record: one is named,
 /// with the other listed as not told apart, or both share the level. Coulomb's own stays what it
 /// is.

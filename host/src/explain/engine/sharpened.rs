@@ -16,20 +16,22 @@ use super::shooting::Ground;
 use super::shooting::blocks::Blocks;
 use super::state::State;
 use crate::effects::entry::{Form, Shape};
+use crate::explain::decision::OF_A_FAMILY;
 use crate::explain::ranking;
 
 /// Effects whose forms are moved, the share of the best one's gain that they bring, and the
 /// probability by chance below which they bring something (by hand).
 const MOST: usize = 6;
 const LEAST_GAIN: f64 = 0.1;
-const CHANCE: f64 = 0.01;
+const CHANCE: f64 = 0.05;
 /// Share of what is left that a moved form must take away beside the model (by hand).
-const MOST_OF_IT: f64 = 0.5;
+const MOST_OF_IT: f64 = 0.25;
 /// Share of its gain by which what a law refines may be worse, and it is not moved beside the model
 /// (by hand): there the simpler one is named, which it may then replace.
 const AS_GOOD: f64 = 0.05;
-/// Times that forms are moved.
+/// Times that forms are moved, beside the model and in the place of a law in it.
 const ROUNDS: usize = 6;
+const ROUNDS_INSTEAD: usize = 12;
 /// Half the spacing of a grid of one value, as a factor.
 const ALONE: f64 = 1.5;
 
@@ -116,7 +118,13 @@ pub fn sharpen(
         let further: Vec<&Candidate> = all.iter().collect();
         let Some(found) = ground.evidence(&further, false, &[]).filter(|_| !all.is_empty()) else { continue };
         let seat = Seat { rest: own.iter().copied().filter(|c| !gone.contains(c)).collect(), gone };
-        better.extend(seat.sharpened(ground, setting, state, &all, &found).into_iter().map(|m| m.candidate));
+        // What it takes the place of has columns by which its shape is refined; its own may be too
+        // much alike to be told apart.
+        for Moved { candidate, .. } in seat.sharpened(ground, setting, state, &all, &found) {
+            let refined = candidate.clone().refined(setting, &state.physical);
+            better.extend(Some(refined).filter(|c| memory::is_followed(setting, c)));
+            better.push(candidate);
+        }
     }
     let further: Vec<&Candidate> = better.iter().collect();
     let found = ground.evidence(&further, false, &[]).filter(|_| !further.is_empty());
@@ -161,7 +169,9 @@ impl Seat {
         blocks: &Blocks,
     ) -> Vec<Moved> {
         let mut open = most_promising(setting, candidates, &self.gains(state, blocks, candidates));
-        for _ in 0..ROUNDS {
+        // In the place of a law that was fitted with its shape a form has to be as near.
+        let rounds = if self.gone.is_empty() { ROUNDS } else { ROUNDS_INSTEAD };
+        for _ in 0..rounds {
             let tried: Vec<(usize, Candidate)> = open
                 .iter()
                 .enumerate()
@@ -200,7 +210,9 @@ fn most_promising(setting: &Setting<'_>, candidates: &[Candidate], gains: &[(f64
         let of_lines = c.entry.shapes.iter().any(|s| s.of_lines);
         let brings = gains[i].0 > LEAST_GAIN * greatest && gains[i].1 < CHANCE;
         let simpler = c.entry.refines.as_ref().map(|r| format!("{r}@{}", c.place_name(setting)));
-        let base = simpler.and_then(|name| best.get(&name)).map(|&k| gains[k].0);
+        // That it does nearly as well says nothing where it is not named for it.
+        let named = |k: &usize| gains[*k].1 * (candidates.len() as f64) < OF_A_FAMILY;
+        let base = simpler.and_then(|name| best.get(&name).copied()).filter(named).map(|k| gains[k].0);
         let refines_well = base.is_none_or(|base| base < (1.0 - AS_GOOD) * gains[i].0);
         brings && refines_well && !of_lines && c.entry.bounded_shapes().next().is_some()
     };
