@@ -167,8 +167,12 @@ impl History {
     /// Whether a state, and those of its law beside it, settle so slowly along the motion that a
     /// step of a sample follows them: |∂r_k/∂z_k| times the sample's spacing at most `most`.
     pub fn is_slow(&self, number: usize, most: f64) -> bool {
+        // What jumps with a state settles at once.
+        let jumps = |(memory, _): (Arc<Memory>, usize)| {
+            memory.rates().iter().any(|r| r.jumps_with(&|s| matches!(s, Symbol::State(_))))
+        };
         let slow = |all: Vec<Vec<f64>>| all.iter().flatten().all(|x| x.abs() <= most);
-        self.settling(number).is_some_and(slow)
+        !self.laws.law(number).is_some_and(jumps) && self.settling(number).is_some_and(slow)
     }
 
     /// The sample from which a state hardly depends on what it was when the stretch began, which is
@@ -223,6 +227,10 @@ mod tests {
         };
         let number_of = |rates: Vec<Node>| laws.number(&Arc::new(Memory::new(rates)), 0);
         assert_eq!(history.forgets(number_of(vec![dahl.clone()])), 69);
+        // 0.1 a sample; one that follows by jumps is never slow.
+        let follows = multiply(number(10.0), call(Function::Sign, subtract(symbol(Symbol::Coordinate(0)), z.clone())));
+        let [slow, jumps] = [vec![dahl.clone()], vec![follows]].map(&number_of);
+        assert!(history.is_slow(slow, 0.11) && !history.is_slow(slow, 0.09) && !history.is_slow(jumps, 2.0));
         assert_eq!(history.forgets(number_of(vec![multiply(number(0.1), dahl)])), 200);
         assert_eq!(history.forgets(number_of(swings)), 0);
     }

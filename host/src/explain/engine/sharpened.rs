@@ -25,7 +25,7 @@ const MOST: usize = 6;
 const LEAST_GAIN: f64 = 0.1;
 const CHANCE: f64 = 0.05;
 /// Share of what is left that a moved form must take away beside the model (by hand).
-const MOST_OF_IT: f64 = 0.25;
+const MOST_OF_IT: f64 = 0.5;
 /// Share of its gain by which what a law refines may be worse, and it is not moved beside the model
 /// (by hand): there the simpler one is named, which it may then replace.
 const AS_GOOD: f64 = 0.05;

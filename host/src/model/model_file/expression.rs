@@ -197,6 +197,14 @@ impl Expression {
         }
     }
 
+    /// Whether it jumps where something with one of some symbols in it turns its sign.
+    pub fn jumps_with(&self, wanted: &dyn Fn(Symbol) -> bool) -> bool {
+        match self {
+            E::Call(Function::Sign, a) if a.any(wanted) => true,
+            _ => self.children().into_iter().flatten().any(|c| c.jumps_with(wanted)),
+        }
+    }
+
     /// States of effects with a memory in it, each once, in the order in which they stand.
     pub fn memories(&self, into: &mut Vec<(Arc<Memory>, usize)>) {
         match self {
