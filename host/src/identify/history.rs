@@ -228,7 +228,10 @@ mod tests {
         let number_of = |rates: Vec<Node>| laws.number(&Arc::new(Memory::new(rates)), 0);
         assert_eq!(history.forgets(number_of(vec![dahl.clone()])), 69);
         // 0.1 a sample; one that follows by jumps is never slow.
-        let follows = multiply(number(10.0), call(Function::Sign, subtract(symbol(Symbol::Coordinate(0)), z.clone())));
+        let follows = multiply(
+            number(10.0),
+            call(Function::Sign, subtract(symbol(Symbol::Coordinate(0)), symbol(Symbol::State(0)))),
+        );
         let [slow, jumps] = [vec![dahl.clone()], vec![follows]].map(&number_of);
         assert!(history.is_slow(slow, 0.11) && !history.is_slow(slow, 0.09) && !history.is_slow(jumps, 2.0));
         assert_eq!(history.forgets(number_of(vec![multiply(number(0.1), dahl)])), 200);
