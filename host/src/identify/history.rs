@@ -176,7 +176,7 @@ impl History {
     }
 
     /// The sample from which a state hardly depends on what it was when the stretch began, which is
-    /// not known: exp ∫∂r/∂z dt < [`FORGOTTEN`]. The stretch's length where it never is; 0 for
+    /// not known: exp ∫∂r/∂z dt < 10⁻³. The stretch's length where it never is; 0 for
     /// states that swing, how they rang in the beginning being strengths of their effect.
     pub fn forgets(&self, number: usize) -> usize {
         let Some(all) = self.settling(number) else { return 0 };
