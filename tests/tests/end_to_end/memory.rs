@@ -138,8 +138,7 @@ fn springs_that_remember_and_a_tone_are_named_with_their_shapes() {
 }
 
 /// A spring that yields far within the motion is nearly Dahl's friction, which is tried first; the
-/// spring takes its place with both shapes, and the window in which its state is not known, since it
-/// was not 0 when the record began, decides nothing.
+/// spring takes its place with both shapes.
 #[test]
 fn a_spring_that_yields_early_takes_the_place_of_friction() {
     let folder = tempfile::tempdir().unwrap();

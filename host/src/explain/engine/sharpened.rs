@@ -118,8 +118,8 @@ pub fn sharpen(
         let further: Vec<&Candidate> = all.iter().collect();
         let Some(found) = ground.evidence(&further, false, &[]).filter(|_| !all.is_empty()) else { continue };
         let seat = Seat { rest: own.iter().copied().filter(|c| !gone.contains(c)).collect(), gone };
-        // What it takes the place of has columns by which its shape is refined; its own may be too
-        // much alike to be told apart.
+        // The law in the model was fitted with columns by which its shape is refined, so that the new
+        // one has them as well; and without, for where they are too much alike to be fitted.
         for Moved { candidate, .. } in seat.sharpened(ground, setting, state, &all, &found) {
             let refined = candidate.clone().refined(setting, &state.physical);
             better.extend(Some(refined).filter(|c| memory::is_followed(setting, c)));

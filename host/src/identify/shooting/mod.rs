@@ -176,8 +176,8 @@ fn period_s(given: &Given<'_>) -> f64 {
 }
 
 /// Pieces, start, bounds, levels, in pieces as long as can be followed where no length is asked for;
-/// then the run, `offsets` saying whether every piece has its
-/// sensors' zeros to itself; otherwise those of a record are parameters ([`zeros`]).
+/// then the run, `offsets` saying whether every piece has its sensors' zeros to itself; otherwise
+/// those of a record are parameters ([`zeros`]).
 fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &ProgressBar) -> Result<ShootingRun> {
     let Given { rig, bound, prepared, .. } = *given;
     let Prepared { stretches, sensors, .. } = prepared;
@@ -197,7 +197,7 @@ fn shoot(given: &Given<'_>, offsets: bool, settings: &Settings, progress: &Progr
     loop {
         match shoot_pieces(given, &track, length, offsets, settings, progress)? {
             Err(Failure::TooLong(followed)) if settings.segment_s.is_none() => length = followed,
-            found => return found.map_err(Failure::told),
+            found => return found.map_err(|why| why.told(track.spacing_s)),
         }
     }
 }

@@ -21,6 +21,8 @@ use super::problem::{Piece, Problem, Share};
 use super::solve::{Bounds, ShootingFit, Start, minimise};
 use crate::error::BadInput;
 use crate::model::dynamics::Dynamics;
+use crate::report::format::significant;
+use crate::signal::spectrum::median;
 
 /// Most pieces of the first two levels.
 const FEW: usize = 96;
@@ -87,8 +89,8 @@ impl Failure {
         level.checked_sub(1).map_or(Self::NothingFollows, |before| Self::TooLong(levels[before]))
     }
 
-    /// In words.
-    pub fn told(self) -> BadInput {
+    /// In words, of samples that are `spacing_s` apart.
+    pub fn told(self, spacing_s: f64) -> BadInput {
         match self {
             Self::NothingFollows => BadInput::new(
                 "no piece of the record that a solution of the model follows",
@@ -97,9 +99,10 @@ impl Failure {
             .remedy("Look at the weak form's result and at `whirl explain`, or try shorter pieces with --segment-s"),
             Self::TooLong(samples) => BadInput::new(
                 "pieces of which a solution of the model follows too few",
-                format!("pieces of {samples} samples or so, which it follows"),
+                format!("pieces of {} s or so, which it follows", significant(samples as f64 * spacing_s, 3)),
             )
-            .remedy("Ask for shorter ones with --segment-s, or leave it away"),
+            .at("--segment-s")
+            .remedy("Ask for shorter ones, or leave the option away"),
             Self::LeavesTooMuch => BadInput::new(
                 "more than the sensors' noise in short pieces already",
                 "equations that describe the record",
@@ -156,7 +159,7 @@ pub fn run<D: Dynamics + ?Sized>(
             if most_left.is_some_and(|most| left > most) {
                 return Err(Failure::LeavesTooMuch);
             }
-            before = Some(median(fit.shares.iter().map(mean_square)));
+            before = Some(median(&mut fit.shares.iter().map(mean_square).collect::<Vec<f64>>()));
             parameters = fit.parameters;
         }
     }
@@ -238,7 +241,8 @@ fn fit_states<D: Dynamics + ?Sized>(
 /// What a piece that is followed may leave: [`LOST`] times the median, which is no more than what a
 /// lacking constant force makes of the median of pieces half as long, `before`.
 fn most_left(found: &[Found], before: Option<f64>) -> f64 {
-    LOST * median(found.iter().flatten().map(|f| f.1)).min(before.map_or(f64::INFINITY, |m| DOUBLED * m))
+    let mut left: Vec<f64> = found.iter().flatten().map(|f| f.1).collect();
+    LOST * median(&mut left).min(before.map_or(f64::INFINITY, |m| DOUBLED * m))
 }
 
 /// The pieces that a solution follows, with their states, each fitted over the levels' lengths; from
@@ -272,13 +276,6 @@ fn followed<D: Dynamics + ?Sized>(
     (!pieces.is_empty() && pieces.len() as f64 >= (1.0 - most_lost) * count as f64).then_some((pieces, states))
 }
 
-/// The median, 0 of nothing.
-fn median(of: impl Iterator<Item = f64>) -> f64 {
-    let mut sorted: Vec<f64> = of.collect();
-    sorted.sort_by(f64::total_cmp);
-    sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
-}
-
 /// Mean square of a piece's residuals over all sensors, in squares of their noise.
 fn mean_square(share: &Share) -> f64 {
     share.cost() / (share.samples * share.squares.len()).max(1) as f64
@@ -286,7 +283,7 @@ fn mean_square(share: &Share) -> f64 {
 
 fn without_lost(pieces: &[Piece], fit: &ShootingFit) -> (Vec<Piece>, Vec<Vec<f64>>) {
     let mean: Vec<f64> = fit.shares.iter().map(mean_square).collect();
-    let usual = median(mean.iter().copied());
+    let usual = median(&mut mean.clone());
     let kept = |i: &usize| mean[*i] <= LOST * usual;
     (0..pieces.len()).filter(kept).map(|i| (pieces[i].clone(), fit.states[i].clone())).unzip()
 }
