@@ -51,6 +51,8 @@ pub(super) struct Offer {
     pub(super) shapes: usize,
     /// The simpler effect at the same place that it refines, `ID@PLACE`.
     pub(super) refines: Option<String>,
+    /// Whether the model has it already, or it was refused.
+    pub(super) taken: bool,
 }
 
 /// What was chosen.
@@ -101,8 +103,6 @@ pub(super) struct Selection<'a> {
     pub(super) own: &'a [usize],
     /// The candidates; their columns follow those of the model in this order.
     pub(super) offers: &'a [Offer],
-    /// Names of what the model has already, or what was refused.
-    pub(super) taken: &'a [String],
 }
 
 /// Every candidate with its columns.
@@ -120,7 +120,7 @@ struct Field<'a> {
 
 impl<'a> Field<'a> {
     fn new(selection: &Selection<'a>) -> Option<Self> {
-        let Selection { evidence, own, offers, taken } = *selection;
+        let Selection { evidence, own, offers } = *selection;
         let plain = evidence.fit(own)?;
         let total: f64 = plain.held_out.iter().sum();
         let mut at = own.len();
@@ -133,7 +133,7 @@ impl<'a> Field<'a> {
             .collect();
         let scores = (0..offers.len())
             .into_par_iter()
-            .filter(|&i| !taken.contains(&offers[i].name))
+            .filter(|&i| !offers[i].taken)
             .filter_map(|index| {
                 let (from, d) = places[index];
                 let columns: Vec<usize> = own.iter().copied().chain(from..from + d).collect();

@@ -20,6 +20,9 @@ const LINE_STEP: f64 = 1e-7;
 /// Share of its range by which a shape parameter of either sign moves in one step.
 const ACROSS: f64 = 0.1;
 
+/// Share of a step that is rounding.
+const ROUNDING: f64 = 1e-9;
+
 /// An effect at a place in one form.
 #[derive(Clone)]
 pub struct Candidate {
@@ -29,6 +32,8 @@ pub struct Candidate {
     pub place: Place,
     /// Its shape parameters.
     pub form: Form,
+    /// Whether these were moved between the grid's to what the model leaves.
+    pub is_sharpened: bool,
     /// How it acts.
     action: Action,
     /// The same at a smaller and a greater value of each shape parameter that is refined, and half
@@ -58,7 +63,7 @@ impl Candidate {
         {
             return None;
         }
-        let candidate = Self { entry: entry.clone(), place, form, action, beside: Vec::new() };
+        let candidate = Self { entry: entry.clone(), place, form, is_sharpened: false, action, beside: Vec::new() };
         if matches!(candidate.action, Action::Force(_) | Action::Changes(_)) {
             let all = candidate.at_values(setting, physical);
             let holds =
@@ -201,11 +206,26 @@ impl Candidate {
             let limit = (0.5 * form[k].1.abs()).max(across);
             form[k].1 = (form[k].1 + step.clamp(-limit, limit)).clamp(low, high);
         }
-        let moved = Self::new(setting, &self.entry, self.place, form, physical).map(|c| c.refined(setting, physical));
+        let moved = Self::new(setting, &self.entry, self.place, form, physical)
+            .map(|c| Self { is_sharpened: self.is_sharpened, ..c.refined(setting, physical) });
         // At the edge of what can be followed a shape has no derivative; columns that were counted
         // with one need it.
         let kept = moved.filter(|c| !self.is_refined() || c.strengths() == self.strengths());
         kept.unwrap_or_else(|| self.clone())
+    }
+
+    /// Whether its refined shape parameters moved, from another's, by less than steps.
+    pub fn is_short_of(&self, from: &Self, steps: &[f64]) -> bool {
+        self.refined_shapes().into_iter().zip(steps).any(|(k, step)| {
+            let by = (self.form[k].1 - from.form[k].1).abs();
+            by > 0.0 && by < (1.0 - ROUNDING) * step.abs()
+        })
+    }
+
+    /// The same as one whose form was moved to what is left.
+    #[must_use]
+    pub fn sharpened(self) -> Self {
+        Self { is_sharpened: true, ..self }
     }
 
     /// The same in another form.

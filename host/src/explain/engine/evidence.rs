@@ -254,7 +254,7 @@ fn by_rows(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>,
         let fit = ranking::fit(&design, &own, &w).ok_or_else(singular)?;
         weights = Some(ranking::weights(&design, &own, &fit.all));
         state.take(setting, &fit.all);
-        state.renew(setting, &fit.all, &fit.covariance);
+        let _ = state.renew(setting, &fit.all, &fit.covariance);
     }
     let own: Vec<usize> = (0..state.own_columns()).collect();
     let further: Vec<&Candidate> = candidates.iter().collect();
@@ -278,10 +278,10 @@ fn by_shooting(
     for round in 0..MOST_ROUNDS {
         let (x, covariance) = shooting::settle(setting, state).ok_or_else(singular)?;
         state.take(setting, &x);
-        state.renew(setting, &x, &covariance);
+        let is_short = state.renew(setting, &x, &covariance);
         let now = state.followed.as_ref().map_or(f64::NAN, Followed::left);
         let falls = now < (1.0 - STILL_FALLS) * left;
-        if round + 1 >= rounds && !falls && !state.still_moves(&x, &covariance) {
+        if round + 1 >= rounds && !falls && !is_short && !state.still_moves(&x, &covariance) {
             break;
         }
         // Rounds that go to and fro end as well.

@@ -53,19 +53,18 @@ struct Tried {
 /// The best exchange of an effect for a candidate that is not `taken`: for what predicts clearly
 /// better and is not larger, or refines it where it remembers (about the motion of a model that
 /// lacks much, columns that are alike are not told apart; about that of the model with either they
-/// are); where there is none, for a simpler law that predicts as well. `effects`: those found, in their order. Effects that were
-/// taken off the record stay.
+/// are); where there is none, for a simpler law that predicts as well. `effects`: those found, in
+/// their order. Effects that were taken off the record stay.
 pub fn best(
     setting: &Setting<'_>,
     state: &State,
     outcome: &Outcome,
-    taken: &[String],
+    taken: &dyn Fn(&Candidate) -> bool,
     effects: &[Found],
 ) -> Option<Exchange> {
     let Evidence::Shooting(blocks) = &outcome.evidence else { return None };
     let free: Vec<usize> = places(&outcome.candidates, outcome.own.len());
-    let offers: Vec<usize> =
-        (0..outcome.candidates.len()).filter(|&i| !taken.contains(&outcome.candidates[i].name(setting))).collect();
+    let offers: Vec<usize> = (0..outcome.candidates.len()).filter(|&i| !taken(&outcome.candidates[i])).collect();
     let mut at = state.values.len();
     let (mut better, mut simpler): (Vec<Exchange>, Vec<Exchange>) = (Vec::new(), Vec::new());
     for (k, Chosen { candidate: old, strengths }) in state.chosen.iter().enumerate() {

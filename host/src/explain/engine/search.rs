@@ -26,6 +26,9 @@ const LEAST_KEPT: f64 = 0.5;
 /// Growth of the gap from which an effect is none, whatever it leaves in the windows of shooting (by
 /// hand: of 95 records two had such a one, both wrong; no right one grew by 2 %).
 const FARTHER: f64 = 1.05;
+/// Share of what is left above the noise that a form which was moved to it may leave when it was
+/// refitted (by hand: those that stood in for another shape left half).
+const LEFT_BY_SHARPENED: f64 = 0.25;
 
 /// `ID@PLACE` of a found effect.
 pub fn named(f: &Found) -> String {
@@ -103,7 +106,8 @@ impl Run<'_> {
                 self.result.effects.is_empty() || search.keeps(&self.state, outcome.as_ref().ok(), gap, &self.result);
             let outcome = match (kept, search.kept.take()) {
                 (false, Some(before)) => {
-                    search.refuse(self.result.effects.last(), before.gone.is_some());
+                    let sharpened = self.state.chosen.last().is_some_and(|c| c.candidate.is_sharpened);
+                    search.refuse(self.result.effects.last(), before.gone.is_some(), sharpened);
                     (self.result.effects, self.state) = (before.effects, before.state);
                     if !self.setting.shooting {
                         self.result.refused.extend(core::mem::take(&mut search.refused));
@@ -141,7 +145,7 @@ impl Run<'_> {
         if effects.len() >= most {
             return Some(outcome);
         }
-        let next = choose(&self.setting, &self.state, &outcome, &search.names(), &mut self.result);
+        let next = choose(&self.setting, &self.state, &outcome, search, &mut self.result);
         self.result.refused.extend(search.refused.iter().cloned());
         let next = next.or_else(|| self.tone(search, &outcome));
         let Some((found, candidate)) = next else { return Some(outcome) };
@@ -160,7 +164,7 @@ impl Run<'_> {
         let (own, fit) = (outcome.own.clone(), outcome.fit.clone());
         let outcome = Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit };
         let told = (self.result.ranking.clone(), self.result.refused.clone());
-        let next = choose(&self.setting, &self.state, &outcome, &search.names(), &mut self.result);
+        let next = choose(&self.setting, &self.state, &outcome, search, &mut self.result);
         // The frequency was the best of many.
         let next = next.filter(|(found, _)| found.p_value * tests < OF_A_FAMILY);
         if next.is_none() {
@@ -196,7 +200,7 @@ impl Run<'_> {
             return None;
         }
         // One that was refused beside a model which lacked others may be right in the place of one.
-        let taken = taken(&self.setting, &self.state, &search.vain);
+        let taken = |c: &Candidate| search.has(&self.setting, &self.state, c, &search.vain);
         let Exchange { gone, index, fit, p_value, promised, share, twins } =
             exchange::best(&self.setting, &self.state, outcome, &taken, &self.result.effects)?;
         search.exchanges += 1;
@@ -262,14 +266,17 @@ pub(super) struct Search {
     kept: Option<Before>,
     /// Effects that were no better in the place of another.
     vain: Vec<String>,
+    /// Effects whose forms are those of the grid: what they were moved to was something else.
+    unmoved: Vec<String>,
     /// Exchanges that were tried.
     exchanges: usize,
 }
 
 impl Search {
-    fn refuse(&mut self, found: Option<&Found>, exchanged: bool) {
-        if exchanged {
-            self.vain.extend(found.map(named));
+    fn refuse(&mut self, found: Option<&Found>, exchanged: bool, sharpened: bool) {
+        if exchanged || sharpened {
+            let list = if exchanged { &mut self.vain } else { &mut self.unmoved };
+            list.extend(found.map(named));
             return;
         }
         let why = "with it in the model predictions come no nearer to the record than without it";
@@ -281,10 +288,18 @@ impl Search {
         self.refused.iter().map(|r| format!("{}@{}", r.id, r.at)).collect()
     }
 
+    /// Whether a candidate is in the model or among some names, or its form was refused.
+    fn has(&self, setting: &Setting<'_>, state: &State, c: &Candidate, names: &[String]) -> bool {
+        let name = c.name(setting);
+        let is_chosen = state.chosen.iter().any(|k| k.candidate.name(setting) == name);
+        is_chosen || names.contains(&name) || c.is_sharpened && self.unmoved.contains(&name)
+    }
+
     /// Whether the last effect stays: a wrong model makes many look significant, each must also
     /// bring predictions nearer.
     fn keeps(&self, state: &State, after: Option<&Outcome>, gap: f64, result: &Explanation) -> bool {
         let (Some(before), Some(after)) = (&self.kept, after) else { return false };
+        let is_sharpened = before.gone.is_none() && state.chosen.last().is_some_and(|c| c.candidate.is_sharpened);
         // What is left over longer windows is more; the model before could not be followed there.
         let length = |s: &State| s.followed.as_ref().map_or(0, Followed::samples);
         if before.promised > 0.0 && length(state) > length(&before.state) {
@@ -296,6 +311,8 @@ impl Search {
         }
         match (before.outcome.left(), after.left()) {
             (Some(b), Some(a)) if before.promised < 0.0 => a <= (1.0 - before.promised) * b,
+            // Of the noise's power 1 is left where nothing is missing.
+            (Some(b), Some(a)) if is_sharpened => a - 1.0 < LEFT_BY_SHARPENED * (b - 1.0).max(0.0),
             (Some(b), Some(a)) => a < (1.0 - LEAST_KEPT * before.promised) * b,
             _ => gap <= (1.0 - LEAST_PROGRESS) * previous || previous <= EXPLAINED_GAP,
         }
@@ -307,14 +324,14 @@ fn choose(
     setting: &Setting<'_>,
     state: &State,
     outcome: &Outcome,
-    refused: &[String],
+    search: &Search,
     result: &mut Explanation,
 ) -> Option<(Found, Candidate)> {
     let step = result.effects.len();
     // A step that is chosen for again, after its effect was refused, is told once.
     result.ranking.retain(|r| r.step != step);
     let Outcome { candidates, evidence, own, fit } = outcome;
-    let taken = taken(setting, state, refused);
+    let refused = search.names();
     let offers: Vec<Offer> = candidates
         .iter()
         .map(|c| Offer {
@@ -323,6 +340,7 @@ fn choose(
             positive: c.entry.positive[0],
             shapes: c.form.len(),
             refines: c.entry.refines.as_ref().map(|r| format!("{r}@{}", c.place_name(setting))),
+            taken: search.has(setting, state, c, &refused),
         })
         .collect();
     let feigned = |k: usize, with: &Fit| evidence.feigned(setting, state, &fit.all, &candidates[k], with);
@@ -332,7 +350,7 @@ fn choose(
         let found = setting.shooting.then(|| shooting::evidence(setting, state, &some, true, &[]));
         Some(Box::new(found.flatten()?))
     };
-    let selection = decision::Selection { evidence: &*judged, own, offers: &offers, taken: &taken };
+    let selection = decision::Selection { evidence: &*judged, own, offers: &offers };
     let (ranking, refused) = (&mut result.ranking, &mut result.refused);
     let Choice { index, fit, p_value, share, twins, runner_up } =
         decision::choose(&selection, step, ranking, refused, &feigned, &together)?;
@@ -345,11 +363,6 @@ fn choose(
         ..tell_of(setting, state, candidate, &fit)
     };
     Some((found, candidate.clone()))
-}
-
-/// Names of what the model has and of what was refused.
-fn taken(setting: &Setting<'_>, state: &State, refused: &[String]) -> Vec<String> {
-    state.chosen.iter().map(|k| k.candidate.name(setting)).chain(refused.iter().cloned()).collect()
 }
 
 /// What is told of a candidate whose strengths stand last in a fit.

@@ -24,8 +24,9 @@ use crate::explain::ranking;
 const MOST: usize = 6;
 const LEAST_GAIN: f64 = 0.1;
 const CHANCE: f64 = 0.05;
-/// Share of what is left that a moved form must take away beside the model (by hand).
-const MOST_OF_IT: f64 = 0.5;
+/// Share of what is left that a moved form must take away beside the model (by hand; what it leaves
+/// when it was refitted is judged by the search).
+const MUCH_OF_IT: f64 = 0.25;
 /// Share of its gain by which what a law refines may be worse, and it is not moved beside the model
 /// (by hand): there the simpler one is named, which it may then replace.
 const AS_GOOD: f64 = 0.05;
@@ -101,11 +102,11 @@ pub fn sharpen(
     let Some(plain) = blocks.fit(&own).filter(|plain| sum(plain) >= MISSES * blocks.noise()) else { return };
     let beside = Seat { gone: 0..0, rest: own.clone() };
     let mut better = beside.sharpened(ground, setting, state, candidates, blocks);
-    // A form that was fitted to what is left comes before others only where it is most of it: a wide
+    // A form that was fitted to what is left comes before others only where it is much of it: a wide
     // magnet takes something of every shape.
     let blocks_left = plain.held_out.len() as f64;
-    better.retain(|m| m.gain * blocks_left > MOST_OF_IT * sum(&plain));
-    let mut better: Vec<Candidate> = better.into_iter().map(|m| m.candidate).collect();
+    better.retain(|m| m.gain * blocks_left > MUCH_OF_IT * sum(&plain));
+    let mut better: Vec<Candidate> = better.into_iter().map(|m| m.candidate.sharpened()).collect();
     let mut at = state.values.len();
     for (k, chosen) in state.chosen.iter().enumerate() {
         let gone = at..at + chosen.strengths.len();

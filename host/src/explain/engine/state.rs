@@ -78,8 +78,9 @@ impl State {
         self.values.len() + self.chosen.iter().map(|k| k.strengths.len()).sum::<usize>()
     }
 
-    /// Effects rest on the system's parameters: renews these, and forms that are refined.
-    pub fn renew(&mut self, setting: &Setting<'_>, x: &DVector<f64>, covariance: &DMatrix<f64>) {
+    /// Effects rest on the system's parameters: renews these, and forms that are refined; whether
+    /// these were moved less far than they should be.
+    pub fn renew(&mut self, setting: &Setting<'_>, x: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
         let n = self.values.len();
         let own = (x.rows(0, n).into_owned(), covariance.view((0, 0), (n, n)).into_owned());
         if let Some(physical) = setting.physical(&own.0, &own.1) {
@@ -88,14 +89,18 @@ impl State {
             }
             self.physical = physical;
         }
+        let mut is_short = false;
         for k in &mut self.chosen {
             let steps = k.candidate.steps(&k.strengths);
             if k.candidate.is_refined() && !steps.is_empty() {
                 // A Gauss–Newton step of the form's parameters.
-                k.candidate = k.candidate.moved(setting, &steps, &self.physical);
+                let moved = k.candidate.moved(setting, &steps, &self.physical);
+                is_short |= moved.is_short_of(&k.candidate, &steps);
+                k.candidate = moved;
                 k.strengths[k.candidate.entry.strengths.len()..].fill(0.0);
             }
         }
+        is_short
     }
 
     /// Takes coefficients over: the equations' own, then strengths; those of effects that are
