@@ -90,12 +90,16 @@ pub fn own(model: &IdentifiedModel, rig: &Rig) -> Result<(Rig, IdentifiedModel)>
 
 /// Parameters of an explanation as the non-dimensional coefficients of (3.4), by their names, then
 /// dampings and effects in physical units as they were added.
-pub fn to_non_dimensional(parameters: &mut [Parameter], omega: f64) {
-    for (name, file, factor) in terms(omega) {
+///
+/// Without a drive they have the units of time that they were found with.
+pub fn to_non_dimensional(parameters: &mut [Parameter], rig: &Rig) {
+    for (name, file, factor) in terms(rig.omega()) {
         if let Some(p) = parameters.iter_mut().find(|p| p.name == file) {
             name.clone_into(&mut p.name);
             (p.value, p.std_error) = (p.value * factor, (p.std_error * factor).abs());
-            if name.ends_with('6') { "s²/m" } else { "1" }.clone_into(&mut p.unit);
+            if rig.drive.is_some() {
+                if name.ends_with('6') { "s²/m" } else { "1" }.clone_into(&mut p.unit);
+            }
         }
     }
     parameters.sort_by(|a, b| match (a.name.contains('@'), b.name.contains('@')) {
@@ -123,12 +127,12 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     let model = settings.model.as_ref().map(|m| in_file(m, rig, &bound)).transpose()?;
     let settings = Settings { model, ..settings.clone() };
     let mut out = engine::explain(records, &own_rig, &bound, &settings)?.unwrap_or_else(decidability::unplaced);
-    to_non_dimensional(&mut out.parameters, rig.omega());
-    to_non_dimensional(&mut out.parameters_before, rig.omega());
+    to_non_dimensional(&mut out.parameters, rig);
+    to_non_dimensional(&mut out.parameters_before, rig);
     if let Some(model) = &mut out.model {
         model.system = System::BuiltIn(Pendulum::Double.id().to_owned());
         model.nominal = nominal;
-        to_non_dimensional(&mut model.parameters, rig.omega());
+        to_non_dimensional(&mut model.parameters, rig);
     }
     Ok(out)
 }
@@ -169,7 +173,7 @@ mod tests {
             let mut parameters: Vec<Parameter> = named
                 .map(|(n, v)| Parameter { name: n.clone(), value: *v, std_error: 0.0, unit: String::new() })
                 .collect();
-            to_non_dimensional(&mut parameters, rig.omega());
+            to_non_dimensional(&mut parameters, &rig);
             let all: Vec<_> = DAMPINGS.iter().collect();
             let built_in = DoublePendulum::new(rig.omega(), rig.drive.is_some(), &all);
             let of = |n: &String| parameters.iter().find(|p| p.name == *n).unwrap_or_else(|| panic!("{n}")).value;
@@ -206,7 +210,7 @@ mod tests {
             let mut parameters: Vec<Parameter> = named
                 .map(|(n, v)| Parameter { name: n.clone(), value: *v, std_error: 0.0, unit: String::new() })
                 .collect();
-            to_non_dimensional(&mut parameters, rig.omega());
+            to_non_dimensional(&mut parameters, &rig);
             let all: Vec<_> = DAMPINGS.iter().collect();
             let written = as_own::double_pendulum(&rig, &all).unwrap().bound.unwrap();
             let plain = EquationsOfMotion::new(&written.model, rig.omega()).unwrap();

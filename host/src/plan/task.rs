@@ -122,7 +122,7 @@ impl<'a> Task<'a> {
         let is_rival = |name: &str| asked && self.near.as_ref().is_none_or(|n| n.contains(name));
         let mut found = expected(record, &own.rig, &own.model, &is_rival).ok()??;
         if self.model.system.pendulum() == Some(Pendulum::Double) {
-            double_pendulum::to_non_dimensional(&mut found.parameters, own.rig.omega());
+            double_pendulum::to_non_dimensional(&mut found.parameters, &own.rig);
         }
         let known = |p: &Parameter| p.std_error.is_finite() && p.value.is_finite();
         found.parameters.retain(known);

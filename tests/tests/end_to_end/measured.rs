@@ -44,6 +44,12 @@ fn the_viscous_model_of_the_measured_double_pendulum_is_improved() {
     let (near, far) = (errors(0.2), errors(2.0 + 2.0 / 3.0));
     assert!(near[0] < 0.017 && near.last().unwrap() < &0.0126, "{near:?}");
     assert!(far.last().unwrap() < &far[0], "{far:?}");
+    // Nothing drives it: coefficients are by seconds.
+    for (name, unit) in [("B11", "1"), ("B12", "s⁻²"), ("C2", "s⁻¹")] {
+        let all = out["parameters"].as_array().unwrap();
+        let found = all.iter().find(|p| p["name"] == name).unwrap();
+        assert_eq!(found["unit"], unit, "{found}");
+    }
 }
 
 #[test]
