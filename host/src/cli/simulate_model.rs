@@ -16,7 +16,7 @@ use crate::motion::from_record::{self, Begin};
 use crate::motion::simulation::{self, LONGEST_S, MOST_SAMPLES, Solution};
 use crate::motion::{Effect, Motion, stand_in};
 use crate::record::values::write_values_from;
-use crate::record::{ReadOptions, Record, metadata};
+use crate::record::{ReadOptions, Record, metadata, names};
 use crate::report::format::shortest;
 use crate::rig::Rig;
 
@@ -169,7 +169,12 @@ fn summary(motion: &Motion, rig: &Rig, begin: &Begin, solution: &Solution, start
 
 /// The answer for people.
 fn said(s: &Summary, motion: &Motion, output: &Path) -> String {
-    let columns: Vec<String> = s.channels.iter().map(|c| format!("{} ({})", c.name, c.unit)).collect();
+    // A name that tells its unit is not told it twice.
+    let told = |c: &Shown| match names::split(&c.name).1 {
+        Some(unit) if unit == c.unit => c.name.clone(),
+        _ => format!("{} ({})", c.name, c.unit),
+    };
+    let columns: Vec<String> = s.channels.iter().map(told).collect();
     let mut out = format!(
         "{} samples ({:.6} s from t = {:.6} s, {} Hz) of {} in {}\ncolumns: t (s), {}\n",
         s.samples,

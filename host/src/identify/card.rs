@@ -1,5 +1,6 @@
 //! The card of an identification: see [`crate::report::card`].
 
+use super::identifiability::{CORRELATION, RELATIVE_ERROR, size};
 use super::model_file::identified_model;
 use super::presentation::method_name;
 use super::{Identification, Parameter};
@@ -73,11 +74,21 @@ fn sentence(result: &Identification) -> String {
 
 /// What this record does not determine, and what would.
 fn undecided(result: &Identification) -> Vec<String> {
+    let names: Vec<String> = result.parameters.iter().map(|p| p.name.clone()).collect();
+    let values: Vec<f64> = result.parameters.iter().map(|p| p.value).collect();
+    let is_known = |name: &String| {
+        let of = |i: usize| result.parameters[i].std_error <= RELATIVE_ERROR * size(&names, &values, i);
+        names.iter().position(|n| n == name).is_some_and(of)
+    };
     let sentence = |group: &Vec<String>| {
         let all: Vec<String> = group.iter().map(|n| symbol_plain(n)).collect();
         match &all[..] {
             [one] => format!(
                 "{one} cannot be determined from this record alone: a larger amplitude or a longer record would."
+            ),
+            _ if group.iter().all(is_known) => format!(
+                "The errors of {} go together (correlation above {CORRELATION}): each is known as well as its interval says, their difference or ratio better or worse.",
+                names::listed(&all)
             ),
             _ => format!(
                 "{} trade off against each other, and this record does not separate them: a larger amplitude does, or one of them measured otherwise \
@@ -105,9 +116,16 @@ mod tests {
         Identification {
             model: rig().model,
             method: "weak".to_owned(),
-            parameters: vec![p("B11", 0.11312, 2e-5), p("B14", 0.0, 1e-5), p("B22", 0.2632, 1e-5)],
+            parameters: vec![
+                p("B11", 0.11312, 2e-5),
+                p("B14", 0.0, 1e-5),
+                p("B22", 0.2632, 1e-5),
+                p("C2", 0.01, 0.004),
+            ],
             identification_error: vec![0.003, 0.004],
-            groups_not_separable: vec![vec!["B14".to_owned()], vec!["B11".to_owned(), "B22".to_owned()]],
+            groups_not_separable: [&["B14"][..], &["B11", "C2"], &["B11", "B22"]]
+                .map(|g| g.iter().map(|n| (*n).to_owned()).collect())
+                .to_vec(),
             ..Identification::default()
         }
     }
@@ -120,7 +138,8 @@ mod tests {
         assert!(shown.verdict.contains("half of its parameters to ± 0.035 % or better"), "{}", shown.verdict);
         assert!(shown.verdict.contains("and its equations describe the record"), "{}", shown.verdict);
         assert!(shown.undecided[0].starts_with("B₁₄ cannot be determined"), "{:?}", shown.undecided);
-        assert!(shown.undecided[1].starts_with("B₁₁ and B₂₂ trade off"), "{:?}", shown.undecided);
+        assert!(shown.undecided[1].starts_with("B₁₁ and C₂ trade off"), "{:?}", shown.undecided);
+        assert!(shown.undecided[2].starts_with("The errors of B₁₁ and B₂₂ go together"), "{:?}", shown.undecided);
         result.warnings.push(Warning::new("x", "Time runs backwards", "").invalidating());
         assert!(card(&result, &rig).verdict.contains("cannot stand: time runs backwards"));
     }

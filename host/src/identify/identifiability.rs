@@ -38,27 +38,31 @@ pub fn groups_not_separable(names: &[String], values: &DVector<f64>, covariance:
             }
         }
     }
-    let series = |name: &str| ["n_", "p_", "q_"].iter().position(|s| name.starts_with(s)).map(|f| f / 2);
-    let size = |i: usize| {
-        let name = &names[i];
-        if let Some(of) = series(name) {
-            return (0..n).filter(|&k| series(&names[k]) == Some(of)).map(|k| values[k].powi(2)).sum::<f64>().sqrt();
-        }
-        let partner = match name.chars().last() {
-            Some('3') if name.starts_with('B') => format!("{}4", &name[..2]),
-            Some('4') if name.starts_with('B') => format!("{}3", &name[..2]),
-            _ => return values[i].abs(),
-        };
-        names.iter().position(|x| *x == partner).map_or(values[i].abs(), |k| values[i].hypot(values[k]))
-    };
     (0..n)
         .filter_map(|first| {
             let members: Vec<usize> = (0..n).filter(|&i| set[i] == first).collect();
-            let undetermined = members.iter().any(|&i| deviation(i) > RELATIVE_ERROR * size(i));
+            let undetermined =
+                members.iter().any(|&i| deviation(i) > RELATIVE_ERROR * size(names, values.as_slice(), i));
             (members.len() > 1 || (!members.is_empty() && undetermined))
                 .then(|| members.into_iter().map(|i| names[i].clone()).collect())
         })
         .collect()
+}
+
+/// What a coefficient's standard error is compared with.
+pub fn size(names: &[String], values: &[f64], i: usize) -> f64 {
+    let name = &names[i];
+    let series = |name: &str| ["n_", "p_", "q_"].iter().position(|s| name.starts_with(s)).map(|f| f / 2);
+    if let Some(of) = series(name) {
+        let own = names.iter().zip(values).filter(|(other, _)| series(other) == Some(of));
+        return own.map(|(_, v)| v.powi(2)).sum::<f64>().sqrt();
+    }
+    let partner = match name.chars().last() {
+        Some('3') if name.starts_with('B') => format!("{}4", &name[..2]),
+        Some('4') if name.starts_with('B') => format!("{}3", &name[..2]),
+        _ => return values[i].abs(),
+    };
+    names.iter().position(|x| *x == partner).map_or(values[i].abs(), |k| values[i].hypot(values[k]))
 }
 
 #[cfg(test)]

@@ -29,7 +29,14 @@ pub(super) fn checks(v: &Validation) -> Vec<Check> {
         check(
             "prediction-horizon",
             unended || measured >= share * simulated,
-            format!("median {measured:.2} s on the record, {simulated:.2} s on the model's own"),
+            format!(
+                "median {measured:.2} s on the record, {simulated:.2} s on the model's own{}",
+                if unended && measured < share * simulated {
+                    ": most last to the record's end".to_owned()
+                } else {
+                    format!(", of which {:.0} % are asked", 100.0 * share)
+                }
+            ),
         );
     }
     let tests: Vec<f64> = v.sections.iter().filter_map(|s| s.test.map(|t| t.p_value)).collect();
@@ -46,12 +53,17 @@ pub(super) fn checks(v: &Validation) -> Vec<Check> {
     }
     let pair = |p: &Pair, unit: &str| {
         format!(
-            "{:.3} ± {:.3}{unit} in the record, {:.3} ± {:.3}{unit} in the model's own: {:.1} standard errors",
+            "{:.3} ± {:.3}{unit} in the record, {:.3} ± {:.3}{unit} in the model's own: {:.1} standard errors{}",
             p.measured,
             1.96 * p.measured_std_error,
             p.simulated,
             1.96 * p.simulated_std_error,
-            p.deviation()
+            p.deviation(),
+            match (p.deviation() <= STANDARD_ERRORS, agree(p)) {
+                (false, true) => ", but within a third of each other, as two records of one rig can be",
+                (false, false) => ", and more than a third apart",
+                _ => "",
+            }
         )
     };
     if let Some(p) = v.lyapunov.and_then(|l| l.records) {
