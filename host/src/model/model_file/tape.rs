@@ -3,7 +3,8 @@
 //! A block of `BLOCK` samples stays in the first-level cache; every operation is a loop over it.
 //! Sine and cosine of the same argument are computed together. The sign of a quantity is its mean
 //! over one sampling step, [`mean_sign`], from the change between neighbouring samples, so blocks
-//! are computed with one more sample on either side where there is one.
+//! are computed with one more sample on either side where there is one. Of points that are no
+//! neighbours it is the sign itself.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -177,7 +178,7 @@ impl Tape {
         for start in (0..count).step_by(BLOCK) {
             let end = (start + BLOCK).min(count);
             let (from, to) = (start.saturating_sub(halo), (end + halo).min(count));
-            self.block::<{ BLOCK + 2 }>(columns, from, to, &mut registers);
+            self.block::<{ BLOCK + 2 }>(columns, from..to, true, &mut registers);
             for (out, &r) in out.iter_mut().zip(&self.outputs) {
                 let at = r * (BLOCK + 2);
                 out[start..end].copy_from_slice(&registers[at + start - from..at + end - from]);
@@ -189,7 +190,7 @@ impl Tape {
     /// Values of every expression at `count` points that are no neighbours, [`ABREAST`] at most:
     /// [`Tape::output`] shows them.
     pub fn over(&self, columns: &[&[f64]], count: usize, registers: &mut Registers) {
-        self.block::<ABREAST>(columns, 0, count, registers.room(self.operations.len(), ABREAST));
+        self.block::<ABREAST>(columns, 0..count, false, registers.room(self.operations.len(), ABREAST));
     }
 
     /// Values of every expression at a range of `count` points, two fewer than 128 at most, with their neighbours where these matter: [`Tape::output`] shows them from the place that is
@@ -197,7 +198,7 @@ impl Tape {
     pub fn among(&self, columns: &[&[f64]], points: Range<usize>, count: usize, registers: &mut Registers) -> usize {
         let halo = usize::from(self.signs);
         let (from, to) = (points.start.saturating_sub(halo), (points.end + halo).min(count));
-        self.block::<MOST>(columns, from, to, registers.room(self.operations.len(), MOST));
+        self.block::<MOST>(columns, from..to, true, registers.room(self.operations.len(), MOST));
         points.start - from
     }
 
@@ -206,8 +207,14 @@ impl Tape {
         &registers.values[self.outputs[k] * registers.stride..(self.outputs[k] + 1) * registers.stride]
     }
 
-    fn block<const STRIDE: usize>(&self, columns: &[&[f64]], from: usize, to: usize, registers: &mut [f64]) {
-        Arch::new().dispatch(Block::<STRIDE> { operations: &self.operations, columns, from, to, registers });
+    fn block<const STRIDE: usize>(
+        &self,
+        columns: &[&[f64]],
+        points: Range<usize>,
+        neighbours: bool,
+        registers: &mut [f64],
+    ) {
+        Arch::new().dispatch(Block::<STRIDE> { operations: &self.operations, columns, points, neighbours, registers });
     }
 
     /// Values of every expression at one point (signs are plain signs). `values` has one entry for
@@ -246,8 +253,9 @@ impl Tape {
 struct Block<'a, const STRIDE: usize> {
     operations: &'a [Operation],
     columns: &'a [&'a [f64]],
-    from: usize,
-    to: usize,
+    points: Range<usize>,
+    /// Whether each point is a sampling step from the one before it.
+    neighbours: bool,
     registers: &'a mut [f64],
 }
 
@@ -256,8 +264,8 @@ impl<const STRIDE: usize> NullaryFnOnce for Block<'_, STRIDE> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { operations, columns, from, to, registers } = self;
-        let n = to - from;
+        let Self { operations, columns, points, neighbours, registers } = self;
+        let n = points.len();
         for (k, operation) in operations.iter().enumerate() {
             let (before, rest) = registers.split_at_mut(k * STRIDE);
             let (own, after) = rest.split_at_mut(STRIDE);
@@ -273,7 +281,7 @@ impl<const STRIDE: usize> NullaryFnOnce for Block<'_, STRIDE> {
             }
             match *operation {
                 Operation::Number(x) => out.fill(x),
-                Operation::Load(c) => out.copy_from_slice(&columns[c][from..to]),
+                Operation::Load(c) => out.copy_from_slice(&columns[c][points.clone()]),
                 Operation::Add(a, b) => each!(a, b, |a: f64, b: f64| a + b),
                 Operation::Subtract(a, b) => each!(a, b, |a: f64, b: f64| a - b),
                 Operation::Multiply(a, b) => each!(a, b, |a: f64, b: f64| a * b),
@@ -284,7 +292,7 @@ impl<const STRIDE: usize> NullaryFnOnce for Block<'_, STRIDE> {
                 Operation::PowerWhole(a, p) => each!(a, |a: f64| a.powi(p)),
                 Operation::SinCos(a) => sin_cos(get(a), out, &mut after[..n]),
                 Operation::Second => {}
-                Operation::Call(Function::Sign, a) => {
+                Operation::Call(Function::Sign, a) if neighbours => {
                     let x = get(a);
                     for (i, o) in out.iter_mut().enumerate() {
                         let (b, f) = (i.saturating_sub(1), (i + 1).min(n - 1));
@@ -342,6 +350,22 @@ mod tests {
         }
         // Sine and cosine of q are computed once.
         assert_eq!(tape.operations.iter().filter(|o| matches!(o, Operation::SinCos(_))).count(), 2);
+    }
+
+    /// States side by side are those of other windows: one does not blur the sign of another.
+    #[test]
+    fn of_points_that_are_no_neighbours_a_sign_is_that_of_the_point() {
+        let names = Names { coordinates: vec!["q".into()], inputs: vec![] };
+        let nodes = ["step(abs(q) - 0.5)", "sign(q)"].map(|t| parse(t, &names).unwrap());
+        let tape = Tape::new(&nodes);
+        let q: Vec<f64> = (0..ABREAST).map(|i| (7.3 * i as f64).sin()).collect();
+        let mut registers = Registers::default();
+        tape.over(&[&q], ABREAST, &mut registers);
+        for (k, node) in nodes.iter().enumerate() {
+            for (i, x) in q.iter().enumerate() {
+                assert_eq!(tape.output(k, &registers)[i], node.value(&|_| *x), "{k} {i} {x}");
+            }
+        }
     }
 
     #[test]
