@@ -356,7 +356,7 @@ mod tests {
     #[test]
     fn of_points_that_are_no_neighbours_a_sign_is_that_of_the_point() {
         let names = Names { coordinates: vec!["q".into()], inputs: vec![] };
-        let nodes = ["step(abs(q) - 0.5)", "sign(q)"].map(|t| parse(t, &names).unwrap());
+        let nodes = ["(abs(q) - 0.5)*(1 + sign(abs(q) - 0.5))", "sign(q)"].map(|t| parse(t, &names).unwrap());
         let tape = Tape::new(&nodes);
         let q: Vec<f64> = (0..ABREAST).map(|i| (7.3 * i as f64).sin()).collect();
         let mut registers = Registers::default();
