@@ -158,6 +158,7 @@ def read(source: Source, *, rate: Optional[float] = None, start: float = 0.0, ti
         n = max((len(values) for values in columns.values()), default=0)
         columns = {"t": start + np.arange(n) / rate, **columns}
     folder = tempfile.TemporaryDirectory(prefix="whirl-")
-    path = Path(folder.name) / "record.npz"
+    # Its name stands in rig files and reports that are made of it.
+    path = Path(folder.name) / "in-memory.npz"
     _written(columns, path)
     return Record(path, time=time, recover=recover, resample=resample, folder=folder)

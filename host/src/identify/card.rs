@@ -26,7 +26,15 @@ pub fn card(result: &Identification, rig: &Rig) -> Card {
         }
     };
     let parameters = result.parameters.iter().map(row).collect();
-    Card { verdict: sentence(result), parameters, equations, undecided: undecided(result), ..Card::default() }
+    let (together, open): (Vec<_>, Vec<_>) = result.groups_not_separable.iter().partition(|g| is_known(result, g));
+    Card {
+        verdict: sentence(result),
+        parameters,
+        remarks: together.into_iter().map(|g| go_together(g)).collect(),
+        equations,
+        undecided: open.into_iter().map(|g| undecided(g)).collect(),
+        ..Card::default()
+    }
 }
 
 /// A sentence as part of another: a word begins with a small letter, a symbol stays.
@@ -72,32 +80,41 @@ fn sentence(result: &Identification) -> String {
     )
 }
 
-/// What this record does not determine, and what would.
-fn undecided(result: &Identification) -> Vec<String> {
-    let names: Vec<String> = result.parameters.iter().map(|p| p.name.clone()).collect();
-    let values: Vec<f64> = result.parameters.iter().map(|p| p.value).collect();
-    let is_known = |name: &String| {
+/// Whether several coefficients whose errors are correlated are each known all the same.
+fn is_known(result: &Identification, group: &[String]) -> bool {
+    let (names, values): (Vec<String>, Vec<f64>) = result.parameters.iter().map(|p| (p.name.clone(), p.value)).unzip();
+    let is = |name: &String| {
         let of = |i: usize| result.parameters[i].std_error <= RELATIVE_ERROR * size(&names, &values, i);
         names.iter().position(|n| n == name).is_some_and(of)
     };
-    let sentence = |group: &Vec<String>| {
-        let all: Vec<String> = group.iter().map(|n| symbol_plain(n)).collect();
-        match &all[..] {
-            [one] => format!(
-                "{one} cannot be determined from this record alone: a larger amplitude or a longer record would."
-            ),
-            _ if group.iter().all(is_known) => format!(
-                "The errors of {} go together (correlation above {CORRELATION}): each is known as well as its interval says, their difference or ratio better or worse.",
-                names::listed(&all)
-            ),
-            _ => format!(
-                "{} trade off against each other, and this record does not separate them: a larger amplitude does, or one of them measured otherwise \
-                 ([known] in the rig file).",
-                names::listed(&all)
-            ),
-        }
-    };
-    result.groups_not_separable.iter().map(sentence).collect()
+    group.len() > 1 && group.iter().all(is)
+}
+
+fn symbols(group: &[String]) -> String {
+    names::listed(&group.iter().map(|n| symbol_plain(n)).collect::<Vec<_>>())
+}
+
+/// What correlated errors mean where each coefficient is known.
+fn go_together(group: &[String]) -> String {
+    format!(
+        "The errors of {} go together (correlation above {CORRELATION}): each is known as well as its interval says, their difference or ratio better or worse.",
+        symbols(group)
+    )
+}
+
+/// What this record does not determine, and what would.
+fn undecided(group: &[String]) -> String {
+    if let [_] = group {
+        let one = symbols(group);
+        return format!(
+            "{one} cannot be determined from this record alone: a larger amplitude or a longer record would."
+        );
+    }
+    format!(
+        "{} trade off against each other, and this record does not separate them: a larger amplitude does, or one of them measured otherwise \
+         ([known] in the rig file).",
+        symbols(group)
+    )
 }
 
 #[cfg(test)]
@@ -139,7 +156,8 @@ mod tests {
         assert!(shown.verdict.contains("and its equations describe the record"), "{}", shown.verdict);
         assert!(shown.undecided[0].starts_with("B₁₄ cannot be determined"), "{:?}", shown.undecided);
         assert!(shown.undecided[1].starts_with("B₁₁ and C₂ trade off"), "{:?}", shown.undecided);
-        assert!(shown.undecided[2].starts_with("The errors of B₁₁ and B₂₂ go together"), "{:?}", shown.undecided);
+        assert!(shown.remarks[0].starts_with("The errors of B₁₁ and B₂₂ go together"), "{:?}", shown.remarks);
+        assert_eq!((shown.remarks.len(), shown.undecided.len()), (1, 2));
         result.warnings.push(Warning::new("x", "Time runs backwards", "").invalidating());
         assert!(card(&result, &rig).verdict.contains("cannot stand: time runs backwards"));
     }

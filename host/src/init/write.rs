@@ -26,7 +26,9 @@ pub fn text(draft: &Draft) -> String {
         return stored.clone();
     }
     let mut out = String::new();
-    let record = plain(&draft.record.display().to_string());
+    // Without its folder: a rig file is handed on.
+    let record = draft.record.file_name().unwrap_or(draft.record.as_os_str());
+    let record = plain(&record.to_string_lossy());
     let _ = writeln!(
         out,
         "# Written by `whirl init {record}` from what the record shows; every statement has its reason above it."

@@ -56,6 +56,8 @@ pub struct Card {
     pub equations: Option<WrittenOut>,
     /// Parameters.
     pub parameters: Vec<CardRow>,
+    /// What is to be known of them beside their intervals.
+    pub remarks: Vec<String>,
     /// What the gap is measured by, and the gap at each stage.
     pub gap: (String, Vec<GapBar>),
     /// The picture.
@@ -153,6 +155,7 @@ impl Card {
         }
         if !self.parameters.is_empty() {
             self.table(&mut out);
+            self.remarks.iter().for_each(|r| out.push_str(&format!("  {r}\n")));
         }
         self.bars(&mut out);
         for (heading, list) in [("To confirm it", &self.confirm), ("Not decided", &self.undecided)] {
@@ -219,6 +222,9 @@ impl Card {
         }
         if !self.parameters.is_empty() {
             self.html_table(&mut body);
+            self.remarks.iter().for_each(|r| {
+                body.paragraph(r);
+            });
         }
         let bars: Vec<(String, f64, String)> =
             self.gap.1.iter().map(|b| (b.name.clone(), b.value, b.label.clone())).collect();

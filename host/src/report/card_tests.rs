@@ -22,6 +22,7 @@ fn card() -> Card {
             ..WrittenOut::default()
         }),
         parameters: vec![row("C2", Some((0.05455, 4e-5)), (0.048493, 5.5e-6)), row("", None, (2e-7, 2e-11))],
+        remarks: vec!["Both go together.".to_owned()],
         gap: ("Gap over 0.2 s".to_owned(), vec![bar("before", 4.5), bar("after", 1.0)]),
         picture: Some(Compared {
             measures: "theta2".to_owned(),
@@ -44,6 +45,8 @@ fn a_terminal_has_the_answer_first() {
     assert!(text.starts_with("The model misses a drag & more.\n\nEquations of motion\n  a − b = 0\n"), "{text}");
     assert!(text.contains("0.05455 ± 0.00008  →  0.048493 ± 0.000011"), "{text}");
     assert!(text.contains("C₂, friction") && text.contains("−11 %") && text.contains("  new\n"), "{text}");
+    let remark = text.find("\n  Both go together.\n").unwrap();
+    assert!(text.find("C₂, friction").unwrap() < remark && remark < text.find("Gap over").unwrap(), "{text}");
     let length = |name: &str| text.lines().find(|l| l.starts_with(&format!("  {name} "))).unwrap().matches('█').count();
     assert_eq!((length("before"), length("after")), (40, 9), "{text}");
     assert!(text.contains("To confirm it\n  Swing") && !text.contains("Not decided"), "{text}");
@@ -55,6 +58,7 @@ fn a_page_has_the_same_escaped() {
     assert!(page.starts_with("<p class=verdict>The model misses a drag &amp; more.</p>"), "{page}");
     assert!(page.contains("<math><mrow><mo form=infix>−</mo><mi>b</mi></mrow></math>"), "{page}");
     assert!(page.contains("0.048493 ± 0.000011") && page.contains("friction &lt;i&gt;"), "{page}");
+    assert!(page.contains("</table></div>\n<p>Both go together.</p>"), "{page}");
     assert!(page.contains("predicted by the new model") && page.contains("<svg"), "{page}");
 }
 
