@@ -84,8 +84,8 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         // No effect is looked for where one would be dressed up.
         let settings = Settings { most_effects: Some(0), ..settings.clone() };
         any_system(records, rig, &settings).unwrap_or_else(|_| {
-            let period_s = rig.drive.map_or(0.2, |d| 1.0 / d.frequency_hz);
-            Explanation::new(settings.horizon_s.unwrap_or(period_s), Vec::new())
+            let default_s = engine::units::default_horizon(rig, None);
+            Explanation::new(settings.horizon_s.unwrap_or(default_s), Vec::new())
         })
     } else {
         any_system(records, rig, settings)?

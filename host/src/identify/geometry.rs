@@ -19,6 +19,8 @@ use crate::signal::noise::Noise;
 
 /// Most frequencies of the test functions.
 const MOST_FREQUENCIES: usize = 400;
+/// Periods of a drive in a window.
+const PERIODS: f64 = 20.0;
 
 /// Chooses.
 ///
@@ -45,7 +47,7 @@ pub fn geometry(
     let most_top = if wide { rate / 5.0 } else { rate / 16.0 };
     let wanted = greatest(|n| n.acceleration_99_hz);
     let default_window = match rig.drive {
-        Some(d) => 20.0 / d.frequency_hz,
+        Some(d) => PERIODS / d.frequency_hz,
         None if inputs => (30.0 / wanted.max(1e-9 * rate).min(most_top)).min(4.0),
         None => 4.0,
     };
@@ -79,7 +81,9 @@ pub fn geometry(
         full: Kernel::design(step_s, pass, stop),
         clear: Kernel::design(step_s, clear, (clear + stop - pass).min(0.48 * rate)),
     };
-    Ok(Geometry { windows: Windows { length_s, hop_s: 0.5 * length_s, frequencies }, kernels })
+    let dominant_s = band.map_or(length_s / PERIODS, |b| 1.0 / b.dominant_hz);
+    let period_s = rig.drive.map_or(dominant_s, |d| 1.0 / d.frequency_hz);
+    Ok(Geometry { windows: Windows { length_s, hop_s: 0.5 * length_s, frequencies }, kernels, period_s })
 }
 
 #[cfg(test)]
@@ -105,7 +109,7 @@ mod tests {
                 for window_s in [None, Some(0.5), Some(1.0), Some(3.0)] {
                     let settings = Settings { window_s, ..Settings::default() };
                     match geometry(&rig, &settings, &[Some(noise), None], false, 1.0 / rate, None, &[]) {
-                        Ok(Geometry { windows, kernels }) => {
+                        Ok(Geometry { windows, kernels, .. }) => {
                             assert!(windows.frequencies >= 2 && windows.length_s >= 32.0 / rate, "{rate} {window_s:?}");
                             assert!(
                                 windows.frequencies as f64 / windows.length_s <= 0.15 * rate,

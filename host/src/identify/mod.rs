@@ -22,6 +22,7 @@ pub mod history;
 pub mod identifiability;
 pub mod index_marks;
 pub mod input_noise;
+pub mod jackknife;
 mod judgement;
 mod known_of_system;
 mod known_quantities;

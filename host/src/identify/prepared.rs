@@ -26,6 +26,9 @@ pub struct Geometry {
     pub windows: Windows,
     /// Low-passes.
     pub kernels: Kernels,
+    /// The drive's period; of a free system that of its dominant frequency, or a twentieth of a
+    /// window where no motion stands above the noise, s.
+    pub period_s: f64,
 }
 
 /// A record made ready for the weak form.

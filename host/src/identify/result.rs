@@ -99,7 +99,7 @@ impl Details {
         noise_rad: Vec<f64>,
         bias: Option<(&noise_bias::Bias, f64)>,
     ) -> Self {
-        let Geometry { windows, kernels } = geometry;
+        let Geometry { windows, kernels, .. } = geometry;
         Self {
             window_s: windows.length_s,
             windows: count,

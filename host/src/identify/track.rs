@@ -109,8 +109,10 @@ pub struct Track<'a> {
     exogenous: &'a [ExogenousInputs],
     stretches: &'a [Stretch],
     bound: &'a ObservedModel,
-    /// Where each stretch begins on the axis, s.
+    /// Where each stretch begins on the axis, s, and how long before that its inputs are asked for
+    /// at most: stretches with times of their own may lie close to one another.
     begins: Vec<f64>,
+    early_s: f64,
     /// States that are known better than from the sensors' slopes, by stretch and sample.
     known: Option<KnownStates<'a>>,
 }
@@ -171,6 +173,7 @@ impl<'a> Track<'a> {
             stretches,
             bound,
             begins,
+            early_s: if own { 0.5 * spacing_s } else { 0.5 * APART_S },
             known: None,
         }
     }
@@ -198,7 +201,7 @@ impl<'a> Track<'a> {
 
     /// Inputs at a time of the axis.
     pub fn inputs(&self, time: f64, out: &mut [f64]) {
-        let k = self.begins.partition_point(|b| *b <= time + 0.5 * APART_S).saturating_sub(1);
+        let k = self.begins.partition_point(|b| *b <= time + self.early_s).saturating_sub(1);
         if let (Some(exogenous), Some(begin)) = (self.exogenous.get(k), self.begins.get(k)) {
             exogenous.inputs(time - begin + exogenous.start_s, out);
         }
@@ -320,5 +323,50 @@ impl<'a> Track<'a> {
             inputs: (self.inputs > 0).then_some(Inputs { count: self.inputs, at }),
             zeros: Zeros::default(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::signal::angles::Phase;
+
+    /// A record with a tenth of a second missing: what is remembered a second before the gap is that
+    /// of the stretch before it.
+    #[test]
+    fn inputs_before_a_short_gap_are_those_of_their_own_stretch() {
+        let rigs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs");
+        let rig = Rig::read(rigs.join("double-pendulum-from-bodies.toml")).unwrap();
+        let bound = rig.bound.as_ref().unwrap();
+        let step_s = 1.0 / rig.sample_rate_hz;
+        let count = 1001;
+        let stretch = |start_s: f64| Stretch {
+            start_s,
+            step_s,
+            coordinates: vec![vec![0.1; count]; 2],
+            inputs: Vec::new(),
+            phase: Phase::Clock(rig.omega()),
+            amplitude_nm: None,
+            history: None,
+            base: None,
+        };
+        let end_s = (count - 1) as f64 * step_s;
+        let stretches = [stretch(0.0), stretch(end_s + 0.1)];
+        let exogenous: Vec<ExogenousInputs> = stretches
+            .iter()
+            .zip([1.0, 2.0])
+            .map(|(s, z)| ExogenousInputs { remembered: vec![vec![z; count]], ..ExogenousInputs::new(s, rig.omega()) })
+            .collect();
+        let noise =
+            Sensors { count: vec![None; 2], sigma: vec![1e-3; 2], square_error: vec![0.0; 2], inputs: Vec::new() };
+        let track = Track::new(&stretches, &exogenous, &rig, bound, &noise);
+        let at = |time: f64| {
+            let mut out = [0.0];
+            track.inputs(time, &mut out);
+            out[0]
+        };
+        assert_eq!([0.0, end_s - 1.0, end_s, end_s + 0.1, end_s + 1.0].map(at), [1.0, 1.0, 1.0, 2.0, 2.0]);
     }
 }

@@ -67,7 +67,7 @@ impl Fitted {
     fn of(records: &[Record], written: WrittenRig<'_>, prepared: &Prepared) -> Result<Self> {
         let WrittenRig { rig, own, bound } = written;
         let model = &*bound.model;
-        let Prepared { stretches, record_of, sensors, geometry: Geometry { windows, kernels }, .. } = prepared;
+        let Prepared { stretches, record_of, sensors, geometry: Geometry { windows, kernels, .. }, .. } = prepared;
         let circle = model.circle();
         let split = per_record::Split::new(model, records.len());
         let (terms, names) = (split.terms(), split.names());
@@ -150,7 +150,7 @@ impl Fitted {
         let WrittenRig { rig, own, bound } = written;
         let Self { rows, split, solution, plain, bias, sigma, left } = self;
         let model = &*bound.model;
-        let Geometry { windows, kernels } = &prepared.geometry;
+        let Geometry { windows, kernels, .. } = &prepared.geometry;
         let mut warnings = prepared.warnings.clone();
         if solution.repeating {
             warnings.push(periodic(solution.repetition, "window", rig, bound));

@@ -60,19 +60,33 @@ impl Design {
     }
 }
 
-/// The weak form with further columns, and which global column each term of each equation is.
-fn weak_of(setting: &Setting<'_>, further: &[Vec<(usize, Node)>]) -> Result<(WeakForm, Vec<Vec<usize>>)> {
+/// For each equation the global column of each of its terms.
+type Map = Vec<Vec<usize>>;
+
+/// The weak form with further columns, and which columns these are in the windows of each record.
+fn weak_of(setting: &Setting<'_>, further: &[Vec<(usize, Node)>]) -> Result<(WeakForm, Vec<Map>)> {
     let model = setting.model();
-    let at = model.coefficients().len();
-    let mut map = model.term_places();
+    let at = setting.own.names.len();
+    let mut behind: Map = vec![Vec::new(); model.equations.len()];
     let mut extra: Vec<Vec<Column>> = vec![Vec::new(); model.equations.len()];
     for (k, column) in further.iter().enumerate() {
         for (e, of) in column {
             extra[*e].push(Column { name: k.to_string(), of: of.clone() });
-            map[*e].push(at + k);
+            behind[*e].push(at + k);
         }
     }
-    Ok((WeakForm::new(model, setting.rig.omega(), &extra)?, map))
+    let of = |columns: &Vec<usize>| -> Map {
+        let terms = model.term_places().into_iter().zip(&behind);
+        terms.map(|(own, behind)| own.iter().map(|&i| columns[i]).chain(behind.iter().copied()).collect()).collect()
+    };
+    let maps = setting.own.of_record.iter().map(of).collect();
+    Ok((WeakForm::new(model, setting.rig.omega(), &extra)?, maps))
+}
+
+/// The columns of a window.
+fn map_of<'a>(setting: &Setting<'_>, maps: &'a [Map], window: &WindowRows) -> &'a Map {
+    let record = setting.record_of.get(window.run).copied().unwrap_or(0);
+    &maps[record.min(maps.len() - 1)]
 }
 
 fn rows(setting: &Setting<'_>, stretches: &[Stretch], weak: &WeakForm) -> Vec<WindowRows> {
@@ -81,7 +95,7 @@ fn rows(setting: &Setting<'_>, stretches: &[Stretch], weak: &WeakForm) -> Vec<Wi
 }
 
 /// Spreads the equations' own columns over the global ones.
-fn spread(rows: &WindowRows, map: &[Vec<usize>], columns: usize, frequencies: usize) -> Vec<f64> {
+fn spread(rows: &WindowRows, map: &Map, columns: usize, frequencies: usize) -> Vec<f64> {
     let n = row_count(frequencies);
     let mut out = vec![0.0; map.len() * n * (columns + 1)];
     for (i, map) in map.iter().enumerate() {
@@ -120,15 +134,18 @@ pub fn with_columns(
     parts.extend_from_slice(behind);
     let own = state.values.len();
     let columns = own + parts.len();
-    let (weak, map) = weak_of(setting, &parts)?;
+    let (weak, maps) = weak_of(setting, &parts)?;
     let frequencies = setting.geometry.windows.frequencies;
     let found = rows(setting, stretches, &weak);
     let mut windows: Vec<Window> = found
         .par_iter()
-        .map(|w| Window { run: w.run, index: w.index, values: spread(w, &map, columns, frequencies) })
+        .map(|w| {
+            let values = spread(w, map_of(setting, &maps, w), columns, frequencies);
+            Window { run: w.run, index: w.index, values }
+        })
         .collect();
     drop(found);
-    let count = map.len() * row_count(frequencies);
+    let count = setting.model().equations.len() * row_count(frequencies);
     let mut at = own;
     let mut plain: Option<Vec<Vec<f64>>> = None;
     for c in all {
@@ -164,12 +181,13 @@ pub fn residual(setting: &Setting<'_>, state: &State, stretches: &[Stretch]) -> 
         parts.extend(k.candidate.columns(setting, state));
         lambda.extend(&k.strengths);
     }
-    let (weak, map) = weak_of(setting, &parts)?;
+    let (weak, maps) = weak_of(setting, &parts)?;
     let n = row_count(setting.geometry.windows.frequencies);
     let found = rows(setting, stretches, &weak);
     Ok(found
         .iter()
         .map(|w| {
+            let map = map_of(setting, &maps, w);
             let mut out = Vec::with_capacity(map.len() * n);
             for (map, rows) in map.iter().zip(&w.equations) {
                 let width = map.len() + 1;

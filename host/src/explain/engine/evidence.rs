@@ -15,6 +15,7 @@ use super::{design, power, shooting};
 use crate::error::{BadInput, Result};
 use crate::explain::decision::{self, Rows};
 use crate::explain::ranking::{self, Fit, Weights};
+use crate::identify::jackknife::widening;
 
 /// Share of what is left above the sensors' noise that a candidate must take away in shooting: less
 /// is as good as nothing where a model misses more than noise (by hand).
@@ -131,7 +132,7 @@ impl Outcome {
     pub fn covariance(&self) -> DMatrix<f64> {
         match &self.evidence {
             Evidence::Shooting(blocks) => blocks.covariance(&self.own, &self.fit),
-            Evidence::Weak(..) => self.fit.covariance.clone(),
+            Evidence::Weak(..) => &self.fit.covariance * widening(self.fit.blocks).powi(2),
         }
     }
 

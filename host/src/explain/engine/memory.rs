@@ -6,15 +6,15 @@ use super::setting::Setting;
 use crate::effects::columns::Action;
 use crate::model::model_file::expression::{Expression, Symbol, symbol};
 
-/// Shortest time in which a state may settle, s and samples: one that settles faster is its own
-/// rate, and the rate of a force acts like an inertia.
-const SETTLING_S: f64 = 0.01;
+/// Shortest time in which a state may settle, periods of the motion and samples: one that settles
+/// faster is its own rate, and the rate of a force acts like an inertia.
+const SETTLING_PERIODS: f64 = 0.02;
 const SETTLING_SAMPLES: f64 = 5.0;
 
 /// An action whose states are those that are followed along the record; none where one settles too
 /// fast.
 pub fn numbered(setting: &Setting<'_>, action: Action) -> Option<Action> {
-    let least_s = SETTLING_S.max(SETTLING_SAMPLES / setting.rig.sample_rate_hz);
+    let least_s = (SETTLING_PERIODS * setting.geometry.period_s).max(SETTLING_SAMPLES / setting.rig.sample_rate_hz);
     let settles = action.states().all(|s| !matches!(&**s, Expression::Memory(m, _) if m.settles_s() < least_s));
     settles.then(|| action.with_memories(&|memory, k| symbol(Symbol::Memory(setting.laws.number(memory, k)))))
 }

@@ -62,7 +62,7 @@ mod state;
 mod tell;
 mod tones;
 mod traces;
-mod units;
+pub(super) mod units;
 pub mod unknown;
 
 use self::evidence::Outcome;
@@ -126,7 +126,8 @@ fn attempt(
         setting.sensors = sensors;
     }
     let Some(mut state) = start(&setting, &first, physical) else { return Ok(Attempt::Done(None)) };
-    let mut result = Explanation::new(units::horizon(rig, settings, &setting.raw)?, warnings);
+    let mut result =
+        Explanation::new(units::horizon(rig, settings, &setting.raw, setting.geometry.period_s)?, warnings);
     result.warnings.extend(units::unknown(rig, whole));
     let (blocks, window_s) = whole_windows(&setting, &state);
     if blocks < ranking::FOLDS {

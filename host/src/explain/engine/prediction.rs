@@ -16,8 +16,6 @@ use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 const MOST_WINDOWS: usize = 40;
 /// Share of what a sensor shows to which solutions are exact.
 const EXACT_GAP: f64 = 1e-5;
-/// What stands for a drive's period in the search for the step of integration, s.
-pub const PERIOD_S: f64 = 0.2;
 
 /// Range, over the noise, up to which a sensor shows a system at rest: two counts, each √12 times
 /// the noise of its rounding.
@@ -120,7 +118,7 @@ impl Model<'_> {
     fn states(&self, track: &Track<'_>, windows: &Windows, horizon_s: f64) -> (Vec<State>, f64) {
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
         let (pieces, guesses) = (&windows.pieces, &windows.guesses);
-        let sought = || track.step_s(self.motion, pieces, guesses, self.parameters, PERIOD_S.min(horizon_s), EXACT_GAP);
+        let sought = || track.step_s(self.motion, pieces, guesses, self.parameters, horizon_s, EXACT_GAP);
         let step_s = self.step_s.unwrap_or_else(sought);
         let problem = track.problem(self.motion, step_s, &at);
         let lengths = [(windows.length / 4).max(8), windows.length];

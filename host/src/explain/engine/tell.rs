@@ -278,15 +278,20 @@ pub fn parameters(
         told.push(Parameter { name, value: reported.value, std_error: reported.std_error, unit });
         at_column += d;
     }
-    let own = setting.model().coefficients();
     let mechanism = setting.whole.model.mechanism.as_deref();
+    let told_as = |name: &str| first.parameter(name).map_or_else(String::new, |p| p.unit.clone());
     for name in setting.whole.model.coefficients() {
-        let unit = first.parameter(&name).map_or_else(String::new, |p| p.unit.clone());
-        let (value, std_error) = match own.iter().position(|n| *n == name) {
-            Some(i) => (x[i], covariance[(i, i)].max(0.0).sqrt()),
-            None => mechanism.map_or((f64::NAN, f64::NAN), |m| damping(m, &name, &state.physical.values, &strengths)),
-        };
-        result.parameters.push(Parameter { name, value, std_error, unit });
+        // A coefficient of which each record has its own is told once for each.
+        let columns = setting.own.columns(setting.model(), &name);
+        result.parameters.extend(columns.iter().map(|&i| {
+            let name = setting.own.names[i].clone();
+            Parameter { unit: told_as(&name), name, value: x[i], std_error: covariance[(i, i)].max(0.0).sqrt() }
+        }));
+        if columns.is_empty() {
+            let of = |m| damping(m, &name, &state.physical.values, &strengths);
+            let (value, std_error) = mechanism.map_or((f64::NAN, f64::NAN), of);
+            result.parameters.push(Parameter { unit: told_as(&name), name, value, std_error });
+        }
     }
     result.parameters.extend(told);
 }

@@ -11,11 +11,25 @@ use crate::warning::Warning;
 /// Fewest samples of a horizon: an initial state is fitted to them.
 const FEWEST_SAMPLES: f64 = 16.0;
 
-/// Horizon of the gap: a drive's period, 0.2 s without one, but sixteen samples at least.
-pub fn horizon(rig: &Rig, settings: &Settings, stretches: &[Stretch]) -> Result<f64> {
-    let default = rig.drive.map_or(0.2, |d| 1.0 / d.frequency_hz);
+/// Horizon of the gap without a drive, s, and how many periods of the motion it may be at least and
+/// at most: the first is that of the measured pendulums' published figures.
+const FREE_S: f64 = 0.2;
+const FREE_PERIODS: [f64; 2] = [0.05, 20.0];
+/// Most of a stretch that a horizon takes by default: the gap is a mean over several.
+const MOST_OF_STRETCH: f64 = 0.1;
+
+/// Horizon of the gap where none is asked for: a drive's period; 0.2 s without one, within a
+/// twentieth and twenty of the motion's periods where these are known.
+pub fn default_horizon(rig: &Rig, period_s: Option<f64>) -> f64 {
+    let free = || period_s.map_or(FREE_S, |t| FREE_S.clamp(FREE_PERIODS[0] * t, FREE_PERIODS[1] * t));
+    rig.drive.map_or_else(free, |d| 1.0 / d.frequency_hz)
+}
+
+/// Horizon of the gap: that which is asked for, or the default; sixteen samples at least.
+pub fn horizon(rig: &Rig, settings: &Settings, stretches: &[Stretch], period_s: f64) -> Result<f64> {
     let step = 1.0 / rig.sample_rate_hz;
     let longest = stretches.iter().map(|s| s.len() as f64 * s.step_s).fold(0.0, f64::max);
+    let default = default_horizon(rig, Some(period_s)).min(MOST_OF_STRETCH * longest);
     match settings.horizon_s {
         Some(h) if !(h >= FEWEST_SAMPLES * step && h <= longest) => {
             Err(BadInput::new(h.to_string(), format!("seconds from {} to {longest}", FEWEST_SAMPLES * step))

@@ -140,7 +140,7 @@ fn balances(
     let WrittenRig { own, bound, .. } = written;
     let weak = WeakForm::new(&bound.model, own.omega(), &[])?;
     let circle = bound.model.circle();
-    let super::super::Geometry { windows, kernels } = &prepared.geometry;
+    let super::super::Geometry { windows, kernels, .. } = &prepared.geometry;
     let without_zeros = |(s, zeros): (&Stretch, &Vec<f64>)| s.shifted(bound, zeros);
     let stretches: Vec<Stretch> = prepared.stretches.iter().zip(zeros).map(without_zeros).collect();
     let system = System { stretches: &stretches, weak: &weak, kernels, circle: &circle };

@@ -121,7 +121,7 @@ impl Scene {
     /// The first windows alone.
     pub fn first(&self, windows: usize) -> Self {
         let step = self.stretches.first().map_or(1.0, |s| s.step_s);
-        let Geometry { windows: w, kernels } = &self.geometry;
+        let Geometry { windows: w, kernels, .. } = &self.geometry;
         let needed = samples_needed(w, kernels, step);
         let hop = w.hop_s / step;
         let (mut left, mut stretches, mut record_of) = (windows, Vec::new(), Vec::new());

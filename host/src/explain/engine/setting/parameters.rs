@@ -40,6 +40,15 @@ impl Own {
         Self { names, of_record }
     }
 
+    /// The columns of a coefficient of the model: one, or one for each record; none where the model
+    /// does not have it.
+    pub fn columns(&self, model: &ModelFile, name: &str) -> Vec<usize> {
+        let number = model.coefficients().iter().position(|n| n == name);
+        let mut all: Vec<usize> = number.map_or_else(Vec::new, |i| self.of_record.iter().map(|r| r[i]).collect());
+        all.dedup();
+        all
+    }
+
     /// Coefficients of the model in one record from values of the columns.
     pub fn coefficients(&self, values: &[f64], record: usize) -> Vec<f64> {
         let columns = &self.of_record[record.min(self.of_record.len() - 1)];

@@ -117,17 +117,12 @@ impl Setting<'_> {
         if shape.within.is_none() {
             return entry.clone();
         }
-        let rate = shape.name.starts_with('v');
+        let rate = is_velocity(&shape.name);
         // What a law of the velocity alone has beside it is no position: a power.
         if !rate && !entry.names("x") {
             return entry.clone();
         }
-        let size = self.size(&moves, rate);
-        let (low, high) = (shape.grid[0], shape.grid[shape.grid.len() - 1]);
-        if !(size > 0.0 && size.is_finite()) || (2.0 * low..0.5 * high).contains(&size) {
-            return entry.clone();
-        }
-        scaled(entry, &[size / (low * high).sqrt()])
+        factor(&shape.grid, self.size(&moves, rate)).map_or_else(|| entry.clone(), |by| scaled(entry, &[by]))
     }
 
     /// Rms of a joint's position (within a turn where it is an angle), or of its velocity by
@@ -150,6 +145,19 @@ impl Setting<'_> {
         }
         (sum / count.max(1.0)).sqrt()
     }
+}
+
+/// Whether a shape is a velocity by its name: `v`, or `v_` and more.
+fn is_velocity(name: &str) -> bool {
+    name == "v" || name.starts_with("v_")
+}
+
+/// What a grid is multiplied by for a motion of a size: none where it holds that size well inside,
+/// or where its values are of both signs or zero, and so are no size.
+fn factor(grid: &[f64], size: f64) -> Option<f64> {
+    let (low, high) = grid.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), x| (l.min(*x), h.max(*x)));
+    let is_size = low > 0.0 && high.is_finite() && size > 0.0 && size.is_finite();
+    (is_size && !(2.0 * low..0.5 * high).contains(&size)).then(|| size / (low * high).sqrt())
 }
 
 /// An entry with its shapes' values and bounds multiplied.
@@ -233,6 +241,18 @@ pub(super) fn with_lines(entry: Arc<Entry>, lines: &Lines) -> Arc<Entry> {
 mod tests {
     use super::*;
     use crate::effects::catalogue;
+
+    /// A grid's middle is put at the motion's size where that lies outside; a shape that may have
+    /// either sign stays as it is written.
+    #[test]
+    fn a_grid_follows_the_motion_only_where_it_is_a_size() {
+        assert_eq!(factor(&[-1.0, 1.0], 30.0), None);
+        assert_eq!(factor(&[0.0, 1.0], 30.0), None);
+        assert_eq!(factor(&[4.0, 1.0, 2.0], 100.0), Some(50.0));
+        assert_eq!(factor(&[1.0, 3.0, 10.0], 4.0), None);
+        assert_eq!(factor(&[1.0, 10.0], f64::NAN), None);
+        assert!(is_velocity("v_s") && is_velocity("v") && !is_velocity("vol"));
+    }
 
     /// Distances grow with the motion, what is one over a distance shrinks, times and ratios stay.
     #[test]

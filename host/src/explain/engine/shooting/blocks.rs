@@ -14,6 +14,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::gram::Gram;
 use crate::explain::ranking::{FOLDS, Fit, solve, squares};
+use crate::identify::jackknife::widening;
 
 /// Least share of a candidate's column that the model's own columns leave over.
 const SEPARABLE: f64 = 1e-4;
@@ -272,10 +273,11 @@ impl Blocks {
         (freedom >= 1.0).then(|| (0..p).map(variance).collect())
     }
 
-    /// The covariance of a fit of some columns that is told: that of the scatter between windows,
-    /// at least that of even noise. Where a few windows decide, their scatter comes out too small.
+    /// The covariance of a fit of some columns that is told: that of the scatter between windows, as
+    /// wide as their number makes it, at least that of even noise. Where a few windows decide, their
+    /// scatter comes out too small.
     pub fn covariance(&self, columns: &[usize], fit: &Fit) -> DMatrix<f64> {
-        let mut out = fit.covariance.clone();
+        let mut out = &fit.covariance * widening(fit.blocks).powi(2);
         let Some(even) = self.even_variances(columns, &fit.all) else { return out };
         let factor = |(i, even): (usize, &f64)| match (even / out[(i, i)]).max(1.0).sqrt() {
             f if f.is_finite() => f,
