@@ -222,19 +222,17 @@ impl Run<'_> {
     }
 
     /// Takes effects away again that beside those found after them are nothing: no name stands
-    /// whose strengths are within two standard errors of none. Also whether there were any.
+    /// that would not be taken now. Also whether there were any.
     fn without_traces(&mut self, search: &mut Search, mut outcome: Outcome) -> Result<(Outcome, bool)> {
         let mut any = false;
-        while let Some(k) = without_trace(&self.setting, &self.state, &outcome) {
+        while let Some((k, limit)) = without_trace(&self.setting, &self.state, &outcome) {
             any = true;
-            let why = match is_of_many(&self.state.chosen.remove(k).candidate) {
-                true => {
-                    "its strength is within four standard errors of nothing, as the best of so many frequencies is by noise alone"
-                }
-                false => "beside the other effects its strength is within two standard errors of nothing",
-            };
+            let of_many = if is_of_many(&self.state.chosen.remove(k).candidate) { "frequencies" } else { "forms" };
+            let why = format!(
+                "beside the other effects its strength is within {limit:.1} standard errors of nothing, as the best of so many {of_many} may be by chance"
+            );
             let gone = named(&self.result.effects.remove(k - self.state.nominal));
-            let refused = Refused::new(&gone, why.to_owned());
+            let refused = Refused::new(&gone, why);
             self.result.refused.push(refused.clone());
             search.refused.push(refused);
             self.state.stretches = self.state.taken_off(&self.setting, &self.setting.raw);

@@ -1,54 +1,72 @@
-//! Effects that are nothing beside the others: their strengths are within standard errors of none.
+//! Effects that are nothing beside the others: their strengths are no further from none than the
+//! best of all forms that are tried would be by chance.
+
+use nalgebra::{DMatrix, DVector};
+use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::candidates::Candidate;
 use super::evidence::Outcome;
 use super::setting::Setting;
 use super::state::{Chosen, State};
 use super::tell;
-use crate::explain::ranking::Fit;
+use crate::explain::decision::OF_A_FAMILY;
 
-/// Standard errors from nothing at which a name stands: of ten records of Duffing's oscillator with
-/// nothing hidden one had a tone below it, 0.035 ± 0.019 N (docs/explain/how-often-right.md).
-const CLEAR: f64 = 2.0;
-/// The same of a frequency, the best of N independent ones: √(2 ln N) by noise alone, N some
-/// thousand (one of the 151 clean records of the battery had such a tone).
-const CLEAR_OF_MANY: f64 = 4.0;
+/// Frequencies that a tone is the best of, where they were not counted (by hand).
+const FREQUENCIES: f64 = 1000.0;
+
+/// Standard errors from nothing at which a name stands, the best of so many forms: that at which it
+/// is taken, 2 (1 − Φ(z)) N = [`OF_A_FAMILY`]. What came in while others were missing, and is less
+/// beside them, would not come in now.
+fn clear_of(forms: f64) -> f64 {
+    let tail = 0.5 * OF_A_FAMILY / forms.max(1.0);
+    Normal::new(0.0, 1.0).map_or(f64::INFINITY, |n| -n.inverse_cdf(tail))
+}
 
 /// Whether an effect is the best of the frequencies that were looked at.
 pub fn is_of_many(candidate: &Candidate) -> bool {
     candidate.entry.shapes.iter().any(|s| s.of_lines)
 }
 
-/// The effect that is furthest from being anything, if one is within [`CLEAR`] standard errors of
-/// nothing.
-pub fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<usize> {
+/// The effect that is furthest from being anything, if one is within the standard errors that
+/// chance gives the best of all forms; their number.
+pub fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<(usize, f64)> {
+    let forms = outcome.candidates.len() as f64;
     let mut at = state.values.len();
-    let mut weakest: Option<(usize, f64)> = None;
+    let mut weakest: Option<(usize, f64, f64)> = None;
+    // The errors that are told.
+    let covariance = outcome.covariance();
     for (k, chosen) in state.chosen.iter().enumerate() {
         // What is found as an increment has its strength in the state.
         let applied = if chosen.candidate.is_applied() { 1.0 } else { 0.0 };
-        let errors = errors_at_shape(&outcome.fit, at, chosen.candidate.entry.strengths.len(), chosen.strengths.len());
+        let errors = errors_at_shape(&covariance, at, chosen.candidate.entry.strengths.len(), chosen.strengths.len());
         let clear = errors.iter().enumerate().map(|(i, error)| {
             (outcome.fit.all[at + i] + applied * chosen.strengths[i]).abs() / error.max(f64::MIN_POSITIVE)
         });
         // Nor does a name stand whose value is within them.
-        let clear = clear.fold(0.0, f64::max).min(value_over_error(setting, state, outcome, at, chosen));
+        let value = value_over_error(setting, state, (&outcome.fit.all, &covariance), at, chosen);
+        let clear = clear.fold(0.0, f64::max).min(value);
         at += chosen.strengths.len();
-        // The best of many frequencies is that far from nothing by noise alone.
-        let clear = if is_of_many(&chosen.candidate) { clear * CLEAR / CLEAR_OF_MANY } else { clear };
-        if k >= state.nominal && clear < CLEAR && weakest.is_none_or(|w| clear < w.1) {
-            weakest = Some((k, clear));
+        let limit = clear_of(if is_of_many(&chosen.candidate) { forms.max(FREQUENCIES) } else { forms });
+        let clear = clear / limit;
+        if k >= state.nominal && clear < 1.0 && weakest.is_none_or(|w| clear < w.1) {
+            weakest = Some((k, clear, limit));
         }
     }
-    weakest.map(|w| w.0).filter(|_| setting.shooting)
+    weakest.map(|w| (w.0, w.2)).filter(|_| setting.shooting)
 }
 
 /// The value that is told of an effect, whose columns begin at `at`, over its standard error.
-fn value_over_error(setting: &Setting<'_>, state: &State, outcome: &Outcome, at: usize, chosen: &Chosen) -> f64 {
+fn value_over_error(
+    setting: &Setting<'_>,
+    state: &State,
+    (all, covariance): (&DVector<f64>, &DMatrix<f64>),
+    at: usize,
+    chosen: &Chosen,
+) -> f64 {
     let d = chosen.strengths.len();
     let applied = if chosen.candidate.is_applied() { 1.0 } else { 0.0 };
-    let values: Vec<f64> = (0..d).map(|i| outcome.fit.all[at + i] + applied * chosen.strengths[i]).collect();
-    let covariance = outcome.fit.covariance.view((at, at), (d, d)).into_owned();
+    let values: Vec<f64> = (0..d).map(|i| all[at + i] + applied * chosen.strengths[i]).collect();
+    let covariance = covariance.view((at, at), (d, d)).into_owned();
     let (told, _) = tell::value(setting, &state.physical, &chosen.candidate, &values, &covariance);
     // Held at nothing by its sign it has no error either.
     if told.value == 0.0 {
@@ -60,13 +78,27 @@ fn value_over_error(setting: &Setting<'_>, state: &State, outcome: &Outcome, at:
 
 /// Standard errors of an effect's strengths, the first of its columns from `at` on, with its shape
 /// held: at a strength of nothing there is no shape.
-fn errors_at_shape(fit: &Fit, at: usize, strengths: usize, columns: usize) -> Vec<f64> {
-    let own = fit.covariance.view((at, at), (strengths, strengths)).into_owned();
-    let by = fit.covariance.view((at, at + strengths), (strengths, columns - strengths)).into_owned();
-    let shape = fit.covariance.view((at + strengths, at + strengths), (columns - strengths, columns - strengths));
+fn errors_at_shape(covariance: &DMatrix<f64>, at: usize, strengths: usize, columns: usize) -> Vec<f64> {
+    let own = covariance.view((at, at), (strengths, strengths)).into_owned();
+    let by = covariance.view((at, at + strengths), (strengths, columns - strengths)).into_owned();
+    let shape = covariance.view((at + strengths, at + strengths), (columns - strengths, columns - strengths));
     let held = match shape.into_owned().try_inverse() {
         Some(inverse) => &own - &by * inverse * by.transpose(),
         None => own.clone(),
     };
     (0..strengths).map(|i| held[(i, i)].max(0.0).sqrt()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Half a per cent over all forms, on both sides.
+    #[test]
+    fn the_more_forms_are_tried_the_clearer_a_name_must_be() {
+        for (forms, errors) in [(1.0, 2.807), (100.0, 4.056), (1000.0, 4.565)] {
+            assert!((clear_of(forms) - errors).abs() < 2e-3, "{forms}: {}", clear_of(forms));
+        }
+        assert_eq!(clear_of(0.0), clear_of(1.0));
+    }
 }
