@@ -103,7 +103,10 @@ fn sentence(e: &Explanation) -> String {
         Verdict::NothingMissing => format!("Nothing is missing: {change}, which is noise alone."),
         Verdict::Unexplained => {
             let far = if found.is_empty() { String::new() } else { format!(" Found so far: {found}; {change}.") };
-            format!("Something is missing that has no name in the list of effects: {}.{far}", deciding(e))
+            let why = deciding(e);
+            let shape = e.unknown.as_ref().map(|u| u.told()).filter(|s| *s != why);
+            let shape = shape.map_or_else(String::new, |s| format!("; {s}"));
+            format!("Something is missing that has no name in the list of effects: {why}{shape}.{far}")
         }
         Verdict::NotDecidable => {
             format!("This record cannot decide what the model lacks: {}.", e.reason.trim_end_matches('.'))

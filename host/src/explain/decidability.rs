@@ -210,6 +210,9 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, rest
             result.effects.clear();
             (Verdict::NotDecidable, reason)
         }
+        (None, true, _) if let Some(shape) = rest.shape => {
+            (Verdict::Unexplained, format!("{noise}; {shape}: no effect of the list accounts for it"))
+        }
         (None, true, _) => (Verdict::Unexplained, format!("{noise}; no effect of the list accounts for it")),
         (None, false, _) if let Some(shape) = rest.shape => {
             (Verdict::Unexplained, format!("{noise}, but {shape}: no effect of the list accounts for it"))

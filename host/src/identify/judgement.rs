@@ -9,16 +9,18 @@
 //! B13 B22 = B23 B12 and B14 B22 = B24 B12 (3.23), whatever is known of masses and lengths. With h
 //! what the ties miss by and S its covariance from the jackknife over G blocks, hᵀ S⁻¹ h (G − d)/(d
 //! (G − 1)) has Fisher's F distribution with d and G − d degrees of freedom (Hotelling 1931). Where
-//! that is less likely than `CHANCE`, the equations miss something.
+//! that is less likely than `CHANCE`, the equations miss something. Of a system from bodies the ties
+//! are those of its mechanism, and hᵀ S⁻¹ h is the least distance of its coefficients from ones that
+//! it can have ([`crate::system::ties`], in the metric S).
 //!
 //! *Noise.* Records that the identified model makes itself, from states of the record, with the
 //! noise of sensors and measured inputs ([`super::chain_bias`]), tell what ε and which residual
 //! power a record would have if the equations were right, and how much that scatters. Where an input
 //! hides its noise ([`super::input_noise`]), what is left may be that, and the answer stands.
 //!
-//! Limits: inertias and ties of the double and single pendulum; of systems from bodies the signs of
-//! nominal frictions and of masses. Nothing tells which signs the coefficients of written equations
-//! must have.
+//! Limits: inertias of the double and single pendulum; of systems from bodies the signs of nominal
+//! frictions and of masses. Nothing tells which signs the coefficients of written equations must
+//! have, or how they are tied.
 
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
@@ -103,6 +105,8 @@ pub fn judge(result: &mut Identification, rig: &Rig) {
     if let Some(mechanism) = rig.bound.as_ref().and_then(|b| b.model.mechanism.as_deref()) {
         let c = Coefficients::of(result);
         let mut found = dampings_of(mechanism, &c);
+        let violated = known_of_system::ties(mechanism, &c).filter(|t| t.chance < CHANCE);
+        found.extend(violated.iter().flat_map(Ties::warnings));
         found.extend(known_of_system::contradicted(mechanism, &c, rig));
         result.warnings.extend(found);
     }
@@ -256,13 +260,13 @@ fn physical_signs(result: &Identification, rig: &Rig) -> Vec<Warning> {
 }
 
 /// What the ties between coefficients miss by.
-struct Ties {
+pub(super) struct Ties {
     /// hᵀ S⁻¹ h.
     statistic: f64,
     /// Number of ties.
     freedom: usize,
     /// Probability of so much by chance.
-    chance: f64,
+    pub(super) chance: f64,
     /// C12 and C2 with opposite signs, both clearly.
     opposed: Option<(f64, f64)>,
 }
@@ -300,17 +304,26 @@ fn ties(c: &Coefficients<'_>) -> Option<Ties> {
     });
     let missed = DVector::from_fn(freedom, |i, _| missed[i] / error[i]);
     let statistic = missed.dot(&spread.cholesky()?.solve(&missed));
-    let (d, g) = (freedom as f64, c.blocks as f64);
-    let f = FisherSnedecor::new(d, g - d).ok()?;
-    let chance = f.sf(statistic * (g - d) / (d * (g - 1.0)));
     let opposed = [("C12", "C2"), ("C14", "C4")].into_iter().find_map(|(first, second)| {
         let ((a, i), (b, j)) = (c.at(first)?, c.at(second)?);
         (a * b < 0.0 && a.abs() > CLEAR * c.error(i) && b.abs() > CLEAR * c.error(j)).then_some((a, b))
     });
-    (statistic.is_finite() && chance.is_finite()).then_some(Ties { statistic, freedom, chance, opposed })
+    Some(Ties { opposed, ..Ties::of(statistic, freedom, c.blocks)? })
 }
 
 impl Ties {
+    /// Of a distance from the ties in the metric of a covariance over so many blocks: Hotelling's
+    /// T². None where the blocks are too few to judge.
+    pub(super) fn of(statistic: f64, freedom: usize, blocks: usize) -> Option<Self> {
+        let (d, g) = (freedom as f64, blocks as f64);
+        if freedom == 0 || blocks <= freedom + 1 || !statistic.is_finite() {
+            return None;
+        }
+        let f = FisherSnedecor::new(d, g - d).ok()?;
+        let chance = f.sf(statistic * (g - d) / (d * (g - 1.0)));
+        chance.is_finite().then_some(Self { statistic, freedom, chance, opposed: None })
+    }
+
     fn warnings(&self) -> Vec<Warning> {
         let text = match self.opposed {
             Some((a, b)) => format!(

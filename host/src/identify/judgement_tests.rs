@@ -87,6 +87,31 @@ fn frictions_of_a_system_from_bodies_brake() {
     }
 }
 
+/// Frictions in the second joint act on both arms with one strength.
+#[test]
+fn ties_of_a_system_from_bodies_are_judged_whatever_is_known() {
+    let rig =
+        Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/double-pendulum-from-bodies.toml")).unwrap();
+    let mechanism = rig.bound.unwrap().model.mechanism.clone().unwrap();
+    let strengths = vec![1.0; mechanism.parameters.len()];
+    let names: Vec<String> = mechanism.coefficients.iter().map(|c| c.name.clone()).collect();
+    let n = names.len();
+    let twice = names.iter().filter(|n| n.contains("friction_joint2")).count();
+    assert_eq!(twice, 2, "{names:?}");
+    let of = |factor: f64, blocks: usize| {
+        let mut values = DVector::from_iterator(n, names.iter().map(|n| mechanism.value(n, &strengths).unwrap()));
+        let changed = names.iter().position(|n| n.contains("friction_joint2")).unwrap();
+        values[changed] *= factor;
+        let covariance = DMatrix::from_diagonal(&values.map(|x| (1e-3 * x).powi(2).max(1e-12)));
+        known_of_system::ties(&mechanism, &Coefficients { names: &names, values, covariance, blocks })
+    };
+    let right = of(1.0, 30).unwrap();
+    assert!(right.chance > 0.01 && right.freedom > 0, "{} of {}", right.statistic, right.freedom);
+    let wrong = of(1.05, 30).unwrap();
+    assert!(wrong.chance < CHANCE && wrong.warnings()[0].id == "tie-violated", "{}", wrong.statistic);
+    assert!(of(1.05, 2).is_none());
+}
+
 #[test]
 fn ties_are_judged_by_their_covariance() {
     let shifted = |by: f64| ids(&[("B13", -0.11 * (1.0 + by))]);

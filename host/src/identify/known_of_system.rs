@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use super::judgement::{CHANCE, Coefficients};
+use super::judgement::{CHANCE, Coefficients, Ties};
 use super::known_quantities::{CONTRADICTED, time_base};
 use crate::report::format::{quantity, significant};
 use crate::rig::Rig;
@@ -31,6 +31,14 @@ struct Disagreeing<'a> {
     found: f64,
     /// What the ties miss by without it, over its degrees of freedom; those of chance are 1.
     misfit: f64,
+}
+
+/// The test of the ties between coefficients of a system from bodies, whatever is known; none where
+/// there are none, or too few blocks to judge.
+pub(super) fn ties(mechanism: &Mechanism, c: &Coefficients<'_>) -> Option<Ties> {
+    let b = Identified { names: c.names, values: &c.values, covariance: &c.covariance, metric: &c.covariance };
+    let fit = ties::fit(mechanism, &b, &BTreeMap::new())?;
+    Ties::of(fit.misfit, fit.freedom, c.blocks)
 }
 
 /// The disagreement of a quantity with everything else; none where nothing else fixes it, or where

@@ -60,6 +60,29 @@ pub fn text_of(p: &Polynomial, coordinates: &[String], inputs: &[String]) -> Str
     if out.is_empty() { "0".to_owned() } else { out }
 }
 
+/// The equation of coordinate `e` with what multiplies its own acceleration alone in columns of its
+/// own, where there are several such: with lengths that are numbers a mass multiplies its inertia
+/// and its coupling alike, and an equation divided by a part of its inertia would have the rest of
+/// it, times the acceleration, as a column beside what it is held against.
+fn with_whole_inertia(equation: Equation, e: usize) -> Equation {
+    let constant = |c: &Column| c.inertia.as_number().filter(|x| *x != 0.0);
+    if equation.iter().filter(|c| constant(c).is_some()).count() < 2 {
+        return equation;
+    }
+    let acceleration = Polynomial::motion(Symbol::Acceleration(e));
+    let parts = |c: Column| -> Vec<Column> {
+        let Some(inertia) = constant(&c) else { return vec![c] };
+        let own = acceleration.scaled(inertia);
+        let rest = c.of.minus(&own);
+        if rest.is_zero() {
+            return vec![c];
+        }
+        let rest = Column { product: c.product.clone(), of: rest, inertia: Polynomial::default() };
+        vec![Column { of: own, ..c }, rest]
+    };
+    equation.into_iter().flat_map(parts).collect()
+}
+
 /// Columns in the order in which they are kept: a known input, then inertia (constant before
 /// varying), then short products.
 fn preferred(mut equation: Equation) -> Equation {
@@ -160,7 +183,7 @@ fn written(
         let at = file.kinetic.as_ref().map(|k| k.at).or(file.bodies.first().map(|b| b.at)).unwrap_or(0);
         Err(file.source.bad(at, found, expected).remedy(remedy))
     };
-    let mut base = collect(&preferred(equation)).into_iter();
+    let mut base = collect(&preferred(with_whole_inertia(equation, e))).into_iter();
     let Some(first) = base.next() else { return Ok(None) };
     if !first.of.moves(|s| matches!(s, Symbol::Acceleration(_) | Symbol::Input(_))) {
         return bad(

@@ -11,6 +11,7 @@ use crate::model::double_pendulum_dynamics::DoublePendulum;
 use crate::model::dynamics::{Dynamics, Instant};
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
+use crate::model::model_file::expression::Symbol;
 use crate::model::model_file::toml_place::Source;
 
 fn shipped(name: &str, omega: f64) -> ModelFile {
@@ -27,7 +28,10 @@ struct Motion {
 
 impl Motion {
     fn new(name: &str, omega: f64, truth: &[(&str, f64)]) -> Self {
-        let model = shipped(name, omega);
+        Self::of(shipped(name, omega), omega, truth)
+    }
+
+    fn of(model: ModelFile, omega: f64, truth: &[(&str, f64)]) -> Self {
         let mechanism = model.mechanism.clone().unwrap();
         let given: Vec<f64> = mechanism
             .parameters
@@ -164,6 +168,39 @@ fn double_pendulum_has_the_built_in_equations() {
     }
     assert!(worst < 1e-12, "{worst:e}");
     assert_eq!(derived.model.coefficients().len(), 11);
+}
+
+/// Lengths that are numbers give the accelerations of lengths that are parameters, and no column
+/// holds the acceleration that its equation is solved for.
+#[test]
+fn lengths_may_be_numbers() {
+    let truth = [("J_1", 4e-3), ("S_1", 0.05), ("m2", 0.3), ("e2", 0.08), ("J_2", 2e-3), ("m3", 0.2), ("e3", 0.07)];
+    let truth = [&truth[..], &[("J_3", 1e-3), ("l1", 0.2), ("l2", 0.17), ("g", 9.81)]].concat();
+    let frictions = [1, 2, 3].map(|k| (format!("viscous-friction@joint{k}"), 1e-3));
+    let truth: Vec<(&str, f64)> =
+        truth.iter().copied().chain(frictions.iter().map(|(n, v)| (n.as_str(), *v))).collect();
+    let parameters = Motion::new("triple-pendulum", 1.0, &truth);
+    let text = library::text("triple-pendulum").unwrap();
+    let text = text.replace("l1 = \"m\", ", "").replace("l2 = \"m\", ", "");
+    let text = text.replace("\n[points]", "constants = { l1 = 0.2, l2 = 0.17 }\n\n[points]");
+    let model = library::read("numbers", &text).and_then(|s| s.model(None, 1.0)).unwrap_or_else(|e| panic!("{e}"));
+    for (e, equation) in model.equations.iter().enumerate() {
+        let own = |s: &Symbol| *s == Symbol::Acceleration(e);
+        for term in &equation.terms {
+            let mut constant = false;
+            for x in [1.0, 2.0] {
+                let at = |s: Symbol| if own(&s) { x } else { 0.0 };
+                constant |= term.of.value(&at) != 0.0;
+            }
+            assert!(!constant, "{} in equation {e}", term.name);
+        }
+    }
+    let numbers = Motion::of(model, 1.0, &truth);
+    assert_eq!(numbers.coefficients.len(), parameters.coefficients.len());
+    for (q, v, tau) in states(3).take(100) {
+        let (a, b) = (parameters.at(&q, &v, tau, &[]), numbers.at(&q, &v, tau, &[]));
+        (0..3).for_each(|i| assert!((a[i] - b[i]).abs() < 1e-9 * (1.0 + a[i].abs()), "{a:?} {b:?}"));
+    }
 }
 
 /// A mistake of each kind, told where it stands.

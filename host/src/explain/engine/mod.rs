@@ -48,6 +48,7 @@ pub mod given;
 mod memory;
 mod offered;
 mod patched;
+mod pieces;
 mod power;
 mod prediction;
 mod residual;
@@ -155,6 +156,7 @@ fn attempt(
     if let Some(sensors) = (!last && outcome.evidence.is_shooting()).then(quieter).flatten() {
         return Ok(Attempt::Quieter(sensors));
     }
+    let outcome = run.without_pieces(outcome)?;
     run.finish(&outcome, &first, undecidable).map(|r| Attempt::Done(Some(Box::new(r))))
 }
 

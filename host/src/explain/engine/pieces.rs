@@ -1,0 +1,62 @@
+//! Whether effects that were found one after the other are one shape without a name, in pieces.
+//!
+//! A force of one coordinate that no law of the list has can be put together from several that it
+//! has, and each of them then is significant. Where a shape of a coordinate at a place is still
+//! clear beside several effects at that place, the shape is looked for in the model before anything
+//! was added: where it is the same one, and leaves little more than all effects together, they are
+//! its pieces, and none of them has a name there.
+
+use super::evidence::{Outcome, refit};
+use super::run::Run;
+use super::search::named;
+use super::unknown::{self, Shape};
+use crate::error::Result;
+use crate::explain::explanation::Refused;
+
+/// Fewest effects at one place that may be pieces: one beside a shape may be right.
+const PIECES: usize = 2;
+/// Power, over that which the pieces leave, that the one shape may leave: its grid has 17 points,
+/// and corners between them (by hand: 1.1, 2.7 and 3.7 in three records of other simulators).
+const AS_GOOD: f64 = 4.0;
+
+impl Run<'_> {
+    /// The outcome as it is, or that of the model before anything was added where what was added is
+    /// a shape in pieces.
+    ///
+    /// # Errors
+    /// As [`refit`].
+    pub fn without_pieces(&mut self, outcome: Outcome) -> Result<Outcome> {
+        let pieces = |shape: &Shape| self.result.effects.iter().filter(|f| f.at == shape.unknown.at).count();
+        let left = (outcome.evidence.is_shooting() && self.result.effects.len() >= PIECES)
+            .then(|| unknown::shape(&self.setting, &self.state, &outcome))
+            .flatten();
+        let Some(left) = left.filter(|s| s.is_clear && pieces(s) >= PIECES) else { return Ok(outcome) };
+        let power = self.result.residual_power;
+        let told = self.clone_told();
+        let (effects, ranking) = (self.result.effects.clone(), self.result.ranking.clone());
+        if !self.begin_again() {
+            return Ok(outcome);
+        }
+        let first = refit(&self.setting, &mut self.state, Vec::new())?;
+        let whole = unknown::shape(&self.setting, &self.state, &first).filter(|s| {
+            let of = |s: &Shape| (s.unknown.at.clone(), s.unknown.against.clone());
+            let leaves = power[0] * (1.0 - s.unknown.held_out_gain);
+            s.is_clear && of(s) == of(&left) && leaves <= AS_GOOD * power[1]
+        });
+        let Some(whole) = whole else {
+            self.take_told(told);
+            return Ok(outcome);
+        };
+        let why = format!(
+            "with others it stands for one {} at {} that depends on the {} and has no name in the list",
+            whole.unknown.kind(),
+            whole.unknown.at,
+            whole.unknown.against
+        );
+        self.result.refused = effects.iter().map(|f| Refused::new(&named(f), why.clone())).collect();
+        self.result.ranking = ranking.into_iter().filter(|r| r.step == 0).collect();
+        self.result.gap.attractor.truncate(1);
+        self.result.residual_power = [power[0]; 2];
+        Ok(first)
+    }
+}
