@@ -185,10 +185,11 @@ pub fn multiplied(e: &Entry, form: &Form, on: &Polynomial, coordinates: usize, o
         ("x".to_owned(), on.clone()),
         ("v".to_owned(), rate.clone()),
         ("omega".to_owned(), rate),
-        ("t".to_owned(), time),
+        ("t".to_owned(), time.clone()),
+        // The record's length is a time as well: t/T is a number.
+        ("T".to_owned(), time),
         (LOAD.to_owned(), Polynomial::motion(Symbol::Input(0))),
     ];
-    words.constants.push(("T".to_owned(), 1.0));
     let Ok(Word::Scalar(law)) = e.law(&words, form) else { return None };
     let of = law.by_parameters().get(&vec![(Atom::Parameter(0), 1)]).map(Polynomial::node)?;
     // A state has the unit of the displacement, but that of a strength which is a force by itself

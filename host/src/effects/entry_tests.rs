@@ -46,3 +46,12 @@ fn forms_are_all_combinations() {
     assert_eq!(e.forms().len(), 6);
     assert_eq!(e.forms()[5], [("d".to_owned(), 0.2), ("n".to_owned(), 3.0)]);
 }
+
+/// The record's length is a time: what grows along the record has the unit of what it is in the end.
+#[test]
+fn a_share_of_the_record_is_a_number() {
+    let entry = crate::effects::catalogue().iter().find(|e| e.id == "friction-drift").unwrap();
+    let x = Polynomial::motion(Symbol::Coordinate(0));
+    let of = multiplied(entry, &entry.forms()[0], &x, 1, 1.0).unwrap();
+    assert!(!of.any(&|s| s == Symbol::Time), "{of:?}");
+}
