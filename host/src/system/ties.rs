@@ -182,12 +182,14 @@ impl Problem<'_> {
         (p, cost)
     }
 
-    /// A start: what is known, then sizes over five decades; signs differ in the later ones.
+    /// A start: what is known, then sizes over five decades, and over fifteen in every other one, for
+    /// rigs of micrograms and of tons; signs differ in the later ones.
     fn start(&self, known: &[f64], k: u64) -> Vec<f64> {
         let mut random = ChaCha8Rng::seed_from_u64(k);
         let mut p = known.to_vec();
         for &i in &self.free {
-            let size = 10.0_f64.powf(random.random_range(-4.0..1.0));
+            let decades = if k % 2 == 0 { -4.0..1.0 } else { -9.0..6.0 };
+            let size = 10.0_f64.powf(random.random_range(decades));
             let turned = k >= STARTS / 4 && random.random_range(0.0..1.0) < 0.5;
             let named = &self.mechanism.parameters[i];
             p[i] = match named.name.as_str() {
@@ -200,14 +202,14 @@ impl Problem<'_> {
         p
     }
 
-    /// The best of several starts.
-    fn solve(&self, known: &[f64], freedom: usize) -> Option<(Vec<f64>, f64)> {
+    /// The best of several starts, the first of which is `near` where it is given.
+    fn solve(&self, known: &[f64], near: Option<Vec<f64>>, freedom: usize) -> Option<(Vec<f64>, f64)> {
         let mut best: Option<(Vec<f64>, f64)> = None;
         let mut agree = 0;
         // What chance alone gives with probability above 1e-6, nearly.
         let usual = freedom as f64 + 5.0 * (2.0 * freedom as f64).sqrt() + 10.0;
-        for k in 0..STARTS {
-            let (p, cost) = self.fit(self.start(known, k));
+        for start in near.into_iter().chain((0..STARTS).map(|k| self.start(known, k))) {
+            let (p, cost) = self.fit(start);
             if !cost.is_finite() || p.iter().any(|x| !x.is_finite()) {
                 continue;
             }
@@ -226,6 +228,16 @@ impl Problem<'_> {
 
 /// Fits the parameters; none where there is nothing to fit or the metric is not positive.
 pub fn fit(mechanism: &Mechanism, b: &Identified<'_>, known: &BTreeMap<&str, f64>) -> Option<TiesFit> {
+    fit_near(mechanism, b, known, &[])
+}
+
+/// The same from parameters that are near: the first ones of the mechanism.
+pub fn fit_near(
+    mechanism: &Mechanism,
+    b: &Identified<'_>,
+    known: &BTreeMap<&str, f64>,
+    near: &[f64],
+) -> Option<TiesFit> {
     let fixed = |i: usize| known.get(mechanism.parameters[i].name.as_str()).copied();
     let observed: Vec<_> =
         mechanism.quantities.iter().filter_map(|q| Some((q, *known.get(q.name.as_str())?))).collect();
@@ -263,10 +275,13 @@ pub fn fit(mechanism: &Mechanism, b: &Identified<'_>, known: &BTreeMap<&str, f64
     };
     let white = select(b.metric).cholesky()?.l().try_inverse()?;
     let sigma = select(b.covariance);
-    let start: Vec<f64> = (0..mechanism.parameters.len()).map(|i| fixed(i).unwrap_or(0.0)).collect();
+    let parameters = 0..mechanism.parameters.len();
+    let start: Vec<f64> = parameters.clone().map(|i| fixed(i).unwrap_or(0.0)).collect();
+    let near = (!near.is_empty())
+        .then(|| parameters.map(|i| fixed(i).or(near.get(i).copied()).unwrap_or(0.0)).collect::<Vec<f64>>());
     let problem = Problem { mechanism, free, rows, target: DVector::from_vec(target), white };
     let most = problem.rows.len().saturating_sub(1);
-    let (p, misfit) = problem.solve(&start, most)?;
+    let (p, misfit) = problem.solve(&start, near, most)?;
     report(&problem, &p, misfit, &sigma, known)
 }
 

@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use super::candidates::{Candidate, Column};
 use super::design::Design;
 use super::power::Power;
+use super::relaxation::Relaxation;
 use super::setting::Setting;
 use super::sharpened::sharpen;
 use super::shooting::blocks::Blocks;
@@ -240,6 +241,7 @@ pub fn refit(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate
     // The first rounds settle weights, linearised effects and forms; the last carries the
     // candidates' columns as well.
     let rounds = if state.chosen.iter().any(|k| k.candidate.is_refined()) { 4 } else { 2 };
+    state.relaxation = Relaxation::default();
     if setting.shooting {
         by_shooting(setting, state, candidates, rounds)
     } else {

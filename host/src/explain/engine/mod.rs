@@ -51,6 +51,7 @@ mod patched;
 mod pieces;
 mod power;
 mod prediction;
+mod relaxation;
 mod residual;
 pub mod residual_map;
 mod run;
@@ -156,7 +157,7 @@ fn attempt(
     if let Some(sensors) = (!last && outcome.evidence.is_shooting()).then(quieter).flatten() {
         return Ok(Attempt::Quieter(sensors));
     }
-    let outcome = run.without_pieces(outcome)?;
+    let outcome = run.without_pieces(outcome);
     run.finish(&outcome, &first, undecidable).map(|r| Attempt::Done(Some(Box::new(r))))
 }
 
@@ -201,6 +202,7 @@ fn start(setting: &Setting<'_>, first: &Identification, physical: Physical) -> O
         nominal: chosen.len(),
         chosen,
         stretches: setting.raw.clone(),
+        relaxation: relaxation::Relaxation::default(),
         followed: None,
     })
 }

@@ -10,7 +10,6 @@ use super::evidence::{Outcome, refit};
 use super::run::Run;
 use super::search::named;
 use super::unknown::{self, Shape};
-use crate::error::Result;
 use crate::explain::explanation::Refused;
 
 /// Fewest effects at one place that may be pieces: one beside a shape may be right.
@@ -22,30 +21,27 @@ const AS_GOOD: f64 = 4.0;
 impl Run<'_> {
     /// The outcome as it is, or that of the model before anything was added where what was added is
     /// a shape in pieces.
-    ///
-    /// # Errors
-    /// As [`refit`].
-    pub fn without_pieces(&mut self, outcome: Outcome) -> Result<Outcome> {
+    pub fn without_pieces(&mut self, outcome: Outcome) -> Outcome {
         let pieces = |shape: &Shape| self.result.effects.iter().filter(|f| f.at == shape.unknown.at).count();
         let left = (outcome.evidence.is_shooting() && self.result.effects.len() >= PIECES)
             .then(|| unknown::shape(&self.setting, &self.state, &outcome))
             .flatten();
-        let Some(left) = left.filter(|s| s.is_clear && pieces(s) >= PIECES) else { return Ok(outcome) };
+        let Some(left) = left.filter(|s| s.is_clear && pieces(s) >= PIECES) else { return outcome };
         let power = self.result.residual_power;
         let told = self.clone_told();
         let (effects, ranking) = (self.result.effects.clone(), self.result.ranking.clone());
         if !self.begin_again() {
-            return Ok(outcome);
+            return outcome;
         }
-        let first = refit(&self.setting, &mut self.state, Vec::new())?;
-        let whole = unknown::shape(&self.setting, &self.state, &first).filter(|s| {
+        let first = refit(&self.setting, &mut self.state, Vec::new()).ok();
+        let whole = first.as_ref().and_then(|first| unknown::shape(&self.setting, &self.state, first)).filter(|s| {
             let of = |s: &Shape| (s.unknown.at.clone(), s.unknown.against.clone());
             let leaves = power[0] * (1.0 - s.unknown.held_out_gain);
             s.is_clear && of(s) == of(&left) && leaves <= AS_GOOD * power[1]
         });
-        let Some(whole) = whole else {
+        let (Some(whole), Some(first)) = (whole, first) else {
             self.take_told(told);
-            return Ok(outcome);
+            return outcome;
         };
         let why = format!(
             "with others it stands for one {} at {} that depends on the {} and has no name in the list",
@@ -57,6 +53,6 @@ impl Run<'_> {
         self.result.ranking = ranking.into_iter().filter(|r| r.step == 0).collect();
         self.result.gap.attractor.truncate(1);
         self.result.residual_power = [power[0]; 2];
-        Ok(first)
+        first
     }
 }

@@ -226,6 +226,7 @@ impl Run<'_> {
     fn without_traces(&mut self, search: &mut Search, mut outcome: Outcome) -> Result<(Outcome, bool)> {
         let mut any = false;
         while let Some((k, limit)) = without_trace(&self.setting, &self.state, &outcome) {
+            let kept = (self.clone_told(), any);
             any = true;
             let of_many = if is_of_many(&self.state.chosen.remove(k).candidate) { "frequencies" } else { "forms" };
             let why = format!(
@@ -237,7 +238,13 @@ impl Run<'_> {
             search.refused.push(refused);
             self.state.stretches = self.state.taken_off(&self.setting, &self.setting.raw);
             let candidates = offered::candidates(&self.setting, &self.state);
-            outcome = refit(&self.setting, &mut self.state, candidates)?;
+            let Ok(without) = refit(&self.setting, &mut self.state, candidates) else {
+                // What cannot be fitted without it stays.
+                let _ = search.refused.pop();
+                self.take_told(kept.0);
+                return Ok((outcome, kept.1));
+            };
+            outcome = without;
             self.replace_last(&gone, &outcome)?;
         }
         Ok((outcome, any))

@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::candidates::Candidate;
 use super::correct;
+use super::relaxation::Relaxation;
 use super::setting::{Physical, Setting};
 use super::shooting::Followed;
 use crate::identify::stretches::Stretch;
@@ -70,6 +71,8 @@ pub struct State {
     pub stretches: Vec<Stretch>,
     /// The motion that shooting is linearised about.
     pub followed: Option<Followed>,
+    /// How far the system's parameters go from round to round of a fit.
+    pub relaxation: Relaxation,
 }
 
 impl State {
@@ -83,7 +86,11 @@ impl State {
     pub fn renew(&mut self, setting: &Setting<'_>, x: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
         let n = self.values.len();
         let own = (x.rows(0, n).into_owned(), covariance.view((0, 0), (n, n)).into_owned());
-        if let Some(physical) = setting.physical(&own.0, &own.1) {
+        if let Some(mut physical) = setting.physical(&own.0, &own.1, &self.physical) {
+            // What written equations stand for follows from their coefficients alone.
+            if !setting.is_written() {
+                self.relaxation.relax(&self.physical.values, &mut physical.values);
+            }
             for k in &mut self.chosen {
                 k.with_size_of(setting, &self.physical, &physical);
             }

@@ -82,8 +82,9 @@ impl Physical {
 }
 
 impl Setting<'_> {
-    /// Parameters of the system from coefficients of the equations without dampings.
-    pub fn physical(&self, values: &DVector<f64>, covariance: &DMatrix<f64>) -> Option<Physical> {
+    /// Parameters of the system from coefficients of the equations without dampings, near those that
+    /// stood before.
+    pub fn physical(&self, values: &DVector<f64>, covariance: &DMatrix<f64>, near: &Physical) -> Option<Physical> {
         if self.is_written() {
             let values = self.own.coefficients(values.as_slice(), 0);
             return of_equations(self.model(), self.rig, &values);
@@ -91,7 +92,7 @@ impl Setting<'_> {
         let mechanism = self.mechanism()?;
         let names = self.model().coefficients();
         let identified = Identified { names: &names, values, covariance, metric: covariance };
-        physical(mechanism, &identified, &self.known)
+        physical(mechanism, &identified, &self.known, &near.values)
     }
 }
 
@@ -102,9 +103,14 @@ pub(super) fn of_equations(model: &ModelFile, rig: &Rig, values: &[f64]) -> Opti
     Some(Physical { values: found, open, written: values.to_vec(), openness: Openness::default() })
 }
 
-fn physical(mechanism: &Mechanism, b: &Identified<'_>, known: &BTreeMap<String, f64>) -> Option<Physical> {
+fn physical(
+    mechanism: &Mechanism,
+    b: &Identified<'_>,
+    known: &BTreeMap<String, f64>,
+    near: &[f64],
+) -> Option<Physical> {
     let known: BTreeMap<&str, f64> = known.iter().map(|(k, v)| (k.as_str(), *v)).collect();
-    let fit = ties::fit(mechanism, b, &known)?;
+    let fit = ties::fit_near(mechanism, b, &known, near)?;
     let own = mechanism.file.as_deref()?.parameters.len();
     let values = fit.parameters[..own].to_vec();
     Some(Physical { values, open: fit.open_scales, written: Vec::new(), openness: fit.openness })
@@ -121,5 +127,10 @@ pub(super) fn of_identification(
     let values = DVector::from_iterator(names.len(), names.iter().map(|n| of(n).map_or(0.0, |p| p.value)));
     let errors: Vec<f64> = names.iter().map(|n| of(n).map_or(0.0, |p| p.std_error)).collect();
     let covariance = DMatrix::from_fn(names.len(), names.len(), |i, j| first.correlation[i][j] * errors[i] * errors[j]);
-    physical(mechanism, &Identified { names, values: &values, covariance: &covariance, metric: &covariance }, known)
+    physical(
+        mechanism,
+        &Identified { names, values: &values, covariance: &covariance, metric: &covariance },
+        known,
+        &[],
+    )
 }
