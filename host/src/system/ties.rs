@@ -56,6 +56,8 @@ pub struct TiesFit {
     pub wanted: Option<(String, Vec<String>)>,
     /// All parameters at the least distance, those that stay open among them.
     pub parameters: Vec<f64>,
+    /// ∂p/∂b of the parameters by the identified coefficients.
+    pub slopes: DMatrix<f64>,
     /// Whether the inertia by which each equation was divided stays open.
     pub open_scales: Vec<bool>,
     /// What else of the parameters is fixed.
@@ -101,6 +103,8 @@ struct Problem<'a> {
     free: Vec<usize>,
     rows: Vec<Row>,
     target: DVector<f64>,
+    /// The identified coefficients that the first rows are, and how many there are of these.
+    of_rows: (Vec<usize>, usize),
     /// Inverse of the Cholesky factor of the metric.
     white: DMatrix<f64>,
 }
@@ -279,7 +283,8 @@ pub fn fit_near(
     let start: Vec<f64> = parameters.clone().map(|i| fixed(i).unwrap_or(0.0)).collect();
     let near = (!near.is_empty())
         .then(|| parameters.map(|i| fixed(i).or(near.get(i).copied()).unwrap_or(0.0)).collect::<Vec<f64>>());
-    let problem = Problem { mechanism, free, rows, target: DVector::from_vec(target), white };
+    let of_rows = (used.iter().map(|u| u.1).collect(), b.names.len());
+    let problem = Problem { mechanism, free, rows, target: DVector::from_vec(target), of_rows, white };
     let most = problem.rows.len().saturating_sub(1);
     let (p, misfit) = problem.solve(&start, near, most)?;
     report(&problem, &p, misfit, &sigma, known)
@@ -308,6 +313,10 @@ fn report(
     }
     let gain = DMatrix::from_fn(free.len(), rows.len(), |r, c| gain[(r, c)] / norms[r]) * white;
     let covariance = &gain * sigma * gain.transpose();
+    let mut slopes = DMatrix::zeros(p.len(), problem.of_rows.1);
+    for (r, &name) in problem.of_rows.0.iter().enumerate() {
+        free.iter().enumerate().for_each(|(j, &k)| slopes[(k, name)] = problem.stretch(p, j) * gain[(j, r)]);
+    }
     let never = |k: &usize| !free.contains(k) && !known.contains_key(mechanism.parameters[*k].name.as_str());
     let openness = Openness {
         free: free.clone(),
@@ -317,7 +326,7 @@ fn report(
         parameters: p.to_vec(),
     };
     let freedom = rows.len().saturating_sub(rank);
-    let mut out = TiesFit { misfit, freedom, openness: openness.clone(), ..TiesFit::default() };
+    let mut out = TiesFit { misfit, freedom, slopes, openness: openness.clone(), ..TiesFit::default() };
     let one = Polynomial::number(1.0);
     let own =
         mechanism.parameters.iter().enumerate().map(|(k, n)| (&n.name, &n.unit, Polynomial::atom(Atom::Parameter(k))));

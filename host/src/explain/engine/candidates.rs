@@ -279,6 +279,15 @@ impl Candidate {
         }
     }
 
+    /// Columns of its strengths at some parameters of a system from bodies; none where it is no force
+    /// there.
+    pub fn forces(&self, setting: &Setting<'_>, physical: &Physical) -> Vec<Column> {
+        match &self.action {
+            Action::Force(_) => at_values(setting, &self.action, self.entry.strengths.len(), physical),
+            _ => Vec::new(),
+        }
+    }
+
     /// Columns of strengths on the left-hand sides at the state's parameters; empty ones for what
     /// acts on a sensor.
     pub fn columns(&self, setting: &Setting<'_>, state: &State) -> Vec<Column> {

@@ -72,6 +72,9 @@ pub struct Physical {
     pub written: Vec<f64>,
     /// What else of the parameters stays open.
     pub openness: Openness,
+    /// ∂p/∂b of the parameters by the coefficients without dampings; of no column where they are not
+    /// tied.
+    pub slopes: DMatrix<f64>,
 }
 
 impl Physical {
@@ -100,7 +103,13 @@ impl Setting<'_> {
 pub(super) fn of_equations(model: &ModelFile, rig: &Rig, values: &[f64]) -> Option<Physical> {
     let found = written::parameters(model, rig.direction(), rig.omega(), values)?;
     let open = vec![true; model.equations.len()];
-    Some(Physical { values: found, open, written: values.to_vec(), openness: Openness::default() })
+    Some(Physical {
+        values: found,
+        open,
+        written: values.to_vec(),
+        openness: Openness::default(),
+        slopes: DMatrix::zeros(0, 0),
+    })
 }
 
 fn physical(
@@ -113,7 +122,8 @@ fn physical(
     let fit = ties::fit_near(mechanism, b, &known, near)?;
     let own = mechanism.file.as_deref()?.parameters.len();
     let values = fit.parameters[..own].to_vec();
-    Some(Physical { values, open: fit.open_scales, written: Vec::new(), openness: fit.openness })
+    let slopes = fit.slopes.rows(0, own).into_owned();
+    Some(Physical { values, open: fit.open_scales, written: Vec::new(), openness: fit.openness, slopes })
 }
 
 /// Parameters behind an identification's coefficients.

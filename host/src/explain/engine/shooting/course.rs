@@ -10,6 +10,7 @@ use super::super::candidates::{Candidate, Column};
 use super::super::setting::Setting;
 use super::super::state::State;
 use super::blocks::{Blocks, Part};
+use super::by_inertia;
 use super::forcing::{Additions, Forcing};
 use super::gram::Layout;
 use super::linear::{Linear, Measured, Normal};
@@ -154,6 +155,7 @@ impl<'a> Course<'a> {
             .map(|(c, e, of)| (*e, list.x[*c], of.clone()))
             .collect();
         let places = model.term_places();
+        let by_inertia = by_inertia::additions(setting, state, &list.x);
         let records = setting
             .own
             .of_record
@@ -166,6 +168,7 @@ impl<'a> Course<'a> {
                         additions.push((*columns.get(k)?, e, model.in_seconds(&term.of, setting.rig.omega())));
                     }
                 }
+                additions.extend(by_inertia.iter().map(|(k, e, of)| (columns[*k], *e, of.clone())));
                 additions.extend(shared.iter().cloned());
                 Some(Forcing::new(model, setting.rig.omega(), &coefficients, &moved, count, &additions))
             })

@@ -35,6 +35,7 @@
 //! | [`window_inputs`] | time, phase, inputs along a window |
 
 pub mod blocks;
+mod by_inertia;
 mod course;
 mod forcing;
 mod gram;
