@@ -26,6 +26,7 @@ pub mod rig;
 pub mod said;
 pub mod signal;
 pub mod simulate;
+pub mod statistics;
 pub mod suspects;
 pub mod system;
 pub mod terminal_view;

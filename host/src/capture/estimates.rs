@@ -17,7 +17,7 @@ use crate::error::{BadInput, Result};
 use crate::identify::Parameter;
 use crate::model::double_pendulum::DEFAULT_DAMPINGS;
 use crate::record::sealed_line::seal;
-use crate::report::format::plus_minus;
+use crate::report::format::{Z95, plus_minus};
 use crate::rig::measures::BASE;
 use crate::rig::{Direction, Rig};
 use crate::system::library::Pendulum;
@@ -135,7 +135,7 @@ impl DeviceEstimate {
     /// In a few words, for a progress line.
     pub fn brief(&self) -> String {
         match self.parameters.iter().find(|p| p.name == "B21") {
-            Some(p) => format!("device: B21 {}", plus_minus(p.value, 1.96 * p.std_error)),
+            Some(p) => format!("device: B21 {}", plus_minus(p.value, Z95 * p.std_error)),
             None => match self.status {
                 Status::TooFewWindows => "device: too few windows yet".to_owned(),
                 _ => "device: not identifiable".to_owned(),
@@ -158,7 +158,7 @@ impl DeviceEstimate {
             condition.join(", ")
         );
         for p in &self.parameters {
-            text.push_str(&format!("  {:<7} {}\n", p.name, plus_minus(p.value, 1.96 * p.std_error)));
+            text.push_str(&format!("  {:<7} {}\n", p.name, plus_minus(p.value, Z95 * p.std_error)));
         }
         text
     }

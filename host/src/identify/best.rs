@@ -18,7 +18,7 @@ use crate::warning::Warning;
 
 /// Most samples that are shot over by default: some seconds of work, beyond which the weak form's
 /// errors are small as well.
-const MOST_SAMPLES: usize = 200_000;
+pub(super) const MOST_SAMPLES: usize = 200_000;
 /// Warning of the weak form that more is left than the sensors' noise.
 const MISSES_SOMETHING: &str = "model-misses-something";
 /// The same of shooting.

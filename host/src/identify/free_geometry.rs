@@ -14,6 +14,7 @@
 //! systems in a prototype whose windows start every quarter; here they start every half, and are
 //! therefore twice as many.
 
+use super::geometry::{FEWEST_SAMPLES, PASS_OVER_END, PASS_OVER_TOP};
 use crate::signal::band::Band;
 
 /// Periods of the dominant frequency in a window, as wished and at least.
@@ -75,22 +76,22 @@ pub(super) fn choose(band: &Band, stretches_s: &[f64], rate: f64, length_s: Opti
         // Transients: short windows take all parts of them alike.
         Kind::WithInputs(white) => (TRANSIENT / excited(white)).min(2.0 * PERIODS / fd).min(whole / FEWEST_TRANSIENTS),
     };
-    let length_s = length_s.unwrap_or(wished.max(32.0 / rate));
+    let length_s = length_s.unwrap_or(wished.max(FEWEST_SAMPLES / rate));
     let f99 = band.acceleration_99_hz;
     let top_hz = match kind {
         Kind::Free => f99.max((f99 * band.clear_end_hz).sqrt().min(3.5 * fd)).max(1.5 * fd),
         Kind::WithInputs(white) => excited(white),
     };
     let top_hz = top_hz.max(3.0 / length_s).min(most_top);
-    let pass_hz = (1.15 * band.end_hz.min(1.6 * band.clear_end_hz)).max(1.5 * top_hz).min(most_pass);
+    let pass_hz = (PASS_OVER_END * band.end_hz.min(1.6 * band.clear_end_hz)).max(PASS_OVER_TOP * top_hz).min(most_pass);
     Choice { length_s, top_hz, pass_hz }
 }
 
-/// Where the stop band begins: the low-pass reaches over a tenth of the longest stretch at most.
-pub(super) fn stop_hz(pass_hz: f64, top_hz: f64, stretches_s: &[f64], rate: f64) -> f64 {
+/// Least width of the low-pass's transition, Hz: it reaches over a tenth of the longest stretch at
+/// most.
+pub(super) fn narrowest_hz(stretches_s: &[f64]) -> f64 {
     let longest = stretches_s.iter().fold(0.0_f64, |a, b| a.max(*b));
-    let narrowest = REACH / (MOST_REACH * longest);
-    (1.5 * pass_hz).max(pass_hz + 2.5 * top_hz).max(pass_hz + narrowest).min(0.45 * rate)
+    REACH / (MOST_REACH * longest)
 }
 
 /// The band of several sensors: what holds all of them; each is an iterator over its stretches.
@@ -104,6 +105,15 @@ pub(super) fn band<'a, I: Iterator<Item = &'a [f64]> + Clone>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identify::METHODS;
+    use crate::identify::geometry::DRIVE_PERIODS;
+
+    #[test]
+    fn what_is_listed_is_what_is_chosen() {
+        let weak = METHODS.iter().find(|m| m.0 == "weak").unwrap().1;
+        let told = format!("windows over {DRIVE_PERIODS} drive periods ({PERIODS} of the motion when free)");
+        assert!(weak.contains(&told), "{weak}");
+    }
 
     #[test]
     fn the_choice_scales_with_the_clock() {

@@ -1,26 +1,52 @@
 //! Windows and low-passes, from the settings, the rig and the coordinates' spectra.
 //!
-//! Under a drive windows of 20 T, test functions up to 2 f_e, the low-pass up to where the signal
-//! sinks into the noise; when free all of it from the motion ([`super::free_geometry`]), or where
-//! no motion stands above the noise windows of 4 s. All of it within what the sampling rate allows:
-//! a window has 32 samples at least, test functions end at an eighth of the rate, the pass band at
-//! two fifths. A free system with measured inputs may need more of the band, since a resonance may
-//! lie close to the Nyquist frequency: test functions up to a fifth of the sampling rate.
+//! Under a drive windows of 20 T, test functions up to 2 f_e, the low-pass up to 1.15 times where
+//! the signal sinks into the noise, a quarter of the sampling rate at most; when free all of it
+//! from the motion ([`super::free_geometry`], up to 0.12 and 0.3 of the rate). Where no motion
+//! stands above the noise there is nothing to choose by: windows of 4 s, test functions up to f_99,
+//! a sixteenth of the rate at most, the low-pass as under a drive. A free system with measured
+//! inputs may need more of the band, since a resonance may lie close to the Nyquist frequency: test
+//! functions go up to a fifth of the rate and the pass band to two fifths.
+//!
+//! What is asked for may go farther than what is chosen: test functions up to an eighth of the rate
+//! (a quarter with inputs), the pass band up to two fifths. A window has 32 samples at least.
 
 use super::Settings;
-use super::free_geometry::{Kind, choose, stop_hz};
+use super::free_geometry::{Kind, choose, narrowest_hz};
 use super::prepared::Geometry;
 use super::windows::{Kernels, Windows};
 use crate::error::{BadInput, Result};
-use crate::rig::Rig;
+use crate::rig::{Drive, Rig};
 use crate::signal::band::Band;
 use crate::signal::low_pass::Kernel;
 use crate::signal::noise::Noise;
 
 /// Most frequencies of the test functions.
 const MOST_FREQUENCIES: usize = 400;
-/// Periods of a drive in a window.
-const PERIODS: f64 = 20.0;
+/// Length of a window in periods of the drive.
+pub(super) const DRIVE_PERIODS: f64 = 20.0;
+/// Fewest samples of a window.
+pub(super) const FEWEST_SAMPLES: f64 = 32.0;
+/// End of the pass band over where the signal sinks into the noise, and over the highest test
+/// frequency: products of the regressors must keep everything up to there.
+pub(super) const PASS_OVER_END: f64 = 1.15;
+pub(super) const PASS_OVER_TOP: f64 = 1.5;
+/// Start of the stop band over the end of the pass band, width of the transition over the highest
+/// test frequency, and the share of the sampling rate at which it starts at the latest.
+const STOP_OVER_PASS: f64 = 1.5;
+const TRANSITION_OVER_TOP: f64 = 2.5;
+const LATEST_STOP: f64 = 0.45;
+
+/// Length of a window under a drive, s.
+pub(super) fn drive_window_s(drive: Drive) -> f64 {
+    DRIVE_PERIODS / drive.frequency_hz
+}
+
+/// Where the stop band begins, Hz, `narrowest` the least width of the transition.
+fn stop_hz(pass: f64, top: f64, narrowest: f64, rate: f64) -> f64 {
+    let wide = (STOP_OVER_PASS * pass).max(pass + TRANSITION_OVER_TOP * top).max(pass + narrowest);
+    wide.min(LATEST_STOP * rate)
+}
 
 /// Chooses.
 ///
@@ -47,14 +73,14 @@ pub fn geometry(
     let most_top = if wide { rate / 5.0 } else { rate / 16.0 };
     let wanted = greatest(|n| n.acceleration_99_hz);
     let default_window = match rig.drive {
-        Some(d) => PERIODS / d.frequency_hz,
+        Some(d) => drive_window_s(d),
         None if inputs => (30.0 / wanted.max(1e-9 * rate).min(most_top)).min(4.0),
         None => 4.0,
     };
-    let asked = check("--window-s", settings.window_s, 32.0 * step_s, 1e5)?;
+    let asked = check("--window-s", settings.window_s, FEWEST_SAMPLES * step_s, 1e5)?;
     let kind = if wide { Kind::WithInputs(wanted) } else { Kind::Free };
     let free = band.filter(|_| rig.drive.is_none()).map(|b| choose(&b, stretches_s, rate, asked, kind));
-    let length_s = asked.or(free.map(|f| f.length_s)).unwrap_or(default_window.max(32.0 * step_s));
+    let length_s = asked.or(free.map(|f| f.length_s)).unwrap_or(default_window.max(FEWEST_SAMPLES * step_s));
     // Eight test functions at least; in a window too short for them, those that the rate allows.
     let free_top = wanted.min(most_top).max((8.0 / length_s).min(rate / if wide { 4.0 } else { 8.0 }));
     let top = check(
@@ -65,23 +91,19 @@ pub fn geometry(
     )?
     .unwrap_or_else(|| rig.drive.map_or(free.map_or(free_top, |f| f.top_hz), |d| 2.0 * d.frequency_hz));
     let frequencies = ((top * length_s).round() as usize).clamp(2, MOST_FREQUENCIES);
-    // The products of the regressors must keep everything up to the highest test frequency.
-    let least = (1.5 * top).min(if wide { 0.3 } else { 0.15 } * rate);
+    let least = (PASS_OVER_TOP * top).min(if wide { 0.3 } else { 0.15 } * rate);
     let default_pass = match free {
-        Some(f) => f.pass_hz.max(1.5 * top).min(kind.most()[1] * rate),
-        None => (1.15 * greatest(|n| n.signal_end_hz)).max(least).min(if wide { 0.4 } else { 0.25 } * rate),
+        Some(f) => f.pass_hz.max(PASS_OVER_TOP * top).min(kind.most()[1] * rate),
+        None => (PASS_OVER_END * greatest(|n| n.signal_end_hz)).max(least).min(if wide { 0.4 } else { 0.25 } * rate),
     };
     let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);
-    let stop = match free {
-        Some(_) => stop_hz(pass, top, stretches_s, rate),
-        None => (1.5 * pass).max(pass + 2.5 * top).min(0.45 * rate),
-    };
+    let stop = stop_hz(pass, top, free.map_or(0.0, |_| narrowest_hz(stretches_s)), rate);
     let clear = greatest(|n| n.clear_end_hz).max(least.min(pass)).min(pass);
     let kernels = Kernels {
         full: Kernel::design(step_s, pass, stop),
         clear: Kernel::design(step_s, clear, (clear + stop - pass).min(0.48 * rate)),
     };
-    let dominant_s = band.map_or(length_s / PERIODS, |b| 1.0 / b.dominant_hz);
+    let dominant_s = band.map_or(length_s / DRIVE_PERIODS, |b| 1.0 / b.dominant_hz);
     let period_s = rig.drive.map_or(dominant_s, |d| 1.0 / d.frequency_hz);
     Ok(Geometry { windows: Windows { length_s, hop_s: 0.5 * length_s, frequencies }, kernels, period_s })
 }

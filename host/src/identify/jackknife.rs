@@ -3,7 +3,7 @@
 
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
-use crate::report::format::Z95;
+use crate::statistics::Z95;
 
 /// Factor on standard errors from so many blocks, by which ± 1.96 of them hold 95 %:
 /// t₀.₉₇₅(blocks − 1)/1.96; 1 where one block has no scatter.

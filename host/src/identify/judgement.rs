@@ -26,7 +26,7 @@ use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::{Identification, known_of_system, known_quantities};
-use crate::report::format::{plus_minus, significant};
+use crate::report::format::{Z95, plus_minus, significant};
 use crate::rig::Rig;
 use crate::system::mechanism::{Coefficient, Mechanism};
 use crate::system::polynomial::Atom;
@@ -148,7 +148,7 @@ fn signs(c: &Coefficients<'_>) -> Vec<Warning> {
         if !(value < 0.0 && value < -CLEAR * error) {
             continue;
         }
-        let negative = format!("{name} = {} is negative", plus_minus(value, 1.96 * error));
+        let negative = format!("{name} = {} is negative", plus_minus(value, Z95 * error));
         let damping = name.starts_with('C') || name == "c_r";
         let warning = if damping {
             Warning::new(
@@ -185,7 +185,7 @@ fn signs(c: &Coefficients<'_>) -> Vec<Warning> {
                 "negative-inertia",
                 format!(
                     "B11 B21 = {} exceeds 1: some motions would have a negative kinetic energy",
-                    plus_minus(product, 1.96 * error)
+                    plus_minus(product, Z95 * error)
                 ),
                 "Is a channel dead, exchanged with the other, or of another number of counts a turn? See `whirl inspect`",
             );
@@ -219,7 +219,7 @@ fn dampings_of(mechanism: &Mechanism, c: &Coefficients<'_>) -> Vec<Warning> {
             out.push(
                 Warning::new(
                     "negative-damping",
-                    format!("{} = {}: {friction} would drive the motion instead of braking it", of.name, plus_minus(value, 1.96 * c.error(i))),
+                    format!("{} = {}: {friction} would drive the motion instead of braking it", of.name, plus_minus(value, Z95 * c.error(i))),
                     "Does time run backwards, is a sign reversed or a channel late? If not, the equations miss something: run `whirl explain`",
                 )
                 .invalidating()
@@ -248,7 +248,7 @@ fn physical_signs(result: &Identification, rig: &Rig) -> Vec<Warning> {
         .map(|p| {
             Warning::new(
                 "negative-quantity",
-                format!("{} = {} {} is negative", p.name, plus_minus(p.value, 1.96 * p.std_error), p.unit),
+                format!("{} = {} {} is negative", p.name, plus_minus(p.value, Z95 * p.std_error), p.unit),
                 "No rig is so. Are the quantities under [known] right? If they are, the equations miss something: run `whirl explain`",
             )
             .invalidating()

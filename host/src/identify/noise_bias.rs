@@ -29,11 +29,12 @@ use rayon::prelude::*;
 
 use super::regression::{RunSums, Solution, noise_alone, weighted_rms};
 use super::windows::{Kernels, WindowRows, Windows, samples_needed};
+use crate::statistics::Z95;
 
 /// Number of repeats with independent-looking errors.
 pub(crate) const REPEATS: usize = 4;
 /// t₀.₉₇₅(3)/1.96 for four repeats.
-const STRETCH_T: f64 = 3.182 / 1.96;
+const STRETCH_T: f64 = 3.182 / Z95;
 /// Most windows on which the bias is measured.
 const MOST_WINDOWS: usize = 64;
 /// Windows taken together, so that they share their smoothed samples.
@@ -151,7 +152,7 @@ fn by_chance(squares: &[f64]) -> f64 {
     let n = squares.len() as f64;
     let mean = squares.iter().sum::<f64>() / n;
     let variance = squares.iter().map(|s| (s - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    let share = 1.96 * STRETCH_T * (variance * (1.0 + 1.0 / n)).sqrt() / mean;
+    let share = Z95 * STRETCH_T * (variance * (1.0 + 1.0 / n)).sqrt() / mean;
     1.0 + if share.is_finite() { share } else { 0.0 }
 }
 

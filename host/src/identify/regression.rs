@@ -23,20 +23,20 @@ mod residuals;
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use self::normal_equations::Normal;
 pub use self::residuals::{frequency_dots, identification_error, residual_dots};
 pub(crate) use self::residuals::{noise_alone, weighted_rms};
 use self::residuals::{repetition, rms_by_frequency};
+use super::jackknife::widening;
 use super::windows::{WindowRows, row_count};
 
 /// Σ corr² over the rows of one window: sin⁴ rows at neighbouring frequencies are not independent.
-const ROW_DEPENDENCE: f64 = 2.63;
-/// Correlation of residuals between windows from which a record counts as repeating.
-const REPEATING: f64 = 0.2;
+pub(super) const ROW_DEPENDENCE: f64 = 2.63;
+/// Correlation of residuals between windows, or pieces, from which a record counts as repeating.
+pub(super) const REPEATING: f64 = 0.2;
 /// Fewest blocks for a jackknife.
-const FEWEST_BLOCKS: usize = 6;
+pub(super) const FEWEST_BLOCKS: usize = 6;
 
 /// Solution of all equations.
 #[derive(Clone, Debug)]
@@ -167,7 +167,7 @@ pub fn solve_with(
     let g = blocks.len();
     let mut covariance = if g >= FEWEST_BLOCKS {
         let freedom = (g - 1) as f64;
-        let stretch = StudentsT::new(0.0, 1.0, freedom).map_or(1.0, |t| t.inverse_cdf(0.975) / 1.959_964);
+        let stretch = widening(g);
         let sum = left_out.iter().fold(DMatrix::zeros(total, total), |sum, d| sum + d * d.transpose());
         sum * (freedom / g as f64 * stretch * stretch)
     } else {

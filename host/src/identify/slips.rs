@@ -24,6 +24,7 @@ use indicatif::ProgressBar;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use super::best::MOST_SAMPLES;
 use super::prepared::Prepared;
 use super::shooting::problem::{Piece, Problem};
 use super::{Identification, Settings, best, built_in, shooting};
@@ -45,8 +46,6 @@ const SAME: usize = 12;
 /// Times that what is found is taken back and everything identified again: where slips are many,
 /// the offsets that they leave hide the later ones at first.
 const MOST_ROUNDS: usize = 4;
-/// Most samples of all records that are looked at where nobody asked for a fit by shooting.
-const MOST_SAMPLES: usize = 200_000;
 
 /// A step of one sensor by whole counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -298,7 +297,8 @@ fn take_back(records: &mut [Record], slips: &[Placed]) {
     }
 }
 
-/// Records without the slips that their rig's equations show, told in their warnings; none where there are none, or where nothing can be identified.
+/// Records without the slips that their rig's equations show, told in their warnings; none where
+/// there are none, or where nothing can be identified.
 pub fn taken_back(records: &[Record], rig: &Rig) -> Option<Vec<Record>> {
     let samples: usize = records.iter().map(Record::samples).sum();
     let own = built_in::written(rig).ok()?;

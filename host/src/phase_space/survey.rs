@@ -28,6 +28,7 @@ use super::unstable_periodic_orbit::{self as orbits, Extraction, Track, Trajecto
 use crate::inspect::coordinate::Coordinate;
 use crate::inspect::motion::{Motion, Space};
 use crate::record::Record;
+use crate::statistics::Z95;
 use crate::warning::Warning;
 
 /// Longest orbit of a free record that is looked for, times round.
@@ -91,7 +92,7 @@ impl PhaseSpace {
     /// Whether neighbouring states are shown to move apart: the exponent's 95 % interval lies above
     /// zero.
     pub fn spreads(&self) -> bool {
-        self.lyapunov.as_ref().is_some_and(|l| l.per_second > 1.96 * l.std_error)
+        self.lyapunov.as_ref().is_some_and(|l| l.per_second > Z95 * l.std_error)
     }
 }
 

@@ -9,6 +9,7 @@ use super::lyapunov_exponent::{self as divergence, Divergence, StraightPart};
 use super::observable::Observable;
 use super::survey::PhaseSpace;
 use super::tangent_exponent::{self as tangent, Tangent};
+use crate::statistics::Z95;
 
 /// Largest Lyapunov exponent.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -107,7 +108,7 @@ pub(super) fn lyapunov(state: &JointState<'_>, period: Option<f64>, space: &Phas
     Some(Lyapunov {
         per_second: value,
         std_error: error,
-        interval: [value - 1.96 * error, value + 1.96 * error],
+        interval: [value - Z95 * error, value + Z95 * error],
         per_period: period.map(|t| tangent.exponent * t),
         per_period_std_error: period.map(|t| tangent.std_error * t),
         tangent,

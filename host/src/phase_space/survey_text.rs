@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::survey::PhaseSpace;
-use crate::report::format::{fixed, plus_minus, significant};
+use crate::report::format::{Z95, fixed, plus_minus, significant};
 use crate::report::symbols::symbol_plain;
 
 /// Delay and dimension of each coordinate, exponent, dimension, orbits; a line each. Ends with a
@@ -30,7 +30,7 @@ pub fn text(space: &PhaseSpace) -> String {
     }
     if let Some(l) = &space.lyapunov {
         let period = match (l.per_period, l.per_period_std_error) {
-            (Some(v), Some(e)) => format!(", {} a drive period", plus_minus(v, 1.96 * e)),
+            (Some(v), Some(e)) => format!(", {} a drive period", plus_minus(v, Z95 * e)),
             _ => String::new(),
         };
         // The slope of the divergence curve lies low where it saturates early; its scatter does not
@@ -46,10 +46,10 @@ pub fn text(space: &PhaseSpace) -> String {
             }
             _ => String::new(),
         };
-        line("exponent", format!("{} /s{period}{divergence}", plus_minus(l.per_second, 1.96 * l.std_error)));
+        line("exponent", format!("{} /s{period}{divergence}", plus_minus(l.per_second, Z95 * l.std_error)));
     }
     if let Some(d) = space.correlation_dimension.as_ref().filter(|d| d.dimension.is_some()) {
-        line("attractor", format!("dimension {}", plus_minus(d.dimension.unwrap_or(0.0), 1.96 * d.std_error)));
+        line("attractor", format!("dimension {}", plus_minus(d.dimension.unwrap_or(0.0), Z95 * d.std_error)));
     }
     if let Some(o) = &space.orbits {
         let periods: Vec<String> = o.orbits.iter().take(12).map(|o| o.period.to_string()).collect();

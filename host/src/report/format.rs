@@ -1,9 +1,7 @@
 //! Numbers for people: digits that the uncertainty warrants, SI units, powers of ten.
 
 use crate::error::plain;
-
-/// Width of a 95 % interval in standard errors.
-pub const Z95: f64 = 1.96;
+pub use crate::statistics::Z95;
 
 /// A whole number as a superscript: `⁻⁶`.
 pub fn superscript(exponent: i32) -> String {

@@ -17,6 +17,7 @@ use crate::reduce::polar::{self, Node, Polar};
 use crate::reduce::release_fit;
 use crate::reduce::standard_error::{self, Evaluation};
 use crate::reduce::systems::Mechanical;
+use crate::statistics::Z95;
 
 /// Items of this file.
 pub static ITEMS: &[Item] = &[Item {
@@ -105,7 +106,7 @@ fn held(case: &Case, models: &Models) -> Option<[[u32; 2]; 2]> {
             let near = curve.iter().min_by(|p, q| (p.amplitude - a).abs().total_cmp(&(q.amplitude - a).abs()))?;
             let omega =
                 if how.system.is_some() { model.corrected_omega(&*case.system, &known.1, a)? } else { model.omega(a) };
-            count[0] += u32::from((omega - fit.omega).abs() < 1.96 * TAU * near.std_error_hz);
+            count[0] += u32::from((omega - fit.omega).abs() < Z95 * TAU * near.std_error_hz);
             count[1] += 1;
         }
     }

@@ -7,6 +7,7 @@ use crate::identify::harmonic_balance::account::Function;
 use crate::identify::harmonic_balance::orbit::{MARGIN, Orbit};
 use crate::report::figures::axis::Axis;
 use crate::report::figures::canvas::{Panel, Series, Shape};
+use crate::statistics::Z95;
 
 /// To [−π, π).
 pub fn wrapped(x: f64) -> f64 {
@@ -62,8 +63,8 @@ pub fn function(f: &Function, truth: impl Fn(f64) -> f64, nodes: usize) -> Panel
     panel.series.push(Series::new("", Shape::Thin, f.angle.clone(), f.value.clone()).colour(0));
     let mut dots =
         Series::new("identified, 95 % interval", Shape::Intervals, pick(&|i| f.angle[i]), pick(&|i| f.value[i]));
-    dots.low = pick(&|i| f.value[i] - 1.96 * f.std_error[i]);
-    dots.high = pick(&|i| f.value[i] + 1.96 * f.std_error[i]);
+    dots.low = pick(&|i| f.value[i] - Z95 * f.std_error[i]);
+    dots.high = pick(&|i| f.value[i] + Z95 * f.std_error[i]);
     panel.series.push(dots.colour(0));
     panel
 }

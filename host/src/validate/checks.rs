@@ -1,6 +1,7 @@
 //! The comparisons that a validation can fail on. See the head of [`super`] for when each does.
 
 use super::{Check, Pair, Validation, natural_frequencies};
+use crate::statistics::Z95;
 
 /// Standard errors by which two invariants may differ.
 const STANDARD_ERRORS: f64 = 3.0;
@@ -55,9 +56,9 @@ pub(super) fn checks(v: &Validation) -> Vec<Check> {
         format!(
             "{:.3} ± {:.3}{unit} in the record, {:.3} ± {:.3}{unit} in the model's own: {:.1} standard errors{}",
             p.measured,
-            1.96 * p.measured_std_error,
+            Z95 * p.measured_std_error,
             p.simulated,
-            1.96 * p.simulated_std_error,
+            Z95 * p.simulated_std_error,
             p.deviation(),
             match (p.deviation() <= STANDARD_ERRORS, agree(p)) {
                 (false, true) => ", but within a third of each other, as two records of one rig can be",

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::{Validation, Verdict};
-use crate::report::format::{fixed, plus_minus, significant};
+use crate::report::format::{Z95, fixed, plus_minus, significant};
 
 /// The answer for people.
 pub fn human(v: &Validation) -> String {
@@ -42,7 +42,7 @@ pub fn human(v: &Validation) -> String {
     }
     // What the records' own exponents, dimensions and frequencies are, the checks below say.
     if let Some(l) = &v.lyapunov {
-        line(format!("  largest exponent {} /s by the model", plus_minus(l.model, 1.96 * l.model_std_error)));
+        line(format!("  largest exponent {} /s by the model", plus_minus(l.model, Z95 * l.model_std_error)));
     }
     if let Some(o) = &v.orbits {
         line(format!(

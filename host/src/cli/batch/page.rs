@@ -11,7 +11,7 @@ use crate::batch::table::Table;
 use crate::cli::Answer;
 use crate::cli::output::Output;
 use crate::error::Result;
-use crate::report::format::{duration, plus_minus, significant};
+use crate::report::format::{Z95, duration, plus_minus, significant};
 use crate::report::html::{Align, Html};
 use crate::report::{Report, Section};
 use crate::warning::Warning;
@@ -149,7 +149,7 @@ fn line(row: &Row, names: &[String]) -> Vec<Html> {
     ];
     out.extend(names.iter().map(|name| {
         Html::text(&match (number(name), number(&format!("{name}_std_error"))) {
-            (Some(value), Some(error)) => plus_minus(value, 1.96 * error),
+            (Some(value), Some(error)) => plus_minus(value, Z95 * error),
             (Some(value), None) => significant(value, 6),
             _ => String::new(),
         })

@@ -19,13 +19,11 @@ use crate::model::model_file::expression::{
     Function, Node, Symbol, add, as_number, call, multiply, number, power_whole, symbol,
 };
 use crate::model::model_file::{ModelFile, Space};
-use crate::rig::Direction;
+use crate::rig::{Direction, GRAVITY};
 use crate::system::derivative::partial;
 use crate::system::joints::Joint;
 use crate::system::polynomial::Atom;
 
-/// Gravity's strength, m/s², by which its torques are first moments.
-const G: f64 = 9.81;
 /// Share of an arm's first moment by which gravity's torque may differ from g S sin φ: rounding.
 const UNEVEN: f64 = 1e-6;
 
@@ -150,7 +148,7 @@ impl Equations<'_> {
         let as_driven = if sideways { turned(&still, arm) } else { still };
         let square: f64 = (0..STATES).map(|s| value(&as_driven, s, 0.0).powi(2)).sum();
         let at = |tau: f64| (0..STATES).map(|s| value(&as_driven, s, 0.0) * value(driven, s, tau)).sum::<f64>();
-        let share = |tau: f64| G * at(tau) / square;
+        let share = |tau: f64| GRAVITY * at(tau) / square;
         let wave = |f, amplitude| multiply(number(amplitude), call(f, symbol(Symbol::Tau)));
         let moves = add(wave(Function::Cos, share(0.0)), wave(Function::Sin, share(FRAC_PI_2)));
         if sideways { [moves, number(0.0)] } else { [number(0.0), moves] }
@@ -161,7 +159,7 @@ impl Told {
     /// √(F_x² + F_y²) for a mass.
     fn load(&self, mass: f64) -> Node {
         let [right, up] = [Function::Cos, Function::Sin].map(|way| {
-            let weight = if way == Function::Sin { number(G) } else { number(0.0) };
+            let weight = if way == Function::Sin { number(GRAVITY) } else { number(0.0) };
             let k = usize::from(way == Function::Sin);
             let end = add(add(self.joint[k].clone(), self.base[k].clone()), weight);
             let turns = self.moments.iter().map(|&(e, moment)| {
@@ -186,10 +184,10 @@ impl Told {
 fn first_moment(still: &Node, arm: usize, scale: f64) -> Option<f64> {
     let still = of_angles(still);
     let quarter = at_angle(&still, arm, FRAC_PI_2);
-    let moment = scale * as_number(&quarter).unwrap_or_else(|| value(&quarter, 0, 0.0)) / G;
+    let moment = scale * as_number(&quarter).unwrap_or_else(|| value(&quarter, 0, 0.0)) / GRAVITY;
     let even = |s: u32| {
         let phi = value(&symbol(Symbol::Coordinate(arm)), s, 0.0);
-        (scale * value(&still, s, 0.0) / G - moment * phi.sin()).abs() <= UNEVEN * moment.abs()
+        (scale * value(&still, s, 0.0) / GRAVITY - moment * phi.sin()).abs() <= UNEVEN * moment.abs()
     };
     (moment > 0.0 && (0..STATES).all(even)).then_some(moment)
 }

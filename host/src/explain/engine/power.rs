@@ -32,6 +32,7 @@ use crate::identify::remeasured::{measure, smoothed};
 use crate::identify::series::System;
 use crate::identify::stretches::Stretch;
 use crate::model::model_file::weak_form::WeakForm;
+use crate::statistics::Z95;
 
 /// Squares of the standard errors that must be left, and of the share that may be feigned.
 const LEFT: f64 = 9.0;
@@ -96,7 +97,7 @@ impl Power {
             let scale = scale.abs() / (0.375 * window_s) * 2.0;
             let mut bins = Vec::new();
             for (m, (f, n)) in self.found[e].iter().zip(&self.noise[e]).enumerate() {
-                let (value, band) = (scale * f.sqrt(), scale * 1.96 * n.sqrt());
+                let (value, band) = (scale * f.sqrt(), scale * Z95 * n.sqrt());
                 let at = m as f64 * step;
                 bins.push([at, value, band]);
                 if value > CLEARLY * band {

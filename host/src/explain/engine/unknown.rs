@@ -29,6 +29,7 @@ use crate::model::model_file::expression::{
     Expression, Function, Node, Symbol, call, multiply, number, subtract, symbol,
 };
 use crate::report::format::significant;
+use crate::statistics::Z95;
 use crate::system::bodies::Body;
 use crate::system::derivative::{by_time, partial};
 use crate::system::mechanism::at;
@@ -176,7 +177,7 @@ impl Hats {
         let (scale, unit) = tell::of_force(setting, &state.physical, self.place);
         let point = |k: usize| {
             let error = fit.covariance[(own + k, own + k)].max(0.0).sqrt();
-            [self.low + k as f64 * self.width, scale * fit.all[own + k], 1.96 * scale.abs() * error]
+            [self.low + k as f64 * self.width, scale * fit.all[own + k], Z95 * scale.abs() * error]
         };
         Unknown {
             at: setting.file().map_or_else(String::new, |f| self.place.name(f)),

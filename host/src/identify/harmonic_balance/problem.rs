@@ -3,7 +3,6 @@
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::Unsolvable;
 use super::equations::{Equations, Term};
@@ -12,6 +11,7 @@ use super::rows::{self, Expanded, Rows};
 use super::settings::Settings;
 use super::solve::{self, EquationFit};
 use crate::identify::energy_balance;
+use crate::identify::jackknife::widening;
 
 /// Most blocks of the jackknife.
 const MOST_BLOCKS: usize = 100;
@@ -179,7 +179,7 @@ impl<'a> Problem<'a> {
         let changes: Vec<DVector<f64>> = (0..self.blocks).into_par_iter().map(change).collect::<Option<_>>()?;
         let (size, freedom) = (values.len(), (self.blocks - 1) as f64);
         // As many blocks as there are give Student's interval, not a normal one.
-        let wider = StudentsT::new(0.0, 1.0, freedom).map_or(1.0, |t| t.inverse_cdf(0.975) / 1.959_964);
+        let wider = widening(self.blocks);
         let sum = changes.iter().fold(DMatrix::zeros(size, size), |sum, d| sum + d * d.transpose());
         Some(sum * (freedom / self.blocks as f64 * wider * wider))
     }

@@ -11,15 +11,14 @@
 //! between pieces times the covariance that one piece alone would give is added.
 
 use nalgebra::{DMatrix, DVector};
-use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::problem::Share;
 use super::solve::{reduce, solve_scaled};
+use crate::identify::jackknife::widening;
+use crate::identify::regression::FEWEST_BLOCKS;
 
 /// Most blocks of the jackknife.
 const MOST_BLOCKS: usize = 400;
-/// Fewest blocks for a jackknife.
-const FEWEST_BLOCKS: usize = 6;
 
 /// Covariances of the parameters.
 #[derive(Clone, Debug)]
@@ -82,7 +81,7 @@ pub fn covariance(shares: &[Share], states: usize, held: &[bool], repetition: f6
             blocks.iter().filter_map(|(h, gradient)| solve_scaled(&(&total - h), gradient, 0.0, held)).collect();
         let mean = changes.iter().fold(DVector::zeros(p), |s, d| s + d) / changes.len().max(1) as f64;
         let freedom = (g - 1) as f64;
-        let stretch = StudentsT::new(0.0, 1.0, freedom).map_or(1.0, |t| t.inverse_cdf(0.975) / 1.959_964);
+        let stretch = widening(g);
         let sum = changes.iter().fold(DMatrix::zeros(p, p), |sum, d| {
             let d = d - &mean;
             sum + &d * d.transpose()

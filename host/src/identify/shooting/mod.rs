@@ -26,6 +26,7 @@ use indicatif::ProgressBar;
 use serde::Serialize;
 
 use super::built_in::WrittenRig;
+use super::geometry::DRIVE_PERIODS;
 use super::prepared::{Prepared, prepare_moving};
 use super::slips::{self, Placed, Slip};
 use super::track::{ExogenousInputs, Pieces, Track};
@@ -42,10 +43,8 @@ use zeros::{Moment, Unknown, ZeroOffset};
 
 /// Ratio of residuals to the sensors' noise from which the model is said to miss something.
 pub const MISSES: f64 = 1.2;
-/// Part of a window that stands for the drive's period in a free system.
-const PERIODS: f64 = 20.0;
 /// Fewest samples of a piece.
-const FEWEST_SAMPLES: usize = 16;
+pub(crate) const FEWEST_SAMPLES: usize = 16;
 /// Bounds of what has none.
 const OPEN: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 /// Progress: rounds expected.
@@ -169,9 +168,9 @@ struct ShootingRun {
     shifts: Vec<Vec<f64>>,
 }
 
-/// Period of the drive, or what stands for it in a free system, s.
+/// Period of the drive, or what stands for it in a free system, s: as much of a window.
 fn period_s(given: &Given<'_>) -> f64 {
-    let free = given.prepared.geometry.windows.length_s / PERIODS;
+    let free = given.prepared.geometry.windows.length_s / DRIVE_PERIODS;
     given.rig.drive.map_or(free, |d| 1.0 / d.frequency_hz)
 }
 

@@ -20,6 +20,7 @@ use super::covariance::{self, Covariance};
 use super::problem::{Piece, Problem, Share};
 use super::solve::{Bounds, ShootingFit, Start, minimise};
 use crate::error::BadInput;
+use crate::identify::regression::REPEATING;
 use crate::model::dynamics::Dynamics;
 use crate::report::format::significant;
 use crate::signal::spectrum::median;
@@ -213,9 +214,6 @@ pub fn run<D: Dynamics + ?Sized>(
     }
     Err(Failure::NothingFollows)
 }
-
-/// Correlation of residuals between pieces from which the motion counts as repeating.
-pub const REPEATING: f64 = 0.2;
 
 fn copy<'a, D: Dynamics + ?Sized>(p: &Problem<'a, D>) -> Problem<'a, D> {
     Problem { ..*p }

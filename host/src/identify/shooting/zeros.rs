@@ -9,7 +9,7 @@
 //!
 //! A zero costs nothing where the motion goes everywhere. Locked to its drive it may not tell a
 //! zero from another parameter: where the zeros widen a standard error by more than `DEAR`, those
-//! that the record does not show to be off (`SHOWN`) are held where they were set, which is said.
+//! that the record does not show to be off (at 95 %) are held where they were set, which is said.
 
 use serde::Serialize;
 
@@ -25,8 +25,6 @@ use crate::warning::Warning;
 
 /// Widening of a standard error that zeros may cost: a record longer by a tenth makes up for it.
 const DEAR: f64 = 1.05;
-/// Standard errors from which a zero is off: 95 %.
-const SHOWN: f64 = 1.96;
 /// Standard errors from which one is told to be off by name: by chance once in sixteen thousand.
 const CLEAR: f64 = 4.0;
 /// Where a zero is from.
@@ -76,7 +74,7 @@ impl ZeroOffset {
 
     /// Whether the record shows that it is not where it was set.
     pub fn is_off(&self) -> bool {
-        self.value.abs() > SHOWN * self.std_error
+        self.value.abs() > Z95 * self.std_error
     }
 }
 
@@ -193,7 +191,7 @@ impl Unknown {
             return None;
         }
         let shown: Vec<bool> =
-            (others..fit.parameters.len()).map(|i| fit.parameters[i].abs() > SHOWN * error(outcome, i)).collect();
+            (others..fit.parameters.len()).map(|i| fit.parameters[i].abs() > Z95 * error(outcome, i)).collect();
         (!shown.iter().all(|s| *s)).then(|| self.only(&shown))
     }
 }

@@ -9,7 +9,7 @@
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::expression::{Node, Symbol};
 
-/// Standard errors from which a friction has a sign.
+/// Standard errors from which a coefficient has a sign.
 pub(super) const CLEAR: f64 = 5.0;
 
 /// A named coefficient with its standard error.

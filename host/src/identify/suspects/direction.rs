@@ -4,12 +4,10 @@
 //! into n_cos and p_cos, a vertical one into n_sin and p_sin. A built-in double pendulum has a
 //! vertical drive only.
 
-use super::arrow::NamedCoefficient;
+use super::arrow::{CLEAR, NamedCoefficient};
 use crate::rig::{Direction, Rig};
 use crate::warning::Warning;
 
-/// Standard errors from which a force is seen.
-const SEEN: f64 = 5.0;
 /// Share of the other direction's force below which the stated one's is not the drive.
 const NONE: f64 = 0.2;
 
@@ -26,7 +24,7 @@ pub(super) fn other(own: &Rig, known: &[NamedCoefficient<'_>]) -> Option<Warning
         Direction::Horizontal => (horizontal, vertical, "vertical"),
         Direction::Vertical => (vertical, horizontal, "horizontal"),
     };
-    (there.0 > SEEN * there.1 && here.0 < NONE * there.0).then(|| {
+    (there.0 > CLEAR * there.1 && here.0 < NONE * there.0).then(|| {
         Warning::new(
             "drive-direction",
             format!(

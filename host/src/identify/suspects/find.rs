@@ -10,12 +10,11 @@
 
 use rayon::prelude::*;
 
+use super::FEW;
 use super::hypotheses::{kinds, search_scale, search_time, small, statements};
 use super::scene::{Misfit, Noise, Scene};
 use super::undo::Undo;
 
-/// Windows on which everything is tried.
-const FEW: usize = 12;
 /// Share of the misfit that may be left.
 const SOLVED: f64 = 0.2;
 /// The same where all other kinds leave at least twice as much.

@@ -6,7 +6,7 @@ use super::find::Finding;
 use super::hypotheses::channels;
 use super::scene::{Misfit, Scene};
 use super::undo::Undo;
-use crate::report::format::{plus_minus, shortest, significant};
+use crate::report::format::{Z95, plus_minus, shortest, significant};
 use crate::rig::Channel;
 use crate::warning::Warning;
 
@@ -26,7 +26,7 @@ pub(super) fn tell(scene: &Scene, before: &Misfit, found: &Finding) -> Warning {
         times(found.after.log),
         times(before.log)
     );
-    let error = |k: usize| 1.96 * found.errors.get(k).copied().unwrap_or(f64::NAN);
+    let error = |k: usize| Z95 * found.errors.get(k).copied().unwrap_or(f64::NAN);
     let warning = match &found.undo {
         Undo::Exchange(a, b, _) => Warning::new(
             "channels-exchanged",
@@ -159,7 +159,7 @@ fn scaled(channels: &[&Channel], list: &[usize], factor: f64, error: f64, why: &
         )
         .with("value", factor),
     };
-    warning.with("channels", all).with("factor", factor).with("std_error", error / 1.96)
+    warning.with("channels", all).with("factor", factor).with("std_error", error / Z95)
 }
 
 fn drive(scene: &Scene, rate: f64, error: f64, why: &str) -> Warning {
@@ -178,7 +178,7 @@ fn drive(scene: &Scene, rate: f64, error: f64, why: &str) -> Warning {
     )
     .with("stated_hz", stated)
     .with("value_hz", value)
-    .with("std_error_hz", error / 1.96)
+    .with("std_error_hz", error / Z95)
     .with("sample_rate_hz", sampling)
 }
 
@@ -207,7 +207,7 @@ impl Lag {
                 "channel-clock",
                 format!(
                     "the clock of {name} is {sense} by {} (against {first}), {} ms over {} s: {why}",
-                    plus_minus(drift.abs(), 1.96 * drift_error),
+                    plus_minus(drift.abs(), Z95 * drift_error),
                     significant(1e3 * (drift * span_s).abs(), 3),
                     significant(span_s, 3)
                 ),
@@ -234,7 +234,7 @@ impl Lag {
     )
     .with("channel", name.as_str())
     .with("value_s", delay_s)
-    .with("std_error_s", error / 1.96)
+    .with("std_error_s", error / Z95)
     .with("samples", delay_s / step_s)
     }
 }

@@ -7,7 +7,7 @@ use crate::report::figures::axis::Axis;
 use crate::report::figures::canvas::{Panel, Rule, Series, Shape};
 use crate::report::figures::lines::lines;
 use crate::report::figures::scatter::scatter;
-use crate::report::format::{fixed, plus_minus, significant};
+use crate::report::format::{Z95, fixed, plus_minus, significant};
 use crate::report::html::{Align, Html};
 use crate::report::symbols::{symbol_plain, symbol_svg};
 use crate::report::{Results, SectionKind};
@@ -48,13 +48,13 @@ fn facts(body: &mut Html, space: &PhaseSpace) {
         facts.push(("Embedding dimension", d.to_string()));
     }
     if let Some(l) = &space.lyapunov {
-        facts.push(("Largest Lyapunov exponent", format!("{} /s", plus_minus(l.per_second, 1.96 * l.std_error))));
+        facts.push(("Largest Lyapunov exponent", format!("{} /s", plus_minus(l.per_second, Z95 * l.std_error))));
         if let (Some(v), Some(e)) = (l.per_period, l.per_period_std_error) {
-            facts.push(("The same a drive period", plus_minus(v, 1.96 * e)));
+            facts.push(("The same a drive period", plus_minus(v, Z95 * e)));
         }
     }
     if let Some((d, e)) = space.correlation_dimension.as_ref().and_then(|d| Some((d.dimension?, d.std_error))) {
-        facts.push(("Correlation dimension", plus_minus(d, 1.96 * e)));
+        facts.push(("Correlation dimension", plus_minus(d, Z95 * e)));
     }
     if let Some(o) = &space.orbits {
         facts.push(("Distinct periodic orbits", o.orbits.len().to_string()));
@@ -174,7 +174,7 @@ fn exponent(body: &mut Html, space: &PhaseSpace, l: &Lyapunov) {
         l.divergence.pairs,
         l.tangent.steps,
         significant(l.step_s, 3),
-        plus_minus(l.per_second, 1.96 * l.std_error)
+        plus_minus(l.per_second, Z95 * l.std_error)
     );
     if let (Some(f), Some(v), Some(e)) = (l.fit, l.divergence_per_second, l.divergence_std_error) {
         let at = f.at_zero + f.slope * f.from as f64;
@@ -184,7 +184,7 @@ fn exponent(body: &mut Html, space: &PhaseSpace, l: &Lyapunov) {
         panel.series.push(Series::new("slope of the tangent maps", Shape::Line, x, y).colour(2));
         caption.push_str(&format!(
             " The curve's straight part has {} /s; it bends early where neighbours are far apart from the start, and then lies too low.",
-            plus_minus(v, 1.96 * e)
+            plus_minus(v, Z95 * e)
         ));
     }
     panel.rules.push(Rule { vertical: false, at: l.divergence.saturation, label: "unrelated".to_owned() });
@@ -206,7 +206,7 @@ fn correlation(body: &mut Html, space: &PhaseSpace) {
             "Correlation sum of {} vectors of two delays of each coordinate and the drive's phase; slope {}. So many vectors \
              could show a dimension up to {}.",
             d.vectors,
-            plus_minus(value, 1.96 * d.std_error),
+            plus_minus(value, Z95 * d.std_error),
             fixed(d.most, 1)
         ),
         180.0,

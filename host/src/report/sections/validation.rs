@@ -6,7 +6,7 @@ use crate::phase_space::poincare_section::Section;
 use crate::report::figures::axis::Axis;
 use crate::report::figures::panel::{Panel, Series, Shape};
 use crate::report::figures::scatter::scatter;
-use crate::report::format::{fixed, percent, plus_minus, significant};
+use crate::report::format::{Z95, fixed, percent, plus_minus, significant};
 use crate::report::html::{Align, Html};
 use crate::report::symbols::symbol_svg;
 use crate::report::{Results, SectionKind};
@@ -162,7 +162,7 @@ fn reach(s: &crate::validate::sections::SectionComparison, c: usize) -> f64 {
 fn invariants(body: &mut Html, v: &Validation) {
     let mut rows: Vec<Vec<Html>> = Vec::new();
     let cells = |p: &Pair| {
-        [plus_minus(p.measured, 1.96 * p.measured_std_error), plus_minus(p.simulated, 1.96 * p.simulated_std_error)]
+        [plus_minus(p.measured, Z95 * p.measured_std_error), plus_minus(p.simulated, Z95 * p.simulated_std_error)]
     };
     let mut row = |name: &str, [measured, simulated]: [String; 2], model: String| {
         rows.push([name.to_owned(), measured, simulated, model].iter().map(|t| Html::text(t)).collect());
@@ -170,7 +170,7 @@ fn invariants(body: &mut Html, v: &Validation) {
     let none = || "–".to_owned();
     if let Some(l) = &v.lyapunov {
         let found = l.records.as_ref().map_or_else(|| [none(), none()], cells);
-        row("largest exponent / (1/s)", found, plus_minus(l.model, 1.96 * l.model_std_error));
+        row("largest exponent / (1/s)", found, plus_minus(l.model, Z95 * l.model_std_error));
     }
     if let Some(p) = &v.correlation_dimension {
         row("correlation dimension", cells(p), none());
