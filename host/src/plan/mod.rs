@@ -70,6 +70,15 @@ pub struct Setting {
     pub pose: Option<Vec<f64>>,
 }
 
+impl Setting {
+    /// The same with what it leaves open: an amplitude alone is one at the rig's frequency.
+    pub fn on(mut self, rig: &Rig) -> Self {
+        let has_amplitude = self.amplitude_m.is_some() || self.amplitude_factor.is_some();
+        self.frequency_hz = self.frequency_hz.or(rig.drive.filter(|_| has_amplitude).map(|d| d.frequency_hz));
+        self
+    }
+}
+
 /// A goal and the time that it takes at a setting.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Reached {
