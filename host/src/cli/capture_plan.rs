@@ -65,13 +65,20 @@ fn effects_shown(record: &Path, rig: &Rig, tell: &[String]) -> Result<(Vec<Strin
     Ok((found.effects.iter().map(name).collect(), decided))
 }
 
+/// What ends a run before its time: one parameter, and nothing beside it, that the device itself
+/// identifies. Further goals take the planned time, which is reckoned for all of them.
+fn until(plan: &PlanFile, device_knows: bool) -> Option<Until> {
+    match (&plan.tell[..], &plan.precise[..]) {
+        ([], [one]) if device_knows => one.parse().ok(),
+        _ => None,
+    }
+}
+
 /// Captures what was planned.
 pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
     let rig = Rig::read(&arguments.rig)?;
     let plan = PlanFile::read(path)?;
-    // What the device itself does not identify takes its planned time.
-    let device_knows = unfit(&rig).is_none();
-    let until: Option<Until> = plan.precise.iter().find_map(|text| text.parse().ok()).filter(|_| device_knows);
+    let until = until(&plan, unfit(&rig).is_none());
     let count = plan.run.len();
     // Everything that can be refused is refused before the rig moves.
     let mut steps = Vec::new();
@@ -94,7 +101,7 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
         };
         arguments.out.say(&format!(
             "{}, for {}\n",
-            presentation::setting(&run.setting()),
+            presentation::setting(&run.setting().on(&rig)),
             presentation::length(run.seconds)
         ));
         let progress = &mut *progress::of_capture();
@@ -131,4 +138,19 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
         crate::error::tell("what was asked is not decided by these records");
     }
     Ok(if asked && !summary.decided { Answer::Negative } else { Answer::Positive })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_run_ends_early_for_the_only_goal() {
+        let plan = |goals: &str| toml::from_str::<PlanFile>(&format!("format = 1\nrig = \"x\"\n{goals}")).unwrap();
+        let one = plan("precise = [\"C2=1%\"]");
+        assert!(until(&one, true).is_some() && until(&one, false).is_none());
+        for goals in ["precise = [\"C2=1%\", \"C11=1%\"]", "precise = [\"C2=1%\"]\ntell = [\"play@joint1\"]"] {
+            assert!(until(&plan(goals), true).is_none(), "{goals}");
+        }
+    }
 }

@@ -91,7 +91,10 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     if let Some(path) = &arguments.output {
         write_file(path, presentation::to_toml(&found).as_bytes())?;
     }
-    let reason = || Judgement::negative(Some("no planned record reaches every goal".to_owned()));
-    let decides = found.best.as_ref().is_some_and(|b| b.decides);
-    Ok(if decides { Answer::Positive } else { reason().tell() })
+    let reason = match &found.best {
+        Some(best) if best.decides => return Ok(Answer::Positive),
+        Some(best) if best.is_one_draw() => "whether the planned record reaches every goal rests on one draw",
+        _ => "no planned record reaches every goal",
+    };
+    Ok(Judgement::negative(Some(reason.to_owned())).tell())
 }

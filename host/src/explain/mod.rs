@@ -32,7 +32,7 @@ mod suspected;
 
 use serde::Serialize;
 
-use crate::error::Result;
+use crate::error::{BadInput, Result};
 use crate::identify;
 use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
@@ -83,10 +83,15 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     let mut result = if !sound || misled {
         // No effect is looked for where one would be dressed up.
         let settings = Settings { most_effects: Some(0), ..settings.clone() };
-        any_system(records, rig, &settings).unwrap_or_else(|_| {
-            let default_s = engine::units::default_horizon(rig, None);
-            Explanation::new(settings.horizon_s.unwrap_or(default_s), Vec::new())
-        })
+        match any_system(records, rig, &settings) {
+            Err(e) if is_of_option(&e) => return Err(e),
+            // The record's fault is told already.
+            Err(_) => {
+                let default_s = engine::units::default_horizon(rig, None);
+                Explanation::new(settings.horizon_s.unwrap_or(default_s), Vec::new())
+            }
+            Ok(found) => found,
+        }
     } else {
         any_system(records, rig, settings)?
     };
@@ -106,6 +111,11 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     Ok(result)
 }
 
+/// Whether an option of the command line is wrong, which no fault of a record excuses.
+fn is_of_option(e: &BadInput) -> bool {
+    e.place.as_ref().is_some_and(|place| place.starts_with("--"))
+}
+
 /// Explains records of a system: what is built in as the file that it stands for.
 fn any_system(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
     match (&rig.bound, rig.pendulum()) {
@@ -114,5 +124,55 @@ fn any_system(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Expl
         }
         (None, Some(Pendulum::Single)) => single_pendulum::explain(records, rig, settings),
         (None, _) => double_pendulum::explain(records, rig, settings),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::model::identified::System;
+    use crate::record::{Column, Losses, Segment};
+
+    /// A record at fault excuses what it spoils, and no model of another rig.
+    #[test]
+    fn a_wrong_option_is_told_of_a_record_at_fault() {
+        let rig = Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/seed.toml")).unwrap();
+        let segment = Segment {
+            first_tick: 0,
+            boot: 0,
+            start_s: 0.0,
+            step_s: 1.0 / rig.sample_rate_hz,
+            jitter_s: 0.0,
+            columns: vec![Column::Counts(vec![0; 100]); rig.channel.len()],
+            phase: None,
+            amplitude_nm: None,
+        };
+        let record = Record {
+            path: "r.csv".into(),
+            sample_rate_hz: rig.sample_rate_hz,
+            channels: rig.channel.clone(),
+            losses: Losses::default(),
+            segments: vec![segment],
+            warnings: vec![Warning::new("at-fault", "it is at fault", "Record again").invalidating()],
+            metadata: None,
+            numbering: None,
+        };
+        let model = IdentifiedModel {
+            name: "another".to_owned(),
+            system: System::BuiltIn("single-pendulum".to_owned()),
+            method: "shooting".to_owned(),
+            drive_frequency_hz: Some(5.0),
+            nominal: Vec::new(),
+            parameters: Vec::new(),
+            effects: Vec::new(),
+            found_with: Default::default(),
+        };
+        let found = explain(std::slice::from_ref(&record), &rig, &Settings::default()).unwrap();
+        assert_eq!(found.verdict, Verdict::NotDecidable);
+        let settings = Settings { model: Some(model), ..Settings::default() };
+        let e = explain(&[record], &rig, &settings).unwrap_err();
+        assert_eq!(e.place.as_deref(), Some("--model"), "{e}");
     }
 }

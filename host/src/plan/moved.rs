@@ -82,12 +82,22 @@ pub fn tied(rig: &Rig, mut model: IdentifiedModel) -> IdentifiedModel {
     model
 }
 
+/// What is wrong with a setting, found when the rig file was read with it: neither that file nor
+/// its place is what a person has to change.
+fn of_setting(e: BadInput) -> BadInput {
+    match e.place.as_deref().and_then(|place| place.strip_prefix("drive.")) {
+        Some(key) => BadInput::new(e.found.clone(), e.expected.clone()).at(key),
+        None => e,
+    }
+}
+
 /// The rig at another setting, and its simulated plant, if it has one, with it; one without a
-/// drive, or with nothing to set, is the same.
+/// drive, or with nothing to set, is the same. An amplitude alone is one at the rig's frequency.
 ///
 /// # Errors
 /// A frequency that its samples do not resolve.
 pub fn rig_at(rig: &Rig, setting: &Setting) -> Result<Rig> {
+    let setting = setting.clone().on(rig);
     if setting.frequency_hz.is_none() && setting.pose.is_none() {
         return Ok(rig.clone());
     }
@@ -107,15 +117,15 @@ pub fn rig_at(rig: &Rig, setting: &Setting) -> Result<Rig> {
             let state = pose.iter().copied().chain(pose.iter().map(|_| 0.0));
             plant.insert("initial".to_owned(), state.map(toml::Value::from).collect::<Vec<_>>().into());
         }
-        if let (Some(a), Some(factor)) =
-            (plant.get("amplitude_m").and_then(toml::Value::as_float), setting.amplitude_factor)
-        {
+        let of_rig = || Some(setting.amplitude_m? / rig.drive?.amplitude_m.filter(|a| *a > 0.0)?);
+        let factor = setting.amplitude_factor.or_else(of_rig);
+        if let (Some(a), Some(factor)) = (plant.get("amplitude_m").and_then(toml::Value::as_float), factor) {
             plant.insert("amplitude_m".to_owned(), (a * factor).into());
         }
     }
     table.insert("sample_rate_hz".to_owned(), rig.sample_rate_hz.into());
     let rate = rig.sample_rate_hz;
-    Rig::of_text(&table.to_string(), &rig.path, &Choices::default(), &mut |_| Ok(Some(rate)))
+    Rig::of_text(&table.to_string(), &rig.path, &Choices::default(), &mut |_| Ok(Some(rate))).map_err(of_setting)
 }
 
 /// Power of the unit of time in an expression: X(q, s q̇, s² q̈) = s^p X(q, q̇, q̈).
@@ -187,8 +197,26 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::rig::as_own;
+    use crate::rig::plant::Plant;
+    use crate::rig::{Drive, as_own};
     use crate::system::mechanism::Coefficient;
+
+    /// An amplitude without a frequency is one at that of the rig, for its simulated plant as well.
+    #[test]
+    fn an_amplitude_alone_is_set_at_the_rig_s_frequency() {
+        let rig = Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/chaotic.toml")).unwrap();
+        let (drive, plant) = (rig.drive.unwrap(), Plant::of(&rig).unwrap().amplitude_m);
+        let stated = Rig { drive: Some(Drive { amplitude_m: Some(0.01), ..drive }), ..rig.clone() };
+        let set = Setting { amplitude_m: Some(0.012), ..Setting::default() };
+        assert_eq!(set.clone().on(&stated).frequency_hz, Some(drive.frequency_hz));
+        let there = rig_at(&stated, &set).unwrap();
+        let found = there.drive.unwrap();
+        assert_eq!((found.frequency_hz, found.amplitude_m), (drive.frequency_hz, Some(0.012)));
+        assert!((Plant::of(&there).unwrap().amplitude_m / (1.2 * plant) - 1.0).abs() < 1e-12);
+        let fast = Setting { frequency_hz: Some(60.0), ..set };
+        let e = rig_at(&rig, &fast).unwrap_err();
+        assert_eq!((e.file, e.place.as_deref()), (None, Some("frequency_hz")));
+    }
 
     /// Arm 2's inertia by gravity is 0.4 % more than by coupling: a model of that is brought to one
     /// that has both, by which its dampings stand to one another as the inertias do.

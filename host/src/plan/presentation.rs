@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::goals::TO_95;
-use super::{APART, Plan, Proposal, Setting};
+use super::{APART, Plan, Proposal, Separated, Setting};
 use crate::identify::Parameter;
 use crate::report::format::significant;
 
@@ -38,6 +38,28 @@ pub fn length(seconds: f64) -> String {
     if seconds >= 120.0 { format!("{:.1} minutes", seconds / 60.0) } else { format!("{seconds:.0} s") }
 }
 
+/// What is said behind a number that rests on one draw: it bounds no other record.
+fn alone(draws: usize) -> &'static str {
+    if draws == 1 { " (one draw)" } else { "" }
+}
+
+/// What the numbers of a proposal rest on.
+fn rests_on(draws: usize) -> String {
+    match draws {
+        1 => "by one simulated: nothing bounds what another would tell".to_owned(),
+        n => format!("by {n} simulated; separations are at least so large, at 97.5 %"),
+    }
+}
+
+/// Why what is proposed is not said to reach every goal.
+pub fn undecided(p: &Proposal) -> &'static str {
+    if p.is_one_draw() {
+        "Whether this reaches every goal is not certain: it rests on one draw"
+    } else {
+        "This does not reach every goal within the longest record that is allowed"
+    }
+}
+
 /// Standard errors of all parameters over those of as long a record as the rig is set, geometric
 /// mean; none where a length was asked for, or nothing is known of it.
 fn narrower(plan: &Plan, best: &Proposal) -> Option<f64> {
@@ -63,18 +85,20 @@ pub fn line(plan: &Plan) -> Option<String> {
         }
         return Some(out);
     }
-    let asked = |s: &&super::Separation| plan.goals.tell.contains(&s.effect);
+    let asked = |s: &&Separated| plan.goals.tell.contains(&s.effect);
     let nearest =
         |p: &Proposal| p.separations.iter().filter(asked).min_by(|a, b| a.deviations.total_cmp(&b.deviations)).cloned();
     let Some(s) = nearest(best) else { return Some(out) };
     let from = s.from.as_ref().map_or("nothing missing".to_owned(), Clone::clone);
     let _ = write!(
         out,
-        ", would tell {} from {from}, which is nearest to it, at {:.1} standard errors",
-        s.effect, s.deviations
+        ", would tell {} from {from}, which is nearest to it, at {:.1} standard errors{}",
+        s.effect,
+        s.deviations,
+        alone(s.draws)
     );
     if let Some(there) = plan.unchanged.as_ref().and_then(nearest) {
-        let _ = write!(out, "; as it is set now, in the same time, {:.1}", there.deviations);
+        let _ = write!(out, "; as it is set now, in the same time, {:.1}{}", there.deviations, alone(there.draws));
     }
     Some(out)
 }
@@ -98,11 +122,11 @@ fn proposal(out: &mut String, p: &Proposal, tell: &[String]) {
             Some(s) if s < p.seconds.min(SIMULATED_S) => format!("less than {}", length(SIMULATED_S)),
             Some(s) => length(s),
         };
-        let _ = writeln!(out, "  to {}: {time}", g.goal);
+        let _ = writeln!(out, "  to {}: {time}{}", g.goal, alone(g.draws));
     }
     for s in p.separations.iter().filter(|s| s.from.is_none() || tell.contains(&s.effect)) {
         let from = s.from.as_ref().map_or("nothing missing".to_owned(), Clone::clone);
-        let _ = writeln!(out, "  {} from {from}: {:.1} standard errors", s.effect, s.deviations);
+        let _ = writeln!(out, "  {} from {from}: {:.1} standard errors{}", s.effect, s.deviations, alone(s.draws));
     }
     let _ = writeln!(out, "  {:<28} {:>13} {:>12} (95 %)", "parameter", "value", "±");
     for (q, [low, high]) in p.parameters.iter().zip(&p.std_errors) {
@@ -123,7 +147,7 @@ pub fn human(plan: &Plan) -> String {
     };
     let mut out = format!("{}\n", headline(plan));
     if !best.decides {
-        let _ = writeln!(out, "This does not reach every goal within the longest record that is allowed");
+        let _ = writeln!(out, "{}", undecided(best));
     }
     if let Some(c) = best.chaos {
         let [low, high] = c.interval;
@@ -133,15 +157,11 @@ pub fn human(plan: &Plan) -> String {
             c.chaotic, c.draws, low, high, c.whirling
         );
     }
-    let _ = writeln!(
-        out,
-        "\nWhat a record of {} there would tell (by {} simulated; separations are at least so large, at 97.5 %)",
-        length(best.seconds),
-        best.draws
-    );
+    let _ = writeln!(out, "\nWhat a record of {} there would tell ({})", length(best.seconds), rests_on(best.draws));
     proposal(&mut out, best, &plan.goals.tell);
     if let Some(now) = &plan.unchanged {
-        let _ = writeln!(out, "\nAs it is set now ({}), in the same time", setting(&now.setting));
+        let _ =
+            writeln!(out, "\nAs it is set now ({}), in the same time ({})", setting(&now.setting), rests_on(now.draws));
         proposal(&mut out, now, &plan.goals.tell);
     }
     if plan.wider > 1.05 {
@@ -159,7 +179,11 @@ pub fn human(plan: &Plan) -> String {
                 "  {}: {}{}",
                 setting(&p.setting),
                 length(p.seconds),
-                if p.decides { "" } else { ", which does not reach every goal" }
+                match p {
+                    p if p.decides => "",
+                    p if p.is_one_draw() => ", by one draw",
+                    _ => ", which does not reach every goal",
+                }
             );
         }
     }

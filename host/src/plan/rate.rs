@@ -10,7 +10,7 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 /// Probability with which one more record has at least, or at most, what is told.
 const PROBABLE: f64 = 0.975;
-/// Logarithm of the greatest length that is reckoned with.
+/// Logarithm of the greatest length that is reckoned with (by hand).
 const LONGEST: f64 = 20.0;
 
 /// Information that records have.
@@ -35,13 +35,14 @@ impl Rate {
         let count = all.len() as f64;
         let mean_log = all.iter().map(|x| x.ln()).sum::<f64>() / count;
         let square = all.iter().map(|x| (x.ln() - mean_log).powi(2)).sum::<f64>() / (count - 1.0);
-        // One alone says nothing of others.
+        // One alone says nothing of others: what is told of it counts draws, and claims no bound.
         let half = StudentsT::new(0.0, 1.0, count - 1.0).map_or(0.0, |t| t.inverse_cdf(PROBABLE) * square.sqrt());
         Some(Self { mean_log, log_mean: (all.iter().sum::<f64>() / count).ln(), half, count, adds_up })
     }
 
     /// Information of one more record so many times as long: expected for `side` 0; what it is
-    /// above (−1) or below (1) with a probability of 97.5 % (Student's prediction interval).
+    /// above (−1) or below (1) with a probability of 97.5 % (Student's prediction interval); of one
+    /// record, what it itself has.
     pub fn at(&self, longer: f64, side: f64) -> f64 {
         let one = if self.adds_up { 1.0 / longer.max(1.0) } else { 1.0 };
         let middle = one * self.mean_log + (1.0 - one) * self.log_mean;

@@ -10,7 +10,7 @@ use super::goals::TO_95;
 use super::moved::{self, Own};
 use super::rate::Rate;
 use super::trial::{self, Made};
-use super::{APART, Proposal, Reached, Setting, Settings, presentation};
+use super::{APART, Proposal, Reached, Separated, Setting, Settings, presentation};
 use crate::error::{BadInput, Result};
 use crate::explain::double_pendulum;
 use crate::explain::engine::expected::{Expected, MOST_SAMPLES, Separation, expected, with_effect};
@@ -21,22 +21,30 @@ use crate::rig::Rig;
 use crate::system::library::Pendulum;
 
 /// Length of the records that are looked at: driven, in periods, so that windows can grow to their
-/// longest; let go, s.
+/// longest; let go, s (by hand).
 const LOOKED_AT_PERIODS: f64 = 200.0;
 const LOOKED_AT_S: f64 = 20.0;
-/// Time that a motion at the setting of the model is given, periods: of 300 initial states of the rig
-/// `rigs/seed.toml` nine tenths still moved chaotically after 100, 1 % after 600.
+/// Time that a motion at the setting of the model is given, periods: of 300 initial states of the
+/// rig `rigs/seed.toml` nine tenths still moved chaotically after 100, 1 % after 600.
 const STAYS_PERIODS: f64 = 600.0;
-/// Longest record that is proposed where nothing else is said, s.
+/// Longest record that is proposed where nothing else is said, s (by hand).
 const LONGEST_S: f64 = 1800.0;
-/// Length that is proposed where no goal is given, s.
+/// Length that is proposed where no goal is given, s (by hand).
 const WITHOUT_GOAL_S: f64 = 240.0;
-/// Effects that were not named of which is told how near they are.
+/// Effects that were not named of which is told how near they are (by hand).
 const NEAREST: usize = 3;
-/// Times as far as the nearest from which an effect is not looked at again.
+/// Times as far as the nearest from which an effect is not looked at again (by hand).
 const BEYOND: f64 = 3.0;
-/// Records by which an effect's size is put into the model, at most.
+/// Records by which an effect's size is put into the model, at most (by hand).
 const TRIES: usize = 4;
+
+/// A separation and its information by draws of records.
+struct Rated {
+    of: Separation,
+    rate: Option<Rate>,
+    /// Records in which it was found.
+    draws: usize,
+}
 
 /// What all settings have in common.
 pub struct Task<'a> {
@@ -110,17 +118,20 @@ impl<'a> Task<'a> {
     }
 
     /// What one draw of a record would tell; none where it cannot be followed.
-    pub fn look(&self, setting: &Setting, draw: usize) -> Option<Expected> {
+    ///
+    /// # Errors
+    /// A record that cannot be made or identified, a model that cannot be taken over.
+    pub fn look(&self, setting: &Setting, draw: usize) -> Result<Option<Expected>> {
         self.look_for(setting, draw, self.looked_at_s(setting))
     }
 
     /// The same of some length, s.
-    fn look_for(&self, setting: &Setting, draw: usize, seconds: f64) -> Option<Expected> {
-        let own = self.at(setting).ok()?;
-        let record = trial::record(&own, &Made { seconds, ..self.made(setting, draw) }).ok()?;
+    fn look_for(&self, setting: &Setting, draw: usize, seconds: f64) -> Result<Option<Expected>> {
+        let own = self.at(setting)?;
+        let record = trial::record(&own, &Made { seconds, ..self.made(setting, draw) })?;
         let asked = !self.settings.goals.tell.is_empty();
         let is_rival = |name: &str| asked && self.near.as_ref().is_none_or(|n| n.contains(name));
-        let mut found = expected(record, &own.rig, &own.model, &is_rival).ok()??;
+        let Some(mut found) = expected(record, &own.rig, &own.model, &is_rival)? else { return Ok(None) };
         if self.model.system.pendulum() == Some(Pendulum::Double) {
             double_pendulum::to_non_dimensional(&mut found.parameters, &own.rig);
         }
@@ -128,7 +139,7 @@ impl<'a> Task<'a> {
         found.parameters.retain(known);
         found.parameters.iter_mut().for_each(|p| p.std_error *= self.wider);
         found.separations.iter_mut().for_each(|s| s.deviations /= self.wider);
-        (!found.parameters.is_empty()).then_some(found)
+        Ok((!found.parameters.is_empty()).then_some(found))
     }
 
     /// How much wider the model's standard errors are than those that a record of the model itself
@@ -151,7 +162,8 @@ impl<'a> Task<'a> {
         let setting = Setting { pose, ..now };
         // A limit may be shorter than what is looked at.
         let seconds = record.duration_s().max(self.looked_at_s(&setting)).min(self.longest_s());
-        let Some(found) = self.look_for(&setting, 0, seconds) else { return Ok(1.0) };
+        // What is set now may be what cannot be looked at, and the reason for a plan.
+        let Ok(Some(found)) = self.look_for(&setting, 0, seconds) else { return Ok(1.0) };
         let ratio = |p: &Parameter| {
             let given = self.model.parameter(&p.name).filter(|g| g.std_error > 0.0)?;
             Some(given.std_error / p.std_error).filter(|r| r.is_finite())
@@ -271,13 +283,14 @@ impl<'a> Task<'a> {
     }
 
     /// Information of separations by draws of records: squares of standard errors.
-    fn separations(all: &[Expected]) -> Vec<(Separation, Option<Rate>)> {
-        let rate = |s: &Separation| {
+    fn separations(all: &[Expected]) -> Vec<Rated> {
+        let rated = |s: &Separation| {
             let same = |e: &&Separation| e.effect == s.effect && e.from == s.from;
             let own = all.iter().filter_map(|e| e.separations.iter().find(same));
-            Rate::of(&own.map(|q| q.deviations.powi(2)).collect::<Vec<_>>(), true)
+            let squares: Vec<f64> = own.map(|q| q.deviations.powi(2)).collect();
+            Rated { of: s.clone(), rate: Rate::of(&squares, true), draws: squares.len() }
         };
-        all.first().map_or(&[][..], |e| &e.separations).iter().map(|s| (s.clone(), rate(s))).collect()
+        all.first().map_or(&[][..], |e| &e.separations).iter().map(rated).collect()
     }
 
     /// Information on a parameter by draws of records: one over its variance.
@@ -287,30 +300,31 @@ impl<'a> Task<'a> {
     }
 
     /// Time after which one more record reaches each goal with a probability of 97.5 %, by draws of
-    /// records of `looked` seconds.
+    /// records of `looked` seconds; of one draw, after which another like it does.
     fn times(&self, all: &[Expected], looked: f64) -> Vec<Reached> {
         let in_time = |x: f64| Some(x * looked).filter(|x| x.is_finite() && *x < 1e6 * looked);
         let goals = &self.settings.goals;
         let mut out = Vec::new();
         if !goals.tell.is_empty() {
             let longer = |rate: &Option<Rate>| rate.map_or(f64::INFINITY, |r| r.longer(APART.powi(2)));
-            let asked = Self::separations(all).into_iter().filter(|(s, _)| self.is_asked(s));
-            let slowest = asked.map(|(_, rate)| longer(&rate)).max_by(f64::total_cmp);
-            out.push(Reached { goal: presentation::told_apart(&goals.tell), seconds: slowest.and_then(in_time) });
+            let asked: Vec<Rated> = Self::separations(all).into_iter().filter(|s| self.is_asked(&s.of)).collect();
+            let seconds = asked.iter().map(|s| longer(&s.rate)).max_by(f64::total_cmp).and_then(in_time);
+            let draws = asked.iter().map(|s| s.draws).min().unwrap_or(all.len());
+            out.push(Reached { goal: presentation::told_apart(&goals.tell), seconds, draws });
         }
         for p in &goals.precise {
             let value = all.first().and_then(|e| e.parameters.iter().find(|q| q.name == p.name)).map(|q| q.value);
             let wanted = value.map(|v| (TO_95 / (p.share * v)).powi(2));
             let longer = Self::on_parameter(&p.name, all).zip(wanted).map(|(r, w)| r.longer(w));
             let goal = format!("{} to ± {} % (95 %)", p.name, 100.0 * p.share);
-            out.push(Reached { goal, seconds: longer.and_then(in_time) });
+            out.push(Reached { goal, seconds: longer.and_then(in_time), draws: all.len() });
         }
         out
     }
 
-    /// How good a setting is, less is better: the time of the slowest goal; without goals the mean
-    /// logarithm of relative standard errors in the same time.
-    pub fn score(&self, setting: &Setting, all: &[Expected]) -> f64 {
+    /// How good a setting is, less is better: whether it rests on one draw, then the time of the
+    /// slowest goal; without goals the mean logarithm of relative standard errors in the same time.
+    pub fn score(&self, setting: &Setting, all: &[Expected]) -> (bool, f64) {
         let looked = self.looked_at_s(setting);
         let times = self.times(all, looked);
         if times.is_empty() {
@@ -318,9 +332,32 @@ impl<'a> Task<'a> {
                 let relative = e.parameters.iter().map(|p| (p.std_error / p.value.abs().max(1e-12)).max(1e-12).ln());
                 relative.sum::<f64>() / e.parameters.len() as f64
             };
-            return all.iter().map(one).fold(f64::NEG_INFINITY, f64::max) + 0.5 * looked.ln();
+            let worst = all.iter().map(one).fold(f64::NEG_INFINITY, f64::max);
+            return (all.len() < 2, worst + 0.5 * looked.ln());
         }
-        times.iter().map(|r| r.seconds.unwrap_or(f64::INFINITY)).fold(0.0, f64::max)
+        let slowest = times.iter().map(|r| r.seconds.unwrap_or(f64::INFINITY)).fold(0.0, f64::max);
+        (times.iter().any(|r| r.draws < 2), slowest)
+    }
+
+    /// Separations that one more record so many times as long has, nearest first: from what was
+    /// named, and from the nearest others.
+    fn told(&self, all: Vec<Rated>, longer: f64) -> Vec<Separated> {
+        let least = |s: Rated| Separated {
+            deviations: s.rate.map_or(0.0, |r| r.at(longer, -1.0).sqrt()),
+            effect: s.of.effect,
+            from: s.of.from,
+            draws: s.draws,
+        };
+        let named = |s: &Rated| s.of.from.as_ref().is_none_or(|n| self.settings.goals.tell.contains(n));
+        let told = all.into_iter().filter(|s| named(s) || self.is_asked(&s.of));
+        let mut out: Vec<(bool, Separated)> = told.map(|s| (named(&s), least(s))).collect();
+        out.sort_by(|(_, a), (_, b)| a.deviations.total_cmp(&b.deviations));
+        let mut others = 0;
+        out.retain(|(named, _)| {
+            others += usize::from(!named);
+            *named || others <= NEAREST
+        });
+        out.into_iter().map(|(_, s)| s).collect()
     }
 
     /// A proposal from what draws of records would tell, for a record of `seconds`, or as long as
@@ -340,23 +377,11 @@ impl<'a> Task<'a> {
             p.std_error = of(0.0);
             std_errors.push([of(1.0), of(-1.0)]);
         }
-        let least = |(s, rate): (Separation, Option<Rate>)| Separation {
-            deviations: rate.map_or(0.0, |r| r.at(longer, -1.0).sqrt()),
-            ..s
-        };
-        let mut separations: Vec<Separation> = Self::separations(all).into_iter().map(least).collect();
-        separations.sort_by(|a, b| a.deviations.total_cmp(&b.deviations));
-        let named = |s: &Separation| s.from.as_ref().is_none_or(|n| self.settings.goals.tell.contains(n));
-        let mut others = 0;
-        separations.retain(|s| {
-            let other = self.is_asked(s) && !named(s);
-            others += usize::from(other);
-            named(s) || (other && others <= NEAREST)
-        });
+        let separations = self.told(Self::separations(all), longer);
         Proposal {
             setting: setting.clone(),
             seconds,
-            decides: wanted <= seconds,
+            decides: wanted <= seconds && goals.iter().all(|g| g.draws > 1),
             chaos: None,
             parameters,
             std_errors,

@@ -19,19 +19,19 @@ use crate::motion::{Motion, simulation};
 use crate::phase_space::model_exponent::of_model;
 use crate::record::{Column, Losses, Record, Segment};
 
-/// Time that a motion is given to come to its attractor, in periods of the drive.
+/// Time that a motion is given to come to its attractor, in periods of the drive (by hand).
 pub const SETTLE_PERIODS: f64 = 60.0;
-/// Periods over which an exponent is measured.
+/// Periods over which an exponent is measured (by hand).
 const PERIODS: usize = 120;
-/// Steps of integration, of order 5, in a period.
+/// Steps of integration, of order 5, in a period (by hand).
 const STEPS: f64 = 32.0;
 /// Share of what moves to which a record's first second is a solution: far below what sensors show,
-/// and of a chaotic motion another solution of the same equations goes on from there.
+/// and of a chaotic motion another solution of the same equations goes on from there (by hand).
 const EXACT: f64 = 1e-7;
-/// Standard errors above zero from which an exponent is one of chaos.
+/// Standard errors above zero from which an exponent is one of chaos (by hand).
 const SIGNIFICANT: f64 = 3.0;
 /// Exponent a period below which a motion is taken for periodic, however small its standard error
-/// is.
+/// is (by hand).
 const LEAST: f64 = 0.02;
 
 /// Share of draws whose motion is chaotic, and of those in which an arm goes round.
@@ -58,7 +58,7 @@ fn wilson(k: usize, n: usize) -> [f64; 2] {
     [(middle - half).max(0.0), (middle + half).min(1.0)]
 }
 
-/// How far from hanging a rig may be when its shaker starts, rad.
+/// How far from hanging a rig may be when its shaker starts, rad (by hand).
 const NEAR_REST: f64 = 0.3;
 
 /// A number of the standard normal distribution.

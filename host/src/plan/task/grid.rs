@@ -9,16 +9,16 @@ use crate::plan::Setting;
 use crate::rig::Rig;
 use crate::system::library::Pendulum;
 
-/// Frequencies and amplitudes of the map.
+/// Frequencies and amplitudes of the map (by hand).
 const GRID: [usize; 2] = [8, 6];
 /// Where nothing else is said: frequencies and amplitudes beside those of the model, and
-/// acceleration.
+/// acceleration (by hand).
 const AROUND: [[f64; 2]; 2] = [[0.6, 1.6], [0.5, 1.6]];
 const HARDER: f64 = 1.6;
-/// Steps of frequencies, Hz, and amplitudes, m.
+/// Steps of frequencies, Hz, and amplitudes, m, in which a plan is written (by hand).
 const FREQUENCY_STEP_HZ: f64 = 0.01;
 const AMPLITUDE_STEP_M: f64 = 1e-5;
-/// Poses from which a free system is let go, as angles.
+/// Poses from which a free system is let go, as angles (by hand).
 const POSE_GRID: [f64; 6] = [0.6, 1.2, 1.8, 2.4, 2.8, -2.0];
 
 /// The base's amplitude, m: the rig file's, or as identified.
