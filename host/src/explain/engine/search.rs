@@ -121,6 +121,7 @@ impl Run<'_> {
                     self.push(added, gap, &outcome)?;
                     // Beside another effect what was no better may be.
                     search.vain.clear();
+                    search.refused.clear();
                     if let Some(gone) = before.and_then(|b| b.gone) {
                         self.forget(&gone);
                     }

@@ -137,10 +137,8 @@ pub(super) fn of_identification(
     let values = DVector::from_iterator(names.len(), names.iter().map(|n| of(n).map_or(0.0, |p| p.value)));
     let errors: Vec<f64> = names.iter().map(|n| of(n).map_or(0.0, |p| p.std_error)).collect();
     let covariance = DMatrix::from_fn(names.len(), names.len(), |i, j| first.correlation[i][j] * errors[i] * errors[j]);
-    physical(
-        mechanism,
-        &Identified { names, values: &values, covariance: &covariance, metric: &covariance },
-        known,
-        &[],
-    )
+    let b = Identified { names, values: &values, covariance: &covariance, metric: &covariance };
+    // These are coefficients of dampings as well; how parameters follow from the others alone is
+    // known when these are fitted.
+    physical(mechanism, &b, known, &[]).map(|found| Physical { slopes: DMatrix::zeros(0, 0), ..found })
 }
