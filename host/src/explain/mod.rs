@@ -83,6 +83,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     let mut result = if !sound || misled {
         // No effect is looked for where one would be dressed up.
         let settings = Settings { most_effects: Some(0), ..settings.clone() };
+        check_model(rig, settings.model.as_ref())?;
         match any_system(records, rig, &settings) {
             Err(e) if is_of_option(&e) => return Err(e),
             // The record's fault is told already.
@@ -114,6 +115,16 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
 /// Whether an option of the command line is wrong, which no fault of a record excuses.
 fn is_of_option(e: &BadInput) -> bool {
     e.place.as_ref().is_some_and(|place| place.starts_with("--"))
+}
+
+/// Refuses a model of another rig before a record is looked at; that of a system of one's own is
+/// compared with its equations later, by an error of the option.
+fn check_model(rig: &Rig, model: Option<&IdentifiedModel>) -> Result<()> {
+    let Some(model) = model.filter(|_| rig.bound.is_none()) else { return Ok(()) };
+    match rig.pendulum() {
+        Some(Pendulum::Single) => single_pendulum::own(model, rig).map(drop),
+        _ => double_pendulum::own(model, rig).map(drop),
+    }
 }
 
 /// Explains records of a system: what is built in as the file that it stands for.
@@ -173,6 +184,8 @@ mod tests {
         assert_eq!(found.verdict, Verdict::NotDecidable);
         let settings = Settings { model: Some(model), ..Settings::default() };
         let e = explain(&[record], &rig, &settings).unwrap_err();
-        assert_eq!(e.place.as_deref(), Some("--model"), "{e}");
+        assert!(e.found.contains("single-pendulum") && e.remedy.contains("Give a model"), "{e}");
+        assert!(is_of_option(&BadInput::new("-1", "seconds").at("--horizon")));
+        assert!(!is_of_option(&BadInput::new("3 s", "a longer record").in_file("r.csv").at("row 4")));
     }
 }
