@@ -163,7 +163,11 @@ impl Steady {
                     geometry.windows.length_s
                 ),
             )
-            .remedy("Record longer, or choose a shorter window with --window-s");
+            .remedy(if self.stretches.len() > records.len() {
+                "Gaps cut the record: --resample bridges short ones. Otherwise record longer, or choose a shorter window with --window-s"
+            } else {
+                "Record longer, or choose a shorter window with --window-s"
+            });
             if let Some(r) = records.first() {
                 error = error.in_file(&r.path);
             }

@@ -39,7 +39,8 @@ pub(super) fn assemble(
     let rough = time_fit::rough_step(&rows.t, nominal).unwrap_or(nominal);
     let mut losses = Losses::default();
     let ranges = split(&rows, rough, &mut losses);
-    if let Some((place, channel)) = rows.first_missing {
+    // Resampled rows have a value everywhere, and a warning of their own.
+    if let Some((place, channel)) = rows.first_missing.filter(|_| losses.nan_rows > 0) {
         let (missing, all) = (losses.nan_rows, rows.t.len() as u64);
         warnings.push(nan_warning(missing, all, rows.word, place, &rig.channel[channel].name));
     }
