@@ -31,6 +31,7 @@ mod own_systems;
 mod pages;
 mod planned;
 mod program;
+mod quarter_car;
 mod reduced;
 mod schema;
 mod suspects_equations;

@@ -274,3 +274,38 @@ fn a_measured_record_needs_no_rig_file() {
     };
     assert!((value("i.json") / value("s.json") - 1.0).abs() < 1e-6);
 }
+
+/// A coefficient of which each record has its own, before those that all share: what is told of each
+/// is its own.
+#[test]
+fn a_coefficient_of_each_record_is_told_beside_those_of_all() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let shipped = repository("rigs/duffing.toml");
+    let own = std::fs::read_to_string(repository("models/duffing.toml")).unwrap();
+    let own = own.replace("terms = { ", "terms = { offset = { of = \"1\", each = \"record\" }, ");
+    std::fs::write(at.join("own.toml"), own).unwrap();
+    let rig = std::fs::read_to_string(&shipped).unwrap().replace("../models/duffing.toml", "own.toml");
+    std::fs::write(at.join("rig.toml"), &rig[..rig.find("[plant]").unwrap()]).unwrap();
+    for (k, offset) in [(1, 0.8), (2, -0.5)] {
+        let effect = format!("input-offset@force={offset}");
+        let how = format!("--seconds 40 --seed {k} --effect {effect} -o r{k}.parquet");
+        done(at, &format!("simulate --rig {} {how}", shipped.display()));
+    }
+    done(at, "identify r1.parquet r2.parquet --rig rig.toml --method weak --json i.json");
+    done(at, "explain r1.parquet r2.parquet --rig rig.toml --json e.json");
+    let told = |file: &str| -> Vec<(String, f64, f64)> {
+        let out = json(&at.join(file));
+        let all = out["parameters"].as_array().unwrap().clone();
+        let number = |p: &serde_json::Value, key: &str| p[key].as_f64().unwrap();
+        all.iter().map(|p| (p["name"].as_str().unwrap().into(), number(p, "value"), number(p, "std_error"))).collect()
+    };
+    let (weak, explained) = (told("i.json"), told("e.json"));
+    assert_eq!(json(&at.join("e.json"))["verdict"], "nothing-missing", "{}", json(&at.join("e.json"))["reason"]);
+    let names: Vec<&str> = explained.iter().map(|p| p.0.as_str()).collect();
+    assert_eq!(names, ["offset_1", "offset_2", "m", "c", "k", "k3"]);
+    for (name, value, error) in &explained {
+        let (_, other, its) = weak.iter().find(|p| p.0 == *name).unwrap();
+        assert!((value - other).abs() < 4.0 * error.hypot(*its), "{name}: {value} ± {error}, {other} ± {its}");
+    }
+}
