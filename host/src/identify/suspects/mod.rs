@@ -7,9 +7,10 @@
 //! is named. What leaves the residual as it is shows in the coefficients: friction that feeds the
 //! motion (`arrow`), a drive in another direction (`direction`).
 //!
-//! Limits: one mistake at a time; the first `WINDOWS` windows are looked at; what the equations
-//! cannot tell stays silent (the scale of a linear system's channel, both signs of a symmetric
-//! pendulum reversed, a delay of a single channel, which is another phase of the drive).
+//! Limits: one mistake at a time; the first `WINDOWS` windows are looked at, of the length that an
+//! identification of the record has; what the equations cannot tell stays silent (the scale of a
+//! linear system's channel, both signs of a symmetric pendulum reversed, a delay of a single
+//! channel, which is another phase of the drive).
 
 mod arrow;
 mod direction;
@@ -22,6 +23,7 @@ mod undo;
 
 use crate::error::BadInput;
 use crate::identify::Identification;
+use crate::identify::geometry::drive_window_s;
 use crate::record::{Column, Record, Segment};
 use crate::rig::Rig;
 use crate::warning::Warning;
@@ -32,6 +34,10 @@ pub(crate) use hypotheses::COUNTS;
 
 /// Most windows that are looked at.
 const WINDOWS: usize = 64;
+/// Windows on which readings of a record are compared, and everything is tried.
+const FEW: usize = 12;
+/// Hops beyond them: a window is two long, the low-pass reaches over the rest.
+const REACH: usize = 4;
 /// ln of residual over noise power from which something is looked for: clean records of the
 /// shipped rigs stay below half of it.
 const CLEAN: f64 = 0.4;
@@ -40,20 +46,16 @@ const CLEAN: f64 = 0.4;
 /// 1e-4.
 const PHASE: f64 = 1e-4;
 const RATE: f64 = 1e-3;
+
 fn no_equations(rig: &Rig) -> BadInput {
     BadInput::new(format!("\"{}\"", rig.model), "a system with equations").in_file(&rig.path).at("model")
 }
-
-/// Windows on which readings of a record are compared.
-const FEW: usize = 12;
 
 /// How well the equations of a rig fit the beginning of a record, as the mean of ln(residual/noise
 /// power) (0: as well as the sensors allow); none where they cannot be fitted. Of two readings of
 /// one record it speaks for the lower.
 pub fn misfit(record: &Record, rig: &Rig) -> Option<f64> {
-    let window_s = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
-    let part = beginning(core::slice::from_ref(record), 0.5 * (FEW + 4) as f64 * window_s);
-    let scene = Scene::new(&part, rig).ok()?.first(FEW);
+    let scene = first_windows(core::slice::from_ref(record), rig, FEW)?;
     scene.misfit().map(|m| m.log).filter(|m| m.is_finite())
 }
 
@@ -68,9 +70,7 @@ pub fn examine(records: &[Record], rig: &Rig) -> Vec<Warning> {
     if out.iter().any(|w| w.invalidates) {
         return out;
     }
-    let window_s = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
-    let Ok(scene) = Scene::new(&beginning(records, 0.5 * (WINDOWS + 4) as f64 * window_s), rig) else { return out };
-    let scene = scene.first(WINDOWS);
+    let Some(scene) = first_windows(records, rig, WINDOWS) else { return out };
     let Some(base) = scene.misfit() else { return out };
     let names = scene.names();
     let values = base.coefficients.iter().flat_map(|c| c.iter());
@@ -96,8 +96,9 @@ pub fn known(record: &Record, rig: &Rig) -> Vec<Warning> {
     if rig.known.is_empty() && rig.drive.is_none_or(|d| d.amplitude_m.is_none()) {
         return Vec::new();
     }
-    let window_s = rig.drive.map_or(4.0, |d| 20.0 / d.frequency_hz);
-    let part = beginning(core::slice::from_ref(record), 0.5 * (WINDOWS + 4) as f64 * window_s);
+    let all = core::slice::from_ref(record);
+    let Some(scene) = first_windows(all, rig, WINDOWS) else { return Vec::new() };
+    let part = beginning(all, seconds_of(WINDOWS, scene.geometry.windows.hop_s));
     let Ok(found) = super::weak_form(&part, rig, &super::Settings::default()) else { return Vec::new() };
     let amplitude = super::stated_amplitude::contradicted(&part, rig, &found);
     let contradicted = found.warnings.into_iter().filter(|w| w.id == super::known_quantities::CONTRADICTED);
@@ -191,6 +192,22 @@ fn stated(records: &[Record], rig: &Rig) -> Vec<Warning> {
     out
 }
 
+/// The first windows of records, as long as an identification's. A drive fixes their length, so
+/// that no more of the records than these is made ready; that of a free system follows from its
+/// motion, and the whole record tells it: seconds would be one or two swings of a slow pendulum.
+fn first_windows(records: &[Record], rig: &Rig, windows: usize) -> Option<Scene> {
+    let scene = match rig.drive {
+        Some(drive) => Scene::new(&beginning(records, seconds_of(windows, 0.5 * drive_window_s(drive))), rig),
+        None => Scene::new(records, rig),
+    };
+    scene.ok().map(|s| s.first(windows))
+}
+
+/// Seconds that hold so many windows, each `hop_s` after the one before, and the low-pass's reach.
+fn seconds_of(windows: usize, hop_s: f64) -> f64 {
+    (windows + REACH) as f64 * hop_s
+}
+
 /// The first seconds of records.
 fn beginning(records: &[Record], seconds: f64) -> Vec<Record> {
     let mut left = seconds;
@@ -236,5 +253,102 @@ fn head(s: &Segment, n: usize) -> Segment {
         phase: s.phase.as_ref().map(|p| p[..n].to_vec()),
         amplitude_nm: s.amplitude_nm.as_ref().map(|a| a[..n].to_vec()),
         boot: s.boot,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::record::Losses;
+
+    /// φ̈ = −φ̇ c − b sin φ for 2000 s, with a period of ten where it swings little, 20 samples a
+    /// second and noise of 0.03 rad; a slower pendulum has the same samples at other times.
+    fn free_pendulum(rig: &Rig, slower: f64, friction: f64) -> Record {
+        let (b, step) = ((core::f64::consts::TAU / 10.0).powi(2), 0.05);
+        let rate = |[q, v]: [f64; 2]| [v, -friction * v - b * q.sin()];
+        let along = |[q, v]: [f64; 2], [dq, dv]: [f64; 2], h: f64| [q + h * dq, v + h * dv];
+        let mut state = [1.4, 0.0];
+        let mut seed = 7_u32;
+        let mut noise = move || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            0.1 * (f64::from(seed >> 8) / f64::from(1 << 24) - 0.5)
+        };
+        let shown = (0..40_000).map(|_| {
+            let now = state[0] + noise();
+            let k1 = rate(state);
+            let k2 = rate(along(state, k1, 0.5 * step));
+            let k3 = rate(along(state, k2, 0.5 * step));
+            let k4 = rate(along(state, k3, step));
+            let sum = |i: usize| (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]) / 6.0;
+            state = along(state, [sum(0), sum(1)], step);
+            now
+        });
+        let segment = Segment {
+            first_tick: 0,
+            boot: 0,
+            start_s: 0.0,
+            step_s: slower * step,
+            jitter_s: 0.0,
+            columns: vec![Column::Values(shown.collect())],
+            phase: None,
+            amplitude_nm: None,
+        };
+        Record {
+            path: "r.csv".into(),
+            sample_rate_hz: 1.0 / segment.step_s,
+            channels: rig.channel.clone(),
+            segments: vec![segment],
+            losses: Losses::default(),
+            warnings: Vec::new(),
+            metadata: None,
+            numbering: None,
+        }
+    }
+
+    fn rig(slower: f64) -> Rig {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs");
+        let mut rig = Rig::read(folder.join("measured-single-pendulum-viscous.toml")).unwrap();
+        rig.sample_rate_hz = 20.0 / slower;
+        rig
+    }
+
+    /// A friction so faint that one or two swings do not tell its sign.
+    const FAINT: f64 = 3e-4;
+
+    #[test]
+    fn a_slow_pendulum_is_looked_at_over_windows_of_its_own() {
+        for slower in [1.0, 10.0] {
+            let rig = rig(slower);
+            let mut record = free_pendulum(&rig, slower, FAINT);
+            assert_eq!(examine(core::slice::from_ref(&record), &rig), []);
+            let log = misfit(&record, &rig).unwrap();
+            assert!(log.abs() < CLEAN, "{slower}: {log}");
+            if let Column::Values(shown) = &mut record.segments[0].columns[0] {
+                shown.reverse();
+            }
+            let told = examine(core::slice::from_ref(&record), &rig);
+            assert_eq!(told.iter().map(|w| w.id).collect::<Vec<_>>(), ["time-reversed"], "{slower}");
+            // 34 windows of 4 s do not show it.
+            assert_eq!(examine(&beginning(core::slice::from_ref(&record), 136.0), &rig), [], "{slower}");
+        }
+    }
+
+    #[test]
+    fn records_beyond_the_first_windows_are_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let model = std::fs::read_to_string(repository.join("models/viscous-pendulum.toml")).unwrap();
+        let own = model.replace("terms = { ", "terms = { offset = { of = \"1\", each = \"record\" }, ");
+        std::fs::write(folder.path().join("own.toml"), own).unwrap();
+        let text = "name = \"p\"\nmodel = \"own.toml\"\nsample_rate_hz = 20.0\n[[channel]]\nname = \"phi1\"\nmeasures = \"phi1\"\nunit = \"rad\"\n";
+        let file = folder.path().join("rig.toml");
+        std::fs::write(&file, text).unwrap();
+        let rig = Rig::read(&file).unwrap();
+        let records = [free_pendulum(&rig, 1.0, FAINT), free_pendulum(&rig, 1.0, FAINT)];
+        let scene = first_windows(&records, &rig, FEW).unwrap();
+        assert!(scene.names().iter().any(|n| n == "offset"), "{:?}", scene.names());
+        assert!(scene.misfit().unwrap().log.abs() < CLEAN);
     }
 }

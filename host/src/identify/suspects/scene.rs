@@ -18,6 +18,7 @@ use super::undo::{self, Undo};
 use crate::error::Result;
 use crate::identify::per_record::Split;
 use crate::identify::prepared::{Geometry, prepare_moving};
+use crate::identify::regression::ROW_DEPENDENCE;
 use crate::identify::remeasured::{Sensors, measure, smoothed};
 use crate::identify::series::System;
 use crate::identify::stretches::Stretch;
@@ -34,8 +35,6 @@ use crate::signal::noise;
 const EXACT: f64 = 1e-4;
 /// Rms step of an angle from one sample to the next from which its turns cannot be right, rad.
 const SCRAMBLED: f64 = 1.0;
-/// Σ corr² over rows at neighbouring frequencies, see [`regression`].
-const ROW_DEPENDENCE: f64 = 2.63;
 
 /// Stretches of a record, what is known of their sensors, and the equations.
 pub(super) struct Scene {
@@ -118,13 +117,14 @@ impl Scene {
         }
     }
 
-    /// The first windows alone.
+    /// The first windows alone, and the records that they are of.
     pub fn first(&self, windows: usize) -> Self {
         let step = self.stretches.first().map_or(1.0, |s| s.step_s);
         let Geometry { windows: w, kernels } = &self.geometry;
         let needed = samples_needed(w, kernels, step);
         let hop = w.hop_s / step;
         let (mut left, mut stretches, mut record_of) = (windows, Vec::new(), Vec::new());
+        let mut kept: Vec<usize> = Vec::new();
         for (s, record) in self.stretches.iter().zip(&self.record_of) {
             if s.len() < needed || left == 0 {
                 continue;
@@ -132,10 +132,14 @@ impl Scene {
             let here = (1 + ((s.len() - needed) as f64 / hop) as usize).min(left);
             let samples = (needed + ((here - 1) as f64 * hop).ceil() as usize + 1).min(s.len());
             stretches.push(s.part(0, samples));
-            record_of.push(*record);
+            if kept.last() != Some(record) {
+                kept.push(*record);
+            }
+            record_of.push(kept.len() - 1);
             left -= here;
         }
-        Self { stretches, record_of, ..self.shallow() }
+        // Of a record without windows nothing could be determined that is its own.
+        Self { stretches, record_of, split: Split::new(&self.bound.model, kept.len()), ..self.shallow() }
     }
 
     /// Everything but the stretches.
