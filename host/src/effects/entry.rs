@@ -202,6 +202,13 @@ pub fn multiplied(e: &Entry, form: &Form, on: &Polynomial, coordinates: usize, o
     Some(of.replace(&state))
 }
 
+/// Names of all words of a place, which nothing else may have.
+fn words_of(vocabulary: &[&str]) -> Vec<String> {
+    let Words { scalars, points, .. } = stand_ins(vocabulary);
+    let names = scalars.into_iter().map(|s| s.0).chain(points.into_iter().map(|p| p.0));
+    names.chain(["T".to_owned()]).collect()
+}
+
 /// Words of a place with stand-ins for what it offers.
 pub fn stand_ins(vocabulary: &[&str]) -> Words {
     let mut words = Words::default();

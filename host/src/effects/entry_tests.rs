@@ -24,6 +24,18 @@ fn mistakes_are_told_with_their_place() {
         ("force = \"-k*x\"\nshape = { n = { whole = [1, 1e9] } }", 6, "whole numbers"),
         ("force = \"-k*x\"\nshape = { n = { grid = [1.0], within = [2.0, 3.0] } }", 6, "outside"),
         ("force = \"-k*x\"\nshape = { n = { whole = [1, 30] }, m = { whole = [1, 30] } }", 6, "900 combinations"),
+        ("force = \"-k*x*exp(-v)\"\nshape = { v = { grid = [1.0] } }", 6, "\"v\" a second time"),
+        ("force = \"-k*x*t\"\nshape = { t = { grid = [1.0] } }", 6, "\"t\" a second time"),
+        ("force = \"-k*x/T\"\nshape = { T = { grid = [1.0] } }", 6, "\"T\" a second time"),
+        ("force = \"-k*x\"\nshape = { k = { grid = [1.0] } }", 6, "\"k\" a second time"),
+        ("force = \"-k*x*pi\"\nshape = { pi = { grid = [1.0] } }", 6, "do not use otherwise"),
+        ("force = \"-k*sin(x)\"\nshape = { sin = { grid = [1.0] } }", 6, "do not use otherwise"),
+        ("force = \"-k*x\"\nshape = { n = { whole = [1, 3] } }", 6, "the shape n, which no law uses"),
+        (
+            "force = \"-k*x/a/b/c/d/e\"\nshape = { a = { grid = [1.0] }, b = { grid = [1.0] }, c = { grid = [1.0] }, d = { grid = [1.0] }, e = { grid = [1.0] } }",
+            6,
+            "more than 4 shapes",
+        ),
         ("force = \"-k*x\"\ncolour = \"red\"", 6, "colour"),
         ("force = \"-k*x\"\nvalue = \"k*q\"", 6, "q"),
         ("drags = \"-k*v\"", 5, "drags at this place"),
@@ -34,6 +46,11 @@ fn mistakes_are_told_with_their_place() {
     let arm = "[[effect]]\nid = \"air\"\nat = \"arm\"\nstrengths = [\"k\"]\n";
     for (rest, told) in [("drags = \"-k*v\"", "without a length"), ("drags = \"-k*omega\"", "drags without")] {
         assert!(of(&format!("{arm}{rest}\n")).unwrap_err().to_string().contains(told), "{rest}");
+    }
+    let drive = "[[effect]]\nid = \"shaken\"\nat = \"drive\"\nstrengths = [\"k\"]\nmoves = \"k*along*size\"\n";
+    for word in ["along", "size", "T"] {
+        let error = of(&format!("{drive}shape = {{ {word} = {{ grid = [1.0] }} }}\n")).unwrap_err().to_string();
+        assert!(error.contains(&format!("\"{word}\" a second time")), "{error}");
     }
     assert!(of("[[effect]]\nid = \"a b\"\n").unwrap_err().to_string().contains("small letters"));
     assert!(of("").unwrap_err().to_string().contains("[[effect]]"));

@@ -60,7 +60,8 @@ impl Entry {
     }
 }
 
-/// Reads the key `states`; `taken` are the names of strengths and shapes.
+/// Reads the key `states`; `taken` are the words of the place and the names of strengths and
+/// shapes.
 ///
 /// # Errors
 /// Names file, line and column, what was found and what was expected.
@@ -69,10 +70,8 @@ pub fn read(
     t: &DeTable<'_>,
     verb: Verb,
     vocabulary: &[&str],
-    taken: &[String],
+    mut taken: Vec<String>,
 ) -> Result<Vec<(String, String)>> {
-    let mut taken: Vec<String> = taken.iter().cloned().chain(vocabulary.iter().map(|w| (*w).to_owned())).collect();
-    taken.push("T".to_owned());
     let mut out = Vec::new();
     for (name, at, v) in r.table(t, "states", "states = { z = \"v - z/T_r\" }")? {
         if verb != Verb::Force && vocabulary != on_a_frame::WORDS {

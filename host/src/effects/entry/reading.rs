@@ -5,7 +5,7 @@
 
 use toml::de::{DeTable, DeValue};
 
-use super::{At, Entry, LENGTH, MOST_FORMS, Shape, Verb, stand_ins};
+use super::{At, Entry, LENGTH, MOST_FORMS, Shape, Verb, has_word, stand_ins, words_of};
 use crate::effects::columns::LOAD;
 use crate::effects::{on_a_frame, states, value};
 use crate::error::Result;
@@ -39,6 +39,8 @@ const VERBS: [(&str, Verb, &[At]); 6] = [
     ("turns", Verb::Turns, &[At::Arm, At::Frame]),
     ("reads", Verb::Reads, &[At::Encoder, At::Input]),
 ];
+/// Most shapes of an effect, as of strengths and states: their scales are tried in all combinations.
+const MOST_SHAPES: usize = 4;
 const KEYS: [&str; 19] = [
     "id",
     "at",
@@ -130,7 +132,9 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
     };
     let strengths = strengths(r, t, at)?;
     let positive = signs(r, t, &strengths)?;
-    let shapes = shapes(r, t)?;
+    let mut taken = words_of(vocabulary);
+    taken.extend(strengths.iter().cloned());
+    let shapes = shapes(r, t, &mut taken)?;
     let forms = shapes.iter().fold(1_usize, |n, s| n.saturating_mul(s.grid.len()));
     if forms > MOST_FORMS {
         let here = t.get("shape").map_or(at, |v| v.span().start);
@@ -139,8 +143,7 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
             .bad(here, format!("{forms} combinations of shapes"), format!("at most {MOST_FORMS}"))
             .remedy("Shorten the grids; what has bounds is refined anyway"));
     }
-    let names: Vec<String> = strengths.iter().cloned().chain(shapes.iter().map(|s| s.name.clone())).collect();
-    let states = states::read(r, t, verb, vocabulary, &names)?;
+    let states = states::read(r, t, verb, vocabulary, taken)?;
     let turning = t.get("turning").is_some_and(|v| matches!(v.get_ref(), DeValue::Boolean(true)));
     let entry = Entry {
         equation: text("equation")?.unwrap_or_else(|| law.clone()),
@@ -163,6 +166,7 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
     };
     states::check(r, t, &entry, vocabulary)?;
     check(r, &entry, vocabulary, law_value)?;
+    used_shapes(r, t, &entry)?;
     value::check(&entry).map_err(|(key, m)| match t.get(key.as_str()) {
         Some(v) => mistake(r.source, v, "", m),
         None => r.source.bad(at, m.found, m.expected).remedy(m.remedy),
@@ -255,10 +259,20 @@ fn numbers(r: &Reader<'_>, v: &Value<'_>, least: usize) -> Result<Vec<f64>> {
     list.iter().map(|x| r.source.number(x, "a number")).collect()
 }
 
-fn shapes(r: &Reader<'_>, t: &DeTable<'_>) -> Result<Vec<Shape>> {
+/// Reads the key `shape`; its names join those that are taken.
+fn shapes(r: &Reader<'_>, t: &DeTable<'_>, taken: &mut Vec<String>) -> Result<Vec<Shape>> {
     let mut out = Vec::new();
     let example = "shape = { v_s = { grid = [0.1, 1.0], within = [0.01, 10.0] } }, { n = { whole = [1, 60] } }, or { f = { lines = [0.1, 100.0] } }";
     for (name, at, v) in r.table(t, "shape", example)? {
+        // A word of the place would be read in its stead, and the grid tried in vain.
+        check_name(r.source, at, name, taken)?;
+        if out.len() == MOST_SHAPES {
+            return Err(r
+                .source
+                .bad(at, format!("more than {MOST_SHAPES} shapes"), format!("1 to {MOST_SHAPES}"))
+                .remedy("Use fewer"));
+        }
+        taken.push(name.to_owned());
         let DeValue::Table(keys) = v.get_ref() else {
             return Err(r.source.bad(at, described(v.get_ref()), example).remedy("Give a grid, or whole numbers"));
         };
@@ -310,6 +324,21 @@ fn shapes(r: &Reader<'_>, t: &DeTable<'_>) -> Result<Vec<Shape>> {
         out.push(shape);
     }
     Ok(out)
+}
+
+/// Refuses a shape that neither the law nor a state's names.
+fn used_shapes(r: &Reader<'_>, t: &DeTable<'_>, e: &Entry) -> Result<()> {
+    let of_drag = |name: &str| e.verb == Verb::Drags && name == LENGTH;
+    let used = |name: &str| e.names(name) || e.states.iter().any(|(_, law)| has_word(law, name)) || of_drag(name);
+    for (name, at, _) in r.table(t, "shape", "shape = { n = { whole = [1, 60] } }")? {
+        if !used(name) {
+            return Err(r
+                .source
+                .bad(at, format!("the shape {name}, which no law uses"), "every shape in the law or a state's")
+                .remedy("Remove it, or use it"));
+        }
+    }
+    Ok(())
 }
 
 /// Strengths enter linearly, and nothing stands without one but what a sensor ought to show.
