@@ -10,12 +10,12 @@ pub fn channel_units(model: &ModelFile, rig: &Rig, bound: &ObservedModel) -> (Ve
     let coordinates = (0..model.coordinates.len())
         .map(|k| {
             let row = (0..bound.sensors.len()).find(|&r| bound.shown[(r, k)] != 0.0).unwrap_or(0);
-            Unit::of_channel(&rig.channel[bound.sensors[row]].unit)
+            Unit::of_channel(rig.channel[bound.sensors[row]].si_unit())
         })
         .collect();
     let inputs = bound.inputs.iter().enumerate().map(|(k, &i)| {
         // A position of the base has been differentiated twice.
-        let unit = if bound.base == Some(k) { "m/s2" } else { &rig.channel[i].unit };
+        let unit = if bound.base == Some(k) { "m/s2" } else { rig.channel[i].si_unit() };
         Unit::of_channel(unit)
     });
     (coordinates, inputs.collect())

@@ -60,17 +60,6 @@ pub fn unwrap(angles: &mut [f64]) {
     }
 }
 
-/// SI unit of a channel's unit.
-pub fn si_unit(unit: &str) -> &str {
-    match unit {
-        "count" | "deg" => "rad",
-        "mm" | "um" => "m",
-        "mV" => "V",
-        "mN" | "kN" => "N",
-        other => other,
-    }
-}
-
 /// The quantisation step of a channel, SI: 2π/N for counts; for numbers, the step of which nearly
 /// all differences between distinct values are multiples, where there is one; otherwise 0.
 pub fn quantisation_step(column_parts: &[&Column], scale: f64) -> f64 {
@@ -116,7 +105,7 @@ pub fn motions(record: &Record) -> Vec<Motion> {
             .collect();
         all.push(Motion {
             name: channel.measures.clone(),
-            unit: si_unit(&channel.unit).to_owned(),
+            unit: channel.si_unit().to_owned(),
             space: if angle { Space::S1 } else { Space::R },
             derived: false,
             step: quantisation_step(&parts, channel.step()),

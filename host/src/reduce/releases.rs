@@ -165,7 +165,7 @@ pub(super) fn names(rig: &Rig) -> Vec<String> {
 
 /// SI unit of each.
 pub(super) fn units(rig: &Rig) -> Vec<String> {
-    rig.channel.iter().map(|c| si_unit(&c.unit).to_owned()).collect()
+    rig.channel.iter().map(|c| c.si_unit().to_owned()).collect()
 }
 
 /// The error for records of different rates.
@@ -188,16 +188,6 @@ pub(super) fn short_stretches(count: usize) -> Warning {
 /// The error for records without motion's least.
 pub(super) fn no_stretch(path: &Path) -> BadInput {
     BadInput::new("no stretch of two samples or more", "a record of motion").in_file(path).remedy("Record again")
-}
-
-fn si_unit(unit: &str) -> &str {
-    match unit {
-        "count" | "deg" | "rad" => "rad",
-        "m" | "mm" | "um" => "m",
-        "V" | "mV" => "V",
-        "N" | "mN" | "kN" => "N",
-        other => other,
-    }
 }
 
 /// A periodic motion found in the records: a whole release, or a window of one that decays.

@@ -1,5 +1,7 @@
 //! A measured column: what it measures, in which unit, and how its values are read.
 
+use core::f64::consts::{PI, TAU};
+
 use serde::{Deserialize, Serialize};
 
 use crate::record::Column;
@@ -55,19 +57,20 @@ impl StuckBits {
 }
 
 impl Channel {
-    /// Factor from the column's unit to SI (rad, m, V, N); for counts 2π/N. A count c also stands
-    /// for the middle of [c, c+1), see [`crate::record::Column::angle`].
+    /// Factor from the column's unit to SI ([`Channel::si_unit`]); for counts 2π/N. A count c also
+    /// stands for the middle of [c, c+1), see [`crate::record::Column::angle`].
     pub fn scale(&self) -> f64 {
-        match self.unit.as_str() {
-            "count" => core::f64::consts::TAU / f64::from(self.counts_per_turn.unwrap_or(1)),
-            "deg" => core::f64::consts::PI / 180.0,
-            "mm" => 1e-3,
-            "um" => 1e-6,
-            "mV" => 1e-3,
-            "mN" => 1e-3,
-            "kN" => 1e3,
-            _ => 1.0,
-        }
+        let size = self.in_si().map_or(1.0, |u| u.2);
+        if self.unit == COUNT { size / f64::from(self.counts_per_turn.unwrap_or(1)) } else { size }
+    }
+
+    /// SI unit of its values times [`Channel::scale`]; the unit itself of what is none of [`UNITS`].
+    pub fn si_unit(&self) -> &str {
+        self.in_si().map_or(self.unit.as_str(), |u| u.1)
+    }
+
+    fn in_si(&self) -> Option<&'static (&'static str, &'static str, f64)> {
+        IN_SI.iter().find(|u| u.0 == self.unit)
     }
 
     /// Size of one step of the counts, rad; the factor to SI of what does not count.
@@ -114,6 +117,65 @@ impl Channel {
     }
 }
 
+/// Unit of an encoder's column.
+const COUNT: &str = "count";
+
+/// Units that a channel may have, the SI unit of each and its size in that; counts are parts of a
+/// turn.
+const IN_SI: [(&str, &str, f64); 15] = [
+    (COUNT, "rad", TAU),
+    ("rad", "rad", 1.0),
+    ("deg", "rad", PI / 180.0),
+    ("m", "m", 1.0),
+    ("mm", "m", 1e-3),
+    ("um", "m", 1e-6),
+    ("V", "V", 1.0),
+    ("mV", "V", 1e-3),
+    ("N", "N", 1.0),
+    ("mN", "N", 1e-3),
+    ("kN", "N", 1e3),
+    ("A", "A", 1.0),
+    ("m/s", "m/s", 1.0),
+    ("m/s2", "m/s2", 1.0),
+    ("1", "1", 1.0),
+];
+
 /// Units that a channel may have.
-pub const UNITS: &[&str] =
-    &["count", "rad", "deg", "m", "mm", "um", "V", "mV", "N", "mN", "kN", "A", "m/s", "m/s2", "1"];
+pub const UNITS: [&str; IN_SI.len()] = {
+    let mut out = [""; IN_SI.len()];
+    let mut k = 0;
+    while k < out.len() {
+        out[k] = IN_SI[k].0;
+        k += 1;
+    }
+    out
+};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_unit_has_its_si_unit() {
+        let channel = |unit: &str| Channel {
+            name: "c".to_owned(),
+            measures: "q".to_owned(),
+            unit: unit.to_owned(),
+            counts_per_turn: Some(4096),
+            gain: None,
+            offset: None,
+            index_at: None,
+            stuck: None,
+        };
+        for (unit, si, scale) in
+            [("count", "rad", TAU / 4096.0), ("mN", "N", 1e-3), ("kN", "N", 1e3), ("um", "m", 1e-6), ("1", "1", 1.0)]
+        {
+            let c = channel(unit);
+            assert_eq!((c.si_unit(), c.scale()), (si, scale), "{unit}");
+        }
+        // What values are in after they were scaled is a unit of size 1.
+        for unit in UNITS {
+            assert_eq!(channel(channel(unit).si_unit()).scale(), 1.0, "{unit}");
+        }
+    }
+}

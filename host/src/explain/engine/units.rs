@@ -3,38 +3,31 @@
 use crate::error::{BadInput, Result};
 use crate::explain::Settings;
 use crate::explain::explanation::InUnit;
+use crate::identify::shooting::FEWEST_SAMPLES;
 use crate::identify::stretches::Stretch;
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
 use crate::warning::Warning;
 
-/// Fewest samples of a horizon: an initial state is fitted to them.
-const FEWEST_SAMPLES: f64 = 16.0;
-
 /// Horizon of the gap: a drive's period, 0.2 s without one, but sixteen samples at least.
 pub fn horizon(rig: &Rig, settings: &Settings, stretches: &[Stretch]) -> Result<f64> {
+    // An initial state is fitted to them, as to those of a piece.
+    let fewest = FEWEST_SAMPLES as f64;
     let default = rig.drive.map_or(0.2, |d| 1.0 / d.frequency_hz);
     let step = 1.0 / rig.sample_rate_hz;
     let longest = stretches.iter().map(|s| s.len() as f64 * s.step_s).fold(0.0, f64::max);
     match settings.horizon_s {
-        Some(h) if !(h >= FEWEST_SAMPLES * step && h <= longest) => {
-            Err(BadInput::new(h.to_string(), format!("seconds from {} to {longest}", FEWEST_SAMPLES * step))
-                .at("--horizon"))
+        Some(h) if !(h >= fewest * step && h <= longest) => {
+            Err(BadInput::new(h.to_string(), format!("seconds from {} to {longest}", fewest * step)).at("--horizon"))
         }
-        h => Ok(h.unwrap_or(default).max(FEWEST_SAMPLES * step)),
+        h => Ok(h.unwrap_or(default).max(fewest * step)),
     }
 }
 
 /// SI unit of a coordinate.
 fn si_unit(rig: &Rig, bound: &ObservedModel, coordinate: usize) -> String {
     let row = (0..bound.sensors.len()).find(|&r| bound.shown[(r, coordinate)] != 0.0).unwrap_or(0);
-    match rig.channel[bound.sensors[row]].unit.as_str() {
-        "count" | "deg" => "rad",
-        "mm" | "um" => "m",
-        "mV" => "V",
-        other => other,
-    }
-    .to_owned()
+    rig.channel[bound.sensors[row]].si_unit().to_owned()
 }
 
 /// Whether each coordinate is a length or an angle.
@@ -92,5 +85,22 @@ impl Unit {
         let rms = (sigma.iter().map(|s| s * s).sum::<f64>() / sigma.len() as f64).sqrt() * self.factor;
         let unit = if self.name == "deg" { "°".to_owned() } else { self.name.clone() };
         (self.name != "SI" && rms.is_finite() && rms > 0.0).then_some(InUnit { value: rms, unit })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn what_is_recorded_in_parts_of_a_unit_is_told_in_it() {
+        let mut rig = Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/duffing.toml")).unwrap();
+        let bound = rig.bound.clone().unwrap();
+        for (unit, told) in [("mm", "m"), ("mV", "V"), ("mN", "N"), ("kN", "N"), ("deg", "deg")] {
+            rig.channel[bound.sensors[0]].unit = unit.to_owned();
+            assert_eq!(Unit::of(&rig, &bound).name, told, "{unit}");
+        }
     }
 }

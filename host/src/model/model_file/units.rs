@@ -11,18 +11,9 @@ use super::expression::{Expression as E, Function, Node, Symbol};
 pub struct Unit(Vec<(String, f64)>);
 
 impl Unit {
-    /// A unit of a channel in SI, such as `m`, `N`, `m/s`, `rad`.
-    pub fn of_channel(unit: &str) -> Self {
-        let one = |name: &str, power: f64| vec![(name.to_owned(), power)];
-        Self(match unit {
-            "m" | "mm" | "um" => one("m", 1.0),
-            "V" | "mV" => one("V", 1.0),
-            "N" | "mN" | "kN" => one("N", 1.0),
-            "A" => one("A", 1.0),
-            "m/s" => [one("m", 1.0), one("s", -1.0)].concat(),
-            "m/s2" => [one("m", 1.0), one("s", -2.0)].concat(),
-            _ => Vec::new(),
-        })
+    /// A channel's SI unit ([`crate::rig::Channel::si_unit`]), such as `m`, `N`, `m/s`, `rad`.
+    pub fn of_channel(si: &str) -> Self {
+        Self::parse(si).unwrap_or_default()
     }
 
     /// A unit as it is written: `kg m^2`, `N m/A`, `m/s²`, `1`; what follows a stroke divides. None
