@@ -8,7 +8,7 @@ use nalgebra::DVector;
 
 use super::given;
 use super::power::Power;
-use super::residual_map::{Axis, Map, Residual, Where, merge};
+use super::residual_map::{Axis, Map, Residual, Where, together};
 use super::setting::{Lines, Setting};
 use super::state::State;
 use crate::effects::written::{balance_scale, balance_unit as unit_of};
@@ -237,11 +237,8 @@ pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>, rows: Option
         let residual = Residual { equation: e + 1, unit, values: &values[e], noise: &noise[e] };
         residual.against(&axes, &values[count..], &clean[count..], &mut maps, &mut places);
     }
-    let mut places = merge(places);
-    if let Some(power) = rows {
-        let (more, found) = power.by_frequency(setting.geometry.windows.length_s, &scales);
-        maps.extend(more);
-        places.extend(found);
-    }
-    (maps, places)
+    let by_frequency = |power: &Power| power.by_frequency(setting.geometry.windows.length_s, &scales);
+    let (more, lines) = rows.map(by_frequency).unwrap_or_default();
+    maps.extend(more);
+    (maps, together(places, lines))
 }

@@ -9,10 +9,14 @@ use core::f64::consts::{PI, TAU};
 
 use serde::Serialize;
 
+use crate::statistics::Z95;
+
 /// Bins of a map.
 const BINS: usize = 24;
 /// A bin counts as disagreeing from this many bands on.
 pub const CLEARLY: f64 = 1.6;
+/// Most places that are told of a record's maps.
+const MOST_PLACES: usize = 12;
 /// Fewest samples of a bin that is shown.
 const LEAST_SAMPLES: f64 = 100.0;
 
@@ -27,7 +31,7 @@ pub struct Where {
     pub from: f64,
     /// To.
     pub to: f64,
-    /// Mean residual there, N m (or rad/s² where no mass is known).
+    /// Mean residual there, in the unit of its map; against frequency an amplitude.
     pub value: f64,
     /// Band (95 %) of the sensors' noise alone.
     pub band: f64,
@@ -122,7 +126,7 @@ impl Residual<'_> {
                     .iter()
                     .fold((0.0, 0.0), |t, d| (t.0 + d.0, t.1 + d.1));
                 let (power, count) = if near.1 >= 8.0 { near } else { overall };
-                let band = 1.96 * (power / f64::max(count, 1.0) / n).sqrt();
+                let band = Z95 * (power / f64::max(count, 1.0) / n).sqrt();
                 let width = (high - low) / BINS as f64;
                 let from = low + b as f64 * width;
                 bins.push([from + 0.5 * width, sum / n, band]);
@@ -166,7 +170,7 @@ impl Residual<'_> {
     }
 }
 
-/// Neighbouring bins of one sign become one place; the twelve clearest are kept.
+/// Neighbouring bins of one sign become one place; the twelve clearest are kept, largest first.
 pub fn merge(places: Vec<Where>) -> Vec<Where> {
     let mut out: Vec<Where> = Vec::new();
     for p in places {
@@ -185,7 +189,42 @@ pub fn merge(places: Vec<Where>) -> Vec<Where> {
             _ => out.push(p),
         }
     }
-    out.sort_by(|a, b| (b.value.abs() / b.band).total_cmp(&(a.value.abs() / a.band)));
-    out.truncate(12);
+    largest_first(&mut out);
+    out.truncate(MOST_PLACES);
     out
+}
+
+/// Places in bins, merged, and others beside them, largest first.
+pub fn together(bins: Vec<Where>, others: Vec<Where>) -> Vec<Where> {
+    let mut out = merge(bins);
+    out.extend(others);
+    largest_first(&mut out);
+    out
+}
+
+/// Sorts places by how far they exceed what noise gives, whatever they are against.
+fn largest_first(places: &mut [Where]) {
+    places.sort_by(|a, b| (b.value.abs() / b.band).total_cmp(&(a.value.abs() / a.band)));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_stands_before_bins_that_it_exceeds() {
+        let place = |against: &str, from: f64, value: f64| Where {
+            equation: 1,
+            against: against.to_owned(),
+            from,
+            to: from + 1.0,
+            value,
+            band: 1.0,
+        };
+        // Two neighbours of one sign are one place.
+        let bins = vec![place("x", 0.0, 2.0), place("x", 1.0, 3.0), place("x", 2.0, -4.0)];
+        let lines = merge(vec![place("frequency", 5.0, 9.0), place("frequency", 20.0, 3.5)]);
+        let told: Vec<f64> = together(bins, lines).iter().map(|w| w.value).collect();
+        assert_eq!(told, [9.0, -4.0, 3.5, 3.0]);
+    }
 }
