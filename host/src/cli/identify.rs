@@ -40,13 +40,13 @@ pub enum Method {
 /// Choices of the weak form.
 #[derive(Clone, Copy, Debug, Args)]
 pub struct WeakForm {
-    /// Length of a window, s [default: 20 drive periods, or from the motion when free].
+    /// Length of a window, s [default: 20 drive periods, or 10 of the motion when free].
     #[arg(long, value_name = "S")]
     window_s: Option<f64>,
     /// Highest frequency of the test functions, Hz [default: 2 f_e, or from the motion when free].
     #[arg(long, value_name = "HZ")]
     max_frequency_hz: Option<f64>,
-    /// End of the low-pass's pass band, Hz [default: where the signal sinks into the noise].
+    /// End of the low-pass's pass band, Hz [default: 1.15 times where the signal sinks into the noise].
     #[arg(long, value_name = "HZ")]
     pass_hz: Option<f64>,
 }

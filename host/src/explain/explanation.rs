@@ -111,7 +111,7 @@ pub struct Details {
     pub folds: usize,
 }
 
-/// A candidate's score in the first step, for the ranking's figure.
+/// A candidate's score in a step, for the ranking's figure.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ranked {
     /// `ID@PLACE`.
@@ -184,7 +184,7 @@ pub struct Explanation {
     /// none.
     #[serde(skip_serializing_if = "has_nan")]
     pub residual_power: [f64; 2],
-    /// Best candidates of each step.
+    /// Every candidate of each step in its best form, the likeliest first.
     pub ranking: Vec<Ranked>,
     /// Candidates that were close in the last step, or were taken and given up, and why.
     pub refused: Vec<Refused>,

@@ -1,8 +1,9 @@
 //! The ledger: everything from which an explanation can be audited and repeated, as JSON.
 //!
 //! Program and version, rig file as text, every record with its length and the CRC-32 of its
-//! samples' bytes, choices, windows and low-pass, the sensors' noise, thresholds, every candidate
-//! of every step with its held-out gain and probability, and the result.
+//! samples' bytes, choices, windows and low-pass, the sensors' noise, every candidate of every step
+//! with its held-out gain and probability, and the result. Thresholds are constants of the program:
+//! its version says which.
 
 use serde::Serialize;
 use serde_json::{Value, json};

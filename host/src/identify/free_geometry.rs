@@ -105,6 +105,15 @@ pub(super) fn band<'a, I: Iterator<Item = &'a [f64]> + Clone>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::identify::METHODS;
+    use crate::identify::geometry::DRIVE_PERIODS;
+
+    #[test]
+    fn what_is_listed_is_what_is_chosen() {
+        let weak = METHODS.iter().find(|m| m.0 == "weak").unwrap().1;
+        let told = format!("windows over {DRIVE_PERIODS} drive periods ({PERIODS} of the motion when free)");
+        assert!(weak.contains(&told), "{weak}");
+    }
 
     #[test]
     fn the_choice_scales_with_the_clock() {

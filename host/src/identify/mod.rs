@@ -67,7 +67,7 @@ pub use weak_form::weak_form;
 pub const METHODS: &[(&str, &str)] = &[
     (
         "weak",
-        "weak form: sin⁴ windows over 20 drive periods (4 s when free), integrated by parts; least squares per equation",
+        "weak form: sin⁴ windows over 20 drive periods (10 of the motion when free), integrated by parts; least squares per equation",
     ),
     (
         "shooting",
@@ -77,16 +77,23 @@ pub const METHODS: &[(&str, &str)] = &[
     ("upo", "harmonic balance of extracted unstable periodic orbits"),
 ];
 
-/// Choices of the weak form. `None`: chosen from the record, as each says.
+/// Choices of the weak form. `None`: chosen from the record, as each says; of a free system by what
+/// its motion shows (docs/method.md), f_99 being the frequency below which lie 99 % of the
+/// acceleration's power.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Settings {
-    /// Length of a window, s; by default 20 drive periods, or 4 s for a free system.
+    /// Length of a window, s; by default 20 drive periods, or for a free system 10 periods of its
+    /// motion, shorter until the record holds 14 windows, not below 3 periods; under measured
+    /// inputs 30 periods of the highest test frequency at most. 4 s where no motion stands above
+    /// the noise.
     pub window_s: Option<f64>,
-    /// Highest frequency of the test functions, Hz; by default 2 f_e, or for a free system the
-    /// frequency below which lie 99 % of the acceleration's power.
+    /// Highest frequency of the test functions, Hz; by default 2 f_e, or for a free system f_99,
+    /// more where the motion stands clear of the noise beyond it (up to 3.5 times its dominant
+    /// frequency), at most 0.12 of the sampling rate (0.2 with measured inputs).
     pub max_frequency_hz: Option<f64>,
     /// End of the low-pass's pass band, Hz; by default 1.15 times the frequency at which the signal
-    /// sinks into the sensors' noise.
+    /// sinks into the sensors' noise, at least 1.5 times the highest test frequency, at most 0.25
+    /// of the sampling rate (0.3 for a free system, 0.4 with measured inputs).
     pub pass_hz: Option<f64>,
     /// Zeros of sensors that are taken off what these show.
     #[serde(skip)]
