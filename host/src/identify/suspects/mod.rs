@@ -346,7 +346,9 @@ mod tests {
         let own = model.replace("terms = { ", "terms = { offset = { of = \"1\", each = \"record\" }, ");
         std::fs::write(folder.path().join("own.toml"), own).unwrap();
         let text = "name = \"p\"\nmodel = \"own.toml\"\nsample_rate_hz = 20.0\n[[channel]]\nname = \"phi1\"\nmeasures = \"phi1\"\nunit = \"rad\"\n";
-        let rig = Rig::parse(text, &folder.path().join("rig.toml")).unwrap();
+        let file = folder.path().join("rig.toml");
+        std::fs::write(&file, text).unwrap();
+        let rig = Rig::read(&file).unwrap();
         let records = [free_pendulum(&rig, 1.0, FAINT), free_pendulum(&rig, 1.0, FAINT)];
         let scene = first_windows(&records, &rig, FEW).unwrap();
         assert!(scene.names().iter().any(|n| n == "offset"), "{:?}", scene.names());
