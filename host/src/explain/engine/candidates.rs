@@ -291,13 +291,18 @@ impl Candidate {
     /// Columns of strengths on the left-hand sides at the state's parameters; empty ones for what
     /// acts on a sensor.
     pub fn columns(&self, setting: &Setting<'_>, state: &State) -> Vec<Column> {
+        self.columns_at(setting, state, &state.physical)
+    }
+
+    /// The same at other parameters of the system.
+    pub fn columns_at(&self, setting: &Setting<'_>, state: &State, physical: &Physical) -> Vec<Column> {
         let n = self.entry.strengths.len();
         let of = |action: &Action| match action {
             Action::Advances(laws) => laws.iter().map(|law| outside(setting, state, Symbol::Tau, law)).collect(),
             Action::Records { input, laws } => {
                 laws.iter().map(|law| outside(setting, state, Symbol::Input(*input), &taken_off(law, *input))).collect()
             }
-            other => at_values(setting, other, n, &state.physical),
+            other => at_values(setting, other, n, physical),
         };
         let mut out = of(&self.action);
         for (lead, (step, sides)) in self.beside.iter().flat_map(|b| (0..self.leading()).map(move |lead| (lead, b))) {

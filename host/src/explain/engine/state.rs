@@ -252,11 +252,19 @@ impl State {
     /// What everything chosen adds to the equations, and the strengths by name.
     fn terms(&self, setting: &Setting<'_>, x: &DVector<f64>) -> (Terms, Vec<(String, f64)>) {
         let n = self.values.len();
+        // Inertias follow from the coefficients that stand here, not from those of the last round.
+        let by = DVector::from_fn(n, |i, _| x[i] - self.values[i]);
+        let physical = self.physical.moved(&by);
         let mut terms: Terms = Vec::new();
         let mut strengths: Vec<(String, f64)> = Vec::new();
         let mut at = n;
         for (index, k) in self.chosen.iter().enumerate() {
-            for (j, column) in k.candidate.columns(setting, self).into_iter().enumerate() {
+            let mut columns = k.candidate.columns(setting, self);
+            for (there, here) in columns.iter_mut().zip(k.candidate.columns_at(setting, self, &physical)) {
+                let both = there.iter_mut().zip(here).filter(|(t, _)| !physical.is_open(t.0));
+                both.for_each(|(there, here)| *there = here);
+            }
+            for (j, column) in columns.into_iter().enumerate() {
                 // What is applied to the data is not in the equations.
                 if !k.candidate.is_applied() {
                     let name = format!("{index} {j}");

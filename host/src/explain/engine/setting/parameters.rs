@@ -78,6 +78,22 @@ pub struct Physical {
 }
 
 impl Physical {
+    /// The same where the coefficients without dampings are by so much others; itself where they
+    /// are not tied.
+    pub fn moved(&self, by: &DVector<f64>) -> Self {
+        if self.slopes.ncols() != by.len() {
+            return self.clone();
+        }
+        let step = &self.slopes * by;
+        Self { values: self.values.iter().zip(step.iter()).map(|(p, d)| p + d).collect(), ..self.clone() }
+    }
+
+    /// Whether the inertia of an equation stays open: it is the unit of what acts there, and is held
+    /// as it is.
+    pub fn is_open(&self, equation: usize) -> bool {
+        self.open.get(equation).copied().unwrap_or(true)
+    }
+
     /// Whether the parameters that parts of columns hold inside functions are fixed.
     pub fn fixes(&self, parts: &[Part], mechanism: &Mechanism) -> bool {
         columns::quotients(parts, mechanism).iter().all(|(n, d)| !self.openness.is_open(n, d))

@@ -5,7 +5,9 @@
 //! c ∂s/∂p · ∂p/∂b, which stands in b's own column. Without it an inertia would rest on springs
 //! alone, however well a friction tells it, and another name would make up for the difference.
 
-use super::super::setting::{Physical, Setting};
+use nalgebra::DVector;
+
+use super::super::setting::Setting;
 use super::super::state::State;
 use crate::model::model_file::expression::{Node, multiply, number, subtract};
 
@@ -25,18 +27,15 @@ pub fn additions(setting: &Setting<'_>, state: &State, x: &[f64]) -> Vec<(usize,
             continue;
         }
         let step = STEP / size;
-        let there = |by: f64| Physical {
-            values: physical.values.iter().zip(slope.iter()).map(|(p, d)| p + by * d).collect(),
-            ..physical.clone()
-        };
-        let sides = [there(step), there(-step)];
+        let along = |by: f64| DVector::from_fn(physical.slopes.ncols(), |i, _| if i == j { by } else { 0.0 });
+        let sides = [step, -step].map(|by| physical.moved(&along(by)));
         let mut at = setting.own.names.len();
         for k in &state.chosen {
             let [high, low] = [0, 1].map(|s| k.candidate.forces(setting, &sides[s]));
             for (i, (high, low)) in high.iter().zip(&low).enumerate() {
                 let per = number(0.5 * x[at + i] / step);
                 let both = high.iter().zip(low).filter(|(h, l)| h.1 != l.1);
-                let closed = both.filter(|(h, _)| !physical.open.get(h.0).copied().unwrap_or(true));
+                let closed = both.filter(|(h, _)| !physical.is_open(h.0));
                 out.extend(
                     closed.map(|((e, h), (_, l))| (j, *e, multiply(per.clone(), subtract(h.clone(), l.clone())))),
                 );
