@@ -87,6 +87,9 @@ pub struct Entry {
     pub strengths: Vec<String>,
     /// Whether each is positive by its nature.
     pub positive: Vec<bool>,
+    /// The effect that negative strengths take away from: where it stands at the same place, these
+    /// may have either sign.
+    pub takes_from: Option<String>,
     /// Shape parameters.
     pub shapes: Vec<Shape>,
     /// Internal states, each with the law of its rate; they begin at 0.

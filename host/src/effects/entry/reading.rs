@@ -41,11 +41,12 @@ const VERBS: [(&str, Verb, &[At]); 6] = [
 ];
 /// Most shapes of an effect, as of strengths and states: their scales are tried in all combinations.
 const MOST_SHAPES: usize = 4;
-const KEYS: [&str; 19] = [
+const KEYS: [&str; 20] = [
     "id",
     "at",
     "strengths",
     "sign",
+    "takes_from",
     "shape",
     "states",
     "value",
@@ -159,6 +160,7 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
         law,
         strengths,
         positive,
+        takes_from: text("takes_from")?,
         shapes,
         states,
         turning,

@@ -228,6 +228,14 @@ impl Candidate {
         Self { is_sharpened: true, ..self }
     }
 
+    /// The same where a strength may take away from another effect at its place.
+    #[must_use]
+    pub fn of_either_sign(self) -> Self {
+        let mut entry = (*self.entry).clone();
+        entry.positive.fill(false);
+        Self { entry: Arc::new(entry), ..self }
+    }
+
     /// The same in another form.
     pub fn at(&self, setting: &Setting<'_>, form: Form, physical: &Physical) -> Option<Self> {
         Self::new(setting, &self.entry, self.place, form, physical)

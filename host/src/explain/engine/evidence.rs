@@ -29,10 +29,6 @@ const LEAST_DEVIATIONS: f64 = 2.0;
 /// falls while it still does (by hand).
 const MOST_ROUNDS: usize = 12;
 const STILL_FALLS: f64 = 0.005;
-/// Power over the noise's up to which what is left must stand still, not only no longer fall: an
-/// inertia that is not settled yet leaves as much there as a faint effect, and the next name would
-/// get the credit for it (by hand).
-const NEAR_NOISE: f64 = 10.0;
 
 /// Columns of the model's own, of what was chosen, then of every candidate.
 pub enum Evidence {
@@ -281,19 +277,18 @@ fn by_shooting(
 ) -> Result<Outcome> {
     // What has just joined may move the path far: once more than the weak form, and on while less
     // and less is left.
-    let (mut left, mut before) = (f64::INFINITY, f64::INFINITY);
+    let mut left = f64::INFINITY;
     for round in 0..MOST_ROUNDS {
         let (x, covariance) = shooting::settle(setting, state).ok_or_else(singular)?;
         state.take(setting, &x);
         let is_short = state.renew(setting, &x, &covariance);
         let now = state.followed.as_ref().map_or(f64::NAN, Followed::left);
         let falls = now < (1.0 - STILL_FALLS) * left;
-        let changes = now < NEAR_NOISE && (now - before).abs() > STILL_FALLS * before;
-        if round + 1 >= rounds && !falls && !changes && !is_short && !state.still_moves(&x, &covariance) {
+        if round + 1 >= rounds && !falls && !is_short && !state.still_moves(&x, &covariance) {
             break;
         }
         // Rounds that go to and fro end as well.
-        (left, before) = (left.min(now), now);
+        left = left.min(now);
     }
     let own: Vec<usize> = (0..state.own_columns()).collect();
     let further: Vec<&Candidate> = candidates.iter().collect();

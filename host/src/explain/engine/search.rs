@@ -121,7 +121,7 @@ impl Run<'_> {
                     self.push(added, gap, &outcome)?;
                     // Beside another effect what was no better may be.
                     search.vain.clear();
-                    search.refused.clear();
+                    search.try_again();
                     if let Some(gone) = before.and_then(|b| b.gone) {
                         self.forget(&gone);
                     }
@@ -269,6 +269,8 @@ struct Before {
 pub(super) struct Search {
     /// Effects that did not keep what they promised.
     refused: Vec<Refused>,
+    /// Effects and places that were tried in vain, each as often as it was.
+    tried: Vec<(String, String)>,
     kept: Option<Before>,
     /// Effects that were no better in the place of another.
     vain: Vec<String>,
@@ -279,6 +281,12 @@ pub(super) struct Search {
 }
 
 impl Search {
+    /// Lets effects in again that were refused once.
+    fn try_again(&mut self) {
+        let twice = |r: &Refused| self.tried.iter().filter(|t| **t == (r.id.clone(), r.at.clone())).count() > 1;
+        self.refused.retain(twice);
+    }
+
     fn refuse(&mut self, found: Option<&Found>, exchanged: bool, sharpened: bool) {
         if exchanged || sharpened {
             let list = if exchanged { &mut self.vain } else { &mut self.unmoved };
@@ -287,6 +295,7 @@ impl Search {
         }
         let why = "with it in the model predictions come no nearer to the record than without it";
         self.refused.extend(found.map(|f| Refused::new(&named(f), why.to_owned())));
+        self.tried.extend(found.map(|f| (f.id.clone(), f.at.clone())));
     }
 
     /// `ID@PLACE` of what was refused.
