@@ -113,7 +113,8 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
         print_warnings(&outcome.warnings);
         arguments.out.say(&human(&outcome));
         let (effects, clear) = effects_shown(&own.output, &rig, &plan.tell)?;
-        let precise = outcome.until.as_ref().is_none_or(|u| u.reached);
+        // What was not measured on the way is not decided.
+        let precise = plan.precise.is_empty() || outcome.until.as_ref().is_some_and(|u| u.reached);
         let decided = (plan.tell.is_empty() || clear) && precise && !(plan.tell.is_empty() && plan.precise.is_empty());
         if !plan.tell.is_empty() {
             let found = if effects.is_empty() { "no effect".to_owned() } else { effects.join(", ") };

@@ -76,6 +76,8 @@ mod tests {
         for (k, e) in all.iter().enumerate() {
             assert!(!all[..k].iter().any(|o| o.id == e.id), "{} twice", e.id);
             assert!(e.refines.as_ref().is_none_or(|r| all.iter().any(|o| o.id == *r)), "{}", e.id);
+            let is_known = |r: &String| all.iter().any(|o| o.id == *r) && e.positive[0];
+            assert!(e.takes_from.as_ref().is_none_or(is_known), "{}", e.id);
         }
     }
 

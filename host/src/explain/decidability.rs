@@ -24,12 +24,14 @@ pub(super) const EXCUSED: f64 = 2.0;
 /// Horizons of the gap that count for the verdict, in units of the shortest: chaos makes longer
 /// ones show weaker effects (by hand).
 const VERDICT_HORIZONS: f64 = 4.5;
-/// Fewest whole windows for a decision: fewer leave the jackknife and the folds too little (by hand).
+/// Fewest whole windows for a decision: fewer leave the jackknife and the folds too little (by
+/// hand).
 pub(super) const FEWEST_BLOCKS: usize = 9;
 
 /// Share of a record that must repeat for its motion to count as locked (by hand).
 const LOCKED_SHARE: f64 = 0.5;
-/// Condition number of an equation's columns from which its coefficients are hardly separable (by hand).
+/// Condition number of an equation's columns from which its coefficients are hardly separable (by
+/// hand).
 pub(super) const WORST_CONDITION: f64 = 100.0;
 
 /// Why a locked record cannot.
@@ -103,7 +105,8 @@ pub(super) struct Left {
     pub gaps: Vec<(f64, f64)>,
     /// Measured inputs that are noisy, which such records have as well.
     pub noisy: Vec<String>,
-    /// What one simulation of the whole record leaves, in units of the noise's power, and its values.
+    /// What one simulation of the whole record leaves, in units of the noise's power, and its
+    /// values.
     pub whole: Option<(f64, usize)>,
 }
 
@@ -113,8 +116,8 @@ impl Left {
         self.remade.map_or(EXPLAINED_POWER, |(mean, error)| most_power(mean, error))
     }
 
-    /// The same of one simulation of so many values: windows of the model's own records leave as much
-    /// above the noise as it does (counts that stand), and their scatter is that of the noise.
+    /// The same of one simulation of so many values: windows of the model's own records leave as
+    /// much above the noise as it does (counts that stand), and their scatter is that of the noise.
     fn most_of_whole(&self, values: usize) -> f64 {
         let (mean, error) = self.remade.unwrap_or((1.0, 0.0));
         most_power(mean, error.max(mean * (2.0 / values.max(1) as f64).sqrt()))

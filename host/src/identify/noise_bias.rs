@@ -59,7 +59,8 @@ pub struct Bias {
     /// have beside those of the motion as it is.
     pub noise: f64,
     /// The largest square of the noise that is chance, over its mean square: the repeats' scatter
-    /// with t₀.₉₇₅(R−1). A friction that sticks meets the noise of a joint at rest, and scatters most.
+    /// with t₀.₉₇₅(R−1). A friction that sticks meets the noise of a joint at rest, and scatters
+    /// most.
     pub by_chance: f64,
     /// ε of each equation that this gives.
     pub error: Vec<f64>,

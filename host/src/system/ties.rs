@@ -186,8 +186,8 @@ impl Problem<'_> {
         (p, cost)
     }
 
-    /// A start: what is known, then sizes over five decades, and over fifteen in every other one, for
-    /// rigs of micrograms and of tons; signs differ in the later ones.
+    /// A start: what is known, then sizes over five decades, and over fifteen in every other one,
+    /// for rigs of micrograms and of tons; signs differ in the later ones.
     fn start(&self, known: &[f64], k: u64) -> Vec<f64> {
         let mut random = ChaCha8Rng::seed_from_u64(k);
         let mut p = known.to_vec();

@@ -287,8 +287,8 @@ impl Candidate {
         }
     }
 
-    /// Columns of its strengths at some parameters of a system from bodies; none where it is no force
-    /// there.
+    /// Columns of its strengths at some parameters of a system from bodies; none where it is no
+    /// force there.
     pub fn forces(&self, setting: &Setting<'_>, physical: &Physical) -> Vec<Column> {
         match &self.action {
             Action::Force(_) => at_values(setting, &self.action, self.entry.strengths.len(), physical),

@@ -11,9 +11,10 @@ use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 /// and of one with inputs.
 const MOST_FREE: usize = 60_000;
 const MOST_DRIVEN: usize = 4_000;
-/// Samples over which the step of integration is sought, and of which the longest is a twentieth.
+/// Samples over which the step of integration is sought.
 const STEP_SAMPLES: usize = 2000;
-const LONGEST_STEPS: f64 = 200.0;
+/// Samples that stand for a period there: the search begins with a twentieth of them.
+const PERIOD_SAMPLES: f64 = 200.0;
 /// Most rounds of a fit by simulation, and the promise, in squared standard errors, at which it
 /// stops.
 const ROUNDS: usize = 8;
@@ -38,7 +39,7 @@ pub struct Span {
 /// Step of integration for a free run from a piece on.
 pub fn step_of(motion: &EquationsOfMotion, parameters: &[f64], track: &Track<'_>, piece: &Piece, guess: &[f64]) -> f64 {
     let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
-    let longest_s = LONGEST_STEPS * track.spacing_s;
+    let longest_s = PERIOD_SAMPLES * track.spacing_s;
     let head = [track.problem(motion, longest_s, &at).head(piece, STEP_SAMPLES)];
     track.step_s(motion, &head, &[guess.to_vec()], parameters, longest_s, EXACT)
 }

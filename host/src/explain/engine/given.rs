@@ -90,6 +90,10 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
                 .at(setting, form, &state.physical)
                 .unwrap_or_else(|| candidate.moved(setting, &steps, &state.physical));
         }
+        // It stood beside what it takes away from.
+        if candidate.entry.takes_from.is_some() && e.strengths.iter().any(|s| *s < 0.0) {
+            candidate = candidate.of_either_sign();
+        }
         let mut joined = Chosen::new(setting, candidate, &state.physical);
         if e.strengths.len() > joined.strengths.len() {
             return bad(format!("{} strengths of {name}", e.strengths.len()), "as many as the effect has");

@@ -23,7 +23,9 @@ impl Run<'_> {
     /// a shape in pieces.
     pub fn without_pieces(&mut self, outcome: Outcome) -> Outcome {
         let pieces = |shape: &Shape| self.result.effects.iter().filter(|f| f.at == shape.unknown.at).count();
-        let left = (outcome.evidence.is_shooting() && self.result.effects.len() >= PIECES)
+        // Of a given model the first step is the one before it was fitted again.
+        let is_given = self.result.gap.steps.iter().any(|s| s.added.as_deref() == Some("refit"));
+        let left = (outcome.evidence.is_shooting() && !is_given && self.result.effects.len() >= PIECES)
             .then(|| unknown::shape(&self.setting, &self.state, &outcome))
             .flatten();
         let Some(left) = left.filter(|s| s.is_clear && pieces(s) >= PIECES) else { return outcome };

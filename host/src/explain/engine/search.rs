@@ -235,6 +235,9 @@ impl Run<'_> {
             );
             let gone = named(&self.result.effects.remove(k - self.state.nominal));
             let refused = Refused::new(&gone, why);
+            // It is not tried again beside whatever takes its place.
+            let name = (refused.id.clone(), refused.at.clone());
+            search.tried.extend([name.clone(), name]);
             self.result.refused.push(refused.clone());
             search.refused.push(refused);
             self.state.stretches = self.state.taken_off(&self.setting, &self.setting.raw);

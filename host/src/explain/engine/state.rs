@@ -310,14 +310,22 @@ impl State {
         out
     }
 
+    /// Stretches that one model predicts: all, or those of the first record where others have
+    /// coefficients of their own.
+    fn predicted(&self, setting: &Setting<'_>) -> &[Stretch] {
+        let is_one = setting.own.names.len() == setting.model().coefficients().len();
+        let first = setting.record_of.iter().take_while(|r| **r == 0).count();
+        &self.stretches[..if is_one { self.stretches.len() } else { first.min(self.stretches.len()) }]
+    }
+
     /// Calls with the record as pieces for predictions.
     pub fn on_track<T>(&self, setting: &Setting<'_>, then: impl FnOnce(&Track<'_>) -> T) -> T {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
         let numbers = self.remembered();
         let exogenous: Vec<ExogenousInputs> =
-            self.stretches.iter().map(|s| ExogenousInputs::remembering(s, omega, &numbers)).collect();
+            self.predicted(setting).iter().map(|s| ExogenousInputs::remembering(s, omega, &numbers)).collect();
         let known = |stretch, sample| self.followed.as_ref()?.at(setting, stretch, sample);
-        let track = Track::new(&self.stretches, &exogenous, setting.rig, &setting.bound, &setting.sensors);
+        let track = Track::new(self.predicted(setting), &exogenous, setting.rig, &setting.bound, &setting.sensors);
         then(&track.knowing(&known))
     }
 
@@ -330,7 +338,8 @@ impl State {
         then: impl FnOnce(&Track<'_>) -> T,
     ) -> T {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
-        let exogenous: Vec<ExogenousInputs> = self.stretches.iter().map(|s| ExogenousInputs::new(s, omega)).collect();
-        then(&Track::new(&self.stretches, &exogenous, setting.rig, &setting.bound, &setting.sensors).hiding(numbers))
+        let stretches = self.predicted(setting);
+        let exogenous: Vec<ExogenousInputs> = stretches.iter().map(|s| ExogenousInputs::new(s, omega)).collect();
+        then(&Track::new(stretches, &exogenous, setting.rig, &setting.bound, &setting.sensors).hiding(numbers))
     }
 }

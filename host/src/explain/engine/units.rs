@@ -13,7 +13,7 @@ use crate::warning::Warning;
 /// at most: the first is that of the measured pendulums' published figures.
 const FREE_S: f64 = 0.2;
 const FREE_PERIODS: [f64; 2] = [0.05, 20.0];
-/// Most of a stretch that a horizon takes by default: the gap is a mean over several.
+/// Most of a stretch that it takes without a drive: the gap is a mean over several.
 const MOST_OF_STRETCH: f64 = 0.1;
 
 /// Horizon of the gap where none is asked for: a drive's period; 0.2 s without one, within a
@@ -29,7 +29,8 @@ pub fn horizon(rig: &Rig, settings: &Settings, stretches: &[Stretch], period_s: 
     let fewest = FEWEST_SAMPLES as f64;
     let step = 1.0 / rig.sample_rate_hz;
     let longest = stretches.iter().map(|s| s.len() as f64 * s.step_s).fold(0.0, f64::max);
-    let default = default_horizon(rig, Some(period_s)).min(MOST_OF_STRETCH * longest);
+    let default = default_horizon(rig, Some(period_s));
+    let default = if rig.drive.is_some() { default } else { default.min(MOST_OF_STRETCH * longest) };
     match settings.horizon_s {
         Some(h) if !(h >= fewest * step && h <= longest) => {
             Err(BadInput::new(h.to_string(), format!("seconds from {} to {longest}", fewest * step)).at("--horizon"))

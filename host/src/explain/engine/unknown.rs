@@ -25,6 +25,7 @@ use super::state::State;
 use super::tell;
 use crate::effects::places::{self, Place};
 use crate::explain::ranking::{self, Fit};
+use crate::identify::jackknife::widening;
 use crate::model::model_file::expression::{
     Expression, Function, Node, Symbol, call, multiply, number, subtract, symbol,
 };
@@ -177,7 +178,11 @@ impl Hats {
         let (scale, unit) = tell::of_force(setting, &state.physical, self.place);
         let point = |k: usize| {
             let error = fit.covariance[(own + k, own + k)].max(0.0).sqrt();
-            [self.low + k as f64 * self.width, scale * fit.all[own + k], Z95 * scale.abs() * error]
+            [
+                self.low + k as f64 * self.width,
+                scale * fit.all[own + k],
+                Z95 * widening(fit.blocks) * scale.abs() * error,
+            ]
         };
         Unknown {
             at: setting.file().map_or_else(String::new, |f| self.place.name(f)),

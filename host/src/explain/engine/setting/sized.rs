@@ -147,9 +147,9 @@ impl Setting<'_> {
     }
 }
 
-/// Whether a shape is a velocity by its name: `v`, or `v_` and more.
+/// Whether a shape is a velocity by its name.
 fn is_velocity(name: &str) -> bool {
-    name == "v" || name.starts_with("v_")
+    name.starts_with("v_")
 }
 
 /// What a grid is multiplied by for a motion of a size: none where it holds that size well inside,
@@ -251,7 +251,7 @@ mod tests {
         assert_eq!(factor(&[4.0, 1.0, 2.0], 100.0), Some(50.0));
         assert_eq!(factor(&[1.0, 3.0, 10.0], 4.0), None);
         assert_eq!(factor(&[1.0, 10.0], f64::NAN), None);
-        assert!(is_velocity("v_s") && is_velocity("v") && !is_velocity("vol"));
+        assert!(is_velocity("v_s") && !is_velocity("vol"));
     }
 
     /// Distances grow with the motion, what is one over a distance shrinks, times and ratios stay.

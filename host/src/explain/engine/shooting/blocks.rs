@@ -258,8 +258,8 @@ impl Blocks {
         Some(DMatrix::from_fn(p - own, p - own, |i, j| shared * inverse[(i, j)] * scale[own + i] * scale[own + j]))
     }
 
-    /// Variances of coefficients `x` of some columns where what is left is noise alike everywhere; see
-    /// [`Self::even_covariance`]. None where columns are singular.
+    /// Variances of coefficients `x` of some columns where what is left is noise alike everywhere;
+    /// see [`Self::even_covariance`]. None where columns are singular.
     pub fn even_variances(&self, columns: &[usize], x: &DVector<f64>) -> Option<Vec<f64>> {
         let p = columns.len();
         let total = self.grams(columns).into_iter().fold(DMatrix::zeros(p + 1, p + 1), |s, g| s + g);
