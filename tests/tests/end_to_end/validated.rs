@@ -45,7 +45,7 @@ fn a_model_by_shooting_passes_its_validation_and_a_wrong_one_fails_with_status_1
     let run = whirl(folder, "validate record.parquet --rig rig.toml --model wrong.toml --json w.json");
     assert_eq!(run.status, 1, "{run:?}");
     assert!(
-        run.stdout.contains("failed: prediction-horizon") && run.stderr.contains("fails its validation"),
+        run.stdout.contains("FAILED: prediction-horizon") && run.stderr.contains("fails its validation"),
         "{run:?}"
     );
     assert_eq!(json(&folder.join("w.json"))["verdict"], "failed");

@@ -95,10 +95,11 @@ impl Run<'_> {
                 }
             }
             let candidates = offered::candidates(&self.setting, &self.state);
+            let begun = self.result.effects.is_empty().then(|| self.state.clone());
             let outcome = refit(&self.setting, &mut self.state, candidates);
-            if outcome.is_err() && self.setting.shooting && self.result.effects.is_empty() {
+            if let (true, true, Some(begun)) = (outcome.is_err(), self.setting.shooting, begun) {
                 // What no window can be followed in is left to the balance of forces.
-                self.setting.shooting = false;
+                (self.setting.shooting, self.state) = (false, begun);
                 continue;
             }
             let gap = outcome.as_ref().map_or(f64::NAN, |o| self.gap(&o.fit.train));

@@ -88,7 +88,7 @@ impl State {
         let own = (x.rows(0, n).into_owned(), covariance.view((0, 0), (n, n)).into_owned());
         if let Some(mut physical) = setting.physical(&own.0, &own.1, &self.physical) {
             // What written equations stand for follows from their coefficients alone.
-            if !setting.is_written() {
+            if setting.shooting && !setting.is_written() {
                 self.relaxation.relax(&self.physical.values, &mut physical.values);
             }
             for k in &mut self.chosen {

@@ -77,15 +77,21 @@ pub struct Physical {
     pub slopes: DMatrix<f64>,
 }
 
+/// Largest relative change of a parameter that the slopes are trusted for: a mass stays one.
+const MOST_MOVED: f64 = 0.5;
+
 impl Physical {
-    /// The same where the coefficients without dampings are by so much others; itself where they
-    /// are not tied.
+    /// The same where the coefficients without dampings are by so much others, to first order and by
+    /// [`MOST_MOVED`] at most; itself where they are not tied.
     pub fn moved(&self, by: &DVector<f64>) -> Self {
         if self.slopes.ncols() != by.len() {
             return self.clone();
         }
         let step = &self.slopes * by;
-        Self { values: self.values.iter().zip(step.iter()).map(|(p, d)| p + d).collect(), ..self.clone() }
+        let relative = |(p, d): (&f64, &f64)| if *p == 0.0 { 0.0 } else { (d / p).abs() };
+        let most = self.values.iter().zip(step.iter()).map(relative).fold(0.0, f64::max);
+        let share = if most > MOST_MOVED { MOST_MOVED / most } else { 1.0 };
+        Self { values: self.values.iter().zip(step.iter()).map(|(p, d)| p + share * d).collect(), ..self.clone() }
     }
 
     /// Whether the inertia of an equation stays open: it is the unit of what acts there, and is held
@@ -101,8 +107,9 @@ impl Physical {
 }
 
 impl Setting<'_> {
-    /// Parameters of the system from coefficients of the equations without dampings, near those that
-    /// stood before.
+    /// Parameters of the system from coefficients of the equations without dampings; while
+    /// trajectories are followed near those that stood before, which the balance of forces may not
+    /// have.
     pub fn physical(&self, values: &DVector<f64>, covariance: &DMatrix<f64>, near: &Physical) -> Option<Physical> {
         if self.is_written() {
             let values = self.own.coefficients(values.as_slice(), 0);
@@ -111,7 +118,7 @@ impl Setting<'_> {
         let mechanism = self.mechanism()?;
         let names = self.model().coefficients();
         let identified = Identified { names: &names, values, covariance, metric: covariance };
-        physical(mechanism, &identified, &self.known, &near.values)
+        physical(mechanism, &identified, &self.known, if self.shooting { &near.values } else { &[] })
     }
 }
 
