@@ -210,19 +210,14 @@ impl Problem<'_> {
         p
     }
 
-    /// The solution beside `near` where it is given, otherwise the best of several starts.
+    /// The best of several starts, the first of which is `near` where it is given.
     fn solve(&self, known: &[f64], near: Option<Vec<f64>>, freedom: usize) -> Option<(Vec<f64>, f64)> {
         let mut best: Option<(Vec<f64>, f64)> = None;
         let mut agree = 0;
         // What chance alone gives with probability above 1e-6, nearly.
         let usual = freedom as f64 + 5.0 * (2.0 * freedom as f64).sqrt() + 10.0;
-        // Where the ties are missed, others may miss them by less far from anything that moves.
-        let beside = near.map(|start| self.fit(start)).filter(|(p, cost)| cost.is_finite() && is_finite(p));
-        if beside.is_some() {
-            return beside;
-        }
-        for k in 0..STARTS {
-            let (p, cost) = self.fit(self.start(known, k));
+        for start in near.into_iter().chain((0..STARTS).map(|k| self.start(known, k))) {
+            let (p, cost) = self.fit(start);
             if !cost.is_finite() || !is_finite(&p) {
                 continue;
             }
