@@ -82,7 +82,8 @@ fn nothing_is_named_for_a_mass_that_follows_from_the_friction_too() {
         let of = |f: &serde_json::Value| format!("{}@{}", f["id"].as_str().unwrap(), f["at"].as_str().unwrap());
         let mut found: Vec<String> = e["effects"].as_array().unwrap().iter().map(of).collect();
         let mut names: Vec<&str> = wanted.iter().map(|w| w.0).collect();
-        (found.sort(), names.sort_unstable());
+        found.sort();
+        names.sort_unstable();
         assert_eq!(found, names, "{effects}: {}", e["reason"]);
         for f in e["effects"].as_array().unwrap() {
             let value = wanted.iter().find(|w| w.0 == of(f)).unwrap().1;
