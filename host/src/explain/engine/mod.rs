@@ -28,7 +28,8 @@
 //! | `forecast`, `attractor` | the last 30 %, how long predictions hold, Poincaré sections |
 //! | `power` | what noise alone leaves, what sensors alone feign |
 //! | `residual`, `residual_map` | where what is left sits |
-//! | `patched` | a shape put together from several effects |
+//! | `patched`, `pieces` | a shape put together from several effects |
+//! | `relaxation` | how far inertias go from round to round |
 //! | `tell`, `units` | values, units, the model |
 //! | `tones` | frequencies of what runs in the laboratory's time |
 //! | `unknown` | the shape of what has no name |

@@ -6,7 +6,7 @@
 //! sₖ the relative step that round k would take, what is taken is ωₖ sₖ, ωₖ = −ωₖ₋₁ sₖ₋₁·(sₖ −
 //! sₖ₋₁)/|sₖ − sₖ₋₁|².
 
-/// Least share of a step that is taken; the greatest is all of it.
+/// Least share of a step that is taken (by hand); the greatest is all of it.
 const LEAST: f64 = 0.1;
 
 /// The last step and the share of it that was taken.

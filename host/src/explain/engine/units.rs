@@ -19,6 +19,7 @@ const MOST_OF_STRETCH: f64 = 0.1;
 /// Horizon of the gap where none is asked for: a drive's period; 0.2 s without one, within a
 /// twentieth and twenty of the motion's periods where these are known.
 pub fn default_horizon(rig: &Rig, period_s: Option<f64>) -> f64 {
+    let period_s = period_s.filter(|t| t.is_finite() && *t > 0.0);
     let free = || period_s.map_or(FREE_S, |t| FREE_S.clamp(FREE_PERIODS[0] * t, FREE_PERIODS[1] * t));
     rig.drive.map_or_else(free, |d| 1.0 / d.frequency_hz)
 }

@@ -25,6 +25,7 @@
 //! | [`path`] | the motion that is linearised about, windows |
 //! | [`course`] | the record while columns are fitted to it |
 //! | [`forcing`] | accelerations by every column |
+//! | [`by_inertia`](mod@by_inertia) | what strengths do while inertias follow from coefficients |
 //! | [`linear`] | a window's normal equations |
 //! | [`gram`] | sums of products of the columns that are fitted together |
 //! | [`blocks`] | least squares over windows |
