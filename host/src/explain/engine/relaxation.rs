@@ -3,8 +3,8 @@
 //! Strengths are found beside coefficients for the inertias that stood before, and the inertias
 //! follow from the coefficients. Where a strength tells an inertia almost as well as its own
 //! coefficient does, each round goes as far beyond the solution as the last one was before it. With
-//! sₖ the relative step that round k would take, what is taken is ωₖ sₖ, ωₖ = −ωₖ₋₁ sₖ₋₁·(sₖ −
-//! sₖ₋₁)/|sₖ − sₖ₋₁|².
+//! sₖ the step that round k would take, in standard errors (a parameter that is 0 but for noise has
+//! no other size), what is taken is ωₖ sₖ, ωₖ = −ωₖ₋₁ sₖ₋₁·(sₖ − sₖ₋₁)/|sₖ − sₖ₋₁|².
 
 /// Least share of a step that is taken (by hand); the greatest is all of it.
 const LEAST: f64 = 0.1;
@@ -17,16 +17,17 @@ pub struct Relaxation {
 }
 
 impl Relaxation {
-    /// Values between those of the last round and those that would follow, in the place of these.
-    pub fn relax(&mut self, from: &[f64], to: &mut [f64]) {
-        let relative = |(a, b): (&f64, &f64)| {
-            let size = a.abs().max(b.abs());
-            if size > 0.0 { (b - a) / size } else { 0.0 }
-        };
-        let step: Vec<f64> = from.iter().zip(&*to).map(relative).collect();
-        self.share = if self.step.len() == step.len() { self.next(&step) } else { 1.0 };
+    /// Values between those of the last round and those that would follow, in the place of these;
+    /// how far the farthest would have gone, in standard errors. Those without an error are not
+    /// counted.
+    pub fn relax(&mut self, from: &[f64], to: &mut [f64], errors: &[f64]) -> f64 {
+        let relative = |((a, b), error): ((&f64, &f64), &f64)| if *error > 0.0 { (b - a) / error } else { 0.0 };
+        let step: Vec<f64> = from.iter().zip(&*to).zip(errors).map(relative).collect();
+        let is_next = !step.is_empty() && self.step.len() == step.len();
+        self.share = if is_next { self.next(&step) } else { 1.0 };
         to.iter_mut().zip(from).for_each(|(to, from)| *to = from + self.share * (*to - from));
         self.step = step;
+        self.step.iter().fold(0.0, |most, s| most.max(s.abs()))
     }
 
     fn next(&self, step: &[f64]) -> f64 {
@@ -43,18 +44,20 @@ impl Relaxation {
 mod tests {
     use super::*;
 
-    /// x → 2 + λ (x − 2): at λ = −1 for ever to and fro, at −1.5 away.
+    /// x → 2 + λ (x − 2): at λ = −1 for ever to and fro, at −1.5 away. The third is noise about 0.
     #[test]
     fn what_goes_to_and_fro_comes_to_rest() {
         for slope in [-1.5, -1.0, -0.3, 0.0, 0.5] {
             let mut relaxation = Relaxation::default();
-            let mut x = vec![2.3, 5.0];
-            for _ in 0..30 {
-                let mut next = vec![2.0 + slope * (x[0] - 2.0), 5.0];
-                relaxation.relax(&x, &mut next);
+            let (mut x, mut farthest) = (vec![2.3, 5.0, 0.0], f64::NAN);
+            for round in 0..30 {
+                let noise = if round % 2 == 0 { 1e-9 } else { -1e-9 };
+                let mut next = vec![2.0 + slope * (x[0] - 2.0), 5.0, noise];
+                farthest = relaxation.relax(&x, &mut next, &[1e-3, 0.0, 1e-5]);
                 x = next;
             }
             assert!((x[0] - 2.0).abs() < 1e-6 && x[1] == 5.0, "{slope}: {x:?}");
+            assert!(farthest < 1e-2, "{slope}: {farthest} standard errors");
         }
     }
 }

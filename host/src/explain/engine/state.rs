@@ -82,21 +82,23 @@ impl State {
     }
 
     /// Effects rest on the system's parameters: renews these, and forms that are refined; whether
-    /// these were moved less far than they should be.
+    /// any moved by more than a share of its standard error, or less far than it should.
     pub fn renew(&mut self, setting: &Setting<'_>, x: &DVector<f64>, covariance: &DMatrix<f64>) -> bool {
         let n = self.values.len();
         let own = (x.rows(0, n).into_owned(), covariance.view((0, 0), (n, n)).into_owned());
+        let mut is_short = false;
         if let Some(mut physical) = setting.physical(&own.0, &own.1, &self.physical) {
             // What written equations stand for follows from their coefficients alone.
             if setting.shooting && !setting.is_written() {
-                self.relaxation.relax(&self.physical.values, &mut physical.values);
+                let errors = physical.std_errors(&own.1);
+                let most = self.relaxation.relax(&self.physical.values, &mut physical.values, &errors);
+                is_short = most > SMALL_INCREMENT;
             }
             for k in &mut self.chosen {
                 k.with_size_of(setting, &self.physical, &physical);
             }
             self.physical = physical;
         }
-        let mut is_short = false;
         for k in &mut self.chosen {
             let steps = k.candidate.steps(&k.strengths);
             if k.candidate.is_refined() && !steps.is_empty() {

@@ -94,6 +94,15 @@ impl Physical {
         Self { values: self.values.iter().zip(step.iter()).map(|(p, d)| p + share * d).collect(), ..self.clone() }
     }
 
+    /// Standard errors from the covariance of the coefficients without dampings: √diag(S C Sᵀ), S =
+    /// ∂p/∂b; none where they are not tied.
+    pub fn std_errors(&self, covariance: &DMatrix<f64>) -> Vec<f64> {
+        if self.slopes.ncols() != covariance.nrows() {
+            return Vec::new();
+        }
+        self.slopes.row_iter().map(|s| (s * covariance * s.transpose())[(0, 0)].max(0.0).sqrt()).collect()
+    }
+
     /// Whether the inertia of an equation stays open: it is the unit of what acts there, and is held
     /// as it is.
     pub fn is_open(&self, equation: usize) -> bool {
