@@ -20,7 +20,7 @@ const LINE_STEP: f64 = 1e-7;
 /// Share of its range by which a shape parameter of either sign moves in one step.
 const ACROSS: f64 = 0.1;
 
-/// Share of a step that is rounding.
+/// Share of a shape parameter that is rounding.
 const ROUNDING: f64 = 1e-9;
 
 /// An effect at a place in one form.
@@ -218,7 +218,7 @@ impl Candidate {
     pub fn is_short_of(&self, from: &Self, steps: &[f64]) -> bool {
         self.refined_shapes().into_iter().zip(steps).any(|(k, step)| {
             let by = (self.form[k].1 - from.form[k].1).abs();
-            by > 0.0 && by < (1.0 - ROUNDING) * step.abs()
+            by > 0.0 && step.abs() - by > ROUNDING * self.form[k].1.abs()
         })
     }
 

@@ -17,7 +17,7 @@ const STEP_SAMPLES: usize = 2000;
 const PERIOD_SAMPLES: f64 = 200.0;
 /// Most rounds of a fit by simulation, and the promise, in squared standard errors, at which it
 /// stops.
-const ROUNDS: usize = 8;
+const ROUNDS: usize = 16;
 const TOLERANCE: f64 = 1e-2;
 /// Growth of an initial error over a record up to which one simulation follows it: that of swings
 /// whose frequency depends on their size stays below, chaos is beyond in ten to twenty periods.
@@ -132,6 +132,18 @@ struct Fitted {
     step_s: f64,
 }
 
+/// Mean square of what the sensors show about its mean, in units of their noise's.
+fn motion_power(piece: &Piece, track: &Track<'_>) -> f64 {
+    let sensors = track.sensors.len();
+    let of = |k: usize| {
+        let all = || piece.measured.iter().skip(k).step_by(sensors);
+        let count = all().count().max(1) as f64;
+        let mean = all().sum::<f64>() / count;
+        all().map(|x| (x - mean).powi(2)).sum::<f64>() / (count * track.sigma[k].powi(2))
+    };
+    (0..sensors).map(of).sum::<f64>() / sensors.max(1) as f64
+}
+
 /// Such a fit from sample `first` of a stretch on.
 fn fitted(
     motion: &EquationsOfMotion,
@@ -151,7 +163,11 @@ fn fitted(
     let problem = track.problem(motion, step_s, &at);
     // The state first, over longer and longer beginnings, then everything over the whole part.
     let lengths: Vec<usize> = (0..).map(|k| 64_usize << (2 * k)).take_while(|l| *l < fitted).chain([fitted]).collect();
-    let (state, _) = problem.fit_state(&piece, &guess, parameters, &lengths, &mut problem.room(false))?;
+    let (state, left) = problem.fit_state(&piece, &guess, parameters, &lengths, &mut problem.room(false))?;
+    // What misses by as much as the motion itself is no simulation of it: a fit would not end.
+    if left > motion_power(&piece, track) {
+        return None;
+    }
     let bounds: Bounds = signs
         .iter()
         .zip(parameters)

@@ -108,7 +108,8 @@ fn complete(shares: Vec<Option<Share>>) -> Option<Vec<Share>> {
 
 /// Shares at trial parameters and `moved` states, `before` those at `states`. A piece that the step
 /// made worse than its scatter explains (a joint's velocity that grazes zero there bends the cost)
-/// gets its state fitted anew, from where it was and from where the step put it.
+/// gets its state fitted anew, from where it was and from where the step put it; of one piece alone
+/// the step is too long.
 fn follow<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     pieces: &[Piece],
@@ -120,6 +121,7 @@ fn follow<D: Dynamics + ?Sized>(
 ) -> Option<(Vec<Vec<f64>>, Vec<Share>)> {
     let mut shares = problem.shares(pieces, &moved, trial);
     let worse: Vec<usize> = (0..pieces.len())
+        .filter(|_| pieces.len() > 1)
         .filter(|i| shares[*i].as_ref().is_none_or(|s| s.cost() > before[*i].cost() + WORSE * unit))
         .collect();
     let again: Vec<Option<(Vec<f64>, Share)>> = worse

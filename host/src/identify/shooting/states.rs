@@ -79,9 +79,11 @@ impl Search {
         let mut normal = share.normal.clone();
         (0..normal.nrows()).for_each(|i| normal[(i, i)] = damped(normal[(i, i)], self.damping));
         let step = normal.cholesky()?.solve(&share.gradient);
-        // In units of the residuals' scatter: what this step still promises.
+        // In units of the residuals' scatter, which is the noise's at least: what this step still
+        // promises.
+        let unit = (share.cost() / (share.samples * share.squares.len()).max(1) as f64).max(1.0);
         let trial = || self.state.iter().zip(step.iter()).map(|(x, d)| x - d).collect();
-        (step.dot(&share.gradient) >= STILL).then(trial)
+        (step.dot(&share.gradient) >= STILL * unit).then(trial)
     }
 
     /// Ends one length and goes on with the next.

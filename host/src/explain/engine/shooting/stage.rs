@@ -36,6 +36,8 @@ pub fn stage(
         let list = List { x: x.clone(), further: &[], behind: &[], together: false };
         let solved = course.solved(&followed.paths, &all, &list)?;
         let (mut blocks, kept) = course.blocks(&solved, signs.to_vec(), x);
+        // An increment of nothing shows in no window: its error is not what it is.
+        blocks.still.clone_from(&applied);
         if (kept.len() as f64) < (1.0 - MOST_LOST) * all.len() as f64 {
             return None;
         }
