@@ -29,6 +29,8 @@ use crate::identify::Parameter;
 /// Standard error of a known quantity as a share of it: that of the built-in systems' known
 /// amplitude.
 const KNOWN_SHARE: f64 = 1e-6;
+/// Share by which variances grow where rounding made a covariance singular.
+const RIDGE: f64 = 1e-10;
 /// Starts at most, and how many must agree on the least distance.
 const STARTS: u64 = 40;
 const AGREEING: usize = 4;
@@ -281,7 +283,7 @@ pub fn fit_near(
             _ => 0.0,
         })
     };
-    let white = select(b.metric).cholesky()?.l().try_inverse()?;
+    let white = factor(select(b.metric))?.try_inverse()?;
     let sigma = select(b.covariance);
     let parameters = 0..mechanism.parameters.len();
     let start: Vec<f64> = parameters.clone().map(|i| fixed(i).unwrap_or(0.0)).collect();
@@ -292,6 +294,18 @@ pub fn fit_near(
     let most = problem.rows.len().saturating_sub(1);
     let (p, misfit) = problem.solve(&start, near, most)?;
     report(&problem, &p, misfit, &sigma, known)
+}
+
+/// Cholesky's factor of a metric. Coefficients that were tied before have fewer directions than
+/// there are of them: in the others they agree, whatever they weigh there.
+fn factor(metric: DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let plain = metric.clone().cholesky();
+    let ridge = || {
+        let mut stiff = metric;
+        (0..stiff.nrows()).for_each(|i| stiff[(i, i)] *= 1.0 + RIDGE);
+        stiff.cholesky()
+    };
+    Some(plain.or_else(ridge)?.l())
 }
 
 /// Values, standard errors and what is open at the fitted parameters.
