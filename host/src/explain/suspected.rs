@@ -53,9 +53,18 @@ pub(super) fn known(records: &[Record], rig: &Rig) -> Vec<Warning> {
 
 /// Whether nothing at all is missing once nothing is said to be known.
 pub(super) fn clean_without_known(records: &[Record], rig: &Rig, settings: &Settings) -> bool {
-    let free = Rig { known: BTreeMap::new(), ..rig.clone() };
     let alone = Settings { most_effects: Some(0), ..settings.clone() };
-    any_system(records, &free, &alone).is_ok_and(|r| r.verdict == Verdict::NothingMissing)
+    without_known(records, rig, &alone) == Some(Verdict::NothingMissing)
+}
+
+/// Whether effects explain a record once nothing is said to be known.
+pub(super) fn explained_without_known(records: &[Record], rig: &Rig, settings: &Settings) -> bool {
+    without_known(records, rig, settings) == Some(Verdict::Explained)
+}
+
+fn without_known(records: &[Record], rig: &Rig, settings: &Settings) -> Option<Verdict> {
+    let free = Rig { known: BTreeMap::new(), ..rig.clone() };
+    any_system(records, &free, settings).ok().map(|r| r.verdict)
 }
 
 /// Whether a suspect leaves nothing for an explanation to find.
