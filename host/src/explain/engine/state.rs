@@ -90,8 +90,7 @@ impl State {
         if let Some(mut physical) = setting.physical(&own.0, &own.1, &self.physical) {
             // What written equations stand for follows from their coefficients alone.
             if setting.shooting && !setting.is_written() {
-                let errors = physical.std_errors(&own.1);
-                let most = self.relaxation.relax(&self.physical.values, &mut physical.values, &errors);
+                let most = self.relaxation.relax(&self.physical.values, &mut physical.values, &physical.errors);
                 is_short = most > SMALL_INCREMENT;
             }
             for k in &mut self.chosen {

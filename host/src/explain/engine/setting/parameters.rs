@@ -72,12 +72,15 @@ pub struct Physical {
     pub written: Vec<f64>,
     /// What else of the parameters stays open.
     pub openness: Openness,
-    /// ∂p/∂b of the parameters by the coefficients without dampings; of no column where they are not
-    /// tied.
+    /// ∂p/∂b of the parameters by the coefficients without dampings, 0 of those that these hardly
+    /// tell ([`MOST_MOVED`]); of no column where they are not tied.
     pub slopes: DMatrix<f64>,
+    /// Standard errors of the parameters by those of the coefficients without dampings.
+    pub errors: Vec<f64>,
 }
 
-/// Largest relative change of a parameter that the slopes are trusted for: a mass stays one.
+/// Largest relative change of a parameter that the slopes are trusted for: a mass stays one. One
+/// whose standard error is more is held where it is while coefficients are fitted.
 const MOST_MOVED: f64 = 0.5;
 
 impl Physical {
@@ -92,15 +95,6 @@ impl Physical {
         let most = self.values.iter().zip(step.iter()).map(relative).fold(0.0, f64::max);
         let share = if most > MOST_MOVED { MOST_MOVED / most } else { 1.0 };
         Self { values: self.values.iter().zip(step.iter()).map(|(p, d)| p + share * d).collect(), ..self.clone() }
-    }
-
-    /// Standard errors from the covariance of the coefficients without dampings: √diag(S C Sᵀ), S =
-    /// ∂p/∂b; none where they are not tied.
-    pub fn std_errors(&self, covariance: &DMatrix<f64>) -> Vec<f64> {
-        if self.slopes.ncols() != covariance.nrows() {
-            return Vec::new();
-        }
-        self.slopes.row_iter().map(|s| (s * covariance * s.transpose())[(0, 0)].max(0.0).sqrt()).collect()
     }
 
     /// Whether the inertia of an equation stays open: it is the unit of what acts there, and is held
@@ -141,6 +135,7 @@ pub(super) fn of_equations(model: &ModelFile, rig: &Rig, values: &[f64]) -> Opti
         written: values.to_vec(),
         openness: Openness::default(),
         slopes: DMatrix::zeros(0, 0),
+        errors: Vec::new(),
     })
 }
 
@@ -154,8 +149,15 @@ fn physical(
     let fit = ties::fit_near(mechanism, b, &known, near)?;
     let own = mechanism.file.as_deref()?.parameters.len();
     let values = fit.parameters[..own].to_vec();
-    let slopes = fit.slopes.rows(0, own).into_owned();
-    Some(Physical { values, open: fit.open_scales, written: Vec::new(), openness: fit.openness, slopes })
+    let mut slopes = fit.slopes.rows(0, own).into_owned();
+    let variance = |s: &DMatrix<f64>, k: usize| (s.row(k) * b.covariance * s.row(k).transpose())[(0, 0)];
+    let errors: Vec<f64> = (0..own).map(|k| variance(&slopes, k).max(0.0).sqrt()).collect();
+    for (k, (value, error)) in values.iter().zip(&errors).enumerate() {
+        if *error > MOST_MOVED * value.abs() {
+            slopes.row_mut(k).fill(0.0);
+        }
+    }
+    Some(Physical { values, open: fit.open_scales, written: Vec::new(), openness: fit.openness, slopes, errors })
 }
 
 /// Parameters behind an identification's coefficients.
@@ -173,4 +175,54 @@ pub(super) fn of_identification(
     // These are coefficients of dampings as well; how parameters follow from the others alone is
     // known when these are fitted.
     physical(mechanism, &b, known, &[]).map(|found| Physical { slopes: DMatrix::zeros(0, 0), ..found })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::system::library;
+
+    const TRUTH: [(&str, f64); 12] = [
+        ("m1", 0.1362),
+        ("e1", 0.0127),
+        ("J_1", 5.0e-4),
+        ("l1", 0.0635),
+        ("m2", 0.04),
+        ("e2", 0.0267),
+        ("J_2", 4.033e-5),
+        ("a_c", 0.0155),
+        ("a_s", -0.004),
+        ("g", 9.81),
+        ("coulomb-friction@joint1", 6e-4),
+        ("viscous-friction@joint2", 6.1e-5),
+    ];
+
+    /// Parameters of a double pendulum from exact coefficients, each with a share of it as standard
+    /// error; number of J_2.
+    fn with_errors(share: f64) -> (Physical, usize) {
+        let text = library::text("double-pendulum").unwrap();
+        let model = library::read("double-pendulum", text).unwrap().model(None, 31.4).unwrap();
+        let mechanism = model.mechanism.clone().unwrap();
+        let of = |n: &str| TRUTH.iter().find(|t| t.0 == n).unwrap().1;
+        let truth: Vec<f64> = mechanism.parameters.iter().map(|p| of(&p.name)).collect();
+        let names: Vec<String> = mechanism.coefficients.iter().map(|c| c.name.clone()).collect();
+        let values = DVector::from_iterator(names.len(), names.iter().map(|n| mechanism.value(n, &truth).unwrap()));
+        let covariance = DMatrix::from_diagonal(&values.map(|v| (share * v).powi(2)));
+        let known = ["m2", "e2", "l1", "g"].map(|n| (n.to_owned(), of(n))).into();
+        let b = Identified { names: &names, values: &values, covariance: &covariance, metric: &covariance };
+        let place = mechanism.parameters.iter().position(|p| p.name == "J_2").unwrap();
+        (physical(&mechanism, &b, &known, &[]).unwrap(), place)
+    }
+
+    /// About a mass that the record hardly tells, what a coefficient does to it means nothing.
+    #[test]
+    fn what_coefficients_hardly_tell_is_held_while_they_are_fitted() {
+        let by = |p: &Physical| DVector::from_element(p.slopes.ncols(), 0.01);
+        let (told, k) = with_errors(1e-3);
+        assert!(told.errors[k] > 0.0 && told.errors[k] < 1e-2 * told.values[k], "{:?}", told.errors);
+        assert!((told.moved(&by(&told)).values[k] / told.values[k] - 1.0).abs() > 1e-3);
+        let (vague, k) = with_errors(2.0);
+        assert!(vague.errors[k] > vague.values[k], "{:?}", vague.errors);
+        assert_eq!(vague.moved(&by(&vague)).values[k], vague.values[k]);
+    }
 }
