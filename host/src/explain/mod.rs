@@ -98,14 +98,14 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     };
     // What is missing bends quantities as well: where effects explain the record, or nothing would
     // even if nothing were known, it is a remark.
-    let bent = match result.verdict {
+    let bent = || match result.verdict {
         Verdict::Explained => !result.effects.is_empty(),
         Verdict::Unexplained => {
             known.iter().any(|w| w.invalidates) && !suspected::explained_without_known(records, rig, settings)
         }
         Verdict::NothingMissing | Verdict::NotDecidable => false,
     };
-    if !misled && bent {
+    if !misled && bent() {
         known.iter_mut().for_each(|w| w.invalidates = false);
     }
     if !of_record.is_empty() {

@@ -383,4 +383,4 @@ fn report(
 
 #[cfg(test)]
 #[path = "ties_tests.rs"]
-mod tests;
+pub(crate) mod tests;

@@ -3,7 +3,7 @@
 use super::*;
 use crate::system::library;
 
-const TRUTH: [(&str, f64); 12] = [
+pub(crate) const TRUTH: [(&str, f64); 12] = [
     ("m1", 0.1362),
     ("e1", 0.0127),
     ("J_1", 5.0e-4),

@@ -21,8 +21,8 @@ impl Relaxation {
     /// how far the farthest would have gone, in standard errors. Those without an error are not
     /// counted.
     pub fn relax(&mut self, from: &[f64], to: &mut [f64], errors: &[f64]) -> f64 {
-        let relative = |((a, b), error): ((&f64, &f64), &f64)| if *error > 0.0 { (b - a) / error } else { 0.0 };
-        let step: Vec<f64> = from.iter().zip(&*to).zip(errors).map(relative).collect();
+        let in_errors = |((a, b), error): ((&f64, &f64), &f64)| if *error > 0.0 { (b - a) / error } else { 0.0 };
+        let step: Vec<f64> = from.iter().zip(&*to).zip(errors).map(in_errors).collect();
         let is_next = !step.is_empty() && self.step.len() == step.len();
         self.share = if is_next { self.next(&step) } else { 1.0 };
         to.iter_mut().zip(from).for_each(|(to, from)| *to = from + self.share * (*to - from));

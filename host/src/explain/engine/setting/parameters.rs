@@ -181,21 +181,7 @@ pub(super) fn of_identification(
 mod tests {
     use super::*;
     use crate::system::library;
-
-    const TRUTH: [(&str, f64); 12] = [
-        ("m1", 0.1362),
-        ("e1", 0.0127),
-        ("J_1", 5.0e-4),
-        ("l1", 0.0635),
-        ("m2", 0.04),
-        ("e2", 0.0267),
-        ("J_2", 4.033e-5),
-        ("a_c", 0.0155),
-        ("a_s", -0.004),
-        ("g", 9.81),
-        ("coulomb-friction@joint1", 6e-4),
-        ("viscous-friction@joint2", 6.1e-5),
-    ];
+    use crate::system::ties::tests::TRUTH;
 
     /// Parameters of a double pendulum from exact coefficients, each with a share of it as standard
     /// error; number of J_2.
