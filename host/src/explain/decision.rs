@@ -3,6 +3,7 @@
 //! of it, since simpler ones explain as much.
 
 mod evidence;
+mod pairs;
 
 use std::collections::BTreeMap;
 
@@ -53,6 +54,8 @@ pub(super) struct Offer {
     pub(super) refines: Option<String>,
     /// Whether the model has it already, or it was refused.
     pub(super) taken: bool,
+    /// Whether its form was moved to what is left.
+    pub(super) moved: bool,
 }
 
 /// What was chosen.
@@ -83,16 +86,6 @@ struct Score {
     deviations: f64,
     p: f64,
     fit: Fit,
-}
-
-/// Two candidates beside the model.
-struct Pair<'a> {
-    first: &'a Score,
-    second: &'a Score,
-    /// The larger of their probabilities by chance, each beside the other.
-    p: f64,
-    gain: f64,
-    held_out: Vec<f64>,
 }
 
 /// What a step of the selection is made from.
@@ -198,6 +191,28 @@ impl<'a> Field<'a> {
         s.deviations > self.evidence.least_deviations() && self.is_something(s.gain)
     }
 
+    /// The strongest, where its form was moved to what is left: its probability by chance and its
+    /// gain are those of a form on its way, and say less than what it leaves when it was refitted,
+    /// by which the search keeps it or does not.
+    fn on_trial<'b>(&self, order: &[&'b Score]) -> Option<&'b Score> {
+        let is_tried = |s: &&&Score| self.offers[s.index].moved && s.p < NEAR && self.stands(s) && !self.feeds(s);
+        order.first().filter(is_tried).copied()
+    }
+
+    /// A candidate as the choice.
+    fn choice(&self, s: &Score, order: &[&Score], twins: Vec<String>) -> Choice {
+        let share = |s: &Score| s.gain * self.blocks / self.total;
+        let next = order.iter().find(|o| self.name(o) != self.name(s));
+        Choice {
+            index: s.index,
+            fit: s.fit.clone(),
+            p_value: s.p,
+            share: share(s),
+            twins,
+            runner_up: next.map(|o| (self.name(o).to_owned(), share(o))),
+        }
+    }
+
     /// Why candidates that were close are not taken, those that take away most first; `feigned`:
     /// those that the sensors alone give.
     fn refusals(&self, order: &[&Score], feigned: &[usize]) -> Vec<Refused> {
@@ -220,72 +235,6 @@ impl<'a> Field<'a> {
             Some(Refused::new(self.name(s), why))
         })
         .collect()
-    }
-
-    /// Two that only together are supported: each hides the other's trace while it is missing (a
-    /// pendulum that Coulomb friction stops and whose damping grows with the swing looks viscous).
-    /// Each must be significant beside the other, over all pairs; the one that takes away more by
-    /// itself (of one and what refines it the simpler) comes first, with its probability.
-    fn pair<'b>(&'b self, order: &[&'b Score], together: &dyn Evidence) -> Option<(&'b Score, f64)> {
-        let refines = |a: &Score, b: &Score| self.offers[a.index].refines.as_deref() == Some(self.name(b));
-        // A refinement stands only beside what it refines, where that is on the list.
-        let bears = |a: &Score, b: &Score| refines(a, b) || !order.iter().any(|o| refines(a, o));
-        let all: Vec<(&Score, &Score)> = order
-            .iter()
-            .enumerate()
-            .flat_map(|(k, a)| order[k + 1..].iter().map(move |b| (*a, *b)))
-            .filter(|(a, b)| bears(a, b) && bears(b, a))
-            .collect();
-        let tests = all.len() as f64;
-        // Columns where candidates are together: in this order behind the own ones.
-        let mut at = self.own.len();
-        let mut ranges: BTreeMap<usize, core::ops::Range<usize>> = BTreeMap::new();
-        for s in order {
-            let d = self.places[s.index].1;
-            ranges.insert(s.index, at..at + d);
-            at += d;
-        }
-        let range = |s: &Score| ranges.get(&s.index).cloned().unwrap_or_default();
-        let fit = |first: &Score, last: &Score| -> Option<(f64, f64, Vec<f64>)> {
-            let columns: Vec<usize> = self.own.iter().copied().chain(range(first)).chain(range(last)).collect();
-            let fit = together.fit(&columns)?;
-            let d = self.places[last.index].1;
-            // One that would have to feed the motion is held at nothing.
-            let first_at = fit.all.len() - d - self.places[first.index].1;
-            if self.offers[first.index].positive && fit.all[first_at] <= 0.0 {
-                return None;
-            }
-            let (gain, _) = ranking::gain(&self.plain.held_out, &fit.held_out);
-            Some((ranking::p_value(&fit, d), gain, fit.held_out))
-        };
-        let scored: Vec<Pair<'_>> = all
-            .par_iter()
-            .filter_map(|&(a, b)| {
-                let ((p, gain, held_out), (q, ..)) = (fit(a, b)?, fit(b, a)?);
-                Some(Pair { first: a, second: b, p: p.max(q), gain, held_out })
-            })
-            .collect();
-        let supported: Vec<&Pair<'_>> = scored
-            .iter()
-            .filter(|x| {
-                let single = x.first.gain.max(x.second.gain).max(0.0);
-                let (_, error) = ranking::gain(&self.plain.held_out, &x.held_out);
-                let more = x.gain - single;
-                let clear = more > self.evidence.least_deviations() * error;
-                x.p * tests < OF_A_FAMILY && clear && self.is_something(more)
-            })
-            .collect();
-        let best = supported.iter().max_by(|x, y| x.gain.total_cmp(&y.gain))?;
-        // Of those within a standard error the simplest, then those that stand first in the
-        // catalogue: its laws are in the order of how common they are.
-        let within = supported.iter().filter(|x| {
-            let (mean, error) = ranking::gain(&x.held_out, &best.held_out);
-            mean <= error
-        });
-        let size = |s: &Score| self.offers[s.index].strengths + self.offers[s.index].shapes;
-        let Pair { first: a, second: b, p, .. } =
-            within.min_by_key(|x| (size(x.first) + size(x.second), x.first.index.max(x.second.index)))?;
-        Some((if refines(a, b) { b } else { a }, *p))
     }
 }
 
@@ -355,21 +304,14 @@ pub(super) fn choose(
         feigned.push(winner.index);
     };
     *refused = field.refusals(&order, &feigned);
-    let share = |s: &Score| s.gain * blocks / total;
-    let runner_up = |than: &Score| {
-        order.iter().find(|s| field.name(s) != field.name(than)).map(|s| (field.name(s).to_owned(), share(s)))
-    };
+    let trial = field.on_trial(&order).filter(|s| winner.is_none_or(|w| w.index != s.index));
+    if let Some(strongest) = trial {
+        return Some(field.choice(strongest, &order, Vec::new()));
+    }
     let Some(winner) = winner else {
         let indices: Vec<usize> = order.iter().map(|s| s.index).collect();
         let (first, p_value) = field.pair(&order, &*together(&indices)?)?;
-        return Some(Choice {
-            index: first.index,
-            fit: first.fit.clone(),
-            p_value,
-            share: share(first),
-            twins: Vec::new(),
-            runner_up: runner_up(first),
-        });
+        return Some(Choice { p_value, ..field.choice(first, &order, Vec::new()) });
     };
     let significant =
         |s: &Score| s.p * tests < OF_A_FAMILY && field.stands(s) && !field.feeds(s) && !feigned.contains(&s.index);
@@ -386,12 +328,5 @@ pub(super) fn choose(
         })
         .map(|s| field.name(s).to_owned())
         .collect();
-    Some(Choice {
-        index: winner.index,
-        fit: winner.fit.clone(),
-        p_value: winner.p,
-        share: share(winner),
-        twins,
-        runner_up: runner_up(winner),
-    })
+    Some(field.choice(winner, &order, twins))
 }

@@ -92,6 +92,16 @@ pub struct Pieces {
     pub known: Vec<bool>,
 }
 
+/// A piece, the guess of its state, and whether that is what was known.
+pub struct KnownPiece {
+    /// Piece.
+    pub piece: Piece,
+    /// Guess of its state.
+    pub guess: Vec<f64>,
+    /// Whether the guess is what was known.
+    pub is_known: bool,
+}
+
 /// All stretches on one axis of time.
 pub struct Track<'a> {
     /// What each sensor shows of the coordinates, states of effects behind them.
@@ -250,6 +260,11 @@ impl<'a> Track<'a> {
 
     /// One piece of a stretch, with the guess of its state.
     pub fn piece(&self, stretch: usize, first: usize, count: usize) -> Option<(Piece, Vec<f64>)> {
+        self.known_piece(stretch, first, count).map(|k| (k.piece, k.guess))
+    }
+
+    /// The same, and whether the guess is what was known.
+    pub fn known_piece(&self, stretch: usize, first: usize, count: usize) -> Option<KnownPiece> {
         let angles = self.bound.model.circle();
         let guess = (count / 16).clamp(3, 8);
         let shown = self.shown();
@@ -260,8 +275,8 @@ impl<'a> Track<'a> {
         let measured = MeasuredStretch { start_s, sensors, tau: Box::new(move |i| s.tau(first + i)) };
         let (mut pieces, mut guesses) = cut(&[measured], &geometry, count, count)?;
         let mut guess = guesses.pop()?;
-        let _known = self.improve(stretch, first, &mut guess);
-        Some((Piece { stretch, ..pieces.pop()? }, guess))
+        let is_known = self.improve(stretch, first, &mut guess);
+        Some(KnownPiece { piece: Piece { stretch, ..pieces.pop()? }, guess, is_known })
     }
 
     /// Puts what is known into a guess at a sample of a stretch, if it is, and the states that are
@@ -282,6 +297,11 @@ impl<'a> Track<'a> {
         guess.splice(n..n, self.hidden.iter().map(|_| 0.0));
         guess.extend(self.hidden.iter().map(|k| s.remembered(*k, first, 1)[0]));
         is_known
+    }
+
+    /// Stretches.
+    pub fn stretches(&self) -> usize {
+        self.stretches.len()
     }
 
     /// Samples of a stretch.

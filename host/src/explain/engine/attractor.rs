@@ -10,7 +10,7 @@
 use nalgebra::DVector;
 use serde::Serialize;
 
-use super::prediction::Model;
+use super::prediction::{Model, Span};
 use super::setting::Setting;
 use super::state::State;
 use crate::identify::stretches::Stretch;
@@ -42,7 +42,7 @@ pub fn measure(
     setting: &Setting<'_>,
     state: &State,
     x: &DVector<f64>,
-    horizons: (f64, f64),
+    (horizon_s, held_out): (f64, &[Span]),
     step_s: Option<f64>,
 ) -> Option<Attractor> {
     if !setting.circle.iter().all(|c| *c) {
@@ -52,10 +52,10 @@ pub fn measure(
     let model = Model { motion: &motion, parameters: &parameters, step_s };
     let tolerance = vec![TOLERANCE_DEG.to_radians(); setting.bound.sensors.len()];
     state.on_free_track(setting, hidden, |track| {
-        let prediction_horizon_s = model.holds_s(track, horizons, &tolerance, LONGEST * horizons.0)?;
+        let prediction_horizon_s = model.holds_s(track, (horizon_s, held_out), &tolerance, LONGEST * horizon_s)?;
         let longest = (0..state.stretches.len()).max_by_key(|&k| (state.stretches[k].len(), usize::MAX - k))?;
         let test = setting.rig.drive.and_then(|_| {
-            let shown = model.shown(track, longest, horizons.0)?;
+            let shown = model.shown(track, longest, horizon_s)?;
             let [measured, simulated] = sections(setting, &state.stretches[longest], &shown)?;
             energy_test(&measured, &simulated, SEED)
         });

@@ -8,7 +8,7 @@
 use nalgebra::DVector;
 use serde::Serialize;
 
-use super::prediction::Model;
+use super::prediction::{Model, Span};
 use super::setting::Setting;
 use super::state::State;
 use super::units::Unit;
@@ -54,7 +54,7 @@ pub fn compare(
     setting: &Setting<'_>,
     before: Stage<'_>,
     after: Option<Stage<'_>>,
-    (horizons, step_s): ((f64, f64), Option<f64>),
+    (horizons, held_out, step_s): ((f64, f64), &[Span], Option<f64>),
     holds_s: Option<f64>,
 ) -> Option<Compared> {
     let [least, most] = SPAN.map(|f| f * horizons.0);
@@ -62,7 +62,7 @@ pub fn compare(
     let run = |(state, x): Stage<'_>| -> Vec<((usize, usize), Vec<f64>)> {
         let Some((motion, parameters, hidden)) = state.free_motion_of(setting, x, 0) else { return Vec::new() };
         let model = Model { motion: &motion, parameters: &parameters, step_s };
-        state.on_free_track(setting, hidden, |t| model.free(t, horizons, span_s, MOST))
+        state.on_free_track(setting, hidden, |t| model.free(t, (horizons.0, held_out), span_s, MOST))
     };
     // Parameters are those of the first record.
     let of_first = |at: &(usize, usize)| setting.record_of.get(at.0).is_none_or(|r| *r == 0);

@@ -9,9 +9,11 @@ use rayon::prelude::*;
 
 use super::candidates::Candidate;
 use super::correct;
+use super::prediction::Span;
 use super::setting::Setting;
 use super::state::State;
 use crate::error::Result;
+use crate::explain::ranking::FOLDS;
 use crate::identify::series::System;
 use crate::identify::stretches::Stretch;
 use crate::identify::windows::{WindowRows, frequency_of_row, row_count, rows_of};
@@ -51,6 +53,18 @@ impl Design {
     /// Number of equations.
     pub fn equations(&self) -> usize {
         self.rows / row_count(self.frequencies)
+    }
+
+    /// What windows of every fold but the first leave out.
+    pub fn held_out(&self, setting: &Setting<'_>) -> Vec<Span> {
+        let (windows, reach) = (&setting.geometry.windows, setting.geometry.kernels.full.reach());
+        let of = |w: &Window| {
+            // Short against the stretch; rounded as windows are placed.
+            let samples = |s: f64| (s / setting.raw[w.run].step_s).round() as usize;
+            let begin = reach + samples(w.index as f64 * windows.hop_s);
+            [w.run, begin, begin + samples(windows.length_s)]
+        };
+        self.windows.iter().filter(|w| w.index % 2 == 0 && w.blocks().0 % FOLDS == 0).map(of).collect()
     }
 
     /// Equation and frequency of a row.

@@ -6,6 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use super::candidates::{Candidate, Column};
 use super::design::Design;
 use super::power::Power;
+use super::prediction::Span;
 use super::relaxation::Relaxation;
 use super::setting::Setting;
 use super::sharpened::sharpen;
@@ -15,7 +16,7 @@ use super::state::State;
 use super::{design, power, shooting};
 use crate::error::{BadInput, Result};
 use crate::explain::decision::{self, Rows};
-use crate::explain::ranking::{self, Fit, Weights};
+use crate::explain::ranking::{self, FOLDS, Fit, Weights};
 use crate::identify::jackknife::widening;
 
 /// Share of what is left above the sensors' noise that a candidate must take away in shooting: less
@@ -134,6 +135,14 @@ impl Outcome {
         match &self.evidence {
             Evidence::Shooting(blocks) => blocks.covariance(&self.own, &self.fit),
             Evidence::Weak(..) => &self.fit.covariance * widening(self.fit.blocks).powi(2),
+        }
+    }
+
+    /// What the coefficients of the training windows, `fit.train`, were not fitted to.
+    pub fn held_out(&self, setting: &Setting<'_>) -> Vec<Span> {
+        match &self.evidence {
+            Evidence::Weak(design, _) => design.held_out(setting),
+            Evidence::Shooting(blocks) => blocks.places.iter().step_by(FOLDS).copied().collect(),
         }
     }
 

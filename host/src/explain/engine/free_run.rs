@@ -2,6 +2,7 @@
 //! simulation error), and one simulation of the whole: least-squares fits of shooting
 //! ([`crate::identify::shooting`]).
 
+use super::prediction::motion_power;
 use crate::identify::shooting::problem::Piece;
 use crate::identify::shooting::solve::{Bounds, Start, minimise};
 use crate::identify::track::Track;
@@ -130,18 +131,6 @@ struct Fitted {
     residuals: Vec<f64>,
     converged: bool,
     step_s: f64,
-}
-
-/// Mean square of what the sensors show about its mean, in units of their noise's.
-fn motion_power(piece: &Piece, track: &Track<'_>) -> f64 {
-    let sensors = track.sensors.len();
-    let of = |k: usize| {
-        let all = || piece.measured.iter().skip(k).step_by(sensors);
-        let count = all().count().max(1) as f64;
-        let mean = all().sum::<f64>() / count;
-        all().map(|x| (x - mean).powi(2)).sum::<f64>() / (count * track.sigma[k].powi(2))
-    };
-    (0..sensors).map(of).sum::<f64>() / sensors.max(1) as f64
 }
 
 /// Such a fit from sample `first` of a stretch on.

@@ -14,11 +14,12 @@
 //! | `memory` | effects with states of their own |
 //! | `offered` | candidates beside a state of the model |
 //! | `state` | coefficients and what was added |
-//! | `run`, `search` | from the first fit to the verdict, effect by effect |
+//! | `run`, `search`, `chosen` | from the first fit to the verdict, effect by effect |
 //! | `expected` | what a record that the model makes would tell |
 //! | `exchange` | one effect in the place of another |
 //! | `design` | columns over all windows of the weak form |
 //! | `shooting` | columns of trajectories |
+//! | `frames` | frequencies at which the frame gives way |
 //! | `evidence` | one fit and one choice over either |
 //! | `simulation` | free runs beyond what was fitted |
 //! | `correct` | sensor effects taken off |
@@ -36,6 +37,7 @@
 
 pub mod attractor;
 mod candidates;
+mod chosen;
 pub mod compared;
 pub mod correct;
 pub mod design;
@@ -44,6 +46,7 @@ mod exchange;
 pub mod expected;
 mod followed_on;
 mod forecast;
+mod frames;
 mod free_run;
 pub mod given;
 mod memory;

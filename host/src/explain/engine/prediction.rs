@@ -7,8 +7,9 @@
 use rayon::prelude::*;
 
 use super::free_run::step_of;
+use super::shooting::MOST_LOST;
 use crate::identify::shooting::problem::Piece;
-use crate::identify::track::Track;
+use crate::identify::track::{KnownPiece, Track};
 use crate::model::dynamics::Dynamics;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
@@ -21,13 +22,35 @@ const EXACT_GAP: f64 = 1e-5;
 /// the noise of its rounding.
 const AT_REST: f64 = 7.0;
 
+/// A part of a stretch: its number, and the samples of it at which the part begins and ends.
+pub type Span = [usize; 3];
+
 /// Where predictions are made.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Part {
-    /// Inside the held-out blocks: every third, s each.
-    HeldOut(f64),
+pub enum Part<'a> {
+    /// Inside what was not fitted.
+    HeldOut(&'a [Span]),
     /// From a sample of a stretch on, and in every later stretch.
     From(usize, usize),
+}
+
+impl Part<'_> {
+    /// Stretch and first sample of windows of some samples, a quarter of one apart.
+    fn places(&self, track: &Track<'_>, length: usize) -> Vec<(usize, usize)> {
+        let hop = (length / 4).max(16);
+        // The last sample is the first of what follows.
+        let inside = |[stretch, begin, end]: Span| {
+            let last = (end + 1).min(track.samples(stretch)).checked_sub(length).filter(|last| *last >= begin);
+            last.into_iter().flat_map(move |last| (begin..=last).step_by(hop).map(move |first| (stretch, first)))
+        };
+        match *self {
+            Self::HeldOut(spans) => spans.iter().copied().flat_map(inside).collect(),
+            Self::From(stretch, sample) => {
+                let from = |k: usize| [k, if k == stretch { sample } else { 0 }, track.samples(k)];
+                (stretch..track.stretches()).map(from).flat_map(inside).collect()
+            }
+        }
+    }
 }
 
 /// Windows that predictions are made in.
@@ -43,39 +66,28 @@ struct Windows {
 }
 
 /// At most `most` windows of a horizon in a part of the record, spread evenly.
-fn windows(track: &Track<'_>, horizon_s: f64, part: Part, most: usize) -> Option<Windows> {
+fn windows(track: &Track<'_>, horizon_s: f64, part: Part<'_>, most: usize) -> Windows {
     let length = ((horizon_s / track.spacing_s).round() as usize).max(8) + 1;
-    let all = track.cut(length, (length / 12).clamp(3, 16))?;
-    let values = length * track.sensors.len();
-    let place = |k: usize| {
-        let since_s = track.since_begin(&all.pieces[k]);
-        (all.pieces[k].stretch, (since_s / track.spacing_s).round() as usize)
-    };
+    let place = |at: (usize, usize)| Some((at, track.known_piece(at.0, at.1, length)?));
+    let mut all: Vec<_> = part.places(track, length).into_iter().filter_map(place).collect();
     // Where states are known from windows that were followed, one whose start has to be sought, and
     // may not be found, decides nothing.
-    let known = all.known.iter().filter(|k| **k).count();
-    let only_known = 2 * known >= all.known.len();
-    let kept: Vec<usize> = (0..all.pieces.len())
-        .filter(|&k| all.pieces[k].measured.len() == values && (!only_known || all.known[k]))
-        .filter(|&k| match part {
-            Part::HeldOut(block_s) => {
-                let block = (track.since_begin(&all.pieces[k]) / block_s).floor() as i64;
-                block.rem_euclid(3) == 0
-            }
-            Part::From(stretch, sample) => place(k) >= (stretch, sample),
-        })
-        .collect();
-    let moving: Vec<usize> = kept.iter().copied().filter(|&k| moves(&all.pieces[k], track)).collect();
-    let kept = if matches!(part, Part::HeldOut(_)) && !moving.is_empty() { moving } else { kept };
-    let stride = kept.len().div_ceil(most).max(1);
-    let kept: Vec<usize> = kept.into_iter().step_by(stride).collect();
-    Some(Windows {
-        places: kept.iter().map(|&k| place(k)).collect(),
-        guesses: kept.iter().map(|&k| all.guesses[k].clone()).collect(),
-        known: kept.iter().map(|&k| all.known[k]).collect(),
-        pieces: kept.into_iter().map(|k| all.pieces[k].clone()).collect(),
-        length,
-    })
+    if 2 * all.iter().filter(|(_, p)| p.is_known).count() >= all.len() {
+        all.retain(|(_, p)| p.is_known);
+    }
+    let moving = |(_, p): &((usize, usize), KnownPiece)| moves(&p.piece, track);
+    if matches!(part, Part::HeldOut(_)) && all.iter().any(moving) {
+        all.retain(moving);
+    }
+    let stride = all.len().div_ceil(most).max(1);
+    let mut out = Windows { pieces: Vec::new(), guesses: Vec::new(), known: Vec::new(), places: Vec::new(), length };
+    for (place, KnownPiece { piece, guess, is_known }) in all.into_iter().step_by(stride) {
+        out.pieces.push(piece);
+        out.guesses.push(guess);
+        out.known.push(is_known);
+        out.places.push(place);
+    }
+    out
 }
 
 /// Whether a window shows any motion: what rests on one count is off by as much everywhere, up to
@@ -89,9 +101,10 @@ fn moves(piece: &Piece, track: &Track<'_>) -> bool {
     })
 }
 
-/// Rms motion about the mean over the gap's windows, over the noise; none where that is no number.
-pub fn motion(track: &Track<'_>, horizon_s: f64, block_s: f64) -> Option<f64> {
-    let windows = windows(track, horizon_s, Part::HeldOut(block_s), MOST_WINDOWS)?;
+/// Rms motion about the mean over windows of the horizon, over the noise; none where that is no
+/// number.
+pub fn motion(track: &Track<'_>, horizon_s: f64) -> Option<f64> {
+    let windows = windows(track, horizon_s, Part::From(0, 0), MOST_WINDOWS);
     let sum: f64 = windows.pieces.iter().map(|p| motion_power(p, track)).sum();
     let rms = (sum / windows.pieces.len() as f64).sqrt();
     (rms.is_finite() && rms > 0.0).then_some(rms)
@@ -127,49 +140,52 @@ impl Model<'_> {
         (found, step_s)
     }
 
-    /// The gap over windows of the horizon inside the held-out blocks: rms of predicted minus
+    /// The gap over windows of the horizon inside what was not fitted: rms of predicted minus
     /// measured over the noise, over the degrees of freedom that the fit of the initial state
-    /// leaves.
-    pub fn gap(&self, track: &Track<'_>, (horizon_s, block_s): (f64, f64)) -> f64 {
-        let Some(windows) = windows(track, horizon_s, Part::HeldOut(block_s), MOST_WINDOWS) else { return f64::NAN };
+    /// leaves. Windows in which the model has no solution are left out while they are few, and then
+    /// count as their motion.
+    pub fn gap(&self, track: &Track<'_>, horizon_s: f64, held_out: &[Span]) -> f64 {
+        let windows = windows(track, horizon_s, Part::HeldOut(held_out), MOST_WINDOWS);
         let values = (windows.length * track.sensors.len()) as f64;
         let states = 2.0 * self.motion.degrees_of_freedom() as f64;
-        let left: Vec<f64> = self.states(track, &windows, horizon_s).0.into_iter().flatten().map(|s| s.1).collect();
+        let found = self.states(track, &windows, horizon_s).0;
+        let left = with_lost(&windows, &found, |_, (_, left)| Some(*left), |piece| motion_power(piece, track));
         let freedom = left.len() as f64 * (values - states);
         if freedom > 0.0 { (left.iter().sum::<f64>() * values / freedom).sqrt() } else { f64::NAN }
     }
 
     /// Rms of predicted minus measured over windows in a part of the record, over all sensors, SI;
     /// none where there is no window.
-    pub fn error(&self, track: &Track<'_>, horizon_s: f64, part: Part, most: usize) -> Option<f64> {
-        let windows = windows(track, horizon_s, part, most).filter(|w| !w.pieces.is_empty())?;
+    pub fn error(&self, track: &Track<'_>, horizon_s: f64, part: Part<'_>, most: usize) -> Option<f64> {
+        let windows = windows(track, horizon_s, part, most);
+        if windows.pieces.is_empty() {
+            return None;
+        }
         let (states, step_s) = self.states(track, &windows, horizon_s);
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
         let problem = track.problem(self.motion, step_s, &at);
         let sensors = track.sensors.len().max(1);
-        let squares: Vec<f64> = windows
-            .pieces
-            .par_iter()
-            .zip(&states)
-            .filter_map(|(piece, state)| {
-                let left = problem.residuals(piece, &state.as_ref()?.0, self.parameters)?;
-                Some(left.iter().enumerate().map(|(i, r)| (r * track.sigma[i % sensors]).powi(2)).sum::<f64>())
-            })
-            .collect();
+        let off = |piece: &Piece, (state, _): &(Vec<f64>, f64)| {
+            let left = problem.residuals(piece, state, self.parameters)?;
+            Some(left.iter().enumerate().map(|(i, r)| (r * track.sigma[i % sensors]).powi(2)).sum::<f64>())
+        };
+        let moved = |piece: &Piece| (0..sensors).map(|k| about_mean(piece, sensors, k)).sum::<f64>();
+        let squares = with_lost(&windows, &states, off, moved);
         let values = (squares.len() * windows.length * sensors) as f64;
         Some((squares.iter().sum::<f64>() / values).sqrt())
     }
 
-    /// How long predictions from held-out windows, whose states were fitted over the horizon, hold
-    /// until a sensor is off by its tolerance: the median, s. They run for `longest_s` at most.
+    /// How long predictions from windows inside what was not fitted, whose states were fitted over
+    /// the horizon, hold until a sensor is off by its tolerance: the median, s; nothing where the
+    /// model has no solution. They run for `longest_s` at most.
     pub fn holds_s(
         &self,
         track: &Track<'_>,
-        (horizon_s, block_s): (f64, f64),
+        (horizon_s, held_out): (f64, &[Span]),
         tolerance: &[f64],
         longest_s: f64,
     ) -> Option<f64> {
-        let windows = windows(track, horizon_s, Part::HeldOut(block_s), MOST_WINDOWS)?;
+        let windows = windows(track, horizon_s, Part::HeldOut(held_out), MOST_WINDOWS);
         let (states, step_s) = self.states(track, &windows, horizon_s);
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
         let problem = track.problem(self.motion, step_s, &at);
@@ -179,7 +195,7 @@ impl Model<'_> {
             .par_iter()
             .zip(&states)
             .filter_map(|(&(stretch, first), state)| {
-                let (state, _) = state.as_ref()?;
+                let Some((state, _)) = state else { return Some(0.0) };
                 let longest = ((longest_s / track.spacing_s) as usize).min(track.samples(stretch) - first);
                 // Longer and longer, since few hold to the end.
                 let lengths = [4, 16].map(|f| f * windows.length).into_iter().filter(|l| *l < longest);
@@ -204,11 +220,11 @@ impl Model<'_> {
     pub fn free(
         &self,
         track: &Track<'_>,
-        (horizon_s, block_s): (f64, f64),
+        (horizon_s, held_out): (f64, &[Span]),
         span_s: f64,
         most: usize,
     ) -> Vec<((usize, usize), Vec<f64>)> {
-        let Some(windows) = windows(track, horizon_s, Part::HeldOut(block_s), most) else { return Vec::new() };
+        let windows = windows(track, horizon_s, Part::HeldOut(held_out), most);
         let (states, step_s) = self.states(track, &windows, horizon_s);
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
         let problem = track.problem(self.motion, step_s, &at);
@@ -250,16 +266,32 @@ impl Model<'_> {
     }
 }
 
+/// What is left in every window; in those where the model has no solution, which are left out while
+/// they are few, their `motion`.
+fn with_lost(
+    windows: &Windows,
+    states: &[State],
+    left: impl Fn(&Piece, &(Vec<f64>, f64)) -> Option<f64> + Sync,
+    motion: impl Fn(&Piece) -> f64,
+) -> Vec<f64> {
+    let of = |(piece, state): (&Piece, &State)| left(piece, state.as_ref()?);
+    let found: Vec<Option<f64>> = windows.pieces.par_iter().zip(states).map(of).collect();
+    let lost = found.iter().filter(|f| f.is_none()).count();
+    let counts = lost as f64 > MOST_LOST * found.len() as f64;
+    let all = found.into_iter().zip(&windows.pieces);
+    all.filter_map(|(f, piece)| f.or_else(|| counts.then(|| motion(piece)))).collect()
+}
+
 /// Mean square of a piece's motion about its mean, in units of the noise.
-fn motion_power(piece: &Piece, track: &Track<'_>) -> f64 {
+pub fn motion_power(piece: &Piece, track: &Track<'_>) -> f64 {
     let m = track.sensors.len();
-    let count = (piece.measured.len() / m.max(1)).max(1) as f64;
-    let sum: f64 = (0..m)
-        .map(|k| {
-            let of = || piece.measured.iter().skip(k).step_by(m);
-            let mean = of().sum::<f64>() / count;
-            of().map(|x| ((x - mean) / track.sigma[k]).powi(2)).sum::<f64>()
-        })
-        .sum();
-    sum / (count * m.max(1) as f64)
+    let of = |k: usize| about_mean(piece, m, k) / track.sigma[k].powi(2);
+    (0..m).map(of).sum::<f64>() / piece.measured.len().max(1) as f64
+}
+
+/// Sum of squares of what a sensor shows of a piece about its mean, SI.
+fn about_mean(piece: &Piece, sensors: usize, k: usize) -> f64 {
+    let of = || piece.measured.iter().skip(k).step_by(sensors);
+    let mean = of().sum::<f64>() / of().count().max(1) as f64;
+    of().map(|x| (x - mean).powi(2)).sum()
 }

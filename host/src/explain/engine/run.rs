@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::prediction::Model;
+use super::prediction::{Model, Span};
 use super::residual_map::{Map, Where};
 use super::search::named;
 use super::setting::Setting;
@@ -33,8 +33,10 @@ pub struct Run<'a> {
     pub state: State,
     /// What is told.
     pub result: Explanation,
-    /// Horizon of the gap, and length of a block of which every third is held out, s.
+    /// Horizon of the gap, and the longest over which it is measured: a window, s.
     horizons: (f64, f64),
+    /// What the coefficients that predictions are made with were not fitted to.
+    held_out: Vec<Span>,
     /// The gap at longer horizons before anything was added.
     before: Vec<(f64, f64)>,
     /// The model before anything was added.
@@ -46,6 +48,7 @@ pub struct Told {
     state: State,
     result: Explanation,
     horizons: (f64, f64),
+    held_out: Vec<Span>,
     before: Vec<(f64, f64)>,
     first: Option<First>,
 }
@@ -72,7 +75,7 @@ impl<'a> Run<'a> {
     ) -> Self {
         let horizon_s = result.gap.horizon_s.min(window_s);
         result.gap.horizon_s = horizon_s;
-        result.gap.motion = state.on_track(&setting, |t| prediction::motion(t, horizon_s, window_s));
+        result.gap.motion = state.on_track(&setting, |t| prediction::motion(t, horizon_s));
         result.gap.floor_in = units::Unit::of(setting.rig, setting.whole).noise(&setting.sensors.sigma);
         result.gap.forecasts = forecast::open(&setting, settings, horizon_s);
         result.simulation = simulation::open(&setting);
@@ -86,7 +89,8 @@ impl<'a> Run<'a> {
             family_wise: decision::FAMILY_WISE,
             folds: ranking::FOLDS,
         };
-        Self { setting, state, result, horizons: (horizon_s, window_s), before: Vec::new(), first: None }
+        let horizons = (horizon_s, window_s);
+        Self { setting, state, result, horizons, held_out: Vec::new(), before: Vec::new(), first: None }
     }
 
     /// A search for the step would follow every jump of a law; an instant off by half of this
@@ -101,7 +105,7 @@ impl<'a> Run<'a> {
     fn gap_at(&self, x: &DVector<f64>, horizon_s: f64) -> f64 {
         let Some((motion, parameters)) = self.state.motion(&self.setting, x) else { return f64::NAN };
         let model = Model { motion: &motion, parameters: &parameters, step_s: self.step_s() };
-        self.state.on_track(&self.setting, |track| model.gap(track, (horizon_s, self.horizons.1)))
+        self.state.on_track(&self.setting, |track| model.gap(track, horizon_s, &self.held_out))
     }
 
     /// The gap at every horizon that it was measured over, in records that the model itself makes:
@@ -122,15 +126,16 @@ impl<'a> Run<'a> {
         };
         let records: Vec<State> = (0..shooting::RECORDS).map(made).collect();
         let mean = |horizon_s: f64| {
-            let of = |r: &State| r.on_track(&self.setting, |track| model.gap(track, (horizon_s, self.horizons.1)));
+            let of = |r: &State| r.on_track(&self.setting, |track| model.gap(track, horizon_s, &self.held_out));
             records.iter().map(of).sum::<f64>() / records.len() as f64
         };
         all.into_iter().map(|(horizon_s, _)| (horizon_s, mean(horizon_s))).collect()
     }
 
-    /// The gap of the model with coefficients `x`.
-    pub fn gap(&self, x: &DVector<f64>) -> f64 {
-        self.gap_at(x, self.horizons.0)
+    /// The gap of the model where it was not fitted.
+    pub fn gap(&mut self, outcome: &Outcome) -> f64 {
+        self.held_out = outcome.held_out(&self.setting);
+        self.gap_at(&outcome.fit.train, self.horizons.0)
     }
 
     /// The same at longer horizons.
@@ -140,14 +145,17 @@ impl<'a> Run<'a> {
     }
 
     fn attractor(&mut self, x: &DVector<f64>) {
-        let found = attractor::measure(&self.setting, &self.state, x, self.horizons, self.step_s());
+        let part = (self.horizons.0, &self.held_out[..]);
+        let found = attractor::measure(&self.setting, &self.state, x, part, self.step_s());
         self.result.gap.attractor.extend(found);
     }
 
     /// Measures a model that was given as it is.
     pub fn as_given(&mut self) {
         let x = given::coefficients(&self.state);
-        let value = self.gap(&x);
+        // It was not fitted to any of this record.
+        self.held_out = (0..self.setting.raw.len()).map(|k| [k, 0, self.setting.raw[k].len()]).collect();
+        let value = self.gap_at(&x, self.horizons.0);
         self.result.gap.steps.push(Step { added: None, value });
         self.forecast(None, Some(&x));
     }
@@ -214,17 +222,18 @@ impl<'a> Run<'a> {
         all.for_each(|steps| drop(steps.pop()));
         let added = self.result.gap.steps.pop().and_then(|s| s.added);
         self.result.gap.attractor.clear();
-        let gap = self.gap(&outcome.fit.train);
+        let gap = self.gap(outcome);
         self.push(added, gap, outcome)
     }
 
     /// What is told so far.
     pub fn clone_told(&self) -> Told {
-        let Self { state, result, horizons, before, first, .. } = self;
+        let Self { state, result, horizons, held_out, before, first, .. } = self;
         Told {
             state: state.clone(),
             result: result.clone(),
             horizons: *horizons,
+            held_out: held_out.clone(),
             before: before.clone(),
             first: first.clone(),
         }
@@ -232,8 +241,9 @@ impl<'a> Run<'a> {
 
     /// Takes what was told before.
     pub fn take_told(&mut self, told: Told) {
-        let Told { state, result, horizons, before, first } = told;
-        (self.state, self.result, self.horizons, self.before, self.first) = (state, result, horizons, before, first);
+        let Told { state, result, horizons, held_out, before, first } = told;
+        (self.state, self.result, self.horizons, self.held_out) = (state, result, horizons, held_out);
+        (self.before, self.first) = (before, first);
     }
 
     /// Goes back to the model before anything was added; false where there is none.
@@ -250,7 +260,7 @@ impl<'a> Run<'a> {
 
     /// Measures the last step once more.
     fn tell_last(&mut self, outcome: &Outcome) -> Result<()> {
-        let value = self.gap(&outcome.fit.train);
+        let value = self.gap(outcome);
         let last = self.result.gap.steps.pop().and_then(|s| s.added);
         self.result.gap.steps.push(Step { added: last.clone(), value });
         self.result.gap.forecasts.iter_mut().for_each(|f| drop(f.steps.pop()));
@@ -269,7 +279,7 @@ impl<'a> Run<'a> {
         self.result.parameters_before = told.parameters;
         let after = (!self.result.effects.is_empty()).then_some((&self.state, x));
         let holds_s = self.result.gap.attractor.last().map(|a| a.prediction_horizon_s);
-        let how = (self.horizons, self.step_s());
+        let how = (self.horizons, &self.held_out[..], self.step_s());
         self.result.prediction = compared::compare(&self.setting, (&state, &fit.2), after, how, holds_s);
     }
 
@@ -306,6 +316,7 @@ impl<'a> Run<'a> {
         undecidable: Option<String>,
     ) -> Result<Explanation> {
         let x = &outcome.fit.train;
+        self.held_out = outcome.held_out(&self.setting);
         let none = self.result.effects.is_empty();
         let after = if none { self.before.clone() } else { self.longer(x) };
         self.result.gap.horizons = self.before.iter().zip(&after).map(|(b, a)| (b.0, b.1, a.1)).collect();

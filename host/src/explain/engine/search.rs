@@ -2,19 +2,20 @@
 //! that is nothing beside the others in the end.
 
 use super::candidates::Candidate;
+use super::chosen::{choose, tell_of};
 use super::evidence::{Evidence, Outcome, refit};
 use super::exchange::{self, Exchange};
 use super::run::Run;
 use super::setting::Setting;
+use super::sharpened::LEFT_BY_SHARPENED;
 use super::shooting::Followed;
 use super::state::{Chosen, State};
 use super::traces::{is_of_many, without_trace};
-use super::{offered, shooting, tell, tones};
+use super::{offered, shooting, tones};
 use crate::error::Result;
 use crate::explain::decidability::EXPLAINED_GAP;
-use crate::explain::decision::{self, Choice, OF_A_FAMILY, Offer};
+use crate::explain::decision::OF_A_FAMILY;
 use crate::explain::explanation::{Explanation, Found, Refused};
-use crate::explain::ranking::Fit;
 use crate::explain::{LEAST_PROGRESS, MOST_EFFECTS, Settings};
 
 /// Most exchanges that are tried.
@@ -26,9 +27,6 @@ const LEAST_KEPT: f64 = 0.5;
 /// Growth of the gap from which an effect is none, whatever it leaves in the windows of shooting (by
 /// hand: of 95 records two had such a one, both wrong; no right one grew by 2 %).
 const FARTHER: f64 = 1.05;
-/// Share of what is left above the noise that a form which was moved to it may leave when it was
-/// refitted (by hand: those that stood in for another shape left half).
-const LEFT_BY_SHARPENED: f64 = 0.25;
 
 /// `ID@PLACE` of a found effect.
 pub fn named(f: &Found) -> String {
@@ -102,7 +100,7 @@ impl Run<'_> {
                 (self.setting.shooting, self.state) = (false, begun);
                 continue;
             }
-            let gap = outcome.as_ref().map_or(f64::NAN, |o| self.gap(&o.fit.train));
+            let gap = outcome.as_ref().map_or(f64::NAN, |o| self.gap(o));
             let kept =
                 self.result.effects.is_empty() || search.keeps(&self.state, outcome.as_ref().ok(), gap, &self.result);
             let outcome = match (kept, search.kept.take()) {
@@ -119,13 +117,14 @@ impl Run<'_> {
                 (_, before) => {
                     let outcome = outcome?;
                     let added = self.result.effects.last().map(named).or_else(|| refitted.cloned());
+                    // It may be the same law in another form.
+                    if let Some(gone) = before.and_then(|b| b.gone) {
+                        self.forget(&gone);
+                    }
                     self.push(added, gap, &outcome)?;
                     // Beside another effect what was no better may be.
                     search.vain.clear();
                     search.try_again();
-                    if let Some(gone) = before.and_then(|b| b.gone) {
-                        self.forget(&gone);
-                    }
                     outcome
                 }
             };
@@ -202,7 +201,15 @@ impl Run<'_> {
             return None;
         }
         // One that was refused beside a model which lacked others may be right in the place of one.
-        let taken = |c: &Candidate| search.has(&self.setting, &self.state, c, &search.vain);
+        let taken = |c: &Candidate, old: &Candidate| {
+            // The form of what remembers may have come to rest beside the best.
+            let again = !old.entry.states.is_empty() && exchange::is_other_form(c, old);
+            if again {
+                search.is_vain(&self.setting, c)
+            } else {
+                search.has(&self.setting, &self.state, c, &search.vain)
+            }
+        };
         let Exchange { gone, index, fit, p_value, promised, share, twins } =
             exchange::best(&self.setting, &self.state, outcome, &taken, &self.result.effects)?;
         search.exchanges += 1;
@@ -303,15 +310,20 @@ impl Search {
     }
 
     /// `ID@PLACE` of what was refused.
-    fn names(&self) -> Vec<String> {
+    pub(super) fn names(&self) -> Vec<String> {
         self.refused.iter().map(|r| format!("{}@{}", r.id, r.at)).collect()
     }
 
     /// Whether a candidate is in the model or among some names, or its form was refused.
-    fn has(&self, setting: &Setting<'_>, state: &State, c: &Candidate, names: &[String]) -> bool {
+    pub(super) fn has(&self, setting: &Setting<'_>, state: &State, c: &Candidate, names: &[String]) -> bool {
         let name = c.name(setting);
         let is_chosen = state.chosen.iter().any(|k| k.candidate.name(setting) == name);
         is_chosen || names.contains(&name) || c.is_sharpened && self.unmoved.contains(&name)
+    }
+
+    /// Whether a candidate was no better in the place of another.
+    fn is_vain(&self, setting: &Setting<'_>, c: &Candidate) -> bool {
+        self.vain.contains(&c.name(setting))
     }
 
     /// Whether the last effect stays: a wrong model makes many look significant, each must also
@@ -336,60 +348,4 @@ impl Search {
             _ => gap <= (1.0 - LEAST_PROGRESS) * previous || previous <= EXPLAINED_GAP,
         }
     }
-}
-
-/// The next effect and what is told of it.
-fn choose(
-    setting: &Setting<'_>,
-    state: &State,
-    outcome: &Outcome,
-    search: &Search,
-    result: &mut Explanation,
-) -> Option<(Found, Candidate)> {
-    let step = result.effects.len();
-    // A step that is chosen for again, after its effect was refused, is told once.
-    result.ranking.retain(|r| r.step != step);
-    let Outcome { candidates, evidence, own, fit } = outcome;
-    let refused = search.names();
-    let offers: Vec<Offer> = candidates
-        .iter()
-        .map(|c| Offer {
-            name: c.name(setting),
-            strengths: c.strengths(),
-            positive: c.entry.positive[0],
-            shapes: c.form.len(),
-            refines: c.entry.refines.as_ref().map(|r| format!("{r}@{}", c.place_name(setting))),
-            taken: search.has(setting, state, c, &refused),
-        })
-        .collect();
-    let feigned = |k: usize, with: &Fit| evidence.feigned(setting, state, &fit.all, &candidates[k], with);
-    let judged = evidence.judged();
-    let together = |indices: &[usize]| -> Option<Box<dyn decision::Evidence>> {
-        let some: Vec<&Candidate> = indices.iter().map(|&i| &candidates[i]).collect();
-        let found = setting.shooting.then(|| shooting::evidence(setting, state, &some, true, &[]));
-        Some(Box::new(found.flatten()?))
-    };
-    let selection = decision::Selection { evidence: &*judged, own, offers: &offers };
-    let (ranking, refused) = (&mut result.ranking, &mut result.refused);
-    let Choice { index, fit, p_value, share, twins, runner_up } =
-        decision::choose(&selection, step, ranking, refused, &feigned, &together)?;
-    let candidate = &candidates[index];
-    let found = Found {
-        p_value,
-        held_out_gain: share,
-        indistinguishable_from: twins,
-        runner_up,
-        ..tell_of(setting, state, candidate, &fit)
-    };
-    Some((found, candidate.clone()))
-}
-
-/// What is told of a candidate whose strengths stand last in a fit.
-fn tell_of(setting: &Setting<'_>, state: &State, candidate: &Candidate, fit: &Fit) -> Found {
-    let d = candidate.strengths();
-    let from = fit.all.len() - d;
-    let strengths: Vec<f64> = fit.all.rows(from, d).iter().copied().collect();
-    let covariance = fit.covariance.view((from, from), (d, d)).into_owned();
-    let (reported, unit) = tell::value(setting, &state.physical, candidate, &strengths, &covariance);
-    tell::found(setting, candidate, reported, unit)
 }

@@ -9,12 +9,12 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::candidates::Candidate;
-use super::exchange::{MISSES, remembers_more, sum};
-use super::memory;
+use super::exchange::{MISSES, is_other_form, remembers_more, sum};
 use super::setting::Setting;
 use super::shooting::Ground;
 use super::shooting::blocks::Blocks;
 use super::state::State;
+use super::{frames, memory};
 use crate::effects::entry::{Form, Shape};
 use crate::explain::decision::OF_A_FAMILY;
 use crate::explain::ranking;
@@ -27,6 +27,9 @@ const CHANCE: f64 = 0.05;
 /// Share of what is left that a moved form must take away beside the model (by hand; what it leaves
 /// when it was refitted is judged by the search).
 const MUCH_OF_IT: f64 = 0.25;
+/// Share of what is left above the noise that a form which was moved to it may leave when it was
+/// refitted (by hand: those that stood in for another shape left half).
+pub const LEFT_BY_SHARPENED: f64 = 0.25;
 /// Share of its gain by which what a law refines may be worse, and it is not moved beside the model
 /// (by hand): there the simpler one is named, which it may then replace.
 const AS_GOOD: f64 = 0.05;
@@ -42,6 +45,16 @@ struct Moved {
     steps: Vec<Step>,
     gain: f64,
     moved: bool,
+}
+
+/// A candidate, what it takes away where it was not fitted, its probability by chance, and whether
+/// it is none of those that are chosen among already.
+#[derive(Clone)]
+struct Offered {
+    candidate: Candidate,
+    gain: f64,
+    p_value: f64,
+    is_new: bool,
 }
 
 /// How far a shape parameter is moved.
@@ -89,7 +102,8 @@ impl Step {
 }
 
 /// Adds to candidates, and to their blocks, forms of those that bring most which bring more: beside
-/// the model, and those of laws that refine one that was found and remembers in its place.
+/// the model, and in the place of a law that was found and remembers those of laws that refine it
+/// and its own.
 pub fn sharpen(
     ground: &Ground<'_>,
     setting: &Setting<'_>,
@@ -101,10 +115,20 @@ pub fn sharpen(
     // What is left is noise: nothing is hidden by the wrong form.
     let Some(plain) = blocks.fit(&own).filter(|plain| sum(plain) >= MISSES * blocks.noise()) else { return };
     let beside = Seat { gone: 0..0, rest: own.clone() };
-    let mut better = beside.sharpened(ground, setting, state, candidates, blocks);
+    let blocks_left = plain.held_out.len() as f64;
+    let is_found = |c: &Candidate| state.chosen.iter().any(|k| is_other_form(c, &k.candidate));
+    let mut offered = beside.offered(state, blocks, candidates);
+    offered.retain(|o| !is_found(&o.candidate));
+    // What nothing else explains may be the frame.
+    let left = sum(&plain) - blocks.noise();
+    let greatest = offered.iter().map(|o| o.gain * blocks_left).fold(0.0, f64::max);
+    if greatest < (1.0 - LEFT_BY_SHARPENED) * left {
+        let free: Vec<Candidate> = candidates.iter().filter(|c| !is_found(c)).cloned().collect();
+        offered.extend(beside.yielding(ground, setting, state, &free));
+    }
+    let mut better = beside.sharpened(ground, setting, state, offered);
     // A form that was fitted to what is left comes before others only where it is much of it: a wide
     // magnet takes something of every shape.
-    let blocks_left = plain.held_out.len() as f64;
     better.retain(|m| m.gain * blocks_left > MUCH_OF_IT * sum(&plain));
     let mut better: Vec<Candidate> = better.into_iter().map(|m| m.candidate.sharpened()).collect();
     let mut at = state.values.len();
@@ -115,13 +139,17 @@ pub fn sharpen(
         if k < state.nominal || old.is_applied() {
             continue;
         }
-        let all: Vec<Candidate> = candidates.iter().filter(|c| remembers_more(c, old)).cloned().collect();
+        let mut all: Vec<Candidate> = candidates.iter().filter(|c| remembers_more(c, old)).cloned().collect();
+        // Its shape was refined by columns along the record, which may come to rest beside the best.
+        let same = (old.is_refined() && !old.entry.states.is_empty())
+            .then(|| old.at(setting, old.form.clone(), &state.physical));
+        all.extend(same.flatten());
         let further: Vec<&Candidate> = all.iter().collect();
         let Some(found) = ground.evidence(&further, false, &[]).filter(|_| !all.is_empty()) else { continue };
         let seat = Seat { rest: own.iter().copied().filter(|c| !gone.contains(c)).collect(), gone };
         // The law in the model was fitted with columns by which its shape is refined, so that the new
         // one has them as well; and without, for where they are too much alike to be fitted.
-        for Moved { candidate, .. } in seat.sharpened(ground, setting, state, &all, &found) {
+        for Moved { candidate, .. } in seat.sharpened(ground, setting, state, seat.offered(state, &found, &all)) {
             let refined = candidate.clone().refined(setting, &state.physical);
             better.extend(Some(refined).filter(|c| memory::is_followed(setting, c)));
             better.push(candidate);
@@ -141,7 +169,38 @@ struct Seat {
 }
 
 impl Seat {
-    /// What each candidate takes away where it was not fitted, and its probability by chance.
+    /// Candidates with what each takes away where it was not fitted, and its probability by chance.
+    fn offered(&self, state: &State, blocks: &Blocks, all: &[Candidate]) -> Vec<Offered> {
+        let gains = self.gains(state, blocks, all);
+        let of = |(candidate, (gain, p_value)): (&Candidate, (f64, f64))| Offered {
+            candidate: candidate.clone(),
+            gain,
+            p_value,
+            is_new: false,
+        };
+        all.iter().zip(gains).map(of).collect()
+    }
+
+    /// The best form of a frame that gives way, over a grid of frequencies.
+    fn yielding(
+        &self,
+        ground: &Ground<'_>,
+        setting: &Setting<'_>,
+        state: &State,
+        candidates: &[Candidate],
+    ) -> Vec<Offered> {
+        let best = |scan: frames::Scan| {
+            let further: Vec<&Candidate> = scan.forms.iter().collect();
+            let found = ground.evidence(&further, false, &[]).filter(|_| !further.is_empty())?;
+            let gains = self.gains(state, &found, &scan.forms);
+            let best = (0..gains.len()).max_by(|&a, &b| gains[a].0.total_cmp(&gains[b].0))?;
+            let whole = [scan.whole(setting, state, &scan.forms[best])?];
+            let found = ground.evidence(&[&whole[0]], false, &[])?;
+            self.offered(state, &found, &whole).pop().map(|o| Offered { is_new: true, ..o })
+        };
+        frames::scans(setting, state, candidates).into_iter().filter_map(best).collect()
+    }
+
     fn gains(&self, state: &State, blocks: &Blocks, all: &[Candidate]) -> Vec<(f64, f64)> {
         let without = (!self.gone.is_empty()).then(|| blocks.without(self.gone.clone()));
         let blocks = without.as_ref().unwrap_or(blocks);
@@ -166,10 +225,9 @@ impl Seat {
         ground: &Ground<'_>,
         setting: &Setting<'_>,
         state: &State,
-        candidates: &[Candidate],
-        blocks: &Blocks,
+        offered: Vec<Offered>,
     ) -> Vec<Moved> {
-        let mut open = most_promising(setting, candidates, &self.gains(state, blocks, candidates));
+        let mut open = most_promising(setting, offered);
         // In the place of a law that was fitted with its shape a form has to be as near.
         let rounds = if self.gone.is_empty() { ROUNDS } else { ROUNDS_INSTEAD };
         for _ in 0..rounds {
@@ -197,33 +255,33 @@ impl Seat {
 }
 
 /// The best form of each effect that has shape parameters to be moved, for those that bring most.
-fn most_promising(setting: &Setting<'_>, candidates: &[Candidate], gains: &[(f64, f64)]) -> Vec<Moved> {
+fn most_promising(setting: &Setting<'_>, offered: Vec<Offered>) -> Vec<Moved> {
     let mut best: BTreeMap<String, usize> = BTreeMap::new();
-    for (i, c) in candidates.iter().enumerate() {
-        let entry = best.entry(c.name(setting)).or_insert(i);
-        if gains[i].0 > gains[*entry].0 {
+    for (i, o) in offered.iter().enumerate() {
+        let entry = best.entry(o.candidate.name(setting)).or_insert(i);
+        if o.gain > offered[*entry].gain {
             *entry = i;
         }
     }
-    let greatest = best.values().map(|&i| gains[i].0).fold(0.0, f64::max);
+    let greatest = best.values().map(|&i| offered[i].gain).fold(0.0, f64::max);
     let is_moved = |&i: &usize| {
-        let c = &candidates[i];
-        let of_lines = c.entry.shapes.iter().any(|s| s.of_lines);
-        let brings = gains[i].0 > LEAST_GAIN * greatest && gains[i].1 < CHANCE;
+        let (o, c) = (&offered[i], &offered[i].candidate);
+        let of_lines = c.entry.shapes.iter().any(|s| s.of_lines) && !frames::gives_way(c);
+        let brings = o.gain > LEAST_GAIN * greatest && o.p_value < CHANCE;
         let simpler = c.entry.refines.as_ref().map(|r| format!("{r}@{}", c.place_name(setting)));
         // That it does nearly as well says nothing where it is not named for it.
-        let named = |k: &usize| gains[*k].1 * (candidates.len() as f64) < OF_A_FAMILY;
-        let base = simpler.and_then(|name| best.get(&name).copied()).filter(named).map(|k| gains[k].0);
-        let refines_well = base.is_none_or(|base| base < (1.0 - AS_GOOD) * gains[i].0);
+        let named = |k: &usize| offered[*k].p_value * (offered.len() as f64) < OF_A_FAMILY;
+        let base = simpler.and_then(|name| best.get(&name).copied()).filter(named).map(|k| offered[k].gain);
+        let refines_well = base.is_none_or(|base| base < (1.0 - AS_GOOD) * o.gain);
         brings && refines_well && !of_lines && c.entry.bounded_shapes().next().is_some()
     };
     let mut order: Vec<usize> = best.values().copied().filter(is_moved).collect();
-    order.sort_by(|&a, &b| gains[b].0.total_cmp(&gains[a].0).then(a.cmp(&b)));
+    order.sort_by(|&a, &b| offered[b].gain.total_cmp(&offered[a].gain).then(a.cmp(&b)));
     order.truncate(MOST);
     let of = |i: usize| {
-        let candidate = candidates[i].clone();
+        let Offered { candidate, gain, is_new, .. } = offered[i].clone();
         let steps = candidate.entry.bounded_shapes().map(|k| Step::of(&candidate.entry.shapes[k], candidate.form[k].1));
-        Moved { steps: steps.collect(), gain: gains[i].0, moved: false, candidate }
+        Moved { steps: steps.collect(), gain, moved: is_new, candidate }
     };
     order.into_iter().map(of).collect()
 }

@@ -82,7 +82,7 @@ const ASTRAY: f64 = 10.0;
 /// linearised too far from what the model does (by hand).
 const FAR: f64 = 0.15;
 /// Share of the windows that may be left out (by hand).
-const MOST_LOST: f64 = 0.3;
+pub const MOST_LOST: f64 = 0.3;
 
 /// Paths, and the windows that they are followed in.
 #[derive(Clone, Debug)]

@@ -1,0 +1,68 @@
+//! The next effect, and what is told of it.
+
+use super::candidates::Candidate;
+use super::evidence::Outcome;
+use super::search::Search;
+use super::setting::Setting;
+use super::state::State;
+use super::{shooting, tell};
+use crate::explain::decision::{self, Choice, Offer};
+use crate::explain::explanation::{Explanation, Found};
+use crate::explain::ranking::Fit;
+
+/// The next effect and what is told of it.
+pub fn choose(
+    setting: &Setting<'_>,
+    state: &State,
+    outcome: &Outcome,
+    search: &Search,
+    result: &mut Explanation,
+) -> Option<(Found, Candidate)> {
+    let step = result.effects.len();
+    // A step that is chosen for again, after its effect was refused, is told once.
+    result.ranking.retain(|r| r.step != step);
+    let Outcome { candidates, evidence, own, fit } = outcome;
+    let refused = search.names();
+    let offers: Vec<Offer> = candidates
+        .iter()
+        .map(|c| Offer {
+            name: c.name(setting),
+            strengths: c.strengths(),
+            positive: c.entry.positive[0],
+            shapes: c.form.len(),
+            refines: c.entry.refines.as_ref().map(|r| format!("{r}@{}", c.place_name(setting))),
+            taken: search.has(setting, state, c, &refused),
+            moved: c.is_sharpened,
+        })
+        .collect();
+    let feigned = |k: usize, with: &Fit| evidence.feigned(setting, state, &fit.all, &candidates[k], with);
+    let judged = evidence.judged();
+    let together = |indices: &[usize]| -> Option<Box<dyn decision::Evidence>> {
+        let some: Vec<&Candidate> = indices.iter().map(|&i| &candidates[i]).collect();
+        let found = setting.shooting.then(|| shooting::evidence(setting, state, &some, true, &[]));
+        Some(Box::new(found.flatten()?))
+    };
+    let selection = decision::Selection { evidence: &*judged, own, offers: &offers };
+    let (ranking, refused) = (&mut result.ranking, &mut result.refused);
+    let Choice { index, fit, p_value, share, twins, runner_up } =
+        decision::choose(&selection, step, ranking, refused, &feigned, &together)?;
+    let candidate = &candidates[index];
+    let found = Found {
+        p_value,
+        held_out_gain: share,
+        indistinguishable_from: twins,
+        runner_up,
+        ..tell_of(setting, state, candidate, &fit)
+    };
+    Some((found, candidate.clone()))
+}
+
+/// What is told of a candidate whose strengths stand last in a fit.
+pub fn tell_of(setting: &Setting<'_>, state: &State, candidate: &Candidate, fit: &Fit) -> Found {
+    let d = candidate.strengths();
+    let from = fit.all.len() - d;
+    let strengths: Vec<f64> = fit.all.rows(from, d).iter().copied().collect();
+    let covariance = fit.covariance.view((from, from), (d, d)).into_owned();
+    let (reported, unit) = tell::value(setting, &state.physical, candidate, &strengths, &covariance);
+    tell::found(setting, candidate, reported, unit)
+}

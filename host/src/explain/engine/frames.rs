@@ -1,0 +1,92 @@
+//! Frequencies at which the frame may give way. What rings shows a peak in what is left
+//! ([`super::residual::lines`]); a frame that is pushed more slowly than it would ring follows the
+//! push, and below its resonance what is left has the lines of the motion alone. A grid of
+//! frequencies is tried there, of which the best is moved like any other form.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::candidates::Candidate;
+use super::memory;
+use super::setting::Setting;
+use super::state::State;
+use crate::effects::entry::{At, Entry, Form};
+
+/// Spacing of the grid in units of one over a window: a form in the middle is off by an eighth of a
+/// turn at either end of it.
+const SPACING: f64 = 0.5;
+/// Most frequencies.
+const MOST: f64 = 80.0;
+
+/// Whether the form of a candidate is a frequency at which the frame gives way.
+pub fn gives_way(c: &Candidate) -> bool {
+    c.entry.at == At::Frame && c.entry.shapes.iter().any(|s| s.of_lines)
+}
+
+/// Frequencies, Hz, for windows of some length.
+fn grid(highest_hz: f64, window_s: f64) -> Vec<f64> {
+    let count = (highest_hz * window_s / SPACING).floor().clamp(1.0, MOST);
+    // Few, and whole.
+    (1..=count as usize).map(|k| k as f64 / count * highest_hz).collect()
+}
+
+/// A law over the grid of frequencies.
+pub struct Scan {
+    entry: Arc<Entry>,
+    /// Forms of its first strength alone: what the frame did when the record began is left out.
+    pub forms: Vec<Candidate>,
+}
+
+/// Those of the candidates' laws whose frame gives way.
+pub fn scans(setting: &Setting<'_>, state: &State, among: &[Candidate]) -> Vec<Scan> {
+    let Some(followed) = &state.followed else { return Vec::new() };
+    let (_, window_s) = followed.windows(setting);
+    let frequencies = grid(setting.geometry.kernels.full.pass_hz, window_s);
+    let mut out: Vec<Scan> = Vec::new();
+    for c in among.iter().filter(|c| gives_way(c)) {
+        if out.iter().any(|s| s.entry.id == c.entry.id) {
+            continue;
+        }
+        let mut entry = (*c.entry).clone();
+        for s in entry.shapes.iter_mut().filter(|s| s.of_lines) {
+            let [low, high] = s.within.unwrap_or([0.0, f64::INFINITY]);
+            s.grid = frequencies.iter().copied().filter(|f| (low..=high).contains(f)).collect();
+        }
+        let alone = Arc::new(first_alone(&entry));
+        let of = |form: Form| Candidate::new(setting, &alone, c.place, form, &state.physical);
+        let all: Vec<Candidate> = alone.forms().into_iter().filter_map(of).collect();
+        let forms = all.into_par_iter().filter(|c| memory::is_followed(setting, c)).collect();
+        out.push(Scan { entry: Arc::new(entry), forms });
+    }
+    out
+}
+
+/// The same law with every strength but the first at nothing.
+fn first_alone(entry: &Entry) -> Entry {
+    let mut out = entry.clone();
+    out.positive.truncate(1);
+    let others = out.strengths.split_off(1);
+    others.iter().fold(out, |e, name| e.with_shape(name, vec![0.0], None))
+}
+
+impl Scan {
+    /// One of its forms with all strengths.
+    pub fn whole(&self, setting: &Setting<'_>, state: &State, of: &Candidate) -> Option<Candidate> {
+        let form = of.form[..self.entry.shapes.len()].to_vec();
+        Candidate::new(setting, &self.entry, of.place, form, &state.physical)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_grid_ends_at_what_the_low_pass_lets_through() {
+        let all = grid(12.0, 2.0);
+        assert_eq!((all.len(), all[0], all[47]), (48, 0.25, 12.0));
+        assert_eq!(grid(12.0, 20.0).len(), 80);
+        assert_eq!(grid(12.0, 0.01), [12.0]);
+    }
+}
