@@ -103,8 +103,8 @@ pub struct Details {
     pub max_frequency_hz: f64,
     /// Pass band of the low-pass, Hz.
     pub pass_hz: f64,
-    /// Standard deviation of each sensor's noise, rad.
-    pub noise_rad: [f64; 2],
+    /// Standard deviation of each sensor's noise, in SI units: rad for angles, m for positions.
+    pub noise_rad: Vec<f64>,
     /// Probability of naming anything where nothing is missing.
     pub family_wise: f64,
     /// Folds of the cross-validation.

@@ -76,13 +76,12 @@ impl<'a> Run<'a> {
         result.gap.floor_in = units::Unit::of(setting.rig, setting.whole).noise(&setting.sensors.sigma);
         result.gap.forecasts = forecast::open(&setting, settings, horizon_s);
         result.simulation = simulation::open(&setting);
-        let sigma = |k: usize| setting.sensors.sigma.get(k).copied().unwrap_or(0.0);
         result.details = Details {
             samples: setting.raw.iter().map(Stretch::len).sum(),
             window_s,
             max_frequency_hz: setting.geometry.windows.frequencies as f64 / setting.geometry.windows.length_s,
             pass_hz: setting.geometry.kernels.full.pass_hz,
-            noise_rad: [sigma(0), sigma(1)],
+            noise_rad: setting.sensors.sigma.clone(),
             family_wise: decision::FAMILY_WISE,
             folds: ranking::FOLDS,
         };
