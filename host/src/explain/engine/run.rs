@@ -15,7 +15,7 @@ use super::{
 use crate::error::Result;
 use crate::explain::decidability::{EXPLAINED_GAP, Left};
 use crate::explain::explanation::{Details, Explanation, Step, Verdict};
-use crate::explain::{Settings, decidability, decision, ranking};
+use crate::explain::{Settings, Undecidable, decidability, decision, ranking};
 use crate::identify::Identification;
 use crate::identify::stretches::Stretch;
 
@@ -302,7 +302,7 @@ impl<'a> Run<'a> {
         mut self,
         outcome: &Outcome,
         first: &Identification,
-        undecidable: Option<String>,
+        undecidable: Option<Undecidable>,
     ) -> Result<Explanation> {
         let x = &outcome.fit.train;
         let none = self.result.effects.is_empty();
@@ -327,7 +327,7 @@ impl<'a> Run<'a> {
         let shape = (by_shooting && undecidable.is_none()).then(|| unknown::shape(&setting, &state, outcome)).flatten();
         let rest = Left {
             patched: patched::patched(&setting, &state, outcome),
-            shape: shape.as_ref().filter(|s| s.is_clear).map(|s| s.unknown.told()),
+            shape: shape.as_ref().filter(|s| s.is_clear).map(|s| s.unknown.clone()),
             remade: remade.map(|r| (r.mean, r.error)),
             left_out,
             gaps,
