@@ -68,11 +68,11 @@ pub fn explanation(row: &mut Row, result: &Explanation) {
             Verdict::NotDecidable => "not-decidable",
         },
     );
-    row.text("reason", &result.reason);
+    row.text("reason", result.reason.to_string());
     let names: Vec<String> = result.effects.iter().map(|e| format!("{}@{}", e.id, e.at)).collect();
     row.text("effects", names.join("+"));
     if let Some(by) = &result.decided_by {
-        row.text("decided_by", &by.what);
+        row.text("decided_by", by.what.to_string());
         row.number("decided_by_value", by.value);
         row.number("decided_by_limit", by.limit);
     }

@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
-use super::explanation::{Found, Gap};
-use super::{Explanation, Verdict};
+use super::explanation::Found;
+use super::gap::Miss;
+use super::reason::{Criterion, Reason};
+use super::{DecidedBy, Explanation, Step, Verdict};
 use crate::export::written_out::{WrittenOut, written_out};
 use crate::identify::Parameter;
 use crate::model::identified::IdentifiedModel;
@@ -60,11 +62,11 @@ const NOISE: &str = " times the sensors' noise";
 const FAR: f64 = 1e4;
 
 /// How far predictions miss, in a sentence.
-fn miss(gap: &Gap, value: f64) -> String {
-    // Told in the sensors' own unit where the noise says nothing.
-    match gap.told(value).strip_suffix(" noise floors") {
-        Some(number) => format!("{number}{NOISE}"),
-        None => gap.told(value),
+fn told(miss: &Miss) -> String {
+    match miss {
+        Miss::Floors(_) => format!("{}{NOISE}", miss.number()),
+        // Told in the sensors' own unit where the noise says nothing.
+        Miss::Own { .. } | Miss::Diverged => miss.to_string(),
     }
 }
 
@@ -85,14 +87,15 @@ fn sentence(e: &Explanation) -> String {
     let over = format!("predictions over {} s", shortest(rounded(e.gap.horizon_s, 4)));
     let change = match (steps.first(), steps.last()) {
         (Some(first), Some(last)) if steps.len() > 1 => {
-            let (before, after) = (miss(&e.gap, first.value), miss(&e.gap, last.value));
+            let (before, after) = (e.gap.miss(first.value), e.gap.miss(last.value));
             // The same words are not said twice.
-            let noise = format!(" ({})", e.gap.noise());
-            let before = if after.ends_with(NOISE) { before.trim_end_matches(NOISE) } else { &before };
-            let before = if after.ends_with(&noise) { before.trim_end_matches(noise.as_str()) } else { before };
-            format!("{over} miss by {after} instead of {before}")
+            let before = match (&before, &after) {
+                (Miss::Floors(_), Miss::Floors(_)) | (Miss::Own { .. }, Miss::Own { .. }) => before.number(),
+                _ => told(&before),
+            };
+            format!("{over} miss by {} instead of {before}", told(&after))
         }
-        (_, Some(last)) => format!("{over} miss by {}", miss(&e.gap, last.value)),
+        (_, Some(last)) => format!("{over} miss by {}", told(&e.gap.miss(last.value))),
         _ => String::new(),
     };
     match e.verdict {
@@ -103,43 +106,45 @@ fn sentence(e: &Explanation) -> String {
         Verdict::NothingMissing => format!("Nothing is missing: {change}, which is noise alone."),
         Verdict::Unexplained => {
             let far = if found.is_empty() { String::new() } else { format!(" Found so far: {found}; {change}.") };
-            let why = deciding(e);
-            let shape = e.unknown.as_ref().map(|u| u.told()).filter(|s| *s != why);
-            let shape = shape.map_or_else(String::new, |s| format!("; {s}"));
+            let number = e.decided_by.as_ref().filter(|d| d.value > d.limit);
+            let why = number.map_or_else(|| without_number(&e.reason), above);
+            // A shape that is the reason is not said twice.
+            let said = number.is_none() && matches!(e.reason, Reason::Shape { .. });
+            let shape = e.unknown.as_ref().filter(|_| !said).map_or_else(String::new, |u| format!("; {}", u.told()));
             format!("Something is missing that has no name in the list of effects: {why}{shape}.{far}")
         }
         Verdict::NotDecidable => {
-            format!("This record cannot decide what the model lacks: {}.", e.reason.trim_end_matches('.'))
+            let why = e.reason.to_string();
+            format!("This record cannot decide what the model lacks: {}.", why.trim_end_matches('.'))
         }
     }
 }
 
-/// What made an `unexplained` verdict: the number that is above its limit, otherwise the reason
-/// that is no number.
-fn deciding(e: &Explanation) -> String {
-    match &e.decided_by {
-        Some(d) if d.value > d.limit => {
-            let (value, limit) = (significant(d.value, 3), significant(d.limit, 3));
-            match d.what.strip_prefix("gap over ").and_then(|w| w.split_once(',')) {
-                Some((horizon, _)) => {
-                    format!(
-                        "predictions over {horizon} miss by {value} times the sensors' noise (up to {limit} would be noise)"
-                    )
-                }
-                // So far from noise that how far tells nothing.
-                None if d.value > FAR => format!(
-                    "what is left is far above the sensors' noise ({} times, rms)",
-                    significant(d.value.sqrt(), 2)
-                ),
-                None => format!(
-                    "what is left has {value} times the power of the sensors' noise (up to {limit} would be noise)"
-                ),
-            }
+/// A number above its limit.
+fn above(d: &DecidedBy) -> String {
+    let (value, limit) = (significant(d.value, 3), significant(d.limit, 3));
+    match d.what {
+        Criterion::Gap { horizon_s } => format!(
+            "predictions over {} s miss by {value} times the sensors' noise (up to {limit} would be noise)",
+            significant(horizon_s, 4)
+        ),
+        // So far from noise that how far tells nothing.
+        Criterion::Power | Criterion::PowerOfWhole if d.value > FAR => {
+            format!("what is left is far above the sensors' noise ({} times, rms)", significant(d.value.sqrt(), 2))
         }
-        _ => {
-            let told = e.reason.split_once(", but ").map_or(e.reason.as_str(), |r| r.1);
-            told.trim_end_matches(": no effect of the list accounts for it").trim_end_matches('.').to_owned()
+        Criterion::Power | Criterion::PowerOfWhole => {
+            format!("what is left has {value} times the power of the sensors' noise (up to {limit} would be noise)")
         }
+    }
+}
+
+/// What made an `unexplained` verdict where no number is above its limit.
+fn without_number(reason: &Reason) -> String {
+    match reason {
+        Reason::Shape { shape, .. } => shape.told(),
+        Reason::Patched { patch, .. } => patch.to_string(),
+        Reason::Excess { residual, shape: Some(shape) } => format!("{residual}; {}", shape.told()),
+        Reason::Excess { .. } | Reason::Noise(_) | Reason::Undecidable(_) | Reason::Unjudged => reason.to_string(),
     }
 }
 
@@ -168,16 +173,16 @@ fn parameters(e: &Explanation, equations: Option<&WrittenOut>) -> Vec<CardRow> {
 /// The gap at each step, in noise floors and, where a forecast measured the same horizon, in the
 /// sensors' unit.
 fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
+    let misses: Vec<Miss> = e.gap.steps.iter().map(|s| e.gap.miss(s.value)).collect();
     // Said once, above all.
-    let noise = format!(" ({})", e.gap.noise());
-    let many = !e.gap.steps.is_empty() && e.gap.steps.iter().all(|s| e.gap.told(s.value).ends_with(&noise));
+    let many = !misses.is_empty() && misses.iter().all(|m| matches!(m, Miss::Own { .. }));
     let floors = if many { e.gap.noise() } else { "1 noise floor is what the sensors' noise alone leaves".to_owned() };
     let heading = format!(
         "How far predictions over {} s miss, where they were not fitted ({floors})",
         shortest(rounded(e.gap.horizon_s, 4))
     );
     let same = e.gap.forecasts.iter().find(|f| f.horizon_s == e.gap.horizon_s && f.steps.len() == e.gap.steps.len());
-    let bar = |(i, step): (usize, &super::Step)| {
+    let bar = |(i, (step, miss)): (usize, (&Step, &Miss))| {
         let name = match step.added.as_deref() {
             None => "the model as it was".to_owned(),
             Some("refit") => "refitted to this record".to_owned(),
@@ -187,16 +192,15 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
             same.and_then(|f| f.steps.get(i).map(|s| (s.value, &f.unit))).map_or_else(String::new, |(v, unit)| {
                 format!(", {}{}", significant(v, 3), if unit == "deg" { "°".to_owned() } else { format!(" {unit}") })
             });
-        let label = e.gap.told(step.value);
-        // Of a miss that is told in the sensors' unit there is no second number.
-        let also = if label.contains("noise floor") { also } else { String::new() };
-        GapBar {
-            name,
-            value: step.value,
-            label: if many { label.trim_end_matches(noise.as_str()).to_owned() } else { label + &also },
-        }
+        let label = match miss {
+            Miss::Floors(_) => format!("{miss}{also}"),
+            Miss::Own { .. } if many => miss.number(),
+            // Of a miss that is told in the sensors' unit there is no second number.
+            Miss::Own { .. } | Miss::Diverged => miss.to_string(),
+        };
+        GapBar { name, value: step.value, label }
     };
-    (heading, e.gap.steps.iter().enumerate().map(bar).collect())
+    (heading, e.gap.steps.iter().zip(&misses).enumerate().map(bar).collect())
 }
 
 /// What could not be decided, and what to do for it.
@@ -239,7 +243,9 @@ fn undecided(e: &Explanation) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::explanation::{DecidedBy, InUnit, Step};
+    use super::super::engine::unknown::Unknown;
+    use super::super::explanation::InUnit;
+    use super::super::reason::{Patch, Residual, Undecidable};
     use super::*;
 
     fn explained() -> Explanation {
@@ -282,30 +288,99 @@ mod tests {
         assert!(card.undecided[0].contains("viscous friction in joint 1"), "{:?}", card.undecided);
     }
 
+    fn residual() -> Residual {
+        Residual { power: 0.99, own: None, horizon_s: 0.2, gap: Miss::Floors(1.0), longer: None, whole: None }
+    }
+
+    fn shape(at: &str) -> Unknown {
+        Unknown {
+            at: at.to_owned(),
+            against: "angle of joint2".to_owned(),
+            against_unit: "rad",
+            unit: "N m".to_owned(),
+            points: Vec::new(),
+            held_out_gain: 0.02,
+        }
+    }
+
+    fn open(what: Criterion, value: f64, reason: Reason) -> Explanation {
+        let mut e = explained();
+        (e.verdict, e.reason) = (Verdict::Unexplained, reason);
+        e.decided_by = Some(DecidedBy { what, value, limit: 1.3 });
+        e
+    }
+
     #[test]
     fn an_open_verdict_tells_the_number_that_decided_it() {
-        let mut e = explained();
-        e.verdict = Verdict::Unexplained;
-        e.decided_by = Some(DecidedBy { what: "gap over 0.4 s, noise floors".to_owned(), value: 2.11, limit: 1.3 });
+        let excess = || Reason::Excess { residual: residual(), shape: None };
+        for (what, value, words) in [
+            (
+                Criterion::Gap { horizon_s: 0.4 },
+                2.11,
+                "predictions over 0.4000 s miss by 2.11 times the sensors' noise (up to 1.30 would be noise).",
+            ),
+            (
+                Criterion::Power,
+                2.11,
+                "what is left has 2.11 times the power of the sensors' noise (up to 1.30 would be noise).",
+            ),
+            (Criterion::PowerOfWhole, 1e6, "what is left is far above the sensors' noise (1000 times, rms)."),
+        ] {
+            let told = card(&open(what, value, excess()), &rig()).verdict;
+            assert!(told.contains(words), "{told}");
+        }
+        // Where no number is above its limit none is given as the cause.
+        let reason = Reason::Shape { residual: residual(), shape: shape("joint2") };
+        let mut e = open(Criterion::Gap { horizon_s: 0.2 }, 1.0, reason);
+        e.unknown = Some(shape("joint2"));
+        let told = card(&e, &rig()).verdict;
+        assert!(told.contains("a torque at joint2 that depends on") && !told.contains("0.99"), "{told}");
+        assert_eq!(told.matches("joint2 takes away").count(), 1, "{told}");
+        let patch = Patch { joint: "joint2".to_owned(), effects: vec!["backlash".to_owned(), "cogging".to_owned()] };
+        e.reason = Reason::Patched { residual: residual(), patch };
         let told = card(&e, &rig()).verdict;
         assert!(
-            told.contains("predictions over 0.4 s miss by 2.11 times the sensors' noise (up to 1.30 would be noise)"),
+            told.contains(": it took backlash, cogging to get there: one shape of joint2's angle")
+                && !told.contains("0.99"),
             "{told}"
         );
-        // Where no number is above its limit none is given as the cause.
-        e.decided_by = Some(DecidedBy { what: "gap over 0.2 s, noise floors".to_owned(), value: 1.0, limit: 1.3 });
-        e.reason = "what is left has 0.99 times the power, but a torque at joint2 predicts better: no effect of the list accounts for it".to_owned();
-        let told = card(&e, &rig()).verdict;
-        assert!(told.contains("a torque at joint2 predicts better.") && !told.contains("0.99"), "{told}");
+        assert!(told.contains("; a torque at joint2 that depends on the angle of joint2 takes away 2.0 %"), "{told}");
+    }
+
+    /// Names and units are the user's: one that reads like a piece of a sentence is told whole.
+    #[test]
+    fn the_card_goes_by_values_and_not_by_words() {
+        let name = "x, but y: no effect of the list accounts for it";
+        let reason = Reason::Shape { residual: residual(), shape: shape(name) };
+        let told = card(&open(Criterion::Power, 1.0, reason), &rig()).verdict;
+        assert!(told.contains(&format!("effects: a torque at {name} that depends on")), "{told}");
+        let patch = Patch { joint: name.to_owned(), effects: vec!["gap over 1 s, cogging".to_owned()] };
+        let told = card(&open(Criterion::Power, 1.0, Reason::Patched { residual: residual(), patch }), &rig()).verdict;
+        assert!(
+            told.contains(&format!("effects: it took gap over 1 s, cogging to get there: one shape of {name}'s")),
+            "{told}"
+        );
+        let mut e = explained();
+        e.gap.floor_in = Some(InUnit { value: 0.5, unit: "noise floors".to_owned() });
+        (e.gap.steps[0].value, e.gap.steps[1].value) = (800.0, 400.0);
+        let card = card(&e, &rig());
+        let words = "miss by 200 noise floors (the sensors' noise is 0.500 noise floors) instead of 400 noise floors,";
+        assert!(card.verdict.contains(words), "{}", card.verdict);
+        let labels: Vec<&str> = card.gap.1.iter().map(|b| b.label.as_str()).collect();
+        assert_eq!(labels, ["400 noise floors", "200 noise floors"]);
     }
 
     #[test]
     fn what_cannot_be_decided_has_no_numbers() {
         let mut e = explained();
-        (e.verdict, e.reason) = (Verdict::NotDecidable, "the motion is locked".to_owned());
+        (e.verdict, e.reason) = (Verdict::NotDecidable, Reason::Undecidable(Undecidable::Locked));
         e.effects.clear();
         let card = card(&e, &rig());
-        assert_eq!(card.verdict, "This record cannot decide what the model lacks: the motion is locked.");
+        assert_eq!(
+            card.verdict,
+            "This record cannot decide what the model lacks: the motion repeats (locked to the drive): one orbit cannot tell effects apart. \
+             Change the drive until the motion is chaotic."
+        );
         assert!(card.parameters.is_empty() && card.gap.1.is_empty() && card.equations.is_none());
     }
 }

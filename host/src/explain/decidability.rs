@@ -1,11 +1,12 @@
 //! Whether a record can decide at all, and the verdict.
 
+use super::engine::unknown::Unknown;
 use super::explanation::{DecidedBy, Explanation, Verdict};
+use super::reason::{Criterion, OwnRecords, Patch, Reason, Residual, Undecidable};
 use crate::inspect::InspectSettings;
 use crate::inspect::motion;
 use crate::inspect::periodicity::{Kind, periodicity};
 use crate::record::Record;
-use crate::report::format::{rounded, shortest, significant};
 use crate::rig::Rig;
 
 /// Gap (in noise floors) up to which a model counts as explaining the record (by hand).
@@ -34,32 +35,15 @@ const LOCKED_SHARE: f64 = 0.5;
 /// hand).
 pub(super) const WORST_CONDITION: f64 = 100.0;
 
-/// Why a locked record cannot.
-pub(super) const LOCKED: &str = "the motion repeats (locked to the drive): one orbit cannot tell effects apart. Change the drive until the motion is chaotic";
-
-/// Why a fit that diverged cannot.
-pub(super) const DIVERGED: &str = "the fit diverged: the model's predictions miss by more than the record itself moves, so that nothing follows from them. See `whirl inspect` for the channels, and check units and signs in the rig file";
-
-/// Why a record whose motion is poor cannot.
-pub(super) const POOR: &str =
-    "the motion does not visit enough of the state space: the nominal coefficients themselves are hardly separable";
-
-/// Why what cannot be followed cannot.
-pub(super) const UNFOLLOWED: &str = "the model follows no part of the record, so that nothing can be predicted: see `whirl inspect` for the channels, and check units and signs in the rig file";
-
-/// Why a record of so many whole windows cannot.
-pub(super) fn too_few(blocks: usize, window_s: f64) -> String {
-    let wanted = shortest(rounded(window_s * (FEWEST_BLOCKS + 1) as f64, 3));
-    let window_s = shortest(rounded(window_s, 3));
-    let few = if blocks == 1 { "window is" } else { "windows are" };
-    format!("{blocks} whole {few} too few to hold some back ({window_s} s each): record at least {wanted} s")
+/// A record of so many whole windows is too short.
+pub(super) fn too_few(windows: usize, window_s: f64, of_forces: bool) -> Undecidable {
+    Undecidable::FewWindows { of_forces, windows, window_s, least_s: window_s * (FEWEST_BLOCKS + 1) as f64 }
 }
 
 /// What is told of equations in which no effect has a place.
 pub(super) fn unplaced() -> Explanation {
     let mut result = Explanation::new(0.0, Vec::new());
-    result.reason =
-        "nothing can be predicted: that takes one equation for each coordinate, and an inertia in each".to_owned();
+    result.reason = Reason::Undecidable(Undecidable::Unplaced);
     result
 }
 
@@ -92,10 +76,10 @@ fn most_power(mean: f64, error: f64) -> f64 {
 /// What is left of the last model, beside its power and the gap.
 #[derive(Default)]
 pub(super) struct Left {
-    /// A joint at which several effects stand for one shape, and their names.
-    pub patched: Option<(String, String)>,
-    /// A shape without a name that predicts clearly better, in words.
-    pub shape: Option<String>,
+    /// Several effects that stand for one shape.
+    pub patched: Option<Patch>,
+    /// A shape without a name that predicts clearly better.
+    pub shape: Option<Unknown>,
     /// Power in records that the model itself makes, and the standard error of the difference; none
     /// for the weak form.
     pub remade: Option<(f64, f64)>,
@@ -130,49 +114,30 @@ impl Left {
         EXPLAINED_GAP * if own.is_finite() { own } else { 1.0 }
     }
 
-    /// What a power is held against, in words, where that is told.
-    fn beside(&self, power: f64) -> String {
-        let most = self.most_power();
-        let Some((mean, _)) = self.remade.filter(|_| power > most || self.left_out > 0) else { return String::new() };
-        let left_out = match self.left_out {
-            0 => String::new(),
-            1 => "; one window that cannot be followed even there is left out".to_owned(),
-            n => format!("; {n} windows that cannot be followed even there are left out"),
-        };
-        format!(
-            " (in records that the model itself makes it is {mean:.2}, and up to {most:.2} would be chance{left_out})"
-        )
+    /// What a power is held against, where that is told.
+    fn beside(&self, power: f64) -> Option<OwnRecords> {
+        let (most, left_out) = (self.most_power(), self.left_out);
+        let (mean, _) = self.remade.filter(|_| power > most || left_out > 0)?;
+        Some(OwnRecords { mean, most, left_out })
     }
 
     /// Why what lies within limits from the model's own records decides nothing: it is far more
     /// than noise, and these records leave as much.
-    fn unfollowed(&self, power: f64, gap: f64) -> Option<String> {
-        let why = |what: String| {
-            if !self.noisy.is_empty() {
-                let inputs = self.noisy.join(" and ");
-                return format!(
-                    "{what}, and the noise of the measured {inputs} leaves about as much in records that the model itself makes: what is fainter cannot be told. Measure {inputs} with less noise"
-                );
-            }
-            format!(
-                "{what}, and records that the model itself makes are no better: what is missing cannot be told from what the fit does not follow. Sample faster, or hold the model against a second record (`whirl validate`)"
-            )
+    fn unfollowed(&self, power: f64, horizon_s: f64, gap: f64) -> Option<Undecidable> {
+        let (criterion, value) = if power > EXCUSED * EXCUSED {
+            (Criterion::Power, power)
+        } else if gap > EXCUSED * EXPLAINED_GAP {
+            (Criterion::Gap { horizon_s }, gap)
+        } else {
+            return None;
         };
-        if power > EXCUSED * EXCUSED {
-            return Some(why(format!(
-                "what is left has {} times the power of the sensors' noise",
-                significant(power, 3)
-            )));
-        }
-        (gap > EXCUSED * EXPLAINED_GAP)
-            .then(|| why(format!("predictions miss by {} noise floors", significant(gap, 3))))
+        Some(Undecidable::OwnRecords { criterion, value, inputs: self.noisy.clone() })
     }
 }
 
 /// The verdict and its reason from everything that was measured.
-pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, rest: Left) {
+pub(super) fn decide(result: &mut Explanation, undecidable: Option<Undecidable>, rest: Left) {
     let power = result.residual_power[1];
-    let most_power = rest.most_power();
     let horizon_s = result.gap.horizon_s;
     let far = result
         .gap
@@ -184,66 +149,52 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<String>, rest
     let diverged = result.settle();
     let gap = result.gap.steps.last().map_or(f64::NAN, |s| s.value);
     // Every comparison fails for what is not a number: it is left over then.
-    let within = gap <= rest.most_gap(horizon_s) && far.is_none() && power <= most_power;
-    let mut noise = format!(
-        "what is left has {} times the power that the sensors' noise gives, and predictions over {horizon_s:.3} s miss by {}",
-        if power < 1000.0 { format!("{power:.2}") } else { significant(power, 3) },
-        result.gap.told(gap)
-    );
-    noise += &rest.beside(power);
-    // Where longer predictions decided, their number is told.
-    if let Some(h) = far {
-        noise += &format!(", over {:.3} s by {}", h.0, result.gap.told(h.2));
-    }
-    let undecidable = undecidable.or_else(|| diverged.then(|| DIVERGED.to_owned()));
-    let undecidable = undecidable.or_else(|| if within { rest.unfollowed(power, gap) } else { None });
+    let within = gap <= rest.most_gap(horizon_s) && far.is_none() && power <= rest.most_power();
     let whole = rest.whole.map(|(left, values)| (left, rest.most_of_whole(values))).filter(|(left, most)| left > most);
     let left = !within || whole.is_some();
-    if let (Some((left, most)), true) = (whole, within) {
-        noise += &format!(
-            ", but one simulation of the whole record leaves {} times the noise's power (up to {most:.2} would be chance)",
-            significant(left, 3)
-        );
-    }
+    let undecidable = undecidable.or_else(|| diverged.then_some(Undecidable::Diverged));
+    let undecidable = undecidable.or_else(|| if within { rest.unfollowed(power, horizon_s, gap) } else { None });
     if undecidable.is_none() {
         result.decided_by = decided_by(result, gap, (power, &rest));
     }
+    let residual = Residual {
+        power,
+        own: rest.beside(power),
+        horizon_s,
+        gap: result.gap.miss(gap),
+        // Where longer predictions decided, their number is told.
+        longer: far.map(|h| (h.0, result.gap.miss(h.2))),
+        whole: whole.filter(|_| within),
+    };
     (result.verdict, result.reason) = match (undecidable, left, result.effects.is_empty()) {
-        (Some(reason), ..) => {
+        (Some(why), ..) => {
             result.effects.clear();
-            (Verdict::NotDecidable, reason)
+            (Verdict::NotDecidable, Reason::Undecidable(why))
         }
-        (None, true, _) if let Some(shape) = rest.shape => {
-            (Verdict::Unexplained, format!("{noise}; {shape}: no effect of the list accounts for it"))
+        (None, true, _) => (Verdict::Unexplained, Reason::Excess { residual, shape: rest.shape }),
+        (None, false, _) if let Some(shape) = rest.shape => (Verdict::Unexplained, Reason::Shape { residual, shape }),
+        (None, false, true) => (Verdict::NothingMissing, Reason::Noise(residual)),
+        (None, false, false) if let Some(patch) = rest.patched => {
+            (Verdict::Unexplained, Reason::Patched { residual, patch })
         }
-        (None, true, _) => (Verdict::Unexplained, format!("{noise}; no effect of the list accounts for it")),
-        (None, false, _) if let Some(shape) = rest.shape => {
-            (Verdict::Unexplained, format!("{noise}, but {shape}: no effect of the list accounts for it"))
-        }
-        (None, false, true) => (Verdict::NothingMissing, noise),
-        (None, false, false) if let Some((joint, names)) = rest.patched => (
-            Verdict::Unexplained,
-            format!(
-                "{noise}, but it took {names} to get there: one shape of {joint}'s angle that has no name in the list"
-            ),
-        ),
-        (None, false, false) => (Verdict::Explained, noise),
+        (None, false, false) => (Verdict::Explained, Reason::Noise(residual)),
     };
 }
 
 /// The number that is largest beside its limit.
 fn decided_by(result: &Explanation, gap: f64, (power, rest): (f64, &Left)) -> Option<DecidedBy> {
-    let over = |horizon_s: f64, value: f64| {
-        let what = format!("gap over {} s, noise floors", significant(horizon_s, 4));
-        DecidedBy { what, value, limit: rest.most_gap(horizon_s) }
+    let over = |horizon_s: f64, value: f64| DecidedBy {
+        what: Criterion::Gap { horizon_s },
+        value,
+        limit: rest.most_gap(horizon_s),
     };
     let horizon_s = result.gap.horizon_s;
     let longer = result.gap.horizons.iter().filter(|h| h.0 <= VERDICT_HORIZONS * horizon_s);
-    let what = "power of what is left over that of the sensors' noise".to_owned();
     let all = longer.map(|h| over(h.0, h.2));
-    let all = all.chain([over(horizon_s, gap), DecidedBy { what, value: power, limit: rest.most_power() }]);
+    let power = DecidedBy { what: Criterion::Power, value: power, limit: rest.most_power() };
+    let all = all.chain([over(horizon_s, gap), power]);
     let all = all.chain(rest.whole.map(|(value, values)| DecidedBy {
-        what: "power of what one simulation of the whole record leaves over that of the sensors' noise".to_owned(),
+        what: Criterion::PowerOfWhole,
         value,
         limit: rest.most_of_whole(values),
     }));
@@ -262,7 +213,7 @@ mod tests {
         result.residual_power = [power; 2];
         result.gap.steps.push(Step { added: None, value: gap });
         decide(&mut result, None, rest);
-        (result.verdict, result.reason)
+        (result.verdict, result.reason.to_string())
     }
 
     /// Whatever was found on the way to it, and whatever the residual says.
@@ -281,8 +232,8 @@ mod tests {
                 decide(&mut result, None, Left::default());
                 // No smaller gap than none at all is told either.
                 assert_eq!(
-                    (result.verdict, result.reason.as_str()),
-                    (Verdict::NotDecidable, DIVERGED),
+                    (result.verdict, &result.reason),
+                    (Verdict::NotDecidable, &Reason::Undecidable(Undecidable::Diverged)),
                     "{gap} {power}"
                 );
                 assert!(result.effects.is_empty() && result.decided_by.is_none(), "{result:?}");

@@ -8,6 +8,7 @@ use super::engine::compared::Compared;
 use super::engine::residual_map;
 use super::engine::unknown::Unknown;
 pub use super::gap::{Forecast, Gap, InUnit, Step};
+use super::reason::{Criterion, Reason};
 use crate::identify::Parameter;
 use crate::model::identified::{AddedEffect, IdentifiedModel};
 use crate::warning::Warning;
@@ -103,8 +104,8 @@ pub struct Details {
     pub max_frequency_hz: f64,
     /// Pass band of the low-pass, Hz.
     pub pass_hz: f64,
-    /// Standard deviation of each sensor's noise, rad.
-    pub noise_rad: [f64; 2],
+    /// Standard deviation of each sensor's noise, in SI units: rad for angles, m for positions.
+    pub noise_rad: Vec<f64>,
     /// Probability of naming anything where nothing is missing.
     pub family_wise: f64,
     /// Folds of the cross-validation.
@@ -150,7 +151,7 @@ impl Refused {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DecidedBy {
     /// What was compared.
-    pub what: String,
+    pub what: Criterion,
     /// Its value.
     pub value: f64,
     /// The limit: above it something is left.
@@ -163,7 +164,7 @@ pub struct Explanation {
     /// Verdict.
     pub verdict: Verdict,
     /// Why.
-    pub reason: String,
+    pub reason: Reason,
     /// The number behind the verdict; none where nothing could be decided.
     pub decided_by: Option<DecidedBy>,
     /// Effects in the order in which they were added.
@@ -249,7 +250,7 @@ impl Explanation {
         };
         Self {
             verdict: Verdict::NotDecidable,
-            reason: String::new(),
+            reason: Reason::Unjudged,
             decided_by: None,
             effects: Vec::new(),
             gap,
@@ -304,8 +305,8 @@ mod tests {
     #[test]
     fn many_noise_floors_are_told_in_the_sensors_unit() {
         let e = with(1e6, &[]);
-        assert_eq!(e.gap.told(3.25), "3.25 noise floors");
-        assert_eq!(e.gap.told(91_000.0), "9.10 mm (the sensors' noise is 100 nm)");
-        assert!(e.gap.told(f64::NAN).contains("diverged"));
+        assert_eq!(e.gap.miss(3.25).to_string(), "3.25 noise floors");
+        assert_eq!(e.gap.miss(91_000.0).to_string(), "9.10 mm (the sensors' noise is 100 nm)");
+        assert!(e.gap.miss(f64::NAN).to_string().contains("diverged"));
     }
 }

@@ -1,5 +1,7 @@
 //! How far predictions miss: the gap and its steps, forecasts.
 
+use core::fmt::{self, Display, Formatter};
+
 use serde::Serialize;
 
 use super::decidability::EXPLAINED_GAP;
@@ -57,6 +59,51 @@ pub struct InUnit {
     pub unit: String,
 }
 
+impl InUnit {
+    /// The sensors' noise, where it is one noise floor.
+    fn noise(&self) -> String {
+        format!("the sensors' noise is {}", quantity(self.value, &self.unit, 3))
+    }
+}
+
+/// How far predictions miss, in the unit in which that says something.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Miss {
+    /// In noise floors.
+    Floors(f64),
+    /// In the sensors' own unit: noise floors are so many that they tell nothing.
+    Own {
+        /// In the unit of `floor`.
+        value: f64,
+        /// One noise floor.
+        floor: InUnit,
+    },
+    /// By more than the record itself moves.
+    Diverged,
+}
+
+impl Miss {
+    /// The number alone, with its unit where it is not that of all gaps.
+    pub(super) fn number(&self) -> String {
+        match self {
+            Self::Floors(value) => significant(*value, 3),
+            Self::Own { value, floor } => quantity(*value, &floor.unit, 3),
+            Self::Diverged => "no prediction: the fit diverged".to_owned(),
+        }
+    }
+}
+
+impl Display for Miss {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.number())?;
+        match self {
+            Self::Floors(_) => f.write_str(" noise floors"),
+            Self::Own { floor, .. } => write!(f, " ({})", floor.noise()),
+            Self::Diverged => Ok(()),
+        }
+    }
+}
+
 /// Noise floors up to which a gap is told in them.
 const MANY_FLOORS: f64 = 100.0;
 
@@ -70,22 +117,15 @@ impl Gap {
 
     /// What the noise is, in the sensors' unit.
     pub(super) fn noise(&self) -> String {
-        self.floor_in.as_ref().map_or_else(String::new, |floor| {
-            format!("the sensors' noise is {}", quantity(floor.value, &floor.unit, 3))
-        })
+        self.floor_in.as_ref().map_or_else(String::new, InUnit::noise)
     }
 
-    /// A value in words: in noise floors, or, where these are so many that they tell nothing, in
-    /// the sensors' own unit.
-    pub fn told(&self, value: f64) -> String {
-        if self.diverged(value) {
-            return "no prediction: the fit diverged".to_owned();
-        }
+    /// How far predictions with this gap miss.
+    pub fn miss(&self, value: f64) -> Miss {
         match &self.floor_in {
-            Some(floor) if value > MANY_FLOORS => {
-                format!("{} ({})", quantity(value * floor.value, &floor.unit, 3), self.noise())
-            }
-            _ => format!("{} noise floors", significant(value, 3)),
+            _ if self.diverged(value) => Miss::Diverged,
+            Some(floor) if value > MANY_FLOORS => Miss::Own { value: value * floor.value, floor: floor.clone() },
+            _ => Miss::Floors(value),
         }
     }
 }

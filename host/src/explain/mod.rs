@@ -27,6 +27,7 @@ pub mod gap;
 pub mod ledger;
 pub mod presentation;
 pub mod ranking;
+mod reason;
 pub mod single_pendulum;
 mod suspected;
 
@@ -40,7 +41,8 @@ use crate::rig::Rig;
 use crate::system::library::Pendulum;
 use crate::warning::Warning;
 
-pub use self::explanation::{Details, Explanation, Forecast, Found, Gap, Ranked, Step, Verdict};
+pub use self::explanation::{DecidedBy, Details, Explanation, Forecast, Found, Gap, Ranked, Step, Verdict};
+pub use self::reason::{Criterion, Reason, Undecidable};
 
 /// Most effects that are added (by hand).
 const MOST_EFFECTS: usize = 8;

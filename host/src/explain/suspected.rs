@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Explanation, Settings, Verdict, any_system};
+use super::{Explanation, Reason, Settings, Undecidable, Verdict, any_system};
 use crate::identify::suspects;
 use crate::record::Record;
 use crate::rig::Rig;
@@ -39,7 +39,8 @@ pub(super) fn tell_in(result: &mut Explanation, suspects: Vec<Warning>) {
         .collect();
     if let Some(first) = kept.iter().find(|s| s.invalidates) {
         result.verdict = Verdict::NotDecidable;
-        result.reason = format!("{}. {}", first.text, first.advice);
+        let (text, advice) = (first.text.clone(), first.advice.clone());
+        result.reason = Reason::Undecidable(Undecidable::Fault { text, advice });
         result.effects.clear();
         result.model = None;
     }

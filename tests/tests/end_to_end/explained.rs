@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use whirl::explain::{Explanation, Settings, Verdict, explain};
+use whirl::explain::{Explanation, Reason, Settings, Undecidable, Verdict, explain};
 use whirl::record::Record;
 use whirl::record::formats::ReadOptions;
 use whirl::rig::Rig;
@@ -132,7 +132,7 @@ fn nothing_is_named_where_nothing_is_missing() {
 fn a_locked_record_decides_nothing() {
     let e = explained("seed.toml", &["quadratic-drag@arm2=2e-7"], 60.0, 1);
     assert_eq!(e.verdict, Verdict::NotDecidable, "{}", e.reason);
-    assert!(e.effects.is_empty() && e.reason.contains("locked"), "{}", e.reason);
+    assert!(e.effects.is_empty() && e.reason == Reason::Undecidable(Undecidable::Locked), "{}", e.reason);
 }
 
 /// A case of the battery.

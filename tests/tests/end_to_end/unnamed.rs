@@ -49,6 +49,9 @@ fn a_force_without_a_name_is_unexplained_at_its_place_even_where_the_gap_is_smal
     }
     let clean = explained(at, "");
     assert_eq!(clean["verdict"], "nothing-missing", "{}", clean["reason"]);
+    // One value for the one sensor, whose noise is 0.1 mm.
+    let [noise] = &clean["details"]["noise_rad"].as_array().unwrap()[..] else { panic!("{}", clean["details"]) };
+    assert!((5e-5..2e-4).contains(&noise.as_f64().unwrap()), "{noise}");
     let by = &clean["decided_by"];
     assert!(by["limit"].as_f64().unwrap() < 1.31 && by["value"].as_f64() < by["limit"].as_f64(), "{by}");
 }

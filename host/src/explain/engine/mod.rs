@@ -75,9 +75,9 @@ use self::evidence::Outcome;
 use self::run::Run;
 use self::setting::{Begun, Lines, Physical, Setting};
 use self::state::{Chosen, State};
-use super::decidability::{self, FEWEST_BLOCKS, LOCKED, POOR, WORST_CONDITION, locked};
+use super::decidability::{FEWEST_BLOCKS, WORST_CONDITION, locked, too_few};
 use super::explanation::Explanation;
-use super::{MOST_WINDOWS, Settings, ranking};
+use super::{MOST_WINDOWS, Reason, Settings, Undecidable, ranking};
 use crate::error::Result;
 use crate::identify::Identification;
 use crate::identify::remeasured::Sensors;
@@ -137,7 +137,7 @@ fn attempt(
     result.warnings.extend(units::unknown(rig, whole));
     let (blocks, window_s) = whole_windows(&setting, &state);
     if blocks < ranking::FOLDS {
-        result.reason = decidability::too_few(blocks, window_s);
+        result.reason = Reason::Undecidable(too_few(blocks, window_s, false));
         return Ok(Attempt::Done(Some(Box::new(result))));
     }
     if let Some(model) = &settings.model {
@@ -145,7 +145,7 @@ fn attempt(
     }
     let given = settings.model.is_some().then(|| state.clone());
     if !settled(&mut setting, &mut state) {
-        result.reason = decidability::UNFOLLOWED.to_owned();
+        result.reason = Reason::Undecidable(Undecidable::Unfollowed);
         return Ok(Attempt::Done(Some(Box::new(result))));
     }
     let (blocks, window_s) = whole_windows(&setting, &state);
@@ -227,21 +227,16 @@ fn undecidable(
     first: &Identification,
     blocks: usize,
     window_s: f64,
-) -> Option<String> {
+) -> Option<Undecidable> {
     if !records.is_empty() && records.iter().all(|r| locked(r, setting.rig)) {
-        return Some(LOCKED.to_owned());
+        return Some(Undecidable::Locked);
     }
     if blocks < FEWEST_BLOCKS {
-        let few = decidability::too_few(blocks, window_s);
         // Whole windows of the balance of forces are long; trajectories would do with shorter ones.
-        return Some(if setting.shooting {
-            few
-        } else {
-            format!("{}; for its forces {few}", decidability::UNFOLLOWED)
-        });
+        return Some(too_few(blocks, window_s, !setting.shooting));
     }
     // Rows of the weak form are judged equation by equation; written equations may hold what is
     // hardly separable on purpose.
     let rows = !setting.shooting && !setting.is_written();
-    (rows && first.details.condition.iter().any(|k| *k > WORST_CONDITION)).then(|| POOR.to_owned())
+    (rows && first.details.condition.iter().any(|k| *k > WORST_CONDITION)).then_some(Undecidable::Poor)
 }

@@ -11,6 +11,7 @@ use super::candidates::Column;
 use super::setting::Setting;
 use super::state::State;
 use crate::effects::places::Place;
+use crate::explain::reason::Patch;
 
 /// Effects that are a function of a joint's position.
 const OF_THE_POSITION: [&str; 7] = [
@@ -27,9 +28,8 @@ const PATCHES: usize = 3;
 /// Highest order of the free function.
 const ORDERS: f64 = 8.0;
 
-/// A joint at which a shape of the position was patched together from several effects, and their
-/// names.
-pub fn patched(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<(String, String)> {
+/// A joint at which a shape of the position was patched together from several effects.
+pub fn patched(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<Patch> {
     let file = setting.file()?;
     (0..file.joints.len()).map(Place::Joint).find_map(|joint| {
         let pieces: Vec<usize> = (state.nominal..state.chosen.len())
@@ -38,10 +38,10 @@ pub fn patched(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Optio
                 c.place == joint && OF_THE_POSITION.contains(&c.entry.id.as_str())
             })
             .collect();
-        let names: Vec<&str> = pieces.iter().map(|&k| state.chosen[k].candidate.entry.id.as_str()).collect();
+        let effects = pieces.iter().map(|&k| state.chosen[k].candidate.entry.id.clone()).collect();
         let one =
             pieces.len() >= PATCHES || (pieces.len() > 1 && free_is_as_good(setting, state, outcome, joint, &pieces));
-        one.then(|| (joint.name(file), names.join(", ")))
+        one.then(|| Patch { joint: joint.name(file), effects })
     })
 }
 

@@ -15,7 +15,7 @@ use super::{
 use crate::error::Result;
 use crate::explain::decidability::{EXPLAINED_GAP, Left};
 use crate::explain::explanation::{Details, Explanation, Step, Verdict};
-use crate::explain::{Settings, decidability, decision, ranking};
+use crate::explain::{Settings, Undecidable, decidability, decision, ranking};
 use crate::identify::Identification;
 use crate::identify::stretches::Stretch;
 
@@ -79,13 +79,12 @@ impl<'a> Run<'a> {
         result.gap.floor_in = units::Unit::of(setting.rig, setting.whole).noise(&setting.sensors.sigma);
         result.gap.forecasts = forecast::open(&setting, settings, horizon_s);
         result.simulation = simulation::open(&setting);
-        let sigma = |k: usize| setting.sensors.sigma.get(k).copied().unwrap_or(0.0);
         result.details = Details {
             samples: setting.raw.iter().map(Stretch::len).sum(),
             window_s,
             max_frequency_hz: setting.geometry.windows.frequencies as f64 / setting.geometry.windows.length_s,
             pass_hz: setting.geometry.kernels.full.pass_hz,
-            noise_rad: [sigma(0), sigma(1)],
+            noise_rad: setting.sensors.sigma.clone(),
             family_wise: decision::FAMILY_WISE,
             folds: ranking::FOLDS,
         };
@@ -313,7 +312,7 @@ impl<'a> Run<'a> {
         mut self,
         outcome: &Outcome,
         first: &Identification,
-        undecidable: Option<String>,
+        undecidable: Option<Undecidable>,
     ) -> Result<Explanation> {
         let x = &outcome.fit.train;
         self.held_out = outcome.held_out(&self.setting);
@@ -339,7 +338,7 @@ impl<'a> Run<'a> {
         let shape = (by_shooting && undecidable.is_none()).then(|| unknown::shape(&setting, &state, outcome)).flatten();
         let rest = Left {
             patched: patched::patched(&setting, &state, outcome),
-            shape: shape.as_ref().filter(|s| s.is_clear).map(|s| s.unknown.told()),
+            shape: shape.as_ref().filter(|s| s.is_clear).map(|s| s.unknown.clone()),
             remade: remade.map(|r| (r.mean, r.error)),
             left_out,
             gaps,

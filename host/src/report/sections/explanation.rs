@@ -24,7 +24,7 @@ fn render(results: &Results) -> Option<Html> {
 }
 
 fn one(body: &mut Html, e: &Explanation) {
-    body.paragraph(&format!("{}.", e.reason.trim_end_matches('.')));
+    body.paragraph(&format!("{}.", e.reason.to_string().trim_end_matches('.')));
     if !e.effects.is_empty() {
         effects(body, &e.effects);
     }
