@@ -18,6 +18,7 @@
 //! | [`put_in`] | effects of a simulation |
 //! | [`columns`] | what an effect of strength one adds to every equation |
 //! | [`along_an_arm`] | the same for a force per length along an arm |
+//! | [`on_a_record`] | what is added to sensors and to records of inputs, put on and taken off |
 //! | [`on_a_frame`] | the same for a frame that gives way |
 //! | [`between`] | pairs of coordinates, and forces between the two |
 //! | [`written`] | the same for equations that a user wrote down |
@@ -27,6 +28,7 @@ pub mod between;
 pub mod columns;
 pub mod entry;
 pub mod on_a_frame;
+pub mod on_a_record;
 pub mod places;
 pub mod put_in;
 pub mod states;

@@ -21,7 +21,6 @@
 //! | `shooting` | columns of trajectories |
 //! | `evidence` | one fit and one choice over either |
 //! | `simulation` | free runs beyond what was fitted |
-//! | `correct` | sensor effects taken off |
 //! | `given` | a model to start from or to predict with |
 //! | `prediction` | the gap, free runs |
 //! | `compared` | the gap as one picture |
@@ -37,7 +36,6 @@
 pub mod attractor;
 mod candidates;
 pub mod compared;
-pub mod correct;
 pub mod design;
 mod evidence;
 mod exchange;
