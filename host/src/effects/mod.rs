@@ -13,6 +13,7 @@
 //! |---|---|
 //! | [`entry`] | an entry, read and checked |
 //! | [`states`] | internal states of an effect |
+//! | [`kinds`] | what kind of effect a law is: of a position, one that brakes |
 //! | [`value`] | strengths to what is reported |
 //! | [`places`] | where a system has joints, pairs of coordinates, arms, a drive, a frame, encoders |
 //! | [`put_in`] | effects of a simulation |
@@ -27,6 +28,7 @@ pub mod along_an_arm;
 pub mod between;
 pub mod columns;
 pub mod entry;
+pub mod kinds;
 pub mod on_a_frame;
 pub mod on_a_record;
 pub mod places;
