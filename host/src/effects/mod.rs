@@ -13,11 +13,13 @@
 //! |---|---|
 //! | [`entry`] | an entry, read and checked |
 //! | [`states`] | internal states of an effect |
+//! | [`kinds`] | what kind of effect a law is: of a position, one that brakes |
 //! | [`value`] | strengths to what is reported |
 //! | [`places`] | where a system has joints, pairs of coordinates, arms, a drive, a frame, encoders |
 //! | [`put_in`] | effects of a simulation |
 //! | [`columns`] | what an effect of strength one adds to every equation |
 //! | [`along_an_arm`] | the same for a force per length along an arm |
+//! | [`on_a_record`] | what is added to sensors and to records of inputs, put on and taken off |
 //! | [`on_a_frame`] | the same for a frame that gives way |
 //! | [`between`] | pairs of coordinates, and forces between the two |
 //! | [`written`] | the same for equations that a user wrote down |
@@ -26,7 +28,9 @@ pub mod along_an_arm;
 pub mod between;
 pub mod columns;
 pub mod entry;
+pub mod kinds;
 pub mod on_a_frame;
+pub mod on_a_record;
 pub mod places;
 pub mod put_in;
 pub mod states;

@@ -10,7 +10,7 @@ use super::catalogue;
 use super::columns::{self, Action, LOAD, Span};
 use super::entry::{At, Entry, Form, MASS, Verb};
 use super::places::{self, Place};
-use super::written;
+use super::{value, written};
 use crate::error::{BadInput, Result};
 use crate::model::model_file::expression::Node;
 use crate::rig::Rig;
@@ -86,22 +86,83 @@ fn shaped(text: &str, entry: &Entry, given: &Text<'_>) -> Result<(Form, Vec<f64>
         let named = entry.also.iter().find(|a| a.1 == *name).and_then(|a| given.parameters.get(&a.0).copied());
         if is_value(name) { Some(given.value) } else { named }
     };
-    let strengths = match (&entry.strengths[..], &entry.value) {
-        ([_, _], Some(v)) if v.contains("sqrt") => {
-            let angle = entry.also.first().and_then(|a| given.parameters.get(&a.0).copied()).unwrap_or(0.0);
-            vec![given.value * angle.cos(), given.value * angle.sin()]
+    let names = &entry.strengths;
+    let strengths: Vec<f64> = match &entry.value {
+        Some(v) if !names.contains(v) && !entry.shapes.iter().any(|s| s.name == *v) => {
+            made_of(text, entry, given, &form)?
         }
         // Without a law of its own the value is the first strength.
-        (names, None) => {
+        None => {
             let of = |(k, n): (usize, &String)| if k == 0 { given.value } else { one(n).unwrap_or(0.0) };
             names.iter().enumerate().map(of).collect()
         }
-        (names, _) => names.iter().map(|n| one(n).unwrap_or(0.0)).collect(),
+        Some(_) => names.iter().map(|n| one(n).unwrap_or(0.0)).collect(),
     };
+    told_otherwise(text, entry, given, (&form, &strengths))?;
     if strengths.iter().all(|s| *s == 0.0) && given.value != 0.0 {
         return Err(bad(text, "no strength".to_owned(), format!("one of {} beside the value", known.join(", "))));
     }
     Ok((form, strengths))
+}
+
+/// Strengths at which two expressions of them are compared.
+const PAIRS: [[f64; 2]; 4] = [[0.8, 0.6], [-0.3, 1.7], [2.1, -0.4], [-1.1, -0.9]];
+/// Share by which a value that is put in may differ from what was given: rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// Whether an expression is a function of the entry's two strengths.
+fn is_of_two(entry: &Entry, of: &str, form: &Form, function: fn(f64, f64) -> f64) -> bool {
+    let same = |[a, b]: &[f64; 2]| (value::at(entry, of, &[*a, *b], form) - function(*a, *b)).abs() < ROUNDING;
+    entry.strengths.len() == 2 && PAIRS.iter().all(same)
+}
+
+/// The further name of an entry that tells the angle between its two strengths.
+fn angle<'a>(entry: &'a Entry, form: &Form) -> Option<&'a str> {
+    entry.also.iter().find(|(_, of)| is_of_two(entry, of, form, |a, b| b.atan2(a))).map(|a| a.0.as_str())
+}
+
+/// Strengths whose value is an expression of theirs: amplitude and angle, or all by name.
+fn made_of(text: &str, entry: &Entry, given: &Text<'_>, form: &Form) -> Result<Vec<f64>> {
+    let of = entry.value.as_deref().unwrap_or_default();
+    let by_name = |n: &String| entry.also.iter().find(|a| a.1 == *n).and_then(|a| given.parameters.get(&a.0).copied());
+    if let Some(all) = entry.strengths.iter().map(by_name).collect::<Option<Vec<f64>>>() {
+        let own = value::at(entry, of, &all, form);
+        let same = (own - given.value).abs() <= ROUNDING * given.value.abs();
+        let expected = format!("{of} = {own}, as these strengths have it");
+        return if same { Ok(all) } else { Err(bad(text, format!("the value {}", given.value), expected)) };
+    }
+    if !is_of_two(entry, of, form, f64::hypot) {
+        let names = &entry.strengths;
+        let expected = match &names[..] {
+            [a, b] => format!("a value that is {a}, {b}, a shape or sqrt({a}^2 + {b}^2)"),
+            names => format!("a value that is {} or a shape", names.join(", ")),
+        };
+        let found = format!("the value \"{of}\", from which nothing tells {}", names.join(" and "));
+        let remedy = format!(
+            "Give {} another `value` in its file, such as \"{}\", and the others under `also`, to put it in",
+            entry.id, names[0]
+        );
+        return Err(bad(text, found, expected).remedy(remedy));
+    }
+    let angle = angle(entry, form).and_then(|name| given.parameters.get(name).copied()).unwrap_or(0.0);
+    Ok(vec![given.value * angle.cos(), given.value * angle.sin()])
+}
+
+/// Refuses parameters that the effect, as it would be put in, does not have.
+fn told_otherwise(text: &str, entry: &Entry, given: &Text<'_>, (form, strengths): (&Form, &[f64])) -> Result<()> {
+    let angle = angle(entry, form);
+    for (name, of) in entry.also.iter().filter(|a| Some(a.0.as_str()) != angle) {
+        let Some(x) = given.parameters.get(name) else { continue };
+        let own = value::at(entry, of, strengths, form);
+        if (own - x).abs() <= ROUNDING * x.abs() {
+            continue;
+        }
+        let found = format!("{name}={x}, where {of} is {own}");
+        let expected = format!("parameters that fix {}", entry.strengths.join(", "));
+        let remedy = format!("Leave {name} out: it follows from what else is given");
+        return Err(bad(text, found, expected).remedy(remedy));
+    }
+    Ok(())
 }
 
 /// Reads effects for a rig whose system was derived from bodies, `physical` the values of the
@@ -205,3 +266,7 @@ pub fn of(
     }
     Ok(out)
 }
+
+#[cfg(test)]
+#[path = "put_in_tests.rs"]
+mod tests;

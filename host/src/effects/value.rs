@@ -32,6 +32,13 @@ fn expression(entry: &Entry, text: &str) -> Result<Polynomial, Mistake> {
     }
 }
 
+/// An expression over strengths and shapes at values of both.
+pub fn at(entry: &Entry, text: &str, strengths: &[f64], form: &Form) -> f64 {
+    let values: Vec<f64> = strengths.iter().copied().chain(form.iter().map(|s| s.1)).collect();
+    let of = |a: &Atom| if let Atom::Parameter(i) = a { values.get(*i).copied().unwrap_or(f64::NAN) } else { f64::NAN };
+    expression(entry, text).map_or(f64::NAN, |p| p.value(&of))
+}
+
 /// Refuses a value that is no expression over strengths and shapes: the key and the mistake.
 ///
 /// # Errors

@@ -26,6 +26,7 @@ use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::{Identification, known_of_system, known_quantities};
+use crate::effects::{catalogue, kinds};
 use crate::report::format::{Z95, plus_minus, significant};
 use crate::rig::Rig;
 use crate::system::mechanism::{Coefficient, Mechanism};
@@ -38,8 +39,6 @@ const CLEAR: f64 = 4.0;
 /// 1024 and 4096 counts, 20 to 120 s) was 0.009 for the ties and 10⁻⁴ for a known length; a hidden
 /// drag of 2·10⁻⁶ N m s² gave 10⁻²⁰.
 pub(super) const CHANCE: f64 = 1e-6;
-/// Effects that can but brake.
-const BRAKES: [&str; 3] = ["viscous-friction", "coulomb-friction", "quadratic-drag"];
 /// Ratio of residual to noise power from which something besides noise is left, as in `explain`.
 const BESIDE_NOISE: f64 = 2.0;
 /// Ratio from which the answer does not stand: a residual of five times the sensors'. A second
@@ -200,7 +199,10 @@ fn signs(c: &Coefficients<'_>) -> Vec<Warning> {
 /// Coefficients of a system from bodies that are the strength of a friction over an inertia, with a
 /// sign that no rig has.
 fn dampings_of(mechanism: &Mechanism, c: &Coefficients<'_>) -> Vec<Warning> {
-    let brakes = |name: &str| BRAKES.iter().any(|id| name.split('@').next() == Some(id));
+    let brakes = |name: &str| {
+        let entry = name.split_once('@').and_then(|(id, _)| catalogue().iter().find(|e| e.id == id));
+        entry.is_some_and(kinds::brakes)
+    };
     let strength = |of: &Coefficient| {
         let of_one = |k: &usize| {
             let other = |a: &Atom| *a != Atom::Parameter(*k);

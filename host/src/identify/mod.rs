@@ -46,6 +46,7 @@ pub mod stopped;
 pub mod stretches;
 pub mod suspects;
 pub mod system;
+pub mod taken_off;
 pub mod ties;
 pub mod track;
 mod transforms;

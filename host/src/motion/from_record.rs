@@ -3,15 +3,15 @@
 //!
 //! The state is the one from which the model follows the first two drive periods best (for a free
 //! system, what stands for them: see [`crate::validate`]), sensors weighed by their noise. What
-//! effects make a sensor show beside its angle is taken off first, to first order in their
-//! strengths.
+//! effects add to sensors and inputs is taken off the whole stretch first ([`OfTheRecord`]), as an
+//! explanation does: a sensor that is late shows the first state after it.
 
 use super::{Acts, Motion};
 use crate::error::{BadInput, Result};
-use crate::explain::engine::correct;
 use crate::identify::Settings as IdentifySettings;
 use crate::identify::prepare;
-use crate::identify::stretches::{Stretch, mixed};
+use crate::identify::stretches::Stretch;
+use crate::identify::taken_off::OfTheRecord;
 use crate::identify::track::{ExogenousInputs, Track};
 use crate::record::Record;
 use crate::validate::identified_equations::IdentifiedEquations;
@@ -55,9 +55,8 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
     // Half a step before the first sample at worst, and bounded by its length.
     let first = ((at - stretch.start_s) / stretch.step_s - 1e-6).ceil().max(0.0) as usize;
     let first = first.min(stretch.len().saturating_sub(1));
-    let mut part = [stretch.part(first, stretch.len())];
+    let part = [of_the_record(motion).taken_off(stretch, &motion.bound).part(first, stretch.len())];
     let measured: Vec<f64> = part[0].coordinates.iter().map(|x| x[0]).collect();
-    take_off(motion, &mut part[0]);
     let omega = motion.omega().unwrap_or(0.0);
     let exogenous = [ExogenousInputs::new(&part[0], omega)];
     let track = Track::new(&part, &exogenous, &motion.rig, &motion.bound, &prepared.sensors);
@@ -93,37 +92,15 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
     Ok(Begin { time, tau, state, inputs, left_s: part.len() as f64 * part.step_s, step_s: part.step_s })
 }
 
-/// Takes what effects add to sensors and inputs off the coordinates and inputs.
-fn take_off(motion: &Motion, stretch: &mut Stretch) {
+/// What effects add to sensors and inputs. What runs ahead in the phase stands in the equations.
+fn of_the_record(motion: &Motion) -> OfTheRecord {
+    let mut out = OfTheRecord::default();
     for e in &motion.effects {
-        if let Acts::Input(k, laws) = &e.acts {
-            for (law, strength) in laws {
-                *stretch = correct::input(stretch, *k, law, *strength);
-            }
+        match &e.acts {
+            Acts::Sensor(k, laws) => out.sensor(*k, laws.iter().cloned()),
+            Acts::Input(k, laws) => out.input(*k, laws.iter().cloned()),
+            Acts::Motion(_) | Acts::Drive(_) => {}
         }
     }
-    if !motion.effects.iter().any(|e| matches!(e.acts, Acts::Sensor(..))) {
-        return;
-    }
-    let shown = stretch.sensors(&motion.bound);
-    let own: Vec<Vec<f64>> = shown
-        .iter()
-        .enumerate()
-        .map(|(sensor, y)| {
-            let v = differences(y, stretch.step_s);
-            y.iter().zip(&v).map(|(y, v)| y - motion.sensor_adds(sensor, *y, *v)).collect()
-        })
-        .collect();
-    stretch.coordinates = mixed(&motion.bound.coordinates, &own);
-}
-
-/// Rates by central differences, one-sided at the ends.
-pub fn differences(x: &[f64], step_s: f64) -> Vec<f64> {
-    let last = x.len().saturating_sub(1);
-    (0..x.len())
-        .map(|i| {
-            let (a, b) = (i.saturating_sub(1), (i + 1).min(last));
-            if a == b { 0.0 } else { (x[b] - x[a]) / ((b - a) as f64 * step_s) }
-        })
-        .collect()
+    out
 }

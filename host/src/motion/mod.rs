@@ -29,6 +29,7 @@ pub mod stand_in;
 
 use std::path::Path;
 
+use crate::effects::on_a_record::{self, Addition, Samples};
 use crate::error::{BadInput, Result};
 use crate::explain::single_pendulum;
 use crate::identify::Parameter;
@@ -217,24 +218,27 @@ impl Motion {
         q.chain(circle.iter().map(|_| 0.0)).collect()
     }
 
-    /// What a sensor adds to what it ought to show, for its angle or length x and the rate v of
-    /// that.
-    pub fn sensor_adds(&self, sensor: usize, x: f64, v: f64) -> f64 {
-        let of = |acts: &'_ Acts| matches!(acts, Acts::Sensor(k, _) if *k == sensor);
-        self.adds(&of, x, v)
+    /// What a sensor shows of what it ought to show.
+    pub fn shown(&self, sensor: usize, own: &Samples<'_>) -> Vec<f64> {
+        let laws = |acts: &Acts| match acts {
+            Acts::Sensor(k, laws) if *k == sensor => laws.clone(),
+            _ => Vec::new(),
+        };
+        self.put_on(own, &laws)
     }
 
-    /// What the record of an input adds to its value u, for the rate v of that.
-    pub fn input_adds(&self, input: usize, u: f64, v: f64) -> f64 {
-        let of = |acts: &'_ Acts| matches!(acts, Acts::Input(k, _) if *k == input);
-        self.adds(&of, u, v)
+    /// What is recorded of an input.
+    pub fn recorded(&self, input: usize, own: &Samples<'_>) -> Vec<f64> {
+        let laws = |acts: &Acts| match acts {
+            Acts::Input(k, laws) if *k == input => laws.clone(),
+            _ => Vec::new(),
+        };
+        self.put_on(own, &laws)
     }
 
-    fn adds(&self, of: &dyn Fn(&Acts) -> bool, x: f64, v: f64) -> f64 {
-        let value = |law: &Node| law.value(&|s| if matches!(s, Symbol::Rate(_)) { v } else { x });
-        let sum = |laws: &[(Node, f64)]| laws.iter().map(|(law, strength)| strength * value(law)).sum::<f64>();
-        let all = self.effects.iter().filter(|e| of(&e.acts));
-        all.map(|e| if let Acts::Sensor(_, laws) | Acts::Input(_, laws) = &e.acts { sum(laws) } else { 0.0 }).sum()
+    fn put_on(&self, own: &Samples<'_>, laws: &dyn Fn(&Acts) -> Vec<Addition>) -> Vec<f64> {
+        let all: Vec<Addition> = self.effects.iter().flat_map(|e| laws(&e.acts)).collect();
+        on_a_record::put_on(own, None, &all)
     }
 }
 

@@ -7,7 +7,8 @@
 //! carries what is left of that on at its own rate.
 
 use super::Motion;
-use super::from_record::{Begin, differences};
+use super::from_record::Begin;
+use crate::effects::on_a_record::Samples;
 use crate::error::{BadInput, Result};
 use crate::identify::stretches::mixed;
 use crate::model::flow::{Flow, Inputs, Outside, Work};
@@ -139,14 +140,12 @@ pub fn columns(motion: &Motion, solution: &Solution, step_s: f64) -> Result<Vec<
                     .at(format!("channel \"{}\"", c.name))
                     .remedy("What moves the model is the base's acceleration, of which no position can be written"));
                 }
-                let v = differences(u, step_s);
-                let shown = u.iter().zip(&v).map(|(u, v)| (u + motion.input_adds(input, *u, *v)) / scale);
-                return Ok(Column::Values(shown.collect()));
+                let shown = motion.recorded(input, &Samples { values: u, start_s: 0.0, step_s });
+                return Ok(Column::Values(shown.into_iter().map(|u| u / scale).collect()));
             }
             let sensor = motion.bound.sensors.iter().position(|i| *i == k).unwrap_or(0);
-            let x = &shown[sensor];
-            let v = differences(x, step_s);
-            let values = x.iter().zip(&v).map(|(x, v)| (x + motion.sensor_adds(sensor, *x, *v)) / scale);
+            let x = motion.shown(sensor, &Samples { values: &shown[sensor], start_s: 0.0, step_s });
+            let values = x.into_iter().map(|x| x / scale);
             if c.unit != "count" {
                 return Ok(Column::Values(values.collect()));
             }

@@ -6,6 +6,7 @@ use std::path::Path;
 use super::*;
 use crate::model::double_pendulum_dynamics::DoublePendulum;
 use crate::model::dynamics::{Dynamics, Instant};
+use crate::record::{Column, Losses, Record, Segment};
 
 fn rig(model: &str, drive: &str) -> Rig {
     let text = format!(
@@ -149,8 +150,9 @@ fn what_acts_on_drive_and_sensors_stands_there() {
         effect("imbalance", "arm2", 0.03, &[0.03], &[]),
     ];
     let motion = Motion::of(&double(effects), Path::new("m.toml"), None, 0.0).unwrap();
-    assert_eq!(motion.sensor_adds(0, 1.0, 2.0), 0.0);
-    assert!((motion.sensor_adds(1, 1.0, 2.0) - (0.02 - 0.03)).abs() < 1e-15);
+    let shown = |sensor: usize| motion.shown(sensor, &Samples { values: &[1.0], start_s: 0.0, step_s: 0.002 })[0];
+    assert_eq!(shown(0), 1.0);
+    assert!((shown(1) - 1.0 - (0.02 - 0.03)).abs() < 1e-15);
     // After 25 s the drive is a quarter turn ahead.
     let of = |tau: f64, time: f64| {
         let (equations, parameters) = motion.equations().unwrap();
@@ -224,6 +226,69 @@ fn a_state_of_an_effect_is_followed_or_refused() {
         assert!(plain.acceleration(&values, &q, &v, &at, &mut wanted[..2]));
         for (a, b) in got.iter().zip(wanted) {
             assert!((a - b).abs() < 1e-9 * (1.0 + b.abs()), "{got:?} {wanted:?}");
+        }
+    }
+}
+
+/// A record that begins in a motion through a late or eccentric encoder begins in the motion's own
+/// state. The encoder shows solutions at half the sampling interval, five of them late: no
+/// interpolation makes what is taken off. Off are the shift by 10⁻⁶ of 5 rad, or e⁴ of an
+/// eccentricity e = 0.1 rad; of rates that times the record's highest frequencies, some 50 rad/s.
+/// A first order in the strengths would miss by d² a/2 and e²/2, 10⁻³ rad and more.
+#[test]
+fn a_record_through_its_sensors_begins_in_the_motion_s_own_state() {
+    let (half_s, late, count) = (0.001, 5_usize, 5000_usize);
+    let plain = Motion::of(&double(Vec::new()), Path::new("m.toml"), None, 0.0).unwrap();
+    let begin = from_record::Begin {
+        time: 0.0,
+        tau: 0.0,
+        state: vec![0.9, -0.4, 1.0, 2.0],
+        inputs: None,
+        left_s: 0.0,
+        step_s: half_s,
+    };
+    let fine = simulation::solve(&plain, &begin, 2 * count + late).unwrap().coordinates;
+    let own = crate::identify::stretches::mixed(&plain.bound.shown, &fine);
+    let (c, s): (f64, f64) = (0.08, -0.06);
+    type Shown<'a> = &'a dyn Fn(usize) -> f64;
+    let eccentric = |i: usize| own[1][i + late] + c * own[1][i + late].sin() + s * own[1][i + late].cos();
+    let cases: [(AddedEffect, Shown<'_>, f64); 2] = [
+        (effect("channel-delay", "encoder2", 0.005, &[0.005], &[]), &|i| own[1][i], 5e-6),
+        (effect("eccentricity", "encoder2", 0.1, &[c, s], &[]), &eccentric, 1e-4),
+    ];
+    for (e, shows, off) in cases {
+        let motion = Motion::of(&double(vec![e]), Path::new("m.toml"), None, 0.0).unwrap();
+        assert!(matches!(motion.effects[0].acts, Acts::Sensor(1, _)));
+        let every_second = |of: Shown<'_>| Column::Values((0..count).map(|i| of(2 * i)).collect());
+        let start_s = late as f64 * half_s;
+        let segment = Segment {
+            first_tick: 0,
+            boot: 0,
+            start_s,
+            step_s: 2.0 * half_s,
+            jitter_s: 0.0,
+            columns: vec![every_second(&|i| own[0][i + late]), every_second(shows)],
+            phase: None,
+            amplitude_nm: None,
+        };
+        let record = Record {
+            path: "(simulated)".into(),
+            sample_rate_hz: motion.rig.sample_rate_hz,
+            channels: motion.rig.channel.clone(),
+            losses: Losses { received: count as u64, ..Losses::default() },
+            segments: vec![segment],
+            warnings: Vec::new(),
+            metadata: None,
+            numbering: None,
+        };
+        // Off the record's end, where nothing tells what follows.
+        let found = from_record::begin(&motion, &record, Some(start_s + 1.0)).unwrap();
+        let at = late + 1000;
+        for (k, x) in fine.iter().enumerate() {
+            let [a, b, c, d] = [x[at - 2], x[at - 1], x[at + 1], x[at + 2]];
+            let rate = (a - 8.0 * b + 8.0 * c - d) / (12.0 * half_s);
+            let (dx, dv) = (found.state[k] - x[at], found.state[2 + k] - rate);
+            assert!(dx.abs() < off && dv.abs() < 50.0 * off, "{} {k}: {dx:e} {dv:e}", motion.effects[0].name());
         }
     }
 }

@@ -3,6 +3,7 @@
 pub mod angles;
 pub mod band;
 pub mod band_limited;
+pub mod differences;
 pub mod fast_convolution;
 pub mod low_pass;
 pub mod noise;

@@ -8,7 +8,6 @@
 use rayon::prelude::*;
 
 use super::candidates::Candidate;
-use super::correct;
 use super::prediction::Span;
 use super::setting::Setting;
 use super::state::State;
@@ -16,6 +15,7 @@ use crate::error::Result;
 use crate::explain::ranking::FOLDS;
 use crate::identify::series::System;
 use crate::identify::stretches::Stretch;
+use crate::identify::taken_off::{OfTheRecord, small_step};
 use crate::identify::windows::{WindowRows, frequency_of_row, row_count, rows_of};
 use crate::model::model_file::expression::Node;
 use crate::model::model_file::weak_form::{Column, WeakForm};
@@ -165,13 +165,14 @@ pub fn with_columns(
     for c in all {
         if let Some((sensor, laws)) = c.reads() {
             for (k, law) in laws.iter().enumerate() {
-                let step = correct::small_step(stretches, &setting.bound, sensor, law);
+                let step = small_step(stretches, &setting.bound, sensor, law);
                 let reference = match &plain {
                     Some(r) => r,
                     None => plain.insert(residual(setting, state, stretches)?),
                 };
-                let moved: Vec<Stretch> =
-                    stretches.iter().map(|s| correct::sensor(s, &setting.bound, sensor, law, step)).collect();
+                let mut of = OfTheRecord::default();
+                of.sensor(sensor, [(law.clone(), step)]);
+                let moved: Vec<Stretch> = stretches.iter().map(|s| of.taken_off(s, &setting.bound)).collect();
                 let changed = residual(setting, state, &moved)?;
                 for (window, (a, b)) in windows.iter_mut().zip(reference.iter().zip(&changed)) {
                     for r in 0..count {

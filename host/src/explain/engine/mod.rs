@@ -22,7 +22,6 @@
 //! | `frames` | frequencies at which the frame gives way |
 //! | `evidence` | one fit and one choice over either |
 //! | `simulation` | free runs beyond what was fitted |
-//! | `correct` | sensor effects taken off |
 //! | `given` | a model to start from or to predict with |
 //! | `prediction` | the gap, free runs |
 //! | `compared` | the gap as one picture |
@@ -39,7 +38,6 @@ pub mod attractor;
 mod candidates;
 mod chosen;
 pub mod compared;
-pub mod correct;
 pub mod design;
 mod evidence;
 mod exchange;

@@ -10,19 +10,10 @@ use super::Outcome;
 use super::candidates::Column;
 use super::setting::Setting;
 use super::state::State;
+use crate::effects::kinds::is_of_position;
 use crate::effects::places::Place;
 use crate::explain::reason::Patch;
 
-/// Effects that are a function of a joint's position.
-const OF_THE_POSITION: [&str; 7] = [
-    "torsion-spring",
-    "cubic-stiffness",
-    "quadratic-stiffness",
-    "quintic-stiffness",
-    "backlash",
-    "cogging",
-    "local-force",
-];
 /// So many of them at one joint are a series expansion of a shape, not so many causes.
 const PATCHES: usize = 3;
 /// Highest order of the free function.
@@ -35,7 +26,7 @@ pub fn patched(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Optio
         let pieces: Vec<usize> = (state.nominal..state.chosen.len())
             .filter(|&k| {
                 let c = &state.chosen[k].candidate;
-                c.place == joint && OF_THE_POSITION.contains(&c.entry.id.as_str())
+                c.place == joint && is_of_position(&c.entry)
             })
             .collect();
         let effects = pieces.iter().map(|&k| state.chosen[k].candidate.entry.id.clone()).collect();

@@ -6,11 +6,11 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::candidates::Candidate;
-use super::correct;
 use super::relaxation::Relaxation;
 use super::setting::{Physical, Setting};
 use super::shooting::Followed;
 use crate::identify::stretches::Stretch;
+use crate::identify::taken_off::OfTheRecord;
 use crate::identify::track::{ExogenousInputs, Track};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::expression::{Expression, Node, Symbol, symbol};
@@ -145,25 +145,21 @@ impl State {
 
     /// Stretches with the sensor effects so far taken off.
     pub fn taken_off(&self, setting: &Setting<'_>, raw: &[Stretch]) -> Vec<Stretch> {
-        let mut out = raw.to_vec();
+        let mut all = OfTheRecord::default();
         for k in &self.chosen {
+            let with_strengths =
+                |laws: &[Node]| laws.iter().cloned().zip(k.strengths.iter().copied()).collect::<Vec<_>>();
             if let Some((sensor, laws)) = k.candidate.reads() {
-                for (law, s) in laws.iter().zip(&k.strengths) {
-                    out = out.iter().map(|g| correct::sensor(g, &setting.bound, sensor, law, *s)).collect();
-                }
+                all.sensor(sensor, with_strengths(laws));
             }
             if let Some((input, laws)) = k.candidate.records() {
-                for (law, s) in laws.iter().zip(&k.strengths) {
-                    out = out.iter().map(|g| correct::input(g, input, law, *s)).collect();
-                }
+                all.input(input, with_strengths(laws));
             }
             if let Some(laws) = k.candidate.advances() {
-                for (law, s) in laws.iter().zip(&k.strengths) {
-                    out = out.iter().map(|g| correct::phase(g, law, *s)).collect();
-                }
+                all.phase(with_strengths(laws));
             }
         }
-        out
+        raw.iter().map(|s| all.taken_off(s, &setting.bound)).collect()
     }
 
     /// The model's equations of motion, and its parameters at the coefficients `x` (the equations'

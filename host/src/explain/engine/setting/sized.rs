@@ -10,7 +10,7 @@ use crate::effects::columns::{self, Action, LOAD};
 use crate::effects::entry::{At, Entry, Form, LENGTH, MASS, Verb, stand_ins};
 use crate::effects::places::Place;
 use crate::effects::written::load;
-use crate::effects::{along_an_arm, between, places};
+use crate::effects::{along_an_arm, between, kinds, places};
 use crate::model::model_file::equations_of_motion::wrapped;
 use crate::model::model_file::expression::Symbol;
 use crate::system::bodies::Body;
@@ -117,7 +117,7 @@ impl Setting<'_> {
         if shape.within.is_none() {
             return entry.clone();
         }
-        let rate = is_velocity(&shape.name);
+        let rate = kinds::is_rate(entry, 0);
         // What a law of the velocity alone has beside it is no position: a power.
         if !rate && !entry.names("x") {
             return entry.clone();
@@ -145,11 +145,6 @@ impl Setting<'_> {
         }
         (sum / count.max(1.0)).sqrt()
     }
-}
-
-/// Whether a shape is a velocity by its name.
-fn is_velocity(name: &str) -> bool {
-    name.starts_with("v_")
 }
 
 /// What a grid is multiplied by for a motion of a size: none where it holds that size well inside,
@@ -251,7 +246,6 @@ mod tests {
         assert_eq!(factor(&[4.0, 1.0, 2.0], 100.0), Some(50.0));
         assert_eq!(factor(&[1.0, 3.0, 10.0], 4.0), None);
         assert_eq!(factor(&[1.0, 10.0], f64::NAN), None);
-        assert!(is_velocity("v_s") && !is_velocity("vol"));
     }
 
     /// Distances grow with the motion, what is one over a distance shrinks, times and ratios stay.

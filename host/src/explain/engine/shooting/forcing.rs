@@ -8,7 +8,7 @@ use crate::model::model_file::ModelFile;
 use crate::model::model_file::equations_of_motion::{solve, wrapped};
 use crate::model::model_file::expression::{Node, Symbol, add, multiply, number};
 use crate::model::model_file::tape::{Registers, Tape};
-use crate::motion::from_record::differences;
+use crate::signal::differences::rates;
 
 /// What stands on the left-hand sides: column, equation, expression in seconds.
 pub type Additions = Vec<(usize, usize, Node)>;
@@ -84,7 +84,7 @@ impl Forcing {
                     Symbol::Tau => (0..count).map(|i| exogenous.tau(i)).collect(),
                     Symbol::Time => (0..count).map(|i| exogenous.time(i)).collect(),
                     Symbol::Memory(k) => exogenous.remembered(k, count),
-                    Symbol::InputRate(k) => differences(&inputs[k], exogenous.spacing()),
+                    Symbol::InputRate(k) => rates(&inputs[k], exogenous.spacing()),
                     Symbol::Held(_) | Symbol::State(_) => vec![0.0; count],
                 }
             })

@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use whirl_hil_sim::{Arms, SimulationError};
 
 use super::plant::Plant;
-use super::{FINEST, Surroundings, TOLERANCE, shown_with};
+use super::{FINEST, Surroundings, TOLERANCE, shown};
 use crate::error::{BadInput, Result};
 use crate::model::integrate::{Settings, solve};
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
@@ -78,7 +78,7 @@ impl Live {
     }
 
     fn shown(&self, state: &[f64]) -> Vec<f64> {
-        (0..self.bound.sensors.len()).map(|row| shown_with(&self.bound, row, state, &[])).collect()
+        (0..self.bound.sensors.len()).map(|row| shown(&self.bound, row, state)).collect()
     }
 
     /// Integrates the next samples.

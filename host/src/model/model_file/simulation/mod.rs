@@ -14,11 +14,11 @@ use rand_chacha::ChaCha8Rng;
 use self::excitation::Signal;
 use self::plant::Plant;
 use super::equations_of_motion::EquationsOfMotion;
-use super::expression::{Node, Symbol};
+use super::expression::Node;
 use crate::effects::columns::Span;
+use crate::effects::on_a_record::{self, Addition, Samples};
 use crate::effects::put_in;
 use crate::error::{BadInput, Result};
-use crate::explain::engine::correct::delay;
 use crate::model::integrate::{Outside, Settings, solve};
 use crate::record::Column;
 use crate::record::values::write_values;
@@ -136,7 +136,6 @@ pub fn columns(rig: &Rig, bound: &ObservedModel, effects: &[String], seconds: f6
         y.copy_within(all..all + n, n);
         y.truncate(2 * n);
     }
-    let states = &states[settle..];
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rig.channel
         .iter()
@@ -153,11 +152,12 @@ pub fn columns(rig: &Rig, bound: &ObservedModel, effects: &[String], seconds: f6
                     .at(format!("channel \"{}\"", c.name))
                     .remedy("[plant] gives the base's acceleration, of which no position is written"));
                 }
-                Some(input) => recorded(&surroundings, input, model.inputs.len(), &put_in.records, step, count),
+                Some(input) => {
+                    recorded(&surroundings, input, model.inputs.len(), &of(&put_in.records, input), step, count)
+                }
                 None => {
                     let row = bound.sensors.iter().position(|&i| i == k).unwrap_or(0);
-                    let laws: Vec<&(usize, Node, f64)> = put_in.reads.iter().filter(|r| r.0 == row).collect();
-                    states.iter().map(|y| shown_with(bound, row, y, &laws)).collect()
+                    shown_with(bound, row, &states, &of(&put_in.reads, row), (start_s, step)).split_off(settle)
                 }
             };
             let scale = c.scale();
@@ -174,35 +174,51 @@ pub fn columns(rig: &Rig, bound: &ObservedModel, effects: &[String], seconds: f6
         .collect()
 }
 
-/// What a sensor shows of a state (coordinates, then rates), with what its laws add.
-fn shown_with(bound: &ObservedModel, row: usize, y: &[f64], laws: &[&(usize, Node, f64)]) -> f64 {
-    let n = bound.shown.ncols();
-    let of = |part: &[f64]| bound.shown.row(row).iter().zip(part).map(|(s, q)| s * q).sum::<f64>();
-    let x = of(&y[..n]);
-    let v = if laws.is_empty() { 0.0 } else { of(&y[n..]) };
-    let added = |law: &Node| law.value(&|s| if matches!(s, Symbol::Rate(_)) { v } else { x });
-    x + laws.iter().map(|(_, law, k)| k * added(law)).sum::<f64>()
+/// The additions to one sensor or input.
+fn of(all: &[(usize, Node, f64)], which: usize) -> Vec<Addition> {
+    all.iter().filter(|a| a.0 == which).map(|(_, law, k)| (law.clone(), *k)).collect()
 }
 
-/// What is recorded of an input, with what its laws add; delays shift it.
+/// What a sensor ought to show of a state (coordinates, then rates).
+fn shown(bound: &ObservedModel, row: usize, state: &[f64]) -> f64 {
+    let n = bound.shown.ncols();
+    bound.shown.row(row).iter().zip(&state[..n]).map(|(s, q)| s * q).sum()
+}
+
+/// What it shows of states from a time on, with what laws add.
+fn shown_with(
+    bound: &ObservedModel,
+    row: usize,
+    states: &[Vec<f64>],
+    laws: &[Addition],
+    (start_s, step_s): (f64, f64),
+) -> Vec<f64> {
+    let n = bound.shown.ncols();
+    let values: Vec<f64> = states.iter().map(|y| shown(bound, row, y)).collect();
+    if laws.is_empty() {
+        return values;
+    }
+    let rates: Vec<f64> = states.iter().map(|y| shown(bound, row, &y[n..])).collect();
+    on_a_record::put_on(&Samples { values: &values, start_s, step_s }, Some(&rates), laws)
+}
+
+/// What is recorded of an input, with what laws add. It is known at all times: delays shift it.
 fn recorded(
     surroundings: &Surroundings,
     input: usize,
     inputs: usize,
-    laws: &[(usize, Node, f64)],
-    step: f64,
+    laws: &[Addition],
+    step_s: f64,
     count: usize,
 ) -> Vec<f64> {
-    let own = || laws.iter().filter(|l| l.0 == input);
-    let ahead: f64 = own().filter_map(|(_, law, k)| delay(law).map(|d| d * k)).sum();
+    let (delay_s, other) = on_a_record::delay(laws);
     let mut at = vec![0.0; inputs];
     let mut one = |i: usize| {
-        surroundings.inputs(i as f64 * step + ahead, &mut at);
-        let u = at[input];
-        let plain = own().filter(|(_, law, _)| delay(law).is_none());
-        u + plain.map(|(_, law, k)| k * law.value(&|_| u)).sum::<f64>()
+        surroundings.inputs(i as f64 * step_s - delay_s, &mut at);
+        at[input]
     };
-    (0..count).map(&mut one).collect()
+    let values: Vec<f64> = (0..count).map(&mut one).collect();
+    on_a_record::put_on(&Samples { values: &values, start_s: -delay_s, step_s }, None, &other)
 }
 
 /// A standard normal number (Box and Muller).
