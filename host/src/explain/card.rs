@@ -75,11 +75,13 @@ fn sentence(e: &Explanation) -> String {
     let found: Vec<String> = e
         .effects
         .iter()
-        .map(|f| {
+        .enumerate()
+        .map(|(k, f)| {
             // A share has no unit.
             let unit = if f.unit == "1" { "" } else { &f.unit };
             let told = format!("{}, {} {unit}", names::effect(&name_of(f)), plus_minus(f.value, Z95 * f.std_error));
-            format!("{} (± is 95 %)", told.trim_end())
+            // Said once.
+            format!("{}{}", told.trim_end(), if k == 0 { " (± is 95 %)" } else { "" })
         })
         .collect();
     let found = if found.len() > 1 { found.join("; ") } else { found.concat() };

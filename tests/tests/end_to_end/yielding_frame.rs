@@ -1,5 +1,5 @@
-//! A stand on springs under a driven pendulum, which the model has fixed: named with its frequency,
-//! damping and direction. The plant is the simulator's with three degrees of freedom, written apart
+//! A stand on springs under a pendulum, which the model has fixed: named with its frequency, damping
+//! and direction, where it rings under a driven one and where it only gives way under a free one. The plant is the simulator's with three degrees of freedom, written apart
 //! from what explains it; its second arm weighs nothing.
 
 use core::f64::consts::TAU;
@@ -23,6 +23,39 @@ name = "count1"
 measures = "theta1"
 unit = "count"
 counts_per_turn = 4096
+"#;
+
+const HEAVY: &str = r#"name = "heavy pendulum"
+coordinates = { phi = "angle" }
+gravity = "down"
+parameters = { m = "kg", e = "m", J = "kg m^2" }
+[points]
+axis = "[0, 0]"
+[[body]]
+name = "bob"
+from = "axis"
+angle = "phi"
+mass = "m"
+centroid = "e"
+inertia = "J"
+[[joint]]
+name = "bearing"
+at = "axis"
+moves = "phi"
+[nominal]
+effects = ["viscous-friction@bearing"]
+"#;
+const FREE: &str = r#"name = "heavy pendulum on a stand"
+model = "pendulum.toml"
+sample_rate_hz = 200.0
+[known]
+m = 5.0
+e = 0.25
+[[channel]]
+name = "count1"
+measures = "phi"
+unit = "count"
+counts_per_turn = 20000
 "#;
 
 /// Chaotic from a release at rest.
@@ -60,4 +93,35 @@ fn a_stand_on_springs_is_named_with_its_frequency() {
     let truth = (arm.inertia + arm.mass * arm.centroid.powi(2)) / frame.mass;
     let [value, error] = ["value", "std_error"].map(|key| f[key].as_f64().unwrap());
     assert!((value - truth).abs() < 4.0 * error && error < 0.01 * value, "{value} ± {error} for {truth}");
+}
+
+/// 60 kg on springs of 5 Hz under 5 kg that swing at 0.8 Hz: what is left has the lines of the
+/// motion, and none at 5 Hz.
+#[test]
+fn a_stand_that_gives_way_under_a_free_swing_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let (m, e, about_joint) = (5.0, 0.25, 0.36);
+    let frame = Frame { mass: 65.0, frequency_hz: 5.0, damping: 0.01, direction: 0.0 };
+    let arm = Arm { mass: m, centroid: e, inertia: about_joint - m * e * e };
+    let nothing = Arm { mass: 1e-12, centroid: 0.01, inertia: 1.0 };
+    let plant = YieldingFrame { arms: [arm, nothing], viscous: [0.01, 0.0], drive: [0.0, 1.0], ..rig(Some(frame)) };
+    let motion = record(&plant, [2.2, 0.0, 0.0, 0.0, 0.0, 0.0], 0.005, 200 * 40).unwrap();
+    let mut text = "t,count1\n".to_owned();
+    for (i, y) in motion.iter().enumerate() {
+        writeln!(text, "{:.3},{}", i as f64 * 0.005, (y[0] / TAU * 20000.0).floor()).unwrap();
+    }
+    std::fs::write(at.join("r.csv"), text).unwrap();
+    std::fs::write(at.join("rig.toml"), FREE).unwrap();
+    std::fs::write(at.join("pendulum.toml"), HEAVY).unwrap();
+    done(at, "explain r.csv --rig rig.toml --json e.json");
+    let e = json(&at.join("e.json"));
+    assert_eq!(e["verdict"], "explained", "{}", e["reason"]);
+    assert_eq!(e["effects"].as_array().unwrap().len(), 1, "{}", e["effects"]);
+    let f = &e["effects"][0];
+    assert!(f["id"] == "resonator" && f["at"] == "frame", "{f}");
+    let shape = |key: &str| f["parameters"][key].as_f64().unwrap();
+    assert!((shape("f") / 5.0 - 1.0).abs() < 1e-3 && (shape("zeta") - 0.01).abs() < 1e-3, "{f}");
+    let [value, error] = ["value", "std_error"].map(|key| f[key].as_f64().unwrap());
+    assert!((value - 1.0 / 65.0).abs() < 4.0 * error && error < 0.01 * value, "{value} ± {error}");
 }
