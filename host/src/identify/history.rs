@@ -1,6 +1,7 @@
 //! What effects that remember have seen of a stretch: their states, each followed once along the
 //! smoothed motion.
 
+use std::collections::BTreeSet;
 use std::sync::{Arc, OnceLock, RwLock};
 
 use super::windows::Kernels;
@@ -124,6 +125,14 @@ impl History {
         all[number].clone()
     }
 
+    /// Lets go of what is not `used`: each form that is tried has states of its own, as long as the
+    /// stretch.
+    pub fn keep(&self, used: &BTreeSet<usize>) {
+        let mut all = self.series.write().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let gone = all.iter_mut().enumerate().filter(|(k, _)| !used.contains(k));
+        gone.for_each(|(_, values)| *values = Values::default());
+    }
+
     fn followed<T>(&self, number: usize, then: impl FnOnce(&[f64]) -> T) -> Option<T> {
         let values = self.values(number);
         let all = values.get_or_init(|| {
@@ -236,6 +245,10 @@ mod tests {
         assert!(history.is_slow(slow, 0.11) && !history.is_slow(slow, 0.09) && !history.is_slow(jumps, 2.0));
         assert_eq!(history.forgets(number_of(vec![multiply(number(0.1), dahl)])), 200);
         assert_eq!(history.forgets(number_of(swings)), 0);
+        // What is let go is followed again when it is asked for.
+        let values = |k: usize| history.series.read().unwrap()[k].get().is_some();
+        history.keep(&BTreeSet::from([jumps]));
+        assert!(values(jumps) && !values(slow) && history.is_finite(slow) && values(slow));
     }
 
     /// 11 Hz at 2 ms: (ωh)²/12 of the size would be lost on lines, 1.6 thousandths on the average.

@@ -13,7 +13,7 @@ use super::sharpened::sharpen;
 use super::shooting::blocks::Blocks;
 use super::shooting::{Followed, Ground};
 use super::state::State;
-use super::{design, power, shooting};
+use super::{design, memory, power, shooting};
 use crate::error::{BadInput, Result};
 use crate::explain::decision::{self, Rows};
 use crate::explain::ranking::{self, FOLDS, Fit, Weights};
@@ -305,5 +305,6 @@ fn by_shooting(
     let mut blocks = ground.evidence(&further, false, &[]).ok_or_else(singular)?;
     let fit = blocks.fit(&own).ok_or_else(singular)?;
     sharpen(&ground, setting, state, &mut candidates, &mut blocks);
+    memory::keep(setting, state, &candidates);
     Ok(Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit })
 }

@@ -12,6 +12,7 @@ use super::memory;
 use super::setting::Setting;
 use super::state::State;
 use crate::effects::entry::{At, Entry, Form};
+use crate::effects::places::Place;
 
 /// Spacing of the grid in units of one over a window: a form in the middle is off by an eighth of a
 /// turn at either end of it.
@@ -34,8 +35,12 @@ fn grid(highest_hz: f64, window_s: f64) -> Vec<f64> {
 /// A law over the grid of frequencies.
 pub struct Scan {
     entry: Arc<Entry>,
-    /// Forms of its first strength alone: what the frame did when the record began is left out.
-    pub forms: Vec<Candidate>,
+    /// The law with every strength but the first at nothing: what the frame did when the record
+    /// began is left out.
+    alone: Arc<Entry>,
+    place: Place,
+    /// Forms of that.
+    pub forms: Vec<Form>,
 }
 
 /// Those of the candidates' laws whose frame gives way.
@@ -54,10 +59,7 @@ pub fn scans(setting: &Setting<'_>, state: &State, among: &[Candidate]) -> Vec<S
             s.grid = frequencies.iter().copied().filter(|f| (low..=high).contains(f)).collect();
         }
         let alone = Arc::new(first_alone(&entry));
-        let of = |form: Form| Candidate::new(setting, &alone, c.place, form, &state.physical);
-        let all: Vec<Candidate> = alone.forms().into_iter().filter_map(of).collect();
-        let forms = all.into_par_iter().filter(|c| memory::is_followed(setting, c)).collect();
-        out.push(Scan { entry: Arc::new(entry), forms });
+        out.push(Scan { entry: Arc::new(entry), forms: alone.forms(), alone, place: c.place });
     }
     out
 }
@@ -71,10 +73,17 @@ fn first_alone(entry: &Entry) -> Entry {
 }
 
 impl Scan {
-    /// One of its forms with all strengths.
+    /// Some of its forms.
+    pub fn candidates(&self, setting: &Setting<'_>, state: &State, forms: &[Form]) -> Vec<Candidate> {
+        let of = |form: &Form| Candidate::new(setting, &self.alone, self.place, form.clone(), &state.physical);
+        let all: Vec<Candidate> = forms.iter().filter_map(of).collect();
+        all.into_par_iter().filter(|c| memory::is_followed(setting, c)).collect()
+    }
+
+    /// One of them with all strengths.
     pub fn whole(&self, setting: &Setting<'_>, state: &State, of: &Candidate) -> Option<Candidate> {
         let form = of.form[..self.entry.shapes.len()].to_vec();
-        Candidate::new(setting, &self.entry, of.place, form, &state.physical)
+        Candidate::new(setting, &self.entry, self.place, form, &state.physical)
     }
 }
 

@@ -1,8 +1,11 @@
 //! Effects with states: each state has a number in the setting and is followed once along every
 //! stretch ([`crate::identify::history`]).
 
+use std::collections::BTreeSet;
+
 use super::candidates::{Candidate, Column};
 use super::setting::Setting;
+use super::state::State;
 use crate::effects::columns::Action;
 use crate::model::model_file::expression::{Expression, Symbol, symbol};
 
@@ -29,4 +32,12 @@ pub fn laws(setting: &Setting<'_>, candidate: &Candidate) -> Vec<Column> {
 pub fn is_followed(setting: &Setting<'_>, candidate: &Candidate) -> bool {
     let finite = |k: usize| setting.raw.iter().all(|s| s.history.as_ref().is_some_and(|h| h.is_finite(k)));
     candidate.remembered().all(finite)
+}
+
+/// Lets go of the states of all but a state's effects and some candidates.
+pub fn keep<'a>(setting: &Setting<'_>, state: &State, candidates: impl IntoIterator<Item = &'a Candidate>) {
+    let tried = candidates.into_iter().flat_map(Candidate::remembered);
+    let used: BTreeSet<usize> = state.remembered().into_iter().chain(tried).collect();
+    let histories = setting.raw.iter().chain(&state.stretches).filter_map(|s| s.history.as_ref());
+    histories.for_each(|h| h.keep(&used));
 }

@@ -36,6 +36,8 @@ const AS_GOOD: f64 = 0.05;
 /// Times that forms are moved, beside the model and in the place of a law in it.
 const ROUNDS: usize = 6;
 const ROUNDS_INSTEAD: usize = 12;
+/// Forms of a scan that are followed along the record at a time.
+const TOGETHER: usize = 40;
 /// Half the spacing of a grid of one value, as a factor.
 const ALONE: f64 = 1.5;
 
@@ -190,11 +192,17 @@ impl Seat {
         candidates: &[Candidate],
     ) -> Vec<Offered> {
         let best = |scan: frames::Scan| {
-            let further: Vec<&Candidate> = scan.forms.iter().collect();
-            let found = ground.evidence(&further, false, &[]).filter(|_| !further.is_empty())?;
-            let gains = self.gains(state, &found, &scan.forms);
-            let best = (0..gains.len()).max_by(|&a, &b| gains[a].0.total_cmp(&gains[b].0))?;
-            let whole = [scan.whole(setting, state, &scan.forms[best])?];
+            let mut best: Option<(f64, Candidate)> = None;
+            for forms in scan.forms.chunks(TOGETHER) {
+                let some = scan.candidates(setting, state, forms);
+                let further: Vec<&Candidate> = some.iter().collect();
+                if let Some(found) = ground.evidence(&further, false, &[]).filter(|_| !further.is_empty()) {
+                    let gains = self.gains(state, &found, &some).into_iter().map(|g| g.0);
+                    best = gains.zip(some).chain(best).max_by(|a, b| a.0.total_cmp(&b.0));
+                }
+                memory::keep(setting, state, candidates.iter().chain(best.as_ref().map(|b| &b.1)));
+            }
+            let whole = [scan.whole(setting, state, &best?.1)?];
             let found = ground.evidence(&[&whole[0]], false, &[])?;
             self.offered(state, &found, &whole).pop().map(|o| Offered { is_new: true, ..o })
         };
