@@ -235,6 +235,17 @@ impl Explanation {
         diverged
     }
 
+    /// What was measured step by step: the gap, forecasts, free runs.
+    pub(super) fn steps(&mut self) -> impl Iterator<Item = &mut Vec<Step>> {
+        let forecasts = self.gap.forecasts.iter_mut().map(|f| &mut f.steps);
+        forecasts.chain([&mut self.gap.steps]).chain(self.simulation.iter_mut().map(|s| &mut s.steps))
+    }
+
+    /// Takes the step of an effect out that is gone.
+    pub(super) fn forget(&mut self, gone: &str) {
+        self.steps().for_each(|steps| steps.retain(|s| s.added.as_deref() != Some(gone)));
+    }
+
     /// Nothing known yet.
     pub(super) fn new(horizon_s: f64, warnings: Vec<Warning>) -> Self {
         let gap = Gap {

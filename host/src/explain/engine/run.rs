@@ -192,18 +192,6 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Tells again what is left after the last step, an effect of which was taken away.
-    ///
-    /// # Errors
-    /// As [`Run::push`].
-    pub fn replace_last(&mut self, gone: &str, outcome: &Outcome) -> Result<()> {
-        let forecasts = self.result.gap.forecasts.iter_mut().map(|f| &mut f.steps);
-        for steps in forecasts.chain([&mut self.result.gap.steps]) {
-            steps.retain(|s| s.added.as_deref() != Some(gone));
-        }
-        self.tell_last(outcome)
-    }
-
     /// Tells the last step as it is in other windows than before.
     ///
     /// # Errors
@@ -216,10 +204,8 @@ impl<'a> Run<'a> {
         if !self.result.effects.is_empty() {
             return self.tell_last(outcome);
         }
-        let all = self.result.gap.forecasts.iter_mut().map(|f| &mut f.steps);
-        let all = all.chain(self.result.simulation.iter_mut().map(|s| &mut s.steps));
-        all.for_each(|steps| drop(steps.pop()));
-        let added = self.result.gap.steps.pop().and_then(|s| s.added);
+        let added = self.result.gap.steps.last().and_then(|s| s.added.clone());
+        self.result.steps().for_each(|steps| drop(steps.pop()));
         self.result.gap.attractor.clear();
         let gap = self.gap(outcome);
         self.push(added, gap, outcome)
@@ -251,14 +237,15 @@ impl<'a> Run<'a> {
         self.state = first.state.clone();
         let result = &mut self.result;
         (result.effects, result.ranking, result.refused) = (Vec::new(), Vec::new(), Vec::new());
-        let all = result.gap.forecasts.iter_mut().map(|f| &mut f.steps);
-        let all = all.chain(result.simulation.iter_mut().map(|s| &mut s.steps));
-        all.chain([&mut result.gap.steps]).for_each(|steps| steps.truncate(1));
+        result.steps().for_each(|steps| steps.truncate(1));
         true
     }
 
     /// Measures the last step once more.
-    fn tell_last(&mut self, outcome: &Outcome) -> Result<()> {
+    ///
+    /// # Errors
+    /// As [`Run::push`].
+    pub fn tell_last(&mut self, outcome: &Outcome) -> Result<()> {
         let value = self.gap(outcome);
         let last = self.result.gap.steps.pop().and_then(|s| s.added);
         self.result.gap.steps.push(Step { added: last.clone(), value });

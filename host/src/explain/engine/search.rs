@@ -120,7 +120,7 @@ impl Run<'_> {
                     let added = self.result.effects.last().map(named).or_else(|| refitted.cloned());
                     // It may be the same law in another form.
                     if let Some(gone) = before.and_then(|b| b.gone) {
-                        self.forget(&gone);
+                        self.result.forget(&gone);
                     }
                     self.push(added, gap, &outcome)?;
                     // Beside another effect what was no better may be.
@@ -222,15 +222,6 @@ impl Run<'_> {
         Some((candidate, promised, (gone, old)))
     }
 
-    /// Takes the steps of an effect out of what is told, that another has taken the place of.
-    fn forget(&mut self, gone: &str) {
-        let forecasts = self.result.gap.forecasts.iter_mut().map(|f| &mut f.steps);
-        let simulations = self.result.simulation.iter_mut().map(|s| &mut s.steps);
-        for steps in forecasts.chain(simulations).chain([&mut self.result.gap.steps]) {
-            steps.retain(|s| s.added.as_deref() != Some(gone));
-        }
-    }
-
     /// Takes effects away again that beside those found after them are nothing: no name stands
     /// that would not be taken now. Also whether there were any.
     fn without_traces(&mut self, search: &mut Search, mut outcome: Outcome) -> Result<(Outcome, bool)> {
@@ -258,7 +249,8 @@ impl Run<'_> {
                 return Ok((outcome, kept.1));
             };
             outcome = without;
-            self.replace_last(&gone, &outcome)?;
+            self.result.forget(&gone);
+            self.tell_last(&outcome)?;
         }
         Ok((outcome, any))
     }
