@@ -1,6 +1,8 @@
 //! The search for effects: one after the other, each kept where it keeps what it promised, none
 //! that is nothing beside the others in the end.
 
+use nalgebra::DVector;
+
 use super::candidates::Candidate;
 use super::chosen::{choose, tell_of};
 use super::evidence::{Evidence, Outcome, refit};
@@ -184,20 +186,25 @@ impl Run<'_> {
         outcome: Outcome,
         effects: Vec<Found>,
         promised: f64,
-        gone: Option<(usize, String)>,
+        gone: Option<Gone>,
     ) {
         let mut state = self.state.clone();
-        if let Some((k, _)) = gone {
-            let _ = state.chosen.remove(k);
+        if let Some(gone) = &gone {
+            let _ = state.chosen.remove(gone.index);
         }
         state.chosen.push(Chosen::new(&self.setting, candidate, &self.state.physical));
+        if let Some(gone) = &gone {
+            // From nothing the windows would be led astray, where what goes is most of what moves them.
+            let x = gone.fit.clone().resize_vertically(state.own_columns(), 0.0);
+            state.take(&self.setting, &x);
+        }
         let state = core::mem::replace(&mut self.state, state);
-        search.kept = Some(Before { state, outcome, effects, promised, gone: gone.map(|g| g.1) });
+        search.kept = Some(Before { state, outcome, effects, promised, gone: gone.map(|g| g.name) });
     }
 
     /// Another effect in the place of one that was found, which is told at the end of the others:
-    /// the candidate, what it promises, and the number and the name of what goes.
-    fn exchanged(&mut self, search: &mut Search, outcome: &Outcome) -> Option<(Candidate, f64, (usize, String))> {
+    /// the candidate, what it promises, and what goes.
+    fn exchanged(&mut self, search: &mut Search, outcome: &Outcome) -> Option<(Candidate, f64, Gone)> {
         if search.exchanges >= MOST_EXCHANGES {
             return None;
         }
@@ -219,7 +226,7 @@ impl Run<'_> {
         let found = tell_of(&self.setting, &self.state, &candidate, &fit);
         let found = Found { p_value, held_out_gain: share, indistinguishable_from: twins, ..found };
         self.result.effects.push(found);
-        Some((candidate, promised, (gone, old)))
+        Some((candidate, promised, Gone { index: gone, name: old, fit: fit.all }))
     }
 
     /// Takes effects away again that beside those found after them are nothing: no name stands
@@ -254,6 +261,15 @@ impl Run<'_> {
         }
         Ok((outcome, any))
     }
+}
+
+/// An effect that another takes the place of.
+struct Gone {
+    /// Its number among the chosen.
+    index: usize,
+    name: String,
+    /// Coefficients with the other in its place, whose strengths stand last.
+    fit: DVector<f64>,
 }
 
 /// What there was before the last effect was added.
