@@ -50,7 +50,7 @@ struct Tried {
     p: f64,
 }
 
-/// The best exchange of an effect for a candidate that is not `taken` in its place: for what predicts clearly
+/// The best exchange of an effect for a candidate that is not `taken`: for what predicts clearly
 /// better and is not larger, or refines it where it remembers (about the motion of a model that
 /// lacks much, columns that are alike are not told apart; about that of the model with either they
 /// are); where there is none, for a simpler law that predicts as well. `effects`: those found, in
@@ -59,11 +59,12 @@ pub fn best(
     setting: &Setting<'_>,
     state: &State,
     outcome: &Outcome,
-    taken: &dyn Fn(&Candidate, &Candidate) -> bool,
+    taken: &dyn Fn(&Candidate) -> bool,
     effects: &[Found],
 ) -> Option<Exchange> {
     let Evidence::Shooting(blocks) = &outcome.evidence else { return None };
     let free: Vec<usize> = places(&outcome.candidates, outcome.own.len());
+    let offers: Vec<usize> = (0..outcome.candidates.len()).filter(|&i| !taken(&outcome.candidates[i])).collect();
     let mut at = state.values.len();
     let (mut better, mut simpler): (Vec<Exchange>, Vec<Exchange>) = (Vec::new(), Vec::new());
     for (k, Chosen { candidate: old, strengths }) in state.chosen.iter().enumerate() {
@@ -75,16 +76,16 @@ pub fn best(
         let without = blocks.without(gone.clone());
         let rest: Vec<usize> = outcome.own.iter().copied().filter(|c| !gone.contains(c)).collect();
         let Some(neither) = without.fit(&rest) else { continue };
-        // A larger law joins beside the old one first, which then goes if it is nothing; but what
-        // refines one that remembers is no law beside it.
-        let fits = |&&i: &&usize| {
+        let of = |&i: &usize| {
             let c = &outcome.candidates[i];
-            size(c) <= size(old) || remembers_more(c, old)
+            // A larger law joins beside the old one first, which then goes if it is nothing; but what
+            // refines one that remembers is no law beside it.
+            if size(c) > size(old) && !remembers_more(c, old) {
+                return None;
+            }
+            instead(&without, &rest, i, c, free[i], offers.len())
         };
-        let all = 0..outcome.candidates.len();
-        let offers: Vec<usize> = all.filter(|&i| !taken(&outcome.candidates[i], old)).collect();
-        let of = |&i: &usize| instead(&without, &rest, i, &outcome.candidates[i], free[i], offers.len());
-        let tried: Vec<Tried> = offers.par_iter().filter(fits).filter_map(of).collect();
+        let tried: Vec<Tried> = offers.par_iter().filter_map(of).collect();
         // About the motion of a model that still misses something, laws that are alike are hardly
         // told apart: one that leaves less is tried, and one that was as good when the other was
         // chosen.
@@ -147,11 +148,6 @@ pub fn best(
 /// Whether a law refines another that has states.
 pub fn remembers_more(c: &Candidate, old: &Candidate) -> bool {
     !old.entry.states.is_empty() && c.entry.refines.as_ref() == Some(&old.entry.id) && c.place == old.place
-}
-
-/// Whether both are one law at one place, in whatever forms.
-pub fn is_other_form(c: &Candidate, old: &Candidate) -> bool {
-    c.entry.id == old.entry.id && c.place == old.place
 }
 
 /// Strengths and shape parameters of a candidate, without those by which a shape is refined.

@@ -209,15 +209,7 @@ impl Run<'_> {
             return None;
         }
         // One that was refused beside a model which lacked others may be right in the place of one.
-        let taken = |c: &Candidate, old: &Candidate| {
-            // The form of what remembers may have come to rest beside the best.
-            let again = !old.entry.states.is_empty() && exchange::is_other_form(c, old);
-            if again {
-                search.is_vain(&self.setting, c)
-            } else {
-                search.has(&self.setting, &self.state, c, &search.vain)
-            }
-        };
+        let taken = |c: &Candidate| search.has(&self.setting, &self.state, c, &search.vain);
         let Exchange { gone, index, fit, p_value, promised, share, twins } =
             exchange::best(&self.setting, &self.state, outcome, &taken, &self.result.effects)?;
         search.exchanges += 1;
@@ -328,11 +320,6 @@ impl Search {
         let name = c.name(setting);
         let is_chosen = state.chosen.iter().any(|k| k.candidate.name(setting) == name);
         is_chosen || names.contains(&name) || c.is_sharpened && self.unmoved.contains(&name)
-    }
-
-    /// Whether a candidate was no better in the place of another.
-    fn is_vain(&self, setting: &Setting<'_>, c: &Candidate) -> bool {
-        self.vain.contains(&c.name(setting))
     }
 
     /// Whether the last effect stays: a wrong model makes many look significant, each must also

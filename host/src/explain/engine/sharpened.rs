@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::candidates::Candidate;
-use super::exchange::{MISSES, is_other_form, remembers_more, sum};
+use super::exchange::{MISSES, remembers_more, sum};
 use super::setting::Setting;
 use super::shooting::Ground;
 use super::shooting::blocks::Blocks;
@@ -104,8 +104,7 @@ impl Step {
 }
 
 /// Adds to candidates, and to their blocks, forms of those that bring most which bring more: beside
-/// the model, and in the place of a law that was found and remembers those of laws that refine it
-/// and its own.
+/// the model, and those of laws that refine one that was found and remembers in its place.
 pub fn sharpen(
     ground: &Ground<'_>,
     setting: &Setting<'_>,
@@ -118,14 +117,13 @@ pub fn sharpen(
     let Some(plain) = blocks.fit(&own).filter(|plain| sum(plain) >= MISSES * blocks.noise()) else { return };
     let beside = Seat { gone: 0..0, rest: own.clone() };
     let blocks_left = plain.held_out.len() as f64;
-    let is_found = |c: &Candidate| state.chosen.iter().any(|k| is_other_form(c, &k.candidate));
     let mut offered = beside.offered(state, blocks, candidates);
-    offered.retain(|o| !is_found(&o.candidate));
     // What nothing else explains may be the frame.
     let left = sum(&plain) - blocks.noise();
     let greatest = offered.iter().map(|o| o.gain * blocks_left).fold(0.0, f64::max);
     if greatest < (1.0 - LEFT_BY_SHARPENED) * left {
-        let free: Vec<Candidate> = candidates.iter().filter(|c| !is_found(c)).cloned().collect();
+        let found: Vec<String> = state.chosen.iter().map(|k| k.candidate.name(setting)).collect();
+        let free: Vec<Candidate> = candidates.iter().filter(|c| !found.contains(&c.name(setting))).cloned().collect();
         offered.extend(beside.yielding(ground, setting, state, &free));
     }
     let mut better = beside.sharpened(ground, setting, state, offered);
@@ -141,11 +139,7 @@ pub fn sharpen(
         if k < state.nominal || old.is_applied() {
             continue;
         }
-        let mut all: Vec<Candidate> = candidates.iter().filter(|c| remembers_more(c, old)).cloned().collect();
-        // Its shape was refined by columns along the record, which may come to rest beside the best.
-        let same = (old.is_refined() && !old.entry.states.is_empty())
-            .then(|| old.at(setting, old.form.clone(), &state.physical));
-        all.extend(same.flatten());
+        let all: Vec<Candidate> = candidates.iter().filter(|c| remembers_more(c, old)).cloned().collect();
         let further: Vec<&Candidate> = all.iter().collect();
         let Some(found) = ground.evidence(&further, false, &[]).filter(|_| !all.is_empty()) else { continue };
         let seat = Seat { rest: own.iter().copied().filter(|c| !gone.contains(c)).collect(), gone };
