@@ -88,8 +88,6 @@ pub struct Pieces {
     pub pieces: Vec<Piece>,
     /// First guess of each one's state.
     pub guesses: Vec<Vec<f64>>,
-    /// Whether the guess is what was known.
-    pub known: Vec<bool>,
 }
 
 /// A piece, the guess of its state, and whether that is what was known.
@@ -222,7 +220,7 @@ impl<'a> Track<'a> {
         let angles = self.bound.model.circle();
         let shown = self.shown();
         let geometry = Geometry { sensors: &shown, angles: &angles, spacing_s: self.spacing_s, guess };
-        let mut out = Pieces { pieces: Vec::new(), guesses: Vec::new(), known: Vec::new() };
+        let mut out = Pieces { pieces: Vec::new(), guesses: Vec::new() };
         for (k, s) in self.stretches.iter().enumerate() {
             let measured = MeasuredStretch {
                 start_s: self.begins[k],
@@ -233,7 +231,7 @@ impl<'a> Track<'a> {
             for (piece, guess) in pieces.iter().zip(&mut guesses) {
                 let since_s = piece.start_s - self.begins[k];
                 // Not negative; rounded.
-                out.known.push(self.improve(k, (since_s / self.spacing_s).round() as usize, guess));
+                let _known = self.improve(k, (since_s / self.spacing_s).round() as usize, guess);
             }
             out.pieces.extend(pieces.into_iter().map(|p| Piece { stretch: k, ..p }));
             out.guesses.extend(guesses);

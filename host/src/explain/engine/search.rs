@@ -120,14 +120,13 @@ impl Run<'_> {
                 (_, before) => {
                     let outcome = outcome?;
                     let added = self.result.effects.last().map(named).or_else(|| refitted.cloned());
-                    // It may be the same law in another form.
-                    if let Some(gone) = before.and_then(|b| b.gone) {
-                        self.result.forget(&gone);
-                    }
                     self.push(added, gap, &outcome)?;
                     // Beside another effect what was no better may be.
                     search.vain.clear();
                     search.try_again();
+                    if let Some(gone) = before.and_then(|b| b.gone) {
+                        self.result.forget(&gone);
+                    }
                     outcome
                 }
             };

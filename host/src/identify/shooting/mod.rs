@@ -215,7 +215,7 @@ fn shoot_pieces(
     let mut levels: Vec<usize> = [4, 2, 1].iter().map(|d| length / d).filter(|l| *l >= FEWEST_SAMPLES).collect();
     levels.dedup();
     let guess = ((0.05 * period_s / track.spacing_s).round() as usize).clamp(4, 16).min(levels[0]);
-    let Pieces { pieces, mut guesses, .. } = track
+    let Pieces { pieces, mut guesses } = track
         .cut(length, guess)
         .ok_or_else(|| BadInput::new("sensors that do not give all coordinates", "one sensor for each coordinate"))?;
     let start: Vec<f64> = names
